@@ -55,6 +55,7 @@ def read_at_random(
         depth_m=width_m * ratio / rows,
         refractive_index=float(rng.choice(INDICES)),
     )
+
     return model.read(frame, scale, eyes[rng.integers(len(eyes))]), scale
 
 
@@ -62,6 +63,7 @@ def picture(frame: Pixels, answer: Answer, scale: PixelScale) -> np.ndarray:
     """Return a scan with its wall, and the fitted surface in white."""
     assert answer.segmentation is not None
     drawn = draw_overlay(frame, answer.segmentation, CELL)
+
     if answer.fit is not None:
         rows, columns = frame.shape
         place = answer.fit.wall_bmc[0] / (scale.lateral_m, scale.depth_m) + (
@@ -74,6 +76,7 @@ def picture(frame: Pixels, answer: Answer, scale: PixelScale) -> np.ndarray:
             False,
             (255,) * 3,
         )
+
     return drawn
 
 
@@ -98,23 +101,27 @@ def main() -> None:
     )
     cv2.setNumThreads(1)
     cells = []
+
     for path in given.models:
         model = load_model(path)
         rng = np.random.default_rng(given.seed)
         bound_n = model.study.classes.bounds_n[0]
         reasons = Counter[str]()
         wrong = 0
+
         for file in files:
             frame = read_frame(file)
             for _ in range(given.readings):
                 answer, scale = read_at_random(model, frame, rng)
                 reasons[(answer.reason or "usable")[:19]] += 1
+
                 if (
                     not answer.usable
                     or answer.force_n is None
                     or answer.force_n <= bound_n
                 ):
                     continue
+
                 wrong += 1
                 rows, columns = frame.shape
                 size = f"{scale.lateral_m * columns * 1e3:.1f} x {scale.depth_m * rows * 1e3:.1f} mm"
@@ -130,11 +137,13 @@ def main() -> None:
                     0.5,
                     (0, 255, 255),
                 )
+
         print(
             f"{model.path.name}: {wrong} of {reasons.total()} readings usable and above {bound_n * 1e3:.0f} mN"
         )
         for reason, count in reasons.most_common(12):
             print(f"{count:9} {reason}")
+
     if given.sheet and cells:
         cells += [np.zeros_like(cells[0])] * (-len(cells) % 4)
         cv2.imwrite(

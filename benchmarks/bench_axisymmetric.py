@@ -70,6 +70,7 @@ def print_paths(rows: int | None) -> None:
         "one path: t mm, E MPa, IOP Pa, elements, s, largest F/E mm^2, largest error of the force %"
     )
     walls = ((0.35, 0.2, 0.0), (0.35, 0.2, 266.0), *EYES, (0.9, 0.2, 533.0))
+
     for thickness_mm, modulus_mpa, iop_pa in walls[:rows]:
         forces: dict[int, Floats] = {}
         for elements in (200, 64, 48, 32):
@@ -127,6 +128,7 @@ def print_sealed(rows: int | None) -> None:
     print(
         "sealed: t mm, E MPa, IOP Pa, support deg; pressure / IOP and force / force of the open globe at 0.5, 1, 1.5 mm"
     )
+
     for (thickness_mm, modulus_mpa, iop_pa), support_deg in islice(
         product(EYES, (90.0, 170.0)), rows
     ):
@@ -166,6 +168,7 @@ def solid_path(
         max_force_n=1e3,
         max_tip_m=4.2e-3,
     )
+
     return wall, path
 
 
@@ -189,6 +192,7 @@ class Reduced:
         curves_bnc = self._curves(self.tip_m(force_ratio))
         lateral_bn = np.sqrt(np.maximum(curves_bnc[..., 0] ** 2 - GAP_M**2, 0.0))
         sides = []
+
         for side in (-1.0, 1.0):
             points = np.stack([side * lateral_bn, curves_bnc[..., 1]], axis=-1)
             if self._shift is not None:
@@ -200,7 +204,9 @@ class Reduced:
                     GAP_M,
                     0.0,
                 )
+
             sides.append(points)
+
         met = curves_bnc[..., 0] >= GAP_M
         return Section(
             *(
@@ -217,6 +223,7 @@ def distance_m(points: Floats, curve: Floats) -> float:
     dense = np.stack(
         [np.interp(places, np.arange(len(curve)), curve[:, k]) for k in (0, 1)], axis=1
     )
+
     return max(
         float(np.linalg.norm(dense - point, axis=1).min()) for point in shown[::4]
     )
@@ -235,11 +242,13 @@ def print_solid(rows: int | None) -> None:
         sizes = (RADIUS_M, 1e-3 * thickness_mm, NU, NEEDLE_RADIUS_M)
         shift = base_shift(*sizes, polar_rad=contact.polar_rad)
         report = []
+
         for moved, angle in product((None, shift), (0.0, contact.polar_rad)):
             ratio = 1e-6 * iop_pa / modulus_mpa
             reduced = Reduced(polar_path((*sizes, ratio), angle, FINE_TIPS_M), moved)
             tips = []
             sections = []
+
             for dent_m, force_n in zip(
                 DENTS_M, CubicSpline(solid.tips_m, solid.forces_n)(DENTS_M), strict=True
             ):
@@ -257,9 +266,11 @@ def print_solid(rows: int | None) -> None:
                         distance_m(cut.inner, made.inner),
                     )
                 )
+
             report.append(
                 f"{tips[int(np.argmax(np.abs(tips)))]:+.1f} {1e3 * max(sections):.3f}"
             )
+
         print(
             f"  {thickness_mm} {modulus_mpa} {iop_pa:g} {polar_deg:2g}  {' | '.join(report)}",
             flush=True,
@@ -275,6 +286,7 @@ def main() -> None:
     print_paths(given.rows)
     print_r2(given.rows)
     print_sealed(given.rows)
+
     if given.solid:
         print_solid(given.rows)
 

@@ -49,6 +49,7 @@ def wall(study: Study, thickness_m: float) -> LinearWall:
         mesh.layers,
         mesh.order,
     )
+
     return LinearWall(built, study.eye.poisson_ratio)
 
 
@@ -62,12 +63,14 @@ def frames(
     """Return the frames of a virtual eye."""
     forces = rng.uniform(6e-3, 58e-3, count).tolist()
     made = []
+
     for force_n, section in zip(forces, sections_at(forces), strict=True):
         lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
         pose = Pose(lateral_m=lateral_m, depth_m=0.5e-3 + depth_m)
         smoothing_m = study.calibration.surface_smoothing_m
         boundaries = ideal_boundaries(section, pose, study.oct, 5e-6, rng, smoothing_m)
         made.append((boundaries, force_n))
+
     return made
 
 
@@ -87,12 +90,14 @@ def calibrated(
     """Return mean and standard deviation of E, and the time of each step in s."""
     session = begun(study, model)
     seconds = []
+
     for frame in inputs:
         start = time.perf_counter()
         step = assimilate(session, *frame)
         seconds.append(time.perf_counter() - start)
         if isinstance(step, FrameStep):
             session = replace(session, state=step.state)
+
     modulus = session.modulus
     return (
         (modulus.mean_pa, modulus.sd_pa, seconds)
@@ -132,6 +137,7 @@ def print_wrong_statements(
         f"\nE of an eye of {eye.youngs_modulus_pa / 1e6:.2f} MPa, {eye.thickness_m * 1e6:.0f} um, where stated wrong:"
     )
     print(f"{'':<16}{'-10 %':>10}{'+10 %':>10}")
+
     for name, change in changes.items():
         errors = [
             calibrated(study, linear_eye(study, change(share)), inputs)[0]
@@ -148,6 +154,7 @@ def print_honesty(study: Study, count: int, frame_count: int) -> None:
     errors = []
     scores = []
     sds = []
+
     for number in range(count):
         eye = drawn_eye(number, rng)
         mean, sd, _ = calibrated(
@@ -158,6 +165,7 @@ def print_honesty(study: Study, count: int, frame_count: int) -> None:
         errors.append(mean / eye.youngs_modulus_pa - 1)
         scores.append(abs(mean - eye.youngs_modulus_pa) / sd)
         sds.append(sd)
+
     print(
         f"\n{count} eyes, {frame_count} frames each, contact angle unknown (25 to 45 degrees):"
     )
@@ -198,6 +206,7 @@ def print_bent(study: Study, count: int, frame_count: int) -> None:
         + f"{'below 20 mN':>14}{'above 35 mN':>13}{'step/ms':>9}"
     )
     found = []
+
     for number in range(count):
         eye = draw_bent_eye(number, rng)
         inputs = frames(study, frame_count, rng, BentSections(eye, study))
@@ -219,6 +228,7 @@ def print_bent(study: Study, count: int, frame_count: int) -> None:
             + f"{_percent(low):>14}{_percent(high):>13}{1e3 * np.median(runs[-1][2][1:]):>9.1f}",
             flush=True,
         )
+
     errors = np.array(found)
     for used, (error, sd) in zip(
         (3, 5, frame_count), np.moveaxis(errors, 0, 2), strict=True
@@ -238,6 +248,7 @@ def own_moduli(
     """Return the errors of E from single frames, below 20 mN and above 35 mN."""
     session = begun(study, model)
     alone = []
+
     for boundaries, force_n in inputs:
         step = assimilate(session, boundaries, force_n)
         if isinstance(step, FrameStep):
@@ -248,6 +259,7 @@ def own_moduli(
                     step.registered.wall.youngs_modulus_pa / eye.youngs_modulus_pa - 1,
                 )
             )
+
     low = [error for force_n, error in alone if force_n < 20e-3]
     high = [error for force_n, error in alone if force_n > 35e-3]
     return low, high
@@ -287,6 +299,7 @@ def main() -> None:
     parser.add_argument("--study", type=Path, help="the paper's where none is given")
     given = parser.parse_args()
     study = read_study(given.study) if given.study else Study()
+
     if given.linear_eyes:
         print_linear(study, given.linear_eyes, given.frames)
     if given.bent_eyes:

@@ -46,6 +46,7 @@ def drawn(layer_um: int, number: int) -> tuple[Bscan, float]:
     told_m = thickness_m * (
         rng.uniform(0.8, 0.98) if layer_um == 0 else 1 + 0.02 * rng.standard_normal()
     )
+
     return render_bscan(
         Pose(lateral_m=0.0, depth_m=0.5e-3).place(section), STUDY.oct, optics, rng
     ), told_m
@@ -79,6 +80,7 @@ def main() -> None:
         "| layer | frames | found | rows off before | after, where found: mean, worst | ms, least |"
     )
     print("|---|---|---|---|---|---|")
+
     for layer_um in LAYERS_UM:
         print(_row(layer_um, frames * (5 if layer_um == 0 else 1)))
 
@@ -87,6 +89,7 @@ def _row(layer_um: int, frames: int) -> str:
     before = []
     after = []
     seconds = []
+
     for number in range(frames):
         bscan, told_m = drawn(layer_um, number)
         first = find_wall(bscan.frame, SCALE)
@@ -95,6 +98,7 @@ def _row(layer_um: int, frames: int) -> str:
         seconds.append(perf_counter() - start)
         before.append(rows_off(first, bscan))
         after += [rows_off(found, bscan)] if found is not first else []
+
     ends = f"{np.mean(after):.1f}, {max(after):.1f}" if after else "-"
     return f"| {layer_um} um | {frames} | {len(after)} | {np.mean(before):.1f} | {ends} | {1e3 * min(seconds):.2f} |"
 

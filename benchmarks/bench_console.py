@@ -118,12 +118,15 @@ class Session:
         )
         sent_s = time()
         self.send(Decided(entry=entry))
+
         if self.frames % 4 == 0:
             self.send(
                 Outline(frame=self.frames, step=4, outer=self.curve, inner=self.curve)
             )
+
         if self.frames % 50 == 0:
             self.send(Rates(frames_per_second=100.0, lost=0, clients=()))
+
         return sent_s
 
     def send(self, message: CompanionMessage) -> None:
@@ -140,16 +143,20 @@ def run(session: Session, pages: list[Page], changes: int) -> list[NDArray[np.fl
     moments = begin_s + 1.0 + np.cumsum(rng.uniform(0.3, 0.5, changes))
     sent_s: list[float] = []
     due_s = begin_s
+
     while len(sent_s) < changes or monotonic() < moments[-1] + 0.5:
         change = len(sent_s) < changes and monotonic() >= moments[len(sent_s)]
         if change:
             session.state = "WITHDRAW" if session.state == "WATCHING" else "WATCHING"
+
         at_s = session.frame()
         if change:
             sent_s.append(at_s)
+
         due_s = max(due_s + FRAME_S, monotonic() - 0.1)
         sleep(max(0.0, due_s - monotonic()))
         session.late_s.append(monotonic() - due_s)
+
     return [times_ms(page, sent_s) for page in pages]
 
 
@@ -161,6 +168,7 @@ def times_ms(page: Page, sent_s: list[float]) -> NDArray[np.float64]:
     ]
     texts = ("WITHDRAW", "WATCHING")
     found = []
+
     for number, at_s in enumerate(sent_s):
         until_s = sent_s[number + 1] if number + 1 < len(sent_s) else np.inf
         matching = [
@@ -170,6 +178,7 @@ def times_ms(page: Page, sent_s: list[float]) -> NDArray[np.float64]:
         ]
         shown, painted = matching[0] if matching else (np.inf, np.inf)
         found.append((shown - 1e3 * at_s, painted - 1e3 * at_s))
+
     return np.array(found)
 
 
@@ -180,6 +189,7 @@ def show_changes(changes: int) -> None:
     )
     print("|---|---|---|---|---|---|---|---|---|---|")
     sending: list[str] = []
+
     with sync_playwright() as playwright:
         for count in (1, 4):
             browser = playwright.chromium.launch(
@@ -191,9 +201,11 @@ def show_changes(changes: int) -> None:
                 browser.new_page(viewport={"width": 1280, "height": 720})
                 for _ in range(count)
             ]
+
             for page in pages:
                 page.goto(session.address)
                 page.evaluate(OBSERVE)
+
             shares = [
                 cpu_s([session.child.process.pid]),
                 cpu_s(browser_pids()),
@@ -230,6 +242,7 @@ def show_changes(changes: int) -> None:
             )
             browser.close()
             session.child.end()
+
     print(*sending, sep="\n")
 
 
@@ -254,6 +267,7 @@ def main() -> None:
     session.add_argument("recording", type=Path)
     add_options(session)
     session.set_defaults(pages=1, seconds=600.0, rate_hz=100.0)
+
     given = parser.parse_args()
     if given.part == "changes":
         show_changes(given.changes)

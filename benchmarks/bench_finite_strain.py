@@ -59,6 +59,7 @@ def reference_problem(sizes: Sizes) -> None:
     """Print every row of R2: expected, at the node and at the load's centre."""
     forces = row([float(force) for force in FORCES_MN[: sizes.loads]], 0)
     print(f"\nR2 on its own mesh and loads: tip [mm]{forces} mN   worst")
+
     for (thickness_m, modulus_pa, polar_deg), all_mm in islice(
         TIPS_MM.items(), sizes.rows
     ):
@@ -114,6 +115,7 @@ def meshes(contact: Contact, thickness_m: float, sizes: Sizes) -> dict[str, HexM
             "rings": 32,
             "layers": 2,
         }
+
     graded = {
         name: graded_mesh(RADIUS_M, thickness_m, contact, **kind)
         for name, kind in kinds.items()
@@ -132,6 +134,7 @@ def product_paths(sizes: Sizes) -> None:
     forces_mn = FORCES_MN[: sizes.loads]
     forces = row([float(force) for force in forces_mn], 0)
     print(f"{'wall, mesh':58s}{'elements':>9s}{'seconds':>8s}{'states':>7s}{forces} mN")
+
     for thickness_m, modulus_pa in WALLS[: sizes.rows]:
         loads: dict[str, Any] = {
             "youngs_modulus_pa": modulus_pa,
@@ -150,6 +153,7 @@ def product_paths(sizes: Sizes) -> None:
                 f"{name:58s}{len(mesh.cells_en):9d}{seconds:8.1f}{len(path.tips_m):7d}{tips}",
                 flush=True,
             )
+
     print(
         f"largest memory of this process: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB"
     )
@@ -163,11 +167,13 @@ def sealed_globes(sizes: Sizes) -> None:
     print(
         "\nSealed and open eyes, 2 mmHg at rest: by dent [mm]" + row(list(dents_mm), 1)
     )
+
     for thickness_m, modulus_pa in WALLS[: sizes.rows]:
         half = graded_mesh(RADIUS_M, thickness_m, contact, sizes.core, sizes.rings)
         globe = graded_mesh(
             RADIUS_M, thickness_m, contact, sizes.core, sizes.rings, whole=True
         )
+
         for name, wall in (
             ("half, clamped", FiniteWall(half, NU)),
             (
@@ -196,6 +202,7 @@ def sealed_globes(sizes: Sizes) -> None:
             )
             title = f"{thickness_m * 1e3:.1f} mm, {modulus_pa / 1e6:.2f} MPa, {name}"
             print(f"{title:36s}{'pressure rise [%]':22s}" + row(list(100.0 * rise), 1))
+
             for kind, path in paths.items():
                 forces_mn = 1e3 * np.interp(dents_mm, 1e3 * path.tips_m, path.forces_n)
                 print(

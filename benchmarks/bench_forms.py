@@ -109,6 +109,7 @@ def print_linear(rows: int | None, finest: tuple[int, int]) -> None:
         f"linear tip, per cent off {finest[0]} x {finest[1]};",
         " ".join(f"{core} x {rings}" for core, rings in GRIDS),
     )
+
     for thickness_m, polar_deg in islice(
         product((0.4e-3, 0.5e-3, 0.8e-3), (0.0, 35.0, 50.0)), rows
     ):

@@ -107,6 +107,7 @@ class Plain:
         over = 1.0
         slope = 1.0
         read_n = self._calibrating_n(self.true, seen_sn)
+
         for _ in range(STEPS):
             before = over
             before_n = read_n
@@ -114,6 +115,7 @@ class Plain:
             sections = self._with(over)
             read_n = self._calibrating_n(sections, seen_sn)
             slope = np.log(read_n / before_n) / np.log(over / before)
+
         return sections, over
 
     @staticmethod
@@ -145,11 +147,13 @@ def main() -> None:
         f"| IOP | layer | surface | {shown} mN read with the true E | misfit, um | calibrated: E over true | read |"
     )
     print("|---|---|---|---|---|---|---|")
+
     for iop_mmhg in IOPS_MMHG[: given.rows]:
         plain = Plain(to_si(iop_mmhg, "mmhg"), given.core, given.rings)
         for layer_m, soft_pa in LAYERS[: given.rows]:
             layered = LayeredWall(layer_m, soft_pa, given.core, given.rings)
             states_snc = layered.states_snc(to_si(iop_mmhg, "mmhg"))
+
             for name, mesh in (("sclera's", layered.sclera), ("layer's", layered.top))[
                 : given.rows
             ]:

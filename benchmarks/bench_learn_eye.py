@@ -105,6 +105,7 @@ class Played:
             "ratios",
         ):
             setattr(self, name, getattr(self, name) + getattr(other, name))
+
         for at in range(2):
             self.ends[at].extend(other.ends[at])
             self.modulus[at].extend(other.modulus[at])
@@ -171,43 +172,52 @@ class Bench:
         played = [Played(), Played()]
         readings = list[tuple[list[tuple[float, bool] | None], list[float]]]()
         path, moving = forces(rng, drawn)
+
         for n, frame in enumerate(stream(drawn, path, rng, self.seed)):
             link.now_s = at_s = EVERY * FRAME_S * (n + 1) + float(
                 np.clip(rng.normal(0.0, 1e-3), -4e-3, 4e-3)
             )
             force_n = float(path.force_n[n])
             at_frame = list[tuple[float, bool] | None]()
+
             if force_n >= BOUND_N:
                 break
+
             for watch, of in zip(watches, played, strict=True):
                 answer, begins = watch.read(frame, at_s, n, 0)
                 low_n, high_n = answer.interval_n or (np.inf, np.inf)
                 holds = low_n <= force_n <= high_n
                 at_frame.append((high_n - low_n, holds) if answer.interval_n else None)
+
                 if begins:
                     of.causes.append(begins.cause)
                     of.false += n < moving
                     of.unexplained += n < moving and not holds
                     of.stopped_n += [force_n] * (n >= moving)
+
             if force_n >= TOUCHING_N and n < moving:
                 moduli = (watch.known.modulus for watch in watches)
                 readings.append(
                     (at_frame, [modulus.relative_sd for modulus in moduli if modulus])
                 )
+
         truth_pa = drawn.eye.youngs_modulus_pa
         for place, (watch, of) in enumerate(zip(watches, played, strict=True)):
             of.missed = int(watch.code != WITHDRAW)
             of.broken = watch.released + (watch.limits.bound_n != BOUND_N)
             quarter = max(len(readings) // 4, 1)
+
             for end, frames in zip(
                 of.ends, (readings[:quarter], readings[-quarter:]), strict=True
             ):
                 end += [one for both, _ in frames if (one := both[place]) is not None]
+
             for errors, modulus in zip(
                 of.modulus, (known.modulus, watch.known.modulus), strict=True
             ):
                 assert modulus is not None
                 errors.append((modulus.mean_pa / truth_pa - 1.0, modulus.relative_sd))
+
         played[1].ratios = [
             two[0] / one[0] / (sds[1] / sds[0])
             for (one, two), sds in readings
@@ -241,6 +251,7 @@ def forces(rng: np.random.Generator, drawn: SessionEye) -> tuple[Trajectory, int
         rng,
     )
     begin = round(APART_S / FRAME_S)
+
     return Trajectory(*(part[begin::EVERY] for part in vars(path).values())), (
         len(moving_n) - begin
     ) // EVERY
@@ -286,6 +297,7 @@ def opinions(
     late_s = list[float]()
     sent_s = dict[int, float]()
     taught = 0
+
     with TemporaryDirectory() as folder:
         settings = OpinionSettings(
             model=Path("default"),
@@ -298,8 +310,10 @@ def opinions(
         child = Child(
             "scleraforce.service.second_opinion", settings, [ring.place.descriptor]
         )
+
         while not any(isinstance(one, Alive) for one in child.channel.receive()):
             select([child.channel], [], [], 1.0)
+
         begun_s = monotonic()
         for number in range(1, round(50 * seconds)):
             sleep(max(0.0, begun_s + number / 50 - monotonic()))
@@ -310,11 +324,14 @@ def opinions(
                     number=number, order=number, at_s=now_s, teaches=True, pierced=False
                 )
             )
+
             for one in child.channel.receive():
                 if isinstance(one, OpinionGiven):
                     late_s.append(now_s - sent_s[one.order])
                 taught = one.frames if isinstance(one, EyeLearned) else taught
+
         child.end(10.0)
+
     return late_s, taught
 
 
@@ -327,10 +344,12 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=43)
     parser.add_argument("--opinions", type=float, default=0.0, metavar="S")
     parser.add_argument("--workers", type=int, default=1)
+
     given = parser.parse_args()
     if given.opinions:
         bench = Bench(given.seed)
         drawn = draw_eye("open", 0, bench.reader.study, given.seed)
+
         for learns in (False, True):
             known = bench.known(drawn, 0, np.random.default_rng(0))
             late_s, frames = opinions(
@@ -342,29 +361,36 @@ def main() -> None:
             )
             words = f"{len(late_s)} opinions after {half:.0f} ms, 99 % {most:.0f}; {frames} frames taught"
             print(f"learning {MONITORS[learns]}: {words}")
+
         return
+
     found = [(Played(), Played()) for _ in PRIORS]
     took_s = list[float]()
+
     with suppress(KeyboardInterrupt):  # the table is of the sessions that are done
         for number, (*both, steps_s) in work_units(
             partial(_bench, given.seed), range(given.count), given.workers
         ):
             for of, other in zip(found[number % 2], both, strict=True):
                 of.add(other)
+
             took_s += steps_s
             said = [
                 f"{one.causes}, E {one.modulus[1][0][0]:+.0%} sd {one.modulus[1][0][1]:.0%}"
                 for one in both
             ]
             print(f"session {number}: {'; learned: '.join(said)}", flush=True)
+
     print(
         "\n| prior of E | learns | false withdrawals, not by the interval's width | missed | stopped at, mN | "
         "width, mN: first, last quarter | intervals hold | E off, %: start, end | sd, % | in 2 sd |"
     )
     print("|---|---|---|---|---|---|---|---|---|---|")
+
     for prior, monitors in zip(PRIORS, found, strict=True):
         if monitors[0].modulus[0]:
             print("\n".join(rows(prior, monitors)))
+
     ratios = [ratio for _, learned in found for ratio in learned.ratios]
     causes = [cause for monitors in found for one in monitors for cause in one.causes]
     print(

@@ -69,6 +69,7 @@ def held_out_path(study: Study, wall: tuple[float, float]) -> AxisymmetricPath:
         [[1e-5, 3e-5, 6e-5], np.linspace(0.1e-3, 0.99 * plan.grid.max_tip_m, 50)]
     )
     size = MeridianSize(plan.grid.elements, plan.grid.layers)
+
     return axisymmetric_path(
         plan.radius_m,
         wall[0],
@@ -97,6 +98,7 @@ def errors(
     off_m = np.where(
         visible, np.linalg.norm(found.curves_sbnc - expected, axis=-1), 0.0
     ).max(axis=(1, 2))
+
     return np.abs(of_force), np.abs(found.tip_m / tips_m[asked] - 1.0), off_m
 
 
@@ -107,6 +109,7 @@ def build(paper: Study, grid: Grid) -> tuple[Library, float, float]:
         paper.library, thicknesses=thicknesses, tensions=tensions, tips=tips
     )
     study = replace(paper, library=finer)
+
     with TemporaryDirectory() as folder:
         before = cpu_seconds()
         seconds = build_library(study, Path(folder) / "library.zarr").seconds
@@ -130,6 +133,7 @@ def print_accuracy(study: Study, grids: tuple[Grid, ...], held_out: int) -> Libr
     )
     with ProcessPoolExecutor(available_cores(), get_context("spawn")) as pool:
         paths = list(pool.map(partial(held_out_path, study), walls))
+
     print(
         f"{'grid':>10} {'build':>7} {'CPU':>6}   error at {held_out} other walls: median, 99 %, largest"
     )
@@ -137,6 +141,7 @@ def print_accuracy(study: Study, grids: tuple[Grid, ...], held_out: int) -> Libr
         f"{'t x p x d':>10} {'s':>7} {'s':>6}   {'force at tip, %':>23}  {'tip at force, %':>23}  {'curves, um':>20}"
     )
     own = None
+
     for grid in grids:
         library, seconds, cpu = build(study, grid)
         found = zip(
@@ -155,8 +160,10 @@ def print_accuracy(study: Study, grids: tuple[Grid, ...], held_out: int) -> Libr
             f"{name:>10} {seconds:7.1f} {cpu:6.1f}   {cells[0]}  {cells[1]}  {micrometres}",
             flush=True,
         )
+
         if grid == grid_of(study):
             own = library
+
     assert own is not None
     return own
 
@@ -177,6 +184,7 @@ def print_rates(study: Study, library: Library) -> None:
     print(
         "\n         framing   curves  unloaded top  boundaries  filling  us of one core a slice"
     )
+
     for name, turn in (("moved, scaled", 0.0), ("turned as well", 0.09)):
         framing = Framing(
             rng.uniform(-1e-3, 1e-3, SLICES),
@@ -185,6 +193,7 @@ def print_rates(study: Study, library: Library) -> None:
             rng.uniform(-turn, turn, SLICES),
         )
         taken = []
+
         for _ in range(ROUNDS):
             times = [process_time()]
             walls = near.curves(thickness, ratio, force).curves_sbnc
@@ -200,6 +209,7 @@ def print_rates(study: Study, library: Library) -> None:
             fill_boundaries(boundaries.depth_sbc, study.slice)
             times.append(process_time())
             taken.append(np.diff(times))
+
         steps = np.min(taken, axis=0) / SLICES * 1e6
         cells = "{:8.1f} {:13.1f} {:11.1f} {:8.1f}".format(*steps)
         print(
@@ -214,6 +224,7 @@ def print_stored(study: Study, library: Library) -> None:
         told = save_library(library, path)
         size = path.stat().st_size
         found = load_library(path)
+
     thickness, ratio = draw_walls(study, STORED, rng := np.random.default_rng(2))
     tips = rng.uniform(0.0, 1.0, STORED) ** 1.5 * library.tip_m[-1]
     off_m = np.abs(

@@ -48,6 +48,7 @@ def reference_problem(meshes: dict[str, dict[str, Any]], rows: int | None) -> No
     print(
         f"{'mesh':38s}{'dofs':>8s}{'t [mm]':>8s}{'centre':>8s}{'ratio':>7s}{'corner':>8s}{'seconds':>9s}"
     )
+
     for name, kind in islice(meshes.items(), rows):
         for thickness_m, converged in CONVERGED_MM.items():
             start = process_time()
@@ -78,6 +79,7 @@ def convergence(rows: int | None) -> None:
         "20 nodes": ((4, 8, 16), {"twenty_nodes": True}),
         "27 nodes": ((4, 8, 16), {}),
     }
+
     for name, (quads, kind) in islice(families.items(), rows):
         orders = [observed_order(quads, kind, symmetric) for symmetric in (True, False)]
         print(f"{name:12s}{quads!s:>14s}{orders[0]:16.2f}{orders[1]:14.2f}")
@@ -93,6 +95,7 @@ def observed_order(
         wall = LinearWall(mesh, NU, symmetric_base(mesh) if symmetric else None)
         load = gaussian_load(mesh, Contact(polar_rad=0.0), 3e-3)
         energies.append(0.5 * float(np.sum(load * wall.solve_one(load))))
+
     return float(np.log2((energies[1] - energies[0]) / (energies[2] - energies[1])))
 
 

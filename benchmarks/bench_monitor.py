@@ -34,6 +34,7 @@ def main() -> int:
         description=__doc__.splitlines()[0] if __doc__ else ""
     )
     parts = parser.add_subparsers(dest="part", required=True)
+
     for name, part in PARTS.items():
         options = parts.add_parser(
             name, help=part.__doc__.splitlines()[0] if part.__doc__ else ""
@@ -43,6 +44,7 @@ def main() -> int:
         options.add_argument("--seed", type=int, default=0)
         options.add_argument("--json", type=Path, help="file for the figures")
         part.add_options(options)
+
     given = parser.parse_args()
     try:
         result = PARTS[given.part].run(given)
@@ -52,11 +54,13 @@ def main() -> int:
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return 130
+
     if given.json:
         given.json.write_text(
             json.dumps({"part": given.part, **result}, indent=1) + "\n",
             encoding="utf-8",
         )
+
     return 0
 
 

@@ -46,14 +46,17 @@ def main() -> None:
     given = arguments()
     for name in QUICK_MEMORY:
         os.environ.setdefault(name, "1000000000")
+
     found: dict[str, dict[str, Outcome]] = {}
     try:
         for plan in plans(given):
             run(plan, given.workers, found)
     except KeyboardInterrupt:
         print("interrupted; the tables are of the units that are done")
+
     print(f"\n{new_stamp('python benchmarks/bench_monitor_sessions.py')}")
     print(f"\n{ramp_table(found)}\n\n{session_table(found)}")
+
     for kind, of in found.items():
         for name, outcome in of.items():
             for reason, count in outcome.unread.most_common():
@@ -83,6 +86,7 @@ def arguments() -> argparse.Namespace:
     )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=1)
+
     return parser.parse_args()
 
 
@@ -90,6 +94,7 @@ def plans(given: argparse.Namespace) -> list[Plan]:
     """Return what to run with each model; say which kinds of eyes none can meet."""
     left = list(given.kinds)
     made = []
+
     for model in given.model:
         trained = load_force_reader(model).study.reader
         kinds = tuple(kind for kind in left if may_meet(kind, trained))
@@ -107,8 +112,10 @@ def plans(given: argparse.Namespace) -> list[Plan]:
                 first=given.first,
             )
         )
+
     for kind in left:
         print(f"left out, for no model was trained on such eyes: {kind}")
+
     return made
 
 
@@ -123,9 +130,11 @@ def run(plan: Plan, workers: int, found: dict[str, dict[str, Outcome]]) -> None:
             flush=True,
         )
         so_far = found.setdefault(unit.kind, {name: Outcome() for name in DECLARATIONS})
+
         for name, outcome in outcomes.items():
             for words in outcome.withdrawals:
                 print(f"  {words}", flush=True)
+
             so_far[name].add(outcome)
 
 
@@ -140,6 +149,7 @@ def summary(name: str, outcome: Outcome) -> str:
         if outcome.frames
         else f"ramps at {', '.join(forces) or '-'} mN"
     )
+
     return f"{name} {done}"
 
 

@@ -37,6 +37,7 @@ def alarm_after(
     old = 0
     alarm = None
     taken_s = []
+
     for number, picture in enumerate(pictures):
         begun_s = perf_counter()
         back = shown.back(picture)
@@ -47,8 +48,10 @@ def alarm_after(
             back > 1 and sum(returns) >= LIMITS.frozen_frames - 1
         )
         old += back > 0
+
         if frozen and alarm is None:
             alarm = number - first + 1
+
     return alarm, old, float(np.median(taken_s))
 
 
@@ -64,6 +67,7 @@ def still_eye(
     tissue = amplitude * _normal(rng)
     wave = 2j * np.pi * np.fft.fftfreq(SIZE[0])[:, None]
     spectrum = np.fft.fft(tissue, axis=0)
+
     for number in range(10**6):
         seen = (
             tissue
@@ -151,14 +155,17 @@ def faults(
     yield "middle half stuck", halves(live, (slice(None), slice(128, 384)))
     yield "lower half stuck", halves(live, (slice(256, None), slice(None)))
     yield "a quarter stuck", halves(live, (slice(256), slice(256)))
+
     for counts in (1, 30, 300, 1000):
         noisy = [_counts(whole + rng.normal(0, counts, first.shape)) for _ in numbers]
         yield f"fresh noise of {counts} counts", noisy
+
     for old in (0.95, 0.8, 0.6, 0.5, 0.4):
         yield (
             f"{old:.0%} of one picture, the rest live",
             [_counts(old * whole + (1 - old) * seen) for seen in live],
         )
+
     for old in (0.95, 0.8, 0.6, 0.5, 0.4):
         yield f"a filter that keeps {old:.0%}", recursive(live, old)
 
@@ -191,11 +198,13 @@ def main() -> None:
             a // 2 + b // 2 for a, b in pairwise(live)
         ],
     }
+
     for name, pictures in sessions.items():
         _, old, taken_s = alarm_after(pictures, 0)
         print(
             f"{name:44}{f'{old} of {len(pictures)}':>15}{from_si(taken_s, 'us'):12.0f}"
         )
+
     for snr_db, bits, motion in (
         (15, 12, 0),
         (25, 12, 0),
@@ -212,10 +221,12 @@ def main() -> None:
         print(
             f"{name:44}{f'{old} of {len(pictures)}':>15}{from_si(taken_s, 'us'):12.0f}"
         )
+
     first = min(60, len(live) // 2)
     before = live[:first]
     during = live[first : first + 30]
     print(f"\n{'old pictures':44}{'FROZEN at frame':>16}")
+
     for name, old_pictures in faults(during, rng):
         alarm, _, _ = alarm_after([*before, *old_pictures], len(before))
         print(f"{name:44}{alarm or 'never':>16}")

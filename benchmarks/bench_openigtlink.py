@@ -133,6 +133,7 @@ def messages() -> tuple[Sent, Sent]:
         *(Transform(matrix), Query("STATUS"), Query("IMAGE"), Query("POLYDATA")),
     ]
     large = Image(draw.integers(0, 4096, (1, 512, 512)).astype("uint16"), matrix)
+
     return _encoded(said), _encoded([large])
 
 
@@ -143,6 +144,7 @@ def _encoded(said: list[Message]) -> Sent:
         for version in (1, 2, 3)
     ]
     told = {"eye": "left", "µ": ""}
+
     return plain + [
         encode(message, "Scanner", version=2, message_id=7, metadata=told)
         for message in said
@@ -225,6 +227,7 @@ def feed(decoder: Decoder, piece: bytes, lend: bool) -> Iterator[tuple[PeerEvent
     if not lend:
         yield decoder.feed(piece)
         return
+
     rest = memoryview(piece)
     while rest and not decoder.broken:
         room = decoder.space()
@@ -245,6 +248,7 @@ class Peer:
         """Take a connection's messages until it breaks."""
         decoder = Decoder(draw.choice(CAPS_BYTES))
         lend = draw.random() < 0.5
+
         for piece in pieces(b"".join(sent), draw):
             steps = feed(decoder, piece, lend)
             while True:
@@ -253,10 +257,13 @@ class Peer:
                 taken_ms = (thread_time_ns() - start) * 1e-6
                 if events is None:
                     break
+
                 self.outcome.feeds += 1
                 if taken_ms > SLOW_MS:
                     self.outcome.slow_ms[self.outcome.feeds] = taken_ms
+
                 self._count(events)
+
             if decoder.broken:
                 return
 
@@ -267,6 +274,7 @@ class Peer:
                 name = f"Received {type(event.message).__name__}"
                 if isinstance(event.message, Image):
                     self._image(event.message)
+
             self.outcome.events[name] += 1
 
     def _image(self, image: Image) -> None:
@@ -275,9 +283,11 @@ class Peer:
         except ProtocolError:
             self.outcome.events["image refused"] += 1
             return
+
         if frame is None:
             self.outcome.events["part kept"] += 1
             return
+
         assert frame.pixels.ndim == 2
         assert frame.pixels.size
         assert frame.pixels.dtype in (np.uint8, np.uint16)
@@ -299,17 +309,21 @@ def run(count: int, seed: int) -> Outcome:
     peer = Peer()
     (small, large) = messages()
     done = 0
+
     while done < count:
         some = [
             draw.choice(large if draw.random() < LARGE_SHARE else small)
             for _ in range(draw.choice(MESSAGES_A_CONNECTION))
         ]
         sent = [mutated(message, draw) for message in some][: count - done]
+
         try:
             peer.connection(sent, draw)
         except Exception:
             peer.outcome.unexpected.append(traceback.format_exc())
+
         done += len(sent)
+
     return peer.outcome
 
 
@@ -317,16 +331,20 @@ def image_ms() -> float:
     """Return the least time of an image of 512 x 512 pixels of 16 bits, received in pieces of 64 KiB."""
     data = messages()[1][0]
     taken = []
+
     for _ in range(300):
         decoder = Decoder()
         rest = memoryview(data)
         start = perf_counter()
+
         while rest:
             count = min(len(room := decoder.space()), len(rest), 64 * 1024)
             room[:count] = rest[:count]
             decoder.received(count)
             rest = rest[count:]
+
         taken.append((perf_counter() - start) * 1e3)
+
     return min(taken)
 
 
@@ -353,15 +371,19 @@ def main() -> int:
         f"{given.messages} messages twice, seed {given.seed}, {perf_counter() - start:.0f} s"
     )
     print(f"exceptions other than ProtocolError: {len(outcome.unexpected)}")
+
     for text in outcome.unexpected[:3]:
         print(text)
+
     for name, number in sorted(outcome.events.items()):
         print(f"  {name:22} {number:9}")
+
     print(f"slowest of {outcome.feeds} feeds: {max(slow_ms, default=SLOW_MS):.2f} ms")
     print(f"memory grown in the second run: {grown_bytes / 1024:.0f} KiB")
     print(
         f"an image of 512 x 512, 16 bit, copy into its place included: {image_ms():.3f} ms"
     )
+
     return 1 if outcome.unexpected else 0
 
 

@@ -59,6 +59,7 @@ def wall_force(
         force_n = modulus_pa * library.forces(
             thickness_m * alike, iop_pa / modulus_pa * alike, tip_m
         )
+
         enough = int(np.argmax(force_n > 1.2 * FORCES_N[1]))
         if enough:
             return tip_m[: enough + 1], np.maximum.accumulate(force_n[: enough + 1])
@@ -84,6 +85,7 @@ def needle(
         (top_m, None, on_m_s),
     ]
     travel_m = np.zeros(1)
+
     for goal_m, held_s, speed_m_s in legs:
         steps = round(
             (held_s if held_s is not None else abs(goal_m - travel_m[-1]) / speed_m_s)
@@ -93,6 +95,7 @@ def needle(
         travel_m = np.concatenate(
             [travel_m, np.linspace(travel_m[-1], end_m, steps + 1)[1:]]
         )
+
     reached = len(travel_m)
     further_m = (
         on_m_s * STEP_S
@@ -101,8 +104,10 @@ def needle(
     ) * np.arange(1, 4001)
     travel_m = np.concatenate([travel_m, travel_m[-1] + further_m])
     eye_m = wander(len(travel_m), EYE_M, EYE_M_S, rng)
+
     if not pierces and further_m[-1] == 0.0:  # the eye jumps from the needle
         eye_m[reached:] -= EYE_M_S * STEP_S * np.arange(1, 4001)
+
     force_n = np.interp(travel_m + eye_m - eye_m[reached - 1], tip_m, of_tip_n)
     if pierces:
         fall = np.clip(np.arange(4000) * STEP_S / rng.uniform(1e-3, 5e-3), 0.0, 1.0)
@@ -112,6 +117,7 @@ def needle(
             * (1.0 + 0.2 * np.arange(4000) * STEP_S)
         )
         force_n[reached:] = (1.0 - fall) * force_n[reached - 1] + fall * friction
+
     return Motion(travel_m, force_n, reached * STEP_S if pierces else None)
 
 
@@ -125,6 +131,7 @@ def wander(count: int, width: float, per_s: float, rng: np.random.Generator) -> 
             2.0 * np.pi * rate_hz * STEP_S * np.arange(count) + rng.uniform(0.0, 6.3)
         )
     )
+
     return moved
 
 
@@ -137,6 +144,7 @@ def frames(motion: Motion, tells: bool, rng: np.random.Generator) -> list[FrameR
     scale = 1.0 + rng.normal(0.0, 0.03)
     read_n = scale * motion.force_n + wander(len(motion.force_n), 0.6e-3, 5e-3, rng)
     shown = []
+
     for number in range(1, int(len(read_n) * STEP_S * rate_hz)):
         at_s = number / rate_hz + float(
             np.clip(rng.normal(0.0, 1e-3), -0.3 / rate_hz, 0.3 / rate_hz)
@@ -147,6 +155,7 @@ def frames(motion: Motion, tells: bool, rng: np.random.Generator) -> list[FrameR
         travel_m = float(
             motion.travel_m[min(int(sent_s / STEP_S), len(motion.travel_m) - 1)]
         )
+
         if rng.random() >= LOST:
             shown.append(
                 frame_read(
@@ -157,6 +166,7 @@ def frames(motion: Motion, tells: bool, rng: np.random.Generator) -> list[FrameR
                     at_s + late_s - sent_s,
                 )
             )
+
     return shown
 
 
@@ -188,11 +198,13 @@ def pierced_at(shown: list[FrameRead], limits: MonitorLimits) -> list[float]:
     """Return the times at which a monitor finds a puncture; other causes neither hide nor replace one."""
     state = MonitorState()
     found = []
+
     for frame in shown:
         before = state.pierced
         state, _ = decide(state, frame, limits)
         if state.pierced != before:
             found.append(frame.at_s)
+
     return found
 
 
@@ -204,6 +216,7 @@ def outcome(found_s: list[float], pierced_s: float | None) -> tuple[bool, int, f
         for at_s in found_s
         if pierced_s is not None and at_s >= pierced_s
     ]
+
     return (
         bool(delays_s and delays_s[0] <= FOUND_S),
         len(false),
@@ -226,6 +239,7 @@ def main() -> None:
         "| largest speed, mm/s | travel | found in 50 ms | delay, ms: median, most | false, of sessions without |"
     )
     print("|---|---|---|---|---|")
+
     for fastest_m_s, tells in ((5e-3, False), (5e-3, True), (20e-3, True)):
         results: dict[bool, list[tuple[bool, int, float]]] = {True: [], False: []}
         for number in range(given.sessions):
@@ -241,6 +255,7 @@ def main() -> None:
                 results[pierces].append(
                     outcome(pierced_at(shown, limits), motion.pierced_s)
                 )
+
         found, early, delays_s = zip(*results[True], strict=True)
         false = sum(count > 0 for _, count, _ in results[False])
         spread = f"{1e3 * np.nanmedian(delays_s):.0f}, {1e3 * np.nanmax(delays_s):.0f}"

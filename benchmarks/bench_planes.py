@@ -77,6 +77,7 @@ def read_eye(number: int, reader: Reader) -> list[dict[str, float]]:
     rng = np.random.default_rng([SEED, number])
     study = drawn_study()
     eye = drawn_eye(number, rng)
+
     if number % 3 == 2:  # a third shows the needle, in both planes
         eye = replace(eye, gap_m=0.05e-3)
         seen = replace(
@@ -85,6 +86,7 @@ def read_eye(number: int, reader: Reader) -> list[dict[str, float]]:
             eye_shift_m=Range(min=-0.05e-3, max=0.05e-3),
         )
         study = replace(study, phantom=seen)
+
     forces_n = rng.uniform(2e-3, 55e-3, MOMENTS).tolist()
     plan = in_planes(plan_phantom(eye, forces_n, study, SEED + number), PLANES, study)
     sections, _ = plan_sections(plan, BentSections(eye, study))
@@ -99,6 +101,7 @@ def read_eye(number: int, reader: Reader) -> list[dict[str, float]]:
     )
     found = list[dict[str, float]]()
     pairs = list(zip(plan.frames, sections, plan.normal_n, strict=True))
+
     for (first, first_section, force_n), (second, second_section, _) in zip(
         pairs[::2], pairs[1::2], strict=True
     ):
@@ -113,6 +116,7 @@ def read_eye(number: int, reader: Reader) -> list[dict[str, float]]:
         with_gap = reader.read(frames[0], scale, replace(known, gap_m=abs(gap_m)))
         alone = reader.read_together(frames[:1], scale, known, PLANES[:1])[0]
         row = {"force_n": force_n}
+
         for name, answer in (
             ("cross", both),
             ("gap given", with_gap),
@@ -125,6 +129,7 @@ def read_eye(number: int, reader: Reader) -> list[dict[str, float]]:
                     f"{name}: holds": float(low_n <= force_n <= high_n),
                 }
                 row |= {f"{name}: width": high_n - low_n}
+
         if both.usable and both.place is not None and both.fit is not None:
             place = both.place
             true = np.array([first.pose.lateral_m, -gap_m])
@@ -135,9 +140,12 @@ def read_eye(number: int, reader: Reader) -> list[dict[str, float]]:
             }
             row |= {"gap": float(both.fit.unknown[GAP]) - gap_m}
             row |= {"tilt": float(np.hypot(*(np.array(place.tilt_rad) - tilts)))}
+
             if first.optics.needle is not None and place.lean_rad is not None:
                 row |= {"lean": place.lean_rad - true_lean(first.optics.needle)}
+
         found.append(row)
+
     return found
 
 
@@ -161,6 +169,7 @@ def first_plane(recording: Recording, gap_m: float) -> Recording:
     shown = (
         replace(frame, plane=None) for frame in recording.frames if frame.plane == first
     )
+
     return replace(recording, info=info, frames=tuple(shown))
 
 
@@ -190,6 +199,7 @@ def calibrate_eye(number: int, folder: Path) -> dict[str, tuple[float, float]]:
         "median gap": first_plane(recording, gap_m),
         "0.35 mm": first_plane(recording, 0.35e-3),
     }
+
     for name, shown in {"cross": recording, **alone}.items():
         for way, given in (
             ("by force", {"frames": TAKEN}),
@@ -202,6 +212,7 @@ def calibrate_eye(number: int, folder: Path) -> dict[str, tuple[float, float]]:
                 float(np.log(one.mean_pa / eye.youngs_modulus_pa)),
                 one.sd_pa / one.mean_pa,
             )
+
     return found
 
 
@@ -212,6 +223,7 @@ def main_calibrate(count: int) -> None:
         for number in range(count):
             rows.append(calibrate_eye(number, Path(folder) / str(number)))
             print(number, rows[-1], file=sys.stderr)
+
     for name in rows[0]:
         off, sd = np.array([row[name] for row in rows]).T
         within = int((np.abs(off) < 2.0 * sd).sum())
@@ -227,12 +239,14 @@ def main() -> None:
     if sys.argv[1:2] == ["calibrate"]:
         main_calibrate(int([*sys.argv, "10"][2]))
         return
+
     reader = sf.load_model("default")
     rows = [
         row
         for number in range(int([*sys.argv, str(EYES)][1]))
         for row in read_eye(number, reader)
     ]
+
     for name in sorted({key for row in rows for key in row} - {"force_n"}):
         values = np.array([row[name] for row in rows if name in row])
         clear = np.array(

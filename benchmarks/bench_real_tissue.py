@@ -22,6 +22,7 @@ def main() -> None:
     parser.add_argument("--rows", type=int, help="only the first N of each table")
     given = parser.parse_args()
     print(new_stamp("python benchmarks/bench_real_tissue.py"))
+
     for name in given.table:
         print(f"\n{name}\n\n{TABLES[name](given.rows)}", flush=True)
 

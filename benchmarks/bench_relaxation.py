@@ -101,6 +101,7 @@ class RelaxingWall(WallEquilibrium):
         )
         internal_nc = self._left * self._finite.solid.forces(displaced_nc)
         internal_nc -= sum_at(self._finite.mesh.cells_en, lost_enc, len(displaced_nc))
+
         return (
             internal_nc - pressure * self._finite.inner.forces(displaced_nc)
         ).ravel()[self._finite.free]
@@ -116,8 +117,10 @@ class RelaxingWall(WallEquilibrium):
         lost_enn = np.einsum(
             "epnj,epmj->enm", weighted, points.gradients_epnc, optimize=True
         )
+
         for i in range(3):
             elements[:, i, :, i] -= lost_enn
+
         self._finite.inner.add_tangent(elements, displaced_nc, -pressure)
         return factored(self._finite.mesh, self._finite.held_nc, elements)
 
@@ -135,6 +138,7 @@ class RelaxingWall(WallEquilibrium):
         F = np.eye(3) + self._gradient(u)
         inverse = np.linalg.inv(F.swapaxes(-1, -2) @ F)
         log_ratio = np.log(np.linalg.det(F))[..., None, None]
+
         return np.asarray(
             mu * np.eye(3) + (lame_lambda * log_ratio - mu) * inverse, dtype=np.float64
         )
@@ -171,12 +175,14 @@ def pushed(
     problem.settle(start)
     control = Dent(problem, start, pressure)
     states = [control.unloaded]
+
     for before_s, now_s in pairwise(time_s):
         problem.pass_time(now_s - before_s)
         control.tip_m = tip_m * min(now_s / RAMP_S, 1.0)
         states.append(solve_balance(control, states[-1])[0])
         control.largest_force = max(control.largest_force, float(states[-1][-1]))
         problem.arrive(states[-1][:-1])
+
     return np.array(states)
 
 
@@ -209,6 +215,7 @@ def print_rows(
     elastic = ElasticSections(wall.mesh, path)
     holds_s = RAMP_S + np.union1d(np.geomspace(0.1, max(SHOWN_S), samples), SHOWN_S)
     time_s = np.concatenate([RAMP_S * np.arange(RAMP_STEPS + 1) / RAMP_STEPS, holds_s])
+
     for name, tissue in list(TISSUES.items())[:rows]:
         fitted = None
         for force_n in FORCES_N[:rows]:
@@ -222,8 +229,10 @@ def print_rows(
             fitted = fitted or found(hold)
             row = f"| {eye[0]:g} MPa, {eye[1]:g} mmHg | {name} | {1e3 * force_n:g} | {hold.shown(hold.felt_n)} "
             row += f"| {hold.shown(hold.read_n)} | {1e6 * off_m[-1]:.0f} "
+
             for series in (tissue, fitted):
                 row += f"| {hold.shown(hold.felt_by(series) - hold.felt_n, '+.2f')} "
+
             print(f"{row}|", flush=True)
 
 
@@ -251,6 +260,7 @@ def main() -> None:
         "| E, IOP | lost | held | felt | Fe read | misfit | error by the tissue's g | by g found at 20 mN |"
     )
     print("|---|---|---|---|---|---|---|---|")
+
     for eye in EYES[: given.rows]:
         print_rows(wall, needle, eye, given.rows, given.samples)
 

@@ -99,6 +99,7 @@ def draw_eye(rng: np.random.Generator) -> Eye:
     labels = FrameForces(path.felt_n(frame_s), frame_s, np.zeros(2), ZERO_PRIOR)
     found, known, _ = with_elastic_forces(recording, labels, None)
     true_n = path.elastic_n(frame_s)
+
     return Eye(
         tissue,
         known,
@@ -116,6 +117,7 @@ def dent_read(elastic_n: float) -> Answer:
     )
     predicted = int(np.searchsorted(CLASSES_N, elastic_n))
     shares = tuple(float(number == predicted) for number in range(3))
+
     return Answer(
         predicted=predicted,
         probabilities=shares,
@@ -138,6 +140,7 @@ def play(eye: Eye, corners: Corners, rng: np.random.Generator) -> Played:
     waiting = list[SecondOpinion]()
     read = list[Answer]()
     cause = None
+
     for number, at_s in enumerate(time_s.tolist()):
         off_n = min(elastic_n[number] / CLASSES_N[0], 1.0) * bias_n + rng.normal(
             0.0, NOISE_N, 2
@@ -159,11 +162,14 @@ def play(eye: Eye, corners: Corners, rng: np.random.Generator) -> Played:
             scale_m=scale_m,
         )
         events: list[MonitorEvent] = [*due, seen]
+
         for event in events:
             state, decision = decide(state, event, LIMITS)
             cause = cause or (decision.cause.name if decision.cause else None)
+
         if cause is not None:
             break
+
         if number % OPINION_EVERY == 0:
             answer, opinion = opinion.read(second, CLASSES_N, at_s)
             waiting.append(
@@ -171,6 +177,7 @@ def play(eye: Eye, corners: Corners, rng: np.random.Generator) -> Played:
                     at_s=at_s + OPINION_AFTER_S, frame_id=number, verdict=answer.verdict
                 )
             )
+
     shown = len(read)
     return Played(time_s[:shown], elastic_n[:shown], felt_n[:shown], read, cause)
 
@@ -188,6 +195,7 @@ def after_pushes(rate_n_s: float, rng: np.random.Generator) -> Corners:
     """Return a ramp after three pushes."""
     times_s = [0.0, 1.0]
     forces_n = [0.0, 0.0]
+
     for _ in range(3):
         top_n = rng.uniform(8e-3, 22e-3)
         steps_s = [
@@ -198,6 +206,7 @@ def after_pushes(rate_n_s: float, rng: np.random.Generator) -> Corners:
         ]
         times_s += (times_s[-1] + np.cumsum(steps_s)).tolist()
         forces_n += [top_n, top_n, 0.0, 0.0]
+
     reached_s = times_s[-1] + TOP_N / rate_n_s
     return [*times_s, reached_s, reached_s + 1.0], [*forces_n, TOP_N, TOP_N], 0.0
 
@@ -241,6 +250,7 @@ def row(name: str, sessions: list[Played]) -> str:
         for cause, count in Counter(one.cause for one in sessions).most_common()
     )
     spread = ", ".join(f"{of(stops_mn):.1f}" for of in (np.min, np.median, np.max))
+
     return f"| {name} | {in_time} of {len(sessions)} | {spread} | {error_mn:.2f} | {held:.0%} | {causes} |"
 
 
@@ -285,6 +295,7 @@ def main() -> None:
         "| ramp | stopped below 30 mN | at a force of, mN | read off by, mN | 90 % intervals hold | causes |"
     )
     print("|---|---|---|---|---|---|")
+
     for name, corners in BEGINNINGS.items():
         sessions = list[Played]()
         for number, eye in enumerate(eyes):
@@ -292,6 +303,7 @@ def main() -> None:
             sessions.append(
                 play(eye, corners(RATES_N_S[number % len(RATES_N_S)], rng), rng)
             )
+
         print(row(name, sessions), flush=True)
         if given.figure is not None and corners is after_pushes:
             draw_figure(given.figure, sessions[0])

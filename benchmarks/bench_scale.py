@@ -66,6 +66,7 @@ def sized(study: Study, images: int) -> Study:
         replace(each, images=count) for each, count in zip(groups, spread, strict=True)
     )
     contacts = max(2, images // len(groups) // IMAGES_OF_A_CONTACT)
+
     return parse_study(
         format_study(
             replace(
@@ -81,6 +82,7 @@ def run_here(images: int, processes: int, study: Study) -> Run:
         seconds = generate_dataset(
             sized(study, images), Path(folder) / "dataset", workers=processes
         ).seconds
+
     peaks = (
         1024 * resource.getrusage(who).ru_maxrss
         for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
@@ -113,6 +115,7 @@ def print_rows(
         f"{'images':>9}{'processes':>11}{'s':>10}{'images/s':>10}{'writer, MB':>12}{'worker, MB':>12}"
     )
     of_an_image_s = []
+
     for count in processes:
         done: list[Run] = []
         for images in sizes:
@@ -122,6 +125,7 @@ def print_rows(
                     f"{images:9d}{count:11d}{expected_s:10.0f}{images / expected_s:10.0f}  extrapolated, not run"
                 )
                 continue
+
             done.append(run_apart(images, count, study))
             last = done[-1]
             print(
@@ -129,8 +133,10 @@ def print_rows(
                 f"{last.writer / MB:12.0f}{last.worker / MB:12.0f}",
                 flush=True,
             )
+
         if len(done) > 1:
             of_an_image_s.append(_slope_s(done) * min(count, available_cores()))
+
     return min(of_an_image_s)
 
 
@@ -156,6 +162,7 @@ def writing_s(study: Study) -> tuple[float, float]:
     units = unit_samples(study)
     images = np.zeros((units[0].stop, *size), dtype=np.uint8)
     images[:, size[0] // 4 : size[0] // 2] = 255
+
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "dataset"
         store = create_dataset(path, study, study.eye.youngs_modulus_pa, None, plan)
@@ -225,9 +232,11 @@ def print_cluster(of_an_image_s: float, study: Study) -> None:
         * (writes_s + completes_s)
         / sets,
     }
+
     if scheduled_s is not None:
         rows["scheduling, by one scheduler"] = units * scheduled_s
         rows[f"the same, by {sets} schedulers"] = units * scheduled_s / sets
+
     print(
         f"\n{SLICES:,} slices, {units:,.0f} units: computed from the figures above, not run"
     )
@@ -258,12 +267,15 @@ def main() -> None:
     )
     options = parser.parse_args()
     study = read_study(options.study) if options.study else Study()
+
     if options.one:
         images, processes = options.one
         print(json.dumps(vars(run_here(images, processes, study))))
         return
+
     if len(options.images) < 2:
         parser.error("--images: give at least two sizes")
+
     print_cluster(
         print_rows(
             sorted(options.images), options.processes, options.seconds, options.study

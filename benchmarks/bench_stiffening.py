@@ -102,8 +102,10 @@ def fitted(
             )
         except SolverError:  # no equilibrium, or the pressure runs away
             return np.full(size, 1e3)
+
         if by_section:
             return 1e5 * (other.surface_m(CALIBRATED_N) - seen_m).ravel()
+
         return 1e3 * (other.force_n(np.minimum(tips_m, other.deepest_m)) - FORCES_N)
 
     start = [1.05, max(rigidity, 0.003)][:free]
@@ -117,6 +119,7 @@ def fitted(
         diff_step=[1e-3] * free,
     ).x
     k = x[1] if free == 2 else rigidity
+
     return Wall(modulus_mpa * x[0], iop_mmhg, k, 0.0), f"{x[0]:.2f} {k:.3f}"
 
 
@@ -130,6 +133,7 @@ def print_row(eye: tuple[float, float, float], b: float) -> None:
     )
     tips_m = wall.tip_m(FORCES_N)
     seen_m = wall.surface_m(FORCES_N)
+
     for by_section in (False, True):
         for free in (1, 2):
             other, said = fitted(eye, wall, free, by_section=by_section)
@@ -144,6 +148,7 @@ def print_row(eye: tuple[float, float, float], b: float) -> None:
                 end="",
                 flush=True,
             )
+
     print()
 
 
@@ -158,6 +163,7 @@ def main() -> None:
     print(
         "(by force E, E and k; by section E, E and k): E over its own, k, error of the force in mN, its largest"
     )
+
     for eye in EYES[:rows]:
         for b in STIFFENINGS[:rows]:
             print_row(eye, b)

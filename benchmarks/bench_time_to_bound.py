@@ -71,6 +71,7 @@ def main() -> None:
     reader = load_force_reader(given.model)
     going = list[Said]()
     stopping = list[Said]()
+
     for number in range(given.eyes):
         for rate_mn_s, readings_tn in ramps(
             reader, number, given.rates_mn_s, given.seed
@@ -79,12 +80,15 @@ def main() -> None:
             for rate_hz, every in EVERY.items():
                 going += predictions(readings_tn[::every], rate_hz)
                 stopping += predictions(held(readings_tn[::every], rng), rate_hz)
+
             print(
                 f"eye {number}, {rate_mn_s:g} mN/s: {len(readings_tn)} frames",
                 flush=True,
             )
+
     for name, said in (("continue", going), ("stop somewhere", stopping)):
         print(f"\nRamps that {name}:\n{table(said)}")
+
     if given.plot is not None:
         draw(given.plot, going, stopping)
 
@@ -97,12 +101,14 @@ def ramps(
     scale = PixelScale.of(reader.study.oct)
     drawn = draw_eye(("open", "sealed")[number % 2], number, reader.study, seed)
     known = declarations(drawn, reader, seed, rng)["declared"]
+
     for rate_mn_s in rates_mn_s:
         forces = ramp_forces(
             to_si(rate_mn_s, "mn_per_s"), min(LARGEST_N, largest_force_n(drawn)), rng
         )
         rows = []
         over = 0
+
         for place, frame in enumerate(
             stream(drawn, trajectory(*forces, reader.study, rng), rng, seed)
         ):
@@ -111,8 +117,10 @@ def ramps(
             if verdict.usable and verdict.force_n is not None and upper_n is not None:
                 rows.append((place * FRAME_S, verdict.force_n, upper_n))
                 over += upper_n >= LIMITS.bound_n + 1e-3
+
             if over > SMOOTH:
                 break
+
         yield rate_mn_s, np.array(rows).reshape(-1, 3)
 
 
@@ -124,6 +132,7 @@ def held(readings_tn: Floats, rng: np.random.Generator) -> Floats:
     after[:, 0] = readings_tn[last, 0] + np.median(
         np.diff(readings_tn[:, 0])
     ) * np.arange(1, len(after) + 1)
+
     return np.concatenate([readings_tn[: last + 1], after])
 
 
@@ -131,12 +140,14 @@ def predictions(readings_tn: Floats, rate_hz: int) -> Iterator[Said]:
     """Yield the prediction of each frame before the bound, as the monitor makes it, beside what came."""
     if len(readings_tn) < SMOOTH:
         return
+
     smooth_n = np.median(
         np.lib.stride_tricks.sliding_window_view(readings_tn[:, 2], SMOOTH), axis=1
     )
     reached = np.flatnonzero(smooth_n >= LIMITS.bound_n)
     at_s = float(readings_tn[reached[0] + SMOOTH // 2, 0]) if len(reached) else np.inf
     history = [(float(time_s), float(force_n)) for time_s, force_n, _ in readings_tn]
+
     for place, (now_s, force_n, upper_n) in enumerate(readings_tn):
         rise = rise_of(
             history[max(place + 1 - NOISE_WINDOWS * LIMITS.rate_frames, 0) : place + 1],
@@ -149,6 +160,7 @@ def predictions(readings_tn: Floats, rate_hz: int) -> Iterator[Said]:
             or rise.points[0][1] < LIMITS.contact_n
         ):
             continue
+
         found = time_to_bound(rise, force_n, upper_n, LIMITS.bound_n)
         early_s, late_s = (
             (HORIZON_S, None) if found is None else (found.early_s, found.late_s)
@@ -164,6 +176,7 @@ def chance(rise: Rise, share: float) -> float:
     over_n = (
         rise.now_n + rise.slope * WITHIN_S - LIMITS.bound_n * max(share, LEAST_SHARE)
     )
+
     return 0.5 * (
         1.0
         + erf(
@@ -182,6 +195,7 @@ def table(said: list[Said]) -> str:
         lines.append(
             f"| {low:.0%} to {high:.0%} | {count} | {predicted:.0%} | {came:.0%} |"
         )
+
     open_ended = [one for one in said if 0.01 < one.chance < 0.99]
     held_by = {
         rate: [one.inside for one in open_ended if one.rate_hz == rate]
@@ -190,6 +204,7 @@ def table(said: list[Said]) -> str:
     shares = [
         f"{rate} Hz {np.mean(inside):.0%}" for rate, inside in held_by.items() if inside
     ]
+
     return "\n".join(
         [
             *lines,
@@ -202,6 +217,7 @@ def reliability(said: list[Said]) -> Iterator[tuple[float, float, float, float, 
     """Yield the ends of each bin of chances, the mean chance, the share that came, and the number of frames."""
     chances = np.array([one.chance for one in said])
     came = np.array([one.came for one in said])
+
     for low, high in pairwise(BINS):
         inside = (chances >= low) & ((chances < high) | (high == 1.0))
         if inside.any():
@@ -221,12 +237,14 @@ def draw(path: Path, going: list[Said], stopping: list[Said]) -> None:
     figure = Figure(figsize=(4.6, 4.2), layout="constrained")
     axes = figure.subplots()
     axes.plot([0, 1], [0, 1], color="0.6", linewidth=1)
+
     for said, name, mark in (
         (going, "ramps that continue", "o-"),
         (stopping, "ramps that stop", "s--"),
     ):
         rows = list(reliability(said))
         axes.plot([row[2] for row in rows], [row[3] for row in rows], mark, label=name)
+
     axes.set(
         xlabel="predicted: bound within 200 ms",
         ylabel="share of frames for which it came",

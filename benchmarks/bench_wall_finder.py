@@ -74,6 +74,7 @@ def phantoms(count: int, study: Study) -> Iterator[Case]:
     """Yield phantom frames of a study's scanner, of spherical walls with dents of 0 to 3 mm, with their truth."""
     rng = np.random.default_rng(5)
     lateral = np.linspace(-8.5e-3, 8.5e-3, 800)
+
     for dent_m in np.linspace(0.0, 3e-3, count):
         depth = (
             12e-3
@@ -101,6 +102,7 @@ def print_dice(name: str, cases: Iterator[Case], finder: WallFinder) -> None:
     shares: dict[str, list[float]] = {"find_wall": [], "network": [], "together": []}
     errors: dict[str, list[tuple[float, float]]] = {"find_wall": [], "together": []}
     usable = []
+
     for frame, scale, true, judged in cases:
         classical = find_wall(frame, scale)
         checked = find_wall(frame, scale, finder=finder)
@@ -109,13 +111,18 @@ def print_dice(name: str, cases: Iterator[Case], finder: WallFinder) -> None:
             seen_mask(finder.find(frame), frame.shape),
             checked.mask > 0,
         )
+
         for key, mask in zip(shares, masks, strict=True):
             shares[key].append(dice(mask[:, judged], true[:, judged]))
+
         for key, wall in (("find_wall", classical), ("together", checked)):
             errors[key].append(row_errors(wall, true))
+
         usable.append(checked.usable)
+
     if not usable:
         return
+
     print_rows(name, shares, np.array(usable, dtype=np.bool_))
     for key, off in errors.items():
         outer, inner = np.nanmean(np.array(off), axis=0)
@@ -131,6 +138,7 @@ def row_errors(wall: Segmentation, true: NDArray[np.uint8]) -> tuple[float, floa
     """
     outer = true.argmax(axis=0) - 0.5
     inner = len(true) - 0.5 - true[::-1].argmax(axis=0)
+
     at = (
         true.any(axis=0)
         & np.isfinite(wall.outer_row)
@@ -139,6 +147,7 @@ def row_errors(wall: Segmentation, true: NDArray[np.uint8]) -> tuple[float, floa
     )
     if not at.any():
         return float("nan"), float("nan")
+
     return float(np.abs(wall.outer_row - outer)[at].mean()), float(
         np.abs(wall.inner_row - inner)[at].mean()
     )
@@ -155,6 +164,7 @@ def print_rows(
             print(
                 f"{name:10}{key:12}{len(found):8}{np.mean(found):8.3f}{middle:8.3f}{low:8.3f}{min(found):8.3f}"
             )
+
     classical, together = (np.array(shares[key]) for key in ("find_wall", "together"))
     for words, among in (
         ("both methods are right", (classical >= RIGHT) & (together >= RIGHT)),
@@ -182,13 +192,16 @@ def print_latency(finder: WallFinder, study: WallFinderStudy, readings: int) -> 
         "find_wall, checked": lambda: find_wall(frame, scale, finder=finder),
     }
     print(f"\n{'':22}{'least':>8}{'median':>8}{'CPU':>8}  ms")
+
     for name, part in parts.items():
         taken = []
         worked = process_time()
+
         for _ in range(readings):
             start = perf_counter()
             part()
             taken.append((perf_counter() - start) * 1e3)
+
         worked = (process_time() - worked) / readings * 1e3
         print(f"{name:22}{min(taken):8.2f}{np.median(taken):8.2f}{worked:8.2f}")
 
@@ -216,6 +229,7 @@ def write_drawn(path: Path, study: ScenesStudy, finder: WallFinder) -> None:
         )
         pictures = [draw_overlay(scene.frame, wall, CELL) for wall in walls]
         cells.append(np.hstack([*pictures, np.zeros((CELL[0], GAP, 3), np.uint8)]))
+
     rows = [np.hstack(cells[n : n + ACROSS]) for n in range(0, DRAWN, ACROSS)]
     sheet = np.vstack(
         [cv2.copyMakeBorder(row, 0, GAP, 0, 0, cv2.BORDER_CONSTANT) for row in rows]
@@ -253,6 +267,7 @@ def main() -> None:
     )
     print_dice("phantoms", phantoms(given.phantoms, given.study), finder)
     print_latency(finder, study.wall_finder, given.readings)
+
     if given.drawn:
         write_drawn(given.drawn, replace(study.scenes, seed=given.seed), finder)
 

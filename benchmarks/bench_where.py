@@ -58,6 +58,7 @@ def main() -> None:
     parser.add_argument("--needles", action="store_true")
     given = parser.parse_args()
     reader = sf.load_model("default")
+
     for group in given.groups:
         found = defaultdict[tuple[str, str], list[Seen]](list)
         for eye in draw_eyes(group, given.eyes, Study(), given.seed):
@@ -65,7 +66,9 @@ def main() -> None:
                 reader, eye, given.frames, given.seed, given.needles
             ):
                 found[name, gap].append(seen)
+
             print(f"{eye.name}: done", flush=True)
+
         print(f"\n{group}\n{table(found)}\n", flush=True)
 
 
@@ -76,6 +79,7 @@ def readings(
     rng = np.random.default_rng((seed, drawn.seed))
     if needles:
         drawn = with_needle(drawn, rng)
+
     computed = compute_eye(drawn)
     path = computed.bent[0]
     mesh = computed.bent[0].mesh
@@ -88,6 +92,7 @@ def readings(
     )
     scale = PixelScale.of(drawn.study.oct)
     known = stated(drawn, rng)
+
     for frame, section, force_n in zip(
         plan.frames, sections, plan.normal_n, strict=True
     ):
@@ -104,6 +109,7 @@ def readings(
             shaft.angle_rad if shaft else np.nan,
         )
         pixels = render_frame(frame, section, drawn.study).frame
+
         for gap in ("given", "not given"):
             answer = reader.read(
                 pixels, scale, known if gap == "given" else replace(known, gap_m=None)
@@ -122,6 +128,7 @@ def with_needle(drawn: FigureEye, rng: np.random.Generator) -> FigureEye:
         needle_lean_rad=fixed(0.0),
     )
     gap_m = rng.uniform(0.0, 0.8) * drawn.study.needle.outer_diameter_m / 2
+
     return replace(
         drawn,
         eye=replace(drawn.eye, gap_m=gap_m),
@@ -135,6 +142,7 @@ def stated(drawn: FigureEye, rng: np.random.Generator) -> Known:
     globe = drawn.study.globe
     off = {name: rng.normal(0.0, sd) for name, sd in KNOWN_ERRORS.items()}
     modulus_pa = eye.youngs_modulus_pa * (1.0 + off["modulus"])
+
     return Known(
         modulus=Modulus(
             mean_pa=modulus_pa,
@@ -164,6 +172,7 @@ def table(found: dict[tuple[str, str], list[Seen]]) -> str:
         ]
         if not known:
             continue
+
         unit: HumanUnit = "deg" if name.endswith("rad") else "mm"
         off = from_si(1.0, unit) * np.array(
             [place.value - true for true, place in known]
@@ -180,6 +189,7 @@ def table(found: dict[tuple[str, str], list[Seen]]) -> str:
         lines.append(
             f"| {name} | {gap} | {share:.0%} | {rms:.3f}, {most:.3f} {unit} | {half:.3f} {unit} | {held:.0%} |"
         )
+
     return "\n".join(lines)
 
 

@@ -65,6 +65,7 @@ def with_travel(
         + TRAVEL_SD_M * rng.standard_normal(len(made.tips_m))
     )
     by_file = dict(zip(made.files, gone_m.tolist(), strict=True))
+
     return replace(
         recording,
         frames=tuple(
@@ -98,6 +99,7 @@ def score(folder: FiguresFolder, eye: FigureEye, travel: bool) -> Score:
         and answer.interval_n[0] <= n <= answer.interval_n[1]
         for answer, n in read
     )
+
     return Score(
         off=float(np.log(one.mean_pa / eye.eye.youngs_modulus_pa)),
         sd=one.sd_pa / one.mean_pa,
@@ -125,6 +127,7 @@ def line(name: str, scores: list[Score]) -> str:
     within = int((np.abs(off) < 2.0 * sd).sum())
     force_mn = from_si(float(np.abs(errors).mean()), "mn")
     numbers = f"{rms:7.1f} {bias:+7.1f} {sure:7.1f} {within:5d} of {len(scores)}"
+
     return f"{name:24}{numbers} {force_mn:8.2f} {100 * right.mean():8.1f} {100 * held.mean():8.1f}"
 
 
@@ -134,6 +137,7 @@ def main(count: int, folder: FiguresFolder) -> None:
     for group in ("plain", "harder"):
         eyes = draw_eyes(group, count, Study(), SEED)
         failed = make_recordings(folder, eyes, 2, lambda _: None)
+
         for travel in (False, True):
             scores = list[Score]()
             for eye in eyes:
@@ -143,6 +147,7 @@ def main(count: int, folder: FiguresFolder) -> None:
                         f"  {eye.eye.id}: {scores[-1].off:+.3f} ± {scores[-1].sd:.3f}",
                         file=sys.stderr,
                     )
+
             print(line(f"{group}{', with travel' * travel}", scores), flush=True)
 
 

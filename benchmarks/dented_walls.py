@@ -31,6 +31,7 @@ def dented_wall(
         tangent, axis=1, keepdims=True
     )
     outer = np.stack([lateral, depth], axis=1)
+
     return Section(
         outer, outer + np.broadcast_to(thickness_m, lateral.shape)[:, None] * inward
     )

@@ -30,6 +30,7 @@ def surfaces(mesh: HexMesh, displacement_snc: Floats) -> Floats:
     depths_sn = np.array(
         [np.interp(SEEN_M, *curve[np.argsort(curve[:, 0])].T) for curve in near]
     )
+
     return np.asarray(
         depths_sn - depths_sn.mean(axis=1, keepdims=True), dtype=np.float64
     )

@@ -82,6 +82,7 @@ def draw_stiffness(axes: Axes) -> None:
             markersize=4,
             label=f"{thickness_mm:g} mm",
         )
+
     pressures = (
         pressure_ratio(1.0, 0.15e-3, RADIUS_M, NU) * TENSIONS
     )  # the same curve for every thickness
@@ -131,6 +132,7 @@ def draw_differences(axes: Axes) -> None:
                 sphere(ours.thickness_m, ours.radius_m, pressure, NEEDLE_M, NU),
             )
             found.append([100.0 * (ours.stiffness_m / value - 1.0) for value in closed])
+
         for values, (colour, marker) in zip(
             np.array(found).T, FORMS.values(), strict=True
         ):
@@ -142,6 +144,7 @@ def draw_differences(axes: Axes) -> None:
                 marker=marker,
                 markersize=3,
             )
+
     axes.axhspan(-2.0, 2.0, color=GREY, alpha=0.18, linewidth=0.0)
     axes.annotate("2 %", (0.79, -1.7), fontsize=6.5, color=BLACK, ha="right")
     axes.set_xlabel("thickness [mm], middle radius 12 mm")
@@ -167,12 +170,14 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=IMAGE, help="the picture")
     given = parser.parse_args()
     print("t mm; stiffness over E at tension 0, um: point, ours")
+
     for thickness_mm in THICKNESSES_MM:
         thickness_m = 1e-3 * thickness_mm
         ours = pressed(thickness_m, 0.0).stiffness_m
         print(
             f"  {thickness_mm:g} {1e6 * point(thickness_m, RADIUS_M, 0.0, NU):.3f} {1e6 * ours:.3f}"
         )
+
     write_figure(draw(), given.out)
 
 

@@ -98,6 +98,7 @@ def frame_of(eye: ComputedEye, force_n: float, number: int) -> Frame:
         depth_m=draw(phantom.surface_depth_m, rng),
     )
     (section,) = eye.sections_at([force_n])
+
     return render_bscan(pose.place(section), eye.study.oct, optics, rng).frame
 
 
@@ -117,6 +118,7 @@ def tellings(sealed: ComputedEye, reader: ForceReader) -> dict[str, Known]:
         for number, force_n in enumerate(CALIBRATION_N, start=1)
     ]
     modulus = Modulus.stated(EYE.youngs_modulus_pa)
+
     return {
         DECLARED: calibrated(replace(stated, globe=SEALED), labelled, reader),
         UNDECLARED: known_of_constants(stated, modulus),
@@ -130,6 +132,7 @@ def read_frames(sealed: ComputedEye, reader: ForceReader, count: int) -> list[Se
     scale = PixelScale.of(reader.study.oct)
     known = tellings(sealed, reader)
     seen = []
+
     for number, (force_n, dent_m) in enumerate(
         zip(forces_n, sealed.tips_m(forces_n), strict=True)
     ):
@@ -138,6 +141,7 @@ def read_frames(sealed: ComputedEye, reader: ForceReader, count: int) -> list[Se
             name: reader.read(frame, scale, told) for name, told in known.items()
         }
         seen.append(Seen(force_n, dent_m, answers))
+
     return seen
 
 
@@ -146,6 +150,7 @@ def draw_eye(opened: ComputedEye, sealed: ComputedEye, seen: list[Seen]) -> Figu
     """Draw force against dent of both globes, and beside them the readings with and without a declared globe."""
     figure = Figure(figsize=inches(170, 88))
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
+
     for axes, names, title in (
         (left, [DECLARED], "Declared sealed"),
         (
@@ -157,8 +162,10 @@ def draw_eye(opened: ComputedEye, sealed: ComputedEye, seen: list[Seen]) -> Figu
         draw_curves(axes, opened, sealed)
         for name in names:
             draw_readings(axes, seen, name)
+
         axes.set_title(title)
         axes.set_xlabel("dent [mm]")
+
     dents_mm = [from_si(dent_m, "mm") for dent_m in sealed.tips_m(CALIBRATION_N)]
     left.plot(
         dents_mm,
@@ -167,8 +174,10 @@ def draw_eye(opened: ComputedEye, sealed: ComputedEye, seen: list[Seen]) -> Figu
         zorder=5,
         **OF_KNOWN_FORCE,
     )
+
     for axes in (left, right):
         axes.legend(loc="upper left", fontsize=6.5)
+
     left.set_ylabel("force [mN]")
     left.set_xlim(0.0, DEEPEST_MM)
     left.set_ylim(0.0, 1.25 * LARGEST_MN)
@@ -190,6 +199,7 @@ def draw_curves(axes: Axes, opened: ComputedEye, sealed: ComputedEye) -> None:
             ha="right",
             **TEXT,
         )
+
     for eye, dashes, label in ((opened, "--", "open"), (sealed, "-", "  sealed")):
         forces_n = np.linspace(0.0, eye.largest_n, 120).tolist()
         dents_mm = np.array([from_si(dent_m, "mm") for dent_m in eye.tips_m(forces_n)])
@@ -255,11 +265,13 @@ def main() -> None:
     sealed = computed(reader.study, GlobeStudy("sealed", RIGIDITY))
     seen = read_frames(sealed, reader, given.frames)
     print("force, dent; what is read with its 90 % interval, mN: " + "; ".join(LOOKS))
+
     for one in seen:
         print(
             f"{from_si(one.force_n, 'mn'):5.1f} mN {from_si(one.dent_m, 'mm'):.2f} mm"
             + "".join(f"  {words(one.answers[name])}" for name in LOOKS)
         )
+
     write_figure(draw_eye(opened, sealed, seen), given.out)
 
 

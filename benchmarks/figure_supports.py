@@ -48,6 +48,7 @@ def sections(given: Study, kind: str) -> tuple[list[Section], list[float]]:
     states_fnc = np.stack([bent.displacement_nc(1e-3 * force) for force in FORCES_MN])
     plane = ScanPlane(contact, gap_m=study.needle.gap_m)
     cut = cut_sections(bent.mesh, [plane], states_fnc, np.eye(len(FORCES_MN))[None])[0]
+
     return cut, [1e3 * bent.tip_m(1e-3 * force) for force in FORCES_MN]
 
 
@@ -65,9 +66,11 @@ def draw(found: dict[str, list[Section]]) -> Figure:
     """Draw the sections, and how far each lies below that with the clamped base."""
     figure = Figure(figsize=inches(170, 105))
     grid = figure.subplots(2, len(FORCES_MN), sharex=True, sharey="row")
+
     for column, force in enumerate(FORCES_MN):
         above, below = grid[:, column]
         reference_mm = depths_mm(found["clamped"][column])
+
         for kind, (colour, dashes) in KINDS.items():
             draw_section(above, found[kind][column], colour, dashes)
             below_um = 1e3 * (depths_mm(found[kind][column]) - reference_mm)
@@ -79,9 +82,11 @@ def draw(found: dict[str, list[Section]]) -> Figure:
                 linewidth=1.0,
                 label=kind,
             )
+
         above.set_title(f"{force:g} mN")
         above.set_xlim(-6.5, 6.5)
         below.set_xlabel("lateral [mm]")
+
     grid[0, 0].set_ylim(4.5, -0.4)
     grid[0, 0].set_ylabel("depth [mm]")
     grid[1, 0].set_ylabel("deeper than clamped [µm]")
@@ -93,6 +98,7 @@ def draw(found: dict[str, list[Section]]) -> Figure:
         frameon=False,
     )
     figure.set_layout_engine("constrained")
+
     return figure
 
 
@@ -115,6 +121,7 @@ def main() -> None:
     print(
         f"tip [mm] at {', '.join(f'{force:g}' for force in FORCES_MN[1:])} mN; whole section deeper than clamped [um]"
     )
+
     for kind in KINDS:
         found[kind], tips_mm = sections(study, kind)
         shifts = [
@@ -128,6 +135,7 @@ def main() -> None:
             + "".join(f"{shift:8.1f}" for shift in shifts),
             flush=True,
         )
+
     given.out.parent.mkdir(exist_ok=True)
     draw(found).savefig(given.out, dpi=150)
 

@@ -35,6 +35,7 @@ def virtual_sections(
         np.array([[eye.iop_pa, weight, force] for force in forces_n])
         / eye.youngs_modulus_pa
     )
+
     return cut_sections(wall.mesh, [eye.plane], modes, loads[None])[0]
 
 
@@ -62,6 +63,7 @@ def ideal_boundaries(
     step_m = oct_study.width_m / oct_study.columns
     lateral_m = (np.arange(oct_study.columns) + 0.5 - oct_study.columns / 2) * step_m
     depths: list[Array] = []
+
     for curve, smoothing in ((placed.outer, smoothing_m), (placed.inner, 0.0)):
         ahead = np.concatenate(
             [[True], curve[1:, 0] > np.maximum.accumulate(curve[:, 0])[:-1]]
@@ -69,15 +71,18 @@ def ideal_boundaries(
         depth = np.interp(
             lateral_m, curve[ahead, 0], curve[ahead, 1], left=np.nan, right=np.nan
         )
+
         if smoothing > 0:
             known = np.isfinite(depth)
             depth[known] = gaussian_filter1d(depth[known], smoothing / step_m)
+
         noise = gaussian_filter1d(rng.standard_normal(len(depth)), correlation_columns)
         depth = depth + noise_m * noise / noise.std() * np.sqrt(
             1 + np.gradient(depth, step_m) ** 2
         )
         seen = (depth > 0) & (depth < oct_study.depth_m)
         depths.append(np.where(seen, depth, np.nan).astype(np.float64))
+
     return Boundaries(
         lateral_m.astype(np.float64),
         np.stack(depths),

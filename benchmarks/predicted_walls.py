@@ -70,4 +70,5 @@ def _predicted(
     borne_n = predict(
         tables, law, places, walls.gap_m, walls.thickness_m, unknown, shown, section
     )
+
     return shown, section, borne_n

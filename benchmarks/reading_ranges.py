@@ -34,6 +34,7 @@ def boxed(text: str) -> str:
         raise ValueError(
             f"{README}: the marks {BEGIN.strip()} and {END.strip()} are not there"
         )
+
     return before + box() + after
 
 

@@ -32,4 +32,5 @@ def gaussian_load(
     weights = (load_qp @ values_pn).ravel() / load_qp.sum()
     nodal_n = np.bincount(mesh.outer_qn.ravel(), weights, minlength=len(mesh.points_nc))
     load_nc: NDArray[np.float64] = -nodal_n[:, None] * contact.normal
+
     return load_nc

@@ -78,6 +78,7 @@ def reference_path(
     needle = Needle(
         _nodal_gaussian(mesh, contact), tip_at(mesh, contact, -contact.normal)
     )
+
     return wall.load_path(
         needle,
         youngs_modulus_pa=youngs_modulus_pa,
@@ -96,6 +97,7 @@ def _voronoi_pressure(mesh: HexMesh) -> Floats:
     load[inner] = (
         SphericalVoronoi(directions).calculate_areas()[:, None] * radius**2 * directions
     )
+
     return load
 
 

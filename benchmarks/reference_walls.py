@@ -43,6 +43,7 @@ def _twenty_node_mesh(mesh: HexMesh) -> HexMesh:
     renumber = np.full(len(mesh.points_nc), -1)
     renumber[used] = np.arange(len(used))
     base = renumber[mesh.base_nodes]
+
     return replace(
         mesh,
         points_nc=mesh.points_nc[used],
@@ -64,6 +65,7 @@ def stiffness_matrix(mesh: HexMesh, element_eiajb: NDArray[np.floating[Any]]) ->
         np.tile(unknown_eN, (1, size)).ravel(),
     )
     entries = element_eiajb.astype(np.float64).ravel()
+
     return coo_array(
         (entries, places), shape=(mesh.points_nc.size, mesh.points_nc.size)
     ).tocsr()
@@ -118,11 +120,13 @@ def polar_path(
     even = path_to(0.5 * np.pi)
     if polar_rad == 0.0:
         return even
+
     around = np.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
     forces = [
         path_to(float(angle)).force_ratio_m2 for angle in base_angle(polar_rad, around)
     ]
     stiffer = SHARE * (np.mean(forces, axis=0) - even.force_ratio_m2)
+
     return replace(even, force_ratio_m2=even.force_ratio_m2 + stiffer)
 
 
@@ -152,6 +156,7 @@ def shift_in_plane(
     away = np.sum(field_mbnc[..., 0] * cosine, axis=0)
     depth = np.sum(field_mbnc[..., 2] * cosine, axis=0)
     around = np.sum(field_mbnc[..., 1] * sine, axis=0)
+
     return np.stack(
         [away * np.cos(inside_bn) - around * np.sin(inside_bn), depth], axis=-1
     )

@@ -33,10 +33,12 @@ def trace_page(stated: Path = STATED) -> str:
     for requirement in tomllib.loads(stated.read_text(encoding="utf-8"))["requirement"]:
         if not requirement["tests"]:
             raise ValueError(f"{requirement['id']}: no test")
+
         lines = [f"- {_line(name)}" for name in requirement["tests"]]
         parts.append(
             "\n".join([f"## {requirement['id']}", requirement["text"], "", *lines, ""])
         )
+
     return "\n".join(parts)
 
 
@@ -48,6 +50,7 @@ def _line(name: str) -> str:
         raise ValueError(
             f"{name}: there is no such test; it was renamed or removed: mend docs/requirements.toml"
         )
+
     return f"`{name}`{' *(slow)*' if found[function] else ''}"
 
 
@@ -56,6 +59,7 @@ def _tests(file: str) -> dict[str, bool]:
     """Return the tests of a file, and whether each is slow as a whole."""
     if not (ROOT / file).is_file():
         return {}
+
     body = ast.parse((ROOT / file).read_text(encoding="utf-8")).body
     whole = [ast.unparse(node) for node in body if isinstance(node, ast.Assign)]
     slow = any(line.startswith("pytestmark") and "slow" in line for line in whole)

@@ -39,7 +39,9 @@ def crc_table() -> list[int]:
         for _ in range(8):
             crc = (crc << 1) ^ (0x42F0E1EBA9EA3693 if crc >> 63 else 0)
             crc &= 0xFFFFFFFFFFFFFFFF
+
         table.append(crc)
+
     return table
 
 
@@ -61,14 +63,18 @@ def receive(link: socket.socket, count: int, until_s: float) -> bytes:
         left_s = until_s - time.monotonic()
         if left_s <= 0:
             raise DoubtError("no STATUS for 150 ms")
+
         link.settimeout(left_s)
         try:
             piece = link.recv(count - len(data))
         except TimeoutError:
             raise DoubtError("no STATUS for 150 ms") from None
+
         if not piece:
             raise DoubtError("the monitor has closed the connection")
+
         data += piece
+
     return data
 
 
@@ -82,6 +88,7 @@ def next_status(link: socket.socket, until_s: float) -> tuple[int, int, str, flo
             raise DoubtError(f"a header of version {version}")
         if size > MAX_BODY_BYTES:
             raise DoubtError(f"a body of {size} bytes")
+
         body = receive(link, size, until_s)
         if crc64(body) != crc:
             raise DoubtError("a checksum is wrong")
@@ -89,6 +96,7 @@ def next_status(link: socket.socket, until_s: float) -> tuple[int, int, str, flo
             continue
         if size < STATUS.size:
             raise DoubtError(f"a STATUS of {size} bytes")
+
         code, sub_code, _ = STATUS.unpack_from(body)
         return (
             code,
@@ -110,13 +118,16 @@ def watch(host: str, port: int, tell: Callable[[bool, str], None]) -> None:
             heard_s = time.monotonic()
             least_s = float("inf")
             until_s = heard_s + SILENCE_S
+
             while True:
                 code, sub_code, message, said_s = next_status(link, until_s)
                 before_s = heard_s
                 heard_s = time.monotonic()
+
                 least_s = min(least_s + DRIFT * (heard_s - before_s), heard_s - said_s)
                 if code == OK and heard_s - said_s > least_s + OLD_S:
                     continue  # it has waited somewhere: what is true now may be a withdrawal
+
                 until_s = heard_s + SILENCE_S  # only a STATUS counts, no other message
                 if (code, sub_code) != told:
                     told = code, sub_code

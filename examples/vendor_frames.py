@@ -55,6 +55,7 @@ def volumes_of(
             else "states its size; leave --rows out"
         )
         raise ScanError(f"{path}: {given}")
+
     said = io.StringIO()
     try:
         with contextlib.redirect_stdout(said), warnings.catch_warnings():
@@ -68,10 +69,12 @@ def volumes_of(
         raise ScanError(
             f"{path}: {type(fault).__name__}: {' '.join(str(fault).split())}"
         ) from fault
+
     if (
         "Stopping load" in said.getvalue()
     ):  # of a Bioptigen file: the frames from here on are whatever was in memory
         raise ScanError(f"{path}: damaged: {' '.join(said.getvalue().split())}")
+
     stacks = [
         (_stack(path, volume.volume), _depth_mm(name, volume))
         for volume in found
@@ -83,6 +86,7 @@ def volumes_of(
         return [
             (np.concatenate([stack for stack, _ in stacks]).transpose(0, 2, 1), None)
         ]
+
     return stacks
 
 
@@ -95,6 +99,7 @@ def _read(name: str, path: Path, size: tuple[int, int] | None) -> list[Any]:
         if size is None
         else reader.read_oct_volume(rows=size[0], cols=size[1])
     )
+
     return found if isinstance(found, list) else [found]
 
 
@@ -106,6 +111,7 @@ def _stack(path: Path, frames: Any) -> np.ndarray:
         raise ScanError(
             f"{path}: frames of {sorted({picture.shape for picture in pictures})}; one size is needed"
         )
+
     return np.stack(pictures)
 
 
@@ -128,9 +134,11 @@ def main(arguments: list[str]) -> int:
     )
     parser.add_argument("--rows", type=int, help="rows of a frame in a .img")
     parser.add_argument("--columns", type=int, help="columns of a frame in a .img")
+
     told = parser.parse_args(arguments)
     if (told.rows is None) != (told.columns is None):
         parser.error("--rows and --columns belong together")
+
     try:
         volumes = volumes_of(
             told.source, None if told.rows is None else (told.rows, told.columns)
@@ -139,6 +147,7 @@ def main(arguments: list[str]) -> int:
     except (ScanError, OSError) as fault:
         print(f"error: {fault}", file=sys.stderr)
         return 2
+
     for nth, (volume, depth_mm) in enumerate(volumes, start=1):
         out = told.out / f"{told.source.stem}-{nth}.npy"
         np.save(out, volume)
@@ -146,10 +155,12 @@ def main(arguments: list[str]) -> int:
         print(
             f"wrote {out}: {frames} frames of {rows} x {columns} (depth x lateral), {volume.dtype}"
         )
+
         if depth_mm is not None:
             print(
                 f"  said of the depth: {depth_mm:.5g} mm a row, {depth_mm * rows:.4g} mm in all; check it"
             )
+
     return 0
 
 

@@ -195,6 +195,7 @@ def imported(path: Path) -> frozenset[str]:
             names |= {node.module or ""} | {
                 f"{node.module}.{alias.name}" for alias in node.names
             }
+
     return frozenset(names)
 
 
@@ -237,6 +238,7 @@ def check_that_it_is_pure(path: Path) -> None:
     )
     files = (roots | imported(path)) & FILE_MODULES
     assert not files, f"{dotted(path)} imports {files}"
+
     for node in syntax_nodes(path):
         if isinstance(node, ast.Call):
             called = ast.unparse(node.func)
@@ -251,6 +253,7 @@ def check_that_it_is_pure(path: Path) -> None:
             assert not drawn or drawn[1] in {"default_rng", "SeedSequence"}, (
                 f"{dotted(path)}:{node.lineno}: {called}"
             )
+
         if isinstance(node, ast.Attribute):
             assert ast.unparse(node) not in {"os.environ", "os.getenv"}, (
                 f"{dotted(path)}:{node.lineno}: environment"
@@ -320,6 +323,7 @@ def test_commands_import_only_packages_that_they_use(tmp_path: Path) -> None:
         "meshio",
         "pandas",
     }
+
     for command, others in (
         ("--help", {"numba", "numpy", "cv2", "torch", "matplotlib"}),
         (f"init {folder}", {"numba"}),
@@ -399,8 +403,10 @@ def test_the_page_type_checkers_python_and_dir_have_the_same_names() -> None:
         for alias in node.names
     }
     assert sorted(typed) == sorted(PUBLIC)
+
     for name, module in typed.items():
         assert getattr(scleraforce, name) is getattr(import_module(module), name)
+
     assert (ROOT / "py.typed").exists()
     packages = {path.stem for path in ROOT.iterdir()}
     assert not packages & set(PUBLIC), (
@@ -421,6 +427,7 @@ def test_every_public_name_has_an_example_and_takes_numbers_by_name() -> None:
         text = inspect.getdoc(function) or ""
         assert ">>> import scleraforce as sf" in text, name
         assert f"sf.{name}" in text, name
+
         for argument in (
             inspect.signature(function).parameters.values()
             if inspect.isfunction(function)
@@ -448,8 +455,10 @@ def test_a_key_that_a_call_does_not_use_is_refused_by_name(tmp_path: Path) -> No
     ):
         with pytest.raises(StudyError, match=r"(globe|supports)\.kind: not used by `"):
             call()
+
     with pytest.raises(InputError, match="search"):
         scleraforce.train(analytic_library(), tmp_path / "out", search=True)
+
     assert not list(tmp_path.iterdir())
 
 
@@ -478,5 +487,6 @@ def test_a_path_that_is_a_string_and_does_not_exist_is_one_clear_line(
             with pytest.raises(InputError, match="nothing") as fault:
                 read(path)  # type: ignore[operator]  # of various types
             faults.append(str(fault.value))
+
         assert faults[0] == faults[1], read
         assert "\n" not in faults[0], read

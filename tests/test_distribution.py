@@ -41,6 +41,7 @@ def run(
         check=False,
     )
     assert done.returncode == 0, done.stderr
+
     return done.stdout.strip()
 
 
@@ -49,13 +50,16 @@ def built(source: Path, out: Path) -> Path:
     pytest.importorskip("build")
     source.mkdir()
     before = os.umask(0o022)
+
     try:
         left_out = shutil.ignore_patterns("__pycache__", "*.egg-info")
         shutil.copytree(
             ROOT / "src", source / "src", copy_function=shutil.copyfile, ignore=left_out
         )
+
         for name in ("pyproject.toml", "README.md", "LICENSE"):
             shutil.copyfile(ROOT / name, source / name)
+
         environment = os.environ | {"SOURCE_DATE_EPOCH": "1700000000"}
         words = [
             "-m",
@@ -71,6 +75,7 @@ def built(source: Path, out: Path) -> Path:
         )
     finally:
         os.umask(before)
+
     (wheel,) = out.glob("*.whl")
     return wheel
 
@@ -125,10 +130,12 @@ def test_two_commands_in_a_clean_environment_answer_a_first_frame(
         wheel,
     )
     cv2.imwrite(str(tmp_path / "1.png"), image(wall_section(tip_of(0.020))))
+
     for line in ("read default 1.png --width-mm 15 --depth-mm 4", "init study"):
         run(
             clean / "scleraforce", *line.split(), cwd=tmp_path, env=fresh_home(tmp_path)
         )
+
     assert (tmp_path / "study" / "study.toml").exists()
     assert f"-{run(clean / 'scleraforce', '--version').split()[-1]}-" in wheel.name
 
@@ -210,6 +217,7 @@ def make_channel(channel: Path, folder: Path) -> None:
     (site / "this.pth").write_text(f"{Path(pytest.__file__).parents[1]}\n")
     (folder / "empty").mkdir()
     (folder / "empty" / "nothing").touch()
+
     for line in {*RECIPE["requirements"]["host"], *RECIPE["requirements"]["run"]}:
         name, _, bound = line.partition(" >=")
         files = folder / ("python" if name == "python" else "empty")
@@ -264,14 +272,17 @@ def test_no_locked_package_wants_a_newer_python_than_ours() -> None:
     ]
     oldest = wanted.removeprefix(">=") + ".0"
     judged = []
+
     for line in (ROOT / "requirements.lock").read_text().splitlines():
         name, _, version = line.partition("==")
         try:
             found = distribution(name) if version else None
         except PackageNotFoundError:  # an extra that is not installed here
             continue
+
         if found is not None and found.version.partition("+")[0] == version:
             judged.append((name, found.metadata.get("Requires-Python") or ""))
+
     assert len(judged) > 50
     assert [one for one in judged if not SpecifierSet(one[1]).contains(oldest)] == []
 
@@ -322,12 +333,14 @@ def licence_of(found: Distribution) -> str:
     stated = found.metadata
     if expression := stated.get("License-Expression"):
         return expression
+
     classifiers = [
         line.split(" :: ")[-1]
         for line in stated.get_all("Classifier") or ()
         if line.startswith("License")
     ]
     named = [name for name in classifiers if name != "OSI Approved"]
+
     return " AND ".join(named) or IN_WORDS.get(
         stated.get("License", ""), stated.get("License", "")
     )
@@ -351,12 +364,14 @@ def brought_along() -> dict[str, Distribution]:
     )
     waiting = [("scleraforce", frozenset(extras))]
     seen = set(waiting)
+
     while waiting:
         name, wanted = waiting.pop()
         try:
             one = distribution(name)
         except PackageNotFoundError:
             continue
+
         found[canonicalize_name(name)] = one
         for line in one.requires or ():
             needed = Requirement(line)
@@ -364,10 +379,12 @@ def brought_along() -> dict[str, Distribution]:
                 needed.marker.evaluate({"extra": extra}) for extra in {"", *wanted}
             ):
                 continue
+
             entry = (canonicalize_name(needed.name), frozenset(needed.extras))
             if entry not in seen and not NVIDIA.match(entry[0]):
                 seen.add(entry)
                 waiting.append(entry)
+
     return found
 
 
@@ -443,6 +460,7 @@ def test_the_page_has_each_script_with_its_own_words_and_picture() -> None:
         script.stem for script in SCRIPTS
     ]
     assert len(SCRIPTS) == 10
+
     for script in SCRIPTS:
         title, _, words = (
             ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or ""

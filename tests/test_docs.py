@@ -106,6 +106,7 @@ def pages_with_commands() -> list[object]:
             for name in COMMANDS
             if f"scleraforce {name}" in command
         }
+
         if shown:
             long = pytest.mark.first if page.name == "README.md" else pytest.mark.long
             marks = [
@@ -113,6 +114,7 @@ def pages_with_commands() -> list[object]:
                 *[long] * bool(used & LONG_COMMANDS),
             ]
             found.append(pytest.param(page, id=name_of(page), marks=marks))
+
     return found
 
 
@@ -134,9 +136,11 @@ def test_the_commands_of_a_page_run_and_print_what_it_shows(
     environment = os.environ | {"PATH": path, "COLUMNS": "80"}
     (tmp_path / "docs").symlink_to(ROOT / "docs")
     checker = doctest.OutputChecker()
+
     for command, output in examples(page):
         if command.startswith("make "):
             continue
+
         given = {"cwd": tmp_path, "env": environment, "timeout": 600.0}
         done = subprocess.run(
             ["bash", "-c", command],
@@ -148,15 +152,19 @@ def test_the_commands_of_a_page_run_and_print_what_it_shows(
         assert done.returncode == 0, (
             f"{page.name}: $ {command}\n{done.stdout}{done.stderr}"
         )
+
         if output:
             flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
             assert checker.check_output(output + "\n", done.stdout, flags), (
                 f"{page.name}: $ {command}\nprinted:\n{done.stdout}\nthe page shows:\n{output}"
             )
+
     if page.name != "README.md":
         return
+
     monkeypatch.chdir(tmp_path)
     run_python(page)
+
     if (ROOT / ".git").exists():
         assert [
             path.name
@@ -178,6 +186,7 @@ def test_every_make_target_link_language_and_toml_of_a_page_exists() -> None:
             if "://" not in link and not (page.parent / link).exists()
         ]
         assert not missing, f"{page.name} links to {missing}, which do not exist"
+
         if page in PAGES:
             called = {
                 command.split()[1]
@@ -187,6 +196,7 @@ def test_every_make_target_link_language_and_toml_of_a_page_exists() -> None:
             assert called <= targets, page
             unknown = {name for name, _ in FENCE.findall(text)} - LANGUAGES
             assert not unknown, f"{page}: blocks in {unknown}"
+
             for body in blocks(page, "toml"):
                 tomllib.loads(body)
 
@@ -315,6 +325,7 @@ def test_every_module_that_a_text_names_exists() -> None:
             if not any((folder / name).is_file() for folder in FOLDERS)
         ]:
             missing[str(path.relative_to(ROOT))] = found
+
     assert not missing, f"named, but missing: {missing}"
 
 
@@ -332,6 +343,7 @@ def figures() -> dict[str, dict[str, dict[str, str]]]:
     found: dict[str, dict[str, dict[str, str]]] = {}
     rows = {}
     head = []
+
     for line in (ROOT / "docs" / "figures.md").read_text(encoding="utf-8").splitlines():
         if title := re.fullmatch(r"\*\*(.+)\*\*", line):
             rows = found.setdefault(title[1], {})
@@ -348,6 +360,7 @@ def figures() -> dict[str, dict[str, dict[str, str]]]:
                     strict=False,
                 )
             )
+
     return found
 
 
@@ -361,6 +374,7 @@ def test_the_readme_quotes_the_figures_of_the_page() -> None:
         if len(row) == 6 and row[0].split(":")[0] in fit
     }
     assert len(quoted) >= 3
+
     for group, (right, error, held, harmless, papers) in quoted.items():
         stated = [
             right.removesuffix(" %"),
@@ -429,6 +443,7 @@ def test_the_trace_is_of_todays_tests_and_a_requirement_without_one_is_found(
         '["tests/nowhere.py::test_the_table_is_total"]': absent,
         "[]": "R1: no test",
     }
+
     for tests, fault in faults.items():
         stated.write_text(
             f'[[requirement]]\nid = "R1"\ntext = "..."\ntests = {tests}\n'

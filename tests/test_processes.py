@@ -153,6 +153,7 @@ def test_no_module_of_the_current_folder_runs_in_a_worker(tmp_path: Path) -> Non
         (tmp_path / "here" / f"{name}.py").write_text(
             f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\n"
         )
+
     program = tmp_path / "program.py"
     program.write_text(PROGRAM)
     safe = {
@@ -223,10 +224,13 @@ def test_a_failure_on_a_cluster_reaches_the_caller(
     workers = cluster_workers(cluster.address)
     with pytest.raises(InputError, match="this eye is too small"):
         list(work_units(no_preparation, range(3), workers))
+
     with pytest.raises(InputError, match="this eye is too small"):
         list(work_in_order(no_preparation, range(3), workers, ahead=2))
+
     with pytest.raises(SolverError, match="die one after the other"):
         list(work_units(tasks.ends_its_process, [7], workers))
+
     monkeypatch.setattr(scleraforce, "__version__", "0.0.1")
     with pytest.raises(
         InputError, match=r"a worker has scleraforce \d.*, this process 0\.0\.1"
@@ -241,10 +245,12 @@ def test_work_waits_for_workers_and_outlives_one(mortal: Cluster) -> None:
     victim = mortal.worker()
     _ = mortal.worker()
     results = []
+
     for result in work_in_order(SLOW, range(60), workers, ahead=20):
         results.append(result)
         if len(results) == 5:
             victim.send_signal(signal.SIGKILL)
+
     assert results == [3 * unit for unit in range(60)]
     assert victim.wait() == -signal.SIGKILL
 
@@ -317,6 +323,7 @@ def call(folder: Path, *words: str) -> tuple[list[str], list[str], str]:
         check=True,
     )
     found, imported = json.loads(done.stdout)
+
     return found, imported, done.stderr.decode()
 
 
@@ -339,6 +346,8 @@ def test_machine_code_is_compiled_once_and_anew_if_its_file_is_broken_or_more_is
     assert call(copy, "late") == (after_loading, [], "")
     codes = list((tmp_path / "cache").rglob("*.nbc"))
     assert codes
+
     for code in codes:
         code.write_bytes(code.read_bytes()[:100])
+
     assert call(tmp_path)[0] == compiled

@@ -40,6 +40,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
         check=False,
     )
     assert done.returncode == 0, done.stderr
+
     return folder
 
 
@@ -74,6 +75,7 @@ def test_the_reference_has_every_public_function_and_every_command(site: Path) -
     functions = (site / "reference" / "functions.html").read_text(encoding="utf-8")
     for name in set(scleraforce.__all__) - {"__version__"}:
         assert f'id="scleraforce.{name}"' in functions, name
+
     commands = (site / "reference" / "commands.html").read_text(encoding="utf-8")
     assert [
         name for name in COMMANDS if f'id="scleraforce-{name}"' not in commands
@@ -94,6 +96,7 @@ def test_the_notebooks_run_and_their_pages_show_what_they_print_and_draw(
         "simulate_and_plot": ["SimulatedEye: 50.0 mN"],
     }
     assert [path.stem for path in NOTEBOOKS] == list(printed)
+
     for path in NOTEBOOKS:
         cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
         assert not any(
@@ -150,11 +153,13 @@ def test_a_query_finds_its_page_with_an_excerpt_without_a_network(
         "links => links.map((link) => link.getAttribute('href'))"
     )
     assert any(page in link for link in links), links
+
     if page.endswith(".html"):
         opened.wait_for_selector("ul.search li p.context")
         assert query.split()[0] in "".join(
             opened.locator("ul.search li p.context").all_inner_texts()
         )
+
     opened.close()
 
 
@@ -165,9 +170,11 @@ def test_no_page_is_wider_than_the_screen_and_the_banner_is_whole(
 ) -> None:
     opened = offline.new_page()
     opened.set_viewport_size({"width": width, "height": 900})
+
     for page in PAGES:
         opened.goto((site / page).as_uri())
         wide = "document.documentElement.scrollWidth > window.innerWidth"
         cut = "(e => e.scrollWidth > e.clientWidth)(document.querySelector('.announcement-content'))"
         assert opened.evaluate(f"[{wide}, {cut}]") == [False, False], page
+
     opened.close()

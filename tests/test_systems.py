@@ -116,6 +116,7 @@ def used(path: Path) -> set[str]:
             )
         elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
             found |= {node.attr} & LINUX.get(node.value.id, set())
+
     return found
 
 
@@ -175,6 +176,7 @@ def test_commands_run_without_functions_of_linux(
         "replay": (session, "--port", 1),
     }[command]
     done = elsewhere(command, *words)
+
     if command == "replay":  # there is no monitor to play to
         assert done.stderr.startswith("error: 127.0.0.1:1: "), done.stderr
     else:
@@ -245,6 +247,7 @@ def test_no_command_speaks_to_another_host_or_writes_outside_its_outputs(
         ("evaluate", reader, "eye", "--html", "page.html"),
         ("monitor", reader, "--port", "0", "--web-port", "0"),
     ]
+
     for command in commands:
         monitor = command[0] == "monitor"
         done = traced(
@@ -263,6 +266,7 @@ def test_no_command_speaks_to_another_host_or_writes_outside_its_outputs(
             str(file) for file in done.written if not file.is_relative_to(tmp_path)
         ]
         assert [name for name in outside if not name.startswith(DEVICES)] == [], command
+
     home = tmp_path / "home"
     kept = {file.relative_to(home) for file in home.rglob("*") if file.is_file()}
     assert [

@@ -32,6 +32,7 @@ def test_a_pipe_a_folder_and_a_device_are_refused_without_waiting(
 ) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "endless").symlink_to("/dev/zero")
+
     for name, noun in (
         ("pipe", "a named pipe"),
         ("endless", "a device"),
@@ -47,11 +48,13 @@ def test_a_file_that_is_larger_than_its_kind_is_refused_before_it_is_read(
     path = tmp_path / "study.toml"
     with path.open("wb") as file:
         file.truncate(2**40)  # a sparse file: 1 TiB that nobody could hold
+
     with pytest.raises(
         StudyError,
         match=r"study\.toml: more than 1 MiB, which is more than a study file may have",
     ):
         read_bytes(path, STUDY)
+
     assert read_bytes(_file(path, b"x" * 8), replace(STUDY, max_bytes=8)) == b"x" * 8
 
 
@@ -98,6 +101,7 @@ def test_what_is_interrupted_leaves_nothing_and_the_old_file_stays(
     for whole in (renamed_when_whole, folder_when_whole):
         with pytest.raises(KeyboardInterrupt):
             interrupted(whole)
+
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -111,6 +115,7 @@ def test_links_beside_a_file_are_not_followed_when_it_is_written(
         f".a.txt.{os.getpid()}.part",
     ):  # names that could be foreseen
         (tmp_path / name).symlink_to(victim)
+
     write_whole("new", tmp_path / "a.txt")
     assert (victim.read_bytes(), (tmp_path / "a.txt").read_text()) == (b"mine", "new")
     assert not (tmp_path / "a.txt").is_symlink()

@@ -86,6 +86,7 @@ def segmented_boundaries(
     scale = PixelScale.of(study.oct)
     true = []
     seen = []
+
     for frame, curves_bnc in zip(plan.frames, states.curves_sbnc, strict=True):
         section = cut_surfaces(curves_bnc, eye.gap_m, eye.tilt_rad)
         found = find_wall(
@@ -95,6 +96,7 @@ def segmented_boundaries(
             _at_columns(frame.pose.place(section), column_laterals(study.slice))
         )
         seen.append(_depths_at_columns(found, scale, column_laterals(study.slice)))
+
     return np.array(true), np.array(seen)
 
 
@@ -112,12 +114,15 @@ def _depths_at_columns(
         & (at <= count - 0.5)
     )
     depth_bc = np.full((2, len(at)), np.nan)
+
     if not known.any():
         return depth_bc
+
     for depth, rows in zip(depth_bc, rows_bc, strict=True):
         depth[known] = (
             np.interp(at[known], np.flatnonzero(there_c), rows[there_c]) + 0.5
         ) * scale.depth_m
+
     depth_bc[1] = depth_bc[0] + (depth_bc[1] - depth_bc[0]) / scale.refractive_index
     return depth_bc
 

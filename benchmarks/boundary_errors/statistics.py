@@ -92,6 +92,7 @@ def boundary_statistics(
     bent = found & (np.abs(curvature) < 2e3) & (np.abs(slope) < 1.0)
     shines = _shines(outer_error, slope, curvature)
     flat_error = np.where(np.abs(curvature) < 300.0, outer_error, np.nan)
+
     return BoundaryStatistics(
         outer_bias_m=float(np.median(outer_error[gentle])),
         outer_sd_m=_spread(flat_error[gentle & np.isfinite(flat_error)]),
@@ -121,12 +122,14 @@ def _shines(outer_error: Floats, slope: Floats, curvature: Floats) -> Floats:
     )
     towards = shining(slope)
     shines = []
+
     for frame in np.flatnonzero(
         (judged & (towards > 0.5)).sum(axis=1) >= SHINING_COLUMNS
     ):
         at = np.flatnonzero(judged[frame])
         if len(at) < JUDGED_COLUMNS:
             continue
+
         parts = np.stack(
             [
                 np.ones(len(at)),
@@ -137,6 +140,7 @@ def _shines(outer_error: Floats, slope: Floats, curvature: Floats) -> Floats:
         )
         error_m = np.clip(outer_error[frame, at], -LARGEST_SHINE_M, LARGEST_SHINE_M)
         shines.append(np.linalg.lstsq(parts, error_m, rcond=None)[0][1])
+
     return np.array(shines)
 
 
@@ -159,6 +163,7 @@ def _thickness_errors(
             for row, depth, at in zip(error, thick, judged, strict=True)
         ]
     )
+
     return error - np.nan_to_num(scale)[:, None] * thick, scale[np.isfinite(scale)]
 
 

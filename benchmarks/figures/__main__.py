@@ -66,6 +66,7 @@ class _Groups(click.ParamType[tuple[str, ...]]):
                 param,
                 ctx,
             )
+
         return names
 
 
@@ -83,6 +84,7 @@ class _Counts(click.ParamType[dict[str, int]]):
         """Return a number for every group."""
         if isinstance(value, dict):
             return value
+
         every, *others = str(value).split(",")
         named = dict(other.partition("=")[::2] for other in others)
         if unknown := [name for name in named if name not in GROUPS]:
@@ -91,6 +93,7 @@ class _Counts(click.ParamType[dict[str, int]]):
                 param,
                 ctx,
             )
+
         texts = {name: named.get(name, every) for name in GROUPS}
         if wrong := [
             text for text in texts.values() if not text.isdigit() or int(text) < 2
@@ -100,6 +103,7 @@ class _Counts(click.ParamType[dict[str, int]]):
                 param,
                 ctx,
             )
+
         return {name: int(text) for name, text in texts.items()}
 
 
@@ -210,11 +214,13 @@ def main(
     now = behaviour()
     take_up(out, now)
     drawn = {group: draw_eyes(group, counts[group], study, seed) for group in names}
+
     if still:
         drawn = {
             group: tuple(eye.held_still() for eye in eyes)
             for group, eyes in drawn.items()
         }
+
     everyone = [
         one
         for eyes in drawn.values()
@@ -223,18 +229,23 @@ def main(
     ]
     with progress_bar(range(len(everyone)), "eyes", total=len(everyone)) as bar:
         failed = make_recordings(folder, everyone, chosen, bar.update)
+
     for name in failed:
         click.echo(f"{name}: could not be computed, and is left out", err=True)
+
     if recordings_only:
         return
+
     everyone = [eye for eye in everyone if eye.eye.id not in failed]
     left = {
         group: tuple(eye for eye in eyes if eye.eye.id not in failed)
         for group, eyes in drawn.items()
     }
     given = {DEFAULT_READER: reader, "living": living_reader}
+
     if not declared_exactly:
         folder = declare(folder, everyone)
+
     groups = [
         _read(
             folder, name, eyes, _methods(folder, name, left, study, given, raw_reader)
@@ -249,6 +260,7 @@ def main(
         json.dumps(found, indent=2, allow_nan=False) + "\n", out / "figures.json"
     )
     _write_picture(groups, study, out / "figures.png")
+
     if page is not None:
         insert_tables(as_markdown(results), stamp, page)
         keep(stamp, now)
@@ -257,6 +269,7 @@ def main(
             page.with_suffix(".json"),
         )
         _write_picture(groups, study, page.parent / "images" / "figures.png")
+
     click.echo(as_markdown(results))
 
 
@@ -273,6 +286,7 @@ def _methods(
     methods = make_methods(folder, name, study, given[name])
     if raw_reader is not None and name == DEFAULT_READER:
         methods.append(raw_method(raw_reader))
+
     return (
         [*methods, paper_method(folder, eyes["plain"], study)]
         if "plain" in eyes
@@ -319,6 +333,7 @@ def _modulus_errors(
         found[drawn.eye.id].mean_pa / drawn.eye.youngs_modulus_pa - 1.0
         for drawn in usable
     ]
+
     return ModulusErrors(frames, tuple(errors), len(eyes) - len(usable))
 
 

@@ -67,6 +67,7 @@ def made(out: Path, key: str, make: Callable[[Path], object]) -> Path:
         make(part)
         part.rename(out)
         write_key(out, key)
+
     return out
 
 
@@ -97,6 +98,7 @@ def answers(out: Path, command: Sequence[str | Path]) -> dict[str, Any]:
         lambda part: write_whole(_run([*command, "--json"]), part),
     )
     found: dict[str, Any] = json.loads(out.read_text(encoding="utf-8"))
+
     return found
 
 
@@ -104,16 +106,19 @@ def content_key(path: Path) -> str:
     """Return the key of an input: the stored one, or else a hash of its content."""
     if _note(path).exists():
         return _note(path).read_text(encoding="utf-8")
+
     files = (
         sorted(file for file in path.rglob("*") if file.is_file())
         if path.is_dir()
         else [path]
     )
     digest = sha256()
+
     for file in filter(Path.is_file, files):
         digest.update(
             f"{file.relative_to(path)}\0".encode() + sha256(file.read_bytes()).digest()
         )
+
     return digest.hexdigest()
 
 
@@ -151,4 +156,5 @@ def _run(command: Sequence[str | Path]) -> str:
         raise CommandError(
             f"scleraforce {' '.join(words[:1])}: exit code {done.returncode}; its message is above"
         )
+
     return done.stdout

@@ -33,6 +33,7 @@ def declare(folder: FiguresFolder, eyes: Iterable[FigureEye]) -> FiguresFolder:
             partial(_write, folder.recording(drawn), drawn.seed),
         )
         made(told.made(drawn), key, partial(_linked, folder.made(drawn)))
+
     return told
 
 
@@ -79,6 +80,7 @@ def as_declared(
     assert scanner.plane_direction_rad is not None
     iop, thickness, gap, polar, direction, lean = rng.standard_normal(6).tolist()
     turned_rad = scanner.plane_direction_rad + reader.pole_noise_rad * direction
+
     return replace(
         info,
         eye=replace(

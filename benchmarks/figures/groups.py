@@ -96,6 +96,7 @@ def _harder(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
         tilt_rad=radians(rng.uniform(0.0, 10.0)),
         tilt_direction_rad=rng.uniform(-pi, pi),
     )
+
     return eye, replace(study, form=form, needle=needle)
 
 
@@ -125,6 +126,7 @@ def _behind_the_limbus(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
         edge_rad=cornea.edge_m / radius_m,
     )
     form = FormStudy(region=(region,), cornea=cornea)
+
     return replace(eye, polar_rad=limbus_rad + behind_m / radius_m), replace(
         study, form=form
     )
@@ -207,6 +209,7 @@ def _supported(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
         strap_stiffness_n_per_m=straps * usual.strap_stiffness_n_per_m,
         medial_azimuth_rad=rng.uniform(-pi, pi),
     )
+
     return eye, replace(study, supports=supports)
 
 
@@ -259,6 +262,7 @@ def _another_scanner(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
         ),
     )
     phantom, oct_study = scanners[rng.integers(len(scanners))]
+
     return eye, replace(study, phantom=phantom, oct=oct_study)
 
 
@@ -270,6 +274,7 @@ def _moving(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
         eye_drift_rad=Range(min=radians(1.0), max=radians(3.0)),
         eye_saccade_rad=Range(min=radians(0.2), max=radians(1.0)),
     )
+
     return eye, replace(own, phantom=phantom)
 
 
@@ -431,6 +436,7 @@ def _draw_eye(group: str, number: int, study: Study, draw: int) -> FigureEye:
     eye, own = GROUPS[group].own(plain, study, rng)
     leans = GROUPS[group].leans
     seed = int(np.random.default_rng((*key, 1)).integers(2**31))
+
     return FigureEye(
         group,
         eye,

@@ -21,6 +21,7 @@ def insert_tables(tables: str, stamp: Stamp, page: Path) -> None:
         raise InputError(
             f"{page}: expected one line {BEGIN!r} and one {END!r} around the tables"
         )
+
     before, rest = text.split(BEGIN)
     write_whole(
         f"{before}{BEGIN}\n\n{stamp}\n\n{tables}\n{END}{rest.split(END)[1]}", page

@@ -31,16 +31,21 @@ def draw_forces(
     panels = figure.subplots(
         down, across, squeeze=False, sharex=True, sharey=True
     ).ravel()
+
     for axes, (group, frames) in zip(panels, answers.items(), strict=False):
         _draw(axes, frames, bounds_mn)
         axes.set_title(group)
+
     for axes in panels[len(answers) :]:
         axes.set_visible(False)
+
     for axes in panels[max(len(answers) - across, 0) : len(answers)]:
         axes.tick_params(labelbottom=True)
         axes.set_xlabel("true force [mN]")
+
     for axes in panels[::across]:
         axes.set_ylabel("force read, 90 % interval [mN]")
+
     figure.legend(handles=_legend(), loc="outside lower center", ncols=3)
     return figure
 
@@ -51,17 +56,20 @@ def _draw(
     for bound in bounds_mn:
         axes.axhline(bound, color=GREY, linewidth=0.6, linestyle=(0, (4, 3)))
         axes.axvline(bound, color=GREY, linewidth=0.6, linestyle=(0, (4, 3)))
+
     axes.plot([0, LARGEST_MN], [0, LARGEST_MN], color=BLACK, linewidth=0.6)
     for frame in frames:
         colour = (BLUE if frame.right else RED) if frame.usable else GREY
         if frame.read_mn is None or frame.interval_mn is None:
             axes.plot(frame.true_mn, -2.0, "|", color=GREY, markersize=4)
             continue
+
         low, high = frame.interval_mn
         axes.plot(
             [frame.true_mn] * 2, [low, high], color=colour, linewidth=0.6, alpha=0.6
         )
         axes.plot(frame.true_mn, frame.read_mn, "o", color=colour, markersize=1.5)
+
     axes.set_xlim(0.0, 62.0)
     axes.set_ylim(-4.0, LARGEST_MN)
 

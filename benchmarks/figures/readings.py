@@ -67,6 +67,7 @@ def make_methods(
         for way in ways
     ]
     title = f"{READINGS[default]}, E of other eyes"
+
     return [
         *own,
         Method(f"{mark}{default}-population", title, own[0].model, own_modulus=False),
@@ -166,6 +167,7 @@ def _classifier(
             "linear",
         ],
     )
+
     return made_by(folder.work("classifier"), ["train", slices])
 
 
@@ -191,6 +193,7 @@ def read_frames(
     used = {(eye, frame.file) for eye in own for frame in found[eye].frames}
     halves = _halves(eyes)
     frames: list[AnsweredFrame] = []
+
     for number, half in enumerate(halves):
         told = half if method.own_modulus else halves[len(halves) - 1 - number]
         out = (
@@ -202,9 +205,12 @@ def read_frames(
             method.model,
             *_recordings(folder, half),
         ]
+
         if method.calibrated:
             command += ["--calibration", _calibration(folder, told, CALIBRATED_FRAMES)]
+
         frames += _frames(folder, half, answers(out, command)["frames"])
+
     return tuple(frame for frame in frames if (frame.eye, frame.file) not in used)
 
 
@@ -216,6 +222,7 @@ def _frames(
     """Return the answers that count, with their truth; both lists are in the order of the eyes and their frames."""
     found = []
     made = {eye.eye.id: (eye, read_made(folder, eye)) for eye in eyes}
+
     for answer in answered:
         drawn, truth = made[str(answer["eye"])]
         place = truth.files.index(str(answer["file"]))
@@ -225,6 +232,7 @@ def _frames(
             answer, float(truth.forces_n[place]), in_window, study.classes
         )
         found += [] if frame is None else [frame]
+
     return found
 
 
@@ -238,9 +246,11 @@ def _calibration(folder: FiguresFolder, eyes: Sequence[FigureEye], frames: int) 
         "--frames",
         str(frames),
     ]
+
     reader = GROUPS[eyes[0].group].reader
     if reader != DEFAULT_READER:
         command += ["--study", _study_file(folder, reader, READERS[reader](Study()))]
+
     return made_by(folder.work("calibrations") / name, command)
 
 

@@ -82,9 +82,11 @@ def make_recordings(
     ]
     for _, eye in missing:
         note_stale(folder.recording(eye))
+
     progress(len(eyes) - len(missing))
     if isinstance(workers, ClusterWorkers):
         return _made_on_cluster(folder, [eye for _, eye in missing], workers, progress)
+
     failed = []
 
     def done(piece: tuple[FiguresFolder, FigureEye], code: int | None) -> None:
@@ -117,7 +119,9 @@ def _made_on_cluster(
                 failed.append(eyes[number].eye.id)
             else:
                 _write_sent(folder, eyes[number], found)
+
             progress(1)
+
     return tuple(failed)
 
 
@@ -141,8 +145,10 @@ def _making(eyes: Sequence[FigureEye]) -> Callable[[int], _Sent | str]:
                 make_eye(folder, drawn)
             except ScleraforceError as fault:
                 return str(fault)
+
             recording = _files(folder.recording(drawn))
             made = folder.made(drawn).read_bytes()
+
         return _Sent(hash_sources(""), recording, made)
 
     return work
@@ -151,12 +157,15 @@ def _making(eyes: Sequence[FigureEye]) -> Callable[[int], _Sent | str]:
 def _write_sent(folder: FiguresFolder, drawn: FigureEye, sent: _Sent) -> None:
     recording = folder.recording(drawn)
     made = folder.made(drawn)
+
     if sent.sources != hash_sources(""):
         raise ScleraforceError(
             "a worker has other sources than this process; let them import the same ones"
         )
+
     for place in (recording, made):
         place.parent.mkdir(parents=True, exist_ok=True)
+
     write_whole(sent.made, made)
     remove(recording)
     write_whole_folder(sent.recording, recording)
@@ -177,6 +186,7 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
     computed = compute_eye(drawn)
     forces_n = drawn.forces_n(computed.largest_n)
     plan = plan_phantom(drawn.eye, forces_n, drawn.study, drawn.seed)
+
     deepest_n = max(plan.normal_n)
     if (
         deepest_n > computed.largest_n
@@ -208,10 +218,12 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
     write_phantom(
         recording, plan, sections_at, drawn.study, tell_globe=drawn.tell_globe
     )
+
     if drawn.lean is not None:
         info = read_info(recording / "recording.toml")
         info = replace(info, needle=replace(info.needle, lean_rad=drawn.lean.angle_rad))
         write_whole(format_record(info), recording / "recording.toml")
+
     write_key(recording, recording_key(drawn))
 
 
@@ -230,6 +242,7 @@ def lowest_m(
         curve[np.abs(curve[:, 0]) < half_m, 1].max()
         for curve in (placed.outer, placed.inner)
     )
+
     return float(outer), float(inner)
 
 

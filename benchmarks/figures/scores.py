@@ -92,6 +92,7 @@ def answered_frame(
     """
     if answer["target"] is None or answer["excluded"] is not None:
         return None
+
     interval = answer.get("interval_mn")
     return AnsweredFrame(
         eye=answer["eye"],
@@ -122,6 +123,7 @@ def score(frames: Sequence[AnsweredFrame]) -> Scores:
     of_truth, of_log = zip(*errors, strict=True) if errors else ((), ())
     held = [frame for frame in usable if frame.interval_mn is not None]
     covered = [_holds(frame, frame.true_mn) for frame in held]
+
     return Scores(
         frames=len(frames),
         accuracy=_share([frame.right for frame in frames]),
@@ -176,6 +178,7 @@ def _stretch(frames: Sequence[AnsweredFrame]) -> float:
     """Return the factor of the intervals' halves with which 90 % of the frames of whole eyes hold; NaN: no frames."""
     scores = []
     eyes = []
+
     for frame in frames:
         if frame.interval_mn is not None and frame.read_mn is not None:
             low, high = frame.interval_mn
@@ -188,12 +191,15 @@ def _stretch(frames: Sequence[AnsweredFrame]) -> float:
                 abs(frame.true_mn - frame.read_mn) / max(half_mn, SMALLEST_MN)
             )
             eyes.append(frame.eye)
+
     if not scores:
         return nan
+
     _, numbers = np.unique(eyes, return_inverse=True)
     weight = 1.0 / np.bincount(numbers)[numbers]
     order = np.argsort(scores)
     share = np.cumsum(weight[order]) / weight.sum()
+
     return float(np.asarray(scores)[order][np.searchsorted(share, LEVEL - 1e-9)])
 
 

@@ -38,6 +38,7 @@ class ComputedEye:
             BentSections(*turned, bent=bent)
             for turned, bent in zip(eyes, self.bent, strict=True)
         ]
+
         return (
             knots[0]
             if len(knots) == 1
@@ -63,6 +64,7 @@ def compute_eye(drawn: FigureEye) -> ComputedEye:
         )
     else:
         bent = (bend_leaning(drawn.eye, drawn.study, drawn.lean, max_force_n),)
+
     reached_n = min(one.max_force_n for one in bent)
     return ComputedEye(
         drawn.eye, drawn.study, bent, min(max_force_n, reached_n * (1.0 - ROOM))
@@ -109,4 +111,5 @@ def bend_leaning(
         max_tip_m=DEEPEST_M,
         as_far_as_found=True,
     )
+
     return replace(path, forces_n=lean.felt * path.forces_n)

@@ -77,6 +77,7 @@ def as_markdown(results: Sequence[GroupResult]) -> str:
         )
         for number, title in enumerate(titles)
     ]
+
     return "\n\n".join([*tables, "\n".join(_moduli(results))]) + "\n"
 
 
@@ -97,6 +98,7 @@ def _method(results: Sequence[GroupResult], title: str, *, goals: bool) -> list[
         if set(cells[1:]) != {"-"}
     ]
     head, *rows = map(list, zip(*columns, strict=True))
+
     return _table(head, rows)
 
 
@@ -105,6 +107,7 @@ def _cells(result: GroupResult, scores: Scores, *, goals: bool) -> list[str]:
     percent, error_mn = (
         (goal.accuracy_percent, goal.error_mn) if goals else (None, None)
     )
+
     return [
         f"{result.eyes}, {result.frames}" if goals else "-",
         _percent(scores.accuracy) + ("" if percent is None else f" (goal {percent})"),
@@ -189,6 +192,7 @@ def _of_scores(scores: Scores) -> dict[str, Any]:
                 values[name] = _finite(value)
             case _:
                 values[name] = value
+
     return values
 
 

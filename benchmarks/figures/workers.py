@@ -28,12 +28,14 @@ def in_processes(
     """
     waiting = deque(pieces)
     running: dict[int, tuple[BaseProcess, Piece]] = {}
+
     try:
         while running or waiting:
             while len(running) < workers and waiting:
                 piece = waiting.popleft()
                 process = _started(work, piece)
                 running[process.sentinel] = process, piece
+
             for sentinel in wait(list(running)):
                 assert isinstance(sentinel, int)
                 process, piece = running.pop(sentinel)

@@ -172,6 +172,7 @@ async def second_scanner(link: Link) -> None:
     image = Image(
         np.full((1, rows, rows), link.rng.randint(1, 4000), np.uint16), MATRIX
     )
+
     for _ in range(5):
         await link.send(encode(image, "Scanner", time_s=time()))
         await asyncio.sleep(link.rng.uniform(0.0, 0.02))
@@ -206,6 +207,7 @@ async def attack(port: int, kind: Callable[[Link], Awaitable[None]], seed: str) 
             return "stalled"
         except ConnectionError:
             return "was let go"
+
     return "left"
 
 
@@ -227,6 +229,7 @@ async def main(
             ] += 1
         finally:
             free.release()
+
         done += 1
         if done % TELL_EVERY == 0:
             print(done, flush=True)
@@ -235,6 +238,7 @@ async def main(
         for number in range(connections):
             await free.acquire()
             group.create_task(one(number, rng.choice(kinds)))
+
     print(json.dumps(dict(sorted(ends.items()))), flush=True)
 
 

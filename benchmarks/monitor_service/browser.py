@@ -19,6 +19,7 @@ def open_pages(address: str, pages: int) -> Iterator[None]:
         )
         for _ in range(pages):
             browser.new_page(viewport={"width": 1280, "height": 720}).goto(address)
+
         try:
             yield
         finally:
@@ -34,6 +35,7 @@ def cpu_s(pids: list[int]) -> float:
                 Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()
             )
             ticks += int(fields[11]) + int(fields[12])
+
     return ticks / os.sysconf("SC_CLK_TCK")
 
 
@@ -44,9 +46,11 @@ def browser_pids() -> list[int]:
         with suppress(OSError):
             name, _, rest = entry.read_text("utf-8").rpartition(")")
             parents[int(entry.parent.name)] = int(rest.split()[1]), "chrom" in name
+
     below = {os.getpid()}
     while (
         more := {pid for pid, (parent, _) in parents.items() if parent in below} - below
     ):
         below |= more
+
     return [pid for pid in below if parents.get(pid, (0, False))[1]]

@@ -73,6 +73,7 @@ class Row:
         self.times += 1
         self.causes[cause] += 1
         self.unexpected += not expected
+
         if delay_s is None or code != WITHDRAW:
             self.missed.append(cause)
         else:
@@ -112,6 +113,7 @@ def run(given: Namespace) -> dict[str, Any]:
     rows += small_deaths(given, [name for name in names if name in SMALL_DEATHS])
     rows += real_deaths(frames, given, [name for name in names if name in DEATHS])
     show(rows)
+
     return {
         "rows": [
             {**vars(row), "delays_s": None, "delay_ms": quantiles_ms(row.delays_s)}
@@ -124,6 +126,7 @@ def show(rows: list[Row]) -> None:
     """Print the table of the finished faults."""
     if not rows:
         return
+
     columns = [
         "fault",
         "of",
@@ -134,6 +137,7 @@ def show(rows: list[Row]) -> None:
         "causes",
     ]
     found = []
+
     for row in rows:
         delays = quantiles_ms(row.delays_s)
         causes = ", ".join(
@@ -151,6 +155,7 @@ def show(rows: list[Row]) -> None:
                 causes,
             ]
         )
+
     print_table("from the fault's last byte, or the signal, to code 3", columns, found)
 
 
@@ -162,9 +167,11 @@ def scanner_faults(frames: Frames, given: Namespace, names: list[str]) -> list[R
     rows = {name: Row(name, "scanner") for name in names}
     if not names:
         return []
+
     rng = np.random.default_rng(given.seed)
     order = rng.permutation([name for name in names for _ in range(given.times)])
     progress = Progress("faults", len(order))
+
     with real_monitor(given.model, given.recording) as monitor:
         line = Line(monitor, frames, rng)
         try:
@@ -175,6 +182,7 @@ def scanner_faults(frames: Frames, given: Namespace, names: list[str]) -> list[R
                     raise SystemExit(
                         f"{name}, number {done}: {fault}\n{monitor.said}"
                     ) from fault
+
                 rows[name].add(
                     report.delay_s,
                     report.cause or report.message,
@@ -186,6 +194,7 @@ def scanner_faults(frames: Frames, given: Namespace, names: list[str]) -> list[R
         finally:
             progress.end()
             line.close()
+
     print(
         f"faults of the scanner: {len(order)}, {line.cycle_s / max(1, len(order)):.2f} s each; resets granted "
         f"{line.operator.granted}, refused {line.operator.refused}; withdrawn on the way "
@@ -231,21 +240,25 @@ class Line:
         begun_s = monotonic()
         place = int(self._rng.choice(self._places))
         forces_n = list(self._frames.force_n)
+
         for _ in range(TRIES):
             recording = self._frames.recording.moved(next(self._columns))
             at_s = recording.frames[place].time_s
             prepared = prepare(
                 name, recording, at_s, self._rng, version=1, forces_n=forces_n
             )
+
             player = self._go(recording, place)
             if player is not None:
                 break
         else:
             raise InputError(f"no reset in {TRIES} tries: {self.log.status}")
+
         report = inject(player, prepared)
         if name in BREAKING:
             self._client.close()
             self._client = self._connect()
+
         self.cycle_s += monotonic() - begun_s
         return report
 
@@ -263,6 +276,7 @@ class Line:
             for index in range(first, place)
         }
         granted = False
+
         for index, message in messages.items():
             player.send(Timed(entries[index].time_s, index + 1, message))
             if self.log.ok:
@@ -272,9 +286,11 @@ class Line:
                 granted = False
             elif index - first >= ASKED_FROM and self.operator.settled() is not True:
                 self.operator.reset()
+
         while self.operator.busy:
             self.operator.settled()
             self._client.listen(monotonic() + 1e-3)
+
         return player if self.log.ok else None
 
 
@@ -315,15 +331,20 @@ def real_deaths(frames: Frames, given: Namespace, names: list[str]) -> list[Row]
     rng = np.random.default_rng((given.seed, 1))
     rows = []
     progress = Progress("deaths", given.deaths * len(names))
+
     for place, name in enumerate(names):
         row = Row(name, "real")
         death = DEATHS[name]
+
         while row.times < given.deaths and row.restarts <= RESTARTS:
             with real_monitor(given.model, given.recording) as monitor:
                 pid = monitor.pids[death.role]
                 _watch_and_die(Pace(monitor.port, frames, 100.0), pid, death, rng, row)
+
             progress.show(given.deaths * place + row.times, name)
+
         rows.append(row)
+
     progress.end()
     return rows
 
@@ -334,9 +355,11 @@ def small_deaths(given: Namespace, names: list[str]) -> list[Row]:
     rows = []
     frames = SmallFrames()
     progress = Progress("small deaths", given.times * len(names))
+
     for place, name in enumerate(names):
         row = Row(name, "small")
         death = SMALL_DEATHS[name]
+
         while row.times < given.times and row.restarts <= RESTARTS:
             with small_monitor() as small:
                 pid = (
@@ -346,8 +369,11 @@ def small_deaths(given: Namespace, names: list[str]) -> list[Row]:
                 _watch_and_die(
                     Pace(small.port, frames, 100.0), pid, death, rng, row, hanging
                 )
+
             progress.show(given.times * place + row.times, name)
+
         rows.append(row)
+
     progress.end()
     return rows
 
@@ -388,11 +414,13 @@ def _die(
     if pace.log.code != OK:
         row.add(None, f"code {pace.log.code} before", None)
         return
+
     begun_s = monotonic()
     if hanging:
         begun_s = pace.send(hanging)
     else:
         os.kill(pid, death.signal)
+
     try:
         while pace.log.code != WITHDRAW and monotonic() < begun_s + WITHIN_S:
             pace.rest(done=lambda: pace.log.code == WITHDRAW)
@@ -401,9 +429,11 @@ def _die(
     except LinkError as fault:
         row.add(None, str(fault), None)
         return
+
     if pace.log.code != WITHDRAW or pace.log.status is None:
         row.add(None, f"code {pace.log.code} after {WITHIN_S:g} s", None)
         return
+
     cause = pace.log.status.name
     row.add(pace.log.withdrawn_s - begun_s, cause, WITHDRAW, cause == death.cause)
 

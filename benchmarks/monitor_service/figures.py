@@ -16,6 +16,7 @@ def quantiles(values: Iterable[float]) -> dict[str, float | int | None]:
     found = np.fromiter(values, dtype=np.float64)
     if not len(found):
         return dict.fromkeys(QUANTILES, None) | {"n": 0}
+
     middle, high, higher = np.quantile(found, (0.5, 0.99, 0.999)).tolist()
     return dict(
         zip(
@@ -45,12 +46,14 @@ def print_table(
         for place in range(len(columns))
     ]
     print(f"\n{title}")
+
     for row in cells:
         aligned = [
             cell.ljust(width) if is_left else cell.rjust(width)
             for cell, width, is_left in zip(row, widths, left, strict=True)
         ]
         print("  " + "  ".join(aligned).rstrip())
+
     sys.stdout.flush()
 
 
@@ -75,6 +78,7 @@ class Progress:
         now_s = monotonic()
         if not self._live or (now_s - self._renewed_s < RENEW_S and done < self._total):
             return
+
         self._renewed_s = now_s
         share = min(1.0, done / self._total)
         left_s = (now_s - self._begun_s) * (1.0 - share) / share if share else 0.0

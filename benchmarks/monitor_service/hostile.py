@@ -50,6 +50,7 @@ def run(given: Namespace) -> dict[str, Any]:
     """Go through the phases."""
     frames = Frames(given.recording)
     be_the_peer()
+
     with real_monitor(given.model, given.recording) as monitor:
         scene = Scene(monitor, frames)
         try:
@@ -62,6 +63,7 @@ def run(given: Namespace) -> dict[str, Any]:
             raise
         finally:
             scene.close()
+
     show(result)
     return result
 
@@ -87,6 +89,7 @@ class Scene:
             return
         if self._heard_s is not None:
             self._gaps_s.append(at_s - self._heard_s)
+
         self._heard_s = at_s
         said = f"{message.code} {message.name}: {message.message}"
         if not self._codes or self._codes[-1].split(":")[0] != said.split(":")[0]:
@@ -100,14 +103,17 @@ class Scene:
         self._pace.warm_up(100, self._operator)
         phases["with the scanner"] = self._phase(None, True, given.alone_s)
         before = self._held()
+
         with attackers(
             self._monitor.port, given.connections, given.seed, given
         ) as attack:
             phases["under attack"] = self._phase(attack, True)
+
         self._phase(None, True, AFTER_S)
         after = self._held()
         with attackers(self._monitor.port, few, given.seed + 1, given) as attack:
             phases["under attack, without the scanner"] = self._phase(attack, False)
+
         died = [role for role in before if role not in after]
         return {
             "phases": phases,
@@ -134,18 +140,23 @@ class Scene:
         self._pace.latest_s = 0.0
         sent = self._pace.sent
         progress = Progress("hostile", attack.total if attack else 1)
+
         while not attack.ends if attack else monotonic() - begun_s < for_s:
             if scanning:
                 self._pace.send()
+
             self._pace.rest()
             self._monitor.prune()
+
             if monotonic() - asked_s > ASK_S:
                 self._operator.settled()
                 self._operator.reset()
                 asked_s = monotonic()
+
             if attack is not None:
                 attack.look()
                 progress.show(attack.done)
+
         progress.end()
         return {
             "seconds": monotonic() - begun_s,
@@ -187,8 +198,10 @@ class Attack:
             said = os.read(self._pipe, 1 << 16)
         except BlockingIOError:
             return
+
         if not said and not self.ends:
             raise SystemExit(f"the attackers died: {self._process.wait()}")
+
         *lines, self._rest = (self._rest + said).split(b"\n")
         for line in lines:
             if line.startswith(b"{"):
@@ -204,12 +217,15 @@ def attackers(
     """Run the hostile clients in a process of their own."""
     words = [*map(str, (port, connections, given.at_once, seed)), *given.kinds]
     command = [sys.executable, "-m", "monitor_service.attackers", *words]
+
     with no_interrupts():
         process = subprocess.Popen(
             command, stdout=subprocess.PIPE, cwd=Path(__file__).parents[1]
         )
+
     assert process.stdout is not None
     pin(process.pid, cores()[1])
+
     try:
         yield Attack(process, connections)
     finally:
@@ -235,6 +251,7 @@ def show(result: dict[str, Any]) -> None:
             for name, phase in phases.items()
         ]
         print_table(title, ["", *QUANTILES], rows)
+
     columns = [
         "",
         "s",
@@ -255,8 +272,10 @@ def show(result: dict[str, Any]) -> None:
         for name, phase in phases.items()
     ]
     print_table("what happened", columns, rows)
+
     for name, phase in phases.items():
         print(f"  {name}: {' / '.join(phase['codes'][:8])}")
+
     print_table(
         "held before the attack and after it",
         ["process", "own kB", "then", "pss kB", "then", "descriptors", "then"],

@@ -59,13 +59,16 @@ def run(given: Namespace) -> dict[str, Any]:
         "without the second opinion": ["--no-second-opinion"],
         "with the second opinion": [],
     }
+
     for name, options in list(variants.items())[: 1 if given.without else 2]:
         with (
             real_monitor(given.model, given.recording, *options) as monitor,
             echo_server() as port,
         ):
             results[name] = measure(monitor, port, frames, given, name)
+
         show(name, results[name])
+
     return results
 
 
@@ -81,6 +84,7 @@ def measure(
     echo = ScannerClient("127.0.0.1", echo_port, lambda at_s, *_: echoes.append(at_s))
     withdrawals = list[str]()
     since_withdrawal = 0
+
     try:
         pace.warm_up(WARM_UP, operator)
         for number in range(given.frames):
@@ -88,22 +92,27 @@ def measure(
             pace.rest(0.5)
             if number % CONTROL_EVERY == 0:
                 control_s.append(_echo(echo, echoes, pace.data))
+
             pace.rest()
             if pace.log.code != WITHDRAW:
                 since_withdrawal = 0
             elif since_withdrawal == 0:
                 withdrawals.append(pace.log.status.message if pace.log.status else "")
+
             since_withdrawal += pace.log.code == WITHDRAW
             if since_withdrawal > RESET_AFTER and operator.settled() is not True:
                 operator.reset()
+
             progress.show(number + 1)
             monitor.prune()
+
         pace.client.listen(monotonic() + 1.0, lambda: pace.log.last is not None)
     finally:
         progress.end()
         pace.client.close()
         echo.close()
         operator.close()
+
     found = pace.log.answers
     return {
         "client": quantiles_ms(answer.took_s for answer in found),
@@ -151,6 +160,7 @@ def show(name: str, result: dict[str, Any]) -> None:
         f"  OK {result['ok']}, without an answer {result['unanswered']}, withdrawals {len(result['withdrawals'])}, "
         f"latest frame {result['latest_frame_ms']:.2f} ms late"
     )
+
     for message in result["withdrawals"][:5]:
         print(f"    {message}")
 
@@ -166,8 +176,10 @@ def echo_server() -> Iterator[int]:
             text=True,
             cwd=Path(__file__).parents[1],
         )
+
     assert process.stdin is not None
     assert process.stdout is not None
+
     try:
         port = int(process.stdout.readline())
         pin(process.pid, cores()[0])
@@ -185,21 +197,26 @@ def serve_echo() -> None:
     answer = encode(Status(1, message=" " * (ECHO_BYTES - bare)), "Echo")
     assert len(answer) == ECHO_BYTES
     run_in_real_time(MONITOR_PRIORITY)
+
     with socket.create_server(("127.0.0.1", 0)) as listener:
         print(listener.getsockname()[1], flush=True)
         link, _ = listener.accept()
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         room = memoryview(bytearray(1 << 21))
+
         while True:
             have = 0
             size = 58
+
             while have < size:
                 count = link.recv_into(room[have:size])
                 if not count:
                     return
+
                 have += count
                 if have == 58:
                     size = 58 + int.from_bytes(room[42:50], "big")
+
             link.sendall(answer)
 
 

@@ -86,6 +86,7 @@ class Monitor:
         """Remove what the black box has kept, now and then: a withdrawal every second would fill any disk."""
         if monotonic() - self._pruned_s < PRUNE_S:
             return
+
         self._pruned_s = monotonic()
         folders = [
             str(path)
@@ -124,6 +125,7 @@ def real_monitor(
     }
     known = [text for name, value in told.items() for text in (name, f"{value:.6g}")]
     known += ["--globe", truth["globe"]["kind"]]
+
     with TemporaryDirectory(
         prefix="bench-monitor-", ignore_cleanup_errors=True
     ) as folder:
@@ -140,6 +142,7 @@ def real_monitor(
         command = (
             command if real_time else ["setpriv", "--bounding-set=-sys_nice", *command]
         )
+
         with said.open("wb") as errors, no_interrupts():
             process = subprocess.Popen(
                 command,
@@ -147,14 +150,17 @@ def real_monitor(
                 stdout=subprocess.DEVNULL,
                 stderr=errors,
             )
+
         pids: dict[str, int] = {}
         try:
             monitor = Monitor(process, said, black_box)
             pids = monitor.pids
+
             if pinned:
                 first, others = cores()
                 for role, pid in pids.items():
                     pin(pid, first if role == "monitor" else others)
+
             yield monitor
         finally:
             _end(process, pids)
@@ -165,16 +171,19 @@ def _end(process: subprocess.Popen[bytes], pids: dict[str, int]) -> None:
     with suppress(ProcessLookupError):
         os.kill(process.pid, signal.SIGCONT)
         process.send_signal(signal.SIGTERM)
+
     try:
         process.wait(20.0)
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
+
     end_s = monotonic() + 10.0
     left = {role: pid for role, pid in pids.items() if role != "monitor"}
     while left and monotonic() < end_s:
         left = {role: pid for role, pid in left.items() if _module(pid) == role}
         sleep(0.02 if left else 0.0)
+
     for pid in left.values():
         with suppress(ProcessLookupError):
             os.kill(pid, signal.SIGKILL)
@@ -220,6 +229,7 @@ def resources(pid: int) -> Resources | None:
             int(line.split()[1]) for line in mapped if line.startswith("Pss:")
         )
         descriptors = len(os.listdir(f"/proc/{pid}/fd"))
+
         return Resources(
             _kb(fields["VmRSS"]), _kb(fields["RssAnon"]), pss_kb, descriptors
         )

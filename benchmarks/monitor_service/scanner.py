@@ -56,10 +56,12 @@ class Frames:
         self.force_n = np.array([true_n[entry.file] for entry in entries])
         over = np.flatnonzero(self.force_n >= HIGHEST_N)
         self.harmless = int(over[0]) if len(over) else len(entries)
+
         if self.harmless < 20:
             raise InputError(
                 f"{path}: {self.harmless} frames before {HIGHEST_N * 1e3:g} mN; 20 are needed"
             )
+
         oct_info = self.recording.info.oct
         self.messages = [
             frame_message(self.recording.frame(entry), oct_info, number, 1)
@@ -110,6 +112,7 @@ def preloaded(recording: Recording, most: int | None = None) -> Preloaded:
                 strict=True,
             )
         )
+
     return Preloaded(recording.path, recording.info, entries, recording.forces, pixels)
 
 
@@ -209,15 +212,18 @@ class Pace:
             self.send()
             self.rest()
             frames -= self.log.code == OK
+
             if (
                 operator
                 and self.log.code == WITHDRAW
                 and operator.settled() is not True
             ):
                 operator.reset()
+
         if frames:
             said = self.log.status.message if self.log.status else "nothing"
             raise InputError(f"the monitor does not say OK to harmless frames: {said}")
+
         self.log.answers.clear()
         self.latest_s = 0.0
         self.sent = 0
@@ -235,6 +241,7 @@ class Pace:
         sent_s = self.client.send(self.data)
         self.log.sent(message.frame_id, message.frame_id, sent_s)
         self.sent += 1
+
         return sent_s
 
     def rest(
@@ -283,10 +290,12 @@ class Operator:
         """Return whether the reset was granted; None where no answer has come."""
         if self._asked is None or not self._asked.done():
             return None
+
         granted = self._asked.result()
         self._asked = None
         self.granted = self.granted + granted
         self.refused = self.refused + (not granted)
+
         return granted
 
     def close(self) -> None:

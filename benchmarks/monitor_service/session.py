@@ -61,6 +61,7 @@ def run(given: Namespace) -> dict[str, Any]:
     frames = Frames(given.recording)
     if given.remote:
         run_in_real_time(SCANNER_PRIORITY)
+
     options = given.options.split() + (["--web-port", "0"] if given.pages else [])
     with ExitStack() as stack:
         monitor = stack.enter_context(
@@ -73,11 +74,14 @@ def run(given: Namespace) -> dict[str, Any]:
             )
         )
         said = stack.enter_context(receiver(monitor.port)) if given.receiver else None
+
         if given.pages:
             stack.enter_context(open_pages(monitor.console, given.pages))
+
         result = measure(monitor, frames, given)
         if said is not None:
             result["receiver heard"] = said.read_text("latin-1").count(" Code      : ")
+
     show(result)
     return result
 
@@ -92,14 +96,17 @@ def measure(monitor: Monitor, frames: Frames, given: Namespace) -> dict[str, Any
     since_withdrawal = 0
     gc.collect()
     gc.disable()  # among the answers of half a minute a collection takes 60 ms, in which no frame would be sent
+
     try:
         pace.warm_up(WARM_UP, operator)
         lost = pace.log.reading.get("lost", 0)
         used = shares(monitor)
         begun_s = monotonic()
+
         for number in range(total):
             pace.send()
             pace.rest()
+
             if pace.log.code != WITHDRAW:
                 since_withdrawal = 0
             elif since_withdrawal == 0:
@@ -109,11 +116,14 @@ def measure(monitor: Monitor, frames: Frames, given: Namespace) -> dict[str, Any
                     if status
                     else ""
                 )
+
             since_withdrawal += pace.log.code == WITHDRAW
             if since_withdrawal > RESET_AFTER and operator.settled() is not True:
                 operator.reset()
+
             progress.show(number + 1, f"{len(withdrawals)} withdrawals")
             monitor.prune()
+
         took_s = monotonic() - begun_s
         used = {
             name: (now - used.get(name, 0.0)) / took_s
@@ -125,6 +135,7 @@ def measure(monitor: Monitor, frames: Frames, given: Namespace) -> dict[str, Any
         progress.end()
         pace.client.close()
         operator.close()
+
     answers = pace.log.answers
     return {
         "sent": pace.sent,
@@ -180,6 +191,7 @@ def show(result: dict[str, Any]) -> None:
         )
     )
     print(f"  withdrawals, all of them false: {len(result['withdrawals'])}")
+
     for line in result["withdrawals"][:20]:
         print(f"    {line}")
 
@@ -211,10 +223,12 @@ def receiver(port: int) -> Iterator[Path]:
             str(program),
         ]
         subprocess.run([*command, "-lOpenIGTLink", "-lpthread"], check=True)
+
         with said.open("wb") as out, no_interrupts():
             process = subprocess.Popen(
                 [program, "127.0.0.1", str(port)], stdout=out, stderr=subprocess.STDOUT
             )
+
         try:
             yield said
             if process.poll() is not None:

@@ -45,15 +45,19 @@ def small_monitor() -> Iterator[Small]:
             stderr=subprocess.DEVNULL,
             text=True,
         )
+
     assert process.stdin is not None
     assert process.stdout is not None
+
     try:
         port, watchdog_pid = map(int, process.stdout.readline().split())
         pin(process.pid, cores()[0])
+
         with suppress(OSError):  # as the real one does by itself
             os.sched_setscheduler(
                 process.pid, os.SCHED_FIFO, os.sched_param(MONITOR_PRIORITY)
             )
+
         yield Small(process, port, watchdog_pid)
     finally:
         process.stdin.close()
@@ -62,6 +66,7 @@ def small_monitor() -> Iterator[Small]:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+
         process.stdout.close()
 
 

@@ -65,12 +65,14 @@ def run(given: Namespace) -> dict[str, Any]:
     """Send frames, inject, look at the processes."""
     frames = Frames(given.recording)
     be_the_peer()
+
     with real_monitor(given.model, given.recording) as monitor:
         soak = Soak(monitor, frames, given)
         try:
             soak.go()
         finally:
             soak.close()
+
         return soak.result()
 
 
@@ -103,6 +105,7 @@ class Soak:
             if self._rng.random() < 1.0 / self._given.withdrawal_every:
                 self._withdraw_and_reset()
                 continue
+
             self._frame()
             if self._pace.log.code == WITHDRAW:
                 status = self._pace.log.status
@@ -110,6 +113,7 @@ class Soak:
                     f"frame {self._pace.sent}: {status.message if status else ''}"
                 )
                 self._reset()
+
         self._sample(at_once=True)
 
     def _frame(self) -> None:
@@ -129,15 +133,18 @@ class Soak:
         begun_s = self._injections[name](self._pace)
         self._pace.rest()
         in_time = log.code == WITHDRAW
+
         for _ in range(LATE_FRAMES):
             if log.code != WITHDRAW:
                 self._frame()
+
         if log.code != WITHDRAW:
             tally.lost.append(f"frame {self._pace.sent}: {name}: code {log.code}")
         else:
             (tally.answered if in_time else tally.late)[name] += 1
             tally.causes[log.status.name if log.status else ""] += 1
             tally.delays_s.append(log.withdrawn_s - begun_s)
+
             for _ in range(HELD_FRAMES):
                 self._frame()
                 if log.code != WITHDRAW:
@@ -145,6 +152,7 @@ class Soak:
                         f"frame {self._pace.sent}: {name}: code {log.code}"
                     )
                     break
+
             self._reset()
 
     def _reset(self) -> None:
@@ -155,6 +163,7 @@ class Soak:
             self._frame()
             if self._pace.log.code == OK:
                 return
+
         self.tally.stuck += 1
 
     def _sample(self, at_once: bool = False) -> None:
@@ -163,6 +172,7 @@ class Soak:
             monotonic() - self._sample_s < SAMPLE_S and not at_once
         ):
             return
+
         self._sample_s = monotonic()
         held = {
             role: found
@@ -228,8 +238,10 @@ class Soak:
             - len(answers),
         }
         print_table("all in all", ["", ""], list(figures.items()))
+
         for line in (*tally.lost, *tally.unlatched, *tally.uncalled)[:20]:
             print(f"    {line}")
+
         return {
             "counts": figures,
             "growth": growth,
@@ -253,11 +265,13 @@ def grown(samples: list[Sample], role: str) -> dict[str, Any]:
     ]
     if len(held) < 2:
         return {}
+
     tenth = max(1, len(held) // 10)
     frames = np.array([at for at, _ in held], dtype=np.float64)
     kinds: dict[str, Any] = {"descriptors": max(each.descriptors for _, each in held)}
     kinds["descriptors at first"] = held[0][1].descriptors
     kinds["descriptors at last"] = held[-1][1].descriptors
+
     for kind in ("rss", "own", "pss"):
         memory = np.array(
             [getattr(each, f"{kind}_kb") for _, each in held], dtype=np.float64
@@ -268,6 +282,7 @@ def grown(samples: list[Sample], role: str) -> dict[str, Any]:
             round(fmean(memory[-tenth:])),
             1e3 * slope,
         ]
+
     return kinds
 
 
@@ -295,6 +310,7 @@ def injections(
         "another scale": lambda pace: pace.send(scaled),
         "a byte flipped": flipped,
     }
+
     return {"over the bound": over, **kinds} if len(dangerous) else kinds
 
 

@@ -53,6 +53,7 @@ def declarations(
         for frame, force_n in seen
     ]
     kind = SEALED if drawn.study.globe.kind == "sealed" else OPEN
+
     return {
         "declared": calibrated(replace(stated, globe=kind), labelled, reader),
         "found": calibrated(stated, labelled, reader),
@@ -82,6 +83,7 @@ def stated_eye(
         polar_sd_rad=0.0,
         globe=UNKNOWN,
     )
+
     return stated, Modulus(
         mean_pa=modulus_pa, sd_pa=MODULUS_SD * modulus_pa, source="own"
     )
@@ -93,10 +95,12 @@ def calibrated(
     """Return what is known of an eye after frames of known force."""
     scale = PixelScale.of(reader.study.oct)
     seen = list[tuple[Boundaries, float]]()
+
     for frame, force_n in labelled:
         wall = find_wall(frame, scale)
         if wall.usable:
             seen.append((segmented_boundaries(wall, scale), force_n))
+
     found = search(reader.library, partial(_with_tissue, stated, seen, reader.study))
     assert found is not None  # the library has these eyes
     stiffening, known = found
@@ -112,12 +116,15 @@ def _with_tissue(
     """Return what is known of an eye after frames of known force, with the walls of one tissue."""
     session = begin(study, stated, library)
     taken = list[tuple[Boundaries, float]]()
+
     for boundaries, force_n in seen:
         session = step(session, boundaries, force_n)
         if isinstance(session.last, FrameStep):
             taken.append((boundaries, force_n))
+
     known = known_after(session)
     if known.modulus is None:
         return TissueTrial.diverged(known, 0)
+
     after = settled(known, taken, (), library, study)
     return after.trial(after.known, len(seen) - len(taken))

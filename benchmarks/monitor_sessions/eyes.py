@@ -61,6 +61,7 @@ def may_meet(kind: str, trained: ReaderStudy) -> bool:
         (THICKNESSES_M, trained.thickness_m.bounds),
         (GAPS_M, trained.gap_m.bounds),
     )
+
     return all(within[0] <= low and high <= within[1] for (low, high), within in ranges)
 
 
@@ -81,4 +82,5 @@ def draw_eye(kind: str, number: int, study: Study, seed: int) -> SessionEye:
         if of.sealed
         else GlobeStudy("open")
     )
+
     return SessionEye(eye, replace(study, globe=globe))

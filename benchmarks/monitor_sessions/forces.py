@@ -34,15 +34,18 @@ def moving_forces(
     )
     force_n = [0.0] * 100 + list(approach)
     name = ["before contact"] * 100 + ["approach"] * len(approach)
+
     while len(force_n) < count:
         part, words = _segment(force_n[-1], highest_n, rng)
         force_n += part
         name += [words] * len(part)
+
     tremor = 0.2e-3 * np.sin(
         2.0 * pi * (rng.uniform(0.8, 1.5) * FRAME_S * np.arange(count) + rng.random())
     )
     forces = np.array(force_n[:count])
     touching = np.clip(forces / 1e-3, 0.0, 1.0)
+
     return np.clip(forces + touching * tremor, 0.0, highest_n), name[:count]
 
 
@@ -56,6 +59,7 @@ def ramp_forces(
         + rng.random() * rate_n_s * FRAME_S
     )
     forces = np.minimum(np.concatenate([before, rising]), largest_n)
+
     return forces, ["ramp"] * len(forces)
 
 
@@ -65,18 +69,22 @@ def _segment(
     """Return the forces of the robot's next action."""
     frames = int(rng.uniform(1.0, 4.0) / FRAME_S)
     share = np.arange(1, frames + 1) / frames
+
     kind = rng.choice(
         ["hold", "swing", "ramp", "step", "lift off"], p=[0.2, 0.25, 0.3, 0.2, 0.05]
     )
     if kind == "hold":
         return [now_n] * frames, "hold"
+
     if kind == "swing":
         reach = rng.uniform(0.2, 1.0) * min(now_n, highest_n - now_n)
         wave = np.sin(2.0 * pi * share * rng.integers(1, 4))
         return list(now_n + reach * wave), "swing"
+
     if kind == "ramp":
         goal_n = rng.uniform(0.0, highest_n)
         return list(now_n + (goal_n - now_n) * share), "ramp"
+
     if kind == "step":
         goal_n = float(
             np.clip(
@@ -84,12 +92,15 @@ def _segment(
             )
         )
         rise = np.minimum(np.arange(1, frames + 1) / rng.integers(3, 8), 1.0)
+
         return list(now_n + (goal_n - now_n) * rise), "step"
+
     down = np.linspace(1.0, 0.0, int(rng.uniform(0.1, 0.4) / FRAME_S))
     away = np.zeros(int(rng.uniform(0.3, 2.0) / FRAME_S))
     back = np.linspace(
         0.0, rng.uniform(2e-3, 10e-3), int(rng.uniform(0.5, 1.5) / FRAME_S)
     )
+
     return [*(now_n * down), *away, *back], "lift off"
 
 
@@ -107,6 +118,7 @@ def trajectory(
 
     largest_m = study.phantom.eye_shift_m.bounds[1]
     shifts = []
+
     for pulse_m in (5e-6, 20e-6):
         drift = swinging(0.6 * largest_m, (3.0, 20.0)) + swinging(
             0.3 * largest_m, (3.0, 5.0)
@@ -114,4 +126,5 @@ def trajectory(
         shifts.append(
             drift + swinging(pulse_m, (0.8, 1.2)) + rng.normal(0.0, 5e-6, len(time_s))
         )
+
     return Trajectory(force_n, shifts[0], shifts[1], swinging(2.0, (2.0, 10.0)), name)

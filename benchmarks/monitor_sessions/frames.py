@@ -53,6 +53,7 @@ def stream(
     scanner = sample_optics(study.phantom, study.oct, rng)
     surface_m = draw(study.phantom.surface_depth_m, rng)
     pooled = PooledGenerator((seed, int(rng.integers(2**31))))
+
     for n, force_n in enumerate(path.force_n):
         pose = Pose(lateral_m=path.lateral_m[n], depth_m=surface_m + path.depth_m[n])
         section = pose.place(_section_at(states, float(force_n)))
@@ -75,6 +76,7 @@ def still_frame(
         depth_m=draw(study.phantom.surface_depth_m, rng),
     )
     section = pose.place(_section_at(_states(drawn), force_n))
+
     return render_bscan(section, study.oct, optics, noise).frame
 
 

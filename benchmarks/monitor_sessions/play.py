@@ -119,6 +119,7 @@ class Outcome:
         if answer.force_n is None or answer.interval_n is None:
             self.unread[answer.reason or "no force"] += 1
             return
+
         self.errors_n.append(answer.force_n - force_n)
         if force_n >= TOUCHING_N:
             self.touching += 1
@@ -152,6 +153,7 @@ class Bench:
         place = 0 if unit.session is None else unit.session + 1
         rng = np.random.default_rng((self.plan.seed, 2, unit.eye, place))
         outcomes = {name: Outcome() for name in told}
+
         if unit.session is None:
             for rate_n_s in (
                 self.plan.rates_n_s if largest_n > ENOUGH * self.limits.bound_n else ()
@@ -168,6 +170,7 @@ class Bench:
             forces = moving_forces(int(self.plan.seconds / FRAME_S), highest_n, rng)
             path = trajectory(*forces, drawn.study, rng)
             self._session(drawn, path, self._watches(told), rng, outcomes)
+
         return outcomes, perf_counter() - start
 
     def _told(self, drawn: SessionEye, number: int) -> dict[str, Known]:
@@ -196,8 +199,10 @@ class Bench:
             force_n = float(path.force_n[n])
             outcome.frames += 1
             outcome.ok += watches[name].code == OK
+
             if answer is not None:
                 outcome.note(answer, force_n)
+
             if withdrawal is not None:
                 outcome.withdrawn_n.append(force_n)
                 outcome.withdrawals.append(
@@ -219,6 +224,7 @@ class Bench:
             1 + float(np.argmax(path.force_n >= self.limits.bound_n))
         )
         ramps = dict.fromkeys(watches, Ramp(eye, rate_n_s, None, None, None))
+
         for n, name, _, withdrawal in self._shown(drawn, path, watches, rng):
             if withdrawal is not None:
                 delay_s = withdrawal.at_s - crossing_s
@@ -226,6 +232,7 @@ class Bench:
                     eye, rate_n_s, float(path.force_n[n]), delay_s, withdrawal.cause
                 )
                 del watches[name]
+
         return ramps
 
     def _shown(
@@ -243,6 +250,7 @@ class Bench:
                 np.clip(rng.normal(0.0, JITTER_S), -4e-3, 4e-3)
             )
             lost = rng.random() < LOSS
+
             for name, watch in list(watches.items()):
                 heard = (
                     (None, watch.lost(at_s))
@@ -250,6 +258,7 @@ class Bench:
                     else watch.read(frame, at_s, n, shown_back)
                 )
                 yield n, name, *heard
+
             if not watches:
                 return
 

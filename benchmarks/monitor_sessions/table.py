@@ -54,6 +54,7 @@ def ramp_table(found: Found) -> str:
         for words, of in _by_words(found)
         for name, outcome in of.items()
     ]
+
     return _markdown(head, rows)
 
 
@@ -84,6 +85,7 @@ def session_table(found: Found) -> str:
         for name, outcome in of.items()
         if outcome.frames
     ]
+
     return _markdown(head, rows)
 
 
@@ -103,6 +105,7 @@ def _earlier(ramps: Sequence[Ramp], told: Sequence[Ramp]) -> str:
     """Return the median and largest difference in mN by which ramps were stopped earlier than with a declared globe."""
     if ramps is told:
         return ""
+
     same = {(ramp.eye, ramp.rate_n_s): ramp.force_n for ramp in told}
     pairs = [(same[ramp.eye, ramp.rate_n_s], ramp.force_n) for ramp in ramps]
     return _of_spread(

@@ -95,16 +95,19 @@ class Watch:
         )
         withdrawal = self._hear([event], at_s)
         opinion = None
+
         if number % self._opinion_every == 0:
             opinion = self._reader.read(frame, self._scale, self.known)
             due_s = at_s + OPINION_AFTER_S
             self._pending.append(
                 SecondOpinion(at_s=due_s, frame_id=number, verdict=opinion.verdict)
             )
+
         if self._learner:
             self._learn(
                 self._learner, answer.usable and shown_back == 0, opinion, at_s, number
             )
+
         return answer, withdrawal
 
     def _learn(
@@ -123,8 +126,10 @@ class Watch:
             number=number, order=number, at_s=at_s, teaches=teaches, pierced=pierced
         )
         learner.hear(asked)
+
         if opinion:
             learner.show(asked, opinion, self._scale)
+
         if learned := learner.learned(at_s):
             stiffness_n_m = self._live.adopt(learned.known)
             if self._reader.refusal(learned.known) is None:
@@ -139,6 +144,7 @@ class Watch:
         if self.code == WITHDRAW and at_s - self._asked_s >= RESET_AFTER_S:
             events = [*events, Reset(at_s)]
             self._asked_s = at_s
+
         begun = [self._decide(event) for event in [*due, *events]]
         return next((withdrawal for withdrawal in begun if withdrawal), None)
 
@@ -149,8 +155,10 @@ class Watch:
         self.released += before == WITHDRAW != decision.code and not isinstance(
             event, Reset
         )
+
         if decision.code != WITHDRAW or before == WITHDRAW:
             return None
+
         self._asked_s = event.at_s
         return Withdrawal(
             event.at_s, decision.cause.name if decision.cause else "?", decision.message

@@ -69,6 +69,7 @@ class Fault:
             + lines[self.start[0] - 1][: self.start[1]]
         )
         after = lines[self.end[0] - 1][self.end[1] :] + b"".join(lines[self.end[0] :])
+
         return before + b"(" + self.faulty.encode() + b")" + after
 
 
@@ -94,6 +95,7 @@ def faulty(node: ast.expr) -> str | None:
             wrong.value = 1.5 * value or 1.0
         case _:
             return None
+
     return ast.unparse(wrong)
 
 
@@ -106,6 +108,7 @@ def expressions(node: ast.AST) -> Iterator[ast.expr]:
             parts = [] if value is None else [value]
         case _:
             parts = list(ast.iter_child_nodes(node))
+
     for part in parts:
         if not isinstance(part, ast.JoinedStr | ast.FunctionDef | ast.ClassDef):
             if isinstance(part, ast.expr):
@@ -134,6 +137,7 @@ def faults_of(tree: Path, packages: list[str]) -> dict[Key, Fault]:
     ]
     named = Counter(name for name, *_ in found)
     offered: dict[Key, Fault] = {}
+
     for name, function, file in found:
         equal: Counter[tuple[str, str]] = Counter()
         for node in expressions(function) if named[name] == 1 else ():
@@ -150,6 +154,7 @@ def faults_of(tree: Path, packages: list[str]) -> dict[Key, Fault]:
                     file.relative_to(root), start, end, wrong
                 )
                 equal[pair] += 1
+
     return offered
 
 
@@ -163,6 +168,7 @@ class Copy:
         names = subprocess.run(
             ["git", "ls-files"], cwd=tree, capture_output=True, text=True, check=True
         ).stdout
+
         for name in names.splitlines():
             if (tree / name).is_file():
                 (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -185,6 +191,7 @@ class Copy:
             "PYTHONPATH": str(self.folder / "src"),
             "XDG_CACHE_HOME": str(self.folder / "cache"),
         }
+
         with subprocess.Popen(
             command,
             cwd=self.folder,
@@ -204,6 +211,7 @@ class Copy:
         package = fault.module.parts[0].removesuffix(".py")
         if not (self.folder / "tests" / package).is_dir():
             package = ""  # a base module, whose tests are at the top: all run
+
         if package not in self.seconds:
             for _ in range(2):  # the first run also compiles
                 start = time.perf_counter()
@@ -211,10 +219,13 @@ class Copy:
                     raise SystemExit(
                         f"{self.folder}: tests/{package} fails without a fault"
                     )
+
             self.seconds[package] = time.perf_counter() - start
+
         file = self.folder / "src" / "scleraforce" / fault.module
         sound = file.read_bytes()
         file.write_bytes(fault.applied(sound))
+
         try:
             return not self.passes(package, SLOWER * self.seconds[package] + START_S)
         finally:
@@ -246,10 +257,12 @@ def main() -> int:
     shared = [key for key in sorted(first) if all(key in other for other in others)]
     drawn = random.Random(given.seed).sample(shared, min(given.count, len(shared)))
     print(f"{len(drawn)} of {len(shared)} faults, seed {given.seed}")
+
     for tree, offered in zip(given.trees, (first, *others), strict=True):
         with TemporaryDirectory(prefix="scleraforce-mutation-") as folder:
             copied = Copy(tree.resolve(), Path(folder))
             killed = 0
+
             for key in drawn:
                 fault = offered[key]
                 dead = copied.kills(offered[key])
@@ -258,9 +271,11 @@ def main() -> int:
                     f"{fault.module}:{fault.start[0]} {key[0]}: {key[1]} -> {key[2]}"
                 )
                 print(f"{'killed' if dead else 'SURVIVED':<9} {place}", flush=True)
+
             print(
                 f"{tree}: {killed} of {len(drawn)} killed, {100 * killed / max(len(drawn), 1):.0f} %"
             )
+
     return 0
 
 

@@ -23,24 +23,29 @@ def main() -> int:
     )
     given = parser.parse_args()
     now = behaviour()
+
     if given.stamp:
         stamp = new_stamp(given.stamp)
         keep(stamp, now)
         print(stamp)
         return 0
+
     pages = [
         ROOT / "README.md",
         *sorted((ROOT / "docs").rglob("*.md")),
         *(ROOT / "benchmarks").rglob("*.md"),
     ]
     found = [(page, stamp) for page in pages for stamp in read_stamps(page)]
+
     for page, stamp in found:
         state = _state(moved_since(stamp, now))
         print(
             f"{page.relative_to(ROOT)}: {stamp.made_by}, {stamp.commit} of {stamp.day}: {state}"
         )
+
     if not found:
         print("no page has generated figures with a stamp", file=sys.stderr)
+
     return 0
 
 

@@ -57,6 +57,7 @@ def behaviour() -> Fingerprint:
         found[f"{model} network"] = item(
             int(sha256(folder.files[NETWORK_FILE]).hexdigest()[:7], 16), 0.0
         )
+
     return found | _eyes()
 
 
@@ -121,6 +122,7 @@ def _eye(folder: FiguresFolder, group: str) -> Fingerprint:
         "frames": item([recording.frame(entry) for entry in recording.frames], PIXELS),
         "answers": item(np.concatenate(forces_n), SCORES),
     }
+
     if group == "plain":
         eye = calibrate_recordings(
             [recording],
@@ -132,4 +134,5 @@ def _eye(folder: FiguresFolder, group: str) -> Fingerprint:
             [value for one in eye.eyes.values() for value in (*one.means, *one.sds)],
             SCORES,
         )
+
     return {f"{group} eye: {name}": entry for name, entry in entries.items()}

@@ -100,10 +100,12 @@ def item(values: ArrayLike, tolerance: float = DOUBLE) -> dict[str, Any]:
     flat = np.asarray(values, dtype=np.float64).ravel()
     if not flat.size:
         return {"tolerance": tolerance, "values": "0"}
+
     known = np.isfinite(flat)
     filled = np.where(known, flat, 0.0)
     means = [part.mean() for part in np.array_split(filled, min(MEANS, flat.size))]
     picks = filled[np.linspace(0, flat.size - 1, min(PICKS, flat.size)).astype(np.intp)]
+
     return {
         "tolerance": tolerance,
         "values": " ".join(f"{value:.9g}" for value in [known.mean(), *means, *picks]),
@@ -124,6 +126,7 @@ def _agree(before: dict[str, Any], now: dict[str, Any]) -> bool:
     )
     if old.shape != new.shape or old[0] != new[0]:  # the first value is a share
         return False
+
     scale = np.abs(old[1:]).max(initial=0.0)
     return bool(np.abs(new[1:] - old[1:]).max(initial=0.0) <= now["tolerance"] * scale)
 
@@ -139,9 +142,11 @@ def reader_fingerprint(study: Study, library: Library) -> Fingerprint:
     fitted = fit_reader(few, lambda _: samples, 0)
     network = fitted.network
     slices = torch.from_numpy((samples.slices > 0).astype(np.float32))
+
     with torch.inference_mode():
         inputs = network.features(slices)
         (forces, places) = network(slices, torch.from_numpy(samples.given))
+
     return {
         **_library_items(study),
         **_sample_items("training", samples),
@@ -186,6 +191,7 @@ def interval_fingerprint(study: Study, library: Library, network: bytes) -> Fing
         for method in sorted(factors)
         for modulus in sorted(factors[method])
     ]
+
     return {
         "calibrated tissue": item(_calibrated_tissue(study, library), SCORES),
         "scores": item([entry.score for entry in scores], SCORES),
@@ -207,8 +213,10 @@ def _calibrated_tissue(study: Study, library: Library) -> list[float]:
         )
     except CalibrationError:
         return []
+
     if known.modulus is None:
         return []
+
     return [
         known.stiffening or 0.0,
         *(
@@ -243,6 +251,7 @@ def classifier_fingerprint(study: Study) -> Fingerprint:
     )
     fitted = fit(small.network, seen, unseen, len(study.classes.bounds_n) + 1)
     answers = with_half_weights(fitted).probabilities(slices)
+
     return {
         "resting wall": item([wall.pressure_nc, wall.gravity_nc]),
         "wall under a needle": item(needle),
@@ -264,9 +273,11 @@ def finder_fingerprint(study: Study) -> Fingerprint:
     batches = [scene_batch(few, number) for number in range(3)]
     unseen = scene_batch(few, 0, VALIDATION_SCENES)
     fitted = fit_wall_finder(few, 0)
+
     with torch.inference_mode():
         inputs = fitted.network.inputs(torch.from_numpy(unseen.frames))
         rows, wall = fitted.network(torch.from_numpy(unseen.frames))
+
     return {
         **{
             name: item(np.stack([getattr(batch, name) for batch in batches]), PIXELS)
@@ -292,19 +303,23 @@ def _library_items(study: Study) -> Fingerprint:
         study.library, thicknesses=4, tensions=4, stiffenings=1, tips=6, elements=8
     )
     small = plan_library(replace(study, library=grid))
+
     with TemporaryDirectory() as folder:
         path = Path(folder) / "library.zarr"
         store = create_library(path, small)
         for unit in range(small.units):
             write_library_unit(store, unit, *solve_path(small, unit))
+
         store.finish()
         file = BytesIO()
         save_library(open_library(path), file)
+
     library = load_library("library.npz", file.getvalue())
     ratio = library.tension[1] * library.thickness_m[1:3] / library.radius_m
     walls = library.curves(
         library.thickness_m[1:3], ratio, np.array([0.1, 0.3]) * library.max_force_ratio
     )
+
     return {
         **paths,
         "stiffenings and tensions": item([*plan.stiffening, *plan.tension]),
@@ -337,12 +352,14 @@ def fingerprint_of(path: Path) -> Fingerprint:
     """Return the fingerprint of a model folder's training."""
     folder = read_folder(path)
     study = folder_study(folder)
+
     kind = folder.record["kind"]
     if kind != "reader":
         return {
             "classifier": classifier_fingerprint,
             "wall-finder": finder_fingerprint,
         }[kind](study)
+
     library = load_library(LIBRARY_FILE, folder.files[LIBRARY_FILE])
     return reader_fingerprint(study, library) | interval_fingerprint(
         study, library, folder.files[NETWORK_FILE]

@@ -68,6 +68,7 @@ def small_load_modulus(
             if bonded
             else pressed_wall(wall, pressure).outer_stiffness_m
         )
+
         return float(log_modulus + np.log(found / STIFFNESS_N_M))
 
     return float(np.exp(brentq(missing, np.log(0.05e6), np.log(1e6), xtol=1e-6)))
@@ -119,10 +120,12 @@ def modulus_of_slope(
         slopes.values()
     ):
         return None
+
     moduli = np.array(list(slopes))
     values = np.array(list(slopes.values()))
     rising = np.flatnonzero(np.diff(values) <= 0.0)
     start = 0 if len(rising) == 0 else int(rising[-1]) + 1
+
     return float(
         np.exp(PchipInterpolator(values[start:], np.log(moduli[start:]))(stiffness_n_m))
     )

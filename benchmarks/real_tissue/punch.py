@@ -101,16 +101,20 @@ def flat_punch_path(
     top_m = mesh.points_nc[0, 1] + _everywhere(wall, punch.rest)[1]
     states: list[tuple[float, float, float]] = []
     pressure = iop_ratio
+
     for dent_m in dents_m:
         try:
             u, pressure = punch.settled(u, pressure, top_m - dent_m)
         except SolverError:
             if not globe.is_sealed or len(states) < FEWEST:
                 raise
+
             break  # the pressure runs away
+
         above = punch.above(u, top_m - dent_m)
         touched = float(np.sum(punch.areas_ep * (above > 0.0)))
         states.append((float(np.sum(BED * above * punch.areas_ep)), pressure, touched))
+
     force, iop, area = np.array(states).T
     return Pushed(
         np.asarray(dents_m)[: len(force)], force, iop, area / punch.areas_ep.sum()
@@ -180,6 +184,7 @@ class _Punch:
             displaced_m3 = float(self._undented(pressure)) - volume_m3
             law = float(self._globe.pressure(self._resting, displaced_m3))
             error = pressure - law
+
             applied = self._applied * pressure / self._resting + np.linalg.norm(contact)
             if (
                 np.linalg.norm(defect) <= TOLERANCE * applied
@@ -188,6 +193,7 @@ class _Punch:
                 return u, pressure
             if not law > 0.0:
                 break
+
             steeper = float(self._globe.stiffness(law))
             solved = np.linalg.solve(
                 self._tangent(u, pressure, height_m),
@@ -201,6 +207,7 @@ class _Punch:
             more = (-error - steeper * float(gradient @ solved[:, 0])) / corner
             u = u + solved[:, 0] + more * solved[:, 1]
             pressure = pressure + more
+
         raise SolverError("punch: no equilibrium was found; use shorter steps")
 
     def above(self, u: Floats, height_m: float) -> Floats:
@@ -231,6 +238,7 @@ class _Punch:
             (self._numbers_en[:, :, None], self._numbers_en[:, None, :]),
             blocks,
         )
+
         return tangent
 
 

@@ -83,6 +83,7 @@ def own_mmhg_per_ul(
     ratio = to_si(pressure_mmhg, "mmhg") / modulus_pa
     if ratio * radius_m / thickness_m > 0.9 * burst_tension(NU):
         return float("nan")
+
     mesh = meridian_mesh(radius_m, thickness_m, NEEDLE_M, 0.5 * np.pi, MeridianSize())
     wall = AxisymmetricWall(mesh, NU, symmetric=not half)
     u = pressurise(wall, ratio)
@@ -90,6 +91,7 @@ def own_mmhg_per_ul(
     compliance = float(gradient @ wall.factor(u, ratio)(gradient)) * (
         1.0 if half else 2.0
     )
+
     return mmhg_per_ul(modulus_pa / compliance)
 
 

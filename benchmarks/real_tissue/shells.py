@@ -45,6 +45,7 @@ def point(
         return float(
             whole * np.sqrt(1.0 - tension**2) / np.arctan(np.sqrt(tension**-2 - 1.0))
         )
+
     return float(
         whole * np.sqrt(tension**2 - 1.0) / np.arctanh(np.sqrt(1.0 - tension**-2))
     )
@@ -72,6 +73,7 @@ def shallow(
             + 0.5 * pressure * radius_m * k**2
             + thickness_m / radius_m**2
         )
+
         return float(spread * k / resists / dent)
 
     pieces = np.linspace(0.0, WAVES, WAVES + 1)
@@ -115,6 +117,7 @@ def sphere(
     resists += (
         thickness_m / radius_m**2 * q / (degree * (degree + 1.0) - 1.0 + poisson_ratio)
     )
+
     return float(
         2.0 * np.pi * radius_m**2 / np.sum((2.0 * degree + 1.0) * spread / resists)
     )

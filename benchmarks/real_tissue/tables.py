@@ -75,6 +75,7 @@ def shells(rows: int | None = None) -> str:
         "and sizes under pressure",
     ]
     found: list[list[str]] = []
+
     for thickness_mm in THICKNESSES_MM:
         for tension in TENSIONS:
             thickness_m = 1e-3 * thickness_mm
@@ -83,6 +84,7 @@ def shells(rows: int | None = None) -> str:
                 continue
             if rows is not None and len(found) == rows:
                 return _table(head, found)
+
             ours = pressed(thickness_m, pressure)
             closed = [
                 shallow(thickness_m, RADIUS_M, pressure, NEEDLE_M, NU),
@@ -107,6 +109,7 @@ def shells(rows: int | None = None) -> str:
                     for value in closed
                 ]
             )
+
     return _table(head, found)
 
 
@@ -142,8 +145,10 @@ def punch(rows: int | None = None) -> str:
             "",
         ],
     ]
+
     if rows is not None:
         return _table(head, found[:rows])
+
     paths = {
         rigidity: {
             modulus: path
@@ -162,6 +167,7 @@ def punch(rows: int | None = None) -> str:
                 *(_mpa(modulus) for modulus in moduli),
             ]
         )
+
     return _table(head, found)
 
 
@@ -188,6 +194,7 @@ def punch_spread(rows: int | None = None) -> str:
         "a whole sphere between two punches": (SIZE, 130.0, True),
     }
     found = []
+
     for name, (size, stiffness, symmetric) in list(cases.items())[:rows]:
         paths = {
             modulus: pushed(modulus, size=size, symmetric=symmetric)
@@ -197,6 +204,7 @@ def punch_spread(rows: int | None = None) -> str:
         found.append(
             [name, _mpa(modulus), _mpa(modulus_by_shell_theory(stiffness, size))]
         )
+
     return _table(head, found)
 
 
@@ -209,6 +217,7 @@ def punch_pressures(rows: int | None = None) -> str:
         "E by shell theory, MPa",
     ]
     found = []
+
     for iop_mmhg in (5.0, 10.0, 15.0, 20.0, 30.0)[:rows]:
         opened: Pushed = pushed(0.2e6, iop_pa=to_si(iop_mmhg, "mmhg"))
         slope = 0.2e6 * float(np.interp(1e-3, opened.dent_m, opened.slope_m()))
@@ -221,6 +230,7 @@ def punch_pressures(rows: int | None = None) -> str:
                 _mpa(modulus_by_shell_theory(slope)),
             ]
         )
+
     return _table(head, found)
 
 
@@ -233,6 +243,7 @@ def volumes(rows: int | None = None) -> str:
         *(f"dP/dV at {pressure:g} mmHg" for pressure in PRESSURES_MMHG),
     ]
     found = []
+
     for law in laws():
         slopes = [
             mmhg_per_ul(float(law.globe.stiffness(to_si(pressure, "mmhg"))))
@@ -246,6 +257,7 @@ def volumes(rows: int | None = None) -> str:
                 *(f"{slope:.3f}" for slope in slopes),
             ]
         )
+
     walls = {
         "model, half-sphere, 0.7 mm, 0.25 MPa": (0.7e-3, 0.25e6, True),
         "model, whole sphere, 0.7 mm, 0.25 MPa": (0.7e-3, 0.25e6, False),
@@ -257,6 +269,7 @@ def volumes(rows: int | None = None) -> str:
             for pressure in PRESSURES_MMHG
         ]
         found.append([name, "", "", *(f"{slope:.3f}" for slope in own)])
+
     human = mmhg_per_ul(float(laws()[0].globe.stiffness(IOP_PA)))
     for name, wanted in (
         (
@@ -270,6 +283,7 @@ def volumes(rows: int | None = None) -> str:
             for value in dict.fromkeys(wanted)
         ]
         found.append([name, "", "", "", " to ".join(moduli), ""])
+
     return _table(head, found[:rows])
 
 
@@ -285,6 +299,7 @@ def sealed_dents(rows: int | None = None) -> str:
         "k = 0.03",
     ]
     found = []
+
     for dent_mm in (0.8, 1.4, 2.0)[:rows]:
         tip_m = 1e-3 * dent_mm
         own = [
@@ -294,6 +309,7 @@ def sealed_dents(rows: int | None = None) -> str:
         cells = [
             _state(pressure, _force(pressure, tip_m)) for pressure in (iop_pa, *own)
         ]
+
         for rigidity in (0.0042, 0.03):
             globe = sealed_globe(to_si(rigidity, "mmhg13_per_ul")).over(modulus_pa)
             wall = (RADIUS_M, thickness_m, NU, NEEDLE_M, iop_pa / modulus_pa)
@@ -304,7 +320,9 @@ def sealed_dents(rows: int | None = None) -> str:
                     modulus_pa * closed.force_ratio_m2[-1],
                 )
             )
+
         found.append([f"{dent_mm:g}", *cells])
+
     return _table(head, found)
 
 

@@ -61,6 +61,7 @@ def fine_meridian(
     number = np.arange(len(points_nc)).reshape(len(angles), len(radii))
     corners = number[:-2:2, :-2:2].reshape(-1, 1)
     cells_en = corners + np.array([number[i, j] for j in range(3) for i in range(3)])
+
     return MeridianMesh(radius_m, points_nc, cells_en, number[:, 0], number[:, -1])
 
 
@@ -82,6 +83,7 @@ def pressed_wall(wall: AxisymmetricWall, pressure: float) -> PressedWall:
     )
     across = wall.mesh.points_nc[: len(rest), 1] + rest
     middle = len(rest) // 2
+
     return PressedWall(
         -1.0 / moved[middle],
         -1.0 / moved[0],
@@ -101,6 +103,7 @@ def bonded_stiffness(wall: AxisymmetricWall, pressure: float, disc_m: float) -> 
     forces = np.zeros((len(wall.free), len(places)), order="F")
     forces[places, np.arange(len(places))] = 1.0
     compliance = wall.factor(pressurise(wall, pressure), pressure)(forces)[places]
+
     return float(np.linalg.solve(compliance, np.ones(len(places))).sum())
 
 

@@ -65,6 +65,7 @@ def write_sources(folder: Path) -> list[str]:
         f"{n + 1},{entry.time_s}\n" for n, entry in enumerate(recording.frames)
     )
     (folder / "times.csv").write_text(f"frame,time_s\n{times}", encoding="utf-8")
+
     return [str(folder / name) for name in ("scan.tif", "log.csv", "times.csv")]
 
 
@@ -75,6 +76,7 @@ def main() -> None:
     )
     parser.add_argument("--out", type=Path, default=IMAGES)
     out = parser.parse_args().out
+
     with TemporaryDirectory() as folder, sync_playwright() as playwright:
         sources = write_sources(Path(folder))
         work = Path(folder, "session")
@@ -89,8 +91,10 @@ def main() -> None:
         page.set_default_timeout(WAIT_MS)
         expect.set_options(timeout=WAIT_MS)
         page.goto(f"http://{HOST}:{listener.getsockname()[1]}/?token={TOKEN}")
+
         with suppress(KeyboardInterrupt):
             _session(page, sources, out)
+
         server.should_exit = True
 
 
@@ -108,8 +112,10 @@ def _session(page: Page, sources: list[str], out: Path) -> None:
     page.fill("#bar-mm", "12")
     _keep(page, out, "import")
     page.click("#bar-take")
+
     for name, text in GIVEN.items():
         page.fill(f"[data-name={name}] input", text)
+
     page.select_option("[data-name=times] select", "sources/times.csv")
     page.select_option("[data-name=globe] select", "open")
     page.locator("#log-plots svg").nth(1).click()
@@ -143,10 +149,12 @@ def _keep(page: Page, out: Path, name: str, part: str | None = None) -> None:
     path = out / f"app_{name}.png"
     page.evaluate("window.scrollTo(0, 0)")
     page.wait_for_timeout(700)  # pictures of the strip arrive
+
     if part is None:
         page.screenshot(path=path)
     else:
         page.locator(part).screenshot(path=path)
+
     shown = cv2.imread(str(path))
     assert shown is not None
     cv2.imwrite(str(path), shown, (cv2.IMWRITE_PNG_COMPRESSION, 9))

@@ -44,6 +44,7 @@ def main() -> None:
     parser.add_argument("--height", type=int, default=720)
     given = parser.parse_args()
     size: ViewportSize = {"width": given.width, "height": given.height}
+
     with TemporaryDirectory() as folder, sync_playwright() as playwright:
         browser = playwright.chromium.launch(
             executable_path=CHROMIUM, args=["--no-sandbox"]
@@ -61,6 +62,7 @@ def main() -> None:
                 hold_s=1.5,
                 puncture_n=puncture_n,
             )
+
             with real_monitor(
                 given.model, eye, "--web-port", "0", "--eye", "eye-a", pinned=False
             ) as monitor:
@@ -72,6 +74,7 @@ def main() -> None:
                 )
                 for page in (light, dark):
                     page.goto(monitor.console)
+
                 replay = subprocess.Popen(
                     [
                         *COMMAND,
@@ -83,14 +86,17 @@ def main() -> None:
                     ],
                     stdout=subprocess.DEVNULL,
                 )
+
                 if puncture_n:
                     shoot(dark, NEAR, given.out.with_stem(f"{given.out.stem}-watching"))
+
                 shoot(
                     light,
                     PIERCED if puncture_n else WITHDRAWN,
                     given.out.with_stem(given.out.stem + name),
                 )
                 replay.wait()
+
             light.close()
             dark.close()
 

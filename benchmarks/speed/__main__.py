@@ -120,10 +120,12 @@ def main(
         raise click.UsageError(
             "PARTs are printed, and nothing is written; leave --out and --render out"
         )
+
     out = out or (QUICK_FOLDER if quick else USUAL_FOLDER)
     if render:
         click.echo(f"wrote {', '.join(map(str, _render(out)))}")
         return
+
     with (
         alone(),
         TemporaryDirectory(prefix="bench-", ignore_cleanup_errors=True) as made,
@@ -132,14 +134,18 @@ def main(
         if names:
             for table in _tables(names, run).values():
                 click.echo("\n".join(["", table.title, *table_lines(table)]))
+
             return
+
         results = _measure(run)
+
     out.mkdir(parents=True, exist_ok=True)
     write_whole(
         json.dumps(finite(results.as_json()), indent=1, allow_nan=False) + "\n",
         out / FIGURES,
     )
     click.echo(f"wrote {', '.join(map(str, [out / FIGURES, *_render(out)]))}")
+
     if failed := [name for name, table in results.tables.items() if table.failed]:
         raise ScleraforceError(f"{', '.join(failed)}: failed; RESULTS.md says how")
 
@@ -150,6 +156,7 @@ def _measure(run: Run) -> Results:
     machine = machine_in_words()
     stamp = new_stamp("make bench")
     tables = _tables(tuple(PARTS), run)
+
     return Results(
         made=str(stamp),
         quick=run.quick,
@@ -168,6 +175,7 @@ def _tables(names: Sequence[str], run: Run) -> dict[str, Table]:
             tables[name] = _in_process(name, run)
             if not sys.stderr.isatty():
                 click.echo(f"{name}: {perf_counter() - start:.0f} s", err=True)
+
     return tables
 
 
@@ -180,6 +188,7 @@ def _in_process(name: str, run: Run) -> Table:
         run.folder,
     ]
     command = [sys.executable, "-m", "speed", name, *map(str, words)]
+
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
             told, _ = process.communicate()
@@ -188,12 +197,15 @@ def _in_process(name: str, run: Run) -> Table:
         ):  # Ctrl-C has reached it as well, and it ends what it has started
             with suppress(subprocess.TimeoutExpired):
                 process.wait(TO_END_S)
+
             process.kill()
             raise
+
     if process.returncode:
         return failed_table(
             name, f"code {process.returncode}; what it said is on the terminal"
         )
+
     return table_of(json.loads(told.splitlines()[-1]))
 
 
@@ -211,6 +223,7 @@ def _render(out: Path) -> list[Path]:
         raise InputError(
             f"{out / FIGURES}: not the figures of a run ({fault})"
         ) from fault
+
     write_figure(draw_solves(results.tables["static_solve"].rows), out / PICTURE)
     write_whole(as_markdown(results), out / PAGE)
     return [out / PICTURE, out / PAGE]

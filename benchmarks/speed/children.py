@@ -26,6 +26,7 @@ def ask_module(module: str, *words: str) -> tuple[dict[str, Any], float]:
         text=True,
         check=True,
     )
+
     return json.loads(done.stdout.splitlines()[-1]), perf_counter() - start
 
 
@@ -43,6 +44,7 @@ def command_seconds(command: Sequence[str]) -> float:
         stderr=subprocess.DEVNULL,
         check=True,
     )
+
     return perf_counter() - start
 
 
@@ -66,4 +68,5 @@ def _environment() -> dict[str, str]:
         for name, value in os.environ.items()
         if name != "PYTHONDONTWRITEBYTECODE"
     }  # who cache it
+
     return {**users, "PYTHONPATH": os.pathsep.join(paths)}

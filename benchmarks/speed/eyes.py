@@ -74,6 +74,7 @@ def _draw_eye(
     frame = render_bscan(
         section, study.oct, sample_optics(study.phantom, study.oct, rng), rng
     ).frame
+
     return frame, Known(
         globe=OPEN,
         modulus=Modulus(

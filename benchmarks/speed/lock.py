@@ -19,4 +19,5 @@ def alone() -> Iterator[None]:
         except BlockingIOError:
             print("waiting for another benchmark to end", file=sys.stderr)
             fcntl.flock(lock, fcntl.LOCK_EX)
+
         yield

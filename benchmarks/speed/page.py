@@ -28,6 +28,7 @@ def as_markdown(results: Results) -> str:
         *_goals(results),
         "",
     ]
+
     for name, table in results.tables.items():
         lines += [f"## {table.title}", "", *table_lines(table), ""]
         lines += (
@@ -35,6 +36,7 @@ def as_markdown(results: Results) -> str:
             if name == "static_solve"
             else []
         )
+
     return "\n".join(lines)
 
 
@@ -42,6 +44,7 @@ def table_lines(table: Table) -> list[str]:
     """Return a table, what holds for all of it above, what holds for single rows below."""
     if table.failed:
         return [f"**This part failed**: {table.failed}"]
+
     further = list(dict.fromkeys(name for row in table.rows for name in row.more))
     head = ["", "value", "spread", "beside it", "ratio", "goal", *further]
     rows = [
@@ -55,6 +58,7 @@ def table_lines(table: Table) -> list[str]:
     ]
     shown = [[row[place] for place in used] for row in (head, *rows)]
     notes = [f"- {row.what}: {words}" for row in table.rows if (words := _note(row))]
+
     return [table.settings, "", *_lines(shown), *([""] if notes else []), *notes]
 
 

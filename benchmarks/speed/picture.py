@@ -30,10 +30,12 @@ def draw_solves(rows: Sequence[Row]) -> Figure:
     )
     axes.margins(x=0.3, y=0.15)
     drawn = dict[str, tuple[float, float]]()
+
     for row in rows:
         error = row.more.get("error, %")
         if row.value is None or error is None:
             continue
+
         name = f"{row.what}\n({QUOTED})" if row.source else row.what
         drawn[name] = row.value, max(abs(error), LEAST_PERCENT)
         axes.plot(
@@ -42,13 +44,16 @@ def draw_solves(rows: Sequence[Row]) -> Figure:
             color=_colour(name),
             fillstyle="none" if row.source else "full",
         )
+
     figure.draw_without_rendering()  # from here on places are in the picture
     taken = [
         Bbox.from_bounds(x - 4, y - 4, 8, 8)
         for x, y in axes.transData.transform(list(drawn.values()))
     ]
+
     for name, place in drawn.items():
         taken.append(_name(axes, name, place, taken))
+
     return figure
 
 
@@ -80,9 +85,11 @@ def _name(
         if not any(box.overlaps(other) for other in taken)
     ]
     kept = free[0] if free else 0
+
     for side, text in enumerate(texts):
         if side != kept:
             text.remove()
+
     return boxes[kept]
 
 

@@ -50,4 +50,5 @@ def in_turns(
             start = perf_counter()
             do()
             taken[name].append(perf_counter() - start)
+
     return taken

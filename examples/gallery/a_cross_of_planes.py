@@ -43,11 +43,13 @@ def draw() -> Figure:
         )
         frames = [recording.frame(entry) for entry in recording.frames]
         read = sf.evaluate(sf.load_model("default"), recording).frames
+
     width_mm = recording.info.oct.width_m * 1e3
     depth_mm = recording.info.oct.depth_m * 1e3
     figure = Figure(figsize=inches(170, 70))
     grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.2))
     space = figure.add_subplot(grid[:, 1], projection="3d")
+
     for number, (plane, pixels, one, colour) in enumerate(
         zip(PLANES, frames, read, (BLUE, AMBER), strict=True)
     ):
@@ -71,6 +73,7 @@ def draw() -> Figure:
         near = outer_mm[np.abs(outer_mm[:, 0]) < NEAR_MM]
         along = np.array([cos(plane.direction_rad), sin(plane.direction_rad)])
         space.plot(*(near[:, :1] * along).T, near[:, 1], color=colour)
+
     place = read[0].answer.place
     assert place is not None
     x_mm, y_mm, z_mm = (1e3 * value for value in place.contact_m)
@@ -86,6 +89,7 @@ def draw() -> Figure:
     )
     space.set_box_aspect(None, zoom=0.85)
     space.set_title(f"contact at {x_mm:.2f}, {y_mm:.2f} mm")
+
     return figure
 
 

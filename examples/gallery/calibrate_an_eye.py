@@ -31,6 +31,7 @@ def draw() -> Figure:
             forces_n=FORCES_N,
         )
         calibration = sf.calibrate(recording, study, mechanics="linear")
+
     (eye,) = calibration.eyes.values()
     return draw_modulus_over_frames(eye, truth_pa=MODULUS_PA)
 

@@ -32,10 +32,12 @@ def draw() -> Figure:
             forces_n=FORCES_N.tolist(),
         )
         learned = []
+
         for count in range(1, len(FORCES_N) + 1):
             shown = replace(recording, frames=recording.frames[:count])
             (eye,) = sf.calibrate(shown, without_force=True).eyes.values()
             learned.append((eye.mean_pa, eye.sd_pa))
+
     prior = sf.Study().calibration
     mean_mpa, sd_mpa = (
         1e-6 * np.array([(prior.prior_mean_pa, prior.prior_sd_pa), *learned]).T
@@ -59,6 +61,7 @@ def draw() -> Figure:
         ylim=(0.0, None),
     )
     axes.legend()
+
     return figure
 
 

@@ -37,6 +37,7 @@ def draw() -> Figure:
         )
         frame = recording.frame(recording.frames[0])
         found = sf.segment(recording.frame_path(recording.frames[0]))
+
     width_mm = recording.info.oct.width_m * 1e3
     depth_mm = recording.info.oct.depth_m * 1e3
     figure = Figure(figsize=inches(170, 45))
@@ -50,8 +51,10 @@ def draw() -> Figure:
     seen.set_title(
         "no needle was found" if found.needle is None else "wall and needle found"
     )
+
     for axes in (raw, seen):
         axes.set_xlabel("lateral [mm]")
+
     return figure
 
 

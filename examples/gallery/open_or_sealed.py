@@ -45,6 +45,7 @@ def draw() -> Figure:
     thickness_m = np.full_like(dent_m, THICKNESS_M)
     figure = Figure(figsize=inches(170, 70))
     left, right = figure.subplots(1, 2)
+
     for rigidity, name, colour in RIGIDITIES:
         # The library knows forces and pressures over E only: so does the globe.
         globe = sealed_globe(to_si(rigidity, "mmhg13_per_ul")).over(MODULUS_PA)
@@ -58,11 +59,13 @@ def draw() -> Figure:
         right.plot(
             dent_m * 1e3, from_si(ratio * MODULUS_PA, "mmhg"), color=colour, label=name
         )
+
     left.axhline(30.0, color=GREY, linewidth=0.6, linestyle=(0, (4, 3)))
     left.set_ylabel("force [mN]")
     right.set_ylabel("pressure under the needle [mmHg]")
     for axes in (left, right):
         axes.set_xlabel("dent [mm]")
+
     left.legend()
     return figure
 

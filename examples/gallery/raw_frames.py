@@ -34,17 +34,20 @@ def draw() -> Figure:
         )
         frames = [recording.frame(entry) for entry in recording.frames]
         walls = [sf.segment(recording.frame_path(entry)) for entry in recording.frames]
+
     oct_info = recording.info.oct
     width_mm = oct_info.width_m * 1e3
     depth_mm = oct_info.depth_m * 1e3
     lateral_mm = (np.arange(oct_info.columns) + 0.5) * width_mm / oct_info.columns
     figure = Figure(figsize=inches(170, 62))
     grid = figure.subplots(2, len(frames), sharex=True, sharey=True)
+
     for column, (frame, wall, force_n) in enumerate(
         zip(frames, walls, FORCES_N, strict=True)
     ):
         for axes in grid[:, column]:
             axes.imshow(frame, cmap=SCAN_COLOURS, extent=(0.0, width_mm, depth_mm, 0.0))
+
         for row, colour in ((wall.outer_row, "#56B4E9"), (wall.inner_row, "#E69F00")):
             grid[1, column].plot(
                 lateral_mm,
@@ -52,14 +55,17 @@ def draw() -> Figure:
                 color=colour,
                 linewidth=0.9,
             )
+
         thickness_m = wall.thickness_m
         grid[0, column].set_title(f"{force_n * 1e3:g} mN")
         grid[1, column].set_title(
             "no wall" if thickness_m is None else f"wall of {thickness_m * 1e6:.0f} µm"
         )
         grid[1, column].set_xlabel("lateral [mm]")
+
     for axes in grid[:, 0]:
         axes.set_ylabel("depth [mm]")
+
     return figure
 
 

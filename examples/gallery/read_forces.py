@@ -33,6 +33,7 @@ def draw() -> Figure:
         )
         calibration = sf.calibrate(recording, frames=3)
         evaluation = sf.evaluate(sf.load_model("default"), recording, calibration)
+
     return draw_residuals(evaluation)
 
 

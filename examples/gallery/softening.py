@@ -54,6 +54,7 @@ def draw() -> Figure:
     axes.set_xlabel("the contact sinks in by [mm]")
     axes.set_ylabel("force [mN]")
     axes.legend()
+
     return figure
 
 

@@ -45,6 +45,7 @@ def decisions(
     """Return the monitor's decision at each frame."""
     state = MonitorState()
     made = []
+
     for number, (at_s, force_n, half) in enumerate(
         zip(time_s, read_n, half_n, strict=True), start=1
     ):
@@ -66,6 +67,7 @@ def decisions(
         )
         state, decision = decide(state, frame, MonitorLimits())
         made.append(decision)
+
     return made
 
 
@@ -90,6 +92,7 @@ def draw() -> Figure:
     )
     axes.plot(time_s, read_n * 1e3, color=BLACK, linewidth=0.8)
     axes.axhline(30.0, color=GREY, linewidth=0.6, linestyle=(0, (4, 3)))
+
     for state, shade in SHADES.items():
         inside = np.array([decision.state is state for decision in made])
         axes.fill_between(
@@ -102,6 +105,7 @@ def draw() -> Figure:
             linewidth=0,
             label=state.name,
         )
+
     first = next(
         n for n, decision in enumerate(made) if decision.state is State.WITHDRAW
     )
@@ -116,6 +120,7 @@ def draw() -> Figure:
     axes.set_xlabel("time [s]")
     axes.set_ylabel("read force, 90 % interval [mN]")
     axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.85))
+
     return figure
 
 

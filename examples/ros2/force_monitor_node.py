@@ -41,6 +41,7 @@ def pixels_of(message: RosImage) -> np.ndarray:
         raise ValueError(
             f"encoding {message.encoding!r}; give one of {', '.join(ENCODINGS)}"
         )
+
     dtype = np.dtype(kind).newbyteorder(">" if message.is_bigendian else "<")
     rows = np.frombuffer(bytes(message.data), dtype=np.uint8)
     if (
@@ -50,6 +51,7 @@ def pixels_of(message: RosImage) -> np.ndarray:
         raise ValueError(
             f"{rows.size} bytes for {message.height} rows of {message.step}"
         )
+
     rows = rows[: message.height * message.step].reshape(message.height, message.step)
     wide = np.ascontiguousarray(rows[:, : message.width * dtype.itemsize])
     return wide.view(dtype).astype(dtype.newbyteorder("="))
@@ -67,6 +69,7 @@ class ForceMonitorNode(Node):
             ("depth_mm", 4.0),
         ):
             self.declare_parameter(name, value)
+
         self._host = self._told("host")
         self._port = self._told("port")
         self._force, self._low, self._high = (
@@ -84,8 +87,10 @@ class ForceMonitorNode(Node):
             threading.Thread(target=work, daemon=True)
             for work in (self._obey, self._hear)
         ]
+
         for thread in self._threads:
             thread.start()
+
         self.create_subscription(RosImage, "image", self.take, 10)
         self.create_timer(PERIOD_S, self.order)
 
@@ -107,6 +112,7 @@ class ForceMonitorNode(Node):
         except ValueError as fault:
             self.get_logger().error(f"image: {fault}")
             return  # no frame: the monitor withdraws after 100 ms
+
         self._sent += 1
         self._headers[self._sent] = message.header
         self._headers.pop(self._sent - KEPT, None)
@@ -136,6 +142,7 @@ class ForceMonitorNode(Node):
             time_s=stamp.sec + stamp.nanosec * 1e-9,
             message_id=self._sent,
         )
+
         with suppress(OSError):  # the order follows from the other connection
             self._link.sendall(data)
 
@@ -171,12 +178,14 @@ class ForceMonitorNode(Node):
             or reading.get("interval_mn") is None
         ):
             return
+
         low_mn, high_mn = reading["interval_mn"]
         forces = (
             (self._force, reading["force_mn"]),
             (self._low, low_mn),
             (self._high, high_mn),
         )
+
         for publisher, force_mn in forces:
             message = WrenchStamped()
             message.header = header

@@ -65,6 +65,7 @@ class ForceMonitorWidget(ScriptedLoadableModuleWidget):
         else:
             self.timer.stop()
             self.logic.disconnect()
+
         self.button.text = "Connect" if self.logic.connector is None else "Disconnect"
 
     def cleanup(self):
@@ -101,9 +102,11 @@ class ForceMonitorLogic(ScriptedLoadableModuleLogic):
         picture = slicer.mrmlScene.GetFirstNodeByName(VIEW)
         if picture is not None:
             slicer.util.setSliceViewerLayers(background=picture)
+
         transform = slicer.mrmlScene.GetFirstNodeByName(BAR)
         if transform is not None:
             self._bar().SetAndObserveTransformNodeID(transform.GetID())
+
         text = slicer.mrmlScene.GetFirstNodeByName(WORDS)
         if text is not None:
             corner = (
@@ -126,4 +129,5 @@ class ForceMonitorLogic(ScriptedLoadableModuleLogic):
             self.model.SetAndObservePolyData(cube.GetOutput())
             self.model.CreateDefaultDisplayNodes()
             self.model.GetDisplayNode().SetColor(*ORANGE)
+
         return self.model

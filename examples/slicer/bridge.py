@@ -87,11 +87,13 @@ class Latest:
             self._reading = None
             if reading is None or self._ended:
                 return None
+
             frame_id = reading.get("frame_id")
             self._changed.wait_for(
                 lambda: self._ended or frame_id in self._frames, FRAME_WAIT_S
             )
             newest = next(reversed(self._frames.values()), None)
+
             return (
                 None if self._ended else (reading, self._frames.get(frame_id, newest))
             )
@@ -145,6 +147,7 @@ def relay(source: socket.socket, target: socket.socket, latest: Latest) -> None:
                 for event in decoder.feed(data):
                     if isinstance(event, Received):
                         notice(event, latest)
+
     for link in (source, target):
         with suppress(OSError):
             link.shutdown(socket.SHUT_RDWR)
@@ -154,6 +157,7 @@ def notice(event: Received, latest: Latest) -> None:
     """Keep what is shown."""
     message = event.message
     device = event.header.device
+
     if (
         isinstance(message, Image)
         and message.pixels.ndim == 3
@@ -180,6 +184,7 @@ def shown(image: Image) -> Image:
         lateral_m=lateral_mm * MM, depth_m=depth_mm * MM, refractive_index=1.0
     )
     picture = draw_overlay(pixels, find_wall(pixels, scale))
+
     return Image(np.ascontiguousarray(picture[None, ..., ::-1]), image.matrix)
 
 
@@ -217,10 +222,12 @@ def serve_scanner(scanner: socket.socket, monitor: Address, latest: Latest) -> N
         except OSError as fault:
             sys.stderr.write(f"error: {monitor[0]}:{monitor[1]}: {fault}\n")
             return
+
         with link:
             for end in (scanner, link):
                 end.settimeout(None)
                 end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
             back = threading.Thread(
                 target=relay, args=(link, scanner, latest), daemon=True
             )
@@ -248,8 +255,10 @@ def run(
         for port in (scanner_port, slicer_port)
     ]
     takes = (lambda link: serve_scanner(link, monitor, latest), viewers.add)
+
     for listener, take in zip(listeners, takes, strict=True):
         threading.Thread(target=accept, args=(listener, take), daemon=True).start()
+
     threading.Thread(target=show, args=(latest, viewers), daemon=True).start()
     try:
         yield listeners[0].getsockname()[1], listeners[1].getsockname()[1]
@@ -257,7 +266,9 @@ def run(
         for listener in listeners:
             with suppress(OSError):
                 listener.shutdown(socket.SHUT_RDWR)
+
             listener.close()
+
         latest.end()
         viewers.close()
 
@@ -274,6 +285,7 @@ def main() -> None:
     parser.add_argument("--monitor-host", default="127.0.0.1")
     parser.add_argument("--monitor-port", type=int, default=18944)
     given = parser.parse_args()
+
     with run(
         given.scanner_port, given.slicer_port, (given.monitor_host, given.monitor_port)
     ) as ports:

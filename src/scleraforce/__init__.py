@@ -97,6 +97,7 @@ if not TYPE_CHECKING:
             raise AttributeError(
                 f"module {__name__!r} has no attribute {name!r}; docs/python.md lists what it offers"
             )
+
         globals()[name] = value
         return value
 

@@ -74,22 +74,27 @@ class StoreKind:
             raise self.error(
                 f"{path}: no such {self.noun}; `scleraforce {self.command} --out {path}` makes one"
             )
+
         foreign = f"{path}: not a {self.noun} of scleraforce"
         hint = f"a {self.noun} of scleraforce has this file"
         metadata = replace(KINDS["store metadata"], error=self.error, hint=hint)
+
         try:
             record = parse_json(read_bytes(path / METADATA_FILE, metadata))
         except ValueError as fault:
             raise self.error(f"{foreign}: {fault}") from fault
+
         attributes = record.get("attributes") if isinstance(record, dict) else None
         if not isinstance(attributes, dict) or record.get("node_type") != "group":
             raise self.error(foreign)
+
         if (schema := str(attributes.get("schema"))[:60]) != self.schema:
             unknown = f"schema {schema!r}; this version reads {self.schema!r}"
             other = (
                 text for start, text in self.others.items() if schema.startswith(start)
             )
             raise self.error(f"{path}: {next(other, unknown)}")
+
         found: dict[str, Any] = attributes
         return found
 
@@ -100,6 +105,7 @@ class StoreKind:
             raise self.error(
                 f"{path}: not complete; the same `scleraforce {self.command}` completes it"
             )
+
         text = attributes.get(self.recipe)
         # Of the text as it was written: a later version may know more keys, and format the same study differently.
         if not isinstance(text, str) or sha256(
@@ -108,6 +114,7 @@ class StoreKind:
             raise self.error(
                 f"{path}: its {self.recipe} does not match its hash: damaged; make it again"
             )
+
         return attributes
 
 
@@ -146,6 +153,7 @@ class CheckedStore:
         """Create an incomplete store with the `known` arrays, or continue a killed run with the same attributes."""
         path = self._path
         kind = self._kind
+
         # An empty folder, or one with a killed run's temporary file, is free.
         if path.exists() and (
             not path.is_dir() or any(entry.suffix != PART for entry in path.iterdir())
@@ -156,6 +164,7 @@ class CheckedStore:
                 raise kind.error(
                     f"{path}: holds something else than a {kind.noun}; choose another path"
                 ) from fault
+
             if found.get("complete") is not False:
                 raise kind.error(
                     f"{path}: a complete {kind.noun}; remove it or choose another path"
@@ -167,8 +176,10 @@ class CheckedStore:
                 raise kind.error(
                     f"{path}: begun with another {other}; remove it or choose another path"
                 )
+
         for name, values in known.items():
             self.arrays[name][:] = values
+
         self._write({"schema": kind.schema, "complete": False, **attributes})
 
     def missing(self) -> list[int]:
@@ -192,9 +203,11 @@ class CheckedStore:
         if missing := len(self.missing()):
             lost = f"{missing} of {len(self._units)} {self._kind.parts} are missing"
             raise self._kind.error(f"{self._path}: {lost}; make it again")
+
         for leftover in self._path.rglob(f"*{PART}"):
             with suppress(OSError):
                 leftover.unlink()
+
         hashes = {
             name: [
                 sha256(self._read(name, index)).hexdigest()
@@ -211,15 +224,18 @@ class CheckedStore:
         array = self.arrays[name]
         hashes = self._attributes.get(HASHES)
         place = self._path / name
+
         if array.nbytes > MAX_ARRAY_SIZE:
             most = f"at most {MAX_ARRAY_SIZE // MIB} are read (docs/files.md)"
             raise self._kind.error(
                 f"{place}: {array.nbytes // MIB} MiB of values, {most}"
             )
+
         expected = hashes.get(name) if isinstance(hashes, dict) else None
         if not isinstance(expected, list) or len(expected) != array.nchunks:
             wrong = f"{HASHES}: not the hashes of the {array.nchunks} chunks of {name}"
             raise self._kind.error(f"{self._path}: {wrong}; make it again")
+
         try:
             for index, digest in zip(
                 np.ndindex(array.cdata_shape), expected, strict=True
@@ -227,6 +243,7 @@ class CheckedStore:
                 place = self._path / _file(array, index)
                 if sha256(self._load(name, index)).hexdigest() != digest:
                     raise ValueError("it is not the chunk of this place")
+
             place = self._path / name
             return np.asarray(array[:])
         except (ValueError, RuntimeError) as fault:
@@ -249,10 +266,12 @@ class CheckedStore:
         """Return the bytes of a chunk's file, and put them where Zarr decodes them."""
         array = self.arrays[name]
         data = self._read(name, index)
+
         if (
             len(array.compressors) > 1
         ):  # Zarr sets no limit: what decodes to more than a chunk is refused here
             Zstd().decode(data[:-CRC_BYTES], np.empty(array.chunks, array.dtype))
+
         self._files[_file(array, index)] = cpu.Buffer.from_bytes(data)
         return data
 
@@ -263,6 +282,7 @@ class CheckedStore:
         kind = replace(
             KINDS["store chunk"], error=self._kind.error, max_bytes=most, hint=hint
         )
+
         return read_bytes(self._path / _file(array, index), kind)
 
     def _write(self, attributes: Mapping[str, Any] | None = None) -> None:
@@ -276,7 +296,9 @@ class CheckedStore:
                 raise self._kind.error(
                     f"{self._path / name}: {fault.strerror}"
                 ) from fault
+
             write_whole(content.to_bytes(), self._path / name)
+
         self._files.clear()
 
 

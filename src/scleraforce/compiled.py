@@ -50,6 +50,7 @@ def compiled_part(loops: Loops, counts: bool = True) -> Loops:
     dispatcher: Any = njit(nogil=True, fastmath=False, error_model="numpy", **options)(
         loops
     )
+
     return cast(Loops, dispatcher)
 
 
@@ -75,6 +76,7 @@ def _part_compiler() -> Any:
                 self._final_module.link_in(
                     library._get_module_for_linking(), preserve=True
                 )
+
             environments = [
                 each.name
                 for each in self._final_module.global_variables
@@ -117,6 +119,7 @@ def _code_file() -> Any:
             found.env_name = name
             found.consts[:] = constants
             environment.Environment._memo[name] = found
+
         return found
 
     class Unpickler(pickle.Unpickler):
@@ -168,6 +171,7 @@ def _code_file() -> Any:
             library.enable_object_caching()
             library._set_compiled_object(object_code)
             library._finalize_final_module()
+
             return library
 
         def _get_module_for_linking(self) -> Any:
@@ -192,6 +196,7 @@ def _code_file() -> Any:
             # under the lock of Numba's compiler
             before = target._library_class
             target._library_class = Library
+
             try:
                 return self._load_overload(signature, target_context)
             except (
@@ -226,6 +231,7 @@ def _code_cache(module: str) -> Path:
     )  # imported here: what compiles nothing need not wait for it
 
     content = b"".join(file.read_bytes() for file in sorted(_deciding(module)))
+
     return (
         user_cache_path("scleraforce")
         / "compiled"
@@ -237,6 +243,7 @@ def _deciding(module: str) -> set[Path]:
     """Return the sources of a module's machine code: Numba does not notice a change of a called function."""
     found: set[Path] = set()
     waiting = [module, "compiled"]
+
     while waiting:
         file = ROOT.joinpath(*waiting.pop().split(".")).with_suffix(".py")
         if file.is_file() and file not in found:
@@ -246,4 +253,5 @@ def _deciding(module: str) -> set[Path]:
                 waiting += (
                     f"{imported}.{part.split()[0]}" for part in names.split(",")
                 )  # of a package: its modules
+
     return found

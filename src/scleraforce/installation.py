@@ -64,6 +64,7 @@ def packages() -> Iterator[Finding]:
         for requirement in stated
         for extra in re.findall(r'extra == "([^"]+)', str(requirement.marker))
     }
+
     for extra in sorted(extras - FOR_DEVELOPERS):
         of_extra = [
             requirement
@@ -91,6 +92,7 @@ def _installed(
     faults = [fault for requirement in wanted if (fault := _fault(requirement))]
     if faults:
         return Finding(name, otherwise, ", ".join(faults), remedy)
+
     return Finding(
         name,
         "ok",
@@ -135,6 +137,7 @@ def machine() -> Iterator[Finding]:
     yield _enough(
         "memory", words, memory is None or memory >= LEAST_MEMORY_GIB * GIB, remedy
     )
+
     if sys.platform.startswith("linux"):  # tried in a process of its own
         allowed = (
             subprocess.run(
@@ -152,6 +155,7 @@ def machine() -> Iterator[Finding]:
             f"not on {sys.platform}",
             "the monitor runs on Linux only",
         )
+
     folder = user_cache_path("scleraforce")
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -206,6 +210,7 @@ def tried(name: str) -> Finding:
         found = TRIALS[name]()
     except Exception as fault:
         return Finding(name, "failed", f"{type(fault).__name__}: {fault}", AGAIN)
+
     return (
         replace(found, found=f"{found.found}, {perf_counter() - start:.1f} s")
         if found.state == "ok"
@@ -228,9 +233,11 @@ def compile_loops() -> None:
     library.covers(*walls, np.array([0.0]))
     iop_ratio_at_dent(library, *walls, np.zeros(1), globe)
     frame, scale, known = _frame()
+
     for reading in (_reader().read, _reader().read_live):
         for eye in (known, Known()):
             reading(frame, scale, eye)
+
     cross = Plane("along", 0.0, 0.0), Plane("across", 0.0, np.pi / 2.0)
     _reader().read_together([frame, frame], scale, replace(known, gap_m=None), cross)
 
@@ -240,6 +247,7 @@ def _solve() -> Finding:
     expected = float(_reader().library.forces(*walls, np.array([TIP_M]))[0])
     solved = float(_path().force_ratio_m2[-1])
     words = f"{from_si(solved * MODULUS_PA, 'mn'):.2f} mN at a dent of {from_si(TIP_M, 'mm'):g} mm"
+
     if abs(solved / expected - 1.0) > FORCES_AGREE:
         return Finding(
             SOLVE,
@@ -247,12 +255,14 @@ def _solve() -> Finding:
             f"{words}, {from_si(expected * MODULUS_PA, 'mn'):.2f} are right",
             AGAIN,
         )
+
     return Finding(SOLVE, "ok", words)
 
 
 def _read() -> Finding:
     answer = _reader().read(*_frame())
     true_n = float(_path().force_ratio_m2[-1]) * MODULUS_PA
+
     if answer.force_n is None:
         return Finding(
             READ,
@@ -260,10 +270,12 @@ def _read() -> Finding:
             f"a frame of {from_si(true_n, 'mn'):.1f} mN: {answer.reason}",
             AGAIN,
         )
+
     words = (
         f"{from_si(answer.force_n, 'mn'):.1f} mN read of {from_si(true_n, 'mn'):.1f} mN"
     )
     right = abs(answer.force_n - true_n) <= READ_WITHIN_N
+
     return (
         Finding(READ, "ok", words) if right else Finding(READ, "failed", words, AGAIN)
     )
@@ -275,6 +287,7 @@ def _train() -> Finding:
         from scleraforce.learning.train import train_reader
     except InputError as fault:
         return Finding(TRAIN, "missing", str(fault))
+
     study = Study()
     small = replace(
         study.reader,
@@ -285,6 +298,7 @@ def _train() -> Finding:
         channels=(4, 4),
         hidden=(8,),
     )
+
     with TemporaryDirectory(prefix="scleraforce-doctor-") as folder:
         record = train_reader(
             _reader().library,
@@ -292,6 +306,7 @@ def _train() -> Finding:
             Path(folder) / "model",
             workers=1,
         )
+
     return Finding(TRAIN, "ok", f"{record['samples']['training']} samples")
 
 
@@ -322,6 +337,7 @@ def _frame() -> tuple[NDArray[np.uint16], PixelScale, Known]:
         gap_m=GAP_M,
         globe=OPEN,
     )
+
     return frame, scale, known
 
 
@@ -335,6 +351,7 @@ def _path() -> AxisymmetricPath:
         library.needle_radius_m,
         IOP_PA / MODULUS_PA,
     )
+
     return axisymmetric_path(*wall, tips_m=np.linspace(0.0, TIP_M, 5)[1:])
 
 

@@ -105,13 +105,16 @@ def read_folder(path: Path, kinds: tuple[str, ...] = tuple(FILES)) -> ModelFolde
         raise ModelError(
             f"{path}: no such folder, and not a bundled model ({bundled}); {makes}"
         )
+
     record = _read_record(path / RECORD_FILE)
     if record["kind"] not in kinds:
         raise ModelError(
             f"{path}: kind: found {record['kind']!r}, a {' or '.join(kinds)} is needed here"
         )
+
     places = {name: path / name for name in FILES[record["kind"]]}
     hashes = record["files"]
+
     if (
         path == SHIPPED_LIVING
     ):  # the libraries of both bundled readers are large, and equal but for rounding
@@ -122,6 +125,7 @@ def read_folder(path: Path, kinds: tuple[str, ...] = tuple(FILES)) -> ModelFolde
                 LIBRARY_FILE
             ),
         }
+
     files = {
         name: read_bytes(place, KINDS["model file"]) for name, place in places.items()
     }
@@ -133,6 +137,7 @@ def read_folder(path: Path, kinds: tuple[str, ...] = tuple(FILES)) -> ModelFolde
             raise ModelError(
                 f"{places[name]}: {wrong}; the file was changed after training: train the model again"
             )
+
     return ModelFolder(path, MappingProxyType(files), MappingProxyType(record))
 
 
@@ -141,6 +146,7 @@ def _read_record(path: Path) -> dict[str, Any]:
         record = parse_json(read_bytes(path, KINDS["model record"]))
     except ValueError as fault:
         raise ModelError(f"{path}: {fault}") from fault
+
     if not isinstance(record, dict) or record.get("format") != MODEL_FORMAT:
         found = reprlib.repr(record.get("format") if isinstance(record, dict) else None)
         raise ModelError(
@@ -153,6 +159,7 @@ def _read_record(path: Path) -> dict[str, Any]:
         )
     if not isinstance(record.get("files"), dict):
         raise ModelError(f"{path}: files: expected the SHA-256 of each file by name")
+
     return record
 
 
@@ -160,6 +167,7 @@ def check_place(out: Path) -> None:
     """Check, before any work is done, that a model folder can be made; raises `ModelError`."""
     if out.exists() or out.is_symlink():
         raise ModelError(f"{out}: exists already; remove it or choose another folder")
+
     above = next(folder for folder in out.absolute().parents if folder.exists())
     try:
         Path(
@@ -214,10 +222,12 @@ def network_session(network: bytes, place: str, threads: int) -> "InferenceSessi
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
     options.log_severity_level = 4
+
     if EXTERNAL in network:
         raise ModelError(
             f"{place}: asks for data in other files; ours have all in this one"
         )
+
     try:
         # There is no other provider to fall back to, and it would print to standard output that it does.
         return onnxruntime.InferenceSession(
@@ -237,10 +247,12 @@ def folder_session(
     """Return a session of a folder's network and the network's metadata; raises `ModelError`."""
     place = str(folder.path / NETWORK_FILE)
     session = network_session(folder.files[NETWORK_FILE], place, threads)
+
     try:
         metadata: dict[str, str] = session.get_modelmeta().custom_metadata_map
     except ValueError as fault:  # names that are not text
         raise ModelError(f"{place}: metadata: {fault}") from fault
+
     return session, metadata
 
 
@@ -283,8 +295,10 @@ def run_network(
         Exception
     ) as fault:  # ONNX Runtime's exceptions have no common base of their own
         raise ModelError(f"{place}: the network cannot be run: {fault}") from fault
+
     if not all(np.isfinite(answer).all() for answer in answers):
         raise ModelError(
             f"{place}: the network answers with numbers that are not finite"
         )
+
     return answers

@@ -65,6 +65,7 @@ def pack_header(header: Header) -> bytes:
         )
     if not 0.0 <= header.time_s < FRACTION:
         raise ProtocolError(f"time {header.time_s} s: must be from 0 to below 2^32 s")
+
     fixed = int(header.time_s * FRACTION)  # exact: a power of two
     names = pack_name(header.type, 12), pack_name(header.device, 20)
     return HEADER.pack(header.version, *names, fixed, header.body_bytes, header.crc)
@@ -83,6 +84,7 @@ def unpack_header(data: bytes | bytearray | memoryview) -> Header:
         or " " in type_name
     ):
         raise ProtocolError(f"message type {type_name!r}: must be printable ASCII")
+
     name = device.split(b"\0")[0].decode("ascii", "replace")
     return Header(version, type_name, name, fixed / FRACTION, body_bytes, crc)
 
@@ -94,10 +96,13 @@ def wrap_body(
     if version == 1:
         if metadata or message_id:
             raise ProtocolError("metadata and message id: need header version 2 or 3")
+
         return content
+
     pairs = [(key.encode(), value.encode()) for key, value in metadata.items()]
     if not 0 <= message_id < FRACTION:
         raise ProtocolError(f"message id {message_id}: must fit into 32 bits")
+
     _check_metadata_size(
         2 + sum(METADATA_ENTRY.size + len(key) + len(value) for key, value in pairs)
     )
@@ -106,6 +111,7 @@ def wrap_body(
     )
     index = struct.pack(">H", len(pairs)) + entries
     texts = b"".join(key + value for key, value in pairs)
+
     return (
         EXTENDED.pack(EXTENDED.size, len(index), len(texts), message_id)
         + content
@@ -124,13 +130,16 @@ def split_body(
         raise ProtocolError(
             f"body of {len(body)} bytes: too short for an extended header"
         )
+
     extended, index_bytes, text_bytes, message_id = EXTENDED.unpack_from(body)
     _check_metadata_size(index_bytes + text_bytes)
+
     end = len(body) - index_bytes - text_bytes
     if extended < EXTENDED.size or end < extended:
         raise ProtocolError(
             f"extended header: {extended} + {index_bytes} + {text_bytes} bytes in {len(body)}"
         )
+
     metadata = _metadata(body[end : end + index_bytes], body[end + index_bytes :])
     return body[extended:end], message_id, metadata
 
@@ -147,14 +156,18 @@ def _metadata(index: memoryview, texts: memoryview) -> dict[str, str]:
             raise ProtocolError(
                 f"metadata: index of {len(index)} bytes for texts of {len(texts)}"
             )
+
         return {}
+
     (count,) = struct.unpack_from(">H", index)
     if len(index) != 2 + count * METADATA_ENTRY.size:
         raise ProtocolError(
             f"metadata: {count} entries in an index of {len(index)} bytes"
         )
+
     metadata = {}
     place = 0
+
     for key_bytes, _, value_bytes in METADATA_ENTRY.iter_unpack(index[2:]):
         middle = place + key_bytes
         end = place + key_bytes + value_bytes
@@ -162,12 +175,14 @@ def _metadata(index: memoryview, texts: memoryview) -> dict[str, str]:
             raise ProtocolError(
                 f"metadata: an entry ends at byte {end} of {len(texts)}"
             )
+
         key, value = (
             bytes(texts[at:to]).decode("utf-8", "replace")
             for at, to in ((place, middle), (middle, end))
         )
         metadata[key] = value
         place = end
+
     return metadata
 
 
@@ -205,15 +220,18 @@ def pack_image(image: Image, *, little_endian: bool = True) -> bytes:
         raise ProtocolError(
             f"pixels {kind}: must be 8 or 16 bit, (slice, row, column[, component])"
         )
+
     part = pixels.shape[2::-1]
     components = pixels.shape[3] if pixels.ndim == 4 else 1
     size = image.size or part
     elements = len(image.matrix)
     _check_place(size, image.offset, part)
+
     if max(size) > 0xFFFF or components > 0xFF or elements != 12:
         raise ProtocolError(
             f"image of {size}, {components} components, {elements} matrix elements: out of range"
         )
+
     order = 2 if little_endian else 1
     code = CODES[pixels.dtype]
     head = HEAD.pack(
@@ -227,6 +245,7 @@ def pack_image(image: Image, *, little_endian: bool = True) -> bytes:
         *image.offset,
         *part,
     )
+
     return (
         head
         + np.ascontiguousarray(
@@ -239,11 +258,13 @@ def unpack_image(body: memoryview) -> Image:
     """Read the body of an image; pixels in this machine's byte order, at an even place, are a view into the body."""
     if len(body) < HEAD.size:
         raise ProtocolError(f"IMAGE: {len(body)} bytes, must be at least {HEAD.size}")
+
     version, components, code, order, coordinates, *rest = HEAD.unpack_from(body)
     size = tuple(rest[:3])
     matrix = tuple(rest[3:15])
     offset = tuple(rest[15:18])
     part = tuple(rest[18:])
+
     if (
         version not in (1, 2)
         or code not in SCALARS
@@ -254,17 +275,21 @@ def unpack_image(body: memoryview) -> Image:
         raise ProtocolError(f"IMAGE: version {version}, {kind}")
     if not all(map(math.isfinite, matrix)):
         raise ProtocolError("IMAGE: the matrix is not finite")
+
     _check_place(size, offset, part)
     dtype = SCALARS[code].newbyteorder(ORDERS[order])
+
     stated = math.prod(part) * components * dtype.itemsize
     if len(body) - HEAD.size != stated:
         raise ProtocolError(
             f"IMAGE: {len(body) - HEAD.size} bytes of pixels, must be {stated}"
         )
+
     shape = part[::-1] if components == 1 else (*part[::-1], components)
     received = np.frombuffer(body, dtype=dtype, offset=HEAD.size)
     pixels = np.require(received, SCALARS[code], "A").reshape(shape)
     pixels.flags.writeable = False
+
     return Image(pixels, matrix, size, offset, coordinates)
 
 
@@ -376,6 +401,7 @@ def _pack(message: Message) -> tuple[str, bytes]:
                     raise ProtocolError(
                         f"STATUS: a message of {len(text.encode())} bytes, at most {MAX_TEXT_BYTES}"
                     )
+
                 return "STATUS", STATUS.pack(
                     code, subcode, pack_name(name, 20)
                 ) + text.encode() + b"\0"
@@ -408,6 +434,7 @@ def _status(content: memoryview) -> Status:
         len(content),
     )
     code, subcode, name = STATUS.unpack_from(content)
+
     return Status(
         code, subcode, _until_nul(name), _until_nul(bytes(content[STATUS.size :]))
     )
@@ -552,6 +579,7 @@ class Decoder:
         self._refuse_if_broken()
         if self.state is DecoderState.BODY:
             return self._room[-self._left :]
+
         return self._scratch[
             : HEADERS_BYTES
             if self.state is DecoderState.HEADER
@@ -565,6 +593,7 @@ class Decoder:
             raise ValueError(f"{count} bytes received: {len(room)} were lent")
         if self.state is not DecoderState.BODY:
             return self._take(room[:count])
+
         event = self._advance(count)
         return () if event is None else (event,)
 
@@ -586,6 +615,7 @@ class Decoder:
             rest = rest[used:]
             if event is not None:
                 events.append(event)
+
         return tuple(events)
 
     def _step(self, rest: memoryview) -> tuple[int, PeerEvent | None]:
@@ -594,9 +624,11 @@ class Decoder:
             used = min(HEADER_BYTES - len(self._head), len(rest))
             self._head += rest[:used]
             return used, self._begin() if len(self._head) == HEADER_BYTES else None
+
         used = min(self._left, len(rest))
         if self.state is DecoderState.BODY:
             self._room[-self._left :][:used] = rest[:used]
+
         return used, self._advance(used)
 
     def _begin(self) -> PeerEvent | None:
@@ -612,10 +644,12 @@ class Decoder:
             return Broken(str(error))
         finally:
             self._head.clear()
+
         kept = self._header.type in SPOKEN
         self.state = DecoderState.BODY if kept else DecoderState.PASSING
         size = self._header.body_bytes
         self._start_body(np.empty(size if kept else 0, dtype=np.uint8), size)
+
         return None if size else self._end()
 
     def _advance(self, count: int) -> PeerEvent | None:
@@ -633,6 +667,7 @@ class Decoder:
         kept = self.state is DecoderState.BODY
         self.state = DecoderState.HEADER
         self._start_body(np.empty(0, dtype=np.uint8), 0)
+
         if not kept:
             asked = query_of(header.type)
             return Unknown(header) if asked is None else Received(header, asked)
@@ -640,6 +675,7 @@ class Decoder:
             return BadChecksum(
                 header, f"{header.type}: checksum {crc:016x}, not {header.crc:016x}"
             )
+
         try:
             content, message_id, metadata = split_body(
                 memoryview(body.data), header.version

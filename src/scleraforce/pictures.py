@@ -35,8 +35,10 @@ def html_card(
         for name, fact in facts.items()
     )
     image = ""
+
     if picture is not None:
         data = b64encode(bytes(cv2.imencode(".png", picture)[1])).decode()
         style = f"display:block;max-width:100%;width:{WIDEST_PX}px"
         image = f'<img alt="{escape(title)}" style="{style}" src="data:image/png;base64,{data}">'
+
     return f"<div><strong>{escape(title)}</strong>{image}<table>{rows}</table></div>"

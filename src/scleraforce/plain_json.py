@@ -20,6 +20,7 @@ def finite(value: Any) -> Any:
         value, Mapping
     ):  # the cheaper question first
         return {key: finite(entry) for key, entry in value.items()}
+
     return value
 
 

@@ -7,6 +7,7 @@ def wrapped(text: str, start: str = "") -> str:
     """Return a text at 80 columns, behind what starts its line."""
     if not text:
         return start.rstrip()
+
     return fill(
         text,
         80,

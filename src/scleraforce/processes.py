@@ -71,6 +71,7 @@ def _submitting_to_cluster(work: bytes, workers: ClusterWorkers) -> Iterator[Sub
 
         # As the result of a task it is sent to each worker once, and survives the death of any.
         kept = client.submit(bytes, work, pure=False)
+
         try:
             yield partial(client.get_executor(pure=False).submit, _do, kept)
         except distributed.KilledWorker as fault:
@@ -89,10 +90,12 @@ def _connected(scheduler: str) -> Any:
         raise InputError(
             "--scheduler: Dask is not installed; run pip install 'scleraforce[cluster]'"
         ) from fault
+
     client: Any = distributed.Client  # without type annotations
     logging.getLogger("distributed").setLevel(
         logging.CRITICAL
     )  # a lost scheduler is reported above
+
     try:
         return client(scheduler, timeout=CONNECT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as fault:
@@ -131,6 +134,7 @@ def work_units(
     runs = [deque(units[low:high]) for low, high in bounds if low < high]
     ahead = max(LEAST_AHEAD, AHEAD * workers) if on_cluster else 1
     waiting = dict[Future[Result], tuple[int, int]]()
+
     with ExitStack() as stack:
         lanes = [
             stack.enter_context(_submitting(prepare, workers if on_cluster else 1))
@@ -143,6 +147,7 @@ def work_units(
 
         for lane in ahead * list(range(len(lanes))):
             ask(lane)
+
         while waiting:
             for future in wait(waiting, return_when=FIRST_COMPLETED).done:
                 lane, unit = waiting.pop(future)
@@ -167,6 +172,7 @@ def work_in_order(
     ) as submit:
         coming = iter(units)
         waiting = deque(submit(unit) for unit in islice(coming, ahead))
+
         while waiting:
             result = _result(waiting.popleft())
             waiting.extend(submit(unit) for unit in islice(coming, 1))
@@ -190,17 +196,22 @@ def _submitting(
     if isinstance(workers, ClusterWorkers):
         with _submitting_to_cluster(work, workers) as submit:
             yield submit
+
         return
+
     context = multiprocessing.get_context("spawn")
     watched, held = context.Pipe(duplex=False)
+
     with watched, TemporaryDirectory(prefix="scleraforce-") as folder:
         # A process that dies at its start would block for ever whoever writes more to it than a pipe holds.
         file = Path(folder) / "work"
         file.write_bytes(work)
+
         with no_interrupts():  # semaphores start the resource tracker
             executor = ProcessPoolExecutor(
                 max(workers, 1), context, _end_with_parent, (watched,)
             )
+
         with executor, held:
 
             def start_and_submit(unit: int) -> "Future[Any]":
@@ -261,22 +272,27 @@ def _do(work: bytes | Path, unit: int) -> Any:
                 raise InputError(
                     f"a worker has scleraforce {own}, this process {version}; install the same"
                 )
+
             _prepared.work = work
             _prepared.do = prepare()
+
         result = _prepared.do(unit)
         if isinstance(work, bytes):
             return result
+
         try:
             file = work.with_name(str(unit))
             file.write_bytes(pickle.dumps(result, pickle.HIGHEST_PROTOCOL))
         except OSError:  # no room for it there: the pipe takes it
             return result
+
         return _Stored(file)
     except Exception as fault:
         try:
             pickle.loads(pickle.dumps(fault))
         except Exception:  # the constructor of an exception that does not survive pickling may raise anything
             raise SolverError(f"{type(fault).__name__} in a worker: {fault}") from None
+
         raise
 
 
@@ -290,6 +306,7 @@ def _environment(settings: Mapping[str, str]) -> Iterator[None]:
     """Change the environment of processes that start in the block."""
     before = {name: os.environ[name] for name in settings if name in os.environ}
     os.environ.update(settings)
+
     try:
         yield
     finally:
@@ -307,8 +324,10 @@ def no_interrupts() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
+
     with _environment(OWN_MODULES):
         resource_tracker.ensure_running()  # starting it later would unblock the signal again
+
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

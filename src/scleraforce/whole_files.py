@@ -100,6 +100,7 @@ def read_bytes(path: Path, kind: FileKind) -> bytes:
         try:
             found = os.fstat(descriptor)
             check_regular(path, found, kind)
+
             with open(descriptor, "rb", closefd=False) as file:
                 data = file.read(
                     found.st_size + 1
@@ -110,8 +111,10 @@ def read_bytes(path: Path, kind: FileKind) -> bytes:
         raise kind.error(f"{path}: {fault.strerror}{hint}") from fault
     except ValueError as fault:  # a name with a null character
         raise kind.error(f"{str(path)!r}: {fault}") from fault
+
     if len(data) > found.st_size:
         raise kind.error(f"{path}: grows while it is read; give it when it is whole")
+
     return data
 
 
@@ -132,6 +135,7 @@ def read_text(path: Path, kind: FileKind) -> str:
     mark = next(filter(data.startswith, BYTE_ORDER_MARKS))
     data = data.removeprefix(mark)
     encoding = BYTE_ORDER_MARKS[mark]
+
     try:
         return data.decode(encoding).replace("\r\n", "\n")
     except UnicodeDecodeError as fault:

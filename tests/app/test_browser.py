@@ -44,6 +44,7 @@ def eye(tmp_path_factory: pytest.TempPathFactory) -> Path:
         youngs_modulus_pa=0.3e6,
         globe="open",
     )
+
     return path
 
 
@@ -61,6 +62,7 @@ def files(eye: Path, tmp_path: Path) -> list[str]:
         tmp_path / "log.csv", table, "%.2f", ",", header="clock,pull", comments=""
     )
     (tmp_path / "times.csv").write_bytes((eye / "frames.csv").read_bytes())
+
     return [str(tmp_path / name) for name in ("scan.tif", "log.csv", "times.csv")]
 
 
@@ -70,6 +72,7 @@ def page(browser: Browser, tmp_path: Path) -> Iterator[tuple[Page, Path, list[st
     folder = tmp_path / "folder"
     complaints = list[str]()
     folder.mkdir()
+
     with running_app(folder) as client:
         context = browser.new_context(viewport={"width": 1280, "height": 900})
         found = context.new_page()
@@ -91,8 +94,10 @@ def import_(page: Page, files: list[str], out: str) -> None:
         "6 frames of 512 x 512 pixels (depth x lateral)"
     )
     expect(page.locator("[data-name=gauge]")).to_have_class("missing")
+
     for name, text in ANSWERS.items():
         page.fill(f"[data-name={name}] input", text)
+
     page.select_option("[data-name=times] select", "sources/times.csv")
     page.select_option("[data-name=contact_sign] select", "1")
     page.select_option("[data-name=globe] select", "open")
@@ -184,21 +189,26 @@ def test_files_become_a_recording_a_corrected_wall_a_modulus_and_forces(
     found.click("#read-run")
     expect(found.locator("#read-result tbody tr")).to_have_count(len(FORCES_N))
     expect(found.locator("#read-result svg")).to_have_count(2)
+
     with found.expect_download() as caught:
         found.click("#read-result button:has-text('CSV')")
+
     lines = Path(caught.value.path()).read_text().splitlines()
     assert lines[0].startswith("recording,eye,file,")
     assert len(lines) == len(FORCES_N) + 1
     with found.expect_download() as caught:
         found.click("#read-result button:has-text('SVG') >> nth=0")
+
     assert Path(caught.value.path()).read_text().startswith("<svg")
     found.reload()
+
     for step, rows in (
         ("calibrate", 1),
         ("read", len(FORCES_N)),
     ):  # the last results are shown again
         found.click(f"[data-step={step}]")
         expect(found.locator(f"#{step}-result tbody tr")).to_have_count(rows)
+
     found.click("#read-result tbody tr >> nth=0")
     expect(found.locator("#frames")).to_be_visible()
     assert complaints == []
@@ -217,9 +227,11 @@ def test_the_page_fits_its_window(
         page = context.new_page()
         page.goto(f"http://127.0.0.1:{client.port}/?token={TOKEN}")
         expect(page.locator("#verdict")).not_to_have_text("", timeout=LONG_MS)
+
         for step in ("import", "look", "correct", "calibrate", "read"):
             page.click(f"[data-step={step}]")
             assert page.evaluate("document.documentElement.scrollWidth") <= width
+
         context.close()
 
 
@@ -229,6 +241,7 @@ def test_keys_go_through_the_frames(browser: Browser, eye: Path) -> None:
         page.goto(f"http://127.0.0.1:{client.port}/?token={TOKEN}")
         place = page.locator("#place")
         expect(place).to_contain_text("1 of 6", timeout=LONG_MS)
+
         for key, shown in (
             ("ArrowRight", "2 of 6"),
             ("ArrowRight", "3 of 6"),
@@ -236,6 +249,7 @@ def test_keys_go_through_the_frames(browser: Browser, eye: Path) -> None:
         ):
             page.keyboard.press(key)
             expect(place).to_contain_text(shown, timeout=LONG_MS)
+
         page.keyboard.press(" ")
         expect(place).to_contain_text("6 of 6", timeout=LONG_MS)
         page.close()
@@ -247,6 +261,7 @@ def test_a_draft_stays_with_its_frame_and_faults_are_shown(
     shutil.copytree(eye, tmp_path / "mine")
     files = [entry.file for entry in sf.read_recording(eye).frames]
     (tmp_path / "mine" / "frames" / files[1]).write_bytes(b"\x89PNG damaged")
+
     with running_app(tmp_path) as client:
         page = browser.new_page()
         page.set_default_timeout(LONG_MS)
@@ -276,12 +291,16 @@ def test_a_duplicated_tab_is_read_only_and_an_empty_folder_has_no_faults(
     expect(found.locator("#import")).to_be_visible()
     with found.expect_popup() as opened:
         found.evaluate("open('/')")
+
     expect(opened.value.locator("#read-only")).to_be_visible()
     expect(found.locator("#read-only")).to_be_hidden()
     opened.value.close()
+
     for step in ("look", "correct"):
         found.click(f"[data-step={step}]")
         for button in ("#play", "#next", "#back", "#zoom-in"):
             found.click(button)
+
         expect(found.locator("#fault")).to_be_hidden()
+
     assert complaints == []

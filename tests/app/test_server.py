@@ -31,8 +31,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_small_recording(root.parent / "outside", frames=1)
     (root / "link").symlink_to(root.parent / "outside")
     (root / "log.csv").write_text("time_s,fz_n\n0,0\n1,0\n")
+
     for name in ("stack", "empty"):
         (root / name).mkdir()
+
     (root / "stack" / "log.csv").write_text("time_s,fz_n\n")
     (root / "notes.xyz").write_bytes(b"\x01\x02 nothing that is read")
     return root
@@ -157,8 +159,10 @@ def test_a_dropped_file_is_kept_once_and_whole(app: Client, folder: Path) -> Non
     assert (folder / "sources" / "push.csv").read_bytes() == data
     status, text = refusal(app, "PUT", "/api/source?name=push.csv", b"other")
     assert (status, text) == (422, "push.csv: exists already; choose another name")
+
     for name in ("../out.csv", ".hidden", "a/b.csv", ""):
         assert refusal(app, "PUT", f"/api/source?name={name}", data)[0] == 422
+
     assert refusal(app, "PUT", "/api/source?name=empty.csv", b"")[0] == 422
     with ThreadPoolExecutor() as pool:
         answers = list(
@@ -169,6 +173,7 @@ def test_a_dropped_file_is_kept_once_and_whole(app: Client, folder: Path) -> Non
                 range(6),
             )
         )
+
     assert sorted(answers) == [200] + [422] * 5
     with socket.create_connection(
         (HOST, app.port)
@@ -189,6 +194,7 @@ def test_a_dropped_file_is_kept_once_and_whole(app: Client, folder: Path) -> Non
                 name.endswith(".part") for name in os.listdir(folder / "sources")
             )
         )
+
     wait_until(
         lambda: sorted(os.listdir(folder / "sources")) == ["push.csv", "twice.csv"]
     )
@@ -218,11 +224,13 @@ def test_links_out_of_the_folder_are_neither_read_nor_written(
     linked = write_small_recording(folder / "linked", frames=2)
     (linked / "walls").symlink_to(tmp_path)
     wall = {"outer": [4.0] * COLUMNS, "inner": [9.0] * COLUMNS, "unseen": []}
+
     for path in ("draft", "wall"):
         assert (
             refusal(app, "PUT", f"/api/{path}?name=linked&file=0000.png", wall)[0]
             == 422
         )
+
     assert os.listdir(tmp_path) == ["outside"]
     (linked / "walls").unlink()
     (linked / "frames" / "0001.png").unlink()
@@ -303,6 +311,7 @@ def test_frames_of_one_stem_are_not_corrected(tmp_path: Path) -> None:
     (path / "frames.csv").write_text(
         (path / "frames.csv").read_text().replace("0001.png", "0000.tif")
     )
+
     with pytest.raises(
         InputError, match=r"0000.tif: walls/0000.png would be the wall of 0000.png too"
     ):

@@ -89,8 +89,10 @@ def test_what_the_files_leave_open_is_asked_and_frames_may_be_left_out(
         paths, [], Checked(first_frame=2, last_frame=3, columns=columns)
     )
     assert some["frames"] == 2
+
     with pytest.raises(InputError, match="--last-frame: frames 1 to 6 of 5"):
         sources.look(paths, [], Checked(last_frame=6, columns=columns))
+
     assert sources.picture(paths, [], Checked(columns=columns), 4).startswith(
         b"\x89PNG"
     )
@@ -107,6 +109,7 @@ def test_stacks_of_two_planes_are_one_scan_without_a_gap_to_give(
             np.ones((3, 32, 48), np.uint16),
             photometric="minisblack",
         )
+
     paths = [tmp_path / "along.tif", tmp_path / "across.tif"]
     sources = Sources()
     joined = sources.look(paths, [], Checked())
@@ -135,6 +138,7 @@ def test_a_frame_with_gaps_is_shown_and_one_without_a_wall_has_no_dent(
         "depth_mm": 4.0,
         "rate_hz": 10.0,
     }
+
     for number in range(3):
         picture = cv2.imdecode(
             np.frombuffer(
@@ -143,8 +147,10 @@ def test_a_frame_with_gaps_is_shown_and_one_without_a_wall_has_no_dent(
             0,
         )
         assert bool(picture.any()) == (number != 2)
+
     found = sources.clocks(paths, [], Checked(**given))
     assert found["dent_mm"] == [None] * 8
+
     for wrong in ({"axis": "fx"}, {"width_mm": -1.0}):
         with pytest.raises(
             InputError, match=r"fx is not in the force log|give the frames' size"

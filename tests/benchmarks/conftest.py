@@ -62,8 +62,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "a test",
     )
     writer = RecordingWriter(folder / "eye", info, "Of a test.")
+
     for number in range(FRAMES):
         writer.add(f"{number:04}.png", 0.01 * number, shown[number])
+
     writer.close()
     eye = {
         "thickness_m": THICKNESS_M,
@@ -80,6 +82,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "frames": frames,
     }
     (folder / "eye" / "truth.json").write_text(json.dumps(truth))
+
     return folder
 
 

@@ -67,6 +67,7 @@ def test_a_benchmark_prints_a_table_of_finite_numbers(
     file, *part = name.split()
     if part:  # it runs in real time
         request.getfixturevalue("alone")
+
     words = [
         *part,
         *(word.format_map(Given(request, tmp_path)) for word in SMALLEST[name].split()),
@@ -77,6 +78,7 @@ def test_a_benchmark_prints_a_table_of_finite_numbers(
     assert rows, f"no table in:\n{done.stdout}"
     assert not re.search(r"\b(nan|inf)\b", done.stdout, re.IGNORECASE), done.stdout
     assert done.stderr in ("", "compiling, once: half a minute\n")  # in an empty cache
+
     if name.startswith("figure_"):
         assert (tmp_path / "picture.png").stat().st_size > 10_000
 
@@ -110,6 +112,7 @@ class Given(dict[str, Path]):
             return self._folder / "finder"
         if key in ("model", "recording"):
             return fixture("folder") / {"model": "reader", "recording": "eye"}[key]
+
         return (
             self._folder / "picture.png"
             if key == "out"

@@ -148,6 +148,7 @@ def test_eyes_of_each_group_fill_its_ranges():
             values = np.array([getattr(drawn.eye, name) for drawn in eyes])
             assert low <= values.min() < low + 0.15 * (high - low), group
             assert high - 0.15 * (high - low) < values.max() <= high, group
+
         assert all(
             len(drawn.shares) == 20 and min(drawn.shares) >= 0 and max(drawn.shares) < 1
             for drawn in eyes
@@ -176,6 +177,7 @@ def test_a_moving_eye_is_computed_at_its_turned_contacts_and_its_frames_are_imag
     mesh = replace(drawn.study.mesh, core=2, rings=6)
     drawn = replace(drawn, study=replace(drawn.study, mesh=mesh), shares=(0.1, 0.2))
     folder = FiguresFolder(tmp_path)
+
     for eye, paths in ((drawn, 3), (drawn.held_still(), 1)):
         computed = compute_eye(eye)
         assert len(computed.bent) == paths
@@ -203,6 +205,7 @@ def test_an_eye_that_a_worker_of_a_cluster_sends_is_the_one_made_here_from_the_s
     )
     assert contents(there.path / "recordings") == contents(here.path / "recordings")
     monkeypatch.setattr(recordings, "hash_sources", lambda *_: "another")
+
     with pytest.raises(ScleraforceError, match="a worker has other sources"):
         recordings._write_sent(there, drawn, sent)
 
@@ -235,6 +238,7 @@ def test_a_dent_follows_the_part_of_the_force_along_the_normal():
         Lean(0.7, 1.0, 0.3): 1.0 / (cos(0.7) + 0.3 * sin(0.7)),
     }
     upright, *leaning = (bend_leaning(drawn.eye, study, lean, 0.015) for lean in leans)
+
     for path, part in zip(leaning, list(leans.values())[1:], strict=True):
         assert path.tip_m(0.01) == pytest.approx(upright.tip_m(0.01 * part), rel=0.05)
 
@@ -283,6 +287,7 @@ def test_calibration_frames_are_left_out_of_every_method(tmp_path, monkeypatch):
         readings, "_calibration", lambda *_: tmp_path / "calibration.json"
     )
     monkeypatch.setattr(readings, "answers", evaluated)
+
     for method in (
         Method("fit", "", tmp_path),
         Method("paper", "", tmp_path, calibrated=False),
@@ -291,6 +296,7 @@ def test_calibration_frames_are_left_out_of_every_method(tmp_path, monkeypatch):
         assert [(entry.eye, entry.file) for entry in answered] == [
             (drawn.eye.id, file) for drawn in eyes for file in ("0001.png", "0005.png")
         ]
+
     elsewhere = [replace(drawn, calibrated_at=Lean(0.1, 0.0)) for drawn in eyes]
     assert len(
         readings.read_frames(FiguresFolder(tmp_path), elsewhere, method)
@@ -319,10 +325,12 @@ def test_tables_and_picture_have_every_group(tmp_path):
         for row in rows
         if len(row) == 1 + len(COLUMNS)
     }
+
     for name, group in GROUPS.items():
         assert read_mn[name]["force error, mN"].endswith(
             f"(goal {group.error_mn:g})" if group.error_mn else "0.50"
         )
+
     assert read_mn["living"]["not usable, %"] == "100.0, 1 whole eyes"
     found = json.loads(json.dumps(as_json(results), allow_nan=False))
     assert found["plain"]["methods"]["fit"]["as_safe"] == {
@@ -368,6 +376,7 @@ def test_processes_end_with_whoever_waits_for_them(tmp_path):
         in_processes(
             leave_a_mark_or_wait, [tmp_path / "first", tmp_path / "waits"], 2, stop
         )
+
     assert not multiprocessing.active_children()
 
 
@@ -393,6 +402,7 @@ def test_a_result_is_made_anew_with_other_words_another_input_or_another_behavio
     assert [runs_after("--more"), runs_after("--more")] == [3, 3]
     commands.write_key(given, "made otherwise")
     assert [runs_after("--more"), runs_after("--more")] == [4, 4]
+
     for value, runs_then in ((1.0, 5), (1.0 + 1e-9, 5), (1.1, 6)):
         commands.take_up(tmp_path, {"forces": item([value])})
         assert [runs_after("--more"), runs_after("--more")] == [runs_then] * 2
@@ -405,6 +415,7 @@ def test_a_command_is_run_once_and_what_it_left_unfinished_is_removed(tmp_path, 
     small = ["--forces-mn", "2", "--thickness-um", "500"]
     with pytest.raises(ScleraforceError, match="phantom: exit code 2"):
         made_by(out, ["phantom", "--forces-mn", "-2"])
+
     assert not out.exists()
     assert not (out.parent / ".recording.partial").exists()
     out.mkdir()
@@ -429,6 +440,7 @@ def test_new_tables_replace_the_old_ones(tmp_path):
     )
     assert list(read_stamps(page)) == [stamp]
     page.write_text("no marks")
+
     with pytest.raises(ScleraforceError, match="expected one line"):
         insert_tables("| new |\n", stamp, page)
 
@@ -441,6 +453,7 @@ def test_figures_are_out_of_date_where_an_entry_that_decides_them_has_moved(
         {"paper slices": item([1.0]), "default samples": item([value])}
         for value in (1.0, 2.0)
     )
+
     for command, moved in (
         ("make figures", ["default samples"]),
         ("scleraforce train DATASET --search", []),
@@ -454,6 +467,7 @@ def test_figures_are_out_of_date_where_an_entry_that_decides_them_has_moved(
             provenance_behaviour.moved_since(replace(stamp, commit="another"), now)
             is None
         )
+
     monkeypatch.setattr(provenance_main, "behaviour", lambda: now)
     monkeypatch.setattr("sys.argv", ["provenance"])
     assert provenance_main.main() == 0
@@ -504,6 +518,7 @@ def test_declared_values_have_the_errors_of_users_and_frames_stay_the_same(
     assert {
         (each.eye.globe, each.needle.gauge, each.oct.plane_tilt_rad) for each in said
     } == {("open", 22, 0.0)}
+
     for value, true, sd in (
         (lambda each: each.eye.iop_pa, 300.0, 300.0 * reader.iop_noise_fraction),
         (

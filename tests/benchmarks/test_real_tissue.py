@@ -178,6 +178,7 @@ def alike(first: str, second: str) -> bool:
     number = re.compile(r"[-+]?\d+(?:\.\d+)?")
     if number.sub("#", first) != number.sub("#", second):
         return False
+
     pairs = zip(number.findall(first), number.findall(second), strict=True)
     return all(
         abs(float(a) - float(b)) <= 1.01 * 10.0 ** -len(a.partition(".")[2])
@@ -194,6 +195,7 @@ def test_the_tables_of_the_page_are_recomputed(name: str) -> None:
         for row in cells(PAGE.read_text(encoding="utf-8"))
         if len(row) == len(made[0])
     ]
+
     for row in made:
         assert any(all(map(alike, row, other)) for other in shown), (
             f"{PAGE}: not there, or other: {row}"

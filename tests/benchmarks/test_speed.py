@@ -98,6 +98,7 @@ def test_invalid_requests_are_refused(tmp_path: Path) -> None:
     ):
         with pytest.raises((click.UsageError, InputError), match=said):
             main(words, standalone_mode=False)
+
     assert not (tmp_path / "RESULTS.md").exists()
 
 
@@ -139,6 +140,7 @@ def test_the_page_is_rendered_from_the_stored_figures() -> None:
 def test_another_benchmark_waits_until_the_first_is_done(tmp_path: Path) -> None:
     child = "import sys; from speed.lock import alone\nwith alone(): open(sys.argv[1], 'w').close()"
     mark = tmp_path / "mark"
+
     with alone():
         waiting = subprocess.Popen(
             [sys.executable, "-c", child, str(mark)],
@@ -149,6 +151,7 @@ def test_another_benchmark_waits_until_the_first_is_done(tmp_path: Path) -> None
         assert waiting.stderr
         assert waiting.stderr.readline() == "waiting for another benchmark to end\n"
         assert not mark.exists()
+
     assert waiting.wait(300.0) == 0
     waiting.stderr.close()
     assert mark.exists()
@@ -166,6 +169,7 @@ def test_a_quick_run_measures_every_row(tmp_path: Path) -> None:
     plain = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
     assert tuple(plain["tables"]) == PARTS
     rows = [row for table in plain["tables"].values() for row in table["rows"]]
+
     for row in rows:
         absent = "is not installed" in row["settings"]
         assert absent or (
@@ -174,6 +178,7 @@ def test_a_quick_run_measures_every_row(tmp_path: Path) -> None:
         assert all(
             value is not None and isfinite(value) for value in row["more"].values()
         ), row
+
     assert sum(row["goal"] is not None for row in rows) == 17
     assert page == as_markdown(Results.from_json(plain))
     assert (tmp_path / "out" / "static_solves.png").stat().st_size > 10_000

@@ -66,6 +66,7 @@ class Laboratory:
             self.wall(eye.thickness_m), eye, forces_n, self.study
         )
         made = moving(sections, rng, noise_m, self.study)
+
         return [
             (*frame, force_n) for frame, force_n in zip(made, forces_n, strict=True)
         ]

@@ -41,9 +41,11 @@ def calibrate(
         np.diag([1e-18, 1e-18]),
     )
     sessions = []
+
     for _, boundaries, force_n in frames:
         session = step(session, boundaries, force_n)
         sessions.append(session)
+
     return sessions
 
 
@@ -140,6 +142,7 @@ def test_belief_of_the_recordings_pose_narrows_to_the_motion_of_the_eye(
     model = laboratory.model(laboratory.stated(eye))
     study = laboratory.study.calibration
     belief = first_belief(model)
+
     for _, boundaries, force_n in laboratory.frames(
         eye, [0.03] * 12, np.random.default_rng(1)
     ):
@@ -148,6 +151,7 @@ def test_belief_of_the_recordings_pose_narrows_to_the_motion_of_the_eye(
             belief, prior, register(model, boundaries, force_n, 0.3e6, prior, 0.0)
         )
         assert np.linalg.eigvalsh(belief.covariance).min() > -1e-18
+
     sd = np.sqrt(np.diag(belief.covariance))
     assert belief.mean[BY_LATERAL] == pytest.approx(0.3e-3, abs=0.15e-3)
     assert sd[BY_LATERAL] == pytest.approx(study.shift_sd_m / 12**0.5, rel=0.2)
@@ -163,6 +167,7 @@ def test_derivatives_of_a_prediction_are_quotients_of_differences(
     nuisance = np.array([0.1e-3, 0.4e-3, 0.02, eye.polar_rad, 10e-6])
     state = stated_wall(model.constants, 0.27e6, 0.03, eye.polar_rad)
     placed = predict_frame(model, state, nuisance, places)
+
     for index, size in (
         (BY_LATERAL, 1e-5),
         (BY_DEPTH, 1e-5),
@@ -178,4 +183,5 @@ def test_derivatives_of_a_prediction_are_quotients_of_differences(
         np.testing.assert_allclose(
             placed.jacobian[:, index], difference, atol=0.03 * np.abs(difference).max()
         )
+
     assert not placed.jacobian[:, BY_POLAR].any()

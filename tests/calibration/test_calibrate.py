@@ -56,6 +56,7 @@ def recording(
         lambda f: virtual_sections(wall, eye, f, study),
         study,
     )
+
     return read_recording(path)
 
 
@@ -83,6 +84,7 @@ def test_poses_of_raw_frames_are_within_50_um(
         for frame in truth
     }
     found = calibration.eyes["virtual"]
+
     for record, step in zip(found.used, found.steps, strict=True):
         assert step.registered.nuisance[:2] == pytest.approx(
             poses[record.file], abs=50e-6
@@ -98,6 +100,7 @@ def test_a_chosen_frame_that_cannot_be_used_is_replaced(
     cv2.imwrite(
         str(highest), np.zeros_like(cv2.imread(str(highest), cv2.IMREAD_UNCHANGED))
     )
+
     for one, used in (
         (recording, ["0005.png", "0004.png"]),
         (read_recording(path), ["0005.png", "0006.png"]),
@@ -106,12 +109,14 @@ def test_a_chosen_frame_that_cannot_be_used_is_replaced(
             [one], laboratory.study, "hash", None, frames=2
         ).eyes["virtual"]
         assert [frame.file for frame in found.used] == used
+
     assert "0004.png" in {frame.file for frame in found.frames if frame.skipped}
 
 
 def test_light_frames_come_first_then_the_wanted_ones_rising_then_the_rest_from_the_highest():
     forces_n = np.array([0.0, 30.0, 12.0, 45.0, 20.0, 38.0, 2.0, 44.0]) * 1e-3
     every = [True] * 8
+
     for included, frames, order in (
         (every, None, [0, 1, 2, 3, 4, 5, 6, 7]),
         (every, 1, [0, 3, 7, 5, 1, 4, 2]),
@@ -121,6 +126,7 @@ def test_light_frames_come_first_then_the_wanted_ones_rising_then_the_rest_from_
         ([n in (0, 6) for n in range(8)], 3, [0, 6]),
     ):
         assert frame_order(forces_n, included, 0.005, frames, rising=False) == order
+
     included = [True, True, True, False, True, True]
     forces_n = np.array([0.05, 0.002, 0.01, np.nan, 0.03, 0.004])
     assert frame_order(forces_n, included, 0.005, None, rising=True) == [
@@ -180,6 +186,7 @@ def test_a_recording_that_cannot_be_used_is_refused(
         recording, info=replace(info, eye=replace(info.eye, thickness_m=None))
     )
     strict = replace(study, calibration=replace(study.calibration, min_force_n=1.0))
+
     for one, of_study, said in (
         (without, study, r"eye\.thickness_m: missing"),
         (replace(recording, forces=None), study, r"no forces\.csv"),
@@ -204,16 +211,20 @@ def test_the_stiffening_of_the_eyes_and_of_the_population_survives_the_file() ->
     text = json.dumps(content, allow_nan=False)
     found = parsed(text)
     summary = summary_of(parse_calibration_file(text.encode(), "c.json"))
+
     for either in (found, summary):
         assert [either.eyes[eye].stiffening for eye in "ab"] == [15.0, 0.0]
         assert either.population_stiffening == pytest.approx(3.0)  # 1 + b: 16 and 1
+
     assert [frame.again.loss for frame in found.eyes["a"].frames if frame.again] == [
         3.5
     ] * 3
     for entry in (content["population"], *content["eyes"].values()):
         del entry["stiffening"]
+
     for step in content["eyes"]["a"]["steps"]:
         del step["again"]["loss"]
+
     before = parsed(json.dumps(content))
     assert [before.eyes[eye].stiffening for eye in "ab"] == [0.0, 0.0]
     assert [frame.again.loss for frame in before.eyes["a"].frames if frame.again] == [
@@ -243,10 +254,12 @@ def test_hostile_values_are_refused_by_their_key_before_they_are_used(
             content = json.loads(text)
             assert key in content["eyes"]["virtual"]
             content["eyes"]["virtual"][key] = value
+
             with pytest.raises(
                 CalibrationError, match=rf"^c\.json: eyes\.virtual(\.|: ){place}"
             ) as fault:
                 parsed(json.dumps(content))
+
             assert "\n" not in str(fault.value)
 
 
@@ -295,12 +308,14 @@ def diverging(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str | None]
             assert len(look.labelled()[0]) == len(FORCES)
             asked.append(recording.info.eye.globe)
             *frames, last = sealed.frames
+
             if asked[-1] is None:
                 globe = replace(UNKNOWN, mean=rigidity * PER_UL, sd=sd * PER_UL)
                 said = status
             else:
                 globe = SEALED
                 said = "diverged: by 5 sd"
+
             eye = replace(
                 sealed,
                 id="virtual",
@@ -334,6 +349,7 @@ def test_a_globe_is_doubted_if_frames_agree_on_another_one_and_each_is_segmented
         "label_frames",
         lambda *given: labelled.append(given) or label_frames(*given),
     )
+
     for stated, status, rigidity, doubted in (
         ("open", "ok", 0.03, True),
         ("open", "ok", 0.0052, True),

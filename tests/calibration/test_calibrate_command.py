@@ -32,6 +32,7 @@ def folder(
         study,
     )
     (folder / "study.toml").write_text(format_study(study))
+
     return folder
 
 
@@ -132,6 +133,7 @@ def test_parameters_that_cannot_be_are_refused_in_one_line(
     for parameters in ("iop", "e,e", "e,stiffness"):
         assert run([*arguments, parameters]) == 2
         assert "error: --parameters: " in capsys.readouterr().err
+
     for parameters in ("e,stiffening", "stiffening,iop,e"):
         assert run([*arguments, parameters, "--mechanics", "linear"]) == 2
         printed = capsys.readouterr()

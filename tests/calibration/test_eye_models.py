@@ -65,6 +65,7 @@ def test_predicted_section_is_the_cut_through_the_deformed_mesh(
     state = stated_wall(constants, 0.27e6, force_n, contact.polar_rad)
     ((outer, inner),) = replace(model, smoothing_m=0.0).curves([state])
     at = np.linspace(-6.5e-3, 6.5e-3, 300)
+
     for mine, other in ((outer, cut.outer), (inner, cut.inner)):
         difference = np.interp(at, *mine.T) - np.interp(at, *other.T)
         assert np.abs(difference).max() < 10e-6
@@ -85,6 +86,7 @@ def test_responses_between_thicknesses_belong_to_a_wall_of_that_thickness(
     )[0]
     true = parameter_sections(exact, names[:1], np.array([[0.27e6]]), 0.03, 0.6)[0]
     at = np.linspace(-6e-3, 6e-3, 200)
+
     for boundary in (0, 1):
         np.testing.assert_allclose(
             np.interp(at, *between[boundary].T),
@@ -117,6 +119,7 @@ def exact_section(force_n: float, stated: EyeConstants = STATED) -> Section:
         stated.thickness_m, stated.iop_pa / MODULUS_PA, tip_m(force_n, stated), rings
     )
     sides = []
+
     for distance, depth in np.moveaxis(walls, -1, 1):
         across = stated.gap_m + np.tan(stated.tilt_rad) * depth
         seen = distance > across
@@ -128,6 +131,7 @@ def exact_section(force_n: float, stated: EyeConstants = STATED) -> Section:
                 axis=1,
             )
         )
+
     return Section(*sides)
 
 
@@ -173,6 +177,7 @@ def test_sections_have_the_walls_own_geometry_and_depend_on_thickness_gap_and_pr
         model = library_eye(SHARP, stated, library)
         (curves,) = model.curves([stated_wall(stated, MODULUS_PA, force_n, 0.0)])
         assert off_m(curves, force_n, stated) < 3e-6
+
     model = library_eye(SHARP, STATED, library)
     names = ("thickness_m", "gap_m", "iop_pa", "youngs_modulus_pa")
     (curves,) = parameter_sections(
@@ -283,16 +288,19 @@ def test_along_the_plane_the_motion_is_that_of_the_shift() -> None:
     rings = np.stack(
         [mesh.points_nc[nodes, 0] for nodes in (mesh.outer_n, mesh.inner_n)]
     )
+
     for side in (-1.0, 1.0):
         lateral_bn = side * np.sqrt(np.maximum(rings**2 - TURNED.gap_m**2, 0.0))
         expected = shift_in_plane(
             shift, 0.0, FORCE_RATIO, lateral_bn, TURNED.gap_m, TURNED.direction_rad
         )
+
         for boundary in (0, 1):
             here = (rings[boundary] > TURNED.gap_m) & (
                 np.abs(lateral_bn[boundary]) < 6e-3
             )
             at = lateral_bn[boundary][here]
+
             for mine, theirs in ((0, 0), (2, 1)):
                 found = np.interp(at, LATERAL, moved[boundary, :, mine])
                 assert np.abs(found - expected[boundary, here, theirs]).max() < 1e-6

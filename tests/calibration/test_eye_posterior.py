@@ -36,6 +36,7 @@ def found(
             "scleraforce.notebook.calibrating.library_for", lambda *_: library
         )
         sf.calibrate(made_up_folder, without_force=True, out=out)
+
     return out
 
 
@@ -109,11 +110,13 @@ def test_what_cannot_be_is_refused(
         "scleraforce.notebook.calibrating.library_for", lambda *_: library
     )
     recording = sf.read_recording(made_up_folder)
+
     if change is not None:
         info = replace(
             recording.info, eye=replace(recording.info.eye, **{change: None})
         )
         recording = replace(recording, info=info)
+
     with pytest.raises(InputError, match=words):
         sf.calibrate(recording, **{"without_force": True, **given})
 

@@ -38,6 +38,7 @@ def pushes(
         + 4e-3 * rng.standard_normal(len(time_s))
     )
     frames_s = 4 + 10 * np.arange(20) + 5.0
+
     return low_pass(force, time_s), time_s, frames_s, np.full(20, 20e-3)
 
 
@@ -45,10 +46,12 @@ def test_rests_show_offset_and_drift_of_the_sensor() -> None:
     for drift in (-5e-6, 0.0, 5e-6):
         rng = np.random.default_rng(0)
         errors = []
+
         for _ in range(8):
             zero, covariance = zero_line(*rest_zeros(*pushes(drift, rng)))
             at = np.array([1.0, 100.0])
             errors.append((at @ zero - drift * 100.0) / np.sqrt(at @ covariance @ at))
+
         assert np.abs(np.mean(errors)) < 1.2
         assert np.std(errors) < 2.0
 
@@ -70,6 +73,7 @@ def test_samples_and_frames_without_a_force_leave_the_others_unchanged() -> None
     fz_n += 1e-3 * np.random.default_rng(4).standard_normal(len(time_s))
     holed_n = np.where(np.abs(time_s - frames_s[7]) < 1.5, np.nan, fz_n)
     found = []
+
     for force_n in (fz_n, holed_n):
         log = ForceLog(time_s, force_n[:, None], ("fz_n",))
         frames = tuple(
@@ -83,6 +87,7 @@ def test_samples_and_frames_without_a_force_leave_the_others_unchanged() -> None
         )
         trials = label_frames(recording, ClassesStudy())
         found.append(frame_forces(replace(recording, forces=log.known("fz")), trials))
+
     assert np.flatnonzero(np.isnan(found[1].force_n)).tolist() == [7]
     known = np.isfinite(found[1].force_n)
     np.testing.assert_allclose(
@@ -104,6 +109,7 @@ def recording_of(
         FrameEntry(f"{number}.png", time) for number, time in enumerate(frames_s)
     )
     info = replace(LOGGED_INFO, force=ForceInfo("fz", -1, average_s))
+
     return Recording(
         Path("rec"), info, frames, ForceLog(time_s, wrench_sc, FORCE_COLUMNS[1:])
     )
@@ -127,6 +133,7 @@ def errors_and_sds(phantom: PhantomStudy, seeds: int) -> Iterator[tuple[float, f
                 table[:, 0], table[:, 1:], [frame.time_s for frame in plan.frames]
             )
             trials = label_frames(recording, CLASSES)
+
             for frame, trial, sd_n in zip(
                 plan.frames, trials, label_sds(recording, trials), strict=True
             ):

@@ -93,6 +93,7 @@ def frames(
     """
     modulus, globe = own(known)
     found = []
+
     for force_n in library_n:
         by = 1.0 - 4.0 * force_n, 0.2 + 8.0 * force_n if globe.can_be_sealed else 0.0
         slopes = np.array([*by, 1.0, force_n / 60e-3 - 0.5])
@@ -107,6 +108,7 @@ def frames(
                 by_rigidity=by[1],
             )
         )
+
     return found
 
 
@@ -169,6 +171,7 @@ def test_frames_that_agree_promise_nothing_and_others_scatter() -> None:
     agreeing = frames((18e-3, 38e-3, 57e-3), (0.0, 0.0, 0.0, 0.0), known)
     for read in ([], agreeing):
         assert regression(read, known, place_of(known)).scatter == 1.0
+
     shifts = zip(agreeing, (0.05, -0.05, 0.04), strict=True)
     scattered = [
         replace(frame, force_n=frame.force_n * np.exp(shift)) for frame, shift in shifts
@@ -206,6 +209,7 @@ def read_frames(factor: float = 1.0) -> list[tuple[Boundaries, float]]:
     rng = np.random.default_rng(4)
     walls = Walls(LIBRARY)
     found = []
+
     for tip_m in TIPS_M:
         unknown = np.zeros(len(NAMES))
         unknown[[TIP, LATERAL, DEPTH]] = tip_m, 0.3e-3, 0.5e-3
@@ -221,6 +225,7 @@ def read_frames(factor: float = 1.0) -> list[tuple[Boundaries, float]]:
         found.append(
             (Boundaries(LATERAL_M, depth, float(np.diff(LATERAL_M)[0])), known_n)
         )
+
     return found
 
 
@@ -277,6 +282,7 @@ def test_forces_are_surer_than_the_modulus_that_they_show() -> None:
     assert own(now)[0].relative_sd > 0.015
     assert now.discrepancy is not None
     apart = replace(now.discrepancy, level_by=(0.0, 0.0), growth_by=(0.0, 0.0))
+
     for boundaries, known_n in seen[1:]:
         widths = []
         for each in (now, replace(now, discrepancy=apart)):
@@ -289,6 +295,7 @@ def test_forces_are_surer_than_the_modulus_that_they_show() -> None:
             assert fit is not None
             assert fit.force_n == pytest.approx(known_n, rel=0.03)
             widths.append(float(np.diff(np.log(fit.interval_n))[0]))
+
         assert widths[0] < 0.9 * widths[1]
 
 
@@ -301,6 +308,7 @@ def test_frames_that_were_read_before_count_like_the_others() -> None:
     at_once = settled(known, seen, (), LIBRARY, STUDY).known
     parts = settled(known, seen[2:], earlier[:2], LIBRARY, STUDY).known
     assert own(parts)[0].mean_pa == pytest.approx(own(at_once)[0].mean_pa, rel=0.01)
+
     for now, before in (([*seen, (BLIND, 2.0 * seen[-1][1])], []), (seen[:1], earlier)):
         found = settled(known, now, before, LIBRARY, STUDY).known.discrepancy
         assert found is not None
@@ -387,6 +395,7 @@ def sought(
             "of_forces": forces(place),
             "refused": int(refused(place)),
         }
+
         return (
             TissueTrial(found=walls.stiffening, frames=TRIAL_FRAMES, **lost)
             if able(place)
@@ -425,6 +434,7 @@ def test_a_stiffening_beside_neighbours_that_lose_much_is_found() -> None:
     """Between none and the first; and before the last one, where losses level off, as of a thick wall of b = 20."""
     for least in (0.35, 0.45, 0.6):
         assert sought(bowl(60.0, least))[0] == pytest.approx(least, abs=0.15)
+
     for least in (2.9, 3.04):
         near = bowl(1.0 / 0.8**2, least)
         found, _ = sought(
@@ -443,6 +453,7 @@ def test_tissue_does_not_stiffen_unless_its_frames_say_so() -> None:
     ):  # 3.0 is less than the prior of any node
         found, _ = sought(lambda place, forces=forces: forces * (place < 0.5))
         assert bool(found) == stiffens
+
     for level, boundaries, stiffens in (
         (0.1, 9.0, True),
         (1.0, 9.0, True),
@@ -465,6 +476,7 @@ def test_a_stiffening_that_refuses_frames_that_others_take_never_wins() -> None:
             refused=lambda place, best=best: abs(place - best) < 0.3,
         )
         assert abs(found - best) > 0.3
+
     found, _ = sought(bowl(30.0, 2.3), refused=lambda place: 2 if place < 1.5 else 1)
     assert found == pytest.approx(
         2.27, abs=0.1
@@ -548,11 +560,13 @@ class Calibrating:
         way.count(len(recording.frames))
         if self.fault is not None:
             raise CalibrationError(f"{self.fault} {len(self.tried)}")
+
         loss = self.loss(log1p(way.library.stiffening))
         eye = replace(
             calibration_of_a_sealed_eye().eyes["mine"],
             stiffening=way.library.stiffening,
         )
+
         return TissueTrial(
             found=eye,
             refused=0,
@@ -613,6 +627,7 @@ def test_it_is_sought_on_a_few_frames_and_then_all_that_are_wanted_are_calibrate
         assert set(tried) == {wanted if few else SOUGHT_ON}
         assert calibrating.frames[-1] == wanted
         assert few or calibrating.tried[-1] == (eye.stiffening, False)
+
     calibrating.frames.clear()
     calibrating.tried.clear()
     calibrate_recordings([recorded(3)], Study(), "hash", MADE_UP)
@@ -635,10 +650,12 @@ def test_a_stiffening_that_is_not_sought_is_the_study_s(
         study = replace(Study(), tissue=TissueStudy(stiffening=stiffening))
         assert found(study, parameters=("e", "iop")) == (stiffening, 8)
         assert calibrating.tried.pop() == (stiffening, False)
+
     with pytest.raises(
         InputError, match="stiffening: 50 is outside the library's range, 0 to 30"
     ):
         found(replace(Study(), tissue=TissueStudy(stiffening=50.0)), parameters=("e",))
+
     assert not calibrating.tried
 
 
@@ -691,6 +708,7 @@ def test_the_stiffening_of_an_eye_is_found_from_three_frames_and_the_others_are_
     prior = prior_of(known, EXACT.reader)
     smoothing_m = EXACT.calibration.surface_smoothing_m
     assert len(left) == 5
+
     for frame in left:
         fit = fit_boundaries(
             near,

@@ -67,5 +67,6 @@ def test_a_leaning_needle_is_calibrated_and_read_by_the_force_along_it(
         recording,
         info=replace(recording.info, needle=NeedleInfo(gauge=22, slice_gap_m=0.3e-3)),
     )
+
     with pytest.raises(InputError, match=r"needle\.lean_rad"):
         sf.calibrate([recording, without])

@@ -188,6 +188,7 @@ def test_a_moment_is_not_taken_again_from_a_plane_that_was_not_followed(
         "1-1.png",
         "4-0.png",
     ]
+
     with pytest.raises(CalibrationError, match="none of its 0 frames"):
         sf.calibrate([cross, single], without_force=True)
 
@@ -245,6 +246,7 @@ def test_frames_of_other_gaps_tell_what_frames_of_one_gap_do() -> None:
                 lateral_m=LATERAL_M, depth_bc=shown, force_n=force_n, force_sd_n=1e-4
             )
             frames.append(replace(frame, gap_m=gap_m if are_given else None))
+
         return eye.with_frames(frames).modulus.mean_pa
 
     of_one = found_pa(np.full(5, 0.6e-3), False)

@@ -61,6 +61,7 @@ def test_a_log_without_holds_keeps_the_shares_of_other_tissue_with_their_spread(
     for start_s in np.arange(2.5, 30.0, 3.0).tolist():  # up and down at once
         corners_s = (*corners_s, start_s + 1.0, start_s + 2.0, start_s + 3.0)
         corners_n = (*corners_n, 0.03, 0.0, 0.0)
+
     path = NeedlePath(corners_s, corners_n, TISSUE)
     _, found = found_in(path, np.array([3.5, 6.5]), rng)
     assert found.source == "population"
@@ -132,6 +133,7 @@ def test_a_relaxation_is_json() -> None:
 def test_shares_that_are_not_negative_are_the_ones_of_scipy() -> None:
     rng = np.random.default_rng(3)
     inner = 0
+
     for _ in range(40):
         root = rng.standard_normal((6, 4))
         wanted = rng.standard_normal(6)
@@ -139,4 +141,5 @@ def test_shares_that_are_not_negative_are_the_ones_of_scipy() -> None:
         found = not_negative(root.T @ root, root.T @ wanted)
         assert found == pytest.approx(expected, abs=1e-9)
         inner += int((expected == 0.0).any() and (expected > 0.0).any())
+
     assert inner > 10

@@ -56,6 +56,7 @@ def test_linear_observation_of_a_gaussian_gives_the_kalman_filter() -> None:
         mean = rng.normal(size=3)
         covariance = random_covariance(rng, 3)
         posterior = initial_posterior(mean, covariance)
+
         for _ in range(20):
             H = rng.normal(size=(5, 3))
             R = random_covariance(rng, 5, 0.5)
@@ -85,6 +86,7 @@ def test_every_step_equals_filterpys_full_order_ukf_with_the_same_points(
     peer.P = random_covariance(rng, 3, 0.5)
     peer.Q = np.zeros((3, 3))
     posterior = initial_posterior(peer.x, peer.P)
+
     for _ in range(15):
         peer.R = random_covariance(rng, 5, 0.3)
         y = rng.normal(size=5)
@@ -106,11 +108,13 @@ def assimilate_inverse_law(iterations: int) -> Posterior:
     rng = np.random.default_rng(7)
     params = FilterParams(sigma_points("simplex", 1), iterations=iterations)
     posterior = initial_posterior(np.array([0.3]), np.array([[0.4]]))
+
     for _ in range(10):
         y = inverse_law(np.array([[-0.6]]))[0] + 0.02 * rng.normal(size=8)
         posterior = filter_step(
             params, posterior, inverse_law, y, 0.02**2 * np.eye(8)
         ).posterior
+
     return posterior
 
 
@@ -224,6 +228,7 @@ def test_a_filter_whose_model_is_wrong_says_that_it_diverges() -> None:
     params = FilterParams(sigma_points("simplex", 1))
     posterior = initial_posterior(np.zeros(1), np.eye(1))
     statuses = []
+
     for frame in range(12):
         y = np.full(10, 0.5 * frame) + 0.1 * rng.normal(size=10)
         step = filter_step(
@@ -231,6 +236,7 @@ def test_a_filter_whose_model_is_wrong_says_that_it_diverges() -> None:
         )
         posterior = step.posterior
         statuses.append(step.status)
+
     assert statuses[0] == "ok"
     assert statuses[-1].startswith("diverged: over the last 5 frames")
 
@@ -248,6 +254,7 @@ def test_a_model_that_cannot_be_evaluated_or_rounding_keeps_the_posterior() -> N
     )
     assert "cannot be evaluated at the sigma points" in step.status
     assert step.posterior is prior
+
     for iterations in (1, 10):
         params = FilterParams(sigma, iterations=iterations)
         same = np.array([1.0, 1.0])
@@ -281,6 +288,7 @@ def test_a_precision_of_rounding_alone_has_no_covariance() -> None:
     ]
     assert diverged
     assert all(step.posterior is prior for step in diverged)
+
     for step in seen:
         assert (np.diag(step.posterior.covariance) > 0.0).all()
 
@@ -293,6 +301,7 @@ def test_every_rule_has_zero_mean_and_unit_covariance() -> None:
         np.testing.assert_allclose(
             points.T @ (weights[:, None] * points), np.eye(dimension), atol=1e-13
         )
+
     assert [len(sigma_points(rule, 1).points_rp) for rule in RULES] == [2, 2, 3]
     corners = sigma_points("simplex", 4).points_rp
     distances = np.linalg.norm(corners[:, None] - corners[None], axis=-1)

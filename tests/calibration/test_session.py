@@ -65,11 +65,13 @@ def test_frames_one_by_one_give_the_result_of_the_recording(
     )
     prior = (eye.modulus.mean_pa, eye.modulus.sd_pa)
     means = []
+
     for force_n, since_s, boundary in zip(
         forces.force_n, forces.since_start_s, boundaries, strict=True
     ):
         eye = assimilation.step(eye, boundary, float(force_n), float(since_s))
         means.append(eye.modulus.mean_pa)
+
     whole = calibration.eyes["made-up"]
     assert prior == pytest.approx((0.49e6, 0.34e6))
     assert means[0] == prior[0]  # 2 mN: a reference of the pose
@@ -155,6 +157,7 @@ def test_a_frame_read_again_is_refused_by_its_key_and_older_files_without_it_are
         for place, step in enumerate(json.loads(whole)["eyes"][name]["steps"])
         if step["again"]
     )
+
     for key, value in (
         ("library_n", -1.0),
         ("modulus_pa", 0.0),
@@ -163,15 +166,19 @@ def test_a_frame_read_again_is_refused_by_its_key_and_older_files_without_it_are
     ):
         content = json.loads(whole)
         content["eyes"][name]["steps"][read]["again"][key] = value
+
         with pytest.raises(
             CalibrationError, match=rf"eyes\.made-up\.steps\[{read}\]\.again\.{key}"
         ):
             parsed(content)
+
     content = json.loads(whole)
     for key in ("level_by", "growth_by", "scatter"):
         del content["eyes"][name]["discrepancy"][key]
+
     for step in content["eyes"][name]["steps"]:
         del step["again"]
+
     found = parsed(content).eyes[name]
     assert found.discrepancy is not None
     assert found.discrepancy.level_by == found.discrepancy.growth_by == (0.0, 0.0)
@@ -191,6 +198,7 @@ def test_walls_are_found_with_the_stated_thickness_and_checked_by_the_finder(
         CalibrationError, match=r"not usable: .* to find the wall differ"
     ):
         calibrate_recordings([recording], STUDY, "", library, finder=blind)
+
     bundled = load_wall_finder(SHIPPED_WALL_FINDER)
     given = list[Any]()
     checked = calibrate_recordings([recording], STUDY, "hash", library, finder=bundled)
@@ -206,6 +214,7 @@ def test_walls_are_found_with_the_stated_thickness_and_checked_by_the_finder(
     monkeypatch.setattr(eye_frames, "find_wall", below)
     with pytest.raises(CalibrationError, match="under a layer"):
         calibrate_recordings([recording], STUDY, "", library, finder=blind)
+
     assert given == [(0.7e-3, blind)] * FRAMES
 
 
@@ -305,6 +314,7 @@ def test_first_frames_of_little_force_are_fitted_once_for_walls_of_any_tissue(
     )
     other = with_walls(library, force_ratio_btpd=1.3 * library.walls.force_ratio_btpd)
     ends = list[list[PoseBelief]]()
+
     for shared in (poses, None):
         ends.append([])
         for walls in (library, other):
@@ -314,7 +324,9 @@ def test_first_frames_of_little_force_are_fitted_once_for_walls_of_any_tissue(
                 (boundaries[3], forces.force_n[3]),
             ):
                 eye = assimilation.step(eye, boundary, float(force_n))
+
             ends[-1].append(eye.state.belief)
+
     assert fitted == [forces.force_n[place] for place in (0, 3, 3, 0, 3, 0, 3)]
     sds = np.sqrt(np.diag(ends[1][1].covariance))
     assert (np.abs(ends[0][1].mean - ends[1][1].mean) <= sds).all()

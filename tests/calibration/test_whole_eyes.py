@@ -65,6 +65,7 @@ def drawn_eye(rng: np.random.Generator, rigidity: float) -> tuple[float, EyeCons
         polar_sd_rad=0.0,
         globe=replace(SEALED, mean=rigidity * PER_UL) if rigidity else OPEN,
     )
+
     return modulus_pa, eye
 
 
@@ -80,6 +81,7 @@ def highest_force_n(library: Library, modulus_pa: float, eye: EyeConstants) -> f
     force = modulus_pa * float(
         near.forces(thickness[there], pressures[there], DENTS_M[there])[0]
     )
+
     return min(0.95 * force, 60e-3)
 
 
@@ -97,6 +99,7 @@ def frames(
     ]
     assert [model.outside(state) for state in states] == [None] * len(states)
     sections = [Section(*model.curves([state])[0]) for state in states]
+
     return [boundaries for _, boundaries in moving(sections, rng, NOISE_M)]
 
 
@@ -108,12 +111,14 @@ def calibrated(
     forces_n = [share * highest_force_n(library, modulus_pa, eye) for share in SHARES]
     stated = replace(eye, polar_rad=0.61, polar_sd_rad=0.1, globe=declared)
     found = assimilation.begin(STUDY, stated, library)
+
     for force_n, boundaries in zip(
         forces_n, frames(library, modulus_pa, eye, forces_n, rng), strict=True
     ):
         found = assimilation.step(found, boundaries, force_n)
         assert isinstance(found.last, FrameStep), found.last
         assert found.last.result.status == "ok"
+
     off_pa = found.modulus.mean_pa - modulus_pa
     return (
         off_pa / modulus_pa,
@@ -159,15 +164,18 @@ def test_an_open_eye_under_pressure_is_not_taken_for_a_soft_sealed_one(
         polar_sd_rad=0.0,
     )
     stated = replace(eye, polar_rad=0.61, polar_sd_rad=0.1, globe=UNKNOWN)
+
     for forces_n in ([0.0106, 0.0232, 0.036], [0.036, 0.0232, 0.0106]):
         made = frames(library, 0.2217e6, eye, forces_n, np.random.default_rng(3))
         found = assimilation.begin(STUDY, stated, library)
+
         for force_n, boundaries in zip(forces_n, made, strict=True):
             found = assimilation.step(found, boundaries, force_n)
             assert isinstance(found.last, FrameStep), found.last
             assert found.last.registered.wall.youngs_modulus_pa == pytest.approx(
                 0.2217e6, rel=0.1
             )
+
         assert forces_n[0] > forces_n[-1] or found.modulus.mean_pa == pytest.approx(
             0.2217e6, rel=0.05
         )
@@ -199,6 +207,7 @@ def test_a_sealed_eye_that_is_declared_open_diverges_and_a_doubt_names_its_rigid
     plan = plan_phantom(eye, [share * highest_n for share in SHARES], STUDY, 3)
     write_phantom(tmp_path / "shut", plan, sections, STUDY)
     recording = read_recording(tmp_path / "shut")
+
     for declared, status, doubts in (("open", "diverged", 1), ("sealed", "ok", 0)):
         info = replace(recording.info, eye=replace(recording.info.eye, globe=declared))
         found = calibrate_recordings(
@@ -206,12 +215,14 @@ def test_a_sealed_eye_that_is_declared_open_diverges_and_a_doubt_names_its_rigid
         ).eyes["shut"]
         assert found.status.startswith(status)
         assert found.globe.kind == ("unknown" if doubts else declared)
+
         if not doubts:
             rigidity = found.names.index(RIGIDITY)
             assert (found.means[rigidity], found.sds[rigidity]) == (
                 found.globe.mean,
                 found.globe.sd,
             )
+
         of_globe = [
             doubt
             for doubt in found.recordings[-1].doubts
@@ -264,6 +275,7 @@ def test_a_declared_leak_gives_the_rigidity_that_an_undeclared_one_hides(
             )
             for force_n, rest_pa in zip(forces_n, rests_pa, strict=True)
         ]
+
         return [
             Section(outer, inner)
             for outer, inner in library_eye(SHARP, constants, library).curves(states)
@@ -272,6 +284,7 @@ def test_a_declared_leak_gives_the_rigidity_that_an_undeclared_one_hides(
     write_phantom(tmp_path / "leak", plan, sections, STUDY)
     recording = read_recording(tmp_path / "leak")
     found = []
+
     for leak_time_s in (None, 60.0):
         info = replace(
             recording.info,
@@ -282,6 +295,7 @@ def test_a_declared_leak_gives_the_rigidity_that_an_undeclared_one_hides(
                 [replace(recording, info=info)], STUDY, "", library
             ).eyes["leak"]
         )
+
     assert found[1].globe.mean == pytest.approx(constants.globe.mean, rel=0.08)
     assert found[0].globe.mean < 0.85 * constants.globe.mean
     assert [LEAKS in eye.recordings[0].doubts for eye in found] == [False, True]
@@ -301,6 +315,7 @@ def of_recording(
         recording,
         info=replace(recording.info, eye=replace(recording.info.eye, globe=globe)),
     )
+
     return calibrate_recordings(
         [declared], Study(), "", cached_library(Study(), workers=1), frames=frames
     ).eyes[name]

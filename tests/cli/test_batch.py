@@ -31,6 +31,7 @@ def eyes(tmp_path_factory: pytest.TempPathFactory) -> Path:
             globe="open",
             seed=seed,
         )
+
     (folder / "notes.txt").write_text("not a recording")
     return folder
 
@@ -60,8 +61,10 @@ def test_the_table_has_the_rows_and_the_summary_the_metrics_of_evaluate(
     together = sf.evaluate(sf.load_model("default"), list(NAMES))
     assert found.rows == together.rows()
     assert found.notes[0] == "left out, not recordings: notes.txt"
+
     with (folder / "t.csv").open(newline="") as file:
         lines = list(csv.DictReader(file))
+
     assert [(row["recording"], row["file"]) for row in lines] == [
         (each.recording, each.file) for each in together.frames
     ]
@@ -72,6 +75,7 @@ def test_the_table_has_the_rows_and_the_summary_the_metrics_of_evaluate(
         "interval_low_mn",
         "covered",
     } <= lines[0].keys()
+
     for eye, name in zip(by_eye(found.rows), NAMES, strict=True):
         alone = sf.evaluate(sf.load_model("default"), name)
         assert (eye["eye"], eye["frames"], eye["scored"]) == (
@@ -103,6 +107,7 @@ def test_an_interrupted_batch_continues_after_its_last_whole_recording(
         patched.setattr(batch, "evaluate_recordings", interrupted)
         with pytest.raises(KeyboardInterrupt):
             evaluated()
+
     assert not (folder / "t.csv").exists()
     assert not [
         name
@@ -152,6 +157,7 @@ def test_what_cannot_be_written_is_refused_before_reading(
     monkeypatch.setattr(batch, "evaluate_recordings", None)
     (folder / "taken.csv").write_text("mine")
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+
     for table, fault in {
         "t.xlsx": "ends in .csv or .parquet",
         "taken.csv": "exists already",
@@ -159,12 +165,14 @@ def test_what_cannot_be_written_is_refused_before_reading(
         "t.parquet": "takes the package pyarrow, which is not installed: pip install 'scleraforce[formats]'",
     }.items():
         assert fault in shell.refused("evaluate", "default", "eye-a", "--table", table)
+
     assert "not together" in shell.refused(
         "evaluate", "default", "eye-a", "--table", "t.csv", "--html", "t.html"
     )
     assert "nothing: no such recording" in shell.refused(
         "evaluate", "default", "eye-a", "nothing", "--table", "t.csv"
     )
+
     with pytest.raises(InputError, match="given twice"):
         evaluate_to_table(
             "default",
@@ -174,6 +182,7 @@ def test_what_cannot_be_written_is_refused_before_reading(
             None,
             lambda *_: nullcontext(),
         )
+
     assert (folder / "taken.csv").read_text() == "mine"
 
 

@@ -80,6 +80,7 @@ def test_frames_and_forces_become_a_recording_with_the_source_of_each_value(
     entry, recording = imported(tiff, tmp_path / "log.csv", *options)
     for frame, pixels in zip(recording.frames, FRAMES, strict=True):
         np.testing.assert_array_equal(recording.frame(frame), pixels)
+
     assert [frame.time_s for frame in recording.frames] == [0.5, 1.5, 2.5, 3.5, 4.5]
     np.testing.assert_allclose(recording.forces.force_n("fz"), force_n, atol=1e-7)
     info = recording.info
@@ -122,6 +123,7 @@ def test_without_a_terminal_all_missing_metadata_is_named_at_once(
 ) -> None:
     for nth in range(2):
         cv2.imwrite(str(tmp_path / f"{nth}.png"), FRAMES[nth])
+
     write_log(tmp_path / "log.csv")
     error = refused(tmp_path / "0.png", tmp_path / "1.png", tmp_path / "log.csv")
     asked = [
@@ -130,6 +132,7 @@ def test_without_a_terminal_all_missing_metadata_is_named_at_once(
     assert [f"({question.options})" in error for question in asked] == [
         not question.optional for question in asked
     ]
+
     for given, missing in (("--width-mm", "--depth-mm"), ("--depth-mm", "--width-mm")):
         error = refused(tmp_path / "0.png", *options_of("--bits", 16), given, 3)
         assert f"({missing})" in error
@@ -167,8 +170,10 @@ def test_a_recording_comes_back_from_its_own_files(imported, tmp_path: Path) -> 
     entry, second = imported(*sources, "--like", folder, "--eye", "small")
     first = read_recording(folder)
     assert (second.info, second.frames) == (first.info, first.frames)
+
     for frame in first.frames:
         np.testing.assert_array_equal(second.frame(frame), first.frame(frame))
+
     np.testing.assert_allclose(
         second.forces.force_n("fz"), first.forces.force_n("fz"), rtol=1e-6
     )
@@ -211,8 +216,10 @@ def test_folders_of_planes_become_one_recording_of_moments(
     entry, recording = imported(log, *ALONG, along, *ACROSS, across, *NEEDLE, *scale)
     shown = [(frame.time_s, frame.plane) for frame in recording.frames]
     assert shown == [(0.5, "along"), (0.5, "across"), (2.5, "along"), (2.5, "across")]
+
     for frame, nth in zip(recording.frames, (0, 2, 1, 3), strict=True):
         np.testing.assert_array_equal(recording.frame(frame), FRAMES[nth])
+
     assert (
         entry["frames"],
         recording.info.oct.plane,
@@ -241,6 +248,7 @@ def test_times_of_planes_are_shared_and_must_agree(
 ) -> None:
     for name, step_s in (("a", 1.0), ("b", 1.1), ("c", 1.5)):
         stack(tmp_path / f"{name}.tif", finterval=step_s)
+
     _, recording = imported(
         *ALONG, tmp_path / "a.tif", *ACROSS, tmp_path / "b.tif", *NEEDLE, out="t"
     )
@@ -284,6 +292,7 @@ def test_planes_that_do_not_fit_together_are_refused_in_one_line(
         assert words in refused(
             *arguments, *NEEDLE, "--width-mm", 9, "--depth-mm", 8, "--rate-hz", 0.5
         )
+
     for sources, planes, words in (
         ((along, across), PLANES[:1], "^planes: 1 for 2 sources"),
         ((along, along), PLANES[:1] * 2, "^plane: only one"),
@@ -303,6 +312,7 @@ def test_damage_is_reported_in_one_line(
     stack(tmp_path / "a.tif")
     write_dicom(tmp_path / "a.dcm", FRAMES)
     (tmp_path / "a.avi").write_bytes(b"RIFF\0\0\0\0AVI LIST" + bytes(500))
+
     for path in sorted(tmp_path.iterdir()):
         data = path.read_bytes()
         path.write_bytes(data[: len(data) // 2])
@@ -328,6 +338,7 @@ def test_the_columns_of_a_log_are_given_once(
         "--contact-sign",
         "-1",
     ]
+
     for out, options in (
         ("r", [*options_of("--bits", 16), *columns]),
         ("s", ["--like", tmp_path / "r", "--eye", "b"]),
@@ -342,6 +353,7 @@ def test_values_that_cannot_be_are_refused(refused, tiff, tmp_path: Path) -> Non
         tmp_path / "a.dcm", *options_of()
     )
     assert "--bits says 8" in refused(tiff, *options_of("--bits", 8))
+
     for option, value in (("--thickness-um", 0.65), ("--iop-mmhg", -1)):
         assert f"Invalid value for '{option}'" in refused(
             tiff, *options_of("--bits", 16, option, value)
@@ -388,6 +400,7 @@ def test_forces_that_no_needle_gives_are_refused_before_the_recording_exists(
     options = options_of(
         "--bits", 16, "--clock-offset-s", 2, "--contact-sign", -1, "--column"
     )
+
     for force_n, noise_n in ((28_780.0, 0.0), (4.0, 0.0), (0.03, 2.0)):
         pushed_n = force_n * np.clip(time_s - 1.0, 0.0, 1.0) + noise_n * rng.normal(
             size=len(time_s)
@@ -404,6 +417,7 @@ def test_forces_that_no_needle_gives_are_refused_before_the_recording_exists(
         assert f"{log}: fz_n: " in error
         assert "fz=Fz:N" in error
         imported(tiff, log, *options, "fz=Fz:uN", out=f"r-{force_n}")
+
     write_log(log, rate_hz=10.0)
     error = refused(
         tiff,
@@ -435,6 +449,7 @@ def test_an_option_with_nothing_to_act_on_is_refused(
                 error
                 == f"error: {name}: acts on {kind}, which is not among the sources; leave it out\n"
             )
+
     np.save(tmp_path / "a.npy", FRAMES)  # one array, without a name
     options = options_of("--bits", 16, "--axes", "frame,depth,lateral", "--array", "a")
     assert "--array: acts on an .npz file" in refused(tmp_path / "a.npy", *options)
@@ -484,6 +499,7 @@ def test_a_contradiction_in_a_file_needs_the_options_and_is_noted_then(
         "NominalScannedPixelSpacing": [0.01, 0.02],
     }
     write_dicom(tmp_path / "a.dcm", FRAMES, FrameTime=100.0, **nominal)
+
     for given in ([], ["--width-mm", 6]):
         error = refused(tmp_path / "a.dcm", *given, *options_of("--bits", 13))
         for found in (
@@ -494,6 +510,7 @@ def test_a_contradiction_in_a_file_needs_the_options_and_is_noted_then(
             "--width-mm",
         ):
             assert found in error
+
     entry, _ = imported(
         tmp_path / "a.dcm", *options_of("--bits", 13, "--width-mm", 6, "--depth-mm", 3)
     )
@@ -655,6 +672,7 @@ def test_the_wall_that_the_frames_show_is_offered(
         == (thickness_um is None)
         == any("--thickness-um" in note for note in kept["notes"])
     )
+
     if thickness_um is not None:
         assert found == pytest.approx(
             thickness_um * 1e-6, rel=0.1

@@ -180,8 +180,10 @@ def test_control_c_in_a_real_process_is_exit_code_130_and_one_line() -> None:
         text=True,
     )
     assert child.stdout is not None
+
     with ends(child.stdout, FUSE_S):
         assert child.stdout.readline() == "ready\n"
+
     child.send_signal(signal.SIGINT)
     _, err = child.communicate(timeout=FUSE_S)
     assert child.returncode == 130
@@ -221,8 +223,10 @@ def test_an_import_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
     child = subprocess.Popen(
         [*SCLERAFORCE, *command], stderr=subprocess.PIPE, text=True
     )
+
     while child.poll() is None and not list(tmp_path.glob(".scleraforce-*.part")):
         time.sleep(0.002)
+
     child.send_signal(signal.SIGTERM)
     _, error = child.communicate(timeout=FUSE_S)
     assert (child.returncode, error.strip()) == (130, "error: interrupted")
@@ -342,9 +346,11 @@ def test_a_stage_is_a_line_with_its_time_in_a_pipe_unless_it_is_interrupted(
         progress(2)
         assert capsys.readouterr().err == ""
         progress(1)
+
     printed = capsys.readouterr()
     assert re.fullmatch(r"1/13 phantom: \d+\.\d s\n", printed.err)
     assert printed.out == ""
     with pytest.raises(KeyboardInterrupt), _stage("1/13 phantom", 3):
         raise KeyboardInterrupt
+
     assert capsys.readouterr().err == ""

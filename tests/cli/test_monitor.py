@@ -127,6 +127,7 @@ def push(scanner: Peer, force_mn: int, frames: int, every_s: float = 0.03) -> No
         SENT.append(fresh)
         scanner.say(Image(fresh[None], MATRIX), message_id=serial)
         scanner.hear(within_s=every_s)
+
     if any(status.name == "WATCHDOG" for status in scanner.statuses()[-1:]):
         raise StarvedError
 
@@ -138,12 +139,14 @@ def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(
 ) -> None:
     kept = ["--black-box", str(tmp_path / "box"), "--record", str(tmp_path / "session")]
     first = len(SENT)
+
     with started(
         folder, "--calibration", str(folder / "calibration.json"), *EYE, *kept
     ) as monitor:
         known = f"0.300 MPa (calibrated), IOP 2.0 mmHg, {THICKNESS_M * 1e6:.0f} µm thick, gap 0.60 mm"
         assert known in "".join(monitor.lines)
         assert any(line.split() == ["globe", "open"] for line in monitor.lines)
+
         with Peer(monitor.port, version=2) as scanner:
             scanner.say(Sensor((0.0, 0.0, -0.008, 0.0, 0.0, 0.0)), "RobotForce")
             scanner.hear(lambda peer: bool(peer.statuses()))
@@ -167,9 +170,11 @@ def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(
             wait_until(lambda: _after(scanner, 8).code == 3 and run(reset) == 0)
             assert run(reset) == 2  # each code is for one reset
             _wait_at_rest(scanner, monitor)
+
         monitor.process.send_signal(signal.SIGINT)
         told, _ = monitor.process.communicate(timeout=FUSE_S)
         assert monitor.process.returncode == 0
+
     summary = json.loads(told)
     assert withdrawal.name in {one["cause"] for one in summary["withdrawals"]}
     session = read_recording(tmp_path / "session")
@@ -190,6 +195,7 @@ def test_a_push_in_two_planes_is_replayed_decided_on_recorded_and_evaluated(
     model.parent.mkdir(exist_ok=True)
     with suppress(FileExistsError):
         model.symlink_to(SHIPPED_READER)
+
     push = tmp_path / "push"
     session = tmp_path / "session"
     eye = ["--thickness-um", "650", "--youngs-modulus-mpa", "0.3"]
@@ -222,9 +228,11 @@ def test_a_push_in_two_planes_is_replayed_decided_on_recorded_and_evaluated(
     )
     known = [*eye, "--iop-mmhg", "2", "--globe", "open", *CROSS]
     kept = ["--black-box", str(tmp_path / "box"), "--record", str(session)]
+
     with started(model.parent, *known, *kept) as monitor:
         if run(["replay", str(push), "--port", str(monitor.port), "--quiet"]):
             raise StarvedError
+
     log = [part.record for part in read_log(tmp_path / "box" / "log") if part.record]
     read = [
         record["entry"]
@@ -279,11 +287,13 @@ def test_a_lower_bound_withdraws_from_a_force_below_the_bound_of_the_study(
         f"{THICKNESS_M * 1e6}",
     ]
     kept = ["--black-box", str(tmp_path / "box")]
+
     with (
         started(folder, *known, *options, *kept) as monitor,
         Peer(monitor.port, version=2) as scanner,
     ):
         last = _undisturbed(scanner, monitor, 24)
+
     assert (last.code, last.name) == ends, last
 
 
@@ -295,6 +305,7 @@ def _undisturbed(scanner: Peer, monitor: Started, force_mn: int) -> Status:
         last = scanner.statuses()[-1]
         if last.name not in PAUSES:
             break
+
     return last
 
 
@@ -308,6 +319,7 @@ def _wait_at_rest(scanner: Peer, monitor: Started) -> None:
             run(
                 ["monitor-reset", "--port", str(monitor.port), "--token", monitor.token]
             )
+
         return status.code == 1
 
     wait_until(at_rest)
@@ -439,8 +451,10 @@ def test_a_reset_that_cannot_be_sent_is_one_line(shell) -> None:
         shell.refused(
             "monitor-reset", *(word for pair in options.items() for word in pair)
         )
+
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
+
     assert f"127.0.0.1:{port}" in shell.refused(
         "monitor-reset", "--token", "x", "--port", port
     )
@@ -463,6 +477,7 @@ def test_another_eye_than_the_calibrations_and_narrow_frames_are_warned_of_at_th
         folder, *given, "--no-second-opinion", "--black-box", str(tmp_path / "box")
     ) as monitor:
         warned = [line for line in monitor.lines if line.startswith("warning")]
+
     assert "mein is not in" in warned[0]
     assert "(mine): read with the population's modulus" in warned[0]
     assert any("of the wall are visible; at least" in line for line in warned[1:])
@@ -602,6 +617,7 @@ def test_a_signal_ends_it_in_order_leaves_no_process_and_no_module_of_the_curren
         (tmp_path / f"{name}.py").write_text(
             f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\n"
         )
+
     options = ["--black-box", str(tmp_path / "box"), "--web-port", "0"]
     with (
         started(folder, *options, here=tmp_path) as monitor,
@@ -617,13 +633,16 @@ def test_a_signal_ends_it_in_order_leaves_no_process_and_no_module_of_the_curren
         )  # it has been let in, not only queued by the system
         children = children_of(monitor.process.pid)
         assert len(children) == 4  # black box, second opinion, watchdog, console
+
         for _ in range(
             1 if number is signal.SIGINT else 2
         ):  # a shell and the system may both say so
             os.kill(monitor.process.pid, number)
+
         told, said = monitor.process.communicate(timeout=FUSE_S)
         assert monitor.process.returncode == 0
         assert "the monitor ends" in robot.wait_for_code(3).message
+
     assert said.splitlines()[-1].startswith(
         "ended after 0 frames"
     )  # a busy machine may cause a withdrawal
@@ -643,6 +662,7 @@ def test_a_terminal_that_is_closed_ends_it_in_order_and_one_that_is_stopped_keep
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
+
     script = program(folder)
     pid, terminal = pty.fork()  # the monitor leads the terminal's session
     if pid == 0:
@@ -655,6 +675,7 @@ def test_a_terminal_that_is_closed_ends_it_in_order_and_one_that_is_stopped_keep
             str(tmp_path / "box"),
         ]
         os.execv(sys.executable, [sys.executable, str(script), *command])
+
     read_until(terminal, "monitor-reset")
     with Peer(port) as robot:
         robot.hear(lambda peer: bool(peer.statuses()))
@@ -666,11 +687,14 @@ def test_a_terminal_that_is_closed_ends_it_in_order_and_one_that_is_stopped_keep
             termios.tcflow(slave, termios.TCOOFF)
             os.close(slave)
             os.kill(pid, signal.SIGTERM)
+
         status = robot.wait_for_code(3)
         assert "the monitor ends" in status.message
+
     assert os.waitstatus_to_exitcode(waited(pid)) == 0
     if how == "stopped":
         os.close(terminal)
+
     texts = [
         part.record.get("text", "")
         for part in read_log(tmp_path / "box" / "log")

@@ -124,6 +124,7 @@ def test_the_globe_is_the_options_then_the_recordings_then_unknown(read, frame) 
     opened, closed = (
         {"globe": {"value": kind, "source": "option"}} for kind in ("open", "sealed")
     )
+
     for stated, options, used in (
         ("", [], {"globe": {"value": None, "source": "unknown"}}),
         ("", ["--globe", "open"], opened),
@@ -210,6 +211,7 @@ def test_options_that_contradict_each_other_are_refused_by_name(
 ) -> None:
     file = tmp_path / "modulus.json"
     file.write_text(calibration_text(eyes={"mine": {"mean_mpa": 0.31}}))
+
     for options, words in (
         (
             ["--calibration", file, *MODULUS],
@@ -331,9 +333,11 @@ def test_tissue_that_relaxes_gives_the_force_on_the_needle_and_the_elastic_one(
         read(frame, *MODULUS, "--globe", "open", *held)
         for held in ((), ("--held-s", 0.1), ("--held-s", 60))
     )
+
     for entry in (unknown, soon, late):
         assert entry["elastic_force_mn"] == pytest.approx(elastic["predicted_force_mn"])
         assert entry["predicted_force_mn"] < entry["elastic_force_mn"]
+
     assert late["predicted_force_mn"] == pytest.approx(
         0.73 * elastic["predicted_force_mn"], rel=0.01
     )

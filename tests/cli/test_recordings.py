@@ -93,6 +93,7 @@ def changed_recording(folder: Path, changes: dict[str, str]) -> Path:
     for old, new in changes.items():
         assert old in text
         text = text.replace(old, new)
+
     (folder / "recording.toml").write_text(text)
     return folder
 
@@ -168,6 +169,7 @@ def pushed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert run(list(map(str, made))) == 0
     info = folder / "r" / "recording.toml"
     info.write_text(re.sub(r"(?m)^thickness_m.*\n", "", info.read_text()))
+
     return folder / "r"
 
 
@@ -192,6 +194,7 @@ def test_calibrate_prefers_the_given_thickness_and_notes_limits_at_once(
     info = pushed / "recording.toml"
     before = info.read_text()
     means = []
+
     for n, thickness in enumerate(("", "\nthickness_m = 4e-4")):
         info.write_text(before.replace("[eye]", f"[eye]{thickness}"))
         first = " ".join(
@@ -202,6 +205,7 @@ def test_calibrate_prefers_the_given_thickness_and_notes_limits_at_once(
         means.append(
             json.loads((tmp_path / f"{n}.json").read_text())["eyes"]["eye"]["mean_mpa"]
         )
+
     info.write_text(before)
     assert means[0] == means[1]
 
@@ -212,6 +216,7 @@ def test_one_thickness_is_not_that_of_two_eyes(pushed: Path, tmp_path: Path) -> 
         sf.InputError, match="thickness_m: of one eye; the recordings are of eye, other"
     ):
         sf.calibrate([pushed, tmp_path / "other"], thickness_m=650e-6)
+
     with pytest.raises(sf.InputError, match=r"thickness_m: 0\.65"):
         sf.calibrate(pushed, thickness_m=0.65)
 
@@ -391,6 +396,7 @@ def read(monkeypatch: pytest.MonkeyPatch) -> set[str]:
 
     for section in PHYSICS:
         watch(section)
+
     return seen
 
 
@@ -440,9 +446,11 @@ def test_a_command_refuses_unused_keys_by_name(
         "study_sections",
     ):  # of eyes of finite strain, which use all keys
         monkeypatch.setattr(f"scleraforce.notebook.virtual.{function}", not_refused)
+
     study = tmp_path / "all.toml"
     out = tmp_path / "out"
     study.write_text(EVERYTHING)
+
     for (command, mechanics), unused in UNUSED.items():
         options = f" --mechanics {mechanics}" if mechanics else ""
         line = f"{command} {ARGUMENTS[command]}{options} --study STUDY"
@@ -450,9 +458,11 @@ def test_a_command_refuses_unused_keys_by_name(
             {"OUT": str(out), "STUDY": str(study)}.get(word, word)
             for word in line.split()
         ]
+
         if not unused:
             shell.run(*words, code=130)
             continue
+
         keys = (
             shell.refused(*words)
             .removeprefix(f"error: {study}: ")

@@ -83,11 +83,13 @@ def test_two_frames_of_one_name_are_refused_before_anything_is_written(
 ) -> None:
     (tmp_path / "b").mkdir()
     out = tmp_path / "out"
+
     for name in ("loose.png", "loose.guess.png"):
         (tmp_path / "b" / name).write_bytes(loose.read_bytes())
         assert "its mask would be" in shell.refused(
             "segment", loose, tmp_path / "b" / name, "--out", out
         )
+
     assert not out.exists()
 
 
@@ -161,6 +163,7 @@ def test_a_scale_that_nothing_states_is_assumed_and_noted(
     stated, assumed = shell.json(*given)["frames"]
     for entry, source in ((stated, "recording.toml"), (assumed, "assumed")):
         assert {size["source"] for size in entry["scale"].values()} == {source}
+
     assert assumed["thickness_um"] == stated["thickness_um"]
     assert (
         "note: of 1 of 2 frames nothing states the width (taken as 15 mm; give --width-mm)"

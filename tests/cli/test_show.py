@@ -71,6 +71,7 @@ def things(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_calibration(calibration_of_a_sealed_eye().to_dict(), folder / "modulus.json")
     write_log(folder / "box")
     write_fixed_reader(folder / "reader", SMALL_LIBRARY, [0.0, 1.0] + [0.0] * 14)
+
     return folder
 
 
@@ -136,11 +137,13 @@ def test_the_frames_of_a_recording_have_their_forces_unless_the_log_lacks_their_
 ) -> None:
     frames = shell.json("show", things / "eye")["frames"]
     assert [frame["file"] for frame in frames] == [f"{n:04d}.png" for n in range(40)]
+
     for n, target in {15: 1, 20: 1, 36: 2}.items():
         assert (frames[n]["measured_force_mn"], frames[n]["target"]) == (
             pytest.approx(n, abs=0.5),
             target,
         )
+
     copytree(things / "eye", tmp_path / "eye")
     table = (tmp_path / "eye" / "frames.csv").read_text().splitlines()
     file, _, *others = table[1].split(",")
@@ -185,8 +188,10 @@ def test_a_log_has_each_withdrawal_once_and_the_number_of_its_torn_parts(
         (21, "BOUND")
     ]
     assert (said["decisions"], said["notes"], said["torn"]) == (30, ["robot came"], 0)
+
     with (write_log(tmp_path) / "log" / "decisions-000001.jsonl").open("a") as file:
         file.write('{"kind": "en')
+
     assert shell.json("show", tmp_path)["torn"] == 1
     os.mkfifo(tmp_path / "log" / "decisions-000002.jsonl")  # which is not waited for
     assert "decisions-000002.jsonl: not a regular file" in shell.refused(
@@ -316,6 +321,7 @@ def test_planes_are_a_column_of_a_table_and_other_exports_of_them_are_refused(
     shell.run("export", folder, "--out", tmp_path / "a.csv")
     rows = csv.DictReader((tmp_path / "a.csv").read_text().splitlines())
     assert [row["plane"] for row in rows] == ["along", "across"] * 2
+
     for ending in ("mcap", "nrrd"):
         refused = shell.refused("export", folder, "--out", tmp_path / f"a.{ending}")
         assert "has room for frames of one plane; give a .csv or .json" in refused

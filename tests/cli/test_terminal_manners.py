@@ -79,8 +79,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_notebook_folder(path)
     (path / "small.toml").write_text(SMALL)
     (path / "drawn").mkdir()
+
     for number in range(2):
         cv2.imwrite(str(path / "drawn" / f"{number}.png"), drawn_counts(7700 + number))
+
     cache_of_its_own(path / "cache")
     return path
 
@@ -95,6 +97,7 @@ def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "build_library",
         lambda *_, **__: library_store.Building(144, 144, 1.0),
     )
+
     return folder
 
 
@@ -132,15 +135,18 @@ def test_a_command_is_readable_in_a_pipe_one_object_with_json_and_silent_with_qu
     out, err = shell.run(*words(name, tmp_path))
     assert out
     assert not CONTROL.search(out + err)
+
     for line in out.splitlines():
         # A record stays one line, so that it can be searched for; tables and prose fit.
         assert (
             len(line) <= 80 or line.startswith(FRAME) or str(tmp_path.parent) in line
         ), line
+
     for number, options in enumerate((["--json"], ["--quiet", "--json"]), start=1):
         out, err = shell.run(*words(name, tmp_path, number), *options)
         assert isinstance(json.loads(out), dict)
         assert err == ""
+
     assert shell.run(*words(name, tmp_path, 3), "--quiet") == ("", "")
 
 
@@ -162,6 +168,7 @@ def on_a_terminal(
     ours, theirs = pty.openpty()
     termios.tcsetwinsize(theirs, (24, 80))
     given = {"cwd": folder, "env": os.environ | environment, "stderr": theirs}
+
     with subprocess.Popen(
         [*SCLERAFORCE, *arguments], stdout=subprocess.PIPE, text=True, **given
     ) as process:
@@ -171,7 +178,9 @@ def on_a_terminal(
         with ends(process.stdout), suppress(OSError):  # the other end is closed
             while True:
                 shown += os.read(ours, 4096)
+
         printed = process.stdout.read()
+
     os.close(ours)
     assert process.returncode == 0, shown
     return printed, shown.decode()
@@ -188,5 +197,6 @@ def test_a_bar_on_a_terminal_has_no_colour_and_disappears(
     assert "frames" in shown  # the bar's title
     assert not COLOUR.search(printed + shown)
     assert shown.rstrip(" ").endswith("\r")  # wiped
+
     if not environment:
         assert on_a_terminal(["classify", "reader", FRAME, "--quiet"], here) == ("", "")

@@ -94,6 +94,7 @@ def test_an_interrupted_command_says_what_it_keeps_and_exits_with_130(
 
     monkeypatch.setattr(generate, "generate_dataset", interrupted)
     monkeypatch.setattr(library_store, "build_library", interrupted)
+
     for command, kept in (
         ("generate", "7 of 20 images"),
         ("library", "7 of 208 load paths"),
@@ -121,15 +122,18 @@ def test_a_generate_that_was_stopped_is_completed_by_the_same_command(
         "--json",
     ]
     process = subprocess.Popen(line, stderr=subprocess.PIPE, text=True)
+
     while not any(out.glob("slices/c/*/0/0")):
         assert process.poll() is None
         time.sleep(0.01)
+
     process.send_signal(sent)
     message = process.communicate(timeout=FUSE_S)[1]
     assert process.returncode == (130 if sent == signal.SIGINT else -signal.SIGKILL)
     if sent == signal.SIGINT:
         assert "Traceback" not in message
         assert "of 3000 images are kept" in message
+
     kept = len(list(Path(out).glob("slices/c/*/0/0")))
     assert 0 < kept < 15
     subprocess.run(line, check=True, stdout=subprocess.DEVNULL, timeout=120.0)
@@ -174,6 +178,7 @@ def files_up_to(size: int) -> Iterator[None]:
         patch.setattr(sys, "dont_write_bytecode", True)
         patch.setenv("PYTHONDONTWRITEBYTECODE", "1")
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+
         try:
             yield
         finally:
@@ -190,8 +195,10 @@ def test_a_store_on_a_full_disk_is_one_line(
     study = tmp_path / "study.toml"
     out = tmp_path / "out"
     study.write_text(LIBRARY + DATASET)
+
     with files_up_to(size):
         err = shell.refused(command, "--study", study, "--out", out, "--workers", 1)
+
     assert str(out) in err
     assert "File too large" in err
 
@@ -206,6 +213,7 @@ def test_a_model_that_cannot_be_written_is_refused_before_any_work(
     ):  # not even root may write there
         with pytest.raises(ModelError, match="cannot be made"):
             check_place(place)
+
     check_place(tmp_path / "new" / "model")
     assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
 
@@ -216,6 +224,7 @@ def test_training_on_a_store_of_another_kind_names_the_option(
     pytest.importorskip("torch")
     library = "a response library and no data set; `train --kind reader` learns from it"
     dataset = "a data set and no response library; `train --kind classifier`"
+
     for schema, options, said in (
         ("scleraforce-library-2", [], library),
         ("scleraforce-dataset-2", ["--kind", "reader"], dataset),
@@ -275,6 +284,7 @@ def test_the_bundled_wall_finder_checks_the_wall_by_default_and_none_switches_it
     ).mask
     unchecked = find_wall(scene.frame, scale).mask
     assert not np.array_equal(checked, unchecked)
+
     for name, words, expected in (
         ("a", (), checked),
         ("b", ("--wall-finder", SHIPPED_WALL_FINDER), checked),

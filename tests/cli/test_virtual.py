@@ -50,6 +50,7 @@ def test_each_option_reaches_the_linear_model(study: Path, shell) -> None:
             "dent_mm",
             "pressure_mmhg",
         } <= answer.keys()
+
         return answer["tip_displacement_mm"]
 
     base = tip_mm()
@@ -71,10 +72,12 @@ def test_the_force_of_a_displacement_is_found(study: Path, shell) -> None:
     found = shell.json(*wall, "--displacement-mm", pushed["tip_displacement_mm"])
     assert found["force_mn"] == pytest.approx(12.5)
     assert found["tip_displacement_mm"] == pytest.approx(pushed["tip_displacement_mm"])
+
     for both in ((), ("--force-mn", 10, "--displacement-mm", 1)):
         assert "give either --force-mn or --displacement-mm" in shell.refused(
             *wall, *both
         )
+
     assert "'--displacement-mm': 11 is above the largest" in shell.refused(
         *wall, "--displacement-mm", 11
     )
@@ -196,6 +199,7 @@ def test_a_sealed_eye_gives_way_less_and_its_pressure_rises(
         "--displacement-mm",
         sealed["tip_displacement_mm"],
     )
+
     for name in ("force_mn", "dent_mm", "pressure_mmhg", "tip_displacement_mm"):
         assert again[name] == pytest.approx(sealed[name], rel=1e-3)
 
@@ -281,6 +285,7 @@ def test_frames_on_which_nothing_can_be_measured_are_refused(
     noise = np.random.default_rng(7800).normal(700.0, 150.0, (512, 512)).clip(0, 4095)
     one_colour_air = drawn_counts(7803)
     one_colour_air[:40] = 500
+
     for counts, before, words in (
         (np.full((512, 512), 700), [], "bad.png: the frame is empty"),
         (noise, frames[:1], "bad.png: "),
@@ -309,4 +314,5 @@ def test_real_frames_of_one_scanner_have_one_display(scanner, tmp_path: Path) ->
         assert study.oct.bits == 8
         assert 2.0 < result["not_drawn"]["noise_looks"]["median"] < 10.0
         ranges_db.append(result["measured"]["display_range_db"]["median"])
+
     assert max(ranges_db) - min(ranges_db) < 10.0

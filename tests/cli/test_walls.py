@@ -88,6 +88,7 @@ def test_intervals_hold_when_boundaries_are_off_as_far_as_the_mask_states() -> N
     row = np.arange(len(FRAME))[:, None]
     held = 0
     widths = []
+
     for _ in range(40):
         off = gaussian_filter1d(
             rng.standard_normal((2, FRAME.shape[1])), smooth, axis=1, mode="wrap"
@@ -100,6 +101,7 @@ def test_intervals_hold_when_boundaries_are_off_as_far_as_the_mask_states() -> N
         by_fit = dict(answer.readings)["fit"]
         held += by_fit.interval_n[0] <= FORCE_N <= by_fit.interval_n[1]
         widths.append(by_fit.width_n)
+
     assert held >= 32
     assert (
         np.median(widths)
@@ -131,8 +133,10 @@ def test_what_is_not_a_mask_of_the_frame_is_refused() -> None:
     ):
         with pytest.raises(InputError, match=words):
             sf.read(force_reader(), FRAME, mask=mask, **EYE, **SIZE)
+
     with pytest.raises(InputError, match="mask_sd_rows: 0"):
         sf.read(force_reader(), FRAME, mask=FOUND.mask, mask_sd_rows=0.0, **EYE, **SIZE)
+
     assert set(np.unique(mask_of(np.eye(3), "m"))) == {0, 255}
     with pytest.raises(FrameError, match="m: 7 in a mask"):
         mask_of(np.full((2, 2), 7), "m")
@@ -148,6 +152,7 @@ def corrected(tmp_path: Path) -> tuple[Path, Path]:
     cv2.imwrite(str(places["mine"] / "walls" / "2.png"), np.roll(mask, 30, axis=0))
     row = f"2.png,me,2026-11-28T00:00:00Z,{frame_file_digest(frame)}"
     (places["mine"] / "walls.csv").write_text(",".join(COLUMNS) + f"\n{row}\n")
+
     return places["model"], places["mine"]
 
 
@@ -216,6 +221,7 @@ def test_a_changed_frame_invalidates_its_wall_and_a_table_that_contradicts_is_re
     )
     frame.write_bytes(before)
     table = walls.read_text()
+
     for text, words in (
         (table.replace("2.png", "3.png"), "walls.csv: file: 2.png is missing"),
         (table.replace("author", "who"), "walls.csv:1: unknown column 'who'"),
@@ -223,6 +229,7 @@ def test_a_changed_frame_invalidates_its_wall_and_a_table_that_contradicts_is_re
     ):
         walls.write_text(text)
         assert words in shell.refused("evaluate", model, recording)
+
     walls.unlink()  # then the walls are a user's own, of whatever the frames show
     assert shell.json("evaluate", model, recording)["frames"][2]["wall"] == "corrected"
     cv2.imwrite(str(recording / "walls" / "2.png"), np.zeros((9, 9), np.uint8))

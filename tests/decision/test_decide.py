@@ -56,6 +56,7 @@ def frame(
         interval_n=(force_n - half_n, force_n + half_n),
     )
     at_s = 0.01 * number if at_s is None else at_s
+
     return FrameRead(
         at_s=at_s,
         frame_id=number,
@@ -142,6 +143,7 @@ def pierced() -> MonitorState:
         limits=REPORTS,
     )
     assert state.state is State.PIERCED
+
     return state
 
 
@@ -253,10 +255,12 @@ def test_decide_follows_the_table() -> None:
             Signal.TOLERATED: replace(REPORTS, unusable_frames=2),
             Signal.PIERCED: REPORTS,
         }.get(signal, LIMITS)
+
         if signal is Signal.UNJUDGED:  # the needle has not touched yet
             state = replace(state, touched=False)
         if before in (State.WATCHING, State.PIERCED) and signal is Signal.RESET_REFUSED:
             state = replace(state, fresh=1)
+
         state = play(events[:-1], state, limits)
         here = (
             state.state
@@ -282,6 +286,7 @@ def test_each_cause_withdraws_at_once_in_every_state() -> None:
             )
             assert decision.sub_code == decision.cause.value
             assert state.fresh == 0
+
     for event, cause in AFTER_A_FRAME:
         _, decision = decide(watching(), event, LIMITS)
         assert (decision.code, decision.cause) == (3, cause)
@@ -304,6 +309,7 @@ def test_old_pictures_in_turns_are_frozen_with_the_second_one() -> None:
     for pictures in (2, 3, 10, 49):
         assert play(shown([0] * 60 + [pictures]), watching()).state is State.WATCHING
         assert play(shown([0] * 60 + [pictures] * 2), watching()).cause is Cause.FROZEN
+
     # An old picture between live ones: the second time within the window.
     assert play(shown([0, 2, 0, 2]), watching()).cause is Cause.FROZEN
     assert play(shown([0, 2, *[0] * 47, 2]), watching()).cause is Cause.FROZEN
@@ -335,6 +341,7 @@ def test_frames_that_come_much_later_than_the_quickest_one_are_stale() -> None:
         queue = [0.005 + 0.001 * n for n in range(120)]
         assert play(late(queue[:98], ahead_s), watching()).state is State.WATCHING
         assert play(late(queue, ahead_s), watching()).cause is Cause.STALE
+
     assert play([frame(n) for n in range(6, 40)], watching()).state is State.WATCHING, (
         "they state no time"
     )
@@ -354,6 +361,7 @@ def test_a_clock_may_drift_for_hours_and_a_queue_that_grows_faster_is_stale() ->
 
     for drift in (0.9e-4, -0.9e-4, -0.5):
         assert hours(drift, 2.0).state is State.WATCHING
+
     assert hours(3e-4, 0.1).state is State.WATCHING  # 72 ms
     assert hours(3e-4, 0.2).cause is Cause.STALE
 
@@ -366,6 +374,7 @@ def test_what_stays_late_gets_no_reset_and_a_clock_set_ahead_is_the_new_measure(
             "late after the time in its header" in refused.message
         )  # what is wrong now, not the first cause
         assert "0 of 5 came" in refused.message
+
     assert play(late([0.005] * 5 + [-2.0] * 20), watching()).state is State.WATCHING
     assert (
         play(late([0.005] * 5 + [-2.0] * 20 + [-1.89]), watching()).cause is Cause.STALE
@@ -378,6 +387,7 @@ def test_one_frame_from_the_future_makes_no_other_late() -> None:
             play(late([0.005] * 5 + future + [0.08] * 30), watching()).state
             is State.WATCHING
         )
+
     assert play(late([-3600.0, *[0.005] * 30]), watching()).state is State.WATCHING
     assert (
         play(late([0.005] * 5 + [-3600.0] + [0.005] * 5 + [0.12]), watching()).cause
@@ -465,6 +475,7 @@ def test_losses_add_up_within_the_window_and_are_forgotten_after_it() -> None:
                 if n % every == 0
                 else []
             )
+
         return events
 
     assert play(losing(10), watching()).cause is Cause.QUEUE_BEHIND
@@ -509,10 +520,12 @@ def test_short_rows_do_not_count_while_ten_readings_come_within_the_reaction_tim
                 at_s=at_s, lost=lost // parts, unread_s=0.001 * (lost // parts), row=n
             )
             events += [replace(frame(6 + n), at_s=at_s), *[part] * parts]
+
         return play(events, watching(), limits)
 
     for lost in (1, 2, 3):
         assert losing(lost, 1).state is losing(lost, lost).state is State.WATCHING
+
     assert (
         losing(4, 1).cause
         is losing(4, 2).cause
@@ -544,6 +557,7 @@ def test_what_is_remembered_of_losses_stays_short_and_is_never_forgotten_too_ear
         LIMITS, loss_in_window_s=10.0, reaction_s=1e-4
     )  # so that each loss counts
     state = watching()
+
     for n in range(4000):
         at_s = 0.06 + 5e-4 * n
         loss = QueueLoss(at_s=at_s, lost=1, unread_s=1e-4, row=n)
@@ -686,6 +700,7 @@ def test_an_opinion_answers_for_all_frames_up_to_its_own() -> None:
         events.append(frame(n))
         if n % 45 == 0:
             events.append(opinion(n - 2, at_s=0.01 * n + 0.005))
+
     state = play(events, limits=OPINED)
     assert state.state is State.WATCHING
     assert state.unanswered[0][0] == 989
@@ -730,6 +745,7 @@ def test_a_client_that_starts_counting_again_can_be_reset() -> None:
             at_s = 0.06 + 0.01 * n
             opined = [opinion(n, at_s=at_s + 0.005)] if limits is OPINED else []
             state = play([frame(n, at_s=at_s), *opined], state, limits)
+
         after = play([Reset(0.146)], state, limits)
         assert (after.state, after.unanswered) == (State.WATCHING, ())
 
@@ -803,6 +819,7 @@ def test_a_reset_needs_fresh_harmless_frames_in_a_row() -> None:
 def test_after_the_reset_it_watches_as_before() -> None:
     state = play([*(frame(n) for n in range(6, 11)), Reset(0.101)], withdrawn())
     assert (state.cause, state.fresh, state.touched) == (None, 0, True)
+
     for event, cause in (
         (frame(11, 0.031), Cause.BOUND),
         (unusable(11), Cause.UNUSABLE),
@@ -819,6 +836,7 @@ def sequences(draw: st.DrawFn) -> list[MonitorEvent]:
     """Frames, ticks, resets and faults in any order, at increasing times."""
     events: list[MonitorEvent] = []
     now_s = 0.0
+
     for number in range(1, draw(st.integers(5, 60))):
         now_s += draw(st.sampled_from([0.001, 0.01, 0.01, 0.01, 0.11]))
         force_n = draw(st.sampled_from([0.001, 0.01, 0.01, 0.02, 0.02, 0.029, NAN]))
@@ -842,6 +860,7 @@ def sequences(draw: st.DrawFn) -> list[MonitorEvent]:
             OvertakenRead(now_s, unusable(number - 1)),
         ]
         events.append(draw(st.sampled_from([*choices, draw(st.sampled_from(DIRTY))])))
+
     return events
 
 
@@ -863,6 +882,7 @@ def test_no_sequence_ends_a_withdrawal_without_a_reset_or_is_ok_before_a_good_fr
     state = MonitorState()
     good = False
     seen = False
+
     for event in events:
         before = state
         state, decision = decide(state, event, limits)
@@ -870,9 +890,11 @@ def test_no_sequence_ends_a_withdrawal_without_a_reset_or_is_ok_before_a_good_fr
         assert seen or not limits.expects_opinion or decision.code != 1
         good = good or harmless(event)
         assert good or decision.code != 1
+
         if before.state in LATCHED and state.state not in LATCHED:
             assert isinstance(event, Reset)
             assert before.fresh >= LIMITS.fresh_frames
+
         assert (decision.code in (3, 14)) == (decision.cause is not None)
         assert len(state.history) <= 5 * LIMITS.rate_frames
         assert len(state.losses) <= 21
@@ -894,10 +916,12 @@ def sessions(seed: int, seconds: float) -> Decision:
     )
     force_n = 12.5e-3 * (1 + wander) + rng.normal(0, 0.5e-3, len(time_s))
     state = MonitorState()
+
     for number, value in enumerate(force_n, 1):
         state, decision = decide(state, frame(number, float(value)), LIMITS)
         if decision.code == 3:
             break
+
     return decision
 
 
@@ -922,6 +946,7 @@ def force_at_withdrawal(rate_n_s: float, seed: int) -> tuple[float, Cause | None
         )
         if decision.code == 3:
             return true_n, decision.cause
+
     raise AssertionError("no withdrawal")
 
 
@@ -966,6 +991,7 @@ def test_a_rise_that_quickens_is_foretold_by_its_line_and_one_wild_frame_hides_n
     assert line is not None
     assert line > quickening[-1][1] + 0.05 * 0.03
     steep = [(0.01 * n, 0.02 + 1e-3 * n) for n in range(10)]
+
     for place in range(10):
         wild = [
             (at_s, force_n - 8e-3 * (n == place))
@@ -996,6 +1022,7 @@ def bound_ms(
     found = trend.time_to_bound(
         line, forces_mn[-1] * 1e-3, forces_mn[-1] * 1e-3 / share, LIMITS.bound_n
     )
+
     return (
         (None, None, None)
         if found is None
@@ -1036,6 +1063,7 @@ def test_the_interval_of_the_time_until_the_bound_holds_where_readings_err_alike
     rng = np.random.default_rng(5)
     inside = []
     medians = []
+
     for _ in range(600):
         slope = rng.uniform(0.1, 0.6)
         sd = rng.uniform(0.05, 0.3)
@@ -1047,6 +1075,7 @@ def test_the_interval_of_the_time_until_the_bound_holds_where_readings_err_alike
             27.0 - left_mn + slope * rng.normal(1.0, 0.15) * np.arange(-49.0, 1.0) + err
         )
         early, median, late = bound_ms(readings_mn.tolist())
+
         true_ms = 10.0 * left_mn / slope
         if true_ms < 2000.0:
             inside.append(
@@ -1055,6 +1084,7 @@ def test_the_interval_of_the_time_until_the_bound_holds_where_readings_err_alike
                 <= (np.inf if late is None else late)
             )
             medians.append((np.inf if median is None else median) < true_ms)
+
     assert 0.86 < np.mean(inside) < 0.97
     assert 0.43 < np.mean(medians) < 0.57
 
@@ -1063,6 +1093,7 @@ def test_a_decision_on_a_frame_says_when_the_bound_is_reached() -> None:
     state = watching()
     for number in range(6, 30):
         state, decision = decide(state, frame(number, 0.01 + 1e-4 * number), LIMITS)
+
     force_n = 0.01 + 29e-4
     left_n = LIMITS.bound_n * force_n / (force_n + 1.5e-3) - force_n
     assert decision.to_bound is not None
@@ -1155,6 +1186,7 @@ def test_a_fall_that_no_retraction_explains_is_pierced_with_the_second_frame_aft
         assert state.reason.startswith(
             "pierced: the dent fell from 24.0 to 7.2 mN within "
         )
+
     between = [*HELD, 0.015, 0.007, 0.0072]  # a frame in the middle of the fall
     assert play(needle_goes(between)).cause is Cause.PIERCED
     assert (
@@ -1169,8 +1201,10 @@ def test_what_withdraws_the_needle_or_is_one_frame_is_not_pierced() -> None:
             max(0.024 - steepest * n / rate_hz, 0.0) for n in range(int(0.1 * rate_hz))
         ]
         assert play(needle_goes([*HELD, *fallen_n], rate_hz, half_n=5e-4)).cause is None
+
     for wild in ([0.003], [0.028]):
         assert play(needle_goes([*HELD, *wild, *HELD, *wild, *HELD])).cause is None
+
     missing = [*needle_goes(HELD), *(unusable(n) for n in (9, 10, 11))]
     after = [
         replace(one, frame_id=11 + n, at_s=0.11 + 0.01 * n)
@@ -1234,6 +1268,7 @@ def test_after_it_nothing_is_ok_until_the_reset_and_the_cause_stays_in_view() ->
                 116,
             )
             assert decision.present_cause is Cause.PIERCED
+
         after, decision = decide(now, Reset(2.0501), limits)
         assert (after.state, decision.code, decision.cause, decision.present_cause) == (
             State.WATCHING,
@@ -1243,6 +1278,7 @@ def test_after_it_nothing_is_ok_until_the_reset_and_the_cause_stays_in_view() ->
         )
         _, again = decide(after, replace(frame(206, 0.007), at_s=2.06), limits)
         assert again.code == 1
+
     soon = [*fresh[1 : 1 + REPORTS.fresh_frames], Reset(0.1201)]  # a fall is found once
     assert (
         play(soon, play([frame(1, 0.024), *THROUGH], limits=REPORTS), REPORTS).state
@@ -1327,9 +1363,11 @@ def test_a_constant_difference_between_planes_neither_rises_nor_pierces_and_the_
         for n, plane in enumerate(blocks, 1)
     ]
     planes = PlanesState.of(CROSS)
+
     for event in turns:
         planes, decision = decide_planes(planes, event, LIMITS)
         assert decision.cause is None
+
     assert decision.message == "WATCHING: class 1; 24.0 mN"
     alone = play([replace(event, plane=None) for event in turns])
     assert alone.cause in (Cause.RISING, Cause.PIERCED), (
@@ -1422,6 +1460,7 @@ def test_a_contact_that_one_plane_shows_is_that_of_all() -> None:
         planes, _ = play_planes(frames)
         _, decision = play_planes([of_plane("across", unusable(6))], planes)
         assert (decision.cause, decision.code != 1) == (cause, True)
+
     lifted, _ = play_planes([*begun, *cross(range(6, 70), 0.0, 0.0)])
     _, decision = play_planes([of_plane("across", unusable(70))], lifted)
     assert decision.state is State.NOT_READY, (
@@ -1448,6 +1487,7 @@ def test_each_planes_opinions_are_its_own_and_what_is_of_no_plane_withdraws() ->
         Cause.UNUSABLE,
         True,
     )
+
     for stray in (
         frame(8),
         of_plane("up", frame(8)),
@@ -1457,6 +1497,7 @@ def test_each_planes_opinions_are_its_own_and_what_is_of_no_plane_withdraws() ->
     ):
         _, decision = play_planes([stray], watching, limits)
         assert decision.state is State.WITHDRAW
+
     _, decision = play_planes(
         [OvertakenRead(0.08, of_plane("across", frame(6, 0.031)))], watching, limits
     )

@@ -35,6 +35,7 @@ def filled(name: str) -> Any:
             made[field] = {"string": "", "bool": False}.get(detail[0], 0)
         else:
             raise AssertionError(f"{name}: {field}")
+
     return SimpleNamespace(**made)
 
 
@@ -111,15 +112,19 @@ def module(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
         "geometry_msgs/msg/WrenchStamped"
     )
     stubs["sensor_msgs.msg"].Image = TYPES["sensor_msgs/msg/Image"]
+
     for name in ("Bool", "String"):
         setattr(stubs["std_msgs.msg"], name, rostype(f"std_msgs/msg/{name}"))
+
     for name, stub in stubs.items():
         monkeypatch.setitem(sys.modules, name, stub)
+
     monkeypatch.setattr(sys, "path", list(sys.path))
     loaded = example_module("ros2/force_monitor_node")
     monkeypatch.setattr(
         loaded.robot_client, "SILENCE_S", 300.0
     )  # the machine may be busy
+
     return loaded
 
 
@@ -143,6 +148,7 @@ def image(
         ),
         frame_id="oct",
     )
+
     return TYPES["sensor_msgs/msg/Image"](
         header=header,
         height=ROWS,
@@ -164,6 +170,7 @@ def bag_of(folder: Path, messages: list[Any]) -> Iterator[Any]:
             writer.write(
                 link, number, STORE.serialize_cdr(message, "sensor_msgs/msg/Image")
             )
+
     with Reader(folder / "bag") as reader:
         for link, _, data in reader.messages():
             yield STORE.deserialize_cdr(data, link.msgtype)
@@ -193,12 +200,14 @@ def test_images_of_a_bag_reach_the_monitor_and_their_forces_come_back(
     sent = [image(1), image(2, big=True), image(3, padding=5)]
     for message in bag_of(tmp_path, sent):
         node.subscriptions_["image"](message)
+
     wait_until(lambda: len(node.published["~/force_high"]) == 3)
     events = [
         e
         for e in monitor.received
         if isinstance(e, Received) and isinstance(e.message, Image)
     ]
+
     for number, event in enumerate(events, start=1):
         np.testing.assert_array_equal(event.message.pixels[0], frame(number))
         assert event.message.matrix[:5] == pytest.approx(
@@ -206,6 +215,7 @@ def test_images_of_a_bag_reach_the_monitor_and_their_forces_come_back(
         )
         assert event.message_id == number
         assert event.header.time_s == pytest.approx(1_795_000_000.25 + number, abs=1e-6)
+
     for name, force_n in (
         ("force", 1.5e-3),
         ("force_low", 0.5e-3),
@@ -214,6 +224,7 @@ def test_images_of_a_bag_reach_the_monitor_and_their_forces_come_back(
         assert [m.wrench.force.z for m in node.published[f"~/{name}"]] == [
             pytest.approx(force_n)
         ] * 3
+
     assert [m.header.stamp.sec for m in node.published["~/force"]] == [
         1_795_000_001,
         1_795_000_002,
@@ -233,6 +244,7 @@ def test_the_order_is_to_withdraw_until_the_monitor_says_ok_and_after_it_says_no
     monitor.say(Status(3, 102, "BOUND", "WITHDRAW: up to 31 mN"))
     wait_until(lambda: orders[-1].data is True)
     assert "up to 31 mN" in reasons[-1].data
+
     for message in (orders[-1], reasons[-1]):
         serialised(message)
 

@@ -58,6 +58,7 @@ def test_slicer_gets_frame_wall_bar_and_words_also_when_it_comes_later_and_the_s
                     for e in monitor.received
                     if e is not None and isinstance(e.message, Image)
                 )
+
             clients.append(pyigtl.OpenIGTLinkClient("127.0.0.1", slicer_port))
             shown.append(
                 [
@@ -68,8 +69,10 @@ def test_slicer_gets_frame_wall_bar_and_words_also_when_it_comes_later_and_the_s
         finally:
             for client in clients:
                 client.stop()
+
     np.testing.assert_array_equal(event.message.pixels[0], WALL)  # handed on as it came
     assert event.message_id == 5
+
     for picture, bar, words in shown:
         assert picture.image.shape == (1, ROWS, COLUMNS, 3)
         red, green, blue = np.moveaxis(picture.image[0].astype(int), -1, 0)
@@ -110,8 +113,10 @@ def test_a_reading_waits_for_its_frame_which_is_looked_at_after_it_was_handed_on
     assert (
         picture_of(77) is newer
     )  # the monitor's own number, of a sender that gives none
+
     for frame_id in range(7, 7 + bridge.KEPT_FRAMES):
         latest.saw(older, frame_id)
+
     assert picture_of(6) is older  # let go
     latest.end()
     assert latest.wait() is None
@@ -156,16 +161,19 @@ def slicer(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """Fakes of Slicer's modules, with the scene and the module that is loaded with them."""
     base = type("Base", (), {"__init__": lambda *_: None})
     scripted = ModuleType("slicer.ScriptedLoadableModule")
+
     for name in (
         "ScriptedLoadableModule",
         "ScriptedLoadableModuleLogic",
         "ScriptedLoadableModuleWidget",
     ):
         setattr(scripted, name, base)
+
     package = ModuleType("slicer")
     package.mrmlScene = Scene()
     package.util = MagicMock()
     package.app = MagicMock()
+
     for name, module in {
         "slicer": package,
         "slicer.ScriptedLoadableModule": scripted,
@@ -173,6 +181,7 @@ def slicer(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
         "vtk": MagicMock(),
     }.items():
         monkeypatch.setitem(sys.modules, name, module)
+
     return SimpleNamespace(
         scene=package.mrmlScene,
         util=package.util,
@@ -191,8 +200,10 @@ def test_the_module_connects_as_a_client_and_shows_what_comes(
     logic.connector.Start.assert_called_once_with()
     logic.update()  # nothing has come yet
     slicer.util.setSliceViewerLayers.assert_not_called()
+
     for device in (bridge.VIEW, bridge.BAR, bridge.WORDS):
         slicer.scene.AddNewNodeByClass("received", device)
+
     slicer.scene.nodes[bridge.WORDS].GetText.return_value = "12.0 mN"
     logic.update()
     logic.update()

@@ -101,8 +101,10 @@ def test_the_size_of_raw_bytes_is_asked_for_and_that_of_others_is_not_taken(
         == 0
     )
     assert asked == [(ROWS, COLUMNS)]
+
     with pytest.raises(SystemExit):
         vendor_frames.main(["a.img", "--out", "other", "--rows", "20"])
+
     assert "--rows and --columns belong together" in capsys.readouterr().err
     Path("out").rename("first")
     assert "leave --rows out" in refused(

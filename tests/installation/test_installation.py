@@ -153,6 +153,7 @@ def test_an_installation_compiles_every_loop(tmp_path: Path) -> None:
         capture_output=True,
     )
     kept = {file.name.split("-")[0] for file in tmp_path.rglob("*.nbi")}
+
     for source in Path(scleraforce.__file__).parent.rglob("*.py"):
         for name in re.findall(
             r"^@compiled\ndef (\w+)", source.read_text(encoding="utf-8"), re.M

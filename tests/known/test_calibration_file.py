@@ -86,6 +86,7 @@ def test_a_file_that_is_not_json_or_of_another_format_is_refused(
 ) -> None:
     whole = calibration_text()
     broken = tmp_path / "calibration.json"
+
     for text in (
         "{",
         "\xff",
@@ -97,12 +98,15 @@ def test_a_file_that_is_not_json_or_of_another_format_is_refused(
         whole.replace('"population"', '"format": 3, "population"'),
     ):
         assert refusal(broken, text).startswith("not JSON: ")
+
     for text in ("[]", "{}", calibration_text(format=1), calibration_text(format=2)):
         assert refusal(broken, text).startswith("format: ")
+
     for mechanics in ("magic", ["linear"], None):
         assert refusal(broken, calibration_text(mechanics=mechanics)).startswith(
             "mechanics: "
         )
+
     for eye in ("a\nb", "\ud800"):
         assert refusal(broken, calibration_text(0.2, {eye: {}})).startswith("eyes: ")
 
@@ -112,6 +116,7 @@ def test_a_key_that_is_missing_or_cannot_be_is_refused_by_its_place(
 ) -> None:
     whole = calibration_text()
     broken = tmp_path / "calibration.json"
+
     for population, key in (
         ({}, ".mean_mpa"),
         (3, ": "),
@@ -126,10 +131,12 @@ def test_a_key_that_is_missing_or_cannot_be_is_refused_by_its_place(
         assert refusal(broken, calibration_text(population=population)).startswith(
             f"population{key}"
         )
+
     for eyes, place in (("[]", "eyes: "), ('{"x": []}', "eyes")):
         assert refusal(
             broken, whole.replace('"eyes": {}', f'"eyes": {eyes}')
         ).startswith(place)
+
     for entry, key in (
         ({"frames": "1.png"}, "frames"),
         ({"frames": ["1.png"]}, "frames[0]"),
@@ -148,6 +155,7 @@ def test_a_key_that_is_missing_or_cannot_be_is_refused_by_its_place(
         assert refusal(broken, calibration_text(0.2, {"x": entry})).startswith(
             f"eyes.x.{key}"
         )
+
     for key, value in (
         ("growth", "steep"),
         ("growth", 3.0),
@@ -167,6 +175,7 @@ def test_a_key_that_is_missing_or_cannot_be_is_refused_by_its_place(
             0.27, {"x": {"discrepancy": {**DISCREPANCY, key: value}}}
         )
         assert refusal(broken, text).startswith(f"eyes.x.discrepancy.{key}")
+
     for value in (-0.1, 200.1, "stiff", True, None, [1.0]):
         assert refusal(
             broken, calibration_text(0.27, {"x": {"stiffening": value}})
@@ -205,6 +214,7 @@ def test_a_globe_is_read_as_it_was_written_with_its_band_for_people(
 ) -> None:
     entries = {name: {"globe": globe_entry(globe)} for name, globe in GLOBES.items()}
     found = read(tmp_path, eyes={**entries, "without": {}}).eyes
+
     for name, globe in GLOBES.items():
         wanted = [
             value if isinstance(value, str | bool) else pytest.approx(value)
@@ -213,6 +223,7 @@ def test_a_globe_is_read_as_it_was_written_with_its_band_for_people(
         assert wanted == list(astuple(found[name].globe)), name
         low, high = (entries[name]["globe"][K][end] for end in ("low", "high"))
         assert 0.0 <= low <= high <= 0.06
+
     assert found["without"].globe is OPEN  # an early file
 
 
@@ -238,19 +249,23 @@ def test_a_globe_that_cannot_be_is_refused_with_its_key(tmp_path: Path) -> None:
         *((place, None) for place in numbers),
         *((place, ...) for place in numbers),  # ...: without the number
     ]
+
     for place, value in cases:
         globe = globe_entry(GLOBES["calibrated"])
         *parents, last = place.split(".")
         target = globe[parents[0]] if parents else globe
         assert target.pop(last) is not None
+
         if value is not ...:
             target[last] = value
+
         said = refusal(
             tmp_path / "c.json", calibration_text(0.27, {"a": {"globe": globe}})
         )
         assert said.startswith(
             f"eyes.a.globe.{place}{' is missing' if value is ... else ''}"
         ), place
+
     for changed in (
         {"sd": 0.0},
         {"lowest": 0.07},

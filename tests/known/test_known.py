@@ -139,6 +139,7 @@ def test_an_eye_takes_the_globe_that_its_calibration_found_unless_another_kind_i
             -0.8,
             pytest.approx(FOUND.mean),
         )
+
     assert known_of_eye(Known(globe=OPEN), summary, "mine").globe is OPEN
 
 
@@ -168,6 +169,7 @@ def test_an_eye_of_the_population_has_at_least_the_spread_of_eyes_and_no_modulus
         assert calibrated_modulus(
             read_calibration(file), "stranger"
         ).relative_sd == pytest.approx(spread)
+
     file.write_text(calibration_text(0.25, {"lost": EYES["lost"]}))
     assert calibrated_modulus(read_calibration(file), "stranger") is None
 
@@ -177,6 +179,7 @@ def test_an_eye_of_the_population_leans_as_the_calibrated_ones_if_all_of_them_st
 ) -> None:
     file = tmp_path / "calibration.json"
     lean = {"lean_deg": 20.0}
+
     for eyes, lean_rad in (
         ({"a": lean, "b": {"lean_deg": 30.0}}, np.radians(25.0)),
         ({"a": lean, "b": {}}, None),
@@ -206,6 +209,7 @@ def test_a_globe_is_open_or_as_rigid_as_its_declaration_allows() -> None:
     assert (SEALED.lowest / PER_UL, SEALED.highest / PER_UL) == pytest.approx(
         (0.005, 0.06)
     )
+
     for globe in (UNKNOWN, SEALED):
         assert globe.can_be_sealed
         even = np.linspace(globe.lowest, globe.highest, 100_001)
@@ -270,6 +274,7 @@ def test_the_most_correlated_eye_has_a_prior_to_draw_from() -> None:
 def test_a_given_globe_is_completed_by_a_stated_one_of_its_kind_alone() -> None:
     stated = known_globe("sealed", 0.02 * PER_UL, "logarithmic")
     number = known_globe("sealed", 0.03 * PER_UL)
+
     for given, said, globe in [
         (SEALED, stated, stated),
         (number, stated, replace(number, law="logarithmic")),

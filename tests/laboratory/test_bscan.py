@@ -111,6 +111,7 @@ def folded_wall():
             -np.pi + np.arcsin(neck / radius), np.pi - np.arcsin(neck / radius), 40
         )
         bulb = np.stack([radius * np.sin(angle), 2.1 + radius * np.cos(angle)], axis=1)
+
         return (
             np.array([[-20.0, top], [-neck, top], *bulb, [neck, top], [20.0, top]])
             * 1e-3
@@ -186,6 +187,7 @@ def test_point_spread_function_correlates_speckle_as_its_width_says_and_keeps_it
         :, 60:240
     ]
     assert light.mean() == pytest.approx(10**7.0, rel=0.05)
+
     for axis, lag in ((1, 3), (2, 5)):
         sigma = width[axis - 1] / (2 * np.sqrt(np.log(2)))
         one = np.delete(light, np.s_[:lag], axis)
@@ -216,6 +218,7 @@ def test_bands_are_black_and_hold_no_truth_and_bright_tissue_saturates_at_the_la
     bscan = render(flat_wall(), replace(CLEAR, band_m=0.5e-3))
     for image in (bscan.frame, bscan.truth_mask):
         assert np.flatnonzero(image.any(axis=0))[[0, -1]].tolist() == [17, 512 - 18]
+
     for bits in (8, 12):
         frame = render(
             flat_wall(),
@@ -427,6 +430,7 @@ def test_a_plane_beside_the_axis_cuts_the_chord_of_the_cylinder_and_beyond_the_r
         assert float(inside.sum()) / 40 * OCT.width_m / 8192 == pytest.approx(
             chord_m, abs=5e-6
         )
+
     beside = steel(gap_m=0.26e-3)
     assert not beside.inside.any()
     assert (beside.light == 1.0).all()
@@ -450,9 +454,11 @@ def test_a_shaft_leans_by_its_angle_off_the_surfaces_normal_and_ends_at_its_tip(
     straight, bevelled = (
         steel(angle_rad=0.2, bevel_rad=bevel).inside for bevel in (pi / 2, 0.4)
     )
+
     for shaft in (straight, bevelled):
         last = np.flatnonzero(shaft.any(axis=1))[-1]
         assert (last + 0.5) * DEPTH_M == pytest.approx(TIP_M[1], abs=0.06e-3)
+
     row = int(1.8e-3 / DEPTH_M)
     assert bevelled[row].sum() < 0.6 * straight[row].sum()
 
@@ -460,10 +466,12 @@ def test_a_shaft_leans_by_its_angle_off_the_surfaces_normal_and_ends_at_its_tip(
 def test_steel_takes_all_light_and_glass_a_part_also_from_above_the_frame() -> None:
     column = int((TIP_M[0] + OCT.width_m / 2) / COLUMN_M)
     below = int(3e-3 / DEPTH_M)
+
     for loss in (1.0, 0.4):
         light = steel(loss_fraction=loss).light
         assert light[below, column] == pytest.approx(1.0 - loss)
         assert light[below, column + 40] == 1.0
+
     low, high = (
         (steel(angle_rad=0.7, above_m=above_m).light[-1] < 1.0).sum()
         for above_m in (0.0, 1e-3)
@@ -531,6 +539,7 @@ def rendered(of: BscanOptics, scanner=STUDY.oct) -> np.ndarray:
         render_bscan(section, scanner, of, np.random.default_rng(seed), shaft).frame
         for seed in range(FRAMES)
     ]
+
     return np.stack([WINDOW.reduced(frame, PixelScale.of(scanner)) for frame in frames])
 
 
@@ -545,6 +554,7 @@ def drawn(of: BscanOptics, scanner=STUDY.oct, count: int = FRAMES) -> np.ndarray
     cells = replace(scanner, **size_m, columns=WINDOW.columns, rows=WINDOW.rows)
     tip = np.array([0.0, surface(np.zeros(1))[0]])
     shafts = [draw_shaft(of.needle, tip, 0.0, cells)] * count if of.needle else []
+
     return draw_reduced(
         depth, [of] * count, scanner, WINDOW, np.random.default_rng(7), shafts
     )[0]
@@ -582,6 +592,7 @@ def test_the_mean_picture_is_the_rendered_one_and_cells_vary_as_in_that(
     of = CASES[name]
     all_frames = (rendered(CASES[name]), drawn(CASES[name]))
     expected, found = (frames.std(axis=0, ddof=1) for frames in all_frames)
+
     for part in (
         (slice(60, 80), slice(20, 120)),
         (slice(16, 22), slice(40, 54)),
@@ -589,12 +600,14 @@ def test_the_mean_picture_is_the_rendered_one_and_cells_vary_as_in_that(
         assert name not in VARYING or np.median(found[part]) == pytest.approx(
             np.median(expected[part]), rel=0.25
         )
+
     expected, found = (frames.mean(axis=0) for frames in all_frames)
     blocks = (
         (found - expected).reshape(20, 4, 36, 4).mean(axis=(1, 3))
     )  # over which the speckle averages out
     assert np.abs(blocks).mean() < 0.03
     assert np.quantile(np.abs(blocks), 0.97) < 0.12
+
     for column in (
         30,
         100,

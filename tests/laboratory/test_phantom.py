@@ -59,6 +59,7 @@ def dented_sections(forces_n):
     angle = np.linspace(-1.2, 1.2, 300)
     outside = 12e-3 * np.stack([np.sin(angle), 1 - np.cos(angle)], axis=1)
     dent = np.exp(-((angle / 0.13) ** 2))
+
     for force_n in forces_n:
         outer = outside + np.stack([0 * angle, 40e-3 * force_n * dent], axis=1)
         yield Section(
@@ -97,6 +98,7 @@ def test_the_recording_has_the_plans_frames_forces_and_values(written):
         FORCES_N, abs=1.5e-3
     )
     assert [trial.target for trial in trials] == [1, 0, 2]
+
     for entry, frame, section in zip(
         recording.frames, plan.frames, dented_sections(FORCES_N), strict=True
     ):
@@ -124,6 +126,7 @@ def test_the_planes_of_a_moment_see_one_eye_and_one_needle():
         "0002-1.png",
     ]
     assert plan.forces_n[::2] == plan.forces_n[1::2] == pytest.approx(FORCES_N)
+
     for along, across in zip(plan.frames[::2], plan.frames[1::2], strict=True):
         assert (along.time_s, along.plane, across.plane) == (across.time_s, *planes)
         assert across.pose.lateral_m == pytest.approx(-along.cut.gap_m)
@@ -142,6 +145,7 @@ def test_the_planes_of_a_moment_see_one_eye_and_one_needle():
         assert across.optics.needle.gap_m == across.cut.gap_m
         axes = [plane.optics.needle.from_normal[0] for plane in (along, across)]
         assert axes[0] == pytest.approx(axes[1], abs=0.01)
+
     for other in (
         STUDY,
         replace(study, globe=st.GlobeStudy(kind="sealed", leak_time_s=9.0)),
@@ -150,6 +154,7 @@ def test_the_planes_of_a_moment_see_one_eye_and_one_needle():
             RecordingError, match="planes: of an eye that keeps still, does not leak"
         ):
             in_planes(plan_phantom(EYE, FORCES_N, other, 3), planes, other)
+
     with pytest.raises(
         RecordingError, match="of several planes, and its sections are of one"
     ):
@@ -173,6 +178,7 @@ def test_truth_has_every_parameter(written):
     assert set(truth["versions"]) >= {"scleraforce", "numpy"}
     assert [frame["force_n"] for frame in truth["frames"]] == pytest.approx(FORCES_N)
     assert [frame["target"] for frame in truth["frames"]] == [1, 0, 2]
+
     for said, frame in zip(truth["frames"], plan.frames, strict=True):
         assert said["pose"] == asdict(frame.pose)
         assert said["optics"] == json.loads(json.dumps(asdict(frame.optics)))
@@ -224,10 +230,12 @@ def test_nothing_half_written_is_left_and_nothing_is_overwritten(written, tmp_pa
 
     with pytest.raises(KeyboardInterrupt):
         write_phantom(tmp_path / "other", plan, dented_sections, STUDY, interrupted)
+
     assert [path.name for path in tmp_path.iterdir()] == ["rec"]
     before = contents(written)
     with pytest.raises(RecordingError, match="rec: exists already; remove it"):
         write_phantom(written, plan, dented_sections, STUDY)
+
     assert contents(written) == before
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="file"):
@@ -238,11 +246,13 @@ def test_impossible_forces_motions_and_eyes_are_errors():
     for forces_n in ((), (-0.01,), (float("nan"),), (0.01, 1e6)):
         with pytest.raises(RecordingError, match="eye eye-x: forces: "):
             plan_phantom(EYE, forces_n, STUDY, 0)
+
     for changes in ({"rate_hz": 0.0}, {"ramp_n_per_s": -1.0}, {"hold_s": float("nan")}):
         with pytest.raises(
             RecordingError, match=f"eye eye-x: {next(iter(changes)).split('_')[0]}: "
         ):
             plan(**changes)
+
     punctures = {
         -0.01: "forces: ",
         0.035: "puncture: 35 mN; must be ",
@@ -251,12 +261,14 @@ def test_impossible_forces_motions_and_eyes_are_errors():
     for puncture_n, said in punctures.items():
         with pytest.raises(RecordingError, match=f"eye eye-x: {said}"):
             plan(puncture_n=puncture_n)
+
     turning = replace(
         MOVING_STUDY,
         phantom=replace(MOVING_STUDY.phantom, eye_drift_rad=st.fixed(0.02)),
     )
     with pytest.raises(RecordingError, match="puncture: of an eye that keeps still"):
         plan_sections(plan(turning, puncture_n=0.04), study_sections(EYE, turning))
+
     for field, value in {
         "thickness_m": 5e-2,
         "iop_pa": -1.0,
@@ -315,10 +327,12 @@ def test_forces_up_to_the_bounds_are_of_the_same_eyes_and_classes():
     eyes = paper_eyes(study, to_the_bounds=True)
     clear = paper_eyes(study)
     assert [eye for eye, _ in eyes] == [eye for eye, _ in clear]
+
     for (_, drawn_n), (_, spread_n) in zip(eyes, clear, strict=True):
         assert Counter(map(study.classes.classify, drawn_n)) == Counter(
             map(study.classes.classify, spread_n)
         )
+
     forces_mn = (
         np.array([force_n for _, forces_n in eyes for force_n in forces_n]) * 1e3
     )
@@ -374,6 +388,7 @@ def test_commands_write_recordings_of_held_and_moving_needles_and_print_json(
         json.loads(capsys.readouterr().out)["frames"] == 77
     )  # 2.5 + 0.5 + 0.3 + 0.3 + 0.3 s, the first at 0.1 s
     new = str(tmp_path / "x")
+
     for refused, said in (
         ([str(out)], "exists already"),
         ([new, "--forces-mn", "many"], "'many' is not a list of forces in mN"),
@@ -430,10 +445,12 @@ def test_the_force_follows_ramps_and_holds_through_its_turning_points() -> None:
         6.0: 20.0,
         7.2: 35.0,
     }
+
     for time_s, force_mn in expected_mn.items():
         assert forces_n[np.argmin(np.abs(times_s - time_s))] == pytest.approx(
             force_mn / 1e3, abs=1e-9
         )
+
     assert np.abs(np.diff(forces_n)).max() == pytest.approx(0.02 / 50)
     assert moving.path.times_s[-1] == pytest.approx(7.25)
     assert (times_s[0], times_s[-1]) == (0.1, pytest.approx(7.25, abs=0.02))
@@ -459,6 +476,7 @@ def test_the_eye_and_the_light_change_smoothly_within_their_ranges() -> None:
         assert (
             np.abs(np.diff(values)).max() * 100.0 < fastest
         )  # a second; half waves are pi/2 times the mean slope
+
     assert len({frame.optics.shadows for frame in frames}) == 1
     assert len({frame.seed for frame in frames}) == len(frames)
 
@@ -601,6 +619,7 @@ def acquisition(seed=0, relaxation=RELAXATION, **changes):
     pushes = plan_pushes(PUSHES_FORCES_N, phantom, rng)
     path = path_of_pushes(pushes, relaxation)
     sensor = sample_sensor(phantom, rng)
+
     return (
         pushes,
         path,
@@ -685,6 +704,7 @@ def test_the_log_is_the_force_with_sign_offset_drift_noise_and_cross_talk_at_its
     assert abs(rest.mean()) < 4 * sensor.noise_n / np.sqrt(len(rest))
     assert np.corrcoef(rest[1:], rest[:-1])[0, 1] == pytest.approx(0.0, abs=0.05)
     assert log[:, 4:].std() == pytest.approx(sensor.torque_noise_nm, rel=0.05)
+
     for column, share in (
         (1, sensor.cross_talk_fraction[0]),
         (2, sensor.cross_talk_fraction[1]),

@@ -132,6 +132,7 @@ def test_resolution_finer_than_the_pixels_is_said_to_be_at_most_so_much() -> Non
         "axial_resolution_m": SCANNER.depth_m / 512,
         "lateral_resolution_m": SCANNER.width_m / 512,
     }
+
     for key, pixel_m in pixels_m.items():
         assert found[key].at_most
         assert found[key].median < pixel_m
@@ -159,6 +160,7 @@ def test_averaged_noise_leaves_the_scale_of_the_display_to_the_speckle() -> None
     """The air of eight frames, averaged in intensity; the wall's speckle is the same in all of them."""
     rng = np.random.default_rng(7100)
     eyes = []
+
     for seed in FEW:
         clean = drawn_counts(
             seed,
@@ -174,6 +176,7 @@ def test_averaged_noise_leaves_the_scale_of_the_display_to_the_speckle() -> None
         counts = np.rint(np.clip(level_db / 42.0, 0.0, 1.0) * 4095).astype(np.uint16)
         counts[:, :17] = counts[:, -17:] = 0
         eyes.append(imaged(counts))
+
     found = measure_scanner(eyes).ranges
     assert found["noise_looks"].median == pytest.approx(8.0, rel=0.15)
     assert found["display_range_db"].median == pytest.approx(42.0, abs=1.5)
@@ -276,8 +279,10 @@ def test_scenes_of_a_scanner_far_from_the_default_look_as_its_frames_do() -> Non
     again = measure_scanner(imaged(frame, far) for frame in drawn)
     assert again.display.name == "linear"
     assert again.ranges["snr_db"].median == pytest.approx(16.0, abs=3.0)
+
     for key in ("axial_resolution_m", "lateral_resolution_m"):
         assert again.ranges[key].median == pytest.approx(optics[key], rel=0.25)
+
     seen, alike = (
         np.stack([reduced_frame(frame, 128, 176) for frame in frames]) + 1.0
         for frames in ([eye.pixels for eye in eyes], drawn)
@@ -330,6 +335,7 @@ def test_root_and_linear_displays_are_recognised_and_their_scanner_is_measured(
 def test_the_slopes_agree_with_many_drawn_intensities() -> None:
     rng = np.random.default_rng(7120)
     dim = rng.exponential(size=400_000)
+
     for kind, expected in (
         ("logarithmic", 0.0),
         ("root", 0.770),
@@ -354,11 +360,13 @@ def test_averaged_noise_on_a_linear_display_is_refused() -> None:
     air = imaged(shown).below_surface_rows < 0
     counts[air] = 4095 / 10.0**2.8 * rng.gamma(4.0, 1 / 4.0, air.sum())
     eye = imaged(np.rint(counts).astype(np.uint16), name="averaged.png")
+
     with pytest.raises(
         FrameError,
         match=r"averaged\.png: .* as on a linear display, and its noise lies above count 0",
     ):
         measure_scanner([eye])
+
     logarithmic = scanner_display.LOGARITHMIC
     assert scanner_display.fit_display(eye, logarithmic).kind is logarithmic
 
@@ -394,6 +402,7 @@ def light_about(gain: float, angle_rad: float, seed: int) -> SurfaceLight:
         slope, below, np.full(60_000, 1.2), np.array([gain, angle_rad, 0.3, *[0.0] * 6])
     )
     light = mean * rng.exponential(1.0, 60_000)
+
     return SurfaceLight(
         slope_rad=slope, below=below, light=light, sigma_rows=1.2, noise=0.05
     )

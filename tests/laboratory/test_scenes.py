@@ -236,6 +236,7 @@ def at_ends(part: str, name: str) -> Iterator[st.ScenesStudy]:
         for start, share in NEEDS.items()
         if name.startswith(start)
     }
+
     if isinstance(default, float):
         values: list[Any] = [0.0, 1.0]
     else:
@@ -246,8 +247,10 @@ def at_ends(part: str, name: str) -> Iterator[st.ScenesStudy]:
             else lambda value: st.Range(min=value, max=value)
         )
         values = [kind(low), kind(high)]
+
     if name == "pixel_m":
         values = [PIXELS, st.Range(min=1e-6, max=50e-6)]
+
     # A line thinner than a pixel is drawn as one of a pixel, a gap as one of two: only small frames tell.
     near = {
         "line_m": {},
@@ -260,6 +263,7 @@ def at_ends(part: str, name: str) -> Iterator[st.ScenesStudy]:
         if name in near
         else {}
     )
+
     for value in values:
         yield replace(
             FULL, **window, **{part: replace(record, **(needs | {name: value}))}
@@ -284,10 +288,12 @@ def test_counts_are_whole_numbers_and_shares_do_not_exceed_the_whole() -> None:
         StudyError, match=r"scenes\.over\.bubble_count: give a list of whole numbers"
     ):
         st.parse_study("[scenes.over]\nbubble_count = [0.5]")
+
     with pytest.raises(
         StudyError, match=r"scenes\.scanner\.root_share: with linear_share more than 1"
     ):
         st.parse_study("[scenes.scanner]\nlinear_share = 0.6\nroot_share = 0.6")
+
     assert (
         field_unit(
             next(item for item in fields(st.SceneEyeStudy) if item.name == "wave_m")

@@ -53,6 +53,7 @@ def tetrahedra_volume(points: np.ndarray, cells: np.ndarray) -> float:
     a, b, c, d = np.moveaxis(points[cells[:, tetrahedra]], 2, 0)
     volumes = np.einsum("etc,etc->et", np.cross(b - a, c - a), d - a) / 6.0
     assert volumes.min() > 0.0
+
     return float(volumes.sum())
 
 
@@ -71,6 +72,7 @@ def test_the_vtk_file_holds_the_wall_its_displacement_and_middle_nodes_between_t
     """VTK's documentation of vtkTriQuadraticHexahedron (its parametric coordinates were compared with ours once)."""
     with pytest.raises(InputError, match="no-such-folder"):
         write_vtu(eye, tmp_path / "no-such-folder" / "eye.vtu")
+
     write_vtu(eye, tmp_path / "eye.vtu")
     read = meshio.read(tmp_path / "eye.vtu")
     (block,) = read.cells
@@ -105,6 +107,7 @@ def test_the_vtk_file_holds_the_wall_its_displacement_and_middle_nodes_between_t
         edges | pillars | faces | {26: tuple(range(8))} if eye.mesh.order == 2 else {}
     )
     assert cells.shape[1] == 8 + len(expected)
+
     for node, corners in expected.items():
         between = read.points[cells[:, list(corners)]].mean(axis=1)
         assert (

@@ -58,10 +58,12 @@ def test_each_section_is_that_of_its_state_alone() -> None:
     together = study_sections(EYE, STUDY)(FORCES_N)
     wall = {"thickness_m": 800e-6, "youngs_modulus_pa": 0.3e6, "iop_pa": 266.0}
     bent = bend_eye(STUDY, EYE.plane.contact, **wall, max_force_n=0.012)
+
     for force_n, section in zip(FORCES_N, together, strict=True):
         alone = cut_section(bent.mesh, EYE.plane, bent.displacement_nc(force_n))
         assert np.abs(section.outer - alone.outer).max() < 1e-8
         assert np.abs(section.inner - alone.inner).max() < 1e-8
+
     top = [section.outer[:, 1].min() for section in together]
     assert (
         top[1]
@@ -224,9 +226,11 @@ def test_a_section_between_the_paths_is_that_of_a_path_at_its_own_contact(side) 
     found = sections_at.turned(TURNED_FORCES_N, [turn] * 3)
     expected = BentSections(own, TURNED_STUDY)(TURNED_FORCES_N)
     still = sections_at(TURNED_FORCES_N)
+
     for between, there, start in zip(found, expected, still, strict=True):
         assert largest_um(between, there) < 5.0
         assert largest_um(start, there) > 8.0
+
     assert largest_um(still[-1], expected[-1]) > 15.0
 
 
@@ -269,6 +273,7 @@ def test_the_truth_of_a_phantom_has_each_frames_turn_and_contact_and_the_recordi
     plan = plan_phantom(TURNED_EYE, TURNED_FORCES_N, study, 3)
     write_phantom(tmp_path / "rec", plan, study_sections(TURNED_EYE, study), study)
     truth = json.loads((tmp_path / "rec" / "truth.json").read_text())
+
     for said, turn in zip(truth["frames"], plan.turns, strict=True):
         contact = Contact(
             polar_rad=said["turn"]["polar_rad"], azimuth_rad=said["turn"]["azimuth_rad"]
@@ -276,8 +281,10 @@ def test_the_truth_of_a_phantom_has_each_frames_turn_and_contact_and_the_recordi
         assert contact == ve.turned_plane(TURNED_EYE.plane, turn).contact
         assert {key: said["turn"][key] for key in asdict(turn)} == asdict(turn)
         assert said["turn"]["thickness_at_contact_m"] == pytest.approx(600e-6)
+
     uneven = plan_phantom(TURNED_EYE, TURNED_FORCES_N, TURNED_STUDY, 3)
     assert uneven.turns == plan.turns
+
     for said in phantom_truth(uneven, TURNED_STUDY, [0.0] * 3)["frames"]:
         contact = Contact(
             polar_rad=said["turn"]["polar_rad"], azimuth_rad=said["turn"]["azimuth_rad"]
@@ -287,6 +294,7 @@ def test_the_truth_of_a_phantom_has_each_frames_turn_and_contact_and_the_recordi
         )
         assert said["turn"]["thickness_at_contact_m"] == pytest.approx(thickness_m)
         assert thickness_m != pytest.approx(600e-6, rel=1e-3)
+
     info = read_recording(tmp_path / "rec").info
     known = info.needle.polar_angle_rad, info.oct.plane_direction_rad
     assert known == (TURNED_EYE.polar_rad, TURNED_EYE.direction_rad)
@@ -321,13 +329,16 @@ def test_the_plane_stays_in_space_while_the_globe_turns() -> None:
     for x, y in ((0.05, -0.02), (-0.4, 0.3), (0.0, 0.01)):
         turn = EyeTurn(about_x_rad=x, about_y_rad=y)
         seen = ve.turned_plane(PLANE, turn)
+
         for name in ("lateral", "depth", "normal"):
             assert rotated(getattr(seen, name), turn) == pytest.approx(
                 getattr(PLANE, name), abs=1e-12
             )
+
         assert rotated(seen.origin(12e-3), turn) == pytest.approx(
             PLANE.origin(12e-3), abs=1e-15
         )
+
     still = ve.turned_plane(PLANE, ve.STILL)
     assert (still.contact.polar_rad, still.contact.azimuth_rad) == pytest.approx(
         (0.7, 2.9)
@@ -351,6 +362,7 @@ def test_a_drift_grows_evenly_to_one_side_and_saccades_leave_it_every_second() -
         )
         assert np.linalg.norm(turns[-1]) == pytest.approx(0.04)
         assert turns == pytest.approx(np.outer([0.1, 0.4, 1.0], turns[-1]))
+
     saccades = st.PhantomStudy(eye_saccade_rad=st.Range(min=0.005, max=0.015))
     turns = turns_of(saccades, np.arange(0.05, 60.0, 0.1), 1)
     sizes = np.linalg.norm(turns, axis=1)

@@ -31,6 +31,7 @@ def make_bars(count: int, seed: int) -> Samples:
     below = row - depth[:, None, None]
     bars = ((below >= 0) & (below < 2)) ^ (rng.random((count, ROWS, COLUMNS)) < 0.1)
     bars[:, -1] = False  # a row that never varies
+
     return Samples(
         np.broadcast_to(bars, (count, ROWS, COLUMNS)).astype(np.uint8) * np.uint8(255),
         depth // 3,

@@ -96,10 +96,12 @@ def test_equal_seeds_and_training_samples_give_equal_weights_and_leave_pytorch_u
     other = classifier.fit(replace(small, seed=1), *bars)
     assert first.curves == again.curves
     assert first.curves.validation_accuracy != unseen.curves.validation_accuracy
+
     for same in (again, unseen):
         np.testing.assert_equal(
             asdict(first), asdict(replace(same, curves=first.curves))
         )
+
     assert not any(map(np.array_equal, first.weights, other.weights))
     assert torch.equal(torch.get_rng_state(), before)
     assert torch.get_num_threads() == 1
@@ -133,6 +135,7 @@ def test_a_descent_that_diverges_says_so(bars, small, monkeypatch) -> None:
         "cross_entropy",
         lambda *given, **more: lost(*given, **more) * torch.nan,
     )
+
     with pytest.raises(SolverError, match=r"step 1 of .*network\.learning_rate"):
         classifier.fit(small, *bars)
 
@@ -181,6 +184,7 @@ def test_the_file_is_repeatable_and_answers_as_the_rounded_network_at_half_the_s
         < 1e-3
     )
     np.testing.assert_equal(rounded.biases, network.biases)
+
     for weight, before in zip(rounded.weights, network.weights, strict=True):
         assert 0.0 < np.abs(weight - before).max() < 1e-3 * np.abs(before).max()
 
@@ -196,6 +200,7 @@ def test_the_best_candidate_is_the_most_accurate_and_of_equals_the_smallest() ->
         for weights, accuracy in ((500, 0.97), (300, 0.99), (200, 0.99), (100, None))
     )
     assert classifier.best(tried) == 2
+
     with pytest.raises(SolverError, match="every size"):
         classifier.best(tried[3:])
 
@@ -227,8 +232,10 @@ def store(tmp_path_factory) -> Path:
     bars = np.broadcast_to(
         (row >= top[:, None, None]) & (row < top[:, None, None] + 2), (len(plan), 8, 10)
     )
+
     for unit, samples in enumerate(unit_samples(STUDY)):
         unwritten.write(unit, {SLICES: bars[samples].astype(np.uint8) * np.uint8(255)})
+
     unwritten.finish()
     return path
 
@@ -269,6 +276,7 @@ def test_ctrl_c_leaves_nothing_behind_and_an_existing_model_is_refused_before_an
 
     with pytest.raises(KeyboardInterrupt):
         train_classifier(open_dataset(store), tmp_path / "model", progress=interrupt)
+
     assert not list(tmp_path.iterdir())
     (tmp_path / "model").mkdir()
     with pytest.raises(ModelError, match="exists already"):

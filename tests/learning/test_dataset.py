@@ -70,6 +70,7 @@ def test_every_thickness_has_200_contacts_of_its_own_and_a_tenth_of_them_for_val
         of_wall = paper.thickness_m == thickness
         assert len(np.unique(paper.contact[of_wall])) == 200
         assert paper.validation[of_wall].mean() == pytest.approx(0.1)
+
     starts = np.flatnonzero(np.diff(paper.contact, prepend=-1))
     assert len(starts) == 1000
     assert all(unit.start in starts for unit in unit_samples(Study()))
@@ -81,6 +82,7 @@ def test_forces_and_contacts_are_uniform_and_targets_are_the_classes_of_the_forc
     for thickness, largest in [(4e-4, 45e-3), (5e-4, 60e-3), (8e-4, 60e-3)]:
         force = paper.force_n[np.isclose(paper.thickness_m, thickness)]
         assert stats.kstest(force / largest, "uniform").pvalue > 0.01
+
     _, first = np.unique(paper.contact, return_index=True)
     polar = (np.rad2deg(paper.polar_rad[first]) - 25.0) / 20.0
     assert stats.kstest(polar, "uniform").pvalue > 0.01
@@ -124,6 +126,7 @@ def made(tmp_path_factory):
         progress=done.append,
     )
     assert (result.images, result.simulated, sum(done)) == (465, 465, 465)
+
     return path
 
 
@@ -149,11 +152,13 @@ def test_two_workers_and_an_interruption_change_no_byte(made, tmp_path):
             workers=2,
             progress=interrupt,
         )
+
     assert not multiprocessing.active_children()
     kept = len(list((path / "slices" / "c").iterdir()))
     assert kept == 1
     with pytest.raises(DatasetError, match="not complete"):
         open_dataset(path)
+
     result = generate_dataset(
         small_study(), path, youngs_modulus_pa=MODULUS_PA, workers=2
     )
@@ -166,6 +171,7 @@ def test_a_sample_can_be_made_again_from_its_metadata_the_slow_way(made):
     dataset = open_dataset(made)
     study = dataset.study
     columns = {name: dataset.read(name) for name in vars(plan_dataset(dataset.study))}
+
     for sample in (0, 130, 252, 253, 464):
         row = {name: values[sample] for name, values in columns.items()}
         mesh = build_mesh(study.eye.radius_m, row["thickness_m"], 4, 1, 1, 2)
@@ -204,8 +210,10 @@ def test_metadata_is_complete_and_is_the_plan(made):
     found = dataset.study, dataset.youngs_modulus_pa, dataset.attributes["seed"]
     assert found == (small_study(), MODULUS_PA, 0)
     assert set(dataset.attributes["versions"]) >= {"scleraforce", "numpy", "zarr"}
+
     for name, values in vars(plan_dataset(small_study())).items():
         np.testing.assert_array_equal(dataset.read(name), values)
+
     training, validation = dataset.split()
     np.testing.assert_array_equal(
         np.sort(np.r_[training, validation]), np.arange(dataset.images)
@@ -231,11 +239,13 @@ def test_a_damaged_store_is_refused_and_the_damage_named(copy, file, old, new, m
     (copy / file).unlink()
     if old is None and new is not None:  # a byte is another
         content[new] ^= 4
+
     assert old is None or old in content
     if new is not None:
         (copy / file).write_bytes(
             content if old is None else content.replace(old, new, 1)
         )
+
     with pytest.raises(DatasetError, match=message):
         read_all(copy)
 
@@ -288,6 +298,7 @@ def test_a_chunk_that_would_decode_to_more_than_a_chunk_takes_no_memory(copy):
     # 2**17 of them
     zeros = bytes.fromhex("02001000")
     last_zeros = bytes.fromhex("03001000")
+
     for bomb, damage in (
         (Zstd().encode(np.zeros(2**28, np.uint8)), "at least 268435456, got 1120000"),
         (240 * bytes(whole), "at least 268800000, got 1120000"),
@@ -301,6 +312,7 @@ def test_a_chunk_that_would_decode_to_more_than_a_chunk_takes_no_memory(copy):
         tracemalloc.start()
         with pytest.raises(DatasetError, match=rf"slices/c/1/0/0: damaged .*{damage}"):
             _ = open_dataset(copy).slices
+
         assert tracemalloc.get_traced_memory()[1] < 32 * MIB
         tracemalloc.stop()
 
@@ -308,13 +320,16 @@ def test_a_chunk_that_would_decode_to_more_than_a_chunk_takes_no_memory(copy):
 def test_no_store_another_thing_and_a_complete_store_are_refused(made, tmp_path):
     with pytest.raises(DatasetError, match="no such data set"):
         open_dataset(tmp_path / "nothing")
+
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "todo.txt").write_text("x")
     with pytest.raises(DatasetError, match="something else"):
         generate_dataset(small_study(), tmp_path / "notes")
+
     before = contents(made)
     with pytest.raises(DatasetError, match="complete data set"):
         generate_dataset(small_study(), made, youngs_modulus_pa=MODULUS_PA)
+
     assert contents(made) == before
 
 
@@ -336,6 +351,7 @@ def test_a_run_does_not_continue_another_and_records_its_calibration(tmp_path):
         "path": str(file),
         "sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
     }
+
     for name, other in {
         "study": small_study(seed=1),
         "youngs_modulus_pa": 0.31e6,
@@ -348,18 +364,22 @@ def test_a_run_does_not_continue_another_and_records_its_calibration(tmp_path):
 def test_the_units_before_a_kill_are_reused(tmp_path):
     path = tmp_path / "d"
     store = partial_store(path)
+
     for unit, samples in enumerate(unit_samples(small_study())):
         store.write(
             unit, {SLICES: np.zeros((samples.stop - samples.start, 40, 140), np.uint8)}
         )
+
     chunk = path / "slices" / "c" / "1" / "0" / "0"
     chunk.write_bytes(chunk.read_bytes()[:50])  # a disk that lost power
     chunk.with_suffix(".1234.part").write_bytes(b"half")
     shutil.rmtree(path / "force_n")  # killed while the metadata was written
     store = partial_store(path)
     assert store.missing() == [1]
+
     with pytest.raises(DatasetError, match="1 of 3 parts"):
         store.finish()
+
     store.write(1, {SLICES: np.zeros((200, 40, 140), np.uint8)})
     store.finish()
     assert not list(path.rglob("*.part"))
@@ -379,6 +399,7 @@ def study():
         for t, n, most_n in walls
     )
     lateral_m = Range(min=-1e-3, max=1e-3)
+
     return parse_study(
         format_study(
             with_dataset(contacts=5, framing_lateral_m=lateral_m, group=group, **OPEN)
@@ -398,6 +419,7 @@ def one_by_one(study, library, plan, sample):
         for force in (np.zeros(1), force_ratio)
     )
     framing = float(plan.framing_lateral_m[sample]), float(plan.framing_depth_m[sample])
+
     return fill_section(
         loaded, slice_window(study.slice, float(resting.outer[:, 1].min()), *framing)
     )
@@ -436,6 +458,7 @@ def test_slices_of_a_library_are_stored_with_their_mechanics(study, library, tmp
         plan_dataset(study),
         "finite-strain",
     )
+
     with pytest.raises(DatasetError, match="begun with another mechanics"):
         generate_dataset(study, tmp_path / "begun", youngs_modulus_pa=MODULUS_PA)
 
@@ -447,11 +470,13 @@ def test_a_library_of_another_eye_and_other_mechanics_are_refused(
     other = replace(library, radius_m=11e-3)
     with pytest.raises(DatasetError, match="library: radius"):
         near_library(study, plan, other)
+
     dead = st.MechanicsStudy(follower=False)
     others = {
         "globe.kind": {"globe": st.GlobeStudy("sealed")},
         "mechanics.follower": {"mechanics": dead},
     }
+
     for key, changes in others.items():
         with pytest.raises(
             StudyError,
@@ -460,6 +485,7 @@ def test_a_library_of_another_eye_and_other_mechanics_are_refused(
             generate_dataset(
                 replace(study, **changes), tmp_path / "slices", library=library
             )
+
     assert not (tmp_path / "slices").exists()
 
 

@@ -77,8 +77,10 @@ def test_an_entry_moves_with_values_order_missing_values_and_size_beyond_its_tol
         values[:20],
         [],
     )
+
     for other in others:
         assert moved(before, {"a": fingerprint.item(other)}) == ["a"]
+
     assert moved(before, {"a": fingerprint.item(values * 1.001, tolerance=0.01)}) == []
     assert moved(before, {"b": before["a"]}) == ["a", "b"]
     assert moved({"a": fingerprint.item([])}, {"a": fingerprint.item([])}) == []

@@ -58,6 +58,7 @@ def network(seed: int = 1) -> raw_reader.RawReaderNetwork:
     made(
         torch.rand(4, 80, 144), torch.rand(4, len(GIVEN))
     )  # moves the means of its normalisations
+
     return made.eval()
 
 
@@ -101,8 +102,10 @@ def test_the_graph_answers_as_the_network_does() -> None:
     found, contact_m = session.run(
         ["histogram", "contact_m"], {"frames": frames, "given": given}
     )
+
     with torch.inference_mode():
         mixtures, places, _, _ = made(torch.from_numpy(frames), torch.from_numpy(given))
+
     np.testing.assert_allclose(
         found, histogram(mixtures, TINY.reader.bins).numpy(), atol=1e-5
     )
@@ -130,10 +133,12 @@ def test_a_training_is_repeatable_and_learns_where_the_wall_is(
     assert all(map(torch.equal, first.network.parameters(), again.network.parameters()))
     assert first.training_loss == again.training_loss
     samples = raw_reader.RawSource(library, study).chunk(2**31, 40)
+
     with torch.inference_mode():
         _, _, rows, _ = first.network(
             torch.from_numpy(samples.frames), torch.from_numpy(samples.given)
         )
+
     found = (rows.softmax(dim=2) * torch.arange(80.0)[:, None]).sum(dim=2).numpy()
     assert (
         np.nanmedian(np.abs(found - samples.boundary_rows)) < 6.0
@@ -222,10 +227,12 @@ def test_a_needle_crosses_its_share_and_lies_within_its_diameter(
     largest_m = raw.needle_gap_fraction * raw.needle_diameter_m.bounds[1]
     share = 0.5 * 0.85 * nearest / largest_m
     assert (gap_m[stated] < 0.85 * nearest).mean() == pytest.approx(share, abs=0.1)
+
     for gap_m in (0.0, 0.1e-3, largest_m):
         needle = raw_reader.draw_optics(STUDY, gap_m, rng).needle
         assert needle.gap_m == gap_m
         assert gap_m <= (1.0 + 1e-9) * raw.needle_gap_fraction * needle.diameter_m
+
     assert raw_reader.draw_optics(STUDY, None, rng).needle is None
 
 
@@ -261,11 +268,13 @@ def test_the_scanner_is_the_phantoms_or_worse_by_the_given_amount(
         "lateral_resolution_m": (0.0, factor),
         "axial_resolution_m": (0.0, factor),
     }
+
     for name, (less, times) in worse.items():
         values = [(getattr(each, name) + less) / times for each in drawn]
         low, high = getattr(study.phantom, name).bounds
         assert low <= min(values) < low + 0.1 * (high - low)
         assert high - 0.1 * (high - low) < max(values) <= high
+
     assert all(each.conjunctiva is None for each in drawn)
 
 

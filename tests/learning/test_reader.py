@@ -68,6 +68,7 @@ def test_the_loss_is_likelihood_and_place_written_out() -> None:
     forces = rng.uniform(0.0, 1.0, 5)
     truth = rng.normal(size=5)
     expected = []
+
     for row, place, force, true in zip(mixtures, places, forces, truth, strict=True):
         weights = np.exp(row[:3]) / np.exp(row[:3]).sum()
         z = (force - row[3:6]) / np.exp(np.clip(row[6:], -6.0, 1.0))
@@ -80,6 +81,7 @@ def test_the_loss_is_likelihood_and_place_written_out() -> None:
         expected.append(
             -np.log(density) + 2.0 * (0.5 * off**2 if off < 0.2 else 0.2 * (off - 0.1))
         )
+
     found = reader.reader_loss(
         *(torch.tensor(values) for values in (mixtures, places, forces, truth))
     )
@@ -104,10 +106,12 @@ def test_the_histogram_is_the_mixture_s_density_summed_up() -> None:
 def test_onnx_runtime_answers_as_pytorch_does(source) -> None:
     samples = source.chunk(5, 200)
     net = network()
+
     with torch.inference_mode():
         wall = torch.from_numpy((samples.slices > 0).astype(np.float32))
         mixtures, place_mm = net(wall, torch.from_numpy(samples.given))
         expected = reader.histogram(mixtures, TINY.reader.bins).numpy()
+
     content = reader.force_bytes(net, {"seed": "7"})
     session = onnxruntime.InferenceSession(content)
     found, contact_m = session.run(
@@ -206,9 +210,11 @@ def test_the_runtime_takes_the_folder_and_gives_the_network_s_answers(
     card = (tmp_path / "model/card.md").read_text(encoding="utf-8")
     assert "| `youngs_modulus_mpa` | 0.15 to 0.65 |" in card
     assert f"{record['metrics']['mae_mn']:.2f} mN" in card
+
     with np.load(tmp_path / "model/library.npz") as stored:
         curves_m = float(stored["curves_error_m"])
         stiffness = float(stored["stiffness_error"])
+
     assert model.record["library"] == {"curves_m": curves_m, "stiffness": stiffness}
     assert f"off by at most {1e6 * curves_m:.2g} µm" in card
 
@@ -250,6 +256,7 @@ def test_a_reader_is_not_trained_on_a_library_of_another_eye_or_a_folder_of_slic
         train_reader(
             library, replace(TINY, eye=EyeStudy(radius_m=11e-3)), tmp_path / "model"
         )
+
     assert not list(tmp_path.iterdir())
     (tmp_path / "data.zarr").mkdir()
     assert (
@@ -312,4 +319,5 @@ def test_a_gpu_is_taken_if_it_is_there_and_refused_if_it_is_not(
     for name in ("gpu",) if found else ("gpu", "cuda"):
         with pytest.raises(InputError, match=r"^device: "):
             chosen_device(name)
+
     assert not found or chosen_device("cuda") == "cuda"

@@ -52,11 +52,13 @@ def test_a_given_modulus_is_a_normal_distribution_that_the_eye_is_drawn_from(
         known
     ] / eyes.stated.modulus_sd_fraction[known]
     sd = eyes.stated.modulus_sd_fraction[known]
+
     for part in (sd < 0.02, sd > 0.1):
         assert abs(error[part].mean()) < 0.05
         assert (
             abs(error[part].std() - 0.96) < 0.05
         )  # a normal distribution that ends at 2.5 standard deviations
+
     low, high = READER.youngs_modulus_pa.bounds
     assert low <= eyes.modulus_pa[~known].min() < eyes.modulus_pa[~known].max() <= high
 
@@ -106,6 +108,7 @@ def test_a_mirror_image_is_the_sample_of_the_mirrored_eye(
             "rotation_rad": -eyes.rotation_rad,
             "direction_rad": np.pi - eyes.direction_rad,
         }
+
         return replace(eyes, stated=stated, **turned)
 
     monkeypatch.setattr("scleraforce.learning.samples.draw_eyes", draw_mirrored)
@@ -142,6 +145,7 @@ def test_without_errors_a_slice_is_what_the_fit_predicts_of_an_eye_beside_the_po
     eyes = draw_eyes(bulged, plain, count, np.random.default_rng(8))
     agreeing = []
     upright = []
+
     for n in range(count):
         unknown = np.zeros(len(NAMES))
         thickness = eyes.thickness_m[n : n + 1]
@@ -152,6 +156,7 @@ def test_without_errors_a_slice_is_what_the_fit_predicts_of_an_eye_beside_the_po
         unknown[[LATERAL, DEPTH, GAP, THICKNESS]] = 0.4e-3, 0.5e-3, 0.6e-3, thickness[0]
         unknown[MODULUS] = np.log(eyes.modulus_pa[n])
         unknown[IOP] = np.log(ratio[0] * eyes.modulus_pa[n])
+
         for pole, shares in (
             (pole_directions(0.7, eyes.direction_rad[n]), agreeing),
             ((0.0, 0.0), upright),
@@ -165,6 +170,7 @@ def test_without_errors_a_slice_is_what_the_fit_predicts_of_an_eye_beside_the_po
             shares.append(
                 (expected[1:38, 25:115] == drawn.slices[n][1:38, 25:115]).mean()
             )
+
     assert np.median(agreeing) > 0.99
     assert np.mean(agreeing) > np.mean(upright) + 0.01
 
@@ -182,11 +188,13 @@ def test_a_library_without_eyes_of_the_study_is_refused(library) -> None:
 def test_the_stiffest_tissue_is_the_librarys_which_may_have_no_other(library) -> None:
     rng = np.random.default_rng(4)
     always = replace(READER, stiffening_share=1.0)
+
     for most in (10.0, 30.0, 33.0):
         held = made_up_library(most)
         assert max(
             library_of_tissue(held, always, rng).stiffening for _ in range(60)
         ) == pytest.approx(most, rel=1e-12)
+
     never = replace(READER, stiffening_share=0.0)
     assert all(library_of_tissue(library, always, rng) is library for _ in range(20))
     assert all(library_of_tissue(held, never, rng) is held for _ in range(20))

@@ -160,6 +160,7 @@ def logged_forces(forces_n: np.ndarray, rng: np.random.Generator) -> FrameForces
         FrameEntry(f"{number}.png", push.frame_s) for number, push in enumerate(pushes)
     )
     recording = Recording(Path(), LOGGED_INFO, frames, forces)
+
     return frame_forces(recording, label_frames(recording, Study().classes))
 
 
@@ -169,6 +170,7 @@ def test_labels_have_the_errors_of_a_force_log_and_their_size() -> None:
     shared = []
     own = []
     stated = []
+
     for labels, eyes in ((virtual_eyes.label_forces, 1000), (logged_forces, 100)):
         forces_n = rng.uniform(0.0, 60e-3, (eyes, FRAMES))
         found = [labels(of_eye, rng) for of_eye in forces_n]
@@ -181,8 +183,10 @@ def test_labels_have_the_errors_of_a_force_log_and_their_size() -> None:
             for row, each in zip(middle, found, strict=True)
         ]
         stated.append(np.sqrt(np.mean(variances)))
+
     for made, logged in (shared, own, stated):
         assert made == pytest.approx(logged, rel=0.25)
+
     assert shared[0] == pytest.approx(
         np.hypot(stated[0], LABEL_SD_N / np.sqrt(FRAMES)), rel=0.15
     )
@@ -255,6 +259,7 @@ def test_an_eye_that_the_library_does_not_hold_at_rest_is_refused(library) -> No
             EXACT.reader, iop_pa=high, youngs_modulus_pa=Range(min=1e4, max=1.1e4)
         ),
     )
+
     with pytest.raises(CalibrationError, match="outside the library"):
         draw_eye(study, library, 0, np.random.default_rng(0))
 
@@ -278,12 +283,14 @@ def test_forces_that_drift_from_the_librarys_are_read_as_three_frames_of_known_f
             for seen in boundaries
         )
         pairs = zip(fits, frames, strict=True)
+
         return float(
             np.mean([abs(fit.force_n - frame.force_n) for fit, frame in pairs if fit])
         )
 
     errors_n = []
     growths = []
+
     for seed in (6, 7):
         frames = draw_frames(drifting, EXACT, 12, np.random.default_rng(seed))
         known, left = calibrated(
@@ -293,6 +300,7 @@ def test_forces_that_drift_from_the_librarys_are_read_as_three_frames_of_known_f
         errors_n.append(
             [error_n(known, left), error_n(replace(known, discrepancy=None), left)]
         )
+
     assert np.mean(growths) == pytest.approx(drift, abs=0.1)
     learned_n, unlearned_n = np.mean(errors_n, axis=0)
     assert learned_n < 0.6 * unlearned_n
@@ -304,6 +312,7 @@ def test_an_eye_is_calibrated_otherwise_on_a_few_frames_of_any_forces_and_read_a
 ) -> None:
     largest_n = list[float]()
     gaps = list[float]()
+
     for seed in range(6):
         known, left = virtual_eyes.calibrated_otherwise(
             eye, EXACT, library, np.random.default_rng(seed)
@@ -311,6 +320,7 @@ def test_an_eye_is_calibrated_otherwise_on_a_few_frames_of_any_forces_and_read_a
         assert len(left) == FRAMES - virtual_eyes.CALIBRATED
         largest_n.append(known.discrepancy.largest_n)
         gaps.append(known.discrepancy.widest_gap)
+
     assert (
         11e-3
         < min(largest_n)
@@ -365,6 +375,7 @@ def test_a_scattered_eye_scores_from_the_wider_intervals_of_the_fit(
             scattered,
             [frame],
         )
+
         return {entry.method: entry.score for entry in found}
 
     once = scores(1.0)
@@ -409,6 +420,7 @@ def drawn(rng: np.random.Generator, eyes: int, frames: int) -> list[Score]:
     for eye in range(eyes):
         of_eye = [name for name in ("uneven", "sparse") if rng.random() < 0.5]
         own = abs(rng.standard_normal())
+
         for _ in range(frames):
             traits = [
                 "taut" if rng.random() < 0.3 else "sealed",
@@ -424,6 +436,7 @@ def drawn(rng: np.random.Generator, eyes: int, frames: int) -> list[Score]:
                     float(size * abs(own + rng.normal(0.0, 0.4))),
                 )
             )
+
     return found
 
 
@@ -435,6 +448,7 @@ def test_traits_that_multiply_are_found() -> None:
         factors["sealed"] / TRAITS["sealed"]
     )  # what 90 % of the eyes' own errors stay below
     assert held == pytest.approx(1.75, rel=0.05)
+
     for trait, size in TRAITS.items():
         wanted = size * (held if trait in ("sealed", "taut") else 1.0)
         assert factors[trait] == pytest.approx(wanted, rel=0.08), trait
@@ -444,6 +458,7 @@ def test_traits_that_multiply_are_found() -> None:
 def test_of_each_trait_90_percent_are_held_and_of_new_eyes_too() -> None:
     rng = np.random.default_rng(2)
     of_new = []
+
     for _ in range(12):
         scores = drawn(rng, 200, 6)
         others = drawn(rng, 200, 6)
@@ -458,7 +473,9 @@ def test_of_each_trait_90_percent_are_held_and_of_new_eyes_too() -> None:
 
         for trait in ("sealed", "uneven", "light"):
             assert held(scores, trait, factors) == pytest.approx(0.905, abs=0.02), trait
+
         of_new.append([held(others, trait, factors) for trait in TRAITS])
+
     np.testing.assert_allclose(np.mean(of_new, axis=0), 0.90, atol=0.02)
 
 

@@ -50,14 +50,18 @@ def test_it_finds_walls_of_new_easy_scenes_and_writes_a_wall_finder_that_is_chec
     losses = record["curves"]["training_loss"]
     assert len(losses) == 50
     assert losses[0] > losses[-1]
+
     with pytest.raises(ModelError, match="kind: found 'wall-finder'"):
         load_model(folder)
+
     with pytest.raises(ModelError, match="place: inputs: found"):
         WallFinder(load_wall_finder(folder).session, Study().wall_finder, "place")
+
     changed = Path(shutil.copytree(folder, tmp_path / "changed"))
     (changed / "model.onnx").write_bytes(
         (changed / "model.onnx").read_bytes()[:-1] + b"x"
     )
+
     with pytest.raises(
         ModelError, match=r"model\.onnx: SHA-256 .* was changed after training"
     ):
@@ -70,6 +74,7 @@ def test_the_graph_answers_as_the_network_does() -> None:
         network = wall_finder.WallFinderNetwork(FINDER)
         frames = torch.rand(5, FINDER.rows, FINDER.columns)
         network(frames)  # moves the running means away from 0
+
     network.eval()
     session = network_session(
         wall_finder.finder_bytes(network, {"kind": "test"}), "graph", 1
@@ -77,8 +82,10 @@ def test_the_graph_answers_as_the_network_does() -> None:
     rows, wall = run_network(
         session, [FINDER_ROWS, FINDER_WALL], {FINDER_FRAMES: frames.numpy()}, "graph"
     )
+
     with torch.inference_mode():
         row_logits, wall_logits = network(frames)
+
     assert rows == pytest.approx(row_logits.softmax(dim=2).numpy(), abs=1e-5)
     assert wall == pytest.approx(wall_logits.sigmoid().numpy(), abs=1e-5)
 

@@ -129,6 +129,7 @@ def test_calibration_and_fit_see_the_same_section() -> None:
     even = formed_wall(Walls(model.library), unknown[0])
     unknown[0, at.POLE] = pole_directions(0.6, 0.8)
     mine = formed_wall(Walls(model.library), unknown[0])
+
     for boundary in (0, 1):
         found, upright = (
             np.interp(lateral, *curves[boundary].T) for curves in (mine, even)
@@ -152,6 +153,7 @@ def test_the_fit_s_dent_is_pushed_along_the_section_and_across_it() -> None:
     found = formed_wall(Walls(library), unknown[0])
     assert np.abs(pushed).min() > 20e-6
     lateral = np.linspace(-5e-3, 5e-3, 101)
+
     for mine, theirs in zip(found, expected, strict=True):
         np.testing.assert_allclose(
             np.interp(lateral, *mine.T), np.interp(lateral, *theirs.T), atol=2e-6
@@ -161,10 +163,12 @@ def test_the_fit_s_dent_is_pushed_along_the_section_and_across_it() -> None:
 def test_where_no_direction_is_stated_a_calibration_sees_an_even_section() -> None:
     lateral = np.linspace(-6e-3, 6e-3, 121)
     uneven = []
+
     for constants in (stated(0.0), stated(None)):
         depth = calibrating(constants, lateral).curves(
             [stated_wall(constants, 0.3e6, 0.01, 0.6)]
         )[0, :, :, 1]
         uneven.append(np.abs(depth - depth[:, ::-1]).max())
+
     assert uneven[0] > 5e-6
     assert uneven[1] < 1e-12

@@ -75,6 +75,7 @@ def test_forces_behind_the_limbus_agree_with_polar_path_until_dents_run_into_the
     """At 55 deg the base is 7 mm from the needle: dents beyond 4 mm begin to run into it."""
     tips = np.array([0.2e-3, 1e-3, 2.1e-3, 3.3e-3, 4e-3, 4.6e-3])
     polar = float(np.radians(LARGEST_POLAR_DEG))
+
     for thickness, ratio in ((0.55e-3, 6e-4), (0.78e-3, 3e-3)):
         expected = forces_beside_the_pole(thickness, ratio, polar, tips)
         found = library.for_contact(polar).forces(
@@ -88,6 +89,7 @@ def test_the_library_answers_for_its_contact():
     library = analytic_library()
     wall = (np.array([0.6e-3]), np.array([1e-3]))
     tip = np.array([2e-3])
+
     for polar in (0.0, 0.3, 0.61):
         beside = library.for_contact(polar)
         expected = stiffness(polar) * force_ratio(*wall, tip)
@@ -96,6 +98,7 @@ def test_the_library_answers_for_its_contact():
             tip, rel=1e-9
         )
         assert (beside.shapes(*wall, tip) == library.shapes(*wall, tip)).all()
+
     with pytest.raises(
         InputError,
         match=r"polar angle: 57\.3 deg is outside the library's range, 0 to 50 deg",

@@ -57,6 +57,7 @@ def drawn(rng: np.random.Generator) -> np.ndarray:
         log(rng.uniform(150.0, 600.0)),
     )
     unknown[POLE] = rng.uniform(-0.5, 0.5, 2)
+
     return unknown
 
 
@@ -66,6 +67,7 @@ def test_a_predicted_wall_is_the_same(globe: KnownGlobe, smoothing_m: float) -> 
     rng = np.random.default_rng(3)
     places = replace(BOTH, smoothing_m=smoothing_m)
     walls = Walls(bulging(LIBRARY), globe)
+
     for _ in range(40):
         unknown = drawn(rng)
         looked_at = walls, unknown, places
@@ -99,6 +101,7 @@ def test_derivatives_at_an_end_of_the_library_are_differences_inwards() -> None:
         THICKNESS: LIBRARY.thickness_m[-1],
         IOP: inner[MODULUS] + np.log(highest),
     }
+
     for which, step in {TIP: 2e-6, THICKNESS: 1e-6, IOP: 1e-3}.items():
         at_end = inner.copy()
         before = inner.copy()
@@ -132,6 +135,7 @@ def test_the_fit_of_a_frame_is_a_minimum_as_good_as_the_truth_with_its_posterior
 ) -> None:
     rng = np.random.default_rng(5)
     library = bulging(LIBRARY)
+
     for tip_m in (0.2e-3, 1.2e-3, 3.5e-3):
         truth = middling_eye(
             tip_m,
@@ -169,6 +173,7 @@ def test_fits_in_several_threads_are_the_same_to_the_last_bit() -> None:
             prior_of(known_eye(frames[number], UNKNOWN), RANGES),
         )
         assert fit is not None
+
         return [fit.unknown, fit.sd, fit.draws_n, fit.wall_bmc]
 
     alone = [fitted(number) for number in range(4)]
@@ -192,6 +197,7 @@ def check_fit(truth: np.ndarray, left: float, *frame: Any) -> None:
     )
     assert min(problem.evaluate(one)[1] for one in near) > loops.loss - left
     arrays = plain_fit.fit_at(problem, loops.unknown)
+
     for name, value in {**vars(arrays), "sd": arrays.sd}.items():
         rtol = (
             1e-3 if name == "spread" else 2e-5

@@ -48,14 +48,17 @@ def test_a_library_survives_the_file_and_the_bytes_are_the_same_each_time(
 ):
     for name in ("one.npz", "two.npz"):
         save_library(library, tmp_path / name)
+
     assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "two.npz").read_bytes()
     found = load_library(tmp_path / "one.npz")
+
     for item in (entry for entry in fields(library) if entry.init):
         values = getattr(found, item.name)
         known = getattr(library, item.name)
         assert item.name in REDUCED or np.array_equal(values, known), item.name
         assert type(values) is type(known)
         assert np.asarray(values).dtype == np.asarray(known).dtype
+
     assert found.curves_tpdbnc().dtype == np.float32
 
 
@@ -66,16 +69,20 @@ def test_walls_and_factors_differ_by_the_file_s_stated_error_and_states_between_
     saved = save_library(whole, path)
     found = load_library(path)
     rng = np.random.default_rng(2)
+
     with np.load(path) as entries:
         stated = float(entries["curves_error_m"]), float(entries["stiffness_error"])
+
     arrays = [
         (each.curves_tpdbnc().astype(np.float64), each.stiffness_atpd)
         for each in (found, whole)
     ]
     off = [np.abs(one - other).max() for one, other in zip(*arrays, strict=True)]
+
     for error, said, most in zip(off, stated, (0.02e-6, 1e-6), strict=True):
         assert 0.0 < error <= most
         assert said == pytest.approx(error, rel=0.1)  # another BLAS may round otherwise
+
     assert (saved.curves_m, saved.stiffness) == stated
     walls = *draw_walls(rng, 500), rng.uniform(0.0, 7.5e-3, 500)
     assert (
@@ -99,16 +106,19 @@ def test_tissue_of_every_stiffening_survives_the_file(nodes, tmp_path):
     save_library(whole, tmp_path / "one.npz")
     found = load_library(tmp_path / "one.npz")
     np.testing.assert_array_equal(found.walls.stiffening, whole.walls.stiffening)
+
     for stiffening in (*whole.walls.stiffening.tolist(), 0.5, 5.0, 18.0):
         one = found.for_stiffening(stiffening)
         other = whole.for_stiffening(stiffening)
         for name in ("force_ratio_tpd", "displaced_tpd", "undented_tpbnc"):
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+
         assert one.curves_tpdbnc().dtype == np.float32
         off_m = np.abs(
             one.curves_tpdbnc().astype(np.float64) - other.curves_tpdbnc()
         ).max()
         assert off_m <= (0.02e-6 if stiffening in whole.walls.stiffening else 0.033e-6)
+
     off_m = np.abs(
         found.walls.curves.whole().astype(np.float64) - whole.walls.curves.whole()
     ).max()
@@ -135,6 +145,7 @@ def test_no_step_of_any_size_is_lost_by_differences_that_wrap_around(kind):
     steps[::3] = rng.choice(
         np.array([ends.min, -1, 0, 1, ends.max], dtype=kind), steps[::3].shape
     )
+
     for along in (1, 2, 7):
         stored = _differences(steps, along)
         assert (stored.shape, stored.dtype) == (
@@ -163,12 +174,15 @@ def test_a_library_that_is_too_large_or_cannot_be_stored_so_exactly_is_refused(
                 ),
                 BytesIO(),
             )
+
     save_library(library, tmp_path / "library.npz")
     monkeypatch.setitem(
         KINDS, "model file", replace(KINDS["model file"], max_bytes=2**16)
     )
+
     with pytest.raises(InputError, match="make one of fewer thicknesses"):
         save_library(library, BytesIO())
+
     with pytest.raises(
         InputError, match=r"not a response library.*make one of fewer thicknesses"
     ):
@@ -182,9 +196,11 @@ def test_other_files_are_refused(library, tmp_path):
             path.write_bytes(content)
         with pytest.raises(InputError, match=r"library\.npz: "):
             load_library(path)
+
     np.savez_compressed(path, thickness_m=library.thickness_m)
     with pytest.raises(InputError, match="tension"):
         load_library(path)
+
     save_library(library, path)
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
@@ -223,6 +239,7 @@ def test_an_archive_that_is_not_deflated_encrypted_or_too_large_is_refused(
         rewritten(path, change)
         with pytest.raises(InputError, match="not a response library"):
             load_library(path)
+
     for place, value in (
         (8, 1),
         (10, 99),
@@ -231,15 +248,19 @@ def test_an_archive_that_is_not_deflated_encrypted_or_too_large_is_refused(
         content = bytearray(path.read_bytes())
         content[content.index(b"PK\1\2") + place] = value
         path.write_bytes(content)
+
         with pytest.raises(InputError, match="not deflated, encrypted"):
             load_library(path)
+
     save_library(library, path)
     monkeypatch.setitem(
         KINDS, "model file", replace(KINDS["model file"], max_bytes=most)
     )
     assert load_library(path).stiffening == 0.0
+
     with ZipFile(path, "a", ZIP_DEFLATED) as archive:
         archive.writestr("more.npy", bytes(most))
+
     assert path.stat().st_size < most // 10
     with pytest.raises(
         InputError, match=r"more\.npy: not deflated, encrypted, or too large"
@@ -273,6 +294,7 @@ def edited(path, **changes):
             name: changes.get(name, lambda array: array)(array)
             for name, array in entries.items()
         }
+
     np.savez_compressed(
         path, **{name: array for name, array in arrays.items() if array is not None}
     )
@@ -299,6 +321,7 @@ def test_a_reduced_basis_that_does_not_fit_is_refused_in_one_line(library, tmp_p
         },
         "not finite": {"curves_basis": lambda basis: np.full_like(basis, 3e38)},
     }
+
     for said, changes in cases.items():
         save_library(library, path)
         edited(path, **changes)

@@ -51,6 +51,7 @@ def shown(
 ) -> tuple[ShownFrame, ...]:
     rng = np.random.default_rng(5)
     frames = []
+
     for unknown in eye_of(tips_m):
         depth_bc = noisy_boundaries(predict_wall(WALLS, unknown, BOTH), 2e-6, rng)
         gone = (
@@ -65,6 +66,7 @@ def shown(
                 travel_m=gone if travel else None,
             )
         )
+
     return tuple(frames)
 
 
@@ -116,6 +118,7 @@ def test_the_estimate_is_where_the_cost_is_least_and_does_not_depend_on_the_orde
     problem.resting_m = found.resting_m
     problem.growing_m = found.growing_m
     problem.precision = problem.weights_precision()
+
     for sign in (-1.0, 1.0):
         moved = found.shared.copy()
         moved[MODULUS] += sign * 0.5 * found.log_modulus[1]
@@ -146,6 +149,7 @@ def test_the_gradient_equals_differences_of_the_cost() -> None:
         len(shared) + OWN.tolist().index(name): step
         for name, step in zip(names, (1e-8, 1e-8, 1e-5), strict=True)
     }
+
     for place, step in steps.items():
         costs = []
         for sign in (-1.0, 1.0):
@@ -156,6 +160,7 @@ def test_the_gradient_equals_differences_of_the_cost() -> None:
                     one, both[: len(shared)], both[len(shared) :], derive=False
                 ).cost
             )
+
         assert seen.gradient[place] == pytest.approx(
             -(costs[1] - costs[0]) / (4.0 * step), rel=0.05
         ), place
@@ -177,10 +182,12 @@ def test_eliminating_each_frame_gives_the_step_of_the_whole_matrix() -> None:
     right = np.zeros(count + 3 * each)
     whole[:count, :count] = normal
     right[:count] = gradient
+
     for number, one in enumerate(seen):
         places = np.r_[:count, count + number * each : count + (number + 1) * each]
         whole[np.ix_(places, places)] += one.normal
         right[places] += one.gradient
+
     eliminated, pull, _ = joint_fit._eliminated(seen, count, 0.0)
     step = np.linalg.solve(normal + eliminated, gradient + pull)
     scale = np.sqrt(np.diag(np.linalg.inv(whole)))[:count]
@@ -216,12 +223,14 @@ def test_a_known_change_of_the_pressure_is_followed() -> None:
     rng = np.random.default_rng(6)
     frames = list[ShownFrame]()
     unknowns = list[np.ndarray]()
+
     for number, tip_m in enumerate(TIPS_M):
         iop_pa = 270.0 * (1 + number % 2)
         unknown = middling_eye(tip_m, log_iop=log(iop_pa))
         depth_bc = noisy_boundaries(predict_wall(WALLS, unknown, BOTH), 2e-6, rng)
         frames.append(ShownFrame(lateral_m=LATERAL_M, depth_bc=depth_bc, iop_pa=iop_pa))
         unknowns.append(unknown[OWN])
+
     told = fit_jointly(LIBRARY, frames, prior(), RANGES, 0.0, np.array(unknowns))
     untold = [replace(frame, iop_pa=None) for frame in frames]
     other = fit_jointly(LIBRARY, untold, prior(), RANGES, 0.0, np.array(unknowns))

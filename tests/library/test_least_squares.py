@@ -32,6 +32,7 @@ class Parabola:
         powers = np.stack([np.ones_like(LATERAL_M), LATERAL_M, LATERAL_M**2], axis=1)
         powers[:, 1] *= 1 + 2 * self.bent * b
         depth = a + (b + self.bent * b * b) * LATERAL_M + c * LATERAL_M**2
+
         return Placed(
             depth, np.zeros_like(depth), powers, np.ones(len(depth), dtype=bool)
         )
@@ -68,6 +69,7 @@ def test_the_gradient_is_that_of_the_loss() -> None:
     at = TRUE * 1.01
     steps = np.array([1e-9, 1e-6, 1e-3])
     _, gradient = problem.normal_equations(at, problem.depth(at))
+
     for axis, step in enumerate(steps):
         move = step * np.eye(3)[axis]
         loss = [problem.evaluate(at + sign * move)[1] for sign in (1, -1)]
@@ -146,6 +148,7 @@ def test_columns_that_share_an_error_count_as_one() -> None:
     shared = Columns(columns.places, columns.depth_m, columns.sd_m, as_one=4.0)
     placed = Parabola(columns).depth(TRUE)
     assert shared.loss(placed) == pytest.approx(columns.loss(placed) / 4)
+
     for one, all_of_them in zip(
         shared.normal_equations(placed), columns.normal_equations(placed), strict=True
     ):

@@ -38,6 +38,7 @@ def drawn_eye(rng: np.random.Generator) -> np.ndarray:
         depth_m=rng.uniform(0.3e-3, 0.6e-3),
     )
     drawn_wall(unknown, rng)
+
     return unknown
 
 
@@ -85,12 +86,14 @@ def test_derivatives_equal_differences(tip_m: float, globe: KnownGlobe) -> None:
             strict=True,
         )
     )
+
     for number, (name, step) in enumerate(steps.items()):
         ends = []
         for sign in (-1, 1):
             moved = unknown.copy()
             moved[number] += sign * step
             ends.append(predict_wall(walls, moved, BOTH).depth_m)
+
         difference = (ends[1] - ends[0]) / (2 * step)
         off = np.abs(predicted.jacobian[:, number] - difference)
         scale = np.abs(difference).max()
@@ -160,12 +163,14 @@ def test_a_surface_that_shines_is_not_taken_for_a_shallower_dent(tip_m: float) -
     off = []
     slope = np.gradient(even[0], LATERAL_M)
     found = []
+
     for shine_m in (0.0, SHINE_MEAN_M, SHINE_MEAN_M + 2 * SHINE_SD_M):
         seen = even - np.array([[shine_m], [0.0]]) * np.exp(-((slope / 0.115) ** 2))
         fit = fitted(truth, seen)
         assert fit.interval_n[0] < force < fit.interval_n[1]
         off.append(fit.force_n - force)
         found.append(fit.unknown[at.SHINE])
+
     assert (
         found[0] < 0.95 * SHINE_MEAN_M < 1.05 * SHINE_MEAN_M < found[2]
     )  # a dent hides the most of it
@@ -179,6 +184,7 @@ def test_intervals_cover_the_force_where_the_noise_is_as_stated() -> None:
     rng = np.random.default_rng(3)
     inside = []
     off = []
+
     for _ in range(60):
         truth = drawn_eye(rng)
         known = known_eye(truth)
@@ -188,6 +194,7 @@ def test_intervals_cover_the_force_where_the_noise_is_as_stated() -> None:
         fit = fitted(truth, boundaries(truth, 12e-6, rng), known)
         inside.append(fit.interval_n[0] <= force <= fit.interval_n[1])
         off.append(abs(fit.force_n - force) / force**0.5)
+
     assert np.mean(inside) >= 0.88
     assert np.median(off) < 3e-3
 
@@ -197,6 +204,7 @@ def test_unknown_values_of_the_eye_widen_the_interval() -> None:
     depth = boundaries(truth, 8e-6, np.random.default_rng(5))
     all_known = known_eye(truth)
     width = {}
+
     for missing in ("nothing", "modulus", "iop_pa", "thickness_m", "gap_m"):
         known = (
             all_known if missing == "nothing" else replace(all_known, **{missing: None})
@@ -204,6 +212,7 @@ def test_unknown_values_of_the_eye_widen_the_interval() -> None:
         low, high = fitted(truth, depth, known).interval_n
         assert low < true_n(truth) < high, missing
         width[missing] = high - low
+
     assert min(width.values()) > 0.995 * width["nothing"]
     assert width["modulus"] > 3 * width["nothing"]
 
@@ -219,6 +228,7 @@ def test_an_eyes_discrepancy_moves_its_force_and_its_uncertainty_widens_the_inte
         level=0.1, growth=0.0, level_sd=0.0, growth_sd=0.0, correlation=0.0
     )
     found = {}
+
     for name, discrepancy in (
         ("none", None),
         ("exact", exact),
@@ -230,6 +240,7 @@ def test_an_eyes_discrepancy_moves_its_force_and_its_uncertainty_widens_the_inte
             replace(known_eye(truth, relative_sd=0.001), discrepancy=discrepancy),
         )
         found[name] = fit.force_n, log_width(fit)
+
     assert found["exact"][0] == pytest.approx(exp(0.1) * found["none"][0], rel=1e-3)
     assert found["unsure"][0] == pytest.approx(found["exact"][0], rel=0.01)
     assert found["unsure"][1] == pytest.approx(
@@ -241,6 +252,7 @@ def test_stretches_where_the_choroid_is_taken_for_the_walls_end_are_not_outliers
     truth = eye(0.1e-3)
     depth = boundaries(truth, 3e-6, np.random.default_rng(7))
     clean = fitted(truth, depth.copy())
+
     for boundary, off_m, outliers in (
         (1, 0.13e-3, 0.0),
         (1, 0.5e-3, 0.12),

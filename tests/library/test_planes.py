@@ -30,6 +30,7 @@ def seen_planes(
 ) -> list[SeenPlane]:
     rng = np.random.default_rng(7)
     found = []
+
     for plane in planes:
         section = cut_wall(plane, *wall)
         depth = np.stack(
@@ -40,6 +41,7 @@ def seen_planes(
         found.append(
             SeenPlane(plane.offset_m, plane.direction_rad, LATERAL_M, depth, PRIOR)
         )
+
     return found
 
 
@@ -74,6 +76,7 @@ def test_contact_tilt_and_dent_are_found_without_a_gap(
     assert place.tilt_rad[0] == pytest.approx(
         tilt_rad[0], abs=2e-2 if planes is PARALLEL else 4e-3
     )
+
     for plane, fit in zip(planes, fits, strict=True):
         across = -np.sin(plane.direction_rad), np.cos(plane.direction_rad)
         gap_m = plane.offset_m - np.dot(across, contact_m[:2])
@@ -110,9 +113,11 @@ def test_a_fit_that_starts_from_another_prior_s_ends_where_a_search_does(
         LIBRARY, [prior, prior], 0.0
     )
     assert found.fits[0].force_n > 1.05 * 0.02
+
     for one, other in zip(found.fits, searched, strict=True):
         assert one.force_n == pytest.approx(other.force_n, rel=2e-3)
         assert one.unknown[at.GAP] == pytest.approx(other.unknown[at.GAP], abs=3e-6)
+
     assert found.whole.misfit_m == max(fit.misfit_m for fit in found.fits)
     assert found.whole.loss == pytest.approx(
         0.5 * (found.fits[0].loss + found.fits[1].loss)
@@ -133,6 +138,7 @@ def test_the_gradient_is_that_of_the_cost(planes) -> None:
     here[TILT] += 0.02
     terms, _ = problem.evaluate(here)
     sd = 1.0 / np.sqrt(np.diag(terms.normal))
+
     for place in (
         at.TIP,
         at.LATERAL,
@@ -169,6 +175,7 @@ def test_two_planes_that_cross_tell_the_lean_of_a_needle_and_parallel_ones_do_no
     normal = np.append(np.tan(tilt), 1.0)
     needle = np.append(shaft, 1.0)
     lean = np.arccos(normal @ needle / np.linalg.norm(normal) / np.linalg.norm(needle))
+
     for directions, tells in (((0.4, 1.7), True), ((0.0, 0.1), False), ((0.4,), False)):
         angles = [
             np.arctan(np.array([np.cos(turn), np.sin(turn)]) @ shaft)

@@ -51,6 +51,7 @@ def test_a_finer_grid_gains_at_least_the_third_order(axis):
     rng = np.random.default_rng(1)
     t, p = draw_walls(rng, 300)
     tip = rng.uniform(0.0, 7.5e-3, 300)
+
     if axis != "ratios":
         p = (
             rng.choice([1e-3, 0.21], 300) * t / 12e-3
@@ -97,6 +98,7 @@ def test_a_force_gives_the_tip_that_carries_it_first(library):
 def test_a_state_outside_is_named_and_not_covered(library):
     burst = "IOP/E: 0.07 is outside the library's range for a wall of 500 µm, 4.17e-05 to 0.00875; it bursts at 0.0173"
     good = np.array([0.5e-3, 1e-3, 1e-8])
+
     for t, p, f, said in (
         (
             0.2e-3,
@@ -122,16 +124,20 @@ def test_a_state_outside_is_named_and_not_covered(library):
         samples = np.array([good, [t, p, f], good]).T
         with pytest.raises(InputError, match=said.replace("^", r"\^")):
             library.curves(*samples)
+
         assert library.covers(*samples).tolist() == [True, False, True]
 
 
 def test_a_library_that_does_not_fit_together_is_refused(library):
     with pytest.raises(InputError, match="of the axes"):
         replace(library, tip_m=library.tip_m[:-1])
+
     with pytest.raises(InputError, match="increase"):
         replace(library, tip_m=library.tip_m[::-1])
+
     with pytest.raises(InputError, match="at least 4"):
         replace(library, thickness_m=library.thickness_m[:3])
+
     broken = library.walls.force_ratio_btpd.copy()
     broken[0, 2, 2, 2] = np.inf
     with pytest.raises(InputError, match="not finite"):
@@ -174,6 +180,7 @@ def test_an_open_globe_keeps_its_pressure_and_so_does_one_without_a_dent(library
     assert iop_ratio_at_dent(
         library, t, p, np.zeros(20), Globe(rate=1e6)
     ) == pytest.approx(p, rel=1e-4)
+
     with pytest.raises(InputError, match=r"tip: 8 mm is outside"):
         iop_ratio_at_dent(library, t, p, np.full(20, 8e-3), OPEN_GLOBE)
 
@@ -198,6 +205,7 @@ def test_an_eye_answers_with_the_force_of_a_dent_and_the_dent_of_a_force(
     assert np.cbrt(eye.pressure_pa(dents_m)) == pytest.approx(
         np.cbrt(300.0) + rise_pa13, rel=1e-3
     )
+
     for answer, value in (
         (eye.force_n, 7.6e-3),
         (eye.dent_m, 1.01 * eye.max_force_n),
@@ -220,6 +228,7 @@ def test_an_eye_outside_the_library_is_refused(library):
     ):
         with pytest.raises(InputError, match=said):
             library.eye(**wall | other)
+
     at_pole, beside = (
         library.eye(**wall, polar_angle_rad=polar).force_n(1e-3) for polar in (0.0, 0.8)
     )

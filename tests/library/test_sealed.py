@@ -93,6 +93,7 @@ def test_a_pressure_that_runs_away_ends_the_range(library: Library) -> None:
     eye = library.eye(**wall, rigidity_pa13_per_m3=0.03 * PER_UL)
     assert 2.1e-3 < eye.max_dent_m < 2.4e-3  # the path ends at 2.2 mm
     assert np.isfinite(eye.force_n(eye.max_dent_m))
+
     for answer, value in (
         (eye.force_n, 2.4e-3),
         (eye.pressure_pa, 3e-3),
@@ -102,4 +103,5 @@ def test_a_pressure_that_runs_away_ends_the_range(library: Library) -> None:
             InputError, match=r"(dent|force): .* is outside this eye's range, 0 to "
         ):
             answer(value)
+
     assert library.eye(**wall).max_dent_m == library.tip_m[-1]

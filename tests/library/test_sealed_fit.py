@@ -56,6 +56,7 @@ def log_pressures(unknown_su: np.ndarray, rigidity: np.ndarray) -> np.ndarray:
         unknown_su[:, at.TIP],
     )
     law = UNKNOWN.globe(REFERENCE_RIGIDITY * rigidity).over(modulus)
+
     return np.log(iop_ratio_at_dent(LIBRARY, *walls, law) * modulus)
 
 
@@ -68,6 +69,7 @@ def drawn_eye(rng: np.random.Generator, globe: KnownGlobe) -> tuple[np.ndarray, 
         unknown[at.PRESSURE] = log_pressures(
             unknown[None], np.array([rigidity / REFERENCE_RIGIDITY])
         )[0]
+
         if np.isfinite(unknown[at.PRESSURE]):
             return unknown, rigidity
 
@@ -91,6 +93,7 @@ def coverage(seed: int, drawn: KnownGlobe, given: str) -> float:
     """The share of `EYES` eyes whose 90 % interval holds the force; their moduli are found 2 % off."""
     rng = np.random.default_rng(seed)
     inside = 0
+
     for _ in range(EYES):
         truth, k = drawn_eye(rng, drawn)
         globe = (
@@ -105,6 +108,7 @@ def coverage(seed: int, drawn: KnownGlobe, given: str) -> float:
         )
         low, high = fitted(depth, replace(known, modulus=modulus)).interval_n
         inside += low <= true_force_n(truth) <= high
+
     return inside / EYES
 
 
@@ -169,6 +173,7 @@ def spread_on_a_grid_n(truth: np.ndarray, known: Known) -> float:
     forces = force_n(Walls(LIBRARY, globe), sample[solved])
     weights = np.exp(-0.5 * (scores[solved] ** 2).sum(axis=1))
     mean = np.average(forces, weights=weights)
+
     return float(np.sqrt(np.average((forces - mean) ** 2, weights=weights)))
 
 
@@ -194,12 +199,14 @@ def test_the_force_is_as_sure_as_the_correlation_of_a_calibrated_modulus_and_rig
         fitted(depth, certain).draws_n.var() - spread_on_a_grid_n(truth, certain) ** 2
     )
     found = []
+
     for correlation in (-0.9, 0.0, 0.9):
         known = calibrated(0.06, 0.02, correlation)
         alone_n = np.sqrt(spread_on_a_grid_n(truth, known) ** 2 + else_n2)
         found.append(fitted(depth, known).draws_n.std())
         # The grid does not look at the frame, which shows something of the pressure, and so of both.
         assert 0.7 * alone_n < found[-1] < 1.05 * alone_n
+
     assert found[0] > 1.02 * found[1] > 1.04 * found[2]
 
 
@@ -233,6 +240,7 @@ def taut_wall(
     of_wall = np.full(300, thickness_m), np.full(300, pressure_pa / modulus_pa), tips_m
     needed_m3 = globe.globe(globe.mean).displaced_m3(400.0, pressure_pa)
     unknown[at.TIP] = np.interp(needed_m3, library.displaced_m3(*of_wall), tips_m)
+
     return unknown, globe
 
 

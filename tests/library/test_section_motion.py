@@ -56,8 +56,10 @@ def drawn(seed: int, tension: float) -> np.ndarray:
         (THICKNESS, 0.4e-3, 0.8e-3),
         (SIZE, -0.05, 0.05),
     )
+
     for which, low, high in ranges:
         unknown[:, which] = rng.uniform(low, high, COUNT)
+
     unknown[: COUNT // 2, ROTATION] = 0.0
     unknown[:, MODULUS] = np.log(0.3e6)
     unknown[:, IOP] = np.log(
@@ -66,6 +68,7 @@ def drawn(seed: int, tension: float) -> np.ndarray:
     unknown[:, POLE] = pole_directions(
         np.radians(rng.uniform(20.0, 55.0, COUNT)), rng.uniform(-np.pi, np.pi, COUNT)
     )
+
     return unknown
 
 

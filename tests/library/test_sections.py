@@ -68,6 +68,7 @@ def test_the_section_is_that_of_the_general_cut_of_a_mesh(plane):
     )
     wall = np.stack([distance, RADIUS_M - radius * np.cos(angle) + inward], axis=-1)
     found = cut_surfaces(wall, gap_m, tilt_rad)
+
     for mine, general in ((found.outer, expected.outer), (found.inner, expected.inner)):
         near = general[np.abs(general[:, 0]) < 6e-3]
         assert np.interp(near[:, 0], *mine.T) == pytest.approx(near[:, 1], abs=6e-6)
@@ -83,6 +84,7 @@ def test_the_highest_point_agrees_with_the_section_s():
         for row in zip(walls, gap, tilt, strict=True)
     ]
     assert highest_depths(walls[:, 0], gap, tilt) == pytest.approx(expected, abs=1e-9)
+
     with pytest.raises(InputError, match="misses"):
         cut_surfaces(curves(0.5e-3, 1e-3, 0.0), 13e-3)
 
@@ -106,6 +108,7 @@ def drawn(seed, turn_rad=0.0):
         rng.uniform(0.95, 1.05, COUNT),
         rng.uniform(-turn_rad, turn_rad, COUNT),
     )
+
     return (
         walls,
         rng.uniform(0.3e-3, 1e-3, COUNT),
@@ -135,12 +138,14 @@ def test_slices_show_the_cut_section_but_for_centres_on_its_boundary(turn_rad):
     images = draw_slices(*eyes, STUDY)
     boundaries = wall_boundaries(*eyes, STUDY).depth_sbc
     centres = (np.arange(40) + 0.5)[:, None] * 1e-4
+
     for sample, image in enumerate(images):
         section = placed_section(*eyes, sample)
         expected = fill_section(section, WINDOW)
         close = (np.abs(boundaries[sample][:, None] - centres) < 2e-6).any(axis=0)
         assert np.array_equal(image[~close], expected[~close])
         assert close.mean() < 0.01
+
         for depth, curve in zip(
             boundaries[sample], (section.outer, section.inner), strict=True
         ):
@@ -164,6 +169,7 @@ def test_a_wall_that_hangs_over_is_drawn_by_its_contour(turn_rad):
         draw_slices(walls, gap, tilt, framing, STUDY)[0], fill_section(section, WINDOW)
     )
     lateral, depth = section.outer.T
+
     for column, found in zip(
         column_laterals(STUDY), boundaries.depth_sbc[0, 0], strict=True
     ):

@@ -35,6 +35,7 @@ def run(folder: Path, tasks: int) -> "subprocess.CompletedProcess[str]":
         "SLURM_NTASKS": str(tasks),
         "SLURM_JOB_ID": "7",
     }
+
     return subprocess.run(
         ["bash", SCRIPT, "study.toml", "responses"],
         cwd=folder,

@@ -53,12 +53,15 @@ def search(tip, force, slope, wanted):
     path = CubicHermiteSpline(tip, force, slope)
     fine = np.linspace(tip[0], tip[-1], 70_001)
     values = path(fine)
+
     reached = np.flatnonzero(values >= wanted)
     if not len(reached):
         return np.nan
+
     k = reached[0]
     if k == 0:
         return fine[0]
+
     return np.interp(wanted, values[k - 1 : k + 1], fine[k - 1 : k + 1])
 
 

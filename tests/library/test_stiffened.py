@@ -44,6 +44,7 @@ def path_of(thickness: int, tension: int, stiffening: float) -> AxisymmetricPath
         PLAN.needle_radius_m,
         iop_ratio,
     )
+
     return axisymmetric_path(
         *wall, tips_m=PLAN.tip_m[1:], stiffening=stiffening, size=MeridianSize(24, 1)
     )
@@ -98,6 +99,7 @@ def test_walls_of_a_stiffening_that_the_library_holds_are_the_solved_ones(
         np.testing.assert_array_equal(
             found.undented_tpbnc[tuple(place)], solved.curves_dbnc[0]
         )
+
     forces = np.stack(
         [
             library.for_stiffening(b).force_ratio_tpd[..., -1]
@@ -112,6 +114,7 @@ def test_tissue_that_does_not_stiffen_is_the_same_in_a_library_without_other_tis
 ) -> None:
     alone = solved_library(replace(GRID, stiffenings=1))
     assert len(alone.walls.stiffening) == 1
+
     for soft in (
         library,
         library.for_stiffening(0.0),
@@ -134,9 +137,11 @@ def test_other_tissue_is_refused_with_the_range(library: Library) -> None:
             match=r"^stiffening: \S+ is outside the library's range, 0 to 30$",
         ):
             library.for_stiffening(stiffening)
+
     alone = analytic_library(thicknesses=4, ratios=4, tips=5, nodes=9)
     assert alone.for_stiffening(0.0) is alone
     assert alone.walls.stiffening.tolist() == [0.0]
+
     for stiffening in (3.0, np.nan):
         with pytest.raises(
             InputError,

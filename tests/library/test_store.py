@@ -46,8 +46,10 @@ def made(tmp_path_factory):
     plan = plan_library(STUDY)
     assert plan.units == UNITS
     store = create_library(path, plan)
+
     for unit in range(UNITS):
         write_library_unit(store, unit, *solve_analytic(plan, unit))
+
     store.finish()
     return path
 
@@ -71,6 +73,7 @@ def script(folder, body):
         "scleraforce.library.store import build_library, cached_library\nfrom scleraforce.study import "
         f"LibraryStudy, Study\nif __name__ == '__main__':\n    {body}\n"
     )
+
     return path, os.environ | {"PYTHONPATH": str(Path(__file__).parents[1] / "support")}
 
 
@@ -83,6 +86,7 @@ def test_a_library_is_read_as_it_was_solved(made):
         0.45,
         0.35e-3,
     )
+
     for number in (0, 7, 19, 20, 53, 79):
         force_d, displaced_d, curves_dbnc = solve_analytic(plan, number)
         of_tissue = library.for_stiffening(plan.stiffening[number // 20])
@@ -91,6 +95,7 @@ def test_a_library_is_read_as_it_was_solved(made):
         assert np.array_equal(of_tissue.displaced_tpd[place], displaced_d)
         assert np.array_equal(of_tissue.curves_tpdbnc()[place], curves_dbnc)
         assert np.array_equal(of_tissue.undented_tpbnc[place], curves_dbnc[0])
+
     assert library.contact_polar_rad == pytest.approx(np.radians(35.0))
 
 
@@ -98,13 +103,16 @@ def test_a_library_is_read_as_it_was_solved(made):
 def test_two_workers_and_an_interruption_change_no_byte(made, tmp_path):
     path = tmp_path / "library.zarr"
     rest = []
+
     with pytest.raises(KeyboardInterrupt):
         build_library(
             STUDY, path, workers=2, progress=interrupting(3, []), solve=solve_analytic
         )
+
     assert not multiprocessing.active_children()
     with pytest.raises(InputError, match="not complete"):
         open_library(path)
+
     result = build_library(
         STUDY, path, workers=2, progress=rest.append, solve=solve_analytic
     )
@@ -153,6 +161,7 @@ def test_a_build_killed_at_any_time_is_completed(made, tmp_path):
         tmp_path,
         f"build_library({study}, Path(sys.argv[1]), workers=2, solve=solve_slowly)",
     )
+
     for wanted in (1, 6):
         child = subprocess.Popen(
             [sys.executable, program, path], env=environment, start_new_session=True
@@ -162,8 +171,10 @@ def test_a_build_killed_at_any_time_is_completed(made, tmp_path):
             and len(list(path.glob("force_ratio/c/*/*/*"))) < wanted
         ):
             time.sleep(0.01)
+
         os.killpg(child.pid, signal.SIGKILL)
         assert child.wait() == -signal.SIGKILL
+
     result = build_library(STUDY, path, workers=2, solve=solve_analytic)
     assert result.solved < UNITS - 5
     assert contents(path) == contents(made)
@@ -176,8 +187,10 @@ def test_a_damaged_chunk_is_found_and_made_again(made, tmp_path):
     content = bytearray(chunk.read_bytes())
     content[100] ^= 1
     chunk.write_bytes(content)
+
     with pytest.raises(InputError, match="curves/c/1/2/3/0/0/0/0: damaged"):
         open_library(path)
+
     assert library_store(path, plan_library(STUDY)).missing() == [33]
     with pytest.raises(InputError, match="1 of 260 load paths are missing"):
         library_store(path, plan_library(STUDY)).finish()
@@ -204,16 +217,20 @@ def test_impossible_values_and_other_axes_are_refused_even_where_the_hashes_agre
 def test_other_things_are_neither_overwritten_nor_read(made, tmp_path):
     with pytest.raises(InputError, match="complete library"):
         build_library(STUDY, made, solve=solve_analytic)
+
     (tmp_path / "folder").mkdir()
     (tmp_path / "folder" / "letter.txt").write_text("dear")
     with pytest.raises(InputError, match="something else"):
         build_library(STUDY, tmp_path / "folder", solve=solve_analytic)
+
     with pytest.raises(InputError, match="no such library"):
         open_library(tmp_path / "nothing")
+
     create_library(tmp_path / "begun", plan_library(STUDY))
     other = Study(needle=NeedleStudy(outer_diameter_m=0.8e-3), library=STUDY.library)
     with pytest.raises(InputError, match="begun with another plan"):
         build_library(other, tmp_path / "begun", solve=solve_analytic)
+
     with pytest.raises(InputError, match="workers: 0"):
         build_library(STUDY, tmp_path / "x", workers=0)
 
@@ -307,6 +324,7 @@ def test_an_interrupted_build_is_continued(tmp_path):
             progress=interrupting(3, []),
             solve=solve_analytic,
         )
+
     assert places(tmp_path) == [".begun", ".lock"]
     cached_library(
         CACHED, folder=tmp_path, workers=1, progress=done.append, solve=solve_analytic

@@ -23,6 +23,7 @@ def sealed_eyes(
     thickness, resting = draw_walls(rng, count)
     resting = np.minimum(resting, 0.05 * thickness / LIBRARY.radius_m)
     dents = rng.uniform(0.05e-3, 1.2e-3, count)
+
     return (
         thickness,
         resting,

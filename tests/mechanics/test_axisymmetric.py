@@ -173,6 +173,7 @@ def r2_tips_mm(thickness_mm: float, modulus_mpa: float, count: int) -> Floats:
     tips_mm: Floats = 1e3 * CubicSpline(path.force, path.tip_m)(
         1e-9 * forces_mn / modulus_mpa
     )
+
     return tips_mm
 
 
@@ -205,6 +206,7 @@ def test_a_sealed_globe_is_the_open_state_whose_pressure_solves_the_law(
     np.testing.assert_allclose(
         globe.pressure(IOP_RATIO, sealed.displaced_m3), sealed.iop_ratio, rtol=1e-8
     )
+
     for state in (2, 5):
         opened = axisymmetric_path(
             *wall, float(sealed.iop_ratio[state]), tips_m=tips_m[:state]
@@ -294,6 +296,7 @@ def gradient_operator(solid: ElementTables) -> Floats:
     G[:, :, 2, :, 1] = r
     G[:, :, 3, :, 1] = z
     G[:, :, 4, :, 0] = around
+
     return G.reshape(*r.shape[:2], 5, 18)
 
 
@@ -401,6 +404,7 @@ def test_tissue_that_is_stretched_too_far_is_not_finite(
     solid = meridian.solid_of_revolution(
         mesh, NU, share * LARGEST_EXPONENT / float(strain)
     )
+
     for values in (
         meridian.nodal_forces(solid, stretched),
         meridian.element_tangents(solid, stretched),
@@ -455,6 +459,7 @@ def test_shift_takes_the_linear_curves_to_three_dimensions() -> None:
     path = axisymmetric_path(*EYE, iop_ratio, tips_m=np.array([1e-6, 2e-5]))
     share = force_ratio / path.force_ratio_m2[-1]
     curves = path.curves_sbnc[0] + share * (path.curves_sbnc[-1] - path.curves_sbnc[0])
+
     for direction_rad in (0.0, 1.0, 2.5):
         section = cut_section(
             wall.mesh,

@@ -41,6 +41,7 @@ class Truss:
         tangent = np.array(
             [[slope + self.spring, -self.spring], [-self.spring, self.spring]]
         )
+
         return lambda rhs: np.asarray(np.linalg.solve(tangent, rhs))
 
 
@@ -71,6 +72,7 @@ def test_states_do_not_depend_on_the_steps() -> None:
         trace(Truss(1.0), np.zeros(2), 0.0, tips_m=tips, largest_step_m=step)
         for step in (0.3, 0.05, 0.003)
     ]
+
     for run in runs[1:]:
         np.testing.assert_allclose(
             run.displacement_su, runs[0].displacement_su, rtol=0.0, atol=1e-8
@@ -111,8 +113,10 @@ def test_the_end_of_a_path_is_found_to_a_32nd_of_its_largest_step_and_not_sought
     assert 0.0 < turn_m - path.tip_m[-1] < largest_m / 32.0
     ended_early = len(truss.factored)
     truss.factored.clear()
+
     with pytest.raises(SolverError, match="no equilibrium found beyond"):
         trace(truss, np.zeros(2), 0.0, **ends)
+
     assert ended_early < 0.75 * len(truss.factored)
 
 

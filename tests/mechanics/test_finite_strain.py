@@ -126,6 +126,7 @@ def thick_sphere_error(divisions: int) -> float:
     r = np.linalg.norm(mesh.points_nc, axis=1)
     exact_nc = (radial_displacement(R - 4e-3, R, 0.15, r) / r)[:, None] * mesh.points_nc
     assert np.abs(exact_nc).max() > 1.5e-3
+
     return float(np.abs(moved_nc - exact_nc).max() / np.abs(exact_nc).max())
 
 
@@ -144,6 +145,7 @@ def test_every_state_balances_its_loads() -> None:
     wall = coarse_wall()
     weight_nc = 1100.0 * STANDARD_GRAVITY_M_S2 * gravity_load(mesh, volume_points(mesh))
     needle_nc = needle_at(mesh, CONTACT, WIDE).load_nc
+
     for force_n, displacement_nc in zip(
         path.forces_n, path.displacement_snc, strict=True
     ):
@@ -185,6 +187,7 @@ def test_the_path_reads_back_its_own_states() -> None:
     path = coarse_path()
     assert path.tips_m[0] == path.forces_n[0] == path.tip_m(0.0) == 0.0
     needle = needle_at(coarse_mesh(), CONTACT, WIDE)
+
     for tip_m, force_n, displacement_nc in zip(
         path.tips_m, path.forces_n, path.displacement_snc, strict=True
     ):
@@ -284,6 +287,7 @@ def test_the_force_of_a_state_is_read_at_that_state_whatever_the_rounding() -> N
         tips_m = np.append(0.0, np.cumsum(random.uniform(0.1e-3, 0.5e-3, size=12)))
         forces_n = 5.0 * tips_m + random.uniform(0.1, 1.0) * 1e3 * tips_m**2
         path = path_through(tips_m, forces_n)
+
         for side in (0.0, 1.0):
             found_m = [
                 path.tip_m(float(force_n))
@@ -307,10 +311,12 @@ def test_a_wall_that_may_move_as_a_rigid_body_is_refused() -> None:
     held[:, :2] = False
     with pytest.raises(SolverError, match="rigid body"):
         FiniteWall(coarse_mesh(), NU, held)
+
     globe = graded_mesh(R, T, CONTACT, core=2, rings=4, whole=True)
     for springs in (None, rectus_straps(globe, 20.0)):
         with pytest.raises(SolverError, match="rigid body"):
             FiniteWall(globe, NU, springs=springs)
+
     FiniteWall(globe, NU, springs=elastic_bed(globe, 1e6, 1e4))
 
 
@@ -519,12 +525,14 @@ def test_a_leaning_needle_drags_the_wall_to_its_side_and_its_mirror_image_to_the
     at_contact = np.argmin(
         np.linalg.norm(left.mesh.points_nc - 12e-3 * contact.normal, axis=1)
     )
+
     for eye, sign in ((left, 1.0), (right, -1.0)):
         moved = (
             eye.displacement_nc(FORCE_N)[at_contact]
             - eye.displacement_nc(0.0)[at_contact]
         )
         assert sign * moved @ contact.parallel > 0.01e-3
+
     mirrored = left.displacement_nc(FORCE_N) * (1.0, -1.0, 1.0)
     nearest = np.linalg.norm(
         (left.mesh.points_nc * (1.0, -1.0, 1.0))[:, None]

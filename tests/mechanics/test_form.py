@@ -50,6 +50,7 @@ def back_on_the_axes(mesh: HexMesh, axes: tuple[float, ...]) -> np.ndarray:
         (moved - shift).T @ (target - aim)
     )  # Kabsch: the best rotation
     turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+
     return (mesh.points_nc - shift) @ turn + aim
 
 
@@ -134,11 +135,13 @@ def test_thickness_waves_are_legendre_polynomials_of_the_angle_to_their_axis() -
     x = np.linspace(-1, 1, 7)
     d = np.stack([np.sqrt(1 - x**2), 0 * x, x], axis=-1)
     by_degree = {1: x, 2: (3 * x**2 - 1) / 2, 3: (5 * x**3 - 3 * x) / 2}
+
     for degree, legendre in by_degree.items():
         form = FormStudy(wave=(WaveStudy(amplitude_fraction=0.2, degree=degree),))
         np.testing.assert_allclose(
             thickness_factor(form, d), 1 + 0.2 * legendre, atol=1e-15
         )
+
     sideways = replace(
         form.wave[0], degree=1, polar_rad=radians(90), azimuth_rad=radians(90)
     )
@@ -186,8 +189,10 @@ def test_a_region_has_its_modulus_inside_and_the_eyes_outside_with_a_smooth_edge
 def test_a_form_out_of_range_is_refused() -> None:
     with pytest.raises(StudyError, match=r"degree: 4 is above"):
         parse_study("[form]\n[[form.wave]]\namplitude_percent = 12.0\ndegree = 4\n")
+
     with pytest.raises(StudyError, match="three ratios"):
         FormStudy(semi_axes=(1.0, 1.0))
+
     with pytest.raises(StudyError, match="add up"):
         FormStudy(
             wave=(WaveStudy(amplitude_fraction=0.3), WaveStudy(amplitude_fraction=-0.3))
@@ -240,6 +245,7 @@ def test_the_surface_has_no_kink_and_its_normals_are_its_own(
         turned.max() < 6.0 * np.diff(angles)[0]
     )  # the curvature is finite: a kink would turn by 0.33 rad at once
     at_the_ends = np.array([LIMBUS_RAD - HALF_EDGE_RAD, LIMBUS_RAD + HALF_EDGE_RAD])
+
     for angle in at_the_ends:
         two = corneal_surface(meridian(angle + np.array([-1e-9, 1e-9])), CORNEA, R)
         np.testing.assert_allclose(two[0][0], two[0][1], atol=1e-10)
@@ -334,25 +340,30 @@ def test_semi_axes_stretch_the_cornea_too_and_waves_act_on_its_wall() -> None:
 def test_a_cornea_that_does_not_fit_the_globe_is_refused() -> None:
     directions = meridian(np.array([0.1]))
     wide = CorneaStudy(radius_m=14e-3, limbus_radius_m=13e-3)
+
     with pytest.raises(
         InputError,
         match=r"^form\.cornea: limbus_radius_mm: 13 mm; must be below .*, 12 mm$",
     ):
         corneal_surface(directions, wide, R)
+
     with pytest.raises(
         InputError,
         match=r"^form\.cornea: edge_mm: 3 mm; must be narrower than the cornea is wide$",
     ):
         corneal_surface(directions, CorneaStudy(limbus_radius_m=1e-3, edge_m=3e-3), R)
+
     with pytest.raises(
         InputError,
         match=r"^form\.cornea: .*polar_deg: 60; the limbus must lie above the base plane$",
     ):
         corneal_surface(directions, CorneaStudy(polar_rad=radians(60)), R)
+
     with pytest.raises(
         StudyError, match=r"^study:2: form\.cornea\.radius_mm: 1 is below"
     ):
         parse_study("[form.cornea]\nradius_mm = 1.0\n")
+
     with pytest.raises(
         StudyError,
         match=r"^study:1: form\.cornea\.limbus_radius_mm: 5\.75; .* below .* radius_mm, 5$",

@@ -92,11 +92,13 @@ def observed_order(divisions: list[int], **kind: object) -> float:
     """
     pole = Contact(polar_rad=0.0)
     energies = []
+
     for n in divisions:
         mesh = wall_mesh(R, 2e-3, divisions=n, level=0, **kind)
         wall = LinearWall(mesh, NU, symmetric_base(mesh))
         load = gaussian_load(mesh, pole, 3e-3)
         energies.append(0.5 * np.sum(load * wall.solve_one(load)))
+
     coarse, fine = np.diff(energies)
     assert 0.0 < fine < coarse  # a displacement method approaches the energy from below
     return float(np.log2(coarse / fine))
@@ -130,6 +132,7 @@ def lame_error(divisions: int, **kind: object) -> float:
     wall = LinearWall(mesh, NU, symmetric_base(mesh))
     r = np.linalg.norm(mesh.points_nc, axis=1, keepdims=True)
     u_r = a**3 / (b**3 - a**3) * ((1 - 2 * NU) * r + (1 + NU) * b**3 / (2 * r**2))
+
     return float(np.abs(wall.pressure_nc - u_r * mesh.points_nc / r).max() / u_r.max())
 
 

@@ -90,11 +90,13 @@ def test_the_needles_force_acts_on_its_axis_over_its_disc() -> None:
         np.testing.assert_allclose(
             np.cross(centre, contact.normal), 0.0, atol=2e-4 * NEEDLE
         )
+
         # Second moment of a uniform disc: radius^2 / 4 about a diameter.
         for axis in (contact.meridian, contact.parallel):
             assert amount @ (mesh.points_nc @ axis) ** 2 == pytest.approx(
                 NEEDLE**2 / 4, rel=1e-2
             )
+
         loaded = np.flatnonzero(amount)
         assert (
             np.linalg.norm(mesh.points_nc[loaded] - R * contact.normal, axis=1).max()
@@ -312,6 +314,7 @@ def test_the_beds_stiffness_is_that_of_the_integrals_over_the_half_sphere() -> N
     mesh = globe(rings=10)
     area = 2 * np.pi * R**2
     bed = elastic_bed(mesh, NORMAL, SHEAR)
+
     for axis in np.eye(
         3
     ):  # over the half-sphere the mean of each squared component of the normal is 1/3
@@ -349,6 +352,7 @@ def test_four_straps_hold_along_their_meridians() -> None:
     straps = rectus_straps(mesh, 20.0, 0.3)
     expected = 0.0
     motion = np.array([0.3, -0.5, 0.8])
+
     for polar, azimuth, width in INSERTIONS.values():
         azimuths = 0.3 + azimuth + np.linspace(-0.5, 0.5, 2001) * width / np.sin(polar)
         along_pc = np.array(
@@ -358,6 +362,7 @@ def test_four_straps_hold_along_their_meridians() -> None:
             ]
         )
         expected += 20.0 * np.mean((along_pc @ motion) ** 2)
+
     assert energy(straps, moved(mesh, motion)) == pytest.approx(expected, rel=1e-3)
     assert (
         energy(straps, np.cross([0.0, 0.0, 1.0], mesh.points_nc)) < 1e-6 * R**2
@@ -460,10 +465,12 @@ def test_a_studys_springs_follow_its_kind() -> None:
         strap_stiffness_n_per_m=30.0,
         medial_azimuth_rad=0.5,
     )
+
     for kind, forces_nc in expected.items():
         springs = study_springs(replace(study, kind=kind), mesh)
         assert springs is not None
         np.testing.assert_allclose(
             springs.forces(u), forces_nc, atol=1e-12 * np.abs(forces_nc).max()
         )
+
     assert study_springs(SupportsStudy(), mesh) is None

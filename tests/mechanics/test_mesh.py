@@ -179,10 +179,12 @@ def naive_catmull_clark_vertex(surface: QuadSurface, vertex: int) -> np.ndarray:
     mine = [q for q in quads if vertex in q]
     sides = [frozenset((q[k], q[(k + 1) % 4])) for q in mine for k in range(4)]
     at_vertex = {side for side in sides if vertex in side}
+
     border = [side for side in at_vertex if sides.count(side) == 1]
     if border:
         ends = [points[next(iter(side - {vertex}))] for side in border]
         return 0.75 * points[vertex] + 0.125 * sum(ends)
+
     faces = np.mean([points[q].mean(axis=0) for q in mine], axis=0)
     middles = np.mean([points[list(side)].mean(axis=0) for side in at_vertex], axis=0)
     n = len(at_vertex)
@@ -196,6 +198,7 @@ def test_subdivision_follows_the_rules_of_catmull_and_clark_at_every_vertex() ->
     for vertex in range(len(coarse.points_vc)):
         expected = naive_catmull_clark_vertex(coarse, vertex)
         np.testing.assert_allclose(fine.points_vc[vertex], expected, atol=1e-15)
+
     first_face = len(coarse.points_vc) + len(coarse.edges[0])
     np.testing.assert_allclose(
         fine.points_vc[first_face:], coarse.points_vc[coarse.quads_qv].mean(axis=1)
@@ -206,6 +209,7 @@ def test_an_edge_point_is_the_mean_of_its_ends_and_face_points() -> None:
     coarse = half_cube(2)
     fine = catmull_clark(coarse)
     faces = coarse.points_vc[coarse.quads_qv].mean(axis=1)
+
     for edge, ends in enumerate(coarse.edges[0]):
         beside = np.flatnonzero(np.any(coarse.edges[1] == edge, axis=1))
         parts = (
@@ -278,6 +282,7 @@ def test_elements_are_positive_fill_the_shell_and_share_their_nodes(kind: str) -
         )
         for t in (0.3e-3, 0.75e-3, 1.2e-3)
     ]
+
     for contact in CONTACTS[:3]:
         shells.append((graded_mesh(R, T, contact, **KINDS[kind]), exact_volume(T), far))
         shells.append(
@@ -287,6 +292,7 @@ def test_elements_are_positive_fill_the_shell_and_share_their_nodes(kind: str) -
                 far,
             )
         )
+
     for mesh, volume, tolerance in shells:
         volumes = volume_points(
             mesh
@@ -347,8 +353,10 @@ def test_a_study_chooses_the_graded_mesh() -> None:
     np.testing.assert_array_equal(
         mesh.points_nc, graded_mesh(R, T, CONTACTS[1], core=4, rings=8).points_nc
     )
+
     with pytest.raises(InputError, match="several"):
         study_mesh(study, T)
+
     with pytest.raises(StudyError, match="core: 5 is odd"):
         MeshStudy(core=5)
 
@@ -416,6 +424,7 @@ def test_an_automatic_mesh_is_graded_for_one_contact_alone_or_a_bed() -> None:
     assert same_mesh(
         Study(), even, Contact(polar_rad=radians(65.0)), alone=True
     )  # a graded mesh does not reach there
+
     for stated in (
         even,
         MeshStudy(divisions=8),
@@ -442,6 +451,7 @@ def meshes_to_look_in() -> Iterator[HexMesh]:
         KINDS.values(), ({"divisions": 2, "level": 0}, {}, {"divisions": 6})
     ):
         yield build_mesh(R, T, **grid, **kind)
+
     grids = {"core": 4, "rings": 8}, {}, {"core": 8, "rings": 30}
     for contact, whole, grid in product(CONTACTS, (False, True), grids):
         yield graded_mesh(R, T, contact, **grid, whole=whole)
@@ -458,6 +468,7 @@ def test_the_point_found_lies_on_the_ray_inside_its_quad() -> None:
         )
         quads, local = mesh.locator.locate(rays)
         assert np.abs(local).max() <= 1.0
+
         for surface_qn in (
             mesh.outer_qn,
             mesh.inner_qn,
@@ -499,10 +510,12 @@ def test_answers_do_not_depend_on_what_else_is_asked_for() -> None:
     mesh = build_mesh(R, T)
     rays = directions(40_000)
     quads, local = mesh.locator.locate(rays)
+
     for pick in (slice(0, 1), slice(16_380, 16_390), slice(39_999, None)):
         alone = mesh.locator.locate(rays[pick])
         np.testing.assert_array_equal(alone[0], quads[pick])
         np.testing.assert_allclose(alone[1], local[pick], atol=1e-13)
+
     assert mesh.locator.locate(rays[:0])[0].shape == (0,)
 
 

@@ -48,6 +48,7 @@ def large_displacement(mesh: HexMesh) -> np.ndarray:
     linear = random.normal(size=(3, 3)) * 0.15
     quadratic = random.normal(size=(3, 3, 3)) * 0.08 / R
     x = mesh.points_nc
+
     return (
         x @ linear
         + np.einsum("ijk,nj,nk->ni", quadratic, x, x)
@@ -194,10 +195,13 @@ def test_a_wall_turned_inside_out_has_no_forces_and_no_tangent() -> None:
     solid = NeoHookeanSolid(mesh, NU)
     inverted = -1.5 * mesh.points_nc
     assert np.all(np.isnan(solid.forces(inverted)))
+
     with pytest.raises(SolverError, match="inside out"):
         solid.tangents(inverted)
+
     with pytest.raises(SolverError, match="negative volume"):
         volume_points(replace(mesh, points_nc=-mesh.points_nc))
+
     stiff = NeoHookeanSolid(distorted(1), NU, stiffening=200.0)
     assert np.all(np.isfinite(stiff.forces(0.1 * distorted(1).points_nc)))
     assert np.any(np.isnan(stiff.forces(9.0 * distorted(1).points_nc)))
@@ -309,11 +313,13 @@ SOFT = (RADIUS, 0.5e-3, NU, NEEDLE, 2400.0 / 0.1e6)
 def test_a_soft_eye_that_bursts_at_living_pressure_holds_where_it_stiffens() -> None:
     tension = SOFT[4] * RADIUS / SOFT[1]
     assert burst_tension(NU) < tension < burst_tension(NU, 5.0)
+
     with pytest.raises(
         SolverError,
         match=r"pressure: equilibrium found up to .*; use a thicker or stiffer wall",
     ):
         axisymmetric_path(*SOFT, max_tip_m=1e-3)
+
     path = axisymmetric_path(*SOFT, tips_m=np.array([0.5e-3, 1e-3]), stiffening=5.0)
     assert 0.0 < path.force_ratio_m2[1] < path.force_ratio_m2[2]
 
@@ -417,6 +423,7 @@ def directions(mesh: HexMesh) -> NDArray:
     through = places / np.linalg.norm(places, axis=-1, keepdims=True)
     around = np.cross([0.0, 0.0, 1.0], through)
     around /= np.linalg.norm(around, axis=-1, keepdims=True)
+
     return np.stack([around, np.cross(through, around), through], axis=2)
 
 
@@ -428,6 +435,7 @@ def fibre_energy(F: NDArray, mesh: HexMesh, law: FibreLaw) -> NDArray:
         [(double[..., 0, 0] - 1) / 2, (double[..., 1, 1] - 1) / 2, double[..., 0, 1]],
         axis=-1,
     )
+
     return law.base * energy(F, 1e-12) + 0.5 * np.einsum(
         "epv,vw,epw->ep", e, law.plane, e
     )

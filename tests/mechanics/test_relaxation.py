@@ -33,11 +33,13 @@ def test_a_ramp_and_hold_follow_the_closed_form() -> None:
     rise_s = 0.7
     hold_s = np.array([0.0, 0.3, 2.0, 11.0, 80.0])
     expected = np.full(len(hold_s), 1.0)
+
     for share, tau_s in zip(TISSUE.shares, TISSUE.times_s, strict=True):
         lag = (
             tau_s / rise_s * (1.0 - np.exp(-rise_s / tau_s))
         )  # 1 - m at the end of the ramp
         expected -= share * (1.0 - lag * np.exp(-hold_s / tau_s))
+
     assert TISSUE.felt_along(
         [0.0, rise_s], [0.0, 1.0], rise_s + hold_s
     ) == pytest.approx(expected, rel=1e-12)
@@ -54,6 +56,7 @@ def test_the_felt_force_agrees_with_a_solver_of_differential_equations() -> None
     tau = np.array(TISSUE.times_s)
     memory = np.zeros(2)
     ends = []
+
     for begin_s, end_s in pairwise(TURNS_S):  # the solver does not see the corners
         solved = solve_ivp(
             lambda t, m: (path(t) - m) / tau,
@@ -64,6 +67,7 @@ def test_the_felt_force_agrees_with_a_solver_of_differential_equations() -> None
         )
         memory = solved.y[:, -1]
         ends.append(path(end_s) - memory @ TISSUE.shares)
+
     assert felt(TISSUE, TURNS_S[1:]) == pytest.approx(ends, abs=1e-11)
 
 
@@ -71,9 +75,11 @@ def test_the_felt_force_agrees_with_the_convolution() -> None:
     time_s = uneven_times()
     slopes = np.diff(TURNS_N) / np.diff(TURNS_S)
     felt_n = felt(TISSUE, time_s)
+
     for index in (150, 250, 390):
         now_s = time_s[index]
         expected = 0.0
+
         for begin_s, end_s, slope in zip(
             TURNS_S[:-1], TURNS_S[1:], slopes, strict=True
         ):
@@ -85,6 +91,7 @@ def test_the_felt_force_agrees_with_the_convolution() -> None:
                     upto_s,
                 )[0]
                 expected += slope * left
+
         assert felt_n[index] == pytest.approx(expected, abs=1e-12)
 
 
@@ -131,6 +138,7 @@ def test_weights_keep_their_digits(x: float) -> None:
     for power in range(3, 200):  # 1 - q = x/2! - x^2/3! + ...
         exact_new = exact_new + term
         term = -term * x / power
+
     assert new == pytest.approx(exact_new if x < 5.0 else 1.0 - 1.0 / x, rel=1e-11)
     assert old + kept + new == pytest.approx(1.0, rel=1e-15)
 

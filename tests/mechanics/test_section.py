@@ -67,11 +67,13 @@ def distance_to_contour(points, contour):
     edge = np.roll(contour, -1, axis=0) - contour
     square = np.maximum(np.sum(edge**2, axis=1), 1e-30)
     nearest = np.full(len(points), np.inf)
+
     for corner, along, length in zip(start, edge, square, strict=True):
         t = np.clip((points - corner) @ along / length, 0.0, 1.0)
         nearest = np.minimum(
             nearest, np.hypot(*(points - corner - t[:, None] * along).T)
         )
+
     return nearest
 
 
@@ -98,9 +100,11 @@ def test_the_undeformed_wall_is_cut_in_two_circles_that_end_on_the_base(
         distance_to_circle(section.inner, plane, RADIUS - THICKNESS).max()
         < 0.5 * MICRON
     )
+
     for curve in (section.outer, section.inner):
         height = in_space(curve, plane)[:, 2]
         assert height.min() > -MICRON
+
         if (
             np.hypot(*(curve[0] - curve[-1])) > MICRON
         ):  # else the plane misses the base: a full circle
@@ -165,12 +169,14 @@ def bumps(mesh, plane, *parts):
     lateral = from_origin @ plane.lateral
     offset = from_origin @ plane.offset
     total = np.zeros_like(mesh.points_nc)
+
     for direction, size, centre, width in parts:
         total += (
             size
             * np.exp(-((lateral - centre) ** 2 + offset**2) / width**2)[:, None]
             * direction
         )
+
     return total * (mesh.points_nc[:, 2:] > 4e-3)
 
 
@@ -193,6 +199,7 @@ def fold(mesh, plane):
         place.T @ np.stack([plane.lateral, plane.depth])
         + height[:, None] * plane.normal
     )
+
     return moved - mesh.points_nc
 
 
@@ -223,20 +230,25 @@ def cut_tetrahedra(mesh, plane, displacement, pieces):
         for c in np.ndindex(2, 2, 2)
     }
     tetrahedra = []
+
     for order in permutations(
         range(3)
     ):  # Kuhn: each order of the axes is a path from corner 000 to 111
         path = [np.zeros(3, int)]
         for axis in order:
             path.append(path[-1] + np.eye(3, dtype=int)[axis])
+
         tetrahedra.append(np.stack([corner[tuple(c)] for c in path], axis=1))
+
     axes = np.stack([plane.lateral, plane.depth, plane.normal], axis=1)
     polygons = []
+
     for cell in mesh.cells_en[near]:
         points = (weights @ moved[cell]) @ axes
         for tetrahedron in points[np.concatenate(tetrahedra)]:
             h = tetrahedron[:, 2]
             above = tetrahedron[h >= 0]
+
             below = tetrahedron[h < 0]
             if len(above) and len(below):
                 polygon = [
@@ -245,6 +257,7 @@ def cut_tetrahedra(mesh, plane, displacement, pieces):
                 if len(polygon) == 4:
                     polygon = [polygon[k] for k in (0, 1, 3, 2)]
                 polygons.append(np.array(polygon)[:, :2])
+
     return polygons
 
 
@@ -290,6 +303,7 @@ def test_many_planes_and_deformations_at_once_are_each_as_alone(mesh):
         [[[0.0, 0.0], [1.0, 0.3], [0.2, 0.9]], [[0.0, 1.0], [0.5, 0.5], [1.0, 0.0]]]
     )
     together = cut_sections(mesh, cuts, modes, weights)
+
     for plane, of_plane, rows in zip(cuts, together, weights, strict=True):
         for section, row in zip(of_plane, rows, strict=True):
             alone = cut_section(mesh, plane, np.tensordot(row, modes, 1))
@@ -346,10 +360,12 @@ def test_an_ellipsoid_is_cut_in_its_ellipse_and_the_wall_is_as_thick_along_the_n
     assert np.abs(level - RADIUS).max() < 2 * MICRON
     # An inner point is x - t n(x) of an outer point x: found by Newton's method on x = point + t n(x).
     foot = inner / np.linalg.norm(inner / axes, axis=1, keepdims=True) * RADIUS
+
     for _ in range(50):
         normal = foot / axes**2
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         foot = inner + THICKNESS * normal
+
     assert np.abs(np.linalg.norm(foot / axes, axis=1) - RADIUS).max() < 2 * MICRON
 
 

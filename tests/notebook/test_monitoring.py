@@ -50,6 +50,7 @@ def test_a_robot_meets_the_monitor_of_the_command_and_it_ends_with_the_block(
         second_opinion=False,
         black_box=tmp_path / "box",
     )
+
     with meets as running, Peer(running.port, version=2) as robot:
         assert f"gap {1e3 * GAP_M:.2f} mm" in "".join(running.lines)
         robot.hear(lambda peer: bool(peer.statuses()))
@@ -58,9 +59,11 @@ def test_a_robot_meets_the_monitor_of_the_command_and_it_ends_with_the_block(
         robot.hear(lambda peer: peer.statuses()[-1].code != 13)
         assert running.reset()[1]
         assert not replace(running, token="wrong").reset()[0]
+
     assert running.summary["frames"] >= 1
     assert running.lines[-1].startswith("ended after")
     assert (tmp_path / "box" / "log").is_dir()
+
     with (
         pytest.raises(ConnectionRefusedError),
         socket.create_connection((running.host, running.port)),
@@ -79,6 +82,7 @@ def test_a_monitor_that_cannot_start_is_one_clear_line(tmp_path: Path) -> None:
             sf.monitor(model, **given),
         ):
             pass
+
         assert "\n" not in str(fault.value)
 
 
@@ -93,4 +97,5 @@ def test_a_block_that_fails_ends_its_monitor(tmp_path: Path) -> None:
 
     with pytest.raises(ZeroDivisionError):
         fail()
+
     assert seen[0].lines[-1].startswith("ended after")

@@ -87,6 +87,7 @@ def test_a_declared_globe_decides_the_pressure_at_the_dent() -> None:
     )
     assert vented.iop_at_dent_pa == pytest.approx(KNOWN.iop_pa, rel=0.1)
     assert sealed.iop_at_dent_pa > 1.2 * vented.iop_at_dent_pa
+
     for globe, k, words in (
         (None, 1.5e8, "rigidity_pa13_per_m3: of a sealed globe"),
         ("open", 1.5e8, "rigidity_pa13_per_m3: of a sealed globe"),
@@ -118,6 +119,7 @@ def test_a_frame_that_cannot_be_used_is_one_clear_line() -> None:
     for frame, size, words in cases:
         with pytest.raises(FrameError, match=words):
             segment(frame, **size)
+
         with pytest.raises(FrameError, match=words):
             read(force_reader(), frame, **size)
 
@@ -138,6 +140,7 @@ def test_inputs_that_would_be_ignored_and_a_path_for_a_model_are_refused() -> No
     ):
         with pytest.raises(InputError, match=words):
             read(model, FRAME, **given, **SIZE)
+
     with pytest.raises(InputError, match=r"give sf\.load_model\('reader'\)"):
         evaluate("reader", "eye-a")  # type: ignore[arg-type]  # the mistake
 
@@ -151,8 +154,10 @@ def test_wrong_input_of_a_calibration_or_a_training_is_one_clear_line() -> None:
     ):
         with pytest.raises(InputError, match=words):
             calibrate("eye-a", sf.Study(), **given)
+
     with pytest.raises(InputError, match="recordings: none"):
         calibrate([])
+
     with pytest.raises(InputError, match="source: found str"):
         train("slices", "model")  # type: ignore[arg-type]  # the mistake
 
@@ -243,6 +248,7 @@ def test_it_writes_what_the_command_writes(sources: list[Path], tmp_path: Path) 
     assert recording.path == tmp_path / "r"
     assert recording.frames == command.frames
     assert recording.info.oct == command.info.oct
+
     for part in ("eye", "needle", "force"):
         mine = vars(getattr(recording.info, part))
         theirs = vars(getattr(command.info, part))
@@ -250,6 +256,7 @@ def test_it_writes_what_the_command_writes(sources: list[Path], tmp_path: Path) 
             key: pytest.approx(value, rel=1e-12) if isinstance(value, float) else value
             for key, value in theirs.items()
         }
+
     written = contents(tmp_path / "r")
     by_command = contents(tmp_path / "s")
     assert set(written) == set(by_command)
@@ -266,6 +273,7 @@ def test_missing_metadata_is_named_by_arguments_all_at_once(
     before = sorted(tmp_path.rglob("*"))
     with pytest.raises(sf.InputError) as told:
         sf.import_recording(sources, tmp_path / "r")
+
     names = [*STATED, *NEEDLE, *FORCE, "rate_hz or times"]
     assert all(f"({name})" in str(told.value) for name in names), told.value
     assert "--" not in str(told.value)
@@ -300,6 +308,7 @@ def test_a_property_that_a_source_leaves_open_is_named_by_its_argument(
     np.save(tmp_path / "a.npy", FRAMES)
     with pytest.raises(sf.InputError, match=r"a\.npy: an array of .*; give axes$"):
         sf.import_recording(tmp_path / "a.npy", tmp_path / "r", **TOLD)
+
     sources[1].write_text(
         "\n".join(["when,pull", *(f"{n / 200},{-0.1 * n}" for n in range(900))]) + "\n"
     )
@@ -307,6 +316,7 @@ def test_a_property_that_a_source_leaves_open_is_named_by_its_argument(
         sf.InputError, match=r"; give columns=\['time=NAME:UNIT', 'fz=NAME:UNIT'\]$"
     ):
         sf.import_recording(sources, tmp_path / "r", **TOLD, **FORCE)
+
     columns = ["time=when:s", "fz=pull:mN"]
     recording = sf.import_recording(
         sources, tmp_path / "r", **TOLD, **FORCE, columns=columns

@@ -49,6 +49,7 @@ def test_a_stack_is_read_as_its_frames_are_one_by_one() -> None:
         "mask",
         "mask",
     ]
+
     with pytest.raises(InputError, match="mask: 1 for a stack of 2 frames"):
         read(FRAMES, mask=masks[:1])
 
@@ -60,15 +61,18 @@ def test_floats_are_scaled_alike_in_a_stack_and_a_note_says_so() -> None:
         assert answer.warnings[-1].startswith(
             f"frame: pixels of 0 to {shares.max():g} were scaled to counts of 0 to 65"
         )
+
     whole = read(FRAMES[0].astype(np.int64))
     assert (whole.force_n, whole.warnings) == (
         read(FRAMES[0]).force_n,
         read(FRAMES[0]).warnings,
     )
+
     for value in (np.nan, np.inf):
         shares[0, 3, 3] = value
         with pytest.raises(FrameError, match="1 pixels are not finite"):
             read(shares)
+
     assert read(np.ma.masked_invalid(shares))[1].usable
     with pytest.raises(FrameError, match=r"shape \(2, 2, 512, 512\)"):
         read(np.stack([FRAMES, FRAMES]))
@@ -99,6 +103,7 @@ def test_masked_columns_are_not_judged_in_a_given_wall_either() -> None:
     expected = read(
         FRAMES[1], mask=np.where(half, 128, wall).astype(np.uint8)
     ).to_dict()
+
     for answer in (
         read(np.ma.array(FRAMES[1], mask=half), mask=wall),
         read(FRAMES[1], mask=np.ma.array(wall > 0, mask=half)),
@@ -106,6 +111,7 @@ def test_masked_columns_are_not_judged_in_a_given_wall_either() -> None:
         read(np.ma.array(FRAMES[1:], mask=half[None]), mask=wall[None])[0],
     ):
         assert answer.to_dict() == expected
+
     assert read((wall > 0)[None])[0].to_dict() == read(wall > 0).to_dict()
     for empty in (FRAMES[:0], FRAMES[:, :0], FRAMES[0, :0]):
         with pytest.raises(FrameError, match="an array of shape"):
@@ -144,8 +150,10 @@ def test_an_evaluation_and_a_calibration_become_tables(tmp_path, monkeypatch) ->
         "interval_high_mn",
     } <= set(table.columns)
     assert sf.export(found, "answers.csv") == len(found.frames)
+
     with pytest.raises(InputError, match=r"answers\.csv: exists already"):
         sf.export(found, "answers.csv")
+
     stack = read(
         np.stack(
             [
@@ -156,18 +164,22 @@ def test_an_evaluation_and_a_calibration_become_tables(tmp_path, monkeypatch) ->
         )
     )
     assert sf.export("eye-a", "stack.csv", answers=stack) == len(stack)
+
     for wrong in (stack[:1], stack[0]):
         with pytest.raises(InputError, match="answers: "):
             sf.export("eye-a", "wrong.csv", answers=wrong)  # type: ignore[arg-type]  # the mistake
+
     with pytest.raises(InputError, match="author: 'a"):
         sf.save_wall(
             "eye-a", found.frames[0].file, stack[0].segmentation.mask, author="a\nb"
         )
+
     assert sf.export("eye-a", "both.json", answers=found) == len(found.frames)
     rows = json.loads((tmp_path / "both.json").read_text())["frames"]
     assert [row["predicted"] for row in rows] == [
         frame.answer.predicted for frame in found.frames
     ]
+
     for one in (found, sf.read_recording("eye-a")):
         assert_is_html(one._repr_html_(), "eye-a" if one is not found else "frames")
 

@@ -50,7 +50,9 @@ def same(found: igtl.Message, sent: igtl.Message) -> bool:
         placed = sent.size is None or (
             found.size == sent.size and found.coordinates == sent.coordinates
         )
+
         return fields and alike and placed and np.array_equal(found.pixels, sent.pixels)
+
     return found == sent
 
 
@@ -89,6 +91,7 @@ def test_every_message_whole_byte_by_byte_and_with_trailing_data() -> None:
             trailing = igtl.Decoder()
             two = trailing.feed(data + next_one[:60])
             assert trailing.feed(next_one[60:])[0].message == igtl.Text("next")
+
             for events in (whole, split, two):
                 (event,) = events
                 assert isinstance(event, igtl.Received)
@@ -98,6 +101,7 @@ def test_every_message_whole_byte_by_byte_and_with_trailing_data() -> None:
                     event.header.device,
                     event.header.time_s,
                 ) == (version, "Scanner", time_s)
+
                 if not isinstance(message, igtl.Query):
                     assert event.message_id == more.get("message_id", 0)
                     assert event.metadata == more.get("metadata", {})
@@ -121,6 +125,7 @@ def read_through_spaces(
     events = []
     place = 0
     turn = 0
+
     while place < len(data) and not decoder.broken:
         room = decoder.space()
         assert room
@@ -129,6 +134,7 @@ def read_through_spaces(
         events += decoder.received(len(piece))
         place = place + len(piece)
         turn = turn + 1
+
     return events
 
 
@@ -167,12 +173,14 @@ def test_unknown_types_are_passed_over_without_being_kept() -> None:
     body = bytes(8_000_000)
     data = raw("POLYDATA", body, crc=0)
     decoder = igtl.Decoder()
+
     with less_than(100_000):
         events = [
             e
             for n in range(0, len(data), 65536)
             for e in decoder.feed(memoryview(data)[n : n + 65536])
         ]
+
     assert [type(e) for e in events] == [igtl.Unknown]
     sent = raw("POLYDATA", body[:70_000], crc=0) + igtl.encode(
         igtl.Text("next"), "peer"
@@ -252,6 +260,7 @@ def test_a_stream_that_cannot_be_followed_is_refused_from_then_on() -> None:
         decoder = igtl.Decoder(max_body_bytes=1_000_000)
         with less_than(100_000):
             received, broken = decoder.feed(GOOD + data + GOOD)
+
         assert isinstance(received, igtl.Received)
         assert isinstance(broken, igtl.Broken)
         assert decoder.state is igtl.DecoderState.ERROR
@@ -280,6 +289,7 @@ def test_a_mutated_stream_gives_the_same_events_in_any_pieces_and_no_exception(
     changed = bytearray(STREAM)
     for place, value in changes:
         changed[place] = value
+
     data = bytes(changed[:end])
     at_once = igtl.Decoder(4096)
     lent = igtl.Decoder(4096)
@@ -288,10 +298,12 @@ def test_a_mutated_stream_gives_the_same_events_in_any_pieces_and_no_exception(
     assert comparable(read_through_spaces(data, cuts, lent)) == comparable(events)
     fed = []
     place = 0
+
     while place < end and not pieces.broken:
         step = cuts[len(fed) % len(cuts)]
         fed.append(pieces.feed(data[place : place + step]))
         place += step
+
     assert comparable(event for some in fed for event in some) == comparable(events)
     assert lent.state is pieces.state is at_once.state
 
@@ -327,6 +339,7 @@ def test_what_a_message_or_its_header_cannot_carry_is_refused() -> None:
     ):
         with pytest.raises(ProtocolError):
             igtl.encode(wrong, "peer")
+
     for options in (
         {"device": "a device's name that is too long"},
         {"version": 4},

@@ -45,6 +45,7 @@ def written_by_pyigtl(message, version: int) -> Received:
     if version > 1:
         message.message_id = 9
         message.metadata = {"eye": "left", "probe": "b"}
+
     (event,) = Decoder().feed(message.pack())
     assert isinstance(event, Received)  # its CRC is right
     assert event.header.version == version
@@ -52,6 +53,7 @@ def written_by_pyigtl(message, version: int) -> Received:
     assert (event.message_id, event.metadata) == (
         (9, {"eye": "left", "probe": "b"}) if version > 1 else (0, {})
     )
+
     return event
 
 
@@ -144,6 +146,7 @@ def build(tmp_path_factory):
             "-lpthread",
         ]
         subprocess.run(command, check=True)
+
         return str(program)
 
     return compiled_program
@@ -167,6 +170,7 @@ def test_a_scanner_in_cpp_is_answered_frame_by_frame_up_to_the_withdrawal(
         done = subprocess.run(
             command, capture_output=True, text=True, timeout=FUSE_S, check=True
         )
+
     lines = [line.split(" ", 3) for line in done.stdout.splitlines()]
     codes = [(int(code), int(sub_code)) for _, code, sub_code, _ in lines]
     assert codes[:11] == [(1, 0)] * 11
@@ -207,6 +211,7 @@ def test_debians_receiver_prints_what_the_monitor_says(build) -> None:
         out += lines_until(child, " Error Name: DANGEROUS_CLASS\n")
         child.kill()
         out += child.communicate()[0]
+
     assert " Code      : 1\n" in out
     assert " Code      : 3\n" in out
     assert out.index(" Code      : 1\n") < out.index(" Code      : 3\n")
@@ -221,6 +226,7 @@ def test_pyigtl_sends_frames_and_reads_what_is_said_of_them() -> None:
         try:
             wait_until(client.is_connected)
             matrix = np.diag([SCALE_M[0] * 1e3, SCALE_M[1] * 1e3, 1.0, 1.0])
+
             for number in range(1, 9):
                 pixels = frame_of(12_000, number)[None]
                 message = pyigtl.ImageMessage(
@@ -228,11 +234,13 @@ def test_pyigtl_sends_frames_and_reads_what_is_said_of_them() -> None:
                 )
                 assert client.send_message(message)
                 robot.hear(lambda peer: peer.readings() == number)  # noqa: B023 - called at once
+
             reading = client.wait_for_message("ForceReading", timeout=FUSE_S)
             assert reading is not None
             said = json.loads(reading.string)
         finally:
             client.stop()
+
         assert (said["class"], said["state"], said["code"]) == (1, "WATCHING", 1)
         assert said["force_mn"] == pytest.approx(12.0)
 
@@ -254,6 +262,7 @@ def test_a_pyigtl_server_receives_a_replay(tmp_path) -> None:
     server = pyigtl.OpenIGTLinkServer(port=0, local_server=True)
     port = server.server_address[1]
     log = AnswerLog()
+
     try:
         with closing(ScannerClient("127.0.0.1", port, log.hear)) as client:
             wait_until(server.is_connected)
@@ -262,6 +271,7 @@ def test_a_pyigtl_server_receives_a_replay(tmp_path) -> None:
             image = server.wait_for_message("Scanner", timeout=FUSE_S)
     finally:
         server.stop()
+
     assert image is not None
     sent = recording.frame(recording.frames[int(image.image[0, 0, 0])])
     assert np.array_equal(image.image.reshape(sent.shape), sent)

@@ -29,6 +29,7 @@ def stress(F: NDArray, b: float) -> NDArray:
         - 2.0 * log_J
         + LAMBDA / MU * log_J**2
     )
+
     return np.exp(b * Q) * (MU * (F - turned) + LAMBDA * log_J * turned)
 
 
@@ -49,6 +50,7 @@ def radial_displacement(
         )
         by_across = 2 * LAMBDA / (along * across)
         difference = nominal(along, along, across) - nominal(across, along, across)
+
         return [
             along,
             -(2 * difference + by_across * (along - across)) / (r * by_along),
@@ -62,6 +64,7 @@ def radial_displacement(
             xtol=1e-14,
         )
         start = [stretch * inner_m, along]
+
         return solve_ivp(
             slope, (inner_m, outer_m), start, rtol=1e-11, atol=1e-14, dense_output=True
         )

@@ -49,6 +49,7 @@ def predict_wall(walls: Walls, unknown: Floats, places: Places) -> Placed:
     offset = (
         unknown[at.INNER_OFFSET] * places.is_inner + formed - unknown[at.SHINE] * shine
     )
+
     return Placed(depth + offset, slope + form_slope, np.zeros((len(depth), 0)), seen)
 
 
@@ -80,6 +81,7 @@ def ring_motion(
     low = bulge[:, is_inner, left]
     high = bulge[:, is_inner, left + 1]
     at_rings: Floats = low + share[..., None] * (high - low)
+
     return at_rings.reshape(*at_rings.shape[:2], 2, -1, 3)
 
 
@@ -95,6 +97,7 @@ def cut_by_plane(curves_sbnc: Floats, gap_s: Floats, moved_sbwnc: Floats) -> Flo
     left, left_down = _moved_side(curves_sbnc, gap, moved_sbwnc[:, :, 0], -1.0)
     right, down = _moved_side(curves_sbnc, gap, moved_sbwnc[:, :, 1], 1.0)
     lateral = np.concatenate([left[..., ::-1], right], axis=2)
+
     return np.stack(
         [lateral, np.concatenate([left_down[..., ::-1], down], axis=2)], axis=3
     )
@@ -111,6 +114,7 @@ def _moved_side(
     along, deeper = (
         np.take_along_axis(moved_sbnc[..., axis], nodes, axis=2) for axis in (0, 2)
     )
+
     return sign * lateral + along, down + deeper
 
 
@@ -129,6 +133,7 @@ def _cut_side(
     top, below = (np.take_along_axis(depth, node, axis=2) for node in (before, first))
     middle = top + np.clip(share, 0.0, 1.0) * (below - top)
     lateral = np.where(beyond, np.sqrt(np.maximum(square, 0.0)), 0.0)
+
     return lateral, np.where(beyond, depth, middle), first
 
 
@@ -142,6 +147,7 @@ def smoothed(outer: Floats, places: Places) -> tuple[Floats, Floats, NDArray[np.
     depth, slope = (
         np.array([1.0, 4.0, 1.0]) @ part.reshape(3, -1) / 6.0 for part in found[:2]
     )
+
     return depth, slope, found[2].reshape(3, -1)[1]
 
 
@@ -154,6 +160,7 @@ def off_the_law(walls: Walls, unknown_su: Floats) -> tuple[Floats, Floats]:
     pressure = np.exp(unknown_su[:, at.PRESSURE])
     resting = np.exp(unknown_su[:, at.IOP])
     off = mean.level(pressure) - mean.level(resting) - mean.rate * volume
+
     return off, np.hypot(
         spread.rate * volume, LEAST_SD * mean.level_slope(resting) * resting
     )
@@ -181,6 +188,7 @@ def library_place(walls: Walls, unknown_su: Floats) -> tuple[Floats, Floats, Flo
         unknown_su[:, law_of(walls.globe).pressure] - unknown_su[:, at.MODULUS]
     )
     tip_m = np.clip(unknown_su[:, at.TIP] / size, library.tip_m[0], library.tip_m[-1])
+
     return thickness, np.clip(ratio, *library.iop_ratio_ends(thickness)), tip_m
 
 

@@ -31,6 +31,7 @@ def values_at(library: Library, values: NDArray[np.floating], *state: Floats) ->
     found: Floats = np.einsum(
         "sijk...,si,sj,sk->s...", some.astype(np.float64), of_t, of_p, of_d
     )
+
     return found
 
 
@@ -69,6 +70,7 @@ def _pressure(
 ) -> float:
     if rate == 0.0 or force == 0.0:
         return resting
+
     wall = np.array([thickness])
     lowest, highest = (float(end[0]) for end in library.iop_ratio_ends(wall))
 
@@ -77,6 +79,7 @@ def _pressure(
         volume = library.displaced_m3(
             wall, ratio, reached_tips(library, wall, ratio, np.array([force]))
         )
+
         return float(
             globe.level(ratio)[0]
             - globe.level(np.array([resting]))[0]
@@ -86,6 +89,7 @@ def _pressure(
     low, high = (resting, highest) if rate > 0.0 else (lowest, resting)
     if missing(log(high)) <= 0.0:
         return high
+
     return (
         low
         if missing(log(low)) >= 0.0

@@ -53,6 +53,7 @@ class Problem:
             + search_loops.HEAVY_CAUCHY**2 * np.log1p(heavy**2).sum()
         )
         off = self.off(unknown[None])[0]
+
         return placed, self.columns.loss(placed) + float(
             known + off @ self.prior.calibrated @ off
         )
@@ -70,6 +71,7 @@ class Problem:
         )
         slopes = np.zeros((2, len(unknown)))
         slopes[0] = self.prior.same_force
+
         if self.walls.globe.can_be_sealed:
             varied = unknown + np.array(
                 [
@@ -83,6 +85,7 @@ class Problem:
             slopes[1, list(LAW_STEPS)] = (off[1:] - off[0]) / (
                 np.array(list(LAW_STEPS.values())) * sd[0]
             )
+
         weighted = slopes.T @ self.prior.calibrated
         off = self.off(unknown[None])[0]
         return (
@@ -104,6 +107,7 @@ class Problem:
         (level_z, growth_z) = _standard_normal(2, seed=1).T
         drawn = unknown + normal[:, :-2] @ spread_uz.T
         drawn[:, at.TIP] = np.maximum(drawn[:, at.TIP], 0.0)
+
         known = self.walls.globe
         if known.can_be_sealed:
             volume = fit_arrays.displaced_m3(self.walls, drawn)
@@ -113,6 +117,7 @@ class Problem:
                 for k in (known.lowest, known.highest)
             ]
             drawn[:, at.PRESSURE] = np.clip(drawn[:, at.PRESSURE], *ends)
+
         eye_z = np.clip(
             self.off(drawn), -fit_frame.FARTHEST_EYE, fit_frame.FARTHEST_EYE
         )
@@ -123,6 +128,7 @@ class Problem:
             np.exp(fit_frame.MODEL_SD * normal[:, -2]),
             fit_frame.MODEL_SD_N * normal[:, -1],
         )
+
         return np.maximum(corrected * noise[0] + noise[1], 0.0)
 
 
@@ -151,6 +157,7 @@ def problem_of(
         gap_m=float(prior.mean[at.GAP]),
         thickness_m=float(prior.mean[at.THICKNESS]),
     )
+
     return Problem(walls, columns, prior)
 
 
@@ -176,6 +183,7 @@ def fit_at(problem: Problem, unknown: Floats) -> BoundaryFit:
         & (below_m > 0.0)
         & (below_m < fit_frame.LAYER_M)
     )
+
     return BoundaryFit(
         force_n=force,
         interval_n=(low_n, high_n),

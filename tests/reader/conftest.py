@@ -53,6 +53,7 @@ def write_tiny_model(path: Path, study: Study, hidden: int = 40) -> TinyModel:
         "# card\n",
         {"kind": "classifier", "metrics": {}},
     )
+
     return TinyModel(path, network, study)
 
 

@@ -104,6 +104,7 @@ def test_the_default_method_answers_and_the_other_one_checks_it() -> None:
     assert (
         by_fit.interval_n == by_network.interval_n == (0.004, of_fit[1])
     )  # one is wrong, and nobody says which
+
     for found in (by_fit, by_network):
         assert dict(found.readings)["network"] == FIVE_MN
         assert len(found.warnings) == 1
@@ -127,6 +128,7 @@ def test_a_contact_outside_the_training_is_withdrawn_from_whichever_method_sees_
         assert withdrawn(found).startswith(
             f"contact {lateral_m * 1e3:.1f} mm from the frame's middle, the model was"
         )
+
     frame = image(wall_section(tip_of(0.015)))
     for default in ("fit", "network"):
         far = force_reader(replace(FIVE_MN, contact_m=1.3e-3), default)
@@ -147,6 +149,7 @@ def test_the_network_is_shown_shifted_slices_and_what_is_known() -> None:
     assert known == KNOWN
     seen = find_wall(frame, SCALE)
     np.testing.assert_array_equal(cuts[0], boundary_slice(seen, SCALE, STUDY.slice))
+
     for cut, shift in zip(cuts, SHIFTS, strict=True):
         up = (
             -shift * STUDY.slice.pixel_m / SCALE.depth_m
@@ -155,12 +158,14 @@ def test_the_network_is_shown_shifted_slices_and_what_is_known() -> None:
             seen, outer_row=seen.outer_row + up, inner_row=seen.inner_row + up
         )
         np.testing.assert_array_equal(cut, boundary_slice(moved, SCALE, STUDY.slice))
+
     assert len({cut.tobytes() for cut in cuts}) == len(SHIFTS)
 
 
 def test_an_eye_outside_the_training_is_withdrawn_from_although_one_could_calibrate_on_it():
     stiff = Modulus(mean_pa=0.9e6, sd_pa=1e3, source="own")
     frame = image(wall_section(tip_of(0.002)))
+
     for name, value in (
         ("modulus", stiff),
         ("iop_pa", 3000.0),
@@ -214,6 +219,7 @@ def test_a_shell_of_another_radius_is_never_read_as_harmless() -> None:
 def test_a_limbus_at_a_false_scale_is_not_read_as_a_dent() -> None:
     lateral = np.linspace(-9e-3, 9e-3, 600)
     depths = []
+
     for radius_m, lean_rad in (
         (12e-3, -0.3),
         (7.8e-3, 0.03),
@@ -226,6 +232,7 @@ def test_a_limbus_at_a_false_scale_is_not_read_as_a_dent() -> None:
                 - np.sqrt(np.maximum(radius_m**2 - beside_m**2, 0.0))
             )
         )
+
     outer = np.stack(
         [lateral, np.minimum(*depths) - np.minimum(*depths).min() + 0.6e-3], axis=1
     )
@@ -238,6 +245,7 @@ def test_a_limbus_at_a_false_scale_is_not_read_as_a_dent() -> None:
         interval_n=(0.02, 0.05),
         contact_m=0.0,
     )
+
     for default in ("fit", "network"):
         found = answer(frame, Known(), force_reader(agreeing, default))
         assert "without a dent" in withdrawn(found)
@@ -249,6 +257,7 @@ def test_a_wall_that_is_not_as_thick_as_stated_or_hardly_in_view_is_withdrawn_fr
     model.study = replace(
         STUDY, reader=replace(STUDY.reader, thickness_m=Range(min=0.3e-3, max=0.9e-3))
     )
+
     for stated_m in (0.85e-3, 0.4e-3 - 60e-6):
         found = answer(
             image(wall_section(tip_of(0.01))),
@@ -259,12 +268,14 @@ def test_a_wall_that_is_not_as_thick_as_stated_or_hardly_in_view_is_withdrawn_fr
             "thick" in withdrawn(found)
             or "does not look like the wall of an eye" in found.reason
         )
+
     close = PixelScale(lateral_m=5e-3 / 512, depth_m=SCALE.depth_m)
     frame = image(wall_section(tip_of(0.01)), scanner=replace(STUDY.oct, width_m=5e-3))
     model = force_reader()
     assert "mm are needed by the network" in withdrawn(
         model.read_live(frame, close, KNOWN)
     )
+
     for modulus in (None, Modulus.stated(MODULUS_PA)):
         found = model.read(frame, close, replace(KNOWN, modulus=modulus))
         assert withdrawn(found).endswith("mm are needed without a calibration")
@@ -274,6 +285,7 @@ def test_a_wall_that_is_not_as_thick_as_stated_or_hardly_in_view_is_withdrawn_fr
 def test_narrow_frames_are_read_by_the_fit_alone_with_wider_intervals() -> None:
     force_n = 0.015
     widths = []
+
     for width_m in (15e-3, 10e-3, 5e-3, 4.5e-3):
         scanner = replace(STUDY.oct, width_m=width_m)
         frame = image(wall_section(tip_of(force_n), lateral_m=0.0), scanner=scanner)
@@ -281,10 +293,12 @@ def test_narrow_frames_are_read_by_the_fit_alone_with_wider_intervals() -> None:
         if width_m < 5e-3:
             assert withdrawn(found).endswith("at least 3.5 mm are needed")
             break
+
         assert found.interval_n[0] < force_n < found.interval_n[1]
         assert found.force_n == pytest.approx(force_n, abs=1.2e-3)
         assert ("needed by the network" in "".join(found.warnings)) == (width_m < 15e-3)
         widths.append(dict(found.readings)["fit"].width_n)
+
     assert widths == sorted(widths)
 
 
@@ -297,6 +311,7 @@ def test_a_reading_that_is_not_a_number_never_passes_and_as_a_check_is_a_warning
     ):
         model = force_reader(replace(FIVE_MN, **broken), "network")
         assert "not a number" in withdrawn(answer(frame, model=model))
+
     found = answer(frame, model=force_reader(replace(FIVE_MN, force_n=nan)))
     assert found.usable
     assert "not a number" in found.warnings[0]
@@ -352,12 +367,14 @@ def test_a_dent_that_leaves_the_window_is_read_where_its_flanks_show_enough() ->
     assert read.interval_n[1] - read.interval_n[0] < 6e-3
     assert read.interval_n[0] < force_n < read.interval_n[1]
     assert not read.can_calibrate
+
     # If E is unknown, or the network reads 5 mN, the interval is wider.
     for open_ended in (
         answer(frame, replace(soft, modulus=None), force_reader(agreeing)),
         answer(frame, soft),
     ):
         assert "leaves the window" in withdrawn(open_ended)
+
     wide = answer(
         image(wall_section(tip_of(0.02))),
         replace(KNOWN, modulus=None),
@@ -390,12 +407,14 @@ def test_a_dent_farther_from_the_pole_needs_a_larger_force() -> None:
         np.array([IOP_PA / MODULUS_PA]),
         np.array([middle.fit.tip_m]),
     )
+
     for polar_rad in (0.0, 0.8):
         expected = (
             LIBRARY.for_contact(polar_rad).forces(*wall)[0] / LIBRARY.forces(*wall)[0]
         )
         found = answer(frame, replace(KNOWN, polar_rad=polar_rad))
         assert found.force_n / middle.force_n == pytest.approx(expected, rel=2e-3)
+
     assert (
         answer(frame, replace(KNOWN, polar_rad=1.5)).force_n
         == answer(frame, replace(KNOWN, polar_rad=99.0)).force_n
@@ -415,6 +434,7 @@ def crossed(monkeypatch_module: pytest.MonkeyPatch) -> np.ndarray:
     middle = int(np.abs(section.outer[:, 0] - 0.3e-3).argmin())
     shaft = draw_shaft(SHAFT, section.outer[middle], 0.0, STUDY.oct)
     rng = np.random.default_rng(1)
+
     return render_bscan(
         section, STUDY.oct, sample_optics(CLEAN, STUDY.oct, rng), rng, shaft
     ).frame
@@ -436,6 +456,7 @@ def test_the_fit_reads_the_wall_beside_a_needle_alone(crossed: np.ndarray) -> No
         assert [name for name, _ in found.readings] == ["fit"]
         assert "the fit alone reads it" in found.warnings[0]
         assert not reader.network.shown
+
     without = answer(image(wall_section(tip_of(FORCE_N))), replace(KNOWN, gap_m=GAP_M))
     assert without.needle is None
     assert [name for name, _ in without.readings] == ["network", "fit"]
@@ -476,6 +497,7 @@ def test_a_classifier_withdraws_from_a_needle_in_the_picture(
     ):
         assert "a needle hides a part of the wall" in withdrawn(found)
         assert found.needle is not None
+
     assert model.read(image(wall_section(tip_of(FORCE_N))), SCALE, KNOWN).usable
 
 
@@ -486,6 +508,7 @@ def test_the_fit_s_interval_is_wider_beside_a_needle_and_under_a_conjunctiva(
     for stretch in (1.0, 1.5):
         monkeypatch.setattr(intervals, "NEEDLE_STRETCH", stretch)
         widths.append(dict(answer(crossed, NEAR).readings)["fit"].width_n)
+
     assert widths[1] == pytest.approx(1.5 * widths[0])
     wall = find_wall(crossed, SCALE)
     both = intervals.frame_stretch(
@@ -538,6 +561,7 @@ def test_an_eye_of_other_tissue_than_the_library_s_is_refused(
         InputError, match="stiffening: 40 is outside the library's range, 0 to 30"
     ):
         reader.library_for(stiff)
+
     assert (
         reader.refusal(stiff)
         == "stiffening 40 of the tissue, the model was trained on 0 to 30"

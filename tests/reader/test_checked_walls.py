@@ -109,6 +109,7 @@ def frames_of(capsys: pytest.CaptureFixture[str], *words: object) -> list[dict]:
 def test_the_commands_check_with_the_given_wall_finder(places, blind, capsys) -> None:
     frame = places["mine"] / "frames" / "1.png"
     read = {}
+
     for finder in (None, "none", blind):
         words = [] if finder is None else ["--wall-finder", finder]
         (read[finder],) = frames_of(capsys, "classify", places["model"], frame, *words)
@@ -117,6 +118,7 @@ def test_the_commands_check_with_the_given_wall_finder(places, blind, capsys) ->
             False
         ]
         assert found[1]["reason"] == read[finder]["reason"]
+
     assert read[None]["usable"]  # the network may move the wall's end by a few rows
     assert read[None]["predicted_force_mn"] == pytest.approx(
         read["none"]["predicted_force_mn"], rel=0.05
@@ -179,6 +181,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     (path / "recording.toml").write_text(recording_toml("mine", more=FORCE_TOML))
     (path / "frames.csv").write_text("file,time_s\n1.png,5.0\n")
+
     return path
 
 
@@ -191,16 +194,20 @@ def test_commands_and_python_look_below_a_layer(
     assert found["thickness_um"] == pytest.approx(1e6 * THICKNESS_M, rel=0.06)
     (read,) = frames_of(capsys, "classify", places["model"], frame, *modulus)
     (evaluated,) = frames_of(capsys, "evaluate", places["model"], recording)
+
     for entry in (found, read, evaluated):
         assert entry["usable"], entry["reason"]
         assert entry["conjunctiva_um"] == pytest.approx(1e6 * LAYER_M, rel=0.15)
+
     assert read["predicted_force_mn"] == pytest.approx(15.0, abs=1.5)
     (alone,) = frames_of(
         capsys, "segment", recording, "--out", tmp_path / "b", "--wall-finder", "none"
     )
     assert alone["conjunctiva_um"] == found["conjunctiva_um"]
+
     for wall in (sf.segment(frame), sf.segment(frame, wall_finder=None)):
         assert wall.conjunctiva_m == pytest.approx(LAYER_M, rel=0.15)
+
     models = [
         sf.load_model(places["model"], **finder)
         for finder in ({}, {"wall_finder": None}, {"wall_finder": blind})
@@ -223,6 +230,7 @@ def small_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "frames").mkdir(parents=True)
     walls = Walls(load_force_reader("default").library)
     frames = []
+
     for dent_mm in DENTS_MM:
         unknown = np.zeros(len(NAMES))
         unknown[[TIP, LATERAL, DEPTH, GAP, THICKNESS]] = (
@@ -234,15 +242,18 @@ def small_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
         )
         unknown[[MODULUS, IOP]] = log(MODULUS_PA), log(IOP_PA)
         frames.append(image(Section(*formed_wall(walls, unknown))))
+
     frames.append(
         np.random.default_rng(0).integers(0, 4096, frames[0].shape, dtype=np.uint16)
     )
     for file, frame in zip(FILES, frames, strict=True):
         assert cv2.imwrite(str(folder / "frames" / file), frame)
+
     (folder / "frames.csv").write_text(
         "file,time_s\n" + "".join(f"{file},{n}.0\n" for n, file in enumerate(FILES))
     )
     (folder / "recording.toml").write_text(recording_toml("eye"))
+
     return folder
 
 
@@ -271,6 +282,7 @@ def test_all_readings_of_a_frame_are_one(
         toml.write_text(text.replace("[needle]", "[needle]\nlean_rad = 0.4"))
         rows = [f"{file},{n}e-1\n" for n, file in enumerate(FILES)]
         (small_recording / "frames.csv").write_text("".join(["file,time_s\n", *rows]))
+
     model = sf.load_model("default")
     paths = [small_recording / "frames" / file for file in FILES]
     answers = [sf.read(model, path) for path in paths]
@@ -280,6 +292,7 @@ def test_all_readings_of_a_frame_are_one(
     scale = PixelScale.of(info.oct)
     evaluated = sf.evaluate(model, small_recording).frames
     history = History.unknown(known, 60e-3)
+
     for n, (answer, other, path) in enumerate(
         zip(answers, evaluated, paths, strict=True)
     ):
@@ -293,6 +306,7 @@ def test_all_readings_of_a_frame_are_one(
         assert (other.answer.verdict == answer.verdict) == (
             not (remembers and answer.usable)
         )
+
         for wall in (answer.segmentation, sf.segment(path)):
             np.testing.assert_array_equal(
                 wall.outer_row, other.answer.segmentation.outer_row
@@ -304,8 +318,10 @@ def test_all_readings_of_a_frame_are_one(
                 other.answer.segmentation.usable,
                 other.answer.segmentation.reason,
             )
+
     read = ["read", "default", *paths]
     sequence = ["evaluate", "default", small_recording]
+
     for command, expected in (
         (read, answers),
         (sequence, [frame.answer for frame in evaluated]),

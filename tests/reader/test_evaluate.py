@@ -62,12 +62,14 @@ def write_recording(
     )
     (path / "recording.toml").write_text(format_record(info))
     lines = ["file,time_s,pierced"]
+
     for number, force_n in enumerate(FORCES_N):
         frame = drawn_wall(rng, 0.03 * force_n)
         if number == 3:
             frame[:] = 600
         cv2.imwrite(str(path / "frames" / f"{number}.png"), frame)
         lines.append(f"{number}.png,{5 + 6 * number},{int(number == 5)}")
+
     (path / "frames.csv").write_text("\n".join(lines) + "\n")
     if forces:
         time_s = np.arange(0.0, 45.0, 0.01)
@@ -86,6 +88,7 @@ def write_recording(
             header=header,
             comments="",
         )
+
     return path
 
 
@@ -143,6 +146,7 @@ def read_as(
         replace(one, answer=replace(one.answer, force_n=force_n))
         for force_n in forces_n.tolist()
     ]
+
     return session.without_pierced(tuple(answers))
 
 
@@ -235,6 +239,7 @@ def test_a_recording_that_was_read_is_not_read_again(
     assert found.frames == tuple(
         replace(frame, recording=str(recording.path)) for frame in again.frames
     )
+
     for twice in (
         [recording, recording.path],
         [places["a"], places["a"] / "." / "frames" / ".."],
@@ -278,10 +283,12 @@ def test_frames_that_calibrated_are_known_by_their_content_and_not_scored(
     (copy / "frames.csv").write_text(
         (copy / "frames.csv").read_text().replace("1.png", "renamed.png")
     )
+
     for name in names:
         changed = read_frame(other / "frames" / name)
         changed[0, 0] += 1
         cv2.imwrite(str(other / "frames" / name), changed)
+
     found = evaluate_recordings(reader, [copy, other], read_calibration(file))
     marked = [
         (frame.recording, frame.file) for frame in found.frames if frame.calibration

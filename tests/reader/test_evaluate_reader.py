@@ -68,12 +68,15 @@ def test_an_eye_is_read_with_its_own_modulus_and_a_stranger_with_the_populations
     assert used["mine"] == (pytest.approx(MODULUS_PA), "own")
     assert used["stranger"] == (pytest.approx(1.1 * MODULUS_PA), "population")
     mine, other = (both.frames[start : start + 4] for start in (0, 5))
+
     for frame, stranger, force_n in zip(mine, other, FORCES_N, strict=True):
         assert frame.answer.force_n == pytest.approx(force_n, abs=1e-3)
         for one in (frame, stranger):
             low, high = one.answer.interval_n
             assert low < force_n < high
+
         assert width_n(stranger) > 1.2 * width_n(frame)
+
     assert (
         width_n(uncalibrated.frames[2])
         > width_n(both.frames[7])
@@ -132,6 +135,7 @@ def test_the_truth_of_a_virtual_eye_decides_nothing_that_is_read_and_is_compared
         compared,
     )
     (mine / "truth.json").write_text("no JSON")
+
     with pytest.raises(RecordingError, match=r"truth\.json"):
         evaluate_recordings(model, [mine], calibration)
 
@@ -180,8 +184,10 @@ def test_the_globe_of_a_recording_reaches_reading_and_calibration(
     )
     (path / "recording.toml").write_text(text.replace('globe = "open"\n', stated))
     found = evaluate_recordings(model, [path])
+
     for frame, of_open in zip(found.frames[1:4], uncalibrated.frames[1:4], strict=True):
         assert width_n(frame) > 1.05 * width_n(of_open)
+
     coarse = replace(STUDY, mesh=MeshStudy(divisions=4))
     eye = calibrate_recordings(
         [read_recording(path)], coarse, "0", library=LIBRARY, frames=2
@@ -322,12 +328,14 @@ def test_intervals_take_a_reader_only_and_none_of_the_other_options(
     mine = places["mine"]
     model = places["model"]
     out = tmp_path / "new"
+
     for words, message in (
         ((model, "--out", out, "--mechanics", "linear"), "--intervals"),
         ((model, "--out", model), "exists already"),
         ((tmp_path / "none", "--out", out), "no such folder"),
     ):
         assert message in said(capsys, "calibrate", mine, "--intervals", *words, code=2)
+
     assert not out.exists()
 
 
@@ -346,10 +354,12 @@ def test_a_relaxing_eye_is_read_in_order_of_time_and_holds_of_frames_csv_count(
     rows = map(",".join, zip(lines[1:], held, strict=True))
     (mine / "frames.csv").write_text("\n".join([f"{lines[0]},held_s", *rows]))
     told = evaluate_recordings(model, [mine])
+
     for before, after in zip(elastic.frames, plain.frames, strict=True):
         if before.answer.usable:
             assert after.answer.elastic_force_n == before.answer.force_n
             assert after.answer.force_n < before.answer.force_n
+
     first = told.frames[0].answer
     assert first.force_n == pytest.approx(0.73 * first.elastic_force_n, rel=1e-6)
     assert (
@@ -365,8 +375,10 @@ def test_frames_in_a_row_say_when_the_highest_class_is_reached(
     shutil.copy(places["mine"] / "recording.toml", folder)
     first = next((places["mine"] / "frames").iterdir())
     rows = [f"{n:02d}.png,{n}e-2\n" for n in range(14)]
+
     for row in rows:
         shutil.copy(first, folder / "frames" / row.partition(",")[0])
+
     (folder / "frames.csv").write_text("".join(["file,time_s\n", *rows]))
     forces_n = [0.010 + 5e-4 * n for n in range(13)] + [0.028]
     reads = iter(

@@ -30,11 +30,13 @@ def calibrated(seed: int = 0) -> KnownRelaxation:
 def follow(known: KnownRelaxation, path: NeedlePath, times_s: np.ndarray):
     history = History.unknown(Known(relaxation=known), MOST_N)
     answers = []
+
     for time_s, elastic_n in zip(times_s, path.elastic_n(times_s), strict=True):
         answer, history = history.read(
             read_as(float(elastic_n)), BOUNDS_N, float(time_s)
         )
         answers.append(answer)
+
     return answers
 
 
@@ -86,9 +88,11 @@ def test_a_gap_widens_the_interval_and_unusable_frames_are_gaps() -> None:
     history = History.unknown(TISSUE_KNOWN, MOST_N)
     for time_s in np.arange(0.0, 30.0, 0.1):
         before, history = history.read(read_as(0.03), BOUNDS_N, float(time_s))
+
     for time_s in np.arange(30.0, 32.0, 0.1):
         refused, history = history.read(unusable(3, "no wall"), BOUNDS_N, float(time_s))
         assert refused.force_n is None
+
     after, history = history.read(read_as(0.03), BOUNDS_N, 32.0)
     assert after.interval_n[1] - after.interval_n[0] > 1.3 * (
         before.interval_n[1] - before.interval_n[0]
@@ -106,6 +110,7 @@ def test_frames_held_as_in_the_calibration_need_no_history() -> None:
     known = calibrated()
     errors = []
     inside = []
+
     for alone in (False, True):
         history = History.unknown(Known(relaxation=known), MOST_N)
         for time_s, elastic_n, true_n in zip(
@@ -117,6 +122,7 @@ def test_frames_held_as_in_the_calibration_need_no_history() -> None:
             history = history if alone else after
             errors.append(abs(answer.force_n - true_n))
             inside.append(answer.interval_n[0] <= true_n <= answer.interval_n[1])
+
     assert np.mean(errors) < 1.0e-3  # the dents show 3 to 9 mN more
     assert np.mean(inside) > 0.8
 
@@ -129,10 +135,12 @@ def test_a_known_hold_gives_the_force_of_a_frame_that_is_not_held_as_in_the_cali
         known, before_n=nothing, before_covariance_n2=(nothing,) * len(nothing)
     )
     history = History.unknown(Known(relaxation=rest), MOST_N)
+
     for held_s in (0.5, 1.0, 20.0):
         told, _ = history.read(read_as(0.03), BOUNDS_N, held_s=held_s)
         true_n = float(path.felt_n(np.array([0.25 + held_s]))[0])
         assert told.interval_n[0] <= true_n <= told.interval_n[1]
+
     soon, late = (
         history.read(read_as(0.03), BOUNDS_N, held_s=held_s)[0]
         for held_s in (0.2, 20.0)
@@ -190,6 +198,7 @@ def watched(times_s: np.ndarray, path: NeedlePath, history: History):
             read_as(float(elastic_n)), BOUNDS_N, float(time_s)
         )
         answers.append(answer)
+
     return answers, history
 
 
@@ -226,6 +235,7 @@ def test_a_monitor_that_starts_late_holds_every_history_and_forgets_it() -> None
 def test_each_gap_of_a_monitor_widens_the_interval_around_all_that_may_have_been():
     before_s = np.arange(0.0, 0.1, 0.01)
     after_s = np.arange(8.0, 30.0, 0.1)
+
     for path in random_paths(20):
         _, history = watched(before_s, path, History.monitored(TISSUE_KNOWN, MOST_N))
         for gap_s in (
@@ -236,6 +246,7 @@ def test_each_gap_of_a_monitor_widens_the_interval_around_all_that_may_have_been
             late, after = watched(after_s + gap_s, path, history)
             assert inside(late, path.felt_n(after_s + gap_s))
             history = after if gap_s else history
+
         refused, unchanged = history.read(unusable(3, "no wall"), BOUNDS_N, 40.0)
         assert (refused.force_n, unchanged) == (None, history)
 
@@ -330,6 +341,7 @@ def test_a_needle_that_leans_feels_the_force_along_it(
     (low_n, high_n) = upright.interval_n
     force_n = upright.force_n
     assert leaning.force_n == pytest.approx(factor * force_n)
+
     if not others:
         assert leaning.interval_n == pytest.approx((factor * low_n, factor * high_n))
     elif relaxation is None:
@@ -341,6 +353,7 @@ def test_a_needle_that_leans_feels_the_force_along_it(
         assert leaning.interval_n == pytest.approx(
             (max(least * force_n - low_n, 0.0), most * force_n + high_n)
         )
+
     assert (leaning.lean_rad is None) == (case in ("nothing is said", "absorbed"))
     assert bool(leaning.warnings) == (
         case in ("not in the calibration", "known nowhere")
@@ -354,6 +367,7 @@ def test_a_shaft_in_the_picture_gives_the_lean_where_nothing_else_does_and_may_c
     steeper = replace(
         Known(), lean_rad=(45 * DEG, 45 * DEG)
     )  # it may lean out of the picture, too
+
     for known, contradicts in (
         (steeper, False),
         (replace(steeper, lean_azimuth_rad=0.0), True),
@@ -386,6 +400,7 @@ def test_a_dent_that_stays_leaks_in_dense_sequences_and_in_sparse_ones_whose_hol
     for time_s in times_s:
         (answer,), leak = leak.read(lambda now: (shown(now.iop_pa),), time_s, every_s)
         rests_pa.append(answer.rest_pa)
+
     expected_pa = LAW.pressure(
         300.0, -DENT_M3 * (1.0 - np.exp(-np.array(times_s) / 20.0))
     )
@@ -396,6 +411,7 @@ def test_frames_that_are_refused_show_no_dent_and_the_pressure_comes_back() -> N
     leak = Leak(LEAKING)
     for time_s in (0.0, 0.2, 10.0, 20.0):
         (low,), leak = leak.read(lambda now: (shown(now.iop_pa),), time_s, 10.0)
+
     rests_pa = []
     for time_s in np.arange(20.2, 140.0, 0.2).tolist():
         _, leak = leak.read(
@@ -405,6 +421,7 @@ def test_frames_that_are_refused_show_no_dent_and_the_pressure_comes_back() -> N
             time_s,
             None,
         )
+
     assert low.rest_pa < 0.9 * 300.0
     assert rests_pa[-1] == pytest.approx(300.0, rel=0.01)
 

@@ -56,11 +56,13 @@ def of_fit(score_of_eye: dict[str, float]) -> list[Score]:
 def test_the_quantile_of_some_eyes_holds_on_others() -> None:
     rng = np.random.default_rng(3)
     held = []
+
     for _ in range(200):
         factor = conformal_quantile(scores_of_eyes(rng, 60, 5))
         held.append(
             np.mean([entry.score <= factor for entry in scores_of_eyes(rng, 60, 5)])
         )
+
     assert np.mean(held) == pytest.approx(
         0.905, abs=0.012
     )  # 0.9 (n + 1)/n of the eyes' readings
@@ -132,6 +134,7 @@ def drawn_fit(draws_n: np.ndarray) -> BoundaryFit:
 def test_a_stretched_fit_has_the_quantiles_of_stretched_draws() -> None:
     draws_n = 28e-3 + 3e-3 * np.random.default_rng(0).standard_normal(4001)
     fit = drawn_fit(draws_n)
+
     for factor in (0.5, 1.0, 3.0):
         found = fit_reading(fit, BOUNDS_N, factor)
         wanted = drawn_fit(fit.force_n + factor * (draws_n - fit.force_n))
@@ -145,6 +148,7 @@ def test_a_stretched_fit_has_the_quantiles_of_stretched_draws() -> None:
             scored("fit", found, Known(), "an eye", end_n).score for end_n in ends_n
         ]
         assert scores == pytest.approx([1.0, 1.0, 0.0])
+
     light = drawn_fit(
         np.abs(1e-3 + 1e-3 * np.random.default_rng(0).standard_normal(501))
     )
@@ -200,11 +204,13 @@ def test_traits_follow_the_causes_of_errors() -> None:
         "uneven",
     )
     assert traits_of(Known(modulus=OWN), force_n) == ("own E", "unknown")
+
     for source in ("stated", "shape"):
         assert traits_of(Known(modulus=replace(OWN, source=source)), force_n) == (
             "other E",
             "unknown",
         )
+
     taut = replace(FIT, tension=0.1)
     found = [
         traits_of(Known(modulus=OWN, globe=globe), force_n, taut)[1]
@@ -235,12 +241,14 @@ def test_forces_beyond_the_calibration_s_and_wide_gaps_have_traits_of_their_own(
     stranger = replace(
         gentle, modulus=replace(OWN, source="population")
     )  # its discrepancy is another eye's
+
     for same in (
         stranger,
         replace(gentle, discrepancy=NO_DISCREPANCY),
         replace(gentle, discrepancy=None),
     ):
         assert traits_of(same, 60e-3)[1:] == ("unknown",)
+
     for gap, more in ((0.45, ()), (0.46, ("sparse",)), (None, ())):
         known = replace(
             gentle, discrepancy=replace(NO_DISCREPANCY, largest_n=20e-3, widest_gap=gap)
@@ -276,6 +284,7 @@ def test_every_trait_of_a_reading_may_have_a_factor() -> None:
         fit = None if by_network else replace(FIT, tension=tension, misfit_m=misfit_m)
         first, *others = traits_of(known, force_n, fit)
         found[by_network] |= {(first, other) for other in others}
+
     for by_network, traits in found.items():
         allowed = NETWORK_TRAITS if by_network else FIT_TRAITS
         assert traits == {
@@ -331,6 +340,7 @@ def test_a_record_with_other_factors_is_refused() -> None:
     ):
         with pytest.raises(ModelError, match=r"model\.json: intervals"):
             parse_factors({"intervals": intervals}, "model.json")
+
     with pytest.raises(ModelError, match="earlier version has to be made anew"):
         parse_factors({"intervals": {"fit": {"own E, open, even": 1.5}}}, "model.json")
 

@@ -46,6 +46,7 @@ INSIDE = Known(
 def test_an_eye_inside_the_training_is_inside_also_on_its_bounds() -> None:
     assert outside_training(Known(), TRAINED, HELD) is None
     assert outside_training(INSIDE, TRAINED, HELD) is None
+
     for end in (0, 1):
         modulus = Modulus(
             mean_pa=TRAINED.youngs_modulus_pa.bounds[end], sd_pa=1e3, source="own"
@@ -62,6 +63,7 @@ def test_an_eye_inside_the_training_is_inside_also_on_its_bounds() -> None:
 def test_an_eye_is_inside_where_the_library_of_the_training_holds_its_tissue() -> None:
     for stiffening in (None, 0.0, 7.0, 20.0):
         assert outside_training(Known(stiffening=stiffening), TRAINED, HELD) is None
+
     stiff = replace(HELD, stiffening=Range(min=2.0, max=20.0))
     alone = replace(HELD, stiffenings=1)
     assert str(outside_training(Known(), TRAINED, stiff)).startswith(
@@ -119,6 +121,7 @@ def test_an_own_modulus_may_be_off_by_its_sd_twice_the_thicknesss_error_and_a_th
                 assert (
                     outside_training(Known(modulus=own), trained, HELD) is None
                 ) == inside
+
                 for source in ("stated", "population"):
                     assert (
                         outside_training(
@@ -181,6 +184,7 @@ def test_a_frame_whose_whole_width_shows_the_wall_is_refused_where_its_width_was
             == (refused is not None)
         )
         assert (calibrated or refused or "") in said
+
     narrow = replace(STUDY, slice=replace(STUDY.slice, columns=60))
     assert least_wall_m(narrow.slice) == pytest.approx(
         60 / STUDY.slice.columns * least_wall_m(STUDY.slice)
@@ -193,6 +197,7 @@ def test_a_frame_is_refused_where_it_is_less_deep_than_the_curve_of_the_largest_
     radius_m = STUDY.eye.radius_m * STUDY.reader.size.bounds[1]
     lateral_m = np.linspace(-7e-3, 7e-3, 20_001)
     curve_m = radius_m - np.sqrt(radius_m**2 - lateral_m**2)
+
     for depth_m in (0.5e-3, 0.9e-3, 1.1e-3, 3.0e-3):
         refused = too_little_wall(
             lateral_m, np.where(curve_m <= depth_m, curve_m, np.nan), STUDY.slice
@@ -217,6 +222,7 @@ def test_a_wall_finder_has_no_ranges_and_no_limits_but_the_reader_s_scale() -> N
     assert reading_ranges(SHIPPED_WALL_FINDER) == ()
     with pytest.raises(ModelError, match="kind: found 'wall-finder'"):
         limit_notes(SHIPPED_WALL_FINDER, INFO)
+
     studies = [
         folder_study(read_folder(model))
         for model in (SHIPPED_READER, SHIPPED_WALL_FINDER)

@@ -99,6 +99,7 @@ def test_the_loop_withdraws_wherever_a_frame_cannot_be_judged(
             for fault in broken
         ),
     ]
+
     for answer, words in cases:
         assert (
             answer.usable,
@@ -107,6 +108,7 @@ def test_the_loop_withdraws_wherever_a_frame_cannot_be_judged(
             answer.force_n,
         ) == (False, 2, None, None)
         assert words in answer.reason
+
     assert np.isnan(cases[0][0].segmentation.outer_row).all()
     assert live(deep, force_reader(FIVE_MN)).usable  # its interval is narrow
     assert live(frame, force_reader(WIDE)).usable
@@ -148,6 +150,7 @@ RADIUS_M = STUDY.eye.radius_m
 def test_network_and_fit_read_a_warming_frame() -> None:
     model = force_reader()
     other = PixelScale(lateral_m=20e-6, depth_m=8e-6, refractive_index=1.38)
+
     for known in (KNOWN, NOTHING_KNOWN, replace(KNOWN, thickness_m=0.4e-3)):
         for shape, scale in (
             (SHAPE, SCALE),

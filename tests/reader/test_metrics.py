@@ -25,11 +25,13 @@ def test_metrics_equal_naive_counts(pairs: list[tuple[int, int]]) -> None:
     target = [t for t, _ in pairs]
     predicted = [p for _, p in pairs]
     confusion = metrics.confusion_matrix(target, predicted)
+
     for row in range(3):
         for column in range(3):
             assert confusion[row, column] == sum(
                 pair == (row, column) for pair in pairs
             )
+
     np.testing.assert_equal(
         metrics.accuracy(confusion).value,
         share(sum(t == p for t, p in pairs), len(pairs)),
@@ -86,6 +88,7 @@ def test_undefined_metrics_are_not_a_number_and_impossible_labels_are_refused() 
         for value in (metrics.accuracy(nothing).value, *values(metrics.recall(nothing)))
     )
     assert all(isnan(end) for end in metrics.accuracy(nothing).interval)
+
     for target, predicted in (([0], []), ([3], [0]), ([0], [-1])):
         with pytest.raises(ValueError):
             metrics.confusion_matrix(target, predicted)
@@ -123,6 +126,7 @@ def agreeing(
         )
         for force, label in pairs
     ]
+
     return metrics.coverage(trials).value
 
 
@@ -135,6 +139,7 @@ def test_honest_intervals_agree_with_nine_of_ten_labels_however_noisy_they_are()
         assert agreeing(read, true + noise, label_sd, 1.6449, 1.6449) == pytest.approx(
             0.9, abs=0.01
         )
+
     read, true, noise = rng.standard_normal((3, 5000)) * np.array([[0.0], [1.0], [0.5]])
     assert agreeing(read, true + noise, 0.5, 0.8, 0.8) < 0.75  # they claim too much
     errors = (

@@ -43,6 +43,7 @@ def test_slices_of_another_shape_type_or_value_are_refused(tiny_model) -> None:
         slices(1) // 255,
         slices(1) ^ 7,
     )
+
     for wrong in other:
         with pytest.raises(ModelError, match="slices"):
             reader.probabilities(wrong)
@@ -56,15 +57,19 @@ def test_a_changed_file_and_a_missing_one_are_named(tiny_model) -> None:
         path.write_bytes(
             content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
         )
+
         with pytest.raises(
             ModelError,
             match="model.json" if name == "model.json" else f"{name}: SHA-256",
         ):
             load_model(tiny_model.path)
+
         path.unlink()
         with pytest.raises(ModelError, match=name):
             load_model(tiny_model.path)
+
         path.write_bytes(content)
+
     with pytest.raises(ModelError, match="no such folder"):
         load_model(tiny_model.path / "nothing")
 
@@ -74,6 +79,7 @@ def test_another_study_than_the_networks_is_refused_even_where_the_hashes_agree(
 ) -> None:
     study = tiny_model.path / "study.toml"
     text = study.read_text()
+
     for stated, other, field in (
         ("bounds_mn = [5.0, 30.0]", "bounds_mn = [5.0, 50.0]", "study_sha256"),
         ("rows = 8\n", "rows = 9\n", "input"),
@@ -112,8 +118,10 @@ def test_a_network_that_cannot_be_used_is_refused(tiny_model) -> None:
     )
     onnx.save(model, path)
     rehash_model(tiny_model.path, "model.onnx")
+
     with pytest.raises(ModelError, match="not finite"):
         load_model(tiny_model.path).probabilities(slices(1))
+
     onnx.save(
         model,
         path,
@@ -122,8 +130,10 @@ def test_a_network_that_cannot_be_used_is_refused(tiny_model) -> None:
         size_threshold=0,
     )
     rehash_model(tiny_model.path, "model.onnx")
+
     with pytest.raises(ModelError, match="asks for data in other files"):
         load_model(tiny_model.path)
+
     path.write_bytes(b"not a network")
     rehash_model(tiny_model.path, "model.onnx")
     with pytest.raises(ModelError, match="ONNX Runtime"):
@@ -149,11 +159,13 @@ def test_only_the_training_of_a_model_limits_it(write_model, tmp_path: Path) -> 
         .refusal(stiff)
         .startswith("Young's modulus 5 MPa, the model was trained on")
     )
+
     for reader in (classifier, force_reader()):
         assert reader.limits(Known(), SCAN) == ()
         (limit,) = reader.limits(thick, SCAN)
         assert limit.startswith("wall thickness 3000 µm, the model was trained on")
         assert reader.limits(Known(globe=OPEN), SCAN) == ()
+
     (limit,) = classifier.limits(
         Known(globe=SEALED), SCAN
     )  # its linear mechanics knows no sealed eye

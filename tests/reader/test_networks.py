@@ -41,6 +41,7 @@ def test_the_classes_have_the_histogram_s_shares_below_their_bounds() -> None:
             np.testing.assert_allclose(
                 found.probabilities, np.diff([0.0, *below, 1.0]), atol=1e-12
             )
+
     single = networks.histogram_reading([1.0], [0.0, 1e-8], 1e6, (5e-3, 30e-3))
     np.testing.assert_allclose(
         single.probabilities, [0.5, 0.5, 0.0], atol=1e-12
@@ -57,6 +58,7 @@ def test_a_histogram_that_is_empty_or_not_finite_gives_a_reading_that_is_not_a_n
             )
             assert not isfinite(single.force_n)
             assert not all(map(isfinite, single.probabilities))
+
     single = networks.histogram_reading([0.0] * 20, EDGES_M2.tolist(), 0.3e6, BOUNDS_N)
     assert not any(
         map(isfinite, (single.force_n, *single.interval_n, single.probabilities[1]))
@@ -78,6 +80,7 @@ def given(**values: float) -> dict[str, float]:
     )
     inputs = networks.given_inputs(eyes, RANGES)
     assert inputs.dtype == np.float32
+
     return dict(zip(networks.GIVEN, inputs[0].tolist(), strict=True))
 
 
@@ -103,9 +106,12 @@ def test_the_ends_of_a_range_are_minus_one_and_one() -> None:
             "polar angle",
         ):
             assert abs(found[name] - wanted) < 1e-6, name
+
         assert all(found[f"{name} known"] == 1.0 for name in KNOWN)
+
     (low_e, high_e) = RANGES.youngs_modulus_pa.bounds
     (low_p, high_p) = RANGES.iop_pa.bounds
+
     for e, p, wanted in ((high_e, low_p, -1.0), (low_e, high_p, 1.0)):
         assert (
             abs(
@@ -155,11 +161,13 @@ def test_the_pole_s_place_is_given_along_the_section_and_across_it() -> None:
         )  # the library's farthest
         assert found["pole along"] == pytest.approx(along / farthest, abs=1e-6)
         assert found["pole across"] == pytest.approx(across / farthest, abs=1e-6)
+
     middle = 0.5 * sum(RANGES.polar_angle_rad.bounds)
     alone = given(direction_rad=0.8)
     both = given(polar_rad=middle, direction_rad=0.8)
     for name in ("pole along", "pole across", "polar angle"):
         assert alone[name] == pytest.approx(both[name], abs=1e-6)
+
     assert (alone["polar angle known"], both["polar angle known"]) == (0.0, 1.0)
     turned = given(polar_rad=middle)
     assert (turned["pole along"], turned["pole across"]) == (0.0, 0.0)
@@ -201,6 +209,7 @@ def own(modulus_pa: float = 0.3e6, sd_pa: float = 5e3) -> Known:
 def test_force_and_interval_scale_with_the_given_modulus(folder: Path) -> None:
     reader = load_model(folder)
     edges = networks.ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
+
     for modulus_pa in (0.2e6, 0.5e6):
         read = reader.network.read(CUTS, own(modulus_pa))
         # A quarter lies below edge 3, half in bin 3, a quarter above edge 4.
@@ -216,6 +225,7 @@ def test_force_and_interval_scale_with_the_given_modulus(folder: Path) -> None:
         )
         assert read.contact_m == pytest.approx(0.4e-3)
         assert sum(read.probabilities) == pytest.approx(1.0)
+
     middle = own(0.5 * sum(reader.study.reader.youngs_modulus_pa.bounds), 1e3)
     assert (
         reader.network.read(CUTS, Known()).force_n
@@ -293,21 +303,26 @@ def test_a_folder_whose_parts_do_not_fit_is_refused(folder: Path) -> None:
     assert (reader.default, reader.kind) == ("fit", "reader")
     with pytest.raises(ModelError, match="found 'reader', a classifier is needed here"):
         load_classifier(folder)
+
     record = (folder / "model.json").read_text()
     study = (folder / "study.toml").read_text()
     (folder / "model.json").write_text(
         json.dumps({**json.loads(record), "default": "guess"})
     )
+
     with pytest.raises(ModelError, match="default: found 'guess'"):
         load_model(folder)
+
     (folder / "model.json").write_text(record)
     rewrite(
         folder,
         "study.toml",
         study.replace(f"bins = {len(SHARES)}\n", "bins = 16\n").encode(),
     )
+
     with pytest.raises(ModelError, match="outputs: found"):
         load_model(folder)
+
     rewrite(folder, "study.toml", study.encode())
     rewrite(folder, "library.npz", b"nothing")
     with pytest.raises(ModelError, match=r"library\.npz: not a response library"):

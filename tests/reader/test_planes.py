@@ -72,6 +72,7 @@ def test_a_shaft_in_both_planes_tells_the_lean_unless_its_lines_may_be_a_bevels(
     shaft = replace(both, angle_rad=np.radians(8.0), lean_rad=np.radians(6.0))
     tip_m = tip_of(0.008)
     frames = []
+
     for number, plane in enumerate(CROSS):
         section = cut_wall(plane, tip_m, (0.0, 0.0, 0.4e-3))
         along = np.eye(2)[number]
@@ -85,6 +86,7 @@ def test_a_shaft_in_both_planes_tells_the_lean_unless_its_lines_may_be_a_bevels(
                 section, STUDY.oct, sample_optics(CLEAN, STUDY.oct, rng), rng, drawn
             ).frame
         )
+
     answer = sf.read(
         model,
         frames,
@@ -94,6 +96,7 @@ def test_a_shaft_in_both_planes_tells_the_lean_unless_its_lines_may_be_a_bevels(
         planes=CROSS,
     )
     assert answer.usable
+
     if is_known:
         assert answer.places.lean_rad.value == pytest.approx(
             shaft.from_normal[0], abs=np.radians(2.0)
@@ -110,6 +113,7 @@ def test_an_evaluation_repeats_the_answer_for_each_plane_and_counts_it_once(
     assert [(one["plane"], one["time_s"]) for one in entries] == [
         (p.name, t) for t in (8.0, 16.0) for p in CROSS
     ]
+
     for first, second in (entries[:2], entries[2:]):
         for key in (
             "predicted_force_mn",
@@ -119,9 +123,11 @@ def test_an_evaluation_repeats_the_answer_for_each_plane_and_counts_it_once(
             "usable",
         ):
             assert first[key] == second[key], key
+
         assert first["contact_xyz_mm"][:2] == pytest.approx(
             [first["contact_mm"], second["contact_mm"]]
         )
+
     assert [frame.repeats for frame in evaluation.frames] == [False, True, False, True]
 
 
@@ -171,6 +177,7 @@ def test_inputs_that_do_not_fit_are_refused(model, recording, tiny_model) -> Non
     ):
         with pytest.raises(InputError, match=words):
             sf.read(model, **given)
+
     with pytest.raises(ModelError, match="a classifier reads single planes"):
         sf.read(load_model(tiny_model.path), frames[:2])
 
@@ -192,6 +199,7 @@ def test_the_command_reads_the_frames_of_a_moment_together(
     ]
     given = json.loads(said(capsys, "read", model.path, *placed, "--json"))["frames"]
     assert [one["file"] for one in given] == frames
+
     for first, second in zip(stated, given, strict=True):
         assert second["predicted_force_mn"] == pytest.approx(
             first["predicted_force_mn"], abs=1e-6

@@ -78,8 +78,10 @@ def test_the_known_values_of_the_eye_change_the_reading(folder, frame) -> None:
         mean_pa=2.0 * KNOWN.modulus.mean_pa, sd_pa=KNOWN.modulus.sd_pa, source="own"
     )
     stiffer = replace(KNOWN, discrepancy=replace(NO_DISCREPANCY, level=0.1))
+
     for other in (replace(KNOWN, modulus=twice), stiffer):
         assert network(folder).read(reduced, other).force_n != first.force_n
+
     wider = network(folder, IntervalFactors(network={"own E": {"open": 1.5}})).read(
         reduced, KNOWN
     )
@@ -98,6 +100,7 @@ def test_frames_without_a_wall_and_eyes_outside_the_training_are_refused(
     gap = (
         "gap between B-scan and needle axis 1.5 mm, the model was trained on 0 to 1 mm"
     )
+
     for known, words in (
         (
             replace(KNOWN, thickness_m=1.2e-3),
@@ -111,6 +114,7 @@ def test_frames_without_a_wall_and_eyes_outside_the_training_are_refused(
         assert answer.reason == reader.refusal(known) or "thick" in (
             answer.reason or ""
         )
+
     assert reader.refusal(replace(KNOWN, gap_m=0.1e-3)) is None
     given, *_ = network(folder)._inputs(replace(KNOWN, gap_m=0.0), 1)
     assert given[0, GIVEN.index("gap")] == -1.0  # below the slice readers'
@@ -169,6 +173,7 @@ def test_commands_read_with_it_and_the_monitor_refuses_it(
     cv2.imwrite(str(eye / "frames" / "0001.png"), frame)
     (eye / "recording.toml").write_text(recording_toml("eye-a"))
     (eye / "frames.csv").write_text("file,time_s\n0001.png,1.0\n")
+
     for words in (
         ("classify", eye / "frames" / "0001.png", "--youngs-modulus-mpa", 0.3),
         ("evaluate", eye),
@@ -180,6 +185,7 @@ def test_commands_read_with_it_and_the_monitor_refuses_it(
         assert read["usable"]
         assert isfinite(read["predicted_force_mn"])
         assert len(read["interval_mn"]) == 2
+
     assert run(["show", str(folder)]) == 0
     assert "raw-reader" in capsys.readouterr().out
     assert run(["monitor", str(folder), "--port", "0", "--black-box", str(box)]) == 2

@@ -67,6 +67,7 @@ def test_a_real_scan_without_a_needle_is_never_read_as_a_force(
     pixels = read_scaled_frame(path, assumed, (Scanner(), "")).pixels
     rows, columns = pixels.shape
     wide_m = WIDTH_M / columns
+
     for lateral_m, depth_m in (
         (PIXEL_M, PIXEL_M),
         (wide_m, DEPTH_M / rows),

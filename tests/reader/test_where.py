@@ -43,6 +43,7 @@ def seen(
     prior: Prior = prior_of(known, RANGES)
     fit = fit_boundaries(LIBRARY, LATERAL_M, depth_bc, prior)
     assert fit is not None
+
     return places_of(fit, prior, LIBRARY, known, needle)
 
 
@@ -91,6 +92,7 @@ def test_intervals_hold_the_truth() -> None:
         truth = drawn(np.random.default_rng(seed))
         known = replace(known_eye(truth), gap_m=None)
         found = seen(truth, known, 5e-6, seed=seed)
+
         for name, which in (
             ("contact_m", at.LATERAL),
             ("dent_m", at.TIP),
@@ -100,6 +102,7 @@ def test_intervals_hold_the_truth() -> None:
             if place is not None:
                 assert 0.0 < place.high - place.low < 0.8e-3
                 inside[name].append(place.low <= truth[which] <= place.high)
+
     counts = {name: (len(of), np.mean(of)) for name, of in inside.items()}
     assert all(count >= 12 and share >= 0.9 for count, share in counts.values()), counts
 

@@ -70,6 +70,7 @@ def test_frames_and_forces_come_back_by_their_capture_stamps(tmp_path: Path) -> 
         late = r"/oct/image: messages arrived 80.0 ms \(median; 80.0 to 80.0\) after their stamp"
         assert re.search(rf"{late}.*/ft/wrench: messages arrived 1.0 ms", notes)
         assert "clock" not in notes
+
     for kind, ending in [
         ("sqlite", "db3"),
         ("mcap", "mcap"),
@@ -101,6 +102,7 @@ def test_of_several_topics_one_is_chosen_by_name(tmp_path: Path) -> None:
         UnansweredError, match=r"which topic\? There are /a, /b; give --image-topic"
     ):
         read_bag(path)
+
     assert read_bag(path, image_topic="/b")[0].times.source == "header.stamp of /b"
     with pytest.raises(
         InputError,
@@ -115,11 +117,13 @@ def test_empty_stamps_are_asked_about_unless_the_clock_begins_at_zero(
     path = write_bag(tmp_path / "a", "sqlite", stamped=False)
     with pytest.raises(UnansweredError, match=r"header\.stamp is 0.*give --by-arrival"):
         read_bag(path)
+
     scan, _ = read_bag(path, by_arrival=True)
     np.testing.assert_allclose(
         scan.times.time_s - START_NS / 1e9, np.array(FRAME_TIMES_S) + LATE_S, atol=1e-6
     )
     assert scan.times.source == "arrival of /oct/image"
+
     for empty in [(0,), (2,), (1, 3)]:
         stamps_ns = [START_NS + nth * 10**8 for nth in range(5)]
         images = [
@@ -131,18 +135,22 @@ def test_empty_stamps_are_asked_about_unless_the_clock_begins_at_zero(
             "mcap",
             [(0, at, each, IMAGE) for at, each in zip(stamps_ns, images, strict=True)],
         )
+
         with pytest.raises(
             UnansweredError,
             match=rf"/t: {len(empty)} of 5 messages are without .*--by-arrival",
         ):
             read_bag(path)
+
         np.testing.assert_array_equal(
             pictures_of(read_bag(path, by_arrival=True)[0]), FRAMES
         )
+
     images = [HERE.image(nth * 10**8, FRAMES[nth]) for nth in range(3)]
     np.testing.assert_allclose(
         read_bag(bag_of(tmp_path, images))[0].times.time_s, [0.0, 0.1, 0.2]
     )
+
     with pytest.raises(UnansweredError, match="--by-arrival"):
         read_bag(bag_of(tmp_path, images[:1]))
 
@@ -167,12 +175,14 @@ def test_encodings_become_grey(tmp_path: Path) -> None:
         "16SC1": grey.astype(np.int16) - 9,
         "32FC1": grey / np.float32(7.0),
     }
+
     for (encoding, pixels), big in product(given.items(), (False, True)):
         expected = pixels
         if pixels.ndim == 3:
             expected = cv2.cvtColor(
                 pixels, getattr(cv2, f"COLOR_{encoding[:-1].upper()}2GRAY")
             )
+
         message = HERE.image(START_NS, pixels, encoding, big=big)
         scan, _ = read_bag(bag_of(tmp_path, [message]))
         np.testing.assert_array_equal(pictures_of(scan)[0], expected)
@@ -190,6 +200,7 @@ def test_compressed_images_are_decoded_and_keep_their_depth(tmp_path: Path) -> N
             kind(header=HERE.header(START_NS + nth), **fields)
             for nth, fields in enumerate(packed)
         ]
+
         return bag_of(tmp_path, messages, COMPRESSED)
 
     grey = np.linspace(0, 255, ROWS * COLUMNS).reshape(ROWS, COLUMNS).astype(np.uint8)
@@ -197,6 +208,7 @@ def test_compressed_images_are_decoded_and_keep_their_depth(tmp_path: Path) -> N
         np.testing.assert_allclose(
             pictures_of(read_bag(sent(grey, ending=ending))[0])[0], grey, atol=atol
         )
+
     scan, _ = read_bag(sent(FRAMES[0], FRAMES[1], grey))
     with pytest.raises(
         FrameError,
@@ -208,6 +220,7 @@ def test_compressed_images_are_decoded_and_keep_their_depth(tmp_path: Path) -> N
 def test_images_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
     text = "std_msgs/msg/String"
     image = HERE.image(START_NS, FRAMES[0])
+
     for sent, kind, found in [
         (
             replace(image, encoding="bayer_rggb8"),
@@ -235,6 +248,7 @@ def write_topic(
     """Write a bag of one topic from (publisher, arrival in ns, message, type)."""
     path = Path(mkdtemp(dir=folder)) / "a"
     kinds = {publisher: name for publisher, _, _, name in sent}
+
     if kind == "ros1":
         with Writer1(path) as writer:
             own = {who: {"typestore": ROS1, "callerid": f"/p{who}"} for who in kinds}
@@ -242,15 +256,19 @@ def write_topic(
                 who: writer.add_connection("/t", name, **own[who])
                 for who, name in kinds.items()
             }
+
             for who, arrived_ns, message, name in sent:
                 writer.write(
                     channels[who], arrived_ns, ROS1.serialize_ros1(message, name)
                 )
+
         return path.rename(path.with_suffix(".bag"))
+
     with path.open("wb") as file:
         writer = McapWriter(file)
         channels = {}
         writer.start(profile="ros2")
+
         for who, name in kinds.items():
             text = (
                 definitions[who]
@@ -261,6 +279,7 @@ def write_topic(
             channels[who] = writer.register_channel(
                 "/t", "cdr", schema, {"publisher": str(who)}
             )
+
         for who, arrived_ns, message, name in sent:
             writer.add_message(
                 channels[who],
@@ -268,7 +287,9 @@ def write_topic(
                 bytes(ROS2.serialize_cdr(message, name)),
                 arrived_ns,
             )
+
         writer.finish()
+
     return path.rename(path.with_suffix(".mcap"))
 
 
@@ -339,19 +360,23 @@ def test_a_topic_of_two_clocks_coordinate_frames_types_or_definitions_is_refused
                 match=r"/t: its publishers are not on one clock: .* 1 ms .* and ",
             ):
                 read_bag(write_topic(tmp_path, kind, sent))
+
         sent = [
             (nth == 3, at, maker.wrench(at, [nth] * 6), WRENCH)
             for nth, at in enumerate(stamps_ns)
         ]
         sent[3][2].header.frame_id = "tool0"
+
         with pytest.raises(
             InputError,
             match=r"/t: header\.frame_id is 'oct' in message 0 and 'tool0' in message 3",
         ):
             read_bag(write_topic(tmp_path, kind, sent))
+
         vector = maker.types["geometry_msgs/msg/Vector3"](1.0, 2.0, 3.0)
         name = "geometry_msgs/msg/Vector3Stamped"
         other = maker.types[name](header=maker.header(START_NS + 5), vector=vector)
+
         with pytest.raises(
             InputError,
             match=r"/t: messages of two types, .*WrenchStamped and .*Vector3Stamped",
@@ -359,11 +384,13 @@ def test_a_topic_of_two_clocks_coordinate_frames_types_or_definitions_is_refused
             read_bag(
                 write_topic(tmp_path, kind, [sent[0], (1, START_NS + 5, other, name)])
             )
+
     text = ROS2.generate_msgdef(WRENCH, ros_version=2)[0]
     sent = [
         (nth, START_NS + nth, HERE.wrench(START_NS + nth, [nth] * 6), WRENCH)
         for nth in range(2)
     ]
+
     with pytest.raises(InputError, match=rf"/t: two definitions of {WRENCH}"):
         read_bag(
             write_topic(
@@ -373,6 +400,7 @@ def test_a_topic_of_two_clocks_coordinate_frames_types_or_definitions_is_refused
                 [text, text.replace("Vector3 torque", "Vector3 moment")],
             )
         )
+
     assert (
         len(
             read_bag(write_topic(tmp_path, "mcap", sent, [text, f"# 2\n{text}"]))[
@@ -397,6 +425,7 @@ def test_a_clock_that_is_set_back_is_refused_with_both_stamps(tmp_path: Path) ->
         found = (
             r"/t: its stamps do not run forward: message 59 is of .* message 60 is of "
         )
+
         with pytest.raises(RecordingError, match=found):
             read_bag(write_topic(tmp_path, "mcap", sent))
 
@@ -420,6 +449,7 @@ def test_messages_of_one_stamp_are_left_out_if_they_are_equal_and_else_refused(
     assert any(
         "1 messages repeat another's stamp and content" in note for note in scan.notes
     )
+
     with pytest.raises(
         RecordingError,
         match=r"/t: its stamps .* messages 2 and 3 differ and have one stamp",
@@ -430,6 +460,7 @@ def test_messages_of_one_stamp_are_left_out_if_they_are_equal_and_else_refused(
 def test_images_that_change_within_a_topic_are_refused(tmp_path: Path) -> None:
     at = START_NS + 3
     grey = (FRAMES[3] % 256).astype(np.uint8)
+
     for field, other in {
         "encoding": HERE.image(at, grey, "mono8", padding=46),
         "is_bigendian": HERE.image(at, FRAMES[3], big=True),
@@ -439,6 +470,7 @@ def test_images_that_change_within_a_topic_are_refused(tmp_path: Path) -> None:
     }.items():
         images = [HERE.image(START_NS + nth, FRAMES[nth]) for nth in range(3)] + [other]
         first, last = (getattr(image, field) for image in (images[0], images[3]))
+
         with pytest.raises(
             FrameError,
             match=rf"/t: {field} is {first!r} in message 0 and {last!r} in message 3",

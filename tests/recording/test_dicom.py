@@ -71,6 +71,7 @@ def test_palettes_and_colours_become_grey(tmp_path: Path) -> None:
     )
     np.testing.assert_array_equal(pixels // 257, 255 - BYTES)
     colour = np.dstack([BYTES, BYTES // 2, 255 - BYTES])
+
     for planar in (0, 1):
         stored = np.moveaxis(colour, -1, 0) if planar else colour
         tags = COLOUR | {"PlanarConfiguration": planar}
@@ -114,10 +115,12 @@ def test_bits_are_taken_where_high_bit_says(tmp_path: Path) -> None:
         if compressed:
             dataset.compress("1.2.840.10008.1.2.5")
             dataset.save_as(tmp_path / "a.dcm")
+
         pixels, scan = read_image(tmp_path / "a.dcm")
         np.testing.assert_array_equal(pixels, RAMP)
         assert any("HighBit" in note for note in scan.notes) is (high != 11)
         assert scan.bits == 12
+
     for pixels in (RAMP, SIGNED):
         written = write_dicom(tmp_path / "a.dcm", pixels, BitsStored=12, HighBit=15)
         dataset = Dataset()
@@ -152,18 +155,21 @@ def test_bright_tissue_stays_bright(tmp_path: Path) -> None:
         dark_is_large = (slope < 0.0) != bool(display)
         dark = 4095 - RAMP if dark_is_large else RAMP
         tags = {"RescaleSlope": slope, "RescaleIntercept": 4095.0} | TWELVE
+
         if display:
             tags[
                 "PhotometricInterpretation"
                 if display == "MONOCHROME1"
                 else "PresentationLUTShape"
             ] = display
+
         pixels, notes = frame_of(
             tmp_path, dark.astype(np.int16) - 2048 if signed else dark, **tags
         )
         np.testing.assert_array_equal(pixels, RAMP)
         assert ("were exchanged" in notes) is dark_is_large
         assert ("cancel" in notes) is (slope < 0.0 and bool(display))
+
     shared = item(
         PixelValueTransformationSequence=item(RescaleSlope=-1.0, RescaleIntercept=0.0)
     )
@@ -252,9 +258,11 @@ def test_what_is_not_read_is_refused_by_its_field(tmp_path: Path) -> None:
     ]:
         with pytest.raises(FrameError, match=rf"a\.dcm: .*{found}"):
             pictures_of(scan_of(tmp_path, pixels, **tags))
+
     dataset = write_dicom(tmp_path / "a.dcm", FRAMES)
     del dataset.Rows, dataset.BitsStored
     dataset.save_as(tmp_path / "a.dcm")
+
     with pytest.raises(
         FrameError,
         match=r"a\.dcm: a DICOM file without Rows, BitsStored; export it anew",
@@ -276,6 +284,7 @@ def test_padding_is_as_dark_as_the_darkest_pixel(tmp_path: Path) -> None:
         np.testing.assert_array_equal(pixels[5:], RAMP[5:] - RAMP[5, 0])
         assert (pixels[:5] == 0).all()
         assert "PixelPaddingValue -3000" in notes
+
     padded = RAMP + 100
     padded[:5] = 0
     np.testing.assert_array_equal(
@@ -319,6 +328,7 @@ def test_two_scales_in_one_file_are_named_and_give_none_and_one_that_is_stated_t
         assert {"0.004 x 0.0125 mm" in scan.scale_fault, found in scan.scale_fault} == {
             True
         }
+
     for tags, size in [
         (
             one
@@ -342,13 +352,16 @@ def test_compressed_images_of_another_type_than_the_header_are_refused_by_field(
         j2k = {"format": "JPEG2000", "irreversible": False, "no_jp2": True}
         options = j2k if held is not streams[3] else {"format": "JPEG", "quality": 100}
         pytest.importorskip("PIL.Image").fromarray(pixels).save(held, **options)
+
     large = cv2.imencode(".jpg", np.zeros((400, 600), np.uint8))[1].tobytes()
     stream, bright, dim, small = (held.getvalue() for held in streams)
+
     for tags in ({}, TWELVE):
         np.testing.assert_array_equal(
             frame_of(tmp_path, RAMP, **packed(uid.JPEG2000Lossless, stream), **tags)[0],
             RAMP,
         )
+
     extended = {"TransferSyntaxUID": uid.JPEGExtended12Bit}
     pixels, _ = frame_of(tmp_path, BYTES, **packed(uid.JPEGExtended12Bit, small))
     assert np.abs(pixels.astype(int) - BYTES).max() <= 2
@@ -360,6 +373,7 @@ def test_compressed_images_of_another_type_than_the_header_are_refused_by_field(
         + bytes([12])
         + small[at + 5 :]
     )
+
     for sent, pixels, tags, found in [
         (
             [stream],
@@ -395,6 +409,7 @@ def test_lossless_jpegs_of_all_kinds_are_read(tmp_path: Path) -> None:
         "80": gdcm.TransferSyntax.JPEGLSLossless,
         "90": gdcm.TransferSyntax.JPEG2000Lossless,
     }
+
     for syntax, stored, least in product(types, (13, 16), (0, -2400)):
         frames = (
             FRAMES if least == 0 else FRAMES[1:2].astype(np.int16) + least
@@ -463,6 +478,7 @@ def test_ophthalmic_tomography_has_upright_frames_scale_and_the_time_of_each_in_
     )  # it writes A-scans along the rows
     np.testing.assert_array_equal(pictures_of(turned), FRAMES)
     assert sizes_of(turned) == sizes_of(scan)
+
     for stated, zone, shift_s in [
         ("", "", 0),
         ("", "+0100", -3600),
@@ -494,6 +510,7 @@ def test_steps_of_time_are_added_up_and_contradictions_named(tmp_path: Path) -> 
         np.testing.assert_allclose(
             scan_of(tmp_path, FRAMES, **tags).times.time_s, time_s
         )
+
     for tags, found in [
         (
             {"FrameTimeVector": [0.0, 10.0, 10.0]},
@@ -518,5 +535,6 @@ def test_frames_packed_as_rle_are_read_and_longer_ones_are_not(tmp_path: Path) -
     first, _, *others = generate_frames(dataset.PixelData, number_of_frames=COUNT)
     dataset.PixelData = encapsulate([first, LONG_RLE, *others])
     dataset.save_as(tmp_path / "a.dcm")
+
     with pytest.raises(FrameError, match="damaged: more is packed in it"):
         read_dicom(tmp_path / "a.dcm")

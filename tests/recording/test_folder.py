@@ -50,12 +50,14 @@ def folder(tmp_path):
     (tmp_path / "frames").mkdir()
     for name in ("a.png", "b.png"):
         cv2.imwrite(str(tmp_path / "frames" / name), np.full((16, 32), 7, np.uint16))
+
     (tmp_path / "recording.toml").write_text(INFO)
     (tmp_path / "frames.csv").write_text("file,time_s\na.png,0.2\nb.png,0.8\n")
     lines = [f"{k / 100:.2f},0,0.001,{-k / 1000},0,0,0.0001" for k in range(100)]
     (tmp_path / "forces.csv").write_text(
         "\n".join([",".join(FORCE_COLUMNS), *lines]) + "\n"
     )
+
     return tmp_path
 
 
@@ -334,6 +336,7 @@ def test_frames_of_several_planes_are_one_moment(folder):
     )
     assert [entry.pierced for entry in read_recording(folder).frames] == [True, True]
     (folder / "frames.csv").write_text(TOGETHER)
+
     for file, old, new, message in [
         (
             "recording.toml",
@@ -412,6 +415,7 @@ def test_frames_of_several_planes_are_one_moment(folder):
         ),
     ]:
         refuses(folder, file, old, new, message)
+
     (folder / "recording.toml").write_text(INFO)
     with pytest.raises(
         RecordingError, match=r"plane: 'a' of a.png is unknown; recording.toml has no"
@@ -443,6 +447,7 @@ def test_gaps_and_a_low_rate_of_a_log_are_noted(folder):
 def test_files_that_are_missing_lead_out_or_are_of_another_size_are_named(folder):
     with pytest.raises(RecordingError, match="nowhere: no such folder"):
         read_recording(folder / "nowhere")
+
     recording = read_recording(folder)
     for pixels, message in [
         (
@@ -455,18 +460,22 @@ def test_files_that_are_missing_lead_out_or_are_of_another_size_are_named(folder
         cv2.imwrite(str(folder / "frames" / "b.png"), pixels)
         with pytest.raises(FrameError, match=rf"b\.png: {message}"):
             recording.frame(recording.frames[1])
+
     shutil.move(folder / "frames" / "b.png", folder / "b.png")
     (folder / "frames" / "b.png").symlink_to(folder / "b.png")
     with pytest.raises(RecordingError, match=r"b.png leads out of"):
         read_recording(folder)
+
     (folder / "frames" / "b.png").unlink()
     shutil.move(folder / "b.png", folder / "frames" / "b.png")
     (folder / "forces.csv").unlink()
     (folder / "forces.csv").symlink_to(
         folder / "nowhere.csv"
     )  # not taken for a recording without a log
+
     with pytest.raises(RecordingError, match=r"forces.csv: No such file"):
         read_recording(folder)
+
     (folder / "frames.csv").unlink()
     with pytest.raises(RecordingError, match=r"frames.csv: No such file"):
         read_recording(folder)
@@ -629,4 +638,5 @@ def test_a_log_that_cannot_be_read_is_refused_with_its_line(tmp_path: Path) -> N
         (tmp_path / "forces.csv").write_text(text, encoding="utf-8")
         with pytest.raises(RecordingError, match=message) as caught:
             read_force_log(tmp_path / "forces.csv", "fz")
+
         assert "\n" not in str(caught.value)

@@ -96,6 +96,7 @@ def test_settings_above_the_header_are_read_whole(tmp_path: Path) -> None:
     for count in ("1000,0", "1e3", "1000,,,", "1.0E+03", "1000 counts"):
         log, _ = log_of(tmp_path, ATI.replace("Force: 1000.0", f"Force: {count}"))
         assert log.wrench_sc[0, 2] == pytest.approx(-0.04)
+
     for count in [
         "1,000",
         "1,000,000",
@@ -111,6 +112,7 @@ def test_settings_above_the_header_are_read_whole(tmp_path: Path) -> None:
         ]:
             with pytest.raises(RecordingError, match=f"{field}: .* is not a number"):
                 log_of(tmp_path, ATI.replace(old, f"{old.partition(':')[0]}: {count}"))
+
     with pytest.raises(UnansweredError):
         log_of(tmp_path, ATI.replace("Force: 1000.0", "Force: 0"))
 
@@ -122,6 +124,7 @@ def test_numbers_other_than_counts_under_a_header_with_counts_are_asked_about(
     found = r"log\.csv:10: Fz: -41\.5 is not a count, .* fz=Fz:1000/mN or fz=Fz:mN"
     with pytest.raises(UnansweredError, match=found):
         log_of(tmp_path, text)
+
     others = [
         f"{name.lower()}={name}:{unit}"
         for name, unit in (
@@ -150,6 +153,7 @@ def test_what_a_log_leaves_open_is_asked_and_the_answer_is_used(tmp_path: Path) 
         "Counts per N: 1e6",
     ]
     two = r"'Fz\(N\)' is in N by its name: fz=Fz\(N\):N or fz=Fz\(N\):(mN|1000/N)\?"
+
     for above, header, question, answer, first_n in [
         *(
             (
@@ -203,11 +207,14 @@ def test_what_a_log_leaves_open_is_asked_and_the_answer_is_used(tmp_path: Path) 
             else rows
         )
         text = above + semicolons(header, *wide)
+
         with pytest.raises(UnansweredError, match=question):
             log_of(tmp_path, text)
+
         assert log_of(tmp_path, text, *answer.split())[0].force_n("fz")[
             0
         ] == pytest.approx(first_n)
+
     with pytest.raises(InputError, match="no column 'C'; there are 'time_s', 'Fz'"):
         log_of(tmp_path, semicolons("time_s Fz", *rows), "fz=C:N")
 
@@ -250,6 +257,7 @@ def test_a_column_that_flags_every_sample_is_refused_unless_it_is_not_the_status
         match=r"log\.csv:2: status: '7', .*every sample .* --column status=status:any",
     ):
         log_of(tmp_path, text)
+
     measured = "time_s,error,fz_n\n0.00,0.25,1\n0.01,0,2\n"
     for given, columns, note in [
         (text, ["status=status:any"], "^$"),
@@ -275,6 +283,7 @@ def test_missing_and_implausible_forces_are_gaps_and_the_first_line_is_named(
     burst_n[400:500] = 213.0
     quiet_n[800:900] += 0.06  # a push
     quiet_n[950] += 2.0  # a knock
+
     for text, gaps, note in [
         (
             even_log(*burst_n),
@@ -298,6 +307,7 @@ def test_missing_and_implausible_forces_are_gaps_and_the_first_line_is_named(
             gaps
         )
         assert re.search(note, " ".join(log.notes))
+
     burst_n[300:700] = 213.0  # more than a third
     with pytest.raises(
         RecordingError,
@@ -339,6 +349,7 @@ def test_a_labview_measurement_file_is_read_by_its_header(tmp_path: Path) -> Non
             "time=X_Value:s",
             "fz=Fz:Newtons",
         ]
+
     ambiguous = LVM.replace("0,00", "1,00").replace(
         "2,5", "2"
     )  # its mark decides between two readings
@@ -404,6 +415,7 @@ def test_logs_of_many_forms_are_read(tmp_path: Path) -> None:
     newtons = [-1.5e-3, -2.5e-3]
     step_s = [0.0, 0.01]
     iso = "2026-01-02T03:04:05.2"
+
     for text, columns, time_s, force_n in [
         *(
             (
@@ -495,6 +507,7 @@ def test_logs_of_many_forms_are_read(tmp_path: Path) -> None:
         np.testing.assert_allclose(log.time_s - log.time_s[0], time_s, atol=1e-6)
         np.testing.assert_allclose(log.force_n("fz"), force_n)
         assert {parse_column(column) for column in columns} <= set(read)
+
     assert log.time_s[0] == pytest.approx(
         1786000000.25, abs=1e-6
     )  # the capture, not the arrival
@@ -539,6 +552,7 @@ def test_the_order_of_day_and_month_is_asked_unless_a_value_above_12_decides(
         match=r"Time: '5/6/2026 10:15:30.250': is the day or the month first",
     ):
         log_of(tmp_path, text)
+
     may_s, june_s = (
         log_of(tmp_path, text, f"time=Time:{order}")[0].time_s[0]
         for order in ("mdy", "dmy")
@@ -553,6 +567,7 @@ def test_the_order_of_day_and_month_is_asked_unless_a_value_above_12_decides(
 def test_a_fault_is_named_with_its_line(tmp_path: Path) -> None:
     wide = ",".join(["time_s", "fz_n", *(f"c{k}" for k in range(45))])
     row = ",1" + ",0" * 47
+
     for text, message in [
         (
             "  time_s   fz_n\n  0.0   -1\n  0.1   high\n",
@@ -580,6 +595,7 @@ def test_a_fault_is_named_with_its_line(tmp_path: Path) -> None:
     ]:
         with pytest.raises(RecordingError, match=message):
             log_of(tmp_path, text)
+
     with pytest.raises(
         RecordingError, match=r"log\.csv:2: when: 'yesterday' is not a time"
     ):
@@ -610,6 +626,7 @@ def test_a_header_that_names_units_answers_for_itself() -> None:
         assert {
             column.ours: column.unit for column in columns_by_header(names, {})
         } == found
+
     assert (
         columns_by_header(["host_time_s", "time_s", "Fz [N]"], {})[0].name
         == "host_time_s"
@@ -642,8 +659,10 @@ def test_a_column_is_stated_by_name_and_unit_of_its_size_or_refused() -> None:
         ("time=seq:500Hz", 0.002),
     ]:
         assert parse_column(text).factor == pytest.approx(factor, rel=1e-12)
+
     column = parse_column("fz=a=b:c:N")
     assert column == LogColumn("fz_n", "a=b:c", "N") == parse_column(column.answer())
+
     for text in [
         "fz=F",
         "fz:N",

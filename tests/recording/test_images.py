@@ -41,6 +41,7 @@ def test_colour_becomes_grey_alike_in_all_formats(tmp_path: Path) -> None:
     tifffile.imwrite(
         tmp_path / "a.tif", np.ascontiguousarray(colour[..., ::-1]), photometric="rgb"
     )
+
     for name in ("a.png", "a.jpg", "a.tif"):
         pixels = read_frame(tmp_path / name)
         assert (
@@ -49,6 +50,7 @@ def test_colour_becomes_grey_alike_in_all_formats(tmp_path: Path) -> None:
             ).max()
             <= 1
         )
+
     picture = pytest.importorskip("PIL.Image").frombytes("P", (60, 40), BYTES.tobytes())
     picture.putpalette([255 - level for level in range(256) for _ in range(3)])
     picture.save(tmp_path / "a.png")
@@ -74,6 +76,7 @@ def with_exif(picture: np.ndarray, ending: str, orientation: int, order: str) ->
     )[1].tobytes()
     kind = {"<": b"II*\0\x08\0\0\0", ">": b"MM\0*\0\0\0\x08"}[order]
     held = kind + struct.pack(f"{order}HHHIHHI", 1, 274, 3, 1, orientation, 0, 0)
+
     if ending == ".jpg":
         body = b"Exif\0\0" + held
         return (
@@ -83,12 +86,14 @@ def with_exif(picture: np.ndarray, ending: str, orientation: int, order: str) ->
             + body
             + data[2:]
         )
+
     return data[:33] + png_chunk(b"eXIf" + held) + data[33:]
 
 
 def test_pictures_are_shown_as_their_exif_says(tmp_path: Path) -> None:
     shown = np.add.outer(np.arange(48) * 2, np.arange(64)).astype(np.uint8)
     path = tmp_path / "a"
+
     for ending, order, (orientation, stored) in product(
         (".png", ".jpg"), "<>", STORED.items()
     ):
@@ -162,6 +167,7 @@ def test_what_is_not_a_frame_is_named(tmp_path: Path) -> None:
         write(path)
         with pytest.raises(FrameError, match=message) as caught:
             read_frame(path)
+
         assert str(caught.value).startswith(f"{path}: ")
 
 
@@ -181,6 +187,7 @@ def test_a_truncated_file_and_a_flipped_bit_of_a_png_are_errors(tmp_path: Path) 
         png[:at] + bytes([png[at] ^ 16]) + png[at + 1 :]
         for at in range(8, len(png) - 4, 7)
     ]
+
     for data in (*cut, *flipped):
         (tmp_path / "bad").write_bytes(data)
         with pytest.raises(FrameError, match="bad: "):
@@ -203,11 +210,13 @@ def test_the_only_array_of_frames_is_found_and_others_are_asked_for(
         pictures_of(read_numpy(tmp_path / "a.npz", AXES, None)), FRAMES
     )
     np.savez_compressed(tmp_path / "b.npz", first=FRAMES, second=FRAMES[::-1])
+
     with pytest.raises(
         UnansweredError,
         match=r"b\.npz: which array has the frames.*first, second; give --array",
     ):
         read_numpy(tmp_path / "b.npz", AXES, None)
+
     np.testing.assert_array_equal(
         pictures_of(read_numpy(tmp_path / "b.npz", AXES, "second")), FRAMES[::-1]
     )
@@ -223,12 +232,14 @@ def test_arrays_that_are_not_grey_or_not_whole_are_refused(tmp_path: Path) -> No
             FrameError, match=r"a\.npy: pixels of type .*; give whole numbers or floats"
         ):
             read_numpy(path, None, None)  # before the axes are asked for
+
     for array, lost in (
         (FRAMES, 10),
         (np.array([{"a": 1}], dtype=object), 0),
     ):  # pickled objects are never opened
         np.save(path, array)
         path.write_bytes(path.read_bytes()[: path.stat().st_size - lost])
+
         with pytest.raises(
             FrameError, match=r"a\.npy: damaged or an unknown kind of NumPy file"
         ):
@@ -252,8 +263,10 @@ def film(
     writer = cv2.VideoWriter(str(path), *kind, options or [])
     if not writer.isOpened():
         pytest.skip(f"OpenCV cannot write {code} here")
+
     for picture in pictures:
         writer.write(picture)
+
     writer.release()
     return path
 
@@ -303,12 +316,14 @@ def matroska(
         "1654ae6b", element("ae", track + number("23e383", 100_000_000) + video)
     )
     clusters = b""
+
     for time_ms, level in zip(times_ms, LEVELS, strict=True):
         picture = np.full((64, 96), level, np.uint16 if raw else np.uint8)
         data = picture.tobytes() if raw else cv2.imencode(".jpg", picture)[1].tobytes()
         clusters += element(
             "1f43b675", number("e7", time_ms) + element("a3", b"\x81\0\0\x80" + data)
         )
+
     path.write_bytes(
         element("1a45dfa3", element("4282", b"matroska"))
         + element("18538067", info + tracks + clusters)
@@ -352,10 +367,12 @@ def test_sixteen_bits_of_grey_stay_and_a_depth_that_opencv_would_cut_to_8_is_ref
     pictures = (
         np.random.default_rng(0).integers(0, 2**16, (3, 64, 96)).astype(np.uint16)
     )
+
     for ending in ["avi", "mkv"]:
         scan = read_film(film(tmp_path / f"a.{ending}", "FFV1", pictures, deep))
         np.testing.assert_array_equal(pictures_of(scan), pictures)
         assert scan.bits is None
+
     for bits in [10, 12, 14]:
         path = matroska(
             tmp_path / "a.mkv", [0, 1, 2, 3, 4, 5], raw=b"Y1\0" + bytes([bits])

@@ -107,9 +107,11 @@ def test_first_contact_is_found_in_noise_and_steps_and_noise_gives_none():
             < first_contact(raw_n, 200.0) / 200.0
             < quiet_s + max(ramp_s, 0.25)
         )
+
     for seed in range(50):
         raw_n = sensed(np.zeros(12_000), np.random.default_rng(seed), offset_n=7e-3)
         assert first_contact(raw_n, 200.0) is None
+
     (trial,) = label_frames(recording_of(log_of(raw_n), 10.0), CLASSES)
     assert (trial.measured_force_n, trial.target) == (pytest.approx(0.0, abs=0.5e-3), 0)
 
@@ -118,6 +120,7 @@ def test_label_is_the_mean_of_the_window_centred_on_the_frame():
     # A force that grows evenly has its value at the frame as its mean over any centred window.
     time_s = np.arange(8000) / 200.0
     force_n = np.maximum(time_s - 5.0, 0.0) * 1e-3
+
     for average_s in (0.2, 2.0, 5.0):
         trials = label_frames(
             recording_of(log_of(-force_n), 15.0, 30.0, average_s=average_s), CLASSES
@@ -126,6 +129,7 @@ def test_label_is_the_mean_of_the_window_centred_on_the_frame():
             [0.010, 0.025], abs=1e-5
         )
         assert [trial.target for trial in trials] == [1, 1]
+
     flipped = replace(
         recording_of(log_of(force_n), 30.0),
         info=replace(LOGGED_INFO, force=ForceInfo("fz", 1)),
@@ -138,6 +142,7 @@ def test_label_is_the_mean_of_the_window_centred_on_the_frame():
 def test_a_wrong_sign_a_log_that_starts_in_contact_and_clocks_apart_are_errors():
     in_contact = -np.r_[np.full(1000, 0.02), np.zeros(1000)]
     late = log_of(np.zeros(2000), start_s=100.0)
+
     for log, time_s, message in [
         (
             log_of(step_and_hold(0.04)),
@@ -161,6 +166,7 @@ def test_a_frame_without_samples_around_it_is_left_out_with_the_reason_and_the_o
     gap = ForceLog(
         np.r_[log.time_s[:1000], log.time_s[1000:] + 20.0], log.wrench_sc, log.columns
     )
+
     for recording, lost in (
         (recording_of(gap, 2.0, 15.0), 1),
         (recording_of(log, 2.0, 10.4), 1),
@@ -177,6 +183,7 @@ def test_a_frame_without_samples_around_it_is_left_out_with_the_reason_and_the_o
         assert note.startswith(
             f"1 of 2 frames have no label and are left out ({lost}.png: "
         )
+
     with pytest.raises(
         RecordingError,
         match=r"no frame has a label; 0.png: 0 force samples .* spans 0 to",
@@ -200,6 +207,7 @@ def test_a_window_with_a_gap_has_no_label_and_the_others_keep_theirs():
         False,
     ]
     assert trials[2].excluded == "20 of the 401 force samples around it have no force"
+
     for nth in (0, 3):
         assert trials[nth].measured_force_n == pytest.approx(
             labels[nth].measured_force_n, abs=1e-5
@@ -214,6 +222,7 @@ def test_a_slow_log_and_one_with_a_gap_give_the_labels_of_a_fast_one_to_its_end(
     gap = replace(
         fast, time_s=np.where(fast.time_s > 7.0, fast.time_s + 1e6, fast.time_s)
     )
+
     for log, shift_s in [(fast, 0.0), (slow, 0.0), (gap, 1e6)]:
         trials = label_frames(
             recording_of(log, 5.0, 9.0 + shift_s, 10.3 + shift_s), CLASSES
@@ -236,6 +245,7 @@ def test_half_of_a_window_is_enough_however_the_clock_is_rounded():
         ].measured_force_n
         == 0.0
     )
+
     with pytest.raises(
         RecordingError, match=r"no frame has a label; 0.png: 9 force samples"
     ):
@@ -302,6 +312,7 @@ def test_labels_of_virtual_recordings_meet_the_truth():
     )
     none = fixed(0.0)  # of a perfect sensor
     quiet = PhantomStudy(force_noise_n=none, force_drift_n_per_s=none, force_step_n=0.0)
+
     for frame, trial in labels_of_the_paper_eyes(replace(Study(), phantom=quiet), 0):
         assert trial.measured_force_n == pytest.approx(frame.push.force_n, abs=1e-5)
 
@@ -324,13 +335,16 @@ def test_millinewtons_in_columns_of_newtons_are_refused_and_the_unit_is_asked_fo
             0.02, abs=5e-3
         )
         milli = replace(good, forces=replace(log, wrench_sc=1e3 * log.wrench_sc))
+
         with pytest.raises(
             RecordingError,
             match=r"rec/forces.csv: fz_n: \d+.* N under 0.png, more than 3 N; .* 0.001",
         ):
             label_frames(milli, CLASSES)
+
         quiet = log_of(sensed(-step_and_hold(1e-3), rng))
         milli = recording_of(replace(quiet, wrench_sc=1e3 * quiet.wrench_sc), 8.0)
+
         with pytest.raises(
             RecordingError,
             match=r"fz_n: a noise of 4\.?\d* N, more than the 300 mN .* by 0.001",
@@ -356,6 +370,7 @@ def test_bursts_are_gaps_and_the_levels_of_a_coarse_sensor_in_millinewtons_are_n
         log = read_force_log(tmp_path / "forces.csv", "fz")
         assert (np.isnan(log.force_n("fz")) == (force_n > 200.0)).all()
         assert burst == any("is it in N?" in note for note in log.notes)
+
     with pytest.raises(
         RecordingError, match=r"fz_n: 20.* N under 0.png, more than 3 N; .* by 0.001"
     ):
@@ -401,6 +416,7 @@ def recording(
     wrench[:, 2] -= force_n
     wrench[:, 0] += 0.02 * force_n
     frames = tuple(FrameEntry(f"{k}.png", t + later_s) for k, t in enumerate(FRAMES_S))
+
     return Recording(
         Path("rec"), LOGGED_INFO, frames, ForceLog(time_s, wrench, FORCE_COLUMNS[1:])
     )
@@ -453,6 +469,7 @@ def test_shifted_times_are_named_with_their_direction_unless_the_dents_are_round
             "times are off" in doubt
             for doubt in log_doubts(doubted, CLASSES, (1e-12 * shown).tolist())
         )
+
     (doubt,) = log_doubts(
         recording(rng), CLASSES, [1.0, 9.0, 4.0, 6.0, 2.0, 3.0, 9.0, 5.0, 8.0, 2.0]
     )
@@ -514,8 +531,10 @@ def test_a_sudden_fall_to_friction_is_a_puncture_and_slow_or_whole_ones_are_not(
         assert labels.log_punctures(log, force_n, NO_TRAVEL) == [
             pytest.approx(3.5, abs=0.03)
         ]
+
     retracts = [(2.0, 0.0), (3.5, 30.0), (3.7, 9.0), (5.0, 9.0)]  # within 0.2 s
     lets_go = [(2.0, 0.0), (3.5, 30.0), (3.503, 0.0)]
+
     for corners in (
         retracts,
         lets_go,

@@ -100,8 +100,10 @@ def test_each_kind_is_recognised(tmp_path: Path) -> None:
         kind = known.get(name.rpartition(".")[2], "bag")
         write(place / name)
         assert source_kind(place / name) == kind
+
         if kind in ("picture", "tiff", "dicom", "bag"):  # by its content
             assert source_kind((place / name).rename(place / "a")) == kind
+
     write_dicom(tmp_path / "d", FRAMES)
     (tmp_path / "d").write_bytes(
         b"II*\0".ljust(128, b"\0") + (tmp_path / "d").read_bytes()[128:]
@@ -153,7 +155,9 @@ def test_a_file_that_is_not_read_is_named_with_a_remedy_or_the_kinds_that_are(
         (place / name).write_bytes(content)
         with pytest.raises(InputError, match=f"{name}: .*{what}.*; .*{way}") as caught:
             source_kind(place / name)
+
         assert "\n" not in str(caught.value)
+
     os.mkfifo(tmp_path / "pipe")
     for name, message in [
         ("pipe", "pipe: a named pipe"),
@@ -168,6 +172,7 @@ def test_pixels_beside_their_header_are_read_once(tmp_path: Path) -> None:
         nibabel.save(nibabel.Nifti1Pair(FRAMES.T, np.eye(4)), tmp_path / "a.hdr")
         for name in ("b.mhd", "b.raw", "c.nhdr", "c.raw.gz", "d.raw"):
             (tmp_path / name).touch()
+
         given = [tmp_path] if folder else sorted(tmp_path.iterdir())
         assert [path.name for path in files_of(given)] == [
             "a.hdr",
@@ -180,6 +185,7 @@ def test_pixels_beside_their_header_are_read_once(tmp_path: Path) -> None:
             == source_kind(tmp_path / "a.hdr")
             == "nifti"
         )
+
         for name in ("a.hdr", "a.img"):
             scan = read_scan(tmp_path / name, "nifti", ("lateral", "depth", "frame"))
             np.testing.assert_array_equal(pictures_of(scan), FRAMES)
@@ -193,6 +199,7 @@ def test_pictures_are_turned_where_their_columns_are_depth(tmp_path: Path) -> No
     ):
         scan = read_scan(tmp_path / "a.png", "picture", axes)
         np.testing.assert_array_equal(pictures_of(scan)[0], expected)
+
     with pytest.raises(InputError, match="begin with frame"):
         read_scan(tmp_path / "a.png", "picture", ("lateral", "frame", "depth"))
 
@@ -202,6 +209,7 @@ def test_pictures_of_a_folder_are_one_scan_in_the_order_of_their_numbers(
 ) -> None:
     for nth, frame in enumerate(FRAMES):
         cv2.imwrite(str(tmp_path / f"f{8 + nth}.png"), frame)
+
     given = sorted(tmp_path.iterdir())
     (tmp_path / ".hidden").touch()
     found = gather([tmp_path], ImportOptions())
@@ -218,6 +226,7 @@ def test_sources_without_frames_with_two_logs_or_a_stopped_clock_are_refused(
     write_log(tmp_path / "b.csv")
     tifffile.imwrite(tmp_path / "a.tif", FRAMES)
     (tmp_path / "empty").mkdir()
+
     for names, message in [
         (("a.csv",), r"a\.csv: no frames in the sources"),
         (("a.tif", "a.csv", "b.csv"), r"b\.csv: a second force log beside .*a\.csv"),
@@ -225,6 +234,7 @@ def test_sources_without_frames_with_two_logs_or_a_stopped_clock_are_refused(
     ]:
         with pytest.raises(InputError, match=message):
             gather([tmp_path / name for name in names], ImportOptions())
+
     with pytest.raises(InputError, match="do not rise"):
         on_one_clock(Times(np.array([0.0, 0.0]), "tag"), None, 0.0)
 
@@ -243,6 +253,7 @@ def test_answers_on_the_form_of_sources_are_kept_and_answers_of_one_session_are_
     found = answers_like(folder)
     assert (found["axes"], found["columns"]) == ("frame,depth,lateral", ["fz=F:N"])
     assert not {"rate_hz", "clock_offset_s", "axis"} & set(found)
+
     for text in ["", "[]", '{"answers": NaN}', '{"answers": 7}']:
         (folder / "import.json").write_text(text)
         with pytest.raises(RecordingError, match=r"import\.json: "):
@@ -254,6 +265,7 @@ def test_a_table_of_times_goes_by_the_names_of_frames_or_else_by_their_order(
 ) -> None:
     table = tmp_path / "times.csv"
     scan = Scan(("x/b.png", "x/a.png"), 2, 2, lambda: iter(()))
+
     for text, time_s in [
         ("file,time_s\na.png,7\nb.png,5\nother.png,9\n", [5.0, 7.0]),
         ("Time (ms)\n250\n500\n", [0.25, 0.5]),
@@ -261,6 +273,7 @@ def test_a_table_of_times_goes_by_the_names_of_frames_or_else_by_their_order(
     ]:
         table.write_text(text)
         assert given_times(scan, table, None).time_s.tolist() == time_s
+
     for text, rate_hz, message in [
         ("time_s\n1\n2\n3\n", None, "3 times for 2 frames"),
         (
@@ -284,11 +297,13 @@ def damaged(data: bytes, rng: np.random.Generator, nth: int) -> bytes:
     """Cut it off, or change up to seven bytes anywhere, or in its head."""
     if nth % 3 == 0:
         return data[: rng.integers(len(data))]
+
     changed = bytearray(data)
     for at in rng.integers(
         0, len(data) if nth % 3 == 1 else min(len(data), HEAD_BYTES), rng.integers(1, 8)
     ):
         changed[at] = rng.integers(256)
+
     return bytes(changed)
 
 
@@ -303,6 +318,7 @@ def test_damage_is_an_error_that_names_the_file(tmp_path: Path, capfd) -> None:
         named = name.endswith((".npy", ".npz", ".nii", ".gz", ".nrrd", ".mha", ".csv"))
         rng = np.random.default_rng(len(name))
         said = []
+
         for nth in range(15):
             (place / name).write_bytes(damaged(data, rng, nth))
             try:
@@ -312,6 +328,7 @@ def test_damage_is_an_error_that_names_the_file(tmp_path: Path, capfd) -> None:
                     assert picture.size
             except InputError as fault:
                 said.append(str(fault))
+
         assert said
         assert all(name in line and "\n" not in line for line in said)
         capfd.readouterr()  # codecs print what they think of it
@@ -336,6 +353,7 @@ def test_files_come_in_the_order_of_their_times_or_else_as_given() -> None:
     np.testing.assert_array_equal(scan.times.time_s, [3.0, 5.0, 7.0])
     for _ in range(2):  # pictures can be read twice
         np.testing.assert_array_equal(pictures_of(scan), FRAMES[:3])
+
     for times in [(1.0, None), (1.0, 1.0), (None, None)]:
         scan = pixels.joined([single(4, times[0]), single(0, times[1])])
         assert (scan.names, scan.times) == (("4.png", "0.png"), None)
@@ -356,6 +374,7 @@ def test_files_of_another_kind_are_refused_with_both_values() -> None:
     ]:
         with pytest.raises(FrameError, match=rf"1\.png: {found}"):
             pixels.joined([single(0), replace(single(1), **other)])
+
     assert (
         pixels.joined(
             [single(0), replace(single(1), scale_fault="a fault")]
@@ -410,6 +429,7 @@ def test_axes_that_are_open_or_do_not_fit_are_refused_with_the_sizes() -> None:
     ]:
         with pytest.raises(kind, match=message):
             pixels.array_scan(Path("a.npy"), array, axes)
+
     for text in ["x,y,z", "frame", "frame,depth", "depth,depth,lateral", ""]:
         with pytest.raises(InputError, match="--axes"):
             pixels.parse_axes(text)
@@ -452,6 +472,7 @@ def test_pixels_of_any_type_become_counts_by_one_map_of_all_frames() -> None:
     ]:
         greys = pixels.find_greys(pictures, given, "a")
         assert (greys.scaled, greys.lost) == (scaled, lost)
+
         for picture, expected in zip(pictures, counts, strict=True):
             found = greys.counts(picture)
             np.testing.assert_array_equal(found, expected)

@@ -86,6 +86,7 @@ def test_pages_of_any_type_come_back(tmp_path: Path) -> None:
             None,
             None,
         )
+
     assert scan.names == (str(tmp_path / "a.tif"),)
 
 
@@ -100,6 +101,7 @@ def test_white_is_zero_of_any_type_is_exchanged(tmp_path: Path) -> None:
             counts.min(),
         )
         assert any("WhiteIsZero" in note for note in scan.notes)
+
     scan = scan_of(tmp_path, 65535 - RAMP, photometric="miniswhite")
     np.testing.assert_array_equal(pictures_of(scan)[0], RAMP)
 
@@ -112,8 +114,10 @@ def test_palettes_and_colours_become_grey(tmp_path: Path) -> None:
         scan = read_tiff(pages_of(tmp_path, *frames, **options))
         np.testing.assert_array_equal(pictures_of(scan), 255 - frames)
         assert any("colour became grey" in note for note in scan.notes)
+
     planes = np.stack([BYTES, BYTES // 2, 255 - BYTES])
     expected = cv2.cvtColor(np.moveaxis(planes, 0, -1), cv2.COLOR_RGB2GRAY)
+
     for config, colour in [
         ("separate", planes),
         ("contig", np.moveaxis(planes, 0, -1)),
@@ -150,6 +154,7 @@ def test_what_is_not_read_is_refused_by_its_field(tmp_path: Path) -> None:
     ]:
         with pytest.raises(FrameError, match=found):
             scan_of(tmp_path, pixels, **options)
+
     for pages, options, found in [
         *(
             (pages, [{"photometric": "minisblack"}] * 2, "2 series of images")
@@ -166,14 +171,17 @@ def test_what_is_not_read_is_refused_by_its_field(tmp_path: Path) -> None:
     ]:
         with pytest.raises(FrameError, match=found):
             read_tiff(pages_of(tmp_path, *pages, each=options))
+
     cv2.imwrite(str(tmp_path / "a.tif"), BYTES, [cv2.IMWRITE_TIFF_COMPRESSION, 5])
     with pytest.raises(
         FrameError, match=r"a\.tif: .*LZW.* requires the 'imagecodecs' package"
     ):
         read_frame(tmp_path / "a.tif")
+
     tifffile.imwrite(tmp_path / "a.tif", RAMP, compression="zlib", predictor=True)
     with tifffile.TiffFile(tmp_path / "a.tif", mode="r+") as file:
         file.pages.first.tags["Predictor"].overwrite(3)
+
     with pytest.raises(
         FrameError, match=r"FLOATINGPOINT.* requires the 'imagecodecs' package"
     ):
@@ -209,6 +217,7 @@ def test_a_scale_is_taken_from_the_tags_where_it_is_one(tmp_path: Path) -> None:
         ),
         {"resolution": (28.35, 28.35), "resolutionunit": "CENTIMETER"},
     ]
+
     for options in known + unknown:
         size = pytest.approx(SIZE, rel=1e-4) if options in known else (None, None)
         assert sizes_of(scan_of(tmp_path, RAMP, **options)) == size
@@ -234,6 +243,7 @@ def tiff(
         struct.pack("<HHII", tag, 4, 1, value) for tag, value in sorted(values.items())
     )
     begin = struct.pack("<2sHI", b"II", 42, 8 + len(strip))
+
     return begin + strip + struct.pack("<H", len(values)) + entries + bytes(4)
 
 
@@ -247,6 +257,7 @@ def test_the_size_is_checked_before_memory_is_taken(tmp_path: Path) -> None:
     np.testing.assert_array_equal(
         next(read_tiff(tmp_path / "a.tif", fitting).pictures()), BYTES
     )
+
     for content, message in [
         (
             tiff(60_000, 60_000, zlib.compress(bytes(100))),
@@ -305,11 +316,13 @@ def test_a_stack_of_imagej_behind_one_page_is_read(tmp_path: Path) -> None:
         tifffile.imwrite(
             tmp_path / "a.tif", frames, imagej=True, metadata={"axes": "ZYX"}
         )
+
         with tifffile.TiffFile(tmp_path / "a.tif", mode="r+") as file:
             file.pages.first.tags["PhotometricInterpretation"].overwrite(
                 int(not white_is_zero)
             )
             place = file.pages.first.offset
+
         data = bytearray((tmp_path / "a.tif").read_bytes())
         count = int.from_bytes(data[place : place + 2], "little")
         data[place + 2 + 12 * count : place + 6 + 12 * count] = bytes(
@@ -343,6 +356,7 @@ def test_the_unit_of_imagej_takes_precedence_as_in_imagej(tmp_path: Path) -> Non
         assert any("ResolutionUnit" in note for note in scan.notes) is (
             resolution_unit != "NONE"
         )
+
     scan = scan_of(tmp_path, RAMP, imagej=True, metadata={"unit": "um"}, **PER_CM)
     assert sizes_of(scan) == pytest.approx(SIZE, rel=1e-4)
     assert any("ResolutionUnit counts" in note for note in scan.notes)
@@ -387,6 +401,7 @@ def test_ome_and_imagej_state_units_and_as_many_frames_as_there_are_pages(
 ) -> None:
     for unit in ["&#181;m", "&#xb5;m", "&#956;m", "µm", "\u03bcm", "um", "micrometer"]:
         assert sizes_of(scan_of(tmp_path, FRAMES, **ome(unit))) == pytest.approx(SIZE)
+
     for description in [
         ome("parsec"),
         {**ome(""), "description": b"ImageJ=1.53t\nunit=parsec\n"},
@@ -400,11 +415,13 @@ def test_ome_and_imagej_state_units_and_as_many_frames_as_there_are_pages(
         )
         assert sizes_of(scan) == (None, None)
         assert any("parsec" in note for note in scan.notes)
+
     for stated in [3, 6]:
         with pytest.raises(
             FrameError, match=f"OME-XML states {stated} frames, the file has 5 pages"
         ):
             scan_of(tmp_path, FRAMES, **ome("um", stated))
+
         options = {"metadata": None, "photometric": "minisblack"}
         with pytest.raises(FrameError, match=f"{stated}.* the file has 5"):
             scan_of(
@@ -421,6 +438,7 @@ def test_ome_resolution_tags_and_pages_that_differ_are_refused_unless_options_gi
     tags = {"resolution": (1e4 / 10, 1e4 / 4), "resolutionunit": "CENTIMETER"}
     path = tmp_path / "a.tif"
     tifffile.imwrite(path, RAMP, **ome("um", 1), **tags)
+
     with pytest.raises(
         FrameError,
         match=r"OME states .*0\.004 x 0\.015 mm.*XResolution.*0\.004 x 0\.01 mm.*--width-mm",
@@ -428,6 +446,7 @@ def test_ome_resolution_tags_and_pages_that_differ_are_refused_unless_options_gi
         read_scaled_frame(
             path, Scanner(width_m=6e-3), (Scanner(depth_m=4e-3), "assumed")
         )
+
     frame = read_scaled_frame(
         path, Scanner(width_m=6e-3, depth_m=2e-3), (Scanner(), "")
     )
@@ -450,6 +469,7 @@ def test_smaller_copies_are_left_out_and_that_is_noted(tmp_path: Path) -> None:
         pixels, scan = read_image(path)
         np.testing.assert_array_equal(pixels, RAMP)
         assert any("smaller copies" in note for note in scan.notes)
+
     marked = [
         {"metadata": None, "subfiletype": int(nth > 0)} for nth in range(COUNT)
     ]  # as copies, but as large
@@ -474,6 +494,7 @@ def test_a_stack_has_the_scale_and_times_of_imagej_or_ome(tmp_path: Path) -> Non
     per_um = {"resolution": (1e-6 / LATERAL_M, 1e-6 / DEPTH_M), "imagej": True}
     even = {"TimeIncrement": 40.0, "TimeIncrementUnit": "ms"}
     even_s = np.arange(COUNT)
+
     for options, source, time_s, note in [
         (per_um | {"metadata": imagej}, "ImageJ's unit", 0.25 * even_s, ""),
         (
@@ -501,6 +522,7 @@ def test_a_stack_has_the_scale_and_times_of_imagej_or_ome(tmp_path: Path) -> Non
 def test_json_axes_count_where_they_fit_the_pixels(tmp_path: Path) -> None:
     across = {"values": [nth * 10.0 for nth in range(COLUMNS)], "units": "microns"}
     fitting, curved = ([0.002 * nth**power for nth in range(ROWS)] for power in (1, 2))
+
     for values, depth_m in [
         (fitting, 2e-6),
         (fitting[1:], None),
@@ -529,10 +551,12 @@ def test_a_stack_that_was_cut_off_is_damaged(tmp_path: Path) -> None:
             pages_of(tmp_path, *FRAMES, contiguous=False)  # written one by one
         else:
             tifffile.imwrite(path, FRAMES, photometric="minisblack", **options)
+
         np.testing.assert_array_equal(pictures_of(read_tiff(path)), FRAMES)
         with tifffile.TiffFile(path) as file:
             page = file.pages[2].aspage()
             data = path.read_bytes()
+
         between = max(
             page.offset, page.dataoffsets[0] + page.databytecounts[0]
         )  # two pages

@@ -54,6 +54,7 @@ def nifti(
     image.header.set_zooms(steps)
     if sform is not None:
         image.header.set_sform(np.diag([*sform[0], 1.0]), sform[1])
+
     nibabel.save(image, path)
     return path
 
@@ -70,6 +71,7 @@ def test_a_nifti_volume_comes_back_with_its_spacing_and_times(tmp_path: Path) ->
         scan = read_nifti(nifti(tmp_path / name), IJK)
         np.testing.assert_array_equal(pictures_of(scan), FRAMES)
         assert (sizes_of(scan), scan.times) == (SIZE, None)
+
     in_time = VOLUME[:, :, np.newaxis]
     for steps, units, sizes in [
         ((15.0, 4.0, 7.0, 250.0), ("micron", "msec"), SIZE),
@@ -90,6 +92,7 @@ def test_the_spacing_of_a_nifti_is_that_of_pixdim_or_sform_and_contradictions_ar
 ) -> None:
     known = (0.015, 0.004, 0.1)
     ones = (1.0, 1.0, 1.0)
+
     for steps, unit, sform, source in [
         (ones, "mm", None, None),
         (known, "unknown", None, None),
@@ -103,23 +106,28 @@ def test_the_spacing_of_a_nifti_is_that_of_pixdim_or_sform_and_contradictions_ar
         )
         assert sizes_of(scan) == ((None, None) if source is None else SIZE)
         assert source is None or scan.size.source == source
+
     scan = read_nifti(nifti(tmp_path / "a.nii", sform=((0.015, 0.008, 0.1), 1)), IJK)
     assert re.search(
         r"pixdim states .* 0\.004 x 0\.015 mm .* sform states .* 0\.008 x 0\.015 mm",
         scan.scale_fault,
     )
     assert sizes_of(scan) == (None, None)
+
     with pytest.raises(FrameError, match="xyzt_units: 5 "):
         read_nifti(patched(nifti(tmp_path / "a.nii"), 123, b"\5"), IJK)
+
     fewer = patched(
         nifti(tmp_path / "a.nii"), 46, (COUNT - 1).to_bytes(2, "little")
     )  # dim[3]
     (tmp_path / "a.nii.gz").write_bytes(gzip.compress(fewer.read_bytes()))
+
     for nth, kind in enumerate(([("R", "u1"), ("G", "u1"), ("B", "u1")], np.complex64)):
         nibabel.save(
             nibabel.Nifti1Image(np.zeros((40, 24, 5), kind), np.eye(4)),
             tmp_path / f"{nth}.nii",
         )
+
     for name, found in [
         ("a.nii", "dim states 40 x 24 x 4 pixels, and more follow"),
         ("a.nii.gz", "dim states 40 x 24 x 4 pixels, and more follow"),
@@ -135,6 +143,7 @@ def test_pixels_elsewhere_are_not_looked_for(tmp_path: Path) -> None:
         header = mha(tmp_path / "a.mhd").read_bytes().replace(b"LOCAL", place.encode())
         (tmp_path / "a.mhd").write_bytes(header)
         nhdr(tmp_path / "a.nhdr", f"data file: {place}", pixels=b"")
+
         for read, name in ((read_metaimage, "a.mhd"), (read_nrrd, "a.nhdr")):
             with pytest.raises(
                 FrameError, match=f"{name}: its pixels are said to be in '{place}'"
@@ -173,12 +182,14 @@ def nhdr(path: Path, *lines: str, pixels: bytes = FRAMES.tobytes()) -> Path:
         lines
     )
     path.write_bytes("\n".join(["NRRD0004", *header, "", ""]).encode() + pixels)
+
     return path
 
 
 def test_an_nrrd_has_a_spacing_where_its_unit_is_known(tmp_path: Path) -> None:
     in_um = "spacings: 15 4 1"
     directions = "space directions: (0.015,0,0) (0,0.004,0) (0,0,1)"
+
     for lines, sizes in [
         ((in_um, 'units: "um" "um" ""'), SIZE),
         (("spacings: 0.015 4 1", 'units: "mm" "um" ""'), SIZE),
@@ -200,6 +211,7 @@ def test_an_nrrd_has_a_spacing_where_its_unit_is_known(tmp_path: Path) -> None:
         scan = read_nrrd(nhdr(tmp_path / "a.nrrd", *lines), IJK)
         np.testing.assert_array_equal(pictures_of(scan), FRAMES)
         assert sizes_of(scan) == sizes
+
         if sizes == SIZE:  # axes named by the file
             scan = read_nrrd(
                 nhdr(tmp_path / "b.nrrd", *lines, 'labels: "lateral" "depth" "frame"'),
@@ -222,6 +234,7 @@ def test_what_an_nrrd_contradicts_or_what_is_not_read_is_refused(
         'space units: "um" "mm" "mm"',
         "space directions: (1,0.015,0) (4,0,0) (0,0,1)",
     )
+
     for lines, message in [
         (several, "space units: mm and um; give all directions in one"),
         (("kinds: vector domain domain",), "kinds: axis 1 of 40 is 'vector'"),
@@ -267,6 +280,7 @@ def test_more_packed_in_a_file_than_its_header_says_is_not_unpacked(
         CompressedData="True",
         CompressedDataSize=len(packed),
     )
+
     for read, name in [(read_nrrd, "a.nrrd"), (read_metaimage, "a.mha")]:
         with less_than(2**27), pytest.raises(FrameError, match="more is packed in it"):
             read(tmp_path / name, IJK)
@@ -277,6 +291,7 @@ def test_a_missing_package_is_named_with_its_installation(
 ) -> None:
     path = nifti(tmp_path / "a.nii")
     monkeypatch.setitem(__import__("sys").modules, "nibabel", None)
+
     with pytest.raises(
         InputError,
         match=r"NIfTI takes the package nibabel.*pip install 'scleraforce\[formats\]'",
@@ -303,8 +318,10 @@ def mha(path: Path, pixels: bytes | None = None, **fields: object) -> Path:
     pixels = FRAMES.tobytes() if pixels is None else pixels
     local = stated["ElementDataFile"] == "LOCAL"
     path.write_bytes(header + (pixels if local else b""))
+
     if not local:
         path.with_name(str(stated["ElementDataFile"])).write_bytes(pixels)
+
     return path
 
 
@@ -339,6 +356,7 @@ def test_the_storage_that_a_metaimage_states_is_read(tmp_path: Path) -> None:
         scan = read_metaimage(mha(tmp_path / "a.mhd", pixels, **fields), IJK)
         np.testing.assert_array_equal(pictures_of(scan), FRAMES)
         assert (sizes_of(scan), scan.notes) == (SIZE, ())
+
     for packed in [False, True]:  # as another program writes it
         metaimageio.write(
             tmp_path / "a.mha",
@@ -421,6 +439,7 @@ def test_what_a_metaimage_does_not_state_stays_open_or_is_noted(tmp_path: Path) 
         scan = read_metaimage(mha(tmp_path / "a.mha", **fields), IJK)
         assert sizes_of(scan)[0] == (depth_m and pytest.approx(depth_m))
         assert len(scan.notes) == notes
+
     scan = read_metaimage(mha(tmp_path / "a.mha", ElementSize="0.015 0.008 0.1"), IJK)
     assert re.search(
         r"ElementSpacing states .* 0\.004 x 0\.015 mm .*ElementSize states .* 0\.008",
@@ -439,16 +458,19 @@ def test_a_sequence_of_plus_has_its_own_times_and_leaves_out_invalid_frames(
         np.testing.assert_array_equal(pictures_of(scan), FRAMES[[0, 1, 3, 4]])
         np.testing.assert_allclose(scan.times.time_s, [10.0, 10.25, 11.0, 12.0])
         assert any("frames 2 (from 0) are left out" in note for note in scan.notes)
+
     scan = read_metaimage(
         mha(tmp_path / "a.mha", **plus_fields([1, 2, 3, 2.5, 4])), IJK
     )
     assert scan.times is None
     assert "does not rise: 3 (frame 2) and 2.5 (frame 3)" in str(scan.times_fault)
     fields = plus_fields(range(COUNT)) | {"UltrasoundImageOrientation": None}
+
     with pytest.raises(
         FrameError, match=r"Seq_FrameNNNN_Timestamp of 5 frames, 0 to 4, .* has 40"
     ):
         read_metaimage(mha(tmp_path / "a.mha", **fields), ("frame", "depth", "lateral"))
+
     with pytest.raises(FrameError, match=r"ImageStatus = INVALID for all 5 frames"):
         read_metaimage(
             mha(tmp_path / "a.mha", **plus_fields(range(COUNT), ["INVALID"] * COUNT)),
@@ -487,6 +509,7 @@ def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:
         r"Range.* states .* 0\.004 x 0\.015 mm .*SizeReal states .* 0\.008 x \?",
         scan.scale_fault,
     )
+
     for header, message in [
         (oct_entry(rows=ROWS + 1), "the header says 25 x 40 x 5 floats"),
         (oct_entry(rows=10**7), "a frame may have"),

@@ -41,12 +41,14 @@ def test_a_recording_is_read_back_after_each_frame(tmp_path):
             round(n / 3, 6) for n in range(number + 1)
         ]
         assert (recording.frame(recording.frames[-1]) == pixels).all()
+
     writer.close()
     assert (
         (tmp_path / "a" / "rec" / "recording.toml")
         .read_text()
         .startswith("# A test.\n")
     )
+
     with pytest.raises(FileExistsError):
         RecordingWriter(tmp_path / "a" / "rec", INFO, "Another one.")
 
@@ -57,10 +59,12 @@ def test_no_line_lies_across_two_pages_or_is_padded(tmp_path):
     for columns in (("fz_n",), FORCE_COLUMNS[1:4], FORCE_COLUMNS[1:]):
         (tmp_path / str(len(columns))).mkdir()
         forces[len(columns)] = ForceWriter(tmp_path / str(len(columns)), columns)
+
     for number in range(300):
         writer.add(f"{number:07d}.png", -1e6 + number / 3, FRAMES[0])
         for count, log in forces.items():
             log.add(99999.995 + number * 0.01, [-1.2345678e-5] * count)
+
     for path in tmp_path.rglob("*.csv"):
         lines = path.read_bytes().splitlines(keepends=True)
         assert len(lines) == 301
@@ -76,13 +80,16 @@ def test_no_line_lies_across_two_pages_or_is_padded(tmp_path):
 def test_a_frame_that_cannot_be_written_is_not_listed(tmp_path, monkeypatch):
     writer = RecordingWriter(tmp_path / "rec", INFO, "A test.")
     writer.add("0000001.png", 1.0, FRAMES[1])
+
     with monkeypatch.context() as disk:
         disk.setattr(
             "os.write",
             lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")),
         )
+
         with pytest.raises(OSError, match="No space"):
             writer.add("0000002.png", 2.0, FRAMES[2])
+
     writer.add("0000003.png", 3.0, FRAMES[3])
     assert [entry.file for entry in read_recording(tmp_path / "rec").frames] == [
         "0000001.png",
@@ -104,17 +111,20 @@ def test_the_log_has_the_name_under_which_it_is_read_exactly_while_its_reader_ta
         gaps = [1, 5, 6, 6, 6, 3, 1, 5, 1, 9, 9, 9, 9, 9, 1, 1, 5, 5, 1, 1]
         log = ForceWriter(place, ("fz_n",))
         seen = set()
+
         for time_s in times(gaps) + start * 0.01:
             log.add(time_s, [0.001])
             fast = place / "forces.csv"
             slow = place / "robot_forces.csv"
             seen.add(fast.exists())
+
             if fast.exists():
                 read_force_log(fast, "fz")
                 assert not slow.exists()
             else:
                 with pytest.raises(RecordingError):
                     read_force_log(slow, "fz")
+
         log.close()
         assert seen == {True, False}
         assert read_force_log(place / "forces.csv", "fz").time_s == pytest.approx(
@@ -129,8 +139,10 @@ def test_forces_keep_eight_digits_and_their_columns(tmp_path):
     writer.add("0000001.png", 0.5, FRAMES[0])
     log = ForceWriter(tmp_path / "rec", ("fx_n", "fy_n", "fz_n"))
     values = RNG.standard_normal((100, 3)) * [1e-6, 1e-2, 1e3]
+
     for time_s, row in zip(times([1] * 99), values, strict=True):
         log.add(time_s, row.tolist())
+
     forces = read_recording(tmp_path / "rec").forces
     assert forces.columns == ("fx_n", "fy_n", "fz_n")
     assert np.allclose(forces.wrench_sc, values, rtol=1e-7, atol=0)
@@ -173,8 +185,10 @@ def test_answers_join_the_rows_of_their_frames_with_the_classes_of_their_model(
     assert [row.get("predicted") for row in joined] == [0, 2, None]
     assert [row["target"] for row in joined] == [1, 0, 1]
     assert [row["time_s"] for row in joined] == [0.0, 1.0, 2.0]
+
     with pytest.raises(InputError, match="none of its frames is among the answers"):
         export.with_answers(rows, [{"file": "9.png"}], tmp_path / "r")
+
     rows = [
         {"file": file, "target": None} for file in ("1.png", "a/1.png", "b/1.png")
     ]  # of one name in two folders
@@ -246,6 +260,7 @@ def test_no_text_begins_as_a_formula_does_and_numbers_stay_numbers() -> None:
             ["file", "deep_note", f"'{text}"],
             [f"'{text}", f"'{text}", "1"],
         ]
+
     row = {
         "force_mn": -1.5,
         "count": -2,
@@ -306,6 +321,7 @@ def test_a_sequence_is_what_slicer_reads_and_can_be_imported_again(
     text = (tmp_path / "a.seq.nrrd").read_bytes().partition(b"\n\n")[0].decode()
     assert "axis 3 index values:=1.000000 1.010000 1.020000 1.030000" in text
     assert "none" in text
+
     for number in [1, 4]:  # frames, which can be imported again
         one = replace(recording, frames=recording.frames[:number])
         export.write_sequence(one, tmp_path / "a.nrrd")
@@ -336,9 +352,11 @@ def test_an_mcap_is_in_the_order_of_its_times_and_can_be_imported_again(
         {"file": entry.file, "target": None, **answer} for entry in recording.frames
     ]
     export.write_mcap(recording, rows, origin_s, tmp_path / "a.mcap")
+
     with (tmp_path / "a.mcap").open("rb") as file:
         messages = reader.make_reader(file).iter_messages(log_time_order=False)
         found = [(message.log_time, channel.topic) for _, channel, message in messages]
+
     assert [time_ns for time_ns, _ in found] == sorted(time_ns for time_ns, _ in found)
     counts = {
         export.IMAGE_TOPIC: 6,
@@ -346,6 +364,7 @@ def test_an_mcap_is_in_the_order_of_its_times_and_can_be_imported_again(
         export.ANSWER_TOPIC: 6,
     }
     assert Counter(topic for _, topic in found) == counts
+
     with highlevel.AnyReader(
         [tmp_path / "a.mcap"]
     ) as bag:  # the answers have a definition that others read
@@ -356,6 +375,7 @@ def test_an_mcap_is_in_the_order_of_its_times_and_can_be_imported_again(
             bag.deserialize(data, each.msgtype)
             for each, _, data in bag.messages(connections)
         ]
+
     known = {
         "predicted_force_mn": 3.0,
         "predicted": 1,
@@ -366,13 +386,16 @@ def test_an_mcap_is_in_the_order_of_its_times_and_can_be_imported_again(
     for entry, each in zip(recording.frames, answers, strict=True):
         assert {**vars(each), **known, "file": entry.file, "target": -1} == vars(each)
         assert np.isnan(each.measured_force_mn)
+
     scan, log = read_bag(tmp_path / "a.mcap")
     assert (scan.rows, scan.columns) == (ROWS, COLUMNS)
+
     for entry, picture, time_s in zip(
         recording.frames, scan.pictures(), scan.times.time_s, strict=True
     ):
         np.testing.assert_array_equal(picture, recording.frame(entry))
         assert time_s - origin_s == pytest.approx(entry.time_s, abs=1e-6)
+
     np.testing.assert_allclose(log.wrench_sc, recording.forces.wrench_sc)
     np.testing.assert_allclose(
         log.time_s - origin_s, recording.forces.time_s, atol=1e-6

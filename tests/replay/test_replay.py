@@ -80,6 +80,7 @@ def played(
             )
             == code
         )
+
     return monitor, json.loads(capsys.readouterr().out)
 
 
@@ -91,12 +92,14 @@ def test_every_frame_comes_in_order_with_its_pixels_size_and_time(
     monitor, result = played(recording.path, capsys, "--version", str(version))
     came = images(monitor)
     assert (result["frames_sent"], result["frames_answered"]) == (30, 30)
+
     for event, entry in zip(came, recording.frames, strict=True):
         frame = FrameAssembler().add(event.message)
         assert np.array_equal(frame.pixels, recording.frame(entry))
         assert (frame.lateral_m, frame.depth_m) == pytest.approx(
             (0.008 / 32, 0.003 / 24), rel=1e-6
         )
+
     assert {event.header.version for event in came} == {version}
     assert [event.message_id for event in came] == (
         [0] * 30 if version == 1 else list(range(1, 31))
@@ -286,8 +289,10 @@ def test_a_withdrawal_is_reported_with_its_frame_cause_reading_and_true_force(
     assert (
         0.0 < found["after_ms"] / 1e3 < found["at_s"] <= result["duration_s"]
     )  # since the first frame, sent earlier
+
     with fake_monitor(withdraws_at(12)) as monitor:
         assert run(["replay", str(path), "--port", str(monitor.port)]) == 0
+
     out, err = capsys.readouterr()
     lines = out.splitlines()
     assert err == ""
@@ -324,11 +329,14 @@ def test_a_frame_that_cannot_be_read_ends_it_with_the_files_name(tmp_path) -> No
     (path / "frames" / "0006.png").write_bytes(b"no png")
     recording = read_recording(path)
     log = AnswerLog()
+
     with fake_monitor() as monitor:
         client = ScannerClient("127.0.0.1", monitor.port, log.hear)
         with pytest.raises(FrameError, match=r"0006\.png"):
             Player(recording, client, log).play()
+
         client.close()
+
     assert log.frames_sent == 6
 
 
@@ -337,10 +345,12 @@ def test_enter_sends_the_next_frame_and_its_answer_is_printed(
 ) -> None:
     path = write_small_recording(tmp_path / "rec", frames=5)
     monkeypatch.setattr(sys, "stdin", io.StringIO("\n\n\n"))
+
     with fake_monitor() as monitor:
         assert run(["replay", str(path), "--port", str(monitor.port), "--step"]) == 0
         assert len(images(monitor)) == 3
         assert not forces(monitor)
+
     out, err = capsys.readouterr()
     assert [
         line.split(", ")[0] for line in out.splitlines() if line.startswith("frame")
@@ -358,6 +368,7 @@ def test_nobody_there_is_exit_code_2_and_one_line(tmp_path, capsys) -> None:
     path = write_small_recording(tmp_path / "rec", frames=5)
     with fake_monitor() as monitor:
         port = monitor.port
+
     assert run(["replay", str(path), "--port", str(port)]) == 2
     assert (
         "Connection refused; start `scleraforce monitor` there"
@@ -377,6 +388,7 @@ def test_a_monitor_that_leaves_is_exit_code_1_and_the_summary_so_far(
     with fake_monitor() as monitor:
         monitor.decide = leave
         assert run(["replay", str(path), "--port", str(monitor.port)]) == 1
+
     out, err = capsys.readouterr()
     assert err.startswith("error: 127.0.0.1:")
     assert err.count("\n") == 1
@@ -418,10 +430,13 @@ def test_control_c_is_exit_code_130_with_the_summary_so_far(tmp_path) -> None:
             text=True,
             env=os.environ,
         )
+
         while len(images(monitor)) < 6:  # the last one may not have been counted yet
             assert child.poll() is None
+
         child.send_signal(signal.SIGINT)
         out, err = child.communicate(timeout=FUSE_S)
+
     assert child.returncode == 130
     assert err.strip() == "error: interrupted"
     assert 5 <= json.loads(out)["frames_sent"] < 300
@@ -481,6 +496,7 @@ def test_the_robots_connection_hears_on_when_the_scanners_is_closed() -> None:
         wait_until(client, lambda: None in monitor.received)
         monitor.say(Status(3, 7, "SILENCE", "no frame"))
         wait_until(client, lambda: log.first_doubt(0.0, (3,)) is not None)
+
         with pytest.raises(LinkError, match="closed the connection"):
             client.send(b"x")
 
@@ -496,6 +512,7 @@ def test_a_message_that_comes_through_both_connections_is_heard_once() -> None:
         for _ in range(3):
             monitor.say_bytes(encode(Text("once"), "ForceReading"))
             client.listen(time.monotonic() + 0.05)
+
         wait_until(
             client,
             lambda: sum(isinstance(message, Text) for _, _, message in heard) >= 3,
@@ -513,10 +530,12 @@ def test_a_monitor_that_stops_reading_is_an_error_and_no_hang_and_is_heard_meanw
             clock=lambda: 2.0 * len(heard),
         )
         monitor.reads = False
+
         with pytest.raises(LinkError, match="has read nothing for 5 s"):
             client.send(
                 encode(Image(np.zeros((1, 2048, 2048), np.uint16)), "Scanner") * 8
             )
+
         assert (
             len(heard) >= 3
         )  # heartbeats, of which each is two seconds of the client's clock
@@ -573,9 +592,11 @@ def test_of_answers_that_come_together_the_first_that_changes_has_the_frame() ->
     log = AnswerLog()
     for number in (1, 2, 3):
         log.sent(number, 100 + number, 10.0 + 0.01 * number)
+
     for number, code in ((1, 1), (2, 3), (3, 3)):
         log.hear(10.05, "ForceMonitor", Status(code))
         log.hear(10.05, "ForceReading", reading(100 + number))
+
     assert [(change.code, change.frame) for change in log.changes] == [(1, 1), (3, 2)]
 
 
@@ -596,6 +617,7 @@ def test_what_answers_no_frame_is_not_taken_for_an_answer() -> None:
     log.sent(1, 101, 10.0)
     for text in ("no json", "[1]", '{"frame_id": null}', '{"frame_id": 999}'):
         log.hear(10.1, "ForceReading", Text(text))
+
     log.hear(10.1, "Other", Status(3))
     log.hear(10.1, "ForceMonitor", Sensor((1.0,)))
     assert log.answers == []
@@ -608,7 +630,9 @@ def test_the_oldest_frames_that_are_never_answered_are_forgotten() -> None:
     log = AnswerLog()
     for number in range(3000):
         log.sent(number, number, 10.0)
+
     log.hear(10.1, "ForceMonitor", Status(1))
     for number in (0, 1999, 2000, 2999):
         log.hear(10.1, "ForceReading", reading(number))
+
     assert len(log.answers) == 2

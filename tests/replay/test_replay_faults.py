@@ -72,6 +72,7 @@ def inject_through(
         name, recording, AT_S, rng, version=version, speed=SPEED, forces_n=FORCES_N
     )
     player.play(ready.time_s)
+
     return inject(player, ready)
 
 
@@ -120,6 +121,7 @@ def speckled(tmp_path_factory) -> Recording:
         np.random.default_rng(5).exponential(1.0, (100, 256, 320)) + 1e-3
     )
     pictures = np.clip(4095 * (level_db + 30.0) / 45.0, 0, 4095).astype(np.uint16)
+
     return read_recording(
         write_small_recording(
             tmp_path_factory.mktemp("speckled") / "rec", pictures=pictures
@@ -170,10 +172,12 @@ def withdraw_from_old_pictures(speckled: Recording, name: str, seed: int) -> Non
             frame_message(speckled.frame(speckled.frames[number - 1]), info, number, 2),
             number,
         )
+
     assert session.decision.code == 1
     for (sending,) in prepared.acts[:12]:
         if session.decision.code == 1:
             show(sending.message, sending.number)
+
     assert session.decision.cause in FAULTS[name].causes
 
 
@@ -225,6 +229,7 @@ def test_unusable_is_noise_or_black_and_never_frozen(recording) -> None:
             "noise" if wrong.max() > 3000 else "black" if wrong.max() <= 3 else "other"
         )
         assert not np.array_equal(wrong, images(monitor)[29].message.pixels)
+
     assert kinds == {"noise", "black"}
 
 
@@ -286,9 +291,11 @@ def test_the_time_of_a_fault_is_drawn_in_contact_and_clear_of_danger(recording) 
     dipping_n = np.where(
         np.arange(FRAMES) % 20 < 10, 0.0, FORCES_N
     )  # the needle lifts off again and again
+
     for seed in range(50):
         time_s = draw_fault_time(recording, dipping_n, np.random.default_rng(seed))
         assert dipping_n[np.searchsorted(frames_s, time_s - 1e-9)] > 4e-3
+
     with pytest.raises(InputError, match="no room for a fault"):
         draw_fault_time(recording, np.zeros(FRAMES), np.random.default_rng(0))
 
@@ -404,6 +411,7 @@ def ruled(tmp_path_factory) -> Recording:
         for index, force_n in enumerate(RULED_N, start=1)
     ]
     folder = tmp_path_factory.mktemp("ruled") / "rec"
+
     return read_recording(
         write_small_recording(folder, pictures=pictures, bits=16, pixel_m=SCALE_M)
     )
@@ -427,6 +435,7 @@ def injected_into_a_server(ruled: Recording, name: str, version: int) -> FaultRe
             forces_n=RULED_N,
         )
         player.play(ready.time_s)
+
         return inject(player, ready)
 
 
@@ -441,6 +450,7 @@ def test_the_monitor_withdraws_for_the_faults_own_cause(
         "SILENT_S",
     ):  # the monitor's server may be held up
         monkeypatch.setattr(faults, name_of_limit, FUSE_S)
+
     found = []
     for _ in range(
         5
@@ -451,6 +461,7 @@ def test_the_monitor_withdraws_for_the_faults_own_cause(
             found.append(report.cause)
             if report.expected:
                 return
+
     raise AssertionError(found)
 
 
@@ -460,6 +471,7 @@ def test_a_whole_recording_is_answered_and_withdrawn_at_its_force(
     monkeypatch.setattr(player_module, "ANSWER_S", FUSE_S)
     clock = TurnedClock()
     log = AnswerLog()
+
     with (
         serving(clock=clock) as port,
         closing(ScannerClient("127.0.0.1", port, log.hear)) as client,
@@ -467,6 +479,7 @@ def test_a_whole_recording_is_answered_and_withdrawn_at_its_force(
         Player(ruled, client, log, version=2, wall_clock=clock).step(
             lambda _: clock.turn(FRAME_S) or True
         )
+
     withdrawal = log.first_doubt(0.0, (3,))
     assert withdrawal is not None
     assert len(log.answers) == len(RULED_N)

@@ -117,6 +117,7 @@ def answers() -> Evaluation:
         ),
         frame_answer(**b, file="0002.png", measured_force_n=0.010, calibration=True),
     )
+
     return evaluation_of(frames, model="out/model", notes=("the gap is another",))
 
 
@@ -241,10 +242,12 @@ def test_an_existing_page_is_kept_unless_it_may_be_overwritten(tmp_path: Path) -
     path.write_text("mine")
     with pytest.raises(InputError, match="exists already"):
         write_evaluation_html(answers(), (), path, MADE_AT)
+
     assert path.read_text() == "mine"
     write_page("report/page.html", path, MADE_AT, {}, overwrite=True)
     assert path.read_text().startswith("<!DOCTYPE html>")
     assert list(tmp_path.iterdir()) == [path]
+
     with pytest.raises(InputError, match=r"no/page\.html: No such file or directory"):
         write_evaluation_html(answers(), (), tmp_path / "no" / "page.html", MADE_AT)
 
@@ -256,6 +259,7 @@ def test_a_readers_page_has_forces_intervals_and_the_moduli_of_the_eyes(
     read = {"0000.png": (0.0021, (0.001, 0.004)), "0001.png": (0.031, (0.029, 0.033))}
     moduli = {"eye a": (0.27e6, "own"), "eye <b>": (0.25e6, "population")}
     frames = []
+
     for frame in answers().frames:
         modulus_pa, source = moduli[frame.eye]
         force_n, interval_n = (
@@ -268,6 +272,7 @@ def test_a_readers_page_has_forces_intervals_and_the_moduli_of_the_eyes(
         frames.append(
             changed(frame, youngs_modulus_pa=modulus_pa, modulus_source=source, **said)
         )
+
     page = Markup(
         write_and_read(
             tmp_path, replace(answers(), kind="reader", frames=tuple(frames))
@@ -310,6 +315,7 @@ def wide(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_evaluation_html(
         evaluation, looks, folder / "page.html", datetime(2026, 3, 1, tzinfo=UTC)
     )
+
     return folder / "page.html"
 
 
@@ -328,6 +334,7 @@ def test_nothing_is_cut_at_any_width_or_on_paper(browser: Browser, wide: Path) -
         assert page.evaluate("document.documentElement.scrollWidth") <= width
         assert page.evaluate(CUT) == [], width
         page.close()
+
     page = opened_at(browser, wide, 680)  # A4 between margins of 15 mm
     page.emulate_media(media="print")
     assert page.evaluate(CUT) == []
@@ -344,6 +351,7 @@ def recording_under_a_conjunctiva(folder: Path) -> tuple[np.ndarray, float]:
         f'[eye]\nid = "eye"\nthickness_m = {thickness_m}\n[oct]\ncolumns = 512\nrows = 512\nbits = 12\n'
         "width_m = 15e-3\ndepth_m = 4e-3\n[needle]\ngauge = 22\nslice_gap_m = 5e-4\n"
     )
+
     return bscan.frame, thickness_m
 
 
@@ -406,6 +414,7 @@ def test_a_picture_is_to_scale_and_has_surface_and_inner_boundary_where_they_wer
     blue, red = (picture[:, columns // 2, channel].astype(int) for channel in (0, 2))
     scale = rows / len(looks[0].frame)
     middle = looks[0].frame.shape[1] // 2
+
     for orange_or_blue, boundary in (
         (red - blue, looks[0].found.outer_row),
         (blue - red, looks[0].found.inner_row),
@@ -478,6 +487,7 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
     frames = sorted((folder / "<r>" / "frames").iterdir())
     for frame, name in zip(frames, NAMES, strict=True):
         frame.rename(frame.with_name(name))
+
     lines = ["file,time_s", *(f"{name},{nth}" for nth, name in enumerate(NAMES))]
     (folder / "<r>" / "frames.csv").write_text(
         "\n".join(lines) + "\n", encoding="utf-8"
@@ -490,6 +500,7 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
         == 0
     )
     assert run(["show", recording, "--plot", str(folder / "r.svg")]) == 0
+
     return folder
 
 
@@ -508,6 +519,7 @@ def test_no_name_is_markup_on_a_page_or_a_formula_in_a_picture(hostile: Path) ->
 def test_no_script_of_a_page_makes_markup_of_texts() -> None:
     scripts = [*ROOT.rglob("*.js")]
     assert scripts
+
     for script in scripts:
         found = re.search(
             r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|eval\(",
@@ -547,6 +559,7 @@ def read_evaluation() -> Evaluation:
         ),
         refused_frame(file="2.png", measured_force_n=0.050, target=2),
     ]
+
     return evaluation_of(frames, kind="reader")
 
 
@@ -665,11 +678,13 @@ def test_a_browser_saves_a_figure_and_a_table_without_a_network(
 ) -> None:
     page = browser.new_context(offline=True).new_page()
     page.goto(wide.as_uri())
+
     for name, content in files_of(wide.read_text(encoding="utf-8")).items():
         if name in ("residuals.svg", "frames.csv"):
             with page.expect_download() as download:
                 page.click(f'a[download="{name}"]')
             assert Path(download.value.path()).read_bytes() == content
+
     page.close()
 
 
@@ -700,6 +715,7 @@ def line_art(logged: Recording) -> list[Figure]:
         draw_calibration(calibration_of_a_sealed_eye()),
     ]
     library = draw_library(load_force_reader(SHIPPED_READER).library)
+
     return [
         *drawn,
         library,
@@ -728,6 +744,7 @@ def test_no_colour_of_a_figure_vanishes_on_dark_paper(
             text.get_color() not in ("black", "#000000")
             for text in figure.findobj(Text)
         )
+
         for colour in set(
             re.findall(r"(?:fill|stroke): (#\w{6})", source.partition("</style>")[2])
         ):
@@ -759,6 +776,7 @@ def test_a_figure_has_as_much_ink_in_dark_mode_as_in_light(
             paper = np.bincount(shown.ravel()).argmax()
             inked.append(np.count_nonzero(np.abs(shown.astype(int) - paper) > 12))
             assert (paper < 60) == (scheme == "dark")
+
         assert inked[1] > 0.6 * inked[0]
 
 
@@ -803,6 +821,7 @@ def test_a_wall_is_laid_on_the_surface_though_a_third_of_it_is_unseen_or_in_the_
             [shift_m, down_m], abs=13e-6
         )  # half a step of the shifts
         assert laid.inner - laid.outer == pytest.approx(wall().inner - wall().outer)
+
     laid = laid_on_surface(wall(), np.full(COLUMNS, np.nan), WIDTH_M)
     assert laid.outer == pytest.approx(wall().outer + np.array([WIDTH_M / 2, 0.0]))
 
@@ -814,6 +833,7 @@ def logged(tmp_path: Path) -> Recording:
         with_log(write_small_recording(tmp_path / "r", frames=12))
     )
     assert recording.forces is not None
+
     return replace(
         recording,
         forces=replace(recording.forces, wrench_sc=recording.forces.wrench_sc + 0.05),
@@ -860,11 +880,14 @@ def test_a_figure_has_the_format_of_its_name_and_the_same_bytes_each_time(
             figure.subplots().plot([0, 1], [1, 0], label="line")
             figure.suptitle("検査")  # the font lacks these: without a warning
             write_figure(figure, tmp_path / f"{name}{ending}")
+
         content = (tmp_path / f"one{ending}").read_bytes()
         assert content.startswith(start)
         assert content == (tmp_path / f"two{ending}").read_bytes()
+
     with pytest.raises(InputError, match=r"a\.xlsx.*\.png, \.svg, \.pdf"):
         write_figure(Figure(), tmp_path / "a.xlsx")
+
     assert len(list(tmp_path.iterdir())) == 6
 
 
@@ -897,6 +920,7 @@ def test_a_frame_has_both_walls_where_they_are_seen_its_verdict_and_the_disagree
         f"not {words.replace(' 562 µm,', '')}\ntoo weak",
         words,
     ]
+
     for axes, classical in zip(figure.axes, (1, 2), strict=True):
         assert axes.texts[0].get_text() == "…" + "x" * 20 + ".png"
         assert [line.get_color() for line in axes.lines] == [

@@ -123,9 +123,11 @@ def test_folders_of_others_and_of_another_study_are_left_alone(tmp_path: Path) -
     (tmp_path / "mine.txt").write_text("mine")
     with pytest.raises(InputError, match="not empty, and not made by `reproduce`"):
         open_run(tmp_path, Study(), 1)
+
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
     with pytest.raises(InputError, match=r"mine\.txt"):
         open_run(tmp_path / "mine.txt", Study(), 1)
+
     open_run(tmp_path / "out", Study(), 1)
     with pytest.raises(InputError, match="made from another study"):
         open_run(tmp_path / "out", Study(network=NetworkStudy(seed=7)), 1)
@@ -155,6 +157,7 @@ def test_the_bundled_reader_is_refused_for_a_study_that_it_was_not_trained_for(
     key = f"{text.split(']')[0][1:]}.{text.splitlines()[1].split()[0]}"
     with pytest.raises(StudyError, match=f"study: {key}: .*--train"):
         open_run(tmp_path / "out", study, 1)
+
     assert (
         open_run(tmp_path / "out", study, 1, train=True).reader
         == tmp_path / "out" / "reader"
@@ -188,8 +191,10 @@ def test_results_of_other_code_are_made_again_once_and_one_line_says_so(
     (tmp_path / "a" / "old").write_text("")
     monkeypatch.setattr(reproduction, "hash_sources", lambda *_: "0" * 64)
     reproduction._sources.cache_clear()
+
     with pytest.raises(KeyboardInterrupt):
         run_in(tmp_path, stages[0], stage("b", interrupted), say=lines.append)
+
     run_in(tmp_path, *stages, say=lines.append)
     assert DONE == ["a", "b", "a", "b"]
     assert not (tmp_path / "a" / "old").exists()

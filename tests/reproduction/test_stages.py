@@ -122,6 +122,7 @@ def finished(
         f"{number}/{len(stages)} {name}: ... s"
         for number, name in enumerate(stages, start=1)
     ]
+
     return out, json.loads(result.stdout)
 
 
@@ -151,9 +152,11 @@ def test_a_run_that_trains_reads_with_its_own_reader_and_answers_45_trials_of_ea
     right = sum(printed["confusion"][k][k] for k in range(3))
     assert printed["accuracy"] == pytest.approx(right / 45)
     both = printed["finite_strain"]
+
     for one in (printed, *both.values()):
         assert [sum(row) for row in one["confusion"]] == [7, 15, 23]
         assert one["scored"] == 45
+
     near = printed["to_the_bounds"][
         "confusion"
     ]  # the log puts a few of these into the next class
@@ -168,6 +171,7 @@ def test_a_run_that_trains_reads_with_its_own_reader_and_answers_45_trials_of_ea
 def test_the_page_has_every_table_and_figure_of_the_paper(done) -> None:
     page = (done[0] / "report.html").read_text(encoding="utf-8")
     figures = ("1a", "1b", 2, 3, 4, 5, 6, 7, "8a", "8b", 9, 10)
+
     for name in (
         "Table 1",
         "Table 2",
@@ -175,6 +179,7 @@ def test_the_page_has_every_table_and_figure_of_the_paper(done) -> None:
         *(f"Fig. {number}" for number in figures),
     ):
         assert name in page, f"{name} is missing"
+
     assert "The recordings are simulated" in page
     assert "not a medical device" in page.lower()
     assert (
@@ -192,6 +197,7 @@ def test_a_second_run_reuses_the_finished_stages(done, study: Path) -> None:
         "reproduce", "--out", str(out), "--study", str(study), "--json", "--train"
     )
     again = json.loads(result.stdout)
+
     for name in (
         "phantom",
         "generate",
@@ -202,6 +208,7 @@ def test_a_second_run_reuses_the_finished_stages(done, study: Path) -> None:
         "train reader",
     ):
         assert again["seconds"][name] == first["seconds"][name]
+
     assert again["confusion"] == first["confusion"]
 
 

@@ -55,13 +55,16 @@ def test_eyes_at_rest_whose_surface_the_steps_of_light_lose_are_refused(
             lateral_m=10e-3 / scene.frame.shape[1], depth_m=4e-3 / len(scene.frame)
         )
         alone = find_wall(scene.frame, scale)
+
         off = np.abs(alone.outer_row - scene.outer_row)
         if not alone.usable or (
             np.isfinite(off).any() and np.nanmedian(off) < 0.05 * len(scene.frame)
         ):
             continue
+
         refused += not find_wall(scene.frame, scale, finder=shipped).usable
         passed += 1
+
     assert passed >= 8
     assert refused >= 0.7 * passed
 
@@ -162,6 +165,7 @@ def test_the_boundary_where_light_falls_is_taken_whichever_wall_has_it(
 ) -> None:
     straight = wall(moved(0.0))
     swerved = wall(moved(by))
+
     for true in (straight, swerved):
         frame = bright_to(true.inner_row)
         for finer, other in ((straight, swerved), (swerved, straight)):
@@ -196,6 +200,7 @@ def test_a_boundary_beyond_the_frame_wins_only_where_nothing_falls_at_the_other(
     lit[100:] += np.arange(100, dtype=np.uint16)[
         :, None
     ]  # it gets brighter: row 110 is not a boundary
+
     for frame, expected in ((dark, moved(0.0)), (lit, beyond)):
         joined = joined_walls(frame, wall(moved(0.0)), wall(beyond), STEP)
         np.testing.assert_array_equal(joined.inner_row, expected)
@@ -211,6 +216,7 @@ def test_light_that_falls_at_the_frames_edge_or_for_a_few_rows_is_not_the_walls_
     elsewhere = moved(by)
     frame = bright_to(moved(0.0), noise=0.0)
     frame[rows] += np.int64(more).astype(np.uint16)
+
     for finer, other in ((moved(0.0), elsewhere), (elsewhere, moved(0.0))):
         np.testing.assert_array_equal(
             joined_walls(frame, wall(finer), wall(other), STEP).inner_row, moved(0.0)

@@ -104,10 +104,12 @@ def layers(*levels_m: tuple[float, float]) -> tuple[np.ndarray, Segmentation]:
     light = np.full((512, 512), 200.0)
     for depth_m, level in (*levels_m, (0.8e-3, 200.0)):
         light = np.where(below_m >= depth_m, level, light)
+
     rows = np.full(512, 99.5)
     found = Segmentation(
         rows, rows + 0.8e-3 / tissue_m, 512, True, "", True, thickness_m=0.8e-3
     )
+
     return light.astype(np.uint16), found
 
 
@@ -142,6 +144,7 @@ def test_nothing_is_found_where_the_thickness_is_untold_or_fits_both_surfaces_lo
     first = find_wall(made.frame, SCALE)
     for told_m in (None, first.thickness_m, 2 * first.thickness_m):
         assert below_conjunctiva(made.frame, SCALE, first, told_m) is first
+
     lost = replace(first, usable=False, reason="nothing")
     assert below_conjunctiva(made.frame, SCALE, lost, WALL_M) is lost
     made = bscan(layer(140e-6, 1, level_db=0.0, interface_db=-60.0), 1)

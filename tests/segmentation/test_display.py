@@ -40,8 +40,10 @@ def contrast_by_arrays(frame: np.ndarray) -> float:
     lit = (one > 0) & (other > 0)
     one = one[lit]
     other = other[lit]
+
     if len(one) < light.LEAST_PAIRS:
         return 0.0
+
     total = one + other
     place = int(light.DIMMER * len(total))
     mean = total >> 1
@@ -49,6 +51,7 @@ def contrast_by_arrays(frame: np.ndarray) -> float:
     shares = np.abs(one - other)[brightest].astype(np.float32) / total[
         brightest
     ].astype(np.float32)
+
     return float(np.median(shares))
 
 
@@ -76,6 +79,7 @@ def test_other_displays_and_frames_with_hardly_any_light_stay_unchanged() -> Non
         for kind in ("logarithmic", "root")
         for seed in range(7201, 7205)
     )
+
     for frame in (*dark, *shown):
         assert as_logarithmic(frame) is frame
 
@@ -117,6 +121,7 @@ def test_walls_of_linear_frames_are_found_as_in_logarithmic_ones(
         logarithmic = drawn_counts(seed, **(LINEAR | {"display": "logarithmic"}))
         expected = find_wall(logarithmic, SCALE, finder=shipped)
         assert expected.usable
+
         for way in (find_wall, partial(find_wall, finder=shipped)):
             found = way(frame, SCALE)
             np.testing.assert_array_equal(

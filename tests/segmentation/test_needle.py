@@ -106,6 +106,7 @@ def test_a_tip_below_the_frame_has_no_place(dent_m: float) -> None:
     needle = find_wall(frame, SCALE).needle
     entry = needle_entry(needle)
     assert entry["angle_deg"] == pytest.approx(10.0, abs=3.0)
+
     if tip_m[1] > OCT.depth_m:
         assert needle.tip_m is entry["tip_mm"] is None
     else:
@@ -126,6 +127,7 @@ def test_the_wall_is_found_on_both_sides_of_a_needle_and_nothing_behind_it(
     assert np.isnan(found.outer_row[first:after]).all()
     assert not found.mask[:, first:after].any()
     off_m = surface_error_m(found.outer_row, dent_m)
+
     for side in (off_m[first - 60 : first], off_m[after : after + 60]):
         assert np.isfinite(side).mean() > 0.95
         assert np.nanquantile(np.abs(side), 0.9) < 40e-6
@@ -140,6 +142,7 @@ def test_right_beside_a_needle_the_wall_ends_where_it_would_without_one_and_a_st
 ) -> None:
     without = find_wall(frame_of(None, dent_m, seed=3)[0], SCALE)
     worst = []
+
     for diameter_m in (0.3e-3, 0.7e-3):
         found = find_wall(
             frame_of(replace(STEEL, diameter_m=diameter_m), dent_m, seed=3)[0], SCALE
@@ -150,6 +153,7 @@ def test_right_beside_a_needle_the_wall_ends_where_it_would_without_one_and_a_st
         off_m = np.abs(surface_error_m(found.outer_row, dent_m))
         assert max(np.nanmax(off[side]) for side in beside) < 4.0
         worst += [np.nanmax(off_m[side]) for side in beside]
+
     assert (
         dent_m < 1.0e-3 or np.mean(worst) < 18e-6
     )  # 24 um where both flanks are smoothed into each other
@@ -198,6 +202,7 @@ def test_a_flare_through_the_tissue_and_a_hair_that_casts_no_shadow_are_not_need
     flare[:, 255:264] = np.maximum(flare[:, 255:264], 3000)
     hair = frame.copy()
     cv2.line(hair, (240, 0), (262, 60), 3500, 2)
+
     for picture in (flare, hair):
         assert find_wall(picture, SCALE).needle is None
 
@@ -208,6 +213,7 @@ def test_a_line_whose_light_continues_below_the_tissue_is_a_flare() -> None:
     under = round(tip_m[1] / SCALE.depth_m)
     assert find_wall(frame, SCALE).needle is not None
     begin = under + round(1.0e-3 / SCALE.depth_m)
+
     for end, seen in (
         (len(frame), False),
         (len(frame) * 3 // 4, True),
@@ -228,6 +234,7 @@ def test_the_flare_of_a_real_eye_at_rest_is_not_a_needle(lateral_um: int) -> Non
         Scanner(width_m=15e-3, depth_m=4e-3, refractive_index=1.0),
         (Scanner(), ""),
     ).pixels
+
     for depth_um in (4, 6, 8, lateral_um):
         assert (
             find_wall(
@@ -245,9 +252,11 @@ def test_the_hidden_wall_does_not_count_as_seen() -> None:
         least - (after - first) // 2
     ) // 2  # with half of the hidden columns it would be enough
     noise = np.random.default_rng(0).permuted(frame[:40, 60:100].ravel())
+
     for column in (*range(first - beside), *range(after + beside, OCT.columns)):
         if frame[:, column].any():
             frame[:, column] = np.resize(np.roll(noise, 37 * column), OCT.rows)
+
     found = find_wall(frame, SCALE)
     assert (found.needle is not None, found.usable) == (True, False)
     assert "of the imaged width, not 40%" in found.reason

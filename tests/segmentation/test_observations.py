@@ -29,6 +29,7 @@ def bowl(noise_m: float, rng: np.random.Generator, width: int = 1) -> Boundaries
     depth = (
         np.stack([0.5e-3 + 40 * LATERAL**2, 1.2e-3 + 40 * LATERAL**2]) + noise_m * noise
     )
+
     return Boundaries(LATERAL, depth, 1e-9)
 
 
@@ -44,12 +45,14 @@ def test_half_of_the_points_lie_on_each_boundary_at_the_same_places_every_time()
 def test_stated_noise_is_the_error_that_points_have(width: int) -> None:
     rng = np.random.default_rng(1)
     errors = []
+
     for _ in range(200):
         points = observe_points(bowl(10e-6, rng, width), 10, 0.0, 4e-3)
         truth = (
             np.where(points.boundary == 0, 0.5e-3, 1.2e-3) + 40 * points.lateral_m**2
         )
         errors.append((points.depth_m - truth) / points.sd_m)
+
     assert np.std(errors) == pytest.approx(1.0, abs=0.3)
     assert abs(np.mean(errors)) < 0.1
 
@@ -141,6 +144,7 @@ def test_a_pixel_is_wall_where_its_middle_lies_between_the_lines_through_columns
     there = [
         n for n in range(columns) if np.isfinite([outer_row[n], inner_row[n]]).all()
     ]
+
     for column in rng.integers(0, SLICE.columns, 12):
         at = (
             (column + 0.5 - SLICE.columns / 2) * SLICE.pixel_m / scale.lateral_m
@@ -153,6 +157,7 @@ def test_a_pixel_is_wall_where_its_middle_lies_between_the_lines_through_columns
         ):
             assert not drawn[:, :, column].any()
             continue
+
         (one,) = [n for n in there if n <= at][-1:] or there[:1]
         (other,) = [n for n in there if n > at][:1] or there[-1:]
         share = (at - one) / max(other - one, 1)

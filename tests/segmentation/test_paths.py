@@ -14,6 +14,7 @@ def naive_best_path(score: np.ndarray, reach: int) -> np.ndarray:
     columns, rows = score.shape
     total = score[0].astype(np.float64)
     came_from = np.zeros((columns, rows), dtype=int)
+
     for column in range(1, columns):
         before = [
             max(
@@ -24,9 +25,11 @@ def naive_best_path(score: np.ndarray, reach: int) -> np.ndarray:
         ]
         came_from[column] = before
         total = score[column] + total[before]
+
     path = [int(total.argmax())]
     for column in range(columns - 1, 0, -1):
         path.append(came_from[column, path[-1]])
+
     return np.array(path[::-1])
 
 
@@ -46,8 +49,10 @@ def check_path(astray: int, reach: int, rng: np.random.Generator) -> None:
     ridge = np.rint(20 + 12 * np.sin(np.arange(columns) / 6)).astype(int)
     score = rng.random((columns, rows)).astype(np.float32)
     score[np.arange(columns), ridge] += 1.0
+
     for column in rng.choice(columns, astray, replace=False):
         score[column, rng.integers(rows)] += rng.choice([1.5, 3.0])
+
     np.testing.assert_array_equal(
         best_path(score, reach), naive_best_path(score, reach)
     )

@@ -38,6 +38,7 @@ def draw_frames(count: int) -> list[Pixels]:
     rng = np.random.default_rng(0)
     lateral = np.linspace(-8.5e-3, 8.5e-3, 800)
     frames = []
+
     for dent_m in np.linspace(0.0, 3e-3, count):
         depth = (
             12e-3
@@ -52,6 +53,7 @@ def draw_frames(count: int) -> list[Pixels]:
                 sample_pose(STUDY.phantom, rng).place(section), STUDY.oct, optics, rng
             ).frame
         )
+
     return frames
 
 
@@ -65,6 +67,7 @@ def needle_frame(angle_deg: float) -> Pixels:
     placed = Pose(lateral_m=0.2e-3, depth_m=0.5e-3).place(
         dented_wall(0.7e-3, 1.0e-3, 1.2e-3)
     )
+
     return render_bscan(placed, STUDY.oct, drawn, rng, needle).frame
 
 
@@ -92,6 +95,7 @@ def layered_frame(seed: int) -> Pixels:
     for _ in range(layers):
         top = int(rng.integers(0, rows))
         frame[top : top + int(rng.integers(1, rows))] += int(rng.integers(0, 8000))
+
     return frame.astype(np.uint16)
 
 
@@ -131,12 +135,14 @@ def shown(found: Segmentation) -> dict[str, Any]:
     verdict = {"usable": found.usable, "reason": found.reason.split(":")[0]}
     if found.reason.startswith(NOISE):
         return verdict
+
     columns = np.linspace(0, len(found.outer_row) - 1, COLUMNS).astype(int)
     rows = [
         np.round(np.nan_to_num(boundary[columns], nan=-99.0), 4).tolist()
         for boundary in (found.outer_row, found.inner_row)
     ]
     hidden = None if found.needle is None else list(found.needle.hidden)
+
     return verdict | {"inner_found": found.inner_found, "hidden": hidden, "rows": rows}
 
 

@@ -65,6 +65,7 @@ def test_phantoms_over_the_range_of_their_parameters_reach_the_dice_that_was_ask
     rng = np.random.default_rng(2)
     reached = list[float]()
     study = replace(STUDY, mesh=replace(STUDY.mesh, divisions=8, level=0))
+
     for number in range(5):
         eye = PhantomEye(
             id=f"{number}",
@@ -77,6 +78,7 @@ def test_phantoms_over_the_range_of_their_parameters_reach_the_dice_that_was_ask
                 sample_pose(study.phantom, rng).place(section), study.oct, optics, rng
             )
             reached.append(dice(find_wall(bscan.frame, SCALE).mask, bscan.truth_mask))
+
     assert np.mean(reached) >= 0.95
     assert np.percentile(reached, 5) >= 0.90
 
@@ -138,6 +140,7 @@ def test_horizontal_lines_and_covers_above_the_tissue_are_not_the_surface():
         [Cover(height_m=m, tilt_rad=tilt_rad, **cover) for m in (0.12e-3, 0.3e-3)]
         for tilt_rad in (0.0, 0.03)
     ]
+
     for dent_m, over in (
         (1.5e-3, {"lines": lines}),
         *((1.0e-3, {"covers": tuple(pair)}) for pair in pairs),
@@ -215,6 +218,7 @@ def test_depth_in_tissue_is_optical_depth_over_the_refractive_index():
 def test_a_frame_without_a_wall_is_not_usable_and_says_why():
     rng = np.random.default_rng(0)
     corner = np.triu(np.ones((512, 512), bool)) & (np.arange(512) < 200)[:, None]
+
     for frame, reason in (
         (np.zeros((512, 512), np.uint16), "empty"),
         (np.full((512, 512), 900, np.uint16), "empty"),
@@ -245,8 +249,10 @@ def test_other_arrays_and_impossible_scales_are_refused():
     ):
         with pytest.raises(ValueError, match="frame of"):
             find_wall(frame, SCALE)
+
     with pytest.raises(ValueError, match="metres"):
         PixelScale(lateral_m=0.0, depth_m=1e-6)
+
     with pytest.raises(
         ValueError, match=r"index of 2\.5: tissue lies between 1 \(corrected\) and 2"
     ):
@@ -264,6 +270,7 @@ def test_tissue_surfaces_of_a_foreign_scanner_meet_the_bar_of_their_makers(path:
     with tifffile.TiffFile(path) as file:
         frame = file.pages[0].asarray()
         axes = json.loads(file.pages[0].tags["Software"].value)["metadata"]
+
     lateral_m, depth_m = (
         abs(axes[axis]["values"][1] - axes[axis]["values"][0]) / 1e3 for axis in "xz"
     )

@@ -60,6 +60,7 @@ def seen_wall(
     ends = np.where(
         wall.any(axis=0), [wall.argmax(axis=0), 512 - wall[::-1].argmax(axis=0)], np.nan
     )
+
     return bscan, *(ends * STUDY.rows / 512 - 0.5)
 
 
@@ -167,6 +168,7 @@ def test_a_needle_that_the_other_method_sees_is_kept_whichever_wall_is_shown() -
     )
     bscan, outer, inner = seen_wall(seed=3)
     found = replace(find_wall(bscan.frame, SCALE), needle=needle)
+
     for shift in (0.0, 6.0):
         finder = fixed_finder(outer + shift, inner + shift)
         assert checked_by(finder, bscan.frame, SCALE, found, found).needle == needle
@@ -227,6 +229,7 @@ def test_a_network_that_does_not_know_where_the_wall_ends_makes_the_frame_unusab
         finder = FixedFinder(
             FixedSession(rows, np.isfinite(outer).astype(float)), STUDY, "drawn"
         )
+
         return find_wall(bscan.frame, SCALE, finder=finder)
 
     assert told(inner + 5.0).reason.startswith(
@@ -357,6 +360,7 @@ def test_a_wall_that_fills_the_frame_or_none_is_looked_at_once_and_one_at_the_ed
         )
         finder.find(FRAME)
         assert finder.rows == [(0, 512)]
+
     session = FixedSession(
         np.stack([distributions(np.full(HALF, row), 0.3) for row in (0.0, 40.0)]),
         np.ones(HALF),
@@ -429,6 +433,7 @@ def mean_by_sampling(
     columns = np.floor(lateral / scale.lateral_m + frame.shape[1] / 2).astype(int)
     rows = rows[(rows >= 0) & (rows < len(frame))]
     columns = columns[(columns >= 0) & (columns < frame.shape[1])]
+
     return (
         float(frame[np.ix_(rows, columns)].mean())
         if len(rows) and len(columns)
@@ -442,9 +447,11 @@ def test_cells_are_means_over_their_part_of_the_frame() -> None:
     window = FrameWindow(rows=8, columns=20, row_m=41e-6, column_m=1e-4)
     found = window.means(frame, scale)
     assert found.shape == (8, 20)
+
     for row, column in ((0, 10), (3, 4), (5, 13), (6, 2), (7, 10), (2, 0)):
         assert found[row, column] == pytest.approx(
             mean_by_sampling(frame, scale, window, row, column), rel=0.02
         )
+
     assert not found[7].any()  # below the frame
     assert not found[:, 0].any()  # beside it

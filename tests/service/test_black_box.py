@@ -79,6 +79,7 @@ class Monitor:
             if with_frame:
                 self.frames += 1
                 self.ring.put(self.frames, frame(self.frames))
+
             entry = decision(
                 state,
                 number=self.decisions,
@@ -176,6 +177,7 @@ def test_a_withdrawal_while_one_is_written_follows_it_and_only_the_latest_does(
     monitor.decide(times=50)
     for state in ("WITHDRAW", "WATCHING", "WITHDRAW", "NOT_READY", "WITHDRAW"):
         monitor.decide(state, turns=1)
+
     monitor.wait_for(WithdrawalKept, 2)
     monitor.end()
     first, second = map(read_recording, monitor.withdrawals())
@@ -226,11 +228,13 @@ def test_labels_of_a_withdrawal_are_the_force_although_the_needle_touched_long_b
         pushed_n = 0.02 if number > 500 else 0.0
         monitor.force([0.0, 0.001, 0.05 - pushed_n], monitor.at_s + 0.005)
         monitor.decide(turns=0)
+
     monitor.decide("WITHDRAW")
     monitor.box._withdrawals._writing.due_s = 0.0
     for _ in range(30):
         monitor.force([0.0, 0.001, 0.03], monitor.at_s + 0.005)
         monitor.at_s += 0.01
+
     monitor.wait_for(WithdrawalKept)
     monitor.end()
     recording = read_recording(monitor.withdrawals()[0])
@@ -248,6 +252,7 @@ def test_a_force_log_that_gives_no_labels_leaves_a_recording_that_can_be_read(tm
         if number % 10 == 0:
             monitor.force([0.001])
         monitor.decide()
+
     monitor.decide("WITHDRAW")
     monitor.box._withdrawals._writing.due_s = 0.0
     monitor.wait_for(WithdrawalKept)
@@ -268,12 +273,14 @@ def test_forces_of_another_device_or_count_and_nan_are_noted_once_and_left_out(
 ):
     monitor = Monitor(tmp_path, record=tmp_path / "rec")
     monitor.decide()
+
     for _ in range(100):
         monitor.force([0.0, 0.0, 1.0])
         monitor.force([5.0], device="other")
         monitor.force([5.0, 5.0])
         monitor.force([0.0, 0.0, float("nan")])
         monitor.decide()
+
     monitor.end()
     forces = read_recording(tmp_path / "rec").forces
     assert (forces.wrench_sc == [0.0, 0.0, 1.0]).all()
@@ -288,8 +295,10 @@ def test_a_session_is_recorded_frame_by_frame_and_can_be_read_at_any_time(tmp_pa
         monitor.decide(
             "WITHDRAW" if 100 < number < 150 else "WATCHING", with_frame=number % 3
         )
+
         if number % 50 == 0:
             assert numbers_in(tmp_path / "rec")
+
     monitor.end()
     assert numbers_in(tmp_path / "rec") == list(range(1, monitor.frames + 1))
     assert read_recording(tmp_path / "rec").forces.wrench_sc.shape == (297, 3)
@@ -310,8 +319,10 @@ def test_a_session_keeps_the_travel_and_marks_what_comes_after_a_puncture(tmp_pa
         monitor.decide(
             "WITHDRAW" if pierced else "WATCHING", travel_m=travel_m, pierced=pierced
         )
+
     monitor.wait_for(WithdrawalKept)
     monitor.end()
+
     for folder in (tmp_path / "rec", *monitor.withdrawals()):
         recording = read_recording(folder)
         assert [entry.travel_m for entry in recording.frames] == [
@@ -348,6 +359,7 @@ def test_a_session_whose_disk_fails_ends_and_is_reported_once(tmp_path, monkeypa
     with monkeypatch.context() as disk:
         disk.setattr(RecordingWriter, "add", full)
         monitor.decide()
+
     monitor.decide(times=5)
     assert [fault.detail for fault in monitor.heard(SelfReport)] == [
         "session: [Errno 28] No space left on device"
@@ -427,6 +439,7 @@ def test_a_log_that_cannot_be_written_is_reported_once_until_it_can(
             disk.setattr(DecisionLog, "append", full)
             monitor.decide(times=5)
         monitor.decide()
+
     assert [fault.detail for fault in monitor.heard(SelfReport)] == [
         "log: [Errno 28] No space left on device"
     ] * 2
@@ -440,12 +453,14 @@ def test_alive_says_what_is_wrong_until_it_is_no_longer(tmp_path, monkeypatch):
     usage = shutil.disk_usage(tmp_path)
     monitor.decide()
     assert monitor.heard(Alive)[-1].faults == ()
+
     with monkeypatch.context() as disk:
         disk.setattr(shutil, "disk_usage", lambda _: usage._replace(free=10**6))
         monitor.decide("WITHDRAW")
         disk_fault, withdrawal_fault = sorted(monitor.heard(Alive)[-1].faults)
         assert disk_fault.startswith("disk: ")
         assert withdrawal_fault.startswith("withdrawal: ")
+
     monitor.decide()
     assert monitor.heard(Alive)[-1].faults == ()
     monitor.end()
@@ -511,6 +526,7 @@ class Process:
                 or heard
             )
         )
+
         return heard[0]
 
 
@@ -540,6 +556,7 @@ def test_what_the_process_writes_is_readable_by_its_owner_only(tmp_path):
     )  # of an earlier version
     process = Process(tmp_path, tmp_path / "rec")
     process.wait_for(Alive)
+
     for number in range(1, 20):
         for step in range(3):
             at_s = time.monotonic() + 0.03 * number + 0.01 * step
@@ -547,7 +564,9 @@ def test_what_the_process_writes_is_readable_by_its_owner_only(tmp_path):
                 at_s=at_s, time_s=time.time(), values=(0.01,), device="Robot"
             )
             process.child.channel.send(force)
+
         process.frames([number])
+
     process.frames([20], "WITHDRAW")
     process.wait_for(WithdrawalKept)
     process.child.channel.send(MonitorEnds())
@@ -648,12 +667,15 @@ def test_frames_of_several_planes_are_recorded_by_moments_and_those_alone_stay(
         INFO, oct=replace(INFO.oct, plane=planes), needle=NeedleInfo(gauge=22)
     )
     monitor = Monitor(tmp_path, record=tmp_path / "session", info=info)
+
     for moment in (1, 3, 5):
         monitor.decide(plane="along", moment=moment)
         monitor.decide(plane="across", moment=moment, pierced=moment == 5)
+
     monitor.decide(plane="across", moment=7)  # the other one falls silent
     monitor.decide("WITHDRAW", with_frame=False)
     monitor.end()
+
     for folder in (tmp_path / "session", monitor.withdrawals()[0]):
         assert numbers_in(folder) == [*range(1, 8)]
         recording = read_recording(folder)

@@ -144,6 +144,7 @@ def test_a_missing_or_an_unknown_field_is_refused_by_its_name() -> None:
             others = {key: value for key, value in record.items() if key != name}
             with pytest.raises(MessageError, match=name):
                 channel.decode_message(msgspec.msgpack.encode(others))
+
         with pytest.raises(MessageError, match="more"):
             channel.decode_message(msgspec.msgpack.encode(record | {"more": 1}))
 
@@ -182,6 +183,7 @@ def test_a_message_with_changed_bytes_is_a_message_or_that_error(
         data[drawn.draw(st.integers(0, len(data) - 1))] = drawn.draw(
             st.integers(0, 255)
         )
+
     with suppress(MessageError):
         assert isinstance(
             channel.decode_message(bytes(data)), messages.CompanionMessage
@@ -196,6 +198,7 @@ def test_other_values_and_large_messages_are_not_sent() -> None:
     ):
         with pytest.raises(MessageError):
             channel.encode_message(wrong)
+
     with pytest.raises(MessageError, match="131072"):
         channel.encode_message(
             messages.Note(time_s=1.0, text="x" * channel.MESSAGE_BYTES)
@@ -231,10 +234,12 @@ def test_an_end_that_does_not_read_loses_messages_but_never_makes_the_other_wait
     sent = 0
     while ours.send(note(sent, "x" * 4000)):
         sent += 1
+
     assert not ours.send(note(-1, "x" * 4000))
     numbers = []
     while messages := theirs.receive():
         numbers += numbers_of(messages)
+
     assert numbers == list(range(sent))
     assert ours.send(note(sent))
 
@@ -244,11 +249,13 @@ def test_an_end_that_left_without_reading_has_its_last_messages_read_all_the_sam
     theirs.send(note(0))  # the kernel answers such a leaving with an error, once
     for number in range(3):
         ours.send(note(number))
+
     ours.close()
     assert numbers_of(theirs.receive()) == [0, 1, 2]
     for _ in range(2):
         with pytest.raises(channel.ChannelClosedError):
             theirs.receive()
+
     with pytest.raises(channel.ChannelClosedError):
         theirs.send(note(0))
 
@@ -261,12 +268,15 @@ def test_the_largest_message_arrives_and_a_larger_one_is_refused_before_and_afte
     largest = note(1, "x" * (channel.MESSAGE_BYTES - header))
     assert ours.send(largest)
     assert theirs.receive() == [largest]
+
     with pytest.raises(MessageError, match="131073 bytes"):
         ours.send(note(1, largest.text + "x"))
+
     assert theirs.receive() == []
     assert ours.send_encoded(
         channel.encode_message(largest) + b" " * 1000
     )  # a whole message, if it were cut
+
     with pytest.raises(MessageError, match="131073 bytes"):
         theirs.receive()
 
@@ -342,6 +352,7 @@ def test_a_child_gets_its_settings_and_the_files_and_ends_or_is_killed_when_the_
     }
     assert child.process.poll() is None
     assert os.getsid(child.process.pid) == child.process.pid
+
     for number in (
         signal.SIGHUP,
         signal.SIGQUIT,
@@ -349,6 +360,7 @@ def test_a_child_gets_its_settings_and_the_files_and_ends_or_is_killed_when_the_
         signal.SIGTERM,
     ):  # as a terminal that is closed
         os.kill(child.process.pid, number)
+
     time.sleep(0.05)
     assert child.process.poll() is None
     assert child.end(FUSE_S) == 7
@@ -368,15 +380,18 @@ def test_a_child_whose_monitor_has_gone_or_says_nothing_does_not_start(monkeypat
     monkeypatch.setattr(channel, "SETTINGS_S", 0.01)
     with pytest.raises(RuntimeError, match="started by `scleraforce monitor`"):
         run()
+
     ours.send(messages.MonitorEnds())
     with pytest.raises(
         MessageError,
         match="a MonitorEnds came; the first message must be a OpinionSettings",
     ):
         run()
+
     ours.close()
     with pytest.raises(channel.ChannelClosedError):
         run()
+
     theirs.close()
 
 
@@ -385,10 +400,12 @@ def test_no_module_of_the_current_folder_runs_in_a_child(tmp_path, monkeypatch):
     """Modules of PYTHONPATH do, as in the process that starts it."""
     here = tmp_path / "here"
     here.mkdir()
+
     for name in ("numpy", "signal", "json", "socket", "sitecustomize", "some_child"):
         (here / f"{name}.py").write_text(
             f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\nraise SystemExit\n"
         )
+
     monkeypatch.chdir(here)
     child = channel.Child("some_child", ending_with(3))
     assert answer(child)["threads"] == "1"

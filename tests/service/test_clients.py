@@ -50,20 +50,26 @@ def test_a_peer_that_reads_late_gets_whole_messages_and_misses_others(
             encode(Text(f"{number:04d}" * 1000), "ForceReading")
             for number in range(5000)
         ]
+
         for number, message in enumerate(sent):
             connection.send(message, 100.0 + number)
+
         since_s = connection.unread_since_s
         assert since_s is not None
         heard = []
         decoder = Decoder()
+
         for number in range(5000, 5003):
             for data in all_that_arrives(peer, connection):
                 heard += decoder.feed(data)
+
             connection.send(
                 encode(Text(f"{number:04d}" * 1000), "ForceReading"), 100.0 + number
             )
+
         wait_until(lambda: connection.unread_since_s is None)
         connection.close()
+
     texts = [event.message.text for event in heard if isinstance(event, Received)]  # type: ignore[union-attr] # a Text
     assert len(texts) == len(heard)
     assert all(text == text[:4] * 1000 for text in texts)
@@ -84,15 +90,19 @@ def test_hardly_more_than_a_tenth_of_a_second_waits_for_a_peer_that_does_not_rea
         peer.connect(listener.getsockname())
         connection = Connection(listener.accept()[0], "peer", 1)
         message = encode(Text("x" * 500), "ForceReading")
+
         for number in range(5000):
             connection.send(message, 100.0 + number)
+
         assert connection._forget_taken() <= WAITING_BYTES + len(message)
         newest = encode(Text("newest"), "ForceReading")
         peer.settimeout(FUSE_S)
         heard = b""
+
         while newest not in heard:
             connection.send(newest, 6000.0)
             heard += peer.recv(100)  # slowly
+
         own_bytes = peer.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
         assert len(heard) < WAITING_BYTES + len(message) + own_bytes
         connection.close()
@@ -106,8 +116,10 @@ def unread(
     peer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     peer.connect(listener.getsockname())
     (client,) = clients.accept()
+
     for number in range(200):
         client.send(encode(Text("x" * 500), "ForceReading"), 100.0 + 0.001 * number)
+
     return peer, client
 
 
@@ -126,6 +138,7 @@ def test_a_client_for_which_messages_wait_is_let_go_after_a_fifth_of_a_second_bu
 ) -> None:
     served, notes = clients
     peer, client = unread(listener, served)
+
     with peer:
         since_s = client.unread_since_s
         assert since_s is not None
@@ -137,10 +150,13 @@ def test_a_client_for_which_messages_wait_is_let_go_after_a_fifth_of_a_second_bu
         assert "waited for 0.2 s" in notes[-1]
         peer.settimeout(2.0)
         heard = 0
+
         with suppress(ConnectionResetError):
             while data := peer.recv(1 << 16):
                 heard += len(data)
+
             pytest.fail("what had not arrived was sent all the same")
+
         assert heard <= peer.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
 
 
@@ -162,10 +178,12 @@ def test_a_server_that_is_never_idle_rests_now_and_then_and_one_that_waits_does_
         served.selector, "select", lambda within_s: pass_time(within_s) or []
     )
     served._waited_s = 10.0
+
     for within_s in (0.0, 0.002):
         for _ in range(31):
             served.wait(within_s, lambda: now_s[0])
             pass_time(0.004)
+
         assert (
             rests == [0.001] * 10
         )  # after each three turns of 4 ms; none is added by turns that wait
@@ -176,6 +194,7 @@ def test_without_a_free_descriptor_the_operator_still_connects(
 ) -> None:
     served, notes = clients
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+
     with ExitStack() as peers:
         waiting = [
             peers.enter_context(socket.create_connection(listener.getsockname()))
@@ -186,6 +205,7 @@ def test_without_a_free_descriptor_the_operator_still_connects(
             came = [served.accept() for _ in range(3)]
         finally:
             resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
         names = ["{}:{}".format(*peer.getsockname()) for peer in waiting]
         assert [[client.address for client in turn] for turn in came] == [
             [name] for name in names

@@ -83,6 +83,7 @@ def test_one_that_takes_nothing_for_two_seconds_does_not_keep_up_until_it_does(
     message = Note(time_s=1.5, text="x" * 100_000)
     for _ in range(1000):
         companions.send(OPINION, message, 10.0)
+
     assert companions.faults(11.9) == ()
     assert companions.faults(12.1) == ("second opinion: it does not keep up",)
     children[OPINION].theirs.receive()
@@ -99,13 +100,16 @@ def test_decisions_wait_for_a_black_box_that_does_not_keep_up_and_go_before_all_
             messages.ForceHeard(at_s=1.0, time_s=1.0, values=(0.0,), device="x" * 1000),
             10.0,
         )
+
     for number in range(1, 501):
         companions.decided(Decided(entry=decision(number=number, message="x" * 1000)))
         companions.send(BLACK_BOX, Note(time_s=1.5, text=str(number)), 10.0)
+
     heard: list[CompanionMessage] = []
     while some := children[BLACK_BOX].theirs.receive(50):
         heard += some
         companions.faults(10.1)
+
     assert [
         message.entry.number for message in heard if isinstance(message, Decided)
     ] == list(range(1, 501))
@@ -118,12 +122,15 @@ def test_decisions_wait_for_a_black_box_that_does_not_keep_up_and_go_before_all_
 def test_a_black_box_that_loses_a_decision_is_at_fault_at_once(companions, children):
     for number in range(1, 200):
         companions.decided(Decided(entry=decision(number=number, message="x" * 1000)))
+
     assert companions.faults(10.1) == ()
     for number in range(200, 5000):
         companions.decided(Decided(entry=decision(number=number, message="x" * 1000)))
+
     assert companions.faults(10.1) == ("black box: it does not keep up",)
     while children[BLACK_BOX].theirs.receive(50):
         companions.faults(10.2)
+
     assert companions.faults(10.3) == ()
 
 
@@ -134,6 +141,7 @@ def test_what_one_says_of_the_frames_is_passed_on(companions, children):
         messages.WrongTokens(count=2),
     ]
     kept = messages.WithdrawalKept(folder="x")
+
     for name, said in (
         (OPINION, [OPINION_OF_3]),
         (BLACK_BOX, [kept]),
@@ -141,7 +149,9 @@ def test_what_one_says_of_the_frames_is_passed_on(companions, children):
     ):
         for message in said:
             children[name].says(message)
+
         assert hear(companions, name, 1.0) == said
+
     assert companions.faults(1.0) == ()
 
 

@@ -68,6 +68,7 @@ def test_a_log_that_is_cut_at_any_byte_has_all_records_before_and_says_what_is_t
 ):
     whole = log.read_bytes()
     ends = ends_of_records(log)
+
     for length in reversed(range(len(whole))):
         os.truncate(log, length)
         complete = sum(
@@ -81,8 +82,10 @@ def test_a_log_that_is_cut_at_any_byte_has_all_records_before_and_says_what_is_t
 def test_a_log_that_was_cut_at_any_byte_continues_and_keeps_its_bytes(log, monkeypatch):
     for wait in ("fsync", "fdatasync"):
         monkeypatch.setattr(os, wait, lambda _: None)
+
     whole = log.read_bytes()
     ends = ends_of_records(log)
+
     for length in range(ends[0] - 20, len(whole)):
         log.unlink()
         log.write_bytes(whole[:length])
@@ -98,9 +101,11 @@ def test_a_changed_byte_costs_its_own_record_and_no_other_one(log):
     whole = log.read_bytes()
     ends = ends_of_records(log)
     file = os.open(log, os.O_WRONLY)
+
     for place, byte in enumerate(whole):
         record = sum(end <= place for end in ends)
         others = [one for number, one in enumerate(RECORDS) if number != record]
+
         for changed in {byte ^ 1, byte ^ 32, *b'\n{"'} - {byte}:
             os.pwrite(file, bytes([changed]), place)
             found = records(log)
@@ -109,7 +114,9 @@ def test_a_changed_byte_costs_its_own_record_and_no_other_one(log):
                 place + 1 in ends
             )  # the end of a line is outside the record's bytes
             assert torn(log)
+
         os.pwrite(file, bytes([byte]), place)
+
     os.close(file)
 
 
@@ -120,6 +127,7 @@ def test_files_are_numbered_and_the_oldest_go_but_never_the_newest(tmp_path):
         files = sorted(tmp_path.iterdir())
         assert all(file.stat().st_size <= 1000 for file in files)
         assert sum(file.stat().st_size for file in files) <= 3500 + 1000
+
     log.close()
     numbers = [record["number"] for record in records(tmp_path)]
     assert numbers == list(range(numbers[0], 200))
@@ -127,8 +135,10 @@ def test_files_are_numbered_and_the_oldest_go_but_never_the_newest(tmp_path):
     assert files[-1].name == "decisions-000008.jsonl"
     assert len(files) < 8
     tiny = DecisionLog(tmp_path / "tiny", file_bytes=10, total_bytes=0)
+
     for number in range(5):
         tiny.append({"number": number})
+
     tiny.close()
     assert records(tmp_path / "tiny") == [{"number": 4}]
 
@@ -146,11 +156,13 @@ def test_a_record_that_the_disk_took_in_part_is_an_error_and_the_next_one_is_who
 ):
     log = DecisionLog(tmp_path)
     log.append(RECORDS[0])
+
     with monkeypatch.context() as disk:
         write = os.write
         disk.setattr(os, "write", lambda file, data: write(file, data[:20]))
         with pytest.raises(OSError, match="a record was cut"):
             log.append(RECORDS[1])
+
     log.append(RECORDS[2])
     log.close()
     assert records(tmp_path) == [RECORDS[0], RECORDS[2]]
@@ -175,6 +187,7 @@ def test_a_process_that_is_killed_while_it_writes_leaves_every_record_that_it_ha
         with ends(child.stdout, FUSE_S):
             for _ in range(300):
                 said = int(child.stdout.readline())
+
         child.send_signal(signal.SIGKILL)
         said = max([said, *map(int, child.stdout.read().split())])
         child.stdout.close()
@@ -199,6 +212,7 @@ def test_the_disk_is_asked_for_the_folder_when_a_file_is_made_and_for_the_file_w
 
     for kind in ("fsync", "fdatasync"):
         monkeypatch.setattr(os, kind, note(kind))
+
     folder = tmp_path / "log"
     log = DecisionLog(folder, file_bytes=200)
     assert asked == [("fsync", str(folder))]

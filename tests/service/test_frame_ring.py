@@ -24,9 +24,11 @@ def test_the_last_frames_are_there_and_no_others():
     ring = FrameRing.create(4, 3, 5)
     ring.put(1, frame(1))
     copied = ring.get(1)
+
     for latest in range(1, 14):
         ring.put(latest, frame(latest))
         assert (copied == frame(1)).all()
+
         for number in range(-5, 20):
             found = ring.get(number)
             if max(latest - 3, 1) <= number <= latest:
@@ -73,9 +75,11 @@ def test_frames_of_8_bits_keep_their_values_and_a_frame_of_another_size_is_refus
     ring.put(1, np.full((3, 5), 200, dtype=np.uint8))
     assert ring.get(1).dtype == np.uint16
     assert (ring.get(1) == 200).all()
+
     for shape in ((1, 5), (5,), (3, 4), (5, 3)):
         with pytest.raises(ValueError, match="the ring has frames of"):
             ring.put(2, np.zeros(shape, dtype=np.uint16))
+
     assert (ring.get(1) == 200).all()
 
 

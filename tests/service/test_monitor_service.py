@@ -64,6 +64,7 @@ def test_each_plane_is_read_with_the_eye_as_it_sees_it_and_a_single_one_as_decla
         study=Study(), read_live=lambda _, __, eye: seen.append(eye)
     )
     cross = replace(scan, plane=(Plane("along", 0.0, 0.0), Plane("across", 0.0, 1.5)))
+
     for taken, eyes in (
         (scan, {"": (0.2, 0.4e-3)}),
         (cross, {"along": (0.2, None), "across": (1.7, None)}),
@@ -178,6 +179,7 @@ def test_a_host_that_is_not_an_address_of_this_machine_is_refused_in_one_line() 
     ):
         with pytest.raises(InputError) as refused:
             monitor_service.listen(host, 0)
+
         assert str(refused.value).startswith(
             f"--host {host!r}" if host.strip() else "--host: empty"
         )
@@ -193,6 +195,7 @@ def test_a_folder_that_cannot_be_written_or_exists_is_refused_before_anything_is
     box = tmp_path / "box"
     within = tmp_path / "file" / "inside"
     long = tmp_path / ("x" * 300)
+
     for black_box, record, words in (
         (within, None, "Not a directory"),
         (long, None, "File name too long"),
@@ -207,11 +210,14 @@ def test_a_folder_that_cannot_be_written_or_exists_is_refused_before_anything_is
     ):
         with pytest.raises(InputError, match=words) as refused:
             monitor_service.try_folders(black_box, record)
+
         assert "\n" not in str(refused.value)
+
     assert (tmp_path / "file").read_text() == "mine"
     assert not box.exists()
     for _ in range(2):
         monitor_service.try_folders(box, tmp_path / "session")
+
     assert sorted(path.name for path in box.rglob("*")) == [
         "decisions-000001.jsonl",
         "log",
@@ -225,8 +231,10 @@ def test_a_low_limit_of_files_is_raised_and_a_hard_one_below_the_need_is_refused
     monkeypatch.setattr(resource, "getrlimit", lambda _: found[-1])
     monkeypatch.setattr(resource, "setrlimit", lambda _, both: found.append(both))
     monitor_service.allow_files(200)
+
     with pytest.raises(InputError, match=r"at most 1024 .* needs 1025"):
         monitor_service.allow_files(1025)
+
     assert found == [(256, 1024)]
     monitor_service.allow_files(384)
     assert found[-1] == (384, 1024)
@@ -243,6 +251,7 @@ def test_a_terminal_that_is_stopped_keeps_nobody_waiting_and_fills_no_memory() -
     notes = monitor_service.Notes(write)
     for number in range(3 * monitor_service.WAITING_LINES):
         notes(str(number))
+
     notes.close(within_s=0.01)
     assert not lines
     go_on.set()

@@ -55,10 +55,12 @@ def test_wrong_tokens_of_many_are_counted_together_and_the_right_one_is_granted_
         guessers = [stack.enter_context(Peer(port)) for _ in range(ANSWERED)]
         for guesser in guessers:
             say_at_once(guesser, ["wrong"] * 2)
+
         for guesser in guessers:
             guesser.hear(
                 lambda peer: answers(peer) == 2
             )  # or the end of its connection
+
         assert sum(answers(guesser) for guesser in guessers) == ANSWERED
         withdrawn_but_harmless(scanner)
         assert ask_reset("127.0.0.1", port, TOKEN, within_s=FUSE_S)[0] is True
@@ -78,18 +80,22 @@ def test_five_wrong_codes_lock_the_right_one_for_a_minute_and_each_code_is_for_o
     code = ResetCode()
     wrong = f"{(int(code.digits) + 1) % 10**6:06d}"
     assert code.digits in code.line
+
     for _ in range(3):  # the right one forgives those before it
         assert not any(
             code.knows(guess, 0.0)
             for guess in [wrong] * (WRONG_CODES - 1) + ["", "12345", TOKEN]
         )
         assert code.knows(code.digits, 0.0)
+
     assert not any(code.knows(wrong, 1.0) for _ in range(WRONG_CODES))
     assert code.locked(1.0 + 0.99 * reset.LOCKED_S)
     assert not code.knows(code.digits, 1.0 + 0.99 * reset.LOCKED_S)
     assert code.knows(code.digits, 1.0 + reset.LOCKED_S)
     used = {code.digits}
+
     for _ in range(3):
         code.renew()
         used.add(code.digits)
+
     assert len(used) > 1

@@ -48,8 +48,10 @@ class ClockedLink:
                 self.messages.pop(0) if self.messages else (float("inf"), b"")
             )
             self.now_s += min(pause_s, self.timeout_s)
+
             if pause_s > self.timeout_s:
                 raise TimeoutError
+
         piece = self.data[:count]
         self.data = self.data[count:]
         return piece
@@ -71,6 +73,7 @@ def watched(monkeypatch: pytest.MonkeyPatch) -> Watched:
         monkeypatch.setattr(client, "time", clock)
         monkeypatch.setattr(client.socket, "create_connection", lambda *_, **__: link)
         client.watch("monitor", 18944, lambda go_on, why: orders.append((go_on, why)))
+
         return orders
 
     return run
@@ -178,12 +181,14 @@ def test_as_a_program_it_prints_changes_and_ends_with_exit_code_1(tmp_path) -> N
     patient.write_text(
         SCRIPT.read_text().replace("SILENCE_S = 0.150", "SILENCE_S = 300.0")
     )
+
     with fake_monitor() as monitor:
         monitor.status = OK
         command = [sys.executable, str(patient), "127.0.0.1", str(monitor.port)]
         child = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
+
         with ends(child.stdout, FUSE_S):
             assert " continue: code 1" in child.stdout.readline()
             monitor.say(EMERGENCY)
@@ -191,8 +196,10 @@ def test_as_a_program_it_prints_changes_and_ends_with_exit_code_1(tmp_path) -> N
                 " WITHDRAW: code 3, sub-code 102: WITHDRAW: up to 31 mN"
                 in child.stdout.readline()
             )
+
         monitor.drop()
         out, err = child.communicate(timeout=FUSE_S)
+
     assert " WITHDRAW: " in out
     assert err == ""
     assert child.returncode == 1

@@ -34,6 +34,7 @@ def part(
         "offset": (columns.start, rows.start, 0),
         **changes,
     }
+
     return image(counts[rows, columns], **placed)
 
 
@@ -80,6 +81,7 @@ def test_an_image_other_than_a_b_scan_is_refused_in_one_line() -> None:
         assembler = FrameAssembler()
         with pytest.raises(ProtocolError, match=says) as refused:
             assembler.add(wrong)
+
         assert "\n" not in str(refused.value)
         assert frame_of(assembler.add(image())).pixels.shape == (6, 9)
 
@@ -102,6 +104,7 @@ def test_parts_in_any_order_behind_the_first_make_the_image_they_were_cut_from(
     first, *others = [part(r, c, counts) for r, c in product(*cut)]
     random.shuffle(others)
     assembler = FrameAssembler()
+
     for _ in range(2):  # a second image follows
         *before, last = [assembler.add(p) for p in [first, *others]]
         assert before == [None] * len(others)
@@ -130,15 +133,19 @@ def test_a_part_that_does_not_belong_is_refused_and_those_before_it_are_forgotte
         assembler.add(UPPER)
         with pytest.raises(ProtocolError, match="IMAGE: the part rows"):
             assembler.add(second)
+
         with pytest.raises(ProtocolError, match="first pixel"):
             assembler.add(LOWER)
+
         assert assembler.add(part(slice(0, 4), counts=OTHER)) is None
         assert np.array_equal(
             frame_of(assembler.add(part(slice(4, 6), counts=OTHER))).pixels, OTHER
         )
+
     assembler.add(UPPER)
     with pytest.raises(ProtocolError, match="overlaps"):
         assembler.add(part(slice(0, 3), counts=OTHER))  # it begins the next image
+
     assert np.array_equal(
         frame_of(assembler.add(part(slice(3, 6), counts=OTHER))).pixels, OTHER
     )
@@ -152,14 +159,17 @@ def test_whatever_parts_are_lost_no_frame_is_put_together_of_two_images(
     lost = data.draw(st.sets(st.integers(0, 8 * parts - 1)))
     assembler = FrameAssembler()
     frames = []
+
     for turn in range(8 * parts):
         number, index = divmod(turn, parts)
         counts = np.full(
             (2 * parts, 3), number, dtype=np.uint8
         )  # every image is of one number
+
         if turn in lost:
             assembler = FrameAssembler()
             continue
+
         try:
             frames.append(
                 assembler.add(
@@ -168,6 +178,7 @@ def test_whatever_parts_are_lost_no_frame_is_put_together_of_two_images(
             )
         except ProtocolError:
             continue
+
     whole = [n for n in range(8) if not lost & set(range(n * parts, (n + 1) * parts))]
     assert [
         np.unique(frame.pixels).tolist() for frame in frames if frame is not None
@@ -181,6 +192,7 @@ def test_a_frame_over_the_cap_takes_no_room() -> None:
         pytest.raises(ProtocolError, match="8589672450 bytes: at most 16777216"),
     ):
         FrameAssembler().add(corner)
+
     assert FrameAssembler(108).add(UPPER) is None
     with pytest.raises(ProtocolError, match="108 bytes: at most 107"):
         FrameAssembler(107).add(UPPER)

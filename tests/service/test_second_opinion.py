@@ -114,6 +114,7 @@ class Reader:
                 if isinstance(one, messages.EyeLearned):
                     return one
             sleep(0.05)
+
         return None
 
 
@@ -170,6 +171,7 @@ def test_it_keeps_a_history_of_its_own_by_the_times_of_the_frames(
         reader.ring.put(10 + turn, image(wall_section(tip_of(0.015)), turn))
         reader.ask(10 + turn, 100 + turn, 100.0 + 0.25 * turn)
         verdicts.append(reader.opinion().verdict)
+
     assert [verdict.elastic_force_n for verdict in verdicts] == pytest.approx(
         [0.015] * 12, abs=1.2e-3
     )
@@ -190,8 +192,10 @@ def test_frames_of_several_planes_are_read_together_and_one_that_is_left_out_is_
     cross = Reader(tmp_path / "reader", KNOWN, planes=CROSS)
     assert cross.hear(messages.Alive) == [messages.Alive(faults=())]
     contact_m = (0.15e-3, -0.5e-3, 0.5e-3)
+
     for number, plane in enumerate(CROSS, 1):
         cross.ring.put(number, image(cut_wall(plane, tip_of(0.015), contact_m), number))
+
     cross.ring.put(3, np.zeros((STUDY.oct.rows, STUDY.oct.columns), np.uint16))
     asked = [("across", 2, 72), ("along", 1, 71)]  # as they came
     cross.ask(2, 72, planes=tuple(asked))
@@ -236,9 +240,11 @@ def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_
     learning.hear(messages.Alive)
     learning.show(0.010, teaches=False)
     assert learning.learned(3 * SETTLES_S, teaches=False) is None
+
     for force_n in (0.005, 0.010, 0.015, 0.020):
         learning.show(force_n)
         sleep(0.11)
+
     found = learning.learned(FUSE_S)
     assert found is not None
     assert found.fault == ""
@@ -253,12 +259,16 @@ def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_
     assert again.modulus is not None
     assert again.modulus.source == "population"
     assert again.modulus.sd_pa == pytest.approx(PRIOR.sd_pa, rel=0.1)
+
     with pytest.raises(InputError, match="not of eye-b"):
         resumed(EYE, tmp_path / LEARNED_FILE, "eye-b")
+
     with pytest.raises(InputError, match=r"learned at 2\.0 mmHg"):
         resumed(replace(EYE, iop_pa=2000.0), tmp_path / LEARNED_FILE, "eye-a")
+
     with pytest.raises(InputError, match="stiffening: 0; that of this eye is 10"):
         resumed(replace(EYE, stiffening=10.0), tmp_path / LEARNED_FILE, "eye-a")
+
     learning.show(0.020, teaches=False, pierced=True)
     forgotten = learning.learned(FUSE_S, teaches=False)
     assert forgotten is not None

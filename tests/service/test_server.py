@@ -104,6 +104,7 @@ def test_a_client_that_reads_misses_no_reading(
         for heard in range(1, 30):  # Linux acknowledges at once only what comes first
             robot.hear(lambda peer: len(peer.statuses()) >= heard)  # noqa: B023 - called at once
             clock.turn(HEARTBEAT_S)
+
         scanner.watch(frames=30)
         robot.hear(lambda peer: peer.readings() == 30)
         assert [json.loads(message.text)["frame"] for message in robot.texts()] == [
@@ -133,6 +134,7 @@ def send_together(peer: Peer, forces_un: list[int], first: int = 0) -> None:
         for n, force_un in enumerate(forces_un, first)
     ]
     assert peer.clock
+
     with peer.clock.held():
         peer.link.sendall(
             b"".join(
@@ -248,6 +250,7 @@ def test_a_fault_withdraws_and_says_why_to_everybody(
         assert robot.statuses()[-1].code == 1
         inject(scanner)
         status = robot.wait_for_code(3)
+
     assert (status.subcode, status.name) == (cause.value, cause.name), status.message
 
 
@@ -334,8 +337,10 @@ def test_a_withdrawal_stays_until_the_operators_reset_on_fresh_harmless_frames(
     scanner.show(40.0)
     scanner.wait_for_code(3)
     assert reset(port)[0] is False  # no frame is fresh
+
     for _ in range(8):
         scanner.read(10.0)
+
     assert {status.code for status in scanner.statuses()[-6:]} == {3}
     granted, message = reset(port, "wrong")
     assert not granted
@@ -397,13 +402,17 @@ def test_others_have_two_milliseconds_a_turn_and_who_has_waited_longest_is_first
     monkeypatch.setattr(
         server, "_hear", lambda client: (heard.append(client.number), hear(client))
     )
+
     with ExitStack() as stack:
         peers = [stack.enter_context(Peer(port)) for _ in range(5)]
         wait_until(lambda: server._turn(0.1) or len(list(server._clients)) == 5)
+
         for _ in range(3):
             for peer in peers:
                 peer.say(Query("STATUS"))
+
             server._turn(0.1)
+
         assert (
             len(heard) == len(set(heard)) == 3
         )  # each takes two looks at this clock, 2.2 ms
@@ -469,6 +478,7 @@ def test_other_messages_are_read_over(scanner: Peer) -> None:
         scanner.say(Status(13, message="of the peer"), "Robot")
         scanner.say(Query("CAPABIL"), "Robot")
         scanner.read(10.0)
+
     assert scanner.statuses()[-1].code == 1
 
 
@@ -479,16 +489,19 @@ def test_a_crowd_that_says_nothing_locks_out_neither_the_operator_nor_a_scanner(
         crowd = [stack.enter_context(Peer(port)) for _ in range(30)]
         for peer in crowd:
             peer.hear(lambda peer: bool(peer.statuses()))
+
         with Peer(port, clock=clock) as scanner:
             scanner.watch()
             scanner.show(40.0)
             scanner.wait_for_code(3)
             for _ in range(8):
                 scanner.read(10.0)
+
             crowd += [stack.enter_context(Peer(port)) for _ in range(30)]
             scanner.show(10.0)
             assert reset(port)[0] is True
             scanner.watch()
+
         assert all(peer.statuses()[0].code == 13 for peer in crowd[:18])
 
 
@@ -512,6 +525,7 @@ def test_who_was_there_first_and_the_scanner_keep_their_places(
             crowd = [stack.enter_context(Peer(port)) for _ in range(30)]
             for peer in crowd:
                 peer.hear(lambda peer: bool(peer.statuses()))
+
             scanner.watch()
             assert not any(gone(peer, 24) for peer in first)
             assert [gone(peer, 24) for peer in crowd] == [True] * 28 + [False] * 2
@@ -552,18 +566,21 @@ def test_the_watchdog_tells_everybody_when_the_monitor_hangs_or_dies(
             robot.hear(lambda peer: peer.readings() == 12)
             robot.versions.clear()
             DEATHS[death](running, scanner)
+
             for peer in (robot, scanner):
                 status = peer.wait_for_code(3)
                 assert (status.subcode, status.name) == (
                     Cause.WATCHDOG.value,
                     "WATCHDOG",
                 )
+
             heard = len(robot.statuses())
             robot.hear(lambda peer: len(peer.statuses()) >= heard + 5)
             assert {status.code for status in robot.statuses()[heard:]} == {
                 3
             }  # never OK again
             assert robot.versions == {2}
+
         wait_until(
             lambda: not alive(running.watchdog_pid)
         )  # it ends when the last client has left
@@ -576,8 +593,10 @@ def test_a_watchdog_that_dies_is_a_cause_and_no_reset_helps() -> None:
         os.kill(running.watchdog_pid, signal.SIGKILL)
         status = scanner.wait_for_code(3)
         assert "watchdog" in status.message
+
         for _ in range(8):
             scanner.read(10.0)
+
         assert reset(running.port)[0] is False
 
 
@@ -586,6 +605,7 @@ def test_a_watchdog_that_is_stopped_is_a_cause() -> None:
     with small_monitor(look_s=0.2) as running, Peer(running.port) as scanner:
         scanner.watch()
         os.kill(running.watchdog_pid, signal.SIGSTOP)
+
         try:
             assert (
                 "the watchdog has not answered for 5 s"
@@ -616,6 +636,7 @@ def test_the_operator_hears_of_each_change_of_state_once(clock: TurnedClock) -> 
         scanner.watch()
         for force_mn in (40.0, 41.0, 42.0):
             scanner.read(force_mn)
+
     states = [line.split()[1] for line in lines]
     assert states == ["WATCHING:", "WITHDRAW:"]
     assert "class 2" in lines[1]
@@ -633,6 +654,7 @@ def beside(
     ):
         scanner.watch()
         yield port, scanner, companions
+
     for companion in companions.values():
         companion.end()
 
@@ -703,11 +725,13 @@ def test_a_companion_that_fails_is_a_cause_until_it_says_that_this_is_over(
             "EXCEPTION",
             True,
         )
+
         for over in (False, True):
             if over:
                 companions[name].says(messages.Alive(faults=()))
             for _ in range(8):
                 scanner.read(10.0)
+
             assert reset(port)[0] is over
 
 
@@ -717,18 +741,21 @@ def test_clients_that_flood_the_log_take_nothing_of_the_decisions_and_the_log_sa
 ) -> None:
     wrong = encode(Status(1), "X")[:-1] + b"\1"
     heard: list[messages.CompanionMessage] = []
+
     with beside(clock, BLACK_BOX) as (port, scanner, companions), Peer(port) as rude:
         box = companions[BLACK_BOX]
         for _ in range(20):
             rude.link.sendall((encode(Sensor((0.01,)), "RobotForce") * 20 + wrong) * 5)
             scanner.watch(frames=3)
             heard += box.theirs.receive()
+
         while (
             not any("were dropped" in str(one) for one in heard)
             or sum(isinstance(one, messages.Decided) for one in heard) < 60
         ):
             scanner.watch(frames=3)
             heard += box.theirs.receive()
+
     entries = [
         message.entry.number
         for message in heard
@@ -751,6 +778,7 @@ def test_while_no_frames_come_the_console_gets_the_state_again_and_the_log_has_n
 ) -> None:
     logged = list[messages.Entry]()
     shown = list[messages.Entry]()
+
     with beside(clock, BLACK_BOX, CONSOLE) as (_, _, companions):
 
         def withdrawn_and_repeated() -> bool:
@@ -762,6 +790,7 @@ def test_while_no_frames_come_the_console_gets_the_state_again_and_the_log_has_n
                     for message in heard
                     if isinstance(message, messages.Decided)
                 ]
+
             return (
                 sum(
                     entry.event == "again" and entry.state == "WITHDRAW"
@@ -771,6 +800,7 @@ def test_while_no_frames_come_the_console_gets_the_state_again_and_the_log_has_n
             )
 
         wait_until(withdrawn_and_repeated)
+
     assert [entry.number for entry in logged] == list(range(1, len(logged) + 1))
     assert logged[-1].state == "WITHDRAW"
     assert (
@@ -800,9 +830,11 @@ def test_frames_of_planes_are_known_by_their_device_and_each_moment_is_asked_abo
             assert scanner.statuses()[-1].code == 13, (
                 "the other plane has sent nothing yet"
             )
+
         for number in range(12):
             for plane in CROSS:
                 scanner.read(10.0, device=plane, time_s=2e9 + 0.02 * number)
+
         assert scanner.statuses()[-1].code == 1
         assert [json.loads(text.text)["plane"] for text in scanner.texts()[-4:]] == [
             *CROSS
@@ -823,6 +855,7 @@ def test_frames_of_planes_are_known_by_their_device_and_each_moment_is_asked_abo
         assert [one.moment for one in decided[-4:]] == [24, 24, 26, 26]
         (_, _, order), (_, _, other) = asked[-1].planes
         contact_m = (1e-4, 2e-4, 1e-3)
+
         for plane, of_plane in zip(CROSS, (order, other), strict=True):
             given = messages.OpinionGiven(
                 order=of_plane,
@@ -831,6 +864,7 @@ def test_frames_of_planes_are_known_by_their_device_and_each_moment_is_asked_abo
                 contact_m=contact_m,
             )
             companions[OPINION].says(given)
+
         later_s = count(2e9 + 1.0, 0.02)
 
         def read_together() -> bool:
@@ -845,6 +879,7 @@ def test_frames_of_planes_are_known_by_their_device_and_each_moment_is_asked_abo
         status = scanner.wait_for_code(3)
         words = "IMAGE of device 'Scanner': must be a plane's name: along, across"
         assert (status.name, words in status.message) == ("BAD_IMAGE", True)
+
     for companion in companions.values():
         companion.end()
 
@@ -859,6 +894,7 @@ def test_of_frames_that_came_together_the_newest_of_each_plane_is_answered_first
         for number in range(4):
             for plane in CROSS:
                 scanner.read(10.0, device=plane, message_id=number + 1)
+
         images = [
             encode(
                 Image(frame_of(10_000 + n, n)[None], rule.MATRIX),
@@ -872,6 +908,7 @@ def test_of_frames_that_came_together_the_newest_of_each_plane_is_answered_first
         ]
         with clock.held():
             scanner.link.sendall(b"".join(images))
+
         scanner.hear(lambda peer: peer.readings() >= 10)
         texts = [json.loads(text.text) for text in scanner.texts()[-2:]]
         assert [
@@ -898,5 +935,6 @@ def test_parts_of_images_of_two_planes_may_come_in_turns(clock: TurnedClock) -> 
                     part, rule.MATRIX, (rule.COLUMNS, rule.ROWS, 1), (0, first, 0)
                 )
                 scanner.say(image, plane, message_id=1)
+
         scanner.hear(lambda peer: peer.readings() >= 2)
         assert scanner.statuses()[-1].code == 1

@@ -66,6 +66,7 @@ def test_a_sender_that_counts_back_is_out_of_order_and_one_that_takes_over_count
     clock, session = begun()
     for sender_id in (70, 71, 80):
         take(session, clock, 10_000, sender_id)
+
     take(session, clock, 10_010, 5, sender=2)
     take(session, clock, 10_020, 6, sender=2)
     assert session.decision.code == 1
@@ -81,6 +82,7 @@ def test_one_number_far_ahead_makes_no_later_frame_a_misfit() -> None:
     clock, session = begun()
     for sender_id in (70, 2 * 10**15, 71):
         take(session, clock, 10_000 + sender_id % 100, sender_id)
+
     assert session.decision.cause.name == "OUT_OF_ORDER"
     image = ScannerFrame(frame_of(10_050, 1), **SCALE)
     assert not session.frame(image, 72, 1, clock.now_s).misfit
@@ -92,9 +94,11 @@ def test_a_learned_eye_moves_the_stiffness_of_punctures_and_no_other_limit() -> 
     stiffnesses_n_m = iter((70.0, None, 120.0))
     session = Session(read, LIMITS, clock, clock, adopt=lambda _: next(stiffnesses_n_m))
     found = list[float]()
+
     for _ in range(3):
         session.learned(Known(), 1)
         found.append(session.limits.stiffness_n_m)
+
     assert found == [70.0, 70.0, 120.0]
     assert replace(session.limits, stiffness_n_m=LIMITS.stiffness_n_m) == LIMITS
 
@@ -127,6 +131,7 @@ def test_a_puncture_that_is_only_reported_does_not_count_as_a_withdrawal_and_a_l
     clock, session = begun(replace(LIMITS, reports_pierced=True))
     for sender_id, force_un in enumerate((24_000, 24_001, 24_002, 7_000, 7_001), 1):
         take(session, clock, force_un, sender_id)
+
     entry = session.entry("frame", clock.now_s)
     assert (entry.state, entry.code, entry.cause, entry.withdrawn_s) == (
         "PIERCED",
@@ -152,6 +157,7 @@ def test_frames_have_the_travel_that_was_stated_last_and_its_age() -> None:
     assert session.frame(image, 3, 1, clock.now_s + 0.11).unread.travel_m is None, (
         "too old"
     )
+
     for back_m, code in (
         (0.0, 3),
         (0.0005, 1),
@@ -164,6 +170,7 @@ def test_frames_have_the_travel_that_was_stated_last_and_its_age() -> None:
                 0.002 - back_m * max(sender_id - 4, 0), clock.now_s + 0.01
             )
             take(session, clock, force_un, sender_id)
+
         assert session.decision.code == code
 
 
@@ -215,6 +222,7 @@ def test_a_frame_that_was_not_read_in_time_is_lost_and_stands_for_the_scanners_i
     for number in range(1, 31):
         clock.now_s += 0.01
         take(session, clock, 10_000 + number, number)  # every 20 ms
+
     defer(session, clock, [10_010, 10_020], 31)
     clock.now_s += LIMITS.catch_up_s
     assert session.losses(clock.now_s) == []
@@ -229,6 +237,7 @@ def test_a_bunch_of_more_than_the_time_to_catch_up_is_a_loss_at_once_and_its_new
     clock, session = begun()
     for number in range(1, 301):
         take(session, clock, 10_000 + number, number)  # every 10 ms
+
     defer(session, clock, [10_000] * 15, 301)
     (loss,) = session.losses(clock.now_s)
     assert loss.lost == 5  # the frames of a bunch shorten the mean, but little
@@ -247,6 +256,7 @@ def deferred(number: int, at_s: float, interval_s: float = 0.01) -> Frame:
         size=(1, 1),
         scale_m=SCALE_M,
     )
+
     return Frame(
         number=number,
         sender_id=number,
@@ -261,14 +271,17 @@ def test_a_flood_is_a_loss_even_if_every_frame_is_read_at_once_and_a_steady_stre
     flood = DeferredFrames(0.1)
     steady = DeferredFrames(0.1)
     lost = []
+
     for number in range(30):
         flood.add(deferred(number, 10.0 + 1e-4 * number), number // 10)
         lost += flood.lose(10.0 + 1e-4 * number)
         if len(flood):
             flood.take()
+
         steady.add(deferred(number, 10.0 + 0.01 * number), number)
         assert steady.lose(10.0 + 0.01 * number) == []
         steady.take()
+
     assert 19 <= sum(loss.lost for loss in lost) <= 20
 
 
@@ -324,10 +337,13 @@ def test_a_bunch_at_the_start_is_a_loss_for_as_long_as_its_frames_stand_for() ->
             )
             for n, at in enumerate(sent_s, start=1)
         ]
+
         for frame in frames[:-1]:
             session.defer(frame, frames[-1])
+
         clock.now_s += LIMITS.catch_up_s + 0.001
         lost_s += [loss.unread_s for loss in session.losses(clock.now_s)]
+
     assert lost_s == pytest.approx([0.01 + 8 * 1e-3, 0.09])
 
 
@@ -406,10 +422,12 @@ def test_a_session_gives_the_felt_force_that_an_evaluation_of_its_frames_gives()
     forces_un = [0] * 5 + [20_000 + number for number in range(100)]
     session = relaxing(clock)
     read_n = []
+
     for number, force_un in enumerate(forces_un, 1):
         take(session, clock, force_un, number)
         read_n.append(session.answer.force_n)
         assert session.answer.elastic_force_n == pytest.approx(1e-6 * force_un)
+
     assert read_n == pytest.approx(felt(RELAXING, forces_un, 100.0)[0], abs=1e-12)
     assert read_n[-1] == pytest.approx(
         0.02 * (1.0 - 0.3 * (1.0 - np.exp(-1.0))), rel=0.01
@@ -422,10 +440,12 @@ def test_the_history_runs_on_through_a_withdrawal_and_a_reset_and_a_restart_has_
     session = relaxing(clock)
     for number, force_un in enumerate(forces_un, 1):
         take(session, clock, force_un, number)
+
     take(session, clock, UNUSABLE, 101)
     assert session.decision.cause.name == "UNUSABLE"
     for number in range(102, 112):
         take(session, clock, 20_000 + number, number)
+
     session.take(Reset(clock.now_s))
     assert session.decision.code == 1
     take(session, clock, 20_200, 112)
@@ -447,6 +467,7 @@ def test_old_pictures_leave_gaps_and_overtaken_frames_have_the_history_before_th
     session = relaxing(clock)
     for number in range(1, 51):
         take(session, clock, 20_000 + number, number)
+
     forces_un = [20_000 + number for number in range(1, 51)]
     clock.now_s += 0.01
     old = ScannerFrame(frame_of(20_050, 50), **SCALE)
@@ -464,6 +485,7 @@ def test_old_pictures_leave_gaps_and_overtaken_frames_have_the_history_before_th
     session.defer(overtaken, newest)
     session.take_frame(newest)
     _, before = felt(RELAXING, forces_un, 100.0)
+
     for force_un, one in (
         (20_052, session.catch_up().read.verdict),
         (20_053, session.answer.verdict),
@@ -510,6 +532,7 @@ def test_planes_may_count_their_frames_alone_or_together_and_each_has_its_own_pa
                         session, clock, plane, number + 2 * turn, sent_s=clock.now_s
                     )
                 )
+
         assert (session.decision.code, session.entry("tick", clock.now_s).lost) == (
             1,
             0,
@@ -522,10 +545,12 @@ def test_planes_may_count_their_frames_alone_or_together_and_each_has_its_own_pa
         assert frames[-1].interval_s == pytest.approx(0.01, abs=1e-3), (
             "of a plane, not of all frames"
         )
+
         for frame in frames:
             session.defer(
                 frame, next(one for one in frames[-2:] if one.plane == frame.plane)
             )
+
         losses = session.losses(clock.now_s)
         assert sorted((loss.plane, loss.lost) for loss in losses) == [
             ("across", 5),
@@ -555,6 +580,7 @@ def test_a_moment_is_one_time_stamp_or_less_than_one_interval(
     clock, session = cross()
     begun_s = clock.now_s
     together = list[int]()
+
     for number in range(1, 200):
         turn, place = divmod(number, 2)
         clock.now_s = begun_s + 0.01 * turn + apart_s * place
@@ -565,9 +591,11 @@ def test_a_moment_is_one_time_stamp_or_less_than_one_interval(
             number,
             sent_s=begun_s + 0.01 * turn if stamped else None,
         )
+
         moment = session.moment(frame) if number != lost else ()
         if len(moment) == 2:
             together.append(abs(moment[1].sender_id // 2 - moment[0].sender_id // 2))
+
     assert set(together[-40:]) == {apart}
     assert len(together) >= 95
 
@@ -581,7 +609,9 @@ def test_a_picture_under_two_names_is_frozen() -> None:
             session.take_frame(
                 session.frame(image, number, 1, clock.now_s, plane=plane)
             )
+
         assert (session.decision.code == 3) == (number >= 2)
+
     assert session.decision.cause.name == "FROZEN"
     assert "plane across: a picture of 2 frames ago" in session.decision.message
 
@@ -593,6 +623,7 @@ def test_tissue_that_relaxes_has_a_history_in_each_plane() -> None:
         dict.fromkeys(CROSS, read), LIMITS, clock, clock, RELAXING, CLASSES_N
     )
     read_n = dict[str, list[float]](along=[], across=[])
+
     for number in range(1, 80):
         clock.now_s += 0.01
         for plane in CROSS:
@@ -600,10 +631,12 @@ def test_tissue_that_relaxes_has_a_history_in_each_plane() -> None:
                 of_plane(session, clock, plane, number, forces_un[plane])
             )
             read_n[plane].append(session.answer.force_n)
+
     for plane, force_un in forces_un.items():
         assert read_n[plane] == pytest.approx(
             felt(RELAXING, [force_un] * 79, 100.0)[0], abs=1e-12
         )
+
     assert session.decision.cause is None
 
 

@@ -122,6 +122,7 @@ def test_tissue_at_rest_whose_speckle_stays_is_new_by_the_noise_around_it() -> N
             still = np.where(
                 (rows > 100) & (rows < 350), 10 ** (snr_db / 20.0), 0.0
             ) * normal(rng)
+
             for _ in range(MOST + 10):
                 level_db = 20.0 * np.log10(abs(still + normal(rng)))
                 assert shown.back(DISPLAYS[display](level_db)) == 0
@@ -133,11 +134,13 @@ def first_alarm(before: Sequence[Pixels], old: Sequence[Pixels]) -> int | None:
     backs = [shown.back(picture) for picture in (*before, *old)]
     assert backs[: len(before)] == [0] * len(before)
     in_row = returns = 0
+
     for number, back in enumerate(backs[len(before) :], start=1):
         in_row = in_row + 1 if back == 1 else 0
         returns = returns + (back > 1)
         if in_row == 2 or (back > 1 and returns == 2):
             return number
+
     return None
 
 

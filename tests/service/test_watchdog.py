@@ -40,6 +40,7 @@ def watch(
     with monkeypatch.context() as patch:
         patch.setattr(module.select, "select", look)
         planned = watchdog.Watchdog(theirs, os.getpid()).watch()
+
     assert ours.recv(16) == watchdog.ALIVE
     ours.close()
     theirs.close()
@@ -75,6 +76,7 @@ def test_other_bytes_are_refused() -> None:
         b"V1 4",
         b"V1 2 ",
     )
+
     for data in (
         *wrong,
         b"D",
@@ -158,6 +160,7 @@ def spoil(how: str, ours: int, theirs: int) -> None:
             with suppress(BlockingIOError):
                 while os.write(theirs, b"x" * 4096):  # nobody reads
                     pass
+
             os.set_blocking(theirs, True)
         case "closed":
             os.close(ours)
@@ -178,6 +181,7 @@ def test_the_emergency_continues_whatever_becomes_of_the_terminal(how: str) -> N
         os.kill(running.process.pid, signal.SIGKILL)
         robot.hear(lambda peer: emergencies(peer) >= 10)
         assert emergencies(robot) >= 10
+
     os.close(theirs)
     if how != "closed":
         os.close(ours)

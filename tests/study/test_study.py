@@ -54,6 +54,7 @@ def changed(record: Any, item: Any) -> st.SearchStrategy[Any]:
     unit = field_unit(item)
     hint = get_type_hints(type(record))[item.name]
     number = human_number(unit).map(unit.to_si)
+
     if unit.words:
         value: st.SearchStrategy[Any] = st.sampled_from(unit.words)
     elif isinstance(hint, UnionType) and Range in get_args(hint):
@@ -76,6 +77,7 @@ def changed(record: Any, item: Any) -> st.SearchStrategy[Any]:
         value = st.integers(int(unit.low or 0), int(min(unit.high or 1e6, 10**6)))
     else:
         value = number
+
     return value.map(lambda v: _replaced(record, item.name, v))
 
 
@@ -109,6 +111,7 @@ def studies(draw: st.DrawFn) -> Study:
 def test_a_study_survives_being_written_and_read(study: Study) -> None:
     again = parse_study(format_study(study))
     assert study_hash(again) == study_hash(parse_study(format_study(again)))
+
     for section in fields(Study):
         for item in fields(getattr(study, section.name)):
             written, read = (
@@ -164,6 +167,7 @@ def test_the_commented_paper_study_names_every_key() -> None:
                     f"scenes.{item.name}: missing from paper.toml: {missing}"
                 )
                 continue
+
             key = tables.get(item.name, f"{field_key(item)} =").format(
                 f"{section.name}.{item.name}"
             )
@@ -299,10 +303,12 @@ def test_faults_are_named_with_their_line() -> None:
     for text, line, message in BAD:
         with pytest.raises(StudyError) as fault:
             parse_study(text, "my.toml")
+
         said = str(fault.value)
         assert message in said
         assert said.startswith(f"my.toml:{line}: ") or f"line {line}" in said
         assert "\n" not in said
+
     for text in [
         "a = " + "[" * 100_000,
         "a = " + "9" * 5000,
@@ -346,10 +352,12 @@ def test_stiffenings_of_a_library_are_one_or_enough_for_splines_over_a_range() -
             StudyError, match=rf"^stiffenings: {count}; give 1, or at least 4$"
         ):
             LibraryStudy(stiffenings=count)
+
     with pytest.raises(
         StudyError, match=r"^stiffening: a range has to be given.*stiffenings = 1$"
     ):
         LibraryStudy(stiffening=fixed(5.0))
+
     held = Range(min=2.0, max=20.0)
     assert LibraryStudy(stiffening=held).stiffening_ends == (2.0, 20.0)
     assert LibraryStudy(stiffening=held, stiffenings=1).stiffening_ends == (2.0, 2.0)
@@ -369,11 +377,14 @@ def test_a_slip_of_the_unit_is_named() -> None:
     ]:
         with pytest.raises(StudyError) as fault:
             check_quantity(key, number)
+
         assert str(fault.value).startswith(f"{key}: {number:g} is ")
         assert f"did you mean {hint}?" in str(fault.value)
+
     for number in [float("nan"), float("inf"), -1.0, 1e9]:  # without a likely unit
         with pytest.raises(StudyError) as fault:
             check_quantity("rigidity_mmhg13_per_ul", number)
+
         assert "did you mean" not in str(fault.value)
 
 
@@ -386,6 +397,7 @@ def test_bounds_are_the_same_in_both_units() -> None:
         assert (spec.from_si(si.low), spec.from_si(si.high)) == pytest.approx(
             (spec.low, spec.high)
         )
+
         for number in (spec.low, spec.high):
             check_quantity(f"{name}_{spec.name}", number)
 
@@ -410,16 +422,21 @@ def test_every_option_that_states_a_quantity_has_its_bounds() -> None:
 def test_arguments_in_python_are_checked_too(tmp_path: Path) -> None:
     frame = np.zeros((64, 64), np.uint8)
     size = {"width_m": 15e-3, "depth_m": 4e-3}
+
     with pytest.raises(
         InputError, match=r"thickness_m: 650 .*did you mean 0\.00065 m \(650 µm\)"
     ):
         sf.read(sf.load_model("default"), frame, thickness_m=650.0, **size)
+
     with pytest.raises(InputError, match=r"youngs_modulus_pa: .* is below"):
         sf.read(sf.load_model("default"), frame, youngs_modulus_pa=0.3, **size)
+
     with pytest.raises(InputError, match="thickness"):
         sf.simulate(thickness_m=0.65, force_n=0.02)
+
     with pytest.raises(InputError, match=r"force_n: 20 .*\(20 mN\)"):
         sf.simulate(thickness_m=650e-6, force_n=20.0)
+
     with pytest.raises(InputError, match=r"iop_pa"):
         sf.phantom(tmp_path / "p", forces_n=[0.02], thickness_m=650e-6, iop_pa=1e6)
 
@@ -428,6 +445,7 @@ def test_a_key_is_refused_with_the_reason_and_the_remedy() -> None:
     why = "(linear mechanics knows no tissue that stiffens, and a library has a range of it, [library])"
     stiff = "[tissue]\nstiffening = 10.0"
     formed = "[needle]\ntilt_deg = 5.0\n[[form.wave]]\ndegree = 2"
+
     for text, work, said in (
         (
             stiff,
@@ -463,6 +481,7 @@ def test_a_key_is_refused_with_the_reason_and_the_remedy() -> None:
     ):
         with pytest.raises(StudyError) as found:
             refuse_unused(parse_study(text), *work)
+
         assert str(found.value).endswith(said)
 
 

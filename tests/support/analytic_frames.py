@@ -67,6 +67,7 @@ def wall_section(
     )
     unknown[[at.MODULUS, at.IOP]] = log(MODULUS_PA), log(IOP_PA)
     curves = formed_wall(Walls(LIBRARY), unknown)
+
     return Section(
         *(
             curve[np.concatenate([[True], np.diff(curve[:, 0]) > 1e-9])]
@@ -119,6 +120,7 @@ def write_one_frame(
     cv2.imwrite(
         str(recording / "frames" / "1.png"), image(wall_section(tip_of(force_n)), seed)
     )
+
     return recording / "frames" / "1.png"
 
 
@@ -143,8 +145,10 @@ def middling_eye(tip_m: float, **changed: float) -> np.ndarray:
         log(270.0),
         SHINE_MEAN_M,
     )
+
     for name, value in changed.items():
         unknown[at.NAMES.index(name)] = value
+
     return unknown
 
 
@@ -182,12 +186,14 @@ def noisy_boundaries(
     depth = predicted.depth_m.reshape(2, -1)
     if rng is None:
         return depth
+
     kernel = np.exp(-(np.linspace(-3, 3, 19) ** 2) / 2)
     kernel /= np.sqrt((kernel**2).sum())
     rough = [
         np.convolve(rng.standard_normal(COLUMNS + len(kernel) - 1), kernel, "valid")
         for _ in "oi"
     ]
+
     return depth + noise_m * np.array(rough) * np.sqrt(
         1 + predicted.slope.reshape(2, -1) ** 2
     )
@@ -278,4 +284,5 @@ def moving(
                 ideal_boundaries(section, pose, study.oct, noise_m, rng, smoothing_m),
             )
         )
+
     return found

@@ -55,6 +55,7 @@ def curves(thickness_m, iop_ratio, tip_m, angles=ANGLES):
     inward = tip_m * np.exp(-0.5 * (arc / width) ** 2) * np.ones_like(radius)
     r = (radius + grown) * np.sin(angles) - 0.15 * inward * np.sin(2 * angles)
     depth = RADIUS_M - (radius + grown) * np.cos(angles) + inward
+
     return np.stack([r, depth], axis=-1)
 
 
@@ -82,6 +83,7 @@ def analytic_library(thicknesses=9, ratios=11, tips=40, max_tip_m=7.5e-3, nodes=
     grid = list(np.meshgrid(t, tension, d, indexing="ij"))
     grid[1] = grid[1] * grid[0] / RADIUS_M  # IOP/E
     walls = curves(*grid, node_angles(nodes)).astype(np.float32)
+
     return Library(
         thickness_m=t,
         tension=tension,
@@ -130,6 +132,7 @@ def solve_analytic(plan, number):
         path.tip_m,
     )
     forces = force_ratio(*state) * (1.0 + 0.05 * np.cos(path.support_rad))
+
     return SolvedPath(
         forces,
         displaced_m3(*state),
@@ -177,6 +180,7 @@ def solved_library(grid: LibraryStudy) -> Library:
         undented_btpbnc=np.ascontiguousarray(curves[:, :, :, 0]),
         curves=WholeCurves(curves),
     )
+
     return Library(
         walls=walls,
         stiffening=float(walls.stiffening[0]),
@@ -204,6 +208,7 @@ def made_up_library(most: float = 30.0) -> Library:
         undented_btpbnc=np.tile(soft.undented_tpbnc, (count, 1, 1, 1, 1, 1)),
         curves=WholeCurves(np.tile(soft.curves_tpdbnc(), (count, 1, 1, 1, 1, 1, 1))),
     )
+
     return replace(soft, walls=walls)
 
 

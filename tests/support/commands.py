@@ -47,6 +47,7 @@ def monitor_folder(folder: Path) -> Path:
         eyes=eyes, population={"mean_mpa": 1.1 * mpa, "sd_mpa": 0.05}
     )
     (folder / "calibration.json").write_text(text)
+
     return folder
 
 
@@ -87,15 +88,18 @@ def started(folder: Path, *options: str, here: Path | None = None) -> Iterator[S
         cwd=here,
     )
     assert process.stderr
+
     with ends(process.stderr):
         lines: list[str] = []
         while not lines or not lines[-1].startswith("reset"):
             lines.append(process.stderr.readline())
             assert lines[-1], lines
+
         words = lines[-1].split()
         monitor = Started(
             process, int(words[words.index("--port") + 1]), words[-1], lines
         )
+
         try:
             yield monitor
         finally:

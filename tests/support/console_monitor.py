@@ -39,6 +39,7 @@ def reading(force_mn: float, width_mn: float = 2.0) -> dict[str, Any]:
     shares = [0.02, 0.02, 0.02]
     shares[predicted] = 0.96
     interval = (force_mn - width_mn, force_mn + width_mn)
+
     return {
         "predicted": predicted,
         "probabilities": tuple(shares),
@@ -73,6 +74,7 @@ class ConsoleMonitor:
         self.child = Child("scleraforce.service.console.server", settings, descriptors)
         listener.close()
         self.entries = self.frames = 0
+
         try:
             assert self.hear(ListensAt).url == self.address
         except AssertionError:
@@ -97,6 +99,7 @@ class ConsoleMonitor:
                 f"the console said nothing, {kind.__name__} was awaited; exit code "
                 f"{self.child.process.poll()}"
             )
+
         (message,) = self.child.channel.receive(1)
         assert isinstance(message, kind), message
         return message
@@ -117,6 +120,7 @@ class ConsoleMonitor:
                 "withdrawn_s": time(),
                 **said,
             }
+
         entry = decision(
             state,
             number=self.entries,

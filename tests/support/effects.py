@@ -71,8 +71,10 @@ def fresh_home(folder: Path) -> dict[str, str]:
     places = {"HOME": folder / "home", "TMPDIR": folder / "temporary"}
     for place in places.values():
         place.mkdir(parents=True, exist_ok=True)
+
     if not (places["HOME"] / ".cache").exists():
         cache_of_its_own(places["HOME"] / ".cache")
+
     kept = {
         name: value
         for name, value in os.environ.items()
@@ -114,17 +116,21 @@ def traced(
         start_new_session=True,
     )
     assert process.stderr
+
     with process.stderr, ends(process.stderr):
         lines = []
         while until and not (lines and until(lines[-1])):
             lines.append(process.stderr.readline())
             assert lines[-1], lines
+
         if until:
             time.sleep(
                 5.0
             )  # what sends things in the background begins after some seconds
             os.killpg(process.pid, signal.SIGINT)
+
         lines.append(process.stderr.read())
+
     text = log.read_text()
     log.unlink()
     files = {
@@ -132,6 +138,7 @@ def traced(
         for base, name, flags in OPENED.findall(text)
         if {"O_WRONLY", "O_RDWR", "O_CREAT"} & set(flags.split("|"))
     }
+
     return Traced(
         process.wait(20.0),
         "".join(lines),

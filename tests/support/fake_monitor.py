@@ -47,6 +47,7 @@ class MonitorRule:
         image = isinstance(event, Received) and isinstance(event.message, Image)
         if self.status.code != 3:
             self.status = decided or (OK if image else self.status)
+
         said: list[tuple[str, Status | Text | Sensor]] = (
             [(STATUS, self.status)] if decided or image else []
         )
@@ -63,6 +64,7 @@ class MonitorRule:
             "lost": 0,
         }
         reading |= {"force_mn": 1.5, "interval_mn": [0.5, 2.5]}
+
         return [
             (READING, Text(json.dumps(reading))),
             (READING, Sensor((float(self._frames),))),
@@ -85,6 +87,7 @@ class FakeMonitor(MonitorRule):
             threading.Thread(target=work, daemon=True)
             for work in (self._accept, self._beat)
         ]
+
         for thread in self._threads:
             thread.start()
 
@@ -115,6 +118,7 @@ class FakeMonitor(MonitorRule):
         self._ended.set()
         with suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)
+
         self._listener.close()
         self._threads[0].join(5.0)  # nobody comes any more
         self.drop()
@@ -127,6 +131,7 @@ class FakeMonitor(MonitorRule):
                 peer, _ = self._listener.accept()
                 with self._lock:
                     self._peers[peer] = 1
+
                 self._threads.append(
                     threading.Thread(target=self._serve, args=(peer,), daemon=True)
                 )
@@ -144,16 +149,20 @@ class FakeMonitor(MonitorRule):
                 if not self.reads:
                     self._ended.wait(0.01)
                     continue
+
                 data = peer.recv(1 << 18)
                 if not data:
                     break
+
                 for event in decoder.feed(data):
                     self._take(peer, event)
+
         try:
             self._take(peer, None)
         finally:
             with self._lock:
                 self._peers.pop(peer, None)
+
             peer.close()
 
     def _take(self, peer: socket.socket, event: PeerEvent | None) -> None:
@@ -206,8 +215,10 @@ class ClockedClient:
     def send(self, data: bytes | bytearray) -> float:
         if not self._scans:
             raise LinkError(f"{self.address}: the monitor has closed the connection")
+
         for event in self._decoder.feed(bytes(data)):
             self._say(event)
+
         if self._decoder.broken:
             self.disconnect()
         return self.now_s
@@ -237,8 +248,10 @@ class ClockedClient:
                 [(STATUS, self.monitor.status)] if self.monitor.answers else []
             )
             self._beat_s += HEARTBEAT_S
+
         if self.dropped:
             raise LinkError(f"{self.address}: the connection is lost: it was closed")
+
         said = self._said
         self._said = []
         for device, message in said:

@@ -53,6 +53,7 @@ def write_log(path: Path, seconds: float = 6.0, rate_hz: float = 200.0) -> np.nd
         f"{t * 1e3:.3f},{n * 1e3:.4f}" for t, n in zip(time_s, force_n, strict=True)
     ]
     path.write_text("\n".join(["Time (ms),Force_Z [mN]", *lines]) + "\n")
+
     return force_n
 
 
@@ -70,11 +71,14 @@ def write_dicom(path: Path, pixels: np.ndarray, **tags: Any) -> FileDataset:
     dataset.BitsAllocated = dataset.BitsStored = bits
     dataset.HighBit = bits - 1
     dataset.PixelRepresentation = int(pixels.dtype == np.int16)
+
     if pixels.ndim == 3:
         dataset.NumberOfFrames = len(pixels)
+
     dataset.PixelData = pixels.tobytes()
     for name, value in tags.items():
         setattr(dataset, name, value)
+
     dataset.save_as(path)
     return dataset
 
@@ -103,6 +107,7 @@ def write_oct(
         )
         archive.writestr("data\\VideoImage.data", bytes(10))
         archive.writestr(name, np.asarray(frames, dtype="<f4").swapaxes(1, 2).tobytes())
+
     return path
 
 
@@ -114,6 +119,7 @@ def plus_fields(stamps, states=("OK",) * COUNT) -> dict[str, object]:
             f"Seq_Frame{nth:04d}_Timestamp": stamp,
             f"Seq_Frame{nth:04d}_ImageStatus": state,
         }
+
     return fields
 
 

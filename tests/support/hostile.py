@@ -114,8 +114,10 @@ def write_whole_ones(folder: Path) -> None:
     (folder / "calibration.json").write_text(calibration_text(eyes={"eye-1": {}}))
     picture = np.random.default_rng(0).integers(0, 255, (24, 32), dtype=np.uint8)
     (folder / "frames").mkdir()
+
     for suffix in ("png", "tif", "jpg"):
         cv2.imwrite(str(folder / "frames" / f"frame.{suffix}"), picture)
+
     write_dicom(folder / "frames" / "frame.dcm", picture, PixelSpacing=[0.01, 0.01])
     group = DatasetGroup(images=20)
     study = Study(
@@ -128,8 +130,10 @@ def write_whole_ones(folder: Path) -> None:
     plan = plan_dataset(study)
     store = create_dataset(folder / "dataset", study, 3e5, None, plan)
     rows = np.arange(8)[:, None] > np.arange(10) // 2
+
     for unit in range(len(unit_samples(study))):
         store.write(unit, {SLICES: np.repeat(np.uint8(255) * rows[None], 20, axis=0)})
+
     store.finish()
     build_library(
         Study(library=SMALL_LIBRARY),
@@ -206,22 +210,27 @@ def damage(folder: Path, kind: str, seed: int | str) -> Path:
     rng = random.Random(f"{kind} {seed}")
     pattern, _, rehash = KINDS[kind]
     path = rng.choice(sorted(file for file in folder.glob(pattern) if file.is_file()))
+
     if isinstance(seed, str):
         path.unlink()
         SPECIAL[seed](path)
         return path
+
     content = path.read_bytes()
     if path.suffix == ".json" and rng.random() < 0.5:
         path.write_text(json.dumps(_changed(json.loads(content), rng)))
     else:
         for _ in range(rng.choice((1, 1, 2, 5))):
             content = _mutated(content, rng)
+
         path.write_bytes(content)
+
     if rehash and rng.random() < 0.7:
         try:
             rehash(folder)
         except (ValueError, KeyError, TypeError, AttributeError):
             return path  # the hashes themselves are damaged
+
     return path
 
 
@@ -230,11 +239,14 @@ def _changed(value: Any, rng: random.Random) -> Any:
     if isinstance(value, dict | list) and value and rng.random() < 0.85:
         keys = list(value) if isinstance(value, dict) else list(range(len(value)))
         key = rng.choice(keys)
+
         if rng.random() < 0.1:
             del value[key]
         else:
             value[key] = _changed(value[key], rng)
+
         return value
+
     return rng.choice(VALUES)
 
 
@@ -242,6 +254,7 @@ def _mutated(content: bytes, rng: random.Random) -> bytes:
     """Flip a bit, cut or double a part, insert or overwrite bytes, or replace a word or number."""
     low, high = sorted(rng.randrange(len(content) + 1) for _ in range(2))
     tokens = list(re.finditer(rb"[A-Za-z0-9_.+-]+", content[:100_000]))
+
     match rng.choice(
         ("flip", "flip", "cut", "double", "insert", "overwrite", "token", "token")
     ):
@@ -281,6 +294,7 @@ def judge(folder: Path, kind: str) -> str | None:
     before = _listing(folder)
     signal.signal(signal.SIGALRM, _too_long)
     signal.alarm(SECONDS)
+
     try:
         KINDS[kind][1](folder)
     except InputError:
@@ -289,6 +303,7 @@ def judge(folder: Path, kind: str) -> str | None:
         return f"{type(fault).__name__}: {str(fault)[:200]}"
     finally:
         signal.alarm(0)
+
     return None if _listing(folder) == before else "something was written"
 
 
@@ -316,11 +331,13 @@ def main() -> None:
         int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     )
     resource.setrlimit(resource.RLIMIT_AS, (address_space + MEMORY,) * 2)
+
     for seed in (*SPECIAL, *range(first, last)):
         print(json.dumps([seed, None, None]), flush=True)  # noqa: T201 - the last printed seed is the one that crashed
         path = damage(copy, kind, seed)
         if found := judge(copy, kind):
             print(json.dumps([seed, str(path.relative_to(copy)), found]), flush=True)  # noqa: T201 - as above
+
         beside = {
             copy / top / name
             for name in ("zarr.json", "model.json")

@@ -48,6 +48,7 @@ def logged(path: NeedlePath, rng: np.random.Generator) -> Any:
         rng,
     )
     log = ForceLog(table[:, 0], table[:, 1:], FORCE_COLUMNS[1:])
+
     return SimpleNamespace(
         forces=log, info=SimpleNamespace(force=ForceInfo("fz", -1, 2.0))
     )

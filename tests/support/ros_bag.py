@@ -33,6 +33,7 @@ class Messages:
         )
         fields = {"stamp": stamp, "frame_id": "oct"}
         kind = self.types["std_msgs/msg/Header"]
+
         return (
             kind(seq=0, **fields)
             if "seq" in kind.__dataclass_fields__
@@ -52,6 +53,7 @@ class Messages:
         )
         lines = lines.view(np.uint8).reshape(len(pixels), -1)
         lines = np.pad(lines, ((0, 0), (0, padding)))
+
         return self.types["sensor_msgs/msg/Image"](
             header=self.header(stamp_ns),
             height=pixels.shape[0],
@@ -67,6 +69,7 @@ class Messages:
         wrench = self.types["geometry_msgs/msg/Wrench"](
             force=vector(*values[:3]), torque=vector(*values[3:])
         )
+
         return self.types["geometry_msgs/msg/WrenchStamped"](
             header=self.header(stamp_ns), wrench=wrench
         )
@@ -94,6 +97,7 @@ def write_bag(
     )
     serialize = store.serialize_ros1 if one else store.serialize_cdr
     sent = []
+
     for topic in topics:
         for stamp_ns, frame in zip(stamps(FRAME_TIMES_S), FRAMES, strict=True):
             message = messages.image(stamp_ns if stamped else 0, frame)
@@ -105,6 +109,7 @@ def write_bag(
                     "sensor_msgs/msg/Image",
                 )
             )
+
     for nth, stamp_ns in enumerate(stamps(FORCE_TIMES_S) if forces else []):
         message = messages.wrench(stamp_ns, [nth, 0.5, -nth / 1e3, 0.25, 0.0, 1.0])
         sent.append(
@@ -115,14 +120,18 @@ def write_bag(
                 "geometry_msgs/msg/WrenchStamped",
             )
         )
+
     if packed is not None:
         writer.set_compression(packed, CompressionFormat.ZSTD)
+
     with writer:
         kinds = {topic: kind for _, topic, _, kind in sent}
         connections = {
             topic: writer.add_connection(topic, kind, typestore=store)
             for topic, kind in kinds.items()
         }
+
         for arrived_ns, topic, message, name in sorted(sent, key=lambda each: each[0]):
             writer.write(connections[topic], arrived_ns, serialize(message, name))
+
     return path

@@ -55,6 +55,7 @@ class Client:
             {key.lower(): value for key, value in answer.getheaders()},
         )
         link.close()
+
         return found
 
     def open(self, token: str = TOKEN) -> "Client":
@@ -77,6 +78,7 @@ def running_app(folder: Path, once: str = "") -> Iterator[Client]:
     server = server_of(folder, listener, TOKEN, once)
     thread = Thread(target=server.run, args=([listener],), daemon=True)
     thread.start()
+
     try:
         yield Client(listener.getsockname()[1])
     finally:

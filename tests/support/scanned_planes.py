@@ -39,6 +39,7 @@ def cut_wall(
     axis = np.array([*-np.tan(tilt_rad), 1.0])
     axis /= np.linalg.norm(axis)
     found = []
+
     for curve in curves(THICKNESS_M, IOP_PA / MODULUS_PA, tip_m):
         ground = (
             ACROSS_M[:, None] * along
@@ -47,6 +48,7 @@ def cut_wall(
         )
         low = np.full(len(ACROSS_M), -3e-3)
         high = np.full(len(ACROSS_M), 9e-3)
+
         for _ in range(60):  # bisection: is the point above the surface?
             down = 0.5 * (low + high)
             points = np.column_stack([ground, down])
@@ -55,7 +57,9 @@ def cut_wall(
             above = height < np.interp(distance, curve[:, 0], curve[:, 1])
             low = np.where(above, down, low)
             high = np.where(above, high, down)
+
         found.append(np.column_stack([ACROSS_M, contact_m[2] + low]))
+
     return Section(*found)
 
 
@@ -83,6 +87,7 @@ def write_moments(
         text.replace(f"slice_gap_m = {GAP_M}\n", gap_m)
     )
     lines = ["file,time_s,plane" if len(planes) > 1 else "file,time_s"]
+
     for moment, force_n in enumerate(forces_n):
         for number, plane in enumerate(planes):
             section = cut_wall(plane, tip_of(force_n), CONTACT_M, TILT_RAD)
@@ -94,6 +99,7 @@ def write_moments(
                 f"{file},{EVERY_S * (moment + 1)}"
                 + f",{plane.name}" * (len(planes) > 1)
             )
+
     (folder / "frames.csv").write_text("\n".join(lines) + "\n")
     if log:
         time_s = np.arange(0.0, EVERY_S * (len(forces_n) + 1), 0.01)
@@ -106,4 +112,5 @@ def write_moments(
         noisy_n = held_n + 1e-4 * np.random.default_rng(5).standard_normal(len(time_s))
         rows = (f"{t:.2f},{-n:.6f}" for t, n in zip(time_s, noisy_n, strict=True))
         (folder / "forces.csv").write_text("\n".join(["time_s,fz_n", *rows]) + "\n")
+
     return folder

@@ -14,6 +14,7 @@ def varied(record: Any, **values: Any) -> Any:
         for name in ranges
         if isinstance(values[name], int | float)
     }
+
     return replace(record, **(values | numbers))
 
 
@@ -25,6 +26,7 @@ def only(record: Any, share: float = 0.0, count: int = 0, **values: Any) -> Any:
         for name, value in given.items()
         if name.endswith("_share") and isinstance(value, float)
     }
+
     return varied(
         record,
         **(same | {name: count for name in given if name.endswith("_count")} | values),

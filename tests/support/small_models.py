@@ -57,6 +57,7 @@ def rehash_store(store: Path) -> None:
             key=lambda file: [int(part) for part in file.relative_to(chunks).parts],
         )
         hashes[:] = [sha256(file.read_bytes()).hexdigest() for file in ordered]
+
     (store / "zarr.json").write_text(json.dumps(metadata))
 
 
@@ -89,6 +90,7 @@ def write_fixed_reader(
             places = Gemm({GIVEN_INPUT}, no_place, place)
             {CONTACT} = Squeeze(places, second)
         }}""")
+
     for name, value in {
         "none": np.zeros((given, bins), dtype=np.float32),
         "shares": np.log(
@@ -99,6 +101,7 @@ def write_fixed_reader(
         "second": np.array([1], dtype=np.int64),
     }.items():
         model.graph.initializer.append(numpy_helper.from_array(value, name))
+
     set_model_props(model, {"study_sha256": study_hash(study)})
     folder = path.parent / f"{path.name}.library"
     save_library(library, folder)
@@ -113,6 +116,7 @@ def write_fixed_reader(
         record,
         {LIBRARY_FILE: content},
     )
+
     return study
 
 
@@ -158,6 +162,7 @@ def write_raw_model(path: Path, study: Study = RAW_STUDY) -> None:
         torch.manual_seed(3)
         reads_slices = ReaderNetwork(study.reader, study.slice, study.eye.radius_m)
         network = RawReaderNetwork(study, reads_slices).eval()
+
     content = force_bytes(network, {"study_sha256": study_hash(study)})
     write_folder(
         path,
@@ -178,6 +183,7 @@ def _without_disturbance(record: Any) -> Any:
     counts = {
         item.name: fixed(0) for item in fields(record) if item.name.endswith("_count")
     }
+
     return replace(record, **shares, **counts)
 
 
@@ -228,6 +234,7 @@ def write_blind_finder(folder: Path) -> None:
     with torch.random.fork_rng():
         torch.manual_seed(0)
         network = WallFinderNetwork(SMALL_STUDY.wall_finder).eval()
+
     provenance = {"study_sha256": study_hash(SMALL_STUDY)}
     record = {"kind": "wall-finder", "provenance": provenance}
     write_folder(

@@ -94,14 +94,18 @@ def read(pixels: NDArray[Any], _: PixelScale) -> Answer:
     wall = without_wall(pixels.shape, "no wall was found")
     if force_un == RAISES:
         raise RuntimeError("the reader broke")
+
     while force_un == HANGS:
         pass
+
     if force_un == UNUSABLE:
         return replace(unusable(3, "no wall was found"), segmentation=wall)
+
     force_n = float("nan") if force_un == NO_NUMBER else force_un * 1e-6
     predicted = int(force_n > 5e-3) + int(force_n > 30e-3)
     shares = tuple(float(number == predicted) for number in range(3))
     interval_n = (0.95 * force_n - 0.5e-3, 1.05 * force_n + 0.5e-3)
+
     return Answer(
         predicted=predicted,
         probabilities=shares,
@@ -139,6 +143,7 @@ def small_server(
     session = Session(reads, limits, clock, clock) if clock else Session(reads, limits)
     stated = ServerSettings(TOKEN, stalled_s=stalled_s, **settings)
     server = Server(session, listener, stated, ring, guard, companions, note)
+
     return server, listener.getsockname()[1]
 
 
@@ -180,6 +185,7 @@ def verdict(
         to_si(interval_mn[0], "mn"),
         to_si(interval_mn[1], "mn"),
     )
+
     return Verdict(
         predicted=predicted, force_n=force_n, interval_n=interval_n, **others
     )
@@ -300,6 +306,7 @@ def serving(companions: Companions | None = None, **settings: Any) -> Iterator[i
     server, port = small_server(NoGuard(), companions or Companions({}), **settings)  # type: ignore[arg-type]
     thread = Thread(target=server.run, daemon=True)
     thread.start()
+
     try:
         yield port
     finally:
@@ -323,9 +330,11 @@ def small_monitor(
     )
     assert process.stdin
     assert process.stdout
+
     try:
         with ends(process.stdout, FUSE_S):
             port, watchdog_pid = map(int, process.stdout.readline().split())
+
         yield Running(process, port, watchdog_pid)
     finally:
         process.stdin.close()
@@ -418,12 +427,14 @@ class Peer:
                     peer._receive()
             arrived = self.arrived
             self.arrived = []
+
             for data in arrived:
                 self.closed = not data
                 for event in self.decoder.feed(data):
                     assert isinstance(event, Received)
                     self.versions.add(event.header.version)
                     self.heard.append((event.header.device, event.message))
+
         assert within_s is not None or self.closed or done(self), (
             f"{self.readings()} readings, {self.statuses()[-1:]}"
         )
@@ -434,6 +445,7 @@ class Peer:
             data = self.link.recv(1 << 16)
         except ConnectionResetError:
             data = b""
+
         self.arrived.append(data)
         if not data:
             self.connected.discard(self)
@@ -456,6 +468,7 @@ class Peer:
         )
         found = [status for status in self.statuses()[since:] if status.code == code]
         assert found, f"no STATUS {code} came, but {self.statuses()[since:]}"
+
         return found[0]
 
     def watch(self, force_mn: float = 10.0, frames: int = 12) -> None:
@@ -473,4 +486,5 @@ class Peer:
             ]
         ):
             self.read(10.0)
+
         return found[0]

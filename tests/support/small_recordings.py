@@ -71,6 +71,7 @@ def write_small_recording(
         ]
         for index, pixels in enumerate(pictures):
             pixels[0, 0] = index
+
     rows, columns = pictures[0].shape
     (folder / "frames").mkdir(parents=True)
     force = "[force]\naxis = 'fz'\ncontact_sign = -1\naverage_s = 0.1\n" if log else ""
@@ -81,9 +82,11 @@ def write_small_recording(
         f"22\nslice_gap_m = 0.0005\n{force}"
     )
     lines = ["file,time_s"]
+
     for index, pixels in enumerate(pictures):
         assert cv2.imwrite(str(folder / "frames" / f"{index:04d}.png"), pixels)
         lines.append(f"{index:04d}.png,{1.0 + index / rate_hz:.4f}")
+
     (folder / "frames.csv").write_text("\n".join(lines) + "\n")
     if log:
         samples = np.arange(1.0, 1.0 + frames / rate_hz, 0.005)
@@ -93,12 +96,14 @@ def write_small_recording(
         (folder / "forces.csv").write_text(
             "\n".join(["time_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm", *rows]) + "\n"
         )
+
     if forces_mn is not None:
         truth = [
             {"file": f"{n:04d}.png", "force_n": force / 1e3}
             for n, force in enumerate(forces_mn)
         ]
         (folder / "truth.json").write_text(json.dumps({"frames": truth}))
+
     return folder
 
 
@@ -166,8 +171,10 @@ def looked_at_frames(folder: Path, count: int) -> tuple[AnsweredFrame, ...]:
         "\n".join(["file,time_s", *(f"{name},{n}" for n, name in enumerate(names))])
     )
     rng = np.random.default_rng(7)
+
     for name in names:
         cv2.imwrite(str(folder / "frames" / name), drawn_wall(rng))
+
     recording = read_recording(folder)
     scale = PixelScale.of(recording.info.oct)
     return look_at_all(
@@ -198,6 +205,7 @@ def read_frames(
         replace(look, answer=answer)
         for look, answer in zip(looks, answers, strict=True)
     )
+
     return looks, evaluation_of(answers, notes=("a gap of 0.9 mm",), kind="reader")
 
 
@@ -214,6 +222,7 @@ def drawn_wall(rng: np.random.Generator, dent_m: float = 0.6e-3) -> np.ndarray:
     )
     depth_m = (np.arange(LOOKED_AT_ROWS)[:, None] + 0.5) / LOOKED_AT_ROWS * 4e-3
     wall = (depth_m >= top_m) & (depth_m < top_m + 0.6e-3)
+
     return np.clip(rng.normal(np.where(wall, 2400.0, 600.0), 150.0), 0, 4095).astype(
         np.uint16
     )
@@ -236,6 +245,7 @@ def calibration_text(
         "population": {"mean_mpa": mean_mpa, "sd_mpa": 0.03},
         "eyes": {name: {**usual, **entry} for name, entry in (eyes or {}).items()},
     }
+
     return json.dumps({**content, **keys})
 
 
@@ -287,6 +297,7 @@ def calibration_of_a_sealed_eye() -> Calibration:
             level=0.02, growth=0.2, level_sd=0.02, growth_sd=0.04, correlation=0.0
         ),
     )
+
     return Calibration({"mine": eye}, "0" * 64, (0.005, 0.03), "finite-strain")
 
 
@@ -304,8 +315,10 @@ def write_recording(path: Path, eye: str, gap_m: float = GAP_M, seed: int = 0) -
         for k, force_n in enumerate(FORCES_N)
     ]
     images.append(np.full_like(images[0], 600))
+
     for number, pixels in enumerate(images):
         cv2.imwrite(str(path / "frames" / f"{number}.png"), pixels)
+
     lines = [
         "file,time_s",
         *(f"{number}.png,{5 + 6 * number}" for number in range(len(images))),
@@ -321,6 +334,7 @@ def write_recording(path: Path, eye: str, gap_m: float = GAP_M, seed: int = 0) -
     np.savetxt(
         path / "forces.csv", log, fmt="%.6f", delimiter=",", header=header, comments=""
     )
+
     return path
 
 
@@ -345,6 +359,7 @@ def write_places(folder: Path) -> dict[str, Path]:
         calibration_text(eyes=eyes, population=population)
     )
     (folder / "linear.json").write_text(calibration_text(mechanics="linear"))
+
     return {
         "model": folder / "model",
         "calibration": folder / "calibration.json",

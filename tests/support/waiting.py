@@ -20,6 +20,7 @@ def ends(pipe: IO[str], seconds: float = LIMIT_S) -> Iterator[None]:
         seconds, _kill_holders, (os.readlink(f"/proc/self/fd/{pipe.fileno()}"),)
     )
     timer.start()
+
     try:
         yield
     finally:

@@ -64,6 +64,7 @@ class Cluster:
             )
         )
         log.close()
+
         return self.processes[-1]
 
     def worker(self, nanny: str = "--no-nanny") -> "subprocess.Popen[bytes]":
@@ -86,6 +87,7 @@ class Cluster:
                 return found()
             except (OSError, ValueError, KeyError):
                 time.sleep(0.05)
+
         raise AssertionError("the scheduler did not start")
 
     def end(self) -> None:

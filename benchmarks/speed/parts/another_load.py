@@ -45,6 +45,7 @@ def measure(run: Run) -> Table:
             for polar, azimuth in islice(others, count)
         ]
         moved_cnc = wall.needle_cnc(pressed, NEEDLE_RADIUS_M)
+
         return [
             tip_displacement(wall.mesh, contact, FORCE_N / E_PA * moved_nc)
             for contact, moved_nc in zip(pressed, moved_cnc, strict=True)
@@ -93,4 +94,5 @@ def measure(run: Run) -> Table:
         unit="ms",
         source="SOFA v26.06 in C++, by hand, another day",
     )
+
     return Table("Another load on the same eye", SETTINGS, (*rows, sofa))

@@ -56,6 +56,7 @@ def measure(run: Run) -> Table:
     even_s = _library_seconds(even, run, EVEN)
     library_s = _library_seconds(study, run, LIBRARY)
     cores = available_cores()
+
     return Table(
         "Axisymmetric paths and the library",
         SETTINGS,

@@ -42,6 +42,7 @@ def measure(run: Run) -> Table:
     peer.fit(inputs, training.target)
     peer_s = perf_counter() - start
     sizes = "-".join(map(str, network.hidden))
+
     return Table(
         "Training a classifier",
         SETTINGS,

@@ -48,10 +48,12 @@ def measure(run: Run) -> Table:
         ),
     }
     taken: dict[str, list[float]] = {name: [] for name in commands}
+
     for _ in range(run.count(12, 1)):
         for name, command in commands.items():
             out.unlink(missing_ok=True)
             taken[name].append(command_seconds(command))
+
     rows = [
         Row(
             what=name,

@@ -19,12 +19,14 @@ def measure(run: Run) -> Table:
     """Generate the data set, twice."""
     seconds = []
     images = 0
+
     for number in range(run.count(2, 1)):
         start = perf_counter()
         images = generate_dataset(
             run.study, run.folder / (DATASET if not number else f"{number}.zarr")
         ).images
         seconds.append(perf_counter() - start)
+
     row = Row(
         what=f"{images:,} images from nothing",
         unit="s",

@@ -43,4 +43,5 @@ def measure(run: Run) -> Table:
         )
         for name, eye in small.items()
     ]
+
     return Table("Finite strain, three-dimensional", SETTINGS, tuple(rows))

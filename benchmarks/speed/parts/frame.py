@@ -65,8 +65,10 @@ def measure(run: Run) -> Table:
         FIT_OPEN: _fits(reader, eyes, OPEN),
         FIT_UNKNOWN: _fits(reader, eyes, UNKNOWN),
     }
+
     for do in work.values():
         do(0)
+
     gc.collect()
     gc.freeze()
     cold = _cold(work, len(eyes), run.count(16, 2))
@@ -82,6 +84,7 @@ def measure(run: Run) -> Table:
         beside_value=float(np.median(again[CRUDE])),
         settings=f"{AGAIN} times in a row, without a pause",
     )
+
     return Table("Reading a frame", SETTINGS, (*rows, in_a_row))
 
 
@@ -126,9 +129,11 @@ def _fits(reader: ForceReader, eyes: Sequence[DrawnEye], globe: KnownGlobe) -> W
     """Return the function that fits a wall to the boundaries of a drawn eye of a known kind of globe."""
     inputs = []
     smoothing_m = reader.study.calibration.surface_smoothing_m
+
     for eye in eyes:
         known = replace(eye.known, globe=globe)
         seen = segmented_boundaries(find_wall(eye.frame, eye.scale), eye.scale)
+
         one = (
             reader.library_for(known),
             seen.lateral_m,
@@ -140,6 +145,7 @@ def _fits(reader: ForceReader, eyes: Sequence[DrawnEye], globe: KnownGlobe) -> W
             fit_boundaries(*one) is not None
         ):  # a frame that shows too little is refused at once
             inputs.append(one)
+
     return lambda n: fit_boundaries(*inputs[n % len(inputs)])
 
 
@@ -152,6 +158,7 @@ def _cold(work: Mapping[str, Work], frames: int, rounds: int) -> dict[str, list[
             start = perf_counter()
             do(number % frames)
             taken[name].append(1e3 * (perf_counter() - start))
+
     return taken
 
 
@@ -162,6 +169,7 @@ def _again(do: Work, frames: int) -> list[float]:
             start = perf_counter()
             do(number)
             taken.append(1e3 * (perf_counter() - start))
+
     return taken
 
 

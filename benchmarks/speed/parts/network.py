@@ -60,14 +60,17 @@ def measure(run: Run) -> Table:
     }
     times: dict[str, list[float]] = {name: [] for name in ways}
     forces_n: dict[str, list[float]] = {name: [] for name in ways}
+
     for number in range(len(eyes) * run.count(40, 2)):
         cut = cuts[number % len(eyes)]
         known = eyes[number % len(eyes)].known
+
         for name, read in ways.items():
             start = perf_counter()
             force_n = read(cut, known)
             times[name].append(1e3 * (perf_counter() - start))
             forces_n[name].append(force_n)
+
     medians = {name: spread(taken) for name, taken in times.items()}
     off_mn = {
         name: 1e3 * np.abs(np.subtract(forces_n[name], forces_n[ONNX])) for name in ways
@@ -87,6 +90,7 @@ def measure(run: Run) -> Table:
         )
         for name in ways
     ]
+
     return Table("The network's reading", SETTINGS, tuple(rows))
 
 
@@ -120,11 +124,13 @@ def _by_torch(network: bytes, study: Study) -> Read:
     def read(cuts: Slices, known: Known) -> float:
         told = given_eye(known)
         given = np.repeat(given_inputs(told, study.reader), len(cuts), axis=0)
+
         with torch.inference_mode():
             mixture, _ = module(
                 torch.from_numpy((cuts > 0).astype(np.float32)), torch.from_numpy(given)
             )
             mean = histogram(mixture, study.reader.bins).mean(dim=0).tolist()
+
         modulus_pa, _ = given_modulus(told, study.reader)
         return histogram_reading(
             mean, edges_m2, float(modulus_pa[0]), study.classes.bounds_n
@@ -147,8 +153,10 @@ def _stored_name(name: str) -> str:
         "force": "mixture_",
         "place": "place_mm_",
     }
+
     if layer == "convolutions":
         return f"{kind}{number}"
+
     return f"{prefix[layer]}{kind}" if layer in prefix else name
 
 
@@ -186,4 +194,5 @@ def _quantized(network: bytes, folder: Path, samples: list[Any], study: Study) -
         per_channel=True,
         op_types_to_quantize=["Conv", "Gemm"],
     )
+
     return after.read_bytes()

@@ -52,6 +52,7 @@ def _reproduce(run: Run) -> Row:
             goal=REPRODUCE_GOAL_S,
             settings="not run; --reproduce runs it",
         )
+
     return Row(
         what=what,
         value=seconds,
@@ -72,6 +73,7 @@ def _tests(run: Run) -> Row:
             goal=TESTS_GOAL_S,
             settings="not run; --tests runs it",
         )
+
     start = perf_counter()
     chosen = [QUICK_TEST] if run.quick else ["-n", "2", "--dist", "worksteal"]
     environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
@@ -87,6 +89,7 @@ def _tests(run: Run) -> Row:
         if run.quick
         else "two processes, as `make test` starts them"
     )
+
     return Row(
         what=what,
         value=perf_counter() - start,

@@ -36,12 +36,14 @@ def measure(run: Run) -> Table:
         f"{study.reader.epochs} epochs of {study.reader.samples_per_epoch:,} samples, "
         f"{study.reader.interval_eyes} eyes"
     )
+
     if full:
         seconds = end_s - began_s
         words = f"{sizes}: done to the end"
     else:
         seconds = whole_seconds(study, began_s, epochs_s, eyes_s, end_s)
         words = f"{sizes}: estimated from {len(epochs_s)} epochs and {len(eyes_s)} eyes; --training does all"
+
     each = {"an epoch, s": _each(epochs_s), "an eye, s": _each(eyes_s)}
     accuracy = (
         {"right class, %": 100.0 * trained["metrics"]["validation_accuracy"]}
@@ -64,6 +66,7 @@ def measure(run: Run) -> Table:
         goal=INTERVALS_GOAL_S,
         settings=f"a part of the training above: of {len(eyes_s)} eyes",
     )
+
     return Table("Training the reader", SETTINGS, (row, intervals))
 
 
@@ -110,6 +113,7 @@ def _marks(
         progress=lambda _: epochs_s.append(perf_counter()),
         measured=lambda _: eyes_s.append(perf_counter()),
     )
+
     return began_s, epochs_s, eyes_s, perf_counter(), trained
 
 

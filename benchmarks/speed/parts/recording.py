@@ -28,4 +28,5 @@ def made_recording(run: Run) -> Path:
         ]
         study = ["--study", str(ROOT / "docs" / "quick.toml")]
         command_seconds(scleraforce("phantom", "--out", str(path), *study, *eye, *push))
+
     return path

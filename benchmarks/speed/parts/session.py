@@ -30,9 +30,11 @@ def session_rows(run: Run) -> list[Row]:
     """Play a session on the free machine, and one beside busy loops."""
     rows = []
     found = dict[str, Any]()
+
     for place, loops in PLACES.items():
         with busy(loops):
             found = _session(run, f"session-{loops}.json")
+
         rows.append(
             Row(
                 what=f"1,000 frames a second, {place}: time for each answer",
@@ -45,6 +47,7 @@ def session_rows(run: Run) -> list[Row]:
                 },
             )
         )
+
     for role in ROLES:
         rss_mb, pss_mb = found["memory_mb"][role]
         rows.append(
@@ -56,6 +59,7 @@ def session_rows(run: Run) -> list[Row]:
                 more={"PSS, MB": pss_mb},
             )
         )
+
     return rows
 
 
@@ -76,6 +80,7 @@ def _session(run: Run, name: str) -> dict[str, Any]:
     ]
     subprocess.run(command, stdout=sys.stderr, check=True)
     found: dict[str, Any] = json.loads((run.folder / name).read_text(encoding="utf-8"))
+
     return found
 
 

@@ -53,10 +53,12 @@ def measure(run: Run) -> Table:
         solvers |= {
             f"CalculiX {name}": partial(_calculix, name, run) for name in ELEMENTS
         }
+
     taken: dict[str, list[Taken]] = defaultdict(list)
     for _ in range(run.count(5, 1)):
         for name, solve in solvers.items():
             taken[name].append(solve())
+
     taken[SCIKIT_FEM].append(_scikit_fem(run.quick))
     beside = _seconds(taken[BESIDE])["value"] if BESIDE in taken else None
     rows = [_row(name, found, beside) for name, found in taken.items()]
@@ -95,6 +97,7 @@ def _calculix(element: str, run: Run) -> Taken:
         tip_mm=tip_mm(mesh, found.displacement_nc),
         peak_mb=found.peak_mb,
     )
+
     return Taken(solved, found.seconds)
 
 
@@ -127,9 +130,11 @@ def _words(name: str) -> str:
             "20 quads along an edge, 27-node elements with straight edges, three Gauss points each way, `solve` with "
             "SciPy's default solver; solved once"
         )
+
     program, _, kind = name.partition(" ")
     if program == "CalculiX":
         return f"SPOOLES, the mesh of `ours, {ELEMENTS[kind]}`, concentrated forces equal to our nodal ones"
+
     return OURS[kind]
 
 

@@ -47,17 +47,20 @@ def measure(run: Run) -> Table:
     taken: dict[str, dict[str, list[float]]] = {
         name: {share: [] for share in GOALS_MS} for name in WORDS
     }
+
     for number in range(run.count(3, 1)):
         found = _latency(
             recording, run.folder / f"latency-{number}.json", run.count(1000, 60)
         )
         pyigtl_ms = _pyigtl_ms(recording, run.count(300, 20))
+
         for share in GOALS_MS:
             taken[OURS][share].append(found["client"][share])
             taken[PLAIN][share].append(found["echo"][share])
             taken[PYIGTL][share].append(
                 float(np.quantile(pyigtl_ms, 0.5 if share == "median" else 0.99))
             )
+
     return Table(
         "The answer on the wire",
         f"{SETTINGS} {session.SETTINGS}",
@@ -102,6 +105,7 @@ def _latency(recording: Path, answer: Path, frames: int) -> dict[str, dict[str, 
     found: dict[str, dict[str, float]] = json.loads(answer.read_text(encoding="utf-8"))[
         VARIANT
     ]
+
     return found
 
 
@@ -113,6 +117,7 @@ def _pyigtl_ms(recording: Path, frames: int) -> list[float]:
         for entry in scan.frames[:20]
     ]
     taken = []
+
     with (
         _pyigtl_server() as port,
         socket.create_connection(("127.0.0.1", port)) as link,
@@ -124,7 +129,9 @@ def _pyigtl_ms(recording: Path, frames: int) -> list[float]:
             sent = perf_counter()
             if not link.recv(65536):
                 raise RuntimeError("pyigtl's server has closed the connection")
+
             taken.append(1e3 * (perf_counter() - sent))
+
     return taken
 
 
@@ -137,6 +144,7 @@ def _pyigtl_server() -> Iterator[int]:
     )
     assert process.stdin is not None
     assert process.stdout is not None
+
     try:
         yield int(process.stdout.readline())
     finally:

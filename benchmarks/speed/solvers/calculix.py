@@ -59,6 +59,7 @@ def input_deck(
         for n, (x, y, z) in enumerate(mesh.points_nc * MM_PER_M)
     ]
     lines += [f"*ELEMENT, TYPE={element}, ELSET=WALL"]
+
     for e, cell in enumerate(mesh.cells_en + 1):
         numbers = [e + 1, *cell]  # VTK's order of 8 and 20 nodes is also CalculiX's
         lines += [
@@ -66,6 +67,7 @@ def input_deck(
             for part in (numbers[:15], numbers[15:])
             if part
         ]
+
     lines += ["*NSET, NSET=BASE", *(f"{n + 1}," for n in mesh.base_nodes)]
     lines += [
         "*MATERIAL, NAME=SCLERA",
@@ -80,6 +82,7 @@ def input_deck(
         "*STEP",
         "*STATIC",
     ]
+
     return "\n".join([*lines, loads, "*NODE PRINT, NSET=ALL", "U", "*END STEP", ""])
 
 
@@ -113,6 +116,7 @@ def calculate(folder: Path, deck: str, nodes: int) -> Calculated:
         env={**os.environ, "OMP_NUM_THREADS": "1"},
     )
     os.close(theirs)
+
     while part := _next_words(ours):
         seconds = perf_counter() - start
         said += part
@@ -121,10 +125,12 @@ def calculate(folder: Path, deck: str, nodes: int) -> Calculated:
         peak = max(
             peak, peak_mb(process.pid)
         )  # what it said last may be read after its end
+
     os.close(ours)
     process.wait()
     if process.returncode or "ERROR" in said or LAST_STEP not in said:
         raise RuntimeError(f"ccx ended with code {process.returncode}: {said[-500:]}")
+
     return Calculated(
         displacement_nc=_read(folder / "wall.dat", nodes),
         seconds=perf_counter() - start,
@@ -148,5 +154,6 @@ def _read(path: Path, nodes: int) -> NDArray[np.float64]:
     )
     if len(table) != nodes:
         raise RuntimeError(f"ccx printed {len(table)} displacements of {nodes} nodes")
+
     found: NDArray[np.float64] = table[np.argsort(table[:, 0]), 1:] / MM_PER_M
     return found

@@ -14,6 +14,7 @@ def solve(name: str, quick: bool) -> Solved:
     mesh = r1_mesh(name, quick)
     displacement_nc = LinearWall(mesh, NU).solve_one(r1_forces(mesh)) / E_PA
     seconds = perf_counter() - start
+
     return Solved(
         seconds=seconds,
         unknowns=mesh.points_nc.size,

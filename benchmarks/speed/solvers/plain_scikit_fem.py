@@ -47,6 +47,7 @@ def assemble(quick: bool) -> Assembled:
     element = skfem.ElementVector(skfem.ElementHex2())
     basis = skfem.Basis(mesh, element, intorder=QUADRATURE)
     outer = skfem.FacetBasis(mesh, element, facets=_outer_facets(mesh))
+
     return Assembled(
         corners,
         basis,
@@ -64,6 +65,7 @@ def solve(quick: bool) -> Solved:
         *skfem.condense(problem.stiffness, problem.load, D=problem.held)
     )
     seconds = perf_counter() - start
+
     return Solved(
         seconds=seconds,
         unknowns=int(problem.basis.N),

@@ -24,6 +24,7 @@ def virtual_eye(tmp_path_factory: pytest.TempPathFactory) -> Path:
         mechanics="finite-strain",
         forces_n=[0.012, 0.024, 0.036, 0.020],
     )
+
     return folder
 
 

@@ -40,6 +40,7 @@ def calibrated(eye: Path) -> Path:
         check=True,
         capture_output=True,
     )
+
     return file
 
 
@@ -56,17 +57,20 @@ def test_the_wall_has_the_scale_of_the_frames_and_the_rows_that_sf_segments(
     found = sf.segment(eye / "frames" / "0001.png")
     np.testing.assert_array_equal(layer.scale, viewer.layers[0].scale)
     assert layer.units == viewer.layers[0].units
+
     for (name, points), row in zip(
         panel.paths(), (found.outer_row, found.inner_row), strict=True
     ):
         drawn = np.interp(np.arange(len(row)), points[:, 2], points[:, 1])
         assert np.nanmax(np.abs(drawn - row)) < 1.0, name
+
     assert [name for name, _ in panel.paths()] == [UPPER, LOWER]
 
 
 def test_text_and_wall_follow_the_slider(eye: Path) -> None:
     viewer, panel = opened(eye)
     texts = []
+
     for frame, entry in enumerate(panel.recording.frames if panel.recording else ()):
         viewer.dims.set_current_step(0, frame)
         answer = sf.read(sf.load_model("default"), eye / "frames" / entry.file)
@@ -75,6 +79,7 @@ def test_text_and_wall_follow_the_slider(eye: Path) -> None:
         assert viewer.text_overlay.text.endswith("wall: found")
         assert len(panel.paths()) == 2
         texts.append(viewer.text_overlay.text)
+
     assert len(set(texts)) == 4
     viewer.dims.set_current_step(0, 1)
     assert viewer.text_overlay.text == texts[1]
@@ -94,12 +99,14 @@ def test_an_edit_that_is_saved_is_read_as_a_corrected_wall(eye: Path) -> None:
     assert "0003.png," in (eye / "walls.csv").read_text()
     _, again = opened(eye)
     again._viewer.dims.set_current_step(0, 2)
+
     for name, points in again.paths():
         moved = (
             np.interp(before[name][:, 2], points[:, 2], points[:, 1])
             - before[name][:, 1]
         )
         assert np.abs(moved - 4).max() < 1.5, name
+
     again._viewer.dims.set_current_step(0, 1)
     assert again._viewer.text_overlay.text.endswith("wall: found")
 
@@ -110,9 +117,11 @@ def test_an_edit_that_is_not_saved_can_be_taken_back(eye: Path) -> None:
     layer = walls(viewer)
     layer.data = [data + np.array([0, 9, 0]) for data in layer.data]
     panel.restore()
+
     for (name, points), (other, old) in zip(panel.paths(), before, strict=True):
         assert name == other
         np.testing.assert_array_equal(points, old)
+
     assert not (eye / "walls").exists()
 
 
@@ -134,6 +143,7 @@ def test_all_frames_are_plotted_with_their_intervals_and_measured_forces(
     (bars,) = axes.containers
     (measured,) = (line for line in axes.lines if line.get_label() == "measured")
     read = sf.evaluate(sf.load_model("default"), eye).frames
+
     for line, forces_n in (
         (bars[0], [each.answer.force_n for each in read]),
         (measured, [each.measured_force_n for each in read]),
@@ -156,12 +166,14 @@ def test_a_calibration_narrows_the_interval_and_a_bad_one_is_shown_in_one_line(
     assert width_mn() < before_mn / 2
     file.write_text("{}")
     shown: list[str] = []
+
     with notification_manager:
         notification_manager.notification_ready.connect(
             lambda notification: shown.append(notification.message)
         )
         panel.calibration.value = None
         panel.calibration.value = file
+
     assert shown[-1].startswith(f"{file}: ")
     assert "\n" not in shown[-1]
 

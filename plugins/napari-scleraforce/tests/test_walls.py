@@ -20,6 +20,7 @@ def test_a_wall_survives_its_paths_within_a_row_and_they_have_few_points() -> No
     paths = paths_of(3, OUTER, INNER)
     assert [name for name, _ in paths] == [UPPER, LOWER]
     assert all(len(points) < 30 and set(points[:, 0]) == {3} for _, points in paths)
+
     for found, true in zip(
         bounds(mask_of(paths, (100, 200))), (OUTER, INNER), strict=True
     ):

@@ -65,6 +65,7 @@ class Job:
         """Start a command in a folder; it is interrupted when this process ends."""
         job = cls(tuple(words), kept)
         ours, theirs = openpty()  # progress bars are drawn for a terminal only
+
         try:
             job._process = subprocess.Popen(
                 [*COMMAND, *words, "--json"],
@@ -79,6 +80,7 @@ class Job:
             raise
         finally:
             os.close(theirs)
+
         atexit.register(job.cancel)
         Thread(target=job._finish, args=(job._process, ours), daemon=True).start()
         return job
@@ -104,6 +106,7 @@ class Job:
         listener.start()
         printed = process.communicate()[0]
         listener.join()
+
         if code := process.returncode:
             self.fault = (
                 "stopped"
@@ -112,6 +115,7 @@ class Job:
             )
         else:
             self.fault = self._keep(printed)
+
         self.done = True
 
     def _keep(self, printed: bytes) -> str | None:
@@ -126,6 +130,7 @@ class Job:
             write_whole(json.dumps(ended), self.kept)
         except (OSError, InputError, ValueError) as fault:
             return str(fault)
+
         return None
 
     def _listen(self, terminal: int) -> None:
@@ -135,6 +140,7 @@ class Job:
             if bars := BAR.findall(text):
                 self.title = bars[-1][0].strip()
                 self.share = float(f"{bars[-1][1]}e-2")
+
         os.close(terminal)
         self.fault = (re.findall(r"^error: (.*?)\r?$", text, re.MULTILINE) or [None])[
             -1

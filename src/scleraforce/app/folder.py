@@ -39,8 +39,10 @@ class Folder:
             RuntimeError,
         ) as fault:  # too long, a null character, links that go round
             raise InputError(f"{name[:80]!r}: {fault}") from fault
+
         if not fits:
             raise InputError(f"{name}: leads out of {self.root}")
+
         return path
 
     def whole(self, name: str) -> Path:
@@ -77,6 +79,7 @@ class Folder:
         }
         known = [place for place in (self.root, self.root / SOURCES) if place.is_dir()]
         places = [place for place in known if place.resolve().is_relative_to(self.root)]
+
         for each in [
             each
             for place in places
@@ -85,6 +88,7 @@ class Folder:
             name = str(Path(each.path).relative_to(self.root))
             if each.name.startswith(".") or name == SOURCES:
                 continue
+
             try:
                 if each.is_symlink():
                     self.inside(name)
@@ -94,8 +98,10 @@ class Folder:
                 InputError,
             ):  # without permission, gone meanwhile, or a link that leads out
                 continue
+
             if kind:
                 found[kind].append({"name": name, **entry})
+
         return {"folder": self.root.name, **found}
 
     async def upload(self, name: str, size: int, chunks: AsyncIterator[bytes]) -> None:
@@ -106,10 +112,12 @@ class Folder:
             )
         if shutil.disk_usage(self.root).free - size < LEFT_BYTES:
             raise InputError(f"{name}: the disk is too full for {size} bytes")
+
         self.inside(SOURCES).mkdir(exist_ok=True)
         sources = Folder((self.root / SOURCES).resolve())
         path = sources.new(name)
         part = sources.root / f".scleraforce-{secrets.token_hex(8)}.part"
+
         try:
             with part.open("xb") as file:
                 left = size
@@ -117,11 +125,14 @@ class Folder:
                     left -= len(chunk)
                     if left < 0:
                         raise InputError(f"{name}: more bytes than were announced")
+
                     file.write(chunk)
+
             if left:
                 raise InputError(
                     f"{name}: ended {left} bytes before its end; drop it again"
                 )
+
             path.open("xb").close()  # fails if a file of that name has come meanwhile
             part.replace(path)
         except FileExistsError as fault:
@@ -142,6 +153,7 @@ def _stamp(each: os.DirEntry[str]) -> tuple[int, ...]:
         else []
     )
     stats = [each.stat(), *(mark.stat() for mark in marks)]
+
     return tuple(
         number
         for stat in stats
@@ -168,4 +180,5 @@ def _entry(path: Path, _: tuple[int, ...]) -> tuple[str, dict[str, Any]]:
             path.is_dir() and not (path / PARTS[0]).exists()
         )
         return ("", {}) if other else ("sources", {"fault": str(fault)})
+
     return "", {}

@@ -39,6 +39,7 @@ def png(pixels: Pixels | Floats, height: int | None = None) -> bytes:
     """Return a frame (row, column) as a PNG of 8 bits, its darkest and brightest parts and NaN black and white."""
     known = pixels[np.isfinite(pixels)]
     low, high = np.percentile(known, [DARK, BRIGHT]) if known.size else (0.0, 1.0)
+
     grey = np.clip(
         (np.nan_to_num(pixels, nan=low).astype(np.float32) - low)
         * (255.0 / max(high - low, 1e-9)),
@@ -50,6 +51,7 @@ def png(pixels: Pixels | Floats, height: int | None = None) -> bytes:
         grey = np.asarray(
             cv2.resize(grey, (width, height), interpolation=cv2.INTER_AREA), np.uint8
         )
+
     return bytes(cv2.imencode(".png", grey)[1])
 
 
@@ -61,6 +63,7 @@ def curve(time_s: Floats, values: Floats) -> dict[str, Any]:
     low, high = (
         extreme.reduceat(values, starts).tolist() for extreme in (np.fmin, np.fmax)
     )
+
     return {"time_s": time_s[starts].tolist(), "low": low, "high": high}
 
 
@@ -78,11 +81,13 @@ def mask_between(
         raise FrameError(
             f"wall: boundaries or unseen columns do not fit a frame of {columns} columns"
         )
+
     first = np.array([np.nan if row is None else row for row in outer], np.float64)
     last = np.array([rows if row is None else row for row in inner], np.float64)
     row = np.arange(rows)[:, None]
     mask = np.where((row >= first) & (row < last), np.uint8(WALL), np.uint8(NO_WALL))
     mask[:, unseen] = NOT_JUDGED
+
     return mask
 
 
@@ -123,17 +128,20 @@ class Looks:
         info = recording.info
         log = recording.forces
         notes = list(limit_notes(SHIPPED_READER, info))
+
         try:
             trials = label_frames(recording, ClassesStudy()) if log is not None else ()
         except RecordingError as fault:  # which says why no frame has one
             trials = ()
             notes = [*notes, str(fault)]
+
         drawn = {wall.stem for wall in (path / "walls").glob("*.png")}
         files = [entry.file for entry in recording.frames]
         force = None
         if log is not None and info.force is not None:
             known = log.known(info.force.axis)
             force = curve(known.time_s, from_si(contact_force(known, info.force), "mn"))
+
         found: dict[str, Any] = finite(
             {
                 "eye": info.eye.id,
@@ -166,13 +174,16 @@ class Looks:
                 if other.time_s == entry.time_s and other is not entry
             ),
         ]
+
         with self._reading:  # the model is not made for several threads
             answer = read(self.model, [recording.frame_path(each) for each in frames])
+
         wall = answer.segmentation
         found = answer.to_dict() | {"warnings": list(answer.warnings)}
         shown: dict[str, Any] = finite(
             {"answer": found, "wall": None if wall is None else _outline(wall)}
         )
+
         return shown | {
             "frames": [each.file for each in frames],
             "draft": read_draft(recording, file),
@@ -194,6 +205,7 @@ def read_draft(recording: Recording, file: str) -> dict[str, Any] | None:
             recording, file
         ):
             return draft
+
     return None
 
 
@@ -216,6 +228,7 @@ def _outline(wall: Segmentation) -> dict[str, Any]:
         [round(row, 2) if np.isfinite(row) else None for row in each.tolist()]
         for each in (wall.outer_row, inner)
     ]
+
     return {
         "outer": rows[0],
         "inner": rows[1],

@@ -58,6 +58,7 @@ class Asked(BaseModel):
             parse_plane(self.planes[name]) if name in self.planes else None
             for name in self.operands
         ]
+
         return (
             [folder.whole(name) for name in self.operands],
             planes,
@@ -100,18 +101,21 @@ def words_of(run: Run, folder: Folder) -> list[str]:
     """Return a command's words, checked: known options, paths inside the folder, and nothing that exists is written."""
     if run.command not in OPTIONS:
         raise InputError(f"{run.command}: not a command of the app")
+
     models = run.operands[:1] if run.command == "evaluate" else []
     for name in run.operands + [
         str(run.options[key]) for key in OLD_FILES if key in run.options
     ]:
         if not folder.whole(name).exists() and name not in models:
             raise InputError(f"{name}: does not exist")
+
     words = [run.command]
     for plane in dict.fromkeys(["", *run.planes.values()]):
         words += [f"--plane={plane}"] if plane else []
         words += [
             _operand(name) for name in run.operands if run.planes.get(name, "") == plane
         ]
+
     for name, value in run.options.items():
         if name not in OPTIONS[run.command]:
             raise InputError(f"{name}: not an option of {run.command} in the app")
@@ -125,10 +129,12 @@ def words_of(run: Run, folder: Folder) -> list[str]:
             if value is True
             else [f"{option_name(name)}={text}"]
         )
+
     words += [f"--column={column}" for column in run.columns]
     if run.command != "evaluate":
         folder.new(run.out)
         words.append(f"--out={run.out}")
+
     return words
 
 
@@ -140,6 +146,7 @@ def _line(fault: Exception, folder: Folder) -> str:
         )
     if isinstance(fault, OSError):
         return f"{Path(fault.filename).name if fault.filename else 'disk'}: {fault.strerror}"
+
     return str(fault).replace(f"{folder.root}/", "")
 
 
@@ -200,12 +207,14 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
             opened = RedirectResponse("/", 303)
             opened.set_cookie(cookie, session, httponly=True, samesite="strict")
             return opened
+
         if not compare_digest(
             request.cookies.get(cookie, "").encode(), session.encode()
         ):
             return PlainTextResponse(
                 "open the whole address that `scleraforce app` printed", 403
             )
+
         if request.method not in ("GET", "HEAD"):
             if not holder.is_held_by(request.headers.get("x-tab", "")):
                 return PlainTextResponse(BUSY, 409)
@@ -214,6 +223,7 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
                 and int(request.headers["content-length"]) > MOST_JSON_BYTES
             ):
                 return PlainTextResponse(f"more than {MOST_JSON_BYTES} bytes", 413)
+
         return await answer(request)
 
     @app.get("/api/look")
@@ -313,6 +323,7 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
                 raise InputError(
                     "another command is running; wait until it ends, or stop it"
                 )
+
             jobs.append(
                 Job.started(words_of(run, folder), folder.root, kept(run.command))
             )
@@ -351,6 +362,7 @@ def listen(port: int) -> socket.socket:
     """Return the listening socket; raises `InputError` if the port is taken."""
     listener = socket.socket()
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+
     try:
         listener.bind((HOST, port))
         listener.listen()
@@ -359,6 +371,7 @@ def listen(port: int) -> socket.socket:
         raise InputError(
             f"--port {port}: {fault.strerror}; choose another one, or 0 for a free one"
         ) from fault
+
     return listener
 
 

@@ -69,11 +69,13 @@ def proposed_offset_s(
     dent_m = dent_m[seen]
     if len(frame_s) < LEAST_FRAMES or not len(log_s):
         return None
+
     first_s = log_s[0] - frame_s[-1]
     last_s = log_s[-1] - frame_s[0]
     offsets_s = np.linspace(
         first_s, last_s, int(np.clip((last_s - first_s) / STEP_S, *OFFSETS))
     )
+
     fits = np.array(
         [
             _correlation(frame_s + offset_s, dent_m, log_s, force_n)
@@ -82,12 +84,14 @@ def proposed_offset_s(
     )
     if np.isnan(fits).all():
         return None
+
     best = int(np.nanargmax(np.abs(fits)))
     # Frames taken while the needle rests fit as well a little earlier or later: the middle of these.
     worse = np.flatnonzero(~(np.abs(fits) > abs(fits[best]) - AS_GOOD))
     at = np.searchsorted(worse, best)
     first = worse[at - 1] + 1 if at else 0
     last = worse[at] - 1 if at < len(worse) else len(offsets_s) - 1
+
     return float(offsets_s[first] + offsets_s[last]) / 2, float(fits[best])
 
 
@@ -97,9 +101,11 @@ def _correlation(
     on = (time_s >= log_s[0]) & (time_s <= log_s[-1])
     if on.sum() < max(LEAST_FRAMES, LEAST_SHARE * len(on)):
         return float("nan")
+
     force = np.interp(time_s[on], log_s, force_n)
     if np.ptp(force) == 0.0 or np.ptp(dent_m[on]) == 0.0:
         return float("nan")
+
     return float(np.corrcoef(force, dent_m[on])[0, 1])
 
 
@@ -120,6 +126,7 @@ class Sources:
         """Return the frames and the log, read again only if sources or the answers about them have changed."""
         stamps = [(path, path.stat().st_mtime_ns) for path in paths]
         asked = repr((stamps, planes, [getattr(answers, name) for name in GATHERED]))
+
         with self._lock:
             if self._gathered is None or self._asked != asked:
                 self._gathered = gather(paths, answers, planes=planes)
@@ -149,6 +156,7 @@ class Sources:
                 "option": fault.option,
                 "forms": list(fault.forms),
             }
+
         axes = (
             []
             if log is None
@@ -178,6 +186,7 @@ class Sources:
                 "notes": list(found.notes),
             }
         )
+
         return stated_now
 
     def picture(
@@ -197,6 +206,7 @@ class Sources:
         times = (
             given_times(found.scan, answers.times, answers.rate_hz) or found.scan.times
         )
+
         width_m, depth_m = (
             to_si(size, "mm") for size in (answers.width_mm, answers.depth_mm)
         )
@@ -210,12 +220,14 @@ class Sources:
             raise InputError(
                 "clocks: give the frames' size and rate first, and a force log"
             )
+
         scan = found.scan
         axis = answers.axis or found.log.columns[0].removesuffix("_n")
         if f"{axis}_n" not in found.log.columns:
             raise InputError(
                 f"--axis: {axis} is not in the force log, which has {', '.join(found.log.columns)}"
             )
+
         scale = PixelScale(
             lateral_m=width_m / scan.columns,
             depth_m=depth_m / scan.rows,
@@ -245,6 +257,7 @@ class Sources:
                 "correlation": None if offset is None else offset[1],
             }
         )
+
         return curves
 
 
@@ -255,6 +268,7 @@ def _surface_m(picture: NDArray[Any], name: str, scale: PixelScale) -> float:
         wall = find_wall(find_greys([picture], None, name).counts(picture), scale)
     except (FrameError, ValueError):  # an empty, damaged or tiny frame
         return float("nan")
+
     lateral_m, depth_m = surface(wall, scale)
     middle = (np.abs(lateral_m) < MIDDLE_M) & np.isfinite(depth_m)
     return (

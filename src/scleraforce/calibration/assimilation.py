@@ -106,6 +106,7 @@ def eye_filter(
         raise ValueError(
             f"parameters {','.join(parameters)}: choose from {','.join(PARAMETERS)}, each once"
         )
+
     priors = {
         "e": (study.prior_mean_pa, study.prior_sd_pa),
         "iop": (max(model.constants.iop_pa, 1.0), study.iop_sd_pa),
@@ -115,14 +116,17 @@ def eye_filter(
     unknown = [
         (PARAMETERS[name], *priors[name], study.positive, False) for name in parameters
     ]
+
     globe = model.constants.globe
     if globe.can_be_sealed:
         unknown.append((RIGIDITY, globe.mean, globe.sd, False, True))
+
     names, *columns = zip(*unknown, strict=True)
     points = roukf.sigma_points(study.sigma_points, len(unknown))
     params = roukf.FilterParams(
         points, study.iterations, gate=study.gate_sd, inflate=True
     )
+
     return EyeFilter(
         model, ParameterSpace(names, *map(np.array, columns)), params, study
     )
@@ -154,8 +158,10 @@ def _within_bounds(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
     covariance = (
         state.posterior.covariance + state.sensitivity @ shared @ state.sensitivity.T
     )
+
     if RIGIDITY not in eye.space.names:
         return mean, covariance
+
     globe = eye.model.constants.globe
     place = eye.space.names.index(RIGIDITY)
     bounds = (globe.lowest / globe.mean, globe.highest / globe.mean)
@@ -167,6 +173,7 @@ def known_globe_after(eye: EyeFilter, state: EyeState) -> KnownGlobe:
     globe = eye.model.constants.globe
     if not globe.can_be_sealed:
         return globe
+
     mean, covariance = _within_bounds(eye, state)
     rigidity, modulus = (
         eye.space.names.index(name) for name in (RIGIDITY, PARAMETERS["e"])
@@ -176,6 +183,7 @@ def known_globe_after(eye: EyeFilter, state: EyeState) -> KnownGlobe:
     globe = replace(
         globe, mean=globe.mean * float(mean[rigidity]), sd=sd, correlation=correlation
     )
+
     return replace(globe, calibrated=state.posterior.updates > 0)
 
 
@@ -202,6 +210,7 @@ def assimilate(
     state = session.state
     if np.isfinite(boundaries.depth_m).sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
+
     prior = registration.frame_prior(state.belief, eye.study)
     median_pa = float(
         eye.space.values(state.posterior.mean)[eye.space.names.index(PARAMETERS["e"])]
@@ -216,9 +225,11 @@ def assimilate(
     )
     places = Places(observation.lateral_m, observation.boundary)
     at = (eye.model, fit.wall, fit.nuisance, places)
+
     placed = registration.predict_frame(*at)
     if placed.seen.sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
+
     by_force = registration.force_derivative(*at)
     by_polar = registration.polar_derivative(*at)
     by_nuisance = placed.jacobian[:, : registration.LOG_MODULUS]
@@ -241,11 +252,13 @@ def assimilate(
         eye.model.constants, 1.0, force_n, eye.model.constants.polar_rad
     )
     values = eye.space.values(result.posterior.mean).tolist()
+
     outside = eye.model.outside(
         replace(stated, **dict(zip(eye.space.names, values, strict=True)))
     )
     if outside is not None:
         return Skipped(outside)
+
     sensitivity = state.sensitivity
     if result.observations:
         # x+ = x- + G (y - h(x-)): an error d of a shared value moves y by g d (`g`: point, shared).
@@ -253,6 +266,7 @@ def assimilate(
             [by_force, by_force * since_start_s, by_polar, by_force * force_n], axis=1
         )
         sensitivity = result.contraction @ sensitivity + result.gain @ g
+
     belief = registration.updated_belief(state.belief, prior, fit)
     after = EyeState(result.posterior, belief, sensitivity, session.zero_covariance)
     return FrameStep(after, force_n, fit, observation, result)
@@ -276,10 +290,12 @@ def _start(
     """Return a frame's own fit in the filter's coordinates (p,); None: E alone is found from anywhere."""
     if RIGIDITY not in eye.space.names:
         return None
+
     start = _with_modulus(eye, state.posterior.mean, fit.wall.youngs_modulus_pa)
     start[eye.space.names.index(RIGIDITY)] = (
         fit.wall.rigidity_pa13_per_m3 / eye.model.constants.globe.mean
     )
+
     return start
 
 
@@ -299,6 +315,7 @@ def _depths(
     values = eye.space.values(states_rp)
     sound = eye.space.exist(values)
     depths = np.full((len(values), len(places.lateral_m)), np.nan)
+
     if sound.any():
         polar_rad = float(nuisance[registration.BY_POLAR])
         curves = registration.parameter_sections(
@@ -307,6 +324,7 @@ def _depths(
         placed = registration.place_section(curves, nuisance)
         inner = nuisance[registration.BY_INNER] * places.is_inner
         depths[sound] = [curve_depths(curve, places)[0] + inner for curve in placed]
+
     return depths
 
 
@@ -359,6 +377,7 @@ def begin(
         )
     else:
         model = library_eye(study, constants, library)
+
     return begin_with(model, study.calibration, parameters, zero_covariance, poses)
 
 
@@ -376,6 +395,7 @@ def begin_with(
     state = EyeState(
         prior, belief, np.zeros((len(prior.mean), len(SHARED))), ZERO_PRIOR
     )
+
     return EyeSession(eye, state, zero_covariance, poses=poses)
 
 
@@ -389,6 +409,7 @@ def step(
     eye = session.filter
     state = session.state
     seen = boundaries
+
     known = (
         session.poses.get(seen)
         if session.poses and force_n <= eye.study.min_force_n
@@ -396,6 +417,7 @@ def step(
     )
     if isinstance(eye.model, LibraryEye) and known is None:
         boundaries = without_form(eye.model, boundaries, eye.study)
+
     if force_n > eye.study.min_force_n:
         found = assimilate(session, boundaries, force_n, since_start_s)
         return replace(
@@ -403,6 +425,7 @@ def step(
             state=state if isinstance(found, Skipped) else found.state,
             last=found,
         )
+
     if known is not None:
         state = replace(state, belief=known)
     elif np.isfinite(boundaries.depth_m).sum() >= LEAST_POINTS:
@@ -412,8 +435,10 @@ def step(
         state = replace(
             state, belief=registration.updated_belief(state.belief, prior, fit)
         )
+
         if session.poses is not None and not session.updates:
             session.poses[seen] = state.belief
+
     reason = f"at most {from_si(eye.study.min_force_n, 'mn'):g} mN: used as a reference of the pose"
     return replace(session, state=state, last=Skipped(reason))
 
@@ -426,12 +451,14 @@ def known_after(session: EyeSession) -> Known:
     )
     if diverged or not session.updates:
         return known_of_constants(constants)
+
     names = session.filter.space.names
     means = moments(session.filter, session.state)[0]
     thickness_m = dict(zip(names, means.tolist(), strict=True)).get(
         PARAMETERS["thickness"], constants.thickness_m
     )
     globe = known_globe_after(session.filter, session.state)
+
     return replace(
         known_of_constants(constants, session.modulus),
         thickness_m=thickness_m,

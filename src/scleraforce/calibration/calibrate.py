@@ -94,16 +94,19 @@ def calibrate_recordings(
     """
     if parameters is None:
         parameters = ("e",) if library is None else ("e", STIFFENING)
+
     if library is None and STIFFENING in parameters:
         raise CalibrationError(
             "parameters: linear mechanics knows no tissue that stiffens; leave out stiffening"
         )
+
     of_filter = tuple(name for name in parameters if name != STIFFENING)
     passes = calibration_passes(library, parameters)
     settings = Settings(
         study, library, of_filter, STIFFENING in parameters, frames, finder
     )
     eyes = dict[str, EyeCalibration]()
+
     for recording in recordings:
         eye_id = recording.info.eye.id
         count = _StepCount(passes * len(recording.frames), progress or silent)
@@ -111,6 +114,7 @@ def calibrate_recordings(
             recording, replace(settings, count=count), eyes.get(eye_id)
         )
         count(count.left)
+
     mechanics = "linear" if library is None else "finite-strain"
     return Calibration(eyes, study_sha256, study.classes.bounds_n, mechanics)
 
@@ -136,12 +140,14 @@ def _of_eye(
     check_planes(recording, settings)
     frames = EyeFrames(recording, settings, used, _known_relaxation(recording, before))
     recording = frames.recording
+
     if (
         before is not None
         and stated == before.globe.kind == "open"
         and before.globe.can_be_sealed
     ):
         return _as_open(_of_tissue(_without_globe(recording), settings, frames, before))
+
     found = _of_tissue(recording, settings, frames, before)
     if (
         found.status == "ok"
@@ -150,6 +156,7 @@ def _of_eye(
         or stated is None
     ):
         return found
+
     other = _of_tissue(
         _without_globe(recording), replace(settings, count=silent), frames, None
     )
@@ -163,6 +170,7 @@ def _of_eye(
             f"eye.globe is stated as open, and the model does not know its walls: they are read as with "
             f"{rigidity_words(other)}, less than that of closed eyes; is its limbus in view, or its wall uneven?",
         )
+
     doubt = (
         f"eye.globe is stated as {stated}, and the frames contradict that; for a globe that may be open or sealed "
         f"they show {rigidity_words(other)} and do not: state what it is, or leave eye.globe out"
@@ -218,11 +226,13 @@ def _of_tissue(
     frames.poses.clear()
     if library is not None and earlier is None and settings.stiffening_sought:
         return _of_sought_tissue(recording, settings, library, frames)
+
     if library is not None:
         stiffening = (
             settings.study.tissue.stiffening if earlier is None else earlier.stiffening
         )
         library = library.for_stiffening(stiffening)
+
     return calibrate_eye(
         recording, replace(settings, library=library), frames, earlier
     ).found
@@ -259,6 +269,7 @@ def _of_sought_tissue(
     found = search(library, attempt)
     if found is None:
         raise faults[0]
+
     stiffening, eye = found
     return (
         calibrate(library.for_stiffening(stiffening), settings.frames).found
@@ -276,13 +287,16 @@ def calibrate_eye(
     """Calibrate an eye with the walls of one tissue; of one that leaks, anew with the pressures that this gives."""
     found = _calibrate_eye(recording, settings, frames, earlier, None)
     library = settings.library
+
     for _ in range(LEAK_ROUNDS if recording.info.eye.leak_time_s else 0):
         if library is None or found.found.status != "ok":
             break
+
         rests_pa = _rests_pa(recording, settings.study, library, frames, found.found)
         found = _calibrate_eye(
             recording, replace(settings, count=silent), frames, earlier, rests_pa
         )
+
     return found
 
 
@@ -300,9 +314,11 @@ def _rests_pa(
         assimilation.PARAMETERS["e"]
     ]
     law = eye.globe.globe(eye.globe.mean)
+
     leak_time_s = recording.info.eye.leak_time_s
     if not law.is_sealed or leak_time_s is None:
         return np.full(len(forces.force_n), iop_pa)
+
     thickness = np.array([eye.stated_thickness_m])
     ends = library.iop_ratio_ends(thickness)
 
@@ -319,6 +335,7 @@ def _rests_pa(
     at_m3 = np.interp(
         forces.since_start_s, STEP_S * np.arange(len(leaked_m3)), leaked_m3
     )
+
     return law.pressure(iop_pa, -at_m3)
 
 
@@ -346,6 +363,7 @@ def _calibrate_eye(
     taken = dict[int, tuple[SeenFrame, float | None]]()
     refused = 0
     path = str(recording.path)
+
     for index in order:
         seen = frames.seen(index) if left > 0 and included[index] else None
         if seen is not None:
@@ -362,10 +380,12 @@ def _calibrate_eye(
                 session = replace(now, filter=session.filter)
                 found = session.last
                 refused += force_n > least_n and isinstance(found, assimilation.Skipped)
+
                 if isinstance(found, assimilation.FrameStep):
                     taken[len(records)] = seen, rest_pa
                     steps.append(found)
                     left -= 1
+
             assert found is not None  # after a step
             mean_pa = session.modulus.mean_pa
             sd_pa = session.modulus.sd_pa
@@ -378,7 +398,9 @@ def _calibrate_eye(
             )
             frame = of_frame(force_n=force_n, mean_pa=mean_pa, sd_pa=sd_pa)
             records.append(_recorded(frame, found))
+
         settings.count(1)
+
     settings.count(len(trials) - len(order))
     missed_n = [record.force_n for record in records if record.skipped is not None]
     used_n = [record.force_n for record in records if record.skipped is None]
@@ -390,6 +412,7 @@ def _calibrate_eye(
         *log_doubts(recording, study.classes, shown),
         *reach_doubts(used_n, missed_n),
     )
+
     if not used_n:
         reason = next((record.skipped for record in records), "excluded")
         raise CalibrationError(
@@ -397,6 +420,7 @@ def _calibrate_eye(
             f"takes frames with a wall in view and more than {from_si(least_n, 'mn'):g} mN"
             + "".join(f"; {doubt}" for doubt in doubts)
         )
+
     means, sds = assimilation.moments(session.filter, session.state)
     eye = EyeCalibration(
         id=recording.info.eye.id,
@@ -414,6 +438,7 @@ def _calibrate_eye(
         relaxation=relaxation,
         lean_rad=recording.info.needle.lean_rad,
     )
+
     return _settled(eye, assimilation.known_after(session), taken, refused, settings)
 
 
@@ -430,6 +455,7 @@ def reach_doubts(used_n: Sequence[float], missed_n: Sequence[float]) -> tuple[st
     missed_n = [force_n for force_n in missed_n if np.isfinite(force_n)]
     if not missed_n or max(missed_n) <= FAR_ABOVE * highest_n:
         return ()
+
     return (
         f"no frame above {from_si(highest_n, 'mn'):.0f} mN could be calibrated on, of forces up to "
         f"{from_si(max(missed_n), 'mn'):.0f} mN; what is read above rests on the library's walls alone",
@@ -444,6 +470,7 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
             f"{recording.path / 'recording.toml'}: eye.thickness_m: missing; a calibration needs "
             "the wall's thickness"
         )
+
     low, high = study.needle.polar_angle_rad.bounds
     stated = info.needle.polar_angle_rad
     return EyeConstants(
@@ -499,6 +526,7 @@ def _begin(
         constants = replace(
             constants, globe=OPEN
         )  # as in the paper: linear mechanics knows no other
+
     _, forces, _, _ = frames.labelled()
     begun = (
         settings.study,
@@ -508,6 +536,7 @@ def _begin(
         forces.zero_covariance,
     )
     session = assimilation.begin(*begun, frames.poses if earlier is None else None)
+
     if earlier is None:
         return session
     if (earlier.lean_rad is None) != (recording.info.needle.lean_rad is None):
@@ -515,6 +544,7 @@ def _begin(
             f"{recording.path / 'recording.toml'}: needle.lean_rad: some recordings of {earlier.id} "
             "state it and some do not; state it in all of them, or in none"
         )
+
     assert earlier.state is not None  # of a filter
     return replace(
         session, state=replace(earlier.state, belief=first_belief(session.filter.model))
@@ -526,11 +556,13 @@ def _recorded(
 ) -> FrameRecord:
     if isinstance(found, assimilation.Skipped):
         return replace(record, skipped=found.reason)
+
     result = found.result
     own_pa = found.registered.wall.youngs_modulus_pa
     record = replace(
         record, own_modulus_pa=own_pa, points=result.observations, gated=result.gated
     )
+
     return replace(
         record, nis=result.nis, inflation=result.inflation, status=result.status
     )
@@ -549,6 +581,7 @@ def _recordings(
     used = UsedRecording(
         path=path, sha256=sha256, zero_n=zero_n, drift_n_per_s=drift, doubts=doubts
     )
+
     return (used,) if earlier is None else (*earlier.recordings, used)
 
 
@@ -562,6 +595,7 @@ def _settled(
     """Return a calibration after its frames are read again, at their resting pressures, Pa, if it leaks."""
     if settings.library is None or eye.status != "ok":
         return TissueTrial.diverged(eye, refused)
+
     frames = list(eye.frames)
     asked = [
         (seen.planes or seen.wall, frames[place].force_n)
@@ -577,8 +611,10 @@ def _settled(
     after = settled(
         known, asked, earlier, settings.library, settings.study, rested or None
     )
+
     for place, read in zip(taken, after.again, strict=True):
         frames[place] = replace(frames[place], again=read)
+
     modulus, globe = own(after.known)
     now = {
         assimilation.PARAMETERS["e"]: (modulus.mean_pa, modulus.sd_pa),
@@ -597,4 +633,5 @@ def _settled(
         discrepancy=discrepancy,
         frames=tuple(frames),
     )
+
     return after.trial(settled_eye, refused)

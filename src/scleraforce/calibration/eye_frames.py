@@ -84,6 +84,7 @@ class SeenFrame:
             if constants.direction_rad is None
             else constants.direction_rad + turn_rad
         )
+
         return replace(
             constants, gap_m=gap_m, direction_rad=direction_rad, tilt_rad=tilt_rad
         )
@@ -108,10 +109,12 @@ class EyeFrames:
         self.used = used
         self.relaxation = relaxation
         self.recording = recording
+
         if recording.info.oct.plane:
             self.recording = replace(
                 recording, frames=tuple(first for first, *_ in self.moments)
             )
+
         self.seen = cache(self._seen)
         self.labelled = cache(self._labelled)
         self._look = cache(self._look_at)
@@ -123,19 +126,24 @@ class EyeFrames:
         plane = self.followed
         if any(self._look(entry)[0] in self.used for entry in moment):
             return None
+
         entry = next(
             (entry for entry in moment if plane is None or entry.plane == plane.name),
             moment[0],
         )
         sha256, wall = self._look(entry)
+
         if plane is not None and entry.plane != plane.name:
             wall = assimilation.Skipped(f"not usable: no frame of plane {plane.name}")
+
         seen = SeenFrame(entry.file, sha256, wall)
         if plane is None or isinstance(wall, assimilation.Skipped):
             return seen
+
         found = self._fitted(index)
         if isinstance(found, assimilation.Skipped):
             return replace(seen, wall=found)
+
         turn_rad = plane.direction_rad
         (x_rad, y_rad) = found.place.tilt_rad
         place = (
@@ -144,6 +152,7 @@ class EyeFrames:
             cos(turn_rad) * y_rad - sin(turn_rad) * x_rad,
         )
         files = tuple((entry.file, self._look(entry)[0]) for entry in moment)
+
         return replace(seen, planes=found, place=place, files=files)
 
     @cached_property
@@ -152,10 +161,12 @@ class EyeFrames:
         planes = self.recording.info.oct.plane
         if not planes:
             return None
+
         each = (self._fitted(index) for index in range(len(self.moments)))
         fitted = list(
             islice((one for one in each if isinstance(one, PlanesFit)), LOOKED_AT)
         )
+
         return min(
             planes,
             key=lambda plane: np.median(
@@ -171,6 +182,7 @@ class EyeFrames:
         info = self.recording.info
         scale = PixelScale.of(info.oct)
         given = recorded_wall(self.recording.walls, entry.file, pixels.shape, scale)
+
         found = given or find_wall(
             pixels, scale, info.eye.thickness_m, self.settings.finder
         )
@@ -178,6 +190,7 @@ class EyeFrames:
             return frame_digest(pixels), assimilation.Skipped(
                 f"not usable: {found.reason}"
             )
+
         return frame_digest(pixels), segmented_boundaries(found, scale)
 
     def _fit(self, index: int) -> PlanesFit | assimilation.Skipped:
@@ -193,6 +206,7 @@ class EyeFrames:
             modulus=Modulus(mean_pa=mean_pa, sd_pa=sd_pa, source="population"),
         )
         planes = list[SeenPlane]()
+
         for entry in self.moments[index]:
             (_, wall) = self._look(entry)
             plane = info.oct.named(entry.plane)
@@ -204,14 +218,17 @@ class EyeFrames:
                         plane.offset_m, turn_rad, wall.lateral_m, wall.depth_m, prior
                     )
                 )
+
         if len(planes) < 2:
             return assimilation.Skipped("not usable: fewer than two planes show a wall")
+
         near = library.for_stiffening(
             float(library.walls.stiffening[0])
         ).nearest_contact(known.polar_rad)
         fits, place = fit_planes(near, planes, study.calibration.surface_smoothing_m)
         if place is None:
             return assimilation.Skipped(assimilation.UNSEEN)
+
         found = PlanesFit(tuple(planes), fits, place)
         return (
             found
@@ -224,11 +241,13 @@ class EyeFrames:
     ) -> tuple[tuple[Trial, ...], FrameForces, KnownRelaxation | None, Floats]:
         study = self.settings.study
         log = self.recording.forces
+
         info = self.recording.info.force
         if log is None or info is None:
             raise CalibrationError(
                 f"{self.recording.path}: no forces.csv; a calibration needs frames of known force"
             )
+
         log = replace(
             log,
             wrench_sc=log.wrench_sc * cos(self.recording.info.needle.lean_rad or 0.0),
@@ -238,8 +257,10 @@ class EyeFrames:
         )
         recording = replace(self.recording, forces=log.known(info.axis))
         forces = frame_forces(recording, trials)
+
         if self.settings.library is None:
             return trials, forces, None, np.empty(0)
+
         return trials, *with_elastic_forces(recording, forces, self.relaxation)
 
 

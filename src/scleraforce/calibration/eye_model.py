@@ -51,6 +51,7 @@ class ParameterSpace:
             for sd, mean in zip(self.sds.tolist(), self.means.tolist(), strict=True)
         ]
         logs = np.array([log(1 + ratio) for ratio in ratios])
+
         return np.where(self.lognormal, -logs / 2, 1.0), np.diag(
             np.where(self.lognormal, logs, ratios)
         )
@@ -79,6 +80,7 @@ class ParameterSpace:
         )
         means = np.where(self.lognormal, lognormal_mean, mean)
         sds = np.where(self.lognormal, lognormal_sd, np.sqrt(variance))
+
         return means * self.means, sds * np.abs(self.means)
 
 
@@ -184,6 +186,7 @@ def smoothed(curves: Floats, sd_m: float) -> Floats:
     """Return curves (..., sample, 2), sampled every `SAMPLE_STEP_M`, smoothed by a Gaussian; the ends stay."""
     if sd_m == 0:
         return curves
+
     sd = sd_m / SAMPLE_STEP_M
     reach = round(4 * sd)
     weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sd) ** 2)
@@ -194,4 +197,5 @@ def smoothed(curves: Floats, sd_m: float) -> Floats:
         for first, weight in enumerate(weights / weights.sum())
     )
     result[..., reach:-reach, :] = sum(parts)
+
     return result

@@ -60,6 +60,7 @@ class EyePosterior:
         assert self.known.modulus is not None
         if self.fit is None:
             return self.known.modulus
+
         mean, sd = self.fit.log_modulus
         mean_pa = exp(mean + 0.5 * sd**2)
         return Modulus(
@@ -117,9 +118,11 @@ class EyePosterior:
         begun = replace(self.known, modulus=modulus)
         shown = list(self.frames)
         own = [] if self.fit is None else list(self.fit.own)
+
         for frame in frames:
             gap_m = self.known.gap_m if frame.gap_m is None else frame.gap_m
             prior = prior_of(replace(begun, gap_m=gap_m), self.study.reader)
+
             fit = fit_boundaries(
                 library,
                 frame.lateral_m,
@@ -131,8 +134,10 @@ class EyePosterior:
             if fit is not None and fit.misfit_m <= NO_WALL_M:
                 shown.append(frame)
                 own.append(fit.unknown[OWN])
+
         if len(shown) == len(self.frames):
             return self
+
         kept = _spread(
             [one[0] for one in own], [frame.force_n is not None for frame in shown]
         )
@@ -140,6 +145,7 @@ class EyePosterior:
         own = [own[place] for place in kept]
         begin = None if self.fit is None else self.fit.shared
         of_eye = library, shown, self.known, self.study.reader, smoothing_m
+
         return replace(
             self, frames=tuple(shown), fit=fit_jointly(*of_eye, np.array(own), begin)
         )
@@ -156,7 +162,9 @@ def _spread(tips_m: Sequence[float], needed: Sequence[bool]) -> list[int]:
         free = [place for place in range(1, len(kept) - 1) if not needed[kept[place]]]
         if not free:
             break
+
         kept.pop(min(free, key=lambda place: around[place - 1]))
+
     return sorted(kept)
 
 
@@ -177,9 +185,11 @@ def calibrate_without_force(
     prior = population or Modulus(
         mean_pa=study.prior_mean_pa, sd_pa=study.prior_sd_pa, source="population"
     )
+
     for recording in recordings:
         eye = recording.info.eye.id
         eyes[eye] = _of_eye(recording, settings, prior, eyes.get(eye), progress)
+
     return Calibration(
         eyes, study_sha256, settings.study.classes.bounds_n, "finite-strain"
     )
@@ -197,12 +207,15 @@ def _of_eye(
     known = known_of_recording(recording.info)
     library = settings.library
     assert library is not None  # at finite strain
+
     if info.eye.iop_pa is None:
         raise CalibrationError(
             f"{place}: eye.iop_pa: missing; without forces E is found beside the known pressure"
         )
+
     if before is not None:
         prior = Modulus(mean_pa=before.mean_pa, sd_pa=before.sd_pa, source="population")
+
     relaxation = (
         None
         if info.eye.relaxation is None
@@ -212,12 +225,14 @@ def _of_eye(
     used = frozenset(sha256 for frame in earlier for _, sha256 in frame.seen)
     frames = EyeFrames(recording, settings, used, relaxation)
     shown, records = _shown(frames, _known_forces(frames, settings), progress)
+
     if frames.followed is not None:
         gaps_m = [frame.gap_m for frame in shown.values() if frame.gap_m is not None]
         known = replace(
             known.turned(frames.followed.direction_rad),
             gap_m=float(np.median(gaps_m or 0.0)),
         )
+
     begun = EyePosterior(
         known=replace(known, modulus=prior), study=settings.study, library=library
     )
@@ -227,8 +242,10 @@ def _of_eye(
         raise CalibrationError(
             f"{recording.path}: none of its {len(records)} frames can be calibrated on ({reason})"
         )
+
     counted = set(map(id, after.frames))
     modulus = after.modulus
+
     for number, frame in shown.items():
         skipped = (
             None
@@ -241,6 +258,7 @@ def _of_eye(
             mean_pa=modulus.mean_pa,
             sd_pa=modulus.sd_pa,
         )
+
     entry = UsedRecording(
         path=str(recording.path),
         sha256=tables_digest(recording),
@@ -250,6 +268,7 @@ def _of_eye(
     )
     recordings, earlier = (before.recordings, before.frames) if before else ((), ())
     found = after.calibration(info.eye.id, [*recordings, entry], [*earlier, *records])
+
     return replace(found, lean_rad=info.needle.lean_rad)
 
 
@@ -257,10 +276,12 @@ def _known_forces(frames: EyeFrames, settings: Settings) -> dict[int, float]:
     """Return the forces, N, that are to be known, by the numbers of their frames."""
     if settings.frames is None:
         return {}
+
     trials, forces, _, _ = frames.labelled()
     least_n = settings.study.calibration.min_force_n
     included = [trial.excluded is None for trial in trials]
     found = dict[int, float]()
+
     for place in frame_order(forces.force_n, included, least_n, settings.frames, False):
         seen = frames.seen(place)
         force_n = float(forces.force_n[place])
@@ -271,6 +292,7 @@ def _known_forces(frames: EyeFrames, settings: Settings) -> dict[int, float]:
             and not isinstance(seen.wall, Skipped)
         ):
             found[place] = force_n
+
     return found
 
 
@@ -280,11 +302,13 @@ def _shown(
     """Return what usable frames show, by the numbers of their records, and a record of each new frame."""
     shown = dict[int, ShownFrame]()
     records = list[FrameRecord]()
+
     for number, entry in enumerate(frames.recording.frames):
         seen = None if entry.pierced else frames.seen(number)
         progress(1)
         if seen is None:
             continue
+
         wall = seen.wall
         path = str(frames.recording.path)
         force_n = forces_n.get(number, 0.0)
@@ -296,6 +320,7 @@ def _shown(
             planes=seen.files,
         )
         record = of_frame(force_n=force_n, mean_pa=0.0, sd_pa=0.0)
+
         if isinstance(wall, Skipped):
             record = replace(record, skipped=wall.reason)
         else:
@@ -308,7 +333,9 @@ def _shown(
                 force_sd_n=LABEL_SD_N,
                 gap_m=seen.place[0] if seen.planes else None,
             )
+
         records.append(record)
+
     return shown, records
 
 
@@ -318,8 +345,10 @@ def _doubts(after: EyePosterior, prior: Modulus) -> tuple[str, ...]:
     forces = "no force was measured" if not known else f"{known} forces are known"
     percent = from_si(after.modulus.relative_sd, "percent")
     said = f"{forces}: E is from the shape of {len(after.frames)} dents beside the IOP, and sure to {percent:.0f} %"
+
     if after.modulus.relative_sd < TELLS_LITTLE * prior.relative_sd:
         return (said,)
+
     deepest_mm = from_si(float(after.fit.own[:, 0].max()) if after.fit else 0.0, "mm")
     return (
         said,

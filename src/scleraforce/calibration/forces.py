@@ -50,14 +50,17 @@ def frame_forces(recording: Recording, trials: tuple[Trial, ...]) -> FrameForces
         ]
     )
     time_s = np.array([trial.time_s for trial in trials])
+
     if recording.forces is None or recording.info.force is None:
         return FrameForces(force_n, np.zeros_like(time_s), np.zeros(2), ZERO_PRIOR)
+
     log_s = recording.forces.time_s
     since_s = time_s - log_s[0]
     zeros = rest_zeros(
         contact_force(recording.forces, recording.info.force), log_s, time_s, force_n
     )
     zero, covariance = zero_line(*zeros)
+
     return FrameForces(force_n - zero[0] - zero[1] * since_s, since_s, zero, covariance)
 
 
@@ -77,6 +80,7 @@ def frame_order(
     """
     if frames is None and not rising:
         return list(range(len(included)))
+
     light = [
         index
         for index, inside in enumerate(included)
@@ -88,14 +92,17 @@ def frame_order(
         if inside and force_n[index] > min_force_n
     ]
     left.sort(key=lambda index: -force_n[index])
+
     if frames is None:
         return [
             *light,
             *reversed(left),
             *(index for index, inside in enumerate(included) if not inside),
         ]
+
     chosen = list[int]()
     highest_n = force_n[left[0]] if left else 0.0
+
     for share in np.arange(frames, 0, -1) / frames:
         if left:
             nearest = min(
@@ -103,6 +110,7 @@ def frame_order(
             )
             left.remove(nearest)
             chosen.append(nearest)
+
     return [*light[:frames], *reversed(chosen), *left]
 
 
@@ -126,6 +134,7 @@ def rest_zeros(
         rest for rest in found if rest is not None and abs(rest[1]) < FARTHEST_ZERO_N
     ]
     middle = np.array([rest[0] for rest in rests], dtype=np.intp)
+
     return log_s[middle] - log_s[0], np.array([rest[1] for rest in rests])
 
 
@@ -137,6 +146,7 @@ def zero_line(time_s: Floats, zero_n: Floats) -> tuple[Floats, Floats]:
     design = np.stack([np.ones_like(time_s), time_s], axis=1)
     prior = np.linalg.inv(ZERO_PRIOR)
     sd = REST_SD_N
+
     for _ in range(2):
         covariance: Floats = np.asarray(
             np.linalg.inv(prior + design.T @ design / sd**2), dtype=np.float64
@@ -144,6 +154,7 @@ def zero_line(time_s: Floats, zero_n: Floats) -> tuple[Floats, Floats]:
         line = covariance @ (design.T @ zero_n) / sd**2
         rest = zero_n - design @ line
         sd = max(REST_SD_N, float(np.sqrt(rest @ rest / max(len(rest) - 2, 1))))
+
     return line, covariance
 
 
@@ -151,19 +162,23 @@ def _rest(contact_n: Floats, rate_hz: float, start: int) -> tuple[int, float] | 
     """Return the middle sample of the rest between two frames, and its mean; None without a rest."""
     total = np.concatenate([[0.0], np.cumsum(contact_n)])
     lengths = (round(QUIET_S * rate_hz), round(SMOOTH_S * rate_hz))
+
     quiet, smooth = (
         (total[length:] - total[:-length]) / length for length in lengths
     )  # means of all windows
     if len(quiet) < 2:
         return None
+
     middle = int(quiet.argmin()) + round(QUIET_S * rate_hz) // 2
     over = (
         np.flatnonzero(smooth > quiet.min() + EDGE_N) + round(SMOOTH_S * rate_hz) // 2
     )
     begin = int(over[over < middle].max(initial=-1)) + 1 + round(EDGE_S * rate_hz)
+
     end = int(over[over > middle].min(initial=len(contact_n))) - round(EDGE_S * rate_hz)
     if end - begin < round(QUIET_S * rate_hz) // 2:
         return None
+
     return start + (begin + end) // 2, float(contact_n[begin:end].mean())
 
 
@@ -186,6 +201,7 @@ def label_sds(
     labelled = [trial for trial in trials if trial.measured_force_n is not None]
     if log is None or info is None or not labelled:
         return tuple(None for _ in trials)
+
     every_n = info.contact_sign * log.force_n(info.axis)
     there = np.isfinite(every_n)
     log_s = log.time_s[there]
@@ -223,6 +239,7 @@ def label_sds(
         for _, motion_n, gain in around
     ]
     found = iter(np.sqrt(shared + zero + motion).tolist())
+
     return tuple(
         None if trial.measured_force_n is None else next(found) for trial in trials
     )
@@ -242,6 +259,7 @@ def _around(
     force_n = raw_n[start:stop]
     block = np.floor((since_s + half_s) / MEAN_S).astype(np.intp)
     count = np.bincount(block)
+
     full = (
         count > 0.5 * np.median(count[count > 0])
         if len(count)
@@ -249,6 +267,7 @@ def _around(
     )
     if full.sum() <= TERMS:
         return np.nan, 0.0, 0.0
+
     mean_s, mean_n = (
         np.bincount(block, weights=values)[full] / count[full]
         for values in (since_s, force_n)
@@ -268,6 +287,7 @@ def _around(
         else np.zeros(TERMS)
     )
     density = MEAN_S * float(rest @ rest) / freedom / median
+
     return density, float(off @ parabola), sqrt(float(off @ inverse @ off) / MEAN_S)
 
 
@@ -282,6 +302,7 @@ def _energy(average_s: float, rate_hz: float) -> float:
     )
     window = np.where(np.abs(time_s) <= average_s / 2, 1.0, 0.0)
     weights = low_pass(window / window.sum(), time_s)
+
     return float(weights @ weights) * rate_hz
 
 
@@ -296,6 +317,7 @@ def _quantisation(raw_n: Floats) -> float:
     levels_n = np.unique(raw_n)
     if len(levels_n) < 2:
         return 0.0
+
     step_n = float(np.diff(levels_n).min())
     noise = max(_sample_variance(raw_n) - step_n**2 / 12.0, 0.0)
     k = np.arange(1, HARMONICS + 1)

@@ -112,6 +112,7 @@ def regression(frames: Sequence[KnownForce], known: Known, place: Floats) -> Fou
     direction = np.zeros((len(frames), 4))
     left = np.zeros(len(frames))
     weight = np.zeros(len(frames))
+
     for row, frame in enumerate(frames):
         beside = float(beside_middle(np.array(frame.library_n)))
         direction[row] = frame.by_modulus, frame.by_rigidity, 1.0, beside
@@ -124,6 +125,7 @@ def regression(frames: Sequence[KnownForce], known: Known, place: Floats) -> Fou
         weight[row] = 1.0 / (
             (frame.sd_n / frame.library_n) ** 2 + (LABEL_SD_N / frame.force_n) ** 2
         )
+
     modulus, globe = own(known)
     sds = np.array([modulus.relative_sd, max(globe.sd / REFERENCE_RIGIDITY, _OPEN_SD)])
     of_filter = np.outer(sds, sds) * np.array(
@@ -153,6 +155,7 @@ def regression(frames: Sequence[KnownForce], known: Known, place: Floats) -> Fou
     # Data Analysis, 3rd ed., section 2.6). It is never less: a few frames that agree do not show that others will.
     squares = SCATTER_FRAMES + float(weight @ rest**2) / EXPECTED_SQUARE
     scatter = max(1.0, float(np.sqrt(squares / (SCATTER_FRAMES + len(frames)))))
+
     return Found(mean=center + mean, covariance=covariance, loss=loss, scatter=scatter)
 
 
@@ -173,6 +176,7 @@ def _reweighted(
     gradient = direction.T @ (weight * left)
     found = np.where(free & bool(len(left)), begin, 0.0)
     covariance = np.zeros((4, 4))
+
     for _ in range(ROUNDS):
         precision = normal.copy()
         precision[:2, :2] += scales[0] / (
@@ -181,9 +185,11 @@ def _reweighted(
         precision[2:, 2:] += scales[1] / (1.0 + scales[1] @ found[2:] ** 2 / CAUCHY**2)
         before = found
         covariance[np.ix_(free, free)] = np.linalg.inv(precision[np.ix_(free, free)])
+
         found = covariance @ gradient
         if np.abs(found - before).max() < SETTLED:
             break
+
     return found, covariance
 
 
@@ -314,16 +320,20 @@ def settled(
 
     now = known
     (again, read, found) = read_with(known)
+
     for _ in range(READINGS - 1):
         moved = _moved(now, found)
         if not read or (np.abs(place_of(moved) - place_of(now)) < _steps(now)).all():
             now = moved
             break
+
         of_moved = read_with(moved)
         if len(of_moved[1]) < len(read) or of_moved[2].loss >= found.loss:
             break
+
         now = moved
         (again, read, found) = of_moved
+
     return Settled(
         _with_discrepancy(now, found, [frame.force_n for frame in read]),
         tuple(again),
@@ -347,10 +357,13 @@ def read_again(
     (modulus, globe) = own(known)
     modulus_step, rigidity_step = _steps(known)
     certain = [_certain(known), _certain(known, modulus_step)]
+
     if globe.can_be_sealed:
         certain.append(_certain(known, 0.0, rigidity_step))
+
     found = list[KnownForce | None]()
     rests = [known.iop_pa] * len(frames) if rests_pa is None else rests_pa
+
     for (seen, force_n), rest_pa in zip(frames, rests, strict=True):
         eyes = [replace(each, iop_pa=rest_pa) for each in certain]
         fits = (
@@ -358,10 +371,12 @@ def read_again(
             if isinstance(seen, PlanesFit)
             else _fits(near, seen, eyes, study, force_n)
         )
+
         beside = list(filter(_read, fits))
         if len(beside) < len(eyes):
             found.append(None)
             continue
+
         here, stiffer, *rigid = beside
         low_n, high_n = here.interval_n
         slopes = [log(each.force_n / here.force_n) for each in (stiffer, *rigid)]
@@ -377,6 +392,7 @@ def read_again(
                 loss=here.loss,
             )
         )
+
     return found
 
 
@@ -387,9 +403,11 @@ def _fits(
     priors = [prior_of(eye, study.reader) for eye in eyes]
     smoothing_m = study.calibration.surface_smoothing_m
     at = near, seen.lateral_m, seen.depth_m
+
     fit = fit_boundaries(*at, priors[0], smoothing_m, force_n)
     if not _read(fit):
         return []
+
     # A fit of its own for each could end in another valley, and the slope would be that from one to the other.
     moved = (fit.unknown + prior.mean - priors[0].mean for prior in priors)
     return [
@@ -446,6 +464,7 @@ def _certain(known: Known, log_modulus: float = 0.0, rigidity: float = 0.0) -> K
             highest=highest,
             correlation=0.0,
         )
+
     modulus = replace(modulus, mean_pa=modulus.mean_pa * exp(log_modulus), sd_pa=0.0)
     return replace(known, modulus=modulus, globe=globe, discrepancy=None)
 
@@ -455,12 +474,14 @@ def _moved(known: Known, found: Found) -> Known:
     (modulus, globe) = own(known)
     mean = found.mean
     covariance = found.covariance
+
     if (
         globe.can_be_sealed
     ):  # where k would leave its bounds, E is that of a k on the bound
         bounds = (globe.lowest / REFERENCE_RIGIDITY, globe.highest / REFERENCE_RIGIDITY)
         mean = within_bounds(mean, covariance, OF_RIGIDITY, bounds)
         globe = replace(globe, mean=float(mean[OF_RIGIDITY]) * REFERENCE_RIGIDITY)
+
     farther = np.clip(
         mean[OF_MODULUS] - log(modulus.mean_pa), -LARGEST_STEP, LARGEST_STEP
     )
@@ -477,6 +498,7 @@ def _with_discrepancy(known: Known, found: Found, forces_n: Sequence[float]) -> 
     covariance = found.covariance
     sds = np.sqrt(np.diag(covariance))
     modulus = replace(modulus, sd_pa=float(sds[OF_MODULUS]) * modulus.mean_pa)
+
     if globe.can_be_sealed:
         correlation = correlation_of(covariance, OF_MODULUS, OF_RIGIDITY)
         globe = replace(
@@ -484,6 +506,7 @@ def _with_discrepancy(known: Known, found: Found, forces_n: Sequence[float]) -> 
             sd=float(sds[OF_RIGIDITY]) * REFERENCE_RIGIDITY,
             correlation=correlation,
         )
+
     given = covariance[2:, :2] @ np.linalg.inv(covariance[:2, :2])
     level, growth = (
         found.mean[2:] + given @ (place_of(known) - found.mean[:2])
@@ -504,6 +527,7 @@ def _with_discrepancy(known: Known, found: Found, forces_n: Sequence[float]) -> 
         largest_n=rising_n[-1] if forces_n else None,
         widest_gap=float(np.diff(rising_n).max() / rising_n[-1]) if forces_n else None,
     )
+
     return replace(known, modulus=modulus, globe=globe, discrepancy=discrepancy)
 
 
@@ -536,18 +560,23 @@ def search(
             trials = list(tried.values())
             best = trials[int(losses.argmin())]
             explained = best.of_boundaries <= EXPLAINED * EVEN_LOSS * best.frames
+
             worse = (losses.min() + ENOUGH < losses[-2:]) & (losses[-2:] < inf)
             if worse[-1] and (
                 explained or (len(worse) == 2 and worse[0] and losses[-2] < losses[-1])
             ):
                 break
+
     if not tried:
         return None
+
     for _ in range(REFINEMENTS):
         between = _between(tried)
         if between is None:
             break
+
         attempt(between)
+
     stiffening, trial = list(tried.items())[int(_losses(tried).argmin())]
     return stiffening, trial.found
 
@@ -563,6 +592,7 @@ def _losses(tried: Mapping[float, TissueTrial[Trial]]) -> Floats:
         for b in tried
     ]
     each = zip(tried.values(), by_prior, strict=True)
+
     return np.array(
         [
             trial.loss / scale + prior if trial.refused == fewest else inf
@@ -585,6 +615,7 @@ def _between(tried: Mapping[float, TissueTrial[Trial]]) -> float | None:
     last = len(places) - 1
     lowest = float(places[best])
     bounded = 0 < best < last
+
     if last >= 2:
         first = min(max(best - 1, 0), last - 2)
         near = slice(first, first + 3)
@@ -593,6 +624,7 @@ def _between(tried: Mapping[float, TissueTrial[Trial]]) -> float | None:
             if bent > 0.0:
                 lowest = float(np.clip(-0.5 * straight / bent, places[0], places[-1]))
                 off, at_best = np.array([lowest, places[best]]) + 0.5 * straight / bent
+
                 gains = (
                     bent * (at_best**2 - off**2) >= GAIN
                     or np.ptp(losses[near]) >= ALIKE
@@ -606,6 +638,7 @@ def _between(tried: Mapping[float, TissueTrial[Trial]]) -> float | None:
                 if np.isfinite(losses[beside])
                 else lowest
             )
+
     unsure = last > 0 and (best == last or last == 1) and lowest == places[best]
     beside = best - 1 if best == last else best + 1
     if (
@@ -614,6 +647,8 @@ def _between(tried: Mapping[float, TissueTrial[Trial]]) -> float | None:
         and abs(places[best] - places[beside]) > WIDE
     ):
         lowest = 0.5 * float(places[best] + places[beside])
+
     if np.abs(places - lowest).min() < NEAR:
         return None
+
     return float(np.clip(LITTLE_STIFFENING * np.expm1(lowest), min(tried), max(tried)))

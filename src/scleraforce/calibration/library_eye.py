@@ -63,6 +63,7 @@ def _shift(
     rings_bn = np.stack(
         [mesh.points_nc[nodes, 0] for nodes in (mesh.outer_n, mesh.inner_n)]
     )
+
     return rings_bn, shift.needle_mbnc.transpose(1, 2, 0, 3)
 
 
@@ -76,6 +77,7 @@ def base_moves(
     """
     if polar_rad == 0.0 or constants.direction_rad is None:
         return np.zeros((2, len(lateral_m), 3))
+
     wall = (
         study.eye.radius_m,
         constants.thickness_m,
@@ -87,6 +89,7 @@ def base_moves(
         constants.gap_m, lateral_m
     )  # angle about the needle axis, from the lateral axis
     distance_m = np.hypot(lateral_m, constants.gap_m)
+
     return np.array(
         [
             _displacement(shift_nmc, rings, distance_m, inside, constants.direction_rad)
@@ -114,6 +117,7 @@ def _displacement(
     away = away.sum(axis=0)
     depth = depth.sum(axis=0)
     lateral = away * np.cos(inside) - around * np.sin(inside)
+
     return np.stack(
         [lateral, away * np.sin(inside) + around * np.cos(inside), depth], axis=1
     )
@@ -165,6 +169,7 @@ class LibraryEye:
             [np.broadcast_to(self.lateral_m, depth.shape), depth], axis=-1
         )
         curves[:, 0] = eye_model.smoothed(curves[:, 0], self.smoothing_m)
+
         return curves
 
     def outside(self, state: eye_model.WallState) -> str | None:
@@ -174,11 +179,13 @@ class LibraryEye:
             self.library.tips(thickness, pressure, force)
         except InputError as fault:
             return str(fault)
+
         if (
             self.constants.globe.can_be_sealed
             and pressure[0] >= HIGHEST * self.library.iop_ratio_ends(thickness)[1][0]
         ):
             return "the pressure under the needle rises beyond the library's"
+
         return None
 
     def _ratios(
@@ -189,6 +196,7 @@ class LibraryEye:
         thickness = np.array([state.thickness_m for state in states])
         pressure = np.array([state.iop_pa for state in states]) / modulus
         force = np.array([state.force_n for state in states]) / modulus
+
         if self.constants.globe.can_be_sealed:
             rigidity = np.array([state.rigidity_pa13_per_m3 for state in states])
             globe = self.constants.globe.globe(rigidity).over(modulus)
@@ -196,6 +204,7 @@ class LibraryEye:
             pressure = iop_ratio_under_force(
                 self.library, held, pressure, np.maximum(force, 0.0), globe
             )
+
         return thickness, pressure, force
 
     def _held(self, thickness: Floats, pressure: Floats) -> tuple[Floats, Floats]:
@@ -215,6 +224,7 @@ class LibraryEye:
         direction_rad = self.constants.direction_rad
         if direction_rad is None:
             return np.zeros((len(polar), *self.moves_pbxc.shape[1:]))
+
         shares_sp = np.array(
             [eye_model.lagrange(self.polar_nodes_rad, at) for at in polar.tolist()]
         )
@@ -222,6 +232,7 @@ class LibraryEye:
         bulged = self.library.base_bulge(
             *self._held(thickness, pressure), self._places, pole_s2
         )
+
         return bulged + np.einsum(
             "sp,pbxc->sbxc", shares_sp * force[:, None], self.moves_pbxc
         )
@@ -230,6 +241,7 @@ class LibraryEye:
         """Return the library's curves (state, boundary, node, 2), continued beyond its end."""
         library = self.library
         thickness, pressure = self._held(thickness, pressure)
+
         force = np.maximum(force, 0.0)
         if (
             thickness == self.constants.thickness_m
@@ -237,6 +249,7 @@ class LibraryEye:
             return library.curves(thickness, pressure, force).curves_sbnc.astype(
                 np.float64
             )
+
         largest = library.largest_force_ratio(thickness, pressure)
         beyond = np.flatnonzero(force > largest)
         excess = np.log(force[beyond] / largest[beyond])
@@ -251,6 +264,7 @@ class LibraryEye:
         curves[beyond] += (curves[beyond] - before) * (excess / -np.log(END_SHARE))[
             :, None, None, None
         ]
+
         return curves
 
     @cached_property
@@ -260,6 +274,7 @@ class LibraryEye:
             self.library.tension * self.constants.thickness_m / self.library.radius_m
         )
         thickness = np.full(len(pressure), self.constants.thickness_m)
+
         return (1 - 1e-6) * float(
             self.library.largest_force_ratio(thickness, pressure).min()
         )
@@ -298,6 +313,7 @@ def library_eye(
             "library: made for another radius of the eye, Poisson's ratio or needle than the "
             "study's; make it anew"
         )
+
     thinnest = float(library.thickness_m[0])
     thickest = float(library.thickness_m[-1])
     if not thinnest <= constants.thickness_m <= thickest:
@@ -305,6 +321,7 @@ def library_eye(
             f"thickness: {from_si(constants.thickness_m, 'um'):g} µm; the library has walls of "
             f"{from_si(thinnest, 'um'):.0f} to {from_si(thickest, 'um'):.0f} µm"
         )
+
     side = np.arange(0.0, REACH * library.radius_m, eye_model.SAMPLE_STEP_M)
     lateral_m = np.concatenate([-side[:0:-1], side])
     polars = eye_model.polar_nodes(constants)
@@ -314,6 +331,7 @@ def library_eye(
     near = library.nearest_contact(
         0.5 * (min(polars) + max(polars))
     )  # forces hardly change between the ends
+
     return LibraryEye(
         constants, near, lateral_m, polars, moves, study.calibration.surface_smoothing_m
     )
@@ -347,9 +365,11 @@ def section_depths(
     came_from = (lateral_m - lateral) ** 2 + (
         across - 2 * gap_m[:, None, None]
     ) * across
+
     if tilt_rad:
         here = _interpolated(rows, came_from)
         came_from = came_from - 2 * across * here * sin(tilt_rad)
+
     return _interpolated(rows, came_from) + deeper / cos(tilt_rad)
 
 
@@ -372,14 +392,17 @@ def without_form(
     )
     known = eye_model.known_of_constants(eye.constants, modulus)
     prior = prior_of(known, ReaderStudy())  # nothing is left for it to say
+
     fit = fit_boundaries(
         eye.library, boundaries.lateral_m, boundaries.depth_m, prior, eye.smoothing_m
     )
     if fit is None or fit.misfit_m > NO_WALL_M or form_size(fit.unknown) < CLEAR:
         return boundaries
+
     from_contact_m = boundaries.lateral_m - fit.contact_m
     both = (np.full_like(from_contact_m, is_inner) for is_inner in (0.0, 1.0))
     added = [
         form_depths(fit.unknown[FORM], from_contact_m, is_inner) for is_inner in both
     ]
+
     return replace(boundaries, depth_m=boundaries.depth_m - np.stack(added))

@@ -54,6 +54,7 @@ def _cut_lines(points_rblsc: Floats, gap_m: Floats, tilt_rad: float) -> Floats:
         for k in (0, 1)
     )
     share = start[..., :1] / (start[..., :1] - end[..., :1])
+
     return start[..., 1:] + share * (end[..., 1:] - start[..., 1:])
 
 
@@ -86,6 +87,7 @@ def _response(
         + mesh.radius_m * axes[2]
     )
     fields: Floats = np.concatenate([stood[None], moved]) @ axes.T
+
     return fields.reshape(4, *points_blsc.shape)
 
 
@@ -99,6 +101,7 @@ def _lateral_samples(
     reach = SAMPLE_REACH * radius_m
     lateral = np.arange(-reach, reach + SAMPLE_STEP_M / 2, SAMPLE_STEP_M)
     above = np.ones(len(lateral), dtype=bool)
+
     for contact in contacts:
         axes = _plane_axes(contact, constants)
         points = _line_points(
@@ -110,6 +113,7 @@ def _lateral_samples(
         )
         height = (points @ axes)[..., 2] - radius_m * axes[2, 2]
         above &= (height > BASE_MARGIN * radius_m).all(axis=0)
+
     return lateral[above]
 
 
@@ -136,6 +140,7 @@ def _line_points(
     depth = outer_radius_m - np.sqrt(radius_m**2 - lateral_m**2 - gap_m**2)
     across = gap_m + tan(tilt_rad) * depth + steps
     depth = outer_radius_m - np.sqrt(radius_m**2 - lateral_m**2 - across**2)
+
     return np.stack([np.broadcast_to(lateral_m, across.shape), across, depth], axis=-1)
 
 
@@ -164,6 +169,7 @@ class LinearEye:
         walls = {(state.polar_rad, state.thickness_m) for state in states}
         if len(walls) == 1:
             return self._sections(self._fields_at(*walls.pop()), states)
+
         each = (
             self._sections(self._fields_at(state.polar_rad, state.thickness_m), [state])
             for state in states
@@ -181,6 +187,7 @@ class LinearEye:
                 self.thickness_nodes_m.index(thickness_m),
                 self.polar_nodes_rad.index(polar_rad),
             ]
+
         weights = np.outer(
             lagrange(self.thickness_nodes_m, thickness_m),
             lagrange(self.polar_nodes_rad, polar_rad),
@@ -188,6 +195,7 @@ class LinearEye:
         # A shell bends as 1/t^2 under a point load: t^2 u is smoother in t than u. Positions are linear in t.
         bent = weights * (np.array(self.thickness_nodes_m)[:, None] / thickness_m) ** 2
         by_field = np.stack([weights, bent, bent, bent])
+
         return np.asarray(
             np.einsum("ftp,tpfblsc->fblsc", by_field, self.fields), dtype=np.float64
         )
@@ -204,6 +212,7 @@ class LinearEye:
         gap = np.array([state.gap_m for state in states])[:, None, None, None]
         curves = _cut_lines(points, gap, self.constants.tilt_rad)
         curves[:, 0] = smoothed(curves[:, 0], self.smoothing_m)
+
         return curves
 
 
@@ -216,6 +225,7 @@ def linear_eye(
             f"thickness: {from_si(constants.thickness_m, 'um'):g} µm cannot be "
             "meshed; state the wall's"
         )
+
     shares = THICKNESS_NODES if thickness_uncertain else (1.0,)
     thicknesses = tuple(share * constants.thickness_m for share in shares)
     polars = polar_nodes(constants)
@@ -224,6 +234,7 @@ def linear_eye(
         study.eye.radius_m, max(thicknesses), contacts, constants
     )
     fields = []
+
     for thickness in thicknesses:
         mesh = study_mesh(study, thickness, contacts[0] if len(contacts) == 1 else None)
         wall = LinearWall(mesh, study.eye.poisson_ratio)
@@ -235,6 +246,7 @@ def linear_eye(
                 ]
             )
         )
+
     return LinearEye(
         constants=constants,
         weight_pa_m=study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2,

@@ -70,6 +70,7 @@ def polar_derivative(
     high = model.polar_nodes_rad[-1]
     if low == high:
         return np.zeros(len(places.lateral_m))
+
     return _growth(
         model,
         [replace(state, polar_rad=polar) for polar in (low, high)],
@@ -101,6 +102,7 @@ def predict_frame(
     if model.constants.globe.can_be_sealed:
         stiffer_globe = state.rigidity_pa13_per_m3 + RIGIDITY_STEP * REFERENCE_RIGIDITY
         states.append(replace(state, rigidity_pa13_per_m3=stiffer_globe))
+
     curves = place_section(model.curves(states), nuisance)
     (depth, slope, seen), stiffer, *sealed = (
         placement.curve_depths(curve, places) for curve in curves
@@ -118,6 +120,7 @@ def predict_frame(
     jacobian = np.stack(
         [*by_pose, by_polar, places.is_inner, by_modulus, by_rigidity], axis=1
     )
+
     return placement.Placed(
         depth + nuisance[BY_INNER] * places.is_inner, slope, jacobian, seen
     )
@@ -195,6 +198,7 @@ def updated_belief(
     gain[both] = belief.covariance[both] @ np.linalg.inv(prior.covariance[both])
     mean = belief.mean + gain @ (fit.nuisance - belief.mean)
     covariance = belief.covariance + gain @ (fit.covariance - prior.covariance) @ gain.T
+
     return PoseBelief(mean, (covariance + covariance.T) / 2)
 
 
@@ -223,6 +227,7 @@ def _thinned(boundaries: Boundaries) -> placement.Columns:
         columns.append(
             seen[np.linspace(0, len(seen) - 1, min(COLUMNS, len(seen))).astype(np.intp)]
         )
+
     boundary = np.repeat([0, 1], [len(part) for part in columns]).astype(np.intp)
     column = np.concatenate(columns)
     places = placement.Places(boundaries.lateral_m[column], boundary)
@@ -280,6 +285,7 @@ class _Fit:
         """Return the start: the prior's mean, or the best of a coarse search if the pose is unknown."""
         if not self.wide:
             return self.mean.copy()
+
         moduli = np.log(START_MODULUS) + self.mean[LOG_MODULUS]
         (low, high) = self.rigidity_ends
         # From a stiff globe an open eye is not found.
@@ -295,6 +301,7 @@ class _Fit:
         curves = self.model.curves([self._state(*own) for own in begun])
         best = np.inf
         unknown = self.mean.copy()
+
         for own, curve in zip(begun, curves, strict=True):
             for lateral in START_LATERAL_M:
                 nuisance = self.mean[:5].copy()
@@ -304,11 +311,13 @@ class _Fit:
                 )[0]
                 rest = self.columns.depth_m - depth
                 shift = float(np.median(rest))
+
                 cost = float(np.abs(rest - shift).sum())
                 if cost < best:
                     nuisance[BY_DEPTH] += shift
                     best = cost
                     unknown = np.append(nuisance, own)
+
         return unknown
 
     def _state(self, log_modulus: float, rigidity: float) -> WallState:
@@ -327,6 +336,7 @@ class _Fit:
             self.columns.places,
         )
         away = unknown - self.mean
+
         return placed, self.columns.loss(placed) + float(away @ self.precision @ away)
 
     def normal_equations(
@@ -356,6 +366,7 @@ class _Fit:
         data, _ = self.columns.normal_equations(self._movable(placed), scale)
         covariance = self._inverse(data + self.precision)
         wall = self._state(*unknown[LOG_MODULUS:])
+
         return Registered(
             nuisance=unknown[:5].copy(), covariance=covariance[:5, :5], wall=wall
         )

@@ -70,10 +70,12 @@ def with_elastic_forces(
         - forces.zero[1] * time_s
     )
     contact = felt_n > CONTACT_N
+
     if known is None:
         known = _found(felt_n, time_s, contact)
     if not known.shares:
         return forces, known, np.where(contact, felt_n, 0.0)
+
     shares = np.array(known.shares)
     elastic_n, memories_n = (
         found[0]
@@ -90,6 +92,7 @@ def with_elastic_forces(
         elastic_n,
         memories_n,
     )
+
     return replace(forces, force_n=force_n), known, elastic_n
 
 
@@ -111,8 +114,10 @@ def _with_histories(
             for frame, one_n in zip(frames, force_n, strict=True)
         ]
     )
+
     if not len(counted):
         return known
+
     held_s = time_s[frames] - time_s[pushes]
     at_push_n = memories_n[pushes]
     held = memories_n[frames] - np.exp(-held_s[:, None] / times_s) * at_push_n
@@ -130,9 +135,11 @@ def _with_histories(
         before_n=tuple(before_n.mean(axis=0).tolist()),
         before_covariance_n2=covariance_n2,
     )
+
     later = counted[counted > 0]
     if not len(later):
         return found
+
     earlier = frames[later - 1]
     left_n = (
         np.exp(-(time_s[pushes[later]] - time_s[earlier])[:, None] / times_s)
@@ -146,6 +153,7 @@ def _with_histories(
     found = replace(
         found, after=tuple(after.tolist()), after_covariance_n2=covariance_n2
     )
+
     return replace(
         found,
         every_s=float(np.median(np.diff(frame_s))),
@@ -164,6 +172,7 @@ def _spread(found: Floats, sd_of_one: float) -> Matrix:
     count = len(found)
     if count == 1:
         return rows(sd_of_one**2 * np.eye(found.shape[1]))
+
     return rows(
         (1.0 + 1.0 / count)
         * (count - 1)
@@ -182,6 +191,7 @@ def _found(felt_n: Floats, time_s: Floats, contact: Flags) -> KnownRelaxation:
         return KnownRelaxation.of(
             (MEAN_OF_SD * PRIOR_SD).tolist(), TIMES_S, covariance, "population"
         )
+
     _, _, holds = _fitted(felt_n, time_s, contact, holds)
     shares, covariance, _ = _fitted(felt_n, time_s, contact, holds)
     return KnownRelaxation.of(shares.tolist(), TIMES_S, covariance, "holds")
@@ -197,10 +207,12 @@ def _holds(felt_n: Floats, contact: Flags) -> Iterator[slice]:
         1.4826 * float(np.median(np.abs(speed[~contact]))) if (~contact).any() else 0.0
     )
     ends = np.flatnonzero(np.diff(contact, prepend=False, append=False))
+
     for start, stop in ends.reshape(-1, 2).tolist():
         push = slice(start, stop)
         if felt_n[push].max() < LEAST_PUSH_N:
             continue
+
         fast = (
             np.flatnonzero(
                 np.abs(speed[push]) > max(FAST * speed[push].max(), SURE * noise)
@@ -235,6 +247,7 @@ def _fitted(
     shares = np.zeros(len(TIMES_S))
     prior = np.diag(PRIOR_SD**-2)
     steps = np.concatenate([np.zeros((1, len(TIMES_S))), STEP * np.eye(len(TIMES_S))])
+
     for _ in range(ROUNDS):
         rest_n = np.concatenate(scatter(shares + steps), axis=1)
         slopes = (rest_n[1:] - rest_n[0]) / STEP
@@ -243,6 +256,7 @@ def _fitted(
             seen + prior, seen @ shares - slopes @ rest_n[0] / variance
         )
         shares *= min(1.0, MOST / max(float(shares.sum()), MOST))
+
     parts = scatter(np.stack([np.zeros(len(TIMES_S)), shares]))
     squares = (
         np.array([(part_n**2).sum(axis=1) for part_n in parts]) / variance
@@ -257,6 +271,7 @@ def _fitted(
     inflation = max(float(squares[:, 1].sum() / counts.sum()), 1.0)
     sure = 0.5 * float((squares[:, 0] - squares[:, 1]).sum()) > LEAST_GAIN * inflation
     covariance: Floats = inflation * np.linalg.inv(seen + prior)
+
     return (shares if sure else np.zeros_like(shares)), covariance, kept
 
 
@@ -269,4 +284,5 @@ def not_negative(normal: Floats, gradient: Floats) -> Floats:
         x[free] = np.linalg.solve(normal[np.ix_(free, free)], gradient[free])
         if (x >= 0.0).all() and gradient @ x > gradient @ best:  # twice what each gains
             best = x
+
     return best

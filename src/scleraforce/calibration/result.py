@@ -143,6 +143,7 @@ class EyeCalibration:
                 classes[int(np.searchsorted(bounds_n, frame.force_n))].append(
                     frame.own_modulus_pa
                 )
+
         return tuple(float(np.median(values)) if values else None for values in classes)
 
     @property
@@ -195,6 +196,7 @@ class Calibration:
             "stiffening": self.population_stiffening,
             "eyes": len(self.eyes),
         }
+
         return {
             "format": calibration_file.CALIBRATION_FORMAT,
             "scleraforce": __version__,
@@ -260,8 +262,10 @@ def found_words(eye: EyeCalibration) -> tuple[str, ...]:
     words += [
         _words(name, mean, sd) for name, mean, sd in found if name != PARAMETERS["e"]
     ]
+
     if eye.stiffening > 0.0:
         words.append(f"tissue stiffens, b {eye.stiffening:.2g}")
+
     lost = (
         0.0
         if eye.relaxation is None
@@ -271,6 +275,7 @@ def found_words(eye: EyeCalibration) -> tuple[str, ...]:
         words.append(
             f"tissue relaxes, {from_si(lost, 'percent'):.0f} % of a force lost at its frames"
         )
+
     discrepancy = eye.discrepancy or NO_DISCREPANCY
     mean, sd = discrepancy.at_reference()
     if abs(mean) > SURE * sd:
@@ -279,10 +284,12 @@ def found_words(eye: EyeCalibration) -> tuple[str, ...]:
         reference = f"{from_si(REFERENCE_N, 'mn'):g} mN"
         size = f"{abs(percent):.0f} ± {from_si(sd, 'percent'):.0f} %"
         words.append(f"forces {size} {side} the library's at {reference}")
+
     if discrepancy.scatter > MUCH:
         words.append(
             f"forces scatter {discrepancy.scatter:.1f} times as far as expected"
         )
+
     return tuple(words)
 
 
@@ -346,6 +353,7 @@ def _frame_entry(frame: FrameRecord) -> dict[str, Any]:
         "read_sd_n": again and again.sd_n,
         "again": again and vars(again),
     }
+
     return {**vars(frame), **read}
 
 
@@ -358,6 +366,7 @@ def parse_calibration(file: CalibrationFile) -> Calibration:
         for eye, entry in content["eyes"].items()
     }
     study_sha256 = converted(content.get("study_sha256"), str, f"{name}: study_sha256")
+
     bounds_n = converted(
         content.get("class_bounds_n"), tuple[Finite, ...], f"{name}: class_bounds_n"
     )
@@ -365,6 +374,7 @@ def parse_calibration(file: CalibrationFile) -> Calibration:
         raise CalibrationError(
             f"{name}: class_bounds_n: expected bounds that increase; {WRITER}"
         )
+
     return Calibration(eyes, study_sha256, bounds_n, content["mechanics"])
 
 
@@ -389,6 +399,7 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
         raise CalibrationError(
             f"{place}.parameters: expected youngs_modulus_pa, and others of {known}; {WRITER}"
         )
+
     moments = {}
     for name, values in saved.parameters.items():
         moments[name] = one = converted(values, _Moments, f"{place}.parameters.{name}")
@@ -397,6 +408,7 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
             raise CalibrationError(
                 f"{place}.parameters.{name}: not within {low:g} to {high:g}; {WRITER}"
             )
+
     found = EyeCalibration(
         id=eye_id,
         names=tuple(moments),
@@ -422,6 +434,7 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
         raise CalibrationError(
             f"{place}.parameters.youngs_modulus_pa: is not that of mean_mpa and sd_mpa; {WRITER}"
         )
+
     return found
 
 
@@ -442,12 +455,14 @@ def calibration_lines(calibration: Calibration) -> list[str]:
     ]
     mean_pa, sd_pa = calibration.population
     population = f"{'population':<16}{from_si(mean_pa, 'mpa'):>8.3f}"
+
     if sd_pa is None:
         population = wrapped(
             "the spread needs at least two eyes", f"{population}{'-':>9}{'':>9}  "
         )
     else:
         population += f"{from_si(sd_pa, 'mpa'):>9.4f}"
+
     return [*lines, population, *notes]
 
 
@@ -461,6 +476,7 @@ def _line(name: str, eye: EyeCalibration, bounds_n: tuple[float, ...]) -> str:
     ]
     text = "; ".join(remark for remark in remarks if remark)
     modulus = f"{from_si(eye.mean_pa, 'mpa'):>8.3f}{from_si(eye.sd_pa, 'mpa'):>9.4f}"
+
     return wrapped(text, f"{name:<16}{modulus}{eye.updates:>9}  ")
 
 
@@ -474,6 +490,7 @@ def _softening(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> str:
         or abs(high / low - 1) < BENDS_OTHERWISE
     ):
         return ""
+
     force = f"{from_si(bounds_n[-1], 'mn'):g} mN"
     moduli = f"{from_si(low, 'mpa'):.3f} MPa below {force} and {from_si(high, 'mpa'):.3f} above"
     return f"E is {moduli}: the wall bends otherwise than the model"

@@ -170,10 +170,12 @@ def filter_step(
     none = np.zeros((len(posterior.mean), len(observed)))
     same = np.eye(len(posterior.mean))
     failed = StepResult(posterior, np.inf, 0, (), 1.0, 0, "", none, same)
+
     if not np.isfinite(first_rm).all() or len(observed) == 0:
         return failed._replace(
             status="diverged: the model cannot be evaluated at the sigma points"
         )
+
     frame = _Frame(
         prior, observe, first_rm, observed, noise_covariance, np.zeros(p), np.eye(p)
     )
@@ -205,15 +207,18 @@ def _from(params: FilterParams, frame: _Frame, start: Floats) -> _Frame:
     points = params.sigma.points_rp
     centre = _solve(prior.factor, start - prior.mean)
     rest = frame.observed - frame.observe(np.stack([prior.mean, start]))
+
     misfit = np.einsum("rm,mr->r", rest, _solve(frame.noise, rest.T))
     if not np.isfinite(misfit).all() or misfit[1] + centre @ centre >= misfit[0]:
         return frame
+
     root = NEAR_START * np.eye(len(centre))
     predicted_rm = frame.observe(
         prior.mean + (centre + points @ root.T) @ prior.factor.T
     )
     if not np.isfinite(predicted_rm).all():
         return frame
+
     return frame._replace(first_rm=predicted_rm, centre=centre, root=root)
 
 
@@ -241,6 +246,7 @@ def _step(params: FilterParams, frame: _Frame) -> StepResult:
     )
     gated = tuple(int(index) for index in np.flatnonzero(~fit.kept))
     gain = _gain(prior.factor, inflated, precision, fit.kept)
+
     return StepResult(
         corrected, nis, count, gated, inflation, fit.iterations, _status(recent), *gain
     )
@@ -256,11 +262,13 @@ def _fit(params: FilterParams, frame: _Frame) -> _Fit:
     """Linearise, leave out outliers one by one and linearise again."""
     kept = np.ones(len(frame.observed), dtype=bool)
     allowed = LARGEST_GATED_SHARE * len(kept)
+
     while True:
         fit = _linearise(params, frame, kept)
         worst, size = _worst(fit.linear, frame.observed, kept)
         if size <= params.gate:
             return fit
+
         kept = kept.copy()
         kept[worst] = False
         if len(kept) - kept.sum() > allowed:
@@ -274,20 +282,25 @@ def _linearise(params: FilterParams, frame: _Frame, kept: Flags) -> _Fit:
     centre = frame.centre
     root = frame.root
     linear = _regress(params.sigma, frame.first_rm, centre, root, frame.noise)
+
     for iteration in range(1, params.iterations):
         new_centre, precision = _correct(linear, frame.observed, kept)
         new_root = np.linalg.cholesky(np.linalg.inv(precision))
+
         predicted_rm = frame.observe(
             prior.mean + (new_centre + points @ new_root.T) @ prior.factor.T
         )
         if not np.isfinite(predicted_rm).all():
             raise np.linalg.LinAlgError("the model cannot be evaluated here")
+
         linear = _regress(params.sigma, predicted_rm, new_centre, new_root, frame.noise)
         moved = np.abs(_solve(new_root, new_centre - centre)).max()
         centre = new_centre
         root = new_root
+
         if moved < params.tolerance:
             return _Fit(linear, kept, iteration + 1)
+
     return _Fit(linear, kept, params.iterations)
 
 
@@ -307,6 +320,7 @@ def _regress(
     bent = (
         spread - points @ along_points.T
     )  # squared, not taken from the spread's square: that may round below zero
+
     return _Linear(
         mean - slope @ centre, slope, noise + bent.T @ (weights[:, None] * bent)
     )
@@ -367,13 +381,16 @@ def _status(recent: tuple[tuple[float, int], ...]) -> str:
     count = sum(entry[1] for entry in recent)
     if not np.isfinite(nis):
         return "diverged: an innovation is not finite"
+
     ratio = np.sqrt(nis / count)
     if not ratio > DIVERGED_SD:
         return "ok"
+
     from scipy.special import (
         chdtri,
     )  # a tenth of a second, which a filter that keeps to its frames does not wait for
 
     if not nis > chdtri(count, DIVERGENCE_PROBABILITY):
         return "ok"
+
     return f"diverged: over the last {len(recent)} frames the model misses the observations by {ratio:.1f} sd"

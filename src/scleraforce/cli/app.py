@@ -41,6 +41,7 @@ def app(folder: Path, port: int, opens: bool) -> None:
         raise InputError(
             f"app: {missing[0]} is not installed; run pip install 'scleraforce[web]'"
         )
+
     from scleraforce.app.server import HOST, listen, server_of
 
     listener = listen(port)
@@ -48,6 +49,8 @@ def app(folder: Path, port: int, opens: bool) -> None:
     once = secrets.token_urlsafe(24)
     address = f"http://{HOST}:{listener.getsockname()[1]}/?token="
     say(f"open {address}{token}\nCtrl-C ends it")
+
     if opens:  # other users see the arguments of a browser: its token is valid once
         webbrowser.open(address + once)
+
     server_of(folder, listener, token, once if opens else "").run([listener])

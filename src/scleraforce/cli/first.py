@@ -73,6 +73,7 @@ def demo(out: Path, open_page: bool) -> Report:
 
     with share_bar("demo") as reach:
         done = run_demo(out, datetime.now(UTC), reach)
+
     evaluation = done.evaluation
     true_mpa = from_si(EYE.youngs_modulus_pa, "mpa")
     found_mpa = from_si(done.modulus_pa, "mpa")
@@ -90,8 +91,10 @@ def demo(out: Path, open_page: bool) -> Report:
         "intervals_hold": evaluation.true_coverage.hits,
         "seconds": time.perf_counter() - start,
     }
+
     if open_page:
         click.launch(str(done.page))
+
     lines = [
         "research use only: not a medical device",
         f"wrote {done.recording}: a virtual eye of {true_mpa:.2f} MPa, pushed {frames} times",
@@ -128,9 +131,11 @@ def doctor() -> Report:
         "seconds": time.perf_counter() - start,
     }
     lines = [f"scleraforce {__version__}, Python {python}, {system}"]
+
     for one in found:
         lines.append(wrapped(one.found, f"{one.state:<8} {one.name:<15} "))
         lines += [wrapped(one.remedy, REMEDY)] if one.remedy else []
+
     return Report(result, lines, code=0 if ok else 1)
 
 
@@ -160,6 +165,7 @@ def init(directory: Path, preset: str) -> Report:
         raise StudyError(
             f"{path}: exists already; remove it or choose another directory"
         ) from fault
+
     return Report({"path": str(path), "preset": preset}, [f"wrote {path}"])
 
 
@@ -257,6 +263,7 @@ def reproduce(
         "on walls of finite strain: the paper's method": found.bent_paper,
         f"on walls of finite strain: {reader}": bent,
     }
+
     return Report(
         result,
         [

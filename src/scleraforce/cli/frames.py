@@ -158,6 +158,7 @@ def segment(
         raise click.UsageError(
             "--sheet shows how two methods differ; with --wall-finder none there is only one"
         )
+
     usual = OctStudy()
     finder = notebook.finder_of(wall_finder)
     masks = _masks(frames, out, sheet)
@@ -195,11 +196,14 @@ def segment(
     ]
     faults = [one for _, one in found if isinstance(one, InputError)]
     unusable = sum(not one["usable"] for one in entries)
+
     if segmented and sheet is not None:
         _write_sheet(sheet, segmented, look)
         lines.append(f"wrote {sheet}")
+
     if segmented:
         lines.append(f"{unusable} of {len(entries)} frames are not usable")
+
     result = {"out": out and str(out), "sheet": sheet and str(sheet), "frames": entries}
     return Report(result, lines, faults, code=3 if strict and unusable else 0)
 
@@ -214,8 +218,10 @@ def _masks(
     }
     frames = {frame.resolve() for frame, _ in found}
     taken = {} if sheet is None else {sheet.resolve(): "the sheet"}
+
     if out is None:
         return {frame: None for frame, _ in found}
+
     masks: dict[Path, Path | None] = {}
     for frame, recording in found:
         folder = (
@@ -224,6 +230,7 @@ def _masks(
             else out
         )
         mask = masks[frame] = folder / f"{frame.stem}.png"
+
         for picture in map(mask.with_suffix, ENDINGS):
             place = picture.resolve()
             if place in taken:
@@ -234,7 +241,9 @@ def _masks(
                 raise InputError(
                     f"--out: the mask {picture} would replace a frame; choose another folder"
                 )
+
             taken[place] = f"that of {frame}"
+
     return masks
 
 
@@ -245,11 +254,13 @@ def _frames_of(path: Path) -> list[tuple[Path, Path | None]]:
     if (path / "recording.toml").exists():
         recording = folder.read_recording(path)
         return [(recording.frame_path(entry), path) for entry in recording.frames]
+
     images = [file for file in files_of([path]) if file.suffix.lower() in IMAGES]
     if not images:
         raise InputError(
             f"{path}: neither a recording.toml nor images ({', '.join(IMAGES)}) in this folder"
         )
+
     return [(file, folder.recording_of(file)) for file in images]
 
 
@@ -272,6 +283,7 @@ def _segment_frame(
             ".png": found.mask,
             **({OVERLAY: draw_overlay(frame.pixels, found)} if overlay else {}),
         }
+
         for ending, picture in pictures.items():
             upright = picture.swapaxes(0, 1) if transpose else picture
             _write(
@@ -280,6 +292,7 @@ def _segment_frame(
                 upright,
                 force,
             )
+
     return {
         "file": str(path),
         "mask": mask and str(mask),
@@ -305,6 +318,7 @@ def _write(path: Path, others: Sequence[Path], picture: Pixels, force: bool) -> 
             raise InputError(
                 f"{one}: exists already and differs; choose another --out, or --force to replace it"
             )
+
     path.parent.mkdir(parents=True, exist_ok=True)
     with renamed_when_whole(path) as part:
         part.write_bytes(data)
@@ -334,9 +348,11 @@ def _write_sheet(sheet: Path, entries: Sequence[Mapping[str, Any]], look: Look) 
     ]
     title = f"{len(entries)} frames, {sum(one['usable'] for one in entries)} usable"
     note = ""
+
     if len(frames) < len(entries):
         note = f"Shown: the {WORST} worst and {MOST - WORST} of the others."
         say(f"{sheet}: {note}", err=True)
+
     write_figure(draw_sheet(frames, title, note), sheet)
 
 
@@ -345,6 +361,7 @@ def _wall_line(entry: Mapping[str, Any]) -> str:
         return f"{entry['file']}: not usable: {entry['reason']}"
     if entry["thickness_um"] is None:
         return f"{entry['file']}: inner boundary not seen; the mask ends 1 mm below the surface"
+
     guess = (
         ""
         if entry["inner_found"]
@@ -368,6 +385,7 @@ def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         )
         for entry in entries
     )
+
     for words, count in missing.items():
         if words:
             yield f"of {count} of {len(entries)} frames nothing states the {', the '.join(words)}"
@@ -467,10 +485,12 @@ def read(
         raise InputError(
             f"{path}: a folder; `scleraforce evaluate {model} {path}` reads a recording, this one frames"
         )
+
     if masks and len(masks) != len(frames):
         raise InputError(
             f"--mask: {len(masks)} for {len(frames)} frames; give one for each, in their order"
         )
+
     mask_of = dict(zip(frames, masks, strict=bool(masks)))
     known = given_eye({name: given.pop(name) for name in EYE})
     size = Scanner(**given)
@@ -481,6 +501,7 @@ def read(
     def answer(moment: Moment) -> "list[Reading]":
         for path, _ in moment:
             os.stat(path)  # a missing frame is reported before the model is loaded
+
         paths = [path for path, _ in moment]
         placed = [plane for _, plane in moment if plane]
         walls = [mask_of.get(path) for path in paths]
@@ -505,10 +526,13 @@ def read(
     ]
     answered = [(path, one) for path, one in found if not isinstance(one, InputError)]
     faults = [one for _, one in found if isinstance(one, InputError)]
+
     if not (answered or is_json()):
         return Report({}, (), faults)
+
     reader = loaded()
     notes = list(dict.fromkeys(note for _, one in answered for note in one.notes))
+
     if reader.fixed_modulus_pa is not None and (
         known != NOTHING_KNOWN or calibration is not None
     ):
@@ -518,6 +542,7 @@ def read(
             "a classifier ignores the known inputs of an eye; it reads each as one of "
             f"{modulus_mpa:g} MPa",
         )
+
     entries = [  # a frame that could not be read means withdrawal, and has an `error`
         {
             "file": str(path),
@@ -533,6 +558,7 @@ def read(
         *_read_with([one for one in entries if "error" not in one]),
         *(wrapped(note, "note: ") for note in notes),
     ]
+
     return Report(
         {"model": str(model), "kind": reader.kind, "notes": notes, "frames": entries},
         lines,
@@ -559,13 +585,17 @@ def _moments(frames: Sequence[Path], given: Sequence[tuple[int, str]]) -> list[M
             found.setdefault(path if one is None else one[:2], []).append(
                 (path, one[2] if one else None)
             )
+
         return [tuple(moment) for moment in found.values()]
+
     if given[0][0] > 1:
         raise InputError(f"--plane: after {frames[0]}, whose plane is not given")
+
     of_plane = dict[Plane | None, list[Path]]()
     after_model = [(max(count - 1, 0), words) for count, words in given]
     for path, plane in zip(frames, planes_of(frames, after_model), strict=True):
         of_plane.setdefault(plane, []).append(path)
+
     folder.check_counts(
         {plane.name: len(paths) for plane, paths in of_plane.items() if plane}
     )
@@ -591,13 +621,16 @@ def _answer_line(path: Path, answer: "Answer") -> str:
         return (
             f"{path}: class {answer.predicted} (withdraw): not usable: {answer.reason}"
         )
+
     probabilities = ", ".join(f"{one:.3f}" for one in answer.probabilities)
     words = f"{path}: class {answer.predicted} (probabilities {probabilities})"
     if answer.force_n is not None and answer.interval_n is not None:
         low, high = (f"{from_si(end, 'mn'):.1f}" for end in answer.interval_n)
         words += f", {from_si(answer.force_n, 'mn'):.1f} mN (90 %: {low} to {high})"
+
     if answer.iop_at_dent_pa is not None:
         words += f", {from_si(answer.iop_at_dent_pa, 'mmhg'):.1f} mmHg at the dent"
+
     places = answer.to_dict()
     words += (
         f"; wall: {places['wall']}" if places["wall"] in ("mask", "corrected") else ""
@@ -608,6 +641,7 @@ def _answer_line(path: Path, answer: "Answer") -> str:
         if (ends := places[f"{key}_interval"]) is not None
     ]
     words += "\n" + wrapped(", ".join(found), "  ") if found else ""
+
     return "\n".join(
         [words, *(wrapped(warning, "  warning: ") for warning in answer.warnings)]
     )
@@ -623,6 +657,7 @@ def _read_with(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         equal.setdefault(f"{_size_words(entry['scale'])}; {known}", []).append(
             entry["file"]
         )
+
     for words, files in equal.items():
         names = f"{files[0]} and {len(files) - 1} more" if files[1:] else files[0]
         yield wrapped(f"{names}: {words}", "read with: ")
@@ -663,6 +698,7 @@ def _known(one: "Reading") -> dict[str, dict[str, Any]]:
         "calibration": one.known,
     }
     found = {}
+
     for key, (_, _, value_of) in KNOWN.items():
         found_by = {source: value_of(eye) for source, eye in sources.items()}
         values = {
@@ -675,6 +711,8 @@ def _known(one: "Reading") -> dict[str, dict[str, Any]]:
             if value is None
             else next(name for name, other in values.items() if other == value)
         )
+
         if value is not None or key not in ONLY_IF_KNOWN:
             found[key] = {"value": value, "source": source}
+
     return found

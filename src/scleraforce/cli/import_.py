@@ -261,6 +261,7 @@ def import_(
         "bits": scanner.bits,
         **provenance(done),
     }
+
     return Report(
         result, [*map(wrapped, _lines(done)), f"wrote {out}; look at {preview}"]
     )
@@ -291,6 +292,7 @@ def _lines(done: Import) -> list[str]:
         f"refractive index {scanner.refractive_index:g} ({source['refractive_index']})",
         f"times: {first_s:.3f} to {last_s:.3f} s ({source['times']}){begin}",
     ]
+
     if log is not None:
         columns = ", ".join(
             column.answer() for column in done.gathered.columns
@@ -304,6 +306,7 @@ def _lines(done: Import) -> list[str]:
         found.append(
             f"forces: {len(log.time_s)} samples, {log.sample_rate_hz:.4g} a second ({columns}){sign}"
         )
+
     if greys.scaled:
         found.append(
             f"note: pixels of {greys.low:.6g} to {greys.high:.6g} became counts of 0 to {TOP}"
@@ -312,8 +315,10 @@ def _lines(done: Import) -> list[str]:
         found.append(
             f"note: {-greys.low:g} was added to all pixels, so that the smallest is 0"
         )
+
     if greys.lost:
         found.append(f"note: {greys.lost} pixels are not finite numbers; they became 0")
+
     return [*found, *(f"note: {note}" for note in done.gathered.notes)]
 
 
@@ -344,6 +349,7 @@ def _settle(answers: ImportOptions, open_point: UnansweredError) -> ImportOption
     if open_point.forms:
         shorts = [form.partition("=")[0] for form in open_point.forms]
         return replace(answers, columns=(*answers.columns, *map(_column, shorts)))
+
     answer: dict[str, Any] = {name: click.prompt(open_point.option, err=True)}
     return replace(answers, **answer)
 
@@ -374,7 +380,9 @@ def _answer(name: str, question: Question, kind: click.ParamType[Any]) -> Any:
         f"{question.words}{unit}{f' ({OPEN}: not known)' if question.optional else ''}"
     )
     default = OPEN if question.optional else None
+
     if question.offered is not None:
         words = f"{words}; the first frames show {question.offered:g}"
         default = f"{question.offered:g}"
+
     return click.prompt(words, default=default, value_proc=checked, err=True)

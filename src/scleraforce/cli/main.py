@@ -79,12 +79,14 @@ class _LazyGroup(click.Group):
         cmd_name = ALIASES.get(cmd_name, cmd_name)
         if cmd_name not in COMMANDS:
             return None
+
         module = COMMANDS[cmd_name][0]
         name = cmd_name.replace("-", "_")
         command: click.Command = getattr(
             import_module(f"scleraforce.cli.{module}"),
             f"{name}_" if iskeyword(name) else name,
         )
+
         return command
 
     def format_commands(
@@ -129,10 +131,12 @@ def main() -> None:
     os.environ.pop("MPLBACKEND", None)
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
+
     sys.unraisablehook = _note_interruption
     code = run(sys.argv[1:])
     if code == INTERRUPTED:  # zarr's own loop would report its unfinished tasks
         logging.getLogger("asyncio").disabled = True
+
     sys.exit(code)
 
 
@@ -179,10 +183,12 @@ def run(arguments: list[str]) -> int:
                 ),
                 2,
             )
+
         return fail(
             f"internal fault: {type(fault).__name__}: {fault} (SCLERAFORCE_TRACEBACK=1 shows where)",
             1,
         )
+
     return done if isinstance(done, int) else 0
 
 

@@ -221,6 +221,7 @@ def monitor(
         raise InputError(
             f"monitor: runs on Linux only, for its real-time priorities; this is {sys.platform}"
         )
+
     for number in range(
         3
     ):  # a closed one of the three standard files is opened, or a socket would become one of them
@@ -228,6 +229,7 @@ def monitor(
             os.fstat(number)
         except OSError:
             os.open(os.devnull, os.O_RDWR)
+
     with one_thread():  # the second core is for the other processes
         from platformdirs import user_state_path
 
@@ -248,17 +250,20 @@ def monitor(
             f"{reader.path}: kind: {reader.kind}; the monitor needs a reader: nothing else in this model "
             "could check what its network reads in the loop"
         )
+
     known, doubt = _known(calibration, eye, {name: given[name] for name in EYE})
     if resume is not None and not learn_eye:
         raise InputError("--resume: needs --learn-eye")
     if learn_eye:
         known = _to_learn(reader, known, resume, eye, given)
+
     reader = suited(reader, known)
     scan = _scan(reader, known, _planes(planes, reader, known, learn_eye), given)
     if reason := reader.refusal(known):  # all frames would be unusable
         raise InputError(f"{reader.path}: {reason}")
     if eye is not None and (fault := name_fault(eye)):
         raise InputError(f"--eye: {fault}")
+
     begun = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
     settings = MonitorSettings(
         eye=eye or "eye-1",
@@ -272,6 +277,7 @@ def monitor(
         learns=learn_eye,
         token=token_hex(16),  # it cannot be guessed
     )
+
     with closing(Notes(_write_line)) as notes:
         with (
             ExitStack() as until_ended,
@@ -280,12 +286,15 @@ def monitor(
             until_ended.enter_context(_ended_by_signals(server.stop))
             for line in _greeting(reader, settings, address, doubt, server.code.line):
                 notes(line)
+
             server.run()
             summary = server.session.summary()
             notes("ends; the black box writes its last entries")
+
         notes(
             f"ended after {summary['frames']} frames and {len(summary['withdrawals'])} withdrawals"
         )
+
     return Report({"model": str(model), **summary})
 
 
@@ -300,14 +309,17 @@ def _known(
     from scleraforce.notebook.frames import check_calibrated, given_eye
 
     known = given_eye(given)
+
     if calibration is None:
         return known, None
+
     check_calibrated(known, True, eye)
     if eye is None:
         others = "another gets the population's modulus"
         raise InputError(
             f"--eye: missing; say which eye of {calibration} it is ({others})"
         )
+
     summary = read_calibration(calibration)
     return known_of_eye(known, summary, eye), foreign_modulus(summary, eye)
 
@@ -333,9 +345,11 @@ def _planes(
         "--learn-eye: it learns from a single plane; leave it or --plane out": planes
         and learn_eye,
     }
+
     for reason, holds in refused.items():
         if holds:
             raise InputError(reason)
+
     return planes
 
 
@@ -361,15 +375,19 @@ def _to_learn(
         is None,
         "--eye is missing: --resume needs its name": resume is not None and eye is None,
     }
+
     for reason, holds in refused.items():
         if holds:
             raise InputError(f"--learn-eye: {reason}")
+
     if resume is not None and eye is not None:
         return resumed(known, resume, eye)
+
     prior = reader.study.calibration
     population = Modulus(
         mean_pa=prior.prior_mean_pa, sd_pa=prior.prior_sd_pa, source="population"
     )
+
     return replace(known, modulus=known.modulus or population)
 
 
@@ -425,6 +443,7 @@ def _greeting(
     yield "research use only: not a medical device"
     yield f"model      {reader.path} ({reader.kind})"
     yield f"eye        {settings.eye}: {_eye_words(settings.known)}"
+
     if scan.plane:
         places = [
             (one.name, from_si(one.offset_m, "mm"), from_si(one.direction_rad, "deg"))
@@ -433,19 +452,23 @@ def _greeting(
         yield "planes     " + ", ".join(
             f"{name} ({mm:g} mm, {deg:.0f}°)" for name, mm, deg in places
         )
+
     yield f"globe      {globe_words(settings.known, reader.reads_force)}"
     relaxation = settings.known.relaxation
     if relaxation is not None and any(relaxation.shares):
         lost = from_si(sum(relaxation.shares), "percent")
         yield f"tissue     a held needle loses up to {lost:.0f} % of its force; intervals are wide at the start"
+
     any_lean = (
         settings.known.lean_rad is None and not settings.known.has_calibrated_modulus
     )
     lean = "the needle's lean is not given: forces are their parts along the wall's normal (docs/limits.md)"
+
     for warning in filter(
         None, (doubt, lean if any_lean else None, *reader.limits(settings.known, scan))
     ):
         yield f"warning    {warning}"
+
     yield f"frames     {scan.columns} x {scan.rows} px of {lateral_um:.2f} x {depth_um:.2f} µm"
     yield f"withdraws  at class {limits.withdraw_class}{forces}"
     yield f"listens    on {address.host}:{address.port} (OpenIGTLink)"
@@ -460,6 +483,7 @@ def _eye_words(known: "Known") -> str:
     words = "modulus unknown"
     if known.modulus is not None:
         words = f"{from_si(known.modulus.mean_pa, 'mpa'):.3f} MPa ({MODULUS_SOURCES[known.modulus.source]})"
+
     iop = (
         "IOP unknown"
         if known.iop_pa is None
@@ -475,6 +499,7 @@ def _eye_words(known: "Known") -> str:
         if known.gap_m is None
         else f"gap {from_si(known.gap_m, 'mm'):.2f} mm"
     )
+
     return ", ".join((words, iop, wall, gap))
 
 
@@ -492,6 +517,7 @@ def globe_words(known: "Known", reads_force: bool) -> str:
         return "taken for open: a classifier knows no other, and in a sealed eye forces are read too low"
     if not globe.can_be_sealed:
         return "open"
+
     ends = (
         globe.band
         if globe.calibrated or globe.rigidity_told
@@ -499,8 +525,10 @@ def globe_words(known: "Known", reads_force: bool) -> str:
     )
     low, high = (f"{from_si(end, 'mmhg13_per_ul'):.2g}" for end in ends)
     k = f"k between {low} and {high} mmHg^(1/3)/µl"
+
     if globe.calibrated:
         return f"{'open or sealed' if globe.kind == 'unknown' else globe.kind}, {k} (calibrated)"
+
     return f"sealed, {k}" if globe.kind == "sealed" else UNKNOWN_GLOBE
 
 
@@ -517,6 +545,7 @@ def _ended_by_signals(stop: Callable[[], None]) -> Iterator[None]:
     ]
     before = {number: signal.signal(number, lambda *_: stop()) for number in heard}
     before[signal.SIGTTOU] = signal.signal(signal.SIGTTOU, signal.SIG_IGN)
+
     try:
         yield
     finally:

@@ -52,6 +52,7 @@ class Quantity(click.FloatRange):
             self.fail(f"{value!r} is not a valid float.", param, ctx)
         except StudyError as fault:
             self.fail(str(fault).partition(": ")[2], param, ctx)
+
         name = next(name for name in QUANTITIES if self._key.startswith(name))
         return QUANTITIES[name].to_si(number) if self._in_si else number
 
@@ -267,12 +268,14 @@ def options(
             help_text += (
                 "." if name in required else f"; default: {words.get(name, default)}."
             )
+
         settings = settings if isinstance(settings, dict) else {"type": settings}
         made.append(
             click.option(
                 flag, name, help=help_text, required=name in required, **settings
             )
         )
+
     return added(made)
 
 
@@ -291,6 +294,7 @@ def chosen_workers(scheduler: str | None, workers: int | None) -> int | None:
         raise click.UsageError(
             f"--workers {workers}: --scheduler has workers of its own; give one of the two"
         )
+
     from scleraforce.processes import cluster_workers
 
     return cluster_workers(scheduler)
@@ -328,10 +332,13 @@ def planes_of(
     planes = [parse_plane(words) for _, words in given]
     check_planes(tuple(dict.fromkeys(planes)), "--plane")
     found: list[Plane | None] = [None] * len(paths)
+
     for (before, _), plane in zip(given, planes, strict=True):
         found[before:] = [plane] * (len(paths) - before)
+
     if unused := [plane for plane in planes if plane not in found]:
         raise InputError(
             f"--plane: {unused[0].name!r}: no frames follow it; give it before the frames of its plane"
         )
+
     return found

@@ -39,6 +39,7 @@ class Command(click.Command):
     def __init__(self, *args: Any, can_be_quiet: bool = True, **settings: Any) -> None:
         super().__init__(*args, **settings)
         self.params.append(_flag(JSON, "--json", help="Print one JSON object."))
+
         if can_be_quiet:
             self.params.append(
                 _flag(
@@ -56,16 +57,21 @@ class Command(click.Command):
         except InputError as fault:
             if (text := _by_options(str(fault), ctx)) == str(fault):
                 raise
+
             raise InputError(text) from fault
+
         if report is None:
             return
+
         if is_json():
             print_json(report.result)
         else:
             for line in report.lines:
                 say(line)
+
         for one in report.faults:
             fail(_by_options(str(one), ctx), 2)
+
         if code := 2 if report.faults else report.code:
             raise click.exceptions.Exit(code)
 
@@ -85,6 +91,7 @@ def _by_options(text: str, ctx: click.Context) -> str:
     name, colon, rest = text.partition(":")
     if name == "study" and STUDY_FILE in ctx.meta:
         return f"{ctx.meta[STUDY_FILE]}:{rest}"
+
     flags = {
         param.name: param.opts[0]
         for param in ctx.command.params

@@ -134,10 +134,12 @@ def calibrate(
     if model is not None:
         default = click.core.ParameterSource.DEFAULT
         others = "only --frames, --wall-finder and --json"
+
         if any(ctx.get_parameter_source(name) != default for name in (*given, "plot")):
             raise click.UsageError(
                 f"--intervals: takes the model's own study; of the options, {others}"
             )
+
         from scleraforce.notebook.calibrating import recalibrate_intervals
 
         found = recalibrate_intervals(
@@ -155,7 +157,9 @@ def calibrate(
             "stretches": list(map(asdict, found)),
             "notes": notes,
         }
+
         return Report(result, [*_stretches(found), f"wrote {out}"])
+
     from scleraforce.calibration.result import calibration_lines
 
     calibration = sf.calibrate(
@@ -167,11 +171,13 @@ def calibrate(
         counting=count_bar,
         **given,
     )
+
     if plot is not None:
         from scleraforce.report.files import write_figure
         from scleraforce.report.recording_figures import draw_calibration
 
         write_figure(draw_calibration(calibration), plot)
+
     lines = [*calibration_lines(calibration), f"wrote {out}"]
     return Report({**calibration.to_dict(), "notes": notes}, lines)
 
@@ -183,6 +189,7 @@ def _stretches(changes: "Sequence[Stretch]") -> Iterator[str]:
     for change in changes:
         counts = f"{change.eyes:>5}{change.readings:>10}{change.held:>7.0%}{change.factor:>8.2f}"
         yield f"{change.method:<9}{change.modulus:<9}{', '.join(change.globes):<28}{counts}"
+
     if min(change.eyes for change in changes) < FEW_EYES:
         yield f"note: fewer than {FEW_EYES} eyes: the widest reading decides; no interval narrows"
 
@@ -235,15 +242,19 @@ def evaluate(
             raise click.UsageError(
                 "--html: not together with --table; run evaluate once for each"
             )
+
         return _table(model, recordings, table, calibration, wall_finder)
+
     reader = sf.load_model(model, wall_finder=wall_finder)
     evaluation = sf.evaluate(reader, recordings, calibration, counting=count_bar)
+
     if html is not None:
         from scleraforce.report.frame_figures import look_at_all
         from scleraforce.report.html import shown_frames, write_evaluation_html
 
         looks = look_at_all(shown_frames(evaluation.frames))
         write_evaluation_html(evaluation, looks, html, datetime.now(UTC))
+
     notes = (wrapped(note, "note: ") for note in evaluation.notes)
     parts = (
         "\n".join(part)
@@ -254,6 +265,7 @@ def evaluate(
             notes,
         )
     )
+
     return Report(evaluation.to_dict(), ["\n\n".join(filter(None, parts))])
 
 
@@ -272,6 +284,7 @@ def _table(
     lines = [
         f"{'eye':<20}{'frames':>7}{'scored':>7}{'accuracy':>9}{'error/mN':>9}{'held':>6}{'E/MPa':>7}  from"
     ]
+
     for eye in eyes:
         figures = (
             f"{'-' if eye[name] is None else f'{eye[name]:.2f}':>{width}}"
@@ -280,6 +293,7 @@ def _table(
         lines.append(
             f"{eye['eye']:<20}{eye['frames']:>7}{eye['scored']:>7}{''.join(figures)}  {eye['modulus_source']}"
         )
+
     wrote = f"wrote {table}: {len(batch.rows)} frames; recordings read now: {batch.read} of {batch.recordings}"
     notes = [wrapped(note, "note: ") for note in batch.notes]
     result = {
@@ -288,6 +302,7 @@ def _table(
         "read": batch.read,
         "frames": len(batch.rows),
     }
+
     return Report(
         {**result, "eyes": eyes, "notes": batch.notes}, [*lines, *notes, wrote]
     )
@@ -326,14 +341,17 @@ def _frame(frame: "FrameAnswer", with_force: bool) -> Iterator[str]:
         *answer.warnings,
     ]
     remark = "; ".join(filter(None, remarks))
+
     if not with_force:
         yield wrapped(remark, f"{figures}  ")
         return
+
     if answer.force_n is None or answer.interval_n is None:
         yield f"{figures}{'-':>9}{'-':>14}"
     else:
         low, high = (from_si(end, "mn") for end in answer.interval_n)
         yield f"{figures}{from_si(answer.force_n, 'mn'):>9.1f}{f'{low:.1f} to {high:.1f}':>14}"
+
     if remark:
         yield wrapped(remark, "    ")
 
@@ -343,12 +361,14 @@ def _confusion(evaluation: "Evaluation") -> Iterator[str]:
     if not evaluation.scored:
         yield "no frame has a label that counts: no metrics"
         return
+
     classes = range(len(evaluation.confusion))
     yield (
         "target \\ read"
         + "".join(f"{label:>8}" for label in classes)
         + "   recall (95 % interval)"
     )
+
     for label, row, share in zip(
         classes, evaluation.confusion, evaluation.recall, strict=True
     ):
@@ -357,6 +377,7 @@ def _confusion(evaluation: "Evaluation") -> Iterator[str]:
             + "".join(f"{count:>8}" for count in row)
             + f"   {share.words()}"
         )
+
     precisions = (
         f"{share.value:.2f}" if share.total else "-" for share in evaluation.precision
     )
@@ -364,6 +385,7 @@ def _confusion(evaluation: "Evaluation") -> Iterator[str]:
     total = evaluation.accuracy
     usable = evaluation.usable.accuracy
     yield f"accuracy      {total.words()}: {total.hits} of {total.total}"
+
     if usable.total < total.total:
         yield f"  usable only {usable.words()}: {usable.hits} of {usable.total}"
 
@@ -378,17 +400,21 @@ def _forces(evaluation: "Evaluation") -> Iterator[str]:
 
     if not evaluation.forces:
         return
+
     logged = evaluation.coverage
     true = evaluation.true_coverage
     sd_mn = from_si(evaluation.label_sd_n, "mn")
     yield f"force error   {from_si(evaluation.mae_n, 'mn'):.2f} mN in the mean, {logged.total} usable frames"
     yield f"              against labels that are sure to {sd_mn:.2f} mN (standard deviation)"
+
     if true.total:
         true_mn = from_si(mean_absolute_error(evaluation.true_forces), "mn")
         yield f"              {true_mn:.2f} mN against the true forces of truth.json"
         yield f"90 % interval holds the true force in {true.words()}: {true.hits} of {true.total}"
+
     yield f"90 % interval and label agree in {logged.words()}: {logged.hits} of {logged.total}"
     compared = evaluation.true_forces or evaluation.forces
     if len({trial.eye for trial in compared}) > 1:
         yield wrapped(held_by_eye(compared), "  by eye: ")
+
     yield wrapped(SHARED_ERROR)

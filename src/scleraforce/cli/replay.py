@@ -35,8 +35,10 @@ def _fault(context: click.Context, _: click.Parameter, value: str | None) -> str
         for name, fault in FAULTS.items():
             click.echo(f"{name:17}{fault.line}")
         context.exit()
+
     if value is not None and value not in FAULTS:
         raise click.BadParameter(f"{value!r}; choose one of: {', '.join(FAULTS)}")
+
     return value
 
 
@@ -110,6 +112,7 @@ def replay(
         raise click.UsageError("--step goes with neither --speed nor --fault")
     if fault_at_s is not None and not fault:
         raise click.UsageError("--fault-at-s: give the --fault, too")
+
     speed = speed or 1.0
     recording = read_recording(recording_path)
     log = AnswerLog()
@@ -117,12 +120,14 @@ def replay(
     true = true_forces(recording.path)
     known = all(entry.file in true for entry in recording.frames)
     true_n = [true[entry.file] for entry in recording.frames] if known else None
+
     if fault is not None:
         forces_n = true_n or _logged_frame_forces(recording)
         if fault_at_s is None and forces_n is None:
             raise InputError(
                 f"{recording.path}: --fault: no forces show when contact is; give --fault-at-s"
             )
+
         at_s = (
             draw_fault_time(recording, forces_n or (), rng)
             if fault_at_s is None
@@ -131,6 +136,7 @@ def replay(
         prepared = prepare(
             fault, recording, at_s, rng, version=version, speed=speed, forces_n=forces_n
         )
+
     client = ScannerClient(host, port, log.hear, observed=fault is not None)
     show = _Show(recording, log, true_n, quiet=is_json() or is_quiet())
     ahead = len(recording.frames) if preload else AHEAD
@@ -144,6 +150,7 @@ def replay(
         watch=show.renew,
     )
     report: FaultReport | None = None
+
     try:
         if step:
             player.step(show.wait_for_enter)
@@ -155,6 +162,7 @@ def replay(
     finally:
         client.close()
         show.end(player, report)
+
     if report is not None and report.delay_s is None:
         raise LinkError(f"{client.address}: no withdrawal after the fault {fault}")
 
@@ -169,10 +177,12 @@ def _logged_frame_forces(recording: Recording) -> list[float] | None:
     ]
     if not labels:
         return None
+
     known_s, known_n = zip(*labels, strict=True)
     forces_n: list[float] = np.interp(
         [trial.time_s for trial in trials], known_s, known_n
     ).tolist()
+
     return forces_n
 
 
@@ -195,6 +205,7 @@ class _Show:
     def renew(self) -> None:
         if self._quiet:
             return
+
         for change in self._log.changes[self._shown :]:
             self._shown += 1
             self._clear()
@@ -211,6 +222,7 @@ class _Show:
             say(
                 f"{self._time_s(change.at_s):9.3f} s  {frame}  code {change.code}{cause}  {change.message}"
             )
+
         if self._live and monotonic() - self._renewed_s > LIVE_S:
             self._renewed_s = monotonic()
             click.echo(f"\r\x1b[K{self._answer_line()}", err=True, nl=False)
@@ -227,6 +239,7 @@ class _Show:
         if is_json():
             print_json(result)
             return
+
         self.renew()
         self._clear()
         for line in _summary_lines(result):
@@ -244,6 +257,7 @@ class _Show:
         status = self._log.status
         if status is None:
             return "the monitor has not sent anything yet"
+
         words = [
             f"frame {self._log.answered}",
             str(reading.get("state") or f"code {status.code}"),
@@ -261,6 +275,7 @@ class _Show:
             if self._log.answers
             else []
         )
+
         return ", ".join([*words, status.message])
 
     def _summary(self, player: Player, report: FaultReport | None) -> dict[str, Any]:
@@ -270,6 +285,7 @@ class _Show:
             np.percentile(took_ms, (50, 99, 100)).tolist() if len(took_ms) else None
         )
         withdrawal = log.first_doubt(0.0, (3,))
+
         return {
             "recording": str(self._recording.path),
             "monitor": player.client.address,
@@ -307,6 +323,7 @@ class _Show:
             "answers_frame": record.pop("answers"),
             "after_ms": from_si(record.pop("after_s"), "ms"),
         }
+
         return record
 
     def _fault_record(self, report: FaultReport) -> dict[str, Any]:
@@ -316,6 +333,7 @@ class _Show:
         }
         words = {"code": report.code, "cause": report.cause, "message": report.message}
         words |= {"cause_is_of_the_fault": report.expected}
+
         return {
             "name": report.name,
             "at_s": self._time_s(report.began_s),
@@ -349,10 +367,12 @@ def _summary_lines(result: Mapping[str, Any]) -> Iterator[str]:
         f"{result['frames_sent']} frames sent, {result['frames_answered']} answered{overtaken}{lost}; "
         f"{result['forces_sent']} forces sent; at most {result['latest_ms']:.1f} ms late"
     )
+
     if (latency_ms := result["latency_ms"]) is not None:
         yield "latency {median:.2f} ms in the median, {p99:.2f} ms at 99 %, {max:.2f} ms at most".format(
             **latency_ms
         )
+
     if (found := result["withdrawal"]) is None:
         yield "no withdrawal"
     else:
@@ -373,6 +393,7 @@ def _summary_lines(result: Mapping[str, Any]) -> Iterator[str]:
             else f", {found['after_ms']:.2f} ms after it was sent"
         )
         yield f"withdrawal {_when(found)}{after}: {found['cause'] or 'no cause'}: {found['message']}{read}{force}"
+
     if (fault := result["fault"]) is not None:
         said = (
             f"the robot withdraws {fault['delay_ms']:.1f} ms later"

@@ -39,6 +39,7 @@ def show(thing: Path, plot: Path | None, model: Path | None) -> Report:
     found = thing_at(thing, model)
     if plot is not None:
         write_figure(found.draw(), plot)
+
     written = [] if plot is None else [str(plot)]
     return Report(
         {"kind": found.kind, "path": str(thing), **found.facts, "wrote": written},

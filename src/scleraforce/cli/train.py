@@ -37,12 +37,14 @@ def library(
     from scleraforce.library.store import build_library
 
     refuse_unused(study, "library")
+
     with resumable_bar(
         out, "load paths", "library", plan_library(study).units
     ) as advance:
         made = build_library(
             study, out, workers=chosen_workers(scheduler, workers), progress=advance
         )
+
     return Report(
         {"paths": made.paths, "seconds": made.seconds},
         [f"{out}: {made.paths} load paths, {made.seconds:.1f} s"],
@@ -79,14 +81,17 @@ def generate(
 
     kind = mechanics or study.mechanics.kind
     refuse_unused(study, "generate", kind)
+
     modulus = read_calibration(calibration) if calibration else None
     if modulus and modulus.mechanics != kind:
         say(
             f"{calibration}: E was fitted with {modulus.mechanics} mechanics, the slices are {kind}",
             err=True,
         )
+
     workers = chosen_workers(scheduler, workers)
     library = library_for(study, kind, count_bar, workers)
+
     with resumable_bar(
         out, "images", "generate", sum(group.images for group in study.dataset.group)
     ) as advance:
@@ -98,6 +103,7 @@ def generate(
             workers=workers,
             progress=advance,
         )
+
     return Report(
         {
             "images": made.images,
@@ -180,6 +186,7 @@ def train(
         raise click.UsageError(
             "--scheduler: for --search and --kind wall-finder; this training is one process's work"
         )
+
     workers = chosen_workers(scheduler, None)
     if kind == "wall-finder" and dataset_path is not None:
         raise click.UsageError(
@@ -193,6 +200,7 @@ def train(
         raise click.UsageError(
             f"--search is for --kind classifier: a {kind} has the sizes of [{section}]"
         )
+
     start = time.perf_counter()
 
     if dataset_path is None:
@@ -200,6 +208,7 @@ def train(
 
         with count_bar("batches", study.wall_finder.batches) as advance:
             train_wall_finder(study, out, workers, advance, device)
+
         record = read_folder(out).record
         result = {
             "batches": record["batches"],
@@ -241,6 +250,7 @@ def train(
             for key in (*ACCURACY, "mae_mn", "coverage", "lateral_mae_mm")
         }
         result |= {steps: record[steps], samples: record["samples"]["training"]}
+
     seconds = time.perf_counter() - start
     lines = _LINES[kind](out, result, f"{seconds:.1f} s")
     return Report(
@@ -275,6 +285,7 @@ def _reader_lines(out: Path, result: Mapping[str, Any], took: str) -> Iterator[s
 def _classifier_lines(out: Path, result: Mapping[str, Any], took: str) -> Iterator[str]:
     if result["search"]:
         yield f"{'hidden layers':<24}{'weights':>12}{'validation accuracy':>22}{'loss':>10}"
+
     for entry in result["search"]:
         chosen = "  <" if tuple(entry["hidden"]) == tuple(result["hidden"]) else ""
         reached = entry["validation_accuracy"]
@@ -282,6 +293,7 @@ def _classifier_lines(out: Path, result: Mapping[str, Any], took: str) -> Iterat
         accuracy = "diverged" if reached is None else f"{reached:.2%}"
         loss = "" if loss is None else f"{loss:.4f}"
         yield f"{_sizes(entry['hidden']):<24}{entry['weights']:>12,}{accuracy:>22}{loss:>10}{chosen}"
+
     yield f"wrote {out}: hidden layers {_sizes(result['hidden'])}"
     yield f"{result['epochs']} epochs{' of each' if result['search'] else ''}, {took}"
     yield f"{_accuracy(result)}, loss {result['validation_loss']:.4f}"

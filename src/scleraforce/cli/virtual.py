@@ -92,6 +92,7 @@ def simulate(study: Study, vtu: Path | None, plot: Path | None, **given: Any) ->
     """
     if (given["force_n"] is None) is (given["displacement_m"] is None):
         raise click.UsageError("give either --force-mn or --displacement-mm")
+
     from scleraforce.laboratory.virtual_eye import write_vtu
     from scleraforce.notebook.virtual import declared
 
@@ -100,16 +101,20 @@ def simulate(study: Study, vtu: Path | None, plot: Path | None, **given: Any) ->
         *(given.pop(name) for name in ("mechanics", "globe", "rigidity_pa13_per_m3")),
     )
     start = perf_counter()
+
     with share_bar("load path") as reach:
         eye = sf.simulate(study, progress=reach, **given)
+
     seconds = perf_counter() - start
     if vtu is not None:
         write_vtu(eye, vtu)
+
     if plot is not None:
         from scleraforce.report.files import write_figure
         from scleraforce.report.model_figures import draw_simulation
 
         write_figure(draw_simulation(eye), plot)
+
     result = {
         "force_mn": from_si(eye.force_n, "mn"),
         "tip_displacement_mm": from_si(eye.tip_m, "mm"),
@@ -125,6 +130,7 @@ def simulate(study: Study, vtu: Path | None, plot: Path | None, **given: Any) ->
     resting_pa = study.eye.iop_pa if given["iop_pa"] is None else given["iop_pa"]
     size = f"{result['elements']} elements, {result['dofs']} unknowns, {seconds:.1f} s"
     written = [f"wrote {path}" for path in (vtu, plot) if path is not None]
+
     return Report(result, [*_lines(eye, study, resting_pa), size, *written])
 
 
@@ -139,6 +145,7 @@ def _lines(eye: "SimulatedEye", study: Study, resting_pa: float) -> Iterator[str
             f"the pressure rises from {resting:.3g} to {loaded:.3g} mmHg; the dent is "
             f"{from_si(eye.dent_m, 'mm'):.3f} mm deep, from the undented wall at that pressure"
         )
+
     if study.mechanics.kind == "linear" and eye.tip_m > eye.mesh.thickness_m:
         ratio = eye.tip_m / eye.mesh.thickness_m
         yield f"that is {ratio:.1f} times the wall's thickness: more than linear mechanics describes"
@@ -279,6 +286,7 @@ def phantom(
         study,
         *(values.pop(key) for key in ("mechanics", "globe", "rigidity_pa13_per_m3")),
     )
+
     moves = given(
         **{
             key: values.pop(key)
@@ -289,9 +297,11 @@ def phantom(
         raise click.UsageError(
             "--ramp-mn-per-s, --hold-s, --puncture-mn: of a needle that moves; give --rate-hz too"
         )
+
     source = click.get_current_context().get_parameter_source("forces_n")
     if "puncture_n" in moves and source is ParameterSource.DEFAULT:
         forces_n = ()
+
     eye = given(**values)
     seed = study.phantom.seed if seed is None else seed
     eye = {"thickness_m": THICKNESS_M, "polar_angle_rad": POLAR_RAD} | eye
@@ -312,6 +322,7 @@ def phantom(
         "globe": study.globe.kind,
         "stiffening": study.tissue.stiffening,
     }
+
     return Report(
         {**wrote, **more}, [f"wrote {out}: {len(made.frames)} frames, seed {seed}"]
     )
@@ -399,6 +410,7 @@ def scanner(
         "histogram_overlap": overlap,
     }
     notes = (wrapped(f"note: {note}") for note in _notes(measured, overlap))
+
     return Report(
         result, [*_scanner_lines(result), *notes, f"wrote {out} and {picture}"]
     )
@@ -415,14 +427,17 @@ def _imaged(
 
     network = finder_of(finder)
     first: tuple[Any, ...] = ()
+
     for path in progress_bar(frames, "frames"):
         eye = _eye(path, scaled(path, size, Scanner(), "", transpose), bits, network)
         kind = (eye.pixels.shape, eye.bits, eye.scale)
+
         first = first or kind
         if kind != first:
             raise FrameError(
                 f"{path}: another size, scale or number of bits than {frames[0]}; give frames of one kind"
             )
+
         yield eye
 
 
@@ -434,6 +449,7 @@ def _eye(
 
     most = 8 * frame.pixels.itemsize
     (rows, columns) = frame.pixels.shape
+
     bits = given or (frame.info.oct.bits if frame.info else 8 if most == 8 else None)
     if bits is None:
         raise FrameError(
@@ -445,11 +461,13 @@ def _eye(
         )
     if not (32 <= rows <= 8192 and 32 <= columns <= 8192):
         raise FrameError(f"{path}: {rows} x {columns} pixels; a study takes 32 to 8192")
+
     found = find_wall(frame.pixels, frame.scale, finder=finder)
     if not found.usable:
         raise FrameError(f"{path}: {found.reason}; nothing can be measured on it")
     if found.needle is not None:
         raise FrameError(f"{path}: a needle crosses it; give frames of an eye at rest")
+
     return ImagedEye(str(path), frame.pixels, frame.scale, bits, found)
 
 
@@ -481,6 +499,7 @@ def _write(
         picture,
     )
     write_whole(text, out)
+
     return histogram_overlap(frame.eye.pixels, drawn, frame.eye.top)
 
 
@@ -494,6 +513,7 @@ def _entries(measured: "MeasuredScanner") -> dict[str, Any]:
         "not_measured": {},
         "not_drawn": {},
     }
+
     for name, result in measured.ranges.items():
         key, change = (
             (field_key(items[name]), field_unit(items[name]).from_si)
@@ -503,6 +523,7 @@ def _entries(measured: "MeasuredScanner") -> dict[str, Any]:
         if name == "roll_off_db_per_m":
             key = "roll_off_db_per_mm"
             change = partial(from_si, unit="per_mm")
+
         if isinstance(result, MeasuredRange):
             numbers = {
                 "median": change(result.median),
@@ -513,6 +534,7 @@ def _entries(measured: "MeasuredScanner") -> dict[str, Any]:
             found["measured" if name in items else "not_drawn"][key] = numbers
         else:
             found["not_measured"][key] = result.reason
+
     counts = {name: list(counts) for name, counts in measured.counts.items()}
     return {
         "frames": len(measured.frames),
@@ -530,8 +552,10 @@ def _scanner_lines(entries: Mapping[str, Any]) -> Iterator[str]:
         )
         span = "" if low == high else f" ({low} to {high})"
         yield f"{key} = {median}{' at most: finer than the pixels show' if numbers['at_most'] else span}"
+
     for name, counts in entries["counts"].items():
         yield f"{name} = {', '.join(map(str, counts))} (of each frame)"
+
     drawn = {field_key(item) for item in fields(PhantomStudy)}
     for key in (key for key in entries["not_measured"] if key in drawn):
         yield wrapped(f"not measured: {key}: {entries['not_measured'][key]}")
@@ -544,17 +568,21 @@ def _notes(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:
     ranges = measured.ranges
     slope = ranges["spread_slope"]
     roll_off = ranges["roll_off_db_per_m"]
+
     if not isinstance(slope, MeasuredRange):
         yield f"the display is taken to be {kind} from its noise: {slope.reason}"
+
     if isinstance(roll_off, MeasuredRange) and roll_off.low * roll_off.high > 0.0:
         yield (
             f"the wall's light changes by {-from_si(roll_off.median, 'per_mm'):.1f} dB/mm with the depth of the "
             "surface in the frame (roll-off, focus, or the angle); a study draws no roll-off"
         )
+
     for name, (most, words) in NOTED.items():
         found = ranges[name]
         if isinstance(found, MeasuredRange) and found.median > most:
             yield words.format(median=found.median, kind=kind)
+
     if overlap < DRAWN_OVERLAP:
         yield (
             f"the histograms of the real frame and the drawn one have {overlap:.0%} in common: look at the picture "

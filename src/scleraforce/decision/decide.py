@@ -115,8 +115,10 @@ def decide_planes(
             getattr(event, "at_s", nan), Cause.EXCEPTION, f"a frame of plane {own}"
         )
         own = None
+
     findings = dict[str, _Finding]()
     remembered = dict[str, MonitorState]()
+
     for name, state in planes.states.items():
         of_plane = event if own in (None, name) else events.Tick(event.at_s)
         remembered[name], finding = _judged(state, of_plane, limits)
@@ -126,6 +128,7 @@ def decide_planes(
             if is_named
             else finding
         )
+
     if (
         isinstance(event, FrameRead)
         and own
@@ -135,6 +138,7 @@ def decide_planes(
         for name, other in remembered.items():
             if not _in_contact(other):
                 remembered[name] = replace(other, touched=True, clear_s=None)
+
     refusal = next(
         (one for one in findings.values() if one.signal is not Signal.RESET_GRANTED),
         None,
@@ -145,6 +149,7 @@ def decide_planes(
             name: refused if one.signal is Signal.RESET_GRANTED else one
             for name, one in findings.items()
         }
+
     states = {
         name: _move(state, findings[name], limits) for name, state in remembered.items()
     }
@@ -159,6 +164,7 @@ def decide_planes(
         present_cause=doubted.present_cause,
         present=doubted.present_reason,
     )
+
     return PlanesState(states, leading), decision
 
 
@@ -176,6 +182,7 @@ def _leading(states: Mapping[str, MonitorState], before: str) -> str:
         )
         stays = name == before and state.state in events.LATCHED
         force = (verdict.predicted, upper_end(verdict) or 0.0) if verdict else (-1, 0.0)
+
         return events.BY_SEVERITY.index(state.state), stays, *force
 
     return max(states, key=rank)
@@ -213,13 +220,16 @@ def _clock(
             Cause.OUT_OF_ORDER,
             f"time went back by {from_si(state.at_s - event.at_s, 'ms'):.1f} ms",
         )
+
     silent_s = event.at_s - state.frame.at_s if state.frame else 0.0
     if state.state is not State.NOT_READY and not silent_s < limits.silence_s:
         if state.state is State.WITHDRAW and isinstance(event, events.Reset):
             return None  # refused, with its reason
+
         return _alarm(
             Cause.SILENCE, f"no frame for {from_si(limits.silence_s, 'ms'):.0f} ms"
         )
+
     return None
 
 
@@ -234,6 +244,7 @@ def _waiting(
         or isinstance(event, events.Reset)
     ):
         return None  # a reset is refused, with its reason
+
     return _alarm(
         Cause.NO_OPINION,
         f"no second opinion for {from_si(limits.opinion_s, 'ms'):.0f} ms",
@@ -254,6 +265,7 @@ def _meaning(
                     Cause.OUT_OF_ORDER,
                     f"a second opinion on frame {event.frame_id}, which was not read yet",
                 )
+
             return _only_doubts(
                 now,
                 event.verdict,
@@ -292,9 +304,11 @@ def _transport(
         return _alarm(
             Cause.OUT_OF_ORDER, f"frame {frame.frame_id} after {before.frame.frame_id}"
         )
+
     size = limits.size or before.size or frame.size
     if frame.size != size:
         return _alarm(Cause.SIZE, f"a frame of {frame.size} pixels, not {size}")
+
     scale_m = limits.scale_m or before.scale_m or frame.scale_m
     if not sound_pixels(frame.size, frame.scale_m) or not of_scale(
         frame.scale_m, scale_m, limits
@@ -309,11 +323,13 @@ def _transport(
         return _alarm(Cause.FROZEN, f"the same picture {now.repeats} times")
     if now.returns[-1] and sum(now.returns) >= limits.frozen_frames - 1:
         return _alarm(Cause.FROZEN, f"a picture of {frame.shown_back} frames ago")
+
     # which the quickest frames had
     lag_s = lag_of(frame)
     least = now.least_lag
     if lag_s is None or least is None or lag_s - least[1] < limits.lag_s:
         return None
+
     late_ms = from_si(lag_s - least[1], "ms")
     return _alarm(
         Cause.STALE, f"the frame is {late_ms:.0f} ms late after the time in its header"
@@ -327,11 +343,13 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Fin
         return _alarm(Cause.NO_NUMBER, wrong)
     if not verdict.usable:
         return _unusable(now, verdict.reason, now.unusable, limits.unusable_frames)
+
     upper_n = upper_end(verdict)
     rise = rise_of(now.history, limits.rate_frames)
     to_bound = None
     if upper_n is not None and verdict.force_n is not None and not now.pierced:
         to_bound = time_to_bound(rise, verdict.force_n, upper_n, limits.bound_n)
+
     harmful = harm(verdict, limits)
     fall = unexplained_fall(now.dents, limits)
     if fall and not (harmful and limits.reports_pierced):
@@ -339,13 +357,16 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Fin
         to_mn = from_si(fall.to_n, "mn")
         within_ms = from_si(fall.within_s, "ms")
         reason = f"pierced: the dent fell from {from_mn:.1f} to {to_mn:.1f} mN within {within_ms:.0f} ms"
+
         return _Finding(
             Signal.PIERCED if limits.reports_pierced else Signal.ALARM,
             reason,
             Cause.PIERCED,
         )
+
     if harmful:
         return _Finding(Signal.ALARM, harmful[1], harmful[0], to_bound)
+
     if rise is not None and upper_n is not None and verdict.force_n is not None:
         risen_n = risen_force(rise, limits.reaction_s, limits.rate_deviations)
         if (
@@ -356,6 +377,7 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Fin
                 f"the bound is reached within {from_si(limits.reaction_s, 'ms'):.0f} ms"
             )
             return _Finding(Signal.ALARM, within, Cause.RISING, to_bound)
+
     doubt = _doubt(now, frame.at_s, limits)
     signal = (
         Signal.HARMLESS
@@ -364,6 +386,7 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Fin
         if now.touched
         else Signal.UNJUDGED
     )
+
     return _Finding(signal, doubt or "", to_bound=to_bound)
 
 
@@ -382,6 +405,7 @@ def _only_doubts(
         return _unusable(
             now, f"{name}: {verdict.reason or 'cannot be judged'}", in_row, most
         )
+
     harmful = harm(verdict, limits)
     return _alarm(harmful[0], f"{name}: {harmful[1]}") if harmful else QUIET
 
@@ -396,6 +420,7 @@ def _doubt(now: MonitorState, at_s: float, limits: MonitorLimits) -> str | None:
         )
     if not now.opinion.verdict.usable:
         return f"second opinion: {now.opinion.verdict.reason or 'cannot be judged'}"
+
     return (
         "the second opinion is not recent"
         if _waited(now, at_s) >= limits.opinion_s
@@ -426,11 +451,13 @@ def _loss(
         return _alarm(
             Cause.QUEUE_BEHIND, f"a loss of {event.lost} frames, {event.unread_s} s"
         )
+
     within_s = sum(unread_s for _, unread_s in now.losses)
     most_in_row_s = limits.loss_in_row_s + events.SLACK_S
     most_s = limits.loss_in_window_s + events.SLACK_S
     if now.lost_in_row_s <= most_in_row_s and within_s <= most_s:
         return QUIET
+
     row_ms = from_si(now.lost_in_row_s, "ms")
     within_ms = from_si(within_s, "ms")
     return _alarm(
@@ -443,16 +470,19 @@ def _reset(now: MonitorState, event: events.Reset, limits: MonitorLimits) -> _Fi
     """Grant a reset only on fresh frames: harmless to both readers, in a row, the last one recent."""
     if doubt := _doubt(now, event.at_s, limits):
         return _Finding(Signal.RESET_REFUSED, f"reset refused: {doubt}")
+
     silent = now.frame is None or not event.at_s - now.frame.at_s < limits.silence_s
     if now.fresh < limits.fresh_frames or silent:
         seen = (
             "none is recent" if silent else f"{now.fresh} of {limits.fresh_frames} came"
         )
         seen += f"; {now.present_reason}" if now.present_reason and not silent else ""
+
         return _Finding(
             Signal.RESET_REFUSED,
             f"reset refused: harmless frames in a row are needed, {seen}",
         )
+
     return _Finding(Signal.RESET_GRANTED, "")
 
 
@@ -468,19 +498,23 @@ def _move(
     }
     cause = state.cause
     reason = state.reason
+
     if after not in events.LATCHED:
         reason = "" if after is State.WATCHING else finding.reason or reason
     elif state.state is not after:
         cause = finding.cause
         reason = finding.reason
+
     keeps = finding.signal in (Signal.QUIET, Signal.RESET_REFUSED)
     pierced = state.pierced
     dents = state.dents
+
     if (
         finding.cause is Cause.PIERCED
     ):  # harmless frames do not mend it; a fall is found once
         pierced = finding.reason
         dents = dents[-OUTSIDE:]
+
     moved = replace(
         state,
         state=after,
@@ -496,6 +530,7 @@ def _move(
         present_reason=state.present_reason if keeps else finding.reason or pierced,
     )
     leaves = state.state in events.LATCHED and after is State.WATCHING
+
     return _released(moved, state, limits) if leaves else moved
 
 
@@ -528,8 +563,10 @@ def _decision(state: MonitorState, finding: _Finding) -> Decision:
         words.append(f"class {state.frame.verdict.predicted}")
         if state.frame.verdict.force_n is not None:
             words.append(f"{from_si(state.frame.verdict.force_n, 'mn'):.1f} mN")
+
     if finding.reason and finding.reason not in words:
         words.append(finding.reason)
+
     message = f"{state.state.name}: {'; '.join(words)}" if words else state.state.name
     sub_code = state.cause.value if state.cause else 0
     present = (state.present_cause, state.present_reason)

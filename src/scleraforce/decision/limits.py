@@ -67,10 +67,12 @@ class MonitorLimits:
                     0,
                     strictly=field.name not in MAY_BE_ZERO,
                 )
+
         if self.contact_n >= self.bound_n:
             raise InputError(
                 f"monitor: contact_n is {self.contact_n:g}, must be below bound_n, {self.bound_n:g}"
             )
+
         for value in (*(self.size or ()), *(self.scale_m or ())):
             _check("size, scale_m", value, 0, strictly=True)
 
@@ -89,6 +91,7 @@ class MonitorLimits:
         )
         if before_s + loss.unread_s <= most_s:
             return 0.0
+
         return loss.unread_s if before_s > most_s else before_s + loss.unread_s
 
 
@@ -107,6 +110,7 @@ def unsound(verdict: Verdict, limits: MonitorLimits) -> str | None:
     """Return the fault of a verdict: a number that is missing, not finite or contradicts others; None if sound."""
     interval_n = verdict.interval_n
     shares = verdict.probabilities
+
     numbers = (
         verdict.force_n,
         verdict.elastic_force_n,
@@ -129,6 +133,7 @@ def unsound(verdict: Verdict, limits: MonitorLimits) -> str | None:
         limits.reads_force and verdict.force_n is None
     ):
         return "a reading without its force or its interval"
+
     return (
         "an interval upside down"
         if interval_n is not None and not interval_n[0] <= interval_n[1]
@@ -140,11 +145,13 @@ def harm(verdict: Verdict, limits: MonitorLimits) -> tuple[Cause, str] | None:
     """Return the cause of a withdrawal in a usable, sound verdict, with its reason; None if it is harmless."""
     if verdict.predicted >= limits.withdraw_class:
         return Cause.DANGEROUS_CLASS, f"class {verdict.predicted}"
+
     upper_n = upper_end(verdict)
     if upper_n is not None and upper_n >= limits.bound_n:
         upper_mn = from_si(upper_n, "mn")
         bound_mn = from_si(limits.bound_n, "mn")
         return Cause.BOUND, f"up to {upper_mn:.1f} mN, the bound is {bound_mn:.1f} mN"
+
     return None
 
 

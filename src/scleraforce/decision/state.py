@@ -85,6 +85,7 @@ def remember(
     """Return the state updated by an event, before its meaning is decided; one copy of it, as each takes 10 µs."""
     if isinstance(event, FrameRead):
         return _remember_frame(state, event, limits)
+
     state = replace(state, at_s=_time_of(state, event))
     if isinstance(event, QueueLoss):
         before_s = state.lost_in_row_s if event.row == state.lost_row else 0.0
@@ -92,9 +93,11 @@ def remember(
         counted_s = limits.counted_loss(before_s, event)
         losses = _losses(state.losses, event.at_s, counted_s, limits.loss_window_s)
         lost = state.lost + event.lost
+
         return replace(
             state, losses=losses, lost=lost, lost_in_row_s=row_s, lost_row=event.row
         )
+
     return (
         _remember_opinion(state, event, limits)
         if isinstance(event, SecondOpinion)
@@ -119,6 +122,7 @@ def _losses(
         return recent
     if recent and recent[-1][0] // part_s == at_s // part_s:
         return (*recent[:-1], (at_s, recent[-1][1] + unread_s))
+
     return (*recent, (at_s, unread_s))
 
 
@@ -142,17 +146,20 @@ def _remember_frame(
     touched = state.touched
     clear_s = None
     dents = state.dents
+
     if frame.verdict.usable and not unsound(frame.verdict, limits):
         if sound_pixels(frame.size, frame.scale_m):
             same = scale_m is not None and of_scale(frame.scale_m, scale_m, limits)
             size = limits.size or frame.size
             scale_m = limits.scale_m or (scale_m if same else frame.scale_m)
+
         touched, clear_s = _contact(state, frame, limits)
         if frame.verdict.force_n is not None:
             history = (*history, (frame.at_s, frame.verdict.force_n))[
                 -NOISE_WINDOWS * limits.rate_frames :
             ]
             dents = (*dents, _dent(frame, frame.verdict.force_n))[-DENTS:]
+
     return replace(
         state,
         at_s=_time_of(state, frame),
@@ -216,6 +223,7 @@ def _remember_opinion(
     )
     if not opinion.verdict.usable or unsound(opinion.verdict, limits):
         return replace(state, clear_s=None)
+
     return (
         replace(state, touched=True, clear_s=None)
         if touches(opinion.verdict, limits)
@@ -233,4 +241,5 @@ def _unanswered(
     places = places or [
         place for place, (waiting_id, _) in enumerate(waiting) if waiting_id < frame_id
     ]
+
     return waiting[places[-1] + 1 :] if places else waiting

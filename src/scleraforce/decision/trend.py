@@ -54,6 +54,7 @@ def unexplained_fall(dents: tuple[Dent, ...], limits: MonitorLimits) -> Fall | N
         within_s = dents[-OUTSIDE].at_s - dents[place].at_s
         if within_s > limits.fall_s:
             break
+
         level_n = min(dents[place - 1].force_n, dents[place].force_n)
         least_n = max(limits.fall_share * level_n, limits.fall_n)
         if (
@@ -61,6 +62,7 @@ def unexplained_fall(dents: tuple[Dent, ...], limits: MonitorLimits) -> Fall | N
             and level_n - left_n >= limits.fall_n + _explained_n(dents, place, limits)
         ):
             return Fall(level_n, left_n, within_s)
+
     return None
 
 
@@ -70,6 +72,7 @@ def _explained_n(dents: tuple[Dent, ...], place: int, limits: MonitorLimits) -> 
     low = dents[-OUTSIDE]
     within_s = low.at_s - high.at_s
     back_m = limits.retraction_m_s * within_s
+
     if high.travel_m is not None and low.travel_m is not None:
         earlier = [
             dent.travel_m
@@ -83,6 +86,7 @@ def _explained_n(dents: tuple[Dent, ...], place: int, limits: MonitorLimits) -> 
         )
         unseen_m = limits.retraction_m_s * (high.age_s + low.age_s)
         back_m = min(back_m, max(max(before) - min(after), 0.0) + unseen_m)
+
     moved_n = limits.stiffness_n_m * (back_m + limits.eye_m_s * within_s)
     return moved_n + limits.rate_deviations * noise_n(
         [dent.force_n for dent in dents[: place + 1]]
@@ -166,17 +170,20 @@ def rise_of(history: Sequence[tuple[float, float]], frames: int) -> Rise | None:
     """
     if len(history) < frames:
         return None
+
     now_s = history[-1][0]
     points = [(at_s - now_s, force_n) for at_s, force_n in history[-frames:]]
     slope = _slope(points)
     if slope is None:
         return None
+
     offsets_n = [force_n - slope * at_s for at_s, force_n in points]
     now_n = median(offsets_n)
     off_n = median([abs(offset_n - now_n) for offset_n in offsets_n])
     sd_n = max(MAD_TO_SD * off_n, noise_n([force_n for _, force_n in history]))
     middle_s = fmean([at_s for at_s, _ in points])
     spread_s = sqrt(sum((at_s - middle_s) ** 2 for at_s, _ in points))
+
     return Rise(points, slope, now_n, sd_n, middle_s, spread_s)
 
 
@@ -204,11 +211,13 @@ def time_to_bound(
         return REACHED
     if rise is None or -rise.points[0][0] > HORIZON_S:
         return None
+
     share = max(force_n / upper_n if upper_n > 0.0 else 0.0, LEAST_SHARE)
     missing_n = bound_n * share - rise.now_n - rise.slope * rise.middle_s
     early_s, median_s, late_s = (
         _reaches(rise, missing_n, deviations) for deviations in (-Z90, 0.0, Z90)
     )
+
     return None if early_s is None else TimeToBound(early_s, median_s, late_s)
 
 
@@ -225,19 +234,23 @@ def _reaches(rise: Rise, missing_n: float, deviations: float) -> float | None:
 
     if beyond_n(-rise.middle_s) >= 0.0:
         return 0.0
+
     z = deviations**2
     slack_n = ROUNDING * abs(missing_n)
     square = rise.slope**2 - z * b
     half = rise.slope * missing_n
+
     under = z * (a * rise.slope**2 + b * missing_n**2 - z * a * b)
     if under < 0.0 or square == 0.0:
         return None
+
     roots_s = [(half + sign * sqrt(under)) / square for sign in (-1.0, 1.0)]
     ahead_s = [
         at_s + rise.middle_s
         for at_s in roots_s
         if deviations * (rise.slope * at_s - missing_n) >= -slack_n
     ]
+
     return min((at_s for at_s in ahead_s if 0.0 < at_s <= HORIZON_S), default=None)
 
 
@@ -251,13 +264,16 @@ def _slowing_force(points: list[tuple[float, float]], ahead_s: float) -> float |
     late = _slope(points[-half:])
     if early is None or late is None or late >= early:
         return inf
+
     early_s, late_s = (
         fmean([at_s for at_s, _ in part]) for part in (points[:half], points[-half:])
     )
     bend = (late - early) / (late_s - early_s)
+
     slope = late - bend * late_s
     if slope <= 0.0:
         return None
+
     now_n = median(
         [
             force_n - slope * at_s - 0.5 * bend * at_s**2
@@ -265,6 +281,7 @@ def _slowing_force(points: list[tuple[float, float]], ahead_s: float) -> float |
         ]
     )
     rising_s = min(ahead_s, -slope / bend)
+
     return now_n + slope * rising_s + 0.5 * bend * rising_s**2
 
 

@@ -194,9 +194,11 @@ def known_globe(
         return UNKNOWN
     if GlobeStudy().with_known(kind, rigidity_pa13_per_m3).kind == "open":
         return OPEN
+
     law = RIGIDITY_LAWS[0] if law is None else law
     if rigidity_pa13_per_m3 is None:
         return replace(SEALED, law=law)
+
     k = rigidity_pa13_per_m3
     stated = replace(
         SEALED,
@@ -205,6 +207,7 @@ def known_globe(
         mean=k,
         sd=STATED_SD * k,
     )
+
     return replace(stated, law=law, rigidity_told=True)
 
 
@@ -338,6 +341,7 @@ def stated_eye(eye: str, known: Known) -> EyeInfo:
     terms = None
     if relaxation is not None and relaxation.source == "declared":
         terms = tuple(zip(relaxation.shares, relaxation.times_s, strict=True))
+
     stated = EyeInfo(
         eye, thickness_m=known.thickness_m, iop_pa=known.iop_pa, relaxation=terms
     )
@@ -345,6 +349,7 @@ def stated_eye(eye: str, known: Known) -> EyeInfo:
         return stated
     if globe.kind == "open":
         return replace(stated, globe="open")
+
     rigidity = globe.mean if globe.rigidity_told and not globe.calibrated else None
     stated = replace(stated, globe="sealed", leak_time_s=known.leak_time_s)
     return replace(stated, rigidity_pa13_per_m3=rigidity, rigidity_law=globe.law)
@@ -363,6 +368,7 @@ def completed(given: Known, stated: Known) -> Known:
     """
     missing = [item.name for item in fields(Known) if getattr(given, item.name) is None]
     globe = given.globe or stated.globe
+
     if (
         given.globe is not None
         and stated.globe is not None
@@ -373,6 +379,7 @@ def completed(given: Known, stated: Known) -> Known:
             if given.globe.rigidity_told
             else stated.globe
         )
+
     return replace(
         given, **{**{name: getattr(stated, name) for name in missing}, "globe": globe}
     )

@@ -194,11 +194,13 @@ def converted(content: Any, record: type[Record], place: str) -> Record:
             raise CalibrationError(
                 f"{place}{path}.{missing[1]} is missing; {WRITER}"
             ) from fault
+
         found = content
         key = ""
         for name, index in re.findall(r"\.(\w+)|\[(\d+)\]", path):
             found = found[name or int(index)]
             key = name or key
+
         hint = (
             meant(key, found, _HINTED[key])
             if key in _HINTED and type(found) in (int, float)
@@ -221,6 +223,7 @@ def summary_of(file: CalibrationFile) -> CalibrationSummary:
     population = converted(
         content.get("population"), _Population, f"{name}: population"
     )
+
     return CalibrationSummary(
         eyes={
             eye: summary_of_eye(entry, f"{name}: eyes.{eye}")
@@ -241,6 +244,7 @@ def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
         content = parse_json(text)
     except ValueError as fault:
         raise CalibrationError(f"{name}: {fault}") from fault
+
     if not isinstance(content, dict) or content.get("format") != CALIBRATION_FORMAT:
         found = (
             f"found {content.get('format')!r:.40}"
@@ -251,17 +255,20 @@ def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
         raise CalibrationError(
             f"{name}: format: {wanted}, {found}; {WRITER} of this version"
         )
+
     if content.get("mechanics") not in MECHANICS:
         found = f"{content.get('mechanics')!r:.40}"
         raise CalibrationError(
             f"{name}: mechanics: expected {' or '.join(MECHANICS)}, found {found}; {WRITER}"
         )
+
     for eye in converted(
         content.get("eyes"), dict[str, dict[str, Any]], f"{name}: eyes"
     ):
         wrong = name_fault(eye)
         if wrong:
             raise CalibrationError(f"{name}: eyes: {wrong}")
+
     return CalibrationFile(name, content, hashlib.sha256(text).hexdigest())
 
 
@@ -276,6 +283,7 @@ def summary_of_eye(entry: Any, place: str) -> EyeSummary:
         "status",
         "without_force",
     )
+
     return EyeSummary(
         mean_pa=to_si(eye.mean_mpa, "mpa"),
         sd_pa=to_si(eye.sd_mpa, "mpa"),
@@ -294,6 +302,7 @@ def globe_entry(globe: KnownGlobe) -> dict[str, Any]:
     }
     rigidity = {name: from_si(value, RIGIDITY_UNIT) for name, value in values.items()}
     unchanged = {name: getattr(globe, name) for name in UNCHANGED}
+
     return {
         "kind": globe.kind,
         "rigidity_law": globe.law,
@@ -310,11 +319,13 @@ def _globe(entry: _GlobeEntry, place: str) -> KnownGlobe:
         raise CalibrationError(
             f"{place}.rigidity_mmhg13_per_ul: lowest above highest, or sd not above 0; {WRITER}"
         )
+
     values = {
         name: to_si(value, RIGIDITY_UNIT)
         for name, value in msgspec.structs.asdict(rigidity).items()
     }
     unchanged = {name: getattr(entry, name) for name in UNCHANGED}
+
     return KnownGlobe(kind=entry.kind, law=entry.rigidity_law, **values, **unchanged)
 
 
@@ -334,6 +345,7 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
             modulus=None,
             globe=None if own.globe.kind == "unknown" else known.globe,
         )
+
     if own is None or modulus is None:
         relaxation = known.relaxation or population_relaxation(summary)
         known = replace(
@@ -344,12 +356,14 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
         )
         leans = [eye.lean_rad for eye in summary.eyes.values() if eye.usable]
         stated = [lean for lean in leans if lean is not None]
+
         return replace(
             known,
             calibrated_lean_rad=sum(stated) / len(stated)
             if 0 < len(stated) == len(leans)
             else None,
         )
+
     globe = (
         own.globe
         if known.globe is None or own.globe.kind in (known.globe.kind, "unknown")
@@ -363,6 +377,7 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
         calibrated_lean_rad=own.lean_rad,
     )
     relaxation = own.relaxation or known.relaxation
+
     return replace(
         known,
         stiffening=own.stiffening,
@@ -377,6 +392,7 @@ def population_relaxation(summary: CalibrationSummary) -> KnownRelaxation | None
     eyes = [one for one in found if one is not None]
     if not eyes or len(eyes) < len(found) or len({one.times_s for one in eyes}) > 1:
         return None
+
     joined: dict[str, Any] = {"source": "population", "times_s": eyes[0].times_s}
     for mean, covariance in MOMENTS.items():
         means = np.array([getattr(one, mean) for one in eyes])
@@ -386,9 +402,11 @@ def population_relaxation(summary: CalibrationSummary) -> KnownRelaxation | None
             mean: tuple(means.mean(axis=0).tolist()),
             covariance: rows(within + between),
         }
+
     for name in ("every_s", "held_s"):
         found_s = [getattr(one, name) for one in eyes]
         joined[name] = None if None in found_s else float(np.median(found_s))
+
     return KnownRelaxation(**joined)
 
 
@@ -407,6 +425,7 @@ def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus | None:
             if own.usable
             else None
         )
+
     return population_modulus(summary)
 
 
@@ -414,6 +433,7 @@ def population_modulus(summary: CalibrationSummary) -> Modulus | None:
     """Return the modulus of an eye that a calibration does not have (`calibrated_modulus`)."""
     if not any(eye.usable for eye in summary.eyes.values()):
         return None
+
     mean_pa = summary.population_mean_pa
     if summary.population_sd_pa is None:
         return Modulus(
@@ -421,6 +441,7 @@ def population_modulus(summary: CalibrationSummary) -> Modulus | None:
             sd_pa=sqrt(2.0) * POPULATION_SD * mean_pa,
             source="population",
         )
+
     return Modulus(
         mean_pa=mean_pa,
         sd_pa=max(summary.population_sd_pa, POPULATION_SD * mean_pa),
@@ -433,12 +454,14 @@ def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
     own = summary.eyes.get(eye)
     if own is not None and own.usable:
         return None
+
     there = "is not in" if own is None else f"is not usable ({own.status}) in"
     names = ", ".join(list(summary.eyes)[:NAMED_EYES]) + (
         ", ..." if len(summary.eyes) > NAMED_EYES else ""
     )
     modulus = calibrated_modulus(summary, eye)
     count = "1 eye" if len(summary.eyes) == 1 else f"{len(summary.eyes)} eyes"
+
     if modulus is None:
         read = "as one of unknown modulus" + (
             " in an unknown globe" if own and own.globe.kind == "unknown" else ""
@@ -446,4 +469,5 @@ def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
     else:
         sd = f"{from_si(modulus.relative_sd, 'percent'):.0f} %"
         read = f"with the population's modulus, {from_si(modulus.mean_pa, 'mpa'):.3g} MPa +- {sd}"
+
     return f"{eye} {there} {summary.path}, which has {count} ({names}): read {read}"

@@ -63,6 +63,7 @@ class KnownRelaxation:
             [getattr(self, name) for name in names]
             for names in (MOMENTS, MOMENTS.values())
         )
+
         square = all(
             len(matrix) == size and all(len(row) == size for row in matrix)
             for matrix in matrices

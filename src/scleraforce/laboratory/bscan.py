@@ -84,6 +84,7 @@ def draw_shaft(
     )  # the outward normal points up: to the light
     level = decibel(shaft.level_db) * np.where(upward, 1.0, decibel(shaft.far_edge_db))
     skin = level * np.exp(-np.square(within_m / max(SKIN_M, SKIN_COLUMNS * lateral_m)))
+
     return DrawnShaft(
         inside[above:],
         light[above:].astype(np.float32),
@@ -115,6 +116,7 @@ def draw_track(
         & (along_m <= length_m)
     )
     light = np.where(inside, decibel(TRACK_DB), 1.0).astype(np.float32)
+
     return DrawnShaft(np.zeros(light.shape, dtype=bool), light, np.zeros_like(light))
 
 
@@ -154,6 +156,7 @@ def _signed_distances(
     )
     off_m = off_x * aside[0] + off_z * aside[2]
     end_m = (along - slope * (off_m + radius_m)) / np.hypot(1.0, slope)
+
     return side_m, end_m
 
 
@@ -197,19 +200,23 @@ def render_bscan(
     pixel_m = oct_study.depth_m / oct_study.rows
     tissue = _fill_columns(section, oct_study, optics)
     scattered = _backscatter(tissue, oct_study, optics)
+
     if shaft is not None:
         scattered = (
             np.where(shaft.inside, 0.0, scattered * shaft.light).astype(np.float32)
             + shaft.skin
         )
+
     field = np.sqrt(scattered) * circular_gaussian(tissue.wall.shape, rng)
     sigma_rows = amplitude_sigma(optics.axial_resolution_m) / pixel_m
     sigma_columns = amplitude_sigma(optics.lateral_resolution_m) / (
         oct_study.width_m / oct_study.columns
     )
     field = seen_through(field, sigma_rows, sigma_columns)
+
     for rows, amplitude, sigma in _bright_curves(tissue, oct_study, optics, shaft):
         add_ridge(field, rows, amplitude, sigma, rng)
+
     field += circular_gaussian(field.shape, rng)
     counts = optics.counts(
         np.square(field.real) + np.square(field.imag), 2**oct_study.bits - 1
@@ -217,9 +224,11 @@ def render_bscan(
     frame = np.rint(counts).astype(np.uint16)
     mask = np.where(tissue.wall >= 0.5, 255, 0).astype(np.uint8)
     band = round(optics.band_m / oct_study.width_m * oct_study.columns)
+
     for image in (frame, mask):
         image[:, :band] = 0
         image[:, oct_study.columns - band :] = 0
+
     return Bscan(frame, mask)
 
 
@@ -251,6 +260,7 @@ def column_crossings(curve: Floats, columns_m: Floats) -> Singles:
         (rank.max(initial=-1) + 1, len(columns_m)), np.inf, dtype=np.float32
     )
     crossings[rank, column] = depth_m
+
     return crossings
 
 
@@ -266,11 +276,13 @@ def _fill_columns(
     inside_m = column_crossings(section.inner, columns_m)
     layer = optics.conjunctiva
     tissue_m = wall_m
+
     if layer is not None:
         surface = layer.surface(section.outer)
         tissue_m = column_crossings(
             np.concatenate([surface, section.inner[::-1], surface[:1]]), columns_m
         )
+
     surface_m = (
         tissue_m[0]
         if len(tissue_m)
@@ -294,6 +306,7 @@ def _fill_columns(
     surface_m = np.where(np.isfinite(surface_m), surface_m, np.nan)
     wall_part_m = tissue_part_m
     over = None
+
     if layer is not None:
         wall_part_m = np.diff(_length_above(edges_m, wall_m), axis=0)
         upper_m = wall_m[0] if len(wall_m) else surface_m
@@ -304,11 +317,13 @@ def _fill_columns(
             _filled(tissue_part_m - wall_part_m, row_m),
             wall_row.astype(np.float32),
         )
+
     wall = _filled(wall_part_m, row_m)
     choroid = _filled(choroid_part_m, row_m)
     tissue_path_m[1:] -= tissue_part_m / 2
     choroid_path_m[1:] -= choroid_part_m / 2
     surface_row = (surface_m / pixel_m).astype(np.float32)
+
     return _Tissue(
         wall, choroid, tissue_path_m[1:], choroid_path_m[1:], surface_row, over
     )
@@ -327,6 +342,7 @@ def _length_above(edges_m: Singles, crossings_m: Singles) -> Singles:
     for rank, depth_m in enumerate(crossings_m):
         passed_m = np.maximum(edges_m - depth_m, 0.0)
         length_m += passed_m if rank % 2 == 0 else -passed_m
+
     return length_m
 
 
@@ -347,9 +363,11 @@ def _backscatter(tissue: _Tissue, oct_study: OctStudy, optics: BscanOptics) -> S
         + optics.choroid_attenuation_per_m * tissue.choroid_path_m
     )
     scatter = tissue.wall + decibel(optics.choroid_level_db) * tissue.choroid
+
     if tissue.over is not None:
         layer, filled, _ = tissue.over
         scatter = scatter + decibel(layer.level_db) * filled
+
     light = decibel(optics.snr_db) * transmission(optics.shadows, _columns_m(oct_study))
     return (scatter * np.exp(-2.0 * depth) * light).astype(np.float32)
 
@@ -366,22 +384,27 @@ def _bright_curves(
     pixel_ratio = pixel_m / (oct_study.width_m / oct_study.columns)
     light = transmission(optics.shadows, columns_m)
     surfaces = [(tissue.surface_row, optics.reflection_db)]
+
     if tissue.over is not None:
         surfaces.append((tissue.over[2], tissue.over[0].interface_db))
+
     for surface_row, reflection_db in surfaces:
         slope = np.arctan(np.gradient(surface_row) * pixel_ratio)
         share = np.exp(-((slope / optics.reflection_angle_rad) ** 2))
         intensity = decibel(optics.snr_db + reflection_db) * share * light
+
         if shaft is not None:
             row = np.clip(np.nan_to_num(surface_row), 0, oct_study.rows - 1).astype(
                 np.intp
             )
             intensity = intensity * shaft.light[row, np.arange(len(row))]
+
         yield (
             surface_row,
             np.sqrt(intensity),
             amplitude_sigma(optics.axial_resolution_m) / pixel_m,
         )
+
     ones = np.ones(oct_study.columns)
     surface_row = tissue.surface_row
     curves = [
@@ -393,9 +416,11 @@ def _bright_curves(
         if np.isfinite(surface_row).any()
         else oct_study.depth_m
     )
+
     for cover in optics.covers:
         rows = (top_m - cover.height_m + np.tan(cover.tilt_rad) * columns_m) / pixel_m
         curves.append((rows, cover.level_db, cover.thickness_m))
+
     for rows, level_db, thickness_m in curves:
         yield (
             rows,
@@ -444,16 +469,19 @@ def draw_reduced(
     mean, variance = _speckled(
         layers, light_db, displayed, *_looks(optics, oct_study, window), window
     )
+
     for depth_m, width_m, level_db in _lines(
         surface_m, wall_m[:, OUTER], optics, window
     ):
         share, _ = _covered(window, depth_m - 0.5 * width_m, depth_m + 0.5 * width_m)
         bright = displayed.mean(_there(level_db) + light_db)
         mean += share * np.maximum(bright - mean, 0.0)
+
     if shafts:
         mean = np.maximum(
             mean, displayed.mean(np.stack([_decibel(shaft.skin) for shaft in shafts]))
         )
+
     mean += np.sqrt(variance) * rng.standard_normal(mean.shape, dtype=np.float32)
     down, along = _imaged(optics, oct_study, window)
     shown = np.clip(mean, 0.0, 1.0) * (down * along[:, None])
@@ -462,6 +490,7 @@ def draw_reduced(
     )
     rows = wall_m / window.row_m - 0.5
     rows[~np.broadcast_to((along > 0.5)[:, None], rows.shape)] = np.nan
+
     return frames, rows
 
 
@@ -478,6 +507,7 @@ def _surface(
             for layer in layers
         ]
     )
+
     return outer_m - over_m * np.hypot(1.0, slope)
 
 
@@ -519,6 +549,7 @@ def _layers(
     beyond_m = BEYOND_EDGE * sigma_m * np.sqrt(np.maximum(over, 0.0))
     behind = light + _each(optics, "choroid_level_db") - falls * (inner_m - surface_m)
     choroid_m = index * _each(optics, "choroid_thickness_m")
+
     return (
         (surface_m - beyond_m, outer_m, over + falls * beyond_m, falls),
         (outer_m, inner_m, light - falls * (outer_m - surface_m), falls),
@@ -532,6 +563,7 @@ def _looks(
     """Return the number of independent values that a cell averages: of speckle (frame, 1, 1), and of noise."""
     speckles = np.ones((len(optics), 1, 1))
     pixels = 1.0
+
     for name, cell_m, pixel_m in (
         ("axial_resolution_m", window.row_m, oct_study.depth_m / oct_study.rows),
         (
@@ -545,6 +577,7 @@ def _looks(
         )  # of the field's coherence
         speckles *= np.maximum(cell_m / np.maximum(grain_m, pixel_m), 1.0)
         pixels *= max(cell_m / pixel_m, 1.0)
+
     return speckles, pixels
 
 
@@ -561,6 +594,7 @@ def _speckled(
     empty = np.ones(cells, np.float32)
     mean = np.zeros(cells, np.float32)
     variance = np.zeros(cells, np.float32)
+
     for top_m, bottom_m, level_db, falls_db_per_m in layers:
         share, below_m = _covered(window, top_m, bottom_m)
         fallen_db = below_m * falls_db_per_m[..., None].astype(np.float32)
@@ -568,6 +602,7 @@ def _speckled(
         empty -= share
         mean += share * of_layer[0]
         variance += share * of_layer[1]
+
     dark_mean, dark_variance = displayed.moments(
         np.full((len(speckles), 1, 1), NO_LIGHT_DB, dtype=np.float32)
     )
@@ -575,6 +610,7 @@ def _speckled(
     mean += empty * dark_mean
     variance /= speckles.astype(np.float32)
     variance += empty * (dark_variance / np.float32(pixels))
+
     return mean, variance
 
 
@@ -595,6 +631,7 @@ def _covered(
     below: Singles = np.where(
         share > 0.0, 0.5 * (begin + end) - np.minimum(top, edges[-1]), np.float32(0.0)
     )
+
     return share, below
 
 
@@ -620,6 +657,7 @@ def _lines(
         (surface_m, _each(optics, "reflection_db")),
         (outer_m, np.array(interface)[:, None]),
     )
+
     for depth_m, reflection_db in mirrors:
         slope = np.arctan(np.gradient(depth_m, window.column_m, axis=1))
         falls = DB * (slope / _each(optics, "reflection_angle_rad")) ** 2
@@ -628,6 +666,7 @@ def _lines(
             two_sigmas_m,
             light + np.maximum(reflection_db - falls, -DB * 30.0),
         )
+
     highest_m = np.nanmin(np.minimum(surface_m, window.rows * window.row_m), axis=1)
     curves = [
         [
@@ -645,6 +684,7 @@ def _lines(
         for each, top_m in zip(optics, highest_m, strict=True)
     ]
     nothing = (np.full(window.columns, np.inf), 0.0, NO_LIGHT_DB)
+
     for number in range(max(map(len, curves))):
         depths, widths, levels = zip(
             *(own[number] if number < len(own) else nothing for own in curves),

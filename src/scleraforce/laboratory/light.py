@@ -96,6 +96,7 @@ class Conjunctiva:
         press = self.press
         if press is None:
             return uneven_m
+
         lame_lambda, mu = lame_constants(self.modulus_pa, LAYER_POISSON_RATIO)
         pressure_pa = press.force_n / (np.pi * press.radius_m**2)
         away_m = np.maximum(
@@ -107,6 +108,7 @@ class Conjunctiva:
             * np.arcsin(press.radius_m / away_m)
             * np.exp((press.radius_m - away_m) / self.thickness_m)
         )
+
         return uneven_m * (
             1.0 + np.expm1(-pressure_pa / (lame_lambda + 2.0 * mu)) * beside
         )
@@ -198,6 +200,7 @@ class BscanOptics:
             counts = (level_db - np.float32(self.display_floor_db)) * np.float32(
                 largest / self.display_range_db
             )
+
         return counts.clip(0.0, largest)
 
 
@@ -242,6 +245,7 @@ def drawn(
             given[name] if name in given else draw(getattr(ranges, prefix + name), rng)
         )
         values[name] = value() if callable(value) else value
+
     return kind(**values)
 
 
@@ -275,6 +279,7 @@ def sample_optics(
         )
         for _ in range(int(draw(phantom.cover_count, rng)))
     )
+
     return replace(optics, shadows=shadows, lines=lines, covers=covers)
 
 
@@ -285,6 +290,7 @@ def sample_conjunctiva(
     thickness_m = draw(phantom.conjunctiva_thickness_m, rng)
     if thickness_m == 0.0:
         return None
+
     given = {
         "thickness_m": thickness_m,
         "phase_rad": lambda: float(rng.uniform(-np.pi, np.pi)),
@@ -311,6 +317,7 @@ def transmission(shadows: Sequence[Shadow], columns_m: Floats) -> Singles:
         left *= 1.0 - shadow.loss_fraction * np.exp(
             -log(2.0) * across**4
         )  # flat bottom, soft edges
+
     return left.astype(np.float32)
 
 
@@ -355,6 +362,7 @@ def seen_through(field: Complex, sigma_rows: float, sigma_columns: float) -> Com
         _kernel(sigma_rows),
         borderType=cv2.BORDER_REFLECT_101,
     )
+
     return np.ascontiguousarray(seen, dtype=np.float32).view(np.complex64)[..., 0]
 
 

@@ -81,6 +81,7 @@ def sample_scanner(
     )
     surface_m = draw(phantom.surface_depth_m, rng)
     tilt_rad = draw(phantom.eye_tilt_rad, rng)
+
     return scanner, Pose(lateral_m=0.0, depth_m=surface_m, tilt_rad=tilt_rad)
 
 
@@ -105,6 +106,7 @@ def draw_changes(eye: PhantomEye, study: Study, seed: int, times_s: Floats) -> F
         :, None
     ] / 2  # no value leaves the range of the draws
     changing: Floats = knots[before] + share * (knots[before + 1] - knots[before])
+
     return changing
 
 
@@ -115,6 +117,7 @@ def draw_relaxation(eye: PhantomEye, study: Study, seed: int) -> PronySeries:
         (draw(share, rng), draw(time_s, rng))
         for share, time_s in study.tissue.relaxation
     ]
+
     return PronySeries(
         tuple(share for share, _ in terms), tuple(time_s for _, time_s in terms)
     )
@@ -227,9 +230,11 @@ def plan_phantom(
     scanner, place = sample_scanner(eye, study, seed)
     planned = pushes.plan_pushes(tuple(forces_n), phantom, stream(eye, seed, PUSHES))
     frames = []
+
     for index, push in enumerate(planned):
         rng = stream(eye, seed, FRAME, index)
         own = sample_optics(phantom, study.oct, rng)
+
         optics = replace(
             scanner,
             snr_db=own.snr_db,
@@ -245,6 +250,7 @@ def plan_phantom(
             optics = replace(
                 optics, conjunctiva=replace(optics.conjunctiva, phase_rad=phase_rad)
             )
+
         shift_m = draw(phantom.eye_shift_m, rng)
         pose = Pose(
             lateral_m=draw(phantom.eye_shift_m, rng),
@@ -255,6 +261,7 @@ def plan_phantom(
         frames.append(
             PhantomFrame(f"{index + 1:04d}.png", push.frame_s, pose, optics, key, push)
         )
+
     return _with_turns(
         eye,
         frames,
@@ -286,6 +293,7 @@ def plan_moving_phantom(
             f"eye {eye.id}: puncture: {from_si(puncture_n, 'mn'):g} mN; must be above 0 and above the "
             "forces before it"
         )
+
     given = {
         "rate": (rate_hz, 0.1, 1000.0),
         "ramp": (ramp_n_per_s, 1e-5, 100.0),
@@ -296,16 +304,19 @@ def plan_moving_phantom(
             raise RecordingError(
                 f"eye {eye.id}: {name}: {value:g} (SI); must be between {low:g} and {high:g}"
             )
+
     scanner, place = sample_scanner(eye, study, seed)
     relaxation = draw_relaxation(eye, study, seed)
     rng = stream(eye, seed, PUSHES)
     path = pushes.plan_path(
         tuple(forces_n), ramp_n_per_s, hold_s, study.phantom, relaxation, rng
     )
+
     if puncture_n is not None:
         path = pushes.plan_puncture(
             path, puncture_n, ramp_n_per_s, hold_s, stream(eye, seed, PUNCTURE)
         )
+
     count = int((path.times_s[-1] - FIRST_S) * rate_hz + 1e-6) + 1
     times_s = [
         round(FIRST_S + index / rate_hz, pushes.TIME_DIGITS) for index in range(count)
@@ -313,6 +324,7 @@ def plan_moving_phantom(
     drift = draw_changes(eye, study, seed, np.array(times_s))
     digits = max(4, len(str(count)))
     frames = []
+
     for index, (lateral_m, shift_m, snr_db, reflection_db) in enumerate(drift.tolist()):
         pose = Pose(
             lateral_m=lateral_m,
@@ -326,6 +338,7 @@ def plan_moving_phantom(
                 f"{index + 1:0{digits}d}.png", times_s[index], pose, optics, key
             )
         )
+
     return _with_turns(eye, frames, path, study, seed)
 
 
@@ -344,17 +357,20 @@ def in_planes(plan: PhantomPlan, planes: Sequence[Plane], study: Study) -> Phant
             "planes: of an eye that keeps still, does not leak and is not pierced, with "
             "--mechanics finite-strain"
         )
+
     eye = plan.eye
     rng = stream(plan.eye, plan.seed, PLANES)
     frames = list[PhantomFrame]()
     side_rad = rng.uniform(-np.pi, np.pi)
     tilt_rad = draw(study.phantom.eye_tilt_rad, rng)
     aside_m = eye.gap_m * np.array([np.cos(side_rad), np.sin(side_rad)])
+
     for moment, force_n in zip(plan.frames, plan.forces_n, strict=True):
         contact_m = aside_m + np.array(
             [moment.pose.lateral_m, draw(study.phantom.eye_shift_m, rng)]
         )
         tilt = np.array([moment.pose.tilt_rad, tilt_rad])
+
         for number, plane in enumerate(planes):
             along = np.array([np.cos(plane.direction_rad), np.sin(plane.direction_rad)])
             across = np.array([-along[1], along[0]])
@@ -370,9 +386,11 @@ def in_planes(plan: PhantomPlan, planes: Sequence[Plane], study: Study) -> Phant
                 lateral_m=float(along @ contact_m),
                 tilt_rad=float(along @ tilt),
             )
+
             optics = moment.optics
             if optics.needle is not None:
                 optics = replace(optics, needle=optics.needle.in_plane(along, gap_m))
+
             file = f"{Path(moment.file).stem}-{number + 1}.png"
             frame = replace(
                 moment,
@@ -390,6 +408,7 @@ def in_planes(plan: PhantomPlan, planes: Sequence[Plane], study: Study) -> Phant
                     study,
                 )
             )
+
     return replace(plan, frames=tuple(frames))
 
 
@@ -400,6 +419,7 @@ def _check_forces(eye: PhantomEye, forces_n: Sequence[float]) -> None:
         raise RecordingError(
             f"eye {eye.id}: forces: {list(forces_n)}; give at least one, none negative"
         )
+
     largest_mn = NEEDLE_FORCE.from_si(max(forces_n))
     if largest_mn > (NEEDLE_FORCE.high or 0.0):
         raise RecordingError(
@@ -422,12 +442,14 @@ def _with_turns(
         frames = [
             replace(frame, turn=turn) for frame, turn in zip(frames, turns, strict=True)
         ]
+
     sensor = pushes.sample_sensor(study.phantom, stream(eye, seed, SENSOR))
     plan = PhantomPlan(eye, tuple(frames), path, sensor, seed, study.needle.tilt_rad)
     pressed = (
         _pressed(frame, eye, force_n, study)
         for frame, force_n in zip(frames, plan.forces_n, strict=True)
     )
+
     return replace(plan, frames=tuple(pressed))
 
 
@@ -439,6 +461,7 @@ def _pressed(
     radius_m = 0.5 * study.needle.outer_diameter_m
     if layer is None:
         return frame
+
     press = Press(
         force_n=max(force_n, 0.0),
         radius_m=radius_m,
@@ -466,12 +489,14 @@ def plan_sections(
     """
     if plan.path.puncture is not None:
         return _pierced_sections(plan, sections_at)
+
     cuts = [frame.cut for frame in plan.frames if frame.cut is not None]
     if cuts:
         if not isinstance(sections_at, BentSections):
             raise RecordingError(
                 f"eye {plan.eye.id}: of several planes, and its sections are of one"
             )
+
         return sections_at.cut(plan.normal_n, cuts), sections_at.pressures_pa(
             plan.normal_n
         )
@@ -479,6 +504,7 @@ def plan_sections(
         return sections_at.along(
             plan.normal_at, [frame.time_s for frame in plan.frames]
         )
+
     found_pa = virtual_eye.pressures_pa(
         plan.eye, sections_at, plan.normal_n, plan.turns
     )
@@ -488,6 +514,7 @@ def plan_sections(
         raise RecordingError(
             f"eye {plan.eye.id}: it turns, and its sections have one contact"
         )
+
     return sections_at.turned(plan.normal_n, plan.turns), found_pa
 
 
@@ -501,6 +528,7 @@ def _pierced_sections(
     mirrored = np.array(
         [2.0, -1.0]
     )  # of the wall at rest, and under the opposite force
+
     return [
         blended([rest, section], mirrored) if normal_n < 0.0 else section
         for normal_n, section in zip(plan.normal_n, pressed, strict=True)
@@ -514,6 +542,7 @@ def _still(plan: PhantomPlan, sections_at: SectionsAt) -> LinearSections | BentS
         raise RecordingError(
             f"eye {plan.eye.id}: puncture: of an eye that keeps still and does not leak"
         )
+
     return sections_at
 
 
@@ -522,6 +551,7 @@ def with_travel(plan: PhantomPlan, sections_at: SectionsAt) -> PhantomPlan:
     puncture = plan.path.puncture
     if puncture is None:
         return plan
+
     normal = 1.0 if plan.tilt_rad else cos(plan.lean[0] or 0.0)
     grid_n = np.linspace(0.0, puncture.force_n, TRAVEL_FORCES)
     grid_m = np.array(_still(plan, sections_at).travels_m((normal * grid_n).tolist()))
@@ -551,6 +581,7 @@ def with_travel(plan: PhantomPlan, sections_at: SectionsAt) -> PhantomPlan:
         replace(frame, travel=travel)
         for frame, travel in zip(plan.frames, travels, strict=True)
     )
+
     return replace(plan, frames=tuple(frames))
 
 
@@ -561,11 +592,13 @@ def render_frame(frame: PhantomFrame, section: Section, study: Study) -> Bscan:
     travel = frame.travel
     angle_rad = frame.pose.tilt_rad + (needle.angle_rad if needle else 0.0)
     shaft: DrawnShaft | None = None
+
     if needle is not None:
         inside_m = (travel.inside_m if travel else 0.0) * np.array(
             [-sin(angle_rad), cos(angle_rad)]
         )
         shaft = draw_shaft(needle, tip_m + inside_m, frame.pose.tilt_rad, study.oct)
+
     if travel is not None and travel.track_m:
         across_m2 = (0.5 * study.needle.outer_diameter_m) ** 2 - travel.gap_m**2
         cut_m = (
@@ -573,6 +606,7 @@ def render_frame(frame: PhantomFrame, section: Section, study: Study) -> Bscan:
         )  # it closes behind the needle
         track = draw_track(tip_m, angle_rad, cut_m, travel.track_m, study.oct)
         shaft = track if shaft is None else shaft.over(track)
+
     return render_bscan(
         frame.pose.place(section),
         study.oct,
@@ -596,10 +630,12 @@ def write_phantom(
         raise RecordingError(
             f"{out}: exists already; remove it or choose another folder"
         )
+
     comment = f"A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters."
     plan = with_travel(plan, sections_at)
     info = _info(plan, study, tell_globe)
     more = tuple(_more_columns(plan.frames[0]))
+
     with (
         folder_when_whole(out) as part,
         closing(RecordingWriter(part, info, comment, more)) as writer,
@@ -620,6 +656,7 @@ def write_phantom(
             phantom_truth(plan, study, found_pa), indent=1, allow_nan=False
         )
         (part / "truth.json").write_text(truth + "\n", encoding="utf-8")
+
         for frame, section in zip(plan.frames, sections, strict=True):
             values = tuple(_more_columns(frame).values())
             writer.add(
@@ -628,6 +665,7 @@ def write_phantom(
                 render_frame(frame, section, study).frame,
                 values,
             )
+
             if progress is not None:
                 progress(1)
 
@@ -647,6 +685,7 @@ def _info(plan: PhantomPlan, study: Study, tell_globe: bool) -> RecordingInfo:
         dict.fromkeys(frame.plane for frame in plan.frames if frame.plane is not None)
     )
     average_s = MOVING_AVERAGE_S if plan.frames[0].push is None else HELD_AVERAGE_S
+
     return RecordingInfo(
         EyeInfo(
             eye.id,
@@ -681,6 +720,7 @@ def phantom_truth(
         "scleraforce": __version__,
         **{name: module.__version__ for name, module in modules.items()},
     }
+
     return {
         "simulated": True,
         "versions": versions,

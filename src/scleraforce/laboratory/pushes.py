@@ -106,6 +106,7 @@ def plan_pushes(
     """Draw the timing of a push for each force (at its frame). 0 N: the needle stays off."""
     start_s = draw(phantom.approach_s, rng)
     pushes = []
+
     for force_n in forces_n:
         ramp_s = draw(phantom.ramp_s, rng)
         hold_s = draw(phantom.hold_s, rng)
@@ -121,6 +122,7 @@ def plan_pushes(
             )
         )
         start_s = pushes[-1].corners_s[-1] + draw(phantom.rest_s, rng)
+
     return tuple(pushes)
 
 
@@ -144,6 +146,7 @@ def path_of_pushes(pushes: Sequence[Push], relaxation: PronySeries) -> NeedlePat
         elastic_n.append(
             (push.force_n - remembered_n) / own if push.force_n > 0.0 else 0.0
         )
+
     corners_s = [time_s for push in pushes for time_s in push.corners_s]
     corners_n = [float(part_n * share) for part_n in elastic_n for share in UNIT_PUSH]
     return NeedlePath(tuple(corners_s), tuple(corners_n), relaxation)
@@ -160,10 +163,12 @@ def plan_path(
     """Lay a path through elastic forces: off the eye for a drawn time, then a ramp to each and a hold."""
     times_s = [0.0, draw(phantom.approach_s, rng)]
     path_n = [0.0, 0.0]
+
     for force_n in forces_n:
         reached_s = times_s[-1] + abs(force_n - path_n[-1]) / ramp_n_per_s
         times_s += [reached_s, reached_s + hold_s]
         path_n += [force_n, force_n]
+
     return NeedlePath(tuple(times_s), tuple(path_n), relaxation)
 
 
@@ -207,6 +212,7 @@ def plan_puncture(
         out_s + fall_s,
     )
     forces_n = (*path.forces_n, puncture_n, left_n, left_n, -left_n, -left_n, 0.0)
+
     return replace(path, times_s=times_s, forces_n=forces_n, puncture=puncture)
 
 
@@ -246,12 +252,15 @@ def sense(
     log[:, 1:4] *= sensor.noise_n
     log[:, 1:4] += sensor.offset_n
     log[:, 1 + axis] += sign * force_n + sensor.drift_n_per_s * time_s
+
     for other, fraction in zip(
         [i for i in range(3) if i != axis], sensor.cross_talk_fraction, strict=True
     ):
         log[:, 1 + other] += fraction * force_n
+
     if sensor.step_n > 0.0:
         log[:, 1:4] = np.rint(log[:, 1:4] / sensor.step_n) * sensor.step_n
+
     log[:, 4:] *= sensor.torque_noise_nm
     return log
 

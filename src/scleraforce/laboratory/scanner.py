@@ -128,6 +128,7 @@ class MeasuredScanner:
             name: Choice(tuple(map(float, sorted(counts[:MOST_COUNTS]))))
             for name, counts in self.counts.items()
         }
+
         return replace(ranges, display=self.display.name, **choices)
 
     def scenes(self) -> ScenesStudy:
@@ -167,13 +168,16 @@ class MeasuredScanner:
             "saturated_fraction": (min(at_top) / 2, max(at_top) * 2),
         }
         tissue = {"snr_db": ends.pop("snr_db")}
+
         if self.display is not scanner_display.LOGARITHMIC:
             del ends["display_floor_db"]  # they begin at black
+
         given: dict[str, Any] = (
             {"line_count": self.phantom().line_count} if "line_db" in ends else {}
         )
         given |= {"averaged_share": 0.0, "axial_m": fixed(MOST_AXIAL_M)}
         given["band_share"] = float(ends.get("band_fraction", (0.0, 1.0))[1] > 0.0)
+
         if (
             isinstance(self.ranges["spread_slope"], MeasuredRange)
             or misfit_db < scanner_display.ONE_LOOK_DB
@@ -182,6 +186,7 @@ class MeasuredScanner:
                 f"{kind}_share": float(self.display.name == kind)
                 for kind in ("linear", "root")
             }
+
         window = {
             key: (getattr(size, key),) * 2 for key in ("rows", "columns", "width_m")
         }
@@ -201,6 +206,7 @@ class MeasuredScanner:
             window["width_m"][0] >= least[0] and window["depth_share"][0] >= least[1]
         )
         shown = _measured(scenes.window, window | deep)
+
         return replace(
             scenes,
             window=shown if lens_seen else replace(shown, deep_share=0.0),
@@ -234,6 +240,7 @@ def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
         for name in (*OF_FRAMES, *NOT_DRAWN)
     }
     ranges["reflection_angle_rad"] = _range([angle])
+
     for thing, names, where in (
         ("shadow", OF_SHADOWS, "on the wall"),
         ("line", OF_LINES, "above the tissue"),
@@ -246,10 +253,12 @@ def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
             ranges[f"{thing}_{name}"] = _range(
                 seen_in or [Unmeasured(f"no {thing} is seen {where}")]
             )
+
     ranges = {name: _within_bounds(name, found) for name, found in ranges.items()}
     for name in ("display_floor_db", "display_range_db", "snr_db"):
         if isinstance(found := ranges[name], Unmeasured):
             raise FrameError(f"{frames[0].eye.name}: {name}: {found.reason}")
+
     shadows, lines = (
         tuple(len(getattr(frame, things)) for frame in frames)
         for things in ("shadows", "lines")
@@ -269,6 +278,7 @@ def _measure(
     if kind is scanner_display.LOGARITHMIC and spread > AVERAGED:
         display = scanner_display.display_of_speckle(eye, display, spread)
         tissue = scanner_light.light_in_wall(eye, display)
+
     axial, lateral = scanner_light.resolutions(eye, display, tissue)
     level, attenuation, thickness = scanner_light.layer_below(eye, display, tissue)
     band = Estimate(value=float(np.mean(eye.bands)) * eye.scale.lateral_m)
@@ -291,6 +301,7 @@ def _measure(
     }
     shadows = scanner_light.find_shadows(eye, tissue)
     lines = scanner_display.find_lines(eye, display)
+
     return MeasuredFrame(
         eye, display, values, shadows, lines
     ), scanner_light.surface_light(eye, display, tissue, axial)
@@ -309,10 +320,12 @@ def _speckle_spread(
     )
     if np.count_nonzero(chosen) < LEAST_PIXELS:
         return 1.0, Unmeasured("too little of the wall lies within the display")
+
     first, low, middle, high, last = np.quantile(
         tissue.levels[chosen] - expected_db[chosen], OCTILES
     )
     skew = (first + last - 2.0 * middle) / (last - first)
+
     return float((high - low) / scanner_display.QUARTILES_DB), Estimate(
         value=float(skew)
     )
@@ -324,6 +337,7 @@ def _range(found: Sequence[Measured]) -> MeasuredRange | Unmeasured:
     if not known:
         reasons = Counter(each.reason for each in found if isinstance(each, Unmeasured))
         return Unmeasured(reasons.most_common(1)[0][0])
+
     values = np.array([each.value for each in known])
     if all(each.at_most for each in known):
         most = float(values.max())
@@ -337,6 +351,7 @@ def _range(found: Sequence[Measured]) -> MeasuredRange | Unmeasured:
             high=values[0] + known[0].error,
             seen=1,
         )
+
     low, high = (
         np.quantile(values, QUANTILES)
         if len(known) > MANY
@@ -356,12 +371,14 @@ def _within_bounds(
     """Return a range within the bounds of the study's key; one that lies outside is unmeasured."""
     if isinstance(found, Unmeasured) or name in NOT_DRAWN:
         return found
+
     unit = field_unit(FIELDS[name])
     low, high = (unit.to_si(end) for end in (unit.low, unit.high) if end is not None)
     if not low <= found.median <= high:
         return Unmeasured(
             f"{unit.from_si(found.median):.4g} is outside of a study's range"
         )
+
     return replace(
         found,
         low=float(np.clip(found.low, low, high)),
@@ -390,6 +407,7 @@ def _measured(section: Drawn, ends: Mapping[str, tuple[float, float]]) -> Drawn:
             ranges[item.name] = (
                 Choice((low,)) if low == high else Range(min=low, max=high)
             )
+
     return replace(section, **ranges)
 
 
@@ -427,6 +445,7 @@ def drawn_alike(
     measured |= {"shadows": frame.shadows, "lines": frame.lines, "covers": ()}
     optics = replace(sample_optics(phantom, scanner, rng), **measured)
     drawn = render_bscan(_section(frame.eye, scanner), scanner, optics, rng).frame
+
     return drawn.astype(np.uint8) if frame.eye.pixels.dtype == np.uint8 else drawn
 
 
@@ -454,6 +473,7 @@ def _section(eye: ImagedEye, scanner: OctStudy) -> Section:
     )
     ends_m = lateral_m[0] - BEYOND_M, lateral_m[-1] + BEYOND_M
     lateral_m = np.pad(lateral_m, beyond, constant_values=ends_m)
+
     return Section(
         *(
             np.stack([lateral_m, np.pad(m, beyond, mode="edge")], axis=1)
@@ -476,8 +496,10 @@ def study_text(
     )
     sections, plain = (_sections(format_study(each)) for each in (study, Study()))
     listed = [f"#   {json.dumps(name)}" for name in names[:MOST_NAMES]]
+
     if len(names) > MOST_NAMES:
         listed.append(f"#   and {len(names) - MOST_NAMES} more")
+
     phantom = sections["phantom"]
     slope = scanner.ranges["spread_slope"]
     taken = (
@@ -495,15 +517,18 @@ def study_text(
         f"{phantom['display']}{taken}",
         *(_line(name, phantom, scanner) for name in OF_FRAMES),
     ]
+
     for thing, names in (("shadow", OF_SHADOWS), ("line", OF_LINES)):
         lines.append(f"{phantom[f'{thing}_count']}  # of each frame")
         lines += [_line(f"{thing}_{name}", phantom, scanner) for name in names]
+
     for name in ("scenes.window", "scenes.tissue", "scenes.scanner"):
         lines += [
             "",
             f"[{name}]",
             *(line for key, line in sections[name].items() if line != plain[name][key]),
         ]
+
     return "\n".join(lines) + "\n"
 
 
@@ -512,6 +537,7 @@ def _line(name: str, phantom: dict[str, str], scanner: MeasuredScanner) -> str:
     found = scanner.ranges[name]
     if isinstance(found, Unmeasured):
         return f"# {key}: not measured, as in the paper's study: {found.reason}"
+
     return phantom[key] + (
         "  # at most: finer than the pixels show" if found.at_most else ""
     )
@@ -524,4 +550,5 @@ def _sections(text: str) -> dict[str, dict[str, str]]:
             found[line.strip("[]")] = section = {}
         elif " = " in line:
             section[line.partition(" = ")[0]] = line
+
     return found

@@ -136,6 +136,7 @@ class ImagedEye:
             savgol_filter(row, window, 2, mode="interp") if len(row) > window else row
         )
         smooth[~self.walled] = np.nan
+
         return smooth
 
     @cached_property
@@ -221,10 +222,12 @@ def spread_slope(eye: ImagedEye) -> Measured:
     ]
     if len(blocks) < LEAST_BLOCKS:
         return Unmeasured("too little of the wall lies within the display")
+
     low, middle, high = np.array(
         [np.quantile(dithered(block), QUARTILES) for block in blocks]
     ).T
     slope, _, least, most = theilslopes(high - low, middle, ONE_DEVIATION)
+
     return fitted(
         slope,
         (most - least) / 2.0,
@@ -242,11 +245,13 @@ def display_kind(slopes: Sequence[Measured], eyes: Sequence[ImagedEye]) -> Displ
             np.median([_scale(air_counts(eye), eye, kind)[2] for eye in eyes]): kind
             for kind in kinds
         }
+
         return (
             misfits_db[least]
             if (least := min(misfits_db)) < ONE_LOOK_DB
             else LOGARITHMIC
         )
+
     found = float(np.median(known))
     return min(DISPLAY_KINDS.values(), key=lambda kind: abs(kind.spread_slope - found))
 
@@ -276,6 +281,7 @@ def _blocks(eye: ImagedEye) -> list[Floats]:
     order = np.argsort(number, kind="stable")
     starts = np.unique(number[order], return_index=True)[1][1:]
     counts = eye.pixels[row, column].astype(np.float64)[order]
+
     return [
         block
         for block in np.split(counts, starts)
@@ -345,18 +351,21 @@ def air_counts(eye: ImagedEye) -> Floats:
         each.reshape(high // rows, rows, width // columns, columns).swapaxes(1, 2)
         for each in (counts, above)
     )
+
     inside = air.all(axis=(2, 3)) & ((blocks == 0).mean(axis=(2, 3)) <= BLACK_SHARE)
     if np.count_nonzero(inside) * rows * columns < LEAST_PIXELS:
         raise FrameError(
             f"{eye.name}: too little noise is seen above the tissue to know the display's scale; give "
             "frames with more room there, or with a lower display floor"
         )
+
     middle = blocks.mean(axis=(2, 3))
     _, least, most = sigmaclip(middle[inside], *CLIPS)
     inside &= (middle >= least) & (middle <= most)
     kept = np.repeat(np.repeat(inside, rows, axis=0), columns, axis=1)
     noise = np.full(eye.pixels.shape, np.nan)
     noise[:high, part] = np.where(kept, counts, np.nan)
+
     return noise
 
 
@@ -370,6 +379,7 @@ def fit_display(eye: ImagedEye, kind: DisplayKind) -> Display:
         if np.isfinite(part).sum() > LEAST_PIXELS
     ]
     groups = [_scale(part, eye, kind) for part in parts]
+
     per_unit, zero, misfit = _scale(lit, eye, kind)
     if kind is not LOGARITHMIC and zero > MOST_OFFSET * per_unit:
         raise FrameError(
@@ -377,6 +387,7 @@ def fit_display(eye: ImagedEye, kind: DisplayKind) -> Display:
             "above count 0, as if it were averaged: such frames cannot be measured, nor frames with an "
             "offset (subtract it)"
         )
+
     scatter = np.array(
         [_ends_db(kind, group[0], group[1], eye.top) for group in groups]
     )
@@ -387,6 +398,7 @@ def fit_display(eye: ImagedEye, kind: DisplayKind) -> Display:
     )
     ends = zip(_ends_db(kind, per_unit, zero, eye.top), errors.tolist(), strict=True)
     floor_db, range_db = (Estimate(value=value, error=error) for value, error in ends)
+
     return Display(
         kind=kind, floor_db=floor_db, range_db=range_db, top=eye.top, misfit_db=misfit
     )
@@ -413,6 +425,7 @@ def display_of_speckle(eye: ImagedEye, display: Display, spread: float) -> Displ
     floor_db = float(10.0 * np.log10(gamma.median(looks) / looks) - median_db)
     floor = Estimate(value=floor_db, error=display.floor_db.error / spread)
     wide = Estimate(value=range_db, error=display.range_db.error / spread)
+
     return replace(
         display,
         floor_db=floor,
@@ -442,14 +455,17 @@ def _scale(
             f"{eye.name}: {cut:.0%} of the noise above the tissue is black: the display's floor hides it; "
             "show the frames with a lower floor"
         )
+
     share = np.linspace(max(LOWEST, cut + 0.02), HIGHEST, SHARES)
     expected = kind.shown(-np.log1p(-share))
     found = np.quantile(dithered(counts), share)
     line = linregress(expected, found)
+
     if np.subtract(*np.quantile(counts, (0.75, 0.25))) < LEAST_COUNTS:
         raise FrameError(
             f"{eye.name}: the air above the tissue is of one colour: there is no noise in it to measure"
         )
+
     misfit = np.std(found - line.intercept - line.slope * expected) / line.slope
     misfit_db = misfit * np.std(LOGARITHMIC.shown(-np.log1p(-share))) / np.std(expected)
     return float(line.slope), float(line.intercept), float(misfit_db)
@@ -472,6 +488,7 @@ def find_lines(eye: ImagedEye, display: Display) -> tuple[Line, ...]:
     rows = np.flatnonzero(air.sum(axis=1) >= LEAST_SHARE * imaged)
     if len(rows) < 2 * REACH:
         return ()
+
     rows = np.arange(rows[0], rows[-1] + 1)
     levels = np.where(air[rows], display.levels(eye.pixels[rows]), np.nan)
     level_db = np.nanmedian(levels, axis=1) - MEDIAN_DB
@@ -486,6 +503,7 @@ def find_lines(eye: ImagedEye, display: Display) -> tuple[Line, ...]:
     median_db = 10.0 * np.log10(ncx2.median(2, 2.0 * mirrored) / 2.0) - MEDIAN_DB
     light = np.interp(level_db, median_db, mirrored)
     found = [_fitted_line(eye, rows, light, int(peak)) for peak in peaks]
+
     return tuple(line for line in found if line is not None)
 
 
@@ -506,6 +524,7 @@ def _fitted_line(eye: ImagedEye, rows: Places, light: Floats, peak: int) -> Line
     )
     if found is None or found[0][2] > WIDEST:
         return None
+
     row, gain, sigma = map(float, found[0])
     thickness_m = max(sigma, NARROWEST) / amplitude_sigma(1.0) * eye.scale.depth_m
     return Line(

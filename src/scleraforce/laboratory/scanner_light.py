@@ -73,6 +73,7 @@ def depth_profile(
     middle = np.array([np.median(level[part]) for part in parts]) - MEDIAN_DB
     at_m = np.array([depth[part].mean() for part in parts])
     count = np.array([len(part) for part in parts], dtype=np.float64)
+
     return (
         (at_m, middle, count) if len(bins) else (np.empty(0), np.empty(0), np.empty(0))
     )
@@ -84,6 +85,7 @@ def light_in_wall(eye: ImagedEye, display: Display) -> WallLight:
     inside = eye.inside
     clear = eye.walled
     depth_m = eye.below_surface_rows * eye.row_m
+
     for _ in range(2):
         value, error = _fit_light(eye, levels, depth_m, inside & clear, display)
         fall = np.exp(-2.0 * value[1] * np.maximum(depth_m, 0.0))
@@ -94,8 +96,10 @@ def light_in_wall(eye: ImagedEye, display: Display) -> WallLight:
             SHADED_DB, SHADED_SDS * robust_spread(np.abs(dips[np.isfinite(dips)]))
         )
         clear = np.nan_to_num(dips, nan=-np.inf) > -least
+
     snr = Estimate(value=float(value[0]), error=float(error[0]))
     most = max(MOST_ATTENUATION_SHARE * abs(value[1]), 100.0)
+
     attenuation = fitted(
         value[1],
         error[1],
@@ -104,6 +108,7 @@ def light_in_wall(eye: ImagedEye, display: Display) -> WallLight:
     )
     if isinstance(attenuation, Estimate) and attenuation.value <= 0.0:
         attenuation = Unmeasured("the wall grows brighter with depth")
+
     return WallLight(levels, expected, column_db, clear, snr, attenuation)
 
 
@@ -143,6 +148,7 @@ def _fit_light(
         raise FrameError(
             f"{eye.name}: the light in the wall follows no law that could be fitted"
         )
+
     return found
 
 
@@ -158,6 +164,7 @@ def _column_light(eye: ImagedEye, residual_db: Floats, inside: Flags) -> Floats:
         light[enough] = gaussian_filter1d(
             own_db, max(SMOOTH_M / eye.scale.lateral_m / 2, 0.5), mode="nearest"
         )
+
     return light
 
 
@@ -169,6 +176,7 @@ def _dips(eye: ImagedEye, column_db: Floats) -> Floats:
     slow[columns] = median_filter(
         column_db[columns], min(width, len(columns) | 1), mode="nearest"
     )
+
     return column_db - slow
 
 
@@ -178,10 +186,12 @@ def roll_off(eye: ImagedEye, tissue: WallLight) -> Measured:
     depth_m = eye.surface_row[used] * eye.scale.depth_m
     if np.count_nonzero(used) < LEAST_IN_BIN or np.ptp(depth_m) < LEAST_REACH_M:
         return Unmeasured("the surface lies at one depth of the frame")
+
     step = max(1, len(depth_m) // 400)  # of neighbours that are alike
     slope, _, low, high = theilslopes(
         tissue.column_db[used][::step], depth_m[::step], 0.68
     )
+
     return fitted(
         -slope,
         high - low,
@@ -217,6 +227,7 @@ def layer_below(
     few = np.count_nonzero(columns) < LAYER_COLUMNS
     if not eye.wall.inner_found or few or isinstance(attenuation, Unmeasured):
         return (Unmeasured(BLURRED if eye.wall.inner_found else NO_INNER),) * 3
+
     depth_m = eye.below_inner_rows * eye.row_m
     chosen = (
         (depth_m > -ABOVE_M)
@@ -227,9 +238,11 @@ def layer_below(
     at_m, found_db, count = depth_profile(
         tissue.levels, depth_m, chosen, max(LAYER_BIN_M, eye.row_m)
     )
+
     seen = (count >= LAYER_IN_BIN) & (found_db < display.highest_db - LEAST_SEEN_DB)
     if np.count_nonzero(seen) < LAYER_BINS:
         return (Unmeasured("too little is seen below the wall"),) * 3
+
     wall_m = np.nanmedian((eye.wall.inner_row - eye.surface_row)[columns]) * eye.row_m
     mu = attenuation.value
     at_inner_db = tissue.snr_db.value - 20.0 / np.log(10.0) * mu * wall_m
@@ -250,6 +263,7 @@ def layer_below(
             * np.exp(-2.0 * per_m * np.maximum(y, 0.0))
             * inside
         )
+
         return level_db(wall + layer + 1.0)
 
     found = fitted_curve(
@@ -266,16 +280,20 @@ def layer_below(
     )
     if found is None:
         return (Unmeasured(BLURRED),) * 3
+
     value, error = found
     level = fitted(value[0], error[0], MOST_LEVEL_ERROR_DB, BLURRED)
     if isinstance(level, Unmeasured):
         return (level,) * 3
+
     end_db = at_inner_db + value[0] - 20.0 / np.log(10.0) * value[1] * value[2]
     thickness = fitted(value[2], error[2], MOST_SHARE * value[2], NO_END)
+
     if level_db(np.array(10.0 ** (end_db / 10.0) + 1.0)) < LEAST_SEEN_DB or value[
         2
     ] > 0.9 * (BELOW_M - 50e-6):
         thickness = Unmeasured(NO_END)
+
     return level, fitted(value[1], error[1], MOST_SHARE * value[1], BLURRED), thickness
 
 
@@ -295,6 +313,7 @@ def find_shadows(eye: ImagedEye, tissue: WallLight) -> tuple[Shadow, ...]:
     dark, _ = label(np.nan_to_num(light_db) < -max(SHADOW_DB, SHADOW_SDS * deviation))
     found = [_fitted_shadow(eye, light_db, place[0]) for place in find_objects(dark)]
     kept: list[Shadow] = []
+
     for shadow in sorted(
         (each for each in found if each is not None), key=lambda each: -each.width_m
     ):
@@ -302,6 +321,7 @@ def find_shadows(eye: ImagedEye, tissue: WallLight) -> tuple[Shadow, ...]:
             abs(shadow.centre_m - other.centre_m) > other.width_m / 2 for other in kept
         ):
             kept.append(shadow)
+
     return tuple(sorted(kept, key=lambda each: each.centre_m))
 
 
@@ -310,6 +330,7 @@ def _fitted_shadow(eye: ImagedEye, light_db: Floats, place: slice) -> Shadow | N
     columns = place.stop - place.start
     if columns < SHADOW_COLUMNS:
         return None
+
     margin = max(4, round(MARGIN * columns))
     near = np.arange(
         max(place.start - margin, 0), min(place.stop + margin, len(light_db))
@@ -329,6 +350,7 @@ def _fitted_shadow(eye: ImagedEye, light_db: Floats, place: slice) -> Shadow | N
     found = fitted_curve(shaded, near, light, start, bounds=ends)
     if found is None or not found[1][2] < MOST_LOSS_ERROR:
         return None
+
     (column, width, loss, _) = map(float, found[0])
     lateral_m = eye.scale.lateral_m
     centre_m = (column + 0.5) * lateral_m - lateral_m * len(light_db) / 2
@@ -356,6 +378,7 @@ def resolutions(
         expected_db < display.highest_db - UNDER_TOP_DB
     )
     chosen &= eye.inside & tissue.clear
+
     pixels = int(np.count_nonzero(chosen))
     if pixels < LEAST_PIXELS:
         return (
@@ -363,11 +386,13 @@ def resolutions(
                 "too little of the wall lies between the noise and the display's end"
             ),
         ) * 2
+
     speckle = np.where(chosen, tissue.levels - expected_db, 0.0)
     speckle[chosen] -= speckle[chosen].mean()
     light = 10.0 ** (expected_db[chosen] / 10.0)
     share = float(np.mean((1.0 - 1.0 / np.maximum(light, 1.0)) ** 2))
     down, across = _autocorrelation(speckle, chosen)
+
     return _width(down, share, pixels, eye.scale.depth_m), _width(
         across, share, pixels, eye.scale.lateral_m
     )
@@ -391,6 +416,7 @@ def _autocorrelation(speckle: Floats, chosen: Flags) -> tuple[Floats, Floats]:
     mean = np.divide(
         power, pairs, out=np.zeros_like(power), where=pairs > LEAST_PIXELS / 2
     )
+
     return mean[:FAR, 0] / mean[0, 0], mean[0, :FAR] / mean[0, 0]
 
 
@@ -399,6 +425,7 @@ def _width(correlation: Floats, share: float, pixels: int, pixel_m: float) -> Me
     fallen = np.flatnonzero(correlation < 0.15)
     if not len(fallen) or fallen[0] * 3 > FAR:
         return Unmeasured("the wall's texture is coarser than speckle")
+
     lags = max(LEAST_LAGS, 3 * int(fallen[0]))
     seen = correlation[1:lags]
 
@@ -431,8 +458,10 @@ def _width(correlation: Floats, share: float, pixels: int, pixel_m: float) -> Me
     )
     sigma = float(value[0])
     per_sigma = 1.0 / amplitude_sigma(1.0)
+
     if sigma <= least:
         return Estimate(value=least * per_sigma * pixel_m, at_most=True)
+
     misfit = float(np.std(seen - model(seen, *value))) / error
     sigma_error = float(np.sqrt(covariance[0, 0])) * max(1.0, misfit)
     return Estimate(
@@ -493,6 +522,7 @@ def surface_light(
     sigma = LEAST_SIGMA
     if isinstance(axial, Estimate):
         sigma = max(amplitude_sigma(axial.value) / eye.scale.depth_m, LEAST_SIGMA)
+
     columns = np.flatnonzero(tissue.clear & (eye.slope_rad < FARTHEST_RAD))
     reach = round(REACH_SIGMAS * sigma + REACH_ROWS)
     rows = (
@@ -505,6 +535,7 @@ def surface_light(
     slope = eye.slope_rad[columns]
     at_top = (eye.pixels[rows, columns] >= display.top).any(axis=0)[slope < NORMAL_RAD]
     fault = ""
+
     if (
         len(at_top) < SURFACE_COLUMNS
         or np.count_nonzero(slope > STEEP_RAD) < SURFACE_COLUMNS
@@ -512,6 +543,7 @@ def surface_light(
         fault = "the surface is not seen both along the normal and well off it"
     elif at_top.mean() > MOST_AT_TOP:
         fault = "the surface's reflection is brighter than the display's end"
+
     slopes = np.broadcast_to(slope, rows.shape).ravel()
     below = (rows - eye.surface_row[columns]).ravel()
     noise = float(10.0 ** (-tissue.snr_db.value / 10.0))
@@ -532,6 +564,7 @@ def reflections(frames: Sequence[SurfaceLight]) -> tuple[list[Measured], Measure
         return [Unmeasured(frame.fault) for frame in frames], Unmeasured(
             frames[0].fault
         )
+
     pooled = _fit_reflection(
         usable, np.array([1.0, START_RAD, START_ROWS, *[0.0] * len(KNOTS_RAD)])
     )
@@ -545,6 +578,7 @@ def reflections(frames: Sequence[SurfaceLight]) -> tuple[list[Measured], Measure
             return strengths, angle if any(
                 isinstance(each, Estimate) for each in strengths
             ) else Unmeasured(WEAK)
+
     return [Unmeasured(frame.fault or WEAK) for frame in frames], Unmeasured(WEAK)
 
 
@@ -552,9 +586,11 @@ def _strength(frame: SurfaceLight, pooled: Floats) -> Measured:
     """Return a frame's reflection, at the angle and the surface's deviation of all frames."""
     if frame.fault:
         return Unmeasured(frame.fault)
+
     found = _fit_reflection([frame], pooled, slice(1))
     if found is None:
         return Unmeasured(WEAK)
+
     gain = max(float(found[0][0]), 1e-9)
     return fitted(
         10.0 * np.log10(gain),
@@ -604,8 +640,10 @@ def _fit_reflection(
         )
         if found is None:
             return None
+
         value[free], errors[free] = found
         weight = _seen(slope, below, sigma, value) + noise
+
     return value, errors
 
 

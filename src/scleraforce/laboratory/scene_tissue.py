@@ -40,6 +40,7 @@ class Rays:
             length_m = (
                 np.interp(at_m, self.window.grid_m, height_m) - self.surface_m
             ) / self.downwards
+
         return self.window.row(self.surface_m + self.stretch * length_m)
 
     def row_of(self, points: Floats) -> Floats:
@@ -57,6 +58,7 @@ def rays_below(height_m: Floats, window: Window, refractive_index: float) -> Ray
     across = np.sqrt(1.0 - along**2)
     sideways = along * np.cos(slope) - across * np.sin(slope)
     downwards = along * np.sin(slope) + across * np.cos(slope)
+
     return Rays(window, surface_m, sideways, downwards, slope, refractive_index)
 
 
@@ -194,6 +196,7 @@ class Tissue:
         """Return the cornea's part (0: all sclera) in the light at a share of the wall's depth, (column,)."""
         if self.wall.limbus is None:
             return np.zeros(len(self.outer))
+
         window = self.rays.window
         arc_m = np.interp(
             window.grid_m, np.maximum.accumulate(self.wall.outer[:, 0]), self.wall.arc_m
@@ -204,6 +207,7 @@ class Tissue:
             / self.rays.stretch
         )
         lateral_m = window.lateral_m + self.rays.sideways * depth_m  # of the rays there
+
         return self.wall.limbus.cornea(
             np.interp(lateral_m, window.grid_m, arc_m), share
         )
@@ -233,6 +237,7 @@ def draw_tissue(
     tissue = Tissue(study, wall, picture, rays, surface, outer, inner, snr_db, rng)
     _fill_inside(tissue)
     _fill_wall(tissue)
+
     if over_m.any():  # with Tenon's layer as its lower part
         middle = outer - draw(study.tenon_share, rng) * (outer - surface)
         attenuation = draw(study.attenuation_per_m, rng)
@@ -240,6 +245,7 @@ def draw_tissue(
             surface, middle, tissue.light(draw(study.conjunctiva_db, rng)), attenuation
         )
         tissue.fill(middle, outer, tissue.light(draw(study.tenon_db, rng)), attenuation)
+
     _roughen(tissue)
     facing = tissue.facing()
     picture.ridges.append(
@@ -247,6 +253,7 @@ def draw_tissue(
             surface, tissue.light(draw(study.reflection_db, rng)) * facing, RIDGE_ROWS
         )
     )
+
     return tissue
 
 
@@ -257,11 +264,13 @@ def _conjunctiva(
     thickness_m = draw(study.conjunctiva_m, rng)
     if rng.random() >= study.conjunctiva_share:
         return np.zeros(len(wall.arc_m))
+
     covered = np.ones(len(wall.arc_m))
     if wall.limbus is not None:
         covered = np.clip(
             (np.abs(wall.arc_m) - wall.limbus.arc_m) / COVERED_M, 0.0, 1.0
         )
+
     swell = 1.0 + 0.3 * np.sin(
         2.0 * np.pi * wall.arc_m / rng.uniform(1.5e-3, 6e-3) + rng.uniform(0.0, 6.0)
     )
@@ -274,6 +283,7 @@ def _fill_inside(tissue: Tissue) -> None:
     rng = tissue.rng
     wall = tissue.wall
     inner = tissue.inner
+
     if rng.random() < study.haze_share:
         tissue.fill(
             inner,
@@ -281,12 +291,14 @@ def _fill_inside(tissue: Tissue) -> None:
             tissue.light(draw(study.haze_db, rng)),
             0.0,
         )
+
     _fade_below(tissue, inner, 1.0 - tissue.cornea(1.0))
     uvea_m = (
         _uvea(study, wall, rng)
         if rng.random() < study.uvea_share
         else np.zeros(len(wall.arc_m))
     )
+
     if wall.limbus is not None:
         _fill_iris_and_lens(tissue, wall.limbus, uvea_m)
     if uvea_m.any():
@@ -299,6 +311,7 @@ def _fade_below(tissue: Tissue, top: Floats, level: Floats) -> None:
     rng = tissue.rng
     length_m = draw(study.below_m, rng)
     level_db = draw(study.below_db, rng)
+
     if rng.random() < study.below_share:
         length_rows = length_m * tissue.rays.stretch / tissue.picture.window.pixel_m
         tissue.picture.fade(top, level * tissue.light(level_db), length_rows)
@@ -310,8 +323,10 @@ def _uvea(study: SceneTissueStudy, wall: DrawnWall, rng: np.random.Generator) ->
         draw(v, rng) for v in (study.choroid_m, study.ciliary_m, study.ciliary_length_m)
     )
     rise_m = draw(study.ciliary_rise_m, rng)
+
     if wall.limbus is None:
         return np.full(len(wall.arc_m), choroid_m)
+
     beyond_m = np.abs(wall.arc_m) - wall.limbus.spur_m
     falling = np.exp(-2.5 * np.maximum(beyond_m - rise_m, 0.0) / length_m)
     return np.clip(beyond_m / rise_m, 0.0, 1.0) * (
@@ -338,6 +353,7 @@ def _fill_uvea(tissue: Tissue, thickness_m: Floats) -> None:
         tissue.light(level_db if parted else min(level_db, APART_DB)),
         attenuation,
     )
+
     if parted:
         gap = inner + max(
             gap_m * tissue.rays.stretch / tissue.picture.window.pixel_m, GAP_ROWS
@@ -355,6 +371,7 @@ def _fill_iris_and_lens(tissue: Tissue, limbus: Limbus, uvea_m: Floats) -> None:
     )
     deeper_m = draw(study.iris_depth_m, rng)
     face = wall.offset(wall.thickness_m + uvea_m)  # of the ciliary body, below the wall
+
     roots = {
         side: np.array(
             [np.interp(side * root_arc_m, wall.arc_m, along) for along in face.T]
@@ -364,11 +381,13 @@ def _fill_iris_and_lens(tissue: Tissue, limbus: Limbus, uvea_m: Floats) -> None:
     }
     if not roots:
         return
+
     zero, below = wall.pose.place_points(np.array([[0.0, 0.0], [0.0, 1.0]]))
     plane_m = (
         float(np.mean([(root - zero) @ (below - zero) for root in roots.values()]))
         + deeper_m
     )
+
     if rng.random() < study.lens_share:
         _fill_lens(tissue, plane_m)
     if rng.random() < study.iris_share:
@@ -399,6 +418,7 @@ def _fill_iris(
     )
     upper_m = bow_m * np.sin(np.pi * ALONG) + bump_m
     lower_m = thick_m * (1.0 - 0.5 * (1.0 - ALONG) ** 2)
+
     for side, root in roots.items():
         pupil = wall.pose.place_points(np.array([[side * pupil_m, plane_m]]))[0]
         middle = root + ALONG[:, None] * (pupil - root)
@@ -431,6 +451,7 @@ def _crypts(
             * thick_m
             * np.exp(-((off_m / draw(study.crypt_m, rng)) ** 2))
         )
+
     return np.minimum(depth_m, 0.4 * thick_m)
 
 
@@ -454,6 +475,7 @@ def _fill_lens(tissue: Tissue, plane_m: float) -> None:
     layer_db = draw(study.lens_layer_db, rng)
     centre = np.array([0.0, front_m + half_m])
     edges = []
+
     for size in LENS_LAYERS:
         edges.append(
             _between(tissue, tissue.wall.pose.place_points(size * outline + centre))
@@ -463,6 +485,7 @@ def _fill_lens(tissue: Tissue, plane_m: float) -> None:
             tissue.light(level_db + layer_db * rng.uniform(-1.0, 1.0)),
             LENS_ATTENUATION_PER_M,
         )
+
     top, bottom = edges[0]
     capsule_rows = (
         draw(study.capsule_m, rng) * rays.stretch / tissue.picture.window.pixel_m
@@ -511,6 +534,7 @@ def _fill_wall(tissue: Tissue) -> None:
     phase = rng.uniform(0.0, 2.0 * np.pi)
     profile_db = draw(study.profile_db, rng)
     attenuation = draw(study.attenuation_per_m, rng)
+
     for above, below in pairwise(np.linspace(0.0, 1.0, WALL_LAYERS + 1)):
         share = float(above + below) / 2
         level_db = tissue.cornea(share) * cornea_db
@@ -518,8 +542,10 @@ def _fill_wall(tissue: Tissue) -> None:
         top = outer + above * (inner - outer)
         bottom = outer + below * (inner - outer)
         tissue.fill(top, bottom, tissue.light(level_db), attenuation)
+
     for _ in range(int(draw(study.scar_count, rng))):
         _scar(tissue)
+
     if tissue.wall.limbus is not None:
         _fill_faces(tissue, cornea_db)
 
@@ -582,6 +608,7 @@ def _grains(
     down = round(shape[0] * window.pixel_m / height_m)
     size = min(max(3, down), shape[0]), min(max(3, across), shape[1])
     drawn = rng.standard_normal(size, dtype=np.float32)
+
     return cv2.resize(drawn, shape[::-1], interpolation=cv2.INTER_LINEAR).astype(
         np.float32, copy=False
     )

@@ -64,6 +64,7 @@ def draw_window(study: SceneWindowStudy, rng: np.random.Generator) -> Window:
     )
     columns = round(draw(study.columns, rng))
     above = round(ABOVE_SHARE * rows)
+
     return Window(
         rows=rows, columns=columns, above=above, width_m=width_m, depth_m=depth_m
     )
@@ -175,6 +176,7 @@ def draw_wall(
         else float(np.interp(dent_arc_m, arc_m[kept], placed[kept, 0]))
     )
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+
     return DrawnWall(
         placed[kept], normal, thickness_m[kept], arc_m[kept], pose, limbus, dent_m
     )
@@ -188,6 +190,7 @@ def _limbus(eye: SceneEyeStudy, rng: np.random.Generator) -> Limbus | None:
         "spur_bump_m": lambda: draw(eye.spur_bump_m, rng),
     }
     limbus = drawn(Limbus, eye, rng, "limbus_", arc_m=arc_m, **spur)
+
     return None if rng.random() < eye.half_sphere_share else limbus
 
 
@@ -229,6 +232,7 @@ def _dented(
     """Push a needle into the meridian, near the middle of the view; return the dent's arc and the meridian."""
     if rng.random() >= eye.dent_share:
         return None, outer
+
     width_m = draw(eye.dent_width_m, rng)
     centre_m = view_m + rng.normal(0.0, width_m)
     off = (arc_m - centre_m) / width_m
@@ -236,6 +240,7 @@ def _dented(
     depth_m = min(draw(eye.dent_depth_m, rng), STEEPEST_DENT * width_m)
     push = depth_m * (np.exp(-(off**2) / 2) - rim)
     direction = np.interp(centre_m, arc_m, slope)
+
     return centre_m, outer + push[:, None] * np.array(
         [-np.sin(direction), np.cos(direction)]
     )
@@ -249,6 +254,7 @@ def _pose(
     lateral_m = -float(turned[at, 0])
     inside = np.abs(turned[:, 0] + lateral_m) < window.width_m / 2
     highest_m = float(turned[inside, 1].min())
+
     return Pose(
         lateral_m=lateral_m,
         depth_m=surface_share * window.depth_m - highest_m,
@@ -265,4 +271,5 @@ def _seen_from_above(placed: Floats) -> slice:
     right = np.flatnonzero(steep[middle:])
     first = int(left[-1]) + 1 if len(left) else 0
     last = middle + int(right[0]) if len(right) else len(placed) - 1
+
     return slice(first, max(last, first + 2) + 1)

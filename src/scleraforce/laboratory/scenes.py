@@ -92,6 +92,7 @@ def draw_over(study: SceneOverStudy, tissue: Tissue) -> None:
     dent_m = tissue.wall.dent_m
     over = _Over(study, tissue)
     _vessels(over)
+
     for share, thing in (
         (study.contact_lens_share, _contact_lens),
         (study.coverslip_share, _coverslip),
@@ -101,8 +102,10 @@ def draw_over(study: SceneOverStudy, tissue: Tissue) -> None:
     ):
         if rng.random() < share:
             thing(over)
+
     for _ in range(int(draw(study.bubble_count, rng))):
         _bubble(over)
+
     if rng.random() < study.needle_share:
         _needle(over, over.place() if dent_m is None else dent_m)
 
@@ -112,6 +115,7 @@ def _vessels(over: _Over) -> None:
     study = over.study
     tissue = over.tissue
     rng = over.rng
+
     for _ in range(int(draw(study.vessel_count, rng))):
         middle_m = over.place()
         width_m = draw(study.vessel_m, rng)
@@ -120,6 +124,7 @@ def _vessels(over: _Over) -> None:
         depth = rng.uniform(0.0, 0.6) * (tissue.inner - tissue.surface)
         passed = transmission([shadow], over.lateral_m).astype(np.float64)
         over.picture.shade(tissue.surface + np.nan_to_num(depth), passed)
+
     if rng.random() < study.air_share:
         air = Shadow(
             centre_m=over.place(),
@@ -136,6 +141,7 @@ def _smooth_surface(over: _Over) -> Floats:
     there = np.isfinite(over.surface_m)
     if np.count_nonzero(there) < 3:
         return np.full(len(over.lateral_m), np.nan)
+
     smooth = np.polyval(
         np.polyfit(over.lateral_m[there], over.surface_m[there], 2), over.lateral_m
     )
@@ -160,8 +166,10 @@ def _contact_lens(over: _Over) -> None:
     bright_db = draw(study.lens_db, rng) - 12.0 * np.clip(
         np.abs(over.tissue.rays.slope_rad), 0.0, 1.0
     )
+
     if rng.random() < HAZY_SHARE:
         over.body(front_m, back_m, draw(study.lens_db, rng) - HAZE_DB, 0.0)
+
     over.line(front_m, np.nan_to_num(bright_db, nan=0.0))
     over.line(back_m, np.nan_to_num(bright_db - rng.uniform(0.0, 10.0), nan=0.0))
     _specks(over, back_m)
@@ -184,6 +192,7 @@ def _coverslip(over: _Over) -> None:
     rng = over.rng
     if not np.isfinite(over.surface_m).any():
         return
+
     plane = np.tan(draw(study.coverslip_tilt_rad, rng)) * over.lateral_m
     lower = (
         plane
@@ -237,6 +246,7 @@ def _lid(over: _Over, left: bool) -> None:
     over.cover(
         top_m, bottom_m, draw(study.lid_db, rng), draw(study.lid_attenuation_per_m, rng)
     )
+
     for _ in range(int(draw(study.lash_count, rng))):
         _lash(
             over,
@@ -252,6 +262,7 @@ def _lash(over: _Over, lateral_m: float) -> None:
     off = over.lateral_m - lateral_m
     if not np.isfinite(over.surface_m).any():
         return
+
     depth_m = (
         float(np.nanmin(over.surface_m))
         - rng.uniform(0.1e-3, 1.5e-3)
@@ -277,8 +288,10 @@ def _bubble(over: _Over) -> None:
     )
     middle_m = rests_m - radius_m * rng.uniform(0.6, 1.6)
     bright_db = draw(study.bubble_db, rng)
+
     for side in (-1.0, 1.0):
         over.line(np.where(inside, middle_m + side * half_m, np.nan), bright_db)
+
     passed = np.where(
         inside,
         np.clip(1.0 - (half_m / radius_m) * rng.uniform(0.3, 0.98), 0.02, 1.0),
@@ -306,13 +319,16 @@ def _needle(over: _Over, tip_m: float) -> None:
     far = NEEDLE_LENGTH_M * along
     one = tip - half_m * across
     other = tip + half_m * across + bevel
+
     top_m, bottom_m = outline_depths(
         np.array([one, other, other + far, one + far]), over.lateral_m
     )
     if np.isnan(top_m).all():
         return
+
     bright_db = draw(study.needle_db, rng)
     over.line(top_m, bright_db)
+
     if rng.random() < study.glass_share:
         over.line(bottom_m, bright_db - rng.uniform(0.0, 12.0))
         passed = np.where(
@@ -342,13 +358,16 @@ def scanned(
     light = _folded(
         study, _field(study, picture, looks, rng), picture.window, looks, rng
     )
+
     if apex_column is not None and rng.random() < study.flare_share:
         _add_flare(study, light, picture.window, apex_column, rng)
+
     _add_streaks(study, light, picture.window, rng)
     bits = int(draw(study.bits, rng))
     share = _display(study, light, rng)
     imaged = _blacken(study, share, rng)
     frame = np.rint(share * (2**bits - 1)).astype(np.uint8 if bits == 8 else np.uint16)
+
     return frame, imaged
 
 
@@ -358,6 +377,7 @@ def _field(
     """Return the field of the returning light without noise; looks that move against the tissue average its speckle."""
     window = picture.window
     lines = []
+
     for _ in range(int(draw(study.line_count, rng))):
         row = np.full(window.columns, window.above + rng.uniform(0.0, window.rows))
         bright = np.full(window.columns, ratios(draw(study.line_db, rng)))
@@ -369,11 +389,13 @@ def _field(
                 shadowed=False,
             )
         )
+
     depth = np.maximum(picture.rows - window.above, 0.0) / window.rows
     rolled_off = ratios(-draw(study.rolloff_db, rng) * depth).astype(np.float32)
     reaching = np.exp(-np.cumsum(picture.loss, axis=0)) * rolled_off
     if rng.random() < study.fall_share:
         reaching *= _fall(study, picture, rng)
+
     light = picture.scatter * reaching
     rows = min(draw(study.speckle_rows, rng), draw(study.axial_m, rng) / window.pixel_m)
     sigmas = amplitude_sigma(rows), amplitude_sigma(draw(study.speckle_columns, rng))
@@ -386,6 +408,7 @@ def _field(
     field *= np.sqrt(
         np.maximum(averaged, 0.0) / np.maximum(one_look, np.float32(1e-12))
     )
+
     for ridge in (*picture.ridges, *lines):
         row = np.clip(
             np.nan_to_num(ridge.row, nan=0.0) - 1.0, 0, len(reaching) - 1
@@ -398,6 +421,7 @@ def _field(
         optics.add_ridge(
             field, ridge.row, np.sqrt(ridge.intensity * left), ridge.sigma_rows, rng
         )
+
     return field
 
 
@@ -409,6 +433,7 @@ def _fall(
     across = (window.lateral_m / (window.width_m / 2) - rng.uniform(-0.2, 0.2)) ** 2
     down = ((picture.rows - window.above) / window.rows * 2.0 - 1.0) ** 2
     away = across + rng.choice([0.0, rng.random()]) * down
+
     return ratios(-draw(study.fall_db, rng) * away ** rng.uniform(0.7, 2.0)).astype(
         np.float32
     )
@@ -426,11 +451,13 @@ def _folded(
     above = field[: window.above][::-1]
     if rng.random() < study.mirrored_share:
         below[: len(above)] += above
+
     tilt_db = draw(study.noise_tilt_db, rng) * np.linspace(-0.5, 0.5, len(below))
     noise_level = ratios(tilt_db)[:, None].astype(np.float32)
     mean = np.square(np.abs(below)) + noise_level
     seen = below + np.sqrt(noise_level) * optics.circular_gaussian(below.shape, rng)
     one_look = np.square(np.abs(seen))
+
     return np.maximum(
         mean + (one_look - mean) / np.sqrt(np.float32(looks)), LEAST_LIGHT
     )
@@ -447,6 +474,7 @@ def _add_flare(
     width_m = draw(study.flare_m, rng)
     level_db = draw(study.flare_db, rng)
     across = (np.arange(window.columns) - apex) * window.step_m / width_m
+
     for _ in range(int(draw(study.ghost_count, rng))):
         off = (
             np.arange(window.rows)[:, None] - rng.uniform(0.0, window.rows)
@@ -455,6 +483,7 @@ def _add_flare(
             -((across / rng.uniform(1.0, 20.0)) ** 2) - off**2
         )
         light += ghost.astype(np.float32)
+
     stripe = ratios(level_db) * np.exp(-(across**2))
     fades = np.exp(-rng.uniform(0.0, 3.0) * np.linspace(0.0, 1.0, window.rows))
     light += (fades[:, None] * stripe * rng.exponential(1.0, (window.rows, 1))).astype(
@@ -488,6 +517,7 @@ def _display(
     sample = light.ravel()[::SAMPLE]
     nth = int((1.0 - draw(study.saturated_fraction, rng)) * (len(sample) - 1))
     white = float(np.partition(sample, nth)[nth])
+
     kind = rng.random()
     if kind < study.linear_share:
         share = light / np.float32(white)
@@ -497,6 +527,7 @@ def _display(
         black = float(ratios(draw(study.display_floor_db, rng)))
         white = max(white, 2.0 * black)
         share = np.log(light / np.float32(black)) / np.float32(np.log(white / black))
+
     return np.power(np.clip(share, 0.0, 1.0), np.float32(draw(study.gamma, rng)))
 
 
@@ -509,11 +540,13 @@ def _blacken(
         first = int(rng.integers(0, columns))
         lost = int(draw(study.lost_columns, rng))
         share[:, first : first + lost] = 0.0
+
     imaged = np.ones(columns, dtype=np.bool_)
     if rng.random() < study.band_share:
         band = round(draw(study.band_fraction, rng) * columns)
         imaged[:band] = imaged[columns - band :] = False
         share[:, ~imaged] = 0.0
+
     if rng.random() < study.arc_share:
         arc = (
             draw(study.arc_fraction, rng) * rows * np.linspace(-1.0, 1.0, columns) ** 2
@@ -523,10 +556,13 @@ def _blacken(
             :: 1 if rng.choice([-1.0, 1.0]) > 0 else -1
         ]
         share[(row < top) | (row > rows - 1 - bottom)] = 0.0
+
     if rng.random() < study.margin_share:
         _put_on_page(study, share, imaged, rng)
+
     for _ in range(int(draw(study.mark_count, rng))):
         MARKS[rng.integers(len(MARKS))](share, rng)
+
     return imaged
 
 
@@ -540,6 +576,7 @@ def _put_on_page(
         width = round(draw(study.margin_fraction, rng) * len(turned))
         margin = slice(0, width) if side < 2 else slice(len(turned) - width, None)
         turned[margin] = level
+
         if side % 2:
             imaged[margin] = False
 
@@ -601,6 +638,7 @@ def judged_columns(
     kept = seen_columns(frame, surface, inner)
     for (run,) in find_objects(label(kept)[0]):
         kept[run] = run.stop - run.start >= LEAST_RUN * len(kept)
+
     for (gap,) in find_objects(label(~kept)[0]):
         if (
             gap.start > 0
@@ -608,9 +646,11 @@ def judged_columns(
             and gap.stop - gap.start <= GAP_SHARE * len(kept)
         ):
             kept[gap] = True
+
     seen = there & kept
     if np.count_nonzero(seen) < LEAST_SEEN * len(seen):
         return np.zeros(len(seen), dtype=np.bool_), np.ones(len(seen), dtype=np.bool_)
+
     return seen, seen | ~there
 
 
@@ -642,6 +682,7 @@ def _steps(
     )
     step = _across(bright.mean(axis=0)) - _across(dark.mean(axis=0))
     spread = np.sqrt(_across(dark.var(axis=0)))
+
     return inside & (step > np.maximum(LEAST_STEP * spread, least))
 
 
@@ -700,4 +741,5 @@ def draw_scene(study: ScenesStudy, number: int) -> Scene:
         depth_m=window.pixel_m,
         refractive_index=tissue.rays.stretch,
     )
+
     return Scene(frame, scale, outer, inner, judged, tissue.picture.covered & ~judged)

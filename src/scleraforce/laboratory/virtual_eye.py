@@ -50,6 +50,7 @@ def turned_plane(plane: ScanPlane, turn: EyeTurn) -> ScanPlane:
         polar_rad=acos(min(normal[2], 1.0)), azimuth_rad=atan2(normal[1], normal[0])
     )
     direction_rad = atan2(lateral @ contact.parallel, lateral @ contact.meridian)
+
     return ScanPlane(
         contact, gap_m=plane.gap_m, direction_rad=direction_rad, tilt_rad=plane.tilt_rad
     )
@@ -74,6 +75,7 @@ def draw_turns(
         drift_rad * (times_s / times_s[-1])[:, None] * heading
         + saccades[(times_s / SACCADE_S).astype(np.intp)]
     )
+
     return tuple(EyeTurn(about_x_rad=x, about_y_rad=y) for x, y in turns.tolist())
 
 
@@ -132,10 +134,12 @@ def blended(sections: Sequence[Section], weights: Floats) -> Section:
         last_m = min(distance[-1] for distance in along)
         shared_m = along[0][(along[0] >= first_m) & (along[0] <= last_m)]
         blended.append(np.zeros((len(shared_m), 2)))
+
         for weight, distance, curve in zip(weights, along, curves, strict=True):
             blended[-1] += weight * np.stack(
                 [np.interp(shared_m, distance, axis) for axis in curve.T], axis=1
             )
+
     return Section(*blended)
 
 
@@ -178,6 +182,7 @@ class PhantomEye:
                 check_quantity(name, getattr(self, name))
             except StudyError as fault:
                 raise InputError(f"eye {self.id}: {fault}") from None
+
         if not self.id or "/" in self.id or self.id.startswith("."):
             raise InputError(f"eye: id: {self.id!r}; must be a name without /")
 
@@ -199,9 +204,11 @@ def study_sections(
     """Return an eye's sections for needle forces in N, by the study: as it keeps still, turns or leaks."""
     if study.mechanics.kind == "finite-strain" and study.globe.leak_time_s:
         return LeakingSections(eye, study, progress)
+
     eyes = turned_eyes(eye, study)
     report = progress or (lambda _: None)
     knots = list[SectionsAt]()
+
     for number, (turned, own) in enumerate(eyes):
         if study.mechanics.kind == "linear":
             knots.append(LinearSections(turned, own))
@@ -210,6 +217,7 @@ def study_sections(
                 lambda before, part: report((before + part) / len(eyes)), number
             )
             knots.append(BentSections(turned, own, share))
+
     return (
         knots[0]
         if len(knots) == 1
@@ -221,6 +229,7 @@ def turned_eyes(eye: PhantomEye, study: Study) -> list[tuple[PhantomEye, Study]]
     """Return an eye as the needle and the scanner meet it at each of `knot_turns`; unchanged if it keeps still."""
     found = [(eye, study)]
     reach_rad = farthest_turn_rad(study.phantom)
+
     for turn in knot_turns(reach_rad)[1:] if reach_rad else ():
         plane = turned_plane(eye.plane, turn)
         needle = study.needle
@@ -233,10 +242,12 @@ def turned_eyes(eye: PhantomEye, study: Study) -> list[tuple[PhantomEye, Study]]
             needle = replace(
                 needle, tilt_direction_rad=remainder(direction_rad, 2.0 * pi)
             )
+
         turned = replace(
             eye, **asdict(plane.contact), direction_rad=plane.direction_rad
         )
         found.append((turned, replace(study, needle=needle)))
+
     return found
 
 
@@ -275,12 +286,14 @@ class BentSections:
         """Return the sections."""
         bent = self._bent_to(forces_n)
         sections = list[Section]()
+
         for start in range(0, len(forces_n), FORCES_AT_ONCE):
             part = forces_n[start : start + FORCES_AT_ONCE]
             states_fnc = np.stack([bent.displacement_nc(force_n) for force_n in part])
             sections += cut_sections(
                 bent.mesh, [self.eye.plane], states_fnc, np.eye(len(part))[None]
             )[0]
+
         return sections
 
     def travels_m(self, forces_n: Sequence[float]) -> list[float]:
@@ -304,6 +317,7 @@ class BentSections:
                 max_force_n=largest_n,
                 progress=self._progress,
             )
+
         return self._bent
 
 
@@ -327,6 +341,7 @@ class LeakingSections(BentSections):
             raise StudyError(
                 "globe.leak_time_s: of an eye that keeps still; leave out eye_drift_deg, eye_saccade_deg"
             )
+
         law = study_globe(self._study.globe)
         clock_s = np.arange(0.0, times_s[-1] + LEAK_STEP_S, LEAK_STEP_S)
         driven_n = force_n(clock_s)
@@ -391,8 +406,10 @@ def pressures_pa(
             float(weight @ found)
             for weight, *found in zip(weights, *at_knots, strict=True)
         ]
+
     if isinstance(sections_at, BentSections):
         return sections_at.pressures_pa(forces_n)
+
     return [eye.iop_pa] * len(forces_n)
 
 
@@ -436,11 +453,13 @@ class LinearSections:
         loads = [[self._eye.iop_pa, self._weight_n_m3, force_n] for force_n in forces_n]
         weights_fk = np.array(loads) / self._eye.youngs_modulus_pa
         sections = list[Section]()
+
         for start in range(0, len(loads), WEIGHTS_AT_ONCE):
             part = weights_fk[None, start : start + WEIGHTS_AT_ONCE]
             sections += cut_sections(
                 self._mesh, [self._eye.plane], self._modes_knc, part
             )[0]
+
         return sections
 
     def travels_m(self, forces_n: Sequence[float]) -> list[float]:
@@ -472,6 +491,7 @@ def paper_eyes(
     limits_n = (0.0, *study.classes.bounds_n, study.needle.max_force_n)
     rng = np.random.default_rng((study.phantom.seed, 45))
     eyes = []
+
     for name, thickness_m, modulus_pa, trials, place in design:
         polar_rad = round(low + place * (high - low), 6)
         wall = {
@@ -486,6 +506,7 @@ def paper_eyes(
         }
         eye = PhantomEye(id=name, **wall, **contact)
         forces_n: list[float] = []
+
         for target, count in enumerate(trials):
             low_n = limits_n[target]
             high_n = limits_n[target + 1]
@@ -495,9 +516,12 @@ def paper_eyes(
                 first_n + (last_n - first_n) * (index + 0.5) / count
                 for index in range(count)
             ]
+
             if to_the_bounds:
                 drawn_n = sorted(rng.uniform(low_n, high_n, count).tolist())
+
             forces_n += [round(force_n, 7) for force_n in drawn_n]
+
         step = next(step for step in (7, 5, 3, 2, 1) if len(forces_n) % step)
         # An order that mixes the classes and starts with the largest force: a clear first contact.
         eyes.append(
@@ -509,6 +533,7 @@ def paper_eyes(
                 ),
             )
         )
+
     return tuple(eyes)
 
 
@@ -546,6 +571,7 @@ class SimulatedEye:
             "needle_displacement": self.needle_nc,
         }
         cells = [(CELLS[self.mesh.cells_en.shape[1]], self.mesh.cells_en)]
+
         return meshio.Mesh(self.mesh.points_nc, cells, point_data=fields)
 
     def to_pyvista(self) -> Any:
@@ -570,6 +596,7 @@ def simulate_eye(
     eye = study.eye
     modulus_pa = eye.youngs_modulus_pa
     iop_pa = eye.iop_pa
+
     if study.mechanics.kind == "linear":
         wall = linear_wall(study, "simulate", thickness_m, contact, modulus_pa)
         unit_nc = wall.needle_cnc([contact], 0.5 * study.needle.outer_diameter_m)[0]
@@ -578,12 +605,14 @@ def simulate_eye(
             "iop_pa": iop_pa,
             "density_kg_m3": eye.density_kg_m3,
         }
+
         if displacement_m is not None:
             force_n = (
                 displacement_m
                 * modulus_pa
                 / tip_displacement(wall.mesh, contact, unit_nc)
             )
+
         states_nc = (
             wall.displacement(unit_nc, 0.0, **loads),
             wall.displacement(unit_nc, force_n, **loads),
@@ -611,11 +640,13 @@ def simulate_eye(
         states_nc = path.displacement_nc(0.0), path.displacement_at_tip_nc(dent_m)
         found_n, pressure_pa, tip_m = path.at_tip(dent_m)
         force_n = force_n if displacement_m is None else found_n
+
     plane = ScanPlane(contact, gap_m=study.needle.gap_m)
     resting, loaded = cut_sections(mesh, [plane], np.stack(states_nc), np.eye(2)[None])[
         0
     ]
     window = slice_window(study.slice, top_m=float(resting.outer[:, 1].min()))
+
     return SimulatedEye(
         mesh=mesh,
         contact=contact,

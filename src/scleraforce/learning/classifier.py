@@ -90,6 +90,7 @@ def normalisation(
     if mirror:
         wall = wall + wall[:, ::-1]
         count = 2 * count
+
     mean = (wall / count).astype(np.float32)
     return mean.ravel(), ((wall > 0) & (wall < count)).ravel()
 
@@ -134,6 +135,7 @@ class TrainedNetwork:
             signal = (np.maximum(signal, 0.0) if number else signal) @ weight.T.astype(
                 np.float64
             ) + bias
+
         powers: Floats = np.exp(signal - signal.max(axis=1, keepdims=True))
         powers /= powers.sum(axis=1, keepdims=True)
         return powers
@@ -150,12 +152,14 @@ def build_network(
     """
     sizes = (inputs, *study.hidden, classes)
     modules: list[torch.nn.Module] = []
+
     for number, (fan_in, fan_out) in enumerate(pairwise(sizes)):
         linear = torch.nn.Linear(fan_in, fan_out)
         keep = 1.0 - study.dropout if number else 1.0
         torch.nn.init.normal_(linear.weight, std=sqrt(2.0 * keep / fan_in))
         torch.nn.init.zeros_(linear.bias)
         modules += [linear, torch.nn.ReLU(), torch.nn.Dropout(study.dropout)]
+
     return torch.nn.Sequential(*modules[:-2])
 
 
@@ -170,6 +174,7 @@ def trained_network(
     )
     full = np.zeros((len(weights[0]), mean.size), dtype=np.float32)
     full[:, varies] = weights[0]
+
     return TrainedNetwork(mean, (full, *weights[1:]), tuple(biases))
 
 
@@ -198,6 +203,7 @@ class _Reads(torch.nn.Module):
             signal = torch.nn.functional.linear(
                 signal.relu() if number else signal, weight.float(), bias
             )
+
         return signal.softmax(dim=1)
 
 
@@ -242,6 +248,7 @@ def fit(
     number = np.where(varies, np.cumsum(varies) - 1, -1).reshape(
         training.slices.shape[1:]
     )  # of the varying pixels
+
     with torch.device(device):
         centre = tensor(mean[varies])
         mirror_images = tensor(number[:, ::-1].ravel()[varies])
@@ -252,6 +259,7 @@ def fit(
             )
             for samples in (training, validation)
         )
+
     rows = list[tuple[float, ...]]()
     batches = ceil(len(training) / study.batch_size)
 
@@ -259,16 +267,19 @@ def fit(
         """Go through all training samples once, in random order; note accuracy, and loss and accuracy of the others."""
         network.train()
         right = 0.0
+
         for index in torch.tensor_split(torch.randperm(len(training)), batches):
             inputs = wall[index].float() - centre
             if study.mirror:  # a random half of the samples
                 turned = torch.rand(len(index)) < 0.5
                 inputs[turned] = inputs[turned][:, mirror_images]
+
             loss, share = cross_entropy(
                 network, inputs, target[index], study.dropout_masks
             )
             right += share * len(index)
             yield loss, len(index)
+
         rows.append((right / len(training), *_measure(network, centre, *unseen)))
 
     build = partial(build_network, int(varies.sum()), study, classes)
@@ -284,6 +295,7 @@ def fit(
         device,
     )
     curves = Curves(fitted.training_loss, *zip(*rows, strict=True))
+
     return replace(trained_network(fitted.network, mean, varies), curves=curves)
 
 
@@ -297,6 +309,7 @@ def _measure(
     network.eval()
     loss = 0.0
     right = 0
+
     with torch.inference_mode():
         for index in torch.split(torch.arange(len(target)), 1024):
             logits = network(wall[index].float() - centre)
@@ -304,6 +317,7 @@ def _measure(
                 logits, target[index], reduction="sum"
             ).item()
             right += int((logits.argmax(1) == target[index]).sum())
+
     return loss / len(target), right / len(target)
 
 
@@ -351,6 +365,7 @@ def best(candidates: Sequence[Candidate]) -> int:
         raise SolverError(
             "every size of the grid diverged; lower network.learning_rate"
         )
+
     return min(reached)[2]
 
 
@@ -389,9 +404,11 @@ def search_sizes(
         if workers is None
         else work_in_order(prepare, numbers, workers, ahead=len(sizes))
     )
+
     for hidden, found in zip(sizes, tried, strict=True):
         if progress and workers is not None:
             progress(study.epochs)
+
         weights = sum(
             (a + 1) * b
             for a, b in pairwise((training.pixels.shape[1], *hidden, classes))
@@ -410,6 +427,7 @@ def search_sizes(
                 validation_loss=loss,
             )
         )
+
     chosen = best(candidates)
     network = fitted[chosen]
     assert network is not None

@@ -90,6 +90,7 @@ def plan_dataset(study: Study) -> DatasetPlan:
     needle = study.needle
     rng = np.random.default_rng(dataset.seed)
     parts = []
+
     for group in dataset.group:
         contacts = min(dataset.contacts, group.images)
         unseen = min(
@@ -110,6 +111,7 @@ def plan_dataset(study: Study) -> DatasetPlan:
                 rng.integers(0, 2**32, group.images, np.uint32),
             )
         )
+
     polar, azimuth, validates, spreads, seed = (
         np.concatenate(each) for each in zip(*parts, strict=True)
     )
@@ -123,6 +125,7 @@ def plan_dataset(study: Study) -> DatasetPlan:
         np.repeat([group.max_force_n for group in dataset.group], images)
         * draws["force"]
     )
+
     return DatasetPlan(
         force_n=force_n,
         target=np.array(
@@ -169,6 +172,7 @@ def unit_samples(study: Study) -> list[slice]:
         if whole <= 2 * UNIT_IMAGES
         else UNIT_IMAGES
     )
+
     return [slice(first, min(first + size, images)) for first in range(0, images, size)]
 
 
@@ -237,6 +241,7 @@ class Dataset:
             raise DatasetError(
                 f"{self.path}: no array {name!r}; there are {', '.join(layouts)}"
             )
+
         values = CheckedStore(
             KIND, self.path, {name: layouts[name]}, attributes=self.attributes
         ).read(name)
@@ -244,6 +249,7 @@ class Dataset:
             raise DatasetError(
                 f"{self.path / name}: {wrong}; generate the data set again"
             )
+
         return values
 
 
@@ -260,6 +266,7 @@ def open_dataset(path: str | PathLike[str]) -> Dataset:
     """
     path = Path(path)
     attributes = KIND.complete_attributes(path)
+
     modulus_pa = attributes.get("youngs_modulus_pa")
     if (
         isinstance(modulus_pa, bool)
@@ -269,6 +276,7 @@ def open_dataset(path: str | PathLike[str]) -> Dataset:
         raise DatasetError(
             f"{path}: youngs_modulus_pa: {str(modulus_pa)[:60]}; must be a number of Pa above 0"
         )
+
     study = parse_study(attributes["study"], f"{path}: study")
     return Dataset(path, study, float(modulus_pa), attributes)
 
@@ -279,6 +287,7 @@ def _layouts(study: Study) -> dict[str, Layout]:
     size = (study.slice.rows, study.slice.columns)
     images = units[-1].stop
     slices = layout((images, *size), (units[0].stop, *size), "uint8", compressed=True)
+
     return {
         SLICES: slices,
         **{name: layout((images,), (images,), dtype) for name, dtype in DTYPES.items()},
@@ -307,6 +316,7 @@ def _impossible(name: str, values: NDArray[Any], study: Study) -> str | None:
         )
     if not np.isfinite(values).all():
         return "a value that is not finite"
+
     if name == "force_n":
         largest_n = max(group.max_force_n for group in study.dataset.group)
         if values.min() < 0.0 or values.max() > largest_n * (1.0 + SLACK):
@@ -314,6 +324,7 @@ def _impossible(name: str, values: NDArray[Any], study: Study) -> str | None:
                 f"{from_si(values.min(), 'mn'):g} to {from_si(values.max(), 'mn'):g} mN"
             )
             return f"{found}; its study asks for 0 to {from_si(largest_n, 'mn'):g} mN"
+
     return None
 
 
@@ -349,6 +360,7 @@ def create_dataset(
         [{SLICES: (unit,)} for unit in range(len(unit_samples(study)))],
     )
     store.begin(described, vars(plan))
+
     return store
 
 
@@ -382,6 +394,7 @@ class SampleSimulator:
             self._wall = LinearWall(
                 study_mesh(self._study, thickness_m), self._study.eye.poisson_ratio
             )
+
         wall = self._wall
         of_contacts = np.split(
             samples, np.flatnonzero(np.diff(plan.contact[samples])) + 1
@@ -394,6 +407,7 @@ class SampleSimulator:
             self._of_one_contact(wall, plan, *pair)
             for pair in zip(of_contacts, needles_cnc, strict=True)
         ]
+
         return np.concatenate(images)
 
     def _of_one_contact(
@@ -408,6 +422,7 @@ class SampleSimulator:
         modes_knc = np.stack([resting_nc, needle_nc]) / self._youngs_modulus_pa
         planes = [_plane(plan, sample) for sample in samples]
         forces_n = plan.force_n[samples]
+
         if all(plane == planes[0] for plane in planes):
             forces_pf = np.r_[0.0, forces_n][None]
             unloaded, *loaded = cut_sections(
@@ -418,12 +433,14 @@ class SampleSimulator:
             forces_pf = np.c_[np.zeros(len(samples)), forces_n]
             pairs = cut_sections(wall.mesh, planes, modes_knc, _weights(forces_pf))
             resting, loaded = ([pair[state] for pair in pairs] for state in (0, 1))
+
         tops_m = [float(section.outer[:, 1].min()) for section in resting]
         framings = plan.framing_lateral_m[samples], plan.framing_depth_m[samples]
         windows = [
             slice_window(self._study.slice, *placed)
             for placed in zip(tops_m, *framings, strict=True)
         ]
+
         return np.stack(
             [fill_section(*pair) for pair in zip(loaded, windows, strict=True)]
         )
@@ -457,6 +474,7 @@ def library_slices(
     """
     slices = []
     bounds = [0, *(np.flatnonzero(np.diff(plan.contact)) + 1), len(plan)]
+
     for samples in (slice(*part) for part in pairwise(bounds)):  # of one contact
         beside = library.for_contact(float(plan.polar_rad[samples.start]))
         thickness_m = plan.thickness_m[samples]
@@ -473,6 +491,7 @@ def library_slices(
         slices.append(
             draw_slices(loaded.curves_sbnc, gap_m, tilt_rad, framing, study.slice)
         )
+
     return np.concatenate(slices)
 
 
@@ -501,6 +520,7 @@ def near_library(study: Study, plan: DatasetPlan, library: Library) -> Library:
         study.slice.rows * study.slice.pixel_m + study.eye.radius_m
     )  # below what any tilt makes of it
     offset_m = plan.gap_m.max() + depth_m * np.abs(np.tan(plan.tilt_rad)).max()
+
     return library.within(float(np.hypot(lateral_m, offset_m)))
 
 
@@ -540,6 +560,7 @@ def generate_dataset(
     start = perf_counter()
     if workers is not None and workers < 1:
         raise DatasetError(f"workers: {workers}; must be at least 1")
+
     mechanics = "linear" if library is None else "finite-strain"
     refuse_unused(study, "generate", mechanics)
     modulus = youngs_modulus_pa or (
@@ -558,15 +579,18 @@ def generate_dataset(
     workers = workers or available_cores()
     near = None if library is None else near_library(study, plan, library)
     prepare = partial(_making, study, modulus, near, plan)
+
     if near is None or isinstance(workers, ClusterWorkers):
         results = work_units(prepare, todo, workers)
     else:  # drawing takes less time than processes take to start
         draw = prepare()
         results = ((unit, draw(unit)) for unit in todo)
+
     with closing(results):
         for unit, images in results:
             store.write(unit, {SLICES: images})
             report(len(images))
+
     store.finish()
     return Generation(len(plan), missing, perf_counter() - start)
 
@@ -579,6 +603,7 @@ def _making(
     simulator = SampleSimulator(study, youngs_modulus_pa)
     if library is None:
         return lambda unit: simulator.slices(plan.part(units[unit]))
+
     return lambda unit: library_slices(
         study, youngs_modulus_pa, plan.part(units[unit]), library
     )

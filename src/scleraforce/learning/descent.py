@@ -59,11 +59,13 @@ def onnx_bytes(
             output_names=list(outputs),
             dynamic_axes={name: {0: "n"} for name in (*inputs, *outputs)},
         )
+
     model = onnx.load_model_from_string(file.getvalue())
     model.producer_name = "scleraforce"
     onnx.helper.set_model_props(model, dict(sorted(provenance.items())))
     onnx.checker.check_model(model, full_check=True)
     content: bytes = model.SerializeToString(deterministic=True)
+
     return content
 
 
@@ -107,11 +109,13 @@ def chosen_device(name: str) -> str:
     """
     if name not in DEVICES:
         raise InputError(f"device: {name!r}; give one of {', '.join(DEVICES)}")
+
     found = torch.cuda.is_available()
     if name == "cuda" and not found:
         raise InputError(
             "device: cuda, but PyTorch finds no GPU on this machine; give cpu or auto"
         )
+
     return "cuda" if found and name != "cpu" else "cpu"
 
 
@@ -135,9 +139,11 @@ def descend(
     for batches in rounds:
         total = 0.0
         samples = 0
+
         for loss, count in batches:
             for group in optimiser.param_groups:
                 group["lr"] = learning_rate(study, step, steps)
+
             optimiser.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]  # PyTorch does not annotate it
             torch.nn.utils.clip_grad_norm_(
@@ -147,11 +153,13 @@ def descend(
             step += 1
             total = total + loss.item() * count
             samples = samples + count
+
             if not np.isfinite(total):
                 key = f"{SECTIONS[type(study)]}.learning_rate"
                 raise SolverError(
                     f"training diverged in step {step} of {steps}; lower {key}"
                 )
+
         yield total / samples
 
 
@@ -185,6 +193,7 @@ def trained(
         rounds = (
             losses_of(network, number, samples) for number, samples in enumerate(drawn)
         )
+
         with torch.device(device):
             for loss in descend(
                 network, _optimiser(network, study), rounds, study, steps
@@ -192,6 +201,7 @@ def trained(
                 losses.append(loss)
                 if progress:
                     progress(1)
+
     return Fitted(network.eval().cpu(), tuple(losses))
 
 
@@ -200,6 +210,7 @@ def _optimiser(network: torch.nn.Module, study: Settings) -> torch.optim.Optimiz
         return torch.optim.SGD(
             network.parameters(), study.learning_rate, study.momentum, fused=True
         )
+
     fused = True if isinstance(study, ReaderStudy) else None
     return torch.optim.AdamW(
         network.parameters(),
@@ -230,10 +241,12 @@ def repeatable(seed: int, of_torch: int, device: str = "cpu") -> Iterator[None]:
     """Seed PyTorch and fix its number of threads; put everything back afterwards."""
     threads = torch.get_num_threads()
     strict = torch.are_deterministic_algorithms_enabled()
+
     with torch.random.fork_rng(devices=[0] if device == "cuda" else []):
         torch.manual_seed(seed)
         torch.set_num_threads(of_torch)
         torch.use_deterministic_algorithms(True)
+
         try:
             yield
         finally:

@@ -79,10 +79,12 @@ class RawReaderNetwork(torch.nn.Module):
         window = FrameWindow.of(study.raw_reader)
         self.down: torch.Tensor
         self.along: torch.Tensor
+
         for name, weights in zip(
             ("down", "along"), _slice_weights(window, study.slice), strict=True
         ):
             self.register_buffer(name, torch.from_numpy(weights))
+
         # of its input
         self.bins = reads_slices.bins
         self.example = torch.zeros(2, window.rows, window.columns)
@@ -124,6 +126,7 @@ def _slice_weights(window: FrameWindow, study: SliceStudy) -> tuple[Float, Float
             for each in np.eye(len(pairs_m))
         ]
     )
+
     return covered.round(6).astype(np.float32), between.astype(np.float32)
 
 
@@ -135,11 +138,13 @@ def draw_optics(
     phantom = study.phantom
     optics = sample_optics(phantom, study.oct, rng)
     coarser = draw(raw.speckle_factor, rng)
+
     if rng.random() < raw.conjunctiva_share:
         phantom = replace(
             phantom,
             conjunctiva_thickness_m=fixed(draw(raw.conjunctiva_thickness_m, rng)),
         )
+
     needle = None
     if needle_gap_m is not None:
         diameter_m = max(
@@ -148,6 +153,7 @@ def draw_optics(
         needle = sample_needle(
             replace(phantom, needle_count=fixed(1)), diameter_m, needle_gap_m, rng
         )
+
     return replace(
         optics,
         snr_db=optics.snr_db - draw(raw.snr_loss_db, rng),
@@ -183,6 +189,7 @@ def draw_shafts(
         rotation_rad.tolist(),
         strict=True,
     )
+
     return [
         draw_shaft(
             each.needle,
@@ -227,6 +234,7 @@ class RawSource:
                 if many
             ]
         )
+
         return drawn.picked(rng.permutation(count))
 
     def _drawn(
@@ -256,6 +264,7 @@ class RawSource:
         rows = np.clip(pairs, 0.0, window.rows - 1.0).astype(np.float32)
         given = networks.given_inputs(eyes.stated, trained)
         modulus_pa = networks.given_modulus(eyes.stated, trained)[0]
+
         return RawSamples(
             given, eyes.force_n, modulus_pa, framing.lateral_m, frames, rows
         )
@@ -282,6 +291,7 @@ def fit_raw_reader(
     build = partial(RawReaderNetwork, study, reads_slices)
     losses_of = partial(_losses, study)
     drawn = _batches(RawSource(library, study), raw, workers)
+
     return trained(build, losses_of, drawn, raw, raw.batches, learned, device=device)
 
 
@@ -291,6 +301,7 @@ def _batches(
     """Yield the training's batches, each of frames of its own."""
     frames = raw.batches * raw.batch_size
     left: RawSamples | None = None
+
     with closing(
         drawn_ahead(source.chunk, range(-(-frames // FRAMES_TOGETHER)), workers)
     ) as chunks:
@@ -298,6 +309,7 @@ def _batches(
             while left is None or len(left) < raw.batch_size:
                 chunk = next(chunks)
                 left = chunk if left is None else concatenated([left, chunk])
+
             yield left.picked(np.arange(raw.batch_size))
             left = left.picked(np.arange(raw.batch_size, len(left)))
 
@@ -318,8 +330,10 @@ def _losses(
         torch.ones_like(wall_logits),
         raw.target_rows,
     )
+
     if number >= raw.wall_share * raw.batches:
         loss = loss + reader_loss(mixtures, places, *targets(batch, study.reader))
+
     return ((loss, 1),)
 
 
@@ -335,6 +349,7 @@ def measure_raw_reader(
             network(torch.from_numpy(part.frames), torch.from_numpy(part.given))[:2]
             for part in parts
         ]
+
     return compared(read, concatenated(parts), study)
 
 
@@ -381,4 +396,5 @@ def _frames(
     )
     depth_sbc = virtual_eyes.wall_depths(eye, forces_n, poses, window.laterals_m)
     optics = [draw_optics(study, None, rng) for _ in forces_n]
+
     return draw_reduced(depth_sbc, optics, study.oct, window, rng)[0]

@@ -86,8 +86,10 @@ class ReaderNetwork(torch.nn.Module):
         self.wall_unit = slice_study.pixel_m / TYPICAL_WALL
         self.projection: torch.Tensor
         self.circle: torch.Tensor
+
         for name, values in (("projection", projection), ("circle", circle)):
             self.register_buffer(name, torch.from_numpy(values.astype(np.float32)))
+
         sizes = (FEATURES, *reader.channels)
         layers = (
             torch.nn.Conv1d(below, above, KERNEL, STRIDE, KERNEL // 2)
@@ -95,8 +97,10 @@ class ReaderNetwork(torch.nn.Module):
         )
         self.convolutions = torch.nn.ModuleList(layers)
         columns = slice_study.columns
+
         for _ in reader.channels:
             columns = (columns - 1) // STRIDE + 1
+
         self.given_layer = torch.nn.Linear(len(GIVEN), GIVEN_UNITS)
         widths = (sizes[-1] * columns, *reader.hidden)
         hidden = (
@@ -105,11 +109,13 @@ class ReaderNetwork(torch.nn.Module):
         )
         self.hidden = torch.nn.ModuleList(hidden)
         self.force = torch.nn.Linear(widths[-1], 3 * COMPONENTS)
+
         with torch.no_grad():
             middles = torch.linspace(0.3, 0.9, COMPONENTS)
             self.force.bias[:] = torch.cat(
                 [torch.zeros(COMPONENTS), middles, torch.full((COMPONENTS,), -2.0)]
             )
+
         self.bins = reader.bins
         self.example = torch.zeros(
             2, slice_study.rows, slice_study.columns, dtype=torch.uint8
@@ -123,10 +129,12 @@ class ReaderNetwork(torch.nn.Module):
         signal = self.features(slices)
         for convolution in self.convolutions:
             signal = torch.relu(convolution(signal))
+
         known = torch.relu(self.given_layer(given))
         signal = signal.flatten(1)
         for layer in self.hidden:
             signal = torch.relu(layer(torch.cat([signal, known], dim=1)))
+
         return self.force(signal), self.place(signal)[:, 0]
 
     def features(self, slices: torch.Tensor) -> torch.Tensor:
@@ -148,6 +156,7 @@ def log_density(mixture: torch.Tensor, place: torch.Tensor) -> torch.Tensor:
         + torch.nn.functional.logsigmoid(-z)
         - log_scale
     )
+
     return torch.logsumexp(torch.log_softmax(weight, dim=1) + each, dim=1)
 
 
@@ -207,6 +216,7 @@ def force_bytes(network: Any, provenance: Mapping[str, str]) -> bytes:
         name: network.example,
         GIVEN_INPUT: torch.zeros(len(network.example), len(GIVEN)),
     }
+
     return descent.onnx_bytes(
         _Answers(network).eval(), inputs, [HISTOGRAM, CONTACT], provenance
     )
@@ -239,6 +249,7 @@ def fit_reader(
         build, partial(_losses, reader), drawn, reader, steps, report, device=device
     )
     of_epochs = np.reshape(fitted.training_loss, (reader.epochs, chunks)).mean(axis=1)
+
     return Fitted(fitted.network, tuple(of_epochs.tolist()))
 
 
@@ -253,6 +264,7 @@ def _rounds(
     alike = all(
         sorted(values) == sorted(-value for value in values) for values in places
     )
+
     with closing(
         descent.drawn_ahead(draw, range(-(-rounds // (1 + alike))), workers)
     ) as drawn:
@@ -290,6 +302,7 @@ def answers(
     """Return a network's outputs for parts of samples."""
     network.eval()
     slices, given = _tensors(samples)
+
     with torch.inference_mode():
         return [
             network(slices[part], given[part])
@@ -325,6 +338,7 @@ def compared(
     confusion = confusion_matrix(target, found, len(bounds_n) + 1)
     share = accuracy(confusion)
     off_m = to_si(places_mm.double().numpy(), "mm") - truth.lateral_m
+
     return {
         "validation_accuracy": share.value,
         "validation_interval": share.interval,

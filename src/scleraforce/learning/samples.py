@@ -135,6 +135,7 @@ def library_of_tissue(
     number = rng.integers(1, TISSUES + 1)
     if not stiffens or least == most:
         return library
+
     drawn = np.expm1(least + (most - least) * number / TISSUES)
     return library.for_stiffening(
         float(np.clip(drawn, *library.walls.stiffening[[0, -1]]))
@@ -200,6 +201,7 @@ def draw_framed(
         eyes.thickness_m, radius_m, rng.random(count) < reader.uneven_share, rng
     )
     from_contact_m = column_laterals(columns) - framing.lateral_m[:, None]
+
     return eyes, framing, true.depth_sbc + added_depths(forms, radius_m, from_contact_m)
 
 
@@ -219,6 +221,7 @@ def draw_eyes(
     iop_pa, thickness_m, size = (np.empty(count) for _ in range(3))
     plain = rng.random(count) < reader.plain_share
     missing = np.arange(count)
+
     for _ in range(
         ROUNDS
     ):  # a corner of the ranges may lie outside the library: draw these again
@@ -231,6 +234,7 @@ def draw_eyes(
             thickness_m[missing] / size[missing],
             iop_pa[missing] / modulus_pa[missing],
         )
+
         missing = missing[~library.covers(*ratios, np.zeros(len(missing)))]
         if not len(missing):
             break
@@ -238,6 +242,7 @@ def draw_eyes(
         raise InputError(
             "the library holds hardly any eye of [reader]; make one that covers its ranges"
         )
+
     gap_m = reader.gap_m.sample(rng, count)
     largest_n = (
         library.largest_force_ratio(thickness_m / size, iop_pa / modulus_pa)
@@ -281,6 +286,7 @@ def draw_eyes(
         library, (thickness_m, iop_pa, modulus_pa, size), rigidity, force_n, rng
     )
     eye = (stated, modulus_pa, iop_pa, thickness_m, gap_m, size)
+
     return Eyes(*eye, tilt_rad, rotation_rad, *pole, force_n, rigidity, iop_ratio)
 
 
@@ -300,6 +306,7 @@ def _poles(
     polar, direction = (
         np.where(rng.random(count) < share, np.nan, angle) for share, angle in missing
     )
+
     return pole, (np.abs(polar), direction)
 
 
@@ -319,15 +326,19 @@ def _pressures(
     ratio = iop_pa / modulus_pa
     left = np.flatnonzero(rigidity > 0.0)
     resting = ratio.copy()
+
     for _ in range(ROUNDS):
         force_ratio = force_n[left] / (modulus_pa[left] * size[left] ** 2)
         one = Globe(globe.law, np.asarray(globe.rate)[left])
         wall = library, thickness[left], resting[left]
         ratio[left] = iop_ratio_under_force(*wall, force_ratio, one, PRESSURE_TOLERANCE)
+
         left = left[ratio[left] >= highest[left]]
         if not len(left):
             return ratio
+
         force_n[left] *= rng.random(len(left))
+
     raise InputError(
         "the library holds hardly any sealed eye of [reader]; make one that covers its pressures"
     )
@@ -344,16 +355,20 @@ def _globes(
     missing = rng.random(count) < reader.rigidity_missing_fraction
     sealed = drawn >= reader.globe_open_fraction + reader.globe_missing_fraction
     unknown = (drawn >= reader.globe_open_fraction) & ~sealed
+
     for which, globe in ((unknown, UNKNOWN), (sealed & missing, SEALED)):
         rigidity[which] = rng.uniform(globe.lowest, globe.highest, count)[which]
         low[which], high[which] = globe.band
+
     stated = sealed & ~missing
     middle = rng.uniform(UNKNOWN.lowest, UNKNOWN.highest, count)
     sd = log_even(reader.rigidity_sd_pa13_per_m3, count, rng)
     own = middle + sd * np.clip(rng.standard_normal(count), -TRUNCATED_SD, TRUNCATED_SD)
     ends = (own, middle - NINETY_PERCENT * sd, middle + NINETY_PERCENT * sd)
+
     for values, found in zip(ends, (rigidity, low, high), strict=True):
         found[stated] = np.clip(values, UNKNOWN.lowest, UNKNOWN.highest)[stated]
+
     return rigidity, low, high
 
 
@@ -406,6 +421,7 @@ class Source:
         parts = [min(TISSUE, count - first) for first in range(0, count, TISSUE)]
         libraries = [library_of_tissue(self.library, self.reader, rng) for _ in parts]
         of_tissues = zip(libraries, parts, strict=True)
+
         return concatenated(
             [
                 draw_samples(each, self.reader, self.slice_study, n, rng)

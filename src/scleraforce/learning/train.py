@@ -83,6 +83,7 @@ def train_classifier(
     classes = len(study.classes.bounds_n) + 1
     samples = training, validation = split_samples(dataset, modulus_pa)
     candidates: tuple[classifier.Candidate, ...] = ()
+
     if search:
         candidates, sizes, fitted = classifier.search_sizes(
             study.network, *samples, classes, progress, workers, device
@@ -90,6 +91,7 @@ def train_classifier(
         study = replace(study, network=sizes)
     else:
         fitted = classifier.fit(study.network, *samples, classes, progress, device)
+
     stored = classifier.with_half_weights(fitted)
     of_data = {
         "dataset_sha256": classifier.content_hash(*samples),
@@ -124,6 +126,7 @@ def train_classifier(
         else "",
         "recall": ", ".join(f"{share.value:.2%}" for share in recall(confusion)),
     }
+
     return _written(out, study, graph, provenance, record, words)
 
 
@@ -137,6 +140,7 @@ def split_samples(
             f"{dataset.path}: validation: {len(parts[1])} of {dataset.images} samples; training and "
             "validation need some each"
         )
+
     ratio = youngs_modulus_pa / dataset.youngs_modulus_pa
     target = classifier.classes_at_modulus(
         dataset.force_n, ratio, dataset.study.classes
@@ -144,6 +148,7 @@ def split_samples(
     training, validation = (
         classifier.Samples(dataset.slices[part], target[part]) for part in parts
     )
+
     return training, validation
 
 
@@ -186,6 +191,7 @@ def train_reader(
     cores = workers or available_cores()
     record |= measured_intervals(measure, own.interval_eyes, cores, EYES, measured)
     curves_um = {"curves_um": from_si(errors.curves_m, "um")}
+
     return _written(
         out,
         study,
@@ -244,6 +250,7 @@ def train_raw_reader(
         "width_mm": from_si(raw.rows * raw.row_m, "mm"),
         "depth_mm": from_si(raw.columns * raw.column_m, "mm"),
     }
+
     return _written(out, study, graph, provenance, record, window_mm)
 
 
@@ -275,6 +282,7 @@ def train_wall_finder(
         "metrics": wall_finder.measure_finder(runs, study),
         "curves": {"training_loss": curve(fitted.training_loss)},
     }
+
     return _written(out, study, graph, provenance, record)
 
 
@@ -371,6 +379,7 @@ def _written(
     write_folder(
         out, graph, format_study(study), texts[kind].format_map(card), record, more
     )
+
     return record
 
 
@@ -383,6 +392,7 @@ def _ranges_of_classes(study: Study) -> dict[str, str]:
     }
     ranges = {**_ranges(study.eye), **_ranges(study.needle), **_ranges(study.dataset)}
     ranges.pop("`thickness_um`")  # of the groups' walls
+
     return {**walls, **ranges}
 
 
@@ -398,10 +408,12 @@ def _ranges(section: Any) -> dict[str, str]:
             if isinstance(value, tuple)
             else (value,)
         )
+
         if isinstance(value, Range):
             found[f"`{field_key(item)}`"] = " to ".join(
                 dict.fromkeys(f"{end:.6g}" for end in value.bounds)
             )
         elif all(isinstance(each, int | float) for each in values):
             found[f"`{field_key(item)}`"] = ", ".join(f"{each:.6g}" for each in values)
+
     return found

@@ -140,11 +140,14 @@ def draw_eye(
         else None,
         globe=stated_globe,
     )
+
     if reason := model.outside(wall):
         raise CalibrationError(reason)
+
     largest_n = study.needle.max_force_n
     while model.outside(replace(wall, force_n=largest_n)) is not None:
         largest_n *= WEAKER
+
     return VirtualEye(
         model=model,
         wall=wall,
@@ -190,6 +193,7 @@ def draw_frames(
         fill_boundaries(coarse_sbc + shift * study.slice.pixel_m, study.slice)
         for shift in SHIFTS
     ]
+
     return tuple(
         VirtualFrame(
             float(force_n), Boundaries(columns_m, depths, fine.pixel_m), np.stack(cuts)
@@ -214,12 +218,14 @@ def wall_depths(
     )
     radius_m = np.array([eye.model.library.radius_m])
     depth_sbc = np.empty((len(states), 2, len(columns_m)))
+
     for depths, curves, pose in zip(
         depth_sbc, eye.model.curves(states), poses, strict=True
     ):
         depth, _, reached = curve_depths(place_section(curves, pose), both)
         form = added_depths(eye.forms, radius_m, (columns_m - pose[0])[None])[0]
         depths[:] = np.where(reached, depth, np.nan).reshape(2, -1) + form
+
     return depth_sbc
 
 
@@ -241,12 +247,14 @@ def calibrated(
     forces_n = labelled.force_n
     least_n = study.calibration.min_force_n
     wanted = CALIBRATED if chosen is None else len(chosen)
+
     if chosen is None:
         order = labels.frame_order(
             forces_n, [True] * len(frames), least_n, wanted, rising=True
         )
     else:
         order = sorted(chosen, key=lambda place: float(forces_n[place]))
+
     poses = dict[Boundaries, PoseBelief]()
 
     def attempt(of_tissue: Library) -> TissueTrial[tuple[Known, int]] | None:
@@ -261,21 +269,26 @@ def calibrated(
             )
         except CalibrationError:
             return None
+
         used = 0
         refused = 0
+
         for place in order:
             if session.updates >= wanted:
                 break
+
             since_start_s = float(labelled.since_start_s[place])
             session = step(
                 session, frames[place].boundaries, float(forces_n[place]), since_start_s
             )
             refused += forces_n[place] > least_n and isinstance(session.last, Skipped)
             used += 1
+
         known = known_after(session)
         borne = [place for place in order[:used] if forces_n[place] > least_n]
         if known.modulus is None:
             return TissueTrial.diverged((known, used), refused)
+
         seen = [(frames[place].boundaries, float(forces_n[place])) for place in borne]
         after = settled(known, seen, (), of_tissue, study)
         return after.trial((after.known, used), refused)
@@ -285,11 +298,13 @@ def calibrated(
         raise CalibrationError(
             "the library does not have the eye with its stated values"
         )
+
     stiffening, (known, used) = found
     stated_force = {place for place in order[:used] if forces_n[place] > least_n}
     left = tuple(
         frame for place, frame in enumerate(frames) if place not in stated_force
     )
+
     return replace(known, stiffening=stiffening), left
 
 
@@ -315,6 +330,7 @@ def label_forces(forces_n: Floats, rng: np.random.Generator) -> labels.FrameForc
     labels_n = (
         forces_n + left_n + labels.LABEL_SD_N * rng.standard_normal(len(forces_n))
     )
+
     return labels.FrameForces(labels_n, time_s, zero, covariance)
 
 
@@ -334,11 +350,13 @@ def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Kn
     stiffening = 0.0
     own = eye.model.library.stiffening
     walls = eye.model.library.walls.stiffening
+
     if own > 0.0:  # of other eyes with tissue that stiffens
         other = np.expm1(
             np.log1p(own) + POPULATION_STIFFENING_SD * rng.standard_normal()
         )
         stiffening = float(np.clip(other, walls[0], walls[-1]))
+
     return replace(known_of_constants(eye.stated, modulus), stiffening=stiffening)
 
 
@@ -367,11 +385,13 @@ def measured_intervals(
     """Return `intervals` of `model.json` from the scores of virtual eyes: factors, and the number and kind of eyes."""
     if not eyes:
         return {}
+
     scores: list[Score] = []
     for of_eye in work_in_order(prepare, range(eyes), workers, ahead=AHEAD * workers):
         scores += of_eye
         if progress:
             progress(1)
+
     return {
         "intervals": intervals.intervals_record(scores, trait_factors(scores), source)
     }
@@ -394,6 +414,7 @@ def eye_scores(
         )
     except CalibrationError:
         return []
+
     return scores_of(number, eye, known, left, rng)
 
 
@@ -412,10 +433,12 @@ def measuring(study: Study, library: Library, network: bytes) -> EyeScores:
     ) -> list[Score]:
         of_eye = partial(_scores, study, library, eye.wall.polar_rad, read, str(number))
         found = [*of_eye(known, left), *of_eye(of_population(eye, study, rng), left)]
+
         if number // len(OPEN_OR_SEALED) % OTHERWISE_EVERY == 0:
             again = np.random.default_rng([study.reader.seed, number, STREAM])
             otherwise = calibrated_otherwise(eye, study, library, again)
             found += of_eye(*otherwise) if otherwise else []
+
         return found
 
     return partial(eye_scores, study, library, study.reader.seed, scores)
@@ -430,11 +453,13 @@ def calibrated_otherwise(
     """
     if eye.largest_n <= LEAST_LARGEST_N:
         return None
+
     count = int(rng.integers(1, MOST_CHOSEN, endpoint=True))
     dared_n = rng.uniform(LEAST_LARGEST_N, eye.largest_n)
     forces_n = np.concatenate([[dared_n], rng.uniform(LEAST_N, dared_n, count - 1)])
     read_n = rng.uniform(0.0, eye.largest_n, FRAMES - CALIBRATED)
     frames = draw_frames(eye, study, np.concatenate([forces_n, read_n]), rng)
+
     try:
         return calibrated(eye, frames, study, library, rng, range(count))
     except CalibrationError:
@@ -454,11 +479,13 @@ def _scores(
     found = list[Score]()
     walls = library.for_stiffening(known.stiffening or 0.0).for_contact(polar_rad)
     prior = prior_of(known, study.reader)
+
     for frame in frames:
         found.append(
             scored("network", read(frame.cuts, known), known, eye, frame.force_n)
         )
         seen = frame.boundaries
+
         fit = fit_boundaries(
             walls,
             seen.lateral_m,
@@ -471,6 +498,7 @@ def _scores(
                 fit, study.classes.bounds_n, intervals.NO_FACTORS.of_fit(known, fit)
             )
             found.append(scored("fit", by_fit, known, eye, frame.force_n, fit))
+
     return found
 
 
@@ -508,6 +536,7 @@ def _regression(scores: Sequence[Score]) -> dict[str, float]:
     ends = [
         (least if trait in intervals.GLOBE_TRAITS else 0.0, most) for trait in traits
     ]
+
     solution = linprog(
         np.concatenate([np.zeros(len(traits)), share * weight, (1.0 - share) * weight]),
         A_eq=hstack([has, one, -one], format="csr"),
@@ -517,6 +546,7 @@ def _regression(scores: Sequence[Score]) -> dict[str, float]:
     )
     if solution.x is None:
         raise SolverError(f"factors of the intervals: {solution.message}")
+
     return {
         trait: round(float(np.exp(value)), 4)
         for trait, value in zip(traits, solution.x, strict=False)

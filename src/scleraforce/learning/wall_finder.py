@@ -53,9 +53,11 @@ class WallFinderNetwork(torch.nn.Module):
         sizes = study.channels
         self.down = torch.nn.ModuleList()
         self.level = torch.nn.ModuleList()
+
         for before, size in zip((INPUTS_OF_PIXEL, *sizes), sizes, strict=False):
             self.down.append(_convolution(before, size, stride=2))
             self.level.append(_convolution(size, size))
+
         self.deepest = torch.nn.ModuleList(
             _convolution(sizes[-1], sizes[-1]) for _ in range(2)
         )
@@ -73,13 +75,16 @@ class WallFinderNetwork(torch.nn.Module):
         for down, level in zip(self.down, self.level, strict=True):
             signal = level(down(signal))
             shortcuts.append(signal)
+
         for block in self.deepest:
             signal = signal + block(signal)
+
         for block, shortcut in zip(self.up, reversed(shortcuts[:-1]), strict=True):
             signal = torch.nn.functional.interpolate(
                 signal, scale_factor=2, mode="nearest"
             )
             signal = block(torch.cat([signal, shortcut], dim=1))
+
         pooled = torch.cat([signal.amax(dim=2), signal.mean(dim=2)], dim=1)
         rows = self.rows // 2
         columns = self.columns // 2
@@ -88,6 +93,7 @@ class WallFinderNetwork(torch.nn.Module):
             .reshape(-1, BOUNDARIES, 2, rows, columns)
             .transpose(2, 3)
         )  # interleaved rows
+
         return parts.reshape(-1, BOUNDARIES, 2 * rows, columns), self.wall(pooled)[:, 0]
 
     def inputs(self, frames: torch.Tensor) -> torch.Tensor:
@@ -164,6 +170,7 @@ def _sample(study: Study, number: int) -> tuple[Float, Float, Float]:
         np.float32
     )  # kept inside of the reduced frame
     weight = scene.judged[own] + np.float32(COVERED_WEIGHT) * scene.covered[own]
+
     return (
         finders.reduced_frame(scene.frame[top:bottom], finder.rows, finder.columns),
         boundaries,
@@ -176,11 +183,13 @@ def _shown_rows(scene: Scene, rng: np.random.Generator) -> tuple[int, int]:
     there = np.isfinite(scene.outer_row)
     rows = len(scene.frame)
     share = finders.BEYOND_SHARE * rng.uniform(0.5, 2.0)
+
     chosen = rng.random() < SECOND_LOOKS
     if chosen and there.any():
         return finders.rows_about(
             scene.outer_row[there], scene.inner_row[there], rows, share
         ) or (0, rows)
+
     return 0, rows
 
 
@@ -192,6 +201,7 @@ def fit_wall_finder(
     build = partial(WallFinderNetwork, finder)
     losses_of = partial(_losses, finder)
     drawn = drawn_ahead(partial(scene_batch, study), range(finder.batches), workers)
+
     return trained(
         build, losses_of, drawn, finder, finder.batches, progress, device=device
     )
@@ -205,8 +215,10 @@ def _losses(
         tensor(each) for each in (batch.frames, batch.boundaries, batch.weight)
     )
     turned = torch.rand(len(batch.frames)) < 0.5
+
     for each in drawn:
         each[turned] = each[turned].flip(-1)
+
     frames, boundaries, weight = drawn
     row_logits, wall_logits = network(frames)
     return (
@@ -232,8 +244,10 @@ def finder_loss(
     wall = torch.nn.functional.binary_cross_entropy_with_logits(
         wall_logits, there.float(), weight
     )
+
     if not there.any():
         return WALL_WEIGHT * wall
+
     of_row = row_logits.log_softmax(dim=2).transpose(2, 3)  # (n, 2, column, row)
     seen = there[:, None].expand(-1, of_row.shape[1], -1)
     logs = of_row[seen]
@@ -242,6 +256,7 @@ def finder_loss(
     target = torch.softmax(-((rows - true[:, None]) ** 2) / (2.0 * blur**2), dim=1)
     entropy = -(target * logs).sum(dim=1).mean()
     below = logs.exp().cumsum(dim=1) - target.cumsum(dim=1)
+
     return (
         entropy + RANKED_WEIGHT * below.square().sum(dim=1).mean() + WALL_WEIGHT * wall
     )
@@ -256,14 +271,17 @@ def measure_finder(finder: finders.WallFinder, study: Study) -> dict[str, float]
     shares = []
     errors = []
     right = []
+
     for number in range(study.wall_finder.validation_scenes):
         scene = draw_scene(study.scenes, VALIDATION_SCENES + number)
         seen = finder.find(scene.frame)
         errors.append(_errors(scene, seen, study.wall_finder.rows))
         at = seen.frame_column
         right.append((np.isfinite(scene.outer_row[at]) == seen.there)[scene.judged[at]])
+
         if scene.mask.any():
             shares.append(scene_dice(seen_mask(seen, scene.frame.shape), scene))
+
     error = np.concatenate(errors, axis=1)
     return {
         "dice_mean": float(np.mean(shares)),
@@ -284,6 +302,7 @@ def seen_mask(seen: finders.SeenWall, shape: tuple[int, ...]) -> Flags:
         np.interp(column, seen.column, curve)
         for curve in (seen.outer_row, seen.inner_row)
     )
+
     return (row >= outer) & (row < inner) & seen.there_at(column)
 
 
@@ -305,6 +324,7 @@ def _errors(scene: Scene, seen: finders.SeenWall, rows: int) -> Floats:
         )
     ]
     reduced = [each * rows / len(scene.frame) for each in off]
+
     return np.stack(
         [*reduced, off[0] / seen.outer_sd[both], off[1] / seen.inner_sd[both]]
     )

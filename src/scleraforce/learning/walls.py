@@ -58,6 +58,7 @@ def draw_forms(
     numbers = rng.standard_normal((4, count)) * uneven
     side = rng.choice([-1.0, 1.0], count)
     in_view = uneven & (rng.random(count) < LIMBUS_SHARE)
+
     return Forms(
         curvature=CURVATURE_SD * numbers[0] / radius_m,
         skew=SKEW_SD * numbers[1] / radius_m,
@@ -82,6 +83,7 @@ def added_depths(forms: Forms, radius_m: Floats, from_contact_m: Floats) -> Floa
     outer += (0.5 * cornea * ramp_m - np.tan(column["limbus_rad"])) * ramp_m
     depths = np.repeat(outer[:, None], 2, axis=1)
     depths[:, INNER] += column["wedge"] * s + column["bow"] * s**2
+
     return depths
 
 
@@ -183,6 +185,7 @@ def disturb(
     seen -= errors.bottom_knee_m * np.logaddexp(0.0, below_m / errors.bottom_knee_m)
     both = np.stack([seen, seen + np.maximum(thickness, 0.0)], axis=1)
     both[~np.broadcast_to(found[:, None], both.shape)] = np.nan
+
     return both
 
 
@@ -194,6 +197,7 @@ def _filled(values: Floats, known: Flags) -> Floats:
         np.where(known, column, values.shape[1])[:, ::-1], axis=1
     )[:, ::-1]
     nearest = np.where(left >= 0, left, np.minimum(right, values.shape[1] - 1))
+
     return np.nan_to_num(np.take_along_axis(values, nearest, axis=1))
 
 
@@ -204,6 +208,7 @@ def _smoothing(columns: int, length: float) -> Floats:
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / length) ** 2)
     matrix = np.zeros((columns, columns))
     target = np.arange(columns)
+
     for offset, weight in zip(
         range(-reach, reach + 1), kernel / kernel.sum(), strict=True
     ):
@@ -216,6 +221,7 @@ def _smoothing(columns: int, length: float) -> Floats:
             matrix, (inside, target), np.where(at == inside, weight, 2.0 * weight)
         )
         np.add.at(matrix, (mirrored, target), np.where(at == inside, 0.0, -weight))
+
     return matrix
 
 
@@ -270,6 +276,7 @@ def _bumps(
         sample,
         height[:, None] * np.exp(-0.5 * (distance_m / errors.bump_length_m) ** 2),
     )
+
     return bumps
 
 
@@ -286,6 +293,7 @@ def _layers(
     )
     half = 0.5 * columns * rng.uniform(*errors.layer_stretch, (count, 1))
     middle = columns * rng.random((count, 1))
+
     return np.where(np.abs(np.arange(columns) - middle) <= half, added, 0.0)
 
 
@@ -302,4 +310,5 @@ def _within_sides(
         / study.pixel_m
     )
     column = np.arange(shape[1])
+
     return (column >= lost[:, :1]) & (column < shape[1] - lost[:, 1:])

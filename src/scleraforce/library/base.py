@@ -77,6 +77,7 @@ def base_bulge(
     bulged = _about(eye_axis_sc, motion_sbnc, angles_n, places_sbpc)
     bulged -= _about(np.array([[0.0, 0.0, 1.0]]), motion_sbnc, angles_n, places_sbpc)
     bulged[..., 2] *= -1.0
+
     return bulged
 
 
@@ -101,6 +102,7 @@ def _about(
     node = np.broadcast_to(node, (len(motion_sbnc), *node.shape[1:]))[..., None]
     low, high = (np.take_along_axis(motion_sbnc, at, axis=2) for at in (node, node + 1))
     moved = low + share * (high - low)
+
     return moved[..., :1] * away + moved[..., 1:] * axis
 
 
@@ -116,6 +118,7 @@ def contact_rises(
     contact_tpac = spline.shares(polar_rad) @ outer_tpnc
     away = contact_tpac[..., 0]
     above = radius_m - contact_tpac[..., 1]
+
     return np.moveaxis(
         away * np.sin(polar_rad) + above * np.cos(polar_rad) - radius_m, -1, 0
     )
@@ -178,6 +181,7 @@ def base_stiffness(
             for polar in polar_rad
         ]
     )
+
     for axis, (values, known) in enumerate(
         zip((thickness_m, tension), nodes, strict=True), start=1
     ):
@@ -185,6 +189,7 @@ def base_stiffness(
         factor_aklt = np.moveaxis(
             _along(np.log(values[known]), moved, np.log(values)), 0, axis
         )
+
     # The ratio has a limit at no dent, and stays as it is beyond the last tip.
     column = np.clip(np.arange(len(tip_m)) - 1, 0, tips - 2)
     return polar_rad, np.ascontiguousarray(factor_aklt[..., column])

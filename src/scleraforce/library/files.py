@@ -114,12 +114,14 @@ def save_library(library: Library, path: Path | IO[bytes]) -> StoredErrors:
     )
     plain = {name: np.asarray(getattr(library, name)) for name in AXES}
     plain |= {name: np.asarray(getattr(walls, name)) for name in WALLS}
+
     with ZipFile(path, "w") as archive:
         for name, array in {**plain, **curves, **stiffness}.items():
             entry = ZipInfo(f"{name}.npy")
             entry.compress_type = ZIP_DEFLATED
             with archive.open(entry, "w", force_zip64=True) as file:
                 write_array(file, array, allow_pickle=False)
+
     return StoredErrors(curves_m=of_curves, stiffness=of_stiffness)
 
 
@@ -150,6 +152,7 @@ def load_library(path: str | PathLike[str], content: bytes | None = None) -> Lib
                     raise ValueError(
                         f"{entry.filename}: not deflated, encrypted, or too large"
                     )
+
             found: dict[str, Any] = {
                 name: _plain(archive, name, axes) for name, axes in AXES.items()
             }
@@ -173,6 +176,7 @@ def load_library(path: str | PathLike[str], content: bytes | None = None) -> Lib
                 np.moveaxis(stiffness_tpad, 2, 0), dtype=np.float64
             )
             first = float(of_walls["stiffening"][0])
+
             return Library(
                 walls=StiffenedWalls(**of_walls, curves=curves),
                 stiffening=first,
@@ -203,6 +207,7 @@ def _reduced(
     """Return the stored entries of an array, by name, and its largest error."""
     rows_rv = values.reshape(prod(values.shape[: stored.row_axes]), -1)
     reduced = reduce_rows(rows_rv, FOR_THE_BASIS * stored.largest_error)
+
     error = float(
         np.abs(reduced.rows().astype(np.float32) - rows_rv.astype(np.float64)).max()
     )
@@ -211,12 +216,14 @@ def _reduced(
             f"library: {stored.name} up to {np.abs(values).max():.3g} would be off by {error:.3g}, more "
             f"than {stored.largest_error:g}"
         )
+
     basis = reduced.basis_kv.reshape(-1, *values.shape[stored.row_axes :])
     along = values.shape[stored.row_axes - 1]
     steps = {
         f"{stored.name}_{kind}": _differences(part, along)
         for kind, part in zip(STEP_TYPES, reduced.steps, strict=True)
     }
+
     return {
         stored.error: np.asarray(error),
         f"{stored.name}_basis": basis,
@@ -233,10 +240,12 @@ def _stored(
         raise ValueError(
             f"{stored.error}: {error}; must be 0 to {stored.largest_error:g}"
         )
+
     basis = _read(archive, f"{stored.name}_basis", "float32", 1 + stored.value_axes)
     differences = (
         _read(archive, f"{stored.name}_{kind}", kind, 3) for kind in STEP_TYPES
     )
+
     steps = tuple(_summed(part) for part in differences)
     if {len(part) for part in steps} != {prod(rows)} or sum(
         part.shape[1] for part in steps
@@ -244,6 +253,7 @@ def _stored(
         raise ValueError(
             f"{stored.name}: steps {[part.shape for part in steps]} for {prod(rows)} rows of {len(basis)}"
         )
+
     _check_size(prod(rows) * prod(basis.shape[1:]))
     return ReducedRows(
         basis.reshape(len(basis), prod(basis.shape[1:])), steps
@@ -285,6 +295,7 @@ def _read(archive: ZipFile, name: str, wanted: str, axes: int) -> NDArray[Any]:
         read_magic(file)
     ]
     shape, _, dtype = read_header(file)
+
     size = prod(shape) * np.dtype(wanted).itemsize
     if (
         dtype != np.dtype(wanted)
@@ -292,4 +303,5 @@ def _read(archive: ZipFile, name: str, wanted: str, axes: int) -> NDArray[Any]:
         or size != len(data) - file.tell()
     ):
         raise ValueError(f"{name}: {dtype} {shape} in {len(data)} bytes")
+
     return read_array(BytesIO(data), allow_pickle=False)

@@ -56,6 +56,7 @@ def library_walls(
     )
     ratio = np.exp(unknown_su[:, pressure] - unknown_su[:, at.MODULUS])
     ratio = np.clip(ratio, *library.iop_ratio_ends(thickness))
+
     return (
         thickness,
         ratio,
@@ -71,6 +72,7 @@ def law_of(globe: KnownGlobe) -> Law:
         for rigidity in (globe.lowest, globe.mean, globe.highest, globe.sd)
     )
     sealed = globe.can_be_sealed
+
     return Law(
         at.PRESSURE if sealed else at.IOP,
         not sealed,
@@ -166,6 +168,7 @@ def fit_boundaries(
         np.empty(0) if begun is None else np.ascontiguousarray(begun, dtype=np.float64),
         fitted,
     )
+
     return fit_of(library, prior.globe, fitted) if has_fit else None
 
 
@@ -179,6 +182,7 @@ def doubt_of(prior: Prior) -> Doubt:
             [off.growth, off.growth_sd, *off.growth_by],
         ]
     )
+
     return Doubt(
         _standard_normal(count + 2),
         _standard_normal(2, seed=1),
@@ -206,6 +210,7 @@ def fit_of(library: Library, globe: KnownGlobe, fitted: Fitted) -> BoundaryFit:
     (force, low_n, high_n, misfit, outliers, cost) = fitted.numbers.tolist()
     radius_m = library.radius_m * np.exp(unknown[at.SIZE])
     pressure = unknown[law_of(globe).pressure]
+
     return BoundaryFit(
         force_n=force,
         interval_n=(low_n, high_n),

@@ -106,10 +106,12 @@ def fit_frame(
     at_m, depth_m, sd_m, outer = _columns(lateral_m, depth_bc, belief.wall_sd_m)
     if outer < UNKNOWNS:
         return False
+
     problem = _problem(tables, law, (at_m, depth_m, sd_m, outer), smoothing_m, belief)
     work = search_loops.work_of(problem.scene)
     unknown = fitted.unknown
     spread = fitted.spread
+
     if len(begun):
         unknown[:] = begun
         search_loops.keep_inside(tables, unknown)
@@ -120,9 +122,11 @@ def fit_frame(
         count = fit_starts.find_starts(problem, surface, work, starts)
         cost = _best_fit(problem, starts[:count], work, unknown)
         cost = _with_limbus(problem, starts[0], cost, work, unknown)
+
         if not law.is_open:
             cost = _beyond(problem, surface, borne_n, cost, work, unknown)
             cost = _along_valley(problem, cost, work, unknown, spread)
+
     _conclude(problem, cost, doubt, work, fitted)
     return True
 
@@ -138,6 +142,7 @@ def _columns(
     at_m = np.empty(2 * COLUMNS)
     depth_m = np.empty(2 * COLUMNS)
     sd_m = np.empty(2 * COLUMNS)
+
     for boundary in range(2):
         outer = count
         for column in range(0, len(lateral_m), step):
@@ -148,6 +153,7 @@ def _columns(
                     INNER_SD_M if boundary else OUTER_SD_M, wall_sd_m
                 )
                 count += 1
+
     return at_m[:count], depth_m[:count], sd_m[:count], outer
 
 
@@ -166,6 +172,7 @@ def _problem(
     scene = scene_of(
         tables, law.pressure, places, belief.mean[at.GAP], belief.mean[at.THICKNESS]
     )
+
     return Problem(scene, law, depth_m, sd_m, as_one, belief)
 
 
@@ -201,6 +208,7 @@ def fit_plane(
     work.wall.pushed[2] = tilt
     work.other.pushed[2] = tilt
     cost, nodes = search_loops.evaluate(problem, unknown, work)
+
     if len(gradient) == 0:
         _write_fit(problem, cost, _misfit(problem, work), doubt, work, fitted)
     else:
@@ -209,6 +217,7 @@ def fit_plane(
         normal[:UNKNOWNS, :UNKNOWNS] = work.normal
         gradient[:UNKNOWNS] = work.gradient
         search_loops.add_tilt(problem, unknown, scale, work, normal, gradient)
+
     return cost
 
 
@@ -223,6 +232,7 @@ def _best_fit(problem: Problem, starts: Floats, work: Work, unknown: Floats) -> 
     """Write the unknowns of the best fit from any start (start, unknown); return its cost."""
     unknown[:] = starts[0]
     best = np.inf
+
     if len(starts) > 1:
         for start in starts:
             tried = start.copy()
@@ -230,6 +240,7 @@ def _best_fit(problem: Problem, starts: Floats, work: Work, unknown: Floats) -> 
             if cost < best:
                 best = cost
                 unknown[:] = tried
+
     return search_loops.descend(problem, unknown, STOPPING, work)
 
 
@@ -254,28 +265,35 @@ def _with_limbus(
     if best <= STRAINED:
         search_loops.evaluate(problem, unknown, work)
         lost = 0
+
         for place in range(len(work.off)):
             lost += not (
                 work.depths.seen[place] and np.abs(work.off[place]) <= OUTLIER_SD
             )
+
         if lost <= LOST * len(work.off):
             return best
+
     begun = np.empty((4 + 2 * fit_starts.STARTS, UNKNOWNS))
     count = 0
+
     for near in (unknown, first):
         for sign in (-1.0, 1.0):
             if fit_starts.limbus_start(problem, near, sign, work, begun[count]):
                 count += 1
+
     count += fit_starts.one_sided_starts(problem, work, begun[count:])
     costs = np.empty(count)
     chosen = np.empty((min(count, LIMBUS_STARTS), UNKNOWNS))
     for number in range(count):
         search_loops.keep_inside(problem.scene.tables, begun[number])
         costs[number] = search_loops.evaluate(problem, begun[number], work)[0]
+
     for number in range(len(chosen)):
         least = int(np.argmin(costs))
         chosen[number] = begun[least]
         costs[least] = np.inf
+
     return _better(problem, chosen, best, work, unknown) if count else best
 
 
@@ -294,14 +312,17 @@ def _beyond(
     """
     if problem.law.mean <= 0.0:
         return best
+
     starts = np.empty((2, UNKNOWNS))
     tried = np.empty(UNKNOWNS)
     count = (
         1 if fit_starts.higher_start(problem, surface, unknown, work, starts[0]) else 0
     )
+
     if not np.isnan(borne_n):
         fit_starts.bearing_start(problem, surface, borne_n, work, starts[count])
         count += 1
+
     for number in range(count):
         search_loops.keep_inside(problem.scene.tables, starts[number])
         cost = _best_fit(problem, starts[number : number + 1], work, tried)
@@ -312,6 +333,7 @@ def _beyond(
         ):
             unknown[:] = tried
             best = cost
+
     return best
 
 
@@ -330,20 +352,26 @@ def _along_valley(
         with_pressure = np.zeros(UNKNOWNS)
         for number in range(UNKNOWNS):
             with_pressure += spread[number] * spread[number, at.PRESSURE]
+
         sd = np.sqrt(with_pressure[at.PRESSURE])
         if sd < VALLEY_SD:
             break
+
         before = best
         starts = np.empty((2, UNKNOWNS))
+
         for number in range(2):
             starts[number] = (
                 unknown + (2.0 * number - 1.0) * VALLEY_STRIDE * with_pressure / sd
             )
             search_loops.keep_inside(problem.scene.tables, starts[number])
+
         for number in range(2):
             best = _better(problem, starts[number : number + 1], best, work, unknown)
+
         if best > before - VALLEY_LOWER:
             break
+
     return best
 
 
@@ -370,6 +398,7 @@ def _misfit(problem: Problem, work: Work) -> tuple[float, float]:
     lost = 0
     size = np.where(seen, np.abs(off), np.inf)
     misfit = NORMAL_MEDIAN * np.median(size)
+
     for place in range(len(off)):
         is_layer = (
             place >= problem.scene.outer
@@ -377,6 +406,7 @@ def _misfit(problem: Problem, work: Work) -> tuple[float, float]:
             and 0.0 < off[place] * INNER_SD_M < LAYER_M
         )
         lost += size[place] > OUTLIER_SD * max(1.0, misfit) and not is_layer
+
     return misfit, lost / len(off)
 
 
@@ -410,18 +440,23 @@ def _draw_forces(
     drawn = unknown.copy()
     moved = np.empty(len(MOVING))
     deciding = np.empty((UNKNOWNS, len(MOVING)))
+
     for number in range(len(MOVING)):
         deciding[:, number] = spread[:, MOVING[number]]
+
     (normals, grown, terms, across) = doubt
     follows_eye = np.abs(doubt.terms[:, 2:]).max() > 0.0
+
     for draw in range(len(draws_n)):
         normal = normals[draw]
         moved[:] = 0.0
         for number in range(UNKNOWNS):
             for place in range(len(moved)):
                 moved[place] += normal[number] * deciding[number, place]
+
         for place in range(len(moved)):
             drawn[MOVING[place]] = unknown[MOVING[place]] + moved[place]
+
         drawn[at.TIP] = max(drawn[at.TIP], 0.0)
         if not law.is_open:
             volume = displaced(tables, law, drawn)
@@ -434,18 +469,21 @@ def _draw_forces(
                 pressure_of_level(level + law.highest * volume, law.is_logarithmic)
             )
             drawn[at.PRESSURE] = min(max(drawn[at.PRESSURE], low), high)
+
         borne_n = force_at(tables, law, drawn)
         level_z, growth_z = grown[draw]
         level = terms[0, 0] + terms[0, 1] * level_z
         growth = terms[1, 0] + terms[1, 1] * (
             across * level_z + np.sqrt(1.0 - across**2) * growth_z
         )
+
         if follows_eye:
             off = search_loops.deviations(problem, drawn)
             for one in range(2):
                 eye_z = min(max(off[one], -FARTHEST_EYE), FARTHEST_EYE)
                 level = level + eye_z * terms[0, 2 + one]
                 growth = growth + eye_z * terms[1, 2 + one]
+
         level += growth * (min(max(borne_n / REFERENCE_N, 0.0), 1.0) - 0.5)
         borne_n = (
             borne_n * np.exp(level) * np.exp(MODEL_SD * normal[UNKNOWNS])

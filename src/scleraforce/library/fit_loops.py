@@ -113,11 +113,13 @@ def scene_of(
     about_needle = np.empty((2, len(along), 5))
     left = np.empty((2, 2 * nodes), dtype=np.intp)
     share = np.empty((2, 2 * nodes))
+
     for boundary in range(2):
         across = gap_m / (tables.radius_m - boundary * thickness_m)
         stations[boundary, :, 0] = along
         stations[boundary, :, 1] = across
         stations[boundary, :, 2] = np.sqrt(np.maximum(1.0 - along**2 - across**2, 0.0))
+
         for ring in range(2 * nodes):
             wanted = np.sqrt(max(sines[ring % nodes] ** 2 - across**2, 0.0)) * (
                 -1.0 if ring < nodes else 1.0
@@ -127,6 +129,7 @@ def scene_of(
             share[boundary, ring] = (wanted - along[station]) / (
                 along[station + 1] - along[station]
             )
+
     _turn(stations, tables.angles, UP, about_needle)
     (at_m, outer, smoothing_m) = places
     cosines = np.cos(tables.angles)
@@ -153,12 +156,14 @@ def _before(nodes: Floats, place: float) -> int:
     """
     node = 0
     after = len(nodes) - 1
+
     while after - node > 1:
         middle = (node + after) // 2
         if nodes[middle] < place:
             node = middle
         else:
             after = middle
+
     return node
 
 
@@ -192,6 +197,7 @@ def library_place(tables: SplineTables, unknown: Floats, pressure: int) -> Vecto
     least = tables.tension_ends[0] * per_tension
     most = tables.tension_ends[1] * per_tension
     ratio = min(max(np.exp(unknown[pressure] - unknown[at.MODULUS]), least), most)
+
     return (
         thickness,
         ratio,
@@ -207,6 +213,7 @@ def _find_wall(scene: Scene, unknown: Floats, count: int, wall: Wall) -> None:
     find_curve(scene.tables, state, count, wall, 2)
     _find_push(scene.tables, state, unknown, wall.pushed)
     wall.motion[:] = 0.0
+
     if axis[2] < 1.0:
         _find_meridian(scene, state, wall.meridian)
         _turn(scene.stations, scene.tables.angles, axis, wall.turned)
@@ -253,6 +260,7 @@ def _find_meridian(scene: Scene, state: Vector, meridian: Floats) -> None:
     for boundary in range(2):
         radius_m = scene.tables.radius_m - boundary * state[0]
         way = meridian[boundary]
+
         for node in range(len(way)):
             way[node, 0] -= radius_m * scene.sines[node]
             way[node, 1] = (
@@ -299,6 +307,7 @@ def _move(
     """Write how the pressure moves the first rings of a wall beside the pole (boundary, ring, 3) (`base_bulge`)."""
     nodes = motion.shape[1] // 2
     left = scene.left
+
     for boundary in range(2):
         way = meridian[boundary]
         for place in range(
@@ -311,10 +320,12 @@ def _move(
             moved[place, 0] = away * turn[2] + up * axis[0] - resting * rest[2]
             moved[place, 1] = away * turn[3] + up * axis[1] - resting * rest[3]
             moved[place, 2] = above - away * turn[4] - up * axis[2]
+
         for side in range(2):
             for ring in range(side * nodes, side * nodes + count):
                 station = left[boundary, ring]
                 share = scene.share[boundary, ring]
+
                 for part in range(3):
                     low = moved[station, part]
                     high = moved[station + 1, part]
@@ -350,10 +361,12 @@ def cut_wall(
     s = np.sin(unknown[at.ROTATION])
     tilt = size * pushed[2]
     longer = np.sqrt(1.0 + pushed[2] ** 2)  # depths along the plane
+
     for side in range(2):
         ring = side * nodes
         sign = 2.0 * side - 1.0
         first = count
+
         for node in range(count):
             gap = (
                 gap_m
@@ -361,19 +374,24 @@ def cut_wall(
                 + tilt * curve[node, 1]
             )
             squares[node] = (size * curve[node, 0]) ** 2 - gap**2
+
             if squares[node] > 0.0 and first == count:
                 first = node
+
         beyond = first
         first = first % count
         share = 1.0
         last = max(first - 1, 0)
+
         if first > 0:
             share = min(
                 max(-squares[last] / max(squares[first] - squares[last], 1e-30), 0.0),
                 1.0,
             )
+
         middle = size * curve[last, 1]
         middle += share * (size * curve[first, 1] - middle)
+
         for node in range(count):
             near = ring + max(node, first)
             across = sign * np.sqrt(max(squares[node], 0.0)) if node >= beyond else 0.0
@@ -396,6 +414,7 @@ def without_folds(lateral: Floats, down: Floats, length: int) -> int:
             lateral[kept] = lateral[node]
             down[kept] = down[node]
             kept += 1
+
     return kept
 
 
@@ -410,18 +429,22 @@ def _read_depths(
     begin, end = (scene.outer, len(scene.at_m)) if boundary else (0, scene.outer)
     depth_m[begin:end] = down[0] if length == 1 else 0.0
     slope[begin:end] = 0.0
+
     for segment in range(length - 1):
         steep[segment] = (down[segment + 1] - down[segment]) / (
             lateral[segment + 1] - lateral[segment]
         )
+
     smoothing_m = 0.0 if boundary else scene.smoothing_m
     for point in range(3) if smoothing_m > 0.0 else range(1, 2):
         weight = GAUSS_HERMITE[1][point] if smoothing_m > 0.0 else 1.0
         segment = 0
+
         for place in range(begin, end if length > 1 else begin):
             along = scene.at_m[place] + GAUSS_HERMITE[0][point] * smoothing_m
             while segment < length - 2 and lateral[segment + 1] < along:
                 segment += 1
+
             depth_m[place] += weight * (
                 down[segment] + steep[segment] * (along - lateral[segment])
             )
@@ -437,6 +460,7 @@ def _ends(scene: Scene) -> tuple[float, float]:
     if scene.outer <= last:
         low = min(low, scene.at_m[scene.outer])
         high = max(high, scene.at_m[last])
+
     return low - 2.0 * scene.smoothing_m, high + 2.0 * scene.smoothing_m
 
 
@@ -461,6 +485,7 @@ def show_wall(scene: Scene, unknown: Floats, wall: Wall, depths: Depths) -> int:
     )
     _find_wall(scene, unknown, count, wall)
     boundary = 0
+
     while boundary < 2:
         cut_wall(
             wall.curve[boundary],
@@ -472,6 +497,7 @@ def show_wall(scene: Scene, unknown: Floats, wall: Wall, depths: Depths) -> int:
         )
         length = without_folds(wall.lateral, wall.down, 2 * count)
         left = wall.lateral[0]
+
         right = wall.lateral[length - 1]
         if count < nodes and (
             left > low - SPARE_DENTED_M or right < high + SPARE_DENTED_M
@@ -480,12 +506,15 @@ def show_wall(scene: Scene, unknown: Floats, wall: Wall, depths: Depths) -> int:
             boundary = 0
             _find_wall(scene, unknown, count, wall)
             continue
+
         _read_depths(scene, boundary, length, wall, depths.even_m, depths.even_slope)
         for place in range(
             scene.outer * boundary, len(scene.at_m) if boundary else scene.outer
         ):
             depths.seen[place] = length > 1 and left <= scene.at_m[place] <= right
+
         boundary += 1
+
     for place in range(len(scene.at_m)):
         is_inner = 0.0 if place < scene.outer else 1.0
         formed, form_slope = _form(
@@ -498,6 +527,7 @@ def show_wall(scene: Scene, unknown: Floats, wall: Wall, depths: Depths) -> int:
         depths.depth_m[place] -= (
             unknown[at.SHINE] * (1.0 - is_inner) * _shine(depths.slope[place])
         )
+
     return count
 
 
@@ -515,13 +545,16 @@ def derive(
     axis = _axis(unknown)
     jacobian = depths.jacobian
     varied = unknown.copy()
+
     if axis[2] == 1.0:
         _find_meridian(
             scene, library_place(tables, unknown, scene.pressure), wall.meridian
         )
+
     depth_m = np.empty(len(scene.at_m))
     slope = np.empty(len(scene.at_m))
     jacobian[:] = 0.0
+
     for moving in np.array(
         [at.TIP, at.GAP, at.THICKNESS, scene.pressure, ALONG, ACROSS]
     ):
@@ -530,9 +563,11 @@ def derive(
         state = library_place(tables, varied, scene.pressure)
         curve = wall.curve
         motion = wall.motion
+
         if moving in (at.TIP, at.THICKNESS, scene.pressure):
             find_curve(tables, state, count, other, 2)
             curve = other.curve
+
         if moving in (ALONG, ACROSS):
             motion = other.motion
             _turn(scene.stations, tables.angles, _axis(varied), other.turned)
@@ -549,6 +584,7 @@ def derive(
             motion = other.motion
             _find_meridian(scene, state, other.meridian)
             _move(scene, other.meridian, wall.turned, axis, count, other.moved, motion)
+
         _find_push(tables, state, varied, other.pushed)
         for boundary in range(2):
             cut_wall(
@@ -556,8 +592,10 @@ def derive(
             )
             length = without_folds(other.lateral, other.down, 2 * count)
             _read_depths(scene, boundary, length, other, depth_m, slope)
+
         jacobian[:, moving] = (depth_m - depths.even_m) / moved
         varied[moving] = unknown[moving]
+
     for place in range(len(depth_m)):
         row = jacobian[place]
         steep = depths.even_slope[place]
@@ -565,6 +603,7 @@ def derive(
         if not depths.seen[place]:
             row[:] = 0.0
             continue
+
         is_inner = 0.0 if place < scene.outer else 1.0
         across = scene.at_m[place] - unknown[at.LATERAL]
         by_size = deep - unknown[at.DEPTH] - steep * across
@@ -577,6 +616,7 @@ def derive(
         row[at.ROTATION] = across + steep * (deep - unknown[at.DEPTH])
         row[at.SHINE] = (is_inner - 1.0) * _shine(depths.slope[place])
         row[WEDGE] = across * is_inner
+
         for side, first in ((-1.0, LEFT), (1.0, RIGHT)):
             ramp, rise = _ramp(side * across - unknown[first])
             row[first] = -(unknown[first + 1] + unknown[first + 2] * ramp) * rise
@@ -592,6 +632,7 @@ def _step(scene: Scene, unknown: Floats, place: int) -> float:
     thickness = unknown[at.THICKNESS] / size
     step = at.POLE_STEP
     leaves = unknown[place] > 0.0
+
     if place == at.TIP:
         step = at.TIP_STEP_M
         leaves = unknown[at.TIP] / size + step > tables.tip_m[-1]
@@ -605,6 +646,7 @@ def _step(scene: Scene, unknown: Floats, place: int) -> float:
         step = at.LOG_PRESSURE_STEP
         highest = tables.tension_ends[1] * (thickness / tables.radius_m)
         leaves = np.exp(unknown[place] - unknown[at.MODULUS] + step) > highest
+
     return -step if leaves else step
 
 
@@ -622,12 +664,14 @@ def _form(
     """Return the contribution of a form to depth and slope (`unknowns.form_depths`)."""
     depth = unknown[WEDGE] * from_contact_m * is_inner
     slope = unknown[WEDGE] * is_inner
+
     for side, first in ((-1.0, LEFT), (1.0, RIGHT)):
         angle = unknown[first + 1]
         curvature = unknown[first + 2]
         ramp, rise = _ramp(side * from_contact_m - unknown[first])
         depth += (angle + 0.5 * curvature * ramp) * ramp
         slope += side * (angle + curvature * ramp) * rise
+
     return depth, slope
 
 
@@ -636,6 +680,7 @@ def formed_section(scene: Scene, unknown: Floats, wall: Wall, section: Floats) -
     """Write the boundaries of a wall in the frame, with its form at rest (boundary, 2 node, [lateral, depth]), m."""
     count = section.shape[1] // 2
     _find_wall(scene, unknown, count, wall)
+
     for boundary in range(2):
         cut_wall(
             wall.curve[boundary],
@@ -645,6 +690,7 @@ def formed_section(scene: Scene, unknown: Floats, wall: Wall, section: Floats) -
             unknown,
             wall,
         )
+
         for place in range(2 * count):
             formed, _ = _form(
                 unknown, wall.lateral[place] - unknown[at.LATERAL], float(boundary)
@@ -685,6 +731,7 @@ def off_the_law(tables: SplineTables, law: Law, unknown: Floats) -> tuple[float,
     slope = (
         1.0 if law.is_logarithmic else np.cbrt(resting) / 3.0
     )  # of the level by the logarithm of the pressure
+
     return risen - law.mean * volume, np.hypot(law.spread * volume, LEAST_SD * slope)
 
 

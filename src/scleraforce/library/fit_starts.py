@@ -63,6 +63,7 @@ def surface_of(lateral_m: Floats, depth_m: Floats, farthest_m: float) -> Surface
     """Return some places of an outer boundary, (place,), where it is seen."""
     count = len(lateral_m)
     some = np.empty((2, min(POINTS, len(lateral_m))))
+
     for point in range(some.shape[1]):
         place = (
             count - 1
@@ -71,6 +72,7 @@ def surface_of(lateral_m: Floats, depth_m: Floats, farthest_m: float) -> Surface
         )
         some[0, point] = lateral_m[place]
         some[1, point] = depth_m[place]
+
     reach = (
         int(np.ceil((max(-lateral_m[0], lateral_m[count - 1]) + farthest_m) / GRID_M))
         + 1
@@ -92,8 +94,10 @@ def _lay(
     tables = problem.scene.tables
     nodes = work.other.curve.shape[1]
     posed = unknown.copy()
+
     for place in (at.LATERAL, at.DEPTH, at.ROTATION):
         posed[place] = pose[place]
+
     find_curve(
         tables, library_place(tables, posed, problem.law.pressure), nodes, wall, 1
     )
@@ -108,33 +112,41 @@ def _lay(
     grid_m = surface.grid_m
     reach = len(surface.grid_m) // 2
     steep = 0.0
+
     for place in range(len(grid_m)):
         along = min(max((place - reach) * GRID_M, lateral[0]), lateral[length - 1])
         while segment < length - 2 and lateral[segment + 1] <= along:
             segment += 1
+
         if after <= segment < length - 1:
             after = segment + 1
             steep = (down[after] - down[segment]) / (lateral[after] - lateral[segment])
+
         grid_m[place] = down[segment] + steep * (along - lateral[segment])
+
     best = np.inf
     rest_m = surface.rest_m
     count = len(surface.rest_m)
+
     for number in range(int(np.ceil(2.0 * surface.farthest_m / SHIFT_M + 0.5))):
         shift = number * SHIFT_M - surface.farthest_m
         off = 0.0
         for place in range(count):
             cell = int(np.rint((surface.lateral_m[place] - shift) / GRID_M)) + reach
             rest_m[place] = surface.depth_m[place] - grid_m[cell]
+
         halves_m = np.partition(rest_m, count // 2)
         upper = halves_m[count // 2]
         middle = 0.5 * (upper + (upper if count % 2 else halves_m[: count // 2].max()))
         for place in range(count):
             if off < best:
                 off += min(np.abs(rest_m[place] - middle), FAR_M) / count
+
         if off < best:
             best = off
             unknown[at.LATERAL] = shift
             unknown[at.DEPTH] = middle
+
     return best
 
 
@@ -152,38 +164,47 @@ def find_starts(problem: Problem, surface: Surface, work: Work, found: Floats) -
     least = np.full(DENTS + 2, np.inf)
     tried = np.empty(UNKNOWNS)
     thickness, resting, size, modulus, per_rate = _resting(problem)
+
     for rigidity in range(1 if law.is_open else 2):
         for dent in range(
             DENTS
         ):  # they crowd where they are shallow: forces grow quickest there
             tried[:] = mean
             tried[at.TIP] = tables.tip_m[-1] * size * (dent / (DENTS - 1)) ** 1.5
+
             if not law.is_open:
                 rate = (law.mean if rigidity else law.lowest) * per_rate
                 state = thickness, resting, min(tried[at.TIP] / size, tables.tip_m[-1])
                 ratio = pressure_at_dent(tables, state, rate, law.is_logarithmic)
                 if np.isnan(ratio):
                     continue
+
                 tried[at.PRESSURE] = np.log(ratio * modulus)
+
             off = _lay(problem, surface, tried, mean, work)
             if off < least[dent + 1]:
                 least[dent + 1] = off
                 laid[dent] = tried
+
     worst = MUCH_WORSE * least.min()
     count = 0
     costs = np.full(DENTS, np.inf)
+
     for dent in range(DENTS):
         off = least[dent + 1]
         if off <= least[dent] and off <= least[dent + 2] and off <= worst:
             costs[dent] = off
+
     while count < STARTS and costs.min() < np.inf:
         best = int(np.argmin(costs))
         found[count] = laid[best]
         costs[best] = np.inf
         count += 1
+
     if count == 0:
         found[0] = mean
         count = 1
+
     return count
 
 
@@ -197,6 +218,7 @@ def _resting(problem: Problem) -> tuple[float, float, float, float, float]:
     thickness, ratio, _ = library_place(problem.scene.tables, mean, at.IOP)
     size = np.exp(mean[at.SIZE])
     modulus = np.exp(mean[at.MODULUS])
+
     return (
         thickness,
         ratio,
@@ -213,6 +235,7 @@ def bearing_start(
     """Write the start in a sealed globe whose needle is known to bear a force."""
     states = np.empty((PRESSURES, UNKNOWNS))
     best = np.inf
+
     for state in range(_find_states(problem, states)):
         off = np.abs(
             force_at(problem.scene.tables, problem.law, states[state]) - borne_n
@@ -220,6 +243,7 @@ def bearing_start(
         if off < best:
             best = off
             start[:] = states[state]
+
     _lay(problem, surface, start, problem.belief.mean, work)
 
 
@@ -235,6 +259,7 @@ def higher_start(
     tried = fitted.copy()
     found = False
     best = MUCH_WORSE * _lay(problem, surface, tried, fitted, work)
+
     for state in range(_find_states(problem, states)):
         tried[:] = states[state]
         borne_n = force_at(problem.scene.tables, problem.law, tried)
@@ -244,6 +269,7 @@ def higher_start(
                 best = off
                 start[:] = tried
                 found = True
+
     return found
 
 
@@ -256,6 +282,7 @@ def _find_states(problem: Problem, states: Floats) -> int:
     (thickness, resting, size, modulus, per_rate) = _resting(problem)
     tips = tables.tip_m
     highest = tables.tension_ends[1] * thickness / tables.radius_m
+
     for number in range(PRESSURES):
         ratio = resting * (highest / resting) ** (number / (PRESSURES - 1))
         tip = 0
@@ -264,18 +291,21 @@ def _find_states(problem: Problem, states: Floats) -> int:
         )
         volume = risen / (law.mean * per_rate)
         low = value_of(tables, tables.volumes, thickness, ratio, tips[0])
+
         if volume <= value_of(tables, tables.volumes, thickness, ratio, tips[-1]):
             high = value_of(tables, tables.volumes, thickness, ratio, tips[1])
             while tip < len(tips) - 2 and high <= volume:
                 tip = tip + 1
                 low = high
                 high = value_of(tables, tables.volumes, thickness, ratio, tips[tip + 1])
+
             states[count] = problem.belief.mean
             states[count, at.PRESSURE] = np.log(ratio * modulus)
             states[count, at.TIP] = size * (
                 tips[tip] + (volume - low) / (high - low) * (tips[tip + 1] - tips[tip])
             )
             count += 1
+
     return count
 
 
@@ -302,18 +332,22 @@ def limbus_start(
     basis = np.zeros((scene.outer, 4))
     along_m = np.empty(scene.outer)
     rest_m = np.empty(scene.outer)
+
     for place in range(scene.outer):
         across = scene.at_m[place] - unknown[at.LATERAL]
         along_m[place] = sign * across
         rest_m[place] = problem.depth_m[place] - depths.depth_m[place]
+
         if depths.seen[place]:
             basis[place, 0] = 1.0
             basis[place, 1] = across + depths.even_slope[place] * (
                 depths.even_m[place] - unknown[at.DEPTH]
             )
+
     best = np.inf
     solution = np.empty(4)
     first = at.FORM.start + (0 if sign < 0.0 else 3)
+
     for limbus_m in LIMBUS_PLACES_M:
         off_m = _fit_limbus(limbus_m, along_m, rest_m, basis, solution)
         if off_m < best:
@@ -324,6 +358,7 @@ def limbus_start(
             start[first] = limbus_m
             start[first + 1] = solution[2]
             start[first + 2] = solution[3]
+
     return best < np.inf
 
 
@@ -342,20 +377,25 @@ def _fit_limbus(
         count += beyond_m > 0.0
         basis[place, 2] = beyond_m
         basis[place, 3] = 0.5 * beyond_m**2
+
     if count < LEAST_COLUMNS:
         return np.inf
+
     matrix = np.zeros((4, 4))
     solution[:] = 0.0
+
     for place in range(len(along_m)):
         for i in range(4):
             solution[i] += basis[place, i] * rest_m[place]
             for j in range(4):
                 matrix[i, j] += basis[place, i] * basis[place, j]
+
     towards = solution.copy()
     lower = matrix.copy()
     off_m = 0.0
     factorise(lower)
     solve(lower, solution)
+
     curvature = min(
         max(solution[3], at.FORM_ENDS[0, CURVATURE]), at.FORM_ENDS[1, CURVATURE]
     )
@@ -363,8 +403,10 @@ def _fit_limbus(
         solution[:3] = towards[:3] - curvature * matrix[:3, 3]
         solution[3] = curvature
         solve(lower[:3, :3], solution[:3])
+
     for place in range(len(along_m)):
         off_m += np.abs(rest_m[place] - dot(basis[place], solution))
+
     return off_m / len(along_m)
 
 
@@ -379,12 +421,15 @@ def one_sided_starts(problem: Problem, work: Work, found: Floats) -> int:
     begun = np.empty((STARTS, UNKNOWNS))
     lateral_m = problem.scene.at_m[: problem.scene.outer]
     depth_m = problem.depth_m[: problem.scene.outer]
+
     for sign in (-1.0, 1.0):
         near = sign * lateral_m <= MIDDLE_M
         if np.count_nonzero(near) < LEAST_COLUMNS:
             continue
+
         surface = surface_of(lateral_m[near], depth_m[near], MIDDLE_M)
         for number in range(find_starts(problem, surface, work, begun)):
             if limbus_start(problem, begun[number], sign, work, found[count]):
                 count += 1
+
     return count

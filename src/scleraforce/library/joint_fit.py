@@ -214,14 +214,17 @@ class _Problem:
             ]
         )
         self.sd = np.concatenate([prior.sd[SHARED], EXTRA_SD])
+
         if (
             known.modulus is not None
         ):  # E has these moments, and its logarithm is normal
             variance = float(np.log1p(known.modulus.relative_sd**2))
             self.mean[MODULUS] = log(known.modulus.mean_pa) - 0.5 * variance
             self.sd[MODULUS] = np.sqrt(variance)
+
         if not self.law.is_open:
             self.sd[RIGIDITY] = prior.globe.sd / prior.globe.mean
+
         self.is_heavy = np.append(
             np.isin(SHARED, [*HEAVY, at.THICKNESS]),
             np.zeros(len(EXTRA_SD), dtype=np.bool_),
@@ -244,6 +247,7 @@ class _Problem:
             + LEAST_SIZE_M**2 * np.eye(len(grown))
         )
         one = np.linalg.inv(np.kron(along, sizes))
+
         return np.asarray(
             np.kron(np.diag([1.0, INNER_SHARE**-2]), one), dtype=np.float64
         )
@@ -282,11 +286,13 @@ class _Problem:
         forces, volumes = self.forces_volumes(unknown_su)
         pressure = np.exp(unknown_su[:, self.law.pressure])
         resting = np.exp(unknown_su[:, at.IOP])
+
         if not self.law.is_open:
             globe = self.globe.globe(self.globe.mean * rigidity)
             risen = globe.level(pressure) - globe.level(resting)
             slope = resting[0] * globe.level_slope(resting[0])
             found.append((globe.rate * volumes - risen) / (LEAST_SD * slope))
+
         if (
             shown.travel_m is not None
         ):  # under more pressure the wall rises as a sphere does
@@ -303,11 +309,13 @@ class _Problem:
             found.append(
                 (shown.travel_m - gone) / np.hypot(TRAVEL_SD_M, TIP_SD * shown.travel_m)
             )
+
         if shown.force_n is not None:
             sd = np.hypot(FORCE_SD, shown.force_sd_n / shown.force_n)
             found.append(
                 (log(shown.force_n) - np.log(np.maximum(forces, LEAST_N))) / sd
             )
+
         return np.stack(found, axis=1) if found else np.empty((len(unknown_su), 0))
 
     def look(
@@ -329,8 +337,10 @@ class _Problem:
         numbers = self.numbers(frame, unknown[None], extra)[0]
         share = 1.0 / (frame.as_one * self.noise**2)
         cost = float(share * CAUCHY**2 * lost + away @ away + numbers @ numbers)
+
         if not derive:
             return _Seen(cost, np.empty(0), np.empty(0), off)
+
         unused = np.zeros((len(off), len(EXTRA_SD)))
         rows = np.concatenate(
             [depths.jacobian[:, SHARED], unused, basis, depths.jacobian[:, OWN]], axis=1
@@ -342,6 +352,7 @@ class _Problem:
         gradient = rows.T @ (weight * off) + by_numbers.T @ numbers
         normal[len(shared) :, len(shared) :] += np.diag(self.own_sd**-2.0)
         gradient[len(shared) :] -= away / self.own_sd
+
         return _Seen(cost, normal, gradient, off)
 
     def _by_numbers(
@@ -350,6 +361,7 @@ class _Problem:
         """Return the derivatives of the predicted numbers (number, shared and own)."""
         found = np.zeros((len(numbers), count))
         moving = list(MOVING)
+
         if len(numbers):
             by_unknown = np.zeros((len(numbers), len(unknown)))
             varied = np.tile(unknown, (len(moving), 1))
@@ -359,9 +371,11 @@ class _Problem:
             ).T / STEPS
             found[:, : len(SHARED)] = by_unknown[:, SHARED]
             found[:, -len(OWN) :] = by_unknown[:, OWN]
+
             for place, one in enumerate(np.eye(len(extra)) * EXTRA_STEP):
                 moved = self.numbers(frame, unknown[None], extra + one)[0]
                 found[:, COMPLIANCE + place] = (numbers - moved) / EXTRA_STEP
+
         return found
 
     def prior(self, shared: Floats) -> tuple[float, Floats, Floats]:
@@ -377,6 +391,7 @@ class _Problem:
         gradient = -np.concatenate(
             [precision * away * self.sd, self.precision @ weights]
         )
+
         return float(lost.sum() + weights @ self.precision @ weights), normal, gradient
 
     def total(self, shared: Floats, own: Floats) -> float:
@@ -402,6 +417,7 @@ class _Problem:
         high = self.own_mean + FARTHEST * self.own_sd
         low[0] = 0.0
         high[0] = self.library.tip_m[-1] * np.exp(shared[SIZE])
+
         return shared, np.clip(own, low, high)
 
     def size(self, shared: Floats, seen: Sequence[_Seen]) -> None:
@@ -417,6 +433,7 @@ class _Problem:
         weights = shared[WEIGHTS:]
         best = np.inf
         chosen = self.resting_m, self.growing_m, self.precision
+
         for self.resting_m, self.growing_m in product(
             RESTING_SIZES_M.tolist(), GROWING_SIZES_M.tolist()
         ):
@@ -432,10 +449,12 @@ class _Problem:
                 - gained @ gained
                 + 2.0 * np.log(np.diag(lower)).sum()
             )
+
             loss -= np.linalg.slogdet(precision)[1]
             if loss < best:
                 best = loss
                 chosen = (self.resting_m, self.growing_m, precision)
+
         self.resting_m, self.growing_m, self.precision = chosen
 
 
@@ -453,6 +472,7 @@ def _eliminated(
     normal = np.zeros((shared, shared))
     gradient = np.zeros(shared)
     follow = list[Floats]()
+
     for one in seen:
         own = one.normal[shared:, shared:] + damping * np.diag(
             np.diag(one.normal)[shared:]
@@ -466,6 +486,7 @@ def _eliminated(
         gradient += (
             one.gradient[:shared] - one.normal[:shared, shared:] @ follow[-1][:, shared]
         )
+
     return normal, gradient, follow
 
 
@@ -486,6 +507,7 @@ def fit_jointly(
     shared, own = problem.inside(problem.mean if shared is None else shared, own)
     damping = FIRST_DAMPING
     cost = np.inf
+
     for number in range(ROUNDS):
         seen = [
             problem.look(frame, shared, one)
@@ -497,8 +519,10 @@ def fit_jointly(
                 problem.look(frame, shared, one)
                 for frame, one in zip(problem.frames, own, strict=True)
             ]
+
         lost, normal, gradient = problem.prior(shared)
         before = lost + sum(one.cost for one in seen)
+
         while True:
             of_frames, pull, follow = _eliminated(seen, len(shared), damping)
             step = np.linalg.solve(
@@ -506,15 +530,20 @@ def fit_jointly(
             )
             moves = np.array([one[:, -1] - one[:, :-1] @ step for one in follow])
             trial = problem.inside(shared + step, own + moves)
+
             cost = problem.total(*trial)
             if cost <= before or damping > MOST_DAMPING:
                 break
+
             damping = max(10.0 * damping, RETRY_DAMPING)
+
         if cost <= before:
             (shared, own) = trial
             damping = max(damping / 10.0, LEAST_DAMPING)
+
         if number > max(SIZED_ROUNDS) and before - cost < SETTLED:
             break
+
     seen = [
         problem.look(frame, shared, one)
         for frame, one in zip(problem.frames, own, strict=True)
@@ -532,6 +561,7 @@ def fit_jointly(
     ]
     forces_n, _ = problem.forces_volumes(np.array(each))
     sizes = problem.noise, problem.resting_m, problem.growing_m
+
     return JointFit(
         shared, covariance, own, *sizes, problem.total(shared, own), forces_n
     )

@@ -85,16 +85,19 @@ def depths_along(curve_sc: Floats, at: Floats) -> tuple[Floats, Floats, Flags]:
         )
         lateral = lateral[ahead]
         down = down[ahead]
+
         if len(lateral) == 1:
             return (
                 np.full(at.shape, down[0]),
                 np.zeros(at.shape),
                 np.zeros(at.shape, dtype=np.bool_),
             )
+
     segment = np.minimum(np.maximum(lateral.searchsorted(at) - 1, 0), len(lateral) - 2)
     left = lateral[segment]
     top = down[segment]
     slope = (down[segment + 1] - top) / (lateral[segment + 1] - left)
+
     return top + slope * (at - left), slope, (at >= lateral[0]) & (at <= lateral[-1])
 
 
@@ -142,6 +145,7 @@ class Columns:
             self.as_one * scale**2
         )
         weighted = jacobian * weight[:, None]
+
         return jacobian.T @ weighted, weighted.T @ residual
 
     def _depth_sd_m(self, placed: Placed) -> Floats:
@@ -190,25 +194,31 @@ def gauss_newton(
     unknown = start
     damping = FIRST_DAMPING
     placed, cost = problem.evaluate(unknown)
+
     for _ in range(stopping.iterations):
         normal, gradient = problem.normal_equations(unknown, placed)
         damped = normal + damping * np.diag(np.diag(normal))
         trial = problem.inside(unknown + (step_of or np.linalg.solve)(damped, gradient))
+
         step = trial - unknown
         if float(step @ normal @ step) < stopping.converged_sd**2:
             break
+
         trial_placed, trial_cost = problem.evaluate(trial)
         if trial_cost >= cost:
             damping = max(10 * damping, stopping.retry_damping)
             continue
+
         hardly_damped = damping <= max(FIRST_DAMPING, stopping.retry_damping)
         settled = hardly_damped and cost - trial_cost < stopping.settled_cost
         unknown = trial
         placed = trial_placed
         cost = trial_cost
         damping = damping / 10
+
         if settled:
             break
+
     return unknown, placed, cost
 
 

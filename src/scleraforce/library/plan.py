@@ -135,6 +135,7 @@ class LibraryPlan:
             if unit < self.paths
             else (unit - self.paths, self.support_shape)
         )
+
         return tuple(int(number) for number in np.unravel_index(*within))
 
     def path(self, unit: int) -> PlannedPath:
@@ -148,6 +149,7 @@ class LibraryPlan:
         stiffening = float(self.stiffening[0])
         support_rad = 0.5 * np.pi
         tip_m = self.tip_m
+
         if unit < self.paths:
             stiffening = float(self.stiffening[first])
         else:
@@ -156,6 +158,7 @@ class LibraryPlan:
             thicknesses, tensions = self._with_supports
             thickness = int(thicknesses[thickness])
             tension = int(tensions[tension])
+
         thickness_m = float(self.thickness_m[thickness])
         iop_ratio = float(self.tension[tension]) * thickness_m / self.radius_m
         return PlannedPath(
@@ -190,11 +193,13 @@ def plan_library(study: Study) -> LibraryPlan:
         0.5 * sum(needle.polar_angle_rad.bounds), float(np.radians(LARGEST_POLAR_DEG))
     )
     highest = study.library.tension.bounds[1]
+
     burst = burst_tension(eye.poisson_ratio)
     if not highest < burst:
         raise InputError(
             f"library.tension: up to {highest:g}; must stay below {burst:.3g}, at which the wall bursts"
         )
+
     return LibraryPlan(
         radius_m=eye.radius_m,
         poisson_ratio=eye.poisson_ratio,
@@ -216,6 +221,7 @@ def parse_plan(recipe: str, name: str) -> LibraryPlan:
         plan = LibraryPlan(**{**given, "grid": LibraryStudy(**grid)})
     except (InputError, ValueError, TypeError, LookupError, AttributeError) as fault:
         raise InputError(f"{name}: not the plan of a library ({fault})") from fault
+
     sizes = (plan.radius_m, plan.poisson_ratio, plan.needle_radius_m)
     if (
         plan.recipe != recipe
@@ -224,6 +230,7 @@ def parse_plan(recipe: str, name: str) -> LibraryPlan:
         or not min(sizes) > 0.0
     ):
         raise InputError(f"{name}: not the plan of a library")
+
     return plan
 
 

@@ -103,12 +103,14 @@ class SpatialPlace:
         axes = np.stack([np.cos(directions_rad), np.sin(directions_rad)], axis=1)
         if len(axes) < 2 or np.linalg.svd(axes, compute_uv=False)[1] < LEAST_CROSSING:
             return self
+
         beside = np.tan(angles_rad) - axes @ np.tan(self.tilt_rad)
         shaft = np.array(
             [*np.linalg.lstsq(axes, beside, rcond=None)[0] + np.tan(self.tilt_rad), 1.0]
         )
         normal = np.array([*np.tan(self.tilt_rad), 1.0])
         cosine = shaft @ normal / np.linalg.norm(shaft) / np.linalg.norm(normal)
+
         return replace(self, lean_rad=float(np.arccos(min(cosine, 1.0))))
 
 
@@ -119,8 +121,10 @@ def beside(first: SeenPlane, other: SeenPlane) -> tuple[Floats, Floats]:
     s = np.sin(turn)
     matrix = np.eye(TILT + 1)
     shift = np.zeros(TILT + 1)
+
     for along, across in ((at.ROTATION, TILT), (at.POLE.start, at.POLE.start + 1)):
         matrix[np.ix_([along, across], [along, across])] = [[c, s], [-s, c]]
+
     matrix[np.ix_([at.LATERAL, at.GAP], [at.LATERAL, at.GAP])] = [[c, -s], [s, c]]
     shift[at.LATERAL] = s * first.offset_m
     shift[at.GAP] = other.offset_m - c * first.offset_m
@@ -163,6 +167,7 @@ class _Problem:
         count = TILT + 1 + len(OWN) * (len(planes) - 1)
         maps = []
         beliefs = []
+
         for number, plane in enumerate(planes):
             prior = plane.prior
             (matrix, shift) = beside(planes[0], plane)
@@ -174,9 +179,11 @@ class _Problem:
             sd = prior.sd.copy()
             mean[at.GAP] = plane.offset_m
             sd[at.GAP] = FARTHEST_SD_M
+
             if plane.gap_sd_m is not None:
                 mean[at.GAP] = 0.0
                 sd[at.GAP] = plane.gap_sd_m
+
             precision[at.GAP, at.GAP] = sd[at.GAP] ** -2.0
             if number:  # all else is the first plane's
                 first = TILT + 1 + len(OWN) * (number - 1)
@@ -187,6 +194,7 @@ class _Problem:
                 held[at.GAP] = precision[at.GAP, at.GAP] * (plane.gap_sd_m is not None)
                 precision = np.diag(held)
                 calibrated = np.zeros((2, 2))
+
             maps.append((mapped, shift))
             beliefs.append(
                 Belief(
@@ -198,6 +206,7 @@ class _Problem:
                     prior.wall_sd_m,
                 )
             )
+
         return cls(library, planes, smoothing_m, beliefs, maps)
 
     def of_plane(self, number: int, unknown: Floats) -> tuple[Floats, float]:
@@ -213,6 +222,7 @@ class _Problem:
         normal = np.zeros((count, count))
         gradient = np.zeros(count)
         misfits = list[float]()
+
         for number, scale in enumerate(scales):
             own = np.empty((TILT + 1, TILT + 1))
             own_gradient = np.empty(TILT + 1)
@@ -223,6 +233,7 @@ class _Problem:
             normal += matrix.T @ own @ matrix
             gradient += matrix.T @ own_gradient
             misfits.append(float(fitted.numbers[3]))
+
         for place, sd in (
             (TILT, FREE_SD[at.ROTATION]),
             *((place, DEPTH_SD_M) for place in self._depths),
@@ -230,6 +241,7 @@ class _Problem:
             normal[place, place] += sd**-2.0
             gradient[place] -= unknown[place] / sd**2
             cost += float((unknown[place] / sd) ** 2)
+
         return _Terms(normal, gradient, tuple(misfits)), cost
 
     @property
@@ -280,10 +292,12 @@ class _Problem:
         for number in range(len(self.planes)):
             own, _ = self.of_plane(number, unknown)
             fit_frame.into_library(self.library.tables, own)
+
             if number:
                 unknown[self._depths[number - 1] + 1 :][: len(OWN) - 1] = own[OWN[1:]]
             else:
                 unknown[:TILT] = own
+
         return unknown
 
     def starts(self, alone: Sequence[BoundaryFit]) -> list[Floats]:
@@ -306,11 +320,13 @@ class _Problem:
             rcond=None,
         )[0]
         found = list[Floats]()
+
         for fit, plane in zip(alone, self.planes, strict=True):
             sides = [fit.unknown.copy(), fit.unknown.copy()]
             sides[1][at.GAP] *= -1.0
             places = (meeting, *(contact_place(plane, side) for side in sides))
             found += [self._start(alone, fit, place, turned) for place in places]
+
         return found
 
     def _start(
@@ -334,6 +350,7 @@ class _Problem:
             first.offset_m + s * place[0] - c * place[1],
             -s * turned[0] + c * turned[1],
         )
+
         for number, own in enumerate(alone):
             if number:
                 start[self._depths[number - 1] + 1 :][: len(OWN) - 1] = own.unknown[
@@ -341,6 +358,7 @@ class _Problem:
                 ]
             else:
                 start[OWN] = own.unknown[OWN]
+
         return self.inside(start)
 
     def begun(self, fits: Sequence[BoundaryFit], place: SpatialPlace) -> Floats:
@@ -353,6 +371,7 @@ class _Problem:
         start[self._depths] = [
             fit.unknown[at.DEPTH] - fits[0].unknown[at.DEPTH] for fit in fits[1:]
         ]
+
         return self.inside(start)
 
     def conclude(
@@ -371,6 +390,7 @@ class _Problem:
         sd = 1.0 / np.sqrt(np.diag(normal))
         covariance = np.linalg.inv(normal * np.outer(sd, sd)) * np.outer(sd, sd)
         found = list[BoundaryFit]()
+
         for number, plane in enumerate(self.planes):
             matrix = self.maps[number][0][:TILT]
             fitted = empty_fit(self.library)
@@ -382,13 +402,16 @@ class _Problem:
             fitted.spread[:] = np.sqrt(np.maximum(size, 0.0))[:, None] * ways.T * own
             self._look(number, tilt, 1.0, np.empty((0, 0)), np.empty(0), fitted)
             fit = fit_of(self.library, plane.prior.globe, fitted)
+
             if found:
                 shared = {
                     name: getattr(found[0], name)
                     for name in ("force_n", "interval_n", "draws_n")
                 }
                 fit = replace(fit, **shared)
+
             found.append(fit)
+
         return tuple(found), self._place(unknown, covariance)
 
     def _place(self, unknown: Floats, covariance: Floats) -> SpatialPlace:
@@ -403,6 +426,7 @@ class _Problem:
         values = ways @ unknown
         values[:2] += turned[:, 1] * first.offset_m
         sds = np.sqrt(np.diag(ways @ covariance @ ways.T))
+
         return SpatialPlace(
             tuple(values[:3]), tuple(sds[:3]), tuple(values[3:]), tuple(sds[3:])
         )
@@ -435,6 +459,7 @@ class PlanesFit:
         unknown, terms, _ = gauss_newton(
             problem, problem.begun(self.fits, self.place), TO_THE_END, _step
         )
+
         return PlanesFit(planes, *problem.conclude(unknown, terms))
 
 
@@ -458,12 +483,14 @@ def fit_planes(
         return (), None
     if len(planes) == 1:
         return tuple(alone), None
+
     problem = _Problem.of(library, planes, smoothing_m)
     starts = problem.starts(alone)
     costs = [problem.evaluate(start)[1] for start in starts]
     order = np.argsort(costs)[:STARTS].tolist()
     ended = [gauss_newton(problem, starts[number], STOPPING, _step) for number in order]
     unknown, terms, _ = min(ended, key=lambda each: each[2])
+
     return problem.conclude(unknown, terms)
 
 

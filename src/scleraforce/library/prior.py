@@ -77,6 +77,7 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     sd = np.zeros(len(at.NAMES))
     for place, value in FREE_SD.items():
         sd[place] = value
+
     mean[at.SHINE] = SHINE_MEAN_M
     sd[at.SHINE] = SHINE_SD_M
     mean[at.FORM] = FORM_MEAN
@@ -95,11 +96,13 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     modulus = None if known.modulus is None else log(known.modulus.mean_pa)
     modulus_sd = known.modulus.relative_sd if known.modulus else 0.0
     discrepancy = known.discrepancy or NO_DISCREPANCY
+
     if (
         known.modulus is not None and known.modulus.source == "shape"
     ):  # frames do not tell it once more
         discrepancy = replace(NO_DISCREPANCY, level_sd=modulus_sd)
         modulus_sd = LEAST_MODULUS_SD
+
     mean[at.MODULUS], sd[at.MODULUS] = _stated(
         modulus, _logs(trained.youngs_modulus_pa.bounds), modulus_sd
     )
@@ -113,6 +116,7 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     globe = UNKNOWN if known.globe is None else known.globe
     correlation = globe.correlation if own else 0.0
     calibrated = np.asarray(np.linalg.inv([[1.0, correlation], [correlation, 1.0]]))
+
     return Prior(mean, sd, precision, same_force, globe, calibrated, discrepancy)
 
 
@@ -125,6 +129,7 @@ def _pole(known: Known) -> tuple[Floats | float, float]:
     )
     if known.direction_rad is None:
         return 0.0, max(sin(polar_rad) / sqrt(2.0), POLE_SD)
+
     return pole_directions(
         polar_rad, known.direction_rad
     ), POLE_SD if known.polar_rad is not None else UNSURE_POLE_SD
@@ -142,6 +147,7 @@ def _same_force(mean: Floats, sd: Floats) -> Floats:
         FORCE_BY_LOG_THICKNESS / mean[at.THICKNESS],
         FORCE_BY_LOG_IOP,
     )
+
     return np.asarray(along / sd[at.MODULUS])
 
 

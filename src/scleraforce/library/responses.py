@@ -76,8 +76,10 @@ def check_arrays(library: "Library") -> None:
             f"library: {shape} thicknesses, tensions, tips and {len(polar_rad)} polar angles; must be at "
             f"least {splines.SUPPORT} of each"
         )
+
     walls = library.walls
     at_pole = (len(library.walls.stiffening), *shape)
+
     for name, found, wanted in (
         ("force_ratio_btpd", walls.force_ratio_btpd.shape, at_pole),
         ("displaced_btpd", walls.displaced_btpd.shape, at_pole),
@@ -97,6 +99,7 @@ def check_arrays(library: "Library") -> None:
             raise InputError(
                 f"library: {name} {found}: two points at least, of the axes {shape}"
             )
+
     axes = (polar_rad, library.thickness_m, library.tension, library.tip_m)
     check_inside(
         "polar angle",
@@ -105,8 +108,10 @@ def check_arrays(library: "Library") -> None:
         polar_rad[-1],
         "deg",
     )
+
     if not all((np.diff(axis) > 0.0).all() for axis in axes):
         raise InputError("library: an axis that does not increase")
+
     sizes = (
         library.radius_m,
         library.needle_radius_m,
@@ -264,6 +269,7 @@ class Library:
         motion = undented_motion(
             undented_sbnc, self._angles, self.radius_m, np.asarray(thickness_m)
         )
+
         return base_bulge(motion, self._angles, places_sbpc, pole_s2)
 
     def node_angles(self) -> Floats:
@@ -288,6 +294,7 @@ class Library:
         """Return the tips (sample,), m, at which loading first reaches the forces; arguments as for `curves`."""
         paths = self._paths(thickness_m, iop_ratio)
         check_inside("F/E", force_ratio, 0.0, self.max_force_ratio, "mm2", "mm^2")
+
         tips = splines.first_crossing(
             self.tip_m, paths, np.array(force_ratio, dtype=np.float64)
         )
@@ -298,6 +305,7 @@ class Library:
                 f"{from_si(thickness_m[sample], 'um'):.0f} µm with IOP/E {iop_ratio[sample]:.3g} by more "
                 f"than the library's {from_si(self.tip_m[-1], 'mm'):g} mm"
             )
+
         return tips
 
     def covers(
@@ -313,13 +321,16 @@ class Library:
             (0.0, self.max_force_ratio),
         )
         known = np.ones(values[0].shape, dtype=bool)
+
         for value, (low, high) in zip(values, ranges, strict=True):
             known &= (value >= low - SLACK * high) & (value <= high * (1.0 + SLACK))
+
         thickness, tension, force = (
             value[known].astype(np.float64) for value in values
         )
         paths = self._paths(thickness, tension * thickness / self.radius_m)
         known[known] = np.isfinite(splines.first_crossing(self.tip_m, paths, force))
+
         return known
 
     def largest_force_ratio(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
@@ -337,10 +348,12 @@ class Library:
         """Return the library of tissue that stiffens by b, at the same contact; the last few are cached."""
         if stiffening == self.stiffening:
             return self
+
         if stiffening not in self._others:
             self._others[stiffening] = replace(self, stiffening=stiffening)
             if len(self._others) > OTHERS:
                 self._others.popitem(last=False)
+
         self._others.move_to_end(stiffening)
         return self._others[stiffening]
 
@@ -372,6 +385,7 @@ class Library:
         from scleraforce.library.sealed import LibraryEye  # it needs libraries itself
 
         library = self if stiffening is None else self.for_stiffening(stiffening)
+
         if polar_angle_rad is not None:
             check_inside(
                 "polar angle",
@@ -380,10 +394,12 @@ class Library:
                 "deg",
             )
             library = library.for_contact(polar_angle_rad)
+
         library.check_walls(
             np.array([thickness_m]), np.array([iop_pa / youngs_modulus_pa])
         )
         globe = sealed_globe(rigidity_pa13_per_m3, rigidity_law)
+
         return LibraryEye(library, thickness_m, youngs_modulus_pa, iop_pa, globe)
 
     def within(self, distance_m: float) -> "Library":
@@ -437,6 +453,7 @@ class Library:
         forces = self._contact_forces
         volumes = self._contact_volumes
         thickness, tension, tip = (spline.pieces for spline in along)
+
         return SplineTables(
             thickness=thickness,
             tension=tension,
@@ -477,6 +494,7 @@ class Library:
             rise_slope(rise, self.thickness_m / self.radius_m, self.tension)[..., None]
             for rise in rises
         )
+
         return (
             self.displaced_tpd
             + self._contact_forces * beside
@@ -522,6 +540,7 @@ class Library:
         rows = (t[:, None] + support)[:, :, None] * len(self.tension) + (
             p[:, None] + support
         )[:, None]
+
         return rows.reshape(shape), (of_t[:, :, None] * of_p[:, None]).reshape(shape)
 
     def check_walls(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
@@ -531,11 +550,13 @@ class Library:
         )
         tension = self._tension(thickness_m, iop_ratio)
         ends = self._ends(self.tension)
+
         inside = (tension >= ends[0] * (1.0 - SLACK)) & (
             tension <= ends[1] * (1.0 + SLACK)
         )
         if inside.all():
             return tension
+
         worst = int(np.argmin(inside))  # NaN is outside, too
         thickness = float(np.broadcast_to(thickness_m, tension.shape)[worst])
         per_tension = thickness / self.radius_m

@@ -60,10 +60,12 @@ def pressure_at_dent(
     thickness_m, resting, tip_m = state
     if rate == 0.0:
         return float(resting)
+
     t, of_t = spline_weights(tables.thickness, np.log(thickness_m))
     d, of_d = spline_weights(tables.tip, tip_m)
     tensions = tables.tensions
     path = np.zeros(2 * tables.tensions)
+
     for i in range(SUPPORT):
         for j in range(SUPPORT):
             path -= (
@@ -72,6 +74,7 @@ def pressure_at_dent(
                 * of_d[j]
                 * tables.volumes_along_tension[(t + i) * tables.tips + d + j]
             )
+
     for p in range(tensions):
         level = level_of(
             np.exp(tables.log_tension[p]) * thickness_m / tables.radius_m,
@@ -79,6 +82,7 @@ def pressure_at_dent(
         )
         path[p] += level
         path[tensions + p] += 1.0 if is_logarithmic else level / 3.0
+
     log_tension = first_place(
         tables.log_tension, path, level_of(resting, is_logarithmic)
     )
@@ -118,6 +122,7 @@ def pressures_under_forces(
     columns = tables.paths.shape[1]
     along = np.empty((tables.tensions, columns))
     path = np.empty(columns)
+
     for n in range(len(found)):
         thickness_m, resting, force_ratio, rate, lowest, highest = eyes_ns[:, n]
         _paths_of_thickness(tables, thickness_m, along)
@@ -142,6 +147,7 @@ def _pressure(
         level_of(resting, eye.is_logarithmic) + rate * (1.0 + SPARE) * most,
         eye.is_logarithmic,
     )
+
     if rate > 0.0:
         low = np.log(resting)
         high = np.log(min(max(bound, resting), highest))
@@ -150,14 +156,17 @@ def _pressure(
         low = np.log(lowest)
         high = np.log(resting)
         below = _missing(tables, eye, low)
+
     above = _missing(tables, eye, high)
     if above <= 0.0:
         high = np.log(highest)
         above = _missing(tables, eye, high)
+
     if below >= 0.0:
         return float(np.exp(low))
     if above <= 0.0:
         return float(np.exp(high))
+
     while high - low > tolerance:
         middle = 0.5 * (low + high)
         missing = _missing(tables, eye, middle)
@@ -167,6 +176,7 @@ def _pressure(
         else:
             high = middle
             above = missing
+
     return float(np.exp(low - below * (high - low) / (above - below)))
 
 
@@ -188,9 +198,11 @@ def _displaced(tables: SplineTables, eye: SealedEye, ratio: float) -> float:
     )
     path = eye.path
     eye.path[:] = 0.0
+
     for number in range(SUPPORT):
         for column in range(len(path)):
             path[column] += weights[number] * eye.along[first + number, column]
+
     tip = first_place(tables.tip_m, path, eye.force_ratio)
     tip = tables.tip_m[-1] if np.isnan(tip) else tip
     return value_of(tables, tables.volumes, eye.thickness_m, ratio, tip)
@@ -203,6 +215,7 @@ def _paths_of_thickness(
     """Write the weights over the tension of a wall's paths (p, 2 d)."""
     first, weights = spline_weights(tables.thickness, np.log(thickness_m))
     along[:] = 0.0
+
     for number in range(SUPPORT):
         for tension in range(tables.tensions):
             row = tables.paths[(first + number) * tables.tensions + tension]
@@ -240,6 +253,7 @@ def iop_ratio_under_force(
     (sealed,) = np.nonzero((walls[3] != 0.0) & (walls[2] > 0.0))
     if not len(sealed):
         return found
+
     eyes_ns = np.array([values[sealed] for values in walls], dtype=np.float64)
     library.check_walls(eyes_ns[0], eyes_ns[1])
     eyes_ns = np.vstack([eyes_ns, library.iop_ratio_ends(eyes_ns[0])])
@@ -248,6 +262,7 @@ def iop_ratio_under_force(
         library.tables, eyes_ns, globe.law == RIGIDITY_LAWS[1], tolerance, pressures
     )
     found[sealed] = pressures
+
     return found
 
 
@@ -274,6 +289,7 @@ def iop_ratio_at_dent(
     thickness, tip, rate, ratio = (np.array(part, dtype=np.float64) for part in eyes)
     is_logarithmic = globe.law == RIGIDITY_LAWS[1]
     pressures_at_dents(library.tables, thickness, tip, rate, is_logarithmic, ratio)
+
     return ratio
 
 
@@ -300,12 +316,15 @@ class LibraryEye:
         """Deepest dent, m: the library's, or where the pressure of a sealed globe runs away or leaves the library."""
         low = 0.0
         high = float(self.library.tip_m[-1])
+
         for _ in range(ROUNDS):
             dents_m = np.linspace(low, high, DENTS)
             beyond = np.isnan(self._ratios(dents_m))
             if not beyond.any():
                 return high
+
             low, high = (float(dents_m[np.argmax(beyond) - back]) for back in (1, 0))
+
         return low
 
     @cached_property
@@ -338,6 +357,7 @@ class LibraryEye:
         dents_m = np.minimum(
             self.library.tips(*self._walls(under), ratios), self.max_dent_m
         )
+
         return dents_m.reshape(np.shape(force_n))[()]
 
     def pressure_pa(self, dent_m: Floats | float) -> Floats:

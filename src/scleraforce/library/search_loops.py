@@ -99,6 +99,7 @@ def work_of(scene: Scene) -> Work:
         seen,
         jacobian,
     )
+
     return Work(
         empty_wall(scene),
         empty_wall(scene),
@@ -122,29 +123,37 @@ def evaluate(problem: Problem, unknown: Floats, work: Work) -> tuple[float, int]
     lost = 0.0
     known = 0.0
     is_last = True
+
     for place in range(UNKNOWNS):
         is_last = is_last and work.last[place] == unknown[place]
+
     if is_last:
         return work.last[UNKNOWNS], int(work.last[UNKNOWNS + 1])
+
     count = show_wall(problem.scene, unknown, work.wall, depths)
     seen = depths.seen
     slope = depths.slope
     off[:] = (problem.depth_m - depths.depth_m) / (
         problem.sd_m * np.sqrt(1.0 + slope**2)
     )
+
     for place in range(len(off)):
         lost += np.log1p((off[place] / CAUCHY) ** 2) if seen[place] else UNSEEN_LOSS
+
     away = unknown - belief.mean
     apart = deviations(problem, unknown)
+
     for place in HEAVY:
         known += HEAVY_CAUCHY**2 * np.log1p(
             (away[place] / (HEAVY_CAUCHY * belief.sd[place])) ** 2
         )
         away[place] = 0.0
+
     known += _square(belief.precision, away) + _square(belief.calibrated, apart)
     work.last[:UNKNOWNS] = unknown
     work.last[UNKNOWNS] = CAUCHY**2 * lost / problem.as_one + known
     work.last[UNKNOWNS + 1] = count
+
     return work.last[UNKNOWNS], count
 
 
@@ -196,14 +205,17 @@ def find_normal(
     derive(problem.scene, unknown, count, work.wall, work.other, work.depths)
     normal[:] = belief.precision
     away[:] = unknown - belief.mean
+
     for place in HEAVY:
         normal[place, place] /= (
             1.0 + (away[place] / (HEAVY_CAUCHY * belief.sd[place])) ** 2
         )
+
     slopes = np.zeros((2, UNKNOWNS))
     off = deviations(problem, unknown)
     varied = unknown.copy()
     slopes[0] = belief.same_force
+
     if not law.is_open:
         here, sd = off_the_law(problem.scene.tables, law, unknown)
         for place in MOVING:
@@ -213,6 +225,7 @@ def find_normal(
                 off_the_law(problem.scene.tables, law, varied)[0] - here
             ) / (step * sd)
             varied[place] = unknown[place]
+
     for i in range(UNKNOWNS):
         gradient[i] = -dot(normal[i], away)
         for m in range(2):
@@ -222,6 +235,7 @@ def find_normal(
             )
             gradient[i] -= weighted * off[m]
             _add(normal[i], weighted, slopes[m])
+
     _add_columns(problem, scale, work)
 
 
@@ -237,19 +251,23 @@ def _add_columns(problem: Problem, scale: float, work: Work) -> None:
     weight = 1.0 / np.sqrt((1.0 + (off / CAUCHY) ** 2) * problem.as_one * scale**2)
     per_m = weight / (problem.sd_m * np.sqrt(1.0 + work.depths.slope**2))
     seen = work.depths.seen
+
     for first in range(0, len(off), BLOCK):
         rows[:] = 0.0
         rest[:] = 0.0
+
         for place in range(first, min(first + BLOCK, len(off))):
             if seen[place]:
                 rest[place - first] = weight[place] * off[place]
                 _add(rows[place - first], per_m[place], jacobian[place])
+
         for i in range(UNKNOWNS):
             a = rows[0, i]
             b = rows[1, i]
             c = rows[2, i]
             d = rows[3, i]
             gradient[i] += a * rest[0] + b * rest[1] + c * rest[2] + d * rest[3]
+
             if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
                 for j in range(UNKNOWNS):
                     normal[i, j] += (
@@ -279,6 +297,7 @@ def add_tilt(
     normal[tilt, :] = 0.0
     gradient[tilt] = 0.0
     depths = work.depths
+
     for place in range(len(work.off)):
         if depths.seen[place]:
             row = depths.jacobian[place]
@@ -296,6 +315,7 @@ def add_tilt(
             gradient[tilt] += weight * off * by_tilt
             normal[tilt, tilt] += weight * by_tilt**2
             _add(normal[tilt, :tilt], weight * by_tilt / sd_m, row)
+
     for i in range(tilt):
         normal[i, tilt] = normal[tilt, i]
 
@@ -314,11 +334,13 @@ def keep_inside(tables: SplineTables, unknown: Floats) -> None:
     unknown[at.PRESSURE] = min(
         max(unknown[at.PRESSURE], least + modulus), most + modulus
     )
+
     for place in range(at.FORM_ENDS.shape[1]):
         form = FORM + place
         least = at.FORM_ENDS[0, place]
         most = at.FORM_ENDS[1, place]
         unknown[form] = min(max(unknown[form], least), most)
+
     farthest = min(
         1.0,
         HIGHEST_POLE / max(np.hypot(unknown[POLE], unknown[POLE + 1]), HIGHEST_POLE),
@@ -334,26 +356,32 @@ def descend(problem: Problem, unknown: Floats, stopping: Stopping, work: Work) -
     trial = np.empty(UNKNOWNS)
     is_new = True
     cost, count = evaluate(problem, unknown, work)
+
     for _ in range(stopping.iterations):
         if is_new:
             find_normal(problem, unknown, count, work, 1.0)
+
         _find_step(work, damping)
         trial[:] = unknown + work.step
         keep_inside(problem.scene.tables, trial)
         if _square(work.normal, trial - unknown) < stopping.converged_sd**2:
             break
+
         trial_cost, count = evaluate(problem, trial, work)
         is_new = trial_cost < cost
         if not is_new:
             damping = max(10.0 * damping, stopping.retry_damping)
             continue
+
         hardly_damped = damping <= max(FIRST_DAMPING, stopping.retry_damping)
         settled = hardly_damped and cost - trial_cost < stopping.settled_cost
         unknown[:] = trial
         cost = trial_cost
         damping = damping / 10.0
+
         if settled:
             break
+
     return cost
 
 
@@ -364,10 +392,13 @@ def _find_step(work: Work, damping: float) -> None:
     step = work.step
     lower[:] = work.normal
     step[:] = work.gradient
+
     for i in range(UNKNOWNS):
         lower[i, i] += damping * work.normal[i, i]
+
     factorise(lower)
     solve(lower, step)
+
     farther = np.hypot(step[POLE], step[POLE + 1]) / POLE_STRIDE
     if farther > 1.0:
         rest = step[:POLE]
@@ -391,6 +422,7 @@ def factorise(matrix: Floats) -> None:
             matrix[i, j] = (matrix[i, j] - dot(matrix[i, :j], matrix[j, :j])) / matrix[
                 j, j
             ]
+
         rest = matrix[i, i] - dot(matrix[i, :i], matrix[i, :i])
         matrix[i, i] = np.sqrt(rest) if rest > NO_PIVOT * matrix[i, i] else np.inf
 
@@ -421,12 +453,15 @@ def find_spread(
     lower = work.lower
     for i in range(UNKNOWNS):
         lower[i] = sd[i] * work.normal[i] * sd
+
     factorise(lower)
     spread[:] = 0.0
+
     for number in range(UNKNOWNS):  # the factor's inverse, row by row
         row = spread[number]
         row[number] = 1.0
         for i in range(number, -1, -1):
             row[i] /= lower[i, i]
             _add(row[:i], -row[i], lower[i, :i])
+
         row *= sd

@@ -76,6 +76,7 @@ def _middle(square: Floats, depth: Floats) -> tuple[Places, Floats]:
         raise InputError(
             "the B-scan plane misses a surface of the wall; its gap or tilt is too large"
         )
+
     nodes = square.shape[-1]
     before = np.where(
         missed.any(axis=-1), nodes - 1 - np.argmax(missed[..., ::-1], axis=-1), 0
@@ -86,6 +87,7 @@ def _middle(square: Floats, depth: Floats) -> tuple[Places, Floats]:
         for values in (square, depth)
     )
     part = np.clip(-low / np.where(high > low, high - low, 1.0), 0.0, 1.0)
+
     return before, start + part * (end - start)
 
 
@@ -106,6 +108,7 @@ def section_curve(square: Floats, depth: Floats) -> Floats:
     part = (lateral[:-1] ** 2 - squares[ring]) / np.where(rise == 0.0, 1.0, rise)[ring]
     deep = np.append(depths[ring] + part * np.diff(depths)[ring], depths[-1])
     half = np.stack([lateral, deep], axis=1)
+
     return np.concatenate([half[:0:-1] * [-1.0, 1.0], half])
 
 
@@ -144,6 +147,7 @@ class SectionMotion:
         share = from_first - left
         weights[rows, left] = 1.0 - share
         weights[rows, left + 1] = share
+
         return np.asarray(weights @ self.moved_sbpc)
 
     @property
@@ -179,6 +183,7 @@ def section_motion(
         1.0 / (radii_sb * grown_s[:, None])[..., None]
     )  # from here to unit vectors at rest
     moved = np.empty((len(gap_m), 2, len(lateral), 3))
+
     for start in range(0, len(gap_m), BLOCK):
         some = slice(start, start + BLOCK)
         places = section_places(
@@ -187,6 +192,7 @@ def section_motion(
         moved[some] = library.base_bulge(
             thickness_m[some], iop_ratio[some], places, pole_s2[some]
         )
+
     pushed = base_push(walls.force_ratio, thickness_m, library.poisson_ratio)
     moved[..., :DOWN] += (pushed[:, None] * pole_s2)[:, None, None, :]
     return SectionMotion(lateral, moved)
@@ -215,8 +221,10 @@ def depths_at_columns(
     reach_m = reach_m + np.where(
         turn_s != 0.0, np.abs(np.sin(turn_s)) * np.abs(depth_sbn).max(axis=(1, 2)), 0.0
     )
+
     if moved:
         reach_m = reach_m + np.abs(moved[1].moved_sbpc[..., ALONG]).max(axis=(1, 2))
+
     low = square_sbn[..., :-1]
     high = square_sbn[..., 1:]
     shown = (np.maximum(low, high) >= 0.0) & (low < reach_m[:, None, None] ** 2)
@@ -224,20 +232,25 @@ def depths_at_columns(
         axis=2
     )  # boundaries that run back where they are shown
     curves = _Stations.along(square_sbn, depth_sbn, float(reach_m.max()))
+
     if moved:
         curves = curves.moved(*moved)
+
     folds_sb |= curves.hang_over(turn_s, reach_m)
     found = np.empty((*folds_sb.shape, columns_sc.shape[1]))
     upright = np.flatnonzero(turn_s == 0.0)
     turned = np.flatnonzero(turn_s)
+
     if len(upright):
         found[upright] = curves.of(upright).at(
             np.broadcast_to(columns_sc[upright, None], found[upright].shape)
         )
+
     if len(turned):
         found[turned] = curves.of(turned).at_turned(
             columns_sc[turned, None], turn_s[turned, None, None]
         )
+
     for sample, boundary in np.argwhere(folds_sb):
         curve = section_curve(square_sbn[sample, boundary], depth_sbn[sample, boundary])
         if moved:
@@ -246,11 +259,13 @@ def depths_at_columns(
                 .of(slice(sample, sample + 1))
                 .at(curve[:, 0])[0, boundary][:, [ALONG, DOWN]]
             )
+
         c = np.cos(turn_s[sample])
         s = np.sin(turn_s[sample])
         place = c * curve[:, 0] - s * curve[:, 1]
         depth = s * curve[:, 0] + c * curve[:, 1]
         found[sample, boundary] = _seen_from_above(columns_sc[sample], place, depth)
+
     return found, np.asarray(folds_sb.any(axis=1))
 
 
@@ -295,6 +310,7 @@ class _Stations:
         found = depth[ring] + (wanted - square[ring]) * slope[ring]
         last = square_sbn[..., -1].reshape(rows, 1)
         found[wanted > last] = np.nan
+
         return cls(found.reshape(*square_sbn.shape[:2], stations))
 
     def of(self, samples: Places) -> "_Stations":
@@ -313,6 +329,7 @@ class _Stations:
         square = (lateral - moved[..., ALONG]) ** 2 + (contact - across) * (
             2.0 * gap - contact - across
         )
+
         return _Stations(
             self.at(np.sqrt(np.maximum(square, 0.0))) + moved[..., DOWN], middle=last
         )
@@ -324,6 +341,7 @@ class _Stations:
             np.minimum(np.abs(self.lateral_t[:-1]), np.abs(self.lateral_t[1:]))
             < reach_m[:, None, None]
         )
+
         return np.asarray(
             (shown & (steepest * np.abs(np.tan(turn_s))[:, None, None] >= 1.0)).any(
                 axis=2
@@ -341,11 +359,13 @@ class _Stations:
         lateral = np.broadcast_to(
             columns_sbc, (*self.depth_sbt.shape[:2], columns_sbc.shape[2])
         )
+
         for _ in range(NEWTON_STEPS):
             depth, slope = self._at(lateral)
             lateral = lateral - (c * lateral - s * depth - columns_sbc) / (
                 c - s * slope
             )
+
         depth, _ = self._at(lateral)
         return np.asarray(s * lateral + c * depth)
 
@@ -365,6 +385,7 @@ class _Stations:
         rest = lateral_sbc**2 - self.lateral_t[left] ** 2
         depth = self.depth_sbt.ravel()[row * stations + left] + rest * slope
         depth[outside] = np.nan
+
         return depth, 2.0 * lateral_sbc * slope
 
 
@@ -373,15 +394,18 @@ def _seen_from_above(wanted: Floats, place: Floats, depth: Floats) -> Floats:
     turns = np.flatnonzero(np.diff(np.sign(np.diff(place)))) + 1
     runs = np.split(np.arange(len(place)), turns)
     smallest = np.full(len(wanted), np.nan)
+
     for number, run in enumerate(runs):
         ends = np.append(run, run[-1] + 1) if number < len(runs) - 1 else run
         if len(ends) < MIN_NODES:
             continue
+
         order = ends if place[ends[-1]] > place[ends[0]] else ends[::-1]
         smallest = np.fmin(
             smallest,
             np.interp(wanted, place[order], depth[order], left=np.nan, right=np.nan),
         )
+
     return smallest
 
 
@@ -451,6 +475,7 @@ def wall_boundaries(
     ]
     depth_sbc = np.empty((*curves_sbnc.shape[:2], study.columns))
     folded = np.empty(len(depth_sbc), dtype=bool)
+
     for start in range(0, len(depth_sbc), BLOCK):
         block = slice(start, start + BLOCK)
         moved = (gap_m[block], motion.of(block)) if motion else None
@@ -461,6 +486,7 @@ def wall_boundaries(
         depth_sbc[block], folded[block] = depths_at_columns(
             *rings, columns_sc[block], framing.turn_rad[block], moved
         )
+
     depth_sbc *= framing.scale[:, None, None]
     depth_sbc += framing.depth_m[:, None, None]
     return WallBoundaries(depth_sbc, folded)
@@ -478,6 +504,7 @@ def fill_boundaries(depth_sbc: Floats, study: SliceStudy) -> Bytes:
     ends = np.sort(first, axis=1).astype(np.int16)[:, :, None]
     row = np.arange(study.rows, dtype=np.int16)[:, None]
     inside = (row >= ends[:, 0]) & (row < ends[:, 1])
+
     return inside.view(np.uint8) * np.uint8(WALL)
 
 
@@ -495,6 +522,7 @@ def draw_slices(
     boundaries = wall_boundaries(curves_sbnc, gap_m, tilt_rad, framing, study)
     images = fill_boundaries(boundaries.depth_sbc, study)
     window = slice_window(study, study.margin_m)
+
     for sample in np.flatnonzero(boundaries.folded):
         section = cut_surfaces(
             curves_sbnc[sample], float(gap_m[sample]), float(tilt_rad[sample])
@@ -503,4 +531,5 @@ def draw_slices(
             framing.place(sample, curve) for curve in (section.outer, section.inner)
         )
         images[sample] = fill_section(Section(*placed), window)
+
     return images

@@ -62,6 +62,7 @@ class CubicSpline:
         """Return the weight of each node's value at places (place, node); for a few, cheaper than all weights."""
         left = self._spread(self.nodes).T.copy()
         right = self._spread(places).T.copy()
+
         # Elimination without pivoting: B-splines' matrices are banded and totally positive (de Boor, XIII), and the
         # threads of LAPACK wait for busy cores.
         for row in range(len(left)):
@@ -70,9 +71,11 @@ class CubicSpline:
             factor = left[below, row, None] / left[row, row]
             left[below, beside] -= factor * left[row, beside]
             right[below] -= factor * right[row]
+
         for row in range(len(left) - 1, -1, -1):
             after = slice(row + 1, row + SUPPORT)
             right[row] = (right[row] - left[row, after] @ right[after]) / left[row, row]
+
         return np.ascontiguousarray(right.T)
 
     def slopes(self, coefficients: Floats) -> Floats:
@@ -83,6 +86,7 @@ class CubicSpline:
             degree / (knots[SUPPORT:-1] - knots[1:-SUPPORT])
         )
         first, weights = Pieces.of(knots[1:-1], degree - 1).weights(self.nodes)
+
         return (of_slope[..., first[:, None] + np.arange(degree)] * weights).sum(
             axis=-1
         )
@@ -127,6 +131,7 @@ class Pieces(NamedTuple):
             (degree + 1, degree + 1, len(start))
         )  # B-spline, power, interval
         found[0, 0] = 1.0
+
         for order in range(1, degree + 1):
             rest = np.zeros_like(found[0])
             for number in range(order):
@@ -135,7 +140,9 @@ class Pieces(NamedTuple):
                 part = found[number] / (right - left)
                 found[number] = rest + _times(part, right - start, -step)
                 rest = _times(part, start - left, step)
+
             found[order] = rest
+
         return cls(start, step, np.ascontiguousarray(found.transpose(2, 1, 0)))
 
     def weights(self, places: Floats) -> tuple[Places, Floats]:
@@ -144,8 +151,10 @@ class Pieces(NamedTuple):
         share = ((places - self.start[interval]) / self.step[interval])[:, None]
         powers = self.coefficient_ikb[interval]
         values = powers[:, -1]
+
         for power in range(powers.shape[1] - 2, -1, -1):
             values = values * share + powers[:, power]
+
         return interval, values
 
 
@@ -200,6 +209,7 @@ def first_place(tip_m: Floats, path: Floats, wanted: float) -> float:
     tips = len(tip_m)
     if path[0] >= wanted:
         return float(tip_m[0])
+
     for tip in range(tips - 1):
         step = tip_m[tip + 1] - tip_m[tip]
         start = path[tips + tip] * step
@@ -211,9 +221,11 @@ def first_place(tip_m: Floats, path: Floats, wanted: float) -> float:
             3.0 * rise - 2.0 * start - end,
             start + end - 2.0 * rise,
         )
+
         place, peak = _peak(cubic)
         if max(peak, path[tip + 1]) >= wanted:
             return float(tip_m[tip] + step * _rising_root(cubic, wanted, place))
+
     return np.nan
 
 
@@ -222,6 +234,7 @@ def _peak(cubic: tuple[float, float, float, float]) -> tuple[float, float]:
     """Return place and value of the largest force of an interval."""
     _, b, c, d = cubic
     end = _value(cubic, 1.0)
+
     under = c * c - 3.0 * b * d
     if under > 0.0:
         divisor = np.sqrt(under) - c
@@ -229,6 +242,7 @@ def _peak(cubic: tuple[float, float, float, float]) -> tuple[float, float]:
             place = b / divisor
             if 0.0 < place < 1.0 and _value(cubic, place) > end:
                 return place, _value(cubic, place)
+
     return 1.0, end
 
 
@@ -239,19 +253,23 @@ def _rising_root(
     """Return where a cubic reaches a value from below."""
     low = 0.0
     place = 0.5 * high
+
     for _ in range(MOST_STEPS):
         over = _value(cubic, place) - wanted
         if over < 0.0:
             low = place
         else:
             high = place
+
         slope = (3.0 * cubic[3] * place + 2.0 * cubic[2]) * place + cubic[1]
         step = place - over / slope if slope != 0.0 else np.inf
         following = step if low <= step <= high else 0.5 * (low + high)
         moved = abs(following - place)
         place = following
+
         if moved < CONVERGED:
             break
+
     return place
 
 
@@ -297,16 +315,19 @@ def spline_weights(
     """Return the first of four B-splines that are not zero at a place, and their weights (`CubicSpline.weights`)."""
     interval = 0
     after = len(pieces.start)
+
     while after - interval > 1:
         middle = (interval + after) // 2
         if pieces.start[middle] <= place:
             interval = middle
         else:
             after = middle
+
     share = (place - pieces.start[interval]) / pieces.step[interval]
     powers = pieces.coefficient_ikb[interval]
     first = _power(powers, 0, share)
     second = _power(powers, 1, share)
+
     return interval, (first, second, _power(powers, 2, share), _power(powers, 3, share))
 
 
@@ -334,12 +355,14 @@ def state_weights(
         tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m)
     )
     d, of_d = spline_weights(tables.tip, tip_m)
+
     for i in range(SUPPORT):
         row = ((t + i) * tables.tensions + p) * tables.tips + d
         for j, weight in enumerate((of_p[0], of_p[1], of_p[2], of_p[3])):
             place = SUPPORT * (SUPPORT * i + j)
             for k in range(SUPPORT):
                 rows[place + k] = row + j * tables.tips + k
+
             scale = of_t[i] * weight
             weights[place] = scale * of_d[0]
             weights[place + 1] = scale * of_d[1]
@@ -373,6 +396,7 @@ def value_of(
     second = _over_tensions(values, row + step, tips, of_p, of_d)
     third = _over_tensions(values, row + 2 * step, tips, of_p, of_d)
     fourth = _over_tensions(values, row + 3 * step, tips, of_p, of_d)
+
     return float(
         of_t[0] * first + of_t[1] * second + of_t[2] * third + of_t[3] * fourth
     )
@@ -433,6 +457,7 @@ def undented_at(
     )
     undented = tables.undented
     found[:] = 0.0
+
     for i in range(SUPPORT):
         row = (t + i) * tables.tensions + p
         _add_rows(
@@ -499,6 +524,7 @@ def curves_of(
     rows = np.empty(SUPPORT**3, dtype=np.intp)
     weights = np.empty(SUPPORT**3)
     curves = np.empty(found.shape[1])
+
     for sample in range(len(found)):
         state_weights(
             tables, thickness_m[sample], iop_ratio[sample], tip_m[sample], rows, weights

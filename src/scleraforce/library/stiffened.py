@@ -74,6 +74,7 @@ def reduce_rows(rows_rv: Reals, largest_error: float) -> ReducedRows:
     found = _worst(rest_rv)
     directions = []
     steps = []
+
     while found.max(initial=0.0) > largest_error:
         farthest = rest_rv[np.argmax(found)]
         directions.append(
@@ -81,6 +82,7 @@ def reduce_rows(rows_rv: Reals, largest_error: float) -> ReducedRows:
         )
         steps.append(_taken_off(rest_rv, directions[-1].astype(np.float64)))
         found = _worst(rest_rv)
+
     return _by_size(rows_rv, directions, steps)
 
 
@@ -100,6 +102,7 @@ def _taken_off(rest_rv: Floats, direction: Floats) -> Floats:
             np.einsum("rv,v->r", rest_rv[block], direction) / np.sum(direction**2)
         )
         rest_rv[block] -= steps[block, None] * direction
+
     return steps
 
 
@@ -111,17 +114,20 @@ def _by_size(
     basis_kv = np.reshape(np.array(directions, np.float32), (-1, values))
     steps_kr = np.reshape(steps, (-1, rows))
     most = np.abs(steps_kr).max(axis=1, initial=0.0)
+
     ends = [float(np.iinfo(name).max) for name in STEP_TYPES]
     if most.max(initial=0.0) > ends[0]:
         raise InputError(
             f"values up to {np.abs(rows_rv).max():.3g} cannot be stored by such small steps"
         )
+
     order = np.argsort(-most, kind="stable")
     bounds = [*(int(np.count_nonzero(most > end)) for end in ends), len(order)]
     tables = (
         np.ascontiguousarray(steps_kr[order[first:last]].T.astype(name))
         for name, first, last in zip(STEP_TYPES, bounds[:-1], bounds[1:], strict=True)
     )
+
     return ReducedRows(basis_kv[order], tuple(tables))
 
 
@@ -147,10 +153,12 @@ class WholeCurves:
         """Return the sum of the curves by weights (t, p, d, boundary, node, 2), m."""
         used = np.flatnonzero(weights_b)
         mixed: Curves = self.curves_btpdbnc[used[0]]
+
         if len(used) > 1:
             mixed = np.tensordot(
                 weights_b.astype(np.float32), self.curves_btpdbnc, axes=1
             )
+
         return mixed
 
     def coefficients(self, weights_b: Floats, splines: Splines) -> Curves:
@@ -217,6 +225,7 @@ class ReducedCurves:
                 splines, steps_rk.reshape(*self.shape[1:4], -1)
             )
             self._cached[b] = weights.astype(np.float32).reshape(steps_rk.shape)
+
         return self._cached[b]
 
     def within(self, nodes: int) -> "ReducedCurves":
@@ -261,9 +270,11 @@ class StiffenedWalls:
             raise InputError(
                 f"library: {count} stiffenings of walls of {shapes}; must be one, or at least {SUPPORT}"
             )
+
         inside = np.isfinite(self.stiffening).all() and self.stiffening[0] >= 0.0
         if not inside or not (np.diff(self.stiffening) > 0.0).all():
             raise InputError("library: stiffenings that do not increase from 0 or more")
+
         arrays = (self.force_ratio_btpd, self.displaced_btpd, self.undented_btpbnc)
         if not all(np.isfinite(values).all() for values in arrays):
             raise InputError("library: values that are not finite")
@@ -277,6 +288,7 @@ class StiffenedWalls:
         here: Floats = (self.stiffening == stiffening).astype(np.float64)
         if here.any():
             return here
+
         low = float(self.stiffening[0])
         high = float(self.stiffening[-1])
         if low == high:
@@ -287,5 +299,6 @@ class StiffenedWalls:
             raise InputError(
                 f"stiffening: {stiffening:g} is outside the library's range, {low:g} to {high:g}"
             )
+
         spline = CubicSpline(stiffening_place(self.stiffening))
         return np.asarray(spline.shares(stiffening_place(np.array([stiffening])))[0])

@@ -81,6 +81,7 @@ def create_library(path: Path, plan: LibraryPlan) -> CheckedStore:
         "versions": {name: version(name) for name in VERSIONS},
     }
     store.begin(described, {name: getattr(plan, name) for name in AXES})
+
     return store
 
 
@@ -119,11 +120,13 @@ def open_library(path: str | PathLike[str]) -> Library:
     plan = parse_plan(attributes["plan"], f"{path}: plan")
     store = CheckedStore(KIND, path, _layouts(plan), attributes=attributes)
     arrays = {name: store.read(name) for name in store.arrays}
+
     for name in AXES:
         if not np.allclose(arrays[name], getattr(plan, name), rtol=1e-12, atol=0.0):
             raise InputError(
                 f"{path / name}: not the values of its plan: the store is damaged; make it again"
             )
+
     walls = StiffenedWalls(
         stiffening=arrays["stiffening"],
         force_ratio_btpd=arrays[FORCES],
@@ -137,6 +140,7 @@ def open_library(path: str | PathLike[str]) -> Library:
     polar_rad, stiffness_atpd = base_stiffness(
         thickness_m, tension, tip_m, forces, supported
     )
+
     return Library(
         thickness_m=thickness_m,
         tension=tension,
@@ -163,6 +167,7 @@ def _layouts(plan: LibraryPlan) -> dict[str, Layout]:
     )
     supports = (*plan.support_shape, plan.support_tips)
     path = (1, 1, 1, shape[3])
+
     return {
         name: layout((size,), (size,), "float64")
         for name, size in zip(AXES, shape, strict=True)
@@ -228,16 +233,19 @@ def build_library(
     start = perf_counter()
     if workers is not None and workers < 1:
         raise InputError(f"workers: {workers}; give at least 1")
+
     report = progress or (lambda _: None)
     plan = plan_library(study)
     store = create_library(out, plan)
     todo = store.missing()
     report(plan.units - len(todo))
     prepare = partial(partial, solve or solve_path, plan)
+
     with closing(work_units(prepare, todo, workers or available_cores())) as results:
         for unit, path in results:
             write_library_unit(store, unit, *path)
             report(1)
+
     store.finish()
     return Building(plan.units, len(todo), perf_counter() - start)
 
@@ -300,6 +308,7 @@ def cached_library(
     )
     if found := _stored(place):
         return found
+
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with FileLock(
@@ -307,6 +316,7 @@ def cached_library(
         ):  # it ends with the process that holds it
             if found := _stored(place):  # another process has built it meanwhile
                 return found
+
             begun = place.with_suffix(".begun")
             build = partial(
                 build_library,
@@ -316,18 +326,22 @@ def cached_library(
                 progress=progress,
                 solve=solve,
             )
+
             try:
                 build()
             except InputError:  # the content of `begun` cannot be continued
                 shutil.rmtree(begun, ignore_errors=True)
                 build()
+
             if place.exists():
                 shutil.rmtree(place)  # it was damaged
+
             begun.rename(place)
     except OSError as fault:
         raise InputError(
             f"{folder}: {fault.strerror}; XDG_CACHE_HOME names another folder for caches"
         ) from fault
+
     return open_library(place)
 
 

@@ -41,6 +41,7 @@ def form_depths(form: Floats, from_contact_m: Floats, is_inner: Floats) -> Float
         beyond = side * from_contact_m - limbus_m
         ramp = 0.5 * (beyond + np.sqrt(beyond**2 + SOFT_M**2))
         depths = depths + (angle + 0.5 * curvature * ramp) * ramp
+
     return depths
 
 

@@ -49,6 +49,7 @@ def needle_load(mesh: MeridianMesh) -> Floats:
         * weights_p
         / rim_m**2
     )
+
     return inward(mesh, nodes_en, weight_ep @ values_pn)
 
 
@@ -93,6 +94,7 @@ class Interior:
         gradient: Floats = np.bincount(
             self._unknowns, forces, minlength=len(everywhere)
         ).astype(np.float64, copy=False)
+
         return float(np.pi * np.sum(r_ep**2 * slope_ep * self._weights_p)), gradient
 
     def subtract_curvature(
@@ -181,6 +183,7 @@ def axisymmetric_path(
         max_force=most,
         globe=globe,
     )
+
     return wall.boundaries(path)
 
 
@@ -244,6 +247,7 @@ class AxisymmetricWall:
             np.array([self.volume(u)[0] for u in states])
             for states in (path.displacement_su, path.undented_su)
         )
+
         return AxisymmetricPath(
             path.tip_m, path.force, path.pressure, undented - inside, curves_sbnc
         )
@@ -283,11 +287,13 @@ class _Band:
         )
         if not np.all(np.isfinite(band)):
             raise SolverError("wall: turned inside out; use a shorter step")
+
         factor, fault = dpbtrf(
             band.reshape(self._unknowns, -1).T, lower=1, overwrite_ab=1
         )
         if fault != 0:
             return self._exchanged(tangents)
+
         return lambda rhs: np.asarray(dpbtrs(factor, rhs, lower=1)[0]).reshape(
             rhs.shape
         )
@@ -298,6 +304,7 @@ class _Band:
         entries = np.bincount(
             flat, tangents.ravel()[self._entries], minlength=shape[0] * shape[1]
         )
+
         factors, pivots, fault = dgbtrf(
             entries.reshape(shape).T, self.width, self.width, overwrite_ab=1
         )
@@ -305,6 +312,7 @@ class _Band:
             raise SolverError(
                 "wall: its tangent is singular; add supports against rigid motion"
             )
+
         return lambda rhs: np.asarray(
             dgbtrs(factors, self.width, self.width, rhs, pivots)[0]
         ).reshape(rhs.shape)
@@ -346,6 +354,7 @@ def base_shift(
         raise InputError(
             f"polar angle: {np.degrees(polar_rad):g} deg; must be 0 to 55 deg"
         )
+
     contact = Contact(polar_rad=polar_rad)
     solid = LinearWall(graded_mesh(radius_m, thickness_m, contact), poisson_ratio)
     even = AxisymmetricWall(
@@ -367,6 +376,7 @@ def base_shift(
     )  # of the base where it is nearest
     last_n = np.minimum(np.arange(len(angles)), ahead - 1)
     shifts = []
+
     for displacement_nc, displacement in loads:
         shift_mbnc = _harmonics(solid.mesh, contact, angles[:ahead], displacement_nc)
         even_bnc = even.full(displacement).reshape(-1, 2)[nodes_bn[:, :ahead]]
@@ -375,6 +385,7 @@ def base_shift(
         ]  # a wall of revolution has no other harmonics
         shift_mbnc[0, ..., 2] += even_bnc[..., 1]
         shifts.append(shift_mbnc[:, :, last_n])
+
     return BaseShift(*shifts)
 
 
@@ -401,6 +412,7 @@ def _harmonics(
     cosine = np.where(order == 0, 1.0, 2.0) / AZIMUTHS * np.cos(order * azimuths)
     sine = 2.0 / AZIMUTHS * np.sin(order * azimuths)
     parts = ((away, cosine), (around, sine), (-outward, cosine))
+
     return np.stack(
         [np.einsum("bna,ma->mbn", field, wave) for field, wave in parts], axis=-1
     )

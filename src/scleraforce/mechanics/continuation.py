@@ -56,6 +56,7 @@ def pressurise(problem: Equilibrium, pressure: float) -> Floats:
     u = np.zeros_like(problem.needle)
     if pressure == 0.0:
         return solve_balance(Balance(problem, 0.0), u)[0]
+
     while reached < 1.0:
         share = min(reached + step, 1.0)
         try:
@@ -68,9 +69,12 @@ def pressurise(problem: Equilibrium, pressure: float) -> Floats:
                 found = f"found up to p/E = {reached * pressure:.4g} of {pressure:.4g}"
                 remedy = "use a thicker or stiffer wall, or less pressure"
                 raise SolverError(f"pressure: equilibrium {found}; {remedy}") from fault
+
             continue
+
         reached = share
         step = step * (2.0 if factors <= 2 else 1.0)
+
     return u
 
 
@@ -107,6 +111,7 @@ def trace(
         control, largest_step_m, end_m, EARLY_END if as_far_as_found else SMALLEST_STEP
     )
     kept = [walk.history[0]]
+
     for goal_m in (
         [end_m] if tips_m is None else [float(tip) for tip in tips_m if tip <= end_m]
     ):
@@ -120,7 +125,9 @@ def trace(
             except SolverError:
                 if as_far_as_found:
                     return _states(kept, len(start), control)
+
                 raise
+
             if progress is not None:
                 travel_m = control.travel_m(walk.history[-1][1])
                 progress(
@@ -129,8 +136,10 @@ def trace(
                         1.0,
                     )
                 )
+
             if tips_m is None or walk.tip_m >= goal_m:
                 kept.append(walk.history[-1])
+
     return _states(kept, len(start), control)
 
 
@@ -139,6 +148,7 @@ def _end(tips_m: Floats | None, max_tip_m: float | None, other: float) -> float:
         len(tips_m) == 0 or tips_m[0] <= 0.0 or np.any(np.diff(tips_m) <= 0.0)
     ):
         raise InputError("load path: tips must be positive and ascending")
+
     ends = [
         end
         for end in (max_tip_m, None if tips_m is None else float(tips_m[-1]))
@@ -148,6 +158,7 @@ def _end(tips_m: Floats | None, max_tip_m: float | None, other: float) -> float:
         raise InputError(
             "load path: no end is given; give a largest tip displacement or force"
         )
+
     return min(ends, default=np.inf)
 
 
@@ -158,6 +169,7 @@ def _states(
     unknowns_sx = np.stack([x for _, x in kept])
     forces = unknowns_sx[:, control.count]
     displacement_su = unknowns_sx[:, :unknowns]
+
     if isinstance(control, SealedDent):
         return PathStates(
             tips,
@@ -166,6 +178,7 @@ def _states(
             displacement_su,
             unknowns_sx[:, unknowns : 2 * unknowns],
         )
+
     undented_su = np.broadcast_to(control.start, displacement_su.shape)
     return PathStates(
         tips, forces, np.full(len(tips), control.pressure), displacement_su, undented_su
@@ -201,6 +214,7 @@ class _Walk:
                 else self.tip_m + min(self.step_m, 0.5 * left_m)
             )
             self.control.tip_m = tip_m
+
             try:
                 x, factors = solve_balance(self.control, self._extrapolated(tip_m))
             except SolverError as fault:
@@ -208,11 +222,13 @@ class _Walk:
                 self.step_m = 0.5 * (tip_m - self.tip_m)
                 if self.step_m >= self.shortest_m:
                     continue
+
                 ratio = f"F/E = {from_si(self.control.force(self.history[-1][1]), 'mm2'):.4g} mm^2"
                 reached = f"a dent of {from_si(self.tip_m, 'mm'):.4g} mm, {ratio}; {self.control.remedy}"
                 raise SolverError(
                     f"load path: no equilibrium found beyond {reached}"
                 ) from fault
+
             self.step_m = min(
                 self.largest_m,
                 self.step_m * (easy if factors == 1 else 1.0 if factors <= 3 else 0.5),
@@ -221,12 +237,14 @@ class _Walk:
                 self.control.largest_force, abs(self.control.force(x))
             )
             self.history = [*self.history[1 - STATES :], (tip_m, x)]
+
             return
 
     def _extrapolated(self, tip_m: float) -> Floats:
         """Lagrange's polynomial through the last states."""
         tips = [tip for tip, _ in self.history]
         guess = np.zeros_like(self.history[0][1])
+
         for i, (own, x) in enumerate(self.history):
             guess += x * np.prod(
                 [
@@ -235,4 +253,5 @@ class _Walk:
                     if j != i
                 ]
             )
+
         return guess

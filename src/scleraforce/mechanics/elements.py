@@ -35,6 +35,7 @@ def gauss_points(dimension: int, count: int) -> tuple[Floats, Floats]:
     products = np.prod(
         np.stack(np.meshgrid(*[weights] * dimension, indexing="ij"), axis=-1), axis=-1
     )
+
     return places, products.ravel()
 
 
@@ -45,11 +46,13 @@ def volume_points(mesh: HexMesh) -> VolumePoints:
     slopes_pnk = shape_gradients(places, nodes)
     corners_enc = mesh.points_nc[mesh.cells_en]
     jacobian_epck = np.einsum("enc,pnk->epck", corners_enc, slopes_pnk, optimize=True)
+
     determinant_ep = np.linalg.det(jacobian_epck)
     if not np.all(determinant_ep > 0.0):
         raise SolverError(
             "mesh: an element has a negative volume; use fewer layers or a finer mesh"
         )
+
     gradients = slopes_pnk @ np.linalg.inv(jacobian_epck)
     return VolumePoints(
         shape_values(places, nodes), gradients, determinant_ep * weights
@@ -72,6 +75,7 @@ def surface_points(
         "qnc,pnk->qpck", mesh.points_nc[quads_qn], slopes_pnk, optimize=True
     )
     normals = np.cross(tangents_qpck[..., 0], tangents_qpck[..., 1])
+
     return values_pn, normals * weights[:, None]
 
 
@@ -90,6 +94,7 @@ def element_stiffness(
     """
     elements, count, nodes, _ = points.gradients_epnc.shape
     K: Floats = np.empty((elements, 3, nodes, 3, nodes))
+
     for start in range(0, elements, ELEMENTS_AT_ONCE):
         part = slice(start, start + ELEMENTS_AT_ONCE)
         gradients = (
@@ -102,8 +107,10 @@ def element_stiffness(
         np.multiply(G, lame_lambda, out=K[part])
         K[part] += lame_mu * G.transpose(0, 3, 2, 1, 4)
         trace = lame_mu * (G[:, 0, :, 0] + G[:, 1, :, 1] + G[:, 2, :, 2])
+
         for i in range(3):
             K[part, i, :, i] += trace
+
     return K
 
 
@@ -172,11 +179,13 @@ def factored(
         np.repeat(unknown_eN, size, axis=1).ravel(),
         np.tile(unknown_eN, size).ravel(),
     )
+
     K = coo_array(
         (element_eiajb.ravel(), places), shape=(len(free) + 1, len(free) + 1)
     ).tocsc()[:-1, :-1]
     if not np.isfinite(K.data).all():
         raise SolverError("matrix: not finite")
+
     try:
         factor = splu(
             K,
@@ -186,4 +195,5 @@ def factored(
         )
     except RuntimeError as fault:  # "Factor is exactly singular"
         raise SolverError("matrix: singular") from fault
+
     return lambda load: np.asarray(factor.solve(load.astype(K.dtype)), dtype=np.float64)

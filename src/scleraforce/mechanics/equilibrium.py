@@ -174,6 +174,7 @@ class SealedDent(Dent):
         tip = self.problem.tip @ (dented - undented) - self.tip_m
         displaced_m3 = self.problem.volume(undented)[0] - self.problem.volume(dented)[0]
         error = pressure - self.globe.pressure(self.pressure, displaced_m3)
+
         return np.concatenate([balance, undented_balance, [tip, error]])
 
     def met(self, defect: Floats, x: Floats) -> bool:
@@ -184,6 +185,7 @@ class SealedDent(Dent):
         )
         applied += max(abs(force), self.largest_force) * self._needle_norm
         balanced = np.linalg.norm(defect[: self.count]) <= BALANCE_TOLERANCE * applied
+
         return bool(
             balanced
             and abs(defect[-2]) <= BALANCE_TOLERANCE * self.tip_m
@@ -248,12 +250,15 @@ def solve_balance(control: Balance, x: Floats) -> tuple[Floats, int]:
     """Return the unknowns that meet the control, from a guess x, and the number of factors."""
     defect = control.defect(x)
     found = control.met(defect, x)
+
     for factors in range(MOST_FACTORS + 1):
         if found:
             return x, factors
         if factors == MOST_FACTORS or not np.all(np.isfinite(defect)):
             break
+
         x, defect, found = _newton_step(control, x, defect)
+
     raise SolverError(
         "equilibrium: Newton's method did not converge; use a shorter step"
     )
@@ -269,18 +274,22 @@ def _newton_step(
     try:
         solve = control.factor(x)
         x, defect, step, left = _damped(control, solve, x, -solve(defect))
+
         while left < FAST and not _found(control, x, defect, step):
             trial = x + step
             trial_defect = control.defect(trial)
             trial_step = -solve(trial_defect)
+
             left = _size(control, trial_step) / _size(control, step)
             if not left < 1.0:
                 break
+
             x = trial
             defect = trial_defect
             step = trial_step
     except (ArithmeticError, np.linalg.LinAlgError) as fault:
         raise SolverError(f"equilibrium: {fault}; use a shorter step") from fault
+
     return x, defect, _found(control, x, defect, step)
 
 
@@ -312,7 +321,9 @@ def _damped(
                 control, trial, defect, following
             ):
                 return trial, defect, following, left
+
         damping *= 0.5
+
     raise SolverError("equilibrium: no step reduces the error; use a shorter step")
 
 

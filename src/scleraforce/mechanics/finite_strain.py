@@ -73,6 +73,7 @@ class LoadPath:
                 f"{from_si(self.max_force_n, 'mn'):g} mN, up to a dent of "
                 f"{from_si(self.tips_m[-1], 'mm'):.3g} mm"
             )
+
         return self._first_tip(self.forces_n, force_n)
 
     def tip_of_travel_m(self, travel_m: float) -> float:
@@ -83,6 +84,7 @@ class LoadPath:
                 f"displacement: {from_si(travel_m, 'mm'):g} mm; this load path goes from 0 to "
                 f"{from_si(farthest_m, 'mm'):g} mm"
             )
+
         return self._first_tip(self.tips_m - self.rises_m, travel_m)
 
     def at_tip(self, tip_m: float) -> tuple[float, float, float]:
@@ -187,6 +189,7 @@ class FiniteWall:
             raise InputError(
                 "sealed globe: its pressure has to follow the wall; leave the dead pressure out"
             )
+
         problem = WallEquilibrium(self, needle, youngs_modulus_pa, density_kg_m3)
         pressure = iop_pa / youngs_modulus_pa
         states = trace(
@@ -205,6 +208,7 @@ class FiniteWall:
         forces_n = states.force * youngs_modulus_pa
         pressures_pa = states.pressure * youngs_modulus_pa
         rises_m = (states.displacement_su[0] - states.undented_su) @ problem.tip
+
         return LoadPath(
             self.mesh, states.tip_m, forces_n, pressures_pa, rises_m, displacement_snc
         )
@@ -224,6 +228,7 @@ def _check_supports(mesh: HexMesh, held_nc: Flags, springs: Springs | None) -> N
     ]
     resisted = np.array([move[held_nc] for move in moves])
     gram = resisted @ resisted.T
+
     if springs is not None:
         work = np.array(
             [
@@ -232,6 +237,7 @@ def _check_supports(mesh: HexMesh, held_nc: Flags, springs: Springs | None) -> N
             ]
         )
         gram += work / max(float(np.abs(work).max()), np.finfo(float).tiny)
+
     eigenvalues = np.linalg.eigvalsh(gram)
     if not eigenvalues[0] > RIGID * eigenvalues[-1]:
         raise SolverError(
@@ -268,8 +274,10 @@ class WallEquilibrium:
         balance_nc = (
             wall.solid.forces(displaced_nc) - pressure * pushed_nc - self._weight_nc
         )
+
         if wall.springs is not None:
             balance_nc += self._per_modulus * wall.springs.forces(displaced_nc)
+
         return balance_nc.ravel()[wall.free]
 
     def factor(self, u: Floats, pressure: float) -> Solve:
@@ -284,6 +292,7 @@ class WallEquilibrium:
             wall.inner.add_tangent(elements, displaced_nc, -pressure)
         if wall.springs is not None:
             wall.springs.add_to(elements, self._per_modulus)
+
         try:
             of_size_one = factored(wall.mesh, wall.held_nc, elements)
         except SolverError as fault:
@@ -367,6 +376,7 @@ def bend_eye(
         as_far_as_found=as_far_as_found,
         progress=progress,
     )
+
     try:
         path = walk()
     except SolverError as fault:
@@ -378,6 +388,7 @@ def bend_eye(
             else ""
         )
         raise SolverError(f"{fault}{hint}") from fault
+
     if (
         len(path.tips_m) < LEAST_STATES
     ):  # high pressure: the dent is far shallower than a linear wall's
@@ -385,4 +396,5 @@ def bend_eye(
             largest_step_m=min(path.tip_m(min(goal_n, path.max_force_n)), travel_m)
             / LEAST_STATES
         )
+
     return path

@@ -46,6 +46,7 @@ def corneal_surface(
     rho_n[between], lean_n[between] = _furrow(
         angle_n[between], ends_rad, cornea, radius_m
     )
+
     return rho_n[:, None] * directions_nc, _unit(
         directions_nc - lean_n[:, None] * across_nc
     )
@@ -61,6 +62,7 @@ def _limbus(cornea: CorneaStudy, radius_m: float) -> tuple[float, float]:
         raise InputError(
             f"form.cornea: limbus_radius_mm: {found}; must be below the radius of the eye, {globe}"
         )
+
     limbus_rad = asin(cornea.limbus_radius_m / radius_m)
     half_edge_rad = 0.5 * cornea.edge_m / radius_m
     width = f"form.cornea: edge_mm: {from_si(cornea.edge_m, 'mm'):g} mm"
@@ -71,6 +73,7 @@ def _limbus(cornea: CorneaStudy, radius_m: float) -> tuple[float, float]:
             f"{width} about a ring of {from_si(cornea.limbus_radius_m, 'mm'):g} mm and polar_deg: "
             f"{np.degrees(cornea.polar_rad):g}; the limbus must lie above the base plane"
         )
+
     return limbus_rad - half_edge_rad, limbus_rad + half_edge_rad
 
 
@@ -100,6 +103,7 @@ def _furrow(
         radius_m + rise * (1.0 - x) ** 2 * (1.0 + 2.0 * x) + slope * x * (1.0 - x) ** 2
     )
     slope_n = (1.0 - x) * (slope * (1.0 - 3.0 * x) - 6.0 * rise * x) / width
+
     return rho_n, slope_n / (rho_n * np.sin(angle_n))
 
 
@@ -130,6 +134,7 @@ def form_mesh(mesh: HexMesh, form: FormStudy, contact: Contact) -> HexMesh:
         + cross_cc @ cross_cc / (1.0 + normal_1c[0] @ contact.normal)
     )
     placed_nc = (shaped_nc - touched_1c) @ turn_cc.T + mesh.radius_m * contact.normal
+
     return replace(mesh, points_nc=placed_nc, shaped_from_nc=sphere_nc)
 
 
@@ -142,6 +147,7 @@ def thickness_factor(form: FormStudy, directions_nc: Floats) -> Floats:
             @ Contact(polar_rad=wave.polar_rad, azimuth_rad=wave.azimuth_rad).normal
         )
         factor += wave.amplitude_fraction * legval(cosine, np.eye(wave.degree + 1)[-1])
+
     return factor
 
 
@@ -167,6 +173,7 @@ def modulus_factor(form: FormStudy, directions_nc: Floats) -> Floats:
             x * x * (3.0 - 2.0 * x)
         )  # 1 in the cap, 0 outside, and no kinks in between
         factor *= 1.0 + (region.modulus_ratio - 1.0) * inside
+
     return factor
 
 

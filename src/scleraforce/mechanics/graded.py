@@ -61,6 +61,7 @@ def graded_mesh(
         surface = QuadSurface(
             points, np.concatenate([surface.quads_qv, number[below.quads_qv[:, ::-1]]])
         )
+
     return extrude_surface(surface, radius_m, thickness_m, layers, order)
 
 
@@ -80,6 +81,7 @@ def graded_surface(
         raise InputError(
             f"mesh: core {core}, rings {rings}; must be an even core of at least 2 and at least 1 ring"
         )
+
     # A length at the contact is 2 cos(polar angle) times its image in the disc (derivatives of both maps there).
     half = core_ratio / (2.0 * cos(contact.polar_rad))
     disc, quads = _o_grid(core, rings, half)
@@ -89,6 +91,7 @@ def graded_surface(
     height = 1.0 - np.abs(image) ** 2
     height[-4 * core :] = 0.0
     points = np.stack([2.0 * image.real, 2.0 * image.imag, height], axis=1)
+
     return QuadSurface(points / np.linalg.norm(points, axis=1, keepdims=True), quads)
 
 
@@ -131,6 +134,7 @@ def _o_grid(
     core_quads = np.stack(
         [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1
     )
+
     return disc, np.concatenate([core_quads.reshape(-1, 4), ring_quads.reshape(-1, 4)])
 
 
@@ -152,6 +156,7 @@ def study_mesh(
         raise InputError(
             'mesh: kind: "graded" serves one contact, and this has several; use "hexahedra"'
         )
+
     return graded_mesh(
         study.eye.radius_m,
         thickness_m,
@@ -194,4 +199,5 @@ def supported_mesh(
         alone and study.mesh.grades_alone and contact.polar_rad <= LARGEST_POLAR_RAD
     ):
         return study_mesh(study, thickness_m, contact)
+
     return graded_eye(study, thickness_m, contact)

@@ -54,14 +54,17 @@ class LinearWall:
         self._points = volume_points(mesh)
         self._free = np.flatnonzero(~self.held_nc.ravel())
         elements = element_stiffness(self._points, *lame_constants(1.0, poisson_ratio))
+
         if springs is not None:
             springs.add_to(elements, 1.0 / springs_modulus_pa)
+
         try:
             self._solve = factored(mesh, self.held_nc, elements)
         except SolverError as fault:
             raise SolverError(
                 f"stiffness: {fault}; add supports against rigid motion"
             ) from fault
+
         probe = np.random.default_rng(0).normal(size=len(self._free))
         softest = float(np.linalg.norm(self._solve(probe)) / np.linalg.norm(probe))
         if not softest * float(elements.max()) < SINGULAR:
@@ -90,6 +93,7 @@ class LinearWall:
             answer[part] = self.solve(
                 needle_loads(self.mesh, contacts[part], needle_radius_m)
             )
+
         return answer
 
     def solve(self, loads_lnc: Floats) -> Floats:
@@ -120,6 +124,7 @@ class LinearWall:
             + weight_n_m3 * self.gravity_nc
             + force_n * needle_nc
         )
+
         return loaded / youngs_modulus_pa
 
 

@@ -71,9 +71,11 @@ def needle_loads(
     directions = (
         np.concatenate([sideways_pk, height[:, None]], axis=1) @ axes
     )  # (contact, point, 3)
+
     below = np.flatnonzero(np.any(directions[..., 2] < 0.0, axis=1))
     if len(below):
         raise _over_base(contacts[below[0]])
+
     quads, values = locate(mesh, directions.reshape(-1, 3))
     weights = values * np.tile(weights_p, len(contacts))[:, None]
     load_of = np.repeat(np.arange(len(contacts)), len(weights_p))
@@ -82,6 +84,7 @@ def needle_loads(
         flat.ravel(), weights.ravel(), minlength=len(contacts) * len(mesh.points_nc)
     )
     normals = np.array([contact.normal for contact in contacts])
+
     return -amount.reshape(len(contacts), -1, 1) * normals[:, None]
 
 
@@ -94,6 +97,7 @@ def disc_rule() -> tuple[Floats, Floats]:
         2.0 * np.pi / DISC_ANGLES
     )
     points = radius[:, None, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+
     return points.reshape(-1, 2), np.repeat(0.5 * weights / DISC_ANGLES, DISC_ANGLES)
 
 
@@ -136,6 +140,7 @@ def needle_at(
         raise InputError(
             f"needle axis: {np.round(axis, 3).tolist()}; must be a unit vector into the eye"
         )
+
     places_pk, weights_p = disc_rule()
     across = np.cross(contact.parallel, axis)
     across /= np.linalg.norm(across)
@@ -143,6 +148,7 @@ def needle_at(
         needle_radius_m * places_pk @ np.stack([across, np.cross(axis, across)])
     )
     directions = _below_disc(mesh, contact, sideways_pc, axis)
+
     return Needle(
         _spread(mesh, directions, weights_p)[:, None] * axis,
         tip_at(mesh, contact, axis),
@@ -174,14 +180,17 @@ def _below_disc(
     """
     goals_pc = _surface_points(mesh, contact.normal[None]) + sideways_pc
     directions = mesh.radius_m * contact.normal + sideways_pc
+
     for _ in range(PROJECTIONS):
         if len(mesh.base_nodes) and np.any(directions[:, 2] < 0.0):
             raise _over_base(contact)
+
         off = _surface_points(mesh, directions) - goals_pc
         off -= (off @ axis_c)[:, None] * axis_c
         directions = directions - off
         if np.abs(off).max() < PROJECTED_M:
             return directions
+
     raise SolverError(
         "needle: its disc could not be laid on the wall; use an axis closer to the normal"
     )
@@ -266,9 +275,11 @@ class InnerSurface:
         vectors = 0.5 * factor * (vectors - vectors.transpose(0, 2, 1, 3))
         nodes = self._quads_qn.shape[1]
         local = np.zeros((len(vectors), 3, nodes, 3, nodes))
+
         for i, k, m in TURNS:
             local[:, i, :, k] = vectors[..., m]
             local[:, k, :, i] = -vectors[..., m]
+
         add_faces(element_eiajb, self._mesh, local, layer=0)
 
     def _areas(self, x_qnc: Floats) -> Floats:
@@ -339,6 +350,7 @@ class Springs:
             displacement_nc[nodes_qn],
             optimize=True,
         )
+
         return sum_at(nodes_qn, local_qni, len(displacement_nc))
 
 
@@ -354,11 +366,13 @@ def elastic_bed(
         mesh.sphere_nc[mesh.outer_qn][..., 2]
         @ shape_values(places, mesh.outer_qn.shape[1]).T
     )
+
     quads = np.flatnonzero(np.any(heights_qp < 0.0, axis=1))
     if not len(quads):
         raise InputError(
             "bed: this wall has no lower half to lie on it; use a whole globe"
         )
+
     values_pn, areas_qpc = surface_points(mesh, mesh.outer_qn[quads], BED_POINTS)
     amounts_qp = np.linalg.norm(areas_qpc, axis=-1)
     normals_qpc = areas_qpc / amounts_qp[..., None]
@@ -368,6 +382,7 @@ def elastic_bed(
         + (stiffness_pa_m - shear_stiffness_pa_m) * outer_qpii
     )
     stiffness_qpii *= (amounts_qp * (heights_qp[quads] < 0.0))[..., None, None]
+
     return Springs(
         mesh,
         quads,
@@ -401,6 +416,7 @@ def rectus_straps(
         along_pc,
         optimize=True,
     )
+
     return Springs(mesh, quads, stiffness_n_m * blocks)
 
 
@@ -411,9 +427,11 @@ def study_springs(supports: SupportsStudy, mesh: HexMesh) -> Springs | None:
         springs = elastic_bed(
             mesh, supports.bed_stiffness_pa_per_m, supports.bed_shear_stiffness_pa_per_m
         )
+
     if supports.has_straps:
         straps = rectus_straps(
             mesh, supports.strap_stiffness_n_per_m, supports.medial_azimuth_rad
         )
         springs = straps if springs is None else springs + straps
+
     return springs

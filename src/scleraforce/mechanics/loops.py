@@ -21,6 +21,7 @@ def _local_coordinates(
     u = np.empty((count, 3, 3))
     v = np.empty((count, 3, 3))
     along = np.empty(3)
+
     for n in range(count):
         quad = quads[n]
         for axis in range(3):
@@ -30,13 +31,16 @@ def _local_coordinates(
                 + frame[2] * directions_dc[n, 2]
                 + frame[1] * directions_dc[n, 1]
             )
+
         a = along[0] / along[2]
         b = along[1] / along[2]
+
         for i in range(3):
             for j in range(3):
                 third = polynomials[i, j, 2, quad]
                 u[n, i, j] = polynomials[i, j, 0, quad] - a * third
                 v[n, i, j] = polynomials[i, j, 1, quad] - b * third
+
     for _ in range(NEWTON_STEPS):
         largest = 0.0
         for n in range(count):
@@ -71,8 +75,10 @@ def _local_coordinates(
             local[n, 0] = min(max(x + dx, -2.0), 2.0)
             local[n, 1] = min(max(y + dy, -2.0), 2.0)
             largest = max(largest, abs(dx), abs(dy))
+
         if largest < CONVERGED:
             break
+
     return local
 
 
@@ -92,6 +98,7 @@ def cross_quads(
     local = _local_coordinates(polynomials, frames_qkc, quads, directions_dc)
     beyond = np.empty(4)
     leaving = np.empty(len(quads), dtype=np.int64)
+
     for _ in range(CROSSINGS):
         count = 0
         for n in range(len(quads)):
@@ -104,20 +111,26 @@ def cross_quads(
             # of no side without a neighbour: at the base only rounding leads outside
             side = 0
             farthest = -np.inf
+
             for edge in range(4):
                 if neighbours_qe[quads[n], edge] >= 0 and beyond[edge] > farthest:
                     side = edge
                     farthest = beyond[edge]
+
             if farthest > OUTSIDE:
                 quads[n] = neighbours_qe[quads[n], side]
                 leaving[count] = n
                 count += 1
+
         if count == 0:
             return local, True
+
         crossed = leaving[:count]
         found = _local_coordinates(
             polynomials, frames_qkc, quads[crossed], directions_dc[crossed]
         )
+
         for k in range(count):
             local[crossed[k]] = found[k]
+
     return local, False

@@ -85,11 +85,13 @@ def burst_tension(poisson_ratio: float, stiffening: float = 0.0) -> float:
     lame_lambda, mu = lame_constants(1.0, poisson_ratio)
     stretch = np.linspace(1.0, LARGEST_STRETCH, STRETCHES)[1:]
     across = 1.0 / stretch
+
     for _ in range(NEWTON_STEPS):
         stress = mu * (across**2 - 1.0) + lame_lambda * np.log(stretch**2 * across)
         across = np.maximum(
             across - stress / (2.0 * mu * across + lame_lambda / across), 1e-3
         )
+
     log_ratio = np.log(stretch**2 * across)
     tension = 2.0 * (mu * (stretch**2 - 1.0) + lame_lambda * log_ratio) / stretch**3
     exponent = stiffening * strain_measure(
@@ -98,6 +100,7 @@ def burst_tension(poisson_ratio: float, stiffening: float = 0.0) -> float:
     falling = np.flatnonzero(
         np.diff(exponent + np.log(tension)) < 0.0
     )  # the logarithm does not overflow
+
     return (
         float(tension[falling[0]] * np.exp(exponent[falling[0]]))
         if len(falling)
@@ -154,6 +157,7 @@ class PronySeries:
             where=length_s > 0.0,
         )
         felt_n = np.zeros_like(time_s)
+
         for corner_s, change in zip(
             corners_s, np.diff(slopes, prepend=0.0, append=0.0), strict=True
         ):
@@ -163,6 +167,7 @@ class PronySeries:
                 for share, tau_s in zip(self.shares, self.times_s, strict=True)
             )
             felt_n += change * (since_s - lost_s)
+
         return felt_n
 
 
@@ -184,6 +189,7 @@ def driven_back(
     elastic_n = np.zeros(len(shares))
     found_n = np.zeros((len(shares), len(felt_n)))
     memories_n = np.zeros((len(shares), len(felt_n), len(times_s)))
+
     for index, (old, kept, new) in enumerate(
         line_weights(np.diff(time_s, prepend=time_s[:1]), times_s)
     ):
@@ -197,6 +203,7 @@ def driven_back(
         memory = come + new * elastic_n[:, None]
         found_n[:, index] = elastic_n
         memories_n[:, index] = memory
+
     return found_n, memories_n
 
 
@@ -212,4 +219,5 @@ def line_weights(step_s: Floats, times_s: Sequence[float]) -> Floats:
     new = np.where(
         short, x * (1 / 2 - x * (1 / 6 - x / 24)), 1.0 + np.expm1(-safe) / safe
     )
+
     return np.stack([1.0 - kept - new, kept, new], axis=1)

@@ -71,6 +71,7 @@ def meridian_mesh(
         raise InputError(
             f"needle radius: {from_si(needle_radius_m, 'mm'):g} mm; must be above 0 and below the radius"
         )
+
     needle_rad = float(np.arcsin(needle_radius_m / radius_m))
     share = np.linspace(0.0, 1.0, size.elements)
     grown = FIRST_TO_MEAN * share + (1.0 - FIRST_TO_MEAN) * share**2
@@ -82,6 +83,7 @@ def meridian_mesh(
     directions[0] = 0.0, 1.0
     points = (directions[:, None] * radii[:, None]).reshape(-1, 2)
     number = np.arange(len(points)).reshape(len(angles), len(radii))
+
     return MeridianMesh(radius_m, points, _cells(number), number[:, 0], number[:, -1])
 
 
@@ -157,6 +159,7 @@ def solid_of_revolution(
         len(mesh.cells_en), -1
     )
     ratio = float(lambda_ep[0, 0] / mu_ep[0, 0])
+
     return ElementTables(
         np.ascontiguousarray(shapes_epgn),
         unknowns_en,
@@ -180,10 +183,12 @@ def nodal_forces(tables: ElementTables, u: Floats) -> Floats:
     away = np.empty(9)
     along = np.empty(9)
     elements, points = tables.mu_ep.shape
+
     for element in range(elements):
         unknowns = tables.unknowns_en[element]
         away[:] = 0.0
         along[:] = 0.0
+
         for point in range(points):
             shapes = tables.shapes_epgn[element, point]
             log_ratio = _deformation(shapes, unknowns, u, F, H)
@@ -196,6 +201,7 @@ def nodal_forces(tables: ElementTables, u: Floats) -> Floats:
                 log_ratio,
                 P,
             )
+
             for node in range(9):
                 radial = (
                     P[0] * shapes[0, node]
@@ -206,9 +212,11 @@ def nodal_forces(tables: ElementTables, u: Floats) -> Floats:
                 along[node] += factor * (
                     P[2] * shapes[0, node] + P[3] * shapes[1, node]
                 )
+
         for node in range(9):
             found[unknowns[2 * node]] += away[node]
             found[unknowns[2 * node + 1]] += along[node]
+
     return found
 
 
@@ -227,9 +235,11 @@ def element_tangents(tables: ElementTables, u: Floats) -> Floats:
     triangle = np.empty((18, 18))
     elements, points = tables.mu_ep.shape
     found = np.empty((elements, 18, 18))
+
     for element in range(elements):
         unknowns = tables.unknowns_en[element]
         triangle[:] = 0.0
+
         for point in range(points):
             shapes = tables.shapes_epgn[element, point]
             log_ratio = _deformation(shapes, unknowns, u, F, H)
@@ -239,9 +249,11 @@ def element_tangents(tables: ElementTables, u: Floats) -> Floats:
             _stress(lame_lambda, lame_mu, F, H, log_ratio, P)
             _elasticity(lame_lambda, lame_mu, H, log_ratio, A)
             rise = 2.0 * tables.stiffening / lame_mu
+
             for i in range(5):
                 for j in range(5):
                     A[i, j] = factor * (A[i, j] + rise * P[i] * P[j])
+
                 for node in range(9):
                     radial = (
                         A[i, 0] * shapes[0, node]
@@ -252,10 +264,12 @@ def element_tangents(tables: ElementTables, u: Floats) -> Floats:
                     by_motion[i, 2 * node + 1] = (
                         A[i, 2] * shapes[0, node] + A[i, 3] * shapes[1, node]
                     )
+
             for node in range(9):
                 r = shapes[0, node]
                 z = shapes[1, node]
                 around = shapes[2, node]
+
                 for other in range(2 * node + 2):
                     radial = (
                         r * by_motion[0, other]
@@ -266,11 +280,13 @@ def element_tangents(tables: ElementTables, u: Floats) -> Floats:
                     triangle[2 * node + 1, other] += (
                         r * by_motion[2, other] + z * by_motion[3, other]
                     )
+
         for row in range(18):
             for column in range(row + 1):
                 found[element, row, column] = found[element, column, row] = triangle[
                     row, column
                 ]
+
     return found
 
 
@@ -288,6 +304,7 @@ def _deformation(
         around += shapes[2, node] * away
         zr += shapes[0, node] * along
         zz += shapes[1, node] * along
+
     rr = rr + 1.0
     zz = zz + 1.0
     around = around + 1.0
@@ -297,14 +314,17 @@ def _deformation(
     F[2] = zr
     F[3] = zz
     F[4] = around
+
     if not (plane > 0.0 and around > 0.0):
         H[:] = np.nan
         return np.nan
+
     H[0] = zz / plane
     H[1] = -zr / plane
     H[2] = -rz / plane
     H[3] = rr / plane
     H[4] = 1.0 / around
+
     return float(np.log(plane * around))
 
 
@@ -344,9 +364,11 @@ def _elasticity(
         for j in range(5):
             A[i, j] = lame_lambda * H[i] * H[j]
         A[i, i] += lame_mu
+
     for i in range(2):
         for j in range(2):
             for k in range(2):
                 for m in range(2):
                     A[2 * i + j, 2 * k + m] += exchanged * H[2 * i + m] * H[2 * k + j]
+
     A[4, 4] += exchanged * H[4] * H[4]

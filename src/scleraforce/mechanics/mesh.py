@@ -30,6 +30,7 @@ class QuadSurface:
         edges_ev, edge_of_side = np.unique(
             np.sort(pairs, axis=1), axis=0, return_inverse=True
         )
+
         return (
             edges_ev,
             edge_of_side.reshape(-1, 4),
@@ -50,6 +51,7 @@ def half_cube(divisions: int) -> QuadSurface:
     for _ in range(3):  # each is the one before, turned by a right angle about z
         x, y, z = np.moveaxis(sides[-1], -1, 0)
         sides.append(np.stack([-y, x, z], axis=-1))
+
     corners_qkc = np.concatenate([_grid_quads(along, along, half), *sides])
     grid_vc, quads = np.unique(corners_qkc.reshape(-1, 3), axis=0, return_inverse=True)
     return QuadSurface(np.tan(grid_vc / half * (np.pi / 4.0)), quads.reshape(-1, 4))
@@ -89,6 +91,7 @@ def catmull_clark(surface: QuadSurface) -> QuadSurface:
         np.stack([quads[:, k], edge_of[:, k], middle_of, edge_of[:, k - 1]], axis=1)
         for k in range(4)
     ]
+
     return QuadSurface(
         np.concatenate([moved, edge_points, face_points]),
         np.stack(children, axis=1).reshape(-1, 4),
@@ -107,6 +110,7 @@ def _vertex_points(
         sum_at(surface.quads_qv, np.repeat(face_points, 4, axis=0), count) / faces
     )
     edge_mean = sum_at(surface.edges[0], np.repeat(middles, 2, axis=0), count) / valence
+
     return (face_mean + 2.0 * edge_mean + (valence - 3.0) * points) / valence
 
 
@@ -171,6 +175,7 @@ class SurfaceLocator:
         )  # not before something is solved: Numba takes 0.2 s
 
         lengths = np.linalg.norm(directions_dc, axis=1)
+
         above = np.full(len(lengths), self._whole) | (
             directions_dc[:, 2] >= -BELOW_BASE * lengths
         )
@@ -178,19 +183,24 @@ class SurfaceLocator:
             raise InputError(
                 "direction: it does not pierce the half-sphere; must have z >= 0 and a positive length"
             )
+
         quads = np.empty(len(directions_dc), dtype=np.int64)
         local = np.empty((len(directions_dc), 2))
+
         for start in range(0, len(directions_dc), BATCH):
             part = slice(start, start + BATCH)
             unit_dc = directions_dc[part] / lengths[part, None]
             seeds = self._seeds[self._cell(unit_dc)]
+
             found, crossed = cross_quads(
                 self._polynomials, self._frames_qkc, self._neighbours_qe, seeds, unit_dc
             )
             if not crossed:
                 raise SolverError("locate: a direction was not found on the surface")
+
             quads[part] = seeds
             local[part] = np.clip(found, -1.0, 1.0)
+
         return quads, local
 
     def _seed_table(self, middles_qc: Floats) -> Integers:
@@ -205,8 +215,10 @@ class SurfaceLocator:
         sides = np.concatenate(
             [cells, cells * (1.0, 1.0, -1.0)] if self._whole else [cells]
         ).reshape(-1, 3)
+
         if len(middles_qc) <= FEW:
             return np.asarray(np.argmax(sides @ middles_qc.T, axis=1), dtype=np.int64)
+
         from scipy.spatial import cKDTree  # a tenth of a second
 
         return np.asarray(cKDTree(middles_qc).query(sides)[1], dtype=np.int64)
@@ -220,6 +232,7 @@ class SurfaceLocator:
             self._table_cells - 1,
         )
         below = self._whole & (directions_dc[:, 2] < 0.0)
+
         return (
             below * self._table_cells**2 + cell[:, 0] * self._table_cells + cell[:, 1]
         )
@@ -237,6 +250,7 @@ def _neighbours(quad_qn: Integers) -> Integers:
     neighbours = np.full(len(sides), -1)
     neighbours[order[pair]] = order[pair + 1] // 4
     neighbours[order[pair + 1]] = order[pair] // 4
+
     return neighbours.reshape(-1, 4)
 
 
@@ -306,9 +320,11 @@ def build_mesh(
             f"mesh: level {level}, divisions {divisions}; the level must be 0 or more, divisions even and "
             "at least 2"
         )
+
     surface = half_cube(divisions)
     for _ in range(level):
         surface = catmull_clark(surface)
+
     return extrude_surface(
         project_on_sphere(surface), radius_m, thickness_m, layers, order
     )
@@ -326,6 +342,7 @@ def extrude_surface(
         raise InputError(
             f"mesh: order {order}, layers {layers}; must be order 1 or 2 and at least 1 layer"
         )
+
     directions, quads = _quad_nodes(surface, order)
     sheets = order * layers + 1
     radii = radius_m - thickness_m * np.linspace(0.0, 1.0, sheets)
@@ -343,6 +360,7 @@ def extrude_surface(
         if surface.edges[2].any()
         else np.empty(0, dtype=np.int64)
     )
+
     return HexMesh(points, cells, quads, inner, base, radius_m, thickness_m, order)
 
 
@@ -350,6 +368,7 @@ def _quad_nodes(surface: QuadSurface, order: int) -> tuple[Floats, Integers]:
     """Directions of the surface nodes and the nodes of every quad (quad, 4 or 9)."""
     points = surface.points_vc
     quads = surface.quads_qv
+
     if order == 2:
         edges_ev, quad_edges_qe, _ = surface.edges
         edge_middles = points[edges_ev].mean(axis=1)
@@ -358,6 +377,7 @@ def _quad_nodes(surface: QuadSurface, order: int) -> tuple[Floats, Integers]:
         face_nodes = len(points) + len(edge_middles) + np.arange(len(quads))
         points = np.concatenate([points, edge_middles, face_middles])
         quads = np.concatenate([quads, edge_nodes, face_nodes[:, None]], axis=1)
+
     return points / np.linalg.norm(points, axis=1, keepdims=True), quads
 
 

@@ -59,6 +59,7 @@ def fibre_law(
         * np.array([[1.0, nu, 0.0], [nu, 1.0, 0.0], [0.0, 0.0, 0.5 * (1.0 - nu)]])
     )
     plane[0, 0] += c
+
     return FibreLaw(base=along * (1.0 - k), plane=along * plane)
 
 
@@ -101,8 +102,10 @@ class FibreTerm:
         laplacian_enn = (slopes_erN.transpose(0, 2, 1) @ pulled).astype(
             K_eiakb.dtype, copy=False
         )
+
         for i in range(3):
             K_eiakb[:, i, :, i] += laplacian_enn
+
         products_epkliN = (
             moved_epki[:, :, :, None, :, None] * slopes_epkn[:, :, None, :, None, :]
         )
@@ -141,6 +144,7 @@ class FibreTerm:
         )
         s = (self._D_epvw[part] @ strain_epv[..., None])[..., 0]
         stress = np.stack([s[..., 0], s[..., 2], s[..., 2], s[..., 1]], axis=-1)
+
         return still + change, stress.reshape(*s.shape[:2], 2, 2)
 
 
@@ -195,16 +199,19 @@ class NeoHookeanSolid:
         dilatation_ep = _dilatation(H_epJi)
         if not np.all(dilatation_ep > -1.0):
             return np.full(displacement_nc.shape, np.nan)
+
         inverse_epiJ = _inverse(H_epJi)
         log_J_ep = np.log1p(dilatation_ep)
         P_epJi = self._stress(slice(None), H_epJi, inverse_epiJ, log_J_ep)
         if self._stiffening > 0.0:
             P_epJi *= self._growth(H_epJi, log_J_ep)[..., None, None]
+
         local_eni = self._gradients_erN.transpose(0, 2, 1) @ P_epJi.reshape(
             len(P_epJi), -1, 3
         )
         if self._fibres is not None:
             local_eni += self._fibres.local_forces(displacement_nc[self._cells_en])
+
         return sum_at(self._cells_en, local_eni, len(displacement_nc))
 
     def tangents(
@@ -222,15 +229,19 @@ class NeoHookeanSolid:
             raise SolverError(
                 "neo-Hookean: the wall is turned inside out; use a smaller step"
             )
+
         elements, nodes = self._cells_en.shape
         matrices = np.empty((elements, 3, nodes, 3, nodes), precision)
+
         for start in range(0, elements, ELEMENTS_AT_ONCE):
             part = slice(start, start + ELEMENTS_AT_ONCE)
             self._add_up(matrices[part], part, H_epJi[part], J_ep[part])
+
             if self._fibres is not None:
                 self._fibres.add_tangents(
                     matrices[part], part, displacement_nc[self._cells_en[part]]
                 )
+
         return matrices
 
     def _displacement_gradient(self, displacement_nc: Floats) -> Floats:
@@ -285,6 +296,7 @@ class NeoHookeanSolid:
         bulk_ep = self._lambda_ep[part]
         shear_ep = self._mu_ep[part] - self._lambda_ep[part] * log_J_ep
         laplacian_enn = self._laplacian_enn[part]
+
         if self._stiffening > 0.0:
             growth_ep = self._growth(H_epJi, log_J_ep)
             bulk_ep = growth_ep * bulk_ep
@@ -299,6 +311,7 @@ class NeoHookeanSolid:
         np.add(products(g, bulk_ep), shear.transpose(0, 3, 2, 1, 4), out=K_eiakb)
         for i in range(3):
             K_eiakb[:, i, :, i] += laplacian_enn
+
         if self._stiffening > 0.0:
             P_epiJ = self._stress(part, H_epJi, inverse_epiJ, log_J_ep).transpose(
                 0, 1, 3, 2

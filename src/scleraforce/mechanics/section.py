@@ -52,6 +52,7 @@ class PlaneFrames:
                 f"eye's centre and misses the sphere of {from_si(radius_m, 'mm'):.2f} mm, or only grazes "
                 "it; use a smaller gap or tilt"
             )
+
         return np.arcsin(sine)
 
     def directions(self, longitudes: Floats, latitudes: Floats) -> Floats:
@@ -67,6 +68,7 @@ class PlaneFrames:
             np.cos(latitudes)[..., None] * along + np.sin(latitudes)[..., None] * normal
         )
         directions[..., 2] = np.maximum(directions[..., 2], 0.0)
+
         return directions
 
     def project(self, fields: Floats) -> Floats:
@@ -98,6 +100,7 @@ def place_stations(frames: PlaneFrames, circles_xp: Floats, radius_m: float) -> 
     first = np.arcsinh(low * radius_m / GRADING_M)
     last = np.arcsinh(high * radius_m / GRADING_M)
     count = 2 + int((last - first).max() * GRADING_M / STATION_M)
+
     return np.sinh(np.linspace(first, last, count, axis=1)) * GRADING_M / radius_m
 
 
@@ -107,17 +110,20 @@ def _ends_at_base(frames: PlaneFrames, latitude_p: Floats, beyond: float) -> Flo
     amplitude = np.cos(latitude_p) * np.hypot(
         lateral_z, depth_z
     )  # z = amplitude cos(longitude - middle) + offset
+
     offset = np.sin(latitude_p) * normal_z
     if np.any(offset < -0.999 * amplitude):
         raise InputError(
             "B-scan plane: it does not meet the wall above its base; use a smaller gap or tilt"
         )
+
     closed = offset >= amplitude
     middle = np.where(closed, 0.0, np.arctan2(lateral_z, -depth_z))
     half = (
         np.arccos(np.clip(-offset / np.maximum(amplitude, 1e-12), -1.0, 1.0)) + beyond
     )
     half = np.where(closed, np.pi, np.minimum(half, np.pi))
+
     return np.stack([middle - half, middle + half])
 
 
@@ -148,6 +154,7 @@ def cut_sections(
     fields = np.stack([mesh.points_nc, *modes_knc], axis=1)
     surfaces = mesh.outer_qn, mesh.inner_qn
     bracket_m = BRACKET_M
+
     while bracket_m <= WIDEST_BRACKET_M:
         margin = bracket_m / mesh.radius_m  # on either side of both undeformed circles
         low = circles_xp.min(axis=0) - margin
@@ -160,6 +167,7 @@ def cut_sections(
         grid = _Grid(
             latitudes_pt, stations_ps, *locate(mesh, directions.reshape(-1, 3))
         )
+
         outer, inner = (
             _follow(mesh, fields, surface_qn, frames, grid, weights_pfk)
             for surface_qn in surfaces
@@ -169,7 +177,9 @@ def cut_sections(
                 [Section(*both) for both in zip(*pair, strict=True)]
                 for pair in zip(outer, inner, strict=True)
             ]
+
         bracket_m *= 2.0
+
     raise SolverError(
         f"section: the wall has moved by more than {from_si(WIDEST_BRACKET_M, 'mm'):g} mm across the "
         "B-scan plane"
@@ -209,11 +219,13 @@ def _follow(
     (planes, parallels) = grid.latitudes_pt.shape
     stations = grid.stations_ps.shape[1]
     lines = fields_at(grid.quads, grid.weights_dn, (planes, parallels, stations))
+
     below = _parallel_below(
         lines[..., 2], weights_pfk, grid, frames.latitudes(mesh.radius_m)
     )
     if below is None:
         return None
+
     plane = np.arange(planes)[:, None, None]
     station = np.arange(stations)
     start, end = (
@@ -230,6 +242,7 @@ def _follow(
     )
     found = fields_at(*locate(mesh, directions.reshape(-1, 3)), latitude.shape)
     points = _deform(found, weights_pfk[:, :, None])
+
     return (
         points[..., :2] - chord[..., :2] * (points[..., 2] / chord[..., 2])[..., None]
     )
@@ -253,9 +266,11 @@ def _parallel_below(
         "pfk,ptsk->pfts", weights_pfk, fields_ptsm[..., 1:]
     )
     under = height_pfts < 0.0
+
     rises = under[:, :, :-1] & ~under[:, :, 1:]
     if not rises.any(axis=2).all():
         return None
+
     middles_pt = 0.5 * (grid.latitudes_pt[:, 1:] + grid.latitudes_pt[:, :-1])
     distance = np.abs(middles_pt - circle_p[:, None])[:, None, :, None]
     return np.argmin(np.where(rises, distance, np.inf), axis=2)
@@ -320,6 +335,7 @@ def fill_section(section: Section, window: SliceWindow) -> Bytes:
         first_below * window.columns + column, sense, (window.rows + 1) * window.columns
     )
     winding = np.cumsum(entered.reshape(-1, window.columns)[:-1], axis=0, dtype=np.int8)
+
     return np.asarray(
         cv2.threshold(winding.view(np.uint8), 0, WALL, cv2.THRESH_BINARY)[1],
         dtype=np.uint8,

@@ -69,6 +69,7 @@ def shape_monomials(dimension: int, nodes: int) -> tuple[Integers, Floats]:
     """
     if nodes not in {2: (4, 8, 9), 3: (8, 20, 27)}.get(dimension, ()):
         raise ValueError(f"no element with {nodes} nodes in {dimension} dimensions")
+
     order = 1 if nodes == 2**dimension else 2
     serendipity = nodes in {2: (8,), 3: (20,)}[dimension]
     # Serendipity: at most one variable enters as a square (superlinear degree 2; Arnold and Awanou, 2011).
@@ -80,6 +81,7 @@ def shape_monomials(dimension: int, nodes: int) -> tuple[Integers, Floats]:
     exponents_md = np.array(exponents, dtype=np.int64)
     places = node_positions(dimension, nodes)
     vandermonde_nm = np.prod(places[:, None, :] ** exponents_md, axis=-1)
+
     # The coefficients are multiples of 1/8: rounding makes them exact.
     return exponents_md, np.round(np.linalg.inv(vandermonde_nm) * 8.0) / 8.0
 
@@ -114,6 +116,7 @@ def shape_gradients(local_pd: Floats, nodes: int) -> Floats:
         @ coefficients_mn
         for k in range(dimension)
     ]
+
     return np.stack(gradients, axis=-1)
 
 

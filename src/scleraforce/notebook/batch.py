@@ -60,6 +60,7 @@ def evaluate_to_table(
         raise RecordingError(
             f"{recordings[0]}: not a recording; none of the given paths is one"
         )
+
     reader = load_model(model, wall_finder=wall_finder)
     summary = None if calibration is None else read_calibration(calibration)
     same = {
@@ -75,6 +76,7 @@ def evaluate_to_table(
     used = set[str]()
     others = [str(path) for path in recordings if path not in folders]
     notes = [f"left out, not recordings: {', '.join(others)}"] if others else []
+
     with counting("recordings", len(folders)) as advance:
         for path in folders:
             key = same | {"recording": str(path), "recording_sha256": _digest(path)}
@@ -90,14 +92,17 @@ def evaluate_to_table(
                 }
                 write_whole(json.dumps(found, allow_nan=False), part)
                 read += 1
+
             used.add(part.name)
             rows += found["rows"]
             notes += found["notes"]
             advance(1)
+
     rows = tidy(rows)
     write_table(rows, table)
     for old in (each for each in state.glob("*.json") if each.name not in used):
         old.unlink()
+
     return Batch(rows, tuple(notes), len(folders), read)
 
 
@@ -142,6 +147,7 @@ def _check(table: Path) -> None:
         raise InputError(
             f"--table: {table}: give a file that ends in {' or '.join(ENDINGS)}"
         )
+
     if table.suffix == ".parquet":
         package_for("pyarrow.parquet", table.suffix)
     if table.exists() and not _state(table).is_dir():
@@ -172,4 +178,5 @@ def _digest(folder: Path) -> str:
                 whole.update(
                     f"{path.relative_to(folder)}\0{file_digest(file, 'sha256').hexdigest()}\n".encode()
                 )
+
     return whole.hexdigest()

@@ -87,6 +87,7 @@ def calibrate(
     """
     if mechanics not in MECHANICS:
         raise InputError(f"mechanics: {mechanics!r}; give {' or '.join(MECHANICS)}")
+
     names = set(parameters or "e")
     if parameters is not None and (
         "e" not in names or names - set(PARAMETERS) or len(names) < len(parameters)
@@ -107,15 +108,19 @@ def calibrate(
         check_quantity("thickness_m", thickness_m)
     if out is not None and Path(out).exists():
         raise InputError(f"{out}: exists already; remove it or choose another name")
+
     study = study or Study()
     counting = counting or counting_for(progress, "frames")
     refuse_unused(study, "calibrate", mechanics)
+
     sought = None if parameters is None else tuple(parameters)
     if study.tissue.stiffening > 0.0 and (sought is None or STIFFENING in sought):
         way = "leave it out, or seek e alone (parameters e)"
         raise InputError(f"study: tissue.stiffening: is sought in the frames; {way}")
+
     each = _with_thickness(opened(recordings), thickness_m)
     kind = CLASSIFIER if mechanics == "linear" else READER
+
     for recording in each:
         info = recording.info
         if info.eye.thickness_m is None:
@@ -123,14 +128,17 @@ def calibrate(
             raise InputError(
                 f"{place}: eye.thickness_m: missing; state it there, or give thickness_m"
             )
+
         for sentence in limits(
             kind, study, known_of_recording(info), info.oct, info.needle.gauge
         ):
             if note is not None:
                 note(f"{recording.path}: {sentence}")
+
     finder = finder_of(wall_finder)
     library = library_for(study, mechanics, counting)
     passes = 1 if without_force else calibration_passes(library, sought)
+
     with counting(
         "frames", passes * sum(len(recording.frames) for recording in each)
     ) as advance:
@@ -161,8 +169,10 @@ def calibrate(
                 finder,
             )
             found = calibrate_recordings(each, *by_force)
+
     if out is not None:
         write_calibration(found.to_dict(), Path(out))
+
     return found
 
 
@@ -172,12 +182,14 @@ def library_for(
     """Return the library for finite strain (linear: None), the bundled one or the cache's; counts "library"."""
     if mechanics == "linear":
         return None
+
     plan = plan_library(study)
     shipped = models.read_folder(models.SHIPPED_READER)
     if plan_library(models.folder_study(shipped)).key == plan.key:
         return load_library(
             shipped.path / models.LIBRARY_FILE, shipped.files[models.LIBRARY_FILE]
         )
+
     from scleraforce.library.store import cached_library  # with Zarr and the mechanics
 
     with counting("library", plan.units) as advance:
@@ -189,11 +201,13 @@ def _with_thickness(
 ) -> list[Recording]:
     if thickness_m is None:
         return recordings
+
     eyes = {recording.info.eye.id for recording in recordings}
     if len(eyes) > 1:
         raise InputError(
             f"thickness_m: of one eye; the recordings are of {', '.join(sorted(eyes))}"
         )
+
     return [
         replace(
             one,
@@ -224,12 +238,14 @@ def recalibrate_intervals(
     study = reader.study
     each = opened(recordings)
     count = sum(len(recording.frames) for recording in each)
+
     for recording in each:
         info = recording.info
         for sentence in reader.limits(
             known_of_recording(info), info.oct, info.needle.gauge
         ):
             note(f"{recording.path}: {sentence}")
+
     finder = finder_of(wall_finder)
     with counting(
         "calibration", count * calibration_passes(reader.library, None)
@@ -243,6 +259,7 @@ def recalibrate_intervals(
             progress=advance,
             finder=finder,
         )
+
     summary = summary_of_calibration(calibration)
     with counting("reading", count) as advance:
         scores = [
@@ -250,10 +267,12 @@ def recalibrate_intervals(
             for recording in each
             for found in recording_scores(reader, recording, summary, advance)
         ]
+
     if not scores:
         raise InputError(
             f"{each[0].path}: no frame with a known force is left to read; take fewer --frames"
         )
+
     source = "recordings of " + ", ".join(
         sorted({recording.info.eye.id for recording in each})
     )
@@ -278,4 +297,5 @@ def recalibrate_intervals(
     models.write_folder(
         out, folder.files[models.NETWORK_FILE], study_toml, card, record, more
     )
+
     return changes

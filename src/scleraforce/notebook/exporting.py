@@ -53,6 +53,7 @@ def export(
         raise InputError(
             f"{out}: exists already; choose another name, or replace it (--force)"
         )
+
     for name, one in {"thing": thing, "answers": answers}.items():
         if one is not None and not isinstance(
             one, Recording | Evaluation | Answers | str | PathLike
@@ -60,6 +61,7 @@ def export(
             raise InputError(
                 f"{name}: {type(one).__name__}; give a recording, an evaluation, answers of a stack or a file"
             )
+
     if isinstance(thing, Evaluation | Answers) or not (
         isinstance(thing, Recording) or Path(thing).is_dir()
     ):
@@ -71,19 +73,24 @@ def export(
             raise InputError(
                 f"out: {out}: answers alone become .csv or .json; give their recording, and them as answers"
             )
+
         return _write_table({}, _rows(thing), out)
+
     recording = thing if isinstance(thing, Recording) else read_recording(thing)
     if recording.info.oct.plane and kind not in TABLES:
         raise InputError(
             f"out: {out}: has room for frames of one plane; give a .csv or .json"
         )
+
     if kind == ".nrrd":
         if answers is not None:
             raise InputError(
                 f"answers: {out} has room for frames only; give a .csv, .json or .mcap"
             )
+
         formats.write_sequence(recording, out)
         return len(recording.frames)
+
     rows = formats.frame_rows(recording, ClassesStudy())
     if answers is not None:
         given = _rows(answers)
@@ -92,13 +99,17 @@ def export(
                 raise InputError(
                     f"answers: {len(given)} for {len(rows)} frames; give one for each, in their order"
                 )
+
             given = [
                 {**one, "file": row["file"]}
                 for one, row in zip(given, rows, strict=True)
             ]
+
         rows = formats.with_answers(rows, given, recording.path)
+
     if kind != ".mcap":
         return _write_table(tomllib.loads(format_record(recording.info)), rows, out)
+
     formats.write_mcap(recording, rows, clock_origin_s(recording.path), out)
     return len(rows)
 
@@ -121,4 +132,5 @@ def _write_table(stated: Mapping[str, Any], rows: list[formats.Row], out: Path) 
         )
     else:
         formats.write_table(rows, out)
+
     return len(rows)

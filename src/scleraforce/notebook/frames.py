@@ -148,14 +148,17 @@ def _judged_wall(
     """Return the wall of a frame, without the columns of which a masked array masks a pixel: they count as black."""
     if not np.ma.is_masked(frame):
         return find_wall(seen.pixels, seen.scale, thickness_m, finder)
+
     judged: Any = ~np.ma.getmaskarray(np.ma.asarray(frame)).any(axis=int(transpose))
     if not judged.any():
         return without_wall(seen.pixels.shape, "all columns are masked")
+
     lit: Any = seen.pixels * judged.astype(seen.pixels.dtype)
     found = find_wall(lit, seen.scale, thickness_m, finder)
     outer_row, inner_row = (
         np.where(judged, row, np.nan) for row in (found.outer_row, found.inner_row)
     )
+
     return replace(found, outer_row=outer_row, inner_row=inner_row)
 
 
@@ -360,6 +363,7 @@ def read(
         found = one.answer.segmentation and replace(
             one.answer.segmentation, pixels=one.frame.pixels
         )
+
         return replace(
             one.answer, warnings=(*one.answer.warnings, *one.notes), segmentation=found
         )
@@ -371,24 +375,28 @@ def read(
     masks: Any = (
         [] if mask is None else mask if isinstance(mask, list | tuple) else [mask]
     )
+
     if not isinstance(frame, np.ndarray) or frame.ndim != 3:
         return answer(frames, masks)
     if not frame.size:
         raise FrameError(
             f"frame: an array of shape {frame.shape}; give frames x rows x columns, at least one"
         )
+
     stack, notes = counted(frame)
     masks = mask if isinstance(mask, np.ndarray) else masks
     if len(masks) not in (0, len(stack)):
         raise InputError(
             f"mask: {len(masks)} for a stack of {len(stack)} frames; give one for each"
         )
+
     answers = list[Answer]()
     for nth, one in enumerate(stack):
         found = answer([one], list(masks[nth : nth + 1]))
         answers.append(replace(found, warnings=(*found.warnings, *notes)))
         if progress is not None:
             progress(1)
+
     return Answers(tuple(answers))
 
 
@@ -457,10 +465,12 @@ def save_wall(
         else mask_of(mask, "mask")
     )
     check_size(drawn, (found.info.oct.rows, found.info.oct.columns), "mask")
+
     if author is not None and not author.isprintable():
         raise InputError(
             f"author: {author!r}: a line break or another unprintable character; give a name of one line"
         )
+
     write_wall(found.path, file, drawn, author or getpass.getuser(), utc_now())
 
 
@@ -481,6 +491,7 @@ def stated_planes(frames: Sequence[Frame]) -> tuple[Plane, ...]:
         raise InputError(
             "frame: of several times; only frames of one time_s are read together"
         )
+
     return tuple(plane for *_, plane in stated)
 
 
@@ -523,6 +534,7 @@ def readings(
         raise InputError(
             f"held_s: {held_s:g}; give the time since the push, 0 s or more"
         )
+
     check_calibrated(given, calibration is not None, eye)
     assumed = Scanner(refractive_index=model.study.oct.refractive_index)
     each = [
@@ -530,6 +542,7 @@ def readings(
     ]
     seen = each[0]
     frame = frames[0]
+
     if any(
         (one.scale, one.pixels.shape) != (seen.scale, seen.pixels.shape) for one in each
     ):
@@ -542,38 +555,47 @@ def readings(
         and len({folder.frame_digest(one.pixels) for one in each}) < len(each)
     ):
         raise InputError("frame: one picture for two planes; give the frame of each")
+
     stated = NOTHING_KNOWN if seen.info is None else known_of_recording(seen.info)
     known = completed(given, stated)
     notes = list(seen.notes)
+
     if calibration is not None:
         summary = summary_of_calibration(calibration)
         name = eye
         if name is None and seen.info is not None:
             name = seen.info.eye.id
+
         if name is None:
             words = "a calibration has several, and no recording.toml beside the frame names this one"
             raise InputError(f"eye: missing; {words}")
+
         known = calibration_file.known_of_eye(known, summary, name)
         notes += filter(None, [calibration_file.foreign_modulus(summary, name)])
+
     if seen.info is not None:
         place = folder.recording_of(Path(_place(frame))) or _place(frame)
         notes += (
             f"{place}: {limit}"
             for limit in model.limits(known, seen.info.oct, seen.info.needle.gauge)
         )
+
     if known.leak_time_s is not None:
         notes.append(
             "leak_time_s: a single frame is read as if nothing had leaked; evaluate follows the leak"
         )
+
     asked = model
     model = suited(model, known)
     if model.path != asked.path:
         notes.append(
             f"read with the bundled reader {model_name(model.path)}, which was trained for such eyes"
         )
+
     if held_s is not None and known.relaxation is None:
         way = "give a calibration, or relaxation in recording.toml"
         raise InputError(f"held_s: nothing says how the tissue relaxes; {way}")
+
     history = History.unknown(known, model.study.needle.max_force_n)
     try:
         walls = [
@@ -600,6 +622,7 @@ def readings(
         ]
     except ValueError as fault:
         raise FrameError(f"{_place(frame)}: {fault}") from fault
+
     return [
         Reading(answer, one, given, stated, known, tuple(notes), plane)
         for answer, one, plane in zip(answers, each, planes or (None,), strict=True)
@@ -624,13 +647,16 @@ def _wall(
                 walls, Path(frame).name, seen.pixels.shape, seen.scale
             )
             notes += walls.notes
+
             return found
     elif mask is None and np.asarray(frame).dtype == bool:
         mask = frame
     elif mask is None and np.ma.is_masked(frame):
         return _judged_wall(seen, frame, thickness_m, finder, transpose)
+
     if mask is None:
         return None
+
     given = (
         read_mask(Path(mask))
         if isinstance(mask, str | PathLike)
@@ -638,9 +664,11 @@ def _wall(
     )
     given = given.T if transpose else given
     check_size(given, seen.pixels.shape, "mask")
+
     if np.ma.is_masked(frame):
         hidden = np.ma.getmaskarray(np.ma.asarray(frame))
         given = np.where(hidden.T if transpose else hidden, np.uint8(NOT_JUDGED), given)
+
     return given_wall(given, seen.scale, sd_rows)
 
 
@@ -649,6 +677,7 @@ def given_eye(given: Mapping[str, Any]) -> Known:
     lean_rad = given["lean_rad"]
     if isinstance(lean_rad, str) and lean_rad != "unknown":
         raise InputError(f"lean_rad: {lean_rad!r}; give a number or 'unknown'")
+
     for key in (
         "youngs_modulus_pa",
         "iop_pa",
@@ -659,16 +688,19 @@ def given_eye(given: Mapping[str, Any]) -> Known:
     ):
         if given[key] not in (None, "unknown"):
             check_quantity(key, given[key])
+
     for key in ("plane_direction_rad", "stiffening"):
         if given[key] is not None and not isfinite(given[key]):
             raise InputError(
                 f"{key}: {given[key]} is not a finite number; leave it out if it is not known"
             )
+
     modulus_pa, stiffening, globe = (
         given[key] for key in ("youngs_modulus_pa", "stiffening", "globe")
     )
     if stiffening is not None and stiffening < 0.0:
         raise InputError(f"stiffening: {stiffening:g}; give at least 0")
+
     check_rigidity(globe, given["rigidity_pa13_per_m3"])
     return Known(
         modulus=None if modulus_pa is None else Modulus.stated(modulus_pa),
@@ -712,6 +744,7 @@ def scaled(
         return folder.read_scaled_frame(
             Path(frame), given, (assumed, source), transpose
         )
+
     pixels, notes = counted(frame)
     if pixels.ndim != 2 or not pixels.size:
         raise FrameError(
@@ -721,6 +754,7 @@ def scaled(
         raise FrameError(
             "frame: nothing says how large this array is; give width_m and depth_m"
         )
+
     index = given.refractive_index or assumed.refractive_index or 1.0
     width = Sourced(given.width_m, "option")
     depth = Sourced(given.depth_m, "option")
@@ -733,12 +767,14 @@ def scaled(
         None,
         notes,
     )
+
     try:
         check_quantity("width_m", given.width_m)
         check_quantity("depth_m", given.depth_m)
         _ = found.scale  # which checks the index
     except (StudyError, ValueError) as fault:
         raise FrameError(f"frame: {fault}") from fault
+
     return found
 
 
@@ -752,20 +788,24 @@ def counted(frame: Any) -> tuple[Any, tuple[str, ...]]:
         return pixels, ()
     if pixels.dtype == bool:  # of a stack each frame is a mask
         return (mask_of(pixels, "frame") if pixels.ndim == 2 else pixels), ()
+
     known = np.ma.compressed(pixels)
     greys = find_greys([known], None, "frame")
     if greys.lost:
         raise FrameError(
             f"frame: {greys.lost} pixels are not finite; give numpy.ma.masked_invalid(frame)"
         )
+
     counts: Any = greys.counts(np.ma.filled(pixels, greys.low))
     counts = (
         np.ma.masked_array(counts, pixels.mask)
         if isinstance(pixels, np.ma.MaskedArray)
         else counts
     )
+
     if not greys.scaled and greys.low == 0.0:
         return counts, ()
+
     return counts, (
         f"frame: pixels of {greys.low:g} to {greys.high:g} were scaled to counts of 0 to {counts.max()}",
     )
@@ -801,6 +841,7 @@ def opened(given: Given | Sequence[Given]) -> list[Recording]:
     each = [given] if isinstance(given, Recording | str | PathLike) else list(given)
     if not each:
         raise InputError("recordings: none; give at least one")
+
     return [
         entry if isinstance(entry, Recording) else read_recording(entry)
         for entry in each

@@ -182,6 +182,7 @@ def import_recording(
         Path(path)
         for path in ([sources] if isinstance(sources, str | PathLike) else sources)
     ]
+
     try:
         if not paths:
             raise InputError("sources: none; give at least one")
@@ -189,6 +190,7 @@ def import_recording(
             raise InputError(
                 f"planes: {len(planes)} for {len(paths)} sources; give one for each, or None for a log"
             )
+
         others = {} if like is None else answers_like(Path(like))
         answers = ImportOptions(**(others | given))
         origins = dict.fromkeys(others, f"like {like}") | dict.fromkeys(given, OPTION)
@@ -206,6 +208,7 @@ def import_recording(
             text = (
                 f"{fault.question}; give columns=[{', '.join(map(repr, fault.forms))}]"
             )
+
         arguments = {
             option_name(field.name): SI_NAMES.get(field.name, field.name)
             for field in fields(ImportOptions)
@@ -217,6 +220,7 @@ def import_recording(
             text,
         )
         raise InputError(text) from fault
+
     return read_recording(out)
 
 
@@ -236,13 +240,16 @@ def write_imported(
     """
     if out.exists() or out.is_symlink():
         raise InputError(f"{out}: exists already; remove it or choose another --out")
+
     with folder_when_whole(out) as part:
         gathered, answers = _gathered(sources, answers, counting, asker, planes)
         scan = gathered.frames
+
         with counting("grey levels", len(scan.names)) as advance:
             greys = find_greys(
                 _counted(scan.pictures(), advance), answers.grey_range, scan.names[0]
             )
+
         done = importing.complete(
             gathered, greys, answers, origins, asker, partial(_wall_um, scan, greys)
         )
@@ -250,6 +257,7 @@ def write_imported(
         comment = (
             f"imported by scleraforce {__version__}; import.json names the sources"
         )
+
         with (
             counting("frames", len(scan.names)) as advance,
             closing(
@@ -266,12 +274,15 @@ def write_imported(
                 product(done.times.time_s.tolist(), shown),
                 strict=True,
             )
+
             for (file, (time_s, more)), picture in zip(
                 entries, _counted(scan.pictures(), advance), strict=True
             ):
                 to.add(file, time_s, greys.counts(picture), more)
+
         if done.log is not None:
             write_log(part, done.log)
+
         (part / importing.IMPORT_RECORD).write_text(
             importing.record_text(done, answers, __version__), encoding="utf-8"
         )
@@ -287,10 +298,12 @@ def write_imported(
             raise InputError(
                 f"{path}: {fault}; read as {read}: check the unit (--column, for a log of text)"
             )
+
         from scleraforce.report.files import write_figure
         from scleraforce.report.recording_figures import draw_recording
 
         write_figure(draw_recording(recording), recording.path / PREVIEW)
+
     return done
 
 
@@ -310,11 +323,14 @@ def _gathered(
         except UnansweredError as open_point:
             if asker is None:
                 raise
+
             last = answers, open_point
         except InputError as fault:
             if last is None or asker is None:
                 raise
+
             asker.again(fault)
+
         answers = asker.settle(*last)
 
 
@@ -332,6 +348,7 @@ def _wall_um(scan: Scan, greys: Greys, oct_info: OctInfo) -> float | None:
         if wall.usable and wall.thickness_m is not None
     ]
     seen_m = [value for value in thickness_m if np.isfinite(value)]
+
     return round(from_si(float(np.median(seen_m)), "um")) if seen_m else None
 
 

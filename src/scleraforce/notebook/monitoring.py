@@ -109,9 +109,11 @@ def monitor(
         "0",
         "--json",
     ]
+
     for name, value in given.items():
         flag, unit = KNOWN[name]
         words += [flag, repr(from_si(value, unit))]
+
     options = {
         "--calibration": calibration,
         "--eye": eye,
@@ -124,11 +126,13 @@ def monitor(
         if value is not None
         for word in (flag, str(value))
     ]
+
     for plane in planes:
         words += [
             "--plane",
             f"{plane.name}:{from_si(plane.offset_m, 'mm')!r}:{from_si(plane.direction_rad, 'deg')!r}",
         ]
+
     words += [] if second_opinion else ["--no-second-opinion"]
     with TemporaryDirectory(prefix="scleraforce-") as folder:
         words += ["--black-box", str(black_box or Path(folder) / "black-box")]
@@ -140,6 +144,7 @@ def monitor(
             text=True,
             start_new_session=True,
         )
+
         with process:
             running = RunningMonitor()
             try:
@@ -165,7 +170,9 @@ def _await_start(process: "subprocess.Popen[str]", running: RunningMonitor) -> N
                 ),
                 daemon=True,
             ).start()
+
             return
+
     raise InputError(
         running.lines[-1].removeprefix("error: ")
         if running.lines
@@ -177,10 +184,12 @@ def _ended(process: "subprocess.Popen[str]") -> Mapping[str, Any]:
     """End the monitor as Ctrl-C does and return its summary; one that does not end in time is killed."""
     if process.poll() is None:
         process.send_signal(signal.SIGINT)
+
     try:
         process.wait(END_S)
     except subprocess.TimeoutExpired:
         process.kill()
+
     text = process.stdout.read() if process.stdout is not None else ""
     summary: dict[str, Any] = json.loads(text) if text else {}
     return summary

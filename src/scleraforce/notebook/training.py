@@ -88,6 +88,7 @@ def generate(
         workers=workers,
         progress=progress,
     )
+
     return open_dataset(out)
 
 
@@ -136,6 +137,7 @@ def train(
         from scleraforce.learning.train import train_classifier
 
         network = source.study.network if study is None else study.network
+
         with counting(
             "epochs", network.epochs * (len(grid(network)) if search else 1)
         ) as advance:
@@ -148,7 +150,9 @@ def train(
                 workers=workers,
                 device=device,
             )
+
         return load_model(out)
+
     if not isinstance(source, Library):
         raise InputError(
             f"source: found {type(source).__name__}; give a library (library_of) or a data set (generate)"
@@ -159,6 +163,7 @@ def train(
         )
     if kind not in ("reader", "raw-reader"):
         raise InputError(f"kind: {kind!r}; give 'reader' or 'raw-reader'")
+
     study = study or Study()
     refuse_unused(study, f"train --kind {kind}")
     from scleraforce.learning.train import train_raw_reader, train_reader
@@ -193,4 +198,5 @@ def train(
                 measured=measured,
                 device=device,
             )
+
     return load_model(out)

@@ -82,8 +82,10 @@ def simulate(
     refuse_unused(study, "simulate", study.mechanics.kind)
     if (force_n is None) is (displacement_m is None):
         raise InputError("simulate: give either force_n or displacement_m")
+
     for name, value in given(force_n=force_n, displacement_m=displacement_m).items():
         check_quantity(name, value)
+
     polar = None if polar_angle_rad is None else fixed(polar_angle_rad)
     eye = replace(
         study.eye,
@@ -93,6 +95,7 @@ def simulate(
     needle = replace(study.needle, **given(polar_angle_rad=polar, gap_m=gap_m))
     contact = Contact(polar_rad=sum(needle.polar_angle_rad.bounds) / 2)
     study = replace(study, eye=eye, needle=needle)
+
     return simulate_eye(
         study, thickness_m, force_n or 0.0, contact, progress, displacement_m
     )
@@ -166,6 +169,7 @@ def phantom(
     refuse_unused(study, "phantom", study.mechanics.kind)
     if Path(out).exists():
         raise InputError(f"{out}: exists already; remove it or choose another name")
+
     counting = counting or counting_for(progress, "frames")
     eyes = {
         "youngs_modulus_pa": study.eye.youngs_modulus_pa,
@@ -182,24 +186,30 @@ def phantom(
         id=eye, thickness_m=thickness_m, polar_rad=polar_angle_rad, **eyes, **directions
     )
     seed = study.phantom.seed if seed is None else seed
+
     if rate_hz is None and puncture_n is not None:
         raise InputError("puncture_n: of a needle that moves; give rate_hz too")
+
     if rate_hz is None:
         plan = plan_phantom(pushed, tuple(forces_n), study, seed)
     else:
         moves = {"rate_hz": rate_hz, "ramp_n_per_s": 20e-3, "hold_s": 1.0}
         moves |= given(ramp_n_per_s=ramp_n_per_s, hold_s=hold_s, puncture_n=puncture_n)
         plan = plan_moving_phantom(pushed, tuple(forces_n), study, seed, **moves)
+
     if planes:
         check_planes(tuple(planes))
         plan = in_planes(plan, planes, study)
+
     with counting("load path", 100) as advance:
         sections_at = study_sections(pushed, study, by_percent(advance))
         sections_at(
             [max(*plan.forces_n, puncture_n or 0.0)]
         )  # a load path is computed here, once
+
     with counting("frames", len(plan.frames)) as advance:
         write_phantom(Path(out), plan, sections_at, study, advance)
+
     return read_recording(out)
 
 

@@ -60,6 +60,7 @@ class Reading:
             self.contact_m,
             self.contact_sd_m,
         )
+
         return all(map(isfinite, numbers)) and low <= self.force_n <= high
 
     def spanning(self, check: "Reading") -> "Reading":
@@ -97,10 +98,12 @@ def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str
     """
     if not check.finite:
         return f"the reading of the {names[1]} is not a number: nothing checks the {names[0]}"
+
     low, high = sorted((answer, check), key=lambda reading: reading.force_n)
     together = hypot(low.interval_n[1] - low.force_n, high.force_n - high.interval_n[0])
     if high.force_n - low.force_n <= together:
         return None
+
     return (
         f"the {names[0]} reads {from_si(answer.force_n, 'mn'):.1f} mN, the {names[1]} "
         f"{from_si(check.force_n, 'mn'):.1f} mN: they differ by more than their intervals allow"
@@ -156,6 +159,7 @@ class Answer:
             for number, words in enumerate(self.warnings, start=1)
         }
         shown = {name: words for name, words in facts.items() if words}
+
         return html_card(
             "Answer",
             shown,
@@ -199,6 +203,7 @@ class Answer:
         places = self.places.as_json()
         if self.places.lean_rad is None:
             places["lean_deg"] = from_si(one_lean(self.lean_rad), "deg")
+
         found: dict[str, Any] = finite(
             {
                 "predicted": self.predicted,
@@ -282,6 +287,7 @@ class Answers(Sequence[Answer]):
         walls = [
             answer.segmentation for answer in self if answer.segmentation is not None
         ]
+
         return package_for("xarray", "to_xarray", "tables").Dataset(
             {
                 "force_n": ("frame", force_n, {"units": "N"}),
@@ -319,12 +325,14 @@ def _place_entry(place: SpatialPlace | None) -> dict[str, Any]:
                 "tilt_deg_interval",
             )
         )
+
     contact = [
         one.in_unit("mm") for one in map(Place.of, place.contact_m, place.contact_sd_m)
     ]
     tilt = [
         one.in_unit("deg") for one in map(Place.of, place.tilt_rad, place.tilt_sd_rad)
     ]
+
     return {
         "contact_xyz_mm": [value for value, _ in contact],
         "contact_xyz_mm_interval": [ends for _, ends in contact],
@@ -341,6 +349,7 @@ def together(answers: Sequence[Answer]) -> list[Answer]:
     ends = [answer.interval_n for answer in answers if answer.interval_n is not None]
     if len(ends) < len(answers):
         return list(answers)
+
     warnings = list(
         dict.fromkeys(words for answer in answers for words in answer.warnings)
     )
@@ -350,6 +359,7 @@ def together(answers: Sequence[Answer]) -> list[Answer]:
         words for words in warnings if words not in unchecked[0 if is_checked else 1 :]
     ]
     interval_n = min(low for low, _ in ends), max(high for _, high in ends)
+
     return [
         replace(answer, interval_n=interval_n, warnings=tuple(warnings))
         for answer in answers

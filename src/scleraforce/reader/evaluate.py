@@ -111,6 +111,7 @@ class FrameAnswer:
         interval_n = self.answer.interval_n
         if force_n is None or read_n is None or interval_n is None:
             return None
+
         return metrics.ForceTrial(
             eye=self.eye,
             measured_n=force_n,
@@ -141,6 +142,7 @@ class FrameAnswer:
                 keys | self.to_dict() | {"warnings": "; ".join(self.answer.warnings)}
             )
         )
+
         return row | {
             "scored": self.scored,
             "covered": self.label.covered if self.label else None,
@@ -196,6 +198,7 @@ class Evaluation:
             f", mean error {from_si(self.mae_n, 'mn'):.2f} mN" if self.forces else ""
         )
         right = f"{self.accuracy.hits} of {self.accuracy.total} classes right"
+
         return (
             f"<Evaluation of {self.model}: {len(self.frames)} frames, {right}{error}>"
         )
@@ -209,6 +212,7 @@ class Evaluation:
         if self.forces:
             facts["force error"] = f"{from_si(self.mae_n, 'mn'):.2f} mN in the mean"
             facts["90 % interval and label agree"] = self.coverage.words()
+
         return html_card(
             f"Evaluation of {self.model}",
             facts | {f"note {n}": s for n, s in enumerate(self.notes, 1)},
@@ -343,6 +347,7 @@ class Evaluation:
             name: [share.interval for share in of_classes]
             for name, of_classes in shares.items()
         }
+
         return {
             "scored": len(self.scored),
             "accuracy": self.accuracy.value,
@@ -380,6 +385,7 @@ def evaluate_recordings(
             for entry in recordings
         ]
     )
+
     if (
         calibration is not None
         and reader.fixed_modulus_pa is None
@@ -389,6 +395,7 @@ def evaluate_recordings(
             f"{calibration.path}: mechanics: linear; {reader.path} reads with finite strain: "
             "calibrate with --mechanics finite-strain"
         )
+
     opened = [
         entry if isinstance(entry, Recording) else read_recording(entry)
         for entry in recordings
@@ -397,23 +404,28 @@ def evaluate_recordings(
     notes = list[str]()
     later = list[str]()
     study = reader.study
+
     if calibration is not None and reader.fixed_modulus_pa is not None:
         notes.append(
             f"{reader.path}: a classifier reads every eye with the modulus it was trained for, "
             f"{from_si(reader.fixed_modulus_pa, 'mpa'):.3g} MPa; "
             f"{calibration.path} only marks frames"
         )
+
     for recording in opened:
         session = _Session.of(reader, recording, calibration)
         answers = session.without_pierced(tuple(session.answers(progress)))
         notes += (f"{recording.path}: {note}" for note in session.notes())
+
         if not session.stated and (count := sum(frame.pierced for frame in answers)):
             first = next(frame.file for frame in answers if frame.pierced)
             notes.append(
                 f"{recording.path}: {count} frames after a puncture are left out, from {first} on"
             )
+
         later += (f"{recording.path}: {doubt}" for doubt in session.doubts(answers))
         frames += answers
+
     return Evaluation(
         model=model_name(reader.path),
         bounds_n=study.classes.bounds_n,
@@ -434,6 +446,7 @@ def recording_scores(
     """Score both methods' readings of a recording's frames that did not calibrate, by the reader's intervals."""
     session = _Session.of(reader, recording, summary)
     repeats = session.repeats
+
     for entry, trial, answer, calibrates in session.read(progress):
         if (
             entry.file in repeats
@@ -442,6 +455,7 @@ def recording_scores(
             or calibrates
         ):
             continue
+
         for method, reading in answer.readings if answer.usable else ():
             fit = answer.fit if method == "fit" else None
             eye = recording.info.eye.id
@@ -472,6 +486,7 @@ class _Session:
         known = known_of_recording(recording.info)
         if summary is not None:
             known = known_of_eye(known, summary, recording.info.eye.id)
+
         stated = any(entry.pierced is not None for entry in recording.frames)
         recording = recording if stated else labels.with_punctures(recording)
         return cls(
@@ -501,11 +516,13 @@ class _Session:
         info = self.recording.info
         if self.reader.path != self.asked:
             yield f"read with the bundled reader {model_name(self.reader.path)}, which was trained for such eyes"
+
         yield from self.reader.limits(self.known, info.oct, info.needle.gauge)
         if self.recording.forces is None:
             yield "no forces.csv: its frames are read, but not scored"
         if self.foreign:
             yield self.foreign
+
         yield from self.recording.walls.notes
 
     def doubts(self, answers: Sequence[FrameAnswer]) -> tuple[str, ...]:
@@ -519,6 +536,7 @@ class _Session:
                 float(frame.answer.predicted) if frame.answer.usable else None
                 for frame in answers
             ]
+
         log = labels.log_doubts(self.recording, classes, read, in_newtons=in_newtons)
         return (*labels.label_notes(self.recording, self.trials), *log)
 
@@ -532,6 +550,7 @@ class _Session:
         leak = Leak(self.known)
         trials = iter(self.trials)
         digests = self.summary.digests if self.summary else frozenset()
+
         for moment in self.recording.moments:
             frames = [self.recording.frame(entry) for entry in moment]
             first = moment[0]
@@ -558,6 +577,7 @@ class _Session:
                 for one in elastic
             ]
             history = felt[0][1]
+
             for entry, (answer, _) in zip(moment, felt, strict=True):
                 yield entry, next(trials), answer, calibrates
                 if progress:
@@ -575,6 +595,7 @@ class _Session:
         sds_n = label_sds(recording, self.trials)
         seen = list[tuple[float, float]]()
         repeats = self.repeats
+
         for sd_n, (entry, trial, answer, calibrates) in zip(
             sds_n, self.read(progress), strict=True
         ):
@@ -604,9 +625,11 @@ class _Session:
         """Leave out the frames after a puncture that the readings show, as the monitor does; frames.csv overrules."""
         if self.stated:
             return answers
+
         dents = list[Dent]()
         punctures_s = list[float]()
         limits = MonitorLimits()
+
         for entry, frame in zip(self.recording.frames, answers, strict=True):
             force_n = (
                 frame.answer.force_n
@@ -617,14 +640,17 @@ class _Session:
                 dents.append(Dent(entry.time_s, force_n, entry.travel_m))
             if unexplained_fall(tuple(dents[-DENTS:]), limits):
                 punctures_s.append(dents[-OUTSIDE].at_s)
+
         times_s = np.array([entry.time_s for entry in self.recording.frames])
         contact = (
             np.array([(dent.at_s, dent.force_n) for dent in dents]).reshape(-1, 2).T
         )
         log = self.recording.forces
+
         info = self.recording.info.force
         if log is not None and info is not None:
             contact = np.array([log.time_s, labels.contact_force(log, info)])
+
         found = labels.after_punctures(times_s, punctures_s, contact[0], contact[1])
         return tuple(
             replace(frame, pierced=True, excluded=frame.excluded or "pierced")
@@ -642,6 +668,7 @@ class _Session:
             return None
         if not seen or seen[-1][0] != at_s:  # planes of one moment are one reading
             seen.append((at_s, answer.force_n))
+
         limits = MonitorLimits()
         bound_n = self.reader.study.classes.bounds_n[-1]
         rise = rise_of(seen[-NOISE_WINDOWS * limits.rate_frames :], limits.rate_frames)

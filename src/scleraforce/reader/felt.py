@@ -79,11 +79,13 @@ class FeltForce:
             )
         )
         under: list[float] = [0.0]
+
         for bound_n in bounds_n:
             side_n = (
                 max(below_n if bound_n < force_n else above_n, 1e-9) / NINETY_PERCENT
             )
             under.append(0.5 + 0.5 * erf((bound_n - force_n) / (sqrt(2.0) * side_n)))
+
         return replace(
             elastic,
             probabilities=tuple(np.diff([*under, 1.0]).tolist()),
@@ -108,6 +110,7 @@ class FeltForce:
         readings = tuple(
             (name, self.of(one, bounds_n)) for name, one in elastic.readings
         )
+
         return replace(found, predicted=predicted, readings=readings)
 
 
@@ -139,6 +142,7 @@ class Lean:
             if calibrated is None
             else known.lean_rad or (calibrated, calibrated)
         )
+
         ends = (
             stated
             if stated is not None or seen_rad is None
@@ -146,6 +150,7 @@ class Lean:
         )
         if ends is None:
             return cls(None)
+
         doubts = (
             ()
             if stated is None
@@ -154,10 +159,12 @@ class Lean:
         absorbed = calibrated is None and known.has_calibrated_modulus
         if absorbed and stated is None:  # as in the calibration, whatever that was
             return cls(ends)
+
         before = (0.0, MOST_LEAN_RAD) if absorbed else (calibrated or 0.0,) * 2
         likeliest = 1.0 if absorbed else 1.0 / cos(sum(ends) / 2)
         if not absorbed and max(abs(end - before[0]) for end in ends) <= SAME_LEAN_RAD:
             return cls(ends, (likeliest,) * 3, 0.0, doubts)
+
         factors = [
             _along(end, friction)
             / (_along(other, friction) * (1.0 if absorbed else cos(other)))
@@ -166,6 +173,7 @@ class Lean:
             for friction in FRICTIONS
         ]
         sd = LEAN_SD * hypot(tan(sum(ends) / 2), tan(sum(before) / 2))
+
         return cls(
             ends,
             (min(factors), likeliest, max(factors)),
@@ -186,6 +194,7 @@ def _contradicted(
     """Return a sentence if a shaft in the picture contradicts a lean between two ends."""
     if seen_rad is None:
         return ()
+
     sides = (-1.0, 1.0) if azimuth_rad is None else (cos(azimuth_rad),)
     allowed = [atan(tan(end) * side) for end in ends_rad for side in sides]
     if (
@@ -194,6 +203,7 @@ def _contradicted(
         <= max(allowed) + SEEN_LEAN_ERROR_RAD
     ):
         return ()
+
     shown, low, high = map(degrees, (seen_rad, min(allowed), max(allowed)))
     allows = f"the declared lean allows {low:.0f} to {high:.0f}"
     return (
@@ -234,6 +244,7 @@ class History:
         terms = len(relaxation.shares)
         most_n = max_force_n / (1.0 - sum(relaxation.shares))
         nothing_n = np.zeros(terms)
+
         return cls(
             known, most_n, nothing_n, np.zeros((terms, terms)), nothing_n, nothing_n
         )
@@ -263,29 +274,35 @@ class History:
             or not isfinite(elastic.force_n)
         ):
             return elastic, self
+
         known = self.known
         seen_rad = shaft_lean(elastic.fit, elastic.needle)
+
         if (
             elastic.place is not None
         ):  # of several planes: the angle in space, above 0, turned away from any of them
             known = replace(known, lean_azimuth_rad=None)
             seen_rad = elastic.place.lean_rad
+
         lean = Lean.of(known, seen_rad)
         felt = FeltForce(1.0, 0.0, 0.0)
         after = self
         if any(self.relaxation.shares):
             felt, after = self._felt(elastic.force_n, time_s, held_s)
+
         answer = elastic
         if after is not self or lean.factors != (1.0, 1.0, 1.0):
             answer = felt.leaning(lean, elastic.force_n).answer(elastic, bounds_n)
         if after is not self:
             answer = replace(answer, elastic_force_n=lean.factors[1] * elastic.force_n)
+
         if lean.ends_rad is not None:
             answer = replace(
                 answer,
                 lean_rad=lean.ends_rad,
                 warnings=(*answer.warnings, *lean.doubts),
             )
+
         return answer, after
 
     def _felt(
@@ -309,6 +326,7 @@ class History:
             float(shares @ after.more_n),
             float(shares @ after.less_n),
         )  # what m_i has more, F has less
+
         return FeltForce(slope, lag_n, sqrt(variance), *bounds), after
 
     def _after(
@@ -325,6 +343,7 @@ class History:
         dense = self.of_monitor or close
         less_n = np.zeros_like(self.mean_n)
         more_n = np.zeros_like(self.mean_n)
+
         if (close or self.dense) and held_s is None:
             gap_s = min(gap_s, LONGEST_S)
             old, kept, grows = line_weights(np.array([gap_s]), known.times_s)[0]
@@ -332,10 +351,12 @@ class History:
             if self.time_s is None:
                 come_n = np.zeros_like(kept)
                 kept = np.ones_like(kept)
+
             mean_n = come_n + kept * self.mean_n
             covariance = np.outer(kept, kept) * self.covariance
             less_n = kept * self.less_n
             more_n = kept * self.more_n
+
             if not close:  # Fe was anywhere from 0 to the most
                 less_n = less_n + come_n
                 more_n = more_n + (1.0 - kept) * self.most_n - come_n
@@ -346,11 +367,13 @@ class History:
             if held_s is not None:
                 grows = -np.expm1(-held_s / np.array(known.times_s))
                 spread = np.zeros_like(spread)
+
             before_n, before_n2 = self._before(gap_s, time_s is not None, held_s)
             mean_n = grows * force_n + (1.0 - grows) * before_n
             covariance = (
                 spread * force_n**2 + np.outer(1.0 - grows, 1.0 - grows) * before_n2
             )
+
         now = replace(
             self, mean_n=mean_n, covariance=covariance, less_n=less_n, more_n=more_n
         )
@@ -363,6 +386,7 @@ class History:
         known = self.relaxation
         before_n = np.array(known.before_n)
         before_n2 = np.array(known.before_covariance_n2)
+
         if (
             np.isfinite(gap_s)
             and known.every_s is not None
@@ -385,6 +409,7 @@ class History:
         ):  # the first of a session, which may be the first push
             before_n2 = before_n2 + np.outer(before_n, before_n) / 4
             before_n = before_n / 2
+
         return before_n, before_n2
 
 
@@ -411,6 +436,7 @@ class Leak:
         """Return the answers of one time, read at the resting pressure that the leak leaves, and the leak by then."""
         known = self.known
         globe = self.known.globe
+
         iop_pa = self.known.iop_pa
         if (
             known.leak_time_s is None
@@ -419,6 +445,7 @@ class Leak:
             or globe.mean <= 0.0
         ):
             return read(known), self
+
         law = globe.globe(globe.mean)
         gap_s = 0.0 if self.time_s is None else max(time_s - self.time_s, 0.0)
         dense = gap_s <= DENSE_S
@@ -430,16 +457,20 @@ class Leak:
             self._after(self.leaked_m3, self.dent_m3, left_s), 0.0, left_s
         )
         dent_m3 = self.dent_m3
+
         for _ in range(1 if dense else READINGS):
             leaked_m3 = self._after(before_m3, dent_m3, held_s)
             answers = read(
                 replace(known, iop_pa=float(law.pressure(iop_pa, -leaked_m3)))
             )
+
             pressure_pa = answers[0].iop_at_dent_pa
             if pressure_pa is None:  # nothing shows that the dent is there still
                 dent_m3 = 0.0
                 break
+
             dent_m3 = leaked_m3 + float(law.displaced_m3(iop_pa, pressure_pa))
+
         return answers, replace(
             self, leaked_m3=leaked_m3, dent_m3=dent_m3, time_s=time_s
         )

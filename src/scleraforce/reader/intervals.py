@@ -91,14 +91,17 @@ def traits_of(
     globe = UNKNOWN if known.globe is None else known.globe
     is_own = known.modulus is not None and known.modulus.source == "own"
     traits = [OWN if is_own else OTHER, globe.kind]
+
     if fit is not None:
         traits[1] = (
             TAUT if globe.can_be_sealed and fit.tension > SLACK_TENSION else globe.kind
         )
         traits += [UNEVEN] * fit.is_uneven + [LIGHT] * (force_n < LIGHTEST_N)
+
     if is_own and known.discrepancy is not None:
         largest_n = known.discrepancy.largest_n
         gap = known.discrepancy.widest_gap
+
         beyond = (
             0
             if largest_n is None
@@ -108,6 +111,7 @@ def traits_of(
             traits.append(BEYOND[beyond - 1])
         elif gap is not None and gap > SPARSE_FROM:
             traits.append(SPARSE)
+
     return tuple(traits)
 
 
@@ -153,18 +157,21 @@ def parse_factors(record: Mapping[str, Any], place: str) -> IntervalFactors:
     """Return the factors of a model's record, `NO_FACTORS` without `intervals`; raises `ModelError` naming `place`."""
     if record.get("intervals") is None:
         return NO_FACTORS
+
     try:
         found = msgspec.convert(record["intervals"], IntervalFactors)
     except msgspec.ValidationError as fault:
         raise ModelError(
             f"{place}: intervals: {fault}; a model of an earlier version has to be made anew"
         ) from fault
+
     for method, allowed in (("network", NETWORK_TRAITS), ("fit", FIT_TRAITS)):
         for modulus, given in getattr(found, method).items():
             if modulus not in allowed or not set(given) <= set(allowed[modulus]):
                 wanted = ", ".join(allowed.get(modulus, allowed))
                 at = f"{place}: intervals.{method}: {modulus!r:.40}: found {', '.join(given)!r:.80}"
                 raise ModelError(f"{at}, expected factors of {wanted}")
+
     return found
 
 
@@ -281,6 +288,7 @@ def stretches(scores: Iterable[Score]) -> tuple[Stretch, ...]:
         factor = max(factor, 1.0) if eyes < FEW_EYES else factor
         held = sum(entry.score <= 1.0 for entry in entries) / len(entries)
         found.append(Stretch(method, modulus, globes, eyes, len(entries), held, factor))
+
     return tuple(found)
 
 
@@ -300,4 +308,5 @@ def stretched(
             globe: round(given.get(globe, 1.0) * change.factor, 4)
             for globe in change.globes
         }
+
     return after

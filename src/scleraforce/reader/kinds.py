@@ -115,6 +115,7 @@ class Reader(ABC):
             if seen.reason
             else self._read(seen, frame, scale, known)
         )
+
         return replace(answer, segmentation=seen.segmentation)
 
     def read_live(
@@ -132,6 +133,7 @@ class Reader(ABC):
             if seen.reason
             else self._live(seen, frame, scale, known)
         )
+
         return replace(answer, segmentation=seen.segmentation)
 
     def read_together(
@@ -234,6 +236,7 @@ class Classifier(Reader):
             )
         if not len(slices):
             return np.empty((0, self.classes))
+
         (answer,) = run_network(
             self.session,
             [OUTPUT],
@@ -244,6 +247,7 @@ class Classifier(Reader):
             raise ModelError(
                 f"{self.path}: the network answers {answer.shape} to {len(slices)} slices"
             )
+
         # float32 leaves the sum at 1 to some 1e-7; double makes it exact to the last digits that are printed.
         result: Floats = answer.astype(np.float64)
         result /= result.sum(axis=1, keepdims=True)
@@ -269,9 +273,11 @@ class Classifier(Reader):
             return unusable(self.classes, verdicts.NEEDLE_SEEN)
         if seen.dent_leaves:
             return unusable(self.classes, "the dent leaves the window of the slice")
+
         probabilities = self.probabilities(seen.cuts[:1])[0]
         if not np.isfinite(probabilities).all():
             return unusable(self.classes, "the network's answer is not a number")
+
         return Answer(
             predicted=int(probabilities.argmax()),
             probabilities=tuple(probabilities.tolist()),
@@ -312,6 +318,7 @@ class ForceReader(Reader):
         if self.default not in METHODS:
             place = f"{self.path / RECORD_FILE}: default: found {reprlib.repr(self.default)}"
             raise ModelError(f"{place}, expected {' or '.join(METHODS)}")
+
         super().__post_init__()
         library = self.library
         self._library_of = lru_cache(maxsize=CONTACTS)(
@@ -354,6 +361,7 @@ class ForceReader(Reader):
             or globe.can_be_sealed
         ):
             return None
+
         library = self.library_for(known)
         modulus_pa = modulus.mean_pa + 2.0 * modulus.sd_pa
         tip_m = library.tip_m[library.tip_m < STEEP_M]
@@ -361,6 +369,7 @@ class ForceReader(Reader):
             np.full(len(tip_m), known.thickness_m),
             np.full(len(tip_m), known.iop_pa / modulus_pa),
         )
+
         return (
             STEEPER
             * modulus_pa
@@ -381,8 +390,10 @@ class ForceReader(Reader):
                 unusable(self.classes, reason),
                 can_calibrate=verdicts.can_calibrate(seen, boundaries),
             )
+
         prior = self._prior(seen, boundaries, known, self.study.reader)
         smoothing_m = self.study.calibration.surface_smoothing_m
+
         fit = fit_boundaries(
             self.library_for(known),
             boundaries.lateral_m,
@@ -392,6 +403,7 @@ class ForceReader(Reader):
         )
         if fit is None:
             return unusable(self.classes, TOO_LITTLE)
+
         factor = self.factors.of_fit(known, fit) * frame_stretch(
             seen.segmentation, known, self.study.reader
         )
@@ -436,6 +448,7 @@ class ForceReader(Reader):
         """
         if not planes:
             return super().read_together(frames, scale, known, walls=walls)
+
         known = replace(known, gap_m=None)
         looks = [
             verdicts.look(
@@ -455,6 +468,7 @@ class ForceReader(Reader):
         ]
         each = list[tuple[Plane, verdicts.Look, Boundaries, Known]]()
         left_out = list[str]()
+
         for seen, wall, plane in zip(looks, seen_walls, planes, strict=True):
             here = known.turned(plane.direction_rad)
             reason = seen.reason if wall is None else self._not_fitted(seen, wall, here)
@@ -462,6 +476,7 @@ class ForceReader(Reader):
                 each.append((plane, seen, wall, here))
             else:
                 left_out.append(f"plane {plane.name}: {reason}")
+
         found = (
             self._fitted_together(each)
             if each
@@ -472,6 +487,7 @@ class ForceReader(Reader):
             plane.name: one for (plane, *_), one in zip(each, found, strict=False)
         }  # of no fit: one only
         answers = list[Answer]()
+
         for plane, seen in zip(planes, looks, strict=True):
             shared = of_plane.get(plane.name) or replace(
                 found[0], contact_m=None, fit=None, can_calibrate=False
@@ -480,6 +496,7 @@ class ForceReader(Reader):
                 shared = replace(
                     unusable(self.classes, fault.reason or ""), fit=shared.fit
                 )
+
             warned = (
                 (*shared.warnings, *(f"{LEFT_OUT}{reason}" for reason in left_out))
                 if shared.usable
@@ -488,6 +505,7 @@ class ForceReader(Reader):
             answers.append(
                 replace(shared, segmentation=seen.segmentation, warnings=warned)
             )
+
         return tuple(answers)
 
     def _fitted_together(
@@ -513,9 +531,11 @@ class ForceReader(Reader):
             )
             for (plane, seen, wall, _), prior in zip(each, priors, strict=True)
         ]
+
         fits, place = fit_planes(library, walls, smoothing_m)
         if not fits:
             return [unusable(self.classes, TOO_LITTLE)]
+
         if place is not None:
             place = place.at_depth(*contact_depth(fits[0], priors[0], library))
             angles = [
@@ -526,19 +546,23 @@ class ForceReader(Reader):
                 and shaft_lean(fit, seen.needle) is not None
             ]
             place = place.with_shafts(*zip(*angles, strict=True)) if angles else place
+
         gaps_m = [abs(float(fit.unknown[GAP])) for fit in fits]
         answers = list[Answer]()
         heres = [known for *_, known in each]
+
         if place is not None:
             heres = [
                 replace(known, gap_m=gap_m)
                 for known, gap_m in zip(heres, gaps_m, strict=True)
             ]
+
         sections = [seen.segmentation for _, seen, *_ in each]
         stretch = min(
             frame_stretch(*pair, trained) for pair in zip(sections, heres, strict=True)
         )
         factor = stretch * max(map(self.factors.of_fit, heres, fits))
+
         for (plane, seen, wall, _), here, fit, prior in zip(
             each, heres, fits, priors, strict=True
         ):
@@ -549,6 +573,7 @@ class ForceReader(Reader):
             reason = None if answer.usable else f"plane {plane.name}: {answer.reason}"
             where = answer.places if place is None else in_space(answer.places, place)
             answers.append(replace(answer, place=place, places=where, reason=reason))
+
         return together(answers)
 
     def _live(
@@ -581,8 +606,10 @@ class ForceReader(Reader):
         """
         if reason := verdicts.no_wall_of_an_eye(fit, prior):
             return replace(unusable(self.classes, reason), fit=fit)
+
         by_fit = fit_reading(fit, self.study.classes.bounds_n, factor)
         leaves = seen.dent_leaves or verdicts.fit_leaves(fit, self.study.slice)
+
         if unread := self._unread_slices(seen, known):
             answer = verdicts.judged_answer(by_fit, "fit", leaves, self.study)
             warnings = (f"{UNCHECKED}: {unread}",) if answer.usable else ()
@@ -593,10 +620,12 @@ class ForceReader(Reader):
                 leaves,
                 default,
             )
+
         if (
             may_rest and not seen.dent_leaves
         ):  # an eye at rest does not leave the frame in its middle
             answer = verdicts.unless_at_rest(answer, fit, boundaries, self.study)
+
         if answer.usable:
             beside = fit.unknown.copy()
             beside[GAP] = abs(beside[GAP])
@@ -605,6 +634,7 @@ class ForceReader(Reader):
             answer = replace(
                 answer, places=places_of(there, prior, library, known, seen.needle)
             )
+
         return replace(
             answer,
             can_calibrate=verdicts.can_calibrate(seen, boundaries, fit.contact_m),
@@ -631,11 +661,13 @@ class ForceReader(Reader):
             if warning
             else None
         )
+
         reason = verdicts.contact_outside(other, self.study.reader) or (
             undecided and f"{warning}; {undecided}"
         )
         if answer.usable and reason:
             answer = unusable(self.classes, reason)
+
         warnings = (warning,) if warning and answer.usable else ()
         return replace(answer, warnings=warnings, readings=tuple(readings.items()))
 
@@ -671,8 +703,10 @@ class RawReader(Reader):
         )
         if reason:
             return unusable(self.classes, reason)
+
         reading = self.network.read(self._window.reduced(frame, scale)[None], known)
         answer = verdicts.judged_answer(
             reading, "network", seen.dent_leaves, self.study
         )
+
         return replace(answer, readings=(("network", reading),))

@@ -64,6 +64,7 @@ class _Compared:
         low, high = (from_si(bound, self.unit) for bound in self.trained.bounds)
         if high == inf:
             return f"{low:.4g} {self.printed} or more"
+
         return (
             f"{low:.4g} {self.printed}"
             if low == high
@@ -75,11 +76,13 @@ class _Compared:
         """A sentence if the value is outside, in the printed unit to four digits; None if it is inside or unknown."""
         if self.value is None:
             return None
+
         low, high = (from_si(bound, self.unit) for bound in self.trained.bounds)
         found = from_si(self.value, self.unit)
         slack = 1e-4 * max(abs(low), abs(high), 1.0)
         if low - slack <= found <= high + slack:
             return None
+
         return f"{self.name} {found:.4g} {self.printed}, the model was trained on {self.covered}"
 
 
@@ -102,6 +105,7 @@ def limit_notes(model: Path, info: RecordingInfo) -> tuple[str, ...]:
     scan = info.oct
     gauge = info.needle.gauge
     found = limits(folder.record["kind"], folder_study(folder), eye, scan, gauge)
+
     return tuple(f"outside the range of {name}: {sentence}" for sentence in found)
 
 
@@ -111,13 +115,16 @@ def reading_ranges(model: Path) -> tuple[tuple[str, str], ...]:
     kind = folder.record["kind"]
     if kind not in KINDS:
         return ()
+
     study = folder_study(folder)
     window = study.slice
     radius_m = _largest_radius_m(study)
     least_m = least_wall_m(study.slice)
     width = f"{from_si(least_m, 'mm'):.4g} mm or more"
+
     if kind == READER:
         width = f"{from_si(LEAST_FRAME_M, 'mm'):.4g} mm or more; {width} without a calibration, and for the monitor"
+
     curve_mm = from_si(
         radius_m - sqrt(radius_m**2 - (least_m / 2) ** 2), "mm"
     )  # of the surface over that width
@@ -126,6 +133,7 @@ def reading_ranges(model: Path) -> tuple[tuple[str, str], ...]:
     compared = (_of_slices if kind == CLASSIFIER else _of_walls)(
         study, NOTHING_KNOWN, None
     )
+
     return (
         *frames,
         *((entry.name, entry.covered) for entry in compared),
@@ -150,11 +158,13 @@ def limits(
             *compared,
             *_other_needle(study, gauge),
         )
+
     refused = _refusals(known, read_by_fit(study.reader), study.library)
     others = _sentences(
         entry for entry in _of_walls(study, known, scan) if entry.name not in EYE
     )
     index = other_index(study, scan.refractive_index) if kind == RAW_READER else None
+
     return (
         *_unseen(study, scan, kind),
         *refused,
@@ -266,6 +276,7 @@ def _refusals(
     stiffening = known.stiffening or 0.0
     if softest <= stiffening <= stiffest:
         return reasons
+
     tissue = f"stiffening {stiffening:.4g} of the tissue, the model was trained on {softest:g} to {stiffest:g}"
     return (*reasons, tissue)
 
@@ -278,6 +289,7 @@ def _uncovered_modulus(modulus: Modulus | None, trained: ReaderStudy) -> float |
     """
     if modulus is None:
         return None
+
     low, high = trained.youngs_modulus_pa.bounds
     carried = hypot(
         2.0 * trained.thickness_noise_fraction, trained.iop_noise_fraction / 3.0
@@ -285,6 +297,7 @@ def _uncovered_modulus(modulus: Modulus | None, trained: ReaderStudy) -> float |
     reach = (
         hypot(modulus.relative_sd, carried) if modulus.source in OWN_SOURCES else 0.0
     )
+
     return (
         None
         if low * (1.0 - reach) <= modulus.mean_pa <= high * (1.0 + reach)
@@ -313,21 +326,25 @@ def _unseen(study: Study, scan: OctInfo, kind: str) -> tuple[str, ...]:
     width_mm = from_si(scan.width_m, "mm")
     depth_mm = from_si(scan.depth_m, "mm")
     frames = f"frames of {width_mm:.4g} x {depth_mm:.4g} mm: at most"
+
     if short := wall_seen(
         most_m, least_wall_m(window, scan.width_m if kind == READER else inf)
     ):
         return (f"{frames} {short}",)
+
     narrow = wall_seen(
         most_m,
         least_wall_m(window),
         "are needed without a calibration, and by the monitor",
     )
     said = [f"{frames} {narrow}"] if narrow else []
+
     needed_mm = from_si(window.rows * window.pixel_m, "mm")
     if depth_mm < needed_mm:
         said.append(
             f"frames {depth_mm:.4g} mm deep: deep dents leave them, the model reads {needed_mm:.4g} mm"
         )
+
     return tuple(said)
 
 

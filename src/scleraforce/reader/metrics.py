@@ -55,6 +55,7 @@ class Proportion:
         """Lower and upper end of Wilson's score interval, 95 % (Wilson 1927)."""
         if self.total == 0:
             return nan, nan
+
         z = NormalDist().inv_cdf(0.5 + 0.95 / 2)
         weight = z * z / self.total
         centre = (self.value + weight / 2) / (1 + weight)
@@ -65,6 +66,7 @@ class Proportion:
                 self.value * (1 - self.value) / self.total + weight / (4 * self.total)
             )
         )
+
         return max(0.0, centre - half), min(1.0, centre + half)
 
     def words(self, nothing: str = "-") -> str:
@@ -85,12 +87,14 @@ def confusion_matrix(
         raise ValueError(f"{len(target)} targets but {len(predicted)} predictions")
     if any(not 0 <= label < classes for label in (*target, *predicted)):
         raise ValueError(f"a class outside 0 to {classes - 1}")
+
     counts = np.zeros((classes, classes), dtype=np.int64)
     np.add.at(
         counts,
         (np.asarray(target, dtype=np.intp), np.asarray(predicted, dtype=np.intp)),
         1,
     )
+
     return counts
 
 
@@ -135,6 +139,7 @@ class ForceTrial:
         above = self.measured_n - self.read_n
         if not wide:
             return low <= self.measured_n <= high
+
         return (
             -hypot(self.read_n - low, wide) <= above <= hypot(high - self.read_n, wide)
         )
@@ -182,6 +187,7 @@ def coverage_band(
     """
     if not eyes:
         return None
+
     _, numbers = np.unique(eyes, return_inverse=True)
     hits_e = np.bincount(numbers, weights=np.asarray(covered))
     frames_e = np.bincount(numbers)
@@ -190,6 +196,7 @@ def coverage_band(
     low, high = np.percentile(
         hits_e[drawn_re].sum(axis=1) / frames_e[drawn_re].sum(axis=1), BAND
     )
+
     return float(low), float(high)
 
 

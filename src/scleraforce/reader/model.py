@@ -35,6 +35,7 @@ def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
         session, study.wall_finder, str(folder.path / models.NETWORK_FILE)
     )
     models.check_provenance(folder, metadata)
+
     return finder
 
 
@@ -54,12 +55,14 @@ def load_model(
     kind = folder.record["kind"]
     study = models.folder_study(folder)
     (session, provenance) = models.folder_session(folder, threads)
+
     if kind == CLASSIFIER:
         model: Reader = Classifier(folder.path, study, session)
     else:
         factors = parse_factors(folder.record, str(folder.path / models.RECORD_FILE))
         place = str(folder.path / models.NETWORK_FILE)
         network = ForceNetwork(session, study, place, factors, raw=kind == RAW_READER)
+
         if kind == RAW_READER:
             model = RawReader(folder.path, study, network)
         else:
@@ -67,10 +70,12 @@ def load_model(
             model = ForceReader(
                 folder.path, study, network, _library(folder), default, factors
             )
+
     models.check_provenance(folder, provenance)
     model.record = folder.record
     model.provenance = provenance
     model.finder = None if finder is None else load_wall_finder(finder, threads)
+
     return model
 
 
@@ -85,6 +90,7 @@ def suited(reader: Reader, known: Known) -> Reader:
     }
     if reader.path not in others or reader.outside(known) is None:
         return reader
+
     other = _bundled(others[reader.path])
     return reader if other.outside(known) else replace(other, finder=reader.finder)
 
@@ -128,10 +134,12 @@ def _library(folder: models.ModelFolder) -> Library:
         )
     except InputError as fault:
         raise ModelError(str(fault)) from fault
+
     thickness_m = library.thickness_m[:1]
     library.at_tip(
         thickness_m, library.iop_ratio_ends(thickness_m)[0], library.tip_m[:1]
     )
+
     return library
 
 
@@ -163,6 +171,7 @@ def warming_frame(
     noise, tissue = (
         rng.integers(*counts, shape, dtype=np.uint16) for counts in (NOISE, TISSUE)
     )
+
     return noise + np.where(is_tissue, tissue, np.uint16(0))
 
 
@@ -184,6 +193,7 @@ class LiveReader:
             reader.study.eye.radius_m,
             known.thickness_m,
         )
+
         for _ in range(WARMING_FRAMES):
             self.read(frame, scale)
 

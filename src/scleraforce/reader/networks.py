@@ -74,6 +74,7 @@ def histogram_reading(
         ),
         1.0,
     ]
+
     return Reading(
         probabilities=tuple(after - before for before, after in pairwise(below)),
         force_n=median_n,
@@ -156,6 +157,7 @@ def given_modulus(eyes: GivenEyes, study: ReaderStudy) -> tuple[Floats, Floats]:
     mean = 0.5 * (low + high)
     sd = (high - low) / sqrt(12.0) / mean
     unknown = np.isnan(eyes.modulus_pa)
+
     return np.where(unknown, mean, eyes.modulus_pa), np.where(
         unknown, sd, eyes.modulus_sd_fraction
     )
@@ -201,6 +203,7 @@ def given_inputs(eyes: GivenEyes, study: ReaderStudy) -> NDArray[np.float32]:
     inputs: NDArray[np.float32] = np.nan_to_num(np.stack(columns, axis=1)).astype(
         np.float32
     )
+
     return inputs
 
 
@@ -262,6 +265,7 @@ class ForceNetwork:
             self._pictures: np.ascontiguousarray(pictures),
             GIVEN_INPUT: given,
         }
+
         histogram, contact_m = run_network(self._session, OUTPUTS, inputs, self._place)
         if histogram.shape != (
             len(pictures),
@@ -269,6 +273,7 @@ class ForceNetwork:
         ) or contact_m.shape != (len(pictures),):
             found = f"{histogram.shape} and {contact_m.shape} to {len(pictures)} {self._pictures}"
             raise ModelError(f"{self._place}: answers {found}")
+
         mean = histogram.mean(axis=0).tolist()
         return histogram_reading(
             mean,
@@ -292,6 +297,7 @@ class ForceNetwork:
         edges_m2 = discrepancy.corrected_n(modulus_pa * self._edges_m2) / modulus_pa
         factor_of = partial(self._factors.of_network, known)
         given = np.repeat(given_inputs(eyes, self._trained), count, axis=0)
+
         return given, modulus_pa, factor_of, edges_m2.tolist()
 
 
@@ -303,10 +309,12 @@ def given_eye(known: Known) -> GivenEyes:
     low, high = (
         globe.band
     )  # by the cube-root law, as steep at the resting pressure as the globe's own law
+
     if globe.law != RIGIDITY_LAWS[0] and known.iop_pa is not None:
         steepness = float(np.cbrt(known.iop_pa / SAME_SLOPE_PA))
         low = low * steepness
         high = high * steepness
+
     of_eye = (
         known.iop_pa,
         known.thickness_m,
@@ -317,6 +325,7 @@ def given_eye(known: Known) -> GivenEyes:
         known.direction_rad,
     )
     values = (*of_modulus, *of_eye, known.stiffening or 0.0)
+
     return GivenEyes(
         *(np.array([np.nan if value is None else value]) for value in values)
     )

@@ -89,9 +89,11 @@ def too_little_wall(
     frame_m = (
         float(lateral_m[-1] - lateral_m[0]) * len(lateral_m) / (len(lateral_m) - 1)
     )
+
     short = wall_seen(extent_m, least_wall_m(slice_study, frame_m))
     if short or is_calibrated:
         return short
+
     return wall_seen(
         extent_m, least_wall_m(slice_study), "are needed without a calibration"
     )
@@ -126,6 +128,7 @@ def contact_outside(reading: Reading, trained: ReaderStudy) -> str | None:
     slack_m = CONTACT_SLACK_M + CONTACT_SD * reading.contact_sd_m
     if low_m - slack_m <= reading.contact_m <= high_m + slack_m:
         return None
+
     covered = f"{from_si(low_m, 'mm'):.4g} to {from_si(high_m, 'mm'):.4g} mm"
     return (
         f"contact {from_si(reading.contact_m, 'mm'):.1f} mm from the frame's middle, the model "
@@ -146,9 +149,11 @@ def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
         return f"{NO_EYE}: {from_si(fit.misfit_m, 'um'):.0f} µm from the closest simulated one"
     if not fit.outliers <= (OUTLIERS if fit.misfit_m <= ROUGH_M else ROUGH_OUTLIERS):
         return f"{NO_EYE}: {fit.outliers:.0%} of the columns are far from the closest simulated one"
+
     away = np.abs(fit.unknown - prior.mean) / prior.sd
     if not away[at.SIZE] <= DEVIATION_SD:
         return f"{NO_EYE}: its curvature is that of an eye {np.exp(fit.unknown[at.SIZE]):.2f} times as large"
+
     form = dict(zip(at.FORMS, fit.unknown[at.FORM].tolist(), strict=True))
     if all(
         form[f"{side}_angle_rad"] < CORNEA_RAD
@@ -156,14 +161,17 @@ def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
         for side in SIDES
     ):
         return f"{NO_EYE}: it bends like a cornea on both sides of the contact"
+
     shown_m = float(fit.unknown[at.THICKNESS] + fit.unknown[at.INNER_OFFSET])
     stated_m = float(prior.mean[at.THICKNESS])
+
     slack_m = DEVIATION_SD * float(prior.sd[at.THICKNESS])
     if not -THINNER_M - slack_m <= shown_m - stated_m <= THICKER_M + slack_m:
         return (
             f"the wall looks {from_si(shown_m, 'um'):.0f} µm thick, not "
             f"{from_si(stated_m, 'um'):.0f} µm as it should"
         )
+
     return None
 
 
@@ -247,10 +255,12 @@ def look(
     found = found if wall is None else replace(wall, needle=found.needle)
     if not found.usable:
         return Look(found, _NOTHING, found.reason)
+
     if thickness_m is None and finder is not None and wall is None:
         below_m = second_surface_m(as_logarithmic(frame), scale, found)
         if below_m is not None:
             return Look(found, _NOTHING, SECOND_SURFACE.format(from_si(below_m, "um")))
+
     cuts, leaves, extent_m = boundary_slices(found, scale, slice_study, shifts)
     reason = None if cuts[0].any() else "the wall lies outside the window of the slice"
     return Look(found, cuts, reason, leaves, extent_m)
@@ -276,9 +286,11 @@ def judged_answer(reading: Reading, name: str, leaves: bool, study: Study) -> An
     classes = len(study.classes.bounds_n) + 1
     if not reading.finite:
         return unusable(classes, f"the reading of the {name} is not a number")
+
     reason = contact_outside(reading, study.reader)
     if reason:
         return unusable(classes, reason)
+
     low, high = (study.classes.classify(end_n) for end_n in reading.interval_n)
     if leaves and not (reading.width_n < WIDEST_N or (name == "fit" and low == high)):
         return unusable(
@@ -286,6 +298,7 @@ def judged_answer(reading: Reading, name: str, leaves: bool, study: Study) -> An
             "the dent leaves the window of the slice, and its flanks leave the force uncertain by "
             f"{from_si(reading.width_n, 'mn'):.0f} mN",
         )
+
     return Answer(
         predicted=reading.predicted,
         probabilities=reading.probabilities,
@@ -318,12 +331,14 @@ def unless_at_rest(
     """
     if answer.force_n is None or answer.force_n <= study.classes.bounds_n[0]:
         return answer
+
     largest_m = study.eye.radius_m * float(np.exp(DEVIATION_SD * FREE_SD[at.SIZE]))
     dented, resting, independent = distances(
         fit, boundaries.lateral_m, boundaries.depth_m[0], largest_m
     )
     if dented <= resting + (ONE_UNKNOWN / independent if dented <= NOISE else 0.0):
         return answer
+
     reason = "a surface without a dent, flatter than an eye's, lies nearer than the dented wall: is the scale right?"
     return replace(
         unusable(len(answer.probabilities or ()), reason), readings=answer.readings
@@ -359,12 +374,14 @@ def distances(
     )  # (limbus, term, column)
     wanted = (depth_m - depth_m.mean()) / sd_m
     weight = np.ones(ramp.shape)
+
     for _ in range(ROUNDS):
         weighted = basis * weight[:, None]
         normal = weighted @ basis.swapaxes(1, 2) + RIDGE * np.eye(basis.shape[1])
         terms = np.linalg.solve(normal, weighted @ wanted[:, None])
         off = wanted - (terms.swapaxes(1, 2) @ basis)[:, 0]
         weight = 1.0 / (1.0 + (off / CAUCHY) ** 2)
+
     square = terms[:, 2, 0]
     cube = terms[:, 3, 0]
     change = terms[:, 5, 0]
@@ -377,6 +394,7 @@ def distances(
     )  # in the mean of an arc
     off = np.vstack([off[is_flat], (depth_m - dented_m) / sd_m])
     found = (off**2 / (1.0 + (off / CAUCHY) ** 2)).mean(axis=1)
+
     return (
         float(found[-1]),
         float(found[:-1].min(initial=np.inf)),

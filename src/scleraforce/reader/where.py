@@ -97,6 +97,7 @@ class Places:
             place = place and place.unsigned if unit == "deg" else place
             value, ends = place.in_unit(unit) if place else (None, None)
             found |= {f"{name}_{unit}": value, f"{name}_{unit}_interval": ends}
+
         return found
 
 
@@ -114,6 +115,7 @@ def places_of(
     lean = None
     if (angle_rad := shaft_lean(fit, needle)) is not None:
         lean = Place.of(angle_rad, hypot(fit.sd[at.ROTATION], SHAFT_SD_RAD))
+
     dent_m = float(fit.unknown[at.TIP])
     if dent_m < LEAST_DENT * hypot(fit.sd[at.TIP], DENT_ERROR[0]):
         return Places(lean_rad=lean)
@@ -147,6 +149,7 @@ def in_space(places: Places, place: SpatialPlace) -> Places:
     """Return the places of one of several planes with the lean that they show together, the angle in space."""
     if place.lean_rad is None:
         return replace(places, lean_rad=None)
+
     return replace(
         places,
         lean_rad=Place.of(
@@ -165,6 +168,7 @@ def contact_depth(
     )[:, 0, 0, 1]
     upright_m = np.exp(unknown_su[:, at.SIZE]) * on_axis_m
     places_m = upright_m * np.cos(unknown_su[:, at.ROTATION]) + unknown_su[:, at.DEPTH]
+
     return float(places_m[0]), float(np.linalg.norm(places_m[1:] - places_m[0]) / STEP)
 
 

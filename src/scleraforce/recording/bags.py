@@ -56,28 +56,35 @@ def _image_pixels(message: Any, place: str) -> NDArray[Any]:
             raise FrameError(
                 f"{place}: compressed as {message.format!r}; PNG and JPEG are read"
             )
+
         return read_picture(place, packed)[0]
+
     if (encoding := message.encoding) not in (*GREYS, *COLOURS):
         raise FrameError(
             f"{place}: encoding {encoding!r}; one of {', '.join((*GREYS, *COLOURS))}"
         )
+
     kind = np.dtype((">" if message.is_bigendian else "<") + GREYS.get(encoding, "u1"))
     rows = int(message.height)
     columns = int(message.width)
     step = int(message.step)
     samples = len(encoding) - 1 if encoding in COLOURS else 1
     data = np.asarray(message.data, dtype=np.uint8)
+
     used = columns * samples * kind.itemsize
     if step < used or data.size < rows * step:
         raise FrameError(
             f"{place}: damaged: {data.size} bytes for {rows} rows of {step}"
         )
+
     lines = np.ascontiguousarray(data[: rows * step].reshape(rows, step)[:, :used])
     pixels = (
         lines.view(kind).astype(kind.newbyteorder("=")).reshape(rows, columns, samples)
     )
+
     if encoding in GREYS:
         return pixels[..., 0]
+
     return np.asarray(
         cv2.cvtColor(pixels, getattr(cv2, f"COLOR_{encoding[:-1].upper()}2GRAY"))
     )
@@ -105,6 +112,7 @@ def read_bag(
         if not image and not force:
             wanted = f"neither a topic of images ({', '.join(IMAGES)}) nor of forces ({', '.join(FORCES)})"
             raise InputError(f"{wanted}; there are {_listed(bag.connections)}")
+
         scan = _scan(path, bag, image, by_arrival) if image else None
         return scan, _log(path, bag, force, by_arrival) if force else None
 
@@ -118,6 +126,7 @@ def _opened(path: Path) -> "Iterator[AnyReader]":
         )
         # Older ROS 2 bags do not hold the definitions of their messages.
         store = typesys.get_typestore(typesys.Stores.LATEST)
+
         with highlevel.AnyReader([path], default_typestore=store) as bag:
             yield bag
 
@@ -139,15 +148,18 @@ def _topic(
         raise UnansweredError(
             option, f"which topic? There are {', '.join(sorted(found))}"
         )
+
     topic = chosen or next(iter(found), None)
     connections = [
         each for each in bag.connections if each.topic == topic and each.msgcount
     ]
+
     for other in connections[1:]:
         if other.msgtype != connections[0].msgtype:
             raise InputError(
                 f"{topic}: messages of two types, {connections[0].msgtype} and {other.msgtype}; {SPLIT}"
             )
+
     # A type has one definition when messages are decoded, whichever connection they came by.
     for first, other in product(connections[:1], bag.connections):
         if other.msgtype == first.msgtype and _definition(other) != _definition(first):
@@ -157,6 +169,7 @@ def _topic(
             raise InputError(
                 f"{topic}: two definitions of {first.msgtype}, of {two}; {SPLIT}"
             )
+
     return connections
 
 
@@ -193,25 +206,30 @@ def _ordered(
         if each.frame_id != heard[0].frame_id:
             found = f"{heard[0].frame_id!r} in message 0 and {each.frame_id!r} in message {nth}"
             raise InputError(f"header.frame_id is {found}; {SPLIT}")
+
     publisher, captured_ns, arrived_ns = np.array(
         [each[:3] for each in heard], dtype=np.int64
     ).T
     late_ms = from_si((arrived_ns - captured_ns) / float(SECOND_NS), "ms")
     stamps_ns = arrived_ns if by_arrival else captured_ns
+
     if not by_arrival:
         _check_stamped(captured_ns, late_ms)
         _check_publishers(publisher, late_ms)
+
     notes = [_late_note(late_ms)]
     if len(counts := np.unique(publisher, return_counts=True)[1]) > 1:
         notes.append(
             f"{len(counts)} publishers, with {' and '.join(map(str, counts))} messages; merged by their time"
         )
+
     order = np.argsort(stamps_ns, kind="stable")
     if (moved := np.flatnonzero(np.diff(stamps_ns) < 0) + 1).size:
         _check_one_clock(stamps_ns, late_ms)
         notes.append(
             f"{moved.size} messages arrived later than others with later stamps; sorted by stamp"
         )
+
     repeated = np.flatnonzero(np.diff(stamps_ns[order]) == 0)
     for one, other in zip(
         order[repeated].tolist(), order[repeated + 1].tolist(), strict=True
@@ -219,10 +237,12 @@ def _ordered(
         if content(one) != content(other):
             found = f"messages {one} and {other} differ and have one stamp, {stamps_ns[one] / SECOND_NS:.6f} s"
             raise RecordingError(f"its stamps do not run forward: {found}; {SPLIT}")
+
     if repeated.size:
         notes.append(
             f"{repeated.size} messages repeat another's stamp and content; they are left out"
         )
+
     order = np.delete(order, repeated + 1)
     return stamps_ns[order] / float(SECOND_NS), order, tuple(notes)
 
@@ -231,6 +251,7 @@ def _check_stamped(captured_ns: Integers, late_ms: Floats) -> None:
     empty = captured_ns == 0
     # A clock may begin at 0, but no more than one message is of that moment, and it takes as long as others to arrive.
     others = late_ms[~empty]
+
     begins = (
         empty.sum() == 1
         and others.size
@@ -250,6 +271,7 @@ def _check_one_clock(stamps_ns: Integers, late_ms: Floats) -> None:
     back_ms = from_si((stamps_ns[at - 1] - stamps_ns[at]) / SECOND_NS, "ms")
     before_ms = late_ms[max(0, at - NEIGHBOURS) : at]
     after_ms = late_ms[at : at + NEIGHBOURS]
+
     set_back = after_ms.min() - before_ms.min() > back_ms / 2.0
     if set_back or np.ptp(late_ms) > LATEST_MS:
         pair = ", ".join(
@@ -290,6 +312,7 @@ def _scan(
     heard: list[_Heard] = []
     digests: list[bytes] = []
     stated: dict[str, object] = {}
+
     for nth, (each, message) in enumerate(_messages(bag, connections)):
         fields = {
             name: getattr(message, name)
@@ -301,14 +324,18 @@ def _scan(
             first = _image_pixels(message, topic)
             check_size(*first.shape)
             scans.check_bytes(sum(each.msgcount for each in connections) * first.nbytes)
+
         for field, value in fields.items():
             if value != stated[field]:
                 found = f"{field} is {stated[field]!r} in message 0 and {value!r} in message {nth}"
                 raise FrameError(f"{topic}: {found}; {SPLIT}")
+
         heard.append(each)
         digests.append(blake2b(message.data).digest())
+
     with scans.named_faults(topic, "topic"):
         time_s, order, notes = _ordered(heard, digests.__getitem__, by_arrival)
+
     names = tuple(f"{path}: {topic}[{nth}]" for nth in order.tolist())
     (rows, columns) = first.shape
     bits = 8 if first.dtype == np.uint8 else None
@@ -321,6 +348,7 @@ def _scan(
         bits=bits,
         times=times,
     )
+
     return replace(scan, notes=tuple(f"{topic}: {note}" for note in notes)).of_file(
         path
     )
@@ -332,6 +360,7 @@ def _pictures(path: Path, topic: str, order: Sequence[int]) -> scans.PictureStre
     wanted = set(order)
     turn = iter(order)
     due = next(turn)
+
     with _opened(path) as bag:
         connections = [
             each for each in bag.connections if each.topic == topic and each.msgcount
@@ -339,6 +368,7 @@ def _pictures(path: Path, topic: str, order: Sequence[int]) -> scans.PictureStre
         for nth, (_, message) in enumerate(_messages(bag, connections)):
             if nth not in wanted:
                 continue
+
             waiting[nth] = _image_pixels(message, f"{topic}[{nth}]")
             while due in waiting:
                 yield waiting.pop(due)
@@ -351,6 +381,7 @@ def _log(
     heard = []
     values = []
     topic = connections[0].topic
+
     for each, message in _messages(bag, connections):
         vectors = (
             (message.wrench.force, message.wrench.torque)
@@ -365,15 +396,18 @@ def _log(
             ]
         )
         heard.append(each)
+
     wrench_sc = np.array(values, dtype=np.float64)
     with scans.named_faults(topic, "topic"):
         time_s, order, notes = _ordered(
             heard, lambda nth: wrench_sc[nth].tobytes(), by_arrival
         )
+
     measured: Flags = np.asarray(
         ~np.isnan(wrench_sc).all(axis=0)
     )  # what a sensor does not measure is NaN in ROS
     columns = tuple(np.array(FORCE_COLUMNS[1:])[: len(measured)][measured].tolist())
+
     return ForceLog(
         time_s,
         wrench_sc[order][:, measured],

@@ -72,6 +72,7 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
         columns = int(dataset.Columns)
         scans.check_bytes(count * rows * columns * (int(dataset.BitsAllocated) // 8))
         dark_large, notes = _dark_is_large(dataset)
+
         maker = tuple(
             str(dataset.get(name, "")).strip()
             for name in ("Manufacturer", "ManufacturerModelName")
@@ -80,6 +81,7 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
             notes.append(
                 "this scanner writes A-scans along the rows: rows and columns were exchanged"
             )
+
         size, scale_fault = scans.one_size(_pixel_sizes(dataset))
         times, times_fault = _times(dataset, count)
         names = scans.frame_names(path, count)
@@ -99,6 +101,7 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
             times=times,
             times_fault=times_fault,
         ).of_file(path)
+
     return scan.turned() if maker in A_SCANS_ALONG_ROWS else scan
 
 
@@ -118,8 +121,10 @@ def _opened(path: Path, data: bytes | None) -> "Iterator[FileDataset]":
                 raise FrameError(
                     "a deflated DICOM file, whose size is not known in advance; save it uncompressed"
                 )
+
             file.seek(0)
             dataset = dcmread(file)
+
         yield dataset
 
 
@@ -157,18 +162,22 @@ def _check_image(dataset: "FileDataset", frames: int) -> None:
         )
     if missing := [name for name in NEEDED if dataset.get(name, None) is None]:
         raise FrameError(f"a DICOM file without {', '.join(missing)}; export it anew")
+
     kind = _grey_kind(dataset)
     if kind not in KINDS_READ:
         raise FrameError(
             f"PhotometricInterpretation: {kind or 'missing'}; one of {', '.join(KINDS_READ)}"
         )
+
     rows = int(dataset.Rows)
     columns = int(dataset.Columns)
     samples = int(dataset.get("SamplesPerPixel", 1))
     scans.check_size(rows, columns, samples)
+
     if samples != SAMPLES.get(kind, 3):
         found = f"SamplesPerPixel {samples}, PhotometricInterpretation {kind}"
         raise FrameError(f"{found}, which has {SAMPLES.get(kind, 3)}; export it anew")
+
     allocated, stored, high = _cell(dataset)
     if allocated not in CELL_BITS or not 1 <= stored <= high + 1 <= allocated:
         found = f"BitsAllocated {allocated}, BitsStored {stored}, HighBit {high}"
@@ -178,6 +187,7 @@ def _check_image(dataset: "FileDataset", frames: int) -> None:
     if dataset.file_meta.TransferSyntaxUID.is_compressed:
         _check_compressed(dataset, frames)
         return
+
     size = (
         rows * columns * (2 if kind == "YBR_FULL_422" else samples) * (allocated // 8)
     )
@@ -195,10 +205,12 @@ def _check_compressed(dataset: "FileDataset", frames: int) -> None:
     from pydicom.uid import JPEG2000TransferSyntaxes, RLELossless
 
     syntax = dataset.file_meta.TransferSyntaxUID
+
     (_, stored, high) = _cell(dataset)
     if high != stored - 1 and syntax != RLELossless:
         found = f"HighBit is {high}, BitsStored {stored}, and the pixels are compressed as {syntax.name}"
         raise FrameError(f"{found}; save it uncompressed")
+
     table, *packed = generate_fragments(dataset.PixelData)
     count = (
         len(packed)
@@ -209,11 +221,13 @@ def _check_compressed(dataset: "FileDataset", frames: int) -> None:
         raise FrameError(
             f"damaged: NumberOfFrames is {frames}, PixelData has {count} compressed images"
         )
+
     if syntax == RLELossless:
         for stream in generate_frames(dataset.PixelData, number_of_frames=frames):
             _check_rle(stream, int(dataset.Rows) * int(dataset.Columns))
     if syntax not in JPEG2000TransferSyntaxes:
         return
+
     signs = ("unsigned", "signed")
     for image in map(
         get_j2k_parameters, generate_frames(dataset.PixelData, number_of_frames=frames)
@@ -246,11 +260,13 @@ def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:
     """
     kind = _grey_kind(dataset)
     shape = str(dataset.get("PresentationLUTShape", None) or "IDENTITY")
+
     for place, item in _places(dataset, "FrameVOILUTSequence"):
         for table in (name for name in TABLES if item.get(name, None)):
             raise FrameError(
                 f"{table}{place}: a table of grey levels, which is not read; export it applied"
             )
+
     if shape not in ("IDENTITY", "INVERSE"):
         raise FrameError(f"PresentationLUTShape: {shape}; IDENTITY or INVERSE")
     if kind == "MONOCHROME1" and shape == "INVERSE":
@@ -258,6 +274,7 @@ def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:
         raise FrameError(
             f"{both}: one inversion to some programs, two to others; export it as MONOCHROME2"
         )
+
     slope = _slope(dataset)
     (_, stored, high) = _cell(dataset)
     padding = dataset.get("PixelPaddingValue", None)
@@ -265,6 +282,7 @@ def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:
         f"RescaleSlope {slope:g}": slope < 0.0,
         "MONOCHROME1": kind == "MONOCHROME1",
     }
+
     turns = [
         name
         for name, turned in (
@@ -276,6 +294,7 @@ def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:
         raise FrameError(
             f"{turns[0]} and PhotometricInterpretation {kind}; export it as MONOCHROME2"
         )
+
     notes = {
         "colour became grey": kind not in GREY_KINDS,
         f"{' and '.join(turns)}: dark and bright were exchanged": len(turns) == 1,
@@ -302,6 +321,7 @@ def _slope(dataset: "Dataset") -> float:
     ]
     if not found:
         return 1.0
+
     slope = found[0][1][0]
     if other := next((each for each in found if each[1] != found[0][1]), None):
         two = " and ".join(
@@ -312,6 +332,7 @@ def _slope(dataset: "Dataset") -> float:
         )
     if not np.isfinite(slope) or slope == 0.0:
         raise FrameError(f"RescaleSlope: {slope:g}; it is a number other than 0")
+
     return slope
 
 
@@ -324,6 +345,7 @@ def _bits(dataset: "Dataset") -> int | None:
         if kind in GREY_KINDS
         else stored == 8
     )
+
     return stored if known and kind != "PALETTE COLOR" else None
 
 
@@ -354,6 +376,7 @@ def _stored_values(dataset: "Dataset", cells: NDArray[Any]) -> NDArray[Any]:
         stored == allocated or cells.dtype.itemsize * 8 != allocated
     ):  # codecs give smaller cells where these suffice
         return cells
+
     cells = np.ascontiguousarray(cells, cells.dtype.newbyteorder("="))
     values = (cells << (allocated - high - 1)) >> (
         allocated - stored
@@ -362,6 +385,7 @@ def _stored_values(dataset: "Dataset", cells: NDArray[Any]) -> NDArray[Any]:
         each.view(f"u{each.dtype.itemsize}")
         for each in (cells, values << (high + 1 - stored))
     )
+
     stray = (plain != shown) & (
         plain != shown & plain.dtype.type((1 << (high + 1)) - 1)
     )  # a sign may end at HighBit
@@ -370,6 +394,7 @@ def _stored_values(dataset: "Dataset", cells: NDArray[Any]) -> NDArray[Any]:
         raise FrameError(
             f"BitsStored is {stored}, HighBit {high}, but {found}, which has other bits; export it anew"
         )
+
     return values
 
 
@@ -383,9 +408,11 @@ def _without_padding(
     )
     if value is None:
         return bright
+
     first = int(value)
     last = int(value if limit is None else limit)
     stored = int(dataset.BitsStored)
+
     if (
         values.dtype.kind == "i"
     ):  # some programs write the negative ones without their sign
@@ -393,9 +420,11 @@ def _without_padding(
             end - (1 << stored) if end >= 1 << (stored - 1) else end
             for end in (first, last)
         )
+
     padded = (values >= min(first, last)) & (values <= max(first, last))
     if not padded.any() or padded.all():
         return bright
+
     darkest = bright[~padded].min()
     return np.where(
         padded,
@@ -416,6 +445,7 @@ def _pixel_sizes(dataset: "Dataset") -> list[PixelSize]:
                         f"DICOM's {name}{place}", depth_m=depth_m, lateral_m=lateral_m
                     )
                 )
+
     ratio = _numbers(dataset, "PixelAspectRatio")
     if sizes and len(ratio) == 2 and min(ratio) > 0.0:
         depth_m = sizes[0].depth_m or 0.0
@@ -423,6 +453,7 @@ def _pixel_sizes(dataset: "Dataset") -> list[PixelSize]:
         sizes.append(
             PixelSize(source, depth_m=depth_m, lateral_m=depth_m * ratio[1] / ratio[0])
         )
+
     return sizes
 
 
@@ -439,6 +470,7 @@ def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
         raise FrameError(
             f"TimezoneOffsetFromUTC: {stated_zone!r}; like +0100, from -1200 to +1400"
         ) from fault
+
     for name in FRAME_TIMES:
         contents = [
             item.get(name, None)
@@ -450,14 +482,17 @@ def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
         )  # None becomes NaN
         if len(contents) == count and rising(time_s):
             return Times(time_s, f"DICOM's {name}"), None
+
     if count == 1:
         moment = _seconds(dataset.get("AcquisitionDateTime", None), zone)
         return None if moment is None else Times(
             np.array([moment]), "DICOM's AcquisitionDateTime"
         ), None
+
     steps_ms = _numbers(dataset, "FrameTimeVector")
     pointers = _numbers(dataset, "FrameIncrementPointer")
     step_ms = float(dataset.get("FrameTime", None) or 0.0)
+
     by_step = step_ms > 0.0 and (FRAME_TIME in pointers or not steps_ms)
     if steps_ms and not by_step:
         if len(steps_ms) != count:
@@ -465,6 +500,7 @@ def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
                 None,
                 f"FrameTimeVector has {len(steps_ms)} values, NumberOfFrames is {count}",
             )
+
         time_s = np.cumsum(to_si(np.array(steps_ms), "ms"))
         if (
             step_ms > 0.0
@@ -477,8 +513,10 @@ def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
             )
         if rising(time_s):
             return Times(time_s - time_s[0], "DICOM's FrameTimeVector"), None
+
     if FRAME_TIME_VECTOR in pointers and not steps_ms:
         return None, "FrameIncrementPointer names FrameTimeVector, which is missing"
+
     return scans.even_times(count, to_si(step_ms, "ms"), "DICOM's FrameTime"), None
 
 
@@ -490,6 +528,8 @@ def _seconds(stated: Any, zone: tzinfo | None) -> float | None:
         moment = DT(stated) if stated else None
     except ValueError:
         return None
+
     if not isinstance(moment, datetime):
         return None
+
     return (moment if moment.tzinfo else moment.replace(tzinfo=zone)).timestamp()

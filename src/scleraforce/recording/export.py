@@ -60,6 +60,7 @@ def read_answers(path: Path) -> list[Row]:
         found = parse_json(read_text(path, KINDS["result"]))
     except ValueError as fault:
         raise InputError(f"{path}: {fault}") from fault
+
     frames = found.get("frames") if isinstance(found, dict) else None
     if not isinstance(frames, list) or not all(
         isinstance(each, dict)
@@ -70,6 +71,7 @@ def read_answers(path: Path) -> list[Row]:
         raise InputError(
             f"{path}: no frames with a file each; give what evaluate, read or segment print with --json"
         )
+
     return frames
 
 
@@ -85,6 +87,7 @@ def with_answers(
         for each in (rows, answers)
     )
     here = recording.resolve()
+
     by_file = {
         file: each
         for file, each in zip(files, answers, strict=True)
@@ -94,6 +97,7 @@ def with_answers(
     }
     if not by_file.keys() & set(asked):
         raise InputError(f"{recording}: none of its frames is among the answers")
+
     found = [by_file.get(file, {}) for file in asked]
     pairs = zip(rows, found, strict=True)
     return [
@@ -129,6 +133,7 @@ def flat(row: Mapping[str, Any]) -> dict[str, Any]:
             }
         else:
             columns[key] = value
+
     return columns
 
 
@@ -152,6 +157,7 @@ def tidy(rows: Iterable[Mapping[str, Any]]) -> list[Row]:
         for name in every
         if name in filled or not any(other.startswith(f"{name}_") for other in every)
     ]
+
     return [{name: row.get(name) for name in names} for row in flattened]
 
 
@@ -168,6 +174,7 @@ def write_table(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
     if path.suffix.lower() == ".csv":
         write_whole(csv_text(rows), path)
         return
+
     pyarrow, parquet = (
         package_for(name, ".parquet") for name in ("pyarrow", "pyarrow.parquet")
     )
@@ -199,8 +206,10 @@ def write_sequence(recording: Recording, path: Path) -> None:
     check_bytes(len(recording.frames) * oct_info.rows * oct_info.columns * 2)
     shape = (oct_info.columns, oct_info.rows, 1, len(recording.frames))
     volume = np.empty(shape, dtype=np.uint16, order="F")
+
     for nth, entry in enumerate(recording.frames):
         volume[:, :, 0, nth] = recording.frame(entry).T
+
     scale = PixelScale.of(oct_info)
     sides_mm = np.diag(
         [from_si(scale.lateral_m, "mm"), from_si(scale.depth_m, "mm"), SLICE_MM]
@@ -220,6 +229,7 @@ def write_sequence(recording: Recording, path: Path) -> None:
         ),
         "DataNodeClassName": "vtkMRMLScalarVolumeNode",
     }
+
     with renamed_when_whole(path) as part, part.open("wb") as file:
         nrrd.write(file, volume, header, index_order="F")
 
@@ -255,17 +265,21 @@ def write_mcap(
     typesys = package_for("rosbags.typesys", "MCAP with ROS messages")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     store.register(typesys.get_types_from_msg(ANSWER_DEFINITION, ANSWER))
+
     with renamed_when_whole(path) as part, part.open("wb") as file:
         writer = writing.Writer(file)
         writer.start(profile="ros2", library=f"scleraforce {__version__}")
         channels = {}
+
         for topic, kind in TOPIC_KINDS.items():
             definition, _ = store.generate_msgdef(kind, ros_version=ROS)
             schema = writer.register_schema(kind, "ros2msg", definition.encode())
             channels[topic] = writer.register_channel(topic, "cdr", schema)
+
         for time_ns, topic, message in _messages(recording, rows, origin_s, store):
             data = bytes(store.serialize_cdr(message, TOPIC_KINDS[topic]))
             writer.add_message(channels[topic], time_ns, data, time_ns)
+
         writer.finish()
 
 
@@ -286,9 +300,11 @@ def _messages(
         for topic, topic_times_s in times_s.items()
         for nth, each in enumerate(topic_times_s)
     ]
+
     for time_ns, topic, nth in sorted(events):
         stamp = store.types["builtin_interfaces/msg/Time"](*divmod(time_ns, SECOND_NS))
         header = store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="oct")
+
         if topic == IMAGE_TOPIC:
             pixels = np.ascontiguousarray(
                 recording.frame(recording.frames[nth]), dtype="<u2"
@@ -321,6 +337,7 @@ def _answer(row: Row, header: Any, store: Any) -> Any:
         name: row.get(name) for name in ("measured_force_mn", "predicted_force_mn")
     }
     forces |= {"interval_low_mn": low_mn, "interval_high_mn": high_mn}
+
     return store.types[ANSWER](
         header=header,
         file=str(row["file"]),

@@ -94,6 +94,7 @@ class EyeInfo:
         check_relaxation(self.relaxation or ())
         if fault := name_fault(self.id):
             raise StudyError(f"id: {fault}")
+
         stated = (self.rigidity_pa13_per_m3, self.rigidity_law, self.leak_time_s)
         for key, value in zip(
             ("rigidity_mmhg13_per_ul", "rigidity_law", "leak_time_s"),
@@ -166,6 +167,7 @@ def check_planes(planes: tuple[Plane, ...], given: str = "plane") -> None:
         raise StudyError(
             f"{given}: only one; give each plane of the scan, or slice_gap_m without any"
         )
+
     for number, plane in enumerate(planes):
         for before in planes[:number]:
             if before.name == plane.name:
@@ -275,6 +277,7 @@ def name_fault(name: str, what: str = "eye") -> str | None:
         return f"{name[:LONGEST_ID]!r} has a line break or another unprintable character; give a name of one line"
     if len(name) > LONGEST_ID:
         return f"{len(name)} characters; give the {what} a name of at most {LONGEST_ID}"
+
     return None
 
 
@@ -327,8 +330,10 @@ class Recording:
             "forces": forces,
         }
         picture = None
+
         with suppress(InputError):  # the frame may be gone
             picture = grey_picture(self.frame(first))
+
         return html_card(f"Recording {self.path}", facts, picture)
 
     @cached_property
@@ -365,6 +370,7 @@ def check_frame(pixels: Pixels, stated: OctInfo, path: Path) -> None:
     """Check a frame against its recording.toml."""
     fault = None
     largest = int(pixels.max())
+
     if pixels.shape != (stated.rows, stated.columns):
         found = " x ".join(map(str, pixels.shape))
         fault = f"{found} pixels (rows x columns); recording.toml says {stated.rows} x {stated.columns}"
@@ -372,6 +378,7 @@ def check_frame(pixels: Pixels, stated: OctInfo, path: Path) -> None:
         fault = f"8 bits a pixel; recording.toml says {stated.bits}"
     elif largest >= 2**stated.bits:
         fault = f"a pixel of {largest} is more than {stated.bits} bits; check bits in recording.toml"
+
     if fault is not None:
         raise FrameError(f"{path}: {fault}")
 
@@ -392,12 +399,14 @@ def read_recording(path: str | PathLike[str]) -> Recording:
     frames = read_frame_list(path / "frames.csv")
     _check_files(path, frames)
     _check_planes(path / "frames.csv", frames, info.oct.plane)
+
     if not os.path.lexists(path / "forces.csv"):
         return Recording(path, info, frames, None)
     if info.force is None:
         raise RecordingError(
             f"{path / 'recording.toml'}: force: missing; forces.csv needs [force] axis, contact_sign"
         )
+
     return Recording(
         path, info, frames, read_force_log(path / "forces.csv", info.force.axis)
     )
@@ -433,6 +442,7 @@ def true_forces(recording: Path) -> dict[str, float]:
     path = recording / "truth.json"
     if not path.exists():
         return {}
+
     try:
         frames = json.loads(read_text(path, KINDS["truth"]))["frames"]
         return {frame["file"]: float(frame["force_n"]) for frame in frames}
@@ -446,6 +456,7 @@ def read_info(path: Path) -> RecordingInfo:
     """Read and check a recording.toml."""
     if not path.parent.is_dir():
         raise RecordingError(f"{path.parent}: no such folder; give a recording folder")
+
     try:
         return parse_record(
             RecordingInfo, read_text(path, KINDS["recording"]), str(path)
@@ -472,6 +483,7 @@ def _check_planes(
             raise RecordingError(
                 f"{path}: plane: {entry.plane!r} of {entry.file} is unknown; {known}"
             )
+
     times_s = {entry.time_s for entry in frames}
     shown = {entry.plane for entry in frames}
     if len(shown) > 1 and len(times_s) == len(frames):
@@ -485,6 +497,7 @@ def _check_files(path: Path, frames: tuple[FrameEntry, ...]) -> None:
     for entry in frames:
         file = path / "frames" / entry.file
         place = f"{path / 'frames.csv'}: file"
+
         try:
             inside = file.resolve().is_relative_to(folder)
             there = file.is_file()
@@ -494,6 +507,7 @@ def _check_files(path: Path, frames: tuple[FrameEntry, ...]) -> None:
         ) as fault:  # a name that is too long, links that go round
             reason = fault.strerror if isinstance(fault, OSError) else fault
             raise RecordingError(f"{place}: {entry.file}: {reason}") from fault
+
         if not inside:
             raise RecordingError(
                 f"{place}: {entry.file} leads out of {path / 'frames'}"
@@ -552,12 +566,14 @@ def stated_plane(frame: Path) -> tuple[Path, float, Plane] | None:
         or not (oct_info := read_info(recording / "recording.toml").oct).plane
     ):
         return None
+
     for entry in read_frame_list(recording / "frames.csv"):
         if (
             entry.file == frame.name
             and (plane := oct_info.named(entry.plane)) is not None
         ):
             return recording, entry.time_s, plane
+
     raise RecordingError(f"{recording / 'frames.csv'}: plane: none for {frame.name}")
 
 
@@ -569,10 +585,12 @@ def read_scaled_frame(
     if transpose:
         pixels = pixels.T
         image = image.turned()
+
     recording = recording_of(path)
     info = None if recording is None else read_info(recording / "recording.toml")
     if info is not None:
         check_frame(pixels, info.oct, path)
+
     lateral_m = image.size.lateral_m
     depth_m = image.size.depth_m
     file = Scanner(
@@ -596,11 +614,13 @@ def read_scaled_frame(
         )
         for name in ("width_m", "depth_m", "refractive_index")
     )
+
     if image.scale_fault and info is None and None in (given.width_m, given.depth_m):
         raise FrameError(f"{image.scale_fault}; give --width-mm and --depth-mm")
     if width is None or depth is None:
         lost = "its size is neither in the file nor in a recording.toml"
         raise FrameError(f"{path}: {lost}; give --width-mm and --depth-mm")
+
     for key, extent in (("width_mm", width), ("depth_mm", depth)):
         try:
             check_quantity(key, from_si(extent.value, "mm"))
@@ -608,6 +628,7 @@ def read_scaled_frame(
             raise FrameError(
                 f"{path}: {fault} (stated by: {extent.source}); give --{key.replace('_', '-')}"
             ) from None
+
     notes = (*image.notes, *([image.scale_fault] if image.scale_fault else []))
     return ScaledFrame(
         pixels, width, depth, index or Sourced(1.0, "assumed"), info, notes

@@ -63,6 +63,7 @@ def _status_meaning(name: str, others: Sequence[str]) -> str | None:
             "sequence" in other.lower() for other in others
         )
         return ATI if of_ati else GOOD_IF_ZERO
+
     return GOOD_IF_SET if VALIDITY.fullmatch(bare) else None
 
 
@@ -72,10 +73,12 @@ def _faulty_samples(text: Table, column: "LogColumn") -> tuple[Flags, tuple[str,
     none = np.zeros(len(text.lines), dtype=bool)
     if meaning == ANY:
         return none, ()
+
     values, index = np.unique(
         np.char.strip(np.array(text.column(name))), return_inverse=True
     )
     in_hex = bool(HEX.search(name.strip()))
+
     codes = {str(value): _code(str(value), in_hex) for value in values}
     if any(
         isinstance(code, float) for code in codes.values()
@@ -83,10 +86,12 @@ def _faulty_samples(text: Table, column: "LogColumn") -> tuple[Flags, tuple[str,
         return none, (
             f"{name}: not taken for the sensor's status, because it has fractions",
         )
+
     faulty = np.array([_is_faulty(code, meaning) for code in codes.values()])[index]
     count = int(faulty.sum())
     first = int(np.argmax(faulty))
     found = f"{text.place(first)}: {name}: {str(values[index[first]])!r}"
+
     if count == len(faulty):
         way = f"if this column is not its status, give --column {STATUS}={name}:{ANY}"
         raise RecordingError(
@@ -95,10 +100,12 @@ def _faulty_samples(text: Table, column: "LogColumn") -> tuple[Flags, tuple[str,
     if count:
         flagged = f"{count} of {len(faulty)} samples are flagged by the sensor and have no force"
         return faulty, (f"{flagged}; the first is {found}",)
+
     harmless = ", ".join(
         value for value, code in codes.items() if meaning == ATI and code
     )
     note = f"{name}: {harmless}: a summary or the user's own threshold, without a fault; its forces are kept"
+
     return faulty, (note,) if harmless else ()
 
 
@@ -106,6 +113,7 @@ def _code(text: str, in_hex: bool) -> int | float | str:
     try:
         if in_hex or text.lower().startswith("0x"):
             return int(text, 16)
+
         value = float(text.replace(",", "."))
         return (
             int(value)
@@ -214,10 +222,12 @@ def parse_column(text: str) -> LogColumn:
     name, colon, unit = rest.rpartition(":")
     ours = SHORT_NAMES.get(short.strip().lower())
     unit = unit.strip()
+
     if not equals or not colon or ours is None or not name.strip():
         raise InputError(
             f"--column: {text!r}; give COLUMN=NAME:UNIT, like fz=Force Z:mN, of {', '.join(SHORT_NAMES)}"
         )
+
     words = {"time_s": log_text.CLOCKS, STATUS: STATUS_MEANINGS}.get(ours, ())
     if ours == STATUS and unit not in words:
         raise InputError(
@@ -227,6 +237,7 @@ def parse_column(text: str) -> LogColumn:
         raise InputError(
             f"--column: {text!r}: {unit!r} is not a unit of {quantity_of(ours)} (docs/formats.md)"
         )
+
     return LogColumn(ours, name.strip(), unit)
 
 
@@ -239,6 +250,7 @@ def columns_by_header(
             name for name in names if name == ROS_STAMP or name.startswith(ROS_PREFIX)
         ]
         stated_units = {FORCE: "N", TORQUE: "Nm", TIME: "ns"}
+
     each = zip_longest(names, units[: len(names)], fillvalue="")
     return [
         column
@@ -259,6 +271,7 @@ def _of_each_kind(
                 f"{path}: {column.short}: is it {other.name!r} or {column.name!r}?"
             )
             raise UnansweredError("--column", question, f"{column.short}=NAME:UNIT")
+
     return list(answered.values())
 
 
@@ -269,6 +282,7 @@ def required_columns(
     columns = [*columns]
     listed = ", ".join(map(repr, names))
     found = {column.ours: column for column in columns}
+
     for column in columns:
         if column.name not in names:
             raise InputError(
@@ -278,6 +292,7 @@ def required_columns(
             raise InputError(
                 f"{path}: two columns are named {column.name!r}; rename one of them"
             )
+
     missing = {} if "time_s" in found else {"time=NAME:UNIT": "the time"}
     missing |= (
         {}
@@ -287,6 +302,7 @@ def required_columns(
     if missing:
         question = f"which column is {', and which '.join(missing.values())}, and in what unit? There are {listed}"
         raise UnansweredError("--column", f"{path}: {question}", *missing)
+
     return tuple(found[ours] for ours in FORCE_COLUMNS if ours in found)
 
 
@@ -295,11 +311,13 @@ def _by_name(name: str, unit: str, stated_units: dict[str, str]) -> LogColumn | 
     bracketed = BRACKETS.fullmatch(bare)
     marked = BEHIND_MARK.fullmatch(bare)
     parted = [(found["name"], found["unit"]) for found in (bracketed, marked) if found]
+
     for word, own in (*parted, (bare, unit)):
         if (ours := _ours(word)) is not None:
             for text in (own, unit, stated_units.get(quantity_of(ours), "")):
                 if unit_factor(text, quantity_of(ours)) is not None:
                     return LogColumn(ours, name, text.strip())
+
     return None
 
 
@@ -309,6 +327,7 @@ def _ours(word: str) -> str | None:
         return "time_s"
     if (found := AXIS_NAMES.fullmatch(lower)) is None:
         return None
+
     what = found["what"] or found["what_after"]
     axis = found["axis"] or found["axis_before"]
     return SHORT_NAMES[("f" if FORCE_WORD.fullmatch(what) else "t") + axis]
@@ -345,6 +364,7 @@ def read_force_text(
     """Return a log in SI and its columns, `given` ones first; ask for missing ones and about contradictions."""
     stated = _stated_units(text)
     by_header = columns_by_header(text.names, stated, text.units)
+
     if COUNTER in text.names and (
         rate_hz := _stated_number(SAMPLE_RATE, text)
     ):  # ATI's own clock has whole seconds
@@ -354,6 +374,7 @@ def read_force_text(
         ]
     elif not any(column.ours == "time_s" for column in (*by_header, *given)):
         by_header += _clock_column(text)
+
     answered = _of_each_kind(text.path, by_header, given)
     _check_units(text, [column for column in answered if column not in given], stated)
     flags = _flagged(text, given)
@@ -370,10 +391,12 @@ def read_force_text(
     wrench_sc = values_sc[:, -len(forces) :]
     notes = ["numbers have decimal commas"] if mark == "," else []
     notes += [*_overruled(by_header, given), *tables.gap_notes(text.path, wrench_sc)]
+
     for column in flags:
         faulty, said = _faulty_samples(text, column)
         wrench_sc = np.where(faulty[:, None], np.nan, wrench_sc)
         notes += said
+
     log = ForceLog(
         time_s, wrench_sc, tuple(column.ours for column in forces), tuple(notes)
     )
@@ -390,6 +413,7 @@ def _dated(text: Table, time: LogColumn) -> Floats:
         raise RecordingError(
             f"{text.place(time_s)}: {time.name}: {moments[time_s]!r} is not a time ({time.unit})"
         )
+
     return time_s
 
 
@@ -403,6 +427,7 @@ def _stated_units(text: Table) -> dict[str, str]:
     counts = {
         quantity: _stated_number(pattern, text) for quantity, pattern in COUNTS.items()
     }
+
     return {
         quantity: f"{count:.12g}/{unit}"
         if (count := counts[quantity]) is not None
@@ -417,6 +442,7 @@ def _check_units(
     """Ask about a column with two units, or with a factor that is not applied; `stated` units are above the header."""
     forces = [column for column in columns if column.ours != "time_s"]
     own = dict(zip_longest(text.names, text.units, fillvalue=""))
+
     for column in columns:
         for other in (
             stated.get(quantity_of(column.ours), ""),
@@ -430,6 +456,7 @@ def _check_units(
                     other,
                     columns,
                 )
+
     counted = {quantity_of(column.ours) for column in forces if "/" in column.unit}
     for nth, line in enumerate(text.above, start=1):
         found = GAIN.search(line)
@@ -484,6 +511,7 @@ def _range_n(text: Table) -> float:
         (number(size, ",") or 0.0) * (unit_factor(unit, FORCE) or 0.0)
         for size, unit in stated
     ]
+
     return max(sizes_n, default=0.0) or np.inf
 
 
@@ -494,6 +522,7 @@ def _flagged(text: Table, given: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
         for name, meaning in meanings.items()
         if meaning
     }
+
     return tuple(
         (
             named | {column.name: column for column in given if column.ours == STATUS}
@@ -515,6 +544,7 @@ def _overruled(
         for said, own in pairs
         if not np.isclose(own.factor, said.factor, rtol=1e-9)
     ]
+
     return tuple(
         f"{a.name}: read in {a.unit} (--column), where the log states {b.unit}"
         for a, b in differ
@@ -530,7 +560,9 @@ def _stated_number(pattern: str, text: Table) -> float | None:
                 raise RecordingError(
                     f"{text.path}:{nth}: {found[1]}: {found[2]!r} is not a number; {PLAIN_NUMBERS}"
                 )
+
             return value
+
     return None
 
 
@@ -541,6 +573,7 @@ def _clock_column(text: Table) -> list[LogColumn]:
             not in CLOCK_NAMES
         ):
             continue
+
         moments = text.column(name)
         found = dict.fromkeys(map(log_text.clock_of, moments))
         if None in found:
@@ -554,4 +587,5 @@ def _clock_column(text: Table) -> list[LogColumn]:
                 f"{text.path}: {name}: {moments[0]!r}: {question}",
                 "time=NAME:UNIT",
             )
+
     return []

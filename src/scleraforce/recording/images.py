@@ -60,10 +60,12 @@ def read_image(path: Path) -> tuple[Pixels, Scan]:
         scan = read_tiff(path, data)
     else:
         return read_picture(path, data)
+
     if len(scan.names) != 1:
         raise FrameError(
             f"{path}: {len(scan.names)} frames in one file; give a file for each frame, or import it"
         )
+
     (pixels,) = scan.pictures()
     if pixels.dtype.kind == "i":
         least = int(pixels.min())
@@ -71,6 +73,7 @@ def read_image(path: Path) -> tuple[Pixels, Scan]:
         scan = replace(scan, notes=(*scan.notes, note))
         pixels = pixels.astype(np.int64) - least
         pixels = pixels.astype(np.uint16) if int(pixels.max()) < 2**16 else pixels
+
     with named_faults(path, "image"):
         return scans.grey_pixels(np.ascontiguousarray(pixels)), scan
 
@@ -81,12 +84,15 @@ def read_picture(path: Path | str, data: bytes) -> tuple[Pixels, Scan]:
         if not data.startswith((PNG_SIGNATURE, JPEG_SIGNATURE)):
             found = "an empty file" if not data else "not an image that can be read"
             raise FrameError(f"{found}; give a PNG, TIFF, JPEG or a single DICOM image")
+
         orientation = _checked_orientation(data)
         of_jpeg = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
         flags = of_jpeg if data.startswith(JPEG_SIGNATURE) else cv2.IMREAD_UNCHANGED
+
         decoded = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
         if decoded is None:
             raise FrameError("damaged: it starts like an image but cannot be decoded")
+
         pixels: NDArray[Any] = np.asarray(decoded)
         clear = (
             pixels.ndim == 3
@@ -102,6 +108,7 @@ def read_picture(path: Path | str, data: bytes) -> tuple[Pixels, Scan]:
         grey: Pixels = np.ascontiguousarray(
             as_shown(scans.grey_pixels(pixels, cv2.COLOR_BGR2GRAY), orientation)
         )
+
     (rows, columns) = grey.shape
     bits = 8 if grey.itemsize == 1 else None
     scan = Scan(
@@ -112,6 +119,7 @@ def read_picture(path: Path | str, data: bytes) -> tuple[Pixels, Scan]:
         bits=bits,
         notes=tuple(notes),
     )
+
     return grey, scan.of_file(path)
 
 
@@ -125,6 +133,7 @@ def _checked_orientation(data: bytes) -> int:
             raise FrameError(
                 f"several pictures in one {image.format}; give a file for each frame"
             )
+
         exif = Image.Exif()
         exif.load(image.info.get("exif", b""))
         orientation = int(exif.get(ORIENTATION_TAG) or UPRIGHT)
@@ -132,7 +141,9 @@ def _checked_orientation(data: bytes) -> int:
             raise FrameError(f"EXIF Orientation {orientation}; it is 1 to 8")
         if image.format == "JPEG" and b"\xff\xd9" not in data[-1024:]:
             raise FrameError("a truncated JPEG: its end is missing")
+
         image.verify()  # of a PNG: check sums, and its end
+
     return orientation
 
 
@@ -146,9 +157,11 @@ def read_numpy(path: Path, axes: tuple[str, ...] | None, array: str | None) -> S
                     np.asarray(np.load(path, mmap_mode="r", allow_pickle=False)),
                     axes,
                 )
+
         with np.load(path, allow_pickle=False) as held:
             scans.check_bytes(sum(info.file_size for info in held.zip.infolist()))
             found = {name: held[name] for name in held.files}
+
         frames = [
             name
             for name, value in found.items()
@@ -159,9 +172,11 @@ def read_numpy(path: Path, axes: tuple[str, ...] | None, array: str | None) -> S
             raise scans.UnansweredError(
                 "--array", f"which array has the frames? There are {listed}"
             )
+
         name = array or frames[0]
         if name not in found:
             raise FrameError(f"no array {name!r}; there are {', '.join(found)}")
+
         return scans.array_scan(path, np.asarray(found[name]), axes)
 
 
@@ -183,21 +198,27 @@ def read_film(path: Path) -> Scan:
         rate_hz = float(film.get(cv2.CAP_PROP_FPS))
         stated = int(film.get(cv2.CAP_PROP_FRAME_COUNT))
         times_ms = []
+
         while film.grab():
             times_ms.append(float(film.get(cv2.CAP_PROP_POS_MSEC)))
+
         if not times_ms:
             raise FrameError("no frame in it that can be decoded")
+
         scans.check_bytes(len(times_ms) * rows * columns * (2 if deep else 1))
+
     time_s = to_si(np.array(times_ms), "ms")
     steps_s = np.diff(time_s)
     pace = f"film of {rate_hz:g} frames a second"
     if steps_s.size and np.ptp(steps_s) > EVEN * np.median(steps_s):
         pace = f"film's time stamps, {steps_s.min():.3g} to {steps_s.max():.3g} s apart"
+
     notes = [
         "a film's compression changes grey levels and fine structure; its times are those at which it plays "
         "(--rate-hz where frames were taken at another rate)"
     ]
     count = len(times_ms)
+
     with path.open("rb") as file:
         if (
             count < stated and file.read(4) != MATROSKA
@@ -205,6 +226,7 @@ def read_film(path: Path) -> Scan:
             notes.append(
                 f"states {stated} frames and plays {count}: cut off, or the others are empty, hidden or damaged"
             )
+
     shape = (rows, columns)
     bits = None if deep else 8
     times = Times(time_s, pace) if rising(time_s) else None
@@ -215,6 +237,7 @@ def read_film(path: Path) -> Scan:
         bits=bits,
         times=times,
     )
+
     return replace(scan, notes=tuple(notes)).of_file(path)
 
 
@@ -229,6 +252,7 @@ def _is_deep(path: Path, film: cv2.VideoCapture) -> bool:
         raise FrameError(
             f"FFmpeg's pixel format {tag!r}; 8 bits, and 16 of grey, are read unchanged; write it so: {way}"
         )
+
     return False
 
 
@@ -249,12 +273,14 @@ def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     film = cv2.VideoCapture(str(path.resolve()), cv2.CAP_FFMPEG)
+
     try:
         with named_faults(path, "film"):
             if not film.isOpened():
                 raise FrameError(
                     "damaged or a kind of film that OpenCV does not decode"
                 )
+
             yield film
     finally:
         film.release()
@@ -274,6 +300,7 @@ def _pictures(path: Path, shape: tuple[int, int], deep: bool) -> scans.PictureSt
                 raise FrameError(
                     f"decoded as {picture.dtype}, not with the {16 if deep else 8} bits that it has"
                 )
+
             yield (
                 cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
                 if picture.ndim == 3

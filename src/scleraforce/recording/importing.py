@@ -56,9 +56,11 @@ def given_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times 
             raise InputError(
                 f"--rate-hz: {rate_hz:g}; give the frames taken in a second"
             )
+
         return even_times(len(scan.names), 1.0 / rate_hz, "option")
     if table is None:
         return None
+
     text = read_log_text(table, least=1)
     column = next(
         (
@@ -73,6 +75,7 @@ def given_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times 
         raise InputError(
             f"{table}: no column of times with its unit, like time_s or Time (ms); there are {listed}"
         )
+
     time_s = numbers_of(text, [text.names.index(column.name)])[:, 0] * column.factor
     for file in (name for name in text.names if name.lower() in FILE_NAMES):
         by_name = {
@@ -83,8 +86,10 @@ def given_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times 
             return Times(
                 np.array([by_name[Path(name).name] for name in scan.names]), str(table)
             )
+
     if len(time_s) != len(scan.names):
         raise InputError(f"{table}: {len(time_s)} times for {len(scan.names)} frames")
+
     return Times(time_s, str(table))
 
 
@@ -186,6 +191,7 @@ def complete(
             f"{question.words} ({question.options})" for question in questions.values()
         )
         raise InputError(f"neither in the sources nor among the options: {listed}")
+
     done = None
     while done is None:
         answered = (
@@ -201,19 +207,24 @@ def complete(
         except InputError as wrong:
             if asker is None or not questions:
                 raise
+
             asker.again(wrong)
+
     name = "thickness_um"
     value = answers.thickness_um
     source = origins.get(name, ANSWER)
+
     if value is None and asker is not None:
         shown_um = measured_um(done.info.oct)
         value = asker.missing({name: replace(QUESTIONS[name], offered=shown_um)}).get(
             name
         )
         source = "measured on the first frames" if value == shown_um else source
+
     if value is None:
         note = "the wall's thickness is not stated: `calibrate` needs it, and readings are less sure (--thickness-um)"
         return done.with_notes([note])
+
     info = replace(
         done.info, eye=replace(done.info.eye, thickness_m=to_si(value, "um"))
     )
@@ -227,6 +238,7 @@ def open_questions(
     _check_used(gathered, origins)
     if gathered.planes and origins.get("gap_mm") == OPTION:
         raise InputError("--gap-mm: several planes show their gaps; leave it out")
+
     times = (
         given_times(gathered.scan, answers.times, answers.rate_hz)
         or gathered.scan.times
@@ -245,17 +257,20 @@ def open_questions(
         if name in needed - set(known)
     }
     scan = gathered.scan
+
     for fault, names in (
         (scan.scale_fault, ("width_mm", "depth_mm")),
         (scan.times_fault, ("rate_hz",)),
     ):
         if fault and questions.keys() & names:
             raise InputError(f"{fault}; give {' and '.join(map(option_name, names))}")
+
     if "bits" in questions:
         few = f"pixels are up to {greys.high - greys.low:g}, which needs more bits"
         questions["bits"] = replace(
             questions["bits"], fault=lambda bits: None if greys.fit(bits) else few
         )
+
     return known, questions
 
 
@@ -272,10 +287,12 @@ def _completed(
         raise InputError(
             f"{gathered.scan.names[0]}: pixels up to {greys.high:g}; --bits says {info.oct.bits}"
         )
+
     asked = None if times else given_times(gathered.scan, None, values.get("rate_hz"))
     times = times or asked or Times(np.zeros(1), "a single frame")
     if "rate_hz" in known:
         times = replace(times, source=known["rate_hz"][1])
+
     offset_s = values.get("clock_offset_s", answers.clock_offset_s or 0.0)
     moved, log, origin_s = on_one_clock(times, gathered.log, offset_s)
     sources = {name: known[name][1] for name in QUESTIONS if name in known} | {
@@ -292,6 +309,7 @@ def _completed(
         if name in ("width_mm", "depth_mm")
         and abs(known[name][0] - value) > SAME_SCALE * value
     ]
+
     if log is not None and (
         count := int(
             ((moved.time_s < log.time_s[0]) | (moved.time_s > log.time_s[-1])).sum()
@@ -299,6 +317,7 @@ def _completed(
     ):
         lost = f"{count} frames were taken before or after the forces: they have no label and are not evaluated"
         doubts.append(f"{lost}; mend the clocks (--clock-offset-s) if they should be")
+
     return Import(gathered, greys, moved, log, origin_s, info, sources).with_notes(
         doubts
     )
@@ -308,6 +327,7 @@ def _check_used(gathered: Gathered, origins: Mapping[str, str]) -> None:
     """Check that an option that acts on one kind of source has such a source."""
     kinds = {kind for _, kind in gathered.files}
     packed = any(path.suffix.lower() == ".npz" for path, _ in gathered.files)
+
     for what, there, names in (
         (
             "a force log",
@@ -338,6 +358,7 @@ def _needed(
     needed |= set() if gathered.planes else {"gap_mm"}
     if times is None and len(gathered.scan.names) > 1:
         needed.add("rate_hz")
+
     if gathered.log is not None:
         by_bag = len(gathered.files) == 1 and answers.rate_hz is None
         needed |= {
@@ -345,6 +366,7 @@ def _needed(
             "contact_sign",
             *([] if by_bag or answers.times else ["clock_offset_s"]),
         }
+
     return needed
 
 
@@ -356,16 +378,19 @@ def _stated(gathered: Gathered, greys: Greys) -> Known:
         "width_mm": (scan.size.lateral_m, scan.columns),
         "depth_mm": (scan.size.depth_m, scan.rows),
     }
+
     for name, (pixel_m, count) in extents.items():
         if pixel_m:
             found[name] = (
                 float(f"{from_si(pixel_m * count, 'mm'):.7g}"),
                 scan.size.source,
             )
+
     if greys.scaled:
         found["bits"] = (MOST_BITS, "scaled to them")
     elif scan.bits is not None:
         found["bits"] = (scan.bits, "file")
+
     axes = (
         []
         if log is None
@@ -373,6 +398,7 @@ def _stated(gathered: Gathered, greys: Greys) -> Known:
     )
     if len(axes) == 1:
         found["axis"] = (axes[0], "the only force of the log")
+
     return found
 
 
@@ -404,6 +430,7 @@ def _info(
         needle = NeedleInfo(
             gauge=values["gauge"], slice_gap_m=gap_m, polar_angle_rad=polar_rad
         )
+
         force = (
             None
             if gathered.log is None
@@ -411,6 +438,7 @@ def _info(
         )
         if force and answers.average_s is not None:
             force = replace(force, average_s=answers.average_s)
+
         return RecordingInfo(eye, oct_info, needle, force)
     except StudyError as fault:
         raise InputError(f"{scan.names[0]}: {fault}; correct it") from fault
@@ -440,12 +468,14 @@ def answers_like(folder: Path) -> dict[str, Any]:
         "bits": info.oct.bits,
         "gauge": info.needle.gauge,
     }
+
     if (force := info.force) is not None:
         found |= {
             "axis": force.axis,
             "contact_sign": str(force.contact_sign),
             "average_s": force.average_s,
         }
+
     answers = _recorded(folder, "answers", {}, "an object")
     return found | {name: answers[name] for name in KEPT if name in answers}
 
@@ -464,10 +494,12 @@ def _recorded(folder: Path, key: str, default: Any, kind: str) -> Any:
         raise RecordingError(
             f"{path}: {fault}; expected an object, as `scleraforce import` writes it"
         ) from fault
+
     if isinstance(value, bool) or not isinstance(
         value, (int, float) if kind == "a number" else type(default)
     ):
         raise RecordingError(f"{path}: {key}: {value!r} is not {kind}")
+
     return value
 
 
@@ -478,10 +510,12 @@ def record_text(done: Import, options: ImportOptions, version: str) -> str:
         with path.open("rb") if path.is_file() else nullcontext() as file:
             digest = None if file is None else file_digest(file, "sha256").hexdigest()
         files.append({"path": str(path), "kind": kind, "sha256": digest})
+
     origin = provenance(done)
     answers = asdict(options) | {"columns": origin["columns"]}
     kept = {name: answers[name] for name in KEPT if answers.get(name)}
     record = {"version": version, "files": files, **origin, "answers": kept}
+
     return json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 

@@ -62,6 +62,7 @@ def label_frames(
     if (fault := unit_fault(recording, labels, classes)) is not None:
         way = "the columns are in N: multiply forces in mN by 0.001, in gram-force by 0.00981"
         raise RecordingError(f"{recording.path / 'forces.csv'}: {fault}; {way}")
+
     each = zip(recording.frames, labels, strict=True)
     return tuple(
         _trial(recording, frame, label, classes, max_force_n) for frame, label in each
@@ -74,11 +75,13 @@ def labels_n(recording: Recording) -> Sequence[float | str | None]:
     info = recording.info.force
     if log is None or info is None:
         return [None] * len(recording.frames)
+
     force_n = contact_force(log, info)
     windows = [
         _samples_around(log, force_n, frame.time_s, info.average_s)
         for frame in recording.frames
     ]
+
     return [
         window if isinstance(window, str) else float(force_n[window].mean())
         for window in windows
@@ -89,12 +92,14 @@ def label_notes(recording: Recording, trials: Sequence[Trial]) -> tuple[str, ...
     """Return sentences on gaps of the force log: samples without a force, a low rate, frames without a label."""
     if recording.forces is None:
         return ()
+
     without = [trial for trial in trials if trial.measured_force_n is None]
     lost = [f"{each.file}: {each.excluded}" for each in without[:1]]
     said = (
         f"{len(without)} of {len(trials)} frames have no label and are left out ({reason})"
         for reason in lost
     )
+
     return *recording.forces.notes, *said
 
 
@@ -109,6 +114,7 @@ def unit_fault(
     info = recording.info.force
     if log is None or info is None:
         return None
+
     largest_n = LARGEST_FORCE_BOUNDS * classes.bounds_n[-1]
     sizes_n = np.abs([label if isinstance(label, float) else 0.0 for label in labels])
     raw_n = log.known(info.axis).force_n(info.axis)
@@ -118,9 +124,11 @@ def unit_fault(
         if len(raw_n) > 1
         else 0.0
     )
+
     if sizes_n[peak] > largest_n:
         under = f"under {recording.frames[peak].file}, more than {largest_n:.4g} N"
         return f"{info.axis}_n: {sizes_n[peak]:.4g} N {under}"
+
     coarse = f"more than the {from_si(LARGEST_NOISE_N, 'mn'):g} mN of a coarse sensor"
     return (
         f"{info.axis}_n: a noise of {noise_n:.2g} N, {coarse}"
@@ -143,10 +151,12 @@ def _trial(
         raise RecordingError(
             f"{recording.path / 'forces.csv'}: the needle {found}; {way}"
         )
+
     if force_n is not None and max_force_n is not None and force_n > max_force_n:
         reason = (
             f"above the largest force of the study, {from_si(max_force_n, 'mn'):g} mN"
         )
+
     target = None if force_n is None else classes.classify(force_n)
     excluded = "pierced" if frame.pierced else reason
     return Trial(
@@ -168,6 +178,7 @@ def contact_force(log: ForceLog, info: ForceInfo) -> Floats:
     raw_n = every_n[known]
     if not len(raw_n):
         return every_n
+
     every_n[known] = (
         low_pass(raw_n, log.time_s[known])
         - raw_n[: tare_samples(raw_n, log.sample_rate_hz)].mean()
@@ -202,11 +213,13 @@ def _low_pass(force_n: Floats, time_s: Floats) -> Floats:
     span_s = float(time_s[-1] - time_s[0])
     if span_s < LONGEST_GAP_S / 4.0:
         return np.full_like(force_n, force_n.mean())
+
     # Sparse samples among short gaps are taken to a clock on which the filter exists: 20 for each sample at most.
     steps = max(len(time_s) - 1, round(span_s * GOOD_SAMPLE_RATE_HZ))
     rate_hz = steps / span_s
     even_s = time_s[0] + np.arange(steps + 1) / rate_hz
     smooth_n = smoothed(np.interp(even_s, time_s, force_n), CUTOFF_HZ / rate_hz)
+
     return np.asarray(np.interp(time_s, even_s, smooth_n), dtype=np.float64)
 
 
@@ -238,16 +251,19 @@ def first_contact(force_n: Floats, rate_hz: float) -> int | None:
     total = np.concatenate([[0.0], np.cumsum(force_n)])
     rise_n = (total[starts + after] - total[starts]) / after - total[starts] / starts
     noise_n = float(np.diff(force_n).std()) / np.sqrt(2.0) if len(starts) else 0.0
+
     sure = rise_n > np.maximum(
         LEAST_RISE_N, SIGNIFICANCE * noise_n * np.sqrt(1.0 / after + 1.0 / starts)
     )
     if not sure.any():
         return None
+
     start = int(starts[int(np.argmax(sure))])
     begin = max(start - 10 * after, 0)  # earlier samples pin the level
     earliest = (
         max(start - after // 2, start // 2) - begin
     )  # a slow push may begin before its rise is certain
+
     return begin + _begin_of_rise(
         force_n[begin : start + after], earliest, max(block // 10, 1)
     )
@@ -258,10 +274,12 @@ def _begin_of_rise(force_n: Floats, earliest: int, step: int) -> int:
     sample = np.arange(len(force_n), dtype=np.float64)
     knees = np.arange(earliest, len(force_n) - step, step)
     explained = []
+
     for knee in knees:  # one at a time: all of them take a gigabyte where a log is fast
         ramp = np.maximum(sample - knee, 0.0)
         ramp -= ramp.mean()
         explained.append((ramp @ force_n) ** 2 / (ramp @ ramp))
+
     return int(knees[int(np.argmax(explained))])
 
 
@@ -270,6 +288,7 @@ def _no_label(recording: Recording, log: ForceLog, reason: str) -> RecordingErro
     last = recording.frames[-1]
     path = recording.path
     spans = f"{log.time_s[0]:g} to {log.time_s[-1]:g} s"
+
     if last.time_s < log.time_s[0] or first.time_s > log.time_s[-1]:
         found = (
             f"frames.csv has {first.time_s:g} to {last.time_s:g} s, forces.csv {spans}"
@@ -277,6 +296,7 @@ def _no_label(recording: Recording, log: ForceLog, reason: str) -> RecordingErro
         return RecordingError(
             f"{path}: the clocks do not overlap: {found}; bring both to one clock"
         )
+
     found = f"no frame has a label; {first.file}: {reason}"
     return RecordingError(f"{path / 'frames.csv'}: {found}; forces.csv spans {spans}")
 
@@ -299,6 +319,7 @@ def _samples_around(
         return f"{stop - start} force samples {place}, about {expected:.0f} are needed"
     if missing := int(np.isnan(force_n[start:stop]).sum()):
         return f"{missing} of the {stop - start} force samples around it have no force"
+
     return slice(int(start), int(stop))
 
 
@@ -335,12 +356,14 @@ def log_doubts(
     doubt = axis_doubt(recording, classes)
     if doubt or recording.forces is None or recording.info.force is None:
         return (doubt,) if doubt else ()
+
     values = np.array(
         [np.nan if value is None else value for value in shown], dtype=np.float64
     )
     seen = np.flatnonzero(np.isfinite(values))
     if len(seen) > MOST_FRAMES:
         seen = seen[np.linspace(0, len(seen) - 1, MOST_FRAMES).astype(np.intp)]
+
     times_s = np.array([frame.time_s for frame in recording.frames])[seen]
     means = _means(recording.forces, recording.info.force)
     stated_n = means(times_s)
@@ -348,17 +371,20 @@ def log_doubts(
     times_s = times_s[known]
     values = values[seen][known]
     stated_n = stated_n[known]
+
     doubt = _size_doubt(stated_n, values, classes) if in_newtons else None
     if doubt:
         return (doubt,)
     if len(stated_n) < LEAST_FRAMES or np.ptp(values) == 0.0:
         return ()
+
     shift_s, gain = _best_shift(means, times_s, values, classes.bounds_n[0])
     if gain > BETTER:
         taken = f"about {abs(shift_s):g} s {'later' if shift_s > 0 else 'earlier'} than frames.csv says"
         return (
             f"the frames' times are off: they fit forces.csv as if taken {taken}; bring both to one clock",
         )
+
     varied = np.ptp(stated_n) > classes.bounds_n[0]
     if (
         varied
@@ -368,6 +394,7 @@ def log_doubts(
         return (
             "forces.csv is unrelated to the frames; check that both are of one session, and their clocks",
         )
+
     return ()
 
 
@@ -375,9 +402,11 @@ def _size_doubt(stated_n: Floats, read_n: Floats, classes: ClassesStudy) -> str 
     pushed = np.maximum(read_n, stated_n) > classes.bounds_n[0]
     if pushed.sum() < LEAST_FRAMES // 2:
         return None
+
     ratio = float(np.median(stated_n[pushed] / np.maximum(read_n[pushed], 1e-6)))
     if 1.0 / OTHER_SIZE < ratio < OTHER_SIZE:
         return None
+
     way = "check its unit (N), [force] axis, the clocks of frames.csv and forces.csv, and what is known of the eye"
     return f"forces.csv has {max(ratio, 0.0):.2g} times the force that the frames show, in the median: {way}"
 
@@ -388,6 +417,7 @@ def axis_doubt(recording: Recording, classes: ClassesStudy) -> str | None:
     info = recording.info.force
     if log is None or info is None:
         return None
+
     times_s = np.array([frame.time_s for frame in recording.frames])
     axes = [
         axis
@@ -399,9 +429,11 @@ def axis_doubt(recording: Recording, classes: ClassesStudy) -> str | None:
         axis: float(np.nanmax(np.abs(mean_n), initial=0.0))
         for axis, mean_n in means.items()
     }
+
     largest = max(axes, key=peaks_n.__getitem__)
     if peaks_n[largest] <= CROSS_FORCE * max(peaks_n[info.axis], classes.bounds_n[0]):
         return None
+
     across, along = (
         f"{from_si(peaks_n[axis], 'mn'):.1f} mN along {axis}"
         for axis in (largest, info.axis)
@@ -438,6 +470,7 @@ def _best_shift(
     shift_s = 0.0
     best = 0.0
     stated_n = means(times_s)
+
     for candidate_s in np.arange(-FARTHEST_S, FARTHEST_S + STEP_S / 2, STEP_S).tolist():
         force_n = means(times_s + candidate_s)
         kept = np.isfinite(force_n)
@@ -447,12 +480,14 @@ def _best_shift(
             continue
         if np.ptp(np.sort(force_n[kept])[1:-1]) <= least_span_n:
             continue
+
         gain = _likelihood(force_n[kept], shown[kept]) - _likelihood(
             stated_n[kept], shown[kept]
         )
         if gain > best:
             shift_s = candidate_s
             best = gain
+
     return shift_s, best
 
 
@@ -518,6 +553,7 @@ def log_punctures(log: ForceLog, force_n: Floats, travel_m: Floats) -> list[floa
     found = np.flatnonzero(sudden & touches)
     runs = np.split(found, np.flatnonzero(np.diff(found) > 1) + 1) if len(found) else []
     steepest = [run[np.argmax(fall_n[run])] for run in runs]
+
     return [float(log.time_s[first[place] + count]) for place in steepest]
 
 
@@ -530,6 +566,7 @@ def with_punctures(recording: Recording) -> Recording:
             recording,
             frames=tuple(replace(entry, pierced=False) for entry in recording.frames),
         )
+
     log = log.known(info.axis)
     times_s = np.array([frame.time_s for frame in recording.frames])
     raw_n = info.contact_sign * log.force_n(info.axis)
@@ -540,9 +577,11 @@ def with_punctures(recording: Recording) -> Recording:
         if frame.travel_m is not None
     ]
     there_m = np.full(len(log.time_s), np.nan)
+
     if known:
         at_s, stated_m = np.array(known).T
         there_m = np.interp(log.time_s, at_s, stated_m, left=np.nan, right=np.nan)
+
     pierced = after_punctures(
         times_s,
         log_punctures(log, tared_n, there_m),
@@ -550,6 +589,7 @@ def with_punctures(recording: Recording) -> Recording:
         contact_force(log, info),
     )
     each = zip(recording.frames, pierced, strict=True)
+
     return replace(
         recording,
         frames=tuple(replace(entry, pierced=is_pierced) for entry, is_pierced in each),

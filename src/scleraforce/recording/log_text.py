@@ -74,6 +74,7 @@ def clock_of(text: str) -> str | None:
         return kind
     if found["mark"] == "." or int(found["first"]) > 12:
         return DAY_FIRST
+
     return MONTH_FIRST if int(found["middle"]) > 12 else ""
 
 
@@ -94,12 +95,15 @@ def seconds_of(texts: Sequence[str], clock: str) -> Floats | int:
             *([""] if clock in (DAY_FIRST, MONTH_FIRST) else []),
         ):
             return nth
+
         try:
             time_s[nth] = _seconds(found, clock)
         except ValueError:
             return nth
+
     if clock == CLOCK:  # past midnight, the day begins anew
         time_s += DAY_S * np.concatenate([[0], np.cumsum(np.diff(time_s) < -DAY_S / 2)])
+
     return time_s
 
 
@@ -109,6 +113,7 @@ def _seconds(found: re.Match[str], clock: str) -> float:
     zone = (found["zone"] or "Z").replace("UTC", "Z")
     if half and not 1 <= hour <= 12:
         raise ValueError
+
     hour = hour % 12 + (12 if half[0] in "pP" else 0) if half else hour
     time = f"{hour:02}:{found['minute']}:{found['second'] or '00'}{zone}"
     return datetime.fromisoformat(f"{_day(found, clock)}T{time}").timestamp() + float(
@@ -119,10 +124,12 @@ def _seconds(found: re.Match[str], clock: str) -> float:
 def _day(found: re.Match[str], clock: str) -> date:
     if clock == CLOCK:
         return date(1970, 1, 1)
+
     if clock == NAMED:
         name = (found["name"] or found["name_after"]).lower()
         month = MONTHS.get(name[:4], MONTHS.get(name[:3], 0))
         return date(int(found["year"]), month, int(found["day"] or found["day_before"]))
+
     order = "ymd" if clock == ISO else clock
     parts = dict(
         zip(
@@ -131,6 +138,7 @@ def _day(found: re.Match[str], clock: str) -> date:
             strict=True,
         )
     )
+
     return date(parts["y"] + (2000 if parts["y"] < 100 else 0), parts["m"], parts["d"])
 
 
@@ -192,11 +200,13 @@ def unit_factor(unit: str, quantity: str) -> float | None:
     if per_unit and quantity != TIME and float(per_unit[1]) > 0.0:
         whole = unit_factor(per_unit[2], quantity)
         return None if whole is None else whole / float(per_unit[1])
+
     rate = RATE.fullmatch(unit.strip())
     if rate and quantity == TIME and float(rate[1]) > 0.0:
         return 1.0 / float(rate[1])
     if unit.strip() == "MN":
         return None
+
     return UNITS[quantity].get(
         unit.strip().lower().replace("\N{GREEK SMALL LETTER MU}", "µ")
     )
@@ -218,6 +228,7 @@ def read_log_text(path: Path, least: int = 2) -> Table:
         else _of_lines(path, lines, least)
     )
     check_counts(text)
+
     return text
 
 
@@ -236,20 +247,24 @@ def _of_labview(path: Path, lines: Sequence[str]) -> Table:
         raise RecordingError(
             f"{path}:{ends[2] + 1}: a second segment (Multi_Headings); {way}"
         )
+
     named = (
         line.removeprefix("Separator").strip()
         for line in lines[: ends[0]]
         if line.startswith("Separator")
     )
     stated = next(named, "Tab")
+
     separator = LABVIEW_SEPARATORS.get(stated.strip(",").lower())
     if separator is None:
         raise RecordingError(
             f"{path}: Separator: {stated!r} is not read; export the file with Tab or Comma"
         )
+
     head = _entries(lines[: ends[0]], separator)
     top = ends[-1] + 1
     segment = _entries(lines[ends[0] + 1 : ends[1]], separator) if ends[1:] else {}
+
     columns = head.get("X_Columns", ("One",))[0]
     if columns.lower() == "no" or (
         columns.lower() == "multi" and segment.get("Channels", ("1",))[0] != "1"
@@ -257,11 +272,13 @@ def _of_labview(path: Path, lines: Sequence[str]) -> Table:
         raise RecordingError(
             f"{path}: X_Columns: {columns} is not read; export the file with one column of times"
         )
+
     dimension = next((each for each in segment.get("X_Dimension", ()) if each), "Time")
     if dimension.lower() != "time":
         raise RecordingError(
             f"{path}: X_Dimension: {dimension!r}; the first column of a force log is the time"
         )
+
     mark = head.get("Decimal_Separator", (".",))[0]
     if mark not in (".", ","):
         raise RecordingError(
@@ -269,6 +286,7 @@ def _of_labview(path: Path, lines: Sequence[str]) -> Table:
         )
     if top >= len(lines):
         raise RecordingError(f"{path}: no columns below the header")
+
     names = _names(lines[top], separator)
     units = ("s", *segment.get("Y_Unit_Label", ()), *[""] * len(names))[: len(names)]
     return _below(
@@ -291,12 +309,14 @@ def _entries(lines: Sequence[str], separator: str) -> dict[str, tuple[str, ...]]
 def _of_lines(path: Path, lines: Sequence[str], least: int) -> Table:
     longer = None
     shorter = None
+
     for nth, (line, below) in enumerate(pairwise(lines[:SEARCHED_LINES])):
         alone = (
             SPACES if len(below.split()) > 1 else ","
         )  # a single column's name may have spaces
         separator = next((mark for mark in "\t;," if mark in line), alone)
         names = _names(line, separator)
+
         fields = _names(below, separator, marks="")
         if separator == SPACES and len(names) > len(
             fields
@@ -305,6 +325,7 @@ def _of_lines(path: Path, lines: Sequence[str], least: int) -> Table:
             wide = re.split(r" {2,}", bare)
             bracketed = re.split(r" +(?![\[({<])", bare)
             names = tuple(bracketed if len(bracketed) == len(fields) else wide)
+
         if not names or any(is_number(name) for name in names):
             continue
         if (
@@ -318,19 +339,23 @@ def _of_lines(path: Path, lines: Sequence[str], least: int) -> Table:
                 or f"{path}:{nth + 2}: {len(fields)} fields; the header above has {len(names)} names"
             )
             continue
+
         longer = longer or (nth, separator, names)
         if len(fields) == len(names):
             longer = nth, separator, names
             break
+
     if longer is None:
         raise RecordingError(
             shorter
             or f"{path}: no header: a line with the names of columns, above lines of numbers"
         )
+
     top, separator, names = longer
     # The line above the numbers may have only units, with the names above them.
     units = tuple(name.strip(" []()") for name in names)
     above = _names(lines[top - 1], separator) if top else ()
+
     known = [
         unit
         for unit in units
@@ -340,6 +365,7 @@ def _of_lines(path: Path, lines: Sequence[str], least: int) -> Table:
         return _below(
             Table(path=path, names=names, separator=separator), lines, top, top + 1
         )
+
     return _below(
         Table(path=path, names=above, separator=separator, units=units),
         lines,

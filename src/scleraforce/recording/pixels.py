@@ -87,6 +87,7 @@ def check_size(rows: int, columns: int, samples: int = 1) -> None:
         raise FrameError(
             f"an image of {rows} x {columns} pixels; give one frame, rows x columns"
         )
+
     if rows * columns > MAX_PIXELS or not 1 <= samples <= MAX_SAMPLES:
         many = f" with {samples} samples each" if samples > 1 else ""
         most = f"a frame may have {MAX_PIXELS // 2**20} million pixels (docs/recordings.md)"
@@ -103,14 +104,17 @@ def grey_pixels(pixels: NDArray[Any], colour: int = cv2.COLOR_RGB2GRAY) -> Pixel
             else f"{pixels.dtype} pixels"
         )
         raise FrameError(f"{found}; give whole numbers of 8 or 16 bits")
+
     if pixels.ndim == 3 and pixels.shape[-1] in (3, 4):
         pixels = np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels[..., :3]), colour))
     elif pixels.ndim == 3 and pixels.shape[-1] == 1:
         pixels = pixels[..., 0]
+
     if pixels.ndim != 2:
         raise FrameError(
             f"an image of shape {pixels.shape}; give one frame, rows x columns"
         )
+
     check_size(*pixels.shape)
     return pixels
 
@@ -126,11 +130,13 @@ def inverted(pixels: NDArray[Any], bits: int) -> NDArray[Any]:
         return -pixels
     if pixels.dtype not in (np.uint8, np.uint16):
         return -pixels.astype(np.int64 if pixels.dtype != np.uint64 else np.float64)
+
     top = 2**bits - 1
     if int(pixels.max()) > top:
         raise FrameError(
             f"damaged: a pixel of {int(pixels.max())} is more than {bits} bits"
         )
+
     turned: NDArray[Any] = pixels.dtype.type(top) - pixels
     return turned
 
@@ -153,6 +159,7 @@ def check_packbits(packed: bytes, most: int) -> None:
     """Refuse PackBits data (TIFF, DICOM's RLE) of more than `most` bytes; decoders would take up to 512 for each."""
     at = 0
     count = 0
+
     while at < len(packed):
         code = packed[at]
         if code < 128:
@@ -161,6 +168,7 @@ def check_packbits(packed: bytes, most: int) -> None:
         else:
             count += 257 - code if code > 128 else 0
             at += 2 if code > 128 else 1
+
         if count > most:
             raise FrameError(OVERFULL)
 
@@ -187,6 +195,7 @@ class Greys:
         picture = np.ascontiguousarray(picture)
         if not self.scaled:
             return np.asarray(picture.astype(np.int64) - int(self.low), dtype=np.uint16)
+
         scaled = np.clip(
             (picture.astype(np.float64) - self.low) * (TOP / (self.high - self.low)),
             0.0,
@@ -203,21 +212,25 @@ def find_greys(
         raise InputError(
             f"--grey-range: {given[0]:g} {given[1]:g}; give the darkest value before a larger one"
         )
+
     low = np.inf
     high = -np.inf
     lost = 0
     whole = True
+
     for picture in pictures:
         if picture.dtype.kind not in "uif":
             raise FrameError(
                 f"{name}: pixels of type {picture.dtype}; give whole numbers or floats"
             )
+
         known = picture[np.isfinite(picture)] if picture.dtype.kind == "f" else picture
         whole = whole and picture.dtype.kind != "f"
         lost = lost + picture.size - known.size
         if known.size:
             low = min(low, float(known.min()))
             high = max(high, float(known.max()))
+
     if given is not None:
         return Greys(low=given[0], high=given[1], scaled=True, lost=lost)
     if whole and high - min(low, 0.0) <= TOP:
@@ -226,6 +239,7 @@ def find_greys(
         raise FrameError(
             f"{name}: all pixels have one value or none; there is nothing to see in them"
         )
+
     return Greys(low=low, high=high, scaled=True, lost=lost)
 
 
@@ -240,6 +254,7 @@ def named_faults(path: Path | str, kind: str) -> Iterator[None]:
     except Exception as fault:  # packages raise whatever the damage leads to: OSError without a name, MemoryError
         if isinstance(fault, OSError) and fault.filename is not None:
             raise
+
         words = " ".join(str(fault).split()) or type(fault).__name__
         raise FrameError(
             f"{path}: damaged or an unknown kind of {kind}: {words}"
@@ -364,6 +379,7 @@ class Scan:
             self.size, depth_m=self.size.lateral_m, lateral_m=self.size.depth_m
         )
         pictures = self.pictures
+
         return replace(
             self,
             rows=self.columns,
@@ -383,6 +399,7 @@ class Scan:
             raise InputError(
                 f"{name}: frames {start + 1} to {stop} of {len(self.names)}; give a stretch of these"
             )
+
         times = self.times and replace(self.times, time_s=self.times.time_s[start:stop])
         stream = self.pictures
         return replace(
@@ -399,6 +416,7 @@ class Scan:
             for fault in (self.scale_fault, self.times_fault)
         )
         notes = tuple(f"{path}: {note}" for note in self.notes)
+
         return replace(
             self, notes=notes, scale_fault=scale_fault, times_fault=times_fault
         )
@@ -416,6 +434,7 @@ def one_size(sizes: Sequence[PixelSize]) -> tuple[PixelSize, str | None]:
             for mine, theirs in pairs
         ):
             return UNKNOWN_SIZE, f"{first}, {other}"
+
     return first, None
 
 
@@ -464,6 +483,7 @@ def joined(scans: Sequence[Scan]) -> Scan:
     """Return several files of frames as one scan: in the order of their times, or in the given order."""
     first = scans[0]
     kind = _kind(scans[0])
+
     for scan in scans[1:]:
         for field, mine in _kind(scan).items():
             if mine != kind[field]:
@@ -471,15 +491,18 @@ def joined(scans: Sequence[Scan]) -> Scan:
                 raise FrameError(
                     f"{scan.names[0]}: {found}; import frames of one kind at a time"
                 )
+
     times = [scan.times for scan in scans if scan.times is not None]
     ordered = scans
     joint = None
+
     if len(times) == len(scans):
         order = sorted(range(len(scans)), key=lambda nth: float(times[nth].time_s[0]))
         time_s = np.concatenate([times[nth].time_s for nth in order])
         if rising(time_s):
             ordered = [scans[nth] for nth in order]
             joint = Times(time_s, times[0].source)
+
     return replace(
         first,
         names=tuple(name for scan in ordered for name in scan.names),
@@ -508,6 +531,7 @@ def of_moments(scans: Sequence[Scan]) -> tuple[Scan, Scan]:
         times_fault=whole.times_fault,
     )
     times = [scan.times.time_s for scan in scans if scan.times is not None]
+
     if first.times is not None and len(first.names) > 1:
         apart_s = float(np.ptp(times, axis=0).max())
         if apart_s > 0.5 * float(np.diff(first.times.time_s).min()):
@@ -530,6 +554,7 @@ def _checked(scan: Scan) -> PictureStream:
     """Yield a scan's frames, and check their number, size and type, which damaged files break."""
     count = 0
     kind = None
+
     for count, picture in enumerate(scan.pictures(), start=1):
         kind = kind or picture.dtype
         if (picture.shape, picture.dtype) != (
@@ -538,7 +563,9 @@ def _checked(scan: Scan) -> PictureStream:
         ) or count > len(scan.names):
             found = f"a frame of {picture.shape} {picture.dtype}, number {count}"
             raise FrameError(f"{scan.names[0]}: damaged: {found}, is not stated")
+
         yield picture
+
     if count < len(scan.names):
         raise FrameError(
             f"{scan.names[0]}: damaged: {count} of {len(scan.names)} frames can be read"
@@ -557,6 +584,7 @@ def _kind(scan: Scan) -> dict[str, str]:
         "width of a pixel (um)",
     )
     values = (scan.rows, scan.columns, scan.bits, *sizes)
+
     return {
         name: "not stated" if value is None else f"{value:.9g}"
         for name, value in zip(names, values, strict=True)
@@ -588,6 +616,7 @@ def array_scan(
     """Return an array as a scan; `axes` names those longer than 1 (None: ask), fields have `stated` steps along all."""
     sizes = " x ".join(map(str, array.shape))
     long = [axis for axis, size in enumerate(array.shape) if size > 1]
+
     array = array.squeeze()
     if array.ndim not in (2, 3):
         raise FrameError(
@@ -600,12 +629,15 @@ def array_scan(
     if axes is None:
         question = f"which axis is which? Name {','.join(AXES[-array.ndim :])} in the order of the sizes"
         raise UnansweredError("--axes", f"an array of {sizes}: {question}")
+
     if array.ndim == 2:
         axes = tuple(name for name in axes if name != "frame")
+
     if len(axes) != array.ndim:
         raise FrameError(
             f"--axes names {len(axes)} axes ({','.join(axes)}); the array is of {sizes}"
         )
+
     check_bytes(array.nbytes)
     frames = np.transpose(array, [axes.index(name) for name in AXES if name in axes])
     frames = frames if frames.ndim == 3 else frames[np.newaxis]
@@ -620,6 +652,7 @@ def array_scan(
     )
     names = frame_names(path, count)
     bits = 8 if frames.dtype == np.uint8 else None
+
     return Scan(
         names,
         rows,

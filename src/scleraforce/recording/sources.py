@@ -46,15 +46,18 @@ def _foreign_kind(name: str, head: bytes) -> str | None:
         int.from_bytes(head[:4], order) for order in ("little", "big")
     ):
         return "an Analyze 7.5 volume, whose header has no unit; convert it to NIfTI (nibabel, MRIcroGL, fslchfiletype)"
+
     found: list[str] | None = FOREIGN["endings"].get(ending)
     if head.startswith(b"PK"):
         sheet = ending in (".xlsx", ".ods", ".xlsm")
         found = ["a spreadsheet", "{table}"] if sheet else ["a zip archive", "{unpack}"]
+
     for mark, words in FOREIGN["marks"].items():
         if head.startswith(mark.encode("latin-1")):
             found = words
         elif found is None and ending in re.findall(r"\.\w+", words[0]):
             found = [f"named as {words[0]}", words[1]]
+
     return None if found is None else "; ".join(found).format(**FOREIGN["remedies"])
 
 
@@ -127,9 +130,12 @@ def files_of(given: Sequence[Path]) -> list[Path]:
                 if each.is_file() and not each.name.startswith(".")
             ]
             inside = sorted(shown, key=_natural_order)
+
         if not inside:
             raise InputError(f"{path}: no files in this folder")
+
         found += inside
+
     return [
         path
         for path in found
@@ -152,12 +158,14 @@ def source_kind(path: Path) -> str:
     """Return the kind of a source: a kind of `read_scan`, "bag" or "log"."""
     if path.is_dir():
         return "bag"
+
     try:
         check_regular(path, path.stat(), SOURCE)
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)
     except OSError as fault:
         raise InputError(f"{path}: {fault.strerror}") from fault
+
     kind = _known_kind(path.name.lower(), head)
     if (
         kind is None
@@ -165,6 +173,7 @@ def source_kind(path: Path) -> str:
         and path.with_suffix(".hdr").exists()
     ):
         return source_kind(path.with_suffix(".hdr"))
+
     binary = kind == "log" and b"\0" in head  # a log is text
     if (binary or (kind is None and head)) and (
         foreign := _foreign_kind(path.name, head)
@@ -174,6 +183,7 @@ def source_kind(path: Path) -> str:
         raise InputError(
             f"{path}: {'of no kind that is read' if head else 'an empty file'}; give {KINDS}"
         )
+
     return kind
 
 
@@ -196,6 +206,7 @@ def read_scan(
         return images.read_numpy(path, axes, array)
     if kind in VOLUMES:
         return VOLUMES[kind](path, axes)
+
     return _oriented(path, FRAMES[kind](path), axes)
 
 
@@ -207,6 +218,7 @@ def _oriented(path: Path, scan: Scan, axes: tuple[str, ...] | None) -> Scan:
         raise InputError(
             f"--axes: {','.join(axes)}: {path} has frame after frame; begin with frame"
         )
+
     return scan.turned() if axes[-2:] == ("lateral", "depth") else scan
 
 
@@ -230,6 +242,7 @@ def _known_kind(name: str, head: bytes) -> str | None:
         ("nifti", name.endswith(NIFTI_NAMES) and head),
         ("log", name.endswith(TEXT_NAMES) and head),
     )
+
     return next((kind for kind, found in marks if found), None)
 
 
@@ -263,21 +276,26 @@ def gather(
     given = [force_log.parse_column(text) for text in options.columns]
     sources_of = dict[Plane | None, list[Path]]()
     scans = dict[Plane | None, list[Scan]]()
+
     for source, plane in zip_longest(sources, planes):
         sources_of.setdefault(plane, []).append(source)
+
     files = [
         (path, source_kind(path), plane)
         for plane, of_plane in sources_of.items()
         for path in files_of(of_plane)
     ]
     place_of = dict[Path, Plane]()
+
     for path, _, plane in files:
         if plane and place_of.setdefault(path.resolve(), plane) != plane:
             raise InputError(
                 f"--plane: {path} is of two planes; give the frames of each"
             )
+
     logs: list[tuple[Path, ForceLog]] = []
     columns: tuple[force_log.LogColumn, ...] = ()
+
     for path, kind, plane in files:
         if kind == "bag":
             scan, log = bags.read_bag(
@@ -306,7 +324,9 @@ def gather(
             scans.setdefault(plane, []).append(
                 read_scan(path, kind, axes, options.array)
             )
+
         seen(1)
+
     if not scans:
         raise InputError(
             f"{sources[0]}: no frames in the sources; give images, a volume, a film or a bag with images"
@@ -315,6 +335,7 @@ def gather(
         raise InputError(
             f"{logs[1][0]}: a second force log beside {logs[0][0]}; import one recording at a time"
         )
+
     wholes = {
         plane: joined(found).between(options.first_frame, options.last_frame)
         for plane, found in scans.items()
@@ -324,6 +345,7 @@ def gather(
         raise InputError(
             f"--plane: missing for {wholes[None].names[0]}; give one before the frames of each plane"
         )
+
     check_planes(tuple(of_planes))
     check_counts(
         {
@@ -337,6 +359,7 @@ def gather(
     )
     log = logs[0][1] if logs else None
     notes = [*scan.notes, *(log.notes if log else ())]
+
     for of_plane in scans:
         shown = [
             path
@@ -348,6 +371,7 @@ def gather(
             notes.insert(
                 len(scan.notes), f"frames are taken in the order given, {order}"
             )
+
     kinds = tuple((path, kind) for path, kind, _ in files)
     return Gathered(kinds, scan, log, columns, tuple(notes), frames, tuple(of_planes))
 
@@ -362,9 +386,11 @@ def on_one_clock(
         raise InputError(
             f"the frames' times do not rise from each frame to the next; {way}"
         )
+
     first_s = float(min([time_s[0], *([] if log is None else log.time_s[:1])]))
     origin_s = float(np.floor(first_s)) if first_s > SINCE_1970_S else 0.0
     moved = None if log is None else replace(log, time_s=log.time_s - origin_s)
+
     time_s = time_s - origin_s
     if moved is not None and (
         time_s[-1] < moved.time_s[0] or time_s[0] > moved.time_s[-1]
@@ -376,4 +402,5 @@ def on_one_clock(
         raise InputError(
             f"the clocks do not overlap: {found}; --clock-offset-s brings both to one clock"
         )
+
     return Times(time_s, times.source), moved, origin_s

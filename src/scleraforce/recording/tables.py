@@ -70,6 +70,7 @@ def read_table(
     """Return a table of a recording, whose first line names its columns: some of `known`, and all `required` ones."""
     header, *lines = read_text(path, kind).splitlines() or [""]
     separator = next((mark for mark in SEPARATORS if mark in header), ",")
+
     names = fields_of(header.rstrip(f" \t{separator}"), separator, f"{path}:1")
     if not any(names):
         raise RecordingError(
@@ -85,6 +86,7 @@ def read_table(
         raise RecordingError(
             f"{path}:1: column {missing[0]} is missing; found: {', '.join(names)}"
         )
+
     bare = {
         nth: text
         for nth, line in enumerate(lines, start=2)
@@ -102,6 +104,7 @@ def read_table(
         table,
         1 + max(map(names.index, required)) if kind == KINDS["frames"] else len(names),
     )
+
     return table
 
 
@@ -112,6 +115,7 @@ def check_counts(table: Table, least: int | None = None) -> None:
     least = (
         Counter(counts).most_common(1)[0][0] if least is None and counts else least or 0
     )
+
     for line, count in enumerate(counts):
         if not least <= count <= names:
             most = f", most lines {least}" if count < least < names else ""
@@ -129,13 +133,16 @@ def _count(table: Table, line: int) -> int:
     """Return the number of fields of a line, without empty ones behind the last column."""
     text = table.lines[line]
     names = len(table.names)
+
     separator = table.separator
     if '"' in text or separator == SPACES:
         fields = fields_of(text, separator, table.place(line))
         filled = max(
             (nth for nth, field in enumerate(fields, start=1) if field), default=0
         )
+
         return len(fields) if len(fields) <= names else max(names, filled)
+
     count = text.count(separator) + 1
     return (
         count
@@ -148,6 +155,7 @@ def fields_of(line: str, separator: str, place: str) -> tuple[str, ...]:
     """Return the fields of one line, without quotes and without spaces around them; `place` is for messages."""
     if separator == SPACES:
         return tuple(line.split())
+
     try:
         row = next(
             csv.reader([line], delimiter=separator, skipinitialspace=True, strict=True),
@@ -157,6 +165,7 @@ def fields_of(line: str, separator: str, place: str) -> tuple[str, ...]:
         raise RecordingError(
             f"{place}: {fault}; each line is a row of its own, and quotes end on it"
         ) from fault
+
     return tuple(field.strip() for field in row)
 
 
@@ -182,13 +191,16 @@ def decimal_mark(table: Table, read: Collection[int]) -> str:
     place = table.place
     if table.separator == "," or not any("," in line for line in lines):
         return "."
+
     comma: tuple[int, int, str] | None = None
     pointed = table.mark == "."
     proven = table.mark == ","
     no_point = not any("." in line for line in lines)
+
     for index, line in enumerate(lines):
         if no_point and proven and comma is not None:
             break
+
         fields = (
             fields_of(line, table.separator, place(index))
             if '"' in line
@@ -197,18 +209,23 @@ def decimal_mark(table: Table, read: Collection[int]) -> str:
         for column, field in enumerate(map(str.strip, fields)):
             if not is_number(field):
                 continue
+
             pointed |= "." in field
             proven |= "," in field and not GROUPED.fullmatch(field)
+
             if field.count(",") > 1 and column in read:
                 raise RecordingError(
                     f"{place(index)}: {field!r} has commas between thousands; {PLAIN_NUMBERS}"
                 )
+
             if comma is None and "," in field and column in read:
                 comma = index, column, field
+
     if comma is None:
         return "."
     if proven and not pointed:
         return ","
+
     index, column, field = comma
     name = table.names[column] if column < len(table.names) else f"column {column + 1}"
     why = (
@@ -238,6 +255,7 @@ def numbers_of(
     mark = mark or decimal_mark(table, places)
     if not table.lines:
         raise RecordingError(f"{table.path}: no samples below the header")
+
     lines = (
         [line.replace(",", ".") for line in table.lines] if mark == "," else table.lines
     )
@@ -247,6 +265,7 @@ def numbers_of(
         "quotechar": '"',
         "ndmin": 2,
     }
+
     try:  # NumPy is ten times as fast as Python
         values_sc = np.loadtxt(lines, usecols=tuple(places), dtype=np.float64, **form)
     except ValueError:
@@ -257,8 +276,10 @@ def numbers_of(
                 for line in range(len(lines))
             ]
         )
+
     if mark == "." and not ours:
         _check_points(table, places, values_sc)
+
     return values_sc
 
 
@@ -274,12 +295,14 @@ def _check_points(table: Table, places: Sequence[int], values_sc: Floats) -> Non
             or (size[~whole] < 1.0).any()
         ):
             continue
+
         texts = table.column(table.names[place])
         pointed = [line for line, field in enumerate(texts) if "." in field]
         if len(pointed) == len(texts) or not all(
             POINT_GROUPED.fullmatch(texts[line]) for line in pointed
         ):
             continue
+
         found = f"{table.place(pointed[0])}: {table.names[place]}: {(field := texts[pointed[0]])!r}"
         readings = f"{float(field):g} with a decimal point, or {field.replace('.', '')} with one between thousands"
         why = "every point has three digits behind it, other numbers have none"
@@ -296,6 +319,7 @@ def _row_numbers(
 ) -> list[float]:
     fields = table.fields(line)
     values = []
+
     for place in places:
         field = fields[place] if place < len(fields) else ""
         value = number(field, mark)
@@ -308,7 +332,9 @@ def _row_numbers(
             raise RecordingError(
                 f"{table.place(line)}: {table.names[place]}: {field!r} is not a number{hint}"
             )
+
         values.append(np.nan if value is None else value)
+
     return values
 
 
@@ -396,6 +422,7 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
     entries: list[FrameEntry] = []
     seen = dict[str, int]()
     planes = set[tuple[float, str | None]]()
+
     for index, line in enumerate(table.numbers):
         place = table.place(index)
         entry = _frame_entry(
@@ -405,6 +432,7 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
             raise RecordingError(
                 f"{place}: file: {entry.file} is in line {seen[entry.file]} already"
             )
+
         last_s = entries[-1].time_s if entries else -np.inf
         if (
             entry.time_s == last_s
@@ -414,6 +442,7 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
             raise RecordingError(
                 f"{place}: plane: {entry.plane!r} has a frame at {entry.time_s:g} s already"
             )
+
         planes.add((entry.time_s, entry.plane))
         if entry.time_s < last_s or (
             entry.time_s == last_s and (last_s, None) in planes
@@ -422,9 +451,12 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
             raise RecordingError(
                 f"{place}: time_s: {found}; frames are in the order of their times, one at a time"
             )
+
         entries.append(entry)
+
     if not entries:
         raise RecordingError(f"{path}: no frames; give a line for each frame")
+
     return tuple(
         entry for moment in moments_of(entries) for entry in _of_moment(path, moment)
     )
@@ -448,6 +480,7 @@ def _of_moment(path: Path, entries: Sequence[FrameEntry]) -> Sequence[FrameEntry
             raise RecordingError(
                 f"{path}: {name}: {differ} at {entries[0].time_s:g} s; planes of one moment have one"
             )
+
     pierced = any(entry.pierced for entry in entries)
     return [replace(entry, pierced=True) for entry in entries] if pierced else entries
 
@@ -461,11 +494,13 @@ def read_force_log(path: Path, axis: str) -> ForceLog:
         table, [table.names.index("time_s"), *forces], gaps=forces, ours=True
     )
     log = ForceLog(values_sc[:, 0].copy(), values_sc[:, 1:], columns)
+
     log = checked_samples(
         replace(log, notes=gap_notes(path, log.force_n(axis))), path, table.place
     )
     if not np.isfinite(log.force_n(axis)).any():
         raise RecordingError(f"{path}: {axis}_n: no sample has a force; all are nan")
+
     return log
 
 
@@ -475,9 +510,11 @@ def checked_samples(
     """Return a log with NaN for implausible samples, and notes; refuse a bad clock, or too many of them."""
     if len(log.time_s) < 2:
         raise RecordingError(f"{path}: fewer than two samples of the force")
+
     rate_hz = _checked_rate(log, path, place)
     notes = list(log.notes)
     wrench_sc = _without_implausible(log, place, range_n, notes)
+
     if rate_hz < GOOD_SAMPLE_RATE_HZ * 0.999:
         noise = f"the noise of a label is {np.sqrt(GOOD_SAMPLE_RATE_HZ / rate_hz):.2g} times as large"
         vibration = f"vibration faster than {rate_hz / 2:.3g} Hz is taken for force"
@@ -485,6 +522,7 @@ def checked_samples(
             f"{rate_hz:.4g} samples a second, {GOOD_SAMPLE_RATE_HZ:g} are recommended"
         )
         notes.append(f"{path.name}: {said}: {noise}, and {vibration}")
+
     return replace(log, wrench_sc=wrench_sc, notes=tuple(notes))
 
 
@@ -503,11 +541,13 @@ def _without_implausible(
 ) -> Floats:
     beyond = np.zeros(log.wrench_sc.shape, dtype=bool)
     limits_n = {}
+
     for column, name in enumerate(log.columns):
         force_n = log.wrench_sc[:, column]
         known_n = force_n[np.isfinite(force_n)]
         if not name.endswith("_n") or not len(known_n):
             continue
+
         middle_n = float(np.median(known_n))
         levels_n = np.unique(known_n)
         step_n = (
@@ -520,8 +560,10 @@ def _without_implausible(
         beyond[:, column] = (np.abs(force_n - middle_n) > limit_n) | (
             np.abs(force_n) > range_n
         )
+
     if not beyond.any():
         return log.wrench_sc
+
     flagged: Flags = np.asarray(beyond.any(axis=1))
     sample, column = np.argwhere(beyond)[0].tolist()
     value_n = log.wrench_sc[sample, column]
@@ -529,10 +571,12 @@ def _without_implausible(
     why = f"the sensor's range is {range_n:g} N" if abs(value_n) > range_n else beside
     found = f"{log.columns[column]}: {value_n:.4g} N ({why})"
     count = f"{flagged.sum()} of {len(flagged)} samples"
+
     if flagged.mean() > MOST_IMPLAUSIBLE:
         raise RecordingError(
             f"{place(sample)}: {found}; {count} are implausible: check the unit and the sensor"
         )
+
     notes.append(
         f"{count} are implausible and have no force; the first is {place(sample)}: {found}; is it in N?"
     )
@@ -548,6 +592,7 @@ def _checked_rate(log: ForceLog, path: Path, place: Callable[[int], str]) -> flo
         np.abs(values_sc) <= largest_c
     )  # a NaN is bad as well: of a time; of a force it says that there is none
     bad[:, 1:] &= ~np.isnan(log.wrench_sc)
+
     for sample, column in np.argwhere(bad)[:1].tolist():
         value = values_sc[sample, column]
         fault = (
@@ -556,6 +601,7 @@ def _checked_rate(log: ForceLog, path: Path, place: Callable[[int], str]) -> flo
             else "is not a finite number"
         )
         raise RecordingError(f"{place(sample)}: {columns[column]}: {value:g} {fault}")
+
     steps_s = np.diff(log.time_s)
     if (steps_s <= 0.0).any():
         sample = int(np.argmax(steps_s <= 0.0)) + 1
@@ -563,12 +609,14 @@ def _checked_rate(log: ForceLog, path: Path, place: Callable[[int], str]) -> flo
         raise RecordingError(
             f"{place(sample)}: time_s: {found}; the clock must run forward"
         )
+
     rate_hz = 1.0 / float(np.quantile(steps_s, 0.5, method="higher"))
     if rate_hz < MIN_SAMPLE_RATE_HZ * 0.999:
         needed = f"at least {MIN_SAMPLE_RATE_HZ:g} are needed to follow a push of 0.2 s (times are in seconds)"
         raise RecordingError(
             f"{path}: time_s: {rate_hz:.4g} samples a second; {needed}"
         )
+
     return rate_hz
 
 
@@ -579,14 +627,17 @@ def _frame_entry(place: str, row: dict[str, str], mark: str) -> FrameEntry:
     )
     if not file or "\\" in file or not file.isprintable() or not inside:
         raise RecordingError(f"{place}: file: {file!r} is not a name below frames/")
+
     pierced = row.get("pierced", "")
     if pierced not in ("", "0", "1"):
         raise RecordingError(f"{place}: pierced: {pierced!r}; give 0 or 1")
+
     time_s = number(row["time_s"], mark)
     if time_s is None or not abs(time_s) <= LARGEST_TIME_S:
         raise RecordingError(
             f"{place}: time_s: {row['time_s']!r} is not a finite number of seconds"
         )
+
     numbers = {name: number(row[name], mark) for name in FRAME_NUMBERS if row.get(name)}
     for name, found in numbers.items():
         low, high, words = FRAME_NUMBERS[name]
@@ -594,6 +645,7 @@ def _frame_entry(place: str, row: dict[str, str], mark: str) -> FrameEntry:
             raise RecordingError(
                 f"{place}: {name}: {row[name]!r} is not a number {words}"
             )
+
     return FrameEntry(
         file,
         time_s,

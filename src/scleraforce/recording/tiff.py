@@ -65,6 +65,7 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
         frames = [page for page in pages if not _is_copy(page, pages[0])]
         for page in pages:
             _check_page(file, page)
+
         count, rows, columns = _sizes(
             [each for each in file.series if not _is_copy(each.keyframe, pages[0])]
         )
@@ -82,6 +83,7 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
         times = _times(file, count, notes)
         kinds = {page.photometric for page in frames}
         copies = any(page.subifds for page in frames)
+
         for note, holds in (
             (
                 "smaller copies of the frames in the file were not read",
@@ -98,6 +100,7 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
             ),
         ):
             notes += [note] if holds else []
+
         names = scans.frame_names(path, count)
         bits = 8 if file.series[0].dtype == np.uint8 else None
         scan = Scan(
@@ -111,6 +114,7 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
         scan = replace(
             scan, size=size, scale_fault=scale_fault, notes=tuple(dict.fromkeys(notes))
         ).of_file(path)
+
     # From the fifth orientation on, rows and columns change places, with their sizes.
     shown = scan.turned() if orientation in ORIENTATIONS[4:] else scan
     return replace(
@@ -127,6 +131,7 @@ def _opened(path: Path, data: bytes | None) -> "Iterator[TiffFile]":
 
     tifffile.logger().setLevel("CRITICAL")  # we report faults ourselves, once
     file = path if data is None else BytesIO(data)
+
     with (
         scans.named_faults(path, "TIFF"),
         tifffile.TiffFile(file, _multifile=False) as opened,
@@ -150,14 +155,17 @@ def _check_page(file: "TiffFile", page: "TiffPage") -> None:
         raise FrameError(
             f"a TIFF of kind {kind}; save it as grey (black is zero) or RGB"
         )
+
     scans.check_size(page.imagelength, page.imagewidth, page.samplesperpixel)
     if page.photometric != RGB and page.samplesperpixel > 1:
         found = (
             f"SamplesPerPixel {page.samplesperpixel}, PhotometricInterpretation {kind}"
         )
         raise FrameError(f"{found}: several channels; save the one with the frames")
+
     scans.check_size(max(2, page.tilelength), max(2, page.tilewidth))
     most = int(np.prod(page.chunks)) * 8
+
     for at, count in zip(page.dataoffsets, page.databytecounts, strict=True):
         if page.compression in DEFLATE:
             scans.unpacked(_read(file, at, count), most)
@@ -182,9 +190,12 @@ def _sizes(several: "Sequence[TiffPageSeries]") -> tuple[int, int, int]:
             raise FrameError(
                 f"{len(several)} series of images ({found}); save the one with the frames alone"
             )
+
         return len(several), rows, columns
+
     series = several[0]
     length = dict(zip(series.axes, series.shape, strict=True))
+
     others = [axis for axis, size in length.items() if axis not in "YXS" and size > 1]
     if (
         not {"Y", "X"} <= set(length)
@@ -195,6 +206,7 @@ def _sizes(several: "Sequence[TiffPageSeries]") -> tuple[int, int, int]:
         raise FrameError(
             f"axes {found}; give a stack of frames with one axis beside rows (Y) and columns (X)"
         )
+
     return length[others[0]] if others else 1, length["Y"], length["X"]
 
 
@@ -214,6 +226,7 @@ def _check_pages(
         or max(ends) > file.filehandle.size
     ):
         raise FrameError("damaged: its end is missing, or pages that it states")
+
     stated = int((file.imagej_metadata or {}).get("images", count))
     if stated != count:
         raise FrameError(
@@ -241,6 +254,7 @@ def _orientation(pages: "Sequence[TiffPage]") -> int:
         )
     if found[0] not in ORIENTATIONS:
         raise FrameError(f"Orientation {found[0]}; TIFF has 1 to 8")
+
     return found[0]
 
 
@@ -267,6 +281,7 @@ def _bright(page: "TiffPage", pixels: NDArray[Any]) -> NDArray[Any]:
         colours = np.asarray(page.colormap)
         colours = (colours if colours.max() < 256 else colours >> 8).astype(np.uint8)
         return np.moveaxis(colours[:, pixels], 0, -1)
+
     if page.planarconfig == PLANES_APART and pixels.ndim == 3:
         pixels = np.moveaxis(pixels, 0, -1)
     return (
@@ -301,7 +316,9 @@ def _ome_sizes(file: "TiffFile", notes: list[str]) -> list[PixelSize]:
             sizes_m.append(
                 size * METRES[unit] if unit in METRES and 0.0 < size < inf else None
             )
+
         found.append(PixelSize("OME", depth_m=sizes_m[0], lateral_m=sizes_m[1]))
+
     return found
 
 
@@ -318,9 +335,11 @@ def _resolution(file: "TiffFile", page: "TiffPage", notes: list[str]) -> PixelSi
         for name in ("yunit", "unit")
     )
     source = "ImageJ's unit"
+
     units_m = [_metres(deep or unit), _metres(unit)]
     if unit and unit not in NO_UNITS and units_m[1] is None:
         notes.append(f"ImageJ's unit {unit!r} is not known: the scale is not either")
+
     if not unit:
         source = "XResolution, YResolution"
         units_m = [tag_m, tag_m]
@@ -333,12 +352,14 @@ def _resolution(file: "TiffFile", page: "TiffPage", notes: list[str]) -> PixelSi
         notes.append(
             f"ImageJ's unit is {unit}, ResolutionUnit {UNIT_NAMES[kind]}: {taken} counts, as in ImageJ"
         )
+
     depth_m, lateral_m = map(
         partial(_size, page), ("YResolution", "XResolution"), units_m
     )
     printed = (
         units_m[0] in PRINTED and depth_m == lateral_m and (depth_m or 0.0) >= PRINTED_M
     )
+
     return PixelSize(
         source,
         depth_m=None if printed else depth_m,
@@ -361,10 +382,12 @@ def _json_size(page: "TiffPage", rows: int, columns: int) -> PixelSize:
     """Return the steps of axes that a JSON text in the Software tag lists value by value, as myOCT writes them."""
     depth_m = None
     lateral_m = None
+
     with suppress(ValueError, TypeError, KeyError, AttributeError):
         axes = json.loads(page.tags["Software"].value)["metadata"]
         depth_m = _step_m(axes.get("z"), rows)
         lateral_m = _step_m(axes.get("x"), columns)
+
     return PixelSize(
         "JSON axes in the Software tag", depth_m=depth_m, lateral_m=lateral_m
     )
@@ -375,6 +398,7 @@ def _step_m(axis: Any, size: int) -> float | None:
     unit_m = METRES.get((axis or {}).get("units", ""))
     if values.shape != (size,) or unit_m is None:
         return None
+
     steps = np.diff(values)
     even = steps.mean() and np.allclose(steps, steps.mean(), rtol=0.01)
     return abs(float(steps.mean())) * unit_m if even else None
@@ -390,12 +414,15 @@ def _times(file: "TiffFile", count: int, notes: list[str]) -> Times | None:
             if isinstance(interval, int | float) and unit_s is not None
             else 0.0
         )
+
         return scans.even_times(count, step_s, "ImageJ's finterval")
+
     stated = next(iter(_of_ome(file, "Pixels")), {})
     step_s = float(stated.get("TimeIncrement", "0")) * SECONDS.get(
         stated.get("TimeIncrementUnit", "s"), 0.0
     )
     planes = _of_ome(file, "Plane")
+
     units_s = [
         SECONDS.get(plane.get("DeltaTUnit", "s"))
         for plane in planes
@@ -415,5 +442,7 @@ def _times(file: "TiffFile", count: int, notes: list[str]) -> Times | None:
             notes.append(
                 f"OME's TimeIncrement is {step_s:g} s, DeltaT has {found_s:.4g} s: DeltaT counts"
             )
+
         return Times(time_s, "OME's DeltaT") if rising(time_s) else None
+
     return scans.even_times(count, step_s, "OME's TimeIncrement")

@@ -39,6 +39,7 @@ def _stated_steps(
 ) -> list[float | None]:
     if all(step in (0.0, 1.0) or not np.isfinite(step) for step in steps[:3]):
         return [None for _ in steps]
+
     each = zip(steps, units_m, strict=True)
     return [
         step * unit_m
@@ -57,6 +58,7 @@ def _data_file(path: Path, field: str, named: str) -> Path:
         raise FrameError(
             f"its pixels are said to be in {named!r}; import it where they lie beside it"
         )
+
     return path.with_name(named)
 
 
@@ -64,10 +66,12 @@ def _check_orientation(orientation: str, axes: Axes) -> None:
     """Check that depth runs away from the probe along the axis that is named depth (PLUS)."""
     letters = orientation.upper() if ORIENTATION.fullmatch(orientation) else ""
     found = f"UltrasoundImageOrientation = {orientation}: depth"
+
     if "N" in letters:
         raise FrameError(
             f"{found} runs towards the probe; flip its rows, or write it as MF (PLUS: EditSequenceFile)"
         )
+
     at = letters.find("F")
     if axes is not None and 0 <= at < len(axes) and axes[at] != "depth":
         raise FrameError(f"{found} is axis {at + 1}; --axes names {','.join(axes)}")
@@ -78,11 +82,13 @@ def _plus_sequence(scan: Scan, fields: Mapping[str, str]) -> Scan:
     times = _of_frames(scan, fields, "Timestamp")
     states = _of_frames(scan, fields, "ImageStatus")
     count = len(scan.names)
+
     kept = [nth for nth in range(count) if states.get(nth, "OK").upper() != "INVALID"]
     if not kept:
         raise FrameError(
             f"Seq_FrameNNNN_ImageStatus = INVALID for all {count} frames; there is nothing to read"
         )
+
     if len(kept) < count:
         left_out = ", ".join(str(nth) for nth in range(count) if nth not in kept)
         notes = f"ImageStatus = INVALID: frames {left_out} (from 0) are left out"
@@ -98,17 +104,21 @@ def _plus_sequence(scan: Scan, fields: Mapping[str, str]) -> Scan:
                 each for nth, each in enumerate(pictures()) if nth in set(kept)
             ),
         )
+
     if not times:
         return scan
+
     time_s = np.array([float(times[nth]) for nth in kept])
     if not rising(time_s):
         at = next(nth for nth in range(len(kept)) if not rising(time_s[: nth + 1]))
         pair = " and ".join(
             f"{times[nth]} (frame {nth})" for nth in kept[max(0, at - 1) : at + 1]
         )
+
         return replace(
             scan, times_fault=f"Seq_FrameNNNN_Timestamp does not rise: {pair}"
         )
+
     return replace(scan, times=Times(time_s, "Seq_Frame Timestamp"))
 
 
@@ -126,6 +136,7 @@ def _of_frames(scan: Scan, fields: Mapping[str, str], name: str) -> dict[int, st
         raise FrameError(
             f"{stated} has {len(scan.names)}; write it again, or correct --axes"
         )
+
     return found
 
 
@@ -154,6 +165,7 @@ def read_nifti(path: Path, axes: Axes) -> Scan:
         size = int(np.prod(shape, dtype=np.int64)) * header.get_data_dtype().itemsize
         scans.check_bytes(size)
         plane = max(1, size // max(1, int(np.prod(shape[2:], dtype=np.int64))))
+
         with image.file_map["image"].get_prepare_fileobj("rb") as file:
             file.seek(image.dataobj.offset + size)
             if len(file.read(plane)) >= plane:
@@ -161,10 +173,12 @@ def read_nifti(path: Path, axes: Axes) -> Scan:
                 raise FrameError(
                     f"dim states {sizes} pixels, and more follow; correct dim, or write the file again"
                 )
+
         unscaled = (image.dataobj.slope, image.dataobj.inter) == (1.0, 0.0)
         array = np.asarray(image.dataobj.get_unscaled() if unscaled else image.dataobj)
         note = f"pixels were scaled by scl_slope {image.dataobj.slope:g}, {image.dataobj.inter:g}"
         scan = array_scan(path, array, axes, _nifti_steps(header))
+
         scan = replace(scan, notes=() if unscaled else (note,)).of_file(path)
         if (
             len(shape) < 4
@@ -173,11 +187,13 @@ def read_nifti(path: Path, axes: Axes) -> Scan:
             or array.shape[3] != len(scan.names)
         ):
             return scan
+
         unit_s = SECONDS.get(header.get_xyzt_units()[1], 0.0)
         times = scans.even_times(
             len(scan.names), float(header.get_zooms()[3]) * unit_s, "NIfTI's pixdim"
         )
         start_s = float(header["toffset"]) * unit_s
+
         return replace(
             scan, times=times and replace(times, time_s=times.time_s + start_s)
         )
@@ -189,13 +205,16 @@ def _nifti_steps(header: Any) -> list[Steps]:
         raise FrameError(
             f"xyzt_units: {code} is not a NIfTI unit of length; correct it (1 m, 2 mm, 3 micron)"
         )
+
     pixdim = [float(step) for step in header.get_zooms()]
     units_m = [METRES.get(NIFTI_UNITS[code])] * len(pixdim)
     found: list[Steps] = [(_stated_steps(pixdim, units_m), "NIfTI's pixdim")]
+
     affine, sform_code = header.get_sform(coded=True)
     if sform_code:
         sform = np.linalg.norm(affine[:3, :3], axis=0).tolist()[: len(pixdim)]
         found.append((_stated_steps([*sform, *pixdim[3:]], units_m), "NIfTI's sform"))
+
     return found
 
 
@@ -206,6 +225,7 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
         with path.open("rb") as file:
             header = nrrd.read_header(file)
             start = file.tell()
+
         for axis, (kind, size) in enumerate(
             zip(header.get("kinds", []), header["sizes"], strict=False), start=1
         ):
@@ -213,6 +233,7 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
                 raise FrameError(
                     f"kinds: axis {axis} of {size} is {kind!r}; give grey frames, of one channel"
                 )
+
         count = int(np.prod(header["sizes"], dtype=np.int64)) * SAMPLE_BYTES
         scans.check_bytes(count)
         data = _data_file(
@@ -220,13 +241,16 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
             "data file: ",
             str(header.get("data file", header.get("datafile", ""))),
         )
+
         if header["encoding"].lower() in ("gzip", "gz"):
             scans.unpacked(data.read_bytes()[start if data == path else 0 :], count)
+
         array, _ = nrrd.read(str(path), index_order="F")
         named = axes or _nrrd_axes(header, array.shape)
         _check_orientation(str(header.get("UltrasoundImageOrientation", "")), named)
         scan = array_scan(path, array, named, _nrrd_steps(header, array.ndim))
         scan = replace(scan, times=_nrrd_times(header, len(scan.names)))
+
         return _plus_sequence(
             scan, {name: str(value) for name, value in header.items()}
         ).of_file(path)
@@ -242,6 +266,7 @@ def _nrrd_axes(header: Any, shape: tuple[int, ...]) -> Axes:
         for label, kind in zip(labels, kinds, strict=True)
     ]
     long = tuple(name for name, size in zip(named, shape, strict=True) if size > 1)
+
     return long if sorted(long) in (sorted(AXES), sorted(AXES[1:])) else None
 
 
@@ -256,12 +281,14 @@ def _nrrd_times(header: Any, count: int) -> Times | None:
                 if rising(time_s)
                 else None
             )
+
     return None
 
 
 def _nrrd_steps(header: Any, count: int) -> list[Steps]:
     found = list[Steps]()
     unit_m = None
+
     if "space directions" in header:
         anatomical = NRRD_IN_MM.match(
             str(header.get("space", ""))
@@ -274,6 +301,7 @@ def _nrrd_steps(header: Any, count: int) -> list[Steps]:
             raise FrameError(
                 f"space units: {' and '.join(sorted(names))}; give all directions in one"
             )
+
         unit_m = METRES.get(names.pop())
         lengths = np.linalg.norm(
             np.array(header["space directions"], dtype=np.float64), axis=1
@@ -281,10 +309,12 @@ def _nrrd_steps(header: Any, count: int) -> list[Steps]:
         found.append(
             (_stated_steps(lengths, [unit_m] * count), "NRRD's space directions")
         )
+
     units_m = [
         METRES.get(str(unit), unit_m) for unit in header.get("units", [""] * count)
     ]
     spacings = [float(spacing) for spacing in header.get("spacings", [np.nan] * count)]
+
     return [*found, (_stated_steps(spacings, units_m), "NRRD's spacings")]
 
 
@@ -314,11 +344,13 @@ def read_metaimage(path: Path, axes: Axes) -> Scan:
         notes = []
         if orientation := fields.get("ultrasoundimageorientation", ""):
             notes.append(f"UltrasoundImageOrientation = {orientation}")
+
         array = _pixels(path, fields, start, notes)
         _check_orientation(orientation, axes)
         scan = replace(
             array_scan(path, array, axes, _steps(fields)), notes=tuple(notes)
         )
+
         return _plus_sequence(scan, fields).of_file(path)
 
 
@@ -337,6 +369,7 @@ def _header(path: Path) -> tuple[dict[str, str], int]:
                 )
             if name.lower() == "elementdatafile":
                 return fields, file.tell()
+
     raise FrameError("damaged: its header has no ElementDataFile")
 
 
@@ -349,6 +382,7 @@ def _check(fields: dict[str, str]) -> None:
         field for field in ("DimSize", "ElementType") if field.lower() not in fields
     ]:
         raise FrameError(f"damaged: its header has no {missing[0]}")
+
     axes = len(fields["dimsize"].split())
     for field in ("TransformMatrix", "Orientation", "Rotation"):
         values = np.array(fields.get(field.lower(), "").split(), dtype=np.float64)
@@ -375,6 +409,7 @@ def _pixels(
         raise FrameError(
             f"ElementType = {fields['elementtype']}; one of {', '.join(TYPES)}"
         )
+
     orders = {
         _flag(fields, name, False) for name in BYTE_ORDERS if name.lower() in fields
     }
@@ -382,6 +417,7 @@ def _pixels(
         raise FrameError(
             f"{' and '.join(BYTE_ORDERS)} contradict each other; correct one of them"
         )
+
     dtype = np.dtype((">" if True in orders else "<") + kind)
     shape = [int(length) for length in fields["dimsize"].split()]
     size = int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
@@ -390,12 +426,14 @@ def _pixels(
     local = data_path == path
     skipped = int(fields.get("headersize", "0"))
     data = data_path.read_bytes()[(start if local else 0) + max(skipped, 0) :]
+
     if not _flag(fields, "BinaryData", True):
         return (
             np.array(data.split())
             .astype(dtype.newbyteorder("="))
             .reshape(shape, order="F")
         )
+
     data = (
         scans.unpacked(data, size) if _flag(fields, "CompressedData", False) else data
     )
@@ -405,8 +443,10 @@ def _pixels(
         raise FrameError(
             f"damaged: {data_path.name} has {len(data)} bytes of pixels; {stated}"
         )
+
     if not orders and dtype.itemsize > 1:
         notes.append(f"no {BYTE_ORDERS[0]}; taken as False")
+
     return (
         np.frombuffer(data, dtype)
         .astype(dtype.newbyteorder("="))
@@ -423,11 +463,13 @@ def _steps(fields: dict[str, str]) -> list[Steps]:
             raise FrameError(
                 f"{field} has {len(values)} numbers, and DimSize {fields['dimsize']}; correct it"
             )
+
         found += (
             [(_stated_steps(values, [METRES["mm"]] * len(values)), field)]
             if values
             else []
         )
+
     return found
 
 
@@ -445,8 +487,10 @@ def read_thorlabs(path: Path) -> Scan:
             raise FrameError(f"{HEADER} of more than {XML_BYTES} bytes")
         if b"<!DOCTYPE" in (text := archive.read(HEADER)) or b"<!ENTITY" in text:
             raise FrameError(f"{HEADER} defines entities, which a scanner does not")
+
         header = ElementTree.fromstring(text)
         entry, name = _intensity(archive, header)
+
         rows, columns, count = (
             int(entry.get(f"Size{axis}", "1" if axis == "Y" else "0")) for axis in "ZXY"
         )
@@ -458,13 +502,16 @@ def read_thorlabs(path: Path) -> Scan:
             raise FrameError(
                 f"{HEADER}: {name} has BytesPerPixel = {stated_bytes}; 4 (floats, in dB) are read"
             )
+
         stated = archive.getinfo(name).file_size
         scans.check_size(rows, columns)
         scans.check_bytes(stated)
+
         if count < 1 or stated != rows * columns * count * SAMPLE.itemsize:
             raise FrameError(
                 f"{name} has {stated} bytes; the header says {rows} x {columns} x {count} floats"
             )
+
         in_file, in_header = (
             PixelSize(
                 f"Thorlabs' {field}",
@@ -493,6 +540,7 @@ def read_thorlabs(path: Path) -> Scan:
             columns,
             lambda: _pictures(path, name, (columns, rows)),
         )
+
         return replace(scan, size=size, scale_fault=scale_fault, notes=notes).of_file(
             path
         )
@@ -506,6 +554,7 @@ def _intensity(
         (entry, (entry.text or "").strip().replace("\\", "/"))
         for entry in header.iter("DataFile")
     ]
+
     found = [
         (entry, names[inside])
         for entry, inside in entries
@@ -520,6 +569,7 @@ def _intensity(
         raise FrameError(
             f"{len(found)} files of intensity, {listed}; export the one that is meant as TIFF"
         )
+
     return found[0]
 
 

@@ -36,6 +36,7 @@ def mask_of(mask: Any, place: str) -> Bytes:
         raise FrameError(
             f"{place}: a mask of shape {found.shape}; give one, rows x columns"
         )
+
     levels = np.unique(found)
     if set(levels.tolist()) <= {0, 1}:
         return np.where(
@@ -47,6 +48,7 @@ def mask_of(mask: Any, place: str) -> Bytes:
         raise FrameError(
             f"{place}: {others[0]:g} in a mask; it has 0 (no wall), 128 (column not judged), 255 (wall)"
         )
+
     return np.where(hidden, np.uint8(NOT_JUDGED), found.astype(np.uint8))
 
 
@@ -88,6 +90,7 @@ class RecordedWalls:
         path = self.path(file)
         if not path.exists():
             return None
+
         if self._rows is not None:
             if file not in self._rows:
                 raise RecordingError(
@@ -100,6 +103,7 @@ class RecordedWalls:
                     f"{path}: drawn on another version of {file}; it is not used"
                 )
                 return None
+
         self._used.add(file)
         return read_mask(path)
 
@@ -121,12 +125,14 @@ def write_wall(
     path.parent.mkdir(exist_ok=True)
     drawn = {each.stem for each in path.parent.glob("*.png")} | {path.stem}
     rows = _rows(table) if table.exists() else {}
+
     for frame in (
         each
         for each in (recording / "frames").iterdir()
         if each.stem in drawn and each.name not in rows
     ):
         rows[frame.name] = [frame.name, "unknown", "", frame_file_digest(frame)]
+
     rows[file] = [
         file,
         author,

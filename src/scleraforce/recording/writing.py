@@ -79,6 +79,7 @@ class ForceWriter:
             self._short_steps += (
                 time_s - self._last_s < 1.0 / MIN_SAMPLE_RATE_HZ + FORCE_STEP_S / 2
             )
+
         self._last_s = time_s
         if (2 * self._short_steps > self._steps) != self._is_fast:
             self.set_aside() if self._is_fast else self._slow.rename(self._fast)
@@ -116,6 +117,7 @@ class _Table:
             ]
             line = (",".join(filled) + "\n").encode()
             left = PAGE_BYTES
+
         _write_all(self._file, line)
         self._page_left = left
 
@@ -157,6 +159,7 @@ def frame_files(names: Sequence[str]) -> list[str]:
         PLAIN_NAME.fullmatch(stem) for stem in stems
     )
     digits = max(4, len(str(len(names))))
+
     return [
         f"{stem}.png" if own else f"{nth:0{digits}d}.png"
         for nth, stem in enumerate(stems, start=1)

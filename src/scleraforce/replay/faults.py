@@ -110,11 +110,13 @@ def prepare(
         raise InputError(
             f"{recording.path}: oct.plane: faults need a recording of a single plane"
         )
+
     frames_s = [entry.time_s for entry in recording.frames]
     first = int(np.searchsorted(frames_s, time_s))
     if not 2 <= first < len(frames_s) - 1:
         within = f"frames are from {frames_s[2]:g} to {frames_s[-2]:g} s"
         raise InputError(f"{recording.path}: a fault at {time_s:g} s; {within}")
+
     stage = _Stage(
         recording, first, rng, version, median_interval_s(recording) / speed, forces_n
     )
@@ -133,6 +135,7 @@ def draw_fault_time(
     )  # a few frames in contact
     over = np.flatnonzero(force_n >= HARMLESS_N)
     end_s = (frames_s[over[0]] if len(over) else frames_s[-1]) - WITHIN_S
+
     possible = first + np.flatnonzero(
         (force_n > CONTACT_N)[first:] & (frames_s <= end_s)[first:]
     )
@@ -140,6 +143,7 @@ def draw_fault_time(
         between = f"contact ({from_si(CONTACT_N, 'mn'):g} mN) and {from_si(HARMLESS_N, 'mn'):g} mN"
         needs = f"{WITHIN_S:g} s between {between} are needed; use a slower ramp, or --fault-at-s"
         raise InputError(f"{recording.path}: no room for a fault: {needs}")
+
     return float(frames_s[rng.choice(possible)])
 
 
@@ -155,11 +159,13 @@ def inject(player: Player, prepared: PreparedFault) -> FaultReport:
     due_s, stamp_s = player.due(prepared.time_s)
     interval_s = median_interval_s(player.recording) / player.speed
     client.listen(due_s)
+
     if not log.ok:
         said = f"it said: {log.status.message if log.status else 'nothing'}"
         raise InputError(
             f"{player.recording.path}: the monitor was not watching when the fault was due; {said}"
         )
+
     held_s = max(
         0.0, client.clock() - due_s - STATED_S
     )  # the replay's own delay is not part of the fault
@@ -176,6 +182,7 @@ def inject(player: Player, prepared: PreparedFault) -> FaultReport:
             began_s = sent_s if index == 0 else began_s
             next_s = due_s + (index + 1) * interval_s
             client.listen(next_s, doubted)
+
             if doubted() or _silent(player, began_s) or next_s > began_s + WITHIN_S:
                 break
         else:
@@ -187,6 +194,7 @@ def inject(player: Player, prepared: PreparedFault) -> FaultReport:
             delay_s=client.clock() - began_s,
             message=str(gone),
         )
+
     report = FaultReport(
         name=name, began_s=began_s, delay_s=None, message="the monitor still says OK"
     )
@@ -205,6 +213,7 @@ def inject(player: Player, prepared: PreparedFault) -> FaultReport:
     if _silent(player, began_s):
         delay_s = (log.status_s or began_s) + SILENT_S - began_s
         return replace(report, delay_s=delay_s, message="no STATUS for 150 ms")
+
     return report
 
 
@@ -222,11 +231,14 @@ def _do(player: Player, act: Act, stamp_s: float) -> float:
     begun_s = list[float]()
     if act is None:
         client.disconnect()
+
     for number, sending in enumerate(act or ()):
         if number and not log.ok:
             break
+
         message = sending.message
         time_s = stamp_s + sending.late_s
+
         try:
             begun_s.append(
                 client.send(
@@ -237,9 +249,12 @@ def _do(player: Player, act: Act, stamp_s: float) -> float:
             )
         except LinkError:  # the monitor has disconnected this client, whose robot connection hears the answer
             break
+
         if isinstance(message, Unstamped):
             log.sent(sending.number, message.frame_id, begun_s[-1])
+
         client.listen(client.clock())
+
     return begun_s[0] if begun_s else client.clock()
 
 
@@ -305,6 +320,7 @@ class _Stage:
             raise InputError(
                 f"{self.recording.path}: no force at its frames; add truth.json or forces.csv"
             )
+
         forces_n = np.asarray(self.given_n)
         if not forces_n.max() >= least_n:
             needs = f"this fault needs {from_si(least_n, 'mn'):g} mN: choose another recording"
@@ -312,6 +328,7 @@ class _Stage:
             raise InputError(
                 f"{self.recording.path}: forces up to {found_mn:.1f} mN; {needs}"
             )
+
         return forces_n
 
     def nearest(
@@ -321,12 +338,14 @@ class _Stage:
         forces_n = self.forces_n(least_n)
         shown = MonitorLimits().shown_frames
         chosen = list(range(max(0, self.first - shown), self.first))
+
         for force_n in wanted_n:
             order = np.argsort(np.abs(forces_n - force_n), kind="stable")
             recent = set(chosen[-shown:])
             chosen.append(
                 int(next((index for index in order if index not in recent), order[0]))
             )
+
         return [
             self.recording.frame(self.recording.frames[index])
             for index in chosen[-len(wanted_n) :]
@@ -353,11 +372,13 @@ def _burned_in_clock(stage: _Stage) -> list[Act]:
     pictures = []
     clock = ceil(len(last) * CLOCK_ROWS), ceil(last.shape[1] * CLOCK_COLUMNS)
     rows, columns = (1, 1) if stage.rng.random() < 0.5 else clock
+
     for place in range(stage.count):
         burned_in = last.copy()
         digits = stage.rng.integers(0, 2, (rows, columns)) * (2**stage.info.bits - 1)
         burned_in[:rows, :columns] = digits ^ (place & 1)
         pictures.append(burned_in)
+
     return stage.shown(pictures)
 
 
@@ -404,6 +425,7 @@ def _pixel_type(stage: _Stage) -> list[Act]:
         if last.dtype == np.uint8
         else (last >> above).astype(np.uint8)
     )
+
     return stage.shown(last if place % 2 else other for place in range(stage.count))
 
 
@@ -460,6 +482,7 @@ def _bad_image(stage: _Stage) -> list[Act]:
     body = bytes(data[HEADER_BYTES : -int(stage.rng.integers(1, len(data) // 2))])
     if stage.version > 1:  # the metadata follows the pixels
         body = body[:-2] + bytes(2)
+
     head = pack_header(
         replace(header, body_bytes=len(body), crc=fastcrc.crc64.ecma_182(body))
     )
@@ -472,6 +495,7 @@ def _flood(stage: _Stage) -> list[Act]:
         for index in range(min(FLOOD, len(stage.recording.frames) - stage.first))
     ]
     burst = [stage.sending(several[place % len(several)]) for place in range(FLOOD)]
+
     return stage.once(
         *(replace(sending, late_s=place * 1e-5) for place, sending in enumerate(burst))
     )

@@ -130,6 +130,7 @@ class ScannerClient:
                 raise LinkError(
                     f"{self.address}: the monitor has closed the connection"
                 )
+
             try:
                 rest = rest[self._scanner.send(rest) :]
                 moved_s = self.clock()
@@ -138,6 +139,7 @@ class ScannerClient:
                     raise LinkError(
                         f"{self.address}: the monitor has read nothing for {STALL_S:g} s"
                     ) from None
+
                 self._turn(0.1, writing=True)
             except OSError as fault:
                 self._lose(self._scanner, fault)
@@ -178,14 +180,17 @@ class ScannerClient:
         except OSError as fault:
             self._lose(link, fault)
             return
+
         at_s = self.clock()
         if not count:
             self._lose(link, None)
+
         for event in self._decoder.received(count) if heard else ():
             if isinstance(event, igtl.Broken):
                 raise LinkError(
                     f"{self.address}: does not send OpenIGTLink: {event.reason}"
                 )
+
             if isinstance(event, igtl.Received):
                 self._hear(at_s, event.header.device, event.message)
 
@@ -196,6 +201,7 @@ class ScannerClient:
             raise LinkError(
                 f"{self.address}: the connection is lost: {fault.strerror if fault else 'it was closed'}"
             )
+
         link.close()
 
 
@@ -206,9 +212,11 @@ def _connect(host: str, port: int) -> socket.socket:
         reason = fault.strerror or str(fault)
         what_to_do = "start `scleraforce monitor` there, or give --host, --port"
         raise InputError(f"{host}:{port}: {reason}; {what_to_do}") from fault
+
     link.setblocking(False)
     with suppress(OSError):
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
     return link
 
 
@@ -318,11 +326,13 @@ class AnswerLog:
         self.status = status
         if self.status_s is not None:
             self.longest_silence_s = max(self.longest_silence_s, at_s - self.status_s)
+
         self.status_s = at_s
         self._changed = before is None or (before.code, before.subcode) != (
             status.code,
             status.subcode,
         )
+
         if self._changed:
             change = Change(
                 at_s=at_s,
@@ -333,6 +343,7 @@ class AnswerLog:
             if self._last is not None:
                 number, sent_s = self._last
                 change = replace(change, frame=number, after_s=at_s - sent_s)
+
             self.changes.append(change)
 
     def _hear_reading(self, text: str) -> None:
@@ -340,9 +351,11 @@ class AnswerLog:
             self.reading = reading = msgspec.json.decode(text, type=dict[str, Any])
         except msgspec.DecodeError:
             return
+
         frame_id = reading.get("frame_id")
         at_s = self.status_s
         status = self.status
+
         sent = (
             self._waiting.pop((reading.get("plane"), frame_id), None)
             if isinstance(frame_id, int)
@@ -350,12 +363,14 @@ class AnswerLog:
         )
         if at_s is None or status is None or sent is None:
             return
+
         number, sent_s = sent
         self.answered = number
         latency_ms = reading.get("latency_ms")
         self.answers.append(
             TimedAnswer(code=status.code, took_s=at_s - sent_s, server_ms=latency_ms)
         )
+
         if self._changed:
             self._changed = False
             self.changes[-1] = replace(
@@ -432,8 +447,10 @@ class Player:
             for force in self._forces()
             if force.time_s < min(stop_s, self.recording.frames[-1].time_s)
         )
+
         for timed in merge(self.frames(entries), forces, self._poses(entries)):
             self.send(timed)
+
         if stop_s == float("inf"):
             self._await_answer()
 
@@ -444,6 +461,7 @@ class Player:
         ):
             if not asked(entry):
                 return
+
             self.client.listen(self.client.clock())
             self._put(timed, self.wall_clock())
             self._await_answer()
@@ -464,8 +482,10 @@ class Player:
         late_s = max(0.0, self.client.clock() - due_s)
         self.latest_s = max(self.latest_s, late_s)
         sent_s = self._put(timed, stamp_s + max(0.0, late_s - STATED_S))
+
         if timed.number:
             self._frame_went = timed.time_s, sent_s
+
         return sent_s
 
     def due(self, time_s: float) -> tuple[float, float]:
@@ -483,6 +503,7 @@ class Player:
             self.log.sent(timed.number, timed.message.frame_id, sent_s, timed.plane)
         else:
             self.forces_sent += timed.message.device == FORCE_DEVICE
+
         self.watch()
         return sent_s
 
@@ -497,6 +518,7 @@ class Player:
                 pool.submit(self._read, entry, numbers[entry.file]) for entry in entries
             )
             waiting = deque(islice(left, self.ahead))
+
             try:
                 wait(waiting)
                 while waiting:
@@ -529,6 +551,7 @@ class Player:
         info = self.recording.info.force
         if log is None or info is None:
             return
+
         every = max(1, ceil(log.sample_rate_hz * self.speed / FORCES_PER_S - 1e-3))
         whole = tuple(FORCE_COLUMNS[1 : 1 + len(log.columns)]) == log.columns and len(
             log.columns
@@ -543,6 +566,7 @@ class Player:
         )  # a robot sends no force that it does not have
         times_s = log.time_s[known]
         values_sc = values_sc[known]
+
         for time_s, values_c in zip(
             times_s[::every].tolist(), values_sc[::every].tolist(), strict=True
         ):

@@ -88,6 +88,7 @@ def evenly(entries: list[Entry], most: int) -> list[Entry]:
     """Return at most `most` of some entries, in even steps."""
     if len(entries) <= most:
         return entries
+
     return (
         [entries[n] for n in np.linspace(0, len(entries) - 1, most).round().astype(int)]
         if most
@@ -152,6 +153,7 @@ def _encoded(figure: Figure, kind: Kind) -> bytes:
             "ignore", "Glyph .* missing from font"
         )  # of a file's name: it is shown as a box
         figure.savefig(content, format=kind, metadata={LEFT_OUT[kind]: None})
+
     found = content.getvalue()
     return (
         found.replace(b"</style>", f"{DARK_RULES}</style>".encode(), 1)

@@ -81,10 +81,12 @@ def look_at_all(answers: Iterable[FrameAnswer]) -> tuple[AnsweredFrame, ...]:
     """Read the pixels of answers' frames, each recording once; raises `RecordingError` or `FrameError`."""
     opened = cache(read_recording)
     looks = []
+
     for answer in answers:
         recording = opened(answer.recording)
         entry = next(entry for entry in recording.frames if entry.file == answer.file)
         looks.append(AnsweredFrame(answer, recording, recording.frame(entry)))
+
     return tuple(looks)
 
 
@@ -99,6 +101,7 @@ def draw_slice_pairs(
     figure = Figure(figsize=style.inches(170, 100))
     grid = figure.subplots(4, len(pairs), squeeze=False)
     occurring = set[int]()
+
     for column, (look, measured, simulated) in enumerate(pairs):
         answer = look.answer
         extent_m = (measured.shape[1] * pixel_m, measured.shape[0] * pixel_m)
@@ -126,10 +129,13 @@ def draw_slice_pairs(
             title, color=style.CLASS_INKS[answer.target or 0], fontweight="bold"
         )
         grid[3, column].set_xlabel("lateral [mm]")
+
         for axes in grid[1:3, column]:
             axes.tick_params(labelbottom=False)
+
     for row, name in enumerate(("raw frame", "its slice", "simulated", "overlay")):
         grid[row, 0].set_ylabel(f"{name}\ndepth [mm]")
+
     parts = enumerate(PARTS.items(), start=1)
     handles = [
         Patch(color=colour, label=label)
@@ -137,6 +143,7 @@ def draw_slice_pairs(
         if number in occurring
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
+
     return figure
 
 
@@ -147,8 +154,10 @@ def draw_montage(dataset: "Dataset", chosen: Integers) -> Figure:
     rows = -(-len(chosen) // 6)
     figure = Figure(figsize=style.inches(170, 14.5 * rows))
     grid = figure.subplots(rows, 6, squeeze=False).ravel()
+
     for axes in grid:
         axes.set_axis_off()
+
     thickness_um = from_si(dataset.read("thickness_m"), "um")
     for axes, sample in zip(grid, chosen, strict=False):
         axes.imshow(dataset.slices[sample], cmap="gray", **SLICE)
@@ -156,6 +165,7 @@ def draw_montage(dataset: "Dataset", chosen: Integers) -> Figure:
         axes.set_title(
             title, fontsize=6.5, pad=2, color=style.CLASS_INKS[dataset.target[sample]]
         )
+
     return figure
 
 
@@ -165,6 +175,7 @@ def draw_wall(axes: Axes, look: AnsweredFrame) -> None:
     rows, columns = look.frame.shape
     style.show_image(axes, look.frame, look.extent_m)
     lateral_mm = (np.arange(columns) + 0.5) * width_mm / columns
+
     for row, colour in (
         (look.found.outer_row, style.AMBER),
         (look.found.inner_row, style.SKY),
@@ -172,6 +183,7 @@ def draw_wall(axes: Axes, look: AnsweredFrame) -> None:
         axes.plot(
             lateral_mm, (row + 0.5) * depth_mm / rows, color=colour, linewidth=0.9
         )
+
     axes.set(xlim=(0.0, width_mm), ylim=(depth_mm, 0.0))
 
 
@@ -188,18 +200,23 @@ def draw_segmentation(look: AnsweredFrame) -> Figure:
         "(c) mask of the wall",
         "(d) frame, masked",
     )
+
     for axes, title in zip(panels, titles, strict=True):
         axes.set_title(title)
+
     style.show_image(raw, look.frame, look.extent_m)
     draw_wall(found, look)
     style.show_image(mask, look.found.mask, look.extent_m, interpolation="nearest")
     style.show_image(
         masked, np.where(look.found.mask > 0, look.frame, 0), look.extent_m
     )
+
     for axes in (raw, mask):
         axes.set_ylabel("depth [mm]")
+
     for axes in (mask, masked):
         axes.set_xlabel("lateral [mm]")
+
     return figure
 
 
@@ -212,6 +229,7 @@ def laid_on_surface(section: Section, surface_m: Floats, width_m: float) -> Sect
     )
     curve = section.outer[ahead]
     best = np.inf, width_m / 2, 0.0  # mean distance, and the place
+
     for middle_m in width_m / 2 + SHIFTS_M:
         depth_m = np.interp(
             lateral_m, curve[:, 0] + middle_m, curve[:, 1], left=np.nan, right=np.nan
@@ -224,6 +242,7 @@ def laid_on_surface(section: Section, surface_m: Floats, width_m: float) -> Sect
                 (float(np.mean(np.abs(away - down_m))), middle_m, down_m),
                 key=itemgetter(0),
             )
+
     return section.shifted(*best[1:])
 
 
@@ -234,6 +253,7 @@ def draw_computed_walls(
     """Draw each frame bare and, below, with the sections that each mechanics computed for it, laid on its surface."""
     figure = Figure(figsize=style.inches(170, 52))
     grid = figure.subplots(2, len(looks), squeeze=False, sharex="col", sharey="col")
+
     for column, look in enumerate(looks):
         width_m, depth_m = look.extent_m
         for axes in grid[:, column]:
@@ -241,6 +261,7 @@ def draw_computed_walls(
             axes.set(
                 xlim=(0.0, from_si(width_m, "mm")), ylim=(from_si(depth_m, "mm"), 0.0)
             )
+
         surface_m = (look.found.outer_row + 0.5) * depth_m / len(look.frame)
         for sections, (colour, line) in zip(computed.values(), WALLS, strict=False):
             laid = laid_on_surface(sections[column], surface_m, width_m)
@@ -248,16 +269,20 @@ def draw_computed_walls(
                 grid[1, column].plot(
                     *from_si(curve.T, "mm"), color=colour, linestyle=line, linewidth=0.9
                 )
+
         force_mn = from_si(max(look.answer.measured_force_n or 0.0, 0.0), "mn")
         grid[0, column].set_title(f"{look.answer.file}, {force_mn:.0f} mN")
         grid[1, column].set_xlabel("lateral [mm]")
+
     for axes in grid[:, 0]:
         axes.set_ylabel("depth [mm]")
+
     handles = [
         Line2D([], [], color=colour, linestyle=line, label=name)
         for name, (colour, line) in zip(computed, WALLS, strict=False)
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+
     return figure
 
 
@@ -279,6 +304,7 @@ def draw_scanner(
     counts = figure.add_subplot(grid[1, :])
     edges = np.linspace(0, top + 1, min(BINS, top + 1) + 1)
     looks = (("Real", real, style.BLACK, "-"), ("Drawn", drawn, style.AMBER, "--"))
+
     for column, (title, frame, colour, line) in enumerate(looks):
         axes = figure.add_subplot(grid[0, column])
         style.show_image(axes, frame, extent_m, vmin=0, vmax=top)
@@ -293,6 +319,7 @@ def draw_scanner(
             linestyle=line,
             label=title.lower(),
         )
+
     counts.set(
         xlabel="count",
         ylabel="share of the pixels, %",
@@ -301,6 +328,7 @@ def draw_scanner(
     )
     style.log_scale(counts)
     counts.legend()
+
     return figure
 
 
@@ -364,6 +392,7 @@ def _draw_places(axes: Axes, places: Sequence[Place]) -> None:
                 markersize=4.5,
                 zorder=4,
             )
+
     ringed = (place for place in places if place[2].misread)
     draw(
         ringed,
@@ -405,6 +434,7 @@ def draw_residuals(evaluation: Evaluation) -> Figure:
     axes = figure.subplots()
     places = list[Place]()
     unread = list[float]()
+
     for frame in evaluation.scored:
         measured_n = frame.measured_force_n
         read_n = frame.answer.force_n
@@ -414,6 +444,7 @@ def draw_residuals(evaluation: Evaluation) -> Figure:
         if read_n is None or interval_n is None:
             unread.append(from_si(measured_n, "mn"))
             continue
+
         x, y, low, high = (
             from_si(force_n, "mn")
             for force_n in (measured_n, read_n - measured_n, *interval_n)
@@ -426,6 +457,7 @@ def draw_residuals(evaluation: Evaluation) -> Figure:
             color=style.CLASS_COLOURS[frame.answer.predicted],
             linewidth=0.9,
         )
+
     _draw_places(axes, places)
     if unread:
         axes.plot(
@@ -437,6 +469,7 @@ def draw_residuals(evaluation: Evaluation) -> Figure:
             label="not usable",
             transform=axes.get_xaxis_transform(),
         )
+
     _draw_agreement(axes, evaluation)
     top_mn = max([from_si(evaluation.max_force_n, "mn"), *(x for x, *_ in places)])
     _mark_classes(axes, evaluation.bounds_n, top_mn)
@@ -448,6 +481,7 @@ def draw_residuals(evaluation: Evaluation) -> Figure:
     figure.legend(
         loc="outside lower center", ncols=4, handlelength=1.5, columnspacing=1.2
     )
+
     return figure
 
 
@@ -460,6 +494,7 @@ def _draw_agreement(axes: Axes, evaluation: Evaluation) -> None:
     mean_label, limits_label = (each.replace("-", "\N{MINUS SIGN}") for each in words)
     label_mn = SDS_OF_INTERVAL * from_si(evaluation.label_sd_n, "mn")
     axes.plot([], [], "|", color=style.BLACK, markersize=8, label="90 % interval")
+
     if label_mn:
         label = f"label error, 90 %: ±{label_mn:.2f} mN"
         axes.axhspan(
@@ -471,8 +506,10 @@ def _draw_agreement(axes: Axes, evaluation: Evaluation) -> None:
             zorder=0,
             label=label,
         )
+
     axes.axhline(0.0, color=style.GREY, linewidth=0.6, zorder=1)
     axes.axhline(middle, color=style.BLACK, linewidth=0.9, zorder=1, label=mean_label)
+
     if not isnan(low):
         for limit, name in ((low, limits_label), (high, None)):
             axes.axhline(
@@ -492,6 +529,7 @@ def _mark_classes(axes: Axes, bounds_n: Sequence[float], top_mn: float) -> None:
         axes.axvline(
             bound_mn, color=style.GREY, linewidth=0.6, linestyle=DASHED, zorder=1
         )
+
     for number, (low, high) in enumerate(pairwise([0.0, *bounds_mn, top_mn])):
         axes.annotate(
             f"class {number}",
@@ -510,6 +548,7 @@ def draw_overview(read: Sequence[AnsweredFrame], evaluation: Evaluation) -> Figu
     """Draw frames, one of each class, with their walls and the classes read, above the forces of all trials."""
     figure = Figure(figsize=style.inches(170, 92))
     top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=[1.0, 2.1])[:, 0]
+
     for axes, one in zip(
         top.subplots(1, len(read), squeeze=False)[0], read, strict=True
     ):
@@ -525,11 +564,13 @@ def draw_overview(read: Sequence[AnsweredFrame], evaluation: Evaluation) -> Figu
         axes.set_title(
             title, color=style.CLASS_INKS[answer.predicted], fontweight="bold"
         )
+
         if one.answer.measured_force_n is not None:
             measured = f"measured: {from_si(one.answer.measured_force_n, 'mn'):.1f} mN"
             axes.text(
                 0.5, -0.04, measured, transform=axes.transAxes, ha="center", va="top"
             )
+
     _draw_trials(bottom, evaluation)
     return figure
 
@@ -579,6 +620,7 @@ def sheet_frame(name: str, frame: ScaledFrame, found: Segmentation) -> SheetFram
     size = max(1, round(WIDTH * aspect)), WIDTH
     verdict = "not usable"
     reason = found.reason.removeprefix("two methods to find the wall differ: ")
+
     if found.usable:
         verdict = "usable"
         reason = "inner boundary not seen" if isnan(found.thickness_m) else ""
@@ -587,8 +629,10 @@ def sheet_frame(name: str, frame: ScaledFrame, found: Segmentation) -> SheetFram
             if stated and not reason
             else ""
         )
+
     if found.methods is not None:
         verdict += f", disagreement {found.methods.disagreement:.2f}"
+
     words = verdict, *wrap(shorten(reason, 3 * LETTERS, placeholder="…"), LETTERS)
     return SheetFrame(
         name,
@@ -649,8 +693,10 @@ def draw_sheet(frames: Sequence[SheetFrame], title: str, note: str = "") -> Figu
         wspace=GAP_MM / CELL_MM,
         hspace=0.0,
     )
+
     for nth, one in enumerate(frames):
         _draw_frame(figure.add_subplot(grid[divmod(nth, COLUMNS)]), one)
+
     return figure
 
 
@@ -658,6 +704,7 @@ def _draw_frame(axes: Axes, one: SheetFrame) -> None:
     found = one.found
     methods = one.found.methods
     axes.imshow(one.picture, extent=(0.0, 1.0, 1.0, 0.0), aspect="auto")
+
     if methods is not None:
         classical = methods.classical
         network = methods.network
@@ -672,6 +719,7 @@ def _draw_frame(axes: Axes, one: SheetFrame) -> None:
                 np.where(network.there, [network.outer_row, network.inner_row], np.nan),
             ),
         )
+
         for (column, rows), (_, colour, line, width) in zip(walls, LINES, strict=True):
             x = (column + 0.5) / columns
             y = (np.asarray(rows).T + 0.5) / found.rows
@@ -682,6 +730,7 @@ def _draw_frame(axes: Axes, one: SheetFrame) -> None:
                 linestyle=line,
                 linewidth=width,
             )
+
     axes.set(
         xlim=(0.0, 1.0),
         ylim=(1.0, 0.0),

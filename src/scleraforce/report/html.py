@@ -87,6 +87,7 @@ def write_page(
     """Write a page from a template of the package and its values, as one file; raises `InputError`."""
     if path.exists() and not overwrite:
         raise InputError(f"{path}: exists already; remove it or choose another name")
+
     pages = Environment(
         loader=PackageLoader("scleraforce", ""),
         autoescape=True,
@@ -131,6 +132,7 @@ def confusion_table(evaluation: Evaluation, confusion: Integers | None = None) -
     )
     wrong = [(r, c + 1) for r, c in np.argwhere(confusion > 0).tolist() if r != c]
     head = ["", *(f"predicted {number}" for number in range(len(names))), "recall"]
+
     return Table(head, rows, wrong)
 
 
@@ -155,6 +157,7 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer]) -> Table:
     wrong = [(r, 3) for r, f in enumerate(frames) if f.misread]
     read = ["read [mN]", "90 % [mN]"] if with_force else []
     head = ["frame", "force [mN]", "target", "predicted", *read, *classes, "remark"]
+
     return Table(head, rows, wrong, [frame.to_dict() for frame in frames])
 
 
@@ -162,6 +165,7 @@ def measured_force(frame: FrameAnswer) -> str:
     """Return the measured force of a frame with its standard deviation, mN."""
     if frame.measured_force_n is None:
         return NOTHING
+
     force = f"{from_si(frame.measured_force_n, 'mn'):.1f}"
     sd_n = frame.measured_force_sd_n
     return (
@@ -175,6 +179,7 @@ def read_force(frame: FrameAnswer) -> tuple[str, str]:
     """Return the force that was read in a frame, and its interval, mN."""
     if frame.answer.force_n is None or frame.answer.interval_n is None:
         return NOTHING, NOTHING
+
     low_mn, high_mn = (from_si(end, "mn") for end in frame.answer.interval_n)
     return (
         f"{from_si(frame.answer.force_n, 'mn'):.1f}",
@@ -190,10 +195,12 @@ def _remark(frame: FrameAnswer) -> str:
             if frame.answer.reason
             else "not usable"
         )
+
     if frame.calibration:
         remarks.append("Young's modulus was fitted on it: not counted")
     if frame.excluded:
         remarks.append(f"not counted: {frame.excluded}")
+
     return "; ".join([*remarks, *frame.answer.warnings])
 
 
@@ -276,6 +283,7 @@ def _lead(evaluation: Evaluation) -> str:
     if not evaluation.reads_force:
         modulus_mpa = from_si(evaluation.youngs_modulus_pa, "mpa")
         return f"Model {evaluation.model}, trained at a Young's modulus of {modulus_mpa:.3g} MPa."
+
     eyes = {
         frame.eye: (frame.youngs_modulus_pa, frame.modulus_source)
         for frame in evaluation.frames
@@ -286,6 +294,7 @@ def _lead(evaluation: Evaluation) -> str:
         else f"{eye}: {from_si(modulus_pa, 'mpa'):.3g} MPa ({MODULUS_SOURCES[str(source)]})"
         for eye, (modulus_pa, source) in eyes.items()
     )
+
     return f"Model {evaluation.model}. Young's modulus with which each eye was read: {', '.join(moduli)}."
 
 
@@ -304,6 +313,7 @@ def evaluation_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
             f"of {len(evaluation.frames)}; each counts as class 2",
         ),
     ]
+
     return [*most, *_force_cards(evaluation)]
 
 
@@ -312,6 +322,7 @@ def _force_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
     true = evaluation.true_coverage
     if not logged.total:
         return []
+
     error_n = (
         mean_absolute_error(evaluation.true_forces) if true.total else evaluation.mae_n
     )
@@ -324,6 +335,7 @@ def _force_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
     agree = (
         f"{_of(logged)}; labels sure to {from_si(evaluation.label_sd_n, 'mn'):.2f} mN"
     )
+
     return [
         (f"{from_si(error_n, 'mn'):.2f} mN", "mean error of the force", against),
         *(held if true.total else []),
@@ -351,6 +363,7 @@ def shown_frames(frames: Sequence[FrameAnswer]) -> tuple[FrameAnswer, ...]:
     ]
     others = sorted(set(range(len(frames))) - set(first))
     chosen = evenly(first, MOST_PICTURES)
+
     return tuple(
         frames[n] for n in sorted(chosen + evenly(others, MOST_PICTURES - len(chosen)))
     )
@@ -369,6 +382,7 @@ def _picture(look: AnsweredFrame) -> str:
     content = cv2.imencode(
         ".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, QUALITY, *full_colour]
     )[1].tobytes()
+
     return data_uri(content, "image/jpeg")
 
 
@@ -380,10 +394,12 @@ def _words(answer: FrameAnswer) -> str:
         if measured == NOTHING
         else f"measured {measured} mN (class {answer.target})"
     )
+
     if not answer.answer.usable:
         return f"{known}; not usable" + (
             f": {answer.answer.reason}" if answer.answer.reason else ""
         )
     if force == NOTHING:
         return f"{known}; read class {answer.answer.predicted}"
+
     return f"{known}; read {force} mN ({interval}; class {answer.answer.predicted})"

@@ -61,6 +61,7 @@ def draw_simulation(eye: SimulatedEye) -> Figure:
         ha="left",
         fontsize=8,
     )
+
     return figure
 
 
@@ -111,6 +112,7 @@ def skin_outlines(cells_en: Integers) -> Integers:
     skin: Integers = cells_en[:, outline].reshape(-1, outline.shape[1])[
         first[count == 1]
     ]
+
     return skin
 
 
@@ -159,6 +161,7 @@ def draw_model(study: Study) -> Figure:
         aspect="equal",
     )
     axes.set_axis_off()
+
     return figure
 
 
@@ -180,6 +183,7 @@ def draw_network(
     step = 1.3 * BOX_MM
     figure = Figure(figsize=style.inches(170, 28))
     axes = figure.add_subplot()
+
     for place, (text, colour) in enumerate(layers):
         left = place * step
         box = FancyBboxPatch(
@@ -191,17 +195,21 @@ def draw_network(
         box.set(facecolor=style.PAPER, edgecolor=colour, linewidth=1.1)
         axes.add_patch(box)
         axes.text(left + BOX_MM / 2, 0.0, text, ha="center", va="center")
+
         if place:
             _arrow(axes, (left - step + BOX_MM, 0.0), (left, 0.0), style.GREY)
+
     end = (len(layers) - 1) * step + BOX_MM
     for place, name in enumerate(classes):
         height = ROW_MM * (0.55 - 0.55 * place)
         _arrow(axes, (end, 0.5 * height), (end + 7.0, height), style.GREY)
         axes.text(end + 8.5, height, name, va="center")
+
     axes.set(
         xlim=(-2.0, end + 38.0), ylim=(-0.7 * ROW_MM, 0.7 * ROW_MM), aspect="equal"
     )
     axes.set_axis_off()
+
     return figure
 
 
@@ -233,10 +241,12 @@ def _draw_base(axes: Axes, radius: float) -> None:
             )
         )
         axes.plot(ends, [0.0, 0.0], color=style.BLACK, linewidth=1.4)
+
         for start in np.linspace(ends[0], ends[1], 6):
             axes.plot(
                 [start, start - 0.5], [0.0, -0.8], color=style.BLACK, linewidth=0.6
             )
+
     axes.text(0.0, -0.14 * radius, "the base is clamped", ha="center")
 
 
@@ -245,6 +255,7 @@ def _draw_pressure(axes: Axes, inner: float) -> None:
         _arrow(
             axes, _point(0.84 * inner, polar_deg), _point(inner, polar_deg), style.BLUE
         )
+
     across, up = _point(0.74 * inner, -45)
     axes.text(
         across,
@@ -305,6 +316,7 @@ def draw_curves(curves: Mapping[str, Sequence[float]], steps: str) -> Figure:
     """Draw the curves of a training (`training_loss`, `validation_loss` and so on), a panel for each quantity."""
     names = list(dict.fromkeys(name.partition("_")[2] for name in curves))
     figure = Figure(figsize=style.inches(170 if len(names) > 1 else 110, 60))
+
     for axes, name in zip(
         figure.subplots(1, max(len(names), 1), squeeze=False)[0], names, strict=False
     ):
@@ -321,12 +333,15 @@ def draw_curves(curves: Mapping[str, Sequence[float]], steps: str) -> Figure:
                     linestyle=line,
                     label=part,
                 )
+
         axes.set(xlabel=steps, ylabel=name.replace("_", " "))
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.legend(loc="best")
+
         if (
             name == "loss"
             and min(min(curves[key]) for key in curves if key.endswith("_loss")) > 0
         ):
             style.log_scale(axes, LogLocator(subs=(1.0, 2.0, 5.0)))
+
     return figure

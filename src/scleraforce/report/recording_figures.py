@@ -59,6 +59,7 @@ def draw_recording(
     figure = Figure(figsize=style.inches(WIDTH_MM, sum(heights)))
     grid = figure.add_gridspec(len(heights), len(frames), height_ratios=heights)
     low, high = np.percentile(np.stack(frames), [OUTLIERS, 100.0 - OUTLIERS])
+
     for place, (nth, frame) in enumerate(zip(shown, frames, strict=True)):
         axes = figure.add_subplot(grid[0, place])
         entry = recording.frames[nth]
@@ -72,6 +73,7 @@ def draw_recording(
         axes.set_title(f"{style.last_letters(entry.file, NAME_LETTERS)}, {said}")
         axes.set_axis_off()
         _scale_bars(axes, width_mm, depth_mm)
+
     draw_log(figure.add_subplot(grid[1, :]), recording, trials, bounds_n)
     return figure
 
@@ -135,10 +137,12 @@ def draw_log(
     info = recording.info.force
     times_s = [frame.time_s for frame in recording.frames]
     axes.set_xlabel("time [s]")
+
     if log is None or info is None:
         axes.plot(times_s, np.zeros(len(times_s)), "|", color=style.BLACK)
         axes.set(title="frames; their forces were not logged", yticks=[])
         return
+
     filtered_mn = from_si(contact_force(log, info), "mn")
     raw_mn = from_si(info.contact_sign * log.force_n(info.axis), "mn")
     raw_mn = raw_mn - np.nanmean(raw_mn - filtered_mn)
@@ -157,12 +161,14 @@ def draw_log(
         linewidth=0.8,
         label="filtered",
     )
+
     missing_s = log.time_s[np.isnan(raw_mn)]
     if len(missing_s):
         missing_s = missing_s[:: max(1, len(missing_s) // POINTS_DRAWN)]
         axes.plot(
             missing_s, np.zeros_like(missing_s), "|", color=style.RED, label="no force"
         )
+
     ends = 0.0, 0.06  # of the axes' height
     axes.vlines(
         times_s,
@@ -172,6 +178,7 @@ def draw_log(
         linewidth=0.5,
         label="frames",
     )
+
     for target, (colour, marker) in enumerate(
         zip(style.CLASS_COLOURS, style.CLASS_MARKERS, strict=True)
     ):
@@ -190,11 +197,13 @@ def draw_log(
                 label=label,
                 zorder=5,
             )
+
     axes.set_xlim(
         min(times_s[0], float(log.time_s[0])), max(times_s[-1], float(log.time_s[-1]))
     )
     axes.set_ylabel("contact force [mN]")
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=7)
+
     if bounds_n:
         mark_bounds(axes, bounds_n)
 
@@ -206,6 +215,7 @@ def mark_bounds(axes: Axes, bounds_n: Sequence[float]) -> None:
         axes.axhline(
             bound_mn, color=style.GREY, linewidth=0.8, linestyle=DASHED, zorder=1
         )
+
     for number, place in enumerate(
         (0.5 * low_mn, 0.5 * (low_mn + high_mn), high_mn + 0.25 * (high_mn - low_mn))
     ):
@@ -244,6 +254,7 @@ def draw_observed_points(
     figure = Figure(figsize=style.inches(170, 52))
     if eye.filter is None or not eye.steps:
         raise ValueError(f"{eye.id}: no points are kept; calibrate it in this run")
+
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     moduli = {"first": eye.filter.study.prior_mean_pa, "final": eye.mean_pa}
     extent = (
@@ -252,11 +263,13 @@ def draw_observed_points(
         from_si(depth_m, "mm"),
         0.0,
     )
+
     for axes, (title, modulus_pa) in zip(panels, moduli.items(), strict=True):
         axes.imshow(frame, cmap=style.SCAN_COLOURS, aspect="auto", extent=extent)
         _draw_points(axes, eye.filter, eye.steps[index], modulus_pa)
         axes.set_title(f"{title}: E = {from_si(modulus_pa, 'mpa'):.2f} MPa")
         axes.set(xlabel="lateral [mm]", xlim=extent[:2], ylim=extent[2:])
+
     panels[0].set_ylabel("depth [mm]")
     panels[0].legend(loc="upper right", labelcolor=style.LIGHT)
     return figure
@@ -270,6 +283,7 @@ def draw_calibration(calibration: Calibration) -> Figure:
     rows = -(-len(eyes) // columns)
     figure = Figure(figsize=style.inches(max(85 * columns, 110), 100 * rows))
     grid = figure.add_gridspec(2 * rows, columns)
+
     for place, eye in enumerate(eyes):
         row, column = divmod(place, columns)
         above, below = (
@@ -279,12 +293,14 @@ def draw_calibration(calibration: Calibration) -> Figure:
         modulus = f"{eye.id}: {from_si(eye.mean_pa, 'mpa'):.3f} MPa, sd {from_si(eye.sd_pa, 'mpa'):.4f} MPa"
         above.set_title("\n".join((modulus, *found_words(eye))))
         _draw_by_force(below, eye)
+
     drawn = {
         label: each
         for axes in figure.axes
         for each, label in zip(*axes.get_legend_handles_labels(), strict=True)
     }
     figure.legend(drawn.values(), drawn.keys(), loc="outside lower left", ncols=2)
+
     return figure
 
 
@@ -295,6 +311,7 @@ def _draw_over_frames(axes: Axes, eye: EyeCalibration, truth_pa: float | None) -
         moments.insert(
             0, (eye.filter.study.prior_mean_pa, eye.filter.study.prior_sd_pa)
         )
+
     mean, sd = from_si(np.array(moments).T, "mpa")
     first = 0 if eye.filter is not None else 1
     count = np.arange(first, first + len(mean))
@@ -311,6 +328,7 @@ def _draw_over_frames(axes: Axes, eye: EyeCalibration, truth_pa: float | None) -
         label="one and two sd",
     )
     axes.plot(count, mean, "o-", color=style.BLUE, markersize=2.5, label="mean")
+
     if truth_pa is not None:
         axes.axhline(
             from_si(truth_pa, "mpa"),
@@ -319,6 +337,7 @@ def _draw_over_frames(axes: Axes, eye: EyeCalibration, truth_pa: float | None) -
             linewidth=0.8,
             label="true",
         )
+
     ends = np.concatenate([mean - 3 * sd, mean + 3 * sd]).reshape(2, -1)[:, 1 - first :]
     axes.set(xlabel="frames", ylabel="E [MPa]", ylim=(ends.min(), ends.max()))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -327,6 +346,7 @@ def _draw_over_frames(axes: Axes, eye: EyeCalibration, truth_pa: float | None) -
 def _draw_by_force(axes: Axes, eye: EyeCalibration) -> None:
     alone = [frame for frame in eye.used if frame.own_modulus_pa is not None]
     moduli = [from_si(frame.own_modulus_pa or 0.0, "mpa") for frame in alone]
+
     if alone:
         forces_mn = [from_si(frame.force_n, "mn") for frame in alone]
         axes.plot(
@@ -337,6 +357,7 @@ def _draw_by_force(axes: Axes, eye: EyeCalibration) -> None:
             markersize=3.5,
             label="a frame alone",
         )
+
     axes.axhline(
         from_si(eye.mean_pa, "mpa"),
         color=style.RED,
@@ -358,6 +379,7 @@ def _draw_points(
     curves = model.curves(
         [stated_wall(model.constants, modulus_pa, step.force_n, polar_rad, rigidity)]
     )[0]
+
     for curve in place_section(curves, step.registered.nuisance):
         axes.plot(
             *from_si(curve, "mm").T,
@@ -366,6 +388,7 @@ def _draw_points(
             scalex=False,
             scaley=False,
         )
+
     lateral_mm, observed_mm = (
         from_si(m, "mm") for m in (step.observation.lateral_m, step.observation.depth_m)
     )

@@ -75,9 +75,11 @@ def thing_at(path: Path, model: Path | None = None) -> Thing:
         raise InputError(
             f"{found}: a part of a {PARTS[found.name]}; give its folder, {found.parent}"
         )
+
     kind = ENDINGS.get(found.suffix.lower()) if found.is_file() else None
     if found.is_dir():
         kind = _kind_of_folder(found)
+
     if kind is None:
         raise InputError(
             f"{found}: {'' if found.exists() else 'no such file or folder; '}{KNOWN}"
@@ -86,10 +88,12 @@ def thing_at(path: Path, model: Path | None = None) -> Thing:
         raise InputError(f"--model: {path} is a {kind}; a model reads recordings")
     if kind == "study":
         return show_study(found / STUDY_FILE if found.is_dir() else found)
+
     shown = import_module(
         "scleraforce.report.shown_artefacts"
     )  # with all packages that make or read them
     show: Callable[..., Thing] = getattr(shown, f"show_{kind.replace(' ', '_')}")
+
     return show(found) if model is None else show(found, model)
 
 
@@ -107,6 +111,7 @@ def _kind_of_store(file: Path) -> str:
         content = parse_json(read_bytes(file, KINDS["store metadata"]))
     except ValueError as fault:
         raise InputError(f"{file}: {fault}") from fault
+
     attributes = content.get("attributes") if isinstance(content, dict) else None
     schema = attributes.get("schema") if isinstance(attributes, dict) else None
     return "data set" if str(schema).startswith("scleraforce-dataset") else "library"
@@ -162,6 +167,7 @@ def show_study(path: Path) -> Thing:
         "images": images,
         "changed": {key: value for key, (value, _) in changed.items()},
     }
+
     return Thing(
         kind="study",
         facts=facts,

@@ -88,6 +88,7 @@ def show_library(path: Path) -> Thing:
         "tip_mm": from_si(library.tip_m, "mm").tolist(),
         "largest_force_ratio_mm2": from_si(library.max_force_ratio, "mm2"),
     }
+
     return Thing(
         kind="library", facts=facts, rows=rows, draw=partial(draw_library, library)
     )
@@ -101,6 +102,7 @@ def draw_library(library: Library) -> Figure:
     dent_mm = from_si(library.tip_m, "mm")
     largest = from_si(library.max_force_ratio, "mm2")
     shades = colormaps["viridis"](np.linspace(0.35, 0.75, len(library.thickness_m)))
+
     for axes, pressure in zip(panels, (0, len(library.tension) // 2, -1), strict=True):
         walls = zip(
             library.thickness_m,
@@ -111,6 +113,7 @@ def draw_library(library: Library) -> Figure:
         for thickness_m, ratio_d, shade in walls:
             label = f"{from_si(thickness_m, 'um'):.0f} µm"
             axes.plot(dent_mm, from_si(ratio_d, "mm2"), color=shade, label=label)
+
         axes.axhline(
             largest,
             color=GREY,
@@ -120,11 +123,13 @@ def draw_library(library: Library) -> Figure:
         )
         axes.set_title(f"tension p R/(E t) = {library.tension[pressure]:.3g}")
         axes.set_xlabel("dent [mm]")
+
     panels[0].set(ylabel="force over Young's modulus [mm²]", ylim=(0.0, 1.1 * largest))
     figure.legend(
         *(each[::-1] for each in panels[0].get_legend_handles_labels()),
         loc="outside right upper",
     )
+
     return figure
 
 
@@ -161,6 +166,7 @@ def show_data_set(path: Path) -> Thing:
         "youngs_modulus_mpa": from_si(dataset.youngs_modulus_pa, "mpa"),
     }
     pictured = np.array(evenly(list(range(dataset.images)), PICTURED))
+
     return Thing(
         kind="data set",
         facts=facts,
@@ -236,6 +242,7 @@ def show_model(path: Path) -> Thing:
         "files": {name: len(folder.files[name]) for name in FILES[record["kind"]]},
     }
     steps = "epoch" if "epochs" in record else "reports during the training"
+
     return Thing(
         kind="model",
         facts=facts,
@@ -268,22 +275,26 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
     """Describe a recording, and the limits of a model that reads it; forces are put into the paper's classes."""
     recording = read_recording(path)
     fault = None
+
     try:
         trials = label_frames(recording, CLASSES)
     except RecordingError as error:
         trials = label_frames(replace(recording, forces=None), CLASSES)
         fault = str(error)
+
     notes = (
         *limit_notes(model, recording.info),
         *label_notes(recording, () if fault else trials),
     )
     log = recording.forces
     log_words = "none: its frames can be read, but neither scored nor calibrated on"
+
     if log is not None:
         taken_s = log.time_s[-1] - log.time_s[0]
         log_words = (
             f"{len(log.time_s)} samples at {log.sample_rate_hz:.4g} Hz, {taken_s:.4g} s"
         )
+
     info = recording.info
     seconds = recording.frames[-1].time_s - recording.frames[0].time_s
     width_mm, depth_mm = (
@@ -341,6 +352,7 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
     }
     lines = tuple(_frame_lines(trials))
     draw = partial(draw_recording, recording, trials, CLASSES.bounds_n)
+
     return Thing(kind="recording", facts=facts, rows=rows, lines=lines, draw=draw)
 
 
@@ -354,6 +366,7 @@ def _frame_lines(trials: tuple[Trial, ...]) -> list[str]:
         lines.append(
             f"{name:<20}{trial.time_s:>10.3f}{force:>10}{target:>7}  {trial.excluded or ''}".rstrip()
         )
+
     left = len(trials) - LISTED
     return [*lines, f"... and {left} more"] if left > 0 else lines
 
@@ -390,6 +403,7 @@ def show_calibration(path: Path) -> Thing:
         },
     }
     lines = tuple(calibration_lines(calibration))
+
     return Thing(
         kind="calibration",
         facts=facts,
@@ -409,9 +423,11 @@ def show_decision_log(path: Path) -> Thing:
     causes = Counter(entry.cause or "?" for entry in withdrawals)
     frames = sum(entry.event == "frame" for entry in decisions)
     span_words = ""
+
     if decisions:
         begin = datetime.fromtimestamp(decisions[0].time_s, UTC)
         span_words = f"{decisions[-1].at_s - decisions[0].at_s:.4g} s from {begin:%Y-%m-%d %H:%M:%S} UTC"
+
     rows = (
         ("decisions", f"{len(decisions)}, {frames} of them on a frame"),
         ("span", span_words),
@@ -444,6 +460,7 @@ def show_decision_log(path: Path) -> Thing:
     }
     lines = tuple(_listed(withdrawals))
     draw = partial(draw_decisions, decisions)
+
     return Thing(kind="decision log", facts=facts, rows=rows, lines=lines, draw=draw)
 
 
@@ -451,9 +468,11 @@ def _read_decisions(folder: Path) -> tuple[tuple[Entry, ...], tuple[str, ...], i
     for file in folder.glob(LOG_FILES):
         if not file.is_file():
             raise InputError(f"{file}: not a regular file; a log has no other files")
+
     decisions = list[Entry]()
     notes = list[str]()
     torn = 0
+
     for part in read_log(folder):
         if part.record is None:
             torn += 1
@@ -466,8 +485,10 @@ def _read_decisions(folder: Path) -> tuple[tuple[Entry, ...], tuple[str, ...], i
                 ) from fault
         else:
             notes.append(str(part.record.get("text", "")))
+
     if not decisions and not notes:
         raise InputError(f"{folder}: no whole record of a decision log in it")
+
     return tuple(decisions), tuple(notes), torn
 
 
@@ -495,6 +516,7 @@ def draw_decisions(decisions: Sequence[Entry]) -> Figure:
         -1, 2
     )
     force_mn = np.array([entry.force_mn for entry in read], dtype=float)
+
     if read:
         axes.fill_between(
             at_s,
@@ -505,6 +527,7 @@ def draw_decisions(decisions: Sequence[Entry]) -> Figure:
             label="90 % interval",
         )
         axes.plot(at_s, force_mn, color=BLACK, linewidth=0.8, label="force")
+
     changes = _changes(decisions)
     for begin, end in zip(changes, [*changes[1:], *decisions[-1:]], strict=False):
         axes.axvspan(
@@ -514,8 +537,10 @@ def draw_decisions(decisions: Sequence[Entry]) -> Figure:
             alpha=0.12,
             linewidth=0,
         )
+
     for state in dict.fromkeys(change.state for change in changes):
         axes.fill_between([], [], color=SHADES[state], alpha=0.12, label=state)
+
     axes.set(xlabel="time [s]", ylabel="force [mN]")
     axes.set_ylim(bottom=0.0)
     figure.legend(loc="outside upper left", ncols=5)
@@ -534,6 +559,7 @@ def _planes_words(info: RecordingInfo) -> str:
     """Return where the planes of the B-scans are."""
     if info.needle.slice_gap_m is not None:
         return f"{from_si(info.needle.slice_gap_m, 'mm'):g} mm beside the B-scan"
+
     words = (
         f"{plane.name} ({from_si(plane.offset_m, 'mm'):g} mm, {from_si(plane.direction_rad, 'deg'):.0f}°)"
         for plane in info.oct.plane

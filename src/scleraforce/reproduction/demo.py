@@ -78,6 +78,7 @@ def run_demo(
         raise InputError(
             f"{out}: exists already; remove it or choose another folder with --out"
         )
+
     reach = progress or (lambda _: None)
     recording = out / "eye"
     calibration = out / "modulus.json"
@@ -85,6 +86,7 @@ def run_demo(
     mesh = MeshStudy(core=MESH_CORE, rings=MESH_RINGS)
     mechanics = MechanicsStudy(kind="finite-strain")
     study = Study(mesh=mesh, mechanics=mechanics)
+
     try:
         sections_at = study_sections(EYE, study, lambda share: reach(BENT * share))
         write_phantom(
@@ -111,4 +113,5 @@ def run_demo(
     except BaseException:
         shutil.rmtree(out, ignore_errors=True)
         raise
+
     return Demo(recording, calibration, page, found.eyes[EYE.id].mean_pa, evaluation)

@@ -111,6 +111,7 @@ def _comparison(paper: Evaluation, reader: Evaluation) -> Table:
         ],
         ["true forces within their 90 % interval", NOTHING, _held(true)],
     ]
+
     return Table(["", "the paper's method", "the force reader"], rows)
 
 
@@ -129,6 +130,7 @@ def _coverage(reader: Evaluation) -> dict[str, object]:
     true = reader.true_forces
     if not logged:
         return {}
+
     off_mn = [
         from_si(abs(log.measured_n - fact.measured_n), "mn")
         for log, fact in zip(logged, true, strict=True)
@@ -147,6 +149,7 @@ def _coverage(reader: Evaluation) -> dict[str, object]:
         "hold": reader.true_coverage.value,
         "by_eye": metrics.held_by_eye(true),
     }
+
     return {**log, **held, "reach_mn": reach_mn, "worst": _worst_eye(reader)}
 
 
@@ -155,6 +158,7 @@ def _worst_eye(reader: Evaluation) -> str:
     worst = min(shares, key=lambda eye: shares[eye].value)
     if shares[worst].hits == shares[worst].total:
         return ""
+
     off = mean(
         trial.read_n / trial.measured_n - 1.0
         for trial in reader.true_forces
@@ -173,6 +177,7 @@ def _worst_eye(reader: Evaluation) -> str:
         if labels_mn
         else ""
     )
+
     return f"{worst} is read {from_si(off, 'percent'):+.1f} % off in the mean{labels}. "
 
 
@@ -206,6 +211,7 @@ def _bent_moduli(run: Run) -> Table:
             *(f"{off[name]:+.1f}" if name in off else NOTHING for name in eyes),
         ],
     ]
+
     return Table(["", *eyes], rows)
 
 
@@ -230,6 +236,7 @@ def _walls_figure(run: Run, reader: Evaluation) -> Figure:
         "finite strain": _finite_sections(run_library(run), finite, forces_n),
         "linear": LinearSections(linear, run.study)(forces_n),
     }
+
     return frame_figures.draw_computed_walls(looks, computed)
 
 
@@ -253,6 +260,7 @@ def _finite_sections(
     walls = library.curves(thickness_m, iop_ratio, ratios).curves_sbnc.astype(
         np.float64
     )
+
     return [cut_surfaces(wall, eye.gap_m, eye.tilt_rad) for wall in walls]
 
 
@@ -302,6 +310,7 @@ def write_reproduction_html(
     for part in _parts(run, evaluations, seconds):
         values |= part
         progress(1)
+
     html.write_page(
         "reproduction/report.html", run.report, made_at, values, overwrite=True
     )
@@ -406,6 +415,7 @@ def _design(run: Run, evaluation: Evaluation) -> Table:
         ],
         ["Young's modulus in MPa (Table 2)", *moduli, NOTHING],
     ]
+
     for name, mine, theirs in zip([*names, "trials"], here, paper, strict=True):
         rows.append(
             [
@@ -416,6 +426,7 @@ def _design(run: Run, evaluation: Evaluation) -> Table:
                 ),
             ]
         )
+
     return Table(["", *(eye.id for eye in eyes), "total"], rows)
 
 
@@ -428,6 +439,7 @@ def _counts(classes: Sequence[ArrayLike], names: int) -> Places:
         axis=1,
     )
     counts = np.vstack([counts, counts.sum(axis=0)])
+
     return np.hstack([counts, counts.sum(axis=1, keepdims=True)])
 
 
@@ -444,6 +456,7 @@ def _frames(run: Run, evaluation: Evaluation) -> dict[str, Any]:
     ]
     look = look_at_all([max(first, key=lambda frame: frame.measured_force_n or 0.0)])[0]
     segmentation = frame_figures.draw_segmentation(look)
+
     return {
         "log": log,
         "log_trials": len(trials),
@@ -484,6 +497,7 @@ def _calibration(run: Run, evaluation: Evaluation) -> dict[str, Any]:
         "points": points,
         "points_frame": "/".join(shown),
     }
+
     return {**moments, **drawn, "moduli": modulus_table(calibration, study)}
 
 
@@ -513,6 +527,7 @@ def modulus_table(calibration: Calibration, study: Study) -> Table:
             ),
         ],
     ]
+
     return Table(["", *calibration.eyes], rows)
 
 
@@ -530,6 +545,7 @@ def _pairs(
     likeness = float(
         np.mean([metrics.dice(measured, simulated) for _, measured, simulated in pairs])
     )
+
     return frame_figures.draw_slice_pairs(pairs, reader.study.slice.pixel_m), likeness
 
 
@@ -550,6 +566,7 @@ def _typical(evaluation: Evaluation, rank: int) -> list[FrameAnswer]:
                 key=lambda f: f.measured_force_n or 0.0,
             )
             found.append(frames[len(frames) // 2])
+
     return found
 
 
@@ -559,6 +576,7 @@ def _pair(look: AnsweredFrame, study: Study) -> tuple[AnsweredFrame, Bytes, Byte
     unloaded, section = LinearSections(eye_of(look.recording, study), study)(
         [0.0, force_n]
     )
+
     return (
         look,
         measured,
@@ -595,6 +613,7 @@ def _training(
     }
     curves = draw_curves(record["curves"], "epoch")
     montage = frame_figures.draw_montage(dataset, chosen)
+
     return {
         **counts,
         "record": record,
@@ -610,11 +629,13 @@ def _to_the_bounds(evaluation: Evaluation, to_the_bounds: Evaluation) -> Table:
         "2 mN clear of the bounds, as above": evaluation,
         "up to the bounds": to_the_bounds,
     }
+
     for name, answers in designs.items():
         right = answers.accuracy
         dangerous = answers.confusion[2]
         recall = f"{dangerous[2]} of {dangerous.sum()}"
         rows.append([name, f"{right.hits} of {right.total}", recall, int(dangerous[0])])
+
     return Table(
         [
             "forces of the trials",

@@ -111,6 +111,7 @@ def open_run(folder: Path, study: Study, workers: int, *, train: bool = False) -
     """
     if not train:
         _check_bundled(study)
+
     run = Run(folder, study, workers, train)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -124,6 +125,7 @@ def open_run(folder: Path, study: Study, workers: int, *, train: bool = False) -
             _write_state(run, {})
     except OSError as fault:
         raise InputError(f"{folder}: {fault.strerror}") from fault
+
     return run
 
 
@@ -155,19 +157,23 @@ def run_stages(
                 if n not in by_reader
             },
         )
+
     seconds = seconds_so_far(run)
     for number, stage in enumerate(stages, start=1):
         if stage.name in seconds and stage.leaves and stage.leaves(run).exists():
             continue
         if stage.leaves and not stage.resumes:
             _remove(stage.leaves(run))
+
         start = time.perf_counter()
         with announce(
             f"{number}/{len(stages)} {stage.name}", stage.length(run)
         ) as progress:
             stage.work(run, progress)
+
         seconds[stage.name] = round(time.perf_counter() - start, 2)
         _write_state(run, seconds)
+
     return {stage.name: seconds[stage.name] for stage in stages}
 
 
@@ -202,6 +208,7 @@ def _read_state(folder: Path) -> dict[str, dict[str, Any]]:
         raise InputError(
             f"{folder}: not empty, and not made by `reproduce`; give a new folder"
         )
+
     try:
         state: dict[str, dict[str, Any]] = json.loads(read_text(path, KINDS["result"]))
         return {
@@ -239,6 +246,7 @@ def _check_bundled(study: Study) -> None:
     for section, names in TRAINED_FOR.items():
         mine = getattr(study, section)
         its = getattr(bundled, section)
+
         for item in fields(mine):
             if (names is None or item.name in names) and getattr(
                 mine, item.name
@@ -267,6 +275,7 @@ def framed_for_laboratory(study: Study) -> Study:
             (surface[side] + shift[side] - study.slice.margin_m for side in (0, 1)),
         )
     )
+
     return replace(
         study,
         dataset=replace(

@@ -137,6 +137,7 @@ def reproduce(
     seconds = runs.run_stages(run, stages, announce, tell)
     evaluation, to_the_bounds, bent_paper, bent_reader = answers
     calibration = parse_calibration(open_calibration(run.calibration))
+
     return Reproduction(
         calibration, evaluation, to_the_bounds, bent_paper, bent_reader, seconds
     )
@@ -167,6 +168,7 @@ def _write_eyes(run: Run, progress: Progress, *, to_the_bounds: bool = False) ->
     study = run.study
     folder = run.recordings_to_the_bounds if to_the_bounds else run.recordings
     folder.mkdir()
+
     for eye, forces_n in paper_eyes(study, to_the_bounds=to_the_bounds):
         plan = plan_phantom(eye, forces_n, study, study.phantom.seed + to_the_bounds)
         write_phantom(

@@ -86,6 +86,7 @@ def continuation(columns: int, first: float, spacing: float, points: int) -> Sin
     column = first + spacing * np.arange(points)
     matrix = np.array([np.interp(at, column, unit) for unit in np.eye(points)]).T
     reach = min(3, points - 1)  # of the slopes: less ragged
+
     for end, other, beyond in (
         (0, reach, at < column[0]),
         (points - 1, points - 1 - reach, at > column[-1]),
@@ -94,6 +95,7 @@ def continuation(columns: int, first: float, spacing: float, points: int) -> Sin
         matrix[beyond] = 0.0
         matrix[beyond, end] = 1.0 + away
         matrix[beyond, other] = -away
+
     return matrix.astype(np.float32)
 
 
@@ -222,6 +224,7 @@ def workplace_for(
         group_weight=group_weight,
         nearest=nearest_point(width),
     )
+
     return _new_workplace(tables)
 
 
@@ -268,16 +271,19 @@ def look(
     floor = noise_floor(cells)
     bright = int(SATURATED_LEVEL * brightest)
     saturated = some = 0
+
     for row in range(0, cells.shape[0], 8):
         for column in range(0, cells.shape[1], 4):
             saturated += cells[row, column] >= bright
             some += 1
+
     begin = brighter_columns(cells, tables.top_rows)
     flooded = saturated > SATURATED_SHARE * some
     if brightest > 0 and (
         len(begin) or flooded or brightest - floor < EMPTY_SHARE * brightest
     ):
         return cells, floor, flooded, begin, -1, np.nan, np.nan, np.nan
+
     tissue = opened_pairs(cells, floor, tables.pairs, tables.line_rows)
     path = coarse_rows(
         surface_score(tissue, tables.judged_rows, tables.downwards), tables.reach
@@ -296,12 +302,15 @@ def look(
     )
     shown = present.copy()
     seen = 0
+
     for at in range(len(row)):
         shown[at] = present[at] and not behind[0] <= at < behind[1]
         seen += shown[at]
+
     typical = np.float64(quantile_of_chosen(contrast, shown, 0.5))
     if seen < LEAST_SHAPE:
         return cells, floor, flooded, begin, seen, typical, noise, np.nan
+
     inner, thickness_m = _find_inner(
         frame, first, floor, tables, bridge(row, present), present
     )
@@ -316,6 +325,7 @@ def look(
         tables.nearest,
         rows[1, left : left + tables.width],
     )
+
     return cells, floor, flooded, begin, seen, typical, noise, thickness_m
 
 
@@ -328,11 +338,13 @@ def _fit_strip(
         frame, first, tables.columns, tables.across, start, tables.strip_half
     )
     row, contrast = fit_edges(raw, tables.strip_line, start)
+
     if behind[0] == behind[1]:
         smooth_surface(row)
     else:
         smooth_surface(row[: behind[0]])
         smooth_surface(row[behind[1] :])
+
     return row, mean_of_neighbours(contrast, 2), noise
 
 
@@ -344,11 +356,13 @@ def _find_inner(
     along_rows = stretch(row, tables.point_m, tables.tissue_depth_m)
     thickness_m = np.empty_like(row)
     prior = np.zeros((len(tables.looked_at) // GROUP, CELLS + 1), np.float32)
+
     group_m, _, support = _search_below(
         frame, first, floor, tables, row, present, along_rows, prior
     )
     if support < FOUND_SHARE:
         return row + np.float32(UNSEEN_DEPTH_M / tables.tissue_depth_m), np.nan
+
     inner = np.empty_like(row)
     for at in range(len(row)):
         one = np.float64(tables.group_weight[at, 0]) * np.float64(
@@ -359,6 +373,7 @@ def _find_inner(
         )
         thickness_m[at] = np.float32(one + other)
         inner[at] = along_rows[at] * thickness_m[at] + row[at]
+
     return inner, np.float64(quantile_of_chosen(thickness_m, present, 0.5))
 
 

@@ -91,9 +91,11 @@ def checked_by(
     part = lit_part(frame, scale)
     if part is None:
         return found
+
     seen = finder.find(frame)
     methods = BothWalls(found, first, seen)
     reason = found.reason or (doubt(found, seen) and doubt(first, seen))
+
     if found is first and sees_wall(seen):
         shown = refined_wall(part, seen)
         if ways_agree(found, seen, LAYER_M * scale.refractive_index / scale.depth_m):
@@ -104,9 +106,11 @@ def checked_by(
                 shown,
                 np.interp(np.arange(frame.shape[1]), seen.column, apart),
             )
+
         if not reason:
             _keep_gaps(found, shown)
         found = replace(shown, needle=found.needle)
+
     inner_row = (
         sharpened(frame, found.inner_row, scale)
         if found.inner_found
@@ -130,6 +134,7 @@ def ways_agree(other: Segmentation, seen: SeenWall, layer_rows: float) -> bool:
     """Return whether a wall is the one that the network sees, but for a layer below of at most `layer_rows`."""
     if not other.inner_found:
         return False
+
     both, either = _columns(other, seen)
     at = seen.frame_column
     outer = np.abs(seen.outer_row - other.outer_row[at]) <= SAME_SDS * np.maximum(
@@ -148,6 +153,7 @@ def ways_agree(other: Segmentation, seen: SeenWall, layer_rows: float) -> bool:
     inner |= (seen.inner_row > last) & (other.inner_row[at] > last)
     seen_by_both = int(np.count_nonzero(both))
     same = int(np.count_nonzero(both & outer & inner))
+
     return (
         seen_by_both >= SAME_SHARE * int(np.count_nonzero(either))
         and same >= SAME_SHARE * seen_by_both
@@ -195,7 +201,9 @@ def _differences(other: Segmentation, seen: SeenWall) -> Iterator[tuple[float, s
                 1.0 / UNSEEN_SHARE,
                 "the network sees no wall where the other method finds one",
             )
+
         return
+
     thickness = seen.inner_row - seen.outer_row
     off = np.abs(seen.inner_row - other.inner_row[at])
     unsure = (
@@ -203,10 +211,12 @@ def _differences(other: Segmentation, seen: SeenWall) -> Iterator[tuple[float, s
         & (seen.inner_row < other.rows - 1.0)
         & (seen.inner_sd > UNSURE_THICKNESS * thickness)
     )
+
     if other.inner_found:  # which confirms the same end
         unsure &= ~(
             off <= np.maximum(seen.step_rows, CONFIRMED_THICKNESS * thickness)
         )  # NaN: it sees no wall
+
     share = _share(unsure, seen.there)
     yield (
         share / UNSURE_SHARE,
@@ -222,6 +232,7 @@ def _differences(other: Segmentation, seen: SeenWall) -> Iterator[tuple[float, s
     yield _distance(
         "surface", above, above > SDS * np.hypot(seen.outer_sd, OTHER_ROWS), both
     )
+
     if other.inner_found:
         differs = (off > SDS * _inner_sd(seen)) & (other.inner_row[at] < other.rows)
         yield _distance("inner boundary", off, differs, both)
@@ -296,11 +307,13 @@ def refined_wall(part: Part, seen: SeenWall) -> Segmentation:
     row = _surface(part, start)
     inner, shown, thickness_m = _inner(part, row, start)
     boundaries = np.full((2, part.columns), np.nan)
+
     for boundary, curve in zip(boundaries, (row, inner), strict=True):
         to = boundary[part.left : part.left + width]
         at_every_column(
             fine_columns(width), curve, start.there, nearest_point(width), to
         )
+
     return Segmentation(
         boundaries[0], boundaries[1], rows, True, "", shown, thickness_m=thickness_m
     )
@@ -325,6 +338,7 @@ def _surface(part: Part, start: _Start) -> Singles:
     )
     near = np.abs(edge - start.outer) <= np.float32(NEAR_STEPS * start.step_rows)
     surface: Singles = np.where(near, edge, start.outer)
+
     return surface
 
 
@@ -335,16 +349,19 @@ def _inner(part: Part, row: Singles, start: _Start) -> tuple[Singles, bool, floa
     """
     row = bridge(row, start.there)
     depth_m = part.scale.depth_m / part.scale.refractive_index
+
     if np.count_nonzero(start.ended) < ENDED_SHARE * np.count_nonzero(start.there):
         assumed = np.maximum(row, np.float32(0.0)) + np.float32(
             UNSEEN_DEPTH_M / depth_m
         )
         return np.minimum(start.inner, assumed), False, float("nan")
+
     column = fine_columns(len(part.missing))
     along_rows = stretch(
         row, float(column[1] - column[0]) * part.scale.lateral_m, depth_m
     )
     thickness_m, shown = _thickness(part, row, along_rows, start)
+
     return (
         row + along_rows * thickness_m,
         shown,
@@ -393,6 +410,7 @@ def _thickness(
     thickness_m: Singles = grouping(len(row))[1] @ np.where(
         near, found_m, grouped(expected_m)
     )
+
     return thickness_m, bool(shown.mean() > SHOWN_SHARE)
 
 
@@ -435,6 +453,7 @@ def sharpened(frame: Pixels, inner_row: Floats, scale: PixelScale) -> Floats:
     sharp = inner_row.copy()
     moved = cv2.blur(edge[path][None], (3, 1), borderType=cv2.BORDER_REPLICATE)[0]
     sharp[seen] += np.interp(seen, points, moved)
+
     return sharp
 
 
@@ -449,14 +468,17 @@ def joined_walls(
     added = np.isfinite(other.outer_row)
     both = seen & added
     only = added & ~seen
+
     if finer.needle is not None:
         only[slice(*finer.needle.hidden)] = False
+
     outer = np.where(only, other.outer_row, finer.outer_row)
     inner = np.where(only, other.inner_row, finer.inner_row)
     parted = both.copy()
     parted[both] = (
         np.abs(finer.inner_row[both] - other.inner_row[both]) > apart_rows[both]
     )
+
     at = np.flatnonzero(parted)
     if len(at):
         stretch = np.cumsum(np.diff(at, prepend=at[0]) > 1)
@@ -465,6 +487,7 @@ def joined_walls(
         )
         better = at[gain[stretch] > 0.0]
         inner[better] = other.inner_row[better]
+
     return replace(finer, outer_row=outer, inner_row=inner)
 
 
@@ -485,4 +508,5 @@ def _falls(
     )
     above, below = (frame[row, at].mean(axis=0) for row in rows)
     falls: Floats = np.where(inside, above - below, 0.0)  # 0 beyond the frame
+
     return falls

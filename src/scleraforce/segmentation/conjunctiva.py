@@ -51,12 +51,15 @@ def below_conjunctiva(
     """Return the wall that was found, its outer boundary the sclera's where a layer is seen over a known thickness."""
     if thickness_m is None or not found.usable or not found.inner_found:
         return found
+
     excess_m = found.thickness_m - thickness_m
     if not LEAST_M < excess_m < LARGEST_M:
         return found
+
     columns = np.flatnonzero(np.isfinite(found.outer_row))
     row, along_rows = _surface(found, columns, scale)
     light = _unrolled(frame, columns, row, along_rows, _cells(excess_m))
+
     path, sure = _climb(
         light,
         found.thickness_m,
@@ -66,6 +69,7 @@ def below_conjunctiva(
     )
     if not sure:
         return found
+
     # The layer's thickness in each group: the path of its lower edge, smoothed by the size of the steps.
     weight = np.maximum(
         _steps(light)[np.arange(len(path)), path], np.float32(0.0)
@@ -73,15 +77,18 @@ def below_conjunctiva(
     smooth = cv2.blur((path * weight)[None].astype(np.float32), (SMOOTHED, 1))[0]
     smooth /= cv2.blur(weight[None].astype(np.float32), (SMOOTHED, 1))[0]
     layer_m = smooth * np.float32(CELL_M)
+
     median_m = float(np.median(layer_m))
     if abs(excess_m - median_m) > FITS * excess_m:
         return found
+
     outer_row = found.outer_row.copy()
     middles = (np.arange(GROUPS) + 0.5) / GROUPS * (len(columns) - 1)
     outer_row[columns] += along_rows * np.interp(
         np.arange(len(columns)), middles, layer_m
     )
     left_m = (found.inner_row[columns] - outer_row[columns]) / along_rows
+
     return replace(
         found,
         outer_row=outer_row,
@@ -96,12 +103,14 @@ def second_surface_m(
     """Return how deep a second surface lies below the first, then maybe a layer's, m; None if none stands out."""
     if not found.usable or not found.inner_found:
         return None
+
     columns = np.flatnonzero(np.isfinite(found.outer_row))
     deepest_m = min(LARGEST_M, MOST_SHARE * found.thickness_m)
     light = _unrolled(
         frame, columns, *_surface(found, columns, scale), _cells(deepest_m)
     )
     path, sure = _climb(light, found.thickness_m, LEAST_M, deepest_m, SURE_ALONE_SDS)
+
     return float(np.median(path)) * CELL_M if sure else None
 
 
@@ -119,6 +128,7 @@ def _surface(
     )  # across what is not seen, too
     depth_m = scale.depth_m / scale.refractive_index
     along_rows = stretch(row, scale.lateral_m, depth_m)
+
     return row[columns - columns[0]], along_rows[columns - columns[0]]
 
 
@@ -141,6 +151,7 @@ def _unrolled(
         ),
     ).T
     level = cv2.blur(light[:, SURFACE_CELLS:].mean(axis=1, keepdims=True), (1, 3))
+
     return light / np.maximum(level, np.float32(1e-6))
 
 
@@ -153,6 +164,7 @@ def _climb(
     last = min(int(most_m / CELL_M), end)
     if last - first < 2:
         return np.empty(0, dtype=np.intp), False
+
     step = _steps(light)
     judged = step[:, first:end]
     differences = np.abs(
@@ -164,6 +176,7 @@ def _climb(
     )
     path = best_path(score, REACH) + first
     size = step[np.arange(len(path)), path].mean()
+
     return path, bool(size >= max(sure_sds * sd, LEAST_STEP))
 
 
@@ -182,4 +195,5 @@ def _steps(light: Singles) -> Singles:
     bottom = np.minimum(edge + WINDOW, len(edge))
     above = (total[:, edge] - total[:, top]) / np.maximum(edge - top, 1)
     below = (total[:, bottom] - total[:, edge]) / np.maximum(bottom - edge, 1)
+
     return np.where(edge > SURFACE_CELLS, below - above, 0.0).astype(np.float32)

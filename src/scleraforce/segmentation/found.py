@@ -109,9 +109,11 @@ def surface_fault(seen: int, points: int, contrast: float, noise: float) -> str:
             f"the signal is too weak: the surface stands out by {contrast / noise:.1f} times the "
             f"noise, not {LEAST_CONTRAST}"
         )
+
     cover = seen / points
     if cover < LEAST_COVER:
         return f"the wall covers {cover:.0%} of the imaged width, not {LEAST_COVER:.0%}"
+
     return ""
 
 
@@ -137,6 +139,7 @@ def draw_overlay(
         grey = np.asarray(
             cv2.resize(grey, (columns, rows), interpolation=method), dtype=np.uint8
         )
+
     picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
     stretch_xy = np.array([columns / pixels.shape[1], rows / pixels.shape[0]])
     width = max(1, max(rows, columns) // 240)
@@ -147,16 +150,20 @@ def draw_overlay(
         if found.inner_found
         else np.where(gaps, np.nan, found.inner_row)
     )
+
     for boundary, colour in ((inner_row, INNER), (found.outer_row, SURFACE)):
         there = np.flatnonzero(np.isfinite(boundary))
         runs = np.split(there, np.flatnonzero(np.diff(there) > 1) + 1)
         lines += [(np.stack([run, boundary[run]], axis=1), colour) for run in runs]
+
     if found.needle is not None:
         lines.append((np.array([found.needle.top, found.needle.tip]), SHAFT))
+
     for places_xy, colour in lines:
         centres_xy = (places_xy + 0.5) * stretch_xy - 0.5
         points = np.rint(centres_xy * 2**SUBPIXEL_BITS).astype(np.int32)
         cv2.polylines(
             picture, [points], False, colour, width, cv2.LINE_AA, SUBPIXEL_BITS
         )
+
     return np.asarray(picture, dtype=np.uint8)

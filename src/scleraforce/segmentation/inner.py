@@ -93,6 +93,7 @@ def stretch(row: Singles, point_m: float, depth_m: float) -> Singles:
     rise = np.float32(
         depth_m / (2 * reach * point_m)
     )  # slope, metres over metres, of one row
+
     for at in range(points):
         first = at - reach
         last = at + reach
@@ -107,6 +108,7 @@ def stretch(row: Singles, point_m: float, depth_m: float) -> Singles:
         along_rows[at] = np.sqrt(min(slope * slope, STEEPEST) + _ONE) / np.float32(
             depth_m
         )
+
     return along_rows
 
 
@@ -131,17 +133,21 @@ def unroll(
     for cell in range(CELLS):
         for at in range(points):
             places[cell, at] = multiply_add(THICKNESS_M[cell], along_rows[at], row[at])
+
     light = sample_rows(frame, first, columns, across, places)
     seen = _measured(np.float32(len(frame) - 1), row, there, along_rows)
+
     for cell in range(CELLS):
         for group in range(len(wall)):
             total = _ZERO
             for at in range(GROUP * group, GROUP * group + GROUP):
                 total += light[cell, at]
+
             wall[group, cell] = (
                 max(total * np.float32(1.0 / GROUP) - np.float32(floor), _ZERO)
                 * seen[group, cell]
             )
+
     _level_out(wall, seen)
     return wall, seen
 
@@ -159,8 +165,10 @@ def _measured(
             (last_row - row[first]) / along_rows[first] * np.float32(there[first]),
             (last_row - row[last]) / along_rows[last] * np.float32(there[last]),
         )
+
         for cell in range(CELLS):
             seen[group, cell] = np.float32(shallower >= THICKNESS_M[cell])
+
     return seen
 
 
@@ -171,12 +179,15 @@ def _level_out(wall: Singles, seen: Singles) -> None:
     largest = _ZERO
     own = np.empty(groups, np.float32)
     smooth = np.empty(groups, np.float32)
+
     for group in range(groups):
         light = measured = 0.0
         for cell in range(SKIP_CELLS, LEVEL_CELLS):
             light += np.float64(wall[group, cell])
             measured += np.float64(seen[group, cell])
+
         own[group] = np.float32(light) / np.float32(max(measured, 1.0))
+
     for group in range(groups):
         before = own[mirrored(group - 1, groups)]
         after = own[mirrored(group + 1, groups)]
@@ -184,6 +195,7 @@ def _level_out(wall: Singles, seen: Singles) -> None:
             (np.float64(before) + np.float64(own[group]) + np.float64(after)) * _THIRD
         )
         largest = max(largest, smooth[group])
+
     least = np.float32(max(LEAST_LEVEL_SHARE * np.float64(largest), 1e-9))
     for group in range(groups):
         for cell in range(CELLS):
@@ -209,6 +221,7 @@ def find_thickness(
     shows = np.empty(groups, np.bool_)
     edge = np.empty(groups, np.float32)
     weight = np.empty(groups, np.float32)
+
     for group in range(groups):
         size = jump[group, path[group]]
         first = max(path[group] - SKIP_EDGE - LINE_CELLS, 0)
@@ -225,10 +238,12 @@ def find_thickness(
         shown += shows[group]
         weight[group] = np.float32(shows[group]) + _SEEN
         edge[group] = found * weight[group]
+
     thickness_m = mean_of_neighbours(edge, 2)
     weight = mean_of_neighbours(weight, 2)
     for group in range(groups):
         thickness_m[group] = thickness_m[group] / weight[group] * _CELL_M
+
     return thickness_m, shows, shown / max(1, testable)
 
 
@@ -247,9 +262,11 @@ def _find_jumps(
     mean = np.empty(shape, np.float32)
     bend = np.empty(shape, np.float32)
     jump = np.zeros((groups, CELLS + 1), np.float32)
+
     for group in range(groups):
         before = mirrored(group - 1, groups)
         after = mirrored(group + 1, groups)
+
         for cell in range(CELLS):
             light = (
                 np.float64(wall[before, cell])
@@ -261,20 +278,25 @@ def _find_jumps(
             )
             near[group, cell] = np.float32(light * _THIRD)
             pooled[group, cell] = near[group, cell] / max(share, _SEEN)
+
         for cell in range(CELLS - LINE_CELLS + 1):
             middle = fall = _ZERO
             for step in range(LINE_CELLS):
                 middle = multiply_add(_LINE_SHARE, pooled[group, cell + step], middle)
                 fall = multiply_add(BEND[step], pooled[group, cell + step], fall)
+
             mean[group, cell] = middle
             bend[group, cell] = min(fall, _ZERO)
+
         for edge in range(FIRST_EDGE, AFTER_EDGE):
             line = edge - SKIP_EDGE - LINE_CELLS
             low = _ZERO
+
             for step in range(LOW_CELLS):
                 low = multiply_add(
                     _LOW_SHARE, pooled[group, edge + SKIP_EDGE + step], low
                 )
+
             deepest = edge + SKIP_EDGE + LOW_CELLS - 1
             share = np.float32(
                 (seen[before, deepest] + seen[group, deepest] + seen[after, deepest])
@@ -283,6 +305,7 @@ def _find_jumps(
             if share > _MEASURED:
                 above = max(bend[group, line] * BEND_TO_LOW + mean[group, line], _ZERO)
                 jump[group, edge] = above - low
+
     return near, mean, bend, jump
 
 
@@ -293,14 +316,17 @@ def _score_jumps(jump: Singles, least: Singles, prior: Singles) -> Singles:
     own = np.empty(edges, np.float32)
     upper = np.empty(edges, np.float32)
     score = np.empty(jump.shape, np.float32)
+
     for group in range(groups):
         for edge in range(edges):
             over = max(jump[group, edge] - least[edge], _ZERO)
             own[edge] = over / (over + HALF_JUMP)
+
         upper[:] = _ZERO
         for above in range(NEAR_CELLS, FAR_CELLS + 1):
             for edge in range(edges - above):
                 upper[edge + above] = max(upper[edge + above], own[edge])
+
         for edge in range(edges):
             score[group, edge] = (
                 own[edge]
@@ -308,6 +334,7 @@ def _score_jumps(jump: Singles, least: Singles, prior: Singles) -> Singles:
                 - upper[edge] * UPPER_COST
                 + prior[group, edge]
             )
+
     return score
 
 
@@ -321,26 +348,32 @@ def _standing_out(jump: Singles) -> Singles:
     sizes = np.empty(jump.size, np.float32)
     number = 0
     spread = np.empty(edges, np.float32)
+
     for group in range(groups):
         for edge in range(FIRST_EDGE, AFTER_EDGE, 2):
             sizes[number] = abs(jump[group, edge])
             number += sizes[number] > 0
+
     typical = (
         np.float64(np.partition(sizes[:number], number // 2)[number // 2])
         if number
         else 0.0
     )
     half_share = np.float64(np.float32(0.5 / (groups - POOLED)))
+
     for edge in range(edges):
         total = 0.0
         for group in range(groups - POOLED):
             change = jump[group + POOLED, edge] - jump[group, edge]
             total += half_share * np.float64(change * change)
+
         spread[edge] = np.sqrt(np.float32(total))
+
     least = mean_of_neighbours(spread, SPREAD_REACH)
     smallest = np.float32(max(LEAST_JUMP, SURE_JUMP * typical))
     for edge in range(edges):
         least[edge] = max(least[edge] * SURE_SPREAD, smallest)
+
     return least
 
 
@@ -355,10 +388,12 @@ def _cross(
     best = 0
     total = _ZERO
     largest = _ZERO
+
     for step in range(2 * REFINE_CELLS):
         above = near[path + step - REFINE_CELLS] - bend * FROM_MIDDLE[step] - middle
         total += min(max(above, -limit), limit)
         if total > largest:
             best = step + 1
             largest = total
+
     return np.float32(path + best) - np.float32(REFINE_CELLS)

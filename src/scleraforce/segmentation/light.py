@@ -67,14 +67,17 @@ def grid_size(rows: int, columns: int, scale: PixelScale) -> GridSize:
     while rows >= MAX_ROWS:
         rows = rows // 2
         step_rows = 2 * step_rows
+
     while columns >= MAX_COLUMNS:
         columns = columns // 2
         step_columns = 2 * step_columns
+
     lateral_m = scale.lateral_m * step_columns
     depth_m = scale.depth_m * step_rows
     cell = PixelScale(
         lateral_m=lateral_m, depth_m=depth_m, refractive_index=scale.refractive_index
     )
+
     return GridSize(rows, columns, step_rows, step_columns, cell)
 
 
@@ -96,15 +99,18 @@ def without_page(frame: Pixels) -> Pixels:
         for one, other in zip(corners, corners[1:] + corners[:1], strict=True)
     ):
         return frame
+
     least = PAGE_SPREAD * int(frame.max())
     dark = float(np.median(frame))
     shown = frame.copy()
+
     for flip in (slice(None), slice(None, None, -1)):
         for lines, to in ((frame[flip], shown[flip]), (frame.T[flip], shown.T[flip])):
             grey = int(lines[0, 0])
             alike = np.abs(lines.astype(np.intp) - grey).max(axis=1) <= least
             if grey - dark > least and not alike.all():
                 to[: int(alike.argmin())] = 0
+
     return shown
 
 
@@ -138,9 +144,11 @@ def _contrast(frame: Counts) -> float:
     columns = max(frame.shape[1] - PAIR_COLUMNS, 0)
     mean = np.empty(((len(frame) - 1) // step + 1, columns), np.uint16)
     number = 0
+
     for row in range(len(mean)):
         line = frame[step * row]
         line_mean = mean[row]
+
         for at in range(columns):
             one = np.int32(line[at + PAIR_COLUMNS])
             other = np.int32(line[at])
@@ -149,21 +157,26 @@ def _contrast(frame: Counts) -> float:
             )  # no branch: half of them would be taken by chance
             line_mean[at] = ((one + other) >> 1) * np.int32(lit)
             number += lit
+
     if number < LEAST_PAIRS:
         return 0.0
+
     place = mean.size - number + int(DIMMER * number)
     least = np.partition(mean.ravel(), place)[place]
     share = np.empty(mean.size, np.float32)
     chosen = 0
+
     for row in range(len(mean)):
         line = frame[step * row]
         line_mean = mean[row]
+
         for at in range(columns):
             if line_mean[at] >= least:
                 one = np.int32(line[at + PAIR_COLUMNS])
                 other = np.int32(line[at])
                 share[chosen] = np.float32(abs(one - other)) / np.float32(one + other)
                 chosen += 1
+
     halves = np.partition(share[:chosen], chosen // 2)
     upper = halves[chosen // 2]
     lower = upper if chosen % 2 else halves[: chosen // 2].max()
@@ -185,21 +198,25 @@ def find_lit(frame: Counts) -> Lit:
     columns = frame.shape[1]
     brightest = frame[0].copy()
     dark = np.empty(columns, np.bool_)
+
     for row in range(LIT_ROWS, frame.shape[0], LIT_ROWS):
         line = frame[row]
         for column in range(columns):
             brightest[column] = max(brightest[column], line[column])
+
     largest = np.int64(brightest.max())
     black = int(LIT_SHARE * largest)
     left = 0
     after = 0
     lit = 0
+
     for column in range(columns):
         dark[column] = brightest[column] <= black
         if not dark[column]:
             left = left if lit else column
             after = column + 1
             lit = lit + 1
+
     return left, after, lit, largest, dark, _contrast(frame)
 
 
@@ -222,11 +239,13 @@ def _halved(frame: Counts, left: int, columns: int, eight_bits: bool) -> Counts:
     rows = rows // 2 if down else rows
     columns = columns // 2 if across else columns
     halves = np.empty((rows, columns), np.uint16)
+
     if across and down:  # loops of their own: in one, less is computed at once
         for row in range(rows):
             half = halves[row]
             upper = frame[2 * row, left:]
             lower = frame[2 * row + 1, left:]
+
             for at in range(columns):
                 above = np.uint32(upper[2 * at]) + np.uint32(upper[2 * at + 1])
                 below = np.uint32(lower[2 * at]) + np.uint32(lower[2 * at + 1])
@@ -235,6 +254,7 @@ def _halved(frame: Counts, left: int, columns: int, eight_bits: bool) -> Counts:
         for row in range(rows):
             half = halves[row]
             line = frame[row, left:]
+
             for at in range(columns):
                 half[at] = _mean_of_two(
                     np.uint32(line[2 * at]), np.uint32(line[2 * at + 1]), up
@@ -243,10 +263,12 @@ def _halved(frame: Counts, left: int, columns: int, eight_bits: bool) -> Counts:
         for row in range(rows):  # of a row and itself where it is not halved at all
             upper = frame[2 * row if down else row, left:]
             lower = frame[2 * row + 1 if down else row, left:]
+
             for at in range(columns):
                 halves[row, at] = _mean_of_two(
                     np.uint32(upper[at]), np.uint32(lower[at]), up
                 )
+
     return halves
 
 
@@ -265,13 +287,16 @@ def noise_floor(cells: Counts) -> int:
     for row in range(0, rows, 8):
         for column in range(0, columns, 2):
             brightest = max(brightest, np.int64(cells[row, column]))
+
     black = brightest // BLACK_PART
     lit = 0
     sample = np.empty(cells.size, np.uint16)
+
     for row in range(0, rows, 8):
         for column in range(0, columns, 2):
             sample[lit] = cells[row, column]
             lit += cells[row, column] > black
+
     place = int(FLOOR_SHARE * lit)
     return int(np.partition(sample[:lit], place)[place]) if lit else 0
 
@@ -284,6 +309,7 @@ def brighter_columns(cells: Counts, rows: int) -> Integers:
     for row in range(min(rows, len(cells))):
         for column in range(columns):
             total[column] += np.float32(cells[row, column])
+
     ordered = np.sort(total)
     middle = ordered[columns // 2]
     low = ordered[columns // 6]

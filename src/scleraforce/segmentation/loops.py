@@ -55,6 +55,7 @@ def sample_rows(
     upper = np.empty(points, np.uintp)
     lower = np.empty(points, np.uintp)
     down = np.empty(points, np.float32)
+
     for line in range(len(row)):
         for at in range(points):
             above = np.floor(row[line, at])
@@ -62,6 +63,7 @@ def sample_rows(
             place = int(above)
             upper[at] = min(max(place, 0), last)
             lower[at] = min(max(place + 1, 0), last)
+
         for at in range(points):
             left = origin + near[at]
             right = origin + far[at]
@@ -72,6 +74,7 @@ def sample_rows(
             above = multiply_add(across[at], p01 - p00, p00)
             below = multiply_add(across[at], p11 - p10, p10)
             light[line, at] = np.rint(multiply_add(down[at], below - above, above))
+
     return light
 
 
@@ -92,13 +95,16 @@ def mean_of_neighbours(values: Singles, reach: int) -> Singles:
     share = 1.0 / (2 * reach + 1)
     means = np.empty_like(values)
     total = 0.0
+
     for place in range(-reach, reach + 1):
         total += np.float64(values[mirrored(place, length)])
+
     for at in range(length):
         means[at] = np.float32(total * share)
         total += np.float64(values[mirrored(at + reach + 1, length)]) - np.float64(
             values[mirrored(at - reach, length)]
         )
+
     return means
 
 
@@ -115,11 +121,14 @@ def open_rows(values: Numbers, window: int) -> None:
     size = (rows + above) * columns
     here = np.empty(size, values.dtype)
     longer = np.empty(size, values.dtype)
+
     for largest in (False, True):
         for row in range(above):
             _copy(values[0], here[row * columns : (row + 1) * columns])
+
         _copy(flat, here[above * columns :])
         length = 1
+
         while length < window:
             step = min(length, window - length)
             both = max(size - step * columns, 0)
@@ -127,6 +136,7 @@ def open_rows(values: Numbers, window: int) -> None:
             _copy(here[both:], longer[both:])  # the last ones
             here, longer = longer, here
             length += step
+
         _copy(here[: values.size], flat)
 
 
@@ -174,6 +184,7 @@ def at_every_column(
         at = column[chosen].astype(np.float64)
         known = row[chosen].astype(np.float64)
         to[:] = np.interp(np.arange(len(to)), at, known)
+
     to[~shown] = np.nan
 
 
@@ -209,17 +220,21 @@ def best_path(score_cr: Singles, reach: int) -> Integers:
     path = best_rows(score_cr)
     first = -1
     last = -1
+
     for column in range(1, len(path)):
         if abs(path[column] - path[column - 1]) > reach:
             first = column - 1 if first < 0 else first
             last = column - 1
+
     if first < 0:
         return path
+
     start = max(0, first - MARGIN)
     stop = min(len(path), last + 2 + MARGIN)
     _search(score_cr[start:stop], reach, path[start:stop])
     if not is_path(path, reach):
         _search(score_cr, reach, path)
+
     return path
 
 
@@ -235,18 +250,22 @@ def _search(score_cr: Singles, reach: int, path: Integers) -> None:
     after = np.empty_like(score_cr)
     before[0] = score_cr[0]
     after[columns - 1] = score_cr[columns - 1]
+
     for column in range(1, columns):
         back = columns - 1 - column
         _add_best(before[column - 1], score_cr[column], reach, before[column])
         _add_best(after[back + 1], score_cr[back], reach, after[back])
+
     for column in range(columns):
         best = 0
         largest = np.float32(-np.inf)
+
         for row in range(rows):
             through = before[column, row] + after[column, row] - score_cr[column, row]
             if through > largest:
                 best = row
                 largest = through
+
         path[column] = best
 
 
@@ -255,9 +274,11 @@ def _add_best(sums: Singles, score: Singles, reach: int, to: Singles) -> None:
     """Write a column's scores plus the largest of the sums within reach."""
     rows = len(score)
     to[:] = sums
+
     for step in range(1, min(reach, rows - 1) + 1):
         for row in range(rows - step):
             to[row] = max(to[row], sums[row + step])
         for row in range(rows - step):
             to[row + step] = max(to[row + step], sums[row])
+
     to += score

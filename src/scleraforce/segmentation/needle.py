@@ -103,6 +103,7 @@ def needle_entry(needle: SeenNeedle | None) -> dict[str, Any] | None:
     """
     if needle is None:
         return None
+
     return {
         "angle_deg": round(from_si(abs(needle.angle_rad), "deg"), 2),
         "leans": "left" if needle.angle_rad < 0.0 else "right",
@@ -123,6 +124,7 @@ def find_needle(
     shaded = _shaded(cells, size, edges) if edges else None
     if shaded is None:
         return None
+
     (column, row), (first, after) = shaded
     lateral_m = size.scale.lateral_m / size.step_columns
     depth_m = size.scale.depth_m / size.step_rows
@@ -130,6 +132,7 @@ def find_needle(
     slope = edges[0].slope / size.step_rows
     axis = _axis_slope(edges, size)
     ends = row < len(cells) - 1.0
+
     return SeenNeedle(
         angle_rad=-atan(slope * lateral_m / depth_m),
         tip_m=((tip[0] + 0.5 - columns / 2) * lateral_m, (tip[1] + 0.5) * depth_m)
@@ -160,6 +163,7 @@ def _axis_slope(edges: list[ShaftEdge], size: GridSize) -> float | None:
         )
         if abs(at_end) > 0.5 * abs(one.top - other.top):
             return 0.5 * (one.slope + other.slope)
+
     return one.slope if (one.row + 1) * size.scale.depth_m > BEVEL_M else None
 
 
@@ -174,32 +178,40 @@ def _shaded(
     columns = cells.shape[1]
     reached = [place for edge in edges for place in (edge.top, edge.end)]
     first = max(0, round(min(reached) / step - 0.5))
+
     after = min(columns, round(max(reached) / step + 0.5))
     if first >= after:
         return None
+
     tissue = _tissue(cells, size, edges)
     level: Singles = tissue.max(axis=0)
     reach = max(2, round(BESIDE_M / size.scale.lateral_m))
     beside = _beside(level, first, after, reach)
     usual = float(np.sort(level)[3 * columns // 4])
+
     lit = beside[beside > LIT_SHARE * usual]
     if not len(lit) or float(np.median(level[first:after])) > SHADED_SHARE * float(
         np.median(lit)
     ):
         return None
+
     dark = level < DARK_SHARE * usual
     while first > 0 and dark[first - 1]:
         first -= 1
+
     while after < columns and dark[after]:
         after += 1
+
     shown = tissue > LIT_SHARE * usual
     tip = _tip(size, edges, (first * step, after * step))
+
     if _goes_through(size, edges, shown, first, after) or _shines_below(
         cells, size, edges
     ):
         return None
     if not _touches(size, shown, (first, after), tip[1]):
         return None
+
     margin = max(1, round(MARGIN_M / size.scale.lateral_m))
     return tip, (max(0, first - margin) * step, min(columns, after + margin) * step)
 
@@ -211,6 +223,7 @@ def _touches(
     (first, after) = shadow
     reach = max(2, round(BESIDE_M / size.scale.lateral_m))
     surfaces = []
+
     for side in (
         lit[:, max(0, first - reach) : first][:, ::-1],
         lit[:, after : after + reach],
@@ -218,7 +231,9 @@ def _touches(
         seen = np.flatnonzero(side.any(axis=0))[:NEAREST]
         if not len(seen):
             return False
+
         surfaces.append(float(np.median(side[:, seen].argmax(axis=0))))
+
     return (min(surfaces) - tip_row) * size.scale.depth_m <= HOVERING_M
 
 
@@ -242,6 +257,7 @@ def _shines_below(cells: Counts, size: GridSize, edges: list[ShaftEdge]) -> bool
     deep: Singles = cells[begin:].astype(np.float32)
     if len(deep) * size.scale.depth_m < DEEP_M or len(deep) < PARTS:
         return False
+
     ends = [round(edge.end / size.step_columns - 0.5) for edge in edges]
     first = max(0, min(ends))
     after = max(0, max(ends) + 1)
@@ -251,6 +267,7 @@ def _shines_below(cells: Counts, size: GridSize, edges: list[ShaftEdge]) -> bool
         (level[first:after], _beside(level, first, after, reach)) for level in levels
     ]
     least = STREAK * float(cells.std())
+
     return all(
         len(one) and len(other) and float(one.mean() - other.mean()) > least
         for one, other in pairs
@@ -283,6 +300,7 @@ def _tissue(cells: Counts, size: GridSize, edges: list[ShaftEdge]) -> Singles:
     deep = np.ones(
         (max(3, round(TISSUE_M / size.scale.depth_m)), 1), np.uint8
     )  # what is thinner is a line
+
     return cast(Singles, cv2.erode(light, deep))
 
 
@@ -303,12 +321,14 @@ def _tip(
             if abs(other - column) * pixel_m[0] < WIDEST_M
             else column
         ), row
+
     along = np.array([edges[0].slope * pixel_m[0], pixel_m[1]])
     along /= hypot(*along)
     apart = (ends[1] - ends[0]) * pixel_m
     longer = float(apart @ along)
     width = abs(float(apart[0] * along[1] - apart[1] * along[0]))
     tip = ends[int(longer > 0)] if abs(longer) > BEVELLED * width else ends.mean(axis=0)
+
     return float(tip[0]), float(tip[1])
 
 
@@ -320,13 +340,16 @@ def _find_edges(
     start = np.unique(
         np.clip(np.concatenate([begin - 1, begin, begin + 1]), 0, thin.shape[1] - 1)
     )
+
     coarse = _best(thin, start.astype(np.float64), _slopes(size), _pooled_rows(size))
     if coarse.length * size.scale.depth_m < LEAST_LENGTH_M:
         return []
+
     if size.step_rows > 1:  # in the grid's rows, with the frame's own columns
         shape = (frame.shape[1], len(cells))
         frame = frame[: len(cells) * size.step_rows]
         frame = cast(Pixels, cv2.resize(frame, shape, interpolation=cv2.INTER_AREA))
+
     fine = _thin(frame, size.scale.lateral_m / size.step_columns)
     return _edges(thin, fine, coarse, size)
 
@@ -344,6 +367,7 @@ def _thin(light: Pixels, lateral_m: float) -> Singles:
     thin -= np.float32(middle)
     thin *= np.float32(1.0 / (BRIGHT * max(high - middle, 1e-6)))
     np.clip(thin, -0.5, 1.0, out=thin)
+
     return thin
 
 
@@ -380,21 +404,25 @@ def _edges(
         _slopes(size)[::2],
         _pooled_rows(size),
     )
+
     meets = (
         abs(other.end - coarse.end) <= widest
         and abs(other.row - coarse.row) * size.scale.depth_m <= WIDEST_M
     )
     if not meets or other.length < OTHER_SHARE * coarse.length:
         return [first]
+
     second = _refined(_without(fine, first, NEAR_COLUMNS + 1.0), other, size)
     # The shaft's edge is the longer one, of a bevel the lower one: it is held with its cut up.
     left, right = sorted([first, second], key=lambda edge: edge.top)
+
     bevelled = (
         right.top - left.top - abs(right.end - left.end)
         > widest * size.step_columns / 4
     )  # they converge
     if bevelled and left.slope * right.slope > 0.0:
         return [right, left] if left.slope < 0.0 else [left, right]
+
     return sorted([first, second], key=lambda edge: -edge.length)
 
 
@@ -422,13 +450,16 @@ def _refined(fine: Singles, coarse: ShaftEdge, size: GridSize) -> ShaftEdge:
         np.maximum(fine[: edge.row + 1] - np.float32(0.25), 0.0),
         0.0,
     )
+
     by_row = weight.sum(axis=1)
     if np.count_nonzero(by_row) < LEAST_ROWS:
         return edge
+
     centre = (weight * at).sum(axis=1) / np.maximum(by_row, 1e-6)
     slope, top = (
         float(value) for value in np.polyfit(rows + 0.5, centre, 1, w=np.sqrt(by_row))
     )  # least squares
+
     return replace(edge, top=top, slope=slope)
 
 
@@ -452,6 +483,7 @@ def _best(
     if pooled_rows > 1:
         shape = thin.shape[1], max(1, len(thin) // pooled_rows)
         thin = cast(Singles, cv2.resize(thin, shape, interpolation=cv2.INTER_AREA))
+
     rows = np.arange(len(thin))[:, None]
     place = np.rint(start + slopes[:, None, None] * pooled_rows * (rows + 0.5)).astype(
         np.intp
@@ -467,6 +499,7 @@ def _best(
     length = float(lengths[which, column])
     row = pooled_rows * (row + 1) - 1
     length = pooled_rows * length
+
     return ShaftEdge(
         top=float(start[column]), slope=float(slopes[which]), row=row, length=length
     )

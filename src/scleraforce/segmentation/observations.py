@@ -58,6 +58,7 @@ def segmented_boundaries(segmentation: Segmentation, scale: PixelScale) -> Bound
     lateral_m, outer_m = surface(segmentation, scale)
     bottom_m = segmentation.rows * scale.depth_m - BOTTOM_M
     inner_m = np.full_like(outer_m, np.nan)
+
     if segmentation.inner_found:
         index = scale.refractive_index
         optical_m = (segmentation.inner_row - segmentation.outer_row) * scale.depth_m
@@ -68,6 +69,7 @@ def segmented_boundaries(segmentation: Segmentation, scale: PixelScale) -> Bound
         inner_m = np.where(
             seen & even & (stretch < STEEPEST), outer_m + optical_m / index, np.nan
         )
+
     return Boundaries(
         lateral_m,
         np.stack([outer_m, inner_m]),
@@ -85,6 +87,7 @@ def surface(segmentation: Segmentation, scale: PixelScale) -> tuple[Floats, Floa
     # Row r is centred half a pixel below its upper edge.
     outer_m = (segmentation.outer_row + 0.5) * scale.depth_m
     outer_m[~(outer_m < segmentation.rows * scale.depth_m - BOTTOM_M)] = np.nan
+
     return lateral_m, outer_m
 
 
@@ -96,12 +99,14 @@ def dent(boundaries: Boundaries) -> float:
     lateral_m = boundaries.lateral_m
     depth_m = boundaries.depth_m[0]
     middle = (np.abs(lateral_m) < MIDDLE_M) & np.isfinite(depth_m)
+
     flanks = [
         (np.abs(lateral_m - side) < FLANK_M) & np.isfinite(depth_m)
         for side in (-ASIDE_M, ASIDE_M)
     ]
     if not (middle.any() and flanks[0].any() and flanks[1].any()):
         return float("nan")
+
     line_m = np.interp(
         lateral_m[middle],
         [-ASIDE_M, ASIDE_M],
@@ -148,15 +153,18 @@ def observe_points(
     """Take at most `count` points about the needle, at `centre_m`: half (rounded up) outer ones, the rest inner."""
     parts: list[tuple[float, float, int, float]] = []
     inside = np.abs(boundaries.lateral_m - centre_m) <= span_m
+
     for boundary, wanted in enumerate((ceil(count / 2), count // 2)):
         seen = np.flatnonzero(inside & np.isfinite(boundaries.depth_m[boundary]))
         if wanted == 0 or len(seen) < 10 * wanted:
             continue
+
         share = np.linspace(0.02, 0.98, wanted) if wanted > 1 else np.array([0.5])
         rough = roughness(boundaries, boundary)
         for column in seen[np.rint(share * (len(seen) - 1)).astype(np.intp)].tolist():
             depth_m, sd_m = _point(boundaries, boundary, column, rough)
             parts.append((boundaries.lateral_m[column], depth_m, boundary, sd_m))
+
     lateral, depth, kind, sd = np.array(parts, dtype=np.float64).reshape(-1, 4).T
     return Observation(lateral, depth, kind.astype(np.intp), sd)
 
@@ -167,9 +175,11 @@ def roughness(boundaries: Boundaries, boundary: int) -> Roughness:
     half = max(2, round(STRETCH_M / step))
     columns = np.flatnonzero(np.isfinite(boundaries.depth_m[boundary]))
     starts = columns[: len(columns) // (2 * half) * 2 * half].reshape(-1, 2 * half)
+
     whole = starts[(np.diff(starts, axis=1) == 1).all(axis=1)]
     if len(whole) < 2:
         return Roughness(sd_m=boundaries.pixel_m, correlation=0.0)
+
     x = np.linspace(-1, 1, 2 * half)
     basis = np.linalg.qr(np.stack([np.ones_like(x), x, x * x], axis=1))[0]
     depth = boundaries.depth_m[boundary][whole]
@@ -183,6 +193,7 @@ def roughness(boundaries: Boundaries, boundary: int) -> Roughness:
         2 * half
     )  # what the parabola takes off it (Kendall 1954)
     sd = sqrt(max(variance, boundaries.pixel_m**2 / 12))
+
     return Roughness(
         sd_m=sd, correlation=min(max(correlation, 0.0), LARGEST_CORRELATION)
     )
@@ -198,15 +209,18 @@ def _point(
     first = max(column - half, 0)
     depth = boundaries.depth_m[boundary, first : column + half + 1]
     seen = np.isfinite(depth)
+
     offsets = tuple((np.flatnonzero(seen) + first - column).tolist())
     if len(offsets) < LEAST_COLUMNS:
         return float(boundaries.depth_m[boundary, column]), 10 * boundaries.pixel_m
+
     weights = _parabola_weights(offsets)
     value, slope = weights @ depth[seen]
     step_m = boundaries.lateral_m[1] - boundaries.lateral_m[0]
     slope /= step_m
     independent = min(float(weights[0] @ weights[0]) * rough.columns_as_one(), 1.0)
     speckle = rough.sd_m**2 * independent * (1 + slope**2)
+
     return float(value), sqrt(
         speckle + PIXEL_SHARE**2 * (boundaries.pixel_m**2 + (slope * step_m) ** 2)
     )
@@ -254,6 +268,7 @@ def boundary_slices(
     walls = ((depth_bc[0] <= middle_m) & (middle_m < depth_bc[1])).view(
         np.uint8
     ) * np.uint8(WALL)
+
     return walls, dent_leaves(walls[0]), float(np.ptp(seen_m)) if len(seen_m) else 0.0
 
 
@@ -266,6 +281,7 @@ def _slice_depths(
     width = len(rows[0])
     if not there.any():
         return np.full((2, columns), np.nan)
+
     at = (
         (np.arange(columns) + 0.5 - columns / 2) * pixel_m / scale.lateral_m
         + width / 2
@@ -280,6 +296,7 @@ def _slice_depths(
         (np.interp(at, np.flatnonzero(there), row[there]) + 0.5) * scale.depth_m
         for row in rows
     )
+
     return np.where(
         shown, [outer_m, outer_m + (inner_m - outer_m) / scale.refractive_index], np.nan
     )
@@ -300,16 +317,19 @@ def dent_leaves(cut: Bytes) -> bool:
     last = -1
     missing = 0
     leaves = False
+
     for column in range(columns):
         unseen = deep = 0
         for row in range(rows):
             unseen += cut[row, column] > 0
             deep += cut[row, column] > 0 and row >= rows - rows // 4
+
         missing += unseen == 0
         if deep > 0:
             leaves = leaves or (last >= 0 and 2 * missing > column - last - 1)
             last = column
             missing = 0
+
     return leaves
 
 
@@ -336,8 +356,10 @@ def given_wall(
     outer_row = np.where(whole, first - 0.5, np.nan)
     inner_row = np.where(whole, last - 0.5, np.nan)
     fault = surface_fault(int(whole.sum()), max(int(judged.sum()), 1), 1.0, 1.0)
+
     if whole.sum() < LEAST_SHAPE:
         return without_wall(mask.shape, fault or "no wall was found")
+
     wall = Segmentation(
         outer_row,
         inner_row,
@@ -358,6 +380,7 @@ def given_wall(
     )
     inside = (last < rows) & np.isfinite(along_m)
     thickness_m = float(np.median(along_m[inside])) if inside.any() else float("nan")
+
     return replace(wall, inner_found=bool(inside.any()), thickness_m=thickness_m)
 
 

@@ -58,19 +58,24 @@ def opened_pairs(cells: Counts, floor: int, pairs: Indices, thin: int) -> Counts
     for row in range(rows):
         for at in range(columns):
             opened[row, at] = max(cells[row, pairs[at]], np.uint16(floor))
+
     open_rows(opened, thin)
     for row in range(rows):
         for at in range(columns):
             opened[row, at] -= np.uint16(floor)
+
     _extend_upwards(cells, BLACK_SHARE * floor, pairs, thin, opened)
     tissue = np.empty((rows // ROWS, columns // 2), np.uint16)
+
     for row in range(tissue.shape[0]):
         upper = opened[2 * row]
         lower = opened[2 * row + 1]
+
         for pair in range(tissue.shape[1]):
             above = np.int32(upper[2 * pair]) + np.int32(upper[2 * pair + 1])
             below = np.int32(lower[2 * pair]) + np.int32(lower[2 * pair + 1])
             tissue[row, pair] = (above + below + 2) >> 2
+
     return tissue
 
 
@@ -84,11 +89,13 @@ def _extend_upwards(
         first = 0
         while first < rows and cells[first, pairs[at]] <= black:
             first += 1
+
         if 0 < first < rows:
             top = min(first + margin, rows - 1)
             value = opened[top, at]
             for row in range(top + 1, min(top + 3, rows)):
                 value = max(value, opened[row, at])
+
             for row in range(top):
                 opened[row, at] = value
 
@@ -106,11 +113,13 @@ def surface_score(tissue: Counts, depth: int, downwards: Singles) -> Singles:
     lowest = level[0].copy()
     score_cr = np.empty((pairs, rows), np.float32)
     cost_factor = np.float64(np.float32(EXCESS_COST * 2.0 / depth))
+
     for row in range(rows):
         for pair in range(pairs):
             cost = min(np.float32(total[pair]), _LARGEST_COST)
             step = max(means[row + depth, pair] - means[row, pair] - LEAST_STEP, _ZERO)
             score_cr[pair, row] = step / (step + HALF_STEP) - cost + downwards[row]
+
         if row % 2 == 1:  # the tissue above every other cell will do: it changes slowly
             for pair in range(pairs):
                 lowest[pair] = min(lowest[pair], level[row - 1, pair])
@@ -118,6 +127,7 @@ def surface_score(tissue: Counts, depth: int, downwards: Singles) -> Singles:
                     max(level[row - 1, pair] - lowest[pair] - LEAST_EXCESS, _ZERO)
                     * cost_factor
                 )
+
     return score_cr
 
 
@@ -127,17 +137,21 @@ def _scaled_level(tissue: Counts) -> Singles:
     rows, pairs = tissue.shape
     sample = np.empty(tissue.size, np.uint16)
     number = 0
+
     for row in range(0, rows, 2):
         for pair in range(pairs):
             sample[number] = tissue[row, pair]
             number += 1
+
     place = int(BRIGHT_SHARE * number)
     bright = np.partition(sample[:number], place)[place]
     scale = np.float32(1.0 / max(float(bright), 1e-6))
     level = np.empty(tissue.shape, np.float32)
+
     for row in range(rows):
         for pair in range(pairs):
             level[row, pair] = min(np.float32(tissue[row, pair]) * scale, LARGEST_LEVEL)
+
     return level
 
 
@@ -148,16 +162,20 @@ def _depth_means(level: Singles, depth: int) -> Singles:
     share = 1.0 / depth
     total = np.empty(pairs)
     means = np.empty((rows + depth, pairs), np.float32)
+
     for pair in range(pairs):
         total[pair] = depth * np.float64(level[0, pair])
+
     for row in range(rows + depth):
         entering = min(row, rows - 1)
         leaving = max(row - depth, 0)
+
         for pair in range(pairs):
             means[row, pair] = np.float32(total[pair] * share)
             total[pair] += np.float64(level[entering, pair]) - np.float64(
                 level[leaving, pair]
             )
+
     return means
 
 
@@ -167,15 +185,19 @@ def coarse_rows(score_cr: Singles, reach: int) -> Integers:
     path = best_rows(score_cr)
     if is_path(path, reach):
         return path
+
     columns = len(path)
     fours = score_cr.shape[1] // FOUR
     four = np.empty((columns, fours), np.float32)
+
     for column in range(columns):
         for row in range(fours):
             best = score_cr[column, FOUR * row]
             for near in range(FOUR * row + 1, FOUR * row + FOUR):
                 best = max(best, score_cr[column, near])
+
             four[column, row] = best
+
     path = best_path(four, (reach + FOUR - 1) // FOUR)
     for column in range(columns):
         first = FOUR * path[column]
@@ -183,6 +205,7 @@ def coarse_rows(score_cr: Singles, reach: int) -> Integers:
         for near in range(first + 1, first + FOUR):
             if score_cr[column, near] > score_cr[column, path[column]]:
                 path[column] = near
+
     return path
 
 
@@ -196,10 +219,12 @@ def start_rows(
     last = np.float32(rows - 1.0)
     for pair in range(len(path)):
         coarse[pair] = np.float32(path[pair] * (ROWS * step_rows)) - _ONE_HALF
+
     for at in range(len(start)):
         one = np.float64(weight[at, 0]) * np.float64(coarse[place[at, 0]])
         other = np.float64(weight[at, 1]) * np.float64(coarse[place[at, 1]])
         start[at] = min(max(np.float32(one + other), np.float32(0.0)), last)
+
     return start
 
 
@@ -220,14 +245,17 @@ def sample_strip(
     for step in range(2 * half):
         for at in range(len(start)):
             rows[step, at] = np.float32(step - half) + _ONE_HALF + start[at]
+
     raw = sample_rows(frame, first, columns, across, rows)
     number = (half - 2) * len(start)
     total = squares = 0
+
     for row in range(half - 2):
         for at in range(len(start)):
             count = np.int64(raw[row, at])
             total += count
             squares += count * count
+
     mean = total / number
     return raw, np.sqrt(max(squares / number - mean * mean, 0.0))
 
@@ -244,17 +272,21 @@ def fit_edges(raw: Singles, thin: int, start: Singles) -> tuple[Singles, Singles
     middle = np.empty(columns)
     found = np.zeros(columns, np.float32)
     contrast = np.empty(columns, np.float32)
+
     for row in range(end):
         line = strip[row]
         other_line = strip[rows - 1 - row]
         for at in range(columns):
             above[at] += np.float64(line[at])
             below[at] += np.float64(other_line[at])
+
     for at in range(columns):
         middle[at] = (above[at] + below[at]) / (2 * end)
         contrast[at] = np.float32((below[at] - above[at]) / end)
+
     total = np.zeros(columns)
     best = np.zeros(columns)
+
     for row in range(rows):
         line = strip[row]
         for at in range(columns):
@@ -262,8 +294,10 @@ def fit_edges(raw: Singles, thin: int, start: Singles) -> tuple[Singles, Singles
             if total[at] < best[at]:
                 best[at] = total[at]
                 found[at] = np.float32(row + 1)
+
     for at in range(columns):
         found[at] = start[at] + found[at] - np.float32(half)
+
     return found, contrast
 
 
@@ -273,22 +307,27 @@ def _smoothed_and_opened(raw: Singles, thin: int) -> Singles:
     rows, columns = raw.shape
     strip = np.empty(raw.shape, np.float32)
     three = np.empty(columns, np.float32)
+
     for row in range(rows):
         upper = raw[mirrored(row - 1, rows)]
         line = raw[row]
         lower = raw[mirrored(row + 1, rows)]
         mean = strip[row]
+
         for at in range(columns):
             three[at] = upper[at] + line[at] + lower[at]  # counts: no sum is rounded
+
         for at in range(1, columns - 1):
             mean[at] = np.float32(
                 np.float64(three[at - 1] + three[at] + three[at + 1]) * _NINTH
             )
+
         mean[0] = np.float32(np.float64(three[0] + three[1] + three[1]) * _NINTH)
         mean[columns - 1] = np.float32(
             np.float64(three[columns - 1] + three[columns - 2] + three[columns - 2])
             * _NINTH
         )
+
     open_rows(strip, thin)
     return strip
 
@@ -299,18 +338,22 @@ def smooth_surface(found: Singles) -> None:
     number = len(found)
     if number < SMOOTHED:
         return
+
     longer = np.empty(number + 8, np.float32)
     median = np.empty(number + 8, np.float32)
     for step in range(4):
         longer[step] = 2 * found[0] - found[4 - step]
         longer[number + 4 + step] = 2 * found[number - 1] - found[number - 2 - step]
+
     longer[4 : number + 4] = found
     for at in range(2, number + 6):
         median[at] = np.median(longer[at - 2 : at + 3])
+
     for at in range(number):
         total = 0.0
         for step in range(2, 7):
             total += np.float64(median[at + step])
+
         found[at] = np.float32(total * 0.2)
 
 
@@ -333,19 +376,25 @@ def show_points(
     for at in range(points):
         inside[at] = row[at] < np.float32(deepest)
         present[at] = inside[at] and not missing[int(column[at])]
+
     usual = quantile_of_chosen(contrast, present, TYPICAL)
     least = np.float32(ABSENT_SHARE * max(np.float64(usual), 1e-6))
     last = -1
+
     for at in range(points):
         if not (present[at] and contrast[at] > least):
             present[at] = False
             continue
+
         within = False
         for gap in range(last + 1, at):
             within = within or inside[gap]
+
         if last >= 0 and within and at - 1 - last <= widest:
             present[last + 1 : at] = True
+
         last = at
+
     return present
 
 
@@ -354,9 +403,11 @@ def quantile_of_chosen(of: Singles, chosen: Flags, share: float) -> np.float32:
     """Return the value that `share` of the chosen ones lie below, NaN of none."""
     values = np.empty_like(of)
     number = 0
+
     for at in range(len(of)):
         if chosen[at]:
             values[number] = of[at]
             number += 1
+
     place = int(share * number)
     return np.partition(values[:number], place)[place] if number else np.float32(np.nan)

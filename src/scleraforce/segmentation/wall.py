@@ -75,21 +75,26 @@ def find_wall(
         raise ValueError(
             f"a frame of {frame.shape[0]} x {frame.shape[1]} pixels: give at least 16 x 16"
         )
+
     frame = without_page(frame)
     counts = counts_of(frame)
+
     lit = find_lit(counts)
     if lit[-1] > NOT_LOGARITHMIC:
         frame = as_logarithmic(frame)
         counts = counts_of(frame)
         lit = find_lit(counts)
+
     first = _first_wall(counts, frame.itemsize == 1, scale, lit)
     found = (
         first
         if thickness_m is None
         else below_conjunctiva(frame, scale, first, thickness_m)
     )
+
     if finder is None:
         return found
+
     # Imported here: ONNX Runtime takes longer than a frame does.
     from scleraforce.segmentation.checked_wall import checked_by
 
@@ -103,6 +108,7 @@ def _first_wall(
     left, after, columns, brightest, dark, _ = lit
     if columns < LEAST_SHAPE:
         return without_wall(frame.shape, EMPTY)
+
     part = _part(frame, is_bytes, scale, left, dark[left:after])
     (cells, floor, saturated, begin), found = part.look(brightest)
     if brightest - floor < EMPTY_SHARE * brightest:
@@ -111,6 +117,7 @@ def _first_wall(
         return without_wall(frame.shape, SATURATED)
     if not len(begin):
         return found
+
     shown = part.frame[:, part.first : part.first + len(part.missing)]
     needle = find_needle(
         shown,
@@ -122,14 +129,17 @@ def _first_wall(
     )
     if needle is None:
         return part.look(0)[1]
+
     beside = _beside(frame, part, (needle.hidden[0] - left, needle.hidden[1] - left))
     if beside is None:
         return without_wall(
             frame.shape, "the needle and its shadow hide the wall", needle
         )
+
     found = replace(beside.look(0)[1], needle=needle)
     for boundary in (found.outer_row, found.inner_row):
         boundary[slice(*needle.hidden)] = np.nan
+
     return found
 
 
@@ -153,11 +163,13 @@ class Part(NamedTuple):
         width = len(self.missing)
         shape = (len(self.frame), self.columns)
         behind = (0, 0)
+
         if self.hidden is not None:
             start, stop = np.searchsorted(
                 fine_columns(width), np.array(self.hidden) - 0.5
             )
             behind = int(start), int(stop)
+
         rows = np.empty((2, self.columns))
         cells, floor, saturated, begin, seen, contrast, noise, thickness_m = look(
             self.frame,
@@ -170,6 +182,7 @@ class Part(NamedTuple):
             self.left,
             rows,
         )
+
         points = min(width, FINE_COLUMNS)
         if LEAST_SHAPE <= seen < LEAST_COVER * points:
             seen_at = np.flatnonzero(np.isfinite(rows[0]))
@@ -180,15 +193,18 @@ class Part(NamedTuple):
                 (np.diff(seen_at) - 1)[low[:-1] & low[1:]].sum() / self.columns
             )
             points -= round(min(left, LARGEST_LEFT) * points)
+
         fault = surface_fault(seen, points, contrast, noise)
         if seen < LEAST_SHAPE:
             return (cells, floor, saturated, begin), without_wall(
                 shape, fault or "no wall was found"
             )
+
         found = not isnan(thickness_m)
         wall = Segmentation(
             rows[0], rows[1], shape[0], not fault, fault, found, thickness_m=thickness_m
         )
+
         return (cells, floor, saturated, begin), wall
 
 
@@ -216,15 +232,19 @@ def _part(
     workplace = workplace_for(len(frame), len(missing), *size)
     columns = frame.shape[1]
     first = left
+
     if np.count_nonzero(missing):
         filled = frame[:, left : left + len(missing)].copy()
         first = 0
         change = np.flatnonzero(missing[1:] != missing[:-1]) + 1
+
         for start, end in zip(change[::2], change[1::2], strict=True):
             middle = (start + end + 1) // 2
             filled[:, start:middle] = filled[:, start - 1 : start]
             filled[:, middle:end] = filled[:, end : end + 1]
+
         frame = counts_of(filled)
+
     return Part(
         frame, first, left, columns, missing, scale, workplace, is_bytes, hidden
     )
@@ -239,19 +259,24 @@ def _beside(frame: Counts, part: Part, hidden: tuple[int, int]) -> Part | None:
     missing = part.missing
     least = max(LEAST_SHAPE, round(LEAST_SIDE * len(missing)))
     start = after if first < least else 0
+
     stop = first if len(missing) - after < least else len(missing)
     if stop - start < least:
         return None
+
     inside = (first - start, after - start) if start < first and after < stop else None
     filled = missing[start:stop].copy()
     if inside is not None:
         filled[slice(*inside)] = True
+
     lit = np.flatnonzero(~filled)
     if not len(lit):
         return None
+
     start = start + int(lit[0])
     filled = filled[lit[0] : lit[-1] + 1]
     inside = (
         None if inside is None else (inside[0] - int(lit[0]), inside[1] - int(lit[0]))
     )
+
     return _part(frame, part.is_bytes, part.scale, part.left + start, filled, inside)

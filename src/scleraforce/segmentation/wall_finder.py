@@ -46,6 +46,7 @@ def reduced_frame(frame: Pixels | Singles, rows: int, columns: int) -> Singles:
                 interpolation=cv2.INTER_LINEAR,
             ),
         )
+
     while (
         frame.shape[1] >= 2 * columns
         and frame.shape[0] >= rows
@@ -59,22 +60,27 @@ def reduced_frame(frame: Pixels | Singles, rows: int, columns: int) -> Singles:
                 interpolation=cv2.INTER_LINEAR,
             ),
         )
+
     smaller = frame.shape[0] >= rows and frame.shape[1] >= columns
     method = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
     small: Singles = cv2.resize(frame, (columns, rows), interpolation=method).astype(
         np.float32
     )
+
     lit = small[small > float(small.max()) * np.float32(BLACK_SHARE)]
     if not len(lit):
         return np.zeros((rows, columns), dtype=np.float32)
+
     low_nth, high_nth = (
         int(share * (len(lit) - 1)) for share in (FLOOR_SHARE, BRIGHT_SHARE)
     )
     ordered = np.partition(lit, (low_nth, high_nth))
     low = float(ordered[low_nth])
+
     high = float(ordered[high_nth])
     if high - low <= LEAST_CONTRAST * max(high, 1.0):
         return np.zeros((rows, columns), dtype=np.float32)
+
     return np.clip(
         (small - np.float32(low)) / np.float32(high - low), LEAST_LEVEL, LARGEST_LEVEL
     )
@@ -146,6 +152,7 @@ def _means_between(edges: Reals, values: NDArray[Any]) -> Singles:
     sums[np.diff(whole) == 0] = 0.0
     part = (inside - whole).astype(np.float32)[:, None] * padded[whole]
     width = np.maximum(np.diff(inside), 1e-9).astype(np.float32)
+
     return ((sums + np.diff(part, axis=0)) / width[:, None]).astype(
         np.float32, copy=False
     )
@@ -231,23 +238,28 @@ class WallFinder:
         first = self._look(frame, 0, len(frame))
         if not first.there.any():
             return first
+
         rows = rows_about(
             first.outer_row[first.there], first.inner_row[first.there], len(frame)
         )
         if rows is None:
             return first
+
         second = self._look(frame, *rows)
         both = first.there & second.there
+
         either = first.there | second.there
         if (
             np.count_nonzero(both) < SAME_COLUMNS_SHARE * np.count_nonzero(either)
             or not both.any()
         ):
             return first
+
         moved = np.median(np.abs(second.outer_row - first.outer_row)[both])
         same = moved < MOVED_THICKNESS * np.median(
             (first.inner_row - first.outer_row)[both]
         )
+
         return second if same else first
 
     def _look(self, frame: Pixels, top: int, bottom: int) -> SeenWall:
@@ -266,10 +278,12 @@ class WallFinder:
         (outer, outer_sd), (inner, inner_sd) = map(_moved, probability[0], paths)
         outer = _without_spikes(outer, there)
         inner = _without_spikes(inner, there)
+
         if top == 0:
             outer = np.where(outer < EDGE_ROWS, -1.0, outer)
         if bottom == len(frame):
             inner = np.where(inner > rows - 1.0 - EDGE_ROWS, rows, inner)
+
         stretch = (bottom - top) / rows
         there = there & (inner - outer > LEAST_THICKNESS_ROWS)
         at = reduced_columns(frame.shape[1], columns // 2)
@@ -277,6 +291,7 @@ class WallFinder:
         outer_row, inner_row = (
             top + (row + 0.5) * stretch - 0.5 for row in (outer, inner)
         )
+
         return SeenWall(at, outer_row, inner_row, *rows_sd, there, stretch)
 
 
@@ -312,6 +327,7 @@ def _paths(probability: Singles, wall: Singles) -> tuple[Places, Places]:
         0.0, THIN_BONUS, of_thickness.shape[1], dtype=np.float32
     )
     thickness = smooth_path(of_thickness, cost)
+
     return outer, np.minimum(outer + thickness, score.shape[2] - 1)
 
 
@@ -319,6 +335,7 @@ def _moved(probability: Singles, path: Places) -> tuple[Floats, Floats]:
     """Return a boundary's rows near a path and their standard deviations, (column,), of probabilities (row, column)."""
     off = np.arange(-NEAR_ROWS, NEAR_ROWS + 1)[:, None]
     mean: Floats = path.astype(np.float64)
+
     for _ in range(MEANS):
         near = np.clip(np.rint(mean).astype(np.intp) + off, 0, len(probability) - 1)
         weight = probability[near, np.arange(len(path))].astype(np.float64)
@@ -326,11 +343,13 @@ def _moved(probability: Singles, path: Places) -> tuple[Floats, Floats]:
             LEAST_PROBABILITY  # where nothing speaks for these rows, the path's own
         )
         mean = (weight * near).sum(axis=0) / weight.sum(axis=0)
+
     row = np.arange(len(probability), dtype=np.float32)
     # moments of all rows
     first = row @ probability
     second = np.square(row) @ probability
     spread = np.sqrt(np.maximum(second - 2.0 * mean * first + mean**2, 0.0))
+
     return mean, np.maximum(spread, LEAST_SPREAD_ROWS)
 
 
@@ -360,12 +379,14 @@ def smooth_path(score_cr: Singles, cost: Singles) -> Places:
     fall = np.stack([cost, cost[::-1]], axis=1)[:, :, None].astype(
         np.float32
     ) * np.arange(rows, dtype=np.float32)
+
     for (before, after), down in zip(pairwise(total), fall, strict=True):
         from_above = np.maximum.accumulate(before + down, axis=1)
         from_above -= down
         from_below = np.maximum.accumulate((before - down)[:, ::-1], axis=1)[:, ::-1]
         from_below += down
         after += np.maximum(from_above, from_below)  # a view of `total`
+
     through: Singles = total[:, 0] + total[::-1, 1] - score_cr
     path: Places = through.argmax(axis=1)
     return path

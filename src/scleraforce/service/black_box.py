@@ -86,9 +86,11 @@ class RobotForce:
         if not sound or self._source not in (None, source):
             self.refused += 1
             return None
+
         self._source = source
         if len(values) == 1:
             values = [self._info.contact_sign * values[0]]
+
         self.columns = (
             (f"{self._info.axis}_n",)
             if len(values) == 1
@@ -96,6 +98,7 @@ class RobotForce:
         )
         step = max(floor(at_s / FORCE_STEP_S), self._step)
         sample = None
+
         if step > self._step:
             if self._count:
                 sample = (
@@ -103,13 +106,16 @@ class RobotForce:
                     tuple(total / self._count for total in self._sums),
                 )
                 self.samples.append(sample)
+
             self._sums = [0.0] * len(self.columns)
             self._step = step
             self._count = 0
+
         self._sums = [
             total + value for total, value in zip(self._sums, values, strict=True)
         ]
         self._count += 1
+
         return sample
 
 
@@ -157,10 +163,12 @@ class FrameTaker:
         decided = self._waiting.popleft()
         number = decided.entry.frame or 0
         moment = decided.moment
+
         pixels = self._ring.get(number)
         if pixels is None:
             self.lost += 1
             return
+
         if (
             moment is None or moment != self._moment
         ):  # no two frames of one plane share a time
@@ -168,11 +176,13 @@ class FrameTaker:
                 decided.entry.at_s - self.start_s, self._last_s + CLOCK_STEP_S
             )
             self._moment = moment or number
+
         try:
             self._writer.add(f"{number:07d}.png", self._last_s, pixels, _cells(decided))
         except OSError:
             self.lost += 1
             raise
+
         self.written += 1
 
     def close(self) -> None:
@@ -219,6 +229,7 @@ class SessionRecording:
         if not self._journal.has_room(SESSION, taker.folder):
             self.end()
             return
+
         with self._ended_by_a_fault():
             taker.take()
             if taker.lost and not self._loss_noted:
@@ -241,12 +252,14 @@ class SessionRecording:
         self.taker = None
         if taker is None:
             return
+
         try:
             taker.close()
             if self._forces is not None:
                 self._forces.close()
         except OSError as fault:
             self._journal.fault(SESSION, fault)
+
         self._journal.note(
             f"recorded {taker.written} frames in {taker.folder}; {taker.lost} were lost"
         )
@@ -292,10 +305,12 @@ class Withdrawals:
         self._lines.append((entry.at_s, line))
         while self._lines[0][0] < entry.at_s - self._settings.keep_s:
             self._lines.popleft()
+
         if entry.frame is None or (
             self._frames and entry.frame <= (self._frames[-1].entry.frame or 0)
         ):
             return False
+
         self._frames.append(decided)
         return True
 
@@ -312,11 +327,14 @@ class Withdrawals:
             if self._wanted:
                 lost = f"the seconds up to {self._wanted[0]} are not kept"
                 self._journal.note(f"{lost}: more happened while others were written")
+
             self._wanted = cause, entry, beginning
             return
+
         self._wanted = None
         if not self._journal.has_room(WITHDRAWAL, self._settings.folder):
             return
+
         try:
             self._writing = self._begin(cause, entry, beginning)
         except OSError as fault:
@@ -338,9 +356,11 @@ class Withdrawals:
             line for line_s, line in self._lines if since_s <= line_s <= entry.at_s
         ]
         (partial / "decisions.jsonl").write_bytes(b"".join(lines))
+
         for decided in self._frames:
             if since_s <= decided.entry.at_s <= entry.at_s:
                 taker.add(decided)
+
         # Labels of the last frames average over what comes after them.
         return _Writing(
             folder, taker, time.monotonic() + self._settings.force.average_s
@@ -359,31 +379,37 @@ class Withdrawals:
         force = self._force
         if writing is None or writing.taker.next is not None:
             return
+
         if writing.finishing is None:
             if time.monotonic() < writing.due_s and not ended and force.columns:
                 return
             writing.finishing = self._thread.submit(
                 _finish, writing, force.columns, tuple(force.samples)
             )
+
         if writing.finishing.done():
             self._complete(writing, writing.finishing)
 
     def _complete(self, writing: _Writing, finished: Future[str | None]) -> None:
         taker = writing.taker
         folder = writing.folder
+
         try:
             reason = finished.result()
             self._journal.note(
                 f"kept {taker.written} frames in {folder}; {taker.lost} were lost"
             )
+
             if reason:
                 self._journal.note(
                     f"{folder}: the robot's force gives no labels: {reason}"
                 )
+
             self._journal.send(messages.WithdrawalKept(folder=str(folder)))
         except OSError as fault:
             shutil.rmtree(taker.folder, ignore_errors=True)
             self._journal.fault(WITHDRAWAL, fault)
+
         self._writing = None
         if self._wanted:
             self.keep(*self._wanted)
@@ -414,6 +440,7 @@ def _finish(
     partial = writing.taker.folder
     for path in (*partial.rglob("*"), partial):
         _sync(path)
+
     partial.rename(writing.folder)
     _sync(writing.folder.parent)
     return reason
@@ -427,12 +454,14 @@ def _write_forces(
     log = ForceWriter(partial, columns)
     for at_s, values in forces:
         log.add(at_s - writing.taker.start_s, values)
+
     log.close()
     try:
         label_frames(read_recording(partial), ClassesStudy())
     except ScleraforceError as fault:
         log.set_aside()
         return str(fault).replace(str(partial), str(writing.folder))
+
     return (
         None
         if (partial / "forces.csv").exists()
@@ -471,6 +500,7 @@ class BlackBox:
             and self._withdrawals.taker is None
         ):
             self.turn()
+
         self._session.end()
         self._withdrawals.close()
         self._journal.close()
@@ -480,15 +510,18 @@ class BlackBox:
         due_s = min(self._alive_s, self._journal.sync_due_s) - time.monotonic()
         pause_s = max(0.0, min(due_s, POLL_S) if self._withdrawals.taker else due_s)
         self._hear(0.0 if self._next_taker() else pause_s)
+
         if (taker := self._next_taker()) is not None:
             (
                 self._session if taker is self._session.taker else self._withdrawals
             ).write_frame(taker)
+
         self._withdrawals.turn(ended=self.ended)
         now_s = time.monotonic()
         if now_s >= self._alive_s:
             self._alive_s = now_s + ALIVE_S
             self._journal.sign_of_life()
+
         self._journal.sync(now_s)
 
     def _next_taker(self) -> FrameTaker | None:
@@ -504,11 +537,13 @@ class BlackBox:
         if self.ended:
             time.sleep(min(pause_s, POLL_S))
             return
+
         select([self._channel], [], [], pause_s)
         for _ in range(MOST_MESSAGES):
             try:
                 if not (heard := self._channel.receive(1)):
                     return
+
                 self._take(heard[0])
             except MessageError as fault:  # reported for good: it is never mended
                 self._journal.fault("message", fault)
@@ -517,6 +552,7 @@ class BlackBox:
                     self._journal.note("the monitor ended without notice")
                     if self._entry is not None:
                         self._keep("monitor_died", self._entry)
+
                 self.ended = True
                 return
 
@@ -539,10 +575,12 @@ class BlackBox:
         entry = message.entry
         before = self._entry
         self._entry = entry
+
         if before and entry.number != before.number + 1:
             self._journal.note(
                 f"decisions {before.number + 1} to {entry.number - 1} never arrived"
             )
+
         is_new = self._withdrawals.remember(message, self._journal.record(message))
         self._begin(entry.at_s, entry.time_s)
         if is_new and self._session.taker:
@@ -555,11 +593,13 @@ class BlackBox:
         force = self._force
         refused = self._force.refused
         sample = force.add(heard.at_s, heard.values, heard.device)
+
         if force.refused > refused == 0:
             values = list(heard.values)
             self._journal.note(
                 f"a force of {heard.device} is not kept: {values}; so are others like it"
             )
+
         if sample:
             self._session.add_force(force.columns, sample)
 
@@ -572,6 +612,7 @@ class BlackBox:
             comment = f"Of a session of scleraforce {__version__}, research use only; time 0 is {began}."
             self._beginning = SessionBeginning(at_s, comment)
             self._session.begin(self._beginning)
+
         return self._beginning
 
     def _keep(self, cause: str, entry: messages.Entry) -> None:

@@ -44,6 +44,7 @@ def encode_message(message: CompanionMessage) -> bytes:
             )
     except (msgspec.MsgspecError, TypeError, OverflowError) as fault:
         raise MessageError(f"{type(message).__name__}: {fault}") from fault
+
     _check_size(data)
     return data
 
@@ -92,6 +93,7 @@ def _escaped(value: Any) -> Any:
         return value.encode(errors="backslashreplace").decode()
     if isinstance(value, dict):
         return {key: _escaped(entry) for key, entry in value.items()}
+
     return (
         [_escaped(entry) for entry in value]
         if isinstance(value, (list, tuple))
@@ -135,6 +137,7 @@ class Channel:
             return False
         except OSError as fault:
             raise ChannelClosedError from fault
+
         return True
 
     def receive(self, most: int = 1000) -> list[CompanionMessage]:
@@ -155,11 +158,15 @@ class Channel:
                 continue
             except OSError:
                 data = b""
+
             if not data:
                 if messages:
                     break
+
                 raise ChannelClosedError
+
             messages.append(decode_message(data))
+
         return messages
 
     def close(self) -> None:
@@ -179,6 +186,7 @@ def start_companion(
     command = [sys.executable, "-P", "-m", module, *arguments]
     errors = _errors_that_never_wait()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, UNHEARD)
+
     try:
         with one_thread():
             return Popen(
@@ -243,11 +251,13 @@ def run_companion(
             raise RuntimeError(
                 "no settings came: this module is started by `scleraforce monitor`"
             )
+
         settings = messages[0]
         if not isinstance(settings, kind):
             raise MessageError(
                 f"a {type(settings).__name__} came; the first message must be a {kind.__name__}"
             )
+
         try:
             serve(channel, settings)
         except ChannelClosedError:

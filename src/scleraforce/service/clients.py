@@ -96,8 +96,10 @@ class RateLimiter:
             self._at_once, self._left + self._per_s * max(0.0, now_s - self._then_s)
         )
         self._then_s = max(now_s, self._then_s)
+
         if self._left < 1.0:
             return False
+
         self._left -= 1.0
         return True
 
@@ -137,6 +139,7 @@ def reading_messages(entry: Entry) -> tuple[Text, Sensor]:
         float(verdict.usable),
         float(entry.code),
     )
+
     return Text(json.dumps(entry.as_json())), Sensor(numbers)
 
 
@@ -162,6 +165,7 @@ class Outgoing:
                 for item in self._messages
             ]
             self._encoded[version] = b"".join(parts)
+
         return self._encoded[version]
 
 
@@ -207,6 +211,7 @@ class Connection:
         self._decoder.max_body_bytes = max_body_bytes
         left = TURN_BYTES
         alive = True
+
         try:
             while (
                 left > 0
@@ -219,16 +224,19 @@ class Connection:
                 events += self._decoder.received(count) if count else ()
                 alive = count > 0
                 left = left - count
+
                 if count < len(space) and not self._decoder.between:
                     break
         except BlockingIOError:
             pass
         except (OSError, ProtocolError):
             alive = False
+
         if self._decoder.between:
             self.message_since_s = None
         elif self.message_since_s is None or events:
             self.message_since_s = now_s
+
         return events, alive and not self._decoder.broken
 
     def send(self, data: bytes, now_s: float) -> None:
@@ -236,6 +244,7 @@ class Connection:
         self._flush()
         if self._forget_taken() > WAITING_BYTES or self._rest:
             return
+
         self._rest = memoryview(data)
         self._given_bytes += len(data)
         self._untaken.append((self._given_bytes, now_s))
@@ -254,8 +263,10 @@ class Connection:
             fcntl.ioctl(self._link, termios.TIOCOUTQ, bytes(4)), sys.byteorder
         )  # SIOCOUTQ
         taken_bytes = self._given_bytes - len(self._rest) - waiting_bytes
+
         while self._untaken and self._untaken[0][0] <= taken_bytes:
             self._untaken.popleft()
+
         return waiting_bytes
 
     def _flush(self) -> None:
@@ -272,6 +283,7 @@ class Connection:
                     socket.SOL_SOCKET, socket.SO_LINGER, pack("ii", 1, 0)
                 )
             self._link.shutdown(socket.SHUT_RDWR)
+
         self._link.close()
 
 
@@ -319,16 +331,19 @@ class Clients:
         if begun_s - self._waited_s > WORK_S:
             sleep(REST_S)
             self._waited_s = begun_s = clock()
+
         ready = [key.data for key, _ in self.selector.select(within_s)]
         now_s = clock()
         if now_s - begun_s >= REST_S:
             self._waited_s = now_s
+
         return ready
 
     def accept(self, spared: Connection | None = None) -> list[Connection]:
         """Accept the clients that wait; return the ones that are still connected. `spared` keeps its place."""
         came = []
         freed = False
+
         for _ in range(ACCEPTED_PER_TURN):
             try:
                 link, address = self._listener.accept()
@@ -340,15 +355,19 @@ class Clients:
                 ):
                     freed = True  # once in a turn, so that a newcomer is heard before another replaces it
                     continue
+
                 break  # no client waits any more, or too many files are open
+
             if len(self._connected) >= self._settings.clients:
                 self._make_room(spared)
+
             client = Connection(link, f"{address[0]}:{address[1]}", next(self._numbers))
             self._connected[client.number] = client
             self._guard.watch(client.number, client.fileno())
             self.selector.register(client, selectors.EVENT_READ, client)
             self._note(f"client {client.address} came")
             came.append(client)
+
         return [client for client in came if client in self]
 
     def _take_spare(self) -> None:
@@ -366,10 +385,12 @@ class Clients:
             0
         ]:  # accept says that none is free before it looks
             return False
+
         if self._spare is not None:
             os.close(self._spare)
             self._spare = None
             return True
+
         return self._make_room(spared)
 
     def _make_room(self, spared: Connection | None) -> bool:
@@ -416,6 +437,7 @@ class Clients:
         message_s = self._settings.message_s
         stalled_s = self._settings.stalled_s
         slow = []
+
         for client in self:
             if (
                 client.message_since_s is not None
@@ -425,8 +447,10 @@ class Clients:
                     client,
                     f"was disconnected: its message was not complete within {message_s:g} s",
                 )
+
             if client is spared or client not in self:
                 continue
+
             since_s = client.unread_since_s
             if since_s is not None and now_s - since_s > stalled_s:
                 self.leave(
@@ -435,6 +459,7 @@ class Clients:
                     discard=True,
                 )
                 slow.append(client.address)
+
         return slow
 
     def close(self) -> None:

@@ -66,8 +66,10 @@ class Guard:
         self._fault: str | None = None
         self._beaten_s = self._answered_s = 0.0
         self._channel.settimeout(START_S)
+
         if self._channel.recv(16) != watchdog.ALIVE:
             raise OSError("the watchdog did not start")
+
         self._channel.setblocking(False)
         for version in (1, 2, 3):
             self._send(
@@ -95,15 +97,18 @@ class Guard:
         """Send a sign of life, and take the watchdog's; return its fault, if any. Call it every few ms."""
         if now_s - self._beaten_s < self._beat_s:
             return self._fault
+
         if (
             now_s - self._beaten_s > self._silent_s
         ):  # the first time, or after a pause of this process
             self._answered_s = now_s
+
         self._beaten_s = now_s
         self._send(b"B")
         self._hear(now_s)
         if self._fault is None and now_s - self._answered_s > self._silent_s:
             return f"the watchdog has not answered for {self._silent_s:g} s"
+
         return self._fault
 
     def end(self) -> None:
@@ -114,6 +119,7 @@ class Guard:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+
         self._channel.close()  # not earlier: closing it with unread answers would discard the message
 
     def _send(self, data: bytes, descriptor: int | None = None) -> None:
@@ -177,21 +183,25 @@ class Companions:
         """Return the faults of the companions that are needed; call it every few ms, after `hear`."""
         if self._alive_until_s is None:
             self._alive_until_s = now_s + STARTS_S
+
         self._send_waiting(now_s)
         found = {
             name: self._fault(name, now_s) for name in NEEDED if name in self._children
         }
+
         return tuple(f"{name}: {fault}" for name, fault in found.items() if fault)
 
     def _fault(self, name: str, now_s: float) -> str | None:
         state = self._states[name]
         if state.garbled or state.fault or state.dead:
             return state.garbled or state.fault or "it has died"
+
         full = name == BLACK_BOX and len(self._waiting) >= MOST_WAITING
         if full or (
             state.full_since_s is not None and now_s - state.full_since_s > KEEPS_UP_S
         ):
             return "it does not keep up"
+
         silent = name == BLACK_BOX and now_s > (self._alive_until_s or now_s)
         return "it does not answer" if silent else None
 
@@ -199,12 +209,14 @@ class Companions:
         """Send a decision; it waits for a black box that does not keep up, before all other messages."""
         data = encode_message(decided)
         entry = decided.entry
+
         if BLACK_BOX in self._children:
             if (
                 len(self._waiting) < MOST_WAITING
             ):  # else it counts as failed already, and the log shows the gap
                 self._waiting.append(data)
             self._send_waiting(entry.at_s)
+
         self._send(CONSOLE, data, entry.at_s)
 
     def outline(
@@ -236,11 +248,13 @@ class Companions:
         state = self._states.get(name)
         if state is None or state.dead:
             return False
+
         try:
             taken = self.channel(name).send_encoded(data)
         except ChannelClosedError:
             state.dead = True
             return False
+
         state.full_since_s = (
             None
             if taken

@@ -88,6 +88,7 @@ class DecisionLog:
         self._total_bytes = total_bytes
         self._lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
         self._turn = threading.Lock()  # another thread may sync
+
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as fault:
@@ -95,6 +96,7 @@ class DecisionLog:
             raise OSError(
                 fault.errno, "in use by another monitor", str(folder)
             ) from fault
+
         files = _files(folder)
         self._open(files[-1] if files else _file(folder, 1))
 
@@ -104,12 +106,15 @@ class DecisionLog:
         if self._size and self._size + len(line) > self._file_bytes:
             with self._turn:
                 self._next_file()
+
         written = os.write(self._descriptor, self._separator + line)
         self._size += written
         complete = written == len(self._separator) + len(line)
         self._separator = b"" if complete else b"\n"
+
         if not complete:
             raise OSError(errno.ENOSPC, "a record was cut", str(self._path))
+
         return line
 
     def sync(self) -> None:
@@ -117,6 +122,7 @@ class DecisionLog:
         with self._turn:
             os.fdatasync(self._descriptor)
             same = os.path.samestat(self._path.stat(), os.fstat(self._descriptor))
+
         if not same:
             raise FileNotFoundError(
                 errno.ENOENT, "replaced by another file", str(self._path)
@@ -146,9 +152,11 @@ class DecisionLog:
         os.close(before)
         files = _files(self._folder)
         total = sum(file.stat().st_size for file in files)
+
         for file in files:
             if total <= self._total_bytes:  # the newest one is still empty, so it stays
                 break
+
             total -= file.stat().st_size
             file.unlink()
 
@@ -172,7 +180,9 @@ def _parts(file: Path, offset: int, line: bytes) -> Iterator[LogPart]:
                 yield LogPart(file, offset + at, line[at:begin], None)
             record = json.loads(line[begin : check.start()] + b"}")
             yield LogPart(file, offset + begin, line[begin : check.end()], record)
+
         at = check.end()
+
     rest = line[at:].removesuffix(b"\n")
     if rest:
         yield LogPart(file, offset + at, rest, None)
@@ -215,11 +225,13 @@ class Journal:
             record: dict[str, Any] = {"kind": "entry", "entry": message.entry.as_json()}
         else:
             record = {"kind": "note", "time_s": message.time_s, "text": message.text}
+
         try:
             line = self._log.append(record)
         except OSError as fault:
             self.fault("log", fault)
             return format_line(record)
+
         self.mended("log")
         return line
 
@@ -252,6 +264,7 @@ class Journal:
         except OSError as fault:
             self.fault(name, fault)
             return False
+
         self.mended(name)
         return True
 
@@ -268,16 +281,20 @@ class Journal:
         """If a sync is due, check the disk and the last sync, and begin the next one."""
         if now_s < self.sync_due_s:
             return
+
         self.sync_due_s = now_s + CHECK_S
         if self.has_room("disk", self._folder):
             self.mended("withdrawal")  # the next one can be kept
+
         if self._syncing is not None:
             if not self._syncing.done():
                 return
+
             if (fault := self._syncing.exception()) is not None:
                 self.fault("log on disk", fault)
             else:
                 self.mended("log on disk")
+
         self._syncing = self._thread.submit(self._log.sync)
 
     def close(self) -> None:

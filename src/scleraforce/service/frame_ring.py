@@ -30,6 +30,7 @@ def available_bytes(proc: Path = PROC, groups: Path = GROUPS) -> int | None:
     left = list[int]()
     with suppress(OSError, ValueError, KeyError):
         left.append(1024 * _numbers(proc / "meminfo")["MemAvailable:"])
+
     with suppress(OSError):
         for _, controllers, path in (
             line.split(":", 2)
@@ -50,6 +51,7 @@ def available_bytes(proc: Path = PROC, groups: Path = GROUPS) -> int | None:
                             "total_inactive_file", cached.get("inactive_file", 0)
                         )
                     )
+
     return max(0, min(left)) if left else None
 
 
@@ -101,6 +103,7 @@ class FrameRing:
                 f"{from_si(available, 'mb'):,.0f} MB are there; give the scanner's own --rows and "
                 "--columns, or end other programs"
             )
+
         descriptor = os.memfd_create("scleraforce-frames")
         try:
             os.posix_fallocate(descriptor, 0, size)
@@ -110,6 +113,7 @@ class FrameRing:
                 f"memory: {fault.strerror} for the last {frames} frames of {rows} x {columns} pixels, "
                 f"{from_si(size, 'mb'):.0f} MB; end other programs"
             ) from fault
+
         return cls(
             RingPlace(descriptor=descriptor, frames=frames, rows=rows, columns=columns)
         )
@@ -120,6 +124,7 @@ class FrameRing:
             raise ValueError(
                 f"a frame of {pixels.shape}; the ring has frames of {self.shape}"
             )
+
         slot = number % self.frames
         counts = np.ascontiguousarray(pixels, dtype=np.uint16)
         self._numbers[slot] = 0
@@ -135,10 +140,12 @@ class FrameRing:
         slot = number % self.frames
         if number < 1 or self._numbers[slot] != number:
             return None
+
         pixels = np.empty(self.shape, dtype=np.uint16)
         os.preadv(
             self.place.descriptor,
             [pixels.data],
             self._numbers.nbytes + slot * pixels.nbytes,
         )
+
         return pixels if self._numbers[slot] == number else None

@@ -80,15 +80,19 @@ class EyeLearner:
             and answer.segmentation is not None
         ):
             return
+
         is_light = answer.force_n is not None and answer.force_n < LIGHT_N
         self._light_s = min(self._light_s, asked.at_s) if is_light else inf
+
         if (
             asked.at_s - self._light_s > SETTLES_S and not self._waiting
         ):  # the contact ended without a puncture
             self._link.send(KEEP)
             self._light_s = inf
+
         tip_m = float(answer.fit.unknown[TIP])
         before = [*self._tips_m, *(waiting[1] for waiting in self._waiting)]
+
         is_new = all(abs(tip_m - other_m) > OTHER_TIP_M for other_m in before)
         if (
             is_new
@@ -107,15 +111,19 @@ class EyeLearner:
         while self._awaited and self._link.poll():
             found = self._link.recv()
             self._awaited = self._awaited - 1
+
         if self._awaited:
             return None
+
         ripe = list[ShownFrame]()
         while self._waiting and now_s - self._waiting[0][0] > SETTLES_S:
             _, tip_m, shown = self._waiting.popleft()
             self._tips_m.append(tip_m)
             ripe.append(shown)
+
         if ripe:
             self._ask(ripe)
+
         return found
 
     def _ask(self, what: str | list[ShownFrame]) -> None:
@@ -133,6 +141,7 @@ def learning(fitting: "Fitting", channel: Channel) -> Iterator[EyeLearner]:
     )
     process.start()
     theirs.close()
+
     try:
         yield EyeLearner(link)
     finally:
@@ -157,6 +166,7 @@ class Fitting:
         if asked == KEEP:
             self._kept = self._posterior
             return None
+
         if isinstance(asked, str):
             self._posterior = self._kept
         else:
@@ -164,6 +174,7 @@ class Fitting:
                 np.linalg.LinAlgError
             ):  # frames that contradict each other teach nothing
                 self._posterior = self._posterior.with_frames(asked)
+
         posterior = self._posterior
         return EyeLearned(
             known=posterior.known_eye, frames=len(posterior.frames), fault=self._save()
@@ -177,11 +188,13 @@ class Fitting:
             or self._posterior.fit is None
         ):
             return ""
+
         calibration = as_calibration(self._posterior, self._eye, str(self._record))
         try:
             write_calibration(calibration.to_dict(), self._record / LEARNED_FILE)
         except (InputError, OSError) as fault:
             return f"{LEARNED_FILE} was not written: {fault}"
+
         return ""
 
 
@@ -191,6 +204,7 @@ def _fit(
     """Fit the frames that come, until the other process ends."""
     for other in others:
         other.close()
+
     os.nice(NICENESS)
     with suppress(EOFError, BrokenPipeError):
         while True:
@@ -228,6 +242,7 @@ def as_calibration(posterior: EyePosterior, eye: str, path: str) -> Calibration:
         sds=(*own.sds, 0.0),
     )
     bounds_n = posterior.study.classes.bounds_n
+
     return Calibration(
         {eye: own}, study_hash(posterior.study), bounds_n, "finite-strain"
     )
@@ -243,6 +258,7 @@ def resumed(known: Known, path: Path, eye: str) -> Known:
     place = f"--resume {path}: eyes"
     if eye not in eyes:
         raise InputError(f"{place}: {', '.join(eyes)}; not of {eye}, the eye of --eye")
+
     own = eyes[eye]
     stated = file.content["eyes"][eye].get("parameters", {}).get("iop_pa")
     if (
@@ -254,16 +270,19 @@ def resumed(known: Known, path: Path, eye: str) -> Known:
         raise InputError(
             f"{place}.{eye}: no monitor has learned it; give a {LEARNED_FILE}"
         )
+
     iop_mmhg = from_si(float(stated["mean"]), "mmhg")
     given_mmhg = from_si(known.iop_pa, "mmhg")
     if abs(iop_mmhg - given_mmhg) > SAME_PRESSURE * given_mmhg:
         raise InputError(
             f"{place}.{eye}: learned at {iop_mmhg:.1f} mmHg; --iop-mmhg is {given_mmhg:.1f}"
         )
+
     stiffening = known.stiffening or 0.0
     if abs(own.stiffening - stiffening) > 1e-6:
         raise InputError(
             f"{place}.{eye}: stiffening: {own.stiffening:g}; that of this eye is {stiffening:g}"
         )
+
     modulus = Modulus(mean_pa=own.mean_pa, sd_pa=own.sd_pa, source="population")
     return replace(known, modulus=modulus, thickness_m=own.thickness_m)

@@ -111,9 +111,11 @@ class Entry:
             "reason": verdict.reason if verdict else None,
         }
         record: dict[str, Any] = {}
+
         for name, value in vars(self).items():
             if value is not None or name not in OF_PLANES:
                 record |= reading if name == "verdict" else {name: finite(value)}
+
         elastic_mn = from_si(verdict.elastic_force_n, "mn") if verdict else None
         return record | {
             "class": verdict.predicted if verdict else None,
@@ -149,6 +151,7 @@ KEYS = START.as_json().keys() | OF_PLANES.keys()
 def _verdict_of(value: dict[str, Any]) -> Verdict | None:
     if value["class"] is None:
         return None
+
     names = {
         "class": "predicted",
         "force_mn": "force_n",
@@ -159,9 +162,11 @@ def _verdict_of(value: dict[str, Any]) -> Verdict | None:
         "reason": "reason",
     }
     found = {own: value[name] for name, own in names.items()}
+
     for name, listed in found.items():
         if isinstance(listed, list):
             found[name] = [nan if number is None else number for number in listed]
+
     read = convert(found, Verdict)
     force_n = to_si(read.force_n, "mn")
     elastic_n = to_si(read.elastic_force_n, "mn")
@@ -169,6 +174,7 @@ def _verdict_of(value: dict[str, Any]) -> Verdict | None:
         to_si(read.interval_n[0], "mn"),
         to_si(read.interval_n[1], "mn"),
     )
+
     return replace(
         read, force_n=force_n, elastic_force_n=elastic_n, interval_n=interval_n
     )

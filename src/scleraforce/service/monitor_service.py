@@ -113,6 +113,7 @@ def monitor_service(
     scale = PixelScale.of(scan)
     cv2.setNumThreads(1)
     allow_files(ServerSettings.clients + OWN_FILES)
+
     with ExitStack() as stack:
         listener = stack.enter_context(
             listen(settings.address.host, settings.address.port)
@@ -132,6 +133,7 @@ def monitor_service(
             folder=folder, ring=ring.place, info=info, record=record, keep_s=KEPT_S
         )
         children = {BLACK_BOX: _child("black_box", kept, ring)}
+
         if limits.expects_opinion:
             opinion = OpinionSettings(
                 model=model,
@@ -143,6 +145,7 @@ def monitor_service(
                 planes=scan.plane,
             )
             children[OPINION] = _child("second_opinion", opinion, ring)
+
         if settings.console and pages:
             console = ConsoleSettings(
                 host=settings.console.host,
@@ -157,6 +160,7 @@ def monitor_service(
             )
             children[CONSOLE] = _child("console.server", console, ring, pages.fileno())
             pages.close()  # so that nothing listens there once the console has ended
+
         companions = Companions(children)
         stack.callback(companions.end)
         history = History.monitored(known, reader.study.needle.max_force_n)
@@ -174,10 +178,12 @@ def monitor_service(
         gc.freeze()  # the model stays, so the collector need not scan it again and again
         guard = Guard()
         stack.callback(guard.end)
+
         if not run_in_real_time(MONITOR_PRIORITY):
             note(
                 "no real-time priority: other programs can delay the answers (docs/monitor.md)"
             )
+
         server = Server(
             session,
             listener,
@@ -226,16 +232,19 @@ def _wait_for_opinion(companions: Companions, note: Callable[[str], None]) -> No
     """
     begun_s = now_s = monotonic()
     is_noted = False
+
     while companions.starts(OPINION) and now_s - begun_s < READY_S:
         select([companions.channel(OPINION)], [], [], LOOK_S)
         now_s = monotonic()
         for _ in companions.hear(OPINION, now_s):
             pass  # it has been asked nothing
+
         if not is_noted and now_s - begun_s > NOTED_S:
             is_noted = True
             note(
                 "the second opinion gets ready: some seconds, once after an installation half a minute or more"
             )
+
     if companions.starts(OPINION):
         note(
             f"the second opinion was not ready within {READY_S:g} s: nothing is OK before its first one"
@@ -254,6 +263,7 @@ def _recording_info(settings: MonitorSettings, study: Study) -> RecordingInfo:
         polar_angle_rad=known.polar_rad,
         lean_rad=lean_rad,
     )
+
     return RecordingInfo(stated_eye(settings.eye, known), settings.scan, needle, FORCE)
 
 
@@ -263,6 +273,7 @@ def listen(host: str, port: int, prefix: str = "") -> socket.socket:
         raise InputError(
             f"--{prefix}host: empty; use 127.0.0.1 for this machine alone, 0.0.0.0 for all its networks"
         )
+
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
         (*_, address), *_ = socket.getaddrinfo(host, port, family, socket.SOCK_STREAM)
@@ -277,6 +288,7 @@ def listen(host: str, port: int, prefix: str = "") -> socket.socket:
         if fault.errno != EADDRNOTAVAIL:
             what_to_do = f"give another --{prefix}port, or end what listens there"
             raise InputError(f"{host}:{port}: {reason}; {what_to_do}") from fault
+
     raise InputError(
         f"--{prefix}host {host!r}: {reason}; give an address of this machine"
     )
@@ -309,8 +321,10 @@ def _try_record(record: Path, black_box: Path) -> None:
             raise InputError(
                 f"--record {record}: the folder of the black box is there; choose another name"
             )
+
         with suppress(FileNotFoundError):
             os.stat(record)  # a name may be too long
+
         _try_write(next(folder for folder in record.parents if os.path.lexists(folder)))
     except OSError as fault:
         raise InputError(
@@ -335,6 +349,7 @@ def allow_files(needed: int) -> None:
             "neither the scanner nor the operator is locked out; raise the limit `nofile` in "
             "/etc/security/limits.conf"
         )
+
     resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
 
 

@@ -79,11 +79,13 @@ class ResetCode:
         """Return whether a code is the right one and not locked; count a wrong one."""
         if self.locked(now_s) or not CODE.fullmatch(code):
             return False
+
         right = hmac.compare_digest(code, self.digits)
         self._wrong = 0 if right else self._wrong + 1
         if self._wrong == WRONG_CODES:
             self._wrong = 0
             self._locked_until_s = now_s + LOCKED_S
+
         return right
 
     def locked(self, now_s: float) -> bool:
@@ -106,6 +108,7 @@ def ask_reset(
         raise InputError(
             "--token: has characters that no token has; copy the token that the monitor printed"
         )
+
     try:
         with socket.create_connection((host, port), timeout=within_s) as link:
             link.sendall(encode(Text(token), RESET_DEVICE, time_s=time()))
@@ -129,4 +132,5 @@ def _answer(link: socket.socket, end_s: float) -> tuple[bool, str]:
             ):
                 answer = json.loads(event.message.text)
                 return bool(answer["granted"]), str(answer["message"])
+
     raise OSError("no answer to the reset")

@@ -56,17 +56,21 @@ class FrameAssembler:
         (rows, columns) = frame.pixels.shape
         (column, row, _) = image.offset
         whole_columns, whole_rows, _ = image.size or (columns, rows, 1)
+
         size = whole_rows, whole_columns
         if not begun and (rows, columns) == size:
             return frame
+
         place = np.s_[row : row + rows, column : column + columns]
         stated = size, image.pixels.dtype, image.matrix, image.coordinates
         part = f"IMAGE: the part rows {row} to {row + rows}, columns {column} to {column + columns} of {size}"
         reason = ""
+
         if begun and stated != begun:
             reason = "states another size, type or matrix than those before it"
         elif begun and not self._missing[place].all():
             reason = "overlaps those before it"
+
         begins = not begun or (
             bool(reason) and (row, column) == (0, 0) and (rows, columns) != size
         )
@@ -79,16 +83,20 @@ class FrameAssembler:
                 raise ProtocolError(
                     f"IMAGE: parts of an image of {needed} bytes: at most {self.max_frame_bytes}"
                 )
+
             self._pixels = np.empty(size, frame.pixels.dtype)
             self._missing = np.ones(size, np.bool_)
+
         if begins or not reason:
             self._pixels[place] = frame.pixels
             self._missing[place] = False
             self._stated = stated if self._missing.any() else ()
+
         if reason:
             raise ProtocolError(f"{part} {reason}")
         if self._stated:
             return None
+
         self._pixels.flags.writeable = False
         return replace(frame, pixels=self._pixels)
 
@@ -99,6 +107,7 @@ def _frame(image: Image) -> ScannerFrame:
         raise ProtocolError(
             f"IMAGE: {pixels.dtype} pixels: must be 8 or 16 bit in this machine's byte order"
         )
+
     slices = (image.size or (0, 0, pixels.shape[0]))[2]
     if pixels.ndim != 3 or slices != 1:
         components = pixels.shape[3] if pixels.ndim == 4 else 1
@@ -109,11 +118,13 @@ def _frame(image: Image) -> ScannerFrame:
         raise ProtocolError(
             f"IMAGE: {pixels.dtype} pixels down to {pixels.min()}: none may be negative"
         )
+
     lateral_m, depth_m = (to_si(hypot(*image.matrix[n : n + 3]), "mm") for n in (0, 3))
     if not (lateral_m > 0.0 and depth_m > 0.0):
         raise ProtocolError(
             f"IMAGE: pixels of {lateral_m} x {depth_m} m: the matrix's columns must have a length"
         )
+
     counts = pixels[0].view(f"u{pixels.itemsize}")
     counts.flags.writeable = False
     return ScannerFrame(

@@ -68,21 +68,26 @@ def _serve(
         OPINION_PRIORITY
     )  # not before: Linux pauses what leaves a core nothing for a second
     channel.send(Alive(faults=()))
+
     while True:
         select([channel], [], [])
         begun_s = monotonic()
+
         for asked in channel.receive():
             if not isinstance(asked, OpinionAsked):
                 raise MessageError(
                     f"a {type(asked).__name__} came; the second opinion is asked about frames only"
                 )
+
             if learner:
                 learner.hear(asked)
+
         assert isinstance(asked, OpinionAsked)
         of_plane = {name: (number, order) for name, number, order in asked.planes}
         asked_for = [of_plane[plane.name] for plane in planes] or [
             (asked.number, asked.order)
         ]
+
         frames = [
             pixels
             for number, _ in asked_for
@@ -94,13 +99,17 @@ def _serve(
                 history.read(one, study.classes.bounds_n, asked.at_s) for one in elastic
             ]
             history = felt[0][1]
+
             for (_, order), (answer, _), plane in zip_longest(asked_for, felt, planes):
                 channel.send(_opinion(answer, order, plane, reader.classes))
+
             if learner:
                 learner.show(asked, elastic[0], settings.scale)
+
         if learner and (learned := learner.learned(monotonic())):
             known = learned.known if reader.refusal(learned.known) is None else known
             channel.send(learned)
+
         took_s = monotonic() - begun_s
         sleep(max(LEAST_S - took_s, took_s))
 
@@ -111,11 +120,13 @@ def _opinion(
     """Return the opinion on a frame; one of several planes that the fit left out cannot be judged."""
     if plane is None:
         return OpinionGiven(order=order, verdict=answer.verdict)
+
     if answer.usable and answer.fit is None:
         words = f"{LEFT_OUT}plane {plane.name}:"
         answer = unusable(
             classes, next(said for said in answer.warnings if said.startswith(words))
         )
+
     contact_m = None if answer.place is None else answer.place.contact_m
     return OpinionGiven(
         order=order, verdict=answer.verdict, plane=plane.name, contact_m=contact_m
@@ -128,6 +139,7 @@ def _learner(
     """Start to learn the eye, if the settings ask for it. What this imports, nothing else here needs."""
     if not settings.learns:
         return nullcontext()
+
     from scleraforce.calibration.eye_posterior import EyePosterior
     from scleraforce.reader.kinds import ForceReader
     from scleraforce.service.learning import Fitting, learning
@@ -138,6 +150,7 @@ def _learner(
         study=reader.study,
         library=reader.library_for(settings.known),
     )
+
     return learning(Fitting(begun, settings.learns, settings.record), channel)
 
 

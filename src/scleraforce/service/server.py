@@ -87,10 +87,12 @@ class Server:
         self._companions = companions
         self._note = note
         self._clients = Clients(listener, settings, guard, self._note_client)
+
         for name in companions:
             self._clients.selector.register(
                 companions.channel(name), selectors.EVENT_READ, name
             )
+
         self._most_bytes = (
             LARGER_FRAMES * 2 * ring.shape[0] * ring.shape[1] + SMALL_BODY_BYTES
         )
@@ -120,9 +122,11 @@ class Server:
                 if now_s >= tick_s:
                     tick_s = now_s + TICK_S
                     self._tick(now_s)
+
                 if now_s >= heartbeat_s:
                     heartbeat_s = max(heartbeat_s + HEARTBEAT_S, now_s)
                     self._clients.broadcast(self._status(), now_s)
+
                 if now_s >= rates_s:
                     rates_s = now_s + RATES_S
                     self._send_rates(now_s)
@@ -132,6 +136,7 @@ class Server:
                     "exception",
                     Fault(now_s, Cause.EXCEPTION, f"{type(fault).__name__}: {fault}"),
                 )
+
             if silent := self._guard.beat(now_s):
                 self._decide("watchdog", Fault(now_s, Cause.EXCEPTION, silent))
 
@@ -149,9 +154,11 @@ class Server:
         )
         clients = [who for who in ready if isinstance(who, Connection)]
         clients.sort(key=lambda who: (who is not self._scanner, who.heard_s))
+
         for name in ready:
             if isinstance(name, str):
                 self._hear_companion(name)
+
         end_s = self.session.clock() + OTHERS_S
         for client in clients:
             if client in self._clients:
@@ -166,6 +173,7 @@ class Server:
                     peers.REST_S,
                 )
                 break
+
         self._lose(self.session.clock())
         if self.session.behind and self._scanner not in ready:
             self._decide("overtaken", self.session.catch_up())
@@ -193,6 +201,7 @@ class Server:
         )
         at_s = self.session.clock()
         frames: list[Frame] = []
+
         for event in events:
             if (frame := self._hear_event(client, event, at_s, may_scan)) is not None:
                 frames.append(frame)
@@ -200,18 +209,22 @@ class Server:
                 client.wrong_tokens >= WRONG_TOKENS
             ):  # it was disconnected; later messages do not count
                 break
+
         newest = {frame.plane: frame for frame in frames}
         overtaken = [
             frame
             for frame in frames
             if not frame.misfit and frame is not newest[frame.plane]
         ]
+
         for frame in overtaken:
             self.session.defer(frame, newest[frame.plane])
+
         self._lose(at_s)
         for frame in frames:
             if frame not in overtaken:
                 self._take_frame(frame)
+
         if not alive:
             broken = next(
                 (event.reason for event in events if isinstance(event, igtl.Broken)),
@@ -255,6 +268,7 @@ class Server:
                 self._left_out += 1
             case igtl.BadChecksum() | igtl.Malformed() | igtl.Broken():
                 self._take_faulty(client, event, at_s, may_scan)
+
         return None
 
     def _assemble(
@@ -265,17 +279,21 @@ class Server:
         self._scanned_s = at_s
         plane = event.header.device if self.session.planes else None
         planes = self.session.planes
+
         try:
             if planes and plane not in planes:
                 raise ProtocolError(
                     f"IMAGE of device {plane!r}: must be a plane's name: {', '.join(planes)}"
                 )
+
             whole = client.frames.setdefault(plane, FrameAssembler()).add(image)
         except ProtocolError as fault:
             self._decide("bad image", Fault(at_s, Cause.BAD_IMAGE, str(fault)))
             return None
+
         if whole is None:
             return None
+
         sender_id = (
             event.message_id
             or int(from_si(event.header.time_s, "us"))
@@ -297,6 +315,7 @@ class Server:
         if client is not self._scanner and not (may_scan and of_image):
             self._note_client(f"client {client.address}: {event.reason}", client)
             return
+
         client.frames.clear()  # no frame may mix parts from before and after the error
         is_checksum = isinstance(event, igtl.BadChecksum)
         name, cause = (
@@ -320,8 +339,10 @@ class Server:
             now_s,
         )
         self._note_state()
+
         if frame.image.pixels.shape == self._ring.shape:
             self._ring.put(frame.number, frame.image.pixels)
+
         moment = session.moment(frame) if frame.plane else (frame,)
         decided = messages.Decided(
             entry=entry,
@@ -330,6 +351,7 @@ class Server:
             moment=moment[0].number if frame.plane else None,
         )
         self._companions.decided(decided)
+
         if session.answer is not None and len(moment) >= len(session.planes):
             asked = messages.OpinionAsked(
                 number=frame.number,
@@ -346,6 +368,7 @@ class Server:
                 ),
             )
             self._companions.send(OPINION, asked, now_s)
+
         if session.answer is not None and session.answer.segmentation is not None:
             self._companions.outline(
                 frame.number, session.answer.segmentation, now_s, frame.plane
@@ -393,6 +416,7 @@ class Server:
         self._decide("tick", Tick(now_s))
         for fault in self._companions.faults(now_s):
             self._decide("companion", Fault(now_s, Cause.EXCEPTION, fault))
+
         for address in self._clients.sweep(now_s, self._scanner):
             if self._notes.take(now_s):
                 self._note(
@@ -403,6 +427,7 @@ class Server:
         dropped = f"{self._left_out} notes and forces of clients were dropped: there were too many"
         if self._left_out and self._log_note(dropped, now_s):
             self._left_out = 0
+
         frames, since_s = self._counted or (0, now_s - RATES_S)
         self._counted = self.session.frames, now_s
         roles = {True: "scanner", False: "listener"}
@@ -415,6 +440,7 @@ class Server:
             frames_per_second=rate, lost=self.session.lost, clients=clients
         )
         self._companions.send(CONSOLE, rates, now_s)
+
         if (
             not rate
         ):  # a console that has lost a message must not show an old state for long
@@ -472,14 +498,17 @@ class Server:
                     False,
                     f"{WRONG_CODES} wrong codes: none is accepted for {LOCKED_S:.0f} s; the token is",
                 )
+
             return (
                 False,
                 "the token or code is wrong; the monitor printed the right ones",
             )
+
         self._decide("reset", Reset(now_s))
         if granted := self.session.decision.code == 1:
             self.code.renew()
             self._note(self.code.line)
+
         return granted, self.session.decision.message
 
     def _reset_by_client(self, client: Connection, secret: str, now_s: float) -> None:
@@ -495,5 +524,6 @@ class Server:
                 Outgoing(RESET_DEVICE, (answer,), self.session.wall_clock),
                 now_s,
             )
+
         if client.wrong_tokens >= WRONG_TOKENS:
             self._clients.leave(client, "was disconnected: wrong tokens")

@@ -62,7 +62,9 @@ class FramePace:
                 self._sent_gaps_s.append(
                     min(max(sent_s - self._last_sent_s, LEAST_SENT_S), self._most_s)
                 )
+
             self._last_sent_s = sent_s
+
         enough = len(self._gaps_s) >= (
             ENOUGH_FRAMES if len(self._sent_gaps_s) == 1 else SETTLED_FRAMES
         )
@@ -71,8 +73,10 @@ class FramePace:
             if enough
             else median_low(self._sent_gaps_s)
         )
+
         if self._last_s is not None:
             self._gaps_s.append(min(max(at_s - self._last_s, 0.0), self._most_s))
+
         self._last_s = at_s
         return interval_s
 
@@ -144,6 +148,7 @@ class DeferredFrames:
             lost, unread_s = rows.get(row, (0, 0.0))
             rows[row] = lost + 1, unread_s + frame.interval_s
             self._bunch_s = max(0.0, self._bunch_s - frame.interval_s)
+
         each = rows.items()
         return [
             events.QueueLoss(at_s=now_s, lost=lost, unread_s=unread_s, row=row)
@@ -238,6 +243,7 @@ class Session:
         """Decide on an event; return whether the decision has changed."""
         before = self.decision
         self._decide(event)
+
         now = self.decision
         if now.cause and State.WITHDRAW is now.state is not before.state:
             begun = {
@@ -247,6 +253,7 @@ class Session:
                 "message": now.message,
             }
             self.withdrawals.append(begun)
+
         return now != before
 
     def _decide(self, event: MonitorEvent) -> None:
@@ -316,6 +323,7 @@ class Session:
         if sender != stream.sender:
             stream.offset = stream.order + 1 - sender_id if stream.sender else 0
             stream.sender = sender
+
         order = stream.offset + sender_id
         misfit = order <= stream.order or not self._fits(image, stream.sent_type)
         stream.order = order
@@ -335,6 +343,7 @@ class Session:
             travel_age_s=age_s if is_fresh else 0.0,
             plane=plane,
         )
+
         return Frame(
             number=self.frames,
             sender_id=sender_id,
@@ -380,6 +389,7 @@ class Session:
             else {}
         )
         self._moment[frame.plane] = frame
+
         return tuple(self._moment.values())
 
     def _fits(self, image: ScannerFrame, sent_type: str | None) -> bool:
@@ -424,10 +434,12 @@ class Session:
             stream.deferred for stream in self._streams.values() if stream.deferred
         ]
         frame = min(waiting, key=lambda deferred: deferred.oldest).take()
+
         try:
             _, read, _ = self._read_frame(frame)
         except Exception as fault:
             return _failure(frame, fault, self.clock())
+
         return events.OvertakenRead(self.clock(), read)
 
     def _read_frame(self, frame: Frame) -> tuple[Answer | None, FrameRead, History]:
@@ -439,12 +451,14 @@ class Session:
         unread = frame.unread
         if unread.size != self.limits.size:
             return None, unread, frame.history
+
         scale = PixelScale(lateral_m=image.lateral_m, depth_m=image.depth_m)
         elastic = self._streams[frame.plane].read(image.pixels, scale)
         answer, history = frame.history.read(elastic, self._class_bounds_n, unread.at_s)
         read = FrameRead(
             **vars(unread) | {"verdict": answer.verdict}
         )  # 3 µs; `replace` takes 8
+
         return answer, read, history
 
     def summary(self) -> dict[str, Any]:
@@ -476,6 +490,7 @@ class Session:
         to_bound = (
             decision.to_bound.as_ms() if frame and decision.to_bound else (None, None)
         )
+
         return Entry(
             number=self._entries,
             time_s=self.wall_clock(),

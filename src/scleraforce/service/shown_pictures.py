@@ -52,6 +52,7 @@ class ShownPictures:
         """Take a picture (row, column); return the number of pictures since it was last shown, 0 if it is new."""
         if self._shape != pixels.shape:
             self._begin(pixels.shape)
+
         values_brp = pixels[self._places].astype(np.int32)
         rises_sb, differs_sb = _read_signs(values_brp)
         rises_b = rises_sb[UNMOVED]
@@ -60,6 +61,7 @@ class ShownPictures:
         steps_p = np.diff(values_brp[:, 1, 1:-1]).ravel()
         blocks = np.count_nonzero(np.bitwise_count(differs_b) >= LEAST_PAIRS)
         checksum: int | None = None
+
         if blocks >= self._least_h[0]:
             found_m = self._alike(self._rises_mb, self._differs_mb, rises_b, differs_b)
             if not found_m[
@@ -75,6 +77,7 @@ class ShownPictures:
         else:
             checksum = fastcrc.crc64.ecma_182(np.ascontiguousarray(pixels).data)
             found_m = np.array([shown == checksum for shown in self._checksums])
+
         slot = self._slot(0)
         back = min(
             (
@@ -88,6 +91,7 @@ class ShownPictures:
         self._steps_mp[slot] = steps_p
         self._checksums[slot] = checksum
         self._count += 1
+
         return back
 
     def _slot(self, back: int) -> int:
@@ -100,11 +104,13 @@ class ShownPictures:
         both_mb = differs_mb & differs_b
         told_mb = np.bitwise_count(both_mb)
         unlike_mb = np.bitwise_count(both_mb & (rises_mb ^ rises_b))
+
         alike_m: Flags = 2.0 * unlike_mb.sum(axis=1) < (1 - WORTH_A_LOOK) * told_mb.sum(
             axis=1
         )
         if alike_m.any():
             alike_m[alike_m] = self._same(told_mb[alike_m], unlike_mb[alike_m])
+
         return alike_m
 
     def _same(self, told_mb: Bytes, unlike_mb: Bytes) -> Flags:
@@ -123,6 +129,7 @@ class ShownPictures:
             counted_mh >= self._least_h
         )
         same_m: Flags = (ghost_m & (blocks_m >= self._least_h[0])) | copy_mh.any(axis=1)
+
         return same_m
 
     def _begin(self, shape: tuple[int, ...]) -> None:
@@ -181,4 +188,5 @@ def _read_signs(values_brp: Integers) -> tuple[Words, Words]:
     rises_sb, differs_sb = np.moveaxis(moved_xbrs, 1, -1).reshape(
         2, SHIFTS**2, len(values_brp)
     )
+
     return rises_sb, differs_sb

@@ -71,6 +71,7 @@ def run_in_real_time(priority: int) -> bool:
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, 0, -priority)
         return False
+
     return True
 
 
@@ -91,21 +92,27 @@ class Watchdog:
         """Watch until the monitor ends; return True if it ends as planned, False if it hangs or dies."""
         misses = 0
         self._monitor.send(ALIVE)
+
         while misses < MISSES:
             if not select.select([self._monitor], [], [], self._look_s)[0]:
                 misses += 1
                 continue
+
             misses = 0
             try:
                 data, sockets, _, _ = socket.recv_fds(self._monitor, MOST_BYTES + 1, 1)
             except ConnectionResetError:  # it died before it had heard an answer
                 return False
+
             if not data:
                 return False
+
             letter, number, rest = parts_of(data)
             if letter == b"Q":
                 return True
+
             self._take(letter, number, rest, sockets)
+
         return False
 
     def _take(
@@ -122,6 +129,7 @@ class Watchdog:
             case b"C":
                 if not sockets:
                     raise MessageError(f"client {number} came without its socket")
+
                 self._clients[number] = socket.socket(fileno=sockets[0])
                 self._versions[number] = 1
             case b"V":
@@ -135,11 +143,13 @@ class Watchdog:
         if os.getppid() == self._pid:
             with suppress(ProcessLookupError):
                 os.kill(self._pid, signal.SIGKILL)
+
         count = len(self._clients)
         self._send_emergency()
         note = f"watchdog: the monitor hung or died and was ended; clients ordered to withdraw: {count}\n"
         with suppress(OSError):  # standard error never blocks: see `start_companion`
             os.write(2, note.encode())
+
         due_s = started_s + REPEAT_S
         while self._clients:
             self._drain(max(0.0, due_s - time.monotonic()))
@@ -152,6 +162,7 @@ class Watchdog:
         now_s = time.time()
         for message in self._messages.values():
             stamp_time(message, now_s)
+
         for number, client in list(self._clients.items()):
             try:
                 client.send(self._messages[self._versions[number]])
@@ -166,10 +177,12 @@ class Watchdog:
         for number, client in list(self._clients.items()):
             if client not in ready:
                 continue
+
             try:
                 gone = not client.recv(1 << 20)
             except OSError as fault:
                 gone = not isinstance(fault, BlockingIOError)
+
             if gone:
                 self._clients.pop(number).close()
 
@@ -180,6 +193,7 @@ def main() -> None:
     pid = int(sys.argv[2])
     look_s = float(sys.argv[3])
     run_in_real_time(WATCHDOG_PRIORITY)
+
     watchdog = Watchdog(socket.socket(fileno=channel), pid, look_s)
     if not watchdog.watch():
         watchdog.alarm()

@@ -147,6 +147,7 @@ class LibraryStudy(Section):
                 raise StudyError(
                     f"{key}: a range has to be given, like {{ min = ..., max = ... }}"
                 )
+
         low, high = self.stiffening.bounds
         if self.stiffenings > 1 and low == high:
             raise StudyError(
@@ -293,6 +294,7 @@ def parse_record(kind: type[Record], text: str, name: str) -> Record:
         raise StudyError(f"{name}: not TOML: {fault}") from fault
     except RecursionError as fault:
         raise StudyError(f"{name}: not TOML: nested too deep") from fault
+
     record = _record(kind, table, (), _lines(text), name)
     assert isinstance(record, kind)
     return record
@@ -334,10 +336,12 @@ def _record(
     hints = get_type_hints(kind)
     known = {field_key(item): item for item in dataclasses.fields(kind)}
     values: dict[str, Any] = {}
+
     for key, value in table.items():
         place = f"{name}:{_line(lines, (*path, key), nth)}: {'.'.join((*path, key))}"
         if key not in known:
             raise StudyError(f"{place}: unknown key; known here: {', '.join(known)}")
+
         item = known[key]
         hint = hints[item.name]
         if (
@@ -346,9 +350,11 @@ def _record(
             == 1
         ):
             hint = kinds[0]
+
         if is_dataclass(hint):
             if not isinstance(value, dict):
                 raise StudyError(f"{place}: expected a table [{key}]")
+
             values[item.name] = _record(hint, value, (*path, key), lines, name)  # type: ignore[arg-type]  # a class
         elif get_origin(hint) is tuple and is_dataclass(get_args(hint)[0]):
             tables = _entries(
@@ -362,6 +368,7 @@ def _record(
             values[item.name] = map_numbers(
                 _value(hint, value, place), field_unit(item).to_si
             )
+
     for key, item in known.items():
         if (
             item.name not in values
@@ -370,6 +377,7 @@ def _record(
         ):
             place = f"{name}:{_line(lines, path, nth)}" if path else name
             raise StudyError(f"{place}: {'.'.join((*path, key))}: missing")
+
     try:
         return kind(**values)
     except StudyError as fault:
@@ -394,6 +402,7 @@ def _value(hint: Any, value: Any, place: str) -> Any:
         )
     if set(value) != {"min", "max"}:
         raise StudyError(f"{place}: a range is {{ min = a, max = b }}")
+
     return Range(
         **{end: _scalar(float, number, place) for end, number in value.items()}
     )
@@ -411,6 +420,7 @@ def _entries(
         raise StudyError(
             f"{place}: {len(value)} entries; at most {MAX_ENTRIES} are allowed"
         )
+
     return value
 
 
@@ -431,6 +441,7 @@ def _scalar(kind: type, value: Any, place: str) -> Any:
         raise StudyError(
             f"{place}: expected {names.get(kind, kind.__name__)}, found {reprlib.repr(value)}"
         )
+
     return value
 
 
@@ -439,6 +450,7 @@ def _lines(text: str) -> Lines:
     table: tuple[str, ...] = ()
     seen: Counter[tuple[str, ...]] = Counter()
     found: Lines = {}
+
     for number, line in enumerate(text.splitlines(), start=1):
         if header := re.match(r"\s*\[\[?\s*([\w.\- ]+?)\s*\]\]?", line):
             table = tuple(part.strip() for part in header[1].split("."))
@@ -446,6 +458,7 @@ def _lines(text: str) -> Lines:
             found.setdefault((table, 0), number)
         if key := re.match(r"\s*([\w.\-]+)\s*=", line):
             found.setdefault(((*table, *key[1].split(".")), seen[table]), number)
+
     return found
 
 
@@ -459,6 +472,7 @@ def _line(lines: Lines, path: tuple[str, ...], nth: int) -> int:
 def _format_section(name: str, record: Any, noted: bool = False) -> str:
     lines = [f"[{name}]"]
     groups = []
+
     for item in dataclasses.fields(record):
         value = getattr(record, item.name)
         if isinstance(value, tuple) and value and is_dataclass(value[0]):
@@ -473,6 +487,7 @@ def _format_section(name: str, record: Any, noted: bool = False) -> str:
                 f"{field_key(item)} = {_format_value(map_numbers(value, unit.from_si))}"
             )
             lines.append(f"{line:<51} # {unit.note}" if noted and unit.note else line)
+
     return "\n".join(["\n".join(lines), *groups])
 
 
@@ -570,6 +585,7 @@ def refuse_unused(study: Study, command: str, mechanics: str | None = None) -> N
         raise StudyError(
             f"study: {', '.join(found)}: not used by `{command}`{wall}; {remedy}"
         )
+
     for key, cause, remedy in _switched_off(study):
         if key in changed:
             raise StudyError(
@@ -594,6 +610,7 @@ def _switched_off(study: Study) -> Iterator[tuple[str, str, str]]:
         "bed": (supports.has_bed, bed),
         "straps": (supports.has_straps, (strap, azimuth)),
     }
+
     for part, (there, keys) in parts.items():
         for key in () if there else keys:
             yield (
@@ -601,6 +618,7 @@ def _switched_off(study: Study) -> Iterator[tuple[str, str, str]]:
                 f'supports.kind = "{supports.kind}"',
                 f'"{part}" or "bed-and-straps"',
             )
+
     if study.needle.tilt_rad == 0.0:
         yield "needle.tilt_direction_deg", "needle.tilt_deg = 0", "a tilt"
     if study.globe.kind == "open":

@@ -121,6 +121,7 @@ def quantity(
         and all(isinstance(each, int) for each in numbers)
     )
     spec = Unit(unit, low=low, high=high, listed=listed, note=note)
+
     return field(default=map_numbers(default, spec.to_si), metadata={"unit": spec})
 
 
@@ -161,6 +162,7 @@ def map_numbers(value: Any, change: Callable[[float], float]) -> Any:
         isinstance(value, int) and not isinstance(value, bool)
     ):
         return change(value)
+
     return value
 
 
@@ -194,6 +196,7 @@ def check_fields(record: Any) -> None:
             raise StudyError(
                 f"{field_key(item)}: give a list of whole numbers, like [0, 1, 2]"
             )
+
         for number in _numbers_in(value):
             check_number(field_key(item), unit.from_si(number), unit)
 
@@ -214,6 +217,7 @@ def check_number(key: str, number: float, unit: Unit) -> None:
     slack = 1e-9 * max(abs(number), 1.0)
     if not isfinite(number):
         raise StudyError(f"{key}: {number} is not a finite number")
+
     for end, side, words in (
         (unit.low, -1.0, "below the smallest"),
         (unit.high, 1.0, "above the largest"),
@@ -247,8 +251,10 @@ def allowed(key: str) -> Unit:
     spec = QUANTITIES[name]
     suffix = key[len(name) + 1 :]
     assert spec.name is not None
+
     if suffix in ("", spec.name):
         return Unit(low=spec.low, high=spec.high)
+
     assert suffix == SI_PER_UNIT[spec.name][0], f"{key}: give it in {spec.name} or SI"
     assert spec.low is not None and spec.high is not None  # noqa: PT018
     return Unit(low=spec.to_si(spec.low), high=spec.to_si(spec.high))
@@ -266,8 +272,10 @@ def meant(key: str, number: float, unit: Unit) -> str:
         (units for units in (_METRES, pressures, _NEWTONS, _ANGLES) if suffix in units),
         {},
     )
+
     if unit.high is None:
         return ""
+
     low = max(unit.low or 0.0, WIDEST * unit.high)
     high = unit.high
     values = {
@@ -275,9 +283,11 @@ def meant(key: str, number: float, unit: Unit) -> str:
         for other, (name, size) in family.items()
         if other != suffix
     }
+
     inside = {name: value for name, value in values.items() if low <= value <= high}
     if not inside:
         return ""
+
     name = min(
         inside, key=lambda name: abs(log(inside[name] ** 2 / (low * high)))
     )  # the middle is likeliest

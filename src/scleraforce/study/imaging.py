@@ -556,6 +556,7 @@ class ScenesStudy(Section):
         window = self.window
         eye = self.eye
         scanner = self.scanner
+
         if is_deep:
             names = (
                 item.name
@@ -570,10 +571,12 @@ class ScenesStudy(Section):
             eye = replace(
                 eye, half_sphere_share=0.0, dent_share=eye.dent_share * DENTED_DEEP
             )
+
         if is_averaged:
             scanner = replace(
                 scanner,
                 looks=scanner.averaged_frames,
                 display_floor_db=scanner.averaged_floor_db,
             )
+
         return replace(self, window=window, eye=eye, scanner=scanner)

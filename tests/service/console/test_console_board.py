@@ -102,8 +102,10 @@ def test_a_puncture_that_is_only_reported_is_worse_than_not_ready_and_has_its_se
         None,
     )
     history = History()
+
     for state in ("NOT_READY", "PIERCED", "WATCHING"):
         history.take(entry(1.0, state))
+
     assert history.since(0)[-1].state == "PIERCED"
 
 
@@ -163,6 +165,7 @@ def test_steps_of_the_history_hold_their_worst_entries() -> None:
     rng = np.random.default_rng(0)
     history = History()
     entries = []
+
     for at_s in np.cumsum(rng.exponential(0.016, 2500)):
         state = str(
             rng.choice(["WATCHING", "NOT_READY", "WITHDRAW"], p=[0.9, 0.09, 0.01])
@@ -174,12 +177,15 @@ def test_steps_of_the_history_hold_their_worst_entries() -> None:
         )
         entries.append(entry(float(at_s), state, frame=1, **said))
         history.take(entries[-1])
+
     by_step: dict[int, list[Entry]] = {}
     for one in entries:
         by_step.setdefault(int(one.at_s / STEP_S), []).append(one)
+
     last = max(by_step)
     assert history.since(0)[0].number >= last - HISTORY_S / STEP_S
     assert len(history.since(0)) > 500
+
     for step in history.since(0):
         within = by_step[step.number]
         good = [one for one in within if one.verdict and one.verdict.usable]
@@ -190,6 +196,7 @@ def test_steps_of_the_history_hold_their_worst_entries() -> None:
         assert step.state == next(
             one for one in ("WITHDRAW", "NOT_READY", "WATCHING") if one in states
         )
+
     assert [step.number for step in history.since(last)] == [last]
 
 
@@ -210,6 +217,7 @@ def test_nan_changes_no_step_of_the_history() -> None:
                 interval_mn=(low_mn, high_mn),
             )
         )
+
     (step,) = history.since(0)
     assert step.as_json() == [0, 7.0, 0.5, 9.0, "WATCHING", 1]
 
@@ -227,12 +235,14 @@ def test_a_picture_is_the_frame_in_eight_bits_and_no_larger_than_a_screen() -> N
         shown = np.frombuffer(
             picture[4 + int.from_bytes(picture[:4], "little") :], np.uint8
         )
+
         if rows == 40:
             np.testing.assert_allclose(
                 shown.reshape(rows, columns),
                 np.minimum(frame * (255 / 4000), 255),
                 atol=4.0,
             )
+
         assert len(shown) == min(rows, MOST_PIXELS) * min(columns, MOST_PIXELS)
 
 
@@ -256,18 +266,22 @@ def test_requests_come_from_own_names_and_what_writes_from_the_own_page_with_a_s
         assert (
             refusal("http", "GET", [(b"host", host.encode())], "bench.local") is None
         ) == (host in accepted)
+
     here = [(b"host", b"localhost"), (b"origin", b"http://localhost")]
     for length in ("4097", "99999999999999999999", "-1", "²", ""):
         stated = [(b"content-length", length.encode("latin-1"))]
         assert refusal("http", "POST", [*here, *stated], "localhost")[0] == 413
+
     assert refusal("http", "POST", here, "localhost")[0] == 413
     own = ["http://localhost:80"]
     others = (["null"], ["http://localhost:81"], ["http://evil.example"])
+
     for kind, origins in product(("http", "websocket"), (own, [], *others, own * 2)):
         headers = [(b"host", b"localhost:80"), (b"content-length", b"2")]
         headers += [(b"origin", one.encode()) for one in origins]
         refused = refusal(kind, "POST", headers, "localhost")
         assert (refused[0] if refused else 200) == (200 if origins == own else 403)
+
     for second in ((b"origin", b"http://evil.example"), (b"host", b"localhost")):
         assert (
             refusal("http", "GET", [(b"host", b"localhost"), second], "localhost")

@@ -101,6 +101,7 @@ def repeating(tell: Callable[[], object], every_s: float = 0.02) -> Iterator[Non
 
     thread = Thread(target=run, daemon=True)
     thread.start()
+
     try:
         yield
     finally:
@@ -165,6 +166,7 @@ def test_the_page_shows_what_the_monitor_decided_and_says_at_once_when_it_has_go
             assert min(wall) > 240
             assert max(above) < 10
             assert surface == [0xE6, 0x9F, 0x00]
+
         monitor.entry(
             "WITHDRAW", "up to 31.0 mN, the bound is 30.0 mN; class 1; 28.0 mN", "BOUND"
         )
@@ -185,6 +187,7 @@ def test_the_page_shows_what_the_monitor_decided_and_says_at_once_when_it_has_go
         assert {url.split("/")[2] for url in found.asked} == {
             f"127.0.0.1:{monitor.port}"
         }
+
     found.shows(word="NO ANSWER")
     assert found.view() == "LOST"
     assert not found.looks_live()
@@ -200,6 +203,7 @@ def test_the_time_until_the_bound_is_a_bar_that_shrinks_and_words_also_on_a_narr
         )
         bar = "getComputedStyle(document.querySelector('#until i'), '::before').width"
         widths = []
+
         for median_ms, ends_ms, words in (
             (None, None, "bound: not within 2 s"),
             (None, (1500.0, None), "bound: more than 2 s (90 % 1.50 to more than 2 s)"),
@@ -211,6 +215,7 @@ def test_the_time_until_the_bound_is_a_bar_that_shrinks_and_words_also_on_a_narr
             with repeating(watching(monitor, **time)):
                 found.shows(until_text=words)
                 widths.append(float(found.page.evaluate(bar).removesuffix("px")))
+
         assert widths[0] == widths[1] > 300.0
         assert widths[2:] == pytest.approx(
             [0.6 * widths[0], 0.2 * widths[0], 0.0], abs=0.5
@@ -232,6 +237,7 @@ def test_a_withdrawal_shows_what_is_true_now_larger_than_its_first_cause(
             "present": "up to 40.5 mN, the bound is 30.0 mN",
         }
         pixels = np.zeros((64, 96), np.uint16)
+
         with repeating(
             lambda: monitor.frame(
                 pixels, "WITHDRAW", "no frame", **held, **present, **reading(39.0)
@@ -250,6 +256,7 @@ def test_a_withdrawal_shows_what_is_true_now_larger_than_its_first_cause(
                 found.page.evaluate(sizes, name) for name in ("sentence", "held")
             )
             assert now > first
+
         harmless = {"present_cause": None, "present": ""}
         with repeating(
             lambda: monitor.frame(
@@ -264,6 +271,7 @@ def test_a_withdrawal_shows_what_is_true_now_larger_than_its_first_cause(
                 held="Held since 08:00:00: No frame came from the scanner for too long.",
                 detail="",
             )
+
         pierced = {
             "cause": "PIERCED",
             "withdrawn_s": 1.8e9,
@@ -289,14 +297,17 @@ def test_a_monitor_that_is_silent_is_as_loud_as_a_withdrawal_and_comes_back(
     found.shows(
         sentence="The monitor has said nothing yet. Treat this as a withdrawal."
     )
+
     for _ in range(2):
         with repeating(watching(monitor)):
             found.shows(word="WATCHING", force="12.3")
+
         found.shows(
             word="NO ANSWER",
             sentence="The monitor does not answer. Treat this as a withdrawal.",
         )
         assert not found.looks_live()
+
     assert found.complaints == []
 
 
@@ -307,6 +318,7 @@ def test_a_server_that_hangs_is_shown_within_half_a_second_and_comes_back_by_its
     monitor, found = shown
     with repeating(watching(monitor)):
         found.shows(word="WATCHING")
+
     os.kill(monitor.child.process.pid, signal.SIGSTOP)
     try:
         found.shows(
@@ -317,6 +329,7 @@ def test_a_server_that_hangs_is_shown_within_half_a_second_and_comes_back_by_its
         sleep(3.0)  # the page has tried another connection by now
     finally:
         os.kill(monitor.child.process.pid, signal.SIGCONT)
+
     with repeating(watching(monitor)):
         found.shows(word="WATCHING", force="12.3")
 
@@ -359,6 +372,7 @@ def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(
         assert answer(True, "WATCHING").token == TOKEN
         expect(page.locator("#dialog")).to_be_hidden()
         expect(page.locator("#answer")).to_contain_text("Reset granted at")
+
     assert page.locator("#token").input_value() == ""
     assert (
         page.evaluate(
@@ -382,6 +396,7 @@ def test_an_unanswered_reset_says_so_and_its_dialog_does_not_hide_that_the_conne
             found.page.keyboard.press("Enter")
             found.shows(refusal="Refused: the monitor does not answer")
             expect(found.page.locator("#dialog")).to_be_visible()
+
     found.shows(word="NO ANSWER")
     expect(found.page.locator("#dialog")).to_be_hidden()
 

@@ -136,6 +136,7 @@ def test_the_page_and_its_parts_come_with_a_strict_policy_and_nothing_from_elsew
     assert {"base-uri 'none'", "form-action 'none'", "frame-ancestors 'none'"} <= set(
         policy.split("; ")
     )
+
     for name in ["", *parts]:
         part, content = ask(monitor, f"/{name}")
         assert part.status == 200
@@ -170,6 +171,7 @@ def test_another_host_name_or_a_socket_of_another_origin_is_refused(
 ) -> None:
     assert ask(monitor, Host=f"localhost:{monitor.port}")[0].status == 200
     assert ask(monitor, Host=f"evil.example:{monitor.port}")[0].status == 403
+
     for origin in (
         None,
         "http://evil.example",
@@ -193,6 +195,7 @@ def test_a_reset_from_another_origin_or_none_never_reaches_the_monitor(
         assert (
             ask(monitor, "/reset", "POST", '{"token": "t"}', **headers)[0].status == 403
         )
+
     own = {"Origin": monitor.address.rstrip("/"), "Content-Type": "application/json"}
     assert (
         ask(monitor, "/reset", "POST", json.dumps({"token": "t" * 5000}), **own)[
@@ -222,6 +225,7 @@ def test_a_page_gets_the_settings_the_state_and_the_picture_with_its_outline(
         )
         assert hello["class_bounds_mn"] == [5.0, 30.0]
         assert hello["pixel_mm"] == pytest.approx([15 / 96, 4 / 64])
+
         for _ in range(
             100
         ):  # a picture that is sent before its outline goes without one; so does a late reading
@@ -239,12 +243,14 @@ def test_a_page_gets_the_settings_the_state_and_the_picture_with_its_outline(
             )
             monitor.rates(frames_per_second=99.0, lost=frame)
             picture = shown_picture(link)
+
             message = state_of(link, "WATCHING", lost=frame)
             if (
                 header(picture)["outline"] is not None
                 and message["reading"] is not None
             ):
                 break
+
         assert message["reading"]["force_mn"] == 12.0
         assert message["steps"][-1][1:] == [12.0, 10.0, 14.0, "WATCHING", 1]
         assert message["latency_ms"] == [1.1, 1.1]
@@ -276,22 +282,27 @@ def test_a_page_gets_the_settings_the_state_and_the_picture_with_its_outline(
 def test_a_page_gets_less_while_answers_are_slow_and_a_withdrawal_at_once() -> None:
     rows = 512
     columns = 400
+
     with ConsoleMonitor(rows=rows, columns=columns) as monitor, page(monitor) as link:
         for _ in range(3):
             slow = {**reading(12.0), "latency_ms": 50.0}
             frame = monitor.frame(
                 np.full((rows, columns), 1000, np.uint16), "WATCHING", **slow
             )
+
         while state_of(link)["thrift"] == 0:
             pass
+
         monitor.tell(Outline(frame=frame, step=4, outer=(), inner=()))
         picture = shown_picture(link)
+
         while header(picture)["rows"] == rows:  # sent before
             frame = monitor.frame(
                 np.full((rows, columns), 1000, np.uint16), "WATCHING", **slow
             )
             monitor.tell(Outline(frame=frame, step=4, outer=(), inner=()))
             picture = shown_picture(link)
+
         assert (header(picture)["rows"], header(picture)["columns"]) == (320, 320)
         monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS")
         assert state_of(link, "WITHDRAW")["thrift"] > 0
@@ -328,6 +339,7 @@ def test_a_code_goes_to_the_monitor_which_alone_knows_it_and_a_flood_of_codes_do
             for number in range(ANSWERED + 5)
         ]
         asked = wrong = 0
+
         while asked < ANSWERED or wrong < 5:
             match monitor.hear(ResetAsked | WrongTokens):
                 case WrongTokens(count=count):
@@ -337,9 +349,11 @@ def test_a_code_goes_to_the_monitor_which_alone_knows_it_and_a_flood_of_codes_do
                     monitor.tell(
                         ResetAnswered(request=request, granted=False, message="asked")
                     )
+
         said = [
             json.loads(guesser.getresponse().read())["message"] for guesser in guessers
         ]
+
     assert (said.count("asked"), sum("wrong" in words for words in said)) == (
         ANSWERED,
         5,
@@ -358,6 +372,7 @@ def test_a_page_that_stalls_gets_no_queue_and_disturbs_no_other(
             monitor.tell(Outline(frame=monitor.frames, step=4, outer=(), inner=()))
             monitor.rates(lost=lost)
             state_of(lively, lost=lost)  # which gets more than the stalled one
+
         monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS")
         state_of(lively, "WITHDRAW")
         waiting = list(what_waits(stalled))
@@ -392,6 +407,7 @@ def test_the_channel_is_read_while_nobody_looks_and_while_a_request_hangs(
             monitor.entry("WATCHING", frame=number + 1)
             if number % 5 == 4:
                 sleep(0.001)
+
     monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS")
     with page(monitor) as link:
         state_of(link, "WITHDRAW")
@@ -413,8 +429,10 @@ def test_when_the_monitor_dies_pages_show_it_and_the_console_ends() -> None:
         text=True,
     )
     assert killed.stdout is not None
+
     with ends(killed.stdout, FUSE_S):
         port, pid = map(int, killed.stdout.readline().split())
+
     with connect(
         f"ws://127.0.0.1:{port}/live", origin=f"http://127.0.0.1:{port}"
     ) as link:
@@ -423,6 +441,7 @@ def test_when_the_monitor_dies_pages_show_it_and_the_console_ends() -> None:
         killed.wait(FUSE_S)
         assert state_of(link, monitor="ended")
         close_of(link)
+
     killed.stdout.close()
     wait_until(lambda: not alive(pid))
 
@@ -440,8 +459,10 @@ def test_no_number_of_wrong_tokens_keeps_the_operator_waiting_and_the_monitor_he
         }
         assert refusals == {(False, "the token or code is wrong")}
         counted = 0
+
         while counted < 60:
             counted += monitor.hear(WrongTokens).count
+
         assert counted == 60
         more = [stack.enter_context(closing(post(monitor, "wrong"))) for _ in range(20)]
         operator_resets(monitor)  # while the others wait for their answers
@@ -467,11 +488,13 @@ def test_a_page_that_answers_keeps_its_place_while_silent_ones_come() -> None:
 
         thread = Thread(target=answers, daemon=True)
         thread.start()
+
         for number in range(2 * MOST_PAGES):
             silent = stack.enter_context(page(monitor))
             assert json.loads(silent.recv(timeout=FUSE_S))["kind"] == "hello", number
             answered.clear()
             assert answered.wait(FUSE_S)
+
         assert not lost
         lively.close()
         thread.join(FUSE_S)

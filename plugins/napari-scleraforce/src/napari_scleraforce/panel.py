@@ -58,8 +58,10 @@ class Panel(Container[Widget]):
         }
         buttons = [PushButton(text=text) for text in actions]
         super().__init__(widgets=[self.calibration, self.drawn_as, *buttons])
+
         for button, action in zip(buttons, actions.values(), strict=True):
             button.changed.connect(lambda _, action=action: action())
+
         self.calibration.changed.connect(lambda _: self.read_again())
         self.drawn_as.changed.connect(lambda name: self._default(name))
         self.figure = Figure(figsize=(4, 2.5), layout="constrained")
@@ -80,11 +82,13 @@ class Panel(Container[Widget]):
         image = self._image()
         if image is None:
             return None
+
         path = image.metadata[RECORDING]
         if self._opened is None or self._opened[0] != path:
             self._opened = path, sf.read_recording(path)
             self._answers = {}
             self._measured = {}
+
         return self._opened[1]
 
     @property
@@ -104,9 +108,11 @@ class Panel(Container[Widget]):
         recording = self.recording
         if recording is None or self.frame >= len(recording.frames):
             return
+
         file = recording.frames[self.frame].file
         if file not in self._answers:
             self._answers[file] = self._read(recording)
+
         self._draw_wall(self._answers[file])
         self._viewer.text_overlay.visible = True
         self._viewer.text_overlay.text = sentence(self._answers[file])
@@ -124,17 +130,20 @@ class Panel(Container[Widget]):
         recording = self.recording
         if recording is None:
             return
+
         mask = mask_of(
             self.paths(), (recording.info.oct.rows, recording.info.oct.columns)
         )
         file = recording.frames[self.frame].file
         sf.save_wall(recording, file, mask)
+
         for each in next(
             moment
             for moment in recording.moments
             if file in {entry.file for entry in moment}
         ):
             self._answers.pop(each.file, None)
+
         self.restore()
 
     def restore(self) -> None:
@@ -153,10 +162,12 @@ class Panel(Container[Widget]):
         recording = self.recording
         if recording is None:
             return
+
         with progress(total=len(recording.frames), desc="reading") as bar:
             found = sf.evaluate(
                 self._model, recording.path, self._modulus, progress=bar.update
             )
+
         self._answers = {each.file: each.answer for each in found.frames}
         self._measured = {
             each.time_s: each.measured_force_n
@@ -193,18 +204,21 @@ class Panel(Container[Widget]):
             recording.frame_path(each)
             for each in (entry, *(each for each in moment if each is not entry))
         ]
+
         return sf.read(self._model, list(frames), calibration=self._modulus)
 
     def _walls(self) -> Shapes:
         """Return the layer of the walls, which is made on first use."""
         image = self._image()
         assert image is not None
+
         for layer in self._viewer.layers:
             if (
                 isinstance(layer, Shapes)
                 and layer.metadata.get(RECORDING) == image.metadata[RECORDING]
             ):
                 return layer
+
         layer = Shapes(
             ndim=3,
             name=WALLS,
@@ -216,6 +230,7 @@ class Panel(Container[Widget]):
         )
         self._viewer.add_layer(layer)
         self._default(str(self.drawn_as.value))
+
         return layer
 
     def _default(self, name: str) -> None:
@@ -228,17 +243,20 @@ class Panel(Container[Widget]):
         found = answer.segmentation
         if self.frame in walls.metadata["drawn"] or found is None:
             return
+
         walls.metadata["drawn"].add(self.frame)
         for name, points in paths_of(
             self.frame, found.outer_row, found.inner_row if found.inner_found else None
         ):
             self._default(name)
             walls.add_paths([points], edge_color=COLOURS[name], edge_width=WIDTH_ROWS)
+
         self._default(str(self.drawn_as.value))
 
     def _plot(self, recording: "Recording") -> None:
         self.figure.clear()
         axes = self.figure.add_subplot(xlabel="time (s)", ylabel="force (mN)")
+
         read = [
             (entry.time_s, answer.force_n, *answer.interval_n)
             for entry in recording.frames
@@ -257,6 +275,7 @@ class Panel(Container[Widget]):
                 color=COLOURS[LOWER],
                 label="read, 90 % interval",
             )
+
         if self._measured:
             measured_mn = MN * np.array(list(self._measured.values()))
             axes.plot(
@@ -266,9 +285,11 @@ class Panel(Container[Widget]):
                 color=COLOURS[UPPER],
                 label="measured",
             )
+
         axes.axvline(recording.frames[self.frame].time_s, color="grey", linewidth=1)
         if read or self._measured:
             axes.legend()
+
         self._canvas.draw_idle()
 
 
@@ -279,6 +300,7 @@ def sentence(answer: "Answer") -> str:
     )
     if answer.force_n is None or answer.interval_n is None:
         return f"not usable: {answer.reason}{source}"
+
     force, low, high = (
         f"{MN * value:.1f}" for value in (answer.force_n, *answer.interval_n)
     )

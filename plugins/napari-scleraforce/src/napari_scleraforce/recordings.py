@@ -57,4 +57,5 @@ def _stack(path: Path) -> LayerData:
         "contrast_limits": (0, 2**oct_info.bits - 1),
         "metadata": {RECORDING: str(path.absolute())},
     }
+
     return da.stack(frames), described, "image"

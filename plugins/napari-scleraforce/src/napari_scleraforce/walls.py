@@ -50,15 +50,18 @@ def mask_of(
     rows, columns = shape
     upper, lower = np.full((2, columns), np.nan)
     bounded = False
+
     for name, points in paths:
         (upper if name == UPPER else lower)[:] = _drawn(
             points, upper if name == UPPER else lower
         )
         bounded |= name == LOWER
+
     lower = lower if bounded else np.full(columns, float(rows))
     row = np.arange(rows)[:, None]
     mask = np.where((row >= upper) & (row < lower), np.uint8(WALL), np.uint8(0))
     mask[:, ~np.isfinite(upper + lower)] = NOT_JUDGED
+
     return mask
 
 

@@ -81,6 +81,7 @@ class Step:
         self.state = max(self.state, entry.state, key=SEVERITY.index)
         if entry.verdict is None or not entry.verdict.usable:
             return
+
         self.predicted = max(entry.verdict.predicted, self.predicted or 0)
         low_mn, high_mn = entry.interval_mn or (None, None)
         self.force_mn = max(_numbers(self.force_mn, entry.force_mn), default=None)
@@ -156,6 +157,7 @@ class Board:
             case Rates():
                 self._rates = message
                 self._lost = message.lost
+
         return False
 
     def _take_entry(self, entry: Entry, now_s: float) -> bool:
@@ -164,6 +166,7 @@ class Board:
         self._entry_s = now_s
         self._lost = entry.lost
         self.history.take(entry)
+
         if entry.frame is not None:
             self._reading = (entry.frame, entry)
             self._frame_s = now_s
@@ -171,6 +174,7 @@ class Board:
                 self._latencies.append((now_s, entry.latency_ms))
             while self._latencies and now_s - self._latencies[0][0] > LATENCY_S:
                 self._latencies.popleft()
+
         return before is START or (before.state, before.cause) != (
             entry.state,
             entry.cause,
@@ -186,10 +190,12 @@ class Board:
             return "ended"
         if self._heard_s is None:
             return "starting"
+
         watching = self._entry.state == "WATCHING"
         silent = now_s - self._heard_s > SILENT_S or (
             watching and now_s - self._entry_s > WATCHING_SILENT_S
         )
+
         return "silent" if silent else "answers"
 
     def as_json(self, now_s: float, since: int) -> dict[str, Any]:
@@ -205,6 +211,7 @@ class Board:
             for at_s, latency_ms in self._latencies
             if now_s - at_s <= LATENCY_S
         ]
+
         return {
             "kind": "state",
             "now": now_s / STEP_S,

@@ -82,6 +82,7 @@ class Thrift:
         held = now_s - self._since_s >= HELD_S
         short = len(self._signs) == SIGNS and now_s - self._signs[0] <= WITHIN_S
         calm = not self._signs or now_s - self._signs[-1] > CALM_S
+
         if short and held and self._level < len(SHARES) - 1:
             self._level = self._level + 1
             self._since_s = now_s
@@ -89,6 +90,7 @@ class Thrift:
         elif calm and self._level and now_s - self._since_s > CALM_S:
             self._level = self._level - 1
             self._since_s = now_s
+
         return SHARES[self._level]
 
 
@@ -110,16 +112,20 @@ class Pictures:
         """Return the picture of a frame, of `most_pixels` along either side; None if the frame is gone."""
         if self._made[0] == (frame, most_pixels):
             return self._made[1]
+
         pixels = self._ring.get(frame)
         if pixels is None:
             return None
+
         white = float(np.percentile(pixels[::4, ::4], WHITE_PERCENTILE))
         self._white = max(white, FADING * self._white, 1.0)
+
         rows, columns = (min(length, most_pixels) for length in pixels.shape)
         if (rows, columns) != pixels.shape:
             pixels = cv2.resize(
                 pixels, (columns, rows), interpolation=cv2.INTER_AREA
             ).astype(np.uint16)
+
         shown = cv2.convertScaleAbs(pixels, alpha=255 / self._white)
         lines = (
             {"step": outline.step, "outer": outline.outer, "inner": outline.inner}
@@ -140,6 +146,7 @@ class Pictures:
             (frame, most_pixels),
             len(header).to_bytes(4, "little") + header + shown.tobytes(),
         )
+
         return self._made[1]
 
 
@@ -192,27 +199,34 @@ class Hub:
                 )
             )
             return
+
         now_s = monotonic()
         urgent = False
+
         for message in heard:
             if isinstance(message, messages.ResetAnswered):
                 future = self._waiting.pop(message.request, None)
                 if future is not None and not future.done():
                     future.set_result((message.granted, message.message))
+
             if isinstance(message, messages.Decided):
                 self.thrift.answered(
                     message.entry.latency_ms, message.entry.overtaken, now_s
                 )
+
             urgent = self.board.take(message, now_s) or urgent
+
         if urgent:
             self._wake()
 
     def _end(self) -> None:
         if not asyncio.get_running_loop().remove_reader(self._channel.fileno()):
             return
+
         self.board.end()
         for future in self._waiting.values():
             future.set_result((False, "the monitor has ended"))
+
         self._waiting.clear()
         self._wake()
         self._when_ended()
@@ -241,14 +255,17 @@ class Hub:
                 self._wrong_tokens == 1
             ):  # the monitor gets one message on all that come within `WRONG_S`
                 asyncio.get_running_loop().call_later(WRONG_S, self._send_wrong)
+
             await asyncio.sleep(WRONG_S)
             return (
                 False,
                 "the token or code is wrong; the monitor printed the right ones",
             )
+
         number = next(self._numbers)
         future = self._waiting[number] = asyncio.get_running_loop().create_future()
         self.send(messages.ResetAsked(request=number, token=token))
+
         try:
             return await asyncio.wait_for(future, ANSWER_S)
         except TimeoutError:
@@ -287,6 +304,7 @@ class Page:
         """Send all that the page shows, until it leaves or loses its place to another."""
         self.hub.enter(self)
         tasks: list[asyncio.Task[Any]] = []
+
         try:
             await self.socket.send_text(json.dumps({"kind": "hello", **settings}))
             tasks = [
@@ -300,12 +318,15 @@ class Page:
             self.hub.pages.discard(self)
             for task in tasks:
                 task.cancel()
+
         ends = await asyncio.gather(*tasks, return_exceptions=True)
         if any(isinstance(end, WebSocketDisconnect) for end in ends):
             return  # the page left; the other task's error follows from that
+
         for end in ends:
             if isinstance(end, Exception):
                 raise end
+
         if self.gone.is_set():
             await self.socket.close(1013, "too many pages")
         elif ends[1] is None:  # it sent something that our page never sends
@@ -319,15 +340,18 @@ class Page:
         while True:
             self.wake.clear()
             share = self.hub.thrift.share(monotonic())
+
             if self._keeps_up:
                 state = self.hub.board.as_json(monotonic(), self.step)
                 if state["steps"]:
                     self.step = state["steps"][-1][0]  # which may still change
+
                 self.sent += 1
                 await self.socket.send_text(
                     json.dumps({**state, "thrift": share.level, "number": self.sent})
                 )
                 await self._send_picture(share)
+
             due_s = monotonic() + share.update_s
             try:
                 await asyncio.wait_for(self.wake.wait(), share.update_s)
@@ -342,6 +366,7 @@ class Page:
             return
         if now_s - self.pictured_s < share.picture_s - SLACK_S:
             return
+
         picture = self.hub.pictures.of(*chosen, share.pixels)
         if picture is not None:
             self.picture = chosen[0]
@@ -355,17 +380,20 @@ class Page:
                 answer = json.loads(await self.socket.receive_text())
             except (ValueError, KeyError, RecursionError):  # no JSON, or no text
                 return
+
             self.heard_s = monotonic()
             seen, drawn = (
                 answer.get(name) if isinstance(answer, dict) else None
                 for name in ("seen", "drawn")
             )
             stalled = not self._keeps_up
+
             if isinstance(seen, int):
                 self.seen = max(self.seen, min(seen, self.sent))
             elif isinstance(drawn, int):
                 self.drawn = drawn
             else:
                 return
+
             if stalled and self._keeps_up:
                 self.wake.set()

@@ -62,16 +62,19 @@ def refusal(
     found: dict[bytes, list[str]] = {}
     for key, value in headers:
         found.setdefault(key, []).append(value.decode("latin-1"))
+
     hosts = found.get(b"host", [])
     origins = found.get(b"origin", [])
     if len(hosts) != 1 or not _own(hosts[0], name):
         return 403, "this host name is not the console's"
+
     writes = kind == "websocket" or method not in ("GET", "HEAD")
     if (origins or writes) and origins not in (
         [f"http://{hosts[0]}"],
         [f"https://{hosts[0]}"],
     ):
         return 403, "only the console's own page may ask"
+
     if kind == "http" and writes:
         length = "".join(found.get(b"content-length", []))
         if not (
@@ -81,6 +84,7 @@ def refusal(
                 413,
                 f"a request needs a Content-Length of at most {most_bytes} bytes",
             )
+
     return None
 
 
@@ -92,6 +96,7 @@ def _own(host: str, name: str) -> bool:
         ip_address(bare)
     except ValueError:
         return bare.lower() in ("localhost", name.lower())
+
     return True
 
 
