@@ -32,11 +32,10 @@ test: .venv/installed  ## the default tests
 slow: .venv/installed  ## the tests that take longer (some need Chromium, CalculiX or g++)
 	$(FOR_TESTS) .venv/bin/pytest $(PYTEST_ARGS) -m '$(SLOW)'
 
-lint: .venv/installed  ## ruff (rules and format), mypy, plain English
+lint: .venv/installed  ## ruff (rules and format), mypy
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy
-	.venv/bin/python .ci/plain_words.py
 
 bench: .venv/installed  ## every figure of speed, to benchmarks/RESULTS.md, in half an hour; BENCH="--quick", a part, --training, ...
 	PYTHONPATH=benchmarks .venv/bin/python -m speed $(BENCH)

@@ -1,11 +1,13 @@
-"""Forces read from real eyes without a needle at scales that nobody checked: the scans in ../shared/real-oct.
+"""Forces read from real eyes without a needle at scales that nobody checked: the scans
+in ../shared/real-oct.
 
     python benchmarks/bench_at_rest.py [MODEL ...] [--readings 120] [--seed 3] [--sheet FILE]
 
-MODELs are readers, the two bundled ones by default. Each scan is read at drawn scales: frames 6 to 20 mm wide and 0.3
-to 1 times as deep, of optical or geometric depth. A third of the readings has a calibrated modulus and an IOP, a third
-a thickness. Printed are the usable readings above the lowest class; `--sheet` writes their walls (red) and fits (white)
-as a PNG.
+MODELs are readers, the two bundled ones by default. Each scan is read at drawn scales:
+frames 6 to 20 mm wide and 0.3 to 1 times as deep, of optical or geometric depth. A
+third of the readings has a calibrated modulus and an IOP, a third a thickness. Printed
+are the usable readings above the lowest class; `--sheet` writes their walls (red) and
+fits (white) as a PNG.
 """
 
 import argparse
@@ -35,7 +37,9 @@ CELL = (300, 420)  # rows and columns of a picture in the sheet
 def read_at_random(
     model: Reader, frame: Pixels, rng: np.random.Generator
 ) -> tuple[Answer, PixelScale]:
-    """Read a scan at a drawn scale, as an eye of which nothing, modulus and IOP, or the thickness is known."""
+    """Read a scan at a drawn scale, as an eye of which nothing, modulus and IOP, or the
+    thickness is known.
+    """
     width_m = rng.uniform(*WIDTH_M)
     ratio = rng.uniform(*DEPTH_RATIO)
     trained = model.study.reader
@@ -81,9 +85,11 @@ def picture(frame: Pixels, answer: Answer, scale: PixelScale) -> np.ndarray:
 
 
 def main() -> None:
-    """Print the usable readings above the lowest class, and why the others are not usable."""
+    """Print the usable readings above the lowest class, and why the others are not
+    usable.
+    """
     parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else ""
+        description=__doc__.split("\n\n")[0] if __doc__ else ""
     )
     parser.add_argument(
         "models", nargs="*", type=Path, default=[SHIPPED_READER, SHIPPED_LIVING]
@@ -124,7 +130,10 @@ def main() -> None:
 
                 wrong += 1
                 rows, columns = frame.shape
-                size = f"{scale.lateral_m * columns * 1e3:.1f} x {scale.depth_m * rows * 1e3:.1f} mm"
+                size = (
+                    f"{scale.lateral_m * columns * 1e3:.1f} x"
+                    f" {scale.depth_m * rows * 1e3:.1f} mm"
+                )
                 print(
                     f"{model.path.name:9}{file.name:22}{size:18}{answer.force_n * 1e3:6.1f} mN"
                 )
@@ -139,7 +148,8 @@ def main() -> None:
                 )
 
         print(
-            f"{model.path.name}: {wrong} of {reasons.total()} readings usable and above {bound_n * 1e3:.0f} mN"
+            f"{model.path.name}: {wrong} of {reasons.total()} readings usable and above"
+            f" {bound_n * 1e3:.0f} mN"
         )
         for reason, count in reasons.most_common(12):
             print(f"{count:9} {reason}")

@@ -2,8 +2,8 @@
 
     python benchmarks/bench_axisymmetric.py [--solid] [--rows N]
 
-`--solid` compares it with 3-D finite strain, needles at 0 to 50 deg and dents to 4 mm: some 20 s an eye; `--rows`
-keeps the first N rows of each table. Times are of one core.
+`--solid` compares it with 3-D finite strain, needles at 0 to 50 deg and dents to 4 mm:
+some 20 s an eye; `--rows` keeps the first N rows of each table. Times are of one core.
 """
 
 import argparse
@@ -44,11 +44,12 @@ NU = 0.45
 NEEDLE_RADIUS_M = 0.35e-3
 GAP_M = 0.5e-3
 WINDOW_M = (7e-3, 4e-3)  # half the width, and the depth, in which sections are compared
+# mm, MPa, Pa: the share in `polar` comes from these
 EYES = (
     (0.5, 0.25, 266.0),
     (0.8, 0.38, 266.0),
     (0.8, 0.27, 400.0),
-)  # mm, MPa, Pa: the share in `polar` comes from these
+)
 OTHERS = ((0.4, 0.35, 300.0), (0.65, 0.22, 150.0), (0.9, 0.5, 500.0))
 POLAR_DEG = (0.0, 25.0, 35.0, 45.0, 50.0)
 DENTS_M = np.array([0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0]) * 1e-3
@@ -64,10 +65,13 @@ R2_TIPS_MM = {
 
 
 def print_paths(rows: int | None) -> None:
-    """Print the time of a path of 30 states to 7.5 mm, and the error of its forces against a fine mesh."""
+    """Print the time of a path of 30 states to 7.5 mm, and the error of its forces
+    against a fine mesh.
+    """
     tips_m = np.linspace(0.25e-3, 7.5e-3, 30)
     print(
-        "one path: t mm, E MPa, IOP Pa, elements, s, largest F/E mm^2, largest error of the force %"
+        "one path: t mm, E MPa, IOP Pa, elements, s, largest F/E mm^2, largest error of"
+        " the force %"
     )
     walls = ((0.35, 0.2, 0.0), (0.35, 0.2, 266.0), *EYES, (0.9, 0.2, 533.0))
 
@@ -88,14 +92,18 @@ def print_paths(rows: int | None) -> None:
             error = 100.0 * np.abs(forces[elements] / forces[200] - 1.0).max()
             largest = 1e6 * forces[elements].max()
             print(
-                f"  {thickness_mm} {modulus_mpa} {iop_pa:3g} {elements:4d} {seconds:.3f} {largest:.3f} {error:.3f}"
+                f"  {thickness_mm} {modulus_mpa} {iop_pa:3g} {elements:4d}"
+                f" {seconds:.3f} {largest:.3f} {error:.3f}"
             )
 
 
 def print_r2(rows: int | None) -> None:
-    """Print the tips of reference problem R2: dead pressure, a Gaussian, needle at the pole."""
+    """Print the tips of reference problem R2: dead pressure, a Gaussian, needle at the
+    pole.
+    """
     print(
-        "R2: t mm, E MPa, polar angle of the 3-D figure; tip in mm, and % from the figure"
+        "R2: t mm, E MPa, polar angle of the 3-D figure; tip in mm, and % from the"
+        " figure"
     )
     for (thickness_mm, modulus_mpa, polar_deg), expected_mm in islice(
         R2_TIPS_MM.items(), rows
@@ -118,7 +126,8 @@ def print_r2(rows: int | None) -> None:
         tips_mm = 1e3 * CubicSpline(path.force, path.tip_m)(forces)
         off = 100.0 * (tips_mm / np.array(expected_mm) - 1.0)
         print(
-            f"  {thickness_mm} {modulus_mpa} {polar_deg:2d}  {np.round(tips_mm, 3)}  {np.round(off, 1)}"
+            f"  {thickness_mm} {modulus_mpa} {polar_deg:2d}  {np.round(tips_mm, 3)} "
+            f" {np.round(off, 1)}"
         )
 
 
@@ -126,7 +135,8 @@ def print_sealed(rows: int | None) -> None:
     """Print pressure and force of a sealed globe relative to an open one."""
     tips_m = np.array([0.5e-3, 1e-3, 1.5e-3])
     print(
-        "sealed: t mm, E MPa, IOP Pa, support deg; pressure / IOP and force / force of the open globe at 0.5, 1, 1.5 mm"
+        "sealed: t mm, E MPa, IOP Pa, support deg; pressure / IOP and force / force of"
+        " the open globe at 0.5, 1, 1.5 mm"
     )
 
     for (thickness_mm, modulus_mpa, iop_pa), support_deg in islice(
@@ -151,14 +161,17 @@ def print_sealed(rows: int | None) -> None:
         pressure = sealed.iop_ratio[1:] / sealed.iop_ratio[0]
         force = sealed.force_ratio_m2[1:] / opened.force_ratio_m2[1:]
         print(
-            f"  {thickness_mm} {modulus_mpa} {iop_pa:g} {support_deg:3g}  {pressure.round(2)}  {force.round(2)}"
+            f"  {thickness_mm} {modulus_mpa} {iop_pa:g} {support_deg:3g} "
+            f" {pressure.round(2)}  {force.round(2)}"
         )
 
 
 def solid_path(
     thickness_mm: float, modulus_mpa: float, iop_pa: float, contact: Contact
 ) -> tuple[FiniteWall, LoadPath]:
-    """Return the 3-D wall of the default graded mesh and its path to a dent of 4.2 mm."""
+    """Return the 3-D wall of the default graded mesh and its path to a dent of 4.2
+    mm.
+    """
     wall = FiniteWall(graded_mesh(RADIUS_M, 1e-3 * thickness_mm, contact), NU)
     path = wall.load_path(
         needle_at(wall.mesh, contact, NEEDLE_RADIUS_M),
@@ -173,7 +186,9 @@ def solid_path(
 
 
 class Reduced:
-    """A path of revolution read at a force ratio, with or without the shift of `polar`."""
+    """A path of revolution read at a force ratio, with or without the shift of
+    `polar`.
+    """
 
     def __init__(self, path: AxisymmetricPath, shift: BaseShift | None) -> None:
         self._force, self._curves = (
@@ -230,9 +245,12 @@ def distance_m(points: Floats, curve: Floats) -> float:
 
 
 def print_solid(rows: int | None) -> None:
-    """Print tips at equal force and sections, with neither, either and both corrections of `polar`."""
+    """Print tips at equal force and sections, with neither, either and both corrections
+    of `polar`.
+    """
     print(
-        "3-D: t mm, E MPa, IOP Pa, polar deg; without, with stiffening, with shift, with both: tip %, section mm"
+        "3-D: t mm, E MPa, IOP Pa, polar deg; without, with stiffening, with shift,"
+        " with both: tip %, section mm"
     )
     for (thickness_mm, modulus_mpa, iop_pa), polar_deg in islice(
         product(EYES + OTHERS, POLAR_DEG), rows
@@ -272,7 +290,8 @@ def print_solid(rows: int | None) -> None:
             )
 
         print(
-            f"  {thickness_mm} {modulus_mpa} {iop_pa:g} {polar_deg:2g}  {' | '.join(report)}",
+            f"  {thickness_mm} {modulus_mpa} {iop_pa:g} {polar_deg:2g} "
+            f" {' | '.join(report)}",
             flush=True,
         )
 

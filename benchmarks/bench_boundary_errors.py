@@ -1,8 +1,10 @@
-"""Errors of the segmentation's boundaries on rendered frames, beside the errors that `learning.walls` draws.
+"""Errors of the segmentation's boundaries on rendered frames, beside the errors that
+`learning.walls` draws.
 
     python benchmarks/bench_boundary_errors.py [EYES [SEED]] [--frames 12] [--study FILE] [--checked]
 
-Each eye has frames with even forces from 0 to 60 mN, from the user's library of the study (built if missing).
+Each eye has frames with even forces from 0 to 60 mN, from the user's library of the
+study (built if missing).
 """
 
 import argparse
@@ -23,7 +25,7 @@ from scleraforce.study import Study, read_study
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else ""
+        description=__doc__.split("\n\n")[0] if __doc__ else ""
     )
     parser.add_argument("eyes", type=int, nargs="?", default=16)
     parser.add_argument("seed", type=int, nargs="?", default=1)

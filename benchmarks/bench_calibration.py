@@ -1,10 +1,13 @@
-"""Measure a calibration: time of a step, effect of wrongly declared inputs, coverage over many eyes.
+"""Measure a calibration: time of a step, effect of wrongly declared inputs, coverage
+over many eyes.
 
     python benchmarks/bench_calibration.py [LINEAR EYES, 50] [BENT EYES, 5] [--frames 24] [--study FILE]
 
-The eyes are virtual: sections of the deformed mesh, boundaries with the roughness of speckle (5 um along the normal),
-eyes that shift by up to 0.2 mm between the frames, of 6 to 58 mN. Linear eyes are calibrated with the linear wall, bent
-ones (three-dimensional finite strain, half a minute each) with the response library of the user's cache.
+The eyes are virtual: sections of the deformed mesh, boundaries with the roughness of
+speckle (5 um along the normal), eyes that shift by up to 0.2 mm between the frames, of
+6 to 58 mN. Linear eyes are calibrated with the linear wall, bent ones
+(three-dimensional finite strain, half a minute each) with the response library of the
+user's cache.
 """
 
 import argparse
@@ -112,10 +115,13 @@ def begun(study: Study, model: EyeModel) -> EyeSession:
 
 
 def print_step_time(study: Study, model: EyeModel, inputs: list[Frame]) -> None:
-    """Print the time of a step: registration, observation, two sigma points, correction."""
+    """Print the time of a step: registration, observation, two sigma points,
+    correction.
+    """
     seconds = np.array(calibrated(study, model, inputs)[2][1:])
     print(
-        f"step (one frame): {1e3 * seconds.min():.1f} ms at best, {1e3 * np.median(seconds):.1f} ms in the median"
+        f"step (one frame): {1e3 * seconds.min():.1f} ms at best,"
+        f" {1e3 * np.median(seconds):.1f} ms in the median"
     )
 
 
@@ -134,7 +140,8 @@ def print_wrong_statements(
         ),
     }
     print(
-        f"\nE of an eye of {eye.youngs_modulus_pa / 1e6:.2f} MPa, {eye.thickness_m * 1e6:.0f} um, where stated wrong:"
+        f"\nE of an eye of {eye.youngs_modulus_pa / 1e6:.2f} MPa,"
+        f" {eye.thickness_m * 1e6:.0f} um, where stated wrong:"
     )
     print(f"{'':<16}{'-10 %':>10}{'+10 %':>10}")
 
@@ -149,7 +156,9 @@ def print_wrong_statements(
 
 
 def print_honesty(study: Study, count: int, frame_count: int) -> None:
-    """Print how far E is off over many eyes, and how often it lies within what the posterior says."""
+    """Print how far E is off over many eyes, and how often it lies within what the
+    posterior says.
+    """
     rng = np.random.default_rng(0)
     errors = []
     scores = []
@@ -167,16 +176,19 @@ def print_honesty(study: Study, count: int, frame_count: int) -> None:
         sds.append(sd)
 
     print(
-        f"\n{count} eyes, {frame_count} frames each, contact angle unknown (25 to 45 degrees):"
+        f"\n{count} eyes, {frame_count} frames each, contact angle unknown (25 to 45"
+        " degrees):"
     )
     rms = np.sqrt(np.mean(np.square(errors)))
     largest = np.abs(errors).max()
     print(
-        f"error of E: mean {100 * np.mean(errors):+.2f} %, rms {100 * rms:.2f} %, largest {100 * largest:.2f} %"
+        f"error of E: mean {100 * np.mean(errors):+.2f} %, rms {100 * rms:.2f} %,"
+        f" largest {100 * largest:.2f} %"
     )
     honest = np.mean(np.array(scores) < 2)
     print(
-        f"posterior sd: largest {max(sds) / 1e3:.1f} kPa; true E within two sd: {100 * honest:.0f} %"
+        f"posterior sd: largest {max(sds) / 1e3:.1f} kPa; true E within two sd:"
+        f" {100 * honest:.0f} %"
     )
 
 
@@ -194,11 +206,14 @@ def draw_bent_eye(number: int, rng: np.random.Generator) -> PhantomEye:
 
 
 def print_bent(study: Study, count: int, frame_count: int) -> None:
-    """Print how far E of bent eyes is off after 3, 5 and all frames, and what low and high forces say on their own."""
+    """Print how far E of bent eyes is off after 3, 5 and all frames, and what low and
+    high forces say on their own.
+    """
     library = cached_library(study)
     rng = np.random.default_rng(0)
     print(
-        f"\n{count} eyes of three-dimensional finite strain, contact angle unknown; error of E in % (sd):"
+        f"\n{count} eyes of three-dimensional finite strain, contact angle unknown;"
+        " error of E in % (sd):"
     )
     print(
         f"{'t/um':>6}{'E/MPa':>7}{'mmHg':>6}{'angle':>6}"
@@ -237,8 +252,9 @@ def print_bent(study: Study, count: int, frame_count: int) -> None:
         rms = np.sqrt(np.mean(error**2))
         largest = np.abs(error).max()
         print(
-            f"after {used} frames: mean {100 * error.mean():+.2f} %, rms {100 * rms:.2f} %, largest "
-            f"{100 * largest:.2f} %; within two sd: {honest:.0f} %"
+            f"after {used} frames: mean {100 * error.mean():+.2f} %, rms"
+            f" {100 * rms:.2f} %, largest {100 * largest:.2f} %; within two sd:"
+            f" {honest:.0f} %"
         )
 
 
@@ -291,7 +307,7 @@ def print_linear(study: Study, count: int, frame_count: int) -> None:
 def main() -> None:
     """Print all figures."""
     parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else ""
+        description=__doc__.split("\n\n")[0] if __doc__ else ""
     )
     parser.add_argument("linear_eyes", type=int, nargs="?", default=50)
     parser.add_argument("bent_eyes", type=int, nargs="?", default=5)

@@ -1,10 +1,12 @@
-"""Count how often the sclera's surface is found below a conjunctiva, and measure its error, over the phantom's ranges.
+"""Count how often the sclera's surface is found below a conjunctiva, and measure its
+error, over the phantom's ranges.
 
     python benchmarks/bench_conjunctiva.py [--frames 40]
 
-Walls of 0.45 to 0.85 mm with dents up to 2 mm are drawn with layers of 50 to 600 um; the thickness is declared with an
-error of 2 %. The row of 0 um has five times as many walls, without a layer, uneven by up to 12 % and declared 2 to 20 %
-too thin: nothing should be found there.
+Walls of 0.45 to 0.85 mm with dents up to 2 mm are drawn with layers of 50 to 600 um;
+the thickness is declared with an error of 2 %. The row of 0 um has five times as many
+walls, without a layer, uneven by up to 12 % and declared 2 to 20 % too thin: nothing
+should be found there.
 """
 
 import argparse
@@ -47,9 +49,12 @@ def drawn(layer_um: int, number: int) -> tuple[Bscan, float]:
         rng.uniform(0.8, 0.98) if layer_um == 0 else 1 + 0.02 * rng.standard_normal()
     )
 
-    return render_bscan(
-        Pose(lateral_m=0.0, depth_m=0.5e-3).place(section), STUDY.oct, optics, rng
-    ), told_m
+    return (
+        render_bscan(
+            Pose(lateral_m=0.0, depth_m=0.5e-3).place(section), STUDY.oct, optics, rng
+        ),
+        told_m,
+    )
 
 
 def waving_wall(thickness_m: float, dent_m: float, wave: float) -> Section:
@@ -77,7 +82,8 @@ def main() -> None:
     )
     frames = parser.parse_args().frames
     print(
-        "| layer | frames | found | rows off before | after, where found: mean, worst | ms, least |"
+        "| layer | frames | found | rows off before | after, where found: mean, worst |"
+        " ms, least |"
     )
     print("|---|---|---|---|---|---|")
 
@@ -100,7 +106,10 @@ def _row(layer_um: int, frames: int) -> str:
         after += [rows_off(found, bscan)] if found is not first else []
 
     ends = f"{np.mean(after):.1f}, {max(after):.1f}" if after else "-"
-    return f"| {layer_um} um | {frames} | {len(after)} | {np.mean(before):.1f} | {ends} | {1e3 * min(seconds):.2f} |"
+    return (
+        f"| {layer_um} um | {frames} | {len(after)} | {np.mean(before):.1f} | {ends} |"
+        f" {1e3 * min(seconds):.2f} |"
+    )
 
 
 if __name__ == "__main__":

@@ -1,15 +1,19 @@
-"""Measure the delay from the monitor's decision to the browser's picture, and the console's load.
+"""Measure the delay from the monitor's decision to the browser's picture, and the
+console's load.
 
     python benchmarks/bench_console.py changes [--changes 100]
     python benchmarks/bench_console.py session MODEL RECORDING [--seconds 600] [--rate-hz 100] [--remote]
 
-changes: a monitor decides 100 times a second on frames of 512 x 512, with 25 outlines a second, and changes its state
-at random moments. Times start before the entry is sent and end when the page's text has changed, and when the browser
-has painted it (the second animation frame after that). "late" counts changes that a page had not shown when the next
-one came, 0.3 to 0.5 s later. Needs chromium. The lateness of this process's own sleeps is printed beside them.
+changes: a monitor decides 100 times a second on frames of 512 x 512, with 25 outlines a
+second, and changes its state at random moments. Times start before the entry is sent
+and end when the page's text has changed, and when the browser has painted it (the
+second animation frame after that). "late" counts changes that a page had not shown when
+the next one came, 0.3 to 0.5 s later. Needs chromium. The lateness of this process's
+own sleeps is printed beside them.
 
-session: the monitor that users start, with its console open in Chromium and a scanner at 100 frames a second, all on
-one machine: latency and false withdrawals. See `monitor_service/session.py`.
+session: the monitor that users start, with its console open in Chromium and a scanner
+at 100 frames a second, all on one machine: latency and false withdrawals. See
+`monitor_service/session.py`.
 """
 
 import argparse
@@ -98,7 +102,9 @@ class Session:
         self.late_s: list[float] = []
 
     def frame(self) -> float:
-        """Decide on a frame, as the monitor does; return the time before its entry was sent."""
+        """Decide on a frame, as the monitor does; return the time before its entry was
+        sent.
+        """
         self.frames += 1
         self.ring.put(self.frames, self.pictures[self.frames % 8])
         entry = Entry(
@@ -137,7 +143,9 @@ class Session:
 
 
 def run(session: Session, pages: list[Page], changes: int) -> list[NDArray[np.float64]]:
-    """Return for each page the times (change, [shown, painted]) in ms after the entry was sent."""
+    """Return for each page the times (change, [shown, painted]) in ms after the entry
+    was sent.
+    """
     rng = np.random.default_rng(1)
     begin_s = monotonic()
     moments = begin_s + 1.0 + np.cumsum(rng.uniform(0.3, 0.5, changes))
@@ -161,7 +169,9 @@ def run(session: Session, pages: list[Page], changes: int) -> list[NDArray[np.fl
 
 
 def times_ms(page: Page, sent_s: list[float]) -> NDArray[np.float64]:
-    """Pair the changes that a page showed with the ones sent; a change that it never showed is infinite."""
+    """Pair the changes that a page showed with the ones sent; a change that it never
+    showed is infinite.
+    """
     seen = [
         (text, shown, painted or np.inf)
         for text, shown, painted in page.evaluate("window.seen")
@@ -185,7 +195,8 @@ def times_ms(page: Page, sent_s: list[float]) -> NDArray[np.float64]:
 def show_changes(changes: int) -> None:
     """Print the table."""
     print(
-        "| pages | shown: median | 99 % | worst | painted: median | 99 % | worst | late | CPU: console | browser |"
+        "| pages | shown: median | 99 % | worst | painted: median | 99 % | worst | late"
+        " | CPU: console | browser |"
     )
     print("|---|---|---|---|---|---|---|---|---|---|")
     sending: list[str] = []
@@ -235,10 +246,12 @@ def show_changes(changes: int) -> None:
             sending_us = 1e6 * np.array(session.sending_s)
             late_ms = 1e3 * np.array(session.late_s)
             sending.append(
-                f"pages: {count}. A message to the console took the monitor {np.median(sending_us):.0f} us (median), "
-                f"{session.refused} of {len(sending_us)} were not taken. "
-                f"Sleeps ended late by {np.median(late_ms):.1f} ms (median), "
-                f"{np.percentile(late_ms, 99):.1f} ms (99 %), {late_ms.max():.1f} ms (worst)"
+                f"pages: {count}. A message to the console took the monitor"
+                f" {np.median(sending_us):.0f} us (median), {session.refused} of"
+                f" {len(sending_us)} were not taken. Sleeps ended late by"
+                f" {np.median(late_ms):.1f} ms (median),"
+                f" {np.percentile(late_ms, 99):.1f} ms (99 %), {late_ms.max():.1f} ms"
+                " (worst)"
             )
             browser.close()
             session.child.end()
@@ -258,7 +271,7 @@ def spread(times: NDArray[np.float64]) -> list[str]:
 def main() -> None:
     """Run one of the two."""
     parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else ""
+        description=__doc__.split("\n\n")[0] if __doc__ else ""
     )
     parts = parser.add_subparsers(dest="part", required=True)
     parts.add_parser("changes").add_argument("--changes", type=int, default=100)

@@ -3,7 +3,8 @@
     python benchmarks/bench_finite_strain.py [--fine] [--rows N] [--loads N] [--quads 20] [--core 6] [--rings 14]
 
 R2 is the project's reference problem (`reference_r2.py`), on 20 equiangular quads.
-`--rows` and `--loads` keep the first N walls and the first N forces or dents of each table.
+`--rows` and `--loads` keep the first N walls and the first N forces or dents of each
+table.
 """
 
 import argparse
@@ -39,7 +40,8 @@ WALLS = ((0.8e-3, 0.38e6), (0.5e-3, 0.22e6))
 class Sizes:
     """Extent of the tables: also a fine mesh, the first `rows` walls and `loads` loads.
 
-    `quads` counts along an edge of even meshes; `core` and `rings` are sizes of graded meshes.
+    `quads` counts along an edge of even meshes; `core` and `rings` are sizes of graded
+    meshes.
     """
 
     fine: bool
@@ -86,7 +88,10 @@ def reference_problem(sizes: Sizes) -> None:
         )
         at_node_mm = -1e3 * moved_sc @ contact.normal
         worst = 100.0 * np.abs(at_node_mm / expected_mm - 1.0).max()
-        name = f"{thickness_m * 1e3:.1f} mm {modulus_pa / 1e6:.2f} MPa {polar_deg:2.0f} deg"
+        name = (
+            f"{thickness_m * 1e3:.1f} mm {modulus_pa / 1e6:.2f} MPa"
+            f" {polar_deg:2.0f} deg"
+        )
         print(f"{name:22s}{'expected':16s}" + row(list(expected_mm)))
         print(
             f"{'':22s}{'at the node':16s}"
@@ -128,7 +133,9 @@ def meshes(contact: Contact, thickness_m: float, sizes: Sizes) -> dict[str, HexM
 
 
 def product_paths(sizes: Sizes) -> None:
-    """Print paths under the product's own needle, pressure and weight on several meshes, sealed and not."""
+    """Print paths under the product's own needle, pressure and weight on several
+    meshes, sealed and not.
+    """
     contact = Contact(polar_rad=np.radians(35.0))
     print("\nDisc of 0.7 mm, pressure that follows, weight; 35 deg: tip [mm]")
     forces_mn = FORCES_MN[: sizes.loads]
@@ -155,12 +162,15 @@ def product_paths(sizes: Sizes) -> None:
             )
 
     print(
-        f"largest memory of this process: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB"
+        "largest memory of this process:"
+        f" {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB"
     )
 
 
 def sealed_globes(sizes: Sizes) -> None:
-    """Print how the pressure rises in a sealed eye of the default rigidity, and its forces beside an open one's."""
+    """Print how the pressure rises in a sealed eye of the default rigidity, and its
+    forces beside an open one's.
+    """
     contact = Contact(polar_rad=np.radians(35.0))
     dents_mm = np.array([0.5, 1.0, 1.5])[: sizes.loads]
     supports = SupportsStudy(kind="bed")
@@ -213,7 +223,7 @@ def sealed_globes(sizes: Sizes) -> None:
 
 def main() -> None:
     """Print all tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument(
         "--fine", action="store_true", help="also a fine mesh of two layers (minutes)"
     )

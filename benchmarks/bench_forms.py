@@ -1,9 +1,11 @@
-"""The graded mesh against finer ones, and what the form of an eye, its pressure and the needle's tilt do to a dent.
+"""The graded mesh against finer ones, and what the form of an eye, its pressure and the
+needle's tilt do to a dent.
 
     python benchmarks/bench_forms.py [--fine] [--rows N] [--forces N] [--finest CORE RINGS]
 
-prints the tables of docs/physics.md ("Eyes that are not spheres"); `--fine` adds load paths on finer meshes,
-`--rows` and `--forces` keep the first N walls or eyes and the first N forces.
+prints the tables of docs/physics.md ("Eyes that are not spheres"); `--fine` adds load
+paths on finer meshes, `--rows` and `--forces` keep the first N walls or eyes and the
+first N forces.
 """
 
 import argparse
@@ -139,7 +141,8 @@ def print_paths(fine: bool, rows: int | None, forces_mn: tuple[float, ...]) -> N
             seconds = process_time() - start
             memory_gb = getrusage(RUSAGE_SELF).ru_maxrss / 1e6
             print(
-                f"{thickness_m * 1e3:.1f} mm, {modulus_pa / 1e6} MPa, {core} x {rings}:",
+                f"{thickness_m * 1e3:.1f} mm, {modulus_pa / 1e6} MPa, {core} x"
+                f" {rings}:",
                 f"{eye.mesh.points_nc.size} unknowns,",
                 f"{len(eye.tips_m)} states, {seconds:.1f} s, {memory_gb:.2f} GB;",
                 np.round(tips_mm(eye, forces_mn), 3),

@@ -1,12 +1,15 @@
-"""Measure what a soft layer over the sclera costs a reading: the table of docs/physics.md.
+"""Measure what a soft layer over the sclera costs a reading: the table of
+docs/physics.md.
 
     python benchmarks/bench_layers.py [--rows N] [--core 4] [--rings 8]
 
-3-D walls of 0.6 mm, radius 12 mm, 0.4 MPa, needle at 35 deg, open, with a bonded layer (conjunctiva and Tenon's
-capsule). The needle's force acts on the sclera: under 20 mN its face presses with 52 kPa, which squeezes or pierces a
-layer of 5 to 20 kPa. Sections of the sclera's surface, and of the layer's, are read as the force of an elastic wall
-without a layer: with the true E, and with the E that reads 20 mN right. No light, no noise. Two minutes on one core.
-`--rows` keeps the first N pressures, layers and surfaces.
+3-D walls of 0.6 mm, radius 12 mm, 0.4 MPa, needle at 35 deg, open, with a bonded layer
+(conjunctiva and Tenon's capsule). The needle's force acts on the sclera: under 20 mN
+its face presses with 52 kPa, which squeezes or pierces a layer of 5 to 20 kPa. Sections
+of the sclera's surface, and of the layer's, are read as the force of an elastic wall
+without a layer: with the true E, and with the E that reads 20 mN right. No light, no
+noise. Two minutes on one core. `--rows` keeps the first N pressures, layers and
+surfaces.
 """
 
 import argparse
@@ -34,13 +37,14 @@ Floats = NDArray[np.float64]
 
 MODULUS_PA = 0.4e6
 IOPS_MMHG = (2.0, 15.0)
+# m, Pa
 LAYERS = (
     (0.2e-3, 5e3),
     (0.2e-3, 20e3),
     (0.4e-3, 5e3),
     (0.4e-3, 20e3),
     (0.6e-3, 20e3),
-)  # m, Pa
+)
 FORCES_N = np.array([10e-3, 20e-3, 30e-3])
 CALIBRATED = 1  # of the forces
 STEPS = 2  # of the secant method, towards the E that reads it right
@@ -48,10 +52,14 @@ END_N = 80e-3
 
 
 class LayeredWall:
-    """A wall of two elements through it: the layer and the sclera, whose outer surface keeps its radius."""
+    """A wall of two elements through it: the layer and the sclera, whose outer surface
+    keeps its radius.
+    """
 
     def __init__(self, layer_m: float, soft_pa: float, core: int, rings: int) -> None:
-        """Build the mesh; the nodes' sheets are moved so that the first element is the layer."""
+        """Build the mesh; the nodes' sheets are moved so that the first element is the
+        layer.
+        """
         mesh = graded_mesh(
             RADIUS_M + layer_m, THICKNESS_M + layer_m, CONTACT, core, rings, layers=2
         )
@@ -103,7 +111,9 @@ class Plain:
         self.true = self._with(1.0)
 
     def calibrated(self, seen_sn: Floats) -> tuple[ElasticSections, float]:
-        """Return the sections with the E that reads the calibrated force right, and that E over the true one."""
+        """Return the sections with the E that reads the calibrated force right, and
+        that E over the true one.
+        """
         over = 1.0
         slope = 1.0
         read_n = self._calibrating_n(self.true, seen_sn)
@@ -132,7 +142,7 @@ class Plain:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else ""
+        description=__doc__.split("\n\n")[0] if __doc__ else ""
     )
     parser.add_argument(
         "--rows", type=int, help="only the first N pressures, layers and surfaces"
@@ -144,7 +154,8 @@ def main() -> None:
     given = parser.parse_args()
     shown = ", ".join(f"{1e3 * force_n:g}" for force_n in FORCES_N)
     print(
-        f"| IOP | layer | surface | {shown} mN read with the true E | misfit, um | calibrated: E over true | read |"
+        f"| IOP | layer | surface | {shown} mN read with the true E | misfit, um |"
+        " calibrated: E over true | read |"
     )
     print("|---|---|---|---|---|---|---|")
 
@@ -161,11 +172,13 @@ def main() -> None:
                 read_n, off_m = plain.true.read_n(seen_sn)
                 sections, over = plain.calibrated(seen_sn)
                 print(
-                    f"| {iop_mmhg:g} mmHg | {1e3 * layer_m:g} mm, {1e-3 * soft_pa:g} kPa | {name} | {mn(read_n)} ",
+                    f"| {iop_mmhg:g} mmHg | {1e3 * layer_m:g} mm, {1e-3 * soft_pa:g}"
+                    f" kPa | {name} | {mn(read_n)} ",
                     end="",
                 )
                 print(
-                    f"| {1e6 * off_m.max():.0f} | {over:.2f} | {mn(sections.read_n(seen_sn)[0])} |",
+                    f"| {1e6 * off_m.max():.0f} | {over:.2f} |"
+                    f" {mn(sections.read_n(seen_sn)[0])} |",
                     flush=True,
                 )
 

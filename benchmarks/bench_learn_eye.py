@@ -1,18 +1,24 @@
-"""Sessions with and without `--learn-eye`: withdrawals, intervals, and E at the start and at the end.
+"""Sessions with and without `--learn-eye`: withdrawals, intervals, and E at the start
+and at the end.
 
     python benchmarks/bench_learn_eye.py [--count 50] [--seed 43] [--opinions 20] [--workers 1]
 
-Raw B-scans of open virtual eyes, 3-D at finite strain, rendered 50 times a second (`monitor_sessions`). Both monitors
-read the same frames: segmentation, network, fit as second opinion, decision; one also learns E, with the code of
-`monitor --learn-eye`, in this process: what was learned counts a second after it was asked for, as on a busy machine.
-The eye's globe, thickness, IOP and gap are given, with the errors of calipers and gauges.
+Raw B-scans of open virtual eyes, 3-D at finite strain, rendered 50 times a second
+(`monitor_sessions`). Both monitors read the same frames: segmentation, network, fit as
+second opinion, decision; one also learns E, with the code of `monitor --learn-eye`, in
+this process: what was learned counts a second after it was asked for, as on a busy
+machine. The eye's globe, thickness, IOP and gap are given, with the errors of calipers
+and gauges.
 
-Every sixth frame goes to the second opinion. A session moves for 4 s below 8 to 20 mN, where each withdrawal is false,
-then rises to 40 mN by 10 to 50 mN/s, where a monitor whose order is not out when the true force reaches 30 mN has
-missed one. Five sessions are of one eye, in turns with E of the study's prior and of a population of 0.35 +- 0.087 MPa.
-The wider interval is to blame for a false withdrawal if the 90 % interval held the true force.
+Every sixth frame goes to the second opinion. A session moves for 4 s below 8 to 20 mN,
+where each withdrawal is false, then rises to 40 mN by 10 to 50 mN/s, where a monitor
+whose order is not out when the true force reaches 30 mN has missed one. Five sessions
+are of one eye, in turns with E of the study's prior and of a population of 0.35 +-
+0.087 MPa. The wider interval is to blame for a false withdrawal if the 90 % interval
+held the true force.
 
-`--opinions N`: the second opinion of the service reads N s of frames, 50 a second, with and without learning.
+`--opinions N`: the second opinion of the service reads N s of frames, 50 a second, with
+and without learning.
 """
 
 import argparse
@@ -74,9 +80,11 @@ MONITORS = ("no", "yes")
 
 @dataclass
 class Played:
-    """A monitor in some sessions; lists have one number a session, or a frame in contact, unless stated otherwise.
+    """A monitor in some sessions; lists have one number a session, or a frame in
+    contact, unless stated otherwise.
 
-    `ends`: for the first and the last quarter of the frames in contact, widths (N) and whether the force was inside.
+    `ends`: for the first and the last quarter of the frames in contact, widths (N) and
+    whether the force was inside.
     """
 
     false: int = 0
@@ -112,7 +120,9 @@ class Played:
 
 
 class InProcess:
-    """A link to a fit in this process; its answers come `STEP_S` after they were asked for."""
+    """A link to a fit in this process; its answers come `STEP_S` after they were asked
+    for.
+    """
 
     def __init__(self, fitting: Fitting) -> None:
         self.now_s = 0.0
@@ -156,7 +166,9 @@ class Bench:
         )
 
     def session(self, number: int) -> tuple[Played, Played, list[float]]:
-        """Play a session; return both monitors, and the time that each step of learning took of a core, s."""
+        """Play a session; return both monitors, and the time that each step of learning
+        took of a core, s.
+        """
         drawn = draw_eye("open", number // AN_EYE, self.reader.study, self.seed)
         rng = self._rng(number)
         known = self.known(drawn, number, rng)
@@ -229,7 +241,9 @@ class Bench:
         return np.random.default_rng((self.seed, 4, number))
 
     def known(self, drawn: SessionEye, number: int, rng: np.random.Generator) -> Known:
-        """Return what is given of an eye: E of the study's prior, or of a population."""
+        """Return what is given of an eye: E of the study's prior, or of a
+        population.
+        """
         prior = self.reader.study.calibration
         studys = Modulus(
             mean_pa=prior.prior_mean_pa, sd_pa=prior.prior_sd_pa, source="population"
@@ -252,9 +266,10 @@ def forces(rng: np.random.Generator, drawn: SessionEye) -> tuple[Trajectory, int
     )
     begin = round(APART_S / FRAME_S)
 
-    return Trajectory(*(part[begin::EVERY] for part in vars(path).values())), (
-        len(moving_n) - begin
-    ) // EVERY
+    return (
+        Trajectory(*(part[begin::EVERY] for part in vars(path).values())),
+        (len(moving_n) - begin) // EVERY,
+    )
 
 
 def rows(prior: str, monitors: tuple[Played, Played]) -> Iterator[str]:
@@ -280,16 +295,19 @@ def rows(prior: str, monitors: tuple[Played, Played]) -> Iterator[str]:
         )
         count = len(of.modulus[0])
         yield (
-            f"| {prior} | {learns} | {of.false}, {of.unexplained} | {of.missed} of {count} | {stopped} | "
-            f"{widths[0]:.1f}, {widths[1]:.1f} | {held:.0%} | {off[0]:.0f}, {off[1]:.0f} | "
-            f"{sds[0]:.0f}, {sds[1]:.0f} | {inside} of {count} |"
+            f"| {prior} | {learns} | {of.false}, {of.unexplained} | {of.missed} of"
+            f" {count} | {stopped} | {widths[0]:.1f}, {widths[1]:.1f} | {held:.0%} |"
+            f" {off[0]:.0f}, {off[1]:.0f} | {sds[0]:.0f}, {sds[1]:.0f} | {inside} of"
+            f" {count} |"
         )
 
 
 def opinions(
     reader: ForceReader, drawn: SessionEye, known: Known, seconds: float, learns: bool
 ) -> tuple[list[float], int]:
-    """Return how late each opinion of the service's process was, s, and how many frames have taught at the end."""
+    """Return how late each opinion of the service's process was, s, and how many frames
+    have taught at the end.
+    """
     scale = PixelScale.of(reader.study.oct)
     rng = np.random.default_rng(0)
     frames = list(stream(drawn, forces(rng, drawn)[0], rng, 0))
@@ -359,7 +377,10 @@ def main() -> None:
                 from_si(float(np.quantile(late_s, share)), "ms")
                 for share in (0.5, 0.99)
             )
-            words = f"{len(late_s)} opinions after {half:.0f} ms, 99 % {most:.0f}; {frames} frames taught"
+            words = (
+                f"{len(late_s)} opinions after {half:.0f} ms, 99 % {most:.0f}; {frames}"
+                " frames taught"
+            )
             print(f"learning {MONITORS[learns]}: {words}")
 
         return
@@ -376,14 +397,16 @@ def main() -> None:
 
             took_s += steps_s
             said = [
-                f"{one.causes}, E {one.modulus[1][0][0]:+.0%} sd {one.modulus[1][0][1]:.0%}"
+                f"{one.causes}, E {one.modulus[1][0][0]:+.0%} sd"
+                f" {one.modulus[1][0][1]:.0%}"
                 for one in both
             ]
             print(f"session {number}: {'; learned: '.join(said)}", flush=True)
 
     print(
-        "\n| prior of E | learns | false withdrawals, not by the interval's width | missed | stopped at, mN | "
-        "width, mN: first, last quarter | intervals hold | E off, %: start, end | sd, % | in 2 sd |"
+        "\n| prior of E | learns | false withdrawals, not by the interval's width |"
+        " missed | stopped at, mN | width, mN: first, last quarter | intervals hold | E"
+        " off, %: start, end | sd, % | in 2 sd |"
     )
     print("|---|---|---|---|---|---|---|---|---|---|")
 
@@ -394,15 +417,17 @@ def main() -> None:
     ratios = [ratio for _, learned in found for ratio in learned.ratios]
     causes = [cause for monitors in found for one in monitors for cause in one.causes]
     print(
-        f"\nwithdrawals left, or bounds raised: {sum(one.broken for monitors in found for one in monitors)}"
+        "\nwithdrawals left, or bounds raised:"
+        f" {sum(one.broken for monitors in found for one in monitors)}"
     )
     print(
-        f"interval over interval / sd over sd: 1 % of frames below {np.quantile(ratios, 0.01):.2f}, "
-        f"median {np.median(ratios):.2f}"
+        "interval over interval / sd over sd: 1 % of frames below"
+        f" {np.quantile(ratios, 0.01):.2f}, median {np.median(ratios):.2f}"
     )
     print(
-        f"PIERCED {causes.count('PIERCED')} of {len(causes)} causes; a step of learning took "
-        f"{np.median(took_s or [0.0]):.2f} s of a core, {max(took_s, default=0.0):.2f} at most"
+        f"PIERCED {causes.count('PIERCED')} of {len(causes)} causes; a step of learning"
+        f" took {np.median(took_s or [0.0]):.2f} s of a core,"
+        f" {max(took_s, default=0.0):.2f} at most"
     )
 
 

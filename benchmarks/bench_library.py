@@ -1,10 +1,12 @@
-"""Measure the response library: cost of building, accuracy of interpolation and file, slices a second.
+"""Measure the response library: cost of building, accuracy of interpolation and file,
+slices a second.
 
     python benchmarks/bench_library.py [HELD_OUT] [--study FILE]
 
-Interpolation is compared with HELD_OUT load paths (40 by default) of walls anywhere in the library's ranges, none on
-its grid, at 53 dents each: tip and visible boundaries (0.3 to 9 mm from the needle axis) at the force, force at the
-tip. Of a study only its own grid is built, else also three others.
+Interpolation is compared with HELD_OUT load paths (40 by default) of walls anywhere in
+the library's ranges, none on its grid, at 53 dents each: tip and visible boundaries
+(0.3 to 9 mm from the needle axis) at the force, force at the tip. Of a study only its
+own grid is built, else also three others.
 """
 
 import argparse
@@ -34,12 +36,13 @@ from scleraforce.mechanics.meridian import MeridianSize
 from scleraforce.processes import available_cores
 from scleraforce.study import Study, read_study
 
+# thicknesses, tensions, tips
 GRIDS = (
     (8, 12, 56),
     (10, 16, 56),
     (10, 20, 56),
     (12, 24, 72),
-)  # thicknesses, tensions, tips
+)
 VISIBLE_M = (0.3e-3, 9e-3)  # of the needle axis
 SLICES = 2000
 ROUNDS = 5
@@ -54,7 +57,9 @@ Grid = tuple[int, int, int]
 def draw_walls(
     study: Study, count: int, rng: np.random.Generator
 ) -> tuple[Floats, Floats]:
-    """Thickness (wall,), m, and IOP ratio (wall,), the logarithm of the tension evenly spread."""
+    """Thickness (wall,), m, and IOP ratio (wall,), the logarithm of the tension evenly
+    spread.
+    """
     grid = study.library
     thickness_m = rng.uniform(*grid.thickness_m.bounds, count)
     low, high = np.log(grid.tension.bounds)
@@ -85,7 +90,9 @@ def held_out_path(study: Study, wall: tuple[float, float]) -> AxisymmetricPath:
 def errors(
     library: Library, wall: tuple[float, float], path: AxisymmetricPath
 ) -> tuple[Floats, Floats, Floats]:
-    """Relative error of the force at each tip; of the tip, and of the curves in m, at each force first reached."""
+    """Relative error of the force at each tip; of the tip, and of the curves in m, at
+    each force first reached.
+    """
     tips_m = path.tip_m[1:]
     forces = path.force_ratio_m2[1:]
     thickness, ratio = (np.full(len(tips_m), value) for value in wall)
@@ -127,7 +134,9 @@ def cpu_seconds() -> float:
 
 
 def print_accuracy(study: Study, grids: tuple[Grid, ...], held_out: int) -> Library:
-    """Build libraries of several grids and print their errors; return that of the study."""
+    """Build libraries of several grids and print their errors; return that of the
+    study.
+    """
     walls = list(
         zip(*draw_walls(study, held_out, np.random.default_rng(0)), strict=True)
     )
@@ -135,10 +144,12 @@ def print_accuracy(study: Study, grids: tuple[Grid, ...], held_out: int) -> Libr
         paths = list(pool.map(partial(held_out_path, study), walls))
 
     print(
-        f"{'grid':>10} {'build':>7} {'CPU':>6}   error at {held_out} other walls: median, 99 %, largest"
+        f"{'grid':>10} {'build':>7} {'CPU':>6}   error at {held_out} other walls:"
+        " median, 99 %, largest"
     )
     print(
-        f"{'t x p x d':>10} {'s':>7} {'s':>6}   {'force at tip, %':>23}  {'tip at force, %':>23}  {'curves, um':>20}"
+        f"{'t x p x d':>10} {'s':>7} {'s':>6}   {'force at tip, %':>23} "
+        f" {'tip at force, %':>23}  {'curves, um':>20}"
     )
     own = None
 
@@ -157,7 +168,8 @@ def print_accuracy(study: Study, grids: tuple[Grid, ...], held_out: int) -> Libr
         micrometres = " ".join(f"{1e6 * value:6.2f}" for value in curve)
         name = "x".join(map(str, grid))
         print(
-            f"{name:>10} {seconds:7.1f} {cpu:6.1f}   {cells[0]}  {cells[1]}  {micrometres}",
+            f"{name:>10} {seconds:7.1f} {cpu:6.1f}   {cells[0]}  {cells[1]} "
+            f" {micrometres}",
             flush=True,
         )
 
@@ -182,7 +194,8 @@ def print_rates(study: Study, library: Library) -> None:
     gap = rng.uniform(0.35e-3, 1e-3, SLICES)
     tilt = rng.uniform(-0.09, 0.09, SLICES)
     print(
-        "\n         framing   curves  unloaded top  boundaries  filling  us of one core a slice"
+        "\n         framing   curves  unloaded top  boundaries  filling  us of one core"
+        " a slice"
     )
 
     for name, turn in (("moved, scaled", 0.0), ("turned as well", 0.09)):
@@ -213,12 +226,15 @@ def print_rates(study: Study, library: Library) -> None:
         steps = np.min(taken, axis=0) / SLICES * 1e6
         cells = "{:8.1f} {:13.1f} {:11.1f} {:8.1f}".format(*steps)
         print(
-            f"{name:>16} {cells}  {1e6 / steps.sum():,.0f} slices a second; {boundaries.folded.sum()} fold over"
+            f"{name:>16} {cells}  {1e6 / steps.sum():,.0f} slices a second;"
+            f" {boundaries.folded.sum()} fold over"
         )
 
 
 def print_stored(study: Study, library: Library) -> None:
-    """Print how large the library is in a model folder, and by how much it is off at its states and elsewhere."""
+    """Print how large the library is in a model folder, and by how much it is off at
+    its states and elsewhere.
+    """
     with TemporaryDirectory() as folder:
         path = Path(folder) / "library.npz"
         told = save_library(library, path)
@@ -236,16 +252,17 @@ def print_stored(study: Study, library: Library) -> None:
         for eyes in (found, library)
     )
     print(
-        f"\nlibrary.npz: {size:,} bytes; curves {1e6 * told.curves_m:.3f} um off at states, {1e6 * off_m.max():.3f} "
-        f"at {STORED} others (rms {1e6 * np.sqrt(np.mean(off_m**2)):.4f}); factors of the force {told.stiffness:.1e}, "
-        f"forces {np.abs(force / known - 1.0).max():.1e}"
+        f"\nlibrary.npz: {size:,} bytes; curves {1e6 * told.curves_m:.3f} um off at"
+        f" states, {1e6 * off_m.max():.3f} at {STORED} others (rms"
+        f" {1e6 * np.sqrt(np.mean(off_m**2)):.4f}); factors of the force"
+        f" {told.stiffness:.1e}, forces {np.abs(force / known - 1.0).max():.1e}"
     )
 
 
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else ""
+        description=__doc__.split("\n\n")[0] if __doc__ else ""
     )
     parser.add_argument("held_out", type=int, nargs="?", default=40)
     parser.add_argument(

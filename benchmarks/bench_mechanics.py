@@ -2,7 +2,8 @@
 
     python benchmarks/bench_mechanics.py [--fine] [--rows N]
 
-R1 is the project's reference problem (`reference_r1.py`). `--rows` keeps the first N rows of each table of meshes.
+R1 is the project's reference problem (`reference_r1.py`). `--rows` keeps the first N
+rows of each table of meshes.
 """
 
 import argparse
@@ -43,7 +44,8 @@ FINE_MESHES: dict[str, dict[str, Any]] = {
 def reference_problem(meshes: dict[str, dict[str, Any]], rows: int | None) -> None:
     """Print R1 on several meshes, at the load centre and at the nearest corner."""
     print(
-        "\nR1: inward displacement along the load [mm], and its ratio to the converged one"
+        "\nR1: inward displacement along the load [mm], and its ratio to the"
+        " converged one"
     )
     print(
         f"{'mesh':38s}{'dofs':>8s}{'t [mm]':>8s}{'centre':>8s}{'ratio':>7s}{'corner':>8s}{'seconds':>9s}"
@@ -69,7 +71,9 @@ def reference_problem(meshes: dict[str, dict[str, Any]], rows: int | None) -> No
 
 
 def convergence(rows: int | None) -> None:
-    """Print the order of the strain energy for a smooth load on a whole sphere, and under a clamped base."""
+    """Print the order of the strain energy for a smooth load on a whole sphere, and
+    under a clamped base.
+    """
     print(
         "\nOrder of the strain energy from three meshes (2 mm wall, push on the pole)"
     )
@@ -101,7 +105,7 @@ def observed_order(
 
 def main() -> None:
     """Print all tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument(
         "--fine",
         action="store_true",

@@ -1,4 +1,5 @@
-"""The monitor as it runs: how soon it answers, how long it lasts, what faults and hostile clients do to it.
+"""The monitor as it runs: how soon it answers, how long it lasts, what faults and
+hostile clients do to it.
 
     python benchmarks/bench_monitor.py latency MODEL RECORDING [--frames 100000] [--json FILE]
     python benchmarks/bench_monitor.py soak    MODEL RECORDING [--frames 300000] [--rate-hz 100]
@@ -6,9 +7,10 @@
     python benchmarks/bench_monitor.py hostile MODEL RECORDING [--connections 10000]
     python benchmarks/bench_monitor.py session MODEL RECORDING [--rate-hz 1000] [--seconds 60] [--receiver] [--pages 1]
 
-MODEL is of kind "reader", RECORDING a virtual acquisition of `scleraforce phantom` at 100 frames a second, with forces
-to 40 mN. The monitor is the command that users start, on the first core; scanner, robot and its companions are on the
-others. docs/monitor_figures.md says what is measured.
+MODEL is of kind "reader", RECORDING a virtual acquisition of `scleraforce phantom` at
+100 frames a second, with forces to 40 mN. The monitor is the command that users start,
+on the first core; scanner, robot and its companions are on the others.
+docs/monitor_figures.md says what is measured.
 """
 
 import argparse
@@ -31,13 +33,13 @@ PARTS = {
 def main() -> int:
     """Run one part, print its tables, and keep its figures where that is asked for."""
     parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else ""
+        description=__doc__.split("\n\n")[0] if __doc__ else ""
     )
     parts = parser.add_subparsers(dest="part", required=True)
 
     for name, part in PARTS.items():
         options = parts.add_parser(
-            name, help=part.__doc__.splitlines()[0] if part.__doc__ else ""
+            name, help=part.__doc__.split("\n\n")[0] if part.__doc__ else ""
         )
         options.add_argument("model", type=Path)
         options.add_argument("recording", type=Path)

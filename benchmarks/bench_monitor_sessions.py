@@ -1,22 +1,27 @@
-"""Play whole sessions of virtual eyes, without sockets: false withdrawals, and the force at which ramps are stopped.
+"""Play whole sessions of virtual eyes, without sockets: false withdrawals, and the
+force at which ramps are stopped.
 
     python benchmarks/bench_monitor_sessions.py --model MODEL [MODEL...] [--kinds open sealed living]
         [--eyes 10] [--first 0] [--sessions 1] [--seconds 60] [--highest-mn 20] [--rates-mn-s 5 10 20 50 100]
         [--seed 0] [--workers 1]
 
-A MODEL is of kind "reader". Each kind of eyes is read by the first model that was trained for it. Eyes are bent in
-3-D at finite strain, like the eyes of `make figures`. Every frame is a raw B-scan
-(`render_bscan`) that goes through the live reader (segmentation, slice, network) and `decide`; every third one goes to
-the library's fit as well, whose answer comes 25 ms later as a second opinion. One second after a withdrawal the
-operator asks for a reset, again and again until it is granted.
+A MODEL is of kind "reader". Each kind of eyes is read by the first model that was
+trained for it. Eyes are bent in 3-D at finite strain, like the eyes of `make figures`.
+Every frame is a raw B-scan (`render_bscan`) that goes through the live reader
+(segmentation, slice, network) and `decide`; every third one goes to the library's fit
+as well, whose answer comes 25 ms later as a second opinion. One second after a
+withdrawal the operator asks for a reset, again and again until it is granted.
 
-- Sessions: after an approach to the upper half of the forces they hold, swing, rise slowly, step as a robot does, lift
-  off and come back; the eye shifts (drift, breathing, pulse), the signal swings, the scanner's clock jitters, one frame
-  in 1000 is lost.
-- Ramps: from 0 at several rates, until the withdrawal. A sealed eye whose wall gives way before 33 mN has none.
+- Sessions: after an approach to the upper half of the forces they hold, swing, rise
+  slowly, step as a robot does, lift off and come back; the eye shifts (drift,
+  breathing, pulse), the signal swings, the scanner's clock jitters, one frame in 1000
+  is lost.
+- Ramps: from 0 at several rates, until the withdrawal. A sealed eye whose wall gives
+  way before 33 mN has none.
 
-The same frames go to monitors with different known inputs (`monitor_sessions.declarations`): the globe, with E and k
-calibrated on three frames; the same calibration without the globe; E alone. Declared values have the errors of
+The same frames go to monitors with different known inputs
+(`monitor_sessions.declarations`): the globe, with E and k calibrated on three frames;
+the same calibration without the globe; E alone. Declared values have the errors of
 calipers and gauges: 10 um of the wall, 20 um of the gap, 3 % of the IOP.
 """
 
@@ -35,10 +40,11 @@ from scleraforce.reader.model import load_force_reader
 from scleraforce.units import from_si, to_si
 
 RATES_MN_S = (5.0, 10.0, 20.0, 50.0, 100.0)
+# workers keep their images: a sixth quicker
 QUICK_MEMORY = (
     "MALLOC_MMAP_THRESHOLD_",
     "MALLOC_TRIM_THRESHOLD_",
-)  # workers keep their images: a sixth quicker
+)
 
 
 def main() -> None:
@@ -68,7 +74,7 @@ def main() -> None:
 def arguments() -> argparse.Namespace:
     """Return what the user asked for."""
     parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else ""
+        description=__doc__.split("\n\n")[0] if __doc__ else ""
     )
     parser.add_argument("--model", type=Path, nargs="+", required=True, help="readers")
     parser.add_argument(
@@ -120,13 +126,16 @@ def plans(given: argparse.Namespace) -> list[Plan]:
 
 
 def run(plan: Plan, workers: int, found: dict[str, dict[str, Outcome]]) -> None:
-    """Run all units of a plan; add the outcome of each, by kind and declaration, when it is done."""
+    """Run all units of a plan; add the outcome of each, by kind and declaration, when
+    it is done.
+    """
     for number, (outcomes, took_s) in work_units(
         partial(prepare, plan), range(len(plan.units)), workers
     ):
         unit = plan.units[number]
         print(
-            f"{unit.words}, {took_s:.0f} s: {'; '.join(map(summary, outcomes, outcomes.values()))}",
+            f"{unit.words}, {took_s:.0f} s:"
+            f" {'; '.join(map(summary, outcomes, outcomes.values()))}",
             flush=True,
         )
         so_far = found.setdefault(unit.kind, {name: Outcome() for name in DECLARATIONS})
@@ -139,7 +148,9 @@ def run(plan: Plan, workers: int, found: dict[str, dict[str, Outcome]]) -> None:
 
 
 def summary(name: str, outcome: Outcome) -> str:
-    """Return what a monitor did in a unit: the forces at which it stopped ramps, or its false withdrawals."""
+    """Return what a monitor did in a unit: the forces at which it stopped ramps, or its
+    false withdrawals.
+    """
     forces = (
         "never" if ramp.force_n is None else f"{from_si(ramp.force_n, 'mn'):.1f}"
         for ramp in outcome.ramps

@@ -1,10 +1,11 @@
-"""Old pictures and live ones: which pictures the monitor takes for old, after how many frames, and at what cost.
+"""Old pictures and live ones: which pictures the monitor takes for old, after how many
+frames, and at what cost.
 
     python benchmarks/bench_old_pictures.py RECORDING [--frames 300]
 
-RECORDING is a virtual acquisition of `scleraforce phantom` at 100 frames a second; each of its frames has its own
-speckle and noise. Eyes at rest whose speckle stays are made here: a dome of tissue, seen by a phase-stable
-scanner with noise.
+RECORDING is a virtual acquisition of `scleraforce phantom` at 100 frames a second; each
+of its frames has its own speckle and noise. Eyes at rest whose speckle stays are made
+here: a dome of tissue, seen by a phase-stable scanner with noise.
 """
 
 import argparse
@@ -30,7 +31,9 @@ LIMITS = MonitorLimits()
 def alarm_after(
     pictures: Sequence[Counts], first: int
 ) -> tuple[int | None, int, float]:
-    """Return after how many pictures from the `first` one on they are `FROZEN`, how many were old, and s for each."""
+    """Return after how many pictures from the `first` one on they are `FROZEN`, how
+    many were old, and s for each.
+    """
     shown = ShownPictures(LIMITS.shown_frames)
     repeats = 1
     returns = [False] * LIMITS.shown_frames
@@ -58,7 +61,9 @@ def alarm_after(
 def still_eye(
     rng: np.random.Generator, snr_db: float, *, bits: int, motion: float = 0.0
 ) -> Iterator[Counts]:
-    """Yield frames of a dome at rest, of fixed speckle: `motion` is how far it moves in depth, in pixels a frame."""
+    """Yield frames of a dome at rest, of fixed speckle: `motion` is how far it moves in
+    depth, in pixels a frame.
+    """
     rows, columns = np.mgrid[: SIZE[0], : SIZE[1]]
     below = rows - 150 - ((columns - 256) / 256) ** 2 * 120
     amplitude = 10 ** (snr_db / 20) * np.where(
@@ -178,7 +183,7 @@ def _counts(values: NDArray[np.floating[Any]]) -> Counts:
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else ""
+        description=__doc__.split("\n\n")[0] if __doc__ else ""
     )
     parser.add_argument("recording", type=Path)
     parser.add_argument("--frames", type=int, default=300)

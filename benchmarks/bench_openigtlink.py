@@ -1,12 +1,14 @@
-"""Feed mutated OpenIGTLink messages to the decoder: only events and ProtocolError may come out.
+"""Feed mutated OpenIGTLink messages to the decoder: only events and ProtocolError may
+come out.
 
     python benchmarks/bench_openigtlink.py [--messages 1000000] [--seed 1]
 
-Bits are flipped, messages cut, lengths and types changed, pieces doubled; half of the messages then get the right size
-and checksum, so that the code behind the checksum is reached. They go in pieces of any size over connections of 1 to 8
-messages; the rest of a broken connection is dropped. Everything is sent twice: the first time warms up the memory, and
-a feed counts as slow only if it was slow twice, because the machine has other work too (times are this thread's
-processor times).
+Bits are flipped, messages cut, lengths and types changed, pieces doubled; half of the
+messages then get the right size and checksum, so that the code behind the checksum is
+reached. They go in pieces of any size over connections of 1 to 8 messages; the rest of
+a broken connection is dropped. Everything is sent twice: the first time warms up the
+memory, and a feed counts as slow only if it was slow twice, because the machine has
+other work too (times are this thread's processor times).
 """
 
 import argparse
@@ -95,7 +97,9 @@ Mutation = Callable[[bytearray, Random], None]
 
 @dataclass
 class Outcome:
-    """Counts of events by type and of images; unexpected exceptions; slow feeds by number."""
+    """Counts of events by type and of images; unexpected exceptions; slow feeds by
+    number.
+    """
 
     events: Counter[str] = field(default_factory=Counter)
     unexpected: list[str] = field(default_factory=list)
@@ -104,7 +108,9 @@ class Outcome:
 
 
 def messages() -> tuple[Sent, Sent]:
-    """Return every kind of message in every version: small ones, and images of full size."""
+    """Return every kind of message in every version: small ones, and images of full
+    size.
+    """
     draw = np.random.default_rng(3)
     counts = draw.integers(0, 120, (1, 12, 16))
     matrix = (0.005, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
@@ -194,7 +200,9 @@ MUTATIONS: tuple[Mutation, ...] = (
 
 
 def put_right(data: bytearray) -> None:
-    """State the size and the checksum that the body has, in a header that can be one."""
+    """State the size and the checksum that the body has, in a header that can be
+    one.
+    """
     if len(data) >= HEADER_BYTES:
         if not 1 <= data[1] <= 3 or data[0]:
             data[:2] = b"\0\2"
@@ -203,7 +211,9 @@ def put_right(data: bytearray) -> None:
 
 
 def mutated(data: bytes, draw: Random) -> bytes:
-    """Return a message with 0 to 3 mutations; half of the changed ones are put right."""
+    """Return a message with 0 to 3 mutations; half of the changed ones are put
+    right.
+    """
     changed = bytearray(data)
     for mutation in draw.choices(MUTATIONS, k=draw.choice((0, 1, 1, 1, 2, 3))):
         mutation(changed, draw)
@@ -223,7 +233,9 @@ def pieces(data: bytes, draw: Random) -> Iterator[bytes]:
 
 
 def feed(decoder: Decoder, piece: bytes, lend: bool) -> Iterator[tuple[PeerEvent, ...]]:
-    """Yield the events of a piece, fed as it is or written into the places that are lent."""
+    """Yield the events of a piece, fed as it is or written into the places that are
+    lent.
+    """
     if not lend:
         yield decoder.feed(piece)
         return
@@ -297,17 +309,21 @@ class Peer:
 
 
 def resident_bytes() -> int:
-    """Return the memory of this process that is in RAM, less what the allocator keeps for later."""
+    """Return the memory of this process that is in RAM, less what the allocator keeps
+    for later.
+    """
     gc.collect()
     ctypes.CDLL(None).malloc_trim(0)
     return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
 
 
 def run(count: int, seed: int) -> Outcome:
-    """Send that many mutated messages; report each unexpected exception and end its connection."""
+    """Send that many mutated messages; report each unexpected exception and end its
+    connection.
+    """
     draw = Random(seed)
     peer = Peer()
-    (small, large) = messages()
+    small, large = messages()
     done = 0
 
     while done < count:
@@ -328,7 +344,9 @@ def run(count: int, seed: int) -> Outcome:
 
 
 def image_ms() -> float:
-    """Return the least time of an image of 512 x 512 pixels of 16 bits, received in pieces of 64 KiB."""
+    """Return the least time of an image of 512 x 512 pixels of 16 bits, received in
+    pieces of 64 KiB.
+    """
     data = messages()[1][0]
     taken = []
 
@@ -368,7 +386,8 @@ def main() -> int:
     outcome.slow_ms.clear()  # ours, not the decoder's
     grown_bytes = resident_bytes() - before
     print(
-        f"{given.messages} messages twice, seed {given.seed}, {perf_counter() - start:.0f} s"
+        f"{given.messages} messages twice, seed {given.seed},"
+        f" {perf_counter() - start:.0f} s"
     )
     print(f"exceptions other than ProtocolError: {len(outcome.unexpected)}")
 
@@ -381,7 +400,8 @@ def main() -> int:
     print(f"slowest of {outcome.feeds} feeds: {max(slow_ms, default=SLOW_MS):.2f} ms")
     print(f"memory grown in the second run: {grown_bytes / 1024:.0f} KiB")
     print(
-        f"an image of 512 x 512, 16 bit, copy into its place included: {image_ms():.3f} ms"
+        "an image of 512 x 512, 16 bit, copy into its place included:"
+        f" {image_ms():.3f} ms"
     )
 
     return 1 if outcome.unexpected else 0

@@ -1,16 +1,21 @@
-"""Sessions with and without a puncture: is it found within 50 ms, and how often is one reported without a cause?
+"""Sessions with and without a puncture: is it found within 50 ms, and how often is one
+reported without a cause?
 
     python benchmarks/bench_pierced.py [--sessions 100] [--seed 20261130]
 
-Readings without pictures, of walls of the bundled library over the reader's training (open eyes, whose stiffness is
-known), at 100 to 400 frames a second with 1 ms of jitter; one frame in 1,000 is lost, one in 500 reads anything up to
-30 mN. Readings have white noise of 0.1 to 0.4 mN (sd), an error of 3 % of the force (sd) for the session and a slow
-wander of 0.3 mN; two virtual eyes through raw B-scans and the reader in the loop had noise of 0.04 to 0.35 mN.
+Readings without pictures, of walls of the bundled library over the reader's training
+(open eyes, whose stiffness is known), at 100 to 400 frames a second with 1 ms of
+jitter; one frame in 1,000 is lost, one in 500 reads anything up to 30 mN. Readings have
+white noise of 0.1 to 0.4 mN (sd), an error of 3 % of the force (sd) for the session and
+a slow wander of 0.3 mN; two virtual eyes through raw B-scans and the reader in the loop
+had noise of 0.04 to 0.35 mN.
 
-The needle comes, holds, lifts by half at 1 mm/s to the largest speed and comes back, while the eye moves by 0.2 mm at
-up to 2 mm/s. With a puncture, at 10 to 60 mN, the force falls within 1 to 5 ms to a friction of 10 to 50 % while the
-needle travels on. Without one the needle withdraws at the largest speed, or the eye jumps from it at 2 mm/s. A robot
-states its travel 100 to 1,000 times a second; pictures come 5 to 20 ms late, which the delay does not count.
+The needle comes, holds, lifts by half at 1 mm/s to the largest speed and comes back,
+while the eye moves by 0.2 mm at up to 2 mm/s. With a puncture, at 10 to 60 mN, the
+force falls within 1 to 5 ms to a friction of 10 to 50 % while the needle travels on.
+Without one the needle withdraws at the largest speed, or the eye jumps from it at 2
+mm/s. A robot states its travel 100 to 1,000 times a second; pictures come 5 to 20 ms
+late, which the delay does not count.
 """
 
 import argparse
@@ -40,7 +45,9 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Motion:
-    """A session in steps of `STEP_S`: the needle's travel and the true force, (step,), and the puncture, if any, s."""
+    """A session in steps of `STEP_S`: the needle's travel and the true force, (step,),
+    and the puncture, if any, s.
+    """
 
     travel_m: Floats
     force_n: Floats
@@ -122,7 +129,9 @@ def needle(
 
 
 def wander(count: int, width: float, per_s: float, rng: np.random.Generator) -> Floats:
-    """Return a smooth wander of half a width either way that never changes faster than `per_s`."""
+    """Return a smooth wander of half a width either way that never changes faster than
+    `per_s`.
+    """
     rate_hz = per_s / (np.pi * width) * rng.uniform(0.3, 1.0)
     moved: Floats = (
         0.5
@@ -136,7 +145,9 @@ def wander(count: int, width: float, per_s: float, rng: np.random.Generator) -> 
 
 
 def frames(motion: Motion, tells: bool, rng: np.random.Generator) -> list[FrameRead]:
-    """Return the frames of a session with readings; `at_s` is the time of their light, which the travel comes after."""
+    """Return the frames of a session with readings; `at_s` is the time of their light,
+    which the travel comes after.
+    """
     rate_hz = rng.uniform(100.0, 400.0)
     noise_n = rng.uniform(0.1e-3, 0.4e-3)
     late_s = rng.uniform(5e-3, 20e-3)
@@ -173,7 +184,9 @@ def frames(motion: Motion, tells: bool, rng: np.random.Generator) -> list[FrameR
 def frame_read(
     number: int, at_s: float, force_n: float, travel_m: float | None, age_s: float
 ) -> FrameRead:
-    """Return a frame of a reading in the middle class, whose interval stays below the bound."""
+    """Return a frame of a reading in the middle class, whose interval stays below the
+    bound.
+    """
     verdict = Verdict(
         predicted=1,
         probabilities=(0.0, 1.0, 0.0),
@@ -195,7 +208,9 @@ def frame_read(
 
 
 def pierced_at(shown: list[FrameRead], limits: MonitorLimits) -> list[float]:
-    """Return the times at which a monitor finds a puncture; other causes neither hide nor replace one."""
+    """Return the times at which a monitor finds a puncture; other causes neither hide
+    nor replace one.
+    """
     state = MonitorState()
     found = []
 
@@ -209,7 +224,9 @@ def pierced_at(shown: list[FrameRead], limits: MonitorLimits) -> list[float]:
 
 
 def outcome(found_s: list[float], pierced_s: float | None) -> tuple[bool, int, float]:
-    """Return whether the puncture was found in time, the number of false findings, and the delay, s (NaN: none)."""
+    """Return whether the puncture was found in time, the number of false findings, and
+    the delay, s (NaN: none).
+    """
     false = [at_s for at_s in found_s if pierced_s is None or at_s < pierced_s]
     delays_s = [
         at_s - pierced_s
@@ -227,7 +244,7 @@ def outcome(found_s: list[float], pierced_s: float | None) -> tuple[bool, int, f
 def main() -> None:
     """Play the sessions and print a table."""
     parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else ""
+        description=__doc__.split("\n\n")[0] if __doc__ else ""
     )
     parser.add_argument(
         "--sessions", type=int, default=100, help="with a puncture, and as many without"
@@ -236,7 +253,8 @@ def main() -> None:
     given = parser.parse_args()
     reader = load_force_reader(Path("default"))
     print(
-        "| largest speed, mm/s | travel | found in 50 ms | delay, ms: median, most | false, of sessions without |"
+        "| largest speed, mm/s | travel | found in 50 ms | delay, ms: median, most |"
+        " false, of sessions without |"
     )
     print("|---|---|---|---|---|")
 
@@ -262,7 +280,8 @@ def main() -> None:
         words = f"{false} ({sum(map(bool, early))} before a puncture)"
         told = "stated" if tells else ""
         print(
-            f"| {1e3 * fastest_m_s:g} | {told} | {sum(found)} of {len(found)} | {spread} | {words} |",
+            f"| {1e3 * fastest_m_s:g} | {told} | {sum(found)} of {len(found)} |"
+            f" {spread} | {words} |",
             flush=True,
         )
 

@@ -1,13 +1,16 @@
-"""A cross of two B-scans, with an unknown gap, against one plane, with the gap given and without.
+"""A cross of two B-scans, with an unknown gap, against one plane, with the gap given
+and without.
 
-Computes virtual eyes in three dimensions at finite strain, images each moment in a cross, and reads it with the bundled
-reader, with the true E: by both planes, by the first one with its true gap, and by the first one alone. Prints the
-errors (rms) of contact, gap, tilt, lean and force, and the share of the 90 % intervals that hold.
+Computes virtual eyes in three dimensions at finite strain, images each moment in a
+cross, and reads it with the bundled reader, with the true E: by both planes, by the
+first one with its true gap, and by the first one alone. Prints the errors (rms) of
+contact, gap, tilt, lean and force, and the share of the 90 % intervals that hold.
 
     python benchmarks/bench_planes.py [EYES]
 
-`python benchmarks/bench_planes.py calibrate [EYES]` calibrates other such eyes instead, on three moments of known force
-and on ten without forces: with the cross, and with its first plane of a given gap, its median or 0.35 mm.
+`python benchmarks/bench_planes.py calibrate [EYES]` calibrates other such eyes instead,
+on three moments of known force and on ten without forces: with the cross, and with its
+first plane of a given gap, its median or 0.35 mm.
 """
 
 import sys
@@ -230,7 +233,8 @@ def main_calibrate(count: int) -> None:
         rms = 100 * np.sqrt((off**2).mean())
         sure = 100 * sd.mean()
         print(
-            f"{name:22s} rms {rms:5.1f} %, sd {sure:5.1f} %, {within} of {count} within two"
+            f"{name:22s} rms {rms:5.1f} %, sd {sure:5.1f} %, {within} of {count}"
+            " within two"
         )
 
 

@@ -1,8 +1,10 @@
-"""Our mechanics beside published theory and measurement: the tables of real_tissue/README.md.
+"""Our mechanics beside published theory and measurement: the tables of
+real_tissue/README.md.
 
     python benchmarks/bench_real_tissue.py [--rows N] [TABLE...]
 
-Some minutes on one core, most of it for the flat punch. The stamp above the tables is that of the page.
+Some minutes on one core, most of it for the flat punch. The stamp above the tables is
+that of the page.
 """
 
 import argparse
@@ -14,7 +16,7 @@ from real_tissue.tables import TABLES
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else ""
+        description=__doc__.split("\n\n")[0] if __doc__ else ""
     )
     parser.add_argument(
         "table", nargs="*", default=list(TABLES), help=f"some of {', '.join(TABLES)}"

@@ -1,13 +1,16 @@
-"""Measure the cost of the assumption that the eye's pressure relaxes as its wall does: the table of docs/physics.md.
+"""Measure the cost of the assumption that the eye's pressure relaxes as its wall does:
+the table of docs/physics.md.
 
     python benchmarks/bench_relaxation.py [--rows N] [--core 4] [--rings 8] [--samples 12]
 
-3-D walls of 0.6 mm, radius 12 mm, needle at 35 deg. Their stress relaxes, the pressure does not: with Se(C) the elastic
-second Piola-Kirchhoff stress, S = Se - sum g_i M_i and dM_i/dt = (Se - M_i)/tau_i at every Gauss point. Before the push
-the wall has rested under its pressure. The needle moves to a dent in 0.3 s and holds it. The Fe that is read is the
-force at which an elastic wall of the instantaneous modulus has the nearest section. `mechanics.material` then turns
-Fe into the felt force, with the tissue's own g, or with the g that fits the felt force of a hold at 20 mN best. No
-light, no noise. `--rows` keeps the first N eyes, tissues and forces. A minute and a half on one core.
+3-D walls of 0.6 mm, radius 12 mm, needle at 35 deg. Their stress relaxes, the pressure
+does not: with Se(C) the elastic second Piola-Kirchhoff stress, S = Se - sum g_i M_i and
+dM_i/dt = (Se - M_i)/tau_i at every Gauss point. Before the push the wall has rested
+under its pressure. The needle moves to a dent in 0.3 s and holds it. The Fe that is
+read is the force at which an elastic wall of the instantaneous modulus has the nearest
+section. `mechanics.material` then turns Fe into the felt force, with the tissue's own
+g, or with the g that fits the felt force of a hold at 20 mN best. No light, no noise.
+`--rows` keeps the first N eyes, tissues and forces. A minute and a half on one core.
 """
 
 import argparse
@@ -44,11 +47,12 @@ TISSUES = {
     "27 %": PronySeries((0.12, 0.15), (1.2, 12.0)),
     "pork": PronySeries((0.27, 0.33), (0.4, 4.3)),
 }
+# elastic ones at the dents that are held; a calibration sees the first
 FORCES_N = (
     20e-3,
     10e-3,
     30e-3,
-)  # elastic ones at the dents that are held; a calibration sees the first
+)
 RAMP_S = 0.3
 RAMP_STEPS = 6
 SHOWN_S = (1.0, 10.0, 100.0)  # of a hold
@@ -57,7 +61,9 @@ ONE = 1.0 - 1e-12  # a share, below 1
 
 
 class RelaxingWall(WallEquilibrium):
-    """A wall whose stress relaxes, for `continuation`, at E = 1 Pa. Se is taken as straight between two samples."""
+    """A wall whose stress relaxes, for `continuation`, at E = 1 Pa. Se is taken as
+    straight between two samples.
+    """
 
     def __init__(
         self, wall: FiniteWall, needle: Needle, modulus_pa: float, tissue: PronySeries
@@ -76,7 +82,9 @@ class RelaxingWall(WallEquilibrium):
         self._memory = np.repeat(self._elastic[..., None], len(self._shares), axis=-1)
 
     def pass_time(self, step_s: float) -> None:
-        """Prepare the state after a step: S = left Se - lost, where `lost` is what the state before determines."""
+        """Prepare the state after a step: S = left Se - lost, where `lost` is what the
+        state before determines.
+        """
         old, kept, self._new = line_weights(np.array([step_s]), self._tissue.times_s)[0]
         self._come = self._elastic[..., None] * old + kept * self._memory
         self._left = 1.0 - float(self._shares @ self._new)
@@ -133,7 +141,9 @@ class RelaxingWall(WallEquilibrium):
         )
 
     def _stress(self, u: Floats) -> Floats:
-        """Second Piola-Kirchhoff stress mu (I - C^-1) + lambda ln J C^-1, (element, point, 3, 3)."""
+        """Second Piola-Kirchhoff stress mu (I - C^-1) + lambda ln J C^-1, (element,
+        point, 3, 3).
+        """
         lame_lambda, mu = lame_constants(1.0, NU)
         F = np.eye(3) + self._gradient(u)
         inverse = np.linalg.inv(F.swapaxes(-1, -2) @ F)
@@ -146,14 +156,18 @@ class RelaxingWall(WallEquilibrium):
 
 @dataclass(frozen=True)
 class Hold:
-    """A push of a wall that relaxes, (sample,): the felt force and the elastic force that its section shows."""
+    """A push of a wall that relaxes, (sample,): the felt force and the elastic force
+    that its section shows.
+    """
 
     time_s: Floats
     felt_n: Floats
     read_n: Floats
 
     def felt_by(self, series: PronySeries) -> Floats:
-        """Return the felt force by the model of `mechanics.material`, from the forces that are read, N."""
+        """Return the felt force by the model of `mechanics.material`, from the forces
+        that are read, N.
+        """
         return series.felt_along(
             self.time_s.tolist(), self.read_n.tolist(), self.time_s
         )
@@ -167,7 +181,8 @@ class Hold:
 def pushed(
     problem: RelaxingWall, pressure: float, tip_m: float, time_s: Floats
 ) -> Floats:
-    """Push to a dent in `RAMP_S` and hold it; return displacement and F/E at samples, (sample, unknown + 1).
+    """Push to a dent in `RAMP_S` and hold it; return displacement and F/E at samples,
+    (sample, unknown + 1).
 
     The pressure is over the instantaneous modulus; the first sample is 0 s.
     """
@@ -187,7 +202,9 @@ def pushed(
 
 
 def found(hold: Hold) -> PronySeries:
-    """Return the shares that turn the forces read in a hold into those felt, by least squares."""
+    """Return the shares that turn the forces read in a hold into those felt, by least
+    squares.
+    """
     lags_n = [
         hold.read_n - hold.felt_by(PronySeries((ONE,), (time_s,))) for time_s in TIMES_S
     ]
@@ -227,7 +244,10 @@ def print_rows(
             read_n[0] = 0.0  # before the contact
             hold = Hold(time_s, modulus_pa * states[:, -1], read_n)
             fitted = fitted or found(hold)
-            row = f"| {eye[0]:g} MPa, {eye[1]:g} mmHg | {name} | {1e3 * force_n:g} | {hold.shown(hold.felt_n)} "
+            row = (
+                f"| {eye[0]:g} MPa, {eye[1]:g} mmHg | {name} | {1e3 * force_n:g} |"
+                f" {hold.shown(hold.felt_n)} "
+            )
             row += f"| {hold.shown(hold.read_n)} | {1e6 * off_m[-1]:.0f} "
 
             for series in (tissue, fitted):
@@ -239,7 +259,7 @@ def print_rows(
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else ""
+        description=__doc__.split("\n\n")[0] if __doc__ else ""
     )
     parser.add_argument(
         "--rows", type=int, help="only the first N eyes, tissues and forces"
@@ -254,10 +274,12 @@ def main() -> None:
     wall = FiniteWall(mesh, NU)
     needle = needle_at(mesh, CONTACT, NEEDLE_RADIUS_M)
     print(
-        "Forces in mN after holds of 1, 10 and 100 s; held: elastic force of the dent; misfit of the section in um"
+        "Forces in mN after holds of 1, 10 and 100 s; held: elastic force of the dent;"
+        " misfit of the section in um"
     )
     print(
-        "| E, IOP | lost | held | felt | Fe read | misfit | error by the tissue's g | by g found at 20 mN |"
+        "| E, IOP | lost | held | felt | Fe read | misfit | error by the tissue's g |"
+        " by g found at 20 mN |"
     )
     print("|---|---|---|---|---|---|---|---|")
 

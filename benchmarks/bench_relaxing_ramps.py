@@ -1,11 +1,14 @@
-"""Ramps on eyes that relax, without pictures: the force on the needle at which the monitor withdraws, and its readings.
+"""Ramps on eyes that relax, without pictures: the force on the needle at which the
+monitor withdraws, and its readings.
 
     python benchmarks/bench_relaxing_ramps.py [--eyes 100] [--seed 7] [--figure push.png]
 
-Each eye loses up to 20 % of a force with 0.5 to 3 s and up to 25 % with 5 to 30 s. `calibrate`'s holds of eight virtual
-pushes say how; E has the error of that log, and 1.5 % more. A reader of dents is off by 0.5 mN, of which 0.4 stay in
-a session; every third frame has a second opinion, with a history of its own. Ramps at 5, 10, 20, 50, 100 and 150 mN/s
-(elastic force) begin at rest, after three pushes, or in a hold in which the monitor starts.
+Each eye loses up to 20 % of a force with 0.5 to 3 s and up to 25 % with 5 to 30 s.
+`calibrate`'s holds of eight virtual pushes say how; E has the error of that log, and
+1.5 % more. A reader of dents is off by 0.5 mN, of which 0.4 stay in a session; every
+third frame has a second opinion, with a history of its own. Ramps at 5, 10, 20, 50, 100
+and 150 mN/s (elastic force) begin at rest, after three pushes, or in a hold in which
+the monitor starts.
 """
 
 import argparse
@@ -54,15 +57,16 @@ MODULUS_SD = 0.015
 LIMITS = MonitorLimits(expects_opinion=True)
 CLASSES_N = (5e-3, 30e-3)
 FRAME = ((512, 512), (1e-5, 5e-6))
-Corners = tuple[
-    list[float], list[float], float
-]  # times, elastic forces, start of the monitor
+# times, elastic forces, start of the monitor
+Corners = tuple[list[float], list[float], float]
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Eye:
-    """An eye, what a calibration says of its relaxation, and the read elastic force over the true one."""
+    """An eye, what a calibration says of its relaxation, and the read elastic force
+    over the true one.
+    """
 
     tissue: PronySeries
     known: KnownRelaxation
@@ -71,7 +75,9 @@ class Eye:
 
 @dataclass(frozen=True)
 class Played:
-    """A session up to its withdrawal: times, elastic, felt and read forces and intervals, (frame,); the cause."""
+    """A session up to its withdrawal: times, elastic, felt and read forces and
+    intervals, (frame,); the cause.
+    """
 
     time_s: Floats
     elastic_n: Floats
@@ -251,7 +257,10 @@ def row(name: str, sessions: list[Played]) -> str:
     )
     spread = ", ".join(f"{of(stops_mn):.1f}" for of in (np.min, np.median, np.max))
 
-    return f"| {name} | {in_time} of {len(sessions)} | {spread} | {error_mn:.2f} | {held:.0%} | {causes} |"
+    return (
+        f"| {name} | {in_time} of {len(sessions)} | {spread} | {error_mn:.2f} |"
+        f" {held:.0%} | {causes} |"
+    )
 
 
 def draw_figure(path: Path, session: Played) -> None:
@@ -279,7 +288,7 @@ def draw_figure(path: Path, session: Played) -> None:
 def main() -> None:
     """Play the ramps and print the table."""
     parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else ""
+        description=__doc__.split("\n\n")[0] if __doc__ else ""
     )
     parser.add_argument("--eyes", type=int, default=100)
     parser.add_argument("--seed", type=int, default=7)
@@ -292,7 +301,8 @@ def main() -> None:
         for number in range(given.eyes)
     ]
     print(
-        "| ramp | stopped below 30 mN | at a force of, mN | read off by, mN | 90 % intervals hold | causes |"
+        "| ramp | stopped below 30 mN | at a force of, mN | read off by, mN | 90 %"
+        " intervals hold | causes |"
     )
     print("|---|---|---|---|---|---|")
 

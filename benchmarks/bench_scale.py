@@ -1,12 +1,14 @@
-"""Measure the cost of a data set over its size and processes, and extrapolate to a cluster.
+"""Measure the cost of a data set over its size and processes, and extrapolate to a
+cluster.
 
     python benchmarks/bench_scale.py [--seconds S] [--images N ...] [--processes P ...] [--study FILE]
 
-Every row is a run in a process of its own: images of the paper's study, 20 a contact. A size
-that would take more than `--seconds`, by the rates of smaller ones, is not run: its time is extrapolated from the two
-largest that were, and its row says so. The next table has the cost of one unit of work for the worker, the writing
-process and the scheduler of a Dask cluster (on this machine, with empty work). The last table is computed from these
-figures, not measured.
+Every row is a run in a process of its own: images of the paper's study, 20 a contact. A
+size that would take more than `--seconds`, by the rates of smaller ones, is not run:
+its time is extrapolated from the two largest that were, and its row says so. The next
+table has the cost of one unit of work for the worker, the writing process and the
+scheduler of a Dask cluster (on this machine, with empty work). The last table is
+computed from these figures, not measured.
 """
 
 import argparse
@@ -39,14 +41,15 @@ UNITS = 100  # that the costs of a unit are measured on
 # of the cluster that is computed
 CORES = 1_000
 SLICES = 100_000_000
-LARGEST_SET = (
-    1_500_000  # images of the largest data set that can be read (8 GiB of values)
-)
+# images of the largest data set that can be read (8 GiB of values)
+LARGEST_SET = 1_500_000
 
 
 @dataclass(frozen=True)
 class Run:
-    """One data set: seconds, and the largest memory of the process that writes and of a worker, in bytes."""
+    """One data set: seconds, and the largest memory of the process that writes and of a
+    worker, in bytes.
+    """
 
     images: int
     processes: int
@@ -56,7 +59,9 @@ class Run:
 
 
 def sized(study: Study, images: int) -> Study:
-    """Return the study with a number of images, spread evenly over its groups, 20 a contact."""
+    """Return the study with a number of images, spread evenly over its groups, 20 a
+    contact.
+    """
     groups = study.dataset.group
     spread = [
         images // len(groups) + (number < images % len(groups))
@@ -91,7 +96,9 @@ def run_here(images: int, processes: int, study: Study) -> Run:
 
 
 def run_apart(images: int, processes: int, study: Path | None) -> Run:
-    """Do the same in a process of its own, whose memory is then that of this data set alone."""
+    """Do the same in a process of its own, whose memory is then that of this data set
+    alone.
+    """
     words = [
         sys.executable,
         __file__,
@@ -110,7 +117,9 @@ def run_apart(images: int, processes: int, study: Path | None) -> Run:
 def print_rows(
     sizes: Sequence[int], processes: Sequence[int], limit_s: float, study: Path | None
 ) -> float:
-    """Print a row for each size and number of processes; return the seconds of a core for one more image."""
+    """Print a row for each size and number of processes; return the seconds of a core
+    for one more image.
+    """
     print(
         f"{'images':>9}{'processes':>11}{'s':>10}{'images/s':>10}{'writer, MB':>12}{'worker, MB':>12}"
     )
@@ -122,7 +131,8 @@ def print_rows(
             expected_s = _extrapolated(done, images)
             if expected_s > limit_s:
                 print(
-                    f"{images:9d}{count:11d}{expected_s:10.0f}{images / expected_s:10.0f}  extrapolated, not run"
+                    f"{images:9d}{count:11d}{expected_s:10.0f}{images / expected_s:10.0f}"
+                    "  extrapolated, not run"
                 )
                 continue
 
@@ -141,21 +151,27 @@ def print_rows(
 
 
 def _slope_s(done: Sequence[Run]) -> float:
-    """Return the seconds for one more image, by the two largest runs; by the largest where noise turns them round."""
+    """Return the seconds for one more image, by the two largest runs; by the largest
+    where noise turns them round.
+    """
     smaller, larger = done[-2:]
     slope_s = (larger.seconds - smaller.seconds) / (larger.images - smaller.images)
     return slope_s if slope_s > 0.0 else larger.seconds / larger.images
 
 
 def _extrapolated(done: Sequence[Run], images: int) -> float:
-    """Return the seconds that a size would take, on the line through the two largest runs; 0 before there are two."""
+    """Return the seconds that a size would take, on the line through the two largest
+    runs; 0 before there are two.
+    """
     if len(done) < 2:
         return 0.0
     return done[-1].seconds + _slope_s(done) * (images - done[-1].images)
 
 
 def writing_s(study: Study) -> tuple[float, float]:
-    """Return the seconds in which a unit is written, and then read again and hashed when the data set is complete."""
+    """Return the seconds in which a unit is written, and then read again and hashed
+    when the data set is complete.
+    """
     study = sized(study, UNITS * 200)
     plan = plan_dataset(study)
     size = study.slice.rows, study.slice.columns
@@ -176,7 +192,9 @@ def writing_s(study: Study) -> tuple[float, float]:
 
 
 def scheduling_s() -> float | None:
-    """Return the seconds of an empty unit on a Dask cluster of two threads; None without Dask."""
+    """Return the seconds of an empty unit on a Dask cluster of two threads; None
+    without Dask.
+    """
     try:
         with _cluster() as address:
             workers = cluster_workers(address)
@@ -209,13 +227,16 @@ def _seconds(work: Callable[[], object]) -> float:
 
 
 def print_cluster(of_an_image_s: float, study: Study) -> None:
-    """Print what a unit costs whom, and what that makes of 10^8 slices on 1,000 cores."""
+    """Print what a unit costs whom, and what that makes of 10^8 slices on 1,000
+    cores.
+    """
     unit = unit_samples(sized(study, 20_000))[0].stop
     writes_s, completes_s = writing_s(study)
     scheduled_s = scheduling_s()
     print(
-        f"\na unit of {unit} images: simulated in {1e3 * unit * of_an_image_s:.0f} ms of a core, written in "
-        f"{1e3 * writes_s:.1f} ms, read again and hashed in {1e3 * completes_s:.1f} ms; ",
+        f"\na unit of {unit} images: simulated in {1e3 * unit * of_an_image_s:.0f} ms"
+        f" of a core, written in {1e3 * writes_s:.1f} ms, read again and hashed in"
+        f" {1e3 * completes_s:.1f} ms; ",
         end="",
     )
     print(
@@ -228,9 +249,9 @@ def print_cluster(of_an_image_s: float, study: Study) -> None:
     rows = {
         f"simulating, on {CORES:,} cores": units * unit * of_an_image_s / CORES,
         "writing and completing, by one process": units * (writes_s + completes_s),
-        f"the same, by {sets} processes with a data set each": units
-        * (writes_s + completes_s)
-        / sets,
+        f"the same, by {sets} processes with a data set each": (
+            units * (writes_s + completes_s) / sets
+        ),
     }
 
     if scheduled_s is not None:
@@ -238,7 +259,8 @@ def print_cluster(of_an_image_s: float, study: Study) -> None:
         rows[f"the same, by {sets} schedulers"] = units * scheduled_s / sets
 
     print(
-        f"\n{SLICES:,} slices, {units:,.0f} units: computed from the figures above, not run"
+        f"\n{SLICES:,} slices, {units:,.0f} units: computed from the figures above,"
+        " not run"
     )
     for name, seconds in rows.items():
         print(f"{name:52}{seconds:10.0f} s")

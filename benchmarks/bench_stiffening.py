@@ -2,11 +2,12 @@
 
     python benchmarks/bench_stiffening.py [--rows N]
 
-Walls of revolution of 0.6 mm, radius 12 mm, needle at the pole, with stiffening b, are fitted by walls without
-stiffening: with the best E, or with E and the rigidity k of the globe. First the force at given dents is fitted, then
-the section: E (and k) fit the outer surface, moved in depth, under 10, 20
-and 30 mN, and each surface under 2 to 40 mN is then read as the force of the nearest one. No light, no noise, no prior.
-`--rows` keeps the first N eyes and values of b. Some minutes on one core.
+Walls of revolution of 0.6 mm, radius 12 mm, needle at the pole, with stiffening b, are
+fitted by walls without stiffening: with the best E, or with E and the rigidity k of the
+globe. First the force at given dents is fitted, then the section: E (and k) fit the
+outer surface, moved in depth, under 10, 20 and 30 mN, and each surface under 2 to 40 mN
+is then read as the force of the nearest one. No light, no noise, no prior. `--rows`
+keeps the first N eyes and values of b. Some minutes on one core.
 """
 
 import argparse
@@ -88,7 +89,9 @@ class Wall:
 def fitted(
     eye: tuple[float, float, float], wall: Wall, free: int, *, by_section: bool
 ) -> tuple[Wall, str]:
-    """Return the wall without stiffening that is nearest, and its E over the true one and k; `free` 1: E alone."""
+    """Return the wall without stiffening that is nearest, and its E over the true one
+    and k; `free` 1: E alone.
+    """
     modulus_mpa, iop_mmhg, rigidity = eye
     tips_m = wall.tip_m(FORCES_N)
     seen_m = wall.surface_m(CALIBRATED_N)
@@ -124,11 +127,14 @@ def fitted(
 
 
 def print_row(eye: tuple[float, float, float], b: float) -> None:
-    """Print forces at dents, and what each fit leaves: root mean square and largest error of the force in mN."""
+    """Print forces at dents, and what each fit leaves: root mean square and largest
+    error of the force in mN.
+    """
     wall = Wall(*eye, b)
     shown_m = SHOWN_M[wall.tip_m(FORCES_N[-1]) >= SHOWN_M]
     print(
-        f"  {eye[0]} {eye[1]:g} {eye[2]} {b:g}  {(1e3 * wall.force_n(shown_m)).round(1)}",
+        f"  {eye[0]} {eye[1]:g} {eye[2]} {b:g} "
+        f" {(1e3 * wall.force_n(shown_m)).round(1)}",
         end="",
     )
     tips_m = wall.tip_m(FORCES_N)
@@ -144,7 +150,8 @@ def print_row(eye: tuple[float, float, float], b: float) -> None:
             )
             left_mn = 1e3 * (read_n - FORCES_N)
             print(
-                f"  {said} {np.sqrt(np.mean(left_mn**2)):.2f} {np.abs(left_mn).max():.2f}",
+                f"  {said} {np.sqrt(np.mean(left_mn**2)):.2f}"
+                f" {np.abs(left_mn).max():.2f}",
                 end="",
                 flush=True,
             )
@@ -154,14 +161,16 @@ def print_row(eye: tuple[float, float, float], b: float) -> None:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--rows", type=int)
     rows = parser.parse_args().rows
     print(
-        "E MPa, IOP mmHg, k, b; mN at dents of 0.3, 1, 1.5, 2 mm below 40 mN; then for each fit of a wall with b = 0"
+        "E MPa, IOP mmHg, k, b; mN at dents of 0.3, 1, 1.5, 2 mm below 40 mN; then for"
+        " each fit of a wall with b = 0"
     )
     print(
-        "(by force E, E and k; by section E, E and k): E over its own, k, error of the force in mN, its largest"
+        "(by force E, E and k; by section E, E and k): E over its own, k, error of the"
+        " force in mN, its largest"
     )
 
     for eye in EYES[:rows]:

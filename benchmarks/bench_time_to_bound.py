@@ -1,12 +1,15 @@
-"""Predicted times until the bound, and how often they were right: ramps of virtual eyes, read by the live reader.
+"""Predicted times until the bound, and how often they were right: ramps of virtual
+eyes, read by the live reader.
 
     python benchmarks/bench_time_to_bound.py MODEL [--eyes 6] [--rates-mn-s 5 10 20 50 100] [--seed 43] [--plot FILE]
 
-Open and sealed eyes (`monitor_sessions`) are bent in 3-D and calibrated on three frames. Their raw frames, 100 a
-second, go through segmentation, slice and network; 50 and 25 a second are every second and fourth of them. After ten
-readings in contact each has the probability that the upper end of the interval reaches the bound within 200 ms, by the
-line of `decision.trend`. It did if the median of five upper ends in a row reached it within that time. The ramps
-continue, or, with the same frames, stop at a random frame and hold, which no line can know.
+Open and sealed eyes (`monitor_sessions`) are bent in 3-D and calibrated on three
+frames. Their raw frames, 100 a second, go through segmentation, slice and network; 50
+and 25 a second are every second and fourth of them. After ten readings in contact each
+has the probability that the upper end of the interval reaches the bound within 200 ms,
+by the line of `decision.trend`. It did if the median of five upper ends in a row
+reached it within that time. The ramps continue, or, with the same frames, stop at a
+random frame and hold, which no line can know.
 """
 
 import argparse
@@ -47,7 +50,9 @@ BINS = (0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.98, 1.0)
 
 
 class Said(NamedTuple):
-    """A frame's prediction: chance of the bound within 200 ms, whether so it came, and whether the interval held it."""
+    """A frame's prediction: chance of the bound within 200 ms, whether so it came, and
+    whether the interval held it.
+    """
 
     rate_hz: int
     chance: float
@@ -96,7 +101,9 @@ def main() -> None:
 def ramps(
     reader: ForceReader, number: int, rates_mn_s: list[float], seed: int
 ) -> Iterator[tuple[float, Floats]]:
-    """Yield the rate of each ramp of an eye with its usable readings (frame, 3): time, force, upper end."""
+    """Yield the rate of each ramp of an eye with its usable readings (frame, 3): time,
+    force, upper end.
+    """
     rng = np.random.default_rng((seed, number))
     scale = PixelScale.of(reader.study.oct)
     drawn = draw_eye(("open", "sealed")[number % 2], number, reader.study, seed)
@@ -125,7 +132,9 @@ def ramps(
 
 
 def held(readings_tn: Floats, rng: np.random.Generator) -> Floats:
-    """Return the readings of a ramp that stops at a random frame: from there on the ones around it, for a second."""
+    """Return the readings of a ramp that stops at a random frame: from there on the
+    ones around it, for a second.
+    """
     last = int(rng.integers(len(readings_tn) // 3, len(readings_tn)))
     around = rng.integers(max(last - SMOOTH, 0), last + 1, int(1.0 / FRAME_S))
     after = readings_tn[around]
@@ -137,7 +146,9 @@ def held(readings_tn: Floats, rng: np.random.Generator) -> Floats:
 
 
 def predictions(readings_tn: Floats, rate_hz: int) -> Iterator[Said]:
-    """Yield the prediction of each frame before the bound, as the monitor makes it, beside what came."""
+    """Yield the prediction of each frame before the bound, as the monitor makes it,
+    beside what came.
+    """
     if len(readings_tn) < SMOOTH:
         return
 
@@ -171,7 +182,9 @@ def predictions(readings_tn: Floats, rate_hz: int) -> Iterator[Said]:
 
 
 def chance(rise: Rise, share: float) -> float:
-    """Return the probability that the line, a share of its upper end, comes to the bound within 200 ms."""
+    """Return the probability that the line, a share of its upper end, comes to the
+    bound within 200 ms.
+    """
     a, b = rise.variances
     over_n = (
         rise.now_n + rise.slope * WITHIN_S - LIMITS.bound_n * max(share, LEAST_SHARE)
@@ -186,7 +199,9 @@ def chance(rise: Rise, share: float) -> float:
 
 
 def table(said: list[Said]) -> str:
-    """Return predicted beside observed shares, and how many intervals held, as Markdown."""
+    """Return predicted beside observed shares, and how many intervals held, as
+    Markdown.
+    """
     lines = [
         "| chance of the bound within 200 ms | frames | predicted | it came |",
         "|---|---|---|---|",
@@ -208,13 +223,18 @@ def table(said: list[Said]) -> str:
     return "\n".join(
         [
             *lines,
-            f"90 % intervals that held, of chances between 1 % and 99 %: {', '.join(shares)}",
+            (
+                "90 % intervals that held, of chances between 1 % and 99 %:"
+                f" {', '.join(shares)}"
+            ),
         ]
     )
 
 
 def reliability(said: list[Said]) -> Iterator[tuple[float, float, float, float, int]]:
-    """Yield the ends of each bin of chances, the mean chance, the share that came, and the number of frames."""
+    """Yield the ends of each bin of chances, the mean chance, the share that came, and
+    the number of frames.
+    """
     chances = np.array([one.chance for one in said])
     came = np.array([one.came for one in said])
 

@@ -1,13 +1,16 @@
-"""The wall finder: Dice on drawn scenes and phantom frames beside the classical method, latency, and a sheet of scenes.
+"""The wall finder: Dice on drawn scenes and phantom frames beside the classical method,
+latency, and a sheet of scenes.
 
     python benchmarks/bench_wall_finder.py [MODEL] [--scenes 200] [--seed 2] [--phantoms 60] [--drawn FILE]
     python benchmarks/bench_wall_finder.py [MODEL] --study benchmarks/far_scanner.toml
 
-MODEL is a folder of `scleraforce train --kind wall-finder`, the bundled one by default. Scenes are drawn from its study
-with another seed, and judged in the columns where the wall can be seen or is absent; phantoms are frames of
-`render_bscan` over the paper's phantom ranges, or over the scanner's of `--study`. "together" is what `segment` writes;
-its row "usable" has the frames that it lets pass. `--drawn` writes a picture of scenes: alone, with the true wall, and
-with the network's. `scleraforce segment FOLDER --sheet FILE` shows scans of one's own.
+MODEL is a folder of `scleraforce train --kind wall-finder`, the bundled one by default.
+Scenes are drawn from its study with another seed, and judged in the columns where the
+wall can be seen or is absent; phantoms are frames of `render_bscan` over the paper's
+phantom ranges, or over the scanner's of `--study`. "together" is what `segment` writes;
+its row "usable" has the frames that it lets pass. `--drawn` writes a picture of scenes:
+alone, with the true wall, and with the network's. `scleraforce segment FOLDER --sheet
+FILE` shows scans of one's own.
 """
 
 import argparse
@@ -41,13 +44,16 @@ from scleraforce.segmentation.wall_finder import (
 from scleraforce.study import ScenesStudy, Study, WallFinderStudy, draw, read_study
 
 STUDY = Study()
+# of an eye in a frame
 PLACED = (
     "surface_depth_m",
     "eye_shift_m",
     "eye_shift_m",
     "eye_tilt_rad",
-)  # of an eye in a frame
-SEED = 2  # of the scenes: the rules of `checked_wall` were chosen on seed 1, the training drew seed 0
+)
+# of the scenes: the rules of `checked_wall` were chosen on seed 1, the training drew
+# seed 0
+SEED = 2
 # Dice from which on a wall is right, below which it is wrong
 RIGHT = 0.9
 WRONG = 0.75
@@ -57,9 +63,8 @@ DRAWN = 40
 ACROSS = 4
 GAP = 6
 
-Case = tuple[
-    Pixels, PixelScale, NDArray[np.uint8], NDArray[np.bool_]
-]  # ... true mask, and its columns that count
+# ... true mask, and its columns that count
+Case = tuple[Pixels, PixelScale, NDArray[np.uint8], NDArray[np.bool_]]
 
 
 def scenes(study: ScenesStudy, count: int) -> Iterator[Case]:
@@ -71,7 +76,9 @@ def scenes(study: ScenesStudy, count: int) -> Iterator[Case]:
 
 
 def phantoms(count: int, study: Study) -> Iterator[Case]:
-    """Yield phantom frames of a study's scanner, of spherical walls with dents of 0 to 3 mm, with their truth."""
+    """Yield phantom frames of a study's scanner, of spherical walls with dents of 0 to
+    3 mm, with their truth.
+    """
     rng = np.random.default_rng(5)
     lateral = np.linspace(-8.5e-3, 8.5e-3, 800)
 
@@ -98,7 +105,9 @@ def phantoms(count: int, study: Study) -> Iterator[Case]:
 
 
 def print_dice(name: str, cases: Iterator[Case], finder: WallFinder) -> None:
-    """Print the Dice of each way on the same frames, and how far off the boundaries are."""
+    """Print the Dice of each way on the same frames, and how far off the boundaries
+    are.
+    """
     shares: dict[str, list[float]] = {"find_wall": [], "network": [], "together": []}
     errors: dict[str, list[tuple[float, float]]] = {"find_wall": [], "together": []}
     usable = []
@@ -127,12 +136,14 @@ def print_dice(name: str, cases: Iterator[Case], finder: WallFinder) -> None:
     for key, off in errors.items():
         outer, inner = np.nanmean(np.array(off), axis=0)
         print(
-            f"{name:10}{key:12}mean error of the boundaries: outer {outer:.2f} rows, inner {inner:.2f} rows"
+            f"{name:10}{key:12}mean error of the boundaries: outer {outer:.2f} rows,"
+            f" inner {inner:.2f} rows"
         )
 
 
 def row_errors(wall: Segmentation, true: NDArray[np.uint8]) -> tuple[float, float]:
-    """Return the mean errors of both boundaries, rows, where the wall is found and lies inside the frame; NaN: nowhere.
+    """Return the mean errors of both boundaries, rows, where the wall is found and lies
+    inside the frame; NaN: nowhere.
 
     The truth is a mask: its boundaries are whole rows.
     """
@@ -156,7 +167,9 @@ def row_errors(wall: Segmentation, true: NDArray[np.uint8]) -> tuple[float, floa
 def print_rows(
     name: str, shares: dict[str, list[float]], usable: NDArray[np.bool_]
 ) -> None:
-    """Print the Dice of each way, and how many frames are usable by which way is right in them."""
+    """Print the Dice of each way, and how many frames are usable by which way is right
+    in them.
+    """
     rows = {**shares, "usable": np.array(shares["together"])[usable].tolist()}
     for key, found in rows.items():
         if found:
@@ -172,12 +185,15 @@ def print_rows(
         ("neither", (classical < WRONG) & (together < WRONG)),
     ):
         print(
-            f"{name:10}{words:22}{np.count_nonzero(among):5} frames, usable {np.count_nonzero(among & usable):5}"
+            f"{name:10}{words:22}{np.count_nonzero(among):5} frames, usable"
+            f" {np.count_nonzero(among & usable):5}"
         )
 
 
 def print_latency(finder: WallFinder, study: WallFinderStudy, readings: int) -> None:
-    """Print how long each part takes for a frame of 512 x 512 pixels of 16 bits: passed time, and the processor's."""
+    """Print how long each part takes for a frame of 512 x 512 pixels of 16 bits: passed
+    time, and the processor's.
+    """
     frame, scale, *_ = next(phantoms(1, STUDY))
     rows = study.rows
     columns = study.columns
@@ -240,7 +256,7 @@ def write_drawn(path: Path, study: ScenesStudy, finder: WallFinder) -> None:
 def main() -> None:
     """Print the tables; write the sheet with `--drawn`."""
     parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else ""
+        description=__doc__.split("\n\n")[0] if __doc__ else ""
     )
     parser.add_argument(
         "model",

@@ -1,11 +1,14 @@
-"""Places of the needle from one frame, against virtual eyes in three dimensions: errors, and intervals that hold.
+"""Places of the needle from one frame, against virtual eyes in three dimensions:
+errors, and intervals that hold.
 
     python benchmarks/bench_where.py [--groups plain harder sealed] [--eyes 6] [--frames 10] [--seed 48] [--needles]
 
-Eyes are drawn as for `make figures`, by other seeds: each is bent in 3-D, and pushed with forces up to 60 mN. Frames
-are drawn as phantoms, each with a pose of its own, and read by `default` with E, IOP and thickness of calipers and
-gauges (`KNOWN_ERRORS`), with the gap and without. The contact is where the needle's axis meets the dented surface.
-With `--needles` a shaft crosses the picture at a lean of up to 35 degrees, and the gap is within the needle's radius.
+Eyes are drawn as for `make figures`, by other seeds: each is bent in 3-D, and pushed
+with forces up to 60 mN. Frames are drawn as phantoms, each with a pose of its own, and
+read by `default` with E, IOP and thickness of calipers and gauges (`KNOWN_ERRORS`),
+with the gap and without. The contact is where the needle's axis meets the dented
+surface. With `--needles` a shaft crosses the picture at a lean of up to 35 degrees, and
+the gap is within the needle's radius.
 """
 
 import argparse
@@ -29,12 +32,13 @@ from scleraforce.recording.pixels import PixelScale
 from scleraforce.study import Range, Study, fixed
 from scleraforce.units import HumanUnit, from_si
 
+# E and IOP: relative
 KNOWN_ERRORS = {
     "modulus": 0.02,
     "iop": 0.03,
     "thickness_m": 10e-6,
     "gap_m": 20e-6,
-}  # E and IOP: relative
+}
 NAMES = ("contact_m", "contact_depth_m", "dent_m", "gap_m", "lean_rad")
 
 
@@ -75,7 +79,9 @@ def main() -> None:
 def readings(
     reader: Reader, drawn: FigureEye, frames: int, seed: int, needles: bool
 ) -> Iterator[tuple[str, str, Seen]]:
-    """Yield the name of each place, whether the gap was given, and what was read, of all usable frames of an eye."""
+    """Yield the name of each place, whether the gap was given, and what was read, of
+    all usable frames of an eye.
+    """
     rng = np.random.default_rng((seed, drawn.seed))
     if needles:
         drawn = with_needle(drawn, rng)
@@ -161,7 +167,10 @@ def stated(drawn: FigureEye, rng: np.random.Generator) -> Known:
 def table(found: dict[tuple[str, str], list[Seen]]) -> str:
     """Return the errors and the intervals that hold, as Markdown."""
     lines = [
-        "| place | gap | answered | error: rms, 90 % | half interval: median | intervals that hold |",
+        (
+            "| place | gap | answered | error: rms, 90 % | half interval: median |"
+            " intervals that hold |"
+        ),
         "|---|---|---|---|---|---|",
     ]
     for (name, gap), all_seen in sorted(found.items()):
@@ -187,7 +196,8 @@ def table(found: dict[tuple[str, str], list[Seen]]) -> str:
         rms = np.sqrt((off**2).mean())
         most = np.quantile(np.abs(off), 0.9)
         lines.append(
-            f"| {name} | {gap} | {share:.0%} | {rms:.3f}, {most:.3f} {unit} | {half:.3f} {unit} | {held:.0%} |"
+            f"| {name} | {gap} | {share:.0%} | {rms:.3f}, {most:.3f} {unit} |"
+            f" {half:.3f} {unit} | {held:.0%} |"
         )
 
     return "\n".join(lines)

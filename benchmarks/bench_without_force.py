@@ -1,8 +1,10 @@
-"""E of virtual eyes from pictures alone, and their forces read with it: plain and uneven eyes, with and without travel.
+"""E of virtual eyes from pictures alone, and their forces read with it: plain and
+uneven eyes, with and without travel.
 
-`python benchmarks/bench_without_force.py [EYES] [FOLDER]`: eyes a group (10), and where they are kept. They are drawn
-as for `figures`, with a seed of this benchmark, in three dimensions, 20 frames each up to 60 mN; globe, IOP, thickness
-and gap are given, no force. The prior of E is a population of 0.35 +- 0.087 MPa, from which they are drawn.
+`python benchmarks/bench_without_force.py [EYES] [FOLDER]`: eyes a group (10), and where
+they are kept. They are drawn as for `figures`, with a seed of this benchmark, in three
+dimensions, 20 frames each up to 60 mN; globe, IOP, thickness and gap are given, no
+force. The prior of E is a population of 0.35 +- 0.087 MPa, from which they are drawn.
 """
 
 import sys
@@ -41,7 +43,9 @@ POPULATION = CalibrationSummary(
 
 @dataclass(frozen=True)
 class Score:
-    """One eye: errors of ln E and its standard deviation, of forces (N), and shares of right classes and intervals."""
+    """One eye: errors of ln E and its standard deviation, of forces (N), and shares of
+    right classes and intervals.
+    """
 
     off: float
     sd: float
@@ -53,7 +57,9 @@ class Score:
 def with_travel(
     recording: Recording, folder: FiguresFolder, eye: FigureEye
 ) -> Recording:
-    """Return the recording with the needle's travel: the dent, the give of a bed, a shift, and noise."""
+    """Return the recording with the needle's travel: the dent, the give of a bed, a
+    shift, and noise.
+    """
     made = read_made(folder, eye)
     rng = np.random.default_rng((SEED, eye.seed))
     stiffness = np.exp(rng.uniform(*np.log(STIFFNESS_N_PER_M)))
@@ -128,7 +134,10 @@ def line(name: str, scores: list[Score]) -> str:
     force_mn = from_si(float(np.abs(errors).mean()), "mn")
     numbers = f"{rms:7.1f} {bias:+7.1f} {sure:7.1f} {within:5d} of {len(scores)}"
 
-    return f"{name:24}{numbers} {force_mn:8.2f} {100 * right.mean():8.1f} {100 * held.mean():8.1f}"
+    return (
+        f"{name:24}{numbers} {force_mn:8.2f} {100 * right.mean():8.1f}"
+        f" {100 * held.mean():8.1f}"
+    )
 
 
 def main(count: int, folder: FiguresFolder) -> None:

@@ -12,7 +12,9 @@ def drawn_eye(
     rng: np.random.Generator,
     polar_rad: tuple[float, float] = (0.436, 0.785),
 ) -> PhantomEye:
-    """Return one of many eyes: three thicknesses in turn, all else drawn; `polar_rad`: between which angles."""
+    """Return one of many eyes: three thicknesses in turn, all else drawn; `polar_rad`:
+    between which angles.
+    """
     return PhantomEye(
         id=f"eye-{number}",
         thickness_m=(0.5e-3, 0.65e-3, 0.8e-3)[number % 3],

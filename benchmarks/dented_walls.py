@@ -1,4 +1,6 @@
-"""Sections of spherical walls with a dent in their middle: what segmentation is tried on, its truth known exactly."""
+"""Sections of spherical walls with a dent in their middle: what segmentation is tried
+on, its truth known exactly.
+"""
 
 import numpy as np
 from numpy.typing import NDArray

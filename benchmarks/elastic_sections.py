@@ -1,4 +1,6 @@
-"""Forces read from the outer surface in the slice by an elastic 3-D wall: a reader without light and noise."""
+"""Forces read from the outer surface in the slice by an elastic 3-D wall: a reader
+without light and noise.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +24,9 @@ FINE_N = 1e-5
 
 
 def surfaces(mesh: HexMesh, displacement_snc: Floats) -> Floats:
-    """Return the outer surface of states in the slice, moved in depth to a mean of 0, (state, place) in m."""
+    """Return the outer surface of states in the slice, moved in depth to a mean of 0,
+    (state, place) in m.
+    """
     cut = cut_sections(
         mesh, [PLANE], displacement_snc, np.eye(len(displacement_snc))[None]
     )[0]
@@ -46,7 +50,9 @@ class ElasticSections:
         self._surface = surface([path.tip_m(force_n) for force_n in self._forces_n])
 
     def read_n(self, seen_sn: Floats) -> tuple[Floats, Floats]:
-        """Return the forces whose surfaces are nearest, (state,) in N, and their root mean square distances, m."""
+        """Return the forces whose surfaces are nearest, (state,) in N, and their root
+        mean square distances, m.
+        """
         apart = [np.square(self._surface - seen).mean(axis=1) for seen in seen_sn]
         nearest = [int(one.argmin()) for one in apart]
         return self._forces_n[nearest], np.sqrt(

@@ -1,4 +1,5 @@
-"""Stiffness of a pressurised sphere for small loads, ours beside closed forms: docs/images/real_tissue.png.
+"""Stiffness of a pressurised sphere for small loads, ours beside closed forms:
+docs/images/real_tissue.png.
 
 python benchmarks/figure_real_tissue.py [--out FILE]
 """
@@ -31,10 +32,11 @@ LINES_MM = {0.15: (BLUE, "o"), 0.5: (AMBER, "s"), 0.8: (RED, "^")}
 TENSIONS = np.linspace(0.0, 4.0, 41)
 SHOWN = np.linspace(0.0, 4.0, 9)
 THICKNESSES_MM = (0.05, 0.1, 0.15, 0.2, 0.25, 0.35, 0.5, 0.65, 0.8)
+# tensions of the right half
 DRAWN: dict[float, Literal["-", "--"]] = {
     0.0: "-",
     2.0: "--",
-}  # tensions of the right half
+}
 FORMS = {
     "shallow shell": (GREY, "v"),
     "whole sphere": (BLUE, "o"),
@@ -44,7 +46,9 @@ FORMS = {
 
 @styled
 def draw() -> Figure:
-    """Draw the stiffness against the tension, and how far ours lies from the closed forms."""
+    """Draw the stiffness against the tension, and how far ours lies from the closed
+    forms.
+    """
     figure = Figure(figsize=inches(170, 72))
     left, right = figure.subplots(1, 2, width_ratios=[1.15, 1.0])
     draw_stiffness(left)
@@ -83,9 +87,8 @@ def draw_stiffness(axes: Axes) -> None:
             label=f"{thickness_mm:g} mm",
         )
 
-    pressures = (
-        pressure_ratio(1.0, 0.15e-3, RADIUS_M, NU) * TENSIONS
-    )  # the same curve for every thickness
+    # the same curve for every thickness
+    pressures = pressure_ratio(1.0, 0.15e-3, RADIUS_M, NU) * TENSIONS
     vella = [point(0.15e-3, RADIUS_M, float(pressure), NU) for pressure in pressures]
     axes.plot(TENSIONS, np.array(vella) / vella[0], color=BLACK, linestyle="--")
     axes.set_xlabel("tension τ = pR²/(4√(E t B))")
@@ -119,7 +122,9 @@ def draw_stiffness(axes: Axes) -> None:
 
 
 def draw_differences(axes: Axes) -> None:
-    """Draw how far our stiffness is from that of closed forms, at two tensions, over the thickness."""
+    """Draw how far our stiffness is from that of closed forms, at two tensions, over
+    the thickness.
+    """
     for tension, line in DRAWN.items():
         found = []
         for thickness_mm in THICKNESSES_MM:
@@ -165,7 +170,7 @@ def draw_differences(axes: Axes) -> None:
 def main() -> None:
     """Compute and draw; print the stiffness of each thickness without pressure."""
     parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else ""
+        description=__doc__.split("\n\n")[0] if __doc__ else ""
     )
     parser.add_argument("--out", type=Path, default=IMAGE, help="the picture")
     given = parser.parse_args()
@@ -175,7 +180,8 @@ def main() -> None:
         thickness_m = 1e-3 * thickness_mm
         ours = pressed(thickness_m, 0.0).stiffness_m
         print(
-            f"  {thickness_mm:g} {1e6 * point(thickness_m, RADIUS_M, 0.0, NU):.3f} {1e6 * ours:.3f}"
+            f"  {thickness_mm:g} {1e6 * point(thickness_m, RADIUS_M, 0.0, NU):.3f}"
+            f" {1e6 * ours:.3f}"
         )
 
     write_figure(draw(), given.out)

@@ -1,4 +1,5 @@
-"""One wall, open and sealed, and what is read of its frames: docs/images/sealed_eye.png.
+"""One wall, open and sealed, and what is read of its frames:
+docs/images/sealed_eye.png.
 
 python benchmarks/figure_sealed_eye.py MODEL [--out FILE] [--frames N]
 """
@@ -71,7 +72,9 @@ LOOKS = {DECLARED: (BLUE, "o"), UNDECLARED: (AMBER, "s"), AS_OPEN: (RED, "^")}
 
 @dataclass(frozen=True)
 class Seen:
-    """A frame of the sealed eye: its true force, N, its dent, m, and its readings by declaration."""
+    """A frame of the sealed eye: its true force, N, its dent, m, and its readings by
+    declaration.
+    """
 
     force_n: float
     dent_m: float
@@ -127,7 +130,9 @@ def tellings(sealed: ComputedEye, reader: ForceReader) -> dict[str, Known]:
 
 
 def read_frames(sealed: ComputedEye, reader: ForceReader, count: int) -> list[Seen]:
-    """Return a number of frames of the sealed eye, with forces up to the largest, and their readings."""
+    """Return a number of frames of the sealed eye, with forces up to the largest, and
+    their readings.
+    """
     forces_n = np.linspace(2e-3, sealed.largest_n - 2e-3, count).tolist()
     scale = PixelScale.of(reader.study.oct)
     known = tellings(sealed, reader)
@@ -147,7 +152,9 @@ def read_frames(sealed: ComputedEye, reader: ForceReader, count: int) -> list[Se
 
 @styled
 def draw_eye(opened: ComputedEye, sealed: ComputedEye, seen: list[Seen]) -> Figure:
-    """Draw force against dent of both globes, and beside them the readings with and without a declared globe."""
+    """Draw force against dent of both globes, and beside them the readings with and
+    without a declared globe.
+    """
     figure = Figure(figsize=inches(170, 88))
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
 
@@ -185,7 +192,9 @@ def draw_eye(opened: ComputedEye, sealed: ComputedEye, seen: list[Seen]) -> Figu
 
 
 def draw_curves(axes: Axes, opened: ComputedEye, sealed: ComputedEye) -> None:
-    """Draw the true force against the dent, open and sealed, and the bounds of the classes."""
+    """Draw the true force against the dent, open and sealed, and the bounds of the
+    classes.
+    """
     for bound_n in sealed.study.classes.bounds_n:
         bound_mn = from_si(bound_n, "mn")
         axes.axhline(
@@ -254,7 +263,7 @@ def draw_readings(axes: Axes, seen: list[Seen], name: str) -> None:
 def main() -> None:
     """Compute, read, print and draw."""
     parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else ""
+        description=__doc__.split("\n\n")[0] if __doc__ else ""
     )
     parser.add_argument("model", type=Path, help="a reader")
     parser.add_argument("--out", type=Path, default=IMAGE, help="the picture")
@@ -280,7 +289,10 @@ def words(answer: Answer) -> str:
     if answer.force_n is None or answer.interval_n is None:
         return f"not read: {answer.reason}"
     low, high = answer.interval_n
-    return f"{from_si(answer.force_n, 'mn'):.1f} ({from_si(low, 'mn'):.1f} to {from_si(high, 'mn'):.1f})"
+    return (
+        f"{from_si(answer.force_n, 'mn'):.1f} ({from_si(low, 'mn'):.1f} to"
+        f" {from_si(high, 'mn'):.1f})"
+    )
 
 
 if __name__ == "__main__":

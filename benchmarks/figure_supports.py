@@ -1,4 +1,5 @@
-"""The effect of the supports on the slice: docs/images/supports.png and the table in docs/physics.md.
+"""The effect of the supports on the slice: docs/images/supports.png and the table in
+docs/physics.md.
 
 python benchmarks/figure_supports.py [--out FILE] [--study FILE]
 """
@@ -34,7 +35,9 @@ LATERAL_MM = np.linspace(-6.5, 6.5, 261)
 
 
 def sections(given: Study, kind: str) -> tuple[list[Section], list[float]]:
-    """Return an eye's sections at all forces with one kind of supports, and its tips in mm."""
+    """Return an eye's sections at all forces with one kind of supports, and its tips in
+    mm.
+    """
     study = replace(given, supports=SupportsStudy(kind=kind))
     contact = Contact(polar_rad=np.radians(35.0))
     bent = bend_eye(
@@ -111,7 +114,7 @@ def draw_section(axes: Axes, section: Section, colour: str, dashes: str) -> None
 def main() -> None:
     """Compute, print the tips and draw."""
     parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else ""
+        description=__doc__.split("\n\n")[0] if __doc__ else ""
     )
     parser.add_argument("--out", type=Path, default=IMAGE, help="the picture")
     parser.add_argument("--study", type=Path, help="the paper's where none is given")
@@ -119,7 +122,8 @@ def main() -> None:
     study = read_study(given.study) if given.study else Study()
     found: dict[str, list[Section]] = {}
     print(
-        f"tip [mm] at {', '.join(f'{force:g}' for force in FORCES_MN[1:])} mN; whole section deeper than clamped [um]"
+        f"tip [mm] at {', '.join(f'{force:g}' for force in FORCES_MN[1:])} mN; whole"
+        " section deeper than clamped [um]"
     )
 
     for kind in KINDS:

@@ -1,7 +1,9 @@
-"""Boundaries as an ideal segmentation would find them in a frame of a virtual eye: for studies of the filter alone.
+"""Boundaries as an ideal segmentation would find them in a frame of a virtual eye: for
+studies of the filter alone.
 
-`laboratory.phantom` makes whole frames; where only the filter is in question, its speckle can be had for less: noise
-along the boundary's normal, correlated over a few columns.
+`laboratory.phantom` makes whole frames; where only the filter is in question, its
+speckle can be had for less: noise along the boundary's normal, correlated over a few
+columns.
 """
 
 from collections.abc import Sequence
@@ -25,7 +27,9 @@ Array = NDArray[np.float64]
 def virtual_sections(
     wall: LinearWall, eye: PhantomEye, forces_n: Sequence[float], study: Study
 ) -> list[Section]:
-    """Return the sections of a virtual eye under needle forces, from a wall that may serve several eyes."""
+    """Return the sections of a virtual eye under needle forces, from a wall that may
+    serve several eyes.
+    """
     needle_nc = wall.needle_cnc([eye.plane.contact], study.needle.outer_diameter_m / 2)[
         0
     ]
@@ -48,7 +52,8 @@ def ideal_boundaries(
     smoothing_m: float = 0.0,
     correlation_columns: float = 1.5,
 ) -> Boundaries:
-    """Return the boundaries of a section in a frame, with noise; NaN outside of the frame.
+    """Return the boundaries of a section in a frame, with noise; NaN outside of the
+    frame.
 
     Args:
         section: the wall in the plane's frame.
@@ -56,7 +61,8 @@ def ideal_boundaries(
         oct_study: size and pixels of the frame.
         noise_m: standard deviation along the normal.
         rng: source of the noise.
-        smoothing_m: over which the surface is smoothed (a Gaussian's standard deviation).
+        smoothing_m: over which the surface is smoothed (a Gaussian's standard
+            deviation).
         correlation_columns: width of the Gaussian that correlates it.
     """
     placed = pose.place(section)

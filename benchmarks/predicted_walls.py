@@ -1,4 +1,6 @@
-"""A single wall of the library in the columns of a frame, with its derivatives: no command needs it, but tests do."""
+"""A single wall of the library in the columns of a frame, with its derivatives: no
+command needs it, but tests do.
+"""
 
 from dataclasses import KW_ONLY, dataclass
 from typing import Any
@@ -31,19 +33,25 @@ class Walls:
 
 
 def force_n(walls: Walls, unknown_su: Array) -> Array:
-    """Return the needle's force for each set of unknowns (sample, unknown), (sample,) in N."""
+    """Return the needle's force for each set of unknowns (sample, unknown), (sample,)
+    in N.
+    """
     return np.array(
         [_predicted(walls, unknown, np.zeros(1), 1, 0.0)[2] for unknown in unknown_su]
     )
 
 
 def formed_wall(walls: Walls, unknown: Array) -> Array:
-    """Return the two boundaries of a wall in the frame (boundary, point, 2): lateral from its middle, depth, m."""
+    """Return the two boundaries of a wall in the frame (boundary, point, 2): lateral
+    from its middle, depth, m.
+    """
     return _predicted(walls, unknown, np.zeros(1), 1, 0.0)[1]
 
 
 def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
-    """Predict the depths and slopes at places for unknowns in the order of `NAMES`, with their derivatives."""
+    """Predict the depths and slopes at places for unknowns in the order of `NAMES`,
+    with their derivatives.
+    """
     shown = _predicted(
         walls, unknown, places.lateral_m, places.outer, float(places.smoothing_m)
     )[0]

@@ -1,7 +1,8 @@
-"""R1, the project's reference problem for linear mechanics: a clamped half-sphere of 12 mm under one Gaussian force.
+"""R1, the project's reference problem for linear mechanics: a clamped half-sphere of 12
+mm under one Gaussian force.
 
-0.25 MPa, nu 0.45, 30 mN at 35 degrees with a Gaussian of 0.35 mm, no pressure, no weight. What is read is the inward
-displacement along the load at its centre.
+0.25 MPa, nu 0.45, 30 mN at 35 degrees with a Gaussian of 0.35 mm, no pressure, no
+weight. What is read is the inward displacement along the load at its centre.
 """
 
 import numpy as np
@@ -17,7 +18,8 @@ E_PA = 0.25e6
 FORCE_N = 0.03
 SPREAD_M = 0.35e-3
 CONTACT = Contact(polar_rad=np.radians(35.0))
-# By thickness: 60 quads along an edge (0.5 mm), 40 (0.8 mm), one layer of 20-node elements.
+# By thickness: 60 quads along an edge (0.5 mm), 40 (0.8 mm), one layer of 20-node
+# elements.
 CONVERGED_MM = {0.5e-3: 2.168, 0.8e-3: 0.9084}
 
 

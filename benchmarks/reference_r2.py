@@ -1,7 +1,8 @@
-"""R2, the project's reference problem for finite strain: a half-sphere on its own mesh and loads, by another program.
+"""R2, the project's reference problem for finite strain: a half-sphere on its own mesh
+and loads, by another program.
 
-12 mm, nu 0.45, 266 Pa as a dead load by Voronoi areas, a Gaussian of 0.35 mm as nodal weights, no weight; tips were
-read at the node nearest to the load.
+12 mm, nu 0.45, 266 Pa as a dead load by Voronoi areas, a Gaussian of 0.35 mm as nodal
+weights, no weight; tips were read at the node nearest to the load.
 """
 
 import numpy as np
@@ -20,7 +21,8 @@ NU = 0.45
 IOP_PA = 266.0
 NEEDLE_RADIUS_M = 0.35e-3
 FORCES_MN = (5, 10, 15, 20, 25, 30, 40, 50, 60)
-# Tips at these forces, by thickness in m, Young's modulus in Pa and polar angle of the contact in degrees.
+# Tips at these forces, by thickness in m, Young's modulus in Pa and polar angle of the
+# contact in degrees.
 TIPS_MM = {
     (0.8e-3, 0.27e6, 35.0): (
         0.144,
@@ -89,7 +91,9 @@ def reference_path(
 
 
 def _voronoi_pressure(mesh: HexMesh) -> Floats:
-    """Return the nodal forces of 1 Pa: normals of the undeformed inner sphere times the nodes' spherical areas."""
+    """Return the nodal forces of 1 Pa: normals of the undeformed inner sphere times the
+    nodes' spherical areas.
+    """
     inner = np.unique(mesh.inner_qn)
     radius = RADIUS_M - mesh.thickness_m
     directions = mesh.points_nc[inner] / radius

@@ -1,4 +1,6 @@
-"""Walls, supports and readings that no command needs: references for the mechanics, of benchmarks and tests."""
+"""Walls, supports and readings that no command needs: references for the mechanics, of
+benchmarks and tests.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -38,7 +40,9 @@ def wall_mesh(
 
 
 def _twenty_node_mesh(mesh: HexMesh) -> HexMesh:
-    """Return a mesh of 27-node elements without mid-face and mid-volume nodes: quadratic serendipity elements."""
+    """Return a mesh of 27-node elements without mid-face and mid-volume nodes:
+    quadratic serendipity elements.
+    """
     used, cells = np.unique(mesh.cells_en[:, :20], return_inverse=True)
     renumber = np.full(len(mesh.points_nc), -1)
     renumber[used] = np.arange(len(used))
@@ -55,7 +59,9 @@ def _twenty_node_mesh(mesh: HexMesh) -> HexMesh:
 
 
 def stiffness_matrix(mesh: HexMesh, element_eiajb: NDArray[np.floating[Any]]) -> Any:
-    """Sum element matrices (element, 3, node, 3, node) to a sparse one; unknown 3 n + c is node n, component c."""
+    """Sum element matrices (element, 3, node, 3, node) to a sparse one; unknown 3 n + c
+    is node n, component c.
+    """
     size = element_eiajb.shape[1] * element_eiajb.shape[2]
     unknown_eN = (3 * mesh.cells_en[:, None, :] + np.arange(3)[:, None]).reshape(
         -1, size
@@ -72,10 +78,12 @@ def stiffness_matrix(mesh: HexMesh, element_eiajb: NDArray[np.floating[Any]]) ->
 
 
 def symmetric_base(mesh: HexMesh) -> NDArray[np.bool_]:
-    """Make the base a plane of symmetry: the half-sphere stands for a whole sphere; flags (node, 3).
+    """Make the base a plane of symmetry: the half-sphere stands for a whole sphere;
+    flags (node, 3).
 
-    Beside u_z on the base, three components are held against motion as a rigid body in the plane: u_y of the nodes at
-    largest and smallest x, u_x of the one at largest y. They carry no force where the loads in the plane balance.
+    Beside u_z on the base, three components are held against motion as a rigid body in
+    the plane: u_y of the nodes at largest and smallest x, u_x of the one at largest y.
+    They carry no force where the loads in the plane balance.
     """
     held = np.zeros(mesh.points_nc.shape, dtype=bool)
     base = mesh.points_nc[mesh.base_nodes]
@@ -88,7 +96,9 @@ def symmetric_base(mesh: HexMesh) -> NDArray[np.bool_]:
 def rest_nc(
     wall: FiniteWall, *, youngs_modulus_pa: float, iop_pa: float, density_kg_m3: float
 ) -> Floats:
-    """Return the displacement of a wall under pressure and weight without a needle, (node, 3) in m."""
+    """Return the displacement of a wall under pressure and weight without a needle,
+    (node, 3) in m.
+    """
     nothing = np.zeros_like(wall.mesh.points_nc)
     problem = WallEquilibrium(
         wall, Needle(nothing, nothing), youngs_modulus_pa, density_kg_m3
@@ -107,9 +117,11 @@ def polar_path(
     tips_m: Floats,
     size: MeridianSize | None = None,
 ) -> AxisymmetricPath:
-    """Return the path of `axisymmetric_path` with the forces of a needle at a polar angle.
+    """Return the path of `axisymmetric_path` with the forces of a needle at a polar
+    angle.
 
-    `sizes`: radius, thickness, nu, needle radius, IOP/E, as `axisymmetric_path` takes them. The globe is open.
+    `sizes`: radius, thickness, nu, needle radius, IOP/E, as `axisymmetric_path` takes
+    them. The globe is open.
     """
 
     def path_to(support_rad: float) -> AxisymmetricPath:
@@ -138,7 +150,8 @@ def shift_in_plane(
     gap_m: float,
     direction_rad: float,
 ) -> Floats:
-    """Return the motion of the points of a section, (boundary, node, [lateral, depth]) in m.
+    """Return the motion of the points of a section, (boundary, node, [lateral, depth])
+    in m.
 
     Args:
         shift: by the base.
@@ -166,7 +179,9 @@ SPREAD_POINTS = 6
 
 
 def spread_needle(wall: AxisymmetricWall, spread: Callable[[Floats], Floats]) -> None:
-    """Spread the needle's force over the outer surface: by area, times a function of the distance from the contact."""
+    """Spread the needle's force over the outer surface: by area, times a function of
+    the distance from the contact.
+    """
     mesh = wall.mesh
     nodes_en, values_pn, slopes_pn, weights_p = boundary_shapes(
         mesh.outer_n, SPREAD_POINTS

@@ -48,7 +48,8 @@ def _line(name: str) -> str:
     found = _tests(file)
     if function not in found:
         raise ValueError(
-            f"{name}: there is no such test; it was renamed or removed: mend docs/requirements.toml"
+            f"{name}: there is no such test; it was renamed or removed: mend"
+            " docs/requirements.toml"
         )
 
     return f"`{name}`{' *(slow)*' if found[function] else ''}"
@@ -64,10 +65,12 @@ def _tests(file: str) -> dict[str, bool]:
     whole = [ast.unparse(node) for node in body if isinstance(node, ast.Assign)]
     slow = any(line.startswith("pytestmark") and "slow" in line for line in whole)
     return {
-        node.name: slow
-        or any(
-            ast.unparse(mark).endswith(("mark.slow", "mark.long"))
-            for mark in node.decorator_list
+        node.name: (
+            slow
+            or any(
+                ast.unparse(mark).endswith(("mark.slow", "mark.long"))
+                for mark in node.decorator_list
+            )
         )
         for node in body
         if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")

@@ -1,4 +1,6 @@
-"""Settings of Sphinx for these pages: `make docs` builds them to out/site, warnings are errors, nothing is fetched."""
+"""Settings of Sphinx for these pages: `make docs` builds them to out/site, warnings are
+errors, nothing is fetched.
+"""
 
 import subprocess
 import sys
@@ -38,7 +40,8 @@ extensions = [
 exclude_patterns = ["extensions"]
 default_role = "code"  # `name` in a docstring
 nitpicky = True  # an unresolved reference is an error
-# Types of other packages (their inventories would have to be fetched), and private types of ours.
+# Types of other packages (their inventories would have to be fetched), and private
+# types of ours.
 nitpick_ignore_regex = [
     (
         "py:class",
@@ -58,7 +61,8 @@ nitpick_ignore_regex = [
     ("py:class", r"scleraforce\.library\.(splines|stiffened)\..*"),
 ]
 
-# The notebooks are committed without outputs; the build runs them, in folders that are then removed.
+# The notebooks are committed without outputs; the build runs them, in folders that are
+# then removed.
 nb_execution_mode = "force"
 nb_execution_in_temp = True
 nb_execution_raise_on_error = True

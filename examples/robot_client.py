@@ -1,9 +1,12 @@
 #!/usr/bin/env python3
-"""A robot's side of the monitor: when may the needle move on? docs/robots.md has the rule; copy this file and adapt it.
+"""A robot's side of the monitor: when may the needle move on? docs/robots.md has the
+rule; copy this file and adapt it.
 
-Any STATUS code of `ForceMonitor` but 1, 150 ms without a fresh STATUS, or any error means: withdraw. Run as
-`robot_client.py [HOST [PORT]]`, it prints what a robot would do. Standard library only. Research use only.
+Any STATUS code of `ForceMonitor` but 1, 150 ms without a fresh STATUS, or any error
+means: withdraw. Run as `robot_client.py [HOST [PORT]]`, it prints what a robot would
+do. Standard library only. Research use only.
 """
+
 # ruff: noqa: T201 - a program that prints
 
 import socket
@@ -12,17 +15,17 @@ import sys
 import time
 from collections.abc import Callable
 
-HEADER = struct.Struct(
-    ">H12s20sQQQ"
-)  # version, type, device, time, bytes of the body, CRC-64 of the body
+# version, type, device, time, bytes of the body, CRC-64 of the body
+HEADER = struct.Struct(">H12s20sQQQ")
 STATUS = struct.Struct(">Hq20s")  # code, sub-code, name; the message follows
 OK = 1
 SILENCE_S = 0.150
-OLD_S = (
-    0.100  # an OK delayed by more than this, compared with the quickest STATUS, is old
-)
+# an OK delayed by more than this, compared with the quickest STATUS, is old
+OLD_S = 0.100
 DRIFT = 1e-4  # of this clock and the monitor's, which need not agree
-UNREAD_BYTES = 8192  # in this machine's buffer: the monitor closes the connection of a robot that leaves more unread
+# in this machine's buffer: the monitor closes the connection of a robot that leaves
+# more unread
+UNREAD_BYTES = 8192
 MAX_BODY_BYTES = 64 * 1024  # the monitor's messages are far smaller
 DEVICE = "ForceMonitor"
 
@@ -79,7 +82,9 @@ def receive(link: socket.socket, count: int, until_s: float) -> bytes:
 
 
 def next_status(link: socket.socket, until_s: float) -> tuple[int, int, str, float]:
-    """Return code, sub-code, message and time (s) of the next STATUS; others are checked and passed over."""
+    """Return code, sub-code, message and time (s) of the next STATUS; others are
+    checked and passed over.
+    """
     while True:
         version, kind, device, time_s32, size, crc = HEADER.unpack(
             receive(link, HEADER.size, until_s)
@@ -109,7 +114,8 @@ def next_status(link: socket.socket, until_s: float) -> tuple[int, int, str, flo
 def watch(host: str, port: int, tell: Callable[[bool, str], None]) -> None:
     """Follow the monitor until it cannot be heard any more.
 
-    `tell` is called with each change: whether the needle may move on, and why. Its last call is a withdrawal.
+    `tell` is called with each change: whether the needle may move on, and why. Its last
+    call is a withdrawal.
     """
     told: tuple[int, int] | None = None
     try:
@@ -126,7 +132,8 @@ def watch(host: str, port: int, tell: Callable[[bool, str], None]) -> None:
 
                 least_s = min(least_s + DRIFT * (heard_s - before_s), heard_s - said_s)
                 if code == OK and heard_s - said_s > least_s + OLD_S:
-                    continue  # it has waited somewhere: what is true now may be a withdrawal
+                    # it has waited somewhere: what is true now may be a withdrawal
+                    continue
 
                 until_s = heard_s + SILENCE_S  # only a STATUS counts, no other message
                 if (code, sub_code) != told:

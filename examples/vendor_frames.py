@@ -1,15 +1,18 @@
 #!/usr/bin/env python3
-"""B-scans of Heidelberg (.e2e), Topcon (.fda, .fds), Zeiss (.img) and Bioptigen (.OCT) files as NumPy volumes.
+"""B-scans of Heidelberg (.e2e), Topcon (.fda, .fds), Zeiss (.img) and Bioptigen (.OCT)
+files as NumPy volumes.
 
-OCT-Converter reads them. It brings an OpenCV of its own, which conflicts with scleraforce's, and its Topcon readers
-need NumPy before 2.3; so this runs in an environment of its own and imports nothing of scleraforce:
+OCT-Converter reads them. It brings an OpenCV of its own, which conflicts with
+scleraforce's, and its Topcon readers need NumPy before 2.3; so this runs in an
+environment of its own and imports nothing of scleraforce:
 
     python -m venv vendor && vendor/bin/pip install oct-converter==0.7.0 'numpy<2.3'
     vendor/bin/python examples/vendor_frames.py scan.e2e --out volumes
     scleraforce import volumes/scan-1.npy --axes frame,depth,lateral --out eye-1 ...
 
-No scale is taken over: OCT-Converter fills in what it does not find (a Heidelberg pixel is 0.01 mm wide in every file).
-What it says of the depth is printed, to be compared with the scanner's own; tell width and depth to `import`.
+No scale is taken over: OCT-Converter fills in what it does not find (a Heidelberg pixel
+is 0.01 mm wide in every file). What it says of the depth is printed, to be compared
+with the scanner's own; tell width and depth to `import`.
 """
 
 import argparse
@@ -23,14 +26,14 @@ from typing import Any
 import numpy as np
 
 READERS = {".e2e": "E2E", ".fda": "FDA", ".fds": "FDS", ".img": "IMG", ".oct": "BOCT"}
-OF_SIZE = (
-    "IMG",
-)  # raw bytes: nothing in the file says how many rows and columns a frame has
+# raw bytes: nothing in the file says how many rows and columns a frame has
+OF_SIZE = ("IMG",)
+# in `pixel_spacing`, mm; that of others is not known
 DEPTH_AT = {
     "E2E": 1,
     "FDA": 2,
     "FDS": 2,
-}  # in `pixel_spacing`, mm; that of others is not known
+}
 
 
 class ScanError(Exception):
@@ -40,7 +43,8 @@ class ScanError(Exception):
 def volumes_of(
     path: Path, size: tuple[int, int] | None
 ) -> list[tuple[np.ndarray, float | None]]:
-    """Return the volumes of a file (frame, depth, lateral), each with the depth of a pixel, mm, where one is said.
+    """Return the volumes of a file (frame, depth, lateral), each with the depth of a
+    pixel, mm, where one is said.
 
     Raises:
         ScanError: it is damaged, of another kind, or its frames' size is open.
@@ -59,9 +63,8 @@ def volumes_of(
     said = io.StringIO()
     try:
         with contextlib.redirect_stdout(said), warnings.catch_warnings():
-            warnings.simplefilter(
-                "error", UserWarning
-            )  # of a Heidelberg file: a frame that would be missing
+            # of a Heidelberg file: a frame that would be missing
+            warnings.simplefilter("error", UserWarning)
             found = _read(name, path, size)
     except (
         Exception
@@ -109,7 +112,8 @@ def _stack(path: Path, frames: Any) -> np.ndarray:
         0
     ].ndim != 2:
         raise ScanError(
-            f"{path}: frames of {sorted({picture.shape for picture in pictures})}; one size is needed"
+            f"{path}: frames of {sorted({picture.shape for picture in pictures})}; one"
+            " size is needed"
         )
 
     return np.stack(pictures)
@@ -125,7 +129,7 @@ def _depth_mm(name: str, volume: Any) -> float | None:
 
 def main(arguments: list[str]) -> int:
     """Write the volumes of a file; return the exit code."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument(
         "source", type=Path, help=f"a file that ends in {', '.join(READERS)}"
     )
@@ -153,12 +157,14 @@ def main(arguments: list[str]) -> int:
         np.save(out, volume)
         frames, rows, columns = volume.shape
         print(
-            f"wrote {out}: {frames} frames of {rows} x {columns} (depth x lateral), {volume.dtype}"
+            f"wrote {out}: {frames} frames of {rows} x {columns} (depth x lateral),"
+            f" {volume.dtype}"
         )
 
         if depth_mm is not None:
             print(
-                f"  said of the depth: {depth_mm:.5g} mm a row, {depth_mm * rows:.4g} mm in all; check it"
+                f"  said of the depth: {depth_mm:.5g} mm a row, {depth_mm * rows:.4g}"
+                " mm in all; check it"
             )
 
     return 0

@@ -1,4 +1,6 @@
-"""Packages, their order and the public API (docs/architecture.md) hold in the code: imports, purity, the runtime."""
+"""Packages, their order and the public API (docs/architecture.md) hold in the code:
+imports, purity, the runtime.
+"""
 
 import ast
 import inspect
@@ -250,14 +252,16 @@ def check_that_it_is_pure(path: Path) -> None:
             )
             assert not method, f"{dotted(path)}:{node.lineno}: {called}()"
             drawn = re.match(r"(?:np|numpy)\.random\.(\w+)", called)
-            assert not drawn or drawn[1] in {"default_rng", "SeedSequence"}, (
-                f"{dotted(path)}:{node.lineno}: {called}"
-            )
+            assert not drawn or drawn[1] in {
+                "default_rng",
+                "SeedSequence",
+            }, f"{dotted(path)}:{node.lineno}: {called}"
 
         if isinstance(node, ast.Attribute):
-            assert ast.unparse(node) not in {"os.environ", "os.getenv"}, (
-                f"{dotted(path)}:{node.lineno}: environment"
-            )
+            assert ast.unparse(node) not in {
+                "os.environ",
+                "os.getenv",
+            }, f"{dotted(path)}:{node.lineno}: environment"
 
 
 def test_only_units_knows_the_factors_between_units() -> None:
@@ -270,7 +274,8 @@ def test_only_units_knows_the_factors_between_units() -> None:
                     if abs(node.value / factor - 1) < 4e-4
                 ]
                 assert not near, (
-                    f"{dotted(path)}:{node.lineno}: {node.value}: take {near[0]} from units"
+                    f"{dotted(path)}:{node.lineno}: {node.value}: take {near[0]} from"
+                    " units"
                 )
 
 
@@ -330,7 +335,10 @@ def test_commands_import_only_packages_that_they_use(tmp_path: Path) -> None:
         (f"show {folder / 'study.toml'}", {"numba"}),
         (f"classify default {frame}", unused),
     ):
-        script = f"import sys; from scleraforce.cli.main import run; assert run({command.split()!r}) == 0\n"
+        script = (
+            "import sys; from scleraforce.cli.main import run; assert"
+            f" run({command.split()!r}) == 0\n"
+        )
         output_of(f"{script}assert not {others!r} & set(sys.modules)")
 
 
@@ -354,8 +362,13 @@ HEAVY = [
 
 
 def loaded_after(code: str) -> set[str]:
-    """Return the heavy packages and our own modules that a fresh interpreter has imported after running some code."""
-    show = f"import sys; print(*[m for m in sys.modules if m in {HEAVY!r} or m.startswith('scleraforce')])"
+    """Return the heavy packages and our own modules that a fresh interpreter has
+    imported after running some code.
+    """
+    show = (
+        f"import sys; print(*[m for m in sys.modules if m in {HEAVY!r} or"
+        " m.startswith('scleraforce')])"
+    )
     return set(output_of(f"{code}\n{show}").split())
 
 
@@ -367,17 +380,19 @@ def test_each_name_loads_only_its_own_imports() -> None:
     assert "scleraforce.study" in loaded
     assert not loaded & {"torch", "scipy", "cv2", "onnxruntime", "zarr", "matplotlib"}
     loaded = loaded_after(
-        "import scleraforce as sf; sf.segment; sf.load_model; sf.read; sf.read_recording"
+        "import scleraforce as sf; sf.segment; sf.load_model; sf.read;"
+        " sf.read_recording"
     )
     assert {"cv2", "onnxruntime"} <= loaded
     assert not loaded & {"torch", "zarr", "matplotlib", "click", "tqdm"}
     loaded = loaded_after("import scleraforce as sf; sf.calibrate")
+    # Numba imports SciPy's name
     assert not loaded & {*HEAVY} - {
         "scipy",
         "cv2",
         "onnxruntime",
         "numpy",
-    }  # Numba imports SciPy's name
+    }
 
 
 @pytest.mark.slow

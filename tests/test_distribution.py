@@ -1,4 +1,6 @@
-"""The wheel and the lock, under permissive licences; the gallery's scripts draw the pictures of its page."""
+"""The wheel and the lock, under permissive licences; the gallery's scripts draw the
+pictures of its page.
+"""
 
 import ast
 import os
@@ -110,7 +112,9 @@ def test_two_builds_are_the_same_bytes_of_every_file_of_the_package(
 def test_two_commands_in_a_clean_environment_answer_a_first_frame(
     wheel: Path, tmp_path: Path
 ) -> None:
-    """The wheel names all packages; they come from PyPI, in the versions of the lock."""
+    """The wheel names all packages; they come from PyPI, in the versions of the
+    lock.
+    """
     clean = tmp_path / "clean" / "bin"
     locked = tmp_path / "constraints"
     locked.write_text(
@@ -211,7 +215,9 @@ def test_the_recipe_for_conda_has_the_dependencies_of_the_project() -> None:
 
 
 def make_channel(channel: Path, folder: Path) -> None:
-    """Make a channel of empty packages and of a Python that finds this one's: conda-forge may be out of reach."""
+    """Make a channel of empty packages and of a Python that finds this one's:
+    conda-forge may be out of reach.
+    """
     run(sys.executable, "-m", "venv", "--without-pip", folder / "python")
     (site,) = folder.glob("python/lib/*/site-packages")
     (site / "this.pth").write_text(f"{Path(pytest.__file__).parents[1]}\n")
@@ -323,13 +329,14 @@ IN_WORDS = {
     "any-OSI": "Zlib",
 }
 FOR_DEVELOPERS = {"dev", "docs"}
-NVIDIA = re.compile(
-    r"nvidia-|cuda-|triton$"
-)  # PyTorch's wheels for a GPU, which nothing of ours uses
+# PyTorch's wheels for a GPU, which nothing of ours uses
+NVIDIA = re.compile(r"nvidia-|cuda-|triton$")
 
 
 def licence_of(found: Distribution) -> str:
-    """Return the licence in a package's metadata: an SPDX expression, classifiers, or a name in the free field."""
+    """Return the licence in a package's metadata: an SPDX expression, classifiers, or a
+    name in the free field.
+    """
     stated = found.metadata
     if expression := stated.get("License-Expression"):
         return expression
@@ -356,7 +363,9 @@ def is_permissive(licence: str) -> bool:
 
 @cache
 def brought_along() -> dict[str, Distribution]:
-    """Return installed packages that `pip install 'scleraforce[every extra of users]'` needs on this system."""
+    """Return installed packages that `pip install 'scleraforce[every extra of users]'`
+    needs on this system.
+    """
     found: dict[str, Distribution] = {}
     extras = (
         set(distribution("scleraforce").metadata.get_all("Provides-Extra") or ())
@@ -442,7 +451,8 @@ def test_a_script_draws_the_picture_of_the_page(
         shrunk(picture) - shrunk(PICTURES / f"{script.stem}.png")
     ).mean()
     assert difference < ALIKE, (
-        f"docs/images/gallery/{script.stem}.png is another picture; `make gallery` makes it anew"
+        f"docs/images/gallery/{script.stem}.png is another picture; `make gallery`"
+        " makes it anew"
     )
 
 

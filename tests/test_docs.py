@@ -1,7 +1,9 @@
-"""The documentation is true: its commands run and print what it shows, its Python is run by doctest.
+"""The documentation is true: its commands run and print what it shows, its Python is
+run by doctest.
 
-A `console` block has lines `$ command`, each followed by its output; `...` stands for anything. The blocks of a page
-run in order in one temporary folder. `make` targets are only looked up: CI runs them.
+A `console` block has lines `$ command`, each followed by its output; `...` stands for
+anything. The blocks of a page run in order in one temporary folder. `make` targets are
+only looked up: CI runs them.
 """
 
 import doctest
@@ -82,7 +84,9 @@ def blocks(page: Path, language: str) -> list[str]:
 
 
 def examples(page: Path) -> Iterator[tuple[str, str]]:
-    """Yield the commands of a page's console blocks with their output; a backslash at the end continues a line."""
+    """Yield the commands of a page's console blocks with their output; a backslash at
+    the end continues a line.
+    """
     for body in blocks(page, "console"):
         assert body.startswith("$ "), (
             f"{page.name}: a console block starts with `$ command`:\n{body}"
@@ -156,7 +160,8 @@ def test_the_commands_of_a_page_run_and_print_what_it_shows(
         if output:
             flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
             assert checker.check_output(output + "\n", done.stdout, flags), (
-                f"{page.name}: $ {command}\nprinted:\n{done.stdout}\nthe page shows:\n{output}"
+                f"{page.name}: $ {command}\nprinted:\n{done.stdout}\nthe page"
+                f" shows:\n{output}"
             )
 
     if page.name != "README.md":
@@ -212,7 +217,9 @@ def run_python(page: Path) -> None:
 
 
 def pages_with_python() -> list[object]:
-    """Pages whose Python trains or solves are slow; that of the README runs after its commands, on what they write."""
+    """Pages whose Python trains or solves are slow; that of the README runs after its
+    commands, on what they write.
+    """
     found = [
         (page, "\n".join(blocks(page, "python")))
         for page in PAGES
@@ -306,12 +313,13 @@ TEXTS = [
     *sorted(PACKAGE.rglob("*.py")),
     *sorted((ROOT / "benchmarks").rglob("*.py")),
 ]
+# in which `package/module.py` may be
 FOLDERS = (
     ROOT,
     PACKAGE,
     PACKAGE.parent,
     ROOT / "benchmarks",
-)  # in which `package/module.py` may be
+)
 FILE = re.compile(r"(?<![\w./])(\w+(?:/\w+)+\.py)\b")
 
 
@@ -339,7 +347,9 @@ def cells(line: str) -> list[str]:
 
 
 def figures() -> dict[str, dict[str, dict[str, str]]]:
-    """Return the tables of docs/figures.md: method -> group -> heading -> cell, without goals."""
+    """Return the tables of docs/figures.md: method -> group -> heading -> cell, without
+    goals.
+    """
     found: dict[str, dict[str, dict[str, str]]] = {}
     rows = {}
     head = []

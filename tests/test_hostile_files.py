@@ -1,6 +1,8 @@
-"""Damaged and hostile files end in one clear error: never a traceback, a hang, a lot of memory or something written.
+"""Damaged and hostile files end in one clear error: never a traceback, a hang, a lot of
+memory or something written.
 
-A fault is named with its kind and seed: `PYTHONPATH=benchmarks python tests/support/hostile.py` (see there) repeats it.
+A fault is named with its kind and seed: `PYTHONPATH=benchmarks python
+tests/support/hostile.py` (see there) repeats it.
 """
 
 import json

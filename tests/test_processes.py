@@ -1,4 +1,6 @@
-"""Workers and machine code: units and their results, signals, faults; loops compiled once and loaded."""
+"""Workers and machine code: units and their results, signals, faults; loops compiled
+once and loaded.
+"""
 
 import json
 import multiprocessing
@@ -102,9 +104,8 @@ def test_a_worker_continues_while_the_caller_has_a_result(tmp_path: Path) -> Non
     )
     for unit in results:
         if unit < 3:
-            wait_until(
-                (tmp_path / str(unit + 1)).exists
-            )  # before the caller comes back
+            # before the caller comes back
+            wait_until((tmp_path / str(unit + 1)).exists)
 
 
 def test_workers_end_in_the_midst_of_a_unit_when_the_caller_leaves(
@@ -212,9 +213,8 @@ def test_a_cluster_drops_the_units_of_a_caller_that_leaves(cluster: Cluster) -> 
     work.close()
     start = time.monotonic()
     assert dict(work_units(SLOW, [1], workers)) == {1: 3}
-    assert (
-        time.monotonic() - start < 20.0
-    )  # the units that were handed out before would take minutes
+    # the units that were handed out before would take minutes
+    assert time.monotonic() - start < 20.0
 
 
 @on_cluster

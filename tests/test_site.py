@@ -1,4 +1,6 @@
-"""The pages as a site: `make docs` builds it without a warning, and it is read and searched without a network."""
+"""The pages as a site: `make docs` builds it without a warning, and it is read and
+searched without a network.
+"""
 
 import html
 import json
@@ -65,7 +67,10 @@ def test_every_page_states_version_commit_and_date(site: Path) -> None:
     date, commit = subprocess.run(
         git, cwd=ROOT, check=True, capture_output=True, text=True
     ).stdout.split()
-    stamp = f"Last updated on {date} (scleraforce {scleraforce.__version__}, commit {commit})"
+    stamp = (
+        f"Last updated on {date} (scleraforce {scleraforce.__version__}, commit"
+        f" {commit})"
+    )
     assert [
         page for page in PAGES if stamp not in (site / page).read_text(encoding="utf-8")
     ] == []
@@ -131,7 +136,8 @@ def test_equations_are_drawn_by_the_browser_and_the_state_diagram_is_a_table(
     assert "<mfrac>" in physics
     states = (site / "monitor_decision.html").read_text(encoding="utf-8")
     assert re.search(
-        r"<p>WITHDRAW</p></td>\s*<td><p>WATCHING</p></td>\s*<td><p>reset after fresh harmless",
+        r"<p>WITHDRAW</p></td>\s*<td><p>WATCHING</p></td>\s*<td><p>reset after fresh"
+        r" harmless",
         states,
     )
 
@@ -174,7 +180,10 @@ def test_no_page_is_wider_than_the_screen_and_the_banner_is_whole(
     for page in PAGES:
         opened.goto((site / page).as_uri())
         wide = "document.documentElement.scrollWidth > window.innerWidth"
-        cut = "(e => e.scrollWidth > e.clientWidth)(document.querySelector('.announcement-content'))"
+        cut = (
+            "(e => e.scrollWidth >"
+            " e.clientWidth)(document.querySelector('.announcement-content'))"
+        )
         assert opened.evaluate(f"[{wide}, {cut}]") == [False, False], page
 
     opened.close()

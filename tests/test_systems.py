@@ -1,4 +1,6 @@
-"""Effects of processes: functions of Linux in service only, no other host, no place but outputs and our folders."""
+"""Effects of processes: functions of Linux in service only, no other host, no place but
+outputs and our folders.
+"""
 
 import ast
 import subprocess
@@ -72,7 +74,8 @@ OF_SIGNAL = {
 }
 OF_SOCKET = {"AF_UNIX", "SO_REUSEPORT", "SCM_RIGHTS", "send_fds", "recv_fds"}
 LINUX = {"os": OF_OS, "signal": OF_SIGNAL, "socket": OF_SOCKET}
-# Module and name: used with hasattr, with its exception caught, or after the monitor has refused other systems.
+# Module and name: used with hasattr, with its exception caught, or after the monitor
+# has refused other systems.
 GUARDED = {
     ("processes", "sched_getaffinity"),
     ("processes", "pthread_sigmask"),
@@ -82,7 +85,10 @@ GUARDED = {
     ("cli.monitor", "SIGTTOU"),
     ("app.commands", "pty"),
 }
-SMALL = "[mesh]\ndivisions = 4\n[dataset]\ncontacts = 2\n[[dataset.group]]\nthickness_um = 500.0\nimages = 20\n"
+SMALL = (
+    "[mesh]\ndivisions = 4\n[dataset]\ncontacts = 2\n[[dataset.group]]\nthickness_um ="
+    " 500.0\nimages = 20\n"
+)
 # Run in a Python, it removes the functions of Linux alone.
 ELSEWHERE = f"""
 import os, signal, sys
@@ -190,8 +196,8 @@ def test_the_monitor_says_that_it_needs_linux(
     monkeypatch.setattr(sys, "platform", platform)
     assert run(["monitor", "default"]) == 2
     assert (
-        f"error: monitor: runs on Linux only, for its real-time priorities; this is {platform}"
-        in capsys.readouterr().err
+        "error: monitor: runs on Linux only, for its real-time priorities; this is"
+        f" {platform}" in capsys.readouterr().err
     )
 
 
@@ -218,11 +224,14 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_onnx_runtime_keeps_no_device_id_and_no_events_here_or_in_processes_that_we_start(
     reader: Path, tmp_path: Path
 ) -> None:
-    """In a notebook, too, which makes a session of its own, and in processes that it starts: our import is enough."""
+    """In a notebook, too, which makes a session of its own, and in processes that it
+    starts: our import is enough.
+    """
     environment = fresh_home(tmp_path) | {"ORT_DISABLE_TELEMETRY": "0"}
     script = (
-        "import os, sys, scleraforce, onnxruntime; onnxruntime.InferenceSession(sys.argv[1] + '/model.onnx'); "
-        "assert os.environ['ORT_DISABLE_TELEMETRY'] == '1'"
+        "import os, sys, scleraforce, onnxruntime;"
+        " onnxruntime.InferenceSession(sys.argv[1] + '/model.onnx'); assert"
+        " os.environ['ORT_DISABLE_TELEMETRY'] == '1'"
     )
     subprocess.run([sys.executable, "-c", script, reader], env=environment, check=True)
     assert [file for file in tmp_path.rglob("*") if file.is_file()] == []
@@ -255,10 +264,11 @@ def test_no_command_speaks_to_another_host_or_writes_outside_its_outputs(
             *command,
             until=(lambda line: line.startswith("reset")) if monitor else None,
         )
+        # Ctrl-C ends the monitor
         assert done.code in ((0, 130) if monitor else (0,)), (
             command,
             done.err,
-        )  # Ctrl-C ends the monitor
+        )
         assert [
             name for name in done.addresses if not ip_address(name).is_loopback
         ] == [], command

@@ -93,8 +93,10 @@ def test_what_is_interrupted_leaves_nothing_and_the_old_file_stays(
 
     def interrupted(whole: Callable[[Path], AbstractContextManager[Path]]) -> None:
         with whole(path) as part:
-            part.write_text("half") if part.exists() else (part / "half").mkdir(
-                parents=True
+            (
+                part.write_text("half")
+                if part.exists()
+                else (part / "half").mkdir(parents=True)
             )
             raise KeyboardInterrupt
 

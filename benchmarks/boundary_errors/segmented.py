@@ -1,4 +1,6 @@
-"""Boundaries that the segmentation finds in rendered frames, beside the true ones: to measure its errors."""
+"""Boundaries that the segmentation finds in rendered frames, beside the true ones: to
+measure its errors.
+"""
 
 from collections.abc import Sequence
 
@@ -64,18 +66,22 @@ def segmented_boundaries(
     seed: int,
     finder: WallFinder | None = None,
 ) -> tuple[Floats, Floats]:
-    """Render frames of an eye, segment them, and return its boundaries at the slice's columns.
+    """Render frames of an eye, segment them, and return its boundaries at the slice's
+    columns.
 
     Args:
         library: that the eye's walls are taken from.
         study: virtual laboratory, scanner and slice.
         eye: the eye.
-        forces_n: of the needle, one for each frame, N; those beyond the library are left out.
+        forces_n: of the needle, one for each frame, N; those beyond the library are
+            left out.
         seed: of the laboratory.
-        finder: that checks the walls, as in the commands; None: walls as the control loop sees them.
+        finder: that checks the walls, as in the commands; None: walls as the control
+            loop sees them.
 
     Returns:
-        True and found depths, each (frame, boundary, column), m below the frame's upper edge; NaN: no wall.
+        True and found depths, each (frame, boundary, column), m below the frame's upper
+        edge; NaN: no wall.
     """
     one = np.ones(len(forces_n))
     ratios = np.asarray(forces_n) / eye.youngs_modulus_pa
@@ -103,7 +109,9 @@ def segmented_boundaries(
 def _depths_at_columns(
     found: Segmentation, scale: PixelScale, laterals_m: Floats
 ) -> Floats:
-    """Return the depth of both found boundaries (boundary, column), m; NaN outside the frame and where no wall is."""
+    """Return the depth of both found boundaries (boundary, column), m; NaN outside the
+    frame and where no wall is.
+    """
     rows_bc = np.stack([found.outer_row, found.inner_row])
     count = len(found.outer_row)
     there_c = np.isfinite(rows_bc[0]) & np.isfinite(rows_bc[1])
@@ -128,7 +136,9 @@ def _depths_at_columns(
 
 
 def _at_columns(section: Section, laterals_m: Floats) -> Floats:
-    """Return the depth of both curves (boundary, column), m, where they do not fold over; NaN beyond their ends."""
+    """Return the depth of both curves (boundary, column), m, where they do not fold
+    over; NaN beyond their ends.
+    """
     return np.stack(
         [
             np.interp(laterals_m, curve[:, 0], curve[:, 1], left=np.nan, right=np.nan)

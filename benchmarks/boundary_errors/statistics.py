@@ -1,4 +1,6 @@
-"""Statistics of the errors of found boundaries, which `boundary_errors` draws (NumPy only)."""
+"""Statistics of the errors of found boundaries, which `boundary_errors` draws (NumPy
+only).
+"""
 
 from dataclasses import dataclass
 
@@ -24,7 +26,8 @@ GENTLY_BENT_PER_M = 1000.0
 SHINING_COLUMNS = 5
 JUDGED_COLUMNS = 40
 LARGEST_SHINE_M = 0.02e-3
-CORRELATED_M = 0.05e-3  # larger errors are clipped to this for correlations: a bump does not count as noise
+# larger errors are clipped to this for correlations: a bump does not count as noise
+CORRELATED_M = 0.05e-3
 
 
 @dataclass(frozen=True)
@@ -36,17 +39,22 @@ class BoundaryStatistics:
     Attributes:
         outer_bias_m: median error of the surface's depth where it is gentle.
         outer_sd_m: its standard deviation there.
-        outer_per_curvature_m2: by how much the surface is seen deeper for each 1/m of its curvature.
+        outer_per_curvature_m2: by how much the surface is seen deeper for each 1/m of
+            its curvature.
         outer_correlation: of errors 1 and 5 columns apart.
-        shine_m: by how much a frame's surface is seen too high where it faces the light, in the mean over frames, and
-            `shine_sd_m`: from frame to frame; by least squares beside an offset and the curvature.
-        thickness_sd_m: of the thickness down a column, the frame's own median taken out, on gentle slopes.
+        shine_m: by how much a frame's surface is seen too high where it faces the
+            light, in the mean over frames, and `shine_sd_m`: from frame to frame; by
+            least squares beside an offset and the curvature.
+        thickness_sd_m: of the thickness down a column, the frame's own median taken
+            out, on gentle slopes.
         thickness_steep_sd_m: on steep ones.
         thickness_correlation: as above.
         thickness_scale_sd: of the frames' median error, relative.
         large_share: of steep columns with a thickness more than 0.1 mm off.
-        layer_share: of frames whose thickness is more than 0.08 mm too large in more than a third of their columns.
-        lost_share: of columns well above the lower edge, and away from the sides, that were not found.
+        layer_share: of frames whose thickness is more than 0.08 mm too large in more
+            than a third of their columns.
+        lost_share: of columns well above the lower edge, and away from the sides, that
+            were not found.
         beyond_share: of columns below the lower edge that were found.
     """
 
@@ -75,7 +83,8 @@ def boundary_statistics(
         true_sbc: depths (sample, boundary, column), m below the frame's upper edge.
         seen_sbc: as found; NaN: no wall was found.
         study: size of the slice and of its pixel.
-        side_columns: columns at each side that are left out: what the scan does not reach is another matter.
+        side_columns: columns at each side that are left out: what the scan does not
+            reach is another matter.
     """
     inside = slice(side_columns, study.columns - side_columns)
     true = true_sbc[:, :, inside]
@@ -114,7 +123,9 @@ def boundary_statistics(
 
 
 def _shines(outer_error: Floats, slope: Floats, curvature: Floats) -> Floats:
-    """Return the shine (frame,), m, of frames that show enough columns facing the light and enough others."""
+    """Return the shine (frame,), m, of frames that show enough columns facing the light
+    and enough others.
+    """
     judged = (
         np.isfinite(outer_error)
         & (np.abs(slope) < GENTLE)
@@ -151,7 +162,9 @@ def _thickness_errors(
     gentle: NDArray[np.bool_],
     bottom_m: float,
 ) -> tuple[Floats, Floats]:
-    """Return errors of the thickness within the frame (sample, column), and their median in a frame, relative."""
+    """Return errors of the thickness within the frame (sample, column), and their
+    median in a frame, relative.
+    """
     thick = np.minimum(true[:, INNER], bottom_m) - true[:, OUTER]
     error = np.where(
         found, np.minimum(seen[:, INNER], bottom_m) - seen[:, OUTER] - thick, np.nan
@@ -182,7 +195,9 @@ def _spread(values: Floats) -> float:
 
 
 def _correlations(errors: Floats) -> tuple[float, ...]:
-    """Return correlations of errors (sample, column) some columns apart, NaN left out."""
+    """Return correlations of errors (sample, column) some columns apart, NaN left
+    out.
+    """
     cut = np.clip(errors, -CORRELATED_M, CORRELATED_M)
     power = float(np.nanmean(cut**2))
     return tuple(

@@ -1,1 +1,3 @@
-"""`make figures`: accuracy of the forces read on virtual eyes that no training has seen; `__main__` has the command."""
+"""`make figures`: accuracy of the forces read on virtual eyes that no training has
+seen; `__main__` has the command.
+"""

@@ -1,7 +1,9 @@
-"""`make figures`: virtual eyes that no training has seen, through the released commands, to one table.
+"""`make figures`: virtual eyes that no training has seen, through the released
+commands, to one table.
 
-Nothing is tuned here: the eyes are drawn from fixed seeds, computed in three dimensions at finite strain, imaged by the
-virtual laboratory of the paper's study, and read. Results of this code in the folder are reused.
+Nothing is tuned here: the eyes are drawn from fixed seeds, computed in three dimensions
+at finite strain, imaged by the virtual laboratory of the paper's study, and read.
+Results of this code in the folder are reused.
 """
 
 import json
@@ -99,7 +101,8 @@ class _Counts(click.ParamType[dict[str, int]]):
             text for text in texts.values() if not text.isdigit() or int(text) < 2
         ]:
             self.fail(
-                f"{wrong[0]!r}: give numbers of eyes, 2 or more, like 30 or 30,needle=6",
+                f"{wrong[0]!r}: give numbers of eyes, 2 or more, like 30 or"
+                " 30,needle=6",
                 param,
                 ctx,
             )
@@ -107,9 +110,8 @@ class _Counts(click.ParamType[dict[str, int]]):
         return {name: int(text) for name, text in texts.items()}
 
 
-ERROR_FRAMES = {
-    "plain": (CALIBRATED_FRAMES, 5)
-}  # frames after which the error of E is listed
+# frames after which the error of E is listed
+ERROR_FRAMES = {"plain": (CALIBRATED_FRAMES, 5)}
 
 
 @dataclass(frozen=True)
@@ -167,7 +169,10 @@ class Group:
 @click.option(
     "--page",
     type=click.Path(path_type=Path, exists=True),
-    help="Page of the docs to put the tables into; a JSON file and the picture go beside it.",
+    help=(
+        "Page of the docs to put the tables into; a JSON file and the picture go"
+        " beside it."
+    ),
 )
 @click.option(
     "--seed",
@@ -184,8 +189,10 @@ class Group:
 @click.option(
     "--declared-exactly",
     is_flag=True,
-    help="Declare the true values in the recordings; by default they "
-    "have the errors of users' measurements.",
+    help=(
+        "Declare the true values in the recordings; by default they "
+        "have the errors of users' measurements."
+    ),
 )
 @click.option(
     "--recordings-only",
@@ -207,7 +214,9 @@ def main(
     declared_exactly: bool,
     recordings_only: bool,
 ) -> None:
-    """Read virtual eyes that no training has seen; write figures.md, figures.json and figures.png to the folder."""
+    """Read virtual eyes that no training has seen; write figures.md, figures.json and
+    figures.png to the folder.
+    """
     study = Study()
     folder = FiguresFolder(out)
     chosen = chosen_workers(scheduler, workers) or available_cores()
@@ -281,7 +290,9 @@ def _methods(
     given: Mapping[str, Path | None],
     raw_reader: Path | None,
 ) -> list[Method]:
-    """Return the methods that read a group: its reader's, a raw reader's and, with plain eyes, the paper's."""
+    """Return the methods that read a group: its reader's, a raw reader's and, with
+    plain eyes, the paper's.
+    """
     name = GROUPS[group].reader
     methods = make_methods(folder, name, study, given[name])
     if raw_reader is not None and name == DEFAULT_READER:

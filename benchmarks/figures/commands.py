@@ -1,8 +1,9 @@
-"""The released commands, run in order; the result of a finished one is reused while its key is the same.
+"""The released commands, run in order; the result of a finished one is reused while its
+key is the same.
 
-The key of a result is a hash of its command's words and inputs, stored in a hidden file beside the result. A result
-with another key, or none, is made again. If the code's behaviour has changed since the folder was begun, all keys are
-removed.
+The key of a result is a hash of its command's words and inputs, stored in a hidden file
+beside the result. A result with another key, or none, is made again. If the code's
+behaviour has changed since the folder was begun, all keys are removed.
 """
 
 import json
@@ -24,7 +25,9 @@ class CommandError(ScleraforceError):
 
 
 def take_up(folder: Path, now: Fingerprint) -> None:
-    """Store the behaviour that a folder's results are made with; remove the keys if it has changed."""
+    """Store the behaviour that a folder's results are made with; remove the keys if it
+    has changed.
+    """
     note = folder / "behaviour.json"
     if not note.exists() or moved(json.loads(note.read_text(encoding="utf-8")), now):
         for key in folder.rglob(".*.key"):
@@ -144,7 +147,9 @@ def _note(out: Path) -> Path:
 
 
 def _run(command: Sequence[str | Path]) -> str:
-    """Return the standard output of `scleraforce COMMAND`; its progress bar goes where ours go."""
+    """Return the standard output of `scleraforce COMMAND`; its progress bar goes where
+    ours go.
+    """
     words = [str(word) for word in command]
     done = subprocess.run(
         [Path(sys.executable).with_name("scleraforce"), *words],
@@ -154,7 +159,8 @@ def _run(command: Sequence[str | Path]) -> str:
     )
     if done.returncode != 0:
         raise CommandError(
-            f"scleraforce {' '.join(words[:1])}: exit code {done.returncode}; its message is above"
+            f"scleraforce {' '.join(words[:1])}: exit code {done.returncode}; its"
+            " message is above"
         )
 
     return done.stdout

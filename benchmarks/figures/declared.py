@@ -1,7 +1,8 @@
 """Recordings whose declared values have the errors of users' measurements.
 
-Pressure, thickness, gap, contact, direction and lean have the noise of `[reader]` (`iop_noise_fraction` and the others;
-a lean that of the pole), like the eyes that the intervals are measured on.
+Pressure, thickness, gap, contact, direction and lean have the noise of `[reader]`
+(`iop_noise_fraction` and the others; a lean that of the pole), like the eyes that the
+intervals are measured on.
 """
 
 import os
@@ -23,7 +24,9 @@ from scleraforce.whole_files import write_whole
 
 
 def declare(folder: FiguresFolder, eyes: Iterable[FigureEye]) -> FiguresFolder:
-    """Return the folder of these recordings, with the same frames and force logs; make the missing ones."""
+    """Return the folder of these recordings, with the same frames and force logs; make
+    the missing ones.
+    """
     told = FiguresFolder(folder.work("told"))
     for drawn in eyes:
         key = recording_key(drawn)
@@ -49,9 +52,8 @@ def _write(recording: Path, seed: int, told: Path) -> None:
         ReaderStudy(),
         np.random.default_rng((seed, 1)),
     )
-    write_whole(
-        format_record(info), told / "recording.toml"
-    )  # a new file: the links of the old one stay
+    # a new file: the links of the old one stay
+    write_whole(format_record(info), told / "recording.toml")
 
 
 def _linked(source: str | Path, target: str | Path) -> None:
@@ -93,9 +95,11 @@ def as_declared(
             needle,
             slice_gap_m=needle.slice_gap_m * (1.0 + reader.gap_noise_fraction * gap),
             polar_angle_rad=abs(needle.polar_angle_rad + reader.pole_noise_rad * polar),
-            lean_rad=None
-            if needle.lean_rad is None
-            else abs(needle.lean_rad + reader.pole_noise_rad * lean),
+            lean_rad=(
+                None
+                if needle.lean_rad is None
+                else abs(needle.lean_rad + reader.pole_noise_rad * lean)
+            ),
         ),
         oct=replace(scanner, plane_direction_rad=turned_rad),
     )

@@ -1,4 +1,6 @@
-"""One virtual eye of the figures: all that is drawn of it. `figures.groups` draws them."""
+"""One virtual eye of the figures: all that is drawn of it. `figures.groups` draws
+them.
+"""
 
 from dataclasses import dataclass, replace
 from math import atan, cos
@@ -14,7 +16,8 @@ class Lean:
     Attributes:
         angle_rad: between the needle and the wall's normal.
         direction_rad: of the needle's way down, along the wall, from the meridian.
-        friction: Coulomb's, between needle and wall; None: the needle sticks, and pushes along itself.
+        friction: Coulomb's, between needle and wall; None: the needle sticks, and
+            pushes along itself.
     """
 
     angle_rad: float
@@ -23,7 +26,9 @@ class Lean:
 
     @property
     def push_rad(self) -> float:
-        """Angle between the force on the wall and the normal: the needle's, or friction's where the needle slides."""
+        """Angle between the force on the wall and the normal: the needle's, or
+        friction's where the needle slides.
+        """
         return (
             self.angle_rad
             if self.friction is None
@@ -32,18 +37,23 @@ class Lean:
 
     @property
     def felt(self) -> float:
-        """Share of the force on the wall that a sensor along the needle feels; the holder bears the part across it."""
+        """Share of the force on the wall that a sensor along the needle feels; the
+        holder bears the part across it.
+        """
         return cos(self.angle_rad - self.push_rad)
 
 
 @dataclass(frozen=True)
 class FigureEye:
-    """One virtual eye: what it is, its study (form, globe, tilt of the needle) and where its forces lie.
+    """One virtual eye: what it is, its study (form, globe, tilt of the needle) and
+    where its forces lie.
 
-    `shares` are uniform between 0 and 1, one for each frame: the forces as shares of the largest one, which is the
-    study's or, in an eye that gives way before, less (see `ComputedEye.largest_n`). `tell_globe`: its recording says
-    whether the globe is open or sealed, though never how rigid it is. `lean`: of a needle that leans; `calibrated_at`:
-    its lean in a recording of its own that calibrates the eye, None if the eye's one recording does.
+    `shares` are uniform between 0 and 1, one for each frame: the forces as shares of
+    the largest one, which is the study's or, in an eye that gives way before, less (see
+    `ComputedEye.largest_n`). `tell_globe`: its recording says whether the globe is open
+    or sealed, though never how rigid it is. `lean`: of a needle that leans;
+    `calibrated_at`: its lean in a recording of its own that calibrates the eye, None if
+    the eye's one recording does.
     """
 
     group: str
@@ -72,7 +82,9 @@ class FigureEye:
         )
 
     def forces_n(self, largest_n: float) -> tuple[float, ...]:
-        """Return the forces of the frames, in N, where the largest one is `largest_n`."""
+        """Return the forces of the frames, in N, where the largest one is
+        `largest_n`.
+        """
         return tuple(share * largest_n for share in self.shares)
 
     def held_still(self) -> "FigureEye":

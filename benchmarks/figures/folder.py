@@ -13,7 +13,9 @@ class FiguresFolder:
     path: Path
 
     def recording(self, eye: FigureEye) -> Path:
-        """The eye's recording: raw frames, force log, truth.json. It appears last, and whole."""
+        """The eye's recording: raw frames, force log, truth.json. It appears last, and
+        whole.
+        """
         return self.path / "recordings" / eye.name
 
     def made(self, eye: FigureEye) -> Path:

@@ -1,7 +1,7 @@
 """The groups of virtual eyes, from fixed seeds that nothing else uses.
 
-A group is one entry of `GROUPS`; append new ones at its end, because the place is part of the seeds. All eyes are drawn
-as plain ones first; a group then changes them.
+A group is one entry of `GROUPS`; append new ones at its end, because the place is part
+of the seeds. All eyes are drawn as plain ones first; a group then changes them.
 """
 
 from collections.abc import Callable, Mapping
@@ -29,19 +29,21 @@ from scleraforce.study import (
 from scleraforce.study.eye import CorneaStudy, RegionStudy, WaveStudy
 from scleraforce.units import to_si
 
-SEED = 20_261_126  # of this benchmark alone: earlier draws were in view while the reader was made
+# of this benchmark alone: earlier draws were in view while the reader was made
+SEED = 20_261_126
 FRAMES = 20
 # of the mesh: tips are within 1 % of a mesh with twice the elements
 CORE = 8
 RINGS = 20
 DEFAULT_READER = "default"
+# 22G, 25G, 27G, 30G, 34G
 NEEDLE_DIAMETERS_M = (
     0.7e-3,
     0.5e-3,
     0.4e-3,
     0.3e-3,
     0.18e-3,
-)  # 22G, 25G, 27G, 30G, 34G
+)
 
 Drawn = tuple[PhantomEye, Study]
 
@@ -57,7 +59,8 @@ class Group:
         error_mn: goal for the force, or None.
         tell_globe: the recordings declare the globe.
         reader: name of the trained reader.
-        leans: draws the needle's lean, and that in the recording that calibrates the eye.
+        leans: draws the needle's lean, and that in the recording that calibrates the
+            eye.
     """
 
     words: str
@@ -76,8 +79,9 @@ def _plain(eye: PhantomEye, study: Study, _rng: Generator) -> Drawn:
 def _harder(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     """Return an uneven eye of two materials, pushed by a tilted needle.
 
-    Semi-axes within 6 % of the radius; a wall whose thickness waves by 12 % about an axis anywhere; a cornea of 0.6 to
-    1.4 times the modulus; a needle up to 10 degrees off the normal, to any side.
+    Semi-axes within 6 % of the radius; a wall whose thickness waves by 12 % about an
+    axis anywhere; a cornea of 0.6 to 1.4 times the modulus; a needle up to 10 degrees
+    off the normal, to any side.
     """
     form = FormStudy(
         semi_axes=tuple(rng.uniform(0.94, 1.06, 3).tolist()),
@@ -101,7 +105,9 @@ def _harder(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
 
 
 def _sealed(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
-    """Return an eye whose globe is sealed, with a rigidity of 0.01 to 0.05 mmHg^(1/3)/ul."""
+    """Return an eye whose globe is sealed, with a rigidity of 0.01 to 0.05
+    mmHg^(1/3)/ul.
+    """
     rigidity = to_si(rng.uniform(0.01, 0.05), "mmhg13_per_ul")
     return eye, replace(
         study, globe=GlobeStudy("sealed", rigidity_pa13_per_m3=rigidity)
@@ -114,7 +120,9 @@ def _open_or_sealed(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
 
 
 def _behind_the_limbus(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
-    """Return an eye with a cornea of its own radius and modulus, pushed 2 to 5 mm behind the limbus."""
+    """Return an eye with a cornea of its own radius and modulus, pushed 2 to 5 mm
+    behind the limbus.
+    """
     ring_m = rng.uniform(5.5e-3, 6.0e-3)
     behind_m = rng.uniform(2e-3, 5e-3)
     limbus_rad = asin(ring_m / study.eye.radius_m)
@@ -142,10 +150,12 @@ def _stiffening(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
 
 
 def _fibred(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
-    """Return an open eye whose matrix between the fibres is 4 to 25 times softer than the wall, the logarithm even.
+    """Return an open eye whose matrix between the fibres is 4 to 25 times softer than
+    the wall, the logarithm even.
 
-    Its mesh is the default's: on the finer one the paths of five of six eyes end at 9 to 31 mN, where the needle's edge
-    cuts into the matrix; up to there dents agree within 0.4 %. On this one the softest two, 18 and 22, end early.
+    Its mesh is the default's: on the finer one the paths of five of six eyes end at 9
+    to 31 mN, where the needle's edge cuts into the matrix; up to there dents agree
+    within 0.4 %. On this one the softest two, 18 and 22, end early.
     """
     tissue = TissueStudy(
         softer_through=float(np.exp(rng.uniform(np.log(4.0), np.log(25.0))))
@@ -158,12 +168,16 @@ def _fibred(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
 
 
 def _woven(eye: PhantomEye, study: Study, _rng: Generator) -> Drawn:
-    """Return an open eye that is twice as stiff around its axis as along the meridian."""
+    """Return an open eye that is twice as stiff around its axis as along the
+    meridian.
+    """
     return eye, replace(study, tissue=TissueStudy(stiffer_around=2.0))
 
 
 def _relaxing(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
-    """Return an open eye that loses 5 to 20 % of a held force with 0.5 to 3 s, and as much again with 5 to 30 s."""
+    """Return an open eye that loses 5 to 20 % of a held force with 0.5 to 3 s, and as
+    much again with 5 to 30 s.
+    """
     shares = rng.uniform(0.05, 0.2, 2)
     scales = np.exp(rng.uniform(0.0, np.log(6.0), 2))
     terms = zip(shares.tolist(), (scales * (0.5, 5.0)).tolist(), strict=True)
@@ -176,20 +190,26 @@ def _relaxing(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
 
 
 def _sticking(rng: Generator) -> tuple[Lean, Lean]:
-    """Draw two leans of up to 45 degrees, each to any side, of a needle that sticks to the wall."""
+    """Draw two leans of up to 45 degrees, each to any side, of a needle that sticks to
+    the wall.
+    """
     first, second = rng.uniform((0.0, -pi), (radians(45.0), pi), (2, 2)).tolist()
     return Lean(*first), Lean(*second)
 
 
 def _sliding(rng: Generator) -> tuple[Lean, Lean]:
-    """Draw two leans of a needle that slides where friction, of 0 to 0.3, does not hold it."""
+    """Draw two leans of a needle that slides where friction, of 0 to 0.3, does not hold
+    it.
+    """
     first, second = _sticking(rng)
     friction = rng.uniform(0.0, 0.3)
     return replace(first, friction=friction), replace(second, friction=friction)
 
 
 def _living(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
-    """Return a living eye: sealed, 1 to 2 MPa, 10 to 25 mmHg; p R/(E t) is 0.09 at most, the wall bursts at 0.42."""
+    """Return a living eye: sealed, 1 to 2 MPa, 10 to 25 mmHg; p R/(E t) is 0.09 at
+    most, the wall bursts at 0.42.
+    """
     eye = replace(
         eye,
         youngs_modulus_pa=rng.uniform(1e6, 2e6),
@@ -199,7 +219,9 @@ def _living(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
 
 
 def _supported(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
-    """Return an open eye on a bed, held by straps, half to twice as stiff as in `SupportsStudy`."""
+    """Return an open eye on a bed, held by straps, half to twice as stiff as in
+    `SupportsStudy`.
+    """
     bed, straps = np.exp(rng.uniform(np.log(0.5), np.log(2.0), 2))
     usual = SupportsStudy()
     supports = SupportsStudy(
@@ -214,7 +236,9 @@ def _supported(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
 
 
 def _needle_in_the_plane(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
-    """Return an open eye whose B-scan plane meets the needle, 22G to 34G, steel or glass, straight or bevelled."""
+    """Return an open eye whose B-scan plane meets the needle, 22G to 34G, steel or
+    glass, straight or bevelled.
+    """
     diameter_m = float(rng.choice(NEEDLE_DIAMETERS_M))
     eye = replace(eye, gap_m=rng.uniform(0.0, 0.4) * diameter_m)
     needle = replace(study.needle, outer_diameter_m=diameter_m)
@@ -231,7 +255,9 @@ def _under_a_conjunctiva(eye: PhantomEye, study: Study, rng: Generator) -> Drawn
 
 
 def _layered(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
-    """Return an open eye under conjunctiva and Tenon's capsule of 0.1 to 0.6 mm, which the needle compresses."""
+    """Return an open eye under conjunctiva and Tenon's capsule of 0.1 to 0.6 mm, which
+    the needle compresses.
+    """
     phantom = replace(
         study.phantom, conjunctiva_thickness_m=fixed(rng.uniform(0.1e-3, 0.6e-3))
     )
@@ -239,7 +265,9 @@ def _layered(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
 
 
 def _another_scanner(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
-    """Return an open eye before another scanner: more noise, coarser speckle, a linear display, or larger frames."""
+    """Return an open eye before another scanner: more noise, coarser speckle, a linear
+    display, or larger frames.
+    """
     phantom = study.phantom
     oct_study = study.oct
     scanners = (
@@ -267,7 +295,9 @@ def _another_scanner(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
 
 
 def _moving(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
-    """Return a plain or, as often, a harder eye that turns under the needle by 1 to 3 degrees, with small saccades."""
+    """Return a plain or, as often, a harder eye that turns under the needle by 1 to 3
+    degrees, with small saccades.
+    """
     eye, own = _harder(eye, study, rng) if rng.uniform() < 0.5 else (eye, study)
     phantom = replace(
         own.phantom,
@@ -279,7 +309,9 @@ def _moving(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
 
 
 def _cut_to(width_m: float, eye: PhantomEye, study: Study, _rng: Generator) -> Drawn:
-    """Return an open eye in frames that are cut to a width, without black bands at their sides."""
+    """Return an open eye in frames that are cut to a width, without black bands at
+    their sides.
+    """
     columns = round(study.oct.columns * width_m / study.oct.width_m)
     phantom = replace(study.phantom, band_m=fixed(0.0))
     oct_study = replace(study.oct, width_m=width_m, columns=columns)
@@ -331,7 +363,10 @@ GROUPS: Mapping[str, Group] = {
         error_mn=1.0,
     ),
     "supported": Group(
-        words="a whole globe on a bed, held by the rectus muscles, read as a clamped half-sphere",
+        words=(
+            "a whole globe on a bed, held by the rectus muscles, read as a clamped"
+            " half-sphere"
+        ),
         own=_supported,
     ),
     "needle": Group(
@@ -347,44 +382,63 @@ GROUPS: Mapping[str, Group] = {
         error_mn=1.0,
     ),
     "scanner": Group(
-        words="another scanner: four times the noise, three times the speckle, a linear display, or 16 x 5.2 mm; globe "
-        "open and declared",
+        words=(
+            "another scanner: four times the noise, three times the speckle, a linear"
+            " display, or 16 x 5.2 mm; globe open and declared"
+        ),
         own=_another_scanner,
         accuracy_percent=98,
         error_mn=0.5,
     ),
     "moving": Group(
-        words="plain and harder eyes that turn under the needle by 1 to 3 degrees, with saccades; globe open and "
-        "declared",
+        words=(
+            "plain and harder eyes that turn under the needle by 1 to 3 degrees, with"
+            " saccades; globe open and declared"
+        ),
         own=_moving,
     ),
     "fibred": Group(
-        words="4 to 25 times softer in shear through the wall than along it; globe open and declared",
+        words=(
+            "4 to 25 times softer in shear through the wall than along it; globe open"
+            " and declared"
+        ),
         own=_fibred,
     ),
     "woven": Group(
-        words="twice as stiff around the eye's axis as along it; globe open and declared",
+        words=(
+            "twice as stiff around the eye's axis as along it; globe open and declared"
+        ),
         own=_woven,
     ),
     "layered": Group(
-        words="soft layers of 5 to 20 kPa, 0.1 to 0.6 mm, over the wall; globe open and declared",
+        words=(
+            "soft layers of 5 to 20 kPa, 0.1 to 0.6 mm, over the wall; globe open and"
+            " declared"
+        ),
         own=_layered,
     ),
     "relaxing": Group(
-        words="a held needle loses 5 to 20 % of its force with 0.5 to 3 s, and as much with 5 to 30 s; globe open and "
-        "declared",
+        words=(
+            "a held needle loses 5 to 20 % of its force with 0.5 to 3 s, and as much"
+            " with 5 to 30 s; globe open and declared"
+        ),
         own=_relaxing,
         error_mn=0.5,
     ),
     "leaning": Group(
-        words="a needle that sticks, at 0 to 45 degrees, calibrated at another lean, both declared; globe open and "
-        "declared",
+        words=(
+            "a needle that sticks, at 0 to 45 degrees, calibrated at another lean, both"
+            " declared; globe open and declared"
+        ),
         own=_plain,
         error_mn=1.0,
         leans=_sticking,
     ),
     "sliding": Group(
-        words="as leaning, with a friction of 0 to 0.3 between needle and wall; globe open and declared",
+        words=(
+            "as leaning, with a friction of 0 to 0.3 between needle and wall; globe"
+            " open and declared"
+        ),
         own=_plain,
         error_mn=1.0,
         leans=_sliding,
@@ -404,13 +458,16 @@ GROUPS: Mapping[str, Group] = {
 def draw_eyes(
     group: str, count: int, study: Study, seed: int = SEED
 ) -> tuple[FigureEye, ...]:
-    """Draw the first `count` eyes of a group; a larger count does not change the first ones.
+    """Draw the first `count` eyes of a group; a larger count does not change the first
+    ones.
 
     Args:
         group: one of `GROUPS`.
         count: number of eyes.
-        study: eye, scanner, needle and virtual laboratory of all; mesh and mechanics are the figures' own.
-        seed: of the draw; use another seed than the published figures' for eyes that you look at.
+        study: eye, scanner, needle and virtual laboratory of all; mesh and mechanics
+            are the figures' own.
+        seed: of the draw; use another seed than the published figures' for eyes that
+            you look at.
     """
     mesh = MeshStudy(kind="graded", core=CORE, rings=RINGS)
     study = replace(study, mesh=mesh, mechanics=MechanicsStudy(kind="finite-strain"))

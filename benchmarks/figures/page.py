@@ -11,7 +11,8 @@ END = "<!-- made by `make figures`: end -->"
 
 
 def insert_tables(tables: str, stamp: Stamp, page: Path) -> None:
-    """Replace the tables between a page's marks, with the line that says where the new ones are from.
+    """Replace the tables between a page's marks, with the line that says where the new
+    ones are from.
 
     Raises:
         InputError: the page lacks a mark.

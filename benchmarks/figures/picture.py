@@ -1,4 +1,6 @@
-"""Force against force: what is read of every frame, beside the force that was put in; a panel for each group."""
+"""Force against force: what is read of every frame, beside the force that was put in; a
+panel for each group.
+"""
 
 from collections.abc import Mapping, Sequence
 

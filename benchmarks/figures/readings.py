@@ -20,7 +20,8 @@ from scleraforce.whole_files import write_whole
 
 CALIBRATED_FRAMES = 3
 GAP_M = Range(min=0.4e-3, max=0.9e-3)  # of the eyes
-# The readers that groups name, each by the study that it is trained with: a preset for other eyes goes here.
+# The readers that groups name, each by the study that it is trained with: a preset for
+# other eyes goes here.
 READERS: Mapping[str, Callable[[Study], Study]] = {
     DEFAULT_READER: lambda study: study,
     "living": lambda _study: parse_study(preset_toml("living")),
@@ -32,8 +33,9 @@ READINGS = {"network": "the reader's network", "fit": "the reader's fit"}
 class Method:
     """A way of reading: a model, whose E, and words for the table.
 
-    `own_modulus`: the eye's own E, calibrated on its first frames; otherwise the mean of eyes that are not among those
-    read. `calibrated`: the model takes an E at all, which the paper's classifier does not.
+    `own_modulus`: the eye's own E, calibrated on its first frames; otherwise the mean
+    of eyes that are not among those read. `calibrated`: the model takes an E at all,
+    which the paper's classifier does not.
     """
 
     name: str
@@ -46,7 +48,8 @@ class Method:
 def make_methods(
     folder: FiguresFolder, name: str, study: Study, given: Path | None = None
 ) -> list[Method]:
-    """Return the ways of reading of a reader, the default one first; train what is not there yet.
+    """Return the ways of reading of a reader, the default one first; train what is not
+    there yet.
 
     Args:
         folder: where models are kept.
@@ -77,7 +80,9 @@ def make_methods(
 def paper_method(
     folder: FiguresFolder, plain: Sequence[FigureEye], study: Study
 ) -> Method:
-    """Return the paper's way of reading, with the modulus of the plain eyes; train a classifier that is not there."""
+    """Return the paper's way of reading, with the modulus of the plain eyes; train a
+    classifier that is not there.
+    """
     model = _classifier(folder, plain, study)
     return Method(
         "paper", "the paper's: linear, E of the population", model, calibrated=False
@@ -90,7 +95,9 @@ def raw_method(model: Path) -> Method:
 
 
 def _reader(folder: FiguresFolder, name: str, study: Study) -> Path:
-    """Return a trained reader; the default one is in the folder of the figures, others in folders of their own."""
+    """Return a trained reader; the default one is in the folder of the figures, others
+    in folders of their own.
+    """
     part = _reader_folder(folder, name)
     path = _study_file(folder, name, study)
     library = made_by(part.work("library.zarr"), ["library", "--study", path])
@@ -133,10 +140,11 @@ def _answering(folder: FiguresFolder, reader: Path, mark: str, way: str) -> Path
 def _classifier(
     folder: FiguresFolder, plain: Sequence[FigureEye], study: Study
 ) -> Path:
-    """Return the paper's classifier of linear slices, with the population's E of the plain eyes.
+    """Return the paper's classifier of linear slices, with the population's E of the
+    plain eyes.
 
-    They are calibrated linearly on their first frames. Framing and gap are drawn from the ranges of the eyes that it
-    will see; IOP is the study's.
+    They are calibrated linearly on their first frames. Framing and gap are drawn from
+    the ranges of the eyes that it will see; IOP is the study's.
     """
     path = folder.work("linear.toml")
     framed = framed_for_laboratory(study)
@@ -184,9 +192,11 @@ def calibrated_eyes(
 def read_frames(
     folder: FiguresFolder, eyes: Sequence[FigureEye], method: Method
 ) -> tuple[AnsweredFrame, ...]:
-    """Return the answers of a method to the frames of a group that count, made where they are not there.
+    """Return the answers of a method to the frames of a group that count, made where
+    they are not there.
 
-    The frames that any eye is calibrated on are left out, also where the method does not use that calibration.
+    The frames that any eye is calibrated on are left out, also where the method does
+    not use that calibration.
     """
     found = calibrated_eyes(folder, eyes)
     own = [drawn.eye.id for drawn in eyes if drawn.calibrating is drawn]
@@ -219,7 +229,9 @@ def _frames(
     eyes: Sequence[FigureEye],
     answered: Sequence[dict[str, object]],
 ) -> list[AnsweredFrame]:
-    """Return the answers that count, with their truth; both lists are in the order of the eyes and their frames."""
+    """Return the answers that count, with their truth; both lists are in the order of
+    the eyes and their frames.
+    """
     found = []
     made = {eye.eye.id: (eye, read_made(folder, eye)) for eye in eyes}
 
@@ -237,7 +249,9 @@ def _frames(
 
 
 def _calibration(folder: FiguresFolder, eyes: Sequence[FigureEye], frames: int) -> Path:
-    """Return the calibration of eyes on the first frames of each, made where it is not there."""
+    """Return the calibration of eyes on the first frames of each, made where it is not
+    there.
+    """
     name = f"{eyes[0].eye.id}-to-{eyes[-1].eye.id}-{frames}-frames.json"
     calibrating = [drawn.calibrating for drawn in eyes]
     command: list[str | Path] = [
@@ -259,6 +273,8 @@ def _recordings(folder: FiguresFolder, eyes: Sequence[FigureEye]) -> list[Path]:
 
 
 def _halves(eyes: Sequence[FigureEye]) -> list[Sequence[FigureEye]]:
-    """Return two halves of a group: the population's E of one is the mean of the other's eyes."""
+    """Return two halves of a group: the population's E of one is the mean of the
+    other's eyes.
+    """
     middle = (len(eyes) + 1) // 2
     return [eyes[:middle], eyes[middle:]]

@@ -1,4 +1,6 @@
-"""The eyes of the figures, computed in three dimensions at finite strain and imaged by the virtual laboratory."""
+"""The eyes of the figures, computed in three dimensions at finite strain and imaged by
+the virtual laboratory.
+"""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -41,8 +43,9 @@ from scleraforce.whole_files import (
 class MadeEye:
     """A computed eye: its frames in order, and the upper end of its drawn forces.
 
-    `forces_n` and `tips_m` (frame,): true force and depth of the dent. `lowest_m` (frame, boundary): the largest depth
-    in the frame of the outer and the inner boundary, over the columns that show tissue.
+    `forces_n` and `tips_m` (frame,): true force and depth of the dent. `lowest_m`
+    (frame, boundary): the largest depth in the frame of the outer and the inner
+    boundary, over the columns that show tissue.
     """
 
     files: tuple[str, ...]
@@ -53,7 +56,9 @@ class MadeEye:
     seconds: float
 
     def in_window(self, depth_m: float) -> NDArray[np.bool_]:
-        """Return whether the wall's surface stays within a frame of this depth, (frame,)."""
+        """Return whether the wall's surface stays within a frame of this depth,
+        (frame,).
+        """
         inside: NDArray[np.bool_] = self.lowest_m[:, 0] < depth_m
         return inside
 
@@ -69,7 +74,8 @@ def make_recordings(
     Args:
         folder: where they go.
         eyes: all eyes.
-        workers: processes, or `cluster_workers` whose processes can import this package.
+        workers: processes, or `cluster_workers` whose processes can import this
+            package.
         progress: called with the number of eyes that are newly done, or found done.
 
     Returns:
@@ -104,7 +110,8 @@ def _made_on_cluster(
     workers: ClusterWorkers,
     progress: Callable[[int], object],
 ) -> tuple[str, ...]:
-    """Let the cluster make eyes, write them here, and return the names of the failed ones.
+    """Let the cluster make eyes, write them here, and return the names of the failed
+    ones.
 
     Raises:
         ScleraforceError: a worker has other sources, or as `work_units`.
@@ -127,7 +134,9 @@ def _made_on_cluster(
 
 @dataclass(frozen=True)
 class _Sent:
-    """An eye as a worker has made it: the hash of its sources, the recording's files, and what is known of the eye."""
+    """An eye as a worker has made it: the hash of its sources, the recording's files,
+    and what is known of the eye.
+    """
 
     sources: str
     recording: dict[str, bytes]
@@ -135,7 +144,9 @@ class _Sent:
 
 
 def _making(eyes: Sequence[FigureEye]) -> Callable[[int], _Sent | str]:
-    """Return the function that makes an eye in a worker: its number -> its files, or the fault."""
+    """Return the function that makes an eye in a worker: its number -> its files, or
+    the fault.
+    """
 
     def work(number: int) -> _Sent | str:
         drawn = eyes[number]
@@ -160,7 +171,8 @@ def _write_sent(folder: FiguresFolder, drawn: FigureEye, sent: _Sent) -> None:
 
     if sent.sources != hash_sources(""):
         raise ScleraforceError(
-            "a worker has other sources than this process; let them import the same ones"
+            "a worker has other sources than this process; let them import the same"
+            " ones"
         )
 
     for place in (recording, made):
@@ -177,7 +189,8 @@ def _make(piece: tuple[FiguresFolder, FigureEye]) -> None:
 
 
 def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
-    """Compute one eye and write its recording, which appears last, and beside it what is known of it.
+    """Compute one eye and write its recording, which appears last, and beside it what
+    is known of it.
 
     Raises:
         ScleraforceError: the eye cannot be computed.
@@ -235,7 +248,9 @@ def recording_key(drawn: FigureEye) -> str:
 def lowest_m(
     frame: PhantomFrame, section: Section, study: Study
 ) -> tuple[float, float]:
-    """Return how deep in the frame the outer and the inner boundary go in the columns between the black bands."""
+    """Return how deep in the frame the outer and the inner boundary go in the columns
+    between the black bands.
+    """
     placed = frame.pose.place(section)
     half_m = study.oct.width_m / 2 - frame.optics.band_m
     outer, inner = (

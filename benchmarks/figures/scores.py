@@ -1,4 +1,6 @@
-"""Scores of answers: the frames of `evaluate --json` against the force log and against the truth."""
+"""Scores of answers: the frames of `evaluate --json` against the force log and against
+the truth.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,8 +25,9 @@ SMALLEST_MN = 1e-3
 class AnsweredFrame:
     """One frame of a virtual eye: its truth and an answer.
 
-    `target` and `measured_mn` are from the force log, `true_target` and `true_mn` the simulated values. `in_window`:
-    the wall's surface stays within the frame. Forces are in mN; `read_mn` and `interval_mn` may be None.
+    `target` and `measured_mn` are from the force log, `true_target` and `true_mn` the
+    simulated values. `in_window`: the wall's surface stays within the frame. Forces are
+    in mN; `read_mn` and `interval_mn` may be None.
     """
 
     eye: str
@@ -50,13 +53,15 @@ class AnsweredFrame:
 class Scores:
     """The figures of a set of frames.
 
-    `accuracy`, `usable_accuracy` (of the frames called usable), `recall` of class 2 and `as_harmless` (class 2 read as
-    class 0) are against the truth; names with `log_` are against the force log, as `evaluate` counts. `unusable`:
-    of the frames whose wall stays in the window; `refused_eyes` have no usable frame at all. `as_safe`: forces above 35
-    mN that are read as class 1 or 0 with an interval that ends below 30 mN. Errors in mN and coverage are over the
-    usable frames with a force. `coverage_band` holds the coverage of other such eyes with 95 %, by drawing whole eyes
-    anew; None without an interval. `width_mn`: median width of the intervals. `stretch`: the factor about the median
-    that would make 90 % hold, with equal weight for every eye.
+    `accuracy`, `usable_accuracy` (of the frames called usable), `recall` of class 2 and
+    `as_harmless` (class 2 read as class 0) are against the truth; names with `log_` are
+    against the force log, as `evaluate` counts. `unusable`: of the frames whose wall
+    stays in the window; `refused_eyes` have no usable frame at all. `as_safe`: forces
+    above 35 mN that are read as class 1 or 0 with an interval that ends below 30 mN.
+    Errors in mN and coverage are over the usable frames with a force. `coverage_band`
+    holds the coverage of other such eyes with 95 %, by drawing whole eyes anew; None
+    without an interval. `width_mn`: median width of the intervals. `stretch`: the
+    factor about the median that would make 90 % hold, with equal weight for every eye.
     """
 
     frames: int
@@ -82,7 +87,8 @@ class Scores:
 def answered_frame(
     answer: Mapping[str, Any], true_n: float, in_window: bool, classes: ClassesStudy
 ) -> AnsweredFrame | None:
-    """Return a frame of `evaluate --json` with its truth; None where it does not count in an evaluation.
+    """Return a frame of `evaluate --json` with its truth; None where it does not count
+    in an evaluation.
 
     Args:
         answer: an entry of `frames`.
@@ -175,7 +181,9 @@ def _as_safe(frame: AnsweredFrame) -> bool:
 
 
 def _stretch(frames: Sequence[AnsweredFrame]) -> float:
-    """Return the factor of the intervals' halves with which 90 % of the frames of whole eyes hold; NaN: no frames."""
+    """Return the factor of the intervals' halves with which 90 % of the frames of whole
+    eyes hold; NaN: no frames.
+    """
     scores = []
     eyes = []
 

@@ -1,4 +1,6 @@
-"""One virtual eye in three dimensions at finite strain: its load paths, and what the B-scan plane sees of it."""
+"""One virtual eye in three dimensions at finite strain: its load paths, and what the
+B-scan plane sees of it.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,13 +19,17 @@ from scleraforce.mechanics.graded import graded_eye
 from scleraforce.mechanics.loads import Needle, needle_at, tip_at
 from scleraforce.study import Study
 
-DEEPEST_M = 7e-3  # dents go no further: an eye that gives way before its largest force bears what it bears there
+# dents go no further: an eye that gives way before its largest force bears what it
+# bears there
+DEEPEST_M = 7e-3
 ROOM = 1e-4  # of a force, below the end of the path
 
 
 @dataclass(frozen=True)
 class ComputedEye:
-    """An eye whose load path is known, or the eyes of `turned_eyes`; its frames have forces up to `largest_n`."""
+    """An eye whose load path is known, or the eyes of `turned_eyes`; its frames have
+    forces up to `largest_n`.
+    """
 
     eye: PhantomEye
     study: Study
@@ -46,12 +52,15 @@ class ComputedEye:
         )
 
     def tips_m(self, forces_n: Sequence[float]) -> list[float]:
-        """Return the depth of the dent for needle forces in N, with the eye as at the start."""
+        """Return the depth of the dent for needle forces in N, with the eye as at the
+        start.
+        """
         return [self.bent[0].tip_m(force_n) for force_n in forces_n]
 
 
 def compute_eye(drawn: FigureEye) -> ComputedEye:
-    """Compute an eye's path up to the study's largest force, or as far as the deepest dent, or as it is found.
+    """Compute an eye's path up to the study's largest force, or as far as the deepest
+    dent, or as it is found.
 
     Raises:
         SolverError: the eye cannot bear its pressure.
@@ -80,17 +89,20 @@ def _bend(eye: PhantomEye, study: Study, max_force_n: float) -> LoadPath:
         iop_pa=eye.iop_pa,
         max_force_n=max_force_n,
         max_tip_m=DEEPEST_M,
-        as_far_as_found=True,  # the pressure runs away, or the wall has lost its symmetry
+        # the pressure runs away, or the wall has lost its symmetry
+        as_far_as_found=True,
     )
 
 
 def bend_leaning(
     eye: PhantomEye, study: Study, lean: Lean, max_force_n: float
 ) -> LoadPath:
-    """Compute the path of a plain eye under a needle that leans; a sensor along the needle feels its forces.
+    """Compute the path of a plain eye under a needle that leans; a sensor along the
+    needle feels its forces.
 
-    The force is uniform over the needle's disc, seen along the needle, and keeps its direction (`Lean.push_rad`) and
-    its place on the wall; the dent is the tip's way along the normal.
+    The force is uniform over the needle's disc, seen along the needle, and keeps its
+    direction (`Lean.push_rad`) and its place on the wall; the dent is the tip's way
+    along the normal.
     """
     contact = eye.plane.contact
     axis, push = (

@@ -13,7 +13,9 @@ from scleraforce.reader.metrics import Proportion
 
 @dataclass(frozen=True)
 class ModulusErrors:
-    """Relative errors of the eyes' calibrated E after a number of frames; `diverged` eyes are not among them."""
+    """Relative errors of the eyes' calibrated E after a number of frames; `diverged`
+    eyes are not among them.
+    """
 
     frames: int
     errors: tuple[float, ...]
@@ -34,8 +36,9 @@ class ModulusErrors:
 class GroupResult:
     """All that was found on a group of eyes.
 
-    `deep` of its frames leave the window, the force log puts `mislabelled` into another class than the truth, and
-    the load path of `capped` of its eyes ends before the largest force.
+    `deep` of its frames leave the window, the force log puts `mislabelled` into another
+    class than the truth, and the load path of `capped` of its eyes ends before the
+    largest force.
     """
 
     group: str
@@ -63,7 +66,9 @@ COLUMNS = (
 
 
 def as_markdown(results: Sequence[GroupResult]) -> str:
-    """Return one table for each method, a row a group, the first with the goals; and one of the errors of E."""
+    """Return one table for each method, a row a group, the first with the goals; and
+    one of the errors of E.
+    """
     titles = dict.fromkeys(
         method.title for result in results for method in result.scores
     )
@@ -117,9 +122,11 @@ def _cells(result: GroupResult, scores: Scores, *, goals: bool) -> list[str]:
         + (f", {scores.refused_eyes} whole eyes" if scores.refused_eyes else ""),
         _fixed(scores.mae_mn) + ("" if error_mn is None else f" (goal {error_mn:g})"),
         _percent(scores.coverage),
-        "-"
-        if scores.coverage_band is None
-        else "{:.0f} to {:.0f}".format(*(100 * end for end in scores.coverage_band)),
+        (
+            "-"
+            if scores.coverage_band is None
+            else "{:.0f} to {:.0f}".format(*(100 * end for end in scores.coverage_band))
+        ),
         _fixed(scores.width_mn),
         _fixed(scores.stretch),
     ]
@@ -178,7 +185,9 @@ def _plain_values(result: GroupResult) -> dict[str, Any]:
 
 
 def _of_scores(scores: Scores) -> dict[str, Any]:
-    """Return scores as plain values: shares with their counts, what is not defined as None."""
+    """Return scores as plain values: shares with their counts, what is not defined as
+    None.
+    """
     values: dict[str, Any] = {}
     for name, value in vars(scores).items():
         match value:

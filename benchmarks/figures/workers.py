@@ -1,4 +1,6 @@
-"""Work in processes of their own, one for each piece: what a piece took of memory ends with it, and one may fail."""
+"""Work in processes of their own, one for each piece: what a piece took of memory ends
+with it, and one may fail.
+"""
 
 import multiprocessing
 from collections import deque
@@ -18,7 +20,8 @@ def in_processes(
     workers: int,
     progress: Callable[[Piece, int | None], None],
 ) -> None:
-    """Do pieces of work in at most `workers` processes at a time; all of them end with this call.
+    """Do pieces of work in at most `workers` processes at a time; all of them end with
+    this call.
 
     Args:
         work: a function of a module, because the processes are spawned.

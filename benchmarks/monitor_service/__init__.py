@@ -1,1 +1,3 @@
-"""The monitor as it runs, from outside: `benchmarks/bench_monitor.py` runs its parts."""
+"""The monitor as it runs, from outside: `benchmarks/bench_monitor.py` runs its
+parts.
+"""

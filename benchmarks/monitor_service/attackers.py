@@ -1,8 +1,10 @@
-"""Hostile clients, many at once: slow, huge, half-closed, deaf, flooding, lying ones. A process of its own.
+"""Hostile clients, many at once: slow, huge, half-closed, deaf, flooding, lying ones. A
+process of its own.
 
     python -m monitor_service.attackers PORT CONNECTIONS AT_ONCE SEED [KIND...]
 
-Prints one JSON object at the end: how many there were of each kind, and how they were parted with.
+Prints one JSON object at the end: how many there were of each kind, and how they were
+parted with.
 """
 
 import asyncio
@@ -243,8 +245,7 @@ async def main(
 
 
 if __name__ == "__main__":
-    os.nice(
-        15
-    )  # they would be elsewhere, and take no time from the monitor's companions
+    # they would be elsewhere, and take no time from the monitor's companions
+    os.nice(15)
     port, connections, at_once, seed = map(int, sys.argv[1:5])
     asyncio.run(main(port, connections, at_once, seed, sys.argv[5:]))

@@ -1,8 +1,10 @@
-"""Inject each fault many times at random moments; measure how soon the monitor withdraws, and with which cause.
+"""Inject each fault many times at random moments; measure how soon the monitor
+withdraws, and with which cause.
 
-The faults of a scanner and its line (`replay --fault`) are injected one after the other into one monitor, with
-the operator's reset in between. Faults of the monitor's own processes need a new monitor each time; the tests' small
-monitor, which starts quickly, takes most of the deaths, the real one some.
+The faults of a scanner and its line (`replay --fault`) are injected one after the other
+into one monitor, with the operator's reset in between. Faults of the monitor's own
+processes need a new monitor each time; the tests' small monitor, which starts quickly,
+takes most of the deaths, the real one some.
 """
 
 import os
@@ -46,7 +48,9 @@ from .small import SmallFrames, small_monitor
 RUN_IN = 25  # frames of the way to a fault: within them the reset has to be granted
 ASKED_FROM = 11  # of them: the last ten, which give the force's rise, are in order
 MORE = 12  # frames, at most, beyond those
-PICTURES = 4  # of each frame, in turns: on no way to a fault is a picture shown that the monitor remembers
+# of each frame, in turns: on no way to a fault is a picture shown that the monitor
+# remembers
+PICTURES = 4
 TRIES = 20
 WITHIN_S = 3.0
 BREAKING = {"half", "garbage", "disconnect"}  # these need another connection afterwards
@@ -69,7 +73,9 @@ class Row:
     def add(
         self, delay_s: float | None, cause: str, code: int | None, expected: bool = True
     ) -> None:
-        """Take one fault: a silence of 150 ms makes the robot withdraw as well, but counts as missed here."""
+        """Take one fault: a silence of 150 ms makes the robot withdraw as well, but
+        counts as missed here.
+        """
         self.times += 1
         self.causes[cause] += 1
         self.unexpected += not expected
@@ -196,9 +202,9 @@ def scanner_faults(frames: Frames, given: Namespace, names: list[str]) -> list[R
             line.close()
 
     print(
-        f"faults of the scanner: {len(order)}, {line.cycle_s / max(1, len(order)):.2f} s each; resets granted "
-        f"{line.operator.granted}, refused {line.operator.refused}; withdrawn on the way "
-        f"{dict(line.on_the_way)}"
+        f"faults of the scanner: {len(order)}, {line.cycle_s / max(1, len(order)):.2f}"
+        f" s each; resets granted {line.operator.granted}, refused"
+        f" {line.operator.refused}; withdrawn on the way {dict(line.on_the_way)}"
     )
     return list(rows.values())
 
@@ -236,7 +242,9 @@ class Line:
         self.operator.close()
 
     def fault(self, name: str) -> FaultReport:
-        """Reset the monitor on the way to a random place of the recording, and inject there."""
+        """Reset the monitor on the way to a random place of the recording, and inject
+        there.
+        """
         begun_s = monotonic()
         place = int(self._rng.choice(self._places))
         forces_n = list(self._frames.force_n)
@@ -263,7 +271,9 @@ class Line:
         return report
 
     def _go(self, recording: Preloaded, place: int) -> Player | None:
-        """Play the frames before a place; None where the monitor does not watch by then."""
+        """Play the frames before a place; None where the monitor does not watch by
+        then.
+        """
         self.log = AnswerLog()
         player = Player(recording, self._client, self.log, version=1)
         first = place - RUN_IN - int(self._rng.integers(MORE))
@@ -299,7 +309,9 @@ class Line:
 
 @dataclass(frozen=True)
 class Death:
-    """A signal to one of the monitor's processes, or a frame that hangs its reader, and the expected cause."""
+    """A signal to one of the monitor's processes, or a frame that hangs its reader, and
+    the expected cause.
+    """
 
     role: str
     signal: signal.Signals
@@ -386,7 +398,9 @@ def _watch_and_die(
     row: Row,
     hanging: Unstamped | None = None,
 ) -> None:
-    """Let a monitor watch for a while, and then die; where it does not come to watch, it is not counted."""
+    """Let a monitor watch for a while, and then die; where it does not come to watch,
+    it is not counted.
+    """
     try:
         pace.warm_up(10 + int(rng.integers(20)))
     except (InputError, LinkError) as fault:
@@ -408,7 +422,9 @@ def _die(
     row: Row,
     hanging: Unstamped | None,
 ) -> None:
-    """Send the signal, or the frame that hangs, at a random moment; send frames until a withdrawal."""
+    """Send the signal, or the frame that hangs, at a random moment; send frames until a
+    withdrawal.
+    """
     pace.send()
     pace.client.listen(monotonic() + rng.uniform(0.0, 0.01))
     if pace.log.code != OK:

@@ -84,7 +84,8 @@ class Progress:
         left_s = (now_s - self._begun_s) * (1.0 - share) / share if share else 0.0
         bar = "#" * round(BAR * share)
         sys.stderr.write(
-            f"\r\x1b[K{self._name} [{bar:<{BAR}}] {done}/{self._total}, {left_s:.0f} s left {words}"
+            f"\r\x1b[K{self._name} [{bar:<{BAR}}] {done}/{self._total}, {left_s:.0f} s"
+            f" left {words}"
         )
         sys.stderr.flush()
 

@@ -1,7 +1,9 @@
-"""Open ten thousand hostile connections while a scanner sends and a robot listens; measure the disturbance.
+"""Open ten thousand hostile connections while a scanner sends and a robot listens;
+measure the disturbance.
 
-A STATUS is late by its time since the last one beyond 50 ms. Lateness is measured with the robot alone, with the
-scanner, under attack, and under attack without a scanner, when only the heartbeat is sent.
+A STATUS is late by its time since the last one beyond 50 ms. Lateness is measured with
+the robot alone, with the scanner, under attack, and under attack without a scanner,
+when only the heartbeat is sent.
 """
 
 import json
@@ -57,7 +59,8 @@ def run(given: Namespace) -> dict[str, Any]:
             result = scene.play(given)
         except LinkError as fault:
             print(
-                f"the robot's connection: {fault}; the monitor {'runs' if monitor.alive else 'has died'}"
+                f"the robot's connection: {fault}; the monitor"
+                f" {'runs' if monitor.alive else 'has died'}"
             )
             print(monitor.said)
             raise
@@ -69,7 +72,9 @@ def run(given: Namespace) -> dict[str, Any]:
 
 
 class Scene:
-    """A robot and a scanner beside a monitor; the robot's connection is the one that is heard."""
+    """A robot and a scanner beside a monitor; the robot's connection is the one that is
+    heard.
+    """
 
     def __init__(self, monitor: Monitor, frames: Frames) -> None:
         self._monitor = monitor

@@ -1,7 +1,9 @@
-"""From an image's last byte to the STATUS, beside an echo in plain Python: what the machine itself takes.
+"""From an image's last byte to the STATUS, beside an echo in plain Python: what the
+machine itself takes.
 
-A control runs in the same seconds: on the monitor's core, with its priority, a server takes the same bytes into one
-buffer and answers with 100. It gets every tenth frame, halfway between two frames of the monitor.
+A control runs in the same seconds: on the monitor's core, with its priority, a server
+takes the same bytes into one buffer and answers with 100. It gets every tenth frame,
+halfway between two frames of the monitor.
 """
 
 import socket
@@ -47,8 +49,9 @@ def run(given: Namespace) -> dict[str, Any]:
     frames = Frames(given.recording)
     real_time = be_the_peer()
     print(
-        f"{given.frames} frames at {given.rate_hz:g} Hz; monitor on core {cores()[0]}, all others on {cores()[1]}; "
-        f"real-time priority: {'yes' if real_time else 'no'}"
+        f"{given.frames} frames at {given.rate_hz:g} Hz; monitor on core {cores()[0]},"
+        f" all others on {cores()[1]}; real-time priority:"
+        f" {'yes' if real_time else 'no'}"
     )
     results: dict[str, Any] = {
         "frames": given.frames,
@@ -75,7 +78,9 @@ def run(given: Namespace) -> dict[str, Any]:
 def measure(
     monitor: Monitor, echo_port: int, frames: Frames, given: Namespace, name: str
 ) -> dict[str, Any]:
-    """Send frames at their times; a frame without an answer when the next is due counts as such."""
+    """Send frames at their times; a frame without an answer when the next is due counts
+    as such.
+    """
     pace = Pace(monitor.port, frames, given.rate_hz)
     progress = Progress(name, given.frames)
     operator = Operator(monitor.port, monitor.token)
@@ -148,17 +153,21 @@ def show(name: str, result: dict[str, Any]) -> None:
     ]
     print_table(f"{name}, ms", ["", *QUANTILES], rows)
     ratio = [
-        result["client"][column] / result["echo"][column]
-        if result["echo"][column]
-        else None
+        (
+            result["client"][column] / result["echo"][column]
+            if result["echo"][column]
+            else None
+        )
         for column in QUANTILES[1:]
     ]
     print(
-        f"  client / echo: {', '.join('-' if each is None else f'{each:.2f}' for each in ratio)}"
+        "  client / echo:"
+        f" {', '.join('-' if each is None else f'{each:.2f}' for each in ratio)}"
     )
     print(
-        f"  OK {result['ok']}, without an answer {result['unanswered']}, withdrawals {len(result['withdrawals'])}, "
-        f"latest frame {result['latest_frame_ms']:.2f} ms late"
+        f"  OK {result['ok']}, without an answer {result['unanswered']}, withdrawals"
+        f" {len(result['withdrawals'])}, latest frame {result['latest_frame_ms']:.2f}"
+        " ms late"
     )
 
     for message in result["withdrawals"][:5]:

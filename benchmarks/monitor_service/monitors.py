@@ -30,7 +30,9 @@ ROLES = {
 
 @dataclass(frozen=True)
 class Resources:
-    """Resources of a process: memory in kB (RSS, its own part, proportional share), open descriptors."""
+    """Resources of a process: memory in kB (RSS, its own part, proportional share),
+    open descriptors.
+    """
 
     rss_kb: int
     own_kb: int
@@ -54,7 +56,9 @@ class Monitor:
         self.pids = {"monitor": process.pid, **_children(process.pid)}
 
     def _await_reset_line(self) -> str:
-        """Wait until it listens: it says last how to reset, but for its console, which speaks when it likes."""
+        """Wait until it listens: it says last how to reset, but for its console, which
+        speaks when it likes.
+        """
         end_s = monotonic() + START_S
         while monotonic() < end_s and self.process.poll() is None:
             if found := re.search(r"^reset .*\n", self.said, re.MULTILINE):
@@ -83,7 +87,9 @@ class Monitor:
         return self.process.poll() is None
 
     def prune(self) -> None:
-        """Remove what the black box has kept, now and then: a withdrawal every second would fill any disk."""
+        """Remove what the black box has kept, now and then: a withdrawal every second
+        would fill any disk.
+        """
         if monotonic() - self._pruned_s < PRUNE_S:
             return
 
@@ -105,7 +111,8 @@ def real_monitor(
     pinned: bool = True,
     real_time: bool = True,
 ) -> Iterator[Monitor]:
-    """Start `scleraforce monitor` for the eye of a virtual recording; end all its processes.
+    """Start `scleraforce monitor` for the eye of a virtual recording; end all its
+    processes.
 
     Args:
         model: folder of the model.
@@ -195,7 +202,9 @@ def _children(pid: int) -> dict[str, int]:
 
 
 def _module(pid: int) -> str | None:
-    """Return the role of a process, from the module that it runs; None if it has ended or is another's."""
+    """Return the role of a process, from the module that it runs; None if it has ended
+    or is another's.
+    """
     try:
         words = Path(f"/proc/{pid}/cmdline").read_text(encoding="utf-8").split("\0")
     except OSError:
@@ -204,7 +213,9 @@ def _module(pid: int) -> str | None:
 
 
 def cores() -> tuple[set[int], set[int]]:
-    """Return the monitor's core and the cores of all others; the same if there is only one."""
+    """Return the monitor's core and the cores of all others; the same if there is only
+    one.
+    """
     return {CORES[0]}, set(CORES[1:] or CORES)
 
 

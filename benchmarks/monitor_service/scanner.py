@@ -28,14 +28,19 @@ from .monitors import cores
 HIGHEST_N = 25e-3  # below this nothing withdraws
 CONTACT_N = 4e-3  # clear of the monitor's bound of contact
 DANGEROUS_N = 33e-3  # clear over the bound
-SCANNER_PRIORITY = 15  # above the second opinion, with which it shares a core: a scanner is another machine
+# above the second opinion, with which it shares a core: a scanner is another machine
+SCANNER_PRIORITY = 15
 OK = 1
 WITHDRAW = 3
-WARM_UP_S = 120.0  # other work may keep the scanner from its frames for a while; each time the monitor withdraws
+# other work may keep the scanner from its frames for a while; each time the monitor
+# withdraws
+WARM_UP_S = 120.0
 
 
 def be_the_peer() -> bool:
-    """Let this process measure: beside the monitor's core, before normal processes; return whether it may be so."""
+    """Let this process measure: beside the monitor's core, before normal processes;
+    return whether it may be so.
+    """
     os.sched_setaffinity(0, cores()[1])
     gc.collect()
     gc.freeze()
@@ -43,10 +48,12 @@ def be_the_peer() -> bool:
 
 
 class Frames:
-    """A virtual recording in memory: `messages` are its frames, encoded; `to_and_fro` is an endless way through them.
+    """A virtual recording in memory: `messages` are its frames, encoded; `to_and_fro`
+    is an endless way through them.
 
-    On the way back the pictures are moved by a column: no scanner shows the last ones again.
-    Headers are of version 1: the time is the frame's id, so that a frame may be sent again.
+    On the way back the pictures are moved by a column: no scanner shows the last ones
+    again. Headers are of version 1: the time is the frame's id, so that a frame may be
+    sent again.
     """
 
     def __init__(self, path: Path, most: int | None = None) -> None:
@@ -59,7 +66,8 @@ class Frames:
 
         if self.harmless < 20:
             raise InputError(
-                f"{path}: {self.harmless} frames before {HIGHEST_N * 1e3:g} mN; 20 are needed"
+                f"{path}: {self.harmless} frames before {HIGHEST_N * 1e3:g} mN; 20 are"
+                " needed"
             )
 
         oct_info = self.recording.info.oct
@@ -81,13 +89,17 @@ class Frames:
             yield from range(moved + self.harmless - 2, moved, -1)
 
     def dangerous(self) -> NDArray[np.intp]:
-        """Return indices of the frames that are over the bound by more than a reading's error."""
+        """Return indices of the frames that are over the bound by more than a reading's
+        error.
+        """
         return np.flatnonzero(self.force_n >= DANGEROUS_N)
 
 
 @dataclass(frozen=True)
 class Preloaded(Recording):
-    """A recording whose frames are in memory; they are shown `columns` further to the right."""
+    """A recording whose frames are in memory; they are shown `columns` further to the
+    right.
+    """
 
     pixels: dict[str, Pixels]
     columns: int = 0
@@ -97,7 +109,9 @@ class Preloaded(Recording):
         return np.roll(self.pixels[entry.file], self.columns, axis=1)
 
     def moved(self, columns: int) -> "Preloaded":
-        """Return the recording with other pictures of the same walls: each moved by some columns."""
+        """Return the recording with other pictures of the same walls: each moved by
+        some columns.
+        """
         return replace(self, columns=columns)
 
 
@@ -117,7 +131,9 @@ def preloaded(recording: Recording, most: int | None = None) -> Preloaded:
 
 
 class Answers(AnswerLog):
-    """The answers; `withdrawn_s` is when the first STATUS of the present withdrawal came."""
+    """The answers; `withdrawn_s` is when the first STATUS of the present withdrawal
+    came.
+    """
 
     withdrawn_s = 0.0
 
@@ -200,10 +216,12 @@ class Pace:
         self._also(at_s, message)
 
     def warm_up(self, frames: int, operator: "Operator | None" = None) -> None:
-        """Send frames until a number of them were answered with OK; an operator resets a monitor that has withdrawn.
+        """Send frames until a number of them were answered with OK; an operator resets
+        a monitor that has withdrawn.
 
         Raises:
-            InputError: the monitor has withdrawn and there is no operator, or it does not say OK within two minutes.
+            InputError: the monitor has withdrawn and there is no operator, or it does
+                not say OK within two minutes.
         """
         end_s = monotonic() + WARM_UP_S
         while (
@@ -229,15 +247,16 @@ class Pace:
         self.sent = 0
 
     def send(self, message: Sent | None = None) -> float:
-        """Wait until the next frame is due and send it, or another message in its place; return when its end went."""
+        """Wait until the next frame is due and send it, or another message in its
+        place; return when its end went.
+        """
         self.client.listen(self._due_s)
         now_s = monotonic()
         self.latest_s = max(self.latest_s, now_s - self._due_s)
         place = next(self._way)
         message = message or self._frames.messages[place]
-        self.data = message.stamped(
-            self._wall_s + self._due_s
-        )  # times only rise, whatever the wall clock does
+        # times only rise, whatever the wall clock does
+        self.data = message.stamped(self._wall_s + self._due_s)
         sent_s = self.client.send(self.data)
         self.log.sent(message.frame_id, message.frame_id, sent_s)
         self.sent += 1
@@ -247,7 +266,9 @@ class Pace:
     def rest(
         self, share: float = 1.0, done: Callable[[], bool] = lambda: False
     ) -> None:
-        """Hear the monitor, until a share of the interval has passed, or until `done`."""
+        """Hear the monitor, until a share of the interval has passed, or until
+        `done`.
+        """
         self.client.listen(self._due_s + share * self._interval_s, done)
         if share == 1.0:
             self._due_s += self._interval_s
@@ -258,7 +279,9 @@ class Pace:
 
 
 class Operator:
-    """Asks for resets on a connection of its own; `took_s` has the time of each answer."""
+    """Asks for resets on a connection of its own; `took_s` has the time of each
+    answer.
+    """
 
     def __init__(self, port: int, token: str) -> None:
         self._port = port

@@ -1,7 +1,9 @@
-"""A user's session: nothing is pinned, the scanner is a normal process, a browser may show the console.
+"""A user's session: nothing is pinned, the scanner is a normal process, a browser may
+show the console.
 
-The robot is this process too, on a connection of its own; `--receiver` starts Debian's C++ `ReceiveClient` beside it.
-The frames stay below 25 mN, so every withdrawal is false: it is printed and reset, and the session continues.
+The robot is this process too, on a connection of its own; `--receiver` starts Debian's
+C++ `ReceiveClient` beside it. The frames stay below 25 mN, so every withdrawal is
+false: it is printed and reset, and the session continues.
 """
 
 import gc
@@ -95,7 +97,9 @@ def measure(monitor: Monitor, frames: Frames, given: Namespace) -> dict[str, Any
     withdrawals = list[str]()
     since_withdrawal = 0
     gc.collect()
-    gc.disable()  # among the answers of half a minute a collection takes 60 ms, in which no frame would be sent
+    # among the answers of half a minute a collection takes 60 ms, in which no frame
+    # would be sent
+    gc.disable()
 
     try:
         pace.warm_up(WARM_UP, operator)
@@ -197,7 +201,9 @@ def show(result: dict[str, Any]) -> None:
 
 
 def shares(monitor: Monitor) -> dict[str, float]:
-    """Return processor seconds used so far: by the monitor's processes, the browser, and this scanner."""
+    """Return processor seconds used so far: by the monitor's processes, the browser,
+    and this scanner.
+    """
     used = {role: cpu_s([pid]) for role, pid in monitor.pids.items()}
     browser = browser_pids()
     return {
@@ -209,7 +215,9 @@ def shares(monitor: Monitor) -> dict[str, float]:
 
 @contextmanager
 def receiver(port: int) -> Iterator[Path]:
-    """Run Debian's C++ receiver beside the session; what it prints is in the file that this gives."""
+    """Run Debian's C++ receiver beside the session; what it prints is in the file that
+    this gives.
+    """
     with TemporaryDirectory(prefix="bench-receiver-") as folder:
         program = Path(folder, "receiver")
         said = Path(folder, "said")
@@ -233,7 +241,8 @@ def receiver(port: int) -> Iterator[Path]:
             yield said
             if process.poll() is not None:
                 raise InputError(
-                    f"{RECEIVER.stem}: ended with {process.returncode} before the session did"
+                    f"{RECEIVER.stem}: ended with {process.returncode} before the"
+                    " session did"
                 )
         finally:
             process.kill()

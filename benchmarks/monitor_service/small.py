@@ -1,4 +1,6 @@
-"""The tests' small monitor, whose reader is a rule: it starts quickly, and hangs where a frame says so."""
+"""The tests' small monitor, whose reader is a rule: it starts quickly, and hangs where
+a frame says so.
+"""
 
 import os
 import subprocess
@@ -71,7 +73,9 @@ def small_monitor() -> Iterator[Small]:
 
 
 class SmallFrames:
-    """Frames of 10 mN, more than the monitor remembers, and one that makes the reader hang."""
+    """Frames of 10 mN, more than the monitor remembers, and one that makes the reader
+    hang.
+    """
 
     def __init__(self) -> None:
         self.messages = [

@@ -1,8 +1,10 @@
-"""Frames for an hour and more: memory, descriptors, and withdrawals that must all be answered, and latch.
+"""Frames for an hour and more: memory, descriptors, and withdrawals that must all be
+answered, and latch.
 
-Withdrawals are injected at random times, one in 500 frames on average: a frame over the bound, of another size, of
-another scale, with a byte flipped. Each must be answered with code 3 before the next frame is due, and every answer has
-that code until the operator's reset, 25 frames later at least.
+Withdrawals are injected at random times, one in 500 frames on average: a frame over the
+bound, of another size, of another scale, with a byte flipped. Each must be answered
+with code 3 before the next frame is due, and every answer has that code until the
+operator's reset, 25 frames later at least.
 """
 
 from argparse import ArgumentParser, Namespace
@@ -189,7 +191,8 @@ class Soak:
         growth = {role: grown(self._samples, role) for role in self._monitor.pids}
         first = self._samples[0].frames if self._samples else 0
         print_table(
-            f"held after {first} frames (a full ring), and then until {self._pace.sent}",
+            f"held after {first} frames (a full ring), and then until"
+            f" {self._pace.sent}",
             [
                 "process",
                 "",
@@ -234,8 +237,9 @@ class Soak:
             "withdrawals that nothing called for": len(tally.uncalled),
             "injected": injected,
             "frames": self._pace.sent,
-            "frames without an answer (invalid frames have none)": self._pace.sent
-            - len(answers),
+            "frames without an answer (invalid frames have none)": (
+                self._pace.sent - len(answers)
+            ),
         }
         print_table("all in all", ["", ""], list(figures.items()))
 
@@ -259,7 +263,9 @@ class Soak:
 
 
 def grown(samples: list[Sample], role: str) -> dict[str, Any]:
-    """Return for each kind of memory: the mean of the first and of the last tenth, kB, and the slope between."""
+    """Return for each kind of memory: the mean of the first and of the last tenth, kB,
+    and the slope between.
+    """
     held = [
         (sample.frames, sample.held[role]) for sample in samples if role in sample.held
     ]
@@ -289,7 +295,9 @@ def grown(samples: list[Sample], role: str) -> dict[str, Any]:
 def injections(
     frames: Frames, rng: np.random.Generator
 ) -> dict[str, Callable[[Pace], float]]:
-    """Return what sends each kind in the place of the next frame; each returns when its last byte went."""
+    """Return what sends each kind in the place of the next frame; each returns when its
+    last byte went.
+    """
     recording = frames.recording
     oct_info = frames.recording.info.oct
     pixels = recording.frame(recording.frames[0])

@@ -1,1 +1,3 @@
-"""Whole sessions of virtual eyes before the monitor, without sockets: what `bench_monitor_sessions.py` plays."""
+"""Whole sessions of virtual eyes before the monitor, without sockets: what
+`bench_monitor_sessions.py` plays.
+"""

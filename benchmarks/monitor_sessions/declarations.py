@@ -1,6 +1,8 @@
-"""Known inputs of a monitor for one eye: with and without the globe, with and without frames of known force.
+"""Known inputs of a monitor for one eye: with and without the globe, with and without
+frames of known force.
 
-Thickness, pressure and gap have the errors of calipers and gauges, the same in every declaration.
+Thickness, pressure and gap have the errors of calipers and gauges, the same in every
+declaration.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,7 +42,9 @@ MODULUS_SD = 0.015
 def declarations(
     drawn: SessionEye, reader: ForceReader, seed: int, rng: np.random.Generator
 ) -> dict[str, Known]:
-    """Return the known inputs of each declaration; after a calibration that diverges, E and k are unknown."""
+    """Return the known inputs of each declaration; after a calibration that diverges, E
+    and k are unknown.
+    """
     stated, modulus = stated_eye(drawn, rng)
     noise = PooledGenerator((seed, int(rng.integers(2**31))))
     bearable_n = [min(force_n, largest_force_n(drawn)) for force_n in CALIBRATION_N]
@@ -65,7 +69,9 @@ def declarations(
 def stated_eye(
     drawn: SessionEye, rng: np.random.Generator
 ) -> tuple[EyeConstants, Modulus]:
-    """Return what is stated of an eye but its globe; and an E that makes up for that, as a calibration's does."""
+    """Return what is stated of an eye but its globe; and an E that makes up for that,
+    as a calibration's does.
+    """
     eye = drawn.eye
     thickness_m = eye.thickness_m + rng.normal(0.0, THICKNESS_SD_M)
     iop_pa = eye.iop_pa * (1.0 + rng.normal(0.0, IOP_SD))
@@ -113,7 +119,9 @@ def _with_tissue(
     study: Study,
     library: Library,
 ) -> TissueTrial[Known]:
-    """Return what is known of an eye after frames of known force, with the walls of one tissue."""
+    """Return what is known of an eye after frames of known force, with the walls of one
+    tissue.
+    """
     session = begin(study, stated, library)
     taken = list[tuple[Boundaries, float]]()
 

@@ -66,7 +66,9 @@ def may_meet(kind: str, trained: ReaderStudy) -> bool:
 
 
 def draw_eye(kind: str, number: int, study: Study, seed: int) -> SessionEye:
-    """Draw an eye whose wall reaches 45 mN within the scanner's depth; open and sealed ones have the same walls."""
+    """Draw an eye whose wall reaches 45 mN within the scanner's depth; open and sealed
+    ones have the same walls.
+    """
     rng = np.random.default_rng((seed, 1, number))
     of = KINDS[kind]
     eye = PhantomEye(

@@ -1,4 +1,6 @@
-"""The course of a session: forces of the needle, motion of the eye, changes of the light."""
+"""The course of a session: forces of the needle, motion of the eye, changes of the
+light.
+"""
 
 from dataclasses import dataclass
 from math import pi
@@ -28,7 +30,9 @@ class Trajectory:
 def moving_forces(
     count: int, highest_n: float, rng: np.random.Generator
 ) -> tuple[Floats, list[str]]:
-    """Return true forces below the highest and what the robot does, (frame,): an approach to its upper half first."""
+    """Return true forces below the highest and what the robot does, (frame,): an
+    approach to its upper half first.
+    """
     approach = np.linspace(
         0.0, rng.uniform(0.5, 1.0) * highest_n, int(rng.uniform(0.5, 1.5) / FRAME_S)
     )
@@ -52,7 +56,9 @@ def moving_forces(
 def ramp_forces(
     rate_n_s: float, largest_n: float, rng: np.random.Generator
 ) -> tuple[Floats, list[str]]:
-    """Return true forces that rise at a rate to the largest, after a while without contact."""
+    """Return true forces that rise at a rate to the largest, after a while without
+    contact.
+    """
     before = np.zeros(int(rng.uniform(0.5, 1.0) / FRAME_S))
     rising = (
         np.arange(0.0, largest_n, rate_n_s * FRAME_S)
@@ -107,7 +113,9 @@ def _segment(
 def trajectory(
     force_n: Floats, name: list[str], study: Study, rng: np.random.Generator
 ) -> Trajectory:
-    """Add what the eye and the light do: drift, breathing and pulse within the study's shifts, and a jitter of 5 um."""
+    """Add what the eye and the light do: drift, breathing and pulse within the study's
+    shifts, and a jitter of 5 um.
+    """
     time_s = FRAME_S * np.arange(len(force_n))
 
     def swinging(reach: float, period_s: tuple[float, float]) -> Floats:

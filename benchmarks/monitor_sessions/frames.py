@@ -1,4 +1,6 @@
-"""Raw frames of a session: an eye bent in three dimensions at finite strain, imaged with quick random numbers."""
+"""Raw frames of a session: an eye bent in three dimensions at finite strain, imaged
+with quick random numbers.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -24,7 +26,9 @@ POOL = 1536
 
 
 class PooledGenerator(np.random.Generator):
-    """Random numbers of which the normal ones are windows of a pool, at random places."""
+    """Random numbers of which the normal ones are windows of a pool, at random
+    places.
+    """
 
     def __init__(self, seed: tuple[int, ...]) -> None:
         super().__init__(np.random.PCG64(np.random.SeedSequence(seed)))
@@ -68,7 +72,9 @@ def still_frame(
     rng: np.random.Generator,
     noise: np.random.Generator,
 ) -> Frame:
-    """Render one frame of an eye that is held at a force, with optics and a place of its own."""
+    """Render one frame of an eye that is held at a force, with optics and a place of
+    its own.
+    """
     study = drawn.study
     optics = sample_optics(study.phantom, study.oct, rng)
     pose = Pose(
@@ -81,13 +87,17 @@ def still_frame(
 
 
 def largest_force_n(drawn: SessionEye) -> float:
-    """Return the force up to which an eye is played: `PATH_N`, or what a wall bears that gives way before."""
+    """Return the force up to which an eye is played: `PATH_N`, or what a wall bears
+    that gives way before.
+    """
     return float(_states(drawn)[0][-1])
 
 
 @lru_cache(maxsize=1)
 def _states(drawn: SessionEye) -> tuple[Floats, Floats]:
-    """Return forces (state,) and both boundaries there (state, boundary, point, 2), m; points are of the material."""
+    """Return forces (state,) and both boundaries there (state, boundary, point, 2), m;
+    points are of the material.
+    """
     study = replace(drawn.study, needle=replace(drawn.study.needle, max_force_n=PATH_N))
     computed = compute_eye(FigureEye(drawn.eye.id, drawn.eye, study, shares=(), seed=0))
     forces_n = computed.largest_n * np.linspace(0.0, 1.0, STATES) ** 1.3

@@ -1,4 +1,6 @@
-"""The units of the sessions: one eye's frames, once, before monitors with different known inputs."""
+"""The units of the sessions: one eye's frames, once, before monitors with different
+known inputs.
+"""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
@@ -37,7 +39,8 @@ ENOUGH = 1.1  # times the bound: an eye that gives way below has no ramps
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """The runs of one reader: kinds of eyes, and for each eye a number of sessions and a ramp at each rate.
+    """The runs of one reader: kinds of eyes, and for each eye a number of sessions and
+    a ramp at each rate.
 
     `first` is the number of the first eye, to continue the draws of another run.
     """
@@ -74,12 +77,16 @@ class Unit:
     @property
     def words(self) -> str:
         """Its name."""
-        return f"{self.kind} {self.eye}, {'ramps' if self.session is None else f'session {self.session}'}"
+        return (
+            f"{self.kind} {self.eye},"
+            f" {'ramps' if self.session is None else f'session {self.session}'}"
+        )
 
 
 @dataclass(frozen=True)
 class Ramp:
-    """A ramp of a rate, N/s: the true force at its withdrawal, N, the time from 30 mN until then, s, and the cause.
+    """A ramp of a rate, N/s: the true force at its withdrawal, N, the time from 30 mN
+    until then, s, and the cause.
 
     The monitor never withdrew if all three are missing (None).
     """
@@ -95,8 +102,9 @@ class Ramp:
 class Outcome:
     """A monitor's results in a unit.
 
-    `errors_n` has all frames with a reading. `touching` frames have `TOUCHING_N` or more, and `inside` counts the ones
-    with the true force in their 90 % interval (without contact the force is exactly 0, the edge of all answers).
+    `errors_n` has all frames with a reading. `touching` frames have `TOUCHING_N` or
+    more, and `inside` counts the ones with the true force in their 90 % interval
+    (without contact the force is exactly 0, the edge of all answers).
     """
 
     frames: int = 0
@@ -206,8 +214,9 @@ class Bench:
             if withdrawal is not None:
                 outcome.withdrawn_n.append(force_n)
                 outcome.withdrawals.append(
-                    f"{name}, {withdrawal.at_s:.2f} s, {from_si(force_n, 'mn'):.1f} mN true, during {path.name[n]}: "
-                    f"{withdrawal.cause}: {withdrawal.message}"
+                    f"{name}, {withdrawal.at_s:.2f} s, {from_si(force_n, 'mn'):.1f} mN"
+                    f" true, during {path.name[n]}: {withdrawal.cause}:"
+                    f" {withdrawal.message}"
                 )
 
     def _ramp(
@@ -242,7 +251,9 @@ class Bench:
         watches: Mapping[str, Watch],
         rng: np.random.Generator,
     ) -> Iterator[tuple[int, str, Answer | None, Withdrawal | None]]:
-        """Show the frames of a trajectory to all monitors that are left; yield what each does at each frame."""
+        """Show the frames of a trajectory to all monitors that are left; yield what
+        each does at each frame.
+        """
         shown = ShownPictures(self.limits.shown_frames)
         for n, frame in enumerate(stream(drawn, path, rng, self.plan.seed)):
             shown_back = shown.back(frame)

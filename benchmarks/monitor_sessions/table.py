@@ -1,4 +1,6 @@
-"""Results of the sessions as Markdown tables: ramps, sessions below the highest force, and differences."""
+"""Results of the sessions as Markdown tables: ramps, sessions below the highest force,
+and differences.
+"""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -17,7 +19,9 @@ Found = Mapping[str, Mapping[str, Outcome]]  # kind -> declaration
 
 
 def ramp_table(found: Found) -> str:
-    """Return, for each kind of eyes and declaration, the ramps stopped in time and their true force."""
+    """Return, for each kind of eyes and declaration, the ramps stopped in time and
+    their true force.
+    """
     rates = sorted(
         {
             ramp.rate_n_s
@@ -59,7 +63,9 @@ def ramp_table(found: Found) -> str:
 
 
 def session_table(found: Found) -> str:
-    """Return, for each kind of eyes and declaration, the withdrawals from harmless sessions."""
+    """Return, for each kind of eyes and declaration, the withdrawals from harmless
+    sessions.
+    """
     head = [
         "eyes",
         "globe",
@@ -102,7 +108,9 @@ def _causes(ramps: Sequence[Ramp]) -> list[str]:
 
 
 def _earlier(ramps: Sequence[Ramp], told: Sequence[Ramp]) -> str:
-    """Return the median and largest difference in mN by which ramps were stopped earlier than with a declared globe."""
+    """Return the median and largest difference in mN by which ramps were stopped
+    earlier than with a declared globe.
+    """
     if ramps is told:
         return ""
 

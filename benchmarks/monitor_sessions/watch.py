@@ -1,4 +1,6 @@
-"""One monitor without sockets: network, second opinion and decision, on frames that are handed to it."""
+"""One monitor without sockets: network, second opinion and decision, on frames that are
+handed to it.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -43,7 +45,8 @@ class Withdrawal:
 class Watch:
     """A monitor with one declaration of an eye, which it may learn.
 
-    `released` counts the withdrawals that ended without a reset: none, or a claim of the monitor is wrong.
+    `released` counts the withdrawals that ended without a reset: none, or a claim of
+    the monitor is wrong.
     """
 
     def __init__(
@@ -83,7 +86,9 @@ class Watch:
     def read(
         self, frame: Frame, at_s: float, number: int, shown_back: int
     ) -> tuple[Answer, Withdrawal | None]:
-        """Read a frame; return the network's answer, and the withdrawal where one begins."""
+        """Read a frame; return the network's answer, and the withdrawal where one
+        begins.
+        """
         answer = self._live.read(frame, self._scale)
         event = FrameRead(
             at_s=at_s,
@@ -118,7 +123,9 @@ class Watch:
         at_s: float,
         number: int,
     ) -> None:
-        """Tell the learner of a frame, as the service does; read later frames with the E that it has learned."""
+        """Tell the learner of a frame, as the service does; read later frames with the
+        E that it has learned.
+        """
         assert self._decision is not None
         pierced = Cause.PIERCED in (self._decision.cause, self._decision.present_cause)
         teaches = usable and self._decision.state is State.WATCHING
@@ -138,7 +145,9 @@ class Watch:
                 self.limits = replace(self.limits, stiffness_n_m=stiffness_n_m)
 
     def _hear(self, events: list[MonitorEvent], at_s: float) -> Withdrawal | None:
-        """Decide on the opinions that have come, then on these events, then on a reset where one is due."""
+        """Decide on the opinions that have come, then on these events, then on a reset
+        where one is due.
+        """
         due = [opinion for opinion in self._pending if opinion.at_s <= at_s]
         self._pending = self._pending[len(due) :]
         if self.code == WITHDRAW and at_s - self._asked_s >= RESET_AFTER_S:

@@ -1,10 +1,13 @@
-"""Share of seeded faults that the default tests find, in one tree or in two trees for the same faults.
+"""Share of seeded faults that the default tests find, in one tree or in two trees for
+the same faults.
 
 python -m mutation TREE [OTHER] --packages monitor mechanics --count 100 --seed 1
 
-A fault swaps one operator, comparison or bound, or changes one constant. With OTHER, only faults that both trees offer
-take part: the same expression in the function of the same name, in whatever module it is. Each tree is copied, the
-tests of the function's package run on the copy with `-x`, and a run that fails or exceeds its limit kills the fault.
+A fault swaps one operator, comparison or bound, or changes one constant. With OTHER,
+only faults that both trees offer take part: the same expression in the function of the
+same name, in whatever module it is. Each tree is copied, the tests of the function's
+package run on the copy with `-x`, and a run that fails or exceeds its limit kills the
+fault.
 """
 
 import argparse
@@ -47,14 +50,15 @@ BOUNDS = {
 # a faulty run may take this many times the sound one, and this much longer
 SLOWER = 4.0
 START_S = 60.0
-Key = tuple[
-    str, str, str, int
-]  # function, expression, the same with the fault, and which of equal ones
+# function, expression, the same with the fault, and which of equal ones
+Key = tuple[str, str, str, int]
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A place in a module below `src/scleraforce`, as (line, byte) from start to end, and the faulty expression."""
+    """A place in a module below `src/scleraforce`, as (line, byte) from start to end,
+    and the faulty expression.
+    """
 
     module: Path
     start: tuple[int, int]
@@ -100,7 +104,9 @@ def faulty(node: ast.expr) -> str | None:
 
 
 def expressions(node: ast.AST) -> Iterator[ast.expr]:
-    """Yield the expressions that run in a function: no annotation, default, decorator or part of a text."""
+    """Yield the expressions that run in a function: no annotation, default, decorator
+    or part of a text.
+    """
     match node:
         case ast.FunctionDef(body=body):
             parts: list[ast.AST] = list(body)
@@ -127,7 +133,9 @@ def functions(node: ast.AST, scope: str = "") -> Iterator[tuple[str, ast.Functio
 
 
 def faults_of(tree: Path, packages: list[str]) -> dict[Key, Fault]:
-    """Return the faults that modules of some packages (none: all) offer; functions of one name are left out."""
+    """Return the faults that modules of some packages (none: all) offer; functions of
+    one name are left out.
+    """
     root = tree / "src" / "scleraforce"
     files = [file for name in packages or [""] for file in (root / name).rglob("*.py")]
     found = [
@@ -207,7 +215,9 @@ class Copy:
                 return False
 
     def kills(self, fault: Fault) -> bool:
-        """Return True if the tests fail on a fault; the sound tests run once for each package, before its first."""
+        """Return True if the tests fail on a fault; the sound tests run once for each
+        package, before its first.
+        """
         package = fault.module.parts[0].removesuffix(".py")
         if not (self.folder / "tests" / package).is_dir():
             package = ""  # a base module, whose tests are at the top: all run
@@ -233,7 +243,9 @@ class Copy:
 
 
 def main() -> int:
-    """Draw faults, run the tests of each tree on them, and print the share that each tree's tests kill."""
+    """Draw faults, run the tests of each tree on them, and print the share that each
+    tree's tests kill.
+    """
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -273,7 +285,8 @@ def main() -> int:
                 print(f"{'killed' if dead else 'SURVIVED':<9} {place}", flush=True)
 
             print(
-                f"{tree}: {killed} of {len(drawn)} killed, {100 * killed / max(len(drawn), 1):.0f} %"
+                f"{tree}: {killed} of {len(drawn)} killed,"
+                f" {100 * killed / max(len(drawn), 1):.0f} %"
             )
 
     return 0

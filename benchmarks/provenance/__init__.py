@@ -1,1 +1,3 @@
-"""Provenance of a page's figures: their stamp, and a check that today's code would still make them."""
+"""Provenance of a page's figures: their stamp, and a check that today's code would
+still make them.
+"""

@@ -14,9 +14,11 @@ SHOWN = 3  # entries that moved
 
 
 def main() -> int:
-    """List the figures, or print a stamp; return 0, also where figures are out of date: a run of them takes long."""
+    """List the figures, or print a stamp; return 0, also where figures are out of date:
+    a run of them takes long.
+    """
     parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else ""
+        description=__doc__.split("\n\n")[0] if __doc__ else ""
     )
     parser.add_argument(
         "--stamp", metavar="COMMAND", help="print the line of new figures"
@@ -40,7 +42,8 @@ def main() -> int:
     for page, stamp in found:
         state = _state(moved_since(stamp, now))
         print(
-            f"{page.relative_to(ROOT)}: {stamp.made_by}, {stamp.commit} of {stamp.day}: {state}"
+            f"{page.relative_to(ROOT)}: {stamp.made_by}, {stamp.commit} of {stamp.day}:"
+            f" {state}"
         )
 
     if not found:

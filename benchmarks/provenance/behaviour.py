@@ -1,7 +1,9 @@
-"""Fingerprint of the code that decides the pages' figures (`provenance.fingerprint`), at small size.
+"""Fingerprint of the code that decides the pages' figures (`provenance.fingerprint`),
+at small size.
 
-The bundled models' fingerprints, and an eye of each group of `make figures`, computed on a coarse mesh, imaged,
-and read by the bundled reader. `behaviour.json` has the fingerprint of each run whose figures are in a page.
+The bundled models' fingerprints, and an eye of each group of `make figures`, computed
+on a coarse mesh, imaged, and read by the bundled reader. `behaviour.json` has the
+fingerprint of each run whose figures are in a page.
 """
 
 import json
@@ -36,7 +38,8 @@ from scleraforce.whole_files import write_whole
 
 KEPT = Path(__file__).with_name("behaviour.json")
 SHARES = (0.2, 0.6)  # of the largest force, of the frames of an eye
-# Commands whose figures only some entries decide, by the beginning of their names; no entry decides a speed.
+# Commands whose figures only some entries decide, by the beginning of their names; no
+# entry decides a speed.
 DECIDED_BY: dict[str, tuple[str, ...]] = {
     "make bench": (),
     "make reproduce": (*SHIPPED, "plain eye"),
@@ -46,7 +49,9 @@ DECIDED_BY: dict[str, tuple[str, ...]] = {
 
 
 def behaviour() -> Fingerprint:
-    """Return today's fingerprint, in less than a minute; default tests hold the models' entries to today's code."""
+    """Return today's fingerprint, in less than a minute; default tests hold the models'
+    entries to today's code.
+    """
     found: Fingerprint = {}
     for model, path in SHIPPED.items():
         folder = read_folder(path)
@@ -71,7 +76,9 @@ def keep(stamp: Stamp, now: Fingerprint) -> None:
 
 
 def moved_since(stamp: Stamp, now: Fingerprint) -> list[str] | None:
-    """Return the names of the entries that have moved since figures were made; None if no fingerprint was kept."""
+    """Return the names of the entries that have moved since figures were made; None if
+    no fingerprint was kept.
+    """
     entry = _kept().get(stamp.made_by)
     if entry is None or entry["commit"] != stamp.commit:
         return None
@@ -91,7 +98,9 @@ def _kept() -> dict[str, Any]:
 
 
 def _eyes() -> Fingerprint:
-    """Return entries of the eyes of all groups: computed, imaged, read; a plain one is calibrated as well."""
+    """Return entries of the eyes of all groups: computed, imaged, read; a plain one is
+    calibrated as well.
+    """
     found: Fingerprint = {}
     with TemporaryDirectory() as place:
         for group in GROUPS:

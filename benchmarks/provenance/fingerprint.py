@@ -1,9 +1,11 @@
-"""Fingerprints of behaviour: a few numbers that move when the training of a model would.
+"""Fingerprints of behaviour: a few numbers that move when the training of a model
+would.
 
 PYTHONPATH=benchmarks python -m provenance.fingerprint FOLDER     (`make model`, `make living`, `make paper`, ...)
 
-Parts of a training are computed at small size, and each result is reduced to at most 64 numbers, which `model.json`
-keeps with a tolerance. Code that only runs in cases that the small size lacks is not covered.
+Parts of a training are computed at small size, and each result is reduced to at most 64
+numbers, which `model.json` keeps with a tolerance. Code that only runs in cases that
+the small size lacks is not covered.
 """
 
 import json
@@ -69,15 +71,15 @@ from scleraforce.models import (
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
-Fingerprint = dict[
-    str, dict[str, Any]
-]  # name of a result -> its "tolerance" and "values", as in `model.json`
+# name of a result -> its "tolerance" and "values", as in `model.json`
+Fingerprint = dict[str, dict[str, Any]]
 
 # of an item, at most
 MEANS = 32
 PICKS = 31
-# Relative to an item's largest number. Other BLAS kernels and processors (Prescott, Haswell, without AVX) move doubles
-# by less than 1e-9, network inputs by 3e-8, scores of fits by 2e-4, a descent by 5e-4; a pixel may turn.
+# Relative to an item's largest number. Other BLAS kernels and processors (Prescott,
+# Haswell, without AVX) move doubles by less than 1e-9, network inputs by 3e-8, scores
+# of fits by 2e-4, a descent by 5e-4; a pixel may turn.
 DOUBLE = 1e-6
 SINGLE = 1e-5
 PIXELS = 1e-3
@@ -96,7 +98,9 @@ CONTACTS = 3
 
 
 def item(values: ArrayLike, tolerance: float = DOUBLE) -> dict[str, Any]:
-    """Return an array as an entry of a fingerprint: share of numbers, means of even parts, values at even places."""
+    """Return an array as an entry of a fingerprint: share of numbers, means of even
+    parts, values at even places.
+    """
     flat = np.asarray(values, dtype=np.float64).ravel()
     if not flat.size:
         return {"tolerance": tolerance, "values": "0"}
@@ -113,7 +117,9 @@ def item(values: ArrayLike, tolerance: float = DOUBLE) -> dict[str, Any]:
 
 
 def moved(before: Fingerprint, now: Fingerprint) -> list[str]:
-    """Return the names of the entries that differ by more than their tolerance, or that only one of both has."""
+    """Return the names of the entries that differ by more than their tolerance, or that
+    only one of both has.
+    """
     both = before.keys() & now.keys()
     return sorted(
         {*before, *now} - {name for name in both if _agree(before[name], now[name])}
@@ -132,7 +138,9 @@ def _agree(before: dict[str, Any], now: dict[str, Any]) -> bool:
 
 
 def reader_fingerprint(study: Study, library: Library) -> Fingerprint:
-    """Return the fingerprint of a reader's network: load paths, a small library, samples, first steps of a descent."""
+    """Return the fingerprint of a reader's network: load paths, a small library,
+    samples, first steps of a descent.
+    """
     reader = study.reader
     source = Source(library, study.reader, study.slice)
     samples = source.chunk(1, SAMPLES)
@@ -145,7 +153,7 @@ def reader_fingerprint(study: Study, library: Library) -> Fingerprint:
 
     with torch.inference_mode():
         inputs = network.features(slices)
-        (forces, places) = network(slices, torch.from_numpy(samples.given))
+        forces, places = network(slices, torch.from_numpy(samples.given))
 
     return {
         **_library_items(study),
@@ -162,7 +170,9 @@ def reader_fingerprint(study: Study, library: Library) -> Fingerprint:
 
 
 def interval_fingerprint(study: Study, library: Library, network: bytes) -> Fingerprint:
-    """Return the fingerprint of a reader's intervals: the tissue that a calibration finds, an eye's scores, factors."""
+    """Return the fingerprint of a reader's intervals: the tissue that a calibration
+    finds, an eye's scores, factors.
+    """
     walls = library.walls
     curves = library.walls.curves
     assert isinstance(curves, ReducedCurves)  # of a model folder
@@ -178,9 +188,8 @@ def interval_fingerprint(study: Study, library: Library, network: bytes) -> Fing
     )
     scores_of = measuring(study, replace(library, walls=of_one), network)
     scores = next(filter(None, map(scores_of, range(EYE, LAST_EYE))), [])
-    rng = np.random.default_rng(
-        0
-    )  # one eye makes no factors: scores of its traits are drawn for many
+    # one eye makes no factors: scores of its traits are drawn for many
+    rng = np.random.default_rng(0)
     many = [
         replace(entry, eye=str(n % EYES), score=rng.lognormal())
         for n, entry in enumerate(scores)
@@ -204,7 +213,9 @@ def interval_fingerprint(study: Study, library: Library, network: bytes) -> Fing
 
 
 def _calibrated_tissue(study: Study, library: Library) -> list[float]:
-    """Return the tissue and the modulus, MPa, found from one frame; nothing if the library lacks them."""
+    """Return the tissue and the modulus, MPa, found from one frame; nothing if the
+    library lacks them.
+    """
     rng = np.random.default_rng([study.reader.seed, STREAM])
     try:
         eye = draw_eye(study, library, EYE, rng)
@@ -227,9 +238,11 @@ def _calibrated_tissue(study: Study, library: Library) -> list[float]:
 
 
 def classifier_fingerprint(study: Study) -> Fingerprint:
-    """Return the fingerprint of a classifier of a study: slices of linear walls, on a coarse mesh, and a descent.
+    """Return the fingerprint of a classifier of a study: slices of linear walls, on a
+    coarse mesh, and a descent.
 
-    Slices of finite strain come from a library, whose behaviour `reader_fingerprint` covers.
+    Slices of finite strain come from a library, whose behaviour `reader_fingerprint`
+    covers.
     """
     groups = tuple(replace(group, images=SLICES) for group in study.dataset.group[:2])
     small = replace(
@@ -266,7 +279,9 @@ def classifier_fingerprint(study: Study) -> Fingerprint:
 
 
 def finder_fingerprint(study: Study) -> Fingerprint:
-    """Return the fingerprint of a wall finder of a study: drawn scenes, and the first steps of a descent."""
+    """Return the fingerprint of a wall finder of a study: drawn scenes, and the first
+    steps of a descent.
+    """
     few = replace(
         study, wall_finder=replace(study.wall_finder, batch_size=4, batches=3)
     )
@@ -291,7 +306,9 @@ def finder_fingerprint(study: Study) -> Fingerprint:
 
 
 def _library_items(study: Study) -> Fingerprint:
-    """Return entries of load paths of the study's own plan, and of a small library as a model folder has it."""
+    """Return entries of load paths of the study's own plan, and of a small library as a
+    model folder has it.
+    """
     plan = plan_library(study)
     units = [round(share * (plan.paths - 1)) for share in PATHS]
     paths: Fingerprint = {
@@ -342,7 +359,9 @@ def _sample_items(name: str, samples: ReaderSamples) -> Fingerprint:
 
 
 def _slice_items(name: str, slices: NDArray[np.uint8]) -> Fingerprint:
-    """Return entries of the amount of wall in the columns of slices (slice, row, column), and of its depth."""
+    """Return entries of the amount of wall in the columns of slices (slice, row,
+    column), and of its depth.
+    """
     wall = slices / 255.0
     depth = np.arange(slices.shape[1]) @ wall
     return {name: item(wall.sum(axis=1), PIXELS), f"{name}, depth": item(depth, PIXELS)}

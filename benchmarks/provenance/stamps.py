@@ -12,7 +12,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LINE = re.compile(
-    r"\*Made by `(?P<made_by>[^`]+)` on commit `(?P<commit>\w+)`(?P<changed> with changes)? of "
+    r"\*Made by `(?P<made_by>[^`]+)` on commit `(?P<commit>\w+)`(?P<changed> with"
+    r" changes)? of "
     r"(?P<day>\d+ \w+ \d{4})\.\*"
 )
 
@@ -36,7 +37,10 @@ class Stamp:
     def __str__(self) -> str:
         """Return the line."""
         changed = " with changes" if self.changed else ""
-        return f"*Made by `{self.made_by}` on commit `{self.commit}`{changed} of {self.day}.*"
+        return (
+            f"*Made by `{self.made_by}` on commit `{self.commit}`{changed} of"
+            f" {self.day}.*"
+        )
 
 
 def new_stamp(made_by: str) -> Stamp:

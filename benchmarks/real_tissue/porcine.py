@@ -1,7 +1,9 @@
-"""Porcine sclera below a 5 mm flat punch: which Young's modulus has the measured stiffness.
+"""Porcine sclera below a 5 mm flat punch: which Young's modulus has the measured
+stiffness.
 
-Leung et al., Invest. Ophthalmol. Vis. Sci. 55, 2014, 3721: 15 eyes ex vivo at 15 mmHg, 0.13 +- 0.02 N/mm; radius of
-curvature 7.86 +- 0.49 mm, thickness 1.03 +- 0.14 mm; 0.20 +- 0.04 MPa by shell theory.
+Leung et al., Invest. Ophthalmol. Vis. Sci. 55, 2014, 3721: 15 eyes ex vivo at 15 mmHg,
+0.13 +- 0.02 N/mm; radius of curvature 7.86 +- 0.49 mm, thickness 1.03 +- 0.14 mm; 0.20
++- 0.04 MPa by shell theory.
 """
 
 from dataclasses import dataclass
@@ -21,13 +23,14 @@ Floats = NDArray[np.float64]
 
 STIFFNESS_N_M = 130.0
 IOP_PA = to_si(15.0, "mmhg")
+# where paths are computed; between them slopes are interpolated
 MODULI_PA = (
     0.1e6,
     0.15e6,
     0.2e6,
     0.3e6,
     0.4e6,
-)  # where paths are computed; between them slopes are interpolated
+)
 DENTS_M = np.linspace(0.1e-3, 1.1e-3, 11)
 
 
@@ -45,7 +48,9 @@ SIZE = PunchedEye()
 
 
 def modulus_by_shell_theory(stiffness_n_m: float, size: PunchedEye = SIZE) -> float:
-    """Return E, Pa, by the shallow shell without pressure, uniformly pressed over the punch's disc."""
+    """Return E, Pa, by the shallow shell without pressure, uniformly pressed over the
+    punch's disc.
+    """
     middle_m = size.radius_m - 0.5 * size.thickness_m
     return stiffness_n_m / shallow(
         size.thickness_m, middle_m, 0.0, size.punch_m, size.poisson_ratio
@@ -55,7 +60,9 @@ def modulus_by_shell_theory(stiffness_n_m: float, size: PunchedEye = SIZE) -> fl
 def small_load_modulus(
     *, bonded: bool, iop_pa: float = IOP_PA, size: PunchedEye = SIZE
 ) -> float:
-    """Return E, Pa, of the measured stiffness for small loads: uniform over the disc, or a rigid disc bonded to it."""
+    """Return E, Pa, of the measured stiffness for small loads: uniform over the disc,
+    or a rigid disc bonded to it.
+    """
     mesh = fine_meridian(
         size.radius_m, size.thickness_m, size.punch_m, inside=12, outside=40
     )
@@ -83,7 +90,9 @@ def pushed(
     symmetric: bool = False,
     dents_m: Floats = DENTS_M,
 ) -> Pushed:
-    """Return the path below the punch of a globe of rigidity k, mmHg^(1/3)/ul; 0 is open."""
+    """Return the path below the punch of a globe of rigidity k, mmHg^(1/3)/ul; 0 is
+    open.
+    """
     globe = (
         sealed_globe(to_si(rigidity, "mmhg13_per_ul")).over(modulus_pa)
         if rigidity
@@ -104,10 +113,12 @@ def pushed(
 def modulus_of_slope(
     paths: dict[float, Pushed], dent_m: float, stiffness_n_m: float = STIFFNESS_N_M
 ) -> float | None:
-    """Return E, Pa, whose path has the measured slope at a dent; None if no E among the paths' has it.
+    """Return E, Pa, whose path has the measured slope at a dent; None if no E among the
+    paths' has it.
 
     Args:
-        paths: for each modulus, Pa, ascending; paths that end before the dent are left out.
+        paths: for each modulus, Pa, ascending; paths that end before the dent are left
+            out.
         dent_m: one of the dents of the paths.
         stiffness_n_m: the measured one.
     """

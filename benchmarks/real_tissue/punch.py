@@ -1,10 +1,13 @@
-"""A rigid flat punch without friction on the wall of revolution: it touches where the wall would rise above it.
+"""A rigid flat punch without friction on the wall of revolution: it touches where the
+wall would rise above it.
 
-The contact grows with the dent: a flat punch meets a sphere at a point. Below the punch a stiff bed (`BED` over Young's
-modulus, per metre) holds the wall, so that a contact pressure of 0.1 E sinks in by 0.1 um. Forces are F/E in m^2 and
-pressures p/E. The dent is the punch's travel from where it touches the wall under its resting pressure.
+The contact grows with the dent: a flat punch meets a sphere at a point. Below the punch
+a stiff bed (`BED` over Young's modulus, per metre) holds the wall, so that a contact
+pressure of 0.1 E sinks in by 0.1 um. Forces are F/E in m^2 and pressures p/E. The dent
+is the punch's travel from where it touches the wall under its resting pressure.
 
-In a sealed globe the pressure P is an unknown beside the displacement u, with V(P, no punch) as a spline:
+In a sealed globe the pressure P is an unknown beside the displacement u, with V(P, no
+punch) as a spline:
 
     R(u, P) + contact(u) = 0     P = law(P0, V(P, no punch) - V(u))
 """
@@ -28,9 +31,8 @@ Floats = NDArray[np.float64]
 
 BED = 1e6
 POINTS = 6  # along an element below the punch
-TOLERANCE = (
-    1e-8  # residual forces relative to pressure and punch; error of the pressure
-)
+# residual forces relative to pressure and punch; error of the pressure
+TOLERANCE = 1e-8
 FEWEST = 3  # states that have a slope
 MOST_STEPS = 30  # of Newton's method; the points that touch change from one to the next
 # where the undented volume is tabulated: over the rest, the burst
@@ -73,7 +75,8 @@ def flat_punch_path(
     inside: int = 10,
     outside: int = 24,
 ) -> Pushed:
-    """Return how a sphere of outer radius `radius_m` meets a flat punch of radius `punch_m`.
+    """Return how a sphere of outer radius `radius_m` meets a flat punch of radius
+    `punch_m`.
 
     Args:
         radius_m: outer radius without pressure.
@@ -82,12 +85,14 @@ def flat_punch_path(
         punch_m: radius of the punch.
         iop_ratio: resting pressure over Young's modulus.
         dents_m: travels of the punch, ascending, (dent,).
-        symmetric: two punches at opposite poles of a whole sphere, instead of a half-sphere with a clamped edge.
+        symmetric: two punches at opposite poles of a whole sphere, instead of a
+            half-sphere with a clamped edge.
         globe: how the pressure follows the displaced volume, over Young's modulus.
         inside: elements below the punch.
         outside: elements beyond it.
 
-    The path of a sealed globe ends where its pressure runs away (`mechanics.equilibrium`).
+    The path of a sealed globe ends where its pressure runs away
+    (`mechanics.equilibrium`).
 
     Raises:
         SolverError: no equilibrium was found, or of a sealed globe too few.
@@ -176,7 +181,9 @@ class _Punch:
     def settled(
         self, u: Floats, pressure: float, height_m: float
     ) -> tuple[Floats, float]:
-        """Return displacement and pressure in equilibrium below a punch at a height, by Newton's method."""
+        """Return displacement and pressure in equilibrium below a punch at a height, by
+        Newton's method.
+        """
         for _ in range(MOST_STEPS):
             contact = self._contact(u, height_m)
             defect = self._wall.residual(u, pressure) + contact
@@ -211,14 +218,18 @@ class _Punch:
         raise SolverError("punch: no equilibrium was found; use shorter steps")
 
     def above(self, u: Floats, height_m: float) -> Floats:
-        """Return how far the wall is above the punch, (element, point) in m; 0 where it does not touch."""
+        """Return how far the wall is above the punch, (element, point) in m; 0 where it
+        does not touch.
+        """
         rise_en = _everywhere(self._wall, u)[self._places_en]
         return np.asarray(
             np.maximum((self._heights_en + rise_en) @ self._values_pn.T - height_m, 0.0)
         )
 
     def _contact(self, u: Floats, height_m: float) -> Floats:
-        """Forces of the bed below the punch, on the side of the internal ones, (unknown,)."""
+        """Forces of the bed below the punch, on the side of the internal ones,
+        (unknown,).
+        """
         amount_en = (BED * self.above(u, height_m) * self.areas_ep) @ self._values_pn
         return np.asarray(
             np.bincount(self._numbers_en.ravel(), amount_en.ravel(), minlength=len(u))

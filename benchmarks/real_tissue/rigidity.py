@@ -29,7 +29,9 @@ ONE_UL_M3 = 1e-9
 
 @dataclass(frozen=True)
 class Law:
-    """A measured law: who, the rigidity as printed, and the globe; k in mmHg^(1/3)/ul at 15 mmHg."""
+    """A measured law: who, the rigidity as printed, and the globe; k in mmHg^(1/3)/ul
+    at 15 mmHg.
+    """
 
     name: str
     printed: str
@@ -79,7 +81,9 @@ def own_mmhg_per_ul(
     half: bool,
     radius_m: float = RADIUS_M,
 ) -> float:
-    """Return dP/dV of the model's wall, mmHg/ul: a half-sphere with a clamped base, or a whole sphere."""
+    """Return dP/dV of the model's wall, mmHg/ul: a half-sphere with a clamped base, or
+    a whole sphere.
+    """
     ratio = to_si(pressure_mmhg, "mmhg") / modulus_pa
     if ratio * radius_m / thickness_m > 0.9 * burst_tension(NU):
         return float("nan")
@@ -98,7 +102,9 @@ def own_mmhg_per_ul(
 def distension_modulus(
     thickness_m: float, pressure_mmhg: float, wanted_mmhg_per_ul: float
 ) -> float:
-    """Return the E, Pa, with which a whole sphere of the model has a measured dP/dV at a pressure."""
+    """Return the E, Pa, with which a whole sphere of the model has a measured dP/dV at
+    a pressure.
+    """
 
     def missing(log_modulus: float) -> float:
         found = own_mmhg_per_ul(
@@ -118,7 +124,9 @@ def distension_modulus(
 def own_pressure(
     thickness_m: float, modulus_pa: float, iop_pa: float, tip_m: float, *, half: bool
 ) -> float:
-    """Return the pressure, Pa, at a dent if the model's own wall held its volume: V(P, dent) = V(P0, no needle)."""
+    """Return the pressure, Pa, at a dent if the model's own wall held its volume: V(P,
+    dent) = V(P0, no needle).
+    """
     mesh = meridian_mesh(RADIUS_M, thickness_m, NEEDLE_M, 0.5 * np.pi, MeridianSize())
     wall = AxisymmetricWall(mesh, NU, symmetric=not half)
     at_rest = wall.volume(pressurise(wall, iop_pa / modulus_pa))[0]

@@ -1,8 +1,10 @@
-"""Closed forms for the stiffness of a thin pressurised sphere under a small force, at E = 1 Pa.
+"""Closed forms for the stiffness of a thin pressurised sphere under a small force, at E
+= 1 Pa.
 
-`point` and `shallow` are of a shallow shell: the dent is small against the globe, and the wall does not shear. `sphere`
-is of the whole globe, term by term in Legendre polynomials, and its wall may shear. Sizes are of the middle surface, in
-m; pressures are p/E; a stiffness is F/E over the middle surface's displacement at the force, in m.
+`point` and `shallow` are of a shallow shell: the dent is small against the globe, and
+the wall does not shear. `sphere` is of the whole globe, term by term in Legendre
+polynomials, and its wall may shear. Sizes are of the middle surface, in m; pressures
+are p/E; a stiffness is F/E over the middle surface's displacement at the force, in m.
 """
 
 from itertools import pairwise
@@ -14,8 +16,10 @@ from scipy.special import j1
 
 Floats = NDArray[np.float64]
 
-WAVES = 200  # in `shallow`, the integral goes to this wave number over the dent's, in pieces
-FINEST = 200.0  # in `sphere`, the last term's wave number times the smaller of disc and thickness
+# in `shallow`, the integral goes to this wave number over the dent's, in pieces
+WAVES = 200
+# in `sphere`, the last term's wave number times the smaller of disc and thickness
+FINEST = 200.0
 
 
 def pressure_ratio(
@@ -33,7 +37,9 @@ def pressure_ratio(
 def point(
     thickness_m: float, radius_m: float, pressure: float, poisson_ratio: float
 ) -> float:
-    """Return the stiffness under a point force (Vella et al., J. R. Soc. Interface 9, 2012, 448)."""
+    """Return the stiffness under a point force (Vella et al., J. R. Soc. Interface 9,
+    2012, 448).
+    """
     root = np.sqrt(thickness_m * _bending(thickness_m, poisson_ratio))
     tension = pressure * radius_m**2 / (4.0 * root)
     whole = 4.0 * np.pi * root / radius_m
@@ -58,9 +64,11 @@ def shallow(
     disc_m: float,
     poisson_ratio: float,
 ) -> float:
-    """Return the stiffness of a shallow shell whose force is uniform over a disc of radius `disc_m`.
+    """Return the stiffness of a shallow shell whose force is uniform over a disc of
+    radius `disc_m`.
 
-    w(0) = F/(2 pi) int [2 J1(ka)/(ka)] k dk / (B k^4 + p R k^2/2 + E h/R^2), by Hankel's transform.
+    w(0) = F/(2 pi) int [2 J1(ka)/(ka)] k dk / (B k^4 + p R k^2/2 + E h/R^2), by
+    Hankel's transform.
     """
     bending = _bending(thickness_m, poisson_ratio)
     dent = (bending * radius_m**2 / thickness_m) ** 0.25
@@ -91,14 +99,16 @@ def sphere(
     *,
     shear: bool = True,
 ) -> float:
-    """Return the stiffness of a whole sphere pressed at both poles, uniformly over discs.
+    """Return the stiffness of a whole sphere pressed at both poles, uniformly over
+    discs.
 
-    For the degree l, with q = (l - 1)(l + 2), a normal load meets (Koiter's sphere, bending after Mindlin)
+    For the degree l, with q = (l - 1)(l + 2), a normal load meets (Koiter's sphere,
+    bending after Mindlin)
 
         K_l = B q^2/R^4 / (1 + s q/R^2) + p q/(2 R) + (E h/R^2) q / (l (l + 1) - 1 + nu),    s = h^2 / (5 (1 - nu))
 
-    where s = B/(5/6 G h) is left out without shear. Two opposite forces have even degrees only, with twice the
-    amplitude of one force.
+    where s = B/(5/6 G h) is left out without shear. Two opposite forces have even
+    degrees only, with twice the amplitude of one force.
     """
     edge = float(np.cos(np.arcsin(disc_m / radius_m)))
     values = _legendre(edge, int(FINEST * radius_m / min(disc_m, thickness_m)))

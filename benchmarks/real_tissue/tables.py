@@ -37,31 +37,38 @@ from scleraforce.units import from_si, to_si
 SHELL_MODULUS_PA = 0.25e6
 THICKNESSES_MM = (0.05, 0.15, 0.25, 0.5, 0.8)
 TENSIONS = (0.0, 1.0, 4.0)
-LARGEST_STRETCHING = 0.25  # p R/(E h): above it a wall nears its burst, and no closed form is meant for it
+# p R/(E h): above it a wall nears its burst, and no closed form is meant for it
+LARGEST_STRETCHING = 0.25
 RIGIDITIES = {0.0: "open", 0.0042: "k = 0.0042", 0.03: "k = 0.03"}
 DENTS_MM = (0.3, 0.5, 1.0)
 PRESSURES_MMHG = (2.0, 15.0, 30.0)
+# thickness in m, E and resting pressure in Pa: the eye of docs/physics.md
 EXAMPLE = (
     0.6e-3,
     0.45e6,
     266.0,
-)  # thickness in m, E and resting pressure in Pa: the eye of docs/physics.md
+)
+# 15 to 50 mmHg over five or four steps of 100 ul
 PORCINE_MMHG_PER_UL = (
     35.0 / 500.0,
     35.0 / 400.0,
-)  # 15 to 50 mmHg over five or four steps of 100 ul
+)
 
 
 def pressed(
     thickness_m: float, pressure: float, disc_m: float = NEEDLE_M
 ) -> PressedWall:
-    """Return our whole sphere of middle radius 12 mm, pressed at both poles over discs, under p/E."""
+    """Return our whole sphere of middle radius 12 mm, pressed at both poles over discs,
+    under p/E.
+    """
     mesh = fine_meridian(RADIUS_M + 0.5 * thickness_m, thickness_m, disc_m)
     return pressed_wall(disc_wall(mesh, disc_m, NU, symmetric=True), pressure)
 
 
 def shells(rows: int | None = None) -> str:
-    """Stiffness of a pressurised sphere for small loads: closed forms, and ours over them."""
+    """Stiffness of a pressurised sphere for small loads: closed forms, and ours over
+    them.
+    """
     head = [
         "t, mm",
         "tension τ",
@@ -114,7 +121,9 @@ def shells(rows: int | None = None) -> str:
 
 
 def punch(rows: int | None = None) -> str:
-    """E of the stiffness that was measured on porcine sclera, by how it is pressed and what the globe is."""
+    """E of the stiffness that was measured on porcine sclera, by how it is pressed and
+    what the globe is.
+    """
     head = [
         "how the sclera is pressed",
         *(f"E, MPa, {name}" for name in RIGIDITIES.values()),
@@ -180,7 +189,9 @@ def _pushed(modulus_pa: float, rigidity: float) -> Pushed | None:
 
 
 def punch_spread(rows: int | None = None) -> str:
-    """Sensitivity to measured sizes, nu and support: E from the slope at 1 mm, and by shell theory."""
+    """Sensitivity to measured sizes, nu and support: E from the slope at 1 mm, and by
+    shell theory.
+    """
     head = ["one thing otherwise", "E, MPa, flat punch at 1 mm", "E, MPa, shell theory"]
     cases: dict[str, tuple[PunchedEye, float, bool]] = {
         "the means": (SIZE, 130.0, False),
@@ -209,7 +220,9 @@ def punch_spread(rows: int | None = None) -> str:
 
 
 def punch_pressures(rows: int | None = None) -> str:
-    """Rise of the stiffness below the flat punch with pressure at constant E, and E by shell theory."""
+    """Rise of the stiffness below the flat punch with pressure at constant E, and E by
+    shell theory.
+    """
     head = [
         "eye pressure, mmHg",
         "slope at 1 mm, N/mm",
@@ -288,7 +301,9 @@ def volumes(rows: int | None = None) -> str:
 
 
 def sealed_dents(rows: int | None = None) -> str:
-    """Pressure and force at a dent: open, with the model's own volume held, and by the measured law."""
+    """Pressure and force at a dent: open, with the model's own volume held, and by the
+    measured law.
+    """
     thickness_m, modulus_pa, iop_pa = EXAMPLE
     head = [
         "dent, mm",

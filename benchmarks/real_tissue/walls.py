@@ -1,4 +1,6 @@
-"""The product's wall of revolution, on a mesh that is fine under the load, and its stiffness for small loads."""
+"""The product's wall of revolution, on a mesh that is fine under the load, and its
+stiffness for small loads.
+"""
 
 from dataclasses import dataclass
 
@@ -12,12 +14,15 @@ from scleraforce.mechanics.meridian import MeridianMesh
 
 Floats = NDArray[np.float64]
 
-FIRST_SHARE = 0.05  # size of the first element beyond the disc over the mean; then they grow with their number squared
+# size of the first element beyond the disc over the mean; then they grow with their
+# number squared
+FIRST_SHARE = 0.05
 
 
 @dataclass(frozen=True)
 class PressedWall:
-    """A wall under pressure, and how stiff it is for a small force; lengths in m, at E = 1 Pa.
+    """A wall under pressure, and how stiff it is for a small force; lengths in m, at E
+    = 1 Pa.
 
     Attributes:
         stiffness_m: F/E over the displacement of the middle surface on the axis.
@@ -42,7 +47,9 @@ def fine_meridian(
     layers: int = 2,
     support_rad: float = 0.5 * np.pi,
 ) -> MeridianMesh:
-    """Return a meridian of outer radius `radius_m` with `inside` equal elements under a disc, `outside` beyond it."""
+    """Return a meridian of outer radius `radius_m` with `inside` equal elements under a
+    disc, `outside` beyond it.
+    """
     rim_rad = float(np.arcsin(disc_m / radius_m))
     share = np.linspace(0.0, 1.0, outside + 1)[1:]
     beyond = rim_rad + (support_rad - rim_rad) * (
@@ -68,7 +75,9 @@ def fine_meridian(
 def disc_wall(
     mesh: MeridianMesh, disc_m: float, poisson_ratio: float, *, symmetric: bool
 ) -> AxisymmetricWall:
-    """Return the wall whose needle presses uniformly over a disc, whose rim is an edge of elements."""
+    """Return the wall whose needle presses uniformly over a disc, whose rim is an edge
+    of elements.
+    """
     rim_m = _distance_m(mesh, disc_m) * (1.0 + 1e-9)
     wall = AxisymmetricWall(mesh, poisson_ratio, symmetric=symmetric)
     spread_needle(wall, lambda distance: np.where(distance < rim_m, 1.0, 0.0))
@@ -76,7 +85,9 @@ def disc_wall(
 
 
 def pressed_wall(wall: AxisymmetricWall, pressure: float) -> PressedWall:
-    """Return how a wall under pressure meets a small force: by its tangent, without a step."""
+    """Return how a wall under pressure meets a small force: by its tangent, without a
+    step.
+    """
     u = pressurise(wall, pressure)
     moved, rest = (
         _on_axis(wall, field) for field in (wall.factor(u, pressure)(wall.needle), u)
@@ -93,9 +104,11 @@ def pressed_wall(wall: AxisymmetricWall, pressure: float) -> PressedWall:
 
 
 def bonded_stiffness(wall: AxisymmetricWall, pressure: float, disc_m: float) -> float:
-    """Return F/E over the displacement of a rigid disc that is bonded to the outer surface along the axis, in m.
+    """Return F/E over the displacement of a rigid disc that is bonded to the outer
+    surface along the axis, in m.
 
-    With C the compliance of the nodes below the disc, their forces at equal displacement are C^-1 1.
+    With C the compliance of the nodes below the disc, their forces at equal
+    displacement are C^-1 1.
     """
     mesh = wall.mesh
     under = mesh.outer_n[mesh.points_nc[mesh.outer_n, 0] <= disc_m * (1.0 + 1e-9)]

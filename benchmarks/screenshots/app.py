@@ -36,7 +36,9 @@ GIVEN = {
 
 
 def write_sources(folder: Path) -> list[str]:
-    """Write what a laboratory has: a stack without a scale, a log in ms and mN on another clock, and frames' times."""
+    """Write what a laboratory has: a stack without a scale, a log in ms and mN on
+    another clock, and frames' times.
+    """
     sf.phantom(
         folder / "eye",
         eye="eye",

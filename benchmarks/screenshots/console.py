@@ -1,10 +1,12 @@
 """The console of a real monitor in headless Chromium: docs/images/console*.png.
 
-PYTHONPATH=benchmarks python -m screenshots.console [--model default] [--out docs/images/console.png] [--width 1280]
+PYTHONPATH=benchmarks python -m screenshots.console [--model default] [--out
+docs/images/console.png] [--width 1280]
 
-A virtual needle pushes to 36 mN (FILE: the withdrawal), and in another session through the wall at 22 mN. There the
-bound comes nearer (FILE-watching, in the dark scheme), and the puncture is found (FILE-pierced). On a busy machine
-frames come too late, and the pictures show that instead: look at them.
+A virtual needle pushes to 36 mN (FILE: the withdrawal), and in another session through
+the wall at 22 mN. There the bound comes nearer (FILE-watching, in the dark scheme), and
+the puncture is found (FILE-pierced). On a busy machine frames come too late, and the
+pictures show that instead: look at them.
 """
 
 import argparse
@@ -24,9 +26,15 @@ from scleraforce.models import SHIPPED_READER
 PUSHES_N = {"": ([12e-3, 6e-3, 36e-3], None), "-pierced": ([12e-3, 6e-3, 20e-3], 22e-3)}
 WAIT_MS = 120_000.0
 COMMAND = (sys.executable, "-c", "from scleraforce.cli.main import main; main()")
-WITHDRAWN = "document.getElementById('word').textContent === 'WITHDRAW' && document.getElementById('frame').textContent"
+WITHDRAWN = (
+    "document.getElementById('word').textContent === 'WITHDRAW' &&"
+    " document.getElementById('frame').textContent"
+)
 PIERCED = "document.getElementById('sentence').textContent.includes('gone through')"
-NEAR = "document.querySelector('#until[data-near]') && Number(document.getElementById('force').textContent) > 11"
+NEAR = (
+    "document.querySelector('#until[data-near]') &&"
+    " Number(document.getElementById('force').textContent) > 11"
+)
 
 
 def main() -> None:
@@ -102,7 +110,9 @@ def main() -> None:
 
 
 def shoot(page: Page, when: str, path: Path) -> None:
-    """Keep a picture as soon as the page shows something, with as few colours as a PNG needs; print what it says."""
+    """Keep a picture as soon as the page shows something, with as few colours as a PNG
+    needs; print what it says.
+    """
     page.wait_for_function(when, timeout=WAIT_MS)
     page.screenshot(path=path)
     shown = cv2.imread(str(path))

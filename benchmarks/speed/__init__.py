@@ -1,1 +1,3 @@
-"""Every figure of speed from one run, beside what one would use instead: `make bench`."""
+"""Every figure of speed from one run, beside what one would use instead: `make
+bench`.
+"""

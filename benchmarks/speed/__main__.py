@@ -1,7 +1,8 @@
 """`make bench`: every figure of speed from one run, beside what one would use instead.
 
-Each part runs in a process of its own. RESULTS.md, results.json and a picture are written when all of them are done;
-a run that is interrupted writes nothing. Parts that are named are only printed.
+Each part runs in a process of its own. RESULTS.md, results.json and a picture are
+written when all of them are done; a run that is interrupted writes nothing. Parts that
+are named are only printed.
 """
 
 import json
@@ -90,8 +91,10 @@ QUICK_FOLDER = ROOT / "out" / "bench"
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Folder of RESULTS.md, results.json and the picture; by "
-    "default that of the benchmarks, out/bench with --quick.",
+    help=(
+        "Folder of RESULTS.md, results.json and the picture; by "
+        "default that of the benchmarks, out/bench with --quick."
+    ),
 )
 @click.option(
     "--folder",
@@ -107,7 +110,9 @@ def main(
     folder: Path | None,
     **given: bool,
 ) -> None:
-    """Measure speed: all of it, written to files, or the PARTs that are named, printed."""
+    """Measure speed: all of it, written to files, or the PARTs that are named,
+    printed.
+    """
     options = tuple(name for name in OPTIONS if given[name])
     if folder is not None:  # a part, for the process that runs them all
         click.echo(

@@ -13,7 +13,8 @@ FOLDER = Path(__file__).parents[1]
 
 
 def ask_module(module: str, *words: str) -> tuple[dict[str, Any], float]:
-    """Run a module on one thread of BLAS; return the JSON object that it prints last, and the seconds of its process.
+    """Run a module on one thread of BLAS; return the JSON object that it prints last,
+    and the seconds of its process.
 
     Raises:
         subprocess.CalledProcessError: it failed.
@@ -63,10 +64,11 @@ def _environment() -> dict[str, str]:
         str(FOLDER),
         *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep)),
     ]
+    # who cache it
     users = {
         name: value
         for name, value in os.environ.items()
         if name != "PYTHONDONTWRITEBYTECODE"
-    }  # who cache it
+    }
 
     return {**users, "PYTHONPATH": os.pathsep.join(paths)}

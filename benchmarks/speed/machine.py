@@ -30,9 +30,13 @@ def machine_in_words() -> dict[str, str]:
         "processor": _processor(),
         "cores": f"{available_cores()} that this process may use",
         "memory": f"{memory:.0f} GiB",
-        "load when it began": ", ".join(f"{load:.2f}" for load in os.getloadavg())
-        + " (1, 5, 15 minutes)",
-        "system": f"{platform.system()} {platform.release()}, {platform.machine()}, Python {platform.python_version()}",
+        "load when it began": (
+            ", ".join(f"{load:.2f}" for load in os.getloadavg()) + " (1, 5, 15 minutes)"
+        ),
+        "system": (
+            f"{platform.system()} {platform.release()}, {platform.machine()}, Python"
+            f" {platform.python_version()}"
+        ),
         "packages": ", ".join(_version(name) for name in PACKAGES),
     }
 

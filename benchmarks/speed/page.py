@@ -5,7 +5,10 @@ from collections.abc import Sequence
 from speed.record import QUOTED, Results, Row, Table
 
 PICTURE = "static_solves.png"
-QUICK = "**A quick run: sizes are reduced, and the figures say only that every part works.**"
+QUICK = (
+    "**A quick run: sizes are reduced, and the figures say only that every part"
+    " works.**"
+)
 READ = """One run, without other work of ours. Seconds are this machine's; ratios carry over to other machines:
 each figure over the one beside it, measured in turns unless stated otherwise. Values are medians; the spread is from
 10 to 90 % of the repetitions."""
@@ -41,7 +44,9 @@ def as_markdown(results: Results) -> str:
 
 
 def table_lines(table: Table) -> list[str]:
-    """Return a table, what holds for all of it above, what holds for single rows below."""
+    """Return a table, what holds for all of it above, what holds for single rows
+    below.
+    """
     if table.failed:
         return [f"**This part failed**: {table.failed}"]
 
@@ -85,9 +90,11 @@ def _cells(row: Row) -> list[str]:
         row.what,
         f"{value} ({QUOTED})" if row.source else value,
         f"{_number(row.spread[0])} to {_number(row.spread[1])}" if row.spread else "",
-        f"{row.beside}: {_number(row.beside_value)} {row.unit}"
-        if row.beside_value is not None
-        else row.beside,
+        (
+            f"{row.beside}: {_number(row.beside_value)} {row.unit}"
+            if row.beside_value is not None
+            else row.beside
+        ),
         _number(row.ratio),
         goal + verdict if goal else "",
     ]

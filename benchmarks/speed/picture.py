@@ -60,7 +60,9 @@ def draw_solves(rows: Sequence[Row]) -> Figure:
 def _name(
     axes: Axes, name: str, place: tuple[float, float], taken: Sequence[Bbox]
 ) -> Bbox:
-    """Write a name beside a place, on free ground if there is room; return its place."""
+    """Write a name beside a place, on free ground if there is room; return its
+    place.
+    """
     sides = (
         (LEFT, BELOW, ABOVE, RIGHT)
         if name.startswith("ours")

@@ -1,4 +1,5 @@
-"""A server written with pyigtl, as its examples are: it takes images and answers each with a string.
+"""A server written with pyigtl, as its examples are: it takes images and answers each
+with a string.
 
     python -m speed.pyigtl_echo
 

@@ -15,10 +15,12 @@ class Row:
 
     Attributes:
         what: the figure's name.
-        value: in `unit`, the median where it was taken several times; None: not measured, and `settings` say why.
+        value: in `unit`, the median where it was taken several times; None: not
+            measured, and `settings` say why.
         unit: "s", "ms".
         spread: 10 % and 90 % of the times.
-        beside: what one would use instead, measured in turns with it, with its value in the same unit.
+        beside: what one would use instead, measured in turns with it, with its value in
+            the same unit.
         goal: at most so much.
         settings: in words.
         source: where the value is from, if it is not of this run.
@@ -53,7 +55,9 @@ class Row:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows that belong together, and what holds for all of them, in words; `failed` says why there are none."""
+    """Rows that belong together, and what holds for all of them, in words; `failed`
+    says why there are none.
+    """
 
     title: str
     settings: str
@@ -63,7 +67,9 @@ class Table:
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """A whole run: when, where, from which code, how long it took; its tables by the part that made them."""
+    """A whole run: when, where, from which code, how long it took; its tables by the
+    part that made them.
+    """
 
     made: str
     quick: bool

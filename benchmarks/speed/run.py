@@ -19,7 +19,8 @@ class Run:
     Attributes:
         quick: at reduced sizes.
         folder: shared results of the parts: data set, library, recording.
-        options: entries of `OPTIONS` that are done in full; a quick run does all of them, reduced.
+        options: entries of `OPTIONS` that are done in full; a quick run does all of
+            them, reduced.
     """
 
     quick: bool

@@ -1,4 +1,6 @@
-"""Help texts of `sphinx_click` as plain text, so that `*.png` does not begin an emphasis."""
+"""Help texts of `sphinx_click` as plain text, so that `*.png` does not begin an
+emphasis.
+"""
 
 from sphinx.application import Sphinx
 

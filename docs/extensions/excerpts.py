@@ -1,4 +1,6 @@
-"""Excerpts of search results without a network: browsers refuse `fetch` to pages that are opened as files."""
+"""Excerpts of search results without a network: browsers refuse `fetch` to pages that
+are opened as files.
+"""
 
 import json
 from pathlib import Path

@@ -1,4 +1,6 @@
-"""Equations as MathML, which browsers draw themselves: a page that is opened without a network shows them."""
+"""Equations as MathML, which browsers draw themselves: a page that is opened without a
+network shows them.
+"""
 
 from docutils import nodes
 from docutils.utils.math import latex2mathml

@@ -1,4 +1,6 @@
-"""References in docstrings: to where a class is documented, which is not always where it is defined."""
+"""References in docstrings: to where a class is documented, which is not always where
+it is defined.
+"""
 
 from docutils import nodes
 from sphinx.addnodes import pending_xref
@@ -31,7 +33,9 @@ def setup(app: Sphinx) -> dict[str, bool]:
         _options: object,
         lines: list[str],
     ) -> None:
-        """Restore the lines: Napoleon mistakes text before a colon in a property's first line for a type."""
+        """Restore the lines: Napoleon mistakes text before a colon in a property's
+        first line for a type.
+        """
         if what == "property":
             lines[:] = written.pop(name)
 
@@ -61,7 +65,9 @@ def _documented_elsewhere(
     node: pending_xref,
     content: nodes.TextElement,
 ) -> nodes.reference | None:
-    """Return a link to the one object of a name, by whatever module it is documented: `InputError`, `study.Study`."""
+    """Return a link to the one object of a name, by whatever module it is documented:
+    `InputError`, `study.Study`.
+    """
     if node.get("refdomain") != "py":
         return None
     python = environment.domains.python_domain

@@ -1,4 +1,6 @@
-"""State diagrams as tables: GitHub draws `mermaid` blocks with a script, which a page without a network has not."""
+"""State diagrams as tables: GitHub draws `mermaid` blocks with a script, which a page
+without a network has not.
+"""
 
 import re
 

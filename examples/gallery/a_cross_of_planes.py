@@ -1,7 +1,7 @@
 """A cross of two B-scans, read in three dimensions.
 
-Both planes show one dent under one force; where they pass is not known. Read together, they give the gap of each, and
-the contact and the wall's normal in space.
+Both planes show one dent under one force; where they pass is not known. Read together,
+they give the gap of each, and the contact and the wall's normal in space.
 """
 
 import sys
@@ -29,7 +29,9 @@ NEAR_MM = 4.0
 
 @styled
 def draw() -> Figure:
-    """Draw the two frames with the fitted wall, and both walls in space with the needle's axis."""
+    """Draw the two frames with the fitted wall, and both walls in space with the
+    needle's axis.
+    """
     with tempfile.TemporaryDirectory() as folder:
         recording = sf.phantom(
             Path(folder) / "eye",
@@ -68,7 +70,8 @@ def draw() -> Figure:
             ylabel="depth [mm]",
         )
         axes.set_title(
-            f"{plane.name}: {abs(float(one.answer.fit.unknown[4])) * 1e3:.2f} mm beside the needle"
+            f"{plane.name}: {abs(float(one.answer.fit.unknown[4])) * 1e3:.2f} mm beside"
+            " the needle"
         )
         near = outer_mm[np.abs(outer_mm[:, 0]) < NEAR_MM]
         along = np.array([cos(plane.direction_rad), sin(plane.direction_rad)])

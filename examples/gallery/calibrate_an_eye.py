@@ -1,6 +1,7 @@
 """Young's modulus, frame by frame.
 
-The Kalman filter starts from a wide prior (0.49 ± 0.34 MPa); a few frames of known force suffice.
+The Kalman filter starts from a wide prior (0.49 ± 0.34 MPa); a few frames of known
+force suffice.
 """
 
 import sys

@@ -1,7 +1,7 @@
 """One eye under one force, in three dimensions.
 
-Left the mesh, cut open; right the slice that the network sees. ParaView turns what `scleraforce simulate --vtu`
-writes.
+Left the mesh, cut open; right the slice that the network sees. ParaView turns what
+`scleraforce simulate --vtu` writes.
 """
 
 import sys

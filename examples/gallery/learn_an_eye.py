@@ -1,7 +1,7 @@
 """Young's modulus without a force, frame by frame.
 
-The shape of a dent tells the pressure over E, and the pressure is known. Shallow dents hardly narrow the prior; deep
-ones do.
+The shape of a dent tells the pressure over E, and the pressure is known. Shallow dents
+hardly narrow the prior; deep ones do.
 """
 
 import sys
@@ -21,7 +21,9 @@ FORCES_N = np.linspace(0.005, 0.060, 12)
 
 @styled
 def draw() -> Figure:
-    """Draw mean and standard deviation of E after each frame, over the force of the deepest dent, and the truth."""
+    """Draw mean and standard deviation of E after each frame, over the force of the
+    deepest dent, and the truth.
+    """
     with tempfile.TemporaryDirectory() as folder:
         recording = sf.phantom(
             Path(folder) / "eye",

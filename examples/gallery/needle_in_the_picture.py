@@ -1,7 +1,8 @@
 """A needle in the picture.
 
-The shaft shadows the wall, and shows that the B-scan passes through it. The wall below the shaft cannot be seen; the
-frame is judged on both sides of it. `[phantom] needle_count = [1]` of a study draws such frames.
+The shaft shadows the wall, and shows that the B-scan passes through it. The wall below
+the shaft cannot be seen; the frame is judged on both sides of it. `[phantom]
+needle_count = [1]` of a study draws such frames.
 """
 
 import sys
@@ -20,7 +21,9 @@ from scleraforce.study.eye import MeshStudy
 
 @styled
 def draw() -> Figure:
-    """Draw a frame with a needle, and what was found in it: surface orange, inner boundary blue, the shaft purple."""
+    """Draw a frame with a needle, and what was found in it: surface orange, inner
+    boundary blue, the shaft purple.
+    """
     study = replace(
         sf.Study(),
         mesh=MeshStudy(divisions=8, level=0),

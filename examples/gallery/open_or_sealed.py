@@ -1,7 +1,8 @@
 """Open or sealed: the same dent, another force.
 
-In an open globe (infused or vented) the pressure is constant. In a sealed one it rises with the dent (van der Werff
-1981), and the same dent takes more force. A sealed eye that is declared open is read too low.
+In an open globe (infused or vented) the pressure is constant. In a sealed one it rises
+with the dent (van der Werff 1981), and the same dent takes more force. A sealed eye
+that is declared open is read too low.
 """
 
 import sys
@@ -24,9 +25,8 @@ from scleraforce.report.files import (
 )
 from scleraforce.units import from_si, to_si
 
-QUICK = (
-    Path(__file__).parents[2] / "docs" / "quick.toml"
-)  # a small library: made in 15 s, then kept in the cache
+# a small library: made in 15 s, then kept in the cache
+QUICK = Path(__file__).parents[2] / "docs" / "quick.toml"
 THICKNESS_M = 0.6e-3
 MODULUS_PA = 0.45e6
 IOP_PA = to_si(2.0, "mmhg")
@@ -39,7 +39,9 @@ RIGIDITIES = (
 
 @styled
 def draw() -> Figure:
-    """Draw force and pressure over the dent for an open globe and two sealed ones (k in mmHg^(1/3)/µl)."""
+    """Draw force and pressure over the dent for an open globe and two sealed ones (k in
+    mmHg^(1/3)/µl).
+    """
     library = sf.library_of(sf.read_study(QUICK))
     dent_m = np.linspace(0.0, 2e-3, 81)
     thickness_m = np.full_like(dent_m, THICKNESS_M)

@@ -1,7 +1,7 @@
 """Raw frames and their walls: harmless, considerable, dangerous.
 
-A virtual laboratory pushes one eye three times and images it. `sf.segment` finds the surface and the inner boundary of
-the wall in each frame.
+A virtual laboratory pushes one eye three times and images it. `sf.segment` finds the
+surface and the inner boundary of the wall in each frame.
 """
 
 import sys

@@ -1,7 +1,8 @@
 """Forces from frames, with 90 % intervals.
 
-Three frames of known force give the eye's modulus; the bundled reader reads the others. Intervals of 0.3 mN
-would vanish on an axis of 60 mN, so the plot shows read minus measured forces.
+Three frames of known force give the eye's modulus; the bundled reader reads the others.
+Intervals of 0.3 mN would vanish on an axis of 60 mN, so the plot shows read minus
+measured forces.
 """
 
 import sys
@@ -14,9 +15,8 @@ import scleraforce as sf
 from scleraforce.report.files import write_figure
 from scleraforce.report.frame_figures import draw_residuals
 
-QUICK = (
-    Path(__file__).parents[2] / "docs" / "quick.toml"
-)  # a coarse wall, which is pushed in seconds
+# a coarse wall, which is pushed in seconds
+QUICK = Path(__file__).parents[2] / "docs" / "quick.toml"
 FORCES_N = (0.012, 0.024, 0.036, 0.003, 0.008, 0.015, 0.019, 0.026, 0.033, 0.041, 0.050)
 
 

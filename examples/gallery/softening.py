@@ -1,7 +1,8 @@
 """A wall softens as it bends.
 
-The same wall under the same needle. Linear mechanics holds for dents of a small part of the wall's thickness. A real
-shell gives way further, so a linear model that is fitted at one force is wrong at another.
+The same wall under the same needle. Linear mechanics holds for dents of a small part of
+the wall's thickness. A real shell gives way further, so a linear model that is fitted
+at one force is wrong at another.
 """
 
 import sys

@@ -1,7 +1,8 @@
 """A ramp of force, and the withdrawal.
 
-The force rises by 12 mN/s and stops at 27 mN, below the bound of 30 mN. The upper end of the interval counts, and its
-rise: the monitor withdraws before the force reaches the bound, by the robot's reaction time.
+The force rises by 12 mN/s and stops at 27 mN, below the bound of 30 mN. The upper end
+of the interval counts, and its rise: the monitor withdraws before the force reaches the
+bound, by the robot's reaction time.
 """
 
 import sys
@@ -34,7 +35,9 @@ SHADES = {State.NOT_READY: GREY, State.WATCHING: BLUE, State.WITHDRAW: RED}
 
 
 def ramp() -> tuple[np.ndarray, np.ndarray]:
-    """Return times and forces of the frames: no contact for half a second, then 12 mN/s up to 27 mN."""
+    """Return times and forces of the frames: no contact for half a second, then 12 mN/s
+    up to 27 mN.
+    """
     time_s = np.arange(0.0, SECONDS, 1.0 / RATE_HZ)
     return time_s, np.clip(0.012 * (time_s - 0.5), 0.0, 0.027)
 

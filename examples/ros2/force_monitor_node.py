@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
-"""A ROS 2 node beside a monitor: B-scans in, force and the order to withdraw out. docs/howto/ros.md has the topics.
+"""A ROS 2 node beside a monitor: B-scans in, force and the order to withdraw out.
+docs/howto/ros.md has the topics.
 
-It sends each `sensor_msgs/Image` to a running `scleraforce monitor` and publishes what the monitor says. The order to
-withdraw follows the rule of `robot_client.py`, on a connection of its own. Research use only.
+It sends each `sensor_msgs/Image` to a running `scleraforce monitor` and publishes what
+the monitor says. The order to withdraw follows the rule of `robot_client.py`, on a
+connection of its own. Research use only.
 """
 
 import json
@@ -31,7 +33,8 @@ PERIOD_S = 0.02  # between two orders
 
 
 def pixels_of(message: RosImage) -> np.ndarray:
-    """Return the pixels of an image (row, column); its rows may be longer than its columns need.
+    """Return the pixels of an image (row, column); its rows may be longer than its
+    columns need.
 
     Raises:
         ValueError: another encoding, or fewer bytes than stated.
@@ -58,7 +61,9 @@ def pixels_of(message: RosImage) -> np.ndarray:
 
 
 class ForceMonitorNode(Node):
-    """Topics: `image` in; `~/force`, `~/force_low`, `~/force_high`, `~/withdraw`, `~/reason` out."""
+    """Topics: `image` in; `~/force`, `~/force_low`, `~/force_high`, `~/withdraw`,
+    `~/reason` out.
+    """
 
     def __init__(self) -> None:
         super().__init__("force_monitor")
@@ -147,13 +152,17 @@ class ForceMonitorNode(Node):
             self._link.sendall(data)
 
     def order(self) -> None:
-        """Publish whether to withdraw, and why: always, so that silence of this node is an order, too."""
+        """Publish whether to withdraw, and why: always, so that silence of this node is
+        an order, too.
+        """
         go_on, why = self._order
         self._withdraw.publish(Bool(data=not go_on))
         self._reason.publish(String(data=why))
 
     def _obey(self) -> None:
-        """Follow the rule; when the monitor cannot be heard any more, the order stays."""
+        """Follow the rule; when the monitor cannot be heard any more, the order
+        stays.
+        """
 
         def tell(go_on: bool, why: str) -> None:
             self._order = (go_on, why)
@@ -170,7 +179,9 @@ class ForceMonitorNode(Node):
                         self._tell(json.loads(event.message.text))
 
     def _tell(self, reading: dict) -> None:
-        """Publish a force with the header of its image; a frame without a force publishes nothing."""
+        """Publish a force with the header of its image; a frame without a force
+        publishes nothing.
+        """
         header = self._headers.pop(reading.get("frame_id"), None)
         if (
             header is None

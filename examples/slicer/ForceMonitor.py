@@ -1,7 +1,8 @@
-"""A scripted module of 3D Slicer: frames with their walls, the force as a bar and in words, as `bridge.py` sends them.
+"""A scripted module of 3D Slicer: frames with their walls, the force as a bar and in
+words, as `bridge.py` sends them.
 
-Needs Slicer's own Python and the extension SlicerOpenIGTLink, nothing else. Settings > Modules > Additional module
-paths: add this folder. Research use only.
+Needs Slicer's own Python and the extension SlicerOpenIGTLink, nothing else. Settings >
+Modules > Additional module paths: add this folder. Research use only.
 """
 
 import qt
@@ -98,7 +99,9 @@ class ForceMonitorLogic(ScriptedLoadableModuleLogic):
             self.connector = None
 
     def update(self):
-        """Show what has come: the picture in the red slice, the bar beside it, the words in the corner."""
+        """Show what has come: the picture in the red slice, the bar beside it, the
+        words in the corner.
+        """
         picture = slicer.mrmlScene.GetFirstNodeByName(VIEW)
         if picture is not None:
             slicer.util.setSliceViewerLayers(background=picture)
@@ -118,7 +121,9 @@ class ForceMonitorLogic(ScriptedLoadableModuleLogic):
             corner.SetText(vtk.vtkCornerAnnotation.UpperRight, text.GetText())
 
     def _bar(self):
-        """Return the model of the bar, 1 mm high from the origin up; the transform makes 1 mm of each mN."""
+        """Return the model of the bar, 1 mm high from the origin up; the transform
+        makes 1 mm of each mN.
+        """
         if self.model is None:
             cube = vtk.vtkCubeSource()
             cube.SetBounds(

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Shows a monitor in 3D Slicer: frames with their walls, the force as a bar and in words (docs/howto/slicer.md).
+"""Shows a monitor in 3D Slicer: frames with their walls, the force as a bar and in
+words (docs/howto/slicer.md).
 
-It relays every byte between scanner and monitor, at once and unchanged, and serves Slicer: IMAGE `ForceView`, TRANSFORM
-`ForceBar`, STRING `ForceText`. For looking at a session, not for a robot: a robot listens to the monitor itself.
-Research use only.
+It relays every byte between scanner and monitor, at once and unchanged, and serves
+Slicer: IMAGE `ForceView`, TRANSFORM `ForceBar`, STRING `ForceText`. For looking at a
+session, not for a robot: a robot listens to the monitor itself. Research use only.
 """
 
 import argparse
@@ -45,7 +46,9 @@ Address = tuple[str, int]
 
 
 class Latest:
-    """The newest reading with its frame, and the status; whoever waits gets them once for each reading."""
+    """The newest reading with its frame, and the status; whoever waits gets them once
+    for each reading.
+    """
 
     def __init__(self) -> None:
         self.status = ""
@@ -76,10 +79,12 @@ class Latest:
             self._changed.notify_all()
 
     def wait(self) -> tuple[dict[str, Any], Image | None] | None:
-        """Return the next reading and its frame, None at the end; a reading that was overtaken is left out.
+        """Return the next reading and its frame, None at the end; a reading that was
+        overtaken is left out.
 
-        A frame is handed on before it is looked at, so that its reading can come first: it is waited for. A sender that
-        gives neither number nor time has the newest frame shown.
+        A frame is handed on before it is looked at, so that its reading can come first:
+        it is waited for. A sender that gives neither number nor time has the newest
+        frame shown.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._ended or self._reading is not None)
@@ -100,7 +105,9 @@ class Latest:
 
 
 class Viewers:
-    """The connections from Slicer; a new one gets the last messages, one that does not read is closed."""
+    """The connections from Slicer; a new one gets the last messages, one that does not
+    read is closed.
+    """
 
     def __init__(self) -> None:
         self._links: list[socket.socket] = []
@@ -122,7 +129,9 @@ class Viewers:
             self._links.clear()
 
     def tell(self, message: Message, device: str) -> None:
-        """Send a message to all; Slicer is spoken to in version 1, which every version of it reads."""
+        """Send a message to all; Slicer is spoken to in version 1, which every version
+        of it reads.
+        """
         data = encode(message, device)
         with self._lock:
             self._last[device] = data
@@ -163,9 +172,8 @@ def notice(event: Received, latest: Latest) -> None:
         and message.pixels.ndim == 3
         and len(message.pixels) == 1
     ):
-        own = replace(
-            message, pixels=message.pixels.copy()
-        )  # the decoder's own are overwritten
+        # the decoder's own are overwritten
+        own = replace(message, pixels=message.pixels.copy())
         latest.saw(own, event.message_id or int(from_si(event.header.time_s, "us")))
     elif isinstance(message, Status) and device == "ForceMonitor":
         latest.status = message.message
@@ -195,7 +203,9 @@ def bar(reading: dict[str, Any]) -> Transform:
 
 
 def words(reading: dict[str, Any], status: str) -> str:
-    """Return the force with its interval, or why there is none, and what the monitor says."""
+    """Return the force with its interval, or why there is none, and what the monitor
+    says.
+    """
     force = reading.get("force_mn")
     ends = reading.get("interval_mn")
     if force is None or ends is None:
@@ -215,7 +225,9 @@ def show(latest: Latest, viewers: Viewers) -> None:
 
 
 def serve_scanner(scanner: socket.socket, monitor: Address, latest: Latest) -> None:
-    """Relay between a scanner and the monitor; a scanner whose monitor is not there is turned away."""
+    """Relay between a scanner and the monitor; a scanner whose monitor is not there is
+    turned away.
+    """
     with scanner:
         try:
             link = socket.create_connection(monitor, timeout=5.0)
@@ -247,7 +259,9 @@ def accept(listener: socket.socket, take: Callable[[socket.socket], None]) -> No
 def run(
     scanner_port: int, slicer_port: int, monitor: Address
 ) -> Iterator[tuple[int, int]]:
-    """Run the bridge on 127.0.0.1 until the block ends; gives its two ports (0 takes free ones)."""
+    """Run the bridge on 127.0.0.1 until the block ends; gives its two ports (0 takes
+    free ones).
+    """
     latest = Latest()
     viewers = Viewers()
     listeners = [
@@ -275,7 +289,7 @@ def run(
 
 def main() -> None:
     """Run the bridge until Ctrl-C."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument(
         "--scanner-port", type=int, default=18946, help="where the scanner connects"
     )

@@ -1,4 +1,6 @@
-"""`python screenshot.py RECORDING CALIBRATION PICTURE`: a picture of napari with the panel."""
+"""`python screenshot.py RECORDING CALIBRATION PICTURE`: a picture of napari with the
+panel.
+"""
 
 import sys
 from pathlib import Path

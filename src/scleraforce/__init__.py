@@ -1,7 +1,8 @@
 """scleraforce: the force of a needle on the eye, read from a single OCT slice.
 
-`import scleraforce as sf` offers the names that docs/python.md describes; all else is private and may change. Each name
-is imported when it is first used: PyTorch, SciPy, OpenCV and ONNX Runtime are imported lazily.
+`import scleraforce as sf` offers the names that docs/python.md describes; all else is
+private and may change. Each name is imported when it is first used: PyTorch, SciPy,
+OpenCV and ONNX Runtime are imported lazily.
 """
 
 import os
@@ -57,8 +58,9 @@ __all__ = [
     "train",
 ]
 
-# ONNX Runtime keeps a device id and a queue of events in the user's cache and sends them over the network. It reads
-# this when it is imported, and only then. This line precedes that import, and child processes inherit it.
+# ONNX Runtime keeps a device id and a queue of events in the user's cache and sends
+# them over the network. It reads this when it is imported, and only then. This line
+# precedes that import, and child processes inherit it.
 os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
 _MODULES = {
@@ -84,9 +86,10 @@ if not TYPE_CHECKING:
     def __getattr__(name: str) -> object:
         """Import a public name (PEP 562), once."""
         if name == "__version__":
+            # its imports take a tenth of a second
             from importlib.metadata import (
                 version,
-            )  # its imports take a tenth of a second
+            )
 
             value = version("scleraforce")
         elif name in _MODULE_OF:
@@ -95,7 +98,8 @@ if not TYPE_CHECKING:
             value = getattr(import_module(f"scleraforce.{_MODULE_OF[name]}"), name)
         else:
             raise AttributeError(
-                f"module {__name__!r} has no attribute {name!r}; docs/python.md lists what it offers"
+                f"module {__name__!r} has no attribute {name!r}; docs/python.md lists"
+                " what it offers"
             )
 
         globals()[name] = value

@@ -1,4 +1,6 @@
-"""Types of NumPy arrays by their elements; docstrings and the endings of names state shapes, axes and units."""
+"""Types of NumPy arrays by their elements; docstrings and the endings of names state
+shapes, axes and units.
+"""
 
 from typing import Any
 

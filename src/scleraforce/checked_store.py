@@ -1,7 +1,9 @@
-"""Zarr 3 groups that are written part by part, resumable, and checked when they are read.
+"""Zarr 3 groups that are written part by part, resumable, and checked when they are
+read.
 
-Zarr encodes and decodes in memory only, in the layout that the study determines. Files are read as regular ones of a
-limited size, and written whole. At the end the SHA-256 of each chunk, in their order, goes into the group's attributes.
+Zarr encodes and decodes in memory only, in the layout that the study determines. Files
+are read as regular ones of a limited size, and written whole. At the end the SHA-256 of
+each chunk, in their order, goes into the group's attributes.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,7 +42,9 @@ def layout(
     *,
     compressed: bool = False,
 ) -> Layout:
-    """Return the arguments of Zarr's `create_array`: chunks with CRC-32C, written even if they are all zeros."""
+    """Return the arguments of Zarr's `create_array`: chunks with CRC-32C, written even
+    if they are all zeros.
+    """
     compressors = [ZstdCodec(level=3), Crc32cCodec()] if compressed else [Crc32cCodec()]
     return {
         "shape": shape,
@@ -54,10 +58,12 @@ def layout(
 
 @dataclass(frozen=True, kw_only=True)
 class StoreKind:
-    """One kind of store: its noun in messages, the command that makes it, the noun of its units, its schema.
+    """One kind of store: its noun in messages, the command that makes it, the noun of
+    its units, its schema.
 
-    `recipe` is the attribute with the text that a store is made from; beside it is the text's SHA-256. `others` says,
-    by the beginning of a schema, what other stores are for.
+    `recipe` is the attribute with the text that a store is made from; beside it is the
+    text's SHA-256. `others` says, by the beginning of a schema, what other stores are
+    for.
     """
 
     noun: str
@@ -72,7 +78,8 @@ class StoreKind:
         """Return the metadata of a store, complete or not."""
         if not path.is_dir():
             raise self.error(
-                f"{path}: no such {self.noun}; `scleraforce {self.command} --out {path}` makes one"
+                f"{path}: no such {self.noun}; `scleraforce {self.command} --out"
+                f" {path}` makes one"
             )
 
         foreign = f"{path}: not a {self.noun} of scleraforce"
@@ -99,20 +106,25 @@ class StoreKind:
         return found
 
     def complete_attributes(self, path: Path) -> dict[str, Any]:
-        """Return the metadata of a store that is complete, and whose recipe is the one that it was made from."""
+        """Return the metadata of a store that is complete, and whose recipe is the one
+        that it was made from.
+        """
         attributes = self.attributes(path)
         if attributes.get("complete") is not True:
             raise self.error(
-                f"{path}: not complete; the same `scleraforce {self.command}` completes it"
+                f"{path}: not complete; the same `scleraforce {self.command}`"
+                " completes it"
             )
 
         text = attributes.get(self.recipe)
-        # Of the text as it was written: a later version may know more keys, and format the same study differently.
+        # Of the text as it was written: a later version may know more keys, and format
+        # the same study differently.
         if not isinstance(text, str) or sha256(
             text.encode()
         ).hexdigest() != attributes.get(f"{self.recipe}_hash"):
             raise self.error(
-                f"{path}: its {self.recipe} does not match its hash: damaged; make it again"
+                f"{path}: its {self.recipe} does not match its hash: damaged; make it"
+                " again"
             )
 
         return attributes
@@ -121,8 +133,8 @@ class StoreKind:
 class CheckedStore:
     """A store of a kind in a folder, with its arrays in the memory of Zarr.
 
-    `units`: for each unit of work, the index of its chunk in each of its arrays, by name; missing indices are 0.
-    `attributes`: the metadata of a complete store.
+    `units`: for each unit of work, the index of its chunk in each of its arrays, by
+    name; missing indices are 0. `attributes`: the metadata of a complete store.
     """
 
     def __init__(
@@ -150,7 +162,9 @@ class CheckedStore:
     def begin(
         self, attributes: Mapping[str, Any], known: Mapping[str, NDArray[Any]]
     ) -> None:
-        """Create an incomplete store with the `known` arrays, or continue a killed run with the same attributes."""
+        """Create an incomplete store with the `known` arrays, or continue a killed run
+        with the same attributes.
+        """
         path = self._path
         kind = self._kind
 
@@ -162,7 +176,8 @@ class CheckedStore:
                 found = kind.attributes(path)
             except kind.error as fault:
                 raise kind.error(
-                    f"{path}: holds something else than a {kind.noun}; choose another path"
+                    f"{path}: holds something else than a {kind.noun}; choose another"
+                    " path"
                 ) from fault
 
             if found.get("complete") is not False:
@@ -174,7 +189,8 @@ class CheckedStore:
                 None,
             ):
                 raise kind.error(
-                    f"{path}: begun with another {other}; remove it or choose another path"
+                    f"{path}: begun with another {other}; remove it or choose another"
+                    " path"
                 )
 
         for name, values in known.items():
@@ -183,7 +199,9 @@ class CheckedStore:
         self._write({"schema": kind.schema, "complete": False, **attributes})
 
     def missing(self) -> list[int]:
-        """Return the numbers of the units of which a chunk is missing or cannot be read."""
+        """Return the numbers of the units of which a chunk is missing or cannot be
+        read.
+        """
         chunks = (
             [self._is_readable(name, index) for name, index in unit.items()]
             for unit in self._units
@@ -191,7 +209,9 @@ class CheckedStore:
         return [number for number, readable in enumerate(chunks) if not all(readable)]
 
     def write(self, unit: int, values: Mapping[str, NDArray[Any]]) -> None:
-        """Write the chunks of a unit, given by the names of the arrays; first axes of length 1 may be left out."""
+        """Write the chunks of a unit, given by the names of the arrays; first axes of
+        length 1 may be left out.
+        """
         for name, index in self._units[unit].items():
             self.arrays[name].blocks[index] = np.array(
                 values[name], ndmin=self.arrays[name].ndim
@@ -199,7 +219,9 @@ class CheckedStore:
         self._write()
 
     def finish(self) -> None:
-        """Mark a store without missing units as complete, with the hashes of its chunks; clear temporary files."""
+        """Mark a store without missing units as complete, with the hashes of its
+        chunks; clear temporary files.
+        """
         if missing := len(self.missing()):
             lost = f"{missing} of {len(self._units)} {self._kind.parts} are missing"
             raise self._kind.error(f"{self._path}: {lost}; make it again")
@@ -286,7 +308,9 @@ class CheckedStore:
         return read_bytes(self._path / _file(array, index), kind)
 
     def _write(self, attributes: Mapping[str, Any] | None = None) -> None:
-        """Write what Zarr has in memory, and the store's attributes, into the folder."""
+        """Write what Zarr has in memory, and the store's attributes, into the
+        folder.
+        """
         if attributes:
             self._group.update_attributes(dict(attributes))
         for name, content in self._files.items():

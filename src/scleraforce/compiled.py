@@ -1,7 +1,9 @@
-"""Loops over arrays that Numba compiles: once for a user, at installation or at the first call.
+"""Loops over arrays that Numba compiles: once for a user, at installation or at the
+first call.
 
-The machine code is cached under a hash of the sources, so that versions share no code. Modules with such
-loops are imported only to read frames, to fit or to solve load paths, as the import of Numba takes 0.2 s.
+The machine code is cached under a hash of the sources, so that versions share no code.
+Modules with such loops are imported only to read frames, to fit or to solve load paths,
+as the import of Numba takes 0.2 s.
 """
 
 import pickle
@@ -27,8 +29,9 @@ Loops = TypeVar("Loops", bound=Callable[..., object])
 def compiled(loops: Loops) -> Loops:
     """Return a function of loops over arrays as machine code.
 
-    It is compiled at the first call with arguments of some types, which takes seconds, and cached for all later
-    processes. It runs without the lock of the interpreter, and rounds as the plain function does.
+    It is compiled at the first call with arguments of some types, which takes seconds,
+    and cached for all later processes. It runs without the lock of the interpreter, and
+    rounds as the plain function does.
     """
     from numba import njit
 
@@ -38,7 +41,9 @@ def compiled(loops: Loops) -> Loops:
 
 
 def compiled_part(loops: Loops, counts: bool = True) -> Loops:
-    """Return a function of loops that only other compiled functions call: it is compiled and cached within them."""
+    """Return a function of loops that only other compiled functions call: it is
+    compiled and cached within them.
+    """
     from numba import njit
 
     options: Any = {
@@ -55,16 +60,20 @@ def compiled_part(loops: Loops, counts: bool = True) -> Loops:
 
 
 def compiled_in_place(loops: Loops) -> Loops:
-    """Return a part that makes and returns no array: without counts of references it takes a third of the time.
+    """Return a part that makes and returns no array: without counts of references it
+    takes a third of the time.
 
-    Numba counts each look at an array of a tuple, and refuses to compile a part that makes an array without counts.
+    Numba counts each look at an array of a tuple, and refuses to compile a part that
+    makes an array without counts.
     """
     return compiled_part(loops, counts=False)
 
 
 @cache
 def _part_compiler() -> Any:
-    """Return Numba's compiler of parts: LLVM optimises each only within its callers, not once more for every level."""
+    """Return Numba's compiler of parts: LLVM optimises each only within its callers,
+    not once more for every level.
+    """
     codegen, compiler = (
         import_module(f"numba.core.{name}") for name in ("codegen", "compiler")
     )
@@ -101,10 +110,12 @@ def _part_compiler() -> Any:
 
 @cache
 def _code_file() -> Any:
-    """Return the class of a function's machine code on disk, which is loaded without the compiler's modules.
+    """Return the class of a function's machine code on disk, which is loaded without
+    the compiler's modules.
 
-    Numba would import its implementations of all functions first, which takes longer than the import of Numba, and
-    parse each function's form for the linker, which only the compilation of a caller needs.
+    Numba would import its implementations of all functions first, which takes longer
+    than the import of Numba, and parse each function's form for the linker, which only
+    the compilation of a caller needs.
     """
     event, caching, codegen, environment, runtime = (
         import_module(f"numba.core.{name}")
@@ -112,7 +123,9 @@ def _code_file() -> Any:
     )
 
     def environment_of(module: str, constants: list[Any], name: str) -> Any:
-        """Return a called function's environment; its globals serve the interpreter only, so no module is imported."""
+        """Return a called function's environment; its globals serve the interpreter
+        only, so no module is imported.
+        """
         found = environment.lookup_environment(name)
         if found is None:
             found = environment.Environment({"__name__": module})
@@ -131,7 +144,9 @@ def _code_file() -> Any:
             )
 
     class Locator(caching._CacheLocator):  # type: ignore[misc, name-defined]  # Numba has hardly any types
-        """The folder of a module's machine code, the same for every copy of the package with the same sources."""
+        """The folder of a module's machine code, the same for every copy of the package
+        with the same sources.
+        """
 
         def __init__(self, loops: Callable[..., object], _: str) -> None:
             self._folder = str(
@@ -226,9 +241,10 @@ def _code_file() -> Any:
 
 @cache
 def _code_cache(module: str) -> Path:
+    # imported here: what compiles nothing need not wait for it
     from platformdirs import (
         user_cache_path,
-    )  # imported here: what compiles nothing need not wait for it
+    )
 
     content = b"".join(file.read_bytes() for file in sorted(_deciding(module)))
 
@@ -240,7 +256,9 @@ def _code_cache(module: str) -> Path:
 
 
 def _deciding(module: str) -> set[Path]:
-    """Return the sources of a module's machine code: Numba does not notice a change of a called function."""
+    """Return the sources of a module's machine code: Numba does not notice a change of
+    a called function.
+    """
     found: set[Path] = set()
     waiting = [module, "compiled"]
 
@@ -250,8 +268,9 @@ def _deciding(module: str) -> set[Path]:
             found.add(file)
             for imported, names in IMPORT.findall(file.read_text(encoding="utf-8")):
                 waiting.append(imported)
+                # of a package: its modules
                 waiting += (
                     f"{imported}.{part.split()[0]}" for part in names.split(",")
-                )  # of a package: its modules
+                )
 
     return found

@@ -15,7 +15,8 @@
     ├── MessageError             a process of the monitor sent another an invalid message: exit code 1
     └── LinkError                a connection was lost, or its other end is not what was expected: exit code 1
 
-A message is one line: where (file and field), what was found, what to do or what is allowed.
+A message is one line: where (file and field), what was found, what to do or what is
+allowed.
 """
 
 
@@ -60,7 +61,9 @@ class ModelError(InputError):
 
 
 class ProtocolError(InputError):
-    """Bytes of a peer that are not the protocol, or a message that the protocol cannot carry."""
+    """Bytes of a peer that are not the protocol, or a message that the protocol cannot
+    carry.
+    """
 
 
 class SolverError(ScleraforceError):

@@ -1,4 +1,6 @@
-"""Checks of an installation: packages, the machine, and small runs with known results."""
+"""Checks of an installation: packages, the machine, and small runs with known
+results.
+"""
 
 import os
 import re
@@ -40,7 +42,9 @@ from scleraforce.units import from_si, to_si
 
 @dataclass(frozen=True)
 class Finding:
-    """One check: its name, its state ("missing" is optional, "failed" is not), the result in words, a remedy."""
+    """One check: its name, its state ("missing" is optional, "failed" is not), the
+    result in words, a remedy.
+    """
 
     name: str
     state: Literal["ok", "missing", "failed"]
@@ -119,13 +123,15 @@ LEAST_CORES = 2
 LEAST_MEMORY_GIB = 4
 LEAST_DISK_GIB = 1
 REAL_TIME = (
-    "import sys; from scleraforce.service.watchdog import MONITOR_PRIORITY, run_in_real_time; sys.exit(not "
-    "run_in_real_time(MONITOR_PRIORITY))"
+    "import sys; from scleraforce.service.watchdog import MONITOR_PRIORITY,"
+    " run_in_real_time; sys.exit(not run_in_real_time(MONITOR_PRIORITY))"
 )
 
 
 def machine() -> Iterator[Finding]:
-    """Check cores, memory, real-time priority, and the user's cache, which stores libraries."""
+    """Check cores, memory, real-time priority, and the user's cache, which stores
+    libraries.
+    """
     cores = available_cores()
     memory = _memory_bytes()
     remedy = "the monitor wants two: one for itself, one for what checks it"
@@ -146,7 +152,10 @@ def machine() -> Iterator[Finding]:
             == 0
         )
         words = "SCHED_FIFO is allowed" if allowed else "no right to SCHED_FIFO"
-        remedy = "for the monitor: a line `USER - rtprio 20` in /etc/security/limits.conf, then log in again"
+        remedy = (
+            "for the monitor: a line `USER - rtprio 20` in /etc/security/limits.conf,"
+            " then log in again"
+        )
         yield _enough("real time", words, allowed, remedy)
     else:
         yield Finding(
@@ -200,7 +209,10 @@ DEPTH_M = 0.5e-3
 TIP_M = 1.5e-3
 FORCES_AGREE = 2e-3  # of a path and of the library between its paths
 READ_WITHIN_N = 1e-3
-AGAIN = "install anew in a fresh environment; if it stays, report it with the output of `scleraforce doctor --json`"
+AGAIN = (
+    "install anew in a fresh environment; if it stays, report it with the output of"
+    " `scleraforce doctor --json`"
+)
 
 
 def tried(name: str) -> Finding:
@@ -246,7 +258,10 @@ def _solve() -> Finding:
     walls = np.array([THICKNESS_M]), np.array([IOP_PA / MODULUS_PA])
     expected = float(_reader().library.forces(*walls, np.array([TIP_M]))[0])
     solved = float(_path().force_ratio_m2[-1])
-    words = f"{from_si(solved * MODULUS_PA, 'mn'):.2f} mN at a dent of {from_si(TIP_M, 'mm'):g} mm"
+    words = (
+        f"{from_si(solved * MODULUS_PA, 'mn'):.2f} mN at a dent of"
+        f" {from_si(TIP_M, 'mm'):g} mm"
+    )
 
     if abs(solved / expected - 1.0) > FORCES_AGREE:
         return Finding(
@@ -282,7 +297,9 @@ def _read() -> Finding:
 
 
 def _train() -> Finding:
-    """Train a reader for one short epoch: it is worth nothing, but all training code has run."""
+    """Train a reader for one short epoch: it is worth nothing, but all training code
+    has run.
+    """
     try:
         from scleraforce.learning.train import train_reader
     except InputError as fault:

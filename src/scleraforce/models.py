@@ -1,6 +1,8 @@
-"""The model folder: network, study, card, a reader's library, and `model.json` with their SHA-256; the bundled ones.
+"""The model folder: network, study, card, a reader's library, and `model.json` with
+their SHA-256; the bundled ones.
 
-Reading refuses a file that does not match `model.json`, so that a network never runs beside another one's study.
+Reading refuses a file that does not match `model.json`, so that a network never runs
+beside another one's study.
 """
 
 import hashlib
@@ -24,7 +26,9 @@ from scleraforce.whole_files import KINDS, read_bytes, write_whole_folder
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession  # type: ignore[import-untyped]  # it ships no types
 
-EXTERNAL = b"location"  # the key of data in other files (onnx.proto, TensorProto.external_data); our models have none
+# the key of data in other files (onnx.proto, TensorProto.external_data); our models
+# have none
+EXTERNAL = b"location"
 
 FOLDER = Path(__file__).parent / "shipped"
 SHIPPED_READER = FOLDER / "default"
@@ -40,7 +44,8 @@ SHIPPED = {
 
 
 def model_folder(given: Path) -> Path:
-    """Return the folder of MODEL: itself if it exists, else the bundled model of that name.
+    """Return the folder of MODEL: itself if it exists, else the bundled model of that
+    name.
 
     >>> model_folder(Path("default")) == SHIPPED_READER
     True
@@ -51,7 +56,8 @@ def model_folder(given: Path) -> Path:
 
 
 def model_name(folder: Path) -> str:
-    """Return MODEL's name for a folder: its path, or the name of a bundled model, wherever it is installed.
+    """Return MODEL's name for a folder: its path, or the name of a bundled model,
+    wherever it is installed.
 
     >>> model_name(SHIPPED_READER), model_name(Path("models/mine"))
     ('default', 'models/mine')
@@ -77,14 +83,15 @@ FILES["reader"] = (*COMMON_FILES, LIBRARY_FILE)
 
 
 Files = Mapping[str, bytes]  # contents by name
-Interface = Mapping[
-    str, tuple[str, list[int]]
-]  # type and shape of each input or output
+# type and shape of each input or output
+Interface = Mapping[str, tuple[str, list[int]]]
 
 
 @dataclass(frozen=True)
 class ModelFolder:
-    """The checked content of a model folder: the bytes of its files by name, and `model.json`."""
+    """The checked content of a model folder: the bytes of its files by name, and
+    `model.json`.
+    """
 
     path: Path
     files: Files
@@ -97,7 +104,9 @@ def sha256(content: bytes) -> str:
 
 
 def read_folder(path: Path, kinds: tuple[str, ...] = tuple(FILES)) -> ModelFolder:
-    """Read a model folder of some kinds, or the shipped one of that name, and check its files; raises `ModelError`."""
+    """Read a model folder of some kinds, or the shipped one of that name, and check its
+    files; raises `ModelError`.
+    """
     path = model_folder(path)
     if not path.is_dir():
         bundled = ", ".join(SHIPPED)
@@ -109,7 +118,8 @@ def read_folder(path: Path, kinds: tuple[str, ...] = tuple(FILES)) -> ModelFolde
     record = _read_record(path / RECORD_FILE)
     if record["kind"] not in kinds:
         raise ModelError(
-            f"{path}: kind: found {record['kind']!r}, a {' or '.join(kinds)} is needed here"
+            f"{path}: kind: found {record['kind']!r}, a {' or '.join(kinds)} is needed"
+            " here"
         )
 
     places = {name: path / name for name in FILES[record["kind"]]}
@@ -121,8 +131,8 @@ def read_folder(path: Path, kinds: tuple[str, ...] = tuple(FILES)) -> ModelFolde
         places[LIBRARY_FILE] = SHIPPED_READER / LIBRARY_FILE
         hashes = {
             **hashes,
-            LIBRARY_FILE: _read_record(SHIPPED_READER / RECORD_FILE)["files"].get(
-                LIBRARY_FILE
+            LIBRARY_FILE: (
+                _read_record(SHIPPED_READER / RECORD_FILE)["files"].get(LIBRARY_FILE)
             ),
         }
 
@@ -133,9 +143,13 @@ def read_folder(path: Path, kinds: tuple[str, ...] = tuple(FILES)) -> ModelFolde
         expected = hashes.get(name)
         found = sha256(content)
         if expected != found:
-            wrong = f"SHA-256 {found[:12]}… is not the {str(expected)[:12]}… of {path / RECORD_FILE}"
+            wrong = (
+                f"SHA-256 {found[:12]}… is not the {str(expected)[:12]}… of"
+                f" {path / RECORD_FILE}"
+            )
             raise ModelError(
-                f"{places[name]}: {wrong}; the file was changed after training: train the model again"
+                f"{places[name]}: {wrong}; the file was changed after training: train"
+                " the model again"
             )
 
     return ModelFolder(path, MappingProxyType(files), MappingProxyType(record))
@@ -150,7 +164,8 @@ def _read_record(path: Path) -> dict[str, Any]:
     if not isinstance(record, dict) or record.get("format") != MODEL_FORMAT:
         found = reprlib.repr(record.get("format") if isinstance(record, dict) else None)
         raise ModelError(
-            f"{path}: format: found {found}, this version reads {MODEL_FORMAT}; train the model again"
+            f"{path}: format: found {found}, this version reads {MODEL_FORMAT}; train"
+            " the model again"
         )
     if record.get("kind") not in list(FILES):
         found = reprlib.repr(record.get("kind"))
@@ -164,7 +179,9 @@ def _read_record(path: Path) -> dict[str, Any]:
 
 
 def check_place(out: Path) -> None:
-    """Check, before any work is done, that a model folder can be made; raises `ModelError`."""
+    """Check, before any work is done, that a model folder can be made; raises
+    `ModelError`.
+    """
     if out.exists() or out.is_symlink():
         raise ModelError(f"{out}: exists already; remove it or choose another folder")
 
@@ -187,7 +204,9 @@ def write_folder(
     record: Mapping[str, Any],
     more: Files = MappingProxyType({}),
 ) -> None:
-    """Write a model folder whole or not at all; raises `ModelError`, or `InputError` if the disk refuses it."""
+    """Write a model folder whole or not at all; raises `ModelError`, or `InputError` if
+    the disk refuses it.
+    """
     check_place(out)
     files = {
         NETWORK_FILE: network,
@@ -216,7 +235,8 @@ def network_session(network: bytes, place: str, threads: int) -> "InferenceSessi
     """Return a session of a network on the CPU; raises `ModelError`."""
     import onnxruntime
 
-    # `scleraforce` switches telemetry off before ONNX Runtime is imported; this is for those who imported that first.
+    # `scleraforce` switches telemetry off before ONNX Runtime is imported; this is for
+    # those who imported that first.
     onnxruntime.disable_telemetry_events()
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
@@ -229,7 +249,8 @@ def network_session(network: bytes, place: str, threads: int) -> "InferenceSessi
         )
 
     try:
-        # There is no other provider to fall back to, and it would print to standard output that it does.
+        # There is no other provider to fall back to, and it would print to standard
+        # output that it does.
         return onnxruntime.InferenceSession(
             network, options, providers=["CPUExecutionProvider"], enable_fallback=0
         )
@@ -244,7 +265,9 @@ def network_session(network: bytes, place: str, threads: int) -> "InferenceSessi
 def folder_session(
     folder: ModelFolder, threads: int
 ) -> tuple["InferenceSession", dict[str, str]]:
-    """Return a session of a folder's network and the network's metadata; raises `ModelError`."""
+    """Return a session of a folder's network and the network's metadata; raises
+    `ModelError`.
+    """
     place = str(folder.path / NETWORK_FILE)
     session = network_session(folder.files[NETWORK_FILE], place, threads)
 
@@ -262,14 +285,17 @@ def check_provenance(folder: ModelFolder, metadata: Mapping[str, str]) -> None:
     if stated != sha256(folder.files[STUDY_FILE]):
         place = folder.path / NETWORK_FILE
         raise ModelError(
-            f"{place}: study_sha256: {stated} is not the study in {STUDY_FILE}; train the model again"
+            f"{place}: study_sha256: {stated} is not the study in {STUDY_FILE}; train"
+            " the model again"
         )
 
 
 def check_interface(
     session: "InferenceSession", inputs: Interface, outputs: Interface, place: str
 ) -> None:
-    """Check types and shapes, without the first axis, of a network's inputs and outputs; raises `ModelError`."""
+    """Check types and shapes, without the first axis, of a network's inputs and
+    outputs; raises `ModelError`.
+    """
     sides = (
         ("inputs", session.get_inputs(), inputs),
         ("outputs", session.get_outputs(), outputs),

@@ -1,11 +1,14 @@
-"""OpenIGTLink, the protocol of image-guided therapy: records to bytes and bytes to events, with no socket in it.
+"""OpenIGTLink, the protocol of image-guided therapy: records to bytes and bytes to
+events, with no socket in it.
 
-Layout after the OpenIGTLink specification, `igtl_header.h`, `igtlMessageBase.cxx` and the messages' own headers; all
-integers are big endian, except the pixels of an image, whose order it states.
+Layout after the OpenIGTLink specification, `igtl_header.h`, `igtlMessageBase.cxx` and
+the messages' own headers; all integers are big endian, except the pixels of an image,
+whose order it states.
 
-A message with a wrong checksum or content is an event, and the stream continues, because the message's size is known.
-After an invalid header or a body that is too large the stream cannot be followed: the last event is `Broken`, the state
-is ERROR, and further bytes are refused.
+A message with a wrong checksum or content is an event, and the stream continues,
+because the message's size is known. After an invalid header or a body that is too large
+the stream cannot be followed: the last event is `Broken`, the state is ERROR, and
+further bytes are refused.
 """
 
 import math
@@ -28,9 +31,8 @@ VERSIONS = (1, 2, 3)
 HEADER = struct.Struct(">H12s20sQQQ")
 EXTENDED = struct.Struct(">HHII")
 METADATA_ENTRY = struct.Struct(">HHI")
-MAX_METADATA_BYTES = (
-    16 * 1024
-)  # index and texts; 2,000 entries take a millisecond to read
+# index and texts; 2,000 entries take a millisecond to read
+MAX_METADATA_BYTES = 16 * 1024
 FRACTION = 1 << 32
 UTF_8 = 106  # IANA's MIBenum
 ASCII = 3
@@ -38,7 +40,9 @@ ASCII = 3
 
 @dataclass(frozen=True)
 class Header:
-    """The header of a message: `time_s` since 1970 (to a quarter of a microsecond), `crc` of the body as sent."""
+    """The header of a message: `time_s` since 1970 (to a quarter of a microsecond),
+    `crc` of the body as sent.
+    """
 
     version: int
     type: str
@@ -72,7 +76,9 @@ def pack_header(header: Header) -> bytes:
 
 
 def unpack_header(data: bytes | bytearray | memoryview) -> Header:
-    """Read 58 bytes; without a header of versions 1 to 3 raise ProtocolError: the place of the next one is unknown."""
+    """Read 58 bytes; without a header of versions 1 to 3 raise ProtocolError: the place
+    of the next one is unknown.
+    """
     version, type_field, device, fixed, body_bytes, crc = HEADER.unpack(data)
     type_name = type_field.split(b"\0")[0].decode("latin-1")
     if version not in VERSIONS:
@@ -92,7 +98,9 @@ def unpack_header(data: bytes | bytearray | memoryview) -> Header:
 def wrap_body(
     content: bytes, version: int, message_id: int, metadata: Mapping[str, str]
 ) -> bytes:
-    """Put the extended header before the content and the metadata behind it (nothing in version 1)."""
+    """Put the extended header before the content and the metadata behind it (nothing in
+    version 1).
+    """
     if version == 1:
         if metadata or message_id:
             raise ProtocolError("metadata and message id: need header version 2 or 3")
@@ -123,7 +131,9 @@ def wrap_body(
 def split_body(
     body: memoryview, version: int
 ) -> tuple[memoryview, int, dict[str, str]]:
-    """Split a body into content, message id and metadata; raise ProtocolError if the sizes contradict each other."""
+    """Split a body into content, message id and metadata; raise ProtocolError if the
+    sizes contradict each other.
+    """
     if version == 1:
         return body, 0, {}
     if len(body) < EXTENDED.size:
@@ -137,7 +147,8 @@ def split_body(
     end = len(body) - index_bytes - text_bytes
     if extended < EXTENDED.size or end < extended:
         raise ProtocolError(
-            f"extended header: {extended} + {index_bytes} + {text_bytes} bytes in {len(body)}"
+            f"extended header: {extended} + {index_bytes} + {text_bytes} bytes in"
+            f" {len(body)}"
         )
 
     metadata = _metadata(body[end : end + index_bytes], body[end + index_bytes :])
@@ -199,10 +210,12 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 class Image:
     """One image, or a part of one.
 
-    `pixels` are (slice, row, column) or (slice, row, column, component), int8, uint8, int16 or uint16 in this machine's
-    byte order, and read-only if received. `matrix` has the steps to the next column, row and slice, then the centre's
-    position, mm. `size` is columns, rows and slices of the whole image, None if `pixels` is all of it, and `offset` the
-    column, row and slice where `pixels` begins. `coordinates` is 1 for RAS, 2 for LPS.
+    `pixels` are (slice, row, column) or (slice, row, column, component), int8, uint8,
+    int16 or uint16 in this machine's byte order, and read-only if received. `matrix`
+    has the steps to the next column, row and slice, then the centre's position, mm.
+    `size` is columns, rows and slices of the whole image, None if `pixels` is all of
+    it, and `offset` the column, row and slice where `pixels` begins. `coordinates` is 1
+    for RAS, 2 for LPS.
     """
 
     pixels: NDArray[Any]
@@ -213,7 +226,9 @@ class Image:
 
 
 def pack_image(image: Image, *, little_endian: bool = True) -> bytes:
-    """Return the body of an image; raise ProtocolError if the message cannot state its pixels, shape or place."""
+    """Return the body of an image; raise ProtocolError if the message cannot state its
+    pixels, shape or place.
+    """
     pixels = image.pixels
     if pixels.ndim not in (3, 4) or pixels.dtype not in CODES or not pixels.size:
         kind = f"{pixels.dtype} {pixels.shape}"
@@ -229,7 +244,8 @@ def pack_image(image: Image, *, little_endian: bool = True) -> bytes:
 
     if max(size) > 0xFFFF or components > 0xFF or elements != 12:
         raise ProtocolError(
-            f"image of {size}, {components} components, {elements} matrix elements: out of range"
+            f"image of {size}, {components} components, {elements} matrix elements: out"
+            " of range"
         )
 
     order = 2 if little_endian else 1
@@ -255,7 +271,9 @@ def pack_image(image: Image, *, little_endian: bool = True) -> bytes:
 
 
 def unpack_image(body: memoryview) -> Image:
-    """Read the body of an image; pixels in this machine's byte order, at an even place, are a view into the body."""
+    """Read the body of an image; pixels in this machine's byte order, at an even place,
+    are a view into the body.
+    """
     if len(body) < HEAD.size:
         raise ProtocolError(f"IMAGE: {len(body)} bytes, must be at least {HEAD.size}")
 
@@ -319,7 +337,9 @@ NO_METADATA: Mapping[str, str] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class Status:
-    """STATUS; of the codes 1 is OK, 3 emergency, 7 timeout, 9 checksum, 13 not ready; `name` is that of the error."""
+    """STATUS; of the codes 1 is OK, 3 emergency, 7 timeout, 9 checksum, 13 not ready;
+    `name` is that of the error.
+    """
 
     code: int
     subcode: int = 0
@@ -336,7 +356,9 @@ class Text:
 
 @dataclass(frozen=True)
 class Sensor:
-    """SENSOR: up to 255 numbers; `unit` is the 64 bits of the protocol's unit field. Numbers may be NaN: check them."""
+    """SENSOR: up to 255 numbers; `unit` is the 64 bits of the protocol's unit field.
+    Numbers may be NaN: check them.
+    """
 
     values: tuple[float, ...]
     unit: int = 0
@@ -360,7 +382,9 @@ class Transform:
 
 @dataclass(frozen=True)
 class Query:
-    """GET_...: a peer asks for a message of this type: "STATUS", "IMAGE", "TRANSFORM" (GET_TRANS on the wire)."""
+    """GET_...: a peer asks for a message of this type: "STATUS", "IMAGE", "TRANSFORM"
+    (GET_TRANS on the wire).
+    """
 
     type: str
 
@@ -379,8 +403,8 @@ def encode(
 ) -> bytes:
     """Return a whole message as bytes, with a header of the peer's version, 1 to 3.
 
-    The name of the device is ASCII, at most 20 characters. Version 1 has neither message id nor metadata. What does
-    not fit into the message is a ProtocolError.
+    The name of the device is ASCII, at most 20 characters. Version 1 has neither
+    message id nor metadata. What does not fit into the message is a ProtocolError.
     """
     name, content = _pack(message)
     body = wrap_body(content, version, message_id, metadata)
@@ -399,16 +423,22 @@ def _pack(message: Message) -> tuple[str, bytes]:
             case Status(code, subcode, name, text):
                 if len(text.encode()) > MAX_TEXT_BYTES:
                     raise ProtocolError(
-                        f"STATUS: a message of {len(text.encode())} bytes, at most {MAX_TEXT_BYTES}"
+                        f"STATUS: a message of {len(text.encode())} bytes, at most"
+                        f" {MAX_TEXT_BYTES}"
                     )
 
-                return "STATUS", STATUS.pack(
-                    code, subcode, pack_name(name, 20)
-                ) + text.encode() + b"\0"
+                return (
+                    "STATUS",
+                    STATUS.pack(code, subcode, pack_name(name, 20))
+                    + text.encode()
+                    + b"\0",
+                )
             case Text(text):
-                return "STRING", STRING.pack(
-                    ASCII if text.isascii() else UTF_8, len(text.encode())
-                ) + text.encode()
+                return (
+                    "STRING",
+                    STRING.pack(ASCII if text.isascii() else UTF_8, len(text.encode()))
+                    + text.encode(),
+                )
             case Sensor(values, unit, status):
                 return "SENSOR", SENSOR.pack(len(values), status, unit) + struct.pack(
                     f">{len(values)}d", *values
@@ -484,9 +514,8 @@ def _until_nul(field: bytes) -> str:
 
 
 MAX_BODY_BYTES = 16 * 1024 * 1024  # a 16-bit volume of 2048 x 2048 x 2
-HEADERS_BYTES = (
-    4096  # lent at once for headers, so that one `received` stays below a millisecond
-)
+# lent at once for headers, so that one `received` stays below a millisecond
+HEADERS_BYTES = 4096
 PASSED_BYTES = 64 * 1024  # lent at once for a body that is skipped
 
 
@@ -545,7 +574,8 @@ class DecoderState(Enum):
 class Decoder:
     """An incremental decoder of one peer's bytes; it holds at most one message.
 
-    A header that states more than `max_body_bytes` breaks the stream; the limit may be changed for later headers.
+    A header that states more than `max_body_bytes` breaks the stream; the limit may be
+    changed for later headers.
     """
 
     def __init__(self, max_body_bytes: int = MAX_BODY_BYTES) -> None:
@@ -572,7 +602,8 @@ class Decoder:
         return self.state is DecoderState.HEADER and not self._head
 
     def space(self) -> memoryview:
-        """Lend the buffer for the next bytes, never empty; it is valid until the next call of another method.
+        """Lend the buffer for the next bytes, never empty; it is valid until the next
+        call of another method.
 
         Like `received` and `feed`, it raises ProtocolError if the stream broke earlier.
         """
@@ -581,13 +612,17 @@ class Decoder:
             return self._room[-self._left :]
 
         return self._scratch[
-            : HEADERS_BYTES
-            if self.state is DecoderState.HEADER
-            else min(self._left, PASSED_BYTES)
+            : (
+                HEADERS_BYTES
+                if self.state is DecoderState.HEADER
+                else min(self._left, PASSED_BYTES)
+            )
         ]
 
     def received(self, count: int) -> tuple[PeerEvent, ...]:
-        """Take the first `count` bytes of the lent buffer; return the events that are complete, in order."""
+        """Take the first `count` bytes of the lent buffer; return the events that are
+        complete, in order.
+        """
         room = self.space()
         if not 0 <= count <= len(room):
             raise ValueError(f"{count} bytes received: {len(room)} were lent")
@@ -598,7 +633,9 @@ class Decoder:
         return () if event is None else (event,)
 
     def feed(self, data: bytes | bytearray | memoryview) -> tuple[PeerEvent, ...]:
-        """Take the next bytes of the stream, in pieces of any size; return the events that are complete, in order."""
+        """Take the next bytes of the stream, in pieces of any size; return the events
+        that are complete, in order.
+        """
         self._refuse_if_broken()
         return self._take(memoryview(data))
 
@@ -632,12 +669,15 @@ class Decoder:
         return used, self._advance(used)
 
     def _begin(self) -> PeerEvent | None:
-        """Read a complete header; memory for its body is taken only once its size is known to be allowed."""
+        """Read a complete header; memory for its body is taken only once its size is
+        known to be allowed.
+        """
         try:
             self._header = unpack_header(self._head)
             if self._header.body_bytes > self.max_body_bytes:
                 raise ProtocolError(
-                    f"body of {self._header.body_bytes} bytes: at most {self.max_body_bytes}"
+                    f"body of {self._header.body_bytes} bytes: at most"
+                    f" {self.max_body_bytes}"
                 )
         except ProtocolError as error:
             self.state = DecoderState.ERROR
@@ -653,14 +693,18 @@ class Decoder:
         return None if size else self._end()
 
     def _advance(self, count: int) -> PeerEvent | None:
-        """Count bytes of the body that are in place; the checksum is updated on the way."""
+        """Count bytes of the body that are in place; the checksum is updated on the
+        way.
+        """
         if self.state is DecoderState.BODY and count:
             self._crc = ecma_182(self._room[-self._left :][:count], self._crc)
         self._left -= count
         return None if self._left else self._end()
 
     def _end(self) -> PeerEvent:
-        """Return the event of a complete body; the decoder keeps no reference to the body."""
+        """Return the event of a complete body; the decoder keeps no reference to the
+        body.
+        """
         header = self._header
         body = self._body
         crc = self._crc

@@ -7,7 +7,8 @@ from typing import Any
 
 
 def finite(value: Any) -> Any:
-    """Return a value with null for each number in it that is not finite, and lists for tuples.
+    """Return a value with null for each number in it that is not finite, and lists for
+    tuples.
 
     >>> finite({"force_mn": float("nan"), "interval_mn": (1.0, 2.0)})
     {'force_mn': None, 'interval_mn': [1.0, 2.0]}
@@ -25,7 +26,8 @@ def finite(value: Any) -> Any:
 
 
 def parse_json(content: str | bytes) -> Any:
-    """Read untrusted JSON: no number that is not finite or very long, no repeated key, no deep nesting; or ValueError.
+    """Read untrusted JSON: no number that is not finite or very long, no repeated key,
+    no deep nesting; or ValueError.
 
     >>> parse_json('{"force_mn": NaN}')
     Traceback (most recent call last):

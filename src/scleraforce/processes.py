@@ -1,8 +1,10 @@
-"""Work on numbered units in processes or on a Dask cluster (extra `[cluster]`), by executors of `concurrent.futures`.
+"""Work on numbered units in processes or on a Dask cluster (extra `[cluster]`), by
+executors of `concurrent.futures`.
 
-Consecutive units may share what is costly to prepare. So each process is an executor of its own with a contiguous run
-of units; it takes units from the end of the longest other run only when its own is done. A cluster's scheduler gives a
-unit to another worker if one dies. Results come to this process, which alone writes.
+Consecutive units may share what is costly to prepare. So each process is an executor of
+its own with a contiguous run of units; it takes units from the end of the longest other
+run only when its own is done. A cluster's scheduler gives a unit to another worker if
+one dies. Results come to this process, which alone writes.
 """
 
 import logging
@@ -40,7 +42,8 @@ CONNECT_S = 10.0
 
 
 class ClusterWorkers(int):
-    """The number of threads of a Dask scheduler's workers, at least 1, with the scheduler's address.
+    """The number of threads of a Dask scheduler's workers, at least 1, with the
+    scheduler's address.
 
     Every function that takes a number of workers takes this one instead.
     """
@@ -49,7 +52,8 @@ class ClusterWorkers(int):
 
 
 def cluster_workers(scheduler: str) -> ClusterWorkers:
-    """Return the workers of a Dask scheduler at an address like tcp://127.0.0.1:8786; work waits until it has some.
+    """Return the workers of a Dask scheduler at an address like tcp://127.0.0.1:8786;
+    work waits until it has some.
 
     It raises `InputError` if Dask is not installed, or no scheduler answers.
     """
@@ -63,23 +67,29 @@ def cluster_workers(scheduler: str) -> ClusterWorkers:
 def _submitting_to_cluster(work: bytes, workers: ClusterWorkers) -> Iterator[Submit]:
     """Give a function that submits a unit; each worker gets `work` once.
 
-    It raises `InputError` if the scheduler no longer answers, `SolverError` if it ended or a unit killed workers.
+    It raises `InputError` if the scheduler no longer answers, `SolverError` if it ended
+    or a unit killed workers.
     """
     with _connected(workers.scheduler) as client:
         import distributed
         from distributed.comm.core import CommClosedError
 
-        # As the result of a task it is sent to each worker once, and survives the death of any.
+        # As the result of a task it is sent to each worker once, and survives the death
+        # of any.
         kept = client.submit(bytes, work, pure=False)
 
         try:
             yield partial(client.get_executor(pure=False).submit, _do, kept)
         except distributed.KilledWorker as fault:
-            found = f"{workers.scheduler}: its workers die one after the other ({fault}); see their logs"
+            found = (
+                f"{workers.scheduler}: its workers die one after the other ({fault});"
+                " see their logs"
+            )
             raise SolverError(found) from fault
         except (CancelledError, CommClosedError) as fault:
             raise SolverError(
-                f"{workers.scheduler}: the scheduler has ended; run the same command again"
+                f"{workers.scheduler}: the scheduler has ended; run the same command"
+                " again"
             ) from fault
 
 
@@ -92,9 +102,8 @@ def _connected(scheduler: str) -> Any:
         ) from fault
 
     client: Any = distributed.Client  # without type annotations
-    logging.getLogger("distributed").setLevel(
-        logging.CRITICAL
-    )  # a lost scheduler is reported above
+    # a lost scheduler is reported above
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
 
     try:
         return client(scheduler, timeout=CONNECT_S, set_as_default=False)
@@ -104,15 +113,20 @@ def _connected(scheduler: str) -> Any:
         ) from fault
 
 
-# A process is started by `python -c`, which would take a `signal.py` of the current folder for the standard library's.
+# A process is started by `python -c`, which would take a `signal.py` of the current
+# folder for the standard library's.
 OWN_MODULES = {"PYTHONSAFEPATH": "1"}
 THREAD_SETTINGS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-AHEAD = 8  # submitted units for each worker of a cluster: neither it nor the scheduler holds all of a large run
+# submitted units for each worker of a cluster: neither it nor the scheduler holds all
+# of a large run
+AHEAD = 8
 LEAST_AHEAD = 256  # submitted units of a cluster at least: workers may join later
 
 
 def available_cores() -> int:
-    """Return the number of cores that this process may use; of the machine, if the system has no such limit."""
+    """Return the number of cores that this process may use; of the machine, if the
+    system has no such limit.
+    """
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -121,12 +135,15 @@ def available_cores() -> int:
 def work_units(
     prepare: Callable[[], Callable[[int], Result]], units: Sequence[int], workers: int
 ) -> Generator[tuple[int, Result], None, None]:
-    """Work on numbered units in at most `workers` processes; yield (unit, result) in the order of completion.
+    """Work on numbered units in at most `workers` processes; yield (unit, result) in
+    the order of completion.
 
-    A single worker is a process too: every number is then computed in the same way, with one thread of BLAS. The
-    processes are spawned and end when the iterator is closed. `prepare` is pickled and called once in each process, or
-    thread of a cluster's worker; it returns the function of a unit. It raises the `ScleraforceError` that a worker
-    raised, and `SolverError` if a worker died or could not be started.
+    A single worker is a process too: every number is then computed in the same way,
+    with one thread of BLAS. The processes are spawned and end when the iterator is
+    closed. `prepare` is pickled and called once in each process, or thread of a
+    cluster's worker; it returns the function of a unit. It raises the
+    `ScleraforceError` that a worker raised, and `SolverError` if a worker died or could
+    not be started.
     """
     on_cluster = isinstance(workers, ClusterWorkers)
     most = 1 if on_cluster else workers
@@ -180,7 +197,9 @@ def work_in_order(
 
 
 def next_unit(runs: Sequence[deque[int]], number: int) -> int | None:
-    """Take the next unit of a worker's own run, or the last of the longest run; None when all is done."""
+    """Take the next unit of a worker's own run, or the last of the longest run; None
+    when all is done.
+    """
     if runs[number]:
         return runs[number].popleft()
     longest = max(runs, key=len)
@@ -191,7 +210,9 @@ def next_unit(runs: Sequence[deque[int]], number: int) -> int | None:
 def _submitting(
     prepare: Callable[[], Callable[[int], Any]], workers: int
 ) -> Iterator[Submit]:
-    """Give a function that submits a unit to an executor of some workers, which end with the block."""
+    """Give a function that submits a unit to an executor of some workers, which end
+    with the block.
+    """
     work = pickle.dumps((scleraforce.__version__, prepare))
     if isinstance(workers, ClusterWorkers):
         with _submitting_to_cluster(work, workers) as submit:
@@ -203,7 +224,8 @@ def _submitting(
     watched, held = context.Pipe(duplex=False)
 
     with watched, TemporaryDirectory(prefix="scleraforce-") as folder:
-        # A process that dies at its start would block for ever whoever writes more to it than a pipe holds.
+        # A process that dies at its start would block for ever whoever writes more to
+        # it than a pipe holds.
         file = Path(folder) / "work"
         file.write_bytes(work)
 
@@ -232,7 +254,9 @@ def _submitting(
 
 
 def _end_with_parent(parent: Connection) -> None:
-    """End this worker, whatever it does, when the parent closes its end of a pipe or dies."""
+    """End this worker, whatever it does, when the parent closes its end of a pipe or
+    dies.
+    """
 
     def watch() -> None:
         with suppress(EOFError, OSError):
@@ -243,7 +267,9 @@ def _end_with_parent(parent: Connection) -> None:
 
 
 def _result(future: "Future[Any]") -> Any:
-    """Return the result of a submitted unit; a process leaves it in a file, which is removed."""
+    """Return the result of a submitted unit; a process leaves it in a file, which is
+    removed.
+    """
     result = future.result()
     if not isinstance(result, _Stored):
         return result
@@ -253,7 +279,9 @@ def _result(future: "Future[Any]") -> Any:
 
 
 class _Stored(NamedTuple):
-    """The result of a process: the executor's pipe would block for ever if the process died while writing to it."""
+    """The result of a process: the executor's pipe would block for ever if the process
+    died while writing to it.
+    """
 
     file: Path
 
@@ -262,7 +290,9 @@ _prepared = local()  # the last preparation of this thread of a worker
 
 
 def _do(work: bytes | Path, unit: int) -> Any:
-    """Do a unit, in a worker; `work` is what this package pickled, or the file that holds it."""
+    """Do a unit, in a worker; `work` is what this package pickled, or the file that
+    holds it.
+    """
     try:
         if getattr(_prepared, "work", None) != work:
             version, prepare = pickle.loads(
@@ -270,7 +300,8 @@ def _do(work: bytes | Path, unit: int) -> Any:
             )
             if version != (own := scleraforce.__version__):
                 raise InputError(
-                    f"a worker has scleraforce {own}, this process {version}; install the same"
+                    f"a worker has scleraforce {own}, this process {version}; install"
+                    " the same"
                 )
 
             _prepared.work = work
@@ -290,14 +321,18 @@ def _do(work: bytes | Path, unit: int) -> Any:
     except Exception as fault:
         try:
             pickle.loads(pickle.dumps(fault))
-        except Exception:  # the constructor of an exception that does not survive pickling may raise anything
+        except Exception:
+            # the constructor of an exception that does not survive pickling may raise
+            # anything
             raise SolverError(f"{type(fault).__name__} in a worker: {fault}") from None
 
         raise
 
 
 def one_thread() -> AbstractContextManager[None]:
-    """Give processes that start in the block one thread of BLAS each: there is a process for every core."""
+    """Give processes that start in the block one thread of BLAS each: there is a
+    process for every core.
+    """
     return _environment(dict.fromkeys(THREAD_SETTINGS, "1"))
 
 
@@ -317,7 +352,8 @@ def _environment(settings: Mapping[str, str]) -> Iterator[None]:
 
 @contextmanager
 def no_interrupts() -> Iterator[None]:
-    """Block Ctrl-C, which reaches the whole group, in processes that start in the block: the parent ends them.
+    """Block Ctrl-C, which reaches the whole group, in processes that start in the
+    block: the parent ends them.
 
     Windows has no signal masks: its processes receive Ctrl-C.
     """
@@ -326,7 +362,8 @@ def no_interrupts() -> Iterator[None]:
         return
 
     with _environment(OWN_MODULES):
-        resource_tracker.ensure_running()  # starting it later would unblock the signal again
+        # starting it later would unblock the signal again
+        resource_tracker.ensure_running()
 
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

@@ -62,8 +62,9 @@ SI_PER_UNIT: dict[HumanUnit, tuple[str, float]] = {
     "gb": ("bytes", 1e9),
 }
 
-# How many of a unit make one of SI, where that is a whole number. A division by it rounds once, as a product with 1e-6,
-# itself rounded, does not: 400 * 1e-6 is 0.00039999999999999996.
+# How many of a unit make one of SI, where that is a whole number. A division by it
+# rounds once, as a product with 1e-6, itself rounded, does not: 400 * 1e-6 is
+# 0.00039999999999999996.
 _UNITS_IN_SI = {
     unit: float(round(1.0 / factor))
     for unit, (_, factor) in SI_PER_UNIT.items()

@@ -1,4 +1,6 @@
-"""Read regular files whole, within the size of their kind (docs/files.md); write files whole or not at all."""
+"""Read regular files whole, within the size of their kind (docs/files.md); write files
+whole or not at all.
+"""
 
 import codecs
 import hashlib
@@ -21,10 +23,10 @@ from scleraforce.errors import (
 )
 
 MIB = 2**20
-OPEN_FLAGS = getattr(os, "O_CLOEXEC", 0) | getattr(
-    os, "O_BINARY", 0
-)  # of Unix, of Windows
-# What editors on Windows write; UTF-32 is before UTF-16, whose mark is the beginning of its own.
+# of Unix, of Windows
+OPEN_FLAGS = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+# What editors on Windows write; UTF-32 is before UTF-16, whose mark is the beginning of
+# its own.
 BYTE_ORDER_MARKS = {
     codecs.BOM_UTF8: "utf-8",
     codecs.BOM_UTF32_LE: "utf-32-le",
@@ -43,7 +45,9 @@ NOUNS = {
 
 @dataclass(frozen=True)
 class FileKind:
-    """One kind of file: its noun in messages, its largest size, a hint for a user without one, and the exception."""
+    """One kind of file: its noun in messages, its largest size, a hint for a user
+    without one, and the exception.
+    """
 
     noun: str
     max_bytes: int
@@ -52,8 +56,8 @@ class FileKind:
 
 
 MODEL_HINT = (
-    "a model folder has model.onnx, study.toml, card.md and model.json, and a reader's folder has "
-    "library.npz as well"
+    "a model folder has model.onnx, study.toml, card.md and model.json, and a reader's"
+    " folder has library.npz as well"
 )
 KINDS = {
     "study": FileKind(
@@ -102,9 +106,8 @@ def read_bytes(path: Path, kind: FileKind) -> bytes:
             check_regular(path, found, kind)
 
             with open(descriptor, "rb", closefd=False) as file:
-                data = file.read(
-                    found.st_size + 1
-                )  # one more byte tells of a file that grows meanwhile
+                # one more byte tells of a file that grows meanwhile
+                data = file.read(found.st_size + 1)
         finally:
             os.close(descriptor)
     except OSError as fault:
@@ -122,15 +125,21 @@ def check_regular(path: Path, found: os.stat_result, kind: FileKind) -> None:
     """Check that a path is a regular file of an allowed size."""
     if not stat.S_ISREG(found.st_mode):
         raise kind.error(
-            f"{path}: {NOUNS.get(stat.S_IFMT(found.st_mode), 'no regular file')}; give a regular file"
+            f"{path}: {NOUNS.get(stat.S_IFMT(found.st_mode), 'no regular file')}; give"
+            " a regular file"
         )
     if found.st_size > kind.max_bytes:
-        limit = f"more than {kind.max_bytes // MIB} MiB, which is more than a {kind.noun} may have (docs/files.md)"
+        limit = (
+            f"more than {kind.max_bytes // MIB} MiB, which is more than a {kind.noun}"
+            " may have (docs/files.md)"
+        )
         raise kind.error(f"{path}: {limit}")
 
 
 def read_text(path: Path, kind: FileKind) -> str:
-    """Read a regular file as text: UTF-8, or UTF-16 and UTF-32 with their byte order mark, which is left out."""
+    """Read a regular file as text: UTF-8, or UTF-16 and UTF-32 with their byte order
+    mark, which is left out.
+    """
     data = read_bytes(path, kind)
     mark = next(filter(data.startswith, BYTE_ORDER_MARKS))
     data = data.removeprefix(mark)
@@ -142,12 +151,15 @@ def read_text(path: Path, kind: FileKind) -> str:
         line = data[: fault.start].count(b"\n") + 1
         byte = f"byte 0x{data[fault.start]:02x}"
         raise kind.error(
-            f"{path}:{line}: not {encoding.upper()} text ({byte}); save the file as UTF-8"
+            f"{path}:{line}: not {encoding.upper()} text ({byte}); save the file as"
+            " UTF-8"
         ) from fault
 
 
 def hash_sources(*places: str) -> str:
-    """Return the SHA-256, in hexadecimal, of source files of this package, or of all files below folders of it."""
+    """Return the SHA-256, in hexadecimal, of source files of this package, or of all
+    files below folders of it.
+    """
     digest = hashlib.sha256()
     for place in (Path(__file__).parent / place for place in places):
         for file in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
@@ -163,9 +175,11 @@ def write_whole(content: str | bytes, path: Path) -> None:
 
 @contextmanager
 def renamed_when_whole(path: Path) -> Iterator[Path]:
-    """Give a temporary file beside `path`, which gets that name when it is finished, and is removed otherwise.
+    """Give a temporary file beside `path`, which gets that name when it is finished,
+    and is removed otherwise.
 
-    The file is made exclusively, under an unpredictable name: a planted link is not followed.
+    The file is made exclusively, under an unpredictable name: a planted link is not
+    followed.
     """
     part = path.with_name(f".scleraforce-{secrets.token_hex(8)}.part")
     try:
@@ -191,7 +205,9 @@ def write_whole_folder(files: Mapping[str, bytes], folder: Path) -> None:
 
 @contextmanager
 def folder_when_whole(folder: Path) -> Iterator[Path]:
-    """Give the name of a new folder beside `folder`, which gets that name when it is finished, else is removed."""
+    """Give the name of a new folder beside `folder`, which gets that name when it is
+    finished, else is removed.
+    """
     part = folder.with_name(f".scleraforce-{secrets.token_hex(8)}.part")
     try:
         yield part

@@ -1,4 +1,6 @@
-"""A whole session of the app in a real browser: files to a recording, a wall corrected, E, and forces."""
+"""A whole session of the app in a real browser: files to a recording, a wall corrected,
+E, and forces.
+"""
 
 import json
 import shutil
@@ -50,7 +52,9 @@ def eye(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def files(eye: Path, tmp_path: Path) -> list[str]:
-    """A laboratory's own: a stack without a scale, a log in ms and mN, and the frames' times."""
+    """A laboratory's own: a stack without a scale, a log in ms and mN, and the frames'
+    times.
+    """
     frames = [
         cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
         for path in sorted((eye / "frames").iterdir())
@@ -112,7 +116,9 @@ def import_(page: Page, files: list[str], out: str) -> None:
 
 
 def drag(page: Page, down: float, file: str = "0001.png") -> None:
-    """Drag the handle of the surface in the middle of the frame down by a share of the frame's depth."""
+    """Drag the handle of the surface in the middle of the frame down by a share of the
+    frame's depth.
+    """
     place: dict[str, Any] = page.evaluate(
         """() => { const box = document.getElementById("frame").getBoundingClientRect();
              return { x: box.x, y: box.y, width: box.width, height: box.height }; }"""

@@ -1,4 +1,6 @@
-"""The app's server: who is answered, what it may write, and that paths stay inside the folder."""
+"""The app's server: who is answered, what it may write, and that paths stay inside the
+folder.
+"""
 
 import os
 import shutil
@@ -62,9 +64,8 @@ def test_the_token_is_exchanged_for_a_cookie_that_scripts_and_other_sites_do_not
         part.strip().lower() for part in headers["set-cookie"].split(";")
     }
     assert "t" * 32 not in headers["set-cookie"]
-    assert headers["set-cookie"].startswith(
-        f"scleraforce-{app.port}="
-    )  # apps on two ports are open at once
+    # apps on two ports are open at once
+    assert headers["set-cookie"].startswith(f"scleraforce-{app.port}=")
 
 
 @pytest.mark.parametrize(
@@ -343,7 +344,10 @@ def test_commands_are_shown_as_they_would_be_typed(app: Client) -> None:
         "planes": {"small": "across:0:90"},
         "options": {"clock_offset_s": 1764325500.125},
     }
-    words = "import log.csv --plane=across:0:90 small --clock-offset-s=1764325500.125 --out=eye"
+    words = (
+        "import log.csv --plane=across:0:90 small --clock-offset-s=1764325500.125"
+        " --out=eye"
+    )
     assert app.json("POST", "/api/words", run)["command"] == f"scleraforce {words}"
 
 
@@ -393,9 +397,8 @@ def test_a_wall_that_is_accepted_is_a_mask_with_its_author_and_frame(
     mask = mask_between(outer, inner, [0, 1], ROWS, COLUMNS)
     assert (mask[:, 0] == 128).all()
     assert np.flatnonzero(mask[:, 5] == 255).tolist() == [5, 6, 7, 8, 9]
-    assert (
-        np.flatnonzero(mask[:, -1] == 255)[-1] == ROWS - 1
-    )  # an inner boundary that is not seen
+    # an inner boundary that is not seen
+    assert np.flatnonzero(mask[:, -1] == 255)[-1] == ROWS - 1
     write_wall(recording, "0000.png", mask, "somebody", "2026-01-02T03:04:05Z")
     walls = RecordedWalls(recording)
     np.testing.assert_array_equal(walls.wall("0000.png"), mask)
@@ -432,9 +435,8 @@ def test_a_draft_is_kept_for_its_frame_alone(tmp_path: Path) -> None:
     write_draft(recording, "0000.png", drawn)
     assert read_draft(recording, "0000.png") == drawn
     assert read_draft(recording, "0001.png") is None
-    (recording.path / "walls" / ".0001.draft.json").write_text(
-        '{"outer": [NaN'
-    )  # damaged
+    # damaged
+    (recording.path / "walls" / ".0001.draft.json").write_text('{"outer": [NaN')
     assert read_draft(recording, "0001.png") is None
     remove_draft(recording, "0001.png")
     (recording.path / "frames" / "0000.png").write_bytes(

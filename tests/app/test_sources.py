@@ -34,9 +34,8 @@ def test_the_offset_of_the_clocks_is_found_from_the_dents(offset_s: float) -> No
 def test_frames_of_a_resting_needle_propose_the_middle_of_the_rest() -> None:
     log_s = np.arange(0.0, 80.0, 0.01)
     levels = np.array([1.0, 4.0, 2.0, 6.0, 3.0, 7.0, 5.0, 2.0])
-    force_n = (
-        1e-3 * levels[(log_s // 10.0).astype(int)] * (log_s % 10.0 > 4.0)
-    )  # rests of 6 s after 4 s of nothing
+    # rests of 6 s after 4 s of nothing
+    force_n = 1e-3 * levels[(log_s // 10.0).astype(int)] * (log_s % 10.0 > 4.0)
     found = proposed_offset_s(np.arange(8) * 10.0, levels, log_s, force_n)
     assert found is not None
     assert found[0] == pytest.approx(7.0, abs=0.1)

@@ -1,4 +1,6 @@
-"""Inputs of the benchmarks in tests: a reader that knows one force, a recording and a coarse study."""
+"""Inputs of the benchmarks in tests: a reader that knows one force, a recording and a
+coarse study.
+"""
 
 import json
 import os
@@ -46,16 +48,17 @@ elements = 16
 
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A reader whose network always says the same small force, and a recording of a wall under such a force."""
+    """A reader whose network always says the same small force, and a recording of a
+    wall under such a force.
+    """
     pytest.importorskip("torch")
     folder = tmp_path_factory.mktemp("benchmark")
     write_fixed_reader(
         folder / "reader", LIBRARY, [float(number == BIN) for number in range(BINS)]
     )
     wall = wall_section(tip_of(FORCE_N))
-    shown = [
-        image(wall, seed) for seed in range(FRAMES)
-    ]  # no scanner shows a picture again
+    # no scanner shows a picture again
+    shown = [image(wall, seed) for seed in range(FRAMES)]
     info = parse_record(
         RecordingInfo,
         recording_toml("mine", needle="polar_angle_rad = 0.6", globe=""),

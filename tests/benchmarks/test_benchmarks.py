@@ -1,4 +1,6 @@
-"""Every benchmark of the folder runs, at its smallest size, and prints figures that are numbers."""
+"""Every benchmark of the folder runs, at its smallest size, and prints figures that are
+numbers.
+"""
 
 import re
 import subprocess
@@ -27,10 +29,18 @@ SMALLEST = {
     "bench_library": "1 --study {study}",
     "bench_mechanics": "--rows 1",
     "bench_monitor latency": "{model} {recording} --frames 60",
-    "bench_monitor soak": "{model} {recording} --frames 1700 --rate-hz 200 --withdrawal-every 100",
-    "bench_monitor faults": "{model} {recording} --times 1 --deaths 1 --only silence checksum garbage",
-    "bench_monitor hostile": "{model} {recording} --connections 100 --at-once 20 --alone-s 1",
-    "bench_monitor_sessions": "--model {model} --kinds sealed living --eyes 1 --seconds 1 --rates-mn-s 100",
+    "bench_monitor soak": (
+        "{model} {recording} --frames 1700 --rate-hz 200 --withdrawal-every 100"
+    ),
+    "bench_monitor faults": (
+        "{model} {recording} --times 1 --deaths 1 --only silence checksum garbage"
+    ),
+    "bench_monitor hostile": (
+        "{model} {recording} --connections 100 --at-once 20 --alone-s 1"
+    ),
+    "bench_monitor_sessions": (
+        "--model {model} --kinds sealed living --eyes 1 --seconds 1 --rates-mn-s 100"
+    ),
     "bench_old_pictures": "{recording} --frames 20",
     "bench_openigtlink": "--messages 1000",
     "bench_pierced": "--sessions 2",

@@ -229,7 +229,9 @@ def test_leaning_needles_are_calibrated_in_another_recording_at_another_lean():
 
 
 def test_a_dent_follows_the_part_of_the_force_along_the_normal():
-    """A needle that sticks pushes along itself; of one that slides, friction has a share in what it feels."""
+    """A needle that sticks pushes along itself; of one that slides, friction has a
+    share in what it feels.
+    """
     drawn = draw_eyes("plain", 1, STUDY)[0]
     study = replace(drawn.study, mesh=replace(drawn.study.mesh, core=2, rings=6))
     leans = {

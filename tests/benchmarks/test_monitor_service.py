@@ -1,4 +1,6 @@
-"""The benchmarks of the monitor: their arithmetic (`test_benchmarks.py` runs each part)."""
+"""The benchmarks of the monitor: their arithmetic (`test_benchmarks.py` runs each
+part).
+"""
 
 import json
 from itertools import islice

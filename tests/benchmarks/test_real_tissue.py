@@ -1,4 +1,6 @@
-"""Our mechanics beside published theory and measurement: the closed forms, the flat punch, and the tables."""
+"""Our mechanics beside published theory and measurement: the closed forms, the flat
+punch, and the tables.
+"""
 
 import re
 from pathlib import Path
@@ -50,7 +52,9 @@ def test_a_point_force_without_pressure_meets_the_shell_of_reissner() -> None:
 def test_thin_walls_are_as_stiff_as_the_closed_form_within_two_percent(
     thickness_mm: float, tension: float
 ) -> None:
-    """The closed form of the whole sphere with shear, of its sizes at rest; of those under pressure, 1.2 %."""
+    """The closed form of the whole sphere with shear, of its sizes at rest; of those
+    under pressure, 1.2 %.
+    """
     thickness_m = 1e-3 * thickness_mm
     pressure = ratio(tension, thickness_m)
     ours = pressed(thickness_m, pressure)
@@ -80,7 +84,9 @@ def test_finer_meshes_change_nothing() -> None:
 def test_the_mesh_of_the_library_is_as_stiff_as_the_fine_one(
     thickness_mm: float,
 ) -> None:
-    """One element below the needle: within 2 % at the outer surface, which sinks in below it."""
+    """One element below the needle: within 2 % at the outer surface, which sinks in
+    below it.
+    """
     thickness_m = 1e-3 * thickness_mm
     pressure = ratio(0.5, 1e-3 * thickness_mm)
     path = axisymmetric_path(
@@ -136,7 +142,8 @@ def test_below_the_punch_a_sealed_globe_is_an_open_one_at_its_pressure() -> None
     assert opened.force_ratio_m2[-1] == pytest.approx(
         sealed.force_ratio_m2[-1], rel=1e-6
     )
-    # The law, of the volume that the dent displaces at that pressure: about the punch's area times half the dent.
+    # The law, of the volume that the dent displaces at that pressure: about the punch's
+    # area times half the dent.
     displaced = (
         sealed_globe(to_si(rigidity, "mmhg13_per_ul"))
         .over(modulus_pa)
@@ -156,7 +163,9 @@ def test_shell_theory_gives_the_modulus_that_was_published_for_porcine_sclera() 
 
 
 def test_the_models_own_sphere_is_as_compliant_as_a_thin_balloon() -> None:
-    """dP/dV = E t/(2 pi R^4 (1 - nu)) of the middle surface; the volume is that inside, thinner by (1 - t/2R)^2."""
+    """dP/dV = E t/(2 pi R^4 (1 - nu)) of the middle surface; the volume is that inside,
+    thinner by (1 - t/2R)^2.
+    """
     thickness_m = 0.1e-3
     modulus_pa = 0.25e6
     middle_m = RADIUS_M - 0.5 * thickness_m
@@ -174,7 +183,9 @@ def cells(table: str) -> list[list[str]]:
 
 
 def alike(first: str, second: str) -> bool:
-    """Return True if two cells are equal, up to one unit of the last digit of each number."""
+    """Return True if two cells are equal, up to one unit of the last digit of each
+    number.
+    """
     number = re.compile(r"[-+]?\d+(?:\.\d+)?")
     if number.sub("#", first) != number.sub("#", second):
         return False

@@ -47,6 +47,5 @@ def test_under_pressure_a_long_hold_ends_at_the_force_of_the_relaxed_modulus() -
     iop_pa = 1333.0
     found_n = felt_n(tissue, iop_pa, [0.0, 0.5 * RAMP_S, RAMP_S, 3.0, 30.0, 1000.0])
     assert found_n[-1] == pytest.approx(elastic_n(0.4 * MODULUS_PA, iop_pa), rel=1e-4)
-    assert (
-        found_n[-1] > 1.1 * 0.4 * found_n[2]
-    )  # the pressure's part of the force stays
+    # the pressure's part of the force stays
+    assert found_n[-1] > 1.1 * 0.4 * found_n[2]

@@ -1,4 +1,6 @@
-"""`make bench`: its page shows the measured figures, and a quick run measures every row."""
+"""`make bench`: its page shows the measured figures, and a quick run measures every
+row.
+"""
 
 import json
 import os
@@ -66,8 +68,8 @@ def test_a_page_has_each_row_beside_its_goal_and_names_a_failed_part(
     main(["--render", "--out", str(tmp_path)], standalone_mode=False)
     page = (tmp_path / "RESULTS.md").read_text(encoding="utf-8")
     assert (
-        "| ours, default | 0.5 s | 0.4 to 0.75 | theirs: 0.25 s | 2 | 0.4 s, **missed** | 43,929 | -1 |"
-        in page
+        "| ours, default | 0.5 s | 0.4 to 0.75 | theirs: 0.25 s | 2 | 0.4 s, **missed**"
+        " | 43,929 | -1 |" in page
     )
     assert "## Wire\n\n**This part failed**: code 1" in page
     pages = (page, as_markdown(replace(RESULTS, quick=True)))
@@ -119,7 +121,9 @@ def test_work_is_done_in_turns_and_its_spread_leaves_a_tenth_on_either_side(
 
 
 def test_the_time_of_a_whole_training_follows_from_a_part_of_it() -> None:
-    """5 s once, 2 s an epoch, 1 s an eye: three of ten epochs and two of four eyes are timed."""
+    """5 s once, 2 s an epoch, 1 s an eye: three of ten epochs and two of four eyes are
+    timed.
+    """
     study = replace(Study(), reader=replace(Study().reader, epochs=10, interval_eyes=4))
     assert whole_seconds(
         study, 100.0, [103.0, 105.0, 107.0], [110.0, 111.0], 113.0
@@ -138,7 +142,10 @@ def test_the_page_is_rendered_from_the_stored_figures() -> None:
 
 
 def test_another_benchmark_waits_until_the_first_is_done(tmp_path: Path) -> None:
-    child = "import sys; from speed.lock import alone\nwith alone(): open(sys.argv[1], 'w').close()"
+    child = (
+        "import sys; from speed.lock import alone\nwith alone(): open(sys.argv[1],"
+        " 'w').close()"
+    )
     mark = tmp_path / "mark"
 
     with alone():

@@ -1,4 +1,6 @@
-"""A small virtual laboratory: coarse walls, factored once for all tests of the package."""
+"""A small virtual laboratory: coarse walls, factored once for all tests of the
+package.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -61,7 +63,9 @@ class Laboratory:
         rng: np.random.Generator,
         noise_m: float = 5e-6,
     ) -> list[tuple[Pose, Boundaries, float]]:
-        """Poses, boundaries and forces of an eye that shifts by up to 0.2 mm between frames, and is turned a little."""
+        """Poses, boundaries and forces of an eye that shifts by up to 0.2 mm between
+        frames, and is turned a little.
+        """
         sections = virtual_sections(
             self.wall(eye.thickness_m), eye, forces_n, self.study
         )
@@ -98,6 +102,7 @@ def library() -> Library:
 
 @pytest.fixture(scope="session")
 def made_up() -> PhantomEye:
+    # on the pole: it is one of revolution
     return PhantomEye(
         id="made-up",
         thickness_m=0.7e-3,
@@ -105,7 +110,7 @@ def made_up() -> PhantomEye:
         iop_pa=266.0,
         gap_m=0.5e-3,
         polar_rad=0.0,
-    )  # on the pole: it is one of revolution
+    )
 
 
 @pytest.fixture(scope="session")

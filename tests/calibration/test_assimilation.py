@@ -33,7 +33,9 @@ def calibrate(
     study: Any = None,
     parameters: Any = ("e",),
 ) -> Any:
-    """Return the session after each frame; the force sensor has neither offset nor drift."""
+    """Return the session after each frame; the force sensor has neither offset nor
+    drift.
+    """
     session = begin_with(
         model,
         study or laboratory.study.calibration,

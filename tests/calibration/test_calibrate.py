@@ -1,4 +1,6 @@
-"""Recordings in, posterior out: whole virtual recordings, the file, resuming from it, and unusable input."""
+"""Recordings in, posterior out: whole virtual recordings, the file, resuming from it,
+and unusable input.
+"""
 
 import json
 import shutil
@@ -293,7 +295,9 @@ def of_globe(recording: Recording, globe: str | None) -> Recording:
 
 @pytest.fixture
 def diverging(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str | None]]:
-    """Make a calibration diverge if a globe is stated; return the stated globe of each, and look at every frame."""
+    """Make a calibration diverge if a globe is stated; return the stated globe of each,
+    and look at every frame.
+    """
 
     def use(status: str, rigidity: float, sd: float = 0.001) -> list[str | None]:
         sealed = calibration_of_a_sealed_eye().eyes["mine"]

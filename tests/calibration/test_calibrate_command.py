@@ -77,7 +77,9 @@ def test_finite_strain_is_the_default_and_takes_the_cached_library(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Another study than the paper's, whose library is bundled (`tests/notebook/test_work.py`)."""
+    """Another study than the paper's, whose library is bundled
+    (`tests/notebook/test_work.py`).
+    """
     study = Study()
     asked = list[Study]()
     other = replace(study, library=replace(study.library, tips=study.library.tips - 1))
@@ -140,6 +142,7 @@ def test_parameters_that_cannot_be_are_refused_in_one_line(
         (line,) = (text for text in printed.err.splitlines() if text.strip())
         assert (
             line
-            == "error: --parameters: linear mechanics knows no tissue that stiffens; leave out stiffening"
+            == "error: --parameters: linear mechanics knows no tissue that stiffens;"
+            " leave out stiffening"
         )
         assert (printed.out, list(tmp_path.iterdir())) == ("", [])

@@ -1,4 +1,6 @@
-"""Eye models: sections of linear walls, and of the library with the motion of its base and the form of the wall."""
+"""Eye models: sections of linear walls, and of the library with the motion of its base
+and the form of the wall.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -96,9 +98,8 @@ def test_responses_between_thicknesses_belong_to_a_wall_of_that_thickness(
 
 
 STUDY = Study()
-STATED = replace(
-    ASIDE, polar_rad=0.0
-)  # on the pole: the made-up eye is one of revolution
+# on the pole: the made-up eye is one of revolution
+STATED = replace(ASIDE, polar_rad=0.0)
 MODULUS_PA = 0.27e6
 SHARP = replace(STUDY, calibration=replace(STUDY.calibration, surface_smoothing_m=0.0))
 
@@ -308,7 +309,8 @@ def test_along_the_plane_the_motion_is_that_of_the_shift() -> None:
 
 @pytest.mark.slow
 def test_the_dent_moves_across_a_plane_that_lies_across_the_meridian() -> None:
-    # The tip's own motion in 3-D: along the meridian, so across a plane whose lateral axis is the parallel.
+    # The tip's own motion in 3-D: along the meridian, so across a plane whose lateral
+    # axis is the parallel.
     contact = Contact(polar_rad=TURNED.polar_rad)
     wall = LinearWall(graded_mesh(12e-3, 0.65e-3, contact), 0.45)
     displacement = FORCE_RATIO * wall.needle_cnc([contact], 0.35e-3)[0]
@@ -359,9 +361,10 @@ def eye() -> VirtualEye:
 def removed(eye: VirtualEye, model: Any) -> tuple[Boundaries, np.ndarray]:
     """The boundaries of a frame, and the part of the form that is removed from them."""
     seen = draw_frames(eye, EVEN_STUDY, 1, np.random.default_rng(2))[0].boundaries
-    return seen, seen.depth_m - without_form(
-        model, seen, EVEN_STUDY.calibration
-    ).depth_m
+    return (
+        seen,
+        seen.depth_m - without_form(model, seen, EVEN_STUDY.calibration).depth_m,
+    )
 
 
 def with_cornea(eye: VirtualEye) -> VirtualEye:
@@ -371,7 +374,9 @@ def with_cornea(eye: VirtualEye) -> VirtualEye:
 
 
 def test_a_form_is_removed_where_the_eye_has_it(eye: VirtualEye) -> None:
-    """A cornea from both boundaries alike, a wall that grows thicker from the inner one alone, nothing if even."""
+    """A cornea from both boundaries alike, a wall that grows thicker from the inner one
+    alone, nothing if even.
+    """
     _, off = removed(eye, eye.model)
     assert not np.nan_to_num(off).any()
     _, off = removed(with_cornea(eye), eye.model)

@@ -1,4 +1,6 @@
-"""`calibrate --without-force`: from recordings without a force log to a file that readers take."""
+"""`calibrate --without-force`: from recordings without a force log to a file that
+readers take.
+"""
 
 import json
 from dataclasses import replace
@@ -43,9 +45,8 @@ def found(
 def test_the_file_says_that_no_force_was_measured_and_is_read_back(found: Path) -> None:
     entry = json.loads(found.read_text())["eyes"]["made-up"]
     assert entry["without_force"] is True
-    assert (
-        entry["frames"] == []
-    )  # no force has been used: `evaluate` scores all of them
+    # no force has been used: `evaluate` scores all of them
+    assert entry["frames"] == []
     assert (
         entry["updates"]
         == len([step for step in entry["steps"] if step["skipped"] is None])

@@ -116,7 +116,9 @@ def recording_of(
 
 
 def errors_and_sds(phantom: PhantomStudy, seeds: int) -> Iterator[tuple[float, float]]:
-    """Yield the error of each label of virtual logs of the paper's pushes, N, and its stated standard deviation."""
+    """Yield the error of each label of virtual logs of the paper's pushes, N, and its
+    stated standard deviation.
+    """
     study = replace(Study(), phantom=phantom)
     for seed in range(seeds):
         for eye, forces_n in paper_eyes(study):
@@ -183,7 +185,9 @@ def test_stated_errors_grow_with_noise_steps_drift_and_motion() -> None:
 
 
 def test_noise_that_neighbouring_samples_share_counts_fully() -> None:
-    """Noise held for 50 ms looks quiet to differences of neighbours, and is averaged over a tenth as often."""
+    """Noise held for 50 ms looks quiet to differences of neighbours, and is averaged
+    over a tenth as often.
+    """
     rng = np.random.default_rng(3)
     time_s = np.arange(8000) / 200.0
     force_n = np.where(time_s > 5.0, 0.02, 0.0)

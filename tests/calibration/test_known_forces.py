@@ -1,4 +1,6 @@
-"""Frames of known force: E, k, level and growth from them, and the stiffening that explains them best."""
+"""Frames of known force: E, k, level and growth from them, and the stiffening that
+explains them best.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -87,7 +89,8 @@ def frames(
     known: Known,
     relative_sd: float = 0.015,
 ) -> list[KnownForce]:
-    """Frames of an eye whose ln E, k over the reference's, level and growth are off by the given amounts.
+    """Frames of an eye whose ln E, k over the reference's, level and growth are off by
+    the given amounts.
 
     The deeper a dent, the less its force says of E and the more of k.
     """
@@ -139,7 +142,9 @@ OF_FILTER = np.array([[0.02**2, -0.5 * 0.02 * 0.05], [-0.5 * 0.02 * 0.05, 0.05**
 
 
 def test_the_mean_is_where_the_loss_is_least() -> None:
-    """Against a minimum that is searched for without derivatives, of the loss written down once more."""
+    """Against a minimum that is searched for without derivatives, of the loss written
+    down once more.
+    """
     known = filtered()
     read = frames((12e-3, 25e-3, 41e-3, 55e-3), (0.1, -0.2, 0.05, 0.3), known)
     scale = np.linalg.inv(OF_FILTER)
@@ -166,7 +171,9 @@ def test_the_mean_is_where_the_loss_is_least() -> None:
 
 
 def test_frames_that_agree_promise_nothing_and_others_scatter() -> None:
-    """The scatter is the part that the four do not explain, over the expected one of each frame."""
+    """The scatter is the part that the four do not explain, over the expected one of
+    each frame.
+    """
     known = filtered(OPEN)
     agreeing = frames((18e-3, 38e-3, 57e-3), (0.0, 0.0, 0.0, 0.0), known)
     for read in ([], agreeing):
@@ -205,7 +212,9 @@ def known_of(modulus_pa: float, relative_sd: float = 0.05) -> Known:
 
 
 def read_frames(factor: float = 1.0) -> list[tuple[Boundaries, float]]:
-    """Boundaries of an eye at three dents, and their forces: the library's times a factor."""
+    """Boundaries of an eye at three dents, and their forces: the library's times a
+    factor.
+    """
     rng = np.random.default_rng(4)
     walls = Walls(LIBRARY)
     found = []
@@ -244,7 +253,7 @@ def corrected(after: Settled) -> list[float]:
 
 
 def test_frames_are_read_again_at_their_own_resting_pressures() -> None:
-    (frame, *_) = read_frames()
+    frame, *_ = read_frames()
     known = known_of(MODULUS_PA)
     leaked = [
         read_again([frame], replace(known, iop_pa=iop_pa), LIBRARY, STUDY)[0]
@@ -276,7 +285,9 @@ def test_a_modulus_that_the_filter_missed_is_found() -> None:
 
 
 def test_forces_are_surer_than_the_modulus_that_they_show() -> None:
-    """An eye whose forces all lie 4 % off is read right, and its intervals are a frame's, not E's."""
+    """An eye whose forces all lie 4 % off is read right, and its intervals are a
+    frame's, not E's.
+    """
     seen = read_frames(1.04)
     now = settled(known_of(MODULUS_PA), seen, (), LIBRARY, STUDY).known
     assert own(now)[0].relative_sd > 0.015
@@ -325,7 +336,9 @@ def test_without_a_frame_that_can_be_read_the_filter_s_stays() -> None:
 
 
 def test_the_loss_of_a_stiffening_is_the_loss_of_the_frames_that_were_read() -> None:
-    """Rougher boundaries lose more, and forces that E cannot explain; a frame that cannot be read counts as refused."""
+    """Rougher boundaries lose more, and forces that E cannot explain; a frame that
+    cannot be read counts as refused.
+    """
     known = known_of(MODULUS_PA)
     after = settled(known, [*read_frames(), (BLIND, 0.02)], (), LIBRARY, STUDY)
     trial = after.trial("an eye", 2)
@@ -359,9 +372,8 @@ def test_the_loss_of_a_stiffening_is_the_loss_of_the_frames_that_were_read() -> 
 
 
 MADE_UP = made_up_library()
-PLACES = np.log1p(
-    STIFFENINGS
-)  # of the library's stiffenings: 0, 0.41, 1.18, 2.24 and 3.43
+# of the library's stiffenings: 0, 0.41, 1.18, 2.24 and 3.43
+PLACES = np.log1p(STIFFENINGS)
 # frames of an even wall, and the loss of their boundaries
 TRIAL_FRAMES = 3
 EVEN = 15.0
@@ -384,7 +396,9 @@ def sought(
     able: Callable[[float], bool] = lambda _: True,
     library: Library = MADE_UP,
 ) -> tuple[float | None, list[float]]:
-    """Return the stiffening that is found for an eye whose losses are functions of ln(1 + b), and the tried ones."""
+    """Return the stiffening that is found for an eye whose losses are functions of ln(1
+    + b), and the tried ones.
+    """
     tried = list[float]()
 
     def calibrate(walls: Library) -> TissueTrial[float] | None:
@@ -414,7 +428,9 @@ def prior(place: float) -> float:
 
 
 def test_the_least_loss_between_the_library_s_stiffenings_is_found() -> None:
-    """Within 0.1 of ln(1 + b), and no worse by more than half of a square of a standard deviation."""
+    """Within 0.1 of ln(1 + b), and no worse by more than half of a square of a standard
+    deviation.
+    """
     for least, lopsided in product((0.9, 1.6, 2.0, 2.7, 3.1), (0.0, 0.15)):
 
         def whole(
@@ -431,7 +447,9 @@ def test_the_least_loss_between_the_library_s_stiffenings_is_found() -> None:
 
 
 def test_a_stiffening_beside_neighbours_that_lose_much_is_found() -> None:
-    """Between none and the first; and before the last one, where losses level off, as of a thick wall of b = 20."""
+    """Between none and the first; and before the last one, where losses level off, as
+    of a thick wall of b = 20.
+    """
     for least in (0.35, 0.45, 0.6):
         assert sought(bowl(60.0, least))[0] == pytest.approx(least, abs=0.15)
 
@@ -478,9 +496,8 @@ def test_a_stiffening_that_refuses_frames_that_others_take_never_wins() -> None:
         assert abs(found - best) > 0.3
 
     found, _ = sought(bowl(30.0, 2.3), refused=lambda place: 2 if place < 1.5 else 1)
-    assert found == pytest.approx(
-        2.27, abs=0.1
-    )  # all refuse frames, and the fewest count
+    # all refuse frames, and the fewest count
+    assert found == pytest.approx(2.27, abs=0.1)
     found, _ = sought(
         boundaries=lambda place: 25.0 - 10.0 * (place > 1.0),
         refused=lambda place: 0.1 < place < 0.8,
@@ -504,24 +521,24 @@ def test_stiffenings_beyond_large_losses_are_not_tried() -> None:
         STIFFENINGS[:3].tolist(),
         STIFFENINGS[2],
     )
-    found, tried = sought(
-        lambda place: -0.5 * place**2
-    )  # with the prior 4.7 at most: less than enough
+    # with the prior 4.7 at most: less than enough
+    found, tried = sought(lambda place: -0.5 * place**2)
     assert found == 0.0
     assert set(STIFFENINGS.tolist()) <= set(tried)
     # Walls that no stiffening explains: two that do worse and worse are enough.
     _, tried = sought(boundaries=lambda place: 20.0 * EVEN * (1.0 + place))
     assert max(tried) == STIFFENINGS[2]
     found, tried = sought(lambda place: 0.5 * (place - 0.5) ** 2)
-    assert (
-        len(tried) <= len(STIFFENINGS) + 1
-    )  # what is left to gain is less than the forces show
-    # A parabola through walls far apart says little: an eye of b = 20, whose best walls lie between alike ones.
+    # what is left to gain is less than the forces show
+    assert len(tried) <= len(STIFFENINGS) + 1
+    # A parabola through walls far apart says little: an eye of b = 20, whose best walls
+    # lie between alike ones.
     places = np.log1p([0.0, 0.5, 2.26, 8.42, 15.3, 30.0])
     uneven = [188.9, 182.7, 163.1, 110.0, 71.3, 109.2]
     found, _ = sought(boundaries=lambda place: float(np.interp(place, places, uneven)))
     assert found == pytest.approx(places[4], abs=0.1)
-    # Far from the eye's tissue a filter may end anywhere: that the second loses more than the first says nothing.
+    # Far from the eye's tissue a filter may end anywhere: that the second loses more
+    # than the first says nothing.
     lost = np.array([300.0, 900.0, 60.0, EVEN, 80.0])
     found, _ = sought(
         boundaries=lambda place: float(lost[np.abs(PLACES - place).argmin()]) + place
@@ -530,7 +547,9 @@ def test_stiffenings_beyond_large_losses_are_not_tried() -> None:
 
 
 def test_beside_a_stiffening_that_is_ruled_out_the_next_one_is_halfway_to_the_other_neighbour():
-    """The least loss lies between the third and the fourth; the first two or the last one refuse a frame."""
+    """The least loss lies between the third and the fourth; the first two or the last
+    one refuse a frame.
+    """
     halfway = 0.5 * float(stiffening_place(STIFFENINGS[2:4]).sum())
     for forces, refused, least in (
         (bowl(20.0, 1.6), lambda place: place < 0.5, 1.55),
@@ -547,7 +566,9 @@ def test_beside_a_stiffening_that_is_ruled_out_the_next_one_is_halfway_to_the_ot
 
 @dataclass
 class Calibrating:
-    """Replaces the calibration with one tissue: its loss is a function of ln(1 + b), or it has a fault."""
+    """Replaces the calibration with one tissue: its loss is a function of ln(1 + b), or
+    it has a fault.
+    """
 
     loss: Callable[[float], float] = lambda place: 40.0 * (place - 1.6) ** 2
     fault: str | None = None
@@ -631,9 +652,8 @@ def test_it_is_sought_on_a_few_frames_and_then_all_that_are_wanted_are_calibrate
     calibrating.frames.clear()
     calibrating.tried.clear()
     calibrate_recordings([recorded(3)], Study(), "hash", MADE_UP)
-    assert set(calibrating.frames) == {
-        None
-    }  # of a short recording once with each tissue
+    # of a short recording once with each tissue
+    assert set(calibrating.frames) == {None}
     assert len(calibrating.tried) == len(set(calibrating.tried))
 
 
@@ -692,7 +712,9 @@ EXACT = Study(
 def test_the_stiffening_of_an_eye_is_found_from_three_frames_and_the_others_are_read_right(
     stiffening: float, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An open eye of even form, whose boundaries and forces are known without errors."""
+    """An open eye of even form, whose boundaries and forces are known without
+    errors.
+    """
     monkeypatch.setattr(virtual_eyes, "label_forces", partial(without_rests, sd_n=0.0))
     library = solved_library(GRID)
     rng = np.random.default_rng(seed)

@@ -47,9 +47,8 @@ def test_a_leaning_needle_is_calibrated_and_read_by_the_force_along_it(
     calibration = sf.calibrate(recording, frames=2, out=tmp_path / "eye.json")
     eye = calibration.eyes["eye-1"]
     assert eye.lean_rad == pytest.approx(LEAN_RAD)
-    assert eye.mean_pa == pytest.approx(
-        MODULUS_PA, rel=0.06
-    )  # of forces along the needle it would be 22 % more
+    # of forces along the needle it would be 22 % more
+    assert eye.mean_pa == pytest.approx(MODULUS_PA, rel=0.06)
     assert json.loads((tmp_path / "eye.json").read_text())["eyes"]["eye-1"][
         "lean_deg"
     ] == pytest.approx(35.0)

@@ -1,4 +1,6 @@
-"""Moments of several planes in a calibration: each counts once, and the gap is found."""
+"""Moments of several planes in a calibration: each counts once, and the gap is
+found.
+"""
 
 import json
 from dataclasses import replace
@@ -38,10 +40,11 @@ from scleraforce.recording.folder import Plane, Recording, read_recording
 from scleraforce.study import Study
 
 FORCES_N = 0.002, 0.03, 0.012, 0.02, 0.008
+# 1.5 and 0.05 mm from the needle
 FAR_FIRST = (
     Plane("far", 1e-3, 0.0),
     Plane("near", -0.45e-3, 0.0),
-)  # 1.5 and 0.05 mm from the needle
+)
 
 
 @pytest.fixture(scope="module")
@@ -77,12 +80,10 @@ def test_moments_of_a_cross_tell_the_modulus_as_frames_of_a_known_gap_do(
     given = calibrated(single, frames=3).eyes["eye"]
     assert found.status == "ok"
     assert found.mean_pa == pytest.approx(given.mean_pa, rel=0.02)
-    assert found.mean_pa == pytest.approx(
-        MODULUS_PA, rel=0.08
-    )  # of this made-up wall, from pictures
-    assert found.sd_pa == pytest.approx(
-        given.sd_pa, rel=0.15
-    )  # a second plane is not another observation
+    # of this made-up wall, from pictures
+    assert found.mean_pa == pytest.approx(MODULUS_PA, rel=0.08)
+    # a second plane is not another observation
+    assert found.sd_pa == pytest.approx(given.sd_pa, rel=0.15)
 
 
 def test_frames_counts_moments_and_a_moment_is_one_record(calibration) -> None:
@@ -137,7 +138,9 @@ def test_the_filter_follows_the_plane_nearest_to_the_needle_at_its_place(
 
 
 def test_the_filter_sees_the_eye_at_the_place_of_the_plane(cross) -> None:
-    """Gap, direction and tilt of the plane across, by the contact and tilt of the recording."""
+    """Gap, direction and tilt of the plane across, by the contact and tilt of the
+    recording.
+    """
     frames = EyeFrames(
         cross, Settings(STUDY, LIBRARY, ("e",), False, None, None), frozenset(), None
     )
@@ -269,7 +272,8 @@ def test_an_evaluation_leaves_out_the_whole_moment(
     assert [frame.calibration for frame in found.frames] == [
         name in "123" for name in "0011223344"
     ]
-    # A frame of the plane that was not followed is known, too: alone it is not scored either.
+    # A frame of the plane that was not followed is known, too: alone it is not scored
+    # either.
     assert {"1-0.png", "1-1.png"} <= {
         frame.file for frame in summary.eyes["eye"].frames
     }

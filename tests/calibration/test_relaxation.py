@@ -1,4 +1,6 @@
-"""Relaxation of an eye, from the holds of its force log, and the elastic forces of its frames."""
+"""Relaxation of an eye, from the holds of its force log, and the elastic forces of its
+frames.
+"""
 
 import json
 

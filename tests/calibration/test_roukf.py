@@ -1,4 +1,6 @@
-"""The reduced-order filter against the full-order one, filterpy, grids; sigma points, gating, divergence."""
+"""The reduced-order filter against the full-order one, filterpy, grids; sigma points,
+gating, divergence.
+"""
 
 from itertools import product
 
@@ -127,7 +129,9 @@ def test_iterating_a_step_is_honest_where_a_wide_prior_meets_a_curved_observatio
 
 
 def valley(states: Floats) -> Floats:
-    """Like the dents of a globe: shallow ones tell the first parameter, deep ones only both together."""
+    """Like the dents of a globe: shallow ones tell the first parameter, deep ones only
+    both together.
+    """
     shares = np.linspace(0.2, 1.0, 8)
     soft, sealed = (
         np.exp(np.clip(values, -40.0, 40.0))
@@ -156,9 +160,8 @@ def test_a_start_in_a_bent_valley_gives_the_posterior_of_a_grid_from_a_wide_prio
     np.testing.assert_allclose(
         np.sqrt(np.diag(begun.posterior.covariance)), sd, rtol=0.15
     )
-    assert filter_step(params, prior, valley, y, noise).status.startswith(
-        "diverged"
-    )  # does not find the way
+    # does not find the way
+    assert filter_step(params, prior, valley, y, noise).status.startswith("diverged")
 
 
 def test_a_start_is_taken_only_if_it_explains_more_and_never_moves_a_linear_posterior():
@@ -242,7 +245,9 @@ def test_a_filter_whose_model_is_wrong_says_that_it_diverges() -> None:
 
 
 def test_a_model_that_cannot_be_evaluated_or_rounding_keeps_the_posterior() -> None:
-    """Rounding: two observations that are one, without noise, have no inverse of their covariance."""
+    """Rounding: two observations that are one, without noise, have no inverse of their
+    covariance.
+    """
     prior = initial_posterior(np.zeros(1), np.eye(1))
     sigma = sigma_points("simplex", 1)
     step = filter_step(
@@ -266,7 +271,9 @@ def test_a_model_that_cannot_be_evaluated_or_rounding_keeps_the_posterior() -> N
 
 
 def test_a_precision_of_rounding_alone_has_no_covariance() -> None:
-    """Two parameters that differ by less than rounding in an observation without noise to speak of."""
+    """Two parameters that differ by less than rounding in an observation without noise
+    to speak of.
+    """
     params = FilterParams(sigma_points("simplex", 2))
     prior = initial_posterior(np.zeros(2), np.eye(2))
     rng = np.random.default_rng(2)

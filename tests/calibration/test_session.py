@@ -1,4 +1,6 @@
-"""An eye calibrated frame by frame during a session, and the same frames as a recording: one result."""
+"""An eye calibrated frame by frame during a session, and the same frames as a
+recording: one result.
+"""
 
 import json
 from dataclasses import replace
@@ -81,9 +83,8 @@ def test_frames_one_by_one_give_the_result_of_the_recording(
         whole.used[-1].sd_pa,
         5,
     )
-    assert whole.mean_pa == pytest.approx(
-        eye.modulus.mean_pa, rel=0.01
-    )  # its frames were read again
+    # its frames were read again
+    assert whole.mean_pa == pytest.approx(eye.modulus.mean_pa, rel=0.01)
 
 
 def test_the_force_freed_of_offset_and_drift_decides_which_frames_are_calibrated_on(
@@ -92,9 +93,8 @@ def test_the_force_freed_of_offset_and_drift_decides_which_frames_are_calibrated
     trials = label_frames(recording, STUDY.classes, STUDY.needle.max_force_n)
     corrected_n = frame_forces(recording, trials).force_n
     labels_n = np.array([trial.measured_force_n for trial in trials], dtype=np.float64)
-    between_n = float(
-        (corrected_n[1] + labels_n[1]) / 2
-    )  # the label and the force that the filter takes differ
+    # the label and the force that the filter takes differ
+    between_n = float((corrected_n[1] + labels_n[1]) / 2)
     assert (labels_n[1] > between_n) != (corrected_n[1] > between_n)
     study = replace(
         STUDY, calibration=replace(STUDY.calibration, min_force_n=between_n)
@@ -111,7 +111,9 @@ def test_the_force_freed_of_offset_and_drift_decides_which_frames_are_calibrated
 def test_a_calibration_has_the_discrepancy_of_its_forces(
     calibration: Calibration,
 ) -> None:
-    """The made-up eye is one of the library's: its frames, read again, lie about its forces. The file keeps it."""
+    """The made-up eye is one of the library's: its frames, read again, lie about its
+    forces. The file keeps it.
+    """
     eye = calibration.eyes["made-up"]
     again = [frame.again for frame in eye.used if frame.again is not None]
     assert len(again) == len(eye.used)
@@ -120,17 +122,15 @@ def test_a_calibration_has_the_discrepancy_of_its_forces(
         for name in ("library_n", "force_n")
     )
     assert read_n == pytest.approx(force_n, rel=0.05)
-    assert read_n != pytest.approx(
-        force_n, rel=1e-3
-    )  # the frames were read, not their labels copied
+    # the frames were read, not their labels copied
+    assert read_n != pytest.approx(force_n, rel=1e-3)
     found = eye.discrepancy
     assert found is not None
     assert abs(found.level) < 0.01
     assert found.level_sd < 0.02  # what eyes have
     assert 1.0 <= found.scatter < 2.0  # as expected of a wall of the library's
-    assert (
-        found.level_by[0] < 0.0
-    )  # an E that is too high goes with forces that are below the library's
+    # an E that is too high goes with forces that are below the library's
+    assert found.level_by[0] < 0.0
     content = calibration.to_dict()
     steps = [step for step in content["eyes"]["made-up"]["steps"] if step["again"]]
     assert [(step["read_n"], step["read_sd_n"]) for step in steps] == [
@@ -203,9 +203,8 @@ def test_walls_are_found_with_the_stated_thickness_and_checked_by_the_finder(
     given = list[Any]()
     checked = calibrate_recordings([recording], STUDY, "hash", library, finder=bundled)
     both = [one.eyes["made-up"].means[0] for one in (checked, calibration)]
-    assert both[0] == pytest.approx(
-        both[1], rel=1e-3
-    )  # the network may move the wall's end by a few rows
+    # the network may move the wall's end by a few rows
+    assert both[0] == pytest.approx(both[1], rel=1e-3)
 
     def below(frame: Any, scale: Any, *more: Any) -> Any:
         given.append(more)
@@ -226,9 +225,8 @@ def test_forces_far_above_all_calibrated_ones_are_a_doubt(
 ) -> None:
     """Deep dents, of 30 mN or more, are taken for ones that leave the window."""
 
-    deep = [
-        recording.frame(recording.frames[index]) for index in (1, 3, 5)
-    ]  # of the highest forces
+    # of the highest forces
+    deep = [recording.frame(recording.frames[index]) for index in (1, 3, 5)]
 
     def shallow(pixels: Any, *asked: Any) -> Any:
         is_deep = any(np.array_equal(pixels, frame) for frame in deep)
@@ -301,7 +299,9 @@ def test_a_session_starts_with_any_frame_and_its_earlier_values_stay_unchanged(
 def test_first_frames_of_little_force_are_fitted_once_for_walls_of_any_tissue(
     library: Library, recording: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The pose that they show moves by less than its standard deviation with E's walls 30 % stiffer."""
+    """The pose that they show moves by less than its standard deviation with E's walls
+    30 % stiffer.
+    """
     forces, boundaries = frames(recording)
     stated = eye_constants(recording, STUDY)
     fitted = list[float]()

@@ -1,4 +1,6 @@
-"""Whole eyes: sealed and open ones of the library's walls, a bent one in 3-D, and recordings in ../shared."""
+"""Whole eyes: sealed and open ones of the library's walls, a bent one in 3-D, and
+recordings in ../shared.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -42,9 +44,8 @@ STUDY = replace(
     ),
 )
 SHARP = replace(STUDY, calibration=replace(STUDY.calibration, surface_smoothing_m=0.0))
-DENTS_M = 1e-3 * np.linspace(
-    1.0, 2.2, 13
-)  # the deepest that the library has of an eye is its highest force
+# the deepest that the library has of an eye is its highest force
+DENTS_M = 1e-3 * np.linspace(1.0, 2.2, 13)
 SHARES = (0.35, 0.7, 1.0)  # of that force
 NOISE_M = 10e-6
 
@@ -55,7 +56,9 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
 
 
 def drawn_eye(rng: np.random.Generator, rigidity: float) -> tuple[float, EyeConstants]:
-    """The modulus and the true values of an eye, whose contact is not the stated one."""
+    """The modulus and the true values of an eye, whose contact is not the stated
+    one.
+    """
     modulus_pa = float(rng.uniform(0.25e6, 0.45e6))
     eye = EyeConstants(
         iop_pa=float(rng.uniform(150.0, 400.0)),
@@ -70,7 +73,9 @@ def drawn_eye(rng: np.random.Generator, rigidity: float) -> tuple[float, EyeCons
 
 
 def highest_force_n(library: Library, modulus_pa: float, eye: EyeConstants) -> float:
-    """The force at the deepest dent whose pressure neither runs away nor leaves the library."""
+    """The force at the deepest dent whose pressure neither runs away nor leaves the
+    library.
+    """
     thickness = np.full(len(DENTS_M), eye.thickness_m)
     resting = np.full(len(DENTS_M), eye.iop_pa / modulus_pa)
     globe = SEALED.globe(eye.globe.mean).over(modulus_pa)
@@ -106,7 +111,9 @@ def frames(
 def calibrated(
     library: Library, rigidity: float, declared: KnownGlobe, rng: np.random.Generator
 ) -> tuple[float, KnownGlobe, float]:
-    """Return the relative error of E, the globe that is found, and the error of E over its standard deviation."""
+    """Return the relative error of E, the globe that is found, and the error of E over
+    its standard deviation.
+    """
     modulus_pa, eye = drawn_eye(rng, rigidity)
     forces_n = [share * highest_force_n(library, modulus_pa, eye) for share in SHARES]
     stated = replace(eye, polar_rad=0.61, polar_sd_rad=0.1, globe=declared)

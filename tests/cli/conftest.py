@@ -14,7 +14,9 @@ class Shell:
         self._capsys = capsys
 
     def run(self, *words: object, code: int | Sequence[int] = 0) -> tuple[str, str]:
-        """Run a command that ends with this exit code; return its output and its errors."""
+        """Run a command that ends with this exit code; return its output and its
+        errors.
+        """
         self._capsys.readouterr()
         found = run([str(word) for word in words])
         out, err = self._capsys.readouterr()
@@ -30,7 +32,9 @@ class Shell:
         return " ".join(self.run(*words)[0].split())
 
     def refused(self, *words: object, codes: Sequence[int] = (2,)) -> str:
-        """Run a command that ends with one of these exit codes and one line of error; return the line."""
+        """Run a command that ends with one of these exit codes and one line of error;
+        return the line.
+        """
         out, err = self.run(*words, code=codes)
         assert (out, err.count("\n")) == ("", 1)
         assert err.startswith("error: ")

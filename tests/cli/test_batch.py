@@ -129,9 +129,8 @@ def test_what_has_changed_is_read_again_and_nothing_else(
     frames[0].write_bytes(frames[1].read_bytes())
     assert evaluated().read == 1
     (folder / "eye-c" / "walls").mkdir()
-    (folder / "eye-c" / "walls" / ".0001.draft.json").write_text(
-        "{}"
-    )  # hidden: of no effect on the answers
+    # hidden: of no effect on the answers
+    (folder / "eye-c" / "walls" / ".0001.draft.json").write_text("{}")
     assert evaluated().read == 0
     state = sorted((folder / ".t.csv.state").iterdir())
     assert len(state) == 3  # files of earlier contents are gone
@@ -162,7 +161,10 @@ def test_what_cannot_be_written_is_refused_before_reading(
         "t.xlsx": "ends in .csv or .parquet",
         "taken.csv": "exists already",
         "no/t.csv": "its folder does not exist",
-        "t.parquet": "takes the package pyarrow, which is not installed: pip install 'scleraforce[formats]'",
+        "t.parquet": (
+            "takes the package pyarrow, which is not installed: pip install"
+            " 'scleraforce[formats]'"
+        ),
     }.items():
         assert fault in shell.refused("evaluate", "default", "eye-a", "--table", table)
 

@@ -1,4 +1,6 @@
-"""`import`: recordings from files of other programs, and prompts for missing metadata on a terminal."""
+"""`import`: recordings from files of other programs, and prompts for missing metadata
+on a terminal.
+"""
 
 import json
 from collections.abc import Callable
@@ -46,7 +48,9 @@ def stack(path: Path, **stated: object) -> Path:
 
 @pytest.fixture
 def imported(shell, tmp_path: Path):
-    """Import into a new recording, by default `r`; return the object that is printed, and the recording."""
+    """Import into a new recording, by default `r`; return the object that is printed,
+    and the recording.
+    """
 
     def run_import(*arguments: object, out: str = "r") -> tuple[dict, Recording]:
         return shell.json(
@@ -188,7 +192,9 @@ NEEDLE = ["--eye", "eye-1", "--gauge", 22, "--refractive-index", 1, "--bits", 13
 
 @pytest.fixture
 def cross(tmp_path: Path) -> list[Path]:
-    """A log, and two frames of each of two planes, as folders of pictures whose names repeat."""
+    """A log, and two frames of each of two planes, as folders of pictures whose names
+    repeat.
+    """
     for folder, first in (("along", 0), ("across", 2)):
         (tmp_path / folder).mkdir()
         for nth in range(2):
@@ -367,7 +373,10 @@ def test_a_scale_that_contradicts_the_file_is_noted(imported, tiff) -> None:
     other, _ = imported(
         tiff, *options_of("--bits", 16, "--width-mm", 2 * width_mm), out="s"
     )
-    stated = f"width of the frames: {2 * width_mm:g} mm (option), where ImageJ's unit states {width_mm:g} mm"
+    stated = (
+        f"width of the frames: {2 * width_mm:g} mm (option), where ImageJ's unit states"
+        f" {width_mm:g} mm"
+    )
     assert other["notes"][0] == stated
 
 
@@ -447,7 +456,8 @@ def test_an_option_with_nothing_to_act_on_is_refused(
             name = option.split()[0]
             assert (
                 error
-                == f"error: {name}: acts on {kind}, which is not among the sources; leave it out\n"
+                == f"error: {name}: acts on {kind}, which is not among the sources;"
+                " leave it out\n"
             )
 
     np.save(tmp_path / "a.npy", FRAMES)  # one array, without a name
@@ -481,14 +491,12 @@ def test_a_bag_gives_frames_and_forces_on_one_clock_that_begins_near_them(
     np.testing.assert_allclose(recording.forces.time_s, FORCE_TIMES_S, atol=2e-6)
     assert recording.info.force.average_s == 0.1
     assert any("arrived 80.0 ms" in note for note in entry["notes"])
-    assert (
-        sum("messages arrived" in note for note in entry["notes"]) == 2
-    )  # images and forces
+    # images and forces
+    assert sum("messages arrived" in note for note in entry["notes"]) == 2
     assert entry["values"]["times"] == "header.stamp of /oct/image"
     rmtree(tmp_path / "r")
-    assert "(--clock-offset-s)" in refused(
-        bag, *options_of(*size, "--rate-hz", 4)
-    )  # other clocks then
+    # other clocks then
+    assert "(--clock-offset-s)" in refused(bag, *options_of(*size, "--rate-hz", 4))
 
 
 def test_a_contradiction_in_a_file_needs_the_options_and_is_noted_then(
@@ -674,6 +682,5 @@ def test_the_wall_that_the_frames_show_is_offered(
     )
 
     if thickness_um is not None:
-        assert found == pytest.approx(
-            thickness_um * 1e-6, rel=0.1
-        )  # drawn along the depth, measured along the normal
+        # drawn along the depth, measured along the normal
+        assert found == pytest.approx(thickness_um * 1e-6, rel=0.1)

@@ -1,4 +1,6 @@
-"""Every command: exit codes, one error line, pure JSON on standard output, a clean Ctrl-C; findings of `doctor`."""
+"""Every command: exit codes, one error line, pure JSON on standard output, a clean
+Ctrl-C; findings of `doctor`.
+"""
 
 import json
 import os
@@ -164,14 +166,16 @@ def test_json_has_no_number_that_json_does_not_know(capsys) -> None:
 
 
 def test_control_c_in_a_real_process_is_exit_code_130_and_one_line() -> None:
-    # A command that blocks: the test's own `wait`, installed in the child before the entry point runs. As zarr does, it
-    # leaves a task in a loop of asyncio, which says so when it is destroyed.
+    # A command that blocks: the test's own `wait`, installed in the child before the
+    # entry point runs. As zarr does, it leaves a task in a loop of asyncio, which says
+    # so when it is destroyed.
     code = (
-        "import asyncio, sys, time, click\nfrom scleraforce.cli import main as entry\n@click.command()\ndef "
-        "wait():\n    loop = asyncio.new_event_loop()\n    loop.create_task(asyncio.sleep(60))\n    "
-        "loop.run_until_complete(asyncio.sleep(0))\n    print('ready', flush=True)\n    "
-        "time.sleep(300)\nentry.cli.get_command = lambda ctx, name: wait\nsys.argv = "
-        "['scleraforce', 'wait']\nentry.main()\n"
+        "import asyncio, sys, time, click\nfrom scleraforce.cli import main as"
+        " entry\n@click.command()\ndef wait():\n    loop = asyncio.new_event_loop()\n  "
+        "  loop.create_task(asyncio.sleep(60))\n   "
+        " loop.run_until_complete(asyncio.sleep(0))\n    print('ready', flush=True)\n  "
+        "  time.sleep(300)\nentry.cli.get_command = lambda ctx, name: wait\nsys.argv ="
+        " ['scleraforce', 'wait']\nentry.main()\n"
     )
     child = subprocess.Popen(
         [sys.executable, "-c", code],
@@ -187,9 +191,8 @@ def test_control_c_in_a_real_process_is_exit_code_130_and_one_line() -> None:
     child.send_signal(signal.SIGINT)
     _, err = child.communicate(timeout=FUSE_S)
     assert child.returncode == 130
-    assert (
-        err.strip() == "error: interrupted"
-    )  # click puts a line feed before, to leave the terminal's ^C alone
+    # click puts a line feed before, to leave the terminal's ^C alone
+    assert err.strip() == "error: interrupted"
 
 
 def test_a_reader_that_leaves_early_gets_no_traceback() -> None:
@@ -209,11 +212,12 @@ def test_a_reader_that_leaves_early_gets_no_traceback() -> None:
 
 
 def test_an_import_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
+    # of noise: to write them takes seven times as long as to begin
     many = (
         200,
         512,
         512,
-    )  # of noise: to write them takes seven times as long as to begin
+    )
     np.save(
         tmp_path / "a.npy", np.random.default_rng(0).integers(0, 2**16, many, np.uint16)
     )
@@ -282,7 +286,9 @@ def test_bash_completes_commands_options_and_choices(tmp_path: Path) -> None:
 
 
 def test_jupyters_backend_does_not_reach_a_command_that_draws(tmp_path: Path) -> None:
-    """Matplotlib refuses module://matplotlib_inline.backend_inline at its import where Jupyter is not installed."""
+    """Matplotlib refuses module://matplotlib_inline.backend_inline at its import where
+    Jupyter is not installed.
+    """
     cv2.imwrite(str(tmp_path / "a.png"), FRAMES[0])
     given = (
         "a.png",

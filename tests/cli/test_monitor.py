@@ -1,4 +1,6 @@
-"""`monitor` and `monitor-reset`: the service as a user starts it, refused sessions, and its end."""
+"""`monitor` and `monitor-reset`: the service as a user starts it, refused sessions, and
+its end.
+"""
 
 import json
 import os
@@ -82,11 +84,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class StarvedError(AssertionError):
-    """The watchdog ended the monitor, which got no processor for longer than it may be silent."""
+    """The watchdog ended the monitor, which got no processor for longer than it may be
+    silent.
+    """
 
 
 def unless_starved(test: Callable[..., None]) -> Callable[..., None]:
-    """Start anew, at most twice, where this machine is so busy that the watchdog ended the monitor."""
+    """Start anew, at most twice, where this machine is so busy that the watchdog ended
+    the monitor.
+    """
 
     @wraps(test)
     def attempts(folder: Path, tmp_path: Path, **case: object) -> None:
@@ -99,16 +105,16 @@ def unless_starved(test: Callable[..., None]) -> Callable[..., None]:
 
 
 IDS = count(1)
+# of a busy machine, not of the eye
 PAUSES = {
     "SILENCE",
     "STALE",
     "NO_OPINION",
     "QUEUE_BEHIND",
-}  # of a busy machine, not of the eye
+}
 SENT: list[np.ndarray] = []
-SEEDS = range(
-    60
-)  # more frames than the monitor remembers: a live scanner never shows a picture again
+# more frames than the monitor remembers: a live scanner never shows a picture again
+SEEDS = range(60)
 
 
 @cache
@@ -143,7 +149,10 @@ def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(
     with started(
         folder, "--calibration", str(folder / "calibration.json"), *EYE, *kept
     ) as monitor:
-        known = f"0.300 MPa (calibrated), IOP 2.0 mmHg, {THICKNESS_M * 1e6:.0f} µm thick, gap 0.60 mm"
+        known = (
+            f"0.300 MPa (calibrated), IOP 2.0 mmHg, {THICKNESS_M * 1e6:.0f} µm thick,"
+            " gap 0.60 mm"
+        )
         assert known in "".join(monitor.lines)
         assert any(line.split() == ["globe", "open"] for line in monitor.lines)
 
@@ -151,9 +160,8 @@ def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(
             scanner.say(Sensor((0.0, 0.0, -0.008, 0.0, 0.0, 0.0)), "RobotForce")
             scanner.hear(lambda peer: bool(peer.statuses()))
             assert scanner.statuses()[0].code == 13
-            withdrawal = _undisturbed(
-                scanner, monitor, 40
-            )  # which the network, always the same, does not see
+            # which the network, always the same, does not see
+            withdrawal = _undisturbed(scanner, monitor, 40)
             assert withdrawal.name in {"BOUND", "DANGEROUS_CLASS"}
             push(scanner, 8, 20)
             assert (
@@ -182,7 +190,7 @@ def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(
     assert session.info.eye.globe == "open"
     assert len(session.frames) == summary["frames"] - summary["lost"]
     assert (session.frame(session.frames[0]) == SENT[first]).all()
-    (withdrawn, *_) = sorted((tmp_path / "box" / "withdrawals").iterdir())
+    withdrawn, *_ = sorted((tmp_path / "box" / "withdrawals").iterdir())
     assert read_recording(withdrawn).frames
 
 
@@ -260,9 +268,10 @@ def test_a_push_in_two_planes_is_replayed_decided_on_recorded_and_evaluated(
         [replace(recorded, frames=tuple(chain(*held)), forces=None)],
     )
     assert [frame.plane for frame in found.frames] == ["along", "across"] * 3
+    # with no known E
     assert [frame.answer.force_n for frame in found.frames] == pytest.approx(
         [0.012] * 6, abs=4e-3
-    )  # with no known E
+    )
     assert all(frame.answer.place for frame in found.frames)
 
 
@@ -298,7 +307,9 @@ def test_a_lower_bound_withdraws_from_a_force_below_the_bound_of_the_study(
 
 
 def _undisturbed(scanner: Peer, monitor: Started, force_mn: int) -> Status:
-    """Return the STATUS after 20 frames of this force; again where this machine paused longer than a scanner may."""
+    """Return the STATUS after 20 frames of this force; again where this machine paused
+    longer than a scanner may.
+    """
     for _ in range(10):
         _wait_at_rest(scanner, monitor)  # the second opinion has come as well
         push(scanner, force_mn, 20)
@@ -310,7 +321,9 @@ def _undisturbed(scanner: Peer, monitor: Started, force_mn: int) -> Status:
 
 
 def _wait_at_rest(scanner: Peer, monitor: Started) -> None:
-    """Show a harmless force until the monitor watches; reset it where this machine paused longer than a scanner may."""
+    """Show a harmless force until the monitor watches; reset it where this machine
+    paused longer than a scanner may.
+    """
 
     def at_rest() -> bool:
         status = _after(scanner, min(usual_frames()))
@@ -534,9 +547,8 @@ def test_each_option_reaches_its_setting(
         (1e-4, radians(90.0))
     )
     assert crossed.known.gap_m is None
-    turned = crossed.known.turned(
-        across.direction_rad
-    )  # as the loop and the second opinion see it
+    # as the loop and the second opinion see it
+    turned = crossed.known.turned(across.direction_rad)
     assert turned.direction_rad == pytest.approx(radians(-30.0))
     limits = settings.limits
     study = fixed_study(BINS)
@@ -625,12 +637,10 @@ def test_a_signal_ends_it_in_order_leaves_no_process_and_no_module_of_the_curren
     ):
         assert monitor.process.stderr
         lines = iter(monitor.process.stderr.readline, "")
-        assert any(
-            line.startswith("console    http://127.0.0.1:") for line in lines
-        )  # it has loaded all that it needs
-        robot.hear(
-            lambda peer: bool(peer.statuses())
-        )  # it has been let in, not only queued by the system
+        # it has loaded all that it needs
+        assert any(line.startswith("console    http://127.0.0.1:") for line in lines)
+        # it has been let in, not only queued by the system
+        robot.hear(lambda peer: bool(peer.statuses()))
         children = children_of(monitor.process.pid)
         assert len(children) == 4  # black box, second opinion, watchdog, console
 
@@ -643,9 +653,8 @@ def test_a_signal_ends_it_in_order_leaves_no_process_and_no_module_of_the_curren
         assert monitor.process.returncode == 0
         assert "the monitor ends" in robot.wait_for_code(3).message
 
-    assert said.splitlines()[-1].startswith(
-        "ended after 0 frames"
-    )  # a busy machine may cause a withdrawal
+    # a busy machine may cause a withdrawal
+    assert said.splitlines()[-1].startswith("ended after 0 frames")
     assert json.loads(told)["frames"] == 0
     assert not (tmp_path / "ran").exists()
     wait_until(lambda: not any(os.path.exists(f"/proc/{child}") for child in children))

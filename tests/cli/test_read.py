@@ -154,9 +154,8 @@ def test_the_globe_is_the_options_then_the_recordings_then_unknown(read, frame) 
 def test_a_frame_has_the_pressure_at_its_dent_which_is_higher_in_a_sealed_eye(
     read, model, frame, shell
 ) -> None:
-    cv2.imwrite(
-        str(frame), image(wall_section(tip_of(0.008)))
-    )  # far from 30 mN, whatever the network reads
+    # far from 30 mN, whatever the network reads
+    cv2.imwrite(str(frame), image(wall_section(tip_of(0.008))))
     vented, sealed, unknown = (
         read(frame, *MODULUS, *globe)
         for globe in (
@@ -271,8 +270,8 @@ def test_the_scale_of_a_tiff_is_used_unless_no_scan_has_it(
     )
     error = read(tmp_path / "b.tif", code=2)["error"]
     assert (
-        "width_mm: 5120 is above the largest allowed value 100; did you mean 5.12 mm (5120 µm)?"
-        in error
+        "width_mm: 5120 is above the largest allowed value 100; did you mean 5.12 mm"
+        " (5120 µm)?" in error
     )
     assert "(stated by: file); give --width-mm" in error
 
@@ -307,7 +306,10 @@ def test_bad_files_are_reported_and_the_others_are_answered(
     out, err = shell.run("read", model, *given, code=2)
     assert out.startswith(f"{frame}: class 1")
     assert err.splitlines() == [
-        f"error: {empty}: an empty file; give a PNG, TIFF, JPEG or a single DICOM image",
+        (
+            f"error: {empty}: an empty file; give a PNG, TIFF, JPEG or a single DICOM"
+            " image"
+        ),
         f"error: {missing}: File name too long",
         f"error: {tmp_path / 'pipe.png'}: a named pipe; give a regular file",
     ]

@@ -1,4 +1,6 @@
-"""Recordings in commands: findings of a calibration, a model's limits noted at once, keys that a command refuses."""
+"""Recordings in commands: findings of a calibration, a model's limits noted at once,
+keys that a command refuses.
+"""
 
 import json
 import re
@@ -52,9 +54,8 @@ def test_text_and_picture_have_the_findings_beside_the_modulus(
     remark = " ".join(" ".join(lines[first:last]).split())
     assert "; ".join(FOUND) in remark
     assert max(map(len, lines[:last])) <= 80
-    assert (
-        "bends otherwise" not in remark
-    )  # low and high forces do not agree on E, but k may be off in a frame alone
+    # low and high forces do not agree on E, but k may be off in a frame alone
+    assert "bends otherwise" not in remark
     assert plot.read_bytes().startswith(b"\x89PNG")
     title = draw_calibration(result).axes[0].get_title(loc="left")
     assert title.splitlines() == ["mine: 0.300 MPa, sd 0.0100 MPa", *FOUND]
@@ -78,8 +79,10 @@ CHANGES = {
     "gauge = 22": "gauge = 30",
 }
 SENTENCES = (
-    "frames of 6 x 4 mm: at most 6.0 mm of the wall are visible; at least 9.8 mm are needed without a calibration, "
-    "and by the monitor",
+    (
+        "frames of 6 x 4 mm: at most 6.0 mm of the wall are visible; at least 9.8 mm"
+        " are needed without a calibration, and by the monitor"
+    ),
     "IOP 15 mmHg, the model was trained on 0.5 to 5 mmHg",
     "wall thickness 1000 µm, the model was trained on 380 to 900 µm",
     "needle of 30 gauge, the model was trained on 22 gauge (0.7 mm)",
@@ -143,7 +146,9 @@ def test_another_model_has_other_limits(tmp_path: Path, shell) -> None:
 
 @pytest.fixture(scope="module")
 def pushed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A virtual recording with forces that states no thickness, of an eye of 15 mmHg."""
+    """A virtual recording with forces that states no thickness, of an eye of 15
+    mmHg.
+    """
     folder = tmp_path_factory.mktemp("pushed")
     study = folder / "study.toml"
     study.write_text("[mesh]\ncore = 4\nrings = 8\n")
@@ -197,9 +202,8 @@ def test_calibrate_prefers_the_given_thickness_and_notes_limits_at_once(
 
     for n, thickness in enumerate(("", "\nthickness_m = 4e-4")):
         info.write_text(before.replace("[eye]", f"[eye]{thickness}"))
-        first = " ".join(
-            shell.run(*given, tmp_path / f"{n}.json")[0].split()[:40]
-        )  # lines wrap where the path ends
+        # lines wrap where the path ends
+        first = " ".join(shell.run(*given, tmp_path / f"{n}.json")[0].split()[:40])
         assert first.startswith(f"note: {pushed}:")
         assert "IOP 15 mmHg" in first
         means.append(
@@ -222,7 +226,8 @@ def test_one_thickness_is_not_that_of_two_eyes(pushed: Path, tmp_path: Path) -> 
 
 
 PHYSICS = ("eye", "needle", "form", "mechanics", "tissue", "globe", "supports")
-# Keys of these sections that commands take elsewhere: options, recordings, groups of a data set, a library's axes.
+# Keys of these sections that commands take elsewhere: options, recordings, groups of a
+# data set, a library's axes.
 ELSEWHERE = {
     "eye.thickness_um",
     "eye.youngs_modulus_mpa",
@@ -259,8 +264,8 @@ HEXAHEDRA = SMALL.replace("KIND", "hexahedra")
 GRADED = SMALL.replace("KIND", "graded")
 HELD = '[supports]\nkind = "bed-and-straps"\n'
 BENT = (
-    HELD
-    + '[mechanics]\nkind = "finite-strain"\n[globe]\nkind = "sealed"\n[needle]\ntilt_deg = 2.0\n'
+    HELD + '[mechanics]\nkind = "finite-strain"\n[globe]\nkind ='
+    ' "sealed"\n[needle]\ntilt_deg = 2.0\n'
 )
 EVERYTHING = """
 [eye]
@@ -372,7 +377,9 @@ WORK = {
 
 @pytest.fixture
 def read(monkeypatch: pytest.MonkeyPatch) -> set[str]:
-    """Collect the physics keys that the code reads, except to check, compare or write a study."""
+    """Collect the physics keys that the code reads, except to check, compare or write a
+    study.
+    """
     seen: set[str] = set()
 
     def watch(section: str) -> None:

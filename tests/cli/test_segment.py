@@ -166,8 +166,8 @@ def test_a_scale_that_nothing_states_is_assumed_and_noted(
 
     assert assumed["thickness_um"] == stated["thickness_um"]
     assert (
-        "note: of 1 of 2 frames nothing states the width (taken as 15 mm; give --width-mm)"
-        in shell.text(*given)
+        "note: of 1 of 2 frames nothing states the width (taken as 15 mm; give"
+        " --width-mm)" in shell.text(*given)
     )
     assert "note" not in shell.text("segment", frame, "--out", tmp_path / "a")
     sized = (
@@ -204,7 +204,10 @@ def test_bad_files_are_reported_and_the_others_are_segmented(
     ]
     said = err.splitlines()
     assert said[:2] == [
-        f"error: {empty}: an empty file; give a PNG, TIFF, JPEG or a single DICOM image",
+        (
+            f"error: {empty}: an empty file; give a PNG, TIFF, JPEG or a single DICOM"
+            " image"
+        ),
         f"error: {long}: File name too long",
     ]
     assert "at least 16 x 16" in said[2]
@@ -259,10 +262,11 @@ def test_ctrl_c_while_a_sheet_is_written_leaves_no_part_of_it(
     loose, dark, tmp_path: Path, shell, monkeypatch
 ) -> None:
     def interrupt(figure: Figure, *_: object) -> None:
+        # the worst is first
         assert [axes.texts[0].get_text() for axes in figure.axes] == [
             "dark.png",
             "loose.png",
-        ]  # the worst is first
+        ]
         raise KeyboardInterrupt
 
     monkeypatch.setattr("scleraforce.report.files._encoded", interrupt)

@@ -1,4 +1,6 @@
-"""`show` recognises each kind of thing, describes and draws it; `export` writes it for other programs."""
+"""`show` recognises each kind of thing, describes and draws it; `export` writes it for
+other programs.
+"""
 
 import csv
 import json
@@ -26,7 +28,9 @@ from scleraforce.service.messages import Entry
 
 
 def decisions(count: int = 30) -> list[Entry]:
-    """A needle that pushes by 1 mN more in each frame, 10 ms apart; the monitor withdraws at the 21st."""
+    """A needle that pushes by 1 mN more in each frame, 10 ms apart; the monitor
+    withdraws at the 21st.
+    """
     return [
         replace(
             READ_ENTRY,
@@ -52,7 +56,9 @@ def write_log(folder: Path) -> Path:
 
 
 def write_push(path: Path) -> None:
-    """Write a force log: no contact for a second, then 1 mN more every 10 ms; in contact the sensor's z is negative."""
+    """Write a force log: no contact for a second, then 1 mN more every 10 ms; in
+    contact the sensor's z is negative.
+    """
     samples = [(n / 200, -0.1 * max(n / 200 - 1.0, 0.0)) for n in range(400)]
     rows = [f"{time_s},0,0,{force_n},0,0,0" for time_s, force_n in samples]
     path.write_text(
@@ -64,7 +70,10 @@ def write_push(path: Path) -> None:
 def things(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with one thing of each kind that is quickly made."""
     folder = tmp_path_factory.mktemp("things")
-    study = "[eye]\nradius_mm = 11.0\n[dataset]\nframing_depth_mm = { min = 0.2, max = 0.6 }\n"
+    study = (
+        "[eye]\nradius_mm = 11.0\n[dataset]\nframing_depth_mm = { min = 0.2, max ="
+        " 0.6 }\n"
+    )
     (folder / "study.toml").write_text(study)
     write_small_recording(folder / "eye")
     write_push(folder / "eye" / "forces.csv")
@@ -205,16 +214,23 @@ def test_a_log_has_each_withdrawal_once_and_the_number_of_its_torn_parts(
 
 REFUSED = {
     "nowhere": "nowhere: no such file or folder; give a study",
-    "empty": "empty: give a study, library, data set, model (or a bundled one: default, living, paper, wall-finder)",
+    "empty": (
+        "empty: give a study, library, data set, model (or a bundled one: default,"
+        " living, paper, wall-finder)"
+    ),
     "eye/recording.toml": "a part of a recording; give its folder",
     "eye/frames/0000.png": "0000.png: give a study",
     "eye --model nowhere": "nowhere: no such folder, and not a bundled model",
     "eye --model wall-finder": "wall_finder: kind: found 'wall-finder'",
-    "study.toml --model default": "--model: study.toml is a study; a model reads recordings",
+    "study.toml --model default": (
+        "--model: study.toml is a study; a model reads recordings"
+    ),
     "eye --plot picture.jpg": "picture.jpg: give a name that ends in .png, .svg, .pdf",
     "eye --plot study.toml": "give a name that ends in",
     "eye --plot old.svg": "old.svg: exists already",
-    "eye --plot new.svg --model nowhere": "nowhere: no such folder, and not a bundled model",
+    "eye --plot new.svg --model nowhere": (
+        "nowhere: no such folder, and not a bundled model"
+    ),
 }
 
 
@@ -279,8 +295,9 @@ def test_a_table_has_a_row_for_each_frame_with_its_answer(
         12,
     )
     shell.run("export", answers, "--out", recording.parent / "b.csv")
-    assert (recording.parent / "b.csv").read_text() == (
-        "file,recording,predicted_force_mn,interval_low_mn,interval_high_mn\n0001.png,r,4.5,3.0,6.0\n"
+    assert (
+        (recording.parent / "b.csv").read_text()
+        == "file,recording,predicted_force_mn,interval_low_mn,interval_high_mn\n0001.png,r,4.5,3.0,6.0\n"
     )
 
 

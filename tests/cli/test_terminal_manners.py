@@ -1,4 +1,6 @@
-"""Every command at 80 columns, in a pipe, with --json, with --quiet, on a terminal with and without NO_COLOR."""
+"""Every command at 80 columns, in a pipe, with --json, with --quiet, on a terminal with
+and without NO_COLOR.
+"""
 
 import json
 import os
@@ -24,7 +26,10 @@ pytest.importorskip("torch")
 
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")  # all but tab and newline
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
-SMALL = "[mesh]\ndivisions = 4\n[dataset]\ncontacts = 2\n[[dataset.group]]\nthickness_um = 500.0\nimages = 20\n"
+SMALL = (
+    "[mesh]\ndivisions = 4\n[dataset]\ncontacts = 2\n[[dataset.group]]\nthickness_um ="
+    " 500.0\nimages = 20\n"
+)
 FRAME = "eye-a/frames/0001.png"
 # The arguments of each command, in the folder below; {out} is new for each run.
 RUNS = {
@@ -33,16 +38,19 @@ RUNS = {
     "simulate": "--study small.toml --thickness-um 600 --force-mn 10",
     "phantom": "--study small.toml --out {out} --forces-mn 2,20 --thickness-um 600",
     "segment": FRAME + " --out {out}",
-    "scanner": "drawn/0.png drawn/1.png --width-mm 15 --depth-mm 4 --bits 12 --out {out}.toml",
+    "scanner": (
+        "drawn/0.png drawn/1.png --width-mm 15 --depth-mm 4 --bits 12 --out {out}.toml"
+    ),
     "library": "--study study.toml --out {out}",
     "calibrate": "eye-a --study study.toml --frames 2 --out {out}",
     "generate": "--study small.toml --out {out} --workers 1",
     "train": "dataset --out {out}",
     "read": "reader " + FRAME,
     "evaluate": "reader eye-a",
-    "import": FRAME
-    + " --out {out} --width-mm 15 --depth-mm 4 --bits 12 --rate-hz 1 --refractive-index 1 --gauge 22 "
-    "--gap-mm 0.6 --eye eye-b",
+    "import": (
+        FRAME + " --out {out} --width-mm 15 --depth-mm 4 --bits 12 --rate-hz 1"
+        " --refractive-index 1 --gauge 22 --gap-mm 0.6 --eye eye-b"
+    ),
     "export": "eye-a --out {out}.csv",
     "show": "eye-a",
     "doctor": "",
@@ -67,10 +75,11 @@ SLOW = {
     "train",
 }
 NEVER_QUIET = {"monitor"}  # its operator has to see its lines
+# of these: each runs them four times; `.ci/run` has tests of their own
 LONG = {
     "demo",
     "doctor",
-}  # of these: each runs them four times; `.ci/run` has tests of their own
+}
 
 
 @pytest.fixture(scope="module")
@@ -120,9 +129,8 @@ def test_every_command_explains_itself_within_80_columns(shell) -> None:
         assert out.startswith(f"Usage: scleraforce {name}")
         assert max(map(len, out.splitlines())) <= 80
         assert not CONTROL.search(out)
-        assert (
-            "\\b" not in out
-        )  # click's mark for verbatim text, typed into a raw docstring
+        # click's mark for verbatim text, typed into a raw docstring
+        assert "\\b" not in out
         assert ("--quiet" in out) == (name not in ("", *NEVER_QUIET))
         assert ("--json" in out) == bool(name)
 
@@ -164,7 +172,9 @@ def test_a_command_that_cannot_begin_prints_one_line_with_any_option(
 def on_a_terminal(
     arguments: list[str], folder: Path, **environment: str
 ) -> tuple[str, str]:
-    """Run a command whose standard error is a terminal; return what it wrote to its output and to that."""
+    """Run a command whose standard error is a terminal; return what it wrote to its
+    output and to that.
+    """
     ours, theirs = pty.openpty()
     termios.tcsetwinsize(theirs, (24, 80))
     given = {"cwd": folder, "env": os.environ | environment, "stderr": theirs}

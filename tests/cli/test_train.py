@@ -1,4 +1,6 @@
-"""`library`, `generate`, `train`: results, Ctrl-C that the same command repairs, full disks, wall finders."""
+"""`library`, `generate`, `train`: results, Ctrl-C that the same command repairs, full
+disks, wall finders.
+"""
 
 import json
 import resource
@@ -164,14 +166,18 @@ def test_other_commands_find_the_library_in_the_users_cache(monkeypatch, tmp_pat
 
 
 LIBRARY = "[library]\nthicknesses = 4\ntensions = 4\ntips = 6\nelements = 16\n"
-DATASET = "[mesh]\ndivisions = 4\n[dataset]\ncontacts = 2\n[[dataset.group]]\nthickness_um = 500.0\nimages = 200\n"
+DATASET = (
+    "[mesh]\ndivisions = 4\n[dataset]\ncontacts = 2\n[[dataset.group]]\nthickness_um ="
+    " 500.0\nimages = 200\n"
+)
 
 
 @contextmanager
 def files_up_to(size: int) -> Iterator[None]:
     """Let no file grow beyond `size` bytes, as on a full disk.
 
-    Python writes no bytecode meanwhile: it would leave cut .pyc files of imported modules, and not notice.
+    Python writes no bytecode meanwhile: it would leave cut .pyc files of imported
+    modules, and not notice.
     """
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     with pytest.MonkeyPatch.context() as patch:
@@ -185,9 +191,8 @@ def files_up_to(size: int) -> Iterator[None]:
             resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-@pytest.mark.parametrize(
-    ("command", "size"), [("library", 200), ("generate", 3000)]
-)  # at the start, at a chunk
+# at the start, at a chunk
+@pytest.mark.parametrize(("command", "size"), [("library", 200), ("generate", 3000)])
 def test_a_store_on_a_full_disk_is_one_line(
     tmp_path: Path, shell, monkeypatch, command: str, size: int
 ) -> None:
@@ -335,6 +340,7 @@ def test_training_prints_its_results_and_its_model_segments(
     (entry,) = shell.json(
         "segment", frame, "--out", tmp_path, *SIZE, "--wall-finder", model
     )["frames"]
+    # 640 scenes teach little
     assert (
         entry["reason"] == "" or "does not know where the wall ends" in entry["reason"]
-    )  # 640 scenes teach little
+    )

@@ -1,4 +1,6 @@
-"""`simulate` and `scanner`: options reach the model, files are written, bad input is one line."""
+"""`simulate` and `scanner`: options reach the model, files are written, bad input is
+one line.
+"""
 
 from pathlib import Path
 
@@ -58,9 +60,8 @@ def test_each_option_reaches_the_linear_model(study: Path, shell) -> None:
     assert tip_mm(force_mn=20) == pytest.approx(2 * base, rel=1e-9)
     assert tip_mm(youngs_modulus_mpa=0.5) == pytest.approx(base / 2, rel=1e-9)
     assert tip_mm(force_mn=0) == 0.0
-    assert tip_mm(iop_mmhg=10) == pytest.approx(
-        base, rel=1e-6
-    )  # neither pressure nor gap changes a linear tip
+    # neither pressure nor gap changes a linear tip
+    assert tip_mm(iop_mmhg=10) == pytest.approx(base, rel=1e-6)
     assert tip_mm(gap_mm=0.8) == pytest.approx(base, rel=1e-9)
     assert tip_mm(polar_angle_deg=40) != pytest.approx(base, rel=1e-4)
     assert tip_mm(thickness_um=700) < 0.9 * base
@@ -154,9 +155,8 @@ def test_finite_strain_stiffens_and_comes_from_the_study_or_the_option(
         "linear",
     ]
     assert large["elements"] == 4**2 + 6 * 16
-    assert (
-        large["tip_displacement_mm"] > 8.5 * small["tip_displacement_mm"]
-    )  # 8 times the force
+    # 8 times the force
+    assert large["tip_displacement_mm"] > 8.5 * small["tip_displacement_mm"]
     assert large["tip_displacement_mm"] > 1.1 * linear["tip_displacement_mm"]
     moved_mm = (
         np.linalg.norm(

@@ -1,4 +1,6 @@
-"""Walls that users give: a mask in place of the wall that is found, and a recording's corrected walls."""
+"""Walls that users give: a mask in place of the wall that is found, and a recording's
+corrected walls.
+"""
 
 from pathlib import Path
 
@@ -82,9 +84,8 @@ def test_columns_that_are_not_judged_interrupted_or_cut_off_by_the_top_are_left_
 def test_intervals_hold_when_boundaries_are_off_as_far_as_the_mask_states() -> None:
     reader = force_reader()
     rng = np.random.default_rng(44)
-    smooth = (
-        1.5e-3 / 2.5 / SCALE.lateral_m
-    )  # errors of people follow a line; the fit takes 1.5 mm for independent
+    # errors of people follow a line; the fit takes 1.5 mm for independent
+    smooth = 1.5e-3 / 2.5 / SCALE.lateral_m
     row = np.arange(len(FRAME))[:, None]
     held = 0
     widths = []
@@ -144,7 +145,9 @@ def test_what_is_not_a_mask_of_the_frame_is_refused() -> None:
 
 @pytest.fixture
 def corrected(tmp_path: Path) -> tuple[Path, Path]:
-    """A model, and a recording whose frame 2 has a wall that was drawn 30 rows too low."""
+    """A model, and a recording whose frame 2 has a wall that was drawn 30 rows too
+    low.
+    """
     places = write_places(tmp_path)
     frame = places["mine"] / "frames" / "2.png"
     mask = find_wall(sf.read_frame(frame), SCALE).mask

@@ -1,4 +1,6 @@
-"""The decision: the table is total, each cause withdraws at once and latches, and noise does not cry wolf."""
+"""The decision: the table is total, each cause withdraws at once and latches, and noise
+does not cry wolf.
+"""
 
 import re
 from collections.abc import Callable, Sequence
@@ -262,9 +264,8 @@ def test_decide_follows_the_table() -> None:
             state = replace(state, fresh=1)
 
         state = play(events[:-1], state, limits)
-        here = (
-            state.state
-        )  # NOT_READY cannot meet what needs frames: it is WATCHING by then
+        # NOT_READY cannot meet what needs frames: it is WATCHING by then
+        here = state.state
         after, decision = decide(state, events[-1], limits)
         assert after.state is TRANSITIONS[here, signal]
         codes = {
@@ -300,9 +301,8 @@ def shown(backs: Sequence[int]) -> list[MonitorEvent]:
 def test_the_same_picture_three_times_is_frozen() -> None:
     assert play(shown([0, 1]), watching()).state is State.WATCHING
     assert play(shown([0, 1, 1]), watching()).cause is Cause.FROZEN
-    assert (
-        play(shown([0, 1] * 40), watching()).state is State.WATCHING
-    )  # each twice: a scanner of half the rate
+    # each twice: a scanner of half the rate
+    assert play(shown([0, 1] * 40), watching()).state is State.WATCHING
 
 
 def test_old_pictures_in_turns_are_frozen_with_the_second_one() -> None:
@@ -325,7 +325,9 @@ def reset_after(events: Sequence[MonitorEvent], state: MonitorState) -> Decision
 def late(
     lags_s: Sequence[float], ahead_s: float = 1.8e9, rate_hz: float = 100.0
 ) -> list[MonitorEvent]:
-    """Frames from 6 on, each so long after the time that its sender states, whose clock is ahead."""
+    """Frames from 6 on, each so long after the time that its sender states, whose clock
+    is ahead.
+    """
     times_s = [0.05 + (n + 1) / rate_hz for n in range(len(lags_s))]
     return [
         replace(frame(6 + n, at_s=at_s), sent_s=at_s - lag_s + ahead_s)
@@ -370,9 +372,8 @@ def test_what_stays_late_gets_no_reset_and_a_clock_set_ahead_is_the_new_measure(
     for before, cause in ((watching(), Cause.STALE), (withdrawn(), Cause.CHECKSUM)):
         refused = reset_after(late([0.005] * 5 + [3.0] * 20), before)
         assert (refused.code, refused.sub_code) == (3, cause.value)
-        assert (
-            "late after the time in its header" in refused.message
-        )  # what is wrong now, not the first cause
+        # what is wrong now, not the first cause
+        assert "late after the time in its header" in refused.message
         assert "0 of 5 came" in refused.message
 
     assert play(late([0.005] * 5 + [-2.0] * 20), watching()).state is State.WATCHING
@@ -510,7 +511,9 @@ def test_losses_are_limited_in_time_whatever_the_frame_rate() -> None:
 
 
 def test_short_rows_do_not_count_while_ten_readings_come_within_the_reaction_time():
-    """At 1,000 frames a second: of each `lost + 1` frames one is read; from four lost ones on they count."""
+    """At 1,000 frames a second: of each `lost + 1` frames one is read; from four lost
+    ones on they count.
+    """
 
     def losing(lost: int, parts: int, limits: MonitorLimits = LIMITS) -> MonitorState:
         events: list[MonitorEvent] = []
@@ -553,9 +556,8 @@ def test_a_row_that_counts_is_forgotten_while_short_ones_follow() -> None:
 
 
 def test_what_is_remembered_of_losses_stays_short_and_is_never_forgotten_too_early():
-    loose = replace(
-        LIMITS, loss_in_window_s=10.0, reaction_s=1e-4
-    )  # so that each loss counts
+    # so that each loss counts
+    loose = replace(LIMITS, loss_in_window_s=10.0, reaction_s=1e-4)
     state = watching()
 
     for n in range(4000):
@@ -668,7 +670,9 @@ def test_nothing_is_ok_before_the_first_opinion_where_one_is_expected() -> None:
 
 
 def test_after_a_pause_before_contact_an_old_opinion_does_not_count() -> None:
-    """The last frame before the pause got none: that is not a cause, but nothing is OK before the next opinion."""
+    """The last frame before the pause got none: that is not a cause, but nothing is OK
+    before the next opinion.
+    """
     before = play([*both(1, 2, force_n=1e-3), unusable(3)], limits=OPINED)
     assert before.state is State.NOT_READY
     after: list[MonitorEvent] = [frame(n) for n in range(1000, 1005)]
@@ -683,9 +687,8 @@ def test_a_second_reader_that_has_gone_is_a_cause() -> None:
     for kind in ("frame", "tick"):
         state = play(both(*range(1, 11)), limits=OPINED)
         assert state.state is State.WATCHING
-        frames: list[MonitorEvent] = [
-            frame(n) for n in range(11, 61)
-        ]  # the first that gets none comes at 0.11 s
+        # the first that gets none comes at 0.11 s
+        frames: list[MonitorEvent] = [frame(n) for n in range(11, 61)]
         assert play(frames, state, OPINED).state is State.WATCHING
         last: MonitorEvent = frame(61) if kind == "frame" else Tick(0.61)
         assert play([*frames, last], state, OPINED).cause is Cause.NO_OPINION
@@ -903,7 +906,9 @@ def test_no_sequence_ends_a_withdrawal_without_a_reset_or_is_ok_before_a_good_fr
 
 
 def sessions(seed: int, seconds: float) -> Decision:
-    """A slow wander of the true force between 0 and 25 mN, read at 100 Hz with noise."""
+    """A slow wander of the true force between 0 and 25 mN, read at 100 Hz with
+    noise.
+    """
     rng = np.random.default_rng(seed)
     time_s = np.arange(1, int(100 * seconds)) / 100
     periods_s = rng.uniform(4.0, 20.0, 3)
@@ -968,21 +973,19 @@ def risen_force(
 
 
 def test_a_rise_that_slows_down_is_not_foretold_from_how_it_began() -> None:
-    slowing = tuple(
-        (0.01 * n, 0.02 + 0.05 * 0.01 * min(n, 5)) for n in range(10)
-    )  # 50 mN/s, then a hold
+    # 50 mN/s, then a hold
+    slowing = tuple((0.01 * n, 0.02 + 0.05 * 0.01 * min(n, 5)) for n in range(10))
     assert risen_force(slowing, 0.05, 3.0) is None
-    bending = tuple(
-        (0.01 * n, 0.02 + 1e-3 * n - 4e-5 * n * n) for n in range(10)
-    )  # 100, in the end 28 mN/s
+    # 100, in the end 28 mN/s
+    bending = tuple((0.01 * n, 0.02 + 1e-3 * n - 4e-5 * n * n) for n in range(10))
     steady = tuple((0.01 * n, 0.02 + 1e-3 * n) for n in range(10))
     assert risen_force(steady, 0.05, 0.0) == pytest.approx(0.034)
+    # the parabola's top
     assert risen_force(bending, 0.05, 0.0) == pytest.approx(
         0.02 + 12.5e-3 - 4e-5 * 12.5**2
-    )  # the parabola's top
-    assert risen_force(bending, 0.02, 0.0) == pytest.approx(
-        0.02 + 11e-3 - 4e-5 * 11**2
-    )  # on the way to it
+    )
+    # on the way to it
+    assert risen_force(bending, 0.02, 0.0) == pytest.approx(0.02 + 11e-3 - 4e-5 * 11**2)
 
 
 def test_a_rise_that_quickens_is_foretold_by_its_line_and_one_wild_frame_hides_no_rise():
@@ -1015,7 +1018,9 @@ def test_ten_frames_in_a_line_by_chance_do_not_rise_steeply_after_rough_ones() -
 def bound_ms(
     forces_mn: list[float], interval_s: float = 0.01, share: float = 0.9
 ) -> tuple[float | None, ...]:
-    """Early end, median and late end of the time until 30 mN; forces are a share of the upper end."""
+    """Early end, median and late end of the time until 30 mN; forces are a share of the
+    upper end.
+    """
     line = trend.rise_of(
         [(n * interval_s, force_mn * 1e-3) for n, force_mn in enumerate(forces_mn)], 10
     )
@@ -1031,9 +1036,8 @@ def bound_ms(
 
 
 def test_the_time_until_the_bound_of_a_straight_rise_is_exact_but_for_the_error_of_its_slope():
-    steady = [
-        10.0 + 0.5 * n for n in range(12)
-    ]  # 50 mN/s to 15.5 mN; 27 mN have an upper end of 30
+    # 50 mN/s to 15.5 mN; 27 mN have an upper end of 30
+    steady = [10.0 + 0.5 * n for n in range(12)]
     slopes = 50.0 * (1.0 + 1.645 * 0.15 * np.array([1.0, 0.0, -1.0]))
     middle_mn = steady[-1] - 4.5 * 0.5
     assert bound_ms(steady) == pytest.approx(
@@ -1041,22 +1045,28 @@ def test_the_time_until_the_bound_of_a_straight_rise_is_exact_but_for_the_error_
     )
     assert bound_ms(steady, share=0.7)[1] == pytest.approx(1e3 * (21.0 - 15.5) / 50.0)
     assert bound_ms(steady, interval_s=0.12)[1] is None, "2.8 s away"
-    assert bound_ms(steady, interval_s=0.3, share=0.53) == (None, None, None), (
-        "the frames span 2.7 s"
-    )
+    assert bound_ms(steady, interval_s=0.3, share=0.53) == (
+        None,
+        None,
+        None,
+    ), "the frames span 2.7 s"
     assert (
         bound_ms(steady[:9])
         == bound_ms(steady[::-1])
         == bound_ms([20.0] * 12)
         == (None, None, None)
     )
-    assert bound_ms([0.0] * 12, share=1.0 / 3.0) == (None, None, None), (
-        "no contact, and no force"
-    )
+    assert bound_ms([0.0] * 12, share=1.0 / 3.0) == (
+        None,
+        None,
+        None,
+    ), "no contact, and no force"
     assert bound_ms(steady[:9], share=0.4) == (0.0, 0.0, 0.0), "reached already"
-    assert bound_ms([*(22.7 + 0.5 * n for n in range(11)), 26.5]) == (0.0, 0.0, 0.0), (
-        "the line has reached it"
-    )
+    assert bound_ms([*(22.7 + 0.5 * n for n in range(11)), 26.5]) == (
+        0.0,
+        0.0,
+        0.0,
+    ), "the line has reached it"
 
 
 def test_the_interval_of_the_time_until_the_bound_holds_where_readings_err_alike():
@@ -1068,9 +1078,8 @@ def test_the_interval_of_the_time_until_the_bound_holds_where_readings_err_alike
         slope = rng.uniform(0.1, 0.6)
         sd = rng.uniform(0.05, 0.3)
         left_mn = rng.uniform(3.0, 12.0)
-        err = np.convolve(
-            rng.normal(0.0, sd, 53), np.full(4, 0.5), "valid"
-        )  # neighbours err alike
+        # neighbours err alike
+        err = np.convolve(rng.normal(0.0, sd, 53), np.full(4, 0.5), "valid")
         readings_mn = (
             27.0 - left_mn + slope * rng.normal(1.0, 0.15) * np.arange(-49.0, 1.0) + err
         )
@@ -1178,9 +1187,8 @@ THROUGH_N = [*HELD, 0.007, 0.0072, 0.0074]
 
 def test_a_fall_that_no_retraction_explains_is_pierced_with_the_second_frame_after_it():
     for rate_hz in (70.0, 100.0, 400.0):
-        assert (
-            play(needle_goes(THROUGH_N[:9], rate_hz)).state is State.WATCHING
-        )  # one frame may be wild
+        # one frame may be wild
+        assert play(needle_goes(THROUGH_N[:9], rate_hz)).state is State.WATCHING
         state = play(needle_goes(THROUGH_N[:10], rate_hz))
         assert (state.state, state.cause) == (State.WITHDRAW, Cause.PIERCED)
         assert state.reason.startswith(
@@ -1189,9 +1197,8 @@ def test_a_fall_that_no_retraction_explains_is_pierced_with_the_second_frame_aft
 
     between = [*HELD, 0.015, 0.007, 0.0072]  # a frame in the middle of the fall
     assert play(needle_goes(between)).cause is Cause.PIERCED
-    assert (
-        play(needle_goes(THROUGH_N, 25.0)).cause is None
-    )  # the frames are too far apart to tell
+    # the frames are too far apart to tell
+    assert play(needle_goes(THROUGH_N, 25.0)).cause is None
 
 
 def test_what_withdraws_the_needle_or_is_one_frame_is_not_pierced() -> None:
@@ -1211,15 +1218,13 @@ def test_what_withdraws_the_needle_or_is_one_frame_is_not_pierced() -> None:
         for n, one in enumerate(needle_goes([0.004] * 5), 1)
     ]
     patient = replace(LIMITS, unusable_frames=9)
-    assert (
-        play([*missing, *after], limits=patient).cause is None
-    )  # 40 ms: a needle has time to withdraw
+    # 40 ms: a needle has time to withdraw
+    assert play([*missing, *after], limits=patient).cause is None
 
 
 def test_travel_explains_a_fall_or_not() -> None:
-    fast = replace(
-        LIMITS, retraction_m_s=0.05
-    )  # such a robot needs its travel: without it all may be a retraction
+    # such a robot needs its travel: without it all may be a retraction
+    fast = replace(LIMITS, retraction_m_s=0.05)
     on_m = [1e-4 * n for n in range(11)]
     back_m = [1e-3 - 5e-4 * max(n - 7, 0) for n in range(11)]
     assert play(needle_goes(THROUGH_N), limits=fast).cause is None
@@ -1227,24 +1232,21 @@ def test_travel_explains_a_fall_or_not() -> None:
         play(needle_goes(THROUGH_N, travel_m=on_m), limits=fast).cause is Cause.PIERCED
     )
     assert play(needle_goes(THROUGH_N, travel_m=back_m), limits=fast).cause is None
-    early_m = [
-        1e-3 - 5e-4 * min(max(n - 5, 0), 3) for n in range(11)
-    ]  # pictures come later than the robot says
+    # pictures come later than the robot says
+    early_m = [1e-3 - 5e-4 * min(max(n - 5, 0), 3) for n in range(11)]
     assert play(needle_goes(THROUGH_N, travel_m=early_m), limits=fast).cause is None
     old = [
         replace(one, travel_age_s=0.02) for one in needle_goes(THROUGH_N, travel_m=on_m)
     ]
-    assert (
-        play(old, limits=fast).cause is None
-    )  # 20 ms ago; it may have withdrawn since
+    # 20 ms ago; it may have withdrawn since
+    assert play(old, limits=fast).cause is None
     unknown = needle_goes(THROUGH_N, travel_m=[NAN] * 11)
     assert play(unknown).cause is Cause.PIERCED
 
 
 def test_of_tissue_that_relaxes_the_dent_counts() -> None:
-    held = [
-        judged(one, elastic_force_n=0.024) for one in needle_goes(THROUGH_N)
-    ]  # the force relaxes, the dent stays
+    # the force relaxes, the dent stays
+    held = [judged(one, elastic_force_n=0.024) for one in needle_goes(THROUGH_N)]
     assert play(held).cause is None
     sprung = [
         judged(one, elastic_force_n=one.verdict.force_n * 1.2)
@@ -1355,7 +1357,9 @@ def test_nothing_is_ok_before_every_plane_has_sent_a_frame_in_any_order() -> Non
 
 
 def test_a_constant_difference_between_planes_neither_rises_nor_pierces_and_the_worst_one_counts():
-    """Frames of the planes come in blocks of eight, which in one history would rise by 12 mN and fall again."""
+    """Frames of the planes come in blocks of eight, which in one history would rise by
+    12 mN and fall again.
+    """
     forces_n = {"along": 0.012, "across": 0.024}
     blocks = [plane for _ in range(10) for plane in CROSS for _ in range(8)]
     turns = [
@@ -1370,9 +1374,10 @@ def test_a_constant_difference_between_planes_neither_rises_nor_pierces_and_the_
 
     assert decision.message == "WATCHING: class 1; 24.0 mN"
     alone = play([replace(event, plane=None) for event in turns])
-    assert alone.cause in (Cause.RISING, Cause.PIERCED), (
-        "the same frames of one plane are a cause"
-    )
+    assert alone.cause in (
+        Cause.RISING,
+        Cause.PIERCED,
+    ), "the same frames of one plane are a cause"
 
 
 @pytest.mark.parametrize("plane", CROSS)
@@ -1475,7 +1480,10 @@ def test_each_planes_opinions_are_its_own_and_what_is_of_no_plane_withdraws() ->
     )
     assert (decision.state, decision.message) == (
         State.NOT_READY,
-        "NOT_READY: plane across: the second opinion has not answered yet; class 1; 10.0 mN",
+        (
+            "NOT_READY: plane across: the second opinion has not answered yet; class 1;"
+            " 10.0 mN"
+        ),
     )
     watching, decision = play_planes(
         [of_plane("across", opinion(6)), *cross([7])], planes, limits

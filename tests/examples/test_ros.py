@@ -1,4 +1,6 @@
-"""The ROS 2 node with a fake rclpy: images of a recorded bag go in, typed messages come out."""
+"""The ROS 2 node with a fake rclpy: images of a recorded bag go in, typed messages come
+out.
+"""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -40,7 +42,9 @@ def filled(name: str) -> Any:
 
 
 def rostype(name: str) -> type:
-    """Return a class whose messages can be made empty or of some fields; only fields of the type exist."""
+    """Return a class whose messages can be made empty or of some fields; only fields of
+    the type exist.
+    """
 
     def new(_: type, **fields: Any) -> Any:
         message = filled(name)
@@ -67,7 +71,9 @@ def serialised(message: Any) -> None:
 
 
 class FakeNode:
-    """A fake rclpy.node.Node that collects published messages; the tests call its timers."""
+    """A fake rclpy.node.Node that collects published messages; the tests call its
+    timers.
+    """
 
     given: ClassVar[dict[str, Any]] = {}
 
@@ -121,9 +127,8 @@ def module(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
     monkeypatch.setattr(sys, "path", list(sys.path))
     loaded = example_module("ros2/force_monitor_node")
-    monkeypatch.setattr(
-        loaded.robot_client, "SILENCE_S", 300.0
-    )  # the machine may be busy
+    # the machine may be busy
+    monkeypatch.setattr(loaded.robot_client, "SILENCE_S", 300.0)
 
     return loaded
 

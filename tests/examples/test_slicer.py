@@ -1,4 +1,6 @@
-"""The bridge to 3D Slicer, heard by an independent client, and the module with fakes of Slicer's modules."""
+"""The bridge to 3D Slicer, heard by an independent client, and the module with fakes of
+Slicer's modules.
+"""
 
 import sys
 import threading
@@ -110,9 +112,8 @@ def test_a_reading_waits_for_its_frame_which_is_looked_at_after_it_was_handed_on
     latest.saw(newer, 6)
     assert picture_of(5) is image  # not the newest
     monkeypatch.setattr(bridge, "FRAME_WAIT_S", 0.0)
-    assert (
-        picture_of(77) is newer
-    )  # the monitor's own number, of a sender that gives none
+    # the monitor's own number, of a sender that gives none
+    assert picture_of(77) is newer
 
     for frame_id in range(7, 7 + bridge.KEPT_FRAMES):
         latest.saw(older, frame_id)
@@ -158,7 +159,9 @@ class Scene:
 
 @pytest.fixture
 def slicer(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-    """Fakes of Slicer's modules, with the scene and the module that is loaded with them."""
+    """Fakes of Slicer's modules, with the scene and the module that is loaded with
+    them.
+    """
     base = type("Base", (), {"__init__": lambda *_: None})
     scripted = ModuleType("slicer.ScriptedLoadableModule")
 
@@ -214,9 +217,8 @@ def test_the_module_connects_as_a_client_and_shows_what_comes(
     bar.SetAndObserveTransformNodeID.assert_called_with(
         slicer.scene.nodes[bridge.BAR].GetID()
     )
-    assert (
-        bar.SetAndObservePolyData.call_count == 1
-    )  # one bar, however often it is updated
+    # one bar, however often it is updated
+    assert bar.SetAndObservePolyData.call_count == 1
     corner = (
         slicer.app.layoutManager().sliceWidget("Red").sliceView().cornerAnnotation()
     )

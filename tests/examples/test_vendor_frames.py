@@ -1,4 +1,6 @@
-"""Files of four makers as volumes, with fakes of OCT-Converter's readers: it cannot be installed beside scleraforce."""
+"""Files of four makers as volumes, with fakes of OCT-Converter's readers: it cannot be
+installed beside scleraforce.
+"""
 
 import struct
 import sys

@@ -121,7 +121,10 @@ def test_a_solve_and_a_reading_are_right_here_and_a_wrong_force_fails(
 
 @pytest.mark.slow
 def test_without_pytorch_training_is_missing_and_with_it_a_model_is_trained() -> None:
-    script = "import sys; {block}; from scleraforce.installation import tried; print(tried('a training'))"
+    script = (
+        "import sys; {block}; from scleraforce.installation import tried;"
+        " print(tried('a training'))"
+    )
     first, second = (
         subprocess.run(
             [sys.executable, "-c", script.format(block=block)],
@@ -136,9 +139,8 @@ def test_without_pytorch_training_is_missing_and_with_it_a_model_is_trained() ->
     assert "state='ok'" in second.stdout
 
 
-FOR_TESTS = {
-    "fit_loops.predict"
-}  # of a joint fit, which takes much longer: compiled at its first use
+# of a joint fit, which takes much longer: compiled at its first use
+FOR_TESTS = {"fit_loops.predict"}
 
 
 @pytest.mark.slow

@@ -106,8 +106,9 @@ def test_an_eye_whose_calibration_diverged_is_read_as_one_of_unknown_modulus_or_
     assert str(foreign_modulus(summary, "contradicted")).endswith(
         "unknown modulus in an unknown globe"
     )
-    assert foreign_modulus(summary, "lost") == (
-        f"lost is not usable (diverged: by 4 sd) in {summary.path}, which has "
+    assert (
+        foreign_modulus(summary, "lost")
+        == f"lost is not usable (diverged: by 4 sd) in {summary.path}, which has "
         "4 eyes (mine, lost, contradicted, undeclared): read "
         "as one of unknown modulus"
     )
@@ -241,9 +242,8 @@ def test_a_rigidity_makes_the_globe_of_its_law() -> None:
         assert globe.law == law
         slopes = globe.stiffness(SI_PER_UNIT["mmhg"][1] * 15.0)
         assert slopes[1] == pytest.approx(3.0 * slopes[0])
-        assert slopes[1] * 1e-9 == pytest.approx(
-            73.0, abs=0.1
-        )  # Pa a microlitre at 15 mmHg, where all laws agree
+        # Pa a microlitre at 15 mmHg, where all laws agree
+        assert slopes[1] * 1e-9 == pytest.approx(73.0, abs=0.1)
 
 
 LIBRARY_N = np.array([0.0, 5e-3, 30e-3, 55e-3])

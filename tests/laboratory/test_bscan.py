@@ -1,4 +1,6 @@
-"""Rendered and reduced B-scans: physics, geometry, the needle, and reduced frames like rendered ones."""
+"""Rendered and reduced B-scans: physics, geometry, the needle, and reduced frames like
+rendered ones.
+"""
 
 from dataclasses import replace
 from math import pi, radians, tan
@@ -89,9 +91,8 @@ def test_a_needle_compresses_the_layer_below_it_and_sinks_it_beside_it() -> None
     assert (np.diff(strong[1:]) > 0.0).all()
     assert (strong[:-1] < light[:-1]).all()
     assert strong[-1] == pytest.approx(1.0, abs=1e-6)
-    beside = left(
-        np.array([1e-3]), force_n=30e-3, gap_m=0.5e-3, lateral_m=1e-3
-    )  # in a plane beside the needle
+    # in a plane beside the needle
+    beside = left(np.array([1e-3]), force_n=30e-3, gap_m=0.5e-3, lateral_m=1e-3)
     assert beside == pytest.approx(strong[3])
 
 
@@ -104,7 +105,9 @@ def flat_wall(
 
 
 def folded_wall():
-    """A mushroom-shaped dent: beside its neck, a vertical line passes through the wall three times."""
+    """A mushroom-shaped dent: beside its neck, a vertical line passes through the wall
+    three times.
+    """
 
     def curve(top, neck, radius):
         angle = np.linspace(
@@ -176,7 +179,8 @@ def test_light_is_the_given_one_at_the_surface_and_falls_with_twice_the_attenuat
 
 
 def test_point_spread_function_correlates_speckle_as_its_width_says_and_keeps_its_mean():
-    # A Gaussian amplitude spread s correlates the intensity of speckle as exp(-d^2/(2 s^2)); s = width/(2 sqrt(ln 2)).
+    # A Gaussian amplitude spread s correlates the intensity of speckle as exp(-d^2/(2
+    # s^2)); s = width/(2 sqrt(ln 2)).
     pixel_m = np.array([ROW_M, SCANNER.width_m / SCANNER.columns])
     width = np.array([5.0, 8.0])
     spread = {
@@ -200,10 +204,11 @@ def test_lines_and_covers_are_in_their_rows_with_their_level_and_tilt():
     mean = seen(lines=(Line(depth_m=0.2e-3, level_db=20.0, thickness_m=8e-6),)).mean(
         axis=1
     )
+    # 0.2 mm is the edge between the rows 25 and 26
     assert np.argmax(mean[:100]) in (
         25,
         26,
-    )  # 0.2 mm is the edge between the rows 25 and 26
+    )
     sigma_rows = 8e-6 / (2 * np.sqrt(np.log(2))) / ROW_M
     assert mean[:100].max() - 1 == pytest.approx(
         100 * np.exp(-((0.1 / sigma_rows) ** 2)), rel=0.1
@@ -336,9 +341,8 @@ def test_wall_that_folds_over_is_filled_as_a_naive_winding_number_says():
         / (2 * np.pi)
     )
     coverage = (turns != 0).reshape(64, fine, 96).mean(axis=1)
-    assert (
-        np.isfinite(column_crossings(closed, lateral_m)).sum(axis=0).max() == 6
-    )  # the fold is there
+    # the fold is there
+    assert np.isfinite(column_crossings(closed, lateral_m)).sum(axis=0).max() == 6
     clear = np.abs(coverage - 0.5) > 2 / fine
     assert (mask[clear] == 255 * (coverage[clear] > 0.5)).all()
     assert clear.mean() > 0.9
@@ -394,9 +398,8 @@ def test_a_linear_display_shows_the_intensity_itself_and_one_of_roots_its_root(
     lit = (logarithmic > 0.0) & (logarithmic < 1.0)
     expected = (shown(intensity) - shown(0.1)) / (shown(1e4) - shown(0.1))
     np.testing.assert_allclose(found[lit], expected[lit], rtol=2e-3, atol=2e-5)
-    wall = {"linear": 0.01, "root": 0.086}[
-        display
-    ]  # light of 100 times the noise, of 10,000
+    # light of 100 times the noise, of 10,000
+    wall = {"linear": 0.01, "root": 0.086}[display]
     assert found[300, 200:300].mean() == pytest.approx(wall, rel=0.3)
 
 
@@ -423,9 +426,8 @@ def steel(tilt_rad: float = 0.0, columns: int = 512, **changes: float):
 
 def test_a_plane_beside_the_axis_cuts_the_chord_of_the_cylinder_and_beyond_the_radius_nothing():
     for gap_m in (0.0, 0.1e-3, 0.24e-3):
-        inside = steel(columns=8192, gap_m=gap_m).inside[
-            128:168
-        ]  # the area of 40 rows: finer than a column
+        # the area of 40 rows: finer than a column
+        inside = steel(columns=8192, gap_m=gap_m).inside[128:168]
         chord_m = 2.0 * np.sqrt(0.25e-3**2 - gap_m**2)
         assert float(inside.sum()) / 40 * OCT.width_m / 8192 == pytest.approx(
             chord_m, abs=5e-6
@@ -442,9 +444,8 @@ def test_a_shaft_leans_by_its_angle_off_the_surfaces_normal_and_ends_at_its_tip(
     up = Pose(lateral_m=0.0, depth_m=0.0, tilt_rad=tilt_rad).place_points(
         np.array([[0.0, -1.0]])
     )[0]
-    assert up[0] / -up[1] == pytest.approx(
-        tan(tilt_rad)
-    )  # the normal leans to growing columns
+    # the normal leans to growing columns
+    assert up[0] / -up[1] == pytest.approx(tan(tilt_rad))
     inside = steel(tilt_rad, angle_rad=angle_rad).inside
     column = np.arange(OCT.columns)
     middle = [float(column[inside[row]].mean()) for row in (60, 180)]
@@ -602,9 +603,8 @@ def test_the_mean_picture_is_the_rendered_one_and_cells_vary_as_in_that(
         )
 
     expected, found = (frames.mean(axis=0) for frames in all_frames)
-    blocks = (
-        (found - expected).reshape(20, 4, 36, 4).mean(axis=(1, 3))
-    )  # over which the speckle averages out
+    # over which the speckle averages out
+    blocks = (found - expected).reshape(20, 4, 36, 4).mean(axis=(1, 3))
     assert np.abs(blocks).mean() < 0.03
     assert np.quantile(np.abs(blocks), 0.97) < 0.12
 
@@ -617,8 +617,7 @@ def test_the_mean_picture_is_the_rendered_one_and_cells_vary_as_in_that(
         first, after = (
             [int(np.argmax(part[::way] > 0.5)) for part in seen] for way in (1, -1)
         )
-        slack = (
-            2 if of.display == "linear" else 1
-        )  # its speckle varies by as much as it has light
+        # its speckle varies by as much as it has light
+        slack = 2 if of.display == "linear" else 1
         assert abs(first[0] - first[1]) <= slack
         assert abs(after[0] - after[1]) <= slack

@@ -108,7 +108,9 @@ def test_the_recording_has_the_plans_frames_forces_and_values(written):
 
 
 def test_the_planes_of_a_moment_see_one_eye_and_one_needle():
-    """A plane across another one sees its gap as a lateral place, and its tilt as a rotation."""
+    """A plane across another one sees its gap as a lateral place, and its tilt as a
+    rotation.
+    """
     ranges = {
         "needle_count": st.fixed(1),
         "needle_lean_rad": st.fixed(0.2),
@@ -384,9 +386,8 @@ def test_commands_write_recordings_of_held_and_moving_needles_and_print_json(
         "0.3",
     ]
     assert run([*arguments, str(tmp_path / "moving"), *moving]) == 0
-    assert (
-        json.loads(capsys.readouterr().out)["frames"] == 77
-    )  # 2.5 + 0.5 + 0.3 + 0.3 + 0.3 s, the first at 0.1 s
+    # 2.5 + 0.5 + 0.3 + 0.3 + 0.3 s, the first at 0.1 s
+    assert json.loads(capsys.readouterr().out)["frames"] == 77
     new = str(tmp_path / "x")
 
     for refused, said in (
@@ -434,7 +435,8 @@ def test_the_force_follows_ramps_and_holds_through_its_turning_points() -> None:
     moving = plan()
     forces_n = np.array(moving.forces_n)
     times_s = np.array([frame.time_s for frame in moving.frames])
-    # Off for 2.5 s; 1 s up to 20 mN; 0.5 s there; 0.75 s down to 5 mN; 0.5 s there; 1.5 s up to 35 mN; 0.5 s there.
+    # Off for 2.5 s; 1 s up to 20 mN; 0.5 s there; 0.75 s down to 5 mN; 0.5 s there; 1.5
+    # s up to 35 mN; 0.5 s there.
     expected_mn = {
         2.4: 0.0,
         3.0: 10.0,
@@ -473,9 +475,8 @@ def test_the_eye_and_the_light_change_smoothly_within_their_ranges() -> None:
         assert max(values) - min(values) > 0.3 * (high - low) * (
             0.6 if high == 0.8e-3 else 1.0
         )
-        assert (
-            np.abs(np.diff(values)).max() * 100.0 < fastest
-        )  # a second; half waves are pi/2 times the mean slope
+        # a second; half waves are pi/2 times the mean slope
+        assert np.abs(np.diff(values)).max() * 100.0 < fastest
 
     assert len({frame.optics.shadows for frame in frames}) == 1
     assert len({frame.seed for frame in frames}) == len(frames)
@@ -490,9 +491,8 @@ def test_a_recording_of_it_is_labelled_with_the_force_at_each_frame(tmp_path) ->
     assert recording.info.force.average_s == 0.1
     trials = label_frames(recording, MOVING_STUDY.classes)
     errors_n = np.array([trial.measured_force_n for trial in trials]) - moving.forces_n
-    assert (
-        np.sqrt((errors_n**2).mean()) < 1.5e-3
-    )  # noise of 4 mN and steps of 5 mN below 5 Hz
+    # noise of 4 mN and steps of 5 mN below 5 Hz
+    assert np.sqrt((errors_n**2).mean()) < 1.5e-3
     assert list(true_forces(tmp_path / "rec").values()) == moving.forces_n
     truth = json.loads((tmp_path / "rec" / "truth.json").read_text())
     assert truth["path"]["forces_n"] == [
@@ -638,9 +638,8 @@ def test_the_force_is_the_given_one_at_frames_and_falls_as_tissue_relaxes_while_
     hold_s = push.start_s + push.ramp_s + np.linspace(0.0, push.hold_s, 200)
     assert (np.diff(path.felt_n(hold_s)) < 0.0).all()
     assert np.ptp(path.elastic_n(hold_s)) < 1e-12
-    since_s = np.linspace(
-        0.0, first.ramp_s + first.hold_s, 4000
-    )  # after rest: the ramp's convolution with G
+    # after rest: the ramp's convolution with G
+    since_s = np.linspace(0.0, first.ramp_s + first.hold_s, 4000)
     driven_n = path.elastic_n(first.start_s + since_s + 1e-9)
     steps_n = np.diff(driven_n)
     middle_s = (since_s[1:] + since_s[:-1]) / 2

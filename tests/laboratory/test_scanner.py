@@ -1,4 +1,6 @@
-"""Drawn frames with known parameters: the measured scanner is the drawn one, and its display is recognised."""
+"""Drawn frames with known parameters: the measured scanner is the drawn one, and its
+display is recognised.
+"""
 
 import tomllib
 from collections.abc import Iterable, Sequence
@@ -142,7 +144,9 @@ def test_resolution_finer_than_the_pixels_is_said_to_be_at_most_so_much() -> Non
 def test_roll_off_is_measured_where_the_light_falls_with_depth(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The wall's columns get 3 dB less for every mm that their surface lies deeper; without that, they get the same."""
+    """The wall's columns get 3 dB less for every mm that their surface lies deeper;
+    without that, they get the same.
+    """
     assert (
         abs(measure_scanner(drawn_eyes(FEW)).ranges["roll_off_db_per_m"].median) < 200.0
     )
@@ -157,7 +161,9 @@ def test_roll_off_is_measured_where_the_light_falls_with_depth(
 
 @pytest.mark.slow
 def test_averaged_noise_leaves_the_scale_of_the_display_to_the_speckle() -> None:
-    """The air of eight frames, averaged in intensity; the wall's speckle is the same in all of them."""
+    """The air of eight frames, averaged in intensity; the wall's speckle is the same in
+    all of them.
+    """
     rng = np.random.default_rng(7100)
     eyes = []
 
@@ -223,9 +229,8 @@ def test_the_text_is_a_study_that_says_where_it_came_from_and_what_is_missing(
     )
     assert (study.phantom, study.scenes) == (scanner.phantom(), scanner.scenes())
     assert set(tomllib.loads(text)) == {"oct", "phantom", "scenes"}
-    assert (
-        study.scenes.window.deep_share == study.scenes.scanner.averaged_share == 0.0
-    )  # of a frame 4 mm deep
+    # of a frame 4 mm deep
+    assert study.scenes.window.deep_share == study.scenes.scanner.averaged_share == 0.0
     assert "1.2.3 on 2026-11-23, on 31 frame(s)" in text
     assert "and 11 more" in text
     assert "# choroid_level_db: not measured, as in the paper's study: " in text
@@ -233,7 +238,9 @@ def test_the_text_is_a_study_that_says_where_it_came_from_and_what_is_missing(
 
 
 def test_scenes_of_a_scanner_far_from_the_default_look_as_its_frames_do() -> None:
-    """Its display is linear, its light dim, its pixels few: scenes of round eyes are measured like its frames."""
+    """Its display is linear, its light dim, its pixels few: scenes of round eyes are
+    measured like its frames.
+    """
     far = replace(SCANNER, width_m=11e-3, depth_m=3.4e-3, columns=256, rows=200)
     optics = {
         "snr_db": 16.0,
@@ -363,7 +370,10 @@ def test_averaged_noise_on_a_linear_display_is_refused() -> None:
 
     with pytest.raises(
         FrameError,
-        match=r"averaged\.png: .* as on a linear display, and its noise lies above count 0",
+        match=(
+            r"averaged\.png: .* as on a linear display, and its noise lies above"
+            r" count 0"
+        ),
     ):
         measure_scanner([eye])
 
@@ -409,7 +419,9 @@ def light_about(gain: float, angle_rad: float, seed: int) -> SurfaceLight:
 
 
 def test_a_ridge_that_falls_with_the_angle_is_a_reflection_and_one_at_all_angles_is_not():
-    """At all angles, the fit runs to the largest angle that it looks for, and knows that end exactly."""
+    """At all angles, the fit runs to the largest angle that it looks for, and knows
+    that end exactly.
+    """
     (strength,), angle = reflections([light_about(4.0, 0.12, 1)])
     assert isinstance(strength, Estimate)
     assert strength.value == pytest.approx(10 * np.log10(4.0), abs=1.0)

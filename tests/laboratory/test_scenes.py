@@ -1,4 +1,6 @@
-"""Drawn scenes: the truth is where it is said to be, physics is what the study says, and every range matters."""
+"""Drawn scenes: the truth is where it is said to be, physics is what the study says,
+and every range matters.
+"""
 
 from collections.abc import Iterator
 from dataclasses import fields, replace
@@ -20,9 +22,8 @@ from scleraforce.laboratory.scenes import (
 from scleraforce.reader.metrics import dice
 from scleraforce.study.fields import Choice, field_unit, fixed
 
-SHOWN = (
-    0.35  # of the range of counts: tissue is brighter, noise darker, in a plain scene
-)
+# of the range of counts: tissue is brighter, noise darker, in a plain scene
+SHOWN = 0.35
 STUDY = st.ScenesStudy()
 
 SEEN = {
@@ -219,16 +220,19 @@ FULL = st.ScenesStudy(
         STUDY.scanner, 1.0, 2, averaged_share=0.0, linear_share=0.0, root_share=0.0
     ),
 )
+# shares
 NEEDS = {
     "glass_pass": "glass",
     "deep_": "deep",
     "averaged_": "averaged",
     "sclera_thickness": "half_sphere",
-}  # shares
+}
 
 
 def at_ends(part: str, name: str) -> Iterator[st.ScenesStudy]:
-    """The full study with a range narrowed to each of its ends; a share, a single value: 0 and 1."""
+    """The full study with a range narrowed to each of its ends; a share, a single
+    value: 0 and 1.
+    """
     record = getattr(FULL, part)
     default = getattr(getattr(STUDY, part), name)
     needs = {
@@ -251,7 +255,8 @@ def at_ends(part: str, name: str) -> Iterator[st.ScenesStudy]:
     if name == "pixel_m":
         values = [PIXELS, st.Range(min=1e-6, max=50e-6)]
 
-    # A line thinner than a pixel is drawn as one of a pixel, a gap as one of two: only small frames tell.
+    # A line thinner than a pixel is drawn as one of a pixel, a gap as one of two: only
+    # small frames tell.
     near = {
         "line_m": {},
         "speckle_rows": {},
@@ -319,9 +324,8 @@ def frame(
 
 
 def test_a_wall_is_seen_by_a_step_of_light_at_one_of_its_boundaries_in_the_frame():
-    assert (
-        seen_columns(frame(20.0), SURFACE, INNER).mean() > 0.9
-    )  # from half a standard deviation of the noise on
+    # from half a standard deviation of the noise on
+    assert seen_columns(frame(20.0), SURFACE, INNER).mean() > 0.9
     assert seen_columns(frame(2.0), SURFACE, INNER).mean() < 0.2
     assert seen_columns(frame(40.0, last=ROWS), SURFACE, INNER).all()
     assert seen_columns(frame(40.0, first=0), SURFACE, INNER).all()
@@ -346,7 +350,9 @@ def test_narrow_shadows_are_bridged_and_wide_ones_are_not_judged() -> None:
 
 
 def test_averaged_frames_have_smooth_noise_and_in_part_smooth_tissue() -> None:
-    """The tissue moves less than the noise between the frames, by a share that is drawn."""
+    """The tissue moves less than the noise between the frames, by a share that is
+    drawn.
+    """
     many = {"averaged_share": 1.0, "averaged_frames": 100.0, "averaged_floor_db": -3.0}
     studies = [
         plain(scanner=scanner)
@@ -364,7 +370,9 @@ def test_averaged_frames_have_smooth_noise_and_in_part_smooth_tissue() -> None:
 
 
 def changes(scene: Scene) -> tuple[float, float]:
-    """Mean difference of counts from the next ones below, within the wall and above it."""
+    """Mean difference of counts from the next ones below, within the wall and above
+    it.
+    """
     steps = np.diff(scene.frame / scene.frame.max(), axis=0)
     row = np.arange(1, len(scene.frame))[:, None]
     inside = (row > scene.outer_row + 6) & (row < scene.inner_row - 6)

@@ -32,14 +32,15 @@ def test_the_graded_default_agrees_with_the_even_mesh() -> None:
         simulate_eye(study, 0.5e-3, 0.02, CONTACT) for study in (Study(), even)
     )
     assert len(graded.mesh.cells_en) == 372
-    assert graded.tip_m == pytest.approx(
-        other.tip_m, rel=0.02
-    )  # of which the even mesh has up to 1.9 %
+    # of which the even mesh has up to 1.9 %
+    assert graded.tip_m == pytest.approx(other.tip_m, rel=0.02)
     assert np.mean(graded.slice != other.slice) < 2e-3
 
 
 def tetrahedra_volume(points: np.ndarray, cells: np.ndarray) -> float:
-    """Volume of hexahedra from their corners alone, in VTK's order, each cut into six tetrahedra."""
+    """Volume of hexahedra from their corners alone, in VTK's order, each cut into six
+    tetrahedra.
+    """
     tetrahedra = np.array(
         [
             (0, 1, 2, 6),
@@ -69,7 +70,9 @@ def test_the_grid_of_pyvista_has_the_wall_and_its_displacement(
 def test_the_vtk_file_holds_the_wall_its_displacement_and_middle_nodes_between_the_corners_that_vtk_says(
     eye: SimulatedEye, tmp_path: Path
 ) -> None:
-    """VTK's documentation of vtkTriQuadraticHexahedron (its parametric coordinates were compared with ours once)."""
+    """VTK's documentation of vtkTriQuadraticHexahedron (its parametric coordinates were
+    compared with ours once).
+    """
     with pytest.raises(InputError, match="no-such-folder"):
         write_vtu(eye, tmp_path / "no-such-folder" / "eye.vtu")
 
@@ -110,10 +113,11 @@ def test_the_vtk_file_holds_the_wall_its_displacement_and_middle_nodes_between_t
 
     for node, corners in expected.items():
         between = read.points[cells[:, list(corners)]].mean(axis=1)
+        # curvature; t is 0.8 mm
         assert (
             np.linalg.norm(read.points[cells[:, node]] - between, axis=1).max()
             < 0.15e-3
-        )  # curvature; t is 0.8 mm
+        )
 
 
 def test_the_figure_shows_mesh_needle_and_slice(
@@ -124,12 +128,9 @@ def test_the_figure_shows_mesh_needle_and_slice(
     left = image[:, : image.shape[1] // 2]
     right = image[:, image.shape[1] // 2 :]
     blue, green, red = np.moveaxis(left, -1, 0)
-    assert (
-        np.count_nonzero((red > 190) & (green < 110) & (blue < 60)) > 200
-    )  # the needle, vermilion
-    assert (
-        np.count_nonzero((blue > 70) & (red < 90)) > 10_000
-    )  # viridis' dark end: the wall at rest
-    assert (
-        np.count_nonzero(right.max(axis=-1) < 10) > 10_000
-    )  # the slice's black background
+    # the needle, vermilion
+    assert np.count_nonzero((red > 190) & (green < 110) & (blue < 60)) > 200
+    # viridis' dark end: the wall at rest
+    assert np.count_nonzero((blue > 70) & (red < 90)) > 10_000
+    # the slice's black background
+    assert np.count_nonzero(right.max(axis=-1) < 10) > 10_000

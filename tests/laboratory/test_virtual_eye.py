@@ -87,8 +87,8 @@ def test_small_forces_without_pressure_bend_as_in_linear_mechanics() -> None:
     plain = replace(STUDY, form=st.FormStudy(), eye=st.EyeStudy(density_kg_m3=0.0))
     eye = replace(EYE, iop_pa=0.0)
     forces_n = (0.0, 1e-4)
-    (rest, bent) = BentSections(eye, plain)(forces_n)
-    (linear_rest, linear) = LinearSections(eye, plain)(forces_n)
+    rest, bent = BentSections(eye, plain)(forces_n)
+    linear_rest, linear = LinearSections(eye, plain)(forces_n)
     moved = bent.outer - rest.outer
     linear_moved = linear.outer - linear_rest.outer
     assert np.abs(moved - linear_moved).max() < 0.005 * np.abs(linear_moved).max()
@@ -153,10 +153,11 @@ def test_the_phantom_command_bends_a_sealed_eye_that_stiffens_and_tells_form_tis
         0.02 * to_si(1.0, "mmhg") ** (1 / 3) * 1e9
     )
     eye = read_recording(out).info.eye
+    # as a laboratory knows it
     assert (eye.globe, eye.rigidity_pa13_per_m3) == (
         "sealed",
         None,
-    )  # as a laboratory knows it
+    )
 
 
 def test_a_leaking_eye_is_one_that_does_not_leak_of_the_pressure_that_is_left() -> None:
@@ -210,9 +211,8 @@ def largest_um(found: Section, expected: Section) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "side", [2.2, -1.1]
-)  # the wall grows thicker fastest at -1.27, along the meridian
+# the wall grows thicker fastest at -1.27, along the meridian
+@pytest.mark.parametrize("side", [2.2, -1.1])
 def test_a_section_between_the_paths_is_that_of_a_path_at_its_own_contact(side) -> None:
     turn = EyeTurn(
         about_x_rad=FARTHEST * np.cos(side), about_y_rad=FARTHEST * np.sin(side)
@@ -235,7 +235,9 @@ def test_a_section_between_the_paths_is_that_of_a_path_at_its_own_contact(side) 
 
 
 def test_paths_at_turned_contacts_are_blended_by_how_far_the_eye_turns_about_each_axis():
-    """Three walls, flat, at 1, 1.2 and 0.9 mm: a turn by half the reach about one axis goes half the way."""
+    """Three walls, flat, at 1, 1.2 and 0.9 mm: a turn by half the reach about one axis
+    goes half the way.
+    """
     lateral = np.linspace(-8e-3, 8e-3, 81)
 
     def flat_at(depth_m, first=0, last=80):
@@ -255,9 +257,8 @@ def test_paths_at_turned_contacts_are_blended_by_how_far_the_eye_turns_about_eac
     assert [section.inner[:, 1].mean() for section in found] == pytest.approx(
         [1.6e-3, 1.8e-3, 1.7e-3, 1.7e-3]
     )
-    assert found[0].outer[[0, -1], 0] == pytest.approx(
-        lateral[[10, 70]]
-    )  # as far as all of them go
+    # as far as all of them go
+    assert found[0].outer[[0, -1], 0] == pytest.approx(lateral[[10, 70]])
     assert np.abs(sections([0.0])[0].outer - found[0].outer).max() == 0.0
 
 

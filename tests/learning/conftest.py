@@ -19,12 +19,16 @@ if find_spec("torch") is None:  # the extra `train` is not installed
 
 @pytest.fixture(autouse=True)
 def one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Train on one thread: for networks as small as these, a second costs more than it brings on a busy machine."""
+    """Train on one thread: for networks as small as these, a second costs more than it
+    brings on a busy machine.
+    """
     monkeypatch.setattr("scleraforce.learning.classifier.CLASSIFIER_THREADS", 1)
 
 
 def make_bars(count: int, seed: int) -> Samples:
-    """Slices of 12 x 10 pixels with a bar two rows thick; its depth, 0 to 8 rows, decides the class; some speckle."""
+    """Slices of 12 x 10 pixels with a bar two rows thick; its depth, 0 to 8 rows,
+    decides the class; some speckle.
+    """
     rng = np.random.default_rng(seed)
     depth = rng.integers(0, 9, size=count)
     row = np.arange(ROWS)[:, None]

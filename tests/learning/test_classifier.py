@@ -60,15 +60,16 @@ def test_a_network_that_learned_with_mirroring_reads_slices_that_only_the_mirror
 def test_steps_of_a_descent_are_momentum_on_gradients_of_at_most_the_largest_norm(
     limit: float,
 ) -> None:
-    """The loss of a line, w x + b, is w x: its gradient is the mean input, whatever the weights are."""
+    """The loss of a line, w x + b, is w x: its gradient is the mean input, whatever the
+    weights are.
+    """
     inputs = torch.tensor([[3.0, 4.0]], dtype=torch.float64)
     network = torch.nn.Linear(2, 1, bias=False).double()
     optimiser = torch.optim.SGD(network.parameters(), lr=1.0, momentum=0.5)
     study = NetworkStudy(learning_rate=0.2, warmup=0.0, max_gradient_norm=limit)
     before = network.weight.detach().clone()
-    rounds = (
-        [(network(inputs).mean(), 1)] for _ in range(2)
-    )  # of one batch each, computed lazily
+    # of one batch each, computed lazily
+    rounds = ([(network(inputs).mean(), 1)] for _ in range(2))
     first, second = descend(network, optimiser, rounds, study, 4)
     push = inputs * min(1.0, limit / 5.0)
     rates = [learning_rate(study, step, 4) for step in (0, 1)]
@@ -87,7 +88,7 @@ def test_equal_seeds_and_training_samples_give_equal_weights_and_leave_pytorch_u
     monkeypatch.setattr("scleraforce.learning.classifier.CLASSIFIER_THREADS", threads)
     torch.set_num_threads(1)
     before = torch.get_rng_state()
-    (training, validation) = bars
+    training, validation = bars
     flipped = classifier.Samples(validation.slices, 2 - validation.target)
     first, again, unseen = (
         classifier.fit(small, training, other)
@@ -110,7 +111,7 @@ def test_equal_seeds_and_training_samples_give_equal_weights_and_leave_pytorch_u
 
 def test_it_learns_and_reports_the_figures_of_the_returned_network(bars, small) -> None:
     fitted = classifier.fit(replace(small, epochs=12), *bars)
-    (_, validation) = bars
+    _, validation = bars
     curves = fitted.curves
     first = fitted.weights[0].reshape(-1, 12, 10)
     assert len(curves.training_loss) == len(curves.validation_accuracy) == 12
@@ -298,7 +299,10 @@ def test_the_command_searches_and_shows_the_table_within_80_columns(
 
 @pytest.mark.slow
 def test_without_pytorch_there_is_one_clear_line(store: Path, tmp_path: Path) -> None:
-    block = "import sys; sys.modules['torch'] = None; from scleraforce.cli.main import main; main()"
+    block = (
+        "import sys; sys.modules['torch'] = None; from scleraforce.cli.main import"
+        " main; main()"
+    )
     arguments = ["train", str(store), "--out", str(tmp_path / "model")]
     done = subprocess.run(
         [sys.executable, "-c", block, *arguments],
@@ -306,7 +310,10 @@ def test_without_pytorch_there_is_one_clear_line(store: Path, tmp_path: Path) ->
         text=True,
         check=False,
     )
-    said = "error: training needs torch, which is not installed: pip install 'scleraforce[train]'"
+    said = (
+        "error: training needs torch, which is not installed: pip install"
+        " 'scleraforce[train]'"
+    )
     assert (done.returncode, done.stderr.strip()) == (2, said)
 
 

@@ -20,7 +20,9 @@ pytestmark = [*NEEDS_DASK, pytest.mark.slow]
 
 @pytest.fixture(autouse=True)
 def threads_of_a_worker(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Train here on as many threads as workers do: sums in another order differ in the last bit."""
+    """Train here on as many threads as workers do: sums in another order differ in the
+    last bit.
+    """
     monkeypatch.setattr(
         "scleraforce.learning.classifier.CLASSIFIER_THREADS", CLASSIFIER_THREADS
     )

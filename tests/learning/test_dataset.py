@@ -97,7 +97,9 @@ MODULUS_PA = 0.3e6
 
 
 def small_study(seed=0):
-    """Two thicknesses, 5 contacts each, every range open, units that split contacts and thicknesses."""
+    """Two thicknesses, 5 contacts each, every range open, units that split contacts and
+    thicknesses.
+    """
     study = with_dataset(
         Study(mesh=st.MeshStudy(divisions=4, level=1)),
         seed=seed,
@@ -200,9 +202,9 @@ def test_a_sample_can_be_made_again_from_its_metadata_the_slow_way(made):
             row["framing_depth_m"],
         )
         wrong = np.count_nonzero(fill_section(pushed, window) != dataset.slices[sample])
-        assert (
-            wrong <= 3
-        )  # pixels whose centres the curve passes within the micrometres between two sets of stations
+        # pixels whose centres the curve passes within the micrometres between two sets
+        # of stations
+        assert wrong <= 3
 
 
 def test_metadata_is_complete_and_is_the_plan(made):

@@ -28,7 +28,9 @@ def record_of(folder: Path) -> Any:
 
 
 def moved_since(folder: Path, now: Fingerprint) -> list[str]:
-    """The entries computed now that have moved since the training of a bundled model."""
+    """The entries computed now that have moved since the training of a bundled
+    model.
+    """
     before = record_of(folder)["fingerprint"]
     return moved({name: before[name] for name in before if name in now}, now)
 
@@ -107,16 +109,16 @@ def test_the_shipped_readers_are_of_the_default_study_and_of_their_preset_whole_
     assert set(record_of(SHIPPED_READER)["fingerprint"]) == {*now, *INTERVALS}
     found = moved_since(folder, now)
     assert not found, (
-        f"run `make {target}`; if an entry of a path moved, raise library.plan.METHOD first"
+        f"run `make {target}`; if an entry of a path moved, raise library.plan.METHOD"
+        " first"
     )
 
 
 def test_the_shipped_classifier_is_the_papers_whole_and_small() -> None:
     reader = load_model("paper")
     assert reader.kind == "classifier"
-    today = replace(
-        Study(), mesh=MeshStudy(kind="hexahedra")
-    )  # what "automatic" is in `generate`
+    # what "automatic" is in `generate`
+    today = replace(Study(), mesh=MeshStudy(kind="hexahedra"))
     check_sections(
         reader.study,
         today,

@@ -55,9 +55,8 @@ def network(seed: int = 1) -> raw_reader.RawReaderNetwork:
     made = raw_reader.RawReaderNetwork(
         TINY, ReaderNetwork(TINY.reader, TINY.slice, TINY.eye.radius_m)
     )
-    made(
-        torch.rand(4, 80, 144), torch.rand(4, len(GIVEN))
-    )  # moves the means of its normalisations
+    # moves the means of its normalisations
+    made(torch.rand(4, 80, 144), torch.rand(4, len(GIVEN)))
 
     return made.eval()
 
@@ -78,9 +77,8 @@ def test_sure_boundaries_make_the_slice_of_the_wall_between_them() -> None:
     np.testing.assert_allclose(
         cut, np.repeat(expected[:, None], 140, axis=1), atol=1e-5
     )
-    logits = torch.full(
-        (1, 2, 80, 72), -50.0
-    )  # an unsure one makes a share and keeps the mean thickness
+    # an unsure one makes a share and keeps the mean thickness
+    logits = torch.full((1, 2, 80, 72), -50.0)
     logits[0, 0, [18, 22]] = 5.0
     logits[0, 1, 36] = 50.0
     cut = network().slices(logits, torch.full((1, 72), 50.0))[0].numpy()
@@ -140,9 +138,8 @@ def test_a_training_is_repeatable_and_learns_where_the_wall_is(
         )
 
     found = (rows.softmax(dim=2) * torch.arange(80.0)[:, None]).sum(dim=2).numpy()
-    assert (
-        np.nanmedian(np.abs(found - samples.boundary_rows)) < 6.0
-    )  # of 80; in the middle of all frames 13
+    # of 80; in the middle of all frames 13
+    assert np.nanmedian(np.abs(found - samples.boundary_rows)) < 6.0
 
 
 @pytest.mark.slow
@@ -186,7 +183,9 @@ def source(library: Library) -> raw_reader.RawSource:
 
 
 def study_with(**raw: object) -> Study:
-    """Return a study whose raw reader sees frames without needle or conjunctiva by the scanner of [phantom] alone."""
+    """Return a study whose raw reader sees frames without needle or conjunctiva by the
+    scanner of [phantom] alone.
+    """
     none = {
         "needle_share": 0.0,
         "conjunctiva_share": 0.0,

@@ -1,4 +1,6 @@
-"""The reader's network and training: against NumPy and brute force, repeatable, and it learns."""
+"""The reader's network and training: against NumPy and brute force, repeatable, and it
+learns.
+"""
 
 import json
 from dataclasses import replace

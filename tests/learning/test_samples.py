@@ -1,4 +1,6 @@
-"""Samples of the reader: given values mean what they say, and the slice shows its wall."""
+"""Samples of the reader: given values mean what they say, and the slice shows its
+wall.
+"""
 
 from dataclasses import replace
 
@@ -40,9 +42,8 @@ def test_a_given_modulus_is_a_normal_distribution_that_the_eye_is_drawn_from(
     known = np.isfinite(eyes.stated.modulus_pa)
     assert abs((~known).mean() - READER.modulus_missing_fraction) < 0.01
     fitted_pa = eyes.stated.modulus_pa.copy()
-    own = (
-        eyes.stated.modulus_sd_fraction < 0.06
-    )  # calibrated with the given thickness and IOP
+    # calibrated with the given thickness and IOP
+    own = eyes.stated.modulus_sd_fraction < 0.06
     t, p = (
         np.nan_to_num(getattr(eyes.stated, n) / getattr(eyes, n), nan=1.0)
         for n in ("thickness_m", "iop_pa")
@@ -55,9 +56,8 @@ def test_a_given_modulus_is_a_normal_distribution_that_the_eye_is_drawn_from(
 
     for part in (sd < 0.02, sd > 0.1):
         assert abs(error[part].mean()) < 0.05
-        assert (
-            abs(error[part].std() - 0.96) < 0.05
-        )  # a normal distribution that ends at 2.5 standard deviations
+        # a normal distribution that ends at 2.5 standard deviations
+        assert abs(error[part].std() - 0.96) < 0.05
 
     low, high = READER.youngs_modulus_pa.bounds
     assert low <= eyes.modulus_pa[~known].min() < eyes.modulus_pa[~known].max() <= high

@@ -1,4 +1,6 @@
-"""Whole virtual eyes of a library's walls, and the intervals that they give: drawn, calibrated, scored."""
+"""Whole virtual eyes of a library's walls, and the intervals that they give: drawn,
+calibrated, scored.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -63,7 +65,9 @@ EXACT = Study(
 
 @pytest.fixture
 def _still_base(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Skip the base's movement, which takes 0.3 s an eye and decides no drawn or stated value."""
+    """Skip the base's movement, which takes 0.3 s an eye and decides no drawn or stated
+    value.
+    """
     monkeypatch.setattr(
         "scleraforce.calibration.library_eye.base_moves",
         lambda *arguments: np.zeros((2, len(arguments[-1]), 3)),
@@ -132,9 +136,8 @@ def test_forces_drift_away_from_the_librarys_with_the_dent(eye: VirtualEye) -> N
 
     for one, other in zip(plain, drifted, strict=True):
         assert one.force_n == other.force_n
-        share = 0.2 * (
-            one.force_n / eye.largest_n - 0.5
-        )  # the force, over the library's of the same dent
+        # the force, over the library's of the same dent
+        share = 0.2 * (one.force_n / eye.largest_n - 0.5)
         deeper_m = depths_m(one.force_n / (1.0 + share)) - depths_m(one.force_n)
         seen_m = (other.boundaries.depth_m - one.boundaries.depth_m)[OUTER]
         largest_m = deeper_m[np.argmax(np.abs(deeper_m))]
@@ -269,7 +272,9 @@ def test_an_eye_that_the_library_does_not_hold_at_rest_is_refused(library) -> No
 def test_forces_that_drift_from_the_librarys_are_read_as_three_frames_of_known_force_show(
     eye: VirtualEye, library, drift: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A few percent of drift is expected; of more than that as much is learnt as the forces' zero leaves open."""
+    """A few percent of drift is expected; of more than that as much is learnt as the
+    forces' zero leaves open.
+    """
     monkeypatch.setattr(virtual_eyes, "label_forces", without_rests)
     drifting = replace(eye, drift=drift)
     near = library.for_contact(eye.wall.polar_rad)
@@ -415,7 +420,9 @@ TRAITS = {"sealed": 0.6, "taut": 0.9, "uneven": 1.5, "light": 2.0, "sparse": 1.0
 
 
 def drawn(rng: np.random.Generator, eyes: int, frames: int) -> list[Score]:
-    """Scores of eyes with traits that multiply: sealed or taut, and each of the others of a half."""
+    """Scores of eyes with traits that multiply: sealed or taut, and each of the others
+    of a half.
+    """
     found = []
     for eye in range(eyes):
         of_eye = [name for name in ("uneven", "sparse") if rng.random() < 0.5]
@@ -444,9 +451,8 @@ def test_traits_that_multiply_are_found() -> None:
     factors = virtual_eyes.trait_factors(drawn(np.random.default_rng(1), 1000, 6))[
         "fit"
     ]["own E"]
-    held = (
-        factors["sealed"] / TRAITS["sealed"]
-    )  # what 90 % of the eyes' own errors stay below
+    # what 90 % of the eyes' own errors stay below
+    held = factors["sealed"] / TRAITS["sealed"]
     assert held == pytest.approx(1.75, rel=0.05)
 
     for trait, size in TRAITS.items():

@@ -1,4 +1,6 @@
-"""A wall finder learns from scenes alone; its model folder says what it was made of and runs without PyTorch."""
+"""A wall finder learns from scenes alone; its model folder says what it was made of and
+runs without PyTorch.
+"""
 
 import json
 import shutil

@@ -1,4 +1,6 @@
-"""The wall beside the pole under the eye's pressure: motions that are known, and three dimensions."""
+"""The wall beside the pole under the eye's pressure: motions that are known, and three
+dimensions.
+"""
 
 import numpy as np
 import pytest
@@ -146,9 +148,8 @@ def test_the_fit_s_dent_is_pushed_along_the_section_and_across_it() -> None:
     pushed = base_push(force_ratio, THICKNESS, library.poisson_ratio)[0] * pole
     shifted = unknown.copy()
     shifted[0, [at.GAP, at.LATERAL]] = 0.5e-3 - pushed[1], pushed[0]
-    expected = formed_wall(
-        Walls(library), shifted[0]
-    )  # this even wall has nothing else to move
+    # this even wall has nothing else to move
+    expected = formed_wall(Walls(library), shifted[0])
     unknown[0, at.POLE] = pole
     found = formed_wall(Walls(library), unknown[0])
     assert np.abs(pushed).min() > 20e-6

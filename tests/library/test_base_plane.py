@@ -1,4 +1,6 @@
-"""The base's nearness in the library, against solving every direction's wall for the eye in question."""
+"""The base's nearness in the library, against solving every direction's wall for the
+eye in question.
+"""
 
 import numpy as np
 import pytest
@@ -72,7 +74,9 @@ def test_a_needle_beside_the_pole_meets_a_wall_that_is_stiffer_as_in_three_dimen
 def test_forces_behind_the_limbus_agree_with_polar_path_until_dents_run_into_the_base(
     library,
 ):
-    """At 55 deg the base is 7 mm from the needle: dents beyond 4 mm begin to run into it."""
+    """At 55 deg the base is 7 mm from the needle: dents beyond 4 mm begin to run into
+    it.
+    """
     tips = np.array([0.2e-3, 1e-3, 2.1e-3, 3.3e-3, 4e-3, 4.6e-3])
     polar = float(np.radians(LARGEST_POLAR_DEG))
 
@@ -112,9 +116,8 @@ def test_a_contact_beside_the_pole_displaces_more_by_its_force_times_its_rise() 
     walls = np.full(7, 0.6e-3), np.full(7, 8e-4)
     pole = library.for_contact(0.0)
     beside = library.for_contact(0.6)
-    rise = contact_rises(library.undented_tpbnc, np.zeros(1), RADIUS_M)[
-        0
-    ]  # the same at all angles
+    # the same at all angles
+    rise = contact_rises(library.undented_tpbnc, np.zeros(1), RADIUS_M)[0]
     slope = rise_slope(rise, library.thickness_m / RADIUS_M, library.tension)
     at = np.interp(8e-4 * RADIUS_M / 0.6e-3, library.tension, slope[4])
     more = (beside.forces(*walls, tips) - pole.forces(*walls, tips)) * at
@@ -130,7 +133,8 @@ def test_a_contact_that_rises_less_displaces_less() -> None:
         other.for_contact(0.6).displaced_m3(*at)[0]
         for other in (library, bulging(library))
     ]
-    # Rises of 6 mm times the tension: along the pole's normal, and along the contact's by cos^3.
+    # Rises of 6 mm times the tension: along the pole's normal, and along the contact's
+    # by cos^3.
     per_ratio = 6e-3 * RADIUS_M / 0.6e-3
     force, beside = (library.for_contact(polar).forces(*at)[0] for polar in (0.0, 0.6))
     expected = per_ratio * (beside * np.cos(0.6) ** 3 - force)
@@ -142,7 +146,9 @@ def test_a_contact_that_rises_less_displaces_less() -> None:
 def test_a_dent_s_volume_is_the_force_times_the_rise_and_the_work_s_slope_by_the_pressure(
     iop_ratio: float,
 ) -> None:
-    """The identity behind `contact_rise`, on the pole, where everything is known: dV = F w' + d/dp (work)."""
+    """The identity behind `contact_rise`, on the pole, where everything is known: dV =
+    F w' + d/dp (work).
+    """
     step = 0.02
     tips = np.linspace(0.05e-3, 1.5e-3, 30)
     size = MeridianSize(48, 1)
@@ -160,5 +166,6 @@ def test_a_dent_s_volume_is_the_force_times_the_rise_and_the_work_s_slope_by_the
         paths[1].force_ratio_m2[-1] * (rise[2] - rise[0]) / change
         + (work[2] - work[0]) / change
     )
-    # The force is spread over the needle's end, the dent is its middle's: the identity is of the mean.
+    # The force is spread over the needle's end, the dent is its middle's: the identity
+    # is of the mean.
     assert paths[1].displaced_m3[-1] == pytest.approx(expected, rel=0.02)

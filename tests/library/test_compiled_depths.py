@@ -148,9 +148,8 @@ def test_the_fit_of_a_frame_is_a_minimum_as_good_as_the_truth_with_its_posterior
         )
         depth[1, rng.random(len(LATERAL_M)) < 0.4] = np.nan
         known = replace(known_eye(truth, globe), discrepancy=DISCREPANCY)
-        left = (
-            0.01 if globe is OPEN else 0.5
-        )  # along a bent valley the search of a sealed globe ends early
+        # along a bent valley the search of a sealed globe ends early
+        left = 0.01 if globe is OPEN else 0.5
         check_fit(
             truth, left, library, LATERAL_M, depth, prior_of(known, RANGES), 90e-6
         )
@@ -184,7 +183,9 @@ def test_fits_in_several_threads_are_the_same_to_the_last_bit() -> None:
 
 
 def check_fit(truth: np.ndarray, left: float, *frame: Any) -> None:
-    """Check a fit: no wall near it, and not the true one, has a cost that is lower by more than `left`."""
+    """Check a fit: no wall near it, and not the true one, has a cost that is lower by
+    more than `left`.
+    """
     problem = plain_fit.problem_of(*frame)
     loops = fit_boundaries(*frame)
     assert loops is not None
@@ -199,9 +200,8 @@ def check_fit(truth: np.ndarray, left: float, *frame: Any) -> None:
     arrays = plain_fit.fit_at(problem, loops.unknown)
 
     for name, value in {**vars(arrays), "sd": arrays.sd}.items():
-        rtol = (
-            1e-3 if name == "spread" else 2e-5
-        )  # single rows of it are small differences
+        # single rows of it are small differences
+        rtol = 1e-3 if name == "spread" else 2e-5
         np.testing.assert_allclose(
             getattr(loops, name), value, rtol=rtol, atol=1e-8, err_msg=name
         )

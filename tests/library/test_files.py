@@ -1,4 +1,6 @@
-"""A library as one file: read as exactly as the file states; other files are refused."""
+"""A library as one file: read as exactly as the file states; other files are
+refused.
+"""
 
 from dataclasses import fields, replace
 from io import BytesIO
@@ -99,7 +101,9 @@ def test_walls_and_factors_differ_by_the_file_s_stated_error_and_states_between_
 
 @pytest.mark.parametrize("nodes", ["all", "near"])
 def test_tissue_of_every_stiffening_survives_the_file(nodes, tmp_path):
-    """Between the stiffenings the weights of the stored errors, up to 0.02 um each, add up to no more than 1.64."""
+    """Between the stiffenings the weights of the stored errors, up to 0.02 um each, add
+    up to no more than 1.64.
+    """
     whole = (
         solved_library(GRID) if nodes == "all" else solved_library(GRID).within(4e-3)
     )
@@ -163,7 +167,9 @@ def test_a_library_that_is_too_large_or_cannot_be_stored_so_exactly_is_refused(
     for times in (30.0, 1e4):  # float32 rounds by more; the number of steps overflows
         with pytest.raises(
             InputError,
-            match=r"^(library: curves up to 0.379 would be off|values up to 126 cannot)",
+            match=(
+                r"^(library: curves up to 0.379 would be off|values up to 126 cannot)"
+            ),
         ):
             save_library(
                 with_walls(
@@ -271,7 +277,10 @@ def test_an_archive_that_is_not_deflated_encrypted_or_too_large_is_refused(
 def refused(path, said):
     with pytest.raises(
         InputError,
-        match=rf"^.*library\.npz: not a response library.*{said}.*; train the model again$",
+        match=(
+            rf"^.*library\.npz: not a response library.*{said}.*; train the model"
+            r" again$"
+        ),
     ):
         load_library(path)
 
@@ -288,7 +297,9 @@ def test_a_library_whose_steps_are_of_fewer_stiffenings_is_refused(tmp_path):
 
 
 def edited(path, **changes):
-    """Write the entries again, some of them changed; an entry that becomes None is left out."""
+    """Write the entries again, some of them changed; an entry that becomes None is left
+    out.
+    """
     with np.load(path) as entries:
         arrays = {
             name: changes.get(name, lambda array: array)(array)

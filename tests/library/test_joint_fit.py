@@ -1,4 +1,6 @@
-"""One fit of all frames of an eye: E from shape, with travel, a change of the pressure and known forces."""
+"""One fit of all frames of an eye: E from shape, with travel, a change of the pressure
+and known forces.
+"""
 
 from dataclasses import replace
 from functools import cache
@@ -99,7 +101,9 @@ def test_shallow_dents_leave_the_prior_unchanged() -> None:
 
 
 def test_the_same_frames_once_more_do_not_halve_the_variance() -> None:
-    """Frames of one contact share the discrepancy: a plain product over them would be surer by 1.41."""
+    """Frames of one contact share the discrepancy: a plain product over them would be
+    surer by 1.41.
+    """
     once = fitted(shown())
     twice = fit_jointly(
         LIBRARY, shown() * 2, prior(), RANGES, 0.0, np.tile(once.own, (2, 1))
@@ -126,7 +130,9 @@ def test_the_estimate_is_where_the_cost_is_least_and_does_not_depend_on_the_orde
 
 
 def test_the_gradient_equals_differences_of_the_cost() -> None:
-    """The gradient is half the cost's slope, with all numbers: travel, a known force, a sealed globe's law."""
+    """The gradient is half the cost's slope, with all numbers: travel, a known force, a
+    sealed globe's law.
+    """
     known = replace(prior(), globe=SEALED)
     frame = replace(
         shown(travel=True)[5],
@@ -219,7 +225,9 @@ def test_one_known_force_counts_in_the_same_posterior() -> None:
 
 
 def test_a_known_change_of_the_pressure_is_followed() -> None:
-    """Half of the frames at twice the pressure; taken for one pressure they would contradict one another."""
+    """Half of the frames at twice the pressure; taken for one pressure they would
+    contradict one another.
+    """
     rng = np.random.default_rng(6)
     frames = list[ShownFrame]()
     unknowns = list[np.ndarray]()

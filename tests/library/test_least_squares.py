@@ -1,4 +1,6 @@
-"""The robust fit: gradient against differences, plain least squares where nothing is wrong, outliers do not pull."""
+"""The robust fit: gradient against differences, plain least squares where nothing is
+wrong, outliers do not pull.
+"""
 
 from dataclasses import dataclass
 
@@ -22,7 +24,9 @@ TRUE = np.array([0.8e-3, 0.1, 40.0])
 
 @dataclass(frozen=True, eq=False)
 class Parabola:
-    """Depth a + b x + c x² with flat priors; `bent` makes it nonlinear in its unknowns."""
+    """Depth a + b x + c x² with flat priors; `bent` makes it nonlinear in its
+    unknowns.
+    """
 
     columns: Columns
     bent: float = 0.0
@@ -79,9 +83,8 @@ def test_the_gradient_is_that_of_the_loss() -> None:
 
 
 def test_without_outliers_it_is_plain_least_squares() -> None:
-    noise = np.random.default_rng(1).normal(
-        0, 1e-3 * SD_M, len(LATERAL_M)
-    )  # so small that Cauchy's loss is quadratic
+    # so small that Cauchy's loss is quadratic
+    noise = np.random.default_rng(1).normal(0, 1e-3 * SD_M, len(LATERAL_M))
     plain = (
         np.polynomial.Polynomial.fit(LATERAL_M, observed(noise).depth_m, 2)
         .convert()
@@ -96,7 +99,9 @@ def test_a_nonlinear_problem_ends_at_the_least_loss() -> None:
 
 
 class Valley:
-    """Rosenbrock's bent valley as least squares: 10 (y - x²) and 1 - x; its end is (1, 1), with no cost."""
+    """Rosenbrock's bent valley as least squares: 10 (y - x²) and 1 - x; its end is (1,
+    1), with no cost.
+    """
 
     def _off(self, unknown: np.ndarray) -> np.ndarray:
         x, y = unknown
@@ -121,7 +126,9 @@ class Valley:
 
 
 def test_a_short_step_because_of_damping_does_not_end_the_fit() -> None:
-    """Steps that are cut short on the way around the bend gain little, far from the end."""
+    """Steps that are cut short on the way around the bend gain little, far from the
+    end.
+    """
     stopping = Stopping(iterations=200, converged_sd=1e-9, settled_cost=0.1)
     for start in ((-1.2, 1.0), (-3.0, 9.0), (-10.0, 100.0)):
         assert (

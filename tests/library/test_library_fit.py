@@ -1,4 +1,6 @@
-"""The fit of the library to boundaries: its derivatives, and walls of known force under noise and damage."""
+"""The fit of the library to boundaries: its derivatives, and walls of known force under
+noise and damage.
+"""
 
 from dataclasses import replace
 from math import exp, log
@@ -45,7 +47,9 @@ def drawn_eye(rng: np.random.Generator) -> np.ndarray:
 def boundaries(
     unknown: np.ndarray, noise_m: float = 0.0, rng: np.random.Generator | None = None
 ) -> np.ndarray:
-    """The boundaries in a frame (2, column), with errors that are correlated over 0.35 mm; NaN below the window."""
+    """The boundaries in a frame (2, column), with errors that are correlated over 0.35
+    mm; NaN below the window.
+    """
     predicted = predict_wall(WALLS, unknown, BOTH)
     depth = noisy_boundaries(predicted, noise_m, rng)
     return np.where(depth < BOTTOM_M, depth, np.nan)
@@ -73,9 +77,8 @@ def test_derivatives_equal_differences(tip_m: float, globe: KnownGlobe) -> None:
         "log_pressure": log(420.0),
         "shine_m": 0.0,
     }
-    unknown = eye(
-        tip_m, pole_along=-0.3, pole_across=0.4, **seen, **form
-    )  # how the shine turns is left out
+    # how the shine turns is left out
+    unknown = eye(tip_m, pole_along=-0.3, pole_across=0.4, **seen, **form)
     walls = Walls(bulging(LIBRARY, 3e-3), globe)
     predicted = predict_wall(walls, unknown, BOTH)
     of_wall = (2e-6, 2e-6, 1e-6, 2e-4, 2e-6, 1e-6, 1e-3, 1e-3, 2e-4, 1e-6, 1e-2)
@@ -97,9 +100,8 @@ def test_derivatives_equal_differences(tip_m: float, globe: KnownGlobe) -> None:
         difference = (ends[1] - ends[0]) / (2 * step)
         off = np.abs(predicted.jacobian[:, number] - difference)
         scale = np.abs(difference).max()
-        left_out = (
-            0.015 if name == "gap_m" else 0.0
-        )  # how the motion of the base turns with the gap
+        # how the motion of the base turns with the gap
+        left_out = 0.015 if name == "gap_m" else 0.0
         assert np.quantile(off, 0.9) < 0.03 * scale + left_out + 1e-9, name
 
 
@@ -156,7 +158,9 @@ def test_a_boundary_without_errors_gives_force_contact_size_and_class_probabilit
 
 @pytest.mark.parametrize("tip_m", [0.1e-3, 0.8e-3])
 def test_a_surface_that_shines_is_not_taken_for_a_shallower_dent(tip_m: float) -> None:
-    """Repeated here: the edge lies higher where the surface faces the light. Without, forces were 1 mN off."""
+    """Repeated here: the edge lies higher where the surface faces the light. Without,
+    forces were 1 mN off.
+    """
     truth = eye(tip_m, shine_m=0.0)
     force = true_n(truth)
     even = boundaries(truth)
@@ -171,9 +175,8 @@ def test_a_surface_that_shines_is_not_taken_for_a_shallower_dent(tip_m: float) -
         off.append(fit.force_n - force)
         found.append(fit.unknown[at.SHINE])
 
-    assert (
-        found[0] < 0.95 * SHINE_MEAN_M < 1.05 * SHINE_MEAN_M < found[2]
-    )  # a dent hides the most of it
+    # a dent hides the most of it
+    assert found[0] < 0.95 * SHINE_MEAN_M < 1.05 * SHINE_MEAN_M < found[2]
     assert abs(off[1]) < 0.02e-3 + 0.01 * force
     assert off[0] > off[1] > off[2]
     assert off[0] - off[2] < 0.6e-3

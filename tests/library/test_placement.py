@@ -1,4 +1,6 @@
-"""Curves laid on a frame: depths against a naive search, the pose's derivatives against differences."""
+"""Curves laid on a frame: depths against a naive search, the pose's derivatives against
+differences.
+"""
 
 from itertools import pairwise
 
@@ -22,7 +24,9 @@ def bowl(samples: int = 400) -> np.ndarray:
 
 
 def first_crossing_depth(curve: np.ndarray, at: float) -> float:
-    """The depth of the first segment, in the order of the curve, that spans a lateral place."""
+    """The depth of the first segment, in the order of the curve, that spans a lateral
+    place.
+    """
     farthest = curve[0, 0]
     for (x0, z0), (x1, z1) in pairwise(curve):
         if x1 > farthest and x0 <= at <= x1:
@@ -51,9 +55,8 @@ def test_light_sees_the_first_part_of_a_wall_that_folds_back() -> None:
     )
     depth, _, seen = curve_depths(np.stack([folded, folded]), places)
     assert depth[:2] == pytest.approx([0.0, 0.5e-3])
-    assert depth[2] == pytest.approx(
-        1e-3 + 0.4e-3 * 2e-3 / 0.5e-3
-    )  # straight from the fold's edge to the part ahead
+    # straight from the fold's edge to the part ahead
+    assert depth[2] == pytest.approx(1e-3 + 0.4e-3 * 2e-3 / 0.5e-3)
     assert seen.tolist() == [True, True, True, False]
     depth, slope, seen = curve_depths(bowl()[:, ::-1], BOTH)  # it only runs back
     assert not seen.any()

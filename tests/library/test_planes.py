@@ -1,4 +1,6 @@
-"""One dent in several planes: the contact in three dimensions, against sections that are cut in three dimensions."""
+"""One dent in several planes: the contact in three dimensions, against sections that
+are cut in three dimensions.
+"""
 
 from dataclasses import replace
 
@@ -45,10 +47,11 @@ def seen_planes(
     return found
 
 
+# a cross beside the scanner's axis
 BESIDE = (
     Plane("low", 0.3e-3, 0.4),
     Plane("high", -0.2e-3, 1.7),
-)  # a cross beside the scanner's axis
+)
 
 
 @pytest.mark.parametrize(
@@ -126,7 +129,9 @@ def test_a_fit_that_starts_from_another_prior_s_ends_where_a_search_does(
 
 @pytest.mark.parametrize("planes", [CROSS, PARALLEL], ids=["cross", "parallel"])
 def test_the_gradient_is_that_of_the_cost(planes) -> None:
-    """The weight of a column changes with the wall's slope, which the method leaves out."""
+    """The weight of a column changes with the wall's slope, which the method leaves
+    out.
+    """
     seen = seen_planes(
         planes, tip_of(0.015), (0.2e-3, -0.4e-3, 0.5e-3), (0.03, -0.02), noise_m=1e-6
     )

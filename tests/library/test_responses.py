@@ -53,9 +53,8 @@ def test_a_finer_grid_gains_at_least_the_third_order(axis):
     tip = rng.uniform(0.0, 7.5e-3, 300)
 
     if axis != "ratios":
-        p = (
-            rng.choice([1e-3, 0.21], 300) * t / 12e-3
-        )  # nodes: no other error than that of the axis
+        # nodes: no other error than that of the axis
+        p = rng.choice([1e-3, 0.21], 300) * t / 12e-3
 
     def error(count):
         fine = {"thicknesses": 24, "ratios": 24, "tips": 160} | {axis: count}
@@ -96,7 +95,10 @@ def test_a_force_gives_the_tip_that_carries_it_first(library):
 
 
 def test_a_state_outside_is_named_and_not_covered(library):
-    burst = "IOP/E: 0.07 is outside the library's range for a wall of 500 µm, 4.17e-05 to 0.00875; it bursts at 0.0173"
+    burst = (
+        "IOP/E: 0.07 is outside the library's range for a wall of 500 µm, 4.17e-05 to"
+        " 0.00875; it bursts at 0.0173"
+    )
     good = np.array([0.5e-3, 1e-3, 1e-8])
 
     for t, p, f, said in (
@@ -118,7 +120,10 @@ def test_a_state_outside_is_named_and_not_covered(library):
             0.35e-3,
             8e-5,
             3e-7,
-            "F/E: 0.3 mm^2 dents a wall of 350 µm with IOP/E 8e-05 by more than .* 7.5 mm",
+            (
+                "F/E: 0.3 mm^2 dents a wall of 350 µm with IOP/E 8e-05 by more than .*"
+                " 7.5 mm"
+            ),
         ),
     ):
         samples = np.array([good, [t, p, f], good]).T
@@ -166,9 +171,8 @@ def test_the_pressure_of_a_sealed_globe_is_the_lowest_that_solves_its_law(librar
     assert (np.isfinite(found) != np.isfinite(first)).sum() <= 2
     off = np.abs(found[close] / first[close] - 1.0)
     assert np.quantile(off, 0.95) < 1e-3
-    assert (
-        off.max() < 0.03
-    )  # where the pressure is about to run away, a small error of the volume moves it far
+    # where the pressure is about to run away, a small error of the volume moves it far
+    assert off.max() < 0.03
     assert (found[close] >= p[close] * (1.0 - 1e-9)).all()
 
 

@@ -1,4 +1,6 @@
-"""Sealed eyes from a library of open ones, against load paths that solve the globe's law with their own volumes."""
+"""Sealed eyes from a library of open ones, against load paths that solve the globe's
+law with their own volumes.
+"""
 
 import numpy as np
 import pytest
@@ -46,7 +48,9 @@ def loaded(
     rigidity: float,
     law: str,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pressures in Pa and forces in N under dents of a sealed eye: thickness, modulus, IOP."""
+    """Pressures in Pa and forces in N under dents of a sealed eye: thickness, modulus,
+    IOP.
+    """
     names = dict(zip(("thickness_m", "youngs_modulus_pa", "iop_pa"), eye, strict=True))
     sealed = {"rigidity_pa13_per_m3": rigidity * PER_UL, "rigidity_law": law}
     found = library.eye(**names, **sealed, polar_angle_rad=polar_rad)
@@ -79,9 +83,8 @@ def test_a_sealed_eye_is_that_of_a_path_with_its_own_volumes(
         size=MeridianSize(96),
     )
     eye = thickness_m, modulus_pa, iop_pa
-    pressures_pa, forces_n = loaded(
-        library, dents_m, eye, 0.0, rigidity, law
-    )  # the path knows no base beside the pole
+    # the path knows no base beside the pole
+    pressures_pa, forces_n = loaded(library, dents_m, eye, 0.0, rigidity, law)
     np.testing.assert_allclose(pressures_pa, path.iop_ratio[1:] * modulus_pa, rtol=2e-3)
     np.testing.assert_allclose(
         forces_n, path.force_ratio_m2[1:] * modulus_pa, rtol=2e-3

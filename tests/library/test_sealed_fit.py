@@ -1,4 +1,6 @@
-"""The fit of sealed walls: its intervals hold for any knowledge of the globe, and are as narrow as that allows."""
+"""The fit of sealed walls: its intervals hold for any knowledge of the globe, and are
+as narrow as that allows.
+"""
 
 from dataclasses import replace
 from math import log
@@ -48,7 +50,9 @@ def eye(tip_m: float, rigidity: float) -> np.ndarray:
 
 
 def log_pressures(unknown_su: np.ndarray, rigidity: np.ndarray) -> np.ndarray:
-    """Logarithms of the pressures under the needle (sample,) of rigidities; NaN where they run away."""
+    """Logarithms of the pressures under the needle (sample,) of rigidities; NaN where
+    they run away.
+    """
     modulus = np.exp(unknown_su[:, at.MODULUS])
     walls = (
         unknown_su[:, at.THICKNESS],
@@ -61,7 +65,9 @@ def log_pressures(unknown_su: np.ndarray, rigidity: np.ndarray) -> np.ndarray:
 
 
 def drawn_eye(rng: np.random.Generator, globe: KnownGlobe) -> tuple[np.ndarray, float]:
-    """An eye of a rigidity anywhere in a globe's range, whose pressure does not run away, and its rigidity."""
+    """An eye of a rigidity anywhere in a globe's range, whose pressure does not run
+    away, and its rigidity.
+    """
     while True:
         rigidity = rng.uniform(globe.lowest, globe.highest)
         unknown = eye(rng.uniform(0.2e-3, 1.4e-3), 0.0)
@@ -75,7 +81,9 @@ def drawn_eye(rng: np.random.Generator, globe: KnownGlobe) -> tuple[np.ndarray, 
 
 
 def boundaries(unknown: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """The boundaries in a frame (2, column), with errors that are correlated over 0.35 mm."""
+    """The boundaries in a frame (2, column), with errors that are correlated over 0.35
+    mm.
+    """
     return noisy_boundaries(predict_wall(SEALED_WALLS, unknown, BOTH), NOISE_M, rng)
 
 
@@ -90,7 +98,9 @@ def true_force_n(unknown: np.ndarray) -> float:
 
 
 def coverage(seed: int, drawn: KnownGlobe, given: str) -> float:
-    """The share of `EYES` eyes whose 90 % interval holds the force; their moduli are found 2 % off."""
+    """The share of `EYES` eyes whose 90 % interval holds the force; their moduli are
+    found 2 % off.
+    """
     rng = np.random.default_rng(seed)
     inside = 0
 
@@ -122,9 +132,8 @@ def coverage(seed: int, drawn: KnownGlobe, given: str) -> float:
 def test_intervals_of_sealed_walls_hold_the_force_for_any_knowledge_of_the_globe(
     drawn: KnownGlobe, given: str
 ) -> None:
-    assert (
-        coverage(11, drawn, given) >= 0.83
-    )  # 90 %, less two and a half standard deviations of 120 eyes
+    # 90 %, less two and a half standard deviations of 120 eyes
+    assert coverage(11, drawn, given) >= 0.83
 
 
 def test_unknown_values_of_a_globe_widen_the_interval() -> None:
@@ -140,9 +149,8 @@ def test_unknown_values_of_a_globe_widen_the_interval() -> None:
     widths = [high - low for low, high in ends]
     assert widths[1] > 2.0 * widths[0]
     assert widths[2] > 0.95 * widths[1]
-    assert (
-        fitted(depth, known_eye(truth, OPEN)).interval_n[1] < force
-    )  # a sealed eye that is declared open
+    # a sealed eye that is declared open
+    assert fitted(depth, known_eye(truth, OPEN)).interval_n[1] < force
     law = stated.globe(stated.mean).over(0.3e6)
     (ratio,) = iop_ratio_at_dent(
         LIBRARY, truth[[at.THICKNESS]], np.array([270.0 / 0.3e6]), truth[[at.TIP]], law
@@ -152,7 +160,9 @@ def test_unknown_values_of_a_globe_widen_the_interval() -> None:
 
 
 def spread_on_a_grid_n(truth: np.ndarray, known: Known) -> float:
-    """The standard deviation of the force at the true dent over a grid of (ln E, k), weighted by the known eye."""
+    """The standard deviation of the force at the true dent over a grid of (ln E, k),
+    weighted by the known eye.
+    """
     globe = known.globe
     modulus = known.modulus
     scores = np.stack(
@@ -167,9 +177,8 @@ def spread_on_a_grid_n(truth: np.ndarray, known: Known) -> float:
     sample[:, at.PRESSURE] = log_pressures(
         sample, np.maximum(rigidity, 0.0) / REFERENCE_RIGIDITY
     )
-    solved = np.isfinite(
-        sample[:, at.PRESSURE]
-    )  # elsewhere, far out, the pressure runs away
+    # elsewhere, far out, the pressure runs away
+    solved = np.isfinite(sample[:, at.PRESSURE])
     forces = force_n(Walls(LIBRARY, globe), sample[solved])
     weights = np.exp(-0.5 * (scores[solved] ** 2).sum(axis=1))
     mean = np.average(forces, weights=weights)
@@ -204,7 +213,8 @@ def test_the_force_is_as_sure_as_the_correlation_of_a_calibrated_modulus_and_rig
         known = calibrated(0.06, 0.02, correlation)
         alone_n = np.sqrt(spread_on_a_grid_n(truth, known) ** 2 + else_n2)
         found.append(fitted(depth, known).draws_n.std())
-        # The grid does not look at the frame, which shows something of the pressure, and so of both.
+        # The grid does not look at the frame, which shows something of the pressure,
+        # and so of both.
         assert 0.7 * alone_n < found[-1] < 1.05 * alone_n
 
     assert found[0] > 1.02 * found[1] > 1.04 * found[2]
@@ -223,7 +233,9 @@ def taut_wall(
     pressure_pa: float,
     modulus_pa: float = MODULUS_PA,
 ) -> tuple[np.ndarray, KnownGlobe]:
-    """The unknowns of a soft wall that a needle has brought to a pressure, and its globe, k known to 3 %."""
+    """The unknowns of a soft wall that a needle has brought to a pressure, and its
+    globe, k known to 3 %.
+    """
     unknown = eye(1e-3, 0.0)
     unknown[[at.THICKNESS, at.MODULUS, at.IOP, at.PRESSURE]] = (
         thickness_m,
@@ -250,8 +262,9 @@ def taut_wall(
 def test_a_frame_near_the_pressure_that_runs_away_is_read_right(
     library: Library, rigidity: float, thickness_m: float
 ) -> None:
-    """From rest to 21 mmHg the dent hardly deepens any more: where nothing says where the pole lies, forces that are
-    twice as large look nearly alike, and a search from the dents that lie best ends a third below the truth.
+    """From rest to 21 mmHg the dent hardly deepens any more: where nothing says where
+    the pole lies, forces that are twice as large look nearly alike, and a search from
+    the dents that lie best ends a third below the truth.
     """
     walls = Walls(library, SEALED)
     unknown, globe = taut_wall(library, rigidity, thickness_m, to_si(21.0, "mmhg"))

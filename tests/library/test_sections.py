@@ -1,4 +1,6 @@
-"""Cuts of surfaces of revolution against the general cut of a 3-D mesh; slices of walls."""
+"""Cuts of surfaces of revolution against the general cut of a 3-D mesh; slices of
+walls.
+"""
 
 from functools import cache
 
@@ -37,7 +39,9 @@ def fine_mesh(thickness_m):
 
 @pytest.mark.parametrize("plane", PLANES)
 def test_the_section_is_that_of_the_general_cut_of_a_mesh(plane):
-    """The wall of the analytic eye as nodal displacements of a 3-D mesh: within what its elements can follow."""
+    """The wall of the analytic eye as nodal displacements of a 3-D mesh: within what
+    its elements can follow.
+    """
     gap_m, tilt_rad, direction_rad = plane
     thickness_m = 0.5e-3
     tip_m = 1.5e-3

@@ -1,4 +1,6 @@
-"""The SLURM job of the cluster page, with a substitute for `srun` that starts its command on this machine."""
+"""The SLURM job of the cluster page, with a substitute for `srun` that starts its
+command on this machine.
+"""
 
 import os
 import subprocess

@@ -27,9 +27,8 @@ def test_values_and_slopes_agree_with_scipys_not_a_knot_spline():
         )
         assert spline.slopes(coefficients) == pytest.approx(oracle(nodes, 1), abs=1e-10)
         _, weights = spline.weights(np.zeros(1))
-        assert weights.tolist() == [
-            [1.0, 0.0, 0.0, 0.0]
-        ]  # without a dent there is no force at all
+        # without a dent there is no force at all
+        assert weights.tolist() == [[1.0, 0.0, 0.0, 0.0]]
 
 
 def test_the_error_falls_with_the_fourth_power_of_the_spacing():
@@ -49,7 +48,9 @@ TIP = 7e-3 * np.linspace(0.0, 1.0, 25) ** 1.5
 
 
 def search(tip, force, slope, wanted):
-    """Walk along the path in steps of 0.1 um and interpolate where the force is first reached."""
+    """Walk along the path in steps of 0.1 um and interpolate where the force is first
+    reached.
+    """
     path = CubicHermiteSpline(tip, force, slope)
     fine = np.linspace(tip[0], tip[-1], 70_001)
     values = path(fine)

@@ -1,4 +1,6 @@
-"""A library of tissue that stiffens: between its stiffenings, against walls of just that tissue."""
+"""A library of tissue that stiffens: between its stiffenings, against walls of just
+that tissue.
+"""
 
 from dataclasses import replace
 
@@ -54,7 +56,9 @@ def path_of(thickness: int, tension: int, stiffening: float) -> AxisymmetricPath
 def test_walls_between_the_stiffenings_agree_with_walls_of_that_tissue(
     library: Library, stiffening: float
 ) -> None:
-    """Dents deeper than 1.3 mm change their form fast from b = 0 on: there the curves are right to 40 um."""
+    """Dents deeper than 1.3 mm change their form fast from b = 0 on: there the curves
+    are right to 40 um.
+    """
     found = library.for_stiffening(stiffening)
     for wall in WALLS:
         wanted = path_of(*wall, stiffening)

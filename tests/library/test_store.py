@@ -1,4 +1,6 @@
-"""The library on disk: the same bytes for any number of workers and interruptions, checked, and right."""
+"""The library on disk: the same bytes for any number of workers and interruptions,
+checked, and right.
+"""
 
 import multiprocessing
 import os
@@ -66,12 +68,15 @@ def interrupting(count, done):
 
 
 def script(folder, body):
-    """A program of its own, and the environment in which it finds the analytic solver."""
+    """A program of its own, and the environment in which it finds the analytic
+    solver.
+    """
     path = folder / "program.py"
     path.write_text(
-        "import sys; from pathlib import Path; from analytic_library import solve_slowly\nfrom "
-        "scleraforce.library.store import build_library, cached_library\nfrom scleraforce.study import "
-        f"LibraryStudy, Study\nif __name__ == '__main__':\n    {body}\n"
+        "import sys; from pathlib import Path; from analytic_library import"
+        " solve_slowly\nfrom scleraforce.library.store import build_library,"
+        " cached_library\nfrom scleraforce.study import LibraryStudy, Study\nif"
+        f" __name__ == '__main__':\n    {body}\n"
     )
 
     return path, os.environ | {"PYTHONPATH": str(Path(__file__).parents[1] / "support")}
@@ -152,7 +157,9 @@ def test_a_worker_of_a_cluster_that_is_killed_changes_no_byte(made, tmp_path):
 
 @pytest.mark.slow
 def test_a_build_killed_at_any_time_is_completed(made, tmp_path):
-    """A second program is killed, several times, by SIGKILL; the same command continues its work."""
+    """A second program is killed, several times, by SIGKILL; the same command continues
+    its work.
+    """
     path = tmp_path / "library.zarr"
     study = (
         "Study(library=LibraryStudy(thicknesses=4, tensions=5, tips=6, elements=16))"
@@ -353,8 +360,9 @@ def test_one_of_several_makers_builds(tmp_path):
     study = "Study(library=LibraryStudy(thicknesses=4, tensions=4, tips=5, elements=8))"
     program, environment = script(
         tmp_path,
-        f"done = []; library = cached_library({study}, folder=Path(sys.argv[1]), workers=1, progress=done.append, "
-        "solve=solve_slowly); print(sum(done), library.force_ratio_tpd.sum())",
+        f"done = []; library = cached_library({study}, folder=Path(sys.argv[1]),"
+        " workers=1, progress=done.append, solve=solve_slowly); print(sum(done),"
+        " library.force_ratio_tpd.sum())",
     )
     command = [sys.executable, program, tmp_path / "cache"]
     makers = [

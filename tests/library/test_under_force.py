@@ -1,4 +1,6 @@
-"""The pressure of sealed eyes under a force, against the pressure at the dent that the force makes."""
+"""The pressure of sealed eyes under a force, against the pressure at the dent that the
+force makes.
+"""
 
 import library_arrays
 import numpy as np

@@ -1,4 +1,6 @@
-"""Walls of revolution at finite strain against 3-D, closed forms and energies; their tangents; the base's motion."""
+"""Walls of revolution at finite strain against 3-D, closed forms and energies; their
+tangents; the base's motion.
+"""
 
 from collections.abc import Callable
 
@@ -46,9 +48,8 @@ from scleraforce.units import SI_PER_UNIT
 RADIUS = 12e-3
 NEEDLE = 0.35e-3
 IOP_RATIO = 266.0 / 0.38e6
-RIGIDITY = (
-    0.03 * SI_PER_UNIT["mmhg13_per_ul"][1]
-)  # of enucleated human eyes (van der Werff 1981)
+# of enucleated human eyes (van der Werff 1981)
+RIGIDITY = 0.03 * SI_PER_UNIT["mmhg13_per_ul"][1]
 RIGHT_ANGLE = 0.5 * np.pi
 
 
@@ -245,9 +246,8 @@ def test_the_displaced_volume_lies_between_the_inner_curves() -> None:
         size=MeridianSize(96),
     )
     distance, depth = np.moveaxis(path.curves_sbnc[:, 1], -1, 0)
-    volumes_m3 = -np.pi * np.trapezoid(
-        distance**2, depth
-    )  # of the space above; both end on the same ring
+    # of the space above; both end on the same ring
+    volumes_m3 = -np.pi * np.trapezoid(distance**2, depth)
     assert path.displaced_m3[1] == pytest.approx(
         volumes_m3[1] - volumes_m3[0], rel=2e-3
     )
@@ -310,7 +310,9 @@ def deformation(solid: ElementTables, u: NDArray) -> NDArray:
 
 
 def bent(mesh: MeridianMesh) -> Floats:
-    """Strains of some 15 % with rotation and noise on them, none of them across the axis."""
+    """Strains of some 15 % with rotation and noise on them, none of them across the
+    axis.
+    """
     r, z = mesh.points_nc.T
     noise = np.random.default_rng(1).normal(size=mesh.points_nc.shape) * 5e-6
     outward = 0.12 * r + 0.1 * r * z / RADIUS + noise[:, 0] * (r > 0.0)
@@ -341,7 +343,7 @@ def test_forces_and_tangent_are_the_derivatives_of_the_energy(
 
 def test_a_vanishing_stiffening_is_the_neo_hookean_solid(mesh: MeridianMesh) -> None:
     u = bent(mesh)
-    (flat, faint) = (meridian.solid_of_revolution(mesh, NU, b) for b in (0.0, 1e-300))
+    flat, faint = (meridian.solid_of_revolution(mesh, NU, b) for b in (0.0, 1e-300))
     np.testing.assert_allclose(
         meridian.nodal_forces(faint, u), meridian.nodal_forces(flat, u), rtol=1e-12
     )
@@ -361,12 +363,16 @@ def turned_over(mesh: MeridianMesh) -> Floats:
 
 
 def across_the_axis(mesh: MeridianMesh) -> Floats:
-    """All moved sideways: on its meridian the wall is unchanged, and near the axis it is on the other side."""
+    """All moved sideways: on its meridian the wall is unchanged, and near the axis it
+    is on the other side.
+    """
     return np.tile([-1e-3, 0.0], len(mesh.points_nc))
 
 
 def mirrored(mesh: MeridianMesh) -> Floats:
-    """Its middle mirrored in the axis: two signs change there, and the product of the stretches is unchanged."""
+    """Its middle mirrored in the axis: two signs change there, and the product of the
+    stretches is unchanged.
+    """
     away_n = mesh.points_nc[:, 0]
     return np.stack(
         [np.where(away_n < 3e-3, -2.0 * away_n, 0.0), np.zeros_like(away_n)], axis=1
@@ -391,9 +397,10 @@ def test_elements_that_are_turned_inside_out_and_no_others_are_not_finite(
     np.testing.assert_array_equal(np.isnan(meridian.nodal_forces(solid, u)), expected)
 
 
+# of the largest exponent
 @pytest.mark.parametrize(
     ("share", "finite"), [(0.99, True), (1.01, False), (20.0, False)]
-)  # of the largest exponent
+)
 def test_tissue_that_is_stretched_too_far_is_not_finite(
     mesh: MeridianMesh, share: float, finite: bool
 ) -> None:
@@ -440,9 +447,8 @@ def test_on_the_pole_nothing_changes() -> None:
     )
     shift = base_shift(*EYE, polar_rad=0.0)
     dent = 8.3e3  # m per F/E, the linear wall's tip
-    assert (
-        np.abs(shift.needle_mbnc).max() < 0.005 * dent
-    )  # the 3-D mesh under the needle
+    # the 3-D mesh under the needle
+    assert np.abs(shift.needle_mbnc).max() < 0.005 * dent
 
 
 @pytest.mark.slow

@@ -22,7 +22,9 @@ FAR = {"max_tip_m": 2.0, "largest_step_m": 0.02}
 
 @dataclass(frozen=True, eq=False)
 class Truss:
-    """Von Mises' shallow truss of two bars (Green's strain, E A = 1), pushed through a spring: u = (apex, needle)."""
+    """Von Mises' shallow truss of two bars (Green's strain, E A = 1), pushed through a
+    spring: u = (apex, needle).
+    """
 
     spring: float
     factored: list[float] = field(default_factory=list)  # the apex of every factor
@@ -46,7 +48,9 @@ class Truss:
 
 
 def truss_force(apex: Any) -> Any:
-    """Force that holds the apex down by `apex`: the derivative of the energy of both bars."""
+    """Force that holds the apex down by `apex`: the derivative of the energy of both
+    bars.
+    """
     left = HEIGHT - apex
     return left * (HEIGHT**2 - left**2) / (HALF_SPAN**2 + HEIGHT**2) ** 1.5
 
@@ -147,7 +151,9 @@ def test_pressure_close_to_the_limit_is_reached_in_steps() -> None:
 
 @dataclass(frozen=True, eq=False)
 class SealedSprings:
-    """A linear structure K u = p g + f b, whose volume is 1 + g u; `factored` has the pressure of every factor."""
+    """A linear structure K u = p g + f b, whose volume is 1 + g u; `factored` has the
+    pressure of every factor.
+    """
 
     stiffness: Floats
     gradient: Floats
@@ -185,9 +191,8 @@ def test_a_sealed_linear_structure_takes_the_exact_force_and_pressure(law: str) 
     np.testing.assert_allclose(start, pressure * np.linalg.solve(K, g), rtol=1e-8)
     path = trace(springs, start, pressure, tips_m=tips, globe=globe, largest_step_m=1.0)
 
-    force = np.append(
-        0.0, tips / (b @ needle)
-    )  # the dent counts from the undented wall at the same pressure
+    # the dent counts from the undented wall at the same pressure
+    force = np.append(0.0, tips / (b @ needle))
     rising = globe.pressure(pressure, -force * (g @ needle))
     undented = rising[:, None] * np.linalg.solve(K, g)
     np.testing.assert_allclose(path.force, force, rtol=1e-8, atol=1e-12)

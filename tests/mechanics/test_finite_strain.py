@@ -1,4 +1,6 @@
-"""Load paths of 3-D walls: closed forms, symmetry, sealed globes; each key of a study reaches them."""
+"""Load paths of 3-D walls: closed forms, symmetry, sealed globes; each key of a study
+reaches them.
+"""
 
 from dataclasses import asdict, replace
 from functools import cache
@@ -119,7 +121,9 @@ def test_little_pressure_and_weight_give_linear_mechanics() -> None:
 
 
 def thick_sphere_error(divisions: int) -> float:
-    """Largest error over the largest displacement, for a sphere that swells by 22 % inside."""
+    """Largest error over the largest displacement, for a sphere that swells by 22 %
+    inside.
+    """
     mesh = build_mesh(R, 4e-3, divisions=divisions, level=0, layers=divisions // 4)
     wall = FiniteWall(mesh, NU, symmetric_base(mesh))
     moved_nc = rest_nc(wall, youngs_modulus_pa=1.0, iop_pa=0.15, density_kg_m3=0.0)
@@ -139,7 +143,9 @@ def test_a_thick_sphere_under_pressure_swells_as_its_radial_equation_says() -> N
 
 
 def test_every_state_balances_its_loads() -> None:
-    """Reactions of the base against needle, weight, and the pressure on the opening that the deformed wall closes."""
+    """Reactions of the base against needle, weight, and the pressure on the opening
+    that the deformed wall closes.
+    """
     path = coarse_path()
     mesh = coarse_mesh()
     wall = coarse_wall()
@@ -306,7 +312,9 @@ def test_a_force_or_a_dent_that_the_path_does_not_reach_is_an_input_error() -> N
 
 
 def test_a_wall_that_may_move_as_a_rigid_body_is_refused() -> None:
-    """Free to slide; a globe on nothing; a globe on straps alone, which may turn about its axis."""
+    """Free to slide; a globe on nothing; a globe on straps alone, which may turn about
+    its axis.
+    """
     held = symmetric_base(coarse_mesh())
     held[:, :2] = False
     with pytest.raises(SolverError, match="rigid body"):
@@ -337,9 +345,8 @@ def test_the_cube_root_of_the_pressure_rises_by_003_a_microlitre_in_enucleated_h
 def test_the_logarithmic_law_is_friedenwalds_and_has_the_slope_of_its_rigidity_at_15_mmhg():
     globe = sealed_globe(0.0407 * PER_UL, "logarithmic")
     ten_ul = globe.pressure(to_si(15.0, "mmhg"), 10.0 * UL) / to_si(15.0, "mmhg")
-    assert np.log10(ten_ul) == pytest.approx(
-        10.0 * 0.0215, rel=2e-3
-    )  # Friedenwald's mean
+    # Friedenwald's mean
+    assert np.log10(ten_ul) == pytest.approx(10.0 * 0.0215, rel=2e-3)
     cube_root = sealed_globe(0.0407 * PER_UL)
     assert globe.stiffness(to_si(15.0, "mmhg")) == pytest.approx(
         cube_root.stiffness(to_si(15.0, "mmhg"))
@@ -365,9 +372,8 @@ def test_volume_and_pressure_are_inverse_and_the_stiffness_is_the_slope(
         - globe.pressure(resting, volumes - step)
     ) / (2.0 * step)
     np.testing.assert_allclose(globe.stiffness(pressures), slopes, rtol=1e-6)
-    over_pa = (
-        globe.over(0.45e6).pressure(resting / 0.45e6, volumes) * 0.45e6
-    )  # over a modulus
+    # over a modulus
+    over_pa = globe.over(0.45e6).pressure(resting / 0.45e6, volumes) * 0.45e6
     np.testing.assert_allclose(over_pa, pressures)
 
 
@@ -453,9 +459,8 @@ def test_small_forces_on_an_odd_eye_bend_it_as_linear_mechanics_does() -> None:
     wall = LinearWall(eye.mesh, 0.45)
     needle_nc = wall.needle_cnc([OBLIQUE], 0.35e-3)[0]
     linear_m = tip_displacement(eye.mesh, OBLIQUE, needle_nc) * 2e-6 / 0.3e6
-    assert eye.tip_m(2e-6) == pytest.approx(
-        linear_m, rel=5e-3
-    )  # the needle's disc is laid on the form exactly
+    # the needle's disc is laid on the form exactly
+    assert eye.tip_m(2e-6) == pytest.approx(linear_m, rel=5e-3)
 
 
 @pytest.mark.slow
@@ -501,7 +506,9 @@ def test_a_stiff_cap_under_the_needle_resists_and_a_far_one_hardly_matters() -> 
 
 @pytest.mark.slow
 def test_a_thick_spot_under_the_needle_bends_like_a_thick_wall() -> None:
-    """A wave of degree 1 along the needle axis makes the wall 10 % thicker there: about (1.1)^2 as stiff."""
+    """A wave of degree 1 along the needle axis makes the wall 10 % thicker there: about
+    (1.1)^2 as stiff.
+    """
     wave = st.eye.WaveStudy(amplitude_fraction=0.1, degree=1, **asdict(OBLIQUE))
     uneven = with_form(st.FormStudy(wave=(wave,)))
     even = bent(WEIGHTLESS).tip_m(FORCE_N)
@@ -511,9 +518,8 @@ def test_a_thick_spot_under_the_needle_bends_like_a_thick_wall() -> None:
 
 
 def test_a_leaning_needle_drags_the_wall_to_its_side_and_its_mirror_image_to_the_other():
-    contact = replace(
-        OBLIQUE, azimuth_rad=0.0
-    )  # in the plane y = 0, in which the mesh is its own mirror image
+    # in the plane y = 0, in which the mesh is its own mirror image
+    contact = replace(OBLIQUE, azimuth_rad=0.0)
     needles = [
         st.NeedleStudy(tilt_rad=radians(10), tilt_direction_rad=sign * radians(90))
         for sign in (1, -1)

@@ -38,7 +38,9 @@ WAVY = FormStudy(
 
 
 def back_on_the_axes(mesh: HexMesh, axes: tuple[float, ...]) -> np.ndarray:
-    """The nodes in the ellipsoid's own frame, by the rigid motion that fits the base's rim best."""
+    """The nodes in the ellipsoid's own frame, by the rigid motion that fits the base's
+    rim best.
+    """
     base = mesh.points_nc[mesh.base_nodes]
     sphere = mesh.sphere_nc[mesh.base_nodes]
     outer = np.linalg.norm(sphere, axis=1) > 0.9999 * R
@@ -46,9 +48,8 @@ def back_on_the_axes(mesh: HexMesh, axes: tuple[float, ...]) -> np.ndarray:
     moved = base[outer]
     shift = moved.mean(axis=0)
     aim = target.mean(axis=0)
-    u, _, vt = np.linalg.svd(
-        (moved - shift).T @ (target - aim)
-    )  # Kabsch: the best rotation
+    # Kabsch: the best rotation
+    u, _, vt = np.linalg.svd((moved - shift).T @ (target - aim))
     turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
 
     return (mesh.points_nc - shift) @ turn + aim
@@ -69,7 +70,8 @@ def test_the_outer_nodes_lie_on_the_ellipsoid_and_the_wall_is_as_thick_as_asked_
     np.testing.assert_allclose(
         np.sum((outer / np.multiply(AXES, R)) ** 2, axis=1), 1.0, rtol=1e-12
     )
-    # The nodes of both surfaces are numbered alike: inner minus outer is the wall, along the normal of the ellipsoid.
+    # The nodes of both surfaces are numbered alike: inner minus outer is the wall,
+    # along the normal of the ellipsoid.
     normal = outer / np.square(AXES)
     wall = outer - inner
     np.testing.assert_allclose(np.linalg.norm(wall, axis=1), T, rtol=1e-12)
@@ -104,7 +106,9 @@ def test_the_contact_and_its_normal_are_where_the_sphere_has_them(whole: bool) -
     ids=str,
 )
 def test_the_volume_is_that_of_the_form(form: FormStudy) -> None:
-    """Half an ellipsoid's wall: by a fine sum over latitude and longitude of area, thickness and curvature."""
+    """Half an ellipsoid's wall: by a fine sum over latitude and longitude of area,
+    thickness and curvature.
+    """
     mesh = form_mesh(build_mesh(R, T), form, CONTACT)
     axes = np.array(form.semi_axes)
     count = 400
@@ -116,16 +120,16 @@ def test_the_volume_is_that_of_the_form(form: FormStudy) -> None:
     flat = np.sqrt(1 - z**2)
     d = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), z], axis=-1)
     normal = d / axes
-    stretch = np.prod(axes) * np.linalg.norm(
-        normal, axis=-1
-    )  # Nanson: area of the ellipsoid over that of the sphere
+    # Nanson: area of the ellipsoid over that of the sphere
+    stretch = np.prod(axes) * np.linalg.norm(normal, axis=-1)
     h2 = 1.0 / np.sum(d**2 / axes**2, axis=-1)
     total = axes**2 @ np.ones(3)
     product = np.prod(axes**2)
     mean = (total - np.sum((axes * d) ** 2, axis=-1)) * h2**1.5 / (2 * product)
     gauss = h2**2 / product
     t = T * thickness_factor(form, d)
-    # V = integral over the area of t - H t^2 + K t^3 / 3 (parallel surfaces), curvatures of the unit ellipsoid over R
+    # V = integral over the area of t - H t^2 + K t^3 / 3 (parallel surfaces),
+    # curvatures of the unit ellipsoid over R
     thick = t - mean / R * t**2 + gauss / R**2 * t**3 / 3
     exact = 2 * pi * R**2 * np.mean(stretch * thick)
     assert volume_points(mesh).volumes_ep.sum() == pytest.approx(exact, rel=2e-4)
@@ -181,9 +185,8 @@ def test_a_region_has_its_modulus_inside_and_the_eyes_outside_with_a_smooth_edge
     np.testing.assert_array_equal(modulus_ep, element_modulus(mesh, stretched))
     volumes = volume_points(eye).volumes_ep
     soft = np.sum(volumes * (1 - per_point)) / 0.4 / volumes.sum()
-    assert soft == pytest.approx(
-        1 - np.cos(asin(5.75 / 12)), rel=2e-2
-    )  # share of a cap of the half-sphere's area
+    # share of a cap of the half-sphere's area
+    assert soft == pytest.approx(1 - np.cos(asin(5.75 / 12)), rel=2e-2)
 
 
 def test_a_form_out_of_range_is_refused() -> None:
@@ -219,13 +222,13 @@ def test_the_cornea_is_a_sphere_through_the_limbus_and_the_globe_outside_is_the_
         np.linalg.norm(points - centre, axis=1), 7.8e-3, rtol=1e-12
     )
     np.testing.assert_allclose(normals, (points - centre) / 7.8e-3, atol=1e-12)
-    np.testing.assert_allclose(
-        points[0], [0.0, 0.0, CENTRE_M + 7.8e-3], atol=1e-15
-    )  # the apex, 1.06 mm in front
+    # the apex, 1.06 mm in front
+    np.testing.assert_allclose(points[0], [0.0, 0.0, CENTRE_M + 7.8e-3], atol=1e-15)
     ring = R * meridian(np.array([LIMBUS_RAD]))
+    # the two spheres meet here
     np.testing.assert_allclose(
         np.linalg.norm(ring - centre, axis=1), 7.8e-3, rtol=1e-12
-    )  # the two spheres meet here
+    )
     outside = meridian(np.linspace(LIMBUS_RAD + HALF_EDGE_RAD, 0.5 * pi, 9))
     points, normals = corneal_surface(outside, CORNEA, R)
     np.testing.assert_allclose(points, R * outside, rtol=1e-12)
@@ -241,9 +244,8 @@ def test_the_surface_has_no_kink_and_its_normals_are_its_own(
     along = np.gradient(points, angles, axis=0)[1:-1]
     assert np.abs(np.sum(along * normals[1:-1], axis=1)).max() < 1e-4 * R
     turned = np.linalg.norm(np.diff(normals, axis=0), axis=1)
-    assert (
-        turned.max() < 6.0 * np.diff(angles)[0]
-    )  # the curvature is finite: a kink would turn by 0.33 rad at once
+    # the curvature is finite: a kink would turn by 0.33 rad at once
+    assert turned.max() < 6.0 * np.diff(angles)[0]
     at_the_ends = np.array([LIMBUS_RAD - HALF_EDGE_RAD, LIMBUS_RAD + HALF_EDGE_RAD])
 
     for angle in at_the_ends:
@@ -290,7 +292,9 @@ def test_the_wall_behind_a_cornea_has_sound_elements_even_thickness_and_its_cont
 
 
 def test_the_volume_of_the_wall_is_that_of_the_surface() -> None:
-    """Of a surface of revolution: by a fine sum of area, thickness and curvatures along the meridian."""
+    """Of a surface of revolution: by a fine sum of area, thickness and curvatures along
+    the meridian.
+    """
     contact = Contact(polar_rad=radians(45))
     mesh = form_mesh(
         graded_mesh(R, T, contact, core=8, rings=28), FormStudy(cornea=CORNEA), contact
@@ -301,9 +305,8 @@ def test_the_volume_of_the_wall_is_that_of_the_surface() -> None:
     length = np.linalg.norm(step, axis=1)
     middle = 0.5 * (points[1:] + points[:-1])
     across = 0.5 * (normals[1:] + normals[:-1])
-    along = (
-        np.sum(np.diff(normals, axis=0) * step, axis=1) / length**2
-    )  # principal curvatures
+    # principal curvatures
+    along = np.sum(np.diff(normals, axis=0) * step, axis=1) / length**2
     around = across[:, 0] / middle[:, 0]
     thick = T - 0.5 * (along + around) * T**2 + along * around * T**3 / 3
     exact = 2 * pi * np.sum(middle[:, 0] * length * thick)
@@ -327,9 +330,8 @@ def test_semi_axes_stretch_the_cornea_too_and_waves_act_on_its_wall() -> None:
         np.unique(plain.outer_qn)
     ]
     stretched = stretched * (1.05, 1.0, 0.97)
-    between = np.linalg.norm(
-        stretched[::50, None] - stretched[None, ::50], axis=-1
-    )  # the rest is a rigid motion
+    # the rest is a rigid motion
+    between = np.linalg.norm(stretched[::50, None] - stretched[None, ::50], axis=-1)
     np.testing.assert_allclose(
         np.linalg.norm(outer[::50, None] - outer[None, ::50], axis=-1),
         between,
@@ -349,13 +351,17 @@ def test_a_cornea_that_does_not_fit_the_globe_is_refused() -> None:
 
     with pytest.raises(
         InputError,
-        match=r"^form\.cornea: edge_mm: 3 mm; must be narrower than the cornea is wide$",
+        match=(
+            r"^form\.cornea: edge_mm: 3 mm; must be narrower than the cornea is wide$"
+        ),
     ):
         corneal_surface(directions, CorneaStudy(limbus_radius_m=1e-3, edge_m=3e-3), R)
 
     with pytest.raises(
         InputError,
-        match=r"^form\.cornea: .*polar_deg: 60; the limbus must lie above the base plane$",
+        match=(
+            r"^form\.cornea: .*polar_deg: 60; the limbus must lie above the base plane$"
+        ),
     ):
         corneal_surface(directions, CorneaStudy(polar_rad=radians(60)), R)
 
@@ -366,6 +372,9 @@ def test_a_cornea_that_does_not_fit_the_globe_is_refused() -> None:
 
     with pytest.raises(
         StudyError,
-        match=r"^study:1: form\.cornea\.limbus_radius_mm: 5\.75; .* below .* radius_mm, 5$",
+        match=(
+            r"^study:1: form\.cornea\.limbus_radius_mm: 5\.75; .* below .*"
+            r" radius_mm, 5$"
+        ),
     ):
         parse_study("[form.cornea]\nradius_mm = 5.0\n")

@@ -72,7 +72,9 @@ def r1_displacement(wall: LinearWall) -> np.ndarray:
 def test_reference_problem_r1_is_that_of_other_programs_on_their_meshes(
     mesh: dict, expected_m: float
 ) -> None:
-    """SOFA, CalculiX and scikit-fem, four digits; they were read at the corner nearest to the load (36 deg)."""
+    """SOFA, CalculiX and scikit-fem, four digits; they were read at the corner nearest
+    to the load (36 deg).
+    """
     wall = LinearWall(wall_mesh(R, 0.5e-3, **mesh), NU)
     corners = np.unique(wall.mesh.outer_qn[:, :4])
     nearest = corners[
@@ -88,7 +90,8 @@ def test_reference_problem_r1_is_that_of_other_programs_on_their_meshes(
 def observed_order(divisions: list[int], **kind: object) -> float:
     """Order of the strain energy under refinement along the sphere, from three meshes.
 
-    A smooth problem: two opposite pushes on the poles of a whole sphere. (The edge of a clamped base is singular.)
+    A smooth problem: two opposite pushes on the poles of a whole sphere. (The edge of a
+    clamped base is singular.)
     """
     pole = Contact(polar_rad=0.0)
     energies = []
@@ -120,9 +123,11 @@ def test_strain_energy_converges_with_the_order_of_the_elements(
 
 
 def lame_error(divisions: int, **kind: object) -> float:
-    """Largest relative error of the displacement of a thick sphere under internal pressure (Lame).
+    """Largest relative error of the displacement of a thick sphere under internal
+    pressure (Lame).
 
-    u_r = p a^3 / (E (b^3 - a^3)) ((1 - 2 nu) r + (1 + nu) b^3 / (2 r^2)); Timoshenko and Goodier, sec. 136.
+    u_r = p a^3 / (E (b^3 - a^3)) ((1 - 2 nu) r + (1 + nu) b^3 / (2 r^2)); Timoshenko
+    and Goodier, sec. 136.
     """
     b = R
     a = R - 4e-3
@@ -201,12 +206,16 @@ TURNED = Contact(polar_rad=np.radians(35.0), azimuth_rad=0.4)
 
 
 def needle_cards(mesh: HexMesh) -> str:
-    """Concentrated loads: what CalculiX solves must be the same; its own disc load does not exist."""
+    """Concentrated loads: what CalculiX solves must be the same; its own disc load does
+    not exist.
+    """
     return force_cards(FORCE_N * needle_loads(mesh, [TURNED], NEEDLE)[0])
 
 
 def iop_cards(mesh: HexMesh) -> str:
-    """CalculiX's own pressure on face 1 (nodes 1-2-3-4: the inner side of the innermost elements)."""
+    """CalculiX's own pressure on face 1 (nodes 1-2-3-4: the inner side of the innermost
+    elements).
+    """
     inner = set(mesh.inner_qn[:, :4].ravel().tolist())
     elements = [
         e + 1 for e, cell in enumerate(mesh.cells_en) if set(cell[:4].tolist()) <= inner
@@ -273,7 +282,9 @@ def held(mesh: HexMesh) -> np.ndarray:
 
 
 def elements_of(mesh: HexMesh, shift: float = 0.0) -> np.ndarray:
-    """Element matrices; shifted by their largest value times `shift`, they are not definite."""
+    """Element matrices; shifted by their largest value times `shift`, they are not
+    definite.
+    """
     elements = element_stiffness(volume_points(mesh), *lame_constants(1.0, 0.45))
     size = elements.shape[1] * elements.shape[2]
     return elements - shift * elements.max() * np.eye(size).reshape(elements.shape[1:])

@@ -1,4 +1,6 @@
-"""Loads and supports: exact resultants and moments; beds and straps whose motions are known."""
+"""Loads and supports: exact resultants and moments; beds and straps whose motions are
+known.
+"""
 
 from dataclasses import replace
 from functools import cache
@@ -53,7 +55,9 @@ def mesh(request: pytest.FixtureRequest) -> HexMesh:
 def test_the_pressure_lifts_with_its_value_times_the_area_of_the_opening(
     mesh: HexMesh,
 ) -> None:
-    """Exactly so for any mesh, by the divergence theorem: the area is that of the polygon or curve of the base."""
+    """Exactly so for any mesh, by the divergence theorem: the area is that of the
+    polygon or curve of the base.
+    """
     load = pressure_load(mesh)
     area = np.pi * (R - T) ** 2
     np.testing.assert_allclose(
@@ -124,7 +128,8 @@ def test_the_gaussian_load_of_r1_is_normalised_and_has_the_mean_of_its_weight(
     spread = 2e-3
     load = gaussian_load(mesh, contact, spread)
     np.testing.assert_allclose(load.sum(axis=0), -contact.normal, atol=1e-13)
-    # On a sphere |x - R d|^2 = 2 R^2 (1 - c), so the weight is exp(k c) and the mean of c is coth k - 1/k.
+    # On a sphere |x - R d|^2 = 2 R^2 (1 - c), so the weight is exp(k c) and the mean of
+    # c is coth k - 1/k.
     k = (R / spread) ** 2
     mean_cosine = -(load @ contact.normal) @ (mesh.points_nc @ contact.normal) / R
     assert mean_cosine == pytest.approx(
@@ -138,9 +143,8 @@ def assert_disc(
     for direction in directions:
         offset = offset_nc @ direction
         assert abs(amount @ offset) < 1e-3 * NEEDLE
-        assert amount @ offset**2 == pytest.approx(
-            NEEDLE**2 / 4, rel=0.02
-        )  # of a uniform disc
+        # of a uniform disc
+        assert amount @ offset**2 == pytest.approx(NEEDLE**2 / 4, rel=0.02)
 
 
 def tilted(angle_rad: float) -> np.ndarray:
@@ -161,7 +165,9 @@ def test_the_needle_along_the_normal_of_a_sphere_is_that_of_linear_mechanics() -
 def test_the_disc_is_round_and_centred_on_the_contact_as_seen_along_the_axis(
     angle_deg: float,
 ) -> None:
-    """Shape functions of second order reproduce first moments of the load exactly and second ones nearly."""
+    """Shape functions of second order reproduce first moments of the load exactly and
+    second ones nearly.
+    """
     mesh = build_mesh(R, 0.5e-3, divisions=20)
     axis = tilted(np.radians(angle_deg))
     load = needle_at(mesh, LEANING, NEEDLE, axis).load_nc
@@ -310,7 +316,9 @@ def energy(springs: Springs, displacement_nc: np.ndarray) -> float:
 
 
 def test_the_beds_stiffness_is_that_of_the_integrals_over_the_half_sphere() -> None:
-    """Along z: integral of k cos^2 + s sin^2; along x: of k sin^2 cos^2(azimuth) + ...; both over 2 pi R^2."""
+    """Along z: integral of k cos^2 + s sin^2; along x: of k sin^2 cos^2(azimuth) + ...;
+    both over 2 pi R^2.
+    """
     mesh = globe(rings=10)
     area = 2 * np.pi * R**2
     bed = elastic_bed(mesh, NORMAL, SHEAR)
@@ -321,9 +329,8 @@ def test_the_beds_stiffness_is_that_of_the_integrals_over_the_half_sphere() -> N
         assert energy(bed, moved(mesh, axis)) == pytest.approx(
             area * (NORMAL + 2 * SHEAR) / 3, rel=2e-3
         )
-        turn_nc = np.cross(
-            axis, mesh.points_nc
-        )  # a turn slides everywhere: 2/3 R^2 of its square
+        # a turn slides everywhere: 2/3 R^2 of its square
+        turn_nc = np.cross(axis, mesh.points_nc)
         assert energy(bed, turn_nc) == pytest.approx(
             area * SHEAR * R**2 * 2 / 3, rel=2e-3
         )
@@ -364,9 +371,8 @@ def test_four_straps_hold_along_their_meridians() -> None:
         expected += 20.0 * np.mean((along_pc @ motion) ** 2)
 
     assert energy(straps, moved(mesh, motion)) == pytest.approx(expected, rel=1e-3)
-    assert (
-        energy(straps, np.cross([0.0, 0.0, 1.0], mesh.points_nc)) < 1e-6 * R**2
-    )  # a turn about z slides across
+    # a turn about z slides across
+    assert energy(straps, np.cross([0.0, 0.0, 1.0], mesh.points_nc)) < 1e-6 * R**2
 
 
 def test_insertions_lie_on_the_spiral_of_tillaux() -> None:

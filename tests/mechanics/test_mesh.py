@@ -1,4 +1,6 @@
-"""Meshes: shape functions, subdivision, grading, and directions that are located in them."""
+"""Meshes: shape functions, subdivision, grading, and directions that are located in
+them.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -55,9 +57,8 @@ def test_shape_functions_reproduce_the_polynomials_of_their_order(
 def test_gradients_are_the_slopes_of_the_values(dimension: int, nodes: int) -> None:
     points = np.random.default_rng(1).uniform(-1, 1, (20, dimension))
     for axis in range(dimension):
-        step = (
-            1e-3 * np.eye(dimension)[axis]
-        )  # central differences are exact for quadratics
+        # central differences are exact for quadratics
+        step = 1e-3 * np.eye(dimension)[axis]
         slopes = (
             shape_values(points + step, nodes) - shape_values(points - step, nodes)
         ) / 2e-3
@@ -72,6 +73,7 @@ def test_an_unknown_element_is_refused() -> None:
 
 
 R = 12e-3
+# outward
 HEX_FACES = [
     (0, 3, 2, 1),
     (4, 5, 6, 7),
@@ -79,7 +81,7 @@ HEX_FACES = [
     (1, 2, 6, 5),
     (2, 3, 7, 6),
     (3, 0, 4, 7),
-]  # outward
+]
 KINDS = {"8 nodes": {"order": 1}, "27 nodes": {"order": 2}}
 
 
@@ -116,7 +118,9 @@ def test_every_node_is_on_its_sphere_and_rays_pass_through_the_wall(kind: str) -
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_nodes_of_an_element_lie_where_vtk_says(kind: str) -> None:
-    """The nodes must be near the trilinear image of VTK's reference positions (curvature moves them a little)."""
+    """The nodes must be near the trilinear image of VTK's reference positions
+    (curvature moves them a little).
+    """
     mesh = build_mesh(R, 1e-3, divisions=6, level=1, layers=2, **KINDS[kind])
     nodes = mesh.cells_en.shape[1]
     corners = mesh.points_nc[mesh.cells_en[:, :8]]
@@ -133,20 +137,19 @@ def test_the_wall_is_watertight_and_has_the_topology_of_a_ball(
     same, first, count = np.unique(
         np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
     )
+    # a face is shared by two elements or lies on the boundary
     assert set(count) == {
         1,
         2,
-    }  # a face is shared by two elements or lies on the boundary
+    }
     skin = faces[first[count == 1]].tolist()
     directed = {(q[k], q[(k + 1) % 4]) for q in skin for k in range(4)}
     assert len(directed) == 4 * len(skin)
-    assert all(
-        (b, a) in directed for a, b in directed
-    )  # closed: no edge of the skin is open
+    # closed: no edge of the skin is open
+    assert all((b, a) in directed for a, b in directed)
     vertices = len({v for q in skin for v in q})
-    assert (
-        vertices - len(directed) // 2 + len(skin) == 2
-    )  # Euler characteristic of a closed surface without holes
+    # Euler characteristic of a closed surface without holes
+    assert vertices - len(directed) // 2 + len(skin) == 2
     volume_edges = {
         frozenset(e) for q in faces.tolist() for e in zip(q, q[1:] + q[:1], strict=True)
     }
@@ -173,7 +176,9 @@ def test_a_mesh_that_does_not_exist_is_an_input_error() -> None:
 
 
 def naive_catmull_clark_vertex(surface: QuadSurface, vertex: int) -> np.ndarray:
-    """The rule of Catmull and Clark for one old vertex, straight from its definition."""
+    """The rule of Catmull and Clark for one old vertex, straight from its
+    definition.
+    """
     points = surface.points_vc
     quads = surface.quads_qv.tolist()
     mine = [q for q in quads if vertex in q]
@@ -421,9 +426,8 @@ def test_an_automatic_mesh_is_graded_for_one_contact_alone_or_a_bed() -> None:
         Study(supports=SupportsStudy(kind="bed")), graded, CONTACT, alone=False
     )
     assert same_mesh(Study(), even, CONTACT, alone=False)
-    assert same_mesh(
-        Study(), even, Contact(polar_rad=radians(65.0)), alone=True
-    )  # a graded mesh does not reach there
+    # a graded mesh does not reach there
+    assert same_mesh(Study(), even, Contact(polar_rad=radians(65.0)), alone=True)
 
     for stated in (
         even,
@@ -458,7 +462,9 @@ def meshes_to_look_in() -> Iterator[HexMesh]:
 
 
 def test_the_point_found_lies_on_the_ray_inside_its_quad() -> None:
-    """Nodes are looked for too: they lie where quads meet, at the base, and at a cube's corners of valence 3."""
+    """Nodes are looked for too: they lie where quads meet, at the base, and at a cube's
+    corners of valence 3.
+    """
     for mesh in meshes_to_look_in():
         rays = np.concatenate(
             [
@@ -497,7 +503,8 @@ def test_the_quad_is_the_one_that_a_search_over_all_quads_finds() -> None:
     mesh = build_mesh(R, T, divisions=4, level=1, order=1)
     rays = directions(300)
     corners = mesh.points_nc[mesh.outer_qn]
-    # Inside the spherical polygon: on the inner side of the plane through the centre and each edge.
+    # Inside the spherical polygon: on the inner side of the plane through the centre
+    # and each edge.
     planes = np.cross(corners, np.roll(corners, -1, axis=1))
     inside = np.all(np.einsum("qec,dc->dqe", planes, rays) >= 0, axis=2)
     assert np.all(inside.sum(axis=1) == 1)

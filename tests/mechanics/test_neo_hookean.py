@@ -36,14 +36,18 @@ ORDERS = (1, 2)
 
 
 def distorted(order: int = 2, **size: int) -> HexMesh:
-    """A coarse mesh whose nodes are moved at random, so that no symmetry hides an error."""
+    """A coarse mesh whose nodes are moved at random, so that no symmetry hides an
+    error.
+    """
     mesh = build_mesh(R, T, **({"divisions": 4, "level": 0, "order": order} | size))
     moves = np.random.default_rng(0).uniform(-0.05, 0.05, mesh.points_nc.shape) * T
     return replace(mesh, points_nc=mesh.points_nc + moves)
 
 
 def large_displacement(mesh: HexMesh) -> np.ndarray:
-    """A smooth field with strains of some 20 % and rotations, and noise on every node."""
+    """A smooth field with strains of some 20 % and rotations, and noise on every
+    node.
+    """
     random = np.random.default_rng(1)
     linear = random.normal(size=(3, 3)) * 0.15
     quadratic = random.normal(size=(3, 3, 3)) * 0.08 / R
@@ -87,7 +91,9 @@ def test_patch_test_a_linear_displacement_is_in_equilibrium_and_has_the_exact_en
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_only_the_six_rigid_motions_cost_no_energy(order: int) -> None:
-    """Full integration: no hourglass modes. Reduced integration of the 27-node element would give some."""
+    """Full integration: no hourglass modes. Reduced integration of the 27-node element
+    would give some.
+    """
     mesh = build_mesh(R, T, divisions=4, level=0, order=order)
     element = element_stiffness(volume_points(mesh), LAMBDA, MU)[0]
     energies = np.linalg.eigvalsh(element.reshape(2 * (3 * mesh.cells_en.shape[1],)))
@@ -245,14 +251,18 @@ def test_the_tangent_modulus_is_what_the_study_and_the_physics_say() -> None:
 
 
 def thin_sphere(b: float, thickness_m: float = 60e-6) -> tuple[AxisymmetricWall, float]:
-    """A half-sphere on a plane of symmetry, and p/E for a tension p R/(E t) of 1 of its middle surface."""
+    """A half-sphere on a plane of symmetry, and p/E for a tension p R/(E t) of 1 of its
+    middle surface.
+    """
     mesh = meridian_mesh(RADIUS, thickness_m, NEEDLE, RIGHT_ANGLE, MeridianSize(24))
     per_tension = thickness_m / (RADIUS - 0.5 * thickness_m)
     return AxisymmetricWall(mesh, NU, symmetric=True, stiffening=b), per_tension
 
 
 def balloon_tension(stretch: float, b: float) -> float:
-    """p R/(E t) of a thin sphere by its stretch: 2 P_along/L^2 with P_across = 0; R and t are of the undeformed one."""
+    """p R/(E t) of a thin sphere by its stretch: 2 P_along/L^2 with P_across = 0; R and
+    t are of the undeformed one.
+    """
     across = brentq(
         lambda s: MU * (s * s - 1.0) + LAMBDA * np.log(stretch**2 * s),
         0.1,
@@ -295,9 +305,8 @@ def test_a_step_that_overflows_the_exponential_is_too_long_and_a_shorter_one_is_
     wall, per_tension = thin_sphere(200.0)
     pressure = 3.0 * per_tension
     none = np.zeros_like(wall.needle)
-    too_far = -wall.factor(none, 0.0)(
-        wall.residual(none, pressure)
-    )  # Newton's first step
+    # Newton's first step
+    too_far = -wall.factor(none, 0.0)(wall.residual(none, pressure))
     assert not np.all(np.isfinite(wall.residual(too_far, pressure)))
     assert np.all(np.isfinite(pressurise(wall, pressure)))
     np.testing.assert_array_equal(
@@ -400,9 +409,8 @@ def test_a_wall_that_is_softer_through_keeps_its_modulus_along(
         [1 / S[0, 0], 1 / S[1, 1], -S[0, 1] / S[0, 0]], [1.0, 1.0, NU], rtol=1e-12
     )
     assert 1.0 / S[2, 2] == pytest.approx(through, rel=3e-3)
-    assert S[5, 5] / S[4, 4] == pytest.approx(
-        1.0 / softer, rel=1e-12
-    )  # moduli of shear
+    # moduli of shear
+    assert S[5, 5] / S[4, 4] == pytest.approx(1.0 / softer, rel=1e-12)
 
 
 @pytest.mark.parametrize("softer", [1.0, 10.0])
@@ -416,7 +424,9 @@ def test_a_wall_that_is_stiffer_around_has_e_as_the_mean_of_both_directions(
 
 
 def directions(mesh: HexMesh) -> NDArray:
-    """Around, along the meridian and through the wall at the Gauss points, (element, point, direction, 3)."""
+    """Around, along the meridian and through the wall at the Gauss points, (element,
+    point, direction, 3).
+    """
     places = np.einsum(
         "pn,enc->epc", volume_points(mesh).values_pn, mesh.points_nc[mesh.cells_en]
     )
@@ -428,7 +438,9 @@ def directions(mesh: HexMesh) -> NDArray:
 
 
 def fibre_energy(F: NDArray, mesh: HexMesh, law: FibreLaw) -> NDArray:
-    """W of matrices (element, point, 3, 3), real or complex: the definition; b is as good as 0."""
+    """W of matrices (element, point, 3, 3), real or complex: the definition; b is as
+    good as 0.
+    """
     moved = np.einsum("epij,epkj->epki", F, directions(mesh))
     double = np.einsum("epki,epli->epkl", moved, moved)
     e = np.stack(
@@ -462,9 +474,8 @@ def test_forces_and_tangents_are_the_derivatives_of_the_energy() -> None:
     work = (
         np.sum(factor_ep * points.volumes_ep * fibre_energy(F, mesh, MIXED).imag) / STEP
     )
-    assert np.sum(solid.forces(u_nc) * moved_nc) == pytest.approx(
-        work, rel=2e-3
-    )  # directions of curved elements
+    # directions of curved elements
+    assert np.sum(solid.forces(u_nc) * moved_nc) == pytest.approx(work, rel=2e-3)
     step = 1e-6 * 1e-3
     change = (
         solid.forces(u_nc + step * moved_nc) - solid.forces(u_nc - step * moved_nc)
@@ -496,7 +507,9 @@ def test_a_rotation_costs_no_force_and_no_fibres_are_the_isotropic_solid() -> No
 
 
 def test_a_thick_fibred_sphere_swells_under_pressure_as_the_closed_form_says() -> None:
-    """u = A r^m + B r^n with m, n = -1/2 +- sqrt(1/4 + 2 (C11 + C12 - C13)/C33) (Lekhnitskii, sec. 62)."""
+    """u = A r^m + B r^n with m, n = -1/2 +- sqrt(1/4 + 2 (C11 + C12 - C13)/C33)
+    (Lekhnitskii, sec. 62).
+    """
     outer = R
     inner = R - 4e-3
     law = fibre_law(NU, 8.0, 1.0)

@@ -1,4 +1,6 @@
-"""Relaxation against closed forms, SciPy's solver of differential equations and the convolution with G."""
+"""Relaxation against closed forms, SciPy's solver of differential equations and the
+convolution with G.
+"""
 
 from itertools import pairwise
 
@@ -35,9 +37,8 @@ def test_a_ramp_and_hold_follow_the_closed_form() -> None:
     expected = np.full(len(hold_s), 1.0)
 
     for share, tau_s in zip(TISSUE.shares, TISSUE.times_s, strict=True):
-        lag = (
-            tau_s / rise_s * (1.0 - np.exp(-rise_s / tau_s))
-        )  # 1 - m at the end of the ramp
+        # 1 - m at the end of the ramp
+        lag = tau_s / rise_s * (1.0 - np.exp(-rise_s / tau_s))
         expected -= share * (1.0 - lag * np.exp(-hold_s / tau_s))
 
     assert TISSUE.felt_along(

@@ -49,7 +49,9 @@ def planes(count, seed=0):
 
 
 def distance_to_circle(curve, plane, radius):
-    """Return the distance of points of the plane from the circle that it cuts out of a sphere about the centre."""
+    """Return the distance of points of the plane from the circle that it cuts out of a
+    sphere about the centre.
+    """
     centre = -plane.origin(RADIUS)
     from_centre = curve - (centre @ plane.lateral, centre @ plane.depth)
     return np.abs(
@@ -164,7 +166,9 @@ def dent(mesh, plane):
 
 
 def bumps(mesh, plane, *parts):
-    """Smooth displacements about the contact: (direction, size, lateral centre, width), all in m."""
+    """Smooth displacements about the contact: (direction, size, lateral centre, width),
+    all in m.
+    """
     from_origin = mesh.points_nc - plane.origin(RADIUS)
     lateral = from_origin @ plane.lateral
     offset = from_origin @ plane.offset
@@ -186,7 +190,9 @@ def twisted_dent(mesh, plane):
 
 
 def fold(mesh, plane):
-    """The wall bent to an S that hangs over; its thickness and its distance from the plane stay."""
+    """The wall bent to an S that hangs over; its thickness and its distance from the
+    plane stay.
+    """
     lateral, depth, height = (
         mesh.points_nc @ axis for axis in (plane.lateral, plane.depth, plane.normal)
     )
@@ -213,7 +219,9 @@ def w_dent(mesh, plane):
 
 
 def cut_tetrahedra(mesh, plane, displacement, pieces):
-    """Second implementation: hexahedra split into small tetrahedra, each of them cut; list of polygons in the plane."""
+    """Second implementation: hexahedra split into small tetrahedra, each of them cut;
+    list of polygons in the plane.
+    """
     moved = mesh.points_nc + displacement - plane.origin(RADIUS)
     height = (moved @ plane.normal)[mesh.cells_en]
     near = (height.min(axis=1) < 1e-4) & (height.max(axis=1) > -1e-4)
@@ -224,9 +232,11 @@ def cut_tetrahedra(mesh, plane, displacement, pieces):
     weights = shape_values(grid, mesh.cells_en.shape[1])
     number = np.arange(len(grid)).reshape([n + 1 for n in pieces])
     corner = {
-        c: number[
-            tuple(slice(k, k + n) for k, n in zip(c, pieces, strict=True))
-        ].ravel()
+        c: (
+            number[
+                tuple(slice(k, k + n) for k, n in zip(c, pieces, strict=True))
+            ].ravel()
+        )
         for c in np.ndindex(2, 2, 2)
     }
     tetrahedra = []
@@ -322,15 +332,16 @@ def test_other_elements_are_cut_on_their_own_surface(options):
         tilt_rad=0.1,
     )
     section = cut_section(mesh, plane, np.zeros_like(mesh.points_nc))
-    facet = (
-        2 * (1e-3) ** 2 / 8 / RADIUS if mesh.order == 1 else MICRON
-    )  # a facet sags along both of its sides
+    # a facet sags along both of its sides
+    facet = 2 * (1e-3) ** 2 / 8 / RADIUS if mesh.order == 1 else MICRON
     assert distance_to_circle(section.outer, plane, RADIUS).max() < facet
     assert distance_to_circle(section.inner, plane, RADIUS - THICKNESS).max() < facet
 
 
 def own_frame(mesh, axes):
-    """The map from space to an ellipsoid's own frame: affine, fitted to the outer nodes."""
+    """The map from space to an ellipsoid's own frame: affine, fitted to the outer
+    nodes.
+    """
     nodes = np.unique(mesh.outer_qn)
     moved = np.c_[mesh.points_nc[nodes], np.ones(len(nodes))]
     matrix, *_ = np.linalg.lstsq(moved, mesh.sphere_nc[nodes] * axes, rcond=None)
@@ -348,9 +359,8 @@ def test_an_ellipsoid_is_cut_in_its_ellipse_and_the_wall_is_as_thick_along_the_n
     sphere = graded_mesh(RADIUS, THICKNESS, contact, core=8, rings=24, whole=whole)
     mesh = form_mesh(sphere, FormStudy(semi_axes=tuple(axes)), contact)
     section = cut_section(mesh, plane, np.zeros_like(mesh.points_nc))
-    near = [
-        np.abs(curve[:, 0]) < 8e-3 for curve in (section.outer, section.inner)
-    ]  # what a B-scan sees
+    # what a B-scan sees
+    near = [np.abs(curve[:, 0]) < 8e-3 for curve in (section.outer, section.inner)]
     to_own = own_frame(mesh, axes)
     outer, inner = (
         to_own(in_space(c[n], plane))
@@ -358,7 +368,8 @@ def test_an_ellipsoid_is_cut_in_its_ellipse_and_the_wall_is_as_thick_along_the_n
     )
     level = np.linalg.norm(outer / axes, axis=1)
     assert np.abs(level - RADIUS).max() < 2 * MICRON
-    # An inner point is x - t n(x) of an outer point x: found by Newton's method on x = point + t n(x).
+    # An inner point is x - t n(x) of an outer point x: found by Newton's method on x =
+    # point + t n(x).
     foot = inner / np.linalg.norm(inner / axes, axis=1, keepdims=True) * RADIUS
 
     for _ in range(50):
@@ -374,7 +385,9 @@ WINDOW = SliceWindow(left_m=-7e-3, top_m=-3e-4, columns=140, rows=40, pixel_m=PI
 
 
 def from_pixels(contour, window=WINDOW):
-    """Section whose closed contour is given in pixels, (0, 0) being the window's upper left corner."""
+    """Section whose closed contour is given in pixels, (0, 0) being the window's upper
+    left corner.
+    """
     points = np.asarray(contour, dtype=np.float64) * window.pixel_m + (
         window.left_m,
         window.top_m,

@@ -1,4 +1,6 @@
-"""The functions of a notebook: frames, calibrations and imports as the commands do them."""
+"""The functions of a notebook: frames, calibrations and imports as the commands do
+them.
+"""
 
 import inspect
 import re

@@ -1,4 +1,6 @@
-"""Results as plain types, tables and HTML; stacks, floats and masked arrays in place of a frame."""
+"""Results as plain types, tables and HTML; stacks, floats and masked arrays in place of
+a frame.
+"""
 
 import json
 import sys
@@ -210,7 +212,9 @@ def test_a_missing_package_is_named_with_its_extra(monkeypatch) -> None:
         monkeypatch.setitem(sys.modules, name, None)
         with pytest.raises(
             InputError,
-            match=rf"{name}, which is not installed: pip install 'scleraforce\[tables\]'",
+            match=(
+                rf"{name}, which is not installed: pip install 'scleraforce\[tables\]'"
+            ),
         ):
             getattr(read(FRAMES[:1]), call)()
 

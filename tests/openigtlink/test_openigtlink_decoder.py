@@ -1,4 +1,6 @@
-"""Every message whole, byte by byte and with trailing data; streams that are wrong; bytes that are anything."""
+"""Every message whole, byte by byte and with trailing data; streams that are wrong;
+bytes that are anything.
+"""
 
 import struct
 from collections.abc import Iterable
@@ -121,7 +123,9 @@ def test_an_image_of_known_bytes() -> None:
 def read_through_spaces(
     data: bytes, cuts: list[int], decoder: igtl.Decoder
 ) -> list[igtl.PeerEvent]:
-    """As a socket fills what is lent: pieces of the sizes of `cuts` in turn, as far as there is room."""
+    """As a socket fills what is lent: pieces of the sizes of `cuts` in turn, as far as
+    there is room.
+    """
     events = []
     place = 0
     turn = 0
@@ -142,18 +146,20 @@ def comparable(events: Iterable[igtl.PeerEvent]) -> list[object]:
     """Return events for comparison: an image as its bytes and its place."""
     return [
         (
-            type(e),
-            {
-                **vars(e),
-                "message": (
-                    m.pixels.tobytes(),
-                    m.pixels.dtype,
-                    *list(vars(m).values())[1:],
-                ),
-            },
+            (
+                type(e),
+                {
+                    **vars(e),
+                    "message": (
+                        m.pixels.tobytes(),
+                        m.pixels.dtype,
+                        *list(vars(m).values())[1:],
+                    ),
+                },
+            )
+            if isinstance(e, igtl.Received) and isinstance(m := e.message, igtl.Image)
+            else (type(e), vars(e))
         )
-        if isinstance(e, igtl.Received) and isinstance(m := e.message, igtl.Image)
-        else (type(e), vars(e))
         for e in events
     ]
 

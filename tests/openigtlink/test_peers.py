@@ -1,4 +1,6 @@
-"""Other programs understand our messages, and we theirs: pyigtl, OpenIGTLink's own library."""
+"""Other programs understand our messages, and we theirs: pyigtl, OpenIGTLink's own
+library.
+"""
 
 import json
 import shutil

@@ -1,4 +1,6 @@
-"""The energy and the stress of tissue that stiffens, straight from the law; a thick sphere under pressure."""
+"""The energy and the stress of tissue that stiffens, straight from the law; a thick
+sphere under pressure.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +15,9 @@ STEP = 1e-30  # of a complex step: its square is lost
 
 
 def energy(F: NDArray, b: float) -> NDArray:
-    """W of matrices (..., 3, 3), real or complex: the definition, with expm1 for small b."""
+    """W of matrices (..., 3, 3), real or complex: the definition, with expm1 for small
+    b.
+    """
     log_J = np.log(np.linalg.det(F))
     Q = np.sum(F**2, axis=(-2, -1)) - 3.0 - 2.0 * log_J + LAMBDA / MU * log_J**2
     return MU / (2.0 * b) * np.expm1(b * Q)
@@ -36,7 +40,9 @@ def stress(F: NDArray, b: float) -> NDArray:
 def radial_displacement(
     inner_m: float, outer_m: float, pressure: float, at_r: np.ndarray
 ) -> np.ndarray:
-    """Displacement of a thick neo-Hookean sphere under pressure p/E: P_rr' + 2 (P_rr - P_tt) / r = 0, by shooting."""
+    """Displacement of a thick neo-Hookean sphere under pressure p/E: P_rr' + 2 (P_rr -
+    P_tt) / r = 0, by shooting.
+    """
 
     def nominal(own: float, along: float, across: float) -> float:
         return MU * (own - 1 / own) + LAMBDA * np.log(along * across**2) / own

@@ -56,13 +56,14 @@ def predict_wall(walls: Walls, unknown: Floats, places: Places) -> Placed:
 def ring_motion(
     walls: Walls, place: tuple[Floats, Floats, Floats], pole_s2: Floats
 ) -> Floats:
-    """Return the motion of the points where the plane meets the rings (sample, boundary, [left, right], node, 3), m.
+    """Return the motion of the points where the plane meets the rings (sample,
+    boundary, [left, right], node, 3), m.
 
-    `place`: of samples in the library's size: thickness, pressure over E and dent, (sample,) each. The motion is
-    straight between places of the section.
+    `place`: of samples in the library's size: thickness, pressure over E and dent,
+    (sample,) each. The motion is straight between places of the section.
     """
     library = walls.library
-    (thickness, ratio, _) = place
+    thickness, ratio, _ = place
     angles = library.node_angles()
     is_inner = np.array([[0], [1]])
     stations = np.sin(angles[-1]) * np.linspace(
@@ -86,12 +87,14 @@ def ring_motion(
 
 
 def cut_by_plane(curves_sbnc: Floats, gap_s: Floats, moved_sbwnc: Floats) -> Floats:
-    """Return both sides of surfaces of revolution, cut by a plane parallel to their axis: lateral place and depth.
+    """Return both sides of surfaces of revolution, cut by a plane parallel to their
+    axis: lateral place and depth.
 
-    The surfaces are (sample, boundary, node, 2), distance from the axis and depth, nodes from the axis outwards; the
-    result is (sample, boundary, 2 node, 2). Nodes nearer to the axis than the plane are put in the middle, at the depth
-    of the plane's nearest point. `moved_sbwnc` (sample, boundary, [left, right], node, 3) is the motion of the points
-    that the plane meets: along the section, across it and down, m.
+    The surfaces are (sample, boundary, node, 2), distance from the axis and depth,
+    nodes from the axis outwards; the result is (sample, boundary, 2 node, 2). Nodes
+    nearer to the axis than the plane are put in the middle, at the depth of the plane's
+    nearest point. `moved_sbwnc` (sample, boundary, [left, right], node, 3) is the
+    motion of the points that the plane meets: along the section, across it and down, m.
     """
     gap = gap_s[:, None, None]
     left, left_down = _moved_side(curves_sbnc, gap, moved_sbwnc[:, :, 0], -1.0)
@@ -108,9 +111,8 @@ def _moved_side(
 ) -> tuple[Floats, Floats]:
     """Return one side's lateral places and depths (sample, boundary, node)."""
     lateral, down, first = _cut_side(curves_sbnc, gap - moved_sbnc[..., 1])
-    nodes = np.maximum(
-        np.arange(curves_sbnc.shape[2]), first
-    )  # what lies in the middle moves as its neighbour
+    # what lies in the middle moves as its neighbour
+    nodes = np.maximum(np.arange(curves_sbnc.shape[2]), first)
     along, deeper = (
         np.take_along_axis(moved_sbnc[..., axis], nodes, axis=2) for axis in (0, 2)
     )
@@ -121,7 +123,9 @@ def _moved_side(
 def _cut_side(
     curves_sbnc: Floats, gap: Floats
 ) -> tuple[Floats, Floats, NDArray[np.intp]]:
-    """Return the right side's lateral places and depths, and the first node beyond the plane (sample, boundary, 1)."""
+    """Return the right side's lateral places and depths, and the first node beyond the
+    plane (sample, boundary, 1).
+    """
     distance = curves_sbnc[..., 0]
     depth = curves_sbnc[..., 1]
     square = distance**2 - gap**2
@@ -138,7 +142,9 @@ def _cut_side(
 
 
 def smoothed(outer: Floats, places: Places) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """Depth, slope and whether it is seen, of an outer boundary under a Gaussian: Gauss and Hermite's three points."""
+    """Depth, slope and whether it is seen, of an outer boundary under a Gaussian: Gauss
+    and Hermite's three points.
+    """
     lateral = places.lateral_m[: places.outer]
     apart = np.sqrt(3.0) * places.smoothing_m
     found = depths_along(
@@ -152,7 +158,9 @@ def smoothed(outer: Floats, places: Places) -> tuple[Floats, Floats, NDArray[np.
 
 
 def off_the_law(walls: Walls, unknown_su: Floats) -> tuple[Floats, Floats]:
-    """Return the error of pressures against their globe's law, and its standard deviation, (sample,) each."""
+    """Return the error of pressures against their globe's law, and its standard
+    deviation, (sample,) each.
+    """
     known = walls.globe
     volume = displaced_m3(walls, unknown_su)
     mean = known.globe(known.mean)
@@ -176,7 +184,9 @@ def displaced_m3(walls: Walls, unknown_su: Floats) -> Floats:
 
 
 def library_place(walls: Walls, unknown_su: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return thickness, pressure over E and tip of samples in the library's size, kept within its ranges."""
+    """Return thickness, pressure over E and tip of samples in the library's size, kept
+    within its ranges.
+    """
     library = walls.library
     size = np.exp(unknown_su[:, at.SIZE])
     thickness = np.clip(

@@ -1,4 +1,6 @@
-"""A library's states by arrays: tensor products of splines, and pressures of sealed globes by root finding."""
+"""A library's states by arrays: tensor products of splines, and pressures of sealed
+globes by root finding.
+"""
 
 from math import exp, log
 
@@ -15,7 +17,9 @@ EXACT = 1e-12  # of a logarithm
 
 
 def values_at(library: Library, values: NDArray[np.floating], *state: Floats) -> Floats:
-    """Values (sample, ...) of a table of spline weights (t p d, ...) at thickness, pressure over E and tip."""
+    """Values (sample, ...) of a table of spline weights (t p d, ...) at thickness,
+    pressure over E and tip.
+    """
     tables = library.tables
     thickness_m, iop_ratio, tip_m = state
     t, of_t = tables.thickness.weights(np.log(thickness_m))
@@ -38,7 +42,9 @@ def values_at(library: Library, values: NDArray[np.floating], *state: Floats) ->
 def reached_tips(
     library: Library, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats
 ) -> Floats:
-    """Tips (sample,) at which loading first reaches forces; the library's deepest where it never does."""
+    """Tips (sample,) at which loading first reaches forces; the library's deepest where
+    it never does.
+    """
     tips = first_crossing(
         library.tip_m, library._paths(thickness_m, iop_ratio), np.asarray(force_ratio)
     )

@@ -1,4 +1,5 @@
-"""A frame's least-squares problem by arrays: the cost of any unknowns, and the posterior there.
+"""A frame's least-squares problem by arrays: the cost of any unknowns, and the
+posterior there.
 
 It does not search. No limbus is looked for.
 """
@@ -94,7 +95,9 @@ class Problem:
         )
 
     def spread(self, unknown: Floats, placed: Placed, scale: float = 1.0) -> Floats:
-        """The matrix from standard normal numbers to draws about the unknowns (unknown, number)."""
+        """The matrix from standard normal numbers to draws about the unknowns (unknown,
+        number).
+        """
         normal = self.normal_equations(unknown, placed, scale)[0]
         sd = self.prior.sd
         return np.asarray(
@@ -104,7 +107,7 @@ class Problem:
     def drawn_forces(self, unknown: Floats, spread_uz: Floats) -> Floats:
         """Forces drawn from the posterior."""
         normal = _standard_normal(len(unknown) + 2)
-        (level_z, growth_z) = _standard_normal(2, seed=1).T
+        level_z, growth_z = _standard_normal(2, seed=1).T
         drawn = unknown + normal[:, :-2] @ spread_uz.T
         drawn[:, at.TIP] = np.maximum(drawn[:, at.TIP], 0.0)
 

@@ -20,7 +20,9 @@ class TinyModel:
 
 
 def write_tiny_model(path: Path, study: Study, hidden: int = 40) -> TinyModel:
-    """Write a model with random weights for a study; its validation figures are made up."""
+    """Write a model with random weights for a study; its validation figures are made
+    up.
+    """
     pytest.importorskip("torch")
     from scleraforce.learning.classifier import (
         TrainedNetwork,

@@ -1,4 +1,6 @@
-"""Answers of a force reader to raw frames: walls of known force, other surfaces, frames with a needle."""
+"""Answers of a force reader to raw frames: walls of known force, other surfaces, frames
+with a needle.
+"""
 
 from dataclasses import replace
 from math import nan
@@ -101,9 +103,8 @@ def test_the_default_method_answers_and_the_other_one_checks_it() -> None:
     assert by_fit.force_n == pytest.approx(0.015, abs=1e-3)
     of_fit = dict(by_fit.readings)["fit"].interval_n
     assert of_fit[0] > 0.006
-    assert (
-        by_fit.interval_n == by_network.interval_n == (0.004, of_fit[1])
-    )  # one is wrong, and nobody says which
+    # one is wrong, and nobody says which
+    assert by_fit.interval_n == by_network.interval_n == (0.004, of_fit[1])
 
     for found in (by_fit, by_network):
         assert dict(found.readings)["network"] == FIVE_MN
@@ -135,9 +136,8 @@ def test_a_contact_outside_the_training_is_withdrawn_from_whichever_method_sees_
         assert withdrawn(answer(frame, model=far)).startswith(
             "contact 1.3 mm from the frame's middle"
         )
-        near = force_reader(
-            replace(FIVE_MN, contact_m=1.2e-3), default
-        )  # the network is as unsure as that
+        # the network is as unsure as that
+        near = force_reader(replace(FIVE_MN, contact_m=1.2e-3), default)
         assert answer(frame, model=near).usable
 
 
@@ -151,9 +151,8 @@ def test_the_network_is_shown_shifted_slices_and_what_is_known() -> None:
     np.testing.assert_array_equal(cuts[0], boundary_slice(seen, SCALE, STUDY.slice))
 
     for cut, shift in zip(cuts, SHIFTS, strict=True):
-        up = (
-            -shift * STUDY.slice.pixel_m / SCALE.depth_m
-        )  # a window that starts lower shows the wall higher
+        # a window that starts lower shows the wall higher
+        up = -shift * STUDY.slice.pixel_m / SCALE.depth_m
         moved = replace(
             seen, outer_row=seen.outer_row + up, inner_row=seen.inner_row + up
         )
@@ -318,7 +317,9 @@ def test_a_reading_that_is_not_a_number_never_passes_and_as_a_check_is_a_warning
 
 
 def test_two_methods_so_far_apart_that_no_class_is_left_give_no_answer() -> None:
-    """The network reads 5 mN, from 4 on; the fit 20 and 35 mN. Alone neither interval reaches into every class."""
+    """The network reads 5 mN, from 4 on; the fit 20 and 35 mN. Alone neither interval
+    reaches into every class.
+    """
     below, above = (
         answer(image(wall_section(tip_of(force_n)))) for force_n in (0.020, 0.035)
     )
@@ -327,8 +328,8 @@ def test_two_methods_so_far_apart_that_no_class_is_left_give_no_answer() -> None
     reason = withdrawn(above)
     assert reason.startswith("the fit reads 3")
     assert (
-        "the network 5.0 mN: they differ by more than their intervals allow; from 4 to 3"
-        in reason
+        "the network 5.0 mN: they differ by more than their intervals allow; from 4"
+        " to 3" in reason
     )
     assert reason.endswith(" mN, every class is possible")
     unsure = Reading(
@@ -463,9 +464,8 @@ def test_the_fit_reads_the_wall_beside_a_needle_alone(crossed: np.ndarray) -> No
     unknown = answer(crossed, replace(NEAR, gap_m=None))
     assert unknown.usable, unknown.reason
     assert unknown.interval_n[0] < FORCE_N < unknown.interval_n[1]
-    assert (
-        unknown.fit.unknown[GAP] < 0.35e-3
-    )  # the needle's radius; trained was 0.3 to 1 mm
+    # the needle's radius; trained was 0.3 to 1 mm
+    assert unknown.fit.unknown[GAP] < 0.35e-3
 
 
 def test_a_frame_with_a_needle_is_withdrawn_from_in_the_loop_and_far_from_the_stated_plane(
@@ -478,7 +478,8 @@ def test_a_frame_with_a_needle_is_withdrawn_from_in_the_loop_and_far_from_the_st
     near = force_reader(FIVE_MN).read_live(crossed, SCALE, NEAR)
     assert (
         withdrawn(near)
-        == "gap between B-scan and needle axis 0.1 mm, the model was trained on 0.3 to 1 mm"
+        == "gap between B-scan and needle axis 0.1 mm, the model was trained on 0.3 to"
+        " 1 mm"
     )
     far = answer(crossed, replace(NEAR, gap_m=0.8e-3))
     assert withdrawn(far).startswith(

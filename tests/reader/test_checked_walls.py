@@ -1,4 +1,6 @@
-"""The wall that is read: checked by the wall finder, below a conjunctiva, and the same from every entry."""
+"""The wall that is read: checked by the wall finder, below a conjunctiva, and the same
+from every entry.
+"""
 
 import json
 from dataclasses import replace
@@ -262,9 +264,11 @@ def in_json(answer: Answer) -> dict[str, object]:
     return {
         "predicted": answer.predicted,
         "predicted_force_mn": from_si(answer.force_n, "mn"),
-        "interval_mn": None
-        if answer.interval_n is None
-        else [from_si(end, "mn") for end in answer.interval_n],
+        "interval_mn": (
+            None
+            if answer.interval_n is None
+            else [from_si(end, "mn") for end in answer.interval_n]
+        ),
         "usable": answer.usable,
         "reason": answer.reason,
         "lean_deg": answer.to_dict()["lean_deg"],
@@ -296,9 +300,8 @@ def test_all_readings_of_a_frame_are_one(
     for n, (answer, other, path) in enumerate(
         zip(answers, evaluated, paths, strict=True)
     ):
-        elastic = model.read(
-            cv2.imread(str(path), cv2.IMREAD_UNCHANGED), scale, known
-        )  # as the second opinion does
+        # as the second opinion does
+        elastic = model.read(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), scale, known)
         opinion, history = history.read(
             elastic, model.study.classes.bounds_n, n * 0.1 if remembers else float(n)
         )

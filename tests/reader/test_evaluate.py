@@ -1,4 +1,6 @@
-"""An evaluation of recordings: every frame's answer, the frames that count, and notes on the rest."""
+"""An evaluation of recordings: every frame's answer, the frames that count, and notes
+on the rest.
+"""
 
 import json
 import shutil
@@ -38,6 +40,7 @@ from scleraforce.segmentation.observations import boundary_slice
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study, format_record
 
+# classes 0 1 1 2, over the largest force, pierced
 FORCES_N = (
     0.002,
     0.010,
@@ -45,7 +48,7 @@ FORCES_N = (
     0.040,
     0.080,
     0.050,
-)  # classes 0 1 1 2, over the largest force, pierced
+)
 SCALE = PixelScale(lateral_m=15e-3 / LOOKED_AT_COLUMNS, depth_m=4e-3 / LOOKED_AT_ROWS)
 
 
@@ -175,9 +178,8 @@ def test_a_puncture_in_the_force_log_is_found_unless_frames_csv_says_otherwise(
 ) -> None:
     path = shutil.copytree(places["a"], tmp_path / "through")
     log = np.loadtxt(path / "forces.csv", delimiter=",", skiprows=1)
-    log[(log[:, 0] > 16.5) & (log[:, 0] < 20.0), 3] = (
-        0.1 - 6e-3
-    )  # of the third push: friction, before its middle
+    # of the third push: friction, before its middle
+    log[(log[:, 0] > 16.5) & (log[:, 0] < 20.0), 3] = 0.1 - 6e-3
     header = "time_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm"
     np.savetxt(
         path / "forces.csv", log, fmt="%.6f", delimiter=",", header=header, comments=""
@@ -269,7 +271,9 @@ def test_a_dent_that_leaves_the_window_is_withdrawn_from_instead_of_read(
 def test_frames_that_calibrated_are_known_by_their_content_and_not_scored(
     places, reader, tmp_path: Path
 ) -> None:
-    """A renamed copy is marked; another recording's frame of the same eye and name is not."""
+    """A renamed copy is marked; another recording's frame of the same eye and name is
+    not.
+    """
     names = ("1.png", "2.png")
     file = tmp_path / "calibration.json"
     digests = {

@@ -1,4 +1,6 @@
-"""Evaluations with a model of kind "reader": moduli from a calibration, force errors and coverage, the commands."""
+"""Evaluations with a model of kind "reader": moduli from a calibration, force errors
+and coverage, the commands.
+"""
 
 import json
 import re
@@ -145,8 +147,8 @@ def test_a_stranger_read_with_the_populations_modulus_is_named_in_notes_and_warn
 ) -> None:
     (note,) = [note for note in both.notes if "population's modulus" in note]
     assert (
-        f"stranger is not in {places['calibration']}, which has 1 eye (mine): read with the pop"
-        in note
+        f"stranger is not in {places['calibration']}, which has 1 eye (mine): read with"
+        " the pop" in note
     )
     mine = both.frames[:5]
     other = both.frames[5:]
@@ -218,9 +220,8 @@ def test_forces_of_another_size_than_those_read_are_noted(
         r"forces\.csv has ([0-9.]+) times the force that the frames show",
         " ".join(found.notes),
     )
-    assert float(times) == pytest.approx(
-        1 / 9.80665, rel=0.06
-    )  # as exact as four frames are read
+    # as exact as four frames are read
+    assert float(times) == pytest.approx(1 / 9.80665, rel=0.06)
 
 
 def test_moduli_of_linear_walls_are_refused(places, model) -> None:
@@ -265,9 +266,8 @@ def test_the_command_prints_forces_in_millinewtons(
     assert low < 22.0 < high
     assert frame["contact_mm"] == pytest.approx(0.3, abs=0.1)
     assert frame["can_calibrate"]
-    assert (
-        frame["warnings"] == []
-    )  # the network, which always gives the same answer, is unsure
+    # the network, which always gives the same answer, is unsure
+    assert frame["warnings"] == []
     assert (blank["predicted_force_mn"], blank["interval_mn"], blank["contact_mm"]) == (
         None,
         None,
@@ -362,9 +362,8 @@ def test_a_relaxing_eye_is_read_in_order_of_time_and_holds_of_frames_csv_count(
 
     first = told.frames[0].answer
     assert first.force_n == pytest.approx(0.73 * first.elastic_force_n, rel=1e-6)
-    assert (
-        told.frames[1].answer != plain.frames[1].answer
-    )  # what the first frame has left
+    # what the first frame has left
+    assert told.frames[1].answer != plain.frames[1].answer
 
 
 def test_frames_in_a_row_say_when_the_highest_class_is_reached(

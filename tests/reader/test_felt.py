@@ -1,4 +1,6 @@
-"""The force on the needle from readings of dents, in tissue that remembers; the pressure of an eye that leaks."""
+"""The force on the needle from readings of dents, in tissue that remembers; the
+pressure of an eye that leaks.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -48,9 +50,8 @@ def test_a_dense_sequence_from_rest_with_known_shares_gives_the_felt_force() -> 
     )
     answers = follow(rest, path, times_s)
     read_n = np.array([answer.force_n for answer in answers])
-    assert read_n == pytest.approx(
-        path.felt_n(times_s), abs=0.1e-3
-    )  # corners lie between frames
+    # corners lie between frames
+    assert read_n == pytest.approx(path.felt_n(times_s), abs=0.1e-3)
     assert [answer.elastic_force_n for answer in answers] == pytest.approx(
         path.elastic_n(times_s), abs=1e-15
     )
@@ -79,9 +80,8 @@ def test_an_unknown_history_is_forgotten_and_its_interval_narrows() -> None:
             (answer.interval_n for answer in answers), path.felt_n(times_s), strict=True
         )
     ]
-    assert (
-        np.mean(inside) > 0.9
-    )  # the first seconds after rest are rarer than one in ten
+    # the first seconds after rest are rarer than one in ten
+    assert np.mean(inside) > 0.9
 
 
 def test_a_gap_widens_the_interval_and_unusable_frames_are_gaps() -> None:
@@ -203,7 +203,9 @@ def watched(times_s: np.ndarray, path: NeedlePath, history: History):
 
 
 def random_paths(count: int) -> Iterator[NeedlePath]:
-    """Needles that move as they like, up to 50 mN, and reach 20 mN at 8 s at the latest."""
+    """Needles that move as they like, up to 50 mN, and reach 20 mN at 8 s at the
+    latest.
+    """
     rng = np.random.default_rng(3)
     for _ in range(count):
         corners_s = np.sort(rng.uniform(0.1, 7.8, 8))
@@ -273,7 +275,8 @@ def test_a_reading_of_nan_does_not_enter_the_history() -> None:
 OWN = Modulus(mean_pa=0.3e6, sd_pa=3e3, source="own")
 OTHERS = replace(OWN, source="population")
 DEG = np.pi / 180.0
-# Known inputs of an eye; the factors of its force along the needle: least, likeliest, most; leans that differ, if any.
+# Known inputs of an eye; the factors of its force along the needle: least, likeliest,
+# most; leans that differ, if any.
 LEANS = {
     "nothing is said": (Known(), (1.0, 1.0, 1.0), ()),
     "declared": (
@@ -338,7 +341,7 @@ def test_a_needle_that_leans_feels_the_force_along_it(
     leaning, _ = History.unknown(replace(known, relaxation=relaxation), MOST_N).read(
         elastic, BOUNDS_N
     )
-    (low_n, high_n) = upright.interval_n
+    low_n, high_n = upright.interval_n
     force_n = upright.force_n
     assert leaning.force_n == pytest.approx(factor * force_n)
 
@@ -364,9 +367,8 @@ def test_a_shaft_in_the_picture_gives_the_lean_where_nothing_else_does_and_may_c
     seen = 30 * DEG
     assert Lean.of(Known(), -seen) == Lean.of(Known(lean_rad=(seen, seen)), None)
     assert Lean.of(Known(modulus=OWN), seen) == Lean((seen, seen))
-    steeper = replace(
-        Known(), lean_rad=(45 * DEG, 45 * DEG)
-    )  # it may lean out of the picture, too
+    # it may lean out of the picture, too
+    steeper = replace(Known(), lean_rad=(45 * DEG, 45 * DEG))
 
     for known, contradicts in (
         (steeper, False),

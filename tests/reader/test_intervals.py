@@ -1,4 +1,6 @@
-"""Intervals that hold: scores, factors of traits, and what a factor does to a reading."""
+"""Intervals that hold: scores, factors of traits, and what a factor does to a
+reading.
+"""
 
 from dataclasses import replace
 from itertools import product
@@ -35,7 +37,9 @@ OWN_EVEN = ("own E", "open")
 
 
 def scores_of_eyes(rng: np.random.Generator, eyes: int, frames: int) -> list[Score]:
-    """Scores of eyes that differ: each has an error of its own, larger than its frames'."""
+    """Scores of eyes that differ: each has an error of its own, larger than its
+    frames'.
+    """
     own = np.abs(rng.standard_normal(eyes))
     return [
         Score(
@@ -63,9 +67,8 @@ def test_the_quantile_of_some_eyes_holds_on_others() -> None:
             np.mean([entry.score <= factor for entry in scores_of_eyes(rng, 60, 5)])
         )
 
-    assert np.mean(held) == pytest.approx(
-        0.905, abs=0.012
-    )  # 0.9 (n + 1)/n of the eyes' readings
+    # 0.9 (n + 1)/n of the eyes' readings
+    assert np.mean(held) == pytest.approx(0.905, abs=0.012)
 
 
 def test_the_quantile_weighs_eyes_alike_and_counts_a_new_one() -> None:
@@ -77,9 +80,8 @@ def test_the_quantile_weighs_eyes_alike_and_counts_a_new_one() -> None:
         of_fit({str(eye): 1.0 + eye for eye in range(5)})
     ) == pytest.approx(5.0)
     ten = of_fit({str(eye): 1.0 + eye for eye in range(10)})
-    assert conformal_quantile(ten) == pytest.approx(
-        10.0
-    )  # 0.9 (10 + 1)/10 of them, not 0.9
+    # 0.9 (10 + 1)/10 of them, not 0.9
+    assert conformal_quantile(ten) == pytest.approx(10.0)
 
 
 def test_stretches_count_what_held_before_and_are_of_all_readings_with_one_kind_of_modulus():
@@ -238,9 +240,8 @@ def test_forces_beyond_the_calibration_s_and_wide_gaps_have_traits_of_their_own(
     assert found == [[("sparse",)] * 2, [("beyond",)] * 2, [("far beyond",)] * 2]
     lightly = replace(gentle, discrepancy=replace(NO_DISCREPANCY, largest_n=4e-3))
     assert traits_of(lightly, 9.9e-3, taut) == ("own E", "taut", "light", "far beyond")
-    stranger = replace(
-        gentle, modulus=replace(OWN, source="population")
-    )  # its discrepancy is another eye's
+    # its discrepancy is another eye's
+    stranger = replace(gentle, modulus=replace(OWN, source="population"))
 
     for same in (
         stranger,
@@ -319,9 +320,8 @@ def test_factors_come_from_the_record_are_multiplied_and_are_one_where_it_has_no
     assert (own.scatter, scattered.scatter) == (1.0, 1.7)
     assert factors.of_fit(scattered, FIT) == pytest.approx(1.7 * 0.5)
     assert NO_FACTORS.of_fit(scattered, FIT) == 1.7
-    assert (
-        factors.of_network(scattered, 30e-3) == 1.0
-    )  # another model of the eye: its errors do not follow
+    # another model of the eye: its errors do not follow
+    assert factors.of_network(scattered, 30e-3) == 1.0
 
 
 def test_a_record_with_other_factors_is_refused() -> None:

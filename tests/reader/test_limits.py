@@ -193,7 +193,9 @@ def test_a_frame_whose_whole_width_shows_the_wall_is_refused_where_its_width_was
 
 
 def test_a_frame_is_refused_where_it_is_less_deep_than_the_curve_of_the_largest_eye():
-    """The oracle looks how far a circle that touches the frame's top edge stays in it."""
+    """The oracle looks how far a circle that touches the frame's top edge stays in
+    it.
+    """
     radius_m = STUDY.eye.radius_m * STUDY.reader.size.bounds[1]
     lateral_m = np.linspace(-7e-3, 7e-3, 20_001)
     curve_m = radius_m - np.sqrt(radius_m**2 - lateral_m**2)

@@ -1,4 +1,5 @@
-"""The reading in the control loop: the network's answer, with every verdict that needs no fit; its first frames.
+"""The reading in the control loop: the network's answer, with every verdict that needs
+no fit; its first frames.
 
 The stiffness of a known wall says what a withdrawal explains of a fall.
 """
@@ -67,8 +68,8 @@ def test_a_live_answer_is_the_network_s_and_the_whole_one_without_the_fit(
     np.testing.assert_array_equal(
         answer.segmentation.inner_row, whole.segmentation.inner_row
     )
-    (cut, known) = alone.network.shown[-1]
-    (expected, _) = beside_the_fit.network.shown[-1]
+    cut, known = alone.network.shown[-1]
+    expected, _ = beside_the_fit.network.shown[-1]
     np.testing.assert_array_equal(cut, expected)
     assert known == KNOWN
 
@@ -185,8 +186,7 @@ def test_the_stiffness_is_a_known_open_walls_and_grows_with_its_modulus() -> Non
     assert sure == pytest.approx(
         reader.steepest_n_m(replace(known, modulus=replace(modulus, mean_pa=0.32e6)))
     )
-    assert (
-        live.adopt(replace(known, modulus=replace(modulus, mean_pa=99e6))) is None
-    )  # the reader does not read it
+    # the reader does not read it
+    assert live.adopt(replace(known, modulus=replace(modulus, mean_pa=99e6))) is None
     assert reader.steepest_n_m(replace(known, globe=SEALED)) is None
     assert reader.steepest_n_m(replace(known, thickness_m=None)) is None

@@ -1,4 +1,6 @@
-"""Metrics against naive counts, and the Wilson interval against published values and its defining equation."""
+"""Metrics against naive counts, and the Wilson interval against published values and
+its defining equation.
+"""
 
 from math import isnan, nan, sqrt
 
@@ -57,7 +59,9 @@ def test_the_papers_table_3_has_the_two_names_the_other_way_round() -> None:
 
 
 def test_wilson_intervals_equal_the_published_ones() -> None:
-    """Newcombe, Statistics in Medicine 17 (1998) 857, Table I, method 3 (score, without continuity correction)."""
+    """Newcombe, Statistics in Medicine 17 (1998) 857, Table I, method 3 (score, without
+    continuity correction).
+    """
     published = (
         (81, 263, 0.2553, 0.3662),
         (15, 148, 0.0624, 0.1605),
@@ -95,7 +99,9 @@ def test_undefined_metrics_are_not_a_number_and_impossible_labels_are_refused() 
 
 
 def test_the_band_of_the_coverage_is_that_of_whole_eyes() -> None:
-    """If every eye is right or wrong as a whole, it is the band of as many coins; 17 frames an eye do not help."""
+    """If every eye is right or wrong as a whole, it is the band of as many coins; 17
+    frames an eye do not help.
+    """
     rng = np.random.default_rng(0)
     right = rng.uniform(size=30) < 0.9
     eyes = np.repeat([f"eye-{number}" for number in range(30)], 17).tolist()
@@ -105,16 +111,19 @@ def test_the_band_of_the_coverage_is_that_of_whole_eyes() -> None:
     assert low == pytest.approx(share - half, abs=0.04)
     assert high == pytest.approx(min(share + half, 1.0), abs=0.04)
     assert metrics.coverage_band(eyes, [True] * len(eyes)) == (1.0, 1.0)
+    # drawn from one seed
     assert metrics.coverage_band(eyes, np.repeat(right, 17).tolist()) == (
         low,
         high,
-    )  # drawn from one seed
+    )
 
 
 def agreeing(
     read: np.ndarray, measured: np.ndarray, label_sd: float, below: float, above: float
 ) -> float:
-    """The coverage of readings whose intervals reach from `below` under the force to `above` over it."""
+    """The coverage of readings whose intervals reach from `below` under the force to
+    `above` over it.
+    """
     pairs = zip(read.tolist(), measured.tolist(), strict=True)
     trials = [
         metrics.ForceTrial(
@@ -142,9 +151,8 @@ def test_honest_intervals_agree_with_nine_of_ten_labels_however_noisy_they_are()
 
     read, true, noise = rng.standard_normal((3, 5000)) * np.array([[0.0], [1.0], [0.5]])
     assert agreeing(read, true + noise, 0.5, 0.8, 0.8) < 0.75  # they claim too much
-    errors = (
-        np.where((z := rng.standard_normal(40_000)) > 0.0, 2.0, 1.0) * z
-    )  # twice as large to one side
+    # twice as large to one side
+    errors = np.where((z := rng.standard_normal(40_000)) > 0.0, 2.0, 1.0) * z
     measured = errors + rng.normal(0.0, 1.5, len(errors))
     assert agreeing(0.0 * z, measured, 1.5, 1.6449, 2 * 1.6449) == pytest.approx(
         0.9, abs=0.015

@@ -166,8 +166,7 @@ def test_only_the_training_of_a_model_limits_it(write_model, tmp_path: Path) -> 
         assert limit.startswith("wall thickness 3000 µm, the model was trained on")
         assert reader.limits(Known(globe=OPEN), SCAN) == ()
 
-    (limit,) = classifier.limits(
-        Known(globe=SEALED), SCAN
-    )  # its linear mechanics knows no sealed eye
+    # its linear mechanics knows no sealed eye
+    (limit,) = classifier.limits(Known(globe=SEALED), SCAN)
     assert "sealed" in limit
     assert force_reader().limits(Known(globe=SEALED), SCAN) == ()

@@ -1,4 +1,6 @@
-"""Networks that read a force: their histograms, their known inputs, and their folders."""
+"""Networks that read a force: their histograms, their known inputs, and their
+folders.
+"""
 
 import json
 from dataclasses import fields, replace
@@ -43,9 +45,8 @@ def test_the_classes_have_the_histogram_s_shares_below_their_bounds() -> None:
             )
 
     single = networks.histogram_reading([1.0], [0.0, 1e-8], 1e6, (5e-3, 30e-3))
-    np.testing.assert_allclose(
-        single.probabilities, [0.5, 0.5, 0.0], atol=1e-12
-    )  # no force above the last bound
+    # no force above the last bound
+    np.testing.assert_allclose(single.probabilities, [0.5, 0.5, 0.0], atol=1e-12)
 
 
 def test_a_histogram_that_is_empty_or_not_finite_gives_a_reading_that_is_not_a_number():
@@ -70,7 +71,9 @@ KNOWN = ("modulus", "iop", "thickness", "gap", "polar angle", "direction")
 
 
 def given(**values: float) -> dict[str, float]:
-    """The network's input for an eye of some known values, in an open globe by default, by name."""
+    """The network's input for an eye of some known values, in an open globe by default,
+    by name.
+    """
     eye = {field.name: np.array([nan]) for field in fields(networks.GivenEyes)} | {
         name: np.array([0.0])
         for name in ("rigidity_low", "rigidity_high", "stiffening")
@@ -109,8 +112,8 @@ def test_the_ends_of_a_range_are_minus_one_and_one() -> None:
 
         assert all(found[f"{name} known"] == 1.0 for name in KNOWN)
 
-    (low_e, high_e) = RANGES.youngs_modulus_pa.bounds
-    (low_p, high_p) = RANGES.iop_pa.bounds
+    low_e, high_e = RANGES.youngs_modulus_pa.bounds
+    low_p, high_p = RANGES.iop_pa.bounds
 
     for e, p, wanted in ((high_e, low_p, -1.0), (low_e, high_p, 1.0)):
         assert (
@@ -156,9 +159,8 @@ def test_the_pole_s_place_is_given_along_the_section_and_across_it() -> None:
     farthest = np.sin(RANGES.polar_angle_rad.bounds[1])
     for polar_rad, direction_rad in ((0.5, 0.0), (0.7, 1.1), (0.4, -2.5), (1.4, 0.3)):
         found = given(polar_rad=polar_rad, direction_rad=direction_rad)
-        along, across = pole_directions(
-            min(polar_rad, np.radians(55.0)), direction_rad
-        )  # the library's farthest
+        # the library's farthest
+        along, across = pole_directions(min(polar_rad, np.radians(55.0)), direction_rad)
         assert found["pole along"] == pytest.approx(along / farthest, abs=1e-6)
         assert found["pole across"] == pytest.approx(across / farthest, abs=1e-6)
 
@@ -273,9 +275,8 @@ def test_several_slices_are_read_by_the_mean_of_their_histograms(
     edges = networks.ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
     monkeypatch.setattr(reader.network, "_session", Session())
     read = reader.network.read(CUTS[:2], replace(own(), iop_pa=250.0))
-    assert read.force_n == pytest.approx(
-        0.3e6 * edges[2], rel=1e-5
-    )  # half of the mean lies below
+    # half of the mean lies below
+    assert read.force_n == pytest.approx(0.3e6 * edges[2], rel=1e-5)
     assert read.contact_m == pytest.approx(0.25e-3)
     (inputs,) = fed
     assert inputs["slices"].shape == (2, 40, 140)

@@ -1,4 +1,6 @@
-"""Frames of several planes: one answer for all of a moment, in `sf.read`, `read` and `evaluate`."""
+"""Frames of several planes: one answer for all of a moment, in `sf.read`, `read` and
+`evaluate`.
+"""
 
 import json
 from dataclasses import replace

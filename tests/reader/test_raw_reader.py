@@ -142,7 +142,8 @@ def test_a_dent_that_leaves_the_window_is_read_where_its_interval_is_narrow() ->
     said = reason(reading, leaves=True)
     assert (
         said
-        == "the dent leaves the window of the slice, and its flanks leave the force uncertain by 6 mN"
+        == "the dent leaves the window of the slice, and its flanks leave the force"
+        " uncertain by 6 mN"
     )
     assert reason(replace(reading, interval_n=(0.048, 0.0539)), leaves=True) is None
     assert reason(reading) is None

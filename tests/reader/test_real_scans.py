@@ -1,6 +1,8 @@
-"""Real scans of eyes at rest and of tissue, and the bundled reader: no force is read in them at their possible scales.
+"""Real scans of eyes at rest and of tissue, and the bundled reader: no force is read in
+them at their possible scales.
 
-At a scale far from theirs some are read (docs/wall_finder.md): a limit, which nothing here hides.
+At a scale far from theirs some are read (docs/wall_finder.md): a limit, which nothing
+here hides.
 """
 
 from pathlib import Path
@@ -45,7 +47,9 @@ def shipped() -> ForceReader:
 
 
 def cases() -> list[object]:
-    """A scan of each kind with known values, by default; the others, and scans of unknown eyes, are slow."""
+    """A scan of each kind with known values, by default; the others, and scans of
+    unknown eyes, are slow.
+    """
     return [
         pytest.param(
             path,
@@ -76,6 +80,8 @@ def test_a_real_scan_without_a_needle_is_never_read_as_a_force(
         found = shipped.read(
             pixels, PixelScale(lateral_m=lateral_m, depth_m=depth_m), known
         )
-        assert (found.usable, found.predicted, found.force_n) == (False, 2, None), (
-            found.reason
-        )
+        assert (found.usable, found.predicted, found.force_n) == (
+            False,
+            2,
+            None,
+        ), found.reason

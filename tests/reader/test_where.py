@@ -1,4 +1,6 @@
-"""The needle's place from one frame: exact without noise, intervals that hold with it, null where nothing tells."""
+"""The needle's place from one frame: exact without noise, intervals that hold with it,
+null where nothing tells.
+"""
 
 from dataclasses import replace
 
@@ -62,9 +64,8 @@ def test_without_noise_the_places_are_the_walls_own() -> None:
     for truth in (turned, *(drawn(np.random.default_rng(seed)) for seed in range(4))):
         found = seen(truth, needle=SHAFT)
         on_axis = truth.copy()
-        on_axis[at.GAP] = (
-            1e-7  # in a plane through the axis the wall is deepest below the needle
-        )
+        # in a plane through the axis the wall is deepest below the needle
+        on_axis[at.GAP] = 1e-7
         wall_m = formed_wall(WALLS, on_axis)[0]
         axis = np.array([np.cos(truth[at.ROTATION]), np.sin(truth[at.ROTATION])])
         contact = wall_m[
@@ -122,12 +123,10 @@ def test_what_the_picture_does_not_tell_is_null() -> None:
     assert unsure.gap_m is None  # a shallow dent looks alike from everywhere
     stated = seen(light, noise_m=5e-6).gap_m
     assert stated.low < light[at.GAP] < stated.high
-    assert (
-        stated.high - stated.low <= 2 * 1.645 * 30e-6 * 1.001
-    )  # no wider than it was stated
-    assert (
-        seen(light, needle=replace(SHAFT, angle_rad=1.5)).lean_rad is None
-    )  # no needle leans so
+    # no wider than it was stated
+    assert stated.high - stated.low <= 2 * 1.645 * 30e-6 * 1.001
+    # no needle leans so
+    assert seen(light, needle=replace(SHAFT, angle_rad=1.5)).lean_rad is None
     assert (
         Answer(predicted=2, probabilities=None, usable=False, reason="dark").to_dict()[
             "dent_mm"
@@ -161,9 +160,8 @@ def test_the_json_has_each_place_in_human_units_and_an_angle_without_a_sign() ->
         None,
         None,
     )
-    assert found["lean_deg"] == pytest.approx(
-        3.0
-    )  # the picture's, not the declared one
+    # the picture's, not the declared one
+    assert found["lean_deg"] == pytest.approx(3.0)
     assert found["lean_deg_interval"] == pytest.approx([0.0, 5.0])
     declared = replace(answer, places=Places()).to_dict()
     assert (declared["lean_deg"], declared["lean_deg_interval"]) == (

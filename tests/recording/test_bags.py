@@ -67,7 +67,10 @@ def test_frames_and_forces_come_back_by_their_capture_stamps(tmp_path: Path) -> 
             FORCE_COLUMNS[1:],
         )
         notes = " ".join((*scan.notes, *log.notes))
-        late = r"/oct/image: messages arrived 80.0 ms \(median; 80.0 to 80.0\) after their stamp"
+        late = (
+            r"/oct/image: messages arrived 80.0 ms \(median; 80.0 to 80.0\) after their"
+            r" stamp"
+        )
         assert re.search(rf"{late}.*/ft/wrench: messages arrived 1.0 ms", notes)
         assert "clock" not in notes
 
@@ -106,7 +109,9 @@ def test_of_several_topics_one_is_chosen_by_name(tmp_path: Path) -> None:
     assert read_bag(path, image_topic="/b")[0].times.source == "header.stamp of /b"
     with pytest.raises(
         InputError,
-        match=r"--image-topic: no topic /c of sensor_msgs.*; .*/ft/wrench \(geometry_msgs",
+        match=(
+            r"--image-topic: no topic /c of sensor_msgs.*; .*/ft/wrench \(geometry_msgs"
+        ),
     ):
         read_bag(path, image_topic="/c")
 
@@ -294,7 +299,9 @@ def write_topic(
 
 
 def test_forces_of_two_publishers_in_turns_are_sorted_by_stamp(tmp_path: Path) -> None:
-    """The second publisher's messages take 12 ms longer than the next ones of the first."""
+    """The second publisher's messages take 12 ms longer than the next ones of the
+    first.
+    """
     for kind, maker in MAKERS.items():
         stamps_ns = [START_NS + nth * 5 * MS_NS for nth in range(40)]
         sent = [
@@ -369,7 +376,9 @@ def test_a_topic_of_two_clocks_coordinate_frames_types_or_definitions_is_refused
 
         with pytest.raises(
             InputError,
-            match=r"/t: header\.frame_id is 'oct' in message 0 and 'tool0' in message 3",
+            match=(
+                r"/t: header\.frame_id is 'oct' in message 0 and 'tool0' in message 3"
+            ),
         ):
             read_bag(write_topic(tmp_path, kind, sent))
 

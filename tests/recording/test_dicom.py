@@ -143,9 +143,8 @@ def test_signed_pixels_keep_their_sign(tmp_path: Path) -> None:
         scan = scan_of(tmp_path, pixels, **tags)
         np.testing.assert_array_equal(pictures_of(scan)[0], SIGNED)
         assert scan.bits is None
-        np.testing.assert_array_equal(
-            read_frame(tmp_path / "a.dcm"), RAMP
-        )  # a frame alone begins at zero
+        # a frame alone begins at zero
+        np.testing.assert_array_equal(read_frame(tmp_path / "a.dcm"), RAMP)
 
 
 def test_bright_tissue_stays_bright(tmp_path: Path) -> None:
@@ -158,9 +157,11 @@ def test_bright_tissue_stays_bright(tmp_path: Path) -> None:
 
         if display:
             tags[
-                "PhotometricInterpretation"
-                if display == "MONOCHROME1"
-                else "PresentationLUTShape"
+                (
+                    "PhotometricInterpretation"
+                    if display == "MONOCHROME1"
+                    else "PresentationLUTShape"
+                )
             ] = display
 
         pixels, notes = frame_of(
@@ -411,9 +412,8 @@ def test_lossless_jpegs_of_all_kinds_are_read(tmp_path: Path) -> None:
     }
 
     for syntax, stored, least in product(types, (13, 16), (0, -2400)):
-        frames = (
-            FRAMES if least == 0 else FRAMES[1:2].astype(np.int16) + least
-        )  # GDCM writes one signed frame alone
+        # GDCM writes one signed frame alone
+        frames = FRAMES if least == 0 else FRAMES[1:2].astype(np.int16) + least
         tags = {"SOPClassUID": "1.2.840.10008.5.1.4.1.1.7", "SOPInstanceUID": "1.2.3"}
         write_dicom(
             tmp_path / "a.dcm",
@@ -473,9 +473,8 @@ def test_ophthalmic_tomography_has_upright_frames_scale_and_the_time_of_each_in_
         "ManufacturerModelName": "1000",
         "PixelSpacing": [0.015, 0.004],
     }
-    turned = scan_of(
-        tmp_path, FRAMES.swapaxes(1, 2).copy(), **maker
-    )  # it writes A-scans along the rows
+    # it writes A-scans along the rows
+    turned = scan_of(tmp_path, FRAMES.swapaxes(1, 2).copy(), **maker)
     np.testing.assert_array_equal(pictures_of(turned), FRAMES)
     assert sizes_of(turned) == sizes_of(scan)
 

@@ -1,4 +1,6 @@
-"""Recording folders, and their tables as editors, robots and spreadsheets write them."""
+"""Recording folders, and their tables as editors, robots and spreadsheets write
+them.
+"""
 
 import re
 import shutil
@@ -469,9 +471,8 @@ def test_files_that_are_missing_lead_out_or_are_of_another_size_are_named(folder
     (folder / "frames" / "b.png").unlink()
     shutil.move(folder / "b.png", folder / "frames" / "b.png")
     (folder / "forces.csv").unlink()
-    (folder / "forces.csv").symlink_to(
-        folder / "nowhere.csv"
-    )  # not taken for a recording without a log
+    # not taken for a recording without a log
+    (folder / "forces.csv").symlink_to(folder / "nowhere.csv")
 
     with pytest.raises(RecordingError, match=r"forces.csv: No such file"):
         read_recording(folder)
@@ -483,7 +484,10 @@ def test_files_that_are_missing_lead_out_or_are_of_another_size_are_named(folder
 
 def test_a_sealed_globe_may_have_a_rigidity(folder):
     text = (folder / "recording.toml").read_text()
-    sealed = 'globe = "sealed"\nrigidity_mmhg13_per_ul = 0.03\nrigidity_law = "logarithmic"\n[oct]'
+    sealed = (
+        'globe = "sealed"\nrigidity_mmhg13_per_ul = 0.03\nrigidity_law ='
+        ' "logarithmic"\n[oct]'
+    )
     (folder / "recording.toml").write_text(text.replace("[oct]", sealed))
     eye = read_recording(folder).info.eye
     assert (eye.globe, eye.rigidity_law) == ("sealed", "logarithmic")
@@ -587,7 +591,10 @@ def test_a_log_that_cannot_be_read_is_refused_with_its_line(tmp_path: Path) -> N
         ("time_s,fz_n\n0,nan\n0.01,nan\n", "fz_n: no sample has a force"),
         (
             "time_s,fz_n\n0,00;0,001\n",
-            "forces.csv:2: 3 fields; the header has 2; with decimal commas, columns are",
+            (
+                "forces.csv:2: 3 fields; the header has 2; with decimal commas,"
+                " columns are"
+            ),
         ),
         (
             "time_s,fz_n\n0,00,0,001\n0,01,0,001\n",
@@ -595,7 +602,10 @@ def test_a_log_that_cannot_be_read_is_refused_with_its_line(tmp_path: Path) -> N
         ),
         (
             "time_s;fz_n\n0,00;0.001\n0,01;0,001\n",
-            r"forces.csv:2: time_s: '0,00' is 0.00 with a decimal comma, or .* decimal points",
+            (
+                r"forces.csv:2: time_s: '0,00' is 0.00 with a decimal comma, or .*"
+                r" decimal points"
+            ),
         ),
         (
             "time_s;fz_n\n0,00;1.000,5\n",

@@ -17,7 +17,8 @@ from scleraforce.recording.log_text import read_log_text
 from scleraforce.recording.pixels import UnansweredError
 from scleraforce.recording.sources import source_kind
 
-# As the demo program of ATI's Net F/T writes it: settings above, quoted values, counts, a clock of whole seconds.
+# As the demo program of ATI's Net F/T writes it: settings above, quoted values, counts,
+# a clock of whole seconds.
 ATI = """Start Time: 8/3/26 2:15 PM
 RDT Sample Rate: 500
 "PLEASE NOTE: The sample rate is read from the Net F/T when the program starts."
@@ -79,12 +80,13 @@ def test_an_ati_log_is_divided_by_its_counts_per_unit_and_counts_by_its_sample_r
         "status=Status (hex):ati",
     )
     assert [parse_column(answer) for answer in (time, *forces, status)] == list(columns)
+    # saturated
     assert np.isnan(log.wrench_sc).all(axis=1).tolist() == [
         False,
         False,
         True,
         False,
-    ]  # saturated
+    ]
     (note,) = log.notes
     assert note.startswith(
         "1 of 4 samples are flagged by the sensor and have no force; the first is "
@@ -189,7 +191,10 @@ def test_what_a_log_leaves_open_is_asked_and_the_answer_is_used(tmp_path: Path) 
         (
             "",
             "stamp A B",
-            "the time, and which a force.*'stamp', 'A', 'B'.*give --column time=NAME:UNIT --column fz=",
+            (
+                "the time, and which a force.*'stamp', 'A', 'B'.*give --column"
+                " time=NAME:UNIT --column fz="
+            ),
             "time=stamp:s fz=A:N",
             1.0,
         ),
@@ -350,9 +355,8 @@ def test_a_labview_measurement_file_is_read_by_its_header(tmp_path: Path) -> Non
             "fz=Fz:Newtons",
         ]
 
-    ambiguous = LVM.replace("0,00", "1,00").replace(
-        "2,5", "2"
-    )  # its mark decides between two readings
+    # its mark decides between two readings
+    ambiguous = LVM.replace("0,00", "1,00").replace("2,5", "2")
     np.testing.assert_allclose(
         log_of(tmp_path, ambiguous)[0].time_s, [1.0, 1.002, 1.004]
     )
@@ -475,7 +479,10 @@ def test_logs_of_many_forms_are_read(tmp_path: Path) -> None:
             for zone in ("", "Z", "+00:00")
         ),
         (
-            "a log of my robot\n  time_s   fx_n   fz_mN\n  0.00   0.0   -1.5\n  0.01   10.0   -2.5",
+            (
+                "a log of my robot\n  time_s   fx_n   fz_mN\n  0.00   0.0   -1.5\n "
+                " 0.01   10.0   -2.5"
+            ),
             (),
             step_s,
             newtons,
@@ -508,9 +515,8 @@ def test_logs_of_many_forms_are_read(tmp_path: Path) -> None:
         np.testing.assert_allclose(log.force_n("fz"), force_n)
         assert {parse_column(column) for column in columns} <= set(read)
 
-    assert log.time_s[0] == pytest.approx(
-        1786000000.25, abs=1e-6
-    )  # the capture, not the arrival
+    # the capture, not the arrival
+    assert log.time_s[0] == pytest.approx(1786000000.25, abs=1e-6)
 
 
 def test_dates_are_recognised_as_people_write_them(tmp_path: Path) -> None:

@@ -22,9 +22,8 @@ BYTES = RAMP.astype(np.uint8)
 
 
 def test_pictures_are_read_unchanged(tmp_path: Path) -> None:
-    profiles = png_chunk(b"sRGB\0") + png_chunk(
-        b"gAMA" + (45455).to_bytes(4, "big")
-    )  # they do not change counts
+    # they do not change counts
+    profiles = png_chunk(b"sRGB\0") + png_chunk(b"gAMA" + (45455).to_bytes(4, "big"))
     for pixels, more in ((BYTES, b""), (RAMP, b""), (RAMP, profiles)):
         data = cv2.imencode(".png", pixels)[1].tobytes()
         (tmp_path / "a.png").write_bytes(data[:33] + more + data[33:])
@@ -291,7 +290,8 @@ def test_a_film_gives_its_frames_and_the_times_at_which_they_play(
 def matroska(
     path: Path, times_ms: list[int], sound_ms: int = 0, raw: bytes = b""
 ) -> Path:
-    """A Matroska film of MJPEG, a cluster for each frame; it states how long it lasts from 0 on, sound included.
+    """A Matroska film of MJPEG, a cluster for each frame; it states how long it lasts
+    from 0 on, sound included.
 
     `raw`: FFmpeg's tag of a pixel format of two bytes, in which it is not compressed.
     """

@@ -1,4 +1,6 @@
-"""Labels of frames, logs that contradict their frames, and punctures: sudden falls to friction, not retractions."""
+"""Labels of frames, logs that contradict their frames, and punctures: sudden falls to
+friction, not retractions.
+"""
 
 import re
 from dataclasses import replace
@@ -63,7 +65,9 @@ def sensed(force_n, rng, noise_n=4e-3, offset_n=0.0, step_n=5e-3):
 
 
 def test_an_even_clock_is_filtered_as_by_scipy():
-    """SciPy's filter has no delay and passes half at its cut-off; its step overshoots by 4 %."""
+    """SciPy's filter has no delay and passes half at its cut-off; its step overshoots
+    by 4 %.
+    """
     for count, rate_hz in ((400, 200.0), (5000, 100.0)):
         values = np.cumsum(np.random.default_rng(count).standard_normal(count)) + 3.0
         sections = signal.butter(2, 5.0, fs=rate_hz, output="sos")
@@ -117,7 +121,8 @@ def test_first_contact_is_found_in_noise_and_steps_and_noise_gives_none():
 
 
 def test_label_is_the_mean_of_the_window_centred_on_the_frame():
-    # A force that grows evenly has its value at the frame as its mean over any centred window.
+    # A force that grows evenly has its value at the frame as its mean over any centred
+    # window.
     time_s = np.arange(8000) / 200.0
     force_n = np.maximum(time_s - 5.0, 0.0) * 1e-3
 
@@ -233,7 +238,9 @@ def test_a_slow_log_and_one_with_a_gap_give_the_labels_of_a_fast_one_to_its_end(
 
 
 def test_half_of_a_window_is_enough_however_the_clock_is_rounded():
-    """One sample of the first eleven is missing; steps a little below 10 ms make the window expect a little over 20."""
+    """One sample of the first eleven is missing; steps a little below 10 ms make the
+    window expect a little over 20.
+    """
     time_s = np.arange(400) * 0.01 * (1 - 1e-12)
     one, two = (
         replace(log_of(np.zeros(400 - len(gaps))), time_s=np.delete(time_s, gaps))
@@ -296,7 +303,8 @@ def labels_of_the_paper_eyes(study, seed):
 
 
 def test_labels_of_virtual_recordings_meet_the_truth():
-    # With the default ranges, drift included: 0.5 mN (standard deviation), 2 mN at most, and every class is right.
+    # With the default ranges, drift included: 0.5 mN (standard deviation), 2 mN at
+    # most, and every class is right.
     pairs = [
         pair for seed in range(6) for pair in labels_of_the_paper_eyes(Study(), seed)
     ]
@@ -406,7 +414,9 @@ FRAMES_S = 8.0 + 10.0 * np.arange(len(PUSHES_N))
 def recording(
     rng: np.random.Generator, later_s: float = 0.0, pushes_n: np.ndarray = PUSHES_N
 ) -> Recording:
-    """Pushes of 4 s, a frame in the middle of each; its time is stated as `later_s` later than it is."""
+    """Pushes of 4 s, a frame in the middle of each; its time is stated as `later_s`
+    later than it is.
+    """
     time_s = np.arange(0.0, 115.0, 0.005)
     force_n = sum(
         f * np.clip(2.5 - np.abs(time_s - t), 0.0, 1.0)
@@ -423,7 +433,9 @@ def recording(
 
 
 def seen(rng: np.random.Generator, pushes_n: np.ndarray = PUSHES_N) -> list[float]:
-    """Return dents in another unit, out of proportion and with noise; one is unknown."""
+    """Return dents in another unit, out of proportion and with noise; one is
+    unknown.
+    """
     shown = 30.0 * pushes_n**0.8 * rng.normal(1.0, 0.1, len(pushes_n))
     shown[3] = np.nan
     return shown.tolist()
@@ -437,12 +449,10 @@ def test_a_log_that_fits_its_frames_is_not_doubted(seed: int) -> None:
     rng = np.random.default_rng(seed)
     fitting = recording(rng)
     assert log_doubts(fitting, CLASSES, seen(rng)) == ()
-    assert (
-        log_doubts(recording(rng, 5.0), CLASSES, [1.0, 2.0, 3.0, *[None] * 7]) == ()
-    )  # too few to tell
-    fitting.forces.wrench_sc[rng.random(len(fitting.forces.time_s)) < 0.1] = (
-        np.nan
-    )  # gaps raise no doubt
+    # too few to tell
+    assert log_doubts(recording(rng, 5.0), CLASSES, [1.0, 2.0, 3.0, *[None] * 7]) == ()
+    # gaps raise no doubt
+    fitting.forces.wrench_sc[rng.random(len(fitting.forces.time_s)) < 0.1] = np.nan
     assert log_doubts(fitting, CLASSES, seen(rng)) == ()
     assert log_doubts(fitting, CLASSES, PUSHES_N.tolist(), in_newtons=True) == ()
 

@@ -105,9 +105,10 @@ def test_each_kind_is_recognised(tmp_path: Path) -> None:
             assert source_kind((place / name).rename(place / "a")) == kind
 
     write_dicom(tmp_path / "d", FRAMES)
+    # as a TIFF begins
     (tmp_path / "d").write_bytes(
         b"II*\0".ljust(128, b"\0") + (tmp_path / "d").read_bytes()[128:]
-    )  # as a TIFF begins
+    )
     assert source_kind(tmp_path / "d") == "dicom"
     (tmp_path / "film").write_bytes(b"\0\0\0\x18ftypmp42")
     (tmp_path / "log.lvm").write_text("LabVIEW Measurement\t\n")
@@ -215,7 +216,10 @@ def test_pictures_of_a_folder_are_one_scan_in_the_order_of_their_numbers(
     found = gather([tmp_path], ImportOptions())
     np.testing.assert_array_equal(pictures_of(found.scan), FRAMES)
     assert found.notes == ()
-    note = "frames are taken in the order given, f10.png to f9.png; their numbers have another"
+    note = (
+        "frames are taken in the order given, f10.png to f9.png; their numbers have"
+        " another"
+    )
     assert gather(given, ImportOptions()).notes == (note,)
 
 
@@ -396,9 +400,10 @@ def test_frames_that_a_file_does_not_state_are_damage() -> None:
 
 def test_any_order_of_the_axes_gives_the_same_frames_and_scale() -> None:
     for order in list(permutations(AXES)):
+        # an axis of one: no axis
         array = np.transpose(FRAMES, [AXES.index(name) for name in order])[
             :, np.newaxis
-        ]  # an axis of one: no axis
+        ]
         steps_m = {"frame": 9.0, "depth": 1e-6, "lateral": 2e-6}
         first, *others = (steps_m[name] for name in order)
         scan = pixels.array_scan(

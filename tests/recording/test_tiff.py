@@ -36,10 +36,11 @@ from scleraforce.recording.tiff import read_tiff
 RAMP = np.arange(ROWS * COLUMNS, dtype=np.uint16).reshape(ROWS, COLUMNS)
 BYTES = RAMP.astype(np.uint8)
 SIZE = (4e-6, 15e-6)  # depth and width of a pixel in most files here
+# of that size
 PER_CM = {
     "resolution": (1e4 / 15, 1e4 / 4),
     "resolutionunit": "CENTIMETER",
-}  # of that size
+}
 
 
 def scan_of(folder: Path, pixels: np.ndarray, **options: object) -> Scan:
@@ -247,9 +248,8 @@ def tiff(
     return begin + strip + struct.pack("<H", len(values)) + entries + bytes(4)
 
 
-HUGE_LZMA = (
-    b"\x5d" + struct.pack("<Iq", 3 * 2**30, -1) + bytes(100)
-)  # states a dictionary of 3 GiB
+# states a dictionary of 3 GiB
+HUGE_LZMA = b"\x5d" + struct.pack("<Iq", 3 * 2**30, -1) + bytes(100)
 
 
 def test_the_size_is_checked_before_memory_is_taken(tmp_path: Path) -> None:
@@ -292,9 +292,8 @@ def test_the_size_is_checked_before_memory_is_taken(tmp_path: Path) -> None:
 def test_a_tiff_is_shown_as_its_orientation_says_with_its_scale(tmp_path: Path) -> None:
     for orientation, stored in STORED.items():
         np.testing.assert_array_equal(as_shown(stored(RAMP), orientation), RAMP)
-        columns_um, rows_um = (
-            (15, 4) if orientation < 5 else (4, 15)
-        )  # of a pixel as stored
+        # of a pixel as stored
+        columns_um, rows_um = (15, 4) if orientation < 5 else (4, 15)
         resolution = {
             "resolution": (1e4 / columns_um, 1e4 / rows_um),
             "resolutionunit": "CENTIMETER",
@@ -325,16 +324,16 @@ def test_a_stack_of_imagej_behind_one_page_is_read(tmp_path: Path) -> None:
 
         data = bytearray((tmp_path / "a.tif").read_bytes())
         count = int.from_bytes(data[place : place + 2], "little")
-        data[place + 2 + 12 * count : place + 6 + 12 * count] = bytes(
-            4
-        )  # no next page, as in stacks of 4 GB
+        # no next page, as in stacks of 4 GB
+        data[place + 2 + 12 * count : place + 6 + 12 * count] = bytes(4)
         (tmp_path / "a.tif").write_bytes(data)
         np.testing.assert_array_equal(
             pictures_of(read_tiff(tmp_path / "a.tif")), FRAMES
         )
 
 
-# ImageJ reads the resolution in its own unit, whatever ResolutionUnit says, but for um beside centimetres.
+# ImageJ reads the resolution in its own unit, whatever ResolutionUnit says, but for um
+# beside centimetres.
 def test_the_unit_of_imagej_takes_precedence_as_in_imagej(tmp_path: Path) -> None:
     units = [
         ("mm", 1.0),
@@ -377,9 +376,10 @@ def test_a_resolution_without_resolution_unit_is_per_inch_and_that_is_noted(
         data = (tmp_path / "a.tif").read_bytes()
         tag = np.array([296, 3], "<u2").tobytes()
         assert data.count(tag) == 1
+        # of no meaning
         (tmp_path / "a.tif").write_bytes(
             data.replace(tag, np.array([299, 3], "<u2").tobytes())
-        )  # of no meaning
+        )
         scan = read_tiff(tmp_path / "a.tif")
         assert sizes_of(scan) == pytest.approx(SIZE, rel=1e-4)
         assert scan.notes == () if note is None else note in scan.notes[0]
@@ -387,11 +387,12 @@ def test_a_resolution_without_resolution_unit_is_per_inch_and_that_is_noted(
 
 def ome(unit: str, size_t: int = COUNT) -> dict[str, object]:
     text = (
-        '<?xml version="1.0" encoding="UTF-8"?><o:OME '
-        'xmlns:o="http://www.openmicroscopy.org/Schemas/OME/2016-06"><o:Image ID="Image:0"><o:Pixels ID="Pixels:0" '
-        f'DimensionOrder="XYZCT" Type="uint16" SizeX="40" SizeY="24" SizeZ="1" SizeC="1" SizeT="{size_t}" '
-        f'PhysicalSizeX="15" PhysicalSizeXUnit=\'{unit}\' PhysicalSizeY="4" '
-        f'PhysicalSizeYUnit="{unit}"><o:TiffData/></o:Pixels></o:Image></o:OME>'
+        '<?xml version="1.0" encoding="UTF-8"?><o:OME'
+        ' xmlns:o="http://www.openmicroscopy.org/Schemas/OME/2016-06"><o:Image'
+        ' ID="Image:0"><o:Pixels ID="Pixels:0" DimensionOrder="XYZCT" Type="uint16"'
+        f' SizeX="40" SizeY="24" SizeZ="1" SizeC="1" SizeT="{size_t}"'
+        f' PhysicalSizeX="15" PhysicalSizeXUnit=\'{unit}\' PhysicalSizeY="4"'
+        f' PhysicalSizeYUnit="{unit}"><o:TiffData/></o:Pixels></o:Image></o:OME>'
     )
     return {"description": text.encode(), "metadata": None, "photometric": "minisblack"}
 
@@ -441,7 +442,10 @@ def test_ome_resolution_tags_and_pages_that_differ_are_refused_unless_options_gi
 
     with pytest.raises(
         FrameError,
-        match=r"OME states .*0\.004 x 0\.015 mm.*XResolution.*0\.004 x 0\.01 mm.*--width-mm",
+        match=(
+            r"OME states .*0\.004 x 0\.015 mm.*XResolution.*0\.004 x 0\.01"
+            r" mm.*--width-mm"
+        ),
     ):
         read_scaled_frame(
             path, Scanner(width_m=6e-3), (Scanner(depth_m=4e-3), "assumed")
@@ -470,9 +474,8 @@ def test_smaller_copies_are_left_out_and_that_is_noted(tmp_path: Path) -> None:
         np.testing.assert_array_equal(pixels, RAMP)
         assert any("smaller copies" in note for note in scan.notes)
 
-    marked = [
-        {"metadata": None, "subfiletype": int(nth > 0)} for nth in range(COUNT)
-    ]  # as copies, but as large
+    # as copies, but as large
+    marked = [{"metadata": None, "subfiletype": int(nth > 0)} for nth in range(COUNT)]
     np.testing.assert_array_equal(
         pictures_of(read_tiff(pages_of(tmp_path, *FRAMES, each=marked))), FRAMES
     )
@@ -557,9 +560,8 @@ def test_a_stack_that_was_cut_off_is_damaged(tmp_path: Path) -> None:
             page = file.pages[2].aspage()
             data = path.read_bytes()
 
-        between = max(
-            page.offset, page.dataoffsets[0] + page.databytecounts[0]
-        )  # two pages
+        # two pages
+        between = max(page.offset, page.dataoffsets[0] + page.databytecounts[0])
         for end in (
             *(int(share * len(data)) for share in np.linspace(0.05, 0.99, 12)),
             between,

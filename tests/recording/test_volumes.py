@@ -117,9 +117,8 @@ def test_the_spacing_of_a_nifti_is_that_of_pixdim_or_sform_and_contradictions_ar
     with pytest.raises(FrameError, match="xyzt_units: 5 "):
         read_nifti(patched(nifti(tmp_path / "a.nii"), 123, b"\5"), IJK)
 
-    fewer = patched(
-        nifti(tmp_path / "a.nii"), 46, (COUNT - 1).to_bytes(2, "little")
-    )  # dim[3]
+    # dim[3]
+    fewer = patched(nifti(tmp_path / "a.nii"), 46, (COUNT - 1).to_bytes(2, "little"))
     (tmp_path / "a.nii.gz").write_bytes(gzip.compress(fewer.read_bytes()))
 
     for nth, kind in enumerate(([("R", "u1"), ("G", "u1"), ("B", "u1")], np.complex64)):
@@ -483,9 +482,8 @@ INTENSITY = FRAMES.astype(np.float32) / 100.0 - 20.0  # dB
 
 
 def test_the_intensity_comes_back_with_its_scale(tmp_path: Path) -> None:
-    single = oct_entry(count=1).replace(
-        ' SizeY="1"', ""
-    )  # one B-scan has no third size
+    # one B-scan has no third size
+    single = oct_entry(count=1).replace(' SizeY="1"', "")
     for name, header, frames in [
         (
             "data\\Intensity.data",

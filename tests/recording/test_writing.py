@@ -98,7 +98,9 @@ def test_a_frame_that_cannot_be_written_is_not_listed(tmp_path, monkeypatch):
 
 
 def times(gaps):
-    """Return the middles of steps of 10 ms, with these numbers of steps between them."""
+    """Return the middles of steps of 10 ms, with these numbers of steps between
+    them.
+    """
     return (np.cumsum([0, *gaps]) + 0.5) * 0.01
 
 
@@ -189,9 +191,8 @@ def test_answers_join_the_rows_of_their_frames_with_the_classes_of_their_model(
     with pytest.raises(InputError, match="none of its frames is among the answers"):
         export.with_answers(rows, [{"file": "9.png"}], tmp_path / "r")
 
-    rows = [
-        {"file": file, "target": None} for file in ("1.png", "a/1.png", "b/1.png")
-    ]  # of one name in two folders
+    # of one name in two folders
+    rows = [{"file": file, "target": None} for file in ("1.png", "a/1.png", "b/1.png")]
     answers = [{"file": "a/1.png", "predicted": 1}, {"file": "b/1.png", "predicted": 2}]
     assert [
         row.get("predicted") for row in export.with_answers(rows, answers, tmp_path)

@@ -1,4 +1,6 @@
-"""A recording in a monitor: frames at their times, answers, a hung monitor, lost connections."""
+"""A recording in a monitor: frames at their times, answers, a hung monitor, lost
+connections.
+"""
 
 import io
 import json
@@ -105,9 +107,8 @@ def test_every_frame_comes_in_order_with_its_pixels_size_and_time(
         [0] * 30 if version == 1 else list(range(1, 31))
     )
     beside_s = np.array([event.header.time_s for event in came]) - 0.01 * np.arange(30)
-    stated_late_s = max(
-        0.0, result["latest_ms"] / 1e3 - STATED_S
-    )  # where other work keeps the replay from its time
+    # where other work keeps the replay from its time
+    stated_late_s = max(0.0, result["latest_ms"] / 1e3 - STATED_S)
     assert np.ptp(beside_s) <= stated_late_s + 1e-6
     assert (
         result["latency_ms"]["median"]
@@ -134,9 +135,8 @@ def test_every_frame_goes_out_at_its_time_and_no_delay_adds_up(tmp_path) -> None
 
     player.watch = watch
     player.play()
-    assert np.array(went_s[:40]) - went_s[0] == pytest.approx(
-        0.005 * np.arange(40)
-    )  # twice as fast
+    # twice as fast
+    assert np.array(went_s[:40]) - went_s[0] == pytest.approx(0.005 * np.arange(40))
     assert player.latest_s == 0.0
 
 
@@ -246,9 +246,8 @@ def test_a_fast_replay_sends_fewer_forces_but_all_frames(tmp_path, capsys) -> No
     path = write_small_recording(tmp_path / "rec", frames=100)
     _, result = played(path, capsys, "--speed", "20")
     assert result["frames_sent"] == 100
-    assert (
-        result["forces_sent"] == 50
-    )  # every fourth: 200 a second, 20 times as fast, 1000 at most
+    # every fourth: 200 a second, 20 times as fast, 1000 at most
+    assert result["forces_sent"] == 50
 
 
 def withdraws_at(number: int):
@@ -286,9 +285,8 @@ def test_a_withdrawal_is_reported_with_its_frame_cause_reading_and_true_force(
     assert found["message"] == "WITHDRAW: up to 31 mN"
     assert (found["force_mn"], found["interval_mn"]) == (1.5, [0.5, 2.5])
     assert [change["code"] for change in result["changes"]][-2:] == [1, 3]
-    assert (
-        0.0 < found["after_ms"] / 1e3 < found["at_s"] <= result["duration_s"]
-    )  # since the first frame, sent earlier
+    # since the first frame, sent earlier
+    assert 0.0 < found["after_ms"] / 1e3 < found["at_s"] <= result["duration_s"]
 
     with fake_monitor(withdraws_at(12)) as monitor:
         assert run(["replay", str(path), "--port", str(monitor.port)]) == 0
@@ -536,9 +534,8 @@ def test_a_monitor_that_stops_reading_is_an_error_and_no_hang_and_is_heard_meanw
                 encode(Image(np.zeros((1, 2048, 2048), np.uint16)), "Scanner") * 8
             )
 
-        assert (
-            len(heard) >= 3
-        )  # heartbeats, of which each is two seconds of the client's clock
+        # heartbeats, of which each is two seconds of the client's clock
+        assert len(heard) >= 3
         client.close()
 
 

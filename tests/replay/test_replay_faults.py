@@ -1,4 +1,6 @@
-"""The faults that `replay` injects: what the monitor receives, and what is reported of its reaction."""
+"""The faults that `replay` injects: what the monitor receives, and what is reported of
+its reaction.
+"""
 
 import json
 from contextlib import closing, suppress
@@ -288,9 +290,8 @@ def test_the_time_of_a_fault_is_drawn_in_contact_and_clear_of_danger(recording) 
     assert min(forces_n) > 4e-3
     assert max(after_n) <= 24.1e-3
     assert len(times_s) > 1
-    dipping_n = np.where(
-        np.arange(FRAMES) % 20 < 10, 0.0, FORCES_N
-    )  # the needle lifts off again and again
+    # the needle lifts off again and again
+    dipping_n = np.where(np.arange(FRAMES) % 20 < 10, 0.0, FORCES_N)
 
     for seed in range(50):
         time_s = draw_fault_time(recording, dipping_n, np.random.default_rng(seed))
@@ -322,7 +323,9 @@ def test_a_fault_that_cannot_be_is_one_clear_line(recording) -> None:
 
 @pytest.fixture
 def clocked(monkeypatch: pytest.MonkeyPatch):
-    """Commands speak to this monitor at the time that their client keeps; gives it, and the clients."""
+    """Commands speak to this monitor at the time that their client keeps; gives it, and
+    the clients.
+    """
     monitor = MonitorRule()
     clients = []
 
@@ -378,17 +381,17 @@ def test_a_fault_that_nobody_notices_is_exit_code_1(recording, capsys, clocked) 
         == 1
     )
     (client,) = clocked[1]
-    assert client.now_s == pytest.approx(
-        1000.0 + 0.3 / 4 + 0.5, abs=0.01
-    )  # half a second after the fault
+    # half a second after the fault
+    assert client.now_s == pytest.approx(1000.0 + 0.3 / 4 + 0.5, abs=0.01)
     out, err = capsys.readouterr()
     assert "no withdrawal after the fault scale" in err
     assert "the robot continues: the monitor still says OK" in out
 
 
-# The faults against the monitor's own server with its decision. Its reader takes any picture for a frame of some force,
-# so noise is not unusable to it; its frames have no texture that shows a changed picture, and it bears more delay than
-# the stale frames of so short a recording have. Other tests have these.
+# The faults against the monitor's own server with its decision. Its reader takes any
+# picture for a frame of some force, so noise is not unusable to it; its frames have no
+# texture that shows a changed picture, and it bears more delay than the stale frames of
+# so short a recording have. Other tests have these.
 RULED_N = np.concatenate(
     [np.zeros(10), np.full(60, 8e-3), np.linspace(8e-3, 40e-3, 60)]
 )
@@ -452,9 +455,9 @@ def test_the_monitor_withdraws_for_the_faults_own_cause(
         monkeypatch.setattr(faults, name_of_limit, FUSE_S)
 
     found = []
-    for _ in range(
-        5
-    ):  # a machine that stalls makes frames late or lost, which are causes too: then once more
+    # a machine that stalls makes frames late or lost, which are causes too: then once
+    # more
+    for _ in range(5):
         with suppress(InputError):
             report = injected_into_a_server(ruled, name, version)
             assert report.code == 3

@@ -1,4 +1,6 @@
-"""Pages and figures of reports: content, numbers, names from files as letters, and how a browser shows them."""
+"""Pages and figures of reports: content, numbers, names from files as letters, and how
+a browser shows them.
+"""
 
 import base64
 import csv
@@ -87,7 +89,9 @@ MADE_AT = datetime(2026, 3, 1, 0, 30, tzinfo=UTC)
 
 
 def answers() -> Evaluation:
-    """Six frames of two eyes: one misread, one not usable, one over the largest force, one used for calibration."""
+    """Six frames of two eyes: one misread, one not usable, one over the largest force,
+    one used for calibration.
+    """
     a = {"recording": "rec/a", "eye": "eye a"}
     b = {"recording": "rec/b", "eye": "eye <b>"}
     withdraw = {"target": 2, "predicted": 2, "probabilities": (0.0, 0.0, 1.0)}
@@ -189,8 +193,8 @@ def test_a_page_loads_nothing_and_has_its_makers_date_limits_and_images_in_words
     assert not any(tag in ("script", "link", "iframe") for tag, _ in page.tags)
     assert all(attributes.get("alt") for tag, attributes in page.tags if tag == "img")
     assert (
-        f"scleraforce {__version__}, 2026-03-01 00:30 UTC. Research use only: not a medical device."
-        in page.said
+        f"scleraforce {__version__}, 2026-03-01 00:30 UTC. Research use only: not a"
+        " medical device." in page.said
     )
     assert "the gap is another" in page.said
 
@@ -297,7 +301,8 @@ def test_a_readers_page_has_forces_intervals_and_the_moduli_of_the_eyes(
     )
 
 
-# Elements that reach beyond the window or that hide a part of their content; wide figures are moved sideways.
+# Elements that reach beyond the window or that hide a part of their content; wide
+# figures are moved sideways.
 CUT = """() => [...document.querySelectorAll("body :not(.wide, .wide *)")].filter((element) => {
   const box = element.getBoundingClientRect();
   return box.right > document.documentElement.clientWidth + 0.5 || element.scrollWidth > element.clientWidth + 1
@@ -307,9 +312,14 @@ CUT = """() => [...document.querySelectorAll("body :not(.wide, .wide *)")].filte
 
 @pytest.fixture(scope="module")
 def wide(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The page of a reader's evaluation with every column, a long remark, a long name and pictures."""
+    """The page of a reader's evaluation with every column, a long remark, a long name
+    and pictures.
+    """
     folder = tmp_path_factory.mktemp("page")
-    reason = "the dent leaves the window of the slice, and its flanks leave the force uncertain by 23 mN"
+    reason = (
+        "the dent leaves the window of the slice, and its flanks leave the force"
+        " uncertain by 23 mN"
+    )
     name = "a-recording-with-a-name-as-long-as-they-are" * 2
     looks, evaluation = read_frames(folder / name, reason, modulus_source="population")
     write_evaluation_html(
@@ -342,14 +352,17 @@ def test_nothing_is_cut_at_any_width_or_on_paper(browser: Browser, wide: Path) -
 
 
 def recording_under_a_conjunctiva(folder: Path) -> tuple[np.ndarray, float]:
-    """Write a recording of one frame; return the frame and the wall's thickness, which the recording states."""
+    """Write a recording of one frame; return the frame and the wall's thickness, which
+    the recording states.
+    """
     bscan, thickness_m = drawn(140, 1)
     (folder / "frames").mkdir(parents=True)
     cv2.imwrite(str(folder / "frames" / "1.png"), bscan.frame)
     (folder / "frames.csv").write_text("file,time_s\n1.png,0\n")
     (folder / "recording.toml").write_text(
-        f'[eye]\nid = "eye"\nthickness_m = {thickness_m}\n[oct]\ncolumns = 512\nrows = 512\nbits = 12\n'
-        "width_m = 15e-3\ndepth_m = 4e-3\n[needle]\ngauge = 22\nslice_gap_m = 5e-4\n"
+        f'[eye]\nid = "eye"\nthickness_m = {thickness_m}\n[oct]\ncolumns = 512\nrows ='
+        " 512\nbits = 12\nwidth_m = 15e-3\ndepth_m = 4e-3\n[needle]\ngauge ="
+        " 22\nslice_gap_m = 5e-4\n"
     )
 
     return bscan.frame, thickness_m
@@ -366,9 +379,8 @@ def test_an_evaluation_carries_the_wall_that_was_read_below_a_conjunctiva(
         for stated in (thickness_m, None)
     )
     np.testing.assert_array_equal(shown.found.outer_row, read.outer_row)
-    assert (
-        np.nanmean(read.outer_row - first.outer_row) > 8.0
-    )  # it is not the layer's surface
+    # it is not the layer's surface
+    assert np.nanmean(read.outer_row - first.outer_row) > 8.0
 
 
 def many(count: int, misread: tuple[int, ...] = ()) -> tuple[FrameAnswer, ...]:
@@ -481,7 +493,9 @@ EYE = "<!--<script>boom()</script>"
 
 @pytest.fixture(scope="module")
 def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recording whose frames and eye have such names, with the page of its readings and its picture beside it."""
+    """A recording whose frames and eye have such names, with the page of its readings
+    and its picture beside it.
+    """
     folder = tmp_path_factory.mktemp("hostile")
     looked_at_frames(folder / "<r>", len(NAMES))
     frames = sorted((folder / "<r>" / "frames").iterdir())
@@ -542,7 +556,9 @@ def test_a_browser_shows_the_names_and_runs_none(
 
 
 def read_evaluation() -> Evaluation:
-    """Three trials with labels of 1 mN: read 2 mN too high, misread 3 mN too low, and not usable."""
+    """Three trials with labels of 1 mN: read 2 mN too high, misread 3 mN too low, and
+    not usable.
+    """
     above = {"force_n": 0.012, "interval_n": (0.009, 0.016)}
     below = {
         "force_n": 0.037,
@@ -602,7 +618,7 @@ def test_residuals_are_read_minus_measured_forces_with_their_intervals_and_limit
 
 
 def test_a_legend_lists_only_what_occurs(logged: Recording) -> None:
-    (right, *_) = read_evaluation().frames
+    right, *_ = read_evaluation().frames
     assert legend_of(draw_trial_forces(evaluation_of([right]))) == ["read as class 1"]
     residuals = [
         "read as class 1",
@@ -735,7 +751,8 @@ def test_no_colour_of_a_figure_vanishes_on_dark_paper(
         source = path.read_text(encoding="utf-8")
         rules = dict(
             re.findall(
-                r'\[style\*="(?:fill|stroke): (#\w{6})"\]\{(?:fill|stroke):(#\w{6})!important\}',
+                r'\[style\*="(?:fill|stroke):'
+                r' (#\w{6})"\]\{(?:fill|stroke):(#\w{6})!important\}',
                 source,
             )
         )
@@ -766,7 +783,8 @@ def test_a_figure_has_as_much_ink_in_dark_mode_as_in_light(
                 viewport={"width": 700, "height": 500}, color_scheme=scheme
             )
             page.set_content(
-                f'<html style="color-scheme: light dark"><img width="700" src="{svg_uri(figure)}">'
+                '<html style="color-scheme: light dark"><img width="700"'
+                f' src="{svg_uri(figure)}">'
             )
             shown = cv2.imdecode(
                 np.frombuffer(page.locator("img").screenshot(), np.uint8),
@@ -817,9 +835,8 @@ def test_a_wall_is_laid_on_the_surface_though_a_third_of_it_is_unseen_or_in_the_
         surface_m[300:310] += 1e-3  # a wrong stretch
         laid = laid_on_surface(wall(), surface_m, WIDTH_M)
         moved = laid.outer[0] - wall().outer[0] - [WIDTH_M / 2, 0.0]
-        assert moved == pytest.approx(
-            [shift_m, down_m], abs=13e-6
-        )  # half a step of the shifts
+        # half a step of the shifts
+        assert moved == pytest.approx([shift_m, down_m], abs=13e-6)
         assert laid.inner - laid.outer == pytest.approx(wall().inner - wall().outer)
 
     laid = laid_on_surface(wall(), np.full(COLUMNS, np.nan), WIDTH_M)

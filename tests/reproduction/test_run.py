@@ -1,4 +1,6 @@
-"""A reproduction: finished stages are reused, foreign files left alone; framing, readings, sections; the demo."""
+"""A reproduction: finished stages are reused, foreign files left alone; framing,
+readings, sections; the demo.
+"""
 
 import json
 from collections.abc import Callable, Iterator, Sequence
@@ -199,7 +201,8 @@ def test_results_of_other_code_are_made_again_once_and_one_line_says_so(
     assert DONE == ["a", "b", "a", "b"]
     assert not (tmp_path / "a" / "old").exists()
     assert lines == [
-        f"{tmp_path}: the code has changed since these results were made; all stages are done again"
+        f"{tmp_path}: the code has changed since these results were made; all stages"
+        " are done again"
     ]
 
 
@@ -237,7 +240,9 @@ class Frames:
 def test_the_bar_is_as_long_as_the_frames_that_both_calibrations_go_through(
     tmp_path: Path, monkeypatch
 ) -> None:
-    """The search of the stiffening goes through each frame several times; linear mechanics once."""
+    """The search of the stiffening goes through each frame several times; linear
+    mechanics once.
+    """
     library = made_up_library()
     counted = []
 
@@ -273,7 +278,8 @@ def test_the_bar_is_as_long_as_the_frames_that_both_calibrations_go_through(
 
 
 def test_a_section_at_another_modulus_is_that_of_the_scaled_force_to_a_tenth_of_a_pixel():
-    # Pressure and weight do not scale with the force; what they add is what the relabelling neglects.
+    # Pressure and weight do not scale with the force; what they add is what the
+    # relabelling neglects.
     mesh = build_mesh(12e-3, 0.6e-3, 8, 0, 1, 2)
     wall = LinearWall(mesh, 0.45)
     plane = ScanPlane(Contact(polar_rad=np.radians(35.0)), gap_m=0.5e-3)
@@ -345,7 +351,10 @@ def test_the_eye_with_the_least_coverage_is_named_with_its_common_error(
         eye="eye-1", calibration=True, measured_force_n=10.3e-3, true_force_n=10e-3
     )
     found = _coverage(replace(read, frames=(*read.frames, calibrated)))
-    words = "eye-1 is read +20.0 % off in the mean, after labels of +0.30 mN in the mean of its calibration. "
+    words = (
+        "eye-1 is read +20.0 % off in the mean, after labels of +0.30 mN in the mean of"
+        " its calibration. "
+    )
     assert found["worst"] == words
 
 

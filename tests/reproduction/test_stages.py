@@ -1,4 +1,6 @@
-"""`reproduce` from end to end, on a coarse mesh and few slices: every stage, its page, and Ctrl-C."""
+"""`reproduce` from end to end, on a coarse mesh and few slices: every stage, its page,
+and Ctrl-C.
+"""
 
 import json
 import re
@@ -157,14 +159,14 @@ def test_a_run_that_trains_reads_with_its_own_reader_and_answers_45_trials_of_ea
         assert [sum(row) for row in one["confusion"]] == [7, 15, 23]
         assert one["scored"] == 45
 
-    near = printed["to_the_bounds"][
-        "confusion"
-    ]  # the log puts a few of these into the next class
+    # the log puts a few of these into the next class
+    near = printed["to_the_bounds"]["confusion"]
     assert sum(map(sum, near)) == printed["to_the_bounds"]["scored"] == 45
     assert [sum(row) for row in near] == pytest.approx([7, 15, 23], abs=3)
     assert both["paper"]["mae_mn"] is None
     assert both["reader"]["mae_mn"] > 0.0
-    # The eyes were made with the same coarse mesh; the mean of 0.27, 0.22, 0.24 and 0.29 MPa.
+    # The eyes were made with the same coarse mesh; the mean of 0.27, 0.22, 0.24 and
+    # 0.29 MPa.
     assert printed["youngs_modulus_mpa"]["mean_mpa"] == pytest.approx(0.255, rel=0.05)
 
 

@@ -1,4 +1,6 @@
-"""The wall that forces are read from: when a network's look makes it unusable, and one wall of two."""
+"""The wall that forces are read from: when a network's look makes it unusable, and one
+wall of two.
+"""
 
 from dataclasses import replace
 from math import nan
@@ -44,7 +46,8 @@ def test_a_network_that_sees_the_same_wall_moves_its_end_to_the_edge_alone(
 def test_eyes_at_rest_whose_surface_the_steps_of_light_lose_are_refused(
     shipped: WallFinder,
 ) -> None:
-    """Drawn scenes: where `find_wall` is far off, and says nothing, the network's look refuses most frames.
+    """Drawn scenes: where `find_wall` is far off, and says nothing, the network's look
+    refuses most frames.
 
     Of 500 scenes `find_wall` is far off in 53, and the network refuses 38.
     """
@@ -98,7 +101,9 @@ def test_what_a_needle_hides_speaks_against_nothing() -> None:
 def test_a_dent_that_leaves_the_frame_stays_a_gap_whatever_the_network_sees(
     dent_m: float,
 ) -> None:
-    """The network sees a wall in some columns of the gap, and both methods agree elsewhere."""
+    """The network sees a wall in some columns of the gap, and both methods agree
+    elsewhere.
+    """
     rng = np.random.default_rng(2)
     scale = PixelScale(lateral_m=15e-3 / 300, depth_m=4e-3 / 256)
     lateral_m = (np.arange(300) - 149.5) * scale.lateral_m
@@ -197,9 +202,8 @@ def test_a_boundary_beyond_the_frame_wins_only_where_nothing_falls_at_the_other(
     beyond = moved(150.0)
     dark = bright_to(moved(0.0))
     lit = bright_to(beyond, noise=0.0)
-    lit[100:] += np.arange(100, dtype=np.uint16)[
-        :, None
-    ]  # it gets brighter: row 110 is not a boundary
+    # it gets brighter: row 110 is not a boundary
+    lit[100:] += np.arange(100, dtype=np.uint16)[:, None]
 
     for frame, expected in ((dark, moved(0.0)), (lit, beyond)):
         joined = joined_walls(frame, wall(moved(0.0)), wall(beyond), STEP)
@@ -212,7 +216,9 @@ def test_a_boundary_beyond_the_frame_wins_only_where_nothing_falls_at_the_other(
 def test_light_that_falls_at_the_frames_edge_or_for_a_few_rows_is_not_the_walls_end(
     by: float, rows: slice, more: int
 ) -> None:
-    """A program may leave the last two rows black; three rows above row 60 are brighter: light falls there by more."""
+    """A program may leave the last two rows black; three rows above row 60 are
+    brighter: light falls there by more.
+    """
     elsewhere = moved(by)
     frame = bright_to(moved(0.0), noise=0.0)
     frame[rows] += np.int64(more).astype(np.uint16)

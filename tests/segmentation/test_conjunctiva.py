@@ -1,4 +1,6 @@
-"""The sclera's surface under a conjunctiva: found where it shows and where the given thickness asks for it."""
+"""The sclera's surface under a conjunctiva: found where it shows and where the given
+thickness asks for it.
+"""
 
 from dataclasses import replace
 from itertools import product
@@ -37,7 +39,9 @@ def layer(thickness_m: float, seed: int, **changed: float) -> Conjunctiva:
 
 
 def bscan(over: Conjunctiva | None, seed: int, wave: float = 0.0) -> Bscan:
-    """A dented wall; `wave`: by which share its own thickness changes along the picture."""
+    """A dented wall; `wave`: by which share its own thickness changes along the
+    picture.
+    """
     rng = np.random.default_rng(seed)
     section = waving_wall(WALL_M, rng.uniform(0.0, 2e-3), wave)
     optics = replace(sample_optics(STUDY.phantom, STUDY.oct, rng), conjunctiva=over)
@@ -98,7 +102,9 @@ def test_a_conjunctiva_that_waves_is_followed() -> None:
 
 
 def layers(*levels_m: tuple[float, float]) -> tuple[np.ndarray, Segmentation]:
-    """A flat wall without noise, 0.8 mm thick including the layers: the light below each depth, its segmentation."""
+    """A flat wall without noise, 0.8 mm thick including the layers: the light below
+    each depth, its segmentation.
+    """
     tissue_m = SCALE.depth_m / SCALE.refractive_index
     below_m = (np.arange(512)[:, None] - 100.0) * tissue_m
     light = np.full((512, 512), 200.0)
@@ -126,16 +132,13 @@ def surface_m(frame: np.ndarray, found: Segmentation, told_m: float) -> float:
 def test_a_step_is_taken_for_the_wall_where_the_given_thickness_asks_for_it_and_it_is_large():
     frame, found = layers((0.0, 2000.0), (0.14e-3, 2200.0))
     assert surface_m(frame, found, 0.66e-3) == pytest.approx(0.14e-3, abs=10e-6)
-    assert (
-        below_conjunctiva(frame, SCALE, found, 0.48e-3) is found
-    )  # it would leave 0.18 mm of 0.32 unexplained
+    # it would leave 0.18 mm of 0.32 unexplained
+    assert below_conjunctiva(frame, SCALE, found, 0.48e-3) is found
     frame, found = layers((0.0, 2000.0), (0.14e-3, 2200.0), (0.35e-3, 3000.0))
-    assert surface_m(frame, found, 0.66e-3) == pytest.approx(
-        0.14e-3, abs=10e-6
-    )  # a brighter band lies deeper
-    frame, found = layers(
-        (0.0, 2000.0), (0.14e-3, 2020.0)
-    )  # a hundredth, without noise
+    # a brighter band lies deeper
+    assert surface_m(frame, found, 0.66e-3) == pytest.approx(0.14e-3, abs=10e-6)
+    # a hundredth, without noise
+    frame, found = layers((0.0, 2000.0), (0.14e-3, 2020.0))
     assert below_conjunctiva(frame, SCALE, found, 0.66e-3) is found
 
 
@@ -155,7 +158,9 @@ def test_nothing_is_found_where_the_thickness_is_untold_or_fits_both_surfaces_lo
 def test_a_network_that_takes_the_conjunctiva_for_wall_does_not_speak_against_the_given_thickness(
     shipped: WallFinder,
 ) -> None:
-    """From 140 um on the shipped one does so; read and segmented is the sclera all the same."""
+    """From 140 um on the shipped one does so; read and segmented is the sclera all the
+    same.
+    """
     for thickness_m, seed in product((80e-6, 140e-6, 250e-6), range(3)):
         made = bscan(layer(thickness_m, seed), seed)
         found = find_wall(made.frame, SCALE, WALL_M, shipped)

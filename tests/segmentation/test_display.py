@@ -1,4 +1,6 @@
-"""Linear displays are recognised from pairs of counts, and only their walls are looked for in logarithms."""
+"""Linear displays are recognised from pairs of counts, and only their walls are looked
+for in logarithms.
+"""
 
 from functools import partial
 
@@ -88,9 +90,8 @@ def test_other_displays_and_frames_with_hardly_any_light_stay_unchanged() -> Non
 def test_two_hundred_lit_pairs_tell_a_contrast_and_fewer_do_not(
     rows: int, contrast: float
 ) -> None:
-    frame = np.tile(
-        np.repeat(np.array([100, 300], dtype=np.uint16), 8), (rows, 1)
-    )  # 8 pairs a row
+    # 8 pairs a row
+    frame = np.tile(np.repeat(np.array([100, 300], dtype=np.uint16), 8), (rows, 1))
     assert pair_contrast(frame) == contrast
     frame[7, 3] = 0
     assert pair_contrast(frame) == 0.0
@@ -115,7 +116,9 @@ def test_logarithms_keep_order_and_black(dtype: type) -> None:
 def test_walls_of_linear_frames_are_found_as_in_logarithmic_ones(
     shipped: WallFinder,
 ) -> None:
-    """In the counts themselves both methods differ in most of these frames, which are then not usable."""
+    """In the counts themselves both methods differ in most of these frames, which are
+    then not usable.
+    """
     for seed in range(7210, 7216):
         frame = drawn_counts(seed, **LINEAR)
         logarithmic = drawn_counts(seed, **(LINEAR | {"display": "logarithmic"}))

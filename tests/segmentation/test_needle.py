@@ -1,4 +1,6 @@
-"""The needle in a frame: found with its angle and tip, what it hides left out, and nothing else taken for one."""
+"""The needle in a frame: found with its angle and tip, what it hides left out, and
+nothing else taken for one.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -45,7 +47,9 @@ def frame_of(
     lift_m: float = 0.0,
     **own: object,
 ):
-    """A frame of a wall, its contact at 0.2 mm beside the middle and 0.5 mm deep, and where the needle's tip is."""
+    """A frame of a wall, its contact at 0.2 mm beside the middle and 0.5 mm deep, and
+    where the needle's tip is.
+    """
     section = POSE.place(dented_wall(0.7e-3, dent_m, 1.2e-3, points=1501))
     tip_m = np.array([0.2e-3, 0.5e-3 + dent_m - lift_m])
     drawn = None if shaft is None else draw_shaft(shaft, tip_m, 0.0, OCT)
@@ -154,9 +158,8 @@ def test_right_beside_a_needle_the_wall_ends_where_it_would_without_one_and_a_st
         assert max(np.nanmax(off[side]) for side in beside) < 4.0
         worst += [np.nanmax(off_m[side]) for side in beside]
 
-    assert (
-        dent_m < 1.0e-3 or np.mean(worst) < 18e-6
-    )  # 24 um where both flanks are smoothed into each other
+    # 24 um where both flanks are smoothed into each other
+    assert dent_m < 1.0e-3 or np.mean(worst) < 18e-6
 
 
 def not_needles() -> Iterator[tuple[str, dict[str, object]]]:

@@ -1,4 +1,6 @@
-"""A frame's boundaries in metres, points on them with their noise, and its wall drawn into slices."""
+"""A frame's boundaries in metres, points on them with their noise, and its wall drawn
+into slices.
+"""
 
 from dataclasses import replace
 

@@ -1,4 +1,6 @@
-"""The paths against dynamic programming written out and brute force; an opening against each row's window."""
+"""The paths against dynamic programming written out and brute force; an opening against
+each row's window.
+"""
 
 from itertools import product
 

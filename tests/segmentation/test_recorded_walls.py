@@ -1,6 +1,8 @@
-"""Walls in every kind of frame against `walls.json`, recorded from an implementation by NumPy and OpenCV.
+"""Walls in every kind of frame against `walls.json`, recorded from an implementation by
+NumPy and OpenCV.
 
-That one is `tests/oracles/wall_arrays.py` of e25d375a. After a change that is meant to move walls, run this file.
+That one is `tests/oracles/wall_arrays.py` of e25d375a. After a change that is meant to
+move walls, run this file.
 """
 
 import json
@@ -78,12 +80,12 @@ def hostile_frames(frame: Pixels) -> Iterator[Pixels]:
     yield np.minimum(frame.astype(np.uint32) * 40, 65535).astype(np.uint16)
     yield rng.integers(0, 900, (512, 512)).astype(np.uint16)
     yield rng.integers(0, 65536, (16, 16)).astype(np.uint16)
+    # one column
     yield np.where(np.arange(512) == 200, 4000, 0).astype(np.uint16) + np.zeros(
         (512, 1), np.uint16
-    )  # one column
-    yield np.where(np.arange(512) % 9 == 4, 0, frame).astype(
-        np.uint16
-    )  # missing columns
+    )
+    # missing columns
+    yield np.where(np.arange(512) % 9 == 4, 0, frame).astype(np.uint16)
     yield np.where(np.arange(512) < 111, 0, frame).astype(np.uint16)  # a black band
     yield from (np.asfortranarray(frame), frame[::-1], frame[:, ::2])
 
@@ -131,7 +133,9 @@ def frames(kind: str) -> Iterator[tuple[Pixels, PixelScale]]:
 
 
 def shown(found: Segmentation) -> dict[str, Any]:
-    """Return the record of a wall; in noise two paths may be equally good, and only the verdict is recorded."""
+    """Return the record of a wall; in noise two paths may be equally good, and only the
+    verdict is recorded.
+    """
     verdict = {"usable": found.usable, "reason": found.reason.split(":")[0]}
     if found.reason.startswith(NOISE):
         return verdict

@@ -1,4 +1,6 @@
-"""The wall in frames whose truth is known, under everything that disturbs a real one."""
+"""The wall in frames whose truth is known, under everything that disturbs a real
+one.
+"""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,6 @@
-"""From a network's distributions to a wall with its uncertainty, and how that and the other way check each other."""
+"""From a network's distributions to a wall with its uncertainty, and how that and the
+other way check each other.
+"""
 
 from dataclasses import replace
 
@@ -42,7 +44,9 @@ FRAME = np.zeros((512, 512), dtype=np.uint16)
 def seen_wall(
     thickness_m: float = 0.6e-3, dent_m: float = 1.0e-3, seed: int = 0
 ) -> tuple[Bscan, np.ndarray, np.ndarray]:
-    """A frame, and first and last row of its wall at the network's columns, in reduced rows; NaN without wall."""
+    """A frame, and first and last row of its wall at the network's columns, in reduced
+    rows; NaN without wall.
+    """
     rng = np.random.default_rng(seed)
     lateral = np.linspace(-8.5e-3, 8.5e-3, 800)
     depth = (
@@ -175,9 +179,11 @@ def test_a_needle_that_the_other_method_sees_is_kept_whichever_wall_is_shown() -
 
 
 def test_the_networks_wall_is_moved_by_a_row_of_its_frame_at_most_and_a_farther_edge_is_another_things():
-    """Its lower boundary is given 0.8 rows too high on the left, where the edge is; 3 too low on the right: too far.
+    """Its lower boundary is given 0.8 rows too high on the left, where the edge is; 3
+    too low on the right: too far.
 
-    Then its surface is given 3 rows too high: where `find_wall` sees the edge is not what it sees.
+    Then its surface is given 3 rows too high: where `find_wall` sees the edge is not
+    what it sees.
     """
     bscan, outer, inner = seen_wall(0.6e-3, 0.0, seed=3)
     left = np.arange(HALF) < HALF // 2
@@ -367,9 +373,8 @@ def test_a_wall_that_fills_the_frame_or_none_is_looked_at_once_and_one_at_the_ed
     )
     seen = WallFinder(session, STUDY, "drawn")._look(FRAME, 128, 384)
     assert seen.outer_row == pytest.approx(128.5, abs=0.5)
-    spike = np.where(
-        np.arange(HALF) == 40, 52.0, 40.0
-    )  # what a single answer sees elsewhere is left out of the wall
+    # what a single answer sees elsewhere is left out of the wall
+    spike = np.where(np.arange(HALF) == 40, 52.0, 40.0)
     assert fixed_finder(spike, spike + 20.0).find(FRAME).outer_row == pytest.approx(
         4 * 40.5 - 0.5, abs=0.5
     )
@@ -394,9 +399,8 @@ def test_an_unsure_network_that_takes_the_choroid_for_wall_leaves_its_end_to_the
 
 def test_an_inner_boundary_moves_to_the_edge_near_it_and_stays_where_none_is() -> None:
     rng = np.random.default_rng(3)
-    edge = 300.0 + 8.0 * np.sin(
-        np.linspace(0.0, 12.0, 512)
-    )  # too fast for the wide means of the first search
+    # too fast for the wide means of the first search
+    edge = 300.0 + 8.0 * np.sin(np.linspace(0.0, 12.0, 512))
     level = np.where(np.arange(512)[:, None] < edge, 300.0, 60.0)
     frame = np.rint(level * rng.exponential(1.0, level.shape)).astype(np.uint16)
     found = sharpened(frame, np.where(np.arange(512) < 30, np.nan, 300.0), SCALE)
@@ -424,7 +428,9 @@ def test_the_margins_of_a_page_are_black_to_the_search_and_saturate_nothing(
 def mean_by_sampling(
     frame: np.ndarray, scale: PixelScale, window: FrameWindow, row: int, column: int
 ) -> float:
-    """Return the mean count of a cell over a fine grid of points in it; points beside the frame do not count."""
+    """Return the mean count of a cell over a fine grid of points in it; points beside
+    the frame do not count.
+    """
     depth = (row + (np.arange(200) + 0.5) / 200) * window.row_m
     lateral = (
         column - window.columns / 2 + (np.arange(200) + 0.5) / 200

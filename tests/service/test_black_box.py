@@ -51,7 +51,9 @@ def numbers_in(folder):
 
 
 class Monitor:
-    """Does as the monitor does, on a clock of its own: a frame and a tick each 10 ms; `box` is the other end."""
+    """Does as the monitor does, on a clock of its own: a frame and a tick each 10 ms;
+    `box` is the other end.
+    """
 
     def __init__(self, folder, record=None, ring_frames=1100, info=INFO):
         self.folder = folder
@@ -222,7 +224,9 @@ def test_a_monitor_that_dies_is_noted_and_its_last_seconds_are_kept(tmp_path):
 def test_labels_of_a_withdrawal_are_the_force_although_the_needle_touched_long_before(
     tmp_path,
 ):
-    """The sensor reads 50 mN without contact; contact of 20 mN begins 20 s before the withdrawal."""
+    """The sensor reads 50 mN without contact; contact of 20 mN begins 20 s before the
+    withdrawal.
+    """
     monitor = Monitor(tmp_path, ring_frames=300)
     for number in range(2500):
         pushed_n = 0.02 if number > 500 else 0.0
@@ -262,9 +266,8 @@ def test_a_force_log_that_gives_no_labels_leaves_a_recording_that_can_be_read(tm
     lines = (folder / "robot_forces.csv").read_text().splitlines()
     assert [name.strip() for name in lines[0].split(",")] == ["time_s", "fz_n"]
     assert len(lines) == 1 + 19  # the last step may not be complete
-    assert (
-        float(lines[1].split(",")[1]) == -0.001
-    )  # positive along the needle; contact_sign is -1
+    # positive along the needle; contact_sign is -1
+    assert float(lines[1].split(",")[1]) == -0.001
     assert "fewer than 20 samples" in monitor.notes()[-1]
 
 
@@ -551,9 +554,8 @@ def test_the_process_keeps_a_withdrawal_ignores_sigterm_and_ends_with_the_monito
 @pytest.mark.slow
 def test_what_the_process_writes_is_readable_by_its_owner_only(tmp_path):
     (tmp_path / "box" / "log").mkdir(parents=True)
-    (tmp_path / "box" / "log" / "decisions-000001.jsonl").touch(
-        mode=0o644
-    )  # of an earlier version
+    # of an earlier version
+    (tmp_path / "box" / "log" / "decisions-000001.jsonl").touch(mode=0o644)
     process = Process(tmp_path, tmp_path / "rec")
     process.wait_for(Alive)
 
@@ -609,20 +611,16 @@ def test_a_process_whose_log_cannot_be_opened_says_so_and_ends(tmp_path, capfd):
 
 
 def test_the_lines_of_the_log_keep_their_keys_order_and_values(tmp_path):
-    """The keys, their order and the values of the log are a contract (docs/black_box.md)."""
+    """The keys, their order and the values of the log are a contract
+    (docs/black_box.md).
+    """
     monitor = Monitor(tmp_path)
     monitor.tell(Decided(entry=READ_ENTRY))
     monitor.tell(Note(time_s=1.5, text="robot came"))
     monitor.end()
-    assert (tmp_path / "box" / "log" / "decisions-000001.jsonl").read_bytes() == (
-        b'{"kind": "entry", "entry": {"number": 3, "time_s": 1800000000.0, "at_s": 12.5, "event": "frame", "state": '
-        b'"WATCHING", "code": 1, "sub_code": 0, "cause": null, "message": "OK:\\n\\u201c12 mN\\u201d", "frame": 3, '
-        b'"frame_id": 77, "probabilities": [0.0, 0.75, 0.25], "force_mn": 12.5, "interval_mn": [11.0, 13.5], "usable": '
-        b'true, "reason": null, "latency_ms": 0.75, "lost": 2, "overtaken": 0, "withdrawn_s": null, '
-        b'"present_cause": null, "present": "", "time_to_bound_ms": 900.0, "time_to_bound_ms_interval": [310.5, null], '
-        b'"modulus_mpa": null, "modulus_sd_mpa": null, "modulus_frames": null, "class": 1, '
-        b'"elastic_force_mn": null}, "crc32": "a07f1381"}\n'
-        b'{"kind": "note", "time_s": 1.5, "text": "robot came", "crc32": "1130c359"}\n'
+    assert (
+        (tmp_path / "box" / "log" / "decisions-000001.jsonl").read_bytes()
+        == b'{"kind": "entry", "entry": {"number": 3, "time_s": 1800000000.0, "at_s": 12.5, "event": "frame", "state": "WATCHING", "code": 1, "sub_code": 0, "cause": null, "message": "OK:\\n\\u201c12 mN\\u201d", "frame": 3, "frame_id": 77, "probabilities": [0.0, 0.75, 0.25], "force_mn": 12.5, "interval_mn": [11.0, 13.5], "usable": true, "reason": null, "latency_ms": 0.75, "lost": 2, "overtaken": 0, "withdrawn_s": null, "present_cause": null, "present": "", "time_to_bound_ms": 900.0, "time_to_bound_ms_interval": [310.5, null], "modulus_mpa": null, "modulus_sd_mpa": null, "modulus_frames": null, "class": 1, "elastic_force_mn": null}, "crc32": "a07f1381"}\n{"kind": "note", "time_s": 1.5, "text": "robot came", "crc32": "1130c359"}\n'
     )
 
 

@@ -1,4 +1,6 @@
-"""Processes beside the monitor and their channels: what is sent arrives whole, or is refused with one kind of error."""
+"""Processes beside the monitor and their channels: what is sent arrives whole, or is
+refused with one kind of error.
+"""
 
 import json
 import os
@@ -273,9 +275,8 @@ def test_the_largest_message_arrives_and_a_larger_one_is_refused_before_and_afte
         ours.send(note(1, largest.text + "x"))
 
     assert theirs.receive() == []
-    assert ours.send_encoded(
-        channel.encode_message(largest) + b" " * 1000
-    )  # a whole message, if it were cut
+    # a whole message, if it were cut
+    assert ours.send_encoded(channel.encode_message(largest) + b" " * 1000)
 
     with pytest.raises(MessageError, match="131073 bytes"):
         theirs.receive()
@@ -313,7 +314,9 @@ run_companion(OpinionSettings, serve)
 
 
 def ending_with(code, descriptor=0):
-    """Settings of some child: its exit code in place of a number of frames; it waits for ever for 0."""
+    """Settings of some child: its exit code in place of a number of frames; it waits
+    for ever for 0.
+    """
     ring = RingPlace(descriptor=descriptor, frames=code, rows=1, columns=1)
     return messages.OpinionSettings(
         model=Path("é"),

@@ -1,4 +1,6 @@
-"""A client that does not read: it misses messages, never gets half of one, and is let go in the end."""
+"""A client that does not read: it misses messages, never gets half of one, and is let
+go in the end.
+"""
 
 import os
 import resource
@@ -76,9 +78,8 @@ def test_a_peer_that_reads_late_gets_whole_messages_and_misses_others(
     numbers = [int(text[:4]) for text in texts]
     assert numbers == sorted(set(numbers))
     assert numbers[0] == 0
-    assert (
-        numbers[0] < since_s - 100.0 <= numbers[-3] < 5000
-    )  # none since then, until it had read
+    # none since then, until it had read
+    assert numbers[0] < since_s - 100.0 <= numbers[-3] < 5000
     assert numbers[-2:] == [5000, 5001]
 
 
@@ -111,7 +112,9 @@ def test_hardly_more_than_a_tenth_of_a_second_waits_for_a_peer_that_does_not_rea
 def unread(
     listener: socket.socket, clients: Clients
 ) -> tuple[socket.socket, Connection]:
-    """Return a peer with a small buffer that reads nothing, and its connection, with messages from 100 s on."""
+    """Return a peer with a small buffer that reads nothing, and its connection, with
+    messages from 100 s on.
+    """
     peer = socket.socket()
     peer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     peer.connect(listener.getsockname())
@@ -184,9 +187,8 @@ def test_a_server_that_is_never_idle_rests_now_and_then_and_one_that_waits_does_
             served.wait(within_s, lambda: now_s[0])
             pass_time(0.004)
 
-        assert (
-            rests == [0.001] * 10
-        )  # after each three turns of 4 ms; none is added by turns that wait
+        # after each three turns of 4 ms; none is added by turns that wait
+        assert rests == [0.001] * 10
 
 
 def test_without_a_free_descriptor_the_operator_still_connects(
@@ -214,7 +216,9 @@ def test_without_a_free_descriptor_the_operator_still_connects(
 
 
 def lowest_free() -> int:
-    """Return the number of the next descriptor, so that a limit of it allows no more."""
+    """Return the number of the next descriptor, so that a limit of it allows no
+    more.
+    """
     found = os.open(os.devnull, os.O_RDONLY)
     os.close(found)
     return found

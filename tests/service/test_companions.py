@@ -1,4 +1,6 @@
-"""The companions as the monitor sees them: their faults come and go, and one that says nothing is one."""
+"""The companions as the monitor sees them: their faults come and go, and one that says
+nothing is one.
+"""
 
 from collections.abc import Iterator
 

@@ -71,9 +71,8 @@ def test_a_log_that_is_cut_at_any_byte_has_all_records_before_and_says_what_is_t
 
     for length in reversed(range(len(whole))):
         os.truncate(log, length)
-        complete = sum(
-            end - 1 <= length for end in ends
-        )  # the end of the line may be missing
+        # the end of the line may be missing
+        complete = sum(end - 1 <= length for end in ends)
         assert records(log) == RECORDS[:complete]
         begin = ([0, *ends])[complete]
         assert b"".join(torn(log)) == whole[begin:length]
@@ -110,9 +109,8 @@ def test_a_changed_byte_costs_its_own_record_and_no_other_one(log):
             os.pwrite(file, bytes([changed]), place)
             found = records(log)
             assert found in (others, RECORDS)
-            assert (found == RECORDS) == (
-                place + 1 in ends
-            )  # the end of a line is outside the record's bytes
+            # the end of a line is outside the record's bytes
+            assert (found == RECORDS) == (place + 1 in ends)
             assert torn(log)
 
         os.pwrite(file, bytes([byte]), place)
@@ -195,9 +193,8 @@ def test_a_process_that_is_killed_while_it_writes_leaves_every_record_that_it_ha
         runs = [record["number"] for record in records(tmp_path)]
         last = len(runs) - 1 - runs[::-1].index(0)  # where this child began
         assert runs[last:] in (list(range(said + 1)), list(range(said + 2)))
-        assert (
-            len(torn(tmp_path)) <= 2
-        )  # one each: of a line across two pages of memory, half may have been written
+        # one each: of a line across two pages of memory, half may have been written
+        assert len(torn(tmp_path)) <= 2
 
 
 def test_the_disk_is_asked_for_the_folder_when_a_file_is_made_and_for_the_file_with_each_sync(

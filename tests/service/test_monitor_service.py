@@ -1,4 +1,6 @@
-"""The start of a monitor: its checks, its recordings' statements on the eye, the operator's lines."""
+"""The start of a monitor: its checks, its recordings' statements on the eye, the
+operator's lines.
+"""
 
 import resource
 from collections.abc import Iterator
@@ -98,9 +100,10 @@ def test_a_recording_states_the_declared_places_of_plane_and_needle() -> None:
     )
     assert info.force == ForceInfo("fz", 1, 0.2)
     relaxing = replace(known, relaxation=KnownRelaxation.declared([[0.1, 2.0]]))
+    # in the calibration
     found = replace(
         known, relaxation=KnownRelaxation.of([0.1], [2.0], np.eye(1), "holds")
-    )  # in the calibration
+    )
     stated = [
         monitor_service._recording_info(
             replace(settings, known=one), Study()
@@ -137,7 +140,8 @@ def test_a_monitor_waits_until_the_second_opinion_is_ready(
     monitor_service._wait_for_opinion(companions, note)
     assert not companions.starts(OPINION)
     assert notes == [
-        "the second opinion gets ready: some seconds, once after an installation half a minute or more"
+        "the second opinion gets ready: some seconds, once after an installation half a"
+        " minute or more"
     ]
 
 
@@ -149,9 +153,8 @@ def test_a_monitor_does_not_wait_for_a_second_opinion_that_has_failed(
     opinion.says(SelfReport(detail="no model"))
     opinion.theirs.close()
     monitor_service._wait_for_opinion(companions, notes.append)
-    assert companions.faults(1.0) == (
-        "second opinion: no model",
-    )  # a cause at the server's first tick
+    # a cause at the server's first tick
+    assert companions.faults(1.0) == ("second opinion: no model",)
     assert notes == []
 
 
@@ -164,7 +167,8 @@ def test_a_monitor_serves_without_a_second_opinion_that_is_never_ready_and_says_
     monitor_service._wait_for_opinion(companions, notes.append)
     assert companions.starts(OPINION)
     assert notes == [
-        "the second opinion was not ready within 0.3 s: nothing is OK before its first one"
+        "the second opinion was not ready within 0.3 s: nothing is OK before its"
+        " first one"
     ]
 
 

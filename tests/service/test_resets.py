@@ -57,9 +57,8 @@ def test_wrong_tokens_of_many_are_counted_together_and_the_right_one_is_granted_
             say_at_once(guesser, ["wrong"] * 2)
 
         for guesser in guessers:
-            guesser.hear(
-                lambda peer: answers(peer) == 2
-            )  # or the end of its connection
+            # or the end of its connection
+            guesser.hear(lambda peer: answers(peer) == 2)
 
         assert sum(answers(guesser) for guesser in guessers) == ANSWERED
         withdrawn_but_harmless(scanner)

@@ -24,7 +24,9 @@ robot_client = example_module("robot_client")
 
 
 class ClockedLink:
-    """A connection on which each message comes after a pause of the test's clock; an empty one is its end."""
+    """A connection on which each message comes after a pause of the test's clock; an
+    empty one is its end.
+    """
 
     def __init__(self, messages: list[tuple[float, bytes]]) -> None:
         self.now_s = 1000.0

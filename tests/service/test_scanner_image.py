@@ -1,4 +1,6 @@
-"""The counts and scales of a scanner's images; parts against their whole image; images other than a B-scan."""
+"""The counts and scales of a scanner's images; parts against their whole image; images
+other than a B-scan.
+"""
 
 from dataclasses import replace
 from itertools import pairwise, product
@@ -14,7 +16,8 @@ from scleraforce.service.scanner_image import FrameAssembler, ScannerFrame
 
 DRAW = np.random.default_rng(11)
 COUNTS = DRAW.integers(0, 4096, (6, 9)).astype(np.uint16)
-# Steps of 3-4-5 and 8-15-17 triangles: the pixel measures 5 x 17 um whatever way the plane lies.
+# Steps of 3-4-5 and 8-15-17 triangles: the pixel measures 5 x 17 um whatever way the
+# plane lies.
 MATRIX = (0.003, 0.0, 0.004, 0.0, -0.008, 0.015, 1.0, 0.0, 0.0, 7.0, 8.0, 9.0)
 
 
@@ -162,9 +165,8 @@ def test_whatever_parts_are_lost_no_frame_is_put_together_of_two_images(
 
     for turn in range(8 * parts):
         number, index = divmod(turn, parts)
-        counts = np.full(
-            (2 * parts, 3), number, dtype=np.uint8
-        )  # every image is of one number
+        # every image is of one number
+        counts = np.full((2 * parts, 3), number, dtype=np.uint8)
 
         if turn in lost:
             assembler = FrameAssembler()

@@ -1,4 +1,6 @@
-"""The second opinion's process: it reads frames from the ring with all that a model has, and learns the eye's E."""
+"""The second opinion's process: it reads frames from the ring with all that a model
+has, and learns the eye's E.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -38,7 +40,9 @@ EYE = replace(KNOWN, modulus=PRIOR)
 
 
 class Reader:
-    """The process, and the ring that it reads from; with a `record` it learns the eye, and saves it there."""
+    """The process, and the ring that it reads from; with a `record` it learns the eye,
+    and saves it there.
+    """
 
     def __init__(
         self,
@@ -107,7 +111,9 @@ class Reader:
     def learned(
         self, within_s: float, teaches: bool = True
     ) -> messages.EyeLearned | None:
-        """Hold the needle until something was learned; None if nothing was within a time."""
+        """Hold the needle until something was learned; None if nothing was within a
+        time.
+        """
         end_s = monotonic() + within_s
         while monotonic() < end_s:
             for one in self.show(0.020, teaches):
@@ -130,9 +136,8 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def reader(model: Path) -> Iterator[Reader]:
     reader = Reader(model)
-    assert reader.hear(messages.Alive) == [
-        messages.Alive(faults=())
-    ]  # it has read a frame of its own, and is ready
+    # it has read a frame of its own, and is ready
+    assert reader.hear(messages.Alive) == [messages.Alive(faults=())]
     yield reader
     assert reader.child.end(FUSE_S) == 0
 
@@ -252,9 +257,8 @@ def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_
     modulus = found.known.modulus
     assert modulus is not None
     assert modulus.source == "shape"
-    assert modulus.relative_sd == pytest.approx(
-        PRIOR.relative_sd, rel=0.05
-    )  # one shallow dent tells little
+    # one shallow dent tells little
+    assert modulus.relative_sd == pytest.approx(PRIOR.relative_sd, rel=0.05)
     again = resumed(EYE, tmp_path / LEARNED_FILE, "eye-a")
     assert again.modulus is not None
     assert again.modulus.source == "population"

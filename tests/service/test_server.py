@@ -1,4 +1,6 @@
-"""The server over real sockets, in a process of its own: what clients hear, what withdraws, who disturbs nobody."""
+"""The server over real sockets, in a process of its own: what clients hear, what
+withdraws, who disturbs nobody.
+"""
 
 import json
 import os
@@ -128,7 +130,9 @@ def test_a_peer_is_answered_in_the_header_version_that_it_speaks(
 
 
 def send_together(peer: Peer, forces_un: list[int], first: int = 0) -> None:
-    """Send a few frames, no more than a socket holds, of which the server sees none before all have come."""
+    """Send a few frames, no more than a socket holds, of which the server sees none
+    before all have come.
+    """
     images = [
         Image(frame_of(force_un, 1000 + n)[None], rule.MATRIX)
         for n, force_un in enumerate(forces_un, first)
@@ -273,9 +277,8 @@ def test_no_frame_mixes_parts_from_before_and_after_a_damaged_message(
     wrong_checksum(scanner)
     scanner.say(lower)
     scanner.read(10.0)
-    assert (
-        json.loads(scanner.texts()[-1].text)["frame"] == frames + 1
-    )  # the damaged one has no number
+    # the damaged one has no number
+    assert json.loads(scanner.texts()[-1].text)["frame"] == frames + 1
 
 
 def test_a_frame_that_cannot_be_right_counts_also_where_a_newer_one_came_with_it(
@@ -413,9 +416,8 @@ def test_others_have_two_milliseconds_a_turn_and_who_has_waited_longest_is_first
 
             server._turn(0.1)
 
-        assert (
-            len(heard) == len(set(heard)) == 3
-        )  # each takes two looks at this clock, 2.2 ms
+        # each takes two looks at this clock, 2.2 ms
+        assert len(heard) == len(set(heard)) == 3
         server.close()
 
 
@@ -506,7 +508,9 @@ def test_a_crowd_that_says_nothing_locks_out_neither_the_operator_nor_a_scanner(
 
 
 def gone(peer: Peer, frame: int) -> bool:
-    """Read what has come; return whether the connection has ended before this frame was read."""
+    """Read what has come; return whether the connection has ended before this frame was
+    read.
+    """
     peer.hear(
         lambda peer: any(
             f'"frame": {frame},' in message.text for message in peer.texts()
@@ -576,14 +580,12 @@ def test_the_watchdog_tells_everybody_when_the_monitor_hangs_or_dies(
 
             heard = len(robot.statuses())
             robot.hear(lambda peer: len(peer.statuses()) >= heard + 5)
-            assert {status.code for status in robot.statuses()[heard:]} == {
-                3
-            }  # never OK again
+            # never OK again
+            assert {status.code for status in robot.statuses()[heard:]} == {3}
             assert robot.versions == {2}
 
-        wait_until(
-            lambda: not alive(running.watchdog_pid)
-        )  # it ends when the last client has left
+        # it ends when the last client has left
+        wait_until(lambda: not alive(running.watchdog_pid))
         assert running.process.wait(FUSE_S) == -signal.SIGKILL
 
 
@@ -646,7 +648,9 @@ def test_the_operator_hears_of_each_change_of_state_once(clock: TurnedClock) -> 
 def beside(
     clock: TurnedClock, *names: str
 ) -> Iterator[tuple[int, Peer, dict[str, FakeCompanion]]]:
-    """Run a server beside companions of these names; gives its port, a scanner that it watches, and the companions."""
+    """Run a server beside companions of these names; gives its port, a scanner that it
+    watches, and the companions.
+    """
     companions = {name: FakeCompanion() for name in names}
     with (
         serving(Companions(companions), clock=clock) as port,
@@ -803,9 +807,8 @@ def test_while_no_frames_come_the_console_gets_the_state_again_and_the_log_has_n
 
     assert [entry.number for entry in logged] == list(range(1, len(logged) + 1))
     assert logged[-1].state == "WITHDRAW"
-    assert (
-        sum(entry.event == "tick" for entry in logged) == 1
-    )  # a silence is logged once, however long it lasts
+    # a silence is logged once, however long it lasts
+    assert sum(entry.event == "tick" for entry in logged) == 1
     again = [entry for entry in shown if entry.event == "again"]
     assert (again[-1].state, again[-1].number, again[-1].frame) == (
         "WITHDRAW",

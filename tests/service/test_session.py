@@ -1,4 +1,6 @@
-"""Frames to decisions without sockets: numbers, orders, what raises, what is counted."""
+"""Frames to decisions without sockets: numbers, orders, what raises, what is
+counted.
+"""
 
 import json
 from collections.abc import Sequence
@@ -121,10 +123,11 @@ def test_what_is_wrong_now_and_since_when_is_in_each_entry() -> None:
     take(session, clock, 10_003, 4)
     entry = session.entry("frame", clock.now_s)
     assert (entry.cause, entry.present_cause, entry.present) == ("SILENCE", None, "")
+    # of an event that is not a frame
     assert (entry.frame, entry.verdict) == (
         None,
         None,
-    )  # of an event that is not a frame
+    )
 
 
 def test_a_puncture_that_is_only_reported_does_not_count_as_a_withdrawal_and_a_later_cause_does():
@@ -295,7 +298,9 @@ def test_a_flood_of_frames_that_stand_for_no_time_fills_no_memory() -> None:
 
 
 def test_the_first_frames_stand_for_the_interval_of_the_times_in_their_headers():
-    """They may come in one bunch, or after a pause of the scanner, so that their arrivals tell nothing."""
+    """They may come in one bunch, or after a pause of the scanner, so that their
+    arrivals tell nothing.
+    """
     fast, slow, paused, mixed, wrong, counted = (FramePace(0.1) for _ in range(6))
     assert [fast.arrived(5.0, 7.0 + 1e-3 * n) for n in range(4)] == pytest.approx(
         [0.01, 1e-3, 1e-3, 1e-3]
@@ -320,13 +325,14 @@ def test_the_first_frames_stand_for_the_interval_of_the_times_in_their_headers()
         later.arrived(at_s)
         for at_s in (*(0.01 * n for n in range(1, 101)), 60.0, 60.01)
     ]
-    assert arrived_s[-1] == pytest.approx(
-        (99 * 0.01 + 0.1) / 100
-    )  # a pause counts as a silence
+    # a pause counts as a silence
+    assert arrived_s[-1] == pytest.approx((99 * 0.01 + 0.1) / 100)
 
 
 def test_a_bunch_at_the_start_is_a_loss_for_as_long_as_its_frames_stand_for() -> None:
-    """Ten frames of a scanner of 1000 Hz are 10 ms, and not the 100 ms of an unknown scanner."""
+    """Ten frames of a scanner of 1000 Hz are 10 ms, and not the 100 ms of an unknown
+    scanner.
+    """
     lost_s = []
     for sent_s in ([100.0 + 1e-3 * n for n in range(10)], [None] * 10):
         clock = Clock()
@@ -355,9 +361,8 @@ def test_nan_and_infinity_are_null_everywhere():
         verdict=verdict(nan, (-inf, 13.5), probabilities=(nan, inf, 0.5)),
         latency_ms=inf,
     )
-    record = json.loads(
-        json.dumps(entry.as_json()), parse_constant=pytest.fail
-    )  # NaN and Infinity are not JSON
+    # NaN and Infinity are not JSON
+    record = json.loads(json.dumps(entry.as_json()), parse_constant=pytest.fail)
     assert record["force_mn"] is record["latency_ms"] is None
     assert record["interval_mn"] == [None, 13.5]
     assert record["probabilities"] == [None, None, 0.5]
@@ -576,7 +581,9 @@ def test_planes_may_count_their_frames_alone_or_together_and_each_has_its_own_pa
 def test_a_moment_is_one_time_stamp_or_less_than_one_interval(
     stamped: bool, apart_s: float, lost: int, apart: int
 ) -> None:
-    """Frames of two planes, one of which may be lost; the frames of a moment are as many turns `apart`."""
+    """Frames of two planes, one of which may be lost; the frames of a moment are as
+    many turns `apart`.
+    """
     clock, session = cross()
     begun_s = clock.now_s
     together = list[int]()

@@ -1,4 +1,6 @@
-"""Pictures that come back are known, whatever is burned into them; live ones are new, whatever stays in them."""
+"""Pictures that come back are known, whatever is burned into them; live ones are new,
+whatever stays in them.
+"""
 
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -98,18 +100,24 @@ def normal(rng: np.random.Generator) -> NDArray[np.complex128]:
 
 
 DISPLAYS: dict[str, Callable[[NDArray[np.float64]], Pixels]] = {
-    "8 bits": lambda level_db: np.clip(255 * (level_db + 10.0) / 50.0, 0, 255).astype(
-        np.uint8
+    "8 bits": (
+        lambda level_db: np.clip(255 * (level_db + 10.0) / 50.0, 0, 255).astype(
+            np.uint8
+        )
     ),
-    "12 bits": lambda level_db: np.clip(
-        4095 * (level_db + 10.0) / 50.0, 0, 4095
-    ).astype(np.uint16),
-    "linear": lambda level_db: np.clip(
-        4095 * 10 ** (level_db / 10) / 1000, 0, 4095
-    ).astype(np.uint16),
-    "black where there is no tissue": lambda level_db: np.clip(
-        255 * (level_db - 8) / 40, 0, 255
-    ).astype(np.uint8),
+    "12 bits": (
+        lambda level_db: np.clip(4095 * (level_db + 10.0) / 50.0, 0, 4095).astype(
+            np.uint16
+        )
+    ),
+    "linear": (
+        lambda level_db: np.clip(4095 * 10 ** (level_db / 10) / 1000, 0, 4095).astype(
+            np.uint16
+        )
+    ),
+    "black where there is no tissue": (
+        lambda level_db: np.clip(255 * (level_db - 8) / 40, 0, 255).astype(np.uint8)
+    ),
 }
 
 
@@ -129,7 +137,9 @@ def test_tissue_at_rest_whose_speckle_stays_is_new_by_the_noise_around_it() -> N
 
 
 def first_alarm(before: Sequence[Pixels], old: Sequence[Pixels]) -> int | None:
-    """Return the number of the first old picture at which the third in a row, or the second return, is noticed."""
+    """Return the number of the first old picture at which the third in a row, or the
+    second return, is noticed.
+    """
     shown = ShownPictures(MOST)
     backs = [shown.back(picture) for picture in (*before, *old)]
     assert backs[: len(before)] == [0] * len(before)

@@ -24,7 +24,9 @@ from scleraforce.service import watchdog
 def watch(
     monkeypatch: pytest.MonkeyPatch, said: list[bytes | None]
 ) -> tuple[bool, int]:
-    """Let a watchdog look at a monitor that says one thing before each look; return its verdict and the looks."""
+    """Let a watchdog look at a monitor that says one thing before each look; return its
+    verdict and the looks.
+    """
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     looks = 0
 
@@ -93,8 +95,8 @@ def test_other_bytes_are_refused() -> None:
 
 def test_the_watchdog_needs_the_standard_library_alone() -> None:
     program = (
-        "import sys; import scleraforce.service.watchdog;sys.exit(str([name for name in ('numpy', 'cv2', "
-        "'json') if name in sys.modules] or ''))"
+        "import sys; import scleraforce.service.watchdog;sys.exit(str([name for name in"
+        " ('numpy', 'cv2', 'json') if name in sys.modules] or ''))"
     )
     done = subprocess.run(
         [sys.executable, "-c", program],

@@ -1,4 +1,6 @@
-"""The study: fields with bounds and units, its TOML with the line of each fault, quantities, unused keys."""
+"""The study: fields with bounds and units, its TOML with the line of each fault,
+quantities, unused keys.
+"""
 
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
@@ -41,7 +43,9 @@ PAPER_STUDY_TOML = preset_toml("ex-vivo")
 
 
 def human_number(unit: Unit) -> st.SearchStrategy[float]:
-    """Any number that the unit's bounds allow, as one would write it in a file (six digits)."""
+    """Any number that the unit's bounds allow, as one would write it in a file (six
+    digits).
+    """
     low = -1e6 if unit.low is None else unit.low
     high = 1e6 if unit.high is None else unit.high
     return st.floats(low, high, allow_nan=False).map(
@@ -178,7 +182,8 @@ def test_the_commented_paper_study_names_every_key() -> None:
 
 def test_values_are_si_inside_and_exact() -> None:
     study = parse_study(
-        "[eye]\nthickness_um = [400, 655.5]\n[needle]\npolar_angle_deg = { min = 0, max = 45 }"
+        "[eye]\nthickness_um = [400, 655.5]\n[needle]\npolar_angle_deg = { min = 0, max"
+        " = 45 }"
     )
     assert study.eye.thickness_m == Choice((0.0004, 0.0006555))
     assert study.needle.polar_angle_rad.bounds == pytest.approx(
@@ -442,7 +447,10 @@ def test_arguments_in_python_are_checked_too(tmp_path: Path) -> None:
 
 
 def test_a_key_is_refused_with_the_reason_and_the_remedy() -> None:
-    why = "(linear mechanics knows no tissue that stiffens, and a library has a range of it, [library])"
+    why = (
+        "(linear mechanics knows no tissue that stiffens, and a library has a range of"
+        " it, [library])"
+    )
     stiff = "[tissue]\nstiffening = 10.0"
     formed = "[needle]\ntilt_deg = 5.0\n[[form.wave]]\ndegree = 2"
 
@@ -465,8 +473,10 @@ def test_a_key_is_refused_with_the_reason_and_the_remedy() -> None:
         (
             formed,
             ("simulate", "linear"),
-            "study: form.wave, needle.tilt_deg: not used by `simulate` with linear "
-            "mechanics; leave them out, or give --mechanics finite-strain",
+            (
+                "study: form.wave, needle.tilt_deg: not used by `simulate` with linear "
+                "mechanics; leave them out, or give --mechanics finite-strain"
+            ),
         ),
         (
             "[[form.wave]]\ndegree = 2",

@@ -1,4 +1,6 @@
-"""Frames of known walls: of the analytic library, and of round eyes at rest drawn with given optics."""
+"""Frames of known walls: of the analytic library, and of round eyes at rest drawn with
+given optics.
+"""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -28,9 +30,8 @@ from scleraforce.study import OctStudy, Range, ReaderStudy, Study, fixed
 SHARED = Path(__file__).parents[3] / "shared"
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="../shared is absent")
 LIBRARY = analytic_library()
-SMALL_LIBRARY = analytic_library(
-    thicknesses=6, ratios=7, tips=28
-)  # for models that each test loads anew
+# for models that each test loads anew
+SMALL_LIBRARY = analytic_library(thicknesses=6, ratios=7, tips=28)
 STUDY = Study()
 CLEAN = replace(STUDY.phantom, snr_db=fixed(28.0), shadow_count=fixed(0))
 SCALE = PixelScale.of(STUDY.oct)
@@ -56,7 +57,9 @@ def tip_of(force_n: float) -> float:
 def wall_section(
     tip_m: float, surface_m: float = 0.5e-3, lateral_m: float = 0.3e-3
 ) -> Section:
-    """Section of the wall with a dent, its contact at a depth and a lateral place of the frame."""
+    """Section of the wall with a dent, its contact at a depth and a lateral place of
+    the frame.
+    """
     unknown = np.zeros(len(at.NAMES))
     unknown[[at.TIP, at.LATERAL, at.DEPTH, at.GAP, at.THICKNESS]] = (
         tip_m,
@@ -89,7 +92,9 @@ def recording_toml(
     more: str = "",
     globe: str = 'globe = "open"',
 ) -> str:
-    """Return the text of `recording.toml`; `needle`: other keys of [needle], `more`: of [oct], and sections."""
+    """Return the text of `recording.toml`; `needle`: other keys of [needle], `more`: of
+    [oct], and sections.
+    """
     return f"""
 [eye]
 id = "{eye}"
@@ -113,7 +118,9 @@ depth_m = {STUDY.oct.depth_m}
 def write_one_frame(
     recording: Path, text: str, force_n: float = 0.020, seed: int = 1
 ) -> Path:
-    """Write a recording of one frame, with this recording.toml; return the frame's path."""
+    """Write a recording of one frame, with this recording.toml; return the frame's
+    path.
+    """
     (recording / "frames").mkdir(parents=True)
     (recording / "recording.toml").write_text(text)
     (recording / "frames.csv").write_text("file,time_s\n1.png,1.0\n")
@@ -182,7 +189,9 @@ BOTH = Places(np.concatenate([LATERAL_M, LATERAL_M]), np.repeat([0, 1], COLUMNS)
 def noisy_boundaries(
     predicted: Placed, noise_m: float, rng: np.random.Generator | None
 ) -> np.ndarray:
-    """Boundaries at BOTH (2, column); where rng is given, with errors along the normal, correlated over 0.35 mm."""
+    """Boundaries at BOTH (2, column); where rng is given, with errors along the normal,
+    correlated over 0.35 mm.
+    """
     depth = predicted.depth_m.reshape(2, -1)
     if rng is None:
         return depth
@@ -270,7 +279,9 @@ def moving(
     noise_m: float = 5e-6,
     study: Study = STUDY,
 ) -> list[tuple[Pose, Boundaries]]:
-    """Poses of an eye that shifts by up to 0.2 mm between frames, and boundaries from an ideal segmentation."""
+    """Poses of an eye that shifts by up to 0.2 mm between frames, and boundaries from
+    an ideal segmentation.
+    """
     found = []
     for section in sections:
         lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)

@@ -1,4 +1,6 @@
-"""A made-up eye with a closed form, libraries of it, and a small library of solved walls."""
+"""A made-up eye with a closed form, libraries of it, and a small library of solved
+walls.
+"""
 
 import os
 import signal
@@ -37,14 +39,18 @@ POLAR_RAD = np.radians([0.0, 10.0, 20.0, 30.0, 40.0, 50.0])
 
 
 def force_ratio(thickness_m, iop_ratio, tip_m):
-    """F/E in m^2: a shell that softens beyond 1 mm, pressure on the dent; the force falls where that is low."""
+    """F/E in m^2: a shell that softens beyond 1 mm, pressure on the dent; the force
+    falls where that is low.
+    """
     shell = 2.6 * thickness_m**2 / RADIUS_M * tip_m * np.exp(-tip_m / 1.2e-3)
     ridge = 0.12 * (thickness_m / RADIUS_M) ** 1.5 * tip_m**2
     return shell + ridge + np.pi * iop_ratio * RADIUS_M * tip_m
 
 
 def curves(thickness_m, iop_ratio, tip_m, angles=ANGLES):
-    """Curves (..., boundary, node, 2), m, of arguments that broadcast; a node for each angle."""
+    """Curves (..., boundary, node, 2), m, of arguments that broadcast; a node for each
+    angle.
+    """
     thickness_m, iop_ratio, tip_m = (
         np.asarray(v)[..., None, None] for v in (thickness_m, iop_ratio, tip_m)
     )
@@ -60,7 +66,9 @@ def curves(thickness_m, iop_ratio, tip_m, angles=ANGLES):
 
 
 def displaced_m3(thickness_m, iop_ratio, tip_m):
-    """Volume that the dent displaces in m^3: wider in thicker walls and under more pressure, and with its depth."""
+    """Volume that the dent displaces in m^3: wider in thicker walls and under more
+    pressure, and with its depth.
+    """
     width = np.sqrt(RADIUS_M * thickness_m) * (1.0 + 20.0 * np.sqrt(iop_ratio))
     return np.pi * width**2 * tip_m * (1.0 + 100.0 * tip_m)
 
@@ -109,7 +117,9 @@ def analytic_library(thicknesses=9, ratios=11, tips=40, max_tip_m=7.5e-3, nodes=
 
 
 def bulging(library, rise_m=6e-3):
-    """The library of walls that rise more in their middle: by 60 um at a tension of 0.01."""
+    """The library of walls that rise more in their middle: by 60 um at a tension of
+    0.01.
+    """
     undented = library.undented_tpbnc.copy()
     angle = np.arctan2(undented[0, 0, 0, :, 0], RADIUS_M - undented[0, 0, 0, :, 1])
     undented[..., 1] -= rise_m * library.tension[:, None, None] * np.cos(angle) ** 2
@@ -124,7 +134,9 @@ def draw_walls(rng, count):
 
 
 def solve_analytic(plan, number):
-    """Return a path of a plan like `library.store.solve_path`, for tests of the code around the solver."""
+    """Return a path of a plan like `library.store.solve_path`, for tests of the code
+    around the solver.
+    """
     path = plan.path(number)
     state = (
         path.thickness_m,
@@ -141,7 +153,9 @@ def solve_analytic(plan, number):
 
 
 def solve_slowly(plan, number):
-    """The same, for some paths a tenth of a second later: a worker may be killed while it is at one."""
+    """The same, for some paths a tenth of a second later: a worker may be killed while
+    it is at one.
+    """
     if number < plan.paths:
         time.sleep(0.1)
     return solve_analytic(plan, number)
@@ -164,7 +178,9 @@ STIFFENINGS = plan_library(
 
 @cache
 def solved_library(grid: LibraryStudy) -> Library:
-    """Return the library of a study's load paths without other supports: beside the pole forces grow by a formula."""
+    """Return the library of a study's load paths without other supports: beside the
+    pole forces grow by a formula.
+    """
     plan = plan_library(Study(library=grid))
     shape = (grid.stiffenings, grid.thicknesses, grid.tensions)
     forces, volumes, curves = (
@@ -195,7 +211,9 @@ def solved_library(grid: LibraryStudy) -> Library:
 
 
 def made_up_library(most: float = 30.0) -> Library:
-    """The analytic library, small, with walls of five stiffenings from 0 on; stiffening walls bear more."""
+    """The analytic library, small, with walls of five stiffenings from 0 on; stiffening
+    walls bear more.
+    """
     grid = LibraryStudy(stiffening=Range(min=0.0, max=most))
     stiffenings = plan_library(Study(library=grid)).stiffening
     count = grid.stiffenings

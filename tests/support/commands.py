@@ -1,4 +1,6 @@
-"""Commands as a user starts them, and a limit on how long a test waits for their output."""
+"""Commands as a user starts them, and a limit on how long a test waits for their
+output.
+"""
 
 import signal
 import subprocess
@@ -29,7 +31,9 @@ BIN = 20
 
 
 def monitor_folder(folder: Path) -> Path:
-    """A reader whose network always answers the same small force, and whose fit reads; a calibration of one eye."""
+    """A reader whose network always answers the same small force, and whose fit reads;
+    a calibration of one eye.
+    """
     write_fixed_reader(
         folder / "reader",
         SMALL_LIBRARY,
@@ -52,10 +56,13 @@ def monitor_folder(folder: Path) -> Path:
 
 
 def program(folder: Path) -> Path:
-    """A program as an installation makes it: the current folder is not where its modules come from."""
+    """A program as an installation makes it: the current folder is not where its
+    modules come from.
+    """
     found = folder / "scleraforce-program"
     found.write_text(
-        "from scleraforce.cli.main import main\n\nif __name__ == '__main__':\n    main()\n"
+        "from scleraforce.cli.main import main\n\nif __name__ == '__main__':\n   "
+        " main()\n"
     )
     return found
 

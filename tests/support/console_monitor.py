@@ -1,4 +1,6 @@
-"""A monitor as its console sees it: the other end of the channel, and a ring of frames."""
+"""A monitor as its console sees it: the other end of the channel, and a ring of
+frames.
+"""
 
 import select
 from time import monotonic, time

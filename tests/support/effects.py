@@ -39,7 +39,8 @@ def less_than(limit_bytes: float) -> Iterator[None]:
 
 STRACE = shutil.which("strace")
 SCLERAFORCE = (sys.executable, "-c", "from scleraforce.cli.main import main; main()")
-# Of the calls that name another host, or a file: what they were given is shown in full, descriptors with their paths.
+# Of the calls that name another host, or a file: what they were given is shown in full,
+# descriptors with their paths.
 CALLS = "connect,bind,sendto,sendmsg,sendmmsg,open,openat,creat,mkdir,mkdirat,rename,renameat,renameat2,link,symlink"
 ADDRESS = re.compile(r'sin6?_addr=inet_(?:addr|pton)\((?:AF_INET6, )?"([^"]+)"')
 OPENED = re.compile(
@@ -49,7 +50,9 @@ OPENED = re.compile(
 
 @dataclass(frozen=True)
 class Traced:
-    """Effects of a command: exit code, error output, addresses (IP) that it named, files that it opened to write."""
+    """Effects of a command: exit code, error output, addresses (IP) that it named,
+    files that it opened to write.
+    """
 
     code: int
     err: str
@@ -58,7 +61,9 @@ class Traced:
 
 
 def cache_of_its_own(folder: Path) -> dict[str, str]:
-    """Return the environment of commands whose cache is a folder; it shares the compiled loops, which take a minute."""
+    """Return the environment of commands whose cache is a folder; it shares the
+    compiled loops, which take a minute.
+    """
     shared = user_cache_path("scleraforce") / "compiled"
     shared.mkdir(parents=True, exist_ok=True)
     (folder / "scleraforce").mkdir(parents=True, exist_ok=True)
@@ -67,7 +72,9 @@ def cache_of_its_own(folder: Path) -> dict[str, str]:
 
 
 def fresh_home(folder: Path) -> dict[str, str]:
-    """Return an environment whose home, caches and temporary files are below a folder."""
+    """Return an environment whose home, caches and temporary files are below a
+    folder.
+    """
     places = {"HOME": folder / "home", "TMPDIR": folder / "temporary"}
     for place in places.values():
         place.mkdir(parents=True, exist_ok=True)
@@ -90,7 +97,9 @@ def fresh_home(folder: Path) -> dict[str, str]:
 def traced(
     folder: Path, *arguments: object, until: Callable[[str], bool] | None = None
 ) -> Traced:
-    """Run a command of scleraforce in a folder; with `until`, Ctrl-C ends it after that line on standard error."""
+    """Run a command of scleraforce in a folder; with `until`, Ctrl-C ends it after that
+    line on standard error.
+    """
     assert STRACE
     log = folder / "strace.log"
     command = [
@@ -124,9 +133,8 @@ def traced(
             assert lines[-1], lines
 
         if until:
-            time.sleep(
-                5.0
-            )  # what sends things in the background begins after some seconds
+            # what sends things in the background begins after some seconds
+            time.sleep(5.0)
             os.killpg(process.pid, signal.SIGINT)
 
         lines.append(process.stderr.read())

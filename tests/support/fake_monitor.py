@@ -1,4 +1,6 @@
-"""A monitor for tests of its clients: it answers each image by a rule, over sockets or on a clock of its own."""
+"""A monitor for tests of its clients: it answers each image by a rule, over sockets or
+on a clock of its own.
+"""
 
 import json
 import socket
@@ -28,7 +30,9 @@ OK = Status(1, 0, "", "WATCHING: class 0")
 
 
 class MonitorRule:
-    """Says OK after each image, until `decide` returns another STATUS for an event (None: a client has gone)."""
+    """Says OK after each image, until `decide` returns another STATUS for an event
+    (None: a client has gone).
+    """
 
     def __init__(
         self, decide: Callable[[object], Status | None] = lambda _: None
@@ -192,7 +196,9 @@ def fake_monitor(
 
 
 class ClockedClient:
-    """In place of a `ScannerClient`, beside a monitor that answers at once; a test may move its time `now_s` on."""
+    """In place of a `ScannerClient`, beside a monitor that answers at once; a test may
+    move its time `now_s` on.
+    """
 
     address = "clocked"
 

@@ -1,4 +1,6 @@
-"""Files of other programs: DICOM images, and frames whose pixels cannot be mistaken for each other."""
+"""Files of other programs: DICOM images, and frames whose pixels cannot be mistaken for
+each other.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -11,9 +13,10 @@ from pydicom.uid import ExplicitVRLittleEndian, SecondaryCaptureImageStorage
 ROWS = 24
 COLUMNS = 40
 COUNT = 5
+# below 2**13
 FRAMES = np.arange(COUNT * ROWS * COLUMNS, dtype=np.uint16).reshape(
     COUNT, ROWS, COLUMNS
-)  # below 2**13
+)
 # of a pixel
 DEPTH_M = 4e-6
 LATERAL_M = 15e-6
@@ -38,7 +41,9 @@ def options_of(*options: object) -> list[str]:
 
 
 def with_log(recording: Path) -> Path:
-    """Give a small recording a log that begins before its frames and ends after them."""
+    """Give a small recording a log that begins before its frames and ends after
+    them.
+    """
     time_s = np.arange(0.0, 3.0, 0.005)
     lines = [f"{t:.3f},{-0.02 * np.clip(t - 0.5, 0.0, 0.5):.6f}" for t in time_s]
     (recording / "forces.csv").write_text("\n".join(["time_s,fz_n", *lines]) + "\n")
@@ -46,7 +51,9 @@ def with_log(recording: Path) -> Path:
 
 
 def write_log(path: Path, seconds: float = 6.0, rate_hz: float = 200.0) -> np.ndarray:
-    """Write a log of a push after two seconds in columns of its own, mN against ms; return the force in N."""
+    """Write a log of a push after two seconds in columns of its own, mN against ms;
+    return the force in N.
+    """
     time_s = np.arange(0.0, seconds, 1.0 / rate_hz)
     force_n = -0.02 * np.clip(time_s - 2.0, 0.0, 1.0)
     lines = [
@@ -58,7 +65,9 @@ def write_log(path: Path, seconds: float = 6.0, rate_hz: float = 200.0) -> np.nd
 
 
 def write_dicom(path: Path, pixels: np.ndarray, **tags: Any) -> FileDataset:
-    """Write pixels (rows, columns) or (frames, rows, columns), 8 or 16 bits; `tags` replace or add."""
+    """Write pixels (rows, columns) or (frames, rows, columns), 8 or 16 bits; `tags`
+    replace or add.
+    """
     meta = FileMetaDataset()
     meta.MediaStorageSOPClassUID = SecondaryCaptureImageStorage
     meta.MediaStorageSOPInstanceUID = "1.2.3"
@@ -88,7 +97,10 @@ INTENSITY_FILE = "data\\Intensity.data"
 
 def oct_entry(name: str = INTENSITY_FILE, count: int = COUNT, rows: int = ROWS) -> str:
     """Return an entry of the header of Thorlabs' .oct."""
-    sizes = f'SizeZ="{rows}" SizeX="{COLUMNS}" SizeY="{count}" RangeZ="0.096" RangeX="0.6" RangeY="1"'
+    sizes = (
+        f'SizeZ="{rows}" SizeX="{COLUMNS}" SizeY="{count}" RangeZ="0.096" RangeX="0.6"'
+        ' RangeY="1"'
+    )
     return f'<DataFile Type="Real" {sizes} BytesPerPixel="4">{name}</DataFile>'
 
 
@@ -123,7 +135,8 @@ def plus_fields(stamps, states=("OK",) * COUNT) -> dict[str, object]:
     return fields
 
 
-# The stored form of a picture by its Orientation: the place of row 0 and column 0 in it (TIFF 6.0, EXIF).
+# The stored form of a picture by its Orientation: the place of row 0 and column 0 in it
+# (TIFF 6.0, EXIF).
 STORED = {
     1: lambda shown: shown,
     2: lambda shown: shown[:, ::-1],

@@ -1,8 +1,9 @@
-"""Damaged and hostile files: a whole file of each kind, seeded mutations, and a judge of the reading.
+"""Damaged and hostile files: a whole file of each kind, seeded mutations, and a judge
+of the reading.
 
-Started as `PYTHONPATH=benchmarks python tests/support/hostile.py FOLDER KIND FIRST LAST`: prints a JSON line for every
-seed and every fault. Reading may end well or in an `InputError`, within some seconds and some memory, and writes
-nothing.
+Started as `PYTHONPATH=benchmarks python tests/support/hostile.py FOLDER KIND FIRST
+LAST`: prints a JSON line for every seed and every fault. Reading may end well or in an
+`InputError`, within some seconds and some memory, and writes nothing.
 """
 
 import json
@@ -168,7 +169,8 @@ def _read_model(folder: Path) -> object:
     )
 
 
-# Of each kind: the file, or the files of which a seed takes one; what reads it; what makes hashes agree.
+# Of each kind: the file, or the files of which a seed takes one; what reads it; what
+# makes hashes agree.
 KINDS: dict[
     str, tuple[str, Callable[[Path], object], Callable[[Path], None] | None]
 ] = {
@@ -206,7 +208,9 @@ KINDS: dict[
 
 
 def damage(folder: Path, kind: str, seed: int | str) -> Path:
-    """Damage a file of a kind: as the seed has it, or by putting something special in its place. Return it."""
+    """Damage a file of a kind: as the seed has it, or by putting something special in
+    its place. Return it.
+    """
     rng = random.Random(f"{kind} {seed}")
     pattern, _, rehash = KINDS[kind]
     path = rng.choice(sorted(file for file in folder.glob(pattern) if file.is_file()))
@@ -251,7 +255,9 @@ def _changed(value: Any, rng: random.Random) -> Any:
 
 
 def _mutated(content: bytes, rng: random.Random) -> bytes:
-    """Flip a bit, cut or double a part, insert or overwrite bytes, or replace a word or number."""
+    """Flip a bit, cut or double a part, insert or overwrite bytes, or replace a word or
+    number.
+    """
     low, high = sorted(rng.randrange(len(content) + 1) for _ in range(2))
     tokens = list(re.finditer(rb"[A-Za-z0-9_.+-]+", content[:100_000]))
 

@@ -1,4 +1,6 @@
-"""Force logs of virtual pushes on tissue that relaxes, without pictures; answers as a reader of dents gives them."""
+"""Force logs of virtual pushes on tissue that relaxes, without pictures; answers as a
+reader of dents gives them.
+"""
 
 from types import SimpleNamespace
 from typing import Any
@@ -57,7 +59,9 @@ def logged(path: NeedlePath, rng: np.random.Generator) -> Any:
 def found_in(
     path: NeedlePath, frame_s: np.ndarray, rng, known: KnownRelaxation | None = None
 ):
-    """Elastic forces of frames, N, and how the tissue relaxes, from the log of a path and the true labels."""
+    """Elastic forces of frames, N, and how the tissue relaxes, from the log of a path
+    and the true labels.
+    """
     forces = FrameForces(path.felt_n(frame_s), frame_s, np.zeros(2), ZERO_PRIOR)
     found, relaxation, _ = with_elastic_forces(logged(path, rng), forces, known)
     return found.force_n, relaxation

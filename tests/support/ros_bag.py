@@ -87,7 +87,9 @@ def write_bag(
     forces: bool = True,
     packed=None,
 ) -> Path:
-    """A bag of five frames and a wrench at 200 Hz; images arrive late, so that arrival has another order."""
+    """A bag of five frames and a wrench at 200 Hz; images arrive late, so that arrival
+    has another order.
+    """
     one = kind == "ros1"
     store = ROS1 if one else ROS2
     messages = Messages(store)

@@ -1,4 +1,6 @@
-"""Sections of the made-up eye by planes of a scan, cut in three dimensions: not by the library's rings."""
+"""Sections of the made-up eye by planes of a scan, cut in three dimensions: not by the
+library's rings.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,7 +32,8 @@ def cut_wall(
     contact_m: tuple[float, ...],
     tilt_rad: tuple[float, ...] = (0.0, 0.0),
 ) -> Section:
-    """Cut a dented wall, whose undented contact is at x, y and depth of the scanner, by a plane.
+    """Cut a dented wall, whose undented contact is at x, y and depth of the scanner, by
+    a plane.
 
     `tilt_rad`: the wall's normal leans towards x and y on its way up.
     """
@@ -75,10 +78,13 @@ def write_moments(
     planes: Sequence[Plane] = CROSS,
     log: bool = False,
 ) -> Path:
-    """Write a recording of a dent in several planes, or in one of its true gap; `log`: with the forces."""
+    """Write a recording of a dent in several planes, or in one of its true gap; `log`:
+    with the forces.
+    """
     (folder / "frames").mkdir(parents=True)
     listed = "".join(
-        f'[[oct.plane]]\nname = "{one.name}"\noffset_m = {one.offset_m}\ndirection_rad = {one.direction_rad}\n'
+        f'[[oct.plane]]\nname = "{one.name}"\noffset_m = {one.offset_m}\ndirection_rad'
+        f" = {one.direction_rad}\n"
         for one in planes
     )
     text = recording_toml("eye", more=listed * (len(planes) > 1) + FORCE_INFO * log)

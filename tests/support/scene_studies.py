@@ -19,7 +19,9 @@ def varied(record: Any, **values: Any) -> Any:
 
 
 def only(record: Any, share: float = 0.0, count: int = 0, **values: Any) -> Any:
-    """A record with the same share of everything, and the same count, but for the values given."""
+    """A record with the same share of everything, and the same count, but for the
+    values given.
+    """
     given = {item.name: getattr(record, item.name) for item in fields(record)}
     same = {
         name: share

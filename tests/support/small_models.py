@@ -1,4 +1,6 @@
-"""Model folders and readers that need no training: their networks give fixed answers, or train in a moment."""
+"""Model folders and readers that need no training: their networks give fixed answers,
+or train in a moment.
+"""
 
 import json
 from collections.abc import Sequence
@@ -298,7 +300,9 @@ def distributions(boundary: np.ndarray, sd: float = 0.6) -> np.ndarray:
 
 
 def fixed_finder(outer: np.ndarray, inner: np.ndarray, sd: float = 0.6) -> WallFinder:
-    """A wall finder that answers with boundaries, (column / 2,), in rows of the reduced frame; NaN: no wall."""
+    """A wall finder that answers with boundaries, (column / 2,), in rows of the reduced
+    frame; NaN: no wall.
+    """
     rows = np.stack([distributions(outer, sd), distributions(inner, sd)])
     return FixedFinder(
         FixedSession(rows, np.isfinite(outer).astype(float)), FINDER_STUDY, "drawn"

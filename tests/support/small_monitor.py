@@ -1,4 +1,6 @@
-"""A monitor whose reader is a rule (the answer is in the frame's first pixels), its clock and its clients."""
+"""A monitor whose reader is a rule (the answer is in the frame's first pixels), its
+clock and its clients.
+"""
 
 import socket
 import subprocess
@@ -67,7 +69,9 @@ class TurnedClock:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Let other threads wait where they look at the clock: what is sent meanwhile has then arrived."""
+        """Let other threads wait where they look at the clock: what is sent meanwhile
+        has then arrived.
+        """
         with self._lock:
             yield
 
@@ -129,7 +133,9 @@ def small_server(
     planes: tuple[str, ...] = (),
     **settings: Any,
 ) -> tuple[Server, int]:
-    """A server of small frames, and its port; without a clock of the test it needs to bear what holds a test up."""
+    """A server of small frames, and its port; without a clock of the test it needs to
+    bear what holds a test up.
+    """
     limits = MonitorLimits(
         size=(ROWS, COLUMNS),
         scale_m=SCALE_M,
@@ -231,7 +237,9 @@ OF_VERDICT = (
 
 
 def decision(state: str = "WATCHING", **said: Any) -> Entry:
-    """A decision; `said` are attributes of the entry and of its verdict, which exists if one of its own is given."""
+    """A decision; `said` are attributes of the entry and of its verdict, which exists
+    if one of its own is given.
+    """
     read = {name: said.pop(name) for name in OF_VERDICT if name in said}
     others = {"event": "frame", "state": state, "code": 1, "message": "x", **said}
     return replace(TICK_ENTRY, verdict=verdict(**read) if read else None, **others)
@@ -300,7 +308,8 @@ class NoGuard:
 def serving(companions: Companions | None = None, **settings: Any) -> Iterator[int]:
     """Run a small server in a thread until the block ends; yield its port.
 
-    Its time is from `clock`, by default one that does not move; `clock=None` is the machine's.
+    Its time is from `clock`, by default one that does not move; `clock=None` is the
+    machine's.
     """
     settings.setdefault("clock", TurnedClock())
     server, port = small_server(NoGuard(), companions or Companions({}), **settings)  # type: ignore[arg-type]
@@ -319,7 +328,9 @@ def serving(companions: Companions | None = None, **settings: Any) -> Iterator[i
 def small_monitor(
     errors: int | None = None, look_s: float = LOOK_S
 ) -> Iterator[Running]:
-    """Run a small monitor, with its watchdog, in a process of its own until the block ends; `errors` is its fd 2."""
+    """Run a small monitor, with its watchdog, in a process of its own until the block
+    ends; `errors` is its fd 2.
+    """
     script = Path(__file__).with_name("small_monitor.py")
     process = subprocess.Popen(
         [sys.executable, str(script), str(look_s)],
@@ -343,10 +354,12 @@ def small_monitor(
 
 
 class Peer:
-    """One connection; `heard` has (device, message) of all that came. With a clock, a frame comes every 10 ms of it.
+    """One connection; `heard` has (device, message) of all that came. With a clock, a
+    frame comes every 10 ms of it.
 
-    While a peer hears, all receive, each into its `arrived`: the server drops messages to a client that does not read,
-    some 5 kB after the last that its system has acknowledged, which may take that 40 ms.
+    While a peer hears, all receive, each into its `arrived`: the server drops messages
+    to a client that does not read, some 5 kB after the last that its system has
+    acknowledged, which may take that 40 ms.
     """
 
     connected: ClassVar[set["Peer"]] = set()
@@ -417,7 +430,9 @@ class Peer:
         done: Callable[["Peer"], bool] = lambda _: False,
         within_s: float | None = None,
     ) -> None:
-        """Take what comes until `done`; a closed connection ends it as well, or a time that is given."""
+        """Take what comes until `done`; a closed connection ends it as well, or a time
+        that is given.
+        """
         end_s = monotonic() + (FUSE_S if within_s is None else within_s)
         while (
             not done(self) and not self.closed and (left_s := end_s - monotonic()) > 0
@@ -472,7 +487,9 @@ class Peer:
         return found[0]
 
     def watch(self, force_mn: float = 10.0, frames: int = 12) -> None:
-        """Send harmless frames in contact, each when the last one was answered, until the monitor watches."""
+        """Send harmless frames in contact, each when the last one was answered, until
+        the monitor watches.
+        """
         for number in range(frames):
             self.read(force_mn + 0.01 * (number % 3))
         assert self.statuses()[-1].code == 1, self.statuses()[-1]

@@ -62,7 +62,9 @@ def write_small_recording(
     bits: int = 12,
     pixel_m: tuple[float, float] = (0.008 / COLUMNS, 0.003 / ROWS),
 ) -> Path:
-    """Write frames of noise, numbered in their first pixel, or `pictures`; return the folder."""
+    """Write frames of noise, numbered in their first pixel, or `pictures`; return the
+    folder.
+    """
     rng = np.random.default_rng(0)
     if pictures is None:
         pictures = [
@@ -139,7 +141,9 @@ def frame_answer(**said: Any) -> FrameAnswer:
 
 
 def refused_frame(**said: Any) -> FrameAnswer:
-    """The answer to a frame that cannot be judged, of the highest class, with other attributes."""
+    """The answer to a frame that cannot be judged, of the highest class, with other
+    attributes.
+    """
     return changed(
         RIGHT, **{"predicted": 2, "probabilities": None, "usable": False, **said}
     )
@@ -160,7 +164,9 @@ LOOKED_AT_COLUMNS = 300
 
 
 def looked_at_frames(folder: Path, count: int) -> tuple[AnsweredFrame, ...]:
-    """Return frames of a wall 0.6 mm thick, each read as it was measured: 20 mN, class 1."""
+    """Return frames of a wall 0.6 mm thick, each read as it was measured: 20 mN, class
+    1.
+    """
     (folder / "frames").mkdir(parents=True)
     scan = replace(LOGGED_INFO.oct, rows=LOOKED_AT_ROWS, columns=LOOKED_AT_COLUMNS)
     (folder / "recording.toml").write_text(
@@ -190,7 +196,9 @@ def looked_at_frames(folder: Path, count: int) -> tuple[AnsweredFrame, ...]:
 def read_frames(
     folder: Path, reason: str, **more: Any
 ) -> tuple[tuple[AnsweredFrame, ...], Evaluation]:
-    """Four frames of 20 mN, read as 21 mN, and their evaluation: the second is misread, the third not usable."""
+    """Four frames of 20 mN, read as 21 mN, and their evaluation: the second is misread,
+    the third not usable.
+    """
     looks = looked_at_frames(folder, 4)
     answers = [
         changed(look.answer, force_n=0.021, interval_n=(0.0187, 0.0234), **more)
@@ -210,7 +218,9 @@ def read_frames(
 
 
 def drawn_wall(rng: np.random.Generator, dent_m: float = 0.6e-3) -> np.ndarray:
-    """A frame of 15 x 4 mm, in 12 bits, with a wall of 0.6 mm: its surface is 0.5 mm deep in the middle, and dented."""
+    """A frame of 15 x 4 mm, in 12 bits, with a wall of 0.6 mm: its surface is 0.5 mm
+    deep in the middle, and dented.
+    """
     lateral_m = (
         np.arange(LOOKED_AT_COLUMNS) + 0.5
     ) / LOOKED_AT_COLUMNS * 15e-3 - 7.5e-3
@@ -231,7 +241,9 @@ def drawn_wall(rng: np.random.Generator, dent_m: float = 0.6e-3) -> np.ndarray:
 def calibration_text(
     mean_mpa: Any = 0.27, eyes: Mapping[str, Any] | None = None, **keys: Any
 ) -> str:
-    """Return the JSON text; `eyes` maps ids to changed values of an entry, `keys` replace the file's own."""
+    """Return the JSON text; `eyes` maps ids to changed values of an entry, `keys`
+    replace the file's own.
+    """
     usual = {
         "mean_mpa": mean_mpa,
         "sd_mpa": 0.005,
@@ -250,7 +262,9 @@ def calibration_text(
 
 
 def calibration_of_a_sealed_eye() -> Calibration:
-    """E 0.3 ± 0.01 MPa, thickness 651 ± 12 µm and k 0.0312 ± 0.0012 mmHg^(1/3)/µl; forces 13 % high."""
+    """E 0.3 ± 0.01 MPa, thickness 651 ± 12 µm and k 0.0312 ± 0.0012 mmHg^(1/3)/µl;
+    forces 13 % high.
+    """
     names = (PARAMETERS["e"], PARAMETERS["thickness"], RIGIDITY)
     pose = len(NUISANCES)
     count = len(names)
@@ -306,7 +320,9 @@ FORCE_TOML = '[force]\naxis = "fz"\ncontact_sign = -1'
 
 
 def write_recording(path: Path, eye: str, gap_m: float = GAP_M, seed: int = 0) -> Path:
-    """Four frames of the analytic wall under known forces, and one that shows nothing."""
+    """Four frames of the analytic wall under known forces, and one that shows
+    nothing.
+    """
     (path / "frames").mkdir(parents=True)
     (path / "recording.toml").write_text(recording_toml(eye, gap_m, more=FORCE_TOML))
     forces_n = (*FORCES_N, 0.010)
@@ -392,7 +408,9 @@ epochs = 2
 
 
 def write_notebook_folder(folder: Path) -> None:
-    """Write study.toml, eye-a, responses, dataset and reader; below `cache`, the library of the study for the user."""
+    """Write study.toml, eye-a, responses, dataset and reader; below `cache`, the
+    library of the study for the user.
+    """
     (folder / "study.toml").write_text(NOTEBOOK_STUDY)
     study = read_study(folder / "study.toml")
     eye = PhantomEye(

@@ -1,4 +1,6 @@
-"""Waits that end: how long a test waits for another thread or process, on any machine."""
+"""Waits that end: how long a test waits for another thread or process, on any
+machine.
+"""
 
 import os
 import signal
@@ -15,7 +17,9 @@ LIMIT_S = 240.0  # of a test that starts a monitor, on a busy machine
 
 @contextmanager
 def ends(pipe: IO[str], seconds: float = LIMIT_S) -> Iterator[None]:
-    """Kill whoever else holds a pipe when this takes longer: whoever reads it then sees its end (Linux only)."""
+    """Kill whoever else holds a pipe when this takes longer: whoever reads it then sees
+    its end (Linux only).
+    """
     timer = Timer(
         seconds, _kill_holders, (os.readlink(f"/proc/self/fd/{pipe.fileno()}"),)
     )

@@ -120,7 +120,9 @@ def large(size: int):
 
 
 def tripled(weight: bytes = b"", late_s: float = 0.05):
-    """Work that triples a number, every second one late; `weight` is only carried along."""
+    """Work that triples a number, every second one late; `weight` is only carried
+    along.
+    """
 
     def work(unit: int) -> int:
         time.sleep(late_s * (unit % 2))
@@ -142,7 +144,9 @@ class OddError(Exception):
 
 
 def fails_oddly():
-    """Work that fails with an exception that does not survive the way to another process."""
+    """Work that fails with an exception that does not survive the way to another
+    process.
+    """
 
     def work(unit: int) -> int:
         raise OddError(unit, "this")
@@ -156,7 +160,9 @@ def ends_its_process():
 
 
 def waits_for_ever(folder: Path):
-    """Work whose first unit ends at once; every other one writes its process into a file and waits."""
+    """Work whose first unit ends at once; every other one writes its process into a
+    file and waits.
+    """
 
     def work(unit: int) -> int:
         if unit:

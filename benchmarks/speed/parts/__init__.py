@@ -1,1 +1,3 @@
-"""Measurements: a module for each table, with a function `measure(run)` that returns it."""
+"""Measurements: a module for each table, with a function `measure(run)` that returns
+it.
+"""

@@ -18,9 +18,8 @@ NEEDLE_RADIUS_M = 0.35e-3
 GOAL_MS = 2.0
 FIRST_GOAL_MS = 5.0
 PEER = "SciPy's factor of scikit-fem's matrix"
-TOGETHER = (
-    32  # right-hand sides in one triangular solve, as the data set's walls are solved
-)
+# right-hand sides in one triangular solve, as the data set's walls are solved
+TOGETHER = 32
 MANY = f"another contact, of {TOGETHER} together"
 SOFA_MS = 26.0
 SETTINGS = """An eye of 0.5 mm, prepared: mesh made, matrix factored. What is timed is the displacement of all
@@ -71,10 +70,20 @@ def measure(run: Run) -> Table:
         for name, times in in_turns(work, run.count(40, 3)).items()
     }
     settings = {
-        "another contact": "the needle at a contact that was not seen before: one more right-hand side",
-        MANY: "the same for each of them: one solve for all, which reads the factor once",
-        "another force": "the same contact, with pressure and weight: superposition of known solutions",
-        PEER: "`splu` with its ordering for symmetric matrices, a right-hand side that is ready",
+        "another contact": (
+            "the needle at a contact that was not seen before: one more right-hand side"
+        ),
+        MANY: (
+            "the same for each of them: one solve for all, which reads the factor once"
+        ),
+        "another force": (
+            "the same contact, with pressure and weight: superposition of known"
+            " solutions"
+        ),
+        PEER: (
+            "`splu` with its ordering for symmetric matrices, a right-hand side that is"
+            " ready"
+        ),
     }
     rows = [
         Row(

@@ -68,8 +68,10 @@ def measure(run: Run) -> Table:
                 beside=SOLID,
                 beside_value=solid_s["value"],
                 goal=PATH_GOAL_S,
-                settings=f"mean of {len(units)} of the library's walls, {plan.grid.tips} dents each; one process, "
-                "compiled loops",
+                settings=(
+                    f"mean of {len(units)} of the library's walls, {plan.grid.tips}"
+                    " dents each; one process, compiled loops"
+                ),
             ),
             Row(
                 what=SOLID,
@@ -84,10 +86,16 @@ def measure(run: Run) -> Table:
                 beside=f"{plan.units} paths one after the other",
                 beside_value=plan.units * path_s["value"],
                 goal=LIBRARY_GOAL_S,
-                settings=f"`scleraforce library`, {cores} processes, from their start to the complete store; made once",
+                settings=(
+                    f"`scleraforce library`, {cores} processes, from their start to the"
+                    " complete store; made once"
+                ),
             ),
             Row(
-                what=f"library of {whole.units} paths, tissue of {study.library.stiffenings} stiffenings",
+                what=(
+                    f"library of {whole.units} paths, tissue of"
+                    f" {study.library.stiffenings} stiffenings"
+                ),
                 value=library_s,
                 unit="s",
                 settings="the default library",

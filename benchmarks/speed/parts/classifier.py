@@ -1,4 +1,6 @@
-"""Training on the paper's data set: our classifier, and scikit-learn's as one would call it."""
+"""Training on the paper's data set: our classifier, and scikit-learn's as one would
+call it.
+"""
 
 from time import perf_counter
 
@@ -53,8 +55,11 @@ def measure(run: Run) -> Table:
                 unit="s",
                 beside=PEER,
                 beside_value=peer_s,
-                settings=f"{sizes}, dropout {network.dropout:g}, {network.dropout_masks} masks, mirrored slices; "
-                f"{CLASSIFIER_THREADS} threads of PyTorch, its validation after each epoch included",
+                settings=(
+                    f"{sizes}, dropout {network.dropout:g}, {network.dropout_masks}"
+                    f" masks, mirrored slices; {CLASSIFIER_THREADS} threads of PyTorch,"
+                    " its validation after each epoch included"
+                ),
                 more={
                     "right class, %": 100.0 * fitted.curves.validation_accuracy[-1],
                     "epochs": float(network.epochs),
@@ -64,8 +69,10 @@ def measure(run: Run) -> Table:
                 what=PEER,
                 value=peer_s,
                 unit="s",
-                settings=f"{sizes}, default settings (Adam, batches of 200), but `early_stopping`, and "
-                f"{MOST_EPOCHS} epochs at most",
+                settings=(
+                    f"{sizes}, default settings (Adam, batches of 200), but"
+                    f" `early_stopping`, and {MOST_EPOCHS} epochs at most"
+                ),
                 more={
                     "right class, %": 100.0 * float(peer.score(asked, unseen.target)),
                     "epochs": float(peer.n_iter_),

@@ -1,4 +1,6 @@
-"""One eye under 30 mN at finite strain, as `simulate --mechanics finite-strain` computes it."""
+"""One eye under 30 mN at finite strain, as `simulate --mechanics finite-strain`
+computes it.
+"""
 
 from collections.abc import Callable
 from functools import partial

@@ -1,4 +1,6 @@
-"""Reading a frame on one core: segmentation, all of the loop's reading, the fit that gives the second opinion."""
+"""Reading a frame on one core: segmentation, all of the loop's reading, the fit that
+gives the second opinion.
+"""
 
 import gc
 from collections.abc import Callable, Mapping, Sequence
@@ -45,11 +47,19 @@ SETTINGS = """Frames of 512 x 512 pixels and 16 bits, drawn from the shipped rea
 core. Between two calls there is a pause of 10 ms, as between the frames of a scanner: caches are cold. The rows are
 taken in turns, frame by frame."""
 WORDS = {
-    CRUDE: "8 bits, `medianBlur` 5 x 5, Otsu's threshold, contours: walls are not distinguished from other tissue",
+    CRUDE: (
+        "8 bits, `medianBlur` 5 x 5, Otsu's threshold, contours: walls are not"
+        " distinguished from other tissue"
+    ),
     SEGMENT: "`find_wall`: both boundaries, in each column, with a verdict",
-    READ: "`LiveReader.read`: segmentation, slices, network, verdicts, force with its interval",
-    FIT: "`fit_boundaries`: a wall of the library laid on the boundaries of a segmented frame, here of a recording of "
-    "0 to 20 mN with the known inputs of a monitor",
+    READ: (
+        "`LiveReader.read`: segmentation, slices, network, verdicts, force with its"
+        " interval"
+    ),
+    FIT: (
+        "`fit_boundaries`: a wall of the library laid on the boundaries of a segmented"
+        " frame, here of a recording of 0 to 20 mN with the known inputs of a monitor"
+    ),
     FIT_OPEN: "the same of the drawn eyes that show enough for a fit, declared open",
     FIT_UNKNOWN: "the same, globe not declared",
 }
@@ -105,7 +115,9 @@ def _work(reader: ForceReader, eyes: Sequence[DrawnEye]) -> dict[str, Work]:
 
 
 def _fit(reader: ForceReader, path: Path) -> Work:
-    """Return the function that fits a wall to a frame of the recording, with a monitor's known inputs."""
+    """Return the function that fits a wall to a frame of the recording, with a
+    monitor's known inputs.
+    """
     recording = read_recording(path)
     known = replace(
         known_of_recording(recording.info),
@@ -126,7 +138,9 @@ def _fit(reader: ForceReader, path: Path) -> Work:
 
 
 def _fits(reader: ForceReader, eyes: Sequence[DrawnEye], globe: KnownGlobe) -> Work:
-    """Return the function that fits a wall to the boundaries of a drawn eye of a known kind of globe."""
+    """Return the function that fits a wall to the boundaries of a drawn eye of a known
+    kind of globe.
+    """
     inputs = []
     smoothing_m = reader.study.calibration.surface_smoothing_m
 

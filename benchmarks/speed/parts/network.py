@@ -1,4 +1,6 @@
-"""The shipped network's reading in ONNX Runtime, in PyTorch, and with weights of 8 bits."""
+"""The shipped network's reading in ONNX Runtime, in PyTorch, and with weights of 8
+bits.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -34,7 +36,10 @@ after each other. "difference" is the largest difference of the force over the f
 WORDS = {
     ONNX: "`model.onnx` as it ships, 32 bits",
     TORCH: "the same weights in the module that was trained, `inference_mode`",
-    INT8: "`onnxruntime.quantization.quantize_static` of convolutions and layers, its ranges from half of the frames",
+    INT8: (
+        "`onnxruntime.quantization.quantize_static` of convolutions and layers, its"
+        " ranges from half of the frames"
+    ),
 }
 Slices = NDArray[np.uint8]
 Read = Callable[[Slices, Known], float]
@@ -140,7 +145,8 @@ def _by_torch(network: bytes, study: Study) -> Read:
 
 
 def _stored_name(name: str) -> str:
-    """Return what a graph that was written node by node, as of readers until 2026, calls a tensor of the module.
+    """Return what a graph that was written node by node, as of readers until 2026,
+    calls a tensor of the module.
 
     >>> _stored_name("convolutions.1.weight"), _stored_name("given_layer.bias"), _stored_name("circle")
     ('weight1', 'known_linear_bias', 'circle')
@@ -161,7 +167,9 @@ def _stored_name(name: str) -> str:
 
 
 def _quantized(network: bytes, folder: Path, samples: list[Any], study: Study) -> bytes:
-    """Return the network with weights and signals of 8 bits, their ranges taken from samples."""
+    """Return the network with weights and signals of 8 bits, their ranges taken from
+    samples.
+    """
     from onnxruntime.quantization import (  # type: ignore[import-untyped]  # no types
         CalibrationDataReader,
         QuantFormat,

@@ -42,7 +42,10 @@ def measure(run: Run) -> Table:
         words = f"{sizes}: done to the end"
     else:
         seconds = whole_seconds(study, began_s, epochs_s, eyes_s, end_s)
-        words = f"{sizes}: estimated from {len(epochs_s)} epochs and {len(eyes_s)} eyes; --training does all"
+        words = (
+            f"{sizes}: estimated from {len(epochs_s)} epochs and {len(eyes_s)} eyes;"
+            " --training does all"
+        )
 
     each = {"an epoch, s": _each(epochs_s), "an eye, s": _each(eyes_s)}
     accuracy = (
@@ -77,7 +80,8 @@ def whole_seconds(
     eyes_s: list[float],
     end_s: float,
 ) -> float:
-    """Return what the whole training would take, of the times when epochs and eyes of a shorter one were done.
+    """Return what the whole training would take, of the times when epochs and eyes of a
+    shorter one were done.
 
     What is done once, before, between and after them, counts once.
 
@@ -100,7 +104,9 @@ def _each(marks_s: list[float]) -> float:
 def _marks(
     study: Study, library: Library, run: Run
 ) -> tuple[float, list[float], list[float], float, Any]:
-    """Train; return when it began, when each epoch and each eye was done, when it ended, and what it reached."""
+    """Train; return when it began, when each epoch and each eye was done, when it
+    ended, and what it reached.
+    """
     from scleraforce.learning.train import train_reader
 
     epochs_s: list[float] = []

@@ -7,7 +7,9 @@ from speed.run import ROOT, Run
 
 
 def made_recording(run: Run) -> Path:
-    """Return the run's recording, 100 frames a second up to 20 mN; make it where no other part has."""
+    """Return the run's recording, 100 frames a second up to 20 mN; make it where no
+    other part has.
+    """
     path = run.folder / "recording"
     if not path.exists():
         eye = [

@@ -1,4 +1,6 @@
-"""A scanner of 1,000 frames a second, also beside other work; the memory of the running monitor."""
+"""A scanner of 1,000 frames a second, also beside other work; the memory of the running
+monitor.
+"""
 
 import json
 import subprocess

@@ -1,4 +1,6 @@
-"""The first static solve of R1, in this package and in what one would use instead: time, memory, error."""
+"""The first static solve of R1, in this package and in what one would use instead:
+time, memory, error.
+"""
 
 from collections import defaultdict
 from dataclasses import dataclass
@@ -16,7 +18,10 @@ DENSITY_KG_M3 = 1100.0  # CalculiX wants one
 BESIDE = "CalculiX C3D20"
 OURS = {
     "default": "what `simulate` solves: small elements under the needle, 27 nodes",
-    "even": "20 quads along an edge, one layer, 27 nodes: the mesh of `phantom`, `calibrate`, `generate`",
+    "even": (
+        "20 quads along an edge, one layer, 27 nodes: the mesh of `phantom`,"
+        " `calibrate`, `generate`"
+    ),
     "20-node": "20 quads along an edge, one layer, 20 nodes",
     "paper's": "9,600 trilinear hexahedra in two layers: it locks",
 }
@@ -27,9 +32,13 @@ ELEMENTS = {
     "C3D8I": "paper's",
 }
 SCIKIT_FEM = "plain scikit-fem"
-# SOFA v26.06, HexahedronFEMForceField, StaticSolver, Eigen LDLT: s, unknowns, tip in mm beside a converged 2.135.
+# SOFA v26.06, HexahedronFEMForceField, StaticSolver, Eigen LDLT: s, unknowns, tip in mm
+# beside a converged 2.135.
 SOFA = {"9,600": (3.0, 43_929, 1.743), "14,400": (9.3, 58_572, 1.867)}
-SOFA_SOURCE = "SOFA v26.06, trilinear hexahedra, StaticSolver, Eigen LDLT, one thread, by hand on another day"
+SOFA_SOURCE = (
+    "SOFA v26.06, trilinear hexahedra, StaticSolver, Eigen LDLT, one thread, by hand on"
+    " another day"
+)
 SETTINGS = """Reference problem R1: half-sphere of 12 mm and 0.5 mm, 0.25 MPa, nu 0.45, clamped base, 30 mN at 35°
 as a Gaussian of 0.35 mm. One thread each. Every solve is a process of its own, the programs in turns. The time is
 that of the work: mesh, matrix, factor, load and displacements in a process that has loaded its code and reads no
@@ -127,13 +136,16 @@ def _row(name: str, taken: list[Taken], beside_s: float | None) -> Row:
 def _words(name: str) -> str:
     if name == SCIKIT_FEM:
         return (
-            "20 quads along an edge, 27-node elements with straight edges, three Gauss points each way, `solve` with "
-            "SciPy's default solver; solved once"
+            "20 quads along an edge, 27-node elements with straight edges, three Gauss"
+            " points each way, `solve` with SciPy's default solver; solved once"
         )
 
     program, _, kind = name.partition(" ")
     if program == "CalculiX":
-        return f"SPOOLES, the mesh of `ours, {ELEMENTS[kind]}`, concentrated forces equal to our nodal ones"
+        return (
+            f"SPOOLES, the mesh of `ours, {ELEMENTS[kind]}`, concentrated forces equal"
+            " to our nodal ones"
+        )
 
     return OURS[kind]
 

@@ -1,4 +1,5 @@
-"""The answer on the wire: the monitor that users start, beside servers that take the same frames and read nothing.
+"""The answer on the wire: the monitor that users start, beside servers that take the
+same frames and read nothing.
 
 Then a scanner of 1,000 frames a second, and the memory of the running monitor.
 """
@@ -36,8 +37,10 @@ runs."""
 WORDS = {
     OURS: "decoded, its checksum checked, read, decided, answered",
     PLAIN: "the bytes into one buffer, 100 back",
-    PYIGTL: "`OpenIGTLinkServer` takes the same frames and answers each with a string; it looks for something to send "
-    "only after 10 ms in which nothing came",
+    PYIGTL: (
+        "`OpenIGTLinkServer` takes the same frames and answers each with a string; it"
+        " looks for something to send only after 10 ms in which nothing came"
+    ),
 }
 
 

@@ -1,4 +1,6 @@
-"""R1, or any load on a wall of ours, in CalculiX: an independent program in its own process."""
+"""R1, or any load on a wall of ours, in CalculiX: an independent program in its own
+process.
+"""
 
 import os
 import pty
@@ -14,7 +16,8 @@ from numpy.typing import NDArray
 from scleraforce.mechanics.mesh import HexMesh
 from speed.solvers.problem import peak_mb
 
-# CalculiX prints few digits (hence lengths in mm, forces in N, stresses in MPa, mass in t) and reads 20 characters.
+# CalculiX prints few digits (hence lengths in mm, forces in N, stresses in MPa, mass in
+# t) and reads 20 characters.
 MM_PER_M = 1e3
 # what it says of its own work
 FIRST_STEP = "Determining the structure of the matrix"
@@ -28,7 +31,8 @@ class Calculated:
     Attributes:
         displacement_nc: (node, 3), m.
         seconds: of the whole process, files included.
-        own_seconds: from the structure of the matrix to the end; reading and writing files is not among them.
+        own_seconds: from the structure of the matrix to the end; reading and writing
+            files is not among them.
         peak_mb: its largest memory.
     """
 
@@ -52,7 +56,9 @@ def input_deck(
     poisson_ratio: float,
     density_kg_m3: float,
 ) -> str:
-    """Return the input of a static, linear step: the wall of elements of 8 or 20 nodes, its base held."""
+    """Return the input of a static, linear step: the wall of elements of 8 or 20 nodes,
+    its base held.
+    """
     lines = ["*NODE, NSET=ALL"]
     lines += [
         f"{n + 1}, {x:.12e}, {y:.12e}, {z:.12e}"
@@ -105,7 +111,8 @@ def calculate(folder: Path, deck: str, nodes: int) -> Calculated:
     began = 0.0
     seconds = 0.0
     peak = 0.0
-    # On a terminal it says each step when it comes to it, and not all of them in the end.
+    # On a terminal it says each step when it comes to it, and not all of them in the
+    # end.
     ours, theirs = pty.openpty()
     start = perf_counter()
     process = subprocess.Popen(
@@ -122,9 +129,8 @@ def calculate(folder: Path, deck: str, nodes: int) -> Calculated:
         said += part
         if not began and FIRST_STEP in said:
             began = seconds
-        peak = max(
-            peak, peak_mb(process.pid)
-        )  # what it said last may be read after its end
+        # what it said last may be read after its end
+        peak = max(peak, peak_mb(process.pid))
 
     os.close(ours)
     process.wait()

@@ -1,7 +1,9 @@
-"""R1 in scikit-fem, as its manual would have it: `python -m speed.solvers.plain_scikit_fem [--quick]`.
+"""R1 in scikit-fem, as its manual would have it: `python -m
+speed.solvers.plain_scikit_fem [--quick]`.
 
-27-node hexahedra on a mesh of straight edges, `linear_elasticity`, a traction on the outer facets, `condense` and
-`solve` with the solver that it comes with; but the quadrature is ours.
+27-node hexahedra on a mesh of straight edges, `linear_elasticity`, a traction on the
+outer facets, `condense` and `solve` with the solver that it comes with; but the
+quadrature is ours.
 """
 
 import sys
@@ -19,15 +21,16 @@ from scleraforce.mechanics.mesh import HexMesh, build_mesh, locate
 from speed.solvers.problem import THICKNESS_M, Solved, peak_mb
 
 CORNERS = [0, 4, 3, 1, 7, 5, 2, 6]  # scikit-fem's corners in VTK's numbers
-QUADRATURE = (
-    5  # three Gauss points along each direction: by itself it takes seven, and minutes
-)
+# three Gauss points along each direction: by itself it takes seven, and minutes
+QUADRATURE = 5
 ON_SURFACE = 1.0 - 1e-6  # just within the outer elements
 
 
 @dataclass(frozen=True, eq=False)
 class Assembled:
-    """R1 in scikit-fem: the straight mesh, its basis, matrix, load of 30 mN, and the unknowns that are held."""
+    """R1 in scikit-fem: the straight mesh, its basis, matrix, load of 30 mN, and the
+    unknowns that are held.
+    """
 
     mesh: HexMesh
     basis: Any
@@ -85,7 +88,9 @@ def _gaussian(x: NDArray[np.float64]) -> Any:
 
 
 def _load(outer: Any) -> NDArray[np.float64]:
-    """Return 30 mN inward along the load's direction, as a traction on the outer facets."""
+    """Return 30 mN inward along the load's direction, as a traction on the outer
+    facets.
+    """
     total = skfem.Functional(lambda w: _gaussian(w.x)).assemble(outer)
     pushed = skfem.LinearForm(
         lambda v, w: -_gaussian(w.x) * sum(CONTACT.normal[c] * v[c] for c in range(3))

@@ -43,7 +43,8 @@ class Solved:
     """One solve.
 
     Attributes:
-        seconds: from an empty hand to the displacements, in a process that runs already and reads no file.
+        seconds: from an empty hand to the displacements, in a process that runs already
+            and reads no file.
         unknowns: three a node, held ones included.
         tip_mm: inward displacement along the load at its centre.
         peak_mb: the largest memory of the process.
@@ -84,9 +85,11 @@ def error_percent(found_mm: float) -> float:
 
 
 def peak_mb(pid: int | str = "self") -> float:
-    """Return the largest resident memory of a process so far; 0 for one that has ended and is not waited for yet.
+    """Return the largest resident memory of a process so far; 0 for one that has ended
+    and is not waited for yet.
 
-    The system's `ru_maxrss` does not serve for children: it begins with the parent's memory at the start.
+    The system's `ru_maxrss` does not serve for children: it begins with the parent's
+    memory at the start.
     """
     lines = Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines()
     return next(

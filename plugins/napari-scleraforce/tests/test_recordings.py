@@ -50,10 +50,11 @@ def test_frames_are_read_when_they_are_shown(
 
     monkeypatch.setattr(type(recording), "frame", counted)
     ((stack, _, kind),) = layers(str(eye))
+    # for the type of the pixels
     assert (kind, read) == (
         "image",
         [recording.frames[0].file],
-    )  # for the type of the pixels
+    )
     second = np.asarray(stack[1])
     assert read[1:] == [recording.frames[1].file]
     np.testing.assert_array_equal(second, frame(recording, recording.frames[1]))

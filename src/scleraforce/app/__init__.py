@@ -1,1 +1,3 @@
-"""The app: import, look, correct, calibrate and read in a browser; long computations run as commands."""
+"""The app: import, look, correct, calibrate and read in a browser; long computations
+run as commands.
+"""

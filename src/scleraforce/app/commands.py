@@ -1,6 +1,8 @@
-"""Commands of scleraforce that the app runs, each in its own process, with its progress bar and its result.
+"""Commands of scleraforce that the app runs, each in its own process, with its progress
+bar and its result.
 
-The page shows the same command lines, so that every step can be repeated without the app.
+The page shows the same command lines, so that every step can be repeated without the
+app.
 """
 
 import atexit
@@ -47,7 +49,8 @@ def shown(words: Sequence[str]) -> str:
 
 @dataclass
 class Job:
-    """A command that runs, or has run: title and share of its progress bar; at the end its fault, if any.
+    """A command that runs, or has run: title and share of its progress bar; at the end
+    its fault, if any.
 
     Its result is written to `kept`, with the command and the time.
     """

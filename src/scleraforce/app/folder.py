@@ -1,4 +1,6 @@
-"""The folder that the app works in: its recordings, calibrations and sources, and paths that stay inside."""
+"""The folder that the app works in: its recordings, calibrations and sources, and paths
+that stay inside.
+"""
 
 import os
 import secrets
@@ -29,7 +31,9 @@ class Folder:
     root: Path
 
     def inside(self, name: str) -> Path:
-        """Return the path of a name; raises `InputError` if it leads out of the folder, by links too."""
+        """Return the path of a name; raises `InputError` if it leads out of the folder,
+        by links too.
+        """
         path = self.root / name
         try:
             fits = bool(name) and path.resolve().is_relative_to(self.root)
@@ -46,7 +50,9 @@ class Folder:
         return path
 
     def whole(self, name: str) -> Path:
-        """Return the path of a file or folder; raises `InputError` if it, or a link below it, leads out."""
+        """Return the path of a file or folder; raises `InputError` if it, or a link
+        below it, leads out.
+        """
         path = self.inside(name)
         for place, folders, files in os.walk(path):
             for each in (Path(place, entry) for entry in [*folders, *files]):
@@ -55,7 +61,9 @@ class Folder:
         return path
 
     def recording(self, name: str, file: str = "") -> Path:
-        """Return the path of a recording; raises `InputError` if it, its files or a frame's wall lead out."""
+        """Return the path of a recording; raises `InputError` if it, its files or a
+        frame's wall lead out.
+        """
         for part in (*PARTS, "frames", f"walls/{PurePath(file).stem}.png"):
             self.inside(f"{name}/{part}")
         return self.inside(name)
@@ -70,7 +78,9 @@ class Folder:
         return path
 
     def contents(self) -> dict[str, Any]:
-        """Return recordings with their eyes, calibrations with theirs, models, and sources with kind or fault."""
+        """Return recordings with their eyes, calibrations with theirs, models, and
+        sources with kind or fault.
+        """
         found: dict[str, list[dict[str, Any]]] = {
             "recordings": [],
             "calibrations": [],
@@ -105,7 +115,9 @@ class Folder:
         return {"folder": self.root.name, **found}
 
     async def upload(self, name: str, size: int, chunks: AsyncIterator[bytes]) -> None:
-        """Write a dropped file as it arrives, whole or not at all; one of that name is never replaced."""
+        """Write a dropped file as it arrives, whole or not at all; one of that name is
+        never replaced.
+        """
         if not 0 < size <= MOST_UPLOAD_BYTES:
             raise InputError(
                 f"{name}: {size} bytes; a file may have 1 to {MOST_UPLOAD_BYTES}"
@@ -142,7 +154,9 @@ class Folder:
 
 
 def _stamp(each: os.DirEntry[str]) -> tuple[int, ...]:
-    """Return numbers that change with a file, or with the files that make a folder a recording or a model."""
+    """Return numbers that change with a file, or with the files that make a folder a
+    recording or a model.
+    """
     marks = (
         [
             mark
@@ -163,7 +177,9 @@ def _stamp(each: os.DirEntry[str]) -> tuple[int, ...]:
 
 @lru_cache(MOST_ENTRIES)
 def _entry(path: Path, _: tuple[int, ...]) -> tuple[str, dict[str, Any]]:
-    """Return the list of `Folder.contents` that a path is in ("": none), and its entry there; by path and stamp."""
+    """Return the list of `Folder.contents` that a path is in ("": none), and its entry
+    there; by path and stamp.
+    """
     try:
         if (path / "recording.toml").is_file():
             return "recordings", {"eye": read_info(path / "recording.toml").eye.id}

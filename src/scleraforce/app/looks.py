@@ -1,4 +1,6 @@
-"""A recording on the page: its frames as pictures, its log as a curve, each frame's wall and answer."""
+"""A recording on the page: its frames as pictures, its log as a curve, each frame's
+wall and answer.
+"""
 
 import json
 from contextlib import suppress
@@ -36,7 +38,9 @@ OPENED = 8  # recordings that are kept in memory
 
 
 def png(pixels: Pixels | Floats, height: int | None = None) -> bytes:
-    """Return a frame (row, column) as a PNG of 8 bits, its darkest and brightest parts and NaN black and white."""
+    """Return a frame (row, column) as a PNG of 8 bits, its darkest and brightest parts
+    and NaN black and white.
+    """
     known = pixels[np.isfinite(pixels)]
     low, high = np.percentile(known, [DARK, BRIGHT]) if known.size else (0.0, 1.0)
 
@@ -56,7 +60,9 @@ def png(pixels: Pixels | Floats, height: int | None = None) -> bytes:
 
 
 def curve(time_s: Floats, values: Floats) -> dict[str, Any]:
-    """Return a curve with the least and the largest value of each of `BINS` stretches, NaN where there is none."""
+    """Return a curve with the least and the largest value of each of `BINS` stretches,
+    NaN where there is none.
+    """
     starts = np.linspace(0, len(values), min(BINS, len(values)), endpoint=False).astype(
         np.intp
     )
@@ -74,12 +80,15 @@ def mask_between(
     rows: int,
     columns: int,
 ) -> Bytes:
-    """Return the mask (row, column) of boundaries in rows, None: not there (an inner one: below the frame)."""
+    """Return the mask (row, column) of boundaries in rows, None: not there (an inner
+    one: below the frame).
+    """
     if (len(outer), len(inner)) != (columns, columns) or not all(
         0 <= column < columns for column in unseen
     ):
         raise FrameError(
-            f"wall: boundaries or unseen columns do not fit a frame of {columns} columns"
+            f"wall: boundaries or unseen columns do not fit a frame of {columns}"
+            " columns"
         )
 
     first = np.array([np.nan if row is None else row for row in outer], np.float64)
@@ -97,7 +106,9 @@ def _opened(path: Path, _: tuple[int, ...]) -> Recording:
 
 
 class Looks:
-    """Recordings as the page shows them; recordings and the model are opened when they are first needed."""
+    """Recordings as the page shows them; recordings and the model are opened when they
+    are first needed.
+    """
 
     def __init__(self) -> None:
         self._reading = Lock()
@@ -123,7 +134,9 @@ class Looks:
         raise InputError(f"{path.name}: no frame {file}")
 
     def summary(self, path: Path) -> dict[str, Any]:
-        """Return size, frames with times and labels, force curve, and the model's limits of a recording."""
+        """Return size, frames with times and labels, force curve, and the model's
+        limits of a recording.
+        """
         recording = self.recording(path)
         info = recording.info
         log = recording.forces
@@ -151,11 +164,14 @@ class Looks:
                 "depth_mm": from_si(info.oct.depth_m, "mm"),
                 "files": files,
                 "time_s": [entry.time_s for entry in recording.frames],
-                "planes": [entry.plane for entry in recording.frames]
-                if info.oct.plane
-                else None,
-                "force_mn": [from_si(trial.measured_force_n, "mn") for trial in trials]
-                or None,
+                "planes": (
+                    [entry.plane for entry in recording.frames]
+                    if info.oct.plane
+                    else None
+                ),
+                "force_mn": (
+                    [from_si(trial.measured_force_n, "mn") for trial in trials] or None
+                ),
                 "log": force,
                 "notes": notes,
                 "corrected": [file for file in files if PurePath(file).stem in drawn],
@@ -164,7 +180,9 @@ class Looks:
         return found
 
     def look(self, path: Path, file: str) -> dict[str, Any]:
-        """Return the wall of a frame, and the answer of the bundled reader with its warnings."""
+        """Return the wall of a frame, and the answer of the bundled reader with its
+        warnings.
+        """
         recording, entry = self.entry(path, file)
         frames = [
             entry,
@@ -191,14 +209,18 @@ class Looks:
 
 
 def write_draft(recording: Recording, file: str, drawn: dict[str, Any]) -> None:
-    """Write a wall that is being drawn beside the masks, with the digest of its frame."""
+    """Write a wall that is being drawn beside the masks, with the digest of its
+    frame.
+    """
     path = _draft(recording, file)
     path.parent.mkdir(exist_ok=True)
     write_whole(json.dumps(drawn | {"source_sha256": _digest(recording, file)}), path)
 
 
 def read_draft(recording: Recording, file: str) -> dict[str, Any] | None:
-    """Return the draft of a frame's wall; None without one, if it is damaged, or if the frame has changed since."""
+    """Return the draft of a frame's wall; None without one, if it is damaged, or if the
+    frame has changed since.
+    """
     with suppress(InputError, ValueError):
         draft = parse_json(read_text(_draft(recording, file), KINDS["result"]))
         if isinstance(draft, dict) and draft.pop("source_sha256", "") == _digest(

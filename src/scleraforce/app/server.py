@@ -1,4 +1,6 @@
-"""The app's web server: one page on the loopback interface, for users with the token of its address."""
+"""The app's web server: one page on the loopback interface, for users with the token of
+its address.
+"""
 
 import json
 import secrets
@@ -39,7 +41,9 @@ BUSY = "another tab is working in this folder; close it first"
 
 
 class Asked(BaseModel):
-    """Operands of a command, planes of some, its options by the names of their fields, and a log's columns."""
+    """Operands of a command, planes of some, its options by the names of their fields,
+    and a log's columns.
+    """
 
     operands: list[str] = Field(min_length=1, max_length=20000)
     planes: dict[str, str] = {}
@@ -49,7 +53,9 @@ class Asked(BaseModel):
     def read(
         self, folder: Folder
     ) -> tuple[list[Path], list[Plane | None], ImportOptions]:
-        """Return the paths of an import, their planes and its options; raises `InputError` or `ValidationError`."""
+        """Return the paths of an import, their planes and its options; raises
+        `InputError` or `ValidationError`.
+        """
         given: dict[str, Any] = dict(self.options)
         given |= {
             name: folder.inside(str(given[name])) for name in {"times"} & set(given)
@@ -74,7 +80,9 @@ class Run(Asked):
 
 
 class Drawn(BaseModel):
-    """A wall: rows of its boundaries in each column, and columns that are not judged."""
+    """A wall: rows of its boundaries in each column, and columns that are not
+    judged.
+    """
 
     outer: list[FiniteFloat | None] = Field(max_length=16384)
     inner: list[FiniteFloat | None] = Field(max_length=16384)
@@ -98,7 +106,9 @@ DIGITS = 15  # of a number: a clock counts from 1970, in ms
 
 
 def words_of(run: Run, folder: Folder) -> list[str]:
-    """Return a command's words, checked: known options, paths inside the folder, and nothing that exists is written."""
+    """Return a command's words, checked: known options, paths inside the folder, and
+    nothing that exists is written.
+    """
     if run.command not in OPTIONS:
         raise InputError(f"{run.command}: not a command of the app")
 
@@ -125,9 +135,11 @@ def words_of(run: Run, folder: Folder) -> list[str]:
         words += (
             []
             if value is False
-            else [option_name(name)]
-            if value is True
-            else [f"{option_name(name)}={text}"]
+            else (
+                [option_name(name)]
+                if value is True
+                else [f"{option_name(name)}={text}"]
+            )
         )
 
     words += [f"--column={column}" for column in run.columns]
@@ -145,7 +157,10 @@ def _line(fault: Exception, folder: Folder) -> str:
             f"{'.'.join(map(str, first['loc'])).removeprefix('body.')}: {first['msg']}"
         )
     if isinstance(fault, OSError):
-        return f"{Path(fault.filename).name if fault.filename else 'disk'}: {fault.strerror}"
+        return (
+            f"{Path(fault.filename).name if fault.filename else 'disk'}:"
+            f" {fault.strerror}"
+        )
 
     return str(fault).replace(f"{folder.root}/", "")
 
@@ -249,11 +264,12 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
     @app.get("/api/state")
     def state(tab: str = "") -> dict[str, Any]:
         job = jobs[-1].as_json() | {"number": len(jobs) - 1} if jobs else None
+        # what a job wrote is there
         return {
             "job": job,
             "writes": holder.is_held_by(tab),
             **folder.contents(),
-        }  # what a job wrote is there
+        }
 
     @app.get("/api/recording")
     def recording(name: str) -> dict[str, Any]:

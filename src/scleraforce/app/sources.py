@@ -1,4 +1,6 @@
-"""Files before their import: what they state, what is missing, their pictures, force log, and a clock offset."""
+"""Files before their import: what they state, what is missing, their pictures, force
+log, and a clock offset.
+"""
 
 from collections.abc import Sequence
 from dataclasses import fields
@@ -56,7 +58,8 @@ AS_GOOD = 0.01  # less correlation than the best one
 def proposed_offset_s(
     frame_s: Floats, dent_m: Floats, log_s: Floats, force_n: Floats
 ) -> tuple[float, float] | None:
-    """Return the log's clock minus the frames' clock at which force and dent correlate best, and the correlation.
+    """Return the log's clock minus the frames' clock at which force and dent correlate
+    best, and the correlation.
 
     Args:
         frame_s: times of the frames on their own clock.
@@ -86,7 +89,8 @@ def proposed_offset_s(
         return None
 
     best = int(np.nanargmax(np.abs(fits)))
-    # Frames taken while the needle rests fit as well a little earlier or later: the middle of these.
+    # Frames taken while the needle rests fit as well a little earlier or later: the
+    # middle of these.
     worse = np.flatnonzero(~(np.abs(fits) > abs(fits[best]) - AS_GOOD))
     at = np.searchsorted(worse, best)
     first = worse[at - 1] + 1 if at else 0
@@ -123,7 +127,9 @@ class Sources:
     def gathered(
         self, paths: Sequence[Path], planes: Planes, answers: ImportOptions
     ) -> Gathered:
-        """Return the frames and the log, read again only if sources or the answers about them have changed."""
+        """Return the frames and the log, read again only if sources or the answers
+        about them have changed.
+        """
         stamps = [(path, path.stat().st_mtime_ns) for path in paths]
         asked = repr((stamps, planes, [getattr(answers, name) for name in GATHERED]))
 
@@ -136,7 +142,9 @@ class Sources:
     def look(
         self, paths: Sequence[Path], planes: Planes, answers: ImportOptions
     ) -> dict[str, Any]:
-        """Return what sources state and what is missing; or a single question that has to be answered first."""
+        """Return what sources state and what is missing; or a single question that has
+        to be answered first.
+        """
         try:
             found = self.gathered(paths, planes, answers)
             scan = found.scan
@@ -201,7 +209,9 @@ class Sources:
     def clocks(
         self, paths: Sequence[Path], planes: Planes, answers: ImportOptions
     ) -> dict[str, Any]:
-        """Return the surface's depth under the needle over time, and the offset at which it fits the log best."""
+        """Return the surface's depth under the needle over time, and the offset at
+        which it fits the log best.
+        """
         found = self.gathered(paths, planes, answers)
         times = (
             given_times(found.scan, answers.times, answers.rate_hz) or found.scan.times
@@ -225,7 +235,8 @@ class Sources:
         axis = answers.axis or found.log.columns[0].removesuffix("_n")
         if f"{axis}_n" not in found.log.columns:
             raise InputError(
-                f"--axis: {axis} is not in the force log, which has {', '.join(found.log.columns)}"
+                f"--axis: {axis} is not in the force log, which has"
+                f" {', '.join(found.log.columns)}"
             )
 
         scale = PixelScale(
@@ -262,7 +273,9 @@ class Sources:
 
 
 def _surface_m(picture: NDArray[Any], name: str, scale: PixelScale) -> float:
-    """Return how deep the surface lies in the middle below its mean, m; NaN where it is not seen."""
+    """Return how deep the surface lies in the middle below its mean, m; NaN where it is
+    not seen.
+    """
     picture = one_grey(picture)
     try:
         wall = find_wall(find_greys([picture], None, name).counts(picture), scale)

@@ -1,1 +1,3 @@
-"""Calibration: Young's modulus from recordings by a reduced-order unscented Kalman filter."""
+"""Calibration: Young's modulus from recordings by a reduced-order unscented Kalman
+filter.
+"""

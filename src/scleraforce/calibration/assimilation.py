@@ -1,12 +1,16 @@
-"""The filter of one eye, frame by frame: registration, observation, prediction, correction (paper sec. 3.2).
+"""The filter of one eye, frame by frame: registration, observation, prediction,
+correction (paper sec. 3.2).
 
-`begin`, then `step` for each frame; every value is a new record, and the posterior can be read at any time. Frames of
-little force show where the eye lies but nothing of its modulus. All at once or one by one, the result is the same.
+`begin`, then `step` for each frame; every value is a new record, and the posterior can
+be read at any time. Frames of little force show where the eye lies but nothing of its
+modulus. All at once or one by one, the result is the same.
 
-Values that a frame does not determine (pose, contact angle, inner boundary, noise of the force) are marginalised: they
-enter the observation noise as J Sigma J^T. That would wrongly average away values that all frames share and none
-determines (zero of the force, its drift, the contact angle, the finite elements' error); so their effect on the
-estimate is followed from step to step and added to the posterior in the end (Schmidt 1966, "consider" parameters).
+Values that a frame does not determine (pose, contact angle, inner boundary, noise of
+the force) are marginalised: they enter the observation noise as J Sigma J^T. That would
+wrongly average away values that all frames share and none determines (zero of the
+force, its drift, the contact angle, the finite elements' error); so their effect on the
+estimate is followed from step to step and added to the posterior in the end (Schmidt
+1966, "consider" parameters).
 """
 
 from dataclasses import dataclass, replace
@@ -46,17 +50,20 @@ RIGIDITY = "rigidity_pa13_per_m3"  # comes after them, of an eye that may be sea
 LEAST_POINTS = 3
 UNREACHED_SD_M = 1.0  # of a point that the model's section does not reach
 UNSEEN = "too little of the wall is in view"
+# the columns of `EyeState.sensitivity`
 SHARED = (
     "zero_n",
     "drift_n_per_s",
     "polar_rad",
     "model_fraction",
-)  # the columns of `EyeState.sensitivity`
+)
 
 
 @dataclass(frozen=True, eq=False)
 class EyeFilter:
-    """The constant part: the eye, its uncertain parameters, the settings of the filter."""
+    """The constant part: the eye, its uncertain parameters, the settings of the
+    filter.
+    """
 
     model: "registration.EyeModel"
     space: ParameterSpace
@@ -66,7 +73,9 @@ class EyeFilter:
 
 @dataclass(frozen=True, eq=False)
 class EyeState:
-    """The state after some frames; `sensitivity` (parameter, 4) of the estimate to the `SHARED` values of frames."""
+    """The state after some frames; `sensitivity` (parameter, 4) of the estimate to the
+    `SHARED` values of frames.
+    """
 
     posterior: roukf.Posterior
     belief: registration.PoseBelief
@@ -76,7 +85,9 @@ class EyeState:
 
 @dataclass(frozen=True, eq=False)
 class FrameStep:
-    """One frame's step: the state after it, and the values that a figure or a report needs."""
+    """One frame's step: the state after it, and the values that a figure or a report
+    needs.
+    """
 
     state: EyeState
     force_n: float
@@ -97,14 +108,17 @@ def eye_filter(
     study: CalibrationStudy,
     parameters: tuple[str, ...] = ("e",),
 ) -> EyeFilter:
-    """Set up the filter of an eye for parameters named as on the command line; a rigidity is added by itself."""
+    """Set up the filter of an eye for parameters named as on the command line; a
+    rigidity is added by itself.
+    """
     if (
         not parameters
         or set(parameters) - set(PARAMETERS)
         or len(set(parameters)) < len(parameters)
     ):
         raise ValueError(
-            f"parameters {','.join(parameters)}: choose from {','.join(PARAMETERS)}, each once"
+            f"parameters {','.join(parameters)}: choose from {','.join(PARAMETERS)},"
+            " each once"
         )
 
     priors = {
@@ -133,15 +147,18 @@ def eye_filter(
 
 
 def moments(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
-    """Return means and standard deviations of the parameters in SI, with the effect of the shared values.
+    """Return means and standard deviations of the parameters in SI, with the effect of
+    the shared values.
 
-    If the filter has left the bounds of the rigidity, which it does not know, they are those on the bound.
+    If the filter has left the bounds of the rigidity, which it does not know, they are
+    those on the bound.
     """
     return eye.space.moments(*_within_bounds(eye, state))
 
 
 def _within_bounds(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
-    """Return mean and covariance in the filter's coordinates, the mean given a rigidity within its bounds.
+    """Return mean and covariance in the filter's coordinates, the mean given a rigidity
+    within its bounds.
 
     The covariance is the filter's plus that of the shared values.
     """
@@ -169,7 +186,9 @@ def _within_bounds(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
 
 
 def known_globe_after(eye: EyeFilter, state: EyeState) -> KnownGlobe:
-    """Return the known globe after some frames, with its correlation with the modulus."""
+    """Return the known globe after some frames, with its correlation with the
+    modulus.
+    """
     globe = eye.model.constants.globe
     if not globe.can_be_sealed:
         return globe
@@ -202,9 +221,11 @@ def assimilate(
     force_n: float,
     since_start_s: float = 0.0,
 ) -> FrameStep | Skipped:
-    """Assimilate one frame; it is skipped if it shows too little, or if the mechanics does not hold.
+    """Assimilate one frame; it is skipped if it shows too little, or if the mechanics
+    does not hold.
 
-    A frame that the model cannot be evaluated for leaves the state unchanged, and `result.status` says why.
+    A frame that the model cannot be evaluated for leaves the state unchanged, and
+    `result.status` says why.
     """
     eye = session.filter
     state = session.state
@@ -261,7 +282,8 @@ def assimilate(
 
     sensitivity = state.sensitivity
     if result.observations:
-        # x+ = x- + G (y - h(x-)): an error d of a shared value moves y by g d (`g`: point, shared).
+        # x+ = x- + G (y - h(x-)): an error d of a shared value moves y by g d (`g`:
+        # point, shared).
         g = np.stack(
             [by_force, by_force * since_start_s, by_polar, by_force * force_n], axis=1
         )
@@ -273,7 +295,8 @@ def assimilate(
 
 
 def predicted_points(eye: EyeFilter, step: FrameStep, modulus_pa: float) -> Floats:
-    """Return the depths (point,) that a modulus predicts at a step's observed points, at the pose that was found.
+    """Return the depths (point,) that a modulus predicts at a step's observed points,
+    at the pose that was found.
 
     The other parameters have the means of the posterior after the step.
     """
@@ -287,7 +310,9 @@ def predicted_points(eye: EyeFilter, step: FrameStep, modulus_pa: float) -> Floa
 def _start(
     eye: EyeFilter, state: EyeState, fit: registration.Registered
 ) -> Floats | None:
-    """Return a frame's own fit in the filter's coordinates (p,); None: E alone is found from anywhere."""
+    """Return a frame's own fit in the filter's coordinates (p,); None: E alone is found
+    from anywhere.
+    """
     if RIGIDITY not in eye.space.names:
         return None
 
@@ -311,7 +336,9 @@ def _with_modulus(eye: EyeFilter, coordinates: Floats, modulus_pa: float) -> Flo
 def _depths(
     eye: EyeFilter, states_rp: Floats, force_n: float, nuisance: Floats, places: Places
 ) -> Floats:
-    """Return predicted depths (row, place) for rows of the filter's coordinates; NaN for a row without such an eye."""
+    """Return predicted depths (row, place) for rows of the filter's coordinates; NaN
+    for a row without such an eye.
+    """
     values = eye.space.values(states_rp)
     sound = eye.space.exist(values)
     depths = np.full((len(values), len(places.lateral_m)), np.nan)
@@ -330,10 +357,12 @@ def _depths(
 
 @dataclass(frozen=True, eq=False)
 class EyeSession:
-    """An eye after some frames; `last` is the result of the latest one, None before the first.
+    """An eye after some frames; `last` is the result of the latest one, None before the
+    first.
 
-    `zero_covariance` (2, 2) is that of the force sensor's zero and its drift, which all frames share. `poses` are the
-    beliefs after the first frames of little force, if sessions of the same eye with walls of other tissue share them.
+    `zero_covariance` (2, 2) is that of the force sensor's zero and its drift, which all
+    frames share. `poses` are the beliefs after the first frames of little force, if
+    sessions of the same eye with walls of other tissue share them.
     """
 
     filter: EyeFilter
@@ -365,9 +394,11 @@ def begin(
     zero_covariance: Floats = ZERO_PRIOR,
     poses: dict[Boundaries, registration.PoseBelief] | None = None,
 ) -> EyeSession:
-    """Return an eye before its first frame, with a library one of finite strain; raises `CalibrationError`.
+    """Return an eye before its first frame, with a library one of finite strain; raises
+    `CalibrationError`.
 
-    `poses` are shared by sessions of the same eye and the same frames, in one order, with walls of other tissue.
+    `poses` are shared by sessions of the same eye and the same frames, in one order,
+    with walls of other tissue.
     """
     if library is None:
         from scleraforce.calibration.linear_eye import linear_eye
@@ -405,7 +436,9 @@ def step(
     force_n: float,
     since_start_s: float = 0.0,
 ) -> EyeSession:
-    """Return the eye after one more frame; one of little force shows where it lies, but nothing of its modulus."""
+    """Return the eye after one more frame; one of little force shows where it lies, but
+    nothing of its modulus.
+    """
     eye = session.filter
     state = session.state
     seen = boundaries
@@ -439,12 +472,17 @@ def step(
         if session.poses is not None and not session.updates:
             session.poses[seen] = state.belief
 
-    reason = f"at most {from_si(eye.study.min_force_n, 'mn'):g} mN: used as a reference of the pose"
+    reason = (
+        f"at most {from_si(eye.study.min_force_n, 'mn'):g} mN: used as a reference of"
+        " the pose"
+    )
     return replace(session, state=state, last=Skipped(reason))
 
 
 def known_after(session: EyeSession) -> Known:
-    """Return the known eye after its frames; without a modulus if its last one diverged."""
+    """Return the known eye after its frames; without a modulus if its last one
+    diverged.
+    """
     constants = session.filter.model.constants
     diverged = (
         isinstance(session.last, FrameStep) and session.last.result.status != "ok"

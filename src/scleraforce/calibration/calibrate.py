@@ -1,7 +1,9 @@
-"""Young's modulus of each eye from its recordings, and of the population (paper sec. 3.2, Table 2).
+"""Young's modulus of each eye from its recordings, and of the population (paper sec.
+3.2, Table 2).
 
-The frames of an eye pass the filter one by one, and are then read again (`known_forces`), with the walls of one tissue
-at a time; `known_forces.search` looks for the tissue that explains them best.
+The frames of an eye pass the filter one by one, and are then read again
+(`known_forces`), with the walls of one tissue at a time; `known_forces.search` looks
+for the tissue that explains them best.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -52,13 +54,17 @@ from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
-SURE_SEALED = 3.0  # standard deviations that a rigidity lies above 0 of a globe that cannot be open
+# standard deviations that a rigidity lies above 0 of a globe that cannot be open
+SURE_SEALED = 3.0
 STIFFENING = "stiffening"  # the parameter that no filter has: it is searched for
-SOUGHT_ON = 6  # frames of the search; if more are wanted, they are calibrated on once it is found
-FAR_ABOVE = (
-    1.5  # of the highest force that is calibrated on: a force above is far from it
+# frames of the search; if more are wanted, they are calibrated on once it is found
+SOUGHT_ON = 6
+# of the highest force that is calibrated on: a force above is far from it
+FAR_ABOVE = 1.5
+LEAKS = (
+    "eye.leak_time_s: E and k are of the globe without its leak, which `read` and"
+    " `monitor` do not follow"
 )
-LEAKS = "eye.leak_time_s: E and k are of the globe without its leak, which `read` and `monitor` do not follow"
 LEAK_ROUNDS = 3  # of a calibration with the resting pressures that its E and k give
 
 
@@ -84,20 +90,24 @@ def calibrate_recordings(
     progress: Callable[[int], object] | None = None,
     finder: WallFinder | None = None,
 ) -> Calibration:
-    """Calibrate every eye on its recordings; recordings of one eye add up. It raises `CalibrationError`.
+    """Calibrate every eye on its recordings; recordings of one eye add up. It raises
+    `CalibrationError`.
 
-    Without a library, mechanics is linear, as in the paper. The uncertain `parameters` are, of `e`, `stiffening`,
-    `iop`, `thickness` and `gap`, by default e, and with a library the stiffening, which is found on the first recording
-    of an eye; otherwise the stiffening is the study's. `frames` of each recording are taken that bear enough force,
-    deep dents among them (None: all). `progress` is called with 1 after each frame, in each of `calibration_passes`.
-    The `finder` checks the walls: a frame in which it sees another one is not used.
+    Without a library, mechanics is linear, as in the paper. The uncertain `parameters`
+    are, of `e`, `stiffening`, `iop`, `thickness` and `gap`, by default e, and with a
+    library the stiffening, which is found on the first recording of an eye; otherwise
+    the stiffening is the study's. `frames` of each recording are taken that bear enough
+    force, deep dents among them (None: all). `progress` is called with 1 after each
+    frame, in each of `calibration_passes`. The `finder` checks the walls: a frame in
+    which it sees another one is not used.
     """
     if parameters is None:
         parameters = ("e",) if library is None else ("e", STIFFENING)
 
     if library is None and STIFFENING in parameters:
         raise CalibrationError(
-            "parameters: linear mechanics knows no tissue that stiffens; leave out stiffening"
+            "parameters: linear mechanics knows no tissue that stiffens; leave out"
+            " stiffening"
         )
 
     of_filter = tuple(name for name in parameters if name != STIFFENING)
@@ -167,13 +177,15 @@ def _of_eye(
     ):
         return _doubted(
             _as_open(other),
-            f"eye.globe is stated as open, and the model does not know its walls: they are read as with "
-            f"{rigidity_words(other)}, less than that of closed eyes; is its limbus in view, or its wall uneven?",
+            "eye.globe is stated as open, and the model does not know its walls: they"
+            f" are read as with {rigidity_words(other)}, less than that of closed eyes;"
+            " is its limbus in view, or its wall uneven?",
         )
 
     doubt = (
-        f"eye.globe is stated as {stated}, and the frames contradict that; for a globe that may be open or sealed "
-        f"they show {rigidity_words(other)} and do not: state what it is, or leave eye.globe out"
+        f"eye.globe is stated as {stated}, and the frames contradict that; for a globe"
+        f" that may be open or sealed they show {rigidity_words(other)} and do not:"
+        " state what it is, or leave eye.globe out"
     )
     return _doubted(replace(found, globe=UNKNOWN), doubt)
 
@@ -181,7 +193,9 @@ def _of_eye(
 def _known_relaxation(
     recording: Recording, before: EyeCalibration | None
 ) -> KnownRelaxation | None:
-    """Return how an eye relaxes as declared or found before; None: it is to be found. Early files have elastic eyes."""
+    """Return how an eye relaxes as declared or found before; None: it is to be found.
+    Early files have elastic eyes.
+    """
     if before is not None:
         return before.relaxation or KnownRelaxation.declared(())
     declared = recording.info.eye.relaxation
@@ -200,9 +214,11 @@ def _without_globe(recording: Recording) -> Recording:
 
 
 def _as_open(eye: EyeCalibration) -> EyeCalibration:
-    """Return an eye that was declared open and found with a small rigidity, which stands for other causes in its walls.
+    """Return an eye that was declared open and found with a small rigidity, which
+    stands for other causes in its walls.
 
-    It is as unsure as the declaration: the band that holds it with 90 % reaches down to 0.
+    It is as unsure as the declaration: the band that holds it with 90 % reaches down to
+    0.
     """
     sd = max(eye.globe.sd, eye.globe.mean / NINETY_PERCENT)
     return replace(eye, globe=replace(eye.globe, kind=OPEN.kind, sd=sd))
@@ -221,7 +237,9 @@ def _of_tissue(
     frames: EyeFrames,
     earlier: EyeCalibration | None,
 ) -> EyeCalibration:
-    """Calibrate an eye with the walls of the tissue that explains its frames best, or of the known one."""
+    """Calibrate an eye with the walls of the tissue that explains its frames best, or
+    of the known one.
+    """
     library = settings.library
     frames.poses.clear()
     if library is not None and earlier is None and settings.stiffening_sought:
@@ -284,7 +302,9 @@ def calibrate_eye(
     frames: EyeFrames,
     earlier: EyeCalibration | None,
 ) -> TissueTrial[EyeCalibration]:
-    """Calibrate an eye with the walls of one tissue; of one that leaks, anew with the pressures that this gives."""
+    """Calibrate an eye with the walls of one tissue; of one that leaks, anew with the
+    pressures that this gives.
+    """
     found = _calibrate_eye(recording, settings, frames, earlier, None)
     library = settings.library
 
@@ -307,7 +327,9 @@ def _rests_pa(
     frames: EyeFrames,
     eye: EyeCalibration,
 ) -> Floats:
-    """Return the pressure at rest of a leaking eye at each frame (frame,), by its log, E and k."""
+    """Return the pressure at rest of a leaking eye at each frame (frame,), by its log,
+    E and k.
+    """
     _, forces, _, elastic_n = frames.labelled()
     iop_pa = eye_constants(recording, study).iop_pa
     modulus_pa = dict(zip(eye.names, eye.means, strict=True))[
@@ -346,7 +368,9 @@ def _calibrate_eye(
     earlier: EyeCalibration | None,
     rests_pa: Floats | None,
 ) -> TissueTrial[EyeCalibration]:
-    """Calibrate an eye, whose frames have resting pressures of their own if it leaks."""
+    """Calibrate an eye, whose frames have resting pressures of their own if it
+    leaks.
+    """
     study = settings.study
     library = settings.library
     trials, forces, relaxation, _ = frames.labelled()
@@ -416,8 +440,9 @@ def _calibrate_eye(
     if not used_n:
         reason = next((record.skipped for record in records), "excluded")
         raise CalibrationError(
-            f"{path}: none of its {len(trials)} frames can be calibrated on ({reason}); it "
-            f"takes frames with a wall in view and more than {from_si(least_n, 'mn'):g} mN"
+            f"{path}: none of its {len(trials)} frames can be calibrated on ({reason});"
+            " it takes frames with a wall in view and more than"
+            f" {from_si(least_n, 'mn'):g} mN"
             + "".join(f"; {doubt}" for doubt in doubts)
         )
 
@@ -443,10 +468,12 @@ def _calibrate_eye(
 
 
 def reach_doubts(used_n: Sequence[float], missed_n: Sequence[float]) -> tuple[str, ...]:
-    """Return a sentence if forces, N, were missed far above all that were calibrated on.
+    """Return a sentence if forces, N, were missed far above all that were calibrated
+    on.
 
-    A wall that leaves the picture, down a dent or up under a rising pressure, cannot be calibrated on, and shallow
-    dents hardly tell modulus and rigidity of a sealed eye apart.
+    A wall that leaves the picture, down a dent or up under a rising pressure, cannot be
+    calibrated on, and shallow dents hardly tell modulus and rigidity of a sealed eye
+    apart.
 
     >>> reach_doubts([0.011, 0.02], [0.028])
     ()
@@ -457,18 +484,23 @@ def reach_doubts(used_n: Sequence[float], missed_n: Sequence[float]) -> tuple[st
         return ()
 
     return (
-        f"no frame above {from_si(highest_n, 'mn'):.0f} mN could be calibrated on, of forces up to "
-        f"{from_si(max(missed_n), 'mn'):.0f} mN; what is read above rests on the library's walls alone",
+        (
+            f"no frame above {from_si(highest_n, 'mn'):.0f} mN could be calibrated on,"
+            f" of forces up to {from_si(max(missed_n), 'mn'):.0f} mN; what is read"
+            " above rests on the library's walls alone"
+        ),
     )
 
 
 def eye_constants(recording: Recording, study: Study) -> EyeConstants:
-    """Return a recording's statements on its eye, by default the study's values; raises `CalibrationError`."""
+    """Return a recording's statements on its eye, by default the study's values; raises
+    `CalibrationError`.
+    """
     info = recording.info
     if info.eye.thickness_m is None:
         raise CalibrationError(
-            f"{recording.path / 'recording.toml'}: eye.thickness_m: missing; a calibration needs "
-            "the wall's thickness"
+            f"{recording.path / 'recording.toml'}: eye.thickness_m: missing; a"
+            " calibration needs the wall's thickness"
         )
 
     low, high = study.needle.polar_angle_rad.bounds
@@ -487,11 +519,14 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
 
 
 def check_planes(recording: Recording, settings: Settings) -> None:
-    """Raise a `CalibrationError` if a recording of several planes meets linear mechanics or an uncertain gap."""
+    """Raise a `CalibrationError` if a recording of several planes meets linear
+    mechanics or an uncertain gap.
+    """
     place = f"{recording.path / 'recording.toml'}: oct.plane"
     if recording.info.oct.plane and settings.library is None:
         raise CalibrationError(
-            f"{place}: linear mechanics takes a single plane; calibrate at finite strain"
+            f"{place}: linear mechanics takes a single plane; calibrate at finite"
+            " strain"
         )
     if recording.info.oct.plane and "gap" in settings.parameters:
         raise CalibrationError(
@@ -505,7 +540,9 @@ def _at(
     rest_pa: float | None,
     study: Study,
 ) -> assimilation.EyeSession:
-    """Return the eye at a frame's place, if it is one of several planes, and its own resting pressure, if it leaks."""
+    """Return the eye at a frame's place, if it is one of several planes, and its own
+    resting pressure, if it leaks.
+    """
     model = session.filter.model
     if seen.planes is not None and isinstance(model, LibraryEye):
         model = library_eye(study, seen.beside(model.constants), model.library)
@@ -520,12 +557,13 @@ def _begin(
     frames: EyeFrames,
     earlier: EyeCalibration | None,
 ) -> assimilation.EyeSession:
-    """Return the eye before this recording's frames; the pose that frames share is new with each recording."""
+    """Return the eye before this recording's frames; the pose that frames share is new
+    with each recording.
+    """
     constants = eye_constants(recording, settings.study)
     if settings.library is None:
-        constants = replace(
-            constants, globe=OPEN
-        )  # as in the paper: linear mechanics knows no other
+        # as in the paper: linear mechanics knows no other
+        constants = replace(constants, globe=OPEN)
 
     _, forces, _, _ = frames.labelled()
     begun = (
@@ -541,8 +579,9 @@ def _begin(
         return session
     if (earlier.lean_rad is None) != (recording.info.needle.lean_rad is None):
         raise CalibrationError(
-            f"{recording.path / 'recording.toml'}: needle.lean_rad: some recordings of {earlier.id} "
-            "state it and some do not; state it in all of them, or in none"
+            f"{recording.path / 'recording.toml'}: needle.lean_rad: some recordings of"
+            f" {earlier.id} state it and some do not; state it in all of them, or in"
+            " none"
         )
 
     assert earlier.state is not None  # of a filter
@@ -577,7 +616,7 @@ def _recordings(
     """Return the recordings that an eye rests on, this one among them."""
     path = str(recording.path)
     sha256 = tables_digest(recording)
-    (zero_n, drift) = forces.zero.tolist()
+    zero_n, drift = forces.zero.tolist()
     used = UsedRecording(
         path=path, sha256=sha256, zero_n=zero_n, drift_n_per_s=drift, doubts=doubts
     )
@@ -592,7 +631,9 @@ def _settled(
     refused: int,
     settings: Settings,
 ) -> TissueTrial[EyeCalibration]:
-    """Return a calibration after its frames are read again, at their resting pressures, Pa, if it leaks."""
+    """Return a calibration after its frames are read again, at their resting pressures,
+    Pa, if it leaks.
+    """
     if settings.library is None or eye.status != "ok":
         return TissueTrial.diverged(eye, refused)
 

@@ -1,8 +1,10 @@
 """The frames of a recording as a calibration sees them, moment by moment.
 
-Of several planes, the fit to all of a moment (`library.planes`) shows where each of them lies. The filter and the joint
-fit follow the plane that lies nearest to the needle, at the place that the moment shows; the force of a moment is then
-read from all its planes together (`known_forces`). A moment counts once: its planes show one dent of one wall.
+Of several planes, the fit to all of a moment (`library.planes`) shows where each of
+them lies. The filter and the joint fit follow the plane that lies nearest to the
+needle, at the place that the moment shows; the force of a moment is then read from all
+its planes together (`known_forces`). A moment counts once: its planes show one dent of
+one wall.
 """
 
 from collections.abc import Callable
@@ -50,7 +52,9 @@ def silent(_: int) -> None:
 
 @dataclass(frozen=True)
 class Settings:
-    """The arguments of `calibrate_recordings`; `parameters` are the filter's; `count` is called with steps done."""
+    """The arguments of `calibrate_recordings`; `parameters` are the filter's; `count`
+    is called with steps done.
+    """
 
     study: Study
     library: Library | None
@@ -63,10 +67,11 @@ class Settings:
 
 @dataclass(frozen=True, eq=False)
 class SeenFrame:
-    """A frame's wall, or why it has none; of several planes, that of the followed one, and the fit to all.
+    """A frame's wall, or why it has none; of several planes, that of the followed one,
+    and the fit to all.
 
-    `sha256`: digest of its pixels. `files`: name and digest of each plane's frame. `place`: gap, m, direction from the
-    scanner's x axis and tilt, rad, of that plane.
+    `sha256`: digest of its pixels. `files`: name and digest of each plane's frame.
+    `place`: gap, m, direction from the scanner's x axis and tilt, rad, of that plane.
     """
 
     file: str
@@ -77,7 +82,9 @@ class SeenFrame:
     files: tuple[tuple[str, str], ...] = ()
 
     def beside(self, constants: EyeConstants) -> EyeConstants:
-        """Return an eye's constants at the place of the plane; `constants` are of the scanner's x axis."""
+        """Return an eye's constants at the place of the plane; `constants` are of the
+        scanner's x axis.
+        """
         gap_m, turn_rad, tilt_rad = self.place
         direction_rad = (
             None
@@ -91,10 +98,12 @@ class SeenFrame:
 
 
 class EyeFrames:
-    """The moments of a recording of which no frame's digest is in `used`; each is segmented, fitted and labelled once.
+    """The moments of a recording of which no frame's digest is in `used`; each is
+    segmented, fitted and labelled once.
 
-    `recording` has the first frame of each moment. Forces are parts along the wall's normal, with a library elastic
-    ones. `relaxation` is how the tissue relaxes, if that is known already.
+    `recording` has the first frame of each moment. Forces are parts along the wall's
+    normal, with a library elastic ones. `relaxation` is how the tissue relaxes, if that
+    is known already.
     """
 
     def __init__(
@@ -145,7 +154,7 @@ class EyeFrames:
             return replace(seen, wall=found)
 
         turn_rad = plane.direction_rad
-        (x_rad, y_rad) = found.place.tilt_rad
+        x_rad, y_rad = found.place.tilt_rad
         place = (
             gap_of(found, plane),
             turn_rad,
@@ -157,7 +166,9 @@ class EyeFrames:
 
     @cached_property
     def followed(self) -> Plane | None:
-        """The plane that lies nearest to the needle in the first moments that can be fitted; None of a single one."""
+        """The plane that lies nearest to the needle in the first moments that can be
+        fitted; None of a single one.
+        """
         planes = self.recording.info.oct.plane
         if not planes:
             return None
@@ -194,7 +205,9 @@ class EyeFrames:
         return frame_digest(pixels), segmented_boundaries(found, scale)
 
     def _fit(self, index: int) -> PlanesFit | assimilation.Skipped:
-        """Fit the planes of a moment that show a wall together, beside the population's modulus."""
+        """Fit the planes of a moment that show a wall together, beside the population's
+        modulus.
+        """
         info = self.recording.info
         study = self.settings.study
         library = self.settings.library
@@ -208,7 +221,7 @@ class EyeFrames:
         planes = list[SeenPlane]()
 
         for entry in self.moments[index]:
-            (_, wall) = self._look(entry)
+            _, wall = self._look(entry)
             plane = info.oct.named(entry.plane)
             if plane is not None and not isinstance(wall, assimilation.Skipped):
                 turn_rad = plane.direction_rad
@@ -245,7 +258,8 @@ class EyeFrames:
         info = self.recording.info.force
         if log is None or info is None:
             raise CalibrationError(
-                f"{self.recording.path}: no forces.csv; a calibration needs frames of known force"
+                f"{self.recording.path}: no forces.csv; a calibration needs frames of"
+                " known force"
             )
 
         log = replace(

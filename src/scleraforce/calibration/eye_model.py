@@ -1,8 +1,9 @@
 """The eye of a recording as the filter sees it, and its uncertain parameters.
 
-The filter works on coordinates that are Gaussian. A positive parameter is lognormal: its coordinate is
-ln(value / unit), with the moments of the prior. Otherwise (the paper's choice) the coordinate is value / unit; the
-unit, the prior's mean, only keeps the coordinates of order one.
+The filter works on coordinates that are Gaussian. A positive parameter is lognormal:
+its coordinate is ln(value / unit), with the moments of the prior. Otherwise (the
+paper's choice) the coordinate is value / unit; the unit, the prior's mean, only keeps
+the coordinates of order one.
 """
 
 from collections.abc import Sequence
@@ -19,9 +20,11 @@ SAMPLE_STEP_M = 0.1e-3  # between the samples of a section
 
 @dataclass(frozen=True, eq=False)
 class ParameterSpace:
-    """The uncertain parameters of a filter: their names, means and standard deviations of their priors (p,), SI.
+    """The uncertain parameters of a filter: their names, means and standard deviations
+    of their priors (p,), SI.
 
-    Some are `lognormal` (p,), some may be of `either_sign` (p,); of the others only positive values exist.
+    Some are `lognormal` (p,), some may be of `either_sign` (p,); of the others only
+    positive values exist.
 
     >>> yes, no = np.array([True]), np.array([False])
     >>> space = ParameterSpace(("youngs_modulus_pa",), np.array([0.49e6]), np.array([0.34e6]), yes, no)
@@ -41,11 +44,14 @@ class ParameterSpace:
         ).all():
             wanted = "means that are not zero and positive standard deviations"
             raise ValueError(
-                f"{', '.join(self.names)}: priors need {wanted}, not {self.means} and {self.sds}"
+                f"{', '.join(self.names)}: priors need {wanted}, not {self.means} and"
+                f" {self.sds}"
             )
 
     def prior(self) -> tuple[Floats, Floats]:
-        """Return mean (p,) and covariance (p, p) of the prior in the filter's coordinates."""
+        """Return mean (p,) and covariance (p, p) of the prior in the filter's
+        coordinates.
+        """
         ratios = [
             (sd / mean) ** 2
             for sd, mean in zip(self.sds.tolist(), self.means.tolist(), strict=True)
@@ -72,7 +78,9 @@ class ParameterSpace:
         )
 
     def moments(self, mean: Floats, covariance: Floats) -> tuple[Floats, Floats]:
-        """Return means (p,) and standard deviations (p,) in SI of coordinates with the given Gaussian."""
+        """Return means (p,) and standard deviations (p,) in SI of coordinates with the
+        given Gaussian.
+        """
         variance = np.diag(covariance)
         lognormal_mean = np.exp(np.where(self.lognormal, mean + variance / 2, 0.0))
         lognormal_sd = lognormal_mean * np.sqrt(
@@ -87,17 +95,19 @@ class ParameterSpace:
 def spread(values: Sequence[float]) -> tuple[float, float | None]:
     """Return mean and sample standard deviation; a single value has no spread: None."""
     mean = sum(values) / len(values)
-    return mean, sqrt(sum((v - mean) ** 2 for v in values) / (len(values) - 1)) if len(
-        values
-    ) > 1 else None
+    return mean, (
+        sqrt(sum((v - mean) ** 2 for v in values) / (len(values) - 1))
+        if len(values) > 1
+        else None
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class EyeConstants:
     """Stated values of an eye and its plane, SI.
 
-    `polar_sd_rad` is 0 if the recording states the angle, `direction_rad` None if it is not stated. `globe` is the
-    known globe.
+    `polar_sd_rad` is 0 if the recording states the angle, `direction_rad` None if it is
+    not stated. `globe` is the known globe.
     """
 
     iop_pa: float
@@ -112,7 +122,9 @@ class EyeConstants:
 
 @dataclass(frozen=True, kw_only=True)
 class WallState:
-    """The variables of a section, SI: modulus and force, and values of the eye that may be uncertain."""
+    """The variables of a section, SI: modulus and force, and values of the eye that may
+    be uncertain.
+    """
 
     youngs_modulus_pa: float
     force_n: float
@@ -130,7 +142,9 @@ def stated_wall(
     polar_rad: float,
     rigidity_pa13_per_m3: float | None = None,
 ) -> WallState:
-    """Return the state of the eye as stated; the rigidity is by default the mean of the known globe's."""
+    """Return the state of the eye as stated; the rigidity is by default the mean of the
+    known globe's.
+    """
     return WallState(
         youngs_modulus_pa=youngs_modulus_pa,
         force_n=force_n,
@@ -138,9 +152,11 @@ def stated_wall(
         thickness_m=constants.thickness_m,
         gap_m=constants.gap_m,
         polar_rad=polar_rad,
-        rigidity_pa13_per_m3=constants.globe.mean
-        if rigidity_pa13_per_m3 is None
-        else rigidity_pa13_per_m3,
+        rigidity_pa13_per_m3=(
+            constants.globe.mean
+            if rigidity_pa13_per_m3 is None
+            else rigidity_pa13_per_m3
+        ),
     )
 
 
@@ -174,7 +190,9 @@ def lagrange(nodes: Sequence[float], at: float) -> Floats:
 
 
 def polar_nodes(constants: EyeConstants) -> tuple[float, ...]:
-    """Return the stated polar angle of the contact, or three over its range, the stated one in the middle."""
+    """Return the stated polar angle of the contact, or three over its range, the stated
+    one in the middle.
+    """
     spread = sqrt(3.0) * constants.polar_sd_rad
     return tuple(
         constants.polar_rad + k * spread
@@ -183,7 +201,9 @@ def polar_nodes(constants: EyeConstants) -> tuple[float, ...]:
 
 
 def smoothed(curves: Floats, sd_m: float) -> Floats:
-    """Return curves (..., sample, 2), sampled every `SAMPLE_STEP_M`, smoothed by a Gaussian; the ends stay."""
+    """Return curves (..., sample, 2), sampled every `SAMPLE_STEP_M`, smoothed by a
+    Gaussian; the ends stay.
+    """
     if sd_m == 0:
         return curves
 

@@ -1,4 +1,6 @@
-"""E of an eye from pictures alone: its posterior, frame by frame, and the calibration of recordings without forces."""
+"""E of an eye from pictures alone: its posterior, frame by frame, and the calibration
+of recordings without forces.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -34,18 +36,19 @@ from scleraforce.study import Study
 from scleraforce.units import from_si
 
 MOST_FRAMES = 24  # of a posterior; frames of like dents say the same
-START_SD = (
-    0.05  # relative, of E in the fits of single frames that the joint fit begins with
-)
+# relative, of E in the fits of single frames that the joint fit begins with
+START_SD = 0.05
 TELLS_LITTLE = 0.8  # of the prior's standard deviation
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class EyePosterior:
-    """The modulus of an eye by its frames, without forces, and a prior; `with_frames` returns a narrower one.
+    """The modulus of an eye by its frames, without forces, and a prior; `with_frames`
+    returns a narrower one.
 
-    `known`: the known eye with the prior of its modulus, `library`: that of its tissue. `frames` are the ones that
-    count, at most `MOST_FRAMES`, whose dents are the most different; `fit` is theirs, None before the first.
+    `known`: the known eye with the prior of its modulus, `library`: that of its tissue.
+    `frames` are the ones that count, at most `MOST_FRAMES`, whose dents are the most
+    different; `fit` is theirs, None before the first.
     """
 
     known: Known
@@ -87,7 +90,9 @@ class EyePosterior:
         recordings: Sequence[UsedRecording],
         frames: Sequence[FrameRecord],
     ) -> EyeCalibration:
-        """Return the posterior, of one frame at least, as the calibration of an eye without known forces."""
+        """Return the posterior, of one frame at least, as the calibration of an eye
+        without known forces.
+        """
         assert self.fit is not None
         modulus = self.modulus
         thickness_m = float(self.fit.shared[THICKNESS])
@@ -109,7 +114,9 @@ class EyePosterior:
         )
 
     def with_frames(self, frames: Sequence[ShownFrame]) -> "EyePosterior":
-        """Return the posterior after more frames; a frame that no wall of the library lies on is left out."""
+        """Return the posterior after more frames; a frame that no wall of the library
+        lies on is left out.
+        """
         library = self.library.nearest_contact(self.known.polar_rad)
         smoothing_m = self.study.calibration.surface_smoothing_m
         modulus = replace(
@@ -152,7 +159,9 @@ class EyePosterior:
 
 
 def _spread(tips_m: Sequence[float], needed: Sequence[bool]) -> list[int]:
-    """Return the places of `MOST_FRAMES` dents that are the most different, and of the needed ones, in order."""
+    """Return the places of `MOST_FRAMES` dents that are the most different, and of the
+    needed ones, in order.
+    """
     kept = sorted(range(len(tips_m)), key=lambda place: tips_m[place])
     while len(kept) > MOST_FRAMES:
         around = [
@@ -175,10 +184,12 @@ def calibrate_without_force(
     population: Modulus | None = None,
     progress: Callable[[int], object] = lambda _: None,
 ) -> Calibration:
-    """Calibrate every eye on the shape of its dents; `settings.frames` of each recording also by their forces.
+    """Calibrate every eye on the shape of its dents; `settings.frames` of each
+    recording also by their forces.
 
-    `population` is the prior of E, by default the study's. A later recording of an eye begins with the posterior of an
-    earlier one. It raises `CalibrationError`: no pressure is stated, or no frame is usable.
+    `population` is the prior of E, by default the study's. A later recording of an eye
+    begins with the posterior of an earlier one. It raises `CalibrationError`: no
+    pressure is stated, or no frame is usable.
     """
     eyes = dict[str, EyeCalibration]()
     study = settings.study.calibration
@@ -210,7 +221,8 @@ def _of_eye(
 
     if info.eye.iop_pa is None:
         raise CalibrationError(
-            f"{place}: eye.iop_pa: missing; without forces E is found beside the known pressure"
+            f"{place}: eye.iop_pa: missing; without forces E is found beside the known"
+            " pressure"
         )
 
     if before is not None:
@@ -240,7 +252,8 @@ def _of_eye(
     if not after.frames:
         reason = next((record.skipped for record in records if record.skipped), NO_WALL)
         raise CalibrationError(
-            f"{recording.path}: none of its {len(records)} frames can be calibrated on ({reason})"
+            f"{recording.path}: none of its {len(records)} frames can be calibrated on"
+            f" ({reason})"
         )
 
     counted = set(map(id, after.frames))
@@ -299,7 +312,9 @@ def _known_forces(frames: EyeFrames, settings: Settings) -> dict[int, float]:
 def _shown(
     frames: EyeFrames, forces_n: dict[int, float], progress: Callable[[int], object]
 ) -> tuple[dict[int, ShownFrame], list[FrameRecord]]:
-    """Return what usable frames show, by the numbers of their records, and a record of each new frame."""
+    """Return what usable frames show, by the numbers of their records, and a record of
+    each new frame.
+    """
     shown = dict[int, ShownFrame]()
     records = list[FrameRecord]()
 
@@ -344,7 +359,10 @@ def _doubts(after: EyePosterior, prior: Modulus) -> tuple[str, ...]:
     known = sum(frame.force_n is not None for frame in after.frames)
     forces = "no force was measured" if not known else f"{known} forces are known"
     percent = from_si(after.modulus.relative_sd, "percent")
-    said = f"{forces}: E is from the shape of {len(after.frames)} dents beside the IOP, and sure to {percent:.0f} %"
+    said = (
+        f"{forces}: E is from the shape of {len(after.frames)} dents beside the IOP,"
+        f" and sure to {percent:.0f} %"
+    )
 
     if after.modulus.relative_sd < TELLS_LITTLE * prior.relative_sd:
         return (said,)
@@ -352,5 +370,8 @@ def _doubts(after: EyePosterior, prior: Modulus) -> tuple[str, ...]:
     deepest_mm = from_si(float(after.fit.own[:, 0].max()) if after.fit else 0.0, "mm")
     return (
         said,
-        f"dents of up to {deepest_mm:.1f} mm tell little: E is mostly its prior; push deeper, or measure a force",
+        (
+            f"dents of up to {deepest_mm:.1f} mm tell little: E is mostly its prior;"
+            " push deeper, or measure a force"
+        ),
     )

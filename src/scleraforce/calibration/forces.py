@@ -1,8 +1,10 @@
-"""The force under each frame as the filter needs it, and how far the label of a frame may lie off it.
+"""The force under each frame as the filter needs it, and how far the label of a frame
+may lie off it.
 
-E follows from F / E, so a zero that is off by 0.5 mN is an error of E by some percent. The needle lets go between two
-pushes; a line through these rests corrects the sensor's offset and drift. The error of a label is the sum of the
-independent parts of docs/calibration.md, "Error of a label".
+E follows from F / E, so a zero that is off by 0.5 mN is an error of E by some percent.
+The needle lets go between two pushes; a line through these rests corrects the sensor's
+offset and drift. The error of a label is the sum of the independent parts of
+docs/calibration.md, "Error of a label".
 """
 
 from collections.abc import Sequence
@@ -16,7 +18,9 @@ from scleraforce.arrays import Floats
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.labels import Trial, contact_force, low_pass, tare_samples
 
-PUSH_N = 4e-3  # a rest counts between two frames of at least this force: the needle must have let go visibly
+# a rest counts between two frames of at least this force: the needle must have let go
+# visibly
+PUSH_N = 4e-3
 QUIET_S = 1.0  # of a rest, for its search
 SMOOTH_S = 0.4  # over which its ends are sought
 EDGE_N = 2e-3  # above its quietest second a rest is over
@@ -24,15 +28,18 @@ EDGE_S = 0.3  # left out at its ends: low-pass and mean let the push leak in
 FARTHEST_ZERO_N = 2e-3  # of a rest: beyond it the needle stayed on
 REST_SD_N = 0.3e-3  # of a rest's mean: 4 mN of noise over 1 s at 200 Hz
 LABEL_SD_N = 0.2e-3  # of a label's mean over 2 s, the same noise
-# Before any rest is seen: offset of the tare (the same noise over 2 s) and drift, covariance (2, 2) in N and N/s.
+# Before any rest is seen: offset of the tare (the same noise over 2 s) and drift,
+# covariance (2, 2) in N and N/s.
 ZERO_PRIOR = np.diag([0.25e-3**2, (0.2e-3 / 60) ** 2])
 
 
 @dataclass(frozen=True)
 class FrameForces:
-    """Forces (frame,) in N, times since the log's beginning (frame,), and the zero that was subtracted.
+    """Forces (frame,) in N, times since the log's beginning (frame,), and the zero that
+    was subtracted.
 
-    `zero` (2,): offset in N and drift in N/s; `zero_covariance` (2, 2) of their errors, which all forces share.
+    `zero` (2,): offset in N and drift in N/s; `zero_covariance` (2, 2) of their errors,
+    which all forces share.
     """
 
     force_n: Floats
@@ -42,7 +49,9 @@ class FrameForces:
 
 
 def frame_forces(recording: Recording, trials: tuple[Trial, ...]) -> FrameForces:
-    """Return the forces of labelled trials, without offset and drift; NaN without a label."""
+    """Return the forces of labelled trials, without offset and drift; NaN without a
+    label.
+    """
     force_n = np.array(
         [
             np.nan if trial.measured_force_n is None else trial.measured_force_n
@@ -71,12 +80,15 @@ def frame_order(
     frames: int | None,
     rising: bool,
 ) -> list[int]:
-    """Return the frames in the order in which they are examined: of the included ones the wanted number, or all (None).
+    """Return the frames in the order in which they are examined: of the included ones
+    the wanted number, or all (None).
 
-    All in their own order, or in `rising` order; if only some are wanted, the first few that show where the eye lies
-    (up to `min_force_n`), then the frames of the highest force and of even shares of it, which tell modulus and
-    rigidity apart, in rising order, then the others as substitutes. Shallow dents hardly show the rigidity: they give
-    the modulus, and from there the way to both is short. A deep one alone leaves a bent valley of both.
+    All in their own order, or in `rising` order; if only some are wanted, the first few
+    that show where the eye lies (up to `min_force_n`), then the frames of the highest
+    force and of even shares of it, which tell modulus and rigidity apart, in rising
+    order, then the others as substitutes. Shallow dents hardly show the rigidity: they
+    give the modulus, and from there the way to both is short. A deep one alone leaves a
+    bent valley of both.
     """
     if frames is None and not rising:
         return list(range(len(included)))
@@ -117,9 +129,11 @@ def frame_order(
 def rest_zeros(
     contact_n: Floats, log_s: Floats, frames_s: Floats, frames_n: Floats
 ) -> tuple[Floats, Floats]:
-    """Return time since the log's beginning and mean force of every rest between two pushes, each (rest,).
+    """Return time since the log's beginning and mean force of every rest between two
+    pushes, each (rest,).
 
-    Of the log: contact force, tared at the beginning, and times; of the frames: times, increasing, and labels.
+    Of the log: contact force, tared at the beginning, and times; of the frames: times,
+    increasing, and labels.
     """
     rate_hz = 1.0 / float(np.median(np.diff(log_s)))
     ends = np.searchsorted(log_s, frames_s)
@@ -139,7 +153,8 @@ def rest_zeros(
 
 
 def zero_line(time_s: Floats, zero_n: Floats) -> tuple[Floats, Floats]:
-    """Return offset and drift (2,) with their covariance (2, 2): a line through rests, with the tare as prior.
+    """Return offset and drift (2,) with their covariance (2, 2): a line through rests,
+    with the tare as prior.
 
     The rests' own scatter counts if it is larger than expected.
     """
@@ -159,13 +174,14 @@ def zero_line(time_s: Floats, zero_n: Floats) -> tuple[Floats, Floats]:
 
 
 def _rest(contact_n: Floats, rate_hz: float, start: int) -> tuple[int, float] | None:
-    """Return the middle sample of the rest between two frames, and its mean; None without a rest."""
+    """Return the middle sample of the rest between two frames, and its mean; None
+    without a rest.
+    """
     total = np.concatenate([[0.0], np.cumsum(contact_n)])
     lengths = (round(QUIET_S * rate_hz), round(SMOOTH_S * rate_hz))
 
-    quiet, smooth = (
-        (total[length:] - total[:-length]) / length for length in lengths
-    )  # means of all windows
+    # means of all windows
+    quiet, smooth = ((total[length:] - total[:-length]) / length for length in lengths)
     if len(quiet) < 2:
         return None
 
@@ -195,7 +211,9 @@ LEAST_SCALE = 1e-3  # of the noise over that of the zero's line: every sensor ha
 def label_sds(
     recording: Recording, trials: Sequence[Trial]
 ) -> tuple[float | None, ...]:
-    """Return the standard deviation of the error of each frame's label, N; None without a label."""
+    """Return the standard deviation of the error of each frame's label, N; None without
+    a label.
+    """
     log = recording.forces
     info = recording.info.force
     labelled = [trial for trial in trials if trial.measured_force_n is not None]
@@ -222,9 +240,8 @@ def label_sds(
     )
     scale = max(sqrt(density / REST_S) / REST_SD_N, LEAST_SCALE)
     rests_s, rests_n = rest_zeros(contact_n, log_s, frames_s, frames_n)
-    line, covariance = zero_line(
-        rests_s / scale, rests_n / scale
-    )  # times, too: the prior of the drift stays
+    # times, too: the prior of the drift stays
+    line, covariance = zero_line(rests_s / scale, rests_n / scale)
     at_frame = np.stack([np.ones_like(frames_s), (frames_s - log_s[0]) / scale], axis=1)
     zero = scale**2 * (
         (at_frame @ line) ** 2
@@ -248,10 +265,12 @@ def label_sds(
 def _around(
     log_s: Floats, raw_n: Floats, time_s: float, average_s: float
 ) -> tuple[float, float, float]:
-    """Fit a parabola to means of 0.1 s about a frame; return the noise's density, N^2 s, the motion, N, and its gain.
+    """Fit a parabola to means of 0.1 s about a frame; return the noise's density, N^2
+    s, the motion, N, and its gain.
 
-    The density is NaN with too few samples. The motion is the difference of the mean over the window from the force at
-    the frame; its standard error is the gain, 1/sqrt(s), times the square root of the density.
+    The density is NaN with too few samples. The motion is the difference of the mean
+    over the window from the force at the frame; its standard error is the gain,
+    1/sqrt(s), times the square root of the density.
     """
     half_s = max(average_s, LEAST_SPAN_S) / 2
     start, stop = np.searchsorted(log_s, [time_s - half_s, time_s + half_s])
@@ -292,7 +311,9 @@ def _around(
 
 
 def _energy(average_s: float, rate_hz: float) -> float:
-    """Return the energy of a label's weights, 1/s: low-pass, and mean over the window."""
+    """Return the energy of a label's weights, 1/s: low-pass, and mean over the
+    window.
+    """
     time_s = (
         np.arange(
             -round((average_s / 2 + 1.0) * rate_hz),
@@ -307,7 +328,9 @@ def _energy(average_s: float, rate_hz: float) -> float:
 
 
 def _sample_variance(raw_n: Floats) -> float:
-    """Return the variance of a sample's noise, N^2, from the differences of neighbours."""
+    """Return the variance of a sample's noise, N^2, from the differences of
+    neighbours.
+    """
     steps_n = np.abs(np.diff(raw_n))
     return float(steps_n.mean() ** 2 * pi / 4.0)
 

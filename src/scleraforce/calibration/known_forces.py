@@ -1,15 +1,19 @@
-"""Frames of known force, read as a reader would: E, k, the forces' level and growth, and the tissue's stiffening.
+"""Frames of known force, read as a reader would: E, k, the forces' level and growth,
+and the tissue's stiffening.
 
-The filter weighs the frames one after the other, each linearised at the state it had then, and takes the library's
-walls for the eye's. In the end all frames are read once more with the same E and k; their known forces over those read
-show how far E, k and the forces' level and growth are off (`KnownForce`). The frames determine the four together far
-better than each: the discrepancy is known given E and k (`ForceDiscrepancy`), and best for forces like the frames'.
+The filter weighs the frames one after the other, each linearised at the state it had
+then, and takes the library's walls for the eye's. In the end all frames are read once
+more with the same E and k; their known forces over those read show how far E, k and the
+forces' level and growth are off (`KnownForce`). The frames determine the four together
+far better than each: the discrepancy is known given E and k (`ForceDiscrepancy`), and
+best for forces like the frames'.
 
-`regression` finds the four together. E and k are held by the filter's posterior, with heavy tails, for it may have been
-led astray; level and growth by their spread among eyes.
+`regression` finds the four together. E and k are held by the filter's posterior, with
+heavy tails, for it may have been led astray; level and growth by their spread among
+eyes.
 
-The loss of a stiffening (`search`) is that of the frames' boundaries, read without their forces, and that of the forces
-read beside the known ones.
+The loss of a stiffening (`search`) is that of the frames' boundaries, read without
+their forces, and that of the forces read beside the known ones.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -46,26 +50,30 @@ Scales = tuple[Floats, Floats]
 # places of the four that are found: ln E, k over the reference's, level, growth
 OF_MODULUS = 0
 OF_RIGIDITY = 1
-# Scales of Cauchy's prior, whose density falls slowly: forces of most eyes are hardly off (uneven ones,
-# computed in three dimensions, drift by 0.035 from none to the largest), forces of tissue that stiffens by up to 1.
+# Scales of Cauchy's prior, whose density falls slowly: forces of most eyes are hardly
+# off (uneven ones, computed in three dimensions, drift by 0.035 from none to the
+# largest), forces of tissue that stiffens by up to 1.
 SCALES = np.array([0.02, 0.035])  # of level and growth
 CAUCHY = 2.0  # scales at which a prior's weight is halved
 ROUNDS = 60
+# of the search: either pair explains much
 BEGINNINGS = (
     (0.0, 0.0, 1.0, 1.0),
     (1.0, 1.0, 0.0, 0.0),
-)  # of the search: either pair explains much
+)
 AS_READ = (False, False, True, True)  # what is sought where E and k stay
 _OPEN_SD = 1e-6  # standard deviation of the k of an open globe
 SETTLED = 1e-9
-# Of three frames each of 31 virtual eyes of even walls of the library; less than 1, for the frames share some of the
-# reading errors. And how many frames the prior is worth: with 3 to 8, intervals of 65 such eyes, a half of them
-# uneven, were the narrowest at equal coverage.
+# Of three frames each of 31 virtual eyes of even walls of the library; less than 1, for
+# the frames share some of the reading errors. And how many frames the prior is worth:
+# with 3 to 8, intervals of 65 such eyes, a half of them uneven, were the narrowest at
+# equal coverage.
 EXPECTED_SQUARE = 0.17
 SCATTER_FRAMES = 5.0
 
 
-# What a calibration file may hold: squares of the largest are still numbers, and the tiniest may be divided by.
+# What a calibration file may hold: squares of the largest are still numbers, and the
+# tiniest may be divided by.
 LARGEST = 1e15
 TINY = 1e-15
 Finite = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
@@ -75,11 +83,13 @@ Positive = Annotated[float, Meta(ge=TINY, le=LARGEST)]
 
 @dataclass(frozen=True, kw_only=True)
 class KnownForce:
-    """A frame's known force, the force that is read in it, and the standard deviation of that, all N.
+    """A frame's known force, the force that is read in it, and the standard deviation
+    of that, all N.
 
-    It was read with `modulus_pa` and `rigidity`, Pa^(1/3)/m^3, each taken for certain; `by_modulus` and `by_rigidity`
-    are the slopes of the logarithm of the read force by ln E and by the rigidity over the reference's. `loss` is that
-    of its boundaries (`BoundaryFit.loss`).
+    It was read with `modulus_pa` and `rigidity`, Pa^(1/3)/m^3, each taken for certain;
+    `by_modulus` and `by_rigidity` are the slopes of the logarithm of the read force by
+    ln E and by the rigidity over the reference's. `loss` is that of its boundaries
+    (`BoundaryFit.loss`).
     """
 
     force_n: Positive
@@ -94,10 +104,11 @@ class KnownForce:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Found:
-    """The estimate of ln E, k over the reference's, level and growth: mean (4,) and covariance (4, 4).
+    """The estimate of ln E, k over the reference's, level and growth: mean (4,) and
+    covariance (4, 4).
 
-    `loss` is that of the E and k with which the frames were read. `scatter`: residuals of the frames in standard
-    deviations of their expectation.
+    `loss` is that of the E and k with which the frames were read. `scatter`: residuals
+    of the frames in standard deviations of their expectation.
     """
 
     mean: Floats
@@ -151,8 +162,9 @@ def regression(frames: Sequence[KnownForce], known: Known, place: Floats) -> Fou
     )
     loss = _loss(direction, left, weight, scales, there + away)
     rest = left - direction @ mean
-    # Before any frame the scatter is 1, sure like `SCATTER_FRAMES` frames (inverse gamma prior: Gelman et al., Bayesian
-    # Data Analysis, 3rd ed., section 2.6). It is never less: a few frames that agree do not show that others will.
+    # Before any frame the scatter is 1, sure like `SCATTER_FRAMES` frames (inverse
+    # gamma prior: Gelman et al., Bayesian Data Analysis, 3rd ed., section 2.6). It is
+    # never less: a few frames that agree do not show that others will.
     squares = SCATTER_FRAMES + float(weight @ rest**2) / EXPECTED_SQUARE
     scatter = max(1.0, float(np.sqrt(squares / (SCATTER_FRAMES + len(frames)))))
 
@@ -169,8 +181,9 @@ def _reweighted(
 ) -> tuple[Floats, Floats]:
     """Return mean (4,) and covariance (4, 4) of the `free` unknowns; the rest stays 0.
 
-    `direction` (frame, 4) are the frames' slopes, `left` (frame,) the residuals to explain; `scales`: inverse squares
-    of the scales of E with k, and of level with growth, (2, 2) each. Far from `begin` the priors hardly hold.
+    `direction` (frame, 4) are the frames' slopes, `left` (frame,) the residuals to
+    explain; `scales`: inverse squares of the scales of E with k, and of level with
+    growth, (2, 2) each. Far from `begin` the priors hardly hold.
     """
     normal = direction.T @ (weight[:, None] * direction)
     gradient = direction.T @ (weight * left)
@@ -196,7 +209,9 @@ def _reweighted(
 def _loss(
     direction: Floats, left: Floats, weight: Floats, scales: Scales, found: Floats
 ) -> float:
-    """Return the loss of the four: their residuals, and their distance from the priors (`_reweighted`)."""
+    """Return the loss of the four: their residuals, and their distance from the priors
+    (`_reweighted`).
+    """
     rest = left - direction @ found
     of_filter = CAUCHY**2 * np.log1p(found[:2] @ scales[0] @ found[:2] / CAUCHY**2)
     of_eyes = CAUCHY**2 * np.log1p(scales[1] @ found[2:] ** 2 / CAUCHY**2).sum()
@@ -229,12 +244,17 @@ CERTAIN = 0.001  # of a standard deviation: nothing is left of it
 
 DIVERGED = 1_000_000  # frames that a calibration refuses if it explains none
 REFINEMENTS = 3  # stiffenings between the library's that are tried
-ENOUGH = 6.0  # more loss than that of a stiffening that explains the frames: those beyond are not tried
-# Loss of the boundaries of a frame of an even wall. Walls that the library does not have lose more, whatever their
-# tissue, and say less of it: their loss is divided by the ratio.
+# more loss than that of a stiffening that explains the frames: those beyond are not
+# tried
+ENOUGH = 6.0
+# Loss of the boundaries of a frame of an even wall. Walls that the library does not
+# have lose more, whatever their tissue, and say less of it: their loss is divided by
+# the ratio.
 EVEN_LOSS = 5.0
-EXPLAINED = 8.0  # times as much: frames of uneven eyes, too, are explained by the walls of their tissue
-# Scale of Cauchy's prior of ln(1 + b): tissue does not stiffen unless its frames say so.
+# times as much: frames of uneven eyes, too, are explained by the walls of their tissue
+EXPLAINED = 8.0
+# Scale of Cauchy's prior of ln(1 + b): tissue does not stiffen unless its frames say
+# so.
 TISSUE_SCALE = 0.5
 TISSUE_CAUCHY = 2.0
 WIDE = 0.6  # of ln(1 + 5 b): an interval at an end in which one more is tried
@@ -248,8 +268,8 @@ ALIKE = 1.0
 class TissueTrial(Generic[Trial]):
     """A calibration with walls of one stiffening.
 
-    `refused` is the number of frames that it could not use, `frames` that of the others, `of_boundaries` and
-    `of_forces` their losses.
+    `refused` is the number of frames that it could not use, `frames` that of the
+    others, `of_boundaries` and `of_forces` their losses.
     """
 
     found: Trial
@@ -265,7 +285,9 @@ class TissueTrial(Generic[Trial]):
 
     @classmethod
     def diverged(cls, found: Trial, refused: int) -> "TissueTrial[Trial]":
-        """Return a trial that explains none of its frames: any trial that explains some is better."""
+        """Return a trial that explains none of its frames: any trial that explains some
+        is better.
+        """
         return cls(
             found=found,
             refused=DIVERGED + refused,
@@ -277,14 +299,18 @@ class TissueTrial(Generic[Trial]):
 
 @dataclass(frozen=True)
 class Settled:
-    """The known eye, the readings of its frames (None: cannot be read), and the loss of their forces."""
+    """The known eye, the readings of its frames (None: cannot be read), and the loss of
+    their forces.
+    """
 
     known: Known
     again: tuple[KnownForce | None, ...]
     loss: float
 
     def trial(self, found: Trial, refused: int) -> TissueTrial[Trial]:
-        """Return the trial that `search` compares; `refused`: the number of frames that the filter did not take."""
+        """Return the trial that `search` compares; `refused`: the number of frames that
+        the filter did not take.
+        """
         read = [frame for frame in self.again if frame is not None]
         refused += len(self.again) - len(read)
         loss = sum(frame.loss for frame in read)
@@ -297,9 +323,8 @@ class Settled:
         )
 
 
-SeenFrames = Sequence[
-    tuple[Boundaries | PlanesFit, float]
-]  # with their known forces, N
+# with their known forces, N
+SeenFrames = Sequence[tuple[Boundaries | PlanesFit, float]]
 Again = tuple[list[KnownForce | None], list[KnownForce], Found]
 
 
@@ -311,7 +336,9 @@ def settled(
     study: Study,
     rests_pa: Sequence[float] | None = None,
 ) -> Settled:
-    """Return the known eye after its frames are read again, at their own resting pressures if the globe leaks."""
+    """Return the known eye after its frames are read again, at their own resting
+    pressures if the globe leaks.
+    """
 
     def read_with(now: Known) -> Again:
         again = read_again(frames, now, library, study, rests_pa)
@@ -319,7 +346,7 @@ def settled(
         return again, read, regression(read, known, place_of(now))
 
     now = known
-    (again, read, found) = read_with(known)
+    again, read, found = read_with(known)
 
     for _ in range(READINGS - 1):
         moved = _moved(now, found)
@@ -332,7 +359,7 @@ def settled(
             break
 
         now = moved
-        (again, read, found) = of_moved
+        again, read, found = of_moved
 
     return Settled(
         _with_discrepancy(now, found, [frame.force_n for frame in read]),
@@ -348,13 +375,14 @@ def read_again(
     study: Study,
     rests_pa: Sequence[float] | None = None,
 ) -> list[KnownForce | None]:
-    """Return the readings of an eye's frames without their forces, each None if the frame cannot be read.
+    """Return the readings of an eye's frames without their forces, each None if the
+    frame cannot be read.
 
-    E and k, which the frames share, are taken for certain: they do not scatter between them. The planes of a moment are
-    read together, and are one reading.
+    E and k, which the frames share, are taken for certain: they do not scatter between
+    them. The planes of a moment are read together, and are one reading.
     """
     near = library.nearest_contact(known.polar_rad)
-    (modulus, globe) = own(known)
+    modulus, globe = own(known)
     modulus_step, rigidity_step = _steps(known)
     certain = [_certain(known), _certain(known, modulus_step)]
 
@@ -399,7 +427,9 @@ def read_again(
 def _fits(
     near: Library, seen: Boundaries, eyes: Sequence[Known], study: Study, force_n: float
 ) -> list[BoundaryFit | None]:
-    """Return the fits of a frame with each of the known eyes; none if the first one cannot be read."""
+    """Return the fits of a frame with each of the known eyes; none if the first one
+    cannot be read.
+    """
     priors = [prior_of(eye, study.reader) for eye in eyes]
     smoothing_m = study.calibration.surface_smoothing_m
     at = near, seen.lateral_m, seen.depth_m
@@ -408,7 +438,8 @@ def _fits(
     if not _read(fit):
         return []
 
-    # A fit of its own for each could end in another valley, and the slope would be that from one to the other.
+    # A fit of its own for each could end in another valley, and the slope would be that
+    # from one to the other.
     moved = (fit.unknown + prior.mean - priors[0].mean for prior in priors)
     return [
         fit_boundaries(*at, of, smoothing_m, begun=start)
@@ -438,7 +469,9 @@ def _read(fit: BoundaryFit | None) -> TypeGuard[BoundaryFit]:
 
 
 def _steps(known: Known) -> Floats:
-    """Return the steps of ln E and k over the reference's (2,) for difference quotients."""
+    """Return the steps of ln E and k over the reference's (2,) for difference
+    quotients.
+    """
     modulus, globe = own(known)
     share = RIGIDITY_STEP * max(globe.mean / REFERENCE_RIGIDITY, LEAST_RIGIDITY)
     return np.array(
@@ -450,7 +483,9 @@ def _steps(known: Known) -> Floats:
 
 
 def _certain(known: Known, log_modulus: float = 0.0, rigidity: float = 0.0) -> Known:
-    """Return an eye whose E and k are certain, each a step off: of ln E, and of k over the reference's."""
+    """Return an eye whose E and k are certain, each a step off: of ln E, and of k over
+    the reference's.
+    """
     modulus, globe = own(known)
     if globe.can_be_sealed:
         mean = globe.mean + rigidity * REFERENCE_RIGIDITY
@@ -470,8 +505,10 @@ def _certain(known: Known, log_modulus: float = 0.0, rigidity: float = 0.0) -> K
 
 
 def _moved(known: Known, found: Found) -> Known:
-    """Return an eye with the E and k that were found, not too far from the ones that it was read with."""
-    (modulus, globe) = own(known)
+    """Return an eye with the E and k that were found, not too far from the ones that it
+    was read with.
+    """
+    modulus, globe = own(known)
     mean = found.mean
     covariance = found.covariance
 
@@ -493,8 +530,10 @@ def _moved(known: Known, found: Found) -> Known:
 
 
 def _with_discrepancy(known: Known, found: Found, forces_n: Sequence[float]) -> Known:
-    """Return an eye at its E and k with their uncertainty, and the discrepancy given these; forces in N."""
-    (modulus, globe) = own(known)
+    """Return an eye at its E and k with their uncertainty, and the discrepancy given
+    these; forces in N.
+    """
+    modulus, globe = own(known)
     covariance = found.covariance
     sds = np.sqrt(np.diag(covariance))
     modulus = replace(modulus, sd_pa=float(sds[OF_MODULUS]) * modulus.mean_pa)
@@ -540,11 +579,12 @@ def most_trials(library: Library) -> int:
 def search(
     library: Library, calibrate: Callable[[Library], TissueTrial[Trial] | None]
 ) -> tuple[float, Trial] | None:
-    """Return the stiffening that explains an eye's frames best, and the calibration with it; None if there is none.
+    """Return the stiffening that explains an eye's frames best, and the calibration
+    with it; None if there is none.
 
-    It begins with the library's, from the lowest, until one explains the frames and the next much worse, or two in a
-    row do worse and worse; it continues beside the best one. A stiffening that refuses frames which others use is
-    ruled out.
+    It begins with the library's, from the lowest, until one explains the frames and the
+    next much worse, or two in a row do worse and worse; it continues beside the best
+    one. A stiffening that refuses frames which others use is ruled out.
     """
     tried = dict[float, TissueTrial[Trial]]()
 
@@ -582,7 +622,9 @@ def search(
 
 
 def _losses(tried: Mapping[float, TissueTrial[Trial]]) -> Floats:
-    """Return the loss of each trial with that of its stiffening by the prior; infinite if it refuses more frames."""
+    """Return the loss of each trial with that of its stiffening by the prior; infinite
+    if it refuses more frames.
+    """
     fewest = min(trial.refused for trial in tried.values())
     able = [trial for trial in tried.values() if trial.refused == fewest]
     least = min(able, key=lambda trial: trial.loss)
@@ -602,11 +644,13 @@ def _losses(tried: Mapping[float, TissueTrial[Trial]]) -> Floats:
 
 
 def _between(tried: Mapping[float, TissueTrial[Trial]]) -> float | None:
-    """Return the stiffening to try next, beside the best one; None: no other is likely to be better.
+    """Return the stiffening to try next, beside the best one; None: no other is likely
+    to be better.
 
-    It is the lowest place of a parabola through the best one and its neighbours; halfway to the other neighbour beside
-    one that is ruled out, below a largest one that is best, and if there is only one other. A parabola through losses
-    that are alike is trusted, also in how little is to gain.
+    It is the lowest place of a parabola through the best one and its neighbours;
+    halfway to the other neighbour beside one that is ruled out, below a largest one
+    that is best, and if there is only one other. A parabola through losses that are
+    alike is trusted, also in how little is to gain.
     """
     order = np.argsort(list(tried))
     places = stiffening_place(np.array(list(tried)))[order]

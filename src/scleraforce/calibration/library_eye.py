@@ -1,11 +1,14 @@
-"""An eye of finite strain: its sections from the response library (`library.responses`).
+"""An eye of finite strain: its sections from the response library
+(`library.responses`).
 
-The library holds walls of revolution about the needle axis, so sections have a closed form (`library.sections`). Its
-wall is clamped all around at 90 degrees from the needle; the eye's base is a plane, nearer on one side. Under a needle
-that does not push on the pole the eye gives way less on the near side: the dent moves and turns by up to 0.1 mm. Along
-the section that is a pose, which registration finds; across the plane it is a gap that is not the stated one, which
-costs E 3 to 7 %. `mechanics.axisymmetric` has that motion, in proportion to the force (`base_moves`), `library.base`
-the pressure's part. Gravity is neglected.
+The library holds walls of revolution about the needle axis, so sections have a closed
+form (`library.sections`). Its wall is clamped all around at 90 degrees from the needle;
+the eye's base is a plane, nearer on one side. Under a needle that does not push on the
+pole the eye gives way less on the near side: the dent moves and turns by up to 0.1 mm.
+Along the section that is a pose, which registration finds; across the plane it is a gap
+that is not the stated one, which costs E 3 to 7 %. `mechanics.axisymmetric` has that
+motion, in proportion to the force (`base_moves`), `library.base` the pressure's part.
+Gravity is neglected.
 """
 
 from collections.abc import Sequence
@@ -31,9 +34,8 @@ from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import CalibrationStudy, ReaderStudy, Study
 from scleraforce.units import from_si
 
-SHIFTS = (
-    8  # in the cache: an eye has one to three, the same for all tissues that are tried
-)
+# in the cache: an eye has one to three, the same for all tissues that are tried
+SHIFTS = 8
 
 
 @lru_cache(maxsize=SHIFTS)
@@ -44,8 +46,11 @@ def _shift(
     needle_radius_m: float,
     polar_rad: float,
 ) -> tuple[Floats, Floats]:
-    """Return the rings (boundary, node) of a wall, and their shift by a needle (boundary, node, harmonic, 3)."""
-    # The three-dimensional mechanics with SciPy's solvers: half a second, for eyes of a stated direction only.
+    """Return the rings (boundary, node) of a wall, and their shift by a needle
+    (boundary, node, harmonic, 3).
+    """
+    # The three-dimensional mechanics with SciPy's solvers: half a second, for eyes of a
+    # stated direction only.
     from scleraforce.mechanics.axisymmetric import LARGEST_POLAR_RAD, base_shift
     from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
 
@@ -70,10 +75,12 @@ def _shift(
 def base_moves(
     study: Study, constants: eye_model.EyeConstants, polar_rad: float, lateral_m: Floats
 ) -> Floats:
-    """Return the motion of the wall for F/E = 1 m^2 (boundary, place, [lateral, across, depth]), m: 0.3 s, once an eye.
+    """Return the motion of the wall for F/E = 1 m^2 (boundary, place, [lateral, across,
+    depth]), m: 0.3 s, once an eye.
 
-    Gap and thickness are the stated ones, also if they are uncertain: the motion is small. It does not grow beyond a
-    polar angle of 55 degrees. At a polar angle of 0, or without a stated direction (the mean), nothing moves.
+    Gap and thickness are the stated ones, also if they are uncertain: the motion is
+    small. It does not grow beyond a polar angle of 55 degrees. At a polar angle of 0,
+    or without a stated direction (the mean), nothing moves.
     """
     if polar_rad == 0.0 or constants.direction_rad is None:
         return np.zeros((2, len(lateral_m), 3))
@@ -85,9 +92,8 @@ def base_moves(
         study.needle.outer_diameter_m / 2,
     )
     rings_bn, shift_bnmc = _shift(*wall, polar_rad)
-    inside = np.arctan2(
-        constants.gap_m, lateral_m
-    )  # angle about the needle axis, from the lateral axis
+    # angle about the needle axis, from the lateral axis
+    inside = np.arctan2(constants.gap_m, lateral_m)
     distance_m = np.hypot(lateral_m, constants.gap_m)
 
     return np.array(
@@ -105,7 +111,9 @@ def _displacement(
     inside: Floats,
     direction_rad: float,
 ) -> Floats:
-    """Return the motion (place, 3) of one boundary from its harmonics (node, harmonic, [away, around, depth])."""
+    """Return the motion (place, 3) of one boundary from its harmonics (node, harmonic,
+    [away, around, depth]).
+    """
     nodes, harmonics, _ = shift_nmc.shape
     flat = shift_nmc.reshape(nodes, -1).T
     local = np.array([np.interp(distance_m, ring_n, row) for row in flat]).reshape(
@@ -124,20 +132,20 @@ def _displacement(
 
 
 REACH = 0.72  # of the radius: how far the section reaches to either side of the contact
-FINE_STEP_M = (
-    0.05e-3  # along the wall, between points that a section is interpolated between
-)
+# along the wall, between points that a section is interpolated between
+FINE_STEP_M = 0.05e-3
 HIGHEST = 0.999  # of the library's highest pressure: what rises so far is outside
-END_SHARE = 0.97  # of the library's largest force: over the rest the continuation takes its slope
+# of the library's largest force: over the rest the continuation takes its slope
+END_SHARE = 0.97
 
 
 @dataclass(frozen=True, eq=False)
 class LibraryEye:
     """An eye whose sections come from a library.
 
-    `lateral_m` (sample,): places of the section. `moves_pbxc`: `base_moves` at each of the polar angles
-    `polar_nodes_rad`. `smoothing_m`: standard deviation of the Gaussian by which a segmentation smooths the outer
-    curve.
+    `lateral_m` (sample,): places of the section. `moves_pbxc`: `base_moves` at each of
+    the polar angles `polar_nodes_rad`. `smoothing_m`: standard deviation of the
+    Gaussian by which a segmentation smooths the outer curve.
     """
 
     constants: eye_model.EyeConstants
@@ -148,10 +156,12 @@ class LibraryEye:
     smoothing_m: float = 0.0
 
     def curves(self, states: Sequence[eye_model.WallState]) -> Floats:
-        """Return the sections as a segmentation sees them, (state, boundary, sample, 2) in m: lateral and depth.
+        """Return the sections as a segmentation sees them, (state, boundary, sample, 2)
+        in m: lateral and depth.
 
-        Beyond the library (a modulus too low for the force) the section continues along the slope by ln(F/E) at the
-        end; pressure and thickness are held at the library's ends.
+        Beyond the library (a modulus too low for the force) the section continues along
+        the slope by ln(F/E) at the end; pressure and thickness are held at the
+        library's ends.
         """
         thickness, pressure, force = self._ratios(states)
         polar = np.array([state.polar_rad for state in states])
@@ -173,7 +183,9 @@ class LibraryEye:
         return curves
 
     def outside(self, state: eye_model.WallState) -> str | None:
-        """Return why an estimate must not rest on a state, None if the library reaches it."""
+        """Return why an estimate must not rest on a state, None if the library reaches
+        it.
+        """
         thickness, pressure, force = self._ratios([state])
         try:
             self.library.tips(thickness, pressure, force)
@@ -191,7 +203,9 @@ class LibraryEye:
     def _ratios(
         self, states: Sequence[eye_model.WallState]
     ) -> tuple[Floats, Floats, Floats]:
-        """Return thickness, the pressure under the needle over E and F/E of states, each (state,)."""
+        """Return thickness, the pressure under the needle over E and F/E of states,
+        each (state,).
+        """
         modulus = np.array([state.youngs_modulus_pa for state in states])
         thickness = np.array([state.thickness_m for state in states])
         pressure = np.array([state.iop_pa for state in states]) / modulus
@@ -217,7 +231,8 @@ class LibraryEye:
     def _moved(
         self, thickness: Floats, pressure: Floats, force: Floats, polar: Floats
     ) -> Floats:
-        """Return the motion of sections by the base's nearness (state, boundary, place, 3), m.
+        """Return the motion of sections by the base's nearness (state, boundary, place,
+        3), m.
 
         It is 0, the mean over all directions, if the section's is not stated.
         """
@@ -238,7 +253,9 @@ class LibraryEye:
         )
 
     def _walls(self, thickness: Floats, pressure: Floats, force: Floats) -> Floats:
-        """Return the library's curves (state, boundary, node, 2), continued beyond its end."""
+        """Return the library's curves (state, boundary, node, 2), continued beyond its
+        end.
+        """
         library = self.library
         thickness, pressure = self._held(thickness, pressure)
 
@@ -281,13 +298,17 @@ class LibraryEye:
 
     @cached_property
     def _places(self) -> Floats:
-        """Unit vectors to the section's places at rest (boundary, place, 3), as `library.base` takes them."""
+        """Unit vectors to the section's places at rest (boundary, place, 3), as
+        `library.base` takes them.
+        """
         radii = self.library.radius_m - np.array([[0.0], [self.constants.thickness_m]])
         return section_places(self.lateral_m / radii, self.constants.gap_m / radii)
 
     @cached_property
     def _fine(self) -> Floats:
-        """Weights (fine point, node) of a cubic spline along the wall through the library's nodes."""
+        """Weights (fine point, node) of a cubic spline along the wall through the
+        library's nodes.
+        """
         along = self.library.radius_m * self.library.node_angles()
         fine = np.linspace(
             along[0], along[-1], int((along[-1] - along[0]) / FINE_STEP_M) + 1
@@ -310,16 +331,17 @@ def library_eye(
         rtol=1e-6,
     ):
         raise CalibrationError(
-            "library: made for another radius of the eye, Poisson's ratio or needle than the "
-            "study's; make it anew"
+            "library: made for another radius of the eye, Poisson's ratio or needle"
+            " than the study's; make it anew"
         )
 
     thinnest = float(library.thickness_m[0])
     thickest = float(library.thickness_m[-1])
     if not thinnest <= constants.thickness_m <= thickest:
         raise CalibrationError(
-            f"thickness: {from_si(constants.thickness_m, 'um'):g} µm; the library has walls of "
-            f"{from_si(thinnest, 'um'):.0f} to {from_si(thickest, 'um'):.0f} µm"
+            f"thickness: {from_si(constants.thickness_m, 'um'):g} µm; the library has"
+            f" walls of {from_si(thinnest, 'um'):.0f} to"
+            f" {from_si(thickest, 'um'):.0f} µm"
         )
 
     side = np.arange(0.0, REACH * library.radius_m, eye_model.SAMPLE_STEP_M)
@@ -328,9 +350,8 @@ def library_eye(
     moves = np.stack(
         [base_moves(study, constants, polar, lateral_m) for polar in polars]
     )
-    near = library.nearest_contact(
-        0.5 * (min(polars) + max(polars))
-    )  # forces hardly change between the ends
+    # forces hardly change between the ends
+    near = library.nearest_contact(0.5 * (min(polars) + max(polars)))
 
     return LibraryEye(
         constants, near, lateral_m, polars, moves, study.calibration.surface_smoothing_m
@@ -345,12 +366,14 @@ def section_depths(
     lateral_m: Floats,
     moved_sbxc: Floats,
 ) -> Floats:
-    """Return the depths (state, boundary, place) in the plane of surfaces of revolution that moved a little more.
+    """Return the depths (state, boundary, place) in the plane of surfaces of revolution
+    that moved a little more.
 
-    `curves_sbnc` have distance from the axis and depth, from the axis outwards; `fine_fn` are weights that interpolate
-    along the wall; `gap_m` (state,): the plane's distance from the axis at the undeformed contact; `moved_sbxc`:
-    further motion (lateral, across, depth) at the lateral places. Of a wall that folds over itself the outermost part
-    counts: it is on top, where the light comes from.
+    `curves_sbnc` have distance from the axis and depth, from the axis outwards;
+    `fine_fn` are weights that interpolate along the wall; `gap_m` (state,): the plane's
+    distance from the axis at the undeformed contact; `moved_sbxc`: further motion
+    (lateral, across, depth) at the lateral places. Of a wall that folds over itself the
+    outermost part counts: it is on top, where the light comes from.
     """
     square, depth = cut_rings(fine_fn @ curves_sbnc, gap_m[:, None, None], tilt_rad)
     on_top = np.minimum.accumulate(square[..., ::-1], axis=-1)[..., ::-1]
@@ -374,7 +397,9 @@ def section_depths(
 
 
 def _interpolated(rows: Sequence[tuple[Floats, Floats]], wanted: Floats) -> Floats:
-    """Interpolate each row's depth over the square of the lateral place, (..., place)."""
+    """Interpolate each row's depth over the square of the lateral place, (...,
+    place).
+    """
     places = wanted.reshape(len(rows), -1)
     found = [np.interp(place, *row) for place, row in zip(places, rows, strict=True)]
     return np.array(found).reshape(wanted.shape)
@@ -386,7 +411,9 @@ CLEAR = 4.0  # times their spread, from which forms are removed
 def without_form(
     eye: LibraryEye, boundaries: Boundaries, study: CalibrationStudy
 ) -> Boundaries:
-    """Return the boundaries of a frame without the part of the eye's form, if that is clear."""
+    """Return the boundaries of a frame without the part of the eye's form, if that is
+    clear.
+    """
     modulus = Modulus(
         mean_pa=study.prior_mean_pa, sd_pa=study.prior_sd_pa, source="population"
     )

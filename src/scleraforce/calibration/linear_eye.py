@@ -1,9 +1,12 @@
-"""An eye of linear mechanics: its displaced section for any modulus, force, pressure and gap (paper eq. 1, 2).
+"""An eye of linear mechanics: its displaced section for any modulus, force, pressure
+and gap (paper eq. 1, 2).
 
-K scales with E, so u = (IOP u_p + rho g u_g + F u_n) / E with three solutions at E = 1 Pa. They are kept only where the
-B-scan plane may cut: on short lines of material points across the plane. A line's point of zero distance to the plane
-is a point of the section. Thickness and the contact's polar angle need a solution of their own each; between a few such
-solutions the displacements are interpolated by Lagrange's polynomial.
+K scales with E, so u = (IOP u_p + rho g u_g + F u_n) / E with three solutions at E = 1
+Pa. They are kept only where the B-scan plane may cut: on short lines of material points
+across the plane. A line's point of zero distance to the plane is a point of the
+section. Thickness and the contact's polar angle need a solution of their own each;
+between a few such solutions the displacements are interpolated by Lagrange's
+polynomial.
 """
 
 from collections.abc import Sequence
@@ -29,16 +32,17 @@ from scleraforce.mechanics.mesh import locate
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
 
-SAMPLE_REACH = (
-    0.72  # of the radius: how far the section reaches to either side of the contact
-)
+# of the radius: how far the section reaches to either side of the contact
+SAMPLE_REACH = 0.72
 LINE_STEP_M = 0.2e-3  # between material points across the plane
 LINE_REACH_M = 0.6e-3  # how far material may move across the plane
 BASE_MARGIN = 0.01  # of the radius: the section ends above the clamped base
 
 
 def _cut_lines(points_rblsc: Floats, gap_m: Floats, tilt_rad: float) -> Floats:
-    """Cut lines of points (..., line, sample, 3) with the plane; return (..., sample, 2), linear between the points."""
+    """Cut lines of points (..., line, sample, 3) with the plane; return (..., sample,
+    2), linear between the points.
+    """
     lateral, across, depth = (points_rblsc[..., axis] for axis in range(3))
     across = across - gap_m
     c = cos(tilt_rad)
@@ -65,7 +69,9 @@ def _response(
     constants: EyeConstants,
     lateral_m: Floats,
 ) -> Floats:
-    """Return the fields of a factored wall about the plane of one contact, (field, boundary, line, sample, axis)."""
+    """Return the fields of a factored wall about the plane of one contact, (field,
+    boundary, line, sample, axis).
+    """
     mesh = wall.mesh
     axes = _plane_axes(contact, constants)
     plane = (mesh.radius_m, lateral_m, constants.gap_m, constants.tilt_rad)
@@ -97,7 +103,9 @@ def _lateral_samples(
     contacts: Sequence[Contact],
     constants: EyeConstants,
 ) -> Floats:
-    """Return evenly spaced lateral positions (sample,) at which, for all contacts, the whole wall is above the base."""
+    """Return evenly spaced lateral positions (sample,) at which, for all contacts, the
+    whole wall is above the base.
+    """
     reach = SAMPLE_REACH * radius_m
     lateral = np.arange(-reach, reach + SAMPLE_STEP_M / 2, SAMPLE_STEP_M)
     above = np.ones(len(lateral), dtype=bool)
@@ -118,7 +126,9 @@ def _lateral_samples(
 
 
 def _plane_axes(contact: Contact, constants: EyeConstants) -> Floats:
-    """Return lateral, across and depth axis of the untilted plane (by default the meridian's), (3, 3), one a row."""
+    """Return lateral, across and depth axis of the untilted plane (by default the
+    meridian's), (3, 3), one a row.
+    """
     direction_rad = constants.direction_rad or 0.0
     lateral = (
         cos(direction_rad) * contact.meridian + sin(direction_rad) * contact.parallel
@@ -133,7 +143,9 @@ def _line_points(
     gap_m: float,
     tilt_rad: float,
 ) -> Floats:
-    """Return points on a sphere of given radius in the plane's axes, from the contact: shape (line, sample, 3)."""
+    """Return points on a sphere of given radius in the plane's axes, from the contact:
+    shape (line, sample, 3).
+    """
     steps = np.arange(-LINE_REACH_M, LINE_REACH_M + LINE_STEP_M / 2, LINE_STEP_M)[
         :, None
     ]
@@ -149,12 +161,15 @@ THICKNESS_NODES = (0.8, 1.0, 1.2)  # of the stated thickness, if that is uncerta
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LinearEye:
-    """Material points about the plane, and how they move, at nodes of thickness and polar angle.
+    """Material points about the plane, and how they move, at nodes of thickness and
+    polar angle.
 
-    `fields` (thickness, polar, field, boundary, line, sample, axis): the undeformed position, then the displacements at
-    E = 1 Pa per Pa of IOP, per Pa/m of weight and per N of force. Boundaries: outer, inner. Axes: lateral, across the
-    plane (untilted, from the needle axis), depth below the undeformed contact. `weight_pa_m` is density times gravity;
-    `smoothing_m`: standard deviation of the Gaussian by which a segmentation smooths the outer curve.
+    `fields` (thickness, polar, field, boundary, line, sample, axis): the undeformed
+    position, then the displacements at E = 1 Pa per Pa of IOP, per Pa/m of weight and
+    per N of force. Boundaries: outer, inner. Axes: lateral, across the plane (untilted,
+    from the needle axis), depth below the undeformed contact. `weight_pa_m` is density
+    times gravity; `smoothing_m`: standard deviation of the Gaussian by which a
+    segmentation smooths the outer curve.
     """
 
     constants: EyeConstants
@@ -165,7 +180,9 @@ class LinearEye:
     smoothing_m: float = 0.0
 
     def curves(self, states: Sequence[WallState]) -> Floats:
-        """Return the sections as a segmentation sees them, (state, boundary, sample, 2) in m: lateral and depth."""
+        """Return the sections as a segmentation sees them, (state, boundary, sample, 2)
+        in m: lateral and depth.
+        """
         walls = {(state.polar_rad, state.thickness_m) for state in states}
         if len(walls) == 1:
             return self._sections(self._fields_at(*walls.pop()), states)
@@ -181,7 +198,9 @@ class LinearEye:
         return None
 
     def _fields_at(self, polar_rad: float, thickness_m: float) -> Floats:
-        """Return the fields (field, boundary, line, sample, axis) for a polar angle and a thickness."""
+        """Return the fields (field, boundary, line, sample, axis) for a polar angle and
+        a thickness.
+        """
         if polar_rad in self.polar_nodes_rad and thickness_m in self.thickness_nodes_m:
             return self.fields[
                 self.thickness_nodes_m.index(thickness_m),
@@ -192,7 +211,8 @@ class LinearEye:
             lagrange(self.thickness_nodes_m, thickness_m),
             lagrange(self.polar_nodes_rad, polar_rad),
         )
-        # A shell bends as 1/t^2 under a point load: t^2 u is smoother in t than u. Positions are linear in t.
+        # A shell bends as 1/t^2 under a point load: t^2 u is smoother in t than u.
+        # Positions are linear in t.
         bent = weights * (np.array(self.thickness_nodes_m)[:, None] / thickness_m) ** 2
         by_field = np.stack([weights, bent, bent, bent])
 
@@ -219,7 +239,9 @@ class LinearEye:
 def linear_eye(
     study: Study, constants: EyeConstants, thickness_uncertain: bool = False
 ) -> LinearEye:
-    """Solve the walls for an eye, three if the thickness is uncertain; raises `CalibrationError`."""
+    """Solve the walls for an eye, three if the thickness is uncertain; raises
+    `CalibrationError`.
+    """
     if not 0.1e-3 <= constants.thickness_m <= 0.4 * study.eye.radius_m:
         raise CalibrationError(
             f"thickness: {from_si(constants.thickness_m, 'um'):g} µm cannot be "

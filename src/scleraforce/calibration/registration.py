@@ -1,8 +1,9 @@
 """Rigid registration: fits the predicted section to a frame (paper sec. 3.2).
 
-Pose and modulus are fitted together, frame by frame, to the whole of both boundaries: at high forces the arc as a whole
-moves, so no part of it is a fixed reference. The pose about which the eye of a recording moves is carried from frame to
-frame as a belief; a frame's pose is a draw about it.
+Pose and modulus are fitted together, frame by frame, to the whole of both boundaries:
+at high forces the arc as a whole moves, so no part of it is a fixed reference. The pose
+about which the eye of a recording moves is carried from frame to frame as a belief; a
+frame's pose is a draw about it.
 """
 
 from collections.abc import Sequence
@@ -25,11 +26,13 @@ if TYPE_CHECKING:  # its mechanics takes a third of a second to import
 
     EyeModel = LibraryEye | LinearEye
 
-# What a frame depends on beside the eye: the pose, the contact's polar angle, and an offset of the inner boundary (the
-# segmentation's, or a wall that is not as thick as stated).
+# What a frame depends on beside the eye: the pose, the contact's polar angle, and an
+# offset of the inner boundary (the segmentation's, or a wall that is not as thick as
+# stated).
 NUISANCES = ("lateral_m", "depth_m", "rotation_rad", "polar_rad", "inner_m")
 BY_LATERAL, BY_DEPTH, BY_ROTATION, BY_POLAR, BY_INNER = range(5)
-# Come after the nuisances among the unknowns of a frame: ln E, and the globe's rigidity over `REFERENCE_RIGIDITY`.
+# Come after the nuisances among the unknowns of a frame: ln E, and the globe's rigidity
+# over `REFERENCE_RIGIDITY`.
 LOG_MODULUS = 5
 RELATIVE_RIGIDITY = 6
 
@@ -45,7 +48,9 @@ def parameter_sections(
     force_n: float,
     polar_rad: float,
 ) -> Floats:
-    """Return the sections for rows of uncertain parameters, shape (row, boundary, sample, 2)."""
+    """Return the sections for rows of uncertain parameters, shape (row, boundary,
+    sample, 2).
+    """
     stated = stated_wall(model.constants, 1.0, force_n, polar_rad)
     return model.curves(
         [
@@ -65,7 +70,9 @@ def place_section(curves: Floats, nuisance: Floats) -> Floats:
 def polar_derivative(
     model: "EyeModel", state: WallState, nuisance: Floats, places: placement.Places
 ) -> Floats:
-    """Return the slope of the depths at places by the contact's polar angle, (place,) m/rad; 0 if that is stated."""
+    """Return the slope of the depths at places by the contact's polar angle, (place,)
+    m/rad; 0 if that is stated.
+    """
     low = model.polar_nodes_rad[0]
     high = model.polar_nodes_rad[-1]
     if low == high:
@@ -85,7 +92,9 @@ def _growth(
     nuisance: Floats,
     places: placement.Places,
 ) -> Floats:
-    """Return the growth of the depths at places from one state to another, (place,) m."""
+    """Return the growth of the depths at places from one state to another, (place,)
+    m.
+    """
     curves = place_section(model.curves(ends), nuisance)
     less, more = (placement.curve_depths(curve, places)[0] for curve in curves)
     return more - less
@@ -94,7 +103,9 @@ def _growth(
 def predict_frame(
     model: "EyeModel", state: WallState, nuisance: Floats, places: placement.Places
 ) -> placement.Placed:
-    """Return the prediction at places; derivatives by the `NUISANCES`, ln E and the relative rigidity, (place, 7)."""
+    """Return the prediction at places; derivatives by the `NUISANCES`, ln E and the
+    relative rigidity, (place, 7).
+    """
     states = [
         state,
         replace(state, youngs_modulus_pa=state.youngs_modulus_pa * (1 + MODULUS_STEP)),
@@ -110,9 +121,8 @@ def predict_frame(
     by_pose = placement.pose_derivatives(
         places, depth, slope, (nuisance[BY_LATERAL], nuisance[BY_DEPTH])
     )
-    by_polar = np.zeros_like(
-        depth
-    )  # held while a frame is fitted, see `polar_derivative`
+    # held while a frame is fitted, see `polar_derivative`
+    by_polar = np.zeros_like(depth)
     by_modulus = (stiffer[0] - depth) / MODULUS_STEP
     by_rigidity = (
         (sealed[0][0] - depth) / RIGIDITY_STEP if sealed else np.zeros_like(depth)
@@ -137,27 +147,34 @@ def force_derivative(
     return _growth(model, states, nuisance, places) / (2 * FORCE_STEP_N)
 
 
-# Of a recording's nuisances before its first frame. The polar angle stays as stated, or in the middle of its range: it
-# turns the section by a few um, which a fit could not tell from an uneven segmentation.
+# Of a recording's nuisances before its first frame. The polar angle stays as stated, or
+# in the middle of its range: it turns the section by a few um, which a fit could not
+# tell from an uneven segmentation.
 FIRST_SD = np.array([2e-3, 1.5e-3, 0.1, 0.0, 0.0])
 COLUMNS = 48  # of each boundary that are fitted
 COLUMN_SD_M = 10e-6
-INNER_FRAMES = 25  # that show the offset of the inner boundary, which is common to all, as well as one would alone
-LOG_MODULUS_SD = 1.0  # a frame's own modulus is free: the pose must not follow what the filter believes
+# that show the offset of the inner boundary, which is common to all, as well as one
+# would alone
+INNER_FRAMES = 25
+# a frame's own modulus is free: the pose must not follow what the filter believes
+LOG_MODULUS_SD = 1.0
 STOPPING = placement.Stopping(
     iterations=25, converged_sd=0.1, settled_cost=0.01, retry_damping=1e-2
 )
 START_LATERAL_M = np.linspace(-2.5e-3, 2.5e-3, 11)
 START_MODULUS = (0.15, 0.3, 0.6, 1.0, 2.0)  # of the modulus that is given
+# of the range that the globe's rigidity has, beside the rigidity that is given
 START_RIGIDITY = (
     0.0,
     0.2,
-)  # of the range that the globe's rigidity has, beside the rigidity that is given
+)
 
 
 @dataclass(frozen=True, eq=False)
 class PoseBelief:
-    """The distribution of the values that frames share: mean (5,) and covariance (5, 5), ordered as `NUISANCES`."""
+    """The distribution of the values that frames share: mean (5,) and covariance (5,
+    5), ordered as `NUISANCES`.
+    """
 
     mean: Floats
     covariance: Floats
@@ -165,7 +182,9 @@ class PoseBelief:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Registered:
-    """A frame's fit: nuisances (5,), their covariance (5, 5), and the wall, of the frame's own modulus and rigidity."""
+    """A frame's fit: nuisances (5,), their covariance (5, 5), and the wall, of the
+    frame's own modulus and rigidity.
+    """
 
     nuisance: Floats
     covariance: Floats
@@ -180,7 +199,9 @@ def first_belief(model: "EyeModel") -> PoseBelief:
 
 
 def frame_prior(belief: PoseBelief, study: CalibrationStudy) -> PoseBelief:
-    """Return the prior of the next frame's nuisances: the recording's belief, and that the eye may have moved."""
+    """Return the prior of the next frame's nuisances: the recording's belief, and that
+    the eye may have moved.
+    """
     inner_m = INNER_FRAMES**0.5 * study.inner_sd_m
     moved = np.array(
         [study.shift_sd_m, study.shift_sd_m, study.turn_sd_rad, 0.0, inner_m]
@@ -191,7 +212,9 @@ def frame_prior(belief: PoseBelief, study: CalibrationStudy) -> PoseBelief:
 def updated_belief(
     belief: PoseBelief, prior: PoseBelief, fit: Registered
 ) -> PoseBelief:
-    """Return the belief after a frame (Rauch, Tung and Striebel 1965: the frame's fit, smoothed back)."""
+    """Return the belief after a frame (Rauch, Tung and Striebel 1965: the frame's fit,
+    smoothed back).
+    """
     free = np.diag(prior.covariance) > 0
     gain = np.zeros((5, 5))
     both = np.ix_(free, free)
@@ -210,7 +233,9 @@ def register(
     prior: PoseBelief,
     rigidity: float,
 ) -> Registered:
-    """Fit pose and modulus to a frame by a damped Gauss-Newton method on Cauchy's loss; the rigidity is SI."""
+    """Fit pose and modulus to a frame by a damped Gauss-Newton method on Cauchy's loss;
+    the rigidity is SI.
+    """
     sought = stated_wall(
         model.constants, modulus_pa, force_n, float(prior.mean[BY_POLAR]), rigidity
     )
@@ -239,7 +264,8 @@ def _thinned(boundaries: Boundaries) -> placement.Columns:
 class _Fit:
     """The least-squares problem of one frame; certain values stay fixed.
 
-    Unknown (7,): the nuisances, ln E, and the globe's rigidity over the reference, which is fixed in an open one.
+    Unknown (7,): the nuisances, ln E, and the globe's rigidity over the reference,
+    which is fixed in an open one.
     """
 
     def __init__(
@@ -282,12 +308,14 @@ class _Fit:
         return inverse
 
     def start(self) -> Floats:
-        """Return the start: the prior's mean, or the best of a coarse search if the pose is unknown."""
+        """Return the start: the prior's mean, or the best of a coarse search if the
+        pose is unknown.
+        """
         if not self.wide:
             return self.mean.copy()
 
         moduli = np.log(START_MODULUS) + self.mean[LOG_MODULUS]
-        (low, high) = self.rigidity_ends
+        low, high = self.rigidity_ends
         # From a stiff globe an open eye is not found.
         ratios = {
             float(self.mean[RELATIVE_RIGIDITY]),
@@ -342,14 +370,18 @@ class _Fit:
     def normal_equations(
         self, unknown: Floats, placed: placement.Placed
     ) -> tuple[Floats, Floats]:
-        """Return the normal matrix (7, 7) and the gradient (7,); fixed unknowns do not move."""
+        """Return the normal matrix (7, 7) and the gradient (7,); fixed unknowns do not
+        move.
+        """
         normal, gradient = self.columns.normal_equations(self._movable(placed))
         normal += self.precision
         normal[~self.free, ~self.free] = 1.0
         return normal, gradient - self.precision @ (unknown - self.mean)
 
     def inside(self, unknown: Floats) -> Floats:
-        """Keep the rigidity within its bounds; a section continues smoothly beyond the mechanics."""
+        """Keep the rigidity within its bounds; a section continues smoothly beyond the
+        mechanics.
+        """
         unknown[RELATIVE_RIGIDITY] = np.clip(
             unknown[RELATIVE_RIGIDITY], *self.rigidity_ends
         )

@@ -1,9 +1,12 @@
-"""The relaxation of an eye's tissue, from the holds of its force log, and the elastic force at each frame.
+"""The relaxation of an eye's tissue, from the holds of its force log, and the elastic
+force at each frame.
 
-A needle that holds still keeps the dent and so the elastic force Fe, while the force F falls. Holds are parts of the
-log between fast changes of the force. F is turned into Fe by the series of `mechanics.material`, and the shares g
-keep Fe constant in all holds (least squares, Gauss-Newton with g >= 0). Between pushes nothing pulls:
-Fe is 0 there. A robot that holds the force instead of the place shows no relaxation; nor does a log without holds.
+A needle that holds still keeps the dent and so the elastic force Fe, while the force F
+falls. Holds are parts of the log between fast changes of the force. F is turned into Fe
+by the series of `mechanics.material`, and the shares g keep Fe constant in all holds
+(least squares, Gauss-Newton with g >= 0). Between pushes nothing pulls: Fe is 0 there.
+A robot that holds the force instead of the place shows no relaxation; nor does a log
+without holds.
 """
 
 from collections.abc import Iterator
@@ -19,6 +22,7 @@ from scleraforce.mechanics.material import driven_back
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.labels import contact_force
 
+# two terms of any times between are as good as in the grid
 TIMES_S = (
     0.3,
     1.0,
@@ -26,9 +30,10 @@ TIMES_S = (
     10.0,
     30.0,
     100.0,
-)  # two terms of any times between are as good as in the grid
-# Half-normal priors of the shares, each with the same: pork loses 0.27 with 0.4 s and 0.33 with 4.3 s, the paper's eyes
-# some percent. A log without holds leaves tissue that relaxes much or little on all times alike, as much as by chance.
+)
+# Half-normal priors of the shares, each with the same: pork loses 0.27 with 0.4 s and
+# 0.33 with 4.3 s, the paper's eyes some percent. A log without holds leaves tissue that
+# relaxes much or little on all times alike, as much as by chance.
 PRIOR_SD = np.full(len(TIMES_S), 0.07)
 # of a half-normal
 MEAN_OF_SD = np.sqrt(2.0 / np.pi)
@@ -54,9 +59,11 @@ ONE_FRAME_SD = 0.1  # of held, of one frame
 def with_elastic_forces(
     recording: Recording, forces: FrameForces, known: KnownRelaxation | None
 ) -> tuple[FrameForces, KnownRelaxation, Floats]:
-    """Return the forces of labelled frames as elastic ones, and how the tissue relaxes, unless that is known already.
+    """Return the forces of labelled frames as elastic ones, and how the tissue relaxes,
+    unless that is known already.
 
-    The recording has a force log without gaps. Its elastic force, every `STEP_S` from its beginning, is the third.
+    The recording has a force log without gaps. Its elastic force, every `STEP_S` from
+    its beginning, is the third.
     """
     log = recording.forces
     info = recording.info.force
@@ -168,7 +175,9 @@ def _push(elastic_n: Floats, less_n: float) -> int:
 
 
 def _spread(found: Floats, sd_of_one: float) -> Matrix:
-    """Return the covariance of another frame's memories after seen frames, (frame, term): of Student's t."""
+    """Return the covariance of another frame's memories after seen frames, (frame,
+    term): of Student's t.
+    """
     count = len(found)
     if count == 1:
         return rows(sd_of_one**2 * np.eye(found.shape[1]))
@@ -182,7 +191,9 @@ def _spread(found: Floats, sd_of_one: float) -> Matrix:
 
 
 def _found(felt_n: Floats, time_s: Floats, contact: Flags) -> KnownRelaxation:
-    """Find the shares on the holds of a log; without holds they are as in other tissue."""
+    """Find the shares on the holds of a log; without holds they are as in other
+    tissue.
+    """
     holds = list(_holds(felt_n, contact))
     if not holds:
         covariance = (
@@ -258,9 +269,8 @@ def _fitted(
         shares *= min(1.0, MOST / max(float(shares.sum()), MOST))
 
     parts = scatter(np.stack([np.zeros(len(TIMES_S)), shares]))
-    squares = (
-        np.array([(part_n**2).sum(axis=1) for part_n in parts]) / variance
-    )  # of each hold, elastic and relaxing
+    # of each hold, elastic and relaxing
+    squares = np.array([(part_n**2).sum(axis=1) for part_n in parts]) / variance
     counts = np.array([part_n.shape[1] for part_n in parts])
     usual = squares[:, 1] / counts
     kept = [
@@ -276,7 +286,9 @@ def _fitted(
 
 
 def not_negative(normal: Floats, gradient: Floats) -> Floats:
-    """Return the few x >= 0 with the least x N x / 2 - g x (share,); SciPy's takes a tenth of a second to import."""
+    """Return the few x >= 0 with the least x N x / 2 - g x (share,); SciPy's takes a
+    tenth of a second to import.
+    """
     best = np.zeros(len(gradient))
     for chosen in product((False, True), repeat=len(gradient)):
         free = np.array(chosen)

@@ -1,4 +1,6 @@
-"""The result of a calibration: of each frame, each eye and the population; in words, and as its file."""
+"""The result of a calibration: of each frame, each eye and the population; in words,
+and as its file.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -38,10 +40,11 @@ from scleraforce.units import HumanUnit, from_si
 class FrameRecord:
     """The result of a frame: estimate of E after it, or the reason why it was not used.
 
-    `sha256` is the digest of the frame's pixels (`recording.folder.frame_digest`), which identifies it under any name.
-    `planes`: files and digests of the frames of all planes of its moment, if there are several.
-    `force_n` is the label without offset and drift, 0 if none was used. `own_modulus_pa`: the modulus from the frame
-    alone; `again`: the frame read again in the end.
+    `sha256` is the digest of the frame's pixels (`recording.folder.frame_digest`),
+    which identifies it under any name. `planes`: files and digests of the frames of all
+    planes of its moment, if there are several. `force_n` is the label without offset
+    and drift, 0 if none was used. `own_modulus_pa`: the modulus from the frame alone;
+    `again`: the frame read again in the end.
     """
 
     recording: str
@@ -68,9 +71,11 @@ class FrameRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class UsedRecording:
-    """A recording that was calibrated on: path as given, SHA-256 of its tables, zero of its force that was subtracted.
+    """A recording that was calibrated on: path as given, SHA-256 of its tables, zero of
+    its force that was subtracted.
 
-    `doubts` are sentences on a log that contradicts the frames (`recording.labels`), and on the globe.
+    `doubts` are sentences on a log that contradicts the frames (`recording.labels`),
+    and on the globe.
     """
 
     path: str
@@ -84,13 +89,15 @@ class UsedRecording:
 class EyeCalibration:
     """One eye after its frames.
 
-    `names` of the uncertain parameters, `means` and `sds` of them in SI; `stated_thickness_m`: the recording's;
-    `globe`: the known globe after the frames; `discrepancy`: of its forces from the library's; `stiffening`: b of the
-    tissue whose walls explain its frames best; `relaxation`: how it relaxes; `lean_rad`: of the needle in the last
-    recording; if it is known, forces are parts along the wall's normal, and E is of these. With a library, modulus and
-    rigidity are from the frames read again (`calibration.known_forces`); `without_force`: E is from the shape of the
-    dents (`calibration.eye_posterior`). The filter's `state`, from which the eye's next recording continues, and its
-    `steps`, for figures, are missing if read from a file.
+    `names` of the uncertain parameters, `means` and `sds` of them in SI;
+    `stated_thickness_m`: the recording's; `globe`: the known globe after the frames;
+    `discrepancy`: of its forces from the library's; `stiffening`: b of the tissue whose
+    walls explain its frames best; `relaxation`: how it relaxes; `lean_rad`: of the
+    needle in the last recording; if it is known, forces are parts along the wall's
+    normal, and E is of these. With a library, modulus and rigidity are from the frames
+    read again (`calibration.known_forces`); `without_force`: E is from the shape of the
+    dents (`calibration.eye_posterior`). The filter's `state`, from which the eye's next
+    recording continues, and its `steps`, for figures, are missing if read from a file.
     """
 
     id: str
@@ -133,9 +140,11 @@ class EyeCalibration:
         )
 
     def by_class(self, bounds_n: tuple[float, ...]) -> tuple[float | None, ...]:
-        """Return the median modulus, Pa, from the single frames of each force class; None without frames.
+        """Return the median modulus, Pa, from the single frames of each force class;
+        None without frames.
 
-        The medians are equal for a wall that bends as the model, and fall with the force for one that bends more.
+        The medians are equal for a wall that bends as the model, and fall with the
+        force for one that bends more.
         """
         classes: list[list[float]] = [[] for _ in range(len(bounds_n) + 1)]
         for frame in self.used:
@@ -162,9 +171,11 @@ class EyeCalibration:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """All eyes; the population is the mean of their means, its `sd` their spread (None for one eye).
+    """All eyes; the population is the mean of their means, its `sd` their spread (None
+    for one eye).
 
-    Eyes whose filter diverged do not count in the population, unless all did. `mechanics`: "linear" or "finite-strain".
+    Eyes whose filter diverged do not count in the population, unless all did.
+    `mechanics`: "linear" or "finite-strain".
     """
 
     eyes: Mapping[str, EyeCalibration]
@@ -210,7 +221,9 @@ class Calibration:
         }
 
     def to_dataframe(self) -> Any:
-        """Return a table of pandas with a row for each eye: its modulus, parameters and globe, units in the names."""
+        """Return a table of pandas with a row for each eye: its modulus, parameters and
+        globe, units in the names.
+        """
         from scleraforce.recording.export import data_frame
 
         left_out = ("frames", "recordings", "steps", "state")
@@ -252,10 +265,12 @@ MUCH = 2.0  # times what is expected
 
 
 def found_words(eye: EyeCalibration) -> tuple[str, ...]:
-    """Return mean and standard deviation of each parameter but the modulus, which has a column of its own.
+    """Return mean and standard deviation of each parameter but the modulus, which has a
+    column of its own.
 
-    Then the stiffening of the tissue, if any; the discrepancy of the eye's forces from the library's, if that is sure
-    (an uneven wall); and the scatter of its frames, if that is large (a wall that the library does not have).
+    Then the stiffening of the tissue, if any; the discrepancy of the eye's forces from
+    the library's, if that is sure (an uneven wall); and the scatter of its frames, if
+    that is large (a wall that the library does not have).
     """
     found = zip(eye.names, eye.means, eye.sds, strict=True)
     words = ["E from shape"] if eye.without_force else []
@@ -273,7 +288,8 @@ def found_words(eye: EyeCalibration) -> tuple[str, ...]:
     )
     if lost > 0.0:
         words.append(
-            f"tissue relaxes, {from_si(lost, 'percent'):.0f} % of a force lost at its frames"
+            f"tissue relaxes, {from_si(lost, 'percent'):.0f} % of a force lost at its"
+            " frames"
         )
 
     discrepancy = eye.discrepancy or NO_DISCREPANCY
@@ -294,7 +310,9 @@ def found_words(eye: EyeCalibration) -> tuple[str, ...]:
 
 
 def rigidity_words(eye: EyeCalibration) -> str:
-    """Return mean and standard deviation of the rigidity of an eye that may be sealed."""
+    """Return mean and standard deviation of the rigidity of an eye that may be
+    sealed.
+    """
     place = eye.names.index(RIGIDITY)
     return _words(RIGIDITY, eye.means[place], eye.sds[place])
 
@@ -358,7 +376,9 @@ def _frame_entry(frame: FrameRecord) -> dict[str, Any]:
 
 
 def parse_calibration(file: CalibrationFile) -> Calibration:
-    """Return the calibration of a file, to continue it or to report it; raises `CalibrationError`."""
+    """Return the calibration of a file, to continue it or to report it; raises
+    `CalibrationError`.
+    """
     name = file.path
     content = file.content
     eyes = {
@@ -397,7 +417,8 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
     if set(saved.parameters) - set(_RANGES) or PARAMETERS["e"] not in saved.parameters:
         known = ", ".join(_RANGES)
         raise CalibrationError(
-            f"{place}.parameters: expected youngs_modulus_pa, and others of {known}; {WRITER}"
+            f"{place}.parameters: expected youngs_modulus_pa, and others of {known};"
+            f" {WRITER}"
         )
 
     moments = {}
@@ -432,17 +453,21 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
         (found.mean_pa, found.sd_pa), (summary.mean_pa, summary.sd_pa), rtol=1e-6
     ):
         raise CalibrationError(
-            f"{place}.parameters.youngs_modulus_pa: is not that of mean_mpa and sd_mpa; {WRITER}"
+            f"{place}.parameters.youngs_modulus_pa: is not that of mean_mpa and sd_mpa;"
+            f" {WRITER}"
         )
 
     return found
 
 
-BENDS_OTHERWISE = 0.1  # relative difference between the moduli of low and high forces that is worth a remark
+# relative difference between the moduli of low and high forces that is worth a remark
+BENDS_OTHERWISE = 0.1
 
 
 def calibration_lines(calibration: Calibration) -> list[str]:
-    """Return a table of the eyes, the population below, and a note for each doubt about a recording."""
+    """Return a table of the eyes, the population below, and a note for each doubt about
+    a recording.
+    """
     lines = [f"{'eye':<16}{'E/MPa':>8}{'sd/MPa':>9}{'updates':>9}  remark"]
     lines += [
         _line(name, eye, calibration.bounds_n) for name, eye in calibration.eyes.items()
@@ -481,7 +506,9 @@ def _line(name: str, eye: EyeCalibration, bounds_n: tuple[float, ...]) -> str:
 
 
 def _softening(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> str:
-    """Return a remark where low and high forces do not agree on E; a frame alone cannot tell E from a rigidity."""
+    """Return a remark where low and high forces do not agree on E; a frame alone cannot
+    tell E from a rigidity.
+    """
     _, low, high = eye.by_class(bounds_n)
     if (
         eye.globe.can_be_sealed
@@ -492,5 +519,8 @@ def _softening(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> str:
         return ""
 
     force = f"{from_si(bounds_n[-1], 'mn'):g} mN"
-    moduli = f"{from_si(low, 'mpa'):.3f} MPa below {force} and {from_si(high, 'mpa'):.3f} above"
+    moduli = (
+        f"{from_si(low, 'mpa'):.3f} MPa below {force} and {from_si(high, 'mpa'):.3f}"
+        " above"
+    )
     return f"E is {moduli}: the wall bends otherwise than the model"

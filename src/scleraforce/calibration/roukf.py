@@ -1,7 +1,9 @@
-"""Reduced-order unscented Kalman filter for states and parameters (Moireau and Chapelle 2011; paper sec. 2.2).
+"""Reduced-order unscented Kalman filter for states and parameters (Moireau and Chapelle
+2011; paper sec. 2.2).
 
-The uncertainty lives in a space of p directions, whatever the number n of states: P = L U^-1 L^T, L of shape (n, p),
-U of shape (p, p). For a static model the state is a function of the parameters and is not carried: then n = p.
+The uncertainty lives in a space of p directions, whatever the number n of states: P = L
+U^-1 L^T, L of shape (n, p), U of shape (p, p). For a static model the state is a
+function of the parameters and is not carried: then n = p.
 
 One step, with sampling points I_i and weights alpha_i (D = diag(alpha)):
 
@@ -10,10 +12,11 @@ One step, with sampling points I_i and weights alpha_i (D = diag(alpha)):
 - observation   z_i = H(x_i),  HL = [z*] D [I*]^T
 - correction    U = 1 + HL^T (W + Omega)^-1 HL,  x+ = x- + L U^-1 HL^T (W + Omega)^-1 (y - sum alpha_i z_i)
 
-with Omega = [z*] D [z*]^T - HL HL^T, the part of the spread of z that is not linear in the p directions. It vanishes
-for simplex points, and the correction is then literally that of the paper; for other points it makes P and the gain
-the same as in the full-order UKF (Woodbury's identity). The step may be iterated (García-Fernández et al. 2015,
-iterated posterior linearisation).
+with Omega = [z*] D [z*]^T - HL HL^T, the part of the spread of z that is not linear in
+the p directions. It vanishes for simplex points, and the correction is then literally
+that of the paper; for other points it makes P and the gain the same as in the
+full-order UKF (Woodbury's identity). The step may be iterated (García-Fernández et al.
+2015, iterated posterior linearisation).
 """
 
 from collections.abc import Callable
@@ -33,7 +36,8 @@ class SigmaPoints(NamedTuple):
 
 
 def simplex(dimension: int) -> SigmaPoints:
-    """Return the p + 1 corners of a regular simplex on the sphere of radius sqrt(p), equal weights.
+    """Return the p + 1 corners of a regular simplex on the sphere of radius sqrt(p),
+    equal weights.
 
     One parameter takes two points, as in the paper (sec. 3.2):
 
@@ -48,7 +52,9 @@ def simplex(dimension: int) -> SigmaPoints:
 
 
 def canonical(dimension: int) -> SigmaPoints:
-    """Return the 2p points at +- sqrt(p) on the axes, equal weights (Julier and Uhlmann's symmetric set)."""
+    """Return the 2p points at +- sqrt(p) on the axes, equal weights (Julier and
+    Uhlmann's symmetric set).
+    """
     axes = sqrt(dimension) * np.eye(dimension)
     return SigmaPoints(
         np.concatenate([axes, -axes]), np.full(2 * dimension, 1 / (2 * dimension))
@@ -56,7 +62,9 @@ def canonical(dimension: int) -> SigmaPoints:
 
 
 def star(dimension: int) -> SigmaPoints:
-    """Return the canonical points, moved out, and the centre: 2p + 1 points of equal weight."""
+    """Return the canonical points, moved out, and the centre: 2p + 1 points of equal
+    weight.
+    """
     outer = sqrt((2 * dimension + 1) / (2 * dimension)) * canonical(dimension).points_rp
     points = np.concatenate([outer, np.zeros((1, dimension))])
     return SigmaPoints(points, np.full(2 * dimension + 1, 1 / (2 * dimension + 1)))
@@ -69,7 +77,8 @@ def sigma_points(rule: str, dimension: int) -> SigmaPoints:
     """Return the points of a rule by its name in the study; raises `ValueError`."""
     if rule not in RULES or dimension < 1:
         raise ValueError(
-            f"sigma points {rule!r} in {dimension} dimensions: one of {', '.join(RULES)}, from 1 up"
+            f"sigma points {rule!r} in {dimension} dimensions: one of"
+            f" {', '.join(RULES)}, from 1 up"
         )
     return RULES[rule](dimension)
 
@@ -78,12 +87,10 @@ Operator = Callable[[Floats], Floats]  # sigma points (r, n) -> observations (r,
 
 WINDOW = 5  # updates over which the innovations are watched for divergence
 DIVERGENCE_PROBABILITY = 1e-6  # of a false alarm in one window, were the model right
-DIVERGED_SD = (
-    3.0  # misses below are a noise that was underestimated; `inflate` sees to them
-)
-NEAR_START = (
-    0.1  # of the prior's standard deviations: the sampling about a state that is given
-)
+# misses below are a noise that was underestimated; `inflate` sees to them
+DIVERGED_SD = 3.0
+# of the prior's standard deviations: the sampling about a state that is given
+NEAR_START = 0.1
 LARGEST_GATED_SHARE = 0.3  # of outliers; with more, the model does not fit the frame
 
 
@@ -93,10 +100,10 @@ class FilterParams(NamedTuple):
     sigma: SigmaPoints
     iterations: int = 1  # at most; 1 is the plain filter
     tolerance: float = 0.01  # of an iteration, in posterior standard deviations
-    gate: float = (
-        np.inf
-    )  # normalised innovation from which an observation is an outlier
-    inflate: bool = False  # scale the noise of a frame that does not fit by its innovation (Birge's ratio)
+    # normalised innovation from which an observation is an outlier
+    gate: float = np.inf
+    # scale the noise of a frame that does not fit by its innovation (Birge's ratio)
+    inflate: bool = False
 
 
 class Posterior(NamedTuple):
@@ -120,18 +127,24 @@ class StepResult(NamedTuple):
     """One step: the posterior, and how it was found."""
 
     posterior: Posterior
-    nis: float  # normalised innovation squared of the kept ones; about `observations` when the model is right
+    # normalised innovation squared of the kept ones; about `observations` when the
+    # model is right
+    nis: float
     observations: int  # number kept
     gated: tuple[int, ...]  # indices of the observations left out
     inflation: float  # factor on the noise covariance (1: as given)
     iterations: int
     status: str  # "ok", or a sentence
-    gain: Floats  # G of x+ = x- + G (y - h), shape (n, m), zero where an observation was left out
-    contraction: Floats  # 1 - G H, shape (n, n), in the p directions: how far an error of x- survives
+    # G of x+ = x- + G (y - h), shape (n, m), zero where an observation was left out
+    gain: Floats
+    # 1 - G H, shape (n, n), in the p directions: how far an error of x- survives
+    contraction: Floats
 
 
 class _Linear(NamedTuple):
-    """The observation, linear in the reduced coordinates v about the sampled region: z = offset + slope v + noise."""
+    """The observation, linear in the reduced coordinates v about the sampled region: z
+    = offset + slope v + noise.
+    """
 
     offset: Floats  # (m,)
     slope: Floats  # (m, p)
@@ -139,7 +152,9 @@ class _Linear(NamedTuple):
 
 
 def initial_posterior(mean: Floats, covariance: Floats) -> Posterior:
-    """Return the prior N(mean (n,), covariance (n, n)) with L its Cholesky factor and U = 1."""
+    """Return the prior N(mean (n,), covariance (n, n)) with L its Cholesky factor and U
+    = 1.
+    """
     mean = np.asarray(mean, dtype=np.float64)
     return Posterior(
         mean,
@@ -156,11 +171,13 @@ def filter_step(
     noise_covariance: Floats,
     start: Floats | None = None,
 ) -> StepResult:
-    """Assimilate an observation y (m,) with the noise covariance W (m, m); a step that fails keeps the posterior.
+    """Assimilate an observation y (m,) with the noise covariance W (m, m); a step that
+    fails keeps the posterior.
 
-    `observe` is H: it takes sigma points (r, n) and returns predicted observations (r, m). `start` is a state (n,) from
-    where the iteration may begin. If that explains prior and observation better than the prior's mean does, it begins
-    there: from a wide prior about a bent valley it may not find the way.
+    `observe` is H: it takes sigma points (r, n) and returns predicted observations (r,
+    m). `start` is a state (n,) from where the iteration may begin. If that explains
+    prior and observation better than the prior's mean does, it begins there: from a
+    wide prior about a bent valley it may not find the way.
     """
     observed = np.asarray(observation, dtype=np.float64)
     factor = posterior.factor @ np.linalg.cholesky(np.linalg.inv(posterior.precision))
@@ -183,7 +200,10 @@ def filter_step(
         return _step(params, frame if start is None else _from(params, frame, start))
     except np.linalg.LinAlgError:
         return failed._replace(
-            status="diverged: the iteration left the region in which the model can be evaluated"
+            status=(
+                "diverged: the iteration left the region in which the model can be"
+                " evaluated"
+            )
         )
 
 
@@ -202,7 +222,9 @@ class _Frame(NamedTuple):
 
 
 def _from(params: FilterParams, frame: _Frame, start: Floats) -> _Frame:
-    """Return the frame with its linearisation begun at a state, if that explains prior and observation better."""
+    """Return the frame with its linearisation begun at a state, if that explains prior
+    and observation better.
+    """
     prior = frame.prior
     points = params.sigma.points_rp
     centre = _solve(prior.factor, start - prior.mean)
@@ -223,7 +245,9 @@ def _from(params: FilterParams, frame: _Frame, start: Floats) -> _Frame:
 
 
 def _step(params: FilterParams, frame: _Frame) -> StepResult:
-    """Return the step; raises `LinAlgError` if only rounding is left, or the model cannot be evaluated."""
+    """Return the step; raises `LinAlgError` if only rounding is left, or the model
+    cannot be evaluated.
+    """
     fit = _fit(params, frame)
     prior = frame.prior
     observed = frame.observed
@@ -311,15 +335,16 @@ def _regress(
     root: Floats,
     noise: Floats,
 ) -> _Linear:
-    """Regress predicted observations on the sampled coordinates centre + root I_i; HL where centre = 0, root = 1."""
+    """Regress predicted observations on the sampled coordinates centre + root I_i; HL
+    where centre = 0, root = 1.
+    """
     points, weights = sigma
     mean = weights @ predicted_rm
     spread = predicted_rm - mean
     along_points = spread.T @ (weights[:, None] * points)
     slope = _solve(root.T, along_points.T).T
-    bent = (
-        spread - points @ along_points.T
-    )  # squared, not taken from the spread's square: that may round below zero
+    # squared, not taken from the spread's square: that may round below zero
+    bent = spread - points @ along_points.T
 
     return _Linear(
         mean - slope @ centre, slope, noise + bent.T @ (weights[:, None] * bent)
@@ -339,7 +364,9 @@ def _correct(linear: _Linear, observed: Floats, kept: Flags) -> tuple[Floats, Fl
 def _gain(
     factor: Floats, linear: _Linear, precision: Floats, kept: Flags
 ) -> tuple[Floats, Floats]:
-    """Return G = L U^-1 HL^T (W + Omega)^-1 (n, m) and 1 - G H = L U^-1 L^+ on the span of L (n, n)."""
+    """Return G = L U^-1 HL^T (W + Omega)^-1 (n, m) and 1 - G H = L U^-1 L^+ on the span
+    of L (n, n).
+    """
     gain = np.zeros((len(factor), len(kept)))
     weighted = _solve(linear.noise[np.ix_(kept, kept)], linear.slope[kept]).T
     gain[:, kept] = factor @ _solve(precision, weighted)
@@ -352,10 +379,12 @@ def _solve(matrix: Floats, right: Floats) -> Floats:
 
 
 def _worst(linear: _Linear, observed: Floats, kept: Flags) -> tuple[int, float]:
-    """Return the observation with the largest innovation given all others, and its size in standard deviations.
+    """Return the observation with the largest innovation given all others, and its size
+    in standard deviations.
 
-    Given the others, because a common mode (a pose, a wide prior) makes every plain innovation look harmless
-    (Baarda 1968): w_j = (S^-1 nu)_j / sqrt((S^-1)_jj), which for a single observation is nu / sqrt(S).
+    Given the others, because a common mode (a pose, a wide prior) makes every plain
+    innovation look harmless (Baarda 1968): w_j = (S^-1 nu)_j / sqrt((S^-1)_jj), which
+    for a single observation is nu / sqrt(S).
     """
     root = _whitening(linear, kept)
     sizes = np.abs(root @ (root.T @ (observed - linear.offset)[kept])) / np.sqrt(
@@ -367,7 +396,8 @@ def _worst(linear: _Linear, observed: Floats, kept: Flags) -> tuple[int, float]:
 def _whitening(linear: _Linear, kept: Flags) -> Floats:
     """Return B with S^-1 = B B^T of the innovation's covariance S.
 
-    S itself is not formed: beside what a wide prior adds to it, the noise would be lost in the rounding.
+    S itself is not formed: beside what a wide prior adds to it, the noise would be lost
+    in the rounding.
     """
     noise_root = np.linalg.cholesky(linear.noise[np.ix_(kept, kept)])
     return np.linalg.inv(
@@ -386,11 +416,15 @@ def _status(recent: tuple[tuple[float, int], ...]) -> str:
     if not ratio > DIVERGED_SD:
         return "ok"
 
+    # a tenth of a second, which a filter that keeps to its frames does not wait for
     from scipy.special import (
         chdtri,
-    )  # a tenth of a second, which a filter that keeps to its frames does not wait for
+    )
 
     if not nis > chdtri(count, DIVERGENCE_PROBABILITY):
         return "ok"
 
-    return f"diverged: over the last {len(recent)} frames the model misses the observations by {ratio:.1f} sd"
+    return (
+        f"diverged: over the last {len(recent)} frames the model misses the"
+        f" observations by {ratio:.1f} sd"
+    )

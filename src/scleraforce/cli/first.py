@@ -97,9 +97,15 @@ def demo(out: Path, open_page: bool) -> Report:
 
     lines = [
         "research use only: not a medical device",
-        f"wrote {done.recording}: a virtual eye of {true_mpa:.2f} MPa, pushed {frames} times",
+        (
+            f"wrote {done.recording}: a virtual eye of {true_mpa:.2f} MPa, pushed"
+            f" {frames} times"
+        ),
         f"calibrated on {frames - read} frames: {found_mpa:.2f} MPa",
-        f"read the other {read}: {result['right']} in the right class, mean error {result['mae_mn']:.2f} mN,",
+        (
+            f"read the other {read}: {result['right']} in the right class, mean error"
+            f" {result['mae_mn']:.2f} mN,"
+        ),
         f"  {result['intervals_hold']} of their 90 % intervals hold the true force",
         f"{result['seconds']:.0f} s; the page: {done.page}",
     ]
@@ -155,7 +161,9 @@ def cite() -> Report:
     help="Study to start from: the paper's, or living pressure and stiffness.",
 )
 def init(directory: Path, preset: str) -> Report:
-    """Write DIRECTORY/study.toml, the paper's study or another preset, with comments."""
+    """Write DIRECTORY/study.toml, the paper's study or another preset, with
+    comments.
+    """
     path = directory / "study.toml"
     try:
         directory.mkdir(parents=True, exist_ok=True)
@@ -249,8 +257,10 @@ def reproduce(
         },
         "finite_strain": {
             "paper": _metrics(found.bent_paper, *FORCES),
-            "reader": _metrics(bent, *FORCES, *TRUE)
-            | {"true_coverage_interval": band_of(bent.true_forces)},
+            "reader": (
+                _metrics(bent, *FORCES, *TRUE)
+                | {"true_coverage_interval": band_of(bent.true_forces)}
+            ),
         },
         "reader": {"model": model_name(run.reader), "trained": train},
         "seconds": found.seconds | {"total": round(seconds, 2)},
@@ -267,16 +277,24 @@ def reproduce(
     return Report(
         result,
         [
-            f"Young's modulus {from_si(mean_pa, 'mpa'):.3f} MPa, mean of {len(found.calibration.eyes)} virtual eyes",
-            f"{accuracy.hits} of {accuracy.total} simulated trials read right "
-            f"({from_si(accuracy.value, 'percent'):.0f} %)",
+            (
+                f"Young's modulus {from_si(mean_pa, 'mpa'):.3f} MPa, mean of"
+                f" {len(found.calibration.eyes)} virtual eyes"
+            ),
+            (
+                f"{accuracy.hits} of {accuracy.total} simulated trials read right "
+                f"({from_si(accuracy.value, 'percent'):.0f} %)"
+            ),
             *(
                 f"{words} {one.accuracy.hits} of {one.accuracy.total}"
                 for words, one in counted.items()
             ),
-            f"its 90 % intervals hold {true.hits} of {true.total} true forces: {held_by_eye(bent.true_forces)}; they "
-            f"agree with {logged.hits} of {logged.total} labels of the force log, the labels' own error counted. "
-            f"{SHARED_ERROR}",
+            (
+                f"its 90 % intervals hold {true.hits} of {true.total} true forces:"
+                f" {held_by_eye(bent.true_forces)}; they agree with {logged.hits} of"
+                f" {logged.total} labels of the force log, the labels' own error"
+                f" counted. {SHARED_ERROR}"
+            ),
             f"wrote {run.report} in {seconds:.0f} s",
         ],
     )

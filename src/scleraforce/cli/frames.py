@@ -47,7 +47,8 @@ Look = Callable[[Path], tuple[ScaledFrame, Segmentation]]
 Value = float | str | None
 # Places of the needle that `read` prints, with their units.
 PLACES = {"contact_mm": " mm", "dent_mm": " mm", "gap_mm": " mm", "lean_deg": "°"}
-# The known inputs that `read` prints: their names and units for people, and the value of an eye in the unit of the key.
+# The known inputs that `read` prints: their names and units for people, and the value
+# of an eye in the unit of the key.
 KNOWN: Mapping[str, tuple[str, str, Callable[[Known], Value]]] = {
     "youngs_modulus_mpa": (
         "modulus",
@@ -83,6 +84,7 @@ KNOWN: Mapping[str, tuple[str, str, Callable[[Known], Value]]] = {
     ),
 }
 ONLY_IF_KNOWN = ("lean_deg", "stiffening", "rigidity_mmhg13_per_ul")
+# of a folder that is not a recording
 IMAGES = (
     ".png",
     ".tif",
@@ -90,15 +92,16 @@ IMAGES = (
     ".jpg",
     ".jpeg",
     ".dcm",
-)  # of a folder that is not a recording
+)
 GUESS = ".guess.png"
 OVERLAY = ".overlay.png"
+# of the pictures that `segment` may write for a frame
 ENDINGS = (
     ".png",
     GUESS,
     OVERLAY,
     ".guess.overlay.png",
-)  # of the pictures that `segment` may write for a frame
+)
 
 
 @click.command(cls=Command)
@@ -152,11 +155,13 @@ def segment(
 
     if out is None and (overlay or sheet is None):
         raise click.UsageError(
-            "--out is missing: the folder for masks and overlays; only a --sheet needs none"
+            "--out is missing: the folder for masks and overlays; only a --sheet needs"
+            " none"
         )
     if sheet is not None and wall_finder is None:
         raise click.UsageError(
-            "--sheet shows how two methods differ; with --wall-finder none there is only one"
+            "--sheet shows how two methods differ; with --wall-finder none there is"
+            " only one"
         )
 
     usual = OctStudy()
@@ -183,9 +188,11 @@ def segment(
         )
     )
     entries: list[dict[str, Any]] = [
-        {"file": str(frame), "mask": None, "usable": False, "error": str(one)}
-        if isinstance(one, InputError)
-        else one
+        (
+            {"file": str(frame), "mask": None, "usable": False, "error": str(one)}
+            if isinstance(one, InputError)
+            else one
+        )
         for frame, one in found
     ]
     segmented = [one for one in entries if "error" not in one]
@@ -211,7 +218,9 @@ def segment(
 def _masks(
     given: Sequence[Path], out: Path | None, sheet: Path | None
 ) -> dict[Path, Path | None]:
-    """Return the frames and their masks; raises `InputError` if two pictures could have the same name."""
+    """Return the frames and their masks; raises `InputError` if two pictures could have
+    the same name.
+    """
     found = [pair for path in given for pair in _frames_of(path)]
     recordings = {
         recording.resolve() for _, recording in found if recording is not None
@@ -235,11 +244,13 @@ def _masks(
             place = picture.resolve()
             if place in taken:
                 raise InputError(
-                    f"{frame}: its mask would be {picture}, which is {taken[place]}; use two folders"
+                    f"{frame}: its mask would be {picture}, which is {taken[place]};"
+                    " use two folders"
                 )
             if place in frames:
                 raise InputError(
-                    f"--out: the mask {picture} would replace a frame; choose another folder"
+                    f"--out: the mask {picture} would replace a frame; choose another"
+                    " folder"
                 )
 
             taken[place] = f"that of {frame}"
@@ -248,7 +259,9 @@ def _masks(
 
 
 def _frames_of(path: Path) -> list[tuple[Path, Path | None]]:
-    """Return the frames of a recording, of a folder of images, or the one at a path, with their recording."""
+    """Return the frames of a recording, of a folder of images, or the one at a path,
+    with their recording.
+    """
     if not os.path.isdir(path):
         return [(path, folder.recording_of(path))]
     if (path / "recording.toml").exists():
@@ -258,7 +271,8 @@ def _frames_of(path: Path) -> list[tuple[Path, Path | None]]:
     images = [file for file in files_of([path]) if file.suffix.lower() in IMAGES]
     if not images:
         raise InputError(
-            f"{path}: neither a recording.toml nor images ({', '.join(IMAGES)}) in this folder"
+            f"{path}: neither a recording.toml nor images ({', '.join(IMAGES)}) in this"
+            " folder"
         )
 
     return [(file, folder.recording_of(file)) for file in images]
@@ -300,9 +314,9 @@ def _segment_frame(
         "reason": found.reason,
         "disagreement": None if found.methods is None else found.methods.disagreement,
         "inner_found": found.inner_found,
-        "thickness_um": None
-        if isnan(found.thickness_m)
-        else from_si(found.thickness_m, "um"),
+        "thickness_um": (
+            None if isnan(found.thickness_m) else from_si(found.thickness_m, "um")
+        ),
         "needle": needle_entry(found.needle),
         "conjunctiva_um": from_si(found.conjunctiva_m, "um"),
         "scale": _scale_entry(frame),
@@ -311,12 +325,15 @@ def _segment_frame(
 
 
 def _write(path: Path, others: Sequence[Path], picture: Pixels, force: bool) -> None:
-    """Write a picture under the name for its verdict; `others`, of the other verdict, never exist at the same time."""
+    """Write a picture under the name for its verdict; `others`, of the other verdict,
+    never exist at the same time.
+    """
     data = cv2.imencode(".png", np.ascontiguousarray(picture))[1].tobytes()
     for one in (path, *others):
         if not force and one.exists() and read_bytes(one, KINDS["frame"]) != data:
             raise InputError(
-                f"{one}: exists already and differs; choose another --out, or --force to replace it"
+                f"{one}: exists already and differs; choose another --out, or --force"
+                " to replace it"
             )
 
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -327,7 +344,9 @@ def _write(path: Path, others: Sequence[Path], picture: Pixels, force: bool) -> 
 
 
 def _write_sheet(sheet: Path, entries: Sequence[Mapping[str, Any]], look: Look) -> None:
-    """Draw frames with the walls of both methods, which are found again: all pictures need not be kept."""
+    """Draw frames with the walls of both methods, which are found again: all pictures
+    need not be kept.
+    """
     from scleraforce.report.files import write_figure
     from scleraforce.report.frame_figures import (
         MOST,
@@ -360,7 +379,10 @@ def _wall_line(entry: Mapping[str, Any]) -> str:
     if not entry["usable"]:
         return f"{entry['file']}: not usable: {entry['reason']}"
     if entry["thickness_um"] is None:
-        return f"{entry['file']}: inner boundary not seen; the mask ends 1 mm below the surface"
+        return (
+            f"{entry['file']}: inner boundary not seen; the mask ends 1 mm below the"
+            " surface"
+        )
 
     guess = (
         ""
@@ -373,9 +395,16 @@ def _wall_line(entry: Mapping[str, Any]) -> str:
 def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     scanner = OctStudy()
     taken = {
-        "width_mm": f"width (taken as {from_si(scanner.width_m, 'mm'):g} mm; give --width-mm)",
-        "depth_mm": f"depth (taken as {from_si(scanner.depth_m, 'mm'):g} mm; give --depth-mm)",
-        "refractive_index": f"refractive index (taken as {scanner.refractive_index:g}; give --refractive-index)",
+        "width_mm": (
+            f"width (taken as {from_si(scanner.width_m, 'mm'):g} mm; give --width-mm)"
+        ),
+        "depth_mm": (
+            f"depth (taken as {from_si(scanner.depth_m, 'mm'):g} mm; give --depth-mm)"
+        ),
+        "refractive_index": (
+            f"refractive index (taken as {scanner.refractive_index:g}; give"
+            " --refractive-index)"
+        ),
     }
     missing = Counter(
         tuple(
@@ -388,7 +417,10 @@ def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
     for words, count in missing.items():
         if words:
-            yield f"of {count} of {len(entries)} frames nothing states the {', the '.join(words)}"
+            yield (
+                f"of {count} of {len(entries)} frames nothing states the"
+                f" {', the '.join(words)}"
+            )
 
 
 @click.command(cls=Command)
@@ -404,7 +436,9 @@ def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 )
 @options(
     "calibration",
-    calibration="File of `calibrate`: gives the modulus of the eye, or of the population.",
+    calibration=(
+        "File of `calibrate`: gives the modulus of the eye, or of the population."
+    ),
 )
 @click.option(
     "--eye", help="Name of the eye in the calibration; default: the recording's."
@@ -412,8 +446,10 @@ def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 @click.option(
     "--held-s",
     type=click.FloatRange(0.0),
-    help="Time since the needle's push, in tissue that relaxes; "
-    "default: as in the frames of the calibration.",
+    help=(
+        "Time since the needle's push, in tissue that relaxes; "
+        "default: as in the frames of the calibration."
+    ),
 )
 @click.option(
     "--plane",
@@ -421,16 +457,20 @@ def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     cls=PlacedPlane,
     metavar=PLANE,
     multiple=True,
-    help="Plane of the frames that follow: its distance from the scanner's axis, and the direction of its "
-    "columns. The n-th frames of all planes are read together.",
+    help=(
+        "Plane of the frames that follow: its distance from the scanner's axis, and the"
+        " direction of its columns. The n-th frames of all planes are read together."
+    ),
 )
 @click.option(
     "--mask",
     "masks",
     multiple=True,
     type=PATH,
-    help="Picture of the wall in place of the one that is found: 255 wall, 0 none, 128 column not judged. "
-    "Give one for each frame, in their order.",
+    help=(
+        "Picture of the wall in place of the one that is found: 255 wall, 0 none, 128"
+        " column not judged. Give one for each frame, in their order."
+    ),
 )
 @click.option(
     "--mask-sd-rows",
@@ -483,12 +523,14 @@ def read(
 
     for path in filter(os.path.isdir, frames):
         raise InputError(
-            f"{path}: a folder; `scleraforce evaluate {model} {path}` reads a recording, this one frames"
+            f"{path}: a folder; `scleraforce evaluate {model} {path}` reads a"
+            " recording, this one frames"
         )
 
     if masks and len(masks) != len(frames):
         raise InputError(
-            f"--mask: {len(masks)} for {len(frames)} frames; give one for each, in their order"
+            f"--mask: {len(masks)} for {len(frames)} frames; give one for each, in"
+            " their order"
         )
 
     mask_of = dict(zip(frames, masks, strict=bool(masks)))
@@ -544,13 +586,15 @@ def read(
         )
 
     entries = [  # a frame that could not be read means withdrawal, and has an `error`
-        {
-            "file": str(path),
-            **unusable(reader.classes, str(one)).to_dict(),
-            "error": str(one),
-        }
-        if isinstance(one, InputError)
-        else _entry(path, one)
+        (
+            {
+                "file": str(path),
+                **unusable(reader.classes, str(one)).to_dict(),
+                "error": str(one),
+            }
+            if isinstance(one, InputError)
+            else _entry(path, one)
+        )
         for path, one in found
     ]
     lines = [
@@ -567,7 +611,9 @@ def read(
 
 
 def _moments(frames: Sequence[Path], given: Sequence[tuple[int, str]]) -> list[Moment]:
-    """Return the frames that are read together, each with its plane: one for each, or one frame of each plane."""
+    """Return the frames that are read together, each with its plane: one for each, or
+    one frame of each plane.
+    """
 
     def stated(path: Path) -> "tuple[Path, float, Plane] | None":
         try:
@@ -636,7 +682,8 @@ def _answer_line(path: Path, answer: "Answer") -> str:
         f"; wall: {places['wall']}" if places["wall"] in ("mask", "corrected") else ""
     )
     found = [
-        f"{key.partition('_')[0]} {places[key]:.2f}{unit} ({ends[0]:.2f} to {ends[1]:.2f})"
+        f"{key.partition('_')[0]} {places[key]:.2f}{unit} ({ends[0]:.2f} to"
+        f" {ends[1]:.2f})"
         for key, unit in PLACES.items()
         if (ends := places[f"{key}_interval"]) is not None
     ]
@@ -648,7 +695,9 @@ def _answer_line(path: Path, answer: "Answer") -> str:
 
 
 def _read_with(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Yield the inputs of frames, equal ones together: "15 x 4 mm (file); modulus 0.3 MPa (option), IOP unknown"."""
+    """Yield the inputs of frames, equal ones together: "15 x 4 mm (file); modulus 0.3
+    MPa (option), IOP unknown".
+    """
     equal: dict[str, list[str]] = {}
     for entry in entries:
         known = ", ".join(
@@ -682,16 +731,23 @@ def _scale_entry(frame: ScaledFrame) -> dict[str, Any]:
 
 
 def _size_words(scale: Mapping[str, Any]) -> str:
-    """Return the scale for people, equal sources once: "15 x 4 mm (recording.toml), refractive index 1 (option)"."""
+    """Return the scale for people, equal sources once: "15 x 4 mm (recording.toml),
+    refractive index 1 (option)".
+    """
     (width, of_width), (depth, of_depth), (index, of_index) = (
         one.values() for one in scale.values()
     )
     between = "" if of_width == of_depth else f" mm ({of_width})"
-    return f"{width:.4g}{between} x {depth:.4g} mm ({of_depth}), refractive index {index:g} ({of_index})"
+    return (
+        f"{width:.4g}{between} x {depth:.4g} mm ({of_depth}), refractive index"
+        f" {index:g} ({of_index})"
+    )
 
 
 def _known(one: "Reading") -> dict[str, dict[str, Any]]:
-    """Return value and source of each known input; of stiffening, k and lean only if they are known."""
+    """Return value and source of each known input; of stiffening, k and lean only if
+    they are known.
+    """
     sources = {
         "option": one.given,
         "recording.toml": completed(one.given, one.stated),

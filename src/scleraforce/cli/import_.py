@@ -42,8 +42,10 @@ OPTIONS = (
     click.option(
         "--axes",
         metavar="NAME,NAME,...",
-        help="Order of the axes frame, depth and lateral in an array or "
-        "volume; of pictures frame,lateral,depth where A-scans lie along the rows.",
+        help=(
+            "Order of the axes frame, depth and lateral in an array or "
+            "volume; of pictures frame,lateral,depth where A-scans lie along the rows."
+        ),
     ),
     click.option("--array", help="Name of the array in a .npz."),
     click.option(
@@ -69,8 +71,10 @@ OPTIONS = (
     click.option(
         "--first-frame",
         type=click.IntRange(1),
-        help="First frame to import, counted from 1; --times and "
-        "--rate-hz are of the frames that are imported.",
+        help=(
+            "First frame to import, counted from 1; --times and "
+            "--rate-hz are of the frames that are imported."
+        ),
     ),
     click.option("--last-frame", type=click.IntRange(1), help="Last frame to import."),
     click.option(
@@ -78,8 +82,10 @@ OPTIONS = (
         type=float,
         nargs=2,
         metavar="LOW HIGH",
-        help="Pixel values that become black and "
-        "white; default for floats and wide numbers: the smallest and the largest.",
+        help=(
+            "Pixel values that become black and "
+            "white; default for floats and wide numbers: the smallest and the largest."
+        ),
     ),
     click.option(
         "--rate-hz", type=click.FloatRange(1e-3, 1e6), help="Frames per second."
@@ -87,8 +93,10 @@ OPTIONS = (
     click.option(
         "--times",
         type=PATH,
-        help="Table of the frames' times (time_s or another "
-        "unit), with a column of file names or in the frames' order.",
+        help=(
+            "Table of the frames' times (time_s or another "
+            "unit), with a column of file names or in the frames' order."
+        ),
     ),
     click.option(
         "--clock-offset-s",
@@ -100,8 +108,10 @@ OPTIONS = (
         "columns",
         multiple=True,
         metavar="COLUMN=NAME:UNIT",
-        help="Column of a force log: time, "
-        "fx, fy, fz, tx, ty, tz or status, like fz=Pull:mN; 1000/N where 1000 counts are 1 N. Once for each.",
+        help=(
+            "Column of a force log: time, fx, fy, fz, tx, ty, tz or status, like"
+            " fz=Pull:mN; 1000/N where 1000 counts are 1 N. Once for each."
+        ),
     ),
     click.option(
         "--axis",
@@ -127,8 +137,9 @@ OPTIONS = (
     click.option(
         "--by-arrival",
         is_flag=True,
-        help="Use the arrival times of a bag's messages, if they have no "
-        "capture stamp.",
+        help=(
+            "Use the arrival times of a bag's messages, if they have no capture stamp."
+        ),
     ),
     click.option("--eye", help="Name of the eye."),
     click.option(
@@ -180,7 +191,10 @@ def _like(ctx: click.Context, _: click.Parameter, folder: Path | None) -> Path |
     is_eager=True,
     callback=_like,
     metavar="RECORDING",
-    help="Take scanner, needle, sensor and the columns of the log from another recording.",
+    help=(
+        "Take scanner, needle, sensor and the columns of the log from another"
+        " recording."
+    ),
 )
 @click.option(
     "--plane",
@@ -188,8 +202,10 @@ def _like(ctx: click.Context, _: click.Parameter, folder: Path | None) -> Path |
     cls=PlacedPlane,
     metavar=PLANE,
     multiple=True,
-    help="Plane of the frames that follow: its distance from the scanner's axis, and the direction of its "
-    "columns. The n-th frames of all planes are of one moment.",
+    help=(
+        "Plane of the frames that follow: its distance from the scanner's axis, and the"
+        " direction of its columns. The n-th frames of all planes are of one moment."
+    ),
 )
 @added(OPTIONS)
 @click.option(
@@ -223,10 +239,11 @@ def import_(
     scleraforce import forces.csv --plane along:0:0 along --plane across:0:90
     across --out eye-4
     """
+    # with ONNX Runtime and Numba
     from scleraforce.notebook.importing import (
         PREVIEW,
         write_imported,
-    )  # with ONNX Runtime and Numba
+    )
 
     words = {
         ParameterSource.COMMANDLINE: OPTION,
@@ -286,10 +303,13 @@ def _lines(done: Import) -> list[str]:
         f"; 0 s is {done.origin_s:.0f} s of the sources' clock" if done.origin_s else ""
     )
     found = [
-        f"{count} of {scan.rows} x {scan.columns} pixels (depth x lateral), {scanner.bits} bits; "
-        f"{from_si(scanner.width_m, 'mm'):.4g} mm wide ({source['width_mm']}), "
-        f"{from_si(scanner.depth_m, 'mm'):.4g} mm deep ({source['depth_mm']}), "
-        f"refractive index {scanner.refractive_index:g} ({source['refractive_index']})",
+        (
+            f"{count} of {scan.rows} x {scan.columns} pixels (depth x lateral),"
+            f" {scanner.bits} bits; {from_si(scanner.width_m, 'mm'):.4g} mm wide"
+            f" ({source['width_mm']}), {from_si(scanner.depth_m, 'mm'):.4g} mm deep"
+            f" ({source['depth_mm']}), refractive index {scanner.refractive_index:g}"
+            f" ({source['refractive_index']})"
+        ),
         f"times: {first_s:.3f} to {last_s:.3f} s ({source['times']}){begin}",
     ]
 
@@ -304,12 +324,14 @@ def _lines(done: Import) -> list[str]:
             else f"; contact is {'+' if force.contact_sign > 0 else '-'}{force.axis}"
         )
         found.append(
-            f"forces: {len(log.time_s)} samples, {log.sample_rate_hz:.4g} a second ({columns}){sign}"
+            f"forces: {len(log.time_s)} samples, {log.sample_rate_hz:.4g} a second"
+            f" ({columns}){sign}"
         )
 
     if greys.scaled:
         found.append(
-            f"note: pixels of {greys.low:.6g} to {greys.high:.6g} became counts of 0 to {TOP}"
+            f"note: pixels of {greys.low:.6g} to {greys.high:.6g} became counts of 0 to"
+            f" {TOP}"
         )
     elif greys.low:
         found.append(

@@ -1,4 +1,6 @@
-"""The entry point: find the command, and turn every failure into one line and an exit code."""
+"""The entry point: find the command, and turn every failure into one line and an exit
+code.
+"""
 
 import errno
 import logging
@@ -16,12 +18,13 @@ from scleraforce.errors import InputError, ScleraforceError
 
 INTERRUPTED = 130
 interrupted = Event()  # by a signal that reached a callback of a library only
+# comes without the file's name
 FULL_DISK = {
     errno.ENOSPC,
     errno.EDQUOT,
     errno.EFBIG,
     errno.EIO,
-}  # comes without the file's name
+}
 
 # Group of the help -> command -> its module in `cli`, and one line of help.
 GROUPS = {
@@ -119,15 +122,17 @@ def cli() -> None:
     """
 
 
-cli.commands.update(
-    {name: click.Command(name) for name in COMMANDS}
-)  # the names that click suggests for a typo
+# the names that click suggests for a typo
+cli.commands.update({name: click.Command(name) for name in COMMANDS})
 
 
 def main() -> None:
-    """Run the command line and exit with its code; SIGTERM (a scheduler, `kill`) ends it as Ctrl-C does."""
-    # Jupyter sets it for the commands that a cell starts: a backend that an environment without Jupyter lacks, and that
-    # Matplotlib refuses at its import. Commands draw to files; `sf.*` leaves a notebook's own variable alone.
+    """Run the command line and exit with its code; SIGTERM (a scheduler, `kill`) ends
+    it as Ctrl-C does.
+    """
+    # Jupyter sets it for the commands that a cell starts: a backend that an environment
+    # without Jupyter lacks, and that Matplotlib refuses at its import. Commands draw to
+    # files; `sf.*` leaves a notebook's own variable alone.
     os.environ.pop("MPLBACKEND", None)
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -141,7 +146,9 @@ def main() -> None:
 
 
 def _note_interruption(fault: "sys.UnraisableHookArgs") -> None:
-    """Note an interruption that a callback could not pass on: LLVM's, which then fails to compile."""
+    """Note an interruption that a callback could not pass on: LLVM's, which then fails
+    to compile.
+    """
     if issubclass(fault.exc_type, KeyboardInterrupt):
         interrupted.set()
     else:
@@ -149,7 +156,9 @@ def _note_interruption(fault: "sys.UnraisableHookArgs") -> None:
 
 
 def run(arguments: list[str]) -> int:
-    """Run one command; return its exit code. A failure is one line; a file's system error or a full disk is 2."""
+    """Run one command; return its exit code. A failure is one line; a file's system
+    error or a full disk is 2.
+    """
     if arguments[:1] == ["help"]:
         arguments = [*arguments[1:], "--help"]
     try:
@@ -185,7 +194,8 @@ def run(arguments: list[str]) -> int:
             )
 
         return fail(
-            f"internal fault: {type(fault).__name__}: {fault} (SCLERAFORCE_TRACEBACK=1 shows where)",
+            f"internal fault: {type(fault).__name__}: {fault} (SCLERAFORCE_TRACEBACK=1"
+            " shows where)",
             1,
         )
 

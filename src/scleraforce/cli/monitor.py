@@ -1,4 +1,6 @@
-"""`scleraforce monitor` and `monitor-reset`: the service in the robot's control loop, and the operator's reset."""
+"""`scleraforce monitor` and `monitor-reset`: the service in the robot's control loop,
+and the operator's reset.
+"""
 
 import os
 import re
@@ -37,10 +39,11 @@ LIMITS = (
     "reaction_s",
     "retraction_m_s",
 )
-DEVICE_NAME = re.compile(
-    r"[\w.+-]{1,20}", re.ASCII
-)  # that OpenIGTLink can send, and a table needs no quotes for
-MOST_BITS = 16  # a scanner may use more bits than the model's study states, and its recording must stay readable
+# that OpenIGTLink can send, and a table needs no quotes for
+DEVICE_NAME = re.compile(r"[\w.+-]{1,20}", re.ASCII)
+# a scanner may use more bits than the model's study states, and its recording must stay
+# readable
+MOST_BITS = 16
 UNKNOWN_GLOBE = (
     "unknown: give --globe; intervals are wider and withdrawals come earlier"
 )
@@ -90,7 +93,9 @@ UNKNOWN_GLOBE = (
     "refractive_index",
     width_m=f"Width of the frames, black bands included; {STUDYS}.",
     depth_m=f"Depth of the frames as stored; {STUDYS}.",
-    refractive_index=f"Refractive index of the depth axis (1: already corrected); {STUDYS}.",
+    refractive_index=(
+        f"Refractive index of the depth axis (1: already corrected); {STUDYS}."
+    ),
 )
 @click.option(
     "--withdraw-class",
@@ -102,8 +107,10 @@ UNKNOWN_GLOBE = (
     "bound_n",
     type=POSITIVE,
     callback=in_si("mn"),
-    help="Withdraw if the force's interval "
-    "reaches this; default: the lower bound of the highest class.",
+    help=(
+        "Withdraw if the force's interval "
+        "reaches this; default: the lower bound of the highest class."
+    ),
 )
 @click.option(
     "--unusable-frames",
@@ -126,8 +133,10 @@ UNKNOWN_GLOBE = (
     default=80.0,
     show_default=True,
     callback=in_si("ms"),
-    help="Withdraw if frames that cover more than this time of a "
-    "second were not read, in gaps of more than 4 ms.",
+    help=(
+        "Withdraw if frames that cover more than this time of a "
+        "second were not read, in gaps of more than 4 ms."
+    ),
 )
 @click.option(
     "--reaction-ms",
@@ -145,8 +154,10 @@ UNKNOWN_GLOBE = (
     default=5.0,
     show_default=True,
     callback=in_si("mm"),
-    help="The robot's largest speed of withdrawal: a dent that falls faster is "
-    "a puncture.",
+    help=(
+        "The robot's largest speed of withdrawal: a dent that falls faster is "
+        "a puncture."
+    ),
 )
 @click.option(
     "--on-pierced",
@@ -160,8 +171,10 @@ UNKNOWN_GLOBE = (
     "planes",
     metavar=PLANE,
     multiple=True,
-    help="One of several planes that the scanner takes at "
-    "once, in place of --gap-mm: its frames are IMAGE messages of the device NAME.",
+    help=(
+        "One of several planes that the scanner takes at "
+        "once, in place of --gap-mm: its frames are IMAGE messages of the device NAME."
+    ),
 )
 @click.option(
     "--second-opinion/--no-second-opinion",
@@ -219,12 +232,13 @@ def monitor(
     """
     if not sys.platform.startswith("linux"):
         raise InputError(
-            f"monitor: runs on Linux only, for its real-time priorities; this is {sys.platform}"
+            "monitor: runs on Linux only, for its real-time priorities; this is"
+            f" {sys.platform}"
         )
 
-    for number in range(
-        3
-    ):  # a closed one of the three standard files is opened, or a socket would become one of them
+    # a closed one of the three standard files is opened, or a socket would become one
+    # of them
+    for number in range(3):
         try:
             os.fstat(number)
         except OSError:
@@ -242,13 +256,12 @@ def monitor(
             monitor_service,
         )
 
-    reader = load_model(
-        model, finder=None
-    )  # the loop has no time for one; the second opinion loads its own
+    # the loop has no time for one; the second opinion loads its own
+    reader = load_model(model, finder=None)
     if not reader.serves_loop:  # it would be its own second opinion
         raise InputError(
-            f"{reader.path}: kind: {reader.kind}; the monitor needs a reader: nothing else in this model "
-            "could check what its network reads in the loop"
+            f"{reader.path}: kind: {reader.kind}; the monitor needs a reader: nothing"
+            " else in this model could check what its network reads in the loop"
         )
 
     known, doubt = _known(calibration, eye, {name: given[name] for name in EYE})
@@ -292,7 +305,8 @@ def monitor(
             notes("ends; the black box writes its last entries")
 
         notes(
-            f"ended after {summary['frames']} frames and {len(summary['withdrawals'])} withdrawals"
+            f"ended after {summary['frames']} frames and {len(summary['withdrawals'])}"
+            " withdrawals"
         )
 
     return Report({"model": str(model), **summary})
@@ -327,7 +341,9 @@ def _known(
 def _planes(
     given: tuple[str, ...], reader: "Reader", known: "Known", learn_eye: bool
 ) -> "tuple[Plane, ...]":
-    """Return the planes of a scanner that takes several; () of one that takes a single one."""
+    """Return the planes of a scanner that takes several; () of one that takes a single
+    one.
+    """
     from scleraforce.reader.limits import READER
     from scleraforce.recording.folder import check_planes, parse_plane
 
@@ -337,13 +353,18 @@ def _planes(
         (plane.name for plane in planes if not DEVICE_NAME.fullmatch(plane.name)), None
     )
     refused = {
-        f"--plane: {named!r} cannot name a device; use 1 to 20 of the characters A-Z a-z 0-9 . _ + -": named,
-        f"--plane: {reader.path} is a {reader.kind}, which reads single planes": planes
-        and reader.kind != READER,
-        "--gap-mm: several planes show their gaps; leave it out": planes
-        and known.gap_m is not None,
-        "--learn-eye: it learns from a single plane; leave it or --plane out": planes
-        and learn_eye,
+        f"--plane: {named!r} cannot name a device; use 1 to 20 of the characters A-Z a-z 0-9 . _ + -": (
+            named
+        ),
+        f"--plane: {reader.path} is a {reader.kind}, which reads single planes": (
+            planes and reader.kind != READER
+        ),
+        "--gap-mm: several planes show their gaps; leave it out": (
+            planes and known.gap_m is not None
+        ),
+        "--learn-eye: it learns from a single plane; leave it or --plane out": (
+            planes and learn_eye
+        ),
     }
 
     for reason, holds in refused.items():
@@ -365,14 +386,17 @@ def _to_learn(
     from scleraforce.service.learning import resumed
 
     refused = {
-        f"{reader.path} is a {reader.kind}, which reads no force": not reader.reads_force,
+        f"{reader.path} is a {reader.kind}, which reads no force": (
+            not reader.reads_force
+        ),
         "needs the second opinion; leave out --no-second-opinion": not given[
             "second_opinion"
         ],
         "E is given with --youngs-modulus-mpa": given["youngs_modulus_pa"] is not None,
         "the calibration has this eye's own E": known.has_own_modulus,
-        "--iop-mmhg is missing: E is found beside the known pressure": known.iop_pa
-        is None,
+        "--iop-mmhg is missing: E is found beside the known pressure": (
+            known.iop_pa is None
+        ),
         "--eye is missing: --resume needs its name": resume is not None and eye is None,
     }
 
@@ -457,24 +481,36 @@ def _greeting(
     relaxation = settings.known.relaxation
     if relaxation is not None and any(relaxation.shares):
         lost = from_si(sum(relaxation.shares), "percent")
-        yield f"tissue     a held needle loses up to {lost:.0f} % of its force; intervals are wide at the start"
+        yield (
+            f"tissue     a held needle loses up to {lost:.0f} % of its force; intervals"
+            " are wide at the start"
+        )
 
     any_lean = (
         settings.known.lean_rad is None and not settings.known.has_calibrated_modulus
     )
-    lean = "the needle's lean is not given: forces are their parts along the wall's normal (docs/limits.md)"
+    lean = (
+        "the needle's lean is not given: forces are their parts along the wall's normal"
+        " (docs/limits.md)"
+    )
 
     for warning in filter(
         None, (doubt, lean if any_lean else None, *reader.limits(settings.known, scan))
     ):
         yield f"warning    {warning}"
 
-    yield f"frames     {scan.columns} x {scan.rows} px of {lateral_um:.2f} x {depth_um:.2f} µm"
+    yield (
+        f"frames     {scan.columns} x {scan.rows} px of {lateral_um:.2f} x"
+        f" {depth_um:.2f} µm"
+    )
     yield f"withdraws  at class {limits.withdraw_class}{forces}"
     yield f"listens    on {address.host}:{address.port} (OpenIGTLink)"
     yield f"black box  {settings.black_box}"
     yield code
-    yield f"reset      scleraforce monitor-reset --port {address.port} --token {settings.token}"
+    yield (
+        f"reset      scleraforce monitor-reset --port {address.port} --token"
+        f" {settings.token}"
+    )
 
 
 def _eye_words(known: "Known") -> str:
@@ -482,7 +518,10 @@ def _eye_words(known: "Known") -> str:
 
     words = "modulus unknown"
     if known.modulus is not None:
-        words = f"{from_si(known.modulus.mean_pa, 'mpa'):.3f} MPa ({MODULUS_SOURCES[known.modulus.source]})"
+        words = (
+            f"{from_si(known.modulus.mean_pa, 'mpa'):.3f} MPa"
+            f" ({MODULUS_SOURCES[known.modulus.source]})"
+        )
 
     iop = (
         "IOP unknown"
@@ -514,7 +553,10 @@ def globe_words(known: "Known", reads_force: bool) -> str:
 
     globe = UNKNOWN if known.globe is None else known.globe
     if not reads_force:
-        return "taken for open: a classifier knows no other, and in a sealed eye forces are read too low"
+        return (
+            "taken for open: a classifier knows no other, and in a sealed eye forces"
+            " are read too low"
+        )
     if not globe.can_be_sealed:
         return "open"
 
@@ -527,7 +569,10 @@ def globe_words(known: "Known", reads_force: bool) -> str:
     k = f"k between {low} and {high} mmHg^(1/3)/µl"
 
     if globe.calibrated:
-        return f"{'open or sealed' if globe.kind == 'unknown' else globe.kind}, {k} (calibrated)"
+        return (
+            f"{'open or sealed' if globe.kind == 'unknown' else globe.kind}, {k}"
+            " (calibrated)"
+        )
 
     return f"sealed, {k}" if globe.kind == "sealed" else UNKNOWN_GLOBE
 
@@ -536,8 +581,8 @@ def globe_words(known: "Known", reads_force: bool) -> str:
 def _ended_by_signals(stop: Callable[[], None]) -> Iterator[None]:
     """Have Ctrl-C, a closed terminal, SIGTERM and SIGQUIT call `stop`.
 
-    Signals that were ignored at the start, as by `nohup`, stay ignored. Writing to a terminal from the background
-    must never stop the process.
+    Signals that were ignored at the start, as by `nohup`, stay ignored. Writing to a
+    terminal from the background must never stop the process.
     """
     ends = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
     heard = [
@@ -554,10 +599,11 @@ def _ended_by_signals(stop: Callable[[], None]) -> Iterator[None]:
 
 
 def _write_line(text: str) -> None:
-    """Write a line to standard error, past Python's buffer: a terminal that is stopped must not hold its lock."""
-    plain = "".join(
-        letter if letter.isprintable() else "?" for letter in text
-    )  # it may quote a peer
+    """Write a line to standard error, past Python's buffer: a terminal that is stopped
+    must not hold its lock.
+    """
+    # it may quote a peer
+    plain = "".join(letter if letter.isprintable() else "?" for letter in text)
     os.write(2, f"{plain}\n".encode())
 
 

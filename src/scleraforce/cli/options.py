@@ -1,4 +1,6 @@
-"""The options that commands share, in one table. A quantity arrives in SI, under the argument's name in `sf.*`."""
+"""The options that commands share, in one table. A quantity arrives in SI, under the
+argument's name in `sf.*`.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
@@ -24,7 +26,8 @@ STUDY_FILE = "study file"  # in the meta of click's context
 
 
 class Quantity(click.FloatRange):
-    """A number within the bounds of a quantity, in the unit of its key; the error suggests another unit.
+    """A number within the bounds of a quantity, in the unit of its key; the error
+    suggests another unit.
 
     >>> Quantity("thickness_um").convert("650", None, None)
     0.00065
@@ -85,7 +88,9 @@ def in_si(
 
 
 def new_file(_: click.Context, __: click.Parameter, path: Path | None) -> Path | None:
-    """Check, before the work begins, that a file to write does not exist, but its folder: the callback of an option."""
+    """Check, before the work begins, that a file to write does not exist, but its
+    folder: the callback of an option.
+    """
     if path is not None and path.exists():
         raise InputError(f"{path}: exists already; remove it or choose another name")
     if path is not None and not path.absolute().parent.is_dir():
@@ -131,8 +136,10 @@ TABLE: Mapping[str, tuple[str, Any, str]] = {
             ),
             "metavar": "MODEL",
         },
-        "Model of `train --kind wall-finder` that checks the walls; `none`: no check. Default: the bundled "
-        "one.",
+        (
+            "Model of `train --kind wall-finder` that checks the walls; `none`: no"
+            " check. Default: the bundled one."
+        ),
     ),
     "html": (
         "--html",
@@ -147,8 +154,10 @@ TABLE: Mapping[str, tuple[str, Any, str]] = {
     "sheet": (
         "--sheet",
         {"type": PATH, "callback": _new_figure},
-        "Picture of the frames with the walls of both methods, the worst first (PNG, SVG, PDF); must not exist. "
-        "Needs no --out.",
+        (
+            "Picture of the frames with the walls of both methods, the worst first"
+            " (PNG, SVG, PDF); must not exist. Needs no --out."
+        ),
     ),
     "force": ("--force", {"is_flag": True}, "Replace files that exist."),
     "scheduler": (
@@ -164,7 +173,10 @@ TABLE: Mapping[str, tuple[str, Any, str]] = {
     "mechanics": (
         "--mechanics",
         click.Choice(["linear", "finite-strain"]),
-        "Mechanics of the wall: small displacements (linear) or large ones; default: the study's.",
+        (
+            "Mechanics of the wall: small displacements (linear) or large ones;"
+            " default: the study's."
+        ),
     ),
     "host": (
         "--host",
@@ -179,20 +191,26 @@ TABLE: Mapping[str, tuple[str, Any, str]] = {
     "width_m": (
         "--width-mm",
         Quantity("width_mm"),
-        "Width of the frames; default: their recording's, else their "
-        "file's (DICOM, TIFF).",
+        (
+            "Width of the frames; default: their recording's, else their "
+            "file's (DICOM, TIFF)."
+        ),
     ),
     "depth_m": (
         "--depth-mm",
         Quantity("depth_mm"),
-        "Depth of the frames as stored; default: their recording's, else "
-        "their file's (DICOM, TIFF).",
+        (
+            "Depth of the frames as stored; default: their recording's, else "
+            "their file's (DICOM, TIFF)."
+        ),
     ),
     "refractive_index": (
         "--refractive-index",
         click.FloatRange(1.0, 2.0),
-        "Refractive index of the depth axis (1: "
-        "already corrected); default: the recording's, else the model's study's (read), else 1.",
+        (
+            "Refractive index of the depth axis (1: already corrected); default: the"
+            " recording's, else the model's study's (read), else 1."
+        ),
     ),
     "transpose": (
         "--transpose",
@@ -229,13 +247,18 @@ EYE: Mapping[str, tuple[str, Any, str]] = {
     "plane_direction_rad": (
         "--plane-direction-deg",
         _ANGLE,
-        "Direction of the B-scan's lateral axis, from the "
-        "meridian that leads away from the pole",
+        (
+            "Direction of the B-scan's lateral axis, from the "
+            "meridian that leads away from the pole"
+        ),
     ),
     "lean_rad": (
         "--lean-deg",
         {"type": _Lean("lean_deg"), "metavar": "A|unknown"},
-        "Angle between the needle and the wall's normal; unknown: the interval spans 0 to 45 degrees",
+        (
+            "Angle between the needle and the wall's normal; unknown: the interval"
+            " spans 0 to 45 degrees"
+        ),
     ),
     "stiffening": (
         "--stiffening",
@@ -258,7 +281,9 @@ EYE: Mapping[str, tuple[str, Any, str]] = {
 def options(
     *names: str, default: str = "", required: tuple[str, ...] = (), **words: str
 ) -> Callable[[Decorated], Decorated]:
-    """Return a decorator that adds options of `TABLE` and `EYE`; `words` have another default or help."""
+    """Return a decorator that adds options of `TABLE` and `EYE`; `words` have another
+    default or help.
+    """
     made = []
     for name in names:
         flag, settings, help_text = TABLE.get(name) or EYE[name]
@@ -292,7 +317,8 @@ def chosen_workers(scheduler: str | None, workers: int | None) -> int | None:
         return workers
     if workers is not None:
         raise click.UsageError(
-            f"--workers {workers}: --scheduler has workers of its own; give one of the two"
+            f"--workers {workers}: --scheduler has workers of its own; give one of"
+            " the two"
         )
 
     from scleraforce.processes import cluster_workers
@@ -304,7 +330,9 @@ PLANE: Final = "NAME:OFFSET_MM:DIRECTION_DEG"
 
 
 class PlacedPlane(click.Option):
-    """The option --plane, whose values carry the number of arguments to their left on the command line."""
+    """The option --plane, whose values carry the number of arguments to their left on
+    the command line.
+    """
 
     def add_to_parser(self, parser: Any, ctx: click.Context) -> None:
         """Add the option."""
@@ -326,7 +354,9 @@ class PlacedPlane(click.Option):
 def planes_of(
     paths: Sequence[Path], given: Sequence[tuple[int, str]]
 ) -> "list[Plane | None]":
-    """Return the plane of each path, None before the first --plane; `given`: the number of paths before each."""
+    """Return the plane of each path, None before the first --plane; `given`: the number
+    of paths before each.
+    """
     from scleraforce.recording.folder import check_planes, parse_plane
 
     planes = [parse_plane(words) for _, words in given]
@@ -338,7 +368,8 @@ def planes_of(
 
     if unused := [plane for plane in planes if plane not in found]:
         raise InputError(
-            f"--plane: {unused[0].name!r}: no frames follow it; give it before the frames of its plane"
+            f"--plane: {unused[0].name!r}: no frames follow it; give it before the"
+            " frames of its plane"
         )
 
     return found

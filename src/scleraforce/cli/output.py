@@ -1,4 +1,6 @@
-"""Output of commands: a report or its JSON on standard output, progress and errors on standard error."""
+"""Output of commands: a report or its JSON on standard output, progress and errors on
+standard error.
+"""
 
 import json
 import sys
@@ -25,7 +27,9 @@ JSON = f"{__name__}.json"
 
 
 class Report(NamedTuple):
-    """Output of a command: `result` with --json, else `lines`; `faults`, which make its exit code 2; another `code`."""
+    """Output of a command: `result` with --json, else `lines`; `faults`, which make its
+    exit code 2; another `code`.
+    """
 
     result: Mapping[str, Any]
     lines: Iterable[str] = ()
@@ -34,7 +38,9 @@ class Report(NamedTuple):
 
 
 class Command(click.Command):
-    """A command with --json and --quiet that prints the `Report` of its function; errors name its options."""
+    """A command with --json and --quiet that prints the `Report` of its function;
+    errors name its options.
+    """
 
     def __init__(self, *args: Any, can_be_quiet: bool = True, **settings: Any) -> None:
         super().__init__(*args, **settings)
@@ -87,7 +93,9 @@ def _flag(key: str, *names: str, help: str) -> click.Option:  # noqa: A002 - cli
 
 
 def _by_options(text: str, ctx: click.Context) -> str:
-    """Return a message that begins with the name of an option, or of the study file, in place of an argument's."""
+    """Return a message that begins with the name of an option, or of the study file, in
+    place of an argument's.
+    """
     name, colon, rest = text.partition(":")
     if name == "study" and STUDY_FILE in ctx.meta:
         return f"{ctx.meta[STUDY_FILE]}:{rest}"
@@ -140,7 +148,9 @@ def each_of(
 def progress_bar(
     items: Iterable[Item], title: str, total: int | None = None
 ) -> "tqdm[Item]":
-    """Show a bar on standard error while `items` are used up, if it is a terminal and --quiet is not given."""
+    """Show a bar on standard error while `items` are used up, if it is a terminal and
+    --quiet is not given.
+    """
     disable = True if is_quiet() else None  # None: unless it is a terminal
     return tqdm(
         items,
@@ -155,7 +165,9 @@ def progress_bar(
 
 @contextmanager
 def count_bar(title: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Show a bar for counted work; yield a function of the number of newly done steps."""
+    """Show a bar for counted work; yield a function of the number of newly done
+    steps.
+    """
     bar: tqdm[None]
     with progress_bar((), title, total=total) as bar:
 
@@ -169,7 +181,9 @@ def count_bar(title: str, total: int) -> Iterator[Callable[[int], None]]:
 def resumable_bar(
     out: Path, things: str, title: str, total: int
 ) -> Iterator[Callable[[int], None]]:
-    """Show a bar as `count_bar` does, for work that can be resumed: Ctrl-C prints the number of things in `out`."""
+    """Show a bar as `count_bar` does, for work that can be resumed: Ctrl-C prints the
+    number of things in `out`.
+    """
     done: list[int] = []
     try:
         with count_bar(title, total) as advance:
@@ -181,7 +195,8 @@ def resumable_bar(
             yield count
     except KeyboardInterrupt:
         say(
-            f"{out}: {sum(done)} of {total} {things} are kept; the same command completes them",
+            f"{out}: {sum(done)} of {total} {things} are kept; the same command"
+            " completes them",
             err=True,
         )
         raise
@@ -189,6 +204,8 @@ def resumable_bar(
 
 @contextmanager
 def share_bar(title: str) -> Iterator[Callable[[float], None]]:
-    """Show a bar in per cent; yield a function of the share of the work that is done."""
+    """Show a bar in per cent; yield a function of the share of the work that is
+    done.
+    """
     with count_bar(title, 100) as advance:
         yield by_percent(advance)

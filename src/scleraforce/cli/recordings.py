@@ -26,15 +26,15 @@ if TYPE_CHECKING:
     from scleraforce.reader.evaluate import Evaluation, FrameAnswer
     from scleraforce.reader.intervals import Stretch
 
+# of a summary by eye
 COLUMNS = (
     ("accuracy", 9),
     ("mae_mn", 9),
     ("coverage", 6),
     ("youngs_modulus_mpa", 7),
-)  # of a summary by eye
-CALIBRATED = (
-    3  # frames of each recording for the eye's modulus, where the others are read
 )
+# frames of each recording for the eye's modulus, where the others are read
+CALIBRATED = 3
 
 
 def _names(
@@ -63,9 +63,11 @@ class _Notes(list[str]):
 @click.option(
     "--frames",
     type=click.IntRange(1),
-    help="Number of frames (of several planes: moments) to use of each "
-    "recording, all above 5 mN: the one with the highest force, and others at even fractions of it; default: "
-    "all.",
+    help=(
+        "Number of frames (of several planes: moments) to use of each recording, all"
+        " above 5 mN: the one with the highest force, and others at even fractions of"
+        " it; default: all."
+    ),
 )
 @click.option(
     "--mechanics",
@@ -85,20 +87,27 @@ class _Notes(list[str]):
 @click.option(
     "--without-force",
     is_flag=True,
-    help="Find E by the shape of the dents beside the stated IOP, without a "
-    "force log; with --frames, that many known forces count as well.",
+    help=(
+        "Find E by the shape of the dents beside the stated IOP, without a "
+        "force log; with --frames, that many known forces count as well."
+    ),
 )
 @options(
     "calibration",
-    calibration="With --without-force: other eyes' calibration; their population is the prior of E.",
+    calibration=(
+        "With --without-force: other eyes' calibration; their population is the prior"
+        " of E."
+    ),
 )
 @click.option(
     "--intervals",
     "model",
     type=PATH,
     metavar="MODEL",
-    help="Adapt the intervals of this reader (a folder, "
-    "or `default`) to these recordings; --out is the adapted copy.",
+    help=(
+        "Adapt the intervals of this reader (a folder, "
+        "or `default`) to these recordings; --out is the adapted copy."
+    ),
 )
 @options("plot")
 @click.pass_context
@@ -188,10 +197,15 @@ def _stretches(changes: "Sequence[Stretch]") -> Iterator[str]:
     yield f"{'method':<9}{'modulus':<9}{'globe':<28}{'eyes':>5}{'readings':>10}{'held':>7}{'factor':>8}"
     for change in changes:
         counts = f"{change.eyes:>5}{change.readings:>10}{change.held:>7.0%}{change.factor:>8.2f}"
-        yield f"{change.method:<9}{change.modulus:<9}{', '.join(change.globes):<28}{counts}"
+        yield (
+            f"{change.method:<9}{change.modulus:<9}{', '.join(change.globes):<28}{counts}"
+        )
 
     if min(change.eyes for change in changes) < FEW_EYES:
-        yield f"note: fewer than {FEW_EYES} eyes: the widest reading decides; no interval narrows"
+        yield (
+            f"note: fewer than {FEW_EYES} eyes: the widest reading decides; no interval"
+            " narrows"
+        )
 
 
 @click.command(cls=Command)
@@ -203,14 +217,19 @@ def _stretches(changes: "Sequence[Stretch]") -> Iterator[str]:
     "calibration",
     "wall_finder",
     "html",
-    calibration="File of `calibrate`: gives a reader the eyes' moduli; its frames are not scored.",
+    calibration=(
+        "File of `calibrate`: gives a reader the eyes' moduli; its frames are not"
+        " scored."
+    ),
 )
 @click.option(
     "--table",
     type=PATH,
     metavar="FILE",
-    help="File to write with a row for each frame, .csv or .parquet, "
-    "in place of the printed table; after Ctrl-C the same command completes it.",
+    help=(
+        "File to write with a row for each frame, .csv or .parquet, "
+        "in place of the printed table; after Ctrl-C the same command completes it."
+    ),
 )
 def evaluate(
     model: Path,
@@ -282,7 +301,8 @@ def _table(
     batch = evaluate_to_table(model, recordings, table, calibration, wall_finder, bar)
     eyes = by_eye(batch.rows)
     lines = [
-        f"{'eye':<20}{'frames':>7}{'scored':>7}{'accuracy':>9}{'error/mN':>9}{'held':>6}{'E/MPa':>7}  from"
+        f"{'eye':<20}{'frames':>7}{'scored':>7}{'accuracy':>9}{'error/mN':>9}{'held':>6}{'E/MPa':>7}"
+        "  from"
     ]
 
     for eye in eyes:
@@ -291,10 +311,14 @@ def _table(
             for name, width in COLUMNS
         )
         lines.append(
-            f"{eye['eye']:<20}{eye['frames']:>7}{eye['scored']:>7}{''.join(figures)}  {eye['modulus_source']}"
+            f"{eye['eye']:<20}{eye['frames']:>7}{eye['scored']:>7}{''.join(figures)} "
+            f" {eye['modulus_source']}"
         )
 
-    wrote = f"wrote {table}: {len(batch.rows)} frames; recordings read now: {batch.read} of {batch.recordings}"
+    wrote = (
+        f"wrote {table}: {len(batch.rows)} frames; recordings read now: {batch.read} of"
+        f" {batch.recordings}"
+    )
     notes = [wrapped(note, "note: ") for note in batch.notes]
     result = {
         "table": str(table),
@@ -350,14 +374,18 @@ def _frame(frame: "FrameAnswer", with_force: bool) -> Iterator[str]:
         yield f"{figures}{'-':>9}{'-':>14}"
     else:
         low, high = (from_si(end, "mn") for end in answer.interval_n)
-        yield f"{figures}{from_si(answer.force_n, 'mn'):>9.1f}{f'{low:.1f} to {high:.1f}':>14}"
+        yield (
+            f"{figures}{from_si(answer.force_n, 'mn'):>9.1f}{f'{low:.1f} to {high:.1f}':>14}"
+        )
 
     if remark:
         yield wrapped(remark, "    ")
 
 
 def _confusion(evaluation: "Evaluation") -> Iterator[str]:
-    """Yield Table 3: rows are targets, with recall; columns are answers, with precision."""
+    """Yield Table 3: rows are targets, with recall; columns are answers, with
+    precision.
+    """
     if not evaluation.scored:
         yield "no frame has a label that counts: no metrics"
         return
@@ -391,7 +419,9 @@ def _confusion(evaluation: "Evaluation") -> Iterator[str]:
 
 
 def _forces(evaluation: "Evaluation") -> Iterator[str]:
-    """Yield the error of the forces and the coverage of their intervals (`ForceTrial.covered`)."""
+    """Yield the error of the forces and the coverage of their intervals
+    (`ForceTrial.covered`).
+    """
     from scleraforce.reader.metrics import (
         SHARED_ERROR,
         held_by_eye,
@@ -404,15 +434,27 @@ def _forces(evaluation: "Evaluation") -> Iterator[str]:
     logged = evaluation.coverage
     true = evaluation.true_coverage
     sd_mn = from_si(evaluation.label_sd_n, "mn")
-    yield f"force error   {from_si(evaluation.mae_n, 'mn'):.2f} mN in the mean, {logged.total} usable frames"
-    yield f"              against labels that are sure to {sd_mn:.2f} mN (standard deviation)"
+    yield (
+        f"force error   {from_si(evaluation.mae_n, 'mn'):.2f} mN in the mean,"
+        f" {logged.total} usable frames"
+    )
+    yield (
+        f"              against labels that are sure to {sd_mn:.2f} mN (standard"
+        " deviation)"
+    )
 
     if true.total:
         true_mn = from_si(mean_absolute_error(evaluation.true_forces), "mn")
         yield f"              {true_mn:.2f} mN against the true forces of truth.json"
-        yield f"90 % interval holds the true force in {true.words()}: {true.hits} of {true.total}"
+        yield (
+            f"90 % interval holds the true force in {true.words()}: {true.hits} of"
+            f" {true.total}"
+        )
 
-    yield f"90 % interval and label agree in {logged.words()}: {logged.hits} of {logged.total}"
+    yield (
+        f"90 % interval and label agree in {logged.words()}: {logged.hits} of"
+        f" {logged.total}"
+    )
     compared = evaluation.true_forces or evaluation.forces
     if len({trial.eye for trial in compared}) > 1:
         yield wrapped(held_by_eye(compared), "  by eye: ")

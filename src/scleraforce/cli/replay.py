@@ -58,8 +58,10 @@ def _fault(context: click.Context, _: click.Parameter, value: str | None) -> str
 @click.option(
     "--preload",
     is_flag=True,
-    help="Read all frames into memory before the first is sent, so that reading "
-    "takes no time from a monitor on the same machine.",
+    help=(
+        "Read all frames into memory before the first is sent, so that reading "
+        "takes no time from a monitor on the same machine."
+    ),
 )
 @click.option(
     "--version",
@@ -125,7 +127,8 @@ def replay(
         forces_n = true_n or _logged_frame_forces(recording)
         if fault_at_s is None and forces_n is None:
             raise InputError(
-                f"{recording.path}: --fault: no forces show when contact is; give --fault-at-s"
+                f"{recording.path}: --fault: no forces show when contact is; give"
+                " --fault-at-s"
             )
 
         at_s = (
@@ -168,7 +171,9 @@ def replay(
 
 
 def _logged_frame_forces(recording: Recording) -> list[float] | None:
-    """Return the force at each frame from the force log, N, interpolated between labels; None without a log."""
+    """Return the force at each frame from the force log, N, interpolated between
+    labels; None without a log.
+    """
     trials = label_frames(recording, ClassesStudy())
     labels = [
         (trial.time_s, trial.measured_force_n)
@@ -220,7 +225,8 @@ class _Show:
                 else ""
             )
             say(
-                f"{self._time_s(change.at_s):9.3f} s  {frame}  code {change.code}{cause}  {change.message}"
+                f"{self._time_s(change.at_s):9.3f} s  {frame}  code"
+                f" {change.code}{cause}  {change.message}"
             )
 
         if self._live and monotonic() - self._renewed_s > LIVE_S:
@@ -228,7 +234,9 @@ class _Show:
             click.echo(f"\r\x1b[K{self._answer_line()}", err=True, nl=False)
 
     def wait_for_enter(self, entry: FrameEntry) -> bool:
-        """Print the last answer and wait for Enter; return False at the end of the input."""
+        """Print the last answer and wait for Enter; return False at the end of the
+        input.
+        """
         if self._log.frames_sent and not self._quiet:
             say(self._answer_line())
         click.echo(f"Enter sends {entry.file} ", err=True, nl=False)
@@ -296,13 +304,15 @@ class _Show:
             "frames_lost": log.reading.get("lost"),
             "forces_sent": player.forces_sent,
             "latest_ms": from_si(player.latest_s, "ms"),
-            "latency_ms": latency_ms
-            and dict(zip(("median", "p99", "max"), latency_ms, strict=True)),
+            "latency_ms": (
+                latency_ms
+                and dict(zip(("median", "p99", "max"), latency_ms, strict=True))
+            ),
             "longest_silence_ms": from_si(log.longest_silence_s, "ms"),
             "changes": [self._change_record(change) for change in log.changes],
-            "withdrawal": None
-            if withdrawal is None
-            else self._change_record(withdrawal),
+            "withdrawal": (
+                None if withdrawal is None else self._change_record(withdrawal)
+            ),
             "fault": None if report is None else self._fault_record(report),
         }
 
@@ -315,9 +325,11 @@ class _Show:
             "at_s": self._time_s(change.at_s),
             "cause": change.cause,
             "file": self._recording.frames[index].file if known else None,
-            "true_force_mn": from_si(self._forces_n[index], "mn")
-            if known and self._forces_n is not None
-            else None,
+            "true_force_mn": (
+                from_si(self._forces_n[index], "mn")
+                if known and self._forces_n is not None
+                else None
+            ),
         }
         record |= {
             "answers_frame": record.pop("answers"),
@@ -364,13 +376,15 @@ def _summary_lines(result: Mapping[str, Any]) -> Iterator[str]:
     )
     lost = f" ({result['frames_lost']} of them lost)" if result["frames_lost"] else ""
     yield (
-        f"{result['frames_sent']} frames sent, {result['frames_answered']} answered{overtaken}{lost}; "
-        f"{result['forces_sent']} forces sent; at most {result['latest_ms']:.1f} ms late"
+        f"{result['frames_sent']} frames sent, {result['frames_answered']}"
+        f" answered{overtaken}{lost}; {result['forces_sent']} forces sent; at most"
+        f" {result['latest_ms']:.1f} ms late"
     )
 
     if (latency_ms := result["latency_ms"]) is not None:
-        yield "latency {median:.2f} ms in the median, {p99:.2f} ms at 99 %, {max:.2f} ms at most".format(
-            **latency_ms
+        yield (
+            "latency {median:.2f} ms in the median, {p99:.2f} ms at 99 %, {max:.2f} ms"
+            " at most".format(**latency_ms)
         )
 
     if (found := result["withdrawal"]) is None:
@@ -392,7 +406,10 @@ def _summary_lines(result: Mapping[str, Any]) -> Iterator[str]:
             if found["after_ms"] is None
             else f", {found['after_ms']:.2f} ms after it was sent"
         )
-        yield f"withdrawal {_when(found)}{after}: {found['cause'] or 'no cause'}: {found['message']}{read}{force}"
+        yield (
+            f"withdrawal {_when(found)}{after}: {found['cause'] or 'no cause'}:"
+            f" {found['message']}{read}{force}"
+        )
 
     if (fault := result["fault"]) is not None:
         said = (
@@ -400,4 +417,7 @@ def _summary_lines(result: Mapping[str, Any]) -> Iterator[str]:
             if fault["withdraws"]
             else "the robot continues"
         )
-        yield f"fault {fault['name']} at {fault['at_s']:.3f} s: {said}: {fault['cause'] or fault['message']}"
+        yield (
+            f"fault {fault['name']} at {fault['at_s']:.3f} s: {said}:"
+            f" {fault['cause'] or fault['message']}"
+        )

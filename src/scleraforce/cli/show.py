@@ -1,4 +1,6 @@
-"""`scleraforce show` and `export`: an artefact in words, as a picture, or in the formats of other programs."""
+"""`scleraforce show` and `export`: an artefact in words, as a picture, or in the
+formats of other programs.
+"""
 
 from pathlib import Path
 from textwrap import fill
@@ -21,8 +23,10 @@ if TYPE_CHECKING:
 @click.option(
     "--model",
     type=PATH,
-    help="For a recording: model whose training limits are noted; default: the bundled "
-    "reader.",
+    help=(
+        "For a recording: model whose training limits are noted; default: the bundled "
+        "reader."
+    ),
 )
 def show(thing: Path, plot: Path | None, model: Path | None) -> Report:
     """Describe THING: its kind and its content.
@@ -71,8 +75,10 @@ def _lines(path: Path, found: "Thing") -> list[str]:
 @click.option(
     "--answers",
     type=PATH,
-    help="Output of evaluate, read or segment with --json on the recording, to "
-    "add to the rows of its frames.",
+    help=(
+        "Output of evaluate, read or segment with --json on the recording, to "
+        "add to the rows of its frames."
+    ),
 )
 @options("force", force="Replace a file that exists.")
 def export(thing: Path, out: Path, answers: Path | None, force: bool) -> Report:

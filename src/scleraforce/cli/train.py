@@ -59,7 +59,9 @@ def library(
     "mechanics",
     "scheduler",
     "workers",
-    calibration="File of `calibrate`; its population's Young's modulus replaces the study's.",
+    calibration=(
+        "File of `calibrate`; its population's Young's modulus replaces the study's."
+    ),
     scheduler="Dask scheduler whose workers make the slices.",
 )
 def generate(
@@ -85,7 +87,8 @@ def generate(
     modulus = read_calibration(calibration) if calibration else None
     if modulus and modulus.mechanics != kind:
         say(
-            f"{calibration}: E was fitted with {modulus.mechanics} mechanics, the slices are {kind}",
+            f"{calibration}: E was fitted with {modulus.mechanics} mechanics, the"
+            f" slices are {kind}",
             err=True,
         )
 
@@ -111,7 +114,8 @@ def generate(
             "images_per_second": made.images_per_second,
         },
         [
-            f"{out}: {made.images} images, {made.seconds:.1f} s, {made.images_per_second:.0f} images/s"
+            f"{out}: {made.images} images, {made.seconds:.1f} s,"
+            f" {made.images_per_second:.0f} images/s"
         ],
     )
 
@@ -143,10 +147,14 @@ def generate(
 @options(
     "study",
     "scheduler",
-    study="Study file: settings of the network, and of the samples that it learns from; default: the data set's "
-    "(classifier) or the paper's.",
-    scheduler="Dask scheduler whose workers train the sizes of --search, or draw the scenes of a wall "
-    "finder.",
+    study=(
+        "Study file: settings of the network, and of the samples that it learns from;"
+        " default: the data set's (classifier) or the paper's."
+    ),
+    scheduler=(
+        "Dask scheduler whose workers train the sizes of --search, or draw the scenes"
+        " of a wall finder."
+    ),
 )
 @click.pass_context
 def train(
@@ -184,7 +192,8 @@ def train(
     section = kind.replace("-", "_")
     if scheduler is not None and not (search or kind == "wall-finder"):
         raise click.UsageError(
-            "--scheduler: for --search and --kind wall-finder; this training is one process's work"
+            "--scheduler: for --search and --kind wall-finder; this training is one"
+            " process's work"
         )
 
     workers = chosen_workers(scheduler, None)
@@ -262,10 +271,13 @@ ACCURACY = ("validation_accuracy", "validation_interval")
 
 
 def _finder_lines(out: Path, result: Mapping[str, Any], took: str) -> Iterator[str]:
-    yield f"wrote {out}: {result['scenes']} scenes in {result['batches']} batches, {took}"
     yield (
-        f"scenes that it never saw: Dice {result['dice_mean']:.3f} in the mean, {result['dice_median']:.3f} in the "
-        f"median; {result['coverage']:.1%} of the boundaries within 1.645 standard deviations"
+        f"wrote {out}: {result['scenes']} scenes in {result['batches']} batches, {took}"
+    )
+    yield (
+        f"scenes that it never saw: Dice {result['dice_mean']:.3f} in the mean,"
+        f" {result['dice_median']:.3f} in the median; {result['coverage']:.1%} of the"
+        " boundaries within 1.645 standard deviations"
     )
 
 
@@ -277,14 +289,17 @@ def _reader_lines(out: Path, result: Mapping[str, Any], took: str) -> Iterator[s
     ]
     yield f"wrote {out}: {', '.join(counts)}, {took}"
     yield (
-        f"validation: force {result['mae_mn']:.2f} mN off, {result['coverage']:.1%} within the 90 % interval"
+        f"validation: force {result['mae_mn']:.2f} mN off, {result['coverage']:.1%}"
+        " within the 90 % interval"
     )
     yield _accuracy(result)
 
 
 def _classifier_lines(out: Path, result: Mapping[str, Any], took: str) -> Iterator[str]:
     if result["search"]:
-        yield f"{'hidden layers':<24}{'weights':>12}{'validation accuracy':>22}{'loss':>10}"
+        yield (
+            f"{'hidden layers':<24}{'weights':>12}{'validation accuracy':>22}{'loss':>10}"
+        )
 
     for entry in result["search"]:
         chosen = "  <" if tuple(entry["hidden"]) == tuple(result["hidden"]) else ""
@@ -309,7 +324,10 @@ _LINES = {
 
 def _accuracy(result: Mapping[str, Any]) -> str:
     low, high = result["validation_interval"]
-    return f"validation accuracy {result['validation_accuracy']:.2%} (95 % interval {low:.2%} to {high:.2%})"
+    return (
+        f"validation accuracy {result['validation_accuracy']:.2%} (95 % interval"
+        f" {low:.2%} to {high:.2%})"
+    )
 
 
 def _sizes(hidden: Sequence[int]) -> str:

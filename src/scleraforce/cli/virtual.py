@@ -1,4 +1,6 @@
-"""`scleraforce simulate` and `phantom`: virtual eyes; `scanner`: measure the scanner that is to image them."""
+"""`scleraforce simulate` and `phantom`: virtual eyes; `scanner`: measure the scanner
+that is to image them.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
@@ -41,7 +43,10 @@ if TYPE_CHECKING:
 STUDYS = "the study's"
 GLOBE = f"{STUDYS} (open, if it sets none); sealed needs finite strain"
 RIGIDITY = f"{STUDYS} (0.03, if it sets none)"
-MECHANICS = "Small displacements (linear) or large ones; default: the study's (linear, if it sets none)."
+MECHANICS = (
+    "Small displacements (linear) or large ones; default: the study's (linear, if it"
+    " sets none)."
+)
 THICKNESS_M = to_si(600.0, "um")
 POLAR_RAD = to_si(35.0, "deg")
 
@@ -88,7 +93,8 @@ def simulate(study: Study, vtu: Path | None, plot: Path | None, **given: Any) ->
 
     Example: scleraforce simulate --thickness-um 500 --force-mn 30 --plot eye.png
 
-    The force that makes a dent: scleraforce simulate --thickness-um 500 --displacement-mm 1
+    The force that makes a dent: scleraforce simulate --thickness-um 500
+    --displacement-mm 1
     """
     if (given["force_n"] is None) is (given["displacement_m"] is None):
         raise click.UsageError("give either --force-mn or --displacement-mm")
@@ -135,20 +141,27 @@ def simulate(study: Study, vtu: Path | None, plot: Path | None, **given: Any) ->
 
 
 def _lines(eye: "SimulatedEye", study: Study, resting_pa: float) -> Iterator[str]:
-    yield f"the contact sinks in by {from_si(eye.tip_m, 'mm'):.3f} mm under {from_si(eye.force_n, 'mn'):.4g} mN"
+    yield (
+        f"the contact sinks in by {from_si(eye.tip_m, 'mm'):.3f} mm under"
+        f" {from_si(eye.force_n, 'mn'):.4g} mN"
+    )
     if study.globe.kind == "sealed":
         resting, loaded = (
             from_si(pressure_pa, "mmhg")
             for pressure_pa in (resting_pa, eye.pressure_pa)
         )
         yield (
-            f"the pressure rises from {resting:.3g} to {loaded:.3g} mmHg; the dent is "
-            f"{from_si(eye.dent_m, 'mm'):.3f} mm deep, from the undented wall at that pressure"
+            f"the pressure rises from {resting:.3g} to {loaded:.3g} mmHg; the dent is"
+            f" {from_si(eye.dent_m, 'mm'):.3f} mm deep, from the undented wall at that"
+            " pressure"
         )
 
     if study.mechanics.kind == "linear" and eye.tip_m > eye.mesh.thickness_m:
         ratio = eye.tip_m / eye.mesh.thickness_m
-        yield f"that is {ratio:.1f} times the wall's thickness: more than linear mechanics describes"
+        yield (
+            f"that is {ratio:.1f} times the wall's thickness: more than linear"
+            " mechanics describes"
+        )
 
 
 def _forces_n(
@@ -185,8 +198,10 @@ def _forces_n(
 @click.option(
     "--rate-hz",
     type=click.FloatRange(0.1, 1000),
-    help="Frames per second of a moving needle: --forces-mn "
-    "are then the turning points of its force on an elastic wall, which begins at 0.",
+    help=(
+        "Frames per second of a moving needle: --forces-mn are then the turning points"
+        " of its force on an elastic wall, which begins at 0."
+    ),
 )
 @click.option(
     "--ramp-mn-per-s",
@@ -204,8 +219,10 @@ def _forces_n(
     "--puncture-mn",
     "puncture_n",
     type=Quantity("force_mn"),
-    help="Force at which a moving needle goes "
-    "through the wall, after --forces-mn, none by default; frames.csv gets its travel.",
+    help=(
+        "Force at which a moving needle goes through the wall, after --forces-mn, none"
+        " by default; frames.csv gets its travel."
+    ),
 )
 @options(
     "thickness_m",
@@ -243,8 +260,10 @@ def _forces_n(
     "planes",
     metavar=PLANE,
     multiple=True,
-    help="One of several planes of each moment, as a cross of two (finite strain only); the gap is then that "
-    "of the scanner's axis.",
+    help=(
+        "One of several planes of each moment, as a cross of two (finite strain only);"
+        " the gap is then that of the scanner's axis."
+    ),
 )
 @options(
     "globe",
@@ -276,8 +295,8 @@ def phantom(
 
     Example: scleraforce phantom --out eye-1 --thickness-um 800 --forces-mn 2,10,40
 
-    A needle that a robot moves, at 100 frames a second:
-    scleraforce phantom --out moving --rate-hz 100 --forces-mn 20,5,35 --ramp-mn-per-s 15
+    A needle that a robot moves, at 100 frames a second: scleraforce phantom --out
+    moving --rate-hz 100 --forces-mn 20,5,35 --ramp-mn-per-s 15
     """
     from scleraforce.notebook.virtual import declared, given
     from scleraforce.recording.folder import parse_plane
@@ -295,7 +314,8 @@ def phantom(
     )
     if moves and "rate_hz" not in moves:
         raise click.UsageError(
-            "--ramp-mn-per-s, --hold-s, --puncture-mn: of a needle that moves; give --rate-hz too"
+            "--ramp-mn-per-s, --hold-s, --puncture-mn: of a needle that moves; give"
+            " --rate-hz too"
         )
 
     source = click.get_current_context().get_parameter_source("forces_n")
@@ -333,18 +353,26 @@ SEED = 0  # of the drawn frame
 NOTED = {
     "noise_looks": (
         1.5,
-        "the noise is averaged ({median:.1f} looks) or smoothed, or the display is not logarithmic: "
-        "its scale is taken from the wall's speckle; a study draws noise of one look, which is rougher",
+        (
+            "the noise is averaged ({median:.1f} looks) or smoothed, or the display is"
+            " not logarithmic: its scale is taken from the wall's speckle; a study"
+            " draws noise of one look, which is rougher"
+        ),
     ),
     "noise_misfit_db": (
         0.5,
-        "the noise differs by {median:.1f} dB from that of a {kind} display: it is processed, or "
-        "contains other light",
+        (
+            "the noise differs by {median:.1f} dB from that of a {kind} display: it is"
+            " processed, or contains other light"
+        ),
     ),
     "speckle_skew": (
         -0.05,
-        "the wall's speckle has a skew of {median:.2f} in dB, speckle of one look has -0.20: it "
-        "contains fibres, or the display is not {kind}, and levels in dB are wrong",
+        (
+            "the wall's speckle has a skew of {median:.2f} in dB, speckle of one look"
+            " has -0.20: it contains fibres, or the display is not {kind}, and levels"
+            " in dB are wrong"
+        ),
     ),
 }
 DRAWN_OVERLAP = 0.8  # of the histograms: below, the drawn frame looks otherwise
@@ -364,7 +392,10 @@ def _new_study(ctx: click.Context, option: click.Parameter, path: Path) -> Path:
 @click.option(
     "--bits",
     type=click.IntRange(8, 16),
-    help="Bits of a pixel that are used; default: the recording's, or 8 if pixels are bytes.",
+    help=(
+        "Bits of a pixel that are used; default: the recording's, or 8 if pixels are"
+        " bytes."
+    ),
 )
 @click.option(
     "--out",
@@ -435,7 +466,8 @@ def _imaged(
         first = first or kind
         if kind != first:
             raise FrameError(
-                f"{path}: another size, scale or number of bits than {frames[0]}; give frames of one kind"
+                f"{path}: another size, scale or number of bits than {frames[0]}; give"
+                " frames of one kind"
             )
 
         yield eye
@@ -448,16 +480,18 @@ def _eye(
     from scleraforce.segmentation.wall import find_wall
 
     most = 8 * frame.pixels.itemsize
-    (rows, columns) = frame.pixels.shape
+    rows, columns = frame.pixels.shape
 
     bits = given or (frame.info.oct.bits if frame.info else 8 if most == 8 else None)
     if bits is None:
         raise FrameError(
-            f"{path}: the number of its 16 bits that are used is not stated; give --bits"
+            f"{path}: the number of its 16 bits that are used is not stated; give"
+            " --bits"
         )
     if bits > most or int(frame.pixels.max()) >= 2**bits:
         raise FrameError(
-            f"{path}: pixels of {most} bits, up to {int(frame.pixels.max())}; --bits says {bits}"
+            f"{path}: pixels of {most} bits, up to {int(frame.pixels.max())}; --bits"
+            f" says {bits}"
         )
     if not (32 <= rows <= 8192 and 32 <= columns <= 8192):
         raise FrameError(f"{path}: {rows} x {columns} pixels; a study takes 32 to 8192")
@@ -504,7 +538,9 @@ def _write(
 
 
 def _entries(measured: "MeasuredScanner") -> dict[str, Any]:
-    """Return the ranges by their keys in a study, in the unit of the key; quantities that it does not draw, apart."""
+    """Return the ranges by their keys in a study, in the unit of the key; quantities
+    that it does not draw, apart.
+    """
     from scleraforce.laboratory.scanner import MeasuredRange
 
     items = {item.name: item for item in fields(PhantomStudy)}
@@ -551,7 +587,10 @@ def _scanner_lines(entries: Mapping[str, Any]) -> Iterator[str]:
             f"{numbers[name]:.4g}" for name in ("median", "min", "max")
         )
         span = "" if low == high else f" ({low} to {high})"
-        yield f"{key} = {median}{' at most: finer than the pixels show' if numbers['at_most'] else span}"
+        yield (
+            f"{key} ="
+            f" {median}{' at most: finer than the pixels show' if numbers['at_most'] else span}"
+        )
 
     for name, counts in entries["counts"].items():
         yield f"{name} = {', '.join(map(str, counts))} (of each frame)"
@@ -574,8 +613,9 @@ def _notes(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:
 
     if isinstance(roll_off, MeasuredRange) and roll_off.low * roll_off.high > 0.0:
         yield (
-            f"the wall's light changes by {-from_si(roll_off.median, 'per_mm'):.1f} dB/mm with the depth of the "
-            "surface in the frame (roll-off, focus, or the angle); a study draws no roll-off"
+            f"the wall's light changes by {-from_si(roll_off.median, 'per_mm'):.1f}"
+            " dB/mm with the depth of the surface in the frame (roll-off, focus, or"
+            " the angle); a study draws no roll-off"
         )
 
     for name, (most, words) in NOTED.items():
@@ -585,6 +625,6 @@ def _notes(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:
 
     if overlap < DRAWN_OVERLAP:
         yield (
-            f"the histograms of the real frame and the drawn one have {overlap:.0%} in common: look at the picture "
-            "before you train on this study"
+            f"the histograms of the real frame and the drawn one have {overlap:.0%} in"
+            " common: look at the picture before you train on this study"
         )

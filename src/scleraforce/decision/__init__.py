@@ -1,1 +1,3 @@
-"""The monitor's decision to withdraw, without clock, input or output (docs/monitor_decision.md)."""
+"""The monitor's decision to withdraw, without clock, input or output
+(docs/monitor_decision.md).
+"""

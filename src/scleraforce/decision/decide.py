@@ -1,4 +1,6 @@
-"""The decision: from a state, an event and the limits to the next state and the message to the robot."""
+"""The decision: from a state, an event and the limits to the next state and the message
+to the robot.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -33,9 +35,10 @@ from scleraforce.units import from_si
 class Decision:
     """The message to the robot: `code` and `sub_code` of the STATUS, and its `message`.
 
-    `cause` is the first one of a withdrawal, or `PIERCED` where it is only reported; `present_cause` and `present` are
-    the present one; without one, None and "".
-    `to_bound`: after a frame, when the force will reach the bound; None: not within 2 s, or not known.
+    `cause` is the first one of a withdrawal, or `PIERCED` where it is only reported;
+    `present_cause` and `present` are the present one; without one, None and "".
+    `to_bound`: after a frame, when the force will reach the bound; None: not within 2
+    s, or not known.
     """
 
     state: State
@@ -50,7 +53,9 @@ class Decision:
 
 @dataclass(frozen=True)
 class _Finding:
-    """The meaning of an event; it has a `cause` with an alarm or if the wall is pierced, `to_bound` after a frame."""
+    """The meaning of an event; it has a `cause` with an alarm or if the wall is
+    pierced, `to_bound` after a frame.
+    """
 
     signal: Signal
     reason: str
@@ -66,8 +71,8 @@ def decide(
 ) -> tuple[MonitorState, Decision]:
     """Return the next state and the message to the robot.
 
-    It never raises: an exception in here is a cause of a withdrawal like any other. At the start, the state is
-    `MonitorState()`.
+    It never raises: an exception in here is a cause of a withdrawal like any other. At
+    the start, the state is `MonitorState()`.
     """
     remembered, finding = _judged(state, event, limits)
     moved = _move(remembered, finding, limits)
@@ -76,9 +81,11 @@ def decide(
 
 @dataclass(frozen=True)
 class PlanesState:
-    """The state of each of several planes of a scanner, by name: the histories of one plane never mix with another's.
+    """The state of each of several planes of a scanner, by name: the histories of one
+    plane never mix with another's.
 
-    The decision on the plane `leading` counts: the worst one, or the first that was latched until the reset.
+    The decision on the plane `leading` counts: the worst one, or the first that was
+    latched until the reset.
     """
 
     states: Mapping[str, MonitorState]
@@ -102,10 +109,11 @@ class PlanesState:
 def decide_planes(
     planes: PlanesState, event: MonitorEvent, limits: MonitorLimits
 ) -> tuple[PlanesState, Decision]:
-    """Return the next state of several planes and the message to the robot: `decide`, on each plane.
+    """Return the next state of several planes and the message to the robot: `decide`,
+    on each plane.
 
-    What is of one plane, such as a frame, is a tick for the others. A contact is that of all planes. A reset is granted
-    if every plane grants it.
+    What is of one plane, such as a frame, is a tick for the others. A contact is that
+    of all planes. A reset is granted if every plane grants it.
     """
     own = getattr(getattr(event, "read", event), "plane", None)
     if own not in planes.states and not isinstance(
@@ -173,7 +181,9 @@ def _in_contact(state: MonitorState) -> bool:
 
 
 def _leading(states: Mapping[str, MonitorState], before: str) -> str:
-    """Return the plane whose decision counts; of planes in one state that of the largest force."""
+    """Return the plane whose decision counts; of planes in one state that of the
+    largest force.
+    """
 
     def rank(name: str) -> tuple[int, bool, int, float]:
         state = states[name]
@@ -212,7 +222,9 @@ def _alarm(cause: Cause, reason: str) -> _Finding:
 def _clock(
     state: MonitorState, event: MonitorEvent, limits: MonitorLimits
 ) -> _Finding | None:
-    """Check the time of an event: is it finite, does it not go back, was there silence before it?"""
+    """Check the time of an event: is it finite, does it not go back, was there silence
+    before it?
+    """
     if not isfinite(event.at_s):
         return _alarm(Cause.NO_NUMBER, f"the time of an event is {event.at_s}")
     if state.at_s is not None and event.at_s < state.at_s:
@@ -236,7 +248,9 @@ def _clock(
 def _waiting(
     now: MonitorState, event: MonitorEvent, limits: MonitorLimits
 ) -> _Finding | None:
-    """Return the alarm for a second reader that stays away; before the first good frame there is no time limit."""
+    """Return the alarm for a second reader that stays away; before the first good frame
+    there is no time limit.
+    """
     waited_s = _waited(now, event.at_s)
     if (
         now.state is State.NOT_READY
@@ -263,7 +277,8 @@ def _meaning(
             if now.frame is None or not event.frame_id <= now.frame.frame_id:
                 return _alarm(
                     Cause.OUT_OF_ORDER,
-                    f"a second opinion on frame {event.frame_id}, which was not read yet",
+                    f"a second opinion on frame {event.frame_id}, which was not"
+                    " read yet",
                 )
 
             return _only_doubts(
@@ -299,7 +314,9 @@ def _meaning(
 def _transport(
     before: MonitorState, now: MonitorState, frame: FrameRead, limits: MonitorLimits
 ) -> _Finding | None:
-    """Return what is wrong with a frame before its reading counts: order, size, pixels, an old picture, delay."""
+    """Return what is wrong with a frame before its reading counts: order, size, pixels,
+    an old picture, delay.
+    """
     if before.frame is not None and not frame.frame_id > before.frame.frame_id:
         return _alarm(
             Cause.OUT_OF_ORDER, f"frame {frame.frame_id} after {before.frame.frame_id}"
@@ -356,7 +373,10 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Fin
         from_mn = from_si(fall.from_n, "mn")
         to_mn = from_si(fall.to_n, "mn")
         within_ms = from_si(fall.within_s, "ms")
-        reason = f"pierced: the dent fell from {from_mn:.1f} to {to_mn:.1f} mN within {within_ms:.0f} ms"
+        reason = (
+            f"pierced: the dent fell from {from_mn:.1f} to {to_mn:.1f} mN within"
+            f" {within_ms:.0f} ms"
+        )
 
         return _Finding(
             Signal.PIERCED if limits.reports_pierced else Signal.ALARM,
@@ -398,7 +418,9 @@ def _only_doubts(
     most: int,
     limits: MonitorLimits,
 ) -> _Finding:
-    """Return the meaning of a verdict that can only add a doubt; `in_row` unusable ones in a row end with this one."""
+    """Return the meaning of a verdict that can only add a doubt; `in_row` unusable ones
+    in a row end with this one.
+    """
     if wrong := unsound(verdict, limits):
         return _alarm(Cause.NO_NUMBER, f"{name}: {wrong}")
     if not verdict.usable:
@@ -411,7 +433,9 @@ def _only_doubts(
 
 
 def _doubt(now: MonitorState, at_s: float, limits: MonitorLimits) -> str | None:
-    """Return the doubt that the second opinions leave; a cause in the last one has led to a withdrawal already."""
+    """Return the doubt that the second opinions leave; a cause in the last one has led
+    to a withdrawal already.
+    """
     if now.opinion is None:
         return (
             "the second opinion has not answered yet"
@@ -462,12 +486,15 @@ def _loss(
     within_ms = from_si(within_s, "ms")
     return _alarm(
         Cause.QUEUE_BEHIND,
-        f"{row_ms:.0f} ms of frames lost in a row, {within_ms:.0f} ms within the window",
+        f"{row_ms:.0f} ms of frames lost in a row, {within_ms:.0f} ms within the"
+        " window",
     )
 
 
 def _reset(now: MonitorState, event: events.Reset, limits: MonitorLimits) -> _Finding:
-    """Grant a reset only on fresh frames: harmless to both readers, in a row, the last one recent."""
+    """Grant a reset only on fresh frames: harmless to both readers, in a row, the last
+    one recent.
+    """
     if doubt := _doubt(now, event.at_s, limits):
         return _Finding(Signal.RESET_REFUSED, f"reset refused: {doubt}")
 
@@ -524,9 +551,11 @@ def _move(
         reason=reason,
         pierced=pierced,
         dents=dents,
-        present_cause=state.present_cause
-        if keeps
-        else finding.cause or (Cause.PIERCED if pierced else None),
+        present_cause=(
+            state.present_cause
+            if keeps
+            else finding.cause or (Cause.PIERCED if pierced else None)
+        ),
         present_reason=state.present_reason if keeps else finding.reason or pierced,
     )
     leaves = state.state in events.LATCHED and after is State.WATCHING

@@ -1,6 +1,7 @@
 """States, signals and causes, the table that the monitor follows, and its events.
 
-Events are frozen records with their time (s, on a monotonic clock that the caller reads).
+Events are frozen records with their time (s, on a monotonic clock that the caller
+reads).
 """
 
 from collections.abc import Mapping
@@ -44,19 +45,21 @@ MOVES = {
 }
 LATCHED = (State.PIERCED, State.WITHDRAW)  # until the operator's reset
 BY_SEVERITY = (State.WATCHING, State.NOT_READY, *LATCHED)
+# a signal without a move leaves the state unchanged
 TRANSITIONS: Mapping[tuple[State, Signal], State] = MappingProxyType(
     {
         (state, signal): MOVES.get((state, signal), state)
         for state in State
         for signal in Signal
     }
-)  # a signal without a move leaves the state unchanged
+)
 
 
 class Cause(Enum):
     """The cause of a withdrawal; the value is the sub-code.
 
-    7 and 9 are OpenIGTLink's own codes of a timeout and of a checksum error; codes from 101 on are this monitor's.
+    7 and 9 are OpenIGTLink's own codes of a timeout and of a checksum error; codes from
+    101 on are this monitor's.
     """
 
     SILENCE = 7
@@ -84,9 +87,10 @@ class Cause(Enum):
 class Verdict:
     """The answer of a model to a frame: what is decided, sent, logged and shown.
 
-    If the frame is not `usable`, `reason` says why and `predicted`, the class, does not count. A classifier gives no
-    `force_n` and no 90 % `interval_n`. Only tissue that relaxes has an `elastic_force_n`: the force that makes such a
-    dent at once, while `force_n` is on the needle now. Numbers may be NaN: the decision checks them.
+    If the frame is not `usable`, `reason` says why and `predicted`, the class, does not
+    count. A classifier gives no `force_n` and no 90 % `interval_n`. Only tissue that
+    relaxes has an `elastic_force_n`: the force that makes such a dent at once, while
+    `force_n` is on the needle now. Numbers may be NaN: the decision checks them.
     """
 
     predicted: int
@@ -102,11 +106,12 @@ class Verdict:
 class FrameRead:
     """A frame and its reading.
 
-    `size` is (rows, columns), `scale_m` (lateral, depth) of a pixel as stored. `shown_back`: the number of frames since
-    its picture was last shown, 0 if it is new. `sent_s`: the time that its sender states, on the sender's own clock;
-    None if it states none. `pixel_type`: of its pixels as sent, such as "uint16". `travel_m`: the needle's travel
-    along its axis, as its robot stated it `travel_age_s` before the frame; None if it states none. `plane`: the name
-    of its plane, if there are several.
+    `size` is (rows, columns), `scale_m` (lateral, depth) of a pixel as stored.
+    `shown_back`: the number of frames since its picture was last shown, 0 if it is new.
+    `sent_s`: the time that its sender states, on the sender's own clock; None if it
+    states none. `pixel_type`: of its pixels as sent, such as "uint16". `travel_m`: the
+    needle's travel along its axis, as its robot stated it `travel_age_s` before the
+    frame; None if it states none. `plane`: the name of its plane, if there are several.
     """
 
     at_s: float
@@ -124,7 +129,9 @@ class FrameRead:
 
 @dataclass(frozen=True, kw_only=True)
 class SecondOpinion:
-    """The reading of an earlier frame by another method, which came at `at_s`; it can only add a doubt."""
+    """The reading of an earlier frame by another method, which came at `at_s`; it can
+    only add a doubt.
+    """
 
     at_s: float
     frame_id: int
@@ -134,7 +141,9 @@ class SecondOpinion:
 
 @dataclass(frozen=True)
 class OvertakenRead:
-    """The reading of a frame that newer frames overtook, made after theirs; it can only add a doubt."""
+    """The reading of a frame that newer frames overtook, made after theirs; it can only
+    add a doubt.
+    """
 
     at_s: float
     read: FrameRead
@@ -149,7 +158,9 @@ class Tick:
 
 @dataclass(frozen=True)
 class Fault:
-    """A cause of a withdrawal other than a frame: a damaged message, an image that is not one, any exception."""
+    """A cause of a withdrawal other than a frame: a damaged message, an image that is
+    not one, any exception.
+    """
 
     at_s: float
     cause: Cause
@@ -161,10 +172,11 @@ SLACK_S = 1e-9  # of sums of intervals: four of 10 ms are no more than 40 ms
 
 @dataclass(frozen=True, kw_only=True)
 class QueueLoss:
-    """Frames that will never be read: newer ones overtook them, and there was no time for them afterwards.
+    """Frames that will never be read: newer ones overtook them, and there was no time
+    for them afterwards.
 
-    `unread_s` is the time that they stand for: their number times the scanner's interval. The frames of one `row` came
-    between two frames that were answered.
+    `unread_s` is the time that they stand for: their number times the scanner's
+    interval. The frames of one `row` came between two frames that were answered.
     """
 
     at_s: float

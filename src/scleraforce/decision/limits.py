@@ -1,4 +1,6 @@
-"""The limits beyond which the monitor withdraws, and one verdict or frame judged by itself."""
+"""The limits beyond which the monitor withdraws, and one verdict or frame judged by
+itself.
+"""
 
 from dataclasses import dataclass, fields
 from math import inf, isfinite
@@ -15,11 +17,13 @@ MAY_BE_ZERO = ("rate_deviations", "lag_drift", "eye_m_s", "travel_lag_s")
 class MonitorLimits:
     """Limits of the decision, in SI; docs/monitor_decision.md explains each.
 
-    `size` and `scale_m` are the study's; None takes the last sound frame's. `reads_force` is False with a classifier,
-    which gives no force; otherwise a frame without a force is a cause. `expects_opinion` is True if another process
-    gives second opinions: then nothing is OK before the first one, and an overdue one is a cause. Losses are limited by
-    the time that the lost frames represent, so that the limits fit any frame rate. `reports_pierced` is True if a
-    pierced wall is not to end in a withdrawal. A limit that lets everything pass, or nothing, is an InputError.
+    `size` and `scale_m` are the study's; None takes the last sound frame's.
+    `reads_force` is False with a classifier, which gives no force; otherwise a frame
+    without a force is a cause. `expects_opinion` is True if another process gives
+    second opinions: then nothing is OK before the first one, and an overdue one is a
+    cause. Losses are limited by the time that the lost frames represent, so that the
+    limits fit any frame rate. `reports_pierced` is True if a pierced wall is not to end
+    in a withdrawal. A limit that lets everything pass, or nothing, is an InputError.
     """
 
     withdraw_class: int = 2
@@ -70,18 +74,22 @@ class MonitorLimits:
 
         if self.contact_n >= self.bound_n:
             raise InputError(
-                f"monitor: contact_n is {self.contact_n:g}, must be below bound_n, {self.bound_n:g}"
+                f"monitor: contact_n is {self.contact_n:g}, must be below bound_n,"
+                f" {self.bound_n:g}"
             )
 
         for value in (*(self.size or ()), *(self.scale_m or ())):
             _check("size, scale_m", value, 0, strictly=True)
 
     def counted_loss(self, before_s: float, loss: QueueLoss) -> float:
-        """Return what a loss adds to the time unread within the window, s, after `before_s` of the same row.
+        """Return what a loss adds to the time unread within the window, s, after
+        `before_s` of the same row.
 
-        A row counts as a whole once `RISING`, by the slope of `rate_frames` readings, may come late: while that many
-        come within the reaction time and the longest stretch that may go unread, a withdrawal is later by one of their
-        gaps at most, 4 ms. A scanner of 100 Hz that loses nothing has gaps of 10 ms. So shorter rows never count.
+        A row counts as a whole once `RISING`, by the slope of `rate_frames` readings,
+        may come late: while that many come within the reaction time and the longest
+        stretch that may go unread, a withdrawal is later by one of their gaps at most,
+        4 ms. A scanner of 100 Hz that loses nothing has gaps of 10 ms. So shorter rows
+        never count.
         """
         interval_s = loss.unread_s / loss.lost if loss.lost >= 1 else inf
         most_s = (
@@ -99,7 +107,8 @@ def _check(name: str, value: float, least: float, strictly: bool = False) -> Non
     if isfinite(value) and (value > least if strictly else value >= least):
         return
     raise InputError(
-        f"monitor: {name} is {value}, must be {'more than' if strictly else 'at least'} {least:g}"
+        f"monitor: {name} is {value}, must be {'more than' if strictly else 'at least'}"
+        f" {least:g}"
     )
 
 
@@ -107,7 +116,9 @@ PROBABILITY_SLACK = 1e-3  # single precision, summed
 
 
 def unsound(verdict: Verdict, limits: MonitorLimits) -> str | None:
-    """Return the fault of a verdict: a number that is missing, not finite or contradicts others; None if sound."""
+    """Return the fault of a verdict: a number that is missing, not finite or
+    contradicts others; None if sound.
+    """
     interval_n = verdict.interval_n
     shares = verdict.probabilities
 
@@ -142,7 +153,9 @@ def unsound(verdict: Verdict, limits: MonitorLimits) -> str | None:
 
 
 def harm(verdict: Verdict, limits: MonitorLimits) -> tuple[Cause, str] | None:
-    """Return the cause of a withdrawal in a usable, sound verdict, with its reason; None if it is harmless."""
+    """Return the cause of a withdrawal in a usable, sound verdict, with its reason;
+    None if it is harmless.
+    """
     if verdict.predicted >= limits.withdraw_class:
         return Cause.DANGEROUS_CLASS, f"class {verdict.predicted}"
 
@@ -163,7 +176,9 @@ def upper_end(verdict: Verdict) -> float | None:
 
 
 def touches(verdict: Verdict, limits: MonitorLimits) -> bool:
-    """Return whether a usable, sound verdict shows contact: a dent does, also where the force on it has relaxed."""
+    """Return whether a usable, sound verdict shows contact: a dent does, also where the
+    force on it has relaxed.
+    """
     force_n = (
         verdict.force_n if verdict.elastic_force_n is None else verdict.elastic_force_n
     )
@@ -171,7 +186,9 @@ def touches(verdict: Verdict, limits: MonitorLimits) -> bool:
 
 
 def lag_of(frame: FrameRead) -> float | None:
-    """Return how long after its stated time a frame came, s, on two clocks that need not agree; None if not stated."""
+    """Return how long after its stated time a frame came, s, on two clocks that need
+    not agree; None if not stated.
+    """
     return None if frame.sent_s is None else frame.at_s - frame.sent_s
 
 

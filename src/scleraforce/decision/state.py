@@ -34,20 +34,24 @@ QUICKEST = 3
 class MonitorState:
     """All that the monitor remembers: a few hundred numbers at most.
 
-    `cause` and `reason`: the first cause of a withdrawal, until the reset; `present_cause` and `present_reason`: the
-    last cause or doubt, until a harmless frame. `size` and `scale_m` are the study's, or the last sound frames': a
-    change is a cause once. `history` has (time, force) of the last frames with sound numbers, `dents` their dents;
-    `pierced` says that the wall was pierced since the last reset. `repeats` counts the
-    frames in a row with one picture; `returns` says of each of the last frames whether its picture came back after
-    others. `lags` are the last delays since the time that the sender states, on two clocks that need not agree;
-    `least_lag` is (time, lag): the least so far of the third quickest of 20, plus the clocks' possible drift. `losses`
-    has (time, time that the lost frames stand for) within the window, summed up over twentieths of it, without the
-    short rows that `MonitorLimits.counted_loss` leaves out; `lost` counts
-    all lost frames since the start, and `lost_in_row_s` is the time that the frames of `lost_row`, the last row with a
-    loss, stand for. `fresh` counts the harmless frames in a row. `touched` is True after contact; `clear_s` is the time
-    of the first frame of the present run without contact. `opinion` is the last second opinion since the last cause,
-    `doubted` counts the unusable ones in a row, and `unanswered` has (frame, time) of the frames without one, oldest
-    first, thinned if there are many.
+    `cause` and `reason`: the first cause of a withdrawal, until the reset;
+    `present_cause` and `present_reason`: the last cause or doubt, until a harmless
+    frame. `size` and `scale_m` are the study's, or the last sound frames': a change is
+    a cause once. `history` has (time, force) of the last frames with sound numbers,
+    `dents` their dents; `pierced` says that the wall was pierced since the last reset.
+    `repeats` counts the frames in a row with one picture; `returns` says of each of the
+    last frames whether its picture came back after others. `lags` are the last delays
+    since the time that the sender states, on two clocks that need not agree;
+    `least_lag` is (time, lag): the least so far of the third quickest of 20, plus the
+    clocks' possible drift. `losses` has (time, time that the lost frames stand for)
+    within the window, summed up over twentieths of it, without the short rows that
+    `MonitorLimits.counted_loss` leaves out; `lost` counts all lost frames since the
+    start, and `lost_in_row_s` is the time that the frames of `lost_row`, the last row
+    with a loss, stand for. `fresh` counts the harmless frames in a row. `touched` is
+    True after contact; `clear_s` is the time of the first frame of the present run
+    without contact. `opinion` is the last second opinion since the last cause,
+    `doubted` counts the unusable ones in a row, and `unanswered` has (frame, time) of
+    the frames without one, oldest first, thinned if there are many.
     """
 
     state: State = State.NOT_READY
@@ -82,7 +86,9 @@ class MonitorState:
 def remember(
     state: MonitorState, event: MonitorEvent, limits: MonitorLimits
 ) -> MonitorState:
-    """Return the state updated by an event, before its meaning is decided; one copy of it, as each takes 10 µs."""
+    """Return the state updated by an event, before its meaning is decided; one copy of
+    it, as each takes 10 µs.
+    """
     if isinstance(event, FrameRead):
         return _remember_frame(state, event, limits)
 
@@ -115,7 +121,9 @@ def _losses(
     unread_s: float,
     window_s: float,
 ) -> tuple[tuple[float, float], ...]:
-    """Return the losses within the window; all losses in one twentieth of it are one, at the time of the last."""
+    """Return the losses within the window; all losses in one twentieth of it are one,
+    at the time of the last.
+    """
     recent = tuple(loss for loss in losses if at_s - loss[0] < window_s)
     part_s = window_s / LOSS_PARTS
     if not unread_s:
@@ -193,7 +201,9 @@ def _least_lag(
     at_s: float,
     limits: MonitorLimits,
 ) -> tuple[float, float] | None:
-    """Return the least lag that several of 20 frames had so far; it rises with the clocks' possible drift."""
+    """Return the least lag that several of 20 frames had so far; it rises with the
+    clocks' possible drift.
+    """
     if len(lags) < QUICKEST:
         return least
     quick_s = sorted(lags)[QUICKEST - 1]
@@ -205,7 +215,9 @@ def _least_lag(
 def _contact(
     state: MonitorState, frame: FrameRead, limits: MonitorLimits
 ) -> tuple[bool, float | None]:
-    """Contact begins with one frame and ends after `lifted_s` of sound frames without contact."""
+    """Contact begins with one frame and ends after `lifted_s` of sound frames without
+    contact.
+    """
     if touches(frame.verdict, limits):
         return True, None
     since_s = frame.at_s if state.clear_s is None else state.clear_s
@@ -234,7 +246,9 @@ def _remember_opinion(
 def _unanswered(
     waiting: tuple[tuple[int, float], ...], frame_id: int
 ) -> tuple[tuple[int, float], ...]:
-    """Return the frames after the one that is answered, or after the last one before it, whatever their numbers are."""
+    """Return the frames after the one that is answered, or after the last one before
+    it, whatever their numbers are.
+    """
     places = [
         place for place, (waiting_id, _) in enumerate(waiting) if waiting_id == frame_id
     ]

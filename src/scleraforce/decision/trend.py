@@ -1,10 +1,13 @@
-"""The trend of the force over the last frames: its rise to the bound, and a fall that means a pierced wall.
+"""The trend of the force over the last frames: its rise to the bound, and a fall that
+means a pierced wall.
 
-The slope is the median of all pairs' slopes (Theil 1950, Sen 1968), so a single outlier does not turn it. Its standard
-deviation is that of a straight-line fit. Ten residuals estimate the noise badly, now and then much too low by chance.
-So the noise is at least that of the second differences, which are free of a steady rise, over all frames kept. A fast
-fall that no withdrawal of the needle explains: the needle has gone through the wall. Plain Python takes a tenth of the
-time of NumPy's calls for ten points, while the robot waits.
+The slope is the median of all pairs' slopes (Theil 1950, Sen 1968), so a single outlier
+does not turn it. Its standard deviation is that of a straight-line fit. Ten residuals
+estimate the noise badly, now and then much too low by chance. So the noise is at least
+that of the second differences, which are free of a steady rise, over all frames kept. A
+fast fall that no withdrawal of the needle explains: the needle has gone through the
+wall. Plain Python takes a tenth of the time of NumPy's calls for ten points, while the
+robot waits.
 """
 
 from collections.abc import Sequence
@@ -22,7 +25,9 @@ OUTSIDE = 2  # readings on either side of a fall: a single wild one is not a fal
 
 
 class Dent(NamedTuple):
-    """A frame's dent as its elastic force, and the needle's last stated travel, `age_s` before the frame, if any."""
+    """A frame's dent as its elastic force, and the needle's last stated travel, `age_s`
+    before the frame, if any.
+    """
 
     at_s: float
     force_n: float
@@ -39,11 +44,13 @@ class Fall(NamedTuple):
 
 
 def unexplained_fall(dents: tuple[Dent, ...], limits: MonitorLimits) -> Fall | None:
-    """Return a fall that ends with the last two dents, oldest first, and that no withdrawal explains; else None.
+    """Return a fall that ends with the last two dents, oldest first, and that no
+    withdrawal explains; else None.
 
-    The level before is the lower of two neighbouring readings, the level after the higher of the last two, so neither
-    a single reading nor a steady retraction passes for a fall: between the inner two of these, it takes as much time as
-    the needle needs at `retraction_m_s`, on a wall of `stiffness_n_m`.
+    The level before is the lower of two neighbouring readings, the level after the
+    higher of the last two, so neither a single reading nor a steady retraction passes
+    for a fall: between the inner two of these, it takes as much time as the needle
+    needs at `retraction_m_s`, on a wall of `stiffness_n_m`.
     """
     left_n = (
         max(dent.force_n for dent in dents[-OUTSIDE:])
@@ -67,7 +74,9 @@ def unexplained_fall(dents: tuple[Dent, ...], limits: MonitorLimits) -> Fall | N
 
 
 def _explained_n(dents: tuple[Dent, ...], place: int, limits: MonitorLimits) -> float:
-    """Return how far the force can fall from the dent at a place to the last but one, N: withdrawal, eye and noise."""
+    """Return how far the force can fall from the dent at a place to the last but one,
+    N: withdrawal, eye and noise.
+    """
     high = dents[place]
     low = dents[-OUTSIDE]
     within_s = low.at_s - high.at_s
@@ -94,7 +103,8 @@ def _explained_n(dents: tuple[Dent, ...], place: int, limits: MonitorLimits) -> 
 
 
 def noise_n(forces_n: list[float]) -> float:
-    """Return the standard deviation of readings, from their second differences, which are free of a steady change.
+    """Return the standard deviation of readings, from their second differences, which
+    are free of a steady change.
 
     Fewer than three show none.
     """
@@ -102,16 +112,16 @@ def noise_n(forces_n: list[float]) -> float:
         abs(a - 2.0 * b + c)
         for a, b, c in zip(forces_n, forces_n[1:], forces_n[2:], strict=False)
     ]
-    return (
-        MAD_TO_SD * median(bends_n or [0.0]) / sqrt(6.0)
-    )  # a second difference has six variances
+    # a second difference has six variances
+    return MAD_TO_SD * median(bends_n or [0.0]) / sqrt(6.0)
 
 
 LEAST_PAIRS = 4
 HORIZON_S = 2.0  # of a time until the bound
 ROUNDING = 1e-9
-# Of the time until the bound (benchmarks/bench_time_to_bound.py, seed 2): noise, since neighbouring readings err alike;
-# relative, of the slope, since a reader's error changes with the dent; of the force over its upper end, at least.
+# Of the time until the bound (benchmarks/bench_time_to_bound.py, seed 2): noise, since
+# neighbouring readings err alike; relative, of the slope, since a reader's error
+# changes with the dent; of the force over its upper end, at least.
 ALIKE = 2.0
 SLOPE_ERROR = 0.15
 LEAST_SHARE = 0.5
@@ -119,10 +129,11 @@ Z90 = 1.645  # of the ends of a 90 % interval
 
 
 class Rise(NamedTuple):
-    """A straight line through the last frames, `points` (s from now, N): at `now_n`, rising by `slope`, N/s.
+    """A straight line through the last frames, `points` (s from now, N): at `now_n`,
+    rising by `slope`, N/s.
 
-    `sd_n` is the noise of one frame; `middle_s` and `spread_s` are the mean of the points' times, and the square root
-    of the sum of their squared distances from it.
+    `sd_n` is the noise of one frame; `middle_s` and `spread_s` are the mean of the
+    points' times, and the square root of the sum of their squared distances from it.
     """
 
     points: list[tuple[float, float]]
@@ -134,16 +145,20 @@ class Rise(NamedTuple):
 
     @property
     def variances(self) -> tuple[float, float]:
-        """Variances of the line's place in its middle, which is a median, N^2, and of its slope, (N/s)^2."""
+        """Variances of the line's place in its middle, which is a median, N^2, and of
+        its slope, (N/s)^2.
+        """
         sd_n = ALIKE * self.sd_n
-        return 0.5 * pi * sd_n**2 / len(self.points), (sd_n / self.spread_s) ** 2 + (
-            SLOPE_ERROR * self.slope
-        ) ** 2
+        return (
+            0.5 * pi * sd_n**2 / len(self.points),
+            (sd_n / self.spread_s) ** 2 + (SLOPE_ERROR * self.slope) ** 2,
+        )
 
 
 @dataclass(frozen=True)
 class TimeToBound:
-    """Time until the force reaches the bound, s, if it rises as in the last frames: median, ends of the 90 % interval.
+    """Time until the force reaches the bound, s, if it rises as in the last frames:
+    median, ends of the 90 % interval.
 
     None: not within 2 s.
     """
@@ -164,7 +179,8 @@ REACHED = TimeToBound(0.0, 0.0, 0.0)
 
 
 def rise_of(history: Sequence[tuple[float, float]], frames: int) -> Rise | None:
-    """Return the line through the last frames; None if fewer than `frames`, or too few differ in time.
+    """Return the line through the last frames; None if fewer than `frames`, or too few
+    differ in time.
 
     `history` has time (s) and force (N) of the last frames, oldest first.
     """
@@ -188,10 +204,12 @@ def rise_of(history: Sequence[tuple[float, float]], frames: int) -> Rise | None:
 
 
 def risen_force(rise: Rise, ahead_s: float, deviations: float) -> float | None:
-    """Return the force after `ahead_s` at the least slope that the frames allow; None if it does not rise.
+    """Return the force after `ahead_s` at the least slope that the frames allow; None
+    if it does not rise.
 
-    `deviations` standard deviations of the slope are subtracted from it. If the rise slows down, a line predicts too
-    much; then the prediction of a parabola through the slopes of the two halves counts, if it is less.
+    `deviations` standard deviations of the slope are subtracted from it. If the rise
+    slows down, a line predicts too much; then the prediction of a parabola through the
+    slopes of the two halves counts, if it is less.
     """
     least = rise.slope - deviations * rise.sd_n / rise.spread_s
     if least <= 0.0:
@@ -203,9 +221,11 @@ def risen_force(rise: Rise, ahead_s: float, deviations: float) -> float | None:
 def time_to_bound(
     rise: Rise | None, force_n: float, upper_n: float, bound_n: float
 ) -> TimeToBound | None:
-    """Return when the upper end of the interval reaches the bound, if it keeps its ratio to the rising force.
+    """Return when the upper end of the interval reaches the bound, if it keeps its
+    ratio to the rising force.
 
-    None: not within 2 s, nor does the line say so, or the frames of the line are spread over more than that.
+    None: not within 2 s, nor does the line say so, or the frames of the line are spread
+    over more than that.
     """
     if upper_n >= bound_n:
         return REACHED
@@ -222,10 +242,12 @@ def time_to_bound(
 
 
 def _reaches(rise: Rise, missing_n: float, deviations: float) -> float | None:
-    """Return when the line less a number of its standard deviations has risen by `missing_n` since its middle, s.
+    """Return when the line less a number of its standard deviations has risen by
+    `missing_n` since its middle, s.
 
-    None: not within 2 s. With d the time from the middle of the frames, this is slope d - missing = z sqrt(a + b d^2),
-    a and b the variances of the line's place and slope (Fieller 1954); the square of it has two roots.
+    None: not within 2 s. With d the time from the middle of the frames, this is slope d
+    - missing = z sqrt(a + b d^2), a and b the variances of the line's place and slope
+    (Fieller 1954); the square of it has two roots.
     """
     a, b = rise.variances
 
@@ -255,7 +277,8 @@ def _reaches(rise: Rise, missing_n: float, deviations: float) -> float | None:
 
 
 def _slowing_force(points: list[tuple[float, float]], ahead_s: float) -> float | None:
-    """Return the force that a slowing rise reaches within `ahead_s`, at most its top; infinity if it keeps its slope.
+    """Return the force that a slowing rise reaches within `ahead_s`, at most its top;
+    infinity if it keeps its slope.
 
     None: it has passed its top. Times count from now, so the points have negative ones.
     """

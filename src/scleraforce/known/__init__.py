@@ -1,10 +1,13 @@
-"""Known inputs of an eye beside its frame: modulus, IOP, thickness, gap, globe, discrepancy of its forces.
+"""Known inputs of an eye beside its frame: modulus, IOP, thickness, gap, globe,
+discrepancy of its forces.
 
-Each may be missing. A globe is open, sealed with some rigidity, or unknown; the rigidity is an unknown of fit and
-filter: normal about a mean, within bounds. Frames of known force move and narrow it. They also show the discrepancy of
-an eye's forces from the library's: tissue stiffens, walls are uneven, corneas have their own stiffness. A
-calibration's E absorbs most of that; the rest grows with the force, and frames of the same eye share it. It is learned
-per eye, as the discrepancy of a model (Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001):
+Each may be missing. A globe is open, sealed with some rigidity, or unknown; the
+rigidity is an unknown of fit and filter: normal about a mean, within bounds. Frames of
+known force move and narrow it. They also show the discrepancy of an eye's forces from
+the library's: tissue stiffens, walls are uneven, corneas have their own stiffness. A
+calibration's E absorbs most of that; the rest grows with the force, and frames of the
+same eye share it. It is learned per eye, as the discrepancy of a model (Kennedy and
+O'Hagan, J. R. Stat. Soc. B 63, 2001):
 
     ln(F / F_library) = level + growth (F_library / 60 mN - 1/2)
 """
@@ -23,13 +26,14 @@ from scleraforce.recording.folder import EyeInfo, RecordingInfo
 from scleraforce.study.eye import RIGIDITY_LAWS, GlobeStudy
 from scleraforce.units import to_si
 
-MOST_CORRELATED = (
-    1.0 - 1e-9
-)  # where two unknowns are as good as one, rounding puts their correlation beyond 1
+# where two unknowns are as good as one, rounding puts their correlation beyond 1
+MOST_CORRELATED = 1.0 - 1e-9
 
 
 def correlation_of(covariance: Floats, first: int, second: int) -> float:
-    """Return the correlation of two unknowns of a covariance (unknown, unknown), at most `MOST_CORRELATED`."""
+    """Return the correlation of two unknowns of a covariance (unknown, unknown), at
+    most `MOST_CORRELATED`.
+    """
     found = covariance[first, second] / np.sqrt(
         covariance[first, first] * covariance[second, second]
     )
@@ -39,7 +43,8 @@ def correlation_of(covariance: Floats, first: int, second: int) -> float:
 def within_bounds(
     mean: Floats, covariance: Floats, place: int, bounds: tuple[float, float]
 ) -> Floats:
-    """Return the mean of normal unknowns (unknown,) given that one of them stays within its bounds.
+    """Return the mean of normal unknowns (unknown,) given that one of them stays within
+    its bounds.
 
     >>> within_bounds(np.array([1.0, 3.0]), np.array([[4.0, 1.0], [1.0, 2.0]]), 1, (0.0, 2.0)).tolist()
     [0.5, 2.0]
@@ -49,20 +54,24 @@ def within_bounds(
     return moved
 
 
-REFERENCE_N = 60e-3  # growth is that from no force to this one; beyond it the discrepancy is constant
+# growth is that from no force to this one; beyond it the discrepancy is constant
+REFERENCE_N = 60e-3
 _LARGEST_LOG = 2.0  # of a force's logarithm, in a file
 _Log = Annotated[float, Meta(ge=-_LARGEST_LOG, le=_LARGEST_LOG)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ForceDiscrepancy:
-    """Means and standard deviations of level and growth, which are normal, and their correlation.
+    """Means and standard deviations of level and growth, which are normal, and their
+    correlation.
 
-    All are given E and the globe's rigidity at their means; one standard deviation of these above it moves level and
-    growth by `level_by` and `growth_by` (by E, by the rigidity), since an eye's frames determine all of them together.
-    `scatter`: residuals of single frames in standard deviations of their expectation. `largest_n`: the largest of their
-    forces, N, beyond which the eye is extrapolated; `widest_gap`: the widest gap between two of them, or below the
-    first, as a share of the largest. None if unknown.
+    All are given E and the globe's rigidity at their means; one standard deviation of
+    these above it moves level and growth by `level_by` and `growth_by` (by E, by the
+    rigidity), since an eye's frames determine all of them together. `scatter`:
+    residuals of single frames in standard deviations of their expectation. `largest_n`:
+    the largest of their forces, N, beyond which the eye is extrapolated; `widest_gap`:
+    the widest gap between two of them, or below the first, as a share of the largest.
+    None if unknown.
     """
 
     level: _Log
@@ -85,8 +94,9 @@ class ForceDiscrepancy:
     ) -> Floats:
         """Return the forces of the eye for the library's forces, N.
 
-        `level_z` and `growth_z` are standard normal numbers that draw level and growth (0: the mean); `eye_z` (..., 2)
-        are the deviations of E and rigidity from their means, in standard deviations.
+        `level_z` and `growth_z` are standard normal numbers that draw level and growth
+        (0: the mean); `eye_z` (..., 2) are the deviations of E and rigidity from their
+        means, in standard deviations.
         """
         level = self.level + self.level_sd * level_z + np.asarray(eye_z) @ self.level_by
         across = self.correlation * level_z + sqrt(1.0 - self.correlation**2) * growth_z
@@ -110,15 +120,16 @@ NO_DISCREPANCY = ForceDiscrepancy(
 
 
 def beside_middle(library_n: Floats) -> Floats:
-    """Return the factor of the growth: the distance of forces from the middle of the range, -1/2 to 1/2."""
+    """Return the factor of the growth: the distance of forces from the middle of the
+    range, -1/2 to 1/2.
+    """
     return np.clip(library_n / REFERENCE_N, 0.0, 1.0) - 0.5
 
 
 Kind = Literal["open", "sealed", "unknown"]
 
-REFERENCE_RIGIDITY = to_si(
-    0.03, "mmhg13_per_ul"
-)  # of enucleated human eyes (van der Werff 1981), Pa^(1/3)/m^3
+# of enucleated human eyes (van der Werff 1981), Pa^(1/3)/m^3
+REFERENCE_RIGIDITY = to_si(0.03, "mmhg13_per_ul")
 # 0.005 and 0.06 mmHg^(1/3)/ul
 SLACKEST = REFERENCE_RIGIDITY / 6.0
 STIFFEST = 2.0 * REFERENCE_RIGIDITY
@@ -132,9 +143,11 @@ NINETY_PERCENT = 1.6449  # standard deviations to either side
 class KnownGlobe:
     """The known inputs of a globe.
 
-    `kind` is the declared one. `lowest` and `highest` bound the rigidity k of the `law`; `mean` and `sd` describe it.
-    All are Pa^(1/3)/m^3 and 0 for an open globe. `correlation` is that with the logarithm of the modulus that was
-    estimated with it; `calibrated`: it is from frames of known force; `rigidity_told`: k was given as a number.
+    `kind` is the declared one. `lowest` and `highest` bound the rigidity k of the
+    `law`; `mean` and `sd` describe it. All are Pa^(1/3)/m^3 and 0 for an open globe.
+    `correlation` is that with the logarithm of the modulus that was estimated with it;
+    `calibrated`: it is from frames of known force; `rigidity_told`: k was given as a
+    number.
     """
 
     kind: Kind
@@ -153,7 +166,9 @@ class KnownGlobe:
         return self.highest > 0.0
 
     def globe(self, rigidity: Floats | float) -> Globe:
-        """Return the globe of one or n rigidities k, Pa^(1/3)/m^3; the law continues a little below 0."""
+        """Return the globe of one or n rigidities k, Pa^(1/3)/m^3; the law continues a
+        little below 0.
+        """
         return sealed_globe(rigidity, self.law)
 
     @property
@@ -185,7 +200,8 @@ SEALED = KnownGlobe(
 def known_globe(
     kind: str | None, rigidity_pa13_per_m3: float | None = None, law: str | None = None
 ) -> KnownGlobe:
-    """Return the globe of a declared kind and rigidity; None: unknown. Raises `StudyError` as for a study file.
+    """Return the globe of a declared kind and rigidity; None: unknown. Raises
+    `StudyError` as for a study file.
 
     >>> known_globe(None).kind, known_globe("open").can_be_sealed
     ('unknown', False)
@@ -212,14 +228,19 @@ def known_globe(
 
 
 STATED_MODULUS_SD = 0.03  # relative, of a modulus that comes without its uncertainty
-POPULATION_SD = 0.12  # relative: eyes differ by so much (paper, Table 2), also where a file knows too few to tell
-LEAST_MODULUS_SD = (
-    0.01  # relative: below it mechanics and segmentation are what is uncertain
+# relative: eyes differ by so much (paper, Table 2), also where a file knows too few to
+# tell
+POPULATION_SD = 0.12
+# relative: below it mechanics and segmentation are what is uncertain
+LEAST_MODULUS_SD = 0.01
+_SEALED_DOUBT = (
+    "eye.globe is sealed, and linear mechanics takes every eye for an open one: forces"
+    " are read too low"
 )
-_SEALED_DOUBT = "eye.globe is sealed, and linear mechanics takes every eye for an open one: forces are read too low"
 
 
-# Sources of a modulus, in words; of an eye's own: by known forces, or by the shape of its dents alone.
+# Sources of a modulus, in words; of an eye's own: by known forces, or by the shape of
+# its dents alone.
 MODULUS_SOURCES = {
     "own": "calibrated",
     "shape": "from shape, without force",
@@ -231,7 +252,9 @@ OWN_SOURCES = ("own", "shape")
 
 @dataclass(frozen=True, kw_only=True)
 class Modulus:
-    """Young's modulus with its standard deviation, Pa, and where it comes from (`MODULUS_SOURCES`)."""
+    """Young's modulus with its standard deviation, Pa, and where it comes from
+    (`MODULUS_SOURCES`).
+    """
 
     mean_pa: float
     sd_pa: float
@@ -252,13 +275,15 @@ class Modulus:
 class Known:
     """Known inputs of an eye and of the B-scan's place; None: unknown.
 
-    `gap_m` is the distance of the B-scan plane from the needle axis, `polar_rad` the polar angle of the contact,
-    `direction_rad` that of the plane's lateral axis from the meridian. `globe` is by default `UNKNOWN`; `stiffening` is
-    b of the tissue (`mechanics.material`), by default 0. `discrepancy` belongs to an eye's own modulus. Tissue whose
-    `relaxation` is not known is read as elastic; a globe without `leak_time_s` does not leak. `lean_rad` has the ends
-    of the angle between the needle and the wall's normal, `lean_azimuth_rad` its direction on its way up, from the
-    plane's lateral axis. A calibration's modulus is of forces along the normal if it knew the lean,
-    `calibrated_lean_rad`; otherwise of forces along its needle.
+    `gap_m` is the distance of the B-scan plane from the needle axis, `polar_rad` the
+    polar angle of the contact, `direction_rad` that of the plane's lateral axis from
+    the meridian. `globe` is by default `UNKNOWN`; `stiffening` is b of the tissue
+    (`mechanics.material`), by default 0. `discrepancy` belongs to an eye's own modulus.
+    Tissue whose `relaxation` is not known is read as elastic; a globe without
+    `leak_time_s` does not leak. `lean_rad` has the ends of the angle between the needle
+    and the wall's normal, `lean_azimuth_rad` its direction on its way up, from the
+    plane's lateral axis. A calibration's modulus is of forces along the normal if it
+    knew the lean, `calibrated_lean_rad`; otherwise of forces along its needle.
     """
 
     modulus: Modulus | None = None
@@ -287,7 +312,9 @@ class Known:
         return self.modulus is not None and self.modulus.source != "stated"
 
     def turned(self, turn_rad: float) -> "Known":
-        """Return the eye beside a plane at another angle about the needle's axis, whose gap is unknown."""
+        """Return the eye beside a plane at another angle about the needle's axis, whose
+        gap is unknown.
+        """
         direction_rad = (
             None if self.direction_rad is None else self.direction_rad + turn_rad
         )
@@ -308,7 +335,9 @@ def one_lean(ends_rad: tuple[float, float] | None) -> float | None:
 
 
 def known_of_recording(info: RecordingInfo) -> Known:
-    """Return the known inputs that a recording states; it never states the modulus, which a calibration may add."""
+    """Return the known inputs that a recording states; it never states the modulus,
+    which a calibration may add.
+    """
     return Known(
         iop_pa=info.eye.iop_pa,
         thickness_m=info.eye.thickness_m,
@@ -316,9 +345,11 @@ def known_of_recording(info: RecordingInfo) -> Known:
         polar_rad=info.needle.polar_angle_rad,
         direction_rad=info.oct.plane_direction_rad,
         globe=stated_globe(info.eye),
-        relaxation=None
-        if info.eye.relaxation is None
-        else KnownRelaxation.declared(info.eye.relaxation),
+        relaxation=(
+            None
+            if info.eye.relaxation is None
+            else KnownRelaxation.declared(info.eye.relaxation)
+        ),
         lean_rad=None if info.needle.lean_rad is None else (info.needle.lean_rad,) * 2,
         lean_azimuth_rad=info.needle.lean_azimuth_rad,
         leak_time_s=info.eye.leak_time_s,
@@ -335,7 +366,9 @@ def stated_globe(eye: EyeInfo) -> KnownGlobe | None:
 
 
 def stated_eye(eye: str, known: Known) -> EyeInfo:
-    """Return a recording's statements on a known eye, without the findings of a calibration."""
+    """Return a recording's statements on a known eye, without the findings of a
+    calibration.
+    """
     globe = known.globe
     relaxation = known.relaxation
     terms = None
@@ -356,12 +389,15 @@ def stated_eye(eye: str, known: Known) -> EyeInfo:
 
 
 def open_doubts(globe: str | None) -> tuple[str, ...]:
-    """Return a sentence if linear mechanics, which takes every globe for open, reads a sealed one."""
+    """Return a sentence if linear mechanics, which takes every globe for open, reads a
+    sealed one.
+    """
     return (_SEALED_DOUBT,) if globe == "sealed" else ()
 
 
 def completed(given: Known, stated: Known) -> Known:
-    """Return the given inputs of an eye, completed by the stated ones, also by a globe of the same kind.
+    """Return the given inputs of an eye, completed by the stated ones, also by a globe
+    of the same kind.
 
     >>> completed(Known(gap_m=0.4e-3), Known(gap_m=0.5e-3, iop_pa=266.0)) == Known(gap_m=0.4e-3, iop_pa=266.0)
     True

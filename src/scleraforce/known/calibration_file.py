@@ -1,4 +1,6 @@
-"""The file of `calibrate`: typed records, read, checked and written (without SciPy); the known inputs of its eyes."""
+"""The file of `calibrate`: typed records, read, checked and written (without SciPy);
+the known inputs of its eyes.
+"""
 
 import hashlib
 import json
@@ -62,7 +64,9 @@ Record = TypeVar("Record")
 
 @dataclass(frozen=True)
 class CalibrationFile:
-    """A file with checked format, mechanics and ids of eyes; `path` names it, `sha256` is of its text."""
+    """A file with checked format, mechanics and ids of eyes; `path` names it, `sha256`
+    is of its text.
+    """
 
     path: str
     content: Mapping[str, Any]
@@ -71,7 +75,9 @@ class CalibrationFile:
 
 @dataclass(frozen=True)
 class UsedFrame:
-    """A frame that a calibration rests on: its name, and `recording.folder.frame_digest` of its pixels."""
+    """A frame that a calibration rests on: its name, and
+    `recording.folder.frame_digest` of its pixels.
+    """
 
     file: Line
     sha256: Line
@@ -79,13 +85,16 @@ class UsedFrame:
 
 @dataclass(frozen=True, kw_only=True)
 class EyeSummary:
-    """Young's modulus of one eye: posterior mean and standard deviation, and the frames that it rests on.
+    """Young's modulus of one eye: posterior mean and standard deviation, and the frames
+    that it rests on.
 
-    `thickness_m` is the wall's as calibrated, estimated along with E if asked for. `globe` is the known globe after the
-    frames (open in early files), `discrepancy` that of its forces from the library's, `stiffening` b of its tissue,
-    `relaxation` how it relaxes; None and 0 with linear mechanics and in early files. `lean_rad`: of the needle, where
-    the forces were those along the wall's normal. `status` is "ok", or says that the filter diverged: the standard
-    deviation then means nothing. `without_force`: E is from the shape of its dents.
+    `thickness_m` is the wall's as calibrated, estimated along with E if asked for.
+    `globe` is the known globe after the frames (open in early files), `discrepancy`
+    that of its forces from the library's, `stiffening` b of its tissue, `relaxation`
+    how it relaxes; None and 0 with linear mechanics and in early files. `lean_rad`: of
+    the needle, where the forces were those along the wall's normal. `status` is "ok",
+    or says that the filter diverged: the standard deviation then means nothing.
+    `without_force`: E is from the shape of its dents.
     """
 
     mean_pa: float
@@ -110,8 +119,10 @@ class EyeSummary:
 class CalibrationSummary:
     """Eyes by id, the population, and the source.
 
-    `population_sd_pa` is the spread of the eyes' means, None for one eye. `population_stiffening` is b of their tissue:
-    1 + b is the geometric mean. `mechanics`: of the fit; an E of the linear wall does not fit the other at high forces.
+    `population_sd_pa` is the spread of the eyes' means, None for one eye.
+    `population_stiffening` is b of their tissue: 1 + b is the geometric mean.
+    `mechanics`: of the fit; an E of the linear wall does not fit the other at high
+    forces.
     """
 
     eyes: Mapping[str, EyeSummary]
@@ -124,26 +135,34 @@ class CalibrationSummary:
 
     @property
     def digests(self) -> frozenset[str]:
-        """The digests of the frames that were used, whatever their files are called (`UsedFrame.sha256`)."""
+        """The digests of the frames that were used, whatever their files are called
+        (`UsedFrame.sha256`).
+        """
         return frozenset(
             frame.sha256 for eye in self.eyes.values() for frame in eye.frames
         )
 
 
 def read_calibration(path: str | PathLike[str]) -> CalibrationSummary:
-    """Read the moduli from the file that `scleraforce calibrate` writes; raises `CalibrationError`."""
+    """Read the moduli from the file that `scleraforce calibrate` writes; raises
+    `CalibrationError`.
+    """
     return summary_of(open_calibration(path))
 
 
 def open_calibration(path: str | PathLike[str]) -> CalibrationFile:
-    """Read a calibration file for `summary_of` or `calibration.result.parse_calibration`; raises `CalibrationError`."""
+    """Read a calibration file for `summary_of` or
+    `calibration.result.parse_calibration`; raises `CalibrationError`.
+    """
     return parse_calibration_file(
         read_bytes(Path(path), KINDS["calibration"]), str(path)
     )
 
 
 def write_calibration(content: Mapping[str, Any], path: Path) -> None:
-    """Write what `Calibration.to_dict` returns, whole or not at all; raises `InputError`."""
+    """Write what `Calibration.to_dict` returns, whole or not at all; raises
+    `InputError`.
+    """
     write_whole(json.dumps(content, indent=1, allow_nan=False) + "\n", path)
 
 
@@ -184,7 +203,9 @@ class _Population(msgspec.Struct):
 
 
 def converted(content: Any, record: type[Record], place: str) -> Record:
-    """Return plain content of a calibration file as a typed record; raises `CalibrationError` with its `place`."""
+    """Return plain content of a calibration file as a typed record; raises
+    `CalibrationError` with its `place`.
+    """
     try:
         return msgspec.convert(content, record)
     except msgspec.ValidationError as fault:
@@ -217,7 +238,9 @@ def converted(content: Any, record: type[Record], place: str) -> Record:
 
 
 def summary_of(file: CalibrationFile) -> CalibrationSummary:
-    """Return the part of a file that others than `calibration` need; raises `CalibrationError`."""
+    """Return the part of a file that others than `calibration` need; raises
+    `CalibrationError`.
+    """
     name = file.path
     content = file.content
     population = converted(
@@ -239,7 +262,9 @@ def summary_of(file: CalibrationFile) -> CalibrationSummary:
 
 
 def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
-    """Return a calibration file of this text; `name` stands for its path; raises `CalibrationError`."""
+    """Return a calibration file of this text; `name` stands for its path; raises
+    `CalibrationError`.
+    """
     try:
         content = parse_json(text)
     except ValueError as fault:
@@ -259,7 +284,8 @@ def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
     if content.get("mechanics") not in MECHANICS:
         found = f"{content.get('mechanics')!r:.40}"
         raise CalibrationError(
-            f"{name}: mechanics: expected {' or '.join(MECHANICS)}, found {found}; {WRITER}"
+            f"{name}: mechanics: expected {' or '.join(MECHANICS)}, found {found};"
+            f" {WRITER}"
         )
 
     for eye in converted(
@@ -273,7 +299,9 @@ def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
 
 
 def summary_of_eye(entry: Any, place: str) -> EyeSummary:
-    """Return one entry of `eyes`; `place` is its place in messages; raises `CalibrationError`."""
+    """Return one entry of `eyes`; `place` is its place in messages; raises
+    `CalibrationError`.
+    """
     eye = converted(entry, _EyeEntry, place)
     unchanged = (
         "frames",
@@ -295,7 +323,9 @@ def summary_of_eye(entry: Any, place: str) -> EyeSummary:
 
 
 def globe_entry(globe: KnownGlobe) -> dict[str, Any]:
-    """Return the entry of a globe in the file, with the band that holds its rigidity with 90 %."""
+    """Return the entry of a globe in the file, with the band that holds its rigidity
+    with 90 %.
+    """
     values = dict(zip(("low", "high"), globe.band, strict=True))
     values |= {
         name: getattr(globe, name) for name in ("mean", "sd", "lowest", "highest")
@@ -317,7 +347,8 @@ def _globe(entry: _GlobeEntry, place: str) -> KnownGlobe:
         rigidity.highest > 0.0 and not rigidity.sd > 0.0
     ):
         raise CalibrationError(
-            f"{place}.rigidity_mmhg13_per_ul: lowest above highest, or sd not above 0; {WRITER}"
+            f"{place}.rigidity_mmhg13_per_ul: lowest above highest, or sd not above 0;"
+            f" {WRITER}"
         )
 
     values = {
@@ -332,10 +363,11 @@ def _globe(entry: _GlobeEntry, place: str) -> KnownGlobe:
 def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
     """Return the known inputs of an eye, completed by a calibration.
 
-    A modulus comes with the stiffening of its tissue; one of the eye's own also with the wall's thickness of the
-    calibration, and with its globe, unless a kind was declared then and another one now. If the calibration diverged,
-    the modulus is unknown, and the globe too where the frames contradict its declaration: it is unknown in the file
-    then.
+    A modulus comes with the stiffening of its tissue; one of the eye's own also with
+    the wall's thickness of the calibration, and with its globe, unless a kind was
+    declared then and another one now. If the calibration diverged, the modulus is
+    unknown, and the globe too where the frames contradict its declaration: it is
+    unknown in the file then.
     """
     modulus = calibrated_modulus(summary, eye)
     own = summary.eyes.get(eye)
@@ -359,9 +391,9 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
 
         return replace(
             known,
-            calibrated_lean_rad=sum(stated) / len(stated)
-            if 0 < len(stated) == len(leans)
-            else None,
+            calibrated_lean_rad=(
+                sum(stated) / len(stated) if 0 < len(stated) == len(leans) else None
+            ),
         )
 
     globe = (
@@ -387,7 +419,9 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
 
 
 def population_relaxation(summary: CalibrationSummary) -> KnownRelaxation | None:
-    """Return how the eyes of a calibration relax, with their spread; None if that is not known of all in one way."""
+    """Return how the eyes of a calibration relax, with their spread; None if that is
+    not known of all in one way.
+    """
     found = [eye.relaxation for eye in summary.eyes.values() if eye.usable]
     eyes = [one for one in found if one is not None]
     if not eyes or len(eyes) < len(found) or len({one.times_s for one in eyes}) > 1:
@@ -411,11 +445,13 @@ def population_relaxation(summary: CalibrationSummary) -> KnownRelaxation | None
 
 
 def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus | None:
-    """Return an eye's own modulus if a calibration found it, else the population's with the spread of eyes.
+    """Return an eye's own modulus if a calibration found it, else the population's with
+    the spread of eyes.
 
-    None for an eye whose calibration diverged, as the model does not describe it, and if that holds for all eyes. The
-    spread is at least the paper's. A single eye says nothing of it, and may itself lie off the mean by as much: another
-    eye then differs from it by the spread of two eyes.
+    None for an eye whose calibration diverged, as the model does not describe it, and
+    if that holds for all eyes. The spread is at least the paper's. A single eye says
+    nothing of it, and may itself lie off the mean by as much: another eye then differs
+    from it by the spread of two eyes.
     """
     own = summary.eyes.get(eye)
     if own is not None:
@@ -430,7 +466,9 @@ def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus | None:
 
 
 def population_modulus(summary: CalibrationSummary) -> Modulus | None:
-    """Return the modulus of an eye that a calibration does not have (`calibrated_modulus`)."""
+    """Return the modulus of an eye that a calibration does not have
+    (`calibrated_modulus`).
+    """
     if not any(eye.usable for eye in summary.eyes.values()):
         return None
 
@@ -450,7 +488,9 @@ def population_modulus(summary: CalibrationSummary) -> Modulus | None:
 
 
 def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
-    """Return a sentence if an eye is read without a modulus of its own, with the file's eyes; None if it has one."""
+    """Return a sentence if an eye is read without a modulus of its own, with the file's
+    eyes; None if it has one.
+    """
     own = summary.eyes.get(eye)
     if own is not None and own.usable:
         return None
@@ -468,6 +508,9 @@ def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
         )
     else:
         sd = f"{from_si(modulus.relative_sd, 'percent'):.0f} %"
-        read = f"with the population's modulus, {from_si(modulus.mean_pa, 'mpa'):.3g} MPa +- {sd}"
+        read = (
+            f"with the population's modulus, {from_si(modulus.mean_pa, 'mpa'):.3g} MPa"
+            f" +- {sd}"
+        )
 
     return f"{eye} {there} {summary.path}, which has {count} ({names}): read {read}"

@@ -1,4 +1,6 @@
-"""The relaxation of an eye's tissue, as far as it is known, and the histories that go with it."""
+"""The relaxation of an eye's tissue, as far as it is known, and the histories that go
+with it.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,30 +20,35 @@ _Vector = tuple[_Number, ...]
 Source = Literal["declared", "holds", "population"]
 Matrix = tuple[_Vector, ...]
 
+# of each mean
 MOMENTS = {
     "shares": "covariance",
     "held": "held_covariance",
     "before_n": "before_covariance_n2",
-}  # of each mean
+}
 MOMENTS["after"] = "after_covariance_n2"
-# Of tissue whose histories are not known: memory may be anything up to these, all terms alike.
+# Of tissue whose histories are not known: memory may be anything up to these, all terms
+# alike.
 MOST_HELD = 1.0
 MOST_BEFORE_N = 15e-3
-SPREAD = (
-    1.0 / 3.0
-)  # standard deviation of such a memory over its largest value: 90 % reach from none to all
+# standard deviation of such a memory over its largest value: 90 % reach from none to
+# all
+SPREAD = 1.0 / 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class KnownRelaxation:
-    """The shares g_i of a Prony series (`mechanics.material`), (term,), with their covariance, (term, term).
+    """The shares g_i of a Prony series (`mechanics.material`), (term,), with their
+    covariance, (term, term).
 
-    `source`: declared, found from the holds of a force log, or of other tissue where the log shows no hold. The m_i of
-    a frame are held_i Fe + (1 - held_i) before_i: what its push has left, and what was there when it began. Means and
-    covariances of both are of the frames that calibrated the eye. E follows from such frames, so an error of g matters
-    at other histories only. Where the frame before is known, before_i is what is left of its m_i, and after_i
-    times its Fe for the rest of its hold, with a covariance of its own. Frames follow each other in `every_s`, and
-    their pushes in `held_s`, None of a single frame.
+    `source`: declared, found from the holds of a force log, or of other tissue where
+    the log shows no hold. The m_i of a frame are held_i Fe + (1 - held_i) before_i:
+    what its push has left, and what was there when it began. Means and covariances of
+    both are of the frames that calibrated the eye. E follows from such frames, so an
+    error of g matters at other histories only. Where the frame before is known,
+    before_i is what is left of its m_i, and after_i times its Fe for the rest of its
+    hold, with a covariance of its own. Frames follow each other in `every_s`, and their
+    pushes in `held_s`, None of a single frame.
     """
 
     times_s: tuple[_Time, ...]
@@ -74,7 +81,8 @@ class KnownRelaxation:
             or not sum(self.shares) < 1.0
         ):
             raise CalibrationError(
-                "relaxation: its parts have several lengths, or shares add up to 1 or more"
+                "relaxation: its parts have several lengths, or shares add up to 1 or"
+                " more"
             )
 
     @classmethod
@@ -106,7 +114,9 @@ class KnownRelaxation:
 
     @classmethod
     def declared(cls, terms: Sequence[Sequence[float]]) -> "KnownRelaxation":
-        """Return a declared relaxation: terms of a share and a time constant, s; no terms: the tissue is elastic."""
+        """Return a declared relaxation: terms of a share and a time constant, s; no
+        terms: the tissue is elastic.
+        """
         shares = [share for share, _ in terms]
         times_s = [time_s for _, time_s in terms]
         return cls.of(shares, times_s, np.zeros((len(terms), len(terms))), "declared")

@@ -1,16 +1,20 @@
-"""Raw B-scans: a section of the wall as a spectral-domain scanner would show it, whole or at a network's reduced size.
+"""Raw B-scans: a section of the wall as a spectral-domain scanner would show it, whole
+or at a network's reduced size.
 
-The tissue is a field of complex circular Gaussian scatterers (fully developed speckle: Goodman, Speckle Phenomena in
-Optics, ch. 3), weighted by the root of the returning light, seen through a Gaussian point spread function, plus mirror
-reflections and complex Gaussian detector noise; the display shows its intensity (`BscanOptics.counts`).
+The tissue is a field of complex circular Gaussian scatterers (fully developed speckle:
+Goodman, Speckle Phenomena in Optics, ch. 3), weighted by the root of the returning
+light, seen through a Gaussian point spread function, plus mirror reflections and
+complex Gaussian detector noise; the display shows its intensity (`BscanOptics.counts`).
 
-Simplifications: rays run straight down the columns (no bending at the surface), light is scattered once, the
-sensitivity does not fall off with depth, and everything below the first surface of a column is stretched by
-`refractive_index`, also an air pocket under a fold.
+Simplifications: rays run straight down the columns (no bending at the surface), light
+is scattered once, the sensitivity does not fall off with depth, and everything below
+the first surface of a column is stretched by `refractive_index`, also an air pocket
+under a fold.
 
-Reduced frames are drawn many at once, averaged over the cells of a `FrameWindow`: a cell shows the mean count of the
-speckle in each layer that it holds, and varies as the mean of n independent speckles and pixels. Boundaries do not
-fold over, the speckle of neighbouring cells is independent, and thin bright lines have none.
+Reduced frames are drawn many at once, averaged over the cells of a `FrameWindow`: a
+cell shows the mean count of the speckle in each layer that it holds, and varies as the
+mean of n independent speckles and pixels. Boundaries do not fold over, the speckle of
+neighbouring cells is independent, and thin bright lines have none.
 """
 
 from collections.abc import Iterator, Sequence
@@ -48,7 +52,9 @@ HOLE_M = 30e-6
 
 @dataclass(frozen=True, eq=False)
 class DrawnShaft:
-    """A shaft in a frame, (rows, columns): its pixels, the light that passes, its edge's intensity over the noise."""
+    """A shaft in a frame, (rows, columns): its pixels, the light that passes, its
+    edge's intensity over the noise.
+    """
 
     inside: Flags
     light: Singles
@@ -64,7 +70,9 @@ class DrawnShaft:
 def draw_shaft(
     shaft: NeedleShaft, tip_m: Floats, tilt_rad: float, oct_study: OctStudy
 ) -> DrawnShaft:
-    """Cut a shaft, its tip lateral from the frame's middle and below its top edge, m, in an eye of a pose's tilt."""
+    """Cut a shaft, its tip lateral from the frame's middle and below its top edge, m,
+    in an eye of a pose's tilt.
+    """
     depth_m = oct_study.depth_m / oct_study.rows
     lateral_m = oct_study.width_m / oct_study.columns
     above = ceil(shaft.above_m / depth_m)
@@ -79,9 +87,8 @@ def draw_shaft(
     inside = within_m > 0.0
     covered = np.logical_or.accumulate(inside, axis=0)
     light = np.where(covered, 1.0 - shaft.loss_fraction, 1.0)
-    upward = (
-        -np.gradient(within_m, depth_m, axis=0) < 0.0
-    )  # the outward normal points up: to the light
+    # the outward normal points up: to the light
+    upward = -np.gradient(within_m, depth_m, axis=0) < 0.0
     level = decibel(shaft.level_db) * np.where(upward, 1.0, decibel(shaft.far_edge_db))
     skin = level * np.exp(-np.square(within_m / max(SKIN_M, SKIN_COLUMNS * lateral_m)))
 
@@ -99,7 +106,9 @@ def draw_track(
     length_m: float,
     oct_study: OctStudy,
 ) -> DrawnShaft:
-    """Draw what a needle leaves behind: a dim slit from its hole, (lateral, depth) as a shaft's tip, along its path."""
+    """Draw what a needle leaves behind: a dim slit from its hole, (lateral, depth) as a
+    shaft's tip, along its path.
+    """
     depth_m = oct_study.depth_m / oct_study.rows
     lateral_m = oct_study.width_m / oct_study.columns
     down = (np.arange(oct_study.rows) + 0.5)[:, None] * depth_m - hole_m[1]
@@ -123,9 +132,11 @@ def draw_track(
 def _signed_distances(
     shaft: NeedleShaft, across: Floats, down: Floats, tilt_rad: float
 ) -> tuple[Floats, Floats]:
-    """Return how far pixels lie within the shaft's side and above its end, m, (rows, columns) each; below 0: outside.
+    """Return how far pixels lie within the shaft's side and above its end, m, (rows,
+    columns) each; below 0: outside.
 
-    Points are (across, out of the plane, up) from the tip; a bevelled end is longest at the shaft's lower side.
+    Points are (across, out of the plane, up) from the tip; a bevelled end is longest at
+    the shaft's lower side.
     """
     angle = shaft.angle_rad + tilt_rad
     radius_m = shaft.diameter_m / 2
@@ -136,9 +147,8 @@ def _signed_distances(
             cos(angle) * cos(shaft.lean_rad),
         ]
     )
-    upper = (
-        -1.0 if angle > 0.0 else 1.0
-    )  # the side that the light falls on: a bevel is held up
+    # the side that the light falls on: a bevel is held up
+    upper = -1.0 if angle > 0.0 else 1.0
     aside = upper * np.array([cos(angle), 0.0, -sin(angle)])
     slope = 1.0 / tan(shaft.bevel_rad) if shaft.bevel_rad < pi / 2 else 0.0
     shift_m = radius_m * aside if slope else np.zeros(3)
@@ -150,7 +160,8 @@ def _signed_distances(
     off_y = y - along * axis[1]
     off_z = z - along * axis[2]
     in_picture = np.square(off_x) + np.square(off_z)
-    # The square of the distance from the axis, over how fast it grows in the picture: exact at the side.
+    # The square of the distance from the axis, over how fast it grows in the picture:
+    # exact at the side.
     side_m = (radius_m**2 - in_picture - np.square(off_y)) / (
         2.0 * np.sqrt(in_picture) + 1e-9
     )
@@ -169,7 +180,9 @@ def _columns_m(oct_study: OctStudy) -> Floats:
 
 @dataclass(frozen=True)
 class Bscan:
-    """A raw frame and the truth: `frame` uint16 (rows, columns), `truth_mask` uint8 (rows, columns), 255 = wall."""
+    """A raw frame and the truth: `frame` uint16 (rows, columns), `truth_mask` uint8
+    (rows, columns), 255 = wall.
+    """
 
     frame: Counts
     truth_mask: Bytes
@@ -181,12 +194,13 @@ class _Tissue:
 
     wall: Singles  # filled fractions
     choroid: Singles
-    tissue_path_m: Singles  # through wall and conjunctiva, that light has passed, one way, down to the pixel's middle
+    # through wall and conjunctiva, that light has passed, one way, down to the pixel's
+    # middle
+    tissue_path_m: Singles
     choroid_path_m: Singles
     surface_row: Singles  # (column,), from the top edge, NaN without tissue
-    over: (
-        tuple[Conjunctiva, Singles, Singles] | None
-    )  # its filled fractions, the row of the wall's surface below
+    # its filled fractions, the row of the wall's surface below
+    over: tuple[Conjunctiva, Singles, Singles] | None
 
 
 def render_bscan(
@@ -233,17 +247,18 @@ def render_bscan(
 
 
 def column_crossings(curve: Floats, columns_m: Floats) -> Singles:
-    """Return the depths (crossings, columns) at which vertical lines enter and leave the region that a curve encloses.
+    """Return the depths (crossings, columns) at which vertical lines enter and leave
+    the region that a curve encloses.
 
-    The region is where the winding number is not 0: a wall that overlaps itself stays filled. An open curve (points, 2)
-    bounds the region below it. Columns are evenly spaced; depths are sorted, and padded with inf.
+    The region is where the winding number is not 0: a wall that overlaps itself stays
+    filled. An open curve (points, 2) bounds the region below it. Columns are evenly
+    spaced; depths are sorted, and padded with inf.
     """
     place = (curve[:, 0] - columns_m[0]) / (columns_m[1] - columns_m[0])
-    segment, column, turn = columns_crossed(
-        place, len(columns_m)
-    )  # turn: 1 to the right, -1 to the left
-    (x0, y0) = curve[:-1][segment].T
-    (x1, y1) = curve[1:][segment].T
+    # turn: 1 to the right, -1 to the left
+    segment, column, turn = columns_crossed(place, len(columns_m))
+    x0, y0 = curve[:-1][segment].T
+    x1, y1 = curve[1:][segment].T
     depth_m = y0 + (columns_m[column] - x0) * (y1 - y0) / (x1 - x0)
     order = np.lexsort((depth_m, column))
     column = column[order]
@@ -267,7 +282,9 @@ def column_crossings(curve: Floats, columns_m: Floats) -> Singles:
 def _fill_columns(
     section: Section, oct_study: OctStudy, optics: BscanOptics
 ) -> _Tissue:
-    """Return the tissue in each pixel, from the exact crossings of every column with the contour."""
+    """Return the tissue in each pixel, from the exact crossings of every column with
+    the contour.
+    """
     pixel_m = oct_study.depth_m / oct_study.rows
     columns_m = _columns_m(oct_study)
     wall_m = column_crossings(
@@ -288,7 +305,8 @@ def _fill_columns(
         if len(tissue_m)
         else np.full(oct_study.columns, np.inf, dtype=np.float32)
     )
-    # Light needs n times the depth below the surface: the row edges of the image, back in geometric depth.
+    # Light needs n times the depth below the surface: the row edges of the image, back
+    # in geometric depth.
     edges_m = np.arange(oct_study.rows + 1, dtype=np.float32)[:, None] * np.float32(
         pixel_m
     )
@@ -335,7 +353,9 @@ def _filled(part_m: Singles, row_m: Singles) -> Singles:
 
 
 def _length_above(edges_m: Singles, crossings_m: Singles) -> Singles:
-    """Return the length of a column that is filled above each edge; crossings enter and leave by turns."""
+    """Return the length of a column that is filled above each edge; crossings enter and
+    leave by turns.
+    """
     length_m = np.zeros(
         np.broadcast_shapes(edges_m.shape, crossings_m.shape[1:]), dtype=np.float32
     )
@@ -347,7 +367,9 @@ def _length_above(edges_m: Singles, crossings_m: Singles) -> Singles:
 
 
 def _layer_crossings(inside_m: Singles, thickness_m: float) -> Singles:
-    """Return the crossings of a layer of given depth along the column, below each entry into the inside of the eye."""
+    """Return the crossings of a layer of given depth along the column, below each entry
+    into the inside of the eye.
+    """
     layer_m = np.full(
         (len(inside_m) + len(inside_m) % 2, inside_m.shape[1]), np.inf, dtype=np.float32
     )
@@ -357,7 +379,9 @@ def _layer_crossings(inside_m: Singles, thickness_m: float) -> Singles:
 
 
 def _backscatter(tissue: _Tissue, oct_study: OctStudy, optics: BscanOptics) -> Singles:
-    """Return the mean intensity that comes back from each pixel, over the mean noise, shape (rows, columns)."""
+    """Return the mean intensity that comes back from each pixel, over the mean noise,
+    shape (rows, columns).
+    """
     depth = (
         optics.attenuation_per_m * tissue.tissue_path_m
         + optics.choroid_attenuation_per_m * tissue.choroid_path_m
@@ -375,9 +399,11 @@ def _backscatter(tissue: _Tissue, oct_study: OctStudy, optics: BscanOptics) -> S
 def _bright_curves(
     tissue: _Tissue, oct_study: OctStudy, optics: BscanOptics, shaft: DrawnShaft | None
 ) -> Iterator[tuple[Reals, Reals, float]]:
-    """Yield rows, amplitudes and half widths, in rows, of reflections, horizontal lines and covers above the tissue.
+    """Yield rows, amplitudes and half widths, in rows, of reflections, horizontal lines
+    and covers above the tissue.
 
-    The first surface of each column reflects like a mirror (Fresnel), and so does a wall below a conjunctiva.
+    The first surface of each column reflects like a mirror (Fresnel), and so does a
+    wall below a conjunctiva.
     """
     pixel_m = oct_study.depth_m / oct_study.rows
     columns_m = _columns_m(oct_study)
@@ -431,14 +457,14 @@ def _bright_curves(
 
 DB = 10.0 / log(10.0)  # of a factor e
 DARKEST = 1e-6  # share of light: below it there is none
-# The point spread function carries light beyond a bright edge, as far as it rises above the noise: its standard
-# deviation (of the amplitude) times this and the root of the level in dB.
+# The point spread function carries light beyond a bright edge, as far as it rises above
+# the noise: its standard deviation (of the amplitude) times this and the root of the
+# level in dB.
 BEYOND_EDGE = 0.23
 
 
-Layer = tuple[
-    Reals, Reals, Reals, Reals
-]  # from and to a depth, m; level there, dB; its fall, dB/m; see `_layers`
+# from and to a depth, m; level there, dB; its fall, dB/m; see `_layers`
+Layer = tuple[Reals, Reals, Reals, Reals]
 
 
 def draw_reduced(
@@ -449,11 +475,13 @@ def draw_reduced(
     rng: np.random.Generator,
     shafts: Sequence[DrawnShaft] = (),
 ) -> tuple[Singles, Reals]:
-    """Draw reduced frames of walls, each with its optics and, if any has one, its needle (in the window's cells).
+    """Draw reduced frames of walls, each with its optics and, if any has one, its
+    needle (in the window's cells).
 
-    Returns frames float32 (frame, row, column) and the rows of their walls' boundaries (frame, boundary, column):
-    whole at the rows' middles, NaN in columns without wall or image.
-    `depth_sbc` (frame, boundary, column of the window): m below the frame's top edge, NaN without wall.
+    Returns frames float32 (frame, row, column) and the rows of their walls' boundaries
+    (frame, boundary, column): whole at the rows' middles, NaN in columns without wall
+    or image. `depth_sbc` (frame, boundary, column of the window): m below the frame's
+    top edge, NaN without wall.
     """
     displayed = Displayed(optics)
     surface_m = _surface(depth_sbc[:, OUTER], optics, window)
@@ -497,7 +525,9 @@ def draw_reduced(
 def _surface(
     outer_m: Reals, optics: Sequence[BscanOptics], window: FrameWindow
 ) -> Reals:
-    """Return the first surface that light meets (frame, column): the conjunctiva's, or the bare wall's."""
+    """Return the first surface that light meets (frame, column): the conjunctiva's, or
+    the bare wall's.
+    """
     slope = np.gradient(outer_m, window.column_m, axis=1)
     bare = np.zeros(window.columns)
     layers = [each.conjunctiva for each in optics]
@@ -512,7 +542,9 @@ def _surface(
 
 
 def _light(optics: Sequence[BscanOptics], window: FrameWindow) -> Reals:
-    """Return the level of a wall's surface, dB over the noise (frame, column): in shadows it is lower."""
+    """Return the level of a wall's surface, dB over the noise (frame, column): in
+    shadows it is lower.
+    """
     shadows = np.stack(
         [_decibel(transmission(each.shadows, window.laterals_m)) for each in optics]
     )
@@ -526,9 +558,11 @@ def _layers(
     oct_study: OctStudy,
     window: FrameWindow,
 ) -> tuple[Layer, ...]:
-    """Return the layer over the wall (at least the light beyond its edge), the wall and the choroid.
+    """Return the layer over the wall (at least the light beyond its edge), the wall and
+    the choroid.
 
-    Depths are (frame, column) in the picture, levels (frame, column) over the noise, falls (frame, 1).
+    Depths are (frame, column) in the picture, levels (frame, column) over the noise,
+    falls (frame, 1).
     """
     outer_m = wall_m[:, OUTER]
     inner_m = wall_m[:, INNER]
@@ -560,7 +594,9 @@ def _layers(
 def _looks(
     optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWindow
 ) -> tuple[Reals, float]:
-    """Return the number of independent values that a cell averages: of speckle (frame, 1, 1), and of noise."""
+    """Return the number of independent values that a cell averages: of speckle (frame,
+    1, 1), and of noise.
+    """
     speckles = np.ones((len(optics), 1, 1))
     pixels = 1.0
 
@@ -572,9 +608,8 @@ def _looks(
             oct_study.width_m / oct_study.columns,
         ),
     ):
-        grain_m = (
-            sqrt(2.0 * pi) * amplitude_sigma(1.0) * _each(optics, name)[..., None]
-        )  # of the field's coherence
+        # of the field's coherence
+        grain_m = sqrt(2.0 * pi) * amplitude_sigma(1.0) * _each(optics, name)[..., None]
         speckles *= np.maximum(cell_m / np.maximum(grain_m, pixel_m), 1.0)
         pixels *= max(cell_m / pixel_m, 1.0)
 
@@ -617,7 +652,9 @@ def _speckled(
 def _covered(
     window: FrameWindow, top_m: Reals, bottom_m: Reals
 ) -> tuple[Singles, Singles]:
-    """Return each cell's share between two depths, and distance below the first, m; 0 in columns without them."""
+    """Return each cell's share between two depths, and distance below the first, m; 0
+    in columns without them.
+    """
     edges = (np.arange(window.rows + 1, dtype=np.float32) * np.float32(window.row_m))[
         :, None
     ]
@@ -636,16 +673,20 @@ def _covered(
 
 
 def _there(level_db: Reals) -> Singles:
-    """Return levels (frame, column) for each row (frame, 1, column); NaN becomes no light."""
+    """Return levels (frame, column) for each row (frame, 1, column); NaN becomes no
+    light.
+    """
     return np.nan_to_num(level_db, nan=NO_LIGHT_DB)[:, None].astype(np.float32)
 
 
 def _lines(
     surface_m: Reals, outer_m: Reals, optics: Sequence[BscanOptics], window: FrameWindow
 ) -> Iterator[tuple[Reals, Reals, Reals]]:
-    """Yield depths of the middles (frame, column), full widths (frame, 1) and levels over the noise, dB, of thin lines.
+    """Yield depths of the middles (frame, column), full widths (frame, 1) and levels
+    over the noise, dB, of thin lines.
 
-    First come mirror reflections, then lines and covers, one per frame for each of the largest number.
+    First come mirror reflections, then lines and covers, one per frame for each of the
+    largest number.
     """
     light = _light(optics, window)
     two_sigmas_m = 2.0 * amplitude_sigma(1.0) * _each(optics, "axial_resolution_m")
@@ -697,7 +738,9 @@ def _lines(
 def _imaged(
     optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWindow
 ) -> tuple[Singles, Singles]:
-    """Return the visible share of each row (row, 1) and of each column (frame, column) between the bands."""
+    """Return the visible share of each row (row, 1) and of each column (frame, column)
+    between the bands.
+    """
     down = oct_study.depth_m / window.row_m - np.arange(window.rows)
     half_m = 0.5 * oct_study.width_m - _each(optics, "band_m")
     along = (half_m - np.abs(window.laterals_m)) / window.column_m + 0.5

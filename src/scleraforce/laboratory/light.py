@@ -1,4 +1,6 @@
-"""The core of light that `bscan` and `scenes` draw with: optics, speckle, thin curves, displays."""
+"""The core of light that `bscan` and `scenes` draw with: optics, speckle, thin curves,
+displays.
+"""
 
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass, fields, replace
@@ -22,15 +24,18 @@ Complex = NDArray[np.complex64]
 Drawn = TypeVar("Drawn", bound="DataclassInstance")
 
 LAYER_POISSON_RATIO = 0.45  # of the conjunctiva
+# of the intensity, with which the counts of a display grow
 POWERS = {
     "root": 0.5,
     "linear": 1.0,
-}  # of the intensity, with which the counts of a display grow
+}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shadow:
-    """A loss of light below the surface, as of a vessel: centre from the middle column, full width at half loss."""
+    """A loss of light below the surface, as of a vessel: centre from the middle column,
+    full width at half loss.
+    """
 
     centre_m: float
     width_m: float
@@ -39,7 +44,9 @@ class Shadow:
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """A horizontal reflection line across the frame: depth below the top edge, level over the noise, full width."""
+    """A horizontal reflection line across the frame: depth below the top edge, level
+    over the noise, full width.
+    """
 
     depth_m: float
     level_db: float
@@ -48,7 +55,9 @@ class Line:
 
 @dataclass(frozen=True, kw_only=True)
 class Cover:
-    """A straight bright line above the tissue (coverslip): height over the highest tissue, level over the noise."""
+    """A straight bright line above the tissue (coverslip): height over the highest
+    tissue, level over the noise.
+    """
 
     height_m: float
     level_db: float
@@ -58,7 +67,9 @@ class Cover:
 
 @dataclass(frozen=True, kw_only=True)
 class Press:
-    """A needle on a layer: its force and radius, the plane's distance from its axis, and where it is across."""
+    """A needle on a layer: its force and radius, the plane's distance from its axis,
+    and where it is across.
+    """
 
     force_n: float
     radius_m: float
@@ -70,14 +81,16 @@ class Press:
 class Conjunctiva:
     """A layer over the wall, with a surface of its own.
 
-    Its thickness along the wall's normal is thickness_m (1 + wave_fraction cos(2 pi x / wave_length_m + phase_rad)), x
-    lateral from the frame's middle. `level_db`: its backscatter against the wall's; `interface_db`: mirror reflection
-    of the wall's surface below it, over the wall's speckle there.
+    Its thickness along the wall's normal is thickness_m (1 + wave_fraction cos(2 pi x /
+    wave_length_m + phase_rad)), x lateral from the frame's middle. `level_db`: its
+    backscatter against the wall's; `interface_db`: mirror reflection of the wall's
+    surface below it, over the wall's speckle there.
 
-    A needle (`press`) compresses it. The tissue around confines what is below the needle, so that under a pressure q it
-    keeps the share exp(-q/M) of its thickness, M = lambda + 2 mu at Young's modulus `modulus_pa`. Beside the needle the
-    surface sinks as that of a half-space under a flat punch, cut off over the thickness (Johnson, Contact Mechanics,
-    sec. 3.8). The wall's own shape is drawn without the layer.
+    A needle (`press`) compresses it. The tissue around confines what is below the
+    needle, so that under a pressure q it keeps the share exp(-q/M) of its thickness, M
+    = lambda + 2 mu at Young's modulus `modulus_pa`. Beside the needle the surface sinks
+    as that of a half-space under a flat punch, cut off over the thickness (Johnson,
+    Contact Mechanics, sec. 3.8). The wall's own shape is drawn without the layer.
     """
 
     thickness_m: float
@@ -114,7 +127,9 @@ class Conjunctiva:
         )
 
     def surface(self, outer: Floats) -> Floats:
-        """Return its surface over a wall's, both (point, 2) in m: lateral, and depth, which grows downwards."""
+        """Return its surface over a wall's, both (point, 2) in m: lateral, and depth,
+        which grows downwards.
+        """
         along = np.gradient(outer, axis=0)
         upward = (
             np.stack([along[:, 1], -along[:, 0]], axis=1)
@@ -129,7 +144,8 @@ class NeedleShaft:
 
     diameter_m: float
     gap_m: float  # distance of the plane from the contact
-    angle_rad: float  # off the surface's normal in the picture; above 0 it leans to growing columns
+    # off the surface's normal in the picture; above 0 it leans to growing columns
+    angle_rad: float
     lean_rad: float  # out of the picture, away from the plane
     bevel_rad: float  # between the cut of its end and its axis; pi/2: straight
     above_m: float  # length above the frame that still takes light
@@ -139,13 +155,17 @@ class NeedleShaft:
 
     @property
     def from_normal(self) -> tuple[float, float]:
-        """The angle between shaft and normal, and the direction of its lean, from the picture's lateral axis."""
+        """The angle between shaft and normal, and the direction of its lean, from the
+        picture's lateral axis.
+        """
         across = tan(self.angle_rad)
         out = tan(self.lean_rad)
         return atan(hypot(across, out)), atan2(out, across)
 
     def in_plane(self, along: Floats, gap_m: float) -> "NeedleShaft":
-        """Return the shaft in another plane, of a signed gap; `along`: its lateral axis, by this one and its normal."""
+        """Return the shaft in another plane, of a signed gap; `along`: its lateral
+        axis, by this one and its normal.
+        """
         up = np.array([tan(self.angle_rad), -tan(self.lean_rad) / cos(self.angle_rad)])
         angle_rad = atan(float(along @ up))
         out = float(along[0] * up[1] - along[1] * up[0])
@@ -156,10 +176,12 @@ class NeedleShaft:
 
 @dataclass(frozen=True, kw_only=True)
 class BscanOptics:
-    """The optics of one frame. Levels are ratios of detected intensity; depths in tissue are geometric.
+    """The optics of one frame. Levels are ratios of detected intensity; depths in
+    tissue are geometric.
 
-    Resolutions are full widths at half maximum of the intensity point spread function; axially, a Gaussian source of
-    840 nm and 80 nm width has a coherence length of 2 ln 2/pi lambda^2/width = 3.9 um.
+    Resolutions are full widths at half maximum of the intensity point spread function;
+    axially, a Gaussian source of 840 nm and 80 nm width has a coherence length of 2 ln
+    2/pi lambda^2/width = 3.9 um.
     """
 
     snr_db: float  # mean speckle intensity at the wall's surface over the mean noise
@@ -181,10 +203,13 @@ class BscanOptics:
     covers: tuple[Cover, ...] = ()
     needle: NeedleShaft | None = None
     conjunctiva: Conjunctiva | None = None
-    display: str = "logarithmic"  # counts grow with the intensity's logarithm, its "root" or, "linear", with itself
+    # counts grow with the intensity's logarithm, its "root" or, "linear", with itself
+    display: str = "logarithmic"
 
     def counts(self, intensity: Singles, largest: float) -> Singles:
-        """Return the counts, not yet whole, of intensities over the mean noise; brighter than `largest` saturates."""
+        """Return the counts, not yet whole, of intensities over the mean noise;
+        brighter than `largest` saturates.
+        """
         if self.display in POWERS:
             power = POWERS[self.display]
             darkest, brightest = (
@@ -206,14 +231,18 @@ class BscanOptics:
 
 @dataclass(frozen=True, kw_only=True)
 class Pose:
-    """Place of the section's origin in the frame: from the middle column, below the top edge; and its rotation."""
+    """Place of the section's origin in the frame: from the middle column, below the top
+    edge; and its rotation.
+    """
 
     lateral_m: float
     depth_m: float
     tilt_rad: float = 0.0
 
     def place(self, section: Section) -> Section:
-        """Return the section in the frame's own coordinates (lateral from the middle, depth from the top edge)."""
+        """Return the section in the frame's own coordinates (lateral from the middle,
+        depth from the top edge).
+        """
         return Section(
             self.place_points(section.outer), self.place_points(section.inner)
         )
@@ -234,7 +263,9 @@ def drawn(
     prefix: str = "",
     **given: object,
 ) -> Drawn:
-    """Draw a record: fields without a default from the range of `prefix` + name, or as given (functions are called)."""
+    """Draw a record: fields without a default from the range of `prefix` + name, or as
+    given (functions are called).
+    """
     values = {}
     for name in (
         item.name
@@ -310,13 +341,14 @@ def sample_needle(
 
 
 def transmission(shadows: Sequence[Shadow], columns_m: Floats) -> Singles:
-    """Return the share of the light that shadows let through in each column, (column,)."""
+    """Return the share of the light that shadows let through in each column,
+    (column,).
+    """
     left = np.ones(len(columns_m))
     for shadow in shadows:
         across = (columns_m - shadow.centre_m) / (shadow.width_m / 2)
-        left *= 1.0 - shadow.loss_fraction * np.exp(
-            -log(2.0) * across**4
-        )  # flat bottom, soft edges
+        # flat bottom, soft edges
+        left *= 1.0 - shadow.loss_fraction * np.exp(-log(2.0) * across**4)
 
     return left.astype(np.float32)
 
@@ -328,7 +360,9 @@ def add_ridge(
     sigma_rows: float,
     rng: np.random.Generator,
 ) -> None:
-    """Add a thin bright curve with a random phase in each column to the field; NaN depths are left out."""
+    """Add a thin bright curve with a random phase in each column to the field; NaN
+    depths are left out.
+    """
     sigma = max(sigma_rows, 0.4)  # not narrower than a pixel shows
     column = np.flatnonzero(
         np.isfinite(depth_rows)
@@ -353,7 +387,9 @@ def circular_gaussian(shape: tuple[int, ...], rng: np.random.Generator) -> Compl
 
 
 def seen_through(field: Complex, sigma_rows: float, sigma_columns: float) -> Complex:
-    """Filter a field of independent scatterers with a Gaussian point spread function that keeps the mean intensity."""
+    """Filter a field of independent scatterers with a Gaussian point spread function
+    that keeps the mean intensity.
+    """
     parts = np.ascontiguousarray(field).view(np.float32).reshape(*field.shape, 2)
     seen = cv2.sepFilter2D(
         parts,
@@ -367,7 +403,9 @@ def seen_through(field: Complex, sigma_rows: float, sigma_columns: float) -> Com
 
 
 def spread(intensity: Singles, sigma_rows: float, sigma_columns: float) -> Singles:
-    """Return the mean intensity of a field that is `seen_through`, of the scatterers' intensity."""
+    """Return the mean intensity of a field that is `seen_through`, of the scatterers'
+    intensity.
+    """
     down = np.square(_kernel(sigma_rows))
     across = np.square(_kernel(sigma_columns))
     seen = cv2.sepFilter2D(
@@ -384,7 +422,9 @@ def _kernel(sigma: float) -> Floats:
 
 
 def amplitude_sigma(intensity_width_m: float) -> float:
-    """Return the standard deviation of a Gaussian amplitude from the full width at half maximum of its intensity."""
+    """Return the standard deviation of a Gaussian amplitude from the full width at half
+    maximum of its intensity.
+    """
     return intensity_width_m / (2.0 * sqrt(log(2.0)))
 
 
@@ -407,7 +447,9 @@ QUANTILES = 64
 
 
 class Displayed:
-    """Tables of frames' counts, over the largest, by mean level over the noise, dB, (frame, row, column)."""
+    """Tables of frames' counts, over the largest, by mean level over the noise, dB,
+    (frame, row, column).
+    """
 
     def __init__(self, optics: Sequence[BscanOptics]) -> None:
         counts = np.stack([each.counts(_intensities(), 1.0) for each in optics])
@@ -434,10 +476,11 @@ class Displayed:
 
 @lru_cache(maxsize=1)
 def _intensities() -> Singles:
-    """Return quantiles of intensities over the mean noise, (level, quantile); the first level is without light."""
+    """Return quantiles of intensities over the mean noise, (level, quantile); the first
+    level is without light.
+    """
     light = 10.0 ** (0.1 * (NO_LIGHT_DB + STEP_DB * np.arange(LEVELS)))
     light[0] = 0.0
-    quantiles = -np.log1p(
-        -(np.arange(QUANTILES) + 0.5) / QUANTILES
-    )  # of an exponential distribution of mean 1
+    # of an exponential distribution of mean 1
+    quantiles = -np.log1p(-(np.arange(QUANTILES) + 0.5) / QUANTILES)
     return ((1.0 + light)[:, None] * quantiles).astype(np.float32)

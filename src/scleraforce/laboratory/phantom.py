@@ -1,4 +1,6 @@
-"""The virtual laboratory: recording folders of virtual eyes, as a scanner and a force sensor would write them."""
+"""The virtual laboratory: recording folders of virtual eyes, as a scanner and a force
+sensor would write them.
+"""
 
 import json
 from collections.abc import Callable, Sequence
@@ -63,13 +65,16 @@ from scleraforce.whole_files import folder_when_whole
 OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT = range(6)  # the streams of a recording
 NEEDLE, CONJUNCTIVA, TURN, TISSUE, PUNCTURE, PLANES = range(6, 12)
 
-DRIFT_S = 1.0  # in which a living eye moves from one place to another: between pulse and breath
+# in which a living eye moves from one place to another: between pulse and breath
+DRIFT_S = 1.0
 
 
 def sample_scanner(
     eye: PhantomEye, study: Study, seed: int
 ) -> tuple[BscanOptics, Pose]:
-    """Draw a recording's optics and pose; needle and conjunctiva, with streams of their own, change nothing else."""
+    """Draw a recording's optics and pose; needle and conjunctiva, with streams of their
+    own, change nothing else.
+    """
     phantom = study.phantom
     rng = stream(eye, seed, OPTICS)
     scanner = replace(
@@ -86,7 +91,9 @@ def sample_scanner(
 
 
 def draw_changes(eye: PhantomEye, study: Study, seed: int, times_s: Floats) -> Floats:
-    """Draw (time, 4): shift across and in depth, signal over noise, reflection; they change smoothly in `DRIFT_S`."""
+    """Draw (time, 4): shift across and in depth, signal over noise, reflection; they
+    change smoothly in `DRIFT_S`.
+    """
     rng = stream(eye, seed, DRIFT)
     phantom = study.phantom
     ranges = (
@@ -124,7 +131,9 @@ def draw_relaxation(eye: PhantomEye, study: Study, seed: int) -> PronySeries:
 
 
 def stream_key(eye: PhantomEye, seed: int, *numbers: int) -> tuple[int, ...]:
-    """Return the entropy of a stream: eyes of different names differ, also under one seed."""
+    """Return the entropy of a stream: eyes of different names differ, also under one
+    seed.
+    """
     return seed, crc32(eye.id.encode()), *numbers
 
 
@@ -140,12 +149,15 @@ TAIL_S = 1.5  # of the log, after the needle's last motion
 HELD_AVERAGE_S = 2.0
 MOVING_AVERAGE_S = 0.1
 TRAVEL_FORCES = 64  # at which a travel is known
-FIRST_S = 0.1  # of the first frame of a moving needle: a label needs force samples on both sides
+# of the first frame of a moving needle: a label needs force samples on both sides
+FIRST_S = 0.1
 
 
 @dataclass(frozen=True)
 class Travel:
-    """Of a needle that pierces: its tip's travel from rest, its length inside, the track's, the plane's gap from it."""
+    """Of a needle that pierces: its tip's travel from rest, its length inside, the
+    track's, the plane's gap from it.
+    """
 
     travel_m: float
     inside_m: float
@@ -155,7 +167,9 @@ class Travel:
 
 @dataclass(frozen=True)
 class PhantomFrame:
-    """One frame: time, pose, optics, the key of its random numbers; push, turn, needle's travel and plane, if any."""
+    """One frame: time, pose, optics, the key of its random numbers; push, turn,
+    needle's travel and plane, if any.
+    """
 
     file: str
     time_s: float
@@ -178,7 +192,9 @@ class PhantomPlan:
     path: pushes.NeedlePath
     sensor: pushes.ForceSensor
     seed: int
-    tilt_rad: float = 0.0  # of the force, in the mechanics, off the wall's normal; a drawn needle's normal part presses
+    # of the force, in the mechanics, off the wall's normal; a drawn needle's normal
+    # part presses
+    tilt_rad: float = 0.0
 
     @property
     def forces_n(self) -> list[float]:
@@ -198,14 +214,18 @@ class PhantomPlan:
 
     @property
     def lean(self) -> tuple[float | None, float | None]:
-        """The angle between needle and normal, and its direction in the plane; None: along the normal, not known."""
+        """The angle between needle and normal, and its direction in the plane; None:
+        along the normal, not known.
+        """
         needle = self.frames[0].optics.needle
         if needle is None or self.tilt_rad:
             return self.tilt_rad or None, None
         return needle.from_normal
 
     def normal_at(self, time_s: Floats) -> Floats:
-        """Return the part of the elastic force that the wall's mechanics take, in N, shape of `time_s`."""
+        """Return the part of the elastic force that the wall's mechanics take, in N,
+        shape of `time_s`.
+        """
         return (
             1.0 if self.tilt_rad else cos(self.lean[0] or 0.0)
         ) * self.path.elastic_n(time_s)
@@ -224,7 +244,9 @@ class PhantomPlan:
 def plan_phantom(
     eye: PhantomEye, forces_n: Sequence[float], study: Study, seed: int
 ) -> PhantomPlan:
-    """Draw an acquisition of pushes: scanner, sensor, place and tissue once; light, timing and shift in each frame."""
+    """Draw an acquisition of pushes: scanner, sensor, place and tissue once; light,
+    timing and shift in each frame.
+    """
     _check_forces(eye, forces_n)
     phantom = study.phantom
     scanner, place = sample_scanner(eye, study, seed)
@@ -282,16 +304,18 @@ def plan_moving_phantom(
     hold_s: float,
     puncture_n: float | None = None,
 ) -> PhantomPlan:
-    """Draw a virtual acquisition of a needle that a robot moves while frames are taken at a steady rate.
+    """Draw a virtual acquisition of a needle that a robot moves while frames are taken
+    at a steady rate.
 
-    With `puncture_n` the needle goes through the wall at that elastic force, after the others, which may be none. What
-    `draw_changes` draws changes smoothly; all else is drawn once.
+    With `puncture_n` the needle goes through the wall at that elastic force, after the
+    others, which may be none. What `draw_changes` draws changes smoothly; all else is
+    drawn once.
     """
     _check_forces(eye, [*forces_n, *([] if puncture_n is None else [puncture_n])])
     if puncture_n is not None and not puncture_n > max(forces_n, default=0.0):
         raise RecordingError(
-            f"eye {eye.id}: puncture: {from_si(puncture_n, 'mn'):g} mN; must be above 0 and above the "
-            "forces before it"
+            f"eye {eye.id}: puncture: {from_si(puncture_n, 'mn'):g} mN; must be above 0"
+            " and above the forces before it"
         )
 
     given = {
@@ -302,7 +326,8 @@ def plan_moving_phantom(
     for name, (value, low, high) in given.items():
         if not low <= value <= high:
             raise RecordingError(
-                f"eye {eye.id}: {name}: {value:g} (SI); must be between {low:g} and {high:g}"
+                f"eye {eye.id}: {name}: {value:g} (SI); must be between {low:g} and"
+                f" {high:g}"
             )
 
     scanner, place = sample_scanner(eye, study, seed)
@@ -343,7 +368,8 @@ def plan_moving_phantom(
 
 
 def in_planes(plan: PhantomPlan, planes: Sequence[Plane], study: Study) -> PhantomPlan:
-    """Return a plan of frames in several planes at once, of a scanner whose axis passes the needle's at the eye's gap.
+    """Return a plan of frames in several planes at once, of a scanner whose axis passes
+    the needle's at the eye's gap.
 
     The side is drawn; the eye shifts and tilts in two directions.
     """
@@ -354,8 +380,8 @@ def in_planes(plan: PhantomPlan, planes: Sequence[Plane], study: Study) -> Phant
         or study.globe.leak_time_s
     ):
         raise RecordingError(
-            "planes: of an eye that keeps still, does not leak and is not pierced, with "
-            "--mechanics finite-strain"
+            "planes: of an eye that keeps still, does not leak and is not pierced, with"
+            " --mechanics finite-strain"
         )
 
     eye = plan.eye
@@ -423,8 +449,8 @@ def _check_forces(eye: PhantomEye, forces_n: Sequence[float]) -> None:
     largest_mn = NEEDLE_FORCE.from_si(max(forces_n))
     if largest_mn > (NEEDLE_FORCE.high or 0.0):
         raise RecordingError(
-            f"eye {eye.id}: forces: {largest_mn:g} mN; up to {NEEDLE_FORCE.high:g} mN can be "
-            "simulated, more than a wall bears"
+            f"eye {eye.id}: forces: {largest_mn:g} mN; up to {NEEDLE_FORCE.high:g} mN"
+            " can be simulated, more than a wall bears"
         )
 
 
@@ -435,7 +461,9 @@ def _with_turns(
     study: Study,
     seed: int,
 ) -> PhantomPlan:
-    """Return the plan of frames with a drawn sensor, and with the eye's turns unless it keeps still."""
+    """Return the plan of frames with a drawn sensor, and with the eye's turns unless it
+    keeps still.
+    """
     if virtual_eye.farthest_turn_rad(study.phantom) > 0.0:
         times_s = np.array([frame.time_s for frame in frames])
         turns = virtual_eye.draw_turns(study.phantom, times_s, stream(eye, seed, TURN))
@@ -474,7 +502,9 @@ def _pressed(
 
 
 def needle_tip(frame: PhantomFrame, section: Section) -> Floats:
-    """Return the needle's tip, at the section's surface: lateral from the middle, below the top edge, (2,), m."""
+    """Return the needle's tip, at the section's surface: lateral from the middle, below
+    the top edge, (2,), m.
+    """
     nearest = int(np.abs(section.outer[:, 0]).argmin())
     return frame.pose.place_points(np.array([[0.0, section.outer[nearest, 1]]]))[0]
 
@@ -521,13 +551,14 @@ def plan_sections(
 def _pierced_sections(
     plan: PhantomPlan, sections_at: SectionsAt
 ) -> tuple[Sequence[Section], Sequence[float]]:
-    """Return sections, in which friction pulls the wall outwards by the dent that it makes inwards, and pressures."""
+    """Return sections, in which friction pulls the wall outwards by the dent that it
+    makes inwards, and pressures.
+    """
     found = _still(plan, sections_at)
     pressed_n = np.abs(plan.normal_n).tolist()
     rest, *pressed = found([0.0, *pressed_n])
-    mirrored = np.array(
-        [2.0, -1.0]
-    )  # of the wall at rest, and under the opposite force
+    # of the wall at rest, and under the opposite force
+    mirrored = np.array([2.0, -1.0])
 
     return [
         blended([rest, section], mirrored) if normal_n < 0.0 else section
@@ -547,7 +578,9 @@ def _still(plan: PhantomPlan, sections_at: SectionsAt) -> LinearSections | BentS
 
 
 def with_travel(plan: PhantomPlan, sections_at: SectionsAt) -> PhantomPlan:
-    """Return a plan whose frames have the needle's travel if it pierces: beyond, it is as fast as just before."""
+    """Return a plan whose frames have the needle's travel if it pierces: beyond, it is
+    as fast as just before.
+    """
     puncture = plan.path.puncture
     if puncture is None:
         return plan
@@ -586,7 +619,9 @@ def with_travel(plan: PhantomPlan, sections_at: SectionsAt) -> PhantomPlan:
 
 
 def render_frame(frame: PhantomFrame, section: Section, study: Study) -> Bscan:
-    """Form one frame of a plan, from the section under its force, with the needle's shaft and track, if any."""
+    """Form one frame of a plan, from the section under its force, with the needle's
+    shaft and track, if any.
+    """
     needle = frame.optics.needle
     tip_m = needle_tip(frame, section)
     travel = frame.travel
@@ -601,9 +636,8 @@ def render_frame(frame: PhantomFrame, section: Section, study: Study) -> Bscan:
 
     if travel is not None and travel.track_m:
         across_m2 = (0.5 * study.needle.outer_diameter_m) ** 2 - travel.gap_m**2
-        cut_m = (
-            sqrt(max(across_m2, 0.0)) if travel.inside_m else 0.0
-        )  # it closes behind the needle
+        # it closes behind the needle
+        cut_m = sqrt(max(across_m2, 0.0)) if travel.inside_m else 0.0
         track = draw_track(tip_m, angle_rad, cut_m, travel.track_m, study.oct)
         shaft = track if shaft is None else shaft.over(track)
 
@@ -625,13 +659,18 @@ def write_phantom(
     *,
     tell_globe: bool = True,
 ) -> None:
-    """Write a virtual acquisition as a recording folder with `truth.json`; equal plans give equal bytes."""
+    """Write a virtual acquisition as a recording folder with `truth.json`; equal plans
+    give equal bytes.
+    """
     if out.exists() and not (out.is_dir() and not any(out.iterdir())):
         raise RecordingError(
             f"{out}: exists already; remove it or choose another folder"
         )
 
-    comment = f"A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters."
+    comment = (
+        f"A virtual acquisition, made by scleraforce {__version__}; truth.json has all"
+        " its parameters."
+    )
     plan = with_travel(plan, sections_at)
     info = _info(plan, study, tell_globe)
     more = tuple(_more_columns(plan.frames[0]))
@@ -714,7 +753,9 @@ def _info(plan: PhantomPlan, study: Study, tell_globe: bool) -> RecordingInfo:
 def phantom_truth(
     plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]
 ) -> dict[str, Any]:
-    """Return the content of `truth.json` for a plan and the computed pressures of its frames."""
+    """Return the content of `truth.json` for a plan and the computed pressures of its
+    frames.
+    """
     modules = {"numpy": np, "scipy": scipy, "opencv": cv2}
     versions = {
         "scleraforce": __version__,

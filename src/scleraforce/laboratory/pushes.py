@@ -1,4 +1,6 @@
-"""A virtual force log: a needle's motion, in pushes or continuous, and its reading by a force sensor."""
+"""A virtual force log: a needle's motion, in pushes or continuous, and its reading by a
+force sensor.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +18,9 @@ TIME_DIGITS = 4  # of frames.csv and forces.csv: 0.1 ms
 
 @dataclass(frozen=True, kw_only=True)
 class Push:
-    """One push: the needle comes on at `start_s`, in `ramp_s`, holds still for `hold_s` and leaves in `ramp_s`."""
+    """One push: the needle comes on at `start_s`, in `ramp_s`, holds still for `hold_s`
+    and leaves in `ramp_s`.
+    """
 
     force_n: (
         float  # on the needle at the frame; the dent stays while the tissue relaxes
@@ -28,7 +32,9 @@ class Push:
 
     @property
     def corners_s(self) -> tuple[float, float, float, float]:
-        """Times at which the needle begins to come, stops, begins to leave, and is off again."""
+        """Times at which the needle begins to come, stops, begins to leave, and is off
+        again.
+        """
         left_s = self.start_s + self.ramp_s + self.hold_s
         return self.start_s, self.start_s + self.ramp_s, left_s, left_s + self.ramp_s
 
@@ -41,12 +47,15 @@ FRICTION = (0.15, 0.4)
 
 @dataclass(frozen=True, kw_only=True)
 class Puncture:
-    """The needle goes through the wall at `time_s`: its force falls from `force_n` to the friction within `fall_s`."""
+    """The needle goes through the wall at `time_s`: its force falls from `force_n` to
+    the friction within `fall_s`.
+    """
 
     time_s: float
     force_n: float
     fall_s: float
-    friction_fraction: float  # of `force_n`, along the shaft: pulls the wall outwards as the needle goes back
+    # of `force_n`, along the shaft: pulls the wall outwards as the needle goes back
+    friction_fraction: float
     out_s: float  # when it is out
     driven_s: tuple[float, ...]  # the needle's travel ...
     driven_n: tuple[float, ...]  # ... as the elastic force of a wall that bears it
@@ -54,9 +63,11 @@ class Puncture:
 
 @dataclass(frozen=True)
 class NeedlePath:
-    """A needle's travel, as the elastic force of its dents at turning points, and the tissue's relaxation.
+    """A needle's travel, as the elastic force of its dents at turning points, and the
+    tissue's relaxation.
 
-    After a `puncture` it is the friction along the shaft, below 0 as the wall is pulled outwards; nothing relaxes.
+    After a `puncture` it is the friction along the shaft, below 0 as the wall is pulled
+    outwards; nothing relaxes.
     """
 
     times_s: tuple[float, ...]
@@ -80,7 +91,9 @@ class NeedlePath:
         )
 
     def elastic_n(self, time_s: Floats) -> Floats:
-        """Return the elastic force in N, whose dent the wall shows, at each time; 0 where the needle has let go."""
+        """Return the elastic force in N, whose dent the wall shows, at each time; 0
+        where the needle has let go.
+        """
         driven_n = np.interp(time_s, self.times_s, self.forces_n)
         return np.where(
             (self.felt_n(time_s) > 0.0) | self.pierced(time_s), driven_n, 0.0
@@ -89,7 +102,9 @@ class NeedlePath:
 
 @dataclass(frozen=True, kw_only=True)
 class ForceSensor:
-    """A force sensor: offset of each axis (3,), drift of the axis along the needle, noise, step, cross talk."""
+    """A force sensor: offset of each axis (3,), drift of the axis along the needle,
+    noise, step, cross talk.
+    """
 
     offset_n: tuple[float, float, float]
     drift_n_per_s: float
@@ -103,7 +118,9 @@ class ForceSensor:
 def plan_pushes(
     forces_n: tuple[float, ...], phantom: PhantomStudy, rng: np.random.Generator
 ) -> tuple[Push, ...]:
-    """Draw the timing of a push for each force (at its frame). 0 N: the needle stays off."""
+    """Draw the timing of a push for each force (at its frame). 0 N: the needle stays
+    off.
+    """
     start_s = draw(phantom.approach_s, rng)
     pushes = []
 
@@ -127,9 +144,11 @@ def plan_pushes(
 
 
 def path_of_pushes(pushes: Sequence[Push], relaxation: PronySeries) -> NeedlePath:
-    """Return the travel with which the force on the needle is that of each push at its frame.
+    """Return the travel with which the force on the needle is that of each push at its
+    frame.
 
-    What the tissue remembers of earlier pushes lowers the force of a later one, so its dent is the deeper.
+    What the tissue remembers of earlier pushes lowers the force of a later one, so its
+    dent is the deeper.
     """
     elastic_n: list[float] = []
     for push in pushes:
@@ -160,7 +179,9 @@ def plan_path(
     relaxation: PronySeries,
     rng: np.random.Generator,
 ) -> NeedlePath:
-    """Lay a path through elastic forces: off the eye for a drawn time, then a ramp to each and a hold."""
+    """Lay a path through elastic forces: off the eye for a drawn time, then a ramp to
+    each and a hold.
+    """
     times_s = [0.0, draw(phantom.approach_s, rng)]
     path_n = [0.0, 0.0]
 
@@ -179,18 +200,19 @@ def plan_puncture(
     hold_s: float,
     rng: np.random.Generator,
 ) -> NeedlePath:
-    """Let a path go through the wall at an elastic force that it has not reached, travel on for a hold, and come out.
+    """Let a path go through the wall at an elastic force that it has not reached,
+    travel on for a hold, and come out.
 
-    On its way back the shaft sticks until the friction is turned, and slips until the tip is at the wall's surface.
+    On its way back the shaft sticks until the friction is turned, and slips until the
+    tip is at the wall's surface.
     """
     at_s = path.times_s[-1] + (puncture_n - path.forces_n[-1]) / ramp_n_per_s
     fall_s = rng.uniform(*FALL_S)
     friction = rng.uniform(*FRICTION)
     left_n = friction * puncture_n
     turns_s = at_s + hold_s + fall_s
-    pulled_s = (
-        turns_s + 2.0 * left_n / ramp_n_per_s
-    )  # from the friction inwards to that outwards
+    # from the friction inwards to that outwards
+    pulled_s = turns_s + 2.0 * left_n / ramp_n_per_s
     out_s = turns_s + hold_s + fall_s + (puncture_n + left_n) / ramp_n_per_s
     driven_n = puncture_n + ramp_n_per_s * (turns_s - at_s), -left_n
     puncture = Puncture(
@@ -241,9 +263,11 @@ def sense(
     stop_s: float,
     rng: np.random.Generator,
 ) -> Floats:
-    """Return the log of a sensor, shape (samples, 7): time in s, forces in N, torques in N m.
+    """Return the log of a sensor, shape (samples, 7): time in s, forces in N, torques
+    in N m.
 
-    `axis` (0, 1 or 2) is the force axis along the needle, `sign` its sign in contact; the log runs from 0 to `stop_s`.
+    `axis` (0, 1 or 2) is the force axis along the needle, `sign` its sign in contact;
+    the log runs from 0 to `stop_s`.
     """
     time_s = np.arange(round(stop_s * sensor.rate_hz)) / sensor.rate_hz
     force_n = path.felt_n(time_s)

@@ -1,4 +1,6 @@
-"""A scanner measured on its frames: frame by frame, then as ranges over the frames, then as a study."""
+"""A scanner measured on its frames: frame by frame, then as ranges over the frames,
+then as a study.
+"""
 
 import json
 from collections import Counter
@@ -35,10 +37,12 @@ from scleraforce.study import (
 from scleraforce.study.fields import field_key, field_unit, fixed
 
 FIELDS = {item.name: item for item in fields(PhantomStudy)}
-MANY = 10  # frames: with more, their 5 % quantiles bound a range, not the one frame farthest off
+# frames: with more, their 5 % quantiles bound a range, not the one frame farthest off
+MANY = 10
 QUANTILES = (0.05, 0.95)
 MOST_COUNTS = 100  # entries of a list of counts
-# Measured fields of `PhantomStudy`; the names in NOT_DRAWN are not fields: it draws nothing of the kind.
+# Measured fields of `PhantomStudy`; the names in NOT_DRAWN are not fields: it draws
+# nothing of the kind.
 OF_FRAMES = (
     "snr_db",
     "axial_resolution_m",
@@ -62,10 +66,12 @@ NOT_DRAWN = (
     "speckle_skew",
     "spread_slope",
 )
-AVERAGED = 1.25  # times as far the wall's speckle spreads as the noise: it tells the display's scale
+# times as far the wall's speckle spreads as the noise: it tells the display's scale
+AVERAGED = 1.25
 LEAST_PIXELS = 500
 OCTILES = (0.125, 0.25, 0.5, 0.75, 0.875)
-# Of [scenes.tissue] and [scenes.scanner]: what is measured, and how exactly it is known: in dB, or as a share of it.
+# Of [scenes.tissue] and [scenes.scanner]: what is measured, and how exactly it is
+# known: in dB, or as a share of it.
 SCENES = {
     "snr_db": ("snr_db", 3.0),  # of other eyes
     "speckle_rows": ("axial_resolution_m", 0.1),
@@ -95,7 +101,9 @@ class MeasuredFrame:
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredRange:
-    """A value over all frames, in SI: `median`, from `low` to `high`; the number of frames or things with it."""
+    """A value over all frames, in SI: `median`, from `low` to `high`; the number of
+    frames or things with it.
+    """
 
     median: float
     low: float
@@ -106,15 +114,20 @@ class MeasuredRange:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredScanner:
-    """A scanner: its display; ranges, or reasons, by the field's name, in SI; counts of each frame; frames."""
+    """A scanner: its display; ranges, or reasons, by the field's name, in SI; counts of
+    each frame; frames.
+    """
 
-    display: DisplayKind  # taken from the noise where the wall does not show it (`spread_slope` has no range)
+    # taken from the noise where the wall does not show it (`spread_slope` has no range)
+    display: DisplayKind
     ranges: Mapping[str, MeasuredRange | Unmeasured]
     counts: Mapping[str, tuple[int, ...]]
     frames: tuple[MeasuredFrame, ...]
 
     def phantom(self) -> PhantomStudy:
-        """Return the section of a study that draws such frames; unmeasured values keep their defaults."""
+        """Return the section of a study that draws such frames; unmeasured values keep
+        their defaults.
+        """
         known = {
             name: found
             for name, found in self.ranges.items()
@@ -132,7 +145,8 @@ class MeasuredScanner:
         return replace(ranges, display=self.display.name, **choices)
 
     def scenes(self) -> ScenesStudy:
-        """Return the sections that draw scenes as this scanner shows them; unmeasured values keep their defaults.
+        """Return the sections that draw scenes as this scanner shows them; unmeasured
+        values keep their defaults.
 
         So does the tissue, except its light: other eyes differ.
         """
@@ -191,10 +205,11 @@ class MeasuredScanner:
             key: (getattr(size, key),) * 2 for key in ("rows", "columns", "width_m")
         }
         window["depth_share"] = (size.depth_m / size.width_m,) * 2
+        # so the last digit of the size changes no rows
         window["pixel_m"] = (
             0.9 * row_m,
             1.1 * row_m,
-        )  # so the last digit of the size changes no rows
+        )
         deep = {
             f"deep_{key}": window[key] for key in ("rows", "width_m", "depth_share")
         }
@@ -271,7 +286,9 @@ def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
 def _measure(
     eye: ImagedEye, kind: DisplayKind, slope: Measured
 ) -> tuple[MeasuredFrame, scanner_light.SurfaceLight]:
-    """Measure one frame, except its reflection, which is fitted to all frames together."""
+    """Measure one frame, except its reflection, which is fitted to all frames
+    together.
+    """
     display = scanner_display.fit_display(eye, kind)
     tissue = scanner_light.light_in_wall(eye, display)
     spread, skew = _speckle_spread(eye, tissue, display)
@@ -310,7 +327,9 @@ def _measure(
 def _speckle_spread(
     eye: ImagedEye, tissue: scanner_light.WallLight, display: Display
 ) -> tuple[float, Measured]:
-    """Return the spread of the wall's speckle over one look's, 1 if unknown, and its octile skew (one look: -0.20)."""
+    """Return the spread of the wall's speckle over one look's, 1 if unknown, and its
+    octile skew (one look: -0.20).
+    """
     expected_db = tissue.expected_db
     chosen = (
         eye.inside
@@ -332,7 +351,9 @@ def _speckle_spread(
 
 
 def _range(found: Sequence[Measured]) -> MeasuredRange | Unmeasured:
-    """Return the range of a value over frames; for one frame, its standard error to both sides."""
+    """Return the range of a value over frames; for one frame, its standard error to
+    both sides.
+    """
     known = [each for each in found if isinstance(each, Estimate)]
     if not known:
         reasons = Counter(each.reason for each in found if isinstance(each, Unmeasured))
@@ -368,7 +389,9 @@ def _range(found: Sequence[Measured]) -> MeasuredRange | Unmeasured:
 def _within_bounds(
     name: str, found: MeasuredRange | Unmeasured
 ) -> MeasuredRange | Unmeasured:
-    """Return a range within the bounds of the study's key; one that lies outside is unmeasured."""
+    """Return a range within the bounds of the study's key; one that lies outside is
+    unmeasured.
+    """
     if isinstance(found, Unmeasured) or name in NOT_DRAWN:
         return found
 
@@ -387,7 +410,9 @@ def _within_bounds(
 
 
 def _wider(found: MeasuredRange, exact: float, unit: float) -> tuple[float, float]:
-    """Return a range's ends in a unit, each side wider by its error, and by more if frames are few."""
+    """Return a range's ends in a unit, each side wider by its error, and by more if
+    frames are few.
+    """
     more = exact + (found.high - found.low) / max(found.seen - 1, 1)
     return (0.0 if found.at_most else (found.low - more) / unit), (
         found.high + more
@@ -395,7 +420,9 @@ def _wider(found: MeasuredRange, exact: float, unit: float) -> tuple[float, floa
 
 
 def _measured(section: Drawn, ends: Mapping[str, tuple[float, float]]) -> Drawn:
-    """Return a section of a study with these ranges, to four digits in the keys' units, within the keys' bounds."""
+    """Return a section of a study with these ranges, to four digits in the keys' units,
+    within the keys' bounds.
+    """
     ranges: dict[str, Any] = {}
     for item in fields(section):
         if item.name in ends:
@@ -416,7 +443,9 @@ BEYOND_M = 5e-3  # of a wall that is seen up to the picture's edge
 
 
 def oct_of(eye: ImagedEye) -> OctStudy:
-    """Return a frame's size, pixels, bits and refractive index as the section of a study."""
+    """Return a frame's size, pixels, bits and refractive index as the section of a
+    study.
+    """
     rows, columns = eye.pixels.shape
     return OctStudy(
         width_m=eye.scale.lateral_m * columns,
@@ -431,7 +460,9 @@ def oct_of(eye: ImagedEye) -> OctStudy:
 def drawn_alike(
     frame: MeasuredFrame, phantom: PhantomStudy, rng: np.random.Generator
 ) -> Pixels:
-    """Draw counts like a measured frame's, with its wall; `phantom` has the scanner's other values."""
+    """Draw counts like a measured frame's, with its wall; `phantom` has the scanner's
+    other values.
+    """
     scanner = oct_of(frame.eye)
     known = {item.name for item in fields(BscanOptics)}
     estimates = {
@@ -452,7 +483,9 @@ def drawn_alike(
 def histogram_overlap(
     one: NDArray[np.generic], other: NDArray[np.generic], top: int
 ) -> float:
-    """Return the share that two frames' histograms have in common: 1 where they are alike."""
+    """Return the share that two frames' histograms have in common: 1 where they are
+    alike.
+    """
     first, second = (
         np.histogram(counts, BINS, (0, top + 1))[0] / counts.size
         for counts in (one, other)
@@ -461,7 +494,9 @@ def histogram_overlap(
 
 
 def _section(eye: ImagedEye, scanner: OctStudy) -> Section:
-    """Return a frame's wall as a section: lateral from the middle, geometric depth from the top edge, m."""
+    """Return a frame's wall as a section: lateral from the middle, geometric depth from
+    the top edge, m.
+    """
     columns = np.flatnonzero(eye.walled)
     lateral_m = (columns + 0.5) * eye.scale.lateral_m - scanner.width_m / 2
     outer_m = (eye.surface_row[columns] + 0.5) * eye.scale.depth_m
@@ -488,7 +523,9 @@ MOST_NAMES = 20  # of frames that are listed
 def study_text(
     scanner: MeasuredScanner, names: Sequence[str], date: str, version: str
 ) -> str:
-    """Return the text of the study file, with the frames' names, the date and the version of scleraforce."""
+    """Return the text of the study file, with the frames' names, the date and the
+    version of scleraforce.
+    """
     study = Study(
         oct=oct_of(scanner.frames[0].eye),
         phantom=scanner.phantom(),
@@ -506,9 +543,15 @@ def study_text(
         f"  # from the noise: {slope.reason}" if isinstance(slope, Unmeasured) else ""
     )
     lines = [
-        f"# A scanner, measured by `scleraforce scanner` {version} on {date}, on {len(names)} frame(s):",
+        (
+            f"# A scanner, measured by `scleraforce scanner` {version} on {date}, on"
+            f" {len(names)} frame(s):"
+        ),
         *listed,
-        "# All other values, also of eye, needle and forces, are the paper's study's, and the scenes' defaults.",
+        (
+            "# All other values, also of eye, needle and forces, are the paper's"
+            " study's, and the scenes' defaults."
+        ),
         "",
         "[oct]",
         *sections["oct"].values(),

@@ -1,11 +1,13 @@
-"""A measured frame of an eye at rest, its display, and the air above the tissue, whose noise tells light from counts.
+"""A measured frame of an eye at rest, its display, and the air above the tissue, whose
+noise tells light from counts.
 
-Detector noise has an exponential intensity on any scanner: its quantiles are -ln(1 - p) times the mean (Goodman,
-Speckle Phenomena in Optics, ch. 3). A line through the quantiles of the counts, over their values on a display of a
-known kind (`display_kind`), gives gain and offset, also where the display cuts off darker pixels. If a scanner averages
-frames, the noise spreads less but the wall's speckle does not: on a logarithmic display the speckle then gives the
-scale and the noise the number of averaged looks; on other displays averaged noise looks like an offset, which is
-refused.
+Detector noise has an exponential intensity on any scanner: its quantiles are -ln(1 - p)
+times the mean (Goodman, Speckle Phenomena in Optics, ch. 3). A line through the
+quantiles of the counts, over their values on a display of a known kind
+(`display_kind`), gives gain and offset, also where the display cuts off darker pixels.
+If a scanner averages frames, the noise spreads less but the wall's speckle does not: on
+a logarithmic display the speckle then gives the scale and the noise the number of
+averaged looks; on other displays averaged noise looks like an offset, which is refused.
 """
 
 from collections.abc import Callable, Sequence
@@ -62,7 +64,9 @@ def fitted_curve(
     start: Sequence[float] | Floats,
     **options: Any,
 ) -> tuple[Floats, Floats] | None:
-    """Return the parameters of a curve and their standard errors; None if no curve fits."""
+    """Return the parameters of a curve and their standard errors; None if no curve
+    fits.
+    """
     try:
         value, covariance = curve_fit(model, at, seen, start, **options)
     except (RuntimeError, ValueError):
@@ -75,15 +79,13 @@ def level_db(intensity: Floats) -> Floats:
     return 10.0 * np.log10(np.maximum(intensity, 1e-12))
 
 
-SMOOTH_M = (
-    0.6e-3  # of the surface, laterally: an eye at rest is smoother than its speckle
-)
+# of the surface, laterally: an eye at rest is smoother than its speckle
+SMOOTH_M = 0.6e-3
 # what a boundary's own light and its error reach
 EDGE_ROWS = 4
 EDGE_M = 20e-6
-UNSEEN_M = (
-    0.4e-3  # below the surface there is wall, where the inner boundary is not seen
-)
+# below the surface there is wall, where the inner boundary is not seen
+UNSEEN_M = 0.4e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,10 +170,11 @@ class ImagedEye:
         )
 
 
+# of the wall, along the depth and across it: light hardly changes, speckle does often
 BLOCK_M = (
     100e-6,
     3e-3,
-)  # of the wall, along the depth and across it: light hardly changes, speckle does often
+)
 NARROWEST_SHARE = 0.25  # of a narrow frame a block has at most
 LEAST_FILLED = 0.6  # of a block lies in the wall
 LEAST_BLOCKS = 10
@@ -181,7 +184,9 @@ QUARTILES = (0.25, 0.5, 0.75)
 
 @dataclass(frozen=True, kw_only=True)
 class DisplayKind:
-    """A display's law: counts grow with `shown` of an intensity; `level_db` of that is the intensity's level."""
+    """A display's law: counts grow with `shown` of an intensity; `level_db` of that is
+    the intensity's level.
+    """
 
     name: str
     shown: Callable[[Floats], Floats]
@@ -203,17 +208,19 @@ ROOT = DisplayKind(
 )
 LINEAR = DisplayKind(name="linear", shown=np.copy, level_db=level_db)
 DISPLAY_KINDS = {kind.name: kind for kind in (LOGARITHMIC, ROOT, LINEAR)}
-# Misfit of noise: one look has less than 0.1 on its own kind, over 0.6 on others; more looks over 0.3.
+# Misfit of noise: one look has less than 0.1 on its own kind, over 0.6 on others; more
+# looks over 0.3.
 ONE_LOOK_DB = 0.2
-MOST_ERROR = (
-    ROOT.spread_slope / 6.0
-)  # a third of the way from one kind to the middle of two
+# a third of the way from one kind to the middle of two
+MOST_ERROR = ROOT.spread_slope / 6.0
 
 
 def spread_slope(eye: ImagedEye) -> Measured:
-    """Return the growth of the speckle's interquartile range, in counts, for each count of its median.
+    """Return the growth of the speckle's interquartile range, in counts, for each count
+    of its median.
 
-    For one look it is 0 on a logarithmic display, 0.77 on one of roots, 1.58 on a linear one.
+    For one look it is 0 on a logarithmic display, 0.77 on one of roots, 1.58 on a
+    linear one.
     """
     blocks = [
         block
@@ -237,7 +244,9 @@ def spread_slope(eye: ImagedEye) -> Measured:
 
 
 def display_kind(slopes: Sequence[Measured], eyes: Sequence[ImagedEye]) -> DisplayKind:
-    """Return the display's kind by slopes; without any, the one on which the noise has one look, else logarithmic."""
+    """Return the display's kind by slopes; without any, the one on which the noise has
+    one look, else logarithmic.
+    """
     known = [slope.value for slope in slopes if isinstance(slope, Estimate)]
     if not known:
         kinds = DISPLAY_KINDS.values()
@@ -257,7 +266,9 @@ def display_kind(slopes: Sequence[Measured], eyes: Sequence[ImagedEye]) -> Displ
 
 
 def dithered(counts: Floats) -> Floats:
-    """Return whole counts spread evenly over half a count to each side, so that their quantiles have no steps."""
+    """Return whole counts spread evenly over half a count to each side, so that their
+    quantiles have no steps.
+    """
     return counts + (np.arange(len(counts)) % 16 / 16.0 - 0.5 + 1 / 32)
 
 
@@ -289,12 +300,10 @@ def _blocks(eye: ImagedEye) -> list[Floats]:
     ]
 
 
-MEDIAN_DB = float(
-    10.0 * np.log10(np.log(2.0))
-)  # of an exponential intensity, over its mean
-QUARTILES_DB = float(
-    10.0 * np.log10(np.log(4.0) / np.log(4.0 / 3.0))
-)  # between the quartiles of an exponential: 6.8
+# of an exponential intensity, over its mean
+MEDIAN_DB = float(10.0 * np.log10(np.log(2.0)))
+# between the quartiles of an exponential: 6.8
+QUARTILES_DB = float(10.0 * np.log10(np.log(4.0) / np.log(4.0 / 3.0)))
 BLOCK = (8, 16)  # rows and columns of the air that are looked at together
 CLIPS = (5.0, 3.0)  # standard deviations: darker and brighter blocks are not noise
 # quantiles of the noise that tell the scale
@@ -308,9 +317,8 @@ LEAST_PIXELS = 1000
 LOOKS = (0.05, 1e7)  # of the noise: what is looked for
 LEAST_COUNTS = 2  # between the quartiles of the noise: less may be rounding
 DARKEST_DB = -30.0  # stands for darkness at count 0
-MOST_OFFSET = (
-    0.3  # of the root of the mean noise, or of itself: darkness with more has an offset
-)
+# of the root of the mean noise, or of itself: darkness with more has an offset
+MOST_OFFSET = 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -321,7 +329,8 @@ class Display:
     floor_db: Estimate  # intensity of count 0 over the mean noise
     range_db: Estimate  # from there to the largest count, `top`
     top: int
-    misfit_db: float  # of the noise to an exponential intensity: below about 0.3 the scale is right
+    # of the noise to an exponential intensity: below about 0.3 the scale is right
+    misfit_db: float
     looks: float = 1.0  # that are averaged in the noise
 
     def levels(self, counts: NDArray[np.generic]) -> Floats:
@@ -339,7 +348,9 @@ class Display:
 
 
 def air_counts(eye: ImagedEye) -> Floats:
-    """Return a frame's noise: its counts, (row, column), NaN but in the empty blocks above the tissue."""
+    """Return a frame's noise: its counts, (row, column), NaN but in the empty blocks
+    above the tissue.
+    """
     rows, columns = BLOCK
     left, right = eye.bands
     high = eye.pixels.shape[0] // rows * rows
@@ -355,8 +366,9 @@ def air_counts(eye: ImagedEye) -> Floats:
     inside = air.all(axis=(2, 3)) & ((blocks == 0).mean(axis=(2, 3)) <= BLACK_SHARE)
     if np.count_nonzero(inside) * rows * columns < LEAST_PIXELS:
         raise FrameError(
-            f"{eye.name}: too little noise is seen above the tissue to know the display's scale; give "
-            "frames with more room there, or with a lower display floor"
+            f"{eye.name}: too little noise is seen above the tissue to know the"
+            " display's scale; give frames with more room there, or with a lower"
+            " display floor"
         )
 
     middle = blocks.mean(axis=(2, 3))
@@ -383,9 +395,9 @@ def fit_display(eye: ImagedEye, kind: DisplayKind) -> Display:
     per_unit, zero, misfit = _scale(lit, eye, kind)
     if kind is not LOGARITHMIC and zero > MOST_OFFSET * per_unit:
         raise FrameError(
-            f"{eye.name}: the wall's speckle spreads as on a {kind.name} display, and its noise lies "
-            "above count 0, as if it were averaged: such frames cannot be measured, nor frames with an "
-            "offset (subtract it)"
+            f"{eye.name}: the wall's speckle spreads as on a {kind.name} display, and"
+            " its noise lies above count 0, as if it were averaged: such frames cannot"
+            " be measured, nor frames with an offset (subtract it)"
         )
 
     scatter = np.array(
@@ -405,7 +417,9 @@ def fit_display(eye: ImagedEye, kind: DisplayKind) -> Display:
 
 
 def display_of_speckle(eye: ImagedEye, display: Display, spread: float) -> Display:
-    """Return a logarithmic scale on which the wall's speckle spreads `spread` times less, as one look does."""
+    """Return a logarithmic scale on which the wall's speckle spreads `spread` times
+    less, as one look does.
+    """
     counts = air_counts(eye)
     range_db = display.range_db.value / spread
     low_db, median_db, high_db = np.quantile(counts[np.isfinite(counts)], QUARTILES) * (
@@ -438,7 +452,9 @@ def display_of_speckle(eye: ImagedEye, display: Display, spread: float) -> Displ
 def _ends_db(
     kind: DisplayKind, per_unit: float, zero: float, top: int
 ) -> tuple[float, float]:
-    """Return the level of count 0 over the mean noise, and from there to the largest count, dB."""
+    """Return the level of count 0 over the mean noise, and from there to the largest
+    count, dB.
+    """
     floor_db, top_db = kind.level_db((np.array([0.0, top]) - zero) / per_unit)
     floor_db = max(floor_db, DARKEST_DB) if kind is not LOGARITHMIC else floor_db
     return float(floor_db), float(top_db - floor_db)
@@ -447,13 +463,15 @@ def _ends_db(
 def _scale(
     noise: Floats, eye: ImagedEye, kind: DisplayKind
 ) -> tuple[float, float, float]:
-    """Return counts for each unit of shown intensity, the count of darkness, and the misfit, dB."""
+    """Return counts for each unit of shown intensity, the count of darkness, and the
+    misfit, dB.
+    """
     counts = noise[np.isfinite(noise)]
     cut = float(np.mean(counts <= 0))
     if cut > MOST_CUT:
         raise FrameError(
-            f"{eye.name}: {cut:.0%} of the noise above the tissue is black: the display's floor hides it; "
-            "show the frames with a lower floor"
+            f"{eye.name}: {cut:.0%} of the noise above the tissue is black: the"
+            " display's floor hides it; show the frames with a lower floor"
         )
 
     share = np.linspace(max(LOWEST, cut + 0.02), HIGHEST, SHARES)
@@ -463,7 +481,8 @@ def _scale(
 
     if np.subtract(*np.quantile(counts, (0.75, 0.25))) < LEAST_COUNTS:
         raise FrameError(
-            f"{eye.name}: the air above the tissue is of one colour: there is no noise in it to measure"
+            f"{eye.name}: the air above the tissue is of one colour: there is no noise"
+            " in it to measure"
         )
 
     misfit = np.std(found - line.intercept - line.slope * expected) / line.slope
@@ -497,9 +516,8 @@ def find_lines(eye: ImagedEye, display: Display) -> tuple[Line, ...]:
     peaks, _ = find_peaks(
         level_db, height=max(LINE_DB, LINE_SDS * deviation), distance=REACH
     )
-    mirrored = np.concatenate(
-        [[0.0], np.geomspace(1e-2, 1e5, 400)]
-    )  # light over the mean noise, of a median level
+    # light over the mean noise, of a median level
+    mirrored = np.concatenate([[0.0], np.geomspace(1e-2, 1e5, 400)])
     median_db = 10.0 * np.log10(ncx2.median(2, 2.0 * mirrored) / 2.0) - MEDIAN_DB
     light = np.interp(level_db, median_db, mirrored)
     found = [_fitted_line(eye, rows, light, int(peak)) for peak in peaks]
@@ -508,7 +526,9 @@ def find_lines(eye: ImagedEye, display: Display) -> tuple[Line, ...]:
 
 
 def _fitted_line(eye: ImagedEye, rows: Places, light: Floats, peak: int) -> Line | None:
-    """Return the line at a peak of the rows' light over the noise; None if it is too wide."""
+    """Return the line at a peak of the rows' light over the noise; None if it is too
+    wide.
+    """
     near = slice(max(peak - REACH, 0), peak + REACH + 1)
     found = fitted_curve(
         lambda row, middle, gain, sigma: (

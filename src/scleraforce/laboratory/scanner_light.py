@@ -1,4 +1,6 @@
-"""The light that a scanner shows: of the wall, the layer below, shadows, the surface's reflection, speckle."""
+"""The light that a scanner shows: of the wall, the layer below, shadows, the surface's
+reflection, speckle.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -48,7 +50,9 @@ class WallLight:
     """Light in the wall of a frame."""
 
     levels: Floats  # (row, column), dB over the mean noise
-    expected: Floats  # (row, column), mean intensity of the wall over the noise, without the columns' own light
+    # (row, column), mean intensity of the wall over the noise, without the columns' own
+    # light
+    expected: Floats
     column_db: Floats  # (column,), against the typical one, NaN without a wall
     clear: Flags  # (column,), has an unshaded wall
     snr_db: Estimate
@@ -63,7 +67,9 @@ class WallLight:
 def depth_profile(
     levels: Floats, depth_m: Floats, chosen: Flags, bin_m: float
 ) -> tuple[Floats, Floats, Floats]:
-    """Return each bin's mean depth, its mean level in dB (from the median), and its number of pixels."""
+    """Return each bin's mean depth, its mean level in dB (from the median), and its
+    number of pixels.
+    """
     number = np.floor(depth_m[chosen] / bin_m).astype(np.intp)
     order = np.argsort(number, kind="stable")
     bins, start = np.unique(number[order], return_index=True)
@@ -115,7 +121,9 @@ def light_in_wall(eye: ImagedEye, display: Display) -> WallLight:
 def _fit_light(
     eye: ImagedEye, levels: Floats, depth_m: Floats, chosen: Flags, display: Display
 ) -> tuple[Floats, Floats]:
-    """Return level at the surface, dB, and attenuation, 1/m, with their standard errors."""
+    """Return level at the surface, dB, and attenuation, 1/m, with their standard
+    errors.
+    """
     at_m, found_db, count = depth_profile(
         levels, depth_m, chosen, max(BIN_M, eye.row_m)
     )
@@ -169,7 +177,9 @@ def _column_light(eye: ImagedEye, residual_db: Floats, inside: Flags) -> Floats:
 
 
 def _dips(eye: ImagedEye, column_db: Floats) -> Floats:
-    """Return the columns' light without its slow changes, a median over more than a shadow's width, dB."""
+    """Return the columns' light without its slow changes, a median over more than a
+    shadow's width, dB.
+    """
     slow = np.full(len(column_db), np.nan)
     columns = np.flatnonzero(np.isfinite(column_db))
     width = max(3, round(BASE_M / eye.scale.lateral_m) | 1)
@@ -181,7 +191,9 @@ def _dips(eye: ImagedEye, column_db: Floats) -> Floats:
 
 
 def roll_off(eye: ImagedEye, tissue: WallLight) -> Measured:
-    """Return the fall of the columns' light with their surface's depth, dB/m: of roll-off, focus, and the angle."""
+    """Return the fall of the columns' light with their surface's depth, dB/m: of
+    roll-off, focus, and the angle.
+    """
     used = tissue.clear & (eye.slope_rad < FACING_RAD)
     depth_m = eye.surface_row[used] * eye.scale.depth_m
     if np.count_nonzero(used) < LEAST_IN_BIN or np.ptp(depth_m) < LEAST_REACH_M:
@@ -210,9 +222,8 @@ LAYER_COLUMNS = 50
 STEEPEST_RAD = 0.35  # of the surface: beyond, the light's way through the wall grows
 MOST_LEVEL_ERROR_DB = 1.5
 MOST_SHARE = 0.3
-LEAST_SEEN_DB = (
-    1.0  # over the noise: the layer's end must be brighter than that, to be one
-)
+# over the noise: the layer's end must be brighter than that, to be one
+LEAST_SEEN_DB = 1.0
 NO_INNER = "the wall's inner boundary is not seen"
 BLURRED = "the layer below the wall is uneven or too dark"
 NO_END = "the layer below the wall fades into the noise before it ends"
@@ -221,7 +232,9 @@ NO_END = "the layer below the wall fades into the noise before it ends"
 def layer_below(
     eye: ImagedEye, display: Display, tissue: WallLight
 ) -> tuple[Measured, Measured, Measured]:
-    """Return level against the wall, dB, attenuation, 1/m, and thickness along the depth, m."""
+    """Return level against the wall, dB, attenuation, 1/m, and thickness along the
+    depth, m.
+    """
     columns = tissue.clear & (eye.slope_rad < STEEPEST_RAD)
     attenuation = tissue.attenuation_per_m
     few = np.count_nonzero(columns) < LAYER_COLUMNS
@@ -306,7 +319,9 @@ SHADOW_COLUMNS = 2
 
 
 def find_shadows(eye: ImagedEye, tissue: WallLight) -> tuple[Shadow, ...]:
-    """Return the shadows on a frame's wall, from left to right; none is within a wider one, which speckle cuts."""
+    """Return the shadows on a frame's wall, from left to right; none is within a wider
+    one, which speckle cuts.
+    """
     light_db = _dips(eye, tissue.column_db)
     known = np.isfinite(light_db)
     deviation = robust_spread(np.abs(light_db[known]))
@@ -351,7 +366,7 @@ def _fitted_shadow(eye: ImagedEye, light_db: Floats, place: slice) -> Shadow | N
     if found is None or not found[1][2] < MOST_LOSS_ERROR:
         return None
 
-    (column, width, loss, _) = map(float, found[0])
+    column, width, loss, _ = map(float, found[0])
     lateral_m = eye.scale.lateral_m
     centre_m = (column + 0.5) * lateral_m - lateral_m * len(light_db) / 2
     return Shadow(centre_m=centre_m, width_m=width * lateral_m, loss_fraction=loss)
@@ -372,7 +387,9 @@ SURE = 2.0  # standard errors over which a correlation is one
 def resolutions(
     eye: ImagedEye, display: Display, tissue: WallLight
 ) -> tuple[Measured, Measured]:
-    """Return axial and lateral resolution: full widths at half maximum of the intensity, m of the frame."""
+    """Return axial and lateral resolution: full widths at half maximum of the
+    intensity, m of the frame.
+    """
     expected_db = tissue.expected_db
     chosen = (expected_db > SPECKLE_DB) & (
         expected_db < display.highest_db - UNDER_TOP_DB
@@ -399,7 +416,9 @@ def resolutions(
 
 
 def drawn_correlation(sigma: float, lags: int) -> Floats:
-    """Return the correlation of drawn intensities at `lags` lags from 0; `sigma`: of the amplitude, pixels."""
+    """Return the correlation of drawn intensities at `lags` lags from 0; `sigma`: of
+    the amplitude, pixels.
+    """
     reach = int(np.ceil(3.5 * sigma))
     kernel = np.exp(-((np.arange(-reach, reach + 1) / sigma) ** 2) / 2)
     field = np.correlate(kernel, kernel, "full")[2 * reach :] / (kernel @ kernel)
@@ -407,7 +426,9 @@ def drawn_correlation(sigma: float, lags: int) -> Floats:
 
 
 def _autocorrelation(speckle: Floats, chosen: Flags) -> tuple[Floats, Floats]:
-    """Return the autocorrelation of the chosen pixels along columns and along rows, from lag 0."""
+    """Return the autocorrelation of the chosen pixels along columns and along rows,
+    from lag 0.
+    """
     shape = [next_fast_len(size + FAR, real=True) for size in speckle.shape]
     power, pairs = (
         irfft2(np.abs(rfft2(values, shape)) ** 2, shape)
@@ -421,7 +442,9 @@ def _autocorrelation(speckle: Floats, chosen: Flags) -> tuple[Floats, Floats]:
 
 
 def _width(correlation: Floats, share: float, pixels: int, pixel_m: float) -> Measured:
-    """Return the full width of the intensity's spread, m, from the autocorrelation of the speckle in dB."""
+    """Return the full width of the intensity's spread, m, from the autocorrelation of
+    the speckle in dB.
+    """
     fallen = np.flatnonzero(correlation < 0.15)
     if not len(fallen) or fallen[0] * 3 > FAR:
         return Unmeasured("the wall's texture is coarser than speckle")
@@ -470,7 +493,9 @@ def _width(correlation: Floats, share: float, pixels: int, pixel_m: float) -> Me
 
 
 def _of_logarithms(rho: Floats) -> Floats:
-    """Return the correlation of the logarithms of exponential intensities of correlation rho."""
+    """Return the correlation of the logarithms of exponential intensities of
+    correlation rho.
+    """
     return spence(1.0 - rho) / spence(0.0)
 
 
@@ -483,15 +508,15 @@ NORMAL_RAD = 0.05
 STEEP_RAD = 0.2
 FARTHEST_RAD = 0.4  # beyond, the surface leaves the picture, or is found less well
 SURFACE_COLUMNS = 20
-MOST_AT_TOP = (
-    0.05  # of the columns near the normal may reach the display's largest count
-)
+# of the columns near the normal may reach the display's largest count
+MOST_AT_TOP = 0.05
 MOST_ERROR_DB = 1.5
 MOST_ANGLE_SHARE = 0.35
 SPREAD = 2.0  # of the angle over its fit's standard error: neighbours are alike
 # angle; deviation of the surface that was found
 START_RAD = 0.1
 START_ROWS = 0.3
+# slopes between which the offset of that surface changes evenly
 KNOTS_RAD = (
     0.0,
     0.05,
@@ -499,13 +524,15 @@ KNOTS_RAD = (
     0.15,
     0.25,
     0.4,
-)  # slopes between which the offset of that surface changes evenly
+)
 WEAK = "the surface hardly reflects over its speckle"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SurfaceLight:
-    """Pixels about a frame's surface, (pixel,): its slope, rows `below` it, `light` over the speckle of the column."""
+    """Pixels about a frame's surface, (pixel,): its slope, rows `below` it, `light`
+    over the speckle of the column.
+    """
 
     slope_rad: Floats
     below: Floats
@@ -558,7 +585,9 @@ def surface_light(
 
 
 def reflections(frames: Sequence[SurfaceLight]) -> tuple[list[Measured], Measured]:
-    """Return each frame's reflection at normal incidence over its speckle, dB, and the angle of a fall to 1/e, rad."""
+    """Return each frame's reflection at normal incidence over its speckle, dB, and the
+    angle of a fall to 1/e, rad.
+    """
     usable = [frame for frame in frames if not frame.fault]
     if not usable:
         return [Unmeasured(frame.fault) for frame in frames], Unmeasured(
@@ -575,15 +604,19 @@ def reflections(frames: Sequence[SurfaceLight]) -> tuple[list[Measured], Measure
         )
         if isinstance(angle, Estimate):
             strengths = [_strength(frame, pooled[0]) for frame in frames]
-            return strengths, angle if any(
-                isinstance(each, Estimate) for each in strengths
-            ) else Unmeasured(WEAK)
+            return strengths, (
+                angle
+                if any(isinstance(each, Estimate) for each in strengths)
+                else Unmeasured(WEAK)
+            )
 
     return [Unmeasured(frame.fault or WEAK) for frame in frames], Unmeasured(WEAK)
 
 
 def _strength(frame: SurfaceLight, pooled: Floats) -> Measured:
-    """Return a frame's reflection, at the angle and the surface's deviation of all frames."""
+    """Return a frame's reflection, at the angle and the surface's deviation of all
+    frames.
+    """
     if frame.fault:
         return Unmeasured(frame.fault)
 
@@ -600,7 +633,8 @@ def _strength(frame: SurfaceLight, pooled: Floats) -> Measured:
     )
 
 
-# Reflection over the speckle; its angle, rad; deviation of the found surface, rows; depth of the true one below it.
+# Reflection over the speckle; its angle, rad; deviation of the found surface, rows;
+# depth of the true one below it.
 LOW = np.array([0.0, 0.01, 0.05] + [-3.0] * len(KNOTS_RAD))
 HIGH = np.array([1e4, 1.0, 3.0] + [3.0] * len(KNOTS_RAD))
 NEAR_END = 0.95  # of the largest angle: a fit that runs there has not found one
@@ -609,7 +643,9 @@ NEAR_END = 0.95  # of the largest angle: a fit that runs there has not found one
 def _fit_reflection(
     frames: Sequence[SurfaceLight], start: Floats, free: slice = slice(None)
 ) -> tuple[Floats, Floats] | None:
-    """Fit the light of frames' pixels; return values (see LOW) and errors, or None; those not free keep their start."""
+    """Fit the light of frames' pixels; return values (see LOW) and errors, or None;
+    those not free keep their start.
+    """
     slope, below, light, sigma, noise = (
         np.concatenate(
             [
@@ -648,7 +684,9 @@ def _fit_reflection(
 
 
 def _seen(slope: Floats, below: Floats, sigma: Floats, parameters: Floats) -> Floats:
-    """Return the mean light of pixels about the surface, over the speckle: the step of the wall, and the ridge."""
+    """Return the mean light of pixels about the surface, over the speckle: the step of
+    the wall, and the ridge.
+    """
     gain, angle, deviation = parameters[:3]
     share = np.exp(-((slope / angle) ** 2))
     rows = below - np.interp(slope, KNOTS_RAD, parameters[3:])

@@ -1,4 +1,6 @@
-"""The tissue of a scene: the picture that it is drawn into, the rays that look into an eye, the layers of the eye."""
+"""The tissue of a scene: the picture that it is drawn into, the rays that look into an
+eye, the layers of the eye.
+"""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -17,9 +19,11 @@ ROUNDS = 5  # of the search for a ray's crossing with a curve
 
 @dataclass(frozen=True)
 class Rays:
-    """The rays of a frame's columns below the tissue's surface, of a depth and a slope; (column,), NaN without tissue.
+    """The rays of a frame's columns below the tissue's surface, of a depth and a slope;
+    (column,), NaN without tissue.
 
-    A ray goes `sideways` and `downwards` (a unit vector); a point l along it is seen `stretch` l below the surface.
+    A ray goes `sideways` and `downwards` (a unit vector); a point l along it is seen
+    `stretch` l below the surface.
     """
 
     window: Window
@@ -30,7 +34,9 @@ class Rays:
     stretch: float
 
     def row(self, height_m: Floats) -> Floats:
-        """Return the row, (column,), at which a curve below the surface is seen; `height_m`: at `window.grid_m`."""
+        """Return the row, (column,), at which a curve below the surface is seen;
+        `height_m`: at `window.grid_m`.
+        """
         length_m = (
             np.interp(self.window.lateral_m, self.window.grid_m, height_m)
             - self.surface_m
@@ -49,7 +55,9 @@ class Rays:
 
 
 def rays_below(height_m: Floats, window: Window, refractive_index: float) -> Rays:
-    """Return the rays below a surface (Snell's law); an index of 1 leaves them straight: of a corrected picture."""
+    """Return the rays below a surface (Snell's law); an index of 1 leaves them
+    straight: of a corrected picture.
+    """
     surface_m = np.interp(window.lateral_m, window.grid_m, height_m)
     slope = np.interp(
         window.lateral_m, window.grid_m, np.arctan(np.gradient(height_m, window.grid_m))
@@ -63,14 +71,18 @@ def rays_below(height_m: Floats, window: Window, refractive_index: float) -> Ray
 
 
 def heights(points: Floats, window: Window) -> Floats:
-    """Return the depth of a curve from left to right at `window.grid_m`, NaN beyond its ends; folds are bridged."""
+    """Return the depth of a curve from left to right at `window.grid_m`, NaN beyond its
+    ends; folds are bridged.
+    """
     lateral_m = np.maximum.accumulate(points[:, 0])
     return np.interp(window.grid_m, lateral_m, points[:, 1], left=np.nan, right=np.nan)
 
 
 @dataclass(frozen=True)
 class Ridge:
-    """A thin bright curve (column,): row, intensity over the noise; a `shadowed` one loses the light lost above."""
+    """A thin bright curve (column,): row, intensity over the noise; a `shadowed` one
+    loses the light lost above.
+    """
 
     row: Floats
     intensity: Floats
@@ -80,7 +92,9 @@ class Ridge:
 
 @dataclass(frozen=True)
 class Picture:
-    """A drawing (rows + above, columns): backscatter over the mean noise, loss of its logarithm, ridges, lids."""
+    """A drawing (rows + above, columns): backscatter over the mean noise, loss of its
+    logarithm, ridges, lids.
+    """
 
     window: Window
     scatter: Singles
@@ -94,7 +108,9 @@ class Picture:
         return np.arange(len(self.scatter), dtype=np.float32)[:, None] + np.float32(0.5)
 
     def inside(self, top: Floats, bottom: Floats) -> Flags:
-        """Return the pixels between two curves, given as rows (column,); none where one is NaN."""
+        """Return the pixels between two curves, given as rows (column,); none where one
+        is NaN.
+        """
         rows = self.rows
         return (rows >= top.astype(np.float32)) & (rows < bottom.astype(np.float32))
 
@@ -106,7 +122,9 @@ class Picture:
         attenuation_per_m: float,
         stretch: float,
     ) -> None:
-        """Replace the tissue between two curves (rows); `stretch`: optical over geometric depth."""
+        """Replace the tissue between two curves (rows); `stretch`: optical over
+        geometric depth.
+        """
         within = self.inside(top, bottom)
         np.copyto(self.scatter, np.asarray(intensity, dtype=np.float32), where=within)
         np.copyto(
@@ -116,7 +134,9 @@ class Picture:
         )
 
     def brighten(self, top: Floats, bottom: Floats, gain: Floats) -> None:
-        """Multiply the backscatter between two curves (rows) by a gain, (column,) or (row, column)."""
+        """Multiply the backscatter between two curves (rows) by a gain, (column,) or
+        (row, column).
+        """
         np.multiply(
             self.scatter,
             gain,
@@ -126,7 +146,9 @@ class Picture:
         )
 
     def fade(self, top: Floats, intensity: Floats, length_rows: float) -> None:
-        """Add backscatter that fades below a curve (rows, (column,)), from an intensity (column,) on."""
+        """Add backscatter that fades below a curve (rows, (column,)), from an intensity
+        (column,) on.
+        """
         depth = self.rows - top.astype(np.float32)
         light = intensity.astype(np.float32) * np.exp(
             np.maximum(depth, 0.0) * np.float32(-1.0 / length_rows)
@@ -149,7 +171,8 @@ LENS_LAYERS = 1.0, 0.82, 0.6  # cortex to nucleus: their size over the lens'
 ALONG = np.linspace(0.0, 1.0, 60)  # the iris, from its root to the pupil
 SIDES = (-1.0, 1.0)
 GRAIN_M = 0.15e-3  # of an iris
-COVERED_M = 1e-3  # along the surface from the limbus on: the conjunctiva thickens over that length
+# along the surface from the limbus on: the conjunctiva thickens over that length
+COVERED_M = 1e-3
 RIDGE_ROWS = 0.45  # half width of a mirror reflection
 WALL_LAYERS = 10  # of even thickness, that the wall is drawn as
 PROFILE_WAVES = 1.5  # of its brightness over its depth, at most
@@ -157,7 +180,9 @@ PROFILE_WAVES = 1.5  # of its brightness over its depth, at most
 
 @dataclass(frozen=True)
 class Tissue:
-    """A wall drawn into a picture: its rows there, (column,), NaN without wall; `surface` may be the conjunctiva's."""
+    """A wall drawn into a picture: its rows there, (column,), NaN without wall;
+    `surface` may be the conjunctiva's.
+    """
 
     study: SceneTissueStudy
     wall: DrawnWall
@@ -184,7 +209,9 @@ class Tissue:
         self.picture.fill(top, bottom, intensity, attenuation_per_m, self.rays.stretch)
 
     def facing(self) -> Floats:
-        """Return the share of a mirror reflection that reaches the scanner, (column,)."""
+        """Return the share of a mirror reflection that reaches the scanner,
+        (column,).
+        """
         return np.exp(
             -(
                 (self.rays.slope_rad / draw(self.study.reflection_angle_rad, self.rng))
@@ -193,7 +220,9 @@ class Tissue:
         )
 
     def cornea(self, share: float) -> Floats:
-        """Return the cornea's part (0: all sclera) in the light at a share of the wall's depth, (column,)."""
+        """Return the cornea's part (0: all sclera) in the light at a share of the
+        wall's depth, (column,).
+        """
         if self.wall.limbus is None:
             return np.zeros(len(self.outer))
 
@@ -260,7 +289,9 @@ def draw_tissue(
 def _conjunctiva(
     study: SceneTissueStudy, wall: DrawnWall, rng: np.random.Generator
 ) -> Floats:
-    """Return the thickness of the conjunctiva with Tenon's layer, (point,), m; 0 over the cornea, and in some eyes."""
+    """Return the thickness of the conjunctiva with Tenon's layer, (point,), m; 0 over
+    the cornea, and in some eyes.
+    """
     thickness_m = draw(study.conjunctiva_m, rng)
     if rng.random() >= study.conjunctiva_share:
         return np.zeros(len(wall.arc_m))
@@ -278,7 +309,9 @@ def _conjunctiva(
 
 
 def _fill_inside(tissue: Tissue) -> None:
-    """Fill the inside of the eye: haze, light below the sclera, iris and lens, ciliary body and choroid."""
+    """Fill the inside of the eye: haze, light below the sclera, iris and lens, ciliary
+    body and choroid.
+    """
     study = tissue.study
     rng = tissue.rng
     wall = tissue.wall
@@ -306,7 +339,9 @@ def _fill_inside(tissue: Tissue) -> None:
 
 
 def _fade_below(tissue: Tissue, top: Floats, level: Floats) -> None:
-    """Let the light of tissue, of a level (column,) over the sclera's, fade below its lower end, in some scenes."""
+    """Let the light of tissue, of a level (column,) over the sclera's, fade below its
+    lower end, in some scenes.
+    """
     study = tissue.study
     rng = tissue.rng
     length_m = draw(study.below_m, rng)
@@ -318,7 +353,9 @@ def _fade_below(tissue: Tissue, top: Floats, level: Floats) -> None:
 
 
 def _uvea(study: SceneTissueStudy, wall: DrawnWall, rng: np.random.Generator) -> Floats:
-    """Return the thickness of ciliary body and choroid, (point,), m; they begin at the scleral spur."""
+    """Return the thickness of ciliary body and choroid, (point,), m; they begin at the
+    scleral spur.
+    """
     choroid_m, ciliary_m, length_m = (
         draw(v, rng) for v in (study.choroid_m, study.ciliary_m, study.ciliary_length_m)
     )
@@ -335,7 +372,9 @@ def _uvea(study: SceneTissueStudy, wall: DrawnWall, rng: np.random.Generator) ->
 
 
 def _fill_uvea(tissue: Tissue, thickness_m: Floats) -> None:
-    """Fill ciliary body and choroid; a dark gap parts a layer that is as bright as the sclera from it."""
+    """Fill ciliary body and choroid; a dark gap parts a layer that is as bright as the
+    sclera from it.
+    """
     study = tissue.study
     rng = tissue.rng
     wall = tissue.wall
@@ -362,7 +401,9 @@ def _fill_uvea(tissue: Tissue, thickness_m: Floats) -> None:
 
 
 def _fill_iris_and_lens(tissue: Tissue, limbus: Limbus, uvea_m: Floats) -> None:
-    """Fill the iris, which begins on the face of the ciliary body, and the lens behind it."""
+    """Fill the iris, which begins on the face of the ciliary body, and the lens behind
+    it.
+    """
     study = tissue.study
     rng = tissue.rng
     wall = tissue.wall
@@ -397,7 +438,9 @@ def _fill_iris_and_lens(tissue: Tissue, limbus: Limbus, uvea_m: Floats) -> None:
 def _fill_iris(
     tissue: Tissue, roots: dict[float, Floats], down: Floats, plane_m: float
 ) -> None:
-    """Fill both halves of the iris, from their roots (side: place in the frame) to the pupil, and their pigment."""
+    """Fill both halves of the iris, from their roots (side: place in the frame) to the
+    pupil, and their pigment.
+    """
     study = tissue.study
     rng = tissue.rng
     wall = tissue.wall
@@ -456,7 +499,9 @@ def _crypts(
 
 
 def _fill_lens(tissue: Tissue, plane_m: float) -> None:
-    """Fill the lens, its layers within each other, with the bright layers of its capsule."""
+    """Fill the lens, its layers within each other, with the bright layers of its
+    capsule.
+    """
     study = tissue.study
     rng = tissue.rng
     rays = tissue.rays
@@ -465,9 +510,8 @@ def _fill_lens(tissue: Tissue, plane_m: float) -> None:
     lateral = np.linspace(-LENS_HALF_M, LENS_HALF_M, 40)
     sag = radius_m - np.sqrt(radius_m**2 - lateral**2)
     half_m = sag[0] + draw(study.lens_rim_m, rng) / 2
-    depth_m = (half_m - sag) * np.sqrt(
-        1.0 - (lateral / LENS_HALF_M) ** 8
-    )  # a round equator
+    # a round equator
+    depth_m = (half_m - sag) * np.sqrt(1.0 - (lateral / LENS_HALF_M) ** 8)
     outline = np.concatenate(
         [np.stack([lateral, -depth_m], 1), np.stack([lateral, depth_m], 1)[::-1]]
     )
@@ -490,9 +534,8 @@ def _fill_lens(tissue: Tissue, plane_m: float) -> None:
     capsule_rows = (
         draw(study.capsule_m, rng) * rays.stretch / tissue.picture.window.pixel_m
     )
-    turned = ratios(
-        -20.0 * np.minimum(np.abs(rays.slope_rad), 1.0)
-    )  # its mirror reflection is lost at a slope
+    # its mirror reflection is lost at a slope
+    turned = ratios(-20.0 * np.minimum(np.abs(rays.slope_rad), 1.0))
     capsule = tissue.light(draw(study.capsule_db, rng)) * turned
     tissue.fill(top, np.minimum(top + capsule_rows, bottom), capsule, 0.0)
     tissue.fill(
@@ -504,7 +547,9 @@ def _fill_lens(tissue: Tissue, plane_m: float) -> None:
 
 
 def outline_depths(outline: Floats, lateral_m: Floats) -> Floats:
-    """Return the depths (2, place) between which a closed outline is seen, NaN outside of it."""
+    """Return the depths (2, place) between which a closed outline is seen, NaN outside
+    of it.
+    """
     crossings = column_crossings(
         np.concatenate([outline, outline[:1]]), lateral_m
     ).astype(np.float64)
@@ -513,7 +558,9 @@ def outline_depths(outline: Floats, lateral_m: Floats) -> Floats:
 
 
 def _between(tissue: Tissue, outline: Floats) -> tuple[Floats, Floats]:
-    """Return the rows between which a closed outline inside the wall is seen, (column,), NaN outside of it."""
+    """Return the rows between which a closed outline inside the wall is seen,
+    (column,), NaN outside of it.
+    """
     top, bottom = map(
         tissue.rays.row, outline_depths(outline, tissue.rays.window.grid_m)
     )
@@ -521,7 +568,9 @@ def _between(tissue: Tissue, outline: Floats) -> tuple[Floats, Floats]:
 
 
 def _fill_wall(tissue: Tissue) -> None:
-    """Fill the wall, layer by layer; the cornea's backscatter falls with the angle of the light to its normal."""
+    """Fill the wall, layer by layer; the cornea's backscatter falls with the angle of
+    the light to its normal.
+    """
     study = tissue.study
     rng = tissue.rng
     outer = tissue.outer
@@ -551,7 +600,9 @@ def _fill_wall(tissue: Tissue) -> None:
 
 
 def _fill_faces(tissue: Tissue, cornea_db: Floats) -> None:
-    """Draw the cornea's two faces: its epithelium, and the mirror reflection of its inner boundary."""
+    """Draw the cornea's two faces: its epithelium, and the mirror reflection of its
+    inner boundary.
+    """
     study = tissue.study
     rng = tissue.rng
     outer = tissue.outer
@@ -601,7 +652,9 @@ def _grains(
     length_m: float = GRAIN_M,
     height_m: float = GRAIN_M,
 ) -> Singles:
-    """Return smooth grains of unit variance at their middles, of a size, (row, column)."""
+    """Return smooth grains of unit variance at their middles, of a size, (row,
+    column).
+    """
     window = picture.window
     shape = picture.scatter.shape
     across = round(window.width_m / length_m)

@@ -1,4 +1,6 @@
-"""The frame of a scene and the wall in it: a meridian that bends as cornea and sclera do, its dents, its pose."""
+"""The frame of a scene and the wall in it: a meridian that bends as cornea and sclera
+do, its dents, its pose.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,7 +12,8 @@ from scleraforce.arrays import Floats
 from scleraforce.laboratory.light import Pose, drawn
 from scleraforce.study import SceneEyeStudy, SceneWindowStudy, draw
 
-ABOVE_SHARE = 0.25  # of the frame's rows that are drawn above the zero delay, and mirrored from there
+# of the frame's rows that are drawn above the zero delay, and mirrored from there
+ABOVE_SHARE = 0.25
 # of the frame's width that curves are known beyond it; points of their grid
 BEYOND_SHARE = 0.35
 GRID_POINTS = 512
@@ -18,7 +21,9 @@ GRID_POINTS = 512
 
 @dataclass(frozen=True, kw_only=True)
 class Window:
-    """A frame and `above` more rows over it; laterals are from the frame's middle, depths from its top edge, m."""
+    """A frame and `above` more rows over it; laterals are from the frame's middle,
+    depths from its top edge, m.
+    """
 
     rows: int
     columns: int
@@ -44,19 +49,25 @@ class Window:
 
     @cached_property
     def grid_m(self) -> Floats:
-        """Evenly spaced lateral positions of stored curves, m; they reach beyond the frame."""
+        """Evenly spaced lateral positions of stored curves, m; they reach beyond the
+        frame.
+        """
         half_m = self.width_m * (0.5 + BEYOND_SHARE)
         return np.linspace(-half_m, half_m, GRID_POINTS)
 
     def row(self, depth_m: Floats) -> Floats:
-        """Return depths as rows of the drawing, those above the frame included; pixel r covers r to r + 1."""
+        """Return depths as rows of the drawing, those above the frame included; pixel r
+        covers r to r + 1.
+        """
         return depth_m / self.pixel_m + self.above
 
 
 def draw_window(study: SceneWindowStudy, rng: np.random.Generator) -> Window:
-    """Draw a frame's size and pixels; the logarithm of its depth's share of its width is even."""
+    """Draw a frame's size and pixels; the logarithm of its depth's share of its width
+    is even.
+    """
     width_m = draw(study.width_m, rng)
-    (least, most) = study.depth_share.bounds
+    least, most = study.depth_share.bounds
     depth_m = width_m * float(np.exp(rng.uniform(np.log(least), np.log(most))))
     finest_m, coarsest_m = study.pixel_m.bounds
     rows = round(
@@ -76,15 +87,16 @@ REACH_M = 18e-3
 MAX_SLOPE_RAD = 1.15  # of the surface in the frame: where it is steeper the wall ends
 WAVES = 3
 SPUR_M = 0.2e-3  # half width of the scleral spur along the surface
-STEEPEST_DENT = (
-    2.0  # depth of a dent over its width, at most: its side slopes by 50 degrees
-)
+# depth of a dent over its width, at most: its side slopes by 50 degrees
+STEEPEST_DENT = 2.0
 CENTRED_SHARE = 0.1  # of the range of places: a view of the apex
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limbus:
-    """The border of cornea and sclera, along the surface from the apex; `[scenes.eye]` explains its lengths."""
+    """The border of cornea and sclera, along the surface from the apex; `[scenes.eye]`
+    explains its lengths.
+    """
 
     arc_m: float
     width_m: float
@@ -99,7 +111,9 @@ class Limbus:
         return _falling(np.abs(arc_m) - self.arc_m, self.width_m)
 
     def cornea(self, arc_m: Floats, share: float) -> Floats:
-        """Return the part of the cornea (1; 0: of the sclera) in the light at a share of the wall's depth."""
+        """Return the part of the cornea (1; 0: of the sclera) in the light at a share
+        of the wall's depth.
+        """
         reach_m = self.slant_m * (share - 0.5) + self.wedge_m * (
             1.0 - abs(2.0 * share - 1.0)
         )
@@ -127,7 +141,9 @@ class DrawnWall:
     dent_m: float | None  # lateral place of a dent
 
     def offset(self, depth_m: Floats) -> Floats:
-        """Return the curve at depths below the surface along its normal, (point, 2), m."""
+        """Return the curve at depths below the surface along its normal, (point, 2),
+        m.
+        """
         return self.outer + depth_m[:, None] * self.normal
 
 
@@ -206,7 +222,9 @@ def _slope(
     limbus: Limbus | None,
     rng: np.random.Generator,
 ) -> Floats:
-    """Return the angle of the meridian against the lateral axis: the integral of its curvature, and the sulcus."""
+    """Return the angle of the meridian against the lateral axis: the integral of its
+    curvature, and the sulcus.
+    """
     radius_m = draw(eye.cornea_radius_m, rng)
     sclera_m = draw(eye.sclera_radius_m, rng)
     slope = np.cumsum(cornea / radius_m + (1.0 - cornea) / sclera_m) * STEP_M
@@ -229,7 +247,9 @@ def _dented(
     view_m: float,
     rng: np.random.Generator,
 ) -> tuple[float | None, Floats]:
-    """Push a needle into the meridian, near the middle of the view; return the dent's arc and the meridian."""
+    """Push a needle into the meridian, near the middle of the view; return the dent's
+    arc and the meridian.
+    """
     if rng.random() >= eye.dent_share:
         return None, outer
 
@@ -249,7 +269,9 @@ def _dented(
 def _pose(
     outer: Floats, at: int, turn_rad: float, surface_share: float, window: Window
 ) -> Pose:
-    """Return the pose that puts the point of the view in the middle and the surface at its depth."""
+    """Return the pose that puts the point of the view in the middle and the surface at
+    its depth.
+    """
     turned = Pose(lateral_m=0.0, depth_m=0.0, tilt_rad=turn_rad).place_points(outer)
     lateral_m = -float(turned[at, 0])
     inside = np.abs(turned[:, 0] + lateral_m) < window.width_m / 2
@@ -263,7 +285,9 @@ def _pose(
 
 
 def _seen_from_above(placed: Floats) -> slice:
-    """Return the points around the frame's middle up to where the surface is too steep."""
+    """Return the points around the frame's middle up to where the surface is too
+    steep.
+    """
     step = np.diff(placed, axis=0)
     steep = np.arctan2(np.abs(step[:, 1]), step[:, 0]) > MAX_SLOPE_RAD
     middle = int(np.abs(placed[:, 0]).argmin())

@@ -1,4 +1,6 @@
-"""Scenes: numbered raw frames of front eyes as a scanner shows them, with their scale and the true wall."""
+"""Scenes: numbered raw frames of front eyes as a scanner shows them, with their scale
+and the true wall.
+"""
 
 from dataclasses import dataclass
 from functools import partial
@@ -87,7 +89,9 @@ class _Over:
 
 
 def draw_over(study: SceneOverStudy, tissue: Tissue) -> None:
-    """Draw things over the tissue and vessels in it; a needle is put into the wall's dent if it has one."""
+    """Draw things over the tissue and vessels in it; a needle is put into the wall's
+    dent if it has one.
+    """
     rng = tissue.rng
     dent_m = tissue.wall.dent_m
     over = _Over(study, tissue)
@@ -111,7 +115,9 @@ def draw_over(study: SceneOverStudy, tissue: Tissue) -> None:
 
 
 def _vessels(over: _Over) -> None:
-    """Take light from columns below vessels, which lie in the upper part of the wall, and below air on it."""
+    """Take light from columns below vessels, which lie in the upper part of the wall,
+    and below air on it.
+    """
     study = over.study
     tissue = over.tissue
     rng = over.rng
@@ -152,7 +158,9 @@ def _smooth_surface(over: _Over) -> Floats:
 
 
 def _contact_lens(over: _Over) -> None:
-    """Draw a lens over the eye, two lines that meet at its edge, the haze in it, and what floats below it."""
+    """Draw a lens over the eye, two lines that meet at its edge, the haze in it, and
+    what floats below it.
+    """
     study = over.study
     rng = over.rng
     middle_m = over.place()
@@ -229,7 +237,9 @@ def _drape(over: _Over) -> None:
 
 
 def _lid(over: _Over, left: bool) -> None:
-    """Draw a lid that comes in from one side above the eye, with its rounded edge, and lashes below it."""
+    """Draw a lid that comes in from one side above the eye, with its rounded edge, and
+    lashes below it.
+    """
     study = over.study
     rng = over.rng
     window = over.picture.window
@@ -276,7 +286,9 @@ def _lash(over: _Over, lateral_m: float) -> None:
 
 
 def _bubble(over: _Over) -> None:
-    """Draw a bubble over the surface: its bright upper and lower side, and its shadow."""
+    """Draw a bubble over the surface: its bright upper and lower side, and its
+    shadow.
+    """
     study = over.study
     rng = over.rng
     radius_m = draw(study.bubble_m, rng)
@@ -304,7 +316,9 @@ def _bubble(over: _Over) -> None:
 
 
 def _needle(over: _Over, tip_m: float) -> None:
-    """Draw a needle in the plane: the bright upper edge of its shaft; metal lets no light through, glass some."""
+    """Draw a needle in the plane: the bright upper edge of its shaft; metal lets no
+    light through, glass some.
+    """
     study = over.study
     rng = over.rng
     angle = draw(study.needle_angle_rad, rng)
@@ -342,9 +356,8 @@ def _needle(over: _Over, tip_m: float) -> None:
 STREAK_SLOPE = 1.2  # of a slanted streak, at most, in pixels
 SAMPLE = 7  # every 7th pixel tells the brightness
 LEAST_LIGHT = 1e-3  # over the noise
-LEVEL_RAD = (
-    0.03  # a surface that lies so nearly across the light reflects into the scanner
-)
+# a surface that lies so nearly across the light reflects into the scanner
+LEVEL_RAD = 0.03
 
 
 def scanned(
@@ -353,7 +366,9 @@ def scanned(
     apex_column: float | None,
     rng: np.random.Generator,
 ) -> tuple[Pixels, Flags]:
-    """Return the frame that a scanner shows of a picture, and its imaged columns (column,), without margins."""
+    """Return the frame that a scanner shows of a picture, and its imaged columns
+    (column,), without margins.
+    """
     looks = draw(study.looks, rng)
     light = _folded(
         study, _field(study, picture, looks, rng), picture.window, looks, rng
@@ -374,7 +389,9 @@ def scanned(
 def _field(
     study: SceneScannerStudy, picture: Picture, looks: float, rng: np.random.Generator
 ) -> Complex:
-    """Return the field of the returning light without noise; looks that move against the tissue average its speckle."""
+    """Return the field of the returning light without noise; looks that move against
+    the tissue average its speckle.
+    """
     window = picture.window
     lines = []
 
@@ -428,7 +445,9 @@ def _field(
 def _fall(
     study: SceneScannerStudy, picture: Picture, rng: np.random.Generator
 ) -> Singles:
-    """Return the light's fall from a place near the middle on: sideways, in a ring, or between both, (row, column)."""
+    """Return the light's fall from a place near the middle on: sideways, in a ring, or
+    between both, (row, column).
+    """
     window = picture.window
     across = (window.lateral_m / (window.width_m / 2) - rng.uniform(-0.2, 0.2)) ** 2
     down = ((picture.rows - window.above) / window.rows * 2.0 - 1.0) ** 2
@@ -446,7 +465,9 @@ def _folded(
     looks: float,
     rng: np.random.Generator,
 ) -> Singles:
-    """Return the frame's intensity over the mean noise, with the part above the zero delay mirrored, and noise."""
+    """Return the frame's intensity over the mean noise, with the part above the zero
+    delay mirrored, and noise.
+    """
     below = field[window.above :]
     above = field[: window.above][::-1]
     if rng.random() < study.mirrored_share:
@@ -470,7 +491,9 @@ def _add_flare(
     apex: float,
     rng: np.random.Generator,
 ) -> None:
-    """Add the vertical stripe of the apex' mirror reflection, over the whole depth, and its ghosts, short and wide."""
+    """Add the vertical stripe of the apex' mirror reflection, over the whole depth, and
+    its ghosts, short and wide.
+    """
     width_m = draw(study.flare_m, rng)
     level_db = draw(study.flare_db, rng)
     across = (np.arange(window.columns) - apex) * window.step_m / width_m
@@ -513,7 +536,9 @@ def _add_streaks(
 def _display(
     study: SceneScannerStudy, light: Singles, rng: np.random.Generator
 ) -> Singles:
-    """Return the counts' share of the largest: of the intensity, its root or its logarithm, then gamma."""
+    """Return the counts' share of the largest: of the intensity, its root or its
+    logarithm, then gamma.
+    """
     sample = light.ravel()[::SAMPLE]
     nth = int((1.0 - draw(study.saturated_fraction, rng)) * (len(sample) - 1))
     white = float(np.partition(sample, nth)[nth])
@@ -534,7 +559,9 @@ def _display(
 def _blacken(
     study: SceneScannerStudy, share: Singles, rng: np.random.Generator
 ) -> Flags:
-    """Lose columns, blacken bands and arcs, put the frame on a page, draw marks; return which columns are imaged."""
+    """Lose columns, blacken bands and arcs, put the frame on a page, draw marks; return
+    which columns are imaged.
+    """
     rows, columns = share.shape
     if rng.random() < study.lost_share:
         first = int(rng.integers(0, columns))
@@ -569,7 +596,9 @@ def _blacken(
 def _put_on_page(
     study: SceneScannerStudy, share: Singles, imaged: Flags, rng: np.random.Generator
 ) -> None:
-    """Draw the page's margins, of one grey, at some sides of a frame; they show nothing (`imaged`)."""
+    """Draw the page's margins, of one grey, at some sides of a frame; they show nothing
+    (`imaged`).
+    """
     level = draw(study.margin_level, rng)
     for side in np.flatnonzero(rng.random(4) < 0.6):
         turned = share.T if side % 2 else share
@@ -633,7 +662,9 @@ LEAST_SEEN = 0.1  # of the columns: a frame that shows less shows no wall
 def judged_columns(
     frame: Pixels, surface: Floats, outer: Floats, inner: Floats
 ) -> tuple[Flags, Flags]:
-    """Return the columns that show wall, and the certain columns, in which no wall is invisible, (column,) each."""
+    """Return the columns that show wall, and the certain columns, in which no wall is
+    invisible, (column,) each.
+    """
     there = np.isfinite(outer)
     kept = seen_columns(frame, surface, inner)
     for (run,) in find_objects(label(kept)[0]):
@@ -655,7 +686,9 @@ def judged_columns(
 
 
 def seen_columns(frame: Pixels, surface: Floats, inner: Floats) -> Flags:
-    """Return the columns with a step of brightness at the tissue's surface or at the wall's end, (column,)."""
+    """Return the columns with a step of brightness at the tissue's surface or at the
+    wall's end, (column,).
+    """
     rows = max(BAND_ROWS, round(BAND_SHARE * len(frame)))
     least = LEAST_LEVEL * float(np.quantile(frame, BRIGHT_SHARE))
     return _steps(frame, surface, rows, 1, least) | _steps(
@@ -666,7 +699,9 @@ def seen_columns(frame: Pixels, surface: Floats, inner: Floats) -> Flags:
 def _steps(
     frame: Pixels, boundary: Floats, rows: int, bright_side: int, least: float
 ) -> Flags:
-    """Return the columns in which the frame is brighter on one side of a boundary (1: below it) than on the other."""
+    """Return the columns in which the frame is brighter on one side of a boundary (1:
+    below it) than on the other.
+    """
     start = np.nan_to_num(np.ceil(boundary), nan=-1e6, posinf=-1e6, neginf=-1e6)
     off = np.arange(1, rows + 1)[:, None]
     # a row on each side of the boundary is left out
@@ -697,18 +732,24 @@ def _across(values: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Scene:
-    """A drawn frame and its truth; behind a narrow shadow, or in a lost column, the wall continues."""
+    """A drawn frame and its truth; behind a narrow shadow, or in a lost column, the
+    wall continues.
+    """
 
     frame: Pixels  # (row, column), uint8 or uint16
     scale: PixelScale
-    outer_row: Floats  # (column,), of pixel centres, also outside of the frame; NaN in columns without wall
+    # (column,), of pixel centres, also outside of the frame; NaN in columns without
+    # wall
+    outer_row: Floats
     inner_row: Floats
     judged: Flags  # (column,): False for an invisible wall
     covered: Flags  # (column,): a lid or a drape is what hides it
 
     @property
     def mask(self) -> Bytes:
-        """255 in the rows whose centre lies in the wall, else 0, shape (row, column)."""
+        """255 in the rows whose centre lies in the wall, else 0, shape (row,
+        column).
+        """
         row = np.arange(len(self.frame))[:, None]
         inside = (row >= self.outer_row) & (row < self.inner_row)
         return np.where(inside, 255, 0).astype(np.uint8)
@@ -723,9 +764,8 @@ def draw_scene(study: ScenesStudy, number: int) -> Scene:
     tissue = draw_tissue(study.tissue, wall, window, rng)
     draw_over(study.over, tissue)
     slope = np.nan_to_num(np.abs(tissue.rays.slope_rad), nan=np.inf)
-    apex = (
-        float(slope.argmin()) if slope.min() <= LEVEL_RAD else None
-    )  # the column of a surface across the light
+    # the column of a surface across the light
+    apex = float(slope.argmin()) if slope.min() <= LEVEL_RAD else None
     frame, imaged = scanned(study.scanner, tissue.picture, apex, rng)
     surface_row, outer, inner = (
         row - window.above - 0.5 for row in (tissue.surface, tissue.outer, tissue.inner)

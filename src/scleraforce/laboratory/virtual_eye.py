@@ -1,4 +1,6 @@
-"""Virtual eyes: parameters, sections under a needle, the five of the paper's design; one eye as `simulate` shows it."""
+"""Virtual eyes: parameters, sections under a needle, the five of the paper's design;
+one eye as `simulate` shows it.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -32,7 +34,9 @@ SACCADE_S = 1.0  # from one saccade to the next
 
 @dataclass(frozen=True, kw_only=True)
 class EyeTurn:
-    """A rotation of the globe from its start, about the eye's x and y axes, rad; none about its own (Listing's law)."""
+    """A rotation of the globe from its start, about the eye's x and y axes, rad; none
+    about its own (Listing's law).
+    """
 
     about_x_rad: float
     about_y_rad: float
@@ -42,7 +46,9 @@ STILL = EyeTurn(about_x_rad=0.0, about_y_rad=0.0)
 
 
 def turned_plane(plane: ScanPlane, turn: EyeTurn) -> ScanPlane:
-    """Return the plane of the B-scan, and with it the contact, in the turned eye's coordinates."""
+    """Return the plane of the B-scan, and with it the contact, in the turned eye's
+    coordinates.
+    """
     back = Rotation.from_rotvec([-turn.about_x_rad, -turn.about_y_rad, 0.0])
     normal = back.apply(plane.contact.normal)
     lateral = back.apply(plane.lateral)
@@ -64,7 +70,9 @@ def farthest_turn_rad(phantom: PhantomStudy) -> float:
 def draw_turns(
     phantom: PhantomStudy, times_s: Floats, rng: np.random.Generator
 ) -> tuple[EyeTurn, ...]:
-    """Draw the turns of an eye at ascending times (frame,): a steady drift, and a saccade every `SACCADE_S`."""
+    """Draw the turns of an eye at ascending times (frame,): a steady drift, and a
+    saccade every `SACCADE_S`.
+    """
     drift_rad = draw(phantom.eye_drift_rad, rng)
     heading = _unit_vectors(rng, 1)
     count = int(times_s[-1] / SACCADE_S) + 1
@@ -86,14 +94,18 @@ def _unit_vectors(rng: np.random.Generator, count: int) -> Floats:
 
 
 class TurnedSections:
-    """An eye's sections for needle forces in N at any turn, from those at each of `knot_turns(reach_rad)`."""
+    """An eye's sections for needle forces in N at any turn, from those at each of
+    `knot_turns(reach_rad)`.
+    """
 
     def __init__(self, knots: Sequence["SectionsAt"], reach_rad: float) -> None:
         self.knots = tuple(knots)
         self.reach_rad = reach_rad
 
     def __call__(self, forces_n: Sequence[float]) -> Sequence[Section]:
-        """Return the sections of the eye at its start; the load paths of all knots are then known."""
+        """Return the sections of the eye at its start; the load paths of all knots are
+        then known.
+        """
         return self.turned(forces_n, [STILL] * len(forces_n))
 
     def turned(
@@ -124,7 +136,9 @@ def knot_weights(turn: EyeTurn, reach_rad: float) -> Floats:
 
 
 def blended(sections: Sequence[Section], weights: Floats) -> Section:
-    """Return the weighted sum of sections, point by point along their curves, as far as all of them reach."""
+    """Return the weighted sum of sections, point by point along their curves, as far as
+    all of them reach.
+    """
     blended = []
     for curves in zip(
         *((section.outer, section.inner) for section in sections), strict=True
@@ -144,7 +158,9 @@ def blended(sections: Sequence[Section], weights: Floats) -> Section:
 
 
 def _from_needle_m(curve: Floats) -> Floats:
-    """Return the distance of a curve's points along it from lateral 0, where it passes the needle; (point,), m."""
+    """Return the distance of a curve's points along it from lateral 0, where it passes
+    the needle; (point,), m.
+    """
     along_m = np.concatenate(
         [[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))]
     )
@@ -156,9 +172,8 @@ def _from_needle_m(curve: Floats) -> Floats:
 SectionsAt = Callable[[Sequence[float]], Sequence[Section]]
 
 CLEAR_N = 2e-3  # of the bounds of the classes, in the paper's design
-FORCES_AT_ONCE = (
-    16  # whose displacements are cut together: 30 MB of them at the default mesh
-)
+# whose displacements are cut together: 30 MB of them at the default mesh
+FORCES_AT_ONCE = 16
 WEIGHTS_AT_ONCE = 256  # deformations, as weights of a few modes, that are cut together
 
 
@@ -201,7 +216,9 @@ class PhantomEye:
 def study_sections(
     eye: PhantomEye, study: Study, progress: Progress | None = None
 ) -> SectionsAt:
-    """Return an eye's sections for needle forces in N, by the study: as it keeps still, turns or leaks."""
+    """Return an eye's sections for needle forces in N, by the study: as it keeps still,
+    turns or leaks.
+    """
     if study.mechanics.kind == "finite-strain" and study.globe.leak_time_s:
         return LeakingSections(eye, study, progress)
 
@@ -226,7 +243,9 @@ def study_sections(
 
 
 def turned_eyes(eye: PhantomEye, study: Study) -> list[tuple[PhantomEye, Study]]:
-    """Return an eye as the needle and the scanner meet it at each of `knot_turns`; unchanged if it keeps still."""
+    """Return an eye as the needle and the scanner meet it at each of `knot_turns`;
+    unchanged if it keeps still.
+    """
     found = [(eye, study)]
     reach_rad = farthest_turn_rad(study.phantom)
 
@@ -252,10 +271,12 @@ def turned_eyes(eye: PhantomEye, study: Study) -> list[tuple[PhantomEye, Study]]
 
 
 class BentSections:
-    """An eye's sections for needle forces in N, and its pressure under them, from one finite-strain load path.
+    """An eye's sections for needle forces in N, and its pressure under them, from one
+    finite-strain load path.
 
-    A call with a larger force than before computes the path (some 10 s on one core); `progress` is called with the
-    finished share. Everything but thickness, modulus, pressure and contact is the study's (`bend_eye`).
+    A call with a larger force than before computes the path (some 10 s on one core);
+    `progress` is called with the finished share. Everything but thickness, modulus,
+    pressure and contact is the study's (`bend_eye`).
     """
 
     def __init__(
@@ -331,15 +352,20 @@ LEAST_LEAK_M3 = 1e-12
 
 
 class LeakingSections(BentSections):
-    """A leaking eye's sections and pressures, interpolated between load paths after a few leaked volumes, the knots."""
+    """A leaking eye's sections and pressures, interpolated between load paths after a
+    few leaked volumes, the knots.
+    """
 
     def along(
         self, force_n: Callable[[Floats], Floats], times_s: Sequence[float]
     ) -> tuple[Sequence[Section], list[float]]:
-        """Return sections, and pressures in Pa, at times; `force_n`: elastic force at times from 0 on."""
+        """Return sections, and pressures in Pa, at times; `force_n`: elastic force at
+        times from 0 on.
+        """
         if farthest_turn_rad(self._study.phantom):
             raise StudyError(
-                "globe.leak_time_s: of an eye that keeps still; leave out eye_drift_deg, eye_saccade_deg"
+                "globe.leak_time_s: of an eye that keeps still; leave out"
+                " eye_drift_deg, eye_saccade_deg"
             )
 
         law = study_globe(self._study.globe)
@@ -398,7 +424,9 @@ def pressures_pa(
     forces_n: Sequence[float],
     turns: Sequence[EyeTurn] = (),
 ) -> list[float]:
-    """Return the pressure of an eye at each force (and turn), Pa; only sealed globes change it."""
+    """Return the pressure of an eye at each force (and turn), Pa; only sealed globes
+    change it.
+    """
     if isinstance(sections_at, TurnedSections) and turns:
         at_knots = [pressures_pa(eye, knot, forces_n) for knot in sections_at.knots]
         weights = [knot_weights(turn, sections_at.reach_rad) for turn in turns]
@@ -420,7 +448,9 @@ def linear_wall(
     contact: Contact,
     youngs_modulus_pa: float,
 ) -> LinearWall:
-    """Factor a wall on the study's supports; a command's study must have no keys that linear mechanics does not use."""
+    """Factor a wall on the study's supports; a command's study must have no keys that
+    linear mechanics does not use.
+    """
     refuse_unused(study, command, "linear")
     mesh = supported_mesh(study, thickness_m, contact, alone=command == "simulate")
     springs = study_springs(study.supports, mesh)
@@ -433,7 +463,9 @@ def linear_wall(
 
 
 class LinearSections:
-    """An eye's sections for needle forces in N, from linear mechanics, factored once."""
+    """An eye's sections for needle forces in N, from linear mechanics, factored
+    once.
+    """
 
     def __init__(self, eye: PhantomEye, study: Study) -> None:
         self._eye = eye
@@ -474,19 +506,22 @@ class LinearSections:
 def paper_eyes(
     study: Study, *, to_the_bounds: bool = False
 ) -> tuple[tuple[PhantomEye, tuple[float, ...]], ...]:
-    """Return the five virtual eyes of the paper's design (Tables 1 and 2), each with its forces in N, 45 in all.
+    """Return the five virtual eyes of the paper's design (Tables 1 and 2), each with
+    its forces in N, 45 in all.
 
-    Moduli are Table 2's and, for the fifth, its mean. The forces of a class are spread evenly over it, 2 mN
-    clear of its bounds (a label is uncertain by about 1 mN), or with `to_the_bounds` drawn from the whole of it.
-    Contact angles, which the paper does not give ("near the limbus"), spread over the study's range.
+    Moduli are Table 2's and, for the fifth, its mean. The forces of a class are spread
+    evenly over it, 2 mN clear of its bounds (a label is uncertain by about 1 mN), or
+    with `to_the_bounds` drawn from the whole of it. Contact angles, which the paper
+    does not give ("near the limbus"), spread over the study's range.
     """
+    # the trials of each class; the contact's place in the study's range
     design = (
         ("eye-1", 800e-6, 0.27e6, (0, 11, 14), 0.5),
         ("eye-2", 500e-6, 0.22e6, (1, 2, 2), 0.1),
         ("eye-3", 650e-6, 0.24e6, (2, 0, 3), 0.7),
         ("eye-4", 560e-6, 0.29e6, (2, 1, 2), 0.3),
         ("eye-5", 800e-6, 0.25e6, (2, 1, 2), 0.9),
-    )  # the trials of each class; the contact's place in the study's range
+    )
     low, high = study.needle.polar_angle_rad.bounds
     limits_n = (0.0, *study.classes.bounds_n, study.needle.max_force_n)
     rng = np.random.default_rng((study.phantom.seed, 45))
@@ -523,7 +558,8 @@ def paper_eyes(
             forces_n += [round(force_n, 7) for force_n in drawn_n]
 
         step = next(step for step in (7, 5, 3, 2, 1) if len(forces_n) % step)
-        # An order that mixes the classes and starts with the largest force: a clear first contact.
+        # An order that mixes the classes and starts with the largest force: a clear
+        # first contact.
         eyes.append(
             (
                 eye,
@@ -537,11 +573,12 @@ def paper_eyes(
     return tuple(eyes)
 
 
+# of meshio, by their nodes
 CELLS = {
     8: "hexahedron",
     20: "hexahedron20",
     27: "hexahedron27",
-}  # of meshio, by their nodes
+}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -552,18 +589,27 @@ class SimulatedEye:
     contact: Contact
     force_n: float  #: on the needle
     displacement_nc: Floats  #: (node, 3), from the unloaded wall, m
-    needle_nc: Floats  #: (node, 3), the needle's part of it, from the state under IOP and gravity
-    tip_m: float  #: inward displacement of the outer surface at the contact along the needle axis from that state
-    dent_m: float  #: the same from the undented wall at `pressure_pa`, larger in a sealed globe
+    # : (node, 3), the needle's part of it, from the state under IOP and gravity
+    needle_nc: Floats
+    # : inward displacement of the outer surface at the contact along the needle axis
+    # from that state
+    tip_m: float
+    # : the same from the undented wall at `pressure_pa`, larger in a sealed globe
+    dent_m: float
     pressure_pa: float  #: under the needle
     slice: Bytes  #: (rows, columns), 255 = wall, in `window`
     window: SliceWindow
 
     def __repr__(self) -> str:
-        return f"<SimulatedEye: {from_si(self.force_n, 'mn'):.1f} mN, dent of {from_si(self.dent_m, 'mm'):.2f} mm>"
+        return (
+            f"<SimulatedEye: {from_si(self.force_n, 'mn'):.1f} mN, dent of"
+            f" {from_si(self.dent_m, 'mm'):.2f} mm>"
+        )
 
     def to_meshio(self) -> Any:
-        """Return meshio's mesh: undeformed, with the node fields `displacement` and `needle_displacement`, m."""
+        """Return meshio's mesh: undeformed, with the node fields `displacement` and
+        `needle_displacement`, m.
+        """
         import meshio  # type: ignore[import-untyped]  # comes without types; imported here: it takes 0.15 s
 
         fields = {
@@ -575,7 +621,9 @@ class SimulatedEye:
         return meshio.Mesh(self.mesh.points_nc, cells, point_data=fields)
 
     def to_pyvista(self) -> Any:
-        """Return `to_meshio` as a grid of PyVista, to warp and plot; raises `InputError` without that package."""
+        """Return `to_meshio` as a grid of PyVista, to warp and plot; raises
+        `InputError` without that package.
+        """
         return package_for("pyvista", "to_pyvista", "mesh").from_meshio(
             self.to_meshio()
         )
@@ -589,9 +637,11 @@ def simulate_eye(
     progress: Progress | None = None,
     displacement_m: float | None = None,
 ) -> SimulatedEye:
-    """Bend a wall by the study's `[mechanics]` and `[globe]` and cut its slice beside the needle.
+    """Bend a wall by the study's `[mechanics]` and `[globe]` and cut its slice beside
+    the needle.
 
-    A `displacement_m` of the tip from rest takes precedence over the force, which is then found.
+    A `displacement_m` of the tip from rest takes precedence over the force, which is
+    then found.
     """
     eye = study.eye
     modulus_pa = eye.youngs_modulus_pa

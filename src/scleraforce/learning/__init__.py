@@ -1,1 +1,3 @@
-"""Training: the only room that needs PyTorch (extra `train`). It makes the folders that `reader` loads."""
+"""Training: the only room that needs PyTorch (extra `train`). It makes the folders that
+`reader` loads.
+"""

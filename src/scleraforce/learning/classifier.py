@@ -1,9 +1,12 @@
-"""The classifier of the paper (section 2.4): fully connected layers that learn from simulated slices.
+"""The classifier of the paper (section 2.4): fully connected layers that learn from
+simulated slices.
 
-The descent is on the cross-entropy (Fig. 8a). The paper's dropout of 0.8 makes the gradient noisy; Srivastava et al.
-("Dropout", 2014, appendix A) recommend a high rate with momentum, made safe here by a start scaled for dropout
-(`build_network`), a warm-up, clipped gradients, and a rate that falls to zero along a cosine. Several dropout masks a
-sample (Inoue, "Multi-sample dropout", 2019) are cheap: the first layer, most of the work, is computed once for all.
+The descent is on the cross-entropy (Fig. 8a). The paper's dropout of 0.8 makes the
+gradient noisy; Srivastava et al. ("Dropout", 2014, appendix A) recommend a high rate
+with momentum, made safe here by a start scaled for dropout (`build_network`), a
+warm-up, clipped gradients, and a rate that falls to zero along a cosine. Several
+dropout masks a sample (Inoue, "Multi-sample dropout", 2019) are cheap: the first layer,
+most of the work, is computed once for all.
 """
 
 import hashlib
@@ -36,7 +39,9 @@ from scleraforce.study import ClassesStudy, NetworkStudy, SliceStudy
 
 @dataclass(frozen=True)
 class Samples:
-    """Slices, uint8 of shape (sample, row, column) with 0 or 255, and their classes, shape (sample,)."""
+    """Slices, uint8 of shape (sample, row, column) with 0 or 255, and their classes,
+    shape (sample,).
+    """
 
     slices: Bytes
     target: Integers
@@ -50,7 +55,9 @@ class Samples:
         return self.slices.reshape(len(self.slices), -1)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle compressed, to a twentieth of the size: samples go to the workers of a cluster."""
+        """Pickle compressed, to a twentieth of the size: samples go to the workers of a
+        cluster.
+        """
         return _unpacked, (
             zlib.compress(self.slices.tobytes(), 1),
             self.slices.shape,
@@ -67,10 +74,12 @@ def _unpacked(packed: bytes, shape: tuple[int, ...], target: Integers) -> Sample
 def classes_at_modulus(
     force_n: Floats, ratio: float, classes: ClassesStudy
 ) -> Integers:
-    """Return the class of each slice, shape (slice,), if the wall were `ratio` times as stiff.
+    """Return the class of each slice, shape (slice,), if the wall were `ratio` times as
+    stiff.
 
-    In linear mechanics the slice of a force F on a wall of modulus E is that of F E'/E on a wall of E' (under pressure
-    and weight that scale alike, which bend the wall far less than the needle).
+    In linear mechanics the slice of a force F on a wall of modulus E is that of F E'/E
+    on a wall of E' (under pressure and weight that scale alike, which bend the wall far
+    less than the needle).
     """
     return np.array(
         [classes.classify(force) for force in ratio * force_n], dtype=np.int64
@@ -80,10 +89,12 @@ def classes_at_modulus(
 def normalisation(
     training: Samples, mirror: bool = False
 ) -> tuple[NDArray[np.float32], Flags]:
-    """Return the share of training slices (and mirror images) with wall at each pixel, and the varying pixels.
+    """Return the share of training slices (and mirror images) with wall at each pixel,
+    and the varying pixels.
 
-    Both of shape (row * column,). Centred inputs condition the gradient descent far better than 0 and 1 (LeCun et al.,
-    "Efficient BackProp", 1998, sec. 4.3). A pixel that never varies teaches nothing; its weights are zero.
+    Both of shape (row * column,). Centred inputs condition the gradient descent far
+    better than 0 and 1 (LeCun et al., "Efficient BackProp", 1998, sec. 4.3). A pixel
+    that never varies teaches nothing; its weights are zero.
     """
     wall = np.count_nonzero(training.slices, axis=0)
     count = len(training)
@@ -96,7 +107,9 @@ def normalisation(
 
 
 def content_hash(*parts: Samples) -> str:
-    """Return the SHA-256 of slices and classes, in hexadecimal: the identity of a data set whatever its storage."""
+    """Return the SHA-256 of slices and classes, in hexadecimal: the identity of a data
+    set whatever its storage.
+    """
     digest = hashlib.sha256()
     for part in parts:
         digest.update(np.ascontiguousarray(part.slices).data)
@@ -106,7 +119,9 @@ def content_hash(*parts: Samples) -> str:
 
 @dataclass(frozen=True)
 class Curves:
-    """Cross-entropy and accuracy after each epoch; in training they are taken during it, with dropout (Fig. 8a)."""
+    """Cross-entropy and accuracy after each epoch; in training they are taken during
+    it, with dropout (Fig. 8a).
+    """
 
     training_loss: tuple[float, ...] = ()
     training_accuracy: tuple[float, ...] = ()
@@ -116,9 +131,11 @@ class Curves:
 
 @dataclass(frozen=True)
 class TrainedNetwork:
-    """Weights that read slices: pixels (0 to 1) minus `mean`, then the layers with ReLU between them, then softmax.
+    """Weights that read slices: pixels (0 to 1) minus `mean`, then the layers with ReLU
+    between them, then softmax.
 
-    A layer gives weight x + bias, of shapes (output, input) and (output,). `curves`: of its training.
+    A layer gives weight x + bias, of shapes (output, input) and (output,). `curves`: of
+    its training.
     """
 
     mean: NDArray[np.float32]
@@ -127,7 +144,9 @@ class TrainedNetwork:
     curves: Curves = Curves()
 
     def probabilities(self, slices: Bytes) -> Floats:
-        """Return class probabilities in double precision, shape (slice, class): the definition, not the fast path."""
+        """Return class probabilities in double precision, shape (slice, class): the
+        definition, not the fast path.
+        """
         signal: Floats = slices.reshape(len(slices), -1) / 255.0 - self.mean
         for number, (weight, bias) in enumerate(
             zip(self.weights, self.biases, strict=True)
@@ -144,11 +163,13 @@ class TrainedNetwork:
 def build_network(
     inputs: int, study: NetworkStudy, classes: int
 ) -> torch.nn.Sequential:
-    """Build the network with random weights (from PyTorch's generator); dropout follows every hidden layer.
+    """Build the network with random weights (from PyTorch's generator); dropout follows
+    every hidden layer.
 
-    He's initialisation keeps the signal's variance through ReLU layers (He et al. 2015, eq. 10). Inverted dropout
-    multiplies the second moment of its output by 1/keep, so the layers behind it start smaller by sqrt(keep): otherwise
-    logits start 1/keep = 5 times too large at the paper's dropout and the first steps diverge.
+    He's initialisation keeps the signal's variance through ReLU layers (He et al. 2015,
+    eq. 10). Inverted dropout multiplies the second moment of its output by 1/keep, so
+    the layers behind it start smaller by sqrt(keep): otherwise logits start 1/keep = 5
+    times too large at the paper's dropout and the first steps diverge.
     """
     sizes = (inputs, *study.hidden, classes)
     modules: list[torch.nn.Module] = []
@@ -166,7 +187,9 @@ def build_network(
 def trained_network(
     network: torch.nn.Sequential, mean: NDArray[np.float32], varies: Flags
 ) -> TrainedNetwork:
-    """Return the weights as NumPy arrays, the first layer spread over all pixels (zero where a pixel never varied)."""
+    """Return the weights as NumPy arrays, the first layer spread over all pixels (zero
+    where a pixel never varied).
+    """
     layers = [module for module in network if isinstance(module, torch.nn.Linear)]
     weights, biases = (
         [getattr(layer, name).detach().numpy().copy() for layer in layers]
@@ -179,7 +202,9 @@ def trained_network(
 
 
 class _Reads(torch.nn.Module):
-    """The ONNX model: slices, uint8, to probabilities. Matrices are kept in half precision."""
+    """The ONNX model: slices, uint8, to probabilities. Matrices are kept in half
+    precision.
+    """
 
     def __init__(self, network: TrainedNetwork) -> None:
         super().__init__()
@@ -208,7 +233,9 @@ class _Reads(torch.nn.Module):
 
 
 def with_half_weights(network: TrainedNetwork) -> TrainedNetwork:
-    """Return a network with weights rounded to half precision, as the file has them; biases and mean are unchanged."""
+    """Return a network with weights rounded to half precision, as the file has them;
+    biases and mean are unchanged.
+    """
     return replace(
         network,
         weights=tuple(
@@ -220,14 +247,17 @@ def with_half_weights(network: TrainedNetwork) -> TrainedNetwork:
 def classifier_bytes(
     network: TrainedNetwork, study: SliceStudy, provenance: Mapping[str, str]
 ) -> bytes:
-    """Return a network of half precision as an ONNX model; ONNX Runtime widens the weights, and sums in float32."""
+    """Return a network of half precision as an ONNX model; ONNX Runtime widens the
+    weights, and sums in float32.
+    """
     slices = torch.zeros(2, study.rows, study.columns, dtype=torch.uint8)
     return onnx_bytes(
         _Reads(network), {INPUT: slices}, [OUTPUT], provenance, folded=False
     )
 
 
-# Sums in another order differ in the last bit, so a run is repeatable with an equal number of threads only.
+# Sums in another order differ in the last bit, so a run is repeatable with an equal
+# number of threads only.
 CLASSIFIER_THREADS = 2
 
 
@@ -239,15 +269,18 @@ def fit(
     progress: Progress = None,
     device: str = "cpu",
 ) -> TrainedNetwork:
-    """Train a network; the same study and samples give the same weights on the same machine.
+    """Train a network; the same study and samples give the same weights on the same
+    machine.
 
-    The weights are those after the last epoch: none are picked by their validation figures, which stay an honest
-    estimate. `progress` is called with 1 after each epoch.
+    The weights are those after the last epoch: none are picked by their validation
+    figures, which stay an honest estimate. `progress` is called with 1 after each
+    epoch.
     """
     mean, varies = normalisation(training, study.mirror)
+    # of the varying pixels
     number = np.where(varies, np.cumsum(varies) - 1, -1).reshape(
         training.slices.shape[1:]
-    )  # of the varying pixels
+    )
 
     with torch.device(device):
         centre = tensor(mean[varies])
@@ -264,7 +297,9 @@ def fit(
     batches = ceil(len(training) / study.batch_size)
 
     def epoch(network: torch.nn.Sequential, *_: object) -> Losses:
-        """Go through all training samples once, in random order; note accuracy, and loss and accuracy of the others."""
+        """Go through all training samples once, in random order; note accuracy, and
+        loss and accuracy of the others.
+        """
         network.train()
         right = 0.0
 
@@ -329,9 +364,8 @@ def cross_entropy(
 ) -> tuple[torch.Tensor, float]:
     """Return the mean loss and the accuracy over samples and dropout masks."""
     target = target.repeat(dropout_masks)
-    logits = network[2:](
-        network[:2](inputs).repeat(dropout_masks, 1)
-    )  # dropout begins behind the first two modules
+    # dropout begins behind the first two modules
+    logits = network[2:](network[:2](inputs).repeat(dropout_masks, 1))
     right = (logits.argmax(1) == target).float().mean().item()
     return torch.nn.functional.cross_entropy(logits, target), right
 
@@ -355,7 +389,9 @@ def grid(study: NetworkStudy) -> tuple[tuple[int, ...], ...]:
 
 
 def best(candidates: Sequence[Candidate]) -> int:
-    """Return the number of the candidate with the highest validation accuracy; of equal ones, the fewest weights."""
+    """Return the number of the candidate with the highest validation accuracy; of equal
+    ones, the fewest weights.
+    """
     reached = [
         (-entry.validation_accuracy, entry.weights, number)
         for number, entry in enumerate(candidates)
@@ -378,10 +414,11 @@ def search_sizes(
     workers: int | None = None,
     device: str = "cpu",
 ) -> tuple[tuple[Candidate, ...], NetworkStudy, TrainedNetwork]:
-    """Train every size of the grid; return all candidates, and the study with the best size and its network.
+    """Train every size of the grid; return all candidates, and the study with the best
+    size and its network.
 
-    Whoever trains, the result is the same on one kind of processor. The validation set chooses, so the accuracy of the
-    chosen size is slightly flattered.
+    Whoever trains, the result is the same on one kind of processor. The validation set
+    chooses, so the accuracy of the chosen size is slightly flattered.
     """
     sizes = grid(study)
     fitted = list[TrainedNetwork | None]()
@@ -395,9 +432,8 @@ def search_sizes(
         device=device,
         progress=reported,
     )
-    prepare = partial(
-        partial, _try_size, train, study
-    )  # gives the function of a size's number
+    # gives the function of a size's number
+    prepare = partial(partial, _try_size, train, study)
     numbers = range(len(sizes))
     tried = (
         map(prepare(), numbers)
@@ -434,9 +470,8 @@ def search_sizes(
     return tuple(candidates), replace(study, hidden=sizes[chosen]), network
 
 
-_one_training = (
-    threading.Lock()
-)  # PyTorch's random numbers belong to the process, which may be a worker of threads
+# PyTorch's random numbers belong to the process, which may be a worker of threads
+_one_training = threading.Lock()
 
 
 def _try_size(

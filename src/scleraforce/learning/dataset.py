@@ -1,8 +1,10 @@
-"""A data set (paper sec. 2.3, 3.3): the plan of its samples, made before anything is simulated, its slices, its store.
+"""A data set (paper sec. 2.3, 3.3): the plan of its samples, made before anything is
+simulated, its slices, its store.
 
-Slices come from linear mechanics or from the library, on all cores. The store is written unit by unit and resumable:
-first the metadata of all samples, then one chunk of `slices` for each unit of work. Reading checks that values are
-possible: forces of the study, their classes, slices of wall and no wall.
+Slices come from linear mechanics or from the library, on all cores. The store is
+written unit by unit and resumable: first the metadata of all samples, then one chunk of
+`slices` for each unit of work. Reading checks that values are possible: forces of the
+study, their classes, slices of wall and no wall.
 """
 
 from collections.abc import Callable, Mapping
@@ -48,10 +50,12 @@ DRAWS = ("force", "gap", "tilt", "direction", "framing_lateral", "framing_depth"
 
 @dataclass(frozen=True)
 class DatasetPlan:
-    """Every sample's metadata, each of shape (samples,); the samples of a contact are neighbours.
+    """Every sample's metadata, each of shape (samples,); the samples of a contact are
+    neighbours.
 
-    `contact` numbers the contacts through all groups. `validation` marks the samples of the contacts that training
-    never sees. `seed` reproduces a sample's own draws (`DRAWS`, uniform).
+    `contact` numbers the contacts through all groups. `validation` marks the samples of
+    the contacts that training never sees. `seed` reproduces a sample's own draws
+    (`DRAWS`, uniform).
     """
 
     force_n: Floats
@@ -79,12 +83,15 @@ class DatasetPlan:
 
 
 def plan_dataset(study: Study) -> DatasetPlan:
-    """Draw the samples of a study, in the order of groups, contacts, samples; the same study gives the same plan.
+    """Draw the samples of a study, in the order of groups, contacts, samples; the same
+    study gives the same plan.
 
-    For each group: `contacts` random contacts (fewer where there are fewer images), of which `validation_fraction`, but
-    at least one, is kept for validation; the polar angle is drawn from the needle's range (uniform in angle), the
-    azimuth uniformly around the eye. The images are spread evenly over the contacts. Each sample draws its own force,
-    uniform from 0 to the group's largest, and its own gap, tilt, direction and framing.
+    For each group: `contacts` random contacts (fewer where there are fewer images), of
+    which `validation_fraction`, but at least one, is kept for validation; the polar
+    angle is drawn from the needle's range (uniform in angle), the azimuth uniformly
+    around the eye. The images are spread evenly over the contacts. Each sample draws
+    its own force, uniform from 0 to the group's largest, and its own gap, tilt,
+    direction and framing.
     """
     dataset = study.dataset
     needle = study.needle
@@ -93,9 +100,10 @@ def plan_dataset(study: Study) -> DatasetPlan:
 
     for group in dataset.group:
         contacts = min(dataset.contacts, group.images)
+        # both sets get some
         unseen = min(
             max(round(dataset.validation_fraction * contacts), 1), contacts - 1
-        )  # both sets get some
+        )
         polar_rad = needle.polar_angle_rad.sample(rng, contacts)
         azimuth_rad = rng.uniform(0.0, 2.0 * np.pi, contacts)
         validation = rng.permutation(np.arange(contacts) < unseen)
@@ -135,9 +143,11 @@ def plan_dataset(study: Study) -> DatasetPlan:
         contact=contact.astype(np.int32),
         polar_rad=polar[contact],
         azimuth_rad=azimuth[contact],
-        gap_m=np.full(len(seed), needle.gap_m)
-        if dataset.gap_m is None
-        else _at(dataset.gap_m, draws["gap"]),
+        gap_m=(
+            np.full(len(seed), needle.gap_m)
+            if dataset.gap_m is None
+            else _at(dataset.gap_m, draws["gap"])
+        ),
         tilt_rad=_at(dataset.tilt_rad, draws["tilt"]),
         direction_rad=_at(dataset.direction_rad, draws["direction"]),
         framing_lateral_m=_at(dataset.framing_lateral_m, draws["framing_lateral"]),
@@ -148,7 +158,9 @@ def plan_dataset(study: Study) -> DatasetPlan:
 
 
 def _at(sampled: Sampled, uniform: Floats) -> Floats:
-    """Map draws in [0, 1) to a sampled value: all of its choices are equally likely, or its range is uniform."""
+    """Map draws in [0, 1) to a sampled value: all of its choices are equally likely, or
+    its range is uniform.
+    """
     if isinstance(sampled, Choice):
         values = np.asarray(sampled.values, dtype=np.float64)
         return values[(uniform * len(values)).astype(np.intp)]
@@ -156,7 +168,8 @@ def _at(sampled: Sampled, uniform: Floats) -> Floats:
 
 
 def unit_samples(study: Study) -> list[slice]:
-    """Return the samples of each unit of work, which is a chunk of the store: equally many but for the last unit.
+    """Return the samples of each unit of work, which is a chunk of the store: equally
+    many but for the last unit.
 
     It has whole contacts in every group if a common multiple near `UNIT_IMAGES` exists.
     """
@@ -183,14 +196,17 @@ KIND = StoreKind(
     schema="scleraforce-dataset-2",
     recipe="study",
     others={
-        "scleraforce-library": "a response library and no data set; `train --kind reader` learns from it"
+        "scleraforce-library": (
+            "a response library and no data set; `train --kind reader` learns from it"
+        )
     },
     error=DatasetError,
 )
 SLICES = "slices"
 MAX_MODULUS_PA = 1e12
 SLACK = 1e-12
-# Floats is "numpy.ndarray[shape, numpy.dtype[numpy.float64]]" or, since NumPy 2.5, a name of its own.
+# Floats is "numpy.ndarray[shape, numpy.dtype[numpy.float64]]" or, since NumPy 2.5, a
+# name of its own.
 DTYPES = {
     name: np.dtype(str(kind).rstrip("]").rpartition(".")[2]).name
     for name, kind in get_type_hints(DatasetPlan).items()
@@ -201,7 +217,8 @@ DTYPES = {
 class Dataset:
     """A complete data set; its arrays are read, and checked, on first use.
 
-    `attributes` are the store's (seed, versions, calibration ...); the modulus is that of the simulated walls.
+    `attributes` are the store's (seed, versions, calibration ...); the modulus is that
+    of the simulated walls.
     """
 
     path: Path
@@ -230,12 +247,16 @@ class Dataset:
         return len(self.force_n)
 
     def split(self) -> tuple[Places, Places]:
-        """Return the numbers of the training and of the validation samples; they share no contact."""
+        """Return the numbers of the training and of the validation samples; they share
+        no contact.
+        """
         validation = self.read("validation")
         return np.flatnonzero(~validation), np.flatnonzero(validation)
 
     def read(self, name: str) -> NDArray[Any]:
-        """Read a whole array, `slices` or a metadata's name; raise a DatasetError if it is damaged or impossible."""
+        """Read a whole array, `slices` or a metadata's name; raise a DatasetError if it
+        is damaged or impossible.
+        """
         layouts = _layouts(self.study)
         if name not in layouts:
             raise DatasetError(
@@ -274,7 +295,8 @@ def open_dataset(path: str | PathLike[str]) -> Dataset:
         or not 0.0 < modulus_pa < MAX_MODULUS_PA
     ):
         raise DatasetError(
-            f"{path}: youngs_modulus_pa: {str(modulus_pa)[:60]}; must be a number of Pa above 0"
+            f"{path}: youngs_modulus_pa: {str(modulus_pa)[:60]}; must be a number of Pa"
+            " above 0"
         )
 
     study = parse_study(attributes["study"], f"{path}: study")
@@ -282,7 +304,9 @@ def open_dataset(path: str | PathLike[str]) -> Dataset:
 
 
 def _layouts(study: Study) -> dict[str, Layout]:
-    """Return the layouts of a data set's arrays: slices, a unit of work in each chunk, and the metadata of samples."""
+    """Return the layouts of a data set's arrays: slices, a unit of work in each chunk,
+    and the metadata of samples.
+    """
     units = unit_samples(study)
     size = (study.slice.rows, study.slice.columns)
     images = units[-1].stop
@@ -336,7 +360,9 @@ def create_dataset(
     plan: DatasetPlan,
     mechanics: str = "linear",
 ) -> CheckedStore:
-    """Create the store with all metadata and no slices, or continue that of an interrupted run of the same study."""
+    """Create the store with all metadata and no slices, or continue that of an
+    interrupted run of the same study.
+    """
     modulus = calibration and {
         "youngs_modulus_pa": calibration.population_mean_pa,
         **{
@@ -367,7 +393,8 @@ def create_dataset(
 class SampleSimulator:
     """Simulates samples of plans; keeps the factored wall of the latest thickness.
 
-    The mechanics is linear: displacement = (IOP u_p + rho g u_g)/E + F/E u_n, so a contact is solved once.
+    The mechanics is linear: displacement = (IOP u_p + rho g u_g)/E + F/E u_n, so a
+    contact is solved once.
     """
 
     def __init__(self, study: Study, youngs_modulus_pa: float) -> None:
@@ -377,7 +404,9 @@ class SampleSimulator:
         self._wall: LinearWall | None = None
 
     def slices(self, plan: DatasetPlan) -> Bytes:
-        """Return the slices of all samples of a plan of the study, shape (samples, rows, columns), 255 = wall."""
+        """Return the slices of all samples of a plan of the study, shape (samples,
+        rows, columns), 255 = wall.
+        """
         walls = np.flatnonzero(np.diff(plan.thickness_m)) + 1
         return np.concatenate(
             [
@@ -413,7 +442,9 @@ class SampleSimulator:
     def _of_one_contact(
         self, wall: LinearWall, plan: DatasetPlan, samples: Places, needle_nc: Floats
     ) -> Bytes:
-        """Slices of the samples of one contact; samples that share their plane are cut together."""
+        """Slices of the samples of one contact; samples that share their plane are cut
+        together.
+        """
         eye = self._study.eye
         resting_nc = (
             eye.iop_pa * wall.pressure_nc
@@ -466,11 +497,13 @@ def _weights(forces_pf: Floats) -> Floats:
 def library_slices(
     study: Study, youngs_modulus_pa: float, plan: DatasetPlan, library: Library
 ) -> Bytes:
-    """Draw the samples of a plan from the library; return their slices (sample, row, column), 255 = wall.
+    """Draw the samples of a plan from the library; return their slices (sample, row,
+    column), 255 = wall.
 
-    The wall of the library is even and bends the same all around the needle, and gravity is left out: samples differ by
-    thickness, force, the contact's polar angle, plane and framing, not by azimuth or by the direction of the plane.
-    `library` is a `near_library` of the whole plan.
+    The wall of the library is even and bends the same all around the needle, and
+    gravity is left out: samples differ by thickness, force, the contact's polar angle,
+    plane and framing, not by azimuth or by the direction of the plane. `library` is a
+    `near_library` of the whole plan.
     """
     slices = []
     bounds = [0, *(np.flatnonzero(np.diff(plan.contact)) + 1), len(plan)]
@@ -505,7 +538,8 @@ def check_library(library: Library, study: Study) -> None:
     for name, found, wanted in compared:
         if not np.isclose(found, wanted, rtol=1e-9, atol=0.0):
             raise DatasetError(
-                f"library: {name} {found:g}, the study has {wanted:g}; make a library of this study"
+                f"library: {name} {found:g}, the study has {wanted:g}; make a library"
+                " of this study"
             )
 
 
@@ -516,9 +550,8 @@ def near_library(study: Study, plan: DatasetPlan, library: Library) -> Library:
         0.5 * study.slice.columns * study.slice.pixel_m
         + np.abs(plan.framing_lateral_m).max()
     )
-    depth_m = (
-        study.slice.rows * study.slice.pixel_m + study.eye.radius_m
-    )  # below what any tilt makes of it
+    # below what any tilt makes of it
+    depth_m = study.slice.rows * study.slice.pixel_m + study.eye.radius_m
     offset_m = plan.gap_m.max() + depth_m * np.abs(np.tan(plan.tilt_rad)).max()
 
     return library.within(float(np.hypot(lateral_m, offset_m)))
@@ -526,7 +559,9 @@ def near_library(study: Study, plan: DatasetPlan, library: Library) -> Library:
 
 @dataclass(frozen=True)
 class Generation:
-    """The result of a run: samples in the data set, samples simulated by this run, its duration."""
+    """The result of a run: samples in the data set, samples simulated by this run, its
+    duration.
+    """
 
     images: int
     simulated: int
@@ -548,14 +583,17 @@ def generate_dataset(
     workers: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Generation:
-    """Simulate the data set of a study, or the part of it that an interrupted run has left to do.
+    """Simulate the data set of a study, or the part of it that an interrupted run has
+    left to do.
 
-    The result is the same, byte for byte, for any number of workers and interruptions. The workers are spawned: a
-    script that calls this keeps its own work under `if __name__ == "__main__"`.
+    The result is the same, byte for byte, for any number of workers and interruptions.
+    The workers are spawned: a script that calls this keeps its own work under `if
+    __name__ == "__main__"`.
 
-    The modulus is by default that of `calibration`, else the study's. Without a library the mechanics is linear, by a
-    process for each usable core; a library is drawn from by a cluster or here. `progress` is called with the number of
-    samples that are newly done (or found done, at the start).
+    The modulus is by default that of `calibration`, else the study's. Without a library
+    the mechanics is linear, by a process for each usable core; a library is drawn from
+    by a cluster or here. `progress` is called with the number of samples that are newly
+    done (or found done, at the start).
     """
     start = perf_counter()
     if workers is not None and workers < 1:
@@ -567,9 +605,8 @@ def generate_dataset(
         calibration.population_mean_pa if calibration else study.eye.youngs_modulus_pa
     )
     report = progress or (lambda _: None)
-    study = parse_study(
-        format_study(study)
-    )  # as the store keeps it: rounded to 15 digits in human units
+    # as the store keeps it: rounded to 15 digits in human units
+    study = parse_study(format_study(study))
     plan = plan_dataset(study)
     store = create_dataset(out, study, modulus, calibration, plan, mechanics)
     todo = store.missing()
@@ -598,7 +635,9 @@ def generate_dataset(
 def _making(
     study: Study, youngs_modulus_pa: float, library: Library | None, plan: DatasetPlan
 ) -> Callable[[int], Bytes]:
-    """Return the worker's function from a unit's number to its slices, drawn from the library or simulated."""
+    """Return the worker's function from a unit's number to its slices, drawn from the
+    library or simulated.
+    """
     units = unit_samples(study)
     simulator = SampleSimulator(study, youngs_modulus_pa)
     if library is None:

@@ -1,4 +1,6 @@
-"""PyTorch and ONNX, with one clear line if they are missing; the descent of all networks; networks as ONNX models."""
+"""PyTorch and ONNX, with one clear line if they are missing; the descent of all
+networks; networks as ONNX models.
+"""
 
 import os
 import warnings
@@ -17,19 +19,20 @@ from scleraforce.errors import InputError, SolverError
 from scleraforce.processes import work_in_order
 from scleraforce.study import NetworkStudy, RawReaderStudy, ReaderStudy, WallFinderStudy
 
-# Threads that wait by spinning take the cores from whoever else needs them, and from each other: on a busy machine an
-# epoch then takes five times as long. OpenMP reads this when PyTorch loads it.
+# Threads that wait by spinning take the cores from whoever else needs them, and from
+# each other: on a busy machine an epoch then takes five times as long. OpenMP reads
+# this when PyTorch loads it.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-os.environ.setdefault(
-    "CUBLAS_WORKSPACE_CONFIG", ":4096:8"
-)  # repeatable sums on a GPU need it
+# repeatable sums on a GPU need it
+os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")
 
 try:
     import onnx as onnx
     import torch as torch
 except ModuleNotFoundError as fault:
     raise InputError(
-        f"training needs {fault.name}, which is not installed: pip install 'scleraforce[train]'"
+        f"training needs {fault.name}, which is not installed: pip install"
+        " 'scleraforce[train]'"
     ) from None
 
 OPSET = 17  # old enough for every ONNX Runtime since 1.12
@@ -42,12 +45,13 @@ def onnx_bytes(
     provenance: Mapping[str, str],
     folded: bool = True,
 ) -> bytes:
-    """Return a network in evaluation mode as a checked ONNX model; equal networks and provenance give equal bytes."""
+    """Return a network in evaluation mode as a checked ONNX model; equal networks and
+    provenance give equal bytes.
+    """
     file = BytesIO()
     with warnings.catch_warnings():
-        warnings.simplefilter(
-            "ignore", DeprecationWarning
-        )  # of tracing: the other exporter needs one more package
+        # of tracing: the other exporter needs one more package
+        warnings.simplefilter("ignore", DeprecationWarning)
         torch.onnx.export(
             network,
             tuple(inputs.values()),
@@ -82,9 +86,8 @@ AHEAD = 4  # chunks of samples for each process that are drawn or wait
 READER_THREADS = 1
 DEVICES = ("auto", "cpu", "cuda")
 Progress = Callable[[int], object] | None
-Losses = Iterable[
-    tuple[torch.Tensor, int]
-]  # mean losses of batches, computed lazily, and their numbers of samples
+# mean losses of batches, computed lazily, and their numbers of samples
+Losses = Iterable[tuple[torch.Tensor, int]]
 Drawn = TypeVar("Drawn")
 Samples = TypeVar("Samples")
 Network = TypeVar("Network", bound=torch.nn.Module)
@@ -93,12 +96,15 @@ Network = TypeVar("Network", bound=torch.nn.Module)
 def drawn_ahead(
     draw: Callable[[int], Drawn], numbers: Sequence[int], workers: int
 ) -> Generator[Drawn, None, None]:
-    """Yield numbered samples in order, drawn ahead by `workers` processes (or a cluster's) until closed; 0: here."""
+    """Yield numbered samples in order, drawn ahead by `workers` processes (or a
+    cluster's) until closed; 0: here.
+    """
     if not workers:
         return (draw(number) for number in numbers)
+    # nothing is prepared
     return work_in_order(
         partial(partial, draw), numbers, workers, ahead=AHEAD * workers
-    )  # nothing is prepared
+    )
 
 
 def chosen_device(name: str) -> str:
@@ -131,7 +137,8 @@ def descend(
     study: Settings,
     steps: int,
 ) -> Iterator[float]:
-    """Take a step down the gradient of each batch's loss, its norm clipped; yield the mean loss of each round.
+    """Take a step down the gradient of each batch's loss, its norm clipped; yield the
+    mean loss of each round.
 
     `steps` batches make all rounds.
     """
@@ -165,7 +172,9 @@ def descend(
 
 @dataclass(frozen=True)
 class Fitted(Generic[Network]):
-    """A trained network, and mean losses in parts of its training, each before it was learned from."""
+    """A trained network, and mean losses in parts of its training, each before it was
+    learned from.
+    """
 
     network: Network
     training_loss: tuple[float, ...]
@@ -181,11 +190,13 @@ def trained(
     threads: int = READER_THREADS,
     device: str = "cpu",
 ) -> Fitted[Network]:
-    """Train a new network on one thread or on a GPU, as others draw; the losses are of each draw.
+    """Train a new network on one thread or on a GPU, as others draw; the losses are of
+    each draw.
 
-    `losses_of` gives the mean losses of the batches in the samples of a draw, by its number, and their sizes; `drawn`
-    is closed in the end; more `threads`, or another `device`, sum in another order. The first weights are the same on
-    every device; the network comes back to the CPU.
+    `losses_of` gives the mean losses of the batches in the samples of a draw, by its
+    number, and their sizes; `drawn` is closed in the end; more `threads`, or another
+    `device`, sum in another order. The first weights are the same on every device; the
+    network comes back to the CPU.
     """
     losses: list[float] = []
     with closing(drawn), repeatable(study.seed, threads, device):

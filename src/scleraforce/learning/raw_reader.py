@@ -1,8 +1,10 @@
-"""The raw reader: from a raw frame and the known values of the eye to the force, without a decision on boundaries.
+"""The raw reader: from a raw frame and the known values of the eye to the force,
+without a decision on boundaries.
 
-A network like the wall finder's gives distributions of both boundaries' rows. They make a slice of shares of wall, in
-the mean over all places of the boundaries, for the slice network. That learns from drawn slices first; then the wall is
-learned from raw frames by the wall finder's loss, and last everything by the force's loss beside it.
+A network like the wall finder's gives distributions of both boundaries' rows. They make
+a slice of shares of wall, in the mean over all places of the boundaries, for the slice
+network. That learns from drawn slices first; then the wall is learned from raw frames
+by the wall finder's loss, and last everything by the force's loss beside it.
 """
 
 from collections.abc import Generator, Sequence
@@ -66,13 +68,16 @@ FRAMES_TOGETHER = 256  # a chunk, from a generator of its own
 
 
 class RawReaderNetwork(torch.nn.Module):
-    """Mixtures of the force's place and places of the contact, as `ReaderNetwork`'s; and the logits of the wall.
+    """Mixtures of the force's place and places of the contact, as `ReaderNetwork`'s;
+    and the logits of the wall.
 
     `frames`: reduced, float (n, row, column); `given` (n, len(GIVEN)).
     """
 
     def __init__(self, study: Study, reads_slices: ReaderNetwork) -> None:
-        """Build the network with random weights (from PyTorch's generator), before one that reads slices."""
+        """Build the network with random weights (from PyTorch's generator), before one
+        that reads slices.
+        """
         super().__init__()
         self.sees_wall = WallFinderNetwork(study.raw_reader.wall)
         self.reads_slices = reads_slices
@@ -92,7 +97,9 @@ class RawReaderNetwork(torch.nn.Module):
     def forward(
         self, frames: torch.Tensor, given: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Return mixtures, the contact's places in mm, and logits of the boundaries' rows and of there being wall."""
+        """Return mixtures, the contact's places in mm, and logits of the boundaries'
+        rows and of there being wall.
+        """
         row_logits, wall_logits = self.sees_wall(frames)
         mixtures, places = self.reads_slices(
             self.slices(row_logits, wall_logits), given
@@ -102,7 +109,9 @@ class RawReaderNetwork(torch.nn.Module):
     def slices(
         self, row_logits: torch.Tensor, wall_logits: torch.Tensor
     ) -> torch.Tensor:
-        """Return the share of each pixel of the slices that is wall (n, row, column)."""
+        """Return the share of each pixel of the slices that is wall (n, row,
+        column).
+        """
         of_row = row_logits.softmax(dim=2)
         outer, inner = (of_row.cumsum(dim=2) - 0.5 * of_row).unbind(1)
         wall = (outer - inner).clamp(min=0.0) * wall_logits.sigmoid()[:, None]
@@ -110,9 +119,11 @@ class RawReaderNetwork(torch.nn.Module):
 
 
 def _slice_weights(window: FrameWindow, study: SliceStudy) -> tuple[Float, Float]:
-    """Return the weights of a window in a slice: of means over its rows, and that interpolate between its column pairs.
+    """Return the weights of a window in a slice: of means over its rows, and that
+    interpolate between its column pairs.
 
-    Shapes (row of the slice, row of the window) and (pair of the window's columns, column of the slice).
+    Shapes (row of the slice, row of the window) and (pair of the window's columns,
+    column of the slice).
     """
     edges = np.arange(window.rows + 1) * window.row_m
     pixels = np.arange(study.rows + 1)[:, None] * study.pixel_m
@@ -133,7 +144,9 @@ def _slice_weights(window: FrameWindow, study: SliceStudy) -> tuple[Float, Float
 def draw_optics(
     study: Study, needle_gap_m: float | None, rng: np.random.Generator
 ) -> BscanOptics:
-    """Draw a frame's optics within `[phantom]` and `[raw_reader]`; a needle's axis is `needle_gap_m` off, if any."""
+    """Draw a frame's optics within `[phantom]` and `[raw_reader]`; a needle's axis is
+    `needle_gap_m` off, if any.
+    """
     raw = study.raw_reader
     phantom = study.phantom
     optics = sample_optics(phantom, study.oct, rng)
@@ -171,7 +184,9 @@ def draw_shafts(
     rotation_rad: Floats,
     study: Study,
 ) -> list[DrawnShaft]:
-    """Return the needles of reduced frames; frames without a needle in their optics give none."""
+    """Return the needles of reduced frames; frames without a needle in their optics
+    give none.
+    """
     window = FrameWindow.of(study.raw_reader)
     width_m = window.columns * window.column_m
     depth_m = window.rows * window.row_m
@@ -258,9 +273,8 @@ class RawSource:
             depth_sbc, optics, study.oct, window, rng, shafts
         )
         trained = read_by_fit(study.reader)
-        pairs = boundary_rows.reshape(count, 2, -1, 2).mean(
-            axis=3
-        )  # at every second column
+        # at every second column
+        pairs = boundary_rows.reshape(count, 2, -1, 2).mean(axis=3)
         rows = np.clip(pairs, 0.0, window.rows - 1.0).astype(np.float32)
         given = networks.given_inputs(eyes.stated, trained)
         modulus_pa = networks.given_modulus(eyes.stated, trained)[0]
@@ -278,7 +292,9 @@ def fit_raw_reader(
     learned: Progress = None,
     device: str = "cpu",
 ) -> Fitted[RawReaderNetwork]:
-    """Train a raw reader; the same study and library give the same weights on the same machine."""
+    """Train a raw reader; the same study and library give the same weights on the same
+    machine.
+    """
     raw = study.raw_reader
     gaps = read_by_fit(study.reader)
     on_slices = replace(
@@ -317,7 +333,9 @@ def _batches(
 def _losses(
     study: Study, network: RawReaderNetwork, number: int, batch: RawSamples
 ) -> Losses:
-    """Return the mean loss of a draw, which is a batch; of the first ones it is the wall's alone."""
+    """Return the mean loss of a draw, which is a batch; of the first ones it is the
+    wall's alone.
+    """
     raw = study.raw_reader
     frames, given, boundaries = (
         tensor(each) for each in (batch.frames, batch.given, batch.boundary_rows)
@@ -340,7 +358,9 @@ def _losses(
 def measure_raw_reader(
     network: RawReaderNetwork, source: RawSource, study: Study
 ) -> dict[str, Any]:
-    """Return `metrics` of `model.json`, of `[raw_reader] validation_frames` new frames."""
+    """Return `metrics` of `model.json`, of `[raw_reader] validation_frames` new
+    frames.
+    """
     parts = samples.validation_chunks(
         source.chunk, study.raw_reader.validation_frames, FRAMES_TOGETHER
     )
@@ -356,7 +376,9 @@ def measure_raw_reader(
 def measuring_raw(
     study: Study, library: Library, network: bytes
 ) -> virtual_eyes.EyeScores:
-    """Return the function that scores an eye, for a process; `network`: of the frames, as ONNX."""
+    """Return the function that scores an eye, for a process; `network`: of the frames,
+    as ONNX.
+    """
     reads_frames = networks.ForceNetwork(
         network_session(network, NETWORK_FILE, 1), study, NETWORK_FILE, raw=True
     )
@@ -386,7 +408,9 @@ def measuring_raw(
 def _frames(
     eye: VirtualEye, forces_n: Floats, study: Study, rng: np.random.Generator
 ) -> Float:
-    """Return reduced frames of an eye under forces (frame, row, column), each with a pose and light of its own."""
+    """Return reduced frames of an eye under forces (frame, row, column), each with a
+    pose and light of its own.
+    """
     reader = study.reader
     window = FrameWindow.of(study.raw_reader)
     framing = reader.lateral_m, reader.surface_depth_m, reader.rotation_rad

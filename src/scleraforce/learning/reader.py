@@ -1,11 +1,14 @@
-"""The reader's network and its training: from a slice and the eye's known values to a histogram of F/E and a place.
+"""The reader's network and its training: from a slice and the eye's known values to a
+histogram of F/E and a place.
 
-Three numbers describe a column: whether there is wall, its amount, and its mean depth below the undeformed circle of
-the eye. Convolutions along the columns follow, then layers that also see the known values.
+Three numbers describe a column: whether there is wall, its amount, and its mean depth
+below the undeformed circle of the eye. Convolutions along the columns follow, then
+layers that also see the known values.
 
-The loss is the negative log-likelihood of the force, a proper score (Gneiting and Raftery, "Strictly proper scoring
-rules", 2007), plus Huber's loss of the contact's place; AdamW descends on samples drawn afresh for every epoch, half of
-them mirror images: a wall costs more time to draw than to learn from.
+The loss is the negative log-likelihood of the force, a proper score (Gneiting and
+Raftery, "Strictly proper scoring rules", 2007), plus Huber's loss of the contact's
+place; AdamW descends on samples drawn afresh for every epoch, half of them mirror
+images: a wall costs more time to draw than to learn from.
 """
 
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -47,25 +50,28 @@ KERNEL = 5
 STRIDE = 2
 GIVEN_UNITS = 32
 COMPONENTS = 3  # of the mixture that describes the force
+# least and largest logarithm of a component's scale, over the range of the histogram
 SHARPNESS = (
     -6.0,
     1.0,
-)  # least and largest logarithm of a component's scale, over the range of the histogram
-FAR = 1e4  # stands for the ends of the line, over the range of the histogram
-TYPICAL_WALL = (
-    0.6e-3  # m: amounts and depths enter in such units, so that they are of order one
 )
+FAR = 1e4  # stands for the ends of the line, over the range of the histogram
+# m: amounts and depths enter in such units, so that they are of order one
+TYPICAL_WALL = 0.6e-3
 PLACE_WEIGHT = 2.0
 PLACE_KNEE_MM = 0.2
 
 
 class ReaderNetwork(torch.nn.Module):
-    """A mixture of logistic distributions of the force's place, and the contact's place in mm (sample,).
+    """A mixture of logistic distributions of the force's place, and the contact's place
+    in mm (sample,).
 
-    The force's place is sqrt(x / max x), x = F/E: from 0 to 1 along the histogram. A few numbers give the force and its
-    uncertainty; a network that has to give the heights of 128 bins learns slowly to be certain.
+    The force's place is sqrt(x / max x), x = F/E: from 0 to 1 along the histogram. A
+    few numbers give the force and its uncertainty; a network that has to give the
+    heights of 128 bins learns slowly to be certain.
 
-    `slices`: float, 0 or 1, shape (sample, row, column); `given`: shape (sample, len(GIVEN)).
+    `slices`: float, 0 or 1, shape (sample, row, column); `given`: shape (sample,
+    len(GIVEN)).
     """
 
     def __init__(
@@ -117,15 +123,18 @@ class ReaderNetwork(torch.nn.Module):
             )
 
         self.bins = reader.bins
+        # of its input
         self.example = torch.zeros(
             2, slice_study.rows, slice_study.columns, dtype=torch.uint8
-        )  # of its input
+        )
         self.place = torch.nn.Linear(widths[-1], 1)
 
     def forward(
         self, slices: torch.Tensor, given: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return mixtures (sample, 3 COMPONENTS): logits of weights, middles, log scales; and the contact's places."""
+        """Return mixtures (sample, 3 COMPONENTS): logits of weights, middles, log
+        scales; and the contact's places.
+        """
         signal = self.features(slices)
         for convolution in self.convolutions:
             signal = torch.relu(convolution(signal))
@@ -138,7 +147,9 @@ class ReaderNetwork(torch.nn.Module):
         return self.force(signal), self.place(signal)[:, 0]
 
     def features(self, slices: torch.Tensor) -> torch.Tensor:
-        """Return the three numbers that describe a column (sample, FEATURES, column)."""
+        """Return the three numbers that describe a column (sample, FEATURES,
+        column).
+        """
         amount, moment = torch.nn.functional.conv1d(slices, self.projection).unbind(1)
         there = amount.clamp(max=1.0)
         below_circle = moment / amount.clamp(min=1.0) - self.circle * there
@@ -161,7 +172,9 @@ def log_density(mixture: torch.Tensor, place: torch.Tensor) -> torch.Tensor:
 
 
 def histogram(mixture: torch.Tensor, bins: int) -> torch.Tensor:
-    """Return the mixture's share in each bin (sample, bin); the end bins have everything beyond."""
+    """Return the mixture's share in each bin (sample, bin); the end bins have
+    everything beyond.
+    """
     return shares_between(torch.from_numpy(bin_ends(bins)), mixture)
 
 
@@ -176,20 +189,26 @@ def shares_between(ends: torch.Tensor, mixture: torch.Tensor) -> torch.Tensor:
 
 
 def _parts(mixture: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Return logits of the weights, middles and log scales, each (sample, COMPONENTS)."""
+    """Return logits of the weights, middles and log scales, each (sample,
+    COMPONENTS).
+    """
     weight, middle, log_scale = torch.split(mixture, COMPONENTS, dim=1)
     return weight, middle, log_scale.clamp(*SHARPNESS)
 
 
 def bin_ends(bins: int) -> NDArray[np.float32]:
-    """Return the places of the bins' ends (bins + 1,); the first and the last are far away."""
+    """Return the places of the bins' ends (bins + 1,); the first and the last are far
+    away.
+    """
     ends = np.linspace(0.0, 1.0, bins + 1, dtype=np.float32)
     ends[[0, -1]] = -FAR, FAR
     return ends
 
 
 class _Answers(torch.nn.Module):
-    """The ONNX model: slices, uint8, or reduced frames, and given values to histogram and contact's place, m."""
+    """The ONNX model: slices, uint8, or reduced frames, and given values to histogram
+    and contact's place, m.
+    """
 
     def __init__(self, network: Any) -> None:
         super().__init__()
@@ -206,10 +225,11 @@ class _Answers(torch.nn.Module):
 
 
 def force_bytes(network: Any, provenance: Mapping[str, str]) -> bytes:
-    """Return a network of slices, uint8, 0 or 255, or of reduced frames as an ONNX model that reads forces.
+    """Return a network of slices, uint8, 0 or 255, or of reduced frames as an ONNX
+    model that reads forces.
 
-    From these (n, row, column) and `given`, float32, it answers with `histogram`, float32 (n, bins), rows sum to 1, and
-    `contact_m`, float32 (n,).
+    From these (n, row, column) and `given`, float32, it answers with `histogram`,
+    float32 (n, bins), rows sum to 1, and `contact_m`, float32 (n,).
     """
     name = SLICES if network.example.dtype == torch.uint8 else FINDER_FRAMES
     inputs = {
@@ -229,9 +249,11 @@ def fit_reader(
     progress: Progress = None,
     device: str = "cpu",
 ) -> Fitted[ReaderNetwork]:
-    """Train a reader on chunks of samples, none seen twice but for mirror images; losses and `progress` are of epochs.
+    """Train a reader on chunks of samples, none seen twice but for mirror images;
+    losses and `progress` are of epochs.
 
-    The same study and library give the same weights on the same machine, for any number of drawing processes (0: here).
+    The same study and library give the same weights on the same machine, for any number
+    of drawing processes (0: here).
     """
     reader = study.reader
     done = count(1)
@@ -256,7 +278,9 @@ def fit_reader(
 def _rounds(
     draw: Callable[[int], ReaderSamples], reader: ReaderStudy, rounds: int, workers: int
 ) -> Generator[ReaderSamples, None, None]:
-    """Yield the samples of each round; where left and right are drawn alike, mirror images follow their originals."""
+    """Yield the samples of each round; where left and right are drawn alike, mirror
+    images follow their originals.
+    """
     drawn_from = (reader.lateral_m, reader.rotation_rad)
     places = [
         each.values if isinstance(each, Choice) else each.bounds for each in drawn_from
@@ -288,7 +312,9 @@ def _losses(
 def measure_reader(
     network: ReaderNetwork, source: Source, study: Study
 ) -> dict[str, Any]:
-    """Return `metrics` of `model.json`, of `[reader] validation_samples` new samples."""
+    """Return `metrics` of `model.json`, of `[reader] validation_samples` new
+    samples.
+    """
     with descent.repeatable(study.reader.seed, descent.READER_THREADS):
         unseen = concatenated(
             validation_chunks(source.chunk, study.reader.validation_samples, CHUNK)
@@ -315,10 +341,11 @@ def compared(
     truth: ForceSamples,
     study: Study,
 ) -> dict[str, Any]:
-    """Return `metrics` of `model.json` from a network's outputs for all parts of samples.
+    """Return `metrics` of `model.json` from a network's outputs for all parts of
+    samples.
 
-    Accuracy, its 95 % interval (Wilson) and confusion (a row for each true class) are of the classes; the mean error is
-    of the median, the coverage of the 90 % intervals.
+    Accuracy, its 95 % interval (Wilson) and confusion (a row for each true class) are
+    of the classes; the mean error is of the median, the coverage of the 90 % intervals.
     """
     mixtures, places_mm = (torch.cat(values) for values in zip(*outputs, strict=True))
     shares = histogram(mixtures, study.reader.bins).double().tolist()
@@ -355,7 +382,9 @@ def reader_loss(
     force: torch.Tensor,
     true_place_mm: torch.Tensor,
 ) -> torch.Tensor:
-    """Return the mean loss of mixtures and places, mm, given the true places of the forces and contacts."""
+    """Return the mean loss of mixtures and places, mm, given the true places of the
+    forces and contacts.
+    """
     place = torch.nn.functional.huber_loss(
         places_mm, true_place_mm, delta=PLACE_KNEE_MM
     )
@@ -363,7 +392,9 @@ def reader_loss(
 
 
 def targets(truth: ForceSamples, reader: ReaderStudy) -> tuple[torch.Tensor, ...]:
-    """Return the true places of forces in the histogram, 0 to 1, and of the contact, mm, (sample,)."""
+    """Return the true places of forces in the histogram, 0 to 1, and of the contact,
+    mm, (sample,).
+    """
     force_ratio = truth.force_n / truth.modulus_pa
     places = (
         np.sqrt(force_ratio / reader.max_force_ratio),

@@ -1,4 +1,6 @@
-"""Samples for the reader, drawn from the response library: any number, each of another eye."""
+"""Samples for the reader, drawn from the response library: any number, each of another
+eye.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
@@ -32,26 +34,27 @@ Samples = TypeVar("Samples", bound="DataclassInstance")
 
 BARELY_INSIDE = 1.0 - 1e-9
 ROUNDS = 40
-CALIBRATED_SD = (
-    0.06  # relative: a modulus given with less was calibrated on the eye itself
-)
-PRESSURE_TOLERANCE = (
-    1e-5  # relative, of that under the needle: arrays and compiled loops draw alike
-)
+# relative: a modulus given with less was calibrated on the eye itself
+CALIBRATED_SD = 0.06
+# relative, of that under the needle: arrays and compiled loops draw alike
+PRESSURE_TOLERANCE = 1e-5
 TISSUES = 8  # stiffenings of tissue that does: what lies between them is learned
 TRUNCATED_SD = 2.5  # a given modulus is never farther off than this
 TISSUE = 400  # samples of one tissue
 CHUNK = 2000  # samples that are drawn together, from a generator of their own
 VALIDATION_CHUNK = 2**31  # numbers from here on are chunks of the validation set
-BEYOND_SLICE_M = 0.5e-3  # of the wall that is kept: a tilted or turned section reaches a little farther
+# of the wall that is kept: a tilted or turned section reaches a little farther
+BEYOND_SLICE_M = 0.5e-3
 
 
 @dataclass(frozen=True)
 class Eyes:
-    """Eyes under a needle, the B-scan's tilt and the section's rotation, and their known values; (sample,), SI.
+    """Eyes under a needle, the B-scan's tilt and the section's rotation, and their
+    known values; (sample,), SI.
 
-    `polar_rad` is the contact's polar angle, `direction_rad` the section's from the meridian. `rigidity` is k of the
-    globe, 0 if it is open; `iop_ratio` the pressure under the needle over E.
+    `polar_rad` is the contact's polar angle, `direction_rad` the section's from the
+    meridian. `rigidity` is k of the globe, 0 if it is open; `iop_ratio` the pressure
+    under the needle over E.
     """
 
     stated: GivenEyes
@@ -71,9 +74,11 @@ class Eyes:
 
 @dataclass(frozen=True)
 class ForceSamples:
-    """Samples of forces: known values `given` float32 (sample, len(GIVEN)), beside pictures.
+    """Samples of forces: known values `given` float32 (sample, len(GIVEN)), beside
+    pictures.
 
-    `modulus_pa` is given to the network; `lateral_m`: of the needle axis from the picture's middle; (sample,).
+    `modulus_pa` is given to the network; `lateral_m`: of the needle axis from the
+    picture's middle; (sample,).
     """
 
     given: NDArray[np.float32]
@@ -92,7 +97,9 @@ class ReaderSamples(ForceSamples):
     slices: Bytes
 
     def mirrored(self) -> "ReaderSamples":
-        """Return the mirror images, left for right: of eyes whose poles lie on the other side."""
+        """Return the mirror images, left for right: of eyes whose poles lie on the
+        other side.
+        """
         given = self.given.copy()
         given[:, GIVEN.index("pole along")] *= -1.0
         return replace(
@@ -104,7 +111,8 @@ class ReaderSamples(ForceSamples):
 class RawSamples(ForceSamples):
     """With reduced `frames` float32 (sample, row, column), and the wall's rows in them.
 
-    `boundary_rows` float32 (sample, boundary, column / 2): kept inside the window, NaN without wall.
+    `boundary_rows` float32 (sample, boundary, column / 2): kept inside the window, NaN
+    without wall.
     """
 
     frames: NDArray[np.float32]
@@ -116,7 +124,9 @@ class RawSamples(ForceSamples):
 
 
 def concatenated(parts: Sequence[Samples]) -> Samples:
-    """Return samples one after the other: all fields of such a record are arrays with a row for each."""
+    """Return samples one after the other: all fields of such a record are arrays with a
+    row for each.
+    """
     kind = type(parts[0])
     return kind(
         *(
@@ -129,7 +139,9 @@ def concatenated(parts: Sequence[Samples]) -> Samples:
 def library_of_tissue(
     library: Library, reader: ReaderStudy, rng: np.random.Generator
 ) -> Library:
-    """Return a library of tissue that stiffens, in a share of the draws: 1 + b is spread evenly in its logarithm."""
+    """Return a library of tissue that stiffens, in a share of the draws: 1 + b is
+    spread evenly in its logarithm.
+    """
     least, most = np.log1p(library.walls.stiffening[[0, -1]])
     stiffens = rng.random() < reader.stiffening_share
     number = rng.integers(1, TISSUES + 1)
@@ -169,7 +181,9 @@ def draw_seen(
     count: int,
     rng: np.random.Generator,
 ) -> tuple[Eyes, Framing, Floats]:
-    """Draw the eyes of samples, their places in the slices, and the boundaries seen (sample, boundary, column), m."""
+    """Draw the eyes of samples, their places in the slices, and the boundaries seen
+    (sample, boundary, column), m.
+    """
     eyes, framing, walls = draw_framed(library, reader, slice_study, count, rng)
     return eyes, framing, disturb(walls, slice_study, rng, scale=reader.boundary_errors)
 
@@ -181,7 +195,9 @@ def draw_framed(
     count: int,
     rng: np.random.Generator,
 ) -> tuple[Eyes, Framing, Floats]:
-    """Draw eyes, their places, and the boundaries of their walls, each of another form (eye, boundary, column), m."""
+    """Draw eyes, their places, and the boundaries of their walls, each of another form
+    (eye, boundary, column), m.
+    """
     eyes = draw_eyes(library, reader, count, rng)
     lateral_m = reader.lateral_m.sample(rng, count)
     depth_m = reader.surface_depth_m.sample(rng, count)
@@ -206,7 +222,9 @@ def draw_framed(
 
 
 def _reach_m(reader: ReaderStudy, slice_study: SliceStudy) -> float:
-    """Return the reach of slices along a section, from the needle axis, in the library's size, m."""
+    """Return the reach of slices along a section, from the needle axis, in the
+    library's size, m.
+    """
     beside_m = max(abs(end) for end in reader.lateral_m.bounds)
     return (
         0.5 * slice_study.columns * slice_study.pixel_m + beside_m
@@ -240,7 +258,8 @@ def draw_eyes(
             break
     else:
         raise InputError(
-            "the library holds hardly any eye of [reader]; make one that covers its ranges"
+            "the library holds hardly any eye of [reader]; make one that covers its"
+            " ranges"
         )
 
     gap_m = reader.gap_m.sample(rng, count)
@@ -261,7 +280,8 @@ def draw_eyes(
     stated_gap_m = _stated(
         gap_m, reader.gap_noise_fraction, reader.gap_missing_fraction, rng
     )
-    # At a given dent F goes as E t^2 IOP^(1/3) (docs/reader.md): a calibration keeps the product (NaN: missing).
+    # At a given dent F goes as E t^2 IOP^(1/3) (docs/reader.md): a calibration keeps
+    # the product (NaN: missing).
     t, p = (
         np.nan_to_num(factor, nan=1.0)
         for factor in (stated_thickness_m / thickness_m, stated_iop_pa / iop_pa)
@@ -293,7 +313,9 @@ def draw_eyes(
 def _poles(
     reader: ReaderStudy, count: int, rng: np.random.Generator
 ) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
-    """Return polar angles of contacts and directions of sections, and their given values, (sample,) each."""
+    """Return polar angles of contacts and directions of sections, and their given
+    values, (sample,) each.
+    """
     pole = reader.polar_angle_rad.sample(rng, count), rng.uniform(-np.pi, np.pi, count)
     stated = [
         angle + reader.pole_noise_rad * rng.standard_normal(count) for angle in pole
@@ -317,7 +339,9 @@ def _pressures(
     force_n: Floats,
     rng: np.random.Generator,
 ) -> Floats:
-    """Return the pressure under the needle over E (sample,); forces that drive it beyond the library are lowered."""
+    """Return the pressure under the needle over E (sample,); forces that drive it
+    beyond the library are lowered.
+    """
     thickness_m, iop_pa, modulus_pa, size = eye
     # volumes go as size^3
     thickness = thickness_m / size
@@ -340,14 +364,17 @@ def _pressures(
         force_n[left] *= rng.random(len(left))
 
     raise InputError(
-        "the library holds hardly any sealed eye of [reader]; make one that covers its pressures"
+        "the library holds hardly any sealed eye of [reader]; make one that covers its"
+        " pressures"
     )
 
 
 def _globes(
     reader: ReaderStudy, count: int, rng: np.random.Generator
 ) -> tuple[Floats, Floats, Floats]:
-    """Return rigidities of globes and the ends of the given band of each, (sample,) in Pa^(1/3)/m^3."""
+    """Return rigidities of globes and the ends of the given band of each, (sample,) in
+    Pa^(1/3)/m^3.
+    """
     rigidity = np.zeros(count)
     low = np.zeros(count)
     high = np.zeros(count)
@@ -375,9 +402,11 @@ def _globes(
 def _moduli(
     reader: ReaderStudy, count: int, rng: np.random.Generator
 ) -> tuple[Floats, Floats, Floats]:
-    """Return given moduli, their relative standard deviations (NaN: missing), and the eyes' true moduli (sample,).
+    """Return given moduli, their relative standard deviations (NaN: missing), and the
+    eyes' true moduli (sample,).
 
-    The true modulus is drawn from the given distribution; without one, evenly from the range.
+    The true modulus is drawn from the given distribution; without one, evenly from the
+    range.
     """
     middle_pa = reader.youngs_modulus_pa.sample(rng, count)
     sd = log_even(reader.modulus_sd_fraction, count, rng)
@@ -433,7 +462,9 @@ class Source:
 def validation_chunks(
     draw: Callable[[int, int], Samples], count: int, size: int
 ) -> list[Samples]:
-    """Draw samples that no training sees, from streams of their own, in chunks of at most `size`."""
+    """Draw samples that no training sees, from streams of their own, in chunks of at
+    most `size`.
+    """
     return [
         draw(VALIDATION_CHUNK + n, min(size, count - n * size))
         for n in range(-(-count // size))

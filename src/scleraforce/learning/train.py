@@ -1,4 +1,6 @@
-"""Train a network, measure it on unseen samples, and write its model folder, with the card of its kind (cards.toml)."""
+"""Train a network, measure it on unseen samples, and write its model folder, with the
+card of its kind (cards.toml).
+"""
 
 import platform
 import tomllib
@@ -54,9 +56,8 @@ from scleraforce.units import from_si
 
 Record = dict[str, Any]  # `model.json`
 
-DEFAULT_METHOD = (
-    "fit"  # nearer to the true force than the network on virtual eyes (docs/figures.md)
-)
+# nearer to the true force than the network on virtual eyes (docs/figures.md)
+DEFAULT_METHOD = "fit"
 EYES = "virtual eyes of the library's walls"
 
 
@@ -70,16 +71,17 @@ def train_classifier(
     workers: int | None = None,
     device: str = "auto",
 ) -> Record:
-    """Train the classifier on a data set and write its model folder; return what `model.json` keeps of it."""
+    """Train the classifier on a data set and write its model folder; return what
+    `model.json` keeps of it.
+    """
     check_place(out)
     device = chosen_device(device)
     modulus_pa = (
         dataset.youngs_modulus_pa if youngs_modulus_pa is None else youngs_modulus_pa
     )
     study = replace(dataset.study, network=network or dataset.study.network)
-    study = replace(
-        study, eye=replace(study.eye, youngs_modulus_pa=modulus_pa)
-    )  # that its labels belong to
+    # that its labels belong to
+    study = replace(study, eye=replace(study.eye, youngs_modulus_pa=modulus_pa))
     classes = len(study.classes.bounds_n) + 1
     samples = training, validation = split_samples(dataset, modulus_pa)
     candidates: tuple[classifier.Candidate, ...] = ()
@@ -121,9 +123,11 @@ def train_classifier(
     pixels = study.slice.rows * study.slice.columns
     words = {
         "sizes": "-".join(map(str, (pixels, *study.network.hidden, classes))),
-        "mirrored": ";\nhalf of the slices shown with left and right exchanged"
-        if study.network.mirror
-        else "",
+        "mirrored": (
+            ";\nhalf of the slices shown with left and right exchanged"
+            if study.network.mirror
+            else ""
+        ),
         "recall": ", ".join(f"{share.value:.2%}" for share in recall(confusion)),
     }
 
@@ -133,12 +137,14 @@ def train_classifier(
 def split_samples(
     dataset: Dataset, youngs_modulus_pa: float
 ) -> tuple[classifier.Samples, classifier.Samples]:
-    """Return the training and the validation samples of a data set, labelled for walls of a modulus."""
+    """Return the training and the validation samples of a data set, labelled for walls
+    of a modulus.
+    """
     parts = dataset.split()
     if not all(len(part) for part in parts):
         raise DatasetError(
-            f"{dataset.path}: validation: {len(parts[1])} of {dataset.images} samples; training and "
-            "validation need some each"
+            f"{dataset.path}: validation: {len(parts[1])} of {dataset.images} samples;"
+            " training and validation need some each"
         )
 
     ratio = youngs_modulus_pa / dataset.youngs_modulus_pa
@@ -213,7 +219,9 @@ def train_raw_reader(
     measured: Progress = None,
     device: str = "auto",
 ) -> Record:
-    """Train the raw reader as `train_reader` does; `learned` is called with 1 after each batch of raw frames."""
+    """Train the raw reader as `train_reader` does; `learned` is called with 1 after
+    each batch of raw frames.
+    """
     check_place(out)
     check_library(library, study)
     device = chosen_device(device)
@@ -261,7 +269,9 @@ def train_wall_finder(
     progress: Progress = None,
     device: str = "auto",
 ) -> Record:
-    """Train the wall finder on scenes that workers draw (a process on each other core), and write its model folder."""
+    """Train the wall finder on scenes that workers draw (a process on each other core),
+    and write its model folder.
+    """
     check_place(out)
     device = chosen_device(device)
     finder = study.wall_finder
@@ -294,7 +304,9 @@ def _provenance(
     more: Mapping[str, str],
     threads: int = READER_THREADS,
 ) -> dict[str, str]:
-    """Return `metadata_props` of a network: the same for the same study, data and versions."""
+    """Return `metadata_props` of a network: the same for the same study, data and
+    versions.
+    """
     return {
         "kind": kind,
         "study_sha256": study_hash(study),
@@ -311,7 +323,9 @@ def _provenance(
 
 
 def _of_library(stored: BytesIO, study: Study) -> dict[str, str]:
-    """Return what identifies the library, as it is stored, that a network learned from."""
+    """Return what identifies the library, as it is stored, that a network learned
+    from.
+    """
     return {
         "library_sha256": sha256(stored.getvalue()).hexdigest(),
         "class_bounds_mn": _bounds_mn(study),
@@ -340,7 +354,9 @@ def _written(
     words: Mapping[str, Any] = MappingProxyType({}),
     more: Mapping[str, bytes] = MappingProxyType({}),
 ) -> Record:
-    """Write a model folder; its card is the template of its kind, filled from the study, the record and `words`."""
+    """Write a model folder; its card is the template of its kind, filled from the
+    study, the record and `words`.
+    """
     kind = provenance["kind"]
     cut = study.slice
     record: Record = {"kind": kind, "provenance": provenance, **found}
@@ -365,7 +381,9 @@ def _written(
         **words,
         "study": study,
         "measured": intervals.format(**record),
-        "pixels": f"{cut.rows} x {cut.columns} pixels of {from_si(cut.pixel_m, 'mm'):g} mm",
+        "pixels": (
+            f"{cut.rows} x {cut.columns} pixels of {from_si(cut.pixel_m, 'mm'):g} mm"
+        ),
         "low_mn": low_mn,
         "high_mn": high_mn,
         "table": "\n".join(
@@ -384,10 +402,13 @@ def _written(
 
 
 def _ranges_of_classes(study: Study) -> dict[str, str]:
-    """Return what a classifier's slices are drawn from: walls of the data set's groups, and other values' ranges."""
+    """Return what a classifier's slices are drawn from: walls of the data set's groups,
+    and other values' ranges.
+    """
     walls = {
-        f"wall of {from_si(group.thickness_m, 'um'):g} µm": f"{group.images} images, "
-        f"0 to {from_si(group.max_force_n, 'mn'):g} mN"
+        f"wall of {from_si(group.thickness_m, 'um'):g} µm": (
+            f"{group.images} images, 0 to {from_si(group.max_force_n, 'mn'):g} mN"
+        )
         for group in study.dataset.group
     }
     ranges = {**_ranges(study.eye), **_ranges(study.needle), **_ranges(study.dataset)}
@@ -397,7 +418,9 @@ def _ranges_of_classes(study: Study) -> dict[str, str]:
 
 
 def _ranges(section: Any) -> dict[str, str]:
-    """Return the values of a study's section, in its keys' units, by key; without sections within it."""
+    """Return the values of a study's section, in its keys' units, by key; without
+    sections within it.
+    """
     found = {}
     for item in fields(section):
         value = map_numbers(getattr(section, item.name), field_unit(item).from_si)

@@ -1,12 +1,16 @@
-"""Whole virtual eyes from library walls, for the measurement of a reader's intervals: calibrated, then read.
+"""Whole virtual eyes from library walls, for the measurement of a reader's intervals:
+calibrated, then read.
 
-A share of the eyes are uneven: their form is not a sphere's, and their forces drift away from the library's with the
-dent, as in uneven eyes computed in three dimensions. The stated values of an eye are off by the study's errors.
+A share of the eyes are uneven: their form is not a sphere's, and their forces drift
+away from the library's with the dent, as in uneven eyes computed in three dimensions.
+The stated values of an eye are off by the study's errors.
 
-The factors of a reading's traits, by which intervals are stretched, come from the scores of these readings by quantile
-regression (Koenker and Bassett 1978): the logarithm of the 90 % quantile is a sum over the traits. At its solution 90 %
-of the scores of each trait stay below, whatever other traits the readings have (conditional conformal prediction over
-groups that overlap: Gibbs, Cherian and Candes 2023), and few eyes suffice: all readings with a trait teach its factor.
+The factors of a reading's traits, by which intervals are stretched, come from the
+scores of these readings by quantile regression (Koenker and Bassett 1978): the
+logarithm of the 90 % quantile is a sum over the traits. At its solution 90 % of the
+scores of each trait stay below, whatever other traits the readings have (conditional
+conformal prediction over groups that overlap: Gibbs, Cherian and Candes 2023), and few
+eyes suffice: all readings with a trait teach its factor.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -52,7 +56,8 @@ from scleraforce.study import Study, draw
 FRAMES = 20
 CALIBRATED = 3
 FINER = 4  # columns and rows of a frame for one of a slice
-FORCE_DRIFT_SD = 0.035  # relative, from no force to the largest: uneven eyes computed in three dimensions
+# relative, from no force to the largest: uneven eyes computed in three dimensions
+FORCE_DRIFT_SD = 0.035
 FRAME_EVERY_S = 12.0  # of a force log: ramps, a hold, a rest
 ROTATION_RAD = np.radians(3.0)
 SHIFT_M = 0.05e-3  # of an eye between frames
@@ -64,7 +69,8 @@ OPEN_OR_SEALED = (OPEN, SEALED, UNKNOWN)
 
 @dataclass(frozen=True, kw_only=True)
 class VirtualEye:
-    """An eye: its true sections, its wall without force, its stated values, and its form (1,) at rest.
+    """An eye: its true sections, its wall without force, its stated values, and its
+    form (1,) at rest.
 
     `drift`: growth of its forces over the library's, as a share, up to `largest_n`.
     """
@@ -79,7 +85,9 @@ class VirtualEye:
 
 @dataclass(frozen=True, eq=False)
 class VirtualFrame:
-    """One frame: its true force, N, the boundaries seen in it, and slices of it, each half a row lower."""
+    """One frame: its true force, N, the boundaries seen in it, and slices of it, each
+    half a row lower.
+    """
 
     force_n: float
     boundaries: Boundaries
@@ -89,7 +97,9 @@ class VirtualFrame:
 def draw_eye(
     study: Study, library: Library, number: int, rng: np.random.Generator
 ) -> VirtualEye:
-    """Draw an eye within `[reader]`; its globe is stated open, sealed or not at all by turns, its direction or not."""
+    """Draw an eye within `[reader]`; its globe is stated open, sealed or not at all by
+    turns, its direction or not.
+    """
     reader = study.reader
     stated_globe = OPEN_OR_SEALED[number % 3]
     library = library_of_tissue(library, reader, rng)
@@ -116,9 +126,10 @@ def draw_eye(
     true = EyeConstants(
         iop_pa=iop_pa, thickness_m=thickness_m, gap_m=gap_m, globe=globe, **place
     )
+    # `disturb` smooths
     sharp = replace(
         study, calibration=replace(study.calibration, surface_smoothing_m=0.0)
-    )  # `disturb` smooths
+    )
     model = library_eye(sharp, true, library)
     wall = stated_wall(true, modulus_pa, 0.0, polar_rad)
     fractions = (
@@ -135,9 +146,9 @@ def draw_eye(
         thickness_m=float(np.clip(thickness_m * noise[1], *reader.thickness_m.bounds)),
         gap_m=gap_m * float(noise[2]),
         polar_rad=abs(polar_rad + float(pole_noise_rad[0])),
-        direction_rad=direction_rad + float(pole_noise_rad[1])
-        if direction_stated
-        else None,
+        direction_rad=(
+            direction_rad + float(pole_noise_rad[1]) if direction_stated else None
+        ),
         globe=stated_globe,
     )
 
@@ -161,7 +172,9 @@ def draw_eye(
 def draw_frames(
     eye: VirtualEye, study: Study, forces: Floats | int, rng: np.random.Generator
 ) -> tuple[VirtualFrame, ...]:
-    """Draw frames of an eye under forces (frame,), N, or a number of even ones, with errors like the segmentation's."""
+    """Draw frames of an eye under forces (frame,), N, or a number of even ones, with
+    errors like the segmentation's.
+    """
     reader = study.reader
     forces_n = (
         rng.uniform(0.0, eye.largest_n, forces) if isinstance(forces, int) else forces
@@ -207,9 +220,11 @@ def draw_frames(
 def wall_depths(
     eye: VirtualEye, forces_n: Floats, poses: Iterable[Floats], columns_m: Floats
 ) -> Floats:
-    """Return the boundaries of an eye's wall in frames (frame, boundary, column), m; NaN beyond the wall.
+    """Return the boundaries of an eye's wall in frames (frame, boundary, column), m;
+    NaN beyond the wall.
 
-    Forces are (frame,), columns lateral places from the frame's middle; each frame has a pose (`place_section`).
+    Forces are (frame,), columns lateral places from the frame's middle; each frame has
+    a pose (`place_section`).
     """
     effective_n = forces_n / (1.0 + eye.drift * (forces_n / eye.largest_n - 0.5))
     states = [replace(eye.wall, force_n=float(force_n)) for force_n in effective_n]
@@ -237,11 +252,13 @@ def calibrated(
     rng: np.random.Generator,
     chosen: Sequence[int] | None = None,
 ) -> tuple[Known, tuple[VirtualFrame, ...]]:
-    """Return the known values of an eye after a calibration on some of its frames, and the other frames.
+    """Return the known values of an eye after a calibration on some of its frames, and
+    the other frames.
 
-    The frames are in the order of the pushes; the `chosen` ones calibrate, by default three as by `calibrate --frames
-    3`. Frames of light forces only show the place of the eye, and are left. Raise a CalibrationError if the library
-    does not have the eye with its stated values.
+    The frames are in the order of the pushes; the `chosen` ones calibrate, by default
+    three as by `calibrate --frames 3`. Frames of light forces only show the place of
+    the eye, and are left. Raise a CalibrationError if the library does not have the eye
+    with its stated values.
     """
     labelled = label_forces(np.array([frame.force_n for frame in frames]), rng)
     forces_n = labelled.force_n
@@ -258,7 +275,9 @@ def calibrated(
     poses = dict[Boundaries, PoseBelief]()
 
     def attempt(of_tissue: Library) -> TissueTrial[tuple[Known, int]] | None:
-        """Calibrate with the walls of one tissue: the known values, and the number of frames that were used."""
+        """Calibrate with the walls of one tissue: the known values, and the number of
+        frames that were used.
+        """
         try:
             session = begin(
                 study,
@@ -309,7 +328,9 @@ def calibrated(
 
 
 def label_forces(forces_n: Floats, rng: np.random.Generator) -> labels.FrameForces:
-    """Return true forces (frame,), in the order of the pushes, with a log's noise and the rest of its sensor's zero."""
+    """Return true forces (frame,), in the order of the pushes, with a log's noise and
+    the rest of its sensor's zero.
+    """
     time_s = FRAME_EVERY_S * np.arange(1, len(forces_n) + 1, dtype=np.float64)
     offset_n, drift_n_per_s = np.sqrt(np.diag(labels.ZERO_PRIOR)) * rng.standard_normal(
         2
@@ -360,11 +381,11 @@ def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Kn
     return replace(known_of_constants(eye.stated, modulus), stiffening=stiffening)
 
 
-STREAM = (
-    2**30
-)  # of random numbers: the samples' streams are below, the validation's above
+# of random numbers: the samples' streams are below, the validation's above
+STREAM = 2**30
 AHEAD = 2  # eyes for each process that are drawn or wait
-OTHERWISE_EVERY = 2  # of the eyes of each telling, one is calibrated a second time, on frames of any forces
+# of the eyes of each telling, one is calibrated a second time, on frames of any forces
+OTHERWISE_EVERY = 2
 MOST_CHOSEN = 5  # of these frames
 # of their forces, and of the largest of them
 LEAST_N = 6e-3
@@ -382,7 +403,9 @@ def measured_intervals(
     source: str,
     progress: Callable[[int], object] | None = None,
 ) -> dict[str, Any]:
-    """Return `intervals` of `model.json` from the scores of virtual eyes: factors, and the number and kind of eyes."""
+    """Return `intervals` of `model.json` from the scores of virtual eyes: factors, and
+    the number and kind of eyes.
+    """
     if not eyes:
         return {}
 
@@ -405,7 +428,9 @@ ScoresOf = Callable[
 def eye_scores(
     study: Study, library: Library, seed: int, scores_of: ScoresOf, number: int
 ) -> list[Score]:
-    """Return the scores of a virtual eye, calibrated and then read; there are none if the library lacks the eye."""
+    """Return the scores of a virtual eye, calibrated and then read; there are none if
+    the library lacks the eye.
+    """
     rng = np.random.default_rng([seed, STREAM + number])
     try:
         eye = draw_eye(study, library, number, rng)
@@ -419,7 +444,9 @@ def eye_scores(
 
 
 def measuring(study: Study, library: Library, network: bytes) -> EyeScores:
-    """Return the function that scores an eye, for a process; `network`: of the slices, as ONNX."""
+    """Return the function that scores an eye, for a process; `network`: of the slices,
+    as ONNX.
+    """
     read = ForceNetwork(
         network_session(network, NETWORK_FILE, 1), study, NETWORK_FILE
     ).read
@@ -447,9 +474,11 @@ def measuring(study: Study, library: Library, network: bytes) -> EyeScores:
 def calibrated_otherwise(
     eye: VirtualEye, study: Study, library: Library, rng: np.random.Generator
 ) -> tuple[Known, tuple[VirtualFrame, ...]] | None:
-    """Return an eye's known values after a calibration on a few frames of drawn forces, and the other frames.
+    """Return an eye's known values after a calibration on a few frames of drawn forces,
+    and the other frames.
 
-    None if the eye does not bear enough, or the library lacks it with its stated values.
+    None if the eye does not bear enough, or the library lacks it with its stated
+    values.
     """
     if eye.largest_n <= LEAST_LARGEST_N:
         return None
@@ -475,7 +504,9 @@ def _scores(
     known: Known,
     frames: Sequence[VirtualFrame],
 ) -> list[Score]:
-    """Return the scores of both methods on frames of an eye with its contact at a polar angle."""
+    """Return the scores of both methods on frames of an eye with its contact at a polar
+    angle.
+    """
     found = list[Score]()
     walls = library.for_stiffening(known.stiffening or 0.0).for_contact(polar_rad)
     prior = prior_of(known, study.reader)
@@ -505,8 +536,9 @@ def _scores(
 def trait_factors(scores: Sequence[Score]) -> Mapping[str, Factors]:
     """Return the factor of every trait in the scores, by method and modulus.
 
-    The factor of a globe's trait (`GLOBE_TRAITS`) is at least `SMALLEST`, the factor of any other trait at least 1:
-    such traits make a reader worse, and contrary evidence of few eyes is chance.
+    The factor of a globe's trait (`GLOBE_TRAITS`) is at least `SMALLEST`, the factor of
+    any other trait at least 1: such traits make a reader worse, and contrary evidence
+    of few eyes is chance.
     """
     found: dict[str, dict[str, dict[str, float]]] = {}
     for (method, modulus), entries in intervals.of_each_modulus(scores).items():
@@ -517,8 +549,9 @@ def trait_factors(scores: Sequence[Score]) -> Mapping[str, Factors]:
 def _regression(scores: Sequence[Score]) -> dict[str, float]:
     """Return the factors of the traits of readings with one kind of modulus.
 
-    The linear programme of Koenker and Bassett: of the scores' distances above and below the prediction, each eye with
-    the same weight, the least sum of share times above and (1 - share) times below.
+    The linear programme of Koenker and Bassett: of the scores' distances above and
+    below the prediction, each eye with the same weight, the least sum of share times
+    above and (1 - share) times below.
     """
     traits = sorted({trait for entry in scores for trait in entry.traits[1:]})
     has = csr_array(

@@ -1,8 +1,10 @@
-"""The wall finder: its network, the drawn scenes that it learns from, its training, and its metrics.
+"""The wall finder: its network, the drawn scenes that it learns from, its training, and
+its metrics.
 
-Encoder and decoder with shortcuts (Ronneberger et al. 2015, U-Net), at half resolution; rows come back to full
-resolution in the last step, as two interleaved channels. The loss of a boundary is the cross-entropy of its row's
-distribution, plus the ranked probability score (Epstein 1969), which includes the distance of a wrong row.
+Encoder and decoder with shortcuts (Ronneberger et al. 2015, U-Net), at half resolution;
+rows come back to full resolution in the last step, as two interleaved channels. The
+loss of a boundary is the cross-entropy of its row's distribution, plus the ranked
+probability score (Epstein 1969), which includes the distance of a wrong row.
 """
 
 from collections.abc import Mapping
@@ -43,7 +45,9 @@ SDS_OF_90 = 1.645  # standard deviations within which 90 % of a normal distribut
 
 
 class WallFinderNetwork(torch.nn.Module):
-    """Frames (n, rows, columns) to logits of boundaries (n, 2, rows, columns / 2) and of wall (n, columns / 2)."""
+    """Frames (n, rows, columns) to logits of boundaries (n, 2, rows, columns / 2) and
+    of wall (n, columns / 2).
+    """
 
     def __init__(self, study: WallFinderStudy) -> None:
         """Build the network with random weights (from PyTorch's generator)."""
@@ -88,16 +92,19 @@ class WallFinderNetwork(torch.nn.Module):
         pooled = torch.cat([signal.amax(dim=2), signal.mean(dim=2)], dim=1)
         rows = self.rows // 2
         columns = self.columns // 2
+        # interleaved rows
         parts = (
             self.boundaries(signal)
             .reshape(-1, BOUNDARIES, 2, rows, columns)
             .transpose(2, 3)
-        )  # interleaved rows
+        )
 
         return parts.reshape(-1, BOUNDARIES, 2 * rows, columns), self.wall(pooled)[:, 0]
 
     def inputs(self, frames: torch.Tensor) -> torch.Tensor:
-        """Return what the first convolution sees, (n, INPUTS_OF_PIXEL, rows, columns)."""
+        """Return what the first convolution sees, (n, INPUTS_OF_PIXEL, rows,
+        columns).
+        """
         row = torch.linspace(-1.0, 1.0, self.rows)[:, None].expand_as(frames)
         stacked = torch.stack([frames, frames.clamp(min=0.0).sqrt(), row], dim=1)
         return stacked.contiguous(memory_format=torch.channels_last)  # quicker on a CPU
@@ -113,7 +120,9 @@ def _convolution(before: int, size: int, stride: int = 1) -> torch.nn.Sequential
 
 
 class _Reads(torch.nn.Module):
-    """The ONNX model: reduced frames to rows of both boundaries and the probability of wall."""
+    """The ONNX model: reduced frames to rows of both boundaries and the probability of
+    wall.
+    """
 
     def __init__(self, network: WallFinderNetwork) -> None:
         super().__init__()
@@ -125,7 +134,9 @@ class _Reads(torch.nn.Module):
 
 
 def finder_bytes(network: WallFinderNetwork, provenance: Mapping[str, str]) -> bytes:
-    """Return the network as an ONNX model; `segmentation.wall_finder` describes its inputs and outputs."""
+    """Return the network as an ONNX model; `segmentation.wall_finder` describes its
+    inputs and outputs.
+    """
     frames = torch.zeros(2, network.rows, network.columns)
     return onnx_bytes(
         _Reads(network).eval(),
@@ -137,9 +148,11 @@ def finder_bytes(network: WallFinderNetwork, provenance: Mapping[str, str]) -> b
 
 @dataclass(frozen=True)
 class SceneBatch:
-    """Scenes: `frames` float32 (n, row, column); `boundaries` float32 (n, 2, column / 2) in rows, NaN without wall.
+    """Scenes: `frames` float32 (n, row, column); `boundaries` float32 (n, 2, column /
+    2) in rows, NaN without wall.
 
-    `weight` float32 (n, column / 2): of a column's having wall; 0 for an invisible one that no lid covers.
+    `weight` float32 (n, column / 2): of a column's having wall; 0 for an invisible one
+    that no lid covers.
     """
 
     frames: Float
@@ -148,7 +161,9 @@ class SceneBatch:
 
 
 def scene_batch(study: Study, number: int, first: int = 0) -> SceneBatch:
-    """Draw a batch, the same for the same study and number; `first` is the number of the first scene of batch 0."""
+    """Draw a batch, the same for the same study and number; `first` is the number of
+    the first scene of batch 0.
+    """
     size = study.wall_finder.batch_size
     samples = [_sample(study, first + number * size + n) for n in range(size)]
     return SceneBatch(*map(np.stack, zip(*samples, strict=True)))
@@ -166,9 +181,8 @@ def _sample(study: Study, number: int) -> tuple[Float, Float, Float]:
     ).astype(np.intp)
     truth = np.stack([scene.outer_row[own], scene.inner_row[own]])
     reduced = (truth - top + 0.5) * finder.rows / (bottom - top) - 0.5
-    boundaries = np.clip(reduced, 0.0, finder.rows - 1.0).astype(
-        np.float32
-    )  # kept inside of the reduced frame
+    # kept inside of the reduced frame
+    boundaries = np.clip(reduced, 0.0, finder.rows - 1.0).astype(np.float32)
     weight = scene.judged[own] + np.float32(COVERED_WEIGHT) * scene.covered[own]
 
     return (
@@ -179,7 +193,9 @@ def _sample(study: Study, number: int) -> tuple[Float, Float, Float]:
 
 
 def _shown_rows(scene: Scene, rng: np.random.Generator) -> tuple[int, int]:
-    """Return the rows of a scene that are learned from: all of them or, in some, the rows of a second look."""
+    """Return the rows of a scene that are learned from: all of them or, in some, the
+    rows of a second look.
+    """
     there = np.isfinite(scene.outer_row)
     rows = len(scene.frame)
     share = finders.BEYOND_SHARE * rng.uniform(0.5, 2.0)
@@ -196,7 +212,9 @@ def _shown_rows(scene: Scene, rng: np.random.Generator) -> tuple[int, int]:
 def fit_wall_finder(
     study: Study, workers: int, progress: Progress = None, device: str = "cpu"
 ) -> Fitted[WallFinderNetwork]:
-    """Train the network; scenes and weights are the same for any number of workers (0: none), on the same machine."""
+    """Train the network; scenes and weights are the same for any number of workers (0:
+    none), on the same machine.
+    """
     finder = study.wall_finder
     build = partial(WallFinderNetwork, finder)
     losses_of = partial(_losses, finder)
@@ -210,7 +228,9 @@ def fit_wall_finder(
 def _losses(
     study: WallFinderStudy, network: WallFinderNetwork, _: int, batch: SceneBatch
 ) -> Losses:
-    """Return the mean loss of a draw, which is a batch, a random half of its scenes mirrored."""
+    """Return the mean loss of a draw, which is a batch, a random half of its scenes
+    mirrored.
+    """
     drawn = tuple(
         tensor(each) for each in (batch.frames, batch.boundaries, batch.weight)
     )
@@ -236,9 +256,11 @@ def finder_loss(
     weight: torch.Tensor,
     blur: float,
 ) -> torch.Tensor:
-    """Return the mean loss of a batch: of boundaries' rows (n, 2, row, column), and of wall, weighted (n, column).
+    """Return the mean loss of a batch: of boundaries' rows (n, 2, row, column), and of
+    wall, weighted (n, column).
 
-    `boundaries` are the true rows (n, 2, column), NaN without wall; `blur` is a standard deviation, in rows.
+    `boundaries` are the true rows (n, 2, column), NaN without wall; `blur` is a
+    standard deviation, in rows.
     """
     there = torch.isfinite(boundaries).all(dim=1)
     wall = torch.nn.functional.binary_cross_entropy_with_logits(
@@ -263,10 +285,12 @@ def finder_loss(
 
 
 def measure_finder(finder: finders.WallFinder, study: Study) -> dict[str, float]:
-    """Return `metrics` of `model.json`, of `[wall_finder] validation_scenes` new scenes.
+    """Return `metrics` of `model.json`, of `[wall_finder] validation_scenes` new
+    scenes.
 
-    Dice of the scenes that show wall, its 5th percentile too; median errors of the boundaries in reduced rows; coverage
-    of 1.645 standard deviations; share of columns with the right decision on wall.
+    Dice of the scenes that show wall, its 5th percentile too; median errors of the
+    boundaries in reduced rows; coverage of 1.645 standard deviations; share of columns
+    with the right decision on wall.
     """
     shares = []
     errors = []
@@ -312,7 +336,9 @@ def scene_dice(found: Flags, scene: Scene) -> float:
 
 
 def _errors(scene: Scene, seen: finders.SeenWall, rows: int) -> Floats:
-    """Return the errors of both boundaries in reduced rows, and in their standard deviations, (4, column)."""
+    """Return the errors of both boundaries in reduced rows, and in their standard
+    deviations, (4, column).
+    """
     at = seen.frame_column
     last = len(scene.frame) - 1.0
     both = np.isfinite(scene.outer_row[at]) & seen.there

@@ -1,8 +1,10 @@
-"""The look of drawn walls: uneven forms, and the errors of a segmentation (NumPy and SciPy only).
+"""The look of drawn walls: uneven forms, and the errors of a segmentation (NumPy and
+SciPy only).
 
 A form at rest is added to the dented wall unchanged. The errors imitate the errors that
-`benchmarks/bench_boundary_errors.py` measures on rendered frames. No boundary is found in columns that the scan does
-not reach at the sides, nor where the surface leaves the frame.
+`benchmarks/bench_boundary_errors.py` measures on rendered frames. No boundary is found
+in columns that the scan does not reach at the sides, nor where the surface leaves the
+frame.
 """
 
 from dataclasses import dataclass
@@ -17,16 +19,19 @@ from scleraforce.library.prior import SHINE_MEAN_M, SHINE_SD_M
 from scleraforce.library.unknowns import shining
 from scleraforce.study import SliceStudy
 
-# Relative, of the curvature: semi-axes within 6 % of the radius (sd 3.5 %) turn it along a section by sqrt(5) as much.
+# Relative, of the curvature: semi-axes within 6 % of the radius (sd 3.5 %) turn it
+# along a section by sqrt(5) as much.
 CURVATURE_SD = 0.08
 SKEW_SD = 0.05
 CORNEA_RADIUS_M = 7.8e-3
 LIMBUS_M = (2e-3, 6e-3)
 LIMBUS_SHARE = 0.3
-# Spheres of 12 and 7.8 mm that meet at a ring of 5.5 to 6 mm radius make 0.31 to 0.35 rad; real eyes are smoother.
+# Spheres of 12 and 7.8 mm that meet at a ring of 5.5 to 6 mm radius make 0.31 to 0.35
+# rad; real eyes are smoother.
 LIMBUS_RAD = (0.05, 0.36)
 SOFT_M = (0.2e-3, 0.6e-3)
-# Relative, of the thickness, a radian from the contact and by the square of the angle: waves of 12 % along the globe.
+# Relative, of the thickness, a radian from the contact and by the square of the angle:
+# waves of 12 % along the globe.
 WEDGE_SD = 0.12
 BOW_SD = 0.12
 
@@ -35,10 +40,11 @@ BOW_SD = 0.12
 class Forms:
     """Forms of walls, each (sample,).
 
-    `curvature` and `skew`, 1/m: the surface's additional curvature, on both sides and to the right (to the left less).
-    `limbus_m`: start of the cornea, from the contact; negative to the left, far away if it is not in view.
-    `limbus_rad`: turn of the surface there, softly over `soft_m`. `wedge` and `bow`: growth of the thickness, m a metre
-    along the section and m a square metre.
+    `curvature` and `skew`, 1/m: the surface's additional curvature, on both sides and
+    to the right (to the left less). `limbus_m`: start of the cornea, from the contact;
+    negative to the left, far away if it is not in view. `limbus_rad`: turn of the
+    surface there, softly over `soft_m`. `wedge` and `bow`: growth of the thickness, m a
+    metre along the section and m a square metre.
     """
 
     curvature: Floats
@@ -71,7 +77,9 @@ def draw_forms(
 
 
 def added_depths(forms: Forms, radius_m: Floats, from_contact_m: Floats) -> Floats:
-    """Return the depths that forms add to boundaries (sample, boundary, column), m, by distances from the contact."""
+    """Return the depths that forms add to boundaries (sample, boundary, column), m, by
+    distances from the contact.
+    """
     s = from_contact_m
     column = {name: values[:, None] for name, values in vars(forms).items()}
     outer = 0.5 * (column["curvature"] + column["skew"] * np.sign(s)) * s**2
@@ -89,47 +97,49 @@ def added_depths(forms: Forms, radius_m: Floats, from_contact_m: Floats) -> Floa
 
 @dataclass(frozen=True, kw_only=True)
 class BoundaryErrors:
-    """Sizes of the errors; lengths along the columns are standard deviations of the Gaussians that smooth noise."""
+    """Sizes of the errors; lengths along the columns are standard deviations of the
+    Gaussians that smooth noise.
+    """
 
     surface_smoothing_m: float = 0.18e-3
-    shine_m: float = (
-        SHINE_MEAN_M  # a surface that faces the light is seen too high, in the mean
-    )
+    # a surface that faces the light is seen too high, in the mean
+    shine_m: float = SHINE_MEAN_M
     shine_sd_m: float = SHINE_SD_M  # ... from frame to frame
     outer_sd_m: float = 1.7e-6
+    # of two parts of equal size
     outer_lengths_m: tuple[float, float] = (
         0.16e-3,
         0.2e-3,
-    )  # of two parts of equal size
+    )
     thickness_scale_sd: float = 6e-3  # of a frame's thickness, relative
     thickness_sd_m: float = 2.1e-6  # on a flat surface
     thickness_lengths_m: tuple[float, float] = (0.3e-3, 1.2e-3)
-    steep: float = (
-        0.27  # slope at which the thickness's error is twice that on a flat surface
-    )
-    spread: float = 0.35  # of the errors' sizes from frame to frame: standard deviation of the logarithm
+    # slope at which the thickness's error is twice that on a flat surface
+    steep: float = 0.27
+    # of the errors' sizes from frame to frame: standard deviation of the logarithm
+    spread: float = 0.35
     bumps: float = 0.4  # mean number in a frame
     bump_m: float = 0.1e-3  # mean size
     bump_length_m: float = 0.25e-3
     bump_slope: float = 0.4  # of the surface there, at least
     layer_share: float = 0.015  # of the frames take the layer below for wall
+    # least and largest thickness of that
     layer_m: tuple[float, float] = (
         0.1e-3,
         0.25e-3,
-    )  # least and largest thickness of that
+    )
+    # least and largest length over the slice's width
     layer_stretch: tuple[float, float] = (
         0.3,
         1.5,
-    )  # least and largest length over the slice's width
+    )
     side_loss_share: float = 0.3  # of the sides loses columns
     side_loss_m: float = 0.3e-3  # mean width
-    bottom_m: float = (
-        0.055e-3  # a surface less than this above the lower edge is seen at this depth
-    )
+    # a surface less than this above the lower edge is seen at this depth
+    bottom_m: float = 0.055e-3
     bottom_knee_m: float = 0.02e-3  # ... softly
-    bottom_reach_m: float = (
-        0.08e-3  # mean depth below it from where on a surface is not found at all
-    )
+    # mean depth below it from where on a surface is not found at all
+    bottom_reach_m: float = 0.08e-3
     top_m: float = 0.03e-3  # a surface less than this below the upper edge is not found
 
 
@@ -143,10 +153,11 @@ def disturb(
     errors: BoundaryErrors = USUAL,
     scale: float = 1.0,
 ) -> Floats:
-    """Return boundaries as a segmentation might have found them, NaN in columns without a found wall.
+    """Return boundaries as a segmentation might have found them, NaN in columns without
+    a found wall.
 
-    `depth_sbc` are m below the frame's upper edge, NaN without wall. `scale` multiplies the errors of surface,
-    thickness and scale, and the numbers of bumps and layers.
+    `depth_sbc` are m below the frame's upper edge, NaN without wall. `scale` multiplies
+    the errors of surface, thickness and scale, and the numbers of bumps and layers.
     """
     known: Flags = np.all(np.isfinite(depth_sbc), axis=1)
     outer = _filled(depth_sbc[:, OUTER], known)
@@ -190,7 +201,9 @@ def disturb(
 
 
 def _filled(values: Floats, known: Flags) -> Floats:
-    """Return values with unknown columns filled from the nearest known one to the left, else to the right; else 0."""
+    """Return values with unknown columns filled from the nearest known one to the left,
+    else to the right; else 0.
+    """
     column = np.arange(values.shape[1])
     left = np.maximum.accumulate(np.where(known, column, -1), axis=1)
     right = np.minimum.accumulate(
@@ -203,7 +216,9 @@ def _filled(values: Floats, known: Flags) -> Floats:
 
 @lru_cache(maxsize=16)
 def _smoothing(columns: int, length: float) -> Floats:
-    """Return the matrix (column, column) that smooths rows by a Gaussian, carried on straight at both ends."""
+    """Return the matrix (column, column) that smooths rows by a Gaussian, carried on
+    straight at both ends.
+    """
     reach = int(np.ceil(4.0 * length))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / length) ** 2)
     matrix = np.zeros((columns, columns))
@@ -214,9 +229,8 @@ def _smoothing(columns: int, length: float) -> Floats:
     ):
         at = target + offset
         inside = np.clip(at, 0, columns - 1)
-        mirrored = np.clip(
-            2 * inside - at, 0, columns - 1
-        )  # beyond an end: 2 f(end) - f(mirrored)
+        # beyond an end: 2 f(end) - f(mirrored)
+        mirrored = np.clip(2 * inside - at, 0, columns - 1)
         np.add.at(
             matrix, (inside, target), np.where(at == inside, weight, 2.0 * weight)
         )
@@ -227,7 +241,9 @@ def _smoothing(columns: int, length: float) -> Floats:
 
 @lru_cache(maxsize=16)
 def _colouring(columns: int, length: float) -> Floats:
-    """Return the matrix (column + margins, column) that turns white noise into unit noise smoothed by a Gaussian."""
+    """Return the matrix (column + margins, column) that turns white noise into unit
+    noise smoothed by a Gaussian.
+    """
     reach = int(np.ceil(3.0 * length))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / length) ** 2)
     kernel /= np.sqrt((kernel**2).sum())
@@ -240,7 +256,9 @@ def _noise(
     study: SliceStudy,
     rng: np.random.Generator,
 ) -> Floats:
-    """Return noise of unit variance (sample, column): the sum of parts of equal size, one for each length."""
+    """Return noise of unit variance (sample, column): the sum of parts of equal size,
+    one for each length.
+    """
     total = np.zeros(shape)
     for length_m in lengths_m:
         colouring = _colouring(shape[1], length_m / study.pixel_m)
@@ -256,7 +274,9 @@ def _bumps(
     study: SliceStudy,
     rng: np.random.Generator,
 ) -> Floats:
-    """Return bumps of the thickness, m (sample, column): each on a random steep column, its size exponential."""
+    """Return bumps of the thickness, m (sample, column): each on a random steep column,
+    its size exponential.
+    """
     count = rng.poisson(scale * errors.bumps, len(slope))
     sample = np.repeat(np.arange(len(slope)), count)
     order = rng.random((len(sample), slope.shape[1])) + (

@@ -1,4 +1,6 @@
-"""The response library: finite-strain load paths over thickness, pressure and force, interpolated to any eye."""
+"""The response library: finite-strain load paths over thickness, pressure and force,
+interpolated to any eye.
+"""
 
 from scleraforce.library.files import (
     load_library as load_library,

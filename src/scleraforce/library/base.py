@@ -1,8 +1,9 @@
-"""The effect of the eye's base on a needle beside the pole: bulge, push, rise of the contact, and stiffness.
+"""The effect of the eye's base on a needle beside the pole: bulge, push, rise of the
+contact, and stiffness.
 
-The library's wall is clamped about the needle axis, the eye's about its own; docs/physics.md, "The base beside the
-needle", has the derivations and what was measured. Maxwell's reciprocity: Timoshenko and Goodier, Theory of Elasticity,
-sec. 97.
+The library's wall is clamped about the needle axis, the eye's about its own;
+docs/physics.md, "The base beside the needle", has the derivations and what was
+measured. Maxwell's reciprocity: Timoshenko and Goodier, Theory of Elasticity, sec. 97.
 """
 
 import numpy as np
@@ -12,14 +13,16 @@ from scleraforce.arrays import Floats
 from scleraforce.library.plan import LARGEST_POLAR_DEG, SUPPORTS_DEG, evenly_picked
 from scleraforce.library.splines import SUPPORT, CubicSpline
 
-# Times (1 + nu)/pi F/(E t): how far a force across its axis moves the top of a half-sphere, a membrane, that is held at
-# its base. 1.08 for 0.6 mm; 1.05 to 1.2 for 0.35 to 0.9 mm, polar angles of 10 to 55 deg and nu of 0.3 and 0.45
-# (linear, three dimensions).
+# Times (1 + nu)/pi F/(E t): how far a force across its axis moves the top of a
+# half-sphere, a membrane, that is held at its base. 1.08 for 0.6 mm; 1.05 to 1.2 for
+# 0.35 to 0.9 mm, polar angles of 10 to 55 deg and nu of 0.3 and 0.45 (linear, three
+# dimensions).
 SHEARED = 1.08
 
 
 def pole_directions(polar_s: Floats | float, direction_s: Floats | float) -> Floats:
-    """Return the direction of the eye's pole: the parts of its axis along the section and across it (..., 2).
+    """Return the direction of the eye's pole: the parts of its axis along the section
+    and across it (..., 2).
 
     `direction_s`: of the section, from the meridian (`mechanics.contact.ScanPlane`).
     """
@@ -32,27 +35,35 @@ def pole_directions(polar_s: Floats | float, direction_s: Floats | float) -> Flo
 def base_push(
     force_ratio_s: Floats, thickness_s: Floats, poisson_ratio: float
 ) -> Floats:
-    """Return the motion of the dent (sample,), m, by the needle's force F/E, m^2, per part of `pole_directions`."""
+    """Return the motion of the dent (sample,), m, by the needle's force F/E, m^2, per
+    part of `pole_directions`.
+    """
     return SHEARED * (1.0 + poisson_ratio) / np.pi * force_ratio_s / thickness_s
 
 
 def section_places(along: Floats, across: Floats) -> Floats:
-    """Return unit vectors to places of a section at rest (..., [along it, across it, up]); the parts broadcast."""
+    """Return unit vectors to places of a section at rest (..., [along it, across it,
+    up]); the parts broadcast.
+    """
     up = np.sqrt(np.maximum(1.0 - along**2 - across**2, 0.0))
     return np.stack(np.broadcast_arrays(along, across, up), axis=-1)
 
 
 def meridian_angles(undented_bnc: Floats, radius_m: float) -> Floats:
-    """Return the angles from the axis of the nodes of a wall that has hardly moved (node,)."""
+    """Return the angles from the axis of the nodes of a wall that has hardly moved
+    (node,).
+    """
     return np.arctan2(undented_bnc[0, :, 0], radius_m - undented_bnc[0, :, 1])
 
 
 def undented_motion(
     undented_sbnc: Floats, angles_n: Floats, radius_m: float, thickness_s: Floats
 ) -> Floats:
-    """Return the motion under the pressure (sample, boundary, node, [away from the axis, up]), m.
+    """Return the motion under the pressure (sample, boundary, node, [away from the
+    axis, up]), m.
 
-    `undented_sbnc`: walls under the pressure alone (distance from the axis, depth); `angles_n`: of their nodes.
+    `undented_sbnc`: walls under the pressure alone (distance from the axis, depth);
+    `angles_n`: of their nodes.
     """
     radii_sb = radius_m - np.stack([np.zeros_like(thickness_s), thickness_s], axis=1)
     at_rest = radii_sb[..., None, None] * np.stack(
@@ -65,11 +76,13 @@ def undented_motion(
 def base_bulge(
     motion_sbnc: Floats, angles_n: Floats, places_sbpc: Floats, pole_s2: Floats
 ) -> Floats:
-    """Return the motion from the wall about the needle axis to that about the eye's (sample, boundary, place, 3), m.
+    """Return the motion from the wall about the needle axis to that about the eye's
+    (sample, boundary, place, 3), m.
 
-    Its parts are along the section, across it, and down. `motion_sbnc`: of walls under the pressure alone
-    (`undented_motion`), whose nodes are at `angles_n`. `places_sbpc`: unit vectors to the places at rest, along the
-    section, across it, up along the needle axis; one sample for all, or one for each.
+    Its parts are along the section, across it, and down. `motion_sbnc`: of walls under
+    the pressure alone (`undented_motion`), whose nodes are at `angles_n`.
+    `places_sbpc`: unit vectors to the places at rest, along the section, across it, up
+    along the needle axis; one sample for all, or one for each.
     """
     upright = np.sqrt(np.maximum(1.0 - (pole_s2**2).sum(axis=1, keepdims=True), 0.0))
     eye_axis_sc = np.concatenate([pole_s2, upright], axis=1)
@@ -84,7 +97,9 @@ def base_bulge(
 def _about(
     axis_sc: Floats, motion_sbnc: Floats, angles_n: Floats, places_sbpc: Floats
 ) -> Floats:
-    """Return the motion at places of walls about an axis; beyond the base, the base's: zero."""
+    """Return the motion at places of walls about an axis; beyond the base, the base's:
+    zero.
+    """
     axis = axis_sc[:, None, None, :]
     along = (places_sbpc * axis).sum(axis=-1, keepdims=True)
     away = places_sbpc - along * axis
@@ -109,9 +124,12 @@ def _about(
 def contact_rises(
     undented_tpbnc: NDArray[np.float32], polar_rad: Floats, radius_m: float
 ) -> Floats:
-    """Return how far contacts at polar angles (a,) rise along their normal under the pressure alone (a, t, p), m."""
+    """Return how far contacts at polar angles (a,) rise along their normal under the
+    pressure alone (a, t, p), m.
+    """
     outer_tpnc = undented_tpbnc[:, :, 0].astype(np.float64)
-    # The first has hardly moved; and an angle that is a little off turns the rise by its square only.
+    # The first has hardly moved; and an angle that is a little off turns the rise by
+    # its square only.
     spline = CubicSpline(
         meridian_angles(undented_tpbnc[0, 0].astype(np.float64), radius_m)
     )
@@ -125,7 +143,8 @@ def contact_rises(
 
 
 def rise_slope(rise_tp: Floats, thinness_t: Floats, tension: Floats) -> Floats:
-    """Return the derivative of a contact's rise (t, p) by the pressure over E (t, p), m.
+    """Return the derivative of a contact's rise (t, p) by the pressure over E (t, p),
+    m.
 
     `thinness_t`: thickness over radius; `tension`: p R/(E t) (p,).
     """
@@ -136,15 +155,17 @@ def rise_slope(rise_tp: Floats, thinness_t: Floats, tension: Floats) -> Floats:
 
 
 POLAR_ANGLES = 11
-SHARE = (
-    0.5  # of the stiffening that remains where neighbouring directions share the load
-)
-DIRECTIONS = 4  # around half of the needle axis; the force is 0.02 % off at 35 deg, 0.5 % at 50 deg
+# of the stiffening that remains where neighbouring directions share the load
+SHARE = 0.5
+# around half of the needle axis; the force is 0.02 % off at 35 deg, 0.5 % at 50 deg
+DIRECTIONS = 4
 RIGHT_ANGLE = int(np.searchsorted(SUPPORTS_DEG, 90.0))  # its place among the supports
 
 
 def base_angle(polar_rad: float, azimuth_rad: Floats) -> Floats:
-    """Return the angle from the needle axis at which the base lies, by the direction around that axis."""
+    """Return the angle from the needle axis at which the base lies, by the direction
+    around that axis.
+    """
     return np.asarray(
         np.arctan2(np.cos(polar_rad), np.cos(azimuth_rad) * np.sin(polar_rad))
     )
@@ -157,10 +178,12 @@ def base_stiffness(
     force_tpd: Floats,
     support_force_bklt: Floats,
 ) -> tuple[Floats, Floats]:
-    """Return polar angles of the contact (a,), rad, and the factor of the force there (a, t, p, d).
+    """Return polar angles of the contact (a,), rad, and the factor of the force there
+    (a, t, p, d).
 
-    `force_tpd`: F/E with the clamp at 90 degrees, over the library's axes. `support_force_bklt`: F/E with the clamps of
-    the plan, at its thicknesses and tensions, at the first tips.
+    `force_tpd`: F/E with the clamp at 90 degrees, over the library's axes.
+    `support_force_bklt`: F/E with the clamps of the plan, at its thicknesses and
+    tensions, at the first tips.
     """
     tips = support_force_bklt.shape[3]
     counts = support_force_bklt.shape[1:3]
@@ -196,10 +219,11 @@ def base_stiffness(
 
 
 def _factor(angles: Floats, ratio_bklt: Floats, base_rad: Floats) -> Floats:
-    """Return the factor (k, l, t) of a contact whose base lies at these angles around it.
+    """Return the factor (k, l, t) of a contact whose base lies at these angles around
+    it.
 
-    The outermost supports, which deep dents run into, would make the spline between the others oscillate: they are used
-    only where they are needed.
+    The outermost supports, which deep dents run into, would make the spline between the
+    others oscillate: they are used only where they are needed.
     """
     inner = angles[1] <= base_rad.min() and base_rad.max() <= angles[-2]
     near = slice(1, -1) if inner else slice(None)

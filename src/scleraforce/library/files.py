@@ -1,9 +1,10 @@
 """The library in one file, `library.npz`, as a model folder carries it (NumPy only).
 
-Its walls, and the factors of its forces, are stored in a reduced basis (`library.stiffened`) and unpacked when they are
-read. Their largest errors were measured when the file was written, and are stored in it. The steps of the basis change
-smoothly along the last axis of the rows (the tips, the polar angles): their second differences are stored, and all is
-deflated.
+Its walls, and the factors of its forces, are stored in a reduced basis
+(`library.stiffened`) and unpacked when they are read. Their largest errors were
+measured when the file was written, and are stored in it. The steps of the basis change
+smoothly along the last axis of the rows (the tips, the polar angles): their second
+differences are stored, and all is deflated.
 """
 
 from dataclasses import dataclass, replace
@@ -47,13 +48,16 @@ AXES = {
     "polar_rad": 1,
     "contact_polar_rad": 0,
 }
+# of each stiffening
 WALLS = {
     "stiffening": 1,
     "force_ratio_btpd": 4,
     "displaced_btpd": 4,
     "undented_btpbnc": 6,
-}  # of each stiffening
-UNDENTED = "undented_btpbnc"  # float32, not reduced: its slope by the pressure counts where it moves by less than 1 um
+}
+# float32, not reduced: its slope by the pressure counts where it moves by less than 1
+# um
+UNDENTED = "undented_btpbnc"
 ENCRYPTED = 1  # a bit of a ZIP entry's flags
 FOR_THE_BASIS = 0.9  # of an error; the rest is for what float32 rounds
 
@@ -62,7 +66,8 @@ FOR_THE_BASIS = 0.9  # of an error; the rest is for what float32 rounds
 class StoredErrors:
     """Largest differences of a stored library from the computed one, at its states.
 
-    `curves_m` is of a point of a wall, along each axis; `stiffness` of the factor of a force.
+    `curves_m` is of a point of a wall, along each axis; `stiffness` of the factor of a
+    force.
     """
 
     curves_m: float
@@ -73,8 +78,9 @@ class StoredErrors:
 class _ReducedArray:
     """An array that is stored in a reduced basis.
 
-    `name` begins the names of its entries; `error` is the entry with its largest error, at most `largest_error`. Its
-    first `row_axes` axes make its rows, the other `value_axes` the values of a row.
+    `name` begins the names of its entries; `error` is the entry with its largest error,
+    at most `largest_error`. Its first `row_axes` axes make its rows, the other
+    `value_axes` the values of a row.
     """
 
     name: str
@@ -101,10 +107,12 @@ STIFFNESS = _ReducedArray(
 
 
 def save_library(library: Library, path: Path | IO[bytes]) -> StoredErrors:
-    """Write a library; equal libraries give equal bytes. The file is for a folder whose hashes are checked.
+    """Write a library; equal libraries give equal bytes. The file is for a folder whose
+    hashes are checked.
 
     Raises:
-        InputError: the library is too large for a model folder, or cannot be stored with the allowed error.
+        InputError: the library is too large for a model folder, or cannot be stored
+            with the allowed error.
     """
     walls = library.walls
     _check_size(prod(walls.curves.shape))
@@ -126,7 +134,8 @@ def save_library(library: Library, path: Path | IO[bytes]) -> StoredErrors:
 
 
 def load_library(path: str | PathLike[str], content: bytes | None = None) -> Library:
-    """Read a library that `save_library` has written; `content`: its bytes, if they are read (and checked) already.
+    """Read a library that `save_library` has written; `content`: its bytes, if they are
+    read (and checked) already.
 
     Raises:
         InputError: the file is missing, damaged, or not a library.
@@ -186,7 +195,8 @@ def load_library(path: str | PathLike[str], content: bytes | None = None) -> Lib
         Exception
     ) as fault:  # whatever zipfile and NumPy raise where a file is damaged
         raise InputError(
-            f"{path}: not a response library of this version ({fault}); train the model again"
+            f"{path}: not a response library of this version ({fault}); train the model"
+            " again"
         ) from fault
 
 
@@ -196,8 +206,9 @@ def _check_size(values: int) -> None:
     most = KINDS["model file"].max_bytes
     if found > most:
         raise InputError(
-            f"library: its curves have {found // MIB} MiB, a model folder may have {most // MIB} MiB of "
-            "them; make one of fewer thicknesses, tensions, tips or elements"
+            f"library: its curves have {found // MIB} MiB, a model folder may have"
+            f" {most // MIB} MiB of them; make one of fewer thicknesses, tensions, tips"
+            " or elements"
         )
 
 
@@ -213,8 +224,8 @@ def _reduced(
     )
     if error > stored.largest_error:
         raise InputError(
-            f"library: {stored.name} up to {np.abs(values).max():.3g} would be off by {error:.3g}, more "
-            f"than {stored.largest_error:g}"
+            f"library: {stored.name} up to {np.abs(values).max():.3g} would be off by"
+            f" {error:.3g}, more than {stored.largest_error:g}"
         )
 
     basis = reduced.basis_kv.reshape(-1, *values.shape[stored.row_axes :])
@@ -234,7 +245,9 @@ def _reduced(
 def _stored(
     archive: ZipFile, stored: _ReducedArray, rows: tuple[int, ...]
 ) -> tuple[ReducedRows, tuple[int, ...]]:
-    """Read an array in a reduced basis with these lengths of its row axes; return its rows and a row's shape."""
+    """Read an array in a reduced basis with these lengths of its row axes; return its
+    rows and a row's shape.
+    """
     error = _plain(archive, stored.error, 0)
     if not 0.0 <= error <= stored.largest_error:
         raise ValueError(
@@ -251,19 +264,23 @@ def _stored(
         part.shape[1] for part in steps
     ) != len(basis):
         raise ValueError(
-            f"{stored.name}: steps {[part.shape for part in steps]} for {prod(rows)} rows of {len(basis)}"
+            f"{stored.name}: steps {[part.shape for part in steps]} for {prod(rows)}"
+            f" rows of {len(basis)}"
         )
 
     _check_size(prod(rows) * prod(basis.shape[1:]))
-    return ReducedRows(
-        basis.reshape(len(basis), prod(basis.shape[1:])), steps
-    ), basis.shape[1:]
+    return (
+        ReducedRows(basis.reshape(len(basis), prod(basis.shape[1:])), steps),
+        basis.shape[1:],
+    )
 
 
 def _differences(steps_rk: NDArray[Any], along: int) -> NDArray[Any]:
-    """Return second differences along the last axis of the rows (part, row / along, along).
+    """Return second differences along the last axis of the rows (part, row / along,
+    along).
 
-    Integers wrap around at both ends of their type, here and in their sums: nothing is lost.
+    Integers wrap around at both ends of their type, here and in their sums: nothing is
+    lost.
     """
     rows, parts = steps_rk.shape
     steps_kra = steps_rk.T.reshape(parts, rows // along, along)

@@ -1,23 +1,29 @@
-"""The force from the wall's boundaries alone: the wall of the response library that lies best on them.
+"""The force from the wall's boundaries alone: the wall of the response library that
+lies best on them.
 
-Least squares with a robust loss (Cauchy's), by a damped Gauss-Newton method. Unknown are the dent and the pose;
-thickness, gap, E, IOP and the eye's size are unknown too, with priors, so that an unknown property widens the force's
-interval by as much as it should; so is the rigidity of a globe that may be sealed. The force follows from the dent: F =
-E f(dent, wall, pressure under the needle). A frame's fit is one compiled call, beside which other threads run.
+Least squares with a robust loss (Cauchy's), by a damped Gauss-Newton method. Unknown
+are the dent and the pose; thickness, gap, E, IOP and the eye's size are unknown too,
+with priors, so that an unknown property widens the force's interval by as much as it
+should; so is the rigidity of a globe that may be sealed. The force follows from the
+dent: F = E f(dent, wall, pressure under the needle). A frame's fit is one compiled
+call, beside which other threads run.
 
-The wall is a surface of revolution about the needle axis. The B-scan plane, parallel to that axis at a distance of one
-gap, sees a point of it at the distance r from the axis at the lateral place sqrt(r² - gap²), to both sides. An eye that
-is larger by a factor is the same eye at another length unit: thickness and dent count relative to it, and so do F/E, by
-its square, and volumes, by its cube.
+The wall is a surface of revolution about the needle axis. The B-scan plane, parallel to
+that axis at a distance of one gap, sees a point of it at the distance r from the axis
+at the lateral place sqrt(r² - gap²), to both sides. An eye that is larger by a factor
+is the same eye at another length unit: thickness and dent count relative to it, and so
+do F/E, by its square, and volumes, by its cube.
 
-What a frame shows is the state at the pressure under the needle. In an open globe that is the IOP. In one that may be
-sealed it is an unknown of its own. There level(P) - level(P0) = k dV (`mechanics.globe`), with P the pressure under the
-needle. Of a normal k this says that level(P) is normal about level(P0) + mean(k) dV with the standard deviation
-sd(k) dV. So the pressure is fitted, which a frame shows, and not the rigidity, which it shows only where the dent is
-deep.
+What a frame shows is the state at the pressure under the needle. In an open globe that
+is the IOP. In one that may be sealed it is an unknown of its own. There level(P) -
+level(P0) = k dV (`mechanics.globe`), with P the pressure under the needle. Of a normal
+k this says that level(P) is normal about level(P0) + mean(k) dV with the standard
+deviation sd(k) dV. So the pressure is fitted, which a frame shows, and not the
+rigidity, which it shows only where the dent is deep.
 
-The pole's place, on which the base's motion depends (`library.base`), is an unknown where it is not given. The form of
-an eye that is not an even sphere is added at rest (`library.unknowns`); how it bends is left out.
+The pole's place, on which the base's motion depends (`library.base`), is an unknown
+where it is not given. The form of an eye that is not an even sphere is added at rest
+(`library.unknowns`); how it bends is left out.
 
 `docs/reader.md` gives the sources of the noise and the other constants.
 """
@@ -38,10 +44,12 @@ from scleraforce.library.responses import Library
 from scleraforce.library.search_loops import Belief
 from scleraforce.study.eye import RIGIDITY_LAWS
 
-# Beyond it a surface is not a wall. Virtual eyes reach 9 um, with a cornea in view 13 um.
+# Beyond it a surface is not a wall. Virtual eyes reach 9 um, with a cornea in view 13
+# um.
 NO_WALL_M = 20e-6
 DRAWS = 512
-# Frames of even walls lie nearer to an even wall of the library, frames of uneven walls farther from it.
+# Frames of even walls lie nearer to an even wall of the library, frames of uneven walls
+# farther from it.
 LARGEST_MISFIT_M = 6e-6
 LARGEST_FORM = 1.0
 
@@ -49,7 +57,9 @@ LARGEST_FORM = 1.0
 def library_walls(
     library: Library, unknown_su: Floats, pressure: int
 ) -> tuple[Floats, Floats, Floats]:
-    """Return thickness, pressure over E and tip, each (state,), of unknowns (state, unknown), as `library_place`."""
+    """Return thickness, pressure over E and tip, each (state,), of unknowns (state,
+    unknown), as `library_place`.
+    """
     size = np.exp(unknown_su[:, at.SIZE])
     thickness = np.clip(
         unknown_su[:, at.THICKNESS] / size, *library.tables.thickness_ends_m
@@ -85,14 +95,16 @@ def law_of(globe: KnownGlobe) -> Law:
 class BoundaryFit:
     """The wall of the library that lies best on a frame's boundaries.
 
-    `force_n` is the median, `interval_n` holds 90 %; `draws_n` (draw,) are forces drawn from the posterior. `contact_m`
-    is the contact's lateral place from the frame's middle, `tip_m` its depth of indentation. `misfit_m` is the robust
-    root mean square distance from the wall, `outliers` the share of columns farther off than a segmented wall ever is,
-    not counting an inner boundary at the end of a layer below the wall. `wall_bmc` (boundary, point, 2) is the wall in
-    the frame, m; `unknown` (unknown,) are the values in the order of `NAMES`, and `spread` (number, unknown) says how
-    standard normal numbers draw about them. `iop_pa` is the pressure in the
-    eye under the needle, `tension` that times the eye's radius over E times thickness. `loss` is the cost of boundaries
-    and prior, in squares of standard deviations.
+    `force_n` is the median, `interval_n` holds 90 %; `draws_n` (draw,) are forces drawn
+    from the posterior. `contact_m` is the contact's lateral place from the frame's
+    middle, `tip_m` its depth of indentation. `misfit_m` is the robust root mean square
+    distance from the wall, `outliers` the share of columns farther off than a segmented
+    wall ever is, not counting an inner boundary at the end of a layer below the wall.
+    `wall_bmc` (boundary, point, 2) is the wall in the frame, m; `unknown` (unknown,)
+    are the values in the order of `NAMES`, and `spread` (number, unknown) says how
+    standard normal numbers draw about them. `iop_pa` is the pressure in the eye under
+    the needle, `tension` that times the eye's radius over E times thickness. `loss` is
+    the cost of boundaries and prior, in squares of standard deviations.
     """
 
     force_n: float
@@ -122,7 +134,9 @@ class BoundaryFit:
         )
 
     def probabilities(self, bounds_n: tuple[float, ...]) -> tuple[float, ...]:
-        """Return the probability of each class; no class is ever certain, as the number of draws is finite."""
+        """Return the probability of each class; no class is ever certain, as the number
+        of draws is finite.
+        """
         above = [
             (int((self.draws_n > bound).sum()) + 0.5) / (len(self.draws_n) + 1.0)
             for bound in bounds_n
@@ -140,13 +154,16 @@ def fit_boundaries(
     borne_n: float | None = None,
     begun: Floats | None = None,
 ) -> BoundaryFit | None:
-    """Fit the library to the boundaries of a frame; None if it shows fewer columns than there are unknowns.
+    """Fit the library to the boundaries of a frame; None if it shows fewer columns than
+    there are unknowns.
 
-    `lateral_m` (column,): places of the frame's columns from its middle. `depth_bc` (2, column), m: depth of the outer
-    and the inner boundary below the frame's top, free of refraction; NaN where unseen. `smoothing_m`: standard
-    deviation of the Gaussian with which the segmentation smooths the outer boundary. `borne_n`: the needle's force, if
-    known: one more start in a sealed globe. `begun` (unknown,): the unknowns of another fit, which this one starts from
-    alone, and goes to the end: for small changes of the prior.
+    `lateral_m` (column,): places of the frame's columns from its middle. `depth_bc` (2,
+    column), m: depth of the outer and the inner boundary below the frame's top, free of
+    refraction; NaN where unseen. `smoothing_m`: standard deviation of the Gaussian with
+    which the segmentation smooths the outer boundary. `borne_n`: the needle's force, if
+    known: one more start in a sealed globe. `begun` (unknown,): the unknowns of another
+    fit, which this one starts from alone, and goes to the end: for small changes of the
+    prior.
     """
     fitted = empty_fit(library)
     has_fit = fit_frame(
@@ -207,7 +224,7 @@ def empty_fit(library: Library) -> Fitted:
 def fit_of(library: Library, globe: KnownGlobe, fitted: Fitted) -> BoundaryFit:
     """Return a fit from its arrays."""
     unknown = fitted.unknown
-    (force, low_n, high_n, misfit, outliers, cost) = fitted.numbers.tolist()
+    force, low_n, high_n, misfit, outliers, cost = fitted.numbers.tolist()
     radius_m = library.radius_m * np.exp(unknown[at.SIZE])
     pressure = unknown[law_of(globe).pressure]
 
@@ -232,7 +249,9 @@ def fit_of(library: Library, globe: KnownGlobe, fitted: Fitted) -> BoundaryFit:
 
 @lru_cache(maxsize=4)
 def _standard_normal(size: int, seed: int = 0) -> Floats:
-    """Return DRAWS points of a standard normal distribution (draw, size), always the same, symmetric about 0."""
+    """Return DRAWS points of a standard normal distribution (draw, size), always the
+    same, symmetric about 0.
+    """
     half = np.random.default_rng(seed).standard_normal((DRAWS // 2, size))
     both = np.concatenate([half, -half])
     return both / both.std(axis=0)

@@ -1,4 +1,5 @@
-"""One compiled call: a frame's fit, from its boundaries to the force with its posterior.
+"""One compiled call: a frame's fit, from its boundaries to the force with its
+posterior.
 
 `tests/oracles/plain_fit.py` does the same by arrays.
 """
@@ -33,25 +34,29 @@ CORRELATED_M = 1.5e-3  # so far apart two errors of a boundary are independent
 LEAST_NOISE = 0.3
 MOST_NOISE = 1e3
 OUTLIER_SD = 8.0
-LAYER_M = 0.3e-3  # so far below the wall the choroid may end, which stretches of the inner boundary may follow
+# so far below the wall the choroid may end, which stretches of the inner boundary may
+# follow
+LAYER_M = 0.3e-3
 MODEL_SD = 0.01  # relative, of the force: real walls against the library's
 MODEL_SD_N = 0.1e-3
-# A limbus is looked for where a fit leaves aside more than such a share of the columns, or loses more than 99 % of the
-# fits of even walls of the library do (138 frames of 16 virtual eyes).
+# A limbus is looked for where a fit leaves aside more than such a share of the columns,
+# or loses more than 99 % of the fits of even walls of the library do (138 frames of 16
+# virtual eyes).
 LOST = 0.05
 STRAINED = 30.0
 LIMBUS_STARTS = 4  # the best ones
 STOPPING = Stopping(
     iterations=20, converged_sd=0.05, settled_cost=0.005, retry_damping=1e-2
 )
-TO_THE_END = Stopping(
-    iterations=20, converged_sd=0.002, retry_damping=1e-2
-)  # for differences of fits
+# for differences of fits
+TO_THE_END = Stopping(iterations=20, converged_sd=0.002, retry_damping=1e-2)
+# from each start
 FIRST_STEPS = Stopping(
     iterations=8, converged_sd=0.05, settled_cost=0.005, retry_damping=1e-2
-)  # from each start
-# Of a sealed globe's fit: how unsure the logarithm of the pressure is where others are sought, how far off in its
-# standard deviations, how much lower a cost has to be, and how often.
+)
+# Of a sealed globe's fit: how unsure the logarithm of the pressure is where others are
+# sought, how far off in its standard deviations, how much lower a cost has to be, and
+# how often.
 VALLEY_SD = 0.08
 VALLEY_STRIDE = 2.0
 VALLEY_LOWER = 0.1
@@ -61,9 +66,11 @@ INTERVAL = (0.05, 0.95)
 
 
 class Doubt(NamedTuple):
-    """Standard normal numbers (draw, unknowns and two) and (draw, 2), and the eye's `ForceDiscrepancy`.
+    """Standard normal numbers (draw, unknowns and two) and (draw, 2), and the eye's
+    `ForceDiscrepancy`.
 
-    `terms` (level and growth, 4): mean, standard deviation, and effects of E and rigidity.
+    `terms` (level and growth, 4): mean, standard deviation, and effects of E and
+    rigidity.
     """
 
     normal: Floats
@@ -75,8 +82,9 @@ class Doubt(NamedTuple):
 class Fitted(NamedTuple):
     """A frame's fit as plain arrays (`fit.BoundaryFit`).
 
-    `spread` (number, unknown): how standard normal numbers draw about the unknowns. `numbers` (6,): force, ends of its
-    interval, misfit over the SDs, share of outliers, cost.
+    `spread` (number, unknown): how standard normal numbers draw about the unknowns.
+    `numbers` (6,): force, ends of its interval, misfit over the SDs, share of outliers,
+    cost.
     """
 
     unknown: Floats
@@ -99,9 +107,11 @@ def fit_frame(
     begun: Floats,
     fitted: Fitted,
 ) -> bool:
-    """Write the fit of a frame; from the unknowns `begun` to the end if there are any (0 or unknown,).
+    """Write the fit of a frame; from the unknowns `begun` to the end if there are any
+    (0 or unknown,).
 
-    `borne_n` is the needle's force, NaN if it is not known. Return False if the frame shows too few columns.
+    `borne_n` is the needle's force, NaN if it is not known. Return False if the frame
+    shows too few columns.
     """
     at_m, depth_m, sd_m, outer = _columns(lateral_m, depth_bc, belief.wall_sd_m)
     if outer < UNKNOWNS:
@@ -135,7 +145,9 @@ def fit_frame(
 def _columns(
     lateral_m: Floats, depth_bc: Floats, wall_sd_m: float
 ) -> tuple[Floats, Floats, Floats, int]:
-    """Return place, depth and its standard deviation of some columns, (place,), m, and how many are outer ones."""
+    """Return place, depth and its standard deviation of some columns, (place,), m, and
+    how many are outer ones.
+    """
     step = max(1, -(-len(lateral_m) // COLUMNS))
     count = 0
     outer = 0
@@ -191,10 +203,12 @@ def fit_plane(
     gradient: Floats,
     fitted: Fitted,
 ) -> float:
-    """Write the normal equations of one of several planes at its unknowns `fitted.unknown`, and return its cost.
+    """Write the normal equations of one of several planes at its unknowns
+    `fitted.unknown`, and return its cost.
 
-    `normal` and `gradient` end with the plane's tilt against the needle axis, whose tangent is `tilt`; the columns' SDs
-    count `scale` times. Without a `gradient` (0,) write the fit instead, whose spread there is.
+    `normal` and `gradient` end with the plane's tilt against the needle axis, whose
+    tangent is `tilt`; the columns' SDs count `scale` times. Without a `gradient` (0,)
+    write the fit instead, whose spread there is.
     """
     problem = _problem(
         tables,
@@ -229,7 +243,9 @@ def into_library(tables: SplineTables, unknown: Floats) -> None:
 
 @compiled_part
 def _best_fit(problem: Problem, starts: Floats, work: Work, unknown: Floats) -> float:
-    """Write the unknowns of the best fit from any start (start, unknown); return its cost."""
+    """Write the unknowns of the best fit from any start (start, unknown); return its
+    cost.
+    """
     unknown[:] = starts[0]
     best = np.inf
 
@@ -248,7 +264,9 @@ def _best_fit(problem: Problem, starts: Floats, work: Work, unknown: Floats) -> 
 def _better(
     problem: Problem, starts: Floats, best: float, work: Work, unknown: Floats
 ) -> float:
-    """Put the best fit from any start in place of `unknown` if its cost is lower than `best`; return the cost."""
+    """Put the best fit from any start in place of `unknown` if its cost is lower than
+    `best`; return the cost.
+    """
     tried = np.empty(UNKNOWNS)
     cost = _best_fit(problem, starts, work, tried)
     if cost < best:
@@ -261,7 +279,9 @@ def _better(
 def _with_limbus(
     problem: Problem, first: Floats, best: float, work: Work, unknown: Floats
 ) -> float:
-    """Put the best fit with a limbus in place of one that leaves much aside, if it is better; return the cost."""
+    """Put the best fit with a limbus in place of one that leaves much aside, if it is
+    better; return the cost.
+    """
     if best <= STRAINED:
         search_loops.evaluate(problem, unknown, work)
         lost = 0
@@ -306,9 +326,11 @@ def _beyond(
     work: Work,
     unknown: Floats,
 ) -> float:
-    """Put a sealed globe's fit begun where a known force lies, or at a higher pressure, in place of a worse one.
+    """Put a sealed globe's fit begun where a known force lies, or at a higher pressure,
+    in place of a worse one.
 
-    Where the pressure has nearly run away, two dents that are alike may be under very different forces.
+    Where the pressure has nearly run away, two dents that are alike may be under very
+    different forces.
     """
     if problem.law.mean <= 0.0:
         return best
@@ -341,10 +363,11 @@ def _beyond(
 def _along_valley(
     problem: Problem, best: float, work: Work, unknown: Floats, spread: Floats
 ) -> float:
-    """Put a sealed globe's fit at a higher or lower pressure in place of a worse one; return the cost.
+    """Put a sealed globe's fit at a higher or lower pressure in place of a worse one;
+    return the cost.
 
-    Where the pressure has nearly run away, dents of very different forces look nearly alike: a long bent valley with
-    more than one lowest place.
+    Where the pressure has nearly run away, dents of very different forces look nearly
+    alike: a long bent valley with more than one lowest place.
     """
     for _ in range(VALLEY_ROUNDS):
         _, count = search_loops.evaluate(problem, unknown, work)
@@ -379,7 +402,9 @@ def _along_valley(
 def _conclude(
     problem: Problem, cost: float, doubt: Doubt, work: Work, fitted: Fitted
 ) -> None:
-    """Write the fit with its uncertainty: the curvature's, with the noise estimated from the misfit (Birge)."""
+    """Write the fit with its uncertainty: the curvature's, with the noise estimated
+    from the misfit (Birge).
+    """
     _, nodes = search_loops.evaluate(problem, fitted.unknown, work)
     found = _misfit(problem, work)
     scale = min(
@@ -392,7 +417,9 @@ def _conclude(
 
 @compiled_part
 def _misfit(problem: Problem, work: Work) -> tuple[float, float]:
-    """Return the misfit over the SDs, and the share of outliers, of the wall that was evaluated last."""
+    """Return the misfit over the SDs, and the share of outliers, of the wall that was
+    evaluated last.
+    """
     seen = work.depths.seen
     off = work.off
     lost = 0
@@ -434,7 +461,9 @@ def _write_fit(
 def _draw_forces(
     problem: Problem, unknown: Floats, spread: Floats, doubt: Doubt, draws_n: Floats
 ) -> None:
-    """Write forces drawn from the posterior, with the model error of the library on top."""
+    """Write forces drawn from the posterior, with the model error of the library on
+    top.
+    """
     tables = problem.scene.tables  # once: each look into the problem counts references
     law = problem.law
     drawn = unknown.copy()
@@ -444,7 +473,7 @@ def _draw_forces(
     for number in range(len(MOVING)):
         deciding[:, number] = spread[:, MOVING[number]]
 
-    (normals, grown, terms, across) = doubt
+    normals, grown, terms, across = doubt
     follows_eye = np.abs(doubt.terms[:, 2:]).max() > 0.0
 
     for draw in range(len(draws_n)):

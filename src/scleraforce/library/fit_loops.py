@@ -1,6 +1,8 @@
-"""Compiled loops: the depths that a frame shows of a library's wall, their derivatives, and the law of its globe.
+"""Compiled loops: the depths that a frame shows of a library's wall, their derivatives,
+and the law of its globe.
 
-Nodes of a wall far beyond the frame are left out. `tests/oracles/fit_arrays.py` does the same by arrays.
+Nodes of a wall far beyond the frame are left out. `tests/oracles/fit_arrays.py` does
+the same by arrays.
 """
 
 from typing import NamedTuple
@@ -24,13 +26,13 @@ from scleraforce.library.splines import (
 Vector = tuple[float, float, float]
 
 LEAST_NORM = 1e-9
+# places, weights
 GAUSS_HERMITE = (
     np.array([-np.sqrt(3.0), 0.0, np.sqrt(3.0)]),
     np.array([1.0, 4.0, 1.0]) / 6.0,
-)  # places, weights
-STATION_RAD = (
-    0.04  # between the places of a section at which the base's effect is computed
 )
+# between the places of a section at which the base's effect is computed
+STATION_RAD = 0.04
 SPARE_M = 1.0e-3  # of a wall beyond the frame, at rest, and under the needle
 SPARE_DENTED_M = 0.1e-3
 ALONG = at.POLE.start
@@ -42,12 +44,15 @@ UP = (0.0, 0.0, 1.0)
 
 
 class Scene(NamedTuple):
-    """A library, the index of the pressure under the needle, places on a frame, and where its plane meets the rings.
+    """A library, the index of the pressure under the needle, places on a frame, and
+    where its plane meets the rings.
 
-    `at_m` (place,), the first `outer` on the outer boundary, and `smoothing_m` are as in `placement.Places`.
-    `stations` (boundary, station, 3): unit vectors to places of the section at rest, where the base's effect is found;
-    `about_needle`: the same about the needle axis (`_turn`). A ring (boundary, left nodes and right ones), from the
-    axis outwards on either side, lies between the station `left` and the next one, by `share` of the way.
+    `at_m` (place,), the first `outer` on the outer boundary, and `smoothing_m` are as
+    in `placement.Places`. `stations` (boundary, station, 3): unit vectors to places of
+    the section at rest, where the base's effect is found; `about_needle`: the same
+    about the needle axis (`_turn`). A ring (boundary, left nodes and right ones), from
+    the axis outwards on either side, lies between the station `left` and the next one,
+    by `share` of the way.
     """
 
     tables: SplineTables
@@ -64,11 +69,13 @@ class Scene(NamedTuple):
 
 
 class Wall(NamedTuple):
-    """A wall of the library: its curves (boundary, node, 2), and the motion of its rings (boundary, ring, 3).
+    """A wall of the library: its curves (boundary, node, 2), and the motion of its
+    rings (boundary, ring, 3).
 
-    `meridian` (boundary, node, [away, up]) is its motion under the pressure alone, `turned` its stations about the
-    eye's axis (`_turn`), `pushed` (3,) the base's push, and by how much the plane is farther from the needle axis for
-    each metre below the contact. The rest is workspace: rows and weights of its state, motions of stations
+    `meridian` (boundary, node, [away, up]) is its motion under the pressure alone,
+    `turned` its stations about the eye's axis (`_turn`), `pushed` (3,) the base's push,
+    and by how much the plane is farther from the needle axis for each metre below the
+    contact. The rest is workspace: rows and weights of its state, motions of stations
     (station, 3), and the section (2 node,) with its slopes.
     """
 
@@ -86,7 +93,9 @@ class Wall(NamedTuple):
 
 
 class Depths(NamedTuple):
-    """The depths of a wall at places (place,): of an even wall, `even_m` and `even_slope`, and with form and shine."""
+    """The depths of a wall at places (place,): of an even wall, `even_m` and
+    `even_slope`, and with form and shine.
+    """
 
     even_m: Floats
     even_slope: Floats
@@ -104,7 +113,9 @@ def scene_of(
     gap_m: float,
     thickness_m: float,
 ) -> Scene:
-    """Return the scene of walls of about a gap and a thickness, m; `places`: `at_m`, `outer` and `smoothing_m`."""
+    """Return the scene of walls of about a gap and a thickness, m; `places`: `at_m`,
+    `outer` and `smoothing_m`.
+    """
     nodes = tables.curves.shape[1] // 4
     count = int(np.ceil(tables.angles[nodes - 1] / STATION_RAD)) + 1
     sines = np.sin(tables.angles)
@@ -131,7 +142,7 @@ def scene_of(
             )
 
     _turn(stations, tables.angles, UP, about_needle)
-    (at_m, outer, smoothing_m) = places
+    at_m, outer, smoothing_m = places
     cosines = np.cos(tables.angles)
     return Scene(
         tables,
@@ -152,7 +163,8 @@ def scene_of(
 def _before(nodes: Floats, place: float) -> int:
     """Return the last of increasing nodes below a place, which has a next one.
 
-    Not np.searchsorted: to load its machine code, Numba imports SciPy's linear algebra, for 0.1 s.
+    Not np.searchsorted: to load its machine code, Numba imports SciPy's linear algebra,
+    for 0.1 s.
     """
     node = 0
     after = len(nodes) - 1
@@ -189,9 +201,11 @@ def empty_wall(scene: Scene) -> Wall:
 
 @compiled_in_place
 def library_place(tables: SplineTables, unknown: Floats, pressure: int) -> Vector:
-    """Return thickness, pressure over E and tip in the library's own size, kept within its ranges."""
+    """Return thickness, pressure over E and tip in the library's own size, kept within
+    its ranges.
+    """
     size = np.exp(unknown[at.SIZE])
-    (low, high) = tables.thickness_ends_m
+    low, high = tables.thickness_ends_m
     thickness = min(max(unknown[at.THICKNESS] / size, low), high)
     per_tension = thickness / tables.radius_m
     least = tables.tension_ends[0] * per_tension
@@ -234,7 +248,9 @@ def _axis(unknown: Floats) -> Vector:
 def find_curve(
     tables: SplineTables, state: Vector, count: int, wall: Wall, boundaries: int
 ) -> None:
-    """Write the first nodes of the curves of a state, of the outer boundary or of both."""
+    """Write the first nodes of the curves of a state, of the outer boundary or of
+    both.
+    """
     state_weights(tables, state[0], state[1], state[2], wall.rows, wall.weights)
     for boundary in range(boundaries):
         first = 2 * wall.curve.shape[1] * boundary
@@ -255,7 +271,9 @@ def _find_push(
 
 @compiled_in_place
 def _find_meridian(scene: Scene, state: Vector, meridian: Floats) -> None:
-    """Write how the pressure alone moves a wall (boundary, node, [away from the axis, up])."""
+    """Write how the pressure alone moves a wall (boundary, node, [away from the axis,
+    up]).
+    """
     undented_at(scene.tables, state[0], state[1], meridian.reshape(meridian.size))
     for boundary in range(2):
         radius_m = scene.tables.radius_m - boundary * state[0]
@@ -272,7 +290,8 @@ def _find_meridian(scene: Scene, state: Vector, meridian: Floats) -> None:
 def _turn(stations: Floats, angles: Floats, axis: Vector, turned: Floats) -> None:
     """Write where stations lie about an axis (boundary, station, 5).
 
-    Each lies on the meridian between a node and the next one by a share; then follows its unit vector from the axis.
+    Each lies on the meridian between a node and the next one by a share; then follows
+    its unit vector from the axis.
     """
     for boundary in range(2):
         for place in range(stations.shape[1]):
@@ -304,7 +323,9 @@ def _move(
     moved: Floats,
     motion: Floats,
 ) -> None:
-    """Write how the pressure moves the first rings of a wall beside the pole (boundary, ring, 3) (`base_bulge`)."""
+    """Write how the pressure moves the first rings of a wall beside the pole (boundary,
+    ring, 3) (`base_bulge`).
+    """
     nodes = motion.shape[1] // 2
     left = scene.left
 
@@ -350,7 +371,9 @@ def cut_wall(
     unknown: Floats,
     wall: Wall,
 ) -> None:
-    """Write a boundary's section in the frame: where the plane meets its first nodes, left side first, (2 count,)."""
+    """Write a boundary's section in the frame: where the plane meets its first nodes,
+    left side first, (2 count,).
+    """
     nodes = len(curve)
     squares = wall.steep
     lateral = wall.lateral
@@ -407,7 +430,9 @@ def cut_wall(
 
 @compiled_in_place
 def without_folds(lateral: Floats, down: Floats, length: int) -> int:
-    """Move the points that lie ahead of all before to the front; return their number."""
+    """Move the points that lie ahead of all before to the front; return their
+    number.
+    """
     kept = 1
     for node in range(1, length):
         if lateral[node] > lateral[kept - 1]:
@@ -422,7 +447,9 @@ def without_folds(lateral: Floats, down: Floats, length: int) -> int:
 def _read_depths(
     scene: Scene, boundary: int, length: int, wall: Wall, depth_m: Floats, slope: Floats
 ) -> None:
-    """Write depth and slope of a boundary's section at its places, under a Gaussian (`placement.curve_depths`)."""
+    """Write depth and slope of a boundary's section at its places, under a Gaussian
+    (`placement.curve_depths`).
+    """
     lateral = wall.lateral
     down = wall.down
     steep = wall.steep
@@ -466,9 +493,11 @@ def _ends(scene: Scene) -> tuple[float, float]:
 
 @compiled_in_place
 def show_wall(scene: Scene, unknown: Floats, wall: Wall, depths: Depths) -> int:
-    """Write the depths that a frame shows of the wall of unknowns; return the number of its nodes that are found."""
+    """Write the depths that a frame shows of the wall of unknowns; return the number of
+    its nodes that are found.
+    """
     tables = scene.tables
-    (low, high) = _ends(scene)
+    low, high = _ends(scene)
     nodes = len(scene.share[0]) // 2
     size = np.exp(unknown[at.SIZE])
     s = np.abs(np.sin(unknown[at.ROTATION]))
@@ -540,7 +569,9 @@ def _shine(slope: float) -> float:
 def derive(
     scene: Scene, unknown: Floats, count: int, wall: Wall, other: Wall, depths: Depths
 ) -> None:
-    """Write the derivatives of the wall that `show_wall` has just shown; `other` is workspace."""
+    """Write the derivatives of the wall that `show_wall` has just shown; `other` is
+    workspace.
+    """
     tables = scene.tables
     axis = _axis(unknown)
     jacobian = depths.jacobian
@@ -626,7 +657,9 @@ def derive(
 
 @compiled_in_place
 def _step(scene: Scene, unknown: Floats, place: int) -> float:
-    """Return the step of an unknown; one that would leave the library goes the other way (`library.fit`)."""
+    """Return the step of an unknown; one that would leave the library goes the other
+    way (`library.fit`).
+    """
     tables = scene.tables
     size = np.exp(unknown[at.SIZE])
     thickness = unknown[at.THICKNESS] / size
@@ -652,7 +685,9 @@ def _step(scene: Scene, unknown: Floats, place: int) -> float:
 
 @compiled_in_place
 def _ramp(beyond_m: float) -> tuple[float, float]:
-    """Return how far a place lies beyond a limbus, a smooth furrow, and its slope (`unknowns`)."""
+    """Return how far a place lies beyond a limbus, a smooth furrow, and its slope
+    (`unknowns`).
+    """
     root = np.sqrt(beyond_m**2 + at.SOFT_M**2)
     return 0.5 * (beyond_m + root), 0.5 * (1.0 + beyond_m / root)
 
@@ -677,7 +712,9 @@ def _form(
 
 @compiled_in_place
 def formed_section(scene: Scene, unknown: Floats, wall: Wall, section: Floats) -> None:
-    """Write the boundaries of a wall in the frame, with its form at rest (boundary, 2 node, [lateral, depth]), m."""
+    """Write the boundaries of a wall in the frame, with its form at rest (boundary, 2
+    node, [lateral, depth]), m.
+    """
     count = section.shape[1] // 2
     _find_wall(scene, unknown, count, wall)
 
@@ -699,13 +736,13 @@ def formed_section(scene: Scene, unknown: Floats, wall: Wall, section: Floats) -
             section[boundary, place, 1] = wall.down[place] + formed
 
 
-LEAST_SD = (
-    3e-3  # relative, of the pressure that a globe's law gives: volumes of the library
-)
+# relative, of the pressure that a globe's law gives: volumes of the library
+LEAST_SD = 3e-3
 
 
 class Law(NamedTuple):
-    """The law of a globe: the rates of the bounds, the mean and the standard deviation of its rigidity; 0 if open.
+    """The law of a globe: the rates of the bounds, the mean and the standard deviation
+    of its rigidity; 0 if open.
 
     `pressure` is the index of the unknown that is the pressure under the needle.
     """
@@ -721,16 +758,17 @@ class Law(NamedTuple):
 
 @compiled_in_place
 def off_the_law(tables: SplineTables, law: Law, unknown: Floats) -> tuple[float, float]:
-    """Return how far level(P) is off its mean, and its standard deviation (`library.fit`)."""
+    """Return how far level(P) is off its mean, and its standard deviation
+    (`library.fit`).
+    """
     volume = displaced(tables, law, unknown)
     pressure = np.exp(unknown[at.PRESSURE])
     resting = np.exp(unknown[at.IOP])
     risen = level_of(pressure, law.is_logarithmic) - level_of(
         resting, law.is_logarithmic
     )
-    slope = (
-        1.0 if law.is_logarithmic else np.cbrt(resting) / 3.0
-    )  # of the level by the logarithm of the pressure
+    # of the level by the logarithm of the pressure
+    slope = 1.0 if law.is_logarithmic else np.cbrt(resting) / 3.0
 
     return risen - law.mean * volume, np.hypot(law.spread * volume, LEAST_SD * slope)
 
@@ -764,7 +802,9 @@ def predict(
     depths: Depths,
     section: Floats,
 ) -> float:
-    """Write depths and derivatives of walls of about a gap and a thickness, and their section; return the force, N."""
+    """Write depths and derivatives of walls of about a gap and a thickness, and their
+    section; return the force, N.
+    """
     scene = scene_of(tables, law.pressure, places, gap_m, thickness_m)
     wall = empty_wall(scene)
     other = empty_wall(scene)

@@ -1,9 +1,11 @@
-"""Compiled loops: starts of a fit, the best of a coarse search over walls and lateral places on the outer boundary.
+"""Compiled loops: starts of a fit, the best of a coarse search over walls and lateral
+places on the outer boundary.
 
-In a globe that may be sealed each dent is tried at two pressures: for the least rigidity that it may have and for its
-mean. A dent at which that pressure runs away is not a start. Where it has nearly run away, dents hardly grow with the
-force, or shrink: the states of such a globe are then searched by their pressure. A fit that lies badly on a frame
-starts again with a limbus where the rest of the surface shows one.
+In a globe that may be sealed each dent is tried at two pressures: for the least
+rigidity that it may have and for its mean. A dent at which that pressure runs away is
+not a start. Where it has nearly run away, dents hardly grow with the force, or shrink:
+the states of such a globe are then searched by their pressure. A fit that lies badly on
+a frame starts again with a limbus where the rest of the surface shows one.
 """
 
 from typing import NamedTuple
@@ -46,9 +48,11 @@ LARGEST_N = 90e-3  # half as much again as the forces of a needle
 
 
 class Surface(NamedTuple):
-    """Some places of an outer boundary and their depth, m, the largest shift of a wall laid on it, and workspace.
+    """Some places of an outer boundary and their depth, m, the largest shift of a wall
+    laid on it, and workspace.
 
-    `grid_m` (grid,): depths of a wall at the places of a grid; `rest_m` (place,): what is left of the depths.
+    `grid_m` (grid,): depths of a wall at the places of a grid; `rest_m` (place,): what
+    is left of the depths.
     """
 
     lateral_m: Floats
@@ -86,7 +90,8 @@ def surface_of(lateral_m: Floats, depth_m: Floats, farthest_m: float) -> Surface
 def _lay(
     problem: Problem, surface: Surface, unknown: Floats, pose: Floats, work: Work
 ) -> float:
-    """Write the best lateral place and depth of a wall on a surface; return how far off it then is.
+    """Write the best lateral place and depth of a wall on a surface; return how far off
+    it then is.
 
     The wall is taken at the pose of other unknowns, `pose`, as one over the pole.
     """
@@ -152,10 +157,12 @@ def _lay(
 
 @compiled_part
 def find_starts(problem: Problem, surface: Surface, work: Work, found: Floats) -> int:
-    """Write at most STARTS starts (start, unknown), dents that lie better than their neighbours; return their number.
+    """Write at most STARTS starts (start, unknown), dents that lie better than their
+    neighbours; return their number.
 
-    The best comes first. Each has its best lateral place and depth. A dent that lies much worse than the best is not a
-    start. Where no pressure bears any dent, the mean is one.
+    The best comes first. Each has its best lateral place and depth. A dent that lies
+    much worse than the best is not a start. Where no pressure bears any dent, the mean
+    is one.
     """
     tables = problem.scene.tables
     law = problem.law
@@ -210,9 +217,11 @@ def find_starts(problem: Problem, surface: Surface, work: Work, found: Floats) -
 
 @compiled_in_place
 def _resting(problem: Problem) -> tuple[float, float, float, float, float]:
-    """Return the mean's thickness and pressure over E without the needle, in the library's size; that size, and E.
+    """Return the mean's thickness and pressure over E without the needle, in the
+    library's size; that size, and E.
 
-    The last number is the rate of its globe's law there over that of the globe (`mechanics.globe`).
+    The last number is the rate of its globe's law there over that of the globe
+    (`mechanics.globe`).
     """
     mean = problem.belief.mean
     thickness, ratio, _ = library_place(problem.scene.tables, mean, at.IOP)
@@ -251,7 +260,8 @@ def bearing_start(
 def higher_start(
     problem: Problem, surface: Surface, fitted: Floats, work: Work, start: Floats
 ) -> bool:
-    """Write the best state of a sealed globe among those at much higher pressures than `fitted`.
+    """Write the best state of a sealed globe among those at much higher pressures than
+    `fitted`.
 
     Return False if all lie much worse than that one, or the globe has none.
     """
@@ -275,11 +285,13 @@ def higher_start(
 
 @compiled_part
 def _find_states(problem: Problem, states: Floats) -> int:
-    """Write states of a globe of the mean rigidity (state, unknown), by their pressure; return their number."""
+    """Write states of a globe of the mean rigidity (state, unknown), by their pressure;
+    return their number.
+    """
     tables = problem.scene.tables
     law = problem.law
     count = 0
-    (thickness, resting, size, modulus, per_rate) = _resting(problem)
+    thickness, resting, size, modulus, per_rate = _resting(problem)
     tips = tables.tip_m
     highest = tables.tension_ends[1] * thickness / tables.radius_m
 
@@ -312,18 +324,21 @@ def _find_states(problem: Problem, states: Floats) -> int:
 LIMBUS_PLACES_M = np.arange(1.5e-3, 6.0e-3, 0.25e-3)
 LEAST_COLUMNS = 5  # beyond a limbus
 CURVATURE = 2  # of a side's form
-MIDDLE_M = 1.5e-3  # to either side of the frame's: there lies the contact of a frame that can be read
+# to either side of the frame's: there lies the contact of a frame that can be read
+MIDDLE_M = 1.5e-3
 
 
 @compiled_part
 def limbus_start(
     problem: Problem, unknown: Floats, sign: float, work: Work, start: Floats
 ) -> bool:
-    """Write unknowns with a limbus on one side; return False where too little of the surface is seen there.
+    """Write unknowns with a limbus on one side; return False where too little of the
+    surface is seen there.
 
-    The limbus's place is searched; the angle and the curvature beyond, and the depth and the turn of the wall with
-    them, follow by linear least squares on the outer boundary. `unknown` is a fit without that limbus; side -1 is the
-    left one, 1 the right one.
+    The limbus's place is searched; the angle and the curvature beyond, and the depth
+    and the turn of the wall with them, follow by linear least squares on the outer
+    boundary. `unknown` is a fit without that limbus; side -1 is the left one, 1 the
+    right one.
     """
     scene = problem.scene
     depths = work.depths
@@ -366,10 +381,12 @@ def limbus_start(
 def _fit_limbus(
     limbus_m: float, along_m: Floats, rest_m: Floats, basis: Floats, solution: Floats
 ) -> float:
-    """Write depth, turn, angle and curvature of the best limbus at a place; return the mean misfit of the surface.
+    """Write depth, turn, angle and curvature of the best limbus at a place; return the
+    mean misfit of the surface.
 
-    `along_m`: places of the surface towards it, from the contact; `rest_m`: depths below the wall without it; `basis`
-    (place, 4): derivatives by the pose, and workspace.
+    `along_m`: places of the surface towards it, from the contact; `rest_m`: depths
+    below the wall without it; `basis` (place, 4): derivatives by the pose, and
+    workspace.
     """
     count = 0
     for place in range(len(along_m)):
@@ -412,10 +429,11 @@ def _fit_limbus(
 
 @compiled_part
 def one_sided_starts(problem: Problem, work: Work, found: Floats) -> int:
-    """Write unknowns with a limbus on one side, of walls laid on the middle and the other side; return their number.
+    """Write unknowns with a limbus on one side, of walls laid on the middle and the
+    other side; return their number.
 
-    A needle that hardly dents the wall 2 mm beside a limbus shows less than the furrow there, which a search over the
-    whole surface takes for the dent.
+    A needle that hardly dents the wall 2 mm beside a limbus shows less than the furrow
+    there, which a search over the whole surface takes for the dent.
     """
     count = 0
     begun = np.empty((STARTS, UNKNOWNS))

@@ -1,16 +1,21 @@
-"""The stiffness of an eye from its shape: one fit of the library's walls to all its frames, whatever their forces.
+"""The stiffness of an eye from its shape: one fit of the library's walls to all its
+frames, whatever their forces.
 
-How a dent spreads depends on the pressure over E. The frames share E, IOP, thickness, gap, size, inner offset, form and
-pole; each has its own dent, pose, reflection and pressure. The normal matrix is a block arrow: each frame's own block
-is eliminated (Schur's complement), the frames' information on the shared block adds up, and the prior counts once.
+How a dent spreads depends on the pressure over E. The frames share E, IOP, thickness,
+gap, size, inner offset, form and pole; each has its own dent, pose, reflection and
+pressure. The normal matrix is a block arrow: each frame's own block is eliminated
+(Schur's complement), the frames' information on the shared block adds up, and the prior
+counts once.
 
-Walls that are not even bend otherwise than the library's, alike in all frames of a contact. That discrepancy is a
-Gaussian process along the section and over the depth of the dent (Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001),
-an unknown of the same fit: more frames do not make sure what none of them tells. Its sizes have the largest marginal
-likelihood; they are at least as large as even walls in three dimensions need.
+Walls that are not even bend otherwise than the library's, alike in all frames of a
+contact. That discrepancy is a Gaussian process along the section and over the depth of
+the dent (Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001), an unknown of the same fit:
+more frames do not make sure what none of them tells. Its sizes have the largest
+marginal likelihood; they are at least as large as even walls in three dimensions need.
 
-Beside the pictures, a frame may have the needle's travel (dent + force x the bed's compliance + a shift, both unknown),
-a pressure of its own (a known change of the IOP), or a known force.
+Beside the pictures, a frame may have the needle's travel (dent + force x the bed's
+compliance + a shift, both unknown), a pressure of its own (a known change of the IOP),
+or a known force.
 """
 
 from collections.abc import Sequence
@@ -35,9 +40,8 @@ from scleraforce.study import ReaderStudy
 
 OWN = np.array([at.TIP, at.LATERAL, at.DEPTH, at.ROTATION, at.SHINE, at.PRESSURE])
 SHARED = np.setdiff1d(np.arange(len(at.NAMES)), OWN)
-COMPLIANCE, SHIFT, RIGIDITY, WEIGHTS = range(
-    len(SHARED), len(SHARED) + 4
-)  # places in the shared vector
+# places in the shared vector
+COMPLIANCE, SHIFT, RIGIDITY, WEIGHTS = range(len(SHARED), len(SHARED) + 4)
 MODULUS, THICKNESS, SIZE = (
     SHARED.tolist().index(name) for name in (at.MODULUS, at.THICKNESS, at.SIZE)
 )
@@ -45,18 +49,20 @@ _FORM, _POLE = (
     np.isin(SHARED, np.arange(len(at.NAMES))[place]).nonzero()[0]
     for place in (at.FORM, at.POLE)
 )
-# Of the logarithm of the bed's compliance, m/N, the travel's shift, m, and the rigidity over the globe's mean.
+# Of the logarithm of the bed's compliance, m/N, the travel's shift, m, and the rigidity
+# over the globe's mean.
 EXTRA_MEAN = np.array([log(1 / 60.0), 0.0, 1.0])
 EXTRA_SD = np.array([1.0, 1e-3, 1e-3])
 # of a travel; its share for the library's dent
 TRAVEL_SD_M = 10e-6
 TIP_SD = 0.01
-FORCE_SD = 0.02  # of the logarithm of a known force: the level of real walls beside the library's
-EDGE_M = (
-    0.7e-3  # at either end of a frame's surface, where the segmentation bends it up
-)
+# of the logarithm of a known force: the level of real walls beside the library's
+FORCE_SD = 0.02
+# at either end of a frame's surface, where the segmentation bends it up
+EDGE_M = 0.7e-3
 COARSER = 2  # columns of a single frame's fit for one here
-# The discrepancy: knots along asinh(x/1 mm) and over the dent, lengths of correlation, share of the thickness.
+# The discrepancy: knots along asinh(x/1 mm) and over the dent, lengths of correlation,
+# share of the thickness.
 KNOTS = np.linspace(-np.arcsinh(6.5), np.arcsinh(6.5), 17)
 KNOT_TIPS_M = np.array([0.0, 1.3e-3, 2.8e-3, 4.8e-3])
 ALONG = 0.5
@@ -70,8 +76,9 @@ LEAST_SIZE_M = 0.3e-6
 RESTING_SIZES_M = np.array([1e-6, 2e-6, 4e-6, 8e-6, 16e-6])
 GROWING_SIZES_M = np.array([4e-6, 8e-6, 16e-6, 32e-6])
 LEAST_NOISE = 0.8  # of the boundaries over their SDs
-# Of the standard deviation of ln E: rms of its errors over it, of 12 virtual eyes in three dimensions, a half of them
-# uneven, each with and without travel (benchmarks/README.md).
+# Of the standard deviation of ln E: rms of its errors over it, of 12 virtual eyes in
+# three dimensions, a half of them uneven, each with and without travel
+# (benchmarks/README.md).
 WIDER = 1.4
 # of the fit; with sizes sought; of the cost
 ROUNDS = 30
@@ -84,18 +91,19 @@ MOST_DAMPING = 1e6
 FARTHEST = 8.0  # standard deviations that unknowns may leave their prior by
 EXTRA_STEP = 1e-5
 LEAST_N = 1e-6
-STEPS = np.where(
-    np.isin(MOVING, (at.TIP, at.THICKNESS)), 1e-7, 1e-4
-)  # of derivatives of force and volume
+# of derivatives of force and volume
+STEPS = np.where(np.isin(MOVING, (at.TIP, at.THICKNESS)), 1e-7, 1e-4)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ShownFrame:
-    """A frame of an eye: its boundaries, as in `fit.fit_boundaries`, and what else is known at its time.
+    """A frame of an eye: its boundaries, as in `fit.fit_boundaries`, and what else is
+    known at its time.
 
-    `iop_pa`: the pressure without the needle, if it was changed; `travel_m`: how far the needle has gone; `force_n`: a
-    known elastic force along the wall's normal, with its standard deviation `force_sd_n`; `gap_m`: of the frame's
-    plane, if it differs between frames (its error is that of the eye's gap).
+    `iop_pa`: the pressure without the needle, if it was changed; `travel_m`: how far
+    the needle has gone; `force_n`: a known elastic force along the wall's normal, with
+    its standard deviation `force_sd_n`; `gap_m`: of the frame's plane, if it differs
+    between frames (its error is that of the eye's gap).
     """
 
     lateral_m: Floats
@@ -109,11 +117,14 @@ class ShownFrame:
 
 @dataclass(frozen=True, eq=False)
 class JointFit:
-    """The fit: `shared` unknowns with their `covariance`, the frames' `own` (frame, unknown), and sizes.
+    """The fit: `shared` unknowns with their `covariance`, the frames' `own` (frame,
+    unknown), and sizes.
 
-    The first of `shared` are `NAMES[SHARED]`, then `COMPLIANCE`, `SHIFT` and `RIGIDITY`; the weights of the discrepancy
-    follow. `noise` is that of the boundaries over their SDs, `resting_m` and `growing_m` are sizes of the discrepancy:
-    of any dent, and of one of 2 mm. `cost` is that of boundaries and prior, `forces_n` (frame,) are the frames' forces.
+    The first of `shared` are `NAMES[SHARED]`, then `COMPLIANCE`, `SHIFT` and
+    `RIGIDITY`; the weights of the discrepancy follow. `noise` is that of the boundaries
+    over their SDs, `resting_m` and `growing_m` are sizes of the discrepancy: of any
+    dent, and of one of 2 mm. `cost` is that of boundaries and prior, `forces_n`
+    (frame,) are the frames' forces.
     """
 
     shared: Floats
@@ -134,7 +145,9 @@ class JointFit:
 
 
 class _Frame:
-    """A frame's columns (column,), outer ones first, with a workspace; its IOP's logarithm and gap beside the eye's."""
+    """A frame's columns (column,), outer ones first, with a workspace; its IOP's
+    logarithm and gap beside the eye's.
+    """
 
     def __init__(self, shown: ShownFrame, log_iop: float, gap_m: float) -> None:
         self.shown = shown
@@ -170,7 +183,9 @@ class _Frame:
 
 
 class _Seen(NamedTuple):
-    """A frame beside a wall: its cost, normal matrix and gradient (shared and own), and its columns' residuals."""
+    """A frame beside a wall: its cost, normal matrix and gradient (shared and own), and
+    its columns' residuals.
+    """
 
     cost: float
     normal: Floats
@@ -235,7 +250,9 @@ class _Problem:
         self.precision = self.weights_precision()
 
     def weights_precision(self) -> Floats:
-        """Return the inverse covariance of the discrepancy's weights: of both boundaries, then of the inner one."""
+        """Return the inverse covariance of the discrepancy's weights: of both
+        boundaries, then of the inner one.
+        """
         along = np.exp(
             -0.5 * ((KNOTS[:, None] - KNOTS) / ALONG) ** 2
         ) + ROUNDING * np.eye(len(KNOTS))
@@ -262,7 +279,9 @@ class _Problem:
         return found
 
     def basis(self, frame: _Frame, unknown: Floats) -> Floats:
-        """Return how the weights move the columns (column, weight): linear between knots."""
+        """Return how the weights move the columns (column, weight): linear between
+        knots.
+        """
         along = np.arcsinh((frame.at_m - unknown[at.LATERAL]) / WARP_M)
         over = np.array([unknown[at.TIP]])
         at_knots = _hats(KNOTS, along)[:, :, None] * _hats(KNOT_TIPS_M, over)
@@ -279,9 +298,11 @@ class _Problem:
         return forces, size**3 * self.library.displaced_m3(*wall)
 
     def numbers(self, frame: _Frame, unknown_su: Floats, extra: Floats) -> Floats:
-        """Return how far law, travel and force are off, in standard deviations (state, number); `extra`: (3,)."""
+        """Return how far law, travel and force are off, in standard deviations (state,
+        number); `extra`: (3,).
+        """
         shown = frame.shown
-        (compliance, shift_m, rigidity) = extra
+        compliance, shift_m, rigidity = extra
         found = list[Floats]()
         forces, volumes = self.forces_volumes(unknown_su)
         pressure = np.exp(unknown_su[:, self.law.pressure])
@@ -321,7 +342,9 @@ class _Problem:
     def look(
         self, frame: _Frame, shared: Floats, own: Floats, derive: bool = True
     ) -> _Seen:
-        """Return a frame beside the wall of unknowns; without normal matrix and gradient if they are not asked for."""
+        """Return a frame beside the wall of unknowns; without normal matrix and
+        gradient if they are not asked for.
+        """
         unknown = self.unknown(frame, shared, own)
         depths = frame.depths
         extra = shared[COMPLIANCE:WEIGHTS]
@@ -421,7 +444,9 @@ class _Problem:
         return shared, np.clip(own, low, high)
 
     def size(self, shared: Floats, seen: Sequence[_Seen]) -> None:
-        """Find the noise by the columns' misfit, and the discrepancy's sizes by the marginal likelihood (Laplace's)."""
+        """Find the noise by the columns' misfit, and the discrepancy's sizes by the
+        marginal likelihood (Laplace's).
+        """
         misfits = [NORMAL_MEDIAN * float(np.median(np.abs(one.off))) for one in seen]
         self.noise = max(LEAST_NOISE, float(np.median(misfits)))
         normal, gradient = _eliminated(seen, len(shared), 0.0)[:2]
@@ -468,7 +493,9 @@ def _hats(knots: Floats, values: Floats) -> Floats:
 def _eliminated(
     seen: Sequence[_Seen], shared: int, damping: float
 ) -> tuple[Floats, Floats, list[Floats]]:
-    """Return the frames' normal matrix and gradient of the shared unknowns, and how each frame's own ones follow."""
+    """Return the frames' normal matrix and gradient of the shared unknowns, and how
+    each frame's own ones follow.
+    """
     normal = np.zeros((shared, shared))
     gradient = np.zeros(shared)
     follow = list[Floats]()
@@ -499,9 +526,11 @@ def fit_jointly(
     own: Floats,
     shared: Floats | None = None,
 ) -> JointFit:
-    """Fit the library to all frames of an eye at once, from each frame's unknowns `own` (frame, `OWN`).
+    """Fit the library to all frames of an eye at once, from each frame's unknowns `own`
+    (frame, `OWN`).
 
-    `known` is the eye, its modulus the prior; `library` that of its contact; `shared`: of an earlier fit, to begin at.
+    `known` is the eye, its modulus the prior; `library` that of its contact; `shared`:
+    of an earlier fit, to begin at.
     """
     problem = _Problem(library, frames, known, trained, smoothing_m)
     shared, own = problem.inside(problem.mean if shared is None else shared, own)
@@ -538,7 +567,7 @@ def fit_jointly(
             damping = max(10.0 * damping, RETRY_DAMPING)
 
         if cost <= before:
-            (shared, own) = trial
+            shared, own = trial
             damping = max(damping / 10.0, LEAST_DAMPING)
 
         if number > max(SIZED_ROUNDS) and before - cost < SETTLED:
@@ -550,9 +579,10 @@ def fit_jointly(
     ]
     precision = problem.prior(shared)[1] + _eliminated(seen, len(shared), 0.0)[0]
     covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+    # never beyond the prior's
     wider = min(
         WIDER, problem.sd[MODULUS] / float(np.sqrt(covariance[MODULUS, MODULUS]))
-    )  # never beyond the prior's
+    )
     covariance[MODULUS] *= wider
     covariance[:, MODULUS] *= wider
     each = [

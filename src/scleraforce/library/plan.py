@@ -1,7 +1,8 @@
 """The plan of a library: its axes, and the load paths that make it.
 
-There is a path for each stiffening of the tissue, thickness and tension, p R/(E t), and forces alone for some walls of
-the first stiffening with the support nearer to the needle axis or farther from it (`library.base` needs them).
+There is a path for each stiffening of the tissue, thickness and tension, p R/(E t), and
+forces alone for some walls of the first stiffening with the support nearer to the
+needle axis or farther from it (`library.base` needs them).
 """
 
 import json
@@ -17,11 +18,11 @@ from scleraforce.mechanics.material import burst_tension
 from scleraforce.plain_json import parse_json
 from scleraforce.study import Choice, LibraryStudy, Range, Sampled, Study
 
-METHOD = (
-    1  # number of the way in which load paths are computed: raise it when they move
-)
+# number of the way in which load paths are computed: raise it when they move
+METHOD = 1
 TIP_GRADING = 1.5  # tips are like the numbers 0, 1, 2 ... to this power
 LARGEST_POLAR_DEG = 55.0  # of a contact
+# beside 90: where its base may lie
 SUPPORTS_DEG = (
     35.0,
     40.0,
@@ -31,19 +32,21 @@ SUPPORTS_DEG = (
     125.0,
     140.0,
     145.0,
-)  # beside 90: where its base may lie
+)
 # at most, of the library's
 SUPPORT_THICKNESSES = 4
 SUPPORT_TENSIONS = 6
-LITTLE_STIFFENING = (
-    0.2  # b, below which states change evenly with it, and above with its logarithm
-)
-SUPPORT_TIP_M = 6e-3  # deeper dents run into the base where it is nearest: the factor stays as it is there
+# b, below which states change evenly with it, and above with its logarithm
+LITTLE_STIFFENING = 0.2
+# deeper dents run into the base where it is nearest: the factor stays as it is there
+SUPPORT_TIP_M = 6e-3
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedPath:
-    """A load path to solve: its wall, tissue, clamp (angle from the needle axis), and tips (d,), m."""
+    """A load path to solve: its wall, tissue, clamp (angle from the needle axis), and
+    tips (d,), m.
+    """
 
     thickness_m: float
     iop_ratio: float
@@ -100,7 +103,9 @@ class LibraryPlan:
 
     @property
     def paths(self) -> int:
-        """Number of load paths whose forces and curves are kept: the first of all units."""
+        """Number of load paths whose forces and curves are kept: the first of all
+        units.
+        """
         return self.grid.stiffenings * self.grid.thicknesses * self.grid.tensions
 
     @property
@@ -116,7 +121,9 @@ class LibraryPlan:
 
     @property
     def _with_supports(self) -> tuple[Places, Places]:
-        """Indices of the thicknesses and tensions that have paths with other supports."""
+        """Indices of the thicknesses and tensions that have paths with other
+        supports.
+        """
         grid = self.grid
         return evenly_picked(grid.thicknesses, SUPPORT_THICKNESSES), evenly_picked(
             grid.tensions, SUPPORT_TENSIONS
@@ -124,11 +131,15 @@ class LibraryPlan:
 
     @property
     def support_tips(self) -> int:
-        """Number of tips of the paths with other supports, the first ones of the library."""
+        """Number of tips of the paths with other supports, the first ones of the
+        library.
+        """
         return max(2, int(np.searchsorted(self.tip_m, SUPPORT_TIP_M, side="right")))
 
     def place(self, unit: int) -> tuple[int, ...]:
-        """Return the place of a unit: (stiffening, thickness, tension), or (support, thickness, tension)."""
+        """Return the place of a unit: (stiffening, thickness, tension), or (support,
+        thickness, tension).
+        """
         shape = self.grid.stiffenings, self.grid.thicknesses, self.grid.tensions
         within = (
             (unit, shape)
@@ -178,15 +189,18 @@ class LibraryPlan:
     def key(self) -> str:
         """SHA-256, in hexadecimal, of the recipe and of `METHOD`.
 
-        A library is reused as long as the key is the same, so `METHOD` has to rise with each change of the mechanics
-        that moves load paths. The fingerprint of the shipped reader moves with the load paths, and its test says when
-        `METHOD` has to rise.
+        A library is reused as long as the key is the same, so `METHOD` has to rise with
+        each change of the mechanics that moves load paths. The fingerprint of the
+        shipped reader moves with the load paths, and its test says when `METHOD` has to
+        rise.
         """
         return sha256(f"{METHOD} {self.recipe}".encode()).hexdigest()
 
 
 def plan_library(study: Study) -> LibraryPlan:
-    """Return the plan of a study: `[library]`, sizes and nu, and the middle of the needle's polar angles."""
+    """Return the plan of a study: `[library]`, sizes and nu, and the middle of the
+    needle's polar angles.
+    """
     eye = study.eye
     needle = study.needle
     middle_rad = min(
@@ -197,7 +211,8 @@ def plan_library(study: Study) -> LibraryPlan:
     burst = burst_tension(eye.poisson_ratio)
     if not highest < burst:
         raise InputError(
-            f"library.tension: up to {highest:g}; must stay below {burst:.3g}, at which the wall bursts"
+            f"library.tension: up to {highest:g}; must stay below {burst:.3g}, at which"
+            " the wall bursts"
         )
 
     return LibraryPlan(

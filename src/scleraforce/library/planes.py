@@ -1,13 +1,17 @@
-"""The fit of one dent to several B-scans of one moment: a cross of two planes, or a few parallel ones.
+"""The fit of one dent to several B-scans of one moment: a cross of two planes, or a few
+parallel ones.
 
-All planes cut the same wall, under one force. The unknowns are the first plane's (`library.unknowns`), its tilt against
-the needle axis, and for each further plane its own offset in depth (planes follow one another), inner offset, shine and
-form. What another plane shows follows from its place beside the first one: its gap, lateral place, rotation and tilt
-are the first one's, turned by the angle between them. So no gap has to be known: gaps have a sign, and a plane that
-crosses another one sees its gap as a lateral place; of parallel planes the differences of the gaps are known.
+All planes cut the same wall, under one force. The unknowns are the first plane's
+(`library.unknowns`), its tilt against the needle axis, and for each further plane its
+own offset in depth (planes follow one another), inner offset, shine and form. What
+another plane shows follows from its place beside the first one: its gap, lateral place,
+rotation and tilt are the first one's, turned by the angle between them. So no gap has
+to be known: gaps have a sign, and a plane that crosses another one sees its gap as a
+lateral place; of parallel planes the differences of the gaps are known.
 
-Every plane adds its normal equations (`fit_frame.fit_plane`), mapped to these unknowns. The search starts from the fit
-to each plane alone, with the needle on either side of it.
+Every plane adds its normal equations (`fit_frame.fit_plane`), mapped to these unknowns.
+The search starts from the fit to each plane alone, with the needle on either side of
+it.
 """
 
 from collections.abc import Sequence
@@ -32,18 +36,18 @@ from scleraforce.library.responses import Library
 from scleraforce.library.search_loops import Belief
 
 TILT = len(at.NAMES)  # place of the tilt's tangent, after the unknowns of a plane
+# of each further plane; depth: beside
 OWN = [
     at.DEPTH,
     at.INNER_OFFSET,
     at.SHINE,
     *range(at.FORM.start, at.FORM.stop),
-]  # of each further plane; depth: beside
+]
 DEPTH_SD_M = 20e-6  # by which an eye moves between two planes
 FARTHEST_SD_M = 1e-3  # of the contact from the scanner's axis, either way
 STARTS = 3
-LEAST_CROSSING = (
-    0.5  # least singular value of directions that tell a lean: two 42 degrees apart
-)
+# least singular value of directions that tell a lean: two 42 degrees apart
+LEAST_CROSSING = 0.5
 STOPPING = Stopping(
     iterations=25, converged_sd=0.02, settled_cost=0.002, retry_damping=1e-2
 )
@@ -53,10 +57,11 @@ STOPPING = Stopping(
 class SeenPlane:
     """A plane and the boundaries that it shows.
 
-    The plane lies `offset_m` from the scanner's axis, along its normal; its lateral axis lies `direction_rad` from the
-    scanner's x axis, turned as `mechanics.contact.ScanPlane`'s. `lateral_m` and `depth_bc` are as in `fit_boundaries`;
-    `prior` is that of the plane alone, its gap unknown. `gap_sd_m`: of the needle's axis about the plane, if a shaft is
-    seen in it.
+    The plane lies `offset_m` from the scanner's axis, along its normal; its lateral
+    axis lies `direction_rad` from the scanner's x axis, turned as
+    `mechanics.contact.ScanPlane`'s. `lateral_m` and `depth_bc` are as in
+    `fit_boundaries`; `prior` is that of the plane alone, its gap unknown. `gap_sd_m`:
+    of the needle's axis about the plane, if a shaft is seen in it.
     """
 
     offset_m: float
@@ -69,12 +74,14 @@ class SeenPlane:
 
 @dataclass(frozen=True)
 class SpatialPlace:
-    """The place where the needle pushes, and how the wall lies there, with standard deviations.
+    """The place where the needle pushes, and how the wall lies there, with standard
+    deviations.
 
-    `contact_m` (3,): x and y from the scanner's axis, and depth below the frames' top: of the contact at rest without
-    pressure, plus the dent, or as `at_depth` has it; `tilt_rad`
-    (2,): between the scanner's axis and the wall's normal, which leans towards growing x and y on its way up where
-    these are positive. `lean_rad`: between that normal and the needle, if two planes that cross show its shaft.
+    `contact_m` (3,): x and y from the scanner's axis, and depth below the frames' top:
+    of the contact at rest without pressure, plus the dent, or as `at_depth` has it;
+    `tilt_rad` (2,): between the scanner's axis and the wall's normal, which leans
+    towards growing x and y on its way up where these are positive. `lean_rad`: between
+    that normal and the needle, if two planes that cross show its shaft.
     """
 
     contact_m: tuple[float, ...]
@@ -85,8 +92,8 @@ class SpatialPlace:
 
     def at_depth(self, depth_m: float, sd_m: float) -> "SpatialPlace":
         """Return the place with the contact at a depth."""
-        (x_m, y_m, _) = self.contact_m
-        (x_sd_m, y_sd_m, _) = self.contact_sd_m
+        x_m, y_m, _ = self.contact_m
+        x_sd_m, y_sd_m, _ = self.contact_sd_m
         return replace(
             self, contact_m=(x_m, y_m, depth_m), contact_sd_m=(x_sd_m, y_sd_m, sd_m)
         )
@@ -94,7 +101,8 @@ class SpatialPlace:
     def with_shafts(
         self, directions_rad: Sequence[float], angles_rad: Sequence[float]
     ) -> "SpatialPlace":
-        """Return the place with the lean of a needle whose shaft is seen at angles, towards growing columns, in planes.
+        """Return the place with the lean of a needle whose shaft is seen at angles,
+        towards growing columns, in planes.
 
         >>> upright = SpatialPlace((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.1), (0.0, 0.0))
         >>> round(upright.with_shafts([0.0, np.pi / 2], [0.0, 0.3]).lean_rad, 6)
@@ -115,7 +123,9 @@ class SpatialPlace:
 
 
 def beside(first: SeenPlane, other: SeenPlane) -> tuple[Floats, Floats]:
-    """Return matrix (unknown + 1, unknown + 1) and shift that give a plane's unknowns and tilt for the first one's."""
+    """Return matrix (unknown + 1, unknown + 1) and shift that give a plane's unknowns
+    and tilt for the first one's.
+    """
     turn = other.direction_rad - first.direction_rad
     c = np.cos(turn)
     s = np.sin(turn)
@@ -142,7 +152,9 @@ def contact_place(plane: SeenPlane, unknown: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class _Terms:
-    """Normal matrix and gradient of all planes at some unknowns, and the misfit of each."""
+    """Normal matrix and gradient of all planes at some unknowns, and the misfit of
+    each.
+    """
 
     normal: Floats
     gradient: Floats
@@ -151,7 +163,9 @@ class _Terms:
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """The least-squares problem of several planes; `maps`: matrix and shift of each plane's unknowns and tilt."""
+    """The least-squares problem of several planes; `maps`: matrix and shift of each
+    plane's unknowns and tilt.
+    """
 
     library: Library
     planes: Sequence[SeenPlane]
@@ -170,7 +184,7 @@ class _Problem:
 
         for number, plane in enumerate(planes):
             prior = plane.prior
-            (matrix, shift) = beside(planes[0], plane)
+            matrix, shift = beside(planes[0], plane)
             mapped = np.zeros((TILT + 1, count))
             mapped[:, : TILT + 1] = matrix
             precision = prior.precision.copy()
@@ -216,7 +230,9 @@ class _Problem:
         return found[:TILT].copy(), float(found[TILT])
 
     def terms(self, unknown: Floats, scales: Sequence[float]) -> tuple[_Terms, float]:
-        """Return the normal equations and the cost; the columns' SDs of a plane count `scales` times."""
+        """Return the normal equations and the cost; the columns' SDs of a plane count
+        `scales` times.
+        """
         count = len(unknown)
         cost = 0.0
         normal = np.zeros((count, count))
@@ -257,7 +273,9 @@ class _Problem:
         gradient: Floats,
         fitted: fit_frame.Fitted,
     ) -> float:
-        """Write a plane's normal equations, or its fit (`fit_frame.fit_plane`); return its cost."""
+        """Write a plane's normal equations, or its fit (`fit_frame.fit_plane`); return
+        its cost.
+        """
         plane = self.planes[number]
         prior = self.planes[number].prior
         return fit_frame.fit_plane(
@@ -301,7 +319,9 @@ class _Problem:
         return unknown
 
     def starts(self, alone: Sequence[BoundaryFit]) -> list[Floats]:
-        """Return starts: each plane's own fit, with the needle on either side, and where the lateral places meet."""
+        """Return starts: each plane's own fit, with the needle on either side, and
+        where the lateral places meet.
+        """
         axes = [
             (np.cos(plane.direction_rad), np.sin(plane.direction_rad))
             for plane in self.planes
@@ -450,7 +470,9 @@ class PlanesFit:
     def with_priors(
         self, library: Library, priors: Sequence[Prior], smoothing_m: float
     ) -> "PlanesFit":
-        """Return the fit with other priors, which starts from this one and goes to the end."""
+        """Return the fit with other priors, which starts from this one and goes to the
+        end.
+        """
         planes = tuple(
             replace(plane, prior=prior)
             for plane, prior in zip(self.planes, priors, strict=True)
@@ -468,9 +490,10 @@ def fit_planes(
 ) -> tuple[tuple[BoundaryFit, ...], SpatialPlace | None]:
     """Fit the library to the boundaries of several planes of one moment.
 
-    Return the fit as each plane shows it, with one force and distribution, and the contact's place, None of a single
-    plane. There are no fits if a plane shows too few columns. The gap among a plane's unknowns has a sign: above 0, the
-    plane lies towards its normal from the needle's axis.
+    Return the fit as each plane shows it, with one force and distribution, and the
+    contact's place, None of a single plane. There are no fits if a plane shows too few
+    columns. The gap among a plane's unknowns has a sign: above 0, the plane lies
+    towards its normal from the needle's axis.
     """
     fits = [
         fit_boundaries(

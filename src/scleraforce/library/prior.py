@@ -27,15 +27,16 @@ FREE_SD = {
     at.SIZE: 0.03,
     at.INNER_OFFSET: 15e-6,
 }
-# Where the surface faces the light its mirror reflection moves the edge found up: by 3.0 +- 2.7 um in 716 frames
-# of 60 drawn eyes, with the noise of the fit to each (`benchmarks/bench_boundary_errors.py 30`, seeds 21, 22).
+# Where the surface faces the light its mirror reflection moves the edge found up: by
+# 3.0 +- 2.7 um in 716 frames of 60 drawn eyes, with the noise of the fit to each
+# (`benchmarks/bench_boundary_errors.py 30`, seeds 21, 22).
 SHINE_MEAN_M = 3e-6
 SHINE_SD_M = 2.3e-6
 KNOWN_SD = {at.GAP: 30e-6, at.THICKNESS: 15e-6, at.IOP: 0.05}  # of a stated value
-PRESSURE_SD = (
-    3.0  # of the logarithm of that under the needle: the globe's rigidity ties it
-)
-# At a given dent a force goes as E t^2 IOP^(1/3), in the middle of the library (per power of E).
+# of the logarithm of that under the needle: the globe's rigidity ties it
+PRESSURE_SD = 3.0
+# At a given dent a force goes as E t^2 IOP^(1/3), in the middle of the library (per
+# power of E).
 FORCE_BY_LOG_THICKNESS = 2.0
 FORCE_BY_LOG_IOP = 1.0 / 3.0
 # Place, angle and curvature of either side, and the wedge (`resting_form.FORMS`).
@@ -45,8 +46,8 @@ TYPICAL_POLAR_RAD = radians(35.0)  # of a contact whose place is not stated
 FARTHEST_RAD = radians(LARGEST_POLAR_DEG)
 POLE_SD = 0.03  # of where the pole lies, where polar angle and direction are stated
 UNSURE_POLE_SD = 0.15  # where the direction alone is
-# Unknowns with Cauchy's prior, whose density falls slowly: most eyes are even spheres, some are far from it; and now
-# and then another layer is taken for the inner boundary.
+# Unknowns with Cauchy's prior, whose density falls slowly: most eyes are even spheres,
+# some are far from it; and now and then another layer is taken for the inner boundary.
 HEAVY = np.array([at.INNER_OFFSET, *(at.FORM.start + np.array([1, 2, 4, 5, 6]))])
 
 
@@ -54,11 +55,13 @@ HEAVY = np.array([at.INNER_OFFSET, *(at.FORM.start + np.array([1, 2, 4, 5, 6]))]
 class Prior:
     """The prior of the unknowns, in the order of NAMES.
 
-    `mean` and `sd` (unknown,) of each unknown; `precision` (unknown, unknown), the inverse of their covariance, without
-    the effect of `same_force` (unknown,): that combination of unknowns is as far off its mean as a standard normal
-    number; it is 0 where it is not used. `globe` is the known globe; `calibrated` (2, 2) the inverse covariance of that
-    number and of how far the pressure is off the globe's law, which a calibration correlates. `discrepancy` is that of
-    the eye's forces. `wall_sd_m`: standard deviation of boundaries that were given, beyond that of those found.
+    `mean` and `sd` (unknown,) of each unknown; `precision` (unknown, unknown), the
+    inverse of their covariance, without the effect of `same_force` (unknown,): that
+    combination of unknowns is as far off its mean as a standard normal number; it is 0
+    where it is not used. `globe` is the known globe; `calibrated` (2, 2) the inverse
+    covariance of that number and of how far the pressure is off the globe's law, which
+    a calibration correlates. `discrepancy` is that of the eye's forces. `wall_sd_m`:
+    standard deviation of boundaries that were given, beyond that of those found.
     """
 
     mean: Floats
@@ -72,7 +75,9 @@ class Prior:
 
 
 def prior_of(known: Known, trained: ReaderStudy) -> Prior:
-    """Return the prior of a frame's unknowns: the known eye, else the ranges that the model was trained for."""
+    """Return the prior of a frame's unknowns: the known eye, else the ranges that the
+    model was trained for.
+    """
     mean = np.zeros(len(at.NAMES))
     sd = np.zeros(len(at.NAMES))
     for place, value in FREE_SD.items():
@@ -121,7 +126,9 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
 
 
 def _pole(known: Known) -> tuple[Floats | float, float]:
-    """Return the pole's direction and its standard deviation: anywhere around if the direction is not stated."""
+    """Return the pole's direction and its standard deviation: anywhere around if the
+    direction is not stated.
+    """
     polar_rad = (
         TYPICAL_POLAR_RAD
         if known.polar_rad is None
@@ -130,16 +137,17 @@ def _pole(known: Known) -> tuple[Floats | float, float]:
     if known.direction_rad is None:
         return 0.0, max(sin(polar_rad) / sqrt(2.0), POLE_SD)
 
-    return pole_directions(
-        polar_rad, known.direction_rad
-    ), POLE_SD if known.polar_rad is not None else UNSURE_POLE_SD
+    return pole_directions(polar_rad, known.direction_rad), (
+        POLE_SD if known.polar_rad is not None else UNSURE_POLE_SD
+    )
 
 
 def _same_force(mean: Floats, sd: Floats) -> Floats:
     """Return the combination of unknowns that an eye's own modulus determines.
 
-    The modulus was fitted to dents and forces at the stated thickness and IOP. If these are wrong, so is the modulus,
-    and yet the force that belongs to a dent is right: that force is known.
+    The modulus was fitted to dents and forces at the stated thickness and IOP. If these
+    are wrong, so is the modulus, and yet the force that belongs to a dent is right:
+    that force is known.
     """
     along = np.zeros(len(at.NAMES))
     along[[at.MODULUS, at.THICKNESS, at.IOP]] = (
@@ -168,5 +176,7 @@ def _logs(bounds: tuple[float, float]) -> tuple[float, float]:
 
 
 def form_size(unknown: Floats) -> float:
-    """Return the deviation of a wall (unknown,) from an even sphere: its form's largest, over the known spread."""
+    """Return the deviation of a wall (unknown,) from an even sphere: its form's
+    largest, over the known spread.
+    """
     return float(np.abs(unknown[HEAVY[1:]] / FORM_SD[HEAVY[1:] - at.FORM.start]).max())

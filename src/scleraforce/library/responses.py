@@ -1,13 +1,16 @@
 """The response library: what the needle does to any eye, from stored load paths.
 
-Without gravity, the deformed shape depends on Young's modulus E, force F and pressure IOP only through F/E ("force
-ratio", m^2) and IOP/E ("IOP ratio"), for a given thickness, radius, needle and Poisson's ratio. So paths over thickness
-and pressure serve every eye. The axis of the pressure is the tension, p R/(E t), because walls of every thickness burst
-at about the same one. A path is stored at given displacements of the tip, in which it is smooth also where the
-force falls; a force is turned into a tip afterwards. Interpolation is a tensor of cubic splines in log thickness, log
-tension and tip.
+Without gravity, the deformed shape depends on Young's modulus E, force F and pressure
+IOP only through F/E ("force ratio", m^2) and IOP/E ("IOP ratio"), for a given
+thickness, radius, needle and Poisson's ratio. So paths over thickness and pressure
+serve every eye. The axis of the pressure is the tension, p R/(E t), because walls of
+every thickness burst at about the same one. A path is stored at given displacements of
+the tip, in which it is smooth also where the force falls; a force is turned into a tip
+afterwards. Interpolation is a tensor of cubic splines in log thickness, log tension and
+tip.
 
-The paths are of a wall of revolution about the needle axis; `library.base` has the effect of a contact beside the pole.
+The paths are of a wall of revolution about the needle axis; `library.base` has the
+effect of a contact beside the pole.
 """
 
 from collections import OrderedDict
@@ -49,16 +52,17 @@ def check_inside(
     printed: str = "",
     whose: str = "the library's",
 ) -> None:
-    """Raise `InputError` for a value outside a range, or that is not a number; `printed` is the unit's name."""
+    """Raise `InputError` for a value outside a range, or that is not a number;
+    `printed` is the unit's name.
+    """
     values = np.asarray(values)
-    outside = ~(
-        (values >= low - SLACK * high) & (values <= high * (1.0 + SLACK))
-    )  # NaN is outside, too
+    # NaN is outside, too
+    outside = ~((values >= low - SLACK * high) & (values <= high * (1.0 + SLACK)))
     if outside.any():
         found = from_si(float(values[outside].flat[0]), unit)
         raise InputError(
-            f"{name}: {found:.4g} {printed or unit} is outside {whose} range, {from_si(low, unit):.4g} to "
-            f"{from_si(high, unit):.4g} {printed or unit}"
+            f"{name}: {found:.4g} {printed or unit} is outside {whose} range,"
+            f" {from_si(low, unit):.4g} to {from_si(high, unit):.4g} {printed or unit}"
         )
 
 
@@ -68,13 +72,15 @@ def inside_ends(values: Floats, axis: Floats) -> Floats:
 
 
 def check_arrays(library: "Library") -> None:
-    """Raise `InputError`, which names the array, if shapes or values of a library do not fit together."""
+    """Raise `InputError`, which names the array, if shapes or values of a library do
+    not fit together.
+    """
     shape = (len(library.thickness_m), len(library.tension), len(library.tip_m))
     polar_rad = library.polar_rad
     if min(*shape, len(polar_rad)) < splines.SUPPORT:
         raise InputError(
-            f"library: {shape} thicknesses, tensions, tips and {len(polar_rad)} polar angles; must be at "
-            f"least {splines.SUPPORT} of each"
+            f"library: {shape} thicknesses, tensions, tips and {len(polar_rad)} polar"
+            f" angles; must be at least {splines.SUPPORT} of each"
         )
 
     walls = library.walls
@@ -124,16 +130,15 @@ def check_arrays(library: "Library") -> None:
         or not 0.0 <= library.poisson_ratio < 0.5
     ):
         raise InputError(
-            f"library: radius, needle radius, largest F/E, first thickness and tension {sizes}, "
-            f"Poisson's ratio {library.poisson_ratio}: impossible"
+            "library: radius, needle radius, largest F/E, first thickness and tension"
+            f" {sizes}, Poisson's ratio {library.poisson_ratio}: impossible"
         )
     if not all(np.isfinite(array).all() for array in (*axes, library.stiffness_atpd)):
         raise InputError("library: values that are not finite")
 
 
-Walls = tuple[
-    Places, Floats
-]  # rows of (thickness, tension) and their weights, each (sample, 16)
+# rows of (thickness, tension) and their weights, each (sample, 16)
+Walls = tuple[Places, Floats]
 
 # the boundaries of a wall, as an index
 OUTER = 0
@@ -145,10 +150,11 @@ OTHERS = 10  # libraries of other stiffenings that one keeps: each has some 20 M
 class Responses:
     """States of walls, one for each sample.
 
-    `curves_sbnc` (sample, boundary, node, 2), m: distance from the needle axis and depth below the undeformed contact
-    of material points of the outer and the inner surface, from the axis outwards; float32, exact to 1 nm.
-    `tip_m` (sample,): inward displacement of the contact relative to the wall under IOP alone.
-    `force_ratio` (sample,): F/E, m^2.
+    `curves_sbnc` (sample, boundary, node, 2), m: distance from the needle axis and
+    depth below the undeformed contact of material points of the outer and the inner
+    surface, from the axis outwards; float32, exact to 1 nm. `tip_m` (sample,): inward
+    displacement of the contact relative to the wall under IOP alone. `force_ratio`
+    (sample,): F/E, m^2.
     """
 
     curves_sbnc: Curves
@@ -158,14 +164,17 @@ class Responses:
 
 @dataclass(frozen=True, kw_only=True)
 class Library:
-    """Load paths over thickness and tension, and their interpolation. All evaluation is vectorised over samples.
+    """Load paths over thickness and tension, and their interpolation. All evaluation is
+    vectorised over samples.
 
-    A sample outside of the library raises `InputError`, which names the value and the range.
+    A sample outside of the library raises `InputError`, which names the value and the
+    range.
 
-    `thickness_m` (t,), `tension` (p,) and `tip_m` (d,) increase, at least four values each; `tip_m` starts at 0.
-    `stiffness_atpd` is the factor of the force for contacts at the polar angles `polar_rad` (a,), from 0.
-    `max_force_ratio` is its largest F/E. It answers for contacts at `contact_polar_rad`, and for the `walls` of tissue
-    that stiffens by `stiffening` (`mechanics.material`).
+    `thickness_m` (t,), `tension` (p,) and `tip_m` (d,) increase, at least four values
+    each; `tip_m` starts at 0. `stiffness_atpd` is the factor of the force for contacts
+    at the polar angles `polar_rad` (a,), from 0. `max_force_ratio` is its largest F/E.
+    It answers for contacts at `contact_polar_rad`, and for the `walls` of tissue that
+    stiffens by `stiffening` (`mechanics.material`).
     """
 
     thickness_m: Floats
@@ -180,17 +189,18 @@ class Library:
     polar_rad: Floats
     stiffness_atpd: Floats
     contact_polar_rad: float
-    same_walls: InitVar["Library | None"] = (
-        None  # has the spline weights of its walls already
-    )
+    # has the spline weights of its walls already
+    same_walls: InitVar["Library | None"] = None
 
     def __repr__(self) -> str:
-        return f"<Library: {len(self.thickness_m) * len(self.tension)} load paths of {len(self.tip_m)} dents>"
+        return (
+            f"<Library: {len(self.thickness_m) * len(self.tension)} load paths of"
+            f" {len(self.tip_m)} dents>"
+        )
 
     _same_walls: "Library | None" = field(init=False, repr=False, compare=False)
-    _mix_b: Floats = field(
-        init=False, repr=False, compare=False
-    )  # of the walls, for its stiffening
+    # of the walls, for its stiffening
+    _mix_b: Floats = field(init=False, repr=False, compare=False)
     _others: "OrderedDict[float, Library]" = field(
         default_factory=OrderedDict, init=False, repr=False, compare=False
     )
@@ -224,7 +234,9 @@ class Library:
     def curves(
         self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats
     ) -> Responses:
-        """Return the first state on loading (sample,) of walls, m, at IOP/E that carries a force F/E, m^2."""
+        """Return the first state on loading (sample,) of walls, m, at IOP/E that
+        carries a force F/E, m^2.
+        """
         tip_m = self.tips(thickness_m, iop_ratio, force_ratio)
         return Responses(
             self._curves(thickness_m, iop_ratio, tip_m),
@@ -235,24 +247,32 @@ class Library:
     def at_tip(
         self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats
     ) -> Responses:
-        """Return the states at given tips (sample,), m; twice continuously differentiable in all three arguments."""
+        """Return the states at given tips (sample,), m; twice continuously
+        differentiable in all three arguments.
+        """
         forces = self.forces(thickness_m, iop_ratio, tip_m)
         tips = np.asarray(tip_m, dtype=np.float64)
         return Responses(self._curves(thickness_m, iop_ratio, tips), tips, forces)
 
     def shapes(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Curves:
-        """Return the curves of `at_tip` (sample, boundary, node, 2), m, without the forces: half the work."""
+        """Return the curves of `at_tip` (sample, boundary, node, 2), m, without the
+        forces: half the work.
+        """
         check_inside("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
         return self._curves(thickness_m, iop_ratio, np.asarray(tip_m, dtype=np.float64))
 
     def forces(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
-        """Return F/E (sample,), m^2, of `at_tip` without the curves, at a hundredth of the cost."""
+        """Return F/E (sample,), m^2, of `at_tip` without the curves, at a hundredth of
+        the cost.
+        """
         return self._at_tips(self.tables.forces, thickness_m, iop_ratio, tip_m)
 
     def displaced_m3(
         self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats
     ) -> Floats:
-        """Return the volume between the wall without the needle and with it, at one pressure, (sample,), m^3."""
+        """Return the volume between the wall without the needle and with it, at one
+        pressure, (sample,), m^3.
+        """
         return self._at_tips(self.tables.volumes, thickness_m, iop_ratio, tip_m)
 
     def base_bulge(
@@ -262,7 +282,9 @@ class Library:
         places_sbpc: Floats,
         pole_s2: Floats,
     ) -> Floats:
-        """Return the motion of walls beside the pole by the base (sample, boundary, place, 3), m; see `base`."""
+        """Return the motion of walls beside the pole by the base (sample, boundary,
+        place, 3), m; see `base`.
+        """
         rows, weights = self._walls(thickness_m, iop_ratio)
         undented = (weights[:, None] @ self._undented_weights[rows])[:, 0]
         undented_sbnc = undented.reshape(len(rows), *self.undented_tpbnc.shape[2:])
@@ -273,7 +295,9 @@ class Library:
         return base_bulge(motion, self._angles, places_sbpc, pole_s2)
 
     def node_angles(self) -> Floats:
-        """Return the angles from the needle axis at which the nodes of the curves lie at rest (node,)."""
+        """Return the angles from the needle axis at which the nodes of the curves lie
+        at rest (node,).
+        """
         return self._angles[: self.walls.curves.shape[5]]
 
     @cached_property
@@ -284,14 +308,18 @@ class Library:
         )
 
     def iop_ratio_ends(self, thickness_m: Floats) -> tuple[Floats, Floats]:
-        """Return the lowest and the highest IOP ratio (sample,) that the library holds for walls."""
+        """Return the lowest and the highest IOP ratio (sample,) that the library holds
+        for walls.
+        """
         per_tension = np.asarray(thickness_m) / self.radius_m
         return self.tension[0] * per_tension, self.tension[-1] * per_tension
 
     def tips(
         self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats
     ) -> Floats:
-        """Return the tips (sample,), m, at which loading first reaches the forces; arguments as for `curves`."""
+        """Return the tips (sample,), m, at which loading first reaches the forces;
+        arguments as for `curves`.
+        """
         paths = self._paths(thickness_m, iop_ratio)
         check_inside("F/E", force_ratio, 0.0, self.max_force_ratio, "mm2", "mm^2")
 
@@ -301,9 +329,10 @@ class Library:
         if np.isnan(tips).any():
             sample = int(np.argmax(np.isnan(tips)))
             raise InputError(
-                f"F/E: {from_si(force_ratio[sample], 'mm2'):.4g} mm^2 dents a wall of "
-                f"{from_si(thickness_m[sample], 'um'):.0f} µm with IOP/E {iop_ratio[sample]:.3g} by more "
-                f"than the library's {from_si(self.tip_m[-1], 'mm'):g} mm"
+                f"F/E: {from_si(force_ratio[sample], 'mm2'):.4g} mm^2 dents a wall of"
+                f" {from_si(thickness_m[sample], 'um'):.0f} µm with IOP/E"
+                f" {iop_ratio[sample]:.3g} by more than the library's"
+                f" {from_si(self.tip_m[-1], 'mm'):g} mm"
             )
 
         return tips
@@ -334,18 +363,24 @@ class Library:
         return known
 
     def largest_force_ratio(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
-        """Return the largest F/E (sample,), m^2, that `curves` answers for these walls."""
+        """Return the largest F/E (sample,), m^2, that `curves` answers for these
+        walls.
+        """
         forces = self._paths(thickness_m, iop_ratio)[:, : len(self.tip_m)]
         return np.minimum(forces.max(axis=1), self.max_force_ratio)
 
     def for_contact(self, polar_rad: float) -> "Library":
-        """Return the library of needles at a polar angle; it shares the arrays that do not depend on it."""
+        """Return the library of needles at a polar angle; it shares the arrays that do
+        not depend on it.
+        """
         return replace(
             self, contact_polar_rad=polar_rad, same_walls=self._same_walls or self
         )
 
     def for_stiffening(self, stiffening: float) -> "Library":
-        """Return the library of tissue that stiffens by b, at the same contact; the last few are cached."""
+        """Return the library of tissue that stiffens by b, at the same contact; the
+        last few are cached.
+        """
         if stiffening == self.stiffening:
             return self
 
@@ -358,7 +393,9 @@ class Library:
         return self._others[stiffening]
 
     def nearest_contact(self, polar_rad: float | None) -> "Library":
-        """Return the library of needles at a polar angle, or at the nearest that it holds; for None, itself."""
+        """Return the library of needles at a polar angle, or at the nearest that it
+        holds; for None, itself.
+        """
         if polar_rad is None:
             return self
         return self.for_contact(min(max(polar_rad, 0.0), float(self.polar_rad[-1])))
@@ -374,10 +411,11 @@ class Library:
         polar_angle_rad: float | None = None,
         stiffening: float | None = None,
     ) -> "LibraryEye":
-        """Return one eye, which answers with the force of a dent and the dent of a force.
+        """Return one eye, which answers with the force of a dent and the dent of a
+        force.
 
-        `iop_pa`: without the needle; `rigidity_pa13_per_m3`: of a sealed globe, 0 is an open one; `polar_angle_rad`: of
-        the contact, from the pole. None: the library's.
+        `iop_pa`: without the needle; `rigidity_pa13_per_m3`: of a sealed globe, 0 is an
+        open one; `polar_angle_rad`: of the contact, from the pole. None: the library's.
 
         Raises:
             InputError: a value is outside the library's range.
@@ -403,9 +441,11 @@ class Library:
         return LibraryEye(library, thickness_m, youngs_modulus_pa, iop_pa, globe)
 
     def within(self, distance_m: float) -> "Library":
-        """Return the library without the material that lies farther than `distance_m` from the needle axis.
+        """Return the library without the material that lies farther than `distance_m`
+        from the needle axis.
 
-        One node beyond is kept. It is smaller and faster, for slices that do not show the rest.
+        One node beyond is kept. It is smaller and faster, for slices that do not show
+        the rest.
         """
         near = (self.curves_tpdbnc()[..., 0].min(axis=(0, 1, 2)) < distance_m).any(
             axis=0
@@ -448,7 +488,9 @@ class Library:
 
     @cached_property
     def tables(self) -> SplineTables:
-        """Tables that the loops of `splines` interpolate; they share the library's arrays."""
+        """Tables that the loops of `splines` interpolate; they share the library's
+        arrays.
+        """
         along = self._splines
         forces = self._contact_forces
         volumes = self._contact_volumes
@@ -508,7 +550,9 @@ class Library:
         iop_ratio: Floats,
         tip_m: Floats,
     ) -> Floats:
-        """Values (sample,) at given tips of the spline over (t p d,) with these coefficients."""
+        """Values (sample,) at given tips of the spline over (t p d,) with these
+        coefficients.
+        """
         check_inside("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
         self.check_walls(thickness_m, iop_ratio)
         return values_at(
@@ -544,7 +588,9 @@ class Library:
         return rows.reshape(shape), (of_t[:, :, None] * of_p[:, None]).reshape(shape)
 
     def check_walls(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
-        """Return the tensions of walls (sample,); one outside the library raises `InputError`, with its IOP/E."""
+        """Return the tensions of walls (sample,); one outside the library raises
+        `InputError`, with its IOP/E.
+        """
         check_inside(
             "thickness", thickness_m, *self._ends(self.thickness_m), "um", "µm"
         )
@@ -564,9 +610,9 @@ class Library:
             value * per_tension for value in (*ends, burst_tension(self.poisson_ratio))
         )
         raise InputError(
-            f"IOP/E: {tension[worst] * per_tension:.4g} is outside the library's range for a wall of "
-            f"{from_si(thickness, 'um'):.0f} µm, {low:.3g} to {high:.3g}; "
-            f"it bursts at {burst:.3g}"
+            f"IOP/E: {tension[worst] * per_tension:.4g} is outside the library's range"
+            f" for a wall of {from_si(thickness, 'um'):.0f} µm, {low:.3g} to"
+            f" {high:.3g}; it bursts at {burst:.3g}"
         )
 
     def _tension(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:

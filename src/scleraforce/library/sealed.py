@@ -1,12 +1,15 @@
-"""Sealed globes: the state of the library whose pressure solves the globe's law, at a dent or under a force; one eye.
+"""Sealed globes: the state of the library whose pressure solves the globe's law, at a
+dent or under a force; one eye.
 
-A sealed globe at a dent is the open one at the pressure P with level(P) = level(P0) + rate dV, and dV the volume that
-the library has for each state (`mechanics.globe`, docs/library.md). Of several solutions the lowest counts: loading
-meets it first. All pressures are over E, all arguments are arrays (sample,) that broadcast.
+A sealed globe at a dent is the open one at the pressure P with level(P) = level(P0) +
+rate dV, and dV the volume that the library has for each state (`mechanics.globe`,
+docs/library.md). Of several solutions the lowest counts: loading meets it first. All
+pressures are over E, all arguments are arrays (sample,) that broadcast.
 
-Under a force a higher pressure leaves a shallower dent, which displaces less. So the error of the law rises with the
-pressure, by jumps where a wall snaps through: compiled loops find the root by bisection, one eye at a time, and between
-the last two pressures by a straight line.
+Under a force a higher pressure leaves a shallower dent, which displaces less. So the
+error of the law rises with the pressure, by jumps where a wall snaps through: compiled
+loops find the root by bisection, one eye at a time, and between the last two pressures
+by a straight line.
 """
 
 from dataclasses import dataclass
@@ -39,7 +42,9 @@ def pressures_at_dents(
     is_logarithmic: bool,
     ratio: Floats,
 ) -> None:
-    """Put the pressures over E at dents (sample,) in place of those without the needle."""
+    """Put the pressures over E at dents (sample,) in place of those without the
+    needle.
+    """
     for n in range(len(ratio)):
         ratio[n] = pressure_at_dent(
             tables, (thickness_m[n], ratio[n], tip_m[n]), rate[n], is_logarithmic
@@ -53,7 +58,8 @@ def pressure_at_dent(
     rate: float,
     is_logarithmic: bool,
 ) -> float:
-    """Return the pressure over E at a dent; NaN where none of the library solves the law.
+    """Return the pressure over E at a dent; NaN where none of the library solves the
+    law.
 
     `state`: thickness, pressure over E without the needle, and dent.
     """
@@ -89,13 +95,16 @@ def pressure_at_dent(
     return float(np.exp(log_tension) * thickness_m / tables.radius_m)
 
 
-SPARE = 1e-3  # of the volume: the pressure of an end of the bracket lies beyond the solution
+# of the volume: the pressure of an end of the bracket lies beyond the solution
+SPARE = 1e-3
 
 
 class SealedEye(NamedTuple):
-    """A sealed eye under a force: wall, resting pressure over E, F/E and its globe's law.
+    """A sealed eye under a force: wall, resting pressure over E, F/E and its globe's
+    law.
 
-    `along`: weights over the tension of its wall's paths (p, 2 d); `path` (2 d,) is workspace.
+    `along`: weights over the tension of its wall's paths (p, 2 d); `path` (2 d,) is
+    workspace.
     """
 
     thickness_m: float
@@ -115,9 +124,11 @@ def pressures_under_forces(
     tolerance: float,
     found: Floats,
 ) -> None:
-    """Write the pressure over E of each eye (sample,); `tolerance` is that of its logarithm.
+    """Write the pressure over E of each eye (sample,); `tolerance` is that of its
+    logarithm.
 
-    `eyes_ns`: thickness, resting pressure over E, F/E, the globe's rate, and the library's lowest and highest pressure.
+    `eyes_ns`: thickness, resting pressure over E, F/E, the globe's rate, and the
+    library's lowest and highest pressure.
     """
     columns = tables.paths.shape[1]
     along = np.empty((tables.tensions, columns))
@@ -225,7 +236,9 @@ def _paths_of_thickness(
 
 @compiled_in_place
 def level_of(pressure: float, is_logarithmic: bool) -> float:
-    """Return the level of a pressure, which is linear in the volume (`mechanics.globe`)."""
+    """Return the level of a pressure, which is linear in the volume
+    (`mechanics.globe`).
+    """
     return float(np.log(pressure)) if is_logarithmic else float(np.cbrt(pressure))
 
 
@@ -243,10 +256,12 @@ def iop_ratio_under_force(
     globe: Globe,
     tolerance: float = 1e-7,
 ) -> Floats:
-    """Return the pressure over E under forces F/E (sample,), m^2; the library's highest where it rises beyond.
+    """Return the pressure over E under forces F/E (sample,), m^2; the library's highest
+    where it rises beyond.
 
-    Where a force is more than a wall carries, the dent counts as the library's deepest. `iop_ratio`: the
-    pressure without the needle over E; the globe is over E. `tolerance`: of the logarithm of the pressure.
+    Where a force is more than a wall carries, the dent counts as the library's deepest.
+    `iop_ratio`: the pressure without the needle over E; the globe is over E.
+    `tolerance`: of the logarithm of the pressure.
     """
     walls = np.broadcast_arrays(thickness_m, iop_ratio, force_ratio, globe.rate)
     found: Floats = walls[1].astype(np.float64)
@@ -273,11 +288,13 @@ def iop_ratio_at_dent(
     tip_m: Floats,
     globe: Globe,
 ) -> Floats:
-    """Return the pressure over E at dents (sample,); NaN where no pressure of the library solves the law.
+    """Return the pressure over E at dents (sample,); NaN where no pressure of the
+    library solves the law.
 
-    It then runs away (`mechanics.equilibrium.SealedDent`), or rises beyond the library. Dents count from the undented
-    wall at that pressure. `iop_ratio` is the pressure without the needle over E; the globe is over E, and its rate a
-    number or (sample,). Walls without the needle, and dents, outside the library raise `InputError`.
+    It then runs away (`mechanics.equilibrium.SealedDent`), or rises beyond the library.
+    Dents count from the undented wall at that pressure. `iop_ratio` is the pressure
+    without the needle over E; the globe is over E, and its rate a number or (sample,).
+    Walls without the needle, and dents, outside the library raise `InputError`.
     """
     library.check_walls(thickness_m, iop_ratio)
     check_inside("tip", tip_m, 0.0, float(library.tip_m[-1]), "mm")
@@ -300,9 +317,11 @@ ROUNDS = 2
 
 @dataclass(frozen=True, eq=False)
 class LibraryEye:
-    """One eye of a `Library` (`Library.eye`). Dents count from the undented wall at the pressure under the needle.
+    """One eye of a `Library` (`Library.eye`). Dents count from the undented wall at the
+    pressure under the needle.
 
-    `iop_pa` is the pressure without the needle. Arguments of the methods are numbers or arrays, answers of their shape.
+    `iop_pa` is the pressure without the needle. Arguments of the methods are numbers or
+    arrays, answers of their shape.
     """
 
     library: Library
@@ -313,7 +332,9 @@ class LibraryEye:
 
     @cached_property
     def max_dent_m(self) -> float:
-        """Deepest dent, m: the library's, or where the pressure of a sealed globe runs away or leaves the library."""
+        """Deepest dent, m: the library's, or where the pressure of a sealed globe runs
+        away or leaves the library.
+        """
         low = 0.0
         high = float(self.library.tip_m[-1])
 
@@ -329,7 +350,9 @@ class LibraryEye:
 
     @cached_property
     def max_force_n(self) -> float:
-        """Largest force of the dents up to `max_dent_m`, N, at most the library's F/E."""
+        """Largest force of the dents up to `max_dent_m`, N, at most the library's
+        F/E.
+        """
         forces_n = self.force_n(np.linspace(0.0, self.max_dent_m, DENTS))
         return min(
             float(forces_n.max()), self.library.max_force_ratio * self.youngs_modulus_pa
@@ -344,7 +367,9 @@ class LibraryEye:
         return (forces * self.youngs_modulus_pa).reshape(np.shape(dent_m))[()]
 
     def dent_m(self, force_n: Floats | float) -> Floats:
-        """Return the dent, m, under forces, N: the first one on loading; above `max_force_n` raise `InputError`."""
+        """Return the dent, m, under forces, N: the first one on loading; above
+        `max_force_n` raise `InputError`.
+        """
         ratios = (
             self._checked("force", force_n, self.max_force_n, "mn", "mN")
             / self.youngs_modulus_pa
@@ -361,7 +386,9 @@ class LibraryEye:
         return dents_m.reshape(np.shape(force_n))[()]
 
     def pressure_pa(self, dent_m: Floats | float) -> Floats:
-        """Return the pressure under the needle, Pa, at dents, m; errors as of `force_n`."""
+        """Return the pressure under the needle, Pa, at dents, m; errors as of
+        `force_n`.
+        """
         ratios = self._ratios(
             self._checked("dent", dent_m, self.max_dent_m, "mm", "mm")
         )

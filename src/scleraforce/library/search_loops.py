@@ -1,4 +1,5 @@
-"""Compiled loops: the least-squares problem of one frame, and the damped Gauss-Newton method that solves it.
+"""Compiled loops: the least-squares problem of one frame, and the damped Gauss-Newton
+method that solves it.
 
 `tests/oracles/plain_fit.py` does the same by arrays.
 """
@@ -29,8 +30,8 @@ BLOCK = 4  # columns that are added together
 HEAVY_CAUCHY = 2.0  # standard deviations, of unknowns with a heavy prior
 LARGEST_LOG_SIZE = 0.5
 HIGHEST_POLE = 0.85  # sine of the largest polar angle of a contact that a fit takes
-# Of where the pole lies, in one step: towards the base the wall's bulge turns quickly with it, and a fit that strides
-# farther goes to and fro.
+# Of where the pole lies, in one step: towards the base the wall's bulge turns quickly
+# with it, and a fit that strides farther goes to and fro.
 POLE_STRIDE = 0.05
 POLE = at.POLE.start
 FORM = at.FORM.start
@@ -52,9 +53,11 @@ class Belief(NamedTuple):
 
 
 class Problem(NamedTuple):
-    """The least-squares problem of one frame: its scene, the globe's law, the depths it shows, and what is known.
+    """The least-squares problem of one frame: its scene, the globe's law, the depths it
+    shows, and what is known.
 
-    `depth_m` and `sd_m` (place,) belong to the places; `as_one` neighbouring places share one error.
+    `depth_m` and `sd_m` (place,) belong to the places; `as_one` neighbouring places
+    share one error.
     """
 
     scene: Scene
@@ -66,10 +69,12 @@ class Problem(NamedTuple):
 
 
 class Work(NamedTuple):
-    """The wall of the unknowns that were evaluated last, a workspace for walls beside it, and the normal equations.
+    """The wall of the unknowns that were evaluated last, a workspace for walls beside
+    it, and the normal equations.
 
-    `off` (place,): how far the columns lie off along the normal, in standard deviations. `last`: the unknowns, their
-    cost and the number of nodes that were found.
+    `off` (place,): how far the columns lie off along the normal, in standard
+    deviations. `last`: the unknowns, their cost and the number of nodes that were
+    found.
     """
 
     wall: Wall
@@ -116,7 +121,9 @@ def work_of(scene: Scene) -> Work:
 
 @compiled_part
 def evaluate(problem: Problem, unknown: Floats, work: Work) -> tuple[float, int]:
-    """Return the cost, the loss of the columns and of leaving the prior, and the number of nodes that are found."""
+    """Return the cost, the loss of the columns and of leaving the prior, and the number
+    of nodes that are found.
+    """
     belief = problem.belief
     depths = work.depths
     off = work.off
@@ -183,7 +190,9 @@ def _add(values: Floats, times: float, others: Floats) -> None:
 
 @compiled_part
 def deviations(problem: Problem, unknown: Floats) -> Floats:
-    """Return the deviations (2,), in standard deviations, of the force at a dent and of the pressure."""
+    """Return the deviations (2,), in standard deviations, of the force at a dent and of
+    the pressure.
+    """
     found = np.zeros(2)
     found[0] = dot(unknown - problem.belief.mean, problem.belief.same_force)
     if not problem.law.is_open:
@@ -196,7 +205,9 @@ def deviations(problem: Problem, unknown: Floats) -> Floats:
 def find_normal(
     problem: Problem, unknown: Floats, count: int, work: Work, scale: float
 ) -> None:
-    """Write normal matrix and gradient of the wall that was evaluated last, the columns' SDs times `scale`."""
+    """Write normal matrix and gradient of the wall that was evaluated last, the
+    columns' SDs times `scale`.
+    """
     belief = problem.belief
     law = problem.law
     normal = work.normal
@@ -241,7 +252,9 @@ def find_normal(
 
 @compiled_part
 def _add_columns(problem: Problem, scale: float, work: Work) -> None:
-    """Add the columns' normal matrix and gradient, by blocks: the matrix is touched once for several columns."""
+    """Add the columns' normal matrix and gradient, by blocks: the matrix is touched
+    once for several columns.
+    """
     normal = work.normal
     gradient = work.gradient
     rows = work.rows
@@ -289,7 +302,8 @@ def add_tilt(
 ) -> None:
     """Write the last row of normal equations that end with the tilt of the plane.
 
-    With the depth the gap grows by it, and the way down the plane is longer than that along the needle axis.
+    With the depth the gap grows by it, and the way down the plane is longer than that
+    along the needle axis.
     """
     tilt = UNKNOWNS
     c = np.cos(unknown[at.ROTATION])
@@ -322,10 +336,12 @@ def add_tilt(
 
 @compiled_in_place
 def keep_inside(tables: SplineTables, unknown: Floats) -> None:
-    """Keep dent and pressure within the library; a search strides beyond, even to walls of no thickness."""
+    """Keep dent and pressure within the library; a search strides beyond, even to walls
+    of no thickness.
+    """
     unknown[at.SIZE] = min(max(unknown[at.SIZE], -LARGEST_LOG_SIZE), LARGEST_LOG_SIZE)
     size = np.exp(unknown[at.SIZE])
-    (low, high) = tables.thickness_ends_m
+    low, high = tables.thickness_ends_m
     modulus = unknown[at.MODULUS]
     unknown[at.TIP] = min(max(unknown[at.TIP], 0.0), tables.tip_m[-1] * size)
     per_tension = min(max(unknown[at.THICKNESS] / size, low), high) / tables.radius_m
@@ -351,7 +367,9 @@ def keep_inside(tables: SplineTables, unknown: Floats) -> None:
 
 @compiled_part
 def descend(problem: Problem, unknown: Floats, stopping: Stopping, work: Work) -> float:
-    """Move unknowns to the least cost near them, and return it; damping is Marquardt's (`placement`)."""
+    """Move unknowns to the least cost near them, and return it; damping is Marquardt's
+    (`placement`).
+    """
     damping = FIRST_DAMPING
     trial = np.empty(UNKNOWNS)
     is_new = True
@@ -387,7 +405,9 @@ def descend(problem: Problem, unknown: Floats, stopping: Stopping, work: Work) -
 
 @compiled_part
 def _find_step(work: Work, damping: float) -> None:
-    """Write the step of damped normal equations, where the pole moves no farther than its effect is straight."""
+    """Write the step of damped normal equations, where the pole moves no farther than
+    its effect is straight.
+    """
     lower = work.lower
     step = work.step
     lower[:] = work.normal
@@ -416,7 +436,9 @@ def _find_step(work: Work, damping: float) -> None:
 
 @compiled_in_place
 def factorise(matrix: Floats) -> None:
-    """Write the Cholesky factor of a symmetric matrix into its lower half; what it does not determine becomes 0."""
+    """Write the Cholesky factor of a symmetric matrix into its lower half; what it does
+    not determine becomes 0.
+    """
     for i in range(len(matrix)):
         for j in range(i):
             matrix[i, j] = (matrix[i, j] - dot(matrix[i, :j], matrix[j, :j])) / matrix[

@@ -1,20 +1,25 @@
-"""Surfaces of revolution, cut by the plane of the B-scan, in closed form, and the slices that many walls show at once.
+"""Surfaces of revolution, cut by the plane of the B-scan, in closed form, and the
+slices that many walls show at once.
 
-A surface consists of rings at distance r from the needle axis and depth d below the undeformed contact. In the frame of
-`mechanics.contact.ScanPlane` (gap g, tilt tau) the point of the plane at lateral X and depth Y lies at X along the
-lateral axis, g + Y sin(tau) along the offset, and Y cos(tau) deep. So the plane meets the ring (r, d) at
+A surface consists of rings at distance r from the needle axis and depth d below the
+undeformed contact. In the frame of `mechanics.contact.ScanPlane` (gap g, tilt tau) the
+point of the plane at lateral X and depth Y lies at X along the lateral axis, g + Y
+sin(tau) along the offset, and Y cos(tau) deep. So the plane meets the ring (r, d) at
 
     Y = d / cos(tau),   X^2 = r^2 - (g + d tan(tau))^2,
 
-if that is not negative: on both sides of the needle axis alike, whatever the direction of the plane. Between two rings
-of the library, Y is interpolated linearly in X^2: that is exact for a parabola, also at X = 0, where X itself grows
-like a square root along the surface. `section_motion` adds the effect of the eye's base (`library.base`).
+if that is not negative: on both sides of the needle axis alike, whatever the direction
+of the plane. Between two rings of the library, Y is interpolated linearly in X^2: that
+is exact for a parabola, also at X = 0, where X itself grows like a square root along
+the surface. `section_motion` adds the effect of the eye's base (`library.base`).
 
-Of many walls, Y is taken first at evenly spaced X, the *stations*, for all sections together; a place between two
-stations is then found without a search. A section that is turned in its plane meets a column where
-X cos(turn) - Y(X) sin(turn) has the column's value: Newton's method finds it. A boundary that folds over is done alone.
-The picture is that of `mechanics.section.fill_section` for the same curves: a pixel is wall where its centre is in the
-wall. Boundaries come separately, so that a segmentation's errors can be added before they are filled.
+Of many walls, Y is taken first at evenly spaced X, the *stations*, for all sections
+together; a place between two stations is then found without a search. A section that is
+turned in its plane meets a column where X cos(turn) - Y(X) sin(turn) has the column's
+value: Newton's method finds it. A boundary that folds over is done alone. The picture
+is that of `mechanics.section.fill_section` for the same curves: a pixel is wall where
+its centre is in the wall. Boundaries come separately, so that a segmentation's errors
+can be added before they are filled.
 """
 
 from dataclasses import dataclass
@@ -37,9 +42,11 @@ PARTS_MIDDLE = 12  # between X = 0 and the first ring that the plane meets
 def cut_rings(
     curves: Reals, gap_m: Floats | float, tilt_rad: Floats | float
 ) -> tuple[Floats, Floats]:
-    """Return X^2 (..., node), m^2, and Y (..., node), m, of the rings; X^2 is negative where the plane misses one.
+    """Return X^2 (..., node), m^2, and Y (..., node), m, of the rings; X^2 is negative
+    where the plane misses one.
 
-    The curves are distance from the needle axis and depth of the rings (..., node, 2), m; gap and tilt broadcast.
+    The curves are distance from the needle axis and depth of the rings (..., node, 2),
+    m; gap and tilt broadcast.
     """
     distance = curves[..., 0].astype(np.float64)
     deep = curves[..., 1].astype(np.float64)
@@ -47,10 +54,11 @@ def cut_rings(
 
 
 def cut_surfaces(curves_bnc: Reals, gap_m: float, tilt_rad: float = 0.0) -> Section:
-    """Cut a wall, two surfaces of revolution about the needle axis (boundary, node, 2): distance and depth, m.
+    """Cut a wall, two surfaces of revolution about the needle axis (boundary, node, 2):
+    distance and depth, m.
 
-    The section goes from negative to positive lateral side, in the order of the material. A plane that misses a
-    surface raises `InputError`, here and below.
+    The section goes from negative to positive lateral side, in the order of the
+    material. A plane that misses a surface raises `InputError`, here and below.
     """
     square_bn, depth_bn = cut_rings(curves_bnc, gap_m, tilt_rad)
     return Section(
@@ -62,7 +70,9 @@ def cut_surfaces(curves_bnc: Reals, gap_m: float, tilt_rad: float = 0.0) -> Sect
 
 
 def highest_depths(curves_snc: Reals, gap_m: Floats, tilt_rad: Floats) -> Floats:
-    """Return the smallest depth of the section of each surface (sample,), m; the surfaces are (sample, node, 2)."""
+    """Return the smallest depth of the section of each surface (sample,), m; the
+    surfaces are (sample, node, 2).
+    """
     square, depth = cut_rings(curves_snc, gap_m[:, None], tilt_rad[:, None])
     first, middle = _middle(square, depth)
     beyond = np.arange(square.shape[1]) > first[:, None]
@@ -74,7 +84,8 @@ def _middle(square: Floats, depth: Floats) -> tuple[Places, Floats]:
     missed = square < 0.0
     if missed[..., -1].any():
         raise InputError(
-            "the B-scan plane misses a surface of the wall; its gap or tilt is too large"
+            "the B-scan plane misses a surface of the wall; its gap or tilt is too"
+            " large"
         )
 
     nodes = square.shape[-1]
@@ -92,7 +103,9 @@ def _middle(square: Floats, depth: Floats) -> tuple[Places, Floats]:
 
 
 def section_curve(square: Floats, depth: Floats) -> Floats:
-    """Return one boundary (points, 2) from X^2 and Y of its rings (node,), from negative to positive lateral side."""
+    """Return one boundary (points, 2) from X^2 and Y of its rings (node,), from
+    negative to positive lateral side.
+    """
     before, middle = _middle(square, depth)
     squares = np.concatenate([[0.0], square[before + 1 :]])
     depths = np.concatenate([[middle], depth[before + 1 :]])
@@ -101,9 +114,8 @@ def section_curve(square: Floats, depth: Floats) -> Floats:
     ring = np.repeat(np.arange(len(steps)), steps)
     part = (np.arange(len(ring)) - (np.cumsum(steps) - steps)[ring]) / steps[ring]
     lateral = np.sqrt(squares)
-    lateral = np.append(
-        lateral[ring] + part * np.diff(lateral)[ring], lateral[-1]
-    )  # equal steps in each interval
+    # equal steps in each interval
+    lateral = np.append(lateral[ring] + part * np.diff(lateral)[ring], lateral[-1])
     rise = np.diff(squares)
     part = (lateral[:-1] ** 2 - squares[ring]) / np.where(rise == 0.0, 1.0, rise)[ring]
     deep = np.append(depths[ring] + part * np.diff(depths)[ring], depths[-1])
@@ -112,10 +124,11 @@ def section_curve(square: Floats, depth: Floats) -> Floats:
     return np.concatenate([half[:0:-1] * [-1.0, 1.0], half])
 
 
-PLACE_M = (
-    1.2e-3  # between places; the motion is smooth, and linear between them to 1 um
-)
-GROWN_RAD = 0.4  # from the axis, where it counts how much wider a wall has become: a dent hardly reaches so far
+# between places; the motion is smooth, and linear between them to 1 um
+PLACE_M = 1.2e-3
+# from the axis, where it counts how much wider a wall has become: a dent hardly reaches
+# so far
+GROWN_RAD = 0.4
 BLOCK = 128  # samples together: their arrays stay in the cache
 ALONG, ACROSS, DOWN = range(3)
 
@@ -124,8 +137,9 @@ ALONG, ACROSS, DOWN = range(3)
 class SectionMotion:
     """The motion of sections, in the library's size.
 
-    `lateral_p` (place,): even places of a section, m, the same to both sides of the needle axis. `moved_sbpc` (sample,
-    boundary, place, [along the section, across it, down]), m.
+    `lateral_p` (place,): even places of a section, m, the same to both sides of the
+    needle axis. `moved_sbpc` (sample, boundary, place, [along the section, across it,
+    down]), m.
     """
 
     lateral_p: Floats
@@ -166,8 +180,9 @@ def section_motion(
 ) -> SectionMotion:
     """Return the motion of the sections of a library's states by pressure and force.
 
-    `place`: thickness, m, and pressure over E of the walls, (sample,) each. `gap_m` (sample,) is the sections';
-    `pole_s2` the direction of the eye's pole (`base.pole_directions`); `reach_m` the sections' half width.
+    `place`: thickness, m, and pressure over E of the walls, (sample,) each. `gap_m`
+    (sample,) is the sections'; `pole_s2` the direction of the eye's pole
+    (`base.pole_directions`); `reach_m` the sections' half width.
     """
     thickness_m, iop_ratio = place
     angles = library.node_angles()
@@ -179,9 +194,8 @@ def section_motion(
     radii_sb = library.radius_m - np.stack(
         [np.zeros_like(thickness_m), thickness_m], axis=1
     )
-    per_rest = (
-        1.0 / (radii_sb * grown_s[:, None])[..., None]
-    )  # from here to unit vectors at rest
+    # from here to unit vectors at rest
+    per_rest = 1.0 / (radii_sb * grown_s[:, None])[..., None]
     moved = np.empty((len(gap_m), 2, len(lateral), 3))
 
     for start in range(0, len(gap_m), BLOCK):
@@ -198,7 +212,9 @@ def section_motion(
     return SectionMotion(lateral, moved)
 
 
-STATION_M = 0.05e-3  # where the wall bends with a radius of 1 mm, what lies between two stations is 0.3 um off
+# where the wall bends with a radius of 1 mm, what lies between two stations is 0.3 um
+# off
+STATION_M = 0.05e-3
 NEWTON_STEPS = 4
 MIN_NODES = 2
 
@@ -210,12 +226,15 @@ def depths_at_columns(
     turn_s: Floats,
     moved: tuple[Floats, SectionMotion] | None = None,
 ) -> tuple[Floats, Flags]:
-    """Return the depth of boundaries in the columns of their slices, and which samples fold over (sample,).
+    """Return the depth of boundaries in the columns of their slices, and which samples
+    fold over (sample,).
 
-    The depths (sample, boundary, column), m, are after the turn (sample,) of the section about its frame's origin: NaN
-    where there is no wall; where a boundary folds over, of the part seen from above. `square_sbn` and `depth_sbn`
-    (sample, boundary, node) are X^2 and Y of the rings, X^2 negative where the plane misses one. `moved`: distance of
-    the planes (sample,), m, and the motion; X^2 includes the motion of the contact across the plane.
+    The depths (sample, boundary, column), m, are after the turn (sample,) of the
+    section about its frame's origin: NaN where there is no wall; where a boundary folds
+    over, of the part seen from above. `square_sbn` and `depth_sbn` (sample, boundary,
+    node) are X^2 and Y of the rings, X^2 negative where the plane misses one. `moved`:
+    distance of the planes (sample,), m, and the motion; X^2 includes the motion of the
+    contact across the plane.
     """
     reach_m = np.abs(columns_sc).max(axis=1)
     reach_m = reach_m + np.where(
@@ -228,9 +247,8 @@ def depths_at_columns(
     low = square_sbn[..., :-1]
     high = square_sbn[..., 1:]
     shown = (np.maximum(low, high) >= 0.0) & (low < reach_m[:, None, None] ** 2)
-    folds_sb = (shown & (high <= low)).any(
-        axis=2
-    )  # boundaries that run back where they are shown
+    # boundaries that run back where they are shown
+    folds_sb = (shown & (high <= low)).any(axis=2)
     curves = _Stations.along(square_sbn, depth_sbn, float(reach_m.max()))
 
     if moved:
@@ -270,10 +288,12 @@ def depths_at_columns(
 
 
 class _Stations:
-    """Y (sample, boundary, station) at X = 0, STATION_M, 2 STATION_M ...; NaN beyond the last ring.
+    """Y (sample, boundary, station) at X = 0, STATION_M, 2 STATION_M ...; NaN beyond
+    the last ring.
 
-    Between two stations Y is linear in X^2, as it is between two rings. Sections are symmetric until they are `moved`:
-    then stations lie on both sides, and X = 0 is the station number `middle`.
+    Between two stations Y is linear in X^2, as it is between two rings. Sections are
+    symmetric until they are `moved`: then stations lie on both sides, and X = 0 is the
+    station number `middle`.
     """
 
     def __init__(self, depth_sbt: Floats, middle: int = 0) -> None:
@@ -318,11 +338,14 @@ class _Stations:
         return _Stations(self.depth_sbt[samples], self.middle)
 
     def moved(self, gap_s: Floats, motion: SectionMotion) -> "_Stations":
-        """Return sections that have moved: each place shows the point that has moved there."""
+        """Return sections that have moved: each place shows the point that has moved
+        there.
+        """
         last = self.depth_sbt.shape[2] - 1
         lateral = np.arange(-last, last + 1) * STATION_M
         moved = motion.at(lateral)
-        # r^2 = (X - along)^2 + (gap - across)^2, and the rings were cut where the contact has come from.
+        # r^2 = (X - along)^2 + (gap - across)^2, and the rings were cut where the
+        # contact has come from.
         gap = gap_s[:, None, None]
         contact = motion.across_contact[:, None, None]
         across = moved[..., ACROSS]
@@ -335,7 +358,9 @@ class _Stations:
         )
 
     def hang_over(self, turn_s: Floats, reach_m: Floats) -> Flags:
-        """Return True for boundaries that run back, on either side, once they are turned (sample, boundary)."""
+        """Return True for boundaries that run back, on either side, once they are
+        turned (sample, boundary).
+        """
         steepest = np.abs(np.diff(self.depth_sbt, axis=2)) / STATION_M
         shown = (
             np.minimum(np.abs(self.lateral_t[:-1]), np.abs(self.lateral_t[1:]))
@@ -390,7 +415,9 @@ class _Stations:
 
 
 def _seen_from_above(wanted: Floats, place: Floats, depth: Floats) -> Floats:
-    """Smallest depth of a curve at the wanted places; NaN where it has none. `place` may run back and forth."""
+    """Smallest depth of a curve at the wanted places; NaN where it has none. `place`
+    may run back and forth.
+    """
     turns = np.flatnonzero(np.diff(np.sign(np.diff(place)))) + 1
     runs = np.split(np.arange(len(place)), turns)
     smallest = np.full(len(wanted), np.nan)
@@ -413,9 +440,10 @@ def _seen_from_above(wanted: Floats, place: Floats, depth: Floats) -> Floats:
 class Framing:
     """The places of sections in their slices; each array is (sample,).
 
-    A section is turned about its frame's origin (the undeformed contact, moved by the gap), from lateral to depth,
-    scaled about it, and then moved: `lateral_m` is the origin's place from the middle column, `depth_m` its depth below
-    the slice's top edge.
+    A section is turned about its frame's origin (the undeformed contact, moved by the
+    gap), from lateral to depth, scaled about it, and then moved: `lateral_m` is the
+    origin's place from the middle column, `depth_m` its depth below the slice's top
+    edge.
     """
 
     lateral_m: Floats
@@ -429,7 +457,9 @@ class Framing:
         return cls(lateral_m, depth_m, np.ones_like(depth_m), np.zeros_like(depth_m))
 
     def place(self, sample: int | np.integer[Any], points: Floats) -> Floats:
-        """Return points (point, 2) of a sample's plane, lateral and depth in m, in its slice."""
+        """Return points (point, 2) of a sample's plane, lateral and depth in m, in its
+        slice.
+        """
         c = np.cos(self.turn_rad[sample])
         s = np.sin(self.turn_rad[sample])
         turned = points @ np.array([[c, s], [-s, c]])
@@ -442,9 +472,10 @@ class Framing:
 class WallBoundaries:
     """Boundaries of walls in the columns of their slices.
 
-    `depth_sbc` (sample, boundary, column): depth of the outer and the inner boundary below the slice's top edge at the
-    centre of the column, m; NaN where there is none. Where a boundary folds over, the part seen from above. `folded`
-    (sample,): some boundary folds over, so that the two depths are not the whole wall.
+    `depth_sbc` (sample, boundary, column): depth of the outer and the inner boundary
+    below the slice's top edge at the centre of the column, m; NaN where there is none.
+    Where a boundary folds over, the part seen from above. `folded` (sample,): some
+    boundary folds over, so that the two depths are not the whole wall.
     """
 
     depth_sbc: Floats
@@ -466,9 +497,11 @@ def wall_boundaries(
     study: SliceStudy,
     motion: SectionMotion | None = None,
 ) -> WallBoundaries:
-    """Cut walls by their B-scan planes and return the boundaries in the columns of the slices.
+    """Cut walls by their B-scan planes and return the boundaries in the columns of the
+    slices.
 
-    `curves_sbnc` must include all material that the slice shows; `motion` moves the points that the planes meet.
+    `curves_sbnc` must include all material that the slice shows; `motion` moves the
+    points that the planes meet.
     """
     columns_sc = (column_laterals(study) - framing.lateral_m[:, None]) / framing.scale[
         :, None
@@ -493,10 +526,11 @@ def wall_boundaries(
 
 
 def fill_boundaries(depth_sbc: Floats, study: SliceStudy) -> Bytes:
-    """Draw walls, (sample, rows, columns): 255 in each pixel whose centre lies between the boundaries, else 0.
+    """Draw walls, (sample, rows, columns): 255 in each pixel whose centre lies between
+    the boundaries, else 0.
 
-    The boundaries (sample, boundary, column) are m below the top edge; NaN: no wall in this column. A centre on a
-    boundary belongs to the side below it.
+    The boundaries (sample, boundary, column) are m below the top edge; NaN: no wall in
+    this column. A centre on a boundary belongs to the side below it.
     """
     rows = np.rint(depth_sbc * (SNAP / study.pixel_m)) / SNAP - 0.5
     first = np.ceil(np.clip(rows - 0.5 / SNAP, 0.0, study.rows))
@@ -515,7 +549,8 @@ def draw_slices(
     framing: Framing,
     study: SliceStudy,
 ) -> Bytes:
-    """Return the slices of walls, shape (sample, rows, columns), 255 = wall; arguments of `wall_boundaries`.
+    """Return the slices of walls, shape (sample, rows, columns), 255 = wall; arguments
+    of `wall_boundaries`.
 
     A plane that misses a wall that folds over raises `InputError`.
     """

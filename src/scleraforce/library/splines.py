@@ -1,14 +1,19 @@
-"""Interpolating cubic splines, prepared once and evaluated by four numbers each (B-splines, not-a-knot ends).
+"""Interpolating cubic splines, prepared once and evaluated by four numbers each
+(B-splines, not-a-knot ends).
 
-A cubic spline through n nodes is a sum of n B-splines, of which four are not zero at any place. The weights of the
-B-splines are solved for once; afterwards a value costs four products, also in a tensor of several axes. Its second
-derivative is continuous, its error of fourth order up to the ends (de Boor, A Practical Guide to Splines, IX, XIII).
+A cubic spline through n nodes is a sum of n B-splines, of which four are not zero at
+any place. The weights of the B-splines are solved for once; afterwards a value costs
+four products, also in a tensor of several axes. Its second derivative is continuous,
+its error of fourth order up to the ends (de Boor, A Practical Guide to Splines, IX,
+XIII).
 
-`first_crossing` finds the first state on a load path that carries a force. Where a wall softens so far that the force
-falls along the path, loading jumps from the peak over the valley behind it, and never sees the states between. A path
-is the force at increasing tips with its slope there; between two tips it is a cubic (Hermite).
+`first_crossing` finds the first state on a load path that carries a force. Where a wall
+softens so far that the force falls along the path, loading jumps from the peak over the
+valley behind it, and never sees the states between. A path is the force at increasing
+tips with its slope there; between two tips it is a cubic (Hermite).
 
-`SplineTables` are a library's tables as plain arrays; compiled loops interpolate them, one state at a time.
+`SplineTables` are a library's tables as plain arrays; compiled loops interpolate them,
+one state at a time.
 """
 
 from collections.abc import Sequence
@@ -28,7 +33,8 @@ SUPPORT = 4  # B-splines that are not zero at a place
 
 @dataclass(frozen=True)
 class CubicSpline:
-    """The cubic splines through values at increasing `nodes`, shape (node,), at least four.
+    """The cubic splines through values at increasing `nodes`, shape (node,), at least
+    four.
 
     >>> spline = CubicSpline(np.linspace(0.0, 2.0, 5))
     >>> coefficients = spline.coefficients(spline.nodes**3)
@@ -46,7 +52,9 @@ class CubicSpline:
         return np.concatenate([ends[0], self.nodes[2:-2], ends[1]])
 
     def coefficients(self, values: Floats, axis: int = 0) -> Floats:
-        """Return the weights of the B-splines through `values` at the nodes along `axis`, the same shape."""
+        """Return the weights of the B-splines through `values` at the nodes along
+        `axis`, the same shape.
+        """
         moved = np.moveaxis(values, axis, 0)
         columns = moved.reshape(len(self.nodes), -1)
         with np.errstate(over="ignore", invalid="ignore"):  # values may not be finite
@@ -55,16 +63,20 @@ class CubicSpline:
         return np.moveaxis(weights, 0, axis)
 
     def weights(self, places: Floats) -> tuple[Places, Floats]:
-        """Return, for places (place,) between the ends, the first B-spline (place,) and four weights (place, 4)."""
+        """Return, for places (place,) between the ends, the first B-spline (place,) and
+        four weights (place, 4).
+        """
         return self.pieces.weights(places)
 
     def shares(self, places: Floats) -> Floats:
-        """Return the weight of each node's value at places (place, node); for a few, cheaper than all weights."""
+        """Return the weight of each node's value at places (place, node); for a few,
+        cheaper than all weights.
+        """
         left = self._spread(self.nodes).T.copy()
         right = self._spread(places).T.copy()
 
-        # Elimination without pivoting: B-splines' matrices are banded and totally positive (de Boor, XIII), and the
-        # threads of LAPACK wait for busy cores.
+        # Elimination without pivoting: B-splines' matrices are banded and totally
+        # positive (de Boor, XIII), and the threads of LAPACK wait for busy cores.
         for row in range(len(left)):
             below = slice(row + 1, row + SUPPORT)
             beside = slice(row, row + SUPPORT)
@@ -79,7 +91,9 @@ class CubicSpline:
         return np.ascontiguousarray(right.T)
 
     def slopes(self, coefficients: Floats) -> Floats:
-        """Return the spline's derivative at the nodes; `coefficients` and result have the nodes as last axis."""
+        """Return the spline's derivative at the nodes; `coefficients` and result have
+        the nodes as last axis.
+        """
         knots = self.knots
         degree = SUPPORT - 1
         of_slope = np.diff(coefficients, axis=-1) * (
@@ -98,7 +112,9 @@ class CubicSpline:
 
     @cached_property
     def _inverse(self) -> Floats:
-        """Inverse of the nodes' matrix (B-spline, node), which is small and well conditioned."""
+        """Inverse of the nodes' matrix (B-spline, node), which is small and well
+        conditioned.
+        """
         return np.asarray(np.linalg.inv(self._spread(self.nodes)))
 
     def _spread(self, places: Floats) -> Floats:
@@ -110,10 +126,11 @@ class CubicSpline:
 
 
 class Pieces(NamedTuple):
-    """The B-splines that are not zero between two knots, as polynomials in the share of the way from one to the next.
+    """The B-splines that are not zero between two knots, as polynomials in the share of
+    the way from one to the next.
 
-    `start` and `step` are the first of two knots and their distance (interval,); `coefficient_ikb` (interval, power,
-    B-spline).
+    `start` and `step` are the first of two knots and their distance (interval,);
+    `coefficient_ikb` (interval, power, B-spline).
     """
 
     start: Floats
@@ -127,9 +144,8 @@ class Pieces(NamedTuple):
         start = ends[:-1]
         step = np.diff(ends)
         span = degree + np.arange(len(start))
-        found = np.zeros(
-            (degree + 1, degree + 1, len(start))
-        )  # B-spline, power, interval
+        # B-spline, power, interval
+        found = np.zeros((degree + 1, degree + 1, len(start)))
         found[0, 0] = 1.0
 
         for order in range(1, degree + 1):
@@ -146,7 +162,9 @@ class Pieces(NamedTuple):
         return cls(start, step, np.ascontiguousarray(found.transpose(2, 1, 0)))
 
     def weights(self, places: Floats) -> tuple[Places, Floats]:
-        """Return the first B-spline (place,) and the values of all that are not zero there (place, B-spline)."""
+        """Return the first B-spline (place,) and the values of all that are not zero
+        there (place, B-spline).
+        """
         interval = np.searchsorted(self.start[1:], places, side="right")
         share = ((places - self.start[interval]) / self.step[interval])[:, None]
         powers = self.coefficient_ikb[interval]
@@ -159,14 +177,18 @@ class Pieces(NamedTuple):
 
 
 def _times(polynomial_ki: Floats, constant: Floats, slope: Floats) -> Floats:
-    """Return polynomials (power, interval) times linear ones, without the highest power, which is 0."""
+    """Return polynomials (power, interval) times linear ones, without the highest
+    power, which is 0.
+    """
     product = constant * polynomial_ki
     product[1:] += slope * polynomial_ki[:-1]
     return product
 
 
 def tensor_coefficients(splines: Sequence[CubicSpline], values: Floats) -> Floats:
-    """Return the weights of the products of B-splines through values, the same shape; a spline for each first axis."""
+    """Return the weights of the products of B-splines through values, the same shape; a
+    spline for each first axis.
+    """
     for axis, spline in enumerate(splines):
         values = spline.coefficients(values, axis)
     return values
@@ -175,10 +197,12 @@ def tensor_coefficients(splines: Sequence[CubicSpline], values: Floats) -> Float
 def values_and_slopes(
     splines: Sequence[CubicSpline], values: Floats, axis: int
 ) -> Floats:
-    """Return the weights over two axes of the values and their slopes at the nodes of the third.
+    """Return the weights over two axes of the values and their slopes at the nodes of
+    the third.
 
-    `values` are at the nodes (node, node, node) of the splines' axes; the nodes of `axis` stay. There is a row for each
-    pair of nodes of the other two axes, with values and then slopes at the n nodes, (pair, 2 n).
+    `values` are at the nodes (node, node, node) of the splines' axes; the nodes of
+    `axis` stay. There is a row for each pair of nodes of the other two axes, with
+    values and then slopes at the n nodes, (pair, 2 n).
     """
     moved = np.moveaxis(values, axis, -1)
     slopes = splines[axis].slopes(splines[axis].coefficients(moved, axis=2))
@@ -187,13 +211,15 @@ def values_and_slopes(
     return both.reshape(-1, both.shape[2])
 
 
-MOST_STEPS = 50  # bisections of an interval of 0.25 mm end far below a rounding error of its ends
+# bisections of an interval of 0.25 mm end far below a rounding error of its ends
+MOST_STEPS = 50
 CONVERGED = 1e-13  # of an interval
 
 
 @compiled
 def first_crossing(tip_m: Floats, paths: Floats, wanted: Floats) -> Floats:
-    """Return the smallest tip (sample,), m, at which each path (sample, 2 tip) carries its force; NaN where none does.
+    """Return the smallest tip (sample,), m, at which each path (sample, 2 tip) carries
+    its force; NaN where none does.
 
     A path is the force, and then its slope, at the increasing tips.
     """
@@ -205,7 +231,9 @@ def first_crossing(tip_m: Floats, paths: Floats, wanted: Floats) -> Floats:
 
 @compiled_part
 def first_place(tip_m: Floats, path: Floats, wanted: float) -> float:
-    """Return where a path first reaches a value; the first place if it is larger there already."""
+    """Return where a path first reaches a value; the first place if it is larger there
+    already.
+    """
     tips = len(tip_m)
     if path[0] >= wanted:
         return float(tip_m[0])
@@ -281,11 +309,12 @@ def _value(cubic: tuple[float, float, float, float], x: float) -> float:
 class SplineTables(NamedTuple):
     """Spline weights and axes of a library.
 
-    `curves` (t p d, b n c), `undented` (t p, b n c), `forces` and `volumes` (t p d,) are the weights; the splines run
-    over log thickness, log tension and tip, which have `tensions` and `tips` nodes and lie between `thickness_ends_m`
-    and `tension_ends`. `paths` (t p, 2 d) are the weights of force and slope at the tips `tip_m` (d,), and
-    `volumes_along_tension` (t d, 2 p) of volume and slope at `log_tension` (p,). `angles` (node,) belong to the walls
-    without the needle.
+    `curves` (t p d, b n c), `undented` (t p, b n c), `forces` and `volumes` (t p d,)
+    are the weights; the splines run over log thickness, log tension and tip, which have
+    `tensions` and `tips` nodes and lie between `thickness_ends_m` and `tension_ends`.
+    `paths` (t p, 2 d) are the weights of force and slope at the tips `tip_m` (d,), and
+    `volumes_along_tension` (t d, 2 p) of volume and slope at `log_tension` (p,).
+    `angles` (node,) belong to the walls without the needle.
     """
 
     thickness: Pieces
@@ -312,7 +341,9 @@ class SplineTables(NamedTuple):
 def spline_weights(
     pieces: Pieces, place: float
 ) -> tuple[int, tuple[float, float, float, float]]:
-    """Return the first of four B-splines that are not zero at a place, and their weights (`CubicSpline.weights`)."""
+    """Return the first of four B-splines that are not zero at a place, and their
+    weights (`CubicSpline.weights`).
+    """
     interval = 0
     after = len(pieces.start)
 
@@ -349,7 +380,9 @@ def state_weights(
     rows: Places,
     weights: Floats,
 ) -> None:
-    """Write the rows (64,) of the state tables that a state lies between, and their weights."""
+    """Write the rows (64,) of the state tables that a state lies between, and their
+    weights.
+    """
     t, of_t = spline_weights(tables.thickness, np.log(thickness_m))
     p, of_p = spline_weights(
         tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m)
@@ -389,9 +422,8 @@ def value_of(
     d, of_d = spline_weights(tables.tip, tip_m)
     tips = tables.tips
     row = (t * tables.tensions + p) * tables.tips + d
-    step = (
-        tips * tables.tensions
-    )  # written out: a loop over a tuple takes three times as long
+    # written out: a loop over a tuple takes three times as long
+    step = tips * tables.tensions
     first = _over_tensions(values, row, tips, of_p, of_d)
     second = _over_tensions(values, row + step, tips, of_p, of_d)
     third = _over_tensions(values, row + 2 * step, tips, of_p, of_d)
@@ -424,7 +456,9 @@ def _over_tips(values: Floats, row: int, of_d: Weights) -> float:
 def curves_at(
     curves: Curves, rows: Places, weights: Floats, first: int, found: Floats
 ) -> None:
-    """Write values of the curves (b n c,) of a state, from `first` on; four rows follow one another."""
+    """Write values of the curves (b n c,) of a state, from `first` on; four rows follow
+    one another.
+    """
     found[:] = 0.0
     for place in range(0, len(rows), SUPPORT):
         row = rows[place]

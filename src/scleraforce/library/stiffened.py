@@ -1,13 +1,18 @@
-"""The same walls in tissue of other stiffenings, and the reduced basis in which a model folder stores them.
+"""The same walls in tissue of other stiffenings, and the reduced basis in which a model
+folder stores them.
 
-Every state changes smoothly with ln(1 + 5 b): under deep dents a little stiffening counts. So a library holds its walls
-of four values of b or more, and the states of a b between them follow from cubic splines. A model folder has the curves
-in a reduced basis: there the splines are through the steps of the basis, and the walls of one b are unpacked at a time.
+Every state changes smoothly with ln(1 + 5 b): under deep dents a little stiffening
+counts. So a library holds its walls of four values of b or more, and the states of a b
+between them follow from cubic splines. A model folder has the curves in a reduced
+basis: there the splines are through the steps of the basis, and the walls of one b are
+unpacked at a time.
 
-The basis is found greedily, as in reduced basis methods (Hesthaven, Rozza and Stamm, Certified Reduced Basis Methods,
-2016, section 3.2): the row that is farthest off gives the next part of it, of which every row takes a whole number of
-small steps. What the rounding leaves stays in the rest, so that later parts take it up, and the search ends when no
-value is off by more than it may be. It sums up without BLAS: the result is the same for any number of threads.
+The basis is found greedily, as in reduced basis methods (Hesthaven, Rozza and Stamm,
+Certified Reduced Basis Methods, 2016, section 3.2): the row that is farthest off gives
+the next part of it, of which every row takes a whole number of small steps. What the
+rounding leaves stays in the rest, so that later parts take it up, and the search ends
+when no value is off by more than it may be. It sums up without BLAS: the result is the
+same for any number of threads.
 """
 
 from collections.abc import Sequence
@@ -29,12 +34,14 @@ from scleraforce.library.splines import (
 
 Steps = NDArray[np.signedinteger]
 
+# of whole numbers of steps: the smallest one that holds a part's
 STEP_TYPES = (
     "int32",
     "int16",
     "int8",
-)  # of whole numbers of steps: the smallest one that holds a part's
-STEP = 0.5  # of the error that is allowed; smaller ones need fewer parts and more bytes for each
+)
+# of the error that is allowed; smaller ones need fewer parts and more bytes for each
+STEP = 0.5
 BLOCK = 64  # rows that are worked on together: they stay in the cache
 
 
@@ -42,8 +49,8 @@ BLOCK = 64  # rows that are worked on together: they stay in the cache
 class ReducedRows:
     """Rows as sums of the rows of a basis.
 
-    `basis_kv`: a step of each part (part, value), float32. `steps`: integers (row, part) that multiply them; a table
-    for each of `STEP_TYPES`, in the basis' order.
+    `basis_kv`: a step of each part (part, value), float32. `steps`: integers (row,
+    part) that multiply them; a table for each of `STEP_TYPES`, in the basis' order.
     """
 
     basis_kv: NDArray[np.float32]
@@ -68,7 +75,9 @@ class ReducedRows:
 
 
 def reduce_rows(rows_rv: Reals, largest_error: float) -> ReducedRows:
-    """Return finite rows (row, value) in a reduced basis, with no value off by more than `largest_error`."""
+    """Return finite rows (row, value) in a reduced basis, with no value off by more
+    than `largest_error`.
+    """
     rest_rv = rows_rv.astype(np.float64)
     step = STEP * largest_error
     found = _worst(rest_rv)
@@ -94,7 +103,9 @@ def _worst(rest_rv: Floats) -> Floats:
 
 
 def _taken_off(rest_rv: Floats, direction: Floats) -> Floats:
-    """Subtract the integer multiple of a direction that comes nearest to each row; return the multiples (row,)."""
+    """Subtract the integer multiple of a direction that comes nearest to each row;
+    return the multiples (row,).
+    """
     steps = np.empty(len(rest_rv))
     for start in range(0, len(rest_rv), BLOCK):
         block = slice(start, start + BLOCK)
@@ -109,7 +120,9 @@ def _taken_off(rest_rv: Floats, direction: Floats) -> Floats:
 def _by_size(
     rows_rv: Reals, directions: list[NDArray[np.float32]], steps: list[Floats]
 ) -> ReducedRows:
-    """Put the parts with the largest integers first, and every integer into the smallest type that holds it."""
+    """Put the parts with the largest integers first, and every integer into the
+    smallest type that holds it.
+    """
     rows, values = rows_rv.shape
     basis_kv = np.reshape(np.array(directions, np.float32), (-1, values))
     steps_kr = np.reshape(steps, (-1, rows))
@@ -118,7 +131,8 @@ def _by_size(
     ends = [float(np.iinfo(name).max) for name in STEP_TYPES]
     if most.max(initial=0.0) > ends[0]:
         raise InputError(
-            f"values up to {np.abs(rows_rv).max():.3g} cannot be stored by such small steps"
+            f"values up to {np.abs(rows_rv).max():.3g} cannot be stored by such small"
+            " steps"
         )
 
     order = np.argsort(-most, kind="stable")
@@ -162,7 +176,9 @@ class WholeCurves:
         return mixed
 
     def coefficients(self, weights_b: Floats, splines: Splines) -> Curves:
-        """Return the spline weights of `mixed` over the first three axes (t p d, b n c)."""
+        """Return the spline weights of `mixed` over the first three axes (t p d, b n
+        c).
+        """
         weights = tensor_coefficients(
             splines, self.mixed(weights_b).astype(np.float64)
         ).astype(np.float32)
@@ -179,9 +195,11 @@ class WholeCurves:
 
 @dataclass(frozen=True, eq=False)
 class ReducedCurves:
-    """Curves in a reduced basis: rows of (b t p d,), and the shape of all (b, t, p, d, boundary, node, 2).
+    """Curves in a reduced basis: rows of (b t p d,), and the shape of all (b, t, p, d,
+    boundary, node, 2).
 
-    Splines over t, p and d are through the steps. Their weights for each b, cached, are the sums' of different b, too.
+    Splines over t, p and d are through the steps. Their weights for each b, cached, are
+    the sums' of different b, too.
     """
 
     rows: ReducedRows
@@ -208,7 +226,9 @@ class ReducedCurves:
         return np.asarray(values, dtype=np.float32).reshape(self.shape[1:])
 
     def coefficients(self, weights_b: Floats, splines: Splines) -> Curves:
-        """Return the spline weights of `mixed` over the first three axes (t p d, b n c), as exact as the curves."""
+        """Return the spline weights of `mixed` over the first three axes (t p d, b n
+        c), as exact as the curves.
+        """
         steps_rk = sum(
             np.float32(weights_b[b]) * self._steps(b, splines)
             for b in np.flatnonzero(weights_b).tolist()
@@ -246,11 +266,13 @@ class ReducedCurves:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StiffenedWalls:
-    """Walls of each stiffening b, `stiffening` (b,), which increase: one, or at least four.
+    """Walls of each stiffening b, `stiffening` (b,), which increase: one, or at least
+    four.
 
-    `force_ratio_btpd` is F/E in m^2, `displaced_btpd` the volume in m^3 between the wall without the needle and with
-    it, at one pressure, and `curves` are as in `Responses`, of walls clamped 90 degrees from the needle axis.
-    `undented_btpbnc` are the walls without the needle, from axis to clamp.
+    `force_ratio_btpd` is F/E in m^2, `displaced_btpd` the volume in m^3 between the
+    wall without the needle and with it, at one pressure, and `curves` are as in
+    `Responses`, of walls clamped 90 degrees from the needle axis. `undented_btpbnc` are
+    the walls without the needle, from axis to clamp.
     """
 
     stiffening: Floats
@@ -268,7 +290,8 @@ class StiffenedWalls:
         }
         if shapes != {count} or 1 < count < SUPPORT or count == 0:
             raise InputError(
-                f"library: {count} stiffenings of walls of {shapes}; must be one, or at least {SUPPORT}"
+                f"library: {count} stiffenings of walls of {shapes}; must be one, or at"
+                f" least {SUPPORT}"
             )
 
         inside = np.isfinite(self.stiffening).all() and self.stiffening[0] >= 0.0
@@ -293,11 +316,13 @@ class StiffenedWalls:
         high = float(self.stiffening[-1])
         if low == high:
             raise InputError(
-                f"stiffening: the library only holds tissue of {low:g}, not of {stiffening:g}"
+                f"stiffening: the library only holds tissue of {low:g}, not of"
+                f" {stiffening:g}"
             )
         if not low <= stiffening <= high:  # nor is NaN
             raise InputError(
-                f"stiffening: {stiffening:g} is outside the library's range, {low:g} to {high:g}"
+                f"stiffening: {stiffening:g} is outside the library's range, {low:g} to"
+                f" {high:g}"
             )
 
         spline = CubicSpline(stiffening_place(self.stiffening))

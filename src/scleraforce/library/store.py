@@ -1,9 +1,12 @@
-"""The library on disk: built on all cores or on a Dask cluster, read, and kept in the user's cache.
+"""The library on disk: built on all cores or on a Dask cluster, read, and kept in the
+user's cache.
 
-It is written path by path, resumable, and every array is checked (`checked_store`); a load path is a chunk of each
-array that it has a part in. The cache is the folder that the system keeps for such files (`XDG_CACHE_HOME`, or
-~/.cache, on Linux), below `scleraforce`. A library is built beside its place and renamed when it is whole. A process
-that finds another one building the same library waits for it; an interrupted build is continued by the next.
+It is written path by path, resumable, and every array is checked (`checked_store`); a
+load path is a chunk of each array that it has a part in. The cache is the folder that
+the system keeps for such files (`XDG_CACHE_HOME`, or ~/.cache, on Linux), below
+`scleraforce`. A library is built beside its place and renamed when it is whole. A
+process that finds another one building the same library waits for it; an interrupted
+build is continued by the next.
 """
 
 import shutil
@@ -48,14 +51,19 @@ KIND = StoreKind(
     schema="scleraforce-library-4",
     recipe="plan",
     others={
-        "scleraforce-dataset": "a data set and no response library; `train --kind classifier` learns from it"
+        "scleraforce-dataset": (
+            "a data set and no response library; `train --kind classifier` learns"
+            " from it"
+        )
     },
     error=InputError,
 )
 
 
 def library_store(path: Path, plan: LibraryPlan) -> CheckedStore:
-    """Return the store of a plan; each load path, free or supported, is a unit with a chunk of each of its arrays."""
+    """Return the store of a plan; each load path, free or supported, is a unit with a
+    chunk of each of its arrays.
+    """
     units = [
         dict.fromkeys(
             (CURVES, DISPLACED, FORCES) if unit < plan.paths else (SUPPORT_FORCES,),
@@ -67,7 +75,8 @@ def library_store(path: Path, plan: LibraryPlan) -> CheckedStore:
 
 
 def create_library(path: Path, plan: LibraryPlan) -> CheckedStore:
-    """Create the store with its axes and no paths, or continue an interrupted run of the same plan.
+    """Create the store with its axes and no paths, or continue an interrupted run of
+    the same plan.
 
     Raises:
         InputError: `path` holds something else, another library, or a complete one.
@@ -124,7 +133,8 @@ def open_library(path: str | PathLike[str]) -> Library:
     for name in AXES:
         if not np.allclose(arrays[name], getattr(plan, name), rtol=1e-12, atol=0.0):
             raise InputError(
-                f"{path / name}: not the values of its plan: the store is damaged; make it again"
+                f"{path / name}: not the values of its plan: the store is damaged; make"
+                " it again"
             )
 
     walls = StiffenedWalls(
@@ -158,7 +168,9 @@ def open_library(path: str | PathLike[str]) -> Library:
 
 
 def _layouts(plan: LibraryPlan) -> dict[str, Layout]:
-    """Return the layouts of a library's arrays: the axes, and what a load path has a chunk of."""
+    """Return the layouts of a library's arrays: the axes, and what a load path has a
+    chunk of.
+    """
     shape = (
         len(plan.stiffening),
         len(plan.thickness_m),
@@ -181,13 +193,14 @@ def _layouts(plan: LibraryPlan) -> dict[str, Layout]:
     }
 
 
-SOLVED_FORCES = (
-    2.0  # over the largest F/E of the library: what is done beyond it is not felt below
-)
+# over the largest F/E of the library: what is done beyond it is not felt below
+SOLVED_FORCES = 2.0
 
 
 class SolvedPath(NamedTuple):
-    """F/E (tip,), m^2, displaced volume (tip,), m^3, and boundaries (tip, boundary, node, 2), m, of a unit."""
+    """F/E (tip,), m^2, displaced volume (tip,), m^3, and boundaries (tip, boundary,
+    node, 2), m, of a unit.
+    """
 
     force_d: Floats
     displaced_d: Floats
@@ -196,7 +209,9 @@ class SolvedPath(NamedTuple):
 
 @dataclass(frozen=True)
 class Building:
-    """The outcome of a run: paths in the library, paths that this run solved, its duration."""
+    """The outcome of a run: paths in the library, paths that this run solved, its
+    duration.
+    """
 
     paths: int
     solved: int
@@ -216,14 +231,17 @@ def build_library(
 ) -> Building:
     """Build the library of a study, or the remaining part of an interrupted run.
 
-    The result is the same, byte for byte, for any number of workers and interruptions. Processes are spawned: a script
-    that calls this keeps its own work under `if __name__ == "__main__"`.
+    The result is the same, byte for byte, for any number of workers and interruptions.
+    Processes are spawned: a script that calls this keeps its own work under `if
+    __name__ == "__main__"`.
 
     Args:
         study: the study.
         out: place of the store; an incomplete store of the same plan is completed.
-        workers: processes, here or on a cluster (`cluster_workers`); by default one for each core of this process.
-        progress: called with the number of paths that are newly done (or found done, at the start).
+        workers: processes, here or on a cluster (`cluster_workers`); by default one for
+            each core of this process.
+        progress: called with the number of paths that are newly done (or found done, at
+            the start).
         solve: solves a path, by default `solve_path`.
 
     Raises:
@@ -251,7 +269,9 @@ def build_library(
 
 
 def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:
-    """Return the path of a unit in an open globe, extrapolated beyond twice the library's largest force."""
+    """Return the path of a unit in an open globe, extrapolated beyond twice the
+    library's largest force.
+    """
     planned = plan.path(unit)
     path = axisymmetric_path(
         plan.radius_m,
@@ -269,7 +289,9 @@ def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:
     step_m = path.tip_m[-1] - path.tip_m[-2]
 
     def extrapolated(values: Floats) -> Floats:
-        """Return values (solved tip, ...) at all tips: beyond the last one on the line through the last two."""
+        """Return values (solved tip, ...) at all tips: beyond the last one on the line
+        through the last two.
+        """
         return np.concatenate(
             [
                 values,
@@ -296,10 +318,12 @@ def cached_library(
     progress: Callable[[int], None] | None = None,
     solve: PathSolver | None = None,
 ) -> Library:
-    """Return the library of a study; the first time it is built, which takes a minute or two.
+    """Return the library of a study; the first time it is built, which takes a minute
+    or two.
 
-    `folder` is the cache, by default the user's; `progress` is called only if the library has to be built. Other
-    arguments and errors as for `build_library`; a cache that cannot be written raises `InputError`.
+    `folder` is the cache, by default the user's; `progress` is called only if the
+    library has to be built. Other arguments and errors as for `build_library`; a cache
+    that cannot be written raises `InputError`.
     """
     folder = folder or user_cache_path("scleraforce") / "libraries"
     place = (
@@ -339,7 +363,8 @@ def cached_library(
             begun.rename(place)
     except OSError as fault:
         raise InputError(
-            f"{folder}: {fault.strerror}; XDG_CACHE_HOME names another folder for caches"
+            f"{folder}: {fault.strerror}; XDG_CACHE_HOME names another folder for"
+            " caches"
         ) from fault
 
     return open_library(place)

@@ -1,1 +1,3 @@
-"""The eye: its mesh, loads and displacement, and what a B-scan plane cuts out of the deformed wall."""
+"""The eye: its mesh, loads and displacement, and what a B-scan plane cuts out of the
+deformed wall.
+"""

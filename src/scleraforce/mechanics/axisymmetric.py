@@ -1,14 +1,17 @@
-"""Finite strain of a wall of revolution about the needle axis: load paths at a hundredth of the cost of a 3-D wall.
+"""Finite strain of a wall of revolution about the needle axis: load paths at a
+hundredth of the cost of a 3-D wall.
 
-The eye is the sphere seen from the needle: the contact is its pole, and the support, a plane through the centre of the
-3-D eye, becomes a circle at an angle from the needle axis. Everything is at E = 1 Pa: forces are F/E in m^2, the eye
-pressure is p/E. Gravity is neglected. Nodal forces are for the full circle; unknown 2 n + c is node n, component c
-(from the axis, along it).
+The eye is the sphere seen from the needle: the contact is its pole, and the support, a
+plane through the centre of the 3-D eye, becomes a circle at an angle from the needle
+axis. Everything is at E = 1 Pa: forces are F/E in m^2, the eye pressure is p/E. Gravity
+is neglected. Nodal forces are for the full circle; unknown 2 n + c is node n, component
+c (from the axis, along it).
 
-Beside the pole the far part of the wall moves by the plane base, in proportion to its loads: linear 3-D displacement
-less linear axisymmetric displacement, at equal force and at equal pressure (`base_shift`), is added to the curves. It
-is smooth, and harmonics of the direction around the needle axis up to the second represent it. `docs/physics.md` states
-the remaining errors.
+Beside the pole the far part of the wall moves by the plane base, in proportion to its
+loads: linear 3-D displacement less linear axisymmetric displacement, at equal force and
+at equal pressure (`base_shift`), is added to the curves. It is smooth, and harmonics of
+the direction around the needle axis up to the second represent it. `docs/physics.md`
+states the remaining errors.
 """
 
 from dataclasses import dataclass
@@ -38,7 +41,9 @@ BOUNDARY_POINTS = 3  # exact for r^2 dz along a quadratic curve
 
 
 def needle_load(mesh: MeridianMesh) -> Floats:
-    """Return inward nodal forces of 1 N, uniform over the first element's disc seen along the axis, (all unknowns,)."""
+    """Return inward nodal forces of 1 N, uniform over the first element's disc seen
+    along the axis, (all unknowns,).
+    """
     nodes_en, values_pn, slopes_pn, weights_p = boundary_shapes(mesh.outer_n[:3])
     distance_en = mesh.points_nc[nodes_en, 0]
     rim_m = distance_en[-1, -1]
@@ -54,7 +59,9 @@ def needle_load(mesh: MeridianMesh) -> Floats:
 
 
 def inward(mesh: MeridianMesh, nodes_en: Integers, amount_en: Floats) -> Floats:
-    """Return nodal forces along the axis, (all unknowns,), that sum up inward amounts at nodes, (element, node)."""
+    """Return nodal forces along the axis, (all unknowns,), that sum up inward amounts
+    at nodes, (element, node).
+    """
     along = np.bincount(
         (2 * nodes_en + 1).ravel(), amount_en.ravel(), minlength=mesh.points_nc.size
     )
@@ -62,9 +69,11 @@ def inward(mesh: MeridianMesh, nodes_en: Integers, amount_en: Floats) -> Floats:
 
 
 class Interior:
-    """The space inside the inner boundary, V = pi times the integral of r^2 dz from the support to the axis.
+    """The space inside the inner boundary, V = pi times the integral of r^2 dz from the
+    support to the axis.
 
-    Pressure does work on V: dV is its load, the second derivative its part of the tangent. The support holds z.
+    Pressure does work on V: dV is its load, the second derivative its part of the
+    tangent. The support holds z.
     """
 
     def __init__(self, mesh: MeridianMesh) -> None:
@@ -100,7 +109,9 @@ class Interior:
     def subtract_curvature(
         self, tangents: Floats, everywhere: Floats, pressure: float
     ) -> None:
-        """Subtract p times the second derivative of V from the element tangents (element, 18, 18)."""
+        """Subtract p times the second derivative of V from the element tangents
+        (element, 18, 18).
+        """
         r_ep, slope_ep = self._curve(everywhere)
         block = tangents.reshape(len(tangents), 9, 2, 9, 2)
         part = np.zeros((len(self._elements), 3, 2, 3, 2))
@@ -113,17 +124,22 @@ class Interior:
         block[self._elements, 6:, :, 6:, :] -= pressure * part
 
     def _curve(self, everywhere: Floats) -> tuple[Floats, Floats]:
-        """Distance from the axis and slope of the height along the deformed inner boundary, (element, point)."""
+        """Distance from the axis and slope of the height along the deformed inner
+        boundary, (element, point).
+        """
         points_enc = (self._points_nc + everywhere.reshape(-1, 2))[self._nodes_en]
-        return points_enc[..., 0] @ self._values_pn.T, points_enc[
-            ..., 1
-        ] @ self._slopes_pn.T
+        return (
+            points_enc[..., 0] @ self._values_pn.T,
+            points_enc[..., 1] @ self._slopes_pn.T,
+        )
 
 
 def boundary_shapes(
     nodes_n: Integers, points: int = BOUNDARY_POINTS
 ) -> tuple[Integers, Floats, Floats, Floats]:
-    """Return the nodes of a boundary's elements (element, 3), shapes and slopes (point, 3), and weights (point,)."""
+    """Return the nodes of a boundary's elements (element, 3), shapes and slopes (point,
+    3), and weights (point,).
+    """
     places_pk, weights_p = gauss_points(1, points)
     nodes_en = np.stack([nodes_n[:-2:2], nodes_n[1::2], nodes_n[2::2]], axis=1)
     return nodes_en, *line_shapes(places_pk[:, 0]), weights_p
@@ -131,13 +147,16 @@ def boundary_shapes(
 
 @dataclass(frozen=True, eq=False)
 class AxisymmetricPath:
-    """States along a load path of a wall of revolution, (state,) each; the first is under pressure without the needle.
+    """States along a load path of a wall of revolution, (state,) each; the first is
+    under pressure without the needle.
 
-    `tip_m`: inward displacement of the outer surface at the contact from the undented wall at the state's pressure. F/E
-    may fall where the wall snaps; p/E is constant unless the globe is sealed. `displaced_m3`: volume inside the
-    undented wall at the state's pressure less that inside the state. `curves_sbnc`: deformed boundaries, (state,
-    [outer, inner], node, [distance from the needle axis, depth below the undeformed contact]) in m, from the axis to
-    the support; the same nodes for every wall of one size of mesh.
+    `tip_m`: inward displacement of the outer surface at the contact from the undented
+    wall at the state's pressure. F/E may fall where the wall snaps; p/E is constant
+    unless the globe is sealed. `displaced_m3`: volume inside the undented wall at the
+    state's pressure less that inside the state. `curves_sbnc`: deformed boundaries,
+    (state, [outer, inner], node, [distance from the needle axis, depth below the
+    undeformed contact]) in m, from the axis to the support; the same nodes for every
+    wall of one size of mesh.
     """
 
     tip_m: Floats
@@ -162,11 +181,13 @@ def axisymmetric_path(
     stiffening: float = 0.0,
     size: MeridianSize | None = None,
 ) -> AxisymmetricPath:
-    """Return the load path of a sphere with an even wall under a needle along its normal.
+    """Return the load path of a sphere with an even wall under a needle along its
+    normal.
 
-    The needle's force is uniform over its disc seen along the axis. For `tips_m` and the end of the path see `trace`;
-    the wall is clamped at the angle `support_rad` from the needle axis; the globe is over Young's modulus
-    (`Globe.over`); `stiffening`: b of `mechanics.material`.
+    The needle's force is uniform over its disc seen along the axis. For `tips_m` and
+    the end of the path see `trace`; the wall is clamped at the angle `support_rad` from
+    the needle axis; the globe is over Young's modulus (`Globe.over`); `stiffening`: b
+    of `mechanics.material`.
     """
     mesh = meridian_mesh(
         radius_m, thickness_m, needle_radius_m, support_rad, size or MeridianSize()
@@ -198,7 +219,9 @@ class AxisymmetricWall:
         symmetric: bool = False,
         stiffening: float = 0.0,
     ) -> None:
-        """`symmetric`: the support is a plane of symmetry, at a right angle to the axis, instead of a clamp."""
+        """`symmetric`: the support is a plane of symmetry, at a right angle to the
+        axis, instead of a clamp.
+        """
         self.mesh = mesh
         held_nc = np.zeros(mesh.points_nc.shape, dtype=bool)
         across = len(mesh.points_nc) // len(mesh.outer_n)
@@ -253,14 +276,18 @@ class AxisymmetricWall:
         )
 
     def full(self, u: Floats) -> Floats:
-        """Return the displacement (unknown of the mesh,) whose free components are given; the held ones are zero."""
+        """Return the displacement (unknown of the mesh,) whose free components are
+        given; the held ones are zero.
+        """
         everywhere = np.zeros(self.mesh.points_nc.size)
         everywhere[self.free] = u
         return everywhere
 
 
 class _Band:
-    """Element matrices summed into a banded matrix of the free unknowns, in LAPACK's storage."""
+    """Element matrices summed into a banded matrix of the free unknowns, in LAPACK's
+    storage.
+    """
 
     def __init__(self, unknowns_eN: Integers, free: Integers, count: int) -> None:
         number = np.full(count, -1)
@@ -280,7 +307,9 @@ class _Band:
         self._unknowns = len(free)
 
     def factor(self, tangents: Floats) -> Solve:
-        """Factor without row exchanges, or with them past a limit of the force, where the tangent is not definite."""
+        """Factor without row exchanges, or with them past a limit of the force, where
+        the tangent is not definite.
+        """
         below = tangents.ravel()[self._entries_below]
         band = np.bincount(
             self._half, below, minlength=self._unknowns * (self.width + 1)
@@ -326,11 +355,13 @@ MARGIN_RAD = np.radians(1.0)
 
 @dataclass(frozen=True, eq=False)
 class BaseShift:
-    """The motion of the two boundaries of a wall of revolution caused by a plane base, in proportion to the loads.
+    """The motion of the two boundaries of a wall of revolution caused by a plane base,
+    in proportion to the loads.
 
-    For p/E = 1 and for F/E = 1 m^2: (harmonic, [outer, inner], node, [away from the axis, around it, depth]) in m, at
-    the nodes of `AxisymmetricPath.curves_sbnc`. The parts away from the axis and along it vary with cos(m phi), the
-    part around it with sin(m phi). Beyond the angle where the base begins, the last value is repeated.
+    For p/E = 1 and for F/E = 1 m^2: (harmonic, [outer, inner], node, [away from the
+    axis, around it, depth]) in m, at the nodes of `AxisymmetricPath.curves_sbnc`. The
+    parts away from the axis and along it vary with cos(m phi), the part around it with
+    sin(m phi). Beyond the angle where the base begins, the last value is repeated.
     """
 
     pressure_mbnc: Floats
@@ -346,7 +377,8 @@ def base_shift(
     polar_rad: float,
     size: MeridianSize | None = None,
 ) -> BaseShift:
-    """Return the shift for a needle at a polar angle, up to 55 deg: one linear solution in 3-D and one of revolution.
+    """Return the shift for a needle at a polar angle, up to 55 deg: one linear solution
+    in 3-D and one of revolution.
 
     See `axisymmetric_path` for the arguments.
     """
@@ -371,18 +403,16 @@ def base_shift(
     ]
     nodes_bn = np.stack([even.mesh.outer_n, even.mesh.inner_n])
     angles = np.arctan2(*even.mesh.points_nc[nodes_bn[0]].T)
-    ahead = np.count_nonzero(
-        angles < 0.5 * np.pi - polar_rad - MARGIN_RAD
-    )  # of the base where it is nearest
+    # of the base where it is nearest
+    ahead = np.count_nonzero(angles < 0.5 * np.pi - polar_rad - MARGIN_RAD)
     last_n = np.minimum(np.arange(len(angles)), ahead - 1)
     shifts = []
 
     for displacement_nc, displacement in loads:
         shift_mbnc = _harmonics(solid.mesh, contact, angles[:ahead], displacement_nc)
         even_bnc = even.full(displacement).reshape(-1, 2)[nodes_bn[:, :ahead]]
-        shift_mbnc[0, ..., 0] -= even_bnc[
-            ..., 0
-        ]  # a wall of revolution has no other harmonics
+        # a wall of revolution has no other harmonics
+        shift_mbnc[0, ..., 0] -= even_bnc[..., 0]
         shift_mbnc[0, ..., 2] += even_bnc[..., 1]
         shifts.append(shift_mbnc[:, :, last_n])
 
@@ -392,7 +422,9 @@ def base_shift(
 def _harmonics(
     mesh: HexMesh, contact: Contact, angles_n: Floats, displacement_nc: Floats
 ) -> Floats:
-    """Displacement of a 3-D wall at angles from the needle axis as harmonics, (harmonic, boundary, node, 3)."""
+    """Displacement of a 3-D wall at angles from the needle axis as harmonics,
+    (harmonic, boundary, node, 3).
+    """
     azimuths = 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
     angle, azimuth = np.meshgrid(angles_n, azimuths, indexing="ij")
     across = np.sin(angle)

@@ -1,6 +1,8 @@
-"""The contact, where the needle pushes; the B-scan plane there, the section that it cuts, and the slice's window.
+"""The contact, where the needle pushes; the B-scan plane there, the section that it
+cuts, and the slice's window.
 
-The eye's frame: z is the axis of the half-sphere (pole at +z), the base plane is z = 0, gravity points to -z.
+The eye's frame: z is the axis of the half-sphere (pole at +z), the base plane is z = 0,
+gravity points to -z.
 """
 
 from dataclasses import KW_ONLY, dataclass
@@ -44,7 +46,8 @@ class Contact:
     def leaning_axis(self, tilt_rad: float, direction_rad: float) -> Floats:
         """Unit vector into the eye, `tilt_rad` from the inward normal, shape (3,).
 
-        Its part along the wall lies `direction_rad` from the meridian, turned towards growing azimuth.
+        Its part along the wall lies `direction_rad` from the meridian, turned towards
+        growing azimuth.
         """
         along = cos(direction_rad) * self.meridian + sin(direction_rad) * self.parallel
         return -cos(tilt_rad) * self.normal + sin(tilt_rad) * along
@@ -54,8 +57,9 @@ class Contact:
 class ScanPlane:
     """The plane of a B-scan at a contact.
 
-    Its lateral axis lies `direction_rad` from the meridian, turned about the outward normal towards growing azimuth.
-    The plane is offset by `gap_m` along its normal from the needle axis; `tilt_rad` turns it about its lateral axis.
+    Its lateral axis lies `direction_rad` from the meridian, turned about the outward
+    normal towards growing azimuth. The plane is offset by `gap_m` along its normal from
+    the needle axis; `tilt_rad` turns it about its lateral axis.
     """
 
     contact: Contact
@@ -92,7 +96,9 @@ class ScanPlane:
         )
 
     def origin(self, radius_m: float) -> Floats:
-        """Return the frame's origin: the undeformed contact, moved by the gap, shape (3,)."""
+        """Return the frame's origin: the undeformed contact, moved by the gap, shape
+        (3,).
+        """
         return radius_m * self.contact.normal + self.gap_m * self.offset
 
 
@@ -100,8 +106,9 @@ class ScanPlane:
 class Section:
     """The wall's cut by the B-scan plane: two curves in the plane's frame.
 
-    `outer` and `inner` have shape (points, 2): lateral and depth in m (depth grows into the eye), both in the order of
-    the material, from negative to positive lateral side. `outer` followed by reversed `inner` is the closed contour.
+    `outer` and `inner` have shape (points, 2): lateral and depth in m (depth grows into
+    the eye), both in the order of the material, from negative to positive lateral side.
+    `outer` followed by reversed `inner` is the closed contour.
     """
 
     outer: Floats
@@ -120,7 +127,9 @@ class Section:
 
 @dataclass(frozen=True, kw_only=True)
 class SliceWindow:
-    """The window of the slice in the plane's frame: position of its upper left corner, pixels, pixel size."""
+    """The window of the slice in the plane's frame: position of its upper left corner,
+    pixels, pixel size.
+    """
 
     left_m: float
     top_m: float

@@ -1,9 +1,11 @@
-"""Following a load path: one equilibrium after another, by the displacement of the needle's tip.
+"""Following a load path: one equilibrium after another, by the displacement of the
+needle's tip.
 
-The force may fall while the dent grows (snap-through of a wall without pressure), so the tip is what advances. Steps
-start from a polynomial through the states before, and adapt: shorter after a failure, longer while they are easy.
-The dent counts from the undented wall at the same pressure: in an open globe, from the first state.
-Everything is at E = 1 Pa: forces are F/E in m^2 and pressures p/E.
+The force may fall while the dent grows (snap-through of a wall without pressure), so
+the tip is what advances. Steps start from a polynomial through the states before, and
+adapt: shorter after a failure, longer while they are easy. The dent counts from the
+undented wall at the same pressure: in an open globe, from the first state. Everything
+is at E = 1 Pa: forces are F/E in m^2 and pressures p/E.
 """
 
 from collections.abc import Callable
@@ -26,20 +28,22 @@ from scleraforce.units import from_si
 Progress = Callable[[float], object]
 
 SMALLEST_STEP = 1e-4  # of the path, or of its largest step: no shorter steps are tried
-EARLY_END = (
-    1.0 / 64.0
-)  # ... where a path may end early: most attempts near its end fail
+# ... where a path may end early: most attempts near its end fail
+EARLY_END = 1.0 / 64.0
 FIRST_STEP_M = 1e-4  # of the tip
-STATES = 8  # at most, that a step starts from: their polynomial takes one factor a step, a parabola two
+# at most, that a step starts from: their polynomial takes one factor a step, a parabola
+# two
+STATES = 8
 
 
 @dataclass(frozen=True, eq=False)
 class PathStates:
     """States along a load path, (state,) each; the first is the one without the needle.
 
-    `tip_m`: inward displacement of the tip from the undented wall at the state's pressure, ascending. `force` is F/E in
-    m^2, `pressure` p/E. `displacement_su` and `undented_su` (state, unknown) in m: free displacements of the wall, and
-    of the undented wall at the state's pressure.
+    `tip_m`: inward displacement of the tip from the undented wall at the state's
+    pressure, ascending. `force` is F/E in m^2, `pressure` p/E. `displacement_su` and
+    `undented_su` (state, unknown) in m: free displacements of the wall, and of the
+    undented wall at the state's pressure.
     """
 
     tip_m: Floats
@@ -92,14 +96,17 @@ def trace(
     as_far_as_found: bool = False,
     progress: Progress | None = None,
 ) -> PathStates:
-    """Follow the path from the state without the needle, by the tip's inward displacement.
+    """Follow the path from the state without the needle, by the tip's inward
+    displacement.
 
-    `start` is the equilibrium without the needle at `pressure`, p/E, as from `pressurise`. `tips_m`: tips at which
-    states are wanted, ascending, positive, (state,); steps between them are as short as needed; by default every step
-    is kept. The path ends at `max_tip_m`, by default the last of `tips_m`, or at the first kept state that carries
-    `max_force`, F/E in m^2, or whose tip is `max_travel_m` from the state without the needle; with `as_far_as_found`
-    also where no equilibrium is found, to 1/32 of the largest step. The globe is over E. `progress` is called after
-    each step with the finished share of `max_force` or `max_travel_m`.
+    `start` is the equilibrium without the needle at `pressure`, p/E, as from
+    `pressurise`. `tips_m`: tips at which states are wanted, ascending, positive,
+    (state,); steps between them are as short as needed; by default every step is kept.
+    The path ends at `max_tip_m`, by default the last of `tips_m`, or at the first kept
+    state that carries `max_force`, F/E in m^2, or whose tip is `max_travel_m` from the
+    state without the needle; with `as_far_as_found` also where no equilibrium is found,
+    to 1/32 of the largest step. The globe is over E. `progress` is called after each
+    step with the finished share of `max_force` or `max_travel_m`.
     """
     end_m = _end(tips_m, max_tip_m, min(max_force, max_travel_m))
     control = (
@@ -186,12 +193,16 @@ def _states(
 
 
 class _Walk:
-    """Steps along the path; each starts from a polynomial through the last states (tip in m, unknowns)."""
+    """Steps along the path; each starts from a polynomial through the last states (tip
+    in m, unknowns).
+    """
 
     def __init__(
         self, control: Dent, largest_m: float, end_m: float, smallest: float
     ) -> None:
-        """`smallest`: of the path, or of its largest step, the shortest step that is tried."""
+        """`smallest`: of the path, or of its largest step, the shortest step that is
+        tried.
+        """
         self.control = control
         self.step_m = min(FIRST_STEP_M, largest_m)
         self.largest_m = largest_m
@@ -203,7 +214,9 @@ class _Walk:
         return self.history[-1][0]
 
     def step_towards(self, goal_m: float) -> None:
-        """Take one step, at most to `goal_m`; shorter after failures, the next one longer after success at once."""
+        """Take one step, at most to `goal_m`; shorter after failures, the next one
+        longer after success at once.
+        """
         easy = 2.0
         while True:
             left_m = goal_m - self.tip_m
@@ -223,8 +236,15 @@ class _Walk:
                 if self.step_m >= self.shortest_m:
                     continue
 
-                ratio = f"F/E = {from_si(self.control.force(self.history[-1][1]), 'mm2'):.4g} mm^2"
-                reached = f"a dent of {from_si(self.tip_m, 'mm'):.4g} mm, {ratio}; {self.control.remedy}"
+                ratio = (
+                    "F/E ="
+                    f" {from_si(self.control.force(self.history[-1][1]), 'mm2'):.4g}"
+                    " mm^2"
+                )
+                reached = (
+                    f"a dent of {from_si(self.tip_m, 'mm'):.4g} mm, {ratio};"
+                    f" {self.control.remedy}"
+                )
                 raise SolverError(
                     f"load path: no equilibrium found beyond {reached}"
                 ) from fault

@@ -1,4 +1,6 @@
-"""Gauss points of quads and hexahedra, the element matrices of Hooke's law there (paper eq. 1 and 2), and their sum."""
+"""Gauss points of quads and hexahedra, the element matrices of Hooke's law there (paper
+eq. 1 and 2), and their sum.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,8 +18,9 @@ from scleraforce.mechanics.shapes import shape_gradients, shape_values
 class VolumePoints:
     """The Gauss points of all elements.
 
-    `values_pn` (point, node); `gradients_epnc` (element, point, node, 3): derivatives of the shape functions by x in
-    1/m; `volumes_ep` (element, point): volume that belongs to the point in m^3.
+    `values_pn` (point, node); `gradients_epnc` (element, point, node, 3): derivatives
+    of the shape functions by x in 1/m; `volumes_ep` (element, point): volume that
+    belongs to the point in m^3.
     """
 
     values_pn: Floats
@@ -27,7 +30,9 @@ class VolumePoints:
 
 @cache
 def gauss_points(dimension: int, count: int) -> tuple[Floats, Floats]:
-    """Return Gauss-Legendre points on [-1, 1]^d (point, d) and weights (point,), `count` along each direction."""
+    """Return Gauss-Legendre points on [-1, 1]^d (point, d) and weights (point,),
+    `count` along each direction.
+    """
     points, weights = np.polynomial.legendre.leggauss(count)
     places = np.stack(
         np.meshgrid(*[points] * dimension, indexing="ij"), axis=-1
@@ -40,7 +45,9 @@ def gauss_points(dimension: int, count: int) -> tuple[Floats, Floats]:
 
 
 def volume_points(mesh: HexMesh) -> VolumePoints:
-    """Return the Gauss points of the elements, order + 1 along each direction: full integration."""
+    """Return the Gauss points of the elements, order + 1 along each direction: full
+    integration.
+    """
     places, weights = gauss_points(3, mesh.order + 1)
     nodes = mesh.cells_en.shape[1]
     slopes_pnk = shape_gradients(places, nodes)
@@ -62,10 +69,11 @@ def volume_points(mesh: HexMesh) -> VolumePoints:
 def surface_points(
     mesh: HexMesh, quads_qn: Integers, count: int
 ) -> tuple[Floats, Floats]:
-    """Return shape functions and areas at Gauss points of quads (quad, 4, 8 or 9), `count` along each direction.
+    """Return shape functions and areas at Gauss points of quads (quad, 4, 8 or 9),
+    `count` along each direction.
 
-    values_pn (point, node of a quad); areas_qpc (quad, point, 3): area that belongs to the point times the normal (seen
-    from where the quads are counter-clockwise) in m^2.
+    values_pn (point, node of a quad); areas_qpc (quad, point, 3): area that belongs to
+    the point times the normal (seen from where the quads are counter-clockwise) in m^2.
     """
     places, weights = gauss_points(2, count)
     nodes = quads_qn.shape[1]
@@ -79,18 +87,19 @@ def surface_points(
     return values_pn, normals * weights[:, None]
 
 
-ELEMENTS_AT_ONCE = (
-    64  # 27-node matrices of 64 elements take 3 MB: they stay in the processor's cache
-)
+# 27-node matrices of 64 elements take 3 MB: they stay in the processor's cache
+ELEMENTS_AT_ONCE = 64
 
 
 def element_stiffness(
     points: VolumePoints, lame_lambda: float, lame_mu: float
 ) -> Floats:
-    """Return the stiffness of every element, shape (element, 3, node, 3, node), in N/m for Lame constants in Pa.
+    """Return the stiffness of every element, shape (element, 3, node, 3, node), in N/m
+    for Lame constants in Pa.
 
-    K_iajb = integral of lambda N_a,i N_b,j + mu (N_a,j N_b,i + delta_ij N_a,k N_b,k). All of it follows from the one
-    tensor G_iajb = integral of N_a,i N_b,j, a matrix product over the Gauss points.
+    K_iajb = integral of lambda N_a,i N_b,j + mu (N_a,j N_b,i + delta_ij N_a,k N_b,k).
+    All of it follows from the one tensor G_iajb = integral of N_a,i N_b,j, a matrix
+    product over the Gauss points.
     """
     elements, count, nodes, _ = points.gradients_epnc.shape
     K: Floats = np.empty((elements, 3, nodes, 3, nodes))
@@ -122,9 +131,11 @@ def add_faces(
     *,
     layer: int,
 ) -> None:
-    """Add matrices of faces (face, 3, node, 3, node) to the matrices of their elements, in place.
+    """Add matrices of faces (face, 3, node, 3, node) to the matrices of their elements,
+    in place.
 
-    `quads_q`: numbers of the faces, by default all, on the outer (`layer` 2) or inner surface (0); they may repeat.
+    `quads_q`: numbers of the faces, by default all, on the outer (`layer` 2) or inner
+    surface (0); they may repeat.
     """
     nodes = mesh.cells_en.shape[1]
     quads = len(mesh.outer_qn)
@@ -137,9 +148,8 @@ def add_faces(
         0 if layer == 2 else len(mesh.cells_en) - quads
     )
     row_qin = (element_q[:, None, None] * 3 * nodes + unknown_in) * 3 * nodes
-    entries = element_eiajb.reshape(
-        -1
-    )  # a view: element matrices are made in one piece
+    # a view: element matrices are made in one piece
+    entries = element_eiajb.reshape(-1)
     np.add.at(
         entries,
         (row_qin[..., None, None] + unknown_in).ravel(),
@@ -150,24 +160,26 @@ def add_faces(
 def factored(
     mesh: HexMesh, held_nc: Flags, element_eiajb: Reals
 ) -> Callable[[Floats], Floats]:
-    """Sum symmetric element matrices (element, 3, node, 3, node) and factor the sum in their precision, by SuperLU.
+    """Sum symmetric element matrices (element, 3, node, 3, node) and factor the sum in
+    their precision, by SuperLU.
 
-    Returns the solve for loads on the components that are not held, (unknown,) or (unknown, column), in the order of
-    `held_nc` (node, 3). Pivots stay on the diagonal, even where the matrix is not definite: an exchange of rows would
-    fill the factor that minimum degree keeps sparse.
+    Returns the solve for loads on the components that are not held, (unknown,) or
+    (unknown, column), in the order of `held_nc` (node, 3). Pivots stay on the diagonal,
+    even where the matrix is not definite: an exchange of rows would fill the factor
+    that minimum degree keeps sparse.
 
     Raises:
         SolverError: the matrix is singular or not finite.
     """
+    # not before something is solved: the import takes 0.1 s
     from scipy.sparse import (
         coo_array,
-    )  # not before something is solved: the import takes 0.1 s
+    )
     from scipy.sparse.linalg import splu
 
     free = np.flatnonzero(~held_nc)
-    number = np.full(
-        held_nc.size, len(free), dtype=np.int32
-    )  # held components share a last row and column
+    # held components share a last row and column
+    number = np.full(held_nc.size, len(free), dtype=np.int32)
     number[free] = np.arange(len(free))
     unknown_eN = (
         number.reshape(-1, 3)[mesh.cells_en]

@@ -1,10 +1,12 @@
 """Equilibrium at a prescribed dent: the equations, and Newton's method for them.
 
-The displacement of the needle's tip is prescribed and the force is an unknown of its own; in a sealed globe the
-pressure is another (`SealedDent`). They enter as borders of the tangent: K du - b df = -r is split into one solve per
-column, and a small matrix gives their increments (Batoz and Dhatt, Int. J. Num. Meth. Engng 14, 1979). Newton's steps
-are damped by the natural monotonicity test, and a factor is used again while it contracts fast (Deuflhard, Newton
-Methods for Nonlinear Problems, sec. 3.3): neither depends on units or conditioning.
+The displacement of the needle's tip is prescribed and the force is an unknown of its
+own; in a sealed globe the pressure is another (`SealedDent`). They enter as borders of
+the tangent: K du - b df = -r is split into one solve per column, and a small matrix
+gives their increments (Batoz and Dhatt, Int. J. Num. Meth. Engng 14, 1979). Newton's
+steps are damped by the natural monotonicity test, and a factor is used again while it
+contracts fast (Deuflhard, Newton Methods for Nonlinear Problems, sec. 3.3): neither
+depends on units or conditioning.
 
 Everything is at E = 1 Pa: forces are F/E in m^2 and pressures p/E.
 """
@@ -20,12 +22,13 @@ from scleraforce.mechanics.globe import Globe
 
 Solve = Callable[[Floats], Floats]
 
-BALANCE_TOLERANCE = 1e-9  # largest force out of balance, over the forces applied; also of the tip and the pressure
+# largest force out of balance, over the forces applied; also of the tip and the
+# pressure
+BALANCE_TOLERANCE = 1e-9
 SETTLED = 1e-10  # of the displacement by the needle: smaller corrections count as zero
 MOST_FACTORS = 10  # for one equilibrium
-FAST = (
-    0.3  # a factor is reused while each step leaves less than this share of the error
-)
+# a factor is reused while each step leaves less than this share of the error
+FAST = 0.3
 SMALLEST_DAMPING = 1.0 / 32.0
 
 
@@ -38,30 +41,38 @@ class Equilibrium(Protocol):
 
     @property
     def tip(self) -> Floats:
-        """Functional whose product with the displacement is the tip's inward displacement, (unknown,)."""
+        """Functional whose product with the displacement is the tip's inward
+        displacement, (unknown,).
+        """
 
     def residual(self, u: Floats, pressure: float) -> Floats:
-        """Internal minus external forces without the needle, (unknown,); not finite where u is inadmissible."""
+        """Internal minus external forces without the needle, (unknown,); not finite
+        where u is inadmissible.
+        """
 
     def factor(self, u: Floats, pressure: float) -> Solve:
-        """Factor the derivative of the residual by u; return its solve for (unknown,) or (unknown, column).
+        """Factor the derivative of the residual by u; return its solve for (unknown,)
+        or (unknown, column).
 
         Raises:
-            SolverError, ArithmeticError: there is no factor; a shorter step is then tried.
+            SolverError, ArithmeticError: there is no factor; a shorter step is then
+                tried.
         """
 
     def volume(self, u: Floats) -> tuple[float, Floats]:
         """Return the volume in m^3 and its derivative by u, (unknown,).
 
-        Pressure does work on this volume: the derivative of the residual by the pressure is minus that by u.
+        Pressure does work on this volume: the derivative of the residual by the
+        pressure is minus that by u.
         """
 
 
 class Balance:
-    """Equilibrium at a given pressure without the needle: no borders. The unknowns x are u.
+    """Equilibrium at a given pressure without the needle: no borders. The unknowns x
+    are u.
 
-    A control has `count` displacements, the first of its unknowns, and `unloaded` unknowns without the load that it
-    adds; `applied` is the size of the forces applied.
+    A control has `count` displacements, the first of its unknowns, and `unloaded`
+    unknowns without the load that it adds; `applied` is the size of the forces applied.
     """
 
     def __init__(self, problem: Equilibrium, pressure: float) -> None:
@@ -87,10 +98,11 @@ class Balance:
 
 
 class Dent(Balance):
-    """Equilibrium at a given displacement of the tip from `start`. The unknowns x are u and the force.
+    """Equilibrium at a given displacement of the tip from `start`. The unknowns x are u
+    and the force.
 
-    `continuation` sets `tip_m` along the path; errors are relative to `largest_force`, on the path so far, where the
-    force passes through zero.
+    `continuation` sets `tip_m` along the path; errors are relative to `largest_force`,
+    on the path so far, where the force passes through zero.
     """
 
     remedy = "ask for a smaller dent"
@@ -123,7 +135,9 @@ class Dent(Balance):
         return float(x[self.count])
 
     def travel_m(self, x: Floats) -> float:
-        """Return the tip's inward displacement from `start`; in a sealed globe it is less than the dent."""
+        """Return the tip's inward displacement from `start`; in a sealed globe it is
+        less than the dent.
+        """
         return float(self.problem.tip @ (x[: len(self.start)] - self.start))
 
     def factor(self, x: Floats) -> Solve:
@@ -138,20 +152,22 @@ class Dent(Balance):
 
 
 class SealedDent(Dent):
-    """Equilibrium of a sealed globe at a given dent. The unknowns x are u, w, the force and the pressure.
+    """Equilibrium of a sealed globe at a given dent. The unknowns x are u, w, the force
+    and the pressure.
 
-    The law (`mechanics.globe`) compares the dented wall with the undented one *at the same pressure P*: it is measured
-    on whole eyes and includes the give of their shell. So the undented wall is part of the unknowns, and the dent
-    counts from it, which is what one picture shows. With u the dented wall, w the undented one, f the needle's force,
-    s the functional of the tip, and P0 the given `pressure`, that at rest,
+    The law (`mechanics.globe`) compares the dented wall with the undented one *at the
+    same pressure P*: it is measured on whole eyes and includes the give of their shell.
+    So the undented wall is part of the unknowns, and the dent counts from it, which is
+    what one picture shows. With u the dented wall, w the undented one, f the needle's
+    force, s the functional of the tip, and P0 the given `pressure`, that at rest,
 
         R(u, P) = f n     R(w, P) = 0     s (u - w) = tip     P = law(P0, V(w) - V(u))
 
     Both tangents are factored; force and pressure are borders (`bordered`).
 
-    Such a path has an end. A pressure that rises makes the dent wider, which displaces more volume: in a wall that is
-    soft against its globe no pressure solves the law for a deeper dent (0.5 mm, 0.38 MPa, 2 mmHg, k = 0.03: 2.2 mm, at
-    73 mN).
+    Such a path has an end. A pressure that rises makes the dent wider, which displaces
+    more volume: in a wall that is soft against its globe no pressure solves the law for
+    a deeper dent (0.5 mm, 0.38 MPa, 2 mmHg, k = 0.03: 2.2 mm, at 73 mN).
     """
 
     remedy = (
@@ -167,7 +183,9 @@ class SealedDent(Dent):
         self.unloaded = np.concatenate([start, start, [0.0, pressure]])
 
     def defect(self, x: Floats) -> Floats:
-        """Return the forces out of balance on both walls, and the errors of the tip and the pressure."""
+        """Return the forces out of balance on both walls, and the errors of the tip and
+        the pressure.
+        """
         dented, undented, force, pressure = self._parts(x)
         balance = self.problem.residual(dented, pressure) - force * self.problem.needle
         undented_balance = self.problem.residual(undented, pressure)
@@ -198,8 +216,8 @@ class SealedDent(Dent):
         problem = self.problem
         half = self.count // 2
         solves = problem.factor(dented, pressure), problem.factor(undented, pressure)
-        (inside, gradient) = problem.volume(dented)
-        (undented_inside, undented_gradient) = problem.volume(undented)
+        inside, gradient = problem.volume(dented)
+        undented_inside, undented_gradient = problem.volume(undented)
         stiffness = float(
             self.globe.stiffness(
                 self.globe.pressure(self.pressure, undented_inside - inside)
@@ -233,7 +251,9 @@ class SealedDent(Dent):
 def bordered(
     tangent: Solve, columns_uk: Floats, rows_ku: Floats, corner_kk: Floats
 ) -> Solve:
-    """Solve K du - C dy = r, R du + D dy = c for (du, dy): one solve for C, one for each r, and a small matrix."""
+    """Solve K du - C dy = r, R du + D dy = c for (du, dy): one solve for C, one for
+    each r, and a small matrix.
+    """
     answers_uk = tangent(columns_uk)
     small_kk = rows_ku @ answers_uk + corner_kk
     unknowns = len(columns_uk)
@@ -247,7 +267,9 @@ def bordered(
 
 
 def solve_balance(control: Balance, x: Floats) -> tuple[Floats, int]:
-    """Return the unknowns that meet the control, from a guess x, and the number of factors."""
+    """Return the unknowns that meet the control, from a guess x, and the number of
+    factors.
+    """
     defect = control.defect(x)
     found = control.met(defect, x)
 
@@ -267,7 +289,8 @@ def solve_balance(control: Balance, x: Floats) -> tuple[Floats, int]:
 def _newton_step(
     control: Balance, x: Floats, defect: Floats
 ) -> tuple[Floats, Floats, bool]:
-    """Factor at x, take a damped step, and continue with the same factor while it converges fast.
+    """Factor at x, take a damped step, and continue with the same factor while it
+    converges fast.
 
     Returns the new x, its defect, and whether it is an equilibrium.
     """
@@ -296,7 +319,8 @@ def _newton_step(
 def _found(control: Balance, x: Floats, defect: Floats, step: Floats) -> bool:
     """Return whether the forces balance, or the correction by `step` is negligible.
 
-    The second test is for tiny forces, where the rounding of the stresses exceeds the tolerance.
+    The second test is for tiny forces, where the rounding of the stresses exceeds the
+    tolerance.
     """
     return control.met(defect, x) or _size(control, step) <= SETTLED * _size(
         control, x - control.unloaded
@@ -308,7 +332,8 @@ def _damped(
 ) -> tuple[Floats, Floats, Floats, float]:
     """Shorten a step until the next correction with the same factor is small enough.
 
-    Returns the new x, its defect, that next correction, and its size over the size of this step.
+    Returns the new x, its defect, that next correction, and its size over the size of
+    this step.
     """
     damping = 1.0
     while damping >= SMALLEST_DAMPING:
@@ -328,5 +353,7 @@ def _damped(
 
 
 def _size(control: Balance, step: Floats) -> float:
-    """Return the size of a step by its displacements alone; the borders have other units."""
+    """Return the size of a step by its displacements alone; the borders have other
+    units.
+    """
     return float(np.linalg.norm(step[: control.count]))

@@ -1,10 +1,13 @@
-"""Finite-strain mechanics of the wall: load paths of an eye under pressure, weight and the needle.
+"""Finite-strain mechanics of the wall: load paths of an eye under pressure, weight and
+the needle.
 
-The material is neo-Hookean, or an exponential of that, which stiffens (`mechanics.material`). A dent of a few wall
-thicknesses softens the wall and then stiffens it, which linear mechanics does not model. A load path is computed once,
-by the tip's displacement (`mechanics.continuation`), and then read at any force.
+The material is neo-Hookean, or an exponential of that, which stiffens
+(`mechanics.material`). A dent of a few wall thicknesses softens the wall and then
+stiffens it, which linear mechanics does not model. A load path is computed once, by the
+tip's displacement (`mechanics.continuation`), and then read at any force.
 
-The answer depends on F/E, p/E, (weight per volume)/E and (spring stiffness)/E only; E is 1 Pa inside.
+The answer depends on F/E, p/E, (weight per volume)/E and (spring stiffness)/E only; E
+is 1 Pa inside.
 """
 
 from dataclasses import dataclass
@@ -41,15 +44,18 @@ from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
 
 ROUNDING = 1e-12  # of a force
 RIGID = 1e-9  # least over most resisted rigid motion: 0 to rounding where one is free
-LARGEST_STEP_M = 3e-4  # cubic interpolation between such states is off by 0.01 %; longer steps save no time
+# cubic interpolation between such states is off by 0.01 %; longer steps save no time
+LARGEST_STEP_M = 3e-4
 
 
 @dataclass(frozen=True, eq=False)
 class LoadPath:
-    """A wall's states of equilibrium along the needle's path, (state,) each; between them all is cubic in the tip.
+    """A wall's states of equilibrium along the needle's path, (state,) each; between
+    them all is cubic in the tip.
 
-    `tips_m`: the tip's inward displacement from the undented wall at the state's pressure, ascending from 0; the forces
-    need not ascend. `rises_m`: outward displacement of the undented wall's tip from rest to the state's pressure.
+    `tips_m`: the tip's inward displacement from the undented wall at the state's
+    pressure, ascending from 0; the forces need not ascend. `rises_m`: outward
+    displacement of the undented wall's tip from rest to the state's pressure.
     `displacement_snc`: displacement from the undeformed wall, (state, node, 3) in m.
     """
 
@@ -66,7 +72,9 @@ class LoadPath:
         return float(self.forces_n.max())
 
     def tip_m(self, force_n: float) -> float:
-        """Return the dent in m at a force; the smallest one if several states carry the force."""
+        """Return the dent in m at a force; the smallest one if several states carry the
+        force.
+        """
         if not 0.0 <= force_n <= self.max_force_n:
             raise InputError(
                 f"force: {from_si(force_n, 'mn'):g} mN; this load path carries 0 to "
@@ -77,28 +85,36 @@ class LoadPath:
         return self._first_tip(self.forces_n, force_n)
 
     def tip_of_travel_m(self, travel_m: float) -> float:
-        """Return the dent in m where the tip is `travel_m` from rest; the smallest one if there are several."""
+        """Return the dent in m where the tip is `travel_m` from rest; the smallest one
+        if there are several.
+        """
         farthest_m = float((self.tips_m - self.rises_m).max())
         if not 0.0 <= travel_m <= farthest_m * (1.0 + ROUNDING):
             raise InputError(
-                f"displacement: {from_si(travel_m, 'mm'):g} mm; this load path goes from 0 to "
-                f"{from_si(farthest_m, 'mm'):g} mm"
+                f"displacement: {from_si(travel_m, 'mm'):g} mm; this load path goes"
+                f" from 0 to {from_si(farthest_m, 'mm'):g} mm"
             )
 
         return self._first_tip(self.tips_m - self.rises_m, travel_m)
 
     def at_tip(self, tip_m: float) -> tuple[float, float, float]:
-        """Return force in N, eye pressure in Pa and travel in m at a dent; errors as of `displacement_at_tip_nc`."""
+        """Return force in N, eye pressure in Pa and travel in m at a dent; errors as of
+        `displacement_at_tip_nc`.
+        """
         states_sk = np.stack([self.forces_n, self.pressures_pa, self.rises_m], axis=1)
         force_n, pressure_pa, rise_m = self._weights(tip_m) @ states_sk
         return float(force_n), float(pressure_pa), tip_m - float(rise_m)
 
     def displacement_nc(self, force_n: float) -> Floats:
-        """Return the displacement from the undeformed wall at a force, (node, 3) in m; errors as of `tip_m`."""
+        """Return the displacement from the undeformed wall at a force, (node, 3) in m;
+        errors as of `tip_m`.
+        """
         return self.displacement_at_tip_nc(self.tip_m(force_n))
 
     def displacement_at_tip_nc(self, tip_m: float) -> Floats:
-        """Return the displacement from the undeformed wall at a dent, (node, 3) in m; within the path only."""
+        """Return the displacement from the undeformed wall at a dent, (node, 3) in m;
+        within the path only.
+        """
         return np.einsum("s,snc->nc", self._weights(tip_m), self.displacement_snc)
 
     def pressure_pa(self, force_n: float) -> float:
@@ -106,20 +122,25 @@ class LoadPath:
         return self.at_tip(self.tip_m(force_n))[1]
 
     def travel_m(self, force_n: float) -> float:
-        """Return the tip's inward displacement from rest at a force, m: the dent, less the wall's rise if sealed."""
+        """Return the tip's inward displacement from rest at a force, m: the dent, less
+        the wall's rise if sealed.
+        """
         return self.at_tip(self.tip_m(force_n))[2]
 
     def _first_tip(self, values_s: Floats, wanted: float) -> float:
         if wanted == 0.0:
             return 0.0
-        # Rounding may hide a root that is a state, so the first state that reaches the value bounds the answer.
+        # Rounding may hide a root that is a state, so the first state that reaches the
+        # value bounds the answer.
         reached_m = self.tips_m[np.argmax(values_s >= wanted * (1.0 - ROUNDING))]
         roots_m = CubicSpline(self.tips_m, values_s).solve(wanted, extrapolate=False)
         return float(min(roots_m.min(initial=np.inf), reached_m))
 
     @cached_property
     def _basis(self) -> CubicSpline:
-        """The spline through each state's unit vector: its values are the states' weights."""
+        """The spline through each state's unit vector: its values are the states'
+        weights.
+        """
         return CubicSpline(self.tips_m, np.eye(len(self.tips_m)))
 
     def _weights(self, tip_m: float) -> Floats:
@@ -132,7 +153,9 @@ class LoadPath:
 
 
 class FiniteWall:
-    """A wall at finite strain: its mesh, material, supports and loads, which all paths share."""
+    """A wall at finite strain: its mesh, material, supports and loads, which all paths
+    share.
+    """
 
     def __init__(
         self,
@@ -146,10 +169,12 @@ class FiniteWall:
         stiffening: float = 0.0,
         fibres: FibreLaw | None = None,
     ) -> None:
-        """Prepare everything that does not depend on the displacement; for the material see `NeoHookeanSolid`.
+        """Prepare everything that does not depend on the displacement; for the material
+        see `NeoHookeanSolid`.
 
-        `held_nc` holds displacement components at zero, (node, 3); by default the clamped base. `dead_pressure_nc`:
-        nodal forces of 1 Pa that keep their direction, (node, 3) in m^2, in place of a pressure that follows the inner
+        `held_nc` holds displacement components at zero, (node, 3); by default the
+        clamped base. `dead_pressure_nc`: nodal forces of 1 Pa that keep their
+        direction, (node, 3) in m^2, in place of a pressure that follows the inner
         surface.
         """
         self.mesh = mesh
@@ -178,16 +203,19 @@ class FiniteWall:
         as_far_as_found: bool = False,
         progress: Progress | None = None,
     ) -> LoadPath:
-        """Apply pressure and weight, then push the needle until it carries `max_force_n` or has moved far enough.
+        """Apply pressure and weight, then push the needle until it carries
+        `max_force_n` or has moved far enough.
 
-        `iop_pa` is the pressure without the needle; a density of 0 leaves the weight out. The last state carries at
-        least `max_force_n`, unless the path ends at a dent of `max_tip_m`, with the tip `max_travel_m` from rest, or,
-        with `as_far_as_found`, where no equilibrium is found any more. `progress` is called after each step with the
-        finished share of the force or travel.
+        `iop_pa` is the pressure without the needle; a density of 0 leaves the weight
+        out. The last state carries at least `max_force_n`, unless the path ends at a
+        dent of `max_tip_m`, with the tip `max_travel_m` from rest, or, with
+        `as_far_as_found`, where no equilibrium is found any more. `progress` is called
+        after each step with the finished share of the force or travel.
         """
         if globe.is_sealed and self.dead_pressure_nc is not None:
             raise InputError(
-                "sealed globe: its pressure has to follow the wall; leave the dead pressure out"
+                "sealed globe: its pressure has to follow the wall; leave the dead"
+                " pressure out"
             )
 
         problem = WallEquilibrium(self, needle, youngs_modulus_pa, density_kg_m3)
@@ -214,14 +242,18 @@ class FiniteWall:
         )
 
     def full_nc(self, free: Floats) -> Floats:
-        """Return the displacement (node, 3) whose free components are given, (unknown,); the held ones are zero."""
+        """Return the displacement (node, 3) whose free components are given,
+        (unknown,); the held ones are zero.
+        """
         full = np.zeros(self.mesh.points_nc.size)
         full[self.free] = free
         return full.reshape(-1, 3)
 
 
 def _check_supports(mesh: HexMesh, held_nc: Flags, springs: Springs | None) -> None:
-    """Check that held components and springs together resist all six rigid motions of the undeformed wall."""
+    """Check that held components and springs together resist all six rigid motions of
+    the undeformed wall.
+    """
     places = mesh.points_nc / mesh.radius_m
     moves = [np.broadcast_to(axis, places.shape) for axis in np.eye(3)] + [
         np.cross(axis, places) for axis in np.eye(3)
@@ -246,7 +278,9 @@ def _check_supports(mesh: HexMesh, held_nc: Flags, springs: Springs | None) -> N
 
 
 class WallEquilibrium:
-    """The wall as an `Equilibrium`: its unknowns are the free components, at E = 1 Pa."""
+    """The wall as an `Equilibrium`: its unknowns are the free components, at E = 1
+    Pa.
+    """
 
     def __init__(
         self,
@@ -281,9 +315,11 @@ class WallEquilibrium:
         return balance_nc.ravel()[wall.free]
 
     def factor(self, u: Floats, pressure: float) -> Solve:
-        """Factor the tangent in single precision, which costs half; the solve takes loads of any size.
+        """Factor the tangent in single precision, which costs half; the solve takes
+        loads of any size.
 
-        Newton's next step removes its relative error of about 1e-4: the forces alone decide the limit.
+        Newton's next step removes its relative error of about 1e-4: the forces alone
+        decide the limit.
         """
         wall = self._wall
         displaced_nc = self._wall.full_nc(u)
@@ -310,14 +346,17 @@ class WallEquilibrium:
         """Return the volume inside in m^3 and its derivative, (unknown,)."""
         inner = self._wall.inner
         displaced_nc = self._wall.full_nc(u)
-        return inner.volume(displaced_nc), inner.forces(displaced_nc).ravel()[
-            self._wall.free
-        ]
+        return (
+            inner.volume(displaced_nc),
+            inner.forces(displaced_nc).ravel()[self._wall.free],
+        )
 
 
-LEAST_FORCE_N = 1e-4  # a path goes at least this far; the state without the needle alone is not a path
+# a path goes at least this far; the state without the needle alone is not a path
+LEAST_FORCE_N = 1e-4
 LEAST_STATES = 4  # of a path: a cubic in the tip has 4 coefficients
-STEPS_TO_LINEAR_TIP = 3.0  # steps of the path over the dent that a linear wall would have; softer walls take more
+# steps of the path over the dent that a linear wall would have; softer walls take more
+STEPS_TO_LINEAR_TIP = 3.0
 
 
 def bend_eye(
@@ -333,10 +372,12 @@ def bend_eye(
     as_far_as_found: bool = False,
     progress: Progress | None = None,
 ) -> LoadPath:
-    """Bend an eye at finite strain, up to a force or travel, with a graded mesh and all sections of the study.
+    """Bend an eye at finite strain, up to a force or travel, with a graded mesh and all
+    sections of the study.
 
-    The thickness is nominal, the modulus that outside all regions, the pressure that without the needle. For the end of
-    the path and `progress` see `FiniteWall.load_path`; it needs a `max_force_n` or `max_travel_m`.
+    The thickness is nominal, the modulus that outside all regions, the pressure that
+    without the needle. For the end of the path and `progress` see
+    `FiniteWall.load_path`; it needs a `max_force_n` or `max_travel_m`.
     """
     mesh = form_mesh(graded_eye(study, thickness_m, contact), study.form, contact)
     ratios = study.tissue.softer_through, study.tissue.stiffer_around
@@ -347,15 +388,18 @@ def bend_eye(
         dead_pressure_nc=None if study.mechanics.follower else pressure_load(mesh),
         springs=study_springs(study.supports, mesh),
         stiffening=study.tissue.stiffening,
-        fibres=None
-        if ratios == (1.0, 1.0)
-        else fibre_law(study.eye.poisson_ratio, *ratios),
+        fibres=(
+            None
+            if ratios == (1.0, 1.0)
+            else fibre_law(study.eye.poisson_ratio, *ratios)
+        ),
     )
     axis_c = contact.leaning_axis(
         study.needle.tilt_rad, study.needle.tilt_direction_rad
     )
     goal_n = max(max_force_n, LEAST_FORCE_N)
-    # The dent of a shallow linear shell without pressure under a point force (Reissner, J. Math. Phys. 25, 1946).
+    # The dent of a shallow linear shell without pressure under a point force (Reissner,
+    # J. Math. Phys. 25, 1946).
     stiffness = youngs_modulus_pa * thickness_m**2 / study.eye.radius_m
     linear = sqrt(3.0 * (1.0 - study.eye.poisson_ratio**2)) / 4.0
     travel_m = max(max_travel_m, linear * LEAST_FORCE_N / stiffness)

@@ -1,9 +1,11 @@
-"""Eyes that are not spheres, walls that are not even, regions of another modulus, and the cornea.
+"""Eyes that are not spheres, walls that are not even, regions of another modulus, and
+the cornea.
 
-A node in direction d goes to the outer surface's point in that direction, stretched by the semi-axes, and from there
-inward along the surface's normal by its share of the local thickness; then the eye moves rigidly, so that contact and
-normal are where the sphere has them. The nodes' places on the sphere remain the coordinates of material points. The
-cornea: docs/physics.md, "Form of the cornea".
+A node in direction d goes to the outer surface's point in that direction, stretched by
+the semi-axes, and from there inward along the surface's normal by its share of the
+local thickness; then the eye moves rigidly, so that contact and normal are where the
+sphere has them. The nodes' places on the sphere remain the coordinates of material
+points. The cornea: docs/physics.md, "Form of the cornea".
 """
 
 from dataclasses import replace
@@ -25,7 +27,8 @@ from scleraforce.units import from_si
 def corneal_surface(
     directions_nc: Floats, cornea: CorneaStudy, radius_m: float
 ) -> tuple[Floats, Floats]:
-    """Return points of the outer surface in unit directions, m, and outward unit normals there, (direction, 3) each.
+    """Return points of the outer surface in unit directions, m, and outward unit
+    normals there, (direction, 3) each.
 
     >>> apex_nc, normal_nc = corneal_surface(np.array([[0.0, 0.0, 1.0]]), CorneaStudy(), 12e-3)
     >>> print(f"{1e3 * apex_nc[0, 2]:.2f} mm")
@@ -34,9 +37,8 @@ def corneal_surface(
     ends_rad = _limbus(cornea, radius_m)
     axis_c = Contact(polar_rad=cornea.polar_rad, azimuth_rad=cornea.azimuth_rad).normal
     cosine_n = directions_nc @ axis_c
-    across_nc = (
-        cosine_n[:, None] * directions_nc - axis_c
-    )  # sin a times the unit vector of growing a
+    # sin a times the unit vector of growing a
+    across_nc = cosine_n[:, None] * directions_nc - axis_c
     angle_n = np.arctan2(np.linalg.norm(across_nc, axis=1), cosine_n)
     rho_n = np.full_like(angle_n, radius_m)
     lean_n = np.zeros_like(angle_n)
@@ -53,14 +55,17 @@ def corneal_surface(
 
 
 def _limbus(cornea: CorneaStudy, radius_m: float) -> tuple[float, float]:
-    """Return the angles from the corneal axis between which the limbus lies, rad; an `InputError` if none is there."""
+    """Return the angles from the corneal axis between which the limbus lies, rad; an
+    `InputError` if none is there.
+    """
     if not cornea.limbus_radius_m < radius_m:
         found, globe = (
             f"{from_si(value, 'mm'):g} mm"
             for value in (cornea.limbus_radius_m, radius_m)
         )
         raise InputError(
-            f"form.cornea: limbus_radius_mm: {found}; must be below the radius of the eye, {globe}"
+            f"form.cornea: limbus_radius_mm: {found}; must be below the radius of the"
+            f" eye, {globe}"
         )
 
     limbus_rad = asin(cornea.limbus_radius_m / radius_m)
@@ -70,8 +75,9 @@ def _limbus(cornea: CorneaStudy, radius_m: float) -> tuple[float, float]:
         raise InputError(f"{width}; must be narrower than the cornea is wide")
     if not cornea.polar_rad + limbus_rad + half_edge_rad < 0.5 * pi:
         raise InputError(
-            f"{width} about a ring of {from_si(cornea.limbus_radius_m, 'mm'):g} mm and polar_deg: "
-            f"{np.degrees(cornea.polar_rad):g}; the limbus must lie above the base plane"
+            f"{width} about a ring of {from_si(cornea.limbus_radius_m, 'mm'):g} mm and"
+            f" polar_deg: {np.degrees(cornea.polar_rad):g}; the limbus must lie above"
+            " the base plane"
         )
 
     return limbus_rad - half_edge_rad, limbus_rad + half_edge_rad
@@ -80,7 +86,9 @@ def _limbus(cornea: CorneaStudy, radius_m: float) -> tuple[float, float]:
 def _sphere(
     angle_n: Floats | float, cornea: CorneaStudy, radius_m: float
 ) -> tuple[Floats, Floats]:
-    """The cornea's sphere at angles from its axis: rho, m, and the lean of the normal, rho'/(rho sin a)."""
+    """The cornea's sphere at angles from its axis: rho, m, and the lean of the normal,
+    rho'/(rho sin a).
+    """
     r = cornea.radius_m
     ring = cornea.limbus_radius_m
     h = sqrt(radius_m**2 - ring**2) - sqrt(r**2 - ring**2)
@@ -108,10 +116,12 @@ def _furrow(
 
 
 def form_mesh(mesh: HexMesh, form: FormStudy, contact: Contact) -> HexMesh:
-    """Return a spherical wall about the origin, shaped by a form and put under the needle.
+    """Return a spherical wall about the origin, shaped by a form and put under the
+    needle.
 
-    The needle touches the material that is in the contact's direction on the sphere. The mesh locates directions as the
-    sphere does, and keeps the nominal radius and thickness. A cornea that does not fit this globe is an `InputError`.
+    The needle touches the material that is in the contact's direction on the sphere.
+    The mesh locates directions as the sphere does, and keeps the nominal radius and
+    thickness. A cornea that does not fit this globe is an `InputError`.
 
     >>> from scleraforce.mechanics.mesh import build_mesh
     >>> eye = form_mesh(build_mesh(12e-3, 0.5e-3), FormStudy(semi_axes=(1.1, 1.0, 0.9)), Contact(polar_rad=0.0))
@@ -126,7 +136,8 @@ def form_mesh(mesh: HexMesh, form: FormStudy, contact: Contact) -> HexMesh:
     surface_nc, normals_nc = _outer_surface(directions_nc, form, mesh.radius_m)
     shaped_nc = surface_nc - depths_n[:, None] * normals_nc
     touched_1c, normal_1c = _outer_surface(contact.normal[None], form, mesh.radius_m)
-    # The smallest rotation of one normal onto the other (Rodrigues): cross_cc @ x = axis x x. They are not opposite.
+    # The smallest rotation of one normal onto the other (Rodrigues): cross_cc @ x =
+    # axis x x. They are not opposite.
     cross_cc = np.cross(np.eye(3), np.cross(normal_1c[0], contact.normal))
     turn_cc = (
         np.eye(3)
@@ -139,7 +150,9 @@ def form_mesh(mesh: HexMesh, form: FormStudy, contact: Contact) -> HexMesh:
 
 
 def thickness_factor(form: FormStudy, directions_nc: Floats) -> Floats:
-    """Return the wall's thickness as a multiple of the nominal one in unit directions (..., 3), shape (...)."""
+    """Return the wall's thickness as a multiple of the nominal one in unit directions
+    (..., 3), shape (...).
+    """
     factor: Floats = np.ones(directions_nc.shape[:-1])
     for wave in form.wave:
         cosine = (
@@ -152,7 +165,9 @@ def thickness_factor(form: FormStudy, directions_nc: Floats) -> Floats:
 
 
 def element_modulus(mesh: HexMesh, form: FormStudy) -> Floats:
-    """Return the modulus over the eye's at the Gauss points of `volume_points`, (element, point)."""
+    """Return the modulus over the eye's at the Gauss points of `volume_points`,
+    (element, point).
+    """
     sphere_enc = mesh.sphere_nc[mesh.cells_en]
     places_pk = gauss_points(3, mesh.order + 1)[0]
     return modulus_factor(
@@ -161,7 +176,9 @@ def element_modulus(mesh: HexMesh, form: FormStudy) -> Floats:
 
 
 def modulus_factor(form: FormStudy, directions_nc: Floats) -> Floats:
-    """Return the modulus as a multiple of the eye's in unit directions (..., 3), shape (...); regions multiply."""
+    """Return the modulus as a multiple of the eye's in unit directions (..., 3), shape
+    (...); regions multiply.
+    """
     factor: Floats = np.ones(directions_nc.shape[:-1])
     for region in form.region:
         axis_c = Contact(
@@ -169,9 +186,8 @@ def modulus_factor(form: FormStudy, directions_nc: Floats) -> Floats:
         ).normal
         angle = np.arccos(np.clip(directions_nc @ axis_c, -1.0, 1.0))
         x = np.clip((region.half_angle_rad - angle) / region.edge_rad + 0.5, 0.0, 1.0)
-        inside = (
-            x * x * (3.0 - 2.0 * x)
-        )  # 1 in the cap, 0 outside, and no kinks in between
+        # 1 in the cap, 0 outside, and no kinks in between
+        inside = x * x * (3.0 - 2.0 * x)
         factor *= 1.0 + (region.modulus_ratio - 1.0) * inside
 
     return factor
@@ -180,7 +196,9 @@ def modulus_factor(form: FormStudy, directions_nc: Floats) -> Floats:
 def _outer_surface(
     directions_nc: Floats, form: FormStudy, radius_m: float
 ) -> tuple[Floats, Floats]:
-    """Points of the outer surface and its outward unit normals there, (direction, 3)."""
+    """Points of the outer surface and its outward unit normals there, (direction,
+    3).
+    """
     axes = np.array(form.semi_axes)
     if form.cornea is None:
         return radius_m * axes * directions_nc, _unit(directions_nc / axes)

@@ -1,16 +1,19 @@
-"""The globe as a closed vessel: how the eye pressure rises with the volume that a dent displaces.
+"""The globe as a closed vessel: how the eye pressure rises with the volume that a dent
+displaces.
 
-An open globe (infused or vented) keeps its pressure. A sealed one follows a measured law, which includes the give of
-the whole shell. With dV the volume between the undented wall and the dented one, both at the pressure P,
+An open globe (infused or vented) keeps its pressure. A sealed one follows a measured
+law, which includes the give of the whole shell. With dV the volume between the undented
+wall and the dented one, both at the pressure P,
 
     cube root:    P^(1/3) = P0^(1/3) + k dV       van der Werff 1981; k = 0.03 mmHg^(1/3)/ul, enucleated human eyes
     logarithmic:  ln P = ln P0 + K dV             Friedenwald 1937, who counts in log10: K / ln 10 = 0.0215 per ul
 
-The rigidity is k for both laws: for a logarithmic one, the k with the same slope at 15 mmHg, K = 3 k / (15 mmHg)^(1/3);
-0.0215 per ul is 0.041.
+The rigidity is k for both laws: for a logarithmic one, the k with the same slope at 15
+mmHg, K = 3 k / (15 mmHg)^(1/3); 0.0215 per ul is 0.041.
 
-From a globe that leaks a volume W comes out, dW/dt = (dV - W) / tau, and dV - W raises the pressure. At any time it is
-a globe that does not leak, with a resting pressure that W has lowered.
+From a globe that leaks a volume W comes out, dW/dt = (dV - W) / tau, and dV - W raises
+the pressure. At any time it is a globe that does not leak, with a resting pressure that
+W has lowered.
 """
 
 from collections.abc import Callable
@@ -25,17 +28,18 @@ from scleraforce.units import to_si
 
 Values = Floats | float
 
-SAME_SLOPE_PA = to_si(
-    15.0, "mmhg"
-)  # where a logarithmic law is as steep as the cube-root law of its k
+# where a logarithmic law is as steep as the cube-root law of its k
+SAME_SLOPE_PA = to_si(15.0, "mmhg")
 
 
 @dataclass(frozen=True)
 class Globe:
-    """The rise of the pressure with the displaced volume; open where `rate` is 0. Numbers and arrays broadcast.
+    """The rise of the pressure with the displaced volume; open where `rate` is 0.
+    Numbers and arrays broadcast.
 
-    `law` is the `level` of the pressure that is linear in the volume; `rate` is of the level, Pa^(1/3)/m^3 or 1/m^3, an
-    array of several globes. No globe has a rate below 0, but a search for one that is nearly open needs both sides.
+    `law` is the `level` of the pressure that is linear in the volume; `rate` is of the
+    level, Pa^(1/3)/m^3 or 1/m^3, an array of several globes. No globe has a rate below
+    0, but a search for one that is nearly open needs both sides.
     """
 
     law: str = "cube-root"
@@ -70,7 +74,9 @@ class Globe:
         )
 
     def level(self, pressure: Values) -> Floats:
-        """Return the level, which is linear in the volume: the pressure's cube root or logarithm."""
+        """Return the level, which is linear in the volume: the pressure's cube root or
+        logarithm.
+        """
         return np.asarray(
             np.log(pressure) if self.law == RIGIDITY_LAWS[1] else np.cbrt(pressure)
         )
@@ -87,7 +93,9 @@ class Globe:
         )
 
     def pressure(self, resting: Values, displaced_m3: Values) -> Floats:
-        """Return the pressure when a dent displaces a volume, in the unit of the resting pressure; never below 0."""
+        """Return the pressure when a dent displaces a volume, in the unit of the
+        resting pressure; never below 0.
+        """
         if self.law == RIGIDITY_LAWS[1]:
             return np.asarray(resting * np.exp(self.rate * displaced_m3))
         return np.asarray(
@@ -105,9 +113,11 @@ class Globe:
         forces_n: Floats,
         pressed: Callable[[float, float], float],
     ) -> Floats:
-        """Return the volume that has leaked under forces of an even clock, (sample,); a sealed globe's.
+        """Return the volume that has leaked under forces of an even clock, (sample,); a
+        sealed globe's.
 
-        `leak_steps`: time constant over the step. `pressed` gives the pressure under a force after a leak, m^3.
+        `leak_steps`: time constant over the step. `pressed` gives the pressure under a
+        force after a leak, m^3.
         """
         leaked_m3 = [0.0]
         share = -float(np.expm1(-1.0 / leak_steps))
@@ -117,7 +127,9 @@ class Globe:
         return np.array(leaked_m3)
 
     def displaced_m3(self, resting: Values, pressure: Values) -> Floats:
-        """Return the volume whose displacement brings the resting pressure to another; in sealed globes only."""
+        """Return the volume whose displacement brings the resting pressure to another;
+        in sealed globes only.
+        """
         return np.asarray((self.level(pressure) - self.level(resting)) / self.rate)
 
 
@@ -125,7 +137,9 @@ OPEN_GLOBE = Globe()
 
 
 def sealed_globe(rigidity_pa13_per_m3: Values, law: str = RIGIDITY_LAWS[0]) -> Globe:
-    """Return a sealed globe of a finite rigidity k, in Pa^(1/3)/m^3; of 0, an open one."""
+    """Return a sealed globe of a finite rigidity k, in Pa^(1/3)/m^3; of 0, an open
+    one.
+    """
     return Globe(
         law,
         rigidity_pa13_per_m3

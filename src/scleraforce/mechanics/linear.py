@@ -1,4 +1,6 @@
-"""Linear mechanics of the wall: K u = f_p + f_g + f_n (paper sec. 2.1, eq. 2), factored once for every load and E."""
+"""Linear mechanics of the wall: K u = f_p + f_g + f_n (paper sec. 2.1, eq. 2), factored
+once for every load and E.
+"""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -21,19 +23,18 @@ from scleraforce.mechanics.material import lame_constants
 from scleraforce.mechanics.mesh import HexMesh
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
-SINGULAR = (
-    1e12  # stiffest over softest motion; a clamped wall has 4e2 to 3e4, a free one 1e16
-)
-LOADS_AT_ONCE = (
-    32  # right-hand sides in one triangular solve: 10 MB of them at the default mesh
-)
+# stiffest over softest motion; a clamped wall has 4e2 to 3e4, a free one 1e16
+SINGULAR = 1e12
+# right-hand sides in one triangular solve: 10 MB of them at the default mesh
+LOADS_AT_ONCE = 32
 
 
 class LinearWall:
     """A wall of linear elastic material, with its stiffness factored at E = 1 Pa.
 
-    K is proportional to E, so the answer at E is the one at 1 Pa divided by E; thickness, Poisson's ratio and supports
-    need a new wall. The model holds for displacements that are small compared with the thickness.
+    K is proportional to E, so the answer at E is the one at 1 Pa divided by E;
+    thickness, Poisson's ratio and supports need a new wall. The model holds for
+    displacements that are small compared with the thickness.
     """
 
     def __init__(
@@ -47,7 +48,8 @@ class LinearWall:
     ) -> None:
         """Assemble and factor.
 
-        Springs do not scale with E: the wall then represents `springs_modulus_pa` only. By default the base is clamped.
+        Springs do not scale with E: the wall then represents `springs_modulus_pa` only.
+        By default the base is clamped.
         """
         self.mesh = mesh
         self.held_nc = clamped_base(mesh) if held_nc is None else held_nc
@@ -69,7 +71,8 @@ class LinearWall:
         softest = float(np.linalg.norm(self._solve(probe)) / np.linalg.norm(probe))
         if not softest * float(elements.max()) < SINGULAR:
             raise SolverError(
-                "stiffness: the wall may move as a rigid body; add supports against that"
+                "stiffness: the wall may move as a rigid body; add supports against"
+                " that"
             )
 
     @cached_property
@@ -79,11 +82,14 @@ class LinearWall:
 
     @cached_property
     def gravity_nc(self) -> Floats:
-        """Displacement under 1 N/m^3 of weight (density times g, along -z) at E = 1 Pa, (node, 3) in m."""
+        """Displacement under 1 N/m^3 of weight (density times g, along -z) at E = 1 Pa,
+        (node, 3) in m.
+        """
         return self.solve_one(gravity_load(self.mesh, self._points))
 
     def needle_cnc(self, contacts: Sequence[Contact], needle_radius_m: float) -> Floats:
-        """Displacements under 1 N through the needle at each contact at E = 1 Pa, (contact, node, 3) in m.
+        """Displacements under 1 N through the needle at each contact at E = 1 Pa,
+        (contact, node, 3) in m.
 
         A needle that reaches over the base plane is an `InputError`.
         """
@@ -97,7 +103,9 @@ class LinearWall:
         return answer
 
     def solve(self, loads_lnc: Floats) -> Floats:
-        """Return displacements at E = 1 Pa for nodal forces (load, node, 3) in N; same shape, in m."""
+        """Return displacements at E = 1 Pa for nodal forces (load, node, 3) in N; same
+        shape, in m.
+        """
         answer = np.zeros((len(loads_lnc), 3 * len(self.mesh.points_nc)))
         answer[:, self._free] = self._solve(
             loads_lnc.reshape(answer.shape)[:, self._free].T
@@ -105,7 +113,9 @@ class LinearWall:
         return answer.reshape(loads_lnc.shape)
 
     def solve_one(self, load_nc: Floats) -> Floats:
-        """Return the displacement at E = 1 Pa for one set of nodal forces (node, 3) in N; same shape, in m."""
+        """Return the displacement at E = 1 Pa for one set of nodal forces (node, 3) in
+        N; same shape, in m.
+        """
         return self.solve(load_nc[None])[0]
 
     def displacement(
@@ -117,7 +127,9 @@ class LinearWall:
         iop_pa: float,
         density_kg_m3: float,
     ) -> Floats:
-        """Return (p u_p + rho g u_g + F u_n) / E, the wall's displacement (node, 3) in m, by superposition."""
+        """Return (p u_p + rho g u_g + F u_n) / E, the wall's displacement (node, 3) in
+        m, by superposition.
+        """
         weight_n_m3 = density_kg_m3 * STANDARD_GRAVITY_M_S2
         loaded = (
             iop_pa * self.pressure_nc
@@ -129,8 +141,10 @@ class LinearWall:
 
 
 def tip_displacement(mesh: HexMesh, contact: Contact, needle_nc: Floats) -> float:
-    """Return the inward displacement of the outer surface at the contact along the needle axis, in m.
+    """Return the inward displacement of the outer surface at the contact along the
+    needle axis, in m.
 
-    `needle_nc` (node, 3): displacement from the state without the needle; in linear mechanics F u_n / E.
+    `needle_nc` (node, 3): displacement from the state without the needle; in linear
+    mechanics F u_n / E.
     """
     return float(np.sum(tip_at(mesh, contact, -contact.normal) * needle_nc))

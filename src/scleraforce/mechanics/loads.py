@@ -1,12 +1,15 @@
-"""Loads and supports of the wall: eye pressure, gravity, the needle; the clamped base and springs (paper sec. 2.1).
+"""Loads and supports of the wall: eye pressure, gravity, the needle; the clamped base
+and springs (paper sec. 2.1).
 
-Loads are consistent: integrals of the load times the shape functions, so that the sum of the nodal forces is exactly
-the resultant of the integrated load. They act on the undeformed wall, as in linear mechanics, or follow it
-(`InnerSurface`). Springs on the outer surface are an elastic bed around the lower half, and straps where the rectus
-muscles are inserted; they are linear in the displacement, with directions of the undeformed wall. Insertions lie on the
-spiral of Tillaux: 5.5, 6.5, 6.9 and 7.7 mm behind the limbus (medial, inferior, lateral, superior), 9 to 11 mm wide
-(Apt, Trans. Am. Ophthalmol. Soc. 78, 1980, 365), on an eye of 12 mm radius whose limbus has a radius of 5.75 mm; on
-other eyes at the same angles.
+Loads are consistent: integrals of the load times the shape functions, so that the sum
+of the nodal forces is exactly the resultant of the integrated load. They act on the
+undeformed wall, as in linear mechanics, or follow it (`InnerSurface`). Springs on the
+outer surface are an elastic bed around the lower half, and straps where the rectus
+muscles are inserted; they are linear in the displacement, with directions of the
+undeformed wall. Insertions lie on the spiral of Tillaux: 5.5, 6.5, 6.9 and 7.7 mm
+behind the limbus (medial, inferior, lateral, superior), 9 to 11 mm wide (Apt, Trans.
+Am. Ophthalmol. Soc. 78, 1980, 365), on an eye of 12 mm radius whose limbus has a radius
+of 5.75 mm; on other eyes at the same angles.
 """
 
 from collections.abc import Sequence
@@ -28,13 +31,16 @@ from scleraforce.mechanics.mesh import HexMesh, locate, sum_at
 from scleraforce.mechanics.shapes import shape_gradients, shape_values
 from scleraforce.study import SupportsStudy
 
-PRESSURE_POINTS = 3  # exact: normal times shape function of a curved quad is of degree 5 in each direction
+# exact: normal times shape function of a curved quad is of degree 5 in each direction
+PRESSURE_POINTS = 3
 DISC_RINGS = 6
 DISC_ANGLES = 24
 
 
 def pressure_load(mesh: HexMesh) -> Floats:
-    """Return nodal forces of a unit pressure inside, normal to the inner surface, outward: (node, 3) in N/Pa."""
+    """Return nodal forces of a unit pressure inside, normal to the inner surface,
+    outward: (node, 3) in N/Pa.
+    """
     values_pn, areas_qpc = surface_points(mesh, mesh.inner_qn, PRESSURE_POINTS)
     return sum_at(
         mesh.inner_qn,
@@ -44,7 +50,9 @@ def pressure_load(mesh: HexMesh) -> Floats:
 
 
 def gravity_load(mesh: HexMesh, points: VolumePoints) -> Floats:
-    """Return nodal forces of a unit weight density (density times g) along -z: (node, 3) in N per N/m^3."""
+    """Return nodal forces of a unit weight density (density times g) along -z: (node,
+    3) in N per N/m^3.
+    """
     down = np.array([0.0, 0.0, -1.0])
     return sum_at(
         mesh.cells_en,
@@ -56,11 +64,14 @@ def gravity_load(mesh: HexMesh, points: VolumePoints) -> Floats:
 def needle_loads(
     mesh: HexMesh, contacts: Sequence[Contact], needle_radius_m: float
 ) -> Floats:
-    """Return nodal forces of 1 N through the needle at each contact: (contact, node, 3).
+    """Return nodal forces of 1 N through the needle at each contact: (contact, node,
+    3).
 
-    The needle, seen along its axis, covers a disc of its outer radius; the force along the axis is uniform over it and
-    taken up by the outer surface below. Integrated by Gauss in the squared radius and equal angles; the weights of the
-    points sum to 1 and so do the shape functions, hence the resultant is exactly 1 N along the inward normal.
+    The needle, seen along its axis, covers a disc of its outer radius; the force along
+    the axis is uniform over it and taken up by the outer surface below. Integrated by
+    Gauss in the squared radius and equal angles; the weights of the points sum to 1 and
+    so do the shape functions, hence the resultant is exactly 1 N along the inward
+    normal.
     """
     places_pk, weights_p = disc_rule()
     sideways_pk = needle_radius_m / mesh.radius_m * places_pk
@@ -68,9 +79,8 @@ def needle_loads(
     axes = np.array(
         [[contact.meridian, contact.parallel, contact.normal] for contact in contacts]
     )
-    directions = (
-        np.concatenate([sideways_pk, height[:, None]], axis=1) @ axes
-    )  # (contact, point, 3)
+    # (contact, point, 3)
+    directions = np.concatenate([sideways_pk, height[:, None]], axis=1) @ axes
 
     below = np.flatnonzero(np.any(directions[..., 2] < 0.0, axis=1))
     if len(below):
@@ -89,7 +99,9 @@ def needle_loads(
 
 
 def disc_rule() -> tuple[Floats, Floats]:
-    """Return points (point, 2) in the unit disc and weights (point,) that sum to 1: a uniform load."""
+    """Return points (point, 2) in the unit disc and weights (point,) that sum to 1: a
+    uniform load.
+    """
     places, weights = gauss_points(1, DISC_RINGS)
     radius = np.sqrt(0.5 * (places[:, 0] + 1.0))  # equal steps of r^2 are equal areas
     # Half a step turns every other ring, so that no two rings share their angles.
@@ -104,7 +116,8 @@ def disc_rule() -> tuple[Floats, Floats]:
 def _over_base(contact: Contact) -> InputError:
     polar = np.degrees(contact.polar_rad)
     return InputError(
-        f"polar angle: the needle at {polar:g} deg reaches over the base; use a smaller angle"
+        f"polar angle: the needle at {polar:g} deg reaches over the base; use a smaller"
+        " angle"
     )
 
 
@@ -116,8 +129,8 @@ PROJECTED_M = 1e-9
 class Needle:
     """A push on the wall.
 
-    `load_nc` (node, 3): nodal forces of 1 N. `tip_nc` (node, 3): the sum of its product with a displacement is the
-    tip's displacement along the needle axis, inward, in m.
+    `load_nc` (node, 3): nodal forces of 1 N. `tip_nc` (node, 3): the sum of its product
+    with a displacement is the tip's displacement along the needle axis, inward, in m.
     """
 
     load_nc: Floats
@@ -130,15 +143,18 @@ def needle_at(
     needle_radius_m: float,
     axis_c: Floats | None = None,
 ) -> Needle:
-    """Return a needle whose axis meets the outer surface at the contact, with a load as that of `needle_loads`.
+    """Return a needle whose axis meets the outer surface at the contact, with a load as
+    that of `needle_loads`.
 
-    Of a wall of another form the contact is the point that has this direction on the sphere. `axis_c` is a unit vector
-    into the eye, (3,); by default the opposite of the contact's normal.
+    Of a wall of another form the contact is the point that has this direction on the
+    sphere. `axis_c` is a unit vector into the eye, (3,); by default the opposite of the
+    contact's normal.
     """
     axis = -contact.normal if axis_c is None else axis_c
     if not abs(np.linalg.norm(axis) - 1.0) < 1e-6 or axis @ contact.normal > -0.5:
         raise InputError(
-            f"needle axis: {np.round(axis, 3).tolist()}; must be a unit vector into the eye"
+            f"needle axis: {np.round(axis, 3).tolist()}; must be a unit vector into"
+            " the eye"
         )
 
     places_pk, weights_p = disc_rule()
@@ -156,12 +172,16 @@ def needle_at(
 
 
 def tip_at(mesh: HexMesh, contact: Contact, axis_c: Floats) -> Floats:
-    """Return the functional of the outer surface's displacement at the contact along `axis_c`, (node, 3)."""
+    """Return the functional of the outer surface's displacement at the contact along
+    `axis_c`, (node, 3).
+    """
     return _spread(mesh, contact.normal[None], np.ones(1))[:, None] * axis_c
 
 
 def _spread(mesh: HexMesh, directions_dc: Floats, weights_d: Floats) -> Floats:
-    """Sum of weights times shape functions of the outer surface at directions, (node,)."""
+    """Sum of weights times shape functions of the outer surface at directions,
+    (node,).
+    """
     quads, values_dn = locate(mesh, directions_dc)
     amounts = values_dn * weights_d[:, None]
     nodal = np.bincount(
@@ -173,10 +193,12 @@ def _spread(mesh: HexMesh, directions_dc: Floats, weights_d: Floats) -> Floats:
 def _below_disc(
     mesh: HexMesh, contact: Contact, sideways_pc: Floats, axis_c: Floats
 ) -> Floats:
-    """Directions (point, 3) of the outer surface's points that lie below points of the disc, along the axis.
+    """Directions (point, 3) of the outer surface's points that lie below points of the
+    disc, along the axis.
 
-    A direction that grows by v moves its point by about v, so correcting it by the point's error across the axis
-    contracts: by the squared sine of the tilt on a sphere.
+    A direction that grows by v moves its point by about v, so correcting it by the
+    point's error across the axis contracts: by the squared sine of the tilt on a
+    sphere.
     """
     goals_pc = _surface_points(mesh, contact.normal[None]) + sideways_pc
     directions = mesh.radius_m * contact.normal + sideways_pc
@@ -192,12 +214,15 @@ def _below_disc(
             return directions
 
     raise SolverError(
-        "needle: its disc could not be laid on the wall; use an axis closer to the normal"
+        "needle: its disc could not be laid on the wall; use an axis closer to the"
+        " normal"
     )
 
 
 def _surface_points(mesh: HexMesh, directions_dc: Floats) -> Floats:
-    """Points of the outer surface whose directions on the sphere these are, (direction, 3)."""
+    """Points of the outer surface whose directions on the sphere these are, (direction,
+    3).
+    """
     quads, values_dn = locate(mesh, directions_dc)
     return np.einsum("dn,dnc->dc", values_dn, mesh.points_nc[mesh.outer_qn[quads]])
 
@@ -207,12 +232,14 @@ TURNS = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 
 
 class InnerSurface:
-    """The inner surface of the wall, on which the vitreous presses; displacements are (node, 3) in m.
+    """The inner surface of the wall, on which the vitreous presses; displacements are
+    (node, 3) in m.
 
-    The force f_a = p * integral of N_a (x,1 x x,2) over the local coordinates of the inner quads is the derivative by
-    the nodes' positions of p times the cavity's volume, as long as the edge of the surface is held or stays in its
-    plane: then the derivative of f is symmetric. Source: Bonet and Wood, Nonlinear Continuum Mechanics, sec. 8.5 and
-    9.5.
+    The force f_a = p * integral of N_a (x,1 x x,2) over the local coordinates of the
+    inner quads is the derivative by the nodes' positions of p times the cavity's
+    volume, as long as the edge of the surface is held or stays in its plane: then the
+    derivative of f is symmetric. Source: Bonet and Wood, Nonlinear Continuum Mechanics,
+    sec. 8.5 and 9.5.
     """
 
     def __init__(self, mesh: HexMesh) -> None:
@@ -232,9 +259,11 @@ class InnerSurface:
         )
 
     def volume(self, displacement_nc: Floats) -> float:
-        """Return the volume of the cavity in m^3: inside a whole globe, or above the base of a half.
+        """Return the volume of the cavity in m^3: inside a whole globe, or above the
+        base of a half.
 
-        V = 1/3 integral of x . n with x from a point of the base, so that the base, which is plane, adds nothing.
+        V = 1/3 integral of x . n with x from a point of the base, so that the base,
+        which is plane, adds nothing.
         """
         x_qnc = (self._points_nc + displacement_nc - self._origin_c)[self._quads_qn]
         areas = self._areas(x_qnc)
@@ -253,7 +282,9 @@ class InnerSurface:
         )
 
     def forces(self, displacement_nc: Floats) -> Floats:
-        """Return the nodal forces of 1 Pa, normal to the deformed surface, outward: (node, 3) in N."""
+        """Return the nodal forces of 1 Pa, normal to the deformed surface, outward:
+        (node, 3) in N.
+        """
         areas = self._areas((self._points_nc + displacement_nc)[self._quads_qn])
         local_qnc = np.einsum(
             "p,pn,qpc->qnc", self._weights_p, self._values_pn, areas, optimize=True
@@ -263,10 +294,12 @@ class InnerSurface:
     def add_tangent(
         self, element_eiajb: Reals, displacement_nc: Floats, factor: float
     ) -> None:
-        """Add `factor` times the derivative of the forces by the displacement to the element matrices, in place.
+        """Add `factor` times the derivative of the forces by the displacement to the
+        element matrices, in place.
 
-        df_a / du_b = integral of N_a (N_b,1 e_k x x,2 - N_b,2 e_k x x,1). Only the symmetric part of every quad is
-        added: the rest cancels between neighbours, and at the edge where it is held.
+        df_a / du_b = integral of N_a (N_b,1 e_k x x,2 - N_b,2 e_k x x,1). Only the
+        symmetric part of every quad is added: the rest cancels between neighbours, and
+        at the edge where it is held.
         """
         x_qnc = (self._points_nc + displacement_nc)[self._quads_qn]
         first, second = (slopes_pn @ x_qnc for slopes_pn in self._slopes_kpn)
@@ -289,7 +322,9 @@ class InnerSurface:
 
 
 def clamped_base(mesh: HexMesh) -> Flags:
-    """Clamp the whole base (the paper's Dirichlet condition, sec. 2.1): flags (node, 3), True where held."""
+    """Clamp the whole base (the paper's Dirichlet condition, sec. 2.1): flags (node,
+    3), True where held.
+    """
     held = np.zeros(mesh.points_nc.shape, dtype=bool)
     held[mesh.base_nodes] = True
     return held
@@ -299,7 +334,8 @@ BED_POINTS = 3
 STRAP_POINTS = 16  # Gauss points along the line of an insertion
 EYE_RADIUS_MM = 12.0
 LIMBUS_RAD = asin(5.75 / EYE_RADIUS_MM)  # its polar angle
-# Polar angle, azimuth from the medial rectus, the arc's width, in rad; from mm behind the limbus and mm of width.
+# Polar angle, azimuth from the medial rectus, the arc's width, in rad; from mm behind
+# the limbus and mm of width.
 INSERTIONS = {
     name: (
         LIMBUS_RAD + behind_limbus_mm / EYE_RADIUS_MM,
@@ -321,8 +357,8 @@ INSERTIONS = {
 class Springs:
     """Springs between a wall and its undeformed place.
 
-    `quads_q` (quad,): the outer quads they act on; `blocks_qnnii` (quad, node, node, 3, 3): their stiffness in N/m. A
-    quad may occur more than once.
+    `quads_q` (quad,): the outer quads they act on; `blocks_qnnii` (quad, node, node, 3,
+    3): their stiffness in N/m. A quad may occur more than once.
     """
 
     mesh: HexMesh
@@ -342,7 +378,9 @@ class Springs:
         add_faces(element_eiajb, self.mesh, blocks, self.quads_q, layer=2)
 
     def forces(self, displacement_nc: Floats) -> Floats:
-        """Return the nodal forces (node, 3) that hold a displacement (node, 3) in m against the springs, in N."""
+        """Return the nodal forces (node, 3) that hold a displacement (node, 3) in m
+        against the springs, in N.
+        """
         nodes_qn = self.mesh.outer_qn[self.quads_q]
         local_qni = np.einsum(
             "qnmij,qmj->qni",
@@ -357,9 +395,11 @@ class Springs:
 def elastic_bed(
     mesh: HexMesh, stiffness_pa_m: float, shear_stiffness_pa_m: float
 ) -> Springs:
-    """Return a Winkler bed under the outer surface of a whole globe's lower half, z < 0 on the sphere.
+    """Return a Winkler bed under the outer surface of a whole globe's lower half, z < 0
+    on the sphere.
 
-    Its stiffness is pressure per metre along the wall's normal, either way, and shear per metre that the wall slides.
+    Its stiffness is pressure per metre along the wall's normal, either way, and shear
+    per metre that the wall slides.
     """
     places, _ = gauss_points(2, BED_POINTS)
     heights_qp = (
@@ -395,14 +435,18 @@ def elastic_bed(
 def rectus_straps(
     mesh: HexMesh, stiffness_n_m: float, medial_azimuth_rad: float = 0.0
 ) -> Springs:
-    """Return four straps that hold the insertions of the rectus muscles along the meridians, of a stiffness each."""
+    """Return four straps that hold the insertions of the rectus muscles along the
+    meridians, of a stiffness each.
+    """
     places, weights = gauss_points(1, STRAP_POINTS)
     contacts = [
         Contact(polar_rad=polar_rad, azimuth_rad=azimuth_rad)
         for polar_rad, from_medial_rad, width_rad in INSERTIONS.values()
-        for azimuth_rad in medial_azimuth_rad
-        + from_medial_rad
-        + 0.5 * width_rad * places[:, 0] / np.sin(polar_rad)
+        for azimuth_rad in (
+            medial_azimuth_rad
+            + from_medial_rad
+            + 0.5 * width_rad * places[:, 0] / np.sin(polar_rad)
+        )
     ]
     quads, values_pn = locate(mesh, np.array([contact.normal for contact in contacts]))
     weights_p = np.tile(0.5 * weights, len(INSERTIONS))

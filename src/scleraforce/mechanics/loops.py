@@ -15,7 +15,9 @@ CROSSINGS = 12
 def _local_coordinates(
     polynomials: Floats, frames_qkc: Floats, quads: Integers, directions_dc: Floats
 ) -> Floats:
-    """Return local coordinates (direction, 2) in given quads, by Newton's method until the last one has converged."""
+    """Return local coordinates (direction, 2) in given quads, by Newton's method until
+    the last one has converged.
+    """
     count = len(quads)
     local = np.zeros((count, 2))
     u = np.empty((count, 3, 3))
@@ -90,10 +92,11 @@ def cross_quads(
     quads: Integers,
     directions_dc: Floats,
 ) -> tuple[Floats, bool]:
-    """Go from each direction's quad in `quads`, which is changed, to the one that it pierces.
+    """Go from each direction's quad in `quads`, which is changed, to the one that it
+    pierces.
 
-    The first three arguments are from `SurfaceLocator`. Return local coordinates (direction, 2), not clipped to the
-    quad, and whether all were found.
+    The first three arguments are from `SurfaceLocator`. Return local coordinates
+    (direction, 2), not clipped to the quad, and whether all were found.
     """
     local = _local_coordinates(polynomials, frames_qkc, quads, directions_dc)
     beyond = np.empty(4)

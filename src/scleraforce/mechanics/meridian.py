@@ -1,12 +1,15 @@
-"""A solid of revolution on its meridian, in 9-node quads: forces and their derivative, at E = 1 Pa.
+"""A solid of revolution on its meridian, in 9-node quads: forces and their derivative,
+at E = 1 Pa.
 
-The energy is that of `neo_hookean`. The deformation gradient has five entries that are not zero, in the order F_rr,
-F_rz, F_zr, F_zz, F_tt (t: around the axis, F_tt = 1 + u_r / R). Every integral is over the undeformed wall. Tissue that
-stiffens (`material`) multiplies its stress by exp(b Q).
+The energy is that of `neo_hookean`. The deformation gradient has five entries that are
+not zero, in the order F_rr, F_rz, F_zr, F_zz, F_tt (t: around the axis, F_tt = 1 + u_r
+/ R). Every integral is over the undeformed wall. Tissue that stiffens (`material`)
+multiplies its stress by exp(b Q).
 
-The loops are compiled and take one element at a time. A node's radial motion enters three of the deformation gradient's
-entries, its motion along the axis two. So they keep (d/dr, d/dz, N/R) of each shape function instead of the gradient
-operator with its zeros, and sum one triangle of each tangent, which is symmetric.
+The loops are compiled and take one element at a time. A node's radial motion enters
+three of the deformation gradient's entries, its motion along the axis two. So they keep
+(d/dr, d/dz, N/R) of each shape function instead of the gradient operator with its
+zeros, and sum one triangle of each tangent, which is symmetric.
 """
 
 from dataclasses import dataclass
@@ -26,7 +29,9 @@ FIRST_TO_MEAN = 0.2  # size of the first element beyond the needle over the mean
 
 @dataclass(frozen=True)
 class MeridianSize:
-    """The size of a meridian's mesh: `elements` from the axis to the support, `layers` through the wall."""
+    """The size of a meridian's mesh: `elements` from the axis to the support, `layers`
+    through the wall.
+    """
 
     elements: int = 48
     layers: int = 1
@@ -34,11 +39,13 @@ class MeridianSize:
 
 @dataclass(frozen=True, eq=False)
 class MeridianMesh:
-    """Nodes and 9-node quads of the meridian, in columns across the wall, outer node first.
+    """Nodes and 9-node quads of the meridian, in columns across the wall, outer node
+    first.
 
-    `points_nc`: nodes (node, [distance from the needle axis, height over the centre]) in m. `cells_en` (element, 9),
-    along the meridian first: node 3 j + i is the i-th of three columns and the j-th of three nodes across. `outer_n`,
-    `inner_n`: nodes of the boundaries from the axis to the support; every other one is an element's corner.
+    `points_nc`: nodes (node, [distance from the needle axis, height over the centre])
+    in m. `cells_en` (element, 9), along the meridian first: node 3 j + i is the i-th of
+    three columns and the j-th of three nodes across. `outer_n`, `inner_n`: nodes of the
+    boundaries from the axis to the support; every other one is an element's corner.
     """
 
     radius_m: float
@@ -55,21 +62,25 @@ def meridian_mesh(
     support_rad: float,
     size: MeridianSize,
 ) -> MeridianMesh:
-    """Return a mesh from the needle axis to the support, with one element under the needle.
+    """Return a mesh from the needle axis to the support, with one element under the
+    needle.
 
-    Only one, on purpose. The force keeps its direction and its disc moves with the wall, so a pressure of about the
-    modulus itself crushes the wall below it where the mesh lets it: with two elements the wall below shrinks to a
-    quarter of its thickness between F/E = 0.12 and 0.2 mm^2. Blunt steel does not do that, nor does the 3-D wall of the
-    default mesh, and beyond the disc it hardly shows. Outside the needle the elements grow in proportion to their
-    number, from a fifth of their mean to twice.
+    Only one, on purpose. The force keeps its direction and its disc moves with the
+    wall, so a pressure of about the modulus itself crushes the wall below it where the
+    mesh lets it: with two elements the wall below shrinks to a quarter of its thickness
+    between F/E = 0.12 and 0.2 mm^2. Blunt steel does not do that, nor does the 3-D wall
+    of the default mesh, and beyond the disc it hardly shows. Outside the needle the
+    elements grow in proportion to their number, from a fifth of their mean to twice.
     """
     if not 0.0 < thickness_m < radius_m:
         raise InputError(
-            f"thickness: {from_si(thickness_m, 'mm'):g} mm; must be above 0 and below the radius"
+            f"thickness: {from_si(thickness_m, 'mm'):g} mm; must be above 0 and below"
+            " the radius"
         )
     if not 0.0 < needle_radius_m < radius_m * np.sin(min(support_rad, 0.5 * np.pi)):
         raise InputError(
-            f"needle radius: {from_si(needle_radius_m, 'mm'):g} mm; must be above 0 and below the radius"
+            f"needle radius: {from_si(needle_radius_m, 'mm'):g} mm; must be above 0 and"
+            " below the radius"
         )
 
     needle_rad = float(np.arcsin(needle_radius_m / radius_m))
@@ -100,7 +111,8 @@ POINTS = 3  # along each direction of a 9-node quad
 
 
 def line_shapes(places_p: Floats) -> tuple[Floats, Floats]:
-    """Return values and slopes (point, 3) of the quadratic shape functions of nodes at -1, 0, 1.
+    """Return values and slopes (point, 3) of the quadratic shape functions of nodes at
+    -1, 0, 1.
 
     >>> line_shapes(np.array([-1.0]))[0]
     array([[ 1.,  0., -0.]])
@@ -111,9 +123,11 @@ def line_shapes(places_p: Floats) -> tuple[Floats, Floats]:
 
 
 def quad_shapes(places_pk: Floats) -> tuple[Floats, Floats]:
-    """Return the shape functions of a 9-node quad (point, 9) and their slopes (point, 9, [along, across])."""
-    (along, along_slope) = line_shapes(places_pk[:, 0])
-    (across, across_slope) = line_shapes(places_pk[:, 1])
+    """Return the shape functions of a 9-node quad (point, 9) and their slopes (point,
+    9, [along, across]).
+    """
+    along, along_slope = line_shapes(places_pk[:, 0])
+    across, across_slope = line_shapes(places_pk[:, 1])
     parts = (across, along), (across, along_slope), (across_slope, along)
     values, *slopes = (np.einsum("pj,pi->pji", *both).reshape(-1, 9) for both in parts)
     return values, np.stack(slopes, axis=-1)
@@ -122,9 +136,10 @@ def quad_shapes(places_pk: Floats) -> tuple[Floats, Floats]:
 class ElementTables(NamedTuple):
     """The loops' view of a solid: shapes and material.
 
-    `shapes_epgn` (element, point, 3, 9): d/dr, d/dz and N/R of the nodes' shape functions; `unknowns_en` (element, 18):
-    2 n + c is node n, component c (from the axis, along it); `lambda_ep`, `mu_ep` (element, point): Lamé's constants
-    times the point's volume; `stiffening`: b; `lame_ratio`: lambda/mu.
+    `shapes_epgn` (element, point, 3, 9): d/dr, d/dz and N/R of the nodes' shape
+    functions; `unknowns_en` (element, 18): 2 n + c is node n, component c (from the
+    axis, along it); `lambda_ep`, `mu_ep` (element, point): Lamé's constants times the
+    point's volume; `stiffening`: b; `lame_ratio`: lambda/mu.
     """
 
     shapes_epgn: Floats
@@ -138,7 +153,9 @@ class ElementTables(NamedTuple):
 def solid_of_revolution(
     mesh: MeridianMesh, poisson_ratio: float, stiffening: float = 0.0
 ) -> ElementTables:
-    """Return a wall's shapes and material at its Gauss points; b = 0 is the neo-Hookean solid."""
+    """Return a wall's shapes and material at its Gauss points; b = 0 is the neo-Hookean
+    solid.
+    """
     places_pk, weights_p = gauss_points(2, POINTS)
     values_pn, slopes_pnk = quad_shapes(places_pk)
     corners_enc = mesh.points_nc[mesh.cells_en]
@@ -224,8 +241,9 @@ def nodal_forces(tables: ElementTables, u: Floats) -> Floats:
 def element_tangents(tables: ElementTables, u: Floats) -> Floats:
     """Return the derivative of the forces of every element, (element, 18, 18).
 
-    mu dF:dF + lambda (H:dF)^2 + (mu - lambda ln J) H dF^T:(H dF^T)^T; the first does not depend on u. In tissue that
-    stiffens all of it is times exp(b Q), and so is (2 b/mu) (P:dF)^2 with P of b = 0.
+    mu dF:dF + lambda (H:dF)^2 + (mu - lambda ln J) H dF^T:(H dF^T)^T; the first does
+    not depend on u. In tissue that stiffens all of it is times exp(b Q), and so is (2
+    b/mu) (P:dF)^2 with P of b = 0.
     """
     F = np.empty(5)
     H = np.empty(5)
@@ -294,7 +312,9 @@ def element_tangents(tables: ElementTables, u: Floats) -> Floats:
 def _deformation(
     shapes: Floats, unknowns: Integers, u: Floats, F: Floats, H: Floats
 ) -> float:
-    """Write F and its inverse's transpose H (5,) at a point; return ln J, not a number where J <= 0."""
+    """Write F and its inverse's transpose H (5,) at a point; return ln J, not a number
+    where J <= 0.
+    """
     rr = rz = zr = zz = around = 0.0
     for node in range(9):
         away = u[unknowns[2 * node]]
@@ -358,7 +378,9 @@ def _stress(
 def _elasticity(
     lame_lambda: float, lame_mu: float, H: Floats, log_ratio: float, A: Floats
 ) -> None:
-    """Write the elasticity of b = 0 times the volume, (5, 5): see `element_tangents`."""
+    """Write the elasticity of b = 0 times the volume, (5, 5): see
+    `element_tangents`.
+    """
     exchanged = lame_mu - lame_lambda * log_ratio
     for i in range(5):
         for j in range(5):

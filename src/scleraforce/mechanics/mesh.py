@@ -1,4 +1,6 @@
-"""The wall of the eye as hexahedra: a subdivided half-sphere of quads, extruded inward (paper sec. 2.1)."""
+"""The wall of the eye as hexahedra: a subdivided half-sphere of quads, extruded inward
+(paper sec. 2.1).
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,7 +17,8 @@ from scleraforce.units import from_si
 class QuadSurface:
     """A surface of quadrilaterals, counter-clockwise as seen from outside.
 
-    `points_vc` (vertex, 3); `quads_qv` (quad, 4) vertex numbers. Edge k of a quad joins its corners k and k + 1.
+    `points_vc` (vertex, 3); `quads_qv` (quad, 4) vertex numbers. Edge k of a quad joins
+    its corners k and k + 1.
     """
 
     points_vc: Floats
@@ -23,7 +26,9 @@ class QuadSurface:
 
     @cached_property
     def edges(self) -> tuple[Integers, Integers, Flags]:
-        """Vertices of every edge, (edge, 2), edges of every quad's sides, (quad, 4), and which are the boundary's."""
+        """Vertices of every edge, (edge, 2), edges of every quad's sides, (quad, 4),
+        and which are the boundary's.
+        """
         pairs = np.stack(
             [self.quads_qv, np.roll(self.quads_qv, -1, axis=1)], axis=-1
         ).reshape(-1, 2)
@@ -41,9 +46,10 @@ class QuadSurface:
 def half_cube(divisions: int) -> QuadSurface:
     """Return the upper half (z >= 0) of the cube [-1, 1]^3, open at the base.
 
-    `divisions` quads along an edge of the top, half as many down the sides. The grid lines are equiangular (tangents of
-    equal angles), so that projection on the sphere keeps the quads nearly alike: uniform lines would make quads at a
-    corner five times smaller than in the middle of a face.
+    `divisions` quads along an edge of the top, half as many down the sides. The grid
+    lines are equiangular (tangents of equal angles), so that projection on the sphere
+    keeps the quads nearly alike: uniform lines would make quads at a corner five times
+    smaller than in the middle of a face.
     """
     half = divisions // 2
     along = np.arange(-half, half)
@@ -68,13 +74,14 @@ def _grid_quads(columns: Integers, rows: Integers, height: int) -> Integers:
 def catmull_clark(surface: QuadSurface) -> QuadSurface:
     """Return the surface after one Catmull-Clark subdivision: four quads for each.
 
-    Inside: Catmull and Clark, Computer-Aided Design 10 (1978) 350. On the boundary: the cubic B-spline curve of the
-    boundary vertices (DeRose, Kass and Truong, SIGGRAPH 1998), so a plane boundary stays in its plane. Vertices of the
-    old surface keep their numbers; edge points follow, then face points.
+    Inside: Catmull and Clark, Computer-Aided Design 10 (1978) 350. On the boundary: the
+    cubic B-spline curve of the boundary vertices (DeRose, Kass and Truong, SIGGRAPH
+    1998), so a plane boundary stays in its plane. Vertices of the old surface keep
+    their numbers; edge points follow, then face points.
     """
     points = surface.points_vc
     quads = surface.quads_qv
-    (edges, quad_edges_qe, boundary) = surface.edges
+    edges, quad_edges_qe, boundary = surface.edges
     vertices = len(points)
     face_points = points[quads].mean(axis=1)
     middles = points[edges].mean(axis=1)
@@ -101,7 +108,9 @@ def catmull_clark(surface: QuadSurface) -> QuadSurface:
 def _vertex_points(
     surface: QuadSurface, middles: Floats, face_points: Floats
 ) -> Floats:
-    """(F + 2 M + (n - 3) P) / n with the means F of face points and M of edge middles around a vertex of valence n."""
+    """(F + 2 M + (n - 3) P) / n with the means F of face points and M of edge middles
+    around a vertex of valence n.
+    """
     points = surface.points_vc
     count = len(surface.points_vc)
     faces = np.bincount(surface.quads_qv.ravel(), minlength=count)[:, None]
@@ -115,7 +124,9 @@ def _vertex_points(
 
 
 def sum_at(index: Integers, values: Floats, count: int) -> Floats:
-    """Sum the vectors `values` (*shape of `index`, 3) that share an index, shape (count, 3)."""
+    """Sum the vectors `values` (*shape of `index`, 3) that share an index, shape
+    (count, 3).
+    """
     flat = index.ravel()
     vectors = values.reshape(-1, 3)
     return np.stack(
@@ -138,17 +149,21 @@ FEW = 400  # quads: comparing all of them is quicker than to import a tree
 
 
 class SurfaceLocator:
-    """Finds directions on a sphere of quads (4, 8 or 9 nodes), or on its upper half with all nodes on z >= 0.
+    """Finds directions on a sphere of quads (4, 8 or 9 nodes), or on its upper half
+    with all nodes on z >= 0.
 
-    A table over the stereographic disc (two for a whole sphere, one from either pole) gives the quad whose middle is
-    nearest; Newton's method then solves for the local coordinates where the surface point is parallel to the direction,
-    and crosses to a neighbour when they leave the quad. In a quad's own frame (a, b, c), c through its middle, parallel
+    A table over the stereographic disc (two for a whole sphere, one from either pole)
+    gives the quad whose middle is nearest; Newton's method then solves for the local
+    coordinates where the surface point is parallel to the direction, and crosses to a
+    neighbour when they leave the quad. In a quad's own frame (a, b, c), c through its
+    middle, parallel
     means  x.a - (d.a/d.c) x.c = 0  and the same for b: two biquadratic polynomials.
     """
 
     def __init__(self, points_nc: Floats, quad_qn: Integers) -> None:
         corners = points_nc[quad_qn[:, :4]]
-        # Orthonormal frames (a, b, c) of the quads, c through their middles, shape (quad, 3, 3).
+        # Orthonormal frames (a, b, c) of the quads, c through their middles, shape
+        # (quad, 3, 3).
         c = corners.mean(axis=1)
         c /= np.linalg.norm(c, axis=1, keepdims=True)
         a = corners[:, 1] - corners[:, 0]
@@ -169,10 +184,13 @@ class SurfaceLocator:
         self._seeds = self._seed_table(self._frames_qkc[:, 2])
 
     def locate(self, directions_dc: Floats) -> tuple[Integers, Floats]:
-        """Return the quad (direction,) and local coordinates in [-1, 1]^2 (direction, 2) of every direction."""
+        """Return the quad (direction,) and local coordinates in [-1, 1]^2 (direction,
+        2) of every direction.
+        """
+        # not before something is solved: Numba takes 0.2 s
         from scleraforce.mechanics.loops import (
             cross_quads,
-        )  # not before something is solved: Numba takes 0.2 s
+        )
 
         lengths = np.linalg.norm(directions_dc, axis=1)
 
@@ -181,7 +199,8 @@ class SurfaceLocator:
         )
         if not np.all(above & (lengths > 0.0) & np.isfinite(lengths)):
             raise InputError(
-                "direction: it does not pierce the half-sphere; must have z >= 0 and a positive length"
+                "direction: it does not pierce the half-sphere; must have z >= 0 and a"
+                " positive length"
             )
 
         quads = np.empty(len(directions_dc), dtype=np.int64)
@@ -204,7 +223,9 @@ class SurfaceLocator:
         return quads, local
 
     def _seed_table(self, middles_qc: Floats) -> Integers:
-        """Quad with the nearest middle for every cell around the stereographic disc, flat; then those for z < 0."""
+        """Quad with the nearest middle for every cell around the stereographic disc,
+        flat; then those for z < 0.
+        """
         middles = (np.arange(self._table_cells) + 0.5) * 2.0 / self._table_cells - 1.0
         p, q = np.meshgrid(middles, middles, indexing="ij")
         square = p**2 + q**2
@@ -224,7 +245,9 @@ class SurfaceLocator:
         return np.asarray(cKDTree(middles_qc).query(sides)[1], dtype=np.int64)
 
     def _cell(self, directions_dc: Floats) -> Integers:
-        """Cell of the seed table: stereographic projection from the far pole maps a half-sphere to a disc."""
+        """Cell of the seed table: stereographic projection from the far pole maps a
+        half-sphere to a disc.
+        """
         disc = directions_dc[:, :2] / (1.0 + np.abs(directions_dc[:, 2:]))
         cell = np.clip(
             ((disc + 1.0) * (0.5 * self._table_cells)).astype(np.int64),
@@ -254,7 +277,8 @@ def _neighbours(quad_qn: Integers) -> Integers:
     return neighbours.reshape(-1, 4)
 
 
-# Where VTK's nodes of a hexahedron lie in its radial column: (layer: 0 inner, 1 middle, 2 outer; node of the quad).
+# Where VTK's nodes of a hexahedron lie in its radial column: (layer: 0 inner, 1 middle,
+# 2 outer; node of the quad).
 COLUMN_NODES = (
     *((0, k) for k in range(4)),
     *((2, k) for k in range(4)),
@@ -267,13 +291,16 @@ COLUMN_NODES = (
 
 @dataclass(frozen=True, eq=False)
 class HexMesh:
-    """A wall of hexahedra between two spheres, SI units: the half above the base plane z = 0, or all of it.
+    """A wall of hexahedra between two spheres, SI units: the half above the base plane
+    z = 0, or all of it.
 
-    `points_nc` (node, 3). `cells_en` (element, 8 or 27): nodes in VTK's order, first local directions along the sphere,
-    third outward. `outer_qn`, `inner_qn` (quad, 4 or 9): the two surfaces; quad k of both belongs to one radial column
-    and is seen from outside counter-clockwise. Every node lies exactly on its sphere and, through the wall, on one ray;
-    so a direction has the same local coordinates on both surfaces. `base_nodes`: the nodes on z = 0 of a half-sphere;
-    empty for a whole sphere. A wall of another form (`mechanics.form`) keeps its nodes' places on the sphere in
+    `points_nc` (node, 3). `cells_en` (element, 8 or 27): nodes in VTK's order, first
+    local directions along the sphere, third outward. `outer_qn`, `inner_qn` (quad, 4 or
+    9): the two surfaces; quad k of both belongs to one radial column and is seen from
+    outside counter-clockwise. Every node lies exactly on its sphere and, through the
+    wall, on one ray; so a direction has the same local coordinates on both surfaces.
+    `base_nodes`: the nodes on z = 0 of a half-sphere; empty for a whole sphere. A wall
+    of another form (`mechanics.form`) keeps its nodes' places on the sphere in
     `shaped_from_nc`; directions refer to the sphere.
     """
 
@@ -308,8 +335,9 @@ def build_mesh(
 ) -> HexMesh:
     """Return the wall between the spheres of radius R and R - t, z >= 0.
 
-    `divisions`: quads along an edge of the half cube, even; each Catmull-Clark subdivision (`level`) doubles them.
-    `layers`: hexahedra through the wall; `order`: 1 (8 nodes) or 2 (curved, 27 nodes).
+    `divisions`: quads along an edge of the half cube, even; each Catmull-Clark
+    subdivision (`level`) doubles them. `layers`: hexahedra through the wall; `order`: 1
+    (8 nodes) or 2 (curved, 27 nodes).
 
     >>> mesh = build_mesh(12e-3, 0.5e-3, divisions=10, level=2, layers=2, order=1)  # the paper's counts
     >>> len(mesh.cells_en), len(mesh.points_nc)
@@ -317,8 +345,8 @@ def build_mesh(
     """
     if level < 0 or divisions < 2 or divisions % 2:
         raise InputError(
-            f"mesh: level {level}, divisions {divisions}; the level must be 0 or more, divisions even and "
-            "at least 2"
+            f"mesh: level {level}, divisions {divisions}; the level must be 0 or more,"
+            " divisions even and at least 2"
         )
 
     surface = half_cube(divisions)
@@ -333,14 +361,18 @@ def build_mesh(
 def extrude_surface(
     surface: QuadSurface, radius_m: float, thickness_m: float, layers: int, order: int
 ) -> HexMesh:
-    """Return the wall under a surface of the unit sphere, scaled; an open one has its edge on z = 0 exactly."""
+    """Return the wall under a surface of the unit sphere, scaled; an open one has its
+    edge on z = 0 exactly.
+    """
     if not 0.0 < thickness_m < 0.5 * radius_m:
         raise InputError(
-            f"thickness: {from_si(thickness_m, 'mm'):g} mm; must be above 0 and below half the radius"
+            f"thickness: {from_si(thickness_m, 'mm'):g} mm; must be above 0 and below"
+            " half the radius"
         )
     if order not in (1, 2) or layers < 1:
         raise InputError(
-            f"mesh: order {order}, layers {layers}; must be order 1 or 2 and at least 1 layer"
+            f"mesh: order {order}, layers {layers}; must be order 1 or 2 and at least 1"
+            " layer"
         )
 
     directions, quads = _quad_nodes(surface, order)
@@ -348,9 +380,8 @@ def extrude_surface(
     radii = radius_m - thickness_m * np.linspace(0.0, 1.0, sheets)
     points = (radii[:, None, None] * directions).reshape(-1, 3)
     column = np.array(COLUMN_NODES[: 8 if order == 1 else 27])
-    sheet = (
-        order * np.arange(layers)[:, None] + order * (2 - column[:, 0]) // 2
-    )  # (layer, node); 0 is the outermost
+    # (layer, node); 0 is the outermost
+    sheet = order * np.arange(layers)[:, None] + order * (2 - column[:, 0]) // 2
     cells = (quads[:, column[:, 1]] + sheet[:, None] * len(directions)).reshape(
         -1, len(column)
     )
@@ -382,9 +413,11 @@ def _quad_nodes(surface: QuadSurface, order: int) -> tuple[Floats, Integers]:
 
 
 def locate(mesh: HexMesh, directions_dc: Floats) -> tuple[Integers, Floats]:
-    """Return the quads that rays from the centre pierce, (direction,), and shape functions there (direction, node).
+    """Return the quads that rays from the centre pierce, (direction,), and shape
+    functions there (direction, node).
 
-    Directions (direction, 3) have any positive length; below the base plane of a half-sphere they are an `InputError`.
+    Directions (direction, 3) have any positive length; below the base plane of a
+    half-sphere they are an `InputError`.
     """
     quads, local_dk = mesh.locator.locate(directions_dc)
     return quads, shape_values(local_dk, mesh.outer_qn.shape[1])

@@ -1,19 +1,23 @@
-"""A compressible neo-Hookean solid at finite strain on hexahedra: forces and their derivative, at E = 1 Pa.
+"""A compressible neo-Hookean solid at finite strain on hexahedra: forces and their
+derivative, at E = 1 Pa.
 
-Energy per undeformed volume W = mu/2 (tr C - 3) - mu ln J + lambda/2 (ln J)^2; F = I + du/dX, C = F^T F, J = det F.
-Total Lagrangian: every integral is over the undeformed wall. Source: Bonet and Wood, Nonlinear Continuum Mechanics for
-Finite Element Analysis, sec. 6.4.3 and 9.4. For small strains it is Hooke's law with the same lambda and mu.
-Tissue that stiffens (`stiffening`) multiplies its stress by exp(b Q), where mu Q/2 is this energy.
+Energy per undeformed volume W = mu/2 (tr C - 3) - mu ln J + lambda/2 (ln J)^2; F = I +
+du/dX, C = F^T F, J = det F. Total Lagrangian: every integral is over the undeformed
+wall. Source: Bonet and Wood, Nonlinear Continuum Mechanics for Finite Element Analysis,
+sec. 6.4.3 and 9.4. For small strains it is Hooke's law with the same lambda and mu.
+Tissue that stiffens (`stiffening`) multiplies its stress by exp(b Q), where mu Q/2 is
+this energy.
 
-Fibres make a wall stiffer along itself than through itself, or stiffer around the eye's axis than towards it. They add
-one term to the energy. With e = (E11, E22, 2 E12), the Green strain in the plane of the wall (1 around the eye's axis,
-2 along the meridian),
+Fibres make a wall stiffer along itself than through itself, or stiffer around the eye's
+axis than towards it. They add one term to the energy. With e = (E11, E22, 2 E12), the
+Green strain in the plane of the wall (1 around the eye's axis, 2 along the meridian),
 
     W = W0 + 1/2 e D e        D = k/(1 - nu^2) [1 nu 0; nu 1 0; 0 0 (1 - nu)/2] + c [1 0 0; 0 0 0; 0 0 0]
 
-where W0 has the modulus E0. Small strains: without stress through the wall its isotropic part has the modulus E0 + k
-and the same nu; c adds to the modulus around. The geometric mean of both directions is E. Shear through the wall has
-the modulus of W0, E0/(2 (1 + nu)). In tissue that stiffens, W0 does and the term does not.
+where W0 has the modulus E0. Small strains: without stress through the wall its
+isotropic part has the modulus E0 + k and the same nu; c adds to the modulus around. The
+geometric mean of both directions is E. Shear through the wall has the modulus of W0,
+E0/(2 (1 + nu)). In tissue that stiffens, W0 does and the term does not.
 """
 
 from dataclasses import dataclass
@@ -40,10 +44,12 @@ class FibreLaw:
 def fibre_law(
     poisson_ratio: float, softer_through: float, stiffer_around: float
 ) -> FibreLaw:
-    """Return the law by (E0 + k)/E0, and E around the eye's axis over E along the meridian.
+    """Return the law by (E0 + k)/E0, and E around the eye's axis over E along the
+    meridian.
 
-    W0 is nearly incompressible, which makes it stiffer between fibres: with `softer_through` of 4, 10 and 25 and nu of
-    0.45 the modulus through the wall, where nothing holds it along, is 1/1.8, 1/3.4 and 1/7.3 of that along it.
+    W0 is nearly incompressible, which makes it stiffer between fibres: with
+    `softer_through` of 4, 10 and 25 and nu of 0.45 the modulus through the wall, where
+    nothing holds it along, is 1/1.8, 1/3.4 and 1/7.3 of that along it.
 
     >>> law = fibre_law(0.45, 1.0, 2.0)
     >>> round(law.base, 3), law.plane[0].round(3).tolist()
@@ -69,9 +75,8 @@ class FibreTerm:
     def __init__(self, law: FibreLaw, points: VolumePoints, amount_ep: Floats) -> None:
         """`amount_ep`: volume of every Gauss point times its modulus over E."""
         elements, count, nodes, _ = points.gradients_epnc.shape
-        height_n = (
-            np.array(COLUMN_NODES[:nodes])[:, 0] - 1.0
-        )  # the local coordinate through the wall
+        # the local coordinate through the wall
+        height_n = np.array(COLUMN_NODES[:nodes])[:, 0] - 1.0
         through_epc = np.einsum("n,epnc->epc", height_n, points.gradients_epnc)
         around_epc = np.cross([0.0, 0.0, 1.0], through_epc)
         directions_epkc = np.stack(
@@ -87,13 +92,17 @@ class FibreTerm:
         self._D_epvw = amount_ep[..., None, None] * law.plane
 
     def local_forces(self, local_eni: Floats) -> Floats:
-        """Return the forces on the nodes of every element (element, node, 3) under their displacements."""
+        """Return the forces on the nodes of every element (element, node, 3) under
+        their displacements.
+        """
         moved_epki, stress_epkl = self._moved_and_stress(slice(None), local_eni)
         pulls = (stress_epkl @ moved_epki).reshape(len(local_eni), -1, 3)
         return self._slopes_erN.transpose(0, 2, 1) @ pulls
 
     def add_tangents(self, K_eiakb: Reals, part: slice, local_eni: Floats) -> None:
-        """Add the tangents of some elements, under their nodes' displacements, to `K_eiakb`."""
+        """Add the tangents of some elements, under their nodes' displacements, to
+        `K_eiakb`.
+        """
         moved_epki, stress_epkl = self._moved_and_stress(part, local_eni)
         elements, nodes = local_eni.shape[:2]
         slopes_erN = self._slopes_erN[part]
@@ -128,7 +137,8 @@ class FibreTerm:
     def _moved_and_stress(
         self, part: slice, local_eni: Floats
     ) -> tuple[Floats, Floats]:
-        """Return both directions as the wall has moved them, (element, point, 2, 3), and D e as 2 x 2 matrices.
+        """Return both directions as the wall has moved them, (element, point, 2, 3),
+        and D e as 2 x 2 matrices.
 
         The strain is summed without the 1 of the undeformed wall.
         """
@@ -149,7 +159,9 @@ class FibreTerm:
 
 
 class NeoHookeanSolid:
-    """The wall's material on its mesh, E = 1 Pa times a factor: forces are divided by E."""
+    """The wall's material on its mesh, E = 1 Pa times a factor: forces are divided by
+    E.
+    """
 
     def __init__(
         self,
@@ -162,8 +174,9 @@ class NeoHookeanSolid:
     ) -> None:
         """Prepare everything that does not depend on the displacement.
 
-        `modulus_factor_ep`: modulus over E at every Gauss point of `volume_points`, (element, point) or anything that
-        broadcasts to it; `stiffening`: b of `material`, 0 for the neo-Hookean solid; `fibres`: of a wall from spheres.
+        `modulus_factor_ep`: modulus over E at every Gauss point of `volume_points`,
+        (element, point) or anything that broadcasts to it; `stiffening`: b of
+        `material`, 0 for the neo-Hookean solid; `fibres`: of a wall from spheres.
         """
         points = volume_points(mesh)
         elements, count, nodes, _ = points.gradients_epnc.shape
@@ -180,7 +193,8 @@ class NeoHookeanSolid:
         self._stiffening = stiffening
         self._lambda_ep = lame_lambda * amount_ep
         self._mu_ep = lame_mu * amount_ep
-        # Rows of D are (point, direction J): D u gives all deformation gradients of an element in one product.
+        # Rows of D are (point, direction J): D u gives all deformation gradients of an
+        # element in one product.
         self._gradients_erN = (
             points.gradients_epnc.transpose(0, 1, 3, 2)
             .reshape(elements, 3 * count, nodes)
@@ -189,11 +203,13 @@ class NeoHookeanSolid:
         self._laplacian_enn = self._laplacian(slice(None), self._mu_ep)
 
     def forces(self, displacement_nc: Floats) -> Floats:
-        """Return the nodal forces (node, 3) that hold a displacement (node, 3) in m; N per Pa of modulus.
+        """Return the nodal forces (node, 3) that hold a displacement (node, 3) in m; N
+        per Pa of modulus.
 
-        f_ai = integral of P_iJ N_a,J with P = mu (F - F^-T) + lambda ln J F^-T. Not a number where J <= 0, or where the
-        tissue is stretched too far. Without loss of digits where strains are tiny: with H = F - I, F - F^-T =
-        H + H^T F^-T, and J - 1 is summed without the 1.
+        f_ai = integral of P_iJ N_a,J with P = mu (F - F^-T) + lambda ln J F^-T. Not a
+        number where J <= 0, or where the tissue is stretched too far. Without loss of
+        digits where strains are tiny: with H = F - I, F - F^-T = H + H^T F^-T, and J -
+        1 is summed without the 1.
         """
         H_epJi = self._displacement_gradient(displacement_nc)
         dilatation_ep = _dilatation(H_epJi)
@@ -217,11 +233,14 @@ class NeoHookeanSolid:
     def tangents(
         self, displacement_nc: Floats, precision: type[np.floating[Any]] = np.float64
     ) -> Reals:
-        """Return the derivative of the forces by the displacement of every element, (element, 3, node, 3, node).
+        """Return the derivative of the forces by the displacement of every element,
+        (element, 3, node, 3, node).
 
-        K_iakb = integral of mu delta_ik N_a,J N_b,J + lambda g_ai g_bk + (mu - lambda ln J) g_ak g_bi, where g = F^-T
-        grad N is the gradient by the deformed position. The first term does not depend on the displacement. In tissue
-        that stiffens all of it is times exp(b Q), and so is (2 b/mu) p_ai p_bk with p_ai = P_iJ N_a,J of b = 0.
+        K_iakb = integral of mu delta_ik N_a,J N_b,J + lambda g_ai g_bk + (mu - lambda
+        ln J) g_ak g_bi, where g = F^-T grad N is the gradient by the deformed position.
+        The first term does not depend on the displacement. In tissue that stiffens all
+        of it is times exp(b Q), and so is (2 b/mu) p_ai p_bk with p_ai = P_iJ N_a,J of
+        b = 0.
         """
         H_epJi = self._displacement_gradient(displacement_nc)
         J_ep = 1.0 + _dilatation(H_epJi)
@@ -253,7 +272,9 @@ class NeoHookeanSolid:
     def _stress(
         self, part: slice, H_epJi: Floats, inverse_epiJ: Floats, log_J_ep: Floats
     ) -> Floats:
-        """Stress of b = 0 of some elements times the volumes, P^T, (element, point, J, i)."""
+        """Stress of b = 0 of some elements times the volumes, P^T, (element, point, J,
+        i).
+        """
         inverse_epJi = inverse_epiJ.transpose(0, 1, 3, 2)
         P_epJi = self._mu_ep[part][..., None, None] * (
             H_epJi + inverse_epJi @ H_epJi.transpose(0, 1, 3, 2)
@@ -262,7 +283,9 @@ class NeoHookeanSolid:
         return P_epJi
 
     def _growth(self, H_epJi: Floats, log_J_ep: Floats) -> Floats:
-        """Factor of the stiffening on the stress, (element, point); I1 - 3 is summed without the 3."""
+        """Factor of the stiffening on the stress, (element, point); I1 - 3 is summed
+        without the 3.
+        """
         excess_ep = 2.0 * np.trace(H_epJi, axis1=-2, axis2=-1) + np.sum(
             H_epJi**2, axis=(-2, -1)
         )
@@ -330,7 +353,9 @@ def _inverse(H_epJi: Floats) -> Floats:
 
 
 def _dilatation(H: Floats) -> Floats:
-    """det(I + H) - 1 of matrices (..., 3, 3): trace, second invariant and determinant, shape (...)."""
+    """det(I + H) - 1 of matrices (..., 3, 3): trace, second invariant and determinant,
+    shape (...).
+    """
     trace = np.trace(H, axis1=-2, axis2=-1)
     second = 0.5 * (trace**2 - np.einsum("...ij,...ji->...", H, H))
     return trace + second + np.linalg.det(H)

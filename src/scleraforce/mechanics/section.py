@@ -1,16 +1,20 @@
-"""The section, where the B-scan plane cuts the deformed wall, and the binary slice drawn from it (paper sec. 2.3).
+"""The section, where the B-scan plane cuts the deformed wall, and the binary slice
+drawn from it (paper sec. 2.3).
 
-The two surfaces of the wall are followed along material lines. Give the undeformed sphere latitude and longitude about
-the normal of the plane: the plane is then a circle of latitude, and the needle moves material only a little across it.
-So every meridian (a *station*) is sampled on a few parallels around that circle, and the place where its deformed image
-passes through the plane is found between two of them. Positions are of the finite elements, from the surface
-quads' own shape functions. The points come in the order of the material, so a wall that folds over in the plane is
-right, and all stations, deformations and planes of a contact are computed at once.
+The two surfaces of the wall are followed along material lines. Give the undeformed
+sphere latitude and longitude about the normal of the plane: the plane is then a circle
+of latitude, and the needle moves material only a little across it. So every meridian (a
+*station*) is sampled on a few parallels around that circle, and the place where its
+deformed image passes through the plane is found between two of them. Positions are of
+the finite elements, from the surface quads' own shape functions. The points come in the
+order of the material, so a wall that folds over in the plane is right, and all
+stations, deformations and planes of a contact are computed at once.
 
-A pixel of the slice is wall exactly where its centre lies in the wall. OpenCV's `fillPoly` also paints every pixel that
-the outline touches, which fattens a 0.5 mm wall by about one pixel on each side (a disc of 20 pixels radius gains 6 %
-of its area), and supersampling only shrinks that error while it multiplies the time. So the winding number of the
-contour is counted at the pixel centres, column by column.
+A pixel of the slice is wall exactly where its centre lies in the wall. OpenCV's
+`fillPoly` also paints every pixel that the outline touches, which fattens a 0.5 mm wall
+by about one pixel on each side (a disc of 20 pixels radius gains 6 % of its area), and
+supersampling only shrinks that error while it multiplies the time. So the winding
+number of the contour is counted at the pixel centres, column by column.
 """
 
 from collections.abc import Sequence
@@ -27,36 +31,48 @@ from scleraforce.mechanics.mesh import HexMesh, locate
 from scleraforce.study import SliceStudy
 from scleraforce.units import from_si
 
-STATION_M = 0.12e-3  # between stations at the contact: a chord is 2 um off where the wall bends with a radius of 1 mm
-GRADING_M = 3.2e-3  # from about there on they spread out: chords are 9 um off at the far side of the eye
-BEYOND_BASE_M = 0.1e-3  # the first and last station lie below the base: there the section ends on the base's rim
+# between stations at the contact: a chord is 2 um off where the wall bends with a
+# radius of 1 mm
+STATION_M = 0.12e-3
+# from about there on they spread out: chords are 9 um off at the far side of the eye
+GRADING_M = 3.2e-3
+# the first and last station lie below the base: there the section ends on the base's
+# rim
+BEYOND_BASE_M = 0.1e-3
 
 
 @dataclass(frozen=True)
 class PlaneFrames:
-    """The axes of several planes, lateral, depth, normal (plane, axis, 3), and their origins (plane, 3).
+    """The axes of several planes, lateral, depth, normal (plane, axis, 3), and their
+    origins (plane, 3).
 
-    On the undeformed sphere latitude and longitude are counted about the normal of each plane; longitude 0 is where the
-    depth is smallest, and it grows towards the lateral axis.
+    On the undeformed sphere latitude and longitude are counted about the normal of each
+    plane; longitude 0 is where the depth is smallest, and it grows towards the lateral
+    axis.
     """
 
     axes_pac: Floats
     origins_pc: Floats
 
     def latitudes(self, radius_m: float) -> Floats:
-        """Latitude of the circle that each plane cuts out of an undeformed sphere, shape (plane,)."""
+        """Latitude of the circle that each plane cuts out of an undeformed sphere,
+        shape (plane,).
+        """
         sine = np.sum(self.axes_pac[:, 2] * self.origins_pc, axis=1) / radius_m
         if np.any(np.abs(sine) > 0.98):
             raise InputError(
-                f"B-scan plane: it passes {from_si(np.abs(sine).max() * radius_m, 'mm'):.2f} mm from the "
-                f"eye's centre and misses the sphere of {from_si(radius_m, 'mm'):.2f} mm, or only grazes "
-                "it; use a smaller gap or tilt"
+                "B-scan plane: it passes"
+                f" {from_si(np.abs(sine).max() * radius_m, 'mm'):.2f} mm from the eye's"
+                f" centre and misses the sphere of {from_si(radius_m, 'mm'):.2f} mm, or"
+                " only grazes it; use a smaller gap or tilt"
             )
 
         return np.arcsin(sine)
 
     def directions(self, longitudes: Floats, latitudes: Floats) -> Floats:
-        """Directions from the centre, (plane, ...) to (plane, ..., 3); below the base plane: to the base's rim."""
+        """Directions from the centre, (plane, ...) to (plane, ..., 3); below the base
+        plane: to the base's rim.
+        """
         lateral, depth, normal = (
             self._spread(self.axes_pac[:, axis], longitudes.ndim) for axis in range(3)
         )
@@ -72,7 +88,9 @@ class PlaneFrames:
         return directions
 
     def project(self, fields: Floats) -> Floats:
-        """Turn fields (plane, ..., 1 + mode, 3), a position and displacements, to the planes' axes."""
+        """Turn fields (plane, ..., 1 + mode, 3), a position and displacements, to the
+        planes' axes.
+        """
         moved = fields.copy()
         moved[..., 0, :] -= self._spread(self.origins_pc, fields.ndim - 2)
         axes = self.axes_pac.reshape(len(fields), *(1,) * (fields.ndim - 3), 3, 3)
@@ -84,7 +102,8 @@ class PlaneFrames:
 
 
 def place_stations(frames: PlaneFrames, circles_xp: Floats, radius_m: float) -> Floats:
-    """Return the longitudes of the material lines, dense at the contact, from base to base, shape (plane, station).
+    """Return the longitudes of the material lines, dense at the contact, from base to
+    base, shape (plane, station).
 
     `circles_xp`: latitudes of the undeformed circles (surface, plane).
     """
@@ -96,7 +115,8 @@ def place_stations(frames: PlaneFrames, circles_xp: Floats, radius_m: float) -> 
     )
     low = ends[:, 0].min(axis=0)
     high = ends[:, 1].max(axis=0)
-    # Distance s = b sinh(x h / b), x = 0, 1, 2 ...: spacing h at the contact, growing as sqrt(1 + (s/b)^2).
+    # Distance s = b sinh(x h / b), x = 0, 1, 2 ...: spacing h at the contact, growing
+    # as sqrt(1 + (s/b)^2).
     first = np.arcsinh(low * radius_m / GRADING_M)
     last = np.arcsinh(high * radius_m / GRADING_M)
     count = 2 + int((last - first).max() * GRADING_M / STATION_M)
@@ -105,16 +125,18 @@ def place_stations(frames: PlaneFrames, circles_xp: Floats, radius_m: float) -> 
 
 
 def _ends_at_base(frames: PlaneFrames, latitude_p: Floats, beyond: float) -> Floats:
-    """Longitudes a little `beyond` z = 0 on a circle of latitude, (2, plane); -pi and pi if it does not meet z = 0."""
+    """Longitudes a little `beyond` z = 0 on a circle of latitude, (2, plane); -pi and
+    pi if it does not meet z = 0.
+    """
     lateral_z, depth_z, normal_z = frames.axes_pac[:, :, 2].T
-    amplitude = np.cos(latitude_p) * np.hypot(
-        lateral_z, depth_z
-    )  # z = amplitude cos(longitude - middle) + offset
+    # z = amplitude cos(longitude - middle) + offset
+    amplitude = np.cos(latitude_p) * np.hypot(lateral_z, depth_z)
 
     offset = np.sin(latitude_p) * normal_z
     if np.any(offset < -0.999 * amplitude):
         raise InputError(
-            "B-scan plane: it does not meet the wall above its base; use a smaller gap or tilt"
+            "B-scan plane: it does not meet the wall above its base; use a smaller gap"
+            " or tilt"
         )
 
     closed = offset >= amplitude
@@ -128,18 +150,20 @@ def _ends_at_base(frames: PlaneFrames, latitude_p: Floats, beyond: float) -> Flo
 
 
 PARALLEL_M = 0.4e-3  # between the parallels: curves are 1 um off at 0.5 mm
-BRACKET_M = 0.7e-3  # how far across the plane the material may have moved; doubled where that is not enough
+# how far across the plane the material may have moved; doubled where that is not enough
+BRACKET_M = 0.7e-3
 WIDEST_BRACKET_M = 8e-3
 
 
 def cut_sections(
     mesh: HexMesh, planes: Sequence[ScanPlane], modes_knc: Floats, weights_pfk: Floats
 ) -> list[list[Section]]:
-    """Cut deformations of a wall, sums of displacement modes (mode, node, 3), by each of several planes.
+    """Cut deformations of a wall, sums of displacement modes (mode, node, 3), by each
+    of several planes.
 
-    `weights_pfk`: for each plane the deformations as weights of the modes (plane, deformation, mode). Return for each
-    plane its sections, one for each deformation, from base to base; a plane that misses the base gives two closed
-    curves.
+    `weights_pfk`: for each plane the deformations as weights of the modes (plane,
+    deformation, mode). Return for each plane its sections, one for each deformation,
+    from base to base; a plane that misses the base gives two closed curves.
     """
     axes_pac = np.array(
         [[plane.lateral, plane.depth, plane.normal] for plane in planes]
@@ -181,13 +205,15 @@ def cut_sections(
         bracket_m *= 2.0
 
     raise SolverError(
-        f"section: the wall has moved by more than {from_si(WIDEST_BRACKET_M, 'mm'):g} mm across the "
-        "B-scan plane"
+        f"section: the wall has moved by more than {from_si(WIDEST_BRACKET_M, 'mm'):g}"
+        " mm across the B-scan plane"
     )
 
 
 class _Grid(NamedTuple):
-    """The parallels (plane, parallel) and stations (plane, station), and their crossings located in the mesh."""
+    """The parallels (plane, parallel) and stations (plane, station), and their
+    crossings located in the mesh.
+    """
 
     latitudes_pt: Floats
     stations_ps: Floats
@@ -203,11 +229,13 @@ def _follow(
     grid: _Grid,
     weights_pfk: Floats,
 ) -> Floats | None:
-    """Return the curve where a surface meets the planes (plane, deformation, station, 2); None if it leaves the grid.
+    """Return the curve where a surface meets the planes (plane, deformation, station,
+    2); None if it leaves the grid.
 
-    `fields` are position and displacement modes of the nodes (node, 1 + mode, 3), `surface_qn` nodes of quads. Between
-    two parallels the crossing is found by linear interpolation, the elements are evaluated there, and the micrometres
-    that are missing are taken along the meridian's chord.
+    `fields` are position and displacement modes of the nodes (node, 1 + mode, 3),
+    `surface_qn` nodes of quads. Between two parallels the crossing is found by linear
+    interpolation, the elements are evaluated there, and the micrometres that are
+    missing are taken along the meridian's chord.
     """
 
     def fields_at(
@@ -216,7 +244,7 @@ def _follow(
         nodal = fields.reshape(len(fields), -1)[surface_qn[quads]]
         return frames.project((weights_dn[:, None] @ nodal).reshape(*shape, -1, 3))
 
-    (planes, parallels) = grid.latitudes_pt.shape
+    planes, parallels = grid.latitudes_pt.shape
     stations = grid.stations_ps.shape[1]
     lines = fields_at(grid.quads, grid.weights_dn, (planes, parallels, stations))
 
@@ -249,18 +277,22 @@ def _follow(
 
 
 def _deform(fields: Floats, weights: Floats) -> Floats:
-    """Add the weighted modes to the position: (..., 1 + mode, 3) and (..., mode) to (..., 3)."""
+    """Add the weighted modes to the position: (..., 1 + mode, 3) and (..., mode) to
+    (..., 3).
+    """
     return fields[..., 0, :] + (weights[..., None, :] @ fields[..., 1:, :])[..., 0, :]
 
 
 def _parallel_below(
     fields_ptsm: Floats, weights_pfk: Floats, grid: _Grid, circle_p: Floats
 ) -> Integers | None:
-    """Return the parallel after which the surface rises through the plane (plane, deformation, station).
+    """Return the parallel after which the surface rises through the plane (plane,
+    deformation, station).
 
-    `fields_ptsm` are the height over the plane and its modes. Where the surface rises through the plane more than once
-    (linear mechanics beyond all its bounds turns it inside out), the crossing nearest to the undeformed circle counts.
-    None where it does not rise through the plane at all.
+    `fields_ptsm` are the height over the plane and its modes. Where the surface rises
+    through the plane more than once (linear mechanics beyond all its bounds turns it
+    inside out), the crossing nearest to the undeformed circle counts. None where it
+    does not rise through the plane at all.
     """
     height_pfts = fields_ptsm[:, None, ..., 0] + np.einsum(
         "pfk,ptsk->pfts", weights_pfk, fields_ptsm[..., 1:]
@@ -277,9 +309,9 @@ def _parallel_below(
 
 
 WALL = 255  # the value of a pixel of the wall; 0 elsewhere
-SNAP = (
-    2.0**20
-)  # parts of a pixel: an edge meant to run through pixel centres is not moved off them by the last bit
+# parts of a pixel: an edge meant to run through pixel centres is not moved off them by
+# the last bit
+SNAP = 2.0**20
 
 
 def slice_window(
@@ -288,10 +320,11 @@ def slice_window(
     framing_lateral_m: float = 0.0,
     framing_depth_m: float = 0.0,
 ) -> SliceWindow:
-    """Place the window of a slice in the plane's frame: laterally centred, row 0 `margin_m` above the unloaded wall.
+    """Place the window of a slice in the plane's frame: laterally centred, row 0
+    `margin_m` above the unloaded wall.
 
-    `top_m` is the smallest depth of the unloaded wall's section (with IOP and gravity, without the needle). The framing
-    moves the wall right and down in the slice.
+    `top_m` is the smallest depth of the unloaded wall's section (with IOP and gravity,
+    without the needle). The framing moves the wall right and down in the slice.
 
     >>> slice_window(SliceStudy(), top_m=0.0).left_m
     -0.007
@@ -308,11 +341,12 @@ def slice_window(
 
 
 def fill_section(section: Section, window: SliceWindow) -> Bytes:
-    """Draw a section, (rows, columns): `WALL` (255) in each pixel whose centre lies in the wall, else 0.
+    """Draw a section, (rows, columns): `WALL` (255) in each pixel whose centre lies in
+    the wall, else 0.
 
-    Where a section overlaps itself it is still wall (winding number not 0); parts of it that leave the window are cut
-    off. A centre on the contour belongs to the side to its right, or below it, so that walls that touch neither overlap
-    nor leave a seam.
+    Where a section overlaps itself it is still wall (winding number not 0); parts of it
+    that leave the window are cut off. A centre on the contour belongs to the side to
+    its right, or below it, so that walls that touch neither overlap nor leave a seam.
 
     >>> square = np.array([[0.0, 0.0], [3.0, 0.0]])
     >>> window = SliceWindow(left_m=-1.0, top_m=0.0, columns=5, rows=3, pixel_m=1.0)
@@ -325,7 +359,8 @@ def fill_section(section: Section, window: SliceWindow) -> Bytes:
     contour = np.concatenate([section.outer, section.inner[::-1], section.outer[:1]]).T
     origin = np.array([[window.left_m], [window.top_m]])
     across, down = np.rint((contour - origin) * (SNAP / window.pixel_m)) / SNAP - 0.5
-    # The winding number of a centre: the signed edges that the ray from there upwards meets.
+    # The winding number of a centre: the signed edges that the ray from there upwards
+    # meets.
     edge, column, sense = columns_crossed(across, window.columns)
     row = down[edge] + (column - across[edge]) * (
         np.diff(down)[edge] / np.diff(across)[edge]
@@ -343,9 +378,11 @@ def fill_section(section: Section, window: SliceWindow) -> Bytes:
 
 
 def columns_crossed(place: Floats, columns: int) -> tuple[Places, Places, Places]:
-    """Return edge, column, and sense (1: to growing columns, else -1) of a line's crossings with columns 0, 1, 2 ...
+    """Return edge, column, and sense (1: to growing columns, else -1) of a line's
+    crossings with columns 0, 1, 2 ...
 
-    `place`, in columns: of the line's points. An edge crosses from ceil(start) to ceil(end) - 1, or the other way.
+    `place`, in columns: of the line's points. An edge crosses from ceil(start) to
+    ceil(end) - 1, or the other way.
     """
     ends = np.clip(np.ceil(place), 0, columns).astype(np.intp)
     steps = np.diff(ends)

@@ -1,8 +1,9 @@
 """Shape functions of quadrilaterals and hexahedra on [-1, 1]^d, nodes in VTK's order.
 
-Elements: 4, 8 or 9 nodes in the plane, 8, 20 or 27 in space (bilinear, quadratic serendipity, quadratic Lagrange). In
-VTK's order the nodes of a smaller element are the first ones of the larger (corners, mid-edges, mid-faces, middle), so
-one table of node positions serves a family. Source: Hughes, The Finite Element Method, sec. 3.4-3.7.
+Elements: 4, 8 or 9 nodes in the plane, 8, 20 or 27 in space (bilinear, quadratic
+serendipity, quadratic Lagrange). In VTK's order the nodes of a smaller element are the
+first ones of the larger (corners, mid-edges, mid-faces, middle), so one table of node
+positions serves a family. Source: Hughes, The Finite Element Method, sec. 3.4-3.7.
 """
 
 from functools import cache
@@ -63,7 +64,8 @@ def node_positions(dimension: int, nodes: int) -> Floats:
 
 @cache
 def shape_monomials(dimension: int, nodes: int) -> tuple[Integers, Floats]:
-    """Return exponents_md and coefficients_mn of the shape functions of `nodes` nodes in `dimension` 2 or 3.
+    """Return exponents_md and coefficients_mn of the shape functions of `nodes` nodes
+    in `dimension` 2 or 3.
 
     N_n = sum over m of coefficients_mn[m, n] prod_d x_d ** exponents_md[m, d].
     """
@@ -72,7 +74,8 @@ def shape_monomials(dimension: int, nodes: int) -> tuple[Integers, Floats]:
 
     order = 1 if nodes == 2**dimension else 2
     serendipity = nodes in {2: (8,), 3: (20,)}[dimension]
-    # Serendipity: at most one variable enters as a square (superlinear degree 2; Arnold and Awanou, 2011).
+    # Serendipity: at most one variable enters as a square (superlinear degree 2; Arnold
+    # and Awanou, 2011).
     exponents = [
         e
         for e in product(range(order + 1), repeat=dimension)
@@ -101,7 +104,9 @@ def shape_values(local_pd: Floats, nodes: int) -> Floats:
 
 
 def shape_gradients(local_pd: Floats, nodes: int) -> Floats:
-    """Return the derivatives of the shape functions by the local coordinates, shape (point, node, d)."""
+    """Return the derivatives of the shape functions by the local coordinates, shape
+    (point, node, d).
+    """
     dimension = local_pd.shape[1]
     exponents_md, coefficients_mn = shape_monomials(dimension, nodes)
     powers = _powers(local_pd)

@@ -1,4 +1,6 @@
-"""The functions that a notebook calls, one a task, SI in and out (docs/python.md), and how they count their work."""
+"""The functions that a notebook calls, one a task, SI in and out (docs/python.md), and
+how they count their work.
+"""
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -6,12 +8,15 @@ from contextlib import AbstractContextManager, contextmanager
 from scleraforce.errors import InputError
 from scleraforce.units import from_si
 
-# Context manager of a title and a number of steps; it gives a function to call with the number of newly done steps.
+# Context manager of a title and a number of steps; it gives a function to call with the
+# number of newly done steps.
 Counting = Callable[[str, int], AbstractContextManager[Callable[[int], None]]]
 
 
 def counting_for(progress: Callable[[int], object] | None, title: str) -> Counting:
-    """Return a counting that reports the work with one title to `progress`, and no other work."""
+    """Return a counting that reports the work with one title to `progress`, and no
+    other work.
+    """
 
     @contextmanager
     def counting(name: str, _total: int) -> Iterator[Callable[[int], None]]:
@@ -25,7 +30,9 @@ def counting_for(progress: Callable[[int], object] | None, title: str) -> Counti
 
 
 def by_percent(advance: Callable[[int], None]) -> Callable[[float], None]:
-    """Return a function of the completed share of the work; it counts steps of one per cent."""
+    """Return a function of the completed share of the work; it counts steps of one per
+    cent.
+    """
     done = 0
 
     def reach(share: float) -> None:
@@ -41,5 +48,6 @@ def check_rigidity(globe: str | None, rigidity_pa13_per_m3: float | None) -> Non
     """Raise an InputError for a rigidity of a globe that is not sealed."""
     if rigidity_pa13_per_m3 is not None and globe != "sealed":
         raise InputError(
-            "rigidity_pa13_per_m3: of a sealed globe; declare the globe sealed, or leave the rigidity out"
+            "rigidity_pa13_per_m3: of a sealed globe; declare the globe sealed, or"
+            " leave the rigidity out"
         )

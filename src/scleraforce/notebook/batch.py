@@ -1,4 +1,6 @@
-"""Evaluation of many recordings into one table; recordings that are finished are not read again."""
+"""Evaluation of many recordings into one table; recordings that are finished are not
+read again.
+"""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -20,16 +22,19 @@ from scleraforce.recording.pixels import package_for
 from scleraforce.whole_files import KINDS, read_text, write_whole
 
 ENDINGS = (".csv", ".parquet")
+# folders of a recording or a model with files that count
 PARTS = (
     "",
     "frames",
     "walls",
-)  # folders of a recording or a model with files that count
+)
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Rows of all frames, as of `Evaluation.rows`; notes; the number of recordings, and of those read now."""
+    """Rows of all frames, as of `Evaluation.rows`; notes; the number of recordings, and
+    of those read now.
+    """
 
     rows: list[Row]
     notes: tuple[str, ...]
@@ -45,11 +50,13 @@ def evaluate_to_table(
     wall_finder: Path | None,
     counting: Counting,
 ) -> Batch:
-    """Evaluate recordings as `sf.evaluate` does, one by one, and write the rows to a .csv or .parquet file.
+    """Evaluate recordings as `sf.evaluate` does, one by one, and write the rows to a
+    .csv or .parquet file.
 
-    Each recording's rows are kept in a folder beside the table, `.NAME.state`, with the version, the hashes of model,
-    calibration and wall finder, and the recording's own: it is read again only if one of them has changed. Paths that
-    are not recordings are left out with a note. Counts "recordings".
+    Each recording's rows are kept in a folder beside the table, `.NAME.state`, with the
+    version, the hashes of model, calibration and wall finder, and the recording's own:
+    it is read again only if one of them has changed. Paths that are not recordings are
+    left out with a note. Counts "recordings".
     """
     _check(table)
     folders = [path for path in recordings if (path / "recording.toml").is_file()]
@@ -107,9 +114,11 @@ def evaluate_to_table(
 
 
 def by_eye(rows: Sequence[Mapping[str, Any]]) -> list[Row]:
-    """Return for each eye the numbers of its frames and of scored ones, their metrics, and the modulus that was used.
+    """Return for each eye the numbers of its frames and of scored ones, their metrics,
+    and the modulus that was used.
 
-    `accuracy`, `mae_mn` and `coverage` are computed as in `Evaluation`, on the eye's frames; None without any.
+    `accuracy`, `mae_mn` and `coverage` are computed as in `Evaluation`, on the eye's
+    frames; None without any.
     """
     return [
         _of_eye(eye, [row for row in rows if row["eye"] == eye])
@@ -157,7 +166,9 @@ def _check(table: Path) -> None:
 
 
 def _kept(part: Path, key: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return a recording's rows and notes; None if they are missing, damaged or of another key."""
+    """Return a recording's rows and notes; None if they are missing, damaged or of
+    another key.
+    """
     try:
         found: Any = parse_json(read_text(part, KINDS["result"]))
     except (InputError, ValueError):
@@ -166,7 +177,9 @@ def _kept(part: Path, key: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def _digest(folder: Path) -> str:
-    """Return the SHA-256 of a recording's or model's files and their names; hidden ones do not count."""
+    """Return the SHA-256 of a recording's or model's files and their names; hidden ones
+    do not count.
+    """
     whole = sha256()
     for place in (folder / part for part in PARTS if (folder / part).is_dir()):
         for path in sorted(

@@ -56,29 +56,37 @@ def calibrate(
     """Estimate Young's modulus of each eye from its recordings.
 
     Args:
-        recordings: one or more, opened or as folders, with force logs unless `without_force`; recordings of one eye
-            add up.
+        recordings: one or more, opened or as folders, with force logs unless
+            `without_force`; recordings of one eye add up.
         study: prior, filter and library; None: the paper's.
-        frames: number of frames above 5 mN to take of each recording, of several planes moments; None: all. With
-            `without_force`, the number of frames whose forces count as well; None: none.
-        parameters: the uncertain ones of "e", "stiffening", "iop", "thickness", "gap"; "e" among them. None: e and the
-            stiffening, with linear mechanics e.
+        frames: number of frames above 5 mN to take of each recording, of several planes
+            moments; None: all. With `without_force`, the number of frames whose forces
+            count as well; None: none.
+        parameters: the uncertain ones of "e", "stiffening", "iop", "thickness", "gap";
+            "e" among them. None: e and the stiffening, with linear mechanics e.
         mechanics: "finite-strain" (from the library), or the paper's "linear".
-        without_force: find E by the shape of the dents beside the stated IOP; no force log is needed.
-        calibration: with `without_force`, other eyes' calibration or its file: their population is the prior of E.
-        wall_finder: model folder that checks the walls, by default the bundled one; None: nothing checks them.
+        without_force: find E by the shape of the dents beside the stated IOP; no force
+            log is needed.
+        calibration: with `without_force`, other eyes' calibration or its file: their
+            population is the prior of E.
+        wall_finder: model folder that checks the walls, by default the bundled one;
+            None: nothing checks them.
         thickness_m: of the wall, of a single eye; None: the recordings'.
         out: a file to write as well; it must not exist.
-        note: called, at the start, with a sentence for each quantity that a reader of the study would not read.
+        note: called, at the start, with a sentence for each quantity that a reader of
+            the study would not read.
         progress: called with 1 after each frame.
-        counting: for bars, in place of `progress`: a context manager of a title ("library", "frames") and its steps.
+        counting: for bars, in place of `progress`: a context manager of a title
+            ("library", "frames") and its steps.
 
     Returns:
-        `eyes` by name, each with `mean_pa`, `sd_pa` and `status`, and the mean and spread of the `population`.
+        `eyes` by name, each with `mean_pa`, `sd_pa` and `status`, and the mean and
+        spread of the `population`.
 
     Raises:
-        InputError: a recording cannot be calibrated on, `out` exists, the study has keys that this mechanics does not
-            use, or `without_force` meets `parameters`, linear mechanics, or a recording that does not state the IOP.
+        InputError: a recording cannot be calibrated on, `out` exists, the study has
+            keys that this mechanics does not use, or `without_force` meets
+            `parameters`, linear mechanics, or a recording that does not state the IOP.
 
     >>> import scleraforce as sf
     >>> calibration = sf.calibrate("eye-a", sf.read_study("study.toml"), frames=2)
@@ -94,11 +102,13 @@ def calibrate(
     ):
         others = ", ".join(repr(name) for name in PARAMETERS[1:])
         raise InputError(
-            f"parameters: {parameters!r}; give a list of 'e' and of others that are uncertain: {others}"
+            f"parameters: {parameters!r}; give a list of 'e' and of others that are"
+            f" uncertain: {others}"
         )
     if without_force and (mechanics == "linear" or parameters is not None):
         raise InputError(
-            "without_force: finds E at finite strain; leave out parameters and mechanics"
+            "without_force: finds E at finite strain; leave out parameters and"
+            " mechanics"
         )
     if calibration is not None and not without_force:
         raise InputError("calibration: is the prior of without_force; leave it out")
@@ -126,7 +136,8 @@ def calibrate(
         if info.eye.thickness_m is None:
             place = recording.path / "recording.toml"
             raise InputError(
-                f"{place}: eye.thickness_m: missing; state it there, or give thickness_m"
+                f"{place}: eye.thickness_m: missing; state it there, or give"
+                " thickness_m"
             )
 
         for sentence in limits(
@@ -179,7 +190,9 @@ def calibrate(
 def library_for(
     study: Study, mechanics: str, counting: Counting, workers: int | None = None
 ) -> Library | None:
-    """Return the library for finite strain (linear: None), the bundled one or the cache's; counts "library"."""
+    """Return the library for finite strain (linear: None), the bundled one or the
+    cache's; counts "library".
+    """
     if mechanics == "linear":
         return None
 
@@ -227,10 +240,12 @@ def recalibrate_intervals(
     wall_finder: str | PathLike[str] | None,
     note: Callable[[str], object] = lambda _: None,
 ) -> tuple[Stretch, ...]:
-    """Write a reader whose intervals hold on recordings with force logs: counts "calibration" and "reading".
+    """Write a reader whose intervals hold on recordings with force logs: counts
+    "calibration" and "reading".
 
-    Each eye is calibrated on `frames` of each recording; the others are read, and their scores stretch the intervals.
-    Few eyes only widen them (`reader.intervals.FEW_EYES`). `note` is as for `calibrate`.
+    Each eye is calibrated on `frames` of each recording; the others are read, and their
+    scores stretch the intervals. Few eyes only widen them
+    (`reader.intervals.FEW_EYES`). `note` is as for `calibrate`.
     """
     models.check_place(out)
     reader = load_force_reader(model, finder=wall_finder)
@@ -270,7 +285,8 @@ def recalibrate_intervals(
 
     if not scores:
         raise InputError(
-            f"{each[0].path}: no frame with a known force is left to read; take fewer --frames"
+            f"{each[0].path}: no frame with a known force is left to read; take fewer"
+            " --frames"
         )
 
     source = "recordings of " + ", ".join(
@@ -293,7 +309,10 @@ def recalibrate_intervals(
     study_toml, card = (
         folder.files[name].decode() for name in (models.STUDY_FILE, models.CARD_FILE)
     )
-    card += f"\n## Intervals\nStretched to hold on {source}; `intervals` of model.json has the factors.\n"
+    card += (
+        f"\n## Intervals\nStretched to hold on {source}; `intervals` of model.json has"
+        " the factors.\n"
+    )
     models.write_folder(
         out, folder.files[models.NETWORK_FILE], study_toml, card, record, more
     )

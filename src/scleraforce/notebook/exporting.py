@@ -32,14 +32,17 @@ def export(
     """Write a recording, or answers, for other programs; return the number of frames.
 
     Args:
-        thing: a recording, opened or as a folder; or answers: of `evaluate`, of `read` to a stack, or a file with
-            the output of a command's --json.
-        out: the file; its ending decides: .csv and .json have a row for each frame, .mcap and .nrrd need a recording.
-        answers: to a recording's frames, to add to their rows; of a stack one for each, in their order.
+        thing: a recording, opened or as a folder; or answers: of `evaluate`, of `read`
+            to a stack, or a file with the output of a command's --json.
+        out: the file; its ending decides: .csv and .json have a row for each frame,
+            .mcap and .nrrd need a recording.
+        answers: to a recording's frames, to add to their rows; of a stack one for each,
+            in their order.
         replace: replace a file that exists.
 
     Raises:
-        InputError: `out` exists or has another ending, or a format has no room for what is given.
+        InputError: `out` exists or has another ending, or a format has no room for what
+            is given.
 
     >>> import scleraforce as sf
     >>> sf.export("eye-a", "eye-a.csv")
@@ -59,7 +62,8 @@ def export(
             one, Recording | Evaluation | Answers | str | PathLike
         ):
             raise InputError(
-                f"{name}: {type(one).__name__}; give a recording, an evaluation, answers of a stack or a file"
+                f"{name}: {type(one).__name__}; give a recording, an evaluation,"
+                " answers of a stack or a file"
             )
 
     if isinstance(thing, Evaluation | Answers) or not (
@@ -71,7 +75,8 @@ def export(
             )
         if kind not in TABLES:
             raise InputError(
-                f"out: {out}: answers alone become .csv or .json; give their recording, and them as answers"
+                f"out: {out}: answers alone become .csv or .json; give their recording,"
+                " and them as answers"
             )
 
         return _write_table({}, _rows(thing), out)
@@ -97,7 +102,8 @@ def export(
         if isinstance(answers, Answers):
             if len(given) != len(rows):
                 raise InputError(
-                    f"answers: {len(given)} for {len(rows)} frames; give one for each, in their order"
+                    f"answers: {len(given)} for {len(rows)} frames; give one for each,"
+                    " in their order"
                 )
 
             given = [

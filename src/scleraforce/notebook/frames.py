@@ -1,6 +1,8 @@
-"""Find the wall in a frame, load a model, read the force from a frame or from whole recordings.
+"""Find the wall in a frame, load a model, read the force from a frame or from whole
+recordings.
 
-It imports the small runtime alone (NumPy, OpenCV, ONNX Runtime), unless a calibration is given that is not a file.
+It imports the small runtime alone (NumPy, OpenCV, ONNX Runtime), unless a calibration
+is given that is not a file.
 """
 
 import getpass
@@ -75,7 +77,9 @@ Given = Recording | str | PathLike[str]  # a recording, opened or as a folder
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """An answer with its inputs: `given` by the caller, `stated` by recording.toml, `known` of both; notes; plane."""
+    """An answer with its inputs: `given` by the caller, `stated` by recording.toml,
+    `known` of both; notes; plane.
+    """
 
     answer: Answer
     frame: ScaledFrame
@@ -97,15 +101,20 @@ def segment(
     """Find the wall in a raw frame.
 
     Args:
-        frame: an image file, or an array (row, column), as `read` takes it; rows go down into the eye.
-        width_m: of the frame; None: the recording's beside the file, or the file's own. An array needs it.
-        depth_m: of the frame as stored; None: the recording's, or the file's own. An array needs it.
+        frame: an image file, or an array (row, column), as `read` takes it; rows go
+            down into the eye.
+        width_m: of the frame; None: the recording's beside the file, or the file's own.
+            An array needs it.
+        depth_m: of the frame as stored; None: the recording's, or the file's own. An
+            array needs it.
         refractive_index: of the depth axis; None: the recording's, or 1 (corrected).
-        wall_finder: model folder of a network that checks the wall, and whose wall it is where the two methods
-            differ; by default the bundled one. None: nothing checks it.
+        wall_finder: model folder of a network that checks the wall, and whose wall it
+            is where the two methods differ; by default the bundled one. None: nothing
+            checks it.
 
     Returns:
-        Boundaries in rows, `mask`, `thickness_m`, and whether the wall can be judged: `usable`, or the `reason`.
+        Boundaries in rows, `mask`, `thickness_m`, and whether the wall can be judged:
+        `usable`, or the `reason`.
 
     Raises:
         FrameError: the frame cannot be read, or nothing says how large it is.
@@ -145,7 +154,9 @@ def _judged_wall(
     finder: WallFinder | None,
     transpose: bool,
 ) -> Segmentation:
-    """Return the wall of a frame, without the columns of which a masked array masks a pixel: they count as black."""
+    """Return the wall of a frame, without the columns of which a masked array masks a
+    pixel: they count as black.
+    """
     if not np.ma.is_masked(frame):
         return find_wall(seen.pixels, seen.scale, thickness_m, finder)
 
@@ -182,8 +193,10 @@ def load_model(
     """Load a model: a bundled one, or a folder.
 
     Args:
-        path: "default", the bundled reader, or the folder that `train` or `scleraforce train` wrote, which wins.
-        wall_finder: model folder that checks the walls, by default the bundled one; None: nothing checks them.
+        path: "default", the bundled reader, or the folder that `train` or `scleraforce
+            train` wrote, which wins.
+        wall_finder: model folder that checks the walls, by default the bundled one;
+            None: nothing checks them.
 
     Raises:
         ModelError: a file is missing, was changed, or does not fit the study beside it.
@@ -279,48 +292,64 @@ def read(
     mask_sd_rows: float = GIVEN_SD_ROWS,
     progress: Callable[[int], object] | None = None,
 ) -> Any:
-    """Read the force from one raw frame, or from one of each plane that a scanner takes at once.
+    """Read the force from one raw frame, or from one of each plane that a scanner takes
+    at once.
 
-    By default, the eye, the frame's size and its plane are the recording's beside the file.
+    By default, the eye, the frame's size and its plane are the recording's beside the
+    file.
 
     Args:
         model: of `load_model` or `train`.
-        frame: an image file, or an array (row, column); rows go down into the eye. Of several planes, a list of these,
-            which are read together. An array (n, row, column) is a stack of single frames. Floats are scaled to counts;
-            columns that a masked array masks are not judged; an array of bool is a mask without a frame.
-        calibration: of `calibrate`, or its file: gives the eye's modulus, or the population's.
+        frame: an image file, or an array (row, column); rows go down into the eye. Of
+            several planes, a list of these, which are read together. An array (n, row,
+            column) is a stack of single frames. Floats are scaled to counts; columns
+            that a masked array masks are not judged; an array of bool is a mask without
+            a frame.
+        calibration: of `calibrate`, or its file: gives the eye's modulus, or the
+            population's.
         eye: its name in the calibration; None: the recording's.
         youngs_modulus_pa: of this eye, instead of a calibration.
         iop_pa: intraocular pressure.
         thickness_m: of the wall.
         gap_m: distance of the B-scan plane from the needle axis.
         polar_angle_rad: of the contact, from the pole.
-        plane_direction_rad: of the B-scan's lateral axis, from the meridian that leads away from the pole.
-        lean_rad: angle between the needle and the wall's normal; "unknown": the interval spans 0 to 45 degrees; None:
-            the recording's, else as in the calibration, else as in the picture, if a shaft is in it.
-        stiffening: parameter b of the tissue (docs/physics.md); None: the calibration's, else 0.
-        globe: "open" or "sealed"; None: the recording's, or it is not known, and the interval is wider.
-        rigidity_pa13_per_m3: of a sealed globe (`recording.toml` has it in mmHg^(1/3) per µl).
+        plane_direction_rad: of the B-scan's lateral axis, from the meridian that leads
+            away from the pole.
+        lean_rad: angle between the needle and the wall's normal; "unknown": the
+            interval spans 0 to 45 degrees; None: the recording's, else as in the
+            calibration, else as in the picture, if a shaft is in it.
+        stiffening: parameter b of the tissue (docs/physics.md); None: the
+            calibration's, else 0.
+        globe: "open" or "sealed"; None: the recording's, or it is not known, and the
+            interval is wider.
+        rigidity_pa13_per_m3: of a sealed globe (`recording.toml` has it in mmHg^(1/3)
+            per µl).
         width_m: of the frame; an array needs it.
         depth_m: of the frame as stored; an array needs it.
-        refractive_index: of the depth axis; None: the recording's, or the model's study's.
+        refractive_index: of the depth axis; None: the recording's, or the model's
+            study's.
         transpose: the depth runs along the file's rows, from left to right.
-        held_s: time since the needle's push, in tissue that relaxes; None: as in the frames of the calibration.
-        planes: of a list of frames, one for each; by default their recording's. The gap is then found, not given.
-        mask: the wall, in place of the one that is found: an image file or an array of the frame's shape, 255 or True
-            where wall is, 128 in columns that are not judged; of several planes a list. By default the recording's.
+        held_s: time since the needle's push, in tissue that relaxes; None: as in the
+            frames of the calibration.
+        planes: of a list of frames, one for each; by default their recording's. The gap
+            is then found, not given.
+        mask: the wall, in place of the one that is found: an image file or an array of
+            the frame's shape, 255 or True where wall is, 128 in columns that are not
+            judged; of several planes a list. By default the recording's.
         mask_sd_rows: standard deviation of the mask's boundaries, rows.
         progress: called with 1 after each frame of a stack.
 
     Returns:
-        An `Answer`: `force_n` with its 90 % `interval_n`, the pressure `iop_at_dent_pa` (None with a classifier), the
-        class `predicted`, `probabilities`, and `warnings` that limit the answer. A frame that cannot be judged is not
-        `usable`, for a `reason`, and of the highest class. Of a stack `Answers`, with `to_dataframe` and `to_xarray`.
+        An `Answer`: `force_n` with its 90 % `interval_n`, the pressure `iop_at_dent_pa`
+        (None with a classifier), the class `predicted`, `probabilities`, and `warnings`
+        that limit the answer. A frame that cannot be judged is not `usable`, for a
+        `reason`, and of the highest class. Of a stack `Answers`, with `to_dataframe`
+        and `to_xarray`.
 
     Raises:
         FrameError: the frame cannot be read, or nothing says how large it is.
-        InputError: a modulus and a calibration, a calibration and no name of an eye, no such globe, or frames without
-            their planes.
+        InputError: a modulus and a calibration, a calibration and no name of an eye, no
+            such globe, or frames without their planes.
         CalibrationError: the calibration file cannot be used.
 
     >>> import scleraforce as sf
@@ -380,7 +409,8 @@ def read(
         return answer(frames, masks)
     if not frame.size:
         raise FrameError(
-            f"frame: an array of shape {frame.shape}; give frames x rows x columns, at least one"
+            f"frame: an array of shape {frame.shape}; give frames x rows x columns, at"
+            " least one"
         )
 
     stack, notes = counted(frame)
@@ -413,15 +443,19 @@ def evaluate(
     Args:
         model: of `load_model` or `train`.
         recordings: one or more, opened or as folders.
-        calibration: of `calibrate`, or its file: gives a reader the eyes' moduli; its frames are not scored.
+        calibration: of `calibrate`, or its file: gives a reader the eyes' moduli; its
+            frames are not scored.
         progress: called with 1 after each frame.
-        counting: for bars, in place of `progress`: a context manager of the title "frames" and their number.
+        counting: for bars, in place of `progress`: a context manager of the title
+            "frames" and their number.
 
     Returns:
-        The answer to each of the `frames`, `mae_n`, `coverage`, `accuracy`, `confusion` (rows: target), and `notes`.
+        The answer to each of the `frames`, `mae_n`, `coverage`, `accuracy`, `confusion`
+        (rows: target), and `notes`.
 
     Raises:
-        InputError: a recording or the calibration cannot be used, or not with this model.
+        InputError: a recording or the calibration cannot be used, or not with this
+            model.
 
     >>> import scleraforce as sf
     >>> evaluation = sf.evaluate(sf.load_model("reader"), "eye-a")
@@ -439,17 +473,19 @@ def evaluate(
 def save_wall(
     recording: Given, file: str, mask: Mask, *, author: str | None = None
 ) -> None:
-    """Save the wall of a recording's frame: all later readings use it, in place of the one that they find.
+    """Save the wall of a recording's frame: all later readings use it, in place of the
+    one that they find.
 
     Args:
         recording: opened, or its folder.
         file: name of the frame.
-        mask: an image file or an array of the frame's shape, 255 or True where wall is, 128 in columns that are not
-            judged. It replaces an earlier one.
+        mask: an image file or an array of the frame's shape, 255 or True where wall is,
+            128 in columns that are not judged. It replaces an earlier one.
         author: of the mask; None: the name of the user.
 
     Raises:
-        InputError: no such frame, another frame whose wall would be in the same file, or another shape.
+        InputError: no such frame, another frame whose wall would be in the same file,
+            or another shape.
 
     >>> import scleraforce as sf
     >>> found = sf.segment("eye-a/frames/0001.png")
@@ -468,7 +504,8 @@ def save_wall(
 
     if author is not None and not author.isprintable():
         raise InputError(
-            f"author: {author!r}: a line break or another unprintable character; give a name of one line"
+            f"author: {author!r}: a line break or another unprintable character; give a"
+            " name of one line"
         )
 
     write_wall(found.path, file, drawn, author or getpass.getuser(), utc_now())
@@ -480,7 +517,9 @@ def utc_now() -> str:
 
 
 def stated_planes(frames: Sequence[Frame]) -> tuple[Plane, ...]:
-    """Return the planes of frames that are in a recording of several; raises `InputError` if they are of two times."""
+    """Return the planes of frames that are in a recording of several; raises
+    `InputError` if they are of two times.
+    """
     found = [
         folder.stated_plane(Path(one))
         for one in frames
@@ -508,7 +547,9 @@ def readings(
     masks: "Sequence[Mask | None]" = (),
     mask_sd_rows: float = GIVEN_SD_ROWS,
 ) -> list[Reading]:
-    """Read one frame, or one of each plane together, as `read` does; return each answer with its inputs."""
+    """Read one frame, or one of each plane together, as `read` does; return each answer
+    with its inputs.
+    """
     check_model(model)
     if not frames:
         raise InputError("frame: none; give one, or one of each plane")
@@ -524,11 +565,13 @@ def readings(
         raise InputError("gap_m: several planes show their gaps; leave it out")
     if masks and len(masks) != len(frames):
         raise InputError(
-            f"mask: {len(masks)} for {len(frames)} frames; give one for each, in their order"
+            f"mask: {len(masks)} for {len(frames)} frames; give one for each, in their"
+            " order"
         )
     if not 0.0 < mask_sd_rows < inf:
         raise InputError(
-            f"mask_sd_rows: {mask_sd_rows:g}; give the standard deviation of the mask's boundaries, rows"
+            f"mask_sd_rows: {mask_sd_rows:g}; give the standard deviation of the mask's"
+            " boundaries, rows"
         )
     if held_s is not None and not 0.0 <= held_s < inf:
         raise InputError(
@@ -567,7 +610,10 @@ def readings(
             name = seen.info.eye.id
 
         if name is None:
-            words = "a calibration has several, and no recording.toml beside the frame names this one"
+            words = (
+                "a calibration has several, and no recording.toml beside the frame"
+                " names this one"
+            )
             raise InputError(f"eye: missing; {words}")
 
         known = calibration_file.known_of_eye(known, summary, name)
@@ -582,14 +628,16 @@ def readings(
 
     if known.leak_time_s is not None:
         notes.append(
-            "leak_time_s: a single frame is read as if nothing had leaked; evaluate follows the leak"
+            "leak_time_s: a single frame is read as if nothing had leaked; evaluate"
+            " follows the leak"
         )
 
     asked = model
     model = suited(model, known)
     if model.path != asked.path:
         notes.append(
-            f"read with the bundled reader {model_name(model.path)}, which was trained for such eyes"
+            f"read with the bundled reader {model_name(model.path)}, which was trained"
+            " for such eyes"
         )
 
     if held_s is not None and known.relaxation is None:
@@ -639,7 +687,9 @@ def _wall(
     thickness_m: float | None,
     finder: WallFinder | None,
 ) -> Segmentation | None:
-    """Return the wall that is given for a frame, or that its recording has; add a note on one that is not used."""
+    """Return the wall that is given for a frame, or that its recording has; add a note
+    on one that is not used.
+    """
     if isinstance(frame, str | PathLike):
         if mask is None and (recording := folder.recording_of(Path(frame))) is not None:
             walls = RecordedWalls(recording)
@@ -673,7 +723,9 @@ def _wall(
 
 
 def given_eye(given: Mapping[str, Any]) -> Known:
-    """Return the known inputs of an eye, checked; `given` has all arguments of `read` that state one."""
+    """Return the known inputs of an eye, checked; `given` has all arguments of `read`
+    that state one.
+    """
     lean_rad = given["lean_rad"]
     if isinstance(lean_rad, str) and lean_rad != "unknown":
         raise InputError(f"lean_rad: {lean_rad!r}; give a number or 'unknown'")
@@ -692,7 +744,8 @@ def given_eye(given: Mapping[str, Any]) -> Known:
     for key in ("plane_direction_rad", "stiffening"):
         if given[key] is not None and not isfinite(given[key]):
             raise InputError(
-                f"{key}: {given[key]} is not a finite number; leave it out if it is not known"
+                f"{key}: {given[key]} is not a finite number; leave it out if it is not"
+                " known"
             )
 
     modulus_pa, stiffening, globe = (
@@ -706,14 +759,16 @@ def given_eye(given: Mapping[str, Any]) -> Known:
         modulus=None if modulus_pa is None else Modulus.stated(modulus_pa),
         polar_rad=given["polar_angle_rad"],
         direction_rad=given["plane_direction_rad"],
-        lean_rad=None
-        if lean_rad is None
-        else (0.0, MOST_LEAN_RAD)
-        if lean_rad == "unknown"
-        else (lean_rad, lean_rad),
-        globe=None
-        if globe is None
-        else known_globe(globe, given["rigidity_pa13_per_m3"]),
+        lean_rad=(
+            None
+            if lean_rad is None
+            else (0.0, MOST_LEAN_RAD)
+            if lean_rad == "unknown"
+            else (lean_rad, lean_rad)
+        ),
+        globe=(
+            None if globe is None else known_globe(globe, given["rigidity_pa13_per_m3"])
+        ),
         stiffening=stiffening,
         **{key: given[key] for key in ("iop_pa", "thickness_m", "gap_m")},
     )
@@ -728,7 +783,8 @@ def check_calibrated(given: Known, calibrated: bool, eye: str | None) -> None:
             )
     elif given.modulus is not None:
         raise InputError(
-            "youngs_modulus_pa: the calibration gives the modulus; leave out one of the two"
+            "youngs_modulus_pa: the calibration gives the modulus; leave out one of"
+            " the two"
         )
     elif given.stiffening is not None:
         raise InputError(
@@ -739,7 +795,9 @@ def check_calibrated(given: Known, calibrated: bool, eye: str | None) -> None:
 def scaled(
     frame: Frame, given: Scanner, assumed: Scanner, source: str, transpose: bool = False
 ) -> ScaledFrame:
-    """Return a frame with its scale: given, else the recording's or the file's, else assumed, of a named source."""
+    """Return a frame with its scale: given, else the recording's or the file's, else
+    assumed, of a named source.
+    """
     if isinstance(frame, str | PathLike):
         return folder.read_scaled_frame(
             Path(frame), given, (assumed, source), transpose
@@ -779,7 +837,8 @@ def scaled(
 
 
 def counted(frame: Any) -> tuple[Any, tuple[str, ...]]:
-    """Return an array, of one frame or a stack, as counts, and a note if they were scaled; flags are a mask.
+    """Return an array, of one frame or a stack, as counts, and a note if they were
+    scaled; flags are a mask.
 
     Masked pixels count as the darkest; a masked array stays one.
     """
@@ -793,7 +852,8 @@ def counted(frame: Any) -> tuple[Any, tuple[str, ...]]:
     greys = find_greys([known], None, "frame")
     if greys.lost:
         raise FrameError(
-            f"frame: {greys.lost} pixels are not finite; give numpy.ma.masked_invalid(frame)"
+            f"frame: {greys.lost} pixels are not finite; give"
+            " numpy.ma.masked_invalid(frame)"
         )
 
     counts: Any = greys.counts(np.ma.filled(pixels, greys.low))
@@ -807,7 +867,10 @@ def counted(frame: Any) -> tuple[Any, tuple[str, ...]]:
         return counts, ()
 
     return counts, (
-        f"frame: pixels of {greys.low:g} to {greys.high:g} were scaled to counts of 0 to {counts.max()}",
+        (
+            f"frame: pixels of {greys.low:g} to {greys.high:g} were scaled to counts of"
+            f" 0 to {counts.max()}"
+        ),
     )
 
 

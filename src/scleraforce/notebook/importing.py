@@ -51,9 +51,8 @@ from scleraforce.units import from_si
 from scleraforce.whole_files import folder_when_whole
 
 PREVIEW = "preview.png"
-LOOKED_AT = (
-    5  # frames, from the first: of an eye that the needle does not dent yet, as a rule
-)
+# frames, from the first: of an eye that the needle does not dent yet, as a rule
+LOOKED_AT = 5
 # Arguments that are not called as their options are.
 SI_NAMES = {
     "width_mm": "width_m",
@@ -99,15 +98,19 @@ def import_recording(
     planes: Sequence[Plane | None] = (),
     progress: Callable[[int], object] | None = None,
 ) -> Recording:
-    """Write frames and force log of other programs as a recording folder (docs/formats.md lists what is read).
+    """Write frames and force log of other programs as a recording folder
+    (docs/formats.md lists what is read).
 
-    Nothing is assumed: give what the sources do not state; the error names all that is missing. Look at
-    `preview.png` in the folder; its `import.json` says where each value comes from.
+    Nothing is assumed: give what the sources do not state; the error names all that is
+    missing. Look at `preview.png` in the folder; its `import.json` says where each
+    value comes from.
 
     Args:
-        sources: images, stacks, volumes, films, ROS bags, a force log, or folders of images.
+        sources: images, stacks, volumes, films, ROS bags, a force log, or folders of
+            images.
         out: the folder to make.
-        like: another recording, whose scanner, needle, sensor and columns hold where the sources state none.
+        like: another recording, whose scanner, needle, sensor and columns hold where
+            the sources state none.
         eye: its name.
         width_m: of the frames.
         depth_m: of the frames as stored.
@@ -123,23 +126,27 @@ def import_recording(
         axes: their order in an array or volume, like "frame,depth,lateral".
         array: its name in a .npz.
         bits: of a 16-bit pixel that are used.
-        first_frame: that is imported, counted from 1; `times` and `rate_hz` are of the frames that are.
+        first_frame: that is imported, counted from 1; `times` and `rate_hz` are of the
+            frames that are.
         last_frame: that is imported.
         grey_range: pixel values that become black and white.
         average_s: time over which a label averages.
         image_topic: of a ROS bag, where there are several.
         force_topic: of a ROS bag, where there are several.
-        by_arrival: take the times at which a bag's messages arrived, where they have no capture stamp.
+        by_arrival: take the times at which a bag's messages arrived, where they have no
+            capture stamp.
         thickness_m: of the wall, where it was measured.
         iop_pa: pressure at rest, where it was measured.
         globe: "open" or "sealed"; None: not known.
         polar_angle_rad: of the contact, from the pole, where it is known.
-        planes: that the scanner took at once, one for each of the sources (None: a force log). The n-th frames of all
-            planes are of one moment; the gap is then found, not given.
+        planes: that the scanner took at once, one for each of the sources (None: a
+            force log). The n-th frames of all planes are of one moment; the gap is then
+            found, not given.
         progress: called with 1 after each frame that is written.
 
     Raises:
-        InputError: a source cannot be read, something is missing or has nothing to act on, or `out` exists.
+        InputError: a source cannot be read, something is missing or has nothing to act
+            on, or `out` exists.
 
     >>> import scleraforce as sf
     >>> frames = [f"eye-a/frames/000{nth}.png" for nth in range(1, 4)]
@@ -173,9 +180,9 @@ def import_recording(
         "globe": globe,
         "gauge": gauge,
         "gap_mm": from_si(gap_m, "mm"),
-        "polar_angle_deg": None
-        if polar_angle_rad is None
-        else degrees(polar_angle_rad),
+        "polar_angle_deg": (
+            None if polar_angle_rad is None else degrees(polar_angle_rad)
+        ),
     }
     given = {name: value for name, value in given.items() if value is not None}
     paths = [
@@ -188,7 +195,8 @@ def import_recording(
             raise InputError("sources: none; give at least one")
         if planes and len(planes) != len(paths):
             raise InputError(
-                f"planes: {len(planes)} for {len(paths)} sources; give one for each, or None for a log"
+                f"planes: {len(planes)} for {len(paths)} sources; give one for each, or"
+                " None for a log"
             )
 
         others = {} if like is None else answers_like(Path(like))
@@ -234,7 +242,8 @@ def write_imported(
     model: Path = SHIPPED_READER,
     planes: Sequence[Plane | None] = (),
 ) -> Import:
-    """Write a recording folder, whole or not at all; counts "sources", "grey levels", "frames".
+    """Write a recording folder, whole or not at all; counts "sources", "grey levels",
+    "frames".
 
     Of several `planes` there is one for each source.
     """
@@ -296,7 +305,8 @@ def write_imported(
                 or "forces of a bag are in N"
             )
             raise InputError(
-                f"{path}: {fault}; read as {read}: check the unit (--column, for a log of text)"
+                f"{path}: {fault}; read as {read}: check the unit (--column, for a log"
+                " of text)"
             )
 
         from scleraforce.report.files import write_figure
@@ -314,7 +324,9 @@ def _gathered(
     asker: Asker | None,
     planes: Sequence[Plane | None],
 ) -> tuple[Gathered, ImportOptions]:
-    """Read the sources, asking until they leave nothing open; an answer that they contradict is asked for again."""
+    """Read the sources, asking until they leave nothing open; an answer that they
+    contradict is asked for again.
+    """
     last: tuple[ImportOptions, UnansweredError] | None = None
     while True:
         try:
@@ -335,7 +347,9 @@ def _gathered(
 
 
 def _wall_um(scan: Scan, greys: Greys, oct_info: OctInfo) -> float | None:
-    """Return the median thickness of the wall in the first frames, um; None where none of them shows it."""
+    """Return the median thickness of the wall in the first frames, um; None where none
+    of them shows it.
+    """
     finder = load_wall_finder(SHIPPED_WALL_FINDER)
     scale = PixelScale.of(oct_info)
     found = [

@@ -1,4 +1,6 @@
-"""A monitor for tests of a user's own robot: the command, in a process of its own, for the time of a block."""
+"""A monitor for tests of a user's own robot: the command, in a process of its own, for
+the time of a block.
+"""
 
 import json
 import signal
@@ -19,12 +21,13 @@ from scleraforce.recording.folder import Plane
 from scleraforce.service.reset import ask_reset
 from scleraforce.units import HumanUnit, from_si
 
+# -P: no module of this folder
 COMMAND = (
     sys.executable,
     "-P",
     "-c",
     "from scleraforce.cli.main import main; main()",
-)  # -P: no module of this folder
+)
 END_S = 30.0  # for the black box to write its last entries
 # The options of known inputs, with their units; a globe is a word.
 KNOWN: Mapping[str, tuple[str, HumanUnit]] = {
@@ -38,7 +41,8 @@ KNOWN: Mapping[str, tuple[str, HumanUnit]] = {
 
 @dataclass(kw_only=True)
 class RunningMonitor:
-    """A monitor's OpenIGTLink address and the token of its reset; `lines` are what its operator sees.
+    """A monitor's OpenIGTLink address and the token of its reset; `lines` are what its
+    operator sees.
 
     `summary` has the frames and withdrawals of the session, once the monitor has ended.
     """
@@ -130,7 +134,9 @@ def monitor(
     for plane in planes:
         words += [
             "--plane",
-            f"{plane.name}:{from_si(plane.offset_m, 'mm')!r}:{from_si(plane.direction_rad, 'deg')!r}",
+            (
+                f"{plane.name}:{from_si(plane.offset_m, 'mm')!r}:{from_si(plane.direction_rad, 'deg')!r}"
+            ),
         ]
 
     words += [] if second_opinion else ["--no-second-opinion"]
@@ -155,7 +161,9 @@ def monitor(
 
 
 def _await_start(process: "subprocess.Popen[str]", running: RunningMonitor) -> None:
-    """Read the operator's lines until the last one of the start, then in a thread, so that the pipe never fills."""
+    """Read the operator's lines until the last one of the start, then in a thread, so
+    that the pipe never fills.
+    """
     assert process.stderr is not None
     for line in process.stderr:
         running.lines.append(line.rstrip())
@@ -181,7 +189,9 @@ def _await_start(process: "subprocess.Popen[str]", running: RunningMonitor) -> N
 
 
 def _ended(process: "subprocess.Popen[str]") -> Mapping[str, Any]:
-    """End the monitor as Ctrl-C does and return its summary; one that does not end in time is killed."""
+    """End the monitor as Ctrl-C does and return its summary; one that does not end in
+    time is killed.
+    """
     if process.poll() is None:
         process.send_signal(signal.SIGINT)
 

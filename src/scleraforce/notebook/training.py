@@ -1,4 +1,6 @@
-"""From a study to a model: the response library or the data set that it learns from, and its training."""
+"""From a study to a model: the response library or the data set that it learns from,
+and its training.
+"""
 
 from collections.abc import Callable
 from os import PathLike
@@ -22,18 +24,22 @@ def library_of(
     workers: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Library:
-    """Return the response library of a study: how its walls bend, for any thickness, pressure and modulus.
+    """Return the response library of a study: how its walls bend, for any thickness,
+    pressure and modulus.
 
-    The first time it is computed, which takes a minute; then it comes from the user's cache.
+    The first time it is computed, which takes a minute; then it comes from the user's
+    cache.
 
     Args:
         study: the study; None: the paper's.
-        out: where to put it instead of the cache; an interrupted one is completed there.
+        out: where to put it instead of the cache; an interrupted one is completed
+            there.
         workers: processes that compute it; None: one for each core.
         progress: called with the number of load paths that are newly done.
 
     Raises:
-        InputError: `out` holds something else, or the study has keys that a library does not use.
+        InputError: `out` holds something else, or the study has keys that a library
+            does not use.
         SolverError: a load path could not be followed.
 
     >>> import scleraforce as sf
@@ -64,12 +70,14 @@ def generate(
         out: where the data set goes; an interrupted one of the same study is completed.
         study: the study; None: the paper's.
         youngs_modulus_pa: of the walls; None: the study's.
-        mechanics: "linear" or "finite-strain" (drawn from the library); None: the study's.
+        mechanics: "linear" or "finite-strain" (drawn from the library); None: the
+            study's.
         workers: processes of linear mechanics; None: one for each core.
         progress: called with the number of slices that are newly done.
 
     Raises:
-        InputError: `out` holds something else, or the study has keys that this mechanics does not use.
+        InputError: `out` holds something else, or the study has keys that this
+            mechanics does not use.
 
     >>> import scleraforce as sf
     >>> slices = sf.generate("slices", sf.read_study("study.toml"), mechanics="finite-strain")
@@ -104,26 +112,29 @@ def train(
     progress: Callable[[int], object] | None = None,
     counting: Counting | None = None,
 ) -> Reader:
-    """Train a model, write its folder and return it loaded; needs the extra `train` (PyTorch).
+    """Train a model, write its folder and return it loaded; needs the extra `train`
+    (PyTorch).
 
     Args:
         source: a response library for a force reader, a data set for a classifier.
         out: the folder to make; it must not exist.
-        study: whose `[reader]`, `[raw_reader]` or `[network]` counts; None: the paper's, or the data set's.
-        kind: "reader", or "raw-reader", which learns from raw frames of the library's walls.
+        study: whose `[reader]`, `[raw_reader]` or `[network]` counts; None: the
+            paper's, or the data set's.
+        kind: "reader", or "raw-reader", which learns from raw frames of the library's
+            walls.
         search: try all sizes of the grid and keep the best (classifier).
         workers: that try the sizes.
         device: "cpu", "cuda" (a GPU), or "auto": the GPU if PyTorch finds one.
         progress: called with 1 after each epoch.
-        counting: for bars, in place of `progress`: a context manager of a title ("epochs", "batches", "eyes") and its
-            steps.
+        counting: for bars, in place of `progress`: a context manager of a title
+            ("epochs", "batches", "eyes") and its steps.
 
     Returns:
         The model; `record["metrics"]` has its results on validation samples.
 
     Raises:
-        InputError: `out` exists, PyTorch is missing, source and study do not go together, or the study has keys that a
-            library does not use.
+        InputError: `out` exists, PyTorch is missing, source and study do not go
+            together, or the study has keys that a library does not use.
         SolverError: the training diverged.
 
     >>> import scleraforce as sf
@@ -155,7 +166,8 @@ def train(
 
     if not isinstance(source, Library):
         raise InputError(
-            f"source: found {type(source).__name__}; give a library (library_of) or a data set (generate)"
+            f"source: found {type(source).__name__}; give a library (library_of) or a"
+            " data set (generate)"
         )
     if search:
         raise InputError(

@@ -45,26 +45,32 @@ def simulate(
     r"""Bend one eye by one force.
 
     Args:
-        study: the study; None: the paper's. Arguments below that are omitted take its values.
+        study: the study; None: the paper's. Arguments below that are omitted take its
+            values.
         thickness_m: of the wall.
         force_n: of the needle, along the inward normal; or give `displacement_m`.
-        displacement_m: of the outer surface at the contact, inward from rest (`tip_m`); the force that causes it
-            is found. In a sealed globe the dent is deeper (`dent_m`).
+        displacement_m: of the outer surface at the contact, inward from rest (`tip_m`);
+            the force that causes it is found. In a sealed globe the dent is deeper
+            (`dent_m`).
         youngs_modulus_pa: of the wall.
         iop_pa: intraocular pressure.
         gap_m: distance of the B-scan plane from the needle axis.
-        polar_angle_rad: of the contact, from the pole; None: the middle of the study's range.
+        polar_angle_rad: of the contact, from the pole; None: the middle of the study's
+            range.
         mechanics: "linear" or "finite-strain".
         globe: "open" or "sealed" (finite strain only).
-        rigidity_pa13_per_m3: of a sealed globe (`[globe]` of the study has it in mmHg^(1/3) per µl).
+        rigidity_pa13_per_m3: of a sealed globe (`[globe]` of the study has it in
+            mmHg^(1/3) per µl).
         progress: called with the completed share of the load path (finite strain).
 
     Returns:
-        Mesh, displacements, `force_n`, the tip's displacement `tip_m`, the pressure under the needle, binary `slice`.
+        Mesh, displacements, `force_n`, the tip's displacement `tip_m`, the pressure
+        under the needle, binary `slice`.
 
     Raises:
         InputError: neither or both of force and displacement are given.
-        StudyError: a value is out of bounds, or the study has keys that this mechanics does not use.
+        StudyError: a value is out of bounds, or the study has keys that this mechanics
+            does not use.
         SolverError: no equilibrium was found, or the wall deforms too much to be cut.
 
     >>> import scleraforce as sf
@@ -127,12 +133,15 @@ def phantom(
     progress: Callable[[int], object] | None = None,
     counting: Counting | None = None,
 ) -> Recording:
-    r"""Make a virtual acquisition: a recording folder of raw B-scans and a force log, with its truth.
+    r"""Make a virtual acquisition: a recording folder of raw B-scans and a force log,
+    with its truth.
 
     Args:
         out: the folder to write; it must not exist.
-        study: the study; None: the paper's. Its `[phantom]` has the ranges of light, noise and timing.
-        forces_n: true force at each frame, one step-and-hold push each; with `rate_hz` the turning points of the force.
+        study: the study; None: the paper's. Its `[phantom]` has the ranges of light,
+            noise and timing.
+        forces_n: true force at each frame, one step-and-hold push each; with `rate_hz`
+            the turning points of the force.
         thickness_m: of the wall.
         eye: its name.
         youngs_modulus_pa: of the wall; None: the study's, as for IOP and gap.
@@ -149,14 +158,17 @@ def phantom(
         rate_hz: frames a second of a needle that moves; None: it is held at each force.
         ramp_n_per_s: how fast the force of a moving needle changes; None: 0.02.
         hold_s: how long a moving needle stays at each force; None: 1.
-        puncture_n: force at which a moving needle goes through the wall, after the others; its travel is recorded.
-        planes: that the scanner takes at once, as a cross of two; its axis then misses the contact by the gap.
+        puncture_n: force at which a moving needle goes through the wall, after the
+            others; its travel is recorded.
+        planes: that the scanner takes at once, as a cross of two; its axis then misses
+            the contact by the gap.
         progress: called with 1 after each frame.
-        counting: for bars, in place of `progress`: a context manager of a title ("load path" in per cent, "frames")
-            and its steps.
+        counting: for bars, in place of `progress`: a context manager of a title ("load
+            path" in per cent, "frames") and its steps.
 
     Raises:
-        InputError: `out` exists, a value is out of bounds, or the study has keys that this mechanics does not use.
+        InputError: `out` exists, a value is out of bounds, or the study has keys that
+            this mechanics does not use.
         SolverError: no equilibrium was found.
 
     >>> import scleraforce as sf
@@ -203,9 +215,8 @@ def phantom(
 
     with counting("load path", 100) as advance:
         sections_at = study_sections(pushed, study, by_percent(advance))
-        sections_at(
-            [max(*plan.forces_n, puncture_n or 0.0)]
-        )  # a load path is computed here, once
+        # a load path is computed here, once
+        sections_at([max(*plan.forces_n, puncture_n or 0.0)])
 
     with counting("frames", len(plan.frames)) as advance:
         write_phantom(Path(out), plan, sections_at, study, advance)
@@ -219,7 +230,9 @@ def declared(
     globe: str | None,
     rigidity_pa13_per_m3: float | None,
 ) -> Study:
-    """Return a study, by default the paper's, with the mechanics and the globe that are given."""
+    """Return a study, by default the paper's, with the mechanics and the globe that are
+    given.
+    """
     study = study or Study()
     if mechanics is not None:
         study = replace(study, mechanics=replace(study.mechanics, kind=mechanics))

@@ -1,1 +1,3 @@
-"""Read force class and force from frames with a trained model: NumPy, OpenCV and ONNX Runtime only."""
+"""Read force class and force from frames with a trained model: NumPy, OpenCV and ONNX
+Runtime only.
+"""

@@ -1,4 +1,6 @@
-"""The answer of a model to a frame, and the readings of its methods. A frame that cannot be judged is of class 2."""
+"""The answer of a model to a frame, and the readings of its methods. A frame that
+cannot be judged is of class 2.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -26,10 +28,12 @@ UNCHECKED = "the fit alone reads it, and nothing checks that"
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """The reading of one method: class probabilities, median force with its 90 % interval, and the contact's place.
+    """The reading of one method: class probabilities, median force with its 90 %
+    interval, and the contact's place.
 
-    `contact_m` is the lateral place from the frame's middle, `contact_sd_m` its standard deviation where the method
-    knows it; without a dent the fit can hardly locate the needle.
+    `contact_m` is the lateral place from the frame's middle, `contact_sd_m` its
+    standard deviation where the method knows it; without a dent the fit can hardly
+    locate the needle.
     """
 
     probabilities: tuple[float, ...]
@@ -64,16 +68,20 @@ class Reading:
         return all(map(isfinite, numbers)) and low <= self.force_n <= high
 
     def spanning(self, check: "Reading") -> "Reading":
-        """Return the reading with an interval that spans both intervals; a check that is not finite adds nothing."""
-        (low, high) = self.interval_n
-        (other_low, other_high) = (check if check.finite else self).interval_n
+        """Return the reading with an interval that spans both intervals; a check that
+        is not finite adds nothing.
+        """
+        low, high = self.interval_n
+        other_low, other_high = (check if check.finite else self).interval_n
         return replace(self, interval_n=(min(low, other_low), max(high, other_high)))
 
 
 def fit_reading(
     fit: BoundaryFit, bounds_n: tuple[float, ...], factor: float = 1.0
 ) -> Reading:
-    """Return the reading of a fit, its distribution stretched about the median by a factor (`reader.intervals`)."""
+    """Return the reading of a fit, its distribution stretched about the median by a
+    factor (`reader.intervals`).
+    """
     return Reading(
         probabilities=fit.probabilities(unstretched(fit.force_n, bounds_n, factor)),
         force_n=fit.force_n,
@@ -84,10 +92,11 @@ def fit_reading(
 
 
 def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str | None:
-    """Return a sentence if two methods differ by more than their intervals allow, else None.
+    """Return a sentence if two methods differ by more than their intervals allow, else
+    None.
 
-    The intervals count as independent: their half widths towards each other add in squares. A check that is not finite
-    is a disagreement.
+    The intervals count as independent: their half widths towards each other add in
+    squares. A check that is not finite is a disagreement.
 
     >>> from dataclasses import replace
     >>> near = Reading(probabilities=(0, 1, 0), force_n=0.010, interval_n=(0.009, 0.011), contact_m=0.0)
@@ -97,7 +106,10 @@ def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str
     'the network reads 10.0 mN, the fit 13.0 mN: they differ by more than their intervals allow'
     """
     if not check.finite:
-        return f"the reading of the {names[1]} is not a number: nothing checks the {names[0]}"
+        return (
+            f"the reading of the {names[1]} is not a number: nothing checks the"
+            f" {names[0]}"
+        )
 
     low, high = sorted((answer, check), key=lambda reading: reading.force_n)
     together = hypot(low.interval_n[1] - low.force_n, high.force_n - high.interval_n[0])
@@ -105,8 +117,9 @@ def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str
         return None
 
     return (
-        f"the {names[0]} reads {from_si(answer.force_n, 'mn'):.1f} mN, the {names[1]} "
-        f"{from_si(check.force_n, 'mn'):.1f} mN: they differ by more than their intervals allow"
+        f"the {names[0]} reads {from_si(answer.force_n, 'mn'):.1f} mN, the {names[1]}"
+        f" {from_si(check.force_n, 'mn'):.1f} mN: they differ by more than their"
+        " intervals allow"
     )
 
 
@@ -114,15 +127,19 @@ def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str
 class Answer:
     """The answer of a model to a frame.
 
-    If the frame is not `usable`, `predicted` is the highest class (withdraw), `reason` says why, and there is no
-    reading. A classifier has no `force_n`, no 90 % `interval_n` and no lateral place of the contact from the frame's
-    middle, `contact_m`. `warnings` are sentences that limit the answer; `can_calibrate`: enough of the wall is in
-    view to calibrate on the frame. `elastic_force_n`, of tissue that relaxes, is the force that makes such a dent at
-    once; `force_n` is the force on the needle now, along it where `lean_rad` has the ends of its angle from the wall's
-    normal. Where nothing says the lean, it is the part along the normal, or, of an eye that was calibrated so, along a
-    needle that leans as it did then. `readings` holds the reading of each method by its name, and `fit` the wall of the
-    library that fits the frame best; `places` says where the needle is, with intervals, and `place` the same in three
-    dimensions, if several planes were read together. `segmentation` is the wall that was read.
+    If the frame is not `usable`, `predicted` is the highest class (withdraw), `reason`
+    says why, and there is no reading. A classifier has no `force_n`, no 90 %
+    `interval_n` and no lateral place of the contact from the frame's middle,
+    `contact_m`. `warnings` are sentences that limit the answer; `can_calibrate`: enough
+    of the wall is in view to calibrate on the frame. `elastic_force_n`, of tissue that
+    relaxes, is the force that makes such a dent at once; `force_n` is the force on the
+    needle now, along it where `lean_rad` has the ends of its angle from the wall's
+    normal. Where nothing says the lean, it is the part along the normal, or, of an eye
+    that was calibrated so, along a needle that leans as it did then. `readings` holds
+    the reading of each method by its name, and `fit` the wall of the library that fits
+    the frame best; `places` says where the needle is, with intervals, and `place` the
+    same in three dimensions, if several planes were read together. `segmentation` is
+    the wall that was read.
     """
 
     predicted: int
@@ -144,8 +161,14 @@ class Answer:
 
     def __repr__(self) -> str:
         if not self.usable:
-            return f"<Answer: class {self.predicted} (withdraw), not usable: {self.reason}>"
-        return f"<Answer: class {self.predicted}{self.force_words and ', '}{self.force_words}>"
+            return (
+                f"<Answer: class {self.predicted} (withdraw), not usable:"
+                f" {self.reason}>"
+            )
+        return (
+            "<Answer: class"
+            f" {self.predicted}{self.force_words and ', '}{self.force_words}>"
+        )
 
     def _repr_html_(self) -> str:
         """The frame with its wall, the force and its interval, for Jupyter."""
@@ -185,7 +208,9 @@ class Answer:
 
     @property
     def iop_at_dent_pa(self) -> float | None:
-        """Pressure in the eye under the needle, from the fit; None if nothing was fitted or the frame is not usable."""
+        """Pressure in the eye under the needle, from the fit; None if nothing was
+        fitted or the frame is not usable.
+        """
         return self.fit.iop_pa if self.fit is not None and self.usable else None
 
     @property
@@ -199,7 +224,9 @@ class Answer:
         return None if self.segmentation is None else self.segmentation.conjunctiva_m
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the answer's keys in `read --json` and `evaluate --json`, as plain types."""
+        """Return the answer's keys in `read --json` and `evaluate --json`, as plain
+        types.
+        """
         places = self.places.as_json()
         if self.places.lean_rad is None:
             places["lean_deg"] = from_si(one_lean(self.lean_rad), "deg")
@@ -209,9 +236,11 @@ class Answer:
                 "predicted": self.predicted,
                 "probabilities": self.probabilities,
                 "predicted_force_mn": from_si(self.force_n, "mn"),
-                "interval_mn": None
-                if self.interval_n is None
-                else [from_si(end, "mn") for end in self.interval_n],
+                "interval_mn": (
+                    None
+                    if self.interval_n is None
+                    else [from_si(end, "mn") for end in self.interval_n]
+                ),
                 "elastic_force_mn": from_si(self.elastic_force_n, "mn"),
                 **places,
                 "contact_mm": from_si(self.contact_m, "mm"),
@@ -248,7 +277,10 @@ class Answers(Sequence[Answer]):
         return len(self.each)
 
     def __repr__(self) -> str:
-        return f"<Answers to {len(self)} frames, {sum(answer.usable for answer in self)} usable>"
+        return (
+            f"<Answers to {len(self)} frames, {sum(answer.usable for answer in self)}"
+            " usable>"
+        )
 
     def _repr_html_(self) -> str:
         """The first forces, for Jupyter."""
@@ -263,7 +295,9 @@ class Answers(Sequence[Answer]):
         return {"frames": [answer.to_dict() for answer in self]}
 
     def to_dataframe(self) -> Any:
-        """Return a table of pandas with a row for each frame, units in the names; raises `InputError` without it."""
+        """Return a table of pandas with a row for each frame, units in the names;
+        raises `InputError` without it.
+        """
         from scleraforce.recording.export import data_frame
 
         return data_frame(
@@ -271,7 +305,8 @@ class Answers(Sequence[Answer]):
         )
 
     def to_xarray(self) -> Any:
-        """Return a Dataset of xarray over frames and columns: forces, N, and boundaries, rows; NaN where unknown.
+        """Return a Dataset of xarray over frames and columns: forces, N, and
+        boundaries, rows; NaN where unknown.
 
         It raises `InputError` without xarray.
         """
@@ -315,7 +350,9 @@ class Answers(Sequence[Answer]):
 
 
 def _place_entry(place: SpatialPlace | None) -> dict[str, Any]:
-    """Return the keys of a contact in three dimensions, with intervals; null without planes that were read together."""
+    """Return the keys of a contact in three dimensions, with intervals; null without
+    planes that were read together.
+    """
     if place is None:
         return dict.fromkeys(
             (
@@ -342,7 +379,8 @@ def _place_entry(place: SpatialPlace | None) -> dict[str, Any]:
 
 
 def together(answers: Sequence[Answer]) -> list[Answer]:
-    """Return answers to planes that one fit has read: with one interval that spans all, and all warnings.
+    """Return answers to planes that one fit has read: with one interval that spans all,
+    and all warnings.
 
     A plane that nothing checks needs no warning if another one is checked.
     """
@@ -367,7 +405,9 @@ def together(answers: Sequence[Answer]) -> list[Answer]:
 
 
 def unusable(classes: int, reason: str) -> Answer:
-    """Return the answer of a model with n classes to a frame that cannot be judged: withdraw."""
+    """Return the answer of a model with n classes to a frame that cannot be judged:
+    withdraw.
+    """
     return Answer(
         predicted=classes - 1, probabilities=None, usable=False, reason=reason
     )
@@ -376,7 +416,9 @@ def unusable(classes: int, reason: str) -> Answer:
 def stretched_interval(
     median_n: float, interval_n: tuple[float, float], factor: float
 ) -> tuple[float, float]:
-    """Return an interval whose distribution is stretched about its median by a factor; forces stay at or above 0."""
+    """Return an interval whose distribution is stretched about its median by a factor;
+    forces stay at or above 0.
+    """
     low_n, high_n = (
         max(median_n + factor * (end_n - median_n), 0.0) for end_n in interval_n
     )
@@ -386,7 +428,9 @@ def stretched_interval(
 def unstretched(
     median_n: float, forces_n: tuple[float, ...], factor: float
 ) -> tuple[float, ...]:
-    """Return the forces at which a distribution has the quantiles that the stretched one has at `forces_n`."""
+    """Return the forces at which a distribution has the quantiles that the stretched
+    one has at `forces_n`.
+    """
     return tuple(
         max(median_n + (force_n - median_n) / factor, 0.0) for force_n in forces_n
     )

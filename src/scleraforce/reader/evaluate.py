@@ -1,4 +1,6 @@
-"""An evaluation: a model's answers beside the measured forces, and the metrics (paper sec. 3.4, Table 3, Fig. 10)."""
+"""An evaluation: a model's answers beside the measured forces, and the metrics (paper
+sec. 3.4, Table 3, Fig. 10).
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -60,14 +62,17 @@ Progress = Callable[[int], object] | None  # called with 1 after each frame
 class FrameAnswer:
     """One frame: the measured force, and the answer of the model.
 
-    `recording` is the path as given, `file` the frame's name. Without a force log there is no `measured_force_n` and no
-    `target`; `measured_force_sd_n` is the standard deviation of its error (`calibration.forces`). `true_force_n`, of a
-    virtual eye's `truth.json`, is for comparison only. `to_bound`: when the force reaches the highest class, by the
-    frames before (`decision.trend`). `excluded` says why a trial is left out of the metrics although
-    it has a label (pierced, or above the study's largest force); `pierced`: the needle had gone through
-    the wall, by frames.csv, or else by the readings or the force log; `calibration` marks a frame that Young's modulus
-    was fitted on, which is left out as well. The frame was read with `youngs_modulus_pa`, from `modulus_source`. Frames
-    of several planes have one answer, which counts once: all frames of a moment but the first are `repeats`.
+    `recording` is the path as given, `file` the frame's name. Without a force log there
+    is no `measured_force_n` and no `target`; `measured_force_sd_n` is the standard
+    deviation of its error (`calibration.forces`). `true_force_n`, of a virtual eye's
+    `truth.json`, is for comparison only. `to_bound`: when the force reaches the highest
+    class, by the frames before (`decision.trend`). `excluded` says why a trial is left
+    out of the metrics although it has a label (pierced, or above the study's largest
+    force); `pierced`: the needle had gone through the wall, by frames.csv, or else by
+    the readings or the force log; `calibration` marks a frame that Young's modulus was
+    fitted on, which is left out as well. The frame was read with `youngs_modulus_pa`,
+    from `modulus_source`. Frames of several planes have one answer, which counts once:
+    all frames of a moment but the first are `repeats`.
     """
 
     recording: str
@@ -106,7 +111,9 @@ class FrameAnswer:
     def trial(
         self, force_n: float | None, sd_n: float | None = None
     ) -> metrics.ForceTrial | None:
-        """Return the read force beside a known one, N, with the SD of its error, N; None if either is missing."""
+        """Return the read force beside a known one, N, with the SD of its error, N;
+        None if either is missing.
+        """
         read_n = self.answer.force_n
         interval_n = self.answer.interval_n
         if force_n is None or read_n is None or interval_n is None:
@@ -130,7 +137,9 @@ class FrameAnswer:
         )
 
     def as_row(self) -> dict[str, Any]:
-        """Return the keys of `to_dict` without lists in lists, and `time_s`, `scored` and `covered`."""
+        """Return the keys of `to_dict` without lists in lists, and `time_s`, `scored`
+        and `covered`.
+        """
         keys = {
             "recording": self.recording,
             "eye": self.eye,
@@ -179,10 +188,12 @@ class FrameAnswer:
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluation:
-    """The answers of a model to the frames of one or more recordings, and the metrics over the frames that count.
+    """The answers of a model to the frames of one or more recordings, and the metrics
+    over the frames that count.
 
-    `bounds_n` are the class bounds of the model's study, `max_force_n` its largest force; `notes` are sentences that
-    limit the result (a gap outside the training, frames without labels). `kind` is the model's.
+    `bounds_n` are the class bounds of the model's study, `max_force_n` its largest
+    force; `notes` are sentences that limit the result (a gap outside the training,
+    frames without labels). `kind` is the model's.
     """
 
     model: str
@@ -219,7 +230,9 @@ class Evaluation:
         )
 
     def to_dataframe(self) -> Any:
-        """Return a table of pandas with a row for each frame, units in the names; raises `InputError` without it."""
+        """Return a table of pandas with a row for each frame, units in the names;
+        raises `InputError` without it.
+        """
         return data_frame(self.rows())
 
     @property
@@ -241,19 +254,25 @@ class Evaluation:
 
     @cached_property
     def confusion(self) -> Integers:
-        """Trials by target (row) and predicted (column) class, shape (classes, classes)."""
+        """Trials by target (row) and predicted (column) class, shape (classes,
+        classes).
+        """
         targets = [frame.target for frame in self.scored if frame.target is not None]
         predicted = [frame.answer.predicted for frame in self.scored]
         return metrics.confusion_matrix(targets, predicted, len(self.bounds_n) + 1)
 
     @cached_property
     def forces(self) -> tuple[metrics.ForceTrial, ...]:
-        """Measured and read force of each usable frame that counts; empty with a classifier."""
+        """Measured and read force of each usable frame that counts; empty with a
+        classifier.
+        """
         return tuple(trial for frame in self.scored if (trial := frame.label))
 
     @cached_property
     def true_forces(self) -> tuple[metrics.ForceTrial, ...]:
-        """True and read force of each usable frame that counts and whose true force is known."""
+        """True and read force of each usable frame that counts and whose true force is
+        known.
+        """
         return tuple(
             trial for frame in self.scored if (trial := frame.trial(frame.true_force_n))
         )
@@ -265,7 +284,9 @@ class Evaluation:
 
     @property
     def coverage(self) -> metrics.Proportion:
-        """Share of `forces` whose 90 % interval and label agree, the label's own error included."""
+        """Share of `forces` whose 90 % interval and label agree, the label's own error
+        included.
+        """
         return metrics.coverage(self.forces)
 
     @property
@@ -275,7 +296,9 @@ class Evaluation:
 
     @property
     def label_sd_n(self) -> float:
-        """Median standard deviation of the labels of `forces`, N; NaN if there are none."""
+        """Median standard deviation of the labels of `forces`, N; NaN if there are
+        none.
+        """
         return (
             median([trial.measured_sd_n for trial in self.forces])
             if self.forces
@@ -289,16 +312,22 @@ class Evaluation:
 
     @property
     def recall(self) -> tuple[metrics.Proportion, ...]:
-        """Share of each target class that was recognised (rows; the paper's Table 3 calls it precision)."""
+        """Share of each target class that was recognised (rows; the paper's Table 3
+        calls it precision).
+        """
         return metrics.recall(self.confusion)
 
     @property
     def precision(self) -> tuple[metrics.Proportion, ...]:
-        """Share of each predicted class that was right (columns; the paper's Table 3 calls it recall)."""
+        """Share of each predicted class that was right (columns; the paper's Table 3
+        calls it recall).
+        """
         return metrics.precision(self.confusion)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result of `evaluate --json` as plain types, None for a figure that is not defined."""
+        """Return the result of `evaluate --json` as plain types, None for a figure that
+        is not defined.
+        """
         found: dict[str, Any] = finite(
             {
                 "model": self.model,
@@ -330,10 +359,11 @@ class Evaluation:
         return found
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return a tidy table: a flat row for each frame, all with the same columns, their units in the names.
+        """Return a tidy table: a flat row for each frame, all with the same columns,
+        their units in the names.
 
-        Columns are the keys of `evaluate --json` (docs/formats.md), `time_s`, `scored` (the frame counts in the
-        metrics) and `covered` (interval and label agree).
+        Columns are the keys of `evaluate --json` (docs/formats.md), `time_s`, `scored`
+        (the frame counts in the metrics) and `covered` (interval and label agree).
         """
         return tidy(frame.as_row() for frame in self.frames)
 
@@ -373,11 +403,13 @@ def evaluate_recordings(
     calibration: CalibrationSummary | None = None,
     progress: Progress = None,
 ) -> Evaluation:
-    """Read every frame of recordings and compare with their force logs, and a virtual eye's with its `truth.json`.
+    """Read every frame of recordings and compare with their force logs, and a virtual
+    eye's with its `truth.json`.
 
-    Recordings, or their folders, are given once each. Frames of the `calibration` are marked and not scored; a reader
-    reads an eye of it with its own modulus, others with the population's. A recording or a frame that cannot be used
-    raises `RecordingError` or `FrameError`, a calibration that does not suit the model `CalibrationError`.
+    Recordings, or their folders, are given once each. Frames of the `calibration` are
+    marked and not scored; a reader reads an eye of it with its own modulus, others with
+    the population's. A recording or a frame that cannot be used raises `RecordingError`
+    or `FrameError`, a calibration that does not suit the model `CalibrationError`.
     """
     check_once(
         [
@@ -392,8 +424,8 @@ def evaluate_recordings(
         and calibration.mechanics == "linear"
     ):
         raise CalibrationError(
-            f"{calibration.path}: mechanics: linear; {reader.path} reads with finite strain: "
-            "calibrate with --mechanics finite-strain"
+            f"{calibration.path}: mechanics: linear; {reader.path} reads with finite"
+            " strain: calibrate with --mechanics finite-strain"
         )
 
     opened = [
@@ -407,9 +439,9 @@ def evaluate_recordings(
 
     if calibration is not None and reader.fixed_modulus_pa is not None:
         notes.append(
-            f"{reader.path}: a classifier reads every eye with the modulus it was trained for, "
-            f"{from_si(reader.fixed_modulus_pa, 'mpa'):.3g} MPa; "
-            f"{calibration.path} only marks frames"
+            f"{reader.path}: a classifier reads every eye with the modulus it was"
+            f" trained for, {from_si(reader.fixed_modulus_pa, 'mpa'):.3g} MPa;"
+            f" {calibration.path} only marks frames"
         )
 
     for recording in opened:
@@ -420,7 +452,8 @@ def evaluate_recordings(
         if not session.stated and (count := sum(frame.pierced for frame in answers)):
             first = next(frame.file for frame in answers if frame.pierced)
             notes.append(
-                f"{recording.path}: {count} frames after a puncture are left out, from {first} on"
+                f"{recording.path}: {count} frames after a puncture are left out, from"
+                f" {first} on"
             )
 
         later += (f"{recording.path}: {doubt}" for doubt in session.doubts(answers))
@@ -443,7 +476,9 @@ def recording_scores(
     summary: CalibrationSummary,
     progress: Progress = None,
 ) -> Iterator[Score]:
-    """Score both methods' readings of a recording's frames that did not calibrate, by the reader's intervals."""
+    """Score both methods' readings of a recording's frames that did not calibrate, by
+    the reader's intervals.
+    """
     session = _Session.of(reader, recording, summary)
     repeats = session.repeats
 
@@ -466,7 +501,8 @@ def recording_scores(
 
 @dataclass(frozen=True, eq=False)
 class _Session:
-    """A recording, its reader in place of the one that was `asked` for, and the calibration of the eyes, if any.
+    """A recording, its reader in place of the one that was `asked` for, and the
+    calibration of the eyes, if any.
 
     `stated`: frames.csv says which frames are pierced.
     """
@@ -482,7 +518,9 @@ class _Session:
     def of(
         cls, reader: Reader, recording: Recording, summary: CalibrationSummary | None
     ) -> "_Session":
-        """Return a session with the known values of the eye, and with the bundled reader that was trained for it."""
+        """Return a session with the known values of the eye, and with the bundled
+        reader that was trained for it.
+        """
         known = known_of_recording(recording.info)
         if summary is not None:
             known = known_of_eye(known, summary, recording.info.eye.id)
@@ -501,21 +539,28 @@ class _Session:
 
     @property
     def foreign(self) -> str | None:
-        """A sentence if the eye is read with the modulus of others although a calibration is given."""
+        """A sentence if the eye is read with the modulus of others although a
+        calibration is given.
+        """
         if self.summary is None or self.reader.fixed_modulus_pa is not None:
             return None
         return foreign_modulus(self.summary, self.recording.info.eye.id)
 
     @property
     def repeats(self) -> set[str]:
-        """Files of the frames whose moment another frame stands for, as of several planes."""
+        """Files of the frames whose moment another frame stands for, as of several
+        planes.
+        """
         return {entry.file for moment in self.recording.moments for entry in moment[1:]}
 
     def notes(self) -> Iterator[str]:
         """Yield sentences on the eye, its B-scans and its needle."""
         info = self.recording.info
         if self.reader.path != self.asked:
-            yield f"read with the bundled reader {model_name(self.reader.path)}, which was trained for such eyes"
+            yield (
+                f"read with the bundled reader {model_name(self.reader.path)}, which"
+                " was trained for such eyes"
+            )
 
         yield from self.reader.limits(self.known, info.oct, info.needle.gauge)
         if self.recording.forces is None:
@@ -526,7 +571,9 @@ class _Session:
         yield from self.recording.walls.notes
 
     def doubts(self, answers: Sequence[FrameAnswer]) -> tuple[str, ...]:
-        """Return sentences on labels that are missing, and on a force log that contradicts the answers."""
+        """Return sentences on labels that are missing, and on a force log that
+        contradicts the answers.
+        """
         classes = self.reader.study.classes
         in_newtons = self.reader.reads_force
         if in_newtons:
@@ -543,7 +590,9 @@ class _Session:
     def read(
         self, progress: Progress
     ) -> Iterator[tuple[FrameEntry, Trial, Answer, bool]]:
-        """Yield each frame with its label, its answer, and whether Young's modulus was fitted on it."""
+        """Yield each frame with its label, its answer, and whether Young's modulus was
+        fitted on it.
+        """
         scale = PixelScale.of(self.recording.info.oct)
         study = self.reader.study
         history = History.unknown(self.known, study.needle.max_force_n)
@@ -622,7 +671,9 @@ class _Session:
     def without_pierced(
         self, answers: tuple[FrameAnswer, ...]
     ) -> tuple[FrameAnswer, ...]:
-        """Leave out the frames after a puncture that the readings show, as the monitor does; frames.csv overrules."""
+        """Leave out the frames after a puncture that the readings show, as the monitor
+        does; frames.csv overrules.
+        """
         if self.stated:
             return answers
 
@@ -653,16 +704,20 @@ class _Session:
 
         found = labels.after_punctures(times_s, punctures_s, contact[0], contact[1])
         return tuple(
-            replace(frame, pierced=True, excluded=frame.excluded or "pierced")
-            if pierced
-            else frame
+            (
+                replace(frame, pierced=True, excluded=frame.excluded or "pierced")
+                if pierced
+                else frame
+            )
             for frame, pierced in zip(answers, found, strict=True)
         )
 
     def _to_bound(
         self, answer: Answer, at_s: float, seen: list[tuple[float, float]]
     ) -> TimeToBound | None:
-        """Return when the force will reach the highest class, as the monitor does; add a usable frame to those seen."""
+        """Return when the force will reach the highest class, as the monitor does; add
+        a usable frame to those seen.
+        """
         upper_n = upper_end(answer.verdict)
         if not answer.usable or answer.force_n is None or upper_n is None:
             return None

@@ -1,20 +1,25 @@
-"""The force on the needle, F, from readings of the elastic force, Fe, that the dent shows, in tissue that relaxes.
+"""The force on the needle, F, from readings of the elastic force, Fe, that the dent
+shows, in tissue that relaxes.
 
-F = Fe - sum g_i m_i (`mechanics.material`). The m_i are normal, given the frames so far: between two frames of a
-dense sequence Fe is nearly straight; in a longer gap of such a sequence it may have been anything that an eye bears,
-which bounds the m_i. A monitor knows nothing of the time before its first frame; its median then is that of rest. Of
-single frames, m_i is as in the frames that calibrated the eye, which have a mean and a spread (see
-`known.relaxation`), or, where the time since the push is known, what a sudden push leaves and the usual memory before
-it. An error of g has no effect at the history of the calibration, since E follows from it.
+F = Fe - sum g_i m_i (`mechanics.material`). The m_i are normal, given the frames so
+far: between two frames of a dense sequence Fe is nearly straight; in a longer gap of
+such a sequence it may have been anything that an eye bears, which bounds the m_i. A
+monitor knows nothing of the time before its first frame; its median then is that of
+rest. Of single frames, m_i is as in the frames that calibrated the eye, which have a
+mean and a spread (see `known.relaxation`), or, where the time since the push is known,
+what a sudden push leaves and the usual memory before it. An error of g has no effect at
+the history of the calibration, since E follows from it.
 
-A dent shows the force N along the wall's normal. A needle that leans by an angle a and sticks feels N / cos a. One that
-slides on friction mu, below tan a, is held from the side, and feels N (cos a + mu sin a). The median takes the needle
-for sticking, the interval spans both.
+A dent shows the force N along the wall's normal. A needle that leans by an angle a and
+sticks feels N / cos a. One that slides on friction mu, below tan a, is held from the
+side, and feels N (cos a + mu sin a). The median takes the needle for sticking, the
+interval spans both.
 
-A leaking eye (`Leak`): its pressure without the needle changes with the volume that has leaked. In a dense sequence the
-dent stays as it was from frame to frame. In a longer gap nothing shows what the needle did: the second dent is taken to
-have been there for half of it, or for the time since its push if that is known, and the first one for half of the rest.
-Before the first frame nothing has leaked.
+A leaking eye (`Leak`): its pressure without the needle changes with the volume that has
+leaked. In a dense sequence the dent stays as it was from frame to frame. In a longer
+gap nothing shows what the needle did: the second dent is taken to have been there for
+half of it, or for the time since its push if that is known, and the first one for half
+of the rest. Before the first frame nothing has leaked.
 """
 
 from collections.abc import Callable
@@ -35,21 +40,25 @@ Given = TypeVar("Given", Answer, Reading)
 
 DENSE_S = 0.3  # between frames: in longer gaps a needle may come and go
 SERIES_ERROR = 0.07  # of the force that is lost: four time constants stand for any
-# Of the difference from the force that is lost at the history of the calibration, which E absorbs. On fast pushes of 60
-# virtual eyes, calibrated after holds, 0.9 of the intervals then held F without any other error (0.5 without this).
+# Of the difference from the force that is lost at the history of the calibration, which
+# E absorbs. On fast pushes of 60 virtual eyes, calibrated after holds, 0.9 of the
+# intervals then held F without any other error (0.5 without this).
 OTHER_HISTORY_ERROR = 0.3
 LONGEST_S = 1e9  # gap
 LIGHT_N = 1e-3  # a shallower dent is noise: the needle has let go
-MOST_LEAN_RAD = radians(
-    45.0
-)  # of a needle whose lean is not known: injections come at 15 to 45 degrees
+# of a needle whose lean is not known: injections come at 15 to 45 degrees
+MOST_LEAN_RAD = radians(45.0)
 FRICTIONS = (0.0, 0.3, inf)  # the last one sticks
-# Relative, of N: the lean's direction from the pole (6 % rms of 28 virtual eyes) and 2 degrees of its declaration.
+# Relative, of N: the lean's direction from the pole (6 % rms of 28 virtual eyes) and 2
+# degrees of its declaration.
 LEAN_SD = hypot(0.06, radians(2.0))
 SAME_LEAN_RAD = radians(2.0)  # leans that differ by less are one
 SEEN_LEAN_ERROR_RAD = radians(6.0)  # of a shaft in a picture, and of the normal there
 NO_RELAXATION = KnownRelaxation.declared(())
-NOT_CALIBRATED = "the calibration does not know its needle's lean: the interval spans 0 to 45 degrees"
+NOT_CALIBRATED = (
+    "the calibration does not know its needle's lean: the interval spans 0 to 45"
+    " degrees"
+)
 
 
 @dataclass(frozen=True)
@@ -66,7 +75,9 @@ class FeltForce:
     more_n: float = 0.0
 
     def of(self, elastic: Given, bounds_n: tuple[float, ...]) -> Given:
-        """Return a reading, or an answer, of F from one of Fe; F is taken for normal on either side of its median."""
+        """Return a reading, or an answer, of F from one of Fe; F is taken for normal on
+        either side of its median.
+        """
         assert elastic.force_n is not None
         assert elastic.interval_n is not None
         elastic_n = elastic.force_n
@@ -116,10 +127,12 @@ class FeltForce:
 
 @dataclass(frozen=True)
 class Lean:
-    """The lean of a needle: ends of the angle between it and the wall's normal, None if nothing says it.
+    """The lean of a needle: ends of the angle between it and the wall's normal, None if
+    nothing says it.
 
-    `factors`: the force along the needle over the one that E gives, the least, the likeliest and the largest, with a
-    relative standard deviation beside. `doubts` are sentences.
+    `factors`: the force along the needle over the one that E gives, the least, the
+    likeliest and the largest, with a relative standard deviation beside. `doubts` are
+    sentences.
     """
 
     ends_rad: tuple[float, float] | None
@@ -129,9 +142,11 @@ class Lean:
 
     @classmethod
     def of(cls, known: Known, seen_rad: float | None) -> "Lean":
-        """Return the declared lean, else that of the eye's calibration, else that of a shaft in the picture.
+        """Return the declared lean, else that of the eye's calibration, else that of a
+        shaft in the picture.
 
-        `seen_rad`: the angle from the normal to the shaft, towards growing columns on its way up.
+        `seen_rad`: the angle from the normal to the shaft, towards growing columns on
+        its way up.
 
         >>> Lean.of(Known(lean_rad=(0.2, 0.2)), 0.5).doubts
         ('the needle leans by 29 degrees in the picture (above 0: right), the declared lean allows -11 to 11',)
@@ -191,7 +206,9 @@ def _along(lean_rad: float, friction: float) -> float:
 def _contradicted(
     ends_rad: tuple[float, float], azimuth_rad: float | None, seen_rad: float | None
 ) -> tuple[str, ...]:
-    """Return a sentence if a shaft in the picture contradicts a lean between two ends."""
+    """Return a sentence if a shaft in the picture contradicts a lean between two
+    ends.
+    """
     if seen_rad is None:
         return ()
 
@@ -207,18 +224,23 @@ def _contradicted(
     shown, low, high = map(degrees, (seen_rad, min(allowed), max(allowed)))
     allows = f"the declared lean allows {low:.0f} to {high:.0f}"
     return (
-        f"the needle leans by {shown:.0f} degrees in the picture (above 0: right), {allows}",
+        (
+            f"the needle leans by {shown:.0f} degrees in the picture (above 0: right),"
+            f" {allows}"
+        ),
     )
 
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """Memory of an eye's tissue after the frames so far: mean (term,) and covariance (term, term) of m_i, in N.
+    """Memory of an eye's tissue after the frames so far: mean (term,) and covariance
+    (term, term) of m_i, in N.
 
-    `known` has how the tissue relaxes (by default it is elastic) and the needle's lean. `most_n`: the largest elastic
-    force that an eye bears. After gaps m_i may be up to `less_n` smaller and `more_n` larger, (term,). `time_s`,
-    `elastic_n`: the last frame's, None before it; `dense`: it followed another one closely, or the sequence is a
-    monitor's, which is always dense.
+    `known` has how the tissue relaxes (by default it is elastic) and the needle's lean.
+    `most_n`: the largest elastic force that an eye bears. After gaps m_i may be up to
+    `less_n` smaller and `more_n` larger, (term,). `time_s`, `elastic_n`: the last
+    frame's, None before it; `dense`: it followed another one closely, or the sequence
+    is a monitor's, which is always dense.
     """
 
     known: Known
@@ -239,7 +261,9 @@ class History:
 
     @classmethod
     def unknown(cls, known: Known, max_force_n: float) -> "History":
-        """Return the history of an eye before its first frame; `max_force_n`: the largest force on the needle."""
+        """Return the history of an eye before its first frame; `max_force_n`: the
+        largest force on the needle.
+        """
         relaxation = known.relaxation or NO_RELAXATION
         terms = len(relaxation.shares)
         most_n = max_force_n / (1.0 - sum(relaxation.shares))
@@ -251,7 +275,9 @@ class History:
 
     @classmethod
     def monitored(cls, known: Known, max_force_n: float) -> "History":
-        """Return the history of an eye when a monitor starts: anything may have been before."""
+        """Return the history of an eye when a monitor starts: anything may have been
+        before.
+        """
         unknown = cls.unknown(known, max_force_n)
         more_n = np.full_like(unknown.mean_n, unknown.most_n)
         return replace(unknown, more_n=more_n, dense=True, of_monitor=True)
@@ -263,10 +289,12 @@ class History:
         time_s: float | None = None,
         held_s: float | None = None,
     ) -> tuple[Answer, "History"]:
-        """Return the answer that gives F from one that gives Fe, and the history after it.
+        """Return the answer that gives F from one that gives Fe, and the history after
+        it.
 
-        `time_s`: of the frame, None if it is a single one; `held_s`: the time since its push, if it is known. An answer
-        without a force is returned unchanged, and leaves a gap.
+        `time_s`: of the frame, None if it is a single one; `held_s`: the time since its
+        push, if it is known. An answer without a force is returned unchanged, and
+        leaves a gap.
         """
         if (
             not elastic.usable
@@ -278,9 +306,8 @@ class History:
         known = self.known
         seen_rad = shaft_lean(elastic.fit, elastic.needle)
 
-        if (
-            elastic.place is not None
-        ):  # of several planes: the angle in space, above 0, turned away from any of them
+        # of several planes: the angle in space, above 0, turned away from any of them
+        if elastic.place is not None:
             known = replace(known, lean_azimuth_rad=None)
             seen_rad = elastic.place.lean_rad
 
@@ -308,7 +335,9 @@ class History:
     def _felt(
         self, force_n: float, time_s: float | None, held_s: float | None
     ) -> tuple[FeltForce, "History"]:
-        """Return the force along the normal from an elastic one, and the history after it."""
+        """Return the force along the normal from an elastic one, and the history after
+        it.
+        """
         known = self.relaxation
         shares = np.array(known.shares)
         held = np.array(known.held)
@@ -322,17 +351,20 @@ class History:
             OTHER_HISTORY_ERROR * float(shares @ off_n)
         ) ** 2
         lag_n = lost_n - (1.0 - slope) * force_n
+        # what m_i has more, F has less
         bounds = (
             float(shares @ after.more_n),
             float(shares @ after.less_n),
-        )  # what m_i has more, F has less
+        )
 
         return FeltForce(slope, lag_n, sqrt(variance), *bounds), after
 
     def _after(
         self, force_n: float, time_s: float | None, held_s: float | None
     ) -> tuple["History", Floats]:
-        """Return the history after a frame, and the part of each m_i that grows with its Fe."""
+        """Return the history after a frame, and the part of each m_i that grows with
+        its Fe.
+        """
         known = self.relaxation
         elastic_n = min(force_n, self.most_n) if force_n > LIGHT_N else 0.0
         gap_s = (
@@ -382,7 +414,9 @@ class History:
     def _before(
         self, gap_s: float, follows: bool, held_s: float | None
     ) -> tuple[Floats, Floats]:
-        """Return mean and covariance of the m_i when the push of a frame began; `follows`: others will, or did."""
+        """Return mean and covariance of the m_i when the push of a frame began;
+        `follows`: others will, or did.
+        """
         known = self.relaxation
         before_n = np.array(known.before_n)
         before_n2 = np.array(known.before_covariance_n2)
@@ -420,7 +454,9 @@ READINGS = 3  # of a frame after a longer gap, whose own dent decides on what ha
 
 @dataclass(frozen=True)
 class Leak:
-    """The volume that has leaked from an eye by its last frame, at `time_s`, and its dent's, m^3."""
+    """The volume that has leaked from an eye by its last frame, at `time_s`, and its
+    dent's, m^3.
+    """
 
     known: Known
     leaked_m3: float = 0.0
@@ -433,7 +469,9 @@ class Leak:
         time_s: float,
         held_s: float | None,
     ) -> tuple[tuple[Answer, ...], "Leak"]:
-        """Return the answers of one time, read at the resting pressure that the leak leaves, and the leak by then."""
+        """Return the answers of one time, read at the resting pressure that the leak
+        leaves, and the leak by then.
+        """
         known = self.known
         globe = self.known.globe
 

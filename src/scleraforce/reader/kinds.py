@@ -1,4 +1,6 @@
-"""The kinds of models that read frames: the paper's classifier, the reader with its library, the raw reader."""
+"""The kinds of models that read frames: the paper's classifier, the reader with its
+library, the raw reader.
+"""
 
 import reprlib
 from abc import ABC, abstractmethod
@@ -57,13 +59,16 @@ OUTPUT = "probabilities"
 
 @dataclass(eq=False, repr=False)
 class Reader(ABC):
-    """A trained model that reads raw frames. Made by `load_model`; its parts belong together.
+    """A trained model that reads raw frames. Made by `load_model`; its parts belong
+    together.
 
-    `path` is the folder, `study` the study of the training, `record` the content of `model.json`, `provenance` the
-    metadata of `model.onnx` (hashes of study and data set, seed, versions, class bounds). `kind` is the folder's word
-    for it ("classifier", "reader" or "raw-reader"), `classes` the number of force classes. `reads_force`: answers have
-    a force with its interval, not the class alone. `serves_loop`: it may serve the control loop. The `finder` checks
-    the wall of `read`, not of `read_live`: the control loop does not wait for it.
+    `path` is the folder, `study` the study of the training, `record` the content of
+    `model.json`, `provenance` the metadata of `model.onnx` (hashes of study and data
+    set, seed, versions, class bounds). `kind` is the folder's word for it
+    ("classifier", "reader" or "raw-reader"), `classes` the number of force classes.
+    `reads_force`: answers have a force with its interval, not the class alone.
+    `serves_loop`: it may serve the control loop. The `finder` checks the wall of
+    `read`, not of `read_live`: the control loop does not wait for it.
     """
 
     kind: ClassVar[str]
@@ -85,7 +90,9 @@ class Reader(ABC):
 
     @property
     def fixed_modulus_pa(self) -> float | None:
-        """Young's modulus that the model reads every eye with, a classifier's; None: it takes each eye's own."""
+        """Young's modulus that the model reads every eye with, a classifier's; None: it
+        takes each eye's own.
+        """
         return None if self.reads_force else self.study.eye.youngs_modulus_pa
 
     def read(
@@ -97,9 +104,10 @@ class Reader(ABC):
     ) -> Answer:
         """Read one raw frame (row, column) by every method of the model.
 
-        `scale` is the size of a pixel as stored, with the refractive index. With a fixed modulus the model uses the
-        thickness alone of the known eye. `wall`: in place of the one that is found. An invalid frame raises
-        `ValueError` (see `find_wall`), a network that fails `ModelError`.
+        `scale` is the size of a pixel as stored, with the refractive index. With a
+        fixed modulus the model uses the thickness alone of the known eye. `wall`: in
+        place of the one that is found. An invalid frame raises `ValueError` (see
+        `find_wall`), a network that fails `ModelError`.
         """
         seen = verdicts.look(
             frame,
@@ -121,7 +129,8 @@ class Reader(ABC):
     def read_live(
         self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN
     ) -> Answer:
-        """Read one raw frame within a millisecond or two, without the fit; `can_calibrate` stays False.
+        """Read one raw frame within a millisecond or two, without the fit;
+        `can_calibrate` stays False.
 
         Arguments and errors as for `read`.
         """
@@ -144,41 +153,54 @@ class Reader(ABC):
         planes: Sequence[Plane] = (),
         walls: Sequence[Segmentation | None] = (None,),
     ) -> tuple[Answer, ...]:
-        """Read the frames of one moment, one of each plane, or a single frame without planes.
+        """Read the frames of one moment, one of each plane, or a single frame without
+        planes.
 
-        Every frame gets the answer of all, with its own contact, fit and segmentation. `walls`: given ones, in
-        place of those found. Errors are as for `read`; a model without a fit reads no planes and raises `ModelError`.
+        Every frame gets the answer of all, with its own contact, fit and segmentation.
+        `walls`: given ones, in place of those found. Errors are as for `read`; a model
+        without a fit reads no planes and raises `ModelError`.
         """
         if planes:
             raise ModelError(
-                f"{self.path}: a {self.kind} reads single planes; several need a model of kind {READER!r}"
+                f"{self.path}: a {self.kind} reads single planes; several need a model"
+                f" of kind {READER!r}"
             )
         return (self.read(frames[0], scale, known, walls[0]),)
 
     def outside(self, known: Known) -> str | None:
-        """Return the known value outside the training, where a gap may be 0, in a sentence; None: all are inside."""
+        """Return the known value outside the training, where a gap may be 0, in a
+        sentence; None: all are inside.
+        """
         return outside_training(
             known, verdicts.read_by_fit(self.study.reader), self.study.library
         )
 
     def refusal(self, known: Known) -> str | None:
-        """Return why the model cannot read an eye: a known value lies outside the training; None: it can."""
+        """Return why the model cannot read an eye: a known value lies outside the
+        training; None: it can.
+        """
         return self.outside(known)
 
     def steepest_n_m(self, known: Known) -> float | None:  # noqa: ARG002
-        """Return the steepest rise of force with the dent, N/m, as far as the model knows: None."""
+        """Return the steepest rise of force with the dent, N/m, as far as the model
+        knows: None.
+        """
         return None
 
     def limits(
         self, known: Known, scan: OctInfo, gauge: int | None = None
     ) -> tuple[str, ...]:
-        """Return a sentence for each known value of an eye, its B-scans and its needle outside the training."""
+        """Return a sentence for each known value of an eye, its B-scans and its needle
+        outside the training.
+        """
         return limits(self.kind, self.study, known, scan, gauge)
 
     def _read(
         self, seen: verdicts.Look, frame: Pixels, scale: PixelScale, known: Known
     ) -> Answer:
-        """Return the answer of all methods, by default of the network alone, to a frame with a wall."""
+        """Return the answer of all methods, by default of the network alone, to a frame
+        with a wall.
+        """
         boundaries = segmented_boundaries(seen.segmentation, scale)
         return replace(
             self._live(seen, frame, scale, known),
@@ -197,8 +219,9 @@ class Reader(ABC):
 class Classifier(Reader):
     """Reads the force class from slices.
 
-    The same slices give the same answer: the session runs on the CPU with a fixed number of threads. It knows the
-    modulus of its training only. A network of other inputs or outputs than its study's raises `ModelError`.
+    The same slices give the same answer: the session runs on the CPU with a fixed
+    number of threads. It knows the modulus of its training only. A network of other
+    inputs or outputs than its study's raises `ModelError`.
     """
 
     kind = CLASSIFIER
@@ -221,14 +244,14 @@ class Classifier(Reader):
     def probabilities(self, slices: Bytes) -> Floats:
         """Return the probability of each force class (slice, class); rows sum to 1.
 
-        Slices are uint8 (slice, row, column) of the study's shape, 255 where wall is, 0 elsewhere; others raise
-        `ModelError`.
+        Slices are uint8 (slice, row, column) of the study's shape, 255 where wall is, 0
+        elsewhere; others raise `ModelError`.
         """
         expected = (self.study.slice.rows, self.study.slice.columns)
         if slices.dtype != np.uint8 or slices.ndim != 3 or slices.shape[1:] != expected:
             raise ModelError(
-                f"{self.path}: slices: found {slices.dtype} of shape {slices.shape}, this model reads "
-                f"uint8 of shape (n, {expected[0]}, {expected[1]})"
+                f"{self.path}: slices: found {slices.dtype} of shape {slices.shape},"
+                f" this model reads uint8 of shape (n, {expected[0]}, {expected[1]})"
             )
         if np.any((slices != 0) & (slices != 255)):
             raise ModelError(
@@ -245,10 +268,12 @@ class Classifier(Reader):
         )
         if answer.shape != (len(slices), self.classes):
             raise ModelError(
-                f"{self.path}: the network answers {answer.shape} to {len(slices)} slices"
+                f"{self.path}: the network answers {answer.shape} to {len(slices)}"
+                " slices"
             )
 
-        # float32 leaves the sum at 1 to some 1e-7; double makes it exact to the last digits that are printed.
+        # float32 leaves the sum at 1 to some 1e-7; double makes it exact to the last
+        # digits that are printed.
         result: Floats = answer.astype(np.float64)
         result /= result.sum(axis=1, keepdims=True)
         return result
@@ -264,10 +289,12 @@ class Classifier(Reader):
         scale: PixelScale,  # noqa: ARG002 - a reader's signature
         known: Known,  # noqa: ARG002 - a reader's signature
     ) -> Answer:
-        """Ask the network, unless a needle hides a part of the slice or the dent leaves it.
+        """Ask the network, unless a needle hides a part of the slice or the dent leaves
+        it.
 
-        The network met few dents that leave the window: it would take the rest for a wall without force, and read the
-        most dangerous frames as the least. It was never trained on slices with a needle.
+        The network met few dents that leave the window: it would take the rest for a
+        wall without force, and read the most dangerous frames as the least. It was
+        never trained on slices with a needle.
         """
         if seen.needle:
             return unusable(self.classes, verdicts.NEEDLE_SEEN)
@@ -290,8 +317,9 @@ class Classifier(Reader):
 STEEP_M = 4e-3
 STEEPER = 1.2
 CONTACTS = 32  # polar angles whose libraries are cached
-# Shifts of the slices that the network reads of one frame, in rows; the first is the slice itself. A slice of black and
-# white does not show where in its pixels a boundary lies; a reading of one jumps when a drifting eye crosses a row.
+# Shifts of the slices that the network reads of one frame, in rows; the first is the
+# slice itself. A slice of black and white does not show where in its pixels a boundary
+# lies; a reading of one jumps when a drifting eye crosses a row.
 SHIFTS = (0.0, 0.5)
 LEFT_OUT = "left out: "  # begins the warning on a plane without a wall
 TOO_LITTLE = "too little of the wall is seen"
@@ -302,8 +330,9 @@ TOO_LITTLE = "too little of the wall is seen"
 class ForceReader(Reader):
     """Reads force, interval and contact from a wall.
 
-    `default` names the method whose reading is the answer, "network" or "fit"; the other one checks it. The `network`
-    reads slices of a wall, 255 where wall is, 0 elsewhere.
+    `default` names the method whose reading is the answer, "network" or "fit"; the
+    other one checks it. The `network` reads slices of a wall, 255 where wall is, 0
+    elsewhere.
     """
 
     kind = READER
@@ -316,7 +345,10 @@ class ForceReader(Reader):
 
     def __post_init__(self) -> None:
         if self.default not in METHODS:
-            place = f"{self.path / RECORD_FILE}: default: found {reprlib.repr(self.default)}"
+            place = (
+                f"{self.path / RECORD_FILE}: default: found"
+                f" {reprlib.repr(self.default)}"
+            )
             raise ModelError(f"{place}, expected {' or '.join(METHODS)}")
 
         super().__post_init__()
@@ -331,23 +363,30 @@ class ForceReader(Reader):
         )
 
     def refusal(self, known: Known) -> str | None:
-        """Return why the network cannot read an eye: a known value lies outside the training; None: it can."""
+        """Return why the network cannot read an eye: a known value lies outside the
+        training; None: it can.
+        """
         return self._outside(known)
 
     def _unread_slices(self, seen: verdicts.Look, known: Known) -> str | None:
-        """Return why the network cannot read the slices of a frame, although the fit may; None if it can."""
+        """Return why the network cannot read the slices of a frame, although the fit
+        may; None if it can.
+        """
         reason = self.refusal(known) or (verdicts.NEEDLE_SEEN if seen.needle else None)
         return reason or verdicts.seen_by_network(seen.extent_m, self.study.slice)
 
     def library_for(self, known: Known) -> Library:
-        """Return the library of an eye's tissue at its contact, or at the middle of the study's angles if unknown.
+        """Return the library of an eye's tissue at its contact, or at the middle of the
+        study's angles if unknown.
 
-        Angles beyond the library's count as its largest; tissue that it does not hold raises `InputError`.
+        Angles beyond the library's count as its largest; tissue that it does not hold
+        raises `InputError`.
         """
         return self._library_of(known.polar_rad, known.stiffening or 0.0)
 
     def steepest_n_m(self, known: Known) -> float | None:
-        """Return the steepest rise of force with the dent of an open wall, N/m; None if the eye is not known.
+        """Return the steepest rise of force with the dent of an open wall, N/m; None if
+        the eye is not known.
 
         E is taken two standard deviations above its mean, and the rise a fifth steeper.
         """
@@ -428,9 +467,10 @@ class ForceReader(Reader):
         self, seen: verdicts.Look, wall: Boundaries, known: Known, trained: ReaderStudy
     ) -> Prior:
         if seen.needle:
+            # for an unknown gap
             trained = replace(
                 trained, gap_m=Range(min=0.0, max=self.library.needle_radius_m)
-            )  # for an unknown gap
+            )
         return replace(prior_of(known, trained), wall_sd_m=wall.sd_m)
 
     def read_together(
@@ -441,10 +481,11 @@ class ForceReader(Reader):
         planes: Sequence[Plane] = (),
         walls: Sequence[Segmentation | None] = (None,),
     ) -> tuple[Answer, ...]:
-        """Read the frames of one moment, one of each plane, by one fit; the gap is not used.
+        """Read the frames of one moment, one of each plane, by one fit; the gap is not
+        used.
 
-        A plane without a wall is left out, with a warning. If the wall in one that is fitted is not that of an eye, or
-        cannot be judged, none is usable.
+        A plane without a wall is left out, with a warning. If the wall in one that is
+        fitted is not that of an eye, or cannot be judged, none is usable.
         """
         if not planes:
             return super().read_together(frames, scale, known, walls=walls)
@@ -483,9 +524,10 @@ class ForceReader(Reader):
             else [unusable(self.classes, left_out[0])]
         )
         fault = next((one for one in found if not one.usable), None)
+        # of no fit: one only
         of_plane = {
             plane.name: one for (plane, *_), one in zip(each, found, strict=False)
-        }  # of no fit: one only
+        }
         answers = list[Answer]()
 
         for plane, seen in zip(planes, looks, strict=True):
@@ -511,7 +553,9 @@ class ForceReader(Reader):
     def _fitted_together(
         self, each: Sequence[tuple[Plane, verdicts.Look, Boundaries, Known]]
     ) -> list[Answer]:
-        """Return the answers of planes with a wall, by the fit to all of them; of one alone, by its own."""
+        """Return the answers of planes with a wall, by the fit to all of them; of one
+        alone, by its own.
+        """
         smoothing_m = self.study.calibration.surface_smoothing_m
         radius_m = self.library.needle_radius_m
         trained = self.study.reader
@@ -600,7 +644,8 @@ class ForceReader(Reader):
         default: str | None = None,
         may_rest: bool = True,
     ) -> Answer:
-        """Read a frame from its fit, if that is the wall of an eye; `default`: the method that answers.
+        """Read a frame from its fit, if that is the wall of an eye; `default`: the
+        method that answers.
 
         `factor`: of the fit's interval; `may_rest`: a surface without a dent is tried.
         """
@@ -644,10 +689,12 @@ class ForceReader(Reader):
     def _checked(
         self, readings: Mapping[str, Reading], leaves: bool, default: str | None = None
     ) -> Answer:
-        """Return the answer of a method, by default the model's, checked by the other one; `leaves`: the dent does.
+        """Return the answer of a method, by default the model's, checked by the other
+        one; `leaves`: the dent does.
 
-        If both differ by more than their intervals allow, one of them is wrong, and nothing shows which: the interval
-        then spans both. A frame whose interval reaches into every class is not usable.
+        If both differ by more than their intervals allow, one of them is wrong, and
+        nothing shows which: the interval then spans both. A frame whose interval
+        reaches into every class is not usable.
         """
         name = default or self.default
         check = METHODS[1 - METHODS.index(name)]
@@ -677,8 +724,9 @@ class ForceReader(Reader):
 class RawReader(Reader):
     """Reads force, interval and contact from a raw frame.
 
-    The frame is segmented as for every model: that shows if there is the wall of an eye at all, if the dent leaves the
-    window, and a needle or a conjunctiva. The force is the network's, which sees the frame itself. Nothing checks it.
+    The frame is segmented as for every model: that shows if there is the wall of an eye
+    at all, if the dent leaves the window, and a needle or a conjunctiva. The force is
+    the network's, which sees the frame itself. Nothing checks it.
     """
 
     kind = RAW_READER

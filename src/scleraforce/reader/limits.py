@@ -1,7 +1,9 @@
-"""The ranges that a model was trained on, and where an eye and its B-scans lie outside: known before a frame is read.
+"""The ranges that a model was trained on, and where an eye and its B-scans lie outside:
+known before a frame is read.
 
-Every range is that of the model's study. A reader refuses an eye outside its training (`outside_training`); the limits
-of a recording have the same sentences, and others on the frames, the needle and the scan.
+Every range is that of the model's study. A reader refuses an eye outside its training
+(`outside_training`); the limits of a recording have the same sentences, and others on
+the frames, the needle and the scan.
 """
 
 from collections.abc import Iterable
@@ -29,11 +31,12 @@ from scleraforce.recording.folder import OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.study import Choice, LibraryStudy, Range, ReaderStudy, Sampled, Study
 from scleraforce.units import HumanUnit, from_si
 
+# of models that read forces
 CLASSIFIER, READER, RAW_READER = KINDS = (
     "classifier",
     "reader",
     "raw-reader",
-)  # of models that read forces
+)
 SAME_INDEX = 1e-3  # of refractive indices
 MODULUS, PRESSURE, WALL, GAP = EYE = (
     "Young's modulus",
@@ -43,14 +46,15 @@ MODULUS, PRESSURE, WALL, GAP = EYE = (
 )
 
 
-COARSEST_M = (
-    30e-6  # of a pixel that forces are read from: walls are found in coarser ones
-)
+# of a pixel that forces are read from: walls are found in coarser ones
+COARSEST_M = 30e-6
 
 
 @dataclass(frozen=True)
 class _Compared:
-    """A value (None: unknown) and the range that a model was trained on, SI, with the unit that both are printed in."""
+    """A value (None: unknown) and the range that a model was trained on, SI, with the
+    unit that both are printed in.
+    """
 
     name: str
     value: float | None
@@ -73,7 +77,9 @@ class _Compared:
 
     @property
     def outside(self) -> str | None:
-        """A sentence if the value is outside, in the printed unit to four digits; None if it is inside or unknown."""
+        """A sentence if the value is outside, in the printed unit to four digits; None
+        if it is inside or unknown.
+        """
         if self.value is None:
             return None
 
@@ -83,22 +89,29 @@ class _Compared:
         if low - slack <= found <= high + slack:
             return None
 
-        return f"{self.name} {found:.4g} {self.printed}, the model was trained on {self.covered}"
+        return (
+            f"{self.name} {found:.4g} {self.printed}, the model was trained on"
+            f" {self.covered}"
+        )
 
 
 def outside_training(
     known: Known, trained: ReaderStudy, library: LibraryStudy
 ) -> str | None:
-    """Return why a model cannot read an eye: a known value lies outside the training; None: all lie inside.
+    """Return why a model cannot read an eye: a known value lies outside the training;
+    None: all lie inside.
 
-    A value that is not a number is outside. A modulus of the eye's own may lie outside by its uncertainty: its standard
-    deviation, and the error that it takes from thickness and IOP, which the training's moduli have too.
+    A value that is not a number is outside. A modulus of the eye's own may lie outside
+    by its uncertainty: its standard deviation, and the error that it takes from
+    thickness and IOP, which the training's moduli have too.
     """
     return next(iter(_refusals(known, trained, library)), None)
 
 
 def limit_notes(model: Path, info: RecordingInfo) -> tuple[str, ...]:
-    """Return a note for each value of a recording outside a model's training; raises `ModelError`."""
+    """Return a note for each value of a recording outside a model's training; raises
+    `ModelError`.
+    """
     folder = read_folder(model, KINDS)
     name = model_name(model_folder(model))
     eye = known_of_recording(info)
@@ -110,7 +123,9 @@ def limit_notes(model: Path, info: RecordingInfo) -> tuple[str, ...]:
 
 
 def reading_ranges(model: Path) -> tuple[tuple[str, str], ...]:
-    """Return name and range in words of each quantity of a model's study; () for a wall finder; raises `ModelError`."""
+    """Return name and range in words of each quantity of a model's study; () for a wall
+    finder; raises `ModelError`.
+    """
     folder = read_folder(model)
     kind = folder.record["kind"]
     if kind not in KINDS:
@@ -123,12 +138,17 @@ def reading_ranges(model: Path) -> tuple[tuple[str, str], ...]:
     width = f"{from_si(least_m, 'mm'):.4g} mm or more"
 
     if kind == READER:
-        width = f"{from_si(LEAST_FRAME_M, 'mm'):.4g} mm or more; {width} without a calibration, and for the monitor"
+        width = (
+            f"{from_si(LEAST_FRAME_M, 'mm'):.4g} mm or more; {width} without a"
+            " calibration, and for the monitor"
+        )
 
-    curve_mm = from_si(
-        radius_m - sqrt(radius_m**2 - (least_m / 2) ** 2), "mm"
-    )  # of the surface over that width
-    depth = f"{curve_mm:.1f} mm or more, for deep dents {from_si(window.rows * window.pixel_m, 'mm'):.4g} mm"
+    # of the surface over that width
+    curve_mm = from_si(radius_m - sqrt(radius_m**2 - (least_m / 2) ** 2), "mm")
+    depth = (
+        f"{curve_mm:.1f} mm or more, for deep dents"
+        f" {from_si(window.rows * window.pixel_m, 'mm'):.4g} mm"
+    )
     frames = (("width of the frames", width), ("depth of the frames", depth))
     compared = (_of_slices if kind == CLASSIFIER else _of_walls)(
         study, NOTHING_KNOWN, None
@@ -144,10 +164,11 @@ def reading_ranges(model: Path) -> tuple[tuple[str, str], ...]:
 def limits(
     kind: str, study: Study, known: Known, scan: OctInfo, gauge: int | None = None
 ) -> tuple[str, ...]:
-    """Return a sentence for each known value that the training of a kind of model did not cover.
+    """Return a sentence for each known value that the training of a kind of model did
+    not cover.
 
-    A reader was trained on its library's walls, wherever on the eye the needle pushes; a classifier on its data set,
-    without sealed globes.
+    A reader was trained on its library's walls, wherever on the eye the needle pushes;
+    a classifier on its data set, without sealed globes.
     """
     if kind == CLASSIFIER:
         sealed = open_doubts(None if known.globe is None else known.globe.kind)
@@ -175,11 +196,16 @@ def limits(
 
 
 def other_index(study: Study, refractive_index: float) -> str | None:
-    """Return why a network that sees below the surface cannot read frames of an index; None: it can."""
+    """Return why a network that sees below the surface cannot read frames of an index;
+    None: it can.
+    """
     trained = study.oct.refractive_index
     if abs(refractive_index - trained) <= SAME_INDEX:
         return None
-    return f"refractive index {refractive_index:g} of the frame, the model was trained with {trained:g}"
+    return (
+        f"refractive index {refractive_index:g} of the frame, the model was trained"
+        f" with {trained:g}"
+    )
 
 
 def _of_eye(known: Known, trained: ReaderStudy) -> tuple[_Compared, ...]:
@@ -200,7 +226,9 @@ def _of_eye(known: Known, trained: ReaderStudy) -> tuple[_Compared, ...]:
 def _of_walls(
     study: Study, known: Known, scan: OctInfo | None
 ) -> tuple[_Compared, ...]:
-    """Return the ranges of a reader's training: of the eye, of the plane, and of the scale of its frames."""
+    """Return the ranges of a reader's training: of the eye, of the plane, and of the
+    scale of its frames.
+    """
     trained = read_by_fit(study.reader)
     rigidity = known.globe.mean if known.globe and known.globe.can_be_sealed else None
     rigidities = Range(min=UNKNOWN.lowest, max=UNKNOWN.highest)
@@ -256,7 +284,9 @@ def _of_slices(
 
 
 def _pixel(study: Study, scan: OctInfo | None) -> _Compared:
-    """Return the scale, compared with that of the scenes that the wall finder was trained on."""
+    """Return the scale, compared with that of the scenes that the wall finder was
+    trained on.
+    """
     pixel_m = scan.depth_m / scan.rows if scan else None
     drawn = study.scenes.window.pixel_m.bounds
     return _Compared(
@@ -277,15 +307,19 @@ def _refusals(
     if softest <= stiffening <= stiffest:
         return reasons
 
-    tissue = f"stiffening {stiffening:.4g} of the tissue, the model was trained on {softest:g} to {stiffest:g}"
+    tissue = (
+        f"stiffening {stiffening:.4g} of the tissue, the model was trained on"
+        f" {softest:g} to {stiffest:g}"
+    )
     return (*reasons, tissue)
 
 
 def _uncovered_modulus(modulus: Modulus | None, trained: ReaderStudy) -> float | None:
-    """Return a modulus, Pa, to compare with the training's range; None if it is an eye's own and near enough.
+    """Return a modulus, Pa, to compare with the training's range; None if it is an
+    eye's own and near enough.
 
-    At a given dent F goes as E t^2 IOP^(1/3) (`learning.samples`), so a calibrated E takes twice the error of
-    the thickness and a third of the pressure's.
+    At a given dent F goes as E t^2 IOP^(1/3) (`learning.samples`), so a calibrated E
+    takes twice the error of the thickness and a third of the pressure's.
     """
     if modulus is None:
         return None
@@ -310,9 +344,11 @@ def _sentences(compared: Iterable[_Compared]) -> tuple[str, ...]:
 
 
 def _unseen(study: Study, scan: OctInfo, kind: str) -> tuple[str, ...]:
-    """Return why frames show too little of a wall: they are too narrow, or less deep than its curve or its dents.
+    """Return why frames show too little of a wall: they are too narrow, or less deep
+    than its curve or its dents.
 
-    Of a sphere of radius R that touches the top edge, a frame of depth d shows 2 sqrt(R^2 - (R - d)^2).
+    Of a sphere of radius R that touches the top edge, a frame of depth d shows 2
+    sqrt(R^2 - (R - d)^2).
     """
     radius_m = _largest_radius_m(study)
     left_m = max(radius_m - scan.depth_m, 0.0)
@@ -342,7 +378,8 @@ def _unseen(study: Study, scan: OctInfo, kind: str) -> tuple[str, ...]:
     needed_mm = from_si(window.rows * window.pixel_m, "mm")
     if depth_mm < needed_mm:
         said.append(
-            f"frames {depth_mm:.4g} mm deep: deep dents leave them, the model reads {needed_mm:.4g} mm"
+            f"frames {depth_mm:.4g} mm deep: deep dents leave them, the model reads"
+            f" {needed_mm:.4g} mm"
         )
 
     return tuple(said)
@@ -353,7 +390,9 @@ def _largest_radius_m(study: Study) -> float:
 
 
 def _other_needle(study: Study, gauge: int | None) -> tuple[str, ...]:
-    """Return a sentence on a needle of another gauge than the model's, whose dent has another form."""
+    """Return a sentence on a needle of another gauge than the model's, whose dent has
+    another form.
+    """
     if gauge is None or gauge == nearest_gauge(study.needle.outer_diameter_m):
         return ()
     return (

@@ -1,8 +1,10 @@
-"""Metrics of an evaluation: confusion matrix, recall, precision, accuracy, errors and coverage of forces.
+"""Metrics of an evaluation: confusion matrix, recall, precision, accuracy, errors and
+coverage of forces.
 
-The names are the standard ones. The paper's Table 3 calls the row-wise figure "precision" and the column-wise figure
-"recall"; here recall is row-wise (share of a class's trials that were recognised) and precision column-wise (share of a
-class's answers that were right).
+The names are the standard ones. The paper's Table 3 calls the row-wise figure
+"precision" and the column-wise figure "recall"; here recall is row-wise (share of a
+class's trials that were recognised) and precision column-wise (share of a class's
+answers that were right).
 """
 
 from collections.abc import Sequence
@@ -14,15 +16,14 @@ import numpy as np
 
 from scleraforce.arrays import Bytes, Flags, Integers
 
-SDS_OF_INTERVAL = NormalDist().inv_cdf(
-    0.95
-)  # of a normal distribution, to either end of its 90 % interval
-LIMIT_SDS = NormalDist().inv_cdf(
-    0.975
-)  # to either end of the range of 95 % of all differences
+# of a normal distribution, to either end of its 90 % interval
+SDS_OF_INTERVAL = NormalDist().inv_cdf(0.95)
+# to either end of the range of 95 % of all differences
+LIMIT_SDS = NormalDist().inv_cdf(0.975)
 SHARED_ERROR = (
-    "Frames of one eye share the error of its calibration, so they hold or miss together: 90 % is the mean "
-    "of many eyes; of single ones, from less than half to all hold."
+    "Frames of one eye share the error of its calibration, so they hold or miss"
+    " together: 90 % is the mean of many eyes; of single ones, from less than half to"
+    " all hold."
 )
 # of the eyes; percent
 RESAMPLES = 2000
@@ -31,7 +32,9 @@ BAND = (2.5, 97.5)
 
 
 def dice(found: Flags | Bytes, true: Flags | Bytes) -> float:
-    """Return the Dice coefficient of two masks, twice the common area over the sum of both; 1 if both are empty."""
+    """Return the Dice coefficient of two masks, twice the common area over the sum of
+    both; 1 if both are empty.
+    """
     a = found > 0
     b = true > 0
     total = np.count_nonzero(a) + np.count_nonzero(b)
@@ -40,7 +43,9 @@ def dice(found: Flags | Bytes, true: Flags | Bytes) -> float:
 
 @dataclass(frozen=True)
 class Proportion:
-    """`hits` out of `total`, with its value and 95 % Wilson interval (NaN where `total` is 0)."""
+    """`hits` out of `total`, with its value and 95 % Wilson interval (NaN where `total`
+    is 0).
+    """
 
     hits: int
     total: int
@@ -82,7 +87,9 @@ class Proportion:
 def confusion_matrix(
     target: Sequence[int], predicted: Sequence[int], classes: int = 3
 ) -> Integers:
-    """Count the trials by target (row) and predicted (column) class, shape (classes, classes)."""
+    """Count the trials by target (row) and predicted (column) class, shape (classes,
+    classes).
+    """
     if len(target) != len(predicted):
         raise ValueError(f"{len(target)} targets but {len(predicted)} predictions")
     if any(not 0 <= label < classes for label in (*target, *predicted)):
@@ -115,9 +122,11 @@ def precision(confusion: Integers) -> tuple[Proportion, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class ForceTrial:
-    """A trial's eye, its measured and read force, N, and the 90 % interval that was read.
+    """A trial's eye, its measured and read force, N, and the 90 % interval that was
+    read.
 
-    `measured_sd_n`: standard deviation of the measured force's error, N; 0 for a true force.
+    `measured_sd_n`: standard deviation of the measured force's error, N; 0 for a true
+    force.
     """
 
     eye: str
@@ -130,9 +139,10 @@ class ForceTrial:
     def covered(self) -> bool:
         """True if the interval and the measured force agree at 90 %.
 
-        Their errors are independent: each half of the interval and 1.645 standard deviations of the measured force add
-        in squares. So 90 % of normal readings with correct intervals agree, whatever the error of the measured forces;
-        a measured force without error has to lie in the interval.
+        Their errors are independent: each half of the interval and 1.645 standard
+        deviations of the measured force add in squares. So 90 % of normal readings with
+        correct intervals agree, whatever the error of the measured forces; a measured
+        force without error has to lie in the interval.
         """
         low, high = self.interval_n
         wide = SDS_OF_INTERVAL * self.measured_sd_n
@@ -155,9 +165,11 @@ def mean_absolute_error(trials: Sequence[ForceTrial]) -> float:
 
 
 def agreement(trials: Sequence[ForceTrial]) -> tuple[float, float, float]:
-    """Return the mean of read minus measured force and its limits of agreement, N; the limits of one trial are NaN.
+    """Return the mean of read minus measured force and its limits of agreement, N; the
+    limits of one trial are NaN.
 
-    The limits are 1.96 standard deviations to either side of the mean (Bland and Altman 1986).
+    The limits are 1.96 standard deviations to either side of the mean (Bland and Altman
+    1986).
     """
     off_n = [trial.read_n - trial.measured_n for trial in trials]
     middle_n = fmean(off_n)
@@ -166,7 +178,9 @@ def agreement(trials: Sequence[ForceTrial]) -> tuple[float, float, float]:
 
 
 def coverage(trials: Sequence[ForceTrial]) -> Proportion:
-    """Return the share of trials whose interval and measured force agree (`ForceTrial.covered`)."""
+    """Return the share of trials whose interval and measured force agree
+    (`ForceTrial.covered`).
+    """
     return Proportion(sum(trial.covered for trial in trials), len(trials))
 
 
@@ -181,7 +195,8 @@ def coverage_by_eye(trials: Sequence[ForceTrial]) -> dict[str, Proportion]:
 def coverage_band(
     eyes: Sequence[str], covered: Sequence[bool]
 ) -> tuple[float, float] | None:
-    """Return the 95 % band of the share of covered frames, by a bootstrap over whole eyes; None without frames.
+    """Return the 95 % band of the share of covered frames, by a bootstrap over whole
+    eyes; None without frames.
 
     Frames of one eye share its errors, so eyes are resampled, not frames.
     """
@@ -201,14 +216,18 @@ def coverage_band(
 
 
 def band_of(trials: Sequence[ForceTrial]) -> tuple[float, float] | None:
-    """Return the 95 % band of the coverage of other such eyes (`coverage_band`); None without trials."""
+    """Return the 95 % band of the coverage of other such eyes (`coverage_band`); None
+    without trials.
+    """
     return coverage_band(
         [trial.eye for trial in trials], [trial.covered for trial in trials]
     )
 
 
 def held_by_eye(trials: Sequence[ForceTrial]) -> str:
-    """Return the number of forces that the intervals of each eye hold, in words: '1 of 1 of a'."""
+    """Return the number of forces that the intervals of each eye hold, in words: '1 of
+    1 of a'.
+    """
     return ", ".join(
         f"{held.hits} of {held.total} of {eye}"
         for eye, held in coverage_by_eye(trials).items()

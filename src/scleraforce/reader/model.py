@@ -1,4 +1,6 @@
-"""Load a trained model from its folder (ONNX Runtime only; PyTorch is not needed), and read in the control loop."""
+"""Load a trained model from its folder (ONNX Runtime only; PyTorch is not needed), and
+read in the control loop.
+"""
 
 from dataclasses import replace
 from functools import cache
@@ -27,10 +29,12 @@ Finder = str | PathLike[str] | None
 
 
 def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
-    """Load a model folder of kind "wall-finder"; arguments and errors as for `load_model`."""
+    """Load a model folder of kind "wall-finder"; arguments and errors as for
+    `load_model`.
+    """
     folder = models.read_folder(Path(path), (models.WALL_FINDER,))
     study = models.folder_study(folder)
-    (session, metadata) = models.folder_session(folder, threads)
+    session, metadata = models.folder_session(folder, threads)
     finder = WallFinder(
         session, study.wall_finder, str(folder.path / models.NETWORK_FILE)
     )
@@ -46,15 +50,16 @@ def load_model(
 ) -> Reader:
     """Load a model folder of any kind that reads forces.
 
-    `path` is the folder that `scleraforce train` wrote, or the name of a bundled one ("default"); `threads` are ONNX
-    Runtime's within one operation, 1 is fastest for single slices; `finder` is the folder of the wall finder that
-    checks the walls it reads, None: nothing checks them. A file that is missing, was changed, or does not fit the study
-    beside it raises `ModelError`.
+    `path` is the folder that `scleraforce train` wrote, or the name of a bundled one
+    ("default"); `threads` are ONNX Runtime's within one operation, 1 is fastest for
+    single slices; `finder` is the folder of the wall finder that checks the walls it
+    reads, None: nothing checks them. A file that is missing, was changed, or does not
+    fit the study beside it raises `ModelError`.
     """
     folder = models.read_folder(Path(path), KINDS)
     kind = folder.record["kind"]
     study = models.folder_study(folder)
-    (session, provenance) = models.folder_session(folder, threads)
+    session, provenance = models.folder_session(folder, threads)
 
     if kind == CLASSIFIER:
         model: Reader = Classifier(folder.path, study, session)
@@ -80,7 +85,8 @@ def load_model(
 
 
 def suited(reader: Reader, known: Known) -> Reader:
-    """Return the bundled reader that was trained for an eye, in place of the other one; any other reader is returned.
+    """Return the bundled reader that was trained for an eye, in place of the other one;
+    any other reader is returned.
 
     The reader is changed only if it refuses the eye and the other one does not.
     """
@@ -105,7 +111,9 @@ def load_classifier(
     threads: int = 1,
     finder: Finder = models.SHIPPED_WALL_FINDER,
 ) -> Classifier:
-    """Load a model folder of kind "classifier"; arguments and errors as for `load_model`."""
+    """Load a model folder of kind "classifier"; arguments and errors as for
+    `load_model`.
+    """
     return _of_kind(load_model(path, threads, finder), Classifier)
 
 
@@ -114,7 +122,9 @@ def load_force_reader(
     threads: int = 1,
     finder: Finder = models.SHIPPED_WALL_FINDER,
 ) -> ForceReader:
-    """Load a model folder of kind "reader"; arguments and errors as for `load_model`."""
+    """Load a model folder of kind "reader"; arguments and errors as for
+    `load_model`.
+    """
     return _of_kind(load_model(path, threads, finder), ForceReader)
 
 
@@ -127,7 +137,9 @@ def _of_kind(model: Reader, wanted: type[Kind]) -> Kind:
 
 
 def _library(folder: models.ModelFolder) -> Library:
-    """Read the library and prepare the arrays that its first evaluation would otherwise wait for."""
+    """Read the library and prepare the arrays that its first evaluation would otherwise
+    wait for.
+    """
     try:
         library = load_library(
             folder.path / models.LIBRARY_FILE, folder.files[models.LIBRARY_FILE]
@@ -157,8 +169,10 @@ def warming_frame(
     radius_m: float,
     thickness_m: float | None = None,
 ) -> Counts:
-    """Return a raw B-scan (row, column) of the wall of an eye at rest, the same at each call."""
-    (rows, columns) = shape
+    """Return a raw B-scan (row, column) of the wall of an eye at rest, the same at each
+    call.
+    """
+    rows, columns = shape
     rng = np.random.default_rng(0)
     lateral_m = (np.arange(columns) + 0.5 - columns / 2) * scale.lateral_m
     falls_m = radius_m - np.sqrt(np.maximum(radius_m**2 - lateral_m**2, 0.0))
@@ -178,7 +192,8 @@ def warming_frame(
 class LiveReader:
     """Reads the frames of one eye in the control loop, one after the other.
 
-    It reads some frames at the start, so that the first real one takes no longer than the others.
+    It reads some frames at the start, so that the first real one takes no longer than
+    the others.
     """
 
     def __init__(self, reader: Reader, known: Known, refractive_index: float) -> None:
@@ -198,9 +213,11 @@ class LiveReader:
             self.read(frame, scale)
 
     def adopt(self, known: Known) -> float | None:
-        """Read the next frames with the eye as learned, if the model can read such an eye.
+        """Read the next frames with the eye as learned, if the model can read such an
+        eye.
 
-        The wall's steepest stiffness is returned, N/m; None if it is not known or the eye was not adopted.
+        The wall's steepest stiffness is returned, N/m; None if it is not known or the
+        eye was not adopted.
         """
         if self._reader.refusal(known) is not None:
             return None
@@ -208,7 +225,9 @@ class LiveReader:
         return self._reader.steepest_n_m(known)
 
     def read(self, frame: Pixels, scale: PixelScale) -> Answer:
-        """Read one raw frame (`Reader.read_live`); the scanner's refractive index takes precedence over the scale's."""
+        """Read one raw frame (`Reader.read_live`); the scanner's refractive index takes
+        precedence over the scale's.
+        """
         scale = PixelScale(
             lateral_m=scale.lateral_m,
             depth_m=scale.depth_m,

@@ -1,9 +1,11 @@
-"""Networks that read a force: a picture and known values of the eye in, a histogram of F/E and the contact out.
+"""Networks that read a force: a picture and known values of the eye in, a histogram of
+F/E and the contact out.
 
-The histogram has the probability of bins of x = F/E, E the modulus that the network was given. The density is even in a
-bin, so the distribution function is piecewise linear, and all figures of the force agree: the probability of a class
-is that of its forces, and the median lies in the class that has more than half of it. The control loop reads one frame
-at a time, which plain Python does in a third of the time of arrays.
+The histogram has the probability of bins of x = F/E, E the modulus that the network was
+given. The density is even in a bin, so the distribution function is piecewise linear,
+and all figures of the force agree: the probability of a class is that of its forces,
+and the median lies in the class that has more than half of it. The control loop reads
+one frame at a time, which plain Python does in a third of the time of arrays.
 """
 
 from bisect import bisect_left, bisect_right
@@ -36,7 +38,9 @@ INTERVAL = (0.05, 0.95)  # the shares of the distribution below the 90 % interva
 
 
 def ratio_edges(bins: int, max_force_ratio: float) -> Floats:
-    """Return the edges of the bins of F/E (bins + 1,), m^2; they are narrow for small forces and stiff eyes."""
+    """Return the edges of the bins of F/E (bins + 1,), m^2; they are narrow for small
+    forces and stiff eyes.
+    """
     return max_force_ratio * (np.arange(bins + 1) / bins) ** 2
 
 
@@ -50,10 +54,11 @@ def histogram_reading(
 ) -> Reading:
     """Return the reading of one histogram.
 
-    `histogram`: probabilities of the bins, of any positive sum; with one that is not a number the reading is NaN.
-    `modulus_pa`: the network's input. `bounds_n`: increasing bounds between the classes. `factor_of`: factor by which
-    the distribution is stretched about its median, as a function of that median (`reader.intervals`); forces stay at
-    or above 0.
+    `histogram`: probabilities of the bins, of any positive sum; with one that is not a
+    number the reading is NaN. `modulus_pa`: the network's input. `bounds_n`: increasing
+    bounds between the classes. `factor_of`: factor by which the distribution is
+    stretched about its median, as a function of that median (`reader.intervals`);
+    forces stay at or above 0.
 
     >>> histogram_reading([1.0, 1.0], [0.0, 1e-8, 3e-8], 1e6, (5e-3, 20e-3)).probabilities
     (0.25, 0.5, 0.25)
@@ -133,10 +138,12 @@ STIFF = np.log1p(30.0)  # at a stiffening of 30 the input is 1
 class GivenEyes:
     """Known values of n eyes, each (sample,); NaN: unknown.
 
-    `modulus_pa` and `modulus_sd_fraction` (relative) describe a normal distribution; both or none are known. The
-    globe's rigidity lies with 90 % between `rigidity_low` and `rigidity_high`, Pa^(1/3)/m^3, of the cube-root law: both
-    0 in an open globe; wide rather than unknown. `polar_rad` is the contact's polar angle, `direction_rad` that of the
-    section from the meridian. `stiffening` is b of the tissue, never unknown.
+    `modulus_pa` and `modulus_sd_fraction` (relative) describe a normal distribution;
+    both or none are known. The globe's rigidity lies with 90 % between `rigidity_low`
+    and `rigidity_high`, Pa^(1/3)/m^3, of the cube-root law: both 0 in an open globe;
+    wide rather than unknown. `polar_rad` is the contact's polar angle, `direction_rad`
+    that of the section from the meridian. `stiffening` is b of the tissue, never
+    unknown.
     """
 
     modulus_pa: Floats
@@ -152,7 +159,9 @@ class GivenEyes:
 
 
 def given_modulus(eyes: GivenEyes, study: ReaderStudy) -> tuple[Floats, Floats]:
-    """Return mean, Pa, and relative standard deviation of the modulus (sample,); unknown: even over the training's."""
+    """Return mean, Pa, and relative standard deviation of the modulus (sample,);
+    unknown: even over the training's.
+    """
     low, high = study.youngs_modulus_pa.bounds
     mean = 0.5 * (low + high)
     sd = (high - low) / sqrt(12.0) / mean
@@ -164,11 +173,13 @@ def given_modulus(eyes: GivenEyes, study: ReaderStudy) -> tuple[Floats, Floats]:
 
 
 def given_inputs(eyes: GivenEyes, study: ReaderStudy) -> NDArray[np.float32]:
-    """Return the network's second input, shape (sample, len(GIVEN)): flags (1: known) and values, 0 if unknown.
+    """Return the network's second input, shape (sample, len(GIVEN)): flags (1: known)
+    and values, 0 if unknown.
 
-    A value at the ends of its training range is -1 or 1. The IOP is given twice: also over the modulus, as the
-    mechanics depends on it. The pole's place, along the section and across it, is given over the farthest; for an
-    unknown polar angle it is that of the range's middle.
+    A value at the ends of its training range is -1 or 1. The IOP is given twice: also
+    over the modulus, as the mechanics depends on it. The pole's place, along the
+    section and across it, is given over the farthest; for an unknown polar angle it is
+    that of the range's middle.
     """
     modulus, sd = given_modulus(eyes, study)
     e = study.youngs_modulus_pa.bounds
@@ -218,11 +229,14 @@ EYES = 16  # whose inputs are cached
 
 
 class ForceNetwork:
-    """A network that ONNX Runtime runs: pictures and known values of an eye in, a force and the contact out.
+    """A network that ONNX Runtime runs: pictures and known values of an eye in, a force
+    and the contact out.
 
-    Inputs: pictures (n, row, column), uint8 `slices` or, with `raw`, float32 reduced frames (`FrameWindow.reduced`);
-    and `given` float32 (n, len(GIVEN)). Outputs: `histogram` float32 (n, bin), the probability of bins of F/E, E the
-    modulus that it was given, and `contact_m` float32 (n,), the needle's place from the picture's middle.
+    Inputs: pictures (n, row, column), uint8 `slices` or, with `raw`, float32 reduced
+    frames (`FrameWindow.reduced`); and `given` float32 (n, len(GIVEN)). Outputs:
+    `histogram` float32 (n, bin), the probability of bins of F/E, E the modulus that it
+    was given, and `contact_m` float32 (n,), the needle's place from the picture's
+    middle.
     """
 
     def __init__(
@@ -234,9 +248,8 @@ class ForceNetwork:
         raw: bool = False,
     ) -> None:
         """Check a network; raises `ModelError`."""
-        trained = (
-            read_by_fit(study.reader) if raw else study.reader
-        )  # raw frames are of eyes with gaps from 0
+        # raw frames are of eyes with gaps from 0
+        trained = read_by_fit(study.reader) if raw else study.reader
         self._session = session
         self._place = place
         self._factors = factors
@@ -259,7 +272,9 @@ class ForceNetwork:
         check_interface(session, inputs, outputs, place)
 
     def read(self, pictures: NDArray[Any], known: Known) -> Reading:
-        """Return the network's reading of pictures of one wall (picture, row, column): the mean of its histograms."""
+        """Return the network's reading of pictures of one wall (picture, row, column):
+        the mean of its histograms.
+        """
         given, modulus_pa, factor_of, edges_m2 = self._inputs_of(known, len(pictures))
         inputs: dict[str, NDArray[Any]] = {
             self._pictures: np.ascontiguousarray(pictures),
@@ -271,7 +286,10 @@ class ForceNetwork:
             len(pictures),
             len(self._edges_m2) - 1,
         ) or contact_m.shape != (len(pictures),):
-            found = f"{histogram.shape} and {contact_m.shape} to {len(pictures)} {self._pictures}"
+            found = (
+                f"{histogram.shape} and {contact_m.shape} to {len(pictures)}"
+                f" {self._pictures}"
+            )
             raise ModelError(f"{self._place}: answers {found}")
 
         mean = histogram.mean(axis=0).tolist()
@@ -287,7 +305,8 @@ class ForceNetwork:
     def _inputs(
         self, known: Known, count: int
     ) -> tuple[NDArray[np.float32], float, Callable[[float], float], list[float]]:
-        """Return the input (count, len(GIVEN)), an eye's modulus in it, Pa, the factor of a force's interval, edges.
+        """Return the input (count, len(GIVEN)), an eye's modulus in it, Pa, the factor
+        of a force's interval, edges.
 
         The edges of the bins of F/E, m^2, have the eye's discrepancy of the force.
         """
@@ -302,13 +321,14 @@ class ForceNetwork:
 
 
 def given_eye(known: Known) -> GivenEyes:
-    """Return one eye as the network's training represents it: arrays (1,), NaN where a value is unknown."""
+    """Return one eye as the network's training represents it: arrays (1,), NaN where a
+    value is unknown.
+    """
     modulus = known.modulus
     globe = UNKNOWN if known.globe is None else known.globe
     of_modulus = (modulus.mean_pa, modulus.relative_sd) if modulus else (None, None)
-    low, high = (
-        globe.band
-    )  # by the cube-root law, as steep at the resting pressure as the globe's own law
+    # by the cube-root law, as steep at the resting pressure as the globe's own law
+    low, high = globe.band
 
     if globe.law != RIGIDITY_LAWS[0] and known.iop_pa is not None:
         steepness = float(np.cbrt(known.iop_pa / SAME_SLOPE_PA))

@@ -1,9 +1,11 @@
-"""Verdicts on a frame: the wall of an eye, a dent that leaves the window, enough of the wall to read or calibrate.
+"""Verdicts on a frame: the wall of an eye, a dent that leaves the window, enough of the
+wall to read or calibrate.
 
-An eye at rest at a wrong scale: a force counts only if no flat surface without a dent lies nearer than the wall. A
-cornea or a limbus in a picture that was stretched looks like a wall with a shallow dent, and flatter than an eye. The
-section of an eye without a needle is the arc of an ellipse at any scale, or two arcs that meet at a limbus: here of
-third order. A true dent does not flatten the wall beside it.
+An eye at rest at a wrong scale: a force counts only if no flat surface without a dent
+lies nearer than the wall. A cornea or a limbus in a picture that was stretched looks
+like a wall with a shallow dent, and flatter than an eye. The section of an eye without
+a needle is the arc of an ellipse at any scale, or two arcs that meet at a limbus: here
+of third order. A true dent does not flatten the wall beside it.
 """
 
 from dataclasses import dataclass, replace
@@ -30,23 +32,29 @@ from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Range, ReaderStudy, SliceStudy, Study
 from scleraforce.units import from_si
 
-# Of the slice's width, from end to end, or of a narrower frame's. In frames of 5 and 7 mm plates, cups and large balls
-# look like dented eyes of 3 to 20 mN. The forces of a calibration show that there is an eye, at its true scale.
+# Of the slice's width, from end to end, or of a narrower frame's. In frames of 5 and 7
+# mm plates, cups and large balls look like dented eyes of 3 to 20 mN. The forces of a
+# calibration show that there is an eye, at its true scale.
 LEAST_WALL_SHARE = 0.7
 LEAST_FRAME_M = 5e-3
-OUTLIERS = 0.3  # deep dents have steep sides, which are segmented badly: in a fit that is good otherwise
+# deep dents have steep sides, which are segmented badly: in a fit that is good
+# otherwise
+OUTLIERS = 0.3
 # ... in one that is less good they say that it is another surface
 ROUGH_M = 8e-6
 ROUGH_OUTLIERS = 0.1
 DEVIATION_SD = 4.0  # of thickness and size from their known values
-# A layer below the wall may be taken for a part of it (the choroid); hardly anything makes it look thinner.
+# A layer below the wall may be taken for a part of it (the choroid); hardly anything
+# makes it look thinner.
 THINNER_M = 40e-6
 THICKER_M = 200e-6
-# Of contacts up to the edge of the training, the network placed none more than 0.15 mm beyond it; the fit none more
-# than 0.09 mm where there was a dent, and 1.9 of its own standard deviations where there was hardly any.
+# Of contacts up to the edge of the training, the network placed none more than 0.15 mm
+# beyond it; the fit none more than 0.09 mm where there was a dent, and 1.9 of its own
+# standard deviations where there was hardly any.
 CONTACT_SLACK_M = 0.25e-3
 CONTACT_SD = 3.0
-# A limbus, or a surface that curves more than the sides of an ellipsoid: an eye has one cornea, 5 mm and more across.
+# A limbus, or a surface that curves more than the sides of an ellipsoid: an eye has one
+# cornea, 5 mm and more across.
 SIDES = ("left", "right")
 CORNEA_RAD = -0.05
 CORNEA_CURVATURE = 25.0
@@ -56,7 +64,9 @@ CALIBRATED_SHARE = 0.6  # of the columns there: both boundaries are seen
 
 
 def fit_leaves(fit: BoundaryFit, slice_study: SliceStudy) -> bool:
-    """Return True if the fitted wall leaves the slice's window at the bottom within its dent."""
+    """Return True if the fitted wall leaves the slice's window at the bottom within its
+    dent.
+    """
     lateral_m, depth_m = fit.wall_bmc[0].T
     dent = depth_m[np.abs(lateral_m - fit.contact_m) < DENT_M]
     return bool(dent.max(initial=0.0) > slice_study.rows * slice_study.pixel_m)
@@ -69,7 +79,10 @@ def no_class(
     low_n, high_n = interval_n
     if low_n >= bounds_n[0] or high_n <= bounds_n[-1]:
         return None
-    return f"from {from_si(low_n, 'mn'):.0f} to {from_si(high_n, 'mn'):.0f} mN, every class is possible"
+    return (
+        f"from {from_si(low_n, 'mn'):.0f} to {from_si(high_n, 'mn'):.0f} mN, every"
+        " class is possible"
+    )
 
 
 def too_little_wall(
@@ -80,8 +93,8 @@ def too_little_wall(
 ) -> str | None:
     """Return why too little of a wall is seen to fit it, None if enough is.
 
-    `lateral_m`: increasing places of a frame's columns from its middle; `outer_m`: depth there, NaN where unseen;
-    `is_calibrated`: E is from frames of known force.
+    `lateral_m`: increasing places of a frame's columns from its middle; `outer_m`:
+    depth there, NaN where unseen; `is_calibrated`: E is from frames of known force.
     """
     width_m = slice_study.columns * slice_study.pixel_m
     seen = lateral_m[(np.abs(lateral_m) <= width_m / 2) & np.isfinite(outer_m)]
@@ -100,7 +113,9 @@ def too_little_wall(
 
 
 def least_wall_m(slice_study: SliceStudy, frame_m: float = inf) -> float:
-    """Return the least extent of a wall, from end to end, that has to be seen in frames of a width."""
+    """Return the least extent of a wall, from end to end, that has to be seen in frames
+    of a width.
+    """
     return LEAST_WALL_SHARE * min(
         max(frame_m, LEAST_FRAME_M), slice_study.columns * slice_study.pixel_m
     )
@@ -114,16 +129,23 @@ def wall_seen(
         return None
     seen_mm = from_si(extent_m, "mm")
     least_mm = from_si(least_m, "mm")
-    return f"{seen_mm:.1f} mm of the wall are visible; at least {least_mm:.1f} mm {needing}"
+    return (
+        f"{seen_mm:.1f} mm of the wall are visible; at least {least_mm:.1f} mm"
+        f" {needing}"
+    )
 
 
 def seen_by_network(extent_m: float, slice_study: SliceStudy) -> str | None:
-    """Return a sentence if a network sees too little of a wall, else None: it was trained on wide slices."""
+    """Return a sentence if a network sees too little of a wall, else None: it was
+    trained on wide slices.
+    """
     return wall_seen(extent_m, least_wall_m(slice_study), "are needed by the network")
 
 
 def contact_outside(reading: Reading, trained: ReaderStudy) -> str | None:
-    """Return why a contact lies outside the framing that a model was trained on; None: inside, or it is not known."""
+    """Return why a contact lies outside the framing that a model was trained on; None:
+    inside, or it is not known.
+    """
     low_m, high_m = trained.lateral_m.bounds
     slack_m = CONTACT_SLACK_M + CONTACT_SD * reading.contact_sd_m
     if low_m - slack_m <= reading.contact_m <= high_m + slack_m:
@@ -131,8 +153,8 @@ def contact_outside(reading: Reading, trained: ReaderStudy) -> str | None:
 
     covered = f"{from_si(low_m, 'mm'):.4g} to {from_si(high_m, 'mm'):.4g} mm"
     return (
-        f"contact {from_si(reading.contact_m, 'mm'):.1f} mm from the frame's middle, the model "
-        f"was trained on {covered}"
+        f"contact {from_si(reading.contact_m, 'mm'):.1f} mm from the frame's middle,"
+        f" the model was trained on {covered}"
     )
 
 
@@ -142,17 +164,26 @@ NO_EYE = "does not look like the wall of an eye"
 def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
     """Return why a frame does not show a wall that the library knows; None if it does.
 
-    Other surfaces lie far from every wall of the library, or near one that is thicker, thinner, larger or smaller than
-    this eye can be.
+    Other surfaces lie far from every wall of the library, or near one that is thicker,
+    thinner, larger or smaller than this eye can be.
     """
     if not fit.misfit_m <= NO_WALL_M:
-        return f"{NO_EYE}: {from_si(fit.misfit_m, 'um'):.0f} µm from the closest simulated one"
+        return (
+            f"{NO_EYE}: {from_si(fit.misfit_m, 'um'):.0f} µm from the closest"
+            " simulated one"
+        )
     if not fit.outliers <= (OUTLIERS if fit.misfit_m <= ROUGH_M else ROUGH_OUTLIERS):
-        return f"{NO_EYE}: {fit.outliers:.0%} of the columns are far from the closest simulated one"
+        return (
+            f"{NO_EYE}: {fit.outliers:.0%} of the columns are far from the closest"
+            " simulated one"
+        )
 
     away = np.abs(fit.unknown - prior.mean) / prior.sd
     if not away[at.SIZE] <= DEVIATION_SD:
-        return f"{NO_EYE}: its curvature is that of an eye {np.exp(fit.unknown[at.SIZE]):.2f} times as large"
+        return (
+            f"{NO_EYE}: its curvature is that of an eye"
+            f" {np.exp(fit.unknown[at.SIZE]):.2f} times as large"
+        )
 
     form = dict(zip(at.FORMS, fit.unknown[at.FORM].tolist(), strict=True))
     if all(
@@ -181,7 +212,8 @@ SLACK_M = 0.1e-3  # of a stated gap, beyond the needle's radius
 def read_by_fit(trained: ReaderStudy) -> ReaderStudy:
     """Return the ranges that the fit reads: a model's training, with gaps from 0.
 
-    The library's walls are surfaces of revolution about the needle axis: they have a section at any gap.
+    The library's walls are surfaces of revolution about the needle axis: they have a
+    section at any gap.
     """
     return replace(trained, gap_m=Range(min=0.0, max=trained.gap_m.bounds[1]))
 
@@ -189,7 +221,8 @@ def read_by_fit(trained: ReaderStudy) -> ReaderStudy:
 def needle_elsewhere(
     needle: SeenNeedle | None, known: Known, radius_m: float
 ) -> str | None:
-    """Return why a needle in the picture contradicts the known gap; None if it does not.
+    """Return why a needle in the picture contradicts the known gap; None if it does
+    not.
 
     >>> seen = SeenNeedle(angle_rad=0.0, tip_m=(0.0, 1e-3), tip=(256.0, 128.0), top=(256.0, -0.5), hidden=(244, 268))
     >>> needle_elsewhere(seen, Known(gap_m=0.8e-3), 0.35e-3)
@@ -199,8 +232,9 @@ def needle_elsewhere(
     if needle is None or known.gap_m is None or known.gap_m <= radius_m + SLACK_M:
         return None
     return (
-        f"a needle is seen, although the B-scan is said to pass {from_si(known.gap_m, 'mm'):.4g} mm from its axis: "
-        f"its radius is {from_si(radius_m, 'mm'):.4g} mm"
+        "a needle is seen, although the B-scan is said to pass"
+        f" {from_si(known.gap_m, 'mm'):.4g} mm from its axis: its radius is"
+        f" {from_si(radius_m, 'mm'):.4g} mm"
     )
 
 
@@ -215,9 +249,9 @@ _NOTHING = np.zeros((1, 0, 0), dtype=np.uint8)  # no slice
 class Look:
     """The segmentation of a frame, and slices of it if there is a wall to read.
 
-    `cuts` (slice, row, column): the slice, and the same shifted in depth if the model reads several. `reason` says why
-    the frame cannot be read, None if it can. `dent_leaves` is that of the slice, `extent_m` of the surface
-    (`boundary_slices`).
+    `cuts` (slice, row, column): the slice, and the same shifted in depth if the model
+    reads several. `reason` says why the frame cannot be read, None if it can.
+    `dent_leaves` is that of the slice, `extent_m` of the surface (`boundary_slices`).
     """
 
     segmentation: Segmentation
@@ -233,8 +267,8 @@ class Look:
 
 
 SECOND_SURFACE = (
-    "another surface lies {:.0f} µm below the first, which may be that of soft layers over the sclera; declare the "
-    "wall's thickness"
+    "another surface lies {:.0f} µm below the first, which may be that of soft layers"
+    " over the sclera; declare the wall's thickness"
 )
 
 
@@ -247,9 +281,11 @@ def look(
     finder: WallFinder | None = None,
     wall: Segmentation | None = None,
 ) -> Look:
-    """Segment a frame, or take its `wall`, which was given, and draw the slices that a model reads.
+    """Segment a frame, or take its `wall`, which was given, and draw the slices that a
+    model reads.
 
-    Where the thickness is not known and there is time for a finder, a second surface below the first is a fault.
+    Where the thickness is not known and there is time for a finder, a second surface
+    below the first is a fault.
     """
     found = find_wall(frame, scale, thickness_m, finder if wall is None else None)
     found = found if wall is None else replace(wall, needle=found.needle)
@@ -267,7 +303,9 @@ def look(
 
 
 def can_calibrate(seen: Look, boundaries: Boundaries, contact_m: float = 0.0) -> bool:
-    """Return True if enough of the wall is in view about a contact, m from the middle, to calibrate on a frame."""
+    """Return True if enough of the wall is in view about a contact, m from the middle,
+    to calibrate on a frame.
+    """
     near = np.abs(boundaries.lateral_m - contact_m) <= CALIBRATED_SPAN_M
     if seen.dent_leaves or not seen.segmentation.inner_found or not near.any():
         return False
@@ -275,13 +313,15 @@ def can_calibrate(seen: Look, boundaries: Boundaries, contact_m: float = 0.0) ->
     return bool(both.mean() >= CALIBRATED_SHARE)
 
 
-WIDEST_N = 6e-3  # of the interval of a dent that leaves the window: its flanks must be as sure as this
+# of the interval of a dent that leaves the window: its flanks must be as sure as this
+WIDEST_N = 6e-3
 
 
 def judged_answer(reading: Reading, name: str, leaves: bool, study: Study) -> Answer:
     """Return the answer that one method gives; `leaves`: the dent leaves the window.
 
-    Then the interval has to be narrow, or within one class by a fit: a network alone has met few such dents.
+    Then the interval has to be narrow, or within one class by a fit: a network alone
+    has met few such dents.
     """
     classes = len(study.classes.bounds_n) + 1
     if not reading.finite:
@@ -295,8 +335,8 @@ def judged_answer(reading: Reading, name: str, leaves: bool, study: Study) -> An
     if leaves and not (reading.width_n < WIDEST_N or (name == "fit" and low == high)):
         return unusable(
             classes,
-            "the dent leaves the window of the slice, and its flanks leave the force uncertain by "
-            f"{from_si(reading.width_n, 'mn'):.0f} mN",
+            "the dent leaves the window of the slice, and its flanks leave the force"
+            f" uncertain by {from_si(reading.width_n, 'mn'):.0f} mN",
         )
 
     return Answer(
@@ -317,17 +357,18 @@ STEP_M = at.SOFT_M
 ROUNDS = 4
 RIDGE = 1e-9
 NOISE = 1.0  # mean square of the distances from a true wall
-ONE_UNKNOWN = (
-    2.0  # squares of standard deviations that one unknown more is worth (Akaike)
-)
+# squares of standard deviations that one unknown more is worth (Akaike)
+ONE_UNKNOWN = 2.0
 
 
 def unless_at_rest(
     answer: Answer, fit: BoundaryFit, boundaries: Boundaries, study: Study
 ) -> Answer:
-    """Return an answer, or an unusable one if its force is above the first bound and the eye seems to be at rest.
+    """Return an answer, or an unusable one if its force is above the first bound and
+    the eye seems to be at rest.
 
-    A wall that lies as near as its noise lets it is doubted only if the other surface lies nearer by an unknown more.
+    A wall that lies as near as its noise lets it is doubted only if the other surface
+    lies nearer by an unknown more.
     """
     if answer.force_n is None or answer.force_n <= study.classes.bounds_n[0]:
         return answer
@@ -339,7 +380,10 @@ def unless_at_rest(
     if dented <= resting + (ONE_UNKNOWN / independent if dented <= NOISE else 0.0):
         return answer
 
-    reason = "a surface without a dent, flatter than an eye's, lies nearer than the dented wall: is the scale right?"
+    reason = (
+        "a surface without a dent, flatter than an eye's, lies nearer than the dented"
+        " wall: is the scale right?"
+    )
     return replace(
         unusable(len(answer.probabilities or ()), reason), readings=answer.readings
     )
@@ -348,11 +392,14 @@ def unless_at_rest(
 def distances(
     fit: BoundaryFit, lateral_m: Floats, outer_m: Floats, radius_m: float
 ) -> tuple[float, float, float]:
-    """Return the distances from a frame's surface of the fitted wall and of the nearest surface without a dent.
+    """Return the distances from a frame's surface of the fitted wall and of the nearest
+    surface without a dent.
 
-    They are mean squares in standard deviations of a boundary, with Cauchy's weights; then follows the number of
-    independent places. One arc of the surface is flatter than a circle of the radius; if none is, its distance is
-    infinite. `lateral_m` (column,) increases; `outer_m` is the depth of the frame's surface, NaN where unseen.
+    They are mean squares in standard deviations of a boundary, with Cauchy's weights;
+    then follows the number of independent places. One arc of the surface is flatter
+    than a circle of the radius; if none is, its distance is infinite. `lateral_m`
+    (column,) increases; `outer_m` is the depth of the frame's surface, NaN where
+    unseen.
     """
     wall_m = fit.wall_bmc[0][np.argsort(fit.wall_bmc[0][:, 0])]
     seen = np.flatnonzero(
@@ -369,9 +416,8 @@ def distances(
     beyond = along - limbus[:, None]
     ramp = 0.5 * (beyond + np.hypot(beyond, at.SOFT_M / width_m))
     arcs = [np.broadcast_to(along**power, ramp.shape) for power in range(4)]
-    basis = np.stack([*arcs, ramp, ramp**2], axis=1) * (
-        OUTER_SD_M / sd_m
-    )  # (limbus, term, column)
+    # (limbus, term, column)
+    basis = np.stack([*arcs, ramp, ramp**2], axis=1) * (OUTER_SD_M / sd_m)
     wanted = (depth_m - depth_m.mean()) / sd_m
     weight = np.ones(ramp.shape)
 
@@ -389,9 +435,8 @@ def distances(
         square + 1.5 * cube * (limbus + along[0]),
         square + 1.5 * cube * (limbus + along[-1]) + change,
     )
-    is_flat = (
-        np.minimum(*bends) * 2.0 * OUTER_SD_M / width_m**2 < 1.0 / radius_m
-    )  # in the mean of an arc
+    # in the mean of an arc
+    is_flat = np.minimum(*bends) * 2.0 * OUTER_SD_M / width_m**2 < 1.0 / radius_m
     off = np.vstack([off[is_flat], (depth_m - dented_m) / sd_m])
     found = (off**2 / (1.0 + (off / CAUCHY) ** 2)).mean(axis=1)
 

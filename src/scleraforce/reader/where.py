@@ -1,9 +1,11 @@
-"""The needle's place from one frame: contact, dent, gap and lean, each with its 90 % interval.
+"""The needle's place from one frame: contact, dent, gap and lean, each with its 90 %
+interval.
 
-The values are the fit's, a normal posterior about its unknowns. The picture may not tell one, which is then missing
-(None): without a dent all are, and so is an unknown whose posterior is hardly narrower than its prior. A gap that was
-given is one more observation. To the fit's own uncertainty comes that of its model: walls are uneven, and bend
-otherwise beside the pole.
+The values are the fit's, a normal posterior about its unknowns. The picture may not
+tell one, which is then missing (None): without a dent all are, and so is an unknown
+whose posterior is hardly narrower than its prior. A gap that was given is one more
+observation. To the fit's own uncertainty comes that of its model: walls are uneven, and
+bend otherwise beside the pole.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -24,12 +26,12 @@ from scleraforce.units import HumanUnit, from_si
 
 Error = tuple[float, float, float]
 
-NARROWER = (
-    0.5  # of the prior's standard deviation: a wider posterior is hardly the picture's
-)
+# of the prior's standard deviation: a wider posterior is hardly the picture's
+NARROWER = 0.5
 LEAST_DENT = 3.0  # standard deviations of it: no shallower one counts
-# Of walls of the library beside walls in 3-D (benchmarks/bench_where.py, seeds 2, 43, 47): standard deviations in m,
-# and per m of dent, and how many times as large they are of walls that are not even, which do not show the gap.
+# Of walls of the library beside walls in 3-D (benchmarks/bench_where.py, seeds 2, 43,
+# 47): standard deviations in m, and per m of dent, and how many times as large they are
+# of walls that are not even, which do not show the gap.
 CONTACT_ERROR = (60e-6, 0.015, 2.0)
 DEPTH_ERROR = (20e-6, 0.03, 2.0)
 DENT_ERROR = (20e-6, 0.03, 2.0)
@@ -48,7 +50,9 @@ class Place:
 
     @classmethod
     def of(cls, value: float, sd: float, least: float = -np.inf) -> "Place":
-        """Return the place of a normal distribution, its interval cut off at `least`."""
+        """Return the place of a normal distribution, its interval cut off at
+        `least`.
+        """
         return cls(
             value,
             max(value - NINETY_PERCENT * float(sd), least),
@@ -75,10 +79,12 @@ class Place:
 class Places:
     """The needle's place as one frame tells it; None: it does not.
 
-    `contact_m`: the contact's lateral place from the frame's middle; `contact_depth_m`: of the dented surface at the
-    contact, below the frame's top; `dent_m`: its depth from the undented wall at the pressure under the needle;
-    `gap_m`: distance of the plane from the needle's axis; `lean_rad`: angle in the plane from the wall's normal at the
-    contact to a shaft in the picture, above 0 towards growing columns on its way up.
+    `contact_m`: the contact's lateral place from the frame's middle; `contact_depth_m`:
+    of the dented surface at the contact, below the frame's top; `dent_m`: its depth
+    from the undented wall at the pressure under the needle; `gap_m`: distance of the
+    plane from the needle's axis; `lean_rad`: angle in the plane from the wall's normal
+    at the contact to a shaft in the picture, above 0 towards growing columns on its way
+    up.
     """
 
     contact_m: Place | None = None
@@ -111,7 +117,9 @@ def places_of(
     known: Known,
     needle: SeenNeedle | None,
 ) -> Places:
-    """Return what a frame's fit tells of the needle's place; `known` and `prior`: as in the fit."""
+    """Return what a frame's fit tells of the needle's place; `known` and `prior`: as in
+    the fit.
+    """
     lean = None
     if (angle_rad := shaft_lean(fit, needle)) is not None:
         lean = Place.of(angle_rad, hypot(fit.sd[at.ROTATION], SHAFT_SD_RAD))
@@ -146,7 +154,9 @@ def places_of(
 
 
 def in_space(places: Places, place: SpatialPlace) -> Places:
-    """Return the places of one of several planes with the lean that they show together, the angle in space."""
+    """Return the places of one of several planes with the lean that they show together,
+    the angle in space.
+    """
     if place.lean_rad is None:
         return replace(places, lean_rad=None)
 
@@ -161,7 +171,9 @@ def in_space(places: Places, place: SpatialPlace) -> Places:
 def contact_depth(
     fit: BoundaryFit, prior: Prior, library: Library
 ) -> tuple[float, float]:
-    """Return the depth of the dented surface on the needle's axis below the frame's top, m, and its SD."""
+    """Return the depth of the dented surface on the needle's axis below the frame's
+    top, m, and its SD.
+    """
     unknown_su = np.concatenate([fit.unknown[None], fit.unknown + STEP * fit.spread])
     on_axis_m = library.shapes(
         *library_walls(library, unknown_su, law_of(prior.globe).pressure)
@@ -173,9 +185,11 @@ def contact_depth(
 
 
 def shaft_lean(fit: BoundaryFit | None, needle: SeenNeedle | None) -> float | None:
-    """Return the angle from the wall's normal to the shaft in the picture, towards growing columns on its way up.
+    """Return the angle from the wall's normal to the shaft in the picture, towards
+    growing columns on its way up.
 
-    None if no shaft is seen, or one that no needle has: farther off the normal than a lean may be declared.
+    None if no shaft is seen, or one that no needle has: farther off the normal than a
+    lean may be declared.
     """
     if needle is None or fit is None:
         return None

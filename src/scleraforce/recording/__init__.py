@@ -1,1 +1,3 @@
-"""Recordings: folders of frames and force logs, their labels, and a virtual laboratory that makes them."""
+"""Recordings: folders of frames and force logs, their labels, and a virtual laboratory
+that makes them.
+"""

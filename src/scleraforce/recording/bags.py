@@ -1,4 +1,6 @@
-"""ROS 1 and ROS 2 bags (sqlite, MCAP): an image topic and a force topic, with their capture times."""
+"""ROS 1 and ROS 2 bags (sqlite, MCAP): an image topic and a force topic, with their
+capture times.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -39,17 +41,21 @@ IMAGE_FIELDS = ("encoding", "is_bigendian", "height", "width", "step", "format")
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 FORCES = ("geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/Vector3Stamped")
 SECOND_NS = 1_000_000_000
-NEIGHBOURS = (
-    25  # messages before and after a stamp that runs back, whose delays are compared
+# messages before and after a stamp that runs back, whose delays are compared
+NEIGHBOURS = 25
+SPLIT = (
+    "record or filter them into bags of their own (rosbag filter, ros2 bag convert,"
+    " mcap filter)"
 )
-SPLIT = "record or filter them into bags of their own (rosbag filter, ros2 bag convert, mcap filter)"
 # before and after its stamp, that a message arrives on one clock
 EARLIEST_MS = 1.0
 LATEST_MS = 1000.0
 
 
 def _image_pixels(message: Any, place: str) -> NDArray[Any]:
-    """Return the grey pixels (row, column) of a sensor_msgs Image or CompressedImage; `place` is for messages."""
+    """Return the grey pixels (row, column) of a sensor_msgs Image or CompressedImage;
+    `place` is for messages.
+    """
     if hasattr(message, "format"):
         packed = bytes(message.data)
         if not packed.startswith((PNG_SIGNATURE, JPEG_SIGNATURE)):
@@ -91,7 +97,9 @@ def _image_pixels(message: Any, place: str) -> NDArray[Any]:
 
 
 class _Heard(NamedTuple):
-    """One message: its publisher (a connection's number), capture and arrival in ns, coordinate frame."""
+    """One message: its publisher (a connection's number), capture and arrival in ns,
+    coordinate frame.
+    """
 
     publisher: int
     captured_ns: int
@@ -105,12 +113,17 @@ def read_bag(
     force_topic: str | None = None,
     by_arrival: bool = False,
 ) -> tuple[Scan | None, ForceLog | None]:
-    """Return a bag's frames and forces, None without such a topic; `by_arrival` takes the times of arrival."""
+    """Return a bag's frames and forces, None without such a topic; `by_arrival` takes
+    the times of arrival.
+    """
     with _opened(path) as bag:
         image = _topic(bag, IMAGES, image_topic, "--image-topic")
         force = _topic(bag, FORCES, force_topic, "--force-topic")
         if not image and not force:
-            wanted = f"neither a topic of images ({', '.join(IMAGES)}) nor of forces ({', '.join(FORCES)})"
+            wanted = (
+                f"neither a topic of images ({', '.join(IMAGES)}) nor of forces"
+                f" ({', '.join(FORCES)})"
+            )
             raise InputError(f"{wanted}; there are {_listed(bag.connections)}")
 
         scan = _scan(path, bag, image, by_arrival) if image else None
@@ -134,7 +147,9 @@ def _opened(path: Path) -> "Iterator[AnyReader]":
 def _topic(
     bag: "AnyReader", kinds: Sequence[str], chosen: str | None, option: str
 ) -> "Sequence[Connection]":
-    """Return the connections of the chosen topic, or of the only one of the kinds; empty without such a topic."""
+    """Return the connections of the chosen topic, or of the only one of the kinds;
+    empty without such a topic.
+    """
     found = {
         each.topic
         for each in bag.connections
@@ -142,7 +157,8 @@ def _topic(
     }
     if chosen is not None and chosen not in found:
         raise InputError(
-            f"{option}: no topic {chosen} of {' or '.join(kinds)}; {_listed(bag.connections)}"
+            f"{option}: no topic {chosen} of {' or '.join(kinds)};"
+            f" {_listed(bag.connections)}"
         )
     if chosen is None and len(found) > 1:
         raise UnansweredError(
@@ -157,10 +173,12 @@ def _topic(
     for other in connections[1:]:
         if other.msgtype != connections[0].msgtype:
             raise InputError(
-                f"{topic}: messages of two types, {connections[0].msgtype} and {other.msgtype}; {SPLIT}"
+                f"{topic}: messages of two types, {connections[0].msgtype} and"
+                f" {other.msgtype}; {SPLIT}"
             )
 
-    # A type has one definition when messages are decoded, whichever connection they came by.
+    # A type has one definition when messages are decoded, whichever connection they
+    # came by.
     for first, other in product(connections[:1], bag.connections):
         if other.msgtype == first.msgtype and _definition(other) != _definition(first):
             two = " and ".join(
@@ -174,7 +192,9 @@ def _topic(
 
 
 def _definition(connection: "Connection") -> str:
-    """Return a message's definition without comments and blank lines, which do not change its bytes."""
+    """Return a message's definition without comments and blank lines, which do not
+    change its bytes.
+    """
     lines = (
         line.partition("#")[0].split() for line in connection.msgdef.data.splitlines()
     )
@@ -201,10 +221,15 @@ def _messages(
 def _ordered(
     heard: Sequence[_Heard], content: Callable[[int], bytes], by_arrival: bool
 ) -> tuple[Floats, Places, tuple[str, ...]]:
-    """Return the times of messages without repeated ones, their places in the order of arrival, and notes."""
+    """Return the times of messages without repeated ones, their places in the order of
+    arrival, and notes.
+    """
     for nth, each in enumerate(heard):
         if each.frame_id != heard[0].frame_id:
-            found = f"{heard[0].frame_id!r} in message 0 and {each.frame_id!r} in message {nth}"
+            found = (
+                f"{heard[0].frame_id!r} in message 0 and {each.frame_id!r} in message"
+                f" {nth}"
+            )
             raise InputError(f"header.frame_id is {found}; {SPLIT}")
 
     publisher, captured_ns, arrived_ns = np.array(
@@ -220,14 +245,16 @@ def _ordered(
     notes = [_late_note(late_ms)]
     if len(counts := np.unique(publisher, return_counts=True)[1]) > 1:
         notes.append(
-            f"{len(counts)} publishers, with {' and '.join(map(str, counts))} messages; merged by their time"
+            f"{len(counts)} publishers, with {' and '.join(map(str, counts))} messages;"
+            " merged by their time"
         )
 
     order = np.argsort(stamps_ns, kind="stable")
     if (moved := np.flatnonzero(np.diff(stamps_ns) < 0) + 1).size:
         _check_one_clock(stamps_ns, late_ms)
         notes.append(
-            f"{moved.size} messages arrived later than others with later stamps; sorted by stamp"
+            f"{moved.size} messages arrived later than others with later stamps; sorted"
+            " by stamp"
         )
 
     repeated = np.flatnonzero(np.diff(stamps_ns[order]) == 0)
@@ -235,12 +262,16 @@ def _ordered(
         order[repeated].tolist(), order[repeated + 1].tolist(), strict=True
     ):
         if content(one) != content(other):
-            found = f"messages {one} and {other} differ and have one stamp, {stamps_ns[one] / SECOND_NS:.6f} s"
+            found = (
+                f"messages {one} and {other} differ and have one stamp,"
+                f" {stamps_ns[one] / SECOND_NS:.6f} s"
+            )
             raise RecordingError(f"its stamps do not run forward: {found}; {SPLIT}")
 
     if repeated.size:
         notes.append(
-            f"{repeated.size} messages repeat another's stamp and content; they are left out"
+            f"{repeated.size} messages repeat another's stamp and content; they are"
+            " left out"
         )
 
     order = np.delete(order, repeated + 1)
@@ -249,7 +280,8 @@ def _ordered(
 
 def _check_stamped(captured_ns: Integers, late_ms: Floats) -> None:
     empty = captured_ns == 0
-    # A clock may begin at 0, but no more than one message is of that moment, and it takes as long as others to arrive.
+    # A clock may begin at 0, but no more than one message is of that moment, and it
+    # takes as long as others to arrive.
     others = late_ms[~empty]
 
     begins = (
@@ -258,7 +290,10 @@ def _check_stamped(captured_ns: Integers, late_ms: Floats) -> None:
         and abs(late_ms[empty][0] - np.median(others)) <= LATEST_MS
     )
     if empty.any() and not begins:
-        found = f"{empty.sum()} of {empty.size} messages are without a capture stamp (header.stamp is 0)"
+        found = (
+            f"{empty.sum()} of {empty.size} messages are without a capture stamp"
+            " (header.stamp is 0)"
+        )
         raise UnansweredError(
             "--by-arrival",
             f"{found}: take the times of arrival, which lag by an unknown time?",
@@ -266,7 +301,9 @@ def _check_stamped(captured_ns: Integers, late_ms: Floats) -> None:
 
 
 def _check_one_clock(stamps_ns: Integers, late_ms: Floats) -> None:
-    """Check that late delivery alone reordered stamps: it leaves the shortest delay of the neighbours unchanged."""
+    """Check that late delivery alone reordered stamps: it leaves the shortest delay of
+    the neighbours unchanged.
+    """
     at = int(np.argmin(np.diff(stamps_ns))) + 1
     back_ms = from_si((stamps_ns[at - 1] - stamps_ns[at]) / SECOND_NS, "ms")
     before_ms = late_ms[max(0, at - NEIGHBOURS) : at]
@@ -278,7 +315,10 @@ def _check_one_clock(stamps_ns: Integers, late_ms: Floats) -> None:
             f"message {nth} is of {stamps_ns[nth] / SECOND_NS:.6f} s"
             for nth in (at - 1, at)
         )
-        late = f"late delivery ({late_ms.min():.1f} to {late_ms.max():.1f} ms after the stamp) does not explain it"
+        late = (
+            f"late delivery ({late_ms.min():.1f} to {late_ms.max():.1f} ms after the"
+            " stamp) does not explain it"
+        )
         raise RecordingError(f"its stamps do not run forward: {pair}; {late}; {SPLIT}")
 
 
@@ -292,17 +332,26 @@ def _check_publishers(publisher: Integers, late_ms: Floats) -> None:
             f"{value:.0f} ms (connection {each})" for each, value in typical_ms.items()
         )
         raise RecordingError(
-            f"its publishers are not on one clock: messages arrive {listed} after stamps; {SPLIT}"
+            f"its publishers are not on one clock: messages arrive {listed} after"
+            f" stamps; {SPLIT}"
         )
 
 
 def _late_note(late_ms: Floats) -> str:
-    """Return a sentence on the time from the stamps to the arrival in the bag, which shows another clock."""
+    """Return a sentence on the time from the stamps to the arrival in the bag, which
+    shows another clock.
+    """
     low, middle, high = np.percentile(late_ms, [5, 50, 95])
-    text = f"messages arrived {middle:.1f} ms (median; {low:.1f} to {high:.1f}) after their stamp"
+    text = (
+        f"messages arrived {middle:.1f} ms (median; {low:.1f} to {high:.1f}) after"
+        " their stamp"
+    )
     if low > -EARLIEST_MS and high < LATEST_MS:
         return text
-    return f"{text}: its clock is not that of the bag; where the other topic's is, --clock-offset-s corrects it"
+    return (
+        f"{text}: its clock is not that of the bag; where the other topic's is,"
+        " --clock-offset-s corrects it"
+    )
 
 
 def _scan(
@@ -327,7 +376,10 @@ def _scan(
 
         for field, value in fields.items():
             if value != stated[field]:
-                found = f"{field} is {stated[field]!r} in message 0 and {value!r} in message {nth}"
+                found = (
+                    f"{field} is {stated[field]!r} in message 0 and {value!r} in"
+                    f" message {nth}"
+                )
                 raise FrameError(f"{topic}: {found}; {SPLIT}")
 
         heard.append(each)
@@ -337,7 +389,7 @@ def _scan(
         time_s, order, notes = _ordered(heard, digests.__getitem__, by_arrival)
 
     names = tuple(f"{path}: {topic}[{nth}]" for nth in order.tolist())
-    (rows, columns) = first.shape
+    rows, columns = first.shape
     bits = 8 if first.dtype == np.uint8 else None
     times = Times(time_s, f"{'arrival' if by_arrival else 'header.stamp'} of {topic}")
     scan = Scan(
@@ -403,9 +455,8 @@ def _log(
             heard, lambda nth: wrench_sc[nth].tobytes(), by_arrival
         )
 
-    measured: Flags = np.asarray(
-        ~np.isnan(wrench_sc).all(axis=0)
-    )  # what a sensor does not measure is NaN in ROS
+    # what a sensor does not measure is NaN in ROS
+    measured: Flags = np.asarray(~np.isnan(wrench_sc).all(axis=0))
     columns = tuple(np.array(FORCE_COLUMNS[1:])[: len(measured)][measured].tolist())
 
     return ForceLog(

@@ -1,4 +1,6 @@
-"""DICOM, one image or many frames: bright or dark as zero, palettes, colour; the size of its pixels and its times."""
+"""DICOM, one image or many frames: bright or dark as zero, palettes, colour; the size
+of its pixels and its times.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -40,8 +42,10 @@ KINDS_READ = (
 SAMPLES = dict.fromkeys((*GREY_KINDS, "PALETTE COLOR"), 1)  # the others have three
 # What turns stored values into grey levels in another way than along a straight line.
 TABLES = ("ModalityLUTSequence", "VOILUTSequence", "PresentationLUTSequence")
-# Zeiss writes the A-scans of its Visante along the rows of the image, so depth runs along the columns' index.
+# Zeiss writes the A-scans of its Visante along the rows of the image, so depth runs
+# along the columns' index.
 A_SCANS_ALONG_ROWS = {("Carl Zeiss Meditec", "1000")}  # by manufacturer and model
+# to know the pixels
 NEEDED = (
     "Rows",
     "Columns",
@@ -49,22 +53,25 @@ NEEDED = (
     "BitsStored",
     "PixelRepresentation",
     "PixelData",
-)  # to know the pixels
+)
 FLOATS = ("FloatPixelData", "DoubleFloatPixelData")
 CELL_BITS = (8, 16, 32)  # BitsAllocated
 JPEG_BEGINS = (b"\xff\xd8\xff", b"\xff\x4f\xff\x51")
 SPACINGS = ("PixelSpacing", "ImagerPixelSpacing", "NominalScannedPixelSpacing")
+# the moment of the frame, else its beginning
 FRAME_TIMES = (
     "FrameReferenceDateTime",
     "FrameAcquisitionDateTime",
-)  # the moment of the frame, else its beginning
+)
 # what FrameIncrementPointer names
 FRAME_TIME = 0x00181063
 FRAME_TIME_VECTOR = 0x00181065
 
 
 def read_dicom(path: Path, data: bytes | None = None) -> Scan:
-    """Return a DICOM file's frames; `data` is the file's content if it has been read."""
+    """Return a DICOM file's frames; `data` is the file's content if it has been
+    read.
+    """
     with _opened(path, data) as dataset:
         count = int(dataset.get("NumberOfFrames", None) or 1)
         _check_image(dataset, count)
@@ -79,7 +86,8 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
         )
         if maker in A_SCANS_ALONG_ROWS:
             notes.append(
-                "this scanner writes A-scans along the rows: rows and columns were exchanged"
+                "this scanner writes A-scans along the rows: rows and columns were"
+                " exchanged"
             )
 
         size, scale_fault = scans.one_size(_pixel_sizes(dataset))
@@ -119,7 +127,8 @@ def _opened(path: Path, data: bytes | None) -> "Iterator[FileDataset]":
                 == DeflatedExplicitVRLittleEndian
             ):
                 raise FrameError(
-                    "a deflated DICOM file, whose size is not known in advance; save it uncompressed"
+                    "a deflated DICOM file, whose size is not known in advance; save it"
+                    " uncompressed"
                 )
 
             file.seek(0)
@@ -139,7 +148,9 @@ def _cell(dataset: "Dataset") -> tuple[int, int, int]:
 
 
 def _places(dataset: "Dataset", sequence: str) -> "Iterator[tuple[str, Dataset]]":
-    """Yield the data set and the items of a sequence in its functional groups, each with its place in words."""
+    """Yield the data set and the items of a sequence in its functional groups, each
+    with its place in words.
+    """
     yield "", dataset
     for groups in (
         "SharedFunctionalGroupsSequence",
@@ -166,7 +177,8 @@ def _check_image(dataset: "FileDataset", frames: int) -> None:
     kind = _grey_kind(dataset)
     if kind not in KINDS_READ:
         raise FrameError(
-            f"PhotometricInterpretation: {kind or 'missing'}; one of {', '.join(KINDS_READ)}"
+            f"PhotometricInterpretation: {kind or 'missing'}; one of"
+            f" {', '.join(KINDS_READ)}"
         )
 
     rows = int(dataset.Rows)
@@ -182,7 +194,8 @@ def _check_image(dataset: "FileDataset", frames: int) -> None:
     if allocated not in CELL_BITS or not 1 <= stored <= high + 1 <= allocated:
         found = f"BitsAllocated {allocated}, BitsStored {stored}, HighBit {high}"
         raise FrameError(
-            f"{found}; a pixel has 8, 16 or 32 bits, and BitsStored of them end at HighBit"
+            f"{found}; a pixel has 8, 16 or 32 bits, and BitsStored of them end at"
+            " HighBit"
         )
     if dataset.file_meta.TransferSyntaxUID.is_compressed:
         _check_compressed(dataset, frames)
@@ -192,23 +205,31 @@ def _check_image(dataset: "FileDataset", frames: int) -> None:
         rows * columns * (2 if kind == "YBR_FULL_422" else samples) * (allocated // 8)
     )
     if len(dataset.PixelData) // size != frames:
-        found = f"PixelData has {len(dataset.PixelData):,} bytes, which are {len(dataset.PixelData) / size:.4g} frames"
+        found = (
+            f"PixelData has {len(dataset.PixelData):,} bytes, which are"
+            f" {len(dataset.PixelData) / size:.4g} frames"
+        )
         raise FrameError(
             f"damaged: NumberOfFrames is {frames}, {found}; export it anew"
         )
 
 
 def _check_compressed(dataset: "FileDataset", frames: int) -> None:
-    """Check what pydicom does not: images beyond NumberOfFrames, and JPEG 2000 of another type than the header's."""
+    """Check what pydicom does not: images beyond NumberOfFrames, and JPEG 2000 of
+    another type than the header's.
+    """
     from pydicom.encaps import generate_fragments, generate_frames
     from pydicom.pixels.utils import get_j2k_parameters
     from pydicom.uid import JPEG2000TransferSyntaxes, RLELossless
 
     syntax = dataset.file_meta.TransferSyntaxUID
 
-    (_, stored, high) = _cell(dataset)
+    _, stored, high = _cell(dataset)
     if high != stored - 1 and syntax != RLELossless:
-        found = f"HighBit is {high}, BitsStored {stored}, and the pixels are compressed as {syntax.name}"
+        found = (
+            f"HighBit is {high}, BitsStored {stored}, and the pixels are compressed as"
+            f" {syntax.name}"
+        )
         raise FrameError(f"{found}; save it uncompressed")
 
     table, *packed = generate_fragments(dataset.PixelData)
@@ -219,7 +240,8 @@ def _check_compressed(dataset: "FileDataset", frames: int) -> None:
     )
     if count > frames:
         raise FrameError(
-            f"damaged: NumberOfFrames is {frames}, PixelData has {count} compressed images"
+            f"damaged: NumberOfFrames is {frames}, PixelData has {count} compressed"
+            " images"
         )
 
     if syntax == RLELossless:
@@ -235,16 +257,22 @@ def _check_compressed(dataset: "FileDataset", frames: int) -> None:
         if image["is_signed"] != bool(stated := dataset.PixelRepresentation):
             found = f"PixelRepresentation is {stated} ({signs[bool(stated)]})"
             raise FrameError(
-                f"{found}, its JPEG 2000 image has {signs[image['is_signed']]} pixels; save it uncompressed"
+                f"{found}, its JPEG 2000 image has {signs[image['is_signed']]} pixels;"
+                " save it uncompressed"
             )
         # Values of more bits are right where they fit, which `_stored_values` checks.
         if image["precision"] < stored:
-            found = f"BitsStored is {stored}, its JPEG 2000 image has {image['precision']} bits"
+            found = (
+                f"BitsStored is {stored}, its JPEG 2000 image has {image['precision']}"
+                " bits"
+            )
             raise FrameError(f"{found}; save it uncompressed")
 
 
 def _check_rle(packed: bytes, pixels: int) -> None:
-    """Check that no segment, one byte of each pixel, gives more bytes than there are pixels (and one to be even)."""
+    """Check that no segment, one byte of each pixel, gives more bytes than there are
+    pixels (and one to be even).
+    """
     from pydicom.pixels.decoders.rle import _rle_parse_header
 
     for begin, end in pairwise([*_rle_parse_header(packed[:64]), len(packed)]):
@@ -252,11 +280,12 @@ def _check_rle(packed: bytes, pixels: int) -> None:
 
 
 def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:
-    """Return whether larger stored values are darker, and notes on the treatment of the values.
+    """Return whether larger stored values are darker, and notes on the treatment of the
+    values.
 
-    A negative RescaleSlope turns the values, MONOCHROME1 or the PresentationLUTShape INVERSE their display; one of each
-    cancel. The two of the display are one inversion in PS3.3 C.8.11.3 (DX) and two in other readers, so both together
-    are refused.
+    A negative RescaleSlope turns the values, MONOCHROME1 or the PresentationLUTShape
+    INVERSE their display; one of each cancel. The two of the display are one inversion
+    in PS3.3 C.8.11.3 (DX) and two in other readers, so both together are refused.
     """
     kind = _grey_kind(dataset)
     shape = str(dataset.get("PresentationLUTShape", None) or "IDENTITY")
@@ -264,7 +293,8 @@ def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:
     for place, item in _places(dataset, "FrameVOILUTSequence"):
         for table in (name for name in TABLES if item.get(name, None)):
             raise FrameError(
-                f"{table}{place}: a table of grey levels, which is not read; export it applied"
+                f"{table}{place}: a table of grey levels, which is not read; export it"
+                " applied"
             )
 
     if shape not in ("IDENTITY", "INVERSE"):
@@ -272,11 +302,12 @@ def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:
     if kind == "MONOCHROME1" and shape == "INVERSE":
         both = "PhotometricInterpretation MONOCHROME1 and PresentationLUTShape INVERSE"
         raise FrameError(
-            f"{both}: one inversion to some programs, two to others; export it as MONOCHROME2"
+            f"{both}: one inversion to some programs, two to others; export it as"
+            " MONOCHROME2"
         )
 
     slope = _slope(dataset)
-    (_, stored, high) = _cell(dataset)
+    _, stored, high = _cell(dataset)
     padding = dataset.get("PixelPaddingValue", None)
     possible = {
         f"RescaleSlope {slope:g}": slope < 0.0,
@@ -299,10 +330,12 @@ def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:
         "colour became grey": kind not in GREY_KINDS,
         f"{' and '.join(turns)}: dark and bright were exchanged": len(turns) == 1,
         f"{' and '.join(turns)} cancel: pixels stay as stored": len(turns) == 2,
-        f"HighBit is {high}, BitsStored {stored}: pixels were shifted": high
-        != stored - 1,
-        f"PixelPaddingValue {padding}: such pixels become as dark as the darkest of their frame": padding
-        is not None,
+        f"HighBit is {high}, BitsStored {stored}: pixels were shifted": (
+            high != stored - 1
+        ),
+        f"PixelPaddingValue {padding}: such pixels become as dark as the darkest of their frame": (
+            padding is not None
+        ),
     }
     return len(turns) == 1, [note for note, holds in notes.items() if holds]
 
@@ -328,7 +361,8 @@ def _slope(dataset: "Dataset") -> float:
             f"{scale[0]:g}, {scale[1]:g}{place}" for place, scale in (found[0], other)
         )
         raise FrameError(
-            f"RescaleSlope and RescaleIntercept {two}; export frames of one scale of grey"
+            f"RescaleSlope and RescaleIntercept {two}; export frames of one scale of"
+            " grey"
         )
     if not np.isfinite(slope) or slope == 0.0:
         raise FrameError(f"RescaleSlope: {slope:g}; it is a number other than 0")
@@ -337,7 +371,9 @@ def _slope(dataset: "Dataset") -> float:
 
 
 def _bits(dataset: "Dataset") -> int | None:
-    """Return the bits that grey pixels use; a palette or colour gives 8 or 16, whatever was stored."""
+    """Return the bits that grey pixels use; a palette or colour gives 8 or 16, whatever
+    was stored.
+    """
     kind = _grey_kind(dataset)
     stored = int(dataset.BitsStored)
     known = (
@@ -350,7 +386,9 @@ def _bits(dataset: "Dataset") -> int | None:
 
 
 def _pictures(path: Path, data: bytes | None, dark_large: bool) -> scans.PictureStream:
-    """Yield the frames as they are stored; larger is brighter, signed ones stay signed."""
+    """Yield the frames as they are stored; larger is brighter, signed ones stay
+    signed.
+    """
     from pydicom.pixels.processing import apply_color_lut
     from pydicom.pixels.utils import iter_pixels
 
@@ -370,7 +408,9 @@ def _pictures(path: Path, data: bytes | None, dark_large: bool) -> scans.Picture
 
 
 def _stored_values(dataset: "Dataset", cells: NDArray[Any]) -> NDArray[Any]:
-    """Return the values that BitsStored bits up to HighBit hold (PS3.5 8.1.1); no other bit may be set."""
+    """Return the values that BitsStored bits up to HighBit hold (PS3.5 8.1.1); no other
+    bit may be set.
+    """
     allocated, stored, high = _cell(dataset)
     if (
         stored == allocated or cells.dtype.itemsize * 8 != allocated
@@ -378,21 +418,22 @@ def _stored_values(dataset: "Dataset", cells: NDArray[Any]) -> NDArray[Any]:
         return cells
 
     cells = np.ascontiguousarray(cells, cells.dtype.newbyteorder("="))
-    values = (cells << (allocated - high - 1)) >> (
-        allocated - stored
-    )  # keeps the sign of signed ones
+    # keeps the sign of signed ones
+    values = (cells << (allocated - high - 1)) >> (allocated - stored)
     plain, shown = (
         each.view(f"u{each.dtype.itemsize}")
         for each in (cells, values << (high + 1 - stored))
     )
 
+    # a sign may end at HighBit
     stray = (plain != shown) & (
         plain != shown & plain.dtype.type((1 << (high + 1)) - 1)
-    )  # a sign may end at HighBit
+    )
     if stray.any():
         found = f"a pixel is {int(plain[stray][0]):#x}"
         raise FrameError(
-            f"BitsStored is {stored}, HighBit {high}, but {found}, which has other bits; export it anew"
+            f"BitsStored is {stored}, HighBit {high}, but {found}, which has other"
+            " bits; export it anew"
         )
 
     return values
@@ -401,7 +442,9 @@ def _stored_values(dataset: "Dataset", cells: NDArray[Any]) -> NDArray[Any]:
 def _without_padding(
     dataset: "Dataset", values: NDArray[Any], bright: NDArray[Any]
 ) -> NDArray[Any]:
-    """Return a picture whose pixels of PixelPaddingValue, up to PixelPaddingRangeLimit, are as dark as its darkest."""
+    """Return a picture whose pixels of PixelPaddingValue, up to PixelPaddingRangeLimit,
+    are as dark as its darkest.
+    """
     value, limit = (
         dataset.get(name, None)
         for name in ("PixelPaddingValue", "PixelPaddingRangeLimit")
@@ -477,16 +520,19 @@ def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
             for place, item in _places(dataset, "FrameContentSequence")
             if place
         ]
+        # None becomes NaN
         time_s = np.array(
             [_seconds(stated, zone) for stated in contents], dtype=np.float64
-        )  # None becomes NaN
+        )
         if len(contents) == count and rising(time_s):
             return Times(time_s, f"DICOM's {name}"), None
 
     if count == 1:
         moment = _seconds(dataset.get("AcquisitionDateTime", None), zone)
-        return None if moment is None else Times(
-            np.array([moment]), "DICOM's AcquisitionDateTime"
+        return (
+            None
+            if moment is None
+            else Times(np.array([moment]), "DICOM's AcquisitionDateTime")
         ), None
 
     steps_ms = _numbers(dataset, "FrameTimeVector")
@@ -498,7 +544,10 @@ def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
         if len(steps_ms) != count:
             return (
                 None,
-                f"FrameTimeVector has {len(steps_ms)} values, NumberOfFrames is {count}",
+                (
+                    f"FrameTimeVector has {len(steps_ms)} values, NumberOfFrames is"
+                    f" {count}"
+                ),
             )
 
         time_s = np.cumsum(to_si(np.array(steps_ms), "ms"))
@@ -521,7 +570,9 @@ def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
 
 
 def _seconds(stated: Any, zone: tzinfo | None) -> float | None:
-    """Return seconds since 1970 of a DICOM date and time; its own zone takes precedence (PS3.3 C.12.1.1)."""
+    """Return seconds since 1970 of a DICOM date and time; its own zone takes precedence
+    (PS3.3 C.12.1.1).
+    """
     from pydicom.valuerep import DT
 
     try:

@@ -1,4 +1,6 @@
-"""Recordings and answers in the formats of other programs: CSV, JSON, 3D Slicer's .seq.nrrd and MCAP."""
+"""Recordings and answers in the formats of other programs: CSV, JSON, 3D Slicer's
+.seq.nrrd and MCAP.
+"""
 
 import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -26,6 +28,7 @@ PAIRS = {
     "interval_mn": ("interval_low_mn", "interval_high_mn"),
     "tip_mm": ("tip_lateral_mm", "tip_depth_mm"),
 }
+# of cells that spreadsheets evaluate ("CSV injection")
 FORMULA_BEGINS = (
     "=",
     "+",
@@ -34,11 +37,13 @@ FORMULA_BEGINS = (
     "\t",
     "\r",
     "\n",
-)  # of cells that spreadsheets evaluate ("CSV injection")
+)
 
 
 def frame_rows(recording: Recording, classes: ClassesStudy) -> list[Row]:
-    """Return file, time, plane if there are several, piercing and label of each frame; no label without a force log."""
+    """Return file, time, plane if there are several, piercing and label of each frame;
+    no label without a force log.
+    """
     planes = bool(recording.info.oct.plane)
     each = zip(recording.frames, label_frames(recording, classes), strict=True)
     return [
@@ -55,7 +60,9 @@ def frame_rows(recording: Recording, classes: ClassesStudy) -> list[Row]:
 
 
 def read_answers(path: Path) -> list[Row]:
-    """Return the frames that `evaluate --json`, `read --json` or `segment --json` printed."""
+    """Return the frames that `evaluate --json`, `read --json` or `segment --json`
+    printed.
+    """
     try:
         found = parse_json(read_text(path, KINDS["result"]))
     except ValueError as fault:
@@ -69,7 +76,8 @@ def read_answers(path: Path) -> list[Row]:
         for each in frames
     ):
         raise InputError(
-            f"{path}: no frames with a file each; give what evaluate, read or segment print with --json"
+            f"{path}: no frames with a file each; give what evaluate, read or segment"
+            " print with --json"
         )
 
     return frames
@@ -78,10 +86,11 @@ def read_answers(path: Path) -> list[Row]:
 def with_answers(
     rows: Sequence[Row], answers: Sequence[Row], recording: Path
 ) -> list[Row]:
-    """Return rows with the answers to their frames; what the recording states stays, but a target is the answer's."""
-    alone = len({Path(row["file"]).name for row in rows}) == len(
-        rows
-    )  # else folders tell frames of one name apart
+    """Return rows with the answers to their frames; what the recording states stays,
+    but a target is the answer's.
+    """
+    # else folders tell frames of one name apart
+    alone = len({Path(row["file"]).name for row in rows}) == len(rows)
     asked, files = (
         [Path(row["file"]).name if alone else row["file"] for row in each]
         for each in (rows, answers)
@@ -107,7 +116,8 @@ def with_answers(
 
 
 def flat(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a row whose lists and objects are columns of their own, by the names of `ANSWER_DEFINITION`.
+    """Return a row whose lists and objects are columns of their own, by the names of
+    `ANSWER_DEFINITION`.
 
     >>> flat({"file": "a.png", "interval_mn": [1.0, 2.0], "needle": {"tip_mm": [0.5, 3.0]}, "probabilities": [1.0]})
     ... # doctest: +NORMALIZE_WHITESPACE
@@ -138,7 +148,9 @@ def flat(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def data_frame(rows: Iterable[Mapping[str, Any]]) -> Any:
-    """Return rows as a table of pandas, with the columns of `flat`; raises `InputError` without pandas."""
+    """Return rows as a table of pandas, with the columns of `flat`; raises `InputError`
+    without pandas.
+    """
     return package_for("pandas", "a DataFrame", "tables").DataFrame(
         tidy(map(finite, rows))
     )
@@ -162,7 +174,9 @@ def tidy(rows: Iterable[Mapping[str, Any]]) -> list[Row]:
 
 
 def csv_text(rows: Iterable[Mapping[str, Any]]) -> str:
-    """Return rows as a table, empty where a row lacks a key; an apostrophe goes before a would-be formula."""
+    """Return rows as a table, empty where a row lacks a key; an apostrophe goes before
+    a would-be formula.
+    """
     found = tidy(rows)
     return _line(found[0] if found else ()) + "".join(
         _line(row.values()) for row in found
@@ -170,7 +184,9 @@ def csv_text(rows: Iterable[Mapping[str, Any]]) -> str:
 
 
 def write_table(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
-    """Write rows as CSV, or as Parquet (with pyarrow), by the file's ending, whole or not at all."""
+    """Write rows as CSV, or as Parquet (with pyarrow), by the file's ending, whole or
+    not at all.
+    """
     if path.suffix.lower() == ".csv":
         write_whole(csv_text(rows), path)
         return
@@ -183,7 +199,9 @@ def write_table(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
 
 
 def _line(cells: Iterable[Any]) -> str:
-    """Return a line; `csv` quotes the letters of the line's own end alone, so it is given both."""
+    """Return a line; `csv` quotes the letters of the line's own end alone, so it is
+    given both.
+    """
     text = StringIO()
     csv.writer(text, lineterminator="\r\n").writerow(map(_cell, cells))
     return text.getvalue().removesuffix("\r\n") + "\n"
@@ -200,7 +218,9 @@ NOWHERE = [np.nan] * 3
 
 
 def write_sequence(recording: Recording, path: Path) -> None:
-    """Write a recording's frames as NRRD; lateral runs to the patient's left, depth to the back."""
+    """Write a recording's frames as NRRD; lateral runs to the patient's left, depth to
+    the back.
+    """
     nrrd = package_for("nrrd", "NRRD")
     oct_info = recording.info.oct
     check_bytes(len(recording.frames) * oct_info.rows * oct_info.columns * 2)
@@ -260,7 +280,9 @@ ROS = 2
 def write_mcap(
     recording: Recording, rows: Sequence[Row], origin_s: float, path: Path
 ) -> None:
-    """Write frames (mono16), force log and rows; the recording's clock begins at `origin_s` of its sources'."""
+    """Write frames (mono16), force log and rows; the recording's clock begins at
+    `origin_s` of its sources'.
+    """
     writing = package_for("mcap.writer", "MCAP")
     typesys = package_for("rosbags.typesys", "MCAP with ROS messages")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
@@ -286,7 +308,9 @@ def write_mcap(
 def _messages(
     recording: Recording, rows: Sequence[Row], origin_s: float, store: Any
 ) -> Iterator[tuple[int, str, Any]]:
-    """Yield time, topic and message in the order of their times; each frame is read when its turn comes."""
+    """Yield time, topic and message in the order of their times; each frame is read
+    when its turn comes.
+    """
     log = recording.forces
     frames_s = [entry.time_s for entry in recording.frames]
     times_s = {
@@ -320,9 +344,8 @@ def _messages(
             yield time_ns, topic, _answer(rows[nth], header, store)
         elif log is not None:
             found = dict(zip(log.columns, log.wrench_sc[nth].tolist(), strict=True))
-            values = [
-                found.get(name, np.nan) for name in FORCE_COLUMNS[1:]
-            ]  # zero would be a measurement
+            # zero would be a measurement
+            values = [found.get(name, np.nan) for name in FORCE_COLUMNS[1:]]
             vector, wrench = (
                 store.types[f"geometry_msgs/msg/{name}"]
                 for name in ("Vector3", "Wrench")

@@ -1,4 +1,6 @@
-"""A recording folder: `recording.toml`, `frames.csv`, `frames/` and, if logged, `forces.csv` (docs/recordings.md)."""
+"""A recording folder: `recording.toml`, `frames.csv`, `frames/` and, if logged,
+`forces.csv` (docs/recordings.md).
+"""
 
 import hashlib
 import json
@@ -74,9 +76,10 @@ def _possible(key: str, unit: HumanUnit | None = None) -> Any:
 class EyeInfo:
     """The eye: a name, and its known properties (None: unknown).
 
-    `globe`: "open" (infused or vented: the needle leaves the pressure unchanged) or "sealed"; a sealed one may have a
-    measured rigidity and its law, and a time constant in which it leaks (`mechanics.globe`). `relaxation`: terms of a
-    share and a time constant, s (`mechanics.material`); none: the tissue is elastic.
+    `globe`: "open" (infused or vented: the needle leaves the pressure unchanged) or
+    "sealed"; a sealed one may have a measured rigidity and its law, and a time constant
+    in which it leaks (`mechanics.globe`). `relaxation`: terms of a share and a time
+    constant, s (`mechanics.material`); none: the tissue is elastic.
     """
 
     id: str
@@ -104,7 +107,8 @@ class EyeInfo:
             if value is not None and self.globe != "sealed":
                 found = "missing" if self.globe is None else f'"{self.globe}"'
                 raise StudyError(
-                    f'{key}: of a sealed globe, globe is {found}; write globe = "sealed", or leave it out'
+                    f"{key}: of a sealed globe, globe is {found}; write globe ="
+                    ' "sealed", or leave it out'
                 )
 
 
@@ -112,9 +116,10 @@ class EyeInfo:
 class Plane:
     """One of several planes that a scanner takes at once, parallel to its depth axis.
 
-    Its lateral axis lies `direction_rad` from the scanner's x axis, turned as seen from outside the eye from the
-    meridian towards growing azimuth; the plane lies `offset_m` from the scanner's axis, to the left of its lateral
-    axis as seen from there. The middle of its frames is the foot of that axis.
+    Its lateral axis lies `direction_rad` from the scanner's x axis, turned as seen from
+    outside the eye from the meridian towards growing azimuth; the plane lies `offset_m`
+    from the scanner's axis, to the left of its lateral axis as seen from there. The
+    middle of its frames is the foot of that axis.
 
     >>> import scleraforce as sf
     >>> sf.Plane("across", 0.0, 1.5708).direction_rad
@@ -133,18 +138,22 @@ class Plane:
             letter in self.name for letter in UNTABLED
         ):
             raise StudyError(
-                f"name: {self.name!r}; a table cannot hold {UNTABLED}, or a space at an end"
+                f"name: {self.name!r}; a table cannot hold {UNTABLED}, or a space at"
+                " an end"
             )
 
     def lies_at(self, other: "Plane") -> bool:
-        """Return whether another plane is the same one, as well where its columns run the other way."""
+        """Return whether another plane is the same one, as well where its columns run
+        the other way.
+        """
         turn_rad = self.direction_rad - other.direction_rad
         same_m = self.offset_m - cos(turn_rad) * other.offset_m
         return abs(sin(turn_rad)) < LEAST_TURN_RAD and abs(same_m) < LEAST_OFFSET_M
 
 
 def parse_plane(words: str) -> Plane:
-    """Return a plane of a scan, by its name, distance from the scanner's axis and direction: NAME:MM:DEGREES.
+    """Return a plane of a scan, by its name, distance from the scanner's axis and
+    direction: NAME:MM:DEGREES.
 
     >>> parse_plane("across:0.2:90").offset_m
     0.0002
@@ -162,10 +171,13 @@ def parse_plane(words: str) -> Plane:
 
 
 def check_planes(planes: tuple[Plane, ...], given: str = "plane") -> None:
-    """Raise a `StudyError` that names `given` unless planes can be read together: of different names and places."""
+    """Raise a `StudyError` that names `given` unless planes can be read together: of
+    different names and places.
+    """
     if len(planes) == 1:
         raise StudyError(
-            f"{given}: only one; give each plane of the scan, or slice_gap_m without any"
+            f"{given}: only one; give each plane of the scan, or slice_gap_m"
+            " without any"
         )
 
     for number, plane in enumerate(planes):
@@ -189,7 +201,8 @@ def check_counts(counts: Mapping[str, int]) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class OctInfo:
-    """The frames: pixels, used bits, field of view (black bands included), and the plane's direction and tilt.
+    """The frames: pixels, used bits, field of view (black bands included), and the
+    plane's direction and tilt.
 
     With several planes, `plane`, direction and tilt are of the scanner's x axis.
     """
@@ -215,10 +228,11 @@ class OctInfo:
 
 @dataclass(frozen=True, kw_only=True)
 class NeedleInfo:
-    """The needle: gauge, distance of the one B-scan plane from its axis; polar angle of the contact and lean, if known.
+    """The needle: gauge, distance of the one B-scan plane from its axis; polar angle of
+    the contact and lean, if known.
 
-    `lean_rad`: angle between its axis and the wall's normal; `lean_azimuth_rad`: direction in which it leans on its way
-    up, from the B-scan's lateral axis.
+    `lean_rad`: angle between its axis and the wall's normal; `lean_azimuth_rad`:
+    direction in which it leans on its way up, from the B-scan's lateral axis.
     """
 
     gauge: int = required(low=10, high=36)
@@ -231,13 +245,16 @@ class NeedleInfo:
         check_fields(self)
         if self.lean_azimuth_rad is not None and self.lean_rad is None:
             raise StudyError(
-                "lean_azimuth_rad: of a needle that leans; give lean_rad as well, or leave it out"
+                "lean_azimuth_rad: of a needle that leans; give lean_rad as well, or"
+                " leave it out"
             )
 
 
 @dataclass(frozen=True)
 class ForceInfo:
-    """The force log: sensor axis along the needle, its sign in contact, and how long a label averages."""
+    """The force log: sensor axis along the needle, its sign in contact, and how long a
+    label averages.
+    """
 
     axis: str = required("fx", "fy", "fz")
     contact_sign: int = required(low=-1, high=1)
@@ -261,20 +278,27 @@ class RecordingInfo:
     def __post_init__(self) -> None:
         if self.needle.slice_gap_m is None and not self.oct.plane:
             raise StudyError(
-                "needle.slice_gap_m: missing; give it, or [[oct.plane]] for each of several planes"
+                "needle.slice_gap_m: missing; give it, or [[oct.plane]] for each of"
+                " several planes"
             )
         if self.needle.slice_gap_m is not None and self.oct.plane:
             raise StudyError(
-                "needle.slice_gap_m: of a single plane, and there are [[oct.plane]]: leave it out"
+                "needle.slice_gap_m: of a single plane, and there are [[oct.plane]]:"
+                " leave it out"
             )
 
 
 def name_fault(name: str, what: str = "eye") -> str | None:
-    """Return why a text cannot name an eye or a plane in a table, log or message, None if it can."""
+    """Return why a text cannot name an eye or a plane in a table, log or message, None
+    if it can.
+    """
     if not name.strip():
         return f"empty; give the {what} a name"
     if not name.isprintable():
-        return f"{name[:LONGEST_ID]!r} has a line break or another unprintable character; give a name of one line"
+        return (
+            f"{name[:LONGEST_ID]!r} has a line break or another unprintable character;"
+            " give a name of one line"
+        )
     if len(name) > LONGEST_ID:
         return f"{len(name)} characters; give the {what} a name of at most {LONGEST_ID}"
 
@@ -295,7 +319,9 @@ def nearest_gauge(outer_diameter_m: float) -> int:
 
 @dataclass(frozen=True)
 class Recording:
-    """One eye's recording: its folder, metadata, frames in order, and force log (None: not logged)."""
+    """One eye's recording: its folder, metadata, frames in order, and force log (None:
+    not logged).
+    """
 
     path: Path
     info: RecordingInfo
@@ -304,7 +330,9 @@ class Recording:
 
     @property
     def moments(self) -> tuple[tuple[FrameEntry, ...], ...]:
-        """The frames in order, grouped by their time: one, or one of each plane that has a frame then."""
+        """The frames in order, grouped by their time: one, or one of each plane that
+        has a frame then.
+        """
         return moments_of(self.frames)
 
     def __repr__(self) -> str:
@@ -313,7 +341,10 @@ class Recording:
             if self.forces is None
             else f"{len(self.forces.time_s)} samples of force"
         )
-        return f"<Recording {self.path}: eye {self.info.eye.id}, {len(self.frames)} frames, {forces}>"
+        return (
+            f"<Recording {self.path}: eye {self.info.eye.id}, {len(self.frames)}"
+            f" frames, {forces}>"
+        )
 
     def _repr_html_(self) -> str:
         """The first frame and what the recording states, for Jupyter."""
@@ -346,14 +377,18 @@ class Recording:
         return self.path / "frames" / entry.file
 
     def frame(self, entry: FrameEntry) -> Pixels:
-        """Read a frame, uint8 or uint16 (rows, columns), and check it against recording.toml."""
+        """Read a frame, uint8 or uint16 (rows, columns), and check it against
+        recording.toml.
+        """
         pixels = read_frame(self.frame_path(entry))
         check_frame(pixels, self.info.oct, self.frame_path(entry))
         return pixels
 
 
 def check_alone(recording: Recording, file: str) -> None:
-    """Raise an `InputError` unless a file is a frame of the recording, whose wall is of no other frame."""
+    """Raise an `InputError` unless a file is a frame of the recording, whose wall is of
+    no other frame.
+    """
     files = [each.file for each in recording.frames]
     stem = PurePath(file).stem
     if file not in files:
@@ -362,7 +397,8 @@ def check_alone(recording: Recording, file: str) -> None:
         each for each in files if each != file and PurePath(each).stem == stem
     ]:
         raise InputError(
-            f"{file}: walls/{stem}.png would be the wall of {twins[0]} too; rename one of the frames"
+            f"{file}: walls/{stem}.png would be the wall of {twins[0]} too; rename one"
+            " of the frames"
         )
 
 
@@ -373,11 +409,17 @@ def check_frame(pixels: Pixels, stated: OctInfo, path: Path) -> None:
 
     if pixels.shape != (stated.rows, stated.columns):
         found = " x ".join(map(str, pixels.shape))
-        fault = f"{found} pixels (rows x columns); recording.toml says {stated.rows} x {stated.columns}"
+        fault = (
+            f"{found} pixels (rows x columns); recording.toml says {stated.rows} x"
+            f" {stated.columns}"
+        )
     elif pixels.dtype == np.uint8 and stated.bits > 8:
         fault = f"8 bits a pixel; recording.toml says {stated.bits}"
     elif largest >= 2**stated.bits:
-        fault = f"a pixel of {largest} is more than {stated.bits} bits; check bits in recording.toml"
+        fault = (
+            f"a pixel of {largest} is more than {stated.bits} bits; check bits in"
+            " recording.toml"
+        )
 
     if fault is not None:
         raise FrameError(f"{path}: {fault}")
@@ -404,7 +446,8 @@ def read_recording(path: str | PathLike[str]) -> Recording:
         return Recording(path, info, frames, None)
     if info.force is None:
         raise RecordingError(
-            f"{path / 'recording.toml'}: force: missing; forces.csv needs [force] axis, contact_sign"
+            f"{path / 'recording.toml'}: force: missing; forces.csv needs [force] axis,"
+            " contact_sign"
         )
 
     return Recording(
@@ -424,7 +467,9 @@ def frame_digest(pixels: Pixels) -> str:
 
 
 def tables_digest(recording: Recording) -> str:
-    """Return the SHA-256 of a recording's tables (recording.toml, frames.csv, forces.csv), hexadecimal."""
+    """Return the SHA-256 of a recording's tables (recording.toml, frames.csv,
+    forces.csv), hexadecimal.
+    """
     tables = (
         ("recording", "recording.toml"),
         ("frames", "frames.csv"),
@@ -438,7 +483,9 @@ def tables_digest(recording: Recording) -> str:
 
 
 def true_forces(recording: Path) -> dict[str, float]:
-    """Return the true force at each frame of a virtual acquisition, N, by the frame's file; of real ones nothing."""
+    """Return the true force at each frame of a virtual acquisition, N, by the frame's
+    file; of real ones nothing.
+    """
     path = recording / "truth.json"
     if not path.exists():
         return {}
@@ -472,7 +519,8 @@ def _check_planes(
     for entry in frames:
         if entry.plane is None and planes:
             raise RecordingError(
-                f"{path}: plane: missing for {entry.file}; give one of {', '.join(names)}"
+                f"{path}: plane: missing for {entry.file}; give one of"
+                f" {', '.join(names)}"
             )
         if entry.plane is not None and entry.plane not in names:
             known = (
@@ -488,7 +536,8 @@ def _check_planes(
     shown = {entry.plane for entry in frames}
     if len(shown) > 1 and len(times_s) == len(frames):
         raise RecordingError(
-            f"{path}: plane: no two frames have one time_s; frames of one moment need the same"
+            f"{path}: plane: no two frames have one time_s; frames of one moment need"
+            " the same"
         )
 
 
@@ -518,7 +567,9 @@ def _check_files(path: Path, frames: tuple[FrameEntry, ...]) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Scanner:
-    """Width and depth of frames in m, and the refractive index of the depth axis; None: not stated."""
+    """Width and depth of frames in m, and the refractive index of the depth axis; None:
+    not stated.
+    """
 
     width_m: float | None = None
     depth_m: float | None = None
@@ -527,7 +578,9 @@ class Scanner:
 
 @dataclass(frozen=True, eq=False)
 class ScaledFrame:
-    """A frame (rows: depth, columns: lateral) with its scale, notes, and its recording's metadata if it has any."""
+    """A frame (rows: depth, columns: lateral) with its scale, notes, and its
+    recording's metadata if it has any.
+    """
 
     pixels: Pixels
     width_m: Sourced
@@ -550,7 +603,9 @@ class ScaledFrame:
 
 
 def recording_of(path: Path) -> Path | None:
-    """Return the recording folder of a frame, which has `frames/` beside recording.toml; None for other images."""
+    """Return the recording folder of a frame, which has `frames/` beside
+    recording.toml; None for other images.
+    """
     folder = path.parent.resolve()
     inside = folder.name == "frames" and os.path.isfile(
         folder.parent / "recording.toml"
@@ -559,7 +614,9 @@ def recording_of(path: Path) -> Path | None:
 
 
 def stated_plane(frame: Path) -> tuple[Path, float, Plane] | None:
-    """Return the recording of a frame, its time and its plane; None if it is not in a recording of several planes."""
+    """Return the recording of a frame, its time and its plane; None if it is not in a
+    recording of several planes.
+    """
     recording = recording_of(frame)
     if (
         recording is None
@@ -580,7 +637,9 @@ def stated_plane(frame: Path) -> tuple[Path, float, Plane] | None:
 def read_scaled_frame(
     path: Path, given: Scanner, assumed: tuple[Scanner, str], transpose: bool = False
 ) -> ScaledFrame:
-    """Read one frame and find its scale: `given`, else recording.toml's, the file's, or `assumed` with its source."""
+    """Read one frame and find its scale: `given`, else recording.toml's, the file's, or
+    `assumed` with its source.
+    """
     pixels, image = read_image(path)
     if transpose:
         pixels = pixels.T
@@ -626,7 +685,8 @@ def read_scaled_frame(
             check_quantity(key, from_si(extent.value, "mm"))
         except StudyError as fault:
             raise FrameError(
-                f"{path}: {fault} (stated by: {extent.source}); give --{key.replace('_', '-')}"
+                f"{path}: {fault} (stated by: {extent.source}); give"
+                f" --{key.replace('_', '-')}"
             ) from None
 
     notes = (*image.notes, *([image.scale_fault] if image.scale_fault else []))

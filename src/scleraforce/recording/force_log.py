@@ -1,4 +1,6 @@
-"""Force logs as robots and sensors write them: delimited text, any columns, with or without settings above them."""
+"""Force logs as robots and sensors write them: delimited text, any columns, with or
+without settings above them.
+"""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -24,19 +26,22 @@ from scleraforce.recording.tables import (
 )
 
 STATUS = "status"  # our name of such a column
-# How a column is read: ATI's status word, a flag of faults, a flag of validity. "any": all samples are taken.
+# How a column is read: ATI's status word, a flag of faults, a flag of validity. "any":
+# all samples are taken.
 STATUS_MEANINGS = ATI, GOOD_IF_ZERO, GOOD_IF_SET, ANY = "ati", "zero", "set", "any"
-# Bits of ATI's status word (Net F/T, Axia) that leave the force valid: the summary, which repeats the others, and a
-# latched condition of the user's own monitor (a threshold).
+# Bits of ATI's status word (Net F/T, Axia) that leave the force valid: the summary,
+# which repeats the others, and a latched condition of the user's own monitor (a
+# threshold).
 ATI_HARMLESS = 0x80010000
 OF_SENSOR = (
     r"((is|sensor|ft|f/t|f_t|f[xyz]|m[xyz]|force|wrench|torque|device|data|sample|measurement|measured|reading|bota|ati|"
     r"rdt|daq|adc|amp|cable|gage|gauge|transducer)[ _-]*)*"
 )
 FAULTS = re.compile(
-    OF_SENSOR
-    + r"(status|error|fault|over[ _-]?load(ed)?|over[ _-]?range|over[ _-]?flow|saturat(ed|ion)|clipp(ed|ing)|"
-    r"invalid|alarm|out[ _-]of[ _-]range|disconnected)[ _-]*(code|word|flags?|bits?|register)?"
+    OF_SENSOR + r"(status|error|fault|over[ _-]?load(ed)?|over[ _-]?range|over["
+    r" _-]?flow|saturat(ed|ion)|clipp(ed|ing)|"
+    r"invalid|alarm|out[ _-]of[ _-]range|disconnected)["
+    r" _-]*(code|word|flags?|bits?|register)?"
 )
 VALIDITY = re.compile(OF_SENSOR + r"(valid|validity|ok|good|healthy)([ _-]*flag)?")
 HEX = re.compile(r"[ _-]*[\[(]?hex\w*[\])]?$", re.IGNORECASE)
@@ -98,13 +103,19 @@ def _faulty_samples(text: Table, column: "LogColumn") -> tuple[Flags, tuple[str,
             f"{found}, and every sample is flagged: it gave no force; {way}"
         )
     if count:
-        flagged = f"{count} of {len(faulty)} samples are flagged by the sensor and have no force"
+        flagged = (
+            f"{count} of {len(faulty)} samples are flagged by the sensor and have no"
+            " force"
+        )
         return faulty, (f"{flagged}; the first is {found}",)
 
     harmless = ", ".join(
         value for value, code in codes.items() if meaning == ATI and code
     )
-    note = f"{name}: {harmless}: a summary or the user's own threshold, without a fault; its forces are kept"
+    note = (
+        f"{name}: {harmless}: a summary or the user's own threshold, without a fault;"
+        " its forces are kept"
+    )
 
     return faulty, (note,) if harmless else ()
 
@@ -134,10 +145,12 @@ def _is_faulty(code: int | float | str, meaning: str) -> bool:
     return bool(int(code) & ~ATI_HARMLESS) if meaning == ATI else code != 0
 
 
+# fz: fz_n
 SHORT_NAMES = {name.partition("_")[0]: name for name in FORCE_COLUMNS} | {
     STATUS: STATUS
-}  # fz: fz_n
-# A unit in brackets, or after a mark or a blank: "Fz [mN]", "Force Z / mN", "FZ,mN", "fz_mN", "F_z in mN".
+}
+# A unit in brackets, or after a mark or a blank: "Fz [mN]", "Force Z / mN", "FZ,mN",
+# "fz_mN", "F_z in mN".
 BRACKETS = re.compile(r"(?P<name>.*?)[\s_,:]*[\[({<](?P<unit>[^\])}>]+)[\])}>]\s*")
 BEHIND_MARK = re.compile(
     r"(?P<name>.*?)(?:\s*[/,:;|_.-]\s*|\s+in\s+|_in_|\s+)(?P<unit>[^\s_/,:;|]+(?:[*.-][^\s_]+)?)\s*"
@@ -187,7 +200,8 @@ TORQUE_WORDS = "torque|moment|drehmoment|couple|t|m"
 BETWEEN = r"[ ._-]*(?:(?:in|along|axis|achse|richtung)[ ._-]*)?"
 AXIS_NAMES = re.compile(
     rf"(?:(?P<what>{FORCE_WORDS}|{TORQUE_WORDS}){BETWEEN}(?P<axis>[xyz])|"
-    rf"(?P<axis_before>[xyz])[ ._-]*(?:(?:axis|achse)[ ._-]*)?(?P<what_after>{FORCE_WORDS}|{TORQUE_WORDS}))"
+    r"(?P<axis_before>[xyz])[ ._-]*(?:(?:axis|achse)["
+    rf" ._-]*)?(?P<what_after>{FORCE_WORDS}|{TORQUE_WORDS}))"
     r"(?:[ ._-]*(?:axis|achse|richtung))?"
 )
 FORCE_WORD = re.compile(FORCE_WORDS)
@@ -195,7 +209,9 @@ FORCE_WORD = re.compile(FORCE_WORDS)
 
 @dataclass(frozen=True)
 class LogColumn:
-    """A column of a log: our name, its name there, its unit (of dates one of `CLOCKS`, or `STATUS_MEANINGS`)."""
+    """A column of a log: our name, its name there, its unit (of dates one of `CLOCKS`,
+    or `STATUS_MEANINGS`).
+    """
 
     ours: str
     name: str
@@ -225,17 +241,20 @@ def parse_column(text: str) -> LogColumn:
 
     if not equals or not colon or ours is None or not name.strip():
         raise InputError(
-            f"--column: {text!r}; give COLUMN=NAME:UNIT, like fz=Force Z:mN, of {', '.join(SHORT_NAMES)}"
+            f"--column: {text!r}; give COLUMN=NAME:UNIT, like fz=Force Z:mN, of"
+            f" {', '.join(SHORT_NAMES)}"
         )
 
     words = {"time_s": log_text.CLOCKS, STATUS: STATUS_MEANINGS}.get(ours, ())
     if ours == STATUS and unit not in words:
         raise InputError(
-            f"--column: {text!r}: {unit!r} is not one of {', '.join(words)} (docs/formats.md)"
+            f"--column: {text!r}: {unit!r} is not one of {', '.join(words)}"
+            " (docs/formats.md)"
         )
     if unit not in words and unit_factor(unit, quantity_of(ours)) is None:
         raise InputError(
-            f"--column: {text!r}: {unit!r} is not a unit of {quantity_of(ours)} (docs/formats.md)"
+            f"--column: {text!r}: {unit!r} is not a unit of {quantity_of(ours)}"
+            " (docs/formats.md)"
         )
 
     return LogColumn(ours, name.strip(), unit)
@@ -244,7 +263,9 @@ def parse_column(text: str) -> LogColumn:
 def columns_by_header(
     names: Sequence[str], stated_units: dict[str, str], units: Sequence[str] = ()
 ) -> list[LogColumn]:
-    """Return the columns that a header names; `stated_units` are above the header, `units` a line of their own."""
+    """Return the columns that a header names; `stated_units` are above the header,
+    `units` a line of their own.
+    """
     if ROS_STAMP in names:
         names = [
             name for name in names if name == ROS_STAMP or name.startswith(ROS_PREFIX)
@@ -262,7 +283,9 @@ def columns_by_header(
 def _of_each_kind(
     path: Path, by_header: Sequence[LogColumn], given: Sequence[LogColumn]
 ) -> list[LogColumn]:
-    """Return one column of each kind: the given one, else the header's; of two times the first."""
+    """Return one column of each kind: the given one, else the header's; of two times
+    the first.
+    """
     answered = {column.ours: column for column in given if column.ours != STATUS}
     for column in by_header:
         other = answered.setdefault(column.ours, column)
@@ -278,7 +301,9 @@ def _of_each_kind(
 def required_columns(
     path: Path, columns: Iterable[LogColumn], names: Sequence[str]
 ) -> tuple[LogColumn, ...]:
-    """Return the columns but for the status, in our order; ask for the time and a force if they are missing."""
+    """Return the columns but for the status, in our order; ask for the time and a force
+    if they are missing.
+    """
     columns = [*columns]
     listed = ", ".join(map(repr, names))
     found = {column.ours: column for column in columns}
@@ -300,7 +325,10 @@ def required_columns(
         else {"fz=NAME:UNIT": "a force"}
     )
     if missing:
-        question = f"which column is {', and which '.join(missing.values())}, and in what unit? There are {listed}"
+        question = (
+            f"which column is {', and which '.join(missing.values())}, and in what"
+            f" unit? There are {listed}"
+        )
         raise UnansweredError("--column", f"{path}: {question}", *missing)
 
     return tuple(found[ours] for ours in FORCE_COLUMNS if ours in found)
@@ -338,10 +366,13 @@ STATED = {
     quantity: rf"(?i){quantity} units?\"?\s*[:=,;\t]+\s*\"?([\w*.-]+)"
     for quantity in (FORCE, TORQUE)
 }
-# A number with all possible marks between its thousands, so that "1,000" is not taken for 1.
+# A number with all possible marks between its thousands, so that "1,000" is not taken
+# for 1.
 WHOLE_NUMBER = r"\d(?:[\d.,'\u2019\s]*\d)?\.?(?:[eE][-+]?\d+)?"
 COUNTS = {
-    quantity: rf"(?i)(counts?\s*(?:per|/)\s*(?:unit\s*)?{quantity})\"?\s*[:=,;\t]+\s*\"?({WHOLE_NUMBER})"
+    quantity: (
+        rf"(?i)(counts?\s*(?:per|/)\s*(?:unit\s*)?{quantity})\"?\s*[:=,;\t]+\s*\"?({WHOLE_NUMBER})"
+    )
     for quantity in (FORCE, TORQUE)
 }
 SAMPLE_RATE = rf"(RDT Sample Rate)\"?\s*[:=,;\t]+\s*\"?({WHOLE_NUMBER})"
@@ -349,11 +380,13 @@ COUNTER = "RDT Sequence"
 # A factor between the numbers of a log and forces, which is not applied.
 GAIN = re.compile(
     r"(?i)\b(?<!full[ -])"
-    r"((?:scale|scaling|gain|sensitivity|multiplier|(?:conversion|calibration)[ _-]?(?:factor|constant)|"
+    r"((?:scale|scaling|gain|sensitivity|multiplier|(?:conversion|calibration)["
+    r" _-]?(?:factor|constant)|"
     rf"(?:lsb|counts?)\s*(?:per\b|/))[^:=;,\t]*)[:=;,\t]+\s*\"?([-+]?(?:{WHOLE_NUMBER}|\.\d+))"
 )
 RANGE = re.compile(
-    r"(?i)\b(?:full[ -]?scale|range|capacity|rated (?:force|load)|max(?:imum|\.)? (?:force|load))\b(.*)"
+    r"(?i)\b(?:full[ -]?scale|range|capacity|rated (?:force|load)|max(?:imum|\.)?"
+    r" (?:force|load))\b(.*)"
 )
 FORCE_IN_TEXT = re.compile(rf"(?i)({WHOLE_NUMBER})\s*(m?n|kn|gf|kgf|lbf)\b")
 
@@ -361,7 +394,9 @@ FORCE_IN_TEXT = re.compile(rf"(?i)({WHOLE_NUMBER})\s*(m?n|kn|gf|kgf|lbf)\b")
 def read_force_text(
     text: Table, given: Sequence[LogColumn]
 ) -> tuple[ForceLog, tuple[LogColumn, ...]]:
-    """Return a log in SI and its columns, `given` ones first; ask for missing ones and about contradictions."""
+    """Return a log in SI and its columns, `given` ones first; ask for missing ones and
+    about contradictions.
+    """
     stated = _stated_units(text)
     by_header = columns_by_header(text.names, stated, text.units)
 
@@ -411,7 +446,8 @@ def _dated(text: Table, time: LogColumn) -> Floats:
     time_s = log_text.seconds_of(moments, time.unit)
     if isinstance(time_s, int):
         raise RecordingError(
-            f"{text.place(time_s)}: {time.name}: {moments[time_s]!r} is not a time ({time.unit})"
+            f"{text.place(time_s)}: {time.name}: {moments[time_s]!r} is not a time"
+            f" ({time.unit})"
         )
 
     return time_s
@@ -429,9 +465,9 @@ def _stated_units(text: Table) -> dict[str, str]:
     }
 
     return {
-        quantity: f"{count:.12g}/{unit}"
-        if (count := counts[quantity]) is not None
-        else unit
+        quantity: (
+            f"{count:.12g}/{unit}" if (count := counts[quantity]) is not None else unit
+        )
         for quantity, unit in units.items()
     }
 
@@ -439,7 +475,9 @@ def _stated_units(text: Table) -> dict[str, str]:
 def _check_units(
     text: Table, columns: Sequence[LogColumn], stated: dict[str, str]
 ) -> None:
-    """Ask about a column with two units, or with a factor that is not applied; `stated` units are above the header."""
+    """Ask about a column with two units, or with a factor that is not applied; `stated`
+    units are above the header.
+    """
     forces = [column for column in columns if column.ours != "time_s"]
     own = dict(zip_longest(text.names, text.units, fillvalue=""))
 
@@ -462,7 +500,10 @@ def _check_units(
         found = GAIN.search(line)
         applied = any(re.search(COUNTS[quantity], line) for quantity in counted)
         if forces and found and not applied and number(found[2]) != 1.0:
-            said = f"{text.path}:{nth}: {found[1].strip()}: {found[2]} is not applied to {forces[0].name!r}"
+            said = (
+                f"{text.path}:{nth}: {found[1].strip()}: {found[2]} is not applied to"
+                f" {forces[0].name!r}"
+            )
             raise _question(said, forces[0], f"1000/{forces[0].unit}", forces)
 
 
@@ -479,7 +520,7 @@ def _check_whole(
         broken = np.isfinite(values) & (values != np.rint(values))
         if column in counted and broken.any():
             line = int(np.argmax(broken))
-            (count, unit) = column.unit.split("/")
+            count, unit = column.unit.split("/")
             found = (
                 f"{text.place(line)}: {column.name}: {values[line]:g} is not a count"
             )
@@ -552,13 +593,16 @@ def _overruled(
 
 
 def _stated_number(pattern: str, text: Table) -> float | None:
-    """Return the number that a line above the header states, None without such a line; "1,000" is refused."""
+    """Return the number that a line above the header states, None without such a line;
+    "1,000" is refused.
+    """
     for nth, line in enumerate(text.above, start=1):
         if found := re.search(pattern, line):
             value = None if GROUPED.fullmatch(found[2]) else number(found[2], ",")
             if value is None:
                 raise RecordingError(
-                    f"{text.path}:{nth}: {found[1]}: {found[2]!r} is not a number; {PLAIN_NUMBERS}"
+                    f"{text.path}:{nth}: {found[1]}: {found[2]!r} is not a number;"
+                    f" {PLAIN_NUMBERS}"
                 )
 
             return value
@@ -581,7 +625,10 @@ def _clock_column(text: Table) -> list[LogColumn]:
         if known := [clock for clock in found if clock]:
             return [LogColumn("time_s", name, known[0])]
         if found:
-            question = f"is the day or the month first? time={name}:dmy says the day, time={name}:mdy the month"
+            question = (
+                f"is the day or the month first? time={name}:dmy says the day,"
+                f" time={name}:mdy the month"
+            )
             raise UnansweredError(
                 "--column",
                 f"{text.path}: {name}: {moments[0]!r}: {question}",

@@ -1,4 +1,6 @@
-"""Files that OpenCV and NumPy read: PNG, JPEG, NumPy arrays, films; and one frame of any file."""
+"""Files that OpenCV and NumPy read: PNG, JPEG, NumPy arrays, films; and one frame of
+any file.
+"""
 
 import os
 import re
@@ -38,7 +40,8 @@ TIFF_MARKS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 
 def read_frame(path: str | PathLike[str]) -> Pixels:
-    """Read the pixels of one frame, uint8 or uint16 (rows, columns); colour is turned into grey.
+    """Read the pixels of one frame, uint8 or uint16 (rows, columns); colour is turned
+    into grey.
 
     Raises:
         FrameError: naming the file, what was found and what is allowed.
@@ -52,7 +55,9 @@ def read_frame(path: str | PathLike[str]) -> Pixels:
 
 
 def read_image(path: Path) -> tuple[Pixels, Scan]:
-    """Read one frame, and its file's metadata as a scan of one; signed values are shifted so that the smallest is 0."""
+    """Read one frame, and its file's metadata as a scan of one; signed values are
+    shifted so that the smallest is 0.
+    """
     data = read_bytes(path, KINDS["frame"])
     if data[128:132] == b"DICM":  # before TIFF: a preamble may be the head of one
         scan = read_dicom(path, data)
@@ -63,7 +68,8 @@ def read_image(path: Path) -> tuple[Pixels, Scan]:
 
     if len(scan.names) != 1:
         raise FrameError(
-            f"{path}: {len(scan.names)} frames in one file; give a file for each frame, or import it"
+            f"{path}: {len(scan.names)} frames in one file; give a file for each frame,"
+            " or import it"
         )
 
     (pixels,) = scan.pictures()
@@ -109,7 +115,7 @@ def read_picture(path: Path | str, data: bytes) -> tuple[Pixels, Scan]:
             as_shown(scans.grey_pixels(pixels, cv2.COLOR_BGR2GRAY), orientation)
         )
 
-    (rows, columns) = grey.shape
+    rows, columns = grey.shape
     bits = 8 if grey.itemsize == 1 else None
     scan = Scan(
         (str(path),),
@@ -124,7 +130,9 @@ def read_picture(path: Path | str, data: bytes) -> tuple[Pixels, Scan]:
 
 
 def _checked_orientation(data: bytes) -> int:
-    """Check a PNG or JPEG, whose missing parts OpenCV 4 fills with black, and return its EXIF Orientation."""
+    """Check a PNG or JPEG, whose missing parts OpenCV 4 fills with black, and return
+    its EXIF Orientation.
+    """
     from PIL import Image
 
     with Image.open(BytesIO(data)) as image:
@@ -148,7 +156,9 @@ def _checked_orientation(data: bytes) -> int:
 
 
 def read_numpy(path: Path, axes: tuple[str, ...] | None, array: str | None) -> Scan:
-    """Return the frames of an array; `array` is its name in a .npz, by default the only one of two or three axes."""
+    """Return the frames of an array; `array` is its name in a .npz, by default the only
+    one of two or three axes.
+    """
     with named_faults(path, "NumPy file of numbers"):
         with path.open("rb") as file:
             if file.read(2) != b"PK":
@@ -180,14 +190,17 @@ def read_numpy(path: Path, axes: tuple[str, ...] | None, array: str | None) -> S
         return scans.array_scan(path, np.asarray(found[name]), axes)
 
 
-GREY_16 = b"Y1\0\x10"  # FFmpeg's tag of gray16le, the only deeper format that OpenCV leaves unchanged
+# FFmpeg's tag of gray16le, the only deeper format that OpenCV leaves unchanged
+GREY_16 = b"Y1\0\x10"
 BITS_OF_PIXELS = (8, 24, 32)  # of 8 bits a sample, which some tags end in
 MATROSKA = b"\x1a\x45\xdf\xa3"
 EVEN = 0.05  # of their median, that steps of time may differ to be even
 
 
 def read_film(path: Path) -> Scan:
-    """Return a film's frames; all of them are counted first, as the stated number is not reliable."""
+    """Return a film's frames; all of them are counted first, as the stated number is
+    not reliable.
+    """
     with _opened(path) as film:
         rows, columns = (
             int(film.get(what))
@@ -214,8 +227,8 @@ def read_film(path: Path) -> Scan:
         pace = f"film's time stamps, {steps_s.min():.3g} to {steps_s.max():.3g} s apart"
 
     notes = [
-        "a film's compression changes grey levels and fine structure; its times are those at which it plays "
-        "(--rate-hz where frames were taken at another rate)"
+        "a film's compression changes grey levels and fine structure; its times are"
+        " those at which it plays (--rate-hz where frames were taken at another rate)"
     ]
     count = len(times_ms)
 
@@ -224,7 +237,8 @@ def read_film(path: Path) -> Scan:
             count < stated and file.read(4) != MATROSKA
         ):  # which states no number of frames
             notes.append(
-                f"states {stated} frames and plays {count}: cut off, or the others are empty, hidden or damaged"
+                f"states {stated} frames and plays {count}: cut off, or the others are"
+                " empty, hidden or damaged"
             )
 
     shape = (rows, columns)
@@ -250,14 +264,16 @@ def _is_deep(path: Path, film: cv2.VideoCapture) -> bool:
     if not _has_8_bits(tag):
         way = f"ffmpeg -i {path.name} -pix_fmt gray16le -c:v ffv1 grey.mkv"
         raise FrameError(
-            f"FFmpeg's pixel format {tag!r}; 8 bits, and 16 of grey, are read unchanged; write it so: {way}"
+            f"FFmpeg's pixel format {tag!r}; 8 bits, and 16 of grey, are read"
+            f" unchanged; write it so: {way}"
         )
 
     return False
 
 
 def _has_8_bits(tag: bytes) -> bool:
-    r"""Return whether a sample has 8 bits by FFmpeg's tag of the pixel format (libavcodec/raw.c).
+    r"""Return whether a sample has 8 bits by FFmpeg's tag of the pixel format
+    (libavcodec/raw.c).
 
     >>> [_has_8_bits(tag) for tag in (b"I420", b"RGB\x18", b"Y1\0\x0a", b"\x0c\x0b3Y", b"P010", bytes(4))]
     [True, True, False, False, False, False]
@@ -298,7 +314,8 @@ def _pictures(path: Path, shape: tuple[int, int], deep: bool) -> scans.PictureSt
                 )
             if picture.dtype != (np.uint16 if deep else np.uint8):
                 raise FrameError(
-                    f"decoded as {picture.dtype}, not with the {16 if deep else 8} bits that it has"
+                    f"decoded as {picture.dtype}, not with the {16 if deep else 8} bits"
+                    " that it has"
                 )
 
             yield (

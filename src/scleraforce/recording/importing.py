@@ -1,4 +1,6 @@
-"""The values of an import: options, metadata of the sources, questions for the rest, and import.json."""
+"""The values of an import: options, metadata of the sources, questions for the rest,
+and import.json.
+"""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -46,7 +48,9 @@ FILE_NAMES = ("file", "filename", "frame", "image")
 
 
 def given_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times | None:
-    """Return the frames' times by a table, to each name its time if it names files, or by a rate; None without both."""
+    """Return the frames' times by a table, to each name its time if it names files, or
+    by a rate; None without both.
+    """
     if table is not None and rate_hz is not None:
         raise InputError(
             "--rate-hz: --times states when frames were taken; give one of them"
@@ -73,7 +77,8 @@ def given_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times 
     if column is None:
         listed = ", ".join(map(repr, text.names))
         raise InputError(
-            f"{table}: no column of times with its unit, like time_s or Time (ms); there are {listed}"
+            f"{table}: no column of times with its unit, like time_s or Time (ms);"
+            f" there are {listed}"
         )
 
     time_s = numbers_of(text, [text.names.index(column.name)])[:, 0] * column.factor
@@ -99,9 +104,8 @@ class Question:
 
     words: str
     options: str
-    fault: Callable[[Any], str | None] = lambda _: (
-        None
-    )  # returns why an answer is wrong
+    # returns why an answer is wrong
+    fault: Callable[[Any], str | None] = lambda _: None
     optional: bool = False  # may stay open (None)
     offered: float | None = None  # the sources' suggestion for an optional question
 
@@ -111,8 +115,8 @@ QUESTIONS = {
     "width_mm": Question("width of the frames", "--width-mm"),
     "depth_mm": Question("depth of the frames, as stored", "--depth-mm"),
     "refractive_index": Question(
-        "refractive index of the depth axis: 1 if the scanner has corrected it (geometric depth), otherwise the "
-        "tissue's, about 1.38 (optical depth)",
+        "refractive index of the depth axis: 1 if the scanner has corrected it"
+        " (geometric depth), otherwise the tissue's, about 1.38 (optical depth)",
         "--refractive-index",
     ),
     "bits": Question("bits of a pixel that are used", "--bits"),
@@ -135,12 +139,10 @@ QUESTIONS = {
 class Asker:
     """The functions that ask a user at a terminal."""
 
-    settle: Callable[
-        [ImportOptions, UnansweredError], ImportOptions
-    ]  # adds the answer to a source's open question
-    missing: Callable[
-        [Mapping[str, Question]], dict[str, Any]
-    ]  # returns answers by their names in `QUESTIONS`
+    # adds the answer to a source's open question
+    settle: Callable[[ImportOptions, UnansweredError], ImportOptions]
+    # returns answers by their names in `QUESTIONS`
+    missing: Callable[[Mapping[str, Question]], dict[str, Any]]
     again: Callable[[InputError], None]  # reports a wrong answer, before the next round
 
 
@@ -167,9 +169,8 @@ class Import:
         )
 
 
-Known = dict[
-    str, tuple[Any, str]
-]  # values by the name of their option, each with its source
+# values by the name of their option, each with its source
+Known = dict[str, tuple[Any, str]]
 
 
 def complete(
@@ -180,7 +181,9 @@ def complete(
     asker: Asker | None,
     measured_um: Callable[[OctInfo], float | None],
 ) -> Import:
-    """Combine options (`origins`), then the sources' values, then another recording's; ask for the rest."""
+    """Combine options (`origins`), then the sources' values, then another recording's;
+    ask for the rest.
+    """
     times = (
         given_times(gathered.scan, answers.times, answers.rate_hz)
         or gathered.scan.times
@@ -222,7 +225,10 @@ def complete(
         source = "measured on the first frames" if value == shown_um else source
 
     if value is None:
-        note = "the wall's thickness is not stated: `calibrate` needs it, and readings are less sure (--thickness-um)"
+        note = (
+            "the wall's thickness is not stated: `calibrate` needs it, and readings are"
+            " less sure (--thickness-um)"
+        )
         return done.with_notes([note])
 
     info = replace(
@@ -234,7 +240,9 @@ def complete(
 def open_questions(
     gathered: Gathered, greys: Greys, answers: ImportOptions, origins: Mapping[str, str]
 ) -> tuple[Known, dict[str, Question]]:
-    """Return the values that options (`origins`) and sources give, and the questions that they leave open."""
+    """Return the values that options (`origins`) and sources give, and the questions
+    that they leave open.
+    """
     _check_used(gathered, origins)
     if gathered.planes and origins.get("gap_mm") == OPTION:
         raise InputError("--gap-mm: several planes show their gaps; leave it out")
@@ -285,7 +293,8 @@ def _completed(
     info = _info(gathered, answers, values)
     if not greys.fit(info.oct.bits):
         raise InputError(
-            f"{gathered.scan.names[0]}: pixels up to {greys.high:g}; --bits says {info.oct.bits}"
+            f"{gathered.scan.names[0]}: pixels up to {greys.high:g}; --bits says"
+            f" {info.oct.bits}"
         )
 
     asked = None if times else given_times(gathered.scan, None, values.get("rate_hz"))
@@ -304,7 +313,8 @@ def _completed(
         if fault
     ]
     doubts += [
-        f"{QUESTIONS[name].words}: {known[name][0]:g} mm ({known[name][1]}), where {source} states {value:g} mm"
+        f"{QUESTIONS[name].words}: {known[name][0]:g} mm ({known[name][1]}), where"
+        f" {source} states {value:g} mm"
         for name, (value, source) in _stated(gathered, greys).items()
         if name in ("width_mm", "depth_mm")
         and abs(known[name][0] - value) > SAME_SCALE * value
@@ -315,7 +325,10 @@ def _completed(
             ((moved.time_s < log.time_s[0]) | (moved.time_s > log.time_s[-1])).sum()
         )
     ):
-        lost = f"{count} frames were taken before or after the forces: they have no label and are not evaluated"
+        lost = (
+            f"{count} frames were taken before or after the forces: they have no label"
+            " and are not evaluated"
+        )
         doubts.append(f"{lost}; mend the clocks (--clock-offset-s) if they should be")
 
     return Import(gathered, greys, moved, log, origin_s, info, sources).with_notes(
@@ -347,7 +360,8 @@ def _check_used(gathered: Gathered, origins: Mapping[str, str]) -> None:
             name for name in names if origins.get(name) == OPTION and not there
         ]:
             raise InputError(
-                f"{option_name(unused[0])}: acts on {what}, which is not among the sources; leave it out"
+                f"{option_name(unused[0])}: acts on {what}, which is not among the"
+                " sources; leave it out"
             )
 
 
@@ -448,12 +462,15 @@ IMPORT_RECORD = "import.json"
 RECORD_KIND = FileKind(
     IMPORT_RECORD, 2**20, "`scleraforce import` writes it", RecordingError
 )
-# Of sources of one laboratory; what is of one session or eye (times, offsets, the eye's name) is asked anew.
+# Of sources of one laboratory; what is of one session or eye (times, offsets, the eye's
+# name) is asked anew.
 KEPT = ("axes", "array", "columns", "image_topic", "force_topic", "grey_range")
 
 
 def answers_like(folder: Path) -> dict[str, Any]:
-    """Return another recording's answers by the names of options: its scanner, needle, sensor, and import."""
+    """Return another recording's answers by the names of options: its scanner, needle,
+    sensor, and import.
+    """
     info = read_info(folder / "recording.toml")
     sizes_m = {
         "width_mm": info.oct.width_m,
@@ -481,7 +498,9 @@ def answers_like(folder: Path) -> dict[str, Any]:
 
 
 def clock_origin_s(folder: Path) -> float:
-    """Return the beginning of a recording's clock on its sources' clock; 0 by default."""
+    """Return the beginning of a recording's clock on its sources' clock; 0 by
+    default.
+    """
     return float(_recorded(folder, "clock_origin_s", 0.0, "a number"))
 
 
@@ -504,7 +523,9 @@ def _recorded(folder: Path, key: str, default: Any, kind: str) -> Any:
 
 
 def record_text(done: Import, options: ImportOptions, version: str) -> str:
-    """Return the text of import.json: sources with their SHA-256, the source of each value, and reusable options."""
+    """Return the text of import.json: sources with their SHA-256, the source of each
+    value, and reusable options.
+    """
     files: list[dict[str, str | None]] = []
     for path, kind in done.gathered.files:
         with path.open("rb") if path.is_file() else nullcontext() as file:

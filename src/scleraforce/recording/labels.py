@@ -1,8 +1,10 @@
-"""The force under each frame of a recording, from its force log, whether log and frames agree, and punctures.
+"""The force under each frame of a recording, from its force log, whether log and frames
+agree, and punctures.
 
-The log is noisy and stepped, so: contact force (sign times axis) -> zero-phase low-pass -> minus the tare, the mean
-before the first contact -> mean over `average_s` centred on the frame -> class. Floats without a force (NaN) are gaps
-of the log; a frame with a gap or too few samples in its window has no label.
+The log is noisy and stepped, so: contact force (sign times axis) -> zero-phase low-pass
+-> minus the tare, the mean before the first contact -> mean over `average_s` centred on
+the frame -> class. Floats without a force (NaN) are gaps of the log; a frame with a gap
+or too few samples in its window has no label.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,7 +20,8 @@ from scleraforce.recording.tables import GOOD_SAMPLE_RATE_HZ, ForceLog, FrameEnt
 from scleraforce.study import ClassesStudy
 from scleraforce.units import from_si
 
-# A push by hand or robot takes 0.2 s or more; above 5 Hz lie the sensor's noise and the robot's vibration.
+# A push by hand or robot takes 0.2 s or more; above 5 Hz lie the sensor's noise and the
+# robot's vibration.
 CUTOFF_HZ = 5.0
 BLOCK_S = 0.1  # step of the search for the first contact
 AFTER_S = 1.0  # how long a rise must stay to count as contact
@@ -26,15 +29,17 @@ LEAST_RISE_N = 1e-3  # a fifth of the lowest class bound
 SIGNIFICANCE = 5.0  # standard errors
 GUARD_S = 0.1  # left out before the contact
 LONGEST_GAP_S = 1.0 / CUTOFF_HZ  # the filter knows nothing across a longer one
-# In N no log has what a log in mN has. Sensors that tell the classes apart have 3 to 30 mN of noise, and no needle is
-# pushed by a hundred times the highest class bound (3 N in the paper's study; the sclera gives way at about 1 N).
+# In N no log has what a log in mN has. Sensors that tell the classes apart have 3 to 30
+# mN of noise, and no needle is pushed by a hundred times the highest class bound (3 N
+# in the paper's study; the sclera gives way at about 1 N).
 LARGEST_NOISE_N = 0.3
 LARGEST_FORCE_BOUNDS = 100.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """A frame with its label: force in N and class, both None if the log has no force around it.
+    """A frame with its label: force in N and class, both None if the log has no force
+    around it.
 
     `excluded` says why an evaluation must leave the trial out; None if it counts.
     """
@@ -49,18 +54,22 @@ class Trial:
 def label_frames(
     recording: Recording, classes: ClassesStudy, max_force_n: float | None = None
 ) -> tuple[Trial, ...]:
-    """Label every frame of a recording, in its order; trials above `max_force_n` are marked as excluded.
+    """Label every frame of a recording, in its order; trials above `max_force_n` are
+    marked as excluded.
 
     Raises:
         RecordingError: no frame has force samples around it, the forces cannot be in N,
-            or a frame that is not pierced is pulled by more than the lowest class bound (wrong sign, or a log that
-            starts in contact).
+            or a frame that is not pierced is pulled by more than the lowest class bound
+            (wrong sign, or a log that starts in contact).
     """
     labels = labels_n(recording)
     if recording.forces is not None and all(isinstance(label, str) for label in labels):
         raise _no_label(recording, recording.forces, str(labels[0]))
     if (fault := unit_fault(recording, labels, classes)) is not None:
-        way = "the columns are in N: multiply forces in mN by 0.001, in gram-force by 0.00981"
+        way = (
+            "the columns are in N: multiply forces in mN by 0.001, in gram-force by"
+            " 0.00981"
+        )
         raise RecordingError(f"{recording.path / 'forces.csv'}: {fault}; {way}")
 
     each = zip(recording.frames, labels, strict=True)
@@ -70,7 +79,9 @@ def label_frames(
 
 
 def labels_n(recording: Recording) -> Sequence[float | str | None]:
-    """Return the force under each frame in N, or why it has none; None without a log."""
+    """Return the force under each frame in N, or why it has none; None without a
+    log.
+    """
     log = recording.forces
     info = recording.info.force
     if log is None or info is None:
@@ -89,14 +100,17 @@ def labels_n(recording: Recording) -> Sequence[float | str | None]:
 
 
 def label_notes(recording: Recording, trials: Sequence[Trial]) -> tuple[str, ...]:
-    """Return sentences on gaps of the force log: samples without a force, a low rate, frames without a label."""
+    """Return sentences on gaps of the force log: samples without a force, a low rate,
+    frames without a label.
+    """
     if recording.forces is None:
         return ()
 
     without = [trial for trial in trials if trial.measured_force_n is None]
     lost = [f"{each.file}: {each.excluded}" for each in without[:1]]
     said = (
-        f"{len(without)} of {len(trials)} frames have no label and are left out ({reason})"
+        f"{len(without)} of {len(trials)} frames have no label and are left out"
+        f" ({reason})"
         for reason in lost
     )
 
@@ -106,9 +120,11 @@ def label_notes(recording: Recording, trials: Sequence[Trial]) -> tuple[str, ...
 def unit_fault(
     recording: Recording, labels: Sequence[float | str | None], classes: ClassesStudy
 ) -> str | None:
-    """Return why forces cannot be in N: by the labels, and by the sensor's noise; None if they can.
+    """Return why forces cannot be in N: by the labels, and by the sensor's noise; None
+    if they can.
 
-    The noise is taken from the mean difference of neighbours, on which pushes and a few knocks have no effect.
+    The noise is taken from the mean difference of neighbours, on which pushes and a few
+    knocks have no effect.
     """
     log = recording.forces
     info = recording.info.force
@@ -146,7 +162,10 @@ def _trial(
 ) -> Trial:
     force_n, reason = (label, None) if isinstance(label, float) else (None, label)
     if force_n is not None and force_n < -classes.bounds_n[0] and not frame.pierced:
-        found = f"would pull with {-from_si(force_n, 'mn'):.1f} mN at the time of {frame.file}, {frame.time_s:g} s"
+        found = (
+            f"would pull with {-from_si(force_n, 'mn'):.1f} mN at the time of"
+            f" {frame.file}, {frame.time_s:g} s"
+        )
         way = "check contact_sign, and that the log starts before the first contact"
         raise RecordingError(
             f"{recording.path / 'forces.csv'}: the needle {found}; {way}"
@@ -169,9 +188,11 @@ def _trial(
 
 
 def contact_force(log: ForceLog, info: ForceInfo) -> Floats:
-    """Return the filtered and tared contact force at each sample of a log, in N, shape (samples,), NaN in gaps.
+    """Return the filtered and tared contact force at each sample of a log, in N, shape
+    (samples,), NaN in gaps.
 
-    The tare is one value, before the first contact: later drift of the sensor stays in the force.
+    The tare is one value, before the first contact: later drift of the sensor stays in
+    the force.
     """
     every_n = info.contact_sign * log.force_n(info.axis)
     known = np.isfinite(every_n)
@@ -187,7 +208,9 @@ def contact_force(log: ForceLog, info: ForceInfo) -> Floats:
 
 
 def tare_samples(raw_n: Floats, rate_hz: float) -> int:
-    """Return the number of samples, from the first, whose mean is the tare: all before the first contact."""
+    """Return the number of samples, from the first, whose mean is the tare: all before
+    the first contact.
+    """
     contact = first_contact(raw_n, rate_hz)
     return (
         len(raw_n)
@@ -199,10 +222,11 @@ def tare_samples(raw_n: Floats, rate_hz: float) -> int:
 def low_pass(force_n: Floats, time_s: Floats) -> Floats:
     """Return a force without components above 5 Hz and without delay, shape (samples,).
 
-    A Butterworth filter of order 2, forward and backward, on an even clock: half the amplitude passes at 5 Hz; a step
-    is followed within 0.1 s and overshoots by 4 %. If the clock jitters, samples are interpolated to its mean rate and
-    back. Parts between gaps of more than 0.2 s are filtered separately, so that the work grows with the samples and not
-    with the time that they span.
+    A Butterworth filter of order 2, forward and backward, on an even clock: half the
+    amplitude passes at 5 Hz; a step is followed within 0.1 s and overshoots by 4 %. If
+    the clock jitters, samples are interpolated to its mean rate and back. Parts between
+    gaps of more than 0.2 s are filtered separately, so that the work grows with the
+    samples and not with the time that they span.
     """
     breaks = np.flatnonzero(np.diff(time_s) > LONGEST_GAP_S) + 1
     parts = zip(np.split(force_n, breaks), np.split(time_s, breaks), strict=True)
@@ -214,7 +238,8 @@ def _low_pass(force_n: Floats, time_s: Floats) -> Floats:
     if span_s < LONGEST_GAP_S / 4.0:
         return np.full_like(force_n, force_n.mean())
 
-    # Sparse samples among short gaps are taken to a clock on which the filter exists: 20 for each sample at most.
+    # Sparse samples among short gaps are taken to a clock on which the filter exists:
+    # 20 for each sample at most.
     steps = max(len(time_s) - 1, round(span_s * GOOD_SAMPLE_RATE_HZ))
     rate_hz = steps / span_s
     even_s = time_s[0] + np.arange(steps + 1) / rate_hz
@@ -224,10 +249,12 @@ def _low_pass(force_n: Floats, time_s: Floats) -> Floats:
 
 
 def smoothed(values: Floats, cutoff: float) -> Floats:
-    """Return evenly sampled values without delay; half the amplitude passes at `cutoff`, in cycles a sample.
+    """Return evenly sampled values without delay; half the amplitude passes at
+    `cutoff`, in cycles a sample.
 
-    The gain of both runs is 1 / (1 + (tan(pi f) / tan(pi cutoff))^4), by the bilinear transform. Beyond its ends a
-    series is mirrored; six periods of the cutoff are enough for its two ends not to see each other.
+    The gain of both runs is 1 / (1 + (tan(pi f) / tan(pi cutoff))^4), by the bilinear
+    transform. Beyond its ends a series is mirrored; six periods of the cutoff are
+    enough for its two ends not to see each other.
     """
     reach = round(6.0 / cutoff)
     size = 1 << (len(values) + 2 * reach).bit_length()
@@ -239,11 +266,13 @@ def smoothed(values: Floats, cutoff: float) -> Floats:
 def first_contact(force_n: Floats, rate_hz: float) -> int | None:
     """Return the sample at which the first contact begins, or None without contact.
 
-    Contact is the first rise of the mean that is large (1 mN) and certain (5 standard errors of the noise, which is
-    taken from the differences of neighbours), and that stays for a second: the mean of a second against the mean of
-    all earlier samples. Means see a rise below the 5 mN of a sensor step, because the noise dithers it. The beginning
-    is then the knee of a level and a straight line that fit the samples best. A first touch of less than about 1.5 mN
-    is not distinguished from the noise: it goes into the tare.
+    Contact is the first rise of the mean that is large (1 mN) and certain (5 standard
+    errors of the noise, which is taken from the differences of neighbours), and that
+    stays for a second: the mean of a second against the mean of all earlier samples.
+    Means see a rise below the 5 mN of a sensor step, because the noise dithers it. The
+    beginning is then the knee of a level and a straight line that fit the samples best.
+    A first touch of less than about 1.5 mN is not distinguished from the noise: it goes
+    into the tare.
     """
     block = max(round(BLOCK_S * rate_hz), 1)
     after = round(AFTER_S * rate_hz)
@@ -260,9 +289,8 @@ def first_contact(force_n: Floats, rate_hz: float) -> int | None:
 
     start = int(starts[int(np.argmax(sure))])
     begin = max(start - 10 * after, 0)  # earlier samples pin the level
-    earliest = (
-        max(start - after // 2, start // 2) - begin
-    )  # a slow push may begin before its rise is certain
+    # a slow push may begin before its rise is certain
+    earliest = max(start - after // 2, start // 2) - begin
 
     return begin + _begin_of_rise(
         force_n[begin : start + after], earliest, max(block // 10, 1)
@@ -270,7 +298,9 @@ def first_contact(force_n: Floats, rate_hz: float) -> int | None:
 
 
 def _begin_of_rise(force_n: Floats, earliest: int, step: int) -> int:
-    """Return the knee of the level followed by a straight line that fits the samples best (least squares)."""
+    """Return the knee of the level followed by a straight line that fits the samples
+    best (least squares).
+    """
     sample = np.arange(len(force_n), dtype=np.float64)
     knees = np.arange(earliest, len(force_n) - step, step)
     explained = []
@@ -306,7 +336,8 @@ def _samples_around(
 ) -> slice | str:
     """Return the samples of a frame's window, or why it has no label.
 
-    At the ends of the log, half of the window is enough, with samples on both sides of the frame.
+    At the ends of the log, half of the window is enough, with samples on both sides of
+    the frame.
     """
     start, middle, stop = np.searchsorted(
         log.time_s, [time_s - average_s / 2, time_s, time_s + average_s / 2 + 1e-9]
@@ -323,14 +354,19 @@ def _samples_around(
     return slice(int(start), int(stop))
 
 
-CROSS_FORCE = 2.0  # a needle that is pushed along its axis has no more than that share of the force across it
+# a needle that is pushed along its axis has no more than that share of the force across
+# it
+CROSS_FORCE = 2.0
 OTHER_SIZE = 3.0  # moduli of the training differ by less from the middle of their range
 LEAST_FRAMES = 6  # a curve of three coefficients goes through fewer whatever they show
-MOST_FRAMES = (
-    50  # frames of a film are not independent witnesses: evenly chosen ones are enough
-)
-RELATED = 4.6  # gain of log likelihood of a curve over none that chance gives once in a hundred times (chi square, 2)
-BETTER = 10.0  # the same of a shift over the stated times; chance gives about 7 where 12 frames try 240 shifts
+# frames of a film are not independent witnesses: evenly chosen ones are enough
+MOST_FRAMES = 50
+# gain of log likelihood of a curve over none that chance gives once in a hundred times
+# (chi square, 2)
+RELATED = 4.6
+# the same of a shift over the stated times; chance gives about 7 where 12 frames try
+# 240 shifts
+BETTER = 10.0
 # of the frames' times, in the search for a shift
 FARTHEST_S = 60.0
 STEP_S = 0.5
@@ -350,8 +386,9 @@ def log_doubts(
 ) -> tuple[str, ...]:
     """Return sentences on a log that does not fit its frames.
 
-    `shown` is a measure of the force in each frame, in any unit, None or NaN if unknown; `in_newtons` if it is a
-    force, so that its size is compared as well. Forces within the lowest class bound of one another prove nothing.
+    `shown` is a measure of the force in each frame, in any unit, None or NaN if
+    unknown; `in_newtons` if it is a force, so that its size is compared as well. Forces
+    within the lowest class bound of one another prove nothing.
     """
     doubt = axis_doubt(recording, classes)
     if doubt or recording.forces is None or recording.info.force is None:
@@ -380,9 +417,15 @@ def log_doubts(
 
     shift_s, gain = _best_shift(means, times_s, values, classes.bounds_n[0])
     if gain > BETTER:
-        taken = f"about {abs(shift_s):g} s {'later' if shift_s > 0 else 'earlier'} than frames.csv says"
+        taken = (
+            f"about {abs(shift_s):g} s {'later' if shift_s > 0 else 'earlier'} than"
+            " frames.csv says"
+        )
         return (
-            f"the frames' times are off: they fit forces.csv as if taken {taken}; bring both to one clock",
+            (
+                f"the frames' times are off: they fit forces.csv as if taken {taken};"
+                " bring both to one clock"
+            ),
         )
 
     varied = np.ptp(stated_n) > classes.bounds_n[0]
@@ -392,7 +435,10 @@ def log_doubts(
         < RELATED
     ):
         return (
-            "forces.csv is unrelated to the frames; check that both are of one session, and their clocks",
+            (
+                "forces.csv is unrelated to the frames; check that both are of one"
+                " session, and their clocks"
+            ),
         )
 
     return ()
@@ -407,12 +453,20 @@ def _size_doubt(stated_n: Floats, read_n: Floats, classes: ClassesStudy) -> str 
     if 1.0 / OTHER_SIZE < ratio < OTHER_SIZE:
         return None
 
-    way = "check its unit (N), [force] axis, the clocks of frames.csv and forces.csv, and what is known of the eye"
-    return f"forces.csv has {max(ratio, 0.0):.2g} times the force that the frames show, in the median: {way}"
+    way = (
+        "check its unit (N), [force] axis, the clocks of frames.csv and forces.csv, and"
+        " what is known of the eye"
+    )
+    return (
+        f"forces.csv has {max(ratio, 0.0):.2g} times the force that the frames show, in"
+        f" the median: {way}"
+    )
 
 
 def axis_doubt(recording: Recording, classes: ClassesStudy) -> str | None:
-    """Return a sentence if the log has more force across the stated axis than along it, else None."""
+    """Return a sentence if the log has more force across the stated axis than along it,
+    else None.
+    """
     log = recording.forces
     info = recording.info.force
     if log is None or info is None:
@@ -438,7 +492,10 @@ def axis_doubt(recording: Recording, classes: ClassesStudy) -> str | None:
         f"{from_si(peaks_n[axis], 'mn'):.1f} mN along {axis}"
         for axis in (largest, info.axis)
     )
-    return f"forces.csv has up to {across} under the frames, but {along}: check [force] axis, that along the needle"
+    return (
+        f"forces.csv has up to {across} under the frames, but {along}: check [force]"
+        " axis, that along the needle"
+    )
 
 
 def _means(log: ForceLog, info: ForceInfo) -> Callable[[Floats], Floats]:
@@ -462,10 +519,12 @@ def _best_shift(
     shown: Floats,
     least_span_n: float,
 ) -> tuple[float, float]:
-    """Return the shift of the frames' times that fits the log best, and its gain in log likelihood.
+    """Return the shift of the frames' times that fits the log best, and its gain in log
+    likelihood.
 
-    Frames that a shift moves off the log are left out on both sides of the comparison. Forces within `least_span_n` of
-    one another, apart from the lowest and the highest, prove no shift.
+    Frames that a shift moves off the log are left out on both sides of the comparison.
+    Forces within `least_span_n` of one another, apart from the lowest and the highest,
+    prove no shift.
     """
     shift_s = 0.0
     best = 0.0
@@ -492,7 +551,9 @@ def _best_shift(
 
 
 def _likelihood(force_n: Floats, shown: Floats) -> float:
-    """Return the log likelihood of the frames' values, as a parabola of the force with Gaussian scatter of any size."""
+    """Return the log likelihood of the frames' values, as a parabola of the force with
+    Gaussian scatter of any size.
+    """
     scaled = force_n / max(float(np.abs(force_n).max()), 1e-12)
     design = np.stack([np.ones_like(scaled), scaled, scaled**2], axis=1)
     rest = shown - design @ np.linalg.lstsq(design, shown, rcond=None)[0]
@@ -513,7 +574,8 @@ BETWEEN_S = 0.02
 FALL_SHARE = 0.4
 LEAST_FALL_N = 2e-3
 DEVIATIONS = 6.0
-LEVEL = 0.25  # of the fall: so much the levels themselves may change, or it is a slow retraction
+# of the fall: so much the levels themselves may change, or it is a slow retraction
+LEVEL = 0.25
 STIFFNESS_N_M = 100.0  # of a steep wall: what the needle went back explains as much
 # without contact for so long, a push is over
 LIFTED_N = 2e-3
@@ -523,14 +585,14 @@ LIFTED_S = 0.5
 def log_punctures(log: ForceLog, force_n: Floats, travel_m: Floats) -> list[float]:
     """Return the times of sudden falls to another level of contact, s.
 
-    `force_n`: the contact force at each sample, tared and not filtered. `travel_m`: the needle's travel there, NaN
-    where it is not known. A fall to no contact is taken for a needle that lets go.
+    `force_n`: the contact force at each sample, tared and not filtered. `travel_m`: the
+    needle's travel there, NaN where it is not known. A fall to no contact is taken for
+    a needle that lets go.
     """
     count = max(round(BEFORE_S * log.sample_rate_hz), 2)
     gap = max(round(BETWEEN_S * log.sample_rate_hz), 1)
-    noise_n = (
-        float(np.abs(np.diff(force_n)).mean()) * np.sqrt(np.pi / count) / 2.0
-    )  # of a level
+    # of a level
+    noise_n = float(np.abs(np.diff(force_n)).mean()) * np.sqrt(np.pi / count) / 2.0
     sums_n = np.concatenate([[0.0], np.cumsum(force_n)])
     means_n = (sums_n[count:] - sums_n[:-count]) / count  # of the samples from each on
     first = np.arange(count, len(force_n) - 3 * count - gap)  # of the level before
@@ -558,7 +620,9 @@ def log_punctures(log: ForceLog, force_n: Floats, travel_m: Floats) -> list[floa
 
 
 def with_punctures(recording: Recording) -> Recording:
-    """Return a recording whose frames after a puncture in its force log, in the same push, are marked as pierced."""
+    """Return a recording whose frames after a puncture in its force log, in the same
+    push, are marked as pierced.
+    """
     log = recording.forces
     info = recording.info.force
     if log is None or info is None:

@@ -1,4 +1,6 @@
-"""Logs as text: the header, the separator, the fields of each line, and how programs write times and units."""
+"""Logs as text: the header, the separator, the fields of each line, and how programs
+write times and units.
+"""
 
 import re
 from collections.abc import Sequence
@@ -66,7 +68,9 @@ MOMENT = re.compile(rf"\s*(({NUMBERS}|{WORDS})[,\s]*T?\s*)?{TIME_OF_DAY}\s*")
 
 
 def clock_of(text: str) -> str | None:
-    """Return the notation of a date or time, None for other texts; "" if day and month may change places."""
+    """Return the notation of a date or time, None for other texts; "" if day and month
+    may change places.
+    """
     found = MOMENT.fullmatch(text)
     if found is None:
         return None
@@ -86,7 +90,9 @@ def _kind(found: re.Match[str]) -> str:
 
 
 def seconds_of(texts: Sequence[str], clock: str) -> Floats | int:
-    """Return dates in s since 1970 (UTC by default), times of day since midnight; or the place of another clock's."""
+    """Return dates in s since 1970 (UTC by default), times of day since midnight; or
+    the place of another clock's.
+    """
     time_s = np.empty(len(texts))
     for nth, text in enumerate(texts):
         found = MOMENT.fullmatch(text)
@@ -190,8 +196,8 @@ def quantity_of(column: str) -> str:
 def unit_factor(unit: str, quantity: str) -> float | None:
     """Return the size of a unit in SI, None if it is not a unit of the quantity.
 
-    A counter of samples has its rate as a unit of time; counts and volts have their number in one unit. "MN" is
-    refused: it may mean mN.
+    A counter of samples has its rate as a unit of time; counts and volts have their
+    number in one unit. "MN" is refused: it may mean mN.
 
     >>> unit_factor("mN", FORCE), unit_factor("mN", TORQUE), unit_factor("500 Hz", TIME), unit_factor("1000/mN", FORCE)
     (0.001, None, 0.002, 1e-06)
@@ -219,7 +225,9 @@ SEARCHED_LINES = 100  # for the header
 
 
 def read_log_text(path: Path, least: int = 2) -> Table:
-    """Read a log; its header is the first line with names for the fields below, `least` of them numbers or dates."""
+    """Read a log; its header is the first line with names for the fields below, `least`
+    of them numbers or dates.
+    """
     whole = read_text(path, KINDS["forces"])
     lines = whole.splitlines()
     text = (
@@ -258,7 +266,8 @@ def _of_labview(path: Path, lines: Sequence[str]) -> Table:
     separator = LABVIEW_SEPARATORS.get(stated.strip(",").lower())
     if separator is None:
         raise RecordingError(
-            f"{path}: Separator: {stated!r} is not read; export the file with Tab or Comma"
+            f"{path}: Separator: {stated!r} is not read; export the file with Tab or"
+            " Comma"
         )
 
     head = _entries(lines[: ends[0]], separator)
@@ -270,13 +279,15 @@ def _of_labview(path: Path, lines: Sequence[str]) -> Table:
         columns.lower() == "multi" and segment.get("Channels", ("1",))[0] != "1"
     ):
         raise RecordingError(
-            f"{path}: X_Columns: {columns} is not read; export the file with one column of times"
+            f"{path}: X_Columns: {columns} is not read; export the file with one column"
+            " of times"
         )
 
     dimension = next((each for each in segment.get("X_Dimension", ()) if each), "Time")
     if dimension.lower() != "time":
         raise RecordingError(
-            f"{path}: X_Dimension: {dimension!r}; the first column of a force log is the time"
+            f"{path}: X_Dimension: {dimension!r}; the first column of a force log is"
+            " the time"
         )
 
     mark = head.get("Decimal_Separator", (".",))[0]
@@ -311,9 +322,8 @@ def _of_lines(path: Path, lines: Sequence[str], least: int) -> Table:
     shorter = None
 
     for nth, (line, below) in enumerate(pairwise(lines[:SEARCHED_LINES])):
-        alone = (
-            SPACES if len(below.split()) > 1 else ","
-        )  # a single column's name may have spaces
+        # a single column's name may have spaces
+        alone = SPACES if len(below.split()) > 1 else ","
         separator = next((mark for mark in "\t;," if mark in line), alone)
         names = _names(line, separator)
 
@@ -375,7 +385,9 @@ def _of_lines(path: Path, lines: Sequence[str], least: int) -> Table:
 
 
 def _names(line: str, separator: str, marks: str = "#%") -> tuple[str, ...]:
-    """Return the fields of a line without its comment mark: # of NumPy's savetxt, % of MATLAB and TeX."""
+    """Return the fields of a line without its comment mark: # of NumPy's savetxt, % of
+    MATLAB and TeX.
+    """
     bare = line.lstrip(marks).lstrip(" ") if marks else line
     broken = separator != SPACES and bare.count('"') % 2
     return () if broken else fields_of(bare.rstrip(f" {separator}"), separator, "")

@@ -1,4 +1,6 @@
-"""Frames of any file, one or many: pixels, grey levels, the size of a pixel, and what files state; None: not stated."""
+"""Frames of any file, one or many: pixels, grey levels, the size of a pixel, and what
+files state; None: not stated.
+"""
 
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -29,6 +31,7 @@ MAX_PIXELS = 64 * 2**20
 MAX_SAMPLES = 4  # of a pixel: colour and transparency
 GZIP_OR_ZLIB = zlib.MAX_WBITS | 32
 OVERFULL = "damaged: more is packed in it than its header says"
+# axes, by TIFF's and EXIF's Orientation
 MIRRORED = {
     2: (1,),
     3: (0, 1),
@@ -36,7 +39,7 @@ MIRRORED = {
     6: (1,),
     7: (0, 1),
     8: (0,),
-}  # axes, by TIFF's and EXIF's Orientation
+}
 TRANSPOSED = 5  # from this Orientation on, rows are stored as columns
 
 
@@ -50,9 +53,11 @@ class Sourced:
 
 @dataclass(frozen=True, kw_only=True)
 class PixelScale:
-    """The size of a frame's pixel: along a row (lateral) and along a column (optical depth), m.
+    """The size of a frame's pixel: along a row (lateral) and along a column (optical
+    depth), m.
 
-    `refractive_index` is optical over geometric depth below the tissue surface; 1 if the scanner has corrected it.
+    `refractive_index` is optical over geometric depth below the tissue surface; 1 if
+    the scanner has corrected it.
     """
 
     lateral_m: float
@@ -62,11 +67,13 @@ class PixelScale:
     def __post_init__(self) -> None:
         if not (0.0 < self.lateral_m < 1.0 and 0.0 < self.depth_m < 1.0):
             raise ValueError(
-                f"a pixel of {self.lateral_m} m x {self.depth_m} m: give its size in metres, above 0"
+                f"a pixel of {self.lateral_m} m x {self.depth_m} m: give its size in"
+                " metres, above 0"
             )
         if not 1.0 <= self.refractive_index <= 2.0:
             raise ValueError(
-                f"a refractive index of {self.refractive_index}: tissue lies between 1 (corrected) and 2"
+                f"a refractive index of {self.refractive_index}: tissue lies between 1"
+                " (corrected) and 2"
             )
 
     @classmethod
@@ -90,12 +97,17 @@ def check_size(rows: int, columns: int, samples: int = 1) -> None:
 
     if rows * columns > MAX_PIXELS or not 1 <= samples <= MAX_SAMPLES:
         many = f" with {samples} samples each" if samples > 1 else ""
-        most = f"a frame may have {MAX_PIXELS // 2**20} million pixels (docs/recordings.md)"
+        most = (
+            f"a frame may have {MAX_PIXELS // 2**20} million pixels"
+            " (docs/recordings.md)"
+        )
         raise FrameError(f"{rows} x {columns} pixels{many}; {most}")
 
 
 def grey_pixels(pixels: NDArray[Any], colour: int = cv2.COLOR_RGB2GRAY) -> Pixels:
-    """Return grey uint8 or uint16 pixels (rows, columns) of (rows, columns[, 1, 3 or 4]); `colour` is OpenCV's code."""
+    """Return grey uint8 or uint16 pixels (rows, columns) of (rows, columns[, 1, 3 or
+    4]); `colour` is OpenCV's code.
+    """
     if pixels.dtype not in (np.uint8, np.uint16):
         lost = int(np.count_nonzero(~np.isfinite(pixels)))
         found = (
@@ -125,7 +137,9 @@ def one_grey(picture: NDArray[Any]) -> NDArray[Any]:
 
 
 def inverted(pixels: NDArray[Any], bits: int) -> NDArray[Any]:
-    """Exchange dark and bright: subtract unsigned pixels from the largest value of `bits`, change others' sign."""
+    """Exchange dark and bright: subtract unsigned pixels from the largest value of
+    `bits`, change others' sign.
+    """
     if pixels.dtype.kind == "f":
         return -pixels
     if pixels.dtype not in (np.uint8, np.uint16):
@@ -142,13 +156,17 @@ def inverted(pixels: NDArray[Any], bits: int) -> NDArray[Any]:
 
 
 def as_shown(pixels: NDArray[Any], orientation: int) -> NDArray[Any]:
-    """Return pixels turned by TIFF's or EXIF's Orientation (1 to 8), rows and columns first."""
+    """Return pixels turned by TIFF's or EXIF's Orientation (1 to 8), rows and columns
+    first.
+    """
     turned = pixels.swapaxes(0, 1) if orientation >= TRANSPOSED else pixels
     return np.flip(turned, MIRRORED.get(orientation, ()))
 
 
 def unpacked(packed: bytes, most: int, lzma: "LZMADecompressor | None" = None) -> bytes:
-    """Return what packed bytes (zlib, gzip or LZMA) hold; refuse more than `most` before it takes memory."""
+    """Return what packed bytes (zlib, gzip or LZMA) hold; refuse more than `most`
+    before it takes memory.
+    """
     data = (lzma or zlib.decompressobj(GZIP_OR_ZLIB)).decompress(packed, most + 1)
     if len(data) > most:
         raise FrameError(OVERFULL)
@@ -156,7 +174,9 @@ def unpacked(packed: bytes, most: int, lzma: "LZMADecompressor | None" = None) -
 
 
 def check_packbits(packed: bytes, most: int) -> None:
-    """Refuse PackBits data (TIFF, DICOM's RLE) of more than `most` bytes; decoders would take up to 512 for each."""
+    """Refuse PackBits data (TIFF, DICOM's RLE) of more than `most` bytes; decoders
+    would take up to 512 for each.
+    """
     at = 0
     count = 0
 
@@ -179,7 +199,9 @@ TOP = 2**MOST_BITS - 1
 
 @dataclass(frozen=True, kw_only=True)
 class Greys:
-    """The map of pixels to counts: (pixel - `low`) * TOP / (`high` - `low`), or pixel - `low`; `lost` ones are 0."""
+    """The map of pixels to counts: (pixel - `low`) * TOP / (`high` - `low`), or pixel -
+    `low`; `lost` ones are 0.
+    """
 
     low: float
     high: float
@@ -207,10 +229,13 @@ class Greys:
 def find_greys(
     pictures: Iterable[NDArray[Any]], given: tuple[float, float] | None, name: str
 ) -> Greys:
-    """Return the map of pixels to counts: whole numbers that 16 bits hold stay or are shifted, others are scaled."""
+    """Return the map of pixels to counts: whole numbers that 16 bits hold stay or are
+    shifted, others are scaled.
+    """
     if given is not None and not given[0] < given[1]:
         raise InputError(
-            f"--grey-range: {given[0]:g} {given[1]:g}; give the darkest value before a larger one"
+            f"--grey-range: {given[0]:g} {given[1]:g}; give the darkest value before a"
+            " larger one"
         )
 
     low = np.inf
@@ -237,7 +262,8 @@ def find_greys(
         return Greys(low=min(low, 0.0), high=high, scaled=False)
     if not low < high:
         raise FrameError(
-            f"{name}: all pixels have one value or none; there is nothing to see in them"
+            f"{name}: all pixels have one value or none; there is nothing to see in"
+            " them"
         )
 
     return Greys(low=low, high=high, scaled=True, lost=lost)
@@ -245,13 +271,17 @@ def find_greys(
 
 @contextmanager
 def named_faults(path: Path | str, kind: str) -> Iterator[None]:
-    """Name the file in every exception of a reader, and its kind in errors of packages; errors of the system pass."""
+    """Name the file in every exception of a reader, and its kind in errors of packages;
+    errors of the system pass.
+    """
     try:
         yield
     except InputError as fault:
         fault.args = (f"{path}: {fault}",)
         raise
-    except Exception as fault:  # packages raise whatever the damage leads to: OSError without a name, MemoryError
+    except Exception as fault:
+        # packages raise whatever the damage leads to: OSError without a name,
+        # MemoryError
         if isinstance(fault, OSError) and fault.filename is not None:
             raise
 
@@ -262,7 +292,9 @@ def named_faults(path: Path | str, kind: str) -> Iterator[None]:
 
 
 def package_for(name: str, kind: str, extra: str = "formats") -> Any:
-    """Import and return an optional package, of an `extra`, that reads or writes files of a kind."""
+    """Import and return an optional package, of an `extra`, that reads or writes files
+    of a kind.
+    """
     try:
         return import_module(name)
     except ImportError as fault:
@@ -356,9 +388,10 @@ UNKNOWN_SIZE = PixelSize("nothing", depth_m=None, lateral_m=None)
 class Scan:
     """Frames of one or several files.
 
-    `pictures` gives the frames (row, column) from the first on, at every call: whole numbers or floats, larger is
-    brighter. Rows are depth, columns lateral. After a contradiction in the file, `scale_fault` or `times_fault` is
-    set, and the size of a pixel or the times are not.
+    `pictures` gives the frames (row, column) from the first on, at every call: whole
+    numbers or floats, larger is brighter. Rows are depth, columns lateral. After a
+    contradiction in the file, `scale_fault` or `times_fault` is set, and the size of a
+    pixel or the times are not.
     """
 
     names: tuple[str, ...]
@@ -389,7 +422,9 @@ class Scan:
         )
 
     def between(self, first: int | None, last: int | None) -> "Scan":
-        """Return the frames from the first to the last one, counted from 1; None: from the beginning, to the end."""
+        """Return the frames from the first to the last one, counted from 1; None: from
+        the beginning, to the end.
+        """
         start = (first or 1) - 1
         stop = len(self.names) if last is None else last
         if not 0 <= start < stop <= len(self.names):
@@ -397,7 +432,8 @@ class Scan:
                 "--last-frame" if first is None or last is not None else "--first-frame"
             )
             raise InputError(
-                f"{name}: frames {start + 1} to {stop} of {len(self.names)}; give a stretch of these"
+                f"{name}: frames {start + 1} to {stop} of {len(self.names)}; give a"
+                " stretch of these"
             )
 
         times = self.times and replace(self.times, time_s=self.times.time_s[start:stop])
@@ -423,7 +459,9 @@ class Scan:
 
 
 def one_size(sizes: Sequence[PixelSize]) -> tuple[PixelSize, str | None]:
-    """Return the size by the first field that states one, and the fault if fields differ."""
+    """Return the size by the first field that states one, and the fault if fields
+    differ.
+    """
     first, *others = [size for size in sizes if size.depth_m or size.lateral_m] or [
         UNKNOWN_SIZE
     ]
@@ -439,7 +477,9 @@ def one_size(sizes: Sequence[PixelSize]) -> tuple[PixelSize, str | None]:
 
 
 def frame_names(path: Path, count: int) -> tuple[str, ...]:
-    """Return the names of a file's frames: a.tif[0], a.tif[1]; of its only one b.tif."""
+    """Return the names of a file's frames: a.tif[0], a.tif[1]; of its only one
+    b.tif.
+    """
     return (
         tuple(f"{path}[{nth}]" for nth in range(count)) if count > 1 else (str(path),)
     )
@@ -463,16 +503,20 @@ def check_bytes(count: int) -> None:
     """Check the memory or disk space of a file's frames before they are read."""
     if count > LARGEST_BYTES:
         raise FrameError(
-            f"{count:,} bytes of frames; {LARGEST_BYTES // 2**30} GiB at most (docs/formats.md)"
+            f"{count:,} bytes of frames; {LARGEST_BYTES // 2**30} GiB at most"
+            " (docs/formats.md)"
         )
 
 
 class UnansweredError(InputError):
-    """A source leaves open what an option (like "--axes") answers; `forms` are of answers given several times."""
+    """A source leaves open what an option (like "--axes") answers; `forms` are of
+    answers given several times.
+    """
 
     def __init__(self, option: str, question: str, *forms: str) -> None:
         super().__init__(
-            f"{question}; give {' '.join(f'{option} {form}' for form in forms) or option}"
+            f"{question}; give"
+            f" {' '.join(f'{option} {form}' for form in forms) or option}"
         )
         self.option = option
         self.question = question
@@ -480,7 +524,9 @@ class UnansweredError(InputError):
 
 
 def joined(scans: Sequence[Scan]) -> Scan:
-    """Return several files of frames as one scan: in the order of their times, or in the given order."""
+    """Return several files of frames as one scan: in the order of their times, or in
+    the given order.
+    """
     first = scans[0]
     kind = _kind(scans[0])
 
@@ -519,9 +565,11 @@ def joined(scans: Sequence[Scan]) -> Scan:
 
 
 def of_moments(scans: Sequence[Scan]) -> tuple[Scan, Scan]:
-    """Return the scan of the first of several planes, which has the moments' times, and all frames moment by moment.
+    """Return the scan of the first of several planes, which has the moments' times, and
+    all frames moment by moment.
 
-    The n-th frames of all planes show one moment. Times that differ by half of the shortest step are a fault.
+    The n-th frames of all planes show one moment. Times that differ by half of the
+    shortest step are a fault.
     """
     whole = joined(scans)
     first = replace(
@@ -535,7 +583,10 @@ def of_moments(scans: Sequence[Scan]) -> tuple[Scan, Scan]:
     if first.times is not None and len(first.names) > 1:
         apart_s = float(np.ptp(times, axis=0).max())
         if apart_s > 0.5 * float(np.diff(first.times.time_s).min()):
-            fault = f"{scans[0].names[0]}: frames of one moment differ by {apart_s:g} s between the planes"
+            fault = (
+                f"{scans[0].names[0]}: frames of one moment differ by {apart_s:g} s"
+                " between the planes"
+            )
             first = replace(first, times=None, times_fault=fault)
 
     def pictures() -> PictureStream:
@@ -551,7 +602,9 @@ def of_moments(scans: Sequence[Scan]) -> tuple[Scan, Scan]:
 
 
 def _checked(scan: Scan) -> PictureStream:
-    """Yield a scan's frames, and check their number, size and type, which damaged files break."""
+    """Yield a scan's frames, and check their number, size and type, which damaged files
+    break.
+    """
     count = 0
     kind = None
 
@@ -592,9 +645,8 @@ def _kind(scan: Scan) -> dict[str, str]:
 
 
 AXES = ("frame", "depth", "lateral")
-Steps = tuple[
-    Sequence[float | None], str
-]  # along each axis, m, and the field that states them
+# along each axis, m, and the field that states them
+Steps = tuple[Sequence[float | None], str]
 
 
 def parse_axes(text: str) -> tuple[str, ...]:
@@ -602,7 +654,8 @@ def parse_axes(text: str) -> tuple[str, ...]:
     names = tuple(name.strip() for name in text.split(","))
     if sorted(names) not in (sorted(AXES), sorted(AXES[1:])):
         raise InputError(
-            f"--axes: {text!r}; give {','.join(AXES)} in the order of the file, or depth,lateral of one"
+            f"--axes: {text!r}; give {','.join(AXES)} in the order of the file, or"
+            " depth,lateral of one"
         )
     return names
 
@@ -613,7 +666,9 @@ def array_scan(
     axes: tuple[str, ...] | None,
     stated: Sequence[Steps] = (),
 ) -> Scan:
-    """Return an array as a scan; `axes` names those longer than 1 (None: ask), fields have `stated` steps along all."""
+    """Return an array as a scan; `axes` names those longer than 1 (None: ask), fields
+    have `stated` steps along all.
+    """
     sizes = " x ".join(map(str, array.shape))
     long = [axis for axis, size in enumerate(array.shape) if size > 1]
 
@@ -624,10 +679,14 @@ def array_scan(
         )
     if array.dtype.kind not in "uif":
         raise FrameError(
-            f"pixels of type {array.dtype}; give whole numbers or floats, one of a pixel (grey)"
+            f"pixels of type {array.dtype}; give whole numbers or floats, one of a"
+            " pixel (grey)"
         )
     if axes is None:
-        question = f"which axis is which? Name {','.join(AXES[-array.ndim :])} in the order of the sizes"
+        question = (
+            f"which axis is which? Name {','.join(AXES[-array.ndim :])} in the order of"
+            " the sizes"
+        )
         raise UnansweredError("--axes", f"an array of {sizes}: {question}")
 
     if array.ndim == 2:

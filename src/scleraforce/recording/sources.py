@@ -1,4 +1,6 @@
-"""Sources of all kinds: the kind of each, by its content or else its name; their frames and forces together."""
+"""Sources of all kinds: the kind of each, by its content or else its name; their frames
+and forces together.
+"""
 
 import re
 import tomllib
@@ -33,7 +35,8 @@ from scleraforce.recording.pixels import (
 from scleraforce.recording.tables import ForceLog
 from scleraforce.whole_files import FileKind, check_regular
 
-# Files that are not read, by their first bytes and by their endings: what they are, and what to do.
+# Files that are not read, by their first bytes and by their endings: what they are, and
+# what to do.
 FOREIGN = tomllib.loads(
     files("scleraforce.recording").joinpath("foreign.toml").read_text("utf-8")
 )
@@ -45,7 +48,10 @@ def _foreign_kind(name: str, head: bytes) -> str | None:
     if ending in (".hdr", ".img") and ANALYZE_BYTES in (
         int.from_bytes(head[:4], order) for order in ("little", "big")
     ):
-        return "an Analyze 7.5 volume, whose header has no unit; convert it to NIfTI (nibabel, MRIcroGL, fslchfiletype)"
+        return (
+            "an Analyze 7.5 volume, whose header has no unit; convert it to NIfTI"
+            " (nibabel, MRIcroGL, fslchfiletype)"
+        )
 
     found: list[str] | None = FOREIGN["endings"].get(ending)
     if head.startswith(b"PK"):
@@ -69,21 +75,25 @@ SQLITE = b"SQLite format 3\0"
 MCAP = b"\x89MCAP0\r\n"
 NIFTI_NAMES = (".nii", ".nii.gz")
 TEXT_NAMES = (".csv", ".txt", ".tsv", ".log", ".dat", ".lvm")
+# of files of pixels
 HEADERS = {
     ".img": (".hdr",),
     ".raw": (".mhd", ".nhdr"),
     ".zraw": (".mhd",),
     ".gz": (".nhdr",),
-}  # of files of pixels
+}
 KINDS = (
-    "PNG, JPEG, TIFF, DICOM, NumPy (.npy, .npz), NIfTI, MetaImage (.mha, .mhd), NRRD, films (AVI, MP4, MOV, MKV), "
-    "ROS bags (.bag, .db3, .mcap), Thorlabs .oct, force logs (.csv, .txt, .lvm)"
+    "PNG, JPEG, TIFF, DICOM, NumPy (.npy, .npz), NIfTI, MetaImage (.mha, .mhd), NRRD,"
+    " films (AVI, MP4, MOV, MKV), ROS bags (.bag, .db3, .mcap), Thorlabs .oct, force"
+    " logs (.csv, .txt, .lvm)"
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImportOptions:
-    """The values of all options of `scleraforce import`, in the units of their names; None: open."""
+    """The values of all options of `scleraforce import`, in the units of their names;
+    None: open.
+    """
 
     axes: str | None = None
     array: str | None = None
@@ -119,7 +129,9 @@ def option_name(field: str) -> str:
 
 
 def files_of(given: Sequence[Path]) -> list[Path]:
-    """Return sources, folders (except ROS bags) as their files in the order of the numbers in their names."""
+    """Return sources, folders (except ROS bags) as their files in the order of the
+    numbers in their names.
+    """
     found: list[Path] = []
     for path in given:
         inside = [path]
@@ -181,7 +193,8 @@ def source_kind(path: Path) -> str:
         raise InputError(f"{path}: {foreign}")
     if kind is None:
         raise InputError(
-            f"{path}: {'of no kind that is read' if head else 'an empty file'}; give {KINDS}"
+            f"{path}: {'of no kind that is read' if head else 'an empty file'}; give"
+            f" {KINDS}"
         )
 
     return kind
@@ -211,7 +224,9 @@ def read_scan(
 
 
 def _oriented(path: Path, scan: Scan, axes: tuple[str, ...] | None) -> Scan:
-    """Return pictures, whose rows are depth unless the axes name their columns as depth."""
+    """Return pictures, whose rows are depth unless the axes name their columns as
+    depth.
+    """
     if axes is None:
         return scan
     if axes[0] != "frame" and len(axes) == 3:
@@ -248,9 +263,11 @@ def _known_kind(name: str, head: bytes) -> str | None:
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """The files with their kinds, the frames, the force log and its columns (None: no source has forces), and notes.
+    """The files with their kinds, the frames, the force log and its columns (None: no
+    source has forces), and notes.
 
-    Of several `planes`, `scan` is that of the first one, with the moments' times; `frames` has all, moment by moment.
+    Of several `planes`, `scan` is that of the first one, with the moments' times;
+    `frames` has all, moment by moment.
     """
 
     files: tuple[tuple[Path, str], ...]
@@ -268,7 +285,8 @@ def gather(
     seen: Callable[[int], None] = lambda _: None,
     planes: Sequence[Plane | None] = (),
 ) -> Gathered:
-    """Read all sources, of several `planes` one for each source; `seen` is called with 1 after each file.
+    """Read all sources, of several `planes` one for each source; `seen` is called with
+    1 after each file.
 
     Ask for answers that `options` do not give.
     """
@@ -329,11 +347,13 @@ def gather(
 
     if not scans:
         raise InputError(
-            f"{sources[0]}: no frames in the sources; give images, a volume, a film or a bag with images"
+            f"{sources[0]}: no frames in the sources; give images, a volume, a film or"
+            " a bag with images"
         )
     if len(logs) > 1:
         raise InputError(
-            f"{logs[1][0]}: a second force log beside {logs[0][0]}; import one recording at a time"
+            f"{logs[1][0]}: a second force log beside {logs[0][0]}; import one"
+            " recording at a time"
         )
 
     wholes = {
@@ -343,7 +363,8 @@ def gather(
     of_planes = {plane: whole for plane, whole in wholes.items() if plane}
     if of_planes and None in wholes:
         raise InputError(
-            f"--plane: missing for {wholes[None].names[0]}; give one before the frames of each plane"
+            f"--plane: missing for {wholes[None].names[0]}; give one before the frames"
+            " of each plane"
         )
 
     check_planes(tuple(of_planes))
@@ -379,7 +400,9 @@ def gather(
 def on_one_clock(
     times: Times, log: ForceLog | None, offset_s: float
 ) -> tuple[Times, ForceLog | None, float]:
-    """Return times and log on the log's clock, `offset_s` ahead of the frames', and its new zero; both must overlap."""
+    """Return times and log on the log's clock, `offset_s` ahead of the frames', and its
+    new zero; both must overlap.
+    """
     time_s = times.time_s + offset_s
     if not rising(time_s):
         way = "give the files in their order, or their times by --times or --rate-hz"
@@ -400,7 +423,8 @@ def on_one_clock(
         )
         found = f"frames at {frames}, forces at {forces}"
         raise InputError(
-            f"the clocks do not overlap: {found}; --clock-offset-s brings both to one clock"
+            f"the clocks do not overlap: {found}; --clock-offset-s brings both to one"
+            " clock"
         )
 
     return Times(time_s, times.source), moved, origin_s

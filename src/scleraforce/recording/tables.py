@@ -1,4 +1,6 @@
-"""The tables of a recording, `frames.csv` and `forces.csv`: read fast, and faults named by their place."""
+"""The tables of a recording, `frames.csv` and `forces.csv`: read fast, and faults named
+by their place.
+"""
 
 import csv
 import re
@@ -21,7 +23,8 @@ SEPARATORS = ";\t,"
 SPACES = " "
 NUMBER = re.compile(r"[ \t]*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?[ \t]*", re.ASCII)
 PLAIN_NUMBERS = "write all numbers with decimal points, and nothing between thousands"
-# A comma that may part thousands; "0,250" cannot, for no group of thousands begins with 0.
+# A comma that may part thousands; "0,250" cannot, for no group of thousands begins with
+# 0.
 GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?", re.ASCII)
 POINT_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}", re.ASCII)
 
@@ -49,7 +52,9 @@ class Table:
         return f"{self.path}:{self.numbers[line]}"
 
     def fields(self, line: int) -> tuple[str, ...]:
-        """Return the fields of the line with an index, without empty ones at its end."""
+        """Return the fields of the line with an index, without empty ones at its
+        end.
+        """
         text = self.lines[line]
         return fields_of(
             text.rstrip(f" {self.separator}"), self.separator, self.place(line)
@@ -67,7 +72,9 @@ class Table:
 def read_table(
     path: Path, kind: FileKind, known: tuple[str, ...], required: tuple[str, ...]
 ) -> Table:
-    """Return a table of a recording, whose first line names its columns: some of `known`, and all `required` ones."""
+    """Return a table of a recording, whose first line names its columns: some of
+    `known`, and all `required` ones.
+    """
     header, *lines = read_text(path, kind).splitlines() or [""]
     separator = next((mark for mark in SEPARATORS if mark in header), ",")
 
@@ -99,7 +106,8 @@ def read_table(
         lines=tuple(bare.values()),
         numbers=tuple(bare),
     )
-    # A separator at the end of a line of frames.csv is taken for a spreadsheet's: an empty field is cut.
+    # A separator at the end of a line of frames.csv is taken for a spreadsheet's: an
+    # empty field is cut.
     check_counts(
         table,
         1 + max(map(names.index, required)) if kind == KINDS["frames"] else len(names),
@@ -109,7 +117,9 @@ def read_table(
 
 
 def check_counts(table: Table, least: int | None = None) -> None:
-    """Refuse a line with more fields than the header, or with fewer than `least` (None: as most lines have)."""
+    """Refuse a line with more fields than the header, or with fewer than `least` (None:
+    as most lines have).
+    """
     names = len(table.names)
     counts = [_count(table, line) for line in range(len(table.lines))]
     least = (
@@ -125,12 +135,15 @@ def check_counts(table: Table, least: int | None = None) -> None:
                 else ""
             )
             raise RecordingError(
-                f"{table.place(line)}: {count} fields; the header has {names}{most}{hint}"
+                f"{table.place(line)}: {count} fields; the header has"
+                f" {names}{most}{hint}"
             )
 
 
 def _count(table: Table, line: int) -> int:
-    """Return the number of fields of a line, without empty ones behind the last column."""
+    """Return the number of fields of a line, without empty ones behind the last
+    column.
+    """
     text = table.lines[line]
     names = len(table.names)
 
@@ -152,7 +165,9 @@ def _count(table: Table, line: int) -> int:
 
 
 def fields_of(line: str, separator: str, place: str) -> tuple[str, ...]:
-    """Return the fields of one line, without quotes and without spaces around them; `place` is for messages."""
+    """Return the fields of one line, without quotes and without spaces around them;
+    `place` is for messages.
+    """
     if separator == SPACES:
         return tuple(line.split())
 
@@ -170,7 +185,9 @@ def fields_of(line: str, separator: str, place: str) -> tuple[str, ...]:
 
 
 def number(text: str, mark: str = ".") -> float | None:
-    """Return a decimal number in ASCII, or None; `mark` is the decimal mark, a point or a comma."""
+    """Return a decimal number in ASCII, or None; `mark` is the decimal mark, a point or
+    a comma.
+    """
     if mark == "," and "." not in text:
         text = text.replace(",", ".")
     return float(text) if NUMBER.fullmatch(text) else None
@@ -182,10 +199,12 @@ def is_number(text: str) -> bool:
 
 
 def decimal_mark(table: Table, read: Collection[int]) -> str:
-    """Return the decimal mark of a table's numbers, "." or ","; a comma is one only if the table proves it.
+    """Return the decimal mark of a table's numbers, "." or ","; a comma is one only if
+    the table proves it.
 
-    The proof is a comma that cannot part thousands (0,25 or 1,5), without a number that has a point. Columns outside
-    `read` only bear witness. A number with two possible readings is refused.
+    The proof is a comma that cannot part thousands (0,25 or 1,5), without a number that
+    has a point. Columns outside `read` only bear witness. A number with two possible
+    readings is refused.
     """
     lines = table.lines
     place = table.place
@@ -215,7 +234,8 @@ def decimal_mark(table: Table, read: Collection[int]) -> str:
 
             if field.count(",") > 1 and column in read:
                 raise RecordingError(
-                    f"{place(index)}: {field!r} has commas between thousands; {PLAIN_NUMBERS}"
+                    f"{place(index)}: {field!r} has commas between thousands;"
+                    f" {PLAIN_NUMBERS}"
                 )
 
             if comma is None and "," in field and column in read:
@@ -248,9 +268,11 @@ def numbers_of(
     mark: str | None = None,
     ours: bool = False,
 ) -> Floats:
-    """Return columns (sample, column) of a table with checked counts of fields; at `gaps`, nan or nothing is NaN.
+    """Return columns (sample, column) of a table with checked counts of fields; at
+    `gaps`, nan or nothing is NaN.
 
-    In `ours`, a table of a recording, nothing is not a gap, and a point is a decimal one.
+    In `ours`, a table of a recording, nothing is not a gap, and a point is a decimal
+    one.
     """
     mark = mark or decimal_mark(table, places)
     if not table.lines:
@@ -284,7 +306,9 @@ def numbers_of(
 
 
 def _check_points(table: Table, places: Sequence[int], values_sc: Floats) -> None:
-    """Refuse a column whose points may part thousands: -15.000 beside 998, and three digits behind every point."""
+    """Refuse a column whose points may part thousands: -15.000 beside 998, and three
+    digits behind every point.
+    """
     for place, values in zip(places, values_sc.T, strict=True):
         size = np.abs(values[np.isfinite(values)])
         whole = size == np.rint(size)
@@ -303,8 +327,14 @@ def _check_points(table: Table, places: Sequence[int], values_sc: Floats) -> Non
         ):
             continue
 
-        found = f"{table.place(pointed[0])}: {table.names[place]}: {(field := texts[pointed[0]])!r}"
-        readings = f"{float(field):g} with a decimal point, or {field.replace('.', '')} with one between thousands"
+        found = (
+            f"{table.place(pointed[0])}: {table.names[place]}:"
+            f" {(field := texts[pointed[0]])!r}"
+        )
+        readings = (
+            f"{float(field):g} with a decimal point, or {field.replace('.', '')} with"
+            " one between thousands"
+        )
         why = "every point has three digits behind it, other numbers have none"
         raise RecordingError(f"{found} is {readings} ({why}); {PLAIN_NUMBERS}")
 
@@ -330,7 +360,8 @@ def _row_numbers(
                 else ""
             )
             raise RecordingError(
-                f"{table.place(line)}: {table.names[place]}: {field!r} is not a number{hint}"
+                f"{table.place(line)}: {table.names[place]}: {field!r} is not a"
+                f" number{hint}"
             )
 
         values.append(np.nan if value is None else value)
@@ -340,35 +371,42 @@ def _row_numbers(
 
 FORCE_COLUMNS = ("time_s", "fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
 GOOD_SAMPLE_RATE_HZ = 100.0
-# A push takes 0.2 s or more: at fewer samples a second it has less than four, and a clock in ms is read as one in s.
+# A push takes 0.2 s or more: at fewer samples a second it has less than four, and a
+# clock in ms is read as one in s.
 MIN_SAMPLE_RATE_HZ = 20.0
-# Beyond, a number is damage: 300 years (clocks may count from 1970), and a thousand times what such a sensor bears.
+# Beyond, a number is damage: 300 years (clocks may count from 1970), and a thousand
+# times what such a sensor bears.
 LARGEST_TIME_S = 1e10
 LARGEST_FORCE_N = 1e6
 FRAME_COLUMNS = ("file", "time_s", "pierced", "travel_m", "held_s", "plane", "iop_pa")
-# Optional columns of numbers, each with its least and largest value and their unit in words.
+# Optional columns of numbers, each with its least and largest value and their unit in
+# words.
 FRAME_NUMBERS = {
     "held_s": (0.0, LARGEST_TIME_S, "of seconds, 0 or more"),
     "travel_m": (-1.0, 1.0, "of metres within 1 m"),
     "iop_pa": (1.0, 1e5, "of Pa, from 1 to 100,000"),
 }
-# A sample is not a force beyond 1,000 times the median distance from the log's median (or the sensor's step, if that is
-# larger), but never below 3 N: no needle pushes an eye by more, and on a quiet log 60 mN are 1,000 times its noise.
+# A sample is not a force beyond 1,000 times the median distance from the log's median
+# (or the sensor's step, if that is larger), but never below 3 N: no needle pushes an
+# eye by more, and on a quiet log 60 mN are 1,000 times its noise.
 IMPLAUSIBLE_RATIO = 1000.0
 LEAST_IMPLAUSIBLE_N = 3.0
-LEAST_LEVELS = 4  # different values of a log that tell the sensor's step: rest, a push and a burst are three
-MOST_IMPLAUSIBLE = (
-    1.0 / 3.0
-)  # of the samples; with more, the log's usual size is in doubt
+# different values of a log that tell the sensor's step: rest, a push and a burst are
+# three
+LEAST_LEVELS = 4
+# of the samples; with more, the log's usual size is in doubt
+MOST_IMPLAUSIBLE = 1.0 / 3.0
 
 
 @dataclass(frozen=True)
 class FrameEntry:
-    """A line of frames.csv: name below `frames/`, time on the log's clock, whether the needle had pierced, if stated.
+    """A line of frames.csv: name below `frames/`, time on the log's clock, whether the
+    needle had pierced, if stated.
 
-    `travel_m`: the needle's travel along its axis, inwards, from any start. `held_s`: the time since the needle's push,
-    which it has held since. `plane`: the name of the frame's plane, if there are several. `iop_pa`: the pressure
-    without the needle, if it was changed. None: not known.
+    `travel_m`: the needle's travel along its axis, inwards, from any start. `held_s`:
+    the time since the needle's push, which it has held since. `plane`: the name of the
+    frame's plane, if there are several. `iop_pa`: the pressure without the needle, if
+    it was changed. None: not known.
     """
 
     file: str
@@ -382,10 +420,12 @@ class FrameEntry:
 
 @dataclass(frozen=True)
 class ForceLog:
-    """A force log: `time_s` (samples,), increasing, and the other columns of the file: forces in N, torques in N m.
+    """A force log: `time_s` (samples,), increasing, and the other columns of the file:
+    forces in N, torques in N m.
 
-    `wrench_sc` has shape (samples, columns), NaN where the sensor gave no force; `columns` are their names, like
-    `fz_n`; `notes` are sentences on samples without a force and on a low rate.
+    `wrench_sc` has shape (samples, columns), NaN where the sensor gave no force;
+    `columns` are their names, like `fz_n`; `notes` are sentences on samples without a
+    force and on a low rate.
     """
 
     time_s: Floats
@@ -440,7 +480,8 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
             and (last_s, entry.plane) in planes
         ):
             raise RecordingError(
-                f"{place}: plane: {entry.plane!r} has a frame at {entry.time_s:g} s already"
+                f"{place}: plane: {entry.plane!r} has a frame at {entry.time_s:g} s"
+                " already"
             )
 
         planes.add((entry.time_s, entry.plane))
@@ -449,7 +490,8 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
         ):
             found = f"{entry.time_s:g} does not come after {last_s:g}"
             raise RecordingError(
-                f"{place}: time_s: {found}; frames are in the order of their times, one at a time"
+                f"{place}: time_s: {found}; frames are in the order of their times, one"
+                " at a time"
             )
 
         entries.append(entry)
@@ -463,14 +505,18 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
 
 
 def moments_of(frames: Sequence[FrameEntry]) -> tuple[tuple[FrameEntry, ...], ...]:
-    """Return frames in their order, grouped by their time: one, or one of each plane."""
+    """Return frames in their order, grouped by their time: one, or one of each
+    plane.
+    """
     return tuple(
         tuple(group) for _, group in groupby(frames, lambda entry: entry.time_s)
     )
 
 
 def _of_moment(path: Path, entries: Sequence[FrameEntry]) -> Sequence[FrameEntry]:
-    """Return the frames of one moment: there is one needle, which has pierced if a plane says so, and one pressure."""
+    """Return the frames of one moment: there is one needle, which has pierced if a
+    plane says so, and one pressure.
+    """
     for name in ("held_s", "iop_pa"):
         found = sorted(
             {value for entry in entries if (value := getattr(entry, name)) is not None}
@@ -478,7 +524,8 @@ def _of_moment(path: Path, entries: Sequence[FrameEntry]) -> Sequence[FrameEntry
         if len(found) > 1:
             differ = " and ".join(f"{value:g}" for value in found)
             raise RecordingError(
-                f"{path}: {name}: {differ} at {entries[0].time_s:g} s; planes of one moment have one"
+                f"{path}: {name}: {differ} at {entries[0].time_s:g} s; planes of one"
+                " moment have one"
             )
 
     pierced = any(entry.pierced for entry in entries)
@@ -507,7 +554,9 @@ def read_force_log(path: Path, axis: str) -> ForceLog:
 def checked_samples(
     log: ForceLog, path: Path, place: Callable[[int], str], range_n: float = np.inf
 ) -> ForceLog:
-    """Return a log with NaN for implausible samples, and notes; refuse a bad clock, or too many of them."""
+    """Return a log with NaN for implausible samples, and notes; refuse a bad clock, or
+    too many of them.
+    """
     if len(log.time_s) < 2:
         raise RecordingError(f"{path}: fewer than two samples of the force")
 
@@ -516,7 +565,10 @@ def checked_samples(
     wrench_sc = _without_implausible(log, place, range_n, notes)
 
     if rate_hz < GOOD_SAMPLE_RATE_HZ * 0.999:
-        noise = f"the noise of a label is {np.sqrt(GOOD_SAMPLE_RATE_HZ / rate_hz):.2g} times as large"
+        noise = (
+            f"the noise of a label is {np.sqrt(GOOD_SAMPLE_RATE_HZ / rate_hz):.2g}"
+            " times as large"
+        )
         vibration = f"vibration faster than {rate_hz / 2:.3g} Hz is taken for force"
         said = (
             f"{rate_hz:.4g} samples a second, {GOOD_SAMPLE_RATE_HZ:g} are recommended"
@@ -574,23 +626,26 @@ def _without_implausible(
 
     if flagged.mean() > MOST_IMPLAUSIBLE:
         raise RecordingError(
-            f"{place(sample)}: {found}; {count} are implausible: check the unit and the sensor"
+            f"{place(sample)}: {found}; {count} are implausible: check the unit and the"
+            " sensor"
         )
 
     notes.append(
-        f"{count} are implausible and have no force; the first is {place(sample)}: {found}; is it in N?"
+        f"{count} are implausible and have no force; the first is {place(sample)}:"
+        f" {found}; is it in N?"
     )
     return np.where(flagged[:, None], np.nan, log.wrench_sc)
 
 
 def _checked_rate(log: ForceLog, path: Path, place: Callable[[int], str]) -> float:
-    """Return the samples a second; more than half of the steps are as short as that rate's. Check all numbers."""
+    """Return the samples a second; more than half of the steps are as short as that
+    rate's. Check all numbers.
+    """
     columns = ("time_s", *log.columns)
     values_sc = np.column_stack([log.time_s, log.wrench_sc])
     largest_c = np.array([LARGEST_TIME_S, *[LARGEST_FORCE_N] * len(log.columns)])
-    bad = ~(
-        np.abs(values_sc) <= largest_c
-    )  # a NaN is bad as well: of a time; of a force it says that there is none
+    # a NaN is bad as well: of a time; of a force it says that there is none
+    bad = ~(np.abs(values_sc) <= largest_c)
     bad[:, 1:] &= ~np.isnan(log.wrench_sc)
 
     for sample, column in np.argwhere(bad)[:1].tolist():
@@ -605,14 +660,20 @@ def _checked_rate(log: ForceLog, path: Path, place: Callable[[int], str]) -> flo
     steps_s = np.diff(log.time_s)
     if (steps_s <= 0.0).any():
         sample = int(np.argmax(steps_s <= 0.0)) + 1
-        found = f"{log.time_s[sample]:.12g} does not come after {log.time_s[sample - 1]:.12g}"
+        found = (
+            f"{log.time_s[sample]:.12g} does not come after"
+            f" {log.time_s[sample - 1]:.12g}"
+        )
         raise RecordingError(
             f"{place(sample)}: time_s: {found}; the clock must run forward"
         )
 
     rate_hz = 1.0 / float(np.quantile(steps_s, 0.5, method="higher"))
     if rate_hz < MIN_SAMPLE_RATE_HZ * 0.999:
-        needed = f"at least {MIN_SAMPLE_RATE_HZ:g} are needed to follow a push of 0.2 s (times are in seconds)"
+        needed = (
+            f"at least {MIN_SAMPLE_RATE_HZ:g} are needed to follow a push of 0.2 s"
+            " (times are in seconds)"
+        )
         raise RecordingError(
             f"{path}: time_s: {rate_hz:.4g} samples a second; {needed}"
         )

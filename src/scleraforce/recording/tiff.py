@@ -1,4 +1,6 @@
-"""TIFF, one page or a stack; scale and times from OME-XML, ImageJ, the resolution tags or JSON axes in Software."""
+"""TIFF, one page or a stack; scale and times from OME-XML, ImageJ, the resolution tags
+or JSON axes in Software.
+"""
 
 import json
 import lzma
@@ -45,21 +47,26 @@ NO_UNIT = 1
 INCH = 2
 CENTIMETRE = 3
 UNIT_NAMES = {NO_UNIT: "none", INCH: "inch", CENTIMETRE: "cm"}
+# what ImageJ calls the unit of an image without a scale
 NO_UNITS = (
     "pixel",
     "pixels",
     "px",
-)  # what ImageJ calls the unit of an image without a scale
+)
 FRAME_AXES = "TZQIRPC"  # that count pages: time, depth of a stack, any
+# units in which programs state the resolution of a screen or a printer, asked or not
+# ...
 PRINTED = (
     25.4e-3,
     1e-2,
-)  # units in which programs state the resolution of a screen or a printer, asked or not ...
+)
 PRINTED_M = 20e-6  # ... which are never finer than this: 1,270 dots per inch
 
 
 def read_tiff(path: Path, data: bytes | None = None) -> Scan:
-    """Return a TIFF's frames: its pages, or the one long axis beside rows and columns; `data` is its content."""
+    """Return a TIFF's frames: its pages, or the one long axis beside rows and columns;
+    `data` is its content.
+    """
     with _opened(path, data) as file:
         pages = [entry.aspage() for entry in file.pages]
         frames = [page for page in pages if not _is_copy(page, pages[0])]
@@ -90,7 +97,10 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
                 copies or len(frames) < len(pages),
             ),
             (
-                "PhotometricInterpretation is WhiteIsZero: dark and bright were exchanged",
+                (
+                    "PhotometricInterpretation is WhiteIsZero: dark and bright were"
+                    " exchanged"
+                ),
                 WHITE_IS_ZERO in kinds,
             ),
             ("colour became grey", kinds & {RGB, PALETTE}),
@@ -179,7 +189,9 @@ def _check_page(file: "TiffFile", page: "TiffPage") -> None:
 
 
 def _sizes(several: "Sequence[TiffPageSeries]") -> tuple[int, int, int]:
-    """Return the number of frames, rows and columns; pages that were written one by one are a series each."""
+    """Return the number of frames, rows and columns; pages that were written one by one
+    are a series each.
+    """
     if len(several) > 1:
         sizes = {(*_sizes([series]), series.dtype) for series in several}
         count, rows, columns, _ = next(iter(sizes))
@@ -188,7 +200,8 @@ def _sizes(several: "Sequence[TiffPageSeries]") -> tuple[int, int, int]:
                 f"{series.shape} {series.dtype}" for series in several[:2]
             )
             raise FrameError(
-                f"{len(several)} series of images ({found}); save the one with the frames alone"
+                f"{len(several)} series of images ({found}); save the one with the"
+                " frames alone"
             )
 
         return len(several), rows, columns
@@ -204,7 +217,8 @@ def _sizes(several: "Sequence[TiffPageSeries]") -> tuple[int, int, int]:
     ):
         found = ", ".join(f"{axis} {size}" for axis, size in length.items())
         raise FrameError(
-            f"axes {found}; give a stack of frames with one axis beside rows (Y) and columns (X)"
+            f"axes {found}; give a stack of frames with one axis beside rows (Y) and"
+            " columns (X)"
         )
 
     return length[others[0]] if others else 1, length["Y"], length["X"]
@@ -213,7 +227,9 @@ def _sizes(several: "Sequence[TiffPageSeries]") -> tuple[int, int, int]:
 def _check_pages(
     file: "TiffFile", pages: "Sequence[TiffPage]", there: int, count: int
 ) -> None:
-    """Check that tifffile reached all pages: `there` pages of frames are in it, `count` frames are stated."""
+    """Check that tifffile reached all pages: `there` pages of frames are in it, `count`
+    frames are stated.
+    """
     after = file.pages.next_page_offset  # where the place of a further page is
     ends = [
         at + size
@@ -230,14 +246,16 @@ def _check_pages(
     stated = int((file.imagej_metadata or {}).get("images", count))
     if stated != count:
         raise FrameError(
-            f"damaged: ImageJ's description states images={stated}, the file has {count}"
+            f"damaged: ImageJ's description states images={stated}, the file has"
+            f" {count}"
         )
     if None in (
         page for series in file.series for page in series.pages
     ) or there not in (1, count):
         kind = "OME-XML" if file.ome_metadata else "its description"
         raise FrameError(
-            f"{kind} states {count} frames, the file has {there} pages; save all frames in one file"
+            f"{kind} states {count} frames, the file has {there} pages; save all frames"
+            " in one file"
         )
 
 
@@ -250,7 +268,8 @@ def _orientation(pages: "Sequence[TiffPage]") -> int:
     )
     if len(found) > 1:
         raise FrameError(
-            f"Orientation {found[0]} and {found[1]} in one file; save all frames with one"
+            f"Orientation {found[0]} and {found[1]} in one file; save all frames"
+            " with one"
         )
     if found[0] not in ORIENTATIONS:
         raise FrameError(f"Orientation {found[0]}; TIFF has 1 to 8")
@@ -301,7 +320,9 @@ def _of_ome(file: "TiffFile", kind: str) -> list[dict[str, str]]:
 
 
 def _ome_sizes(file: "TiffFile", notes: list[str]) -> list[PixelSize]:
-    """Return the physical sizes of a pixel that OME-XML states; their unit is the micrometre where it names none."""
+    """Return the physical sizes of a pixel that OME-XML states; their unit is the
+    micrometre where it names none.
+    """
     found = []
     for stated in _of_ome(file, "Pixels"):
         sizes_m: list[float | None] = []
@@ -323,10 +344,12 @@ def _ome_sizes(file: "TiffFile", notes: list[str]) -> list[PixelSize]:
 
 
 def _resolution(file: "TiffFile", page: "TiffPage", notes: list[str]) -> PixelSize:
-    """Return the size that X and YResolution state, in ImageJ's unit or in ResolutionUnit.
+    """Return the size that X and YResolution state, in ImageJ's unit or in
+    ResolutionUnit.
 
-    ImageJ itself reads the two tags in the unit of its description and ignores ResolutionUnit, but for `um` beside
-    centimetres, which are per centimetre (ij/io/FileOpener.java, decodeDescriptionString).
+    ImageJ itself reads the two tags in the unit of its description and ignores
+    ResolutionUnit, but for `um` beside centimetres, which are per centimetre
+    (ij/io/FileOpener.java, decodeDescriptionString).
     """
     kind = int(page.resolutionunit)
     tag_m = {INCH: 25.4e-3, CENTIMETRE: 1e-2}.get(kind)
@@ -350,7 +373,8 @@ def _resolution(file: "TiffFile", page: "TiffPage", notes: list[str]) -> PixelSi
             units_m = [tag_m, tag_m]
         taken = "ResolutionUnit" if units_m == [tag_m, tag_m] else "ImageJ's unit"
         notes.append(
-            f"ImageJ's unit is {unit}, ResolutionUnit {UNIT_NAMES[kind]}: {taken} counts, as in ImageJ"
+            f"ImageJ's unit is {unit}, ResolutionUnit {UNIT_NAMES[kind]}: {taken}"
+            " counts, as in ImageJ"
         )
 
     depth_m, lateral_m = map(
@@ -368,7 +392,9 @@ def _resolution(file: "TiffFile", page: "TiffPage", notes: list[str]) -> PixelSi
 
 
 def _metres(unit: str) -> float | None:
-    r"""Return a unit in m, as programs write it: case and Java's escapes (\u00B5m) do not matter."""
+    r"""Return a unit in m, as programs write it: case and Java's escapes (\u00B5m) do
+    not matter.
+    """
     plain = re.sub(r"\\u([0-9a-fA-F]{4})", lambda code: chr(int(code[1], 16)), unit)
     return METRES.get(plain, METRES.get(plain.lower()))
 
@@ -379,7 +405,9 @@ def _size(page: "TiffPage", name: str, unit_m: float | None) -> float | None:
 
 
 def _json_size(page: "TiffPage", rows: int, columns: int) -> PixelSize:
-    """Return the steps of axes that a JSON text in the Software tag lists value by value, as myOCT writes them."""
+    """Return the steps of axes that a JSON text in the Software tag lists value by
+    value, as myOCT writes them.
+    """
     depth_m = None
     lateral_m = None
 
@@ -440,7 +468,8 @@ def _times(file: "TiffFile", count: int, notes: list[str]) -> Times | None:
             )
         ):
             notes.append(
-                f"OME's TimeIncrement is {step_s:g} s, DeltaT has {found_s:.4g} s: DeltaT counts"
+                f"OME's TimeIncrement is {step_s:g} s, DeltaT has {found_s:.4g} s:"
+                " DeltaT counts"
             )
 
         return Times(time_s, "OME's DeltaT") if rising(time_s) else None

@@ -1,4 +1,6 @@
-"""NIfTI, NRRD, MetaImage: fastest axis first, spacing (1 along every axis: unknown), PLUS sequences; Thorlabs .oct."""
+"""NIfTI, NRRD, MetaImage: fastest axis first, spacing (1 along every axis: unknown),
+PLUS sequences; Thorlabs .oct.
+"""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -42,9 +44,11 @@ def _stated_steps(
 
     each = zip(steps, units_m, strict=True)
     return [
-        step * unit_m
-        if unit_m is not None and np.isfinite(step) and step > 0.0
-        else None
+        (
+            step * unit_m
+            if unit_m is not None and np.isfinite(step) and step > 0.0
+            else None
+        )
         for step, unit_m in each
     ]
 
@@ -56,20 +60,24 @@ def _data_file(path: Path, field: str, named: str) -> Path:
         return path
     if PurePath(named).name != named:
         raise FrameError(
-            f"its pixels are said to be in {named!r}; import it where they lie beside it"
+            f"its pixels are said to be in {named!r}; import it where they lie"
+            " beside it"
         )
 
     return path.with_name(named)
 
 
 def _check_orientation(orientation: str, axes: Axes) -> None:
-    """Check that depth runs away from the probe along the axis that is named depth (PLUS)."""
+    """Check that depth runs away from the probe along the axis that is named depth
+    (PLUS).
+    """
     letters = orientation.upper() if ORIENTATION.fullmatch(orientation) else ""
     found = f"UltrasoundImageOrientation = {orientation}: depth"
 
     if "N" in letters:
         raise FrameError(
-            f"{found} runs towards the probe; flip its rows, or write it as MF (PLUS: EditSequenceFile)"
+            f"{found} runs towards the probe; flip its rows, or write it as MF (PLUS:"
+            " EditSequenceFile)"
         )
 
     at = letters.find("F")
@@ -78,7 +86,9 @@ def _check_orientation(orientation: str, axes: Axes) -> None:
 
 
 def _plus_sequence(scan: Scan, fields: Mapping[str, str]) -> Scan:
-    """Return a sequence of PLUS with its stated times, in s, and without its invalid frames."""
+    """Return a sequence of PLUS with its stated times, in s, and without its invalid
+    frames.
+    """
     times = _of_frames(scan, fields, "Timestamp")
     states = _of_frames(scan, fields, "ImageStatus")
     count = len(scan.names)
@@ -86,7 +96,8 @@ def _plus_sequence(scan: Scan, fields: Mapping[str, str]) -> Scan:
     kept = [nth for nth in range(count) if states.get(nth, "OK").upper() != "INVALID"]
     if not kept:
         raise FrameError(
-            f"Seq_FrameNNNN_ImageStatus = INVALID for all {count} frames; there is nothing to read"
+            f"Seq_FrameNNNN_ImageStatus = INVALID for all {count} frames; there is"
+            " nothing to read"
         )
 
     if len(kept) < count:
@@ -130,8 +141,8 @@ def _of_frames(scan: Scan, fields: Mapping[str, str], name: str) -> dict[int, st
     }
     if found and sorted(found) != list(range(len(scan.names))):
         stated = (
-            f"Seq_FrameNNNN_{name} of {len(found)} frames, {min(found)} to {max(found)}, "
-            "where the axis named frame"
+            f"Seq_FrameNNNN_{name} of {len(found)} frames, {min(found)} to"
+            f" {max(found)}, where the axis named frame"
         )
         raise FrameError(
             f"{stated} has {len(scan.names)}; write it again, or correct --axes"
@@ -142,6 +153,7 @@ def _of_frames(scan: Scan, fields: Mapping[str, str], name: str) -> dict[int, st
 
 SAMPLE_BYTES = 8  # of the widest type of NRRD
 NIFTI_UNITS = {0: "", 1: "m", 2: "mm", 3: "micron"}
+# kinds other than components
 NRRD_AXES = (
     "",
     "???",
@@ -152,7 +164,7 @@ NRRD_AXES = (
     "list",
     "point",
     "stub",
-)  # kinds other than components
+)
 NRRD_IN_MM = re.compile(r"(left|right|scanner|[LR]A[SI]\b|[LR]P[SI]\b)", re.IGNORECASE)
 
 
@@ -171,12 +183,16 @@ def read_nifti(path: Path, axes: Axes) -> Scan:
             if len(file.read(plane)) >= plane:
                 sizes = " x ".join(map(str, shape))
                 raise FrameError(
-                    f"dim states {sizes} pixels, and more follow; correct dim, or write the file again"
+                    f"dim states {sizes} pixels, and more follow; correct dim, or write"
+                    " the file again"
                 )
 
         unscaled = (image.dataobj.slope, image.dataobj.inter) == (1.0, 0.0)
         array = np.asarray(image.dataobj.get_unscaled() if unscaled else image.dataobj)
-        note = f"pixels were scaled by scl_slope {image.dataobj.slope:g}, {image.dataobj.inter:g}"
+        note = (
+            f"pixels were scaled by scl_slope {image.dataobj.slope:g},"
+            f" {image.dataobj.inter:g}"
+        )
         scan = array_scan(path, array, axes, _nifti_steps(header))
 
         scan = replace(scan, notes=() if unscaled else (note,)).of_file(path)
@@ -203,7 +219,8 @@ def _nifti_steps(header: Any) -> list[Steps]:
     code = int(header["xyzt_units"]) & 7
     if code not in NIFTI_UNITS:
         raise FrameError(
-            f"xyzt_units: {code} is not a NIfTI unit of length; correct it (1 m, 2 mm, 3 micron)"
+            f"xyzt_units: {code} is not a NIfTI unit of length; correct it (1 m, 2 mm,"
+            " 3 micron)"
         )
 
     pixdim = [float(step) for step in header.get_zooms()]
@@ -219,7 +236,9 @@ def _nifti_steps(header: Any) -> list[Steps]:
 
 
 def read_nrrd(path: Path, axes: Axes) -> Scan:
-    """Return an NRRD's frames; axes labelled frame, depth and lateral need not be named."""
+    """Return an NRRD's frames; axes labelled frame, depth and lateral need not be
+    named.
+    """
     with scans.named_faults(path, "NRRD"):
         nrrd = scans.package_for("nrrd", "NRRD")
         with path.open("rb") as file:
@@ -231,7 +250,8 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
         ):
             if size > 1 and kind.lower() not in NRRD_AXES:
                 raise FrameError(
-                    f"kinds: axis {axis} of {size} is {kind!r}; give grey frames, of one channel"
+                    f"kinds: axis {axis} of {size} is {kind!r}; give grey frames, of"
+                    " one channel"
                 )
 
         count = int(np.prod(header["sizes"], dtype=np.int64)) * SAMPLE_BYTES
@@ -257,7 +277,9 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
 
 
 def _nrrd_axes(header: Any, shape: tuple[int, ...]) -> Axes:
-    """Return the axes that labels name; a list, as in sequences of 3D Slicer, is that of the frames."""
+    """Return the axes that labels name; a list, as in sequences of 3D Slicer, is that
+    of the frames.
+    """
     labels, kinds = (
         header.get(name, [""] * len(shape)) for name in ("labels", "kinds")
     )
@@ -290,16 +312,16 @@ def _nrrd_steps(header: Any, count: int) -> list[Steps]:
     unit_m = None
 
     if "space directions" in header:
-        anatomical = NRRD_IN_MM.match(
-            str(header.get("space", ""))
-        )  # its unit is mm, as NRRD's programs take it
+        # its unit is mm, as NRRD's programs take it
+        anatomical = NRRD_IN_MM.match(str(header.get("space", "")))
         names = {
             str(unit)
             for unit in header.get("space units") or ["mm" if anatomical else ""]
         }
         if len(names) > 1:
             raise FrameError(
-                f"space units: {' and '.join(sorted(names))}; give all directions in one"
+                f"space units: {' and '.join(sorted(names))}; give all directions"
+                " in one"
             )
 
         unit_m = METRES.get(names.pop())
@@ -337,7 +359,9 @@ BYTE_ORDERS = ("BinaryDataByteOrderMSB", "ElementByteOrderMSB")
 
 
 def read_metaimage(path: Path, axes: Axes) -> Scan:
-    """Return a MetaImage's frames; its spacing is in mm. Sequences of PLUS have times, and frames that are invalid."""
+    """Return a MetaImage's frames; its spacing is in mm. Sequences of PLUS have times,
+    and frames that are invalid.
+    """
     with scans.named_faults(path, "MetaImage"):
         fields, start = _header(path)
         _check(fields)
@@ -365,7 +389,8 @@ def _header(path: Path) -> tuple[dict[str, str], int]:
                 continue
             if fields.setdefault(name.lower(), value) != value:
                 raise FrameError(
-                    f"{name} is stated twice: {fields[name.lower()]!r} and {value!r}; correct it"
+                    f"{name} is stated twice: {fields[name.lower()]!r} and {value!r};"
+                    " correct it"
                 )
             if name.lower() == "elementdatafile":
                 return fields, file.tell()
@@ -388,7 +413,10 @@ def _check(fields: dict[str, str]) -> None:
         values = np.array(fields.get(field.lower(), "").split(), dtype=np.float64)
         lengths = np.linalg.norm(values.reshape(axes, -1), axis=1)
         if values.size == axes**2 and not np.allclose(lengths, 1.0, atol=SAME):
-            found = f"{field} has directions of length {' x '.join(f'{length:.6g}' for length in lengths)}, not 1"
+            found = (
+                f"{field} has directions of length"
+                f" {' x '.join(f'{length:.6g}' for length in lengths)}, not 1"
+            )
             raise FrameError(f"{found}; put the whole scale into ElementSpacing")
 
 
@@ -439,7 +467,10 @@ def _pixels(
     )
     data = data[max(len(data) - size, 0) :] if skipped == -1 else data
     if len(data) != size:
-        stated = f"DimSize = {fields['dimsize']} of {fields['elementtype']} take {size} (HeaderSize = {skipped})"
+        stated = (
+            f"DimSize = {fields['dimsize']} of {fields['elementtype']} take {size}"
+            f" (HeaderSize = {skipped})"
+        )
         raise FrameError(
             f"damaged: {data_path.name} has {len(data)} bytes of pixels; {stated}"
         )
@@ -455,13 +486,16 @@ def _pixels(
 
 
 def _steps(fields: dict[str, str]) -> list[Steps]:
-    """Return the spacing in mm; the size of an element by default, as MetaIO takes it."""
+    """Return the spacing in mm; the size of an element by default, as MetaIO takes
+    it.
+    """
     found: list[Steps] = []
     for field in ("ElementSpacing", "ElementSize"):
         values = [float(value) for value in fields.get(field.lower(), "").split()]
         if values and len(values) != len(fields["dimsize"].split()):
             raise FrameError(
-                f"{field} has {len(values)} numbers, and DimSize {fields['dimsize']}; correct it"
+                f"{field} has {len(values)} numbers, and DimSize {fields['dimsize']};"
+                " correct it"
             )
 
         found += (
@@ -481,7 +515,9 @@ SAMPLE = np.dtype("<f4")
 
 
 def read_thorlabs(path: Path) -> Scan:
-    """Return the frames of Thorlabs' .oct (ThorImage OCT 4, 5): sizes in mm, intensity in dB, depth fastest."""
+    """Return the frames of Thorlabs' .oct (ThorImage OCT 4, 5): sizes in mm, intensity
+    in dB, depth fastest.
+    """
     with scans.named_faults(path, OCT_KIND), ZipFile(path) as archive:
         if archive.getinfo(HEADER).file_size > XML_BYTES:
             raise FrameError(f"{HEADER} of more than {XML_BYTES} bytes")
@@ -496,11 +532,13 @@ def read_thorlabs(path: Path) -> Scan:
         )
         if not (rows and columns):
             raise FrameError(
-                f"{HEADER}: {name} has no {'SizeZ' if columns else 'SizeX'}; store it again in ThorImage"
+                f"{HEADER}: {name} has no {'SizeZ' if columns else 'SizeX'}; store it"
+                " again in ThorImage"
             )
         if (stated_bytes := entry.get("BytesPerPixel", "4")) != str(SAMPLE.itemsize):
             raise FrameError(
-                f"{HEADER}: {name} has BytesPerPixel = {stated_bytes}; 4 (floats, in dB) are read"
+                f"{HEADER}: {name} has BytesPerPixel = {stated_bytes}; 4 (floats, in"
+                " dB) are read"
             )
 
         stated = archive.getinfo(name).file_size
@@ -509,7 +547,8 @@ def read_thorlabs(path: Path) -> Scan:
 
         if count < 1 or stated != rows * columns * count * SAMPLE.itemsize:
             raise FrameError(
-                f"{name} has {stated} bytes; the header says {rows} x {columns} x {count} floats"
+                f"{name} has {stated} bytes; the header says {rows} x {columns} x"
+                f" {count} floats"
             )
 
         in_file, in_header = (
@@ -567,7 +606,8 @@ def _intensity(
     if len(found) > 1:
         listed = " and ".join(name for _, name in found)
         raise FrameError(
-            f"{len(found)} files of intensity, {listed}; export the one that is meant as TIFF"
+            f"{len(found)} files of intensity, {listed}; export the one that is meant"
+            " as TIFF"
         )
 
     return found[0]

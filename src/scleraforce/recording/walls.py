@@ -1,4 +1,6 @@
-"""Walls of frames that people or other programs drew: masks, and a recording's `walls/` (docs/recordings.md)."""
+"""Walls of frames that people or other programs drew: masks, and a recording's `walls/`
+(docs/recordings.md).
+"""
 
 import csv
 import hashlib
@@ -23,7 +25,8 @@ COLUMNS = ("file", "author", "time_utc", "source_sha256")
 
 
 def mask_of(mask: Any, place: str) -> Bytes:
-    """Return a mask (row, column) of NO_WALL, NOT_JUDGED and WALL; flags, and 0 and 1, are taken for no wall and wall.
+    """Return a mask (row, column) of NO_WALL, NOT_JUDGED and WALL; flags, and 0 and 1,
+    are taken for no wall and wall.
 
     Pixels that a masked array masks are not judged.
 
@@ -46,7 +49,8 @@ def mask_of(mask: Any, place: str) -> Bytes:
         level for level in levels.tolist() if level not in (NO_WALL, NOT_JUDGED, WALL)
     ]:
         raise FrameError(
-            f"{place}: {others[0]:g} in a mask; it has 0 (no wall), 128 (column not judged), 255 (wall)"
+            f"{place}: {others[0]:g} in a mask; it has 0 (no wall), 128 (column not"
+            " judged), 255 (wall)"
         )
 
     return np.where(hidden, np.uint8(NOT_JUDGED), found.astype(np.uint8))
@@ -58,7 +62,8 @@ def read_mask(path: Path) -> Bytes:
 
 
 class RecordedWalls:
-    """The walls of a recording's frames: `walls/NAME.png`, with `walls.csv` the frames that they were drawn on.
+    """The walls of a recording's frames: `walls/NAME.png`, with `walls.csv` the frames
+    that they were drawn on.
 
     They are counted as they are used; `notes` says how many were, and which were not.
     """
@@ -81,7 +86,8 @@ class RecordedWalls:
         return self._recording / "walls" / f"{PurePath(file).stem}.png"
 
     def wall(self, file: str) -> Bytes | None:
-        """Return the mask of a frame; None without one, or with a note if the frame has changed since.
+        """Return the mask of a frame; None without one, or with a note if the frame has
+        changed since.
 
         Raises:
             FrameError: it is not a mask.
@@ -116,7 +122,8 @@ def frame_file_digest(path: Path) -> str:
 def write_wall(
     recording: Path, file: str, mask: Bytes, author: str, time_utc: str
 ) -> None:
-    """Write a frame's mask (row, column), and in walls.csv who drew it and on which version; earlier ones are replaced.
+    """Write a frame's mask (row, column), and in walls.csv who drew it and on which
+    version; earlier ones are replaced.
 
     Walls without a line in walls.csv get one: they count as drawn on today's frames.
     """

@@ -1,4 +1,6 @@
-"""Write a recording frame by frame: its frames as PNG, uncompressed as time is short while a monitor runs."""
+"""Write a recording frame by frame: its frames as PNG, uncompressed as time is short
+while a monitor runs.
+"""
 
 import os
 import re
@@ -14,7 +16,8 @@ from scleraforce.recording.folder import Recording, RecordingInfo, read_recordin
 from scleraforce.recording.tables import MIN_SAMPLE_RATE_HZ, ForceLog
 from scleraforce.study import format_record
 
-# Speckle hardly shrinks: compressing takes 10 times as long and saves a quarter (docs/black_box.md).
+# Speckle hardly shrinks: compressing takes 10 times as long and saves a quarter
+# (docs/black_box.md).
 UNCOMPRESSED = (
     cv2.IMWRITE_PNG_COMPRESSION,
     0,
@@ -27,7 +30,8 @@ PAGE_BYTES = 4096
 
 
 class RecordingWriter:
-    """Writer of recording.toml, which begins with `comment`, frames/ and frames.csv of a new folder.
+    """Writer of recording.toml, which begins with `comment`, frames/ and frames.csv of
+    a new folder.
 
     `more` are columns of frames.csv beside file and time.
     """
@@ -50,7 +54,9 @@ class RecordingWriter:
     def add(
         self, file: str, time_s: float, pixels: Counts, more: Sequence[str] = ()
     ) -> None:
-        """Add a frame (row, column) that is not earlier than the others, and its values of the other columns."""
+        """Add a frame (row, column) that is not earlier than the others, and its values
+        of the other columns.
+        """
         png = cv2.imencode(".png", np.asarray(pixels, np.uint16), UNCOMPRESSED)[1]
         _write(self.folder / "frames" / file, png.data)
         self._table.add(file, f"{time_s:.6f}", *more)
@@ -61,7 +67,9 @@ class RecordingWriter:
 
 
 class ForceWriter:
-    """Writer of `forces.csv` while `read_recording` takes the samples, else of `robot_forces.csv`."""
+    """Writer of `forces.csv` while `read_recording` takes the samples, else of
+    `robot_forces.csv`.
+    """
 
     def __init__(self, folder: Path, columns: Sequence[str]) -> None:
         self._fast = folder / "forces.csv"
@@ -72,7 +80,9 @@ class ForceWriter:
         self._last_s: float | None = None
 
     def add(self, time_s: float, values: Sequence[float]) -> None:
-        """Add a sample at a multiple of half of `FORCE_STEP_S` that is later than the others."""
+        """Add a sample at a multiple of half of `FORCE_STEP_S` that is later than the
+        others.
+        """
         self._table.add(f"{time_s:.3f}", *(f"{value:.8g}" for value in values))
         if self._last_s is not None:
             self._steps += 1
@@ -107,7 +117,9 @@ class _Table:
         self._page_left = PAGE_BYTES - len(header)
 
     def add(self, *cells: str) -> None:
-        """Add a line; a line that would not leave room for another one in the page fills it."""
+        """Add a line; a line that would not leave room for another one in the page
+        fills it.
+        """
         line = (",".join(cells) + "\n").encode()
         left = (self._page_left - len(line)) % PAGE_BYTES
         if left < self._longest:
@@ -141,9 +153,8 @@ def _write_all(file: int, data: bytes | memoryview) -> None:
         data = data[os.write(file, data) :]
 
 
-PLAIN_NAME = re.compile(
-    r"\w[\w.+-]*", re.ASCII
-)  # of a frame's file, without its ending; no formula in a spreadsheet
+# of a frame's file, without its ending; no formula in a spreadsheet
+PLAIN_NAME = re.compile(r"\w[\w.+-]*", re.ASCII)
 
 
 def frame_files(names: Sequence[str]) -> list[str]:
@@ -167,7 +178,9 @@ def frame_files(names: Sequence[str]) -> list[str]:
 
 
 def write_log(folder: Path, log: ForceLog) -> None:
-    """Write forces.csv: times to the microsecond, forces and torques to 7 digits, nan for samples without a force."""
+    """Write forces.csv: times to the microsecond, forces and torques to 7 digits, nan
+    for samples without a force.
+    """
     formats = ["%.6f", *["%.7g"] * len(log.columns)]
     values_sc = np.column_stack([log.time_s, log.wrench_sc])
     header = ",".join(["time_s", *log.columns])

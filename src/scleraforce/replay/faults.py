@@ -1,7 +1,9 @@
-"""Faults of a scanner and its connection, injected on purpose: does the monitor withdraw, when, and why?
+"""Faults of a scanner and its connection, injected on purpose: does the monitor
+withdraw, when, and why?
 
-The messages of a fault are prepared before it is due, so that reading and encoding delay nothing. After a single wrong
-frame the recording continues where it can, so that a silence does not hide a fault that the monitor missed.
+The messages of a fault are prepared before it is due, so that reading and encoding
+delay nothing. After a single wrong frame the recording continues where it can, so that
+a silence does not hide a fault that the monitor missed.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -40,7 +42,8 @@ CONTACT_N = 4e-3
 HARMLESS_N = BOUND_N - 6e-3
 DANGEROUS_N = BOUND_N + 3e-3
 RISE_N_PER_S = 0.15
-FLOOD = 100  # frames of a second; a monitor might read fewer without delay, which is not a fault
+# frames of a second; a monitor might read fewer without delay, which is not a fault
+FLOOD = 100
 MOST_BUFFERS = 10  # pictures that a stuck buffer shows in turns
 # of the frame, where a time is burned in
 CLOCK_ROWS = 1 / 32
@@ -51,7 +54,9 @@ LATER = 0.8  # of an interval, by which each frame waits longer than the one bef
 
 @dataclass(frozen=True)
 class Sending:
-    """One message: a frame, with its number and a time that may be wrong; or raw bytes."""
+    """One message: a frame, with its number and a time that may be wrong; or raw
+    bytes.
+    """
 
     message: Unstamped | bytes
     number: int = 0
@@ -63,7 +68,9 @@ Act = tuple[Sending, ...] | None  # sent at a frame's time; None closes the conn
 
 @dataclass(frozen=True)
 class PreparedFault:
-    """A fault, its time in the recording (s), and its acts from then on, one at each frame's time."""
+    """A fault, its time in the recording (s), and its acts from then on, one at each
+    frame's time.
+    """
 
     name: str
     time_s: float
@@ -74,10 +81,11 @@ class PreparedFault:
 class FaultReport:
     """The consequence of a fault.
 
-    `began_s` is when its first act was done (s, monotonic), or when the frame was due that did not come; `delay_s` runs
-    from then until the robot withdraws; None: it does not within `WITHIN_S`. `code`, `message` and `cause` are the
-    STATUS's; without a STATUS for 150 ms, or without a monitor, there is no `code` and `message` says so. `expected` is
-    True if the cause is one of the fault's.
+    `began_s` is when its first act was done (s, monotonic), or when the frame was due
+    that did not come; `delay_s` runs from then until the robot withdraws; None: it does
+    not within `WITHIN_S`. `code`, `message` and `cause` are the STATUS's; without a
+    STATUS for 150 ms, or without a monitor, there is no `code` and `message` says so.
+    `expected` is True if the cause is one of the fault's.
     """
 
     name: str
@@ -99,10 +107,12 @@ def prepare(
     speed: float = 1.0,
     forces_n: Sequence[float] | None = None,
 ) -> PreparedFault:
-    """Prepare a fault that takes the place of the first frame at or after a time of the recording.
+    """Prepare a fault that takes the place of the first frame at or after a time of the
+    recording.
 
-    `rng` makes random choices, such as noise or black; "rising" and "dangerous" need `forces_n`, at each frame. It
-    raises `InputError`: no such fault, no such time, or a recording without the frames or forces that it needs.
+    `rng` makes random choices, such as noise or black; "rising" and "dangerous" need
+    `forces_n`, at each frame. It raises `InputError`: no such fault, no such time, or a
+    recording without the frames or forces that it needs.
     """
     if name not in FAULTS:
         raise InputError(f"fault: {name!r}; choose one of: {', '.join(FAULTS)}")
@@ -126,13 +136,14 @@ def prepare(
 def draw_fault_time(
     recording: Recording, forces_n: Sequence[float], rng: np.random.Generator
 ) -> float:
-    """Draw a time after contact, long before any force that is a cause by itself; raises `InputError` if none is."""
+    """Draw a time after contact, long before any force that is a cause by itself;
+    raises `InputError` if none is.
+    """
     force_n = np.asarray(forces_n)
     frames_s = np.array([entry.time_s for entry in recording.frames])
     touched = np.flatnonzero((force_n > CONTACT_N) & (force_n < HARMLESS_N))
-    first = (
-        int(touched[0]) + 10 if len(touched) else len(force_n)
-    )  # a few frames in contact
+    # a few frames in contact
+    first = int(touched[0]) + 10 if len(touched) else len(force_n)
     over = np.flatnonzero(force_n >= HARMLESS_N)
     end_s = (frames_s[over[0]] if len(over) else frames_s[-1]) - WITHIN_S
 
@@ -140,18 +151,26 @@ def draw_fault_time(
         (force_n > CONTACT_N)[first:] & (frames_s <= end_s)[first:]
     )
     if not len(possible):
-        between = f"contact ({from_si(CONTACT_N, 'mn'):g} mN) and {from_si(HARMLESS_N, 'mn'):g} mN"
-        needs = f"{WITHIN_S:g} s between {between} are needed; use a slower ramp, or --fault-at-s"
+        between = (
+            f"contact ({from_si(CONTACT_N, 'mn'):g} mN) and"
+            f" {from_si(HARMLESS_N, 'mn'):g} mN"
+        )
+        needs = (
+            f"{WITHIN_S:g} s between {between} are needed; use a slower ramp, or"
+            " --fault-at-s"
+        )
         raise InputError(f"{recording.path}: no room for a fault: {needs}")
 
     return float(frames_s[rng.choice(possible)])
 
 
 def inject(player: Player, prepared: PreparedFault) -> FaultReport:
-    """Do the prepared acts, each at a frame's time, until the robot withdraws or `WITHIN_S` has passed.
+    """Do the prepared acts, each at a frame's time, until the robot withdraws or
+    `WITHIN_S` has passed.
 
-    The player has played up to the fault's time; its client is `observed`, so that a robot still hears the monitor when
-    the scanner's connection is gone. It raises `InputError` if the monitor did not say OK before the fault.
+    The player has played up to the fault's time; its client is `observed`, so that a
+    robot still hears the monitor when the scanner's connection is gone. It raises
+    `InputError` if the monitor did not say OK before the fault.
     """
     client = player.client
     log = player.log
@@ -163,12 +182,12 @@ def inject(player: Player, prepared: PreparedFault) -> FaultReport:
     if not log.ok:
         said = f"it said: {log.status.message if log.status else 'nothing'}"
         raise InputError(
-            f"{player.recording.path}: the monitor was not watching when the fault was due; {said}"
+            f"{player.recording.path}: the monitor was not watching when the fault was"
+            f" due; {said}"
         )
 
-    held_s = max(
-        0.0, client.clock() - due_s - STATED_S
-    )  # the replay's own delay is not part of the fault
+    # the replay's own delay is not part of the fault
+    held_s = max(0.0, client.clock() - due_s - STATED_S)
     due_s = due_s + held_s
     stamp_s = stamp_s + held_s
     began_s = since_s = client.clock()
@@ -225,7 +244,9 @@ def _silent(player: Player, began_s: float) -> bool:
 
 
 def _do(player: Player, act: Act, stamp_s: float) -> float:
-    """Do one act, as long as the monitor says OK; return when the last byte of its first message was sent."""
+    """Do one act, as long as the monitor says OK; return when the last byte of its
+    first message was sent.
+    """
     client = player.client
     log = player.log
     begun_s = list[float]()
@@ -247,7 +268,9 @@ def _do(player: Player, act: Act, stamp_s: float) -> float:
                     else message
                 )
             )
-        except LinkError:  # the monitor has disconnected this client, whose robot connection hears the answer
+        except LinkError:
+            # the monitor has disconnected this client, whose robot connection hears the
+            # answer
             break
 
         if isinstance(message, Unstamped):
@@ -260,10 +283,11 @@ def _do(player: Player, act: Act, stamp_s: float) -> float:
 
 @dataclass
 class _Stage:
-    """The material of a fault: the frames that would come next, from `first` on; `number` is that of the last one sent.
+    """The material of a fault: the frames that would come next, from `first` on;
+    `number` is that of the last one sent.
 
-    The fault is watched for the time of `count` frames, of which `left` remain in the recording; `last` is the picture
-    before it.
+    The fault is watched for the time of `count` frames, of which `left` remain in the
+    recording; `last` is the picture before it.
     """
 
     recording: Recording
@@ -282,7 +306,9 @@ class _Stage:
         self.silence: list[Act] = [()] * self.count
 
     def pixels(self, index: int) -> Pixels:
-        """Return the pixels of the frame `index` places after the first one of the fault."""
+        """Return the pixels of the frame `index` places after the first one of the
+        fault.
+        """
         return self.recording.frame(self.recording.frames[self.first + index])
 
     def sending(
@@ -318,12 +344,16 @@ class _Stage:
         """Return the force at each frame, of which one must be at least `least_n`."""
         if self.given_n is None:
             raise InputError(
-                f"{self.recording.path}: no force at its frames; add truth.json or forces.csv"
+                f"{self.recording.path}: no force at its frames; add truth.json or"
+                " forces.csv"
             )
 
         forces_n = np.asarray(self.given_n)
         if not forces_n.max() >= least_n:
-            needs = f"this fault needs {from_si(least_n, 'mn'):g} mN: choose another recording"
+            needs = (
+                f"this fault needs {from_si(least_n, 'mn'):g} mN: choose another"
+                " recording"
+            )
             found_mn = from_si(forces_n.max(), "mn")
             raise InputError(
                 f"{self.recording.path}: forces up to {found_mn:.1f} mN; {needs}"
@@ -334,7 +364,9 @@ class _Stage:
     def nearest(
         self, wanted_n: Sequence[float] | Floats, least_n: float
     ) -> list[Pixels]:
-        """Return pixels of the frames with the nearest forces, avoiding recently shown ones while there are others."""
+        """Return pixels of the frames with the nearest forces, avoiding recently shown
+        ones while there are others.
+        """
         forces_n = self.forces_n(least_n)
         shown = MonitorLimits().shown_frames
         chosen = list(range(max(0, self.first - shown), self.first))
@@ -353,7 +385,9 @@ class _Stage:
 
 
 def _unusable(stage: _Stage) -> list[Act]:
-    """Return noise, or black pixels with a few counts of noise, so that the picture does not count as frozen."""
+    """Return noise, or black pixels with a few counts of noise, so that the picture
+    does not count as frozen.
+    """
     top = 2**stage.info.bits if stage.rng.random() < 0.5 else 3
     like = stage.pixels(0)
     return stage.shown(
@@ -476,7 +510,9 @@ def _checksum(stage: _Stage) -> list[Act]:
 
 
 def _bad_image(stage: _Stage) -> list[Act]:
-    """The body states more pixels than it has; its length in the header and its checksum are right."""
+    """The body states more pixels than it has; its length in the header and its
+    checksum are right.
+    """
     data = stage.bytes_of_next()
     header = unpack_header(data[:HEADER_BYTES])
     body = bytes(data[HEADER_BYTES : -int(stage.rng.integers(1, len(data) // 2))])
@@ -522,7 +558,9 @@ def _half(stage: _Stage) -> list[Act]:
 
 @dataclass(frozen=True)
 class Fault:
-    """A kind of fault: a line that describes it, its acts, and the causes that a monitor should give."""
+    """A kind of fault: a line that describes it, its acts, and the causes that a
+    monitor should give.
+    """
 
     line: str
     acts: Callable[[_Stage], list[Act]]

@@ -1,4 +1,6 @@
-"""Play a recording to a monitor as its scanner would: the connection, the clock, and the record of the answers."""
+"""Play a recording to a monitor as its scanner would: the connection, the clock, and
+the record of the answers.
+"""
 
 import socket
 from collections import OrderedDict, deque
@@ -39,7 +41,9 @@ Hear = Callable[[float, str, igtl.Message], object]
 
 
 class Unstamped:
-    """A message that is encoded except for the time in its header; `message_id` is 0 in version 1."""
+    """A message that is encoded except for the time in its header; `message_id` is 0 in
+    version 1.
+    """
 
     def __init__(
         self, message: igtl.Message, device: str, version: int, message_id: int = 0
@@ -58,7 +62,9 @@ class Unstamped:
 
     @property
     def frame_id(self) -> int:
-        """The monitor's id of the frame: the message id, or without one the time in microseconds."""
+        """The monitor's id of the frame: the message id, or without one the time in
+        microseconds.
+        """
         return self._message_id or int(
             from_si(igtl.unpack_header(self._bytes[: igtl.HEADER_BYTES]).time_s, "us")
         )
@@ -73,7 +79,9 @@ def frame_message(
     matrix: tuple[float, ...] | None = None,
     plane: str | None = None,
 ) -> Unstamped:
-    """Encode a frame as an IMAGE of one slice, whose device is its plane's name; `matrix` replaces the recording's."""
+    """Encode a frame as an IMAGE of one slice, whose device is its plane's name;
+    `matrix` replaces the recording's.
+    """
     return Unstamped(
         igtl.Image(pixels[None], matrix or image_matrix(oct_info)),
         plane or SCANNER_DEVICE,
@@ -83,18 +91,22 @@ def frame_message(
 
 
 def image_matrix(oct_info: OctInfo) -> tuple[float, ...]:
-    """Return the matrix of an IMAGE: the steps to the next column, row and slice in mm, then the centre, at 0."""
+    """Return the matrix of an IMAGE: the steps to the next column, row and slice in mm,
+    then the centre, at 0.
+    """
     lateral_mm = from_si(oct_info.width_m / oct_info.columns, "mm")
     depth_mm = from_si(oct_info.depth_m / oct_info.rows, "mm")
     return (lateral_mm, 0.0, 0.0, 0.0, depth_mm, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 class ScannerClient:
-    """Open connections to a monitor: the scanner's, and on request a robot's beside it. Every wait has an end.
+    """Open connections to a monitor: the scanner's, and on request a robot's beside it.
+    Every wait has an end.
 
-    `hear` is called with the time, the device and the message for each that the monitor sends; `observed` hears through
-    the robot's connection, which stays when the scanner's breaks. Times are of the `clock`. It raises `InputError` if
-    no monitor listens there; methods raise `LinkError` if the connection is lost.
+    `hear` is called with the time, the device and the message for each that the monitor
+    sends; `observed` hears through the robot's connection, which stays when the
+    scanner's breaks. Times are of the `clock`. It raises `InputError` if no monitor
+    listens there; methods raise `LinkError` if the connection is lost.
     """
 
     def __init__(
@@ -116,7 +128,9 @@ class ScannerClient:
         )
 
     def send(self, data: bytes | bytearray) -> float:
-        """Send bytes; return when the last 4 KiB were begun (s, monotonic): an answer may precede the return."""
+        """Send bytes; return when the last 4 KiB were begun (s, monotonic): an answer
+        may precede the return.
+        """
         whole = memoryview(data)
         self._send(whole[:-LAST_BYTES])
         last_s = self.clock()
@@ -137,7 +151,8 @@ class ScannerClient:
             except BlockingIOError:
                 if self.clock() - moved_s > STALL_S:
                     raise LinkError(
-                        f"{self.address}: the monitor has read nothing for {STALL_S:g} s"
+                        f"{self.address}: the monitor has read nothing for"
+                        f" {STALL_S:g} s"
                     ) from None
 
                 self._turn(0.1, writing=True)
@@ -163,14 +178,18 @@ class ScannerClient:
         self._scanner = self._heard = None
 
     def _turn(self, within_s: float, writing: bool = False) -> None:
-        """Wait until bytes have come, or, `writing`, until the scanner's connection takes bytes again."""
+        """Wait until bytes have come, or, `writing`, until the scanner's connection
+        takes bytes again.
+        """
         links = {link for link in (self._scanner, self._heard) if link is not None}
         writers = [self._scanner] if writing and self._scanner is not None else []
         for link in select(list(links), writers, [], within_s)[0]:
             self._receive(link, heard=link is self._heard)
 
     def _receive(self, link: socket.socket, heard: bool) -> None:
-        """Read a connection; discard what comes on the scanner's while the robot's, which gets the same, is heard."""
+        """Read a connection; discard what comes on the scanner's while the robot's,
+        which gets the same, is heard.
+        """
         try:
             count = link.recv_into(
                 self._decoder.space() if heard else bytearray(1 << 16)
@@ -199,7 +218,8 @@ class ScannerClient:
             self._scanner = None
         if link is self._heard:
             raise LinkError(
-                f"{self.address}: the connection is lost: {fault.strerror if fault else 'it was closed'}"
+                f"{self.address}: the connection is lost:"
+                f" {fault.strerror if fault else 'it was closed'}"
             )
 
         link.close()
@@ -222,10 +242,12 @@ def _connect(host: str, port: int) -> socket.socket:
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """A STATUS that came at `at_s` (monotonic) and differs from the one before it, in code or sub-code.
+    """A STATUS that came at `at_s` (monotonic) and differs from the one before it, in
+    code or sub-code.
 
-    `frame` is the number of the frame that it `answers`, or of the last frame sent, and `after_s` the time since that
-    frame's last byte; None before the first frame. The force and its interval are the answer's.
+    `frame` is the number of the frame that it `answers`, or of the last frame sent, and
+    `after_s` the time since that frame's last byte; None before the first frame. The
+    force and its interval are the answer's.
     """
 
     at_s: float
@@ -246,7 +268,9 @@ class Change:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimedAnswer:
-    """The code that answers a frame, its time since the frame's last byte, and its latency by the monitor's clock."""
+    """The code that answers a frame, its time since the frame's last byte, and its
+    latency by the monitor's clock.
+    """
 
     code: int
     took_s: float
@@ -256,8 +280,9 @@ class TimedAnswer:
 class AnswerLog:
     """Record frames that were sent and the monitor's messages; no socket, no clock.
 
-    `begun_s` is when the first frame was sent, `status_s` when the last STATUS came; the first one counts as a change.
-    `reading` is the last STRING `ForceReading`, parsed; `answered` the number of the frame that it answers.
+    `begun_s` is when the first frame was sent, `status_s` when the last STATUS came;
+    the first one counts as a change. `reading` is the last STRING `ForceReading`,
+    parsed; `answered` the number of the frame that it answers.
     """
 
     def __init__(self) -> None:
@@ -279,7 +304,9 @@ class AnswerLog:
     def sent(
         self, number: int, frame_id: int, at_s: float, plane: str | None = None
     ) -> None:
-        """Take a frame that was sent: its number in the recording, its id, when its last byte was sent, its plane."""
+        """Take a frame that was sent: its number in the recording, its id, when its
+        last byte was sent, its plane.
+        """
         self.frames_sent += 1
         self.begun_s = at_s if self.begun_s is None else self.begun_s
         self._last = self._waiting[plane, frame_id] = number, at_s
@@ -310,7 +337,9 @@ class AnswerLog:
     def first_doubt(
         self, since_s: float, codes: Sequence[int] | None = None
     ) -> Change | None:
-        """Return the first change since a time to one of `codes`, or by default to any code but OK."""
+        """Return the first change since a time to one of `codes`, or by default to any
+        code but OK.
+        """
         found = (change for change in self.changes if change.at_s >= since_s)
         return next(
             (
@@ -390,18 +419,21 @@ def _plain(value: object, kind: type[Value]) -> Value | None:
 
 
 FORCE_DEVICE = "RobotForce"
-AHEAD = (
-    48  # frames that are read before they are due: half a second at 100 a second, 25 MB
-)
+# frames that are read before they are due: half a second at 100 a second, 25 MB
+AHEAD = 48
 READERS = 2
 FORCES_PER_S = 1000.0  # that are sent at most; of a faster log, every n-th sample
-STATED_S = 0.05  # largest delay of the replay that a header may show; beyond it, it would pass for the scanner's
+# largest delay of the replay that a header may show; beyond it, it would pass for the
+# scanner's
+STATED_S = 0.05
 ANSWER_S = 1.0  # how long a step, and the end, wait for the answer
 
 
 @dataclass(frozen=True, order=True)
 class Timed:
-    """A message at its time in the recording, s; `number` is that of a frame, from 1, and 0 of a force."""
+    """A message at its time in the recording, s; `number` is that of a frame, from 1,
+    and 0 of a force.
+    """
 
     time_s: float
     number: int
@@ -411,12 +443,14 @@ class Timed:
 
 @dataclass(eq=False)
 class Player:
-    """Play a recording through an open client; keep time by the client's clock, so that no delay adds up.
+    """Play a recording through an open client; keep time by the client's clock, so that
+    no delay adds up.
 
-    `speed` is in recorded seconds a second. `ahead` frames are read before they are due, and before the first one goes
-    out. `watch` is called after each message. `latest_s` is the largest delay of a message, `last` the number of the
-    last frame that was sent. `play`, `step` raise LinkError if the connection is lost, FrameError if a frame cannot be
-    read.
+    `speed` is in recorded seconds a second. `ahead` frames are read before they are
+    due, and before the first one goes out. `watch` is called after each message.
+    `latest_s` is the largest delay of a message, `last` the number of the last frame
+    that was sent. `play`, `step` raise LinkError if the connection is lost, FrameError
+    if a frame cannot be read.
     """
 
     recording: Recording
@@ -434,13 +468,16 @@ class Player:
         self.latest_s = 0.0
         self.last = 0
         self._begun: tuple[float, float, float] | None = None
+        # time in the recording, and when the last frame was sent
         self._frame_went = (
             0.0,
             float("-inf"),
-        )  # time in the recording, and when the last frame was sent
+        )
 
     def play(self, stop_s: float = float("inf")) -> None:
-        """Play until a time of the recording, or its end; then wait a moment for the last answer."""
+        """Play until a time of the recording, or its end; then wait a moment for the
+        last answer.
+        """
         entries = [entry for entry in self.recording.frames if entry.time_s < stop_s]
         forces = (
             force
@@ -455,7 +492,9 @@ class Player:
             self._await_answer()
 
     def step(self, asked: Callable[[FrameEntry], bool]) -> None:
-        """Send a frame, without forces, and wait for its answer, while `asked` returns True before each one."""
+        """Send a frame, without forces, and wait for its answer, while `asked` returns
+        True before each one.
+        """
         for entry, timed in zip(
             self.recording.frames, self.frames(self.recording.frames), strict=True
         ):
@@ -473,7 +512,9 @@ class Player:
         self.watch()
 
     def send(self, timed: Timed) -> float:
-        """Wait until a message is due and send it; a late replay catches up by half of each interval, not at once."""
+        """Wait until a message is due and send it; a late replay catches up by half of
+        each interval, not at once.
+        """
         due_s, stamp_s = self.due(timed.time_s)
         time_s, went_s = self._frame_went if timed.number else (timed.time_s, due_s)
         self.client.listen(
@@ -489,7 +530,9 @@ class Player:
         return sent_s
 
     def due(self, time_s: float) -> tuple[float, float]:
-        """Return when a time of the recording is due, on the client's clock and since 1970; the first one is now."""
+        """Return when a time of the recording is due, on the client's clock and since
+        1970; the first one is now.
+        """
         if self._begun is None:
             self._begun = time_s, self.client.clock(), self.wall_clock()
         first_s, begun_s, wall_s = self._begun
@@ -508,7 +551,9 @@ class Player:
         return sent_s
 
     def frames(self, entries: Sequence[FrameEntry]) -> Iterator[Timed]:
-        """Yield frames in order, with `ahead` of them read in advance, also before the first one is yielded."""
+        """Yield frames in order, with `ahead` of them read in advance, also before the
+        first one is yielded.
+        """
         numbers = {
             entry.file: number
             for number, entry in enumerate(self.recording.frames, start=1)
@@ -535,7 +580,9 @@ class Player:
         return Timed(entry.time_s, number, message, entry.plane)
 
     def _poses(self, entries: list[FrameEntry]) -> Iterator[Timed]:
-        """Yield the needle's travel at each frame, if the recording has it; it goes out just before the frame."""
+        """Yield the needle's travel at each frame, if the recording has it; it goes out
+        just before the frame.
+        """
         for entry in entries:
             if entry.travel_m is not None:
                 pose = igtl.Transform(
@@ -546,7 +593,9 @@ class Player:
                 )
 
     def _forces(self) -> Iterator[Timed]:
-        """Yield the force log as SENSOR: three forces, and three torques if logged; otherwise the contact force."""
+        """Yield the force log as SENSOR: three forces, and three torques if logged;
+        otherwise the contact force.
+        """
         log = self.recording.forces
         info = self.recording.info.force
         if log is None or info is None:
@@ -561,9 +610,8 @@ class Player:
             if whole
             else info.contact_sign * log.force_n(info.axis)[:, None]
         )
-        known = np.isfinite(values_sc).all(
-            axis=1
-        )  # a robot sends no force that it does not have
+        # a robot sends no force that it does not have
+        known = np.isfinite(values_sc).all(axis=1)
         times_s = log.time_s[known]
         values_sc = values_sc[known]
 

@@ -38,7 +38,8 @@ SKY = "#56B4E9"
 LIGHT = "#F4F4F4"
 SHADE = "#111111"
 
-# An SVG's colours where the viewer prefers dark pages; others, and what is drawn on a B-scan, suit both.
+# An SVG's colours where the viewer prefers dark pages; others, and what is drawn on a
+# B-scan, suit both.
 DARK = {
     PAPER: "#14181C",
     BLACK: "#E3E7EA",
@@ -57,11 +58,12 @@ DARK_RULES = f"@media screen and (prefers-color-scheme: dark){{{''.join(_RULES)}
 
 Kind = Literal["png", "svg", "pdf"]
 FIGURE_KINDS: dict[str, Kind] = {".png": "png", ".svg": "svg", ".pdf": "pdf"}
+# of the metadata
 LEFT_OUT: dict[Kind, str] = {
     "png": "Software",
     "svg": "Date",
     "pdf": "CreationDate",
-}  # of the metadata
+}
 
 STYLE = files("scleraforce.report").joinpath("figures.mplstyle")
 Arguments = ParamSpec("Arguments")
@@ -108,7 +110,9 @@ def last_letters(name: str, most: int) -> str:
 def show_image(
     axes: Axes, image: NDArray[Any], extent_m: tuple[float, float], **options: Any
 ) -> None:
-    """Draw an image (row, column) to scale, in mm from its upper left corner; `extent_m` is its width and depth."""
+    """Draw an image (row, column) to scale, in mm from its upper left corner;
+    `extent_m` is its width and depth.
+    """
     extent = (0.0, from_si(extent_m[0], "mm"), from_si(extent_m[1], "mm"), 0.0)
     axes.imshow(image, **{"cmap": SCAN_COLOURS, "extent": extent, **options})
 
@@ -139,19 +143,22 @@ def png_uri(figure: Figure) -> str:
 
 
 def write_figure(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG, SVG or PDF, by the ending of `path`; raises `InputError`."""
+    """Write a figure as PNG, SVG or PDF, by the ending of `path`; raises
+    `InputError`.
+    """
     kind = check_figure_path(path)
     with renamed_when_whole(path) as part:
         part.write_bytes(_encoded(figure, kind))
 
 
 def _encoded(figure: Figure, kind: Kind) -> bytes:
-    """Return a figure's file under the common style, without a date: the same figure gives the same bytes."""
+    """Return a figure's file under the common style, without a date: the same figure
+    gives the same bytes.
+    """
     content = BytesIO()
     with mpl.rc_context(fname=str(STYLE)), warnings.catch_warnings():
-        warnings.filterwarnings(
-            "ignore", "Glyph .* missing from font"
-        )  # of a file's name: it is shown as a box
+        # of a file's name: it is shown as a box
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")
         figure.savefig(content, format=kind, metadata={LEFT_OUT[kind]: None})
 
     found = content.getvalue()

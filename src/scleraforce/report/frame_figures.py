@@ -1,4 +1,6 @@
-"""Figures of frames: slices and walls, read over measured forces, an evaluation in one picture, a sheet of frames."""
+"""Figures of frames: slices and walls, read over measured forces, an evaluation in one
+picture, a sheet of frames.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -32,14 +34,14 @@ from scleraforce.units import from_si
 if TYPE_CHECKING:
     from scleraforce.learning.dataset import Dataset
 
+# of two slices, overlaid
 PARTS = {
     "in the frame only": style.SKY,
     "simulated only": style.RED,
     "both": style.GREY,
-}  # of two slices, overlaid
-SHIFTS_M = np.linspace(
-    -0.6e-3, 0.6e-3, 49
-)  # lateral, to either side of the frame's middle
+}
+# lateral, to either side of the frame's middle
+SHIFTS_M = np.linspace(-0.6e-3, 0.6e-3, 49)
 WALLS: tuple[tuple[str, Literal["-", "--"]], ...] = (
     (style.SKY, "-"),
     (style.AMBER, "--"),
@@ -47,7 +49,9 @@ WALLS: tuple[tuple[str, Literal["-", "--"]], ...] = (
 SLICE: dict[str, Any] = {"vmin": 0, "vmax": 255, "interpolation": "nearest"}
 
 WIDTH_MM = 170.0  # of a figure
-WIDTH = 480  # pixels of a frame in a page: 3 side by side on a wide screen, one on a telephone, both sharp
+# pixels of a frame in a page: 3 side by side on a wide screen, one on a telephone, both
+# sharp
+WIDTH = 480
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,8 @@ class AnsweredFrame:
         """The wall that was read."""
         if self.answer.answer.segmentation is None:
             raise ValueError(
-                f"{self.answer.recording}: {self.answer.file}: the answer has no segmentation"
+                f"{self.answer.recording}: {self.answer.file}: the answer has no"
+                " segmentation"
             )
         return self.answer.answer.segmentation
 
@@ -78,7 +83,9 @@ class AnsweredFrame:
 
 
 def look_at_all(answers: Iterable[FrameAnswer]) -> tuple[AnsweredFrame, ...]:
-    """Read the pixels of answers' frames, each recording once; raises `RecordingError` or `FrameError`."""
+    """Read the pixels of answers' frames, each recording once; raises `RecordingError`
+    or `FrameError`.
+    """
     opened = cache(read_recording)
     looks = []
 
@@ -94,9 +101,11 @@ def look_at_all(answers: Iterable[FrameAnswer]) -> tuple[AnsweredFrame, ...]:
 def draw_slice_pairs(
     pairs: Sequence[tuple[AnsweredFrame, Bytes, Bytes]], pixel_m: float
 ) -> Figure:
-    """Draw for each pair, from top to bottom: the raw frame, its slice, the simulated slice, and both overlaid.
+    """Draw for each pair, from top to bottom: the raw frame, its slice, the simulated
+    slice, and both overlaid.
 
-    A pair is a frame, its slice, and the slice simulated for the same force: 255 is wall, pixels of `pixel_m`.
+    A pair is a frame, its slice, and the slice simulated for the same force: 255 is
+    wall, pixels of `pixel_m`.
     """
     figure = Figure(figsize=style.inches(170, 100))
     grid = figure.subplots(4, len(pairs), squeeze=False)
@@ -149,7 +158,9 @@ def draw_slice_pairs(
 
 @style.styled
 def draw_montage(dataset: "Dataset", chosen: Integers) -> Figure:
-    """Draw the slices of chosen samples by force in six columns, each with force, class and wall thickness."""
+    """Draw the slices of chosen samples by force in six columns, each with force, class
+    and wall thickness.
+    """
     chosen = chosen[np.argsort(dataset.force_n[chosen])]
     rows = -(-len(chosen) // 6)
     figure = Figure(figsize=style.inches(170, 14.5 * rows))
@@ -161,7 +172,10 @@ def draw_montage(dataset: "Dataset", chosen: Integers) -> Figure:
     thickness_um = from_si(dataset.read("thickness_m"), "um")
     for axes, sample in zip(grid, chosen, strict=False):
         axes.imshow(dataset.slices[sample], cmap="gray", **SLICE)
-        title = f"{from_si(dataset.force_n[sample], 'mn'):.1f} mN · {thickness_um[sample]:.0f} µm"
+        title = (
+            f"{from_si(dataset.force_n[sample], 'mn'):.1f} mN ·"
+            f" {thickness_um[sample]:.0f} µm"
+        )
         axes.set_title(
             title, fontsize=6.5, pad=2, color=style.CLASS_INKS[dataset.target[sample]]
         )
@@ -170,7 +184,9 @@ def draw_montage(dataset: "Dataset", chosen: Integers) -> Figure:
 
 
 def draw_wall(axes: Axes, look: AnsweredFrame) -> None:
-    """Draw a frame and, over it, the boundaries that were found: surface orange, inner blue, as in the console."""
+    """Draw a frame and, over it, the boundaries that were found: surface orange, inner
+    blue, as in the console.
+    """
     width_mm, depth_mm = (from_si(extent_m, "mm") for extent_m in look.extent_m)
     rows, columns = look.frame.shape
     style.show_image(axes, look.frame, look.extent_m)
@@ -189,7 +205,9 @@ def draw_wall(axes: Axes, look: AnsweredFrame) -> None:
 
 @style.styled
 def draw_segmentation(look: AnsweredFrame) -> Figure:
-    """Draw a raw frame, the boundaries that were found, the mask of the wall, and the frame under the mask."""
+    """Draw a raw frame, the boundaries that were found, the mask of the wall, and the
+    frame under the mask.
+    """
     figure = Figure(figsize=style.inches(170, 68))
     raw, found, mask, masked = panels = figure.subplots(
         2, 2, sharex=True, sharey=True
@@ -221,7 +239,9 @@ def draw_segmentation(look: AnsweredFrame) -> Figure:
 
 
 def laid_on_surface(section: Section, surface_m: Floats, width_m: float) -> Section:
-    """Return a section laid on a frame's surface (column,), m, NaN unseen: the shift of smallest mean distance wins."""
+    """Return a section laid on a frame's surface (column,), m, NaN unseen: the shift of
+    smallest mean distance wins.
+    """
     columns = len(surface_m)
     lateral_m = (np.arange(columns) + 0.5) * width_m / columns
     ahead = np.concatenate(
@@ -250,7 +270,9 @@ def laid_on_surface(section: Section, surface_m: Floats, width_m: float) -> Sect
 def draw_computed_walls(
     looks: Sequence[AnsweredFrame], computed: Mapping[str, Sequence[Section]]
 ) -> Figure:
-    """Draw each frame bare and, below, with the sections that each mechanics computed for it, laid on its surface."""
+    """Draw each frame bare and, below, with the sections that each mechanics computed
+    for it, laid on its surface.
+    """
     figure = Figure(figsize=style.inches(170, 52))
     grid = figure.subplots(2, len(looks), squeeze=False, sharex="col", sharey="col")
 
@@ -296,7 +318,9 @@ MOST_MM = 90.0
 def draw_scanner(
     real: Pixels, drawn: Pixels, extent_m: tuple[float, float], top: int
 ) -> Figure:
-    """Draw a real frame and a simulated one (row, column) on one grey scale, up to `top`, and their histograms."""
+    """Draw a real frame and a simulated one (row, column) on one grey scale, up to
+    `top`, and their histograms.
+    """
     width_mm, depth_mm = (float(from_si(length, "mm")) for length in extent_m)
     frame_mm = min(MOST_MM, (WIDTH_MM / 2 - 8.0) * depth_mm / width_mm)
     figure = Figure(figsize=style.inches(WIDTH_MM, frame_mm + 14.0 + HISTOGRAM_MM))
@@ -338,7 +362,9 @@ Place = tuple[float, float, FrameAnswer]  # of a trial in a figure
 
 @style.styled
 def draw_trial_forces(evaluation: Evaluation) -> Figure:
-    """Draw the measured force of every trial that counts with the class bounds; misread trials are ringed."""
+    """Draw the measured force of every trial that counts with the class bounds; misread
+    trials are ringed.
+    """
     figure = Figure(figsize=style.inches(WIDTH_MM, 70))
     _draw_trials(figure, evaluation)
     return figure
@@ -368,7 +394,9 @@ def _draw_trials(figure: FigureBase, evaluation: Evaluation) -> None:
 
 
 def _draw_places(axes: Axes, places: Sequence[Place]) -> None:
-    """Draw trials: marker and colour say which class was read, hollow ones are not usable, misread ones are ringed."""
+    """Draw trials: marker and colour say which class was read, hollow ones are not
+    usable, misread ones are ringed.
+    """
 
     def draw(chosen: Iterable[Place], marker: str, label: str, **look: Any) -> None:
         if some := [place[:2] for place in chosen]:
@@ -406,7 +434,9 @@ def _draw_places(axes: Axes, places: Sequence[Place]) -> None:
 
 
 def _separate_eyes(axes: Axes, names: Sequence[str]) -> None:
-    """Draw a line between the trials of two eyes, and the eyes' names where there is room."""
+    """Draw a line between the trials of two eyes, and the eyes' names where there is
+    room.
+    """
     starts = [n for n in range(len(names)) if n == 0 or names[n] != names[n - 1]]
     for start, end in pairwise([*starts, len(names)]):
         if start:
@@ -425,10 +455,12 @@ def _separate_eyes(axes: Axes, names: Sequence[str]) -> None:
 
 @style.styled
 def draw_residuals(evaluation: Evaluation) -> Figure:
-    """Draw read minus measured force of every trial that counts, with its interval, over the measured force.
+    """Draw read minus measured force of every trial that counts, with its interval,
+    over the measured force.
 
-    The lines are the mean and its limits of agreement (Bland and Altman 1986, against a reference), the band is the
-    labels' own error; trials that are not usable have no force, and are at the upper edge.
+    The lines are the mean and its limits of agreement (Bland and Altman 1986, against a
+    reference), the band is the labels' own error; trials that are not usable have no
+    force, and are at the upper edge.
     """
     figure = Figure(figsize=style.inches(WIDTH_MM, 88))
     axes = figure.subplots()
@@ -523,7 +555,9 @@ def _draw_agreement(axes: Axes, evaluation: Evaluation) -> None:
 
 
 def _mark_classes(axes: Axes, bounds_n: Sequence[float], top_mn: float) -> None:
-    """Draw the class bounds across the horizontal axis and name the classes above it."""
+    """Draw the class bounds across the horizontal axis and name the classes above
+    it.
+    """
     bounds_mn = from_si(np.array(bounds_n), "mn")
     for bound_mn in bounds_mn:
         axes.axvline(
@@ -545,7 +579,9 @@ def _mark_classes(axes: Axes, bounds_n: Sequence[float], top_mn: float) -> None:
 
 @style.styled
 def draw_overview(read: Sequence[AnsweredFrame], evaluation: Evaluation) -> Figure:
-    """Draw frames, one of each class, with their walls and the classes read, above the forces of all trials."""
+    """Draw frames, one of each class, with their walls and the classes read, above the
+    forces of all trials.
+    """
     figure = Figure(figsize=style.inches(170, 92))
     top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=[1.0, 2.1])[:, 0]
 
@@ -589,19 +625,23 @@ LINE_MM = 2.6
 # in a line
 NAME_LETTERS = 25
 LETTERS = 37
+# dashes over a broader line
 LINES = (
     ("classical method (edges)", *WALLS[0], 1.2),
     ("network", *WALLS[1], 0.7),
-)  # dashes over a broader line
+)
 EXPLAINED = (
-    "Disagreement: the share of columns in which the methods differ by more than their uncertainties, or the network\n"
-    "is unsure of the wall's end, divided by the largest usable share. Unusable frames are first, and outlined."
+    "Disagreement: the share of columns in which the methods differ by more than their"
+    " uncertainties, or the network\nis unsure of the wall's end, divided by the"
+    " largest usable share. Unusable frames are first, and outlined."
 )
 
 
 @dataclass(frozen=True)
 class SheetFrame:
-    """A frame on a sheet: its name, its picture (row, column, colour), depth over width, its wall, and lines below."""
+    """A frame on a sheet: its name, its picture (row, column, colour), depth over
+    width, its wall, and lines below.
+    """
 
     name: str
     picture: Bytes
@@ -611,7 +651,9 @@ class SheetFrame:
 
 
 def sheet_frame(name: str, frame: ScaledFrame, found: Segmentation) -> SheetFrame:
-    """Return a frame for a sheet: to scale if its size is stated, else with square pixels; at most as deep as wide."""
+    """Return a frame for a sheet: to scale if its size is stated, else with square
+    pixels; at most as deep as wide.
+    """
     rows, columns = frame.pixels.shape
     stated = "assumed" not in (frame.width_m.source, frame.depth_m.source)
     aspect = min(
@@ -644,14 +686,18 @@ def sheet_frame(name: str, frame: ScaledFrame, found: Segmentation) -> SheetFram
 
 
 def shown_on_sheet(badness: Sequence[tuple[bool, float]]) -> list[int]:
-    """Return which frames a sheet shows, the worst first: all, or the worst and others in even steps."""
+    """Return which frames a sheet shows, the worst first: all, or the worst and others
+    in even steps.
+    """
     order = sorted(range(len(badness)), key=lambda n: badness[n], reverse=True)
     return order[:WORST] + style.evenly(order[WORST:], MOST - WORST)
 
 
 @style.styled
 def draw_sheet(frames: Sequence[SheetFrame], title: str, note: str = "") -> Figure:
-    """Draw frames in their order, each with the walls of both methods, its verdict and the disagreement."""
+    """Draw frames in their order, each with the walls of both methods, its verdict and
+    the disagreement.
+    """
     rows = [frames[n : n + COLUMNS] for n in range(0, len(frames), COLUMNS)]
     tall_mm = [
         CELL_MM * max(one.aspect for one in row)

@@ -1,4 +1,6 @@
-"""Pages from templates: tables of answers, provenance, downloads; an evaluation's page."""
+"""Pages from templates: tables of answers, provenance, downloads; an evaluation's
+page.
+"""
 
 import platform
 from collections.abc import Iterable, Mapping, Sequence
@@ -42,7 +44,8 @@ from scleraforce.whole_files import write_whole
 
 @dataclass(frozen=True)
 class Table:
-    """A table of a page: titles of the columns, rows, and the cells (row, column) to highlight.
+    """A table of a page: titles of the columns, rows, and the cells (row, column) to
+    highlight.
 
     `records` are the rows of its CSV file; by default, the cells.
     """
@@ -84,7 +87,9 @@ def write_page(
     *,
     overwrite: bool = False,
 ) -> None:
-    """Write a page from a template of the package and its values, as one file; raises `InputError`."""
+    """Write a page from a template of the package and its values, as one file; raises
+    `InputError`.
+    """
     if path.exists() and not overwrite:
         raise InputError(f"{path}: exists already; remove it or choose another name")
 
@@ -120,7 +125,9 @@ def class_names(bounds_n: Sequence[float]) -> tuple[str, str, str]:
 
 
 def confusion_table(evaluation: Evaluation, confusion: Integers | None = None) -> Table:
-    """Return the confusion matrix, or another one, with recall and precision; misread trials are highlighted."""
+    """Return the confusion matrix, or another one, with recall and precision; misread
+    trials are highlighted.
+    """
     names = class_names(evaluation.bounds_n)
     confusion = evaluation.confusion if confusion is None else confusion
     rows = [
@@ -137,7 +144,9 @@ def confusion_table(evaluation: Evaluation, confusion: Integers | None = None) -
 
 
 def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer]) -> Table:
-    """Return a row for each frame: measured and read force, and remarks; of several eyes, with the eye's name."""
+    """Return a row for each frame: measured and read force, and remarks; of several
+    eyes, with the eye's name.
+    """
     several = len({frame.eye for frame in frames}) > 1
     with_force = evaluation.reads_force
     classes = [f"p({number})" for number in range(len(evaluation.bounds_n) + 1)]
@@ -224,11 +233,16 @@ def made_line(made_at: datetime) -> str:
     >>> made_line(datetime(2026, 3, 1, 0, 30, tzinfo=timezone(timedelta(hours=1)))).partition(", ")[2]
     '2026-02-28 23:30 UTC. Research use only: not a medical device.'
     """
-    return f"scleraforce {__version__}, {made_at.astimezone(UTC):%Y-%m-%d %H:%M} UTC. {RESEARCH_USE}"
+    return (
+        f"scleraforce {__version__}, {made_at.astimezone(UTC):%Y-%m-%d %H:%M} UTC."
+        f" {RESEARCH_USE}"
+    )
 
 
 def provenance_table(study: Study, reader: Reader) -> Table:
-    """Return study hash, seeds, model and data set hashes, and the versions of the packages."""
+    """Return study hash, seeds, model and data set hashes, and the versions of the
+    packages.
+    """
     rows: list[Sequence[object]] = [
         ["study, SHA-256", study_hash(study)],
         ["data set, SHA-256", reader.provenance.get("dataset_sha256", "")],
@@ -248,7 +262,9 @@ def write_evaluation_html(
     path: Path,
     made_at: datetime,
 ) -> None:
-    """Write an evaluation as one self-contained page, with pictures of some frames; raises `InputError`."""
+    """Write an evaluation as one self-contained page, with pictures of some frames;
+    raises `InputError`.
+    """
     recordings = dict.fromkeys(frame.recording for frame in evaluation.frames)
     tables = {
         name: frame_table(
@@ -282,20 +298,31 @@ def write_evaluation_html(
 def _lead(evaluation: Evaluation) -> str:
     if not evaluation.reads_force:
         modulus_mpa = from_si(evaluation.youngs_modulus_pa, "mpa")
-        return f"Model {evaluation.model}, trained at a Young's modulus of {modulus_mpa:.3g} MPa."
+        return (
+            f"Model {evaluation.model}, trained at a Young's modulus of"
+            f" {modulus_mpa:.3g} MPa."
+        )
 
     eyes = {
         frame.eye: (frame.youngs_modulus_pa, frame.modulus_source)
         for frame in evaluation.frames
     }
     moduli = (
-        f"{eye}: not known"
-        if modulus_pa is None
-        else f"{eye}: {from_si(modulus_pa, 'mpa'):.3g} MPa ({MODULUS_SOURCES[str(source)]})"
+        (
+            f"{eye}: not known"
+            if modulus_pa is None
+            else (
+                f"{eye}: {from_si(modulus_pa, 'mpa'):.3g} MPa"
+                f" ({MODULUS_SOURCES[str(source)]})"
+            )
+        )
         for eye, (modulus_pa, source) in eyes.items()
     )
 
-    return f"Model {evaluation.model}. Young's modulus with which each eye was read: {', '.join(moduli)}."
+    return (
+        f"Model {evaluation.model}. Young's modulus with which each eye was read:"
+        f" {', '.join(moduli)}."
+    )
 
 
 def evaluation_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
@@ -351,13 +378,16 @@ def _of(found: Proportion) -> str:
     return f"{found.hits} of {found.total} trials"
 
 
-MOST_PICTURES = 48  # of 20 KB each, once to see and once to save: a page of 2 MB, which a mail carries
+# of 20 KB each, once to see and once to save: a page of 2 MB, which a mail carries
+MOST_PICTURES = 48
 QUALITY = 75
 DEEPEST = 2.0  # times as deep as wide, at most
 
 
 def shown_frames(frames: Sequence[FrameAnswer]) -> tuple[FrameAnswer, ...]:
-    """Return the frames that a page pictures, in their order: misread and unusable ones, then others in even steps."""
+    """Return the frames that a page pictures, in their order: misread and unusable
+    ones, then others in even steps.
+    """
     first = [
         n for n, frame in enumerate(frames) if not frame.answer.usable or frame.misread
     ]

@@ -1,4 +1,6 @@
-"""Figures of the models: the deformed mesh, sketches of the eye and of the network, the curves of a training."""
+"""Figures of the models: the deformed mesh, sketches of the eye and of the network, the
+curves of a training.
+"""
 
 from collections.abc import Mapping, Sequence
 from math import cos, degrees, radians, sin
@@ -21,7 +23,8 @@ from scleraforce.units import from_si
 
 DISPLACEMENT_COLOURS = "viridis"
 NEEDLE_LENGTH_M = 6e-3
-# The outline of each face of a hexahedron in VTK's order, mid-edge nodes included, counter-clockwise seen from outside.
+# The outline of each face of a hexahedron in VTK's order, mid-edge nodes included,
+# counter-clockwise seen from outside.
 FACE_OUTLINES = (
     *((0, 11, 3, 10, 2, 9, 1, 8), (4, 12, 5, 13, 6, 14, 7, 15)),
     *((0, 8, 1, 17, 5, 12, 4, 16), (1, 9, 2, 18, 6, 13, 5, 17)),
@@ -33,9 +36,8 @@ FACE_OUTLINES = (
 def draw_simulation(eye: SimulatedEye) -> Figure:
     """Draw the deformed mesh and, beside it, the slice."""
     figure = Figure(figsize=style.inches(170, 65))
-    figure.set_layout_engine(
-        "none"
-    )  # the automatic layout leaves three-dimensional axes small
+    # the automatic layout leaves three-dimensional axes small
+    figure.set_layout_engine("none")
     _draw_mesh(figure, eye, width=0.5)
     axes = figure.add_axes((0.56, 0.2, 0.42, 0.6))
     rows, columns = eye.slice.shape
@@ -68,9 +70,8 @@ def draw_simulation(eye: SimulatedEye) -> Figure:
 def _draw_mesh(figure: Figure, eye: SimulatedEye, width: float) -> None:
     axes: Axes3D = figure.add_axes((0.0, 0.1, width, 0.9), projection="3d")
     middles_ec = eye.mesh.points_nc[eye.mesh.cells_en].mean(axis=1)
-    behind_needle = (
-        middles_ec @ eye.contact.parallel > 0.0
-    )  # of the plane through its meridian, for the viewer
+    # of the plane through its meridian, for the viewer
+    behind_needle = middles_ec @ eye.contact.parallel > 0.0
     outlines = skin_outlines(eye.mesh.cells_en[behind_needle])
     moved = from_si(eye.mesh.points_nc + eye.displacement_nc, "mm")
     amount = from_si(
@@ -104,7 +105,9 @@ def _draw_mesh(figure: Figure, eye: SimulatedEye, width: float) -> None:
 
 
 def skin_outlines(cells_en: Integers) -> Integers:
-    """Return the outlines of the faces that belong to one element only, shape (face, 4 or 8)."""
+    """Return the outlines of the faces that belong to one element only, shape (face, 4
+    or 8).
+    """
     corners = np.array(FACE_OUTLINES)[:, ::2]
     outline = corners if cells_en.shape[1] == 8 else np.array(FACE_OUTLINES)
     names = np.sort(cells_en[:, corners].reshape(-1, 4), axis=1)
@@ -125,7 +128,9 @@ ROW_MM = 14.0
 
 @style.styled
 def draw_model(study: Study) -> Figure:
-    """Draw the meridian of the needle: the wall, its clamped base, pressure, weight, needle and the B-scan plane."""
+    """Draw the meridian of the needle: the wall, its clamped base, pressure, weight,
+    needle and the B-scan plane.
+    """
     radius = from_si(study.eye.radius_m, "mm")
     polar_deg = degrees(sum(study.needle.polar_angle_rad.bounds) / 2)
     figure = Figure(figsize=style.inches(120, 62))
@@ -172,7 +177,9 @@ def draw_network(
     classes: Sequence[str],
     dropout: float,
 ) -> Figure:
-    """Draw the layers from a slice of (columns, rows) over hidden layers with dropout to the named classes."""
+    """Draw the layers from a slice of (columns, rows) over hidden layers with dropout
+    to the named classes.
+    """
     columns, rows = pixels
     layers = [
         (f"slice\n{columns} x {rows}\npixels", style.BLACK),
@@ -214,7 +221,9 @@ def draw_network(
 
 
 def _arc(distance: float, polar_rad: Floats) -> Floats:
-    """Points of a meridian at a distance from the centre, (point, 2); the pole is up, the needle to the right."""
+    """Points of a meridian at a distance from the centre, (point, 2); the pole is up,
+    the needle to the right.
+    """
     return distance * np.stack([np.sin(polar_rad), np.cos(polar_rad)], axis=-1)
 
 
@@ -313,7 +322,9 @@ def _sketch_needle(axes: Axes, radius: float, polar_deg: float) -> None:
 
 @style.styled
 def draw_curves(curves: Mapping[str, Sequence[float]], steps: str) -> Figure:
-    """Draw the curves of a training (`training_loss`, `validation_loss` and so on), a panel for each quantity."""
+    """Draw the curves of a training (`training_loss`, `validation_loss` and so on), a
+    panel for each quantity.
+    """
     names = list(dict.fromkeys(name.partition("_")[2] for name in curves))
     figure = Figure(figsize=style.inches(170 if len(names) > 1 else 110, 60))
 

@@ -1,4 +1,6 @@
-"""Figures of a recording and of a calibration: frames and forces; E over frames and forces, points (Figs. 3 to 5)."""
+"""Figures of a recording and of a calibration: frames and forces; E over frames and
+forces, points (Figs. 3 to 5).
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -42,9 +44,11 @@ NAME_LETTERS = 24
 def draw_recording(
     recording: Recording, trials: Sequence[Trial] = (), bounds_n: Sequence[float] = ()
 ) -> Figure:
-    """Draw frames side by side, to scale, above the contact force with the times of all frames.
+    """Draw frames side by side, to scale, above the contact force with the times of all
+    frames.
 
-    With `trials`, labels of all frames, it shows the least, the middle and the largest force; else the first frames.
+    With `trials`, labels of all frames, it shows the least, the middle and the largest
+    force; else the first frames.
     """
     forces_n = [trial.measured_force_n for trial in trials] or [None] * len(
         recording.frames
@@ -92,9 +96,8 @@ def _scale_bars(axes: Axes, width_mm: float, depth_mm: float) -> None:
     }
     axes.plot([left, left + across], [bottom, bottom], **line)
     axes.plot([left, left], [bottom, bottom - down], **line)
-    edge = [
-        withStroke(linewidth=2.0, foreground=style.SHADE)
-    ]  # letters are readable on bright tissue, too
+    # letters are readable on bright tissue, too
+    edge = [withStroke(linewidth=2.0, foreground=style.SHADE)]
     words: dict[str, Any] = {
         "color": style.AMBER,
         "fontsize": 7.0,
@@ -115,7 +118,9 @@ def draw_force_log(
     bounds_n: Sequence[float],
     until_s: float,
 ) -> Figure:
-    """Draw the beginning of a force log with the labels of its frames and the class bounds."""
+    """Draw the beginning of a force log with the labels of its frames and the class
+    bounds.
+    """
     figure = Figure(figsize=style.inches(170, 62))
     axes = figure.subplots()
     draw_log(axes, recording, trials, bounds_n)
@@ -129,7 +134,8 @@ def draw_log(
     trials: Sequence[Trial] = (),
     bounds_n: Sequence[float] = (),
 ) -> None:
-    """Draw a force log, as logged (shifted to the filtered zero) and filtered, with the frames' times and labels.
+    """Draw a force log, as logged (shifted to the filtered zero) and filtered, with the
+    frames' times and labels.
 
     Without a log, draw the times alone.
     """
@@ -238,7 +244,9 @@ EYES_IN_A_ROW = 3
 def draw_modulus_over_frames(
     eye: EyeCalibration, truth_pa: float | None = None
 ) -> Figure:
-    """Draw mean and band (one and two standard deviations) of E over the frames (Fig. 5), and a virtual eye's E."""
+    """Draw mean and band (one and two standard deviations) of E over the frames (Fig.
+    5), and a virtual eye's E.
+    """
     figure = Figure(figsize=style.inches(WIDTH_MM, 62))
     axes = figure.subplots()
     _draw_over_frames(axes, eye, truth_pa)
@@ -250,7 +258,9 @@ def draw_modulus_over_frames(
 def draw_observed_points(
     eye: EyeCalibration, frame: Pixels, index: int, width_m: float, depth_m: float
 ) -> Figure:
-    """Draw the points of one of an eye's steps over its raw frame, at the prior's and at the final modulus (Fig. 4)."""
+    """Draw the points of one of an eye's steps over its raw frame, at the prior's and
+    at the final modulus (Fig. 4).
+    """
     figure = Figure(figsize=style.inches(170, 52))
     if eye.filter is None or not eye.steps:
         raise ValueError(f"{eye.id}: no points are kept; calibrate it in this run")
@@ -277,7 +287,9 @@ def draw_observed_points(
 
 @style.styled
 def draw_calibration(calibration: Calibration) -> Figure:
-    """Draw every eye: E over its frames above, what each frame alone says over its force below."""
+    """Draw every eye: E over its frames above, what each frame alone says over its
+    force below.
+    """
     eyes = list(calibration.eyes.values())
     columns = min(len(eyes), EYES_IN_A_ROW)
     rows = -(-len(eyes) // columns)
@@ -290,7 +302,10 @@ def draw_calibration(calibration: Calibration) -> Figure:
             figure.add_subplot(grid[2 * row + line, column]) for line in (0, 1)
         )
         _draw_over_frames(above, eye, None)
-        modulus = f"{eye.id}: {from_si(eye.mean_pa, 'mpa'):.3f} MPa, sd {from_si(eye.sd_pa, 'mpa'):.4f} MPa"
+        modulus = (
+            f"{eye.id}: {from_si(eye.mean_pa, 'mpa'):.3f} MPa, sd"
+            f" {from_si(eye.sd_pa, 'mpa'):.4f} MPa"
+        )
         above.set_title("\n".join((modulus, *found_words(eye))))
         _draw_by_force(below, eye)
 
@@ -305,7 +320,9 @@ def draw_calibration(calibration: Calibration) -> Figure:
 
 
 def _draw_over_frames(axes: Axes, eye: EyeCalibration, truth_pa: float | None) -> None:
-    """Draw E over the frames; the axis shows the frames' bands, and the prior's, at no frames, reaches beyond it."""
+    """Draw E over the frames; the axis shows the frames' bands, and the prior's, at no
+    frames, reaches beyond it.
+    """
     moments = [(frame.mean_pa, frame.sd_pa) for frame in eye.used]
     if eye.filter is not None:
         moments.insert(

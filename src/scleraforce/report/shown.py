@@ -1,4 +1,6 @@
-"""Descriptions of files and folders for `scleraforce show`: the kinds, how they are recognised, and a study."""
+"""Descriptions of files and folders for `scleraforce show`: the kinds, how they are
+recognised, and a study.
+"""
 
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -18,17 +20,18 @@ from scleraforce.units import HumanUnit, from_si
 from scleraforce.whole_files import KINDS, read_bytes
 
 KNOWN = (
-    f"give a study, library, data set, model (or a bundled one: {', '.join(SHIPPED)}), recording, calibration or "
-    "decision log"
+    f"give a study, library, data set, model (or a bundled one: {', '.join(SHIPPED)}),"
+    " recording, calibration or decision log"
 )
 RECORDING_FILE = "recording.toml"
 LOG_FILES = "decisions-*.jsonl"
 STORE_FILE = "zarr.json"
+# files of folders
 PARTS = {
     RECORDING_FILE: "recording",
     RECORD_FILE: "model",
     STORE_FILE: "store",
-}  # files of folders
+}
 ENDINGS = {
     ".toml": "study",
     ".json": "calibration",
@@ -40,7 +43,8 @@ RANGE = {"min", "max"}  # a value, not a table of keys
 
 @dataclass(frozen=True, kw_only=True)
 class Thing:
-    """A described thing: `facts` for JSON in human units, `rows` and `lines` for people, and a picture.
+    """A described thing: `facts` for JSON in human units, `rows` and `lines` for
+    people, and a picture.
 
     A row is a name and a sentence; it is left out if that is empty.
     """
@@ -69,7 +73,9 @@ def span(values: Iterable[float], unit: HumanUnit, printed: str) -> str:
 
 
 def thing_at(path: Path, model: Path | None = None) -> Thing:
-    """Return the description of a file, folder or bundled model; `model`: checks its limits; raises `InputError`."""
+    """Return the description of a file, folder or bundled model; `model`: checks its
+    limits; raises `InputError`.
+    """
     found = model_folder(path)
     if found.name in PARTS and found.is_file():
         raise InputError(
@@ -89,9 +95,8 @@ def thing_at(path: Path, model: Path | None = None) -> Thing:
     if kind == "study":
         return show_study(found / STUDY_FILE if found.is_dir() else found)
 
-    shown = import_module(
-        "scleraforce.report.shown_artefacts"
-    )  # with all packages that make or read them
+    # with all packages that make or read them
+    shown = import_module("scleraforce.report.shown_artefacts")
     show: Callable[..., Thing] = getattr(shown, f"show_{kind.replace(' ', '_')}")
 
     return show(found) if model is None else show(found, model)
@@ -129,20 +134,27 @@ def show_study(path: Path) -> Thing:
     rows = (
         (
             "eye",
-            f"radius {from_si(eye.radius_m, 'mm'):g} mm, wall of {span(eye.thickness_m.bounds, 'um', 'µm')}, "
-            f"{span([eye.youngs_modulus_pa], 'mpa', 'MPa')} at {span([eye.iop_pa], 'mmhg', 'mmHg')}, "
-            f"globe {study.globe.kind}",
+            (
+                f"radius {from_si(eye.radius_m, 'mm'):g} mm, wall of"
+                f" {span(eye.thickness_m.bounds, 'um', 'µm')},"
+                f" {span([eye.youngs_modulus_pa], 'mpa', 'MPa')} at"
+                f" {span([eye.iop_pa], 'mmhg', 'mmHg')}, globe {study.globe.kind}"
+            ),
         ),
         (
             "needle",
-            f"{from_si(needle.outer_diameter_m, 'mm'):g} mm thick, "
-            f"{span(needle.polar_angle_rad.bounds, 'deg', '°')} from the pole, "
-            f"up to {from_si(needle.max_force_n, 'mn'):g} mN",
+            (
+                f"{from_si(needle.outer_diameter_m, 'mm'):g} mm thick, "
+                f"{span(needle.polar_angle_rad.bounds, 'deg', '°')} from the pole, "
+                f"up to {from_si(needle.max_force_n, 'mn'):g} mN"
+            ),
         ),
         (
             "scanner",
-            f"{scan.columns} x {scan.rows} pixels of {scan.bits} bits over "
-            f"{from_si(scan.width_m, 'mm'):g} x {from_si(scan.depth_m, 'mm'):g} mm",
+            (
+                f"{scan.columns} x {scan.rows} pixels of {scan.bits} bits over "
+                f"{from_si(scan.width_m, 'mm'):g} x {from_si(scan.depth_m, 'mm'):g} mm"
+            ),
         ),
         (
             "classes",
@@ -151,7 +163,10 @@ def show_study(path: Path) -> Thing:
         ("mechanics", study.mechanics.kind),
         (
             "data set",
-            f"{images} slices in {len(study.dataset.group)} groups, seed {study.dataset.seed}",
+            (
+                f"{images} slices in {len(study.dataset.group)} groups, seed"
+                f" {study.dataset.seed}"
+            ),
         ),
         ("SHA-256", study_hash(study)),
         ("changed", f"{len(changed) or 'no'} keys, against the paper's study"),
@@ -178,7 +193,8 @@ def show_study(path: Path) -> Thing:
 
 
 def changed_keys(study: Study) -> dict[str, tuple[Any, Any]]:
-    r"""Return the keys in which a study differs from the paper's, with both values (None: no such key).
+    r"""Return the keys in which a study differs from the paper's, with both values
+    (None: no such key).
 
     >>> from scleraforce.study import parse_study
     >>> changed_keys(parse_study("[eye]\nradius_mm = 11.0"))

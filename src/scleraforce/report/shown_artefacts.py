@@ -1,4 +1,6 @@
-"""Descriptions of artefacts: libraries, data sets and models; recordings, calibrations, the decision logs."""
+"""Descriptions of artefacts: libraries, data sets and models; recordings, calibrations,
+the decision logs.
+"""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -50,10 +52,14 @@ TITLES = {
     "coverage": "intervals that hold",
     "dice_mean": "overlap (Dice)",
 }
-# Data behind the metrics of a training. README and docs/figures.md have a reader's figures on recordings.
+# Data behind the metrics of a training. README and docs/figures.md have a reader's
+# figures on recordings.
 MEASURED_ON = {
-    "reader": "the network alone, on simulated slices with values that are missing or wrong; not what it does on "
-    "recordings of calibrated eyes, where {default} answers (docs/figures.md)",
+    "reader": (
+        "the network alone, on simulated slices with values that are missing or wrong;"
+        " not what it does on recordings of calibrated eyes, where {default} answers"
+        " (docs/figures.md)"
+    ),
     "raw-reader": "simulated frames with values that are missing or wrong",
     "classifier": "simulated slices that it was not trained on",
     "wall-finder": "drawn scenes that it was not trained on",
@@ -62,20 +68,27 @@ MADE_WITH = ("scleraforce", "python", "numpy", "torch", "onnx")
 
 
 def show_library(path: Path) -> Thing:
-    """Describe a response library: a store of `scleraforce library`, or the file of a model folder."""
+    """Describe a response library: a store of `scleraforce library`, or the file of a
+    model folder.
+    """
     library = load_library(path) if path.is_file() else open_library(path)
     shape = library.force_ratio_tpd.shape
     rows = (
         (
             "walls",
-            f"radius {from_si(library.radius_m, 'mm'):g} mm, {span(library.thickness_m, 'um', 'µm')} thick, "
-            f"Poisson's ratio {library.poisson_ratio:g}",
+            (
+                f"radius {from_si(library.radius_m, 'mm'):g} mm,"
+                f" {span(library.thickness_m, 'um', 'µm')} thick, Poisson's ratio"
+                f" {library.poisson_ratio:g}"
+            ),
         ),
         ("needle", f"{from_si(2 * library.needle_radius_m, 'mm'):g} mm thick"),
         (
             "load paths",
-            f"{shape[0]} thicknesses x {shape[1]} tensions p R/(E t) from {library.tension[0]:.3g} to "
-            f"{library.tension[-1]:.3g}",
+            (
+                f"{shape[0]} thicknesses x {shape[1]} tensions p R/(E t) from"
+                f" {library.tension[0]:.3g} to {library.tension[-1]:.3g}"
+            ),
         ),
         ("dents", f"{shape[2]} states of each, {span(library.tip_m, 'mm', 'mm')}"),
         ("contacts", f"{span(library.polar_rad, 'deg', '°')} from the pole"),
@@ -96,7 +109,9 @@ def show_library(path: Path) -> Thing:
 
 @styled
 def draw_library(library: Library) -> Figure:
-    """Draw F/E over the dent for every thickness, at the lowest, the middle and the highest pressure."""
+    """Draw F/E over the dent for every thickness, at the lowest, the middle and the
+    highest pressure.
+    """
     figure = Figure(figsize=inches(170, 62))
     panels = figure.subplots(1, 3, sharex=True, sharey=True)
     dent_mm = from_si(library.tip_m, "mm")
@@ -154,8 +169,10 @@ def show_data_set(path: Path) -> Thing:
         ),
         (
             "walls",
-            f"{span(np.unique(dataset.read('thickness_m')), 'um', 'µm')} thick, "
-            f"{from_si(dataset.youngs_modulus_pa, 'mpa'):.3g} MPa",
+            (
+                f"{span(np.unique(dataset.read('thickness_m')), 'um', 'µm')} thick, "
+                f"{from_si(dataset.youngs_modulus_pa, 'mpa'):.3g} MPa"
+            ),
         ),
         ("seed", str(dataset.study.dataset.seed)),
     )
@@ -176,7 +193,9 @@ def show_data_set(path: Path) -> Thing:
 
 
 def show_model(path: Path) -> Thing:
-    """Describe a model folder; its files are checked against their hashes; raises `ModelError`."""
+    """Describe a model folder; its files are checked against their hashes; raises
+    `ModelError`.
+    """
     folder = read_folder(path)
     record = folder.record
     metrics = _table(record, "metrics")
@@ -223,7 +242,10 @@ def show_model(path: Path) -> Thing:
         ("seed", str(provenance.get("seed", "-"))),
         (
             "files",
-            f"{', '.join(sorted(folder.files))}: {from_si(float(size), 'mb'):.1f} MB, hashes match",
+            (
+                f"{', '.join(sorted(folder.files))}: {from_si(float(size), 'mb'):.1f}"
+                " MB, hashes match"
+            ),
         ),
     )
     curves = {
@@ -272,7 +294,9 @@ SHADES = {"NOT_READY": GREY, "WATCHING": BLUE, "PIERCED": AMBER, "WITHDRAW": RED
 
 
 def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
-    """Describe a recording, and the limits of a model that reads it; forces are put into the paper's classes."""
+    """Describe a recording, and the limits of a model that reads it; forces are put
+    into the paper's classes.
+    """
     recording = read_recording(path)
     fault = None
 
@@ -313,22 +337,28 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
         ("eye", info.eye.id),
         (
             "stated",
-            f"thickness {_value(info.eye.thickness_m, 'um', 'µm')}, "
-            f"IOP {_value(info.eye.iop_pa, 'mmhg', 'mmHg')}, globe {globe}",
+            (
+                f"thickness {_value(info.eye.thickness_m, 'um', 'µm')}, "
+                f"IOP {_value(info.eye.iop_pa, 'mmhg', 'mmHg')}, globe {globe}"
+            ),
         ),
         (
             "frames",
-            f"{len(recording.frames)} in {seconds:.3g} s, {info.oct.columns} x {info.oct.rows} pixels of "
-            f"{info.oct.bits} bits, {width_mm:g} x {depth_mm:g} mm, "
-            f"refractive index {info.oct.refractive_index:g}",
+            (
+                f"{len(recording.frames)} in {seconds:.3g} s, {info.oct.columns} x"
+                f" {info.oct.rows} pixels of {info.oct.bits} bits, {width_mm:g} x"
+                f" {depth_mm:g} mm, refractive index {info.oct.refractive_index:g}"
+            ),
         ),
         ("needle", f"{info.needle.gauge} gauge, {_planes_words(info)}"),
         ("force log", log_words),
         (
             "forces",
-            f"{span([min(forces_n), max(forces_n)], 'mn', 'mN')}: {of_classes}"
-            if forces_n
-            else "",
+            (
+                f"{span([min(forces_n), max(forces_n)], 'mn', 'mN')}: {of_classes}"
+                if forces_n
+                else ""
+            ),
         ),
         ("no labels", fault or ""),
         *(("note", note) for note in notes),
@@ -364,7 +394,8 @@ def _frame_lines(trials: tuple[Trial, ...]) -> list[str]:
         target = "-" if trial.target is None else str(trial.target)
         name = trial.file if len(trial.file) < 20 else f"{trial.file[:18]}…"
         lines.append(
-            f"{name:<20}{trial.time_s:>10.3f}{force:>10}{target:>7}  {trial.excluded or ''}".rstrip()
+            f"{name:<20}{trial.time_s:>10.3f}{force:>10}{target:>7} "
+            f" {trial.excluded or ''}".rstrip()
         )
 
     left = len(trials) - LISTED
@@ -414,7 +445,9 @@ def show_calibration(path: Path) -> Thing:
 
 
 def show_decision_log(path: Path) -> Thing:
-    """Describe a log: a file, the folder of its files, or the folder of a black box; raises `InputError`."""
+    """Describe a log: a file, the folder of its files, or the folder of a black box;
+    raises `InputError`.
+    """
     decisions, notes, torn = _read_decisions(
         path / "log" if (path / "log").is_dir() else path
     )
@@ -426,7 +459,10 @@ def show_decision_log(path: Path) -> Thing:
 
     if decisions:
         begin = datetime.fromtimestamp(decisions[0].time_s, UTC)
-        span_words = f"{decisions[-1].at_s - decisions[0].at_s:.4g} s from {begin:%Y-%m-%d %H:%M:%S} UTC"
+        span_words = (
+            f"{decisions[-1].at_s - decisions[0].at_s:.4g} s from"
+            f" {begin:%Y-%m-%d %H:%M:%S} UTC"
+        )
 
     rows = (
         ("decisions", f"{len(decisions)}, {frames} of them on a frame"),
@@ -550,7 +586,10 @@ def draw_decisions(decisions: Sequence[Entry]) -> Figure:
 def _listed(withdrawals: Sequence[Entry]) -> Iterator[str]:
     for entry in withdrawals[:LISTED]:
         when = datetime.fromtimestamp(entry.time_s, UTC)
-        yield f"{when:%H:%M:%S} UTC, decision {entry.number}: {sentence_of(entry.cause or '')}"
+        yield (
+            f"{when:%H:%M:%S} UTC, decision {entry.number}:"
+            f" {sentence_of(entry.cause or '')}"
+        )
     if len(withdrawals) > LISTED:
         yield f"... and {len(withdrawals) - LISTED} more"
 
@@ -561,7 +600,8 @@ def _planes_words(info: RecordingInfo) -> str:
         return f"{from_si(info.needle.slice_gap_m, 'mm'):g} mm beside the B-scan"
 
     words = (
-        f"{plane.name} ({from_si(plane.offset_m, 'mm'):g} mm, {from_si(plane.direction_rad, 'deg'):.0f}°)"
+        f"{plane.name} ({from_si(plane.offset_m, 'mm'):g} mm,"
+        f" {from_si(plane.direction_rad, 'deg'):.0f}°)"
         for plane in info.oct.plane
     )
     return f"B-scans in {len(info.oct.plane)} planes: {', '.join(words)}"

@@ -1,4 +1,6 @@
-"""A first look: a small virtual session from the push to the page, with the bundled reader."""
+"""A first look: a small virtual session from the push to the page, with the bundled
+reader.
+"""
 
 import shutil
 from collections.abc import Callable
@@ -57,7 +59,9 @@ FRAMES_READ = 0.8
 
 @dataclass(frozen=True)
 class Demo:
-    """Results of the session: its files, the calibrated modulus, Pa, and the answers."""
+    """Results of the session: its files, the calibrated modulus, Pa, and the
+    answers.
+    """
 
     recording: Path
     calibration: Path
@@ -69,10 +73,11 @@ class Demo:
 def run_demo(
     out: Path, made_at: datetime, progress: Callable[[float], object] | None = None
 ) -> Demo:
-    """Push a virtual eye, calibrate on three of the frames, read the others, and write a page with the date `made_at`.
+    """Push a virtual eye, calibrate on three of the frames, read the others, and write
+    a page with the date `made_at`.
 
-    A failure removes the folder. `progress` is called with the finished share of the work. It raises `InputError` if
-    `out` exists or cannot be written.
+    A failure removes the folder. `progress` is called with the finished share of the
+    work. It raises `InputError` if `out` exists or cannot be written.
     """
     if out.exists():
         raise InputError(

@@ -1,4 +1,6 @@
-"""The page of `reproduce`: every table and figure of the paper, from the run in its folder; walls that bend."""
+"""The page of `reproduce`: every table and figure of the paper, from the run in its
+folder; walls that bend.
+"""
 
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
@@ -67,15 +69,18 @@ from scleraforce.reproduction.run import (
 from scleraforce.study import Study, study_hash
 from scleraforce.units import from_si
 
+# of the frames with computed walls: as near as the first eye's trials come
 SHOWN_FORCES_N = (
     12e-3,
     28e-3,
     50e-3,
-)  # of the frames with computed walls: as near as the first eye's trials come
+)
 
 
 def _comparison(paper: Evaluation, reader: Evaluation) -> Table:
-    """Return the comparison of the paper's method and the force reader on the same frames."""
+    """Return the comparison of the paper's method and the force reader on the same
+    frames.
+    """
     both = (paper, reader)
     true = reader.true_forces
     rows: list[list[object]] = [
@@ -125,7 +130,9 @@ def _held(trials: Sequence[metrics.ForceTrial]) -> str:
 
 
 def _coverage(reader: Evaluation) -> dict[str, object]:
-    """Return the errors of the force log, the median reach of the intervals, mN, and what they hold."""
+    """Return the errors of the force log, the median reach of the intervals, mN, and
+    what they hold.
+    """
     logged = reader.forces
     true = reader.true_forces
     if not logged:
@@ -249,7 +256,9 @@ def _stated_eye(run: Run, calibration: Path, look: AnsweredFrame) -> PhantomEye:
 def _finite_sections(
     library: Library, eye: PhantomEye, forces_n: Sequence[float]
 ) -> list[Section]:
-    """Return the library's sections of an eye; beyond its largest force, its last state."""
+    """Return the library's sections of an eye; beyond its largest force, its last
+    state.
+    """
     E = eye.youngs_modulus_pa
     library = library.for_contact(eye.polar_rad)
     thickness_m = np.full(len(forces_n), eye.thickness_m)
@@ -277,12 +286,16 @@ def eye_of(recording: Recording, study: Study) -> PhantomEye:
         thickness_m=info.eye.thickness_m or study.dataset.group[0].thickness_m,
         youngs_modulus_pa=study.eye.youngs_modulus_pa,
         iop_pa=study.eye.iop_pa if info.eye.iop_pa is None else info.eye.iop_pa,
-        gap_m=study.needle.gap_m
-        if info.needle.slice_gap_m is None
-        else info.needle.slice_gap_m,
-        polar_rad=0.5 * (low + high)
-        if info.needle.polar_angle_rad is None
-        else info.needle.polar_angle_rad,
+        gap_m=(
+            study.needle.gap_m
+            if info.needle.slice_gap_m is None
+            else info.needle.slice_gap_m
+        ),
+        polar_rad=(
+            0.5 * (low + high)
+            if info.needle.polar_angle_rad is None
+            else info.needle.polar_angle_rad
+        ),
         direction_rad=info.oct.plane_direction_rad or 0.0,
         tilt_rad=info.oct.plane_tilt_rad,
     )
@@ -305,7 +318,9 @@ def write_reproduction_html(
     made_at: datetime,
     progress: Progress,
 ) -> None:
-    """Write the page of a run; `evaluations`: linear, up to the bounds, finite strain by paper and by reader."""
+    """Write the page of a run; `evaluations`: linear, up to the bounds, finite strain
+    by paper and by reader.
+    """
     values: dict[str, Any] = {"run": run, "seconds": seconds}
     for part in _parts(run, evaluations, seconds):
         values |= part
@@ -389,7 +404,9 @@ def _parts(
 
 
 def _design(run: Run, evaluation: Evaluation) -> Table:
-    """Return Table 1: wall thickness and trials of each class, here and in the paper."""
+    """Return Table 1: wall thickness and trials of each class, here and in the
+    paper.
+    """
     design = paper_eyes(run.study)
     names = html.class_names(run.study.classes.bounds_n)
     eyes = [eye for eye, _ in design]
@@ -444,7 +461,9 @@ def _counts(classes: Sequence[ArrayLike], names: int) -> Places:
 
 
 def _frames(run: Run, evaluation: Evaluation) -> dict[str, Any]:
-    """Return the first eye's first acquisitions in its force log (Fig. 3), and its frame of the largest force (9)."""
+    """Return the first eye's first acquisitions in its force log (Fig. 3), and its
+    frame of the largest force (9).
+    """
     recording = read_recording(run.recordings / evaluation.frames[0].eye)
     classes = run.study.classes
     trials = label_frames(recording, classes)[:LOG_TRIALS]
@@ -466,7 +485,9 @@ def _frames(run: Run, evaluation: Evaluation) -> dict[str, Any]:
 
 
 def _calibration(run: Run, evaluation: Evaluation) -> dict[str, Any]:
-    """Return Table 2, the estimate over the frames of the first eye (Fig. 5), and its points before and after (4)."""
+    """Return Table 2, the estimate over the frames of the first eye (Fig. 5), and its
+    points before and after (4).
+    """
     calibration = parse_calibration(open_calibration(run.calibration))
     # Calibrated once more: the file keeps no points to draw.
     opened = read_recording(run.recordings / next(iter(calibration.eyes)))
@@ -538,7 +559,9 @@ def _mpa(modulus_pa: float) -> str:
 def _pairs(
     evaluation: Evaluation, reader: Classifier, rank: int
 ) -> tuple[Figure, float]:
-    """Return a frame of each class, of its `rank`-th eye, beside the slice simulated for its force; their mean Dice."""
+    """Return a frame of each class, of its `rank`-th eye, beside the slice simulated
+    for its force; their mean Dice.
+    """
     pairs = [
         _pair(look, reader.study) for look in look_at_all(_typical(evaluation, rank))
     ]
@@ -550,7 +573,9 @@ def _pairs(
 
 
 def _typical(evaluation: Evaluation, rank: int) -> list[FrameAnswer]:
-    """Return the usable trial of median force of each class, from the eye that is `rank`-th in trials of the class."""
+    """Return the usable trial of median force of each class, from the eye that is
+    `rank`-th in trials of the class.
+    """
     found = []
     for target in range(len(evaluation.bounds_n) + 1):
         of_class = [
@@ -585,7 +610,9 @@ def _pair(look: AnsweredFrame, study: Study) -> tuple[AnsweredFrame, Bytes, Byte
 
 
 def _laid_on(section: Section, top_m: float, measured: Bytes, study: Study) -> Bytes:
-    """Draw a section shifted to where it covers a slice best, in steps of half a pixel; `top_m`: unloaded wall."""
+    """Draw a section shifted to where it covers a slice best, in steps of half a pixel;
+    `top_m`: unloaded wall.
+    """
     steps = (0.5 * study.slice.pixel_m * np.arange(-12, 13)).tolist()
     drawn = (
         fill_section(section, slice_window(study.slice, top_m, lateral_m, depth_m))
@@ -597,7 +624,9 @@ def _laid_on(section: Section, top_m: float, measured: Bytes, study: Study) -> B
 def _training(
     run: Run, reader: Classifier, seconds: Mapping[str, float]
 ) -> dict[str, Any]:
-    """Return the network (Fig. 2), its curves (Fig. 8a), and slices that it has learned from (Fig. 8b)."""
+    """Return the network (Fig. 2), its curves (Fig. 8a), and slices that it has learned
+    from (Fig. 8b).
+    """
     study = reader.study
     record = reader.record
     window = (study.slice.columns, study.slice.rows)

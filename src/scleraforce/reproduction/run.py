@@ -1,9 +1,11 @@
-"""The whole pipeline in one folder: virtual eyes, slices, network, answers, page (the paper from end to end).
+"""The whole pipeline in one folder: virtual eyes, slices, network, answers, page (the
+paper from end to end).
 
-Each stage leaves its result in the folder; `reproduce.json` lists the finished stages and a hash of the code. A later
-run with the same study reuses what is finished and does the rest, so Ctrl-C loses one stage at most. Results of other
-code or of another reader are not reused. Beside the paper's own stages are readings of walls at finite strain, by the
-paper's method and by the force reader.
+Each stage leaves its result in the folder; `reproduce.json` lists the finished stages
+and a hash of the code. A later run with the same study reuses what is finished and does
+the rest, so Ctrl-C loses one stage at most. Results of other code or of another reader
+are not reused. Beside the paper's own stages are readings of walls at finite strain, by
+the paper's method and by the force reader.
 """
 
 import json
@@ -28,12 +30,12 @@ from scleraforce.study.fields import field_key
 from scleraforce.whole_files import KINDS, hash_sources, read_text, write_whole
 
 Progress = Callable[[int], None]
-Announce = Callable[
-    [str, int], AbstractContextManager[Progress]
-]  # title and length of a bar -> its progress
+# title and length of a bar -> its progress
+Announce = Callable[[str, int], AbstractContextManager[Progress]]
 
 STATE_FILE = "reproduce.json"
-# Sources that decide the stored results: an edit costs one run. The page is drawn in every run.
+# Sources that decide the stored results: an edit costs one run. The page is drawn in
+# every run.
 SOURCES = (
     "calibration",
     "known",
@@ -47,7 +49,8 @@ SOURCES = (
     "study",
     *(f"reproduction/{name}.py" for name in ("run", "stages")),
 )
-# Values that a reader is trained for. The bundled reader serves a study that has its values here.
+# Values that a reader is trained for. The bundled reader serves a study that has its
+# values here.
 TRAINED_FOR = {
     "eye": ("radius_m", "poisson_ratio"),
     "needle": ("outer_diameter_m",),
@@ -69,14 +72,14 @@ class Run:
         self.workers = workers
         self.train = train
         self.recordings = folder / "recordings"  # of the virtual eyes
-        self.recordings_to_the_bounds = (
-            folder / "recordings-to-the-bounds"
-        )  # with forces up to the classes' bounds
+        # with forces up to the classes' bounds
+        self.recordings_to_the_bounds = folder / "recordings-to-the-bounds"
         self.calibration = folder / "calibration.json"
         self.dataset = folder / "dataset"
         self.model = folder / "model"  # the paper's network
-        # The same for the eyes at finite strain: a calibration as the paper makes it, one on three frames of each eye,
-        # and the paper's network for the linear modulus.
+        # The same for the eyes at finite strain: a calibration as the paper makes it,
+        # one on three frames of each eye, and the paper's network for the linear
+        # modulus.
         self.bent_recordings = folder / "bent" / "recordings"
         self.bent_calibrations = folder / "bent" / "calibrations"
         self.bent_linear = self.bent_calibrations / "linear.json"
@@ -89,10 +92,12 @@ class Run:
 
 @dataclass(frozen=True)
 class Stage:
-    """A step of the pipeline: its name, the length of its progress bar, and its function.
+    """A step of the pipeline: its name, the length of its progress bar, and its
+    function.
 
-    `leaves` is the result that a later run reuses; None: it is always done again. A stage that `resumes` continues its
-    own unfinished result. The result of one `by_reader` depends on the force reader or its library.
+    `leaves` is the result that a later run reuses; None: it is always done again. A
+    stage that `resumes` continues its own unfinished result. The result of one
+    `by_reader` depends on the force reader or its library.
     """
 
     name: str
@@ -106,8 +111,9 @@ class Stage:
 def open_run(folder: Path, study: Study, workers: int, *, train: bool = False) -> Run:
     """Make or continue the folder of a reproduction.
 
-    It raises `InputError` if the folder holds something else or was made from another study, `StudyError` if the
-    bundled reader was trained for other values than the study's.
+    It raises `InputError` if the folder holds something else or was made from another
+    study, `StudyError` if the bundled reader was trained for other values than the
+    study's.
     """
     if not train:
         _check_bundled(study)
@@ -135,15 +141,18 @@ def run_stages(
     announce: Announce,
     tell: Callable[[str], object] = lambda _: None,
 ) -> dict[str, float]:
-    """Do the unfinished stages in order, or all of them if other code made the results in the folder.
+    """Do the unfinished stages in order, or all of them if other code made the results
+    in the folder.
 
-    `announce` opens a progress bar; `tell` is called with a line for the user if results of other code are removed. It
-    returns the seconds of each stage, for a finished stage from the run that did it.
+    `announce` opens a progress bar; `tell` is called with a line for the user if
+    results of other code are removed. It returns the seconds of each stage, for a
+    finished stage from the run that did it.
     """
     made_from = _read_state(run.folder)["made_from"]
     if made_from.get("sources") != _sources():
         tell(
-            f"{run.folder}: the code has changed since these results were made; all stages are done again"
+            f"{run.folder}: the code has changed since these results were made; all"
+            " stages are done again"
         )
         _forget(run, stages, {})
     elif made_from.get("reader") != _reader_of(run):
@@ -178,7 +187,9 @@ def run_stages(
 
 
 def _forget(run: Run, stages: Iterable[Stage], seconds: Mapping[str, float]) -> None:
-    """Remove the results of stages, and keep the seconds of others; the last page stays until there is a new one."""
+    """Remove the results of stages, and keep the seconds of others; the last page stays
+    until there is a new one.
+    """
     for stage in stages:
         if stage.leaves:
             _remove(stage.leaves(run))
@@ -251,15 +262,20 @@ def _check_bundled(study: Study) -> None:
             if (names is None or item.name in names) and getattr(
                 mine, item.name
             ) != getattr(its, item.name):
-                fault = "the bundled reader was trained for another value; --train trains one for this study"
+                fault = (
+                    "the bundled reader was trained for another value; --train trains"
+                    " one for this study"
+                )
                 raise StudyError(f"study: {section}.{field_key(item)}: {fault}")
 
 
 def framed_for_laboratory(study: Study) -> Study:
-    """Open the data set's framing ranges to where the study's virtual laboratory may put the eye.
+    """Open the data set's framing ranges to where the study's virtual laboratory may
+    put the eye.
 
-    The paper proposes it as its next step (sec. 4, "randomly cropping each simulated image"). A pixel of the slice is
-    left on every side: the unloaded wall of the data set is pressurised, which lifts it by up to that much.
+    The paper proposes it as its next step (sec. 4, "randomly cropping each simulated
+    image"). A pixel of the slice is left on every side: the unloaded wall of the data
+    set is pressurised, which lifts it by up to that much.
 
     >>> framed_for_laboratory(Study()).dataset.framing_lateral_m
     Range(min=-0.0003, max=0.0003)
@@ -268,7 +284,8 @@ def framed_for_laboratory(study: Study) -> Study:
     surface = study.phantom.surface_depth_m.bounds
     room = study.slice.pixel_m
     lateral, depth = (
-        # Free of the last bits' rounding, so that the range's TOML reads back to the same.
+        # Free of the last bits' rounding, so that the range's TOML reads back to the
+        # same.
         Range(min=round(low - room, 9), max=round(high + room, 9))
         for low, high in (
             shift,
@@ -285,22 +302,27 @@ def framed_for_laboratory(study: Study) -> Study:
 
 
 CALIBRATED_EYES = 4  # of the five eyes, as in the paper (sec. 3.2, Table 2)
+# of the pushes before the trials, up to the bound of danger
 CALIBRATION_FORCES_N = (
     10e-3,
     20e-3,
     30e-3,
-)  # of the pushes before the trials, up to the bound of danger
+)
 
 
 def bent_trials(study: Study) -> tuple[tuple[PhantomEye, tuple[float, ...]], ...]:
-    """Return the eyes of the paper's design with the forces of their calibration, then of their trials."""
+    """Return the eyes of the paper's design with the forces of their calibration, then
+    of their trials.
+    """
     return tuple(
         (eye, (*CALIBRATION_FORCES_N, *forces_n)) for eye, forces_n in paper_eyes(study)
     )
 
 
 def run_library(run: Run, progress: Progress | None = None) -> Library:
-    """Return the bundled reader's library; if the run trains, the user's cached one (`progress` counts paths)."""
+    """Return the bundled reader's library; if the run trains, the user's cached one
+    (`progress` counts paths).
+    """
     if not run.train:
         return load_force_reader(run.reader).library
     return cached_library(run.study, workers=run.workers, progress=progress)

@@ -1,4 +1,6 @@
-"""The stages of `reproduce`: the paper's method on linear walls, then beside the force reader on finite strain."""
+"""The stages of `reproduce`: the paper's method on linear walls, then beside the force
+reader on finite strain.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -36,14 +38,15 @@ from scleraforce.reproduction.run import (
 )
 from scleraforce.study import Study, study_hash
 
-INTERVAL_EYES = (
-    60  # for the intervals of the run's reader, at most: 20 of each kind of globe
-)
+# for the intervals of the run's reader, at most: 20 of each kind of globe
+INTERVAL_EYES = 60
 
 
 @dataclass(frozen=True)
 class Reproduction:
-    """Results: moduli, answers to linear eyes, `to_the_bounds`, at finite strain by both methods; seconds."""
+    """Results: moduli, answers to linear eyes, `to_the_bounds`, at finite strain by
+    both methods; seconds.
+    """
 
     calibration: Calibration
     evaluation: Evaluation
@@ -59,7 +62,9 @@ def reproduce(
     started_at: datetime,
     tell: Callable[[str], object] = lambda _: None,
 ) -> Reproduction:
-    """Do the unfinished stages of the pipeline, and write the page with the date `started_at`; see `run_stages`."""
+    """Do the unfinished stages of the pipeline, and write the page with the date
+    `started_at`; see `run_stages`.
+    """
     answers: list[Evaluation] = []
 
     def evaluate(run: Run, progress: Progress) -> None:
@@ -190,7 +195,9 @@ def _write_calibration(
     library: Library | None,
     out: Path,
 ) -> None:
-    """Calibrate recordings under a run's study; without a library at linear mechanics."""
+    """Calibrate recordings under a run's study; without a library at linear
+    mechanics.
+    """
     finder = load_wall_finder(SHIPPED_WALL_FINDER)
     study = run.study
     found = calibrate_recordings(
@@ -217,9 +224,8 @@ def _train(run: Run, progress: Progress) -> None:
 def _bend_eyes(run: Run, progress: Progress) -> None:
     """Compute and image the eyes, an eye a process; `progress` counts eyes."""
     run.bent_recordings.mkdir(parents=True)
-    prepare = partial(
-        partial, _bend_eye, run.study, run.bent_recordings
-    )  # gives the function of an eye's number
+    # gives the function of an eye's number
+    prepare = partial(partial, _bend_eye, run.study, run.bent_recordings)
     for _ in work_units(prepare, range(len(bent_trials(run.study))), run.workers):
         progress(1)
 
@@ -231,7 +237,9 @@ def _bend_eye(study: Study, folder: Path, number: int) -> None:
 
 
 def _calibrate_bent(run: Run, progress: Progress) -> None:
-    """Calibrate for the force reader, on the pushes before the trials, and as the paper does."""
+    """Calibrate for the force reader, on the pushes before the trials, and as the paper
+    does.
+    """
     opened = [read_recording(path) for path in _of_eyes(run, run.bent_recordings)]
     before = [
         replace(one, frames=one.frames[: len(CALIBRATION_FORCES_N)]) for one in opened
@@ -255,7 +263,9 @@ def _train_reader(run: Run, progress: Progress) -> None:
 
 
 def _train_bent(run: Run, progress: Progress) -> None:
-    """Train the paper's network for the linear modulus of these eyes, on the slices of the data set."""
+    """Train the paper's network for the linear modulus of these eyes, on the slices of
+    the data set.
+    """
     modulus_pa = read_calibration(run.bent_linear).population_mean_pa
     train_classifier(
         open_dataset(run.dataset),

@@ -1,4 +1,5 @@
-"""The loops that are called for each frame, their tables for frames of one size, and the columns of boundaries.
+"""The loops that are called for each frame, their tables for frames of one size, and
+the columns of boundaries.
 
 They look at a part of a frame, or take single steps near a wall that is known.
 """
@@ -60,13 +61,16 @@ STRIP_PIXELS = 24.0
 STRIP_M = 0.15e-3
 GAP_M = 1.5e-3  # a wall continues behind a gap that is narrower
 GAP_SHARE = 0.15  # ... and narrower than this share of the frame
-BOTTOM_ROWS = 7.0  # of a surface this close to the last row too little is seen: it has left the window
+# of a surface this close to the last row too little is seen: it has left the window
+BOTTOM_ROWS = 7.0
 FOUND_SHARE = 2 / 3  # of the columns must show the inner boundary
 
 
 @lru_cache(maxsize=CACHED)
 def fine_columns(columns: int) -> Singles:
-    """Return at most 128 columns of a frame, evenly spaced from the first to the last."""
+    """Return at most 128 columns of a frame, evenly spaced from the first to the
+    last.
+    """
     return np.linspace(0.0, columns - 1.0, min(columns, FINE_COLUMNS), dtype=np.float32)
 
 
@@ -81,7 +85,9 @@ def nearest_point(columns: int) -> Integers:
 
 @lru_cache(maxsize=CACHED)
 def continuation(columns: int, first: float, spacing: float, points: int) -> Singles:
-    """Return the matrix (fine, point) that takes a curve at even points to `fine_columns`, beyond its ends by slope."""
+    """Return the matrix (fine, point) that takes a curve at even points to
+    `fine_columns`, beyond its ends by slope.
+    """
     at = fine_columns(columns)
     column = first + spacing * np.arange(points)
     matrix = np.array([np.interp(at, column, unit) for unit in np.eye(points)]).T
@@ -101,7 +107,9 @@ def continuation(columns: int, first: float, spacing: float, points: int) -> Sin
 
 @lru_cache(maxsize=CACHED)
 def grouping(points: int) -> tuple[Places, Singles]:
-    """Return INNER_COLUMNS evenly spread points, and the matrix (point, group) from means of groups to all points."""
+    """Return INNER_COLUMNS evenly spread points, and the matrix (point, group) from
+    means of groups to all points.
+    """
     chosen = np.arange(INNER_COLUMNS) * (points - 1) // (INNER_COLUMNS - 1)
     middle = chosen.reshape(-1, GROUP).mean(axis=1)
     matrix = np.array(
@@ -116,14 +124,17 @@ def grouped(values: Singles) -> Singles:
 
 
 class Tables(NamedTuple):
-    """Lengths in rows and columns, and constant arrays, for the imaged part of frames of one size and scale."""
+    """Lengths in rows and columns, and constant arrays, for the imaged part of frames
+    of one size and scale.
+    """
 
     width: int
     step_rows: int
     top_rows: int
     line_rows: int  # of the opening that removes lines from the grid
     judged_rows: int  # of the path's map, that a step is judged by
-    reach: int  # largest step of the path, in rows of its map, from one pair of columns to the next
+    # largest step of the path, in rows of its map, from one pair of columns to the next
+    reach: int
     strip_half: int  # height of the strip in which the boundary is refined
     strip_line: int  # of the opening there
     widest_gap: int  # in points, that the wall bridges
@@ -152,7 +163,9 @@ class _WorkplaceType(types.StructRef):
 
 
 class Workplace(structref.StructRefProxy):
-    """Tables as one argument of a loop (each array would take 60 us a call); made by cached compiled code only."""
+    """Tables as one argument of a loop (each array would take 60 us a call); made by
+    cached compiled code only.
+    """
 
     tables: Tables
 
@@ -169,18 +182,18 @@ def _new_workplace(tables: Tables) -> Workplace:
 def workplace_for(
     rows: int, width: int, lateral_m: float, depth_m: float, refractive_index: float
 ) -> Workplace:
-    """Return the tables for the imaged part of frames: `rows` and `width` columns of one scale (`PixelScale`)."""
+    """Return the tables for the imaged part of frames: `rows` and `width` columns of
+    one scale (`PixelScale`).
+    """
     scale = PixelScale(
         lateral_m=lateral_m, depth_m=depth_m, refractive_index=refractive_index
     )
     grid = grid_size(rows, width, scale)
     column = fine_columns(width)
-    first = np.arange(
-        0, grid.columns - 1, max(2, ceil(grid.columns / PATH_COLUMNS))
-    )  # of pairs of the grid's columns
-    middle = ((first + 1.0) * grid.step_columns - 0.5).astype(
-        np.float32
-    )  # of pairs, in columns of the frame
+    # of pairs of the grid's columns
+    first = np.arange(0, grid.columns - 1, max(2, ceil(grid.columns / PATH_COLUMNS)))
+    # of pairs, in columns of the frame
+    middle = ((first + 1.0) * grid.step_columns - 0.5).astype(np.float32)
     spacing = float(middle[1] - middle[0])
     reach = ceil(
         MAX_SLOPE
@@ -229,14 +242,18 @@ def workplace_for(
 
 
 def _rows_of(pixels: float, length_m: float, size: GridSize, least: int) -> int:
-    """Return a length in rows of a grid: pixels of the frame, at most `length_m`, at least `least` rows."""
+    """Return a length in rows of a grid: pixels of the frame, at most `length_m`, at
+    least `least` rows.
+    """
     return max(
         least, round(min(pixels / size.step_rows, length_m / size.scale.depth_m))
     )
 
 
 def _two_of_each(matrix: Singles) -> tuple[Integers, Singles]:
-    """Return the places of the (at most two) nonzero values in each row of a matrix, and these, (row, 2)."""
+    """Return the places of the (at most two) nonzero values in each row of a matrix,
+    and these, (row, 2).
+    """
     place = np.sort(
         np.argsort(matrix == 0.0, axis=1, kind="stable")[:, :2], axis=1
     ).astype(np.int64)
@@ -255,16 +272,20 @@ def look(
     left: int,
     rows: Floats,
 ) -> tuple[Counts, int, bool, Integers, int, float, float, float]:
-    """Look for the wall in a frame's columns from the first one on; write its boundaries from `left` on (2, column).
+    """Look for the wall in a frame's columns from the first one on; write its
+    boundaries from `left` on (2, column).
 
-    `eight_bits`: see `grid_cells`; `brightest`: largest count, 0 to look whatever the frame shows; `missing` columns
-    have been filled from beside; `behind`: the first point of the surface that a needle hides, and the first after.
+    `eight_bits`: see `grid_cells`; `brightest`: largest count, 0 to look whatever the
+    frame shows; `missing` columns have been filled from beside; `behind`: the first
+    point of the surface that a needle hides, and the first after.
 
     Returns:
-        The columns as cells, their noise floor, whether the detector is saturated, and where a needle may begin; the
-            number of points that show the surface, its median contrast in these, the noise of a pixel, and the
-            wall's median thickness, m, NaN if its inner boundary was not found. The number is -1 if the detector is
-            saturated, a needle may be there or the frame is empty; nothing is written for less than LEAST_SHAPE.
+        The columns as cells, their noise floor, whether the detector is saturated, and
+        where a needle may begin; the number of points that show the surface, its median
+        contrast in these, the noise of a pixel, and the wall's median thickness, m, NaN
+        if its inner boundary was not found. The number is -1 if the detector is
+        saturated, a needle may be there or the frame is empty; nothing is written for
+        less than LEAST_SHAPE.
     """
     tables = workplace.tables
     cells = grid_cells(frame, first, tables.width, eight_bits)
@@ -333,7 +354,9 @@ def look(
 def _fit_strip(
     frame: Counts, first: int, start: Singles, behind: tuple[int, int], tables: Tables
 ) -> tuple[Singles, Singles, float]:
-    """Move a surface from its start to the edge of the full frame; return rows, contrast and the noise of a pixel."""
+    """Move a surface from its start to the edge of the full frame; return rows,
+    contrast and the noise of a pixel.
+    """
     raw, noise = sample_strip(
         frame, first, tables.columns, tables.across, start, tables.strip_half
     )
@@ -352,7 +375,9 @@ def _fit_strip(
 def _find_inner(
     frame: Counts, first: int, floor: int, tables: Tables, row: Singles, present: Flags
 ) -> tuple[Singles, float]:
-    """Return the inner boundary's rows below a surface without gaps, and the median thickness, NaN: not found."""
+    """Return the inner boundary's rows below a surface without gaps, and the median
+    thickness, NaN: not found.
+    """
     along_rows = stretch(row, tables.point_m, tables.tissue_depth_m)
     thickness_m = np.empty_like(row)
     prior = np.zeros((len(tables.looked_at) // GROUP, CELLS + 1), np.float32)
@@ -388,7 +413,9 @@ def _search_below(
     along_rows: Singles,
     prior: Singles,
 ) -> tuple[Singles, Flags, float]:
-    """Return the wall's thickness at each group, which groups show its end, and their share: see `find_thickness`."""
+    """Return the wall's thickness at each group, which groups show its end, and their
+    share: see `find_thickness`.
+    """
     at = tables.looked_at
     columns = tables.looked_columns
     across = tables.looked_across
@@ -404,7 +431,9 @@ def _search_below(
 def edge_near(
     frame: Counts, first: int, start: Singles, workplace: Workplace
 ) -> Singles:
-    """Return the edge of the full frame that lies nearest to a surface, both (point,), in rows."""
+    """Return the edge of the full frame that lies nearest to a surface, both (point,),
+    in rows.
+    """
     return _fit_strip(frame, first, start, (0, 0), workplace.tables)[0]
 
 
@@ -419,7 +448,9 @@ def thickness_below(
     prior: Singles,
     workplace: Workplace,
 ) -> tuple[Singles, Flags]:
-    """Return the thickness below a surface without NaN at each group of points, m, and which groups show its end."""
+    """Return the thickness below a surface without NaN at each group of points, m, and
+    which groups show its end.
+    """
     tables = workplace.tables
     floor = noise_floor(grid_cells(frame, first, tables.width, eight_bits))
     thickness_m, shown, _ = _search_below(

@@ -1,12 +1,15 @@
-"""The wall by two methods that check each other: that of `wall.find_wall` without a network, and a network's.
+"""The wall by two methods that check each other: that of `wall.find_wall` without a
+network, and a network's.
 
-The first is finer, the network knows better where a wall ends. Where they agree the wall is the first method's, with
-the network's inner boundary in stretches where light falls more there. Elsewhere it is the network's, moved to an edge
-of the full frame within the network's own resolution. A frame in which the network sees another wall, by more than both
-are unsure of, or in which it is too unsure of the wall's end, is not usable. Forces are read from the wall that is
-returned, and pages and masks show it.
+The first is finer, the network knows better where a wall ends. Where they agree the
+wall is the first method's, with the network's inner boundary in stretches where light
+falls more there. Elsewhere it is the network's, moved to an edge of the full frame
+within the network's own resolution. A frame in which the network sees another wall, by
+more than both are unsure of, or in which it is too unsure of the wall's end, is not
+usable. Forces are read from the wall that is returned, and pages and masks show it.
 
-All comparisons are made at the columns that the network answers for, in rows of the full frame.
+All comparisons are made at the columns that the network answers for, in rows of the
+full frame.
 """
 
 from collections.abc import Iterator
@@ -34,7 +37,8 @@ from scleraforce.segmentation.wall import Part, lit_part
 from scleraforce.segmentation.wall_finder import SeenWall, WallFinder
 
 START_POINTS = 30  # of the surface that the search for the edge starts from
-NEAR_STEPS = 1.0  # rows of the reduced frame from the network's boundary to the wall's edge, at most
+# rows of the reduced frame from the network's boundary to the wall's edge, at most
+NEAR_STEPS = 1.0
 # of the network's thickness, against a jump's gain of at most 1
 PRIOR_WEIGHT = 0.25
 PRIOR_CAP = 2.0
@@ -43,14 +47,20 @@ PRIOR_SD_M = 25e-6  # at least: of the network's thickness
 SHOWN_SDS = 3.0
 SHOWN_SHARE = 0.5
 ENDED_SHARE = 0.2  # of the wall has an end inside of the frame: its thickness is known
+# median thickness that fits into the unrolled wall; others are looked at scaled
 UNROLLED_M = (
     0.3e-3,
     1.1e-3,
-)  # median thickness that fits into the unrolled wall; others are looked at scaled
-SAME_SDS = 2.0  # largest distance of one boundary by both methods: the network's standard deviations or rows
+)
+# largest distance of one boundary by both methods: the network's standard deviations or
+# rows
+SAME_SDS = 2.0
 LAYER_M = 0.35e-3  # thickness of the choroid, at most
-SAME_SHARE = 0.8  # ... in this share of the columns that both see, and these of the columns that either sees
-# largest difference in standard deviations; the standard deviation of `find_wall` in rows
+# ... in this share of the columns that both see, and these of the columns that either
+# sees
+SAME_SHARE = 0.8
+# largest difference in standard deviations; the standard deviation of `find_wall` in
+# rows
 SDS = 4.0
 OTHER_ROWS = 2.0
 OTHER_INNER_SHARE = 0.08  # ... and of its inner boundary, in thicknesses
@@ -59,7 +69,9 @@ UNSEEN_SHARE = 0.3  # of the columns that either sees are seen by one alone
 # the wall's end is unsure by so much of it, in so much of the wall
 UNSURE_THICKNESS = 0.25
 UNSURE_SHARE = 0.5
-CONFIRMED_THICKNESS = 0.1  # ... unless the other method sees it this near, in thicknesses, or within a network's row
+# ... unless the other method sees it this near, in thicknesses, or within a network's
+# row
+CONFIRMED_THICKNESS = 0.1
 # of the thickness are looked at above and below a boundary
 SIDE_SHARE = 0.1
 LEAST_SIDE_ROWS = 3.0
@@ -70,8 +82,11 @@ LEAST_SHARP_ROWS = 3
 # of averaged columns; of a step between two halves of such a width, at most
 SHARP_WIDTH_M = 0.25e-3
 STEP_ROWS = 2
-LEAST_SPREAD = 0.25  # of a column's rows, of the median: a column without speckle does not decide alone
-STAYS = 4.0  # of a normal distribution about the first boundary: a standard deviation of 0.35 of the reach
+# of a column's rows, of the median: a column without speckle does not decide alone
+LEAST_SPREAD = 0.25
+# of a normal distribution about the first boundary: a standard deviation of 0.35 of the
+# reach
+STAYS = 4.0
 GRAINS = 1.5  # independent pixels in a row of that width: more are not counted
 
 
@@ -82,11 +97,13 @@ def checked_by(
     first: Segmentation,
     found: Segmentation,
 ) -> Segmentation:
-    """Return the wall that both methods give together, usable if nothing speaks against it.
+    """Return the wall that both methods give together, usable if nothing speaks against
+    it.
 
-    `first` is the wall in a frame of a logarithmic display from the first surface on, `found` the one below a
-    conjunctiva, the same object if none is seen. Below a conjunctiva `found` is returned: the network does not know how
-    thick the wall is, and takes a conjunctiva from 140 um on for a part of it.
+    `first` is the wall in a frame of a logarithmic display from the first surface on,
+    `found` the one below a conjunctiva, the same object if none is seen. Below a
+    conjunctiva `found` is returned: the network does not know how thick the wall is,
+    and takes a conjunctiva from 140 um on for a part of it.
     """
     part = lit_part(frame, scale)
     if part is None:
@@ -122,7 +139,9 @@ def checked_by(
 
 
 def _keep_gaps(found: Segmentation, shown: Segmentation) -> None:
-    """Clear the columns of a usable wall in gaps of the first method's: there a dent may leave the frame."""
+    """Clear the columns of a usable wall in gaps of the first method's: there a dent
+    may leave the frame.
+    """
     gaps = np.isnan(found.outer_row)
     inside = np.flatnonzero(~gaps)
     gaps[: inside[0]] = gaps[inside[-1] :] = False
@@ -131,7 +150,9 @@ def _keep_gaps(found: Segmentation, shown: Segmentation) -> None:
 
 
 def ways_agree(other: Segmentation, seen: SeenWall, layer_rows: float) -> bool:
-    """Return whether a wall is the one that the network sees, but for a layer below of at most `layer_rows`."""
+    """Return whether a wall is the one that the network sees, but for a layer below of
+    at most `layer_rows`.
+    """
     if not other.inner_found:
         return False
 
@@ -147,9 +168,8 @@ def ways_agree(other: Segmentation, seen: SeenWall, layer_rows: float) -> bool:
     inner |= (
         (thicker > 0.0) & (thicker < layer_rows) & (thicker <= SDS * _inner_sd(seen))
     )
-    last = (
-        other.rows - 1.0 - seen.step_rows
-    )  # of two boundaries below the frame nobody sees which is lower
+    # of two boundaries below the frame nobody sees which is lower
+    last = other.rows - 1.0 - seen.step_rows
     inner |= (seen.inner_row > last) & (other.inner_row[at] > last)
     seen_by_both = int(np.count_nonzero(both))
     same = int(np.count_nonzero(both & outer & inner))
@@ -161,7 +181,9 @@ def ways_agree(other: Segmentation, seen: SeenWall, layer_rows: float) -> bool:
 
 
 def doubt(other: Segmentation, seen: SeenWall) -> str:
-    """Return what speaks against a wall once a network has looked, too, '' where nothing does."""
+    """Return what speaks against a wall once a network has looked, too, '' where
+    nothing does.
+    """
     return next(
         (words for excess, words in _differences(other, seen) if excess > 1.0), ""
     )
@@ -169,7 +191,9 @@ def doubt(other: Segmentation, seen: SeenWall) -> str:
 
 @dataclass(frozen=True, eq=False)
 class BothWalls:
-    """The wall by each method: `classical` (`first` is the one on top of a conjunctiva), and the network's."""
+    """The wall by each method: `classical` (`first` is the one on top of a
+    conjunctiva), and the network's.
+    """
 
     classical: Segmentation
     first: Segmentation
@@ -177,7 +201,9 @@ class BothWalls:
 
     @property
     def disagreement(self) -> float:
-        """The largest difference in multiples of the largest usable one: above 1 the frame is refused."""
+        """The largest difference in multiples of the largest usable one: above 1 the
+        frame is refused.
+        """
         each = (
             _differences(wall, self.network) for wall in (self.classical, self.first)
         )
@@ -193,7 +219,9 @@ def sees_wall(seen: SeenWall) -> bool:
 
 
 def _differences(other: Segmentation, seen: SeenWall) -> Iterator[tuple[float, str]]:
-    """Yield each difference of a wall from the network's: in multiples of the largest usable one, and in words."""
+    """Yield each difference of a wall from the network's: in multiples of the largest
+    usable one, and in words.
+    """
     at = seen.frame_column
     if not sees_wall(seen):
         if np.isfinite(other.outer_row).any():
@@ -213,9 +241,8 @@ def _differences(other: Segmentation, seen: SeenWall) -> Iterator[tuple[float, s
     )
 
     if other.inner_found:  # which confirms the same end
-        unsure &= ~(
-            off <= np.maximum(seen.step_rows, CONFIRMED_THICKNESS * thickness)
-        )  # NaN: it sees no wall
+        # NaN: it sees no wall
+        unsure &= ~(off <= np.maximum(seen.step_rows, CONFIRMED_THICKNESS * thickness))
 
     share = _share(unsure, seen.there)
     yield (
@@ -239,7 +266,9 @@ def _differences(other: Segmentation, seen: SeenWall) -> Iterator[tuple[float, s
 
 
 def _inner_sd(seen: SeenWall) -> Floats:
-    """Return the standard deviation of the distance between both inner boundaries, rows."""
+    """Return the standard deviation of the distance between both inner boundaries,
+    rows.
+    """
     other = OTHER_INNER_SHARE * (seen.inner_row - seen.outer_row)
     sd: Floats = np.maximum(np.hypot(seen.inner_sd, other), OTHER_ROWS)
     return sd
@@ -255,7 +284,9 @@ def _distance(name: str, off: Floats, differs: Flags, both: Flags) -> tuple[floa
 
 
 def _columns(other: Segmentation, seen: SeenWall) -> tuple[Flags, Flags]:
-    """Return in which of the network's columns both see wall, and in which either does; none behind a needle."""
+    """Return in which of the network's columns both see wall, and in which either does;
+    none behind a needle.
+    """
     there = np.isfinite(other.outer_row[seen.frame_column])
     either = seen.there | there
     if other.needle is not None:
@@ -320,7 +351,9 @@ def refined_wall(part: Part, seen: SeenWall) -> Segmentation:
 
 
 def _surface(part: Part, start: _Start) -> Singles:
-    """Return the surface at `fine_columns`: the edge near the network's, its own where none is near."""
+    """Return the surface at `fine_columns`: the edge near the network's, its own where
+    none is near.
+    """
     width = len(part.missing)
     column = np.linspace(0.0, width - 1.0, START_POINTS, dtype=np.float32)
     row = np.interp(column, fine_columns(width), start.outer).astype(np.float32)
@@ -343,9 +376,11 @@ def _surface(part: Part, start: _Start) -> Singles:
 
 
 def _inner(part: Part, row: Singles, start: _Start) -> tuple[Singles, bool, float]:
-    """Return the inner boundary's rows, whether an edge shows it, and the median thickness along the normal, m.
+    """Return the inner boundary's rows, whether an edge shows it, and the median
+    thickness along the normal, m.
 
-    Where the wall does not end inside of the frame it is as thick as beside that; 1 mm, and NaN, if it hardly ends.
+    Where the wall does not end inside of the frame it is as thick as beside that; 1 mm,
+    and NaN, if it hardly ends.
     """
     row = bridge(row, start.there)
     depth_m = part.scale.depth_m / part.scale.refractive_index
@@ -372,7 +407,9 @@ def _inner(part: Part, row: Singles, start: _Start) -> tuple[Singles, bool, floa
 def _thickness(
     part: Part, row: Singles, along_rows: Singles, start: _Start
 ) -> tuple[Singles, bool]:
-    """Return the wall's thickness along the normal at `fine_columns`, m, and whether an edge shows it."""
+    """Return the wall's thickness along the normal at `fine_columns`, m, and whether an
+    edge shows it.
+    """
     expected_m = bridge(
         np.maximum(start.inner - row, np.float32(1.0)) / along_rows, start.ended
     )
@@ -381,7 +418,7 @@ def _thickness(
         np.minimum(start.inner_sd / along_rows, step_m), np.float32(PRIOR_SD_M)
     )
     typical_m = float(np.median(expected_m[start.there]))
-    (thinnest_m, thickest_m) = UNROLLED_M
+    thinnest_m, thickest_m = UNROLLED_M
     zoom = np.float32(
         max(1.0, typical_m / thickest_m) * min(1.0, typical_m / thinnest_m)
     )
@@ -417,8 +454,8 @@ def _thickness(
 def sharpened(frame: Pixels, inner_row: Floats, scale: PixelScale) -> Floats:
     """Return an inner boundary at the edge in the full frame near it, (column,).
 
-    The edge parts the rows about the boundary so that both parts spread least. Beside a needle thickness changes too
-    fast for the wide means of the first search.
+    The edge parts the rows about the boundary so that both parts spread least. Beside a
+    needle thickness changes too fast for the wide means of the first search.
     """
     seen = np.flatnonzero(np.isfinite(inner_row))
     reach = max(
@@ -460,9 +497,11 @@ def sharpened(frame: Pixels, inner_row: Floats, scale: PixelScale) -> Floats:
 def joined_walls(
     frame: Pixels, finer: Segmentation, other: Segmentation, apart_rows: Floats
 ) -> Segmentation:
-    """Return the finer wall, with the other's inner boundary in stretches where it is `apart_rows` off and light falls.
+    """Return the finer wall, with the other's inner boundary in stretches where it is
+    `apart_rows` off and light falls.
 
-    Columns that only the other wall has are taken from it, except where a needle hides them.
+    Columns that only the other wall has are taken from it, except where a needle hides
+    them.
     """
     seen = np.isfinite(finer.outer_row)
     added = np.isfinite(other.outer_row)
@@ -494,7 +533,9 @@ def joined_walls(
 def _falls(
     frame: Pixels, wall: Segmentation, against: Segmentation, at: Places
 ) -> Floats:
-    """Return by how many counts the light falls at a wall's inner boundary, in as many rows as at the other one's."""
+    """Return by how many counts the light falls at a wall's inner boundary, in as many
+    rows as at the other one's.
+    """
     inner = wall.inner_row[at]
     thickness = np.maximum(
         inner - wall.outer_row[at], against.inner_row[at] - against.outer_row[at]

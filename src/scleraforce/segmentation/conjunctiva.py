@@ -1,9 +1,12 @@
-"""The sclera's surface below a conjunctiva: a layer with a surface of its own, over a wall of known thickness.
+"""The sclera's surface below a conjunctiva: a layer with a surface of its own, over a
+wall of known thickness.
 
-The first surface that light meets is then the layer's, and the wall looks thicker than it is known to be. The frame is
-unrolled along that surface, as for the inner boundary, and the sclera's is the path of the largest steps up (the sclera
-sends more light back) at about the depth that the known thickness leaves. If no such path stands out of the speckle, or
-if the wall below it would fit the known thickness no better, the segmentation stays unchanged.
+The first surface that light meets is then the layer's, and the wall looks thicker than
+it is known to be. The frame is unrolled along that surface, as for the inner boundary,
+and the sclera's is the path of the largest steps up (the sclera sends more light back)
+at about the depth that the known thickness leaves. If no such path stands out of the
+speckle, or if the wall below it would fit the known thickness no better, the
+segmentation stays unchanged.
 """
 
 from dataclasses import replace
@@ -19,9 +22,8 @@ from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.inner import stretch
 from scleraforce.segmentation.loops import best_path
 
-LEAST_M = (
-    35e-6  # a wall that looks this much thicker than known may lie below a conjunctiva
-)
+# a wall that looks this much thicker than known may lie below a conjunctiva
+LEAST_M = 35e-6
 LARGEST_M = 0.7e-3  # conjunctiva with Tenon's layer
 CELL_M = 8e-6  # of depth below the surface in the unrolled picture
 CELLS = 80  # at least
@@ -32,23 +34,24 @@ WINDOW = 6  # cells above and below a step that are compared
 EXPECTED = (0.4, 1.7)  # of the excess of thickness: where the step may lie
 REACH = 4  # cells from group to group
 SURE_SDS = 1.5  # of a step: their mean on a path through speckle is less than 1
-# Without a known thickness: 1.5 at most on 60 even walls, 1.7 and more under layers of 50 to 450 um.
-# a second surface is sought in this share of the wall
+# Without a known thickness: 1.5 at most on 60 even walls, 1.7 and more under layers of
+# 50 to 450 um. a second surface is sought in this share of the wall
 SURE_ALONE_SDS = 2.0
 MOST_SHARE = 0.6
 LEAST_STEP = 0.02  # of the level below the surface
 POOLED = 3  # groups whose mean makes a step stand out of the speckle
 SMOOTHED = 3  # groups
-NORMAL_MEDIAN = (
-    1.4826  # standard deviation of a normal distribution over the median of its size
-)
+# standard deviation of a normal distribution over the median of its size
+NORMAL_MEDIAN = 1.4826
 FITS = 0.5  # of the excess may be left below the step
 
 
 def below_conjunctiva(
     frame: Pixels, scale: PixelScale, found: Segmentation, thickness_m: float | None
 ) -> Segmentation:
-    """Return the wall that was found, its outer boundary the sclera's where a layer is seen over a known thickness."""
+    """Return the wall that was found, its outer boundary the sclera's where a layer is
+    seen over a known thickness.
+    """
     if thickness_m is None or not found.usable or not found.inner_found:
         return found
 
@@ -70,7 +73,8 @@ def below_conjunctiva(
     if not sure:
         return found
 
-    # The layer's thickness in each group: the path of its lower edge, smoothed by the size of the steps.
+    # The layer's thickness in each group: the path of its lower edge, smoothed by the
+    # size of the steps.
     weight = np.maximum(
         _steps(light)[np.arange(len(path)), path], np.float32(0.0)
     ) + np.float32(1e-3)
@@ -100,7 +104,9 @@ def below_conjunctiva(
 def second_surface_m(
     frame: Pixels, scale: PixelScale, found: Segmentation
 ) -> float | None:
-    """Return how deep a second surface lies below the first, then maybe a layer's, m; None if none stands out."""
+    """Return how deep a second surface lies below the first, then maybe a layer's, m;
+    None if none stands out.
+    """
     if not found.usable or not found.inner_found:
         return None
 
@@ -121,11 +127,12 @@ def _cells(deepest_m: float) -> int:
 def _surface(
     found: Segmentation, columns: Places, scale: PixelScale
 ) -> tuple[Singles, Singles]:
-    """Return the first surface's rows at columns, and the rows along a column for 1 m along its normal, (column,)."""
+    """Return the first surface's rows at columns, and the rows along a column for 1 m
+    along its normal, (column,).
+    """
     span = np.arange(columns[0], columns[-1] + 1)
-    row = np.interp(span, columns, found.outer_row[columns]).astype(
-        np.float32
-    )  # across what is not seen, too
+    # across what is not seen, too
+    row = np.interp(span, columns, found.outer_row[columns]).astype(np.float32)
     depth_m = scale.depth_m / scale.refractive_index
     along_rows = stretch(row, scale.lateral_m, depth_m)
 
@@ -158,7 +165,9 @@ def _unrolled(
 def _climb(
     light: Singles, thickness_m: float, least_m: float, most_m: float, sure_sds: float
 ) -> tuple[Places, bool]:
-    """Return the path of the largest steps up between two depths, (group,) cells, and whether it stands out."""
+    """Return the path of the largest steps up between two depths, (group,) cells, and
+    whether it stands out.
+    """
     end = min(light.shape[1], int(thickness_m / CELL_M)) - WINDOW
     first = max(int(least_m / CELL_M), SURFACE_CELLS + 1)
     last = min(int(most_m / CELL_M), end)
@@ -167,9 +176,8 @@ def _climb(
 
     step = _steps(light)
     judged = step[:, first:end]
-    differences = np.abs(
-        judged[POOLED:] - judged[:-POOLED]
-    )  # that speckle makes: such groups share no column
+    # that speckle makes: such groups share no column
+    differences = np.abs(judged[POOLED:] - judged[:-POOLED])
     sd = max(NORMAL_MEDIAN / sqrt(2.0) * float(np.median(differences)), 1e-6)
     score = np.ascontiguousarray(step[:, first:last]) - np.linspace(
         0.0, 1e-4, last - first, dtype=np.float32
@@ -181,7 +189,9 @@ def _climb(
 
 
 def _steps(light: Singles) -> Singles:
-    """Return the rise of light at each edge between cells, (group, cell); neighbours are pooled."""
+    """Return the rise of light at each edge between cells, (group, cell); neighbours
+    are pooled.
+    """
     pooled = cast(Singles, cv2.blur(light, (1, POOLED)))
     total = np.concatenate(
         [

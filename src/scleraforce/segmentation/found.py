@@ -1,4 +1,6 @@
-"""The result of a segmentation: the wall with a verdict, or the reason why it was not found; and its picture."""
+"""The result of a segmentation: the wall with a verdict, or the reason why it was not
+found; and its picture.
+"""
 
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
@@ -22,15 +24,19 @@ LEAST_COVER = 0.4  # of the imaged width must show the wall
 # share of the frame at (nearly) the largest count: saturated
 SATURATED_SHARE = 0.4
 SATURATED_LEVEL = 0.99
-EMPTY_SHARE = 1e-3  # of the brightest count: a frame that stands out of its noise by less is empty
-UNSEEN_DEPTH_M = 1e-3  # below the surface: the mask ends here where the inner boundary cannot be seen
+# of the brightest count: a frame that stands out of its noise by less is empty
+EMPTY_SHARE = 1e-3
+# below the surface: the mask ends here where the inner boundary cannot be seen
+UNSEEN_DEPTH_M = 1e-3
 
 
 @dataclass(frozen=True)
 class Segmentation:
-    """The wall in one frame: boundaries (column,) in rows of pixel centres, NaN without wall or behind a needle.
+    """The wall in one frame: boundaries (column,) in rows of pixel centres, NaN without
+    wall or behind a needle.
 
-    It covers rows r with outer_row <= r < inner_row; boundaries may lie beyond the last of the frame's `rows`.
+    It covers rows r with outer_row <= r < inner_row; boundaries may lie beyond the last
+    of the frame's `rows`.
     """
 
     outer_row: Floats
@@ -38,19 +44,21 @@ class Segmentation:
     rows: int
     usable: bool  #: a wall was found that can be judged
     reason: str  #: why it is not usable
-    inner_found: bool  #: if not, the inner boundary cannot be seen, and the mask ends 1 mm below the surface
+    # : if not, the inner boundary cannot be seen, and the mask ends 1 mm below the
+    # surface
+    inner_found: bool
     _: KW_ONLY
-    thickness_m: float  #: median along the surface's normal, NaN if the inner boundary was not found
+    # : median along the surface's normal, NaN if the inner boundary was not found
+    thickness_m: float
     needle: SeenNeedle | None = None  #: that crosses the frame
-    conjunctiva_m: float | None = (
-        None  #: median thickness of a layer over the wall, along its normal, if one is seen
-    )
+    # : median thickness of a layer over the wall, along its normal, if one is seen
+    conjunctiva_m: float | None = None
     methods: "BothWalls | None" = None  #: the wall by each, if a network looked as well
-    source: str = "found"  #: "found" in the frame, or given, as a "mask" or "corrected" in the recording
+    # : "found" in the frame, or given, as a "mask" or "corrected" in the recording
+    source: str = "found"
     sd_rows: float = 0.0  #: standard deviation of given boundaries
-    pixels: Pixels | None = field(
-        default=None, compare=False, repr=False
-    )  #: the frame, of `sf.segment` and `sf.read`
+    # : the frame, of `sf.segment` and `sf.read`
+    pixels: Pixels | None = field(default=None, compare=False, repr=False)
 
     def __repr__(self) -> str:
         shown = (
@@ -58,7 +66,10 @@ class Segmentation:
             if self.thickness_m != self.thickness_m
             else f"wall of {from_si(self.thickness_m, 'um'):.0f} µm, "
         )
-        return f"<Segmentation: {shown}{'usable' if self.usable else f'not usable: {self.reason}'}>"
+        return (
+            "<Segmentation:"
+            f" {shown}{'usable' if self.usable else f'not usable: {self.reason}'}>"
+        )
 
     def _repr_html_(self) -> str:
         """The frame, or its mask, with the wall, for Jupyter."""
@@ -70,16 +81,19 @@ class Segmentation:
 
     @property
     def overlay(self) -> Bytes:
-        """The frame, or its mask without one, with the boundaries; see `draw_overlay`."""
+        """The frame, or its mask without one, with the boundaries; see
+        `draw_overlay`.
+        """
         return draw_overlay(self.mask if self.pixels is None else self.pixels, self)
 
     @cached_property
     def mask(self) -> Bytes:
-        """255 in the rows whose centre lies in the wall, else 0, shape (row, column); computed lazily."""
+        """255 in the rows whose centre lies in the wall, else 0, shape (row, column);
+        computed lazily.
+        """
         row = np.arange(self.rows, dtype=np.float32)[:, None]
-        inside = (row >= self.outer_row) & (
-            row < self.inner_row
-        )  # NaN compares as False: no wall
+        # NaN compares as False: no wall
+        inside = (row >= self.outer_row) & (row < self.inner_row)
         return inside.view(np.uint8) * np.uint8(WALL)
 
 
@@ -101,13 +115,15 @@ def without_wall(
 
 
 def surface_fault(seen: int, points: int, contrast: float, noise: float) -> str:
-    """Return why a surface that `seen` of `points` points show cannot be judged, or ''; `noise` is of a pixel."""
+    """Return why a surface that `seen` of `points` points show cannot be judged, or '';
+    `noise` is of a pixel.
+    """
     if not seen:
         return "no wall was found"
     if contrast < LEAST_CONTRAST * noise:
         return (
-            f"the signal is too weak: the surface stands out by {contrast / noise:.1f} times the "
-            f"noise, not {LEAST_CONTRAST}"
+            f"the signal is too weak: the surface stands out by {contrast / noise:.1f}"
+            f" times the noise, not {LEAST_CONTRAST}"
         )
 
     cover = seen / points
@@ -117,7 +133,8 @@ def surface_fault(seen: int, points: int, contrast: float, noise: float) -> str:
     return ""
 
 
-# The console's and the app's colours: orange, sky blue, purple; blue, green, red, as OpenCV has them.
+# The console's and the app's colours: orange, sky blue, purple; blue, green, red, as
+# OpenCV has them.
 SURFACE = (0, 159, 230)
 INNER = (233, 180, 86)
 SHAFT = (167, 121, 204)
@@ -128,9 +145,11 @@ SUBPIXEL_BITS = 4
 def draw_overlay(
     pixels: Pixels, found: Segmentation, size: tuple[int, int] | None = None
 ) -> Bytes:
-    """Return a frame in colour with its boundaries: surface orange, inner blue (dashed if not seen), needle purple.
+    """Return a frame in colour with its boundaries: surface orange, inner blue (dashed
+    if not seen), needle purple.
 
-    The picture, of `size` or the frame's, is (row, column, 3), blue, green, red, as OpenCV writes it.
+    The picture, of `size` or the frame's, is (row, column, 3), blue, green, red, as
+    OpenCV writes it.
     """
     rows, columns = size or pixels.shape
     grey = grey_picture(pixels)

@@ -1,12 +1,15 @@
-"""The inner boundary: where the light that comes back jumps down, and does not just fall as the wall attenuates it.
+"""The inner boundary: where the light that comes back jumps down, and does not just
+fall as the wall attenuates it.
 
-The wall is unrolled along its surface into (column, thickness), thickness measured along the surface's normal, so that
-a wall of even thickness is a straight band whatever its dents. In it light falls steadily (linearly on a logarithmic
-scale in an even medium: Beer-Lambert), and the wall's end is a jump: the few cells below lie lower than a straight line
-through the cells above would. Below the wall there may be a thin weaker layer, the choroid, whose own lower edge
-jumps further; so a jump with another one close above it counts less. The cells below are few because that layer is
-thin: a mean over both its edges would hide the upper one. The path of the largest jumps is then moved, column by
-column, to where the light crosses the middle of the jump.
+The wall is unrolled along its surface into (column, thickness), thickness measured
+along the surface's normal, so that a wall of even thickness is a straight band whatever
+its dents. In it light falls steadily (linearly on a logarithmic scale in an even
+medium: Beer-Lambert), and the wall's end is a jump: the few cells below lie lower than
+a straight line through the cells above would. Below the wall there may be a thin weaker
+layer, the choroid, whose own lower edge jumps further; so a jump with another one close
+above it counts less. The cells below are few because that layer is thin: a mean over
+both its edges would hide the upper one. The path of the largest jumps is then moved,
+column by column, to where the light crosses the middle of the jump.
 """
 
 import numpy as np
@@ -31,27 +34,23 @@ POOLED = 3  # points whose mean makes a jump stand out of the speckle
 LINE_CELLS = 6  # for the straight line above a jump
 LOW_CELLS = 3  # for the mean below it
 SKIP_EDGE = 1  # on each side of a jump: transition
-HALF_JUMP = np.float32(
-    0.08
-)  # of the level at the surface: a jump of this size earns half of the largest gain
+# of the level at the surface: a jump of this size earns half of the largest gain
+HALF_JUMP = np.float32(0.08)
 UPPER_COST = np.float32(1.2)  # share of an upper jump's gain that a jump below it loses
 # between both: a weaker layer below the wall is 0.08 to 0.32 mm thick
 NEAR_CELLS = 4
 FAR_CELLS = 16
 REACH_CELLS = 5
 REFINE_CELLS = 6
-LEAST_JUMP = (
-    0.06  # of the level at the surface: a smaller jump does not show the boundary
-)
+# of the level at the surface: a smaller jump does not show the boundary
+LEAST_JUMP = 0.06
 SURE_JUMP = 2.5  # ... nor is less than this many times the median jump
 SLOPE_M = 0.15e-3  # on each side: over which a surface's slope is taken
-STEEPEST = np.float32(
-    3.0**2
-)  # square of a surface's slope: beyond it a wall is no longer along a column
+# square of a surface's slope: beyond it a wall is no longer along a column
+STEEPEST = np.float32(3.0**2)
 LEAST_LEVEL_SHARE = 1e-3  # of the brightest level: a group with less is not measured
-BRIGHTEST = np.float32(
-    1.5
-)  # times a group's own level: what is brighter counts as that
+# times a group's own level: what is brighter counts as that
+BRIGHTEST = np.float32(1.5)
 # ... nor this many standard deviations of jumps within some cells
 SURE_SPREAD = np.float32(1.3)
 SPREAD_REACH = 10
@@ -68,10 +67,10 @@ _REACH = LINE_CELLS / 2 + SKIP_EDGE  # from the middle of a line to the jump
 _OFFSET = np.arange(-REFINE_CELLS, REFINE_CELLS)
 FROM_MIDDLE = ((_OFFSET + 0.5) / _REACH + 1.0).astype(np.float32)
 _RAMP = np.arange(LINE_CELLS) - (LINE_CELLS - 1) / 2
-BEND = (_REACH * _RAMP / np.square(_RAMP).sum()).astype(
-    np.float32
-)  # of a straight line, least squares, over _REACH
-# `BEND` goes from a line's middle to the jump; this many times that, it continues to the middle of the cells below.
+# of a straight line, least squares, over _REACH
+BEND = (_REACH * _RAMP / np.square(_RAMP).sum()).astype(np.float32)
+# `BEND` goes from a line's middle to the jump; this many times that, it continues to
+# the middle of the cells below.
 BEND_TO_LOW = np.float32(1.0 + (LOW_CELLS / 2 + SKIP_EDGE) / _REACH)
 _LINE_SHARE = np.float32(1.0 / LINE_CELLS)
 _LOW_SHARE = np.float32(1.0 / LOW_CELLS)
@@ -86,13 +85,14 @@ _THIRD = 1.0 / 3.0
 
 @compiled
 def stretch(row: Singles, point_m: float, depth_m: float) -> Singles:
-    """Return the rows (`depth_m` in tissue) along a column for 1 m along the normal of a surface at every `point_m`."""
+    """Return the rows (`depth_m` in tissue) along a column for 1 m along the normal of
+    a surface at every `point_m`.
+    """
     points = len(row)
     along_rows = np.empty_like(row)
     reach = min(max(1, round(SLOPE_M / point_m)), (points - 1) // 2)
-    rise = np.float32(
-        depth_m / (2 * reach * point_m)
-    )  # slope, metres over metres, of one row
+    # slope, metres over metres, of one row
+    rise = np.float32(depth_m / (2 * reach * point_m))
 
     for at in range(points):
         first = at - reach
@@ -123,9 +123,11 @@ def unroll(
     there: Flags,
     along_rows: Singles,
 ) -> tuple[Singles, Singles]:
-    """Return the wall as (group, cell), surface level 1 and noise floor 0, and where it is measured (1 or 0).
+    """Return the wall as (group, cell), surface level 1 and noise floor 0, and where it
+    is measured (1 or 0).
 
-    The surface has rows `row` (point,), and is stretched by `along_rows`. For `frame` to `across` see `sample_rows`.
+    The surface has rows `row` (point,), and is stretched by `along_rows`. For `frame`
+    to `across` see `sample_rows`.
     """
     points = len(row)
     places = np.empty((CELLS, points), np.float32)
@@ -156,7 +158,9 @@ def unroll(
 def _measured(
     last_row: np.float32, row: Singles, there: Flags, along_rows: Singles
 ) -> Singles:
-    """Return 1 in the cells above the deepest thickness at the outer points of a group, else 0, (group, cell)."""
+    """Return 1 in the cells above the deepest thickness at the outer points of a group,
+    else 0, (group, cell).
+    """
     seen = np.empty((len(row) // GROUP, CELLS), np.float32)
     for group in range(len(seen)):
         first = GROUP * group
@@ -174,7 +178,9 @@ def _measured(
 
 @compiled
 def _level_out(wall: Singles, seen: Singles) -> None:
-    """Divide each group by its own level near the surface; where that is dark, nothing is measured."""
+    """Divide each group by its own level near the surface; where that is dark, nothing
+    is measured.
+    """
     groups = len(wall)
     largest = _ZERO
     own = np.empty(groups, np.float32)
@@ -208,7 +214,8 @@ def _level_out(wall: Singles, seen: Singles) -> None:
 def find_thickness(
     wall: Singles, seen: Singles, prior: Singles
 ) -> tuple[Singles, Flags, float]:
-    """Return the thickness along the normal at each group, m, which groups show the boundary, and their share.
+    """Return the thickness along the normal at each group, m, which groups show the
+    boundary, and their share.
 
     `prior` (group, edge): gain by prior knowledge; a jump gains at most 1.
     """
@@ -251,9 +258,11 @@ def find_thickness(
 def _find_jumps(
     wall: Singles, seen: Singles
 ) -> tuple[Singles, Singles, Singles, Singles]:
-    """Return means of neighbouring groups, the lines that start at each cell, and the jump at each edge between cells.
+    """Return means of neighbouring groups, the lines that start at each cell, and the
+    jump at each edge between cells.
 
-    Of the lines, mean and fall from their middle to the jump; (group, cell), the jump (group, CELLS + 1).
+    Of the lines, mean and fall from their middle to the jump; (group, cell), the jump
+    (group, CELLS + 1).
     """
     groups = len(wall)
     shape = wall.shape
@@ -311,7 +320,9 @@ def _find_jumps(
 
 @compiled
 def _score_jumps(jump: Singles, least: Singles, prior: Singles) -> Singles:
-    """Return a path's gain at each edge, (group, edge), where jumps over `least` (edge,) stand out."""
+    """Return a path's gain at each edge, (group, edge), where jumps over `least`
+    (edge,) stand out.
+    """
     groups, edges = jump.shape
     own = np.empty(edges, np.float32)
     upper = np.empty(edges, np.float32)
@@ -342,7 +353,8 @@ def _score_jumps(jump: Singles, least: Singles, prior: Singles) -> Singles:
 def _standing_out(jump: Singles) -> Singles:
     """Return the jump that stands out of speckle and texture, (edge,).
 
-    The wall's end is rare: less than the median; and its jumps at one depth hardly differ from place to place.
+    The wall's end is rare: less than the median; and its jumps at one depth hardly
+    differ from place to place.
     """
     groups, edges = jump.shape
     sizes = np.empty(jump.size, np.float32)
@@ -381,7 +393,9 @@ def _standing_out(jump: Singles) -> Singles:
 def _cross(
     near: Singles, path: int, mean: np.float32, bend: np.float32, jump: np.float32
 ) -> np.float32:
-    """Return the edge near a path, in cells, that best parts light above and below a jump's middle."""
+    """Return the edge near a path, in cells, that best parts light above and below a
+    jump's middle.
+    """
     path = min(max(path, REFINE_CELLS), CELLS - REFINE_CELLS)
     limit = max(jump, _SEEN)
     middle = mean - jump / np.float32(2.0)

@@ -1,14 +1,17 @@
-"""The light of a frame: its imaged columns, its grid, and linear displays made like logarithmic ones.
+"""The light of a frame: its imaged columns, its grid, and linear displays made like
+logarithmic ones.
 
-The wall is looked for in frames of a logarithmic display. Scanners sample a reflection with a few pixels, whatever
-their scale: a line is thin in pixels, tissue is thick in pixels and in metres. So lengths are pixels with a bound in
-metres.
+The wall is looked for in frames of a logarithmic display. Scanners sample a reflection
+with a few pixels, whatever their scale: a line is thin in pixels, tissue is thick in
+pixels and in metres. So lengths are pixels with a bound in metres.
 
-Two intensities of fully developed speckle, of the same mean and far enough apart, are exponential and independent
-(Goodman, Speckle Phenomena in Optics, ch. 3): the share of one in their sum is uniform, whatever the mean and the sum.
-So the median of |a - b| / (a + b), over the brightest pairs of counts, is 1/2 where counts grow with the intensity, and
-(sqrt(3) - 1)/(sqrt(3) + 1) = 0.27 where they grow with its root, whatever the gain. On a logarithmic display it is 2.4
-dB over the level of bright tissue above black, 0.04 to 0.12 on drawn ones.
+Two intensities of fully developed speckle, of the same mean and far enough apart, are
+exponential and independent (Goodman, Speckle Phenomena in Optics, ch. 3): the share of
+one in their sum is uniform, whatever the mean and the sum. So the median of |a - b| /
+(a + b), over the brightest pairs of counts, is 1/2 where counts grow with the
+intensity, and (sqrt(3) - 1)/(sqrt(3) + 1) = 0.27 where they grow with its root,
+whatever the gain. On a logarithmic display it is 2.4 dB over the level of bright tissue
+above black, 0.04 to 0.12 on drawn ones.
 """
 
 from dataclasses import dataclass
@@ -26,33 +29,30 @@ MAX_COLUMNS = 192  # of the grid: the frame is halved until it has fewer
 MAX_ROWS = 384
 LEAST_SHAPE = 16  # rows and columns of a frame
 BLACK_PART = 1000  # th part of the brightest cell: less is black
-FLOOR_SHARE = (
-    0.2  # of the pixels that are not black, this share lies at or below the noise floor
-)
+# of the pixels that are not black, this share lies at or below the noise floor
+FLOOR_SHARE = 0.2
 LIT_ROWS = 4  # every fourth row tells whether a column is imaged
-LIT_SHARE = (
-    0.02  # of the frame's largest count: a column that never reaches it is black
-)
-PAGE_SPREAD = (
-    0.008  # of the largest count: how much the grey of margins differs; 2 of 255
-)
-NOT_LOGARITHMIC = (
-    0.38  # contrast of pairs: midway between the root and the intensity itself
-)
+# of the frame's largest count: a column that never reaches it is black
+LIT_SHARE = 0.02
+# of the largest count: how much the grey of margins differs; 2 of 255
+PAGE_SPREAD = 0.008
+# contrast of pairs: midway between the root and the intensity itself
+NOT_LOGARITHMIC = 0.38
 # of a pair, from one count to the other; of a frame, spread over it
 PAIR_COLUMNS = 8
 LOOKED_AT_ROWS = 24
 DIMMER = 0.9  # of the pairs are left out: noise about the tissue
 LEAST_PAIRS = 200
-STANDS_OUT = np.float32(
-    5.0
-)  # times the spread of the columns' means in the uppermost rows: a needle may begin
+# times the spread of the columns' means in the uppermost rows: a needle may begin
+STANDS_OUT = np.float32(5.0)
 _LEAST_SPREAD = np.float32(1e-3)
 
 
 @dataclass(frozen=True)
 class GridSize:
-    """Cells of a grid, and the frame's pixels in each; `scale` is the size of a cell."""
+    """Cells of a grid, and the frame's pixels in each; `scale` is the size of a
+    cell.
+    """
 
     rows: int
     columns: int
@@ -62,7 +62,9 @@ class GridSize:
 
 
 def grid_size(rows: int, columns: int, scale: PixelScale) -> GridSize:
-    """Return the size of the grid of a frame: it is halved until it has at most 191 columns and 383 rows."""
+    """Return the size of the grid of a frame: it is halved until it has at most 191
+    columns and 383 rows.
+    """
     step_rows = step_columns = 1
     while rows >= MAX_ROWS:
         rows = rows // 2
@@ -89,7 +91,9 @@ def counts_of(frame: Pixels) -> Counts:
 
 
 def without_page(frame: Pixels) -> Pixels:
-    """Return a frame with a page's margins black: edges of one grey, brighter than most pixels; itself without any."""
+    """Return a frame with a page's margins black: edges of one grey, brighter than most
+    pixels; itself without any.
+    """
     corners = [
         int(frame[row, column]) for row, column in ((0, 0), (0, -1), (-1, -1), (-1, 0))
     ]
@@ -115,7 +119,9 @@ def without_page(frame: Pixels) -> Pixels:
 
 
 def as_logarithmic(frame: Pixels) -> Pixels:
-    """Return a frame as a logarithmic display would show it, as 16 bits; unchanged if it comes from one."""
+    """Return a frame as a logarithmic display would show it, as 16 bits; unchanged if
+    it comes from one.
+    """
     return (
         _logarithms(int(np.iinfo(frame.dtype).max))[frame]
         if pair_contrast(frame) > NOT_LOGARITHMIC
@@ -124,13 +130,17 @@ def as_logarithmic(frame: Pixels) -> Pixels:
 
 
 def pair_contrast(frame: Pixels) -> float:
-    """Return how much the brightest tenth of pairs differ, as a share of their sums (median): 0 where few are lit."""
+    """Return how much the brightest tenth of pairs differ, as a share of their sums
+    (median): 0 where few are lit.
+    """
     return find_lit(counts_of(frame))[-1]
 
 
 @cache
 def _logarithms(largest: int) -> Counts:
-    """Return the logarithm of each count up to the largest, black being 0 and the largest 65,535."""
+    """Return the logarithm of each count up to the largest, black being 0 and the
+    largest 65,535.
+    """
     shares = np.log1p(np.arange(largest + 1.0)) / np.log1p(largest)
     table: Counts = np.rint(65535.0 * shares).astype(np.uint16)
     table.flags.writeable = False
@@ -152,9 +162,8 @@ def _contrast(frame: Counts) -> float:
         for at in range(columns):
             one = np.int32(line[at + PAIR_COLUMNS])
             other = np.int32(line[at])
-            lit = (one > 0) & (
-                other > 0
-            )  # no branch: half of them would be taken by chance
+            # no branch: half of them would be taken by chance
+            lit = (one > 0) & (other > 0)
             line_mean[at] = ((one + other) >> 1) * np.int32(lit)
             number += lit
 
@@ -184,16 +193,20 @@ def _contrast(frame: Counts) -> float:
 
 
 def imaged_columns(frame: Pixels) -> tuple[int, int] | None:
-    """Return the first imaged column of a frame, and the one after the last; None: too few are imaged."""
+    """Return the first imaged column of a frame, and the one after the last; None: too
+    few are imaged.
+    """
     first, after, lit, *_ = find_lit(counts_of(frame))
     return (first, after) if lit >= LEAST_SHAPE else None
 
 
 @compiled
 def find_lit(frame: Counts) -> Lit:
-    """Return the first column that is not black, the one after the last, the number of such columns, the largest count.
+    """Return the first column that is not black, the one after the last, the number of
+    such columns, the largest count.
 
-    Then which columns are black, (column,), and the contrast of pairs: see `pair_contrast`.
+    Then which columns are black, (column,), and the contrast of pairs: see
+    `pair_contrast`.
     """
     columns = frame.shape[1]
     brightest = frame[0].copy()
@@ -222,7 +235,9 @@ def find_lit(frame: Counts) -> Lit:
 
 @compiled
 def grid_cells(frame: Counts, left: int, width: int, eight_bits: bool) -> Counts:
-    """Return a frame's columns as means in cells; `eight_bits`: of bytes, rounded half up as by OpenCV, not to even."""
+    """Return a frame's columns as means in cells; `eight_bits`: of bytes, rounded half
+    up as by OpenCV, not to even.
+    """
     cells = _halved(frame, left, width, eight_bits)
     while cells.shape[0] >= MAX_ROWS or cells.shape[1] >= MAX_COLUMNS:
         cells = _halved(cells, 0, cells.shape[1], eight_bits)
@@ -282,7 +297,7 @@ def _mean_of_two(one: np.uint32, other: np.uint32, up: np.uint32) -> np.uint32:
 @compiled
 def noise_floor(cells: Counts) -> int:
     """Return the count below which a fifth of the cells that are not black lie."""
-    (rows, columns) = cells.shape
+    rows, columns = cells.shape
     brightest = 0
     for row in range(0, rows, 8):
         for column in range(0, columns, 2):
@@ -303,7 +318,9 @@ def noise_floor(cells: Counts) -> int:
 
 @compiled
 def brighter_columns(cells: Counts, rows: int) -> Integers:
-    """Return the columns that are much brighter than the others in the uppermost rows: see `needle`."""
+    """Return the columns that are much brighter than the others in the uppermost rows:
+    see `needle`.
+    """
     columns = cells.shape[1]
     total = np.zeros(columns, np.float32)
     for row in range(min(rows, len(cells))):

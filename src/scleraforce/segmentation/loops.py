@@ -1,4 +1,5 @@
-"""Loops that several steps share: light between pixels, windows, straight lines, the best path.
+"""Loops that several steps share: light between pixels, windows, straight lines, the
+best path.
 
 They are compiled (`scleraforce.compiled`) and write into arrays that the caller owns.
 """
@@ -16,13 +17,14 @@ from scleraforce.compiled import compiled
 
 Numbers = NDArray[np.number]
 
-MARGIN = (
-    1  # columns that are searched on each side of steps of a path that are too large
-)
+# columns that are searched on each side of steps of a path that are too large
+MARGIN = 1
 
 
 def _multiply_add() -> Callable[..., Any]:
-    """Return a * b + c, rounded once to single precision: an instruction of the processor, for compiled loops."""
+    """Return a * b + c, rounded once to single precision: an instruction of the
+    processor, for compiled loops.
+    """
 
     @intrinsic
     def multiply_add(typing: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001 - as Numba calls it
@@ -41,10 +43,11 @@ multiply_add = _multiply_add()
 def sample_rows(
     frame: Counts, first: int, columns: Indices, across: Singles, row: Singles
 ) -> Singles:
-    """Return the counts at points, interpolated and rounded; the frame's edges continue beyond it.
+    """Return the counts at points, interpolated and rounded; the frame's edges continue
+    beyond it.
 
-    `columns`: those before and after each point, from `first` on, (2, point); `across`: distance beyond the one before;
-    `row`: of the points, (line, point).
+    `columns`: those before and after each point, from `first` on, (2, point); `across`:
+    distance beyond the one before; `row`: of the points, (line, point).
     """
     last = frame.shape[0] - 1
     origin = np.uintp(first)
@@ -80,7 +83,9 @@ def sample_rows(
 
 @compiled
 def mirrored(place: int, length: int) -> int:
-    """Return the place inside of a row of this length that stands for one beyond its ends."""
+    """Return the place inside of a row of this length that stands for one beyond its
+    ends.
+    """
     if length == 1:
         return 0
     while place < 0 or place >= length:
@@ -90,7 +95,9 @@ def mirrored(place: int, length: int) -> int:
 
 @compiled
 def mean_of_neighbours(values: Singles, reach: int) -> Singles:
-    """Return the mean over `reach` values on each side, mirrored at the ends, as `cv2.blur` does."""
+    """Return the mean over `reach` values on each side, mirrored at the ends, as
+    `cv2.blur` does.
+    """
     length = len(values)
     share = 1.0 / (2 * reach + 1)
     means = np.empty_like(values)
@@ -110,12 +117,13 @@ def mean_of_neighbours(values: Singles, reach: int) -> Singles:
 
 @compiled
 def open_rows(values: Numbers, window: int) -> None:
-    """Take the largest of the smallest of `window` rows about each row; an even window has one row more above.
+    """Take the largest of the smallest of `window` rows about each row; an even window
+    has one row more above.
 
-    Windows of 1, 2, 4 ... rows are made of two shorter ones, the last of two that overlap. The first row stands for
-    those above it.
+    Windows of 1, 2, 4 ... rows are made of two shorter ones, the last of two that
+    overlap. The first row stands for those above it.
     """
-    (rows, columns) = values.shape
+    rows, columns = values.shape
     above = window // 2
     flat = values.reshape(values.size)
     size = (rows + above) * columns
@@ -149,7 +157,9 @@ def _copy(values: Numbers, to: Numbers) -> None:
 
 @compiled
 def _larger_or_smaller(one: Numbers, other: Numbers, larger: bool, to: Numbers) -> None:
-    """Write the larger or smaller of two; a place in the loop with a summand would be asked whether it is negative."""
+    """Write the larger or smaller of two; a place in the loop with a summand would be
+    asked whether it is negative.
+    """
     if larger:
         for at in range(len(to)):
             to[at] = max(one[at], other[at])
@@ -160,7 +170,9 @@ def _larger_or_smaller(one: Numbers, other: Numbers, larger: bool, to: Numbers) 
 
 @compiled
 def bridge(row: Singles, there: Flags) -> Singles:
-    """Return a curve with straight lines over its missing points; not all are missing."""
+    """Return a curve with straight lines over its missing points; not all are
+    missing.
+    """
     return np.interp(
         np.arange(len(row)), np.flatnonzero(there), row[there].astype(np.float64)
     ).astype(np.float32)
@@ -174,7 +186,8 @@ def at_every_column(
     nearest: Integers,
     to: NDArray[np.float64],
 ) -> None:
-    """Write a curve at every column, by its points' columns; NaN where the `nearest` point to a column is not there.
+    """Write a curve at every column, by its points' columns; NaN where the `nearest`
+    point to a column is not there.
 
     If all of these are there, the other points count, too.
     """
@@ -208,11 +221,13 @@ def is_path(path: Integers, reach: int) -> bool:
 
 @compiled
 def best_path(score_cr: Singles, reach: int) -> Integers:
-    """Return the rows (column,) of the path with the largest sum of scores whose steps are at most `reach` rows.
+    """Return the rows (column,) of the path with the largest sum of scores whose steps
+    are at most `reach` rows.
 
-    Mostly the best rows of the columns make such a path. If not, the part with steps that are too large is searched; if
-    its ends fit to the rest, no path is better, as each part has its largest sum. Otherwise all of it is searched. Give
-    each row of the scores (column, row) its own small bonus, so that no two paths have the same sum.
+    Mostly the best rows of the columns make such a path. If not, the part with steps
+    that are too large is searched; if its ends fit to the rest, no path is better, as
+    each part has its largest sum. Otherwise all of it is searched. Give each row of the
+    scores (column, row) its own small bonus, so that no two paths have the same sum.
 
     >>> best_path(np.array([[0, 9, 0, 0], [0, 1, 0, 5], [0, 4, 0, 0]], dtype=np.float32), reach=1)
     array([1, 1, 1])
@@ -240,10 +255,11 @@ def best_path(score_cr: Singles, reach: int) -> Integers:
 
 @compiled
 def _search(score_cr: Singles, reach: int, path: Integers) -> None:
-    """Write the rows with the largest sum of scores of all paths through them, by dynamic programming.
+    """Write the rows with the largest sum of scores of all paths through them, by
+    dynamic programming.
 
-    The sum comes from both sides (max-marginals of a Markov chain: Bishop, Pattern Recognition and Machine Learning,
-    sec. 8.4.5), so the path needs no backtracking.
+    The sum comes from both sides (max-marginals of a Markov chain: Bishop, Pattern
+    Recognition and Machine Learning, sec. 8.4.5), so the path needs no backtracking.
     """
     columns, rows = score_cr.shape
     before = np.empty_like(score_cr)

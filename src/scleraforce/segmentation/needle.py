@@ -1,8 +1,10 @@
-"""The needle in a frame: a thin bright line from the frame's top edge down to the tissue, and the shadow below it.
+"""The needle in a frame: a thin bright line from the frame's top edge down to the
+tissue, and the shadow below it.
 
-Where something stands out in the uppermost rows, the straight line that shines longest is looked for (a Hough
-transform whose lines begin at the top edge), then another one beside it. Such lines are a shaft's only where the tissue
-below them is darker than that beside, and they end at it: what shines through the tissue, or continues below it, is a
+Where something stands out in the uppermost rows, the straight line that shines longest
+is looked for (a Hough transform whose lines begin at the top edge), then another one
+beside it. Such lines are a shaft's only where the tissue below them is darker than that
+beside, and they end at it: what shines through the tissue, or continues below it, is a
 flare, and a shadow without a line is a vessel's.
 """
 
@@ -26,20 +28,22 @@ BESIDE_M = 2.5e-3
 TISSUE_M = 0.1e-3  # depth over which light is tissue's: thinner lines are not
 HOVERING_M = 0.3e-3  # over the surface beside it, at most: a needle's tip
 BELOW_M = 1.2e-3  # below a line's end, from where on no tissue is expected
-DEEP_M = (
-    0.5e-3  # from there down to the frame's end, at least, to judge the light there
-)
+# from there down to the frame's end, at least, to judge the light there
+DEEP_M = 0.5e-3
 NEAR_M = 0.5e-3  # beside a line's end: columns that its own is compared with
 PARTS = 3  # of that depth
-STREAK = 0.06  # of the spread of a frame's light: a flare is brighter by so much in all parts, drawn needles by 0.015
-NEAREST = (
-    6  # columns of the grid with tissue on each side, which tell where its surface is
-)
-BEVELLED = 0.6  # of the width: an edge that is so much longer than the other one is the point of a bevel
-SAME_LENGTH = 0.7  # of the longer line: as far down the other one of two sides of a shaft goes, at least
-BEVEL_M = (
-    2.2e-3  # the cut of the thickest needle (22G, 18 degrees); longer lines are shafts
-)
+# of the spread of a frame's light: a flare is brighter by so much in all parts, drawn
+# needles by 0.015
+STREAK = 0.06
+# columns of the grid with tissue on each side, which tell where its surface is
+NEAREST = 6
+# of the width: an edge that is so much longer than the other one is the point of a
+# bevel
+BEVELLED = 0.6
+# of the longer line: as far down the other one of two sides of a shaft goes, at least
+SAME_LENGTH = 0.7
+# the cut of the thickest needle (22G, 18 degrees); longer lines are shafts
+BEVEL_M = 2.2e-3
 # and at least 4 rows: the shaft comes in through the top edge
 TOP_M = 0.19e-3
 TOP_ROWS = 4
@@ -63,7 +67,9 @@ OTHER_SHARE = 0.35  # of the first edge's length: the other edge's
 
 @dataclass(frozen=True, kw_only=True)
 class ShaftEdge:
-    """A line from the top edge down: column there, slope in columns a row, last row, and how many rows it shines."""
+    """A line from the top edge down: column there, slope in columns a row, last row,
+    and how many rows it shines.
+    """
 
     top: float
     slope: float
@@ -80,22 +86,22 @@ class ShaftEdge:
 class SeenNeedle:
     """A needle seen in a frame."""
 
-    angle_rad: float  #: between its shaft and the depth; above 0 it leans to growing columns on its way up
-    tip_m: (
-        tuple[float, float] | None
-    )  #: from the middle and the top edge, None if the shaft leaves below the frame
+    # : between its shaft and the depth; above 0 it leans to growing columns on its way
+    # up
+    angle_rad: float
+    # : from the middle and the top edge, None if the shaft leaves below the frame
+    tip_m: tuple[float, float] | None
     tip: tuple[float, float]  #: column and row, or of the last that is seen of it
     top: tuple[float, float]  #: column and row where its axis meets the top edge
-    hidden: tuple[
-        int, int
-    ]  #: the first column that shaft or shadow cover, and the first one after
-    axis_rad: float | None = (
-        None  #: as `angle_rad`, of the axis; None if the lines may be a bevel's, or one side's
-    )
+    # : the first column that shaft or shadow cover, and the first one after
+    hidden: tuple[int, int]
+    # : as `angle_rad`, of the axis; None if the lines may be a bevel's, or one side's
+    axis_rad: float | None = None
 
 
 def needle_entry(needle: SeenNeedle | None) -> dict[str, Any] | None:
-    """Return a needle for JSON: its angle off the depth, where it leans on its way up, its tip.
+    """Return a needle for JSON: its angle off the depth, where it leans on its way up,
+    its tip.
 
     >>> seen = SeenNeedle(angle_rad=-0.5, tip_m=(1e-4, 2e-3), tip=(259.0, 256.0), top=(200.0, -0.5), hidden=(199, 270))
     >>> needle_entry(seen)
@@ -107,18 +113,22 @@ def needle_entry(needle: SeenNeedle | None) -> dict[str, Any] | None:
     return {
         "angle_deg": round(from_si(abs(needle.angle_rad), "deg"), 2),
         "leans": "left" if needle.angle_rad < 0.0 else "right",
-        "tip_mm": None
-        if needle.tip_m is None
-        else [round(from_si(place_m, "mm"), 4) for place_m in needle.tip_m],
+        "tip_mm": (
+            None
+            if needle.tip_m is None
+            else [round(from_si(place_m, "mm"), 4) for place_m in needle.tip_m]
+        ),
     }
 
 
 def find_needle(
     frame: Pixels, cells: Counts, size: GridSize, begin: Places, left: int, columns: int
 ) -> SeenNeedle | None:
-    """Return the needle in the imaged part of a frame of `columns`, whose first imaged one is `left`, or None.
+    """Return the needle in the imaged part of a frame of `columns`, whose first imaged
+    one is `left`, or None.
 
-    It begins in one of the columns `begin` of the grid, `cells` of a size: see `light.brighter_columns`.
+    It begins in one of the columns `begin` of the grid, `cells` of a size: see
+    `light.brighter_columns`.
     """
     edges = _find_edges(frame, cells, size, begin)
     shaded = _shaded(cells, size, edges) if edges else None
@@ -135,23 +145,27 @@ def find_needle(
 
     return SeenNeedle(
         angle_rad=-atan(slope * lateral_m / depth_m),
-        tip_m=((tip[0] + 0.5 - columns / 2) * lateral_m, (tip[1] + 0.5) * depth_m)
-        if ends
-        else None,
+        tip_m=(
+            ((tip[0] + 0.5 - columns / 2) * lateral_m, (tip[1] + 0.5) * depth_m)
+            if ends
+            else None
+        ),
         tip=tip,
         top=(tip[0] - slope * (tip[1] + 0.5), -0.5),
         hidden=(left + first, left + after),
-        axis_rad=None
-        if axis is None
-        else -atan(axis / size.step_rows * lateral_m / depth_m),
+        axis_rad=(
+            None if axis is None else -atan(axis / size.step_rows * lateral_m / depth_m)
+        ),
     )
 
 
 def _axis_slope(edges: list[ShaftEdge], size: GridSize) -> float | None:
-    """Return the slope of a shaft's axis, columns a row of the grid; None if its lines do not tell it.
+    """Return the slope of a shaft's axis, columns a row of the grid; None if its lines
+    do not tell it.
 
-    It is midway between two sides, which converge upward where the shaft leaves the plane. Lines that meet at the wall
-    belong to a side and a bevel; a short line alone may belong to either.
+    It is midway between two sides, which converge upward where the shaft leaves the
+    plane. Lines that meet at the wall belong to a side and a bevel; a short line alone
+    may belong to either.
     """
     one = edges[0]
     other = edges[-1]
@@ -170,7 +184,8 @@ def _axis_slope(edges: list[ShaftEdge], size: GridSize) -> float | None:
 def _shaded(
     cells: Counts, size: GridSize, edges: list[ShaftEdge]
 ) -> tuple[tuple[float, float], tuple[int, int]] | None:
-    """Return the tip between edges (column of the imaged part, row of the grid), and the span hidden by both.
+    """Return the tip between edges (column of the imaged part, row of the grid), and
+    the span hidden by both.
 
     None: the tissue below the edges is in no shadow of theirs.
     """
@@ -219,8 +234,10 @@ def _shaded(
 def _touches(
     size: GridSize, lit: Flags, shadow: tuple[int, int], tip_row: float
 ) -> bool:
-    """Return whether tissue is seen on both sides of a shadow, and a tip is not far above it (a reflex)."""
-    (first, after) = shadow
+    """Return whether tissue is seen on both sides of a shadow, and a tip is not far
+    above it (a reflex).
+    """
+    first, after = shadow
     reach = max(2, round(BESIDE_M / size.scale.lateral_m))
     surfaces = []
 
@@ -240,7 +257,9 @@ def _touches(
 def _goes_through(
     size: GridSize, edges: list[ShaftEdge], lit: Flags, first: int, after: int
 ) -> bool:
-    """Return whether edges end far below the tissue's surface beside them: a flare's do."""
+    """Return whether edges end far below the tissue's surface beside them: a flare's
+    do.
+    """
     around = max(1, round(MARGIN_M / size.scale.lateral_m)) + 1
     sides = lit[:, max(0, first - around) : first], lit[:, after : after + around]
     surfaces = [int(side.argmax(axis=0).max()) for side in sides if side.any()]
@@ -249,9 +268,11 @@ def _goes_through(
 
 
 def _shines_below(cells: Counts, size: GridSize, edges: list[ShaftEdge]) -> bool:
-    """Return whether columns in which edges end are brighter than those beside down to the frame's end, as in a flare.
+    """Return whether columns in which edges end are brighter than those beside down to
+    the frame's end, as in a flare.
 
-    A steep reflection floods its A-scans with light, which remains at all depths; below a needle it is dark.
+    A steep reflection floods its A-scans with light, which remains at all depths; below
+    a needle it is dark.
     """
     begin = round(max(edge.row for edge in edges) + BELOW_M / size.scale.depth_m)
     deep: Singles = cells[begin:].astype(np.float32)
@@ -275,7 +296,9 @@ def _shines_below(cells: Counts, size: GridSize, edges: list[ShaftEdge]) -> bool
 
 
 def _beside(level: Singles, first: int, after: int, reach: int) -> Singles:
-    """Return the levels of columns on both sides of others, without those right beside them."""
+    """Return the levels of columns on both sides of others, without those right beside
+    them.
+    """
     return np.concatenate(
         [
             level[max(0, first - reach) : max(0, first - 1)],
@@ -285,7 +308,9 @@ def _beside(level: Singles, first: int, after: int, reach: int) -> Singles:
 
 
 def _tissue(cells: Counts, size: GridSize, edges: list[ShaftEdge]) -> Singles:
-    """Return how bright the tissue in each cell of the grid is, over the background, the shaft left out."""
+    """Return how bright the tissue in each cell of the grid is, over the background,
+    the shaft left out.
+    """
     light = cells.astype(np.float32)
     some = np.sort(light[::4, ::2].ravel())
     light -= some[: len(some) // 2].mean()
@@ -297,9 +322,8 @@ def _tissue(cells: Counts, size: GridSize, edges: list[ShaftEdge]) -> Singles:
     light[: len(rows)][inside] = 0.0
     light[: top_rows(size)] = 0.0  # where a shaft comes in it may shine all across
     light = cast(Singles, cv2.blur(light, (1, 3)))
-    deep = np.ones(
-        (max(3, round(TISSUE_M / size.scale.depth_m)), 1), np.uint8
-    )  # what is thinner is a line
+    # what is thinner is a line
+    deep = np.ones((max(3, round(TISSUE_M / size.scale.depth_m)), 1), np.uint8)
 
     return cast(Singles, cv2.erode(light, deep))
 
@@ -307,9 +331,11 @@ def _tissue(cells: Counts, size: GridSize, edges: list[ShaftEdge]) -> Singles:
 def _tip(
     size: GridSize, edges: list[ShaftEdge], dark: tuple[int, int]
 ) -> tuple[float, float]:
-    """Return column and row (of the grid) where the shaft ends: between its edges' ends, or at the point of a bevel.
+    """Return column and row (of the grid) where the shaft ends: between its edges'
+    ends, or at the point of a bevel.
 
-    Where one edge alone is seen, the other one's end is the end of the shadow, on the side away from the shaft.
+    Where one edge alone is seen, the other one's end is the end of the shadow, on the
+    side away from the shaft.
     """
     pixel_m = np.array([size.scale.lateral_m / size.step_columns, size.scale.depth_m])
     ends = np.array([(edge.end, edge.row) for edge in edges])
@@ -335,7 +361,9 @@ def _tip(
 def _find_edges(
     frame: Pixels, cells: Counts, size: GridSize, begin: Places
 ) -> list[ShaftEdge]:
-    """Return the longest bright line of a frame's imaged part, and the one beside it if seen, the shaft's own first."""
+    """Return the longest bright line of a frame's imaged part, and the one beside it if
+    seen, the shaft's own first.
+    """
     thin = _thin(cells, size.scale.lateral_m)
     start = np.unique(
         np.clip(np.concatenate([begin - 1, begin, begin + 1]), 0, thin.shape[1] - 1)
@@ -355,7 +383,9 @@ def _find_edges(
 
 
 def _thin(light: Pixels, lateral_m: float) -> Singles:
-    """Return the light of structures that are thin along the columns, over the spread of the background, at most 1."""
+    """Return the light of structures that are thin along the columns, over the spread
+    of the background, at most 1.
+    """
     width = max(LINE_COLUMNS, round(LINE_M / lateral_m)) | 1
     opened = cv2.morphologyEx(light, cv2.MORPH_OPEN, np.ones((1, width), np.uint8))
     thin = (light - opened).astype(np.float32)
@@ -390,9 +420,11 @@ def _slopes(size: GridSize) -> Floats:
 def _edges(
     thin: Singles, fine: Singles, coarse: ShaftEdge, size: GridSize
 ) -> list[ShaftEdge]:
-    """Return the shaft's edge near a coarse line, and the other edge if it is seen, the shaft's own one first.
+    """Return the shaft's edge near a coarse line, and the other edge if it is seen, the
+    shaft's own one first.
 
-    `thin` are the thin structures in the grid, `fine` structures in the frame's own columns.
+    `thin` are the thin structures in the grid, `fine` structures in the frame's own
+    columns.
     """
     first = _refined(fine, coarse, size)
     widest = max(2, round(WIDEST_M / size.scale.lateral_m))
@@ -413,13 +445,15 @@ def _edges(
         return [first]
 
     second = _refined(_without(fine, first, NEAR_COLUMNS + 1.0), other, size)
-    # The shaft's edge is the longer one, of a bevel the lower one: it is held with its cut up.
+    # The shaft's edge is the longer one, of a bevel the lower one: it is held with its
+    # cut up.
     left, right = sorted([first, second], key=lambda edge: edge.top)
 
+    # they converge
     bevelled = (
         right.top - left.top - abs(right.end - left.end)
         > widest * size.step_columns / 4
-    )  # they converge
+    )
     if bevelled and left.slope * right.slope > 0.0:
         return [right, left] if left.slope < 0.0 else [left, right]
 
@@ -427,7 +461,9 @@ def _edges(
 
 
 def _refined(fine: Singles, coarse: ShaftEdge, size: GridSize) -> ShaftEdge:
-    """Return the line of the frame's own columns near one of the grid: straight through the light near it."""
+    """Return the line of the frame's own columns near one of the grid: straight through
+    the light near it.
+    """
     step = size.step_columns
     near = (coarse.top + 0.5) * step - 0.5 + np.arange(-1.5 * step, 1.5 * step + 1)
     spread = (
@@ -456,9 +492,10 @@ def _refined(fine: Singles, coarse: ShaftEdge, size: GridSize) -> ShaftEdge:
         return edge
 
     centre = (weight * at).sum(axis=1) / np.maximum(by_row, 1e-6)
+    # least squares
     slope, top = (
         float(value) for value in np.polyfit(rows + 0.5, centre, 1, w=np.sqrt(by_row))
-    )  # least squares
+    )
 
     return replace(edge, top=top, slope=slope)
 

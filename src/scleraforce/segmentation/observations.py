@@ -1,9 +1,11 @@
-"""The boundaries of a segmented frame in metres, points on them with their noise (paper sec. 3.2, Fig. 4), and slices.
+"""The boundaries of a segmented frame in metres, points on them with their noise (paper
+sec. 3.2, Fig. 4), and slices.
 
-Half of the points lie on the outer boundary, half on the inner, at evenly spaced lateral places within a span about the
-needle; so a frame whose dent leaves the window still gives all its points. A point is the value of a parabola fitted to
-the boundary over a short stretch: speckle makes the boundary rough, and roughness is correlated over a few columns, so
-the stretch counts as fewer columns than it has.
+Half of the points lie on the outer boundary, half on the inner, at evenly spaced
+lateral places within a span about the needle; so a frame whose dent leaves the window
+still gives all its points. A point is the value of a parabola fitted to the boundary
+over a short stretch: speckle makes the boundary rough, and roughness is correlated over
+a few columns, so the stretch counts as fewer columns than it has.
 """
 
 from dataclasses import dataclass, replace
@@ -24,11 +26,19 @@ from scleraforce.study import SliceStudy
 STRETCH_M = 0.3e-3  # to either side of a point
 LEAST_COLUMNS = 5  # for a parabola
 LARGEST_CORRELATION = 0.97
-PIXEL_SHARE = 0.5  # of a pixel, in depth and sideways: what the segmentation cannot resolve, common to a stretch
-BOTTOM_M = 0.1e-3  # a boundary this near to the last row is where the frame ends, not where the wall does
-HIDDEN_SHARE = 0.25  # of the thickness: so far above the bottom the inner boundary must be expected to be seen
-UNEVEN_SHARE = 0.2  # of the thickness: bending hardly changes it, so more is not the wall's inner boundary
-STEEPEST = 1.25  # stretch, 37 degrees: the inner boundary is sought down the columns, and lost on steeper parts
+# of a pixel, in depth and sideways: what the segmentation cannot resolve, common to a
+# stretch
+PIXEL_SHARE = 0.5
+# a boundary this near to the last row is where the frame ends, not where the wall does
+BOTTOM_M = 0.1e-3
+# of the thickness: so far above the bottom the inner boundary must be expected to be
+# seen
+HIDDEN_SHARE = 0.25
+# of the thickness: bending hardly changes it, so more is not the wall's inner boundary
+UNEVEN_SHARE = 0.2
+# stretch, 37 degrees: the inner boundary is sought down the columns, and lost on
+# steeper parts
+STEEPEST = 1.25
 # where a dent is, and where the wall beside it
 MIDDLE_M = 1.2e-3
 ASIDE_M = 3e-3
@@ -38,22 +48,24 @@ SLOPE_M = 0.3e-3  # over which the surface's slope is taken
 
 @dataclass(frozen=True, eq=False)
 class Boundaries:
-    """Outer and inner boundary of the wall in a frame: geometric depth, free of refraction."""
+    """Outer and inner boundary of the wall in a frame: geometric depth, free of
+    refraction.
+    """
 
     lateral_m: Floats  # (column,), from the frame's middle, increasing
     depth_m: Floats  # (2, column), from its top edge, NaN where unseen
     pixel_m: float  # depth of a pixel
-    sd_m: float = (
-        0.0  # standard deviation of boundaries that were given, 0 of those found
-    )
+    # standard deviation of boundaries that were given, 0 of those found
+    sd_m: float = 0.0
 
 
 def segmented_boundaries(segmentation: Segmentation, scale: PixelScale) -> Boundaries:
-    """Return the boundaries of a segmented frame, free of refraction, NaN where they are not seen.
+    """Return the boundaries of a segmented frame, free of refraction, NaN where they
+    are not seen.
 
-    OCT measures optical depth: below the surface it is stretched by the refractive index, above it is not. Where the
-    frame ends before the wall does, where the wall is steep, or far from as thick as elsewhere, the inner boundary is
-    not used.
+    OCT measures optical depth: below the surface it is stretched by the refractive
+    index, above it is not. Where the frame ends before the wall does, where the wall is
+    steep, or far from as thick as elsewhere, the inner boundary is not used.
     """
     lateral_m, outer_m = surface(segmentation, scale)
     bottom_m = segmentation.rows * scale.depth_m - BOTTOM_M
@@ -79,7 +91,9 @@ def segmented_boundaries(segmentation: Segmentation, scale: PixelScale) -> Bound
 
 
 def surface(segmentation: Segmentation, scale: PixelScale) -> tuple[Floats, Floats]:
-    """Return the columns' lateral places from the frame's middle and the surface's depth, (column,), m; NaN: unseen."""
+    """Return the columns' lateral places from the frame's middle and the surface's
+    depth, (column,), m; NaN: unseen.
+    """
     columns = len(segmentation.outer_row)
     lateral_m = (
         np.arange(columns, dtype=np.float64) + (0.5 - columns / 2)
@@ -92,7 +106,8 @@ def surface(segmentation: Segmentation, scale: PixelScale) -> tuple[Floats, Floa
 
 
 def dent(boundaries: Boundaries) -> float:
-    """Return the depth of the surface below the line through its flanks, m; NaN if it is not seen there.
+    """Return the depth of the surface below the line through its flanks, m; NaN if it
+    is not seen there.
 
     It grows with the force without a model; its zero depends on the eye.
     """
@@ -116,7 +131,9 @@ def dent(boundaries: Boundaries) -> float:
 
 
 def stretch_of(lateral_m: Floats, outer_m: Floats) -> Floats:
-    """Return depth along a column over thickness along the normal, NaN where the surface is unseen."""
+    """Return depth along a column over thickness along the normal, NaN where the
+    surface is unseen.
+    """
     half = max(1, round(SLOPE_M / 2 / (lateral_m[1] - lateral_m[0])))
     slope = np.full_like(outer_m, np.nan)
     slope[half:-half] = (outer_m[2 * half :] - outer_m[: -2 * half]) / (
@@ -127,7 +144,9 @@ def stretch_of(lateral_m: Floats, outer_m: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """Observed points, each (point,): lateral place and depth in m, boundary (0 outer, 1 inner), noise in m."""
+    """Observed points, each (point,): lateral place and depth in m, boundary (0 outer,
+    1 inner), noise in m.
+    """
 
     lateral_m: Floats
     depth_m: Floats
@@ -137,20 +156,26 @@ class Observation:
 
 @dataclass(frozen=True, kw_only=True)
 class Roughness:
-    """Scatter of a boundary about its smooth course: standard deviation along the normal, lag-1 correlation."""
+    """Scatter of a boundary about its smooth course: standard deviation along the
+    normal, lag-1 correlation.
+    """
 
     sd_m: float
     correlation: float
 
     def columns_as_one(self) -> float:
-        """Number of neighbouring columns that count as one independent observation (AR(1))."""
+        """Number of neighbouring columns that count as one independent observation
+        (AR(1)).
+        """
         return (1 + self.correlation) / (1 - self.correlation)
 
 
 def observe_points(
     boundaries: Boundaries, count: int, centre_m: float, span_m: float
 ) -> Observation:
-    """Take at most `count` points about the needle, at `centre_m`: half (rounded up) outer ones, the rest inner."""
+    """Take at most `count` points about the needle, at `centre_m`: half (rounded up)
+    outer ones, the rest inner.
+    """
     parts: list[tuple[float, float, int, float]] = []
     inside = np.abs(boundaries.lateral_m - centre_m) <= span_m
 
@@ -170,7 +195,9 @@ def observe_points(
 
 
 def roughness(boundaries: Boundaries, boundary: int) -> Roughness:
-    """Measure the roughness of a boundary from the residuals of parabolas over short stretches."""
+    """Measure the roughness of a boundary from the residuals of parabolas over short
+    stretches.
+    """
     step = float(np.median(np.diff(boundaries.lateral_m)))
     half = max(2, round(STRETCH_M / step))
     columns = np.flatnonzero(np.isfinite(boundaries.depth_m[boundary]))
@@ -189,9 +216,8 @@ def roughness(boundaries: Boundaries, boundary: int) -> Roughness:
     variance = float(np.median((rest**2).sum(axis=1) / (2 * half - 3)))
     square = np.maximum((rest**2).sum(axis=1), 1e-30)
     correlation = float(np.median((rest[:, 1:] * rest[:, :-1]).sum(axis=1) / square))
-    correlation += (1 + 3 * correlation) / (
-        2 * half
-    )  # what the parabola takes off it (Kendall 1954)
+    # what the parabola takes off it (Kendall 1954)
+    correlation += (1 + 3 * correlation) / (2 * half)
     sd = sqrt(max(variance, boundaries.pixel_m**2 / 12))
 
     return Roughness(
@@ -202,7 +228,9 @@ def roughness(boundaries: Boundaries, boundary: int) -> Roughness:
 def _point(
     boundaries: Boundaries, boundary: int, column: int, rough: Roughness
 ) -> tuple[float, float]:
-    """Return depth and noise of the boundary at a column, from the stretch around it."""
+    """Return depth and noise of the boundary at a column, from the stretch around
+    it.
+    """
     half = max(
         2, round(STRETCH_M / (boundaries.lateral_m[1] - boundaries.lateral_m[0]))
     )
@@ -228,7 +256,9 @@ def _point(
 
 @lru_cache(maxsize=1024)
 def _parabola_weights(offsets: tuple[int, ...]) -> Floats:
-    """Return the weights (2, column) of values at `offsets` in the value and slope at 0 of their parabola."""
+    """Return the weights (2, column) of values at `offsets` in the value and slope at 0
+    of their parabola.
+    """
     x = np.array(offsets, dtype=np.float64)
     return np.linalg.pinv(np.stack([np.ones_like(x), x, x * x], axis=1))[:2]
 
@@ -236,10 +266,12 @@ def _parabola_weights(offsets: tuple[int, ...]) -> Floats:
 def boundary_slice(
     segmentation: Segmentation, scale: PixelScale, slice_study: SliceStudy
 ) -> Bytes:
-    """Draw the wall of a frame into the slice's window, (rows, columns): 255 where a pixel's centre lies in the wall.
+    """Draw the wall of a frame into the slice's window, (rows, columns): 255 where a
+    pixel's centre lies in the wall.
 
-    The window is centred on the frame laterally and starts at its top edge. Boundaries are interpolated between the
-    frame's columns, as in `fill_section`, and free of refraction. Columns outside the frame or without a wall are 0.
+    The window is centred on the frame laterally and starts at its top edge. Boundaries
+    are interpolated between the frame's columns, as in `fill_section`, and free of
+    refraction. Columns outside the frame or without a wall are 0.
     """
     wall: Bytes = boundary_slices(segmentation, scale, slice_study, (0.0,))[0][0]
     return wall
@@ -251,9 +283,11 @@ def boundary_slices(
     slice_study: SliceStudy,
     shifts: tuple[float, ...],
 ) -> tuple[Bytes, bool, float]:
-    """Draw the wall as `boundary_slice`, in windows that start lower by shares of a row (shift, rows, columns).
+    """Draw the wall as `boundary_slice`, in windows that start lower by shares of a row
+    (shift, rows, columns).
 
-    Then follow what `dent_leaves` says of the first, and the distance between the ends of the surface in it, m.
+    Then follow what `dent_leaves` says of the first, and the distance between the ends
+    of the surface in it, m.
     """
     columns = slice_study.columns
     pixel_m = slice_study.pixel_m
@@ -275,7 +309,9 @@ def boundary_slices(
 def _slice_depths(
     segmentation: Segmentation, scale: PixelScale, columns: int, pixel_m: float
 ) -> Floats:
-    """Return the depths of both boundaries at a slice's columns, (2, column), m, NaN where there is no wall."""
+    """Return the depths of both boundaries at a slice's columns, (2, column), m, NaN
+    where there is no wall.
+    """
     rows = segmentation.outer_row, segmentation.inner_row
     there = np.isfinite(rows[0]) & np.isfinite(rows[1])
     width = len(rows[0])
@@ -304,16 +340,18 @@ def _slice_depths(
 
 @compiled
 def dent_leaves(cut: Bytes) -> bool:
-    """Return True if the wall of a slice (row, column) leaves through the bottom and comes in again.
+    """Return True if the wall of a slice (row, column) leaves through the bottom and
+    comes in again.
 
-    Most columns between two that reach into the lowest quarter then have no wall, the others fragments.
+    Most columns between two that reach into the lowest quarter then have no wall, the
+    others fragments.
 
     >>> dent = np.array([[255, 0, 255], [255, 0, 255], [255, 0, 255], [255, 0, 255]], dtype=np.uint8)
     >>> shadow = np.array([[255, 0, 255], [255, 0, 0], [255, 0, 0], [255, 0, 0]], dtype=np.uint8)
     >>> dent_leaves(dent), dent_leaves(shadow)
     (True, False)
     """
-    (rows, columns) = cut.shape
+    rows, columns = cut.shape
     last = -1
     missing = 0
     leaves = False
@@ -333,18 +371,19 @@ def dent_leaves(cut: Bytes) -> bool:
     return leaves
 
 
-GIVEN_SD_ROWS = (
-    2.0  # of the boundaries of a mask that a user, another network or the app gave
-)
+# of the boundaries of a mask that a user, another network or the app gave
+GIVEN_SD_ROWS = 2.0
 
 
 def given_wall(
     mask: Bytes, scale: PixelScale, sd_rows: float = GIVEN_SD_ROWS, source: str = "mask"
 ) -> Segmentation:
-    """Return the wall of a mask (row, column) of NO_WALL, NOT_JUDGED and WALL (`recording.walls`).
+    """Return the wall of a mask (row, column) of NO_WALL, NOT_JUDGED and WALL
+    (`recording.walls`).
 
-    A boundary lies in the middle between a row with wall and one without. A column is left out if a pixel of it is not
-    judged, if its wall touches the frame's first row, or is interrupted. `sd_rows`: of the boundaries, rows.
+    A boundary lies in the middle between a row with wall and one without. A column is
+    left out if a pixel of it is not judged, if its wall touches the frame's first row,
+    or is interrupted. `sd_rows`: of the boundaries, rows.
     """
     rows = len(mask)
     is_wall = mask == WALL
@@ -396,7 +435,9 @@ def check_size(mask: Bytes, shape: tuple[int, ...], place: str) -> None:
 def recorded_wall(
     walls: RecordedWalls, file: str, shape: tuple[int, ...], scale: PixelScale
 ) -> Segmentation | None:
-    """Return the wall that a recording has for a frame (row, column), None without one."""
+    """Return the wall that a recording has for a frame (row, column), None without
+    one.
+    """
     mask = walls.wall(file)
     if mask is None:
         return None

@@ -1,13 +1,17 @@
-"""The outer boundary: the first dark-to-bright step from above that has tissue, not just a line, below it.
+"""The outer boundary: the first dark-to-bright step from above that has tissue, not
+just a line, below it.
 
 Three rules, none of which knows the scale of the image:
 
-- what is thinner than 12 pixels (or 0.1 mm) along the depth is a reflection, a contact lens or a coverslip: it is
-  removed by an opening (Serra, Image Analysis and Mathematical Morphology, 1982) along the columns;
-- the surface is the path that gains most contrast between what lies below and above it; contrast saturates, so that a
-  mirror reflection does not outweigh ten shadowed columns;
-- tissue above the path costs: iris and lens are not reached through the wall. What is bright from the top edge on
-  without a dark gap above has no visible surface and neither gains nor costs.
+- what is thinner than 12 pixels (or 0.1 mm) along the depth is a reflection, a contact
+  lens or a coverslip: it is removed by an opening (Serra, Image Analysis and
+  Mathematical Morphology, 1982) along the columns;
+- the surface is the path that gains most contrast between what lies below and above it;
+  contrast saturates, so that a mirror reflection does not outweigh ten shadowed
+  columns;
+- tissue above the path costs: iris and lens are not reached through the wall. What is
+  bright from the top edge on without a dark gap above has no visible surface and
+  neither gains nor costs.
 """
 
 import numpy as np
@@ -27,20 +31,17 @@ ROWS = 2  # ... and rows of the grid taken as one
 BRIGHT_SHARE = 0.985  # of the cells are darker than bright tissue
 LEAST_STEP = np.float32(0.06)  # of the bright tissue's level: less is texture
 LARGEST_LEVEL = np.float32(1.2)  # times that: what is brighter counts as that
-HALF_STEP = np.float32(
-    0.25
-)  # a step of this size (over LEAST_STEP) earns half of the largest gain
-LEAST_EXCESS = np.float32(
-    0.15
-)  # of the bright tissue's level: less is haze, not tissue
+# a step of this size (over LEAST_STEP) earns half of the largest gain
+HALF_STEP = np.float32(0.25)
+# of the bright tissue's level: less is haze, not tissue
+LEAST_EXCESS = np.float32(0.15)
 # cost of tissue above the path, in steps of full depth
 EXCESS_COST = 0.5
 EXCESS_CAP = 1.5
 SMOOTHED = 5  # points
 BLACK_SHARE = 0.25  # of the noise floor: darker cells are not measured
-ABSENT_SHARE = (
-    0.3  # of the frame's own typical contrast: a column with less shows no surface
-)
+# of the frame's own typical contrast: a column with less shows no surface
+ABSENT_SHARE = 0.3
 TYPICAL = 0.75  # of the columns have less than the typical contrast
 FOUR = 4  # rows of the score of which the best one is searched first
 _LARGEST_COST = np.float32(EXCESS_COST * EXCESS_CAP)
@@ -51,7 +52,9 @@ _NINTH = 1.0 / 9.0
 
 @compiled
 def opened_pairs(cells: Counts, floor: int, pairs: Indices, thin: int) -> Counts:
-    """Return pairs of the grid's columns, opened along depth, over the noise floor, (row / 2, pair)."""
+    """Return pairs of the grid's columns, opened along depth, over the noise floor,
+    (row / 2, pair).
+    """
     rows = len(cells)
     columns = len(pairs)
     opened = np.empty((rows, columns), np.uint16)
@@ -83,7 +86,9 @@ def opened_pairs(cells: Counts, floor: int, pairs: Indices, thin: int) -> Counts
 def _extend_upwards(
     cells: Counts, black: float, pairs: Indices, margin: int, opened: Counts
 ) -> None:
-    """Continue what lies at the upper edge of the measured part into the black above: it is not a surface."""
+    """Continue what lies at the upper edge of the measured part into the black above:
+    it is not a surface.
+    """
     rows, columns = opened.shape
     for at in range(columns):
         first = 0
@@ -102,7 +107,8 @@ def _extend_upwards(
 
 @compiled
 def surface_score(tissue: Counts, depth: int, downwards: Singles) -> Singles:
-    """Return the gain of a surface at the upper edge of each cell, (pair, row), by the `depth` rows above and below.
+    """Return the gain of a surface at the upper edge of each cell, (pair, row), by the
+    `depth` rows above and below.
 
     `tissue` is of `opened_pairs`; `downwards` is the bonus of each row.
     """
@@ -157,7 +163,9 @@ def _scaled_level(tissue: Counts) -> Singles:
 
 @compiled
 def _depth_means(level: Singles, depth: int) -> Singles:
-    """Return the mean of the `depth` rows above each row, from the first one to `depth` rows below the last."""
+    """Return the mean of the `depth` rows above each row, from the first one to `depth`
+    rows below the last.
+    """
     rows, pairs = level.shape
     share = 1.0 / depth
     total = np.empty(pairs)
@@ -181,7 +189,9 @@ def _depth_means(level: Singles, depth: int) -> Singles:
 
 @compiled
 def coarse_rows(score_cr: Singles, reach: int) -> Integers:
-    """Return the best path; if the best rows do not make one, it is found on the best of each four: quicker."""
+    """Return the best path; if the best rows do not make one, it is found on the best
+    of each four: quicker.
+    """
     path = best_rows(score_cr)
     if is_path(path, reach):
         return path
@@ -213,7 +223,9 @@ def coarse_rows(score_cr: Singles, reach: int) -> Integers:
 def start_rows(
     path: Integers, step_rows: int, place: Integers, weight: Singles, rows: int
 ) -> Singles:
-    """Return a path at the fine columns, in rows of a frame, from its two neighbours' places and weights."""
+    """Return a path at the fine columns, in rows of a frame, from its two neighbours'
+    places and weights.
+    """
     coarse = np.empty(len(path), np.float32)
     start = np.empty(len(place), np.float32)
     last = np.float32(rows - 1.0)
@@ -237,9 +249,11 @@ def sample_strip(
     start: Singles,
     half: int,
 ) -> tuple[Singles, float]:
-    """Return the light in a strip about a curve, (row, column), and the noise of a pixel above it.
+    """Return the light in a strip about a curve, (row, column), and the noise of a
+    pixel above it.
 
-    `start`: rows of the strip's middle, (column,); `half` of its height. For `frame` to `across` see `sample_rows`.
+    `start`: rows of the strip's middle, (column,); `half` of its height. For `frame` to
+    `across` see `sample_rows`.
     """
     rows = np.empty((2 * half, len(start)), np.float32)
     for step in range(2 * half):
@@ -262,7 +276,9 @@ def sample_strip(
 
 @compiled
 def fit_edges(raw: Singles, thin: int, start: Singles) -> tuple[Singles, Singles]:
-    """Return the rows of the best two-level fit along each column of a strip, and by how much it is brighter below."""
+    """Return the rows of the best two-level fit along each column of a strip, and by
+    how much it is brighter below.
+    """
     strip = _smoothed_and_opened(raw, thin)
     rows, columns = strip.shape
     half = rows // 2
@@ -334,7 +350,9 @@ def _smoothed_and_opened(raw: Singles, thin: int) -> Singles:
 
 @compiled
 def smooth_surface(found: Singles) -> None:
-    """Take a median and a mean over five points of a surface, extrapolated along its slope."""
+    """Take a median and a mean over five points of a surface, extrapolated along its
+    slope.
+    """
     number = len(found)
     if number < SMOOTHED:
         return
@@ -366,9 +384,11 @@ def show_points(
     deepest: float,
     widest: int,
 ) -> Flags:
-    """Return which points, in their columns of a frame's imaged part, show a surface, or a gap of at most `widest`.
+    """Return which points, in their columns of a frame's imaged part, show a surface,
+    or a gap of at most `widest`.
 
-    A surface below row `deepest` has left the window; less than ABSENT_SHARE of the typical contrast does not show it.
+    A surface below row `deepest` has left the window; less than ABSENT_SHARE of the
+    typical contrast does not show it.
     """
     points = len(row)
     inside = np.empty(points, np.bool_)

@@ -1,7 +1,8 @@
 """The wall of the eye in a raw frame, and a verdict whether it can be judged.
 
-`docs/segmentation.md` explains the steps. Frames are taken one by one, each by one thread; the same frame gives the
-same wall, to the last bit, whatever the frames before it show.
+`docs/segmentation.md` explains the steps. Frames are taken one by one, each by one
+thread; the same frame gives the same wall, to the last bit, whatever the frames before
+it show.
 """
 
 from dataclasses import replace
@@ -45,7 +46,10 @@ if TYPE_CHECKING:
 
 COUNTED = np.dtype(np.uint8), np.dtype(np.uint16)
 EMPTY = "the frame is empty: all pixels are alike"
-SATURATED = f"the detector is saturated: more than {SATURATED_SHARE:.0%} of the pixels have the largest count"
+SATURATED = (
+    f"the detector is saturated: more than {SATURATED_SHARE:.0%} of the pixels have the"
+    " largest count"
+)
 LARGEST_LEFT = 0.5  # of the imaged width may be below the frame
 LEAST_SIDE = 0.05  # of the imaged width: less beside a needle is not looked at
 
@@ -58,10 +62,11 @@ def find_wall(
 ) -> Segmentation:
     """Find the wall in a frame: the one that forces are read from.
 
-    `frame`: counts, uint8 or uint16, shape (row, column); rows go down into the eye. With a known thickness the surface
-    is looked for below a conjunctiva, too. A network (`finder`) checks the wall, which is then the one that both
-    methods give (see `checked_wall.checked_by`); the control loop has no time for its 7 ms. A frame without a wall has
-    NaN boundaries and an empty mask.
+    `frame`: counts, uint8 or uint16, shape (row, column); rows go down into the eye.
+    With a known thickness the surface is looked for below a conjunctiva, too. A network
+    (`finder`) checks the wall, which is then the one that both methods give (see
+    `checked_wall.checked_by`); the control loop has no time for its 7 ms. A frame
+    without a wall has NaN boundaries and an empty mask.
 
     Raises:
         ValueError: not such an array, or smaller than 16 x 16.
@@ -69,11 +74,13 @@ def find_wall(
     """
     if frame.ndim != 2 or frame.dtype not in COUNTED:
         raise ValueError(
-            f"a frame of {frame.ndim} dimensions and type {frame.dtype}: give rows x columns of counts"
+            f"a frame of {frame.ndim} dimensions and type {frame.dtype}: give rows x"
+            " columns of counts"
         )
     if min(frame.shape) < LEAST_SHAPE or max(frame.shape) > 2**15:
         raise ValueError(
-            f"a frame of {frame.shape[0]} x {frame.shape[1]} pixels: give at least 16 x 16"
+            f"a frame of {frame.shape[0]} x {frame.shape[1]} pixels: give at least 16"
+            " x 16"
         )
 
     frame = without_page(frame)
@@ -144,7 +151,9 @@ def _first_wall(
 
 
 class Part(NamedTuple):
-    """The imaged part of a frame: `frame` from its column `first` on, as many as `missing` has."""
+    """The imaged part of a frame: `frame` from its column `first` on, as many as
+    `missing` has.
+    """
 
     frame: Counts
     first: int
@@ -159,7 +168,9 @@ class Part(NamedTuple):
     def look(
         self, brightest: int
     ) -> tuple[tuple[Counts, int, bool, Integers], Segmentation]:
-        """Return cells, their floor, whether they are saturated, where a needle may begin; and the wall: see `look`."""
+        """Return cells, their floor, whether they are saturated, where a needle may
+        begin; and the wall: see `look`.
+        """
         width = len(self.missing)
         shape = (len(self.frame), self.columns)
         behind = (0, 0)
@@ -186,9 +197,8 @@ class Part(NamedTuple):
         points = min(width, FINE_COLUMNS)
         if LEAST_SHAPE <= seen < LEAST_COVER * points:
             seen_at = np.flatnonzero(np.isfinite(rows[0]))
-            low = (
-                rows[0, seen_at] >= 0.75 * shape[0]
-            )  # between two of these the surface has left the frame
+            # between two of these the surface has left the frame
+            low = rows[0, seen_at] >= 0.75 * shape[0]
             left = float(
                 (np.diff(seen_at) - 1)[low[:-1] & low[1:]].sum() / self.columns
             )
@@ -227,7 +237,9 @@ def _part(
     missing: Flags,
     hidden: tuple[int, int] | None = None,
 ) -> Part:
-    """Return the part of a frame from a column on, missing ones as the nearest that are not; neither end is missing."""
+    """Return the part of a frame from a column on, missing ones as the nearest that are
+    not; neither end is missing.
+    """
     size = scale.lateral_m, scale.depth_m, scale.refractive_index
     workplace = workplace_for(len(frame), len(missing), *size)
     columns = frame.shape[1]
@@ -251,11 +263,13 @@ def _part(
 
 
 def _beside(frame: Counts, part: Part, hidden: tuple[int, int]) -> Part | None:
-    """Return what a frame shows beside a needle that hides a span of its imaged part; None: hardly anything.
+    """Return what a frame shows beside a needle that hides a span of its imaged part;
+    None: hardly anything.
 
-    What it hides is filled from both sides, so that paths lead on behind it; too narrow a side is left out.
+    What it hides is filled from both sides, so that paths lead on behind it; too narrow
+    a side is left out.
     """
-    (first, after) = hidden
+    first, after = hidden
     missing = part.missing
     least = max(LEAST_SHAPE, round(LEAST_SIDE * len(missing)))
     start = after if first < least else 0

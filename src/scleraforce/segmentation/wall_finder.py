@@ -1,9 +1,11 @@
-"""The wall as a network sees it that learned from drawn scenes: both boundaries with their uncertainty, or none.
+"""The wall as a network sees it that learned from drawn scenes: both boundaries with
+their uncertainty, or none.
 
-It looks at the reduced frame, without its scale, and a second time at the rows about the wall, which then are larger.
-Its answers are distributions over rows. The upper boundary is the path of the likeliest rows, the lower one that of the
-likeliest thicknesses below it, whose changes cost; both are moved to the mean of the rows near them, and their
-uncertainty is the spread of all rows.
+It looks at the reduced frame, without its scale, and a second time at the rows about
+the wall, which then are larger. Its answers are distributions over rows. The upper
+boundary is the path of the likeliest rows, the lower one that of the likeliest
+thicknesses below it, whose changes cost; both are moved to the mean of the rows near
+them, and their uncertainty is the spread of all rows.
 """
 
 from dataclasses import dataclass
@@ -32,7 +34,9 @@ LEAST_CONTRAST = 1e-6  # of the counts of bright tissue
 
 
 def reduced_frame(frame: Pixels | Singles, rows: int, columns: int) -> Singles:
-    """Return the means of a frame with the noise at 0 and bright tissue at 1, (rows, columns); 0 without contrast."""
+    """Return the means of a frame with the noise at 0 and bright tissue at 1, (rows,
+    columns); 0 without contrast.
+    """
     while (
         frame.shape[0] >= 2 * rows
         and frame.shape[1] >= columns
@@ -87,7 +91,8 @@ def reduced_frame(frame: Pixels | Singles, rows: int, columns: int) -> Singles:
 
 
 def reduced_columns(columns: int, answers: int) -> Floats:
-    """Return the columns of a frame, as fractions, of `answers` evenly spaced columns, shape (answers,).
+    """Return the columns of a frame, as fractions, of `answers` evenly spaced columns,
+    shape (answers,).
 
     >>> reduced_columns(8, 4)
     array([0.5, 2.5, 4.5, 6.5])
@@ -97,7 +102,9 @@ def reduced_columns(columns: int, answers: int) -> Floats:
 
 @dataclass(frozen=True, kw_only=True)
 class FrameWindow:
-    """Cells of `row_m` x `column_m` about the frame's middle column, from its upper edge downwards."""
+    """Cells of `row_m` x `column_m` about the frame's middle column, from its upper
+    edge downwards.
+    """
 
     rows: int
     columns: int
@@ -122,7 +129,8 @@ class FrameWindow:
         )
 
     def means(self, frame: Pixels, scale: PixelScale) -> Singles:
-        """Return the mean count of each cell, (row, column); 0 where the frame does not reach.
+        """Return the mean count of each cell, (row, column); 0 where the frame does not
+        reach.
 
         >>> window = FrameWindow(rows=2, columns=2, row_m=2e-6, column_m=1e-6)
         >>> frame = np.array([[1, 2, 3], [3, 4, 5]], dtype=np.uint16)
@@ -142,7 +150,9 @@ class FrameWindow:
 
 
 def _means_between(edges: Reals, values: NDArray[Any]) -> Singles:
-    """Return the means (cell, column) of rows (row, column) between increasing edges (cell + 1,), 0 beyond the rows."""
+    """Return the means (cell, column) of rows (row, column) between increasing edges
+    (cell + 1,), 0 beyond the rows.
+    """
     inside = np.clip(edges, 0.0, len(values))
     whole = inside.astype(np.intp)
     padded = np.concatenate(
@@ -163,12 +173,10 @@ FINDER_FRAMES = "frames"
 FINDER_ROWS = "rows"
 FINDER_WALL = "wall"
 
-REACH_ROWS = (
-    16  # largest step of a boundary between answers, in rows of the reduced frame
-)
-THICKNESS_COST = (
-    0.6  # of a row's change of thickness between answers, in logarithms of probability
-)
+# largest step of a boundary between answers, in rows of the reduced frame
+REACH_ROWS = 16
+# of a row's change of thickness between answers, in logarithms of probability
+THICKNESS_COST = 0.6
 THIN_BONUS = 0.05  # in the same: what makes the path unique where nothing is seen
 NEAR_ROWS = 3  # of the likeliest row: these are averaged
 SPIKE = 5  # neighbouring answers of a boundary that a median is taken of
@@ -176,7 +184,9 @@ MEANS = 2  # times, about the mean before: the path may lie beside the likeliest
 LEAST_PROBABILITY = 1e-6  # of a row: no path is ruled out by less
 LEAST_THICKNESS_ROWS = 0.5  # of a wall, in rows of the reduced frame
 LEAST_SPREAD_ROWS = 0.3  # of a boundary: no finer than a row of the reduced frame
-EDGE_ROWS = 0.6  # a boundary so near the first or the last row lies beyond the frame: its truth was put there
+# a boundary so near the first or the last row lies beyond the frame: its truth was put
+# there
+EDGE_ROWS = 0.6
 SURE_WALL = 0.5  # probability from which on a column has wall
 # of the rows: no second look; of the wall's rows, shown beyond it
 FILLED_SHARE = 0.85
@@ -212,9 +222,11 @@ class SeenWall:
 
 
 class WallFinder:
-    """A network that ONNX Runtime runs: `frames` float32 (n, row, column) in, `rows` and `wall` out.
+    """A network that ONNX Runtime runs: `frames` float32 (n, row, column) in, `rows`
+    and `wall` out.
 
-    `rows` (n, 2, row, column / 2): probabilities of either boundary; `wall` (n, column / 2): that a column has wall.
+    `rows` (n, 2, row, column / 2): probabilities of either boundary; `wall` (n, column
+    / 2): that a column has wall.
     """
 
     def __init__(
@@ -234,7 +246,9 @@ class WallFinder:
         )
 
     def find(self, frame: Pixels) -> SeenWall:
-        """Return the wall that the network sees in a frame of counts (row, column); raises `ModelError`."""
+        """Return the wall that the network sees in a frame of counts (row, column);
+        raises `ModelError`.
+        """
         first = self._look(frame, 0, len(frame))
         if not first.there.any():
             return first
@@ -298,7 +312,9 @@ class WallFinder:
 def rows_about(
     outer_row: Floats, inner_row: Floats, rows: int, share: float = BEYOND_SHARE
 ) -> tuple[int, int] | None:
-    """Return the rows about a wall, and a share of them beyond, for a second look; None: it fills the frame."""
+    """Return the rows about a wall, and a share of them beyond, for a second look;
+    None: it fills the frame.
+    """
     first = max(float(outer_row.min()), 0.0)
     last = min(float(inner_row.max()), rows - 1.0)
     beyond = share * (last - first)
@@ -308,9 +324,11 @@ def rows_about(
 
 
 def _paths(probability: Singles, wall: Singles) -> tuple[Places, Places]:
-    """Return the paths of both boundaries, (column,), from their rows' probabilities (2, row, column).
+    """Return the paths of both boundaries, (column,), from their rows' probabilities
+    (2, row, column).
 
-    Columns without wall do not constrain them; where the upper boundary is above the frame the thickness is free.
+    Columns without wall do not constrain them; where the upper boundary is above the
+    frame the thickness is free.
     """
     score = (
         np.log(np.maximum(probability, np.float32(LEAST_PROBABILITY))).transpose(
@@ -332,16 +350,17 @@ def _paths(probability: Singles, wall: Singles) -> tuple[Places, Places]:
 
 
 def _moved(probability: Singles, path: Places) -> tuple[Floats, Floats]:
-    """Return a boundary's rows near a path and their standard deviations, (column,), of probabilities (row, column)."""
+    """Return a boundary's rows near a path and their standard deviations, (column,), of
+    probabilities (row, column).
+    """
     off = np.arange(-NEAR_ROWS, NEAR_ROWS + 1)[:, None]
     mean: Floats = path.astype(np.float64)
 
     for _ in range(MEANS):
         near = np.clip(np.rint(mean).astype(np.intp) + off, 0, len(probability) - 1)
         weight = probability[near, np.arange(len(path))].astype(np.float64)
-        weight += (
-            LEAST_PROBABILITY  # where nothing speaks for these rows, the path's own
-        )
+        # where nothing speaks for these rows, the path's own
+        weight += LEAST_PROBABILITY
         mean = (weight * near).sum(axis=0) / weight.sum(axis=0)
 
     row = np.arange(len(probability), dtype=np.float32)
@@ -354,7 +373,9 @@ def _moved(probability: Singles, path: Places) -> tuple[Floats, Floats]:
 
 
 def _without_spikes(row: Floats, there: Flags) -> Floats:
-    """Return the running median of a boundary where there is wall: nothing narrower than half of `SPIKE` stays."""
+    """Return the running median of a boundary where there is wall: nothing narrower
+    than half of `SPIKE` stays.
+    """
     if not there.any():
         return row
     at = np.arange(len(row))
@@ -363,11 +384,13 @@ def _without_spikes(row: Floats, there: Flags) -> Floats:
 
 
 def smooth_path(score_cr: Singles, cost: Singles) -> Places:
-    """Return the rows (column,) of the path with the largest sum of scores (column, row) less the cost of its steps.
+    """Return the rows (column,) of the path with the largest sum of scores (column,
+    row) less the cost of its steps.
 
-    `cost` (column - 1,), not negative, is of a row's step between neighbouring columns. Both directions are run at
-    once, as in `best_path`. A step's best beginning is the upper envelope of lines that fall by its cost a row
-    (Felzenszwalb and Huttenlocher 2012, Distance Transforms of Sampled Functions).
+    `cost` (column - 1,), not negative, is of a row's step between neighbouring columns.
+    Both directions are run at once, as in `best_path`. A step's best beginning is the
+    upper envelope of lines that fall by its cost a row (Felzenszwalb and Huttenlocher
+    2012, Distance Transforms of Sampled Functions).
 
     >>> smooth_path(np.array([[0, 9, 0, 0], [0, 1, 0, 5], [0, 4, 0, 0]], dtype=np.float32), np.full(2, 3.0))
     array([1, 1, 1])

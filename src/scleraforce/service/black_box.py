@@ -1,7 +1,9 @@
-"""The black box: a process that logs every decision and keeps the frames of withdrawals or of the session (Linux).
+"""The black box: a process that logs every decision and keeps the frames of withdrawals
+or of the session (Linux).
 
-One thread writes one frame at a time, always the oldest one that is wanted, and listens to the monitor in between.
-Other threads only wait for the disk. docs/black_box.md describes what is written, and what happens when it cannot be.
+One thread writes one frame at a time, always the oldest one that is wanted, and listens
+to the monitor in between. Other threads only wait for the disk. docs/black_box.md
+describes what is written, and what happens when it cannot be.
 """
 
 import os
@@ -35,7 +37,9 @@ ALIVE_S = 0.5
 POLL_S = 0.02
 MOST_MESSAGES = 100  # until a frame is written
 MOST_LINES = 20_000
-HISTORY_S = 600.0  # the tare is found before the first contact, so a log of the last 10 s would be too short
+# the tare is found before the first contact, so a log of the last 10 s would be too
+# short
+HISTORY_S = 600.0
 CLOCK_STEP_S = 1e-6  # of frames.csv
 # of frames.csv, of a travel in it
 COLUMNS = ("pierced", "travel_m")
@@ -48,23 +52,25 @@ WITHDRAWAL = "withdrawal"
 
 @dataclass(frozen=True)
 class SessionBeginning:
-    """Time 0 of the session's recordings on the monotonic clock, and the first line of each recording.toml."""
+    """Time 0 of the session's recordings on the monotonic clock, and the first line of
+    each recording.toml.
+    """
 
     at_s: float
     comment: str
 
 
-ForceSample = tuple[
-    float, tuple[float, ...]
-]  # the middle of a step (s), and the means in it (N, N m)
+# the middle of a step (s), and the means in it (N, N m)
+ForceSample = tuple[float, tuple[float, ...]]
 
 
 class RobotForce:
     """Takes the forces that robots send; `samples` has the last ten minutes.
 
-    Even steps give the log a defined rate; by times of arrival, a burst could have any rate. No sample is invented: a
-    step in which nothing came is left out. Only the first device is taken, with its first count of numbers. `info` has
-    the axis and sign of a force that comes as one number, positive in contact.
+    Even steps give the log a defined rate; by times of arrival, a burst could have any
+    rate. No sample is invented: a step in which nothing came is left out. Only the
+    first device is taken, with its first count of numbers. `info` has the axis and sign
+    of a force that comes as one number, positive in contact.
     """
 
     def __init__(self, info: ForceInfo) -> None:
@@ -80,7 +86,9 @@ class RobotForce:
     def add(
         self, at_s: float, values: Sequence[float], device: str
     ) -> ForceSample | None:
-        """Take a message that came at `at_s`; if it begins a new step, return the sample of the step before."""
+        """Take a message that came at `at_s`; if it begins a new step, return the
+        sample of the step before.
+        """
         source = (device, len(values))
         sound = len(values) in (1, 3, 6) and all(map(isfinite, (at_s, *values)))
         if not sound or self._source not in (None, source):
@@ -120,10 +128,11 @@ class RobotForce:
 
 
 class FrameTaker:
-    """Takes frames out of the ring, oldest first, and writes them into a new recording folder, or raises OSError.
+    """Takes frames out of the ring, oldest first, and writes them into a new recording
+    folder, or raises OSError.
 
-    `start_s` is time 0 of the recording. `written` counts the complete frames, `lost` the ones that were overwritten
-    before or could not be written.
+    `start_s` is time 0 of the recording. `written` counts the complete frames, `lost`
+    the ones that were overwritten before or could not be written.
     """
 
     def __init__(
@@ -145,7 +154,9 @@ class FrameTaker:
         self._moment = 0
 
     def add(self, decided: messages.Decided) -> None:
-        """Enqueue the frame of a decision, whose time it gets; frames of one moment get that of the first of them."""
+        """Enqueue the frame of a decision, whose time it gets; frames of one moment get
+        that of the first of them.
+        """
         if (
             len(self._waiting) == self._ring.frames
         ):  # then the oldest one has been overwritten
@@ -193,9 +204,11 @@ class FrameTaker:
 
 
 class SessionRecording:
-    """The recording of the session, if the settings ask for one; a disk that fails ends it, and nothing else.
+    """The recording of the session, if the settings ask for one; a disk that fails ends
+    it, and nothing else.
 
-    It can be read at any time. `taker` takes its frames; None while nothing is recorded.
+    It can be read at any time. `taker` takes its frames; None while nothing is
+    recorded.
     """
 
     def __init__(
@@ -247,7 +260,9 @@ class SessionRecording:
             self.end()
 
     def end(self) -> None:
-        """Close the recording, if there is one; frames that still wait count as lost."""
+        """Close the recording, if there is one; frames that still wait count as
+        lost.
+        """
         taker = self.taker
         self.taker = None
         if taker is None:
@@ -267,10 +282,11 @@ class SessionRecording:
 
 @dataclass
 class _Writing:
-    """A withdrawal that is being written, in `.NAME.partial`, which is renamed to `folder` when it is complete.
+    """A withdrawal that is being written, in `.NAME.partial`, which is renamed to
+    `folder` when it is complete.
 
-    From `due_s` on the forces after it suffice. `finishing` writes the rest after the frames; its result is the reason
-    if the force log gives no labels, else None.
+    From `due_s` on the forces after it suffice. `finishing` writes the rest after the
+    frames; its result is the reason if the force log gives no labels, else None.
     """
 
     folder: Path
@@ -280,7 +296,9 @@ class _Writing:
 
 
 class Withdrawals:
-    """Remembers the frames and the log's lines of the last seconds, and keeps them at a withdrawal."""
+    """Remembers the frames and the log's lines of the last seconds, and keeps them at a
+    withdrawal.
+    """
 
     def __init__(
         self,
@@ -300,7 +318,9 @@ class Withdrawals:
         self._wanted: tuple[str, messages.Entry, SessionBeginning] | None = None
 
     def remember(self, decided: messages.Decided, line: bytes) -> bool:
-        """Remember the line and the frame of a decision; return whether the frame is new (opinions name it again)."""
+        """Remember the line and the frame of a decision; return whether the frame is
+        new (opinions name it again).
+        """
         entry = decided.entry
         self._lines.append((entry.at_s, line))
         while self._lines[0][0] < entry.at_s - self._settings.keep_s:
@@ -322,7 +342,9 @@ class Withdrawals:
     def keep(
         self, cause: str, entry: messages.Entry, beginning: SessionBeginning
     ) -> None:
-        """Keep the seconds up to an entry; while others are being written, only the latest request waits."""
+        """Keep the seconds up to an entry; while others are being written, only the
+        latest request waits.
+        """
         if self._writing is not None:
             if self._wanted:
                 lost = f"the seconds up to {self._wanted[0]} are not kept"
@@ -374,7 +396,9 @@ class Withdrawals:
             self._journal.fault(WITHDRAWAL, fault)
 
     def turn(self, *, ended: bool) -> None:
-        """Write the rest in a thread once all frames are written. If the monitor has `ended`, no more forces come."""
+        """Write the rest in a thread once all frames are written. If the monitor has
+        `ended`, no more forces come.
+        """
         writing = self._writing
         force = self._force
         if writing is None or writing.taker.next is not None:
@@ -434,7 +458,9 @@ def _cells(decided: messages.Decided) -> tuple[str, ...]:
 def _finish(
     writing: _Writing, columns: Sequence[str], forces: Sequence[ForceSample]
 ) -> str | None:
-    """Write the force log, wait for the disk, rename the folder; return the reason if the log gives no labels."""
+    """Write the force log, wait for the disk, rename the folder; return the reason if
+    the log gives no labels.
+    """
     writing.taker.close()
     reason = _write_forces(writing, columns, forces) if columns else None
     partial = writing.taker.folder
@@ -449,7 +475,9 @@ def _finish(
 def _write_forces(
     writing: _Writing, columns: Sequence[str], forces: Sequence[ForceSample]
 ) -> str | None:
-    """Write the log; if it can label no frame, set it aside, so that the frames can be read."""
+    """Write the log; if it can label no frame, set it aside, so that the frames can be
+    read.
+    """
     partial = writing.taker.folder
     log = ForceWriter(partial, columns)
     for at_s, values in forces:
@@ -506,7 +534,9 @@ class BlackBox:
         self._journal.close()
 
     def turn(self) -> None:
-        """Listen to the monitor, write one frame, give a sign of life when due; wait if there is nothing to do."""
+        """Listen to the monitor, write one frame, give a sign of life when due; wait if
+        there is nothing to do.
+        """
         due_s = min(self._alive_s, self._journal.sync_due_s) - time.monotonic()
         pause_s = max(0.0, min(due_s, POLL_S) if self._withdrawals.taker else due_s)
         self._hear(0.0 if self._next_taker() else pause_s)
@@ -597,19 +627,25 @@ class BlackBox:
         if force.refused > refused == 0:
             values = list(heard.values)
             self._journal.note(
-                f"a force of {heard.device} is not kept: {values}; so are others like it"
+                f"a force of {heard.device} is not kept: {values}; so are others"
+                " like it"
             )
 
         if sample:
             self._session.add_force(force.columns, sample)
 
     def _begin(self, at_s: float, time_s: float) -> SessionBeginning:
-        """Return the beginning of the session; the first message, at `time_s` since 1970, begins its recording."""
+        """Return the beginning of the session; the first message, at `time_s` since
+        1970, begins its recording.
+        """
         if self._beginning is None:
             began = datetime.fromtimestamp(time_s, UTC).isoformat(
                 timespec="milliseconds"
             )
-            comment = f"Of a session of scleraforce {__version__}, research use only; time 0 is {began}."
+            comment = (
+                f"Of a session of scleraforce {__version__}, research use only; time 0"
+                f" is {began}."
+            )
             self._beginning = SessionBeginning(at_s, comment)
             self._session.begin(self._beginning)
 
@@ -624,9 +660,8 @@ def serve(channel: Channel, settings: messages.BlackBoxSettings) -> None:
     """Run the black box until the monitor has ended."""
     os.nice(NICENESS)
     os.umask(0o077)  # recordings are of a patient: readable by the owner only
-    signal.signal(
-        signal.SIGTERM, signal.SIG_IGN
-    )  # it ends with the monitor, and not before
+    # it ends with the monitor, and not before
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
     BlackBox(channel, settings).run()
 
 

@@ -1,4 +1,6 @@
-"""The monitor's processes and their channels: messages, whole or not at all, without waiting."""
+"""The monitor's processes and their channels: messages, whole or not at all, without
+waiting.
+"""
 
 import os
 import signal
@@ -30,7 +32,9 @@ class ChannelClosedError(Exception):
 
 
 def encode_message(message: CompanionMessage) -> bytes:
-    """Return the bytes of a message (MessagePack); a MessageError names a value that no message may hold."""
+    """Return the bytes of a message (MessagePack); a MessageError names a value that no
+    message may hold.
+    """
     try:
         try:
             data = _ENCODER.encode(message)
@@ -50,7 +54,9 @@ def encode_message(message: CompanionMessage) -> bytes:
 
 
 def decode_message(data: bytes) -> CompanionMessage:
-    """Return the message in bytes; raise MessageError unless they are one whole message with its fields."""
+    """Return the message in bytes; raise MessageError unless they are one whole message
+    with its fields.
+    """
     _check_size(data)
     try:
         return _DECODER.decode(data)
@@ -108,7 +114,9 @@ _DECODER: msgspec.msgpack.Decoder[CompanionMessage] = msgspec.msgpack.Decoder(
 
 
 class Channel:
-    """One end of a UNIX socket that keeps messages apart (SOCK_SEQPACKET, Linux), non-blocking at both ends."""
+    """One end of a UNIX socket that keeps messages apart (SOCK_SEQPACKET, Linux),
+    non-blocking at both ends.
+    """
 
     def __init__(self, end: socket.socket) -> None:
         end.setblocking(False)
@@ -130,7 +138,9 @@ class Channel:
         return self.send_encoded(encode_message(message))
 
     def send_encoded(self, data: bytes) -> bool:
-        """Send a message; return False if the other end does not keep up and the message is lost."""
+        """Send a message; return False if the other end does not keep up and the
+        message is lost.
+        """
         try:
             self._end.send(data)
         except BlockingIOError:
@@ -143,18 +153,20 @@ class Channel:
     def receive(self, most: int = 1000) -> list[CompanionMessage]:
         """Return the messages that wait, oldest first, `most` at most.
 
-        Raise ChannelClosedError if the other end is closed and no message is left, MessageError if one of them is not
-        a message; earlier ones are lost, later ones still wait.
+        Raise ChannelClosedError if the other end is closed and no message is left,
+        MessageError if one of them is not a message; earlier ones are lost, later ones
+        still wait.
         """
         messages: list[CompanionMessage] = []
         while len(messages) < most:
             try:
-                data = self._end.recv(
-                    MESSAGE_BYTES + 1
-                )  # one that is larger is cut, and refused
+                # one that is larger is cut, and refused
+                data = self._end.recv(MESSAGE_BYTES + 1)
             except BlockingIOError:
                 break
-            except ConnectionResetError:  # raised once if the other end left messages unread; ours can still be read
+            except ConnectionResetError:
+                # raised once if the other end left messages unread; ours can still be
+                # read
                 continue
             except OSError:
                 data = b""
@@ -177,11 +189,13 @@ class Channel:
 def start_companion(
     module: str, arguments: Sequence[str], descriptors: Sequence[int]
 ) -> Popen[bytes]:
-    """Start `python -m MODULE ARGUMENTS` as a process that ends with the monitor, and not before.
+    """Start `python -m MODULE ARGUMENTS` as a process that ends with the monitor, and
+    not before.
 
-    No terminal reaches it: it has a session of its own, the signals with which terminals and users end programs are
-    blocked, and output to standard error is lost where it would block. It imports nothing from the current folder,
-    which anybody may write to. It inherits the files of `descriptors`, under the same numbers.
+    No terminal reaches it: it has a session of its own, the signals with which
+    terminals and users end programs are blocked, and output to standard error is lost
+    where it would block. It imports nothing from the current folder, which anybody may
+    write to. It inherits the files of `descriptors`, under the same numbers.
     """
     command = [sys.executable, "-P", "-m", module, *arguments]
     errors = _errors_that_never_wait()
@@ -203,7 +217,9 @@ def start_companion(
 
 
 def _errors_that_never_wait() -> int:
-    """Return a new, non-blocking descriptor of standard error; the old one, which other processes share, may block."""
+    """Return a new, non-blocking descriptor of standard error; the old one, which other
+    processes share, may block.
+    """
     try:
         return os.open(
             "/proc/self/fd/2", os.O_WRONLY | os.O_APPEND | os.O_NONBLOCK | os.O_NOCTTY
@@ -213,10 +229,12 @@ def _errors_that_never_wait() -> int:
 
 
 class Child:
-    """A process that runs a module: `python -m MODULE DESCRIPTOR`, the descriptor of its end of the channel.
+    """A process that runs a module: `python -m MODULE DESCRIPTOR`, the descriptor of
+    its end of the channel.
 
-    Its settings are the first message. It has to end when the channel closes. It inherits the files of `descriptors`,
-    under the same numbers; descriptors in the settings must be among them.
+    Its settings are the first message. It has to end when the channel closes. It
+    inherits the files of `descriptors`, under the same numbers; descriptors in the
+    settings must be among them.
     """
 
     def __init__(
@@ -230,7 +248,9 @@ class Child:
         self.channel.send(settings)
 
     def end(self, within_s: float = 5.0) -> int:
-        """Close the channel, wait until the process ends, or kill it after `within_s`; return its exit code."""
+        """Close the channel, wait until the process ends, or kill it after `within_s`;
+        return its exit code.
+        """
         self.channel.close()
         try:
             return self.process.wait(within_s)
@@ -242,7 +262,9 @@ class Child:
 def run_companion(
     kind: type[ChildSettings], serve: Callable[[Channel, ChildSettings], None]
 ) -> None:
-    """Run this child process: take its settings and serve until the channel closes; report a fault to the monitor."""
+    """Run this child process: take its settings and serve until the channel closes;
+    report a fault to the monitor.
+    """
     with closing(Channel(socket.socket(fileno=int(sys.argv[1])))) as channel:
         messages = (
             channel.receive(1) if select([channel], [], [], SETTINGS_S)[0] else []
@@ -255,7 +277,8 @@ def run_companion(
         settings = messages[0]
         if not isinstance(settings, kind):
             raise MessageError(
-                f"a {type(settings).__name__} came; the first message must be a {kind.__name__}"
+                f"a {type(settings).__name__} came; the first message must be a"
+                f" {kind.__name__}"
             )
 
         try:

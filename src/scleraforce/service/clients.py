@@ -1,4 +1,6 @@
-"""The clients of the monitor: their connections, known to the watchdog, and what is sent to all of them."""
+"""The clients of the monitor: their connections, known to the watchdog, and what is
+sent to all of them.
+"""
 
 import fcntl
 import json
@@ -43,10 +45,11 @@ NOT_READ = Verdict(
     interval_n=None,
 )
 MESSAGE_CHARACTERS = 1000  # of a STATUS: a reason may quote what a peer sent
-WAITING_BYTES = 8192  # not yet taken by the peer: a tenth of a second; a message behind them is old when it is read
-SEND_BUFFER_BYTES = (
-    8192  # of the system, which doubles it: what it holds, nobody can take back
-)
+# not yet taken by the peer: a tenth of a second; a message behind them is old when it
+# is read
+WAITING_BYTES = 8192
+# of the system, which doubles it: what it holds, nobody can take back
+SEND_BUFFER_BYTES = 8192
 NOTES_PER_S = 1.0
 NOTES_AT_ONCE = 10
 # a robot sends 1000 a second at most
@@ -56,8 +59,12 @@ FORCES_AT_ONCE = 120
 TURN_BYTES = 8 * 1024 * 1024
 TURN_EVENTS = 16
 ACCEPTED_PER_TURN = 16
-CHANGING = 32  # places that change hands: twice what a turn accepts, so that a newcomer is heard before it is replaced
-REST_S = 0.001  # now and then: Linux pauses real-time processes for 50 ms in a second of which they leave nothing
+# places that change hands: twice what a turn accepts, so that a newcomer is heard
+# before it is replaced
+CHANGING = 32
+# now and then: Linux pauses real-time processes for 50 ms in a second of which they
+# leave nothing
+REST_S = 0.001
 WORK_S = 0.01  # without a rest, where frames come faster than they are read
 
 
@@ -65,8 +72,9 @@ WORK_S = 0.01  # without a rest, where frames come faster than they are read
 class ServerSettings:
     """Limits on clients, and the token of the operator's reset.
 
-    At most `clients` are connected. A client is disconnected if its message is not complete within `message_s`, or if a
-    message to it waits for `stalled_s`: after that time its content is old.
+    At most `clients` are connected. A client is disconnected if its message is not
+    complete within `message_s`, or if a message to it waits for `stalled_s`: after that
+    time its content is old.
     """
 
     token: str
@@ -77,7 +85,8 @@ class ServerSettings:
 
 
 class RateLimiter:
-    """Allows `per_s` actions a second in the long run, and a burst of `at_once` after a pause.
+    """Allows `per_s` actions a second in the long run, and a burst of `at_once` after a
+    pause.
 
     >>> limiter = RateLimiter(per_s=2.0, at_once=3)
     >>> [limiter.take(now_s) for now_s in (10.0, 10.0, 10.0, 10.0, 10.5, 10.6)]
@@ -105,7 +114,9 @@ class RateLimiter:
 
 
 def status_message(decision: Decision) -> Status:
-    """Return the STATUS of a decision; the error name is the cause's, or without a cause the state's."""
+    """Return the STATUS of a decision; the error name is the cause's, or without a
+    cause the state's.
+    """
     name = (
         decision.cause.name
         if decision.cause
@@ -124,8 +135,9 @@ def status_message(decision: Decision) -> Status:
 def reading_messages(entry: Entry) -> tuple[Text, Sensor]:
     """Return the STRING and the SENSOR of a decision on a frame.
 
-    The SENSOR holds: frame, class, probabilities of the classes 0, 1 and 2, force, lower and upper end of its interval
-    (N), usable (1 or 0), code of the STATUS. Missing values are NaN.
+    The SENSOR holds: frame, class, probabilities of the classes 0, 1 and 2, force,
+    lower and upper end of its interval (N), usable (1 or 0), code of the STATUS.
+    Missing values are NaN.
     """
     verdict = entry.verdict or NOT_READ
     shares = (verdict.probabilities or (nan, nan, nan))[:3]
@@ -144,7 +156,9 @@ def reading_messages(entry: Entry) -> tuple[Text, Sensor]:
 
 
 class Outgoing:
-    """Messages for several clients, encoded once for each header version that is needed."""
+    """Messages for several clients, encoded once for each header version that is
+    needed.
+    """
 
     def __init__(
         self,
@@ -172,9 +186,10 @@ class Outgoing:
 class Connection:
     """A client.
 
-    `version` is the header version that it used last, `heard_s` when it was last read from, `message_since_s` since
-    when a message from it has been incomplete; `frames` assembles the images of each plane; `notes` and `forces` limit
-    the rate of notes on its errors and of its forces.
+    `version` is the header version that it used last, `heard_s` when it was last read
+    from, `message_since_s` since when a message from it has been incomplete; `frames`
+    assembles the images of each plane; `notes` and `forces` limit the rate of notes on
+    its errors and of its forces.
     """
 
     def __init__(self, link: socket.socket, address: str, number: int) -> None:
@@ -194,9 +209,8 @@ class Connection:
         self._decoder = Decoder()
         self._rest = memoryview(b"")
         self._given_bytes = 0
-        self._untaken: deque[tuple[int, float]] = (
-            deque()
-        )  # (bytes given in all, when) of each message
+        # (bytes given in all, when) of each message
+        self._untaken: deque[tuple[int, float]] = deque()
 
     def fileno(self) -> int:
         """Return the socket's descriptor."""
@@ -205,7 +219,9 @@ class Connection:
     def receive(
         self, max_body_bytes: int, now_s: float
     ) -> tuple[list[PeerEvent], bool]:
-        """Read the share of one turn; return the complete events, and whether the peer is still there."""
+        """Read the share of one turn; return the complete events, and whether the peer
+        is still there.
+        """
         events: list[PeerEvent] = []
         self.heard_s = now_s
         self._decoder.max_body_bytes = max_body_bytes
@@ -240,7 +256,9 @@ class Connection:
         return events, alive and not self._decoder.broken
 
     def send(self, data: bytes, now_s: float) -> None:
-        """Send a message, or drop it if too many bytes wait, so that a peer never reads old ones."""
+        """Send a message, or drop it if too many bytes wait, so that a peer never reads
+        old ones.
+        """
         self._flush()
         if self._forget_taken() > WAITING_BYTES or self._rest:
             return
@@ -252,16 +270,21 @@ class Connection:
 
     @property
     def unread_since_s(self) -> float | None:
-        """Time of the oldest message that has not arrived in the peer's own buffer; None if all have."""
+        """Time of the oldest message that has not arrived in the peer's own buffer;
+        None if all have.
+        """
         if self._untaken:
             self._forget_taken()
         return self._untaken[0][1] if self._untaken else None
 
     def _forget_taken(self) -> int:
-        """Forget the messages that have arrived in the peer's own buffer; return the bytes sent that have not."""
+        """Forget the messages that have arrived in the peer's own buffer; return the
+        bytes sent that have not.
+        """
+        # SIOCOUTQ
         waiting_bytes = int.from_bytes(
             fcntl.ioctl(self._link, termios.TIOCOUTQ, bytes(4)), sys.byteorder
-        )  # SIOCOUTQ
+        )
         taken_bytes = self._given_bytes - len(self._rest) - waiting_bytes
 
         while self._untaken and self._untaken[0][0] <= taken_bytes:
@@ -270,13 +293,17 @@ class Connection:
         return waiting_bytes
 
     def _flush(self) -> None:
-        """Continue a message that was sent in part: a peer must never get half of one."""
+        """Continue a message that was sent in part: a peer must never get half of
+        one.
+        """
         with suppress(BlockingIOError):
             while self._rest:
                 self._rest = self._rest[self._link.send(self._rest) :]
 
     def close(self, *, discard: bool = False) -> None:
-        """End the connection, also where another process holds a duplicate; `discard` what has not arrived."""
+        """End the connection, also where another process holds a duplicate; `discard`
+        what has not arrived.
+        """
         with suppress(OSError):  # the peer was quicker
             if discard:
                 self._link.setsockopt(
@@ -288,10 +315,12 @@ class Connection:
 
 
 class Clients:
-    """Accepts clients and keeps their connections; no client can delay another or take all places.
+    """Accepts clients and keeps their connections; no client can delay another or take
+    all places.
 
-    When all places are taken, a new client replaces the oldest of the newest eighth (`CHANGING` at most). So an
-    operator and a scanner always find a place, and the clients that were there before keep theirs.
+    When all places are taken, a new client replaces the oldest of the newest eighth
+    (`CHANGING` at most). So an operator and a scanner always find a place, and the
+    clients that were there before keep theirs.
     """
 
     def __init__(
@@ -323,9 +352,11 @@ class Clients:
     def wait(
         self, within_s: float, clock: Callable[[], float]
     ) -> list[Connection | str | None]:
-        """Wait for data, `within_s` at most; rest for a moment first if there was no wait for long.
+        """Wait for data, `within_s` at most; rest for a moment first if there was no
+        wait for long.
 
-        Returns the clients and the companions that have sent something; None for clients that want to connect.
+        Returns the clients and the companions that have sent something; None for
+        clients that want to connect.
         """
         begun_s = clock()
         if begun_s - self._waited_s > WORK_S:
@@ -340,7 +371,9 @@ class Clients:
         return ready
 
     def accept(self, spared: Connection | None = None) -> list[Connection]:
-        """Accept the clients that wait; return the ones that are still connected. `spared` keeps its place."""
+        """Accept the clients that wait; return the ones that are still connected.
+        `spared` keeps its place.
+        """
         came = []
         freed = False
 
@@ -353,7 +386,9 @@ class Clients:
                     and not freed
                     and self._free_descriptor(spared)
                 ):
-                    freed = True  # once in a turn, so that a newcomer is heard before another replaces it
+                    # once in a turn, so that a newcomer is heard before another
+                    # replaces it
+                    freed = True
                     continue
 
                 break  # no client waits any more, or too many files are open
@@ -371,7 +406,9 @@ class Clients:
         return [client for client in came if client in self]
 
     def _take_spare(self) -> None:
-        """Reserve a descriptor for a client that comes when no other is free: it may be the operator."""
+        """Reserve a descriptor for a client that comes when no other is free: it may be
+        the operator.
+        """
         with suppress(OSError):
             self._spare = (
                 os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)
@@ -380,7 +417,9 @@ class Clients:
             )
 
     def _free_descriptor(self, spared: Connection | None) -> bool:
-        """Free a descriptor for a client that waits: the spare one, or that of one of the newest clients."""
+        """Free a descriptor for a client that waits: the spare one, or that of one of
+        the newest clients.
+        """
         if not select([self._listener], [], [], 0.0)[
             0
         ]:  # accept says that none is free before it looks
@@ -403,7 +442,9 @@ class Clients:
         return bool(others)
 
     def leave(self, client: Connection, why: str, *, discard: bool = False) -> None:
-        """Disconnect a client, if it is still there; `discard` what has not arrived yet."""
+        """Disconnect a client, if it is still there; `discard` what has not arrived
+        yet.
+        """
         if self._connected.pop(client.number, None) is None:
             return
         self.selector.unregister(client)
@@ -432,7 +473,9 @@ class Clients:
             self.send(client, outgoing, now_s)
 
     def sweep(self, now_s: float, spared: Connection | None) -> list[str]:
-        """Disconnect clients (except `spared`) that send or read too slowly; return the addresses of slow readers."""
+        """Disconnect clients (except `spared`) that send or read too slowly; return the
+        addresses of slow readers.
+        """
         self._take_spare()
         message_s = self._settings.message_s
         stalled_s = self._settings.stalled_s
@@ -445,7 +488,8 @@ class Clients:
             ):
                 self.leave(
                     client,
-                    f"was disconnected: its message was not complete within {message_s:g} s",
+                    "was disconnected: its message was not complete within"
+                    f" {message_s:g} s",
                 )
 
             if client is spared or client not in self:

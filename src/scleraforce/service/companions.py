@@ -1,4 +1,6 @@
-"""The processes beside the monitor, from its side: the watchdog, the black box, the console, the second opinion."""
+"""The processes beside the monitor, from its side: the watchdog, the black box, the
+console, the second opinion.
+"""
 
 import os
 import socket
@@ -24,9 +26,8 @@ from scleraforce.service.channel import (
 from scleraforce.service.messages import STATUS_DEVICE
 
 BEAT_LOOKS = 0.5  # 10 ms
-SILENT_LOOKS = (
-    25  # half a second: a watchdog that answers later than this counts as failed
-)
+# half a second: a watchdog that answers later than this counts as failed
+SILENT_LOOKS = 25
 START_S = 20.0
 EMERGENCY = Status(
     3, Cause.WATCHDOG.value, Cause.WATCHDOG.name, "WITHDRAW: the monitor hung or died"
@@ -34,15 +35,17 @@ EMERGENCY = Status(
 BLACK_BOX = "black box"
 CONSOLE = "console"
 OPINION = "second opinion"
+# a failure of these is a cause of a withdrawal; the console only shows
 NEEDED = (
     BLACK_BOX,
     OPINION,
-)  # a failure of these is a cause of a withdrawal; the console only shows
+)
+# and each sends `Alive`, `SelfReport`
 SENDS: dict[str, type | UnionType] = {
     BLACK_BOX: messages.WithdrawalKept,
     CONSOLE: messages.ResetAsked | messages.ListensAt | messages.WrongTokens,
     OPINION: messages.OpinionGiven | messages.EyeLearned,
-}  # and each sends `Alive`, `SelfReport`
+}
 OUTLINE_S = 0.04
 OUTLINE_STEP = 4  # columns
 KEEPS_UP_S = 2.0  # a companion that takes no message for longer has failed
@@ -94,7 +97,9 @@ class Guard:
         self._send(b"D%d" % client)
 
     def beat(self, now_s: float) -> str | None:
-        """Send a sign of life, and take the watchdog's; return its fault, if any. Call it every few ms."""
+        """Send a sign of life, and take the watchdog's; return its fault, if any. Call
+        it every few ms.
+        """
         if now_s - self._beaten_s < self._beat_s:
             return self._fault
 
@@ -120,7 +125,8 @@ class Guard:
             self._process.kill()
             self._process.wait()
 
-        self._channel.close()  # not earlier: closing it with unread answers would discard the message
+        # not earlier: closing it with unread answers would discard the message
+        self._channel.close()
 
     def _send(self, data: bytes, descriptor: int | None = None) -> None:
         try:
@@ -146,7 +152,9 @@ class Guard:
 
 @dataclass
 class _State:
-    """The known state of a companion: its reported `fault`, and its breach of the protocol, for good (`garbled`)."""
+    """The known state of a companion: its reported `fault`, and its breach of the
+    protocol, for good (`garbled`).
+    """
 
     fault: str | None = None
     garbled: str | None = None
@@ -156,7 +164,9 @@ class _State:
 
 
 class Companions:
-    """Sends messages to the running companions, by their names, and receives theirs; never waits for one."""
+    """Sends messages to the running companions, by their names, and receives theirs;
+    never waits for one.
+    """
 
     def __init__(self, children: dict[str, Child]) -> None:
         self._children = dict(children)
@@ -173,14 +183,18 @@ class Companions:
         return self._children[name].channel
 
     def starts(self, name: str) -> bool:
-        """Return whether a companion runs that has neither given a sign of life nor failed, as far as `hear` knows."""
+        """Return whether a companion runs that has neither given a sign of life nor
+        failed, as far as `hear` knows.
+        """
         state = self._states.get(name)
         return state is not None and not (
             state.heard or state.fault or state.garbled or state.dead
         )
 
     def faults(self, now_s: float) -> tuple[str, ...]:
-        """Return the faults of the companions that are needed; call it every few ms, after `hear`."""
+        """Return the faults of the companions that are needed; call it every few ms,
+        after `hear`.
+        """
         if self._alive_until_s is None:
             self._alive_until_s = now_s + STARTS_S
 
@@ -206,7 +220,9 @@ class Companions:
         return "it does not answer" if silent else None
 
     def decided(self, decided: messages.Decided) -> None:
-        """Send a decision; it waits for a black box that does not keep up, before all other messages."""
+        """Send a decision; it waits for a black box that does not keep up, before all
+        other messages.
+        """
         data = encode_message(decided)
         entry = decided.entry
 
@@ -233,7 +249,9 @@ class Companions:
             self.send(CONSOLE, outline, now_s)
 
     def send(self, name: str, message: messages.CompanionMessage, now_s: float) -> bool:
-        """Send a message to a companion, to the black box only while no decision waits; return whether it was taken."""
+        """Send a message to a companion, to the black box only while no decision waits;
+        return whether it was taken.
+        """
         if name == BLACK_BOX:
             self._send_waiting(now_s)
         return (name != BLACK_BOX or not self._waiting) and self._send(
@@ -265,7 +283,9 @@ class Companions:
         return taken
 
     def hear(self, name: str, now_s: float) -> Iterator[messages.CompanionMessage]:
-        """Yield a companion's messages, except on its own state; one that sends something else has failed for good."""
+        """Yield a companion's messages, except on its own state; one that sends
+        something else has failed for good.
+        """
         state = self._states[name]
         try:
             for message in self.channel(name).receive():

@@ -1,6 +1,8 @@
-"""The log of decisions: JSON lines with a checksum each, so that a crash at any byte costs one record at most.
+"""The log of decisions: JSON lines with a checksum each, so that a crash at any byte
+costs one record at most.
 
-A line is `{"kind": ..., ..., "crc32": "89abcdef"}`: the checksum (zlib.crc32) is that of the bytes before `, "crc32"`.
+A line is `{"kind": ..., ..., "crc32": "89abcdef"}`: the checksum (zlib.crc32) is that
+of the bytes before `, "crc32"`.
 """
 
 import errno
@@ -41,8 +43,8 @@ CHECK = re.compile(rb', "crc32": "([0-9a-f]{8})"\}')
 class LogPart:
     """A part of a log: a whole record, or torn or damaged bytes.
 
-    `offset` is the place of its first byte in the file, `data` its bytes, and `record` its contents without the
-    checksum; None for torn or damaged bytes.
+    `offset` is the place of its first byte in the file, `data` its bytes, and `record`
+    its contents without the checksum; None for torn or damaged bytes.
     """
 
     file: Path
@@ -74,8 +76,9 @@ def read_log(path: str | PathLike[str]) -> Iterator[LogPart]:
 class DecisionLog:
     """Appends records to the numbered files of a folder, for one process at a time.
 
-    A file has at most `file_bytes`; beyond `total_bytes` the oldest files are removed, never the newest. It raises
-    OSError if the folder cannot be used, or another process uses it; so do its methods.
+    A file has at most `file_bytes`; beyond `total_bytes` the oldest files are removed,
+    never the newest. It raises OSError if the folder cannot be used, or another process
+    uses it; so do its methods.
     """
 
     def __init__(
@@ -118,7 +121,9 @@ class DecisionLog:
         return line
 
     def sync(self) -> None:
-        """Wait until the disk has all records; raise OSError if it fails, or the file was removed or replaced."""
+        """Wait until the disk has all records; raise OSError if it fails, or the file
+        was removed or replaced.
+        """
         with self._turn:
             os.fdatasync(self._descriptor)
             same = os.path.samestat(self._path.stat(), os.fstat(self._descriptor))
@@ -140,9 +145,8 @@ class DecisionLog:
         os.fchmod(self._descriptor, 0o600)  # also of a file of an earlier version
         self._size = os.fstat(self._descriptor).st_size
         torn = self._size and os.pread(self._descriptor, 1, self._size - 1) != b"\n"
-        self._separator = (
-            b"\n" if torn else b""
-        )  # a torn record stays, on a line of its own
+        # a torn record stays, on a line of its own
+        self._separator = b"\n" if torn else b""
         os.fsync(self._lock)
 
     def _next_file(self) -> None:
@@ -208,7 +212,9 @@ def _files(folder: Path) -> list[Path]:
 
 
 class Journal:
-    """The log, its syncs, and the faults reported to the monitor: each once, until it is mended."""
+    """The log, its syncs, and the faults reported to the monitor: each once, until it
+    is mended.
+    """
 
     def __init__(self, folder: Path, channel: Channel) -> None:
         self.sync_due_s = 0.0  # on the monotonic clock
@@ -220,7 +226,9 @@ class Journal:
         self._syncing: Future[None] | None = None
 
     def record(self, message: Decided | Note) -> bytes:
-        """Append a message to the log; return its line, also if it could not be written."""
+        """Append a message to the log; return its line, also if it could not be
+        written.
+        """
         if isinstance(message, Decided):
             record: dict[str, Any] = {"kind": "entry", "entry": message.entry.as_json()}
         else:
@@ -253,13 +261,16 @@ class Journal:
         self._faults.pop(name, None)
 
     def has_room(self, name: str, folder: Path) -> bool:
-        """Return whether the disk of a folder, which need not exist yet, has enough space; if not, report it."""
+        """Return whether the disk of a folder, which need not exist yet, has enough
+        space; if not, report it.
+        """
         place = next(path for path in (folder, *folder.parents) if path.exists())
         try:
             free_bytes = shutil.disk_usage(place).free
             if free_bytes < LEAST_FREE_BYTES:
                 raise OSError(
-                    f"{place}: {from_si(free_bytes, 'gb'):.2f} GB free; below 1 GB nothing is kept"
+                    f"{place}: {from_si(free_bytes, 'gb'):.2f} GB free; below 1 GB"
+                    " nothing is kept"
                 )
         except OSError as fault:
             self.fault(name, fault)
@@ -278,7 +289,9 @@ class Journal:
             self._channel.send(message)
 
     def sync(self, now_s: float) -> None:
-        """If a sync is due, check the disk and the last sync, and begin the next one."""
+        """If a sync is due, check the disk and the last sync, and begin the next
+        one.
+        """
         if now_s < self.sync_due_s:
             return
 

@@ -1,4 +1,6 @@
-"""The last frames, in memory shared by the monitor's processes: one writes, the others read."""
+"""The last frames, in memory shared by the monitor's processes: one writes, the others
+read.
+"""
 
 import mmap
 import os
@@ -20,13 +22,14 @@ LIMITS = {
     "": ("memory.max", "memory.current"),
     "memory": ("memory.limit_in_bytes", "memory.usage_in_bytes"),
 }
-SPARED_BYTES = (
-    512 * 2**20
-)  # for the processes beside the monitor: models, library, what is written
+# for the processes beside the monitor: models, library, what is written
+SPARED_BYTES = 512 * 2**20
 
 
 def available_bytes(proc: Path = PROC, groups: Path = GROUPS) -> int | None:
-    """Return the least memory that the machine and the control groups of this process leave; None if unknown."""
+    """Return the least memory that the machine and the control groups of this process
+    leave; None if unknown.
+    """
     left = list[int]()
     with suppress(OSError, ValueError, KeyError):
         left.append(1024 * _numbers(proc / "meminfo")["MemAvailable:"])
@@ -66,7 +69,9 @@ def _numbers(file: Path) -> dict[str, int]:
 
 @dataclass(frozen=True, kw_only=True)
 class RingPlace:
-    """The place of a ring: the descriptor of its memory, its number of frames, and their pixels."""
+    """The place of a ring: the descriptor of its memory, its number of frames, and
+    their pixels.
+    """
 
     descriptor: int
     frames: int
@@ -75,12 +80,14 @@ class RingPlace:
 
 
 class FrameRing:
-    """The last `frames` frames of one size, numbered from 1; 16 bits a pixel, in a file without a name (Linux).
+    """The last `frames` frames of one size, numbered from 1; 16 bits a pixel, in a file
+    without a name (Linux).
 
-    Its maker takes all of the memory at once. Taken page by page as frames come, it would delay each of the first ones,
-    and a system that runs out of memory would kill the process. Only the frames' numbers are mapped: pixels are read
-    and written, so that the ring is in no process's resident memory. A reader that is too late for a frame gets None,
-    never a part of another one.
+    Its maker takes all of the memory at once. Taken page by page as frames come, it
+    would delay each of the first ones, and a system that runs out of memory would kill
+    the process. Only the frames' numbers are mapped: pixels are read and written, so
+    that the ring is in no process's resident memory. A reader that is too late for a
+    frame gets None, never a part of another one.
     """
 
     def __init__(self, place: RingPlace) -> None:
@@ -93,15 +100,18 @@ class FrameRing:
 
     @classmethod
     def create(cls, frames: int, rows: int, columns: int) -> Self:
-        """Return a new ring, for `FrameRing(ring.place)` in another process; raise InputError if memory is short."""
+        """Return a new ring, for `FrameRing(ring.place)` in another process; raise
+        InputError if memory is short.
+        """
         size = frames * (8 + 2 * rows * columns)
         available = available_bytes()
         if available is not None and size > available - SPARED_BYTES:
             raise InputError(
-                f"memory: the last {frames} frames of {rows} x {columns} pixels take "
-                f"{from_si(size, 'mb'):,.0f} MB and other processes {from_si(SPARED_BYTES, 'mb'):.0f} MB; "
-                f"{from_si(available, 'mb'):,.0f} MB are there; give the scanner's own --rows and "
-                "--columns, or end other programs"
+                f"memory: the last {frames} frames of {rows} x {columns} pixels take"
+                f" {from_si(size, 'mb'):,.0f} MB and other processes"
+                f" {from_si(SPARED_BYTES, 'mb'):.0f} MB;"
+                f" {from_si(available, 'mb'):,.0f} MB are there; give the scanner's own"
+                " --rows and --columns, or end other programs"
             )
 
         descriptor = os.memfd_create("scleraforce-frames")
@@ -110,8 +120,8 @@ class FrameRing:
         except OSError as fault:
             os.close(descriptor)
             raise InputError(
-                f"memory: {fault.strerror} for the last {frames} frames of {rows} x {columns} pixels, "
-                f"{from_si(size, 'mb'):.0f} MB; end other programs"
+                f"memory: {fault.strerror} for the last {frames} frames of {rows} x"
+                f" {columns} pixels, {from_si(size, 'mb'):.0f} MB; end other programs"
             ) from fault
 
         return cls(
@@ -136,7 +146,9 @@ class FrameRing:
         self._numbers[slot] = number if written == counts.nbytes else 0
 
     def get(self, number: int) -> Counts | None:
-        """Return a copy of a frame (row, column); None if it is gone or has not come yet."""
+        """Return a copy of a frame (row, column); None if it is gone or has not come
+        yet.
+        """
         slot = number % self.frames
         if number < 1 or self._numbers[slot] != number:
             return None

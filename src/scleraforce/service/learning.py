@@ -1,8 +1,10 @@
-"""The eye that a monitor learns: a process beside the second opinion narrows the posterior of E by the dents' shape.
+"""The eye that a monitor learns: a process beside the second opinion narrows the
+posterior of E by the dents' shape.
 
-The joint fit takes seconds, an opinion must not wait for it. So the second opinion only chooses frames, and a process
-of low priority, which dies with it, fits them. A frame teaches `SETTLES_S` after it came, unless a withdrawal followed;
-after a puncture, what was learned since the contact began is dropped.
+The joint fit takes seconds, an opinion must not wait for it. So the second opinion only
+chooses frames, and a process of low priority, which dies with it, fits them. A frame
+teaches `SETTLES_S` after it came, unless a withdrawal followed; after a puncture, what
+was learned since the contact began is dropped.
 """
 
 import os
@@ -40,7 +42,8 @@ from scleraforce.study import study_hash
 from scleraforce.units import from_si
 
 LEARNED_FILE = "learned.json"  # in the folder of a recorded session
-SETTLES_S = 0.5  # within which a withdrawal takes a frame away, and after which a needle has let go
+# within which a withdrawal takes a frame away, and after which a needle has let go
+SETTLES_S = 0.5
 # between two frames that teach; of them that wait
 LEAST_S = 0.1
 MOST_WAITING = 50
@@ -52,7 +55,9 @@ FORGET = "forget"
 
 
 class EyeLearner:
-    """Chooses the frames that teach, and tells what they taught; it never waits for the fit."""
+    """Chooses the frames that teach, and tells what they taught; it never waits for the
+    fit.
+    """
 
     def __init__(self, link: Connection) -> None:
         self._link = link
@@ -63,7 +68,9 @@ class EyeLearner:
         self._light_s = inf
 
     def hear(self, asked: OpinionAsked) -> None:
-        """Take the monitor's word on a frame: one that does not teach takes away those just before it."""
+        """Take the monitor's word on a frame: one that does not teach takes away those
+        just before it.
+        """
         if not asked.teaches:
             self._waiting.clear()
             self._light_s = inf
@@ -106,7 +113,9 @@ class EyeLearner:
             self._waiting.append((asked.at_s, tip_m, shown))
 
     def learned(self, now_s: float) -> EyeLearned | None:
-        """Return what was learned since the last call; begin to learn the frames that have waited long enough."""
+        """Return what was learned since the last call; begin to learn the frames that
+        have waited long enough.
+        """
         found: EyeLearned | None = None
         while self._awaited and self._link.poll():
             found = self._link.recv()
@@ -133,7 +142,9 @@ class EyeLearner:
 
 @contextmanager
 def learning(fitting: "Fitting", channel: Channel) -> Iterator[EyeLearner]:
-    """Start the process that fits; it does not hold the channel open, which is of this process."""
+    """Start the process that fits; it does not hold the channel open, which is of this
+    process.
+    """
     context = get_context("fork")
     link, theirs = context.Pipe()
     process = context.Process(
@@ -151,7 +162,8 @@ def learning(fitting: "Fitting", channel: Channel) -> Iterator[EyeLearner]:
 
 
 class Fitting:
-    """The posterior of an eye as learned, and the one to return to after a puncture; `record`: the session's recording.
+    """The posterior of an eye as learned, and the one to return to after a puncture;
+    `record`: the session's recording.
 
     The posterior is saved in the folder of the recording, if there is one.
     """
@@ -162,7 +174,9 @@ class Fitting:
         self._record = record
 
     def take(self, asked: str | list[ShownFrame]) -> EyeLearned | None:
-        """Fit frames, or do as `KEEP` or `FORGET` says; return what is learned by then, None after `KEEP`."""
+        """Fit frames, or do as `KEEP` or `FORGET` says; return what is learned by then,
+        None after `KEEP`.
+        """
         if asked == KEEP:
             self._kept = self._posterior
             return None
@@ -181,7 +195,9 @@ class Fitting:
         )
 
     def _save(self) -> str:
-        """Write the posterior beside the session's recording; return why that failed, or ""."""
+        """Write the posterior beside the session's recording; return why that failed,
+        or "".
+        """
         if (
             self._record is None
             or not self._record.is_dir()
@@ -213,7 +229,9 @@ def _fit(
 
 
 def as_calibration(posterior: EyePosterior, eye: str, path: str) -> Calibration:
-    """Return a posterior with a fit, of a recording, as the calibration of its eye, which also states the IOP."""
+    """Return a posterior with a fit, of a recording, as the calibration of its eye,
+    which also states the IOP.
+    """
     known = posterior.known
     modulus = posterior.modulus
     assert posterior.fit is not None
@@ -230,7 +248,10 @@ def as_calibration(posterior: EyePosterior, eye: str, path: str) -> Calibration:
         at(file=f"dent of {from_si(tip_m, 'mm'):.3f} mm")
         for tip_m in posterior.fit.own[:, 0].tolist()
     )
-    said = "no force was measured: E was learned by a monitor, from the shape of dents beside the IOP"
+    said = (
+        "no force was measured: E was learned by a monitor, from the shape of dents"
+        " beside the IOP"
+    )
     recording = UsedRecording(
         path=path, sha256="", zero_n=0.0, drift_n_per_s=0.0, doubts=(said,)
     )
@@ -249,9 +270,11 @@ def as_calibration(posterior: EyePosterior, eye: str, path: str) -> Calibration:
 
 
 def resumed(known: Known, path: Path, eye: str) -> Known:
-    """Return the known eye with the E of an earlier session as its prior, or raise InputError.
+    """Return the known eye with the E of an earlier session as its prior, or raise
+    InputError.
 
-    A file of another eye, IOP or tissue is refused, and one that no monitor has learned.
+    A file of another eye, IOP or tissue is refused, and one that no monitor has
+    learned.
     """
     file = open_calibration(path)
     eyes = summary_of(file).eyes
@@ -275,13 +298,15 @@ def resumed(known: Known, path: Path, eye: str) -> Known:
     given_mmhg = from_si(known.iop_pa, "mmhg")
     if abs(iop_mmhg - given_mmhg) > SAME_PRESSURE * given_mmhg:
         raise InputError(
-            f"{place}.{eye}: learned at {iop_mmhg:.1f} mmHg; --iop-mmhg is {given_mmhg:.1f}"
+            f"{place}.{eye}: learned at {iop_mmhg:.1f} mmHg; --iop-mmhg is"
+            f" {given_mmhg:.1f}"
         )
 
     stiffening = known.stiffening or 0.0
     if abs(own.stiffening - stiffening) > 1e-6:
         raise InputError(
-            f"{place}.{eye}: stiffening: {own.stiffening:g}; that of this eye is {stiffening:g}"
+            f"{place}.{eye}: stiffening: {own.stiffening:g}; that of this eye is"
+            f" {stiffening:g}"
         )
 
     modulus = Modulus(mean_pa=own.mean_pa, sd_pa=own.sd_pa, source="population")

@@ -1,8 +1,9 @@
-"""A decision as it is sent, logged and shown, and the messages between the monitor and its companions.
+"""A decision as it is sent, logged and shown, and the messages between the monitor and
+its companions.
 
-The first message to a companion is its settings. `channel` turns messages into bytes and back. Times are in seconds:
-`at_s` on the monotonic clock, `time_s` since 1970. The watchdog, which uses the standard library alone, has messages of
-its own.
+The first message to a companion is its settings. `channel` turns messages into bytes
+and back. Times are in seconds: `at_s` on the monotonic clock, `time_s` since 1970. The
+watchdog, which uses the standard library alone, has messages of its own.
 """
 
 from dataclasses import dataclass, replace
@@ -27,22 +28,26 @@ from scleraforce.units import from_si, to_si
 STATUS_DEVICE = "ForceMonitor"
 READING_DEVICE = "ForceReading"
 NEEDLE_DEVICE = "NeedlePose"
+# left out if None
 OF_PLANES = dict.fromkeys(
     ("plane", "planes_force_mn", "planes_interval_mn", "contact_xyz_mm")
-)  # left out if None
+)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A decision of the monitor and its event: "frame", "tick", "reset", ...; "again" repeats one, with its number.
+    """A decision of the monitor and its event: "frame", "tick", "reset", ...; "again"
+    repeats one, with its number.
 
-    `withdrawn_s` is when the withdrawal began. `frame` is the number in this session, from 1, `frame_id` the sender's;
-    `latency_ms` runs from the frame's last byte to the answer on the wire; `verdict` is also None for a frame that
-    could not be read. `time_to_bound_ms` is the median, an end of the interval None beyond 2 s (`decision.trend`).
-    `modulus_mpa` is E as learned in this session (mean, SD, number of frames), None if it is not.
-    `overtaken` counts the frames since the start that newer ones overtook, `lost` the unread ones. `plane`: the
-    frame's, if there are several; then `planes_force_mn` and `contact_xyz_mm` are what the second opinion last read in
-    all planes together.
+    `withdrawn_s` is when the withdrawal began. `frame` is the number in this session,
+    from 1, `frame_id` the sender's; `latency_ms` runs from the frame's last byte to the
+    answer on the wire; `verdict` is also None for a frame that could not be read.
+    `time_to_bound_ms` is the median, an end of the interval None beyond 2 s
+    (`decision.trend`). `modulus_mpa` is E as learned in this session (mean, SD, number
+    of frames), None if it is not. `overtaken` counts the frames since the start that
+    newer ones overtook, `lost` the unread ones. `plane`: the frame's, if there are
+    several; then `planes_force_mn` and `contact_xyz_mm` are what the second opinion
+    last read in all planes together.
     """
 
     number: int
@@ -76,7 +81,8 @@ class Entry:
     def __post_init__(self) -> None:
         if self.state not in State.__members__:
             raise MessageError(
-                f"state: {self.state[:20]!r}; must be one of {', '.join(State.__members__)}"
+                f"state: {self.state[:20]!r}; must be one of"
+                f" {', '.join(State.__members__)}"
             )
 
     @property
@@ -94,20 +100,20 @@ class Entry:
         )
 
     def as_json(self) -> dict[str, Any]:
-        """Return the JSON object: flat, forces in mN, `class` for `predicted`; NaN and infinity become null.
+        """Return the JSON object: flat, forces in mN, `class` for `predicted`; NaN and
+        infinity become null.
 
-        `usable` is null for events other than a frame, and false for a frame that could not be read.
+        `usable` is null for events other than a frame, and false for a frame that could
+        not be read.
         """
         verdict = self.verdict
         reading = {
             "probabilities": finite(verdict.probabilities) if verdict else None,
             "force_mn": finite(self.force_mn),
             "interval_mn": finite(self.interval_mn),
-            "usable": verdict.usable
-            if verdict
-            else None
-            if self.frame is None
-            else False,
+            "usable": (
+                verdict.usable if verdict else None if self.frame is None else False
+            ),
             "reason": verdict.reason if verdict else None,
         }
         record: dict[str, Any] = {}
@@ -124,7 +130,9 @@ class Entry:
 
     @classmethod
     def from_json(cls, value: Any) -> "Entry":
-        """Return the entry of an object of `as_json`; in a list null becomes NaN. A MessageError names the field."""
+        """Return the entry of an object of `as_json`; in a list null becomes NaN. A
+        MessageError names the field.
+        """
         if not isinstance(value, dict) or (OF_PLANES | value).keys() != KEYS:
             raise MessageError("not an entry: an object with the keys of one")
         try:
@@ -192,9 +200,11 @@ class _Message(
 
 
 class Decided(_Message, frozen=True, kw_only=True):
-    """To the black box and the console: a decision; of a frame also the needle's travel, m, and whether it pierced.
+    """To the black box and the console: a decision; of a frame also the needle's
+    travel, m, and whether it pierced.
 
-    `moment`: of several planes, the number of the first frame that is read together with this one.
+    `moment`: of several planes, the number of the first frame that is read together
+    with this one.
     """
 
     entry: Entry
@@ -204,7 +214,9 @@ class Decided(_Message, frozen=True, kw_only=True):
 
 
 class ForceHeard(_Message, frozen=True, kw_only=True):
-    """To the black box: the numbers of a robot's force sensor, N and N m; they may be NaN."""
+    """To the black box: the numbers of a robot's force sensor, N and N m; they may be
+    NaN.
+    """
 
     at_s: float
     time_s: float
@@ -224,7 +236,9 @@ class MonitorEnds(_Message, frozen=True, kw_only=True):
 
 
 class Outline(_Message, frozen=True, kw_only=True):
-    """To the console: the wall that a frame's force was read from, as rows at each `step`-th column; None: no wall."""
+    """To the console: the wall that a frame's force was read from, as rows at each
+    `step`-th column; None: no wall.
+    """
 
     frame: int
     step: int
@@ -234,7 +248,8 @@ class Outline(_Message, frozen=True, kw_only=True):
 
 
 class Rates(_Message, frozen=True, kw_only=True):
-    """To the console, twice a second: frames per second, frames lost since the start, and the clients.
+    """To the console, twice a second: frames per second, frames lost since the start,
+    and the clients.
 
     Of a client, `clients` has the `address` and the `role`, "scanner" or "listener".
     """
@@ -245,7 +260,9 @@ class Rates(_Message, frozen=True, kw_only=True):
 
 
 class ResetAsked(_Message, frozen=True, kw_only=True):
-    """From the console: the operator asks for a reset; `request` is the console's number of it."""
+    """From the console: the operator asks for a reset; `request` is the console's
+    number of it.
+    """
 
     request: int
     token: str
@@ -272,10 +289,12 @@ class WrongTokens(_Message, frozen=True, kw_only=True):
 
 
 class OpinionAsked(_Message, frozen=True, kw_only=True):
-    """To the second opinion: read the frame of this number in the ring, complete at `at_s`.
+    """To the second opinion: read the frame of this number in the ring, complete at
+    `at_s`.
 
-    `order` is the decision's name for it. `teaches`: the eye may be learned from it, as the monitor watches and can
-    read it; `pierced`: it showed a puncture. `planes`: of several ones the name, number and order of each one's frame.
+    `order` is the decision's name for it. `teaches`: the eye may be learned from it, as
+    the monitor watches and can read it; `pierced`: it showed a puncture. `planes`: of
+    several ones the name, number and order of each one's frame.
     """
 
     number: int
@@ -287,7 +306,9 @@ class OpinionAsked(_Message, frozen=True, kw_only=True):
 
 
 class OpinionGiven(_Message, frozen=True, kw_only=True):
-    """From the second opinion: its verdict on the frame of this order; of several planes, the contact (x, y, depth)."""
+    """From the second opinion: its verdict on the frame of this order; of several
+    planes, the contact (x, y, depth).
+    """
 
     order: int
     verdict: Verdict
@@ -296,7 +317,9 @@ class OpinionGiven(_Message, frozen=True, kw_only=True):
 
 
 class EyeLearned(_Message, frozen=True, kw_only=True):
-    """From the second opinion: the eye with E as learned from n frames, and why that could not be saved, or ""."""
+    """From the second opinion: the eye with E as learned from n frames, and why that
+    could not be saved, or "".
+    """
 
     known: Known
     frames: int
@@ -304,7 +327,9 @@ class EyeLearned(_Message, frozen=True, kw_only=True):
 
 
 class Alive(_Message, frozen=True, kw_only=True):
-    """A sign of life: of the black box every 0.5 s, with its present faults; of a second opinion that is ready."""
+    """A sign of life: of the black box every 0.5 s, with its present faults; of a
+    second opinion that is ready.
+    """
 
     faults: tuple[str, ...]
 
@@ -316,15 +341,19 @@ class SelfReport(_Message, frozen=True, kw_only=True):
 
 
 class WithdrawalKept(_Message, frozen=True, kw_only=True):
-    """From the black box: the last seconds before a withdrawal are complete in this folder."""
+    """From the black box: the last seconds before a withdrawal are complete in this
+    folder.
+    """
 
     folder: str
 
 
 class BlackBoxSettings(_Message, frozen=True, kw_only=True):
-    """Settings of the black box: `folder` is created, `record`, for the whole session, must not exist.
+    """Settings of the black box: `folder` is created, `record`, for the whole session,
+    must not exist.
 
-    `info`, of each recording.toml, has `force`. `keep_s` before a withdrawal are kept, if the ring holds as much.
+    `info`, of each recording.toml, has `force`. `keep_s` before a withdrawal are kept,
+    if the ring holds as much.
     """
 
     folder: Path
@@ -339,7 +368,8 @@ class BlackBoxSettings(_Message, frozen=True, kw_only=True):
             self.ring.columns,
         ):
             raise ValueError(
-                f"info.oct: {self.info.oct.rows} x {self.info.oct.columns} pixels; the ring: {self.ring}"
+                f"info.oct: {self.info.oct.rows} x {self.info.oct.columns} pixels; the"
+                f" ring: {self.ring}"
             )
         if self.info.force is None:
             raise ValueError("info.force: missing; a robot may send its force")
@@ -352,10 +382,11 @@ class BlackBoxSettings(_Message, frozen=True, kw_only=True):
 
 
 class OpinionSettings(_Message, frozen=True, kw_only=True):
-    """Settings of the second opinion: the model's folder, what is known of the eye, and the frames.
+    """Settings of the second opinion: the model's folder, what is known of the eye, and
+    the frames.
 
-    `learns`: the name of the eye, if its E is learned; `record`: the folder of the session's recording. `planes`: of
-    the scanner, if it takes several.
+    `learns`: the name of the eye, if its E is learned; `record`: the folder of the
+    session's recording. `planes`: of the scanner, if it takes several.
     """
 
     model: Path
@@ -368,7 +399,9 @@ class OpinionSettings(_Message, frozen=True, kw_only=True):
 
 
 class ConsoleSettings(_Message, frozen=True, kw_only=True):
-    """Settings of the console: `listener` is the descriptor of the socket that listens on `host`, `eye` may be ""."""
+    """Settings of the console: `listener` is the descriptor of the socket that listens
+    on `host`, `eye` may be "".
+    """
 
     host: str
     listener: int

@@ -1,4 +1,6 @@
-"""The whole monitor: checks what it needs, starts its processes, serves, and ends them."""
+"""The whole monitor: checks what it needs, starts its processes, serves, and ends
+them.
+"""
 
 import gc
 import os
@@ -56,14 +58,18 @@ from scleraforce.service.watchdog import MONITOR_PRIORITY, run_in_real_time
 from scleraforce.study import Study
 
 KEPT_S = 10.0  # of each withdrawal
-READY_S = 180.0  # for the second opinion: some 15 s where its loops are compiled, and machines may be slow
+# for the second opinion: some 15 s where its loops are compiled, and machines may be
+# slow
+READY_S = 180.0
 NOTED_S = 3.0
 LOOK_S = 0.1
-OWN_FILES = 128  # beside the clients' sockets: other processes' sockets, logs, and what the system's libraries open
-RING_FRAMES = 1200  # at 100 a second two seconds more than are kept, which leaves time to copy them
-FORCE = ForceInfo(
-    "fz", 1, 0.2
-)  # of a robot; the needle moves, so labels average over a short time
+# beside the clients' sockets: other processes' sockets, logs, and what the system's
+# libraries open
+OWN_FILES = 128
+# at 100 a second two seconds more than are kept, which leaves time to copy them
+RING_FRAMES = 1200
+# of a robot; the needle moves, so labels average over a short time
+FORCE = ForceInfo("fz", 1, 0.2)
 WEB_NEEDS = ("fastapi", "uvicorn", "websockets")
 WAITING_LINES = 1000  # for the operator; while this many wait, new ones are dropped
 
@@ -78,11 +84,13 @@ class Address:
 
 @dataclass(frozen=True)
 class MonitorSettings:
-    """The settings of a monitor; `scan`: the expected frames, whose `size` and `scale_m` `limits` has as well.
+    """The settings of a monitor; `scan`: the expected frames, whose `size` and
+    `scale_m` `limits` has as well.
 
-    Without a `console` address there is no console. The log and the recordings of withdrawals are in `black_box`;
-    `record` is the folder for a recording of the whole session. `learns`: the second opinion learns E. If the scan has
-    several planes, the gap is not known.
+    Without a `console` address there is no console. The log and the recordings of
+    withdrawals are in `black_box`; `record` is the folder for a recording of the whole
+    session. `learns`: the second opinion learns E. If the scan has several planes, the
+    gap is not known.
     """
 
     eye: str
@@ -103,9 +111,10 @@ def monitor_service(
 ) -> Iterator[tuple[Server, Address]]:
     """Start all processes, yield the server and its address, and end all processes.
 
-    Call the server's `run` at once: from here on the watchdog expects signs of life. The second opinion loads the
-    folder `model` by itself; `note` is called with a line for the operator. It raises InputError if an address cannot
-    be listened on, a folder cannot be written, or there is too little memory.
+    Call the server's `run` at once: from here on the watchdog expects signs of life.
+    The second opinion loads the folder `model` by itself; `note` is called with a line
+    for the operator. It raises InputError if an address cannot be listened on, a folder
+    cannot be written, or there is too little memory.
     """
     limits = settings.limits
     known = settings.known
@@ -175,13 +184,15 @@ def monitor_service(
         )
         _wait_for_opinion(companions, note)
         gc.collect()
-        gc.freeze()  # the model stays, so the collector need not scan it again and again
+        # the model stays, so the collector need not scan it again and again
+        gc.freeze()
         guard = Guard()
         stack.callback(guard.end)
 
         if not run_in_real_time(MONITOR_PRIORITY):
             note(
-                "no real-time priority: other programs can delay the answers (docs/monitor.md)"
+                "no real-time priority: other programs can delay the answers"
+                " (docs/monitor.md)"
             )
 
         server = Server(
@@ -198,7 +209,9 @@ def monitor_service(
 
 
 def live_readers(reader: Reader, known: Known, scan: OctInfo) -> dict[str, LiveReader]:
-    """Return the reader of each plane by name, of the eye as that plane sees it; that of a single plane is named ""."""
+    """Return the reader of each plane by name, of the eye as that plane sees it; that
+    of a single plane is named "".
+    """
     eyes = {plane.name: known.turned(plane.direction_rad) for plane in scan.plane} or {
         "": known
     }
@@ -220,13 +233,15 @@ def _listen_for_pages(address: Address) -> socket.socket:
     missing = [name for name in WEB_NEEDS if find_spec(name) is None]
     if missing:
         raise InputError(
-            f"--web-port: {missing[0]} is not installed; run pip install 'scleraforce[web]'"
+            f"--web-port: {missing[0]} is not installed; run pip install"
+            " 'scleraforce[web]'"
         )
     return listen(address.host, address.port, "web-")
 
 
 def _wait_for_opinion(companions: Companions, note: Callable[[str], None]) -> None:
-    """Wait until the second opinion, if there is one, is ready or has failed; then the server orders a withdrawal.
+    """Wait until the second opinion, if there is one, is ready or has failed; then the
+    server orders a withdrawal.
 
     A frame that it was asked about earlier would wait until its first reading is done.
     """
@@ -242,12 +257,14 @@ def _wait_for_opinion(companions: Companions, note: Callable[[str], None]) -> No
         if not is_noted and now_s - begun_s > NOTED_S:
             is_noted = True
             note(
-                "the second opinion gets ready: some seconds, once after an installation half a minute or more"
+                "the second opinion gets ready: some seconds, once after an"
+                " installation half a minute or more"
             )
 
     if companions.starts(OPINION):
         note(
-            f"the second opinion was not ready within {READY_S:g} s: nothing is OK before its first one"
+            f"the second opinion was not ready within {READY_S:g} s: nothing is OK"
+            " before its first one"
         )
 
 
@@ -268,10 +285,13 @@ def _recording_info(settings: MonitorSettings, study: Study) -> RecordingInfo:
 
 
 def listen(host: str, port: int, prefix: str = "") -> socket.socket:
-    """Return a socket that listens, or raise InputError; `prefix` is that of the options' names ("web-")."""
+    """Return a socket that listens, or raise InputError; `prefix` is that of the
+    options' names ("web-").
+    """
     if not host.strip():
         raise InputError(
-            f"--{prefix}host: empty; use 127.0.0.1 for this machine alone, 0.0.0.0 for all its networks"
+            f"--{prefix}host: empty; use 127.0.0.1 for this machine alone, 0.0.0.0 for"
+            " all its networks"
         )
 
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -295,9 +315,11 @@ def listen(host: str, port: int, prefix: str = "") -> socket.socket:
 
 
 def try_folders(black_box: Path, record: Path | None) -> None:
-    """Create the folder of the black box, and test that both folders can be written; the recording's is created later.
+    """Create the folder of the black box, and test that both folders can be written;
+    the recording's is created later.
 
-    A folder that another monitor uses, or a `record` that exists, is an InputError, too.
+    A folder that another monitor uses, or a `record` that exists, is an InputError,
+    too.
     """
     if record is not None:
         _try_record(record.absolute(), black_box.absolute())
@@ -319,7 +341,8 @@ def _try_record(record: Path, black_box: Path) -> None:
             )
         if record == black_box or record in black_box.parents:
             raise InputError(
-                f"--record {record}: the folder of the black box is there; choose another name"
+                f"--record {record}: the folder of the black box is there; choose"
+                " another name"
             )
 
         with suppress(FileNotFoundError):
@@ -339,22 +362,26 @@ def _try_write(folder: Path) -> None:
 
 
 def allow_files(needed: int) -> None:
-    """Raise the soft limit of open files of this process and its children to `needed`, or raise InputError."""
+    """Raise the soft limit of open files of this process and its children to `needed`,
+    or raise InputError.
+    """
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if soft == resource.RLIM_INFINITY or soft >= needed:
         return
     if hard != resource.RLIM_INFINITY and hard < needed:
         raise InputError(
-            f"open files: at most {hard} are allowed (ulimit -Hn), the monitor needs {needed} so that "
-            "neither the scanner nor the operator is locked out; raise the limit `nofile` in "
-            "/etc/security/limits.conf"
+            f"open files: at most {hard} are allowed (ulimit -Hn), the monitor needs"
+            f" {needed} so that neither the scanner nor the operator is locked out;"
+            " raise the limit `nofile` in /etc/security/limits.conf"
         )
 
     resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
 
 
 class Notes:
-    """Writes lines for the operator in order, in a thread: a stopped terminal must not stop the monitor."""
+    """Writes lines for the operator in order, in a thread: a stopped terminal must not
+    stop the monitor.
+    """
 
     def __init__(self, write: Callable[[str], object]) -> None:
         self._write = write

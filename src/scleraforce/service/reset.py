@@ -1,6 +1,8 @@
-"""The operator's reset: the token of programs, the code of operators, their checks, the request from a terminal.
+"""The operator's reset: the token of programs, the code of operators, their checks, the
+request from a terminal.
 
-Over OpenIGTLink, a STRING `ForceReset` with the token requests a reset, and another STRING answers.
+Over OpenIGTLink, a STRING `ForceReset` with the token requests a reset, and another
+STRING answers.
 """
 
 import hmac
@@ -28,15 +30,18 @@ PIECE = 65536
 
 
 def token_digest(token: str) -> str:
-    """Return the SHA-256 of a token, in hexadecimal digits: enough to check a token, not to make one."""
+    """Return the SHA-256 of a token, in hexadecimal digits: enough to check a token,
+    not to make one.
+    """
     return sha256(token.encode(errors="surrogatepass")).hexdigest()
 
 
 class ResetToken:
-    """Checks a token against the digest of the right one, and limits the answers to wrong ones.
+    """Checks a token against the digest of the right one, and limits the answers to
+    wrong ones.
 
-    The right token is always accepted, however many wrong ones came: it is too long to be guessed, and a limit on
-    guesses must not lock the operator out.
+    The right token is always accepted, however many wrong ones came: it is too long to
+    be guessed, and a limit on guesses must not lock the operator out.
     """
 
     def __init__(self, digest: str) -> None:
@@ -44,11 +49,15 @@ class ResetToken:
         self._answered_s = deque[float](maxlen=ANSWERED)
 
     def knows(self, token: str) -> bool:
-        """Return whether a token is the right one, in a time that does not depend on how much of it is right."""
+        """Return whether a token is the right one, in a time that does not depend on
+        how much of it is right.
+        """
         return hmac.compare_digest(token_digest(token), self._digest)
 
     def answers_wrong(self, now_s: float) -> bool:
-        """Count a wrong token; return whether to answer it: at most `ANSWERED` within `WITHIN_S` are."""
+        """Count a wrong token; return whether to answer it: at most `ANSWERED` within
+        `WITHIN_S` are.
+        """
         if len(self._answered_s) == ANSWERED and now_s - self._answered_s[0] < WITHIN_S:
             return False
         self._answered_s.append(now_s)
@@ -56,7 +65,8 @@ class ResetToken:
 
 
 class ResetCode:
-    """The six digits that an operator types; `WRONG_CODES` wrong ones lock them for `LOCKED_S`.
+    """The six digits that an operator types; `WRONG_CODES` wrong ones lock them for
+    `LOCKED_S`.
 
     Five guesses a minute find it in 70 days, in the mean.
     """
@@ -96,9 +106,11 @@ class ResetCode:
 def ask_reset(
     host: str, port: int, token: str, within_s: float = ANSWER_S
 ) -> tuple[bool, str]:
-    """Ask a monitor to end a withdrawal; return whether it did, and its message, which must come within `within_s`.
+    """Ask a monitor to end a withdrawal; return whether it did, and its message, which
+    must come within `within_s`.
 
-    It raises InputError if no monitor answers at this address, or the token cannot be sent.
+    It raises InputError if no monitor answers at this address, or the token cannot be
+    sent.
     """
     if not host.strip():
         raise InputError(
@@ -106,7 +118,8 @@ def ask_reset(
         )
     if not token.isprintable():  # which covers what is not valid text
         raise InputError(
-            "--token: has characters that no token has; copy the token that the monitor printed"
+            "--token: has characters that no token has; copy the token that the monitor"
+            " printed"
         )
 
     try:
@@ -121,7 +134,9 @@ def ask_reset(
 
 
 def _answer(link: socket.socket, end_s: float) -> tuple[bool, str]:
-    """Wait for the answer among the STATUS messages that the monitor sends to all clients."""
+    """Wait for the answer among the STATUS messages that the monitor sends to all
+    clients.
+    """
     decoder = Decoder()
     while monotonic() < end_s and (data := link.recv(PIECE)):
         for event in decoder.feed(data):

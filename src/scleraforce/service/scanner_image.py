@@ -1,4 +1,6 @@
-"""From the IMAGE messages of a scanner to B-scans: counts, the size of a pixel, and images sent in parts."""
+"""From the IMAGE messages of a scanner to B-scans: counts, the size of a pixel, and
+images sent in parts.
+"""
 
 from dataclasses import KW_ONLY, dataclass, replace
 from math import hypot, prod
@@ -16,9 +18,11 @@ SENT = tuple(map(np.dtype, ("int8", "uint8", "int16", "uint16")))
 
 @dataclass(frozen=True, eq=False)
 class ScannerFrame:
-    """A B-scan as the scanner sent it; `lateral_m` and `depth_m` are the stated size of a pixel.
+    """A B-scan as the scanner sent it; `lateral_m` and `depth_m` are the stated size of
+    a pixel.
 
-    `pixels` (row, column) are uint8 or uint16 and read-only; `sent_type` is their type as it was sent.
+    `pixels` (row, column) are uint8 or uint16 and read-only; `sent_type` is their type
+    as it was sent.
     """
 
     pixels: Pixels
@@ -29,10 +33,12 @@ class ScannerFrame:
 
 
 class FrameAssembler:
-    """Assembles frames from the images of one scanner; it holds at most one frame of at most `max_frame_bytes`.
+    """Assembles frames from the images of one scanner; it holds at most one frame of at
+    most `max_frame_bytes`.
 
-    The part of an image with its first pixel has to come first, the others in any order. So the end of an image whose
-    beginning was lost is not taken for the beginning of the next. Start a new assembler after every lost message
+    The part of an image with its first pixel has to come first, the others in any
+    order. So the end of an image whose beginning was lost is not taken for the
+    beginning of the next. Start a new assembler after every lost message
     (`BadChecksum`, `Malformed`): then no frame mixes two images.
     """
 
@@ -45,16 +51,18 @@ class FrameAssembler:
         self._missing: Flags = np.empty((0, 0), np.bool_)
 
     def add(self, image: Image) -> ScannerFrame | None:
-        """Take the next image of the scanner; return the frame that it completes, None if parts are still missing.
+        """Take the next image of the scanner; return the frame that it completes, None
+        if parts are still missing.
 
-        A whole image is not copied. A ProtocolError refuses an image that is not a B-scan, or does not belong to the
-        parts before it, which are forgotten; a new frame begins with the image if it has the first pixel.
+        A whole image is not copied. A ProtocolError refuses an image that is not a
+        B-scan, or does not belong to the parts before it, which are forgotten; a new
+        frame begins with the image if it has the first pixel.
         """
         begun = self._stated
         self._stated = ()
         frame = _frame(image)
-        (rows, columns) = frame.pixels.shape
-        (column, row, _) = image.offset
+        rows, columns = frame.pixels.shape
+        column, row, _ = image.offset
         whole_columns, whole_rows, _ = image.size or (columns, rows, 1)
 
         size = whole_rows, whole_columns
@@ -63,7 +71,10 @@ class FrameAssembler:
 
         place = np.s_[row : row + rows, column : column + columns]
         stated = size, image.pixels.dtype, image.matrix, image.coordinates
-        part = f"IMAGE: the part rows {row} to {row + rows}, columns {column} to {column + columns} of {size}"
+        part = (
+            f"IMAGE: the part rows {row} to {row + rows}, columns {column} to"
+            f" {column + columns} of {size}"
+        )
         reason = ""
 
         if begun and stated != begun:
@@ -81,7 +92,8 @@ class FrameAssembler:
                 )
             if (needed := prod(size) * frame.pixels.itemsize) > self.max_frame_bytes:
                 raise ProtocolError(
-                    f"IMAGE: parts of an image of {needed} bytes: at most {self.max_frame_bytes}"
+                    f"IMAGE: parts of an image of {needed} bytes: at most"
+                    f" {self.max_frame_bytes}"
                 )
 
             self._pixels = np.empty(size, frame.pixels.dtype)
@@ -105,7 +117,8 @@ def _frame(image: Image) -> ScannerFrame:
     pixels = image.pixels
     if pixels.dtype not in SENT:
         raise ProtocolError(
-            f"IMAGE: {pixels.dtype} pixels: must be 8 or 16 bit in this machine's byte order"
+            f"IMAGE: {pixels.dtype} pixels: must be 8 or 16 bit in this machine's byte"
+            " order"
         )
 
     slices = (image.size or (0, 0, pixels.shape[0]))[2]
@@ -122,7 +135,8 @@ def _frame(image: Image) -> ScannerFrame:
     lateral_m, depth_m = (to_si(hypot(*image.matrix[n : n + 3]), "mm") for n in (0, 3))
     if not (lateral_m > 0.0 and depth_m > 0.0):
         raise ProtocolError(
-            f"IMAGE: pixels of {lateral_m} x {depth_m} m: the matrix's columns must have a length"
+            f"IMAGE: pixels of {lateral_m} x {depth_m} m: the matrix's columns must"
+            " have a length"
         )
 
     counts = pixels[0].view(f"u{pixels.itemsize}")

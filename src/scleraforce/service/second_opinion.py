@@ -1,14 +1,19 @@
-"""The second opinion: a process that reads the monitor's frames again, independently, with the whole model.
+"""The second opinion: a process that reads the monitor's frames again, independently,
+with the whole model.
 
-The monitor answers with the network, in a few milliseconds. Here the whole chain runs on the raw frame, including the
-fit to the response library, which takes several times as long. The process reads the newest frame, at most 50 a second,
-skips frames that come meanwhile, and takes no more than half of a core: it runs in real time, and where a reading takes
-20 ms, others would get nothing of that core. It is ready when it has read a frame of its own: a first reading takes
-0.3 s, and much longer where loops are compiled, so the opinion of a real frame would be overdue. It keeps its own
-history of tissue that relaxes. With `learns`, it also learns E (`service.learning`), which its later readings use.
+The monitor answers with the network, in a few milliseconds. Here the whole chain runs
+on the raw frame, including the fit to the response library, which takes several times
+as long. The process reads the newest frame, at most 50 a second, skips frames that come
+meanwhile, and takes no more than half of a core: it runs in real time, and where a
+reading takes 20 ms, others would get nothing of that core. It is ready when it has read
+a frame of its own: a first reading takes 0.3 s, and much longer where loops are
+compiled, so the opinion of a real frame would be overdue. It keeps its own history of
+tissue that relaxes. With `learns`, it also learns E (`service.learning`), which its
+later readings use.
 
-The frames of several planes are read together, and each gets its own opinion: the force of all, unless that plane was
-left out of the fit. A plane without the wall of an eye must not count as seen only because another one shows it.
+The frames of several planes are read together, and each gets its own opinion: the force
+of all, unless that plane was left out of the fit. A plane without the wall of an eye
+must not count as seen only because another one shows it.
 """
 
 from contextlib import AbstractContextManager, nullcontext
@@ -64,9 +69,8 @@ def _serve(
     reader.read_together([frame] * max(len(planes), 1), settings.scale, known, planes)
     history = History.monitored(settings.known, reader.study.needle.max_force_n)
     study = reader.study
-    run_in_real_time(
-        OPINION_PRIORITY
-    )  # not before: Linux pauses what leaves a core nothing for a second
+    # not before: Linux pauses what leaves a core nothing for a second
+    run_in_real_time(OPINION_PRIORITY)
     channel.send(Alive(faults=()))
 
     while True:
@@ -76,7 +80,8 @@ def _serve(
         for asked in channel.receive():
             if not isinstance(asked, OpinionAsked):
                 raise MessageError(
-                    f"a {type(asked).__name__} came; the second opinion is asked about frames only"
+                    f"a {type(asked).__name__} came; the second opinion is asked about"
+                    " frames only"
                 )
 
             if learner:
@@ -117,7 +122,9 @@ def _serve(
 def _opinion(
     answer: Answer, order: int, plane: Plane | None, classes: int
 ) -> OpinionGiven:
-    """Return the opinion on a frame; one of several planes that the fit left out cannot be judged."""
+    """Return the opinion on a frame; one of several planes that the fit left out cannot
+    be judged.
+    """
     if plane is None:
         return OpinionGiven(order=order, verdict=answer.verdict)
 
@@ -136,7 +143,9 @@ def _opinion(
 def _learner(
     reader: Reader, settings: OpinionSettings, channel: Channel
 ) -> "AbstractContextManager[EyeLearner | None]":
-    """Start to learn the eye, if the settings ask for it. What this imports, nothing else here needs."""
+    """Start to learn the eye, if the settings ask for it. What this imports, nothing
+    else here needs.
+    """
     if not settings.learns:
         return nullcontext()
 

@@ -1,4 +1,6 @@
-"""The monitor's server: one thread, one selector; scanners, robots and other clients speak OpenIGTLink with it."""
+"""The monitor's server: one thread, one selector; scanners, robots and other clients
+speak OpenIGTLink with it.
+"""
 
 import json
 import selectors
@@ -52,7 +54,9 @@ HEARTBEAT_S = 0.05
 RATES_S = 0.5
 OTHERS_S = 0.002  # for other clients, before the scanner has its turn again
 SMALL_BODY_BYTES = 64 * 1024  # all that a client other than the scanner needs
-LARGER_FRAMES = 4  # images up to this many times too large are received, so that the refusal can name their size
+# images up to this many times too large are received, so that the refusal can name
+# their size
+LARGER_FRAMES = 4
 WRONG_TOKENS = 3
 # of all clients, in the log: a fiftieth of the decisions
 NOTES_PER_S = 10.0
@@ -64,11 +68,12 @@ FORCES_AT_ONCE = 240
 class Server:
     """Serves clients from `run` until `stop`.
 
-    The scanner is the client that sent the last image. Another client becomes the scanner only when it has left or has
-    sent no image for `silence_s`. An error of the scanner is a cause of a withdrawal; while there is no scanner, so is
-    a faulty image of any client. Other clients' errors are noted; their message is ignored or their connection ends.
-    `ring` shares the frames with other processes; it has the size of the frames that the session reads. `note` is
-    called with a line for the operator.
+    The scanner is the client that sent the last image. Another client becomes the
+    scanner only when it has left or has sent no image for `silence_s`. An error of the
+    scanner is a cause of a withdrawal; while there is no scanner, so is a faulty image
+    of any client. Other clients' errors are noted; their message is ignored or their
+    connection ends. `ring` shares the frames with other processes; it has the size of
+    the frames that the session reads. `note` is called with a line for the operator.
     """
 
     def __init__(
@@ -148,7 +153,9 @@ class Server:
         self._clients.close()
 
     def _turn(self, within_s: float) -> None:
-        """Read from clients with data: the scanner first, then, for a short while, the longest waiting."""
+        """Read from clients with data: the scanner first, then, for a short while, the
+        longest waiting.
+        """
         ready = self._clients.wait(
             0.0 if self.session.behind else within_s, self.session.clock
         )
@@ -274,7 +281,9 @@ class Server:
     def _assemble(
         self, client: Connection, event: igtl.Received, image: igtl.Image, at_s: float
     ) -> Frame | None:
-        """Return the frame that an image completes; its sender is the scanner from now on."""
+        """Return the frame that an image completes; its sender is the scanner from now
+        on.
+        """
         self._scanner = client
         self._scanned_s = at_s
         plane = event.header.device if self.session.planes else None
@@ -283,7 +292,8 @@ class Server:
         try:
             if planes and plane not in planes:
                 raise ProtocolError(
-                    f"IMAGE of device {plane!r}: must be a plane's name: {', '.join(planes)}"
+                    f"IMAGE of device {plane!r}: must be a plane's name:"
+                    f" {', '.join(planes)}"
                 )
 
             whole = client.frames.setdefault(plane, FrameAssembler()).add(image)
@@ -328,7 +338,9 @@ class Server:
     # Decisions, and messages to clients.
 
     def _take_frame(self, frame: Frame) -> None:
-        """Decide on a frame and send the decision: first the STATUS, for which the robot waits."""
+        """Decide on a frame and send the decision: first the STATUS, for which the
+        robot waits.
+        """
         session = self.session
         session.take_frame(frame)
         self._clients.broadcast(self._status(), frame.unread.at_s)
@@ -382,7 +394,9 @@ class Server:
         )
 
     def _decide(self, name: str, event: MonitorEvent) -> None:
-        """Decide on an event other than a frame; send the decision to the clients if it changes."""
+        """Decide on an event other than a frame; send the decision to the clients if it
+        changes.
+        """
         if self.session.take(event):
             self._clients.broadcast(self._status(), event.at_s)
             self._companions.decided(
@@ -398,7 +412,9 @@ class Server:
             self._note(f"{at:%H:%M:%S.%f}"[:-3] + f"  {decision.message}")
 
     def _note_client(self, text: str, client: Connection | None = None) -> None:
-        """Log a note, unless there are too many; `client` is the one whose error it notes."""
+        """Log a note, unless there are too many; `client` is the one whose error it
+        notes.
+        """
         now_s = self.session.clock()
         if (client is None or client.notes.take(now_s)) and self._notes.take(now_s):
             self._log_note(text, now_s)
@@ -420,11 +436,15 @@ class Server:
         for address in self._clients.sweep(now_s, self._scanner):
             if self._notes.take(now_s):
                 self._note(
-                    f"client {address} was disconnected: it read too slowly, so that answers to it were old"
+                    f"client {address} was disconnected: it read too slowly, so that"
+                    " answers to it were old"
                 )
 
     def _send_rates(self, now_s: float) -> None:
-        dropped = f"{self._left_out} notes and forces of clients were dropped: there were too many"
+        dropped = (
+            f"{self._left_out} notes and forces of clients were dropped: there were too"
+            " many"
+        )
         if self._left_out and self._log_note(dropped, now_s):
             self._left_out = 0
 
@@ -490,13 +510,18 @@ class Server:
         return self._token.knows(secret) or self.code.knows(secret, now_s)
 
     def _reset(self, known: bool, now_s: float) -> tuple[bool, str]:
-        """Return whether a reset is granted, and the message to answer with; each code is for one reset."""
+        """Return whether a reset is granted, and the message to answer with; each code
+        is for one reset.
+        """
         if not known:
             self._note_client("a reset with a wrong token")
             if self.code.locked(now_s):
                 return (
                     False,
-                    f"{WRONG_CODES} wrong codes: none is accepted for {LOCKED_S:.0f} s; the token is",
+                    (
+                        f"{WRONG_CODES} wrong codes: none is accepted for"
+                        f" {LOCKED_S:.0f} s; the token is"
+                    ),
                 )
 
             return (

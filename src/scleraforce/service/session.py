@@ -1,4 +1,6 @@
-"""One session of the monitor without its connections: frames and events in, decisions out; deferred frames."""
+"""One session of the monitor without its connections: frames and events in, decisions
+out; deferred frames.
+"""
 
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -22,26 +24,26 @@ from scleraforce.service.scanner_image import ScannerFrame
 from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.units import from_si
 
-MOST_FRAMES = (
-    100  # that wait: the frames of 0.1 s at 1000 a second, 52 MB of 512 x 512 pixels
-)
+# that wait: the frames of 0.1 s at 1000 a second, 52 MB of 512 x 512 pixels
+MOST_FRAMES = 100
 FIRST_INTERVAL_S = 0.01  # until frames show another
 LEAST_SENT_S = 0.001  # between two headers: they may count in anything
 # a flood hardly counts in their mean
 KNOWN_FRAMES = 1000
 ENOUGH_FRAMES = 10
 SETTLED_FRAMES = 100  # a pause at the start hardly counts in their mean
-OTHER_PLANE = (
-    2  # pictures ago: a picture that another plane has shown is never the one before
-)
+# pictures ago: a picture that another plane has shown is never the one before
+OTHER_PLANE = 2
 Read = Callable[[Pixels, PixelScale], Answer]
 
 
 class FramePace:
-    """The interval of a scanner: the mean over its last frames, in which a pause counts up to `most_s`.
+    """The interval of a scanner: the mean over its last frames, in which a pause counts
+    up to `most_s`.
 
-    The first frames may come in bunches or after a pause: until `SETTLED_FRAMES` have come, the interval is the median
-    of the gaps between the times in their headers, if they have any.
+    The first frames may come in bunches or after a pause: until `SETTLED_FRAMES` have
+    come, the interval is the median of the gaps between the times in their headers, if
+    they have any.
     """
 
     def __init__(self, most_s: float) -> None:
@@ -52,7 +54,9 @@ class FramePace:
         self._last_sent_s: float | None = None
 
     def arrived(self, at_s: float, sent_s: float | None = None) -> float:
-        """Take the times of a frame, its completion's and its header's; return the interval."""
+        """Take the times of a frame, its completion's and its header's; return the
+        interval.
+        """
         if len(self._gaps_s) < SETTLED_FRAMES:
             if (
                 sent_s is not None
@@ -83,12 +87,15 @@ class FramePace:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Frame:
-    """A received frame: its `number` in this session, the sender's `sender_id`, and its record for the decision.
+    """A received frame: its `number` in this session, the sender's `sender_id`, and its
+    record for the decision.
 
-    `misfit`: its size, scale, pixel type or order is wrong, known before it is read; such a frame is never skipped.
-    `interval_s`: the time that it stands for, the scanner's mean interval. `unread` has the time of its last byte, a
-    `frame_id` that rises with `sender_id` and keeps rising where another sender starts to count anew, and the verdict
-    on a frame of another size, and its plane. `history`: the tissue's before it, and before all that came with it.
+    `misfit`: its size, scale, pixel type or order is wrong, known before it is read;
+    such a frame is never skipped. `interval_s`: the time that it stands for, the
+    scanner's mean interval. `unread` has the time of its last byte, a `frame_id` that
+    rises with `sender_id` and keeps rising where another sender starts to count anew,
+    and the verdict on a frame of another size, and its plane. `history`: the tissue's
+    before it, and before all that came with it.
     """
 
     number: int
@@ -106,10 +113,12 @@ class Frame:
 
 
 class DeferredFrames:
-    """A queue of deferred frames: none waits longer than `most_s`, and no bunch stands for more than that.
+    """A queue of deferred frames: none waits longer than `most_s`, and no bunch stands
+    for more than that.
 
-    A bunch lasts as long as its frames stand for, however quickly they are read. The queue holds at most `most` frames
-    of one plane, however short the time is that they stand for.
+    A bunch lasts as long as its frames stand for, however quickly they are read. The
+    queue holds at most `most` frames of one plane, however short the time is that they
+    stand for.
     """
 
     def __init__(self, most_s: float, most: int = MOST_FRAMES) -> None:
@@ -141,7 +150,9 @@ class DeferredFrames:
         return self._waiting.popleft()[0]
 
     def lose(self, now_s: float) -> list[events.QueueLoss]:
-        """Drop the frames beyond the limits, oldest first; return the loss of each row."""
+        """Drop the frames beyond the limits, oldest first; return the loss of each
+        row.
+        """
         rows: dict[int, tuple[int, float]] = {}
         while self._waiting and self._too_much(now_s):
             frame, row = self._waiting.popleft()
@@ -165,7 +176,9 @@ class DeferredFrames:
 
 
 class _Stream:
-    """The frames of one plane: all that compares a frame with those before it; `read` reads one."""
+    """The frames of one plane: all that compares a frame with those before it; `read`
+    reads one.
+    """
 
     def __init__(
         self, read: Read, limits: MonitorLimits, history: History, planes: int
@@ -182,12 +195,14 @@ class _Stream:
 class Session:
     """The state of the monitor and its decisions; its methods never raise.
 
-    `read` reads a frame of the size in `limits`, of several planes each plane's, by name; an exception in it is a cause
-    of a withdrawal. `history`, of the tissue, continues through withdrawals and resets, on each plane by itself.
-    `clock` is monotonic, `wall_clock` counts seconds since 1970.
-    `answer` is the reading of the last frame; None if it was not read. `withdrawals` has frame, time, first cause and
-    message of each, for the summary. `adopt` takes the eye as learned, which `read` reads with from then on,
-    and returns the stiffness of its wall, N/m, if that is known.
+    `read` reads a frame of the size in `limits`, of several planes each plane's, by
+    name; an exception in it is a cause of a withdrawal. `history`, of the tissue,
+    continues through withdrawals and resets, on each plane by itself. `clock` is
+    monotonic, `wall_clock` counts seconds since 1970. `answer` is the reading of the
+    last frame; None if it was not read. `withdrawals` has frame, time, first cause and
+    message of each, for the summary. `adopt` takes the eye as learned, which `read`
+    reads with from then on, and returns the stiffness of its wall, N/m, if that is
+    known.
     """
 
     def __init__(
@@ -265,7 +280,9 @@ class Session:
 
     @property
     def teaches(self) -> bool:
-        """True if the eye may be learned from the last frame: it is usable and harmless, and so was all before it."""
+        """True if the eye may be learned from the last frame: it is usable and
+        harmless, and so was all before it.
+        """
         return (
             self.decision.state is State.WATCHING
             and self.answer is not None
@@ -278,7 +295,9 @@ class Session:
         return Cause.PIERCED in (self.decision.cause, self.decision.present_cause)
 
     def learned(self, known: Known, frames: int) -> None:
-        """Take what was learned of the eye: later frames are read with it, and punctures are found by its stiffness."""
+        """Take what was learned of the eye: later frames are read with it, and
+        punctures are found by its stiffness.
+        """
         stiffness_n_m = self._adopt(known)
         if stiffness_n_m is not None:
             self.limits = replace(self.limits, stiffness_n_m=stiffness_n_m)
@@ -294,18 +313,24 @@ class Session:
     def read_together(
         self, verdict: events.Verdict, contact_m: tuple[float, ...] | None
     ) -> None:
-        """Take what all planes of a moment show together: the force, and the contact in three dimensions."""
+        """Take what all planes of a moment show together: the force, and the contact in
+        three dimensions.
+        """
         interval_n = verdict.interval_n
         self._beside |= {
             "planes_force_mn": from_si(verdict.force_n, "mn"),
-            "planes_interval_mn": interval_n
-            and tuple(from_si(end_n, "mn") for end_n in interval_n),
-            "contact_xyz_mm": contact_m
-            and tuple(from_si(place_m, "mm") for place_m in contact_m),
+            "planes_interval_mn": (
+                interval_n and tuple(from_si(end_n, "mn") for end_n in interval_n)
+            ),
+            "contact_xyz_mm": (
+                contact_m and tuple(from_si(place_m, "mm") for place_m in contact_m)
+            ),
         }
 
     def travelled(self, travel_m: float, at_s: float) -> None:
-        """Take the needle's travel along its axis at a time: frames until the next one have it."""
+        """Take the needle's travel along its axis at a time: frames until the next one
+        have it.
+        """
         self._travel = travel_m, at_s
 
     def frame(
@@ -317,7 +342,9 @@ class Session:
         sent_s: float | None = None,
         plane: str | None = None,
     ) -> Frame:
-        """Number a frame that was complete at `at_s`, from connection number `sender`; its header states `sent_s`."""
+        """Number a frame that was complete at `at_s`, from connection number `sender`;
+        its header states `sent_s`.
+        """
         self.frames += 1
         stream = self._streams[plane]
         if sender != stream.sender:
@@ -355,15 +382,19 @@ class Session:
         )
 
     def _back(self, stream: _Stream, pixels: Pixels) -> int:
-        """Return how many pictures ago a plane has shown a picture, 0 if it is new; another plane's is not new."""
+        """Return how many pictures ago a plane has shown a picture, 0 if it is new;
+        another plane's is not new.
+        """
         back = stream.shown.back(pixels)
         elsewhere = self._of_all is not None and self._of_all.back(pixels) > 0
         return back or (OTHER_PLANE if elsewhere else 0)
 
     def moment(self, frame: Frame) -> tuple[Frame, ...]:
-        """Return the frames of a frame's moment so far, oldest first: of one time stamp, or within one interval.
+        """Return the frames of a frame's moment so far, oldest first: of one time
+        stamp, or within one interval.
 
-        Planes that a scanner takes in turns are less than an interval apart, frames of two moments a whole one.
+        Planes that a scanner takes in turns are less than an interval apart, frames of
+        two moments a whole one.
         """
         within_s = (1.0 - 0.5 / len(self._streams)) * frame.interval_s
         others = {
@@ -429,7 +460,9 @@ class Session:
         ]
 
     def catch_up(self) -> MonitorEvent:
-        """Read the deferred frame that has waited longest; return the event to decide on."""
+        """Read the deferred frame that has waited longest; return the event to decide
+        on.
+        """
         waiting = [
             stream.deferred for stream in self._streams.values() if stream.deferred
         ]
@@ -443,7 +476,8 @@ class Session:
         return events.OvertakenRead(self.clock(), read)
 
     def _read_frame(self, frame: Frame) -> tuple[Answer | None, FrameRead, History]:
-        """Read a frame if it has the study's size; the decision handles frames of another size or scale.
+        """Read a frame if it has the study's size; the decision handles frames of
+        another size or scale.
 
         The tissue's history after the frame is returned as well.
         """
@@ -455,17 +489,15 @@ class Session:
         scale = PixelScale(lateral_m=image.lateral_m, depth_m=image.depth_m)
         elastic = self._streams[frame.plane].read(image.pixels, scale)
         answer, history = frame.history.read(elastic, self._class_bounds_n, unread.at_s)
-        read = FrameRead(
-            **vars(unread) | {"verdict": answer.verdict}
-        )  # 3 µs; `replace` takes 8
+        # 3 µs; `replace` takes 8
+        read = FrameRead(**vars(unread) | {"verdict": answer.verdict})
 
         return answer, read, history
 
     def summary(self) -> dict[str, Any]:
         """Return a summary so far, for JSON."""
-        withdrawals = [
-            *self.withdrawals
-        ]  # the end of the monitor adds one, which is not the session's
+        # the end of the monitor adds one, which is not the session's
+        withdrawals = [*self.withdrawals]
         return {
             "frames": self.frames,
             "overtaken": self._overtaken,
@@ -480,9 +512,11 @@ class Session:
         frame: Frame | None = None,
         latency_s: float | None = None,
     ) -> Entry:
-        """Return the last decision as a new entry, with the reading if it was made on a frame.
+        """Return the last decision as a new entry, with the reading if it was made on a
+        frame.
 
-        The event "again" repeats the decision with its number, for a receiver that may have missed it.
+        The event "again" repeats the decision with its number, for a receiver that may
+        have missed it.
         """
         self._entries += event != "again"
         answer = self.answer if frame else None
@@ -501,12 +535,14 @@ class Session:
             sub_code=decision.sub_code,
             cause=decision.cause.name if decision.cause else None,
             message=decision.message,
-            withdrawn_s=self.withdrawals[-1]["time_s"]
-            if decision.state is State.WITHDRAW
-            else None,
-            present_cause=decision.present_cause.name
-            if decision.present_cause
-            else None,
+            withdrawn_s=(
+                self.withdrawals[-1]["time_s"]
+                if decision.state is State.WITHDRAW
+                else None
+            ),
+            present_cause=(
+                decision.present_cause.name if decision.present_cause else None
+            ),
             present=decision.present,
             frame=frame.number if frame else None,
             frame_id=frame.sender_id if frame else None,

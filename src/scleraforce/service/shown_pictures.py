@@ -1,4 +1,6 @@
-"""Detects a picture that was shown before: the noise of a live scanner never repeats."""
+"""Detects a picture that was shown before: the noise of a live scanner never
+repeats.
+"""
 
 import fastcrc
 import numpy as np
@@ -14,9 +16,11 @@ RUN = PAIRS + 3  # pixels in a row that give them, also one pixel to the left or
 LEAST_BLOCKS = 16
 LEAST_SHARE = 2 / 3
 LEAST_PAIRS = 8  # of unequal pixels, in a block that counts
-LEAST_TOLD = 32  # unequal pairs; with fewer, only pictures equal to the last bit count as the same
+# unequal pairs; with fewer, only pictures equal to the last bit count as the same
+LEAST_TOLD = 32
 SAME_SHARE = 0.75  # of the unequal pairs with equal differences
-# Agreement of two pictures: 1 if all pairs rise and fall alike, 0 by chance (benchmarks/bench_old_pictures.py).
+# Agreement of two pictures: 1 if all pairs rise and fall alike, 0 by chance
+# (benchmarks/bench_old_pictures.py).
 WORTH_A_LOOK = 0.2  # of all pairs
 # the mean of the worst third of the blocks
 GHOST_SHARE = 1 / 3
@@ -26,7 +30,8 @@ COPY = 0.85  # a block that agrees as in a copy, and the share of them
 COPIES = 0.6
 COPIES_OF_A_PART = 0.8
 
-# rows and columns that a picture may have moved by; of their pairs, the one without a move
+# rows and columns that a picture may have moved by; of their pairs, the one without a
+# move
 SHIFTS = 3
 UNMOVED = 4
 
@@ -34,13 +39,16 @@ Words = NDArray[np.uint64]
 
 
 class ShownPictures:
-    """Remembers the last `most` pictures of one size by the signs of a few differences between neighbouring pixels.
+    """Remembers the last `most` pictures of one size by the signs of a few differences
+    between neighbouring pixels.
 
-    Offset, gain, contrast and the number of bits leave the signs alone. In the noise above and below the tissue they
-    agree by chance from one live frame to the next, even if the tissue is still and its speckle stays. So a picture is
-    old if some blocks of every part of it agree: the worst third is better than chance (also with 80 % of an old
-    picture and 20 % of the live one), or nearly all of one half agrees. A shift of one pixel from the frame before is
-    detected, too. Where less than two thirds of the picture have texture, so that all of it may be tissue, equal
+    Offset, gain, contrast and the number of bits leave the signs alone. In the noise
+    above and below the tissue they agree by chance from one live frame to the next,
+    even if the tissue is still and its speckle stays. So a picture is old if some
+    blocks of every part of it agree: the worst third is better than chance (also with
+    80 % of an old picture and 20 % of the live one), or nearly all of one half agrees.
+    A shift of one pixel from the frame before is detected, too. Where less than two
+    thirds of the picture have texture, so that all of it may be tissue, equal
     differences count instead, and in a picture of one grey every bit.
     """
 
@@ -49,7 +57,9 @@ class ShownPictures:
         self._shape: tuple[int, ...] = ()
 
     def back(self, pixels: Pixels) -> int:
-        """Take a picture (row, column); return the number of pictures since it was last shown, 0 if it is new."""
+        """Take a picture (row, column); return the number of pictures since it was last
+        shown, 0 if it is new.
+        """
         if self._shape != pixels.shape:
             self._begin(pixels.shape)
 
@@ -114,7 +124,9 @@ class ShownPictures:
         return alike_m
 
     def _same(self, told_mb: Bytes, unlike_mb: Bytes) -> Flags:
-        """Return for several pictures whether enough blocks agree, from pairs that differ in both and those unlike."""
+        """Return for several pictures whether enough blocks agree, from pairs that
+        differ in both and those unlike.
+        """
         counted_mb = told_mb >= LEAST_PAIRS
         agreed_mb = np.where(
             counted_mb, 1.0 - 2.0 * unlike_mb / np.maximum(told_mb, 1), np.inf
@@ -133,7 +145,9 @@ class ShownPictures:
         return same_m
 
     def _begin(self, shape: tuple[int, ...]) -> None:
-        """Forget all pictures, and draw the place of each block in its cell of the grid."""
+        """Forget all pictures, and draw the place of each block in its cell of the
+        grid.
+        """
         rows, columns = shape
         down = min(GRID, rows)
         across = max(1, min(GRID, columns // RUN))
@@ -173,10 +187,11 @@ class ShownPictures:
 
 
 def _read_signs(values_brp: Integers) -> tuple[Words, Words]:
-    """Return the words of each block, moved by a row and a column: which pairs rise, and which differ.
+    """Return the words of each block, moved by a row and a column: which pairs rise,
+    and which differ.
 
-    `values_brp`: the pixels of a block in the row above it, its own and the one below. A pair is a bit, the first one
-    the lowest.
+    `values_brp`: the pixels of a block in the row above it, its own and the one below.
+    A pair is a bit, the first one the lowest.
     """
     left_brp = values_brp[:, :, :-1]
     right_brp = values_brp[:, :, 1:]

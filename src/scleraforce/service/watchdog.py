@@ -1,12 +1,15 @@
-"""The watchdog: a process that makes the clients withdraw when the monitor hangs or has died.
+"""The watchdog: a process that makes the clients withdraw when the monitor hangs or has
+died.
 
-It holds duplicates of the clients' sockets. If no sign of life comes for `MISSES` looks of `LOOK_S`, it kills the
-monitor (which might otherwise resume later and say OK) and sends the emergency STATUS to all clients, every `REPEAT_S`,
-until the last one has left. A pause of the whole machine counts as one look. The process uses the standard library
-alone, so that it starts before NumPy and the model are loaded and does not depend on them.
+It holds duplicates of the clients' sockets. If no sign of life comes for `MISSES` looks
+of `LOOK_S`, it kills the monitor (which might otherwise resume later and say OK) and
+sends the emergency STATUS to all clients, every `REPEAT_S`, until the last one has
+left. A pause of the whole machine counts as one look. The process uses the standard
+library alone, so that it starts before NumPy and the model are loaded and does not
+depend on them.
 
-A message is one datagram: a letter and what follows it. The watchdog answers `ALIVE` when it is ready and to each sign
-of life (B); Q is a planned end.
+A message is one datagram: a letter and what follows it. The watchdog answers `ALIVE`
+when it is ready and to each sign of life (B); Q is a planned end.
 
     M  version, space, the STATUS to send    C  client, whose socket comes with it    V  client, space, version
     D  client, whose socket is to be closed  B  nothing                               Q  nothing
@@ -25,21 +28,22 @@ from scleraforce.errors import MessageError
 
 ALIVE = b"A"
 MOST_BYTES = 4096
-FORM = re.compile(
-    rb"M[123] .{58,}|C\d{1,18}|V\d{1,18} [123]|D\d{1,18}|B|Q", re.DOTALL
-)  # 58 bytes: a whole header
+# 58 bytes: a whole header
+FORM = re.compile(rb"M[123] .{58,}|C\d{1,18}|V\d{1,18} [123]|D\d{1,18}|B|Q", re.DOTALL)
 LOOK_S = 0.02
 MISSES = 5
 REPEAT_S = 0.05
 TIME = slice(34, 42)  # of a header in any version: seconds since 1970, in 2^-32 s
-# The second opinion waits for the monitor, and a monitor in a tight loop must not keep its watchdog from running.
+# The second opinion waits for the monitor, and a monitor in a tight loop must not keep
+# its watchdog from running.
 OPINION_PRIORITY = 5
 MONITOR_PRIORITY = 10
 WATCHDOG_PRIORITY = 20
 
 
 def parts_of(data: bytes) -> tuple[bytes, int, bytes]:
-    """Return the letter of a datagram, the number after it (0 without one), and the rest, or raise MessageError.
+    """Return the letter of a datagram, the number after it (0 without one), and the
+    rest, or raise MessageError.
 
     >>> parts_of(b"V7 2")
     (b'V', 7, b'2')
@@ -58,10 +62,11 @@ def stamp_time(message: bytearray, time_s: float) -> None:
 
 
 def run_in_real_time(priority: int) -> bool:
-    """Give this process, but not its children, priority over all normal ones (SCHED_FIFO); return whether it worked.
+    """Give this process, but not its children, priority over all normal ones
+    (SCHED_FIFO); return whether it worked.
 
-    It works for root and for users with a limit `rtprio` (man 5 limits.conf). A user with a limit `nice` instead gets
-    that niceness below 0, which makes delays rarer.
+    It works for root and for users with a limit `rtprio` (man 5 limits.conf). A user
+    with a limit `nice` instead gets that niceness below 0, which makes delays rarer.
     """
     try:
         os.sched_setscheduler(
@@ -76,7 +81,9 @@ def run_in_real_time(priority: int) -> bool:
 
 
 class Watchdog:
-    """The watchdog's clients, and the messages to send them; it kills process `monitor_pid` if that hangs."""
+    """The watchdog's clients, and the messages to send them; it kills process
+    `monitor_pid` if that hangs.
+    """
 
     def __init__(
         self, monitor: socket.socket, monitor_pid: int, look_s: float = LOOK_S
@@ -89,7 +96,9 @@ class Watchdog:
         self._versions: dict[int, int] = {}
 
     def watch(self) -> bool:
-        """Watch until the monitor ends; return True if it ends as planned, False if it hangs or dies."""
+        """Watch until the monitor ends; return True if it ends as planned, False if it
+        hangs or dies.
+        """
         misses = 0
         self._monitor.send(ALIVE)
 
@@ -146,7 +155,10 @@ class Watchdog:
 
         count = len(self._clients)
         self._send_emergency()
-        note = f"watchdog: the monitor hung or died and was ended; clients ordered to withdraw: {count}\n"
+        note = (
+            "watchdog: the monitor hung or died and was ended; clients ordered to"
+            f" withdraw: {count}\n"
+        )
         with suppress(OSError):  # standard error never blocks: see `start_companion`
             os.write(2, note.encode())
 
@@ -158,7 +170,9 @@ class Watchdog:
                 due_s += REPEAT_S
 
     def _send_emergency(self) -> None:
-        """Send the emergency to every client; a client that does not read misses it, one that has left is forgotten."""
+        """Send the emergency to every client; a client that does not read misses it,
+        one that has left is forgotten.
+        """
         now_s = time.time()
         for message in self._messages.values():
             stamp_time(message, now_s)
@@ -172,7 +186,9 @@ class Watchdog:
                 self._clients.pop(number).close()
 
     def _drain(self, within_s: float) -> None:
-        """Discard what clients send: closing a socket with unread bytes would discard the last STATUS."""
+        """Discard what clients send: closing a socket with unread bytes would discard
+        the last STATUS.
+        """
         ready = select.select(list(self._clients.values()), [], [], within_s)[0]
         for number, client in list(self._clients.items()):
             if client not in ready:
@@ -188,7 +204,9 @@ class Watchdog:
 
 
 def main() -> None:
-    """Run as a process: arguments are the descriptor of the channel, the monitor's process id and `look_s`."""
+    """Run as a process: arguments are the descriptor of the channel, the monitor's
+    process id and `look_s`.
+    """
     channel = int(sys.argv[1])
     pid = int(sys.argv[2])
     look_s = float(sys.argv[3])

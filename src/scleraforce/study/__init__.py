@@ -1,7 +1,8 @@
-"""The study: one typed record of everything that a run depends on, all values SI, read from TOML and written as TOML.
+"""The study: one typed record of everything that a run depends on, all values SI, read
+from TOML and written as TOML.
 
-The defaults are the paper's (`paper.toml` is the same, commented). In a file, an unknown key, a wrong type or a value
-out of bounds is an error with its line.
+The defaults are the paper's (`paper.toml` is the same, commented). In a file, an
+unknown key, a wrong type or a value out of bounds is an error with its line.
 """
 
 import dataclasses  # whose `fields` would be hidden by the module of that name here
@@ -66,9 +67,11 @@ from scleraforce.whole_files import KINDS, read_text
 
 @dataclass(frozen=True)
 class ClassesStudy(Section):
-    """Bounds of the force classes: class k lies between bounds k-1 and k; a bound belongs to the class above 0.
+    """Bounds of the force classes: class k lies between bounds k-1 and k; a bound
+    belongs to the class above 0.
 
-    A force of exactly the last bound is still the class below it (class 1: from 5 to 30 mN; class 2: above 30 mN).
+    A force of exactly the last bound is still the class below it (class 1: from 5 to 30
+    mN; class 2: above 30 mN).
     """
 
     bounds_n: tuple[float, ...] = quantity((5.0, 30.0), "mn", 0.0, 1000.0)
@@ -78,14 +81,18 @@ class ClassesStudy(Section):
             raise StudyError("bounds_mn: give two increasing forces, like [5.0, 30.0]")
 
     def classify(self, force_n: float) -> int:
-        """Return the class of a force: 0 below the first bound, 2 above the second, else 1."""
+        """Return the class of a force: 0 below the first bound, 2 above the second,
+        else 1.
+        """
         low, high = self.bounds_n
         return 0 if force_n < low else 2 if force_n > high else 1
 
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationStudy(Section):
-    """The reduced-order unscented Kalman filter (paper sec. 2.2, 3.2); `docs/calibration.md` explains each value."""
+    """The reduced-order unscented Kalman filter (paper sec. 2.2, 3.2);
+    `docs/calibration.md` explains each value.
+    """
 
     prior_mean_pa: float = quantity(
         0.49, "mpa", allowed("youngs_modulus").low, allowed("youngs_modulus").high
@@ -113,11 +120,14 @@ LEAST_STIFFENINGS = 4  # that cubic splines run through
 
 @dataclass(frozen=True, kw_only=True)
 class LibraryStudy(Section):
-    """Ranges of the library and the density of its grid; `docs/library.md` states the error of the interpolation.
+    """Ranges of the library and the density of its grid; `docs/library.md` states the
+    error of the interpolation.
 
-    Thicknesses, and tensions p R/(E t) at their low part, are evenly spaced in their logarithm; tensions are denser
-    towards the one at which the wall bursts (0.416 with a Poisson's ratio of 0.45), as sealed eyes rise far above their
-    pressure at rest. `max_force_ratio_m2` is the largest F/E. `elements` and `layers` divide the wall's meridian.
+    Thicknesses, and tensions p R/(E t) at their low part, are evenly spaced in their
+    logarithm; tensions are denser towards the one at which the wall bursts (0.416 with
+    a Poisson's ratio of 0.45), as sealed eyes rise far above their pressure at rest.
+    `max_force_ratio_m2` is the largest F/E. `elements` and `layers` divide the wall's
+    meridian.
     """
 
     thickness_m: Sampled = quantity(Range(min=350.0, max=900.0), "um", 100.0, 3000.0)
@@ -151,11 +161,13 @@ class LibraryStudy(Section):
         low, high = self.stiffening.bounds
         if self.stiffenings > 1 and low == high:
             raise StudyError(
-                "stiffening: a range has to be given, like { min = ..., max = ... }; or stiffenings = 1"
+                "stiffening: a range has to be given, like { min = ..., max = ... }; or"
+                " stiffenings = 1"
             )
         if 1 < self.stiffenings < LEAST_STIFFENINGS:
             raise StudyError(
-                f"stiffenings: {self.stiffenings}; give 1, or at least {LEAST_STIFFENINGS}"
+                f"stiffenings: {self.stiffenings}; give 1, or at least"
+                f" {LEAST_STIFFENINGS}"
             )
 
 
@@ -179,7 +191,9 @@ PAPER_GROUPS = (
 
 @dataclass(frozen=True)
 class DatasetStudy(Section):
-    """The simulated slices (paper sec. 2.3, 3.3). `framing_*` shifts the window, `gap` overrides the needle's."""
+    """The simulated slices (paper sec. 2.3, 3.3). `framing_*` shifts the window, `gap`
+    overrides the needle's.
+    """
 
     seed: int = quantity(0, None, 0, 2**31 - 1)
     contacts: int = quantity(200, None, 2, 100_000)
@@ -232,16 +246,19 @@ class Study:
 
 
 Record = TypeVar("Record")
-# Of keys and tables, by their path and the number of the table of its name of a key, 0 outside of any.
+# Of keys and tables, by their path and the number of the table of its name of a key, 0
+# outside of any.
 Lines = dict[tuple[tuple[str, ...], int], int]
 
 MAX_ENTRIES = 1000  # of a list
 MAX_WHOLE = 10**15  # what a float holds exactly
 
-# Studies to begin from, by name: their files beside this one. The first is the default, the paper's.
+# Studies to begin from, by name: their files beside this one. The first is the default,
+# the paper's.
 PRESET_FILES = {"ex-vivo": "paper.toml", "living": "living.toml"}
 PRESETS = tuple(PRESET_FILES)
-SCENES_TABLE = "[scenes]"  # in a preset: stands for all of its keys, which are explained in `scenes`
+# in a preset: stands for all of its keys, which are explained in `scenes`
+SCENES_TABLE = "[scenes]"
 
 
 def preset_toml(name: str) -> str:
@@ -264,7 +281,8 @@ def read_study(path: str | PathLike[str]) -> Study:
     """Read a study file.
 
     Raises:
-        StudyError: the file is missing or not TOML, or a key or value in it cannot be used.
+        StudyError: the file is missing or not TOML, or a key or value in it cannot be
+            used.
 
     >>> import scleraforce as sf
     >>> sf.read_study("study.toml").eye.radius_m
@@ -287,10 +305,14 @@ def parse_study(text: str, name: str = "study") -> Study:
 
 
 def parse_record(kind: type[Record], text: str, name: str) -> Record:
-    """Read a record of sections from TOML; a field with a default, or that can be None, may be missing."""
+    """Read a record of sections from TOML; a field with a default, or that can be None,
+    may be missing.
+    """
     try:
         table = tomllib.loads(text)
-    except ValueError as fault:  # tomllib.TOMLDecodeError, and what Python says of numbers of thousands of digits
+    except ValueError as fault:
+        # tomllib.TOMLDecodeError, and what Python says of numbers of thousands of
+        # digits
         raise StudyError(f"{name}: not TOML: {fault}") from fault
     except RecursionError as fault:
         raise StudyError(f"{name}: not TOML: nested too deep") from fault
@@ -306,7 +328,9 @@ def format_study(study: Study) -> str:
 
 
 def format_record(record: Any) -> str:
-    """Write a record of sections as TOML that `parse_record` reads back to an equal one; None is left out."""
+    """Write a record of sections as TOML that `parse_record` reads back to an equal
+    one; None is left out.
+    """
     sections = [
         (item.name, getattr(record, item.name)) for item in dataclasses.fields(record)
     ]
@@ -439,14 +463,17 @@ def _scalar(kind: type, value: Any, place: str) -> Any:
             bool: "true or false",
         }
         raise StudyError(
-            f"{place}: expected {names.get(kind, kind.__name__)}, found {reprlib.repr(value)}"
+            f"{place}: expected {names.get(kind, kind.__name__)}, found"
+            f" {reprlib.repr(value)}"
         )
 
     return value
 
 
 def _lines(text: str) -> Lines:
-    """Return the lines of all keys and tables of TOML text, in one pass; the first of one name."""
+    """Return the lines of all keys and tables of TOML text, in one pass; the first of
+    one name.
+    """
     table: tuple[str, ...] = ()
     seen: Counter[tuple[str, ...]] = Counter()
     found: Lines = {}
@@ -463,7 +490,9 @@ def _lines(text: str) -> Lines:
 
 
 def _line(lines: Lines, path: tuple[str, ...], nth: int) -> int:
-    """Return the line of a key or table, in the nth table of its name (1 if it is not known)."""
+    """Return the line of a key or table, in the nth table of its name (1 if it is not
+    known).
+    """
     return min(
         (lines[path, table] for table in (0, nth) if (path, table) in lines), default=1
     )
@@ -507,7 +536,8 @@ def _format_value(value: Any) -> str:
             return repr(value)
 
 
-# Keys that would change the eye of a command if its mechanics knew them: it refuses them.
+# Keys that would change the eye of a command if its mechanics knew them: it refuses
+# them.
 LEAK = ("globe.leak_time_s",)  # of a globe in time
 FINITE_STRAIN_ONLY = (
     "form.semi_axes",
@@ -529,17 +559,20 @@ SUPPORTS = tuple(
     f"supports.{field_key(item)}" for item in dataclasses.fields(SupportsStudy)
 )
 EYE_MOVEMENT = ("phantom.eye_drift_deg", "phantom.eye_saccade_deg")
+# walls that serve many contacts: even, clamped at the base
 SHARED_WALL = (
     *FINITE_STRAIN_ONLY,
     *SUPPORTS,
-)  # walls that serve many contacts: even, clamped at the base
+)
+# walls of revolution about the needle, without weight
 LIBRARY = (
     *SHARED_WALL,
     "eye.density_kg_m3",
-)  # walls of revolution about the needle, without weight
+)
 
-# Command, and mechanics where it has a choice: the keys that it does not use. Relaxation is
-# `phantom`'s: elsewhere a force makes its dent at once, or the log shows how it falls; only `reproduce` refuses it.
+# Command, and mechanics where it has a choice: the keys that it does not use.
+# Relaxation is `phantom`'s: elsewhere a force makes its dent at once, or the log shows
+# how it falls; only `reproduce` refuses it.
 UNUSED: dict[tuple[str, str | None], tuple[str, ...]] = {
     ("simulate", "linear"): FINITE_STRAIN_ONLY,
     ("simulate", "finite-strain"): LEAK,
@@ -563,12 +596,17 @@ UNUSED: dict[tuple[str, str | None], tuple[str, ...]] = {
 
 # Why a key is not used, where its name does not tell.
 REASONS = {
-    "tissue.stiffening": "linear mechanics knows no tissue that stiffens, and a library has a range of it, [library]"
+    "tissue.stiffening": (
+        "linear mechanics knows no tissue that stiffens, and a library has a range of"
+        " it, [library]"
+    )
 }
 
 
 def refuse_unused(study: Study, command: str, mechanics: str | None = None) -> None:
-    """Refuse a study that sets a key which a command does not use, or which another key switches off."""
+    """Refuse a study that sets a key which a command does not use, or which another key
+    switches off.
+    """
     changed = set(_changed(study))
     if found := [key for key in UNUSED[command, mechanics] if key in changed]:
         wall = f" with {mechanics} mechanics" if mechanics else ""
@@ -589,7 +627,8 @@ def refuse_unused(study: Study, command: str, mechanics: str | None = None) -> N
     for key, cause, remedy in _switched_off(study):
         if key in changed:
             raise StudyError(
-                f"study: {key}: has no effect with {cause}; leave it out, or give {remedy}"
+                f"study: {key}: has no effect with {cause}; leave it out, or give"
+                f" {remedy}"
             )
 
 
@@ -605,7 +644,7 @@ def _changed(study: Study) -> Iterator[str]:
 
 def _switched_off(study: Study) -> Iterator[tuple[str, str, str]]:
     supports = study.supports
-    (_, *bed, strap, azimuth) = SUPPORTS
+    _, *bed, strap, azimuth = SUPPORTS
     parts = {
         "bed": (supports.has_bed, bed),
         "straps": (supports.has_straps, (strap, azimuth)),

@@ -1,4 +1,6 @@
-"""The eye of a study and its needle; tissue, mechanics, globe, supports and form belong to virtual eyes."""
+"""The eye of a study and its needle; tissue, mechanics, globe, supports and form belong
+to virtual eyes.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -35,11 +37,13 @@ class EyeStudy(Section):
 
 @dataclass(frozen=True)
 class MeshStudy(Section):
-    """The mesh: quads on the sphere, extruded inward ("graded" towards the contact, as finite strain always is).
+    """The mesh: quads on the sphere, extruded inward ("graded" towards the contact, as
+    finite strain always is).
 
-    "automatic": graded where a wall serves one contact alone, as in `simulate`, or is a whole globe on a bed; otherwise
-    "hexahedra", so that the walls of `phantom`, `calibrate` and `generate` are alike. `divisions` and `level` belong
-    to "hexahedra": a study that sets them gets it.
+    "automatic": graded where a wall serves one contact alone, as in `simulate`, or is a
+    whole globe on a bed; otherwise "hexahedra", so that the walls of `phantom`,
+    `calibrate` and `generate` are alike. `divisions` and `level` belong to "hexahedra":
+    a study that sets them gets it.
     """
 
     kind: str = option("automatic", "automatic", "hexahedra", "graded")
@@ -53,11 +57,13 @@ class MeshStudy(Section):
     def _check(self) -> None:
         if self.divisions % 2:
             raise StudyError(
-                f"divisions: {self.divisions} is odd; a half cube needs an even number per edge"
+                f"divisions: {self.divisions} is odd; a half cube needs an even number"
+                " per edge"
             )
         if self.core % 2:
             raise StudyError(
-                f"core: {self.core} is odd; the square under the needle needs an even number per side"
+                f"core: {self.core} is odd; the square under the needle needs an even"
+                " number per side"
             )
 
     @property
@@ -71,7 +77,9 @@ class MeshStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class NeedleStudy(Section):
-    """The needle (22G: 0.7 mm) and where it pushes; in finite strain its force may tilt against the normal."""
+    """The needle (22G: 0.7 mm) and where it pushes; in finite strain its force may tilt
+    against the normal.
+    """
 
     outer_diameter_m: float = quantity(0.7, "mm", 0.1, 5.0)
     gap_m: float = quantity(0.5, "mm", 0.0, 5.0)
@@ -83,7 +91,9 @@ class NeedleStudy(Section):
 
 @dataclass(frozen=True)
 class MechanicsStudy(Section):
-    """Linear mechanics, or finite strain; `follower`: the pressure stays normal to the wall as it bends."""
+    """Linear mechanics, or finite strain; `follower`: the pressure stays normal to the
+    wall as it bends.
+    """
 
     kind: str = option("linear", "linear", "finite-strain")
     follower: bool = True
@@ -93,14 +103,17 @@ class MechanicsStudy(Section):
 class TissueStudy(Section):
     """The wall's material beside Young's modulus and Poisson's ratio, in finite strain.
 
-    `stiffening` is b of `mechanics.material`, without a unit; 0: neo-Hookean. In tension, at a strain of 5 %, the
-    tangent modulus is 0.92 E with b = 0, and 0.93, 1.12 and 1.62 E with 1, 10 and 30.
+    `stiffening` is b of `mechanics.material`, without a unit; 0: neo-Hookean. In
+    tension, at a strain of 5 %, the tangent modulus is 0.92 E with b = 0, and 0.93,
+    1.12 and 1.62 E with 1, 10 and 30.
 
-    `softer_through`: E along the wall over that of the matrix between the fibres, which shear through the wall meets;
-    `stiffer_around`: E around the eye's axis over E along the meridian, whose geometric mean is E (`neo_hookean`).
+    `softer_through`: E along the wall over that of the matrix between the fibres, which
+    shear through the wall meets; `stiffer_around`: E around the eye's axis over E along
+    the meridian, whose geometric mean is E (`neo_hookean`).
 
-    `relaxation` (term, 2): the share of a held force that is lost in the end, and its time constant in s, drawn for
-    each eye (`mechanics.material`); no terms: the tissue is elastic.
+    `relaxation` (term, 2): the share of a held force that is lost in the end, and its
+    time constant in s, drawn for each eye (`mechanics.material`); no terms: the tissue
+    is elastic.
     """
 
     stiffening: float = quantity(0.0, None, 0.0, 200.0)
@@ -121,14 +134,16 @@ def check_relaxation(terms: Sequence[Sequence[float]]) -> None:
     """Check terms of relaxation: the largest shares and the shortest times."""
     if any(len(term) != 2 for term in terms):
         raise StudyError(
-            "relaxation: a term is a share and a time constant in s: [[0.12, 1.2], [0.15, 12.0]]"
+            "relaxation: a term is a share and a time constant in s: [[0.12, 1.2],"
+            " [0.15, 12.0]]"
         )
     if (
         not all(0.0 <= share < 1.0 for share, _ in terms)
         or not sum(share for share, _ in terms) < 1.0
     ):
         raise StudyError(
-            "relaxation: shares are 0 or more and add up to less than 1: a part of the force is left"
+            "relaxation: shares are 0 or more and add up to less than 1: a part of the"
+            " force is left"
         )
     if not all(time_s > 0.0 for _, time_s in terms):
         raise StudyError(
@@ -138,12 +153,15 @@ def check_relaxation(terms: Sequence[Sequence[float]]) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class SupportsStudy(Section):
-    """The paper's clamped base; or an eye's supports in the head: an elastic bed, straps of rectus muscles, or both.
+    """The paper's clamped base; or an eye's supports in the head: an elastic bed,
+    straps of rectus muscles, or both.
 
-    `bed`, `bed-and-straps`: a whole globe whose lower half lies on springs; their stiffness is a pressure per metre of
-    displacement. The bed's defaults: an eye gives way by some tenths of a millimetre under 0.1 N, as under an air-puff
-    tonometer, and turns about its axis by 1 degree under 0.6 g cm (Simonsz, Vision Research 24, 1984, 961). Straps:
-    muscles, passive or held in the primary position, of 0.03 to 1 g a degree each (20 N/m is 0.4).
+    `bed`, `bed-and-straps`: a whole globe whose lower half lies on springs; their
+    stiffness is a pressure per metre of displacement. The bed's defaults: an eye gives
+    way by some tenths of a millimetre under 0.1 N, as under an air-puff tonometer, and
+    turns about its axis by 1 degree under 0.6 g cm (Simonsz, Vision Research 24, 1984,
+    961). Straps: muscles, passive or held in the primary position, of 0.03 to 1 g a
+    degree each (20 N/m is 0.4).
     """
 
     kind: str = option("clamped", "clamped", "bed", "straps", "bed-and-straps")
@@ -169,10 +187,12 @@ RIGIDITY_LAWS = ("cube-root", "logarithmic")
 
 @dataclass(frozen=True)
 class GlobeStudy(Section):
-    """An open globe (infused or vented), as in the paper, or a sealed one, whose pressure rises with the dent.
+    """An open globe (infused or vented), as in the paper, or a sealed one, whose
+    pressure rises with the dent.
 
-    `rigidity_pa13_per_m3` is k of `rigidity_law` (`mechanics.globe`); the default is that of enucleated human eyes
-    (van der Werff 1981). `leak_time_s`: of the displaced volume that has left a sealed globe; 0: it does not leak.
+    `rigidity_pa13_per_m3` is k of `rigidity_law` (`mechanics.globe`); the default is
+    that of enucleated human eyes (van der Werff 1981). `leak_time_s`: of the displaced
+    volume that has left a sealed globe; 0: it does not leak.
     """
 
     kind: str = option("open", *GLOBES)
@@ -206,9 +226,11 @@ MOST_UNEVEN = 0.5  # sum of the waves' amplitudes
 
 @dataclass(frozen=True, kw_only=True)
 class WaveStudy(Section):
-    """One wave of the wall's thickness: a Legendre polynomial of the angle to an axis, times the amplitude.
+    """One wave of the wall's thickness: a Legendre polynomial of the angle to an axis,
+    times the amplitude.
 
-    Degree 1: thick on the axis's side and thin on the other; 2: thick at both ends of the axis; 3: two waves around.
+    Degree 1: thick on the axis's side and thin on the other; 2: thick at both ends of
+    the axis; 3: two waves around.
     """
 
     amplitude_fraction: float = quantity(10.0, "percent", -40.0, 40.0)
@@ -219,9 +241,11 @@ class WaveStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class RegionStudy(Section):
-    """A spherical cap of another modulus; the default is as wide as the cornea: 11.5 mm across on an eye of 24 mm.
+    """A spherical cap of another modulus; the default is as wide as the cornea: 11.5 mm
+    across on an eye of 24 mm.
 
-    `edge_rad`: width over which the modulus goes over into the rest's, half of it on either side of the cap's edge.
+    `edge_rad`: width over which the modulus goes over into the rest's, half of it on
+    either side of the cap's edge.
     """
 
     modulus_ratio: float = quantity(1.0, None, 0.05, 20.0)
@@ -235,8 +259,9 @@ class RegionStudy(Section):
 class CorneaStudy(Section):
     """A cornea of another radius than the globe's; the defaults are a human eye's.
 
-    The outer surface inside the limbus, a ring of `limbus_radius_m` about the cornea's axis, is a sphere of `radius_m`
-    through the ring. Across the ring, `edge_m` wide as measured along the globe, it goes over into the globe smoothly.
+    The outer surface inside the limbus, a ring of `limbus_radius_m` about the cornea's
+    axis, is a sphere of `radius_m` through the ring. Across the ring, `edge_m` wide as
+    measured along the globe, it goes over into the globe smoothly.
     """
 
     radius_m: float = quantity(7.8, "mm", 2.0, 30.0)
@@ -252,13 +277,16 @@ class CorneaStudy(Section):
                 for value in (self.limbus_radius_m, self.radius_m)
             )
             raise StudyError(
-                f"limbus_radius_mm: {ring}; must be below the cornea's radius_mm, {cornea}"
+                f"limbus_radius_mm: {ring}; must be below the cornea's radius_mm,"
+                f" {cornea}"
             )
 
 
 @dataclass(frozen=True)
 class FormStudy(Section):
-    """Semi-axes as shares of the radius, of the whole eye; waves of the thickness, regions, and a cornea."""
+    """Semi-axes as shares of the radius, of the whole eye; waves of the thickness,
+    regions, and a cornea.
+    """
 
     semi_axes: tuple[float, ...] = quantity((1.0, 1.0, 1.0), None, 0.7, 1.3)
     wave: tuple[WaveStudy, ...] = ()

@@ -1,4 +1,6 @@
-"""Fields of a study record, in SI: the unit of the TOML key (`radius_m` in mm is `radius_mm`), bounds in it, checks."""
+"""Fields of a study record, in SI: the unit of the TOML key (`radius_m` in mm is
+`radius_mm`), bounds in it, checks.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, Field, dataclass, field, fields
@@ -61,7 +63,9 @@ def draw(values: Sampled, rng: np.random.Generator) -> float:
 
 @dataclass(frozen=True)
 class Unit:
-    """A field's unit in TOML (None: SI or a plain number), bounds in that unit, allowed words."""
+    """A field's unit in TOML (None: SI or a plain number), bounds in that unit, allowed
+    words.
+    """
 
     name: HumanUnit | None = None
     _: KW_ONLY
@@ -72,18 +76,24 @@ class Unit:
     note: str = field(default="", repr=False)  # what a study file says beside the key
 
     def to_si(self, value: float) -> float:
-        """Return a human value in SI, free of the last bit's rounding: 400 um is 0.0004 m."""
+        """Return a human value in SI, free of the last bit's rounding: 400 um is 0.0004
+        m.
+        """
         return float(f"{to_si(value, self.name):.15g}") if self.name else value
 
     def from_si(self, value: float) -> float:
-        """Return an SI value in the human unit, free of the rounding of `to_si`: 58 deg come back as 58 deg."""
+        """Return an SI value in the human unit, free of the rounding of `to_si`: 58 deg
+        come back as 58 deg.
+        """
         return float(f"{from_si(value, self.name):.14g}") if self.name else value
 
 
-# A needle's force: the largest force of a study, more than a sclera bears before it is pierced.
+# A needle's force: the largest force of a study, more than a sclera bears before it is
+# pierced.
 NEEDLE_FORCE = Unit("mn", low=0.0, high=1000.0)
-# Quantities of an eye, its needle and its pictures, with their possible values, ex vivo and in life.
-# Options, keys of files and arguments of these names, in any unit, are checked against them (`allowed`).
+# Quantities of an eye, its needle and its pictures, with their possible values, ex vivo
+# and in life. Options, keys of files and arguments of these names, in any unit, are
+# checked against them (`allowed`).
 QUANTITIES: Mapping[str, Unit] = {
     "thickness": Unit("um", low=100.0, high=3000.0),
     "youngs_modulus": Unit("mpa", low=0.001, high=50.0),
@@ -98,7 +108,8 @@ QUANTITIES: Mapping[str, Unit] = {
     "displacement": Unit("mm", low=0.0, high=10.0),
 }
 WIDEST = 1e-4  # of the largest value: the smallest plausible value where 0 is allowed
-# Units that are taken for one another, by the suffix of a key: each with its name and its size in SI.
+# Units that are taken for one another, by the suffix of a key: each with its name and
+# its size in SI.
 _METRES = {"um": ("µm", 1e-6), "mm": ("mm", 1e-3), "m": ("m", 1.0)}
 _PASCALS = {"pa": ("Pa", 1.0), "kpa": ("kPa", 1e3), "mpa": ("MPa", 1e6)}
 _NEWTONS = {"un": ("µN", 1e-6), "mn": ("mN", 1e-3), "n": ("N", 1.0)}
@@ -113,7 +124,9 @@ def quantity(
     high: float | None = None,
     note: str = "",
 ) -> Any:
-    """Declare a field: `default` and bounds in the human `unit`; a Choice or tuple of integers is a list of such."""
+    """Declare a field: `default` and bounds in the human `unit`; a Choice or tuple of
+    integers is a list of such.
+    """
     numbers = default.values if isinstance(default, Choice) else default
     listed = (
         isinstance(numbers, tuple)
@@ -131,7 +144,9 @@ def option(default: str | None, *words: str) -> Any:
 
 
 def required(*words: str, low: float | None = None, high: float | None = None) -> Any:
-    """Declare an SI field without a default: one of `words`, or a value between the bounds if they are given."""
+    """Declare an SI field without a default: one of `words`, or a value between the
+    bounds if they are given.
+    """
     return field(metadata={"unit": Unit(low=low, high=high, words=words)})
 
 
@@ -143,7 +158,9 @@ def field_unit(item: Field[Any]) -> Unit:
 
 @cache
 def field_key(item: Field[Any]) -> str:
-    """Return the TOML key of a dataclass field: `radius_m` declared in mm is `radius_mm`."""
+    """Return the TOML key of a dataclass field: `radius_m` declared in mm is
+    `radius_mm`.
+    """
     unit = field_unit(item)
     if unit.name is None:
         return item.name
@@ -151,7 +168,9 @@ def field_key(item: Field[Any]) -> str:
 
 
 def map_numbers(value: Any, change: Callable[[float], float]) -> Any:
-    """Apply `change` to every number in a field's value (nested tuples, Choice and Range included)."""
+    """Apply `change` to every number in a field's value (nested tuples, Choice and
+    Range included).
+    """
     if isinstance(value, Choice):
         return Choice(tuple(float(change(v)) for v in value.values))
     if isinstance(value, Range):
@@ -202,7 +221,9 @@ def check_fields(record: Any) -> None:
 
 
 class Section:
-    """A section of a study: every field is within its bounds from the start, and they fit together (`_check`)."""
+    """A section of a study: every field is within its bounds from the start, and they
+    fit together (`_check`).
+    """
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -224,7 +245,8 @@ def check_number(key: str, number: float, unit: Unit) -> None:
     ):
         if end is not None and side * (number - end) > slack:
             raise StudyError(
-                f"{key}: {number:g} is {words} allowed value {end:g}{meant(key, number, unit)}"
+                f"{key}: {number:g} is {words} allowed value"
+                f" {end:g}{meant(key, number, unit)}"
             )
 
 
@@ -240,7 +262,8 @@ def check_quantity(key: str, number: float) -> None:
 
 
 def allowed(key: str) -> Unit:
-    """Return the bounds of one of `QUANTITIES` in the unit of a key; the unit of the result has no name.
+    """Return the bounds of one of `QUANTITIES` in the unit of a key; the unit of the
+    result has no name.
 
     >>> allowed("thickness_m"), allowed("iop_mmhg").high
     (Unit(name=None, low=0.0001, high=0.003, words=(), listed=False), 110.0)
@@ -261,7 +284,8 @@ def allowed(key: str) -> Unit:
 
 
 def meant(key: str, number: float, unit: Unit) -> str:
-    """Return "; did you mean ...?" if a number outside its bounds is inside them in a unit that is often mixed up.
+    """Return "; did you mean ...?" if a number outside its bounds is inside them in a
+    unit that is often mixed up.
 
     >>> meant("youngs_modulus_mpa", 300.0, allowed("youngs_modulus_mpa"))
     '; did you mean 0.3 MPa (300 kPa)?'
@@ -288,7 +312,6 @@ def meant(key: str, number: float, unit: Unit) -> str:
     if not inside:
         return ""
 
-    name = min(
-        inside, key=lambda name: abs(log(inside[name] ** 2 / (low * high)))
-    )  # the middle is likeliest
+    # the middle is likeliest
+    name = min(inside, key=lambda name: abs(log(inside[name] ** 2 / (low * high))))
     return f"; did you mean {inside[name]:.4g} {family[suffix][0]} ({number:g} {name})?"

@@ -1,10 +1,13 @@
-"""The images of a study: the raw frame, the slice, the virtual laboratory `[phantom]` and the drawn `[scenes]`.
+"""The images of a study: the raw frame, the slice, the virtual laboratory `[phantom]`
+and the drawn `[scenes]`.
 
-Every effect of `[phantom]` is a range with a unit, and everything that is drawn in a scene, from which the wall finder
-learns, is in one table: a range, or the share of the scenes that show it. Levels in dB are ratios of intensity. Ranges
-of `[phantom]` without another source are from spectral-domain scanners at 840 nm. Notes in `[scenes]` are what
-`scleraforce init` writes beside a value; its docstrings name the sources, and ranges are wider than these, so that the
-network has met more than an eye shows. What has no source is from the look of published scans.
+Every effect of `[phantom]` is a range with a unit, and everything that is drawn in a
+scene, from which the wall finder learns, is in one table: a range, or the share of the
+scenes that show it. Levels in dB are ratios of intensity. Ranges of `[phantom]` without
+another source are from spectral-domain scanners at 840 nm. Notes in `[scenes]` are what
+`scleraforce init` writes beside a value; its docstrings name the sources, and ranges
+are wider than these, so that the network has met more than an eye shows. What has no
+source is from the look of published scans.
 """
 
 from dataclasses import dataclass, field, fields, replace
@@ -27,7 +30,9 @@ from scleraforce.units import HumanUnit
 
 @dataclass(frozen=True, kw_only=True)
 class OctStudy(Section):
-    """The scanner's raw frame (paper sec. 3.1). `refractive_index` 1: depth is corrected already."""
+    """The scanner's raw frame (paper sec. 3.1). `refractive_index` 1: depth is
+    corrected already.
+    """
 
     width_m: float = quantity(15.0, "mm", 0.1, 50.0)
     depth_m: float = quantity(4.0, "mm", 0.1, 50.0)
@@ -49,7 +54,9 @@ class SliceStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class PhantomStudy(Section):
-    """Ranges of a virtual acquisition; `docs/recordings.md` says what is drawn per frame and what per recording."""
+    """Ranges of a virtual acquisition; `docs/recordings.md` says what is drawn per
+    frame and what per recording.
+    """
 
     seed: int = quantity(0, None, 0, 2**31 - 1)
     # the scanner: speckle, noise, display
@@ -145,7 +152,8 @@ class PhantomStudy(Section):
     def _check(self) -> None:
         if self.frame_delay_s.bounds[1] > self.hold_s.bounds[0]:
             raise StudyError(
-                "frame_delay_s: a frame would be taken after the push is over; make hold_s longer"
+                "frame_delay_s: a frame would be taken after the push is over; make"
+                " hold_s longer"
             )
 
 
@@ -168,10 +176,12 @@ def span(
 
 @dataclass(frozen=True, kw_only=True)
 class SceneWindowStudy(Section):
-    """The frame: its pixels, size and place; more or fewer `rows` are drawn to keep a pixel within `pixel_m`.
+    """The frame: its pixels, size and place; more or fewer `rows` are drawn to keep a
+    pixel within `pixel_m`.
 
-    Front-segment scanners show 6 to 18 mm across and 2 to 14 mm of depth (Ang et al. 2018, Prog. Retin. Eye Res. 66,
-    132); scanners of a microscope or a probe from 2.5 mm on.
+    Front-segment scanners show 6 to 18 mm across and 2 to 14 mm of depth (Ang et al.
+    2018, Prog. Retin. Eye Res. 66, 132); scanners of a microscope or a probe from 2.5
+    mm on.
     """
 
     rows: Sampled = span(160.0, 384.0, None, 32, 4096, "of the frame")
@@ -222,11 +232,13 @@ class SceneWindowStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class SceneEyeStudy(Section):
-    """The wall: its meridian has one radius in the cornea and another in the sclera; they meet at `limbus_m`.
+    """The wall: its meridian has one radius in the cornea and another in the sclera;
+    they meet at `limbus_m`.
 
-    Both thicknesses are along the normal. Half of the waves change the thickness, too. A dent is a Gaussian. Cornea:
-    radius of Dubbelman et al. 2006 (Acta Ophthalmol. Scand. 84, 269), thickness of Doughty and Zaman 2000 (Surv.
-    Ophthalmol. 44, 367), swollen ones too. Sclera: thickness of Norman et al. 2010 (Exp. Eye Res. 90, 277).
+    Both thicknesses are along the normal. Half of the waves change the thickness, too.
+    A dent is a Gaussian. Cornea: radius of Dubbelman et al. 2006 (Acta Ophthalmol.
+    Scand. 84, 269), thickness of Doughty and Zaman 2000 (Surv. Ophthalmol. 44, 367),
+    swollen ones too. Sclera: thickness of Norman et al. 2010 (Exp. Eye Res. 90, 277).
     """
 
     half_sphere_share: float = share(0.45, "of the scenes: no cornea")
@@ -273,12 +285,15 @@ class SceneEyeStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class SceneTissueStudy(Section):
-    """The tissue below the surface; levels against the sclera's backscatter unless said otherwise.
+    """The tissue below the surface; levels against the sclera's backscatter unless said
+    otherwise.
 
-    `profile_db` is how much brighter or darker the wall may be at some depths. The ciliary body begins at the scleral
-    spur and thins into the choroid. Without a gap, both are at least 3 dB weaker than the sclera: no one could tell
-    them apart otherwise. The iris begins on the ciliary body's face; before it is the recess of the chamber angle.
-    Lens: radius and thickness of Dubbelman and van der Heijde 2001 (Vision Res. 41, 1867).
+    `profile_db` is how much brighter or darker the wall may be at some depths. The
+    ciliary body begins at the scleral spur and thins into the choroid. Without a gap,
+    both are at least 3 dB weaker than the sclera: no one could tell them apart
+    otherwise. The iris begins on the ciliary body's face; before it is the recess of
+    the chamber angle. Lens: radius and thickness of Dubbelman and van der Heijde 2001
+    (Vision Res. 41, 1867).
     """
 
     snr_db: Sampled = span(
@@ -390,8 +405,9 @@ class SceneTissueStudy(Section):
 class SceneOverStudy(Section):
     """Objects over the wall, and their shadows; levels over the mean noise.
 
-    Lashes hang below the lid. Specks float below a contact lens, which is at `lens_gap_m` from the eye, less towards
-    its edge. Air, bubbles and a steel needle take all light.
+    Lashes hang below the lid. Specks float below a contact lens, which is at
+    `lens_gap_m` from the eye, less towards its edge. Air, bubbles and a steel needle
+    take all light.
     """
 
     lid_share: float = share(0.2)
@@ -452,7 +468,9 @@ class SceneOverStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class SceneScannerStudy(Section):
-    """The scanner: speckle, noise, artefacts, counts (logarithmic up to where `saturated_fraction` are above)."""
+    """The scanner: speckle, noise, artefacts, counts (logarithmic up to where
+    `saturated_fraction` are above).
+    """
 
     speckle_rows: Sampled = span(0.3, 3.0, None, 0.0, 50.0, "full width, pixels")
     axial_m: Sampled = span(
@@ -550,7 +568,9 @@ class ScenesStudy(Section):
     scanner: SceneScannerStudy = field(default_factory=SceneScannerStudy)
 
     def of_one(self, rng: np.random.Generator) -> "ScenesStudy":
-        """Draw whether a scene is a deep view, with a cornea, and whether its scanner averages; return its ranges."""
+        """Draw whether a scene is a deep view, with a cornea, and whether its scanner
+        averages; return its ranges.
+        """
         is_deep = rng.random() < self.window.deep_share
         is_averaged = rng.random() < self.scanner.averaged_share
         window = self.window

@@ -1,4 +1,6 @@
-"""The networks of a study and their training data; `docs/reader.md` explains the ranges of `[reader]`."""
+"""The networks of a study and their training data; `docs/reader.md` explains the ranges
+of `[reader]`.
+"""
 
 from dataclasses import dataclass, field, fields
 
@@ -10,12 +12,14 @@ from scleraforce.study.fields import Range, Sampled, Section, Unit, quantity
 class NetworkStudy(Section):
     """The classifier and its training (paper sec. 2.4).
 
-    A sample of `mirror` with left and right exchanged is the same B-scan plane, seen from behind.
+    A sample of `mirror` with left and right exchanged is the same B-scan plane, seen
+    from behind.
     """
 
+    # may be empty
     hidden: tuple[int, ...] = field(
         default=(600, 600), metadata={"unit": Unit(low=1, high=100_000)}
-    )  # may be empty
+    )
     dropout: float = quantity(0.8, None, 0.0, 0.99)
     dropout_masks: int = quantity(4, None, 1, 64)
     mirror: bool = True
@@ -32,10 +36,11 @@ class NetworkStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class WallFinderStudy(Section):
-    """The network that finds the wall in reduced frames; each level of `channels` has half the resolution.
+    """The network that finds the wall in reduced frames; each level of `channels` has
+    half the resolution.
 
-    The first level already has half the frame's rows and columns, so both are multiples of two to the power of the
-    number of levels. No scene is used twice.
+    The first level already has half the frame's rows and columns, so both are multiples
+    of two to the power of the number of levels. No scene is used twice.
     """
 
     rows: int = quantity(192, None, 16, 1024)
@@ -56,23 +61,27 @@ class WallFinderStudy(Section):
         for key in ("rows", "columns"):
             if getattr(self, key) % least:
                 raise StudyError(
-                    f"{key}: {getattr(self, key)} is not a multiple of {least}, as {len(self.channels)} "
-                    "levels need"
+                    f"{key}: {getattr(self, key)} is not a multiple of {least}, as"
+                    f" {len(self.channels)} levels need"
                 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReaderStudy(Section):
-    """The reader's training: eyes, framing, known inputs, the network and its descent; `paper.toml` explains the keys.
+    """The reader's training: eyes, framing, known inputs, the network and its descent;
+    `paper.toml` explains the keys.
 
-    Values are uniform; of the IOP and of the standard deviations of modulus and rigidity, the logarithm is, and of the
-    stiffening b the logarithm of 1 + b. The plane's direction from the meridian is uniform on the whole circle.
+    Values are uniform; of the IOP and of the standard deviations of modulus and
+    rigidity, the logarithm is, and of the stiffening b the logarithm of 1 + b. The
+    plane's direction from the meridian is uniform on the whole circle.
 
-    `plain_share`: most frames have no tilt; a network that met every tilt alike would be as unsure of all of them.
-    `boundary_errors`: more than the network will meet. `interval_eyes` decide the width of intervals
-    (`reader.intervals`), with as large an `uneven_share` (`learning.walls`); 0 keeps the network's own. A given modulus
-    is drawn from its own normal distribution; other given values are off by `*_noise_*`. Most samples have most values:
-    the answer for an eye with all of them is sharp, and takes more samples to learn than that for an eye with few.
+    `plain_share`: most frames have no tilt; a network that met every tilt alike would
+    be as unsure of all of them. `boundary_errors`: more than the network will meet.
+    `interval_eyes` decide the width of intervals (`reader.intervals`), with as large an
+    `uneven_share` (`learning.walls`); 0 keeps the network's own. A given modulus is
+    drawn from its own normal distribution; other given values are off by `*_noise_*`.
+    Most samples have most values: the answer for an eye with all of them is sharp, and
+    takes more samples to learn than that for an eye with few.
     """
 
     youngs_modulus_pa: Sampled = quantity(
@@ -144,10 +153,12 @@ class ReaderStudy(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class RawReaderStudy(Section):
-    """The raw reader's training; its eyes follow `[reader]`, light and scanner follow `[phantom]` and `[oct]`.
+    """The raw reader's training; its eyes follow `[reader]`, light and scanner follow
+    `[phantom]` and `[oct]`.
 
-    `channels` to `batches` belong to the part that sees the wall, with their meaning in `[wall_finder]`; `batch_size`
-    and rates belong to the whole. The layers behind it learn from slices first, for `slice_epochs` of `[reader]`.
+    `channels` to `batches` belong to the part that sees the wall, with their meaning in
+    `[wall_finder]`; `batch_size` and rates belong to the whole. The layers behind it
+    learn from slices first, for `slice_epochs` of `[reader]`.
     """
 
     rows: int = quantity(64, None, 16, 1024)

@@ -51,10 +51,11 @@ class Opened:
         return str(self.page.evaluate("document.body.dataset.view"))
 
     def looks_live(self) -> bool:
-        """Return whether anything looks like a live value: a number, a lit lamp, a picture without its stamp."""
+        """Return whether anything looks like a live value: a number, a lit lamp, a
+        picture without its stamp.
+        """
         return bool(
-            self.page.evaluate(
-                """() => {
+            self.page.evaluate("""() => {
                   const text = (id) => document.getElementById(id).textContent;
                   const texts = ["force", "class", "class-bounds", "interval", "rate", "latency", "worst", "lost"];
                   const numbers = [...texts, "clients", "who"].some((id) => /[0-9]/.test(text(id)));
@@ -62,8 +63,7 @@ class Opened:
                   const lit = lights.some((light) => getComputedStyle(light).fill !== "none");
                   const shown = ["scan-stamp", "graph-stamp"].some((id) => text(id) !== "NOT LIVE");
                   return numbers || lit || shown || !document.getElementById("ask").disabled;
-                }"""
-            )
+                }""")
         )
 
 
@@ -138,7 +138,9 @@ def colours_at(page: Page, *rows: float) -> list[list[int]]:
 def test_the_page_shows_what_the_monitor_decided_and_says_at_once_when_it_has_gone(
     opened: Any,
 ) -> None:
-    """State, class, force, interval, rates, the picture with its outline, the reason; then nothing that looks live."""
+    """State, class, force, interval, rates, the picture with its outline, the reason;
+    then nothing that looks live.
+    """
     monitor = ConsoleMonitor()
     with monitor:
         found = opened(monitor.address, viewport={"width": 1280, "height": 720})
@@ -178,7 +180,10 @@ def test_the_page_shows_what_the_monitor_decided_and_says_at_once_when_it_has_go
         )
         found.shows(detail="up to 31.0 mN, the bound is 30.0 mN")
         assert found.page.locator("#ask").is_enabled()
-        scroll = "[document.documentElement.scrollHeight, document.documentElement.scrollWidth]"
+        scroll = (
+            "[document.documentElement.scrollHeight,"
+            " document.documentElement.scrollWidth]"
+        )
         assert found.page.evaluate(scroll) == [720, 1280]
         assert found.page.evaluate("document.activeElement.tagName") == "BODY"
         found.page.keyboard.press("Tab")
@@ -251,7 +256,10 @@ def test_a_withdrawal_shows_what_is_true_now_larger_than_its_first_cause(
             found.shows(
                 held="Held since 08:00:00: No frame came from the scanner for too long."
             )
-            sizes = "id => parseFloat(getComputedStyle(document.getElementById(id)).fontSize)"
+            sizes = (
+                "id =>"
+                " parseFloat(getComputedStyle(document.getElementById(id)).fontSize)"
+            )
             now, first = (
                 found.page.evaluate(sizes, name) for name in ("sentence", "held")
             )
@@ -264,11 +272,16 @@ def test_a_withdrawal_shows_what_is_true_now_larger_than_its_first_cause(
             )
         ):
             found.shows(
-                sentence="Now: the frames are harmless. The withdrawal is held until a reset.",
+                sentence=(
+                    "Now: the frames are harmless. The withdrawal is held until a"
+                    " reset."
+                ),
                 force="4.0",
             )
             found.shows(
-                held="Held since 08:00:00: No frame came from the scanner for too long.",
+                held=(
+                    "Held since 08:00:00: No frame came from the scanner for too long."
+                ),
                 detail="",
             )
 
@@ -323,7 +336,9 @@ def test_a_server_that_hangs_is_shown_within_half_a_second_and_comes_back_by_its
     try:
         found.shows(
             word="NO ANSWER",
-            sentence="The console's server does not answer. Treat this as a withdrawal.",
+            sentence=(
+                "The console's server does not answer. Treat this as a withdrawal."
+            ),
         )
         assert not found.looks_live()
         sleep(3.0)  # the page has tried another connection by now
@@ -363,7 +378,10 @@ def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(
         page.keyboard.type("wrong")
         page.keyboard.press("Enter")
         found.shows(
-            refusal="Refused: the token or code is wrong; the monitor printed the right ones"
+            refusal=(
+                "Refused: the token or code is wrong; the monitor printed the right"
+                " ones"
+            )
         )
         assert monitor.hear(WrongTokens).count == 1
         assert page.locator("#token").input_value() == ""

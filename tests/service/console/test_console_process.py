@@ -1,4 +1,6 @@
-"""The console as a process: a monitor at one end of its channel, requests of browsers and others at the other."""
+"""The console as a process: a monitor at one end of its channel, requests of browsers
+and others at the other.
+"""
 
 import http.client
 import json
@@ -56,7 +58,9 @@ def ask(
 def page(
     monitor: ConsoleMonitor, origin: str | None = ""
 ) -> Iterator[ClientConnection]:
-    """Do as a browser's page does, without the browser; "" is the console's own origin."""
+    """Do as a browser's page does, without the browser; "" is the console's own
+    origin.
+    """
     own = monitor.address.rstrip("/") if origin == "" else origin
     with connect(
         f"ws://127.0.0.1:{monitor.port}/live",
@@ -226,9 +230,9 @@ def test_a_page_gets_the_settings_the_state_and_the_picture_with_its_outline(
         assert hello["class_bounds_mn"] == [5.0, 30.0]
         assert hello["pixel_mm"] == pytest.approx([15 / 96, 4 / 64])
 
-        for _ in range(
-            100
-        ):  # a picture that is sent before its outline goes without one; so does a late reading
+        # a picture that is sent before its outline goes without one; so does a late
+        # reading
+        for _ in range(100):
             frame = monitor.frame(
                 FRAME, "WATCHING", "class 1; 12.0 mN", **reading(12.0)
             )
@@ -316,7 +320,9 @@ def post(monitor: ConsoleMonitor, token: str) -> http.client.HTTPConnection:
 
 
 def operator_resets(monitor: ConsoleMonitor) -> None:
-    """Check that a reset goes to the monitor with its token and comes back with its answer."""
+    """Check that a reset goes to the monitor with its token and comes back with its
+    answer.
+    """
     for granted, said in ((False, "no frame is fresh"), (True, "WATCHING")):
         with closing(post(monitor, TOKEN)) as operator:
             asked = monitor.hear(ResetAsked)
@@ -364,7 +370,9 @@ def test_a_code_goes_to_the_monitor_which_alone_knows_it_and_a_flood_of_codes_do
 def test_a_page_that_stalls_gets_no_queue_and_disturbs_no_other(
     monitor: ConsoleMonitor,
 ) -> None:
-    """The stalled one never answers: it has a few messages and one picture, whatever happens meanwhile."""
+    """The stalled one never answers: it has a few messages and one picture, whatever
+    happens meanwhile.
+    """
     monitor.entry("WATCHING")
     with page(monitor) as stalled, page(monitor) as lively:
         for lost in range(monitor.frames, monitor.frames + 12):
@@ -417,9 +425,9 @@ def test_the_channel_is_read_while_nobody_looks_and_while_a_request_hangs(
 def test_when_the_monitor_dies_pages_show_it_and_the_console_ends() -> None:
     """The monitor here is a process of its own, which is killed."""
     program = (
-        "import time; from console_monitor import ConsoleMonitor; started = "
-        "ConsoleMonitor();started.entry('WATCHING'); print(started.port, started.child.process.pid, "
-        "flush=True); time.sleep(60)"
+        "import time; from console_monitor import ConsoleMonitor; started ="
+        " ConsoleMonitor();started.entry('WATCHING'); print(started.port,"
+        " started.child.process.pid, flush=True); time.sleep(60)"
     )
     support = Path(__file__).parents[2] / "support"
     killed = subprocess.Popen(
@@ -474,7 +482,8 @@ def test_a_page_that_answers_keeps_its_place_while_silent_ones_come() -> None:
     with ConsoleMonitor() as monitor, ExitStack() as stack:
         lively = stack.enter_context(page(monitor))
         lost: list[ConnectionClosed] = []
-        answered = Event()  # since the last page came: on a quick machine they come faster than it is asked
+        # since the last page came: on a quick machine they come faster than it is asked
+        answered = Event()
 
         def answers() -> None:
             try:

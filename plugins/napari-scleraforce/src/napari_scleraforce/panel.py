@@ -1,4 +1,6 @@
-"""The dock widget: wall and force of the shown frame, corrections, and forces over time."""
+"""The dock widget: wall and force of the shown frame, corrections, and forces over
+time.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -29,7 +31,9 @@ WIDTH_ROWS = 3  # of the paths
 
 
 def reported(action: Callable[["Panel"], None]) -> Callable[["Panel"], None]:
-    """Return an action of the panel that shows bad input to the user instead of raising it."""
+    """Return an action of the panel that shows bad input to the user instead of raising
+    it.
+    """
 
     def act(panel: "Panel") -> None:
         try:
@@ -41,7 +45,8 @@ def reported(action: Callable[["Panel"], None]) -> Callable[["Panel"], None]:
 
 
 class Panel(Container[Widget]):
-    """Reads the frame that the slider selects: its wall as paths of the layer `walls`, its force as text and in a plot.
+    """Reads the frame that the slider selects: its wall as paths of the layer `walls`,
+    its force as text and in a plot.
 
     The recording is that of the topmost image layer that has one.
     """
@@ -126,7 +131,9 @@ class Panel(Container[Widget]):
 
     @reported
     def save(self) -> None:
-        """Save the paths of the shown frame as its corrected wall, and read it again."""
+        """Save the paths of the shown frame as its corrected wall, and read it
+        again.
+        """
         recording = self.recording
         if recording is None:
             return
@@ -177,7 +184,9 @@ class Panel(Container[Widget]):
         self.show_frame()
 
     def paths(self) -> list[tuple[str, Points]]:
-        """Return the paths (point, 3) of the shown frame, with the names of their boundaries."""
+        """Return the paths (point, 3) of the shown frame, with the names of their
+        boundaries.
+        """
         walls = self._walls()
         named = zip(walls.features[BOUNDARY], walls.data, strict=True)
         return [

@@ -1,7 +1,7 @@
 """Walls as editable paths, and back as masks.
 
-A boundary is a path for each stretch of columns in which it is seen. Its points are (frame, row, column), as the image
-layer has them: row r is the centre of a pixel.
+A boundary is a path for each stretch of columns in which it is seen. Its points are
+(frame, row, column), as the image layer has them: row r is the centre of a pixel.
 """
 
 from collections.abc import Iterable, Iterator
@@ -20,7 +20,9 @@ Paths = list[tuple[str, Points]]
 
 
 def paths_of(frame: int, outer_row: Points, inner_row: Points | None) -> Paths:
-    """Return the paths (point, 3) of a wall with boundaries in rows (column,), NaN where unseen; with their names."""
+    """Return the paths (point, 3) of a wall with boundaries in rows (column,), NaN
+    where unseen; with their names.
+    """
     boundaries = {UPPER: outer_row} | ({} if inner_row is None else {LOWER: inner_row})
     return [
         (
@@ -33,7 +35,9 @@ def paths_of(frame: int, outer_row: Points, inner_row: Points | None) -> Paths:
 
 
 def _stretches(row: Points) -> Iterator[Points]:
-    """Yield the seen stretches of a boundary that have two columns or more, as points (row, column)."""
+    """Yield the seen stretches of a boundary that have two columns or more, as points
+    (row, column).
+    """
     columns = np.flatnonzero(np.isfinite(row))
     for part in np.split(columns, np.flatnonzero(np.diff(columns) > 1) + 1):
         if len(part) > 1:
@@ -43,9 +47,11 @@ def _stretches(row: Points) -> Iterator[Points]:
 def mask_of(
     paths: Iterable[tuple[str, Points]], shape: tuple[int, int]
 ) -> NDArray[np.uint8]:
-    """Return the mask (row, column) of a frame's paths: 255 from the upper boundary to the lower one, 0 elsewhere.
+    """Return the mask (row, column) of a frame's paths: 255 from the upper boundary to
+    the lower one, 0 elsewhere.
 
-    Columns without the one or the other are not judged (128). Without any lower path, the wall ends below the frame.
+    Columns without the one or the other are not judged (128). Without any lower path,
+    the wall ends below the frame.
     """
     rows, columns = shape
     upper, lower = np.full((2, columns), np.nan)

@@ -1,1 +1,3 @@
-"""The web console: a process beside the monitor that shows its decisions in a browser and sends it the reset."""
+"""The web console: a process beside the monitor that shows its decisions in a browser
+and sends it the reset.
+"""

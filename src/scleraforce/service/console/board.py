@@ -1,4 +1,6 @@
-"""The board of the console: all that a page shows, its history, and a sentence for each cause."""
+"""The board of the console: all that a page shows, its history, and a sentence for each
+cause.
+"""
 
 import re
 import tomllib
@@ -28,7 +30,8 @@ STEP_S = 0.04
 HISTORY_S = 30.0
 SEVERITY = [state.name for state in BY_SEVERITY]
 SILENT_S = 1.2  # without any message; the monitor sends its rates twice a second
-WATCHING_SILENT_S = 0.5  # without a decision while WATCHING; without frames it would have withdrawn long before
+# without a decision while WATCHING; without frames it would have withdrawn long before
+WATCHING_SILENT_S = 0.5
 READING_S = 0.5  # an older reading is not shown
 LATENCY_S = 5.0
 OUTLINE_S = 0.2  # after this long, a frame is shown without its outline
@@ -55,7 +58,9 @@ def sentence_of(cause: str) -> str:
 
 
 def detail_of(message: str, state: str) -> str:
-    """Return the reason within a decision's message: without the state before it and the last reading after it."""
+    """Return the reason within a decision's message: without the state before it and
+    the last reading after it.
+    """
     reason = message.removeprefix(state).removeprefix(": ")
     if state == "WATCHING":  # there need not be a reason
         reason = f"; {reason}"
@@ -64,9 +69,11 @@ def detail_of(message: str, state: str) -> str:
 
 @dataclass
 class Step:
-    """All decisions within one time step; the worst of it counts, so that no peak is lost.
+    """All decisions within one time step; the worst of it counts, so that no peak is
+    lost.
 
-    `force_mn` is the largest force, the interval the one that holds all intervals; None where no frame could be read.
+    `force_mn` is the largest force, the interval the one that holds all intervals; None
+    where no frame could be read.
     """
 
     number: int
@@ -89,7 +96,9 @@ class Step:
         self.high_mn = max(_numbers(self.high_mn, high_mn), default=None)
 
     def as_json(self) -> list[Any]:
-        """Return the step for the page, rounded to tenths of a micronewton, which is finer than the page shows."""
+        """Return the step for the page, rounded to tenths of a micronewton, which is
+        finer than the page shows.
+        """
         forces = [
             None if value is None else round(value, 4)
             for value in (self.force_mn, self.low_mn, self.high_mn)
@@ -98,7 +107,9 @@ class Step:
 
 
 class History:
-    """The steps of the last `HISTORY_S`; a step in which nothing was decided is absent."""
+    """The steps of the last `HISTORY_S`; a step in which nothing was decided is
+    absent.
+    """
 
     def __init__(self) -> None:
         self._steps: deque[Step] = deque()
@@ -113,7 +124,9 @@ class History:
             self._steps.popleft()
 
     def since(self, number: int) -> list[Step]:
-        """Return the steps from a number on, oldest first; the last one may still change."""
+        """Return the steps from a number on, oldest first; the last one may still
+        change.
+        """
         late = list(
             takewhile(lambda step: step.number >= number, reversed(self._steps))
         )
@@ -129,15 +142,16 @@ def _numbers(*forces_mn: float | None) -> list[float]:
 
 
 class Board:
-    """Sums up the monitor's messages for a page; all times are of the monotonic clock."""
+    """Sums up the monitor's messages for a page; all times are of the monotonic
+    clock.
+    """
 
     def __init__(self, now_s: float) -> None:
         self._entry_s = self._outline_s = self._frame_s = now_s
         self._heard_s: float | None = None
         self._entry = START
-        self._reading: tuple[int, Entry] | None = (
-            None  # the last one on a frame, with its number
-        )
+        # the last one on a frame, with its number
+        self._reading: tuple[int, Entry] | None = None
         self._outline: Outline | None = None
         self._rates: Rates | None = None
         self._lost = 0
@@ -185,7 +199,9 @@ class Board:
         self._ended = True
 
     def monitor(self, now_s: float) -> str:
-        """Return the state of the monitor: "ended", "starting", "silent" or "answers"."""
+        """Return the state of the monitor: "ended", "starting", "silent" or
+        "answers".
+        """
         if self._ended:
             return "ended"
         if self._heard_s is None:
@@ -199,7 +215,9 @@ class Board:
         return "silent" if silent else "answers"
 
     def as_json(self, now_s: float, since: int) -> dict[str, Any]:
-        """Return all that a page shows, except the picture; the history begins with step number `since`."""
+        """Return all that a page shows, except the picture; the history begins with
+        step number `since`.
+        """
         entry = self._entry
         read = (
             self._reading[1].as_json()
@@ -217,18 +235,20 @@ class Board:
             "now": now_s / STEP_S,
             "monitor": self.monitor(now_s),
             "reading": read and {name: read.get(name) for name in READING},
-            "latency_ms": [round(median(latencies_ms), 2), round(max(latencies_ms), 2)]
-            if latencies_ms
-            else None,
+            "latency_ms": (
+                [round(median(latencies_ms), 2), round(max(latencies_ms), 2)]
+                if latencies_ms
+                else None
+            ),
             "frames_per_second": self._rates.frames_per_second if self._rates else None,
             "lost": self._lost,
             "clients": self._rates.clients if self._rates else [],
             "steps": [step.as_json() for step in self.history.since(since)],
             "state": entry.state,
             "cause": entry.cause,
-            "detail": entry.present
-            if entry.cause
-            else detail_of(entry.message, entry.state),
+            "detail": (
+                entry.present if entry.cause else detail_of(entry.message, entry.state)
+            ),
             "sentence": sentence_of(entry.cause) if entry.cause else "",
             "present": sentence_of(entry.present_cause) if entry.present_cause else "",
             "withdrawn_s": entry.withdrawn_s,
@@ -236,7 +256,9 @@ class Board:
         }
 
     def picture(self) -> tuple[int, Outline | None] | None:
-        """Return the number of the frame to show, and its outline; None before the first frame."""
+        """Return the number of the frame to show, and its outline; None before the
+        first frame.
+        """
         outlined = self._outline.frame if self._outline else 0
         newest = self._reading[0] if self._reading else 0
         if newest > outlined and self._frame_s - self._outline_s > OUTLINE_S:

@@ -1,4 +1,6 @@
-"""The console's end of the channel to the monitor, its pictures, and the share of each page."""
+"""The console's end of the channel to the monitor, its pictures, and the share of each
+page.
+"""
 
 import asyncio
 import json
@@ -28,9 +30,12 @@ WITHIN_S = 1.0
 HELD_S = 1.0  # at least, before less is shown again
 CALM_S = 5.0  # without a sign, before more is shown again
 WHITE_PERCENTILE = 99.5
-FADING = 0.99  # of the white level from picture to picture, so that a single bright frame does not darken the next ones
+# of the white level from picture to picture, so that a single bright frame does not
+# darken the next ones
+FADING = 0.99
 ANSWER_S = 3.0
-SLACK_S = 0.01  # by which a picture may come earlier than its turn, since updates have their own rhythm
+# by which a picture may come earlier than its turn, since updates have their own rhythm
+SLACK_S = 0.01
 MOST_UNSEEN = 4  # messages under way that the page has not acknowledged
 WRONG_S = 0.5  # delay of the answer to a wrong token
 MOST_PAGES = 32
@@ -40,7 +45,9 @@ ResetAnswer = tuple[bool, str]
 
 @dataclass(frozen=True, kw_only=True)
 class Share:
-    """The share of a page: at most one update every `update_s`, one picture every `picture_s`, of `pixels` a side."""
+    """The share of a page: at most one update every `update_s`, one picture every
+    `picture_s`, of `pixels` a side.
+    """
 
     level: int
     update_s: float
@@ -72,7 +79,9 @@ class Thrift:
             self._signs.append(now_s)
 
     def answered(self, latency_ms: float | None, behind: int, now_s: float) -> None:
-        """Take the latency of an answer, and the number of frames that were overtaken since the start."""
+        """Take the latency of an answer, and the number of frames that were overtaken
+        since the start.
+        """
         if behind > self._behind or (latency_ms is not None and latency_ms > SLOW_MS):
             self._signs.append(now_s)
         self._behind = behind
@@ -97,8 +106,9 @@ class Thrift:
 class Pictures:
     """Makes pictures of frames, each once, however many pages show it.
 
-    A picture is the length of its header (4 bytes, little-endian), the header (JSON: `frame`, its `plane`, `rows`,
-    `columns` of the pixels that follow, `outline`), the pixels (row, column), one byte each.
+    A picture is the length of its header (4 bytes, little-endian), the header (JSON:
+    `frame`, its `plane`, `rows`, `columns` of the pixels that follow, `outline`), the
+    pixels (row, column), one byte each.
     """
 
     def __init__(self, ring: FrameRing) -> None:
@@ -109,7 +119,9 @@ class Pictures:
     def of(
         self, frame: int, outline: messages.Outline | None, most_pixels: int
     ) -> bytes | None:
-        """Return the picture of a frame, of `most_pixels` along either side; None if the frame is gone."""
+        """Return the picture of a frame, of `most_pixels` along either side; None if
+        the frame is gone.
+        """
         if self._made[0] == (frame, most_pixels):
             return self._made[1]
 
@@ -151,7 +163,8 @@ class Pictures:
 
 
 class Hub:
-    """Connects the channel with the pages of one event loop; it never waits for a page, so the channel is always read.
+    """Connects the channel with the pages of one event loop; it never waits for a page,
+    so the channel is always read.
 
     `when_ended` is called once, when the monitor has ended or died.
     """
@@ -186,7 +199,9 @@ class Hub:
             self._end()
 
     def read(self) -> None:
-        """Read all messages that wait in the channel; after an invalid one, the board shows a silent monitor."""
+        """Read all messages that wait in the channel; after an invalid one, the board
+        shows a silent monitor.
+        """
         try:
             heard = self._channel.receive()
         except ChannelClosedError:
@@ -236,7 +251,9 @@ class Hub:
             page.wake.set()
 
     def enter(self, page: "Page") -> None:
-        """Give a page a place; if all are taken, the page that has been silent longest loses its place."""
+        """Give a page a place; if all are taken, the page that has been silent longest
+        loses its place.
+        """
         if len(self.pages) >= MOST_PAGES:
             silent = min(self.pages, key=lambda page: page.heard_s)
             silent.gone.set()
@@ -244,9 +261,11 @@ class Hub:
         self.pages.add(page)
 
     async def reset(self, token: str) -> ResetAnswer:
-        """Ask the monitor for a reset; return whether it was granted, and the monitor's message.
+        """Ask the monitor for a reset; return whether it was granted, and the monitor's
+        message.
 
-        Only the right token and a few codes reach the monitor, so wrong ones can never keep the operator waiting.
+        Only the right token and a few codes reach the monitor, so wrong ones can never
+        keep the operator waiting.
         """
         is_code = CODE.fullmatch(token) and self._token.answers_wrong(monotonic())
         if not is_code and not self._token.knows(token):
@@ -282,10 +301,11 @@ class Hub:
 class Page:
     """An open page: its accepted `socket`, and what it was sent and has acknowledged.
 
-    A page answers each message with `{"seen": number}` and each picture with `{"drawn": frame}`. A page that stalls
-    gets nothing until it answers, and then the newest state. `wake` sends the newest state at once; `gone` closes the
-    page; `heard_s` is when it last sent something. `picture` is the last frame sent; of the history, the page has all
-    before number `step`.
+    A page answers each message with `{"seen": number}` and each picture with `{"drawn":
+    frame}`. A page that stalls gets nothing until it answers, and then the newest
+    state. `wake` sends the newest state at once; `gone` closes the page; `heard_s` is
+    when it last sent something. `picture` is the last frame sent; of the history, the
+    page has all before number `step`.
     """
 
     socket: WebSocket
@@ -301,7 +321,9 @@ class Page:
     step: int = 0
 
     async def show(self, settings: dict[str, Any]) -> None:
-        """Send all that the page shows, until it leaves or loses its place to another."""
+        """Send all that the page shows, until it leaves or loses its place to
+        another.
+        """
         self.hub.enter(self)
         tasks: list[asyncio.Task[Any]] = []
 

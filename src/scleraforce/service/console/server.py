@@ -1,4 +1,6 @@
-"""The web server of the console: its own pages alone, the newest connections, one event loop."""
+"""The web server of the console: its own pages alone, the newest connections, one event
+loop.
+"""
 
 import asyncio
 import os
@@ -23,8 +25,8 @@ from scleraforce.service.reset import ResetToken
 
 MOST_BODY_BYTES = 4096
 POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; base-uri "
-    "'none'; form-action 'none'; frame-ancestors 'none'"
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self';"
+    " connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 HEADERS = {
     "content-security-policy": POLICY,
@@ -36,7 +38,9 @@ HEADERS = {
     "permissions-policy": "camera=(), geolocation=(), microphone=()",
     "cache-control": "no-store",
 }
-MOST = 128  # of each kind; more WebSockets than there are places for pages, because some are being closed
+# of each kind; more WebSockets than there are places for pages, because some are being
+# closed
+MOST = 128
 
 # oldest first; of the console's process
 _requests = deque[asyncio.Transport]()
@@ -55,9 +59,10 @@ def refusal(
 ) -> tuple[int, str] | None:
     """Return status and reason of the refusal of a request; None if it is accepted.
 
-    A page of another site may point its own name to this address (DNS rebinding); then `Host` has that name. An
-    address cannot be rebound, so every address is accepted; of the names, only `localhost` and `name`, the console's
-    own. `kind` is "http" or "websocket"; the headers' names are in lower case.
+    A page of another site may point its own name to this address (DNS rebinding); then
+    `Host` has that name. An address cannot be rebound, so every address is accepted; of
+    the names, only `localhost` and `name`, the console's own. `kind` is "http" or
+    "websocket"; the headers' names are in lower case.
     """
     found: dict[bytes, list[str]] = {}
     for key, value in headers:
@@ -101,7 +106,9 @@ def _own(host: str, name: str) -> bool:
 
 
 class OwnPagesOnly:
-    """Wraps an ASGI application: refuses what `refusal` refuses, adds `HEADERS` to every answer."""
+    """Wraps an ASGI application: refuses what `refusal` refuses, adds `HEADERS` to
+    every answer.
+    """
 
     def __init__(
         self, app: ASGIApp, name: str, most_bytes: int = MOST_BODY_BYTES
@@ -132,9 +139,8 @@ class OwnPagesOnly:
             await self._app(scope, receive, send_with_headers)
         elif scope["type"] == "websocket":
             await receive()
-            await send(
-                {"type": "websocket.close", "code": 1008}
-            )  # before it is accepted: an answer 403
+            # before it is accepted: an answer 403
+            await send({"type": "websocket.close", "code": 1008})
         else:
             status, reason = refused
             plain = [
