@@ -87,9 +87,7 @@ if not TYPE_CHECKING:
         """Import a public name (PEP 562), once."""
         if name == "__version__":
             # its imports take a tenth of a second
-            from importlib.metadata import (
-                version,
-            )
+            from importlib.metadata import version
 
             value = version("scleraforce")
         elif name in _MODULE_OF:

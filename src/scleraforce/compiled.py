@@ -20,7 +20,9 @@ KEY_LETTERS = 32  # of the hash, in a file name
 ROOT = Path(__file__).parent
 # Imports that may decide machine code: modules of the packages with loops.
 IMPORT = re.compile(
-    r"^from scleraforce\.((?:library|mechanics|segmentation)[\w.]*) import (.+)$", re.M
+    r"^from scleraforce\.((?:library|mechanics|segmentation)[\w.]*) import "
+    r"(\([^)]*\)|.+)$",
+    re.M,
 )
 
 Loops = TypeVar("Loops", bound=Callable[..., object])
@@ -242,9 +244,7 @@ def _code_file() -> Any:
 @cache
 def _code_cache(module: str) -> Path:
     # imported here: what compiles nothing need not wait for it
-    from platformdirs import (
-        user_cache_path,
-    )
+    from platformdirs import user_cache_path
 
     content = b"".join(file.read_bytes() for file in sorted(_deciding(module)))
 
@@ -269,8 +269,6 @@ def _deciding(module: str) -> set[Path]:
             for imported, names in IMPORT.findall(file.read_text(encoding="utf-8")):
                 waiting.append(imported)
                 # of a package: its modules
-                waiting += (
-                    f"{imported}.{part.split()[0]}" for part in names.split(",")
-                )
+                waiting += (f"{imported}.{name}" for name in re.findall(r"\w+", names))
 
     return found

@@ -417,9 +417,7 @@ def _status(recent: tuple[tuple[float, int], ...]) -> str:
         return "ok"
 
     # a tenth of a second, which a filter that keeps to its frames does not wait for
-    from scipy.special import (
-        chdtri,
-    )
+    from scipy.special import chdtri
 
     if not nis > chdtri(count, DIVERGENCE_PROBABILITY):
         return "ok"

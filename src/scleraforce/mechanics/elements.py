@@ -172,9 +172,7 @@ def factored(
         SolverError: the matrix is singular or not finite.
     """
     # not before something is solved: the import takes 0.1 s
-    from scipy.sparse import (
-        coo_array,
-    )
+    from scipy.sparse import coo_array
     from scipy.sparse.linalg import splu
 
     free = np.flatnonzero(~held_nc)

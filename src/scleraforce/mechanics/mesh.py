@@ -188,9 +188,7 @@ class SurfaceLocator:
         2) of every direction.
         """
         # not before something is solved: Numba takes 0.2 s
-        from scleraforce.mechanics.loops import (
-            cross_quads,
-        )
+        from scleraforce.mechanics.loops import cross_quads
 
         lengths = np.linalg.norm(directions_dc, axis=1)
 
