@@ -1,7 +1,8 @@
 """Forces read from real eyes without a needle at scales that nobody checked: the scans
 in ../shared/real-oct.
 
-    python benchmarks/bench_at_rest.py [MODEL ...] [--readings 120] [--seed 3] [--sheet FILE]
+    python benchmarks/bench_at_rest.py [MODEL ...] [--readings 120] [--seed 3]
+        [--sheet FILE]
 
 MODELs are readers, the two bundled ones by default. Each scan is read at drawn scales:
 frames 6 to 20 mm wide and 0.3 to 1 times as deep, of optical or geometric depth. A
@@ -135,7 +136,8 @@ def main() -> None:
                     f" {scale.depth_m * rows * 1e3:.1f} mm"
                 )
                 print(
-                    f"{model.path.name:9}{file.name:22}{size:18}{answer.force_n * 1e3:6.1f} mN"
+                    f"{model.path.name:9}{file.name:22}{size:18}"
+                    f"{answer.force_n * 1e3:6.1f} mN"
                 )
                 cells.append(picture(frame, answer, scale))
                 cv2.putText(

@@ -1,7 +1,8 @@
 """Errors of the segmentation's boundaries on rendered frames, beside the errors that
 `learning.walls` draws.
 
-    python benchmarks/bench_boundary_errors.py [EYES [SEED]] [--frames 12] [--study FILE] [--checked]
+    python benchmarks/bench_boundary_errors.py [EYES [SEED]] [--frames 12]
+        [--study FILE] [--checked]
 
 Each eye has frames with even forces from 0 to 60 mN, from the user's library of the
 study (built if missing).

@@ -1,7 +1,8 @@
 """Measure a calibration: time of a step, effect of wrongly declared inputs, coverage
 over many eyes.
 
-    python benchmarks/bench_calibration.py [LINEAR EYES, 50] [BENT EYES, 5] [--frames 24] [--study FILE]
+    python benchmarks/bench_calibration.py [LINEAR EYES, 50] [BENT EYES, 5]
+        [--frames 24] [--study FILE]
 
 The eyes are virtual: sections of the deformed mesh, boundaries with the roughness of
 speckle (5 um along the normal), eyes that shift by up to 0.2 mm between the frames, of
@@ -235,12 +236,13 @@ def print_bent(study: Study, count: int, frame_count: int) -> None:
         )
         low, high = own_moduli(study, model, inputs, eye)
         print(
-            f"{eye.thickness_m * 1e6:>6.0f}{eye.youngs_modulus_pa / 1e6:>7.3f}{eye.iop_pa / 133.3:>6.1f}"
-            f"{np.degrees(eye.polar_rad):>6.0f}"
+            f"{eye.thickness_m * 1e6:>6.0f}{eye.youngs_modulus_pa / 1e6:>7.3f}"
+            f"{eye.iop_pa / 133.3:>6.1f}{np.degrees(eye.polar_rad):>6.0f}"
             + "".join(
                 f"{100 * error:>+9.2f} ({100 * sd:.1f})" for error, sd in found[-1]
             )
-            + f"{_percent(low):>14}{_percent(high):>13}{1e3 * np.median(runs[-1][2][1:]):>9.1f}",
+            + f"{_percent(low):>14}{_percent(high):>13}"
+            f"{1e3 * np.median(runs[-1][2][1:]):>9.1f}",
             flush=True,
         )
 

@@ -2,7 +2,8 @@
 console's load.
 
     python benchmarks/bench_console.py changes [--changes 100]
-    python benchmarks/bench_console.py session MODEL RECORDING [--seconds 600] [--rate-hz 100] [--remote]
+    python benchmarks/bench_console.py session MODEL RECORDING [--seconds 600]
+        [--rate-hz 100] [--remote]
 
 changes: a monitor decides 100 times a second on frames of 512 x 512, with 25 outlines a
 second, and changes its state at random moments. Times start before the entry is sent

@@ -1,6 +1,7 @@
 """Accuracy of finite-strain mechanics in 3-D: the tables of docs/physics.md.
 
-    python benchmarks/bench_finite_strain.py [--fine] [--rows N] [--loads N] [--quads 20] [--core 6] [--rings 14]
+    python benchmarks/bench_finite_strain.py [--fine] [--rows N] [--loads N]
+        [--quads 20] [--core 6] [--rings 14]
 
 R2 is the project's reference problem (`reference_r2.py`), on 20 equiangular quads.
 `--rows` and `--loads` keep the first N walls and the first N forces or dents of each

@@ -1,7 +1,8 @@
 """The graded mesh against finer ones, and what the form of an eye, its pressure and the
 needle's tilt do to a dent.
 
-    python benchmarks/bench_forms.py [--fine] [--rows N] [--forces N] [--finest CORE RINGS]
+    python benchmarks/bench_forms.py [--fine] [--rows N] [--forces N]
+        [--finest CORE RINGS]
 
 prints the tables of docs/physics.md ("Eyes that are not spheres"); `--fine` adds load
 paths on finer meshes, `--rows` and `--forces` keep the first N walls or eyes and the

@@ -1,7 +1,8 @@
 """Sessions with and without `--learn-eye`: withdrawals, intervals, and E at the start
 and at the end.
 
-    python benchmarks/bench_learn_eye.py [--count 50] [--seed 43] [--opinions 20] [--workers 1]
+    python benchmarks/bench_learn_eye.py [--count 50] [--seed 43] [--opinions 20]
+        [--workers 1]
 
 Raw B-scans of open virtual eyes, 3-D at finite strain, rendered 50 times a second
 (`monitor_sessions`). Both monitors read the same frames: segmentation, network, fit as

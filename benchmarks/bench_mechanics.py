@@ -48,7 +48,8 @@ def reference_problem(meshes: dict[str, dict[str, Any]], rows: int | None) -> No
         " converged one"
     )
     print(
-        f"{'mesh':38s}{'dofs':>8s}{'t [mm]':>8s}{'centre':>8s}{'ratio':>7s}{'corner':>8s}{'seconds':>9s}"
+        f"{'mesh':38s}{'dofs':>8s}{'t [mm]':>8s}{'centre':>8s}{'ratio':>7s}"
+        f"{'corner':>8s}{'seconds':>9s}"
     )
 
     for name, kind in islice(meshes.items(), rows):
@@ -65,8 +66,8 @@ def reference_problem(meshes: dict[str, dict[str, Any]], rows: int | None) -> No
             corner = -u[corners[np.argmin(distance)]] @ CONTACT.normal * 1e3
             centre = tip_displacement(mesh, CONTACT, u) * 1e3
             print(
-                f"{name:38s}{mesh.points_nc.size:8d}{thickness_m * 1e3:8.1f}{centre:8.3f}{centre / converged:7.3f}"
-                f"{corner:8.3f}{seconds:9.2f}"
+                f"{name:38s}{mesh.points_nc.size:8d}{thickness_m * 1e3:8.1f}"
+                f"{centre:8.3f}{centre / converged:7.3f}{corner:8.3f}{seconds:9.2f}"
             )
 
 

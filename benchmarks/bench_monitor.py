@@ -1,11 +1,14 @@
 """The monitor as it runs: how soon it answers, how long it lasts, what faults and
 hostile clients do to it.
 
-    python benchmarks/bench_monitor.py latency MODEL RECORDING [--frames 100000] [--json FILE]
-    python benchmarks/bench_monitor.py soak    MODEL RECORDING [--frames 300000] [--rate-hz 100]
-    python benchmarks/bench_monitor.py faults  MODEL RECORDING [--times 100] [--deaths 20]
-    python benchmarks/bench_monitor.py hostile MODEL RECORDING [--connections 10000]
-    python benchmarks/bench_monitor.py session MODEL RECORDING [--rate-hz 1000] [--seconds 60] [--receiver] [--pages 1]
+    python benchmarks/bench_monitor.py KIND MODEL RECORDING [OPTIONS]
+
+    KIND     its options
+    latency  [--frames 100000] [--json FILE]
+    soak     [--frames 300000] [--rate-hz 100]
+    faults   [--times 100] [--deaths 20]
+    hostile  [--connections 10000]
+    session  [--rate-hz 1000] [--seconds 60] [--receiver] [--pages 1]
 
 MODEL is of kind "reader", RECORDING a virtual acquisition of `scleraforce phantom` at
 100 frames a second, with forces to 40 mN. The monitor is the command that users start,

@@ -1,9 +1,10 @@
 """Play whole sessions of virtual eyes, without sockets: false withdrawals, and the
 force at which ramps are stopped.
 
-    python benchmarks/bench_monitor_sessions.py --model MODEL [MODEL...] [--kinds open sealed living]
-        [--eyes 10] [--first 0] [--sessions 1] [--seconds 60] [--highest-mn 20] [--rates-mn-s 5 10 20 50 100]
-        [--seed 0] [--workers 1]
+    python benchmarks/bench_monitor_sessions.py --model MODEL [MODEL...]
+        [--kinds open sealed living] [--eyes 10] [--first 0] [--sessions 1]
+        [--seconds 60] [--highest-mn 20] [--rates-mn-s 5 10 20 50 100] [--seed 0]
+        [--workers 1]
 
 A MODEL is of kind "reader". Each kind of eyes is read by the first model that was
 trained for it. Eyes are bent in 3-D at finite strain, like the eyes of `make figures`.

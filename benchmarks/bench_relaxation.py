@@ -1,7 +1,8 @@
 """Measure the cost of the assumption that the eye's pressure relaxes as its wall does:
 the table of docs/physics.md.
 
-    python benchmarks/bench_relaxation.py [--rows N] [--core 4] [--rings 8] [--samples 12]
+    python benchmarks/bench_relaxation.py [--rows N] [--core 4] [--rings 8]
+        [--samples 12]
 
 3-D walls of 0.6 mm, radius 12 mm, needle at 35 deg. Their stress relaxes, the pressure
 does not: with Se(C) the elastic second Piola-Kirchhoff stress, S = Se - sum g_i M_i and

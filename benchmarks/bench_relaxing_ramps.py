@@ -1,7 +1,8 @@
 """Ramps on eyes that relax, without pictures: the force on the needle at which the
 monitor withdraws, and its readings.
 
-    python benchmarks/bench_relaxing_ramps.py [--eyes 100] [--seed 7] [--figure push.png]
+    python benchmarks/bench_relaxing_ramps.py [--eyes 100] [--seed 7]
+        [--figure push.png]
 
 Each eye loses up to 20 % of a force with 0.5 to 3 s and up to 25 % with 5 to 30 s.
 `calibrate`'s holds of eight virtual pushes say how; E has the error of that log, and

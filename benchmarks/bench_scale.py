@@ -1,7 +1,8 @@
 """Measure the cost of a data set over its size and processes, and extrapolate to a
 cluster.
 
-    python benchmarks/bench_scale.py [--seconds S] [--images N ...] [--processes P ...] [--study FILE]
+    python benchmarks/bench_scale.py [--seconds S] [--images N ...] [--processes P ...]
+        [--study FILE]
 
 Every row is a run in a process of its own: images of the paper's study, 20 a contact. A
 size that would take more than `--seconds`, by the rates of smaller ones, is not run:
@@ -121,7 +122,8 @@ def print_rows(
     for one more image.
     """
     print(
-        f"{'images':>9}{'processes':>11}{'s':>10}{'images/s':>10}{'writer, MB':>12}{'worker, MB':>12}"
+        f"{'images':>9}{'processes':>11}{'s':>10}{'images/s':>10}"
+        f"{'writer, MB':>12}{'worker, MB':>12}"
     )
     of_an_image_s = []
 
@@ -131,16 +133,17 @@ def print_rows(
             expected_s = _extrapolated(done, images)
             if expected_s > limit_s:
                 print(
-                    f"{images:9d}{count:11d}{expected_s:10.0f}{images / expected_s:10.0f}"
-                    "  extrapolated, not run"
+                    f"{images:9d}{count:11d}{expected_s:10.0f}"
+                    f"{images / expected_s:10.0f}  extrapolated, not run"
                 )
                 continue
 
             done.append(run_apart(images, count, study))
             last = done[-1]
             print(
-                f"{images:9d}{count:11d}{last.seconds:10.1f}{images / last.seconds:10.0f}"
-                f"{last.writer / MB:12.0f}{last.worker / MB:12.0f}",
+                f"{images:9d}{count:11d}{last.seconds:10.1f}"
+                f"{images / last.seconds:10.0f}{last.writer / MB:12.0f}"
+                f"{last.worker / MB:12.0f}",
                 flush=True,
             )
 

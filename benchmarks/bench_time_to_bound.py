@@ -1,7 +1,8 @@
 """Predicted times until the bound, and how often they were right: ramps of virtual
 eyes, read by the live reader.
 
-    python benchmarks/bench_time_to_bound.py MODEL [--eyes 6] [--rates-mn-s 5 10 20 50 100] [--seed 43] [--plot FILE]
+    python benchmarks/bench_time_to_bound.py MODEL [--eyes 6]
+        [--rates-mn-s 5 10 20 50 100] [--seed 43] [--plot FILE]
 
 Open and sealed eyes (`monitor_sessions`) are bent in 3-D and calibrated on three
 frames. Their raw frames, 100 a second, go through segmentation, slice and network; 50

@@ -1,7 +1,8 @@
 """The wall finder: Dice on drawn scenes and phantom frames beside the classical method,
 latency, and a sheet of scenes.
 
-    python benchmarks/bench_wall_finder.py [MODEL] [--scenes 200] [--seed 2] [--phantoms 60] [--drawn FILE]
+    python benchmarks/bench_wall_finder.py [MODEL] [--scenes 200] [--seed 2]
+        [--phantoms 60] [--drawn FILE]
     python benchmarks/bench_wall_finder.py [MODEL] --study benchmarks/far_scanner.toml
 
 MODEL is a folder of `scleraforce train --kind wall-finder`, the bundled one by default.

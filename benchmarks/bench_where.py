@@ -1,7 +1,8 @@
 """Places of the needle from one frame, against virtual eyes in three dimensions:
 errors, and intervals that hold.
 
-    python benchmarks/bench_where.py [--groups plain harder sealed] [--eyes 6] [--frames 10] [--seed 48] [--needles]
+    python benchmarks/bench_where.py [--groups plain harder sealed]
+        [--eyes 6] [--frames 10] [--seed 48] [--needles]
 
 Eyes are drawn as for `make figures`, by other seeds: each is bent in 3-D, and pushed
 with forces up to 60 mN. Frames are drawn as phantoms, each with a pose of its own, and

@@ -17,9 +17,11 @@ HEAD = """# Requirements and their tests
 
 **Research use only: not a medical device, not for use on patients.**
 
-The requirements that [the hazards](hazards.md) rely on, each with the tests that show it, by their names for `pytest`.
-`make trace` writes this page from `requirements.toml`, and a test fails if it is out of date. `make test` leaves out
-tests marked *slow*, which `make slow` runs. A passing test shows what it tests, on virtual eyes and foreseen faults.
+The requirements that [the hazards](hazards.md) rely on, each with the tests that show
+it, by their names for `pytest`. `make trace` writes this page from `requirements.toml`,
+and a test fails if it is out of date. `make test` leaves out tests marked *slow*, which
+`make slow` runs. A passing test shows what it tests, on virtual eyes and foreseen
+faults.
 """
 
 

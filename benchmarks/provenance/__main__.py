@@ -1,7 +1,8 @@
 """`make stale`: which generated figures of the pages today's code would no longer make.
 
 python -m provenance                  list them
-python -m provenance --stamp COMMAND  print the line for figures just made by COMMAND, and note what decides them
+python -m provenance --stamp COMMAND  print the line for figures just made by COMMAND,
+                                      and note what decides them
 """
 
 import argparse

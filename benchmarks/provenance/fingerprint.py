@@ -1,7 +1,7 @@
 """Fingerprints of behaviour: a few numbers that move when the training of a model
 would.
 
-PYTHONPATH=benchmarks python -m provenance.fingerprint FOLDER     (`make model`, `make living`, `make paper`, ...)
+PYTHONPATH=benchmarks python -m provenance.fingerprint FOLDER     (`make model`, ...)
 
 Parts of a training are computed at small size, and each result is reduced to at most 64
 numbers, which `model.json` keeps with a tolerance. Code that only runs in cases that

@@ -105,7 +105,8 @@ def sphere(
     For the degree l, with q = (l - 1)(l + 2), a normal load meets (Koiter's sphere,
     bending after Mindlin)
 
-        K_l = B q^2/R^4 / (1 + s q/R^2) + p q/(2 R) + (E h/R^2) q / (l (l + 1) - 1 + nu),    s = h^2 / (5 (1 - nu))
+        K_l = B q^2/R^4 / (1 + s q/R^2) + p q/(2 R) + (E h/R^2) q / (l (l + 1) - 1 + nu)
+        s = h^2 / (5 (1 - nu))
 
     where s = B/(5/6 G h) is left out without shear. Two opposite forces have even
     degrees only, with twice the amplitude of one force.

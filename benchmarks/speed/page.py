@@ -9,9 +9,10 @@ QUICK = (
     "**A quick run: sizes are reduced, and the figures say only that every part"
     " works.**"
 )
-READ = """One run, without other work of ours. Seconds are this machine's; ratios carry over to other machines:
-each figure over the one beside it, measured in turns unless stated otherwise. Values are medians; the spread is from
-10 to 90 % of the repetitions."""
+READ = """One run, without other work of ours. Seconds are this machine's; ratios carry
+over to other machines: each figure over the one beside it, measured in turns unless
+stated otherwise. Values are medians; the spread is from 10 to 90 % of the
+repetitions."""
 
 
 def as_markdown(results: Results) -> str:

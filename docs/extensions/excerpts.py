@@ -14,7 +14,8 @@ FETCH = """
 const fetchElsewhere = window.fetch;
 window.fetch = (address, ...others) => {
   const name = String(address).replace(/^\\.\\/|\\.html$/g, "");
-  return name in PAGES ? Promise.resolve(new Response(PAGES[name])) : fetchElsewhere(address, ...others);
+  if (name in PAGES) return Promise.resolve(new Response(PAGES[name]));
+  return fetchElsewhere(address, ...others);
 };
 """
 

@@ -329,7 +329,10 @@ class CheckedStore:
 def _file(array: zarr.Array[Any], index: tuple[int, ...]) -> str:
     """Return the file of a chunk within the store; missing indices are 0.
 
-    >>> array = zarr.create_array({}, name="slices", shape=(465, 40, 140), chunks=(200, 40, 140), dtype="uint8")
+    >>> shape, chunks = (465, 40, 140), (200, 40, 140)
+    >>> array = zarr.create_array(
+    ...     {}, name="slices", shape=shape, chunks=chunks, dtype="uint8"
+    ... )
     >>> _file(array, (1,))
     'slices/c/1/0/0'
     """

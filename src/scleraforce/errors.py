@@ -5,15 +5,15 @@
     ScleraforceError             anything that this package raises on purpose
     ├── InputError               what the user gave cannot be used: exit code 2
     │   ├── StudyError           study.toml
-    │   ├── RecordingError       a recording folder: recording.toml, frames.csv, forces.csv
+    │   ├── RecordingError       a recording folder: its settings, frames and forces
     │   ├── FrameError           one image file
     │   ├── DatasetError         a generated data set
-    │   ├── CalibrationError     a calibration file, or recordings that cannot be calibrated on
+    │   ├── CalibrationError     a calibration file, or recordings to calibrate on
     │   ├── ModelError           a model folder
-    │   └── ProtocolError        a peer's bytes, or what cannot be said to it (OpenIGTLink)
+    │   └── ProtocolError        bytes from or to a peer that OpenIGTLink lacks
     ├── SolverError              a numerical method failed: exit code 1
-    ├── MessageError             a process of the monitor sent another an invalid message: exit code 1
-    └── LinkError                a connection was lost, or its other end is not what was expected: exit code 1
+    ├── MessageError             an invalid message between the monitor's processes: 1
+    └── LinkError                a connection was lost, or has an unexpected peer: 1
 
 A message is one line: where (file and field), what was found, what to do or what is
 allowed.

@@ -90,8 +90,10 @@ def to_si(value: Value, unit: HumanUnit) -> Value:
 def from_si(value: Value, unit: HumanUnit) -> Value:
     """Return a number or an array, in SI, in a human unit; None stays None.
 
-    >>> from_si(0.0007, "mm"), from_si(250e3, "mpa"), round(from_si(to_si(15.0, "mmhg"), "mmhg"), 9)
-    (0.7, 0.25, 15.0)
+    >>> from_si(0.0007, "mm"), from_si(250e3, "mpa")
+    (0.7, 0.25)
+    >>> round(from_si(to_si(15.0, "mmhg"), "mmhg"), 9)
+    15.0
     """
     if value is None:
         return value

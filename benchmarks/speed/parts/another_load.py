@@ -22,8 +22,9 @@ PEER = "SciPy's factor of scikit-fem's matrix"
 TOGETHER = 32
 MANY = f"another contact, of {TOGETHER} together"
 SOFA_MS = 26.0
-SETTINGS = """An eye of 0.5 mm, prepared: mesh made, matrix factored. What is timed is the displacement of all
-nodes, and its value under the needle. In turns, in one process."""
+SETTINGS = """An eye of 0.5 mm, prepared: mesh made, matrix factored. What is timed is
+the displacement of all nodes, and its value under the needle. In turns, in one
+process."""
 
 
 def measure(run: Run) -> Table:

@@ -25,9 +25,9 @@ SOLID_EYE: dict[str, Any] = {
     "youngs_modulus_pa": 0.3e6,
     "iop_pa": 266.0,
 }
-SETTINGS = """Load paths of a neo-Hookean wall under the needle at the pole, as the response library tabulates them.
-Nobody else tabulates; the prototype that this project was given took 24 s for 70 paths on two cores, on another
-day."""
+SETTINGS = """Load paths of a neo-Hookean wall under the needle at the pole, as the
+response library tabulates them. Nobody else tabulates; the prototype that this project
+was given took 24 s for 70 paths on two cores, on another day."""
 
 
 def measure(run: Run) -> Table:

@@ -14,8 +14,9 @@ from speed.run import Run
 OURS = "our classifier"
 PEER = "scikit-learn's `MLPClassifier`"
 MOST_EPOCHS = 40  # of scikit-learn's; it stops earlier where nothing improves
-SETTINGS = """The paper's data set, split by contacts; both see the training slices and are asked for the classes of
-the others. Two cores; each once, one after the other: a training takes as long as it takes."""
+SETTINGS = """The paper's data set, split by contacts; both see the training slices and
+are asked for the classes of the others. Two cores; each once, one after the other: a
+training takes as long as it takes."""
 
 
 def measure(run: Run) -> Table:

@@ -15,8 +15,9 @@ READ = "`scleraforce read default FRAME`"
 CALIBRATE = "`scleraforce calibrate EYE --frames 3`"
 GOALS_S = {HELP: 0.09, READ: 0.5, CALIBRATE: 1.0}
 BESIDE = {HELP: BARE, READ: IMPORTS}
-SETTINGS = """A new process each time, in turns; its files are in the system's cache. The value is the least, which
-other work on the machine disturbs least. The calibration seeks the stiffening, with the bundled library in place."""
+SETTINGS = """A new process each time, in turns; its files are in the system's cache.
+The value is the least, which other work on the machine disturbs least. The calibration
+seeks the stiffening, with the bundled library in place."""
 
 
 def measure(run: Run) -> Table:

@@ -11,8 +11,9 @@ from speed.run import Run
 DATASET = "paper.zarr"  # in the run's folder
 GOAL_S = 12.0
 PAPER_S_AN_IMAGE = 0.47
-SETTINGS = """`scleraforce generate` of the paper's study: plan, walls, sections, slices, a complete store;
-processes are started anew each time. The paper's own figure is quoted, 0.47 s an image on its laptop of 2020."""
+SETTINGS = """`scleraforce generate` of the paper's study: plan, walls, sections,
+slices, a complete store; processes are started anew each time. The paper's own figure
+is quoted, 0.47 s an image on its laptop of 2020."""
 
 
 def measure(run: Run) -> Table:

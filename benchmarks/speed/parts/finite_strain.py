@@ -13,9 +13,10 @@ from speed.run import Run, in_turns
 GOAL_S = 6.0
 BENT = "`simulate --mechanics finite-strain`"
 LINEAR = "the same eye, linear"
-SETTINGS = """`simulate --thickness-um 500 --force-mn 30` of the paper's study, in a process that runs already: mesh,
-path from rest to the force, section and slice. In turns. SOFA's corotational Newton does not converge beyond 6 mN on
-such a wall, so there is no other program beside it."""
+SETTINGS = """`simulate --thickness-um 500 --force-mn 30` of the paper's study, in a
+process that runs already: mesh, path from rest to the force, section and slice. In
+turns. SOFA's corotational Newton does not converge beyond 6 mN on such a wall, so there
+is no other program beside it."""
 
 
 def measure(run: Run) -> Table:

@@ -43,9 +43,10 @@ GOALS_MS = {
     FIT_OPEN: (2.0, None),
     FIT_UNKNOWN: (8.0, None),
 }
-SETTINGS = """Frames of 512 x 512 pixels and 16 bits, drawn from the shipped reader's library under 0 to 60 mN; one
-core. Between two calls there is a pause of 10 ms, as between the frames of a scanner: caches are cold. The rows are
-taken in turns, frame by frame."""
+SETTINGS = """Frames of 512 x 512 pixels and 16 bits, drawn from the shipped reader's
+library under 0 to 60 mN; one core. Between two calls there is a pause of 10 ms, as
+between the frames of a scanner: caches are cold. The rows are taken in turns, frame by
+frame."""
 WORDS = {
     CRUDE: (
         "8 bits, `medianBlur` 5 x 5, Otsu's threshold, contours: walls are not"

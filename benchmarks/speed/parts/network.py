@@ -31,8 +31,9 @@ from speed.run import Run
 ONNX = "ONNX Runtime (shipped)"
 TORCH = "PyTorch"
 INT8 = "ONNX Runtime, int8"
-SETTINGS = """Two slices of a frame and the known inputs, to force and interval; one thread, in turns, calls
-after each other. "difference" is the largest difference of the force over the frames, from the bundled network."""
+SETTINGS = """Two slices of a frame and the known inputs, to force and interval; one
+thread, in turns, calls after each other. "difference" is the largest difference of the
+force over the frames, from the bundled network."""
 WORDS = {
     ONNX: "`model.onnx` as it ships, 32 bits",
     TORCH: "the same weights in the module that was trained, `inference_mode`",
@@ -148,8 +149,10 @@ def _stored_name(name: str) -> str:
     """Return what a graph that was written node by node, as of readers until 2026,
     calls a tensor of the module.
 
-    >>> _stored_name("convolutions.1.weight"), _stored_name("given_layer.bias"), _stored_name("circle")
-    ('weight1', 'known_linear_bias', 'circle')
+    >>> _stored_name("convolutions.1.weight"), _stored_name("given_layer.bias")
+    ('weight1', 'known_linear_bias')
+    >>> _stored_name("circle")
+    'circle'
     """
     layer, _, rest = name.partition(".")
     number, _, kind = rest.rpartition(".")

@@ -16,9 +16,9 @@ INTERVALS_GOAL_S = 60.0
 # of the part
 EPOCHS = 3
 EYES = 12
-SETTINGS = """`train --kind reader` of the paper's study on its library, which is there already: epochs of samples
-that are drawn beside, half of them mirror images, then the virtual eyes that intervals are measured on. Nothing else
-trains such a reader."""
+SETTINGS = """`train --kind reader` of the paper's study on its library, which is there
+already: epochs of samples that are drawn beside, half of them mirror images, then the
+virtual eyes that intervals are measured on. Nothing else trains such a reader."""
 
 
 def measure(run: Run) -> Table:

@@ -20,12 +20,14 @@ GOAL_MS = 2.0
 GOAL_MB = 300.0
 PLACES = {"a free machine": 0, "four busy loops beside it": LOOPS}
 ROLES = "monitor", "second opinion"
-SETTINGS = """`benchmarks/bench_monitor.py session --remote` plays 1,000 frames a second, 512 x 512 pixels of 16 bits,
-below 25 mN, from a process with priority, as if the scanner were another machine. The monitor is the command that
-users start, with its second opinion and black box, on no core of its own, with real-time priority where the machine
-grants it. Every withdrawal is false; 500 answers a second are 2 ms for each. Memory is resident (RSS) at the end of
-such a session, shared libraries included, beside the proportional share (PSS). The last 1,200 frames, 630 MB, are
-shared memory that no process maps."""
+SETTINGS = """`benchmarks/bench_monitor.py session --remote` plays 1,000 frames a
+second, 512 x 512 pixels of 16 bits, below 25 mN, from a process with priority, as if
+the scanner were another machine. The monitor is the command that users start, with its
+second opinion and black box, on no core of its own, with real-time priority where the
+machine grants it. Every withdrawal is false; 500 answers a second are 2 ms for each.
+Memory is resident (RSS) at the end of such a session, shared libraries included, beside
+the proportional share (PSS). The last 1,200 frames, 630 MB, are shared memory that no
+process maps."""
 
 
 def session_rows(run: Run) -> list[Row]:

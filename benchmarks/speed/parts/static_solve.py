@@ -39,12 +39,14 @@ SOFA_SOURCE = (
     "SOFA v26.06, trilinear hexahedra, StaticSolver, Eigen LDLT, one thread, by hand on"
     " another day"
 )
-SETTINGS = """Reference problem R1: half-sphere of 12 mm and 0.5 mm, 0.25 MPa, nu 0.45, clamped base, 30 mN at 35°
-as a Gaussian of 0.35 mm. One thread each. Every solve is a process of its own, the programs in turns. The time is
-that of the work: mesh, matrix, factor, load and displacements in a process that has loaded its code and reads no
-file; for CalculiX what it says of itself, from the matrix's structure to the end of the step. "process" is all of
-it, start and files included; "peak" the largest memory of the process. "error" is that of the displacement at the
-load's centre against 60 quads along an edge (2.168 mm); negative is too stiff."""
+SETTINGS = """Reference problem R1: half-sphere of 12 mm and 0.5 mm, 0.25 MPa, nu 0.45,
+clamped base, 30 mN at 35° as a Gaussian of 0.35 mm. One thread each. Every solve is a
+process of its own, the programs in turns. The time is that of the work: mesh, matrix,
+factor, load and displacements in a process that has loaded its code and reads no file;
+for CalculiX what it says of itself, from the matrix's structure to the end of the step.
+"process" is all of it, start and files included; "peak" the largest memory of the
+process. "error" is that of the displacement at the load's centre against 60 quads along
+an edge (2.168 mm); negative is too stiff."""
 
 
 @dataclass(frozen=True)

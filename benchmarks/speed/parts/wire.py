@@ -29,11 +29,12 @@ OURS = "the monitor's answer"
 PLAIN = "an echo in plain Python"
 PYIGTL = "an echo by pyigtl"
 GOALS_MS = {"median": 1.0, "99 %": 1.8}
-SETTINGS = """From the last byte of a frame in the sender's socket to the STATUS in its hands; 512 x 512 pixels of
-16 bits, 100 frames a second, the shipped reader, on this machine. `benchmarks/bench_monitor.py latency` starts
-monitor and plain echo: the monitor on the first core with real-time priority where the machine grants it, the echo
-on the same core and with the same priority every tenth frame. pyigtl's echo is an ordinary process between such
-runs."""
+SETTINGS = """From the last byte of a frame in the sender's socket to the STATUS in its
+hands; 512 x 512 pixels of 16 bits, 100 frames a second, the shipped reader, on this
+machine. `benchmarks/bench_monitor.py latency` starts monitor and plain echo: the
+monitor on the first core with real-time priority where the machine grants it, the echo
+on the same core and with the same priority every tenth frame. pyigtl's echo is an
+ordinary process between such runs."""
 WORDS = {
     OURS: "decoded, its checksum checked, read, decided, answered",
     PLAIN: "the bytes into one buffer, 100 back",

@@ -27,7 +27,8 @@ class ParameterSpace:
     positive values exist.
 
     >>> yes, no = np.array([True]), np.array([False])
-    >>> space = ParameterSpace(("youngs_modulus_pa",), np.array([0.49e6]), np.array([0.34e6]), yes, no)
+    >>> mean, sd = np.array([0.49e6]), np.array([0.34e6])
+    >>> space = ParameterSpace(("youngs_modulus_pa",), mean, sd, yes, no)
     >>> [round(float(v[0])) for v in space.moments(*space.prior())]
     [490000, 340000]
     """

@@ -10,7 +10,8 @@ One step, with sampling points I_i and weights alpha_i (D = diag(alpha)):
 - sampling      x_i = x+ + L R I_i, with R R^T = U^-1, R lower triangular
 - prediction    none: the parameters do not move, x- = x+ and L becomes L R
 - observation   z_i = H(x_i),  HL = [z*] D [I*]^T
-- correction    U = 1 + HL^T (W + Omega)^-1 HL,  x+ = x- + L U^-1 HL^T (W + Omega)^-1 (y - sum alpha_i z_i)
+- correction    U = 1 + HL^T (W + Omega)^-1 HL
+                x+ = x- + L U^-1 HL^T (W + Omega)^-1 (y - sum alpha_i z_i)
 
 with Omega = [z*] D [z*]^T - HL HL^T, the part of the spread of z that is not linear in
 the p directions. It vanishes for simplex points, and the correction is then literally

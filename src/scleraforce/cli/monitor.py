@@ -353,9 +353,10 @@ def _planes(
         (plane.name for plane in planes if not DEVICE_NAME.fullmatch(plane.name)), None
     )
     refused = {
-        f"--plane: {named!r} cannot name a device; use 1 to 20 of the characters A-Z a-z 0-9 . _ + -": (
-            named
-        ),
+        (
+            f"--plane: {named!r} cannot name a device; use 1 to 20 of the characters"
+            " A-Z a-z 0-9 . _ + -"
+        ): named,
         f"--plane: {reader.path} is a {reader.kind}, which reads single planes": (
             planes and reader.kind != READER
         ),

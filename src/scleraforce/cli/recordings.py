@@ -194,11 +194,15 @@ def calibrate(
 def _stretches(changes: "Sequence[Stretch]") -> Iterator[str]:
     from scleraforce.reader.intervals import FEW_EYES
 
-    yield f"{'method':<9}{'modulus':<9}{'globe':<28}{'eyes':>5}{'readings':>10}{'held':>7}{'factor':>8}"
+    yield (
+        f"{'method':<9}{'modulus':<9}{'globe':<28}{'eyes':>5}{'readings':>10}"
+        f"{'held':>7}{'factor':>8}"
+    )
     for change in changes:
-        counts = f"{change.eyes:>5}{change.readings:>10}{change.held:>7.0%}{change.factor:>8.2f}"
         yield (
-            f"{change.method:<9}{change.modulus:<9}{', '.join(change.globes):<28}{counts}"
+            f"{change.method:<9}{change.modulus:<9}{', '.join(change.globes):<28}"
+            f"{change.eyes:>5}{change.readings:>10}{change.held:>7.0%}"
+            f"{change.factor:>8.2f}"
         )
 
     if min(change.eyes for change in changes) < FEW_EYES:
@@ -374,9 +378,8 @@ def _frame(frame: "FrameAnswer", with_force: bool) -> Iterator[str]:
         yield f"{figures}{'-':>9}{'-':>14}"
     else:
         low, high = (from_si(end, "mn") for end in answer.interval_n)
-        yield (
-            f"{figures}{from_si(answer.force_n, 'mn'):>9.1f}{f'{low:.1f} to {high:.1f}':>14}"
-        )
+        interval = f"{low:.1f} to {high:.1f}"
+        yield f"{figures}{from_si(answer.force_n, 'mn'):>9.1f}{interval:>14}"
 
     if remark:
         yield wrapped(remark, "    ")

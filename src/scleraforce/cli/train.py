@@ -298,7 +298,8 @@ def _reader_lines(out: Path, result: Mapping[str, Any], took: str) -> Iterator[s
 def _classifier_lines(out: Path, result: Mapping[str, Any], took: str) -> Iterator[str]:
     if result["search"]:
         yield (
-            f"{'hidden layers':<24}{'weights':>12}{'validation accuracy':>22}{'loss':>10}"
+            f"{'hidden layers':<24}{'weights':>12}{'validation accuracy':>22}"
+            f"{'loss':>10}"
         )
 
     for entry in result["search"]:
@@ -307,7 +308,10 @@ def _classifier_lines(out: Path, result: Mapping[str, Any], took: str) -> Iterat
         loss = entry["validation_loss"]
         accuracy = "diverged" if reached is None else f"{reached:.2%}"
         loss = "" if loss is None else f"{loss:.4f}"
-        yield f"{_sizes(entry['hidden']):<24}{entry['weights']:>12,}{accuracy:>22}{loss:>10}{chosen}"
+        yield (
+            f"{_sizes(entry['hidden']):<24}{entry['weights']:>12,}{accuracy:>22}"
+            f"{loss:>10}{chosen}"
+        )
 
     yield f"wrote {out}: hidden layers {_sizes(result['hidden'])}"
     yield f"{result['epochs']} epochs{' of each' if result['search'] else ''}, {took}"

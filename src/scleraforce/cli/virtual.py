@@ -586,11 +586,10 @@ def _scanner_lines(entries: Mapping[str, Any]) -> Iterator[str]:
         median, low, high = (
             f"{numbers[name]:.4g}" for name in ("median", "min", "max")
         )
-        span = "" if low == high else f" ({low} to {high})"
-        yield (
-            f"{key} ="
-            f" {median}{' at most: finer than the pixels show' if numbers['at_most'] else span}"
-        )
+        remark = "" if low == high else f" ({low} to {high})"
+        if numbers["at_most"]:
+            remark = " at most: finer than the pixels show"
+        yield f"{key} = {median}{remark}"
 
     for name, counts in entries["counts"].items():
         yield f"{name} = {', '.join(map(str, counts))} (of each frame)"

@@ -46,7 +46,8 @@ def within_bounds(
     """Return the mean of normal unknowns (unknown,) given that one of them stays within
     its bounds.
 
-    >>> within_bounds(np.array([1.0, 3.0]), np.array([[4.0, 1.0], [1.0, 2.0]]), 1, (0.0, 2.0)).tolist()
+    >>> mean, covariance = np.array([1.0, 3.0]), np.array([[4.0, 1.0], [1.0, 2.0]])
+    >>> within_bounds(mean, covariance, 1, (0.0, 2.0)).tolist()
     [0.5, 2.0]
     """
     away = np.clip(mean[place], *bounds) - mean[place]
@@ -399,7 +400,8 @@ def completed(given: Known, stated: Known) -> Known:
     """Return the given inputs of an eye, completed by the stated ones, also by a globe
     of the same kind.
 
-    >>> completed(Known(gap_m=0.4e-3), Known(gap_m=0.5e-3, iop_pa=266.0)) == Known(gap_m=0.4e-3, iop_pa=266.0)
+    >>> both = completed(Known(gap_m=0.4e-3), Known(gap_m=0.5e-3, iop_pa=266.0))
+    >>> both == Known(gap_m=0.4e-3, iop_pa=266.0)
     True
     """
     missing = [item.name for item in fields(Known) if getattr(given, item.name) is None]

@@ -104,7 +104,8 @@ class SpatialPlace:
         """Return the place with the lean of a needle whose shaft is seen at angles,
         towards growing columns, in planes.
 
-        >>> upright = SpatialPlace((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.1), (0.0, 0.0))
+        >>> origin = (0.0, 0.0, 0.0)
+        >>> upright = SpatialPlace(origin, origin, (0.0, 0.1), (0.0, 0.0))
         >>> round(upright.with_shafts([0.0, np.pi / 2], [0.0, 0.3]).lean_rad, 6)
         0.2
         """

@@ -30,7 +30,8 @@ def corneal_surface(
     """Return points of the outer surface in unit directions, m, and outward unit
     normals there, (direction, 3) each.
 
-    >>> apex_nc, normal_nc = corneal_surface(np.array([[0.0, 0.0, 1.0]]), CorneaStudy(), 12e-3)
+    >>> up_nc = np.array([[0.0, 0.0, 1.0]])
+    >>> apex_nc, normal_nc = corneal_surface(up_nc, CorneaStudy(), 12e-3)
     >>> print(f"{1e3 * apex_nc[0, 2]:.2f} mm")
     13.06 mm
     """
@@ -124,9 +125,10 @@ def form_mesh(mesh: HexMesh, form: FormStudy, contact: Contact) -> HexMesh:
     thickness. A cornea that does not fit this globe is an `InputError`.
 
     >>> from scleraforce.mechanics.mesh import build_mesh
-    >>> eye = form_mesh(build_mesh(12e-3, 0.5e-3), FormStudy(semi_axes=(1.1, 1.0, 0.9)), Contact(polar_rad=0.0))
-    >>> heights_m = eye.points_nc[:, 2]
-    >>> print(f"{heights_m.min():.4f} {heights_m.max():.4f}")  # the pole stays, the base is 0.9 R below it
+    >>> form = FormStudy(semi_axes=(1.1, 1.0, 0.9))
+    >>> eye = form_mesh(build_mesh(12e-3, 0.5e-3), form, Contact(polar_rad=0.0))
+    >>> heights_m = eye.points_nc[:, 2]  # the pole stays, the base is 0.9 R below it
+    >>> print(f"{heights_m.min():.4f} {heights_m.max():.4f}")
     0.0012 0.0120
     """
     sphere_nc = mesh.sphere_nc

@@ -5,8 +5,12 @@ An open globe (infused or vented) keeps its pressure. A sealed one follows a mea
 law, which includes the give of the whole shell. With dV the volume between the undented
 wall and the dented one, both at the pressure P,
 
-    cube root:    P^(1/3) = P0^(1/3) + k dV       van der Werff 1981; k = 0.03 mmHg^(1/3)/ul, enucleated human eyes
-    logarithmic:  ln P = ln P0 + K dV             Friedenwald 1937, who counts in log10: K / ln 10 = 0.0215 per ul
+    cube root:    P^(1/3) = P0^(1/3) + k dV
+    logarithmic:  ln P = ln P0 + K dV
+
+The cube root is van der Werff's (1981), k = 0.03 mmHg^(1/3)/ul in enucleated human
+eyes; the logarithm is Friedenwald's (1937), who counts in log10: K / ln 10 = 0.0215 per
+ul.
 
 The rigidity is k for both laws: for a logarithmic one, the k with the same slope at 15
 mmHg, K = 3 k / (15 mmHg)^(1/3); 0.0215 per ul is 0.041.
@@ -64,7 +68,8 @@ class Globe:
         """Return the same globe where pressures are given over a modulus, P/E.
 
         >>> globe = sealed_globe(0.15e9)
-        >>> bool(np.isclose(1e6 * globe.over(1e6).pressure(266e-6, 1e-8), globe.pressure(266.0, 1e-8)))
+        >>> in_mpa = globe.over(1e6).pressure(266e-6, 1e-8)
+        >>> bool(np.isclose(1e6 * in_mpa, globe.pressure(266.0, 1e-8)))
         True
         """
         return (

@@ -337,7 +337,8 @@ def build_mesh(
     subdivision (`level`) doubles them. `layers`: hexahedra through the wall; `order`: 1
     (8 nodes) or 2 (curved, 27 nodes).
 
-    >>> mesh = build_mesh(12e-3, 0.5e-3, divisions=10, level=2, layers=2, order=1)  # the paper's counts
+    >>> counts = dict(divisions=10, level=2, layers=2, order=1)  # the paper's
+    >>> mesh = build_mesh(12e-3, 0.5e-3, **counts)
     >>> len(mesh.cells_en), len(mesh.points_nc)
     (9600, 14643)
     """

@@ -12,7 +12,8 @@ Fibres make a wall stiffer along itself than through itself, or stiffer around t
 axis than towards it. They add one term to the energy. With e = (E11, E22, 2 E12), the
 Green strain in the plane of the wall (1 around the eye's axis, 2 along the meridian),
 
-    W = W0 + 1/2 e D e        D = k/(1 - nu^2) [1 nu 0; nu 1 0; 0 0 (1 - nu)/2] + c [1 0 0; 0 0 0; 0 0 0]
+    W = W0 + 1/2 e D e
+    D = k/(1 - nu^2) [1 nu 0; nu 1 0; 0 0 (1 - nu)/2] + c [1 0 0; 0 0 0; 0 0 0]
 
 where W0 has the modulus E0. Small strains: without stress through the wall its
 isotropic part has the modulus E0 + k and the same nu; c adds to the modulus around. The

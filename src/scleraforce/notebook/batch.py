@@ -188,8 +188,8 @@ def _digest(folder: Path) -> str:
             if each.is_file() and not each.name.startswith(".")
         ):
             with path.open("rb") as file:
-                whole.update(
-                    f"{path.relative_to(folder)}\0{file_digest(file, 'sha256').hexdigest()}\n".encode()
-                )
+                digest = file_digest(file, "sha256").hexdigest()
+
+            whole.update(f"{path.relative_to(folder)}\0{digest}\n".encode())
 
     return whole.hexdigest()

@@ -150,7 +150,9 @@ def import_recording(
 
     >>> import scleraforce as sf
     >>> frames = [f"eye-a/frames/000{nth}.png" for nth in range(1, 4)]
-    >>> recording = sf.import_recording(frames, "eye-b", like="eye-a", eye="b", rate_hz=0.5)
+    >>> recording = sf.import_recording(
+    ...     frames, "eye-b", like="eye-a", eye="b", rate_hz=0.5
+    ... )
     >>> [(frame.file, frame.time_s) for frame in recording.frames]
     [('0001.png', 0.0), ('0002.png', 2.0), ('0003.png', 4.0)]
     """

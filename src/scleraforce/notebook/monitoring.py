@@ -96,7 +96,8 @@ def monitor(
         InputError: the monitor does not start; the message is the command's.
 
     >>> import scleraforce as sf
-    >>> with sf.monitor("default", youngs_modulus_pa=0.3e6, globe="open", second_opinion=False) as running:
+    >>> known = {"youngs_modulus_pa": 0.3e6, "globe": "open"}
+    >>> with sf.monitor("default", second_opinion=False, **known) as running:
     ...     print(running.host, running.port > 0)
     127.0.0.1 True
     >>> running.summary["frames"]
@@ -132,12 +133,9 @@ def monitor(
     ]
 
     for plane in planes:
-        words += [
-            "--plane",
-            (
-                f"{plane.name}:{from_si(plane.offset_m, 'mm')!r}:{from_si(plane.direction_rad, 'deg')!r}"
-            ),
-        ]
+        offset_mm = from_si(plane.offset_m, "mm")
+        direction_deg = from_si(plane.direction_rad, "deg")
+        words += ["--plane", f"{plane.name}:{offset_mm!r}:{direction_deg!r}"]
 
     words += [] if second_opinion else ["--no-second-opinion"]
     with TemporaryDirectory(prefix="scleraforce-") as folder:

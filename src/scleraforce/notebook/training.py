@@ -80,7 +80,8 @@ def generate(
             mechanics does not use.
 
     >>> import scleraforce as sf
-    >>> slices = sf.generate("slices", sf.read_study("study.toml"), mechanics="finite-strain")
+    >>> study = sf.read_study("study.toml")
+    >>> slices = sf.generate("slices", study, mechanics="finite-strain")
     >>> slices.images
     200
     """

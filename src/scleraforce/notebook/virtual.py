@@ -173,7 +173,8 @@ def phantom(
 
     >>> import scleraforce as sf
     >>> coarse = sf.parse_study("[mesh]\ndivisions = 6")
-    >>> recording = sf.phantom("eye-new", coarse, thickness_m=600e-6, forces_n=[0.004, 0.020])
+    >>> forces_n = [0.004, 0.020]
+    >>> recording = sf.phantom("eye-new", coarse, thickness_m=600e-6, forces_n=forces_n)
     >>> [frame.file for frame in recording.frames]
     ['0001.png', '0002.png']
     """

@@ -98,12 +98,19 @@ def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str
     The intervals count as independent: their half widths towards each other add in
     squares. A check that is not finite is a disagreement.
 
+    >>> import textwrap
     >>> from dataclasses import replace
-    >>> near = Reading(probabilities=(0, 1, 0), force_n=0.010, interval_n=(0.009, 0.011), contact_m=0.0)
+    >>> near = Reading(
+    ...     probabilities=(0, 1, 0),
+    ...     force_n=0.010,
+    ...     interval_n=(0.009, 0.011),
+    ...     contact_m=0.0,
+    ... )
     >>> far = replace(near, force_n=0.013, interval_n=(0.011, 0.015))
     >>> disagreement(near, near, ("network", "fit"))
-    >>> disagreement(near, far, ("network", "fit"))
-    'the network reads 10.0 mN, the fit 13.0 mN: they differ by more than their intervals allow'
+    >>> print(textwrap.fill(disagreement(near, far, ("network", "fit")), 60))
+    the network reads 10.0 mN, the fit 13.0 mN: they differ by
+    more than their intervals allow
     """
     if not check.finite:
         return (

@@ -148,8 +148,12 @@ class Lean:
         `seen_rad`: the angle from the normal to the shaft, towards growing columns on
         its way up.
 
-        >>> Lean.of(Known(lean_rad=(0.2, 0.2)), 0.5).doubts
-        ('the needle leans by 29 degrees in the picture (above 0: right), the declared lean allows -11 to 11',)
+        >>> (doubt,) = Lean.of(Known(lean_rad=(0.2, 0.2)), 0.5).doubts
+        >>> seen, declared = doubt.split(", ")
+        >>> seen
+        'the needle leans by 29 degrees in the picture (above 0: right)'
+        >>> declared
+        'the declared lean allows -11 to 11'
         """
         calibrated = known.calibrated_lean_rad
         stated = (

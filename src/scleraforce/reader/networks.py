@@ -60,7 +60,8 @@ def histogram_reading(
     stretched about its median, as a function of that median (`reader.intervals`);
     forces stay at or above 0.
 
-    >>> histogram_reading([1.0, 1.0], [0.0, 1e-8, 3e-8], 1e6, (5e-3, 20e-3)).probabilities
+    >>> edges, bounds_n = [0.0, 1e-8, 3e-8], (5e-3, 20e-3)
+    >>> histogram_reading([1.0, 1.0], edges, 1e6, bounds_n).probabilities
     (0.25, 0.5, 0.25)
     """
     sums = list(accumulate(histogram, initial=0.0))

@@ -333,9 +333,10 @@ def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:
         f"HighBit is {high}, BitsStored {stored}: pixels were shifted": (
             high != stored - 1
         ),
-        f"PixelPaddingValue {padding}: such pixels become as dark as the darkest of their frame": (
-            padding is not None
-        ),
+        (
+            f"PixelPaddingValue {padding}: such pixels become as dark as the darkest of"
+            " their frame"
+        ): padding is not None,
     }
     return len(turns) == 1, [note for note, holds in notes.items() if holds]
 

@@ -119,10 +119,12 @@ def flat(row: Mapping[str, Any]) -> dict[str, Any]:
     """Return a row whose lists and objects are columns of their own, by the names of
     `ANSWER_DEFINITION`.
 
-    >>> flat({"file": "a.png", "interval_mn": [1.0, 2.0], "needle": {"tip_mm": [0.5, 3.0]}, "probabilities": [1.0]})
+    >>> flat({"file": "a.png", "interval_mn": [1.0, 2.0], "probabilities": [1.0]})
     ... # doctest: +NORMALIZE_WHITESPACE
-    {'file': 'a.png', 'interval_low_mn': 1.0, 'interval_high_mn': 2.0, 'needle_tip_lateral_mm': 0.5,
-     'needle_tip_depth_mm': 3.0, 'probabilities_0': 1.0}
+    {'file': 'a.png', 'interval_low_mn': 1.0, 'interval_high_mn': 2.0,
+     'probabilities_0': 1.0}
+    >>> flat({"needle": {"tip_mm": [0.5, 3.0]}})
+    {'needle_tip_lateral_mm': 0.5, 'needle_tip_depth_mm': 3.0}
     >>> flat({"dent_mm": 1.0, "dent_mm_interval": [0.9, 1.1]})
     {'dent_mm': 1.0, 'dent_mm_low': 0.9, 'dent_mm_high': 1.1}
     """

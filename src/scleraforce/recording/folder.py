@@ -459,7 +459,8 @@ def frame_digest(pixels: Pixels) -> str:
     """Return the SHA-256 of a frame's size and pixels, hexadecimal.
 
     >>> import numpy as np
-    >>> frame_digest(np.zeros((2, 3), np.uint8)) == frame_digest(np.zeros((2, 3), np.uint16))
+    >>> narrow, wide = (np.zeros((2, 3), kind) for kind in (np.uint8, np.uint16))
+    >>> frame_digest(narrow) == frame_digest(wide)
     True
     """
     size = f"{pixels.shape[0]} x {pixels.shape[1]}\n".encode()

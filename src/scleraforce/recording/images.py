@@ -275,7 +275,8 @@ def _has_8_bits(tag: bytes) -> bool:
     r"""Return whether a sample has 8 bits by FFmpeg's tag of the pixel format
     (libavcodec/raw.c).
 
-    >>> [_has_8_bits(tag) for tag in (b"I420", b"RGB\x18", b"Y1\0\x0a", b"\x0c\x0b3Y", b"P010", bytes(4))]
+    >>> tags = b"I420", b"RGB\x18", b"Y1\0\x0a", b"\x0c\x0b3Y", b"P010", bytes(4)
+    >>> [_has_8_bits(tag) for tag in tags]
     [True, True, False, False, False, False]
     """
     return (tag.isalnum() and not re.fullmatch(rb"[PYXv]\d(10|12|16)", tag)) or tag[

@@ -160,8 +160,10 @@ PLAIN_NAME = re.compile(r"\w[\w.+-]*", re.ASCII)
 def frame_files(names: Sequence[str]) -> list[str]:
     """Return names of frames' files: the sources' names if they differ, else numbers.
 
-    >>> frame_files(["scans/a.png", "scans/b.jpg"]), frame_files(["volume.nii[0]", "volume.nii[1]"])
-    (['a.png', 'b.png'], ['0001.png', '0002.png'])
+    >>> frame_files(["scans/a.png", "scans/b.jpg"])
+    ['a.png', 'b.png']
+    >>> frame_files(["volume.nii[0]", "volume.nii[1]"])
+    ['0001.png', '0002.png']
     >>> frame_files(["scans/-1.png", "scans/+2.png"])
     ['0001.png', '0002.png']
     """

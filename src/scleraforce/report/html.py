@@ -230,7 +230,8 @@ def made_line(made_at: datetime) -> str:
     """Return the version that made a page, the date, and its use.
 
     >>> from datetime import timedelta, timezone
-    >>> made_line(datetime(2026, 3, 1, 0, 30, tzinfo=timezone(timedelta(hours=1)))).partition(", ")[2]
+    >>> moment = datetime(2026, 3, 1, 0, 30, tzinfo=timezone(timedelta(hours=1)))
+    >>> made_line(moment).partition(", ")[2]
     '2026-02-28 23:30 UTC. Research use only: not a medical device.'
     """
     return (

@@ -229,7 +229,8 @@ def best_path(score_cr: Singles, reach: int) -> Integers:
     each part has its largest sum. Otherwise all of it is searched. Give each row of the
     scores (column, row) its own small bonus, so that no two paths have the same sum.
 
-    >>> best_path(np.array([[0, 9, 0, 0], [0, 1, 0, 5], [0, 4, 0, 0]], dtype=np.float32), reach=1)
+    >>> scores = np.array([[0, 9, 0, 0], [0, 1, 0, 5], [0, 4, 0, 0]], dtype=np.float32)
+    >>> best_path(scores, reach=1)
     array([1, 1, 1])
     """
     path = best_rows(score_cr)

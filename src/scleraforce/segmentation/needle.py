@@ -103,7 +103,13 @@ def needle_entry(needle: SeenNeedle | None) -> dict[str, Any] | None:
     """Return a needle for JSON: its angle off the depth, where it leans on its way up,
     its tip.
 
-    >>> seen = SeenNeedle(angle_rad=-0.5, tip_m=(1e-4, 2e-3), tip=(259.0, 256.0), top=(200.0, -0.5), hidden=(199, 270))
+    >>> seen = SeenNeedle(
+    ...     angle_rad=-0.5,
+    ...     tip_m=(1e-4, 2e-3),
+    ...     tip=(259.0, 256.0),
+    ...     top=(200.0, -0.5),
+    ...     hidden=(199, 270),
+    ... )
     >>> needle_entry(seen)
     {'angle_deg': 28.65, 'leans': 'left', 'tip_mm': [0.1, 2.0]}
     """

@@ -346,8 +346,10 @@ def dent_leaves(cut: Bytes) -> bool:
     Most columns between two that reach into the lowest quarter then have no wall, the
     others fragments.
 
-    >>> dent = np.array([[255, 0, 255], [255, 0, 255], [255, 0, 255], [255, 0, 255]], dtype=np.uint8)
-    >>> shadow = np.array([[255, 0, 255], [255, 0, 0], [255, 0, 0], [255, 0, 0]], dtype=np.uint8)
+    >>> dent = np.full((4, 3), 255, dtype=np.uint8)
+    >>> dent[:, 1] = 0
+    >>> shadow = dent.copy()
+    >>> shadow[1:, 2] = 0
     >>> dent_leaves(dent), dent_leaves(shadow)
     (True, False)
     """

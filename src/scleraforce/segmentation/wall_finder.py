@@ -392,7 +392,8 @@ def smooth_path(score_cr: Singles, cost: Singles) -> Places:
     upper envelope of lines that fall by its cost a row (Felzenszwalb and Huttenlocher
     2012, Distance Transforms of Sampled Functions).
 
-    >>> smooth_path(np.array([[0, 9, 0, 0], [0, 1, 0, 5], [0, 4, 0, 0]], dtype=np.float32), np.full(2, 3.0))
+    >>> scores = np.array([[0, 9, 0, 0], [0, 1, 0, 5], [0, 4, 0, 0]], dtype=np.float32)
+    >>> smooth_path(scores, np.full(2, 3.0))
     array([1, 1, 1])
     """
     columns, rows = score_cr.shape

@@ -11,8 +11,12 @@ depend on them.
 A message is one datagram: a letter and what follows it. The watchdog answers `ALIVE`
 when it is ready and to each sign of life (B); Q is a planned end.
 
-    M  version, space, the STATUS to send    C  client, whose socket comes with it    V  client, space, version
-    D  client, whose socket is to be closed  B  nothing                               Q  nothing
+    M  version, space, the STATUS to send
+    C  client, whose socket comes with it
+    V  client, space, version
+    D  client, whose socket is to be closed
+    B  nothing
+    Q  nothing
 """
 
 import os

@@ -255,8 +255,8 @@ def check_quantity(key: str, number: float) -> None:
 
     >>> check_quantity("thickness_um", 0.65)
     Traceback (most recent call last):
-    scleraforce.errors.StudyError: thickness_um: 0.65 is below the smallest allowed value 100; did you mean 650 µm \
-(0.65 mm)?
+    scleraforce.errors.StudyError: thickness_um: 0.65 is below the smallest allowed \
+value 100; did you mean 650 µm (0.65 mm)?
     """
     check_number(key, number, allowed(key))
 
