@@ -77,9 +77,7 @@ def test_finite_strain_is_the_default_and_takes_the_cached_library(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Another study than the paper's, whose library is bundled
-    (`tests/notebook/test_work.py`).
-    """
+    """Another study than the paper's, whose library is bundled."""
     study = Study()
     asked = list[Study]()
     other = replace(study, library=replace(study.library, tips=study.library.tips - 1))

@@ -146,7 +146,7 @@ def test_a_contact_that_rises_less_displaces_less() -> None:
 def test_a_dent_s_volume_is_the_force_times_the_rise_and_the_work_s_slope_by_the_pressure(
     iop_ratio: float,
 ) -> None:
-    """The identity behind `contact_rise`, on the pole, where everything is known: dV =
+    """The identity behind `contact_rises`, on the pole, where everything is known: dV =
     F w' + d/dp (work).
     """
     step = 0.02

@@ -1,7 +1,7 @@
 """Walls in every kind of frame against `walls.json`, recorded from an implementation by
 NumPy and OpenCV.
 
-That one is `tests/oracles/wall_arrays.py` of e25d375a. After a change that is meant to
+That one is in the history: `git show e25d375a:tests/oracles/wall_arrays.py`. After a change that is meant to
 move walls, run this file.
 """
 

@@ -39,7 +39,7 @@ PRESSURE_SD = 3.0
 # power of E).
 FORCE_BY_LOG_THICKNESS = 2.0
 FORCE_BY_LOG_IOP = 1.0 / 3.0
-# Place, angle and curvature of either side, and the wedge (`resting_form.FORMS`).
+# Place, angle and curvature of either side, and the wedge (`unknowns.FORMS`).
 FORM_MEAN = np.array([3.5e-3, 0.0, 0.0, 3.5e-3, 0.0, 0.0, 0.0])
 FORM_SD = np.array([1.2e-3, 5e-3, 2.0, 1.2e-3, 5e-3, 2.0, 3e-3])
 TYPICAL_POLAR_RAD = radians(35.0)  # of a contact whose place is not stated

@@ -1,3 +1,1 @@
-"""Recordings: folders of frames and force logs, their labels, and a virtual laboratory
-that makes them.
-"""
+"""Recordings: folders of frames and force logs; import, labels and export."""
