@@ -23,7 +23,7 @@ from scleraforce.errors import (
 )
 
 MIB = 2**20
-# of Unix, of Windows
+# flags of Unix and of Windows
 OPEN_FLAGS = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 # What editors on Windows write; UTF-32 is before UTF-16, whose mark is the beginning of
 # its own.

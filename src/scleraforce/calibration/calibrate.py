@@ -59,7 +59,7 @@ SURE_SEALED = 3.0
 STIFFENING = "stiffening"  # the parameter that no filter has: it is searched for
 # frames of the search; if more are wanted, they are calibrated on once it is found
 SOUGHT_ON = 6
-# of the highest force that is calibrated on: a force above is far from it
+# forces above this multiple of the highest calibrated force are far from it
 FAR_ABOVE = 1.5
 LEAKS = (
     "eye.leak_time_s: E and k are of the globe without its leak, which `read` and"

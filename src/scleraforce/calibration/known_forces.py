@@ -56,7 +56,7 @@ OF_RIGIDITY = 1
 SCALES = np.array([0.02, 0.035])  # of level and growth
 CAUCHY = 2.0  # scales at which a prior's weight is halved
 ROUNDS = 60
-# of the search: either pair explains much
+# starts of the search: either pair explains much
 BEGINNINGS = (
     (0.0, 0.0, 1.0, 1.0),
     (1.0, 1.0, 0.0, 0.0),
@@ -233,7 +233,8 @@ def place_of(known: Known) -> Floats:
 
 Trial = TypeVar("Trial")
 
-# of ln E; of k, as a share of it, or of the reference's
+# steps for differences: in ln E, and in k as a share of k, or of a tenth of the
+# reference rigidity if k is smaller
 MODULUS_STEP = 0.02
 RIGIDITY_STEP = 0.05
 LEAST_RIGIDITY = 0.1

@@ -135,7 +135,7 @@ REACH = 0.72  # of the radius: how far the section reaches to either side of the
 # along the wall, between points that a section is interpolated between
 FINE_STEP_M = 0.05e-3
 HIGHEST = 0.999  # of the library's highest pressure: what rises so far is outside
-# of the library's largest force: over the rest the continuation takes its slope
+# share of the library's largest force beyond which the continuation takes its slope
 END_SHARE = 0.97
 
 

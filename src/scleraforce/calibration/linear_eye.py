@@ -32,7 +32,7 @@ from scleraforce.mechanics.mesh import locate
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
 
-# of the radius: how far the section reaches to either side of the contact
+# how far the section reaches to either side of the contact, as a share of the radius
 SAMPLE_REACH = 0.72
 LINE_STEP_M = 0.2e-3  # between material points across the plane
 LINE_REACH_M = 0.6e-3  # how far material may move across the plane

@@ -153,7 +153,7 @@ def force_derivative(
 FIRST_SD = np.array([2e-3, 1.5e-3, 0.1, 0.0, 0.0])
 COLUMNS = 48  # of each boundary that are fitted
 COLUMN_SD_M = 10e-6
-# that show the offset of the inner boundary, which is common to all, as well as one
+# number of frames that show the common offset of the inner boundary as well as one
 # would alone
 INNER_FRAMES = 25
 # a frame's own modulus is free: the pose must not follow what the filter believes
@@ -163,7 +163,7 @@ STOPPING = placement.Stopping(
 )
 START_LATERAL_M = np.linspace(-2.5e-3, 2.5e-3, 11)
 START_MODULUS = (0.15, 0.3, 0.6, 1.0, 2.0)  # of the modulus that is given
-# of the range that the globe's rigidity has, beside the rigidity that is given
+# starts for the globe's rigidity, as shares of its range, beside the given rigidity
 START_RIGIDITY = (
     0.0,
     0.2,

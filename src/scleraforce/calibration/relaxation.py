@@ -35,7 +35,7 @@ TIMES_S = (
 # 0.33 with 4.3 s, the paper's eyes some percent. A log without holds leaves tissue that
 # relaxes much or little on all times alike, as much as by chance.
 PRIOR_SD = np.full(len(TIMES_S), 0.07)
-# of a half-normal
+# mean and standard deviation of a half-normal variable
 MEAN_OF_SD = np.sqrt(2.0 / np.pi)
 SD_OF_SD = np.sqrt(1.0 - 2.0 / np.pi)
 STEP_S = 0.1  # of the log that is turned back: its low-pass leaves 5 Hz

@@ -90,7 +90,7 @@ WINDOW = 5  # updates over which the innovations are watched for divergence
 DIVERGENCE_PROBABILITY = 1e-6  # of a false alarm in one window, were the model right
 # misses below are a noise that was underestimated; `inflate` sees to them
 DIVERGED_SD = 3.0
-# of the prior's standard deviations: the sampling about a state that is given
+# sampling distance about a given state, in the prior's standard deviations
 NEAR_START = 0.1
 LARGEST_GATED_SHARE = 0.3  # of outliers; with more, the model does not fit the frame
 

@@ -84,7 +84,7 @@ KNOWN: Mapping[str, tuple[str, str, Callable[[Known], Value]]] = {
     ),
 }
 ONLY_IF_KNOWN = ("lean_deg", "stiffening", "rigidity_mmhg13_per_ul")
-# of a folder that is not a recording
+# endings of the images in a folder that is not a recording
 IMAGES = (
     ".png",
     ".tif",
@@ -95,7 +95,7 @@ IMAGES = (
 )
 GUESS = ".guess.png"
 OVERLAY = ".overlay.png"
-# of the pictures that `segment` may write for a frame
+# endings of the pictures that `segment` may write for a frame
 ENDINGS = (
     ".png",
     GUESS,

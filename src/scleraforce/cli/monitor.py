@@ -39,7 +39,7 @@ LIMITS = (
     "reaction_s",
     "retraction_m_s",
 )
-# that OpenIGTLink can send, and a table needs no quotes for
+# device names that OpenIGTLink can send and a table needs no quotes for
 DEVICE_NAME = re.compile(r"[\w.+-]{1,20}", re.ASCII)
 # a scanner may use more bits than the model's study states, and its recording must stay
 # readable

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from scleraforce.reader.evaluate import Evaluation, FrameAnswer
     from scleraforce.reader.intervals import Stretch
 
-# of a summary by eye
+# columns of a summary by eye
 COLUMNS = (
     ("accuracy", 9),
     ("mae_mn", 9),

@@ -25,7 +25,8 @@ DENTS = 64  # that are kept: 64 ms at 1000 a second
 NOISE_WINDOWS = 5  # times the frames of the slope are kept, to estimate the noise
 LOSS_PARTS = 20  # of the window, in each of which losses are summed up
 MOST_UNANSWERED = 128  # frames whose times are kept; more are thinned
-# of the last frames, the third quickest counts: no frame alone decides what is late
+# number of last frames of which the third quickest counts: no frame alone decides what
+# is late
 LAGS = 20
 QUICKEST = 3
 

@@ -129,7 +129,7 @@ def beside_middle(library_n: Floats) -> Floats:
 
 Kind = Literal["open", "sealed", "unknown"]
 
-# of enucleated human eyes (van der Werff 1981), Pa^(1/3)/m^3
+# rigidity of enucleated human eyes (van der Werff 1981), Pa^(1/3)/m^3
 REFERENCE_RIGIDITY = to_si(0.03, "mmhg13_per_ul")
 # 0.005 and 0.06 mmHg^(1/3)/ul
 SLACKEST = REFERENCE_RIGIDITY / 6.0

@@ -24,7 +24,7 @@ Complex = NDArray[np.complex64]
 Drawn = TypeVar("Drawn", bound="DataclassInstance")
 
 LAYER_POISSON_RATIO = 0.45  # of the conjunctiva
-# of the intensity, with which the counts of a display grow
+# powers of the intensity with which the counts of a display grow
 POWERS = {
     "root": 0.5,
     "linear": 1.0,

@@ -145,11 +145,11 @@ def stream(eye: PhantomEye, seed: int, *numbers: int) -> np.random.Generator:
 AXIS = "fz"
 CONTACT_SIGN = -1
 TAIL_S = 1.5  # of the log, after the needle's last motion
-# of a label: a needle that moves changes sooner
+# average of a label: the force of a moving needle changes sooner
 HELD_AVERAGE_S = 2.0
 MOVING_AVERAGE_S = 0.1
 TRAVEL_FORCES = 64  # at which a travel is known
-# of the first frame of a moving needle: a label needs force samples on both sides
+# time of a moving needle's first frame: a label needs force samples on both sides
 FIRST_S = 0.1
 
 

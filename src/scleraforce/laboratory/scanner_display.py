@@ -79,7 +79,7 @@ def level_db(intensity: Floats) -> Floats:
     return 10.0 * np.log10(np.maximum(intensity, 1e-12))
 
 
-# of the surface, laterally: an eye at rest is smoother than its speckle
+# lateral smoothing of the surface: an eye at rest is smoother than its speckle
 SMOOTH_M = 0.6e-3
 # what a boundary's own light and its error reach
 EDGE_ROWS = 4
@@ -170,7 +170,8 @@ class ImagedEye:
         )
 
 
-# of the wall, along the depth and across it: light hardly changes, speckle does often
+# blocks of the wall, along the depth and across it: light hardly changes within one,
+# speckle does often
 BLOCK_M = (
     100e-6,
     3e-3,
@@ -300,7 +301,7 @@ def _blocks(eye: ImagedEye) -> list[Floats]:
     ]
 
 
-# of an exponential intensity, over its mean
+# median of an exponential intensity over its mean
 MEDIAN_DB = float(10.0 * np.log10(np.log(2.0)))
 # between the quartiles of an exponential: 6.8
 QUARTILES_DB = float(10.0 * np.log10(np.log(4.0) / np.log(4.0 / 3.0)))

@@ -12,7 +12,7 @@ from scleraforce.arrays import Floats
 from scleraforce.laboratory.light import Pose, drawn
 from scleraforce.study import SceneEyeStudy, SceneWindowStudy, draw
 
-# of the frame's rows that are drawn above the zero delay, and mirrored from there
+# share of the frame's rows drawn above the zero delay, and mirrored from there
 ABOVE_SHARE = 0.25
 # of the frame's width that curves are known beyond it; points of their grid
 BEYOND_SHARE = 0.35
@@ -81,7 +81,7 @@ def draw_window(study: SceneWindowStudy, rng: np.random.Generator) -> Window:
     )
 
 
-# of the meridian: distance of its points, and its reach to each side
+# distance of the meridian's points, and its reach to each side
 STEP_M = 0.05e-3
 REACH_M = 18e-3
 MAX_SLOPE_RAD = 1.15  # of the surface in the frame: where it is steeper the wall ends

@@ -573,7 +573,7 @@ def paper_eyes(
     return tuple(eyes)
 
 
-# of meshio, by their nodes
+# cell types of meshio by their number of nodes
 CELLS = {
     8: "hexahedron",
     20: "hexahedron20",

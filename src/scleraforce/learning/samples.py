@@ -43,7 +43,8 @@ TRUNCATED_SD = 2.5  # a given modulus is never farther off than this
 TISSUE = 400  # samples of one tissue
 CHUNK = 2000  # samples that are drawn together, from a generator of their own
 VALIDATION_CHUNK = 2**31  # numbers from here on are chunks of the validation set
-# of the wall that is kept: a tilted or turned section reaches a little farther
+# part of the wall kept beyond the slice: a tilted or turned section reaches a little
+# farther
 BEYOND_SLICE_M = 0.5e-3
 
 

@@ -381,13 +381,15 @@ def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Kn
     return replace(known_of_constants(eye.stated, modulus), stiffening=stiffening)
 
 
-# of random numbers: the samples' streams are below, the validation's above
+# first stream of random numbers for eyes: the samples' streams are below, the
+# validation's above
 STREAM = 2**30
 AHEAD = 2  # eyes for each process that are drawn or wait
-# of the eyes of each telling, one is calibrated a second time, on frames of any forces
+# one of this many eyes whose globe is stated the same is calibrated a second time, on
+# frames of any forces
 OTHERWISE_EVERY = 2
 MOST_CHOSEN = 5  # of these frames
-# of their forces, and of the largest of them
+# least force on these frames, and least value of their largest force
 LEAST_N = 6e-3
 LEAST_LARGEST_N = 12e-3
 LEAST_SCORE = 1e-3  # a force at the median has no logarithm

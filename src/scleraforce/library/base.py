@@ -155,7 +155,7 @@ def rise_slope(rise_tp: Floats, thinness_t: Floats, tension: Floats) -> Floats:
 
 
 POLAR_ANGLES = 11
-# of the stiffening that remains where neighbouring directions share the load
+# share of the stiffening that remains where neighbouring directions share the load
 SHARE = 0.5
 # around half of the needle axis; the force is 0.02 % off at 35 deg, 0.5 % at 50 deg
 DIRECTIONS = 4

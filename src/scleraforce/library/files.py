@@ -48,7 +48,7 @@ AXES = {
     "polar_rad": 1,
     "contact_polar_rad": 0,
 }
-# of each stiffening
+# arrays of each stiffening, and their numbers of axes
 WALLS = {
     "stiffening": 1,
     "force_ratio_btpd": 4,

@@ -26,11 +26,11 @@ from scleraforce.library.search_loops import MOVING, UNKNOWNS, Belief, Problem, 
 from scleraforce.library.splines import SplineTables
 
 COLUMNS = 110  # of each boundary that are fitted
-# of the boundaries along their normal
+# standard deviations of the boundaries along their normal
 OUTER_SD_M = 5e-6
 INNER_SD_M = 9e-6
 CORRELATED_M = 1.5e-3  # so far apart two errors of a boundary are independent
-# of a frame's boundaries, over their SDs: a small misfit may be chance
+# range of a frame's misfit, over the boundaries' SDs: a small one may be chance
 LEAST_NOISE = 0.3
 MOST_NOISE = 1e3
 OUTLIER_SD = 8.0

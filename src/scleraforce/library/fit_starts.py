@@ -324,7 +324,7 @@ def _find_states(problem: Problem, states: Floats) -> int:
 LIMBUS_PLACES_M = np.arange(1.5e-3, 6.0e-3, 0.25e-3)
 LEAST_COLUMNS = 5  # beyond a limbus
 CURVATURE = 2  # of a side's form
-# to either side of the frame's: there lies the contact of a frame that can be read
+# how far to either side of the middle the contact of a readable frame lies
 MIDDLE_M = 1.5e-3
 
 

@@ -53,12 +53,13 @@ _FORM, _POLE = (
 # over the globe's mean.
 EXTRA_MEAN = np.array([log(1 / 60.0), 0.0, 1.0])
 EXTRA_SD = np.array([1.0, 1e-3, 1e-3])
-# of a travel; its share for the library's dent
+# standard deviation of a travel; its share for the library's dent
 TRAVEL_SD_M = 10e-6
 TIP_SD = 0.01
-# of the logarithm of a known force: the level of real walls beside the library's
+# standard deviation of the logarithm of a known force: the level of real walls beside
+# the library's
 FORCE_SD = 0.02
-# at either end of a frame's surface, where the segmentation bends it up
+# length left out at either end of a frame's surface, where the segmentation bends it up
 EDGE_M = 0.7e-3
 COARSER = 2  # columns of a single frame's fit for one here
 # The discrepancy: knots along asinh(x/1 mm) and over the dent, lengths of correlation,
@@ -91,7 +92,7 @@ MOST_DAMPING = 1e6
 FARTHEST = 8.0  # standard deviations that unknowns may leave their prior by
 EXTRA_STEP = 1e-5
 LEAST_N = 1e-6
-# of derivatives of force and volume
+# steps for derivatives of force and volume
 STEPS = np.where(np.isin(MOVING, (at.TIP, at.THICKNESS)), 1e-7, 1e-4)
 
 

@@ -116,7 +116,7 @@ def depths_along(curve_sc: Floats, at: Floats) -> tuple[Floats, Floats, Flags]:
 
 
 CAUCHY = 2.5  # standard deviations at which a column's weight is halved
-# of a column that the wall does not reach: as one that is 4 CAUCHY off
+# loss of a column that the wall does not reach: as one that is 4 CAUCHY off
 UNSEEN_LOSS = 3.0
 FIRST_DAMPING = 1e-3
 # standard deviation of a normal distribution over the median of its size

@@ -33,7 +33,7 @@ SUPPORTS_DEG = (
     140.0,
     145.0,
 )
-# at most, of the library's
+# how many of the library's thicknesses and tensions are picked at most
 SUPPORT_THICKNESSES = 4
 SUPPORT_TENSIONS = 6
 # b, below which states change evenly with it, and above with its logarithm

@@ -33,7 +33,8 @@ FREE_SD = {
 SHINE_MEAN_M = 3e-6
 SHINE_SD_M = 2.3e-6
 KNOWN_SD = {at.GAP: 30e-6, at.THICKNESS: 15e-6, at.IOP: 0.05}  # of a stated value
-# of the logarithm of that under the needle: the globe's rigidity ties it
+# standard deviation of the logarithm of the pressure under the needle: the globe's
+# rigidity ties it
 PRESSURE_SD = 3.0
 # At a given dent a force goes as E t^2 IOP^(1/3), in the middle of the library (per
 # power of E).

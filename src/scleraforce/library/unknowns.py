@@ -95,8 +95,8 @@ GAP_STEP_M = 10e-6
 THICKNESS_STEP_M = 5e-6
 LOG_PRESSURE_STEP = 0.02
 POLE_STEP = 5e-3
-# at which the surface's mirror reflection moves its edge 1/e as far as where it faces
-# the light
+# slope at which the mirror reflection moves the surface's edge 1/e as far as where it
+# faces the light
 SHINING_SLOPE = 0.115
 
 

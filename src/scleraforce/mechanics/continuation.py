@@ -31,8 +31,8 @@ SMALLEST_STEP = 1e-4  # of the path, or of its largest step: no shorter steps ar
 # ... where a path may end early: most attempts near its end fail
 EARLY_END = 1.0 / 64.0
 FIRST_STEP_M = 1e-4  # of the tip
-# at most, that a step starts from: their polynomial takes one factor a step, a parabola
-# two
+# maximum number of states that a step starts from: their polynomial takes one factor a
+# step, a parabola two
 STATES = 8
 
 

@@ -20,7 +20,7 @@ from scleraforce.mechanics.mesh import HexMesh, QuadSurface, build_mesh, extrude
 from scleraforce.study import Study
 
 CORE_M = 1.0e-3  # half the side of the square in the middle
-# of the disc's radius: up to about there the rings are alike, beyond they grow in
+# share of the disc's radius up to which the rings are alike; beyond it they grow in
 # proportion
 GRADING = 0.35
 ROUNDING = 0.3  # how far the square's corners are drawn in; 0.5 makes a circle of it

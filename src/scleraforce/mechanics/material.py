@@ -53,7 +53,8 @@ def lame_constants(
     return E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), E / (2.0 * (1.0 + nu))
 
 
-# of b Q: sums of squares of such stresses are finite; no tissue is e^300 times as stiff
+# largest exponent b Q: sums of squares of such stresses are finite; no tissue is e^300
+# times as stiff
 LARGEST_EXPONENT = 300.0
 
 
@@ -76,8 +77,8 @@ def growth(stiffening: float, strain: Floats) -> Floats:
     return np.exp(np.where(exponent <= LARGEST_EXPONENT, exponent, np.nan))
 
 
-# of the circumference; the limit is reached below 1.5, and below 1.8 in tissue that
-# stiffens
+# largest stretch of the circumference; the limit is reached below 1.5, and below 1.8 in
+# tissue that stiffens
 LARGEST_STRETCH = 3.0
 STRETCHES = 20_001
 NEWTON_STEPS = 40

@@ -46,7 +46,7 @@ SERIES_ERROR = 0.07  # of the force that is lost: four time constants stand for 
 OTHER_HISTORY_ERROR = 0.3
 LONGEST_S = 1e9  # gap
 LIGHT_N = 1e-3  # a shallower dent is noise: the needle has let go
-# of a needle whose lean is not known: injections come at 15 to 45 degrees
+# largest lean of a needle whose lean is not known: injections come at 15 to 45 degrees
 MOST_LEAN_RAD = radians(45.0)
 FRICTIONS = (0.0, 0.3, inf)  # the last one sticks
 # Relative, of N: the lean's direction from the pole (6 % rms of 28 virtual eyes) and 2

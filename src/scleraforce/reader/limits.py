@@ -31,7 +31,7 @@ from scleraforce.recording.folder import OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.study import Choice, LibraryStudy, Range, ReaderStudy, Sampled, Study
 from scleraforce.units import HumanUnit, from_si
 
-# of models that read forces
+# kinds of models that read forces
 CLASSIFIER, READER, RAW_READER = KINDS = (
     "classifier",
     "reader",
@@ -46,7 +46,7 @@ MODULUS, PRESSURE, WALL, GAP = EYE = (
 )
 
 
-# of a pixel that forces are read from: walls are found in coarser ones
+# coarsest pixel that forces are read from; walls are found in coarser ones
 COARSEST_M = 30e-6
 
 

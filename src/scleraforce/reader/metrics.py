@@ -16,16 +16,17 @@ import numpy as np
 
 from scleraforce.arrays import Bytes, Flags, Integers
 
-# of a normal distribution, to either end of its 90 % interval
+# standard deviations from the mean to either end of a normal distribution's 90 %
+# interval
 SDS_OF_INTERVAL = NormalDist().inv_cdf(0.95)
-# to either end of the range of 95 % of all differences
+# standard deviations to either end of the range of 95 % of all differences
 LIMIT_SDS = NormalDist().inv_cdf(0.975)
 SHARED_ERROR = (
     "Frames of one eye share the error of its calibration, so they hold or miss"
     " together: 90 % is the mean of many eyes; of single ones, from less than half to"
     " all hold."
 )
-# of the eyes; percent
+# bootstrap samples of the eyes, their seed, and the band that is stated, percent
 RESAMPLES = 2000
 RESAMPLING_SEED = 20_261_122
 BAND = (2.5, 97.5)

@@ -319,7 +319,7 @@ def can_calibrate(seen: Look, boundaries: Boundaries, contact_m: float = 0.0) ->
     return bool(both.mean() >= CALIBRATED_SHARE)
 
 
-# of the interval of a dent that leaves the window: its flanks must be as sure as this
+# widest interval of a dent that leaves the window: its flanks must be as sure as this
 WIDEST_N = 6e-3
 
 

@@ -45,7 +45,7 @@ TABLES = ("ModalityLUTSequence", "VOILUTSequence", "PresentationLUTSequence")
 # Zeiss writes the A-scans of its Visante along the rows of the image, so depth runs
 # along the columns' index.
 A_SCANS_ALONG_ROWS = {("Carl Zeiss Meditec", "1000")}  # by manufacturer and model
-# to know the pixels
+# attributes needed to know the pixels
 NEEDED = (
     "Rows",
     "Columns",

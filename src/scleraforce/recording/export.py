@@ -28,7 +28,7 @@ PAIRS = {
     "interval_mn": ("interval_low_mn", "interval_high_mn"),
     "tip_mm": ("tip_lateral_mm", "tip_depth_mm"),
 }
-# of cells that spreadsheets evaluate ("CSV injection")
+# beginnings of cells that spreadsheets evaluate ("CSV injection")
 FORMULA_BEGINS = (
     "=",
     "+",

@@ -192,7 +192,7 @@ CLOCK_NAMES = TIME_NAMES | {
     "fecha",
     "hora",
 }
-# of `rostopic echo -p`: capture, in ns; SI otherwise
+# columns of `rostopic echo -p`: the stamp of the capture is in ns, all else in SI
 ROS_STAMP = "field.header.stamp"
 ROS_PREFIX = "field."
 FORCE_WORDS = "force|kraft|effort|fuerza|forza|f"

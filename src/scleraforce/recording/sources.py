@@ -75,7 +75,7 @@ SQLITE = b"SQLite format 3\0"
 MCAP = b"\x89MCAP0\r\n"
 NIFTI_NAMES = (".nii", ".nii.gz")
 TEXT_NAMES = (".csv", ".txt", ".tsv", ".log", ".dat", ".lvm")
-# of files of pixels
+# endings of the headers beside files of pixels
 HEADERS = {
     ".img": (".hdr",),
     ".raw": (".mhd", ".nhdr"),

@@ -394,7 +394,7 @@ LEAST_IMPLAUSIBLE_N = 3.0
 # different values of a log that tell the sensor's step: rest, a push and a burst are
 # three
 LEAST_LEVELS = 4
-# of the samples; with more, the log's usual size is in doubt
+# share of implausible samples above which the log's usual size is in doubt
 MOST_IMPLAUSIBLE = 1.0 / 3.0
 
 

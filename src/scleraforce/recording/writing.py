@@ -153,7 +153,7 @@ def _write_all(file: int, data: bytes | memoryview) -> None:
         data = data[os.write(file, data) :]
 
 
-# of a frame's file, without its ending; no formula in a spreadsheet
+# name of a frame's file without its ending; no formula in a spreadsheet
 PLAIN_NAME = re.compile(r"\w[\w.+-]*", re.ASCII)
 
 

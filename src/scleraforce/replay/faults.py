@@ -45,7 +45,7 @@ RISE_N_PER_S = 0.15
 # frames of a second; a monitor might read fewer without delay, which is not a fault
 FLOOD = 100
 MOST_BUFFERS = 10  # pictures that a stuck buffer shows in turns
-# of the frame, where a time is burned in
+# part of the frame where a time is burned in
 CLOCK_ROWS = 1 / 32
 CLOCK_COLUMNS = 1 / 8
 OLD_SHARES = 0.6, 0.95  # of an old picture, in a ghost

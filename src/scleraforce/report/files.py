@@ -58,7 +58,7 @@ DARK_RULES = f"@media screen and (prefers-color-scheme: dark){{{''.join(_RULES)}
 
 Kind = Literal["png", "svg", "pdf"]
 FIGURE_KINDS: dict[str, Kind] = {".png": "png", ".svg": "svg", ".pdf": "pdf"}
-# of the metadata
+# entries of the metadata that are left out
 LEFT_OUT: dict[Kind, str] = {
     "png": "Software",
     "svg": "Date",

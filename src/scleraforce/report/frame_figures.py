@@ -34,7 +34,7 @@ from scleraforce.units import from_si
 if TYPE_CHECKING:
     from scleraforce.learning.dataset import Dataset
 
-# of two slices, overlaid
+# colours of two overlaid slices
 PARTS = {
     "in the frame only": style.SKY,
     "simulated only": style.RED,

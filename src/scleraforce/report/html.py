@@ -379,7 +379,8 @@ def _of(found: Proportion) -> str:
     return f"{found.hits} of {found.total} trials"
 
 
-# of 20 KB each, once to see and once to save: a page of 2 MB, which a mail carries
+# maximum number of pictures of 20 KB each, once to see and once to save: a page of 2
+# MB, which a mail carries
 MOST_PICTURES = 48
 QUALITY = 75
 DEEPEST = 2.0  # times as deep as wide, at most

@@ -69,7 +69,7 @@ from scleraforce.reproduction.run import (
 from scleraforce.study import Study, study_hash
 from scleraforce.units import from_si
 
-# of the frames with computed walls: as near as the first eye's trials come
+# forces of the frames with computed walls: as near as the first eye's trials come
 SHOWN_FORCES_N = (
     12e-3,
     28e-3,

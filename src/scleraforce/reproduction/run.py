@@ -302,7 +302,7 @@ def framed_for_laboratory(study: Study) -> Study:
 
 
 CALIBRATED_EYES = 4  # of the five eyes, as in the paper (sec. 3.2, Table 2)
-# of the pushes before the trials, up to the bound of danger
+# forces of the pushes before the trials, up to the bound of danger
 CALIBRATION_FORCES_N = (
     10e-3,
     20e-3,

@@ -61,7 +61,8 @@ STRIP_PIXELS = 24.0
 STRIP_M = 0.15e-3
 GAP_M = 1.5e-3  # a wall continues behind a gap that is narrower
 GAP_SHARE = 0.15  # ... and narrower than this share of the frame
-# of a surface this close to the last row too little is seen: it has left the window
+# rows above the bottom within which too little of a surface is seen: it has left the
+# window
 BOTTOM_ROWS = 7.0
 FOUND_SHARE = 2 / 3  # of the columns must show the inner boundary
 

@@ -39,7 +39,7 @@ from scleraforce.segmentation.wall_finder import SeenWall, WallFinder
 START_POINTS = 30  # of the surface that the search for the edge starts from
 # rows of the reduced frame from the network's boundary to the wall's edge, at most
 NEAR_STEPS = 1.0
-# of the network's thickness, against a jump's gain of at most 1
+# weight of the network's thickness, against a jump's gain of at most 1
 PRIOR_WEIGHT = 0.25
 PRIOR_CAP = 2.0
 PRIOR_SD_M = 25e-6  # at least: of the network's thickness
@@ -72,7 +72,7 @@ UNSURE_SHARE = 0.5
 # ... unless the other method sees it this near, in thicknesses, or within a network's
 # row
 CONFIRMED_THICKNESS = 0.1
-# of the thickness are looked at above and below a boundary
+# share of the thickness looked at above and below a boundary
 SIDE_SHARE = 0.1
 LEAST_SIDE_ROWS = 3.0
 SAMPLES = 8  # rows that are looked at on a side

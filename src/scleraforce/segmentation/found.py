@@ -24,7 +24,7 @@ LEAST_COVER = 0.4  # of the imaged width must show the wall
 # share of the frame at (nearly) the largest count: saturated
 SATURATED_SHARE = 0.4
 SATURATED_LEVEL = 0.99
-# of the brightest count: a frame that stands out of its noise by less is empty
+# share of the brightest count: a frame that stands out of its noise by less is empty
 EMPTY_SHARE = 1e-3
 # below the surface: the mask ends here where the inner boundary cannot be seen
 UNSEEN_DEPTH_M = 1e-3

@@ -34,7 +34,7 @@ POOLED = 3  # points whose mean makes a jump stand out of the speckle
 LINE_CELLS = 6  # for the straight line above a jump
 LOW_CELLS = 3  # for the mean below it
 SKIP_EDGE = 1  # on each side of a jump: transition
-# of the level at the surface: a jump of this size earns half of the largest gain
+# share of the level at the surface: a jump of this size earns half of the largest gain
 HALF_JUMP = np.float32(0.08)
 UPPER_COST = np.float32(1.2)  # share of an upper jump's gain that a jump below it loses
 # between both: a weaker layer below the wall is 0.08 to 0.32 mm thick
@@ -42,7 +42,7 @@ NEAR_CELLS = 4
 FAR_CELLS = 16
 REACH_CELLS = 5
 REFINE_CELLS = 6
-# of the level at the surface: a smaller jump does not show the boundary
+# share of the level at the surface: a smaller jump does not show the boundary
 LEAST_JUMP = 0.06
 SURE_JUMP = 2.5  # ... nor is less than this many times the median jump
 SLOPE_M = 0.15e-3  # on each side: over which a surface's slope is taken

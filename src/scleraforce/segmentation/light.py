@@ -29,12 +29,12 @@ MAX_COLUMNS = 192  # of the grid: the frame is halved until it has fewer
 MAX_ROWS = 384
 LEAST_SHAPE = 16  # rows and columns of a frame
 BLACK_PART = 1000  # th part of the brightest cell: less is black
-# of the pixels that are not black, this share lies at or below the noise floor
+# share of the pixels that are not black which lies at or below the noise floor
 FLOOR_SHARE = 0.2
 LIT_ROWS = 4  # every fourth row tells whether a column is imaged
-# of the frame's largest count: a column that never reaches it is black
+# share of the frame's largest count: a column that never reaches it is black
 LIT_SHARE = 0.02
-# of the largest count: how much the grey of margins differs; 2 of 255
+# how much the grey of margins differs, as a share of the largest count; 2 of 255
 PAGE_SPREAD = 0.008
 # contrast of pairs: midway between the root and the intensity itself
 NOT_LOGARITHMIC = 0.38

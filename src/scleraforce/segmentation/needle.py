@@ -37,8 +37,7 @@ PARTS = 3  # of that depth
 STREAK = 0.06
 # columns of the grid with tissue on each side, which tell where its surface is
 NEAREST = 6
-# of the width: an edge that is so much longer than the other one is the point of a
-# bevel
+# share of the width: an edge longer than the other one by this is the point of a bevel
 BEVELLED = 0.6
 # of the longer line: as far down the other one of two sides of a shaft goes, at least
 SAME_LENGTH = 0.7

@@ -26,15 +26,16 @@ from scleraforce.study import SliceStudy
 STRETCH_M = 0.3e-3  # to either side of a point
 LEAST_COLUMNS = 5  # for a parabola
 LARGEST_CORRELATION = 0.97
-# of a pixel, in depth and sideways: what the segmentation cannot resolve, common to a
-# stretch
+# share of a pixel, in depth and sideways, that the segmentation cannot resolve; common
+# to a stretch
 PIXEL_SHARE = 0.5
 # a boundary this near to the last row is where the frame ends, not where the wall does
 BOTTOM_M = 0.1e-3
-# of the thickness: so far above the bottom the inner boundary must be expected to be
-# seen
+# margin needed between the expected inner boundary and the bottom of the image, as a
+# share of the thickness
 HIDDEN_SHARE = 0.25
-# of the thickness: bending hardly changes it, so more is not the wall's inner boundary
+# largest unevenness of the thickness: bending hardly changes it, so more is not the
+# wall's inner boundary
 UNEVEN_SHARE = 0.2
 # stretch, 37 degrees: the inner boundary is sought down the columns, and lost on
 # steeper parts
@@ -373,7 +374,8 @@ def dent_leaves(cut: Bytes) -> bool:
     return leaves
 
 
-# of the boundaries of a mask that a user, another network or the app gave
+# standard deviation of the boundaries of a mask that a user, another network or the app
+# gave
 GIVEN_SD_ROWS = 2.0
 
 

@@ -33,14 +33,14 @@ LEAST_STEP = np.float32(0.06)  # of the bright tissue's level: less is texture
 LARGEST_LEVEL = np.float32(1.2)  # times that: what is brighter counts as that
 # a step of this size (over LEAST_STEP) earns half of the largest gain
 HALF_STEP = np.float32(0.25)
-# of the bright tissue's level: less is haze, not tissue
+# share of the bright tissue's level: less is haze, not tissue
 LEAST_EXCESS = np.float32(0.15)
 # cost of tissue above the path, in steps of full depth
 EXCESS_COST = 0.5
 EXCESS_CAP = 1.5
 SMOOTHED = 5  # points
 BLACK_SHARE = 0.25  # of the noise floor: darker cells are not measured
-# of the frame's own typical contrast: a column with less shows no surface
+# share of the frame's own typical contrast: a column with less shows no surface
 ABSENT_SHARE = 0.3
 TYPICAL = 0.75  # of the columns have less than the typical contrast
 FOUR = 4  # rows of the score of which the best one is searched first

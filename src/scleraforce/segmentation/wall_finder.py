@@ -25,7 +25,7 @@ from scleraforce.segmentation.loops import best_path
 from scleraforce.study import RawReaderStudy, WallFinderStudy
 
 BLACK_SHARE = 2e-3  # of the brightest pixel: what is darker is not imaged
-# of the pixels that are not black: noise, and what lies below bright tissue
+# share of the pixels that are not black: noise, and what lies below bright tissue
 FLOOR_SHARE = 0.2
 BRIGHT_SHARE = 0.99
 LEAST_LEVEL = -0.5
@@ -175,7 +175,7 @@ FINDER_WALL = "wall"
 
 # largest step of a boundary between answers, in rows of the reduced frame
 REACH_ROWS = 16
-# of a row's change of thickness between answers, in logarithms of probability
+# cost of a row's change of thickness between answers, in logarithms of probability
 THICKNESS_COST = 0.6
 THIN_BONUS = 0.05  # in the same: what makes the path unique where nothing is seen
 NEAR_ROWS = 3  # of the likeliest row: these are averaged
@@ -191,7 +191,8 @@ SURE_WALL = 0.5  # probability from which on a column has wall
 # of the rows: no second look; of the wall's rows, shown beyond it
 FILLED_SHARE = 0.85
 BEYOND_SHARE = 0.15
-# of a wall that a second look may correct
+# what a second look may change: the least share of columns in common, and the largest
+# shift in thicknesses
 SAME_COLUMNS_SHARE = 0.8
 MOVED_THICKNESS = 0.3
 

@@ -41,7 +41,7 @@ MOST_LINES = 20_000
 # short
 HISTORY_S = 600.0
 CLOCK_STEP_S = 1e-6  # of frames.csv
-# of frames.csv, of a travel in it
+# optional columns of frames.csv; farthest travel in it
 COLUMNS = ("pierced", "travel_m")
 FARTHEST_M = 1.0
 PLANE_COLUMN = ("plane",)  # as well, of several planes

@@ -48,7 +48,7 @@ MESSAGE_CHARACTERS = 1000  # of a STATUS: a reason may quote what a peer sent
 # not yet taken by the peer: a tenth of a second; a message behind them is old when it
 # is read
 WAITING_BYTES = 8192
-# of the system, which doubles it: what it holds, nobody can take back
+# send buffer of the system, which doubles it: what it holds, nobody can take back
 SEND_BUFFER_BYTES = 8192
 NOTES_PER_S = 1.0
 NOTES_AT_ONCE = 10

@@ -66,9 +66,10 @@ LOOK_S = 0.1
 # beside the clients' sockets: other processes' sockets, logs, and what the system's
 # libraries open
 OWN_FILES = 128
-# at 100 a second two seconds more than are kept, which leaves time to copy them
+# frames in the ring: at 100 a second two seconds more than are kept, which leaves time
+# to copy them
 RING_FRAMES = 1200
-# of a robot; the needle moves, so labels average over a short time
+# forces of a robot; the needle moves, so labels average over a short time
 FORCE = ForceInfo("fz", 1, 0.2)
 WEB_NEEDS = ("fastapi", "uvicorn", "websockets")
 WAITING_LINES = 1000  # for the operator; while this many wait, new ones are dropped

@@ -58,7 +58,7 @@ SMALL_BODY_BYTES = 64 * 1024  # all that a client other than the scanner needs
 # their size
 LARGER_FRAMES = 4
 WRONG_TOKENS = 3
-# of all clients, in the log: a fiftieth of the decisions
+# notes of all clients in the log: a fiftieth of the decisions
 NOTES_PER_S = 10.0
 NOTES_AT_ONCE = 100
 FORCES_PER_S = 2400.0

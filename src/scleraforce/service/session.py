@@ -24,7 +24,8 @@ from scleraforce.service.scanner_image import ScannerFrame
 from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.units import from_si
 
-# that wait: the frames of 0.1 s at 1000 a second, 52 MB of 512 x 512 pixels
+# maximum number of waiting frames: those of 0.1 s at 1000 a second, 52 MB of 512 x 512
+# pixels
 MOST_FRAMES = 100
 FIRST_INTERVAL_S = 0.01  # until frames show another
 LEAST_SENT_S = 0.001  # between two headers: they may count in anything

@@ -30,11 +30,11 @@ WITHIN_S = 1.0
 HELD_S = 1.0  # at least, before less is shown again
 CALM_S = 5.0  # without a sign, before more is shown again
 WHITE_PERCENTILE = 99.5
-# of the white level from picture to picture, so that a single bright frame does not
-# darken the next ones
+# how slowly the white level fades from picture to picture, so that a single bright
+# frame does not darken the next ones
 FADING = 0.99
 ANSWER_S = 3.0
-# by which a picture may come earlier than its turn, since updates have their own rhythm
+# how much earlier than its turn a picture may come, since updates have their own rhythm
 SLACK_S = 0.01
 MOST_UNSEEN = 4  # messages under way that the page has not acknowledged
 WRONG_S = 0.5  # delay of the answer to a wrong token

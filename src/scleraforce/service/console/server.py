@@ -38,8 +38,8 @@ HEADERS = {
     "permissions-policy": "camera=(), geolocation=(), microphone=()",
     "cache-control": "no-store",
 }
-# of each kind; more WebSockets than there are places for pages, because some are being
-# closed
+# maximum connections of each kind; more WebSockets than places for pages, because some
+# are being closed
 MOST = 128
 
 # oldest first; of the console's process
