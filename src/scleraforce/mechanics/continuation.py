@@ -236,14 +236,10 @@ class _Walk:
                 if self.step_m >= self.shortest_m:
                     continue
 
-                ratio = (
-                    "F/E ="
-                    f" {from_si(self.control.force(self.history[-1][1]), 'mm2'):.4g}"
-                    " mm^2"
-                )
+                ratio_mm2 = from_si(self.control.force(self.history[-1][1]), "mm2")
                 reached = (
-                    f"a dent of {from_si(self.tip_m, 'mm'):.4g} mm, {ratio};"
-                    f" {self.control.remedy}"
+                    f"a dent of {from_si(self.tip_m, 'mm'):.4g} mm,"
+                    f" F/E = {ratio_mm2:.4g} mm^2; {self.control.remedy}"
                 )
                 raise SolverError(
                     f"load path: no equilibrium found beyond {reached}"

@@ -107,8 +107,8 @@ class EyeInfo:
             if value is not None and self.globe != "sealed":
                 found = "missing" if self.globe is None else f'"{self.globe}"'
                 raise StudyError(
-                    f"{key}: of a sealed globe, globe is {found}; write globe ="
-                    ' "sealed", or leave it out'
+                    f"{key}: of a sealed globe, globe is {found};"
+                    ' write globe = "sealed", or leave it out'
                 )
 
 
