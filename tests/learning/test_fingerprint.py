@@ -10,7 +10,11 @@ import pytest
 
 from provenance import fingerprint
 from provenance.fingerprint import Fingerprint, moved
+from scleraforce.learning import virtual_eyes
+from scleraforce.learning.virtual_eyes import wall_depths
 from scleraforce.library.files import load_library
+from scleraforce.library.fit import fit_boundaries
+from scleraforce.library.store import solve_path
 from scleraforce.models import (
     SHIPPED_LIVING,
     SHIPPED_PAPER,
@@ -39,13 +43,114 @@ def study_of(folder: Path) -> Study:
     return parse_study((folder / "study.toml").read_text())
 
 
+def intervals_now(study: Study, stiffer: float = 1.0) -> Fingerprint:
+    library = load_library(SHIPPED_READER / "library.npz")
+    forces = stiffer * library.walls.force_ratio_btpd
+    library = replace(library, walls=replace(library.walls, force_ratio_btpd=forces))
+    network = (SHIPPED_READER / "model.onnx").read_bytes()
+    return fingerprint.interval_fingerprint(study, library, network)
+
+
 @pytest.mark.slow
 def test_the_intervals_of_the_shipped_reader_are_measured_as_today() -> None:
-    library = load_library(SHIPPED_READER / "library.npz")
-    network = (SHIPPED_READER / "model.onnx").read_bytes()
-    now = fingerprint.interval_fingerprint(study_of(SHIPPED_READER), library, network)
+    now = intervals_now(study_of(SHIPPED_READER))
     assert set(now) == INTERVALS
     assert not moved_since(SHIPPED_READER, now), "run `make model`"
+
+
+@pytest.mark.slow
+def test_another_start_of_the_fit_does_not_move_the_intervals(monkeypatch) -> None:
+    """Each fit is begun a second time, at its own end, and goes on to a closer one."""
+
+    def begun_again(library, lateral_m, depth_bc, prior, smoothing_m):
+        columns = library, lateral_m, depth_bc, prior, smoothing_m
+        first = fit_boundaries(*columns)
+        return first and fit_boundaries(*columns, begun=first.unknown)
+
+    monkeypatch.setattr(virtual_eyes, "fit_boundaries", begun_again)
+    now = intervals_now(study_of(SHIPPED_READER))
+    before = record_of(SHIPPED_READER)["fingerprint"]["scores"]
+    assert now["scores"]["values"] != before["values"]
+    assert not moved_since(SHIPPED_READER, now)
+
+
+@pytest.mark.slow
+def test_another_seed_or_number_of_frames_moves_the_intervals(monkeypatch) -> None:
+    study = study_of(SHIPPED_READER)
+    other = replace(study, reader=replace(study.reader, seed=study.reader.seed + 1))
+    found = moved_since(SHIPPED_READER, intervals_now(other))
+    assert found == sorted(INTERVALS)
+
+    monkeypatch.setattr(virtual_eyes, "CALIBRATED", 2)
+    found = moved_since(SHIPPED_READER, intervals_now(study))
+    assert {"scores", "traits"} <= set(found)
+
+
+@pytest.mark.slow
+def test_load_paths_that_are_2_percent_off_move_a_reader(monkeypatch) -> None:
+    def stiffer(plan, unit):
+        path = solve_path(plan, unit)
+        return path._replace(force_d=1.02 * path.force_d)
+
+    monkeypatch.setattr(fingerprint, "solve_path", stiffer)
+    reader = load_force_reader(SHIPPED_READER)
+    now = fingerprint.reader_fingerprint(reader.study, reader.library)
+    paths = {f"force_d of path {number}" for number in range(4)}
+    assert paths <= set(moved_since(SHIPPED_READER, now))
+
+
+@pytest.mark.slow
+def test_a_library_that_is_2_percent_stiffer_moves_the_scores() -> None:
+    now = intervals_now(study_of(SHIPPED_READER), stiffer=1.02)
+    assert moved_since(SHIPPED_READER, now) == ["scores"]
+
+
+@pytest.mark.slow
+def test_eyes_that_are_5_percent_stiffer_move_the_calibration(monkeypatch) -> None:
+    def under_less(eye, forces_n, *place):
+        return wall_depths(eye, forces_n / 1.05, *place)
+
+    monkeypatch.setattr(virtual_eyes, "wall_depths", under_less)
+    now = intervals_now(study_of(SHIPPED_READER))
+    assert "calibrated tissue" in moved_since(SHIPPED_READER, now)
+
+
+def test_scores_of_intervals_may_change_places_and_move_by_a_tenth() -> None:
+    scores = np.linspace(0.0, 2.0, 60)
+    before = {"scores": fingerprint.item(scores, fingerprint.SCORES)}
+
+    for other in (scores[::-1], scores + 0.09, scores - 0.09):
+        now = {"scores": fingerprint.item(other, fingerprint.SCORES)}
+        assert moved(before, now) == []
+
+    for other in (scores + 0.11, 1.2 * scores, np.sqrt(scores)):
+        now = {"scores": fingerprint.item(other, fingerprint.SCORES)}
+        assert moved(before, now) == ["scores"]
+
+
+def test_a_few_traits_may_move_and_each_factor_by_a_tenth_of_its_own() -> None:
+    traits = np.full(100, 3)
+    before = {"traits": fingerprint.item(traits, fingerprint.TRAITS)}
+    for changed, found in ((1, []), (20, ["traits"])):
+        other = traits.copy()
+        other[1 : 1 + changed] = 4
+        now = {"traits": fingerprint.item(other, fingerprint.TRAITS)}
+        assert moved(before, now) == found
+
+    factors = np.array([0.3, 1.0, 15.0])
+    before = {"factors": fingerprint.item(factors, fingerprint.FACTORS)}
+    for change, found in ((1.09, []), (1.11, ["factors"])):
+        other = factors * [change, 1.0, 1.0]
+        now = {"factors": fingerprint.item(other, fingerprint.FACTORS)}
+        assert moved(before, now) == found
+
+
+def test_todays_tolerance_decides_not_the_one_in_the_record() -> None:
+    values = np.linspace(1.0, 2.0, 60)
+    strict = {"a": fingerprint.item(values) | {"tolerance": 1e-6}}
+    loose = {"a": fingerprint.item(values + 0.05, fingerprint.SCORES)}
+    assert moved(strict, loose) == []
+    assert moved(loose, strict) == ["a"]
 
 
 @pytest.mark.parametrize(
@@ -83,7 +188,8 @@ def test_an_entry_moves_with_values_order_missing_values_and_size_beyond_its_tol
     for other in others:
         assert moved(before, {"a": fingerprint.item(other)}) == ["a"]
 
-    assert moved(before, {"a": fingerprint.item(values * 1.001, tolerance=0.01)}) == []
+    loose = fingerprint.Tolerance(of_largest=0.01)
+    assert moved(before, {"a": fingerprint.item(values * 1.001, loose)}) == []
     assert moved(before, {"b": before["a"]}) == ["a", "b"]
     assert moved({"a": fingerprint.item([])}, {"a": fingerprint.item([])}) == []
 
