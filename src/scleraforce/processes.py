@@ -304,8 +304,8 @@ def _do(work: bytes | Path, unit: int) -> Any:
                     " the same"
                 )
 
-            _prepared.work = work
             _prepared.do = prepare()
+            _prepared.work = work  # not before: a preparation that fails is none
 
         result = _prepared.do(unit)
         if isinstance(work, bytes):

@@ -5,16 +5,14 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
 import pytest
+from waiting import wait_until
 
 from scleraforce.errors import InputError
-
-Result = TypeVar("Result")
 
 SUPPORT = Path(__file__).parent
 THREADS = 2  # of a worker: results must not depend on them
@@ -24,6 +22,14 @@ NEEDS_DASK = [
     ),
     pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning"),
 ]
+
+
+def _content(file: Path) -> dict[str, Any]:
+    """Return what a JSON file says, nothing while it is written."""
+    try:
+        return dict(json.loads(file.read_text()))
+    except ValueError:
+        return {}
 
 
 class Cluster:
@@ -43,7 +49,8 @@ class Cluster:
             file,
         )
         self.scheduler = self.start("scheduler", *options)
-        self.address = self.wait(lambda: json.loads(file.read_text())["address"])
+        wait_until(lambda: file.exists() and bool(_content(file)))
+        self.address = _content(file)["address"]
 
     def start(self, kind: str, *options: object) -> "subprocess.Popen[bytes]":
         path = os.pathsep.join([str(SUPPORT), os.environ.get("PYTHONPATH", "")])
@@ -79,16 +86,14 @@ class Cluster:
         )
         return self.start("worker", self.address, *options)
 
-    @staticmethod
-    def wait(found: Callable[[], Result], seconds: float = 300.0) -> Result:
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            try:
-                return found()
-            except (OSError, ValueError, KeyError):
-                time.sleep(0.05)
+    def tasks(self) -> int:
+        """Return the number of tasks that the scheduler knows of."""
+        import distributed  # where the extra is installed
 
-        raise AssertionError("the scheduler did not start")
+        with distributed.Client(self.address, set_as_default=False) as client:
+            return client.run_on_scheduler(
+                lambda dask_scheduler: len(dask_scheduler.tasks)
+            )
 
     def end(self) -> None:
         """Kill them all."""
@@ -114,9 +119,21 @@ def leave_a_mark_or_wait(path: Path) -> None:
         time.sleep(3600)
 
 
-def large(size: int):
-    """Work with results of `size` bytes."""
-    return lambda _: bytes(size)
+class Large:
+    """A result of some bytes that leaves a mark when a worker begins to pass it on."""
+
+    def __init__(self, mark: Path, size: int) -> None:
+        self.mark = mark
+        self.size = size
+
+    def __reduce__(self) -> tuple[type, tuple[bytes]]:
+        self.mark.touch()
+        return bytes, (bytes(self.size),)
+
+
+def large(folder: Path, size: int):
+    """Work with results of `size` bytes; each leaves a mark in a folder."""
+    return lambda unit: Large(folder / str(unit), size)
 
 
 def tripled(weight: bytes = b"", late_s: float = 0.05):
@@ -125,6 +142,7 @@ def tripled(weight: bytes = b"", late_s: float = 0.05):
     """
 
     def work(unit: int) -> int:
+        # results in another order than the units'; no test asserts how long it takes
         time.sleep(late_s * (unit % 2))
         return 3 * unit + 0 * len(weight)
 
@@ -157,6 +175,17 @@ def fails_oddly():
 def ends_its_process():
     """Work that no process survives."""
     return os._exit
+
+
+def waits_at(gate: Path):
+    """Work whose first unit ends at once; every other one waits for a file."""
+
+    def work(unit: int) -> int:
+        if unit:
+            wait_until(gate.exists)
+        return unit
+
+    return work
 
 
 def waits_for_ever(folder: Path):
