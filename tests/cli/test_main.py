@@ -8,7 +8,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from math import inf, nan
 from pathlib import Path
 from threading import Event
@@ -20,7 +19,7 @@ import numpy as np
 import pytest
 from effects import SCLERAFORCE
 from foreign_files import FRAMES, options_of
-from waiting import FUSE_S, ends
+from waiting import FUSE_S, ends, wait_until
 
 from scleraforce import installation
 from scleraforce.cli import main as entry
@@ -228,9 +227,9 @@ def test_an_import_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
         [*SCLERAFORCE, *command], stderr=subprocess.PIPE, text=True
     )
 
-    while child.poll() is None and not list(tmp_path.glob(".scleraforce-*.part")):
-        time.sleep(0.002)
-
+    wait_until(
+        lambda: child.poll() is not None or any(tmp_path.glob(".scleraforce-*.part"))
+    )
     child.send_signal(signal.SIGTERM)
     _, error = child.communicate(timeout=FUSE_S)
     assert (child.returncode, error.strip()) == (130, "error: interrupted")

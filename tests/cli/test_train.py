@@ -7,7 +7,6 @@ import resource
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,7 +18,7 @@ from analytic_library import solve_analytic
 from effects import SCLERAFORCE
 from small_models import SMALL_STUDY, write_blind_finder
 from small_recordings import calibration_text
-from waiting import FUSE_S
+from waiting import FUSE_S, LIMIT_S, wait_until
 
 from scleraforce.cli.output import count_bar
 from scleraforce.errors import ModelError
@@ -125,10 +124,8 @@ def test_a_generate_that_was_stopped_is_completed_by_the_same_command(
     ]
     process = subprocess.Popen(line, stderr=subprocess.PIPE, text=True)
 
-    while not any(out.glob("slices/c/*/0/0")):
-        assert process.poll() is None
-        time.sleep(0.01)
-
+    wait_until(lambda: any(out.glob("slices/c/*/0/0")) or process.poll() is not None)
+    assert process.poll() is None
     process.send_signal(sent)
     message = process.communicate(timeout=FUSE_S)[1]
     assert process.returncode == (130 if sent == signal.SIGINT else -signal.SIGKILL)
@@ -138,7 +135,7 @@ def test_a_generate_that_was_stopped_is_completed_by_the_same_command(
 
     kept = len(list(Path(out).glob("slices/c/*/0/0")))
     assert 0 < kept < 15
-    subprocess.run(line, check=True, stdout=subprocess.DEVNULL, timeout=120.0)
+    subprocess.run(line, check=True, stdout=subprocess.DEVNULL, timeout=LIMIT_S)
     assert open_dataset(out).images == 3000
 
 

@@ -8,7 +8,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -18,6 +17,7 @@ import zarr
 from analytic_library import no_solution, no_worker, solve_analytic, solve_slowly
 from effects import contents
 from small_models import rehash_store
+from waiting import wait_until
 from workers import Cluster
 
 from scleraforce.errors import InputError, SolverError
@@ -74,7 +74,7 @@ def script(folder, body):
     path = folder / "program.py"
     path.write_text(
         "import sys; from pathlib import Path; from analytic_library import"
-        " solve_slowly\nfrom scleraforce.library.store import build_library,"
+        " SolvesSome, solve_slowly\nfrom scleraforce.library.store import build_library,"
         " cached_library\nfrom scleraforce.study import LibraryStudy, Study\nif"
         f" __name__ == '__main__':\n    {body}\n"
     )
@@ -166,19 +166,19 @@ def test_a_build_killed_at_any_time_is_completed(made, tmp_path):
     )
     program, environment = script(
         tmp_path,
-        f"build_library({study}, Path(sys.argv[1]), workers=2, solve=solve_slowly)",
+        f"build_library({study}, Path(sys.argv[1]), workers=2, solve=SolvesSome("
+        "Path(sys.argv[2]), int(sys.argv[3])))",
     )
 
     for wanted in (1, 6):
+        begun = tmp_path / f"begun{wanted}"
+        begun.mkdir()
         child = subprocess.Popen(
-            [sys.executable, program, path], env=environment, start_new_session=True
+            [sys.executable, program, path, begun, str(wanted)],
+            env=environment,
+            start_new_session=True,
         )
-        while (
-            child.poll() is None
-            and len(list(path.glob("force_ratio/c/*/*/*"))) < wanted
-        ):
-            time.sleep(0.01)
-
+        wait_until(lambda: len(list(path.glob("force_ratio/c/*/*/*"))) >= wanted)  # noqa: B023 - called at once
         os.killpg(child.pid, signal.SIGKILL)
         assert child.wait() == -signal.SIGKILL
 
