@@ -6,7 +6,6 @@ import json
 import os
 import signal
 import sys
-import time
 from contextlib import suppress
 from dataclasses import replace
 from math import inf, nan
@@ -292,7 +291,7 @@ def test_after_a_wrong_message_the_next_ones_can_be_read(ends):
 
 
 MODULE = """
-import json, os, signal, sys, time
+import json, os, select, signal, sys
 from scleraforce.service.channel import ChannelClosedError, run_companion
 from scleraforce.service.messages import Note, OpinionSettings
 def serve(channel, settings):
@@ -303,19 +302,20 @@ def serve(channel, settings):
         "threads": os.environ["OMP_NUM_THREADS"],
     })))
     while settings.ring.frames:
+        select.select([channel], [], [])
         try:
-            channel.receive()
+            for message in channel.receive():
+                channel.send(message)
         except ChannelClosedError:
             sys.exit(settings.ring.frames)
-        time.sleep(0.01)
-    time.sleep(60)
+    select.select([], [], [])
 run_companion(OpinionSettings, serve)
 """
 
 
 def ending_with(code, descriptor=0):
-    """Settings of some child: its exit code in place of a number of frames; it waits
-    for ever for 0.
+    """Settings of some child, which echoes: its exit code in place of a number of
+    frames; for 0 it waits for ever.
     """
     ring = RingPlace(descriptor=descriptor, frames=code, rows=1, columns=1)
     return messages.OpinionSettings(
@@ -334,10 +334,14 @@ def module(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
 
 
-def answer(child):
+def heard(child):
     messages = []
     wait_until(lambda: messages.extend(child.channel.receive()) or messages)
-    return json.loads(messages[0].text)
+    return messages
+
+
+def answer(child):
+    return json.loads(heard(child)[0].text)
 
 
 @pytest.mark.usefixtures("module")
@@ -364,8 +368,8 @@ def test_a_child_gets_its_settings_and_the_files_and_ends_or_is_killed_when_the_
     ):  # as a terminal that is closed
         os.kill(child.process.pid, number)
 
-    time.sleep(0.05)
-    assert child.process.poll() is None
+    child.channel.send(note(1))  # it is there after the signals
+    assert heard(child) == [note(1)]
     assert child.end(FUSE_S) == 7
     os.close(file)
     waits = channel.Child("some_child", ending_with(0))

@@ -7,7 +7,7 @@ import resource
 import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
-from time import sleep
+from select import select
 
 import pytest
 from small_monitor import NoGuard
@@ -32,15 +32,14 @@ def listener() -> Iterator[socket.socket]:
 
 def all_that_arrives(peer: socket.socket, connection: Connection) -> Iterator[bytes]:
     """Read until nothing is on its way any more."""
-    peer.setblocking(False)
-    while True:
-        on_its_way = connection._forget_taken() > 0
-        try:
+
+    def has_come() -> bool:
+        return bool(select([peer], [], [], 0.0)[0])
+
+    while connection._forget_taken() > 0 or has_come():
+        wait_until(lambda: has_come() or connection._forget_taken() == 0)
+        if has_come():
             yield peer.recv(1 << 20)
-        except BlockingIOError:
-            if not on_its_way:
-                return
-            sleep(0.001)
 
 
 def test_a_peer_that_reads_late_gets_whole_messages_and_misses_others(
@@ -151,7 +150,7 @@ def test_a_client_for_which_messages_wait_is_let_go_after_a_fifth_of_a_second_bu
         assert served.sweep(since_s + STALLED_S + 0.01, None) == [client.address]
         assert client not in served
         assert "waited for 0.2 s" in notes[-1]
-        peer.settimeout(2.0)
+        peer.settimeout(FUSE_S)
         heard = 0
 
         with suppress(ConnectionResetError):

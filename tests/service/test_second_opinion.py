@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from select import select
-from time import monotonic, sleep
+from time import monotonic
 
 import numpy as np
 import pytest
 from analytic_frames import KNOWN, LIBRARY, SCALE, STUDY, image, tip_of, wall_section
 from scanned_planes import CROSS, cut_wall
 from small_models import write_fixed_reader
-from waiting import FUSE_S
+from waiting import FUSE_S, wait_until
 
 from scleraforce.errors import InputError
 from scleraforce.known import Known, Modulus
@@ -22,7 +22,7 @@ from scleraforce.recording.folder import Plane
 from scleraforce.service import messages
 from scleraforce.service.channel import ChannelClosedError, Child
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.learning import LEARNED_FILE, SETTLES_S, resumed
+from scleraforce.service.learning import LEARNED_FILE, LEAST_S, resumed
 
 pytest.importorskip("torch")
 
@@ -39,6 +39,10 @@ PRIOR = Modulus(
 EYE = replace(KNOWN, modulus=PRIOR)
 
 
+# since which the frames that teach came: none has to wait until it has settled
+LONG_AGO_S = 600.0
+
+
 class Reader:
     """The process, and the ring that it reads from; with a `record` it learns the eye,
     and saves it there.
@@ -53,6 +57,7 @@ class Reader:
     ) -> None:
         self.ring = FrameRing.create(4, STUDY.oct.rows, STUDY.oct.columns)
         self.number = 0
+        self.at_s = monotonic() - LONG_AGO_S
         settings = messages.OpinionSettings(
             model=model,
             known=known,
@@ -102,26 +107,29 @@ class Reader:
     def show(
         self, force_n: float, teaches: bool = True, pierced: bool = False
     ) -> list[messages.CompanionMessage]:
-        """Show a frame; return what came until its opinion, with it."""
+        """Show a frame, long enough after the last one to teach; return what came until
+        its opinion, with it.
+        """
         self.number += 1
+        self.at_s += 1.1 * LEAST_S
         self.ring.put(self.number, image(wall_section(tip_of(force_n)), self.number))
-        self.ask(self.number, self.number, monotonic(), teaches, pierced)
+        self.ask(self.number, self.number, self.at_s, teaches, pierced)
         return self.hear(messages.OpinionGiven)
 
-    def learned(
-        self, within_s: float, teaches: bool = True
-    ) -> messages.EyeLearned | None:
-        """Hold the needle until something was learned; None if nothing was within a
-        time.
-        """
-        end_s = monotonic() + within_s
-        while monotonic() < end_s:
-            for one in self.show(0.020, teaches):
-                if isinstance(one, messages.EyeLearned):
-                    return one
-            sleep(0.05)
-
-        return None
+    def learned(self, teaches: bool = True) -> messages.EyeLearned:
+        """Hold the needle until something was learned."""
+        found = list[messages.EyeLearned]()
+        wait_until(
+            lambda: (
+                found.extend(
+                    one
+                    for one in self.show(0.020, teaches)
+                    if isinstance(one, messages.EyeLearned)
+                )
+                or bool(found)
+            )
+        )
+        return found[0]
 
 
 @pytest.fixture(scope="module")
@@ -243,17 +251,17 @@ def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_
 ) -> None:
     learning = Reader(model, EYE, tmp_path)
     learning.hear(messages.Alive)
-    learning.show(0.010, teaches=False)
-    assert learning.learned(3 * SETTLES_S, teaches=False) is None
-
-    for force_n in (0.005, 0.010, 0.015, 0.020):
+    learning.show(0.025, teaches=False)
+    taught_n = (0.005, 0.010, 0.015, 0.020)
+    for force_n in taught_n:
         learning.show(force_n)
-        sleep(0.11)
 
-    found = learning.learned(FUSE_S)
-    assert found is not None
+    found = learning.learned()
+    while found.frames < len(taught_n):
+        found = learning.learned()
+
     assert found.fault == ""
-    assert found.frames >= 1
+    assert found.frames == len(taught_n)
     modulus = found.known.modulus
     assert modulus is not None
     assert modulus.source == "shape"
@@ -274,8 +282,7 @@ def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_
         resumed(replace(EYE, stiffening=10.0), tmp_path / LEARNED_FILE, "eye-a")
 
     learning.show(0.020, teaches=False, pierced=True)
-    forgotten = learning.learned(FUSE_S, teaches=False)
-    assert forgotten is not None
+    forgotten = learning.learned(teaches=False)
     assert forgotten.frames == 0
     assert forgotten.known.modulus == PRIOR
     assert learning.child.end(FUSE_S) == 0

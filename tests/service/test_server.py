@@ -348,7 +348,7 @@ def test_a_withdrawal_stays_until_the_operators_reset_on_fresh_harmless_frames(
     granted, message = reset(port, "wrong")
     assert not granted
     assert "token" in message
-    assert ask_reset("127.0.0.1", port, rule.TOKEN)[0] is True
+    assert reset(port)[0] is True
     scanner.heard.clear()
     scanner.show(10.0)
     assert scanner.wait_for_code(1).subcode == 0
