@@ -9,7 +9,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from small_monitor import decision
-from waiting import FUSE_S
+from waiting import FUSE_S, wait_until
 
 from scleraforce.decision.limits import MonitorLimits
 from scleraforce.recording.pixels import PixelScale
@@ -107,8 +107,10 @@ class ConsoleMonitor:
         return message
 
     def tell(self, message: CompanionMessage) -> None:
-        """Send a message."""
-        assert self.child.channel.send(message)
+        """Send a message; wait where a console that got no processor has not read those
+        before it.
+        """
+        wait_until(lambda: self.child.channel.send(message))
 
     def entry(
         self, state: str, message: str = "", cause: str | None = None, **said: Any
@@ -134,7 +136,7 @@ class ConsoleMonitor:
             message=f"{state}: {message}" if message else state,
             **said,
         )
-        assert self.child.channel.send(Decided(entry=entry))
+        self.tell(Decided(entry=entry))
 
     def frame(
         self,

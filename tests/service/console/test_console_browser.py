@@ -6,15 +6,14 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Event, Thread
-from time import sleep
 from typing import Any
 
 import numpy as np
 import pytest
 from chromium import NEEDS_CHROMIUM
 from console_monitor import TOKEN, ConsoleMonitor, reading
-from playwright.sync_api import Browser, Dialog, Page, expect
-from waiting import FUSE_S
+from playwright.sync_api import Browser, Dialog, Page, WebSocket, expect
+from waiting import FUSE_S, wait_until
 
 from scleraforce.service.messages import Outline, ResetAnswered, ResetAsked, WrongTokens
 
@@ -32,11 +31,19 @@ class Opened:
         self.page = page
         self.complaints: list[str] = []
         self.asked: list[str] = []
+        self.heard = 0  # messages of the console
         page.on("console", lambda message: self.complaints.append(message.text))
         page.on("pageerror", lambda error: self.complaints.append(str(error)))
         page.on("request", lambda request: self.asked.append(request.url))
-        page.on("websocket", lambda link: self.asked.append(link.url))
+        page.on("websocket", self._listen)
         page.on("dialog", self._refuse)
+
+    def _listen(self, link: WebSocket) -> None:
+        self.asked.append(link.url)
+        link.on("framereceived", self._hear)
+
+    def _hear(self, _: str | bytes) -> None:
+        self.heard += 1
 
     def _refuse(self, dialog: Dialog) -> None:
         self.complaints.append(f"window.{dialog.type}")
@@ -47,8 +54,13 @@ class Opened:
         for name, text in texts.items():
             expect(self.page.locator(f"#{name.replace('_', '-')}")).to_have_text(text)
 
-    def view(self) -> str:
-        return str(self.page.evaluate("document.body.dataset.view"))
+    def has_view(self, view: str) -> None:
+        """Wait for a view."""
+        expect(self.page.locator("body")).to_have_attribute("data-view", view)
+
+    def wait_until(self, holds: Callable[[], bool]) -> None:
+        """Wait until something holds; what comes from the page is heard meanwhile."""
+        wait_until(lambda: self.page.evaluate("true") and holds())
 
     def looks_live(self) -> bool:
         """Return whether anything looks like a live value: a number, a lit lamp, a
@@ -74,7 +86,8 @@ def opened(browser: Browser) -> Iterator[Callable[..., Opened]]:
     def open_page(address: str, **options: Any) -> Opened:
         contexts.append(browser.new_context(**options))
         found = Opened(contexts[-1].new_page())
-        found.page.set_default_timeout(20_000)
+        found.page.set_default_timeout(1e3 * FUSE_S)
+        expect.set_options(timeout=1e3 * FUSE_S)
         found.page.goto(address)
         return found
 
@@ -135,6 +148,12 @@ def colours_at(page: Page, *rows: float) -> list[list[int]]:
     return list(page.evaluate(script, rows))
 
 
+def wall_is_drawn(page: Page) -> bool:
+    """Return whether the bright wall, the dark above it and its outline are shown."""
+    wall, above, surface = colours_at(page, 30, 10, 20.5)
+    return min(wall) > 240 and max(above) < 10 and surface == [0xE6, 0x9F, 0x00]
+
+
 def test_the_page_shows_what_the_monitor_decided_and_says_at_once_when_it_has_gone(
     opened: Any,
 ) -> None:
@@ -161,25 +180,25 @@ def test_the_page_shows_what_the_monitor_decided_and_says_at_once_when_it_has_go
                 graph_stamp="",
             )
             expect(found.page.locator("#class")).to_have_text("1")
-            assert found.view() == "WATCHING"
-            assert found.looks_live()
-            assert found.page.locator("#ask").is_disabled()
-            wall, above, surface = colours_at(found.page, 30, 10, 20.5)
-            assert min(wall) > 240
-            assert max(above) < 10
-            assert surface == [0xE6, 0x9F, 0x00]
+            found.has_view("WATCHING")
+            found.wait_until(found.looks_live)
+            expect(found.page.locator("#ask")).to_be_disabled()
+            found.wait_until(lambda: wall_is_drawn(found.page))
 
-        monitor.entry(
-            "WITHDRAW", "up to 31.0 mN, the bound is 30.0 mN; class 1; 28.0 mN", "BOUND"
-        )
-        found.shows(
-            word="WITHDRAW", sentence="Now: The force may have reached the bound."
-        )
-        expect(found.page.locator("#held")).to_have_text(
-            re.compile(r"Held since \d\d:\d\d:\d\d\.")
-        )
-        found.shows(detail="up to 31.0 mN, the bound is 30.0 mN")
-        assert found.page.locator("#ask").is_enabled()
+        reason = "up to 31.0 mN, the bound is 30.0 mN"
+        with repeating(
+            lambda: monitor.entry("WITHDRAW", f"{reason}; class 1; 28.0 mN", "BOUND")
+        ):
+            found.shows(
+                word="WITHDRAW",
+                sentence="Now: The force may have reached the bound.",
+                detail=reason,
+            )
+            expect(found.page.locator("#held")).to_have_text(
+                re.compile(r"Held since \d\d:\d\d:\d\d\.")
+            )
+            expect(found.page.locator("#ask")).to_be_enabled()
+
         scroll = (
             "[document.documentElement.scrollHeight,"
             " document.documentElement.scrollWidth]"
@@ -194,7 +213,7 @@ def test_the_page_shows_what_the_monitor_decided_and_says_at_once_when_it_has_go
         }
 
     found.shows(word="NO ANSWER")
-    assert found.view() == "LOST"
+    found.has_view("LOST")
     assert not found.looks_live()
 
 
@@ -206,8 +225,17 @@ def test_the_time_until_the_bound_is_a_bar_that_shrinks_and_words_also_on_a_narr
         found = opened(
             monitor.address, viewport={"width": 400, "height": 800}, color_scheme=scheme
         )
-        bar = "getComputedStyle(document.querySelector('#until i'), '::before').width"
-        widths = []
+        bar = (
+            "[document.getElementById('until-text').textContent,"
+            " getComputedStyle(document.querySelector('#until i'), '::before').width]"
+        )
+        widths: list[float] = []
+
+        def shows_bar(words: str) -> bool:
+            said, width = found.page.evaluate(bar)
+            if said == words:
+                widths.append(float(width.removesuffix("px")))
+            return bool(said == words)
 
         for median_ms, ends_ms, words in (
             (None, None, "bound: not within 2 s"),
@@ -218,8 +246,7 @@ def test_the_time_until_the_bound_is_a_bar_that_shrinks_and_words_also_on_a_narr
         ):
             time = {"time_to_bound_ms": median_ms, "time_to_bound_ms_interval": ends_ms}
             with repeating(watching(monitor, **time)):
-                found.shows(until_text=words)
-                widths.append(float(found.page.evaluate(bar).removesuffix("px")))
+                wait_until(lambda: shows_bar(words))  # noqa: B023 - called at once
 
         assert widths[0] == widths[1] > 300.0
         assert widths[2:] == pytest.approx(
@@ -324,6 +351,15 @@ def test_a_monitor_that_is_silent_is_as_loud_as_a_withdrawal_and_comes_back(
     assert found.complaints == []
 
 
+# one may be there for a moment only
+REMEMBER_SENTENCES = """() => {
+  const sentence = document.getElementById("sentence");
+  window.sentences = [];
+  new MutationObserver(() => sentences.push(sentence.textContent))
+    .observe(sentence, { childList: true, characterData: true, subtree: true });
+}"""
+
+
 def test_a_server_that_hangs_is_shown_within_half_a_second_and_comes_back_by_itself(
     shown: Any,
 ) -> None:
@@ -332,16 +368,19 @@ def test_a_server_that_hangs_is_shown_within_half_a_second_and_comes_back_by_its
     with repeating(watching(monitor)):
         found.shows(word="WATCHING")
 
+    found.page.evaluate(REMEMBER_SENTENCES)
+    connections = len(found.asked)
     os.kill(monitor.child.process.pid, signal.SIGSTOP)
+
     try:
-        found.shows(
-            word="NO ANSWER",
-            sentence=(
-                "The console's server does not answer. Treat this as a withdrawal."
-            ),
+        found.page.wait_for_function(
+            "sentence => sentences.includes(sentence)",
+            arg="The console's server does not answer. Treat this as a withdrawal.",
         )
+        found.shows(word="NO ANSWER")
         assert not found.looks_live()
-        sleep(3.0)  # the page has tried another connection by now
+        # the page tries another connection
+        found.wait_until(lambda: len(found.asked) > connections)
     finally:
         os.kill(monitor.child.process.pid, signal.SIGCONT)
 
@@ -436,8 +475,9 @@ def test_a_page_that_fails_shows_nothing_that_looks_live(
         found.shows(
             sentence="This page has failed: load it again. Treat this as a withdrawal."
         )
-        sleep(0.3)
-        assert found.view() == "LOST", event
+        heard = found.heard
+        found.wait_until(lambda: found.heard > heard + 2)
+        assert found.page.evaluate("document.body.dataset.view") == "LOST", event
         assert not found.looks_live()
 
 

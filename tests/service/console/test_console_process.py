@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from threading import Event, Thread
-from time import monotonic, sleep
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -103,10 +103,13 @@ def shown_picture(link: ClientConnection) -> bytes:
 
 
 def what_waits(link: ClientConnection) -> Iterator[str | bytes]:
-    """All that comes within a moment; nothing of it is acknowledged."""
+    """Yield all that the console sent before it answers a ping; nothing of it is
+    acknowledged.
+    """
+    assert link.ping().wait(FUSE_S)
     with suppress(TimeoutError):
         while True:
-            yield link.recv(timeout=0.15)
+            yield link.recv(timeout=0.0)
 
 
 def close_of(link: ClientConnection) -> Close | None:
@@ -288,14 +291,13 @@ def test_a_page_gets_less_while_answers_are_slow_and_a_withdrawal_at_once() -> N
     columns = 400
 
     with ConsoleMonitor(rows=rows, columns=columns) as monitor, page(monitor) as link:
-        for _ in range(3):
-            slow = {**reading(12.0), "latency_ms": 50.0}
+        slow = {**reading(12.0), "latency_ms": 50.0}
+        thrift = 0
+        while not thrift:
             frame = monitor.frame(
                 np.full((rows, columns), 1000, np.uint16), "WATCHING", **slow
             )
-
-        while state_of(link)["thrift"] == 0:
-            pass
+            thrift = state_of(link)["thrift"]
 
         monitor.tell(Outline(frame=frame, step=4, outer=(), inner=()))
         picture = shown_picture(link)
@@ -413,8 +415,6 @@ def test_the_channel_is_read_while_nobody_looks_and_while_a_request_hangs(
         hanging.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n")
         for number in range(3000):
             monitor.entry("WATCHING", frame=number + 1)
-            if number % 5 == 4:
-                sleep(0.001)
 
     monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS")
     with page(monitor) as link:
@@ -425,14 +425,15 @@ def test_the_channel_is_read_while_nobody_looks_and_while_a_request_hangs(
 def test_when_the_monitor_dies_pages_show_it_and_the_console_ends() -> None:
     """The monitor here is a process of its own, which is killed."""
     program = (
-        "import time; from console_monitor import ConsoleMonitor; started ="
+        "import sys; from console_monitor import ConsoleMonitor; started ="
         " ConsoleMonitor();started.entry('WATCHING'); print(started.port,"
-        " started.child.process.pid, flush=True); time.sleep(60)"
+        " started.child.process.pid, flush=True); sys.stdin.read()"
     )
     support = Path(__file__).parents[2] / "support"
     killed = subprocess.Popen(
         [sys.executable, "-c", program],
         env=os.environ | {"PYTHONPATH": str(support)},
+        stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
     )
@@ -442,7 +443,9 @@ def test_when_the_monitor_dies_pages_show_it_and_the_console_ends() -> None:
         port, pid = map(int, killed.stdout.readline().split())
 
     with connect(
-        f"ws://127.0.0.1:{port}/live", origin=f"http://127.0.0.1:{port}"
+        f"ws://127.0.0.1:{port}/live",
+        origin=f"http://127.0.0.1:{port}",
+        open_timeout=FUSE_S,
     ) as link:
         assert state_of(link)["state"] == "WATCHING"
         killed.send_signal(signal.SIGKILL)
@@ -451,6 +454,8 @@ def test_when_the_monitor_dies_pages_show_it_and_the_console_ends() -> None:
         close_of(link)
 
     killed.stdout.close()
+    assert killed.stdin is not None
+    killed.stdin.close()
     wait_until(lambda: not alive(pid))
 
 
