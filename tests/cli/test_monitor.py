@@ -10,10 +10,10 @@ import signal
 import socket
 import sys
 import termios
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from functools import cache, wraps
+from functools import cache
+from io import StringIO
 from itertools import chain, count
 from math import radians
 from pathlib import Path
@@ -33,7 +33,7 @@ from analytic_frames import (
     tip_of,
     wall_section,
 )
-from commands import BINS, Started, monitor_folder, program, started
+from commands import BINS, PACED, monitor_folder, started
 from small_models import fixed_study
 from small_monitor import Peer
 from waiting import FUSE_S, wait_until
@@ -44,7 +44,7 @@ from scleraforce.decision.limits import MonitorLimits
 from scleraforce.errors import InputError
 from scleraforce.known import NOTHING_KNOWN
 from scleraforce.models import SHIPPED_READER
-from scleraforce.openigtlink import Image, Sensor, Status
+from scleraforce.openigtlink import Image, Query, Sensor, Status
 from scleraforce.reader.evaluate import evaluate_recordings
 from scleraforce.reader.model import load_model
 from scleraforce.recording.folder import Plane, read_recording, true_forces
@@ -83,35 +83,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return monitor_folder(tmp_path_factory.mktemp("monitor"))
 
 
-class StarvedError(AssertionError):
-    """The watchdog ended the monitor, which got no processor for longer than it may be
-    silent.
-    """
-
-
-def unless_starved(test: Callable[..., None]) -> Callable[..., None]:
-    """Start anew, at most twice, where this machine is so busy that the watchdog ended
-    the monitor.
-    """
-
-    @wraps(test)
-    def attempts(folder: Path, tmp_path: Path, **case: object) -> None:
-        for number in range(2):
-            with suppress(StarvedError):
-                return test(folder, tmp_path / str(number), **case)
-        return test(folder, tmp_path / "last", **case)
-
-    return attempts
-
-
 IDS = count(1)
-# of a busy machine, not of the eye
-PAUSES = {
-    "SILENCE",
-    "STALE",
-    "NO_OPINION",
-    "QUEUE_BEHIND",
-}
 SENT: list[np.ndarray] = []
 # more frames than the monitor remembers: a live scanner never shows a picture again
 SEEDS = range(60)
@@ -125,21 +97,24 @@ def usual_frames() -> dict[int, list[np.ndarray]]:
     }
 
 
-def push(scanner: Peer, force_mn: int, frames: int, every_s: float = 0.03) -> None:
-    """Send frames of a wall under a force, as a scanner does."""
+def push(scanner: Peer, force_mn: int, frames: int) -> None:
+    """Send frames of a wall under a force, each when the last one was answered and its
+    second opinion has come.
+    """
     for _ in range(frames):
         serial = next(IDS)
         fresh = usual_frames()[force_mn][serial % len(SEEDS)]
         SENT.append(fresh)
+        read = scanner.readings()
         scanner.say(Image(fresh[None], MATRIX), message_id=serial)
-        scanner.hear(within_s=every_s)
+        scanner.hear(lambda peer: peer.readings() > read)  # noqa: B023 - called at once
 
-    if any(status.name == "WATCHDOG" for status in scanner.statuses()[-1:]):
-        raise StarvedError
+    known = len(scanner.statuses())
+    scanner.say(Query("STATUS"))
+    scanner.hear(lambda peer: len(peer.statuses()) > known)
 
 
 @pytest.mark.slow
-@unless_starved
 def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(
     folder: Path, tmp_path: Path
 ) -> None:
@@ -147,7 +122,12 @@ def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(
     first = len(SENT)
 
     with started(
-        folder, "--calibration", str(folder / "calibration.json"), *EYE, *kept
+        folder,
+        "--calibration",
+        str(folder / "calibration.json"),
+        *EYE,
+        *kept,
+        script=PACED,
     ) as monitor:
         known = (
             f"0.300 MPa (calibrated), IOP 2.0 mmHg, {THICKNESS_M * 1e6:.0f} µm thick,"
@@ -161,7 +141,7 @@ def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(
             scanner.hear(lambda peer: bool(peer.statuses()))
             assert scanner.statuses()[0].code == 13
             # which the network, always the same, does not see
-            withdrawal = _undisturbed(scanner, monitor, 40)
+            withdrawal = _pushed(scanner, 40)
             assert withdrawal.name in {"BOUND", "DANGEROUS_CLASS"}
             push(scanner, 8, 20)
             assert (
@@ -175,9 +155,10 @@ def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(
                 if line.startswith("code")
             )
             reset = ["monitor-reset", "--port", str(monitor.port), "--token", code]
-            wait_until(lambda: _after(scanner, 8).code == 3 and run(reset) == 0)
+            assert run(reset) == 0
             assert run(reset) == 2  # each code is for one reset
-            _wait_at_rest(scanner, monitor)
+            push(scanner, 8, 1)
+            assert scanner.statuses()[-1].code == 1
 
         monitor.process.send_signal(signal.SIGINT)
         told, _ = monitor.process.communicate(timeout=FUSE_S)
@@ -195,9 +176,8 @@ def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(
 
 
 @pytest.mark.slow
-@unless_starved
 def test_a_push_in_two_planes_is_replayed_decided_on_recorded_and_evaluated(
-    folder: Path, tmp_path: Path
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     model = folder / "shipped" / "reader"
     model.parent.mkdir(exist_ok=True)
@@ -237,9 +217,14 @@ def test_a_push_in_two_planes_is_replayed_decided_on_recorded_and_evaluated(
     known = [*eye, "--iop-mmhg", "2", "--globe", "open", *CROSS]
     kept = ["--black-box", str(tmp_path / "box"), "--record", str(session)]
 
-    with started(model.parent, *known, *kept) as monitor:
-        if run(["replay", str(push), "--port", str(monitor.port), "--quiet"]):
-            raise StarvedError
+    sent = read_recording(push).frames
+    monkeypatch.setattr("scleraforce.replay.player.ANSWER_S", FUSE_S)
+    monkeypatch.setattr("sys.stdin", StringIO("\n" * len(sent)))
+    with started(model.parent, *known, *kept, script=PACED) as monitor:
+        assert (
+            run(["replay", str(push), "--port", str(monitor.port), "--step", "--quiet"])
+            == 0
+        )
 
     log = [part.record for part in read_log(tmp_path / "box" / "log") if part.record]
     read = [
@@ -247,8 +232,7 @@ def test_a_push_in_two_planes_is_replayed_decided_on_recorded_and_evaluated(
         for record in log
         if record["kind"] == "entry" and record["entry"]["frame"]
     ]
-    # a busy machine may lose some
-    sent = read_recording(push).frames
+    assert [entry["frame_id"] for entry in read] == [*range(1, len(sent) + 1)]
     true_n = list(true_forces(push).values())
     assert [entry["plane"] for entry in read] == [
         sent[entry["frame_id"] - 1].plane for entry in read
@@ -275,16 +259,10 @@ def test_a_push_in_two_planes_is_replayed_decided_on_recorded_and_evaluated(
     assert all(frame.answer.place for frame in found.frames)
 
 
-def _after(scanner: Peer, force_mn: int) -> Status:
-    push(scanner, force_mn, 3)
-    return scanner.statuses()[-1]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "ends"), [(["--bound-mn", "20"], (3, "BOUND")), ([], (1, ""))]
 )
-@unless_starved
 def test_a_lower_bound_withdraws_from_a_force_below_the_bound_of_the_study(
     folder: Path, tmp_path: Path, options: list[str], ends: tuple[int, str]
 ) -> None:
@@ -298,44 +276,22 @@ def test_a_lower_bound_withdraws_from_a_force_below_the_bound_of_the_study(
     kept = ["--black-box", str(tmp_path / "box")]
 
     with (
-        started(folder, *known, *options, *kept) as monitor,
+        started(folder, *known, *options, *kept, script=PACED) as monitor,
         Peer(monitor.port, version=2) as scanner,
     ):
-        last = _undisturbed(scanner, monitor, 24)
+        last = _pushed(scanner, 24)
 
     assert (last.code, last.name) == ends, last
 
 
-def _undisturbed(scanner: Peer, monitor: Started, force_mn: int) -> Status:
-    """Return the STATUS after 20 frames of this force; again where this machine paused
-    longer than a scanner may.
+def _pushed(scanner: Peer, force_mn: int) -> Status:
+    """Wait for the monitor to watch, then return the STATUS after 20 frames of a
+    force.
     """
-    for _ in range(10):
-        _wait_at_rest(scanner, monitor)  # the second opinion has come as well
-        push(scanner, force_mn, 20)
-        last = scanner.statuses()[-1]
-        if last.name not in PAUSES:
-            break
-
-    return last
-
-
-def _wait_at_rest(scanner: Peer, monitor: Started) -> None:
-    """Show a harmless force until the monitor watches; reset it where this machine
-    paused longer than a scanner may.
-    """
-
-    def at_rest() -> bool:
-        status = _after(scanner, min(usual_frames()))
-        if status.code == 3:
-            assert status.name in PAUSES, status
-            run(
-                ["monitor-reset", "--port", str(monitor.port), "--token", monitor.token]
-            )
-
-        return status.code == 1
-
-    wait_until(at_rest)
+    push(scanner, min(usual_frames()), 10)
+    assert scanner.statuses()[-1].code == 1
+    push(scanner, force_mn, 20)
+    return scanner.statuses()[-1]
 
 
 CROSS = ["--plane", "along:0:0", "--plane", "across:0.1:90"]
@@ -632,7 +588,7 @@ def test_a_signal_ends_it_in_order_leaves_no_process_and_no_module_of_the_curren
 
     options = ["--black-box", str(tmp_path / "box"), "--web-port", "0"]
     with (
-        started(folder, *options, here=tmp_path) as monitor,
+        started(folder, *options, here=tmp_path, script=PACED) as monitor,
         Peer(monitor.port) as robot,
     ):
         assert monitor.process.stderr
@@ -653,7 +609,6 @@ def test_a_signal_ends_it_in_order_leaves_no_process_and_no_module_of_the_curren
         assert monitor.process.returncode == 0
         assert "the monitor ends" in robot.wait_for_code(3).message
 
-    # a busy machine may cause a withdrawal
     assert said.splitlines()[-1].startswith("ended after 0 frames")
     assert json.loads(told)["frames"] == 0
     assert not (tmp_path / "ran").exists()
@@ -672,7 +627,6 @@ def test_a_terminal_that_is_closed_ends_it_in_order_and_one_that_is_stopped_keep
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
 
-    script = program(folder)
     pid, terminal = pty.fork()  # the monitor leads the terminal's session
     if pid == 0:
         command = [
@@ -683,7 +637,7 @@ def test_a_terminal_that_is_closed_ends_it_in_order_and_one_that_is_stopped_keep
             "--black-box",
             str(tmp_path / "box"),
         ]
-        os.execv(sys.executable, [sys.executable, str(script), *command])
+        os.execv(sys.executable, [sys.executable, str(PACED), *command])
 
     read_until(terminal, "monitor-reset")
     with Peer(port) as robot:

@@ -3,15 +3,18 @@
 import socket
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
 from analytic_frames import GAP_M, IOP_PA, SCALE, image, tip_of, wall_section
-from commands import monitor_folder
+from commands import PACED, monitor_folder
 from small_monitor import Peer
+from waiting import FUSE_S
 
 import scleraforce as sf
 from scleraforce.errors import InputError
+from scleraforce.notebook import monitoring
 from scleraforce.openigtlink import Image
 
 MATRIX = (
@@ -33,6 +36,15 @@ pytestmark = pytest.mark.skipif(
 )
 
 
+@pytest.fixture
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let no busy machine make the watchdog or the operator impatient."""
+    monkeypatch.setattr(monitoring, "COMMAND", (sys.executable, str(PACED)))
+    ask = partial(monitoring.ask_reset, within_s=FUSE_S)
+    monkeypatch.setattr(monitoring, "ask_reset", ask)
+
+
+@pytest.mark.usefixtures("patient")
 def test_a_robot_meets_the_monitor_of_the_command_and_it_ends_with_the_block(
     tmp_path: Path,
 ) -> None:
@@ -86,6 +98,7 @@ def test_a_monitor_that_cannot_start_is_one_clear_line(tmp_path: Path) -> None:
         assert "\n" not in str(fault.value)
 
 
+@pytest.mark.usefixtures("patient")
 def test_a_block_that_fails_ends_its_monitor(tmp_path: Path) -> None:
     folder = monitor_folder(tmp_path)
     seen = []

@@ -14,7 +14,7 @@ import pytest
 from analytic_frames import MODULUS_PA, SMALL_LIBRARY, THICKNESS_M
 from small_models import write_fixed_reader
 from small_recordings import calibration_text
-from waiting import ends
+from waiting import FUSE_S, ends
 
 from scleraforce.cli.main import run
 
@@ -75,12 +75,19 @@ class Started:
     lines: list[str]
 
 
+PACED = Path(__file__).with_name("paced_monitor.py")
+
+
 @contextmanager
-def started(folder: Path, *options: str, here: Path | None = None) -> Iterator[Started]:
-    """Start the command, wait until it listens; Ctrl-C ends it."""
+def started(
+    folder: Path, *options: str, here: Path | None = None, script: Path | None = None
+) -> Iterator[Started]:
+    """Start the command, or a script in its place, and wait until it listens; Ctrl-C
+    ends it.
+    """
     command = [
         sys.executable,
-        str(program(folder)),
+        str(script or program(folder)),
         "monitor",
         str(folder / "reader"),
         "--port",
@@ -112,7 +119,7 @@ def started(folder: Path, *options: str, here: Path | None = None) -> Iterator[S
         finally:
             if process.poll() is None:
                 process.send_signal(signal.SIGINT)
-            process.wait(20.0)
+            process.wait(FUSE_S)
             process.stderr.close()
             if process.stdout:
                 process.stdout.close()

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from platformdirs import user_cache_path
-from waiting import ends
+from waiting import FUSE_S, ends
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -133,7 +133,8 @@ def traced(
             assert lines[-1], lines
 
         if until:
-            # what sends things in the background begins after some seconds
+            # what sends things in the background begins after some seconds; a sleep,
+            # since nothing tells that it will not begin
             time.sleep(5.0)
             os.killpg(process.pid, signal.SIGINT)
 
@@ -148,7 +149,7 @@ def traced(
     }
 
     return Traced(
-        process.wait(20.0),
+        process.wait(FUSE_S),
         "".join(lines),
         frozenset(ADDRESS.findall(text)),
         frozenset(files),
