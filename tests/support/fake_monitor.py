@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from time import time
 
+from waiting import FUSE_S
+
 from scleraforce.errors import LinkError
 from scleraforce.openigtlink import (
     Decoder,
@@ -82,7 +84,7 @@ class FakeMonitor(MonitorRule):
         self, decide: Callable[[object], Status | None] = lambda _: None
     ) -> None:
         super().__init__(decide)
-        self.reads = True  # False: it reads nothing any more
+        self.reads = True  # False: it reads nothing any more, for good
         self._peers: dict[socket.socket, int] = {}
         self._lock = threading.RLock()
         self._listener = socket.create_server(("127.0.0.1", 0))
@@ -124,10 +126,10 @@ class FakeMonitor(MonitorRule):
             self._listener.shutdown(socket.SHUT_RDWR)
 
         self._listener.close()
-        self._threads[0].join(5.0)  # nobody comes any more
+        self._threads[0].join(FUSE_S)  # nobody comes any more
         self.drop()
         for thread in self._threads:
-            thread.join(5.0)
+            thread.join(FUSE_S)
 
     def _accept(self) -> None:
         with suppress(OSError):
@@ -142,7 +144,7 @@ class FakeMonitor(MonitorRule):
                 self._threads[-1].start()
 
     def _beat(self) -> None:
-        while not self._ended.wait(HEARTBEAT_S):
+        while not self._ended.wait(HEARTBEAT_S):  # the pace of a real one
             with self._lock:
                 self._tell(self.status, STATUS)
 
@@ -151,8 +153,8 @@ class FakeMonitor(MonitorRule):
         with suppress(OSError):
             while not decoder.broken and not self._ended.is_set():
                 if not self.reads:
-                    self._ended.wait(0.01)
-                    continue
+                    self._ended.wait()
+                    break
 
                 data = peer.recv(1 << 18)
                 if not data:
