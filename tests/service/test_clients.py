@@ -117,6 +117,7 @@ def unread(
     peer = socket.socket()
     peer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     peer.connect(listener.getsockname())
+    assert select([listener], [], [], FUSE_S)[0]
     (client,) = clients.accept()
 
     for number in range(200):

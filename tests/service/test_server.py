@@ -146,6 +146,7 @@ def send_together(peer: Peer, forces_un: list[int], first: int = 0) -> None:
                 for n, image in enumerate(images, first)
             )
         )
+        peer.deliver()
 
 
 def wrong_checksum(peer: Peer) -> None:
@@ -320,7 +321,8 @@ def test_overtaken_frames_wait_for_a_newer_one_without_a_cause(
     def read(session: Session, frame: Frame) -> object:
         order.append(frame.number)
         if frame.number == 15:
-            scanner.show(10.03, time_s=3e9)  # it waits when the server looks next
+            scanner.show(10.03, time_s=3e9)
+            scanner.deliver()  # it waits when the server looks next
         return read_frame(session, frame)
 
     scanner.watch()
@@ -413,6 +415,7 @@ def test_others_have_two_milliseconds_a_turn_and_who_has_waited_longest_is_first
         for _ in range(3):
             for peer in peers:
                 peer.say(Query("STATUS"))
+                peer.deliver()
 
             server._turn(0.1)
 
@@ -911,6 +914,7 @@ def test_of_frames_that_came_together_the_newest_of_each_plane_is_answered_first
         ]
         with clock.held():
             scanner.link.sendall(b"".join(images))
+            scanner.deliver()
 
         scanner.hear(lambda peer: peer.readings() >= 10)
         texts = [json.loads(text.text) for text in scanner.texts()[-2:]]

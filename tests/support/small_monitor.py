@@ -2,9 +2,11 @@
 clock and its clients.
 """
 
+import fcntl
 import socket
 import subprocess
 import sys
+import termios
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,7 +20,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from waiting import FUSE_S, ends
+from waiting import FUSE_S, ends, wait_until
 
 from scleraforce.decision.events import Verdict
 from scleraforce.decision.limits import MonitorLimits
@@ -406,6 +408,12 @@ class Peer:
                 message_id=message_id,
             )
         )
+
+    def deliver(self) -> None:
+        """Wait until all that was sent is where the server looks: on a busy machine the
+        system may take its time.
+        """
+        wait_until(lambda: not any(fcntl.ioctl(self.link, termios.TIOCOUTQ, bytes(4))))
 
     def show(
         self, force_mn: float, pixels: NDArray[np.uint16] | None = None, **header: Any
