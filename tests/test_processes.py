@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 import workers as tasks
-from waiting import alive, wait_until
+from waiting import LIMIT_S, alive, wait_until
 from workers import NEEDS_DASK, Cluster, large, no_preparation, tripled, waits_for_ever
 
 import scleraforce
@@ -182,7 +182,7 @@ def test_no_module_of_the_current_folder_runs_in_a_worker(tmp_path: Path) -> Non
         env=safe,
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=LIMIT_S,
     )
     assert (done.stdout, done.stderr) == ("[(0, 0), (1, 2), (2, 4)]\n", "")
     assert not (tmp_path / "ran").exists()

@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from waiting import LIMIT_S
 
 from scleraforce.library.store import open_library
 
@@ -45,7 +46,7 @@ def run(folder: Path, tasks: int) -> "subprocess.CompletedProcess[str]":
         capture_output=True,
         text=True,
         check=False,
-        timeout=300,
+        timeout=LIMIT_S,
     )
 
 

@@ -17,7 +17,7 @@ import zarr
 from analytic_library import no_solution, no_worker, solve_analytic, solve_slowly
 from effects import contents
 from small_models import rehash_store
-from waiting import wait_until
+from waiting import LIMIT_S, wait_until
 from workers import Cluster
 
 from scleraforce.errors import InputError, SolverError
@@ -369,7 +369,7 @@ def test_one_of_several_makers_builds(tmp_path):
         subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
         for _ in range(3)
     ]
-    answers = [maker.communicate(timeout=300)[0].split() for maker in makers]
+    answers = [maker.communicate(timeout=LIMIT_S)[0].split() for maker in makers]
     assert sorted(int(built) for built, _ in answers) == [0, 0, CACHED_UNITS]
     assert len({total for _, total in answers}) == 1
 

@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from waiting import HANGS_S
 
 from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR, FrameForces
 from scleraforce.errors import SolverError
@@ -174,7 +175,7 @@ class SolvesSome:
     def __call__(self, plan, number):
         if number < plan.paths:
             while len(list(self.folder.iterdir())) >= self.most:
-                time.sleep(3600)
+                time.sleep(HANGS_S)
             (self.folder / str(number)).touch()
         return solve_analytic(plan, number)
 

@@ -12,6 +12,7 @@ from time import monotonic, sleep
 from typing import IO
 
 FUSE_S = 100.0  # nothing takes so long; pytest ends a test after three times that
+HANGS_S = 3600.0  # of what only a signal ends: longer than any test
 LIMIT_S = 240.0  # of a test that starts a monitor, on a busy machine
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from waiting import wait_until
+from waiting import HANGS_S, wait_until
 
 from scleraforce.errors import InputError
 
@@ -116,7 +116,7 @@ def leave_a_mark_or_wait(path: Path) -> None:
     """Make a file, and then wait for an hour where it is named `waits`."""
     path.touch()
     if path.name == "waits":
-        time.sleep(3600)
+        time.sleep(HANGS_S)
 
 
 class Large:
@@ -196,7 +196,7 @@ def waits_for_ever(folder: Path):
     def work(unit: int) -> int:
         if unit:
             (folder / f"pid{unit}").write_text(str(os.getpid()))
-            time.sleep(3600)
+            time.sleep(HANGS_S)
         return unit
 
     return work
