@@ -12,7 +12,7 @@ import sys
 import termios
 from contextlib import suppress
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from io import StringIO
 from itertools import chain, count
 from math import radians
@@ -49,6 +49,7 @@ from scleraforce.reader.evaluate import evaluate_recordings
 from scleraforce.reader.model import load_model
 from scleraforce.recording.folder import Plane, read_recording, true_forces
 from scleraforce.service.decision_log import read_log
+from scleraforce.service.reset import ask_reset
 from scleraforce.units import to_si
 
 pytest.importorskip("torch")
@@ -116,8 +117,10 @@ def push(scanner: Peer, force_mn: int, frames: int) -> None:
 
 @pytest.mark.slow
 def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(
-    folder: Path, tmp_path: Path
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    patient = partial(ask_reset, within_s=FUSE_S)
+    monkeypatch.setattr("scleraforce.service.reset.ask_reset", patient)
     kept = ["--black-box", str(tmp_path / "box"), "--record", str(tmp_path / "session")]
     first = len(SENT)
 
