@@ -216,9 +216,8 @@ def _code_file() -> Any:
 
             try:
                 return self._load_overload(signature, target_context)
-            except (
-                Exception
-            ):  # a damaged file may raise anything: the function is compiled anew
+            except Exception:
+                # a damaged file may raise anything: the function is compiled anew
                 return None
             finally:
                 target._library_class = before
