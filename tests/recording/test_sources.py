@@ -29,9 +29,9 @@ from scleraforce.errors import FrameError, InputError, RecordingError
 from scleraforce.recording import pixels
 from scleraforce.recording.importing import answers_like, given_times
 from scleraforce.recording.pixels import AXES, PixelSize, Scan, Times, UnansweredError
+from scleraforce.recording.source_files import files_of
 from scleraforce.recording.sources import (
     ImportOptions,
-    files_of,
     gather,
     on_one_clock,
     read_scan,
@@ -220,7 +220,7 @@ def test_pictures_of_a_folder_are_one_scan_in_the_order_of_their_numbers(
         "frames are taken in the order given, f10.png to f9.png; their numbers have"
         " another"
     )
-    assert gather(given, ImportOptions()).notes == (note,)
+    assert gather(given, ImportOptions(frames_by="order")).notes == (note,)
 
 
 def test_sources_without_frames_with_two_logs_or_a_stopped_clock_are_refused(
@@ -273,13 +273,17 @@ def test_a_table_of_times_goes_by_the_names_of_frames_or_else_by_their_order(
     for text, time_s in [
         ("file,time_s\na.png,7\nb.png,5\nother.png,9\n", [5.0, 7.0]),
         ("Time (ms)\n250\n500\n", [0.25, 0.5]),
-        ("file,time_s\nc.png,1\nd.png,2\n", [1.0, 2.0]),
     ]:
         table.write_text(text)
         assert given_times(scan, table, None).time_s.tolist() == time_s
 
     for text, rate_hz, message in [
         ("time_s\n1\n2\n3\n", None, "3 times for 2 frames"),
+        (
+            "file,time_s\nb.png,1\nd.png,2\n",
+            None,
+            r"times\.csv: file: no row for x/a\.png; there are b\.png, d\.png",
+        ),
         (
             "frame,when\na.png,1\n",
             None,

@@ -15,7 +15,8 @@ from scleraforce.errors import InputError
 from scleraforce.known.calibration_file import read_calibration
 from scleraforce.models import RECORD_FILE
 from scleraforce.recording.folder import read_info
-from scleraforce.recording.sources import files_of, source_kind
+from scleraforce.recording.source_files import files_of
+from scleraforce.recording.sources import source_kind
 
 SOURCES = "sources"  # files dropped onto the page
 MOST_ENTRIES = 65536  # that are not read again while they are unchanged

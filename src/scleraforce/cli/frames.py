@@ -31,7 +31,7 @@ from scleraforce.plain_text import wrapped
 from scleraforce.recording import folder
 from scleraforce.recording.folder import Plane, ScaledFrame, Scanner
 from scleraforce.recording.pixels import Pixels
-from scleraforce.recording.sources import files_of
+from scleraforce.recording.source_files import files_of
 from scleraforce.segmentation.found import Segmentation, draw_overlay
 from scleraforce.segmentation.needle import needle_entry
 from scleraforce.study import OctStudy

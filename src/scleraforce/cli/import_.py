@@ -94,8 +94,18 @@ OPTIONS = (
         "--times",
         type=PATH,
         help=(
-            "Table of the frames' times (time_s or another "
-            "unit), with a column of file names or in the frames' order."
+            "Table of the frames' times (time_s or another unit, or dates), with a"
+            " column of file names or in the frames' order."
+        ),
+    ),
+    click.option(
+        "--frames-by",
+        metavar="numbers|times[:UNIT]|order",
+        help=(
+            "What orders and times frames in files of their own: the numbers in their"
+            " names (or DICOM's), of which a missing one is a missing frame at"
+            " --rate-hz; the times in their names; or the order in which they are"
+            " listed, evenly spaced. Asked where numbers have gaps or repeats."
         ),
     ),
     click.option(

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import fields
 from functools import partial
-from itertools import islice, product
+from itertools import islice
 from math import degrees
 from os import PathLike
 from pathlib import Path
@@ -31,11 +31,11 @@ from scleraforce.recording.pixels import (
     UnansweredError,
     find_greys,
 )
+from scleraforce.recording.source_files import files_of
 from scleraforce.recording.sources import (
     OPTION,
     Gathered,
     ImportOptions,
-    files_of,
     gather,
     option_name,
 )
@@ -80,6 +80,7 @@ def import_recording(
     columns: Sequence[str] = (),
     rate_hz: float | None = None,
     times: str | PathLike[str] | None = None,
+    frames_by: str | None = None,
     clock_offset_s: float | None = None,
     axes: str | None = None,
     array: str | None = None,
@@ -121,7 +122,11 @@ def import_recording(
         contact_sign: of that axis in contact: 1 or -1.
         columns: of a force log, like "time=Clock:ms" and "fz=Pull:mN".
         rate_hz: frames taken in a second.
-        times: table of the frames' times.
+        times: table of the frames' times, by the names of files or in their order.
+        frames_by: what orders and times frames in files of their own: "numbers" in
+            their names (or DICOM's), of which a missing one is a missing frame at
+            `rate_hz`; "times" in their names, also in a unit like "times:ms"; or
+            "order", evenly spaced as they are listed.
         clock_offset_s: force log's clock minus the frames' clock.
         axes: their order in an array or volume, like "frame,depth,lateral".
         array: its name in a .npz.
@@ -168,6 +173,7 @@ def import_recording(
         "first_frame": first_frame,
         "last_frame": last_frame,
         "times": None if times is None else Path(times),
+        "frames_by": frames_by,
         "clock_offset_s": clock_offset_s,
         "columns": tuple(columns) or None,
         "axis": axis,
@@ -277,14 +283,11 @@ def write_imported(
                 )
             ) as to,
         ):
-            shown: list[tuple[str, ...]] = [
-                (plane.name,) for plane in gathered.planes
-            ] or [()]
-            entries = zip(
-                frame_files(scan.names),
-                product(done.times.time_s.tolist(), shown),
-                strict=True,
-            )
+            times_s = done.times.time_s.tolist()
+            places: list[tuple[float, tuple[str, ...]]] = [
+                (times_s[moment], (plane.name,)) for moment, plane in gathered.places
+            ] or [(time_s, ()) for time_s in times_s]
+            entries = zip(frame_files(scan.names), places, strict=True)
 
             for (file, (time_s, more)), picture in zip(
                 entries, _counted(scan.pictures(), advance), strict=True

@@ -2,7 +2,8 @@
 of its pixels and its times.
 """
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import datetime, tzinfo
@@ -17,6 +18,8 @@ from numpy.typing import NDArray
 from scleraforce.errors import FrameError
 from scleraforce.recording import pixels as scans
 from scleraforce.recording.pixels import (
+    Numbers,
+    OtherPictureError,
     PixelSize,
     Scan,
     Times,
@@ -63,6 +66,25 @@ FRAME_TIMES = (
     "FrameReferenceDateTime",
     "FrameAcquisitionDateTime",
 )
+# of one image, in their order of precedence: the tag of the time and of its day
+IMAGE_TIMES = (
+    ("AcquisitionTime", "AcquisitionDate"),
+    ("ContentTime", "ContentDate"),
+)
+DAYS = ("AcquisitionDate", "ContentDate", "SeriesDate", "StudyDate")
+# of one image, and of each of several
+IMAGE_NUMBERS = ("TemporalPositionIdentifier", "InstanceNumber")
+FRAME_NUMBERS = ("TemporalPositionIndex", "InStackPositionNumber")
+# Pictures from the front: their SOP classes, modality and words of ImageType.
+FRONT_CLASSES = {
+    "1.2.840.10008.5.1.4.1.1.77.1.5.1": "Ophthalmic Photography",
+    "1.2.840.10008.5.1.4.1.1.77.1.5.2": "Ophthalmic Photography",
+    "1.2.840.10008.5.1.4.1.1.77.1.5.5": "Wide Field Ophthalmic Photography",
+    "1.2.840.10008.5.1.4.1.1.77.1.5.6": "Wide Field Ophthalmic Photography",
+    "1.2.840.10008.5.1.4.1.1.77.1.5.7": "Ophthalmic OCT En Face",
+}
+FRONT_MODALITIES = ("OPTENF",)
+FRONT_WORDS = ("ENFACE", "FUNDUS", "SLO", "LOCALIZER", "REDFREE")
 # what FrameIncrementPointer names
 FRAME_TIME = 0x00181063
 FRAME_TIME_VECTOR = 0x00181065
@@ -74,6 +96,7 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
     """
     with _opened(path, data) as dataset:
         count = int(dataset.get("NumberOfFrames", None) or 1)
+        _check_view(dataset)
         _check_image(dataset, count)
         rows = int(dataset.Rows)
         columns = int(dataset.Columns)
@@ -92,6 +115,8 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
 
         size, scale_fault = scans.one_size(_pixel_sizes(dataset))
         times, times_fault = _times(dataset, count)
+        numbers = _numbers_of(dataset, count)
+        times = _in_stated_order(times, numbers)
         names = scans.frame_names(path, count)
         bits = _bits(dataset)
         scan = Scan(
@@ -108,6 +133,9 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
             scale_fault=scale_fault,
             times=times,
             times_fault=times_fault,
+            other_times=_other_times(dataset) if count == 1 else (),
+            numbers=numbers,
+            series=str(dataset.get("SeriesInstanceUID", None) or "") or None,
         ).of_file(path)
 
     return scan.turned() if maker in A_SCANS_ALONG_ROWS else scan
@@ -164,6 +192,27 @@ def _places(dataset: "Dataset", sequence: str) -> "Iterator[tuple[str, Dataset]]
             )
             for item in group.get(sequence, None) or []:
                 yield place, item
+
+
+def _check_view(dataset: "FileDataset") -> None:
+    """Refuse a picture from the front, which has no depth."""
+    sop = str(dataset.get("SOPClassUID", ""))
+    modality = str(dataset.get("Modality", ""))
+    words = dataset.get("ImageType", None) or ()
+    words = [words] if isinstance(words, str) else [str(word) for word in words]
+    front = [
+        word for word in words if re.sub(r"[\W_]", "", word.upper()) in FRONT_WORDS
+    ]
+
+    for stated, is_front in (
+        (f"SOPClassUID is {FRONT_CLASSES.get(sop)}", sop in FRONT_CLASSES),
+        (f"Modality is {modality}", modality in FRONT_MODALITIES),
+        (f"ImageType has {', '.join(front)}", bool(front)),
+    ):
+        if is_front:
+            raise OtherPictureError(
+                f"{stated}: a picture from the front, not a B-scan; leave it out"
+            )
 
 
 def _check_image(dataset: "FileDataset", frames: int) -> None:
@@ -506,15 +555,30 @@ def _numbers(item: "Dataset", name: str) -> list[float]:
     return [] if value is None else np.atleast_1d(value).astype(np.float64).tolist()
 
 
-def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
-    stated_zone = str(dataset.get("TimezoneOffsetFromUTC", None) or "+0000").strip()
+def _in_stated_order(times: Times | None, numbers: Sequence[Numbers]) -> Times | None:
+    """Return times of even steps for frames that are stored in another order."""
+    order = next((each for each in numbers if len(set(each.values.tolist())) > 1), None)
+    if times is None or order is None or times.source[8:] in FRAME_TIMES:
+        return times
+    if len(set(order.values.tolist())) < len(order.values):
+        return times
+
+    ranks = np.argsort(np.argsort(order.values))
+    return replace(times, time_s=times.time_s[ranks])
+
+
+def _zone(dataset: "Dataset") -> tzinfo | None:
+    stated = str(dataset.get("TimezoneOffsetFromUTC", None) or "+0000").strip()
     try:
-        zone = datetime.strptime(stated_zone, "%z").tzinfo
+        return datetime.strptime(stated, "%z").tzinfo
     except ValueError as fault:
         raise FrameError(
-            f"TimezoneOffsetFromUTC: {stated_zone!r}; like +0100, from -1200 to +1400"
+            f"TimezoneOffsetFromUTC: {stated!r}; like +0100, from -1200 to +1400"
         ) from fault
 
+
+def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
+    zone = _zone(dataset)
     for name in FRAME_TIMES:
         contents = [
             item.get(name, None)
@@ -525,7 +589,7 @@ def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
         time_s = np.array(
             [_seconds(stated, zone) for stated in contents], dtype=np.float64
         )
-        if len(contents) == count and rising(time_s):
+        if len(contents) == count and rising(np.sort(time_s)):
             return Times(time_s, f"DICOM's {name}"), None
 
     if count == 1:
@@ -568,6 +632,47 @@ def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
         return None, "FrameIncrementPointer names FrameTimeVector, which is missing"
 
     return scans.even_times(count, to_si(step_ms, "ms"), "DICOM's FrameTime"), None
+
+
+def _other_times(dataset: "Dataset") -> tuple[Times, ...]:
+    """Return the times that an image states beside the first."""
+    zone = _zone(dataset)
+    found = [
+        (name, _seconds(dataset.get(name, None), zone))
+        for name in ("AcquisitionDateTime",)
+    ]
+    for name, own_day in IMAGE_TIMES:
+        time = str(dataset.get(name, None) or "").replace(":", "")
+        days = (str(dataset.get(day, None) or "") for day in (own_day, *DAYS))
+        day = next((re.sub(r"\D", "", each) for each in days if each), "19700101")
+        found.append((name, _seconds(f"{day}{time}" if time else None, zone)))
+
+    return tuple(
+        Times(np.array([moment]), f"DICOM's {name}")
+        for name, moment in found
+        if moment is not None
+    )
+
+
+def _numbers_of(dataset: "Dataset", count: int) -> tuple[Numbers, ...]:
+    """Return the numbers that order one image among others, or the frames in a file."""
+    stated = {
+        name: [dataset.get(name, None)] if count == 1 else [] for name in IMAGE_NUMBERS
+    }
+    contents = [
+        item for place, item in _places(dataset, "FrameContentSequence") if place
+    ]
+    stated |= {
+        name: [item.get(name, None) for item in contents]
+        for name in FRAME_NUMBERS
+        if count > 1
+    }
+
+    return tuple(
+        Numbers(np.array(values, dtype=np.int64), f"DICOM's {name}")
+        for name, values in stated.items()
+        if len(values) == count and None not in values
+    )
 
 
 def _seconds(stated: Any, zone: tzinfo | None) -> float | None:

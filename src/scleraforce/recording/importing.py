@@ -23,15 +23,13 @@ from scleraforce.recording.folder import (
     name_fault,
     read_info,
 )
-from scleraforce.recording.force_log import columns_by_header
-from scleraforce.recording.log_text import read_log_text
+from scleraforce.recording.frame_times import read_times
 from scleraforce.recording.pixels import (
     MOST_BITS,
     Greys,
     Scan,
     Times,
     UnansweredError,
-    even_times,
 )
 from scleraforce.recording.sources import (
     OPTION,
@@ -40,11 +38,9 @@ from scleraforce.recording.sources import (
     on_one_clock,
     option_name,
 )
-from scleraforce.recording.tables import ForceLog, numbers_of
+from scleraforce.recording.tables import ForceLog
 from scleraforce.units import from_si, to_si
 from scleraforce.whole_files import FileKind, read_text
-
-FILE_NAMES = ("file", "filename", "frame", "image")
 
 
 def given_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times | None:
@@ -61,37 +57,15 @@ def given_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times 
                 f"--rate-hz: {rate_hz:g}; give the frames taken in a second"
             )
 
-        return even_times(len(scan.names), 1.0 / rate_hz, "option")
+        steps = np.arange(len(scan.names)) if scan.steps is None else scan.steps
+        return Times((steps - steps[0]) / rate_hz, "option")
     if table is None:
         return None
 
-    text = read_log_text(table, least=1)
-    column = next(
-        (
-            found
-            for found in columns_by_header(text.names, {})
-            if found.ours == "time_s"
-        ),
-        None,
-    )
-    if column is None:
-        listed = ", ".join(map(repr, text.names))
-        raise InputError(
-            f"{table}: no column of times with its unit, like time_s or Time (ms);"
-            f" there are {listed}"
-        )
-
-    time_s = numbers_of(text, [text.names.index(column.name)])[:, 0] * column.factor
-    for file in (name for name in text.names if name.lower() in FILE_NAMES):
-        by_name = {
-            Path(name).name: at
-            for name, at in zip(text.column(file), time_s.tolist(), strict=True)
-        }
-        if all(Path(name).name in by_name for name in scan.names):
-            return Times(
-                np.array([by_name[Path(name).name] for name in scan.names]), str(table)
-            )
-
+    stated = read_times(table)
+    time_s = stated.times_of(scan)
+    if time_s is None:
+        time_s = stated.time_s
     if len(time_s) != len(scan.names):
         raise InputError(f"{table}: {len(time_s)} times for {len(scan.names)} frames")
 

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.arrays import Counts, Floats
+from scleraforce.arrays import Counts, Floats, Integers, Places
 from scleraforce.errors import FrameError, InputError
 from scleraforce.units import from_si
 
@@ -41,6 +41,10 @@ MIRRORED = {
     8: (0,),
 }
 TRANSPOSED = 5  # from this Orientation on, rows are stored as columns
+
+
+class OtherPictureError(FrameError):
+    """A picture beside B-scans that is none itself, such as one from the front."""
 
 
 @dataclass(frozen=True)
@@ -362,6 +366,14 @@ class Times:
     source: str
 
 
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """Whole numbers that order frames, and their source."""
+
+    values: Integers
+    source: str
+
+
 @dataclass(frozen=True)
 class PixelSize:
     """The size of a pixel that one field of a file states; None: not stated."""
@@ -405,6 +417,12 @@ class Scan:
     notes: tuple[str, ...] = ()
     scale_fault: str | None = None
     times_fault: str | None = None
+    other_times: tuple[Times, ...] = ()
+    numbers: tuple[Numbers, ...] = ()
+    series: str | None = None
+    labels: tuple[str, ...] | None = None
+    one_moment: str | None = None
+    steps: Integers | None = None
 
     def turned(self) -> "Scan":
         """Return the scan with rows and columns exchanged: depth ran along the rows."""
@@ -436,13 +454,33 @@ class Scan:
                 " stretch of these"
             )
 
-        times = self.times and replace(self.times, time_s=self.times.time_s[start:stop])
+        stream = self.pictures
+        kept = self._stated_at(np.arange(start, stop))
+        return replace(kept, pictures=lambda: islice(stream(), start, stop))
+
+    def reordered(self, order: Places) -> "Scan":
+        """Return the frames in another order; those read before their turn wait."""
         stream = self.pictures
         return replace(
+            self._stated_at(order), pictures=lambda: in_order(stream(), order.tolist())
+        )
+
+    def _stated_at(self, order: Places) -> "Scan":
+        """Return what is stated of frames, in another order; the pictures stay."""
+
+        def chosen(stated: Times) -> Times:
+            return replace(stated, time_s=stated.time_s[order])
+
+        return replace(
             self,
-            names=self.names[start:stop],
-            times=times,
-            pictures=lambda: islice(stream(), start, stop),
+            names=tuple(self.names[nth] for nth in order),
+            labels=self.labels and tuple(self.labels[nth] for nth in order),
+            times=self.times and chosen(self.times),
+            other_times=tuple(map(chosen, self.other_times)),
+            numbers=tuple(
+                replace(each, values=each.values[order]) for each in self.numbers
+            ),
+            steps=None if self.steps is None else self.steps[order],
         )
 
     def of_file(self, path: Path | str) -> "Scan":
@@ -456,6 +494,24 @@ class Scan:
         return replace(
             self, notes=notes, scale_fault=scale_fault, times_fault=times_fault
         )
+
+
+def in_order(stream: PictureStream, order: Sequence[int]) -> PictureStream:
+    """Yield the pictures of a stream in an order of their places; others are left out.
+
+    Pictures that come before their turn wait in memory.
+    """
+    waiting: dict[int, NDArray[Any]] = {}
+    wanted = set(order)
+    turns = iter(order)
+    due = next(turns, -1)
+
+    for nth, picture in enumerate(stream):
+        if nth in wanted:
+            waiting[nth] = picture
+        while due in waiting:
+            yield waiting.pop(due)
+            due = next(turns, -1)
 
 
 def one_size(sizes: Sequence[PixelSize]) -> tuple[PixelSize, str | None]:
@@ -524,36 +580,31 @@ class UnansweredError(InputError):
 
 
 def joined(scans: Sequence[Scan]) -> Scan:
-    """Return several files of frames as one scan: in the order of their times, or in
-    the given order.
+    """Return several files of frames as one scan: in the order of the times that all
+    state, else of their numbers, else in the given order.
     """
     first = scans[0]
-    kind = _kind(scans[0])
+    check_kinds(scans)
+    given = _concatenated(scans)
+    ordered = given
+    times = scans[0].times if len(given.names) == 1 else None
+    numbers: tuple[Numbers, ...] = ()
 
-    for scan in scans[1:]:
-        for field, mine in _kind(scan).items():
-            if mine != kind[field]:
-                found = f"{field} {mine}, where {first.names[0]} has {kind[field]}"
-                raise FrameError(
-                    f"{scan.names[0]}: {found}; import frames of one kind at a time"
-                )
-
-    times = [scan.times for scan in scans if scan.times is not None]
-    ordered = scans
-    joint = None
-
-    if len(times) == len(scans):
-        order = sorted(range(len(scans)), key=lambda nth: float(times[nth].time_s[0]))
-        time_s = np.concatenate([times[nth].time_s for nth in order])
-        if rising(time_s):
-            ordered = [scans[nth] for nth in order]
-            joint = Times(time_s, times[0].source)
+    if len(given.names) == 1:
+        pass
+    elif (found := _ordered_by_times(scans)) is not None:
+        ordered, times = found
+    elif (by_number := _ordered_by_numbers(scans)) is not None:
+        ordered, numbers = by_number
 
     return replace(
         first,
-        names=tuple(name for scan in ordered for name in scan.names),
-        pictures=lambda: (picture for scan in ordered for picture in _checked(scan)),
-        times=joint,
+        names=ordered.names,
+        pictures=ordered.pictures,
+        labels=ordered.labels,
+        times=times,
+        other_times=(),
+        numbers=numbers,
         scale_fault=next(
             (scan.scale_fault for scan in scans if scan.scale_fault), None
         ),
@@ -564,44 +615,86 @@ def joined(scans: Sequence[Scan]) -> Scan:
     )
 
 
-def of_moments(scans: Sequence[Scan]) -> tuple[Scan, Scan]:
-    """Return the scan of the first of several planes, which has the moments' times, and
-    all frames moment by moment.
+def check_kinds(scans: Sequence[Scan]) -> None:
+    """Refuse files whose frames differ in size, scale or bits."""
+    first = scans[0]
+    kind = _kind(first)
 
-    The n-th frames of all planes show one moment. Times that differ by half of the
-    shortest step are a fault.
-    """
-    whole = joined(scans)
-    first = replace(
+    for scan in scans[1:]:
+        for field, mine in _kind(scan).items():
+            if mine != kind[field]:
+                found = f"{field} {mine}, where {first.names[0]} has {kind[field]}"
+                raise FrameError(
+                    f"{scan.names[0]}: {found}; import frames of one kind at a time"
+                )
+
+
+def _concatenated(scans: Sequence[Scan]) -> Scan:
+    labels = [scan.labels for scan in scans if scan.labels is not None]
+    return replace(
         scans[0],
-        notes=whole.notes,
-        scale_fault=whole.scale_fault,
-        times_fault=whole.times_fault,
+        names=tuple(name for scan in scans for name in scan.names),
+        pictures=lambda: (picture for scan in scans for picture in checked(scan)),
+        labels=(
+            tuple(label for each in labels for label in each)
+            if len(labels) == len(scans)
+            else None
+        ),
+        times=None,
+        other_times=(),
+        numbers=(),
     )
-    times = [scan.times.time_s for scan in scans if scan.times is not None]
-
-    if first.times is not None and len(first.names) > 1:
-        apart_s = float(np.ptp(times, axis=0).max())
-        if apart_s > 0.5 * float(np.diff(first.times.time_s).min()):
-            fault = (
-                f"{scans[0].names[0]}: frames of one moment differ by {apart_s:g} s"
-                " between the planes"
-            )
-            first = replace(first, times=None, times_fault=fault)
-
-    def pictures() -> PictureStream:
-        each = [_checked(scan) for scan in scans]
-        return (picture for moment in zip(*each, strict=True) for picture in moment)
-
-    names = tuple(
-        name
-        for moment in zip(*(scan.names for scan in scans), strict=True)
-        for name in moment
-    )
-    return first, replace(first, names=names, pictures=pictures)
 
 
-def _checked(scan: Scan) -> PictureStream:
+def _ordered_by_times(scans: Sequence[Scan]) -> tuple[Scan, Times] | None:
+    """Return frames in the order of the first clock by which all times differ."""
+    clocks = [[scan.times for scan in scans if scan.times is not None]]
+    clocks += [
+        [times for scan in scans for times in scan.other_times if times.source == name]
+        for name in dict.fromkeys(times.source for times in scans[0].other_times)
+    ]
+
+    for clock in clocks:
+        if len(clock) == len(scans):
+            ordered, time_s = _sorted(scans, [times.time_s for times in clock])
+            if rising(time_s):
+                return ordered, Times(time_s, clock[0].source)
+
+    return None
+
+
+def _ordered_by_numbers(
+    scans: Sequence[Scan],
+) -> tuple[Scan, tuple[Numbers, ...]] | None:
+    """Return frames in the order of the first numbers that all differ."""
+    for name in dict.fromkeys(each.source for each in scans[0].numbers):
+        numbers = [
+            each.values
+            for scan in scans
+            for each in scan.numbers
+            if each.source == name
+        ]
+        if len(numbers) == len(scans):
+            ordered, values = _sorted(scans, [each.astype(float) for each in numbers])
+            if rising(values):
+                return ordered, (Numbers(values.astype(np.int64), name),)
+
+    return None
+
+
+def _sorted(scans: Sequence[Scan], keys: Sequence[Floats]) -> tuple[Scan, Floats]:
+    """Return the frames of all files in the order of their keys, and these."""
+    files = sorted(range(len(scans)), key=lambda nth: float(keys[nth][0]))
+    whole = _concatenated([scans[nth] for nth in files])
+    values = np.concatenate([keys[nth] for nth in files])
+    if rising(values):  # no file has frames between those of another
+        return whole, values
+
+    order = np.argsort(values, kind="stable")
+    return whole.reordered(order), values[order]
+
+
+def checked(scan: Scan) -> PictureStream:
     """Yield a scan's frames, and check their number, size and type, which damaged files
     break.
     """

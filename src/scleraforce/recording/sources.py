@@ -4,7 +4,7 @@ and forces together.
 
 import re
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from itertools import zip_longest
@@ -24,14 +24,17 @@ from scleraforce.recording import (
     volumes,
 )
 from scleraforce.recording.folder import Plane, check_counts, check_planes
+from scleraforce.recording.frame_names import natural_order
+from scleraforce.recording.moments import moments
+from scleraforce.recording.order import FramesBy, ordered, parse_frames_by
 from scleraforce.recording.pixels import (
+    OtherPictureError,
     Scan,
     Times,
-    joined,
-    of_moments,
     parse_axes,
     rising,
 )
+from scleraforce.recording.source_files import MOST_NAMED, TEXT_NAMES, listed
 from scleraforce.recording.tables import ForceLog
 from scleraforce.whole_files import FileKind, check_regular
 
@@ -74,14 +77,6 @@ HEAD_BYTES = 512
 SQLITE = b"SQLite format 3\0"
 MCAP = b"\x89MCAP0\r\n"
 NIFTI_NAMES = (".nii", ".nii.gz")
-TEXT_NAMES = (".csv", ".txt", ".tsv", ".log", ".dat", ".lvm")
-# endings of the headers beside files of pixels
-HEADERS = {
-    ".img": (".hdr",),
-    ".raw": (".mhd", ".nhdr"),
-    ".zraw": (".mhd",),
-    ".gz": (".nhdr",),
-}
 KINDS = (
     "PNG, JPEG, TIFF, DICOM, NumPy (.npy, .npz), NIfTI, MetaImage (.mha, .mhd), NRRD,"
     " films (AVI, MP4, MOV, MKV), ROS bags (.bag, .db3, .mcap), Thorlabs .oct, force"
@@ -106,6 +101,7 @@ class ImportOptions:
     grey_range: tuple[float, float] | None = None
     rate_hz: float | None = None
     times: Path | None = None
+    frames_by: str | None = None
     clock_offset_s: float | None = None
     columns: tuple[str, ...] = ()
     axis: str | None = None
@@ -126,44 +122,6 @@ class ImportOptions:
 def option_name(field: str) -> str:
     """Return the option that gives a field of `ImportOptions`."""
     return "--column" if field == "columns" else f"--{field.replace('_', '-')}"
-
-
-def files_of(given: Sequence[Path]) -> list[Path]:
-    """Return sources, folders (except ROS bags) as their files in the order of the
-    numbers in their names.
-    """
-    found: list[Path] = []
-    for path in given:
-        inside = [path]
-        if path.is_dir() and not (path / "metadata.yaml").exists():
-            shown = [
-                each
-                for each in path.iterdir()
-                if each.is_file() and not each.name.startswith(".")
-            ]
-            inside = sorted(shown, key=_natural_order)
-
-        if not inside:
-            raise InputError(f"{path}: no files in this folder")
-
-        found += inside
-
-    return [
-        path
-        for path in found
-        if not any(header in found for header in _headers_of(path))
-    ]
-
-
-def _headers_of(path: Path) -> list[Path]:
-    base = path.with_suffix("") if path.suffixes[-2:] == [".raw", ".gz"] else path
-    return [base.with_suffix(ending) for ending in HEADERS.get(path.suffix.lower(), ())]
-
-
-def _natural_order(path: Path) -> list[tuple[int, str]]:
-    """Return a key that sorts frame2 before frame10."""
-    parts = re.split(r"(\d+)", path.name)
-    return [(int(part), "") if part.isdecimal() else (0, part) for part in parts]
 
 
 def source_kind(path: Path) -> str:
@@ -266,8 +224,8 @@ class Gathered:
     """The files with their kinds, the frames, the force log and its columns (None: no
     source has forces), and notes.
 
-    Of several `planes`, `scan` is that of the first one, with the moments' times;
-    `frames` has all, moment by moment.
+    Of several `planes`, `scan` has a frame of each moment, with its time; `frames` has
+    all, moment by moment, and `places` their moments and planes.
     """
 
     files: tuple[tuple[Path, str], ...]
@@ -277,6 +235,28 @@ class Gathered:
     notes: tuple[str, ...]
     frames: Scan
     planes: tuple[Plane, ...] = ()
+    places: tuple[tuple[int, Plane], ...] = ()
+
+
+@dataclass(eq=False)
+class _Content:
+    """What files hold: frames of each plane (None: without planes), logs with the
+    columns of one of text, and files that are no sources.
+    """
+
+    scans: dict[Plane | None, list[Scan]]
+    logs: list[tuple[Path, ForceLog]]
+    columns: tuple[force_log.LogColumn, ...] = ()
+    left_out: tuple[str, ...] = ()
+
+    def log(self) -> ForceLog | None:
+        """Return the only log, or None; refuse a second one."""
+        if len(self.logs) > 1:
+            raise InputError(
+                f"{self.logs[1][0]}: a second force log beside {self.logs[0][0]};"
+                " import one recording at a time"
+            )
+        return self.logs[0][1] if self.logs else None
 
 
 def gather(
@@ -290,29 +270,81 @@ def gather(
 
     Ask for answers that `options` do not give.
     """
-    axes = None if options.axes is None else parse_axes(options.axes)
-    given = [force_log.parse_column(text) for text in options.columns]
+    by = parse_frames_by(options.frames_by)
     sources_of = dict[Plane | None, list[Path]]()
-    scans = dict[Plane | None, list[Scan]]()
-
     for source, plane in zip_longest(sources, planes):
         sources_of.setdefault(plane, []).append(source)
 
+    listings = {
+        plane: listed(of_plane, options.times) for plane, of_plane in sources_of.items()
+    }
     files = [
         (path, source_kind(path), plane)
-        for plane, of_plane in sources_of.items()
-        for path in files_of(of_plane)
+        for plane, listing in listings.items()
+        for path in listing.files
     ]
-    place_of = dict[Path, Plane]()
+    _check_apart(files)
+    inside = frozenset().union(*(each.of_folders for each in listings.values()))
+    content = _content(files, options, inside, seen)
+    if not content.scans:
+        raise InputError(
+            f"{sources[0]}: no frames in the sources; give images, a volume, a film or"
+            " a bag with images"
+        )
 
+    log = content.log()
+    wholes = {
+        plane: ordered(found, by, options.times, options.rate_hz).between(
+            options.first_frame, options.last_frame
+        )
+        for plane, found in content.scans.items()
+    }
+    scan, frames, places, lacking = _planes_together(wholes, sources_of, by)
+    by_position = scan.times is None and not scan.numbers and scan.steps is None
+    notes = [
+        *scan.notes,
+        *(note for each in listings.values() for note in each.notes),
+        *content.left_out,
+        *lacking,
+        *(_order_notes(files, wholes) if by_position else _number_notes(wholes)),
+        *(log.notes if log else ()),
+    ]
+
+    return Gathered(
+        tuple((path, kind) for path, kind, _ in files),
+        scan,
+        log,
+        content.columns,
+        tuple(notes),
+        frames,
+        tuple(plane for plane in wholes if plane),
+        places,
+    )
+
+
+Sources = Sequence[tuple[Path, str, Plane | None]]  # with their kinds
+
+
+def _check_apart(files: Sources) -> None:
+    place_of = dict[Path, Plane]()
     for path, _, plane in files:
         if plane and place_of.setdefault(path.resolve(), plane) != plane:
             raise InputError(
                 f"--plane: {path} is of two planes; give the frames of each"
             )
 
-    logs: list[tuple[Path, ForceLog]] = []
-    columns: tuple[force_log.LogColumn, ...] = ()
+
+def _content(
+    files: Sources,
+    options: ImportOptions,
+    inside: frozenset[Path],
+    seen: Callable[[int], None],
+) -> _Content:
+    """Read all files; those of folders (`inside`) may be other pictures."""
+    axes = None if options.axes is None else parse_axes(options.axes)
+    given = [force_log.parse_column(text) for text in options.columns]
+    found = _Content({}, [])
+    others: list[tuple[Path, OtherPictureError]] = []
 
     for path, kind, plane in files:
         if kind == "bag":
@@ -320,46 +352,48 @@ def gather(
                 path, options.image_topic, options.force_topic, options.by_arrival
             )
             if scan is not None:
-                scans.setdefault(plane, []).append(_oriented(path, scan, axes))
+                found.scans.setdefault(plane, []).append(_oriented(path, scan, axes))
             if log is not None:
                 log = replace(
                     log, notes=(*log.notes, *tables.gap_notes(path, log.wrench_sc))
                 )
-                logs.append(
-                    (
-                        path,
-                        tables.checked_samples(
-                            log, path, f"{path}: message {{}} of the forces".format
-                        ),
-                    )
-                )
+                place = f"{path}: message {{}} of the forces".format
+                found.logs.append((path, tables.checked_samples(log, path, place)))
         elif kind == "log":
-            log, columns = force_log.read_force_text(
+            log, found.columns = force_log.read_force_text(
                 log_text.read_log_text(path), given
             )
-            logs.append((path, log))
+            found.logs.append((path, log))
         else:
-            scans.setdefault(plane, []).append(
-                read_scan(path, kind, axes, options.array)
-            )
+            try:
+                scan = read_scan(path, kind, axes, options.array)
+                found.scans.setdefault(plane, []).append(scan)
+            except OtherPictureError as other:
+                if path not in inside:
+                    raise
+                others.append((path, other))
 
         seen(1)
 
-    if not scans:
-        raise InputError(
-            f"{sources[0]}: no frames in the sources; give images, a volume, a film or"
-            " a bag with images"
-        )
-    if len(logs) > 1:
-        raise InputError(
-            f"{logs[1][0]}: a second force log beside {logs[0][0]}; import one"
-            " recording at a time"
+    if others and not found.scans:
+        raise others[0][1]
+    if others:
+        names = ", ".join(path.name for path, _ in others[:MOST_NAMED])
+        more = ", ..." if len(others) > MOST_NAMED else ""
+        count = f"{len(others)} picture{'s' * (len(others) > 1)}"
+        found.left_out = (
+            f"left out: {count} from the front, not B-scans ({names}{more})",
         )
 
-    wholes = {
-        plane: joined(found).between(options.first_frame, options.last_frame)
-        for plane, found in scans.items()
-    }
+    return found
+
+
+def _planes_together(
+    wholes: Mapping[Plane | None, Scan],
+    sources_of: Mapping[Plane | None, Sequence[Path]],
+    by: FramesBy | None,
+) -> tuple[Scan, Scan, tuple[tuple[int, Plane], ...], tuple[str, ...]]:
+    """Return the moments' scan, that of all frames, their places, and notes."""
     of_planes = {plane: whole for plane, whole in wholes.items() if plane}
     if of_planes and None in wholes:
         raise InputError(
@@ -368,33 +402,44 @@ def gather(
         )
 
     check_planes(tuple(of_planes))
-    check_counts(
-        {
-            plane.name: len(wholes[plane].names) if plane in wholes else 0
-            for plane in sources_of
-            if plane
-        }
-    )
-    scan, frames = (
-        of_moments([*of_planes.values()]) if of_planes else (wholes[None], wholes[None])
-    )
-    log = logs[0][1] if logs else None
-    notes = [*scan.notes, *(log.notes if log else ())]
+    counts = {
+        plane.name: len(wholes[plane].names) if plane in wholes else 0
+        for plane in sources_of
+        if plane
+    }
+    if 0 in counts.values():
+        check_counts(counts)
+    if not of_planes:
+        return wholes[None], wholes[None], (), ()
 
-    for of_plane in scans:
+    both = moments(of_planes, by)
+    return both.scan, both.frames, both.places, both.notes
+
+
+def _order_notes(files: Sources, wholes: Mapping[Plane | None, Scan]) -> list[str]:
+    """Return notes on files whose order is not that of the numbers in their names."""
+    notes = []
+    for of_plane in wholes:
         shown = [
             path
             for path, kind, plane in files
             if plane == of_plane and kind not in ("bag", "log")
         ]
-        if scan.times is None and shown != sorted(shown, key=_natural_order):
+        if shown != sorted(shown, key=lambda path: natural_order(path.name)):
             order = f"{shown[0].name} to {shown[-1].name}; their numbers have another"
-            notes.insert(
-                len(scan.notes), f"frames are taken in the order given, {order}"
-            )
+            notes.append(f"frames are taken in the order given, {order}")
 
-    kinds = tuple((path, kind) for path, kind, _ in files)
-    return Gathered(kinds, scan, log, columns, tuple(notes), frames, tuple(of_planes))
+    return notes
+
+
+def _number_notes(wholes: Mapping[Plane | None, Scan]) -> list[str]:
+    """Return notes on frames that numbers put in another order than their names."""
+    return [
+        f"frames are taken in the order of {whole.numbers[0].source},"
+        f" {Path(whole.names[0]).name} to {Path(whole.names[-1]).name}"
+        for whole in wholes.values()
+        if whole.numbers and list(whole.names) != sorted(whole.names, key=natural_order)
+    ]
 
 
 def on_one_clock(

@@ -54,6 +54,11 @@ NO_UNITS = (
     "px",
 )
 FRAME_AXES = "TZQIRPC"  # that count pages: time, depth of a stack, any
+# Axes other than time, which may be of one moment.
+SLICES = "Z"
+OTHER_AXES = {SLICES: "slices", "C": "channels", "R": "tiles", "P": "phases"}
+# of ImageJ's composites; tifffile counts frames without named axes as channels
+MOST_CHANNELS = 7
 # units in which programs state the resolution of a screen or a printer, asked or not
 # ...
 PRINTED = (
@@ -73,9 +78,9 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
         for page in pages:
             _check_page(file, page)
 
-        count, rows, columns = _sizes(
-            [each for each in file.series if not _is_copy(each.keyframe, pages[0])]
-        )
+        series = [each for each in file.series if not _is_copy(each.keyframe, pages[0])]
+        count, rows, columns = _sizes(series)
+        axis = _axis(series[0])
         scans.check_bytes(sum(each.nbytes for each in file.series))
         _check_pages(file, pages, len(frames), count)
         orientation = _orientation(frames)
@@ -87,7 +92,7 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
         size, scale_fault = scans.one_size(
             [*sizes, _json_size(frames[0], rows, columns)]
         )
-        times = _times(file, count, notes)
+        times, times_fault = _times(file, count, notes, axis)
         kinds = {page.photometric for page in frames}
         copies = any(page.subifds for page in frames)
 
@@ -120,6 +125,9 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
             lambda: _pictures(path, data, (count, rows, columns)),
             bits=bits,
             times=times,
+            times_fault=times_fault,
+            labels=_labels(file, count),
+            one_moment=_one_moment(file, count, axis),
         )
         scan = replace(
             scan, size=size, scale_fault=scale_fault, notes=tuple(dict.fromkeys(notes))
@@ -282,8 +290,12 @@ def _pictures(
 ) -> scans.PictureStream:
     with _opened(path, data) as file:
         first = file.pages[0].aspage()
+        several = [each for each in file.series if not _is_copy(each.keyframe, first)]
+        # OME-XML may state another order than that of the pages in the file.
+        listed = [page for each in several for page in each.pages if page is not None]
+        entries = listed if len(listed) == shape[0] else file.pages
         pages = [
-            page for entry in file.pages if not _is_copy(page := entry.aspage(), first)
+            page for entry in entries if not _is_copy(page := entry.aspage(), first)
         ]
         if len(pages) == shape[0]:
             for page in pages:
@@ -432,7 +444,47 @@ def _step_m(axis: Any, size: int) -> float | None:
     return abs(float(steps.mean())) * unit_m if even else None
 
 
-def _times(file: "TiffFile", count: int, notes: list[str]) -> Times | None:
+def _labels(file: "TiffFile", count: int) -> tuple[str, ...] | None:
+    """Return the names that ImageJ gives slices, such as those of their files."""
+    stated = (file.imagej_metadata or {}).get("Labels", None) or ()
+    names = tuple(str(each).partition("\n")[0].strip() for each in stated)
+    return names if len(names) == len(set(names)) == count and all(names) else None
+
+
+def _axis(series: "TiffPageSeries") -> str:
+    """Return the one long axis beside rows and columns; "" if there is none."""
+    sizes = zip(series.axes, series.shape, strict=True)
+    return next((axis for axis, size in sizes if axis not in "YXS" and size > 1), "")
+
+
+def _one_moment(file: "TiffFile", count: int, axis: str) -> str | None:
+    """Return what says that frames are of one moment: channels, or slices with a step."""
+    imagej = file.imagej_metadata or {}
+    kind = OTHER_AXES.get(axis)
+    program = "OME" if file.ome_metadata else "ImageJ" if imagej else "its description"
+    stated = f"{program} states {count} {kind} ({axis.lower()})"
+    if kind is None or (axis == "C" and imagej and count > MOST_CHANNELS):
+        return None
+    if axis != SLICES:
+        return stated
+
+    spacing = imagej.get("spacing", None)
+    if isinstance(spacing, int | float) and spacing:
+        return f"{stated}, {abs(spacing):g} {imagej.get('unit', '')} apart"
+
+    for pixels in _of_ome(file, "Pixels"):
+        if step := pixels.get("PhysicalSizeZ"):
+            unit = pixels.get("PhysicalSizeZUnit", "µm")
+            return f"{stated}, {float(step):g} {unit} apart"
+
+    return None
+
+
+def _times(
+    file: "TiffFile", count: int, notes: list[str], axis: str
+) -> tuple[Times | None, str | None]:
+    """Return the times of frames, and why those that are stated are not theirs."""
+    other = OTHER_AXES.get(axis)
     imagej = file.imagej_metadata or {}
     if not file.ome_metadata:
         interval = imagej.get("finterval")
@@ -442,14 +494,16 @@ def _times(file: "TiffFile", count: int, notes: list[str]) -> Times | None:
             if isinstance(interval, int | float) and unit_s is not None
             else 0.0
         )
-
-        return scans.even_times(count, step_s, "ImageJ's finterval")
+        return _even_times(count, step_s, "ImageJ's finterval", other)
 
     stated = next(iter(_of_ome(file, "Pixels")), {})
     step_s = float(stated.get("TimeIncrement", "0")) * SECONDS.get(
         stated.get("TimeIncrementUnit", "s"), 0.0
     )
-    planes = _of_ome(file, "Plane")
+    index = f"The{axis}" if axis in ("Z", "C") else "TheT"
+    planes = sorted(
+        _of_ome(file, "Plane"), key=lambda plane: int(plane.get(index, "0") or 0)
+    )
 
     units_s = [
         SECONDS.get(plane.get("DeltaTUnit", "s"))
@@ -472,6 +526,16 @@ def _times(file: "TiffFile", count: int, notes: list[str]) -> Times | None:
                 " DeltaT counts"
             )
 
-        return Times(time_s, "OME's DeltaT") if rising(time_s) else None
+        return (Times(time_s, "OME's DeltaT") if rising(time_s) else None), None
 
-    return scans.even_times(count, step_s, "OME's TimeIncrement")
+    return _even_times(count, step_s, "OME's TimeIncrement", other)
+
+
+def _even_times(
+    count: int, step_s: float, source: str, other: str | None
+) -> tuple[Times | None, str | None]:
+    """Return times in even steps, which are not those of `other` than moments."""
+    if other is not None and step_s > 0.0:
+        return None, f"{source} is between moments, and the {count} frames are {other}"
+
+    return scans.even_times(count, step_s, source), None

@@ -1,0 +1,170 @@
+"""The files of sources: those in folders, and what is left out of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from scleraforce.errors import InputError
+from scleraforce.recording.frame_names import SUFFIX, natural_order
+from scleraforce.recording.tables import is_number
+
+TEXT_NAMES = (".csv", ".txt", ".tsv", ".log", ".dat", ".lvm")
+# Files that programs leave beside frames, and notes about these.
+OTHER_NAMES = ("thumbs.db", "ehthumbs.db", "desktop.ini", "icon\r")
+OTHER_ENDINGS = (
+    *(".ini", ".db", ".lnk", ".url", ".bak", ".tmp", ".part", ".roi"),
+    *(".md", ".rst", ".rtf", ".html", ".htm", ".pdf", ".odt"),
+    *(".doc", ".docx", ".ppt", ".pptx"),
+    *(".yaml", ".yml", ".json", ".xml", ".toml"),
+    *(".py", ".pyc", ".m", ".ipynb", ".ijm", ".sh", ".bat"),
+)
+TABLE_BYTES = 64 * 2**10  # of a text, in which a table begins
+TABLE_LINES = 3  # with two numbers or more
+MOST_NAMED = 5  # files in one note
+# of files of pixels
+HEADERS = {
+    ".img": (".hdr",),
+    ".raw": (".mhd", ".nhdr"),
+    ".zraw": (".mhd",),
+    ".gz": (".nhdr",),
+}
+ZARR_MARKS = ("zarr.json", ".zattrs", ".zgroup", ".zarray")
+
+
+@dataclass(frozen=True)
+class Listing:
+    """Files of sources, those of them that a folder gave, and a sentence on files of
+    each folder that are not read.
+    """
+
+    files: tuple[Path, ...]
+    of_folders: frozenset[Path]
+    notes: tuple[str, ...]
+
+
+def is_whole(path: Path) -> bool:
+    """Return whether a folder is one source: a ROS bag, or a Zarr store."""
+    return any((path / name).exists() for name in ("metadata.yaml", *ZARR_MARKS))
+
+
+def listed(given: Sequence[Path], table: Path | None = None) -> Listing:
+    """Return the files of sources without a table of times; of folders in the order of
+    the numbers in their names.
+
+    Raises:
+        InputError: a folder without files.
+    """
+    found: list[Path] = []
+    inside: list[Path] = []
+    notes: list[str] = []
+    tables = {table.resolve()} if table is not None else set[Path]()
+
+    for path in given:
+        if not path.is_dir() or is_whole(path):
+            found.append(path)
+            continue
+
+        shown, left_out = _of_folder(path)
+        words = _words(left_out)
+        if not shown:
+            more = f"; it has {words}" if words else ""
+            raise InputError(f"{path}: no files in this folder{more}")
+
+        found += shown
+        inside += shown
+        notes += [f"{path}: left out: {words}"] if words else []
+
+    files = [
+        path
+        for path in found
+        if path.resolve() not in tables
+        and not any(header in found for header in _headers_of(path))
+    ]
+    return Listing(tuple(files), frozenset(inside), tuple(notes))
+
+
+def files_of(given: Sequence[Path]) -> list[Path]:
+    """Return the files of sources, as `listed` does."""
+    return [*listed(given).files]
+
+
+def _headers_of(path: Path) -> list[Path]:
+    base = path.with_suffix("") if path.suffixes[-2:] == [".raw", ".gz"] else path
+    return [base.with_suffix(ending) for ending in HEADERS.get(path.suffix.lower(), ())]
+
+
+LeftOut = dict[str, list[str]]  # names by why
+
+
+def _of_folder(folder: Path) -> tuple[list[Path], LeftOut]:
+    shown: list[Path] = []
+    left_out: LeftOut = {}
+
+    for path in sorted(folder.iterdir(), key=lambda path: natural_order(path.name)):
+        if path.name.startswith(".") or path.name == "__MACOSX":
+            continue
+
+        if path.is_symlink() and not path.exists():
+            reason = "links that lead nowhere"
+        elif path.is_dir():
+            count = sum(bool(SUFFIX.search(each.name)) for each in path.rglob("*"))
+            reason = "folders"
+            left_out.setdefault(reason, []).append(f"{path.name}: {count} frames")
+            continue
+        elif not path.is_file():
+            shown.append(path)  # a pipe, which reading refuses
+            continue
+        elif is_other(path):
+            reason = "files that are neither frames nor forces"
+        else:
+            shown.append(path)
+            continue
+
+        left_out.setdefault(reason, []).append(path.name)
+
+    return shown, left_out
+
+
+def is_other(path: Path) -> bool:
+    """Return whether a file in a folder is neither of frames nor a log."""
+    name = path.name.lower()
+    if name in OTHER_NAMES or name.endswith(OTHER_ENDINGS):
+        return True
+    return name.endswith(TEXT_NAMES) and not _has_table(path)
+
+
+def _has_table(path: Path) -> bool:
+    """Return whether a text has lines of several numbers."""
+    with path.open("rb") as file:
+        head = file.read(TABLE_BYTES)
+
+    if head.startswith((b"PK", b"\xd0\xcf\x11\xe0")):
+        return True  # a spreadsheet with another name, which reading refuses
+
+    text = head.replace(b"\0", b"").decode("latin-1")
+    lines = [
+        sum(map(is_number, line.translate(BLANKS).split()))
+        for line in text.splitlines()
+    ]
+    single = [line for line in text.splitlines() if is_number(line)]
+    return (
+        sum(count > 1 for count in lines) >= TABLE_LINES or len(single) > len(lines) / 2
+    )
+
+
+BLANKS = str.maketrans(";\t,", "   ")
+
+
+def _words(left_out: LeftOut) -> str:
+    return ", ".join(
+        f"{len(names)} {reason if len(names) > 1 else _one(reason)}"
+        f" ({', '.join(names[:MOST_NAMED])}{', ...' if len(names) > MOST_NAMED else ''})"
+        for reason, names in left_out.items()
+    )
+
+
+def _one(reason: str) -> str:
+    """Return a reason of several files as that of one."""
+    one = {"links": "link", "lead": "leads", "folders": "folder", "files": "file"}
+    words = [one.get(word, word) for word in reason.split()]
+    return " ".join("is" if word == "are" else word for word in words)
