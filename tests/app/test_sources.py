@@ -99,6 +99,29 @@ def test_what_the_files_leave_open_is_asked_and_frames_may_be_left_out(
         sources.picture(paths, [], Checked(columns=columns), 5)
 
 
+def test_names_with_gaps_are_asked_about_and_a_changed_table_is_read_again(
+    tmp_path: Path,
+) -> None:
+    names = [f"f{nth}.png" for nth in (1, 2, 4)]
+    for name in names:
+        cv2.imwrite(str(tmp_path / name), np.ones((32, 48), np.uint16))
+
+    paths = [tmp_path / name for name in names]
+    sources = Sources()
+    asked = sources.look(paths, [], Checked(rate_hz=2.0))
+    assert (asked["option"], asked["forms"]) == ("--frames-by", [])
+    assert "f4.png follows f2.png" in asked["question"]
+    for by in ("numbers", "order", "times:s"):
+        assert sources.look(paths, [], Checked(frames_by=by))["frames"] == 3
+
+    table = tmp_path / "t.csv"
+    table.write_text("file,time_s\nf1.png,1\nf2.png,2\nf4.png,3\n")
+    timed = Checked(times=table)
+    assert "f1.png" in sources.gathered(paths, [], timed).scan.names[0]
+    table.write_text("file,time_s\nf1.png,11\nf2.png,2\nf4.png,3\n")
+    assert "f2.png" in sources.gathered(paths, [], timed).scan.names[0]
+
+
 def test_stacks_of_two_planes_are_one_scan_without_a_gap_to_give(
     tmp_path: Path,
 ) -> None:

@@ -23,6 +23,7 @@ from foreign_files import (
     options_of,
     with_log,
     write_dicom,
+    write_frames,
     write_log,
 )
 from small_recordings import looked_at_frames, write_small_recording
@@ -310,6 +311,92 @@ def test_planes_that_do_not_fit_together_are_refused_in_one_line(
     ):
         with pytest.raises(InputError, match=words):
             import_recording(sources, tmp_path / "r", planes=planes)
+
+
+def test_moments_that_lack_a_plane_are_written_and_named(
+    imported, tmp_path: Path
+) -> None:
+    along = write_frames(tmp_path / "along", "f1.png", "f2.png", "f4.png")
+    across = write_frames(tmp_path / "across", "f1.png", "f3.png", "f4.png")
+    sources = [*ALONG, along, *ACROSS, across, *NEEDLE, "--rate-hz", 2]
+    entry, recording = imported(
+        *sources, "--frames-by", "numbers", "--width-mm", 9, "--depth-mm", 8
+    )
+    assert [(frame.time_s, frame.plane) for frame in recording.frames] == [
+        (0.0, "along"),
+        (0.0, "across"),
+        (0.5, "along"),
+        (1.0, "across"),
+        (1.5, "along"),
+        (1.5, "across"),
+    ]
+    for frame, nth in zip(recording.frames, (0, 0, 1, 1, 2, 2), strict=True):
+        np.testing.assert_array_equal(recording.frame(frame), FRAMES[nth])
+
+    lacking = [
+        f"no 'across' beside {along / 'f2.png'}",
+        f"no 'along' beside {across / 'f3.png'}",
+    ]
+    assert f"2 of 4 moments lack a plane: {', '.join(lacking)}" in entry["notes"]
+
+
+def test_frames_go_by_the_times_and_numbers_in_their_names(
+    imported, refused, tmp_path: Path
+) -> None:
+    folder = write_frames(tmp_path / "f", "a1.png", "a2.png", "a4.png")
+    options = [*options_of("--bits", 16), "--width-mm", 9, "--depth-mm", 8]
+    error = refused(small_film(tmp_path), *options, "--frames-by", "order")
+    assert "--frames-by: acts on frames in files of their own" in error
+    error = refused(folder, *options, "--rate-hz", 2)
+    assert error.startswith(f"error: {folder / 'a4.png'}: does not count on")
+    assert error.endswith("; give --frames-by\n")
+    _, recording = imported(folder, *options, "--rate-hz", 2, "--frames-by", "numbers")
+    assert [frame.time_s for frame in recording.frames] == [0.0, 0.5, 1.5]
+    entry, recording = imported(folder, *options, "--frames-by", "times:s", out="s")
+    assert [frame.time_s for frame in recording.frames] == [1.0, 2.0, 4.0]
+    assert entry["values"]["times"] == "the files' names"
+    stated = {"eye": "e", "gauge": 22, "gap_m": 6e-4, "bits": 16}
+    stated |= {"width_m": 9e-3, "depth_m": 8e-3, "refractive_index": 1.38}
+    with pytest.raises(InputError, match=r"\(times\) settles it, too; give frames_by$"):
+        import_recording(folder, tmp_path / "t", rate_hz=2.0, **stated)
+
+    python = import_recording(
+        folder, tmp_path / "t", frames_by="numbers", rate_hz=2.0, **stated
+    )
+    assert [frame.time_s for frame in python.frames] == [0.0, 0.5, 1.5]
+
+
+def small_film(tmp_path: Path) -> Path:
+    """A film of two frames."""
+    path = tmp_path / "a.avi"
+    film = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 5.0, (40, 24))
+    for nth in range(2):
+        film.write(
+            cv2.cvtColor((FRAMES[nth] % 256).astype(np.uint8), cv2.COLOR_GRAY2BGR)
+        )
+
+    film.release()
+    return path
+
+
+def test_a_rate_does_not_replace_times_between_which_a_frame_is_lost(
+    imported, refused, tmp_path: Path
+) -> None:
+    folder = tmp_path / "f"
+    folder.mkdir()
+    for nth, second in enumerate((1, 2, 4, 5)):
+        tags = {"ContentTime": f"12000{second}", "PixelSpacing": [0.1, 0.1]}
+        write_dicom(folder / f"{nth}.dcm", FRAMES[nth], **tags)
+
+    options = options_of("--bits", 16, "--rate-hz", 2)
+    error = refused(folder, *options)
+    assert "2.dcm: --rate-hz: it is 2 s after the frame before by DICOM's" in error
+    assert "--frames-by order" in error
+    _, recording = imported(folder, *options, "--frames-by", "order")
+    assert [frame.time_s for frame in recording.frames] == [0.0, 0.5, 1.0, 1.5]
+    (folder / "3.dcm").unlink()
+    (folder / "0.dcm").unlink()
+    assert len(imported(folder, *options, out="s")[1].frames) == 2
 
 
 def test_damage_is_reported_in_one_line(

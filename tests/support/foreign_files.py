@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile
 
+import cv2
 import numpy as np
 from pydicom.dataset import FileDataset, FileMetaDataset
 from pydicom.uid import ExplicitVRLittleEndian, SecondaryCaptureImageStorage
@@ -48,6 +49,28 @@ def with_log(recording: Path) -> Path:
     lines = [f"{t:.3f},{-0.02 * np.clip(t - 0.5, 0.0, 0.5):.6f}" for t in time_s]
     (recording / "forces.csv").write_text("\n".join(["time_s,fz_n", *lines]) + "\n")
     return recording
+
+
+def write_frames(folder: Path, *names: str) -> Path:
+    """Write `FRAMES` as PNG with these names, from the first one on; return the
+    folder.
+    """
+    for name, frame in zip(names, FRAMES, strict=False):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(folder / name), frame)
+    return folder
+
+
+def numbers_of(scan) -> list[int]:
+    """Return the places of a scan's frames in `FRAMES`."""
+    return [int(picture[0, 0]) // (ROWS * COLUMNS) for picture in pictures_of(scan)]
+
+
+def write_table(path: Path, header: str, *rows: object) -> Path:
+    """Write a table, a row for each tuple or text."""
+    lines = [row if isinstance(row, str) else ",".join(map(str, row)) for row in rows]
+    path.write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")
+    return path
 
 
 def write_log(path: Path, seconds: float = 6.0, rate_hz: float = 200.0) -> np.ndarray:

@@ -46,6 +46,9 @@ GATHERED = (
     "by_arrival",
     "first_frame",
     "last_frame",
+    "rate_hz",
+    "times",
+    "frames_by",
 )
 SEEN_FRAMES = 100  # of a long recording, for the curve of the dent
 LEAST_SHARE = 0.75  # of the frames that must lie on the log under an offset
@@ -130,7 +133,8 @@ class Sources:
         """Return the frames and the log, read again only if sources or the answers
         about them have changed.
         """
-        stamps = [(path, path.stat().st_mtime_ns) for path in paths]
+        tables = [] if answers.times is None else [answers.times]
+        stamps = [(path, path.stat().st_mtime_ns) for path in (*paths, *tables)]
         asked = repr((stamps, planes, [getattr(answers, name) for name in GATHERED]))
 
         with self._lock:

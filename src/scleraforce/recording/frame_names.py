@@ -16,7 +16,7 @@ SUFFIX = re.compile(
     r"|mhd|avi|mp4|mov|mkv|oct)$",
     re.IGNORECASE,
 )
-PAGE = re.compile(r"(.*)\[\d+\]")
+PAGE = re.compile(r"(.*)\[(\d+)\]")
 WHOLE = re.compile(r"\d+", re.ASCII)
 DECIMAL = re.compile(r"\d+(?:[.,]\d+)?", re.ASCII)
 # Units of a count since 1970, by its digits; all begin in 2001.
@@ -65,6 +65,12 @@ def file_of(name: str) -> str:
     """Return the file of a page, like a.tif of a.tif[3]."""
     found = PAGE.fullmatch(name)
     return found[1] if found else name
+
+
+def page_of(name: str) -> int:
+    """Return the place of a page in its file, like 3 of a.tif[3]."""
+    found = PAGE.fullmatch(name)
+    return int(found[2]) if found else 0
 
 
 def stem(name: str) -> str:

@@ -13,7 +13,7 @@ from scleraforce.arrays import Floats, Integers
 from scleraforce.errors import InputError
 from scleraforce.recording import log_text
 from scleraforce.recording.force_log import CLOCK_NAMES, LogColumn, columns_by_header
-from scleraforce.recording.frame_names import SUFFIX, file_of, numbers_in
+from scleraforce.recording.frame_names import SUFFIX, file_of, numbers_in, page_of
 from scleraforce.recording.pixels import Scan
 from scleraforce.recording.tables import Table, is_number, numbers_of
 
@@ -78,7 +78,7 @@ class TimesTable:
         if paged and scan.labels is not None and self._names_some(scan.labels):
             return self._matched(scan.labels)
         if paged:
-            return self._of_pages(files)
+            return self._of_pages(scan.names)
         if (numbers := _whole_numbers(self.names)) is not None:
             return self._of_numbers(scan, numbers)
 
@@ -145,37 +145,38 @@ class TimesTable:
             f" {numbers.min()} to {numbers.max()}"
         )
 
-    def _of_pages(self, files: Sequence[str]) -> Floats | None:
+    def _of_pages(self, names: Sequence[str]) -> Floats | None:
         """Return times of pages: of each file's rows, or by the numbers of pages."""
-        names = self.names or ()
-        if self._names_some(files):
-            rows = {
-                file: [
-                    row
-                    for row, name in enumerate(names)
-                    if _Name.of(name).stem == _Name.of(file).stem
-                ]
-                for file in dict.fromkeys(files)
-            }
+        files = [file_of(name) for name in names]
+        pages = [page_of(name) for name in names]
+        rows_of = dict[str, list[int]]()
+        for row, name in enumerate(self.names or ()):
+            rows_of.setdefault(_Name.of(name).stem, []).append(row)
+
+        rows = {file: rows_of.get(_Name.of(file).stem, []) for file in files}
+        if any(rows.values()):
             for file, of_file in rows.items():
-                if len(of_file) != files.count(file):
+                if len(of_file) <= max(pages) and len(rows) > 1:
                     raise InputError(
                         f"{self.path}: {self.column}: {len(of_file)} rows for {file},"
                         f" which has {files.count(file)} frames"
                     )
+                if len(of_file) <= max(pages):
+                    return None  # of the frames that are imported
 
-            turns = {file: iter(of_file) for file, of_file in rows.items()}
-            return self.time_s[[next(turns[file]) for file in files]]
+            return self.time_s[
+                [rows[file][page] for file, page in zip(files, pages, strict=True)]
+            ]
 
-        numbers = _whole_numbers(names)
-        if numbers is None or len(numbers) != len(files) or len(set(files)) > 1:
+        numbers = _whole_numbers(self.names or ())
+        if numbers is None or len(rows) > 1 or numbers.min() not in (0, 1):
             return None
 
-        order = np.argsort(numbers, kind="stable")
-        if not (np.diff(numbers[order]) == 1).all() or numbers[order[0]] not in (0, 1):
+        place = {int(number): row for row, number in enumerate(numbers - numbers.min())}
+        if len(place) < len(numbers) or not all(page in place for page in pages):
             return None
 
-        return self.time_s[order]
+        return self.time_s[[place[page] for page in pages]]
 
 
 def _whole_numbers(texts: Sequence[str]) -> Integers | None:

@@ -94,7 +94,9 @@ QUESTIONS = {
         "--refractive-index",
     ),
     "bits": Question("bits of a pixel that are used", "--bits"),
-    "rate_hz": Question("frames taken in a second", "--rate-hz or --times"),
+    "rate_hz": Question(
+        "frames taken in a second", "--rate-hz, --times or --frames-by"
+    ),
     "clock_offset_s": Question(
         "force log's clock minus the frames' clock, in seconds", "--clock-offset-s"
     ),
@@ -271,6 +273,9 @@ def _completed(
             f" {info.oct.bits}"
         )
 
+    rate_hz = answers.rate_hz or values.get("rate_hz")
+    if rate_hz is not None and answers.frames_by is None:
+        _check_even(gathered.scan)
     asked = None if times else given_times(gathered.scan, None, values.get("rate_hz"))
     times = times or asked or Times(np.zeros(1), "a single frame")
     if "rate_hz" in known:
@@ -310,6 +315,25 @@ def _completed(
     )
 
 
+UNEVEN = 1.5  # of their median: steps of time beside which others are missing
+
+
+def _check_even(scan: Scan) -> None:
+    """Check that a rate does not replace times of uneven steps, as of lost frames."""
+    if scan.times is None or len(scan.names) < 3:
+        return
+
+    steps_s = np.diff(scan.times.time_s)
+    middle_s = float(np.median(steps_s))
+    if float(steps_s.max()) > UNEVEN * middle_s:
+        at = int(np.argmax(steps_s)) + 1
+        raise InputError(
+            f"{scan.names[at]}: --rate-hz: it is {steps_s.max():.4g} s after the frame"
+            f" before by {scan.times.source}, others {middle_s:.4g} s: leave --rate-hz"
+            " out, or say that frames are evenly spaced: --frames-by order"
+        )
+
+
 def _check_used(gathered: Gathered, origins: Mapping[str, str]) -> None:
     """Check that an option that acts on one kind of source has such a source."""
     kinds = {kind for _, kind in gathered.files}
@@ -328,6 +352,11 @@ def _check_used(gathered: Gathered, origins: Mapping[str, str]) -> None:
             "frames whose axes are not fixed",
             bool(kinds - {"thorlabs", "log"}),
             ("axes",),
+        ),
+        (
+            "frames in files of their own",
+            bool(kinds - {"bag", "film", "log"}),
+            ("frames_by",),
         ),
     ):
         if unused := [

@@ -33,7 +33,7 @@ LISTED = "order"
 NAMES_SOURCE = "the files' names"
 WAYS = (
     f"are frames missing ({NUMBERS}), are names times ({TIMES}), or are all frames there,"
-    f" evenly spaced as they are listed ({LISTED})? --times TABLE settles it, too"
+    f" evenly spaced as they are listed ({LISTED})? a table (--times) settles it, too"
 )
 
 

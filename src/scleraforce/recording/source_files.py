@@ -1,11 +1,13 @@
 """The files of sources: those in folders, and what is left out of them."""
 
-from collections.abc import Sequence
+import re
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from scleraforce.errors import InputError
 from scleraforce.recording.frame_names import SUFFIX, natural_order
+from scleraforce.recording.log_text import clock_of
 from scleraforce.recording.tables import is_number
 
 TEXT_NAMES = (".csv", ".txt", ".tsv", ".log", ".dat", ".lvm")
@@ -18,8 +20,11 @@ OTHER_ENDINGS = (
     *(".yaml", ".yml", ".json", ".xml", ".toml"),
     *(".py", ".pyc", ".m", ".ipynb", ".ijm", ".sh", ".bat"),
 )
+FOREIGN_TEXTS = (b"PK", b"\xd0\xcf\x11\xe0")  # spreadsheets with other names
+NEITHER = "files that are neither frames nor forces"
+OF_FRAMES = "files that name frames, such as a table for --times"
 TABLE_BYTES = 64 * 2**10  # of a text, in which a table begins
-TABLE_LINES = 3  # with two numbers or more
+TABLE_LINES = 3  # of numbers, that make a table
 MOST_NAMED = 5  # files in one note
 # of files of pixels
 HEADERS = {
@@ -64,7 +69,7 @@ def listed(given: Sequence[Path], table: Path | None = None) -> Listing:
             found.append(path)
             continue
 
-        shown, left_out = _of_folder(path)
+        shown, left_out = _of_folder(path, tables)
         words = _words(left_out)
         if not shown:
             more = f"; it has {words}" if words else ""
@@ -96,12 +101,14 @@ def _headers_of(path: Path) -> list[Path]:
 LeftOut = dict[str, list[str]]  # names by why
 
 
-def _of_folder(folder: Path) -> tuple[list[Path], LeftOut]:
+def _of_folder(folder: Path, tables: Collection[Path]) -> tuple[list[Path], LeftOut]:
     shown: list[Path] = []
     left_out: LeftOut = {}
 
     for path in sorted(folder.iterdir(), key=lambda path: natural_order(path.name)):
         if path.name.startswith(".") or path.name == "__MACOSX":
+            continue
+        if path.resolve() in tables:
             continue
 
         if path.is_symlink() and not path.exists():
@@ -114,8 +121,8 @@ def _of_folder(folder: Path) -> tuple[list[Path], LeftOut]:
         elif not path.is_file():
             shown.append(path)  # a pipe, which reading refuses
             continue
-        elif is_other(path):
-            reason = "files that are neither frames nor forces"
+        elif why := _why_left_out(path):
+            reason = why
         else:
             shown.append(path)
             continue
@@ -125,31 +132,31 @@ def _of_folder(folder: Path) -> tuple[list[Path], LeftOut]:
     return shown, left_out
 
 
-def is_other(path: Path) -> bool:
-    """Return whether a file in a folder is neither of frames nor a log."""
+def _why_left_out(path: Path) -> str | None:
+    """Return why a file in a folder is not a source; None if it is one."""
     name = path.name.lower()
     if name in OTHER_NAMES or name.endswith(OTHER_ENDINGS):
-        return True
-    return name.endswith(TEXT_NAMES) and not _has_table(path)
+        return NEITHER
+    if not name.endswith(TEXT_NAMES):
+        return None
 
-
-def _has_table(path: Path) -> bool:
-    """Return whether a text has lines of several numbers."""
     with path.open("rb") as file:
         head = file.read(TABLE_BYTES)
+    if head.startswith(FOREIGN_TEXTS) or not head:
+        return None  # reading refuses it
 
-    if head.startswith((b"PK", b"\xd0\xcf\x11\xe0")):
-        return True  # a spreadsheet with another name, which reading refuses
+    lines = head.replace(b"\0", b"").decode("latin-1").splitlines()
+    rows = [re.split(r"[;\t,]", line) for line in lines]
+    if sum(any(SUFFIX.search(each.strip(' "')) for each in row) for row in rows) > 1:
+        return OF_FRAMES
+    return None if sum(map(_is_row, lines)) >= TABLE_LINES else NEITHER
 
-    text = head.replace(b"\0", b"").decode("latin-1")
-    lines = [
-        sum(map(is_number, line.translate(BLANKS).split()))
-        for line in text.splitlines()
-    ]
-    single = [line for line in text.splitlines() if is_number(line)]
-    return (
-        sum(count > 1 for count in lines) >= TABLE_LINES or len(single) > len(lines) / 2
-    )
+
+def _is_row(line: str) -> bool:
+    """Return whether a line has two numbers, or one beside a date or time of day."""
+    numbers = sum(map(is_number, line.translate(BLANKS).split()))
+    dated = any(clock_of(field) is not None for field in re.split(r"[;\t,]", line))
+    return numbers > 1 or (numbers == 1 and dated)
 
 
 BLANKS = str.maketrans(";\t,", "   ")
@@ -166,5 +173,5 @@ def _words(left_out: LeftOut) -> str:
 def _one(reason: str) -> str:
     """Return a reason of several files as that of one."""
     one = {"links": "link", "lead": "leads", "folders": "folder", "files": "file"}
-    words = [one.get(word, word) for word in reason.split()]
-    return " ".join("is" if word == "are" else word for word in words)
+    one |= {"are": "is", "name": "names"}
+    return " ".join(one.get(word, word) for word in reason.split())

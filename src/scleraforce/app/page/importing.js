@@ -13,6 +13,7 @@ const FIELDS = {
   bits: ["Used bits per pixel", "number"],
   rate_hz: ["Frames per second", "number"],
   times: ["Table of the frames' times, instead of a rate", [""]],
+  frames_by: ["Frames in files of their own go by", ["", "numbers", "times", "times:s", "times:ms", "times:us", "times:ns", "order"]],
   axis: ["Axis of the force along the needle", ["", "fx", "fy", "fz"]],
   contact_sign: ["Sign of that axis in contact", ["", "1", "-1"]],
   clock_offset_s: ["Force log's clock minus the frames', s", "number"],
