@@ -14,6 +14,7 @@ from foreign_files import (
     COUNT,
     FRAMES,
     numbers_of,
+    plus_fields,
     write_dicom,
     write_frames,
     write_log,
@@ -28,6 +29,8 @@ from scleraforce.recording.frame_names import numbers_in, times_in
 from scleraforce.recording.importing import given_times
 from scleraforce.recording.pixels import UnansweredError
 from scleraforce.recording.sources import Gathered, ImportOptions, gather
+
+nrrd = pytest.importorskip("nrrd")
 
 ALONG = Plane("along", 0.0, 0.0)
 ACROSS = Plane("across", 0.0, np.pi / 2)
@@ -331,6 +334,23 @@ def test_a_table_that_does_not_fit_is_refused_with_the_name(tmp_path: Path) -> N
         assert str(table) in str(caught.value)
 
 
+def test_rows_without_names_are_asked_about_where_names_are_forces(
+    tmp_path: Path,
+) -> None:
+    folder = write_frames(tmp_path / "f", *NAMED)
+    table = write_table(tmp_path / "t.csv", "time_s", "1", "2", "4")
+    with pytest.raises(UnansweredError, match=r"has no column of files, and .*3mN"):
+        gathered(folder, times=table)
+
+    by_hand = [folder / name for name in (NAMED[1], NAMED[0], NAMED[2])]
+    for sources, options in ((by_hand, {}), ([folder], {"frames_by": "order"})):
+        found = gathered(*sources, times=table, **options)
+        assert times_of(found, times=table) == [0.0, 1.0, 3.0]
+
+    counted = write_frames(tmp_path / "g", "f_025.png", "f_029.png", "f_030.png")
+    assert times_of(gathered(counted, times=table), times=table) == [0.0, 1.0, 3.0]
+
+
 def test_a_table_may_count_frames(tmp_path: Path) -> None:
     folder = write_frames(tmp_path / "f", "im_2.png", "im_3.png", "im_5.png")
     for first, counts in ((0, (5, 2, 3)), (1, (5, 4, 3, 2, 1))):
@@ -480,6 +500,29 @@ def test_frames_of_one_dicom_file_come_in_the_order_of_their_times(
     assert times_of(found) == [0.0, 1.0, 4.0]
 
 
+def test_files_of_many_frames_come_in_the_order_of_their_beginnings(
+    tmp_path: Path,
+) -> None:
+    for name, second, first in (("a", 4, 2), ("b", 1, 0)):
+        tags = {"FrameTime": 500.0, "ContentTime": f"12000{second}"}
+        write_dicom(tmp_path / f"{name}.dcm", FRAMES[first : first + 2], **tags)
+
+    found = gathered(tmp_path)
+    assert numbers_of(found.scan) == [0, 1, 2, 3]
+    assert times_of(found) == [0.0, 0.5, 3.0, 3.5]
+
+
+def test_volumes_of_several_moments_are_asked_about(tmp_path: Path) -> None:
+    places = [(moment, place) for moment in (1, 2) for place in (1, 2)]
+    groups = Items(
+        [content(TemporalPositionIndex=t, InStackPositionNumber=z) for t, z in places]
+    )
+    tags = {"FrameTime": 500.0, "PerFrameFunctionalGroupsSequence": groups}
+    write_dicom(tmp_path / "a.dcm", FRAMES[:4], **tags)
+    with pytest.raises(UnansweredError, match="both repeat: slices of several volumes"):
+        gathered(tmp_path / "a.dcm")
+
+
 def test_two_series_are_two_recordings_unless_a_table_names_their_images(
     tmp_path: Path,
 ) -> None:
@@ -520,6 +563,19 @@ def test_a_picture_from_the_front_is_no_frame(tmp_path: Path, tags: dict) -> Non
     for sources in ([front], [folder / "0.dcm", front]):
         with pytest.raises(InputError, match=r"front\.dcm: .*a picture from the front"):
             gathered(*sources, rate_hz=1.0)
+
+
+def test_frames_that_a_sequence_calls_invalid_are_missing(tmp_path: Path) -> None:
+    states = ["OK", "OK", "INVALID", "OK", "OK"]
+    fields = plus_fields(range(COUNT), states)
+    fields = {name: each for name, each in fields.items() if "Timestamp" not in name}
+    nrrd.write(str(tmp_path / "a.nrrd"), FRAMES, fields)
+    options = {"axes": "frame,depth,lateral", "rate_hz": RATE_HZ}
+    with pytest.raises(UnansweredError, match="Seq_FrameNNNN is 3 after 1"):
+        gathered(tmp_path / "a.nrrd", **options)
+
+    found = gathered(tmp_path / "a.nrrd", frames_by="numbers", **options)
+    assert times_of(found, rate_hz=RATE_HZ) == [0.0, 0.25, 0.75, 1.0]
 
 
 # ---- axes of TIFF

@@ -133,7 +133,8 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
             scale_fault=scale_fault,
             times=times,
             times_fault=times_fault,
-            other_times=_other_times(dataset) if count == 1 else (),
+            other_times=_other_times(dataset, times, count),
+            one_moment=_several_moments(numbers),
             numbers=numbers,
             series=str(dataset.get("SeriesInstanceUID", None) or "") or None,
         ).of_file(path)
@@ -634,24 +635,39 @@ def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
     return scans.even_times(count, to_si(step_ms, "ms"), "DICOM's FrameTime"), None
 
 
-def _other_times(dataset: "Dataset") -> tuple[Times, ...]:
-    """Return the times that an image states beside the first."""
+def _other_times(
+    dataset: "Dataset", times: Times | None, count: int
+) -> tuple[Times, ...]:
+    """Return the times that a file states beside the first, for one among others."""
+    steps = ("DICOM's FrameTime", "DICOM's FrameTimeVector")
+    if count > 1 and (times is None or times.source not in steps):
+        return ()
+
+    offsets_s = times.time_s if count > 1 and times is not None else np.zeros(1)
     zone = _zone(dataset)
-    found = [
-        (name, _seconds(dataset.get(name, None), zone))
-        for name in ("AcquisitionDateTime",)
-    ]
+    found = {
+        "AcquisitionDateTime": _seconds(dataset.get("AcquisitionDateTime", None), zone)
+    }
     for name, own_day in IMAGE_TIMES:
         time = str(dataset.get(name, None) or "").replace(":", "")
         days = (str(dataset.get(day, None) or "") for day in (own_day, *DAYS))
         day = next((re.sub(r"\D", "", each) for each in days if each), "19700101")
-        found.append((name, _seconds(f"{day}{time}" if time else None, zone)))
+        found[name] = _seconds(f"{day}{time}" if time else None, zone)
 
     return tuple(
-        Times(np.array([moment]), f"DICOM's {name}")
-        for name, moment in found
+        Times(moment + offsets_s, f"DICOM's {name}")
+        for name, moment in found.items()
         if moment is not None
     )
+
+
+def _several_moments(numbers: Sequence[Numbers]) -> str | None:
+    """Return why frames are of several moments and of several places at each."""
+    values = [each.values.tolist() for each in numbers]
+    names = " and ".join(each.source.removeprefix("DICOM's ") for each in numbers)
+    both = len(values) > 1 and len(values[0]) > 1
+    mixed = both and all(1 < len(set(each)) < len(each) for each in values)
+    return f"{names} both repeat: slices of several volumes" if mixed else None
 
 
 def _numbers_of(dataset: "Dataset", count: int) -> tuple[Numbers, ...]:

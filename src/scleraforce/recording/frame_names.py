@@ -36,6 +36,10 @@ WITH_UNIT = re.compile(
     rf"(?P<unit>{'|'.join(sorted(SECONDS, key=len, reverse=True))})(?![^\W_])",
     re.IGNORECASE,
 )
+# A number that was measured, and does not count frames.
+QUANTITY = re.compile(
+    r"\d[ _]?(mN|[uµμ]N|N|gf?|mg|[uµμ]m|mm|nm|k?Pa|mmHg|mbar|deg|mV|V|%)(?![A-Za-z])"
+)
 EVEN_SHARE = 0.25  # of the median step, by which even steps of time may differ
 
 
@@ -200,6 +204,17 @@ def numbers_in(names: Sequence[str]) -> Integers | None:
     distinct = [each for each in values if len(set(each)) == len(each)]
     best = counted[:1] or (values if len(values) == 1 else distinct)
     return best[0].astype(np.int64) if len(best) == 1 else None
+
+
+def are_measured(names: Sequence[str]) -> bool:
+    """Return whether the number that differs in names is a force, length or the like.
+
+    >>> are_measured(["12mN.png", "3mN.png"]), are_measured(["1_12mN.png", "2_3mN.png"])
+    (True, False)
+    """
+    numbers = numbers_in(names)
+    counted = numbers is not None and bool((np.diff(numbers) == 1).all())
+    return not counted and all(QUANTITY.search(stem(name)) for name in names)
 
 
 def order_fault(names: Sequence[str], rate_hz: float | None) -> str | None:

@@ -11,6 +11,7 @@ import numpy as np
 from scleraforce.errors import FrameError, InputError
 from scleraforce.recording.frame_names import (
     NameTimes,
+    are_measured,
     file_of,
     natural_order,
     numbers_in,
@@ -95,6 +96,9 @@ def ordered(
         return _by_numbers(whole, scans)
     if by is None and table is None and len(whole.names) > 1:
         _check_position(whole, rate_hz)
+    by_position = whole.times is None and not whole.numbers
+    if by is None and table is not None and by_position:
+        _check_rows(whole, table)
 
     return whole
 
@@ -252,6 +256,22 @@ def _check_position(whole: Scan, rate_hz: float | None) -> None:
 
     if fault is not None:
         raise UnansweredError("--frames-by", f"{fault}: {WAYS}")
+
+
+def _check_rows(whole: Scan, table: Path) -> None:
+    """Ask about rows without names for frames that are sorted by what was measured."""
+    names = _names_of(whole)
+    if (
+        len(names) > 1
+        and are_measured(names)
+        and list(names) in (sorted(names), sorted(names, key=natural_order))
+    ):
+        raise UnansweredError(
+            "--frames-by",
+            f"{table}: it has no column of files, and {names[0]} to {names[-1]} are in"
+            f" the order of what was measured: are the rows, too ({LISTED})? Otherwise"
+            " add a column of files",
+        )
 
 
 def _listed_by_hand(names: Sequence[str]) -> bool:

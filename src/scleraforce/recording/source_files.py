@@ -82,7 +82,7 @@ def listed(given: Sequence[Path], table: Path | None = None) -> Listing:
     files = [
         path
         for path in found
-        if path.resolve() not in tables
+        if not (tables and path.resolve() in tables)
         and not any(header in found for header in _headers_of(path))
     ]
     return Listing(tuple(files), frozenset(inside), tuple(notes))
@@ -108,7 +108,7 @@ def _of_folder(folder: Path, tables: Collection[Path]) -> tuple[list[Path], Left
     for path in sorted(folder.iterdir(), key=lambda path: natural_order(path.name)):
         if path.name.startswith(".") or path.name == "__MACOSX":
             continue
-        if path.resolve() in tables:
+        if tables and path.resolve() in tables:
             continue
 
         if path.is_symlink() and not path.exists():

@@ -19,6 +19,7 @@ from scleraforce.recording.pixels import (
     AXES,
     METRES,
     SECONDS,
+    Numbers,
     PixelSize,
     Scan,
     Steps,
@@ -108,6 +109,7 @@ def _plus_sequence(scan: Scan, fields: Mapping[str, str]) -> Scan:
             scan,
             names=tuple(scan.names[nth] for nth in kept),
             notes=(*scan.notes, notes),
+            numbers=(Numbers(np.array(kept), "Seq_FrameNNNN"),),
         )
         scan = replace(
             scan,
