@@ -98,6 +98,49 @@ class ModelFolder:
     record: Mapping[str, Any]
 
 
+@dataclass(frozen=True)
+class Origin:
+    """The folder of a loaded model (its name, if it is bundled), and the SHA-256 of its
+    record, which has those of its files. Pickles of models hold no more.
+    """
+
+    place: str
+    is_bundled: bool
+    record_sha256: str
+    threads: int
+
+
+def origin_of(folder: ModelFolder, threads: int) -> Origin:
+    """Return the origin of a model that is loaded from a folder."""
+    name = model_name(folder.path)
+    bundled = SHIPPED.get(name) == folder.path
+    place = name if bundled else str(folder.path.absolute())
+    return Origin(place, bundled, _record_sha256(folder.record), threads)
+
+
+def origin_folder(origin: Origin) -> Path:
+    """Return the folder of an origin, after a check that its record is the same; raises
+    `ModelError`.
+    """
+    path = SHIPPED[origin.place] if origin.is_bundled else Path(origin.place)
+    if not path.is_dir():
+        raise ModelError(
+            f"{path}: no such folder, and a pickled model needs its own: keep it where"
+            " it was, or call load_model where it is used"
+        )
+    if _record_sha256(_read_record(path / RECORD_FILE)) != origin.record_sha256:
+        raise ModelError(
+            f"{path / RECORD_FILE}: not the model that was pickled; pickle the one that"
+            " is in the folder now"
+        )
+
+    return path
+
+
+def _record_sha256(record: Mapping[str, Any]) -> str:
+    return sha256(json.dumps(dict(record), sort_keys=True).encode())
+
+
 def sha256(content: bytes) -> str:
     """Return the SHA-256 of bytes, in hexadecimal."""
     return hashlib.sha256(content).hexdigest()

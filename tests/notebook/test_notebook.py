@@ -16,6 +16,7 @@ from analytic_frames import KNOWN, SCALE, image, tip_of, wall_section
 from effects import contents
 from foreign_files import FRAMES, write_log
 from small_models import force_reader
+from small_recordings import write_small_recording
 
 import scleraforce as sf
 from scleraforce.cli.main import run
@@ -126,7 +127,7 @@ def test_a_frame_that_cannot_be_used_is_one_clear_line() -> None:
             read(force_reader(), frame, **size)
 
 
-def test_inputs_that_would_be_ignored_and_a_path_for_a_model_are_refused() -> None:
+def test_inputs_that_would_be_ignored_and_a_missing_model_are_refused() -> None:
     for model, given, words in (
         (
             force_reader(),
@@ -138,13 +139,21 @@ def test_inputs_that_would_be_ignored_and_a_path_for_a_model_are_refused() -> No
             {"youngs_modulus_pa": 0.3e6, "calibration": "modulus.json"},
             "the calibration gives the modul",
         ),
-        ("reader", {}, r"give sf\.load_model\('reader'\)"),
+        ("nothing", {}, "nothing: no such folder, and not a bundled model"),
     ):
         with pytest.raises(InputError, match=words):
             read(model, FRAME, **given, **SIZE)
 
-    with pytest.raises(InputError, match=r"give sf\.load_model\('reader'\)"):
-        evaluate("reader", "eye-a")  # type: ignore[arg-type]  # the mistake
+    with pytest.raises(InputError, match="nothing: no such folder, and not a bundled"):
+        evaluate("nothing", "eye-a")
+
+
+def test_a_model_may_be_named(tmp_path: Path) -> None:
+    given = {"youngs_modulus_pa": 0.3e6, **SIZE}
+    named = read("default", FRAME, **given)
+    assert named.force_n == read(sf.load_model("default"), FRAME, **given).force_n
+    recording = write_small_recording(tmp_path / "r", frames=12)
+    assert len(evaluate("default", recording).frames) == 12
 
 
 def test_wrong_input_of_a_calibration_or_a_training_is_one_clear_line() -> None:

@@ -1,14 +1,24 @@
 """Model folders: loaded, checked, refused; the limits of each kind of model."""
 
+import copy
+import multiprocessing
+import pickle
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
-from small_models import force_reader, rehash_model
+from analytic_library import analytic_library
+from small_models import (
+    force_reader,
+    rehash_model,
+    write_fixed_reader,
+    write_raw_model,
+)
 
 from scleraforce.errors import ModelError
 from scleraforce.known import OPEN, SEALED, Known, Modulus
-from scleraforce.reader.model import load_classifier, load_model
+from scleraforce.reader.model import load_classifier, load_model, opened
 from scleraforce.recording.folder import OctInfo
 from scleraforce.study import Study
 
@@ -170,3 +180,82 @@ def test_only_the_training_of_a_model_limits_it(write_model, tmp_path: Path) -> 
     (limit,) = classifier.limits(Known(globe=SEALED), SCAN)
     assert "sealed" in limit
     assert force_reader().limits(Known(globe=SEALED), SCAN) == ()
+
+
+@pytest.fixture(params=["classifier", "reader", "raw-reader"])
+def folder(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """A small model of each kind."""
+    if request.param == "classifier":
+        return request.getfixturevalue("tiny_model").path
+
+    path = tmp_path / request.param
+    if request.param == "reader":
+        library = analytic_library(thicknesses=4, ratios=4, tips=5)
+        write_fixed_reader(path, library, [1.0] * 8)
+    else:
+        write_raw_model(path)
+    return path
+
+
+def test_models_are_copied_and_pickled(folder: Path) -> None:
+    model = load_model(folder)
+    for other in (
+        pickle.loads(pickle.dumps(model)),
+        pickle.loads(pickle.dumps(load_model(folder, finder=None))),
+        copy.deepcopy(model),
+        copy.copy(model),
+    ):
+        assert type(other) is type(model)
+        assert other is not model
+        assert (other.path, other.study) == (model.path, model.study)
+        assert (other.record, other.provenance) == (model.record, model.provenance)
+
+    assert pickle.loads(pickle.dumps(model)).finder.origin == model.finder.origin
+    assert pickle.loads(pickle.dumps(load_model(folder, finder=None))).finder is None
+    assert len(pickle.dumps(model)) < 2000  # neither network nor library
+
+
+def test_a_pickled_model_reads_the_same_in_another_process(tiny_model) -> None:
+    model = load_model(tiny_model.path)
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, mp_context=context) as pool:
+        found = pool.submit(model.probabilities, slices(5)).result()
+    np.testing.assert_array_equal(found, model.probabilities(slices(5)))
+
+
+def test_a_pickle_does_not_load_a_changed_or_another_model(
+    folder: Path, tmp_path: Path
+) -> None:
+    pickled = pickle.dumps(load_model(folder, finder=None))
+    record = (folder / "model.json").read_text()
+    changes = {
+        "card.md": (folder / "card.md").read_text() + "more",
+        "model.json": record.replace('"format"', '"more": 1, "format"'),
+    }
+    assert changes["model.json"] != record
+
+    for name, content in changes.items():
+        before = (folder / name).read_text()
+        (folder / name).write_text(content)
+        with pytest.raises(ModelError, match=f"{name}: (SHA-256|not the model that)"):
+            pickle.loads(pickled)
+        (folder / name).write_text(before)
+
+    folder.rename(tmp_path / "elsewhere")
+    with pytest.raises(ModelError, match=r"no such folder, and a pickled model needs"):
+        pickle.loads(pickled)
+
+
+def test_a_model_that_no_folder_gave_is_not_pickled() -> None:
+    with pytest.raises(ModelError, match="not loaded from a folder"):
+        pickle.dumps(force_reader())
+
+
+def test_a_model_is_named_by_its_folder_and_checked_at_each_use(folder: Path) -> None:
+    model = opened(folder)
+    assert (model.path, model.finder is None) == (folder, False)
+    assert opened(model) is model
+    assert opened("default") is opened("default")
+    (folder / "study.toml").write_text("")
+    with pytest.raises(ModelError, match=r"study\.toml: SHA-256"):
+        opened(str(folder))

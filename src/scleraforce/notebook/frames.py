@@ -10,7 +10,6 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from functools import cache
 from math import inf, isfinite
 from os import PathLike
 from pathlib import Path
@@ -37,7 +36,13 @@ from scleraforce.reader.answer import Answer, Answers
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.reader.felt import MOST_LEAN_RAD, History
 from scleraforce.reader.kinds import Reader
-from scleraforce.reader.model import load_model as load_reader, load_wall_finder, suited
+from scleraforce.reader.model import (
+    bundled_finder,
+    load_model as load_reader,
+    load_wall_finder,
+    opened as opened_model,
+    suited,
+)
 from scleraforce.recording import folder
 from scleraforce.recording.folder import (
     Plane,
@@ -177,12 +182,7 @@ def finder_of(model: str | PathLike[str] | None) -> WallFinder | None:
     """Load a wall finder, the bundled one once; None stays None."""
     if model is None:
         return None
-    return (
-        _bundled_finder() if model == SHIPPED_WALL_FINDER else load_wall_finder(model)
-    )
-
-
-_bundled_finder = cache(lambda: load_wall_finder(SHIPPED_WALL_FINDER))
+    return bundled_finder() if model == SHIPPED_WALL_FINDER else load_wall_finder(model)
 
 
 def load_model(
@@ -210,7 +210,7 @@ def load_model(
 
 @overload
 def read(
-    model: Reader,
+    model: Reader | str | PathLike[str],
     frame: str | PathLike[str] | list[Frame] | tuple[Frame, ...],
     *,
     calibration: "Calibration | str | PathLike[str] | None" = ...,
@@ -239,7 +239,7 @@ def read(
 
 @overload
 def read(
-    model: Reader,
+    model: Reader | str | PathLike[str],
     frame: NDArray[Any],
     *,
     calibration: "Calibration | str | PathLike[str] | None" = ...,
@@ -267,7 +267,7 @@ def read(
 
 
 def read(
-    model: Reader,
+    model: Reader | str | PathLike[str],
     frame: Frame | NDArray[Any] | list[Frame] | tuple[Frame, ...],
     *,
     calibration: "Calibration | str | PathLike[str] | None" = None,
@@ -299,7 +299,7 @@ def read(
     file.
 
     Args:
-        model: of `load_model` or `train`.
+        model: of `load_model` or `train`, or its folder or name.
         frame: an image file, or an array (row, column); rows go down into the eye. Of
             several planes, a list of these, which are read together. An array (n, row,
             column) is a stack of single frames. Floats are scaled to counts; columns
@@ -358,6 +358,7 @@ def read(
     >>> print(f"{answer.force_n * 1e3:.0f} mN, class {answer.predicted}")
     2... mN, class 1
     """
+    reader = opened_model(model)
     given = given_eye(
         {
             "youngs_modulus_pa": youngs_modulus_pa,
@@ -377,7 +378,7 @@ def read(
     def answer(frames: Sequence[Frame], masks: "Sequence[Mask]") -> Answer:
         at = planes or stated_planes(frames)
         one = readings(
-            model,
+            reader,
             frames,
             given,
             size,
@@ -431,7 +432,7 @@ def read(
 
 
 def evaluate(
-    model: Reader,
+    model: Reader | str | PathLike[str],
     recordings: Given | Sequence[Given],
     calibration: "Calibration | str | PathLike[str] | None" = None,
     *,
@@ -441,7 +442,7 @@ def evaluate(
     """Read every frame of recordings and compare with their force logs.
 
     Args:
-        model: of `load_model` or `train`.
+        model: of `load_model` or `train`, or its folder or name.
         recordings: one or more, opened or as folders.
         calibration: of `calibrate`, or its file: gives a reader the eyes' moduli; its
             frames are not scored.
@@ -462,12 +463,12 @@ def evaluate(
     >>> [frame.answer.predicted for frame in evaluation.frames]
     [1, 2, 2]
     """
-    check_model(model)
+    reader = opened_model(model)
     each = opened(recordings)
     summary = None if calibration is None else summary_of_calibration(calibration)
     counting = counting or counting_for(progress, "frames")
     with counting("frames", sum(len(one.frames) for one in each)) as advance:
-        return evaluate_recordings(model, each, summary, advance)
+        return evaluate_recordings(reader, each, summary, advance)
 
 
 def save_wall(
@@ -535,7 +536,7 @@ def stated_planes(frames: Sequence[Frame]) -> tuple[Plane, ...]:
 
 
 def readings(
-    model: Reader,
+    model: Reader | str | PathLike[str],
     frames: Sequence[Frame],
     given: Known,
     size: Scanner,
@@ -550,7 +551,7 @@ def readings(
     """Read one frame, or one of each plane together, as `read` does; return each answer
     with its inputs.
     """
-    check_model(model)
+    model = opened_model(model)
     if not frames:
         raise InputError("frame: none; give one, or one of each plane")
     if len(planes) != len(frames) and (planes or len(frames) != 1):
@@ -876,14 +877,6 @@ def counted(frame: Any) -> tuple[Any, tuple[str, ...]]:
 
 def _place(frame: Frame) -> str:
     return str(frame) if isinstance(frame, str | PathLike) else "frame"
-
-
-def check_model(model: object) -> None:
-    """Raise an InputError for the path of a model that was not loaded."""
-    if isinstance(model, str | PathLike):
-        raise InputError(
-            f"model: {model} is a path; give sf.load_model({str(model)!r})"
-        )
 
 
 def summary_of_calibration(calibration: "GivenCalibration") -> CalibrationSummary:

@@ -10,7 +10,7 @@ from functools import lru_cache
 from itertools import zip_longest
 from math import sqrt
 from pathlib import Path
-from typing import Any, ClassVar, final
+from typing import Any, ClassVar, Self, final
 
 import numpy as np
 import onnxruntime  # type: ignore[import-untyped]  # it ships no types
@@ -23,7 +23,13 @@ from scleraforce.library.planes import SeenPlane, fit_planes
 from scleraforce.library.prior import Prior, prior_of
 from scleraforce.library.responses import Library
 from scleraforce.library.unknowns import GAP
-from scleraforce.models import NETWORK_FILE, RECORD_FILE, check_interface, run_network
+from scleraforce.models import (
+    NETWORK_FILE,
+    RECORD_FILE,
+    Origin,
+    check_interface,
+    run_network,
+)
 from scleraforce.reader import verdicts
 from scleraforce.reader.answer import (
     METHODS,
@@ -68,7 +74,8 @@ class Reader(ABC):
     ("classifier", "reader" or "raw-reader"), `classes` the number of force classes.
     `reads_force`: answers have a force with its interval, not the class alone.
     `serves_loop`: it may serve the control loop. The `finder` checks the wall of
-    `read`, not of `read_live`: the control loop does not wait for it.
+    `read`, not of `read_live`: the control loop does not wait for it. `origin`: the
+    folder that it was loaded from, from which a pickle loads it again.
     """
 
     kind: ClassVar[str]
@@ -81,12 +88,17 @@ class Reader(ABC):
     record: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
     provenance: Mapping[str, str] = field(default_factory=dict, kw_only=True)
     finder: WallFinder | None = field(default=None, kw_only=True)
+    origin: Origin | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         self.classes = len(self.study.classes.bounds_n) + 1
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.path}>"
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        """Return a copy that shares what does not change: networks and library."""
+        return replace(self)
 
     @property
     def fixed_modulus_pa(self) -> float | None:

@@ -2,11 +2,12 @@
 read in the control loop.
 """
 
+import copyreg
 from dataclasses import replace
-from functools import cache
+from functools import cache, lru_cache
 from os import PathLike
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from scleraforce.segmentation.wall_finder import WallFinder
 
 Kind = TypeVar("Kind", Classifier, ForceReader)
 Finder = str | PathLike[str] | None
+PICKLED = 8  # models whose pickles load them once in a process
 
 
 def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
@@ -39,6 +41,7 @@ def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
         session, study.wall_finder, str(folder.path / models.NETWORK_FILE)
     )
     models.check_provenance(folder, metadata)
+    finder.origin = models.origin_of(folder, threads)
 
     return finder
 
@@ -79,9 +82,72 @@ def load_model(
     models.check_provenance(folder, provenance)
     model.record = folder.record
     model.provenance = provenance
+    model.origin = models.origin_of(folder, threads)
     model.finder = None if finder is None else load_wall_finder(finder, threads)
 
     return model
+
+
+def opened(model: Reader | str | PathLike[str]) -> Reader:
+    """Return a model; load one that is given by its folder or name, whose files are
+    checked each time but loaded once.
+    """
+    if not isinstance(model, str | PathLike):
+        return model
+
+    folder = models.model_folder(Path(model))
+    if folder in models.SHIPPED.values():
+        return _bundled(folder, models.SHIPPED_WALL_FINDER)
+
+    origin = models.origin_of(models.read_folder(folder, KINDS), 1)
+    return replace(_loaded(origin), finder=bundled_finder())
+
+
+@cache
+def bundled_finder() -> WallFinder:
+    """Return the bundled wall finder."""
+    return load_wall_finder(models.SHIPPED_WALL_FINDER)
+
+
+@lru_cache(maxsize=PICKLED)
+def _loaded(origin: models.Origin) -> Reader:
+    """Load the model of an origin, without a wall finder."""
+    return load_model(models.origin_folder(origin), origin.threads, finder=None)
+
+
+@lru_cache(maxsize=PICKLED)
+def _loaded_finder(origin: models.Origin) -> WallFinder:
+    """Load the wall finder of an origin."""
+    return load_wall_finder(models.origin_folder(origin), origin.threads)
+
+
+def _unpickled(origin: models.Origin, finder: WallFinder | None) -> Reader:
+    return replace(_loaded(origin), finder=finder)
+
+
+def _reduced(reader: Reader) -> tuple[Any, ...]:
+    """Return what a pickle holds of a model: its origin, not its content, so that
+    unpickling checks its files.
+    """
+    return _unpickled, (_origin(reader), reader.finder)
+
+
+def _reduced_finder(finder: WallFinder) -> tuple[Any, ...]:
+    return _loaded_finder, (_origin(finder),)
+
+
+def _origin(model: Reader | WallFinder) -> models.Origin:
+    if model.origin is None:
+        raise ModelError(
+            f"{model!r}: not loaded from a folder, so it cannot be pickled; give one of"
+            " load_model"
+        )
+    return model.origin
+
+
+for _kind in (Classifier, ForceReader, RawReader):
+    copyreg.pickle(_kind, _reduced)
+copyreg.pickle(WallFinder, _reduced_finder)
 
 
 def suited(reader: Reader, known: Known) -> Reader:
@@ -97,13 +163,13 @@ def suited(reader: Reader, known: Known) -> Reader:
     if reader.path not in others or reader.outside(known) is None:
         return reader
 
-    other = _bundled(others[reader.path])
+    other = _bundled(others[reader.path], None)
     return reader if other.outside(known) else replace(other, finder=reader.finder)
 
 
 @cache
-def _bundled(folder: Path) -> Reader:
-    return load_model(folder, finder=None)
+def _bundled(folder: Path, finder: Path | None) -> Reader:
+    return load_model(folder, finder=finder)
 
 
 def load_classifier(

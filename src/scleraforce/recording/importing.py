@@ -23,6 +23,7 @@ from scleraforce.recording.folder import (
     name_fault,
     read_info,
 )
+from scleraforce.recording.frame_names import times_in
 from scleraforce.recording.frame_times import read_times
 from scleraforce.recording.pixels import (
     MOST_BITS,
@@ -248,6 +249,10 @@ def open_questions(
     ):
         if fault and questions.keys() & names:
             raise InputError(f"{fault}; give {' and '.join(map(option_name, names))}")
+
+    if "rate_hz" in questions and times_in(scan.names) is not None:
+        of_names = "--rate-hz, --times or --frames-by times"
+        questions["rate_hz"] = replace(questions["rate_hz"], options=of_names)
 
     if "bits" in questions:
         few = f"pixels are up to {greys.high - greys.low:g}, which needs more bits"

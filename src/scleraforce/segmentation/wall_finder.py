@@ -18,7 +18,7 @@ import onnxruntime  # type: ignore[import-untyped]  # it ships no types
 from numpy.typing import NDArray
 
 from scleraforce.arrays import Flags, Floats, Places, Reals, Singles
-from scleraforce.models import check_interface, run_network
+from scleraforce.models import Origin, check_interface, run_network
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.light import LEAST_SHAPE
 from scleraforce.segmentation.loops import best_path
@@ -227,8 +227,10 @@ class WallFinder:
     and `wall` out.
 
     `rows` (n, 2, row, column / 2): probabilities of either boundary; `wall` (n, column
-    / 2): that a column has wall.
+    / 2): that a column has wall. `origin`: its folder; None: it was not loaded from one.
     """
+
+    origin: Origin | None = None
 
     def __init__(
         self, session: onnxruntime.InferenceSession, study: WallFinderStudy, place: str
