@@ -152,7 +152,7 @@ def test_a_model_may_be_named(tmp_path: Path) -> None:
     given = {"youngs_modulus_pa": 0.3e6, **SIZE}
     named = read("default", FRAME, **given)
     assert named.force_n == read(sf.load_model("default"), FRAME, **given).force_n
-    recording = write_small_recording(tmp_path / "r", frames=12)
+    recording = write_small_recording(tmp_path / "r", frames=12, log=False)
     assert len(evaluate("default", recording).frames) == 12
 
 

@@ -95,9 +95,7 @@ QUESTIONS = {
         "--refractive-index",
     ),
     "bits": Question("bits of a pixel that are used", "--bits"),
-    "rate_hz": Question(
-        "frames taken in a second", "--rate-hz, --times or --frames-by"
-    ),
+    "rate_hz": Question("frames taken in a second", "--rate-hz or --times"),
     "clock_offset_s": Question(
         "force log's clock minus the frames' clock, in seconds", "--clock-offset-s"
     ),
