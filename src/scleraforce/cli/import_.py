@@ -349,7 +349,7 @@ def _lines(done: Import) -> list[str]:
         )
 
     if greys.lost:
-        found.append(f"note: {greys.lost} pixels are not finite numbers; they became 0")
+        found.append(f"note: {greys.words}")
 
     return [*found, *(f"note: {note}" for note in done.gathered.notes)]
 

@@ -51,6 +51,7 @@ from scleraforce.recording.folder import (
     Scanner,
     read_recording,
 )
+from scleraforce.recording.no_values import NOT_FINITE
 from scleraforce.recording.pixels import Pixels, Sourced, find_greys
 from scleraforce.recording.walls import (
     NOT_JUDGED,
@@ -851,9 +852,9 @@ def counted(frame: Any) -> tuple[Any, tuple[str, ...]]:
 
     known = np.ma.compressed(pixels)
     greys = find_greys([known], None, "frame")
-    if greys.lost:
+    if missing := greys.without.get(NOT_FINITE, 0):
         raise FrameError(
-            f"frame: {greys.lost} pixels are not finite; give"
+            f"frame: {missing} pixels are not finite; give"
             " numpy.ma.masked_invalid(frame)"
         )
 
@@ -872,6 +873,7 @@ def counted(frame: Any) -> tuple[Any, tuple[str, ...]]:
             f"frame: pixels of {greys.low:g} to {greys.high:g} were scaled to counts of"
             f" 0 to {counts.max()}"
         ),
+        *([f"frame: {greys.words}"] if greys.words else []),
     )
 
 

@@ -25,6 +25,7 @@ from scleraforce.recording.folder import (
 )
 from scleraforce.recording.frame_names import times_in
 from scleraforce.recording.frame_times import read_times
+from scleraforce.recording.no_values import NOT_FINITE
 from scleraforce.recording.pixels import (
     MOST_BITS,
     Greys,
@@ -557,7 +558,8 @@ def provenance(done: Import) -> dict[str, Any]:
             "low": greys.low,
             "high": greys.high,
             "scaled": greys.scaled,
-            "not_finite": greys.lost,
+            "not_finite": greys.without.get(NOT_FINITE, 0),
+            "no_value": dict(greys.without),
         },
         "notes": list(done.gathered.notes),
     }

@@ -3,9 +3,9 @@ files state; None: not stated.
 """
 
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from scleraforce.arrays import Counts, Floats, Integers, Places
 from scleraforce.errors import FrameError, InputError
+from scleraforce.recording.no_values import HUGE, NOT_FINITE, TOO_LARGE, Values
 from scleraforce.units import from_si
 
 if TYPE_CHECKING:
@@ -204,13 +205,33 @@ TOP = 2**MOST_BITS - 1
 @dataclass(frozen=True, kw_only=True)
 class Greys:
     """The map of pixels to counts: (pixel - `low`) * TOP / (`high` - `low`), or pixel -
-    `low`; `lost` ones are 0.
+    `low`.
+
+    Pixels without a value, like those beyond `most`, are 0; `without` counts them by
+    their kinds.
     """
 
     low: float
     high: float
     scaled: bool
-    lost: int = 0
+    most: float = HUGE
+    without: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def lost(self) -> int:
+        """The number of pixels without a value."""
+        return sum(self.without.values())
+
+    @property
+    def words(self) -> str:
+        """A sentence on the pixels without a value; "" without such."""
+        kinds = ", ".join(f"{count} {kind}" for kind, count in self.without.items())
+        what = (
+            "pixel has no value and is 0"
+            if self.lost == 1
+            else ("pixels have no value and are 0")
+        )
+        return f"{self.lost} {what}: {kinds}" if kinds else ""
 
     def fit(self, bits: int) -> bool:
         """Return whether this number of bits holds the counts."""
@@ -222,12 +243,11 @@ class Greys:
         if not self.scaled:
             return np.asarray(picture.astype(np.int64) - int(self.low), dtype=np.uint16)
 
-        scaled = np.clip(
-            (picture.astype(np.float64) - self.low) * (TOP / (self.high - self.low)),
-            0.0,
-            TOP,
-        )
-        return np.asarray(np.nan_to_num(np.rint(scaled), nan=0.0), dtype=np.uint16)
+        values = picture.astype(np.float64)
+        # not "> most", which NaN is not
+        values[~(values <= self.most)] = self.low
+        scaled = np.clip((values - self.low) * (TOP / (self.high - self.low)), 0.0, TOP)
+        return np.asarray(np.rint(scaled), dtype=np.uint16)
 
 
 def find_greys(
@@ -235,6 +255,9 @@ def find_greys(
 ) -> Greys:
     """Return the map of pixels to counts: whole numbers that 16 bits hold stay or are
     shifted, others are scaled.
+
+    Values that are none (`recording.no_values`) do not count in the range of the
+    others.
     """
     if given is not None and not given[0] < given[1]:
         raise InputError(
@@ -244,8 +267,8 @@ def find_greys(
 
     low = np.inf
     high = -np.inf
-    lost = 0
     whole = True
+    values = Values()
 
     for picture in pictures:
         if picture.dtype.kind not in "uif":
@@ -253,24 +276,38 @@ def find_greys(
                 f"{name}: pixels of type {picture.dtype}; give whole numbers or floats"
             )
 
-        known = picture[np.isfinite(picture)] if picture.dtype.kind == "f" else picture
-        whole = whole and picture.dtype.kind != "f"
-        lost = lost + picture.size - known.size
-        if known.size:
-            low = min(low, float(known.min()))
-            high = max(high, float(known.max()))
+        is_whole = picture.dtype.kind != "f"
+        whole = whole and is_whole
+        if is_whole and picture.size:
+            low = min(low, float(picture.min()))
+            high = max(high, float(picture.max()))
+        if not is_whole or picture.itemsize > 2:
+            values.add(picture)
 
+    found = values.limits()
     if given is not None:
-        return Greys(low=given[0], high=given[1], scaled=True, lost=lost)
+        without = {
+            kind: count
+            for kind, count in found.lost.items()
+            if kind in (NOT_FINITE, TOO_LARGE)
+        }
+        return Greys(low=given[0], high=given[1], scaled=True, without=without)
     if whole and high - min(low, 0.0) <= TOP:
         return Greys(low=min(low, 0.0), high=high, scaled=False)
-    if not low < high:
+
+    if not found.low < found.high:
         raise FrameError(
             f"{name}: all pixels have one value or none; there is nothing to see in"
             " them"
         )
 
-    return Greys(low=low, high=high, scaled=True, lost=lost)
+    return Greys(
+        low=found.low,
+        high=found.high,
+        scaled=True,
+        most=found.high,
+        without=found.lost,
+    )
 
 
 @contextmanager
@@ -621,9 +658,9 @@ def check_kinds(scans: Sequence[Scan]) -> None:
     kind = _kind(first)
 
     for scan in scans[1:]:
-        for field, mine in _kind(scan).items():
-            if mine != kind[field]:
-                found = f"{field} {mine}, where {first.names[0]} has {kind[field]}"
+        for name, mine in _kind(scan).items():
+            if mine != kind[name]:
+                found = f"{name} {mine}, where {first.names[0]} has {kind[name]}"
                 raise FrameError(
                     f"{scan.names[0]}: {found}; import frames of one kind at a time"
                 )
