@@ -1,5 +1,6 @@
 """ROS bags that tests write with rosbags: five frames, and a wrench at 200 Hz."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -79,6 +80,18 @@ def stamps(times_s) -> list[int]:
     return [START_NS + round(time_s * SECOND_NS) for time_s in times_s]
 
 
+def write_parts(folder: Path, kind: str, ends_s=(0.0, 1.0, 9.0)) -> Path:
+    """Write the parts of a bag as ROS splits it, without metadata.yaml."""
+    suffix = {"ros1": ".bag", "sqlite": ".db3", "mcap": ".mcap"}[kind]
+    folder.mkdir()
+    for nth, span_s in enumerate(pairwise(ends_s)):
+        bag = write_bag(folder.with_name(f"{folder.name}-{nth}"), kind, span_s=span_s)
+        file = bag if bag.is_file() else next(bag.glob(f"*{suffix}"))
+        file.rename(folder / f"bag_{nth}{suffix}")
+
+    return folder
+
+
 def write_bag(
     path: Path,
     kind: str,
@@ -86,9 +99,10 @@ def write_bag(
     topics=("/oct/image",),
     forces: bool = True,
     packed=None,
+    span_s=(-np.inf, np.inf),
 ) -> Path:
     """A bag of five frames and a wrench at 200 Hz; images arrive late, so that arrival
-    has another order.
+    has another order. Of it those messages that arrive within `span_s`.
     """
     one = kind == "ros1"
     store = ROS1 if one else ROS2
@@ -123,6 +137,8 @@ def write_bag(
             )
         )
 
+    begin_ns, end_ns = (START_NS + each * SECOND_NS for each in span_s)
+    sent = [each for each in sent if begin_ns <= each[0] < end_ns]
     if packed is not None:
         writer.set_compression(packed, CompressionFormat.ZSTD)
 

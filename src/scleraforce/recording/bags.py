@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from hashlib import blake2b
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -18,13 +18,17 @@ from scleraforce.arrays import Flags, Floats, Integers, Places
 from scleraforce.errors import FrameError, InputError, RecordingError
 from scleraforce.recording import pixels as scans
 from scleraforce.recording.images import JPEG_SIGNATURE, PNG_SIGNATURE, read_picture
+from scleraforce.recording.mcap import (
+    Bag,
+    Connection,
+    McapFile,
+    check_whole,
+    is_mcap,
+    is_of_ros_2,
+)
 from scleraforce.recording.pixels import Scan, Times, UnansweredError, check_size
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog
 from scleraforce.units import from_si
-
-if TYPE_CHECKING:
-    from rosbags.highlevel import AnyReader
-    from rosbags.interfaces import Connection
 
 # Types of a sample by sensor_msgs/Image's encoding; colours have 3 or 4 of one byte.
 GREYS = {
@@ -38,7 +42,12 @@ GREYS = {
 COLOURS = ("rgb8", "bgr8", "rgba8", "bgra8")
 # What decides on the meaning of a message's bytes, and stays the same within a topic.
 IMAGE_FIELDS = ("encoding", "is_bigendian", "height", "width", "step", "format")
-IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+IMAGES = (
+    "sensor_msgs/msg/Image",
+    "sensor_msgs/msg/CompressedImage",
+    "foxglove_msgs/msg/RawImage",
+    "foxglove_msgs/msg/CompressedImage",
+)
 FORCES = ("geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/Vector3Stamped")
 SECOND_NS = 1_000_000_000
 # messages before and after a stamp that runs back, whose delays are compared
@@ -70,12 +79,18 @@ def _image_pixels(message: Any, place: str) -> NDArray[Any]:
             f"{place}: encoding {encoding!r}; one of {', '.join((*GREYS, *COLOURS))}"
         )
 
-    kind = np.dtype((">" if message.is_bigendian else "<") + GREYS.get(encoding, "u1"))
+    big = getattr(message, "is_bigendian", False)  # Foxglove's never are
+    kind = np.dtype((">" if big else "<") + GREYS.get(encoding, "u1"))
     rows = int(message.height)
     columns = int(message.width)
     step = int(message.step)
     samples = len(encoding) - 1 if encoding in COLOURS else 1
-    data = np.asarray(message.data, dtype=np.uint8)
+    packed = message.data
+    data = (
+        np.frombuffer(packed, dtype=np.uint8)
+        if isinstance(packed, bytes)
+        else np.asarray(packed, dtype=np.uint8)
+    )
 
     used = columns * samples * kind.itemsize
     if step < used or data.size < rows * step:
@@ -131,12 +146,18 @@ def read_bag(
 
 
 @contextmanager
-def _opened(path: Path) -> "Iterator[AnyReader]":
+def _opened(path: Path) -> Iterator[Bag]:
     with scans.named_faults(path, "ROS bag"):
         highlevel, typesys = (
             scans.package_for(f"rosbags.{name}", "a ROS bag")
             for name in ("highlevel", "typesys")
         )
+        if path.is_file() and path.suffix.lower() != ".db3" and is_mcap(path):
+            check_whole(path)
+            if not is_of_ros_2(path):
+                yield McapFile(path)
+                return
+
         # Older ROS 2 bags do not hold the definitions of their messages.
         store = typesys.get_typestore(typesys.Stores.LATEST)
 
@@ -145,8 +166,8 @@ def _opened(path: Path) -> "Iterator[AnyReader]":
 
 
 def _topic(
-    bag: "AnyReader", kinds: Sequence[str], chosen: str | None, option: str
-) -> "Sequence[Connection]":
+    bag: Bag, kinds: Sequence[str], chosen: str | None, option: str
+) -> Sequence[Connection]:
     """Return the connections of the chosen topic, or of the only one of the kinds;
     empty without such a topic.
     """
@@ -191,7 +212,7 @@ def _topic(
     return connections
 
 
-def _definition(connection: "Connection") -> str:
+def _definition(connection: Connection) -> str:
     """Return a message's definition without comments and blank lines, which do not
     change its bytes.
     """
@@ -201,7 +222,7 @@ def _definition(connection: "Connection") -> str:
     return "\n".join(" ".join(words) for words in lines if words)
 
 
-def _listed(connections: "Sequence[Connection]") -> str:
+def _listed(connections: Sequence[Connection]) -> str:
     return (
         ", ".join(f"{each.topic} ({each.msgtype})" for each in connections)
         or "no topics"
@@ -209,13 +230,15 @@ def _listed(connections: "Sequence[Connection]") -> str:
 
 
 def _messages(
-    bag: "AnyReader", connections: "Sequence[Connection]"
+    bag: Bag, connections: Sequence[Connection]
 ) -> Iterator[tuple[_Heard, Any]]:
     for each, arrived_ns, data in bag.messages(connections):
         message: Any = bag.deserialize(data, each.msgtype)
-        stamp = message.header.stamp
+        header = getattr(message, "header", None)
+        stamp = message.timestamp if header is None else header.stamp
+        frame_id = getattr(message if header is None else header, "frame_id", "")
         captured_ns = int(stamp.sec) * SECOND_NS + int(stamp.nanosec)
-        yield _Heard(each.id, captured_ns, arrived_ns, message.header.frame_id), message
+        yield _Heard(each.id, captured_ns, arrived_ns, frame_id), message
 
 
 def _ordered(
@@ -355,7 +378,10 @@ def _late_note(late_ms: Floats) -> str:
 
 
 def _scan(
-    path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_arrival: bool
+    path: Path,
+    bag: Bag,
+    connections: Sequence[Connection],
+    by_arrival: bool,
 ) -> Scan:
     topic = connections[0].topic
     heard: list[_Heard] = []
@@ -428,7 +454,10 @@ def _pictures(path: Path, topic: str, order: Sequence[int]) -> scans.PictureStre
 
 
 def _log(
-    path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_arrival: bool
+    path: Path,
+    bag: Bag,
+    connections: Sequence[Connection],
+    by_arrival: bool,
 ) -> ForceLog:
     heard = []
     values = []
@@ -464,4 +493,34 @@ def _log(
         wrench_sc[order][:, measured],
         columns,
         tuple(f"{path}: {topic}: {note}" for note in notes),
+    )
+
+
+PARTS_APART_S = 2.0  # between the parts of one recording
+
+
+def joined_logs(logs: Sequence[tuple[Path, ForceLog]]) -> tuple[Path, ForceLog]:
+    """Return the logs of a bag's parts as one; refuse those of several recordings."""
+    first = logs[0][0]
+    parts = sorted(logs, key=lambda part: float(part[1].time_s[0]))
+
+    for (before_path, before), (path, after) in pairwise(parts):
+        apart_s = float(after.time_s[0] - before.time_s[-1])
+        if after.columns != before.columns or not 0.0 < apart_s <= PARTS_APART_S:
+            found = f"its forces begin {apart_s:.3g} s after the end of {before_path}'s"
+            if apart_s <= 0.0:
+                found = f"its forces begin before those of {before_path} end"
+            if after.columns != before.columns:
+                found = f"its forces have other columns than those of {before_path}"
+            raise InputError(
+                f"{path}: {found}: another recording, or a part between them is missing;"
+                " import one recording at a time"
+            )
+
+    each = [log for _, log in parts]
+    return first, ForceLog(
+        np.concatenate([log.time_s for log in each]),
+        np.concatenate([log.wrench_sc for log in each]),
+        each[0].columns,
+        tuple(note for log in each for note in log.notes),
     )

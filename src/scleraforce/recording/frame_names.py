@@ -33,8 +33,8 @@ DATED = re.compile(
 )
 WITH_UNIT = re.compile(
     r"(?P<whole>\d+)(?:[.,](?P<fraction>\d+))?[ _]?"
-    rf"(?P<unit>{'|'.join(sorted(SECONDS, key=len, reverse=True))})(?![^\W_])",
-    re.IGNORECASE,
+    r"(?P<unit>seconds?|m?sec|ms|[uµ]s|ns|s)(?![^\W_])",
+    re.ASCII,
 )
 # A number that was measured, and does not count frames.
 QUANTITY = re.compile(
@@ -149,7 +149,7 @@ def _of_epoch(found: re.Match[str]) -> Moment:
 
 
 def _of_unit(found: re.Match[str]) -> Moment:
-    unit_s = SECONDS[found["unit"].lower()]
+    unit_s = SECONDS[found["unit"]]
     part, resolution = _fraction(found["fraction"])
     return (int(found["whole"]) + part) * unit_s, resolution * unit_s
 

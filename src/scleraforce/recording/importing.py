@@ -381,7 +381,7 @@ def _needed(
         needed.add("rate_hz")
 
     if gathered.log is not None:
-        by_bag = len(gathered.files) == 1 and answers.rate_hz is None
+        by_bag = gathered.one_clock and answers.rate_hz is None
         needed |= {
             "axis",
             "contact_sign",

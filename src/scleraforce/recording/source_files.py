@@ -33,6 +33,7 @@ HEADERS = {
     ".zraw": (".mhd",),
     ".gz": (".nhdr",),
 }
+BAG_MARK = "metadata.yaml"
 ZARR_MARKS = ("zarr.json", ".zattrs", ".zgroup", ".zarray")
 
 
@@ -49,7 +50,7 @@ class Listing:
 
 def is_whole(path: Path) -> bool:
     """Return whether a folder is one source: a ROS bag, or a Zarr store."""
-    return any((path / name).exists() for name in ("metadata.yaml", *ZARR_MARKS))
+    return any((path / name).exists() for name in (BAG_MARK, *ZARR_MARKS))
 
 
 def listed(given: Sequence[Path], table: Path | None = None) -> Listing:

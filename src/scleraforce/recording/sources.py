@@ -22,6 +22,7 @@ from scleraforce.recording import (
     tables,
     tiff,
     volumes,
+    zarr_store,
 )
 from scleraforce.recording.folder import Plane, check_counts, check_planes
 from scleraforce.recording.frame_names import natural_order
@@ -34,7 +35,7 @@ from scleraforce.recording.pixels import (
     parse_axes,
     rising,
 )
-from scleraforce.recording.source_files import MOST_NAMED, TEXT_NAMES, listed
+from scleraforce.recording.source_files import BAG_MARK, MOST_NAMED, TEXT_NAMES, listed
 from scleraforce.recording.tables import ForceLog
 from scleraforce.whole_files import FileKind, check_regular
 
@@ -79,7 +80,8 @@ MCAP = b"\x89MCAP0\r\n"
 NIFTI_NAMES = (".nii", ".nii.gz")
 KINDS = (
     "PNG, JPEG, TIFF, DICOM, NumPy (.npy, .npz), NIfTI, MetaImage (.mha, .mhd), NRRD,"
-    " films (AVI, MP4, MOV, MKV), ROS bags (.bag, .db3, .mcap), Thorlabs .oct, force"
+    " films (AVI, MP4, MOV, MKV), ROS bags (.bag, .db3, .mcap), Thorlabs .oct,"
+    " OME-Zarr, force"
     " logs (.csv, .txt, .lvm)"
 )
 
@@ -127,7 +129,7 @@ def option_name(field: str) -> str:
 def source_kind(path: Path) -> str:
     """Return the kind of a source: a kind of `read_scan`, "bag" or "log"."""
     if path.is_dir():
-        return "bag"
+        return "bag" if (path / BAG_MARK).exists() else "zarr"
 
     try:
         check_regular(path, path.stat(), SOURCE)
@@ -173,6 +175,8 @@ def read_scan(
     """Return the frames of a source of a kind that `source_kind` returns."""
     if kind == "thorlabs":
         return volumes.read_thorlabs(path)
+    if kind == "zarr":
+        return zarr_store.read_zarr(path, axes)
     if kind == "numpy":
         return images.read_numpy(path, axes, array)
     if kind in VOLUMES:
@@ -225,7 +229,8 @@ class Gathered:
     source has forces), and notes.
 
     Of several `planes`, `scan` has a frame of each moment, with its time; `frames` has
-    all, moment by moment, and `places` their moments and planes.
+    all, moment by moment, and `places` their moments and planes. `one_clock`: frames and
+    forces come from bags, of which one has both.
     """
 
     files: tuple[tuple[Path, str], ...]
@@ -236,6 +241,7 @@ class Gathered:
     frames: Scan
     planes: tuple[Plane, ...] = ()
     places: tuple[tuple[int, Plane], ...] = ()
+    one_clock: bool = False
 
 
 @dataclass(eq=False)
@@ -248,6 +254,7 @@ class _Content:
     logs: list[tuple[Path, ForceLog]]
     columns: tuple[force_log.LogColumn, ...] = ()
     left_out: tuple[str, ...] = ()
+    one_clock: bool = False  # a bag has frames and forces
 
     def log(self) -> ForceLog | None:
         """Return the only log, or None; refuse a second one."""
@@ -319,6 +326,7 @@ def gather(
         frames,
         tuple(plane for plane in wholes if plane),
         places,
+        content.one_clock and all(kind == "bag" for _, kind, _ in files),
     )
 
 
@@ -345,6 +353,7 @@ def _content(
     given = [force_log.parse_column(text) for text in options.columns]
     found = _Content({}, [])
     others: list[tuple[Path, OtherPictureError]] = []
+    of_bags: list[tuple[Path, ForceLog]] = []
 
     for path, kind, plane in files:
         if kind == "bag":
@@ -354,11 +363,10 @@ def _content(
             if scan is not None:
                 found.scans.setdefault(plane, []).append(_oriented(path, scan, axes))
             if log is not None:
-                log = replace(
-                    log, notes=(*log.notes, *tables.gap_notes(path, log.wrench_sc))
-                )
-                place = f"{path}: message {{}} of the forces".format
-                found.logs.append((path, tables.checked_samples(log, path, place)))
+                of_bags.append((path, log))
+
+            both = scan is not None and log is not None
+            found.one_clock = found.one_clock or both
         elif kind == "log":
             log, found.columns = force_log.read_force_text(
                 log_text.read_log_text(path), given
@@ -374,6 +382,13 @@ def _content(
                 others.append((path, other))
 
         seen(1)
+
+    if of_bags:
+        path, log = bags.joined_logs(of_bags)
+        notes = (*log.notes, *tables.gap_notes(path, log.wrench_sc))
+        place = f"{path}: message {{}} of the forces".format
+        checked = tables.checked_samples(replace(log, notes=notes), path, place)
+        found.logs.insert(0, (path, checked))
 
     if others and not found.scans:
         raise others[0][1]
