@@ -271,6 +271,17 @@ def test_mcap_of_ros_1_and_foxglove_is_read(
         assert found.log.force_n("fx").tolist() == [*range(len(FORCE_TIMES_S))]
 
 
+def test_a_damaged_bag_is_named_with_the_way_to_what_is_left(tmp_path: Path) -> None:
+    for kind, name, way in (
+        ("ros1", "bag_0.bag", "rosbag reindex bag_0"),
+        ("sqlite", "bag_0.db3", "sqlite3 bag_0"),
+    ):
+        path = write_parts(tmp_path / kind, kind, (0.0, 9.0)) / name
+        path.write_bytes(path.read_bytes()[:-30000])
+        with pytest.raises(InputError, match=rf"{path.name}: .*`{way}"):
+            gather([path], ImportOptions())
+
+
 def test_mcap_that_is_not_read_is_named(tmp_path: Path) -> None:
     cut = json_mcap(tmp_path / "cut.mcap")
     cut.write_bytes(cut.read_bytes()[:-500])

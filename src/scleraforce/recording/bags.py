@@ -56,6 +56,13 @@ SPLIT = (
     "record or filter them into bags of their own (rosbag filter, ros2 bag convert,"
     " mcap filter)"
 )
+# Ways to what is left of a damaged bag, by its ending.
+RECOVERY = {
+    ".bag": "`rosbag reindex {}` finds the messages of a bag that was cut off",
+    ".db3": (
+        "`sqlite3 {} .recover | sqlite3 whole.db3` keeps the messages of a damaged one"
+    ),
+}
 # before and after its stamp, that a message arrives on one clock
 EARLIEST_MS = 1.0
 LATEST_MS = 1000.0
@@ -161,8 +168,22 @@ def _opened(path: Path) -> Iterator[Bag]:
         # Older ROS 2 bags do not hold the definitions of their messages.
         store = typesys.get_typestore(typesys.Stores.LATEST)
 
-        with highlevel.AnyReader([path], default_typestore=store) as bag:
-            yield bag
+        try:
+            reader = highlevel.AnyReader([path], default_typestore=store)
+            reader.open()
+        except OSError:
+            raise
+        except Exception as fault:
+            way = RECOVERY.get(path.suffix.lower())
+            if way is None:
+                raise
+            words = " ".join(str(fault).split()).rstrip(".")
+            raise InputError(f"{words}: {way.format(path.name)}") from fault
+
+        try:
+            yield reader
+        finally:
+            reader.close()
 
 
 def _topic(
