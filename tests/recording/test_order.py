@@ -62,6 +62,10 @@ def times_of(found: Gathered, **options) -> list[float]:
         ("1700000000.00.png", "1700000000.25.png", "1700000000.50.png"),
         ("2026-05-03_142201.png", "2026-05-03_142202.png", "2026-05-03_142203.png"),
         ("eye7_20260503_001.png", "eye7_20260503_002.png", "eye7_20260503_003.png"),
+        ("20260503_000001.png", "20260503_000002.png", "20260503_000003.png"),
+        ("0001_a3f.png", "0002_9bc.png", "0003_77.png"),
+        ("9bc-1.png", "77d-2.png", "a3f-3.png"),
+        ("1_s.png", "2_s.png", "3_s.png"),
     ],
 )
 def test_names_that_count_on_or_say_nothing_are_taken_as_before(

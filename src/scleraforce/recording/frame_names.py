@@ -32,7 +32,7 @@ DATED = re.compile(
     re.ASCII | re.IGNORECASE,
 )
 WITH_UNIT = re.compile(
-    r"(?P<whole>\d+)(?:[.,](?P<fraction>\d+))?[ _]?"
+    r"(?P<whole>\d+)(?:[.,](?P<fraction>\d+))? ?"
     r"(?P<unit>seconds?|m?sec|ms|[uµ]s|ns|s)(?![^\W_])",
     re.ASCII,
 )
@@ -57,6 +57,11 @@ class NameTimes:
         middle_s = float(np.median(steps_s))
         most_s = self.resolution_s + EVEN_SHARE * abs(middle_s)
         return bool((np.abs(steps_s - middle_s) <= most_s).all() and middle_s >= 0.0)
+
+    @property
+    def counts(self) -> bool:
+        """Whether each step is the smallest one, as of a counter."""
+        return bool(np.isclose(np.diff(self.time_s), self.resolution_s).all())
 
     @property
     def fine(self) -> bool:
@@ -197,13 +202,32 @@ def numbers_in(names: Sequence[str]) -> Integers | None:
     if len(set(stems)) < len(stems):  # files of several folders
         stems = [SUFFIX.sub("", name) for name in names]
 
-    columns = _columns(stems, WHOLE) or []
+    columns = _columns(stems, WHOLE)
+    if columns is None:
+        return _counted_at_an_end(stems)
+
     values = [np.array(list(map(int, each)), dtype=object) for each in columns]
     values = [each for each in values if max(each) < 2**63]
     counted = [each for each in values if (np.diff(each) == 1).all()]
     distinct = [each for each in values if len(set(each)) == len(each)]
     best = counted[:1] or (values if len(values) == 1 else distinct)
     return best[0].astype(np.int64) if len(best) == 1 else None
+
+
+def _counted_at_an_end(stems: Sequence[str]) -> Integers | None:
+    """Return the first or the last number of stems that differ elsewhere, if it counts
+    by 1.
+    """
+    for pattern in (
+        re.compile(r"^\D*(\d+)", re.ASCII),
+        re.compile(r"(\d+)\D*$", re.ASCII),
+    ):
+        found = [pattern.search(text) for text in stems]
+        numbers = [int(each[1]) for each in found if each is not None]
+        if len(numbers) == len(stems) and (np.diff(numbers) == 1).all():
+            return np.array(numbers, dtype=np.int64)
+
+    return None
 
 
 def are_measured(names: Sequence[str]) -> bool:
@@ -225,7 +249,11 @@ def order_fault(names: Sequence[str], rate_hz: float | None) -> str | None:
     if len(names) < 2 or not any(WHOLE.search(stem(name)) for name in names):
         return None
 
+    numbers = numbers_in(names)
+    counts = numbers is not None and bool((np.diff(numbers) == 1).all())
     times = times_in(names)
+    if counts and times is not None and times.counts:
+        return None  # "20260503_000001" may be a day and a number
     if times is not None and not times.even:
         at = _odd_step(times.time_s)
         return f"{names[at + 1]}: names state times in uneven steps; {_step(names, at)}"
@@ -240,11 +268,10 @@ def order_fault(names: Sequence[str], rate_hz: float | None) -> str | None:
     if times is not None and times.fine:
         return None
 
-    numbers = numbers_in(names)
+    if counts:
+        return None
     if numbers is None:
         return _no_number(names)
-    if (np.diff(numbers) == 1).all():
-        return None
 
     at = int(np.argmax(np.diff(numbers) != 1))
     return f"{names[at + 1]}: does not count on: {_step(names, at)}"
