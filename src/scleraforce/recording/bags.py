@@ -534,8 +534,8 @@ def joined_logs(logs: Sequence[tuple[Path, ForceLog]]) -> tuple[Path, ForceLog]:
             if after.columns != before.columns:
                 found = f"its forces have other columns than those of {before_path}"
             raise InputError(
-                f"{path}: {found}: another recording, or a part between them is missing;"
-                " import one recording at a time"
+                f"{path}: {found}: another recording, or a part between them is"
+                " missing; import one recording at a time"
             )
 
     each = [log for _, log in parts]

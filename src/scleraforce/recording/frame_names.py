@@ -174,7 +174,7 @@ def _in_unit(stems: Sequence[str], unit_s: float) -> NameTimes | None:
 def _columns(
     texts: Sequence[str], pattern: re.Pattern[str]
 ) -> list[tuple[str, ...]] | None:
-    """Return the numbers that differ, each as a column; None if other letters differ."""
+    """Return the numbers that differ, each as a column; None: letters differ."""
     if len({pattern.sub("\0", text) for text in texts}) > 1:
         return None
 

@@ -119,7 +119,8 @@ class TimesTable:
         if len(times_s) > 1:
             lines = " and ".join(str(self.lines[row]) for row in rows[:2])
             raise InputError(
-                f"{self.path}: {self.column}: {name} is in lines {lines}, with two times"
+                f"{self.path}: {self.column}: {name} is in lines {lines}, with two"
+                " times"
             )
 
         return times_s.pop()
@@ -223,8 +224,8 @@ def _time_column(text: Table) -> LogColumn:
         if known := sorted(clock for clock in clocks if clock):
             return LogColumn("time_s", name, known[0])
         raise InputError(
-            f"{text.place(0)}: {name}: {text.column(name)[0]!r}: is the day or the month"
-            " first? Write dates like 2026-05-31"
+            f"{text.place(0)}: {name}: {text.column(name)[0]!r}: is the day or the"
+            " month first? Write dates like 2026-05-31"
         )
 
     if not by_header:

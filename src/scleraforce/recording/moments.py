@@ -65,8 +65,8 @@ def moments(scans: Mapping[Plane, Scan], by: FramesBy | None) -> Moments:
 
     if not (pairs >= 0).all(axis=1).any():
         raise InputError(
-            f"--plane: no frame of {planes[0].name!r} is of the moment of one of another"
-            " plane; check their times or numbers"
+            f"--plane: no frame of {planes[0].name!r} is of the moment of one of"
+            " another plane; check their times or numbers"
         )
 
     return _of_pairs(scans, pairs, fault)

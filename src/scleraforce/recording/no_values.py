@@ -1,4 +1,4 @@
-"""Pixels that state no value: not finite, fill values of programs, single hot pixels."""
+"""Pixels without a value: not finite, fill values, single hot pixels."""
 
 from collections import Counter
 from dataclasses import dataclass, field

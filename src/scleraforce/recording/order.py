@@ -33,14 +33,15 @@ TIMES = "times"
 LISTED = "order"
 NAMES_SOURCE = "the files' names"
 WAYS = (
-    f"are frames missing ({NUMBERS}), are names times ({TIMES}), or are all frames there,"
-    f" evenly spaced as they are listed ({LISTED})? a table (--times) settles it, too"
+    f"are frames missing ({NUMBERS}), are names times ({TIMES}), or are all frames"
+    f" there, evenly spaced as they are listed ({LISTED})? a table (--times) settles"
+    " it, too"
 )
 
 
 @dataclass(frozen=True)
 class FramesBy:
-    """What orders and times frames: `NUMBERS`, `TIMES` (in a unit or None) or `LISTED`."""
+    """What orders and times frames: `NUMBERS`, `TIMES` (with a unit) or `LISTED`."""
 
     way: str
     unit: str | None = None
@@ -228,7 +229,7 @@ def _by_numbers(whole: Scan, scans: Sequence[Scan]) -> Scan:
 
 
 def _check_position(whole: Scan, rate_hz: float | None) -> None:
-    """Ask about frames whose position alone gives their time, if something denies it."""
+    """Ask about frames that only their position times, if something denies it."""
     if whole.one_moment is not None:
         raise UnansweredError(
             "--frames-by",

@@ -165,10 +165,14 @@ BLANKS = str.maketrans(";\t,", "   ")
 
 def _words(left_out: LeftOut) -> str:
     return ", ".join(
-        f"{len(names)} {reason if len(names) > 1 else _one(reason)}"
-        f" ({', '.join(names[:MOST_NAMED])}{', ...' if len(names) > MOST_NAMED else ''})"
+        f"{len(names)} {reason if len(names) > 1 else _one(reason)} ({_some(names)})"
         for reason, names in left_out.items()
     )
+
+
+def _some(names: Sequence[str]) -> str:
+    more = ", ..." if len(names) > MOST_NAMED else ""
+    return f"{', '.join(names[:MOST_NAMED])}{more}"
 
 
 def _one(reason: str) -> str:

@@ -229,8 +229,8 @@ class Gathered:
     source has forces), and notes.
 
     Of several `planes`, `scan` has a frame of each moment, with its time; `frames` has
-    all, moment by moment, and `places` their moments and planes. `one_clock`: frames and
-    forces come from bags, of which one has both.
+    all, moment by moment, and `places` their moments and planes. `one_clock`: frames
+    and forces come from bags, of which one has both.
     """
 
     files: tuple[tuple[Path, str], ...]

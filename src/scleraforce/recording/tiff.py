@@ -458,7 +458,7 @@ def _axis(series: "TiffPageSeries") -> str:
 
 
 def _one_moment(file: "TiffFile", count: int, axis: str) -> str | None:
-    """Return what says that frames are of one moment: channels, or slices with a step."""
+    """Return why frames are of one moment: channels, or slices with a step."""
     imagej = file.imagej_metadata or {}
     kind = OTHER_AXES.get(axis)
     program = "OME" if file.ome_metadata else "ImageJ" if imagej else "its description"

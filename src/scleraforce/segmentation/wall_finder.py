@@ -227,7 +227,7 @@ class WallFinder:
     and `wall` out.
 
     `rows` (n, 2, row, column / 2): probabilities of either boundary; `wall` (n, column
-    / 2): that a column has wall. `origin`: its folder; None: it was not loaded from one.
+    / 2): that a column has wall. `origin`: its folder; None: it was not loaded.
     """
 
     origin: Origin | None = None
