@@ -16,6 +16,7 @@ import numpy as np
 
 from scleraforce.arrays import Flags, Floats
 from scleraforce.errors import RecordingError
+from scleraforce.recording.dead_sensor import no_values
 from scleraforce.whole_files import KINDS, FileKind, read_text
 
 # any number of spaces is one separator
@@ -532,8 +533,11 @@ def _of_moment(path: Path, entries: Sequence[FrameEntry]) -> Sequence[FrameEntry
     return [replace(entry, pierced=True) for entry in entries] if pierced else entries
 
 
-def read_force_log(path: Path, axis: str) -> ForceLog:
-    """Read forces.csv; `axis` (fx, fy or fz) must be among its columns."""
+def read_force_log(path: Path, axis: str, range_n: float = np.inf) -> ForceLog:
+    """Read forces.csv; `axis` (fx, fy or fz) must be among its columns.
+
+    `range_n` is the sensor's stated range, infinite without one.
+    """
     table = read_table(path, KINDS["forces"], FORCE_COLUMNS, ("time_s", f"{axis}_n"))
     columns = tuple(name for name in table.names if name != "time_s")
     forces = [table.names.index(name) for name in columns]
@@ -543,7 +547,10 @@ def read_force_log(path: Path, axis: str) -> ForceLog:
     log = ForceLog(values_sc[:, 0].copy(), values_sc[:, 1:], columns)
 
     log = checked_samples(
-        replace(log, notes=gap_notes(path, log.force_n(axis))), path, table.place
+        replace(log, notes=gap_notes(path, log.force_n(axis))),
+        path,
+        table.place,
+        range_n,
     )
     if not np.isfinite(log.force_n(axis)).any():
         raise RecordingError(f"{path}: {axis}_n: no sample has a force; all are nan")
@@ -554,8 +561,8 @@ def read_force_log(path: Path, axis: str) -> ForceLog:
 def checked_samples(
     log: ForceLog, path: Path, place: Callable[[int], str], range_n: float = np.inf
 ) -> ForceLog:
-    """Return a log with NaN for implausible samples, and notes; refuse a bad clock, or
-    too many of them.
+    """Return a log with NaN for samples that are implausible or no measurements, and
+    notes; refuse a bad clock, or too many implausible ones.
     """
     if len(log.time_s) < 2:
         raise RecordingError(f"{path}: fewer than two samples of the force")
@@ -563,6 +570,14 @@ def checked_samples(
     rate_hz = _checked_rate(log, path, place)
     notes = list(log.notes)
     wrench_sc = _without_implausible(log, place, range_n, notes)
+    for found in no_values(wrench_sc, log.columns, log.time_s, range_n):
+        wrench_sc = np.where(found.samples[:, None], np.nan, wrench_sc)
+        count = f"{found.samples.sum()} of {len(found.samples)} samples"
+        first = place(int(np.argmax(found.samples)))
+        notes.append(
+            f"{count} are no measurements and have no force: {found.words}; the first"
+            f" is {first}"
+        )
 
     if rate_hz < GOOD_SAMPLE_RATE_HZ * 0.999:
         noise = (
