@@ -23,6 +23,12 @@ from scleraforce.whole_files import KINDS, FileKind, read_text
 SEPARATORS = ";\t,"
 SPACES = " "
 NUMBER = re.compile(r"[ \t]*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?[ \t]*", re.ASCII)
+# What programs write for a number that does not exist.
+NO_NUMBERS = (
+    *("", "nan", "na", "n/a", "#n/a", "null", "none", "<na>", "nat", "-", "--", "---"),
+    *("inf", "+inf", "-inf", "infinity", "-infinity", "-nan", "nan(ind)", "-nan(ind)"),
+    *("#nv", "#num!", "#value!", "1.#qnan", "1.#inf", "-1.#ind"),
+)
 PLAIN_NUMBERS = "write all numbers with decimal points, and nothing between thousands"
 # A comma that may part thousands; "0,250" cannot, for no group of thousands begins with
 # 0.
@@ -42,6 +48,7 @@ class Table:
     above: tuple[str, ...] = ()  # lines above the header
     units: tuple[str, ...] = ()  # of the columns, from a line of their own
     mark: str | None = None  # the stated decimal mark
+    notes: tuple[str, ...] = ()  # on how it was read, and lines that were left out
 
     @property
     def delimiter(self) -> str | None:
@@ -122,7 +129,7 @@ def check_counts(table: Table, least: int | None = None) -> None:
     as most lines have).
     """
     names = len(table.names)
-    counts = [_count(table, line) for line in range(len(table.lines))]
+    counts = field_counts(table)
     least = (
         Counter(counts).most_common(1)[0][0] if least is None and counts else least or 0
     )
@@ -132,13 +139,20 @@ def check_counts(table: Table, least: int | None = None) -> None:
             most = f", most lines {least}" if count < least < names else ""
             hint = (
                 "; with decimal commas, columns are separated by semicolons"
-                if table.separator == ","
+                if table.separator == "," and count > names
                 else ""
             )
             raise RecordingError(
                 f"{table.place(line)}: {count} fields; the header has"
                 f" {names}{most}{hint}"
             )
+
+
+def field_counts(table: Table) -> list[int]:
+    """Return the number of fields of each line, without empty ones behind the last
+    column.
+    """
+    return [_count(table, line) for line in range(len(table.lines))]
 
 
 def _count(table: Table, line: int) -> int:
@@ -292,7 +306,7 @@ def numbers_of(
     try:  # NumPy is ten times as fast as Python
         values_sc = np.loadtxt(lines, usecols=tuple(places), dtype=np.float64, **form)
     except ValueError:
-        empty = ("nan",) if ours else ("", "nan")
+        empty = ("nan",) if ours else NO_NUMBERS
         values_sc = np.array(
             [
                 _row_numbers(table, line, places, gaps, mark, empty)
