@@ -166,7 +166,9 @@ def test_zeros_of_a_single_coarse_axis_are_told_from_honest_ones() -> None:
 
 @pytest.mark.parametrize("columns", [1, 3, 6])
 @pytest.mark.parametrize("repeats", [1, 4, 20])
-@pytest.mark.parametrize("noise_steps", [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 0.85, 2.0])
+@pytest.mark.parametrize(
+    "noise_steps", [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 0.85, 2.0, 50.0]
+)
 def test_an_honest_sensor_is_not_suspected(
     noise_steps: float, repeats: int, columns: int
 ) -> None:

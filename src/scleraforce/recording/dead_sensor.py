@@ -34,7 +34,9 @@ STRAIGHT_STEPS = 2.5  # a line's second difference, by rounding
 # A row is no measurement if it stands apart from the samples before and after by so
 # many standard deviations, so often, and if most samples that stand apart are this row.
 APART = 4.0
-OFTEN = 3.0  # times the number that noise gives
+# More often than noise gives it, three times and by seven standard deviations.
+OFTEN = 3.0
+SURE = 7.0
 LEAST_APART = 8
 LEAST_APART_SHARE = 5e-4
 MOST_OF_APART = 0.7
@@ -241,8 +243,10 @@ def _no_measurement(readings: _Readings, is_row: Flags, row: Floats) -> Flags | 
     brief = int((stop - start < reach_s * readings.rate_hz).sum())
     density = np.minimum(readings.steps[used] / noise[used] / sqrt(2.0 * pi), 1.0)
     by_chance = len(is_row) * float(np.prod(density[readings.live[used]]))
-    often = OFTEN * by_chance < is_row.sum()
-    if readings.live.any() and brief >= LEAST_APART and often:
+    count = int(is_row.sum())
+    scatter = sqrt(by_chance * count / len(start))  # of runs, not of samples
+    most = max(OFTEN * by_chance, by_chance + SURE * scatter)
+    if readings.live.any() and brief >= LEAST_APART and count > most:
         return is_row
 
     # of a run, the number of other samples before it

@@ -569,13 +569,15 @@ def _of_other_clock(time_s: Floats, empty: Flags) -> Flags:
         return np.zeros_like(empty)
 
     steps_s = np.diff(time_s[filled])
-    close = steps_s <= WIDEST_JOINED * np.median(steps_s)
-    follows = np.clip(
-        np.searchsorted(filled, np.arange(len(empty))), 1, len(filled) - 1
-    )
-    outside = (np.arange(len(empty)) < filled[0]) | (np.arange(len(empty)) > filled[-1])
+    widest_s = WIDEST_JOINED * float(np.median(steps_s))
+    after = np.searchsorted(filled, np.arange(len(empty)))
+    before_s = np.append(-np.inf, time_s[filled])[after]
+    after_s = np.append(time_s[filled], np.inf)[after]
+    # at the ends, near the first or the last force
+    apart_s = np.where(np.isfinite(after_s - before_s), after_s - before_s, 0.0)
+    at_end_s = np.minimum(time_s - before_s, after_s - time_s)
 
-    return np.asarray(empty & close[follows - 1] & ~outside)
+    return np.asarray(empty & (apart_s <= widest_s) & (at_end_s <= widest_s))
 
 
 def _read_columns(

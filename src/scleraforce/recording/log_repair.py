@@ -142,7 +142,6 @@ def without_broken_lines(
         return table
 
     usual = some.most_common(1)[0][0]
-    last = len(table.lines) - 1
     headers: list[int] = []
     remarks: list[int] = []
     short: list[int] = []
@@ -154,9 +153,12 @@ def without_broken_lines(
             headers.append(nth)
         elif _is_remark(line, count, usual, table):
             remarks.append(nth)
-        elif count < usual or (nth == last and not ends and _is_cut(table)):
+        elif count < usual:
             short.append(nth)
 
+    last = len(table.lines) - 1
+    if not ends and counts[last] == usual and _is_cut(table):
+        short.append(last)
     if len(short) > max(FEW_LINES, MOST_LINES * len(table.lines)):
         short = []
 
