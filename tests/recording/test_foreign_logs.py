@@ -428,3 +428,52 @@ def test_a_spreadsheet_of_excel_is_read_in_any_language(tmp_path: Path) -> None:
         ),
     ):
         check(log_of(tmp_path, text))
+
+
+DURATIONS: dict[str, Callable[[float], str]] = {
+    "MATLAB": lambda at_s: f"{at_s:g} sec",
+    "MATLAB, hh:mm:ss.SSS": lambda at_s: f"00:00:{at_s:06.3f}",
+    "pandas": lambda at_s: (
+        f"0 days 00:00:{at_s:09.6f}" if at_s % 1.0 else f"0 days 00:00:{int(at_s):02d}"
+    ),
+    "milliseconds behind a colon": lambda at_s: (
+        f"10:15:{int(at_s):02d}:{round(1e3 * (at_s % 1.0)):03d}"
+    ),
+}
+
+
+@pytest.mark.parametrize("program", DURATIONS)
+def test_durations_are_read_as_programs_write_them(
+    program: str, tmp_path: Path
+) -> None:
+    check(log_of(tmp_path, f"Time,fz_n\n{rows(DURATIONS[program])}"))
+
+
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("mark", [",", " ", "\t"])
+def test_row_numbers_without_a_name_are_no_column(
+    first: int, mark: str, tmp_path: Path
+) -> None:
+    lines = rows(lambda at_s: f"{at_s:.3f}", mark).splitlines()
+    text = "".join(f"{nth}{mark}{line}\n" for nth, line in enumerate(lines, first))
+    check(log_of(tmp_path, f"time_s{mark}fz_n\n{text}"))
+
+
+@pytest.mark.parametrize("period_s", [1.0, 60.0, 3600.0, 86_400.0])
+def test_a_clock_without_its_larger_unit_counts_on(
+    period_s: float, tmp_path: Path
+) -> None:
+    log = log_of(tmp_path, stamped((TIME_S + period_s - 0.5) % period_s))
+    check(log)
+    assert "the clock begins anew after a" in log.notes[0]
+
+
+def test_a_second_log_in_a_file_is_refused_with_a_remedy(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"log\.csv:403: .* a file of its own"):
+        log_of(tmp_path, 2 * stamped(TIME_S))
+
+
+def test_an_open_quote_costs_its_line_alone(tmp_path: Path) -> None:
+    log = log_of(tmp_path, stamped(TIME_S) + '"2.0')
+    check(log)
+    assert "1 line is cut and is left out" in log.notes[0]

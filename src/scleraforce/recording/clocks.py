@@ -11,7 +11,8 @@ from scleraforce.errors import RecordingError
 COUNTER_BITS = (8, 10, 12, 16, 24, 31, 32)
 COUNTED_S = {1e-9: "ns", 1e-6: "us", 1e-3: "ms", 1.0: "s"}
 # Clocks without hours, without the day, and with the hour twice when summer time ends.
-PERIODS_S = {3600.0: "an hour", 86_400.0: "a day", 60.0: "a minute"}
+HOUR_S = 3600.0
+PERIODS_S = {1.0: "a second", 60.0: "a minute", HOUR_S: "an hour", 86_400.0: "a day"}
 NEAR_STEPS = 3.0  # steps between an overflow and the samples beside it
 # Stamps of one tick hold several samples: 15.6 ms of Windows, a second of spreadsheets.
 LONGEST_TICK_S = 1.0
@@ -59,10 +60,11 @@ def _without_overflow(
     turns = list[tuple[int, str]]()
 
     for before in np.flatnonzero(steps_s < -LONGEST_BACK_S / 2).tolist():
-        for period_s, words, starts in _periods(time_s, before, tick_s):
+        for period_s, words in _periods(tick_s):
             step_s = steps_s[before] + period_s
             from_zero = -period_s / 2 <= time_s[before + 1] < NEAR_STEPS * usual_s
-            if 0.0 < step_s <= NEAR_STEPS * usual_s and (from_zero or not starts):
+            rises = 0.0 < step_s <= NEAR_STEPS * usual_s
+            if rises and (from_zero or period_s == HOUR_S):
                 added_s[before + 1 :] += period_s
                 turns.append((before + 1, words))
                 break
@@ -78,19 +80,14 @@ def _without_overflow(
     return time_s + added_s
 
 
-def _periods(
-    time_s: Floats, before: int, tick_s: float
-) -> Iterator[tuple[float, str, bool]]:
-    """Yield periods of clocks, s, each in words, and whether it begins at its least
-    value.
-    """
+def _periods(tick_s: float) -> Iterator[tuple[float, str]]:
+    """Yield periods of clocks that begin at their least value, s, each in words."""
     for unit_s in dict.fromkeys((tick_s, *COUNTED_S)):
         name = COUNTED_S.get(unit_s, f"steps of {unit_s:g} s")
         for bits in COUNTER_BITS:
-            yield 2.0**bits * unit_s, f"2^{bits} {name}", True
+            yield 2.0**bits * unit_s, f"2^{bits} {name}"
 
-    for period_s, name in PERIODS_S.items():
-        yield period_s, name, period_s < time_s[before] + 1.0 and period_s != 3600.0
+    yield from PERIODS_S.items()
 
 
 def _check_back(time_s: Floats, place: Callable[[int], str]) -> None:

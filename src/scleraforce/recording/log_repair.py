@@ -132,6 +132,7 @@ def without_broken_lines(
     `ends`: the last line ends with a line break. Lines of other counts of fields stay,
     unless they are few.
     """
+    table = _without_open_quotes(table)
     counts = field_counts(table)
     some = Counter(
         count
@@ -162,20 +163,18 @@ def without_broken_lines(
     if len(short) > max(FEW_LINES, MOST_LINES * len(table.lines)):
         short = []
 
-    said = [
-        _said(table, headers, "a further header", "further headers"),
-        _said(table, remarks, "no sample", "no samples"),
-        _said(table, short, "cut", "cut"),
-    ]
-    left_out = {*headers, *remarks, *short}
-    kept = [nth for nth in range(len(table.lines)) if nth not in left_out]
-
-    return replace(
+    return _left_out(
         table,
-        lines=tuple(table.lines[nth] for nth in kept),
-        numbers=tuple(table.numbers[nth] for nth in kept),
-        notes=(*table.notes, *filter(None, said)),
+        (headers, "a further header", "further headers"),
+        (remarks, "no sample", "no samples"),
+        (short, "cut", "cut"),
     )
+
+
+def _without_open_quotes(table: Table) -> Table:
+    opened = [nth for nth, line in enumerate(table.lines) if line.count('"') % 2]
+    few = len(opened) <= max(FEW_LINES, MOST_LINES * len(table.lines))
+    return _left_out(table, (opened, "cut", "cut")) if few else table
 
 
 def _is_remark(line: str, count: int, usual: int, table: Table) -> bool:
@@ -195,6 +194,22 @@ def _is_cut(table: Table) -> bool:
     ends = [line.rstrip().rpartition(".")[2] for line in table.lines[-21:]]
     *before, last = [len(end) if end.isdigit() else 0 for end in ends]
     return len(set(before)) == 1 and last < before[0]
+
+
+def _left_out(table: Table, *parts: tuple[Sequence[int], str, str]) -> Table:
+    """Return a table without lines, and with notes on each part of them: places, and
+    what one of them and several are.
+    """
+    left_out = {nth for lines, *_ in parts for nth in lines}
+    notes = [_said(table, *part) for part in parts]
+    kept = [nth for nth in range(len(table.lines)) if nth not in left_out]
+
+    return replace(
+        table,
+        lines=tuple(table.lines[nth] for nth in kept),
+        numbers=tuple(table.numbers[nth] for nth in kept),
+        notes=(*table.notes, *filter(None, notes)),
+    )
 
 
 def _said(table: Table, lines: Sequence[int], one: str, many: str) -> str:
@@ -250,17 +265,9 @@ def without_broken_rows(
     if len(untimed) > max(FEW_LINES, MOST_LINES * len(cells)):
         untimed = []
 
-    said = [
-        _said(table, empty, "no sample", "no samples"),
-        _said(table, untimed, "without a time", "without a time"),
-        _said(table, cut, "cut", "cut"),
-    ]
-    left_out = {*empty, *untimed, *cut}
-    kept = [nth for nth in range(len(cells)) if nth not in left_out]
-
-    return replace(
+    return _left_out(
         table,
-        lines=tuple(table.lines[nth] for nth in kept),
-        numbers=tuple(table.numbers[nth] for nth in kept),
-        notes=(*table.notes, *filter(None, said)),
+        (empty, "no sample", "no samples"),
+        (untimed, "without a time", "without a time"),
+        (cut, "cut", "cut"),
     )

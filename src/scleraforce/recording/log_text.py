@@ -30,7 +30,8 @@ MONTH_FIRST = "mdy"
 NAMED = "date"
 CLOCK = "clock"
 MINUTES = "mmss"  # minutes, seconds and their fraction, without the hour
-CLOCKS = (ISO, DAY_FIRST, MONTH_FIRST, NAMED, CLOCK, MINUTES)
+DURATION = "duration"  # of MATLAB ("0.005 sec") and pandas ("0 days 00:00:00.005000")
+CLOCKS = (ISO, DAY_FIRST, MONTH_FIRST, NAMED, CLOCK, MINUTES, DURATION)
 DAY_S = 86_400
 HOUR_S = 3_600
 # Timecode, whose last part counts the frames of a second; 100 are hundredths.
@@ -39,6 +40,11 @@ FRAME_RATES = (24, 25, 30, 48, 50, 60, 100)
 OF_TIMECODE = "fps"
 TIMECODE = re.compile(
     r"\s*(?P<hour>\d{1,2}):(?P<minute>\d\d):(?P<second>\d\d)[:;](?P<frame>\d\d)\s*"
+)
+OF_DURATION = re.compile(
+    r"\s*(?:(?P<seconds>\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)\s*(?:s|secs?|seconds?)"
+    r"|(?P<days>\d+) days?(?: (?P<hour>\d+):(?P<minute>\d\d):(?P<second>\d\d(?:\.\d+)?))?)\s*",
+    re.IGNORECASE,
 )
 OF_MINUTES = re.compile(
     r"\s*(?P<minute>\d{1,2}):(?P<second>\d\d)[.,](?P<fraction>\d+)\s*"
@@ -87,6 +93,8 @@ def clock_of(text: str) -> str | None:
         return OF_TIMECODE
     if OF_MINUTES.fullmatch(text):
         return MINUTES
+    if OF_DURATION.fullmatch(text):
+        return DURATION
 
     found = MOMENT.fullmatch(text)
     if found is None:
@@ -127,6 +135,8 @@ def seconds_of(texts: Sequence[str], clock: str) -> Floats | int:
     rate = FRAME_RATE.fullmatch(clock)
     if rate or clock == MINUTES:
         return _short_seconds(texts, float(rate[1]) if rate else None)
+    if clock == DURATION:
+        return _durations(texts)
 
     time_s = np.empty(len(texts))
     for nth, text in enumerate(texts):
@@ -144,6 +154,25 @@ def seconds_of(texts: Sequence[str], clock: str) -> Floats | int:
 
     if clock == CLOCK:  # past midnight, the day begins anew
         time_s += DAY_S * np.concatenate([[0], np.cumsum(np.diff(time_s) < -DAY_S / 2)])
+
+    return time_s
+
+
+def _durations(texts: Sequence[str]) -> Floats | int:
+    time_s = np.empty(len(texts))
+    for nth, text in enumerate(texts):
+        found = OF_DURATION.fullmatch(text)
+        if found is None:
+            return nth
+
+        part = found.groupdict(default="0")
+        time_s[nth] = (
+            float(part["seconds"].replace(",", "."))
+            + DAY_S * int(part["days"])
+            + HOUR_S * int(part["hour"])
+            + 60 * int(part["minute"])
+            + float(part["second"])
+        )
 
     return time_s
 
@@ -286,6 +315,7 @@ LABVIEW_MARK = "LabVIEW Measurement"
 LABVIEW_END = "***End_of_Header***"
 LABVIEW_SEPARATORS = {"tab": "\t", "comma": ","}
 SEARCHED_LINES = 100  # for the header
+ROW_NUMBERS = ""  # the name of a column of them
 DIGITS = "+-.0123456789"
 
 
@@ -420,6 +450,10 @@ def _of_lines(path: Path, lines: Sequence[str], least: int) -> Table:
             < least
         ):
             continue
+        if len(fields) == len(names) + 1 and _are_row_numbers(
+            lines[nth + 1 :], separator
+        ):
+            names = (ROW_NUMBERS, *names)  # of pandas and R, without a name
         if len(names) < len(fields):
             shorter = shorter or (
                 f"{path}:{nth + 2}: {len(fields)} fields; the header above has"
@@ -462,6 +496,13 @@ def _of_lines(path: Path, lines: Sequence[str], least: int) -> Table:
         top - 1,
         top + 1,
     )
+
+
+def _are_row_numbers(lines: Sequence[str], separator: str) -> bool:
+    firsts = [_names(line, separator, marks="")[:1] for line in lines[:3]]
+    from_zero = [(f"{nth}",) for nth in range(len(firsts))]
+    from_one = [(f"{nth + 1}",) for nth in range(len(firsts))]
+    return firsts in (from_zero, from_one)
 
 
 def _names(line: str, separator: str, marks: str = "#%") -> tuple[str, ...]:

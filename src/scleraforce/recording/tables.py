@@ -694,7 +694,8 @@ def _checked_rate(log: ForceLog, path: Path, place: Callable[[int], str]) -> flo
             f" {log.time_s[sample - 1]:.12g}"
         )
         raise RecordingError(
-            f"{place(sample)}: time_s: {found}; the clock must run forward"
+            f"{place(sample)}: time_s: {found}; the clock must run forward:"
+            " `scleraforce import` mends stamps that repeat and counters that overflow"
         )
 
     rate_hz = 1.0 / float(np.quantile(steps_s, 0.5, method="higher"))
