@@ -99,6 +99,14 @@ def flat_top(wrench_sc: Floats, _: Floats) -> Flags:
     return failed
 
 
+def noisy_rail(wrench_sc: Floats, _: Floats) -> Flags:
+    """End the range of fz at -30 mN, with noise of a few steps of 1 uN."""
+    failed = wrench_sc[:, 2] <= -30e-3
+    noise_n = 1e-6 * np.random.default_rng(2).integers(0, 4, len(failed))
+    wrench_sc[failed, 2] = -30e-3 + noise_n[failed]
+    return failed
+
+
 def line(wrench_sc: Floats, time_s: Floats) -> Flags:
     """Fill a gap with a straight line, as a program that resamples does."""
     failed = (time_s >= FRAMES_S[1] - 2.0) & (time_s < FRAMES_S[1] + 2.0)
@@ -143,6 +151,15 @@ def test_failures_are_found_and_the_rest_is_kept(
 
     wrench_sc[flags] = np.nan  # reading what was written finds no more
     assert not no_values(wrench_sc, SIX_AXES, time_s)
+
+
+def test_a_rail_with_noise_of_a_few_steps_is_the_end_of_a_range() -> None:
+    time_s, wrench_sc = sensed(step_n=1e-6, noise_steps=4000.0)
+    failed = noisy_rail(wrench_sc, time_s)
+    (found,) = no_values(wrench_sc, SIX_AXES, time_s)
+
+    assert found.samples[failed].mean() > 0.98
+    assert "the end of its range" in found.words
 
 
 def test_a_straight_line_through_noise_fills_a_gap() -> None:

@@ -47,6 +47,7 @@ LEAST_REACH = 10  # samples
 # The end of a range is reached so often, and more often than the value beside it: the
 # tail of live noise falls.
 LEAST_TOP = 20
+RAIL_STEPS = 5.0
 # Where a sensor is at its end for less than this share of half a second, the mean is
 # off by less than 0.05 standard deviations of its noise.
 SATURATED_SHARE = 0.1
@@ -354,12 +355,16 @@ def _at_range(readings: _Readings) -> Iterator[tuple[Flags, str]]:
         step = readings.steps[column]
         start, stop = _runs(np.abs(np.diff(values)) < step / 2)
         repeats = len(values) / max(len(values) - int((stop - start).sum()), 1)
+        # a rail of fine steps is noisy by a few
+        fine = float(_noise(values)) > FINE_STEPS * step
+        width = (RAIL_STEPS if fine else 1.0) * step
         for sign in (1.0, -1.0):
             end = float((sign * values).max())
-            at_end = sign * values > end - step / 2
-            beside = float((sign * values[~at_end]).max(initial=-np.inf))
+            below = end - sign * values
+            at_end = below < width - step / 2
+            beside = below[~at_end].min(initial=np.inf) if not fine else width
+            next_count = int((~at_end & (below < beside + width - step / 2)).sum())
             count = int(at_end.sum())
-            next_count = int((sign * values[~at_end] > beside - step / 2).sum())
             if count >= LEAST_TOP * repeats and count > next_count:
                 said = f"{readings.columns[column]} is never beyond {sign * end:.6g} N"
                 words = f"{said} and there {count} times: the end of its range"

@@ -43,7 +43,8 @@ TIMECODE = re.compile(
 )
 OF_DURATION = re.compile(
     r"\s*(?:(?P<seconds>\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)\s*(?:s|secs?|seconds?)"
-    r"|(?P<days>\d+) days?(?: (?P<hour>\d+):(?P<minute>\d\d):(?P<second>\d\d(?:\.\d+)?))?)\s*",
+    r"|(?P<days>\d+) days?"
+    r"(?: (?P<hour>\d+):(?P<minute>\d\d):(?P<second>\d\d(?:\.\d+)?))?)\s*",
     re.IGNORECASE,
 )
 OF_MINUTES = re.compile(
