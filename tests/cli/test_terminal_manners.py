@@ -169,6 +169,35 @@ def test_a_command_that_cannot_begin_prints_one_line_with_any_option(
             )
 
 
+ENCODINGS = ["gbk", "cp932", "cp949", "big5", "ascii", "cp437"]
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_output_is_printed_in_any_encoding(
+    here: Path, encoding: str, tmp_path: Path
+) -> None:
+    # Click writes UTF-8 where it is told ASCII
+    captured = "utf-8" if encoding == "ascii" else encoding
+    given = {
+        "cwd": here,
+        "env": os.environ | {"PYTHONIOENCODING": encoding},
+        "capture_output": True,
+    }
+
+    for name, printed in (("segment", r"wall of \d+ [µμu]m"), ("import", "^wrote")):
+        done = subprocess.run(
+            [*SCLERAFORCE, *words(name, tmp_path, len(printed))], **given, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        assert re.search(printed, done.stdout.decode(captured), re.MULTILINE)
+        assert b"fault" not in done.stderr
+
+    missing = ["segment", "5 µm ± 1°, 眼 ﬁ 😀.png", "--out", str(tmp_path / "none")]
+    done = subprocess.run([*SCLERAFORCE, *missing], **given, check=False)
+    assert done.returncode == 2
+    assert "No such file" in done.stderr.decode(captured)
+
+
 def on_a_terminal(
     arguments: list[str], folder: Path, **environment: str
 ) -> tuple[str, str]:

@@ -580,8 +580,10 @@ def test_a_fault_is_named_with_its_line(tmp_path: Path) -> None:
             r"log\.csv:3: fz_n: 'high' is not a number",
         ),
         (
-            "time_s,fz_n,fx_n,n\n0.00,-1.25,0,1\n0.01,-1.25,0,2\n0.02,-1\n",
-            r"log\.csv:4: 2 fields; the header has 4",
+            "time_s,fz_n,fx_n,n\n"
+            + "0.00,-1.25,0,1\n" * 5
+            + "0.02,-1\n" * 4,  # not one that is cut
+            r"log\.csv:7: 2 fields; the header has 4$",
         ),
         (
             f"{wide}\n0.00{row}\n0.01{row}\n",

@@ -2,12 +2,15 @@
 code.
 """
 
+import codecs
 import errno
 import logging
 import os
 import signal
 import sys
+import unicodedata
 from importlib import import_module
+from io import TextIOWrapper
 from keyword import iskeyword
 from threading import Event
 
@@ -137,12 +140,51 @@ def main() -> None:
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
 
+    _print_what_streams_encode()
     sys.unraisablehook = _note_interruption
     code = run(sys.argv[1:])
     if code == INTERRUPTED:  # zarr's own loop would report its unfinished tasks
         logging.getLogger("asyncio").disabled = True
 
     sys.exit(code)
+
+
+# Letters that an output captured in GBK, CP932, CP949, Big5 or ASCII may lack.
+PLAIN = {
+    "µ": "u",
+    "±": "+-",
+    "\N{MULTIPLICATION SIGN}": "x",
+    "·": "*",
+    "°": " deg",
+    "\N{EN DASH}": "-",
+    "\N{MINUS SIGN}": "-",
+    "²": "2",
+    "³": "3",
+}
+
+
+def _print_what_streams_encode() -> None:
+    """Have standard output and error replace what their encoding lacks, rather than
+    fail after a command has written its files.
+    """
+    codecs.register_error("scleraforce", _replaced)
+    for stream in (sys.stdout, sys.stderr):
+        # surrogateescape: of UTF-8, which lacks nothing
+        if isinstance(stream, TextIOWrapper) and stream.errors != "surrogateescape":
+            stream.reconfigure(errors="scleraforce")
+
+
+def _replaced(fault: UnicodeError) -> tuple[str, int]:
+    if not isinstance(fault, UnicodeEncodeError):
+        raise fault
+
+    letters = []
+    for letter in fault.object[fault.start : fault.end]:
+        alike = unicodedata.normalize("NFKD", letter)
+        found = alike.encode(fault.encoding, "ignore").decode(fault.encoding)
+        letters.append(found or PLAIN.get(letter, "?"))
+
+    return "".join(letters), fault.end
 
 
 def _note_interruption(fault: "sys.UnraisableHookArgs") -> None:

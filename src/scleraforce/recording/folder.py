@@ -252,13 +252,14 @@ class NeedleInfo:
 
 @dataclass(frozen=True)
 class ForceInfo:
-    """The force log: sensor axis along the needle, its sign in contact, and how long a
-    label averages.
+    """The force log: sensor axis along the needle, its sign in contact, how long a
+    label averages, and the largest force that the sensor measures (None: not stated).
     """
 
     axis: str = required("fx", "fy", "fz")
     contact_sign: int = required(low=-1, high=1)
     average_s: float = quantity(2.0, None, 0.01, 60.0)
+    range_n: float | None = quantity(None, None, 1e-3, 1e6)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -450,9 +451,11 @@ def read_recording(path: str | PathLike[str]) -> Recording:
             " contact_sign"
         )
 
-    return Recording(
-        path, info, frames, read_force_log(path / "forces.csv", info.force.axis)
+    log = read_force_log(
+        path / "forces.csv", info.force.axis, info.force.range_n or np.inf
     )
+
+    return Recording(path, info, frames, log)
 
 
 def frame_digest(pixels: Pixels) -> str:

@@ -3,9 +3,10 @@ without settings above them.
 """
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from itertools import zip_longest
+from dataclasses import dataclass, replace
+from itertools import pairwise, zip_longest
 from math import isfinite
 from pathlib import Path
 
@@ -13,7 +14,8 @@ import numpy as np
 
 from scleraforce.arrays import Flags, Floats
 from scleraforce.errors import InputError, RecordingError
-from scleraforce.recording import log_text, tables
+from scleraforce.recording import clocks, log_text, tables
+from scleraforce.recording.log_repair import without_broken_rows
 from scleraforce.recording.log_text import FORCE, TIME, TORQUE, quantity_of, unit_factor
 from scleraforce.recording.pixels import UnansweredError
 from scleraforce.recording.tables import (
@@ -25,6 +27,7 @@ from scleraforce.recording.tables import (
     number,
 )
 
+PLUS = "+"  # between the two columns of one time
 STATUS = "status"  # our name of such a column
 # How a column is read: ATI's status word, a flag of faults, a flag of validity. "any":
 # all samples are taken.
@@ -205,6 +208,22 @@ AXIS_NAMES = re.compile(
     r"(?:[ ._-]*(?:axis|achse|richtung))?"
 )
 FORCE_WORD = re.compile(FORCE_WORDS)
+# Paths of fields of a ROS message, and the names that programs give to the arrival.
+ROS_WRENCH = re.compile(
+    r"(?:.*[./])?(?:wrench[./])(?P<what>force|torque)[./](?P<axis>[xyz])", re.IGNORECASE
+)
+STAMP = "stamp"
+ROS_STAMP_PATH = re.compile(r"(?:.*[./])?header[./]stamp", re.IGNORECASE)
+ROS_TIMES = ("time", "__time", "timestamp")
+# Two columns of one time: "sec" and "nsec", "header.stamp.secs" and ".nsecs".
+ENDS_STEM = r"(?P<stem>.*?)[\s._/(\[-]*"
+WHOLE_SECONDS = re.compile(ENDS_STEM + r"(?:seconds?|secs?|s)[)\]]?\s*", re.IGNORECASE)
+FRACTION = re.compile(
+    ENDS_STEM + r"(?:(?P<ns>nano(?:_?sec(?:ond)?s?|s)?|nsecs?|ns)"
+    r"|(?P<us>micro(?:_?sec(?:ond)?s?|s)?|[uµ]secs?|[uµ]s)"
+    r"|(?P<ms>milli(?:_?sec(?:ond)?s?|s)?|msecs?|ms))[)\]]?\s*",
+    re.IGNORECASE,
+)
 
 
 @dataclass(frozen=True)
@@ -221,6 +240,24 @@ class LogColumn:
     def factor(self) -> float:
         """The size of its unit in SI."""
         return unit_factor(self.unit, quantity_of(self.ours)) or 1.0
+
+    def parts(self, names: Sequence[str]) -> tuple["LogColumn", ...]:
+        """Return the columns of a log that it is the sum of: of a time in two columns
+        sec+nsec in s+ns, else itself.
+        """
+        units = self.unit.split(PLUS)
+        if self.name in names or len(units) != 2 or self.ours != "time_s":
+            return (self,)
+
+        for at in (at for at, mark in enumerate(self.name) if mark == PLUS):
+            both = (self.name[:at], self.name[at + 1 :])
+            if all(name in names for name in both):
+                return tuple(
+                    LogColumn("time_s", name, unit)
+                    for name, unit in zip(both, units, strict=True)
+                )
+
+        return (self,)
 
     @property
     def short(self) -> str:
@@ -245,13 +282,16 @@ def parse_column(text: str) -> LogColumn:
             f" {', '.join(SHORT_NAMES)}"
         )
 
-    words = {"time_s": log_text.CLOCKS, STATUS: STATUS_MEANINGS}.get(ours, ())
-    if ours == STATUS and unit not in words:
+    if ours == STATUS and unit not in STATUS_MEANINGS:
         raise InputError(
-            f"--column: {text!r}: {unit!r} is not one of {', '.join(words)}"
+            f"--column: {text!r}: {unit!r} is not one of {', '.join(STATUS_MEANINGS)}"
             " (docs/formats.md)"
         )
-    if unit not in words and unit_factor(unit, quantity_of(ours)) is None:
+
+    units = unit.split(PLUS) if ours == "time_s" and PLUS in name else [unit]
+    is_clock = ours == "time_s" and log_text.is_clock(units[0])
+    measured = units[1:] if is_clock or ours == STATUS else units
+    if any(unit_factor(each, quantity_of(ours)) is None for each in measured):
         raise InputError(
             f"--column: {text!r}: {unit!r} is not a unit of {quantity_of(ours)}"
             " (docs/formats.md)"
@@ -271,12 +311,51 @@ def columns_by_header(
             name for name in names if name == ROS_STAMP or name.startswith(ROS_PREFIX)
         ]
         stated_units = {FORCE: "N", TORQUE: "Nm", TIME: "ns"}
+    elif found := _of_ros(names):
+        return found
 
     each = zip_longest(names, units[: len(names)], fillvalue="")
     return [
         column
         for name, unit in each
         if (column := _by_name(name, unit, stated_units)) is not None
+    ]
+
+
+def _of_ros(names: Sequence[str]) -> list[LogColumn]:
+    """Return the columns of a wrench by their paths in a ROS message, whose units are
+    SI, as bagpy, PlotJuggler and rosbags write them; none in other logs.
+    """
+    forces = [
+        LogColumn(
+            SHORT_NAMES[found["what"][0].lower() + found["axis"].lower()],
+            name,
+            "N" if found["what"].lower() == "force" else "Nm",
+        )
+        for name in names
+        if (found := ROS_WRENCH.fullmatch(name.strip()))
+    ]
+    if not any(quantity_of(column.ours) == FORCE for column in forces):
+        return []
+
+    stamps = [name for name in names if ROS_STAMP_PATH.fullmatch(name.strip())]
+    arrivals = [name for name in names if name.strip().lower() in ROS_TIMES]
+    pairs = [found for found in _pairs(names) if STAMP in found.name.lower()]
+    times = [LogColumn("time_s", name, "s") for name in (*stamps, *arrivals)]
+
+    return [*pairs, *times, *forces]
+
+
+def _pairs(names: Sequence[str]) -> list[LogColumn]:
+    """Return times of two columns, one of whole seconds and one of a fraction."""
+    wholes = [found for name in names if (found := WHOLE_SECONDS.fullmatch(name))]
+    fractions = [found for name in names if (found := FRACTION.fullmatch(name))]
+
+    return [
+        LogColumn("time_s", f"{whole[0]}{PLUS}{part[0]}", f"s{PLUS}{part.lastgroup}")
+        for whole in wholes
+        for part in fractions
+        if whole["stem"].lower() == part["stem"].lower()
     ]
 
 
@@ -308,7 +387,7 @@ def required_columns(
     listed = ", ".join(map(repr, names))
     found = {column.ours: column for column in columns}
 
-    for column in columns:
+    for column in [part for each in columns for part in each.parts(names)]:
         if column.name not in names:
             raise InputError(
                 f"{path}: --column: no column {column.name!r}; there are {listed}"
@@ -407,8 +486,8 @@ def read_force_text(
             LogColumn("time_s", COUNTER, f"{rate_hz:.12g}Hz"),
             *(c for c in by_header if c.ours != "time_s"),
         ]
-    elif not any(column.ours == "time_s" for column in (*by_header, *given)):
-        by_header += _clock_column(text)
+    elif not any(column.ours == "time_s" for column in given):
+        by_header = _with_best_time(text, by_header)
 
     answered = _of_each_kind(text.path, by_header, given)
     _check_units(text, [column for column in answered if column not in given], stated)
@@ -416,29 +495,116 @@ def read_force_text(
     time, *forces = columns = required_columns(
         text.path, [*answered, *flags], text.names
     )
-    read = forces if time.unit in log_text.CLOCKS else columns
-    places = [text.names.index(column.name) for column in read]
-    mark = tables.decimal_mark(text, places)
-    values_sc = tables.numbers_of(text, places, gaps=places[-len(forces) :], mark=mark)
-    _check_whole(text, forces, values_sc[:, -len(forces) :], given)
-    values_sc *= [column.factor for column in read]
-    time_s = values_sc[:, 0] if read is columns else _dated(text, time)
-    wrench_sc = values_sc[:, -len(forces) :]
-    notes = ["numbers have decimal commas"] if mark == "," else []
-    notes += [*_overruled(by_header, given), *tables.gap_notes(text.path, wrench_sc)]
+    text, time_s, wrench_sc = _read_rows(text, time, forces, given)
+    notes = [*text.notes, *_overruled(by_header, given)]
+    notes += tables.gap_notes(text.path, wrench_sc)
 
     for column in flags:
         faulty, said = _faulty_samples(text, column)
         wrench_sc = np.where(faulty[:, None], np.nan, wrench_sc)
         notes += said
 
+    time_s, said = clocks.mended(time_s, text.place, time.factor)
     log = ForceLog(
-        time_s, wrench_sc, tuple(column.ours for column in forces), tuple(notes)
+        time_s, wrench_sc, tuple(column.ours for column in forces), (*notes, *said)
     )
     return tables.checked_samples(log, text.path, text.place, _range_n(text)), (
         *columns,
         *flags,
     )
+
+
+def _read_rows(
+    text: Table,
+    time: LogColumn,
+    forces: Sequence[LogColumn],
+    given: Sequence[LogColumn],
+) -> tuple[Table, Floats, Floats]:
+    """Return a log, its times in s and its forces in SI, shape (samples, columns); if
+    rows are broken, of the whole ones alone.
+    """
+    try:
+        time_s, wrench_sc, mark = _read_columns(text, time, forces, given)
+    except UnansweredError:
+        raise
+    except RecordingError:
+        whole = _whole_rows(text, time, forces)
+        if len(whole.lines) == len(text.lines):
+            raise
+
+        text = whole
+        time_s, wrench_sc, mark = _read_columns(text, time, forces, given)
+
+    notes = text.notes
+    if mark == ",":
+        notes = (*notes, "numbers have decimal commas")
+
+    empty = np.asarray(np.isnan(wrench_sc).all(axis=1))
+    others = _of_other_clock(time_s, empty)
+    if others.any():
+        said = f"{others.sum()} of {len(others)} rows of {text.path.name} have no force"
+        notes = (*notes, f"{said}, and others beside them: they are left out")
+        kept = np.flatnonzero(~others)
+        text = replace(
+            text,
+            lines=tuple(text.lines[line] for line in kept),
+            numbers=tuple(text.numbers[line] for line in kept),
+        )
+        time_s, wrench_sc = time_s[kept], wrench_sc[kept]
+
+    return replace(text, notes=notes), time_s, wrench_sc
+
+
+# Programs that join signals of several rates (PlotJuggler, pandas) leave the cells of a
+# force empty at the times of the others.
+LEAST_JOINED = 0.2  # of the rows
+LEAST_ROWS = 20
+WIDEST_JOINED = 2.5  # times the usual step of the force
+
+
+def _of_other_clock(time_s: Floats, empty: Flags) -> Flags:
+    """Return the rows that have no force because they are of another signal's clock."""
+    filled = np.flatnonzero(~empty)
+    if empty.mean() < LEAST_JOINED or len(filled) < LEAST_ROWS:
+        return np.zeros_like(empty)
+
+    steps_s = np.diff(time_s[filled])
+    widest_s = WIDEST_JOINED * float(np.median(steps_s))
+    after = np.searchsorted(filled, np.arange(len(empty)))
+    before_s = np.append(-np.inf, time_s[filled])[after]
+    after_s = np.append(time_s[filled], np.inf)[after]
+    # at the ends, near the first or the last force
+    apart_s = np.where(np.isfinite(after_s - before_s), after_s - before_s, 0.0)
+    at_end_s = np.minimum(time_s - before_s, after_s - time_s)
+
+    return np.asarray(empty & (apart_s <= widest_s) & (at_end_s <= widest_s))
+
+
+def _read_columns(
+    text: Table,
+    time: LogColumn,
+    forces: Sequence[LogColumn],
+    given: Sequence[LogColumn],
+) -> tuple[Floats, Floats, str]:
+    """Return times in s, forces in SI, shape (samples, columns), and the decimal
+    mark.
+    """
+    clock, *parts = time.parts(text.names)
+    dated = log_text.is_clock(clock.unit)
+    counted = [*parts] if dated else [clock, *parts]
+    read = [*counted, *forces]
+
+    places = [text.names.index(column.name) for column in read]
+    mark = tables.decimal_mark(text, places)
+    values_sc = tables.numbers_of(text, places, gaps=places[len(counted) :], mark=mark)
+    _check_whole(text, forces, values_sc[:, len(counted) :], given)
+    values_sc *= [column.factor for column in read]
+    time_s = values_sc[:, : len(counted)].sum(axis=1)
+    if dated:
+        time_s = time_s + _dated(text, clock)
+
+    wrench_sc = values_sc[:, len(counted) :]
+    return time_s, np.where(np.isinf(wrench_sc), np.nan, wrench_sc), mark
 
 
 def _dated(text: Table, time: LogColumn) -> Floats:
@@ -451,6 +617,100 @@ def _dated(text: Table, time: LogColumn) -> Floats:
         )
 
     return time_s
+
+
+def _whole_rows(text: Table, time: LogColumn, forces: Sequence[LogColumn]) -> Table:
+    clock, *_ = time.parts(text.names)
+    dated = log_text.is_clock(clock.unit)
+
+    def is_time(cell: str) -> bool:
+        if dated:
+            return log_text.clock_of(cell) is not None
+        return number(cell, ",") is not None
+
+    def is_force(cell: str) -> bool:
+        return number(cell, ",") is not None
+
+    return without_broken_rows(
+        text,
+        text.names.index(clock.name),
+        [text.names.index(column.name) for column in forces],
+        is_time,
+        is_force,
+    )
+
+
+SAMPLED_ROWS = 2000  # by which columns of times are compared
+
+
+def _with_best_time(text: Table, by_header: Sequence[LogColumn]) -> list[LogColumn]:
+    """Return columns with one time: the first whose stamps differ from row to row, of
+    two columns if the second is a fraction of a second.
+    """
+    stated = [column for column in by_header if column.ours == "time_s"]
+    others = [column for column in by_header if column.ours != "time_s"]
+    pairs = [
+        column for column in stated if len(column.parts(text.names)) > 1
+    ] or _pairs(text.names)
+    times = [pair for pair in pairs if _is_sum(text, pair)]
+    times += [column for column in stated if column not in pairs]
+
+    if not times:
+        times = [_with_fraction(text, column) for column in _clock_column(text)]
+    if len(times) < 2:
+        return [*times, *others]
+
+    finest = next((each for each in times if _differs(text, each)), times[0])
+    return [finest, *others]
+
+
+def _is_sum(text: Table, pair: LogColumn) -> bool:
+    """Return whether a pair's first column counts whole units and its second one the
+    fraction.
+    """
+    clock, part = pair.parts(text.names)
+    fractions_s = part.factor * _sampled(text, part.name)
+    inside = bool(((fractions_s >= 0.0) & (fractions_s < 1.0)).all())
+    if log_text.is_clock(clock.unit):
+        return inside and len(set(fractions_s.tolist())) > 1
+
+    wholes = _sampled(text, clock.name)
+    return inside and bool((wholes == np.rint(wholes)).all())
+
+
+def _with_fraction(text: Table, clock: LogColumn) -> LogColumn:
+    """Return a time of day with the column of its fractions, if there is one."""
+    for name in text.names:
+        found = FRACTION.fullmatch(name)
+        if name == clock.name or found is None:
+            continue
+
+        both = f"{clock.name}{PLUS}{name}"
+        pair = LogColumn("time_s", both, f"{clock.unit}{PLUS}{found.lastgroup}")
+        if _is_sum(text, pair):
+            return pair
+
+    return clock
+
+
+def _differs(text: Table, time: LogColumn) -> bool:
+    """Return whether most rows have another time than the row before."""
+    columns = [text.names.index(part.name) for part in time.parts(text.names)]
+    rows = [
+        tuple(row[at] if at < len(row) else "" for at in columns)
+        for row in map(text.fields, range(min(SAMPLED_ROWS, len(text.lines))))
+    ]
+    same = sum(mine == last for mine, last in pairwise(rows))
+
+    return 2 * same < len(rows)
+
+
+def _sampled(text: Table, name: str) -> Floats:
+    """Return the first numbers of a column, NaN for other cells."""
+    at = text.names.index(name)
+    rows = map(text.fields, range(min(SAMPLED_ROWS, len(text.lines))))
+    cells = [number(row[at], ",") if at < len(row) else None for row in rows]
+    return np.array([np.nan if cell is None else cell for cell in cells])
 
 
 def _stated_units(text: Table) -> dict[str, str]:
@@ -610,6 +870,24 @@ def _stated_number(pattern: str, text: Table) -> float | None:
     return None
 
 
+FEW_ROWS = 3  # that have no time: remarks at the end
+MOST_ROWS = 0.01
+
+
+def _timecode(path: Path, name: str, moments: Sequence[str]) -> LogColumn:
+    rate = log_text.frame_rate(moments)
+    if rate is None:
+        question = (
+            "how many frames a second does its last part count? 25fps, or 100fps of"
+            f" hundredths: time={name}:25fps"
+        )
+        raise UnansweredError(
+            "--column", f"{path}: {name}: {moments[0]!r}: {question}", "time=NAME:UNIT"
+        )
+
+    return LogColumn("time_s", name, f"{rate}fps")
+
+
 def _clock_column(text: Table) -> list[LogColumn]:
     for name in text.names:
         if (
@@ -619,9 +897,13 @@ def _clock_column(text: Table) -> list[LogColumn]:
             continue
 
         moments = text.column(name)
-        found = dict.fromkeys(map(log_text.clock_of, moments))
-        if None in found:
+        counts = Counter(map(log_text.clock_of, moments))
+        if counts.pop(None, 0) > max(FEW_ROWS, MOST_ROWS * len(moments)):
             continue
+
+        found = dict.fromkeys(counts)
+        if log_text.OF_TIMECODE in found:
+            return [_timecode(text.path, name, moments)]
         if known := [clock for clock in found if clock]:
             return [LogColumn("time_s", name, known[0])]
         if found:

@@ -28,6 +28,9 @@ AFTER_S = 1.0  # how long a rise must stay to count as contact
 LEAST_RISE_N = 1e-3  # a fifth of the lowest class bound
 SIGNIFICANCE = 5.0  # standard errors
 GUARD_S = 0.1  # left out before the contact
+LEAST_TARE_S = (
+    0.5  # behind samples without a force; 0.6 mN of a noise of 4 mN at 100 Hz
+)
 LONGEST_GAP_S = 1.0 / CUTOFF_HZ  # the filter knows nothing across a longer one
 # In N no log has what a log in mN has. Sensors that tell the classes apart have 3 to 30
 # mN of noise, and no needle is pushed by a hundred times the highest class bound (3 N
@@ -59,10 +62,13 @@ def label_frames(
 
     Raises:
         RecordingError: no frame has force samples around it, the forces cannot be in N,
-            or a frame that is not pierced is pulled by more than the lowest class bound
-            (wrong sign, or a log that starts in contact).
+            samples without a force leave no tare, or a frame that is not pierced is
+            pulled by more than the lowest class bound (wrong sign, or a log that starts
+            in contact).
     """
     labels = labels_n(recording)
+    if (fault := _tare_fault(recording, classes)) is not None:
+        raise RecordingError(f"{recording.path / 'forces.csv'}: {fault}")
     if recording.forces is not None and all(isinstance(label, str) for label in labels):
         raise _no_label(recording, recording.forces, str(labels[0]))
     if (fault := unit_fault(recording, labels, classes)) is not None:
@@ -151,6 +157,41 @@ def unit_fault(
         if noise_n > LARGEST_NOISE_N
         else None
     )
+
+
+def _tare_fault(recording: Recording, classes: ClassesStudy) -> str | None:
+    """Return why a log without forces in its beginning has no tare, None if it has
+    one.
+    """
+    log = recording.forces
+    info = recording.info.force
+    if log is None or info is None:
+        return None
+
+    places = np.flatnonzero(np.isfinite(log.force_n(info.axis)))
+    missing_s = places[:1].sum() / log.sample_rate_hz
+    if missing_s < LEAST_TARE_S:
+        return None
+
+    raw_n = info.contact_sign * log.force_n(info.axis)[places]
+    count = tare_samples(raw_n, log.sample_rate_hz)
+    tare_s = count / log.sample_rate_hz
+    before = f"the first {missing_s:.3g} s have no force"
+    way = "record a sensor that works before the first contact"
+    if tare_s < LEAST_TARE_S:
+        return (
+            f"{before}, and {tare_s:.2g} s are left for the tare, of"
+            f" {LEAST_TARE_S:g} s at least; {way}"
+        )
+
+    second = min(max(round(AFTER_S * log.sample_rate_hz), 1), len(raw_n))
+    total_n = np.concatenate([[0.0], np.cumsum(raw_n - raw_n[:count].mean())])
+    lowest_n = float((total_n[second:] - total_n[:-second]).min()) / second
+    if lowest_n >= -classes.bounds_n[0]:
+        return None
+
+    fall = f"{-from_si(lowest_n, 'mn'):.1f} mN below the tare after them"
+    return f"{before}, and it falls to {fall}, which was in contact; {way}"
 
 
 def _trial(

@@ -13,6 +13,7 @@ import numpy as np
 
 from scleraforce.arrays import Floats
 from scleraforce.errors import RecordingError
+from scleraforce.recording.log_repair import decoded_log, without_broken_lines
 from scleraforce.recording.pixels import SECONDS
 from scleraforce.recording.tables import (
     SPACES,
@@ -22,15 +23,33 @@ from scleraforce.recording.tables import (
     is_number,
 )
 from scleraforce.units import STANDARD_GRAVITY_M_S2, to_si
-from scleraforce.whole_files import KINDS, read_text
 
 ISO = "iso"
 DAY_FIRST = "dmy"
 MONTH_FIRST = "mdy"
 NAMED = "date"
 CLOCK = "clock"
-CLOCKS = (ISO, DAY_FIRST, MONTH_FIRST, NAMED, CLOCK)
+MINUTES = "mmss"  # minutes, seconds and their fraction, without the hour
+DURATION = "duration"  # of MATLAB ("0.005 sec") and pandas ("0 days 00:00:00.005000")
+CLOCKS = (ISO, DAY_FIRST, MONTH_FIRST, NAMED, CLOCK, MINUTES, DURATION)
 DAY_S = 86_400
+HOUR_S = 3_600
+# Timecode, whose last part counts the frames of a second; 100 are hundredths.
+FRAME_RATE = re.compile(r"(\d+(?:\.\d+)?)\s*fps", re.IGNORECASE)
+FRAME_RATES = (24, 25, 30, 48, 50, 60, 100)
+OF_TIMECODE = "fps"
+TIMECODE = re.compile(
+    r"\s*(?P<hour>\d{1,2}):(?P<minute>\d\d):(?P<second>\d\d)[:;](?P<frame>\d\d)\s*"
+)
+OF_DURATION = re.compile(
+    r"\s*(?:(?P<seconds>\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)\s*(?:s|secs?|seconds?)"
+    r"|(?P<days>\d+) days?"
+    r"(?: (?P<hour>\d+):(?P<minute>\d\d):(?P<second>\d\d(?:\.\d+)?))?)\s*",
+    re.IGNORECASE,
+)
+OF_MINUTES = re.compile(
+    r"\s*(?P<minute>\d{1,2}):(?P<second>\d\d)[.,](?P<fraction>\d+)\s*"
+)
 MONTHS = {
     name: month
     for month, names in enumerate(
@@ -69,8 +88,15 @@ MOMENT = re.compile(rf"\s*(({NUMBERS}|{WORDS})[,\s]*T?\s*)?{TIME_OF_DAY}\s*")
 
 def clock_of(text: str) -> str | None:
     """Return the notation of a date or time, None for other texts; "" if day and month
-    may change places.
+    may change places, `OF_TIMECODE` without the rate of its frames.
     """
+    if TIMECODE.fullmatch(text):
+        return OF_TIMECODE
+    if OF_MINUTES.fullmatch(text):
+        return MINUTES
+    if OF_DURATION.fullmatch(text):
+        return DURATION
+
     found = MOMENT.fullmatch(text)
     if found is None:
         return None
@@ -89,10 +115,30 @@ def _kind(found: re.Match[str]) -> str:
     return CLOCK if not found["first"] else ISO if len(found["first"]) == 4 else ""
 
 
+def is_clock(unit: str) -> bool:
+    """Return whether a unit of time is a notation of dates or of the time of day."""
+    return unit in CLOCKS or FRAME_RATE.fullmatch(unit) is not None
+
+
+def frame_rate(texts: Sequence[str]) -> int | None:
+    """Return the frames a second that timecodes count, None if it is not certain."""
+    frames = [
+        int(found["frame"]) for text in texts if (found := TIMECODE.fullmatch(text))
+    ]
+    rate = max(frames, default=0) + 1
+    return rate if rate in FRAME_RATES else None
+
+
 def seconds_of(texts: Sequence[str], clock: str) -> Floats | int:
     """Return dates in s since 1970 (UTC by default), times of day since midnight; or
     the place of another clock's.
     """
+    rate = FRAME_RATE.fullmatch(clock)
+    if rate or clock == MINUTES:
+        return _short_seconds(texts, float(rate[1]) if rate else None)
+    if clock == DURATION:
+        return _durations(texts)
+
     time_s = np.empty(len(texts))
     for nth, text in enumerate(texts):
         found = MOMENT.fullmatch(text)
@@ -111,6 +157,52 @@ def seconds_of(texts: Sequence[str], clock: str) -> Floats | int:
         time_s += DAY_S * np.concatenate([[0], np.cumsum(np.diff(time_s) < -DAY_S / 2)])
 
     return time_s
+
+
+def _durations(texts: Sequence[str]) -> Floats | int:
+    time_s = np.empty(len(texts))
+    for nth, text in enumerate(texts):
+        found = OF_DURATION.fullmatch(text)
+        if found is None:
+            return nth
+
+        part = found.groupdict(default="0")
+        time_s[nth] = (
+            float(part["seconds"].replace(",", "."))
+            + DAY_S * int(part["days"])
+            + HOUR_S * int(part["hour"])
+            + 60 * int(part["minute"])
+            + float(part["second"])
+        )
+
+    return time_s
+
+
+def _short_seconds(texts: Sequence[str], rate: float | None) -> Floats | int:
+    """Return timecodes of a rate, or minutes and seconds (None), in s that count on."""
+    time_s = np.empty(len(texts))
+    for nth, text in enumerate(texts):
+        found = (TIMECODE if rate else OF_MINUTES).fullmatch(text)
+        if found is None:
+            return nth
+
+        part = found.groupdict()
+        of_second = (
+            int(part["frame"]) / rate if rate else float(f"0.{part['fraction']}")
+        )
+        if of_second >= 1.0 or int(part["second"]) > 59 or int(part["minute"]) > 59:
+            return nth
+
+        time_s[nth] = (
+            HOUR_S * int(part.get("hour") or 0)
+            + 60 * int(part["minute"])
+            + int(part["second"])
+            + of_second
+        )
+
+    period_s = DAY_S if rate else HOUR_S
+    turns = np.cumsum(np.diff(time_s, prepend=time_s[:1]) < -period_s / 2)
+    return np.asarray(time_s + period_s * turns)
 
 
 def _seconds(found: re.Match[str], clock: str) -> float:
@@ -224,19 +316,33 @@ LABVIEW_MARK = "LabVIEW Measurement"
 LABVIEW_END = "***End_of_Header***"
 LABVIEW_SEPARATORS = {"tab": "\t", "comma": ","}
 SEARCHED_LINES = 100  # for the header
+ROW_NUMBERS = ""  # the name of a column of them
+DIGITS = "+-.0123456789"
 
 
 def read_log_text(path: Path, least: int = 2) -> Table:
     """Read a log; its header is the first line with names for the fields below, `least`
     of them numbers or dates.
     """
-    whole = read_text(path, KINDS["forces"])
+    whole, notes = decoded_log(path)
     lines = whole.splitlines()
     text = (
         _of_labview(path, lines)
         if whole.startswith(LABVIEW_MARK)
         else _of_lines(path, lines, least)
     )
+    text = replace(text, notes=notes)
+    if least > 1:  # the rows of a table of files may be remarks
+        headers = {text.names, text.units} - {()}
+        text = without_broken_lines(
+            text,
+            lambda line: (
+                line.strip()[:1] not in DIGITS
+                and _names(line, text.separator) in headers
+            ),
+            whole.endswith(("\n", "\r")),
+        )
+
     check_counts(text)
 
     return text
@@ -345,6 +451,10 @@ def _of_lines(path: Path, lines: Sequence[str], least: int) -> Table:
             < least
         ):
             continue
+        if len(fields) == len(names) + 1 and _are_row_numbers(
+            lines[nth + 1 :], separator
+        ):
+            names = (ROW_NUMBERS, *names)  # of pandas and R, without a name
         if len(names) < len(fields):
             shorter = shorter or (
                 f"{path}:{nth + 2}: {len(fields)} fields; the header above has"
@@ -387,6 +497,13 @@ def _of_lines(path: Path, lines: Sequence[str], least: int) -> Table:
         top - 1,
         top + 1,
     )
+
+
+def _are_row_numbers(lines: Sequence[str], separator: str) -> bool:
+    firsts = [_names(line, separator, marks="")[:1] for line in lines[:3]]
+    from_zero = [(f"{nth}",) for nth in range(len(firsts))]
+    from_one = [(f"{nth + 1}",) for nth in range(len(firsts))]
+    return firsts in (from_zero, from_one)
 
 
 def _names(line: str, separator: str, marks: str = "#%") -> tuple[str, ...]:

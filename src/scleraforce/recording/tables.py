@@ -16,12 +16,19 @@ import numpy as np
 
 from scleraforce.arrays import Flags, Floats
 from scleraforce.errors import RecordingError
+from scleraforce.recording.dead_sensor import no_values
 from scleraforce.whole_files import KINDS, FileKind, read_text
 
 # any number of spaces is one separator
 SEPARATORS = ";\t,"
 SPACES = " "
 NUMBER = re.compile(r"[ \t]*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?[ \t]*", re.ASCII)
+# What programs write for a number that does not exist.
+NO_NUMBERS = (
+    *("", "nan", "na", "n/a", "#n/a", "null", "none", "<na>", "nat", "-", "--", "---"),
+    *("inf", "+inf", "-inf", "infinity", "-infinity", "-nan", "nan(ind)", "-nan(ind)"),
+    *("#nv", "#num!", "#value!", "1.#qnan", "1.#inf", "-1.#ind"),
+)
 PLAIN_NUMBERS = "write all numbers with decimal points, and nothing between thousands"
 # A comma that may part thousands; "0,250" cannot, for no group of thousands begins with
 # 0.
@@ -41,6 +48,7 @@ class Table:
     above: tuple[str, ...] = ()  # lines above the header
     units: tuple[str, ...] = ()  # of the columns, from a line of their own
     mark: str | None = None  # the stated decimal mark
+    notes: tuple[str, ...] = ()  # on how it was read, and lines that were left out
 
     @property
     def delimiter(self) -> str | None:
@@ -121,7 +129,7 @@ def check_counts(table: Table, least: int | None = None) -> None:
     as most lines have).
     """
     names = len(table.names)
-    counts = [_count(table, line) for line in range(len(table.lines))]
+    counts = field_counts(table)
     least = (
         Counter(counts).most_common(1)[0][0] if least is None and counts else least or 0
     )
@@ -131,13 +139,20 @@ def check_counts(table: Table, least: int | None = None) -> None:
             most = f", most lines {least}" if count < least < names else ""
             hint = (
                 "; with decimal commas, columns are separated by semicolons"
-                if table.separator == ","
+                if table.separator == "," and count > names
                 else ""
             )
             raise RecordingError(
                 f"{table.place(line)}: {count} fields; the header has"
                 f" {names}{most}{hint}"
             )
+
+
+def field_counts(table: Table) -> list[int]:
+    """Return the number of fields of each line, without empty ones behind the last
+    column.
+    """
+    return [_count(table, line) for line in range(len(table.lines))]
 
 
 def _count(table: Table, line: int) -> int:
@@ -291,7 +306,7 @@ def numbers_of(
     try:  # NumPy is ten times as fast as Python
         values_sc = np.loadtxt(lines, usecols=tuple(places), dtype=np.float64, **form)
     except ValueError:
-        empty = ("nan",) if ours else ("", "nan")
+        empty = ("nan",) if ours else NO_NUMBERS
         values_sc = np.array(
             [
                 _row_numbers(table, line, places, gaps, mark, empty)
@@ -532,8 +547,11 @@ def _of_moment(path: Path, entries: Sequence[FrameEntry]) -> Sequence[FrameEntry
     return [replace(entry, pierced=True) for entry in entries] if pierced else entries
 
 
-def read_force_log(path: Path, axis: str) -> ForceLog:
-    """Read forces.csv; `axis` (fx, fy or fz) must be among its columns."""
+def read_force_log(path: Path, axis: str, range_n: float = np.inf) -> ForceLog:
+    """Read forces.csv; `axis` (fx, fy or fz) must be among its columns.
+
+    `range_n` is the sensor's stated range, infinite without one.
+    """
     table = read_table(path, KINDS["forces"], FORCE_COLUMNS, ("time_s", f"{axis}_n"))
     columns = tuple(name for name in table.names if name != "time_s")
     forces = [table.names.index(name) for name in columns]
@@ -543,7 +561,10 @@ def read_force_log(path: Path, axis: str) -> ForceLog:
     log = ForceLog(values_sc[:, 0].copy(), values_sc[:, 1:], columns)
 
     log = checked_samples(
-        replace(log, notes=gap_notes(path, log.force_n(axis))), path, table.place
+        replace(log, notes=gap_notes(path, log.force_n(axis))),
+        path,
+        table.place,
+        range_n,
     )
     if not np.isfinite(log.force_n(axis)).any():
         raise RecordingError(f"{path}: {axis}_n: no sample has a force; all are nan")
@@ -554,8 +575,8 @@ def read_force_log(path: Path, axis: str) -> ForceLog:
 def checked_samples(
     log: ForceLog, path: Path, place: Callable[[int], str], range_n: float = np.inf
 ) -> ForceLog:
-    """Return a log with NaN for implausible samples, and notes; refuse a bad clock, or
-    too many of them.
+    """Return a log with NaN for samples that are implausible or no measurements, and
+    notes; refuse a bad clock, or too many implausible ones.
     """
     if len(log.time_s) < 2:
         raise RecordingError(f"{path}: fewer than two samples of the force")
@@ -563,6 +584,14 @@ def checked_samples(
     rate_hz = _checked_rate(log, path, place)
     notes = list(log.notes)
     wrench_sc = _without_implausible(log, place, range_n, notes)
+    for found in no_values(wrench_sc, log.columns, log.time_s, range_n):
+        wrench_sc = np.where(found.samples[:, None], np.nan, wrench_sc)
+        count = f"{found.samples.sum()} of {len(found.samples)} samples"
+        first = place(int(np.argmax(found.samples)))
+        notes.append(
+            f"{count} are no measurements and have no force: {found.words}; the first"
+            f" is {first}"
+        )
 
     if rate_hz < GOOD_SAMPLE_RATE_HZ * 0.999:
         noise = (
@@ -665,7 +694,8 @@ def _checked_rate(log: ForceLog, path: Path, place: Callable[[int], str]) -> flo
             f" {log.time_s[sample - 1]:.12g}"
         )
         raise RecordingError(
-            f"{place(sample)}: time_s: {found}; the clock must run forward"
+            f"{place(sample)}: time_s: {found}; the clock must run forward:"
+            " `scleraforce import` mends stamps that repeat and counters that overflow"
         )
 
     rate_hz = 1.0 / float(np.quantile(steps_s, 0.5, method="higher"))
