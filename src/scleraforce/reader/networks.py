@@ -75,7 +75,7 @@ def histogram_reading(
     below = [
         0.0,
         *(
-            _sum_below(sums, edges_m2, force_n / modulus_pa) / total
+            _sum_below(sums, edges_m2, max(force_n / modulus_pa, 0.0)) / total
             for force_n in asked_n
         ),
         1.0,
