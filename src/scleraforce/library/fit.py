@@ -145,32 +145,34 @@ class BoundaryFit:
         beyond the last one on either side, and its density falls off from there. So a
         class is never likelier than the one between it and the draws.
         """
-        below = (0.0, *(self._share_below(bound, least_n) for bound in bounds_n), 1.0)
-        above = (1.0, *(self._share_above(bound, least_n) for bound in bounds_n), 0.0)
+        least = self._share_below(least_n)
+        below = [0.0]
+        above = [1.0]
+
+        for bound_n in bounds_n:
+            share = positive_share(self._share_below(bound_n), least)
+            below.append(share)
+            above.append(self._share_above(bound_n) if share >= 0.5 else 1.0 - share)
+
         # the difference of the smaller numbers: the other one loses the last digits
         return tuple(
             after - before if after < 0.5 else higher - lower
             for (before, after), (higher, lower) in zip(
-                pairwise(below), pairwise(above), strict=True
+                pairwise((*below, 1.0)), pairwise((*above, 0.0)), strict=True
             )
         )
 
-    def _share_below(self, bound_n: float, least_n: float) -> float:
-        lower = int((self.draws_n <= bound_n).sum())
-        if lower:
-            return 1.0 - self._share_above(bound_n, least_n)
+    def _share_below(self, bound_n: float) -> float:
+        if (self.draws_n <= bound_n).any():
+            return 1.0 - self._share_above(bound_n)
 
         first_n = float(self.draws_n.min())
-        scale_n = self.force_n - self.interval_n[0]
-        least = _tail(first_n - least_n, scale_n)
-        share = (_tail(first_n - bound_n, scale_n) - least) / (1.0 - least)
-        return HALF_A_DRAW / (len(self.draws_n) + 1.0) * share
+        tail = _tail(first_n - bound_n, self.force_n - self.interval_n[0])
+        return HALF_A_DRAW / (len(self.draws_n) + 1.0) * tail
 
-    def _share_above(self, bound_n: float, least_n: float) -> float:
+    def _share_above(self, bound_n: float) -> float:
         higher = int((self.draws_n > bound_n).sum())
         share = (higher + HALF_A_DRAW) / (len(self.draws_n) + 1.0)
-        if higher == len(self.draws_n):
-            return 1.0 - self._share_below(bound_n, least_n)
         if higher:
             return share
 
@@ -185,6 +187,18 @@ def _tail(beyond_n: float, scale_n: float) -> float:
     class has a share above 0 at any distance.
     """
     return (1.0 + beyond_n / max(scale_n, LEAST_SCALE_N)) ** -3.0
+
+
+def positive_share(share: float, negative: float) -> float:
+    """Return the share of a distribution below a force, once the share below 0 is cut
+    off; the median stays.
+
+    >>> positive_share(0.3, 0.1)
+    0.25
+    """
+    if not share < 0.5:
+        return share
+    return 0.5 * (share - negative) / (0.5 - negative)
 
 
 def fit_boundaries(

@@ -32,6 +32,7 @@ import numpy as np
 from scleraforce.arrays import Floats
 from scleraforce.known import NINETY_PERCENT, NOTHING_KNOWN, Known
 from scleraforce.known.relaxation import KnownRelaxation
+from scleraforce.library.fit import positive_share
 from scleraforce.mechanics.material import line_weights
 from scleraforce.reader.answer import Answer, Reading
 from scleraforce.reader.where import shaft_lean
@@ -127,10 +128,8 @@ def _share_below(bound_n: float, force_n: float, side_n: float) -> float:
     of it holds 45 % on the bound's side.
     """
     scale_n = sqrt(2.0) * max(side_n, 1e-9) / NINETY_PERCENT
-    share = erf((bound_n - force_n) / scale_n)
-    if bound_n < force_n:
-        share /= erf(force_n / scale_n)
-    return 0.5 + 0.5 * share
+    share = 0.5 + 0.5 * erf((bound_n - force_n) / scale_n)
+    return positive_share(share, 0.5 - 0.5 * erf(force_n / scale_n))
 
 
 @dataclass(frozen=True)
