@@ -669,6 +669,37 @@ def test_nothing_is_ok_before_the_first_opinion_where_one_is_expected() -> None:
     assert play([frame(n) for n in range(1, 300)]).state is State.WATCHING
 
 
+@pytest.mark.parametrize(
+    ("came", "asked_s", "words"),
+    [
+        ([], 20.0, "refused: no frame for 19.9 s; 5 harmless frames in a row are"),
+        (
+            [frame(2000), frame(2001)],
+            20.02,
+            "0 of 5 came; the second opinion has not answered",
+        ),
+        ([*both(2000, 2001), frame(2002)], 20.03, "2 of 5 came"),
+        ([frame(2000), frame(2001, 0.045)], 20.02, "0 of 5 came; up to 46.5 mN"),
+    ],
+    ids=["frames have ended", "no opinion", "too few", "harmful"],
+)
+def test_a_refused_reset_says_what_is_missing(came, asked_s, words) -> None:
+    """After a replay had ended, it blamed the second opinion, which had nothing to
+    read.
+    """
+    ended = play([*both(*range(1, 11)), Tick(0.21)], limits=OPINED)
+    assert (ended.state, ended.cause) == (State.WITHDRAW, Cause.SILENCE)
+    _, decision = decide(play(came, ended, OPINED), Reset(asked_s), OPINED)
+    assert decision.code == 3
+    assert words in decision.message
+
+
+def test_a_reset_before_any_frame_says_so() -> None:
+    withdrawn_before = play([Fault(0.01, Cause.EXCEPTION, "the disk is full")])
+    _, decision = decide(withdrawn_before, Reset(0.02), LIMITS)
+    assert "reset refused: no frame has come yet" in decision.message
+
+
 def test_after_a_pause_before_contact_an_old_opinion_does_not_count() -> None:
     """The last frame before the pause got none: that is not a cause, but nothing is OK
     before the next opinion.

@@ -316,6 +316,7 @@ def _known(
     calibration: Path | None, eye: str | None, given: dict[str, Any]
 ) -> "tuple[Known, str | None]":
     from scleraforce.known.calibration_file import (
+        choice_of_eye,
         foreign_modulus,
         known_of_eye,
         read_calibration,
@@ -328,13 +329,10 @@ def _known(
         return known, None
 
     check_calibrated(known, True, eye)
-    if eye is None:
-        others = "another gets the population's modulus"
-        raise InputError(
-            f"--eye: missing; say which eye of {calibration} it is ({others})"
-        )
-
     summary = read_calibration(calibration)
+    if eye is None:
+        raise InputError(f"--eye: missing; {choice_of_eye(summary)}")
+
     return known_of_eye(known, summary, eye), foreign_modulus(summary, eye)
 
 

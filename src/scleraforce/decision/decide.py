@@ -495,22 +495,28 @@ def _reset(now: MonitorState, event: events.Reset, limits: MonitorLimits) -> _Fi
     """Grant a reset only on fresh frames: harmless to both readers, in a row, the last
     one recent.
     """
-    if doubt := _doubt(now, event.at_s, limits):
-        return _Finding(Signal.RESET_REFUSED, f"reset refused: {doubt}")
-
-    silent = now.frame is None or not event.at_s - now.frame.at_s < limits.silence_s
-    if now.fresh < limits.fresh_frames or silent:
-        seen = (
-            "none is recent" if silent else f"{now.fresh} of {limits.fresh_frames} came"
-        )
-        seen += f"; {now.present_reason}" if now.present_reason and not silent else ""
-
-        return _Finding(
-            Signal.RESET_REFUSED,
-            f"reset refused: harmless frames in a row are needed, {seen}",
-        )
-
+    missing = _missing_for_reset(now, event.at_s, limits)
+    if missing:
+        return _Finding(Signal.RESET_REFUSED, f"reset refused: {missing}")
     return _Finding(Signal.RESET_GRANTED, "")
+
+
+def _missing_for_reset(now: MonitorState, at_s: float, limits: MonitorLimits) -> str:
+    """Return what a reset still needs, or "": frames first, since without them no
+    opinion can come.
+    """
+    needed = "harmless frames in a row are needed"
+    if now.frame is None:
+        return f"no frame has come yet; {limits.fresh_frames} {needed}"
+
+    silent_s = at_s - now.frame.at_s
+    if not silent_s < limits.silence_s:
+        return f"no frame for {silent_s:.1f} s; {limits.fresh_frames} {needed}"
+    if now.fresh < limits.fresh_frames:
+        reason = f"; {now.present_reason}" if now.present_reason else ""
+        return f"{needed}, {now.fresh} of {limits.fresh_frames} came{reason}"
+
+    return _doubt(now, at_s, limits) or ""
 
 
 def _move(

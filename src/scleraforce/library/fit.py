@@ -193,7 +193,7 @@ def positive_share(share: float, negative: float) -> float:
     """Return the share of a distribution below a force, once the share below 0 is cut
     off; the median stays.
 
-    >>> positive_share(0.3, 0.1)
+    >>> positive_share(0.375, 0.25)
     0.25
     """
     if not share < 0.5:
