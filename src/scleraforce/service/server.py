@@ -289,6 +289,7 @@ class Server:
         self._scanner = client
         self._scanned_s = at_s
         plane = event.header.device if self.session.planes else None
+        sent_s = event.header.time_s or None
         planes = self.session.planes
 
         try:
@@ -298,7 +299,8 @@ class Server:
                     f" {', '.join(planes)}"
                 )
 
-            whole = client.frames.setdefault(plane, FrameAssembler()).add(image)
+            assembler = client.frames.setdefault(plane, FrameAssembler())
+            whole = assembler.add(image, at_s, sent_s)
         except ProtocolError as fault:
             self._decide("bad image", Fault(at_s, Cause.BAD_IMAGE, str(fault)))
             return None
@@ -311,9 +313,7 @@ class Server:
             or int(from_si(event.header.time_s, "us"))
             or next(self._arrivals)
         )
-        return self.session.frame(
-            whole, sender_id, client.number, at_s, event.header.time_s or None, plane
-        )
+        return self.session.frame(whole, sender_id, client.number, at_s, sent_s, plane)
 
     def _take_faulty(
         self,
