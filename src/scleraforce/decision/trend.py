@@ -26,6 +26,8 @@ from scleraforce.units import from_si
 
 MAD_TO_SD = 1.4826  # of a normal distribution
 OUTSIDE = 2  # readings on either side of a fall: a single wild one is not a fall
+STEP_S = 0.008  # an interval at 100 frames a second, less its jitter
+STEPS_BEFORE = 2
 MISSING = 1.5  # usual intervals, between one that is there and one that is missing
 
 
@@ -71,10 +73,14 @@ def unexplained_fall(dents: tuple[Dent, ...], limits: MonitorLimits) -> Fall | N
     left_n = max(dent.force_n for dent in dents[-OUTSIDE:])
     gap_s = _gap(dents, limits)
     unseen_s = 0.0
+    looked = False  # for a step since the last gap
 
     for place in range(len(dents) - OUTSIDE - 1, OUTSIDE - 2, -1):
         interval_s = dents[place + 1].at_s - dents[place].at_s
-        unseen_s += interval_s if interval_s > gap_s else 0.0
+        if interval_s > gap_s:
+            looked |= dents[-1].at_s - dents[place + 1].at_s >= STEP_S
+            unseen_s += interval_s
+
         within_s = dents[-OUTSIDE].at_s - dents[place].at_s
         if within_s - unseen_s > limits.fall_s:
             break
@@ -90,7 +96,7 @@ def unexplained_fall(dents: tuple[Dent, ...], limits: MonitorLimits) -> Fall | N
         sure_n = fall_n - limits.fall_n - noise
         if sure_n >= _possible_n(dents, place, limits):
             return Fall(level_n, left_n, within_s, unseen_s, Cause.PIERCED)
-        if unseen_s and sure_n >= _shown_n(dents, place, gap_s, limits):
+        if looked and unseen_s and sure_n >= _shown_n(dents, place, gap_s, limits):
             return Fall(level_n, left_n, within_s, unseen_s, Cause.UNSEEN_FALL)
 
     return None
@@ -159,18 +165,21 @@ def _shown_n(
     frame's interval old, explains as much as it says.
     """
     fastest_n_s = limits.stiffness_n_m * (limits.retraction_m_s + limits.eye_m_s)
-    shown_n = 0.0
     last = len(dents) - OUTSIDE
+    shown_n = 0.0
+    begun = dents[place]
 
-    for before in range(place, last):
-        high, low = dents[before : before + 2]
-        took_s = low.at_s - high.at_s
-        fell_n = (
-            _falling_n_s(dents, before) * took_s
-            if took_s > gap_s
-            else max(high.force_n - low.force_n, 0.0)
-        )
-        shown_n += min(fell_n, fastest_n_s * took_s)
+    for before in range(place, last + 1):
+        high = dents[before]
+        took_s = dents[before + 1].at_s - high.at_s
+        if before < last and took_s <= gap_s:
+            continue
+
+        seen_n = max(begun.force_n - high.force_n, 0.0)
+        shown_n += min(seen_n, fastest_n_s * (high.at_s - begun.at_s))
+        if before < last:
+            shown_n += min(_falling_n_s(dents, before), fastest_n_s) * took_s
+        begun = dents[before + 1]
 
     stated_m = _stated_m(dents, place, limits)
     if stated_m is None:
@@ -185,24 +194,36 @@ def _falling_n_s(dents: tuple[Dent, ...], before: int) -> float:
     """Return how fast the force is seen to fall on either side of the gap after the
     dent `before`, N/s: the faster of both.
 
-    Each step has to show it: a single one may be part of a puncture.
+    Two steps before the gap have to show it, and each step after it: a single one may
+    be part of a puncture. A step takes `STEP_S` or an interval, so that noise looks
+    like no withdrawal.
     """
-    earlier = dents[max(before - 3, 0) : before + 1]
-    slope = _slope([dent[:2] for dent in earlier])
-    return max(
-        -(slope or 0.0),
-        min(_steps(earlier[-OUTSIDE - 1 :]), default=0.0),
-        min(_steps(dents[before + 1 :]), default=0.0),
-        0.0,
-    )
+    earlier = _steps(_apart(dents[before::-1]))[:STEPS_BEFORE]
+    later = _steps(_apart(dents[before + 1 :]))
+    both = len(earlier) == STEPS_BEFORE
+    return max(min(earlier) if both else 0.0, min(later, default=0.0), 0.0)
 
 
-def _steps(dents: Sequence[Dent]) -> list[float]:
-    """Return how fast the force falls from each dent to the next, N/s."""
+def _apart(dents: Sequence[Dent]) -> list[tuple[float, float]]:
+    """Return mean times, s, and forces, N, of neighbouring dents, a step apart."""
+    groups: list[list[Dent]] = []
+    for dent in dents:
+        if groups and abs(dent.at_s - groups[-1][0].at_s) < STEP_S:
+            groups[-1].append(dent)
+        else:
+            groups.append([dent])
+
     return [
-        (dent.force_n - later.force_n) / (later.at_s - dent.at_s)
-        for dent, later in pairwise(dents)
-        if later.at_s > dent.at_s
+        (fmean([one.at_s for one in group]), fmean([one.force_n for one in group]))
+        for group in groups
+    ]
+
+
+def _steps(points: Sequence[tuple[float, float]]) -> list[float]:
+    """Return how fast the force falls from each point to the next in time, N/s."""
+    return [
+        (force_n - next_n) / (next_s - at_s)
+        for (at_s, force_n), (next_s, next_n) in pairwise(points)
     ]
 
 
