@@ -24,7 +24,7 @@ through, or in which a hand begins to let go, so that the force falls to 0 withi
 
 import argparse
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 
@@ -275,7 +275,8 @@ def pauses(
         for kind, causes in found.items():
             rng = np.random.default_rng((given.seed, 2, number, kind == "pierced"))
             wall = wall_force(reader.library, reader.study.reader, rng)
-            limits = limits_of(wall, 5e-3)
+            # nothing else withdraws first: where a withdrawal is ordered, a fall is none
+            limits = replace(limits_of(wall, 5e-3), bound_n=0.2, withdraw_class=3)
 
             if kind == "pierced":
                 motion = needle(wall, True, 5e-3, rng)

@@ -208,6 +208,8 @@ def converted(content: Any, record: type[Record], place: str) -> Record:
     """
     try:
         return msgspec.convert(content, record)
+    except CalibrationError as fault:
+        raise CalibrationError(f"{place}: {fault}; {WRITER}") from fault
     except msgspec.ValidationError as fault:
         what, _, path = str(fault).rstrip("`").partition(" - at `$")
         missing = re.fullmatch(r"Object missing required field `(\w+)`?", what)

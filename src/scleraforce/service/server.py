@@ -38,9 +38,9 @@ from scleraforce.service.companions import (
 from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.messages import NEEDLE_DEVICE
 from scleraforce.service.reset import (
-    LOCKED_S,
+    CODE,
+    LOCKED,
     RESET_DEVICE,
-    WRONG_CODES,
     ResetCode,
     ResetToken,
     token_digest,
@@ -521,13 +521,7 @@ class Server:
         if not known:
             self._note_client("a reset with a wrong token")
             if self.code.locked(now_s):
-                return (
-                    False,
-                    (
-                        f"{WRONG_CODES} wrong codes: none is accepted for"
-                        f" {LOCKED_S:.0f} s; the token is"
-                    ),
-                )
+                return False, LOCKED
 
             return (
                 False,
@@ -543,7 +537,9 @@ class Server:
 
     def _reset_by_client(self, client: Connection, secret: str, now_s: float) -> None:
         known = self._knows(secret, now_s)
-        if not known and not self._token.answers_wrong(now_s):
+        # a right code must not look wrong: while codes are locked, each is told so
+        is_told = CODE.fullmatch(secret) and self.code.locked(now_s)
+        if not known and not is_told and not self._token.answers_wrong(now_s):
             client.wrong_tokens = WRONG_TOKENS
         else:
             client.wrong_tokens += not known
