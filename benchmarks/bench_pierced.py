@@ -275,7 +275,7 @@ def pauses(
         for kind, causes in found.items():
             rng = np.random.default_rng((given.seed, 2, number, kind == "pierced"))
             wall = wall_force(reader.library, reader.study.reader, rng)
-            # nothing else withdraws first: where a withdrawal is ordered, a fall is none
+            # nothing else withdraws first: in a withdrawal a fall is none
             limits = replace(limits_of(wall, 5e-3), bound_n=0.2, withdraw_class=3)
 
             if kind == "pierced":

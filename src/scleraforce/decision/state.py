@@ -43,20 +43,20 @@ class MonitorState:
     frame. `size` and `scale_m` are the study's, or the last sound frames': a change is
     a cause once. `history` has (time, force) of the last frames with sound numbers,
     `dents` their dents, both in the order of time and of frames since `counts_since_s`,
-    when a fall was found or a reset granted; `pierced` says that the wall was pierced since the last reset.
-    `repeats` counts the frames in a row with one picture; `returns` says of each of the
-    last frames whether its picture came back after others. `lags` are the last delays
-    since the time that the sender states, on two clocks that need not agree;
-    `least_lag` is (time, lag): the least so far of the third quickest of 20, plus the
-    clocks' possible drift. `losses` has (time, time that the lost frames stand for)
-    within the window, summed up over twentieths of it, without the short rows that
-    `MonitorLimits.counted_loss` leaves out; `lost` counts all lost frames since the
-    start, and `lost_in_row_s` is the time that the frames of `lost_row`, the last row
-    with a loss, stand for. `fresh` counts the harmless frames in a row. `touched` is
-    True after contact; `clear_s` is the time of the first frame of the present run
-    without contact. `opinion` is the last second opinion since the last cause,
-    `doubted` counts the unusable ones in a row, and `unanswered` has (frame, time) of
-    the frames without one, oldest first, thinned if there are many.
+    when a fall was found or a reset granted; `pierced` says that the wall was pierced
+    since the last reset. `repeats` counts the frames in a row with one picture;
+    `returns` says of each of the last frames whether its picture came back after
+    others. `lags` are the last delays since the time that the sender states, on two
+    clocks that need not agree; `least_lag` is (time, lag): the least so far of the
+    third quickest of 20, plus the clocks' possible drift. `losses` has (time, time that
+    the lost frames stand for) within the window, summed up over twentieths of it,
+    without the short rows that `MonitorLimits.counted_loss` leaves out; `lost` counts
+    all lost frames since the start, and `lost_in_row_s` is the time that the frames of
+    `lost_row`, the last row with a loss, stand for. `fresh` counts the harmless frames
+    in a row. `touched` is True after contact; `clear_s` is the time of the first frame
+    of the present run without contact. `opinion` is the last second opinion since the
+    last cause, `doubted` counts the unusable ones in a row, and `unanswered` has
+    (frame, time) of the frames without one, oldest first, thinned if there are many.
     """
 
     state: State = State.NOT_READY

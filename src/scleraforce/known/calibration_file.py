@@ -528,4 +528,5 @@ def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
             f" +- {sd}"
         )
 
-    return f"{eye} {there} {summary.path}, which has {count} ({_names(summary)}): read {read}"
+    file = f"{summary.path}, which has {count} ({_names(summary)})"
+    return f"{eye} {there} {file}: read {read}"
