@@ -16,20 +16,27 @@ force falls within 1 to 5 ms to a friction of 10 to 50 % while the needle travel
 Without one the needle withdraws at the largest speed, or the eye jumps from it at 2
 mm/s. A robot states its travel 100 to 1,000 times a second; pictures come 5 to 20 ms
 late, which the delay does not count.
+
+A second table has pauses: no frame is read for some time, in which the needle goes
+through, or in which a hand begins to let go, so that the force falls to 0 within 50 to
+400 ms. It counts the sessions with a `PIERCED` or an `UNSEEN_FALL` after the pause.
 """
 
 import argparse
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.decision.decide import decide
-from scleraforce.decision.events import FrameRead, Verdict
+from scleraforce.decision.events import Cause, FrameRead, Verdict
 from scleraforce.decision.limits import MonitorLimits
 from scleraforce.decision.state import MonitorState
 from scleraforce.library.responses import Library
+from scleraforce.reader.kinds import ForceReader
 from scleraforce.reader.model import load_force_reader
 from scleraforce.study import ReaderStudy
 
@@ -38,6 +45,7 @@ FOUND_S = 0.05
 EYE_M = 0.2e-3
 EYE_M_S = 2e-3
 FORCES_N = (10e-3, 60e-3)
+PAUSES_S = (0.0, 0.02, 0.035, 0.05, 0.09)
 WILD = 1 / 500
 LOST = 1 / 1000
 Floats = NDArray[np.float64]
@@ -181,6 +189,27 @@ def frames(motion: Motion, tells: bool, rng: np.random.Generator) -> list[FrameR
     return shown
 
 
+def let_go(
+    wall: tuple[Floats, Floats], rng: np.random.Generator
+) -> tuple[Motion, float]:
+    """Draw a needle that is held at 5 to 25 mN and let go; return when that begins,
+    s.
+    """
+    tip_m, of_tip_n = wall
+    top_m = float(np.interp(rng.uniform(5e-3, 25e-3), of_tip_n, tip_m))
+    held = round(rng.uniform(1.0, 1.5) / STEP_S)
+    falls = round(rng.uniform(0.05, 0.4) / STEP_S)
+    travel_m = top_m * np.concatenate(
+        [np.ones(held), np.linspace(1.0, 0.0, falls), np.zeros(1000)]
+    )
+    return Motion(travel_m, np.interp(travel_m, tip_m, of_tip_n), None), held * STEP_S
+
+
+def without(shown: list[FrameRead], from_s: float, to_s: float) -> list[FrameRead]:
+    """Return the frames that are read if none is for some time."""
+    return [one for one in shown if not from_s <= one.at_s < to_s]
+
+
 def frame_read(
     number: int, at_s: float, force_n: float, travel_m: float | None, age_s: float
 ) -> FrameRead:
@@ -221,6 +250,52 @@ def pierced_at(shown: list[FrameRead], limits: MonitorLimits) -> list[float]:
             found.append(frame.at_s)
 
     return found
+
+
+def fall_after(shown: list[FrameRead], limits: MonitorLimits, from_s: float) -> str:
+    """Return the cause of a fall that a monitor finds from a time on, or ""."""
+    state = MonitorState()
+    for frame in shown:
+        state, decision = decide(state, frame, limits)
+        falls = (Cause.PIERCED, Cause.UNSEEN_FALL)
+        if frame.at_s >= from_s and decision.present_cause in falls:
+            return decision.present_cause.name
+
+    return ""
+
+
+def pauses(
+    reader: ForceReader, pause_s: float, tells: bool, given: argparse.Namespace
+) -> dict[str, Counter[str]]:
+    """Return the causes found after a pause with a puncture in it, and after one in
+    which a hand begins to let go.
+    """
+    found = {"pierced": Counter[str](), "let go": Counter[str]()}
+    for number in range(given.sessions):
+        for kind, causes in found.items():
+            rng = np.random.default_rng((given.seed, 2, number, kind == "pierced"))
+            wall = wall_force(reader.library, reader.study.reader, rng)
+            # nothing else withdraws first: in a withdrawal a fall is none
+            limits = replace(limits_of(wall, 5e-3), bound_n=0.2, withdraw_class=3)
+
+            if kind == "pierced":
+                motion = needle(wall, True, 5e-3, rng)
+                begun_s = motion.pierced_s or 0.0
+                from_s = begun_s - rng.uniform(0.0, max(pause_s - 5e-3, 0.0))
+            else:
+                motion, begun_s = let_go(wall, rng)
+                from_s = begun_s + rng.uniform(-0.5 * pause_s, 0.05)
+
+            shown = without(frames(motion, tells, rng), from_s, from_s + pause_s)
+            causes[fall_after(shown, limits, from_s)] += 1
+
+    return found
+
+
+def limits_of(wall: tuple[Floats, Floats], fastest_m_s: float) -> MonitorLimits:
+    """Return the limits for a wall, a fifth stiffer, and a robot."""
+    wall_n_m = 1.2 * float((np.diff(wall[1]) / np.diff(wall[0])).max())
+    return MonitorLimits(retraction_m_s=fastest_m_s, stiffness_n_m=wall_n_m)
 
 
 def outcome(found_s: list[float], pierced_s: float | None) -> tuple[bool, int, float]:
@@ -266,10 +341,7 @@ def main() -> None:
                 wall = wall_force(reader.library, reader.study.reader, rng)
                 motion = needle(wall, pierces, fastest_m_s, rng)
                 shown = frames(motion, tells, rng)
-                wall_n_m = 1.2 * float((np.diff(wall[1]) / np.diff(wall[0])).max())
-                limits = MonitorLimits(
-                    retraction_m_s=fastest_m_s, stiffness_n_m=wall_n_m
-                )
+                limits = limits_of(wall, fastest_m_s)
                 results[pierces].append(
                     outcome(pierced_at(shown, limits), motion.pierced_s)
                 )
@@ -284,6 +356,19 @@ def main() -> None:
             f" {spread} | {words} |",
             flush=True,
         )
+
+    print(
+        "\n| pause, ms | travel | pierced in it: PIERCED, UNSEEN_FALL | let go in it:"
+        " PIERCED, UNSEEN_FALL |\n|---|---|---|---|"
+    )
+    for pause_s, tells in product(PAUSES_S, (False, True)):
+        found_after = pauses(reader, pause_s, tells, given)
+        cells = [
+            f"{causes['PIERCED']}, {causes['UNSEEN_FALL']} of {causes.total()}"
+            for causes in found_after.values()
+        ]
+        told = "stated" if tells else ""
+        print(f"| {1e3 * pause_s:g} | {told} | {' | '.join(cells)} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -138,6 +138,17 @@ async def wrong_token(link: Link) -> None:
     await link.until_closed(0.5)
 
 
+async def wrong_code(link: Link) -> None:
+    """Resets with guessed codes, until they are locked for all; the operator's token is
+    still right.
+    """
+    for _ in range(5):
+        code = f"{link.rng.randrange(10**6):06d}"
+        await link.send(encode(Text(code), RESET_DEVICE))
+        await asyncio.sleep(link.rng.uniform(0.0, 0.05))
+    await link.until_closed(0.5)
+
+
 async def leave(link: Link) -> None:
     """Nothing at all; some break the connection instead of closing it."""
     if link.rng.random() < 0.5:
@@ -188,6 +199,7 @@ KINDS: tuple[Callable[[Link], Awaitable[None]], ...] = (
     garbage,
     wrong_crc,
     wrong_token,
+    wrong_code,
     leave,
     deaf,
     asks,

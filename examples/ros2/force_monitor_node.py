@@ -175,7 +175,11 @@ class ForceMonitorNode(Node):
         with suppress(OSError):
             while not decoder.broken and (data := self._link.recv(1 << 16)):
                 for event in decoder.feed(data):
-                    if isinstance(event, Received) and isinstance(event.message, Text):
+                    if (
+                        isinstance(event, Received)
+                        and isinstance(event.message, Text)
+                        and event.header.device == "ForceReading"
+                    ):
                         self._tell(json.loads(event.message.text))
 
     def _tell(self, reading: dict) -> None:

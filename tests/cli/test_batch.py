@@ -2,6 +2,7 @@
 
 import csv
 import os
+import re
 import shutil
 import sys
 from contextlib import nullcontext
@@ -168,9 +169,6 @@ def test_what_cannot_be_written_is_refused_before_reading(
     }.items():
         assert fault in shell.refused("evaluate", "default", "eye-a", "--table", table)
 
-    assert "not together" in shell.refused(
-        "evaluate", "default", "eye-a", "--table", "t.csv", "--html", "t.html"
-    )
     assert "nothing: no such recording" in shell.refused(
         "evaluate", "default", "eye-a", "nothing", "--table", "t.csv"
     )
@@ -186,6 +184,26 @@ def test_what_cannot_be_written_is_refused_before_reading(
         )
 
     assert (folder / "taken.csv").read_text() == "mine"
+
+
+def test_a_table_and_a_report_are_of_the_same_frames(folder: Path, shell) -> None:
+    """The table as without the report, the report as without the table, and what was
+    kept serves the next table.
+    """
+    shell.run("evaluate", "default", *NAMES, "--table", "alone.csv")
+    shell.run("evaluate", "default", *NAMES, "--html", "alone.html")
+    for page in ("first.html", "t.html"):  # also where nothing has changed
+        both = ("--table", "t.csv", "--html", page)
+        lines = shell.run("evaluate", "default", *NAMES, *both)[0].splitlines()
+        assert lines[-1] == "wrote t.csv: 6 frames; recordings read now: 3 of 3"
+
+    assert (folder / "t.csv").read_bytes() == (folder / "alone.csv").read_bytes()
+    pages = [
+        re.sub(r"\d{4}-\d\d-\d\d \d\d:\d\d", "", (folder / name).read_text())
+        for name in ("t.html", "alone.html")
+    ]
+    assert pages[0] == pages[1]
+    assert evaluated("t.csv").read == 0
 
 
 @pytest.mark.usefixtures("folder")

@@ -2,6 +2,7 @@
 its end.
 """
 
+import io
 import json
 import os
 import pty
@@ -9,6 +10,7 @@ import select
 import signal
 import socket
 import sys
+import tempfile
 import termios
 from contextlib import suppress
 from dataclasses import replace
@@ -21,6 +23,7 @@ from shutil import copytree
 from time import monotonic
 from types import SimpleNamespace
 
+import click
 import numpy as np
 import pytest
 from analytic_frames import (
@@ -148,7 +151,7 @@ def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(
             assert withdrawal.name in {"BOUND", "DANGEROUS_CLASS"}
             push(scanner, 8, 20)
             assert (
-                run(["monitor-reset", "--port", str(monitor.port), "--token", "wrong"])
+                run(["monitor-reset", "--port", str(monitor.port), *secret("wrong")])
                 == 2
             )
             assert {status.code for status in scanner.statuses()[-5:]} == {3}
@@ -157,7 +160,7 @@ def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(
                 for line in monitor.lines
                 if line.startswith("code")
             )
-            reset = ["monitor-reset", "--port", str(monitor.port), "--token", code]
+            reset = ["monitor-reset", "--port", str(monitor.port), *secret(code)]
             assert run(reset) == 0
             assert run(reset) == 2  # each code is for one reset
             push(scanner, 8, 1)
@@ -417,19 +420,73 @@ def test_a_port_that_is_taken_is_named(refused) -> None:
             )
 
 
+def secret(text: str) -> list[str]:
+    """Return the option with a file that only its user may read."""
+    descriptor, path = tempfile.mkstemp()
+    with open(descriptor, "w", encoding="utf-8", errors="surrogateescape") as file:
+        file.write(f"{text}\n")
+    return ["--token-file", path]
+
+
 def test_a_reset_that_cannot_be_sent_is_one_line(shell) -> None:
-    for option, value in (("--host", ""), ("--host", "x" * 64), ("--token", "\udcff")):
-        options = {"--token": "x", "--host": "127.0.0.1", option: value}
-        shell.refused(
-            "monitor-reset", *(word for pair in options.items() for word in pair)
-        )
+    for options in (
+        ["--host", "", *secret("x")],
+        ["--host", "x" * 64, *secret("x")],
+        secret("\udcff"),
+    ):
+        shell.refused("monitor-reset", *options)
 
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
 
     assert f"127.0.0.1:{port}" in shell.refused(
-        "monitor-reset", "--token", "x", "--port", port
+        "monitor-reset", *secret("x"), "--port", port
     )
+
+
+def test_a_token_that_others_may_see_is_not_taken(shell, tmp_path: Path) -> None:
+    token = tmp_path / "token"
+    token.write_text("c0ffee\n")
+    for mode in (0o640, 0o604, 0o660):
+        token.chmod(mode)
+        assert f"mode {mode:o}" in shell.refused("monitor-reset", "--token-file", token)
+
+    os.mkfifo(tmp_path / "pipe", 0o600)
+    for name, words in (("pipe", "not a regular file"), ("no", "No such file")):
+        assert words in shell.refused("monitor-reset", "--token-file", tmp_path / name)
+
+    assert "--token" in shell.refused("monitor-reset", "--token", "c0ffee")
+    token.chmod(0o600)
+    for text in ("", "\n", "x" * 300, "a\x00b"):
+        token.write_text(text)
+        said = shell.refused("monitor-reset", "--token-file", token)
+        assert "expected one line with the token or the code" in said
+
+
+def test_a_token_comes_from_standard_input_or_from_a_question(
+    monkeypatch: pytest.MonkeyPatch, shell
+) -> None:
+    """What is on a command line can be seen by all users."""
+    asked = list[str]()
+
+    def ask_reset(host: str, port: int, token: str) -> tuple[bool, str]:
+        asked.append(token)
+        return True, f"{host}:{port}"
+
+    monkeypatch.setattr("scleraforce.service.reset.ask_reset", ask_reset)
+    piped = io.TextIOWrapper(io.BytesIO(b"123456\nmore"))
+    monkeypatch.setattr(sys, "stdin", piped)
+    shell.run("monitor-reset")
+    hidden = list[object]()
+
+    def prompt(_: str, **how: object) -> str:
+        hidden.append(how["hide_input"])
+        return " c0ffee "
+
+    monkeypatch.setattr(click, "prompt", prompt)
+    monkeypatch.setattr(piped, "isatty", lambda: True)
+    shell.run("monitor-reset")
+    assert (asked, hidden) == (["123456", "c0ffee"], [True])
 
 
 def test_another_eye_than_the_calibrations_and_narrow_frames_are_warned_of_at_the_start(

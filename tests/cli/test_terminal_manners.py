@@ -60,7 +60,7 @@ RUNS = {
 REFUSED = {
     "app": "nowhere",
     "monitor": "nowhere",
-    "monitor-reset": "--port 1 --token none",
+    "monitor-reset": "--port 1 --token-file study.toml",
     "replay": "eye-a --port 1",
     "reproduce": "--out study.toml",
 }

@@ -617,11 +617,16 @@ def test_an_overtaken_frame_that_cannot_be_judged_counts_with_the_answered_ones(
     assert play([unusable(6), late], watching(), twice).cause is Cause.UNUSABLE
 
 
-def test_a_harmless_overtaken_frame_changes_nothing_but_the_time_and_an_opinion_no_state():
+def test_a_harmless_overtaken_frame_changes_the_histories_and_an_opinion_no_state():
     for before in (not_ready, watching, withdrawn):
         state = before()
-        after = play([OvertakenRead(0.0515, frame(4))], state)
-        assert after == replace(state, at_s=0.0515)
+        after = play([OvertakenRead(0.0515, frame(4, 0.011))], state)
+        same = {"history": state.history, "dents": state.dents}
+        assert replace(after, **same) == replace(state, at_s=0.0515)
+        assert after.history == tuple(sorted([*state.history, (0.04, 0.011)]))
+        assert [dent.at_s for dent in after.dents] == [
+            at_s for at_s, _ in after.history
+        ]
         assert play([opinion(5, at_s=0.0505)], state, OPINED).state is state.state
 
 
@@ -667,6 +672,37 @@ def test_nothing_is_ok_before_the_first_opinion_where_one_is_expected() -> None:
     )
     assert play([opinion(299), frame(300)], state, OPINED).state is State.WATCHING
     assert play([frame(n) for n in range(1, 300)]).state is State.WATCHING
+
+
+@pytest.mark.parametrize(
+    ("came", "asked_s", "words"),
+    [
+        ([], 20.0, "refused: no frame for 19.9 s; 5 harmless frames in a row are"),
+        (
+            [frame(2000), frame(2001)],
+            20.02,
+            "0 of 5 came; the second opinion has not answered",
+        ),
+        ([*both(2000, 2001), frame(2002)], 20.03, "2 of 5 came"),
+        ([frame(2000), frame(2001, 0.045)], 20.02, "0 of 5 came; up to 46.5 mN"),
+    ],
+    ids=["frames have ended", "no opinion", "too few", "harmful"],
+)
+def test_a_refused_reset_says_what_is_missing(came, asked_s, words) -> None:
+    """After a replay had ended, it blamed the second opinion, which had nothing to
+    read.
+    """
+    ended = play([*both(*range(1, 11)), Tick(0.21)], limits=OPINED)
+    assert (ended.state, ended.cause) == (State.WITHDRAW, Cause.SILENCE)
+    _, decision = decide(play(came, ended, OPINED), Reset(asked_s), OPINED)
+    assert decision.code == 3
+    assert words in decision.message
+
+
+def test_a_reset_before_any_frame_says_so() -> None:
+    withdrawn_before = play([Fault(0.01, Cause.EXCEPTION, "the disk is full")])
+    _, decision = decide(withdrawn_before, Reset(0.02), LIMITS)
+    assert "reset refused: no frame has come yet" in decision.message
 
 
 def test_after_a_pause_before_contact_an_old_opinion_does_not_count() -> None:
@@ -1197,8 +1233,8 @@ def test_a_fall_that_no_retraction_explains_is_pierced_with_the_second_frame_aft
 
     between = [*HELD, 0.015, 0.007, 0.0072]  # a frame in the middle of the fall
     assert play(needle_goes(between)).cause is Cause.PIERCED
-    # the frames are too far apart to tell
-    assert play(needle_goes(THROUGH_N, 25.0)).cause is None
+    # the frames are too far apart to tell it from a withdrawal
+    assert play(needle_goes(THROUGH_N, 25.0)).cause is Cause.UNSEEN_FALL
 
 
 def test_what_withdraws_the_needle_or_is_one_frame_is_not_pierced() -> None:
@@ -1212,14 +1248,146 @@ def test_what_withdraws_the_needle_or_is_one_frame_is_not_pierced() -> None:
     for wild in ([0.003], [0.028]):
         assert play(needle_goes([*HELD, *wild, *HELD, *wild, *HELD])).cause is None
 
-    missing = [*needle_goes(HELD), *(unusable(n) for n in (9, 10, 11))]
+
+def behind_a_gap(
+    before_n: Sequence[float], gap_s: float, after_n: Sequence[float], **fields: Any
+) -> list[FrameRead]:
+    """Frames at 100 Hz with a gap; `fields` are of those after it."""
+    before = needle_goes(before_n)
+    begun_s = before[-1].at_s + gap_s
     after = [
-        replace(one, frame_id=11 + n, at_s=0.11 + 0.01 * n)
-        for n, one in enumerate(needle_goes([0.004] * 5), 1)
+        replace(frame(100 + n, force_n), at_s=begun_s + 0.01 * n, **fields)
+        for n, force_n in enumerate(after_n)
     ]
-    patient = replace(LIMITS, unusable_frames=9)
-    # 40 ms: a needle has time to withdraw
-    assert play([*missing, *after], limits=patient).cause is None
+    return [*before, *after]
+
+
+GAPS_S = [0.016, 0.02, 0.03, 0.035, 0.05, 0.07, 0.099]
+FALLEN_N = [0.008, 0.0082, 0.0079]
+
+
+@pytest.mark.parametrize("gap_s", GAPS_S)
+@pytest.mark.parametrize("limits", [LIMITS, REPORTS])
+def test_a_fall_in_a_gap_is_not_ok_whatever_its_length(
+    limits: MonitorLimits, gap_s: float
+) -> None:
+    """With the second frame after it. It was seen behind gaps of up to 30 ms only."""
+    frames = behind_a_gap([0.021] * 12, gap_s, FALLEN_N)
+    assert play(frames[:-2], limits=limits).state is State.WATCHING
+    state = play(frames[:-1], limits=limits)
+    assert (state.state, state.cause) == (State.WITHDRAW, Cause.UNSEEN_FALL)
+    assert "from 21.0 to 8.2 mN" in state.reason
+    assert state.reason.endswith("ms of it unseen: withdrawn or pierced")
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.floats(0.016, 0.099),
+    st.floats(0.006, 0.025),
+    st.floats(0.0, 0.45),
+    st.integers(0, 2**32),
+)
+def test_no_gap_hides_a_puncture(gap_s, level_n, left, seed) -> None:
+    """Levels from 6 mN, friction up to 45 %, readings with a noise of 0.1 mN."""
+    rng = np.random.default_rng(seed)
+    before_n = level_n + 1e-4 * rng.standard_normal(20)
+    after_n = np.abs(left * level_n + 1e-4 * rng.standard_normal(3))
+    state = play(behind_a_gap(before_n.tolist(), gap_s, after_n.tolist()))
+    assert state.cause in (Cause.UNSEEN_FALL, Cause.PIERCED)
+
+
+@pytest.mark.parametrize("gap_s", GAPS_S)
+@pytest.mark.parametrize("rate_n_s", [0.02, 0.1, 0.3])
+def test_a_withdrawal_that_is_seen_on_either_side_explains_a_fall_in_a_gap(
+    rate_n_s: float, gap_s: float
+) -> None:
+    """It goes on through the gap, begins in it, or ends in it."""
+    before_n = [0.025 - rate_n_s * 0.01 * n for n in range(3)]
+    left_n = before_n[-1] - rate_n_s * gap_s
+    after_n = [max(left_n - rate_n_s * 0.01 * n, 0.0) for n in range(5)]
+    held = [0.025] * 10
+    assert play(behind_a_gap([*held, *before_n], gap_s, after_n)).cause is None
+    begins_n = [max(0.025 - rate_n_s * (gap_s + 0.01 * n), 0.0) for n in range(3)]
+    if begins_n[-1]:
+        assert play(behind_a_gap(held, gap_s, begins_n)).cause is None
+    ends_n = [max(left_n, 0.0)] * 3
+    assert play(behind_a_gap([*held, *before_n], gap_s, ends_n)).cause is None
+
+
+def test_a_step_after_a_gap_is_no_withdrawal_that_is_seen() -> None:
+    """The second half of a puncture may be: the next frames must show it, too."""
+    frames = behind_a_gap([0.021] * 12, 0.05, [0.015, 0.008, 0.0081])
+    assert play(frames).cause in (Cause.UNSEEN_FALL, Cause.PIERCED)
+
+
+@pytest.mark.parametrize("gap_s", GAPS_S)
+@pytest.mark.parametrize(
+    ("back_m", "age_s", "fell"),
+    [(0.0, 0.001, True), (2e-4, 0.001, False), (0.0, 0.09, True)],
+    ids=["held", "withdrawn", "long not stated"],
+)
+def test_stated_travel_explains_a_fall_in_a_gap_or_not(
+    back_m: float, age_s: float, fell: bool, gap_s: float
+) -> None:
+    """13 mN on a wall of 100 N/m take 130 um."""
+    moved = {"travel_m": 1e-3 - back_m, "travel_age_s": age_s}
+    frames = behind_a_gap([0.021] * 12, gap_s, FALLEN_N, **moved)
+    frames[:12] = [
+        replace(one, travel_m=1e-3, travel_age_s=0.001) for one in frames[:12]
+    ]
+    found = play(frames).cause
+    assert found in ((Cause.UNSEEN_FALL, Cause.PIERCED) if fell else (None,))
+
+
+def test_travel_rules_out_a_withdrawal_across_a_gap() -> None:
+    """A soft wall, on which the eye's own motion makes little force."""
+    soft = replace(LIMITS, stiffness_n_m=30.0)
+    held = {"travel_m": 1e-3, "travel_age_s": 0.001}
+    frames = [
+        replace(one, **held) for one in behind_a_gap([0.021] * 12, 0.05, FALLEN_N)
+    ]
+    assert play(frames, limits=soft).cause is Cause.PIERCED
+
+
+@pytest.mark.parametrize("puncture", range(1, 4))
+def test_overtaken_frames_show_a_fall_in_the_order_of_time(puncture: int) -> None:
+    """Four frames come together: the newest is answered first, the others after it."""
+    forces_n = [0.021] * puncture + [0.008] * (4 - puncture)
+    late = [
+        replace(frame(12 + n, force_n), at_s=0.16, taken_s=0.12 + 0.01 * n)
+        for n, force_n in enumerate(forces_n)
+    ]
+    soft = replace(LIMITS, stiffness_n_m=30.0)
+    events: list[MonitorEvent] = [*needle_goes([0.021] * 11), late[-1]]
+    events += [OvertakenRead(0.161 + 0.001 * n, one) for n, one in enumerate(late[:-1])]
+    if puncture == 3:
+        events.append(replace(frame(16, 0.008), at_s=0.17))
+    state = play(events, limits=soft)
+    assert [dent.at_s for dent in state.dents] == sorted(d.at_s for d in state.dents)
+    assert state.cause is Cause.PIERCED
+
+
+def test_a_picture_that_was_shown_before_hides_no_gap() -> None:
+    frames = needle_goes([0.021] * 12)
+    old = [replace(frame(n, 0.021), shown_back=back) for n, back in ((13, 1), (14, 2))]
+    after = [frame(n, 0.008) for n in (15, 16)]
+    assert play([*frames, *old, *after]).cause is Cause.UNSEEN_FALL
+
+
+def test_where_the_needle_is_withdrawn_anyway_a_fall_in_a_gap_is_none() -> None:
+    ordered = play([*needle_goes([0.021] * 12), Fault(0.121, Cause.CHECKSUM, "CRC")])
+    fallen = behind_a_gap([0.021] * 12, 0.05, FALLEN_N)[12:]
+    _, decision = decide(play(fallen, ordered), Tick(0.2), LIMITS)
+    assert (decision.cause, decision.present_cause) == (Cause.CHECKSUM, None)
+
+
+def test_after_the_reset_frames_from_before_it_make_no_fall() -> None:
+    state = play(behind_a_gap([0.021] * 12, 0.05, FALLEN_N))
+    fresh = [replace(frame(200 + n, 0.008), at_s=0.2 + 0.01 * n) for n in range(6)]
+    state = play([*fresh, Reset(0.2505)], state)
+    assert state.state is State.WATCHING
+    early = replace(frame(110, 0.021), at_s=0.2, taken_s=0.19)
+    assert play([OvertakenRead(0.251, early)], state).state is State.WATCHING
 
 
 def test_travel_explains_a_fall_or_not() -> None:

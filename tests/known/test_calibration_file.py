@@ -1,6 +1,6 @@
 import hashlib
 import re
-from dataclasses import astuple, replace
+from dataclasses import asdict, astuple, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from scleraforce.known.calibration_file import (
     known_of_eye,
     read_calibration,
 )
+from scleraforce.known.relaxation import KnownRelaxation
 
 EYES = {
     "a": {
@@ -314,3 +315,26 @@ def test_stiffening_and_discrepancy_go_with_the_modulus_that_an_eye_has(
         None,
         None,
     ]
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"covariance": [[-1e-4, 0.0], [0.0, 1e-4]]}, "relaxation.covariance: "),
+        ({"covariance": [[1.0, 2.0], [2.0, 1.0]]}, "relaxation.covariance: "),
+        ({"held_covariance": [[1.0, 0.1], [0.2, 1.0]]}, "relaxation.held_covariance"),
+        ({"before_covariance_n2": [[-1.0, 0], [0, 0]]}, "relaxation.before_covariance"),
+        ({"after_covariance_n2": [[0, 1e-9], [1e-9, 0]]}, "relaxation.after_covarianc"),
+        ({"shares": [0.6, 0.5]}, "relaxation: its parts have several lengths"),
+    ],
+)
+def test_a_covariance_without_a_negative_variance_is_needed(
+    changed: dict, words: str, tmp_path: Path
+) -> None:
+    found = asdict(KnownRelaxation.declared([[0.1, 1.0], [0.05, 10.0]]))
+    text = calibration_text(0.27, {"a": {"relaxation": found | changed}})
+    said = refusal(tmp_path / "c.json", text)
+    assert said.startswith(f"eyes.a: {words}")
+    sound = calibration_text(0.27, {"a": {"relaxation": found}})
+    (tmp_path / "d.json").write_text(sound)
+    assert read_calibration(tmp_path / "d.json").eyes["a"].relaxation is not None

@@ -16,7 +16,7 @@ from analytic_frames import KNOWN, SCALE, image, tip_of, wall_section
 from effects import contents
 from foreign_files import FRAMES, write_log
 from small_models import force_reader
-from small_recordings import write_small_recording
+from small_recordings import calibration_text, write_small_recording
 
 import scleraforce as sf
 from scleraforce.cli.main import run
@@ -51,6 +51,24 @@ def test_an_array_is_read_as_the_reader_reads_it() -> None:
     )
     assert answer.force_n == pytest.approx(expected.force_n, rel=0.01)
     assert answer.usable
+
+
+@pytest.mark.parametrize(
+    ("eyes", "words"),
+    [
+        (("mine",), "has 1 eye: give mine; any other gets"),
+        (("mine", "yours"), "has 2 eyes: give one of mine, yours; any other gets"),
+    ],
+)
+@pytest.mark.parametrize("frame", [FRAME, np.stack([FRAME, FRAME])])
+def test_an_array_with_a_calibration_needs_the_name_of_its_eye(
+    frame: np.ndarray, eyes: tuple[str, ...], words: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "c.json"
+    file.write_text(calibration_text(eyes={eye: {"mean_mpa": 0.3} for eye in eyes}))
+    with pytest.raises(InputError, match=f"eye: missing; no recording.*{words}"):
+        read(force_reader(), frame, calibration=file, **SIZE)
+    assert read(force_reader(), frame, calibration=file, eye="mine", **SIZE)
 
 
 def test_a_result_prints_as_one_short_line() -> None:

@@ -3,16 +3,20 @@ library.
 """
 
 import json
+import re
 import shutil
 import signal
 import subprocess
 from contextlib import closing
 from pathlib import Path
+from threading import Thread
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from small_monitor import COLUMNS, ROWS, SCALE_M, Peer, frame_of, serving
 from small_recordings import write_small_recording
+from sources import EXAMPLES, example_module
 from waiting import FUSE_S, wait_until
 
 from scleraforce.openigtlink import Decoder, Image, Received, Text, Transform, encode
@@ -118,7 +122,7 @@ def test_our_metadata_is_read() -> None:
 
 
 HEADERS = Path("/usr/include/openigtlink")
-EXAMPLES = Path("/usr/share/doc/openigtlink-examples/examples")
+DEBIANS = Path("/usr/share/doc/openigtlink-examples/examples")
 SUPPORT = Path(__file__).parents[1] / "support"
 
 compiled = pytest.mark.skipif(
@@ -126,7 +130,7 @@ compiled = pytest.mark.skipif(
     reason="g++ or libopenigtlink-dev is not installed",
 )
 debians = pytest.mark.skipif(
-    not EXAMPLES.is_dir(), reason="openigtlink-examples is not installed"
+    not DEBIANS.is_dir(), reason="openigtlink-examples is not installed"
 )
 
 
@@ -199,7 +203,7 @@ def lines_until(child: "subprocess.Popen[str]", line: str) -> str:
 @debians
 @pytest.mark.slow
 def test_debians_receiver_prints_what_the_monitor_says(build) -> None:
-    program = build(EXAMPLES / "Receiver" / "ReceiveClient.cxx")
+    program = build(DEBIANS / "Receiver" / "ReceiveClient.cxx")
     with serving() as port, Peer(port) as scanner:
         child = subprocess.Popen(
             [program, "127.0.0.1", str(port)],
@@ -245,6 +249,128 @@ def test_pyigtl_sends_frames_and_reads_what_is_said_of_them() -> None:
 
         assert (said["class"], said["state"], said["code"]) == (1, "WATCHING", 1)
         assert said["force_mn"] == pytest.approx(12.0)
+
+
+@pytest.fixture
+def pyigtl_client():
+    """Load the example."""
+    return example_module("pyigtl_client")
+
+
+def test_pyigtl_drops_the_status_and_the_example_obeys_the_string(
+    pyigtl_client, monkeypatch
+) -> None:
+    """A busy machine must not make it silent."""
+    monkeypatch.setattr(pyigtl_client, "SILENCE_S", FUSE_S)
+    monkeypatch.setattr(pyigtl_client, "OLD_S", FUSE_S)
+    orders = list[tuple[bool, str]]()
+
+    def tell(go_on: bool, why: str) -> None:
+        orders.append((go_on, why))
+
+    with serving(clock=None, borne_s=FUSE_S) as port, Peer(port) as scanner:
+        watching = Thread(
+            target=pyigtl_client.watch, args=("127.0.0.1", port, tell), daemon=True
+        )
+        watching.start()
+        wait_until(lambda: (False, "NOT_READY: no good frame yet") in orders)
+        scanner.watch(force_mn=10.0)
+        wait_until(lambda: orders[-1][0])
+        scanner.read(45.0)
+        wait_until(lambda: not orders[-1][0])
+        monkeypatch.setattr(pyigtl_client, "SILENCE_S", 0.0)
+        watching.join(FUSE_S)
+
+    assert not watching.is_alive()
+    status = scanner.statuses()[-1]
+    decision = json.loads(scanner.texts("ForceDecision")[-1].text)
+    assert decision == {
+        "code": status.code,
+        "sub_code": status.subcode,
+        "state": "WITHDRAW",
+        "cause": status.name,
+        "message": status.message,
+    }
+    assert orders[-2:] == [(False, status.message), (False, "no decision for 150 ms")]
+
+
+START_S = 1000.0
+GO_ON = (True, "WATCHING: class 0")
+SILENT = (False, "no decision for 150 ms")
+
+
+def said(code: object, at_s: float, text: str | None = None) -> SimpleNamespace:
+    """A STRING as pyigtl hands it over."""
+    words = {1: "WATCHING: class 0"}.get(code, "WITHDRAW: force")
+    content = json.dumps({"code": code, "message": words}) if text is None else text
+    return SimpleNamespace(
+        device_name="ForceDecision", string=content, timestamp=START_S + at_s
+    )
+
+
+@pytest.fixture
+def robot_orders(pyigtl_client, monkeypatch):
+    """Let the example hear what arrives at a time (s); what it gives is its orders."""
+
+    def run(arriving: list[tuple[float, SimpleNamespace]]) -> list[tuple[bool, str]]:
+        now_s = START_S
+        orders = list[tuple[bool, str]]()
+
+        def sleep(by_s: float) -> None:
+            nonlocal now_s
+            now_s += by_s
+
+        def latest() -> list[SimpleNamespace]:
+            found = [m for at_s, m in arriving if START_S + at_s <= now_s]
+            arriving[:] = arriving[len(found) :]
+            return found
+
+        client = SimpleNamespace(get_latest_messages=latest, stop=lambda: None)
+        clock = SimpleNamespace(monotonic=lambda: now_s, sleep=sleep)
+        library = SimpleNamespace(OpenIGTLinkClient=lambda *_: client)
+        monkeypatch.setattr(pyigtl_client, "time", clock)
+        monkeypatch.setattr(pyigtl_client, "pyigtl", library)
+        pyigtl_client.watch("monitor", 18944, lambda *order: orders.append(order))
+
+        return orders
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("arriving", "orders"),
+    [
+        ([(0.01, said(1, 0.01)), (0.155, said(1, 0.155))], [GO_ON, GO_ON, SILENT]),
+        ([(0.01, said(1, 0.01)), (0.165, said(1, 0.165))], [GO_ON, SILENT]),
+        (
+            [(0.01, said(1, 0.01)), (0.14, said(3, 0.14))],
+            [GO_ON, (False, "WITHDRAW: force"), SILENT],
+        ),
+        ([(0.01, said(1, 0.01)), (0.14, said(1, 0.03))], [GO_ON, SILENT]),
+        (
+            [(0.01, said(1, 0.01)), (0.14, said(3, 0.03))],
+            [GO_ON, (False, "WITHDRAW: force"), SILENT],
+        ),
+    ],
+    ids=["in time", "silence", "withdrawal", "old OK", "old withdrawal"],
+)
+def test_the_pyigtl_example_keeps_the_rule(robot_orders, arriving, orders) -> None:
+    assert robot_orders(arriving) == orders
+
+
+def test_the_page_shows_the_example() -> None:
+    page = (EXAMPLES.parent / "docs" / "howto" / "robot.md").read_text(encoding="utf-8")
+    (shown,) = re.findall(r"^```text\n(def .*?)^```", page, re.DOTALL | re.MULTILINE)
+    assert shown in (EXAMPLES / "pyigtl_client.py").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("text", ["", "{", "{}", "[1]", '{"code": 3}', "null"])
+def test_the_pyigtl_example_withdraws_on_what_it_cannot_read(
+    robot_orders, text: str
+) -> None:
+    orders = robot_orders([(0.01, said(1, 0.01)), (0.02, said(1, 0.02, text))])
+    assert orders[0] == GO_ON
+    assert [go_on for go_on, _ in orders[1:]] == [False]
 
 
 @pytest.fixture

@@ -14,7 +14,8 @@ from scleraforce.known import NINETY_PERCENT, Known, Modulus, known_globe
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.laboratory.pushes import NeedlePath
 from scleraforce.reader.answer import Reading, unusable
-from scleraforce.reader.felt import DENSE_S, LEAN_SD, History, Leak, Lean
+from scleraforce.reader.felt import DENSE_S, LEAN_SD, FeltForce, History, Leak, Lean
+from scleraforce.units import to_si
 
 MOST_N = 60e-3
 DECLARED = KnownRelaxation.declared(TISSUE.terms)
@@ -178,6 +179,18 @@ def test_the_readings_of_each_method_are_turned_as_the_answer_is() -> None:
     assert (found.force_n, found.interval_n) == (turned.force_n, turned.interval_n)
     assert sum(found.probabilities) == pytest.approx(1.0)
     assert found.probabilities[1] == pytest.approx(1.0, abs=0.2)
+
+
+@pytest.mark.parametrize("less_mn", [0.0, 5.0, 60.0])
+@pytest.mark.parametrize("force_mn", [31, 38, 58])
+def test_harmless_is_never_likelier_than_considerable_above_both(
+    force_mn: float, less_mn: float
+) -> None:
+    """Also after a gap, in which the force may have fallen by all that an eye bears."""
+    felt = FeltForce(1.0, 0.0, 2e-3, less_n=to_si(less_mn, "mn"))
+    found = felt.of(read_as(to_si(force_mn, "mn")), BOUNDS_N)
+    assert sum(found.probabilities) == pytest.approx(1.0)
+    assert found.probabilities[0] <= found.probabilities[1] < found.probabilities[2]
 
 
 def test_a_needle_that_has_let_go_feels_nothing() -> None:

@@ -3,7 +3,7 @@ reading.
 """
 
 from dataclasses import replace
-from itertools import product
+from itertools import pairwise, product
 from math import inf, nan
 
 import numpy as np
@@ -29,6 +29,7 @@ from scleraforce.reader.intervals import (
 from scleraforce.reader.networks import histogram_reading, ratio_edges
 from scleraforce.reader.verdicts import no_wall_of_an_eye
 from scleraforce.study import ReaderStudy
+from scleraforce.units import to_si
 
 BOUNDS_N = (5e-3, 30e-3)
 
@@ -160,6 +161,78 @@ def test_a_stretched_fit_has_the_quantiles_of_stretched_draws() -> None:
     ).finite
 
 
+def ordered(shares: tuple[float, ...], force_n: float) -> bool:
+    """Return True if no class is likelier than the one between it and the force's."""
+    own = int(np.searchsorted(BOUNDS_N, force_n))
+    upwards = all(a >= b for a, b in pairwise(shares[own:]))
+    return upwards and all(a <= b for a, b in pairwise(shares[: own + 1]))
+
+
+FORCES = {
+    "narrow": lambda rng, force_n: rng.normal(force_n, 0.2e-3, 512),
+    "normal": lambda rng, force_n: rng.normal(force_n, 0.06 * force_n + 0.5e-3, 512),
+    "wide": lambda rng, force_n: rng.normal(force_n, 0.15 * force_n, 512),
+    "skewed": lambda rng, force_n: force_n * np.exp(rng.normal(0.0, 0.2, 512)),
+    "few": lambda rng, force_n: rng.normal(force_n, 1e-3, 11),
+    "equal": lambda _, force_n: np.full(512, force_n),
+}
+
+
+@pytest.mark.parametrize("factor", [0.43, 1.0, 2.6])
+@pytest.mark.parametrize("force_mn", [0.5, 2, 4, 7, 15, 28, 32, 38, 45, 58])
+@pytest.mark.parametrize("kind", FORCES)
+def test_a_class_farther_from_the_force_is_never_likelier(
+    kind: str, force_mn: float, factor: float
+) -> None:
+    """Of single-peaked forces; shares were 0.001, 0.000 and 0.999 at 38 mN."""
+    for seed in range(20):
+        drawn_n = FORCES[kind](np.random.default_rng(seed), to_si(force_mn, "mn"))
+        found = fit_reading(drawn_fit(np.maximum(drawn_n, 0.0)), BOUNDS_N, factor)
+        assert sum(found.probabilities) == pytest.approx(1.0, abs=1e-12)
+        assert min(found.probabilities) >= 0.0
+        assert ordered(found.probabilities, found.force_n), found.probabilities
+
+
+PEAKS_MN = {0.66: (0.5, 4, 15, 32, 38, 58), 1.35: (15, 32, 38, 58)}
+PEAKS_MN |= {1.0: PEAKS_MN[0.66], 2.35: PEAKS_MN[1.35]}
+
+
+@pytest.mark.parametrize(
+    ("peak_mn", "factor"),
+    [(peak_mn, factor) for factor in PEAKS_MN for peak_mn in PEAKS_MN[factor]],
+)
+@pytest.mark.parametrize("floor", [0.0, 1e-6, 1e-4])
+def test_a_farther_class_of_a_histogram_with_one_peak_is_never_likelier(
+    floor: float, peak_mn: float, factor: float
+) -> None:
+    """`floor` of each bin: a network never says 0. Stretched, it makes the highest
+    class wider than the one below.
+    """
+    edges_m2 = ratio_edges(64, 0.2e-6)
+    middles_mn = (edges_m2[1:] + edges_m2[:-1]) / 2 * 0.3e9
+    sd_mn = 0.5 + 0.1 * peak_mn
+    density = np.exp(-0.5 * ((middles_mn - peak_mn) / sd_mn) ** 2)
+    shares = density * np.diff(edges_m2)
+    histogram = shares / shares.sum() + floor
+    found = histogram_reading(
+        histogram.tolist(), edges_m2.tolist(), 0.3e6, BOUNDS_N, 0.0, lambda _: factor
+    )
+    assert ordered(found.probabilities, found.force_n), found.probabilities
+
+
+def test_the_tail_beyond_the_draws_is_no_lighter_than_a_normal_one() -> None:
+    """Shares that 512 draws cannot show, beside those of many more."""
+    rng = np.random.default_rng(4)
+    few = drawn_fit(rng.normal(38e-3, 2e-3, 512))
+    many_n = rng.normal(38e-3, 2e-3, 2_000_000)
+    for bound_n in (30e-3, 31e-3, 46e-3):
+        shares = few.probabilities((bound_n,))
+        true = float((many_n < bound_n).mean())
+        beyond = min(range(2), key=shares.__getitem__)
+        assert 0.3 * min(true, 1.0 - true) < shares[beyond] < 2e-3
+    assert fit_reading(few, BOUNDS_N).probabilities[0] < 1e-5
+
+
 @pytest.mark.parametrize("factor", [0.5, 2.5])
 def test_a_stretched_histogram_has_the_quantiles_of_stretched_forces(
     factor: float,
@@ -178,7 +251,8 @@ def test_a_stretched_histogram_has_the_quantiles_of_stretched_forces(
     assert found.interval_n == pytest.approx(
         tuple(np.quantile(drawn, [0.05, 0.95])), rel=5e-3
     )
-    below = np.searchsorted(np.sort(drawn), BOUNDS_N) / len(drawn)
+    lower = drawn[(drawn >= 0.0) & (drawn < plain.force_n)]  # half of all
+    below = 0.5 * np.mean(lower < BOUNDS_N[0]), np.mean(drawn < BOUNDS_N[1])
     assert found.probabilities == pytest.approx(
         (below[0], below[1] - below[0], 1.0 - below[1]), abs=4e-3
     )

@@ -683,3 +683,24 @@ def test_a_column_is_stated_by_name_and_unit_of_its_size_or_refused() -> None:
     ]:
         with pytest.raises(InputError, match="--column"):
             parse_column(text)
+
+
+@pytest.mark.parametrize("where", ["above", "header", "below"])
+def test_a_field_beyond_the_limit_is_named_with_its_file(where: str, tmp_path) -> None:
+    """It was `: field larger than field limit`; above the names there may be remarks."""
+    large = "x" * 200_000
+    names = "time_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm"
+    lines = {
+        "above": [f"# {large}", names],
+        "header": [f"{names},{large}"],
+        "below": [names, f"0.0,{large},0,0,0,0,0"],
+    }[where]
+    path = tmp_path / "log.csv"
+    rows = [f"{0.01 * n:.2f},0,0,{n % 3},0,0,0" for n in range(60)]
+    path.write_text("\n".join([*lines, *rows]) + "\n")
+    if where == "above":
+        assert read_log_text(path).names == tuple(names.split(","))
+        return
+
+    with pytest.raises(InputError, match=f"^{re.escape(str(path))}"):
+        read_force_text(read_log_text(path), [])

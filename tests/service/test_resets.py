@@ -98,3 +98,18 @@ def test_five_wrong_codes_lock_the_right_one_for_a_minute_and_each_code_is_for_o
         used.add(code.digits)
 
     assert len(used) > 1
+
+
+def test_codes_that_are_locked_are_called_locked_however_many_wrong_ones_came() -> None:
+    """After ten wrong codes a right one got no answer."""
+    with serving() as port, Peer(port) as scanner, ExitStack() as stack:
+        withdrawn_but_harmless(scanner)
+        for _ in range(ANSWERED):
+            guesser = stack.enter_context(Peer(port))
+            say_at_once(guesser, ["000000"])
+            guesser.hear(lambda peer: answers(peer) == 1)
+
+        for _ in range(3):
+            granted, said = ask_reset("127.0.0.1", port, "111111", within_s=FUSE_S)
+            assert (granted, said) == (False, reset.LOCKED)
+        assert ask_reset("127.0.0.1", port, TOKEN, within_s=FUSE_S)[0] is True

@@ -154,6 +154,19 @@ def test_a_part_that_does_not_belong_is_refused_and_those_before_it_are_forgotte
     )
 
 
+@pytest.mark.parametrize("other_s", [5.0, 0.0, None, 10.0 + 2.0**-20])
+def test_parts_of_different_times_are_not_one_frame(other_s: float | None) -> None:
+    assembler = FrameAssembler()
+    assert assembler.add(UPPER, 1.0, 10.0) is None
+    with pytest.raises(ProtocolError, match="another size, type, matrix or time"):
+        assembler.add(LOWER, 1.001, other_s)
+
+    assert assembler.add(UPPER, 2.0, other_s) is None
+    frame = frame_of(assembler.add(LOWER, 7.0, other_s))
+    assert frame.begun_s == 2.0  # as old as its oldest part
+    assert frame_of(FrameAssembler().add(image(), 3.0, 10.0)).begun_s is None
+
+
 @settings(max_examples=100, deadline=None)
 @given(st.integers(2, 4), st.data())
 def test_whatever_parts_are_lost_no_frame_is_put_together_of_two_images(

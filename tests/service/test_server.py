@@ -927,6 +927,19 @@ def test_of_frames_that_came_together_the_newest_of_each_plane_is_answered_first
         assert scanner.statuses()[-1].code == 1
 
 
+def test_an_old_picture_with_one_fresh_row_is_not_a_frame(clock: TurnedClock) -> None:
+    """Its last part alone was asked for its time: 344 OKs at 35 mN."""
+    with serving(clock=clock) as port, Peer(port, version=2, clock=clock) as scanner:
+        scanner.watch(10.0)
+        whole = frame_of(10_000, 999)
+        size = (rule.COLUMNS, rule.ROWS, 1)
+        last = rule.ROWS - 1
+        for row, end, age_s in ((0, last, 5.0), (last, rule.ROWS, 0.0)):
+            part = Image(whole[None, row:end], rule.MATRIX, size, (0, row, 0))
+            scanner.say(part, time_s=clock() - age_s)
+        assert scanner.wait_for_code(3).name == "BAD_IMAGE"
+
+
 def test_parts_of_images_of_two_planes_may_come_in_turns(clock: TurnedClock) -> None:
     with (
         serving(clock=clock, planes=CROSS) as port,
@@ -941,7 +954,7 @@ def test_parts_of_images_of_two_planes_may_come_in_turns(clock: TurnedClock) -> 
                 image = Image(
                     part, rule.MATRIX, (rule.COLUMNS, rule.ROWS, 1), (0, first, 0)
                 )
-                scanner.say(image, plane, message_id=1)
+                scanner.say(image, plane, message_id=1, time_s=1.8e9)
 
         scanner.hear(lambda peer: peer.readings() >= 2)
         assert scanner.statuses()[-1].code == 1

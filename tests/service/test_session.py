@@ -220,6 +220,86 @@ def test_frames_that_came_together_are_read_oldest_first_and_counted() -> None:
     assert session.entry("tick", clock.now_s).overtaken == 3
 
 
+HEADER_S = {
+    "as taken": lambda n: 5000.0 + 0.01 * n,
+    "none": lambda _: None,
+    "in other units": lambda n: 5000.0 + 10.0 * n,
+    "always the same": lambda _: 5000.0,
+}
+
+
+@pytest.mark.parametrize("header", HEADER_S)
+def test_a_bunch_is_in_the_order_of_time_and_hides_no_puncture(header: str) -> None:
+    """Four frames of 10 ms at once, none lost: the second one shows the fall."""
+    clock, session = begun(replace(LIMITS, stiffness_n_m=30.0))
+    for number in range(1, 21):
+        take(session, clock, 21_000 + number % 3, number)
+
+    clock.now_s += 0.04
+    frames = [
+        session.frame(
+            ScannerFrame(frame_of(force_un, number), **SCALE),
+            number,
+            1,
+            clock.now_s,
+            HEADER_S[header](number),
+        )
+        for number, force_un in enumerate((21_002, 8_000, 8_010, 8_020), 21)
+    ]
+    for frame in frames[:-1]:
+        session.defer(frame, frames[-1])
+    session.take_frame(frames[-1])
+    assert session.decision.code == 1  # one frame may be wild
+
+    taken_s = list[float]()
+    while session.behind:
+        event = session.catch_up()
+        assert isinstance(event, OvertakenRead)
+        taken_s.append(event.read.since_s - clock.now_s)
+        session.take(event)
+
+    assert taken_s == pytest.approx([-0.03, -0.02, -0.01], abs=1.1e-3)
+    assert session.decision.cause.name == "PIERCED"
+
+
+def test_a_bunch_of_a_fast_withdrawal_is_no_puncture() -> None:
+    """5 mm/s on 30 N/m: all frames of the bunch came at one time, but were not taken at
+    one.
+    """
+    clock, session = begun(replace(LIMITS, stiffness_n_m=30.0))
+    for number in range(1, 21):
+        take(session, clock, 21_000 + number % 3, number)
+
+    clock.now_s += 0.04
+    defer(session, clock, [19_500, 18_000, 16_500, 15_000], 21)
+    newest = ScannerFrame(frame_of(15_000, 24), **SCALE)
+    session.take_frame(session.frame(newest, 25, 1, clock.now_s))
+    while session.behind:
+        session.take(session.catch_up())
+    assert session.decision.code == 1
+
+
+def test_a_frame_is_as_old_as_its_oldest_part() -> None:
+    clock, session = begun()
+    for number in range(1, 6):
+        take(session, clock, 10_000 + number, number)
+
+    clock.now_s += 0.05
+    image = ScannerFrame(frame_of(10_000, 6), **SCALE, begun_s=clock.now_s - 0.04)
+    session.take_frame(session.frame(image, 6, 1, clock.now_s))
+    assert session.decision.code == 1
+    session.take(Tick(clock.now_s + 0.059))
+    assert session.decision.code == 1
+    session.take(Tick(clock.now_s + 0.0601))
+    assert session.decision.cause.name == "SILENCE"
+
+    clock, session = begun()
+    image = replace(image, begun_s=clock.now_s - 5.0)
+    session.take_frame(session.frame(image, 1, 1, clock.now_s))
+    assert session.decision.cause.name == "STALE"
+    assert "first part of the frame came 5000 ms before" in session.decision.message
+
+
 def test_a_frame_that_was_not_read_in_time_is_lost_and_stands_for_the_scanners_interval():
     clock, session = begun()
     for number in range(1, 31):
@@ -380,7 +460,8 @@ def test_a_frame_that_was_not_read_is_not_usable_and_another_event_is_neither():
 
 
 def test_the_sensor_holds_frame_class_probabilities_force_interval_usable_and_code():
-    text, sensor = reading_messages(READ_ENTRY)
+    devices, (text, sensor) = zip(*reading_messages(READ_ENTRY), strict=True)
+    assert devices == ("ForceReading", "ForceReading")
     assert text.text == json.dumps(READ_ENTRY.as_json())
     assert sensor.values == pytest.approx(
         (3, 1, 0.0, 0.75, 0.25, 0.0125, 0.011, 0.0135, 1, 1)
@@ -389,14 +470,14 @@ def test_the_sensor_holds_frame_class_probabilities_force_interval_usable_and_co
         READ_ENTRY,
         verdict=verdict(predicted=2, usable=False, reason="dark", probabilities=None),
     )
-    assert [str(value) for value in reading_messages(dark)[1].values] == [
+    assert [str(value) for value in reading_messages(dark)[1][1].values] == [
         "3.0",
         "2.0",
         *["nan"] * 6,
         "0.0",
         "1.0",
     ]
-    unread = reading_messages(replace(READ_ENTRY, verdict=None))[1].values
+    unread = reading_messages(replace(READ_ENTRY, verdict=None))[1][1].values
     assert [str(value) for value in unread] == ["3.0", *["nan"] * 7, "0.0", "1.0"]
 
 

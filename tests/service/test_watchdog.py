@@ -1,5 +1,6 @@
 """The watchdog: its messages, its looks, the time in a header, its priority."""
 
+import json
 import os
 import pty
 import select
@@ -17,8 +18,9 @@ from waiting import FUSE_S
 import scleraforce.service.watchdog as module
 from scleraforce.decision.events import Cause
 from scleraforce.errors import MessageError
-from scleraforce.openigtlink import VERSIONS, Status, encode
+from scleraforce.openigtlink import VERSIONS, Decoder, Status, encode
 from scleraforce.service import watchdog
+from scleraforce.service.companions import emergency
 
 
 def watch(
@@ -119,6 +121,14 @@ def test_a_stamp_changes_the_time_and_nothing_else() -> None:
         )
 
 
+def test_a_stamp_reaches_every_message() -> None:
+    for version in VERSIONS:
+        both = bytearray(emergency(version))
+        watchdog.stamp_time(both, 1.8e9 + 0.5)
+        times = [event.header.time_s for event in Decoder().feed(bytes(both))]
+        assert times == [1.8e9 + 0.5] * 2
+
+
 def refuse(*_: object) -> None:
     raise PermissionError
 
@@ -183,6 +193,8 @@ def test_the_emergency_continues_whatever_becomes_of_the_terminal(how: str) -> N
         os.kill(running.process.pid, signal.SIGKILL)
         robot.hear(lambda peer: emergencies(peer) >= 10)
         assert emergencies(robot) >= 10
+        decision = json.loads(robot.texts("ForceDecision")[-1].text)
+        assert (decision["code"], decision["cause"]) == (3, "WATCHDOG")
 
     os.close(theirs)
     if how != "closed":

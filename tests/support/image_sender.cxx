@@ -54,7 +54,8 @@ int main(int argc, char* argv[]) {
         if (!(status->Unpack(1) & igtl::MessageHeader::UNPACK_BODY)) return 5;  // its CRC is wrong
         code = status->GetCode();
         sub_code = status->GetSubCode();
-      } else if (strcmp(header->GetDeviceType(), "STRING") == 0) {
+      } else if (strcmp(header->GetDeviceName(), "ForceReading") == 0 &&
+                 strcmp(header->GetDeviceType(), "STRING") == 0) {
         igtl::StringMessage::Pointer text = igtl::StringMessage::New();
         text->SetMessageHeader(header);
         text->AllocatePack();

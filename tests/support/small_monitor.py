@@ -476,8 +476,12 @@ class Peer:
     def statuses(self) -> list[Status]:
         return [message for _, message in self.heard if isinstance(message, Status)]
 
-    def texts(self) -> list[Text]:
-        return [message for _, message in self.heard if isinstance(message, Text)]
+    def texts(self, device: str = "ForceReading") -> list[Text]:
+        return [
+            message
+            for name, message in self.heard
+            if isinstance(message, Text) and name == device
+        ]
 
     def readings(self) -> int:
         """Return how many frames were read so far."""

@@ -316,6 +316,7 @@ def _known(
     calibration: Path | None, eye: str | None, given: dict[str, Any]
 ) -> "tuple[Known, str | None]":
     from scleraforce.known.calibration_file import (
+        choice_of_eye,
         foreign_modulus,
         known_of_eye,
         read_calibration,
@@ -328,13 +329,10 @@ def _known(
         return known, None
 
     check_calibrated(known, True, eye)
-    if eye is None:
-        others = "another gets the population's modulus"
-        raise InputError(
-            f"--eye: missing; say which eye of {calibration} it is ({others})"
-        )
-
     summary = read_calibration(calibration)
+    if eye is None:
+        raise InputError(f"--eye: missing; {choice_of_eye(summary)}")
+
     return known_of_eye(known, summary, eye), foreign_modulus(summary, eye)
 
 
@@ -509,8 +507,8 @@ def _greeting(
     yield f"black box  {settings.black_box}"
     yield code
     yield (
-        f"reset      scleraforce monitor-reset --port {address.port} --token"
-        f" {settings.token}"
+        f"reset      scleraforce monitor-reset --port {address.port} asks for the code,"
+        f" or for the token {settings.token}"
     )
 
 
@@ -610,25 +608,42 @@ def _write_line(text: str) -> None:
 
 @click.command(cls=Command)
 @click.option(
-    "--token",
-    required=True,
-    help="The token that the monitor printed when it started, or its code.",
+    "--token-file",
+    type=PATH,
+    metavar="FILE",
+    help="File with the token or code, of mode 600, in place of a question.",
 )
 @options("host", "port")
-def monitor_reset(token: str, host: str, port: int) -> Report:
+def monitor_reset(token_file: Path | None, host: str, port: int) -> Report:
     """Ask the monitor to leave a withdrawal.
+
+    The code that the monitor printed, or its token, is asked for in a
+    terminal, and otherwise read from standard input: what is on a command line
+    can be seen by all users of the machine.
 
     The monitor grants it only while fresh frames arrive that are usable and
     harmless. Otherwise the exit code is 2, and the answer says why.
 
-    Example: scleraforce monitor-reset --token 3f0c52e6b91d4a78a1c6e0972bd85f14
+    Example: scleraforce monitor-reset --token-file ~/.monitor-token
     """
     from scleraforce.service.reset import ask_reset
 
-    granted, message = ask_reset(host, port, token)
+    granted, message = ask_reset(host, port, _secret(token_file))
     faults = [] if granted else [InputError(f"{host}:{port}: {message}")]
     return Report(
         {"granted": granted, "message": message},
         [f"reset: {message}"] if granted else [],
         faults,
     )
+
+
+def _secret(token_file: Path | None) -> str:
+    """Return the operator's token or code: of a file, a terminal or standard input."""
+    from scleraforce.service.reset import secret_of_file, secret_of_stream
+
+    if token_file is not None:
+        return secret_of_file(token_file)
+    if sys.stdin.isatty():
+        answer: str = click.prompt("code or token", hide_input=True, err=True)
+        return answer.strip()
+    return secret_of_stream(sys.stdin.buffer)

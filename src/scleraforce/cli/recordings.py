@@ -257,26 +257,17 @@ def evaluate(
     otherwise the population's; a classifier knows one modulus only.
 
     With --table, RECORDINGs are read one by one and a summary by eye is
-    printed. Recordings that have not changed are not read again; other files
-    and folders among RECORDINGs are left out.
+    printed. Recordings that have not changed are not read again, unless for
+    --html; other files and folders among RECORDINGs are left out.
     """
     if table is not None:
-        if html is not None:
-            raise click.UsageError(
-                "--html: not together with --table; run evaluate once for each"
-            )
-
-        return _table(model, recordings, table, calibration, wall_finder)
+        return _table(model, recordings, table, calibration, wall_finder, html)
 
     reader = sf.load_model(model, wall_finder=wall_finder)
     evaluation = sf.evaluate(reader, recordings, calibration, counting=count_bar)
 
     if html is not None:
-        from scleraforce.report.frame_figures import look_at_all
-        from scleraforce.report.html import shown_frames, write_evaluation_html
-
-        looks = look_at_all(shown_frames(evaluation.frames))
-        write_evaluation_html(evaluation, looks, html, datetime.now(UTC))
+        _write_html(evaluation, html)
 
     notes = (wrapped(note, "note: ") for note in evaluation.notes)
     parts = (
@@ -292,17 +283,37 @@ def evaluate(
     return Report(evaluation.to_dict(), ["\n\n".join(filter(None, parts))])
 
 
+def _write_html(evaluation: "Evaluation", html: Path) -> None:
+    from scleraforce.report.frame_figures import look_at_all
+    from scleraforce.report.html import shown_frames, write_evaluation_html
+
+    looks = look_at_all(shown_frames(evaluation.frames))
+    write_evaluation_html(evaluation, looks, html, datetime.now(UTC))
+
+
 def _table(
     model: Path,
     recordings: tuple[Path, ...],
     table: Path,
     calibration: Path | None,
     wall_finder: Path | None,
+    html: Path | None,
 ) -> Report:
     from scleraforce.notebook.batch import by_eye, evaluate_to_table
 
     bar = partial(resumable_bar, table, "recordings")
-    batch = evaluate_to_table(model, recordings, table, calibration, wall_finder, bar)
+    batch = evaluate_to_table(
+        model,
+        recordings,
+        table,
+        calibration,
+        wall_finder,
+        bar,
+        whole=html is not None,
+    )
+    if html is not None and batch.evaluation is not None:
+        _write_html(batch.evaluation, html)
+
     eyes = by_eye(batch.rows)
     lines = [
         f"{'eye':<20}{'frames':>7}{'scored':>7}{'accuracy':>9}{'error/mN':>9}{'held':>6}{'E/MPa':>7}"

@@ -233,7 +233,7 @@ def _clock(
             f"time went back by {from_si(state.at_s - event.at_s, 'ms'):.1f} ms",
         )
 
-    silent_s = event.at_s - state.frame.at_s if state.frame else 0.0
+    silent_s = event.at_s - state.frame.since_s if state.frame else 0.0
     if state.state is not State.NOT_READY and not silent_s < limits.silence_s:
         if state.state is State.WITHDRAW and isinstance(event, events.Reset):
             return None  # refused, with its reason
@@ -291,7 +291,7 @@ def _meaning(
             )
         case events.OvertakenRead(read=read):
             name = f"frame {read.frame_id}, overtaken"
-            return _only_doubts(
+            doubts = _only_doubts(
                 now,
                 read.verdict,
                 name,
@@ -299,6 +299,7 @@ def _meaning(
                 limits.unusable_frames,
                 limits,
             )
+            return doubts if doubts is not QUIET else _fallen(now, limits) or QUIET
         case events.Tick():
             return QUIET
         case events.Fault():
@@ -341,6 +342,14 @@ def _transport(
     if now.returns[-1] and sum(now.returns) >= limits.frozen_frames - 1:
         return _alarm(Cause.FROZEN, f"a picture of {frame.shown_back} frames ago")
 
+    parts_s = frame.at_s - frame.since_s
+    if not parts_s < limits.lag_s:
+        parts_ms = from_si(parts_s, "ms")
+        return _alarm(
+            Cause.STALE,
+            f"the first part of the frame came {parts_ms:.0f} ms before the last",
+        )
+
     # which the quickest frames had
     lag_s = lag_of(frame)
     least = now.least_lag
@@ -368,22 +377,9 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Fin
         to_bound = time_to_bound(rise, verdict.force_n, upper_n, limits.bound_n)
 
     harmful = harm(verdict, limits)
-    fall = unexplained_fall(now.dents, limits)
+    fall = _fallen(now, limits)
     if fall and not (harmful and limits.reports_pierced):
-        from_mn = from_si(fall.from_n, "mn")
-        to_mn = from_si(fall.to_n, "mn")
-        within_ms = from_si(fall.within_s, "ms")
-        reason = (
-            f"pierced: the dent fell from {from_mn:.1f} to {to_mn:.1f} mN within"
-            f" {within_ms:.0f} ms"
-        )
-
-        return _Finding(
-            Signal.PIERCED if limits.reports_pierced else Signal.ALARM,
-            reason,
-            Cause.PIERCED,
-        )
-
+        return fall
     if harmful:
         return _Finding(Signal.ALARM, harmful[1], harmful[0], to_bound)
 
@@ -408,6 +404,33 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Fin
     )
 
     return _Finding(signal, doubt or "", to_bound=to_bound)
+
+
+def _fallen(now: MonitorState, limits: MonitorLimits) -> _Finding | None:
+    """Return the meaning of a fall of the dent that nothing explains; None without one.
+
+    A fall in a gap that may have been a withdrawal is none where a withdrawal was
+    ordered.
+    """
+    fall = unexplained_fall(now.dents, limits)
+    if fall is None:
+        return None
+
+    from_mn = from_si(fall.from_n, "mn")
+    to_mn = from_si(fall.to_n, "mn")
+    within_ms = from_si(fall.within_s, "ms")
+    words = (
+        f"the dent fell from {from_mn:.1f} to {to_mn:.1f} mN within {within_ms:.0f} ms"
+    )
+    if fall.cause is Cause.PIERCED:
+        signal = Signal.PIERCED if limits.reports_pierced else Signal.ALARM
+        return _Finding(signal, f"pierced: {words}", fall.cause)
+    if now.state in events.LATCHED:
+        return None
+
+    unseen_ms = from_si(fall.unseen_s, "ms")
+    reason = f"{words}, {unseen_ms:.0f} ms of it unseen: withdrawn or pierced"
+    return _Finding(Signal.ALARM, reason, fall.cause)
 
 
 def _only_doubts(
@@ -495,22 +518,28 @@ def _reset(now: MonitorState, event: events.Reset, limits: MonitorLimits) -> _Fi
     """Grant a reset only on fresh frames: harmless to both readers, in a row, the last
     one recent.
     """
-    if doubt := _doubt(now, event.at_s, limits):
-        return _Finding(Signal.RESET_REFUSED, f"reset refused: {doubt}")
-
-    silent = now.frame is None or not event.at_s - now.frame.at_s < limits.silence_s
-    if now.fresh < limits.fresh_frames or silent:
-        seen = (
-            "none is recent" if silent else f"{now.fresh} of {limits.fresh_frames} came"
-        )
-        seen += f"; {now.present_reason}" if now.present_reason and not silent else ""
-
-        return _Finding(
-            Signal.RESET_REFUSED,
-            f"reset refused: harmless frames in a row are needed, {seen}",
-        )
-
+    missing = _missing_for_reset(now, event.at_s, limits)
+    if missing:
+        return _Finding(Signal.RESET_REFUSED, f"reset refused: {missing}")
     return _Finding(Signal.RESET_GRANTED, "")
+
+
+def _missing_for_reset(now: MonitorState, at_s: float, limits: MonitorLimits) -> str:
+    """Return what a reset still needs, or "": frames first, since without them no
+    opinion can come.
+    """
+    needed = "harmless frames in a row are needed"
+    if now.frame is None:
+        return f"no frame has come yet; {limits.fresh_frames} {needed}"
+
+    silent_s = at_s - now.frame.since_s
+    if not silent_s < limits.silence_s:
+        return f"no frame for {silent_s:.1f} s; {limits.fresh_frames} {needed}"
+    if now.fresh < limits.fresh_frames:
+        reason = f"; {now.present_reason}" if now.present_reason else ""
+        return f"{needed}, {now.fresh} of {limits.fresh_frames} came{reason}"
+
+    return _doubt(now, at_s, limits) or ""
 
 
 def _move(
@@ -535,12 +564,13 @@ def _move(
     keeps = finding.signal in (Signal.QUIET, Signal.RESET_REFUSED)
     pierced = state.pierced
     dents = state.dents
+    counts_since_s = state.counts_since_s
 
-    if (
-        finding.cause is Cause.PIERCED
-    ):  # harmless frames do not mend it; a fall is found once
-        pierced = finding.reason
+    if finding.cause in (Cause.PIERCED, Cause.UNSEEN_FALL):  # a fall is found once
         dents = dents[-OUTSIDE:]
+        counts_since_s = dents[0].at_s
+    if finding.cause is Cause.PIERCED:  # harmless frames do not mend it
+        pierced = finding.reason
 
     moved = replace(
         state,
@@ -551,6 +581,7 @@ def _move(
         reason=reason,
         pierced=pierced,
         dents=dents,
+        counts_since_s=counts_since_s,
         present_cause=(
             state.present_cause
             if keeps
@@ -568,6 +599,9 @@ def _released(
 ) -> MonitorState:
     """End what was latched: nothing from before its fresh frames counts any more."""
     seen = [one.verdict for one in (before.frame, before.opinion) if one]
+    history = before.history[-before.fresh :]
+    since_s = history[0][0] if history else before.counts_since_s
+
     return replace(
         moved,
         cause=None,
@@ -579,8 +613,9 @@ def _released(
         pierced="",
         touched=before.frame is None
         or any(touches(verdict, limits) for verdict in seen),
-        history=before.history[-before.fresh :],
-        dents=before.dents[-before.fresh :],
+        history=history,
+        dents=tuple(dent for dent in before.dents if dent.at_s >= since_s),
+        counts_since_s=since_s,
         present_cause=None,
         present_reason="",
     )

@@ -80,6 +80,7 @@ class Cause(Enum):
     STALE = 114
     PIXEL_TYPE = 115
     PIERCED = 116
+    UNSEEN_FALL = 117
     WATCHDOG = 120  # sent by the watchdog alone, never by the decision
 
 
@@ -112,6 +113,8 @@ class FrameRead:
     states none. `pixel_type`: of its pixels as sent, such as "uint16". `travel_m`: the
     needle's travel along its axis, as its robot stated it `travel_age_s` before the
     frame; None if it states none. `plane`: the name of its plane, if there are several.
+    `taken_s`: when it was taken, if that is known to be before `at_s`: the arrival of
+    its oldest part, or the place of an overtaken frame between two answered ones.
     """
 
     at_s: float
@@ -125,6 +128,12 @@ class FrameRead:
     travel_m: float | None = None
     travel_age_s: float = 0.0
     plane: str | None = None
+    taken_s: float | None = None
+
+    @property
+    def since_s(self) -> float:
+        """The time that it shows: of its oldest part."""
+        return self.at_s if self.taken_s is None else self.taken_s
 
 
 @dataclass(frozen=True, kw_only=True)

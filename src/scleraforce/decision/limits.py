@@ -81,6 +81,13 @@ class MonitorLimits:
         for value in (*(self.size or ()), *(self.scale_m or ())):
             _check("size, scale_m", value, 0, strictly=True)
 
+    @property
+    def short_gap_s(self) -> float:
+        """Readings so close together leave no gap: `rate_frames` of them come within
+        the reaction time, and within the longest stretch that may go unread at once.
+        """
+        return min(self.reaction_s, self.loss_in_row_s) / self.rate_frames
+
     def counted_loss(self, before_s: float, loss: QueueLoss) -> float:
         """Return what a loss adds to the time unread within the window, s, after
         `before_s` of the same row.
@@ -92,11 +99,7 @@ class MonitorLimits:
         never count.
         """
         interval_s = loss.unread_s / loss.lost if loss.lost >= 1 else inf
-        most_s = (
-            min(self.reaction_s, self.loss_in_row_s) / self.rate_frames
-            - interval_s
-            + SLACK_S
-        )
+        most_s = self.short_gap_s - interval_s + SLACK_S
         if before_s + loss.unread_s <= most_s:
             return 0.0
 

@@ -1,12 +1,14 @@
 """The state of the monitor between two events, and its update by the next one."""
 
 from dataclasses import dataclass, replace
-from math import isfinite
+from math import inf, isfinite
+from typing import Any, TypeVar
 
 from scleraforce.decision.events import (
     Cause,
     FrameRead,
     MonitorEvent,
+    OvertakenRead,
     QueueLoss,
     SecondOpinion,
     State,
@@ -21,6 +23,7 @@ from scleraforce.decision.limits import (
 )
 from scleraforce.decision.trend import Dent
 
+Timed = TypeVar("Timed", bound=tuple[Any, ...])  # its time comes first
 DENTS = 64  # that are kept: 64 ms at 1000 a second
 NOISE_WINDOWS = 5  # times the frames of the slope are kept, to estimate the noise
 LOSS_PARTS = 20  # of the window, in each of which losses are summed up
@@ -39,20 +42,21 @@ class MonitorState:
     `present_cause` and `present_reason`: the last cause or doubt, until a harmless
     frame. `size` and `scale_m` are the study's, or the last sound frames': a change is
     a cause once. `history` has (time, force) of the last frames with sound numbers,
-    `dents` their dents; `pierced` says that the wall was pierced since the last reset.
-    `repeats` counts the frames in a row with one picture; `returns` says of each of the
-    last frames whether its picture came back after others. `lags` are the last delays
-    since the time that the sender states, on two clocks that need not agree;
-    `least_lag` is (time, lag): the least so far of the third quickest of 20, plus the
-    clocks' possible drift. `losses` has (time, time that the lost frames stand for)
-    within the window, summed up over twentieths of it, without the short rows that
-    `MonitorLimits.counted_loss` leaves out; `lost` counts all lost frames since the
-    start, and `lost_in_row_s` is the time that the frames of `lost_row`, the last row
-    with a loss, stand for. `fresh` counts the harmless frames in a row. `touched` is
-    True after contact; `clear_s` is the time of the first frame of the present run
-    without contact. `opinion` is the last second opinion since the last cause,
-    `doubted` counts the unusable ones in a row, and `unanswered` has (frame, time) of
-    the frames without one, oldest first, thinned if there are many.
+    `dents` their dents, both in the order of time and of frames since `counts_since_s`,
+    when a fall was found or a reset granted; `pierced` says that the wall was pierced
+    since the last reset. `repeats` counts the frames in a row with one picture;
+    `returns` says of each of the last frames whether its picture came back after
+    others. `lags` are the last delays since the time that the sender states, on two
+    clocks that need not agree; `least_lag` is (time, lag): the least so far of the
+    third quickest of 20, plus the clocks' possible drift. `losses` has (time, time that
+    the lost frames stand for) within the window, summed up over twentieths of it,
+    without the short rows that `MonitorLimits.counted_loss` leaves out; `lost` counts
+    all lost frames since the start, and `lost_in_row_s` is the time that the frames of
+    `lost_row`, the last row with a loss, stand for. `fresh` counts the harmless frames
+    in a row. `touched` is True after contact; `clear_s` is the time of the first frame
+    of the present run without contact. `opinion` is the last second opinion since the
+    last cause, `doubted` counts the unusable ones in a row, and `unanswered` has
+    (frame, time) of the frames without one, oldest first, thinned if there are many.
     """
 
     state: State = State.NOT_READY
@@ -73,6 +77,7 @@ class MonitorState:
     unusable: int = 0
     history: tuple[tuple[float, float], ...] = ()
     dents: tuple[Dent, ...] = ()
+    counts_since_s: float = -inf
     pierced: str = ""
     losses: tuple[tuple[float, float], ...] = ()
     lost: int = 0
@@ -94,6 +99,9 @@ def remember(
         return _remember_frame(state, event, limits)
 
     state = replace(state, at_s=_time_of(state, event))
+    if isinstance(event, OvertakenRead):
+        history, dents = _histories(state, event.read, limits)
+        return replace(state, history=history, dents=dents)
     if isinstance(event, QueueLoss):
         before_s = state.lost_in_row_s if event.row == state.lost_row else 0.0
         row_s = before_s + event.unread_s
@@ -151,10 +159,9 @@ def _remember_frame(
     )
     size = limits.size or state.size
     scale_m = limits.scale_m or state.scale_m
-    history = state.history
     touched = state.touched
     clear_s = None
-    dents = state.dents
+    history, dents = _histories(state, frame, limits)
 
     if frame.verdict.usable and not unsound(frame.verdict, limits):
         if sound_pixels(frame.size, frame.scale_m):
@@ -163,11 +170,6 @@ def _remember_frame(
             scale_m = limits.scale_m or (scale_m if same else frame.scale_m)
 
         touched, clear_s = _contact(state, frame, limits)
-        if frame.verdict.force_n is not None:
-            history = (*history, (frame.at_s, frame.verdict.force_n))[
-                -NOISE_WINDOWS * limits.rate_frames :
-            ]
-            dents = (*dents, _dent(frame, frame.verdict.force_n))[-DENTS:]
 
     return replace(
         state,
@@ -188,12 +190,42 @@ def _remember_frame(
     )
 
 
+def _histories(
+    state: MonitorState, frame: FrameRead, limits: MonitorLimits
+) -> tuple[tuple[tuple[float, float], ...], tuple[Dent, ...]]:
+    """Return `history` and `dents` with a frame that was read, in the order of time; a
+    picture that was shown before is no dent.
+    """
+    verdict = frame.verdict
+    history = state.history
+    dents = state.dents
+    force_n = verdict.force_n
+    counts = verdict.usable and frame.since_s >= state.counts_since_s
+    if not counts or force_n is None or unsound(verdict, limits):
+        return history, dents
+
+    history = _inserted(history, (frame.since_s, force_n))
+    history = history[-NOISE_WINDOWS * limits.rate_frames :]
+    if frame.shown_back == 0:
+        dents = _inserted(dents, _dent(frame, force_n))[-DENTS:]
+
+    return history, dents
+
+
+def _inserted(entries: tuple[Timed, ...], entry: Timed) -> tuple[Timed, ...]:
+    """Return entries in the order of time with one more in its place."""
+    place = len(entries)
+    while place and entries[place - 1][0] > entry[0]:
+        place -= 1
+    return (*entries[:place], entry, *entries[place:])
+
+
 def _dent(frame: FrameRead, force_n: float) -> Dent:
     elastic_n = frame.verdict.elastic_force_n
     travel_m = frame.travel_m
     known = travel_m is not None and isfinite(travel_m) and frame.travel_age_s >= 0.0
     dent_n = force_n if elastic_n is None else elastic_n
-    return Dent(frame.at_s, dent_n, travel_m if known else None, frame.travel_age_s)
+    return Dent(frame.since_s, dent_n, travel_m if known else None, frame.travel_age_s)
 
 
 def _least_lag(

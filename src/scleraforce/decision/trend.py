@@ -8,20 +8,27 @@ that of the second differences, which are free of a steady rise, over all frames
 fast fall that no withdrawal of the needle explains: the needle has gone through the
 wall. Plain Python takes a tenth of the time of NumPy's calls for ten points, while the
 robot waits.
+
+A fall in a gap between frames is another matter: a puncture takes milliseconds, and
+what was not seen cannot be told from it.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, pairwise
 from math import inf, pi, sqrt
 from statistics import fmean, median
 from typing import NamedTuple
 
+from scleraforce.decision.events import Cause
 from scleraforce.decision.limits import MonitorLimits
 from scleraforce.units import from_si
 
 MAD_TO_SD = 1.4826  # of a normal distribution
 OUTSIDE = 2  # readings on either side of a fall: a single wild one is not a fall
+STEP_S = 0.008  # an interval at 100 frames a second, less its jitter
+STEPS_BEFORE = 2
+MISSING = 1.5  # usual intervals, between one that is there and one that is missing
 
 
 class Dent(NamedTuple):
@@ -36,70 +43,188 @@ class Dent(NamedTuple):
 
 
 class Fall(NamedTuple):
-    """A fall of the dent's force, from a level to another, within a time."""
+    """A fall of the dent's force, from a level to another, within a time of which
+    nothing was seen for `unseen_s`.
+
+    `cause`: `PIERCED` if no withdrawal can have made it, else `UNSEEN_FALL`.
+    """
 
     from_n: float
     to_n: float
     within_s: float
+    unseen_s: float
+    cause: Cause
 
 
 def unexplained_fall(dents: tuple[Dent, ...], limits: MonitorLimits) -> Fall | None:
-    """Return a fall that ends with the last two dents, oldest first, and that no
-    withdrawal explains; else None.
+    """Return a fall that ends with the last two dents, oldest first, and that nothing
+    explains; else None.
 
     The level before is the lower of two neighbouring readings, the level after the
     higher of the last two, so neither a single reading nor a steady retraction passes
-    for a fall: between the inner two of these, it takes as much time as the needle
-    needs at `retraction_m_s`, on a wall of `stiffness_n_m`.
+    for a fall. Between the inner two of these at most `fall_s` was seen, and any time
+    was not: gaps. A needle that was seen all the time may have gone back at
+    `retraction_m_s`, on a wall of `stiffness_n_m`. What it did in a gap is only what
+    its stated travel says, or what the frames on either side show it doing.
     """
-    left_n = (
-        max(dent.force_n for dent in dents[-OUTSIDE:])
-        if len(dents) >= 2 * OUTSIDE
-        else 0.0
-    )
+    if len(dents) < 2 * OUTSIDE:
+        return None
+
+    left_n = max(dent.force_n for dent in dents[-OUTSIDE:])
+    gap_s = _gap(dents, limits)
+    unseen_s = 0.0
+    looked = False  # for a step since the last gap
+
     for place in range(len(dents) - OUTSIDE - 1, OUTSIDE - 2, -1):
+        interval_s = dents[place + 1].at_s - dents[place].at_s
+        if interval_s > gap_s:
+            looked |= dents[-1].at_s - dents[place + 1].at_s >= STEP_S
+            unseen_s += interval_s
+
         within_s = dents[-OUTSIDE].at_s - dents[place].at_s
-        if within_s > limits.fall_s:
+        if within_s - unseen_s > limits.fall_s:
             break
 
         level_n = min(dents[place - 1].force_n, dents[place].force_n)
-        least_n = max(limits.fall_share * level_n, limits.fall_n)
-        if (
-            level_n - left_n >= least_n
-            and level_n - left_n >= limits.fall_n + _explained_n(dents, place, limits)
-        ):
-            return Fall(level_n, left_n, within_s)
+        fall_n = level_n - left_n
+        if fall_n < max(limits.fall_share * level_n, limits.fall_n):
+            continue
+
+        noise = limits.rate_deviations * noise_n(
+            [dent.force_n for dent in dents[: place + 1]]
+        )
+        sure_n = fall_n - limits.fall_n - noise
+        if sure_n >= _possible_n(dents, place, limits):
+            return Fall(level_n, left_n, within_s, unseen_s, Cause.PIERCED)
+        if looked and unseen_s and sure_n >= _shown_n(dents, place, gap_s, limits):
+            return Fall(level_n, left_n, within_s, unseen_s, Cause.UNSEEN_FALL)
 
     return None
 
 
-def _explained_n(dents: tuple[Dent, ...], place: int, limits: MonitorLimits) -> float:
+def _gap(dents: tuple[Dent, ...], limits: MonitorLimits) -> float:
+    """Return the time between two readings beyond which one is missing, s.
+
+    It is one and a half times the usual one, between the time for which readings are as
+    good as without a gap and the time that a fall may take.
+    """
+    recent = dents[-limits.rate_frames :]
+    usual_s = median([later.at_s - dent.at_s for dent, later in pairwise(recent)])
+    return min(max(MISSING * usual_s, limits.short_gap_s), limits.fall_s)
+
+
+def _possible_n(dents: tuple[Dent, ...], place: int, limits: MonitorLimits) -> float:
     """Return how far the force can fall from the dent at a place to the last but one,
-    N: withdrawal, eye and noise.
+    N: by the needle's withdrawal and the eye's own motion.
     """
     high = dents[place]
     low = dents[-OUTSIDE]
     within_s = low.at_s - high.at_s
     back_m = limits.retraction_m_s * within_s
 
-    if high.travel_m is not None and low.travel_m is not None:
-        earlier = [
-            dent.travel_m
-            for dent in dents[: place + 1]
-            if high.at_s - dent.at_s <= limits.travel_lag_s
-        ]
-        later = [dent.travel_m for dent in dents[place:]]
-        before, after = (
-            [there_m for there_m in places_m if there_m is not None]
-            for places_m in (earlier, later)
-        )
+    stated_m = _stated_m(dents, place, limits)
+    if stated_m is not None:
         unseen_m = limits.retraction_m_s * (high.age_s + low.age_s)
-        back_m = min(back_m, max(max(before) - min(after), 0.0) + unseen_m)
+        back_m = min(back_m, stated_m + unseen_m)
 
-    moved_n = limits.stiffness_n_m * (back_m + limits.eye_m_s * within_s)
-    return moved_n + limits.rate_deviations * noise_n(
-        [dent.force_n for dent in dents[: place + 1]]
+    return limits.stiffness_n_m * (back_m + limits.eye_m_s * within_s)
+
+
+def _stated_m(
+    dents: tuple[Dent, ...], place: int, limits: MonitorLimits
+) -> float | None:
+    """Return how far the needle went back from the dent at a place on, by its stated
+    travel; None if that is not stated.
+    """
+    high = dents[place]
+    if high.travel_m is None or dents[-OUTSIDE].travel_m is None:
+        return None
+
+    earlier = [
+        dent.travel_m
+        for dent in dents[: place + 1]
+        if high.at_s - dent.at_s <= limits.travel_lag_s
+    ]
+    before, after = (
+        [there_m for there_m in places_m if there_m is not None]
+        for places_m in (earlier, [dent.travel_m for dent in dents[place:]])
     )
+
+    return max(max(before) - min(after), 0.0)
+
+
+def _shown_n(
+    dents: tuple[Dent, ...], place: int, gap_s: float, limits: MonitorLimits
+) -> float:
+    """Return how far the force fell from the dent at a place to the last but one, by
+    what is stated or seen, N.
+
+    Where frames follow each other, that is the fall that they show, as far as a
+    withdrawal and the eye can make it. In a gap it is the fall that the frames on
+    either side show to go on. The travel stated for the whole time, which may be a
+    frame's interval old, explains as much as it says.
+    """
+    fastest_n_s = limits.stiffness_n_m * (limits.retraction_m_s + limits.eye_m_s)
+    last = len(dents) - OUTSIDE
+    shown_n = 0.0
+    begun = dents[place]
+
+    for before in range(place, last + 1):
+        high = dents[before]
+        took_s = dents[before + 1].at_s - high.at_s
+        if before < last and took_s <= gap_s:
+            continue
+
+        seen_n = max(begun.force_n - high.force_n, 0.0)
+        shown_n += min(seen_n, fastest_n_s * (high.at_s - begun.at_s))
+        if before < last:
+            shown_n += min(_falling_n_s(dents, before), fastest_n_s) * took_s
+        begun = dents[before + 1]
+
+    stated_m = _stated_m(dents, place, limits)
+    if stated_m is None:
+        return shown_n
+
+    old_s = min(dents[place].age_s, gap_s) + min(dents[last].age_s, gap_s)
+    stated_n = limits.stiffness_n_m * (stated_m + limits.retraction_m_s * old_s)
+    return max(shown_n, stated_n)
+
+
+def _falling_n_s(dents: tuple[Dent, ...], before: int) -> float:
+    """Return how fast the force is seen to fall on either side of the gap after the
+    dent `before`, N/s: the faster of both.
+
+    Two steps before the gap have to show it, and each step after it: a single one may
+    be part of a puncture. A step takes `STEP_S` or an interval, so that noise looks
+    like no withdrawal.
+    """
+    earlier = _steps(_apart(dents[before::-1]))[:STEPS_BEFORE]
+    later = _steps(_apart(dents[before + 1 :]))
+    both = len(earlier) == STEPS_BEFORE
+    return max(min(earlier) if both else 0.0, min(later, default=0.0), 0.0)
+
+
+def _apart(dents: Sequence[Dent]) -> list[tuple[float, float]]:
+    """Return mean times, s, and forces, N, of neighbouring dents, a step apart."""
+    groups: list[list[Dent]] = []
+    for dent in dents:
+        if groups and abs(dent.at_s - groups[-1][0].at_s) < STEP_S:
+            groups[-1].append(dent)
+        else:
+            groups.append([dent])
+
+    return [
+        (fmean([one.at_s for one in group]), fmean([one.force_n for one in group]))
+        for group in groups
+    ]
+
+
+def _steps(points: Sequence[tuple[float, float]]) -> list[float]:
+    """Return how fast the force falls from each point to the next in time, N/s."""
+    return [
+        (force_n - next_n) / (next_s - at_s)
+        for (at_s, force_n), (next_s, next_n) in pairwise(points)
+    ]
 
 
 def noise_n(forces_n: list[float]) -> float:

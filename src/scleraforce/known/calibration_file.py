@@ -208,6 +208,8 @@ def converted(content: Any, record: type[Record], place: str) -> Record:
     """
     try:
         return msgspec.convert(content, record)
+    except CalibrationError as fault:
+        raise CalibrationError(f"{place}: {fault}; {WRITER}") from fault
     except msgspec.ValidationError as fault:
         what, _, path = str(fault).rstrip("`").partition(" - at `$")
         missing = re.fullmatch(r"Object missing required field `(\w+)`?", what)
@@ -487,6 +489,22 @@ def population_modulus(summary: CalibrationSummary) -> Modulus | None:
     )
 
 
+def choice_of_eye(summary: CalibrationSummary) -> str:
+    """Return what to give where nothing names the eye that is read."""
+    count = len(summary.eyes)
+    has = (
+        f"has 1 eye: give {_names(summary)}"
+        if count == 1
+        else (f"has {count} eyes: give one of {_names(summary)}")
+    )
+    return f"{summary.path} {has}; any other gets the population's modulus"
+
+
+def _names(summary: CalibrationSummary) -> str:
+    more = ", ..." if len(summary.eyes) > NAMED_EYES else ""
+    return ", ".join(list(summary.eyes)[:NAMED_EYES]) + more
+
+
 def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
     """Return a sentence if an eye is read without a modulus of its own, with the file's
     eyes; None if it has one.
@@ -496,9 +514,6 @@ def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
         return None
 
     there = "is not in" if own is None else f"is not usable ({own.status}) in"
-    names = ", ".join(list(summary.eyes)[:NAMED_EYES]) + (
-        ", ..." if len(summary.eyes) > NAMED_EYES else ""
-    )
     modulus = calibrated_modulus(summary, eye)
     count = "1 eye" if len(summary.eyes) == 1 else f"{len(summary.eyes)} eyes"
 
@@ -513,4 +528,5 @@ def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
             f" +- {sd}"
         )
 
-    return f"{eye} {there} {summary.path}, which has {count} ({names}): read {read}"
+    file = f"{summary.path}, which has {count} ({_names(summary)})"
+    return f"{eye} {there} {file}: read {read}"

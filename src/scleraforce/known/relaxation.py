@@ -34,6 +34,7 @@ MOST_BEFORE_N = 15e-3
 # standard deviation of such a memory over its largest value: 90 % reach from none to
 # all
 SPREAD = 1.0 / 3.0
+ROUNDING = 1e-6  # of the largest entry: covariances are differences of large numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,6 +86,13 @@ class KnownRelaxation:
                 " more"
             )
 
+        for name, matrix in zip(MOMENTS.values(), matrices, strict=True):
+            if not _is_covariance(np.array(matrix).reshape(size, size)):
+                raise CalibrationError(
+                    f"relaxation.{name}: not a covariance matrix: expected a symmetric"
+                    f" one without a negative variance, found {matrix!r:.60}"
+                )
+
     @classmethod
     def of(
         cls,
@@ -120,6 +128,16 @@ class KnownRelaxation:
         shares = [share for share, _ in terms]
         times_s = [time_s for _, time_s in terms]
         return cls.of(shares, times_s, np.zeros((len(terms), len(terms))), "declared")
+
+
+def _is_covariance(matrix: Floats) -> bool:
+    """Return whether a matrix is symmetric without negative eigenvalues, but for
+    rounding.
+    """
+    size = float(np.abs(matrix).max(initial=0.0))
+    if np.abs(matrix - matrix.T).max(initial=0.0) > ROUNDING * size:
+        return False
+    return bool((np.linalg.eigvalsh(matrix) >= -ROUNDING * size).all())
 
 
 def rows(matrix: Floats) -> Matrix:

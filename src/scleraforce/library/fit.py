@@ -31,6 +31,7 @@ where it is not given. The form of an eye that is not an even sphere is added at
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
+from math import inf
 
 import numpy as np
 
@@ -48,6 +49,8 @@ from scleraforce.study.eye import RIGIDITY_LAWS
 # um.
 NO_WALL_M = 20e-6
 DRAWS = 512
+HALF_A_DRAW = 0.5  # beyond the last one
+LEAST_SCALE_N = 1e-9  # of draws that are all the same
 # Frames of even walls lie nearer to an even wall of the library, frames of uneven walls
 # farther from it.
 LARGEST_MISFIT_M = 6e-6
@@ -133,16 +136,69 @@ class BoundaryFit:
             self.misfit_m > LARGEST_MISFIT_M or form_size(self.unknown) > LARGEST_FORM
         )
 
-    def probabilities(self, bounds_n: tuple[float, ...]) -> tuple[float, ...]:
-        """Return the probability of each class; no class is ever certain, as the number
-        of draws is finite.
+    def probabilities(
+        self, bounds_n: tuple[float, ...], least_n: float = -inf
+    ) -> tuple[float, ...]:
+        """Return the probability of each class, where no force is below `least_n`.
+
+        No class is ever certain, as the number of draws is finite: half a draw lies
+        beyond the last one on either side, and its density falls off from there. So a
+        class is never likelier than the one between it and the draws.
         """
-        above = [
-            (int((self.draws_n > bound).sum()) + 0.5) / (len(self.draws_n) + 1.0)
-            for bound in bounds_n
-        ]
-        edges = (1.0, *above, 0.0)
-        return tuple(high - low for high, low in pairwise(edges))
+        least = self._share_below(least_n)
+        below = [0.0]
+        above = [1.0]
+
+        for bound_n in bounds_n:
+            share = positive_share(self._share_below(bound_n), least)
+            below.append(share)
+            above.append(self._share_above(bound_n) if share >= 0.5 else 1.0 - share)
+
+        # the difference of the smaller numbers: the other one loses the last digits
+        return tuple(
+            after - before if after < 0.5 else higher - lower
+            for (before, after), (higher, lower) in zip(
+                pairwise((*below, 1.0)), pairwise((*above, 0.0)), strict=True
+            )
+        )
+
+    def _share_below(self, bound_n: float) -> float:
+        if (self.draws_n <= bound_n).any():
+            return 1.0 - self._share_above(bound_n)
+
+        first_n = float(self.draws_n.min())
+        tail = _tail(first_n - bound_n, self.force_n - self.interval_n[0])
+        return HALF_A_DRAW / (len(self.draws_n) + 1.0) * tail
+
+    def _share_above(self, bound_n: float) -> float:
+        higher = int((self.draws_n > bound_n).sum())
+        share = (higher + HALF_A_DRAW) / (len(self.draws_n) + 1.0)
+        if higher:
+            return share
+
+        last_n = float(self.draws_n.max())
+        return share * _tail(bound_n - last_n, self.interval_n[1] - self.force_n)
+
+
+def _tail(beyond_n: float, scale_n: float) -> float:
+    """Return the share of a tail farther than a distance beyond its beginning.
+
+    It falls off as that of Student's t with three degrees of freedom, so that the last
+    class has a share above 0 at any distance.
+    """
+    return (1.0 + beyond_n / max(scale_n, LEAST_SCALE_N)) ** -3.0
+
+
+def positive_share(share: float, negative: float) -> float:
+    """Return the share of a distribution below a force, once the share below 0 is cut
+    off; the median stays.
+
+    >>> positive_share(0.375, 0.25)
+    0.25
+    """
+    if not share < 0.5:
+        return share
+    return 0.5 * (share - negative) / (0.5 - negative)
 
 
 def fit_boundaries(

@@ -4,7 +4,7 @@ read again.
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import file_digest, sha256
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from scleraforce.known.calibration_file import read_calibration
 from scleraforce.notebook import Counting
 from scleraforce.notebook.frames import load_model
 from scleraforce.plain_json import parse_json
-from scleraforce.reader.evaluate import check_once, evaluate_recordings
+from scleraforce.reader.evaluate import Evaluation, check_once, evaluate_recordings
 from scleraforce.recording.export import Row, tidy, write_table
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.pixels import package_for
@@ -33,13 +33,14 @@ PARTS = (
 @dataclass(frozen=True)
 class Batch:
     """Rows of all frames, as of `Evaluation.rows`; notes; the number of recordings, and
-    of those read now.
+    of those read now; the evaluation of all, if it was asked for.
     """
 
     rows: list[Row]
     notes: tuple[str, ...]
     recordings: int
     read: int
+    evaluation: Evaluation | None = None
 
 
 def evaluate_to_table(
@@ -49,6 +50,8 @@ def evaluate_to_table(
     calibration: Path | None,
     wall_finder: Path | None,
     counting: Counting,
+    *,
+    whole: bool = False,
 ) -> Batch:
     """Evaluate recordings as `sf.evaluate` does, one by one, and write the rows to a
     .csv or .parquet file.
@@ -56,7 +59,8 @@ def evaluate_to_table(
     Each recording's rows are kept in a folder beside the table, `.NAME.state`, with the
     version, the hashes of model, calibration and wall finder, and the recording's own:
     it is read again only if one of them has changed. Paths that are not recordings are
-    left out with a note. Counts "recordings".
+    left out with a note. Counts "recordings". `whole`: all are read, also those that
+    have not changed, and their evaluation is returned, too.
     """
     _check(table)
     folders = [path for path in recordings if (path / "recording.toml").is_file()]
@@ -79,6 +83,7 @@ def evaluate_to_table(
     state = _state(table)
     state.mkdir(exist_ok=True)
     rows = list[Row]()
+    evaluations = list[Evaluation]()
     read = 0
     used = set[str]()
     others = [str(path) for path in recordings if path not in folders]
@@ -88,7 +93,8 @@ def evaluate_to_table(
         for path in folders:
             key = same | {"recording": str(path), "recording_sha256": _digest(path)}
             part = state / f"{sha256(json.dumps(key).encode()).hexdigest()}.json"
-            if (found := _kept(part, key)) is None:
+            found = None if whole else _kept(part, key)
+            if found is None:
                 evaluation = evaluate_recordings(
                     reader, [read_recording(path)], summary
                 )
@@ -99,6 +105,7 @@ def evaluate_to_table(
                 }
                 write_whole(json.dumps(found, allow_nan=False), part)
                 read += 1
+                evaluations += [evaluation] * whole
 
             used.add(part.name)
             rows += found["rows"]
@@ -110,7 +117,15 @@ def evaluate_to_table(
     for old in (each for each in state.glob("*.json") if each.name not in used):
         old.unlink()
 
-    return Batch(rows, tuple(notes), len(folders), read)
+    notes = list(dict.fromkeys(notes))
+    joined = _joined(evaluations, notes) if whole else None
+    return Batch(rows, tuple(notes), len(folders), read, joined)
+
+
+def _joined(evaluations: Sequence[Evaluation], notes: Sequence[str]) -> Evaluation:
+    """Return the evaluation of the frames of several, by one model."""
+    frames = tuple(frame for one in evaluations for frame in one.frames)
+    return replace(evaluations[0], frames=frames, notes=tuple(notes))
 
 
 def by_eye(rows: Sequence[Mapping[str, Any]]) -> list[Row]:

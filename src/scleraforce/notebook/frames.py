@@ -612,11 +612,10 @@ def readings(
             name = seen.info.eye.id
 
         if name is None:
-            words = (
-                "a calibration has several, and no recording.toml beside the frame"
-                " names this one"
+            where = "no recording.toml beside the frame names it"
+            raise InputError(
+                f"eye: missing; {where}; {calibration_file.choice_of_eye(summary)}"
             )
-            raise InputError(f"eye: missing; {words}")
 
         known = calibration_file.known_of_eye(known, summary, name)
         notes += filter(None, [calibration_file.foreign_modulus(summary, name)])

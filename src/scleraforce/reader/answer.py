@@ -82,8 +82,9 @@ def fit_reading(
     """Return the reading of a fit, its distribution stretched about the median by a
     factor (`reader.intervals`).
     """
+    least_n, *asked_n = unstretched(fit.force_n, (0.0, *bounds_n), factor)
     return Reading(
-        probabilities=fit.probabilities(unstretched(fit.force_n, bounds_n, factor)),
+        probabilities=fit.probabilities(tuple(asked_n), least_n),
         force_n=fit.force_n,
         interval_n=stretched_interval(fit.force_n, fit.interval_n, factor),
         contact_m=fit.contact_m,
@@ -436,8 +437,6 @@ def unstretched(
     median_n: float, forces_n: tuple[float, ...], factor: float
 ) -> tuple[float, ...]:
     """Return the forces at which a distribution has the quantiles that the stretched
-    one has at `forces_n`.
+    one has at `forces_n`; they may be below 0.
     """
-    return tuple(
-        max(median_n + (force_n - median_n) / factor, 0.0) for force_n in forces_n
-    )
+    return tuple(median_n + (force_n - median_n) / factor for force_n in forces_n)

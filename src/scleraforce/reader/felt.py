@@ -32,6 +32,7 @@ import numpy as np
 from scleraforce.arrays import Floats
 from scleraforce.known import NINETY_PERCENT, NOTHING_KNOWN, Known
 from scleraforce.known.relaxation import KnownRelaxation
+from scleraforce.library.fit import positive_share
 from scleraforce.mechanics.material import line_weights
 from scleraforce.reader.answer import Answer, Reading
 from scleraforce.reader.where import shaft_lean
@@ -76,7 +77,7 @@ class FeltForce:
 
     def of(self, elastic: Given, bounds_n: tuple[float, ...]) -> Given:
         """Return a reading, or an answer, of F from one of Fe; F is taken for normal on
-        either side of its median.
+        either side of its median, without what is below 0.
         """
         assert elastic.force_n is not None
         assert elastic.interval_n is not None
@@ -89,17 +90,14 @@ class FeltForce:
                 elastic.interval_n, (self.less_n, self.more_n), strict=True
             )
         )
-        under: list[float] = [0.0]
-
-        for bound_n in bounds_n:
-            side_n = (
-                max(below_n if bound_n < force_n else above_n, 1e-9) / NINETY_PERCENT
-            )
-            under.append(0.5 + 0.5 * erf((bound_n - force_n) / (sqrt(2.0) * side_n)))
+        under: list[float] = [
+            _share_below(bound_n, force_n, below_n if bound_n < force_n else above_n)
+            for bound_n in bounds_n
+        ]
 
         return replace(
             elastic,
-            probabilities=tuple(np.diff([*under, 1.0]).tolist()),
+            probabilities=tuple(np.diff([0.0, *under, 1.0]).tolist()),
             force_n=force_n,
             interval_n=(max(force_n - below_n, 0.0), force_n + above_n),
         )
@@ -123,6 +121,15 @@ class FeltForce:
         )
 
         return replace(found, predicted=predicted, readings=readings)
+
+
+def _share_below(bound_n: float, force_n: float, side_n: float) -> float:
+    """Return the share of forces below a bound, half of them below the median; `side_n`
+    of it holds 45 % on the bound's side.
+    """
+    scale_n = sqrt(2.0) * max(side_n, 1e-9) / NINETY_PERCENT
+    share = 0.5 + 0.5 * erf((bound_n - force_n) / scale_n)
+    return positive_share(share, 0.5 - 0.5 * erf(force_n / scale_n))
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from scleraforce.arrays import Floats
 from scleraforce.errors import ModelError
 from scleraforce.known import NO_DISCREPANCY, UNKNOWN, Known
 from scleraforce.library.base import pole_directions
+from scleraforce.library.fit import positive_share
 from scleraforce.library.plan import LARGEST_POLAR_DEG
 from scleraforce.mechanics.globe import SAME_SLOPE_PA
 from scleraforce.models import check_interface, run_network
@@ -71,15 +72,11 @@ def histogram_reading(
         for share in (INTERVAL[0], 0.5, INTERVAL[1])
     )
     factor = factor_of(median_n)
-    asked_n = unstretched(median_n, bounds_n, factor)
-    below = [
-        0.0,
-        *(
-            _sum_below(sums, edges_m2, force_n / modulus_pa) / total
-            for force_n in asked_n
-        ),
-        1.0,
-    ]
+    negative, *shares = (
+        _sum_below(sums, edges_m2, max(force_n / modulus_pa, 0.0)) / total
+        for force_n in unstretched(median_n, (0.0, *bounds_n), factor)
+    )
+    below = [0.0, *(positive_share(share, negative) for share in shares), 1.0]
 
     return Reading(
         probabilities=tuple(after - before for before, after in pairwise(below)),

@@ -508,11 +508,16 @@ def _are_row_numbers(lines: Sequence[str], separator: str) -> bool:
 
 def _names(line: str, separator: str, marks: str = "#%") -> tuple[str, ...]:
     """Return the fields of a line without its comment mark: # of NumPy's savetxt, % of
-    MATLAB and TeX.
+    MATLAB and TeX; () if it has none.
     """
     bare = line.lstrip(marks).lstrip(" ") if marks else line
-    broken = separator != SPACES and bare.count('"') % 2
-    return () if broken else fields_of(bare.rstrip(f" {separator}"), separator, "")
+    if separator != SPACES and bare.count('"') % 2:
+        return ()
+
+    try:
+        return fields_of(bare.rstrip(f" {separator}"), separator, "header")
+    except RecordingError:  # a remark, not names: above them there may be anything
+        return ()
 
 
 def _below(table: Table, lines: Sequence[str], top: int, first: int) -> Table:

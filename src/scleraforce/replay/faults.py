@@ -21,10 +21,16 @@ from scleraforce.arrays import Floats
 from scleraforce.decision.events import Cause
 from scleraforce.decision.limits import MonitorLimits
 from scleraforce.errors import InputError, LinkError
-from scleraforce.openigtlink import HEADER_BYTES, pack_header, unpack_header
+from scleraforce.openigtlink import (
+    HEADER_BYTES,
+    Image,
+    pack_header,
+    unpack_header,
+)
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.pixels import Pixels
 from scleraforce.replay.player import (
+    SCANNER_DEVICE,
     STATED_S,
     Player,
     Unstamped,
@@ -49,6 +55,9 @@ MOST_BUFFERS = 10  # pictures that a stuck buffer shows in turns
 CLOCK_ROWS = 1 / 32
 CLOCK_COLUMNS = 1 / 8
 OLD_SHARES = 0.6, 0.95  # of an old picture, in a ghost
+PAUSE_S = 0.06
+LEFT = 0.25  # of the force, after a puncture
+OLD_S = 5.0  # age of a part
 LATER = 0.8  # of an interval, by which each frame waits longer than the one before
 
 
@@ -551,6 +560,54 @@ def _dangerous(stage: _Stage) -> list[Act]:
     return stage.once(*map(stage.sending, stage.nearest([wanted_n], DANGEROUS_N)))
 
 
+def _pause(stage: _Stage) -> list[Act]:
+    missing = ceil(PAUSE_S / stage.interval_s)
+    left_n = LEFT * stage.forces_n(CONTACT_N)[stage.first - 1]
+    after = stage.nearest([left_n] * (stage.count - missing), CONTACT_N)
+    return [*stage.silence[:missing], *stage.shown(after)]
+
+
+def _bunch(stage: _Stage) -> list[Act]:
+    frames = ceil(PAUSE_S / stage.interval_s)
+    held = frames // 2
+    left_n = LEFT * stage.forces_n(CONTACT_N)[stage.first - 1]
+    fallen = stage.nearest([left_n] * (stage.count - held), CONTACT_N)
+    bunch = [stage.sending(stage.pixels(index)) for index in range(held)]
+    bunch += map(stage.sending, fallen[: frames - held])
+    at_once = tuple(
+        replace(sending, late_s=(place + 1 - frames) * stage.interval_s)
+        for place, sending in enumerate(bunch)
+    )
+    later = stage.shown(fallen[frames - held :])
+
+    return [*stage.silence[: frames - 1], at_once, *later]
+
+
+def _parts(stage: _Stage) -> list[Act]:
+    return [_in_parts(stage, pixels) for pixels in stage.live]
+
+
+def _in_parts(stage: _Stage, pixels: Pixels) -> tuple[Sending, Sending]:
+    """Return a picture whose last row alone is fresh."""
+    stage.number += 1
+    rows, columns = pixels.shape
+    old, fresh = (
+        Unstamped(
+            Image(
+                pixels[None, first:after],
+                image_matrix(stage.info),
+                (columns, rows, 1),
+                (0, first, 0),
+            ),
+            SCANNER_DEVICE,
+            stage.version,
+            stage.number,
+        )
+        for first, after in ((0, rows - 1), (rows - 1, rows))
+    )
+    return Sending(old, stage.number, -OLD_S), Sending(fresh, stage.number)
+
+
 def _half(stage: _Stage) -> list[Act]:
     data = stage.bytes_of_next()
     return [(Sending(bytes(data[: len(data) // 2])),), *stage.silence]
@@ -643,6 +700,21 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
             "a frame of class 2 out of nothing (needs a recording that has one)",
             _dangerous,
             (Cause.DANGEROUS_CLASS, Cause.BOUND, Cause.RISING),
+        ),
+        "pause": Fault(
+            "no frame for 60 ms, in which the force falls to a quarter (needs forces)",
+            _pause,
+            (Cause.UNSEEN_FALL, Cause.PIERCED),
+        ),
+        "bunch": Fault(
+            "the frames of 60 ms at once, in which the force falls (needs forces)",
+            _bunch,
+            (Cause.UNSEEN_FALL, Cause.PIERCED),
+        ),
+        "parts": Fault(
+            "pictures in two parts, of which the first is 5 s old",
+            _parts,
+            (Cause.BAD_IMAGE,),
         ),
         "half": Fault("half a frame, and nothing more", _half, (Cause.SILENCE,)),
         "garbage": Fault(

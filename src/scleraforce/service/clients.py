@@ -33,7 +33,13 @@ from scleraforce.openigtlink import (
     encode,
 )
 from scleraforce.service.companions import Guard
-from scleraforce.service.messages import Entry
+from scleraforce.service.messages import (
+    DECISION_DEVICE,
+    READING_DEVICE,
+    STATUS_DEVICE,
+    Entry,
+    decision_text,
+)
 from scleraforce.service.scanner_image import FrameAssembler
 
 NOT_READ = Verdict(
@@ -44,6 +50,8 @@ NOT_READ = Verdict(
     force_n=None,
     interval_n=None,
 )
+# device and message
+Addressed = tuple[str, Message]
 MESSAGE_CHARACTERS = 1000  # of a STATUS: a reason may quote what a peer sent
 # not yet taken by the peer: a tenth of a second; a message behind them is old when it
 # is read
@@ -113,7 +121,7 @@ class RateLimiter:
         return True
 
 
-def status_message(decision: Decision) -> Status:
+def status_message(decision: Decision) -> Addressed:
     """Return the STATUS of a decision; the error name is the cause's, or without a
     cause the state's.
     """
@@ -124,15 +132,23 @@ def status_message(decision: Decision) -> Status:
         if decision.code == 1
         else decision.state.name
     )
-    return Status(
-        decision.code,
-        decision.sub_code,
-        name[:20],
-        decision.message[:MESSAGE_CHARACTERS],
+    text = decision.message[:MESSAGE_CHARACTERS]
+    return STATUS_DEVICE, Status(decision.code, decision.sub_code, name[:20], text)
+
+
+def decision_message(decision: Decision) -> Addressed:
+    """Return a decision as a STRING."""
+    text = decision_text(
+        code=decision.code,
+        sub_code=decision.sub_code,
+        state=decision.state.name,
+        cause=decision.cause.name if decision.cause else None,
+        message=decision.message[:MESSAGE_CHARACTERS],
     )
+    return DECISION_DEVICE, text
 
 
-def reading_messages(entry: Entry) -> tuple[Text, Sensor]:
+def reading_messages(entry: Entry) -> tuple[Addressed, ...]:
     """Return the STRING and the SENSOR of a decision on a frame.
 
     The SENSOR holds: frame, class, probabilities of the classes 0, 1 and 2, force,
@@ -152,21 +168,20 @@ def reading_messages(entry: Entry) -> tuple[Text, Sensor]:
         float(entry.code),
     )
 
-    return Text(json.dumps(entry.as_json())), Sensor(numbers)
+    return (
+        (READING_DEVICE, Text(json.dumps(entry.as_json()))),
+        (READING_DEVICE, Sensor(numbers)),
+    )
 
 
 class Outgoing:
-    """Messages for several clients, encoded once for each header version that is
-    needed.
+    """Messages for several clients, each with its device, encoded once for each header
+    version that is needed.
     """
 
     def __init__(
-        self,
-        device: str,
-        messages: tuple[Message, ...],
-        wall_clock: Callable[[], float],
+        self, messages: tuple[Addressed, ...], wall_clock: Callable[[], float]
     ) -> None:
-        self._device = device
         self._messages = messages
         self._time_s = wall_clock()
         self._encoded: dict[int, bytes] = {}
@@ -175,8 +190,8 @@ class Outgoing:
         """Return the bytes for a client of a header version."""
         if version not in self._encoded:
             parts = [
-                encode(item, self._device, version=version, time_s=self._time_s)
-                for item in self._messages
+                encode(message, device, version=version, time_s=self._time_s)
+                for device, message in self._messages
             ]
             self._encoded[version] = b"".join(parts)
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from types import UnionType
 
 from scleraforce.arrays import Floats
-from scleraforce.decision.events import Cause
+from scleraforce.decision.events import Cause, State
 from scleraforce.errors import MessageError
 from scleraforce.openigtlink import Status, encode
 from scleraforce.segmentation.found import Segmentation
@@ -23,7 +23,7 @@ from scleraforce.service.channel import (
     encode_message,
     start_companion,
 )
-from scleraforce.service.messages import STATUS_DEVICE
+from scleraforce.service.messages import DECISION_DEVICE, STATUS_DEVICE
 
 BEAT_LOOKS = 0.5  # 10 ms
 # half a second: a watchdog that answers later than this counts as failed
@@ -54,6 +54,19 @@ STARTS_S = 30.0  # within which the black box must give its first sign of life
 SILENT_S = 5.0  # it gives one every 0.5 s; a disk may delay it
 
 
+def emergency(version: int) -> bytes:
+    """Return what the watchdog sends: the STATUS, and the same as a STRING."""
+    text = messages.decision_text(
+        code=EMERGENCY.code,
+        sub_code=EMERGENCY.subcode,
+        state=State.WITHDRAW.name,
+        cause=EMERGENCY.name,
+        message=EMERGENCY.message,
+    )
+    status = encode(EMERGENCY, STATUS_DEVICE, version=version)
+    return status + encode(text, DECISION_DEVICE, version=version)
+
+
 class Guard:
     """The watchdog process, which looks every `look_s`, from the monitor's side."""
 
@@ -75,9 +88,7 @@ class Guard:
 
         self._channel.setblocking(False)
         for version in (1, 2, 3):
-            self._send(
-                b"M%d " % version + encode(EMERGENCY, STATUS_DEVICE, version=version)
-            )
+            self._send(b"M%d " % version + emergency(version))
 
     @property
     def pid(self) -> int:

@@ -6,6 +6,7 @@ and back. Times are in seconds: `at_s` on the monotonic clock, `time_s` since 19
 watchdog, which uses the standard library alone, has messages of its own.
 """
 
+import json
 from dataclasses import dataclass, replace
 from math import nan
 from pathlib import Path
@@ -18,6 +19,7 @@ from scleraforce.decision.events import State, Verdict
 from scleraforce.decision.limits import MonitorLimits
 from scleraforce.errors import MessageError
 from scleraforce.known import Known
+from scleraforce.openigtlink import Text
 from scleraforce.plain_json import finite
 from scleraforce.recording.folder import ForceInfo, Plane, RecordingInfo
 from scleraforce.recording.pixels import PixelScale
@@ -26,6 +28,7 @@ from scleraforce.units import from_si, to_si
 
 # Of the OpenIGTLink messages.
 STATUS_DEVICE = "ForceMonitor"
+DECISION_DEVICE = "ForceDecision"
 READING_DEVICE = "ForceReading"
 NEEDLE_DEVICE = "NeedlePose"
 # left out if None
@@ -186,6 +189,22 @@ def _verdict_of(value: dict[str, Any]) -> Verdict | None:
     return replace(
         read, force_n=force_n, elastic_force_n=elastic_n, interval_n=interval_n
     )
+
+
+def decision_text(
+    *, code: int, sub_code: int, state: str, cause: str | None, message: str
+) -> Text:
+    """Return what a STATUS says as a STRING, for programs without that type: a JSON
+    object with these keys (docs/monitor.md#messages).
+    """
+    content = {
+        "code": code,
+        "sub_code": sub_code,
+        "state": state,
+        "cause": cause,
+        "message": message,
+    }
+    return Text(json.dumps(content))
 
 
 class _Message(

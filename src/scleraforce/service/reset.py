@@ -7,13 +7,17 @@ STRING answers.
 
 import hmac
 import json
+import os
 import re
 import secrets
 import socket
+import stat
 from collections import deque
 from hashlib import sha256
 from math import inf
+from pathlib import Path
 from time import monotonic, time
+from typing import BinaryIO
 
 from scleraforce.errors import InputError, ProtocolError
 from scleraforce.openigtlink import Decoder, Received, Text, encode
@@ -27,6 +31,14 @@ WRONG_CODES = 5
 LOCKED_S = 60.0
 ANSWER_S = 2.0
 PIECE = 65536
+MOST_SECRET = 200  # bytes
+OTHERS = stat.S_IRWXG | stat.S_IRWXO
+LOCKED = (
+    f"{WRONG_CODES} wrong codes: none is accepted for {LOCKED_S:.0f} s; the token is"
+)
+TOO_MANY = (
+    f"too many codes came: none is accepted within {WITHIN_S:.0f} s; the token is"
+)
 
 
 def token_digest(token: str) -> str:
@@ -103,6 +115,46 @@ class ResetCode:
         return now_s < self._locked_until_s
 
 
+def secret_of_file(path: Path) -> str:
+    """Return the token or code in a file; an InputError where others may read it.
+
+    The descriptor is checked, not the name, which may point to another file by then.
+    """
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    except (OSError, ValueError) as fault:
+        reason = getattr(fault, "strerror", None) or str(fault)
+        raise InputError(f"--token-file: {str(path)!r}: {reason}") from fault
+
+    with open(descriptor, "rb") as file:
+        found = os.fstat(descriptor)
+        if not stat.S_ISREG(found.st_mode):
+            raise InputError(f"--token-file: {path}: not a regular file")
+        if found.st_uid != os.geteuid() or found.st_mode & OTHERS:
+            raise InputError(
+                f"--token-file: {path}: mode {stat.S_IMODE(found.st_mode):o} of user"
+                f" {found.st_uid}; it must be yours, and nobody else's to read:"
+                " chmod 600"
+            )
+
+        return _secret_in(file.read(MOST_SECRET + 1), f"--token-file: {path}")
+
+
+def secret_of_stream(stream: BinaryIO) -> str:
+    """Return the token or code in the first line of standard input."""
+    return _secret_in(stream.readline(MOST_SECRET + 1), "standard input")
+
+
+def _secret_in(data: bytes, place: str) -> str:
+    text = data.decode("ascii", "replace").strip()
+    if not text or len(data) > MOST_SECRET or not text.isprintable():
+        raise InputError(
+            f"{place}: expected one line with the token or the code that the monitor"
+            " printed"
+        )
+    return text
+
+
 def ask_reset(
     host: str, port: int, token: str, within_s: float = ANSWER_S
 ) -> tuple[bool, str]:
@@ -118,7 +170,7 @@ def ask_reset(
         )
     if not token.isprintable():  # which covers what is not valid text
         raise InputError(
-            "--token: has characters that no token has; copy the token that the monitor"
+            "token: has characters that no token has; copy the token that the monitor"
             " printed"
         )
 

@@ -22,7 +22,8 @@ class ScannerFrame:
     a pixel.
 
     `pixels` (row, column) are uint8 or uint16 and read-only; `sent_type` is their type
-    as it was sent.
+    as it was sent. `begun_s`: arrival of the first part of a frame that was sent in
+    parts; None if it was not.
     """
 
     pixels: Pixels
@@ -30,6 +31,7 @@ class ScannerFrame:
     lateral_m: float
     depth_m: float
     sent_type: str = "uint16"
+    begun_s: float | None = None
 
 
 class FrameAssembler:
@@ -47,13 +49,17 @@ class FrameAssembler:
         self._stated: tuple[
             object, ...
         ] = ()  # by all parts of the frame that has begun; empty if none has
+        self._begun_s = 0.0
         self._pixels: Pixels = np.empty((0, 0), np.uint16)
         self._missing: Flags = np.empty((0, 0), np.bool_)
 
-    def add(self, image: Image) -> ScannerFrame | None:
-        """Take the next image of the scanner; return the frame that it completes, None
-        if parts are still missing.
+    def add(
+        self, image: Image, at_s: float = 0.0, sent_s: float | None = None
+    ) -> ScannerFrame | None:
+        """Take the next image of the scanner, which came at `at_s` and states `sent_s`;
+        return the frame that it completes, None if parts are still missing.
 
+        All parts of a frame state one time: those of another are of another picture.
         A whole image is not copied. A ProtocolError refuses an image that is not a
         B-scan, or does not belong to the parts before it, which are forgotten; a new
         frame begins with the image if it has the first pixel.
@@ -70,7 +76,7 @@ class FrameAssembler:
             return frame
 
         place = np.s_[row : row + rows, column : column + columns]
-        stated = size, image.pixels.dtype, image.matrix, image.coordinates
+        stated = size, image.pixels.dtype, image.matrix, image.coordinates, sent_s
         part = (
             f"IMAGE: the part rows {row} to {row + rows}, columns {column} to"
             f" {column + columns} of {size}"
@@ -78,7 +84,7 @@ class FrameAssembler:
         reason = ""
 
         if begun and stated != begun:
-            reason = "states another size, type or matrix than those before it"
+            reason = "states another size, type, matrix or time than those before it"
         elif begun and not self._missing[place].all():
             reason = "overlaps those before it"
 
@@ -98,6 +104,7 @@ class FrameAssembler:
 
             self._pixels = np.empty(size, frame.pixels.dtype)
             self._missing = np.ones(size, np.bool_)
+            self._begun_s = at_s
 
         if begins or not reason:
             self._pixels[place] = frame.pixels
@@ -110,7 +117,7 @@ class FrameAssembler:
             return None
 
         self._pixels.flags.writeable = False
-        return replace(frame, pixels=self._pixels)
+        return replace(frame, pixels=self._pixels, begun_s=self._begun_s)
 
 
 def _frame(image: Image) -> ScannerFrame:

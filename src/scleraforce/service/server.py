@@ -36,11 +36,11 @@ from scleraforce.service.companions import (
     Guard,
 )
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.messages import NEEDLE_DEVICE, READING_DEVICE, STATUS_DEVICE
+from scleraforce.service.messages import NEEDLE_DEVICE
 from scleraforce.service.reset import (
-    LOCKED_S,
+    CODE,
+    LOCKED,
     RESET_DEVICE,
-    WRONG_CODES,
     ResetCode,
     ResetToken,
     token_digest,
@@ -130,7 +130,7 @@ class Server:
 
                 if now_s >= heartbeat_s:
                     heartbeat_s = max(heartbeat_s + HEARTBEAT_S, now_s)
-                    self._clients.broadcast(self._status(), now_s)
+                    self._clients.broadcast(self._present_decision(), now_s)
 
                 if now_s >= rates_s:
                     rates_s = now_s + RATES_S
@@ -186,7 +186,9 @@ class Server:
             self._decide("overtaken", self.session.catch_up())
         if None in ready:
             for client in self._clients.accept(self._scanner):
-                self._clients.send(client, self._status(), self.session.clock())
+                self._clients.send(
+                    client, self._present_decision(), self.session.clock()
+                )
 
     def _lose(self, now_s: float) -> None:
         """Count the frames that have waited for too long: they will not be read."""
@@ -251,7 +253,7 @@ class Server:
             case igtl.Received(message=igtl.Image() as image) if may_scan:
                 return self._assemble(client, event, image, at_s)
             case igtl.Received(message=igtl.Query(type="STATUS")):
-                self._clients.send(client, self._status(), at_s)
+                self._clients.send(client, self._present_decision(), at_s)
             case igtl.Received(message=igtl.Text(text)) if (
                 event.header.device == RESET_DEVICE
             ):
@@ -287,6 +289,7 @@ class Server:
         self._scanner = client
         self._scanned_s = at_s
         plane = event.header.device if self.session.planes else None
+        sent_s = event.header.time_s or None
         planes = self.session.planes
 
         try:
@@ -296,7 +299,8 @@ class Server:
                     f" {', '.join(planes)}"
                 )
 
-            whole = client.frames.setdefault(plane, FrameAssembler()).add(image)
+            assembler = client.frames.setdefault(plane, FrameAssembler())
+            whole = assembler.add(image, at_s, sent_s)
         except ProtocolError as fault:
             self._decide("bad image", Fault(at_s, Cause.BAD_IMAGE, str(fault)))
             return None
@@ -309,9 +313,7 @@ class Server:
             or int(from_si(event.header.time_s, "us"))
             or next(self._arrivals)
         )
-        return self.session.frame(
-            whole, sender_id, client.number, at_s, event.header.time_s or None, plane
-        )
+        return self.session.frame(whole, sender_id, client.number, at_s, sent_s, plane)
 
     def _take_faulty(
         self,
@@ -343,13 +345,14 @@ class Server:
         """
         session = self.session
         session.take_frame(frame)
-        self._clients.broadcast(self._status(), frame.unread.at_s)
+        status = self._outgoing(peers.status_message(session.decision))
+        self._clients.broadcast(status, frame.unread.at_s)
         now_s = session.clock()
         entry = session.entry("frame", now_s, frame, now_s - frame.unread.at_s)
-        self._clients.broadcast(
-            Outgoing(READING_DEVICE, peers.reading_messages(entry), session.wall_clock),
-            now_s,
+        texts = self._outgoing(
+            peers.decision_message(session.decision), *peers.reading_messages(entry)
         )
+        self._clients.broadcast(texts, now_s)
         self._note_state()
 
         if frame.image.pixels.shape == self._ring.shape:
@@ -386,11 +389,13 @@ class Server:
                 frame.number, session.answer.segmentation, now_s, frame.plane
             )
 
-    def _status(self) -> Outgoing:
-        return Outgoing(
-            STATUS_DEVICE,
-            (peers.status_message(self.session.decision),),
-            self.session.wall_clock,
+    def _outgoing(self, *addressed: peers.Addressed) -> Outgoing:
+        return Outgoing(addressed, self.session.wall_clock)
+
+    def _present_decision(self) -> Outgoing:
+        decision = self.session.decision
+        return self._outgoing(
+            peers.status_message(decision), peers.decision_message(decision)
         )
 
     def _decide(self, name: str, event: MonitorEvent) -> None:
@@ -398,7 +403,7 @@ class Server:
         changes.
         """
         if self.session.take(event):
-            self._clients.broadcast(self._status(), event.at_s)
+            self._clients.broadcast(self._present_decision(), event.at_s)
             self._companions.decided(
                 messages.Decided(entry=self.session.entry(name, event.at_s))
             )
@@ -516,13 +521,7 @@ class Server:
         if not known:
             self._note_client("a reset with a wrong token")
             if self.code.locked(now_s):
-                return (
-                    False,
-                    (
-                        f"{WRONG_CODES} wrong codes: none is accepted for"
-                        f" {LOCKED_S:.0f} s; the token is"
-                    ),
-                )
+                return False, LOCKED
 
             return (
                 False,
@@ -538,7 +537,9 @@ class Server:
 
     def _reset_by_client(self, client: Connection, secret: str, now_s: float) -> None:
         known = self._knows(secret, now_s)
-        if not known and not self._token.answers_wrong(now_s):
+        # a right code must not look wrong: while codes are locked, each is told so
+        is_told = CODE.fullmatch(secret) and self.code.locked(now_s)
+        if not known and not is_told and not self._token.answers_wrong(now_s):
             client.wrong_tokens = WRONG_TOKENS
         else:
             client.wrong_tokens += not known
@@ -546,7 +547,7 @@ class Server:
             answer = igtl.Text(json.dumps({"granted": granted, "message": text}))
             self._clients.send(
                 client,
-                Outgoing(RESET_DEVICE, (answer,), self.session.wall_clock),
+                self._outgoing((RESET_DEVICE, answer)),
                 now_s,
             )
 

@@ -191,6 +191,9 @@ class _Stream:
         self.shown = ShownPictures(limits.shown_frames)
         self.pace = FramePace(limits.silence_s)
         self.deferred = DeferredFrames(limits.catch_up_s, MOST_FRAMES // planes)
+        self.answered_s = -inf
+        # number of the newest frame of the last bunch, and its frames
+        self.bunch = (0, 0)
 
 
 class Session:
@@ -370,6 +373,7 @@ class Session:
             travel_m=self._travel[0] if is_fresh else None,
             travel_age_s=age_s if is_fresh else 0.0,
             plane=plane,
+            taken_s=image.begun_s,
         )
 
         return Frame(
@@ -437,6 +441,7 @@ class Session:
     def take_frame(self, frame: Frame) -> None:
         """Read a frame and decide on it."""
         self.answer = None
+        self._streams[frame.plane].answered_s = frame.unread.at_s
         try:
             self.answer, read, history = self._read_frame(frame)
         except Exception as fault:  # the frame was not read
@@ -449,7 +454,17 @@ class Session:
     def defer(self, frame: Frame, newest: Frame) -> None:
         """Defer a frame, which `newest` overtook, until no newer one waits."""
         self._overtaken += 1
-        self._streams[frame.plane].deferred.add(frame, newest.number)
+        stream = self._streams[frame.plane]
+        if stream.bunch[0] != newest.number:
+            stream.bunch = newest.number, newest.number - frame.number + 1
+
+        if frame.unread.taken_s is None:
+            since_s = newest.unread.at_s - stream.answered_s
+            taken_s = _place_in_bunch(frame, newest, since_s, stream.bunch[1])
+            unread = replace(frame.unread, taken_s=taken_s)
+            frame = replace(frame, unread=unread)
+
+        stream.deferred.add(frame, newest.number)
 
     def losses(self, now_s: float) -> list[events.QueueLoss]:
         """Return the events of the deferred frames that are lost by now."""
@@ -556,6 +571,24 @@ class Session:
             lost=self.lost,
             **self._beside,
         )
+
+
+def _place_in_bunch(frame: Frame, newest: Frame, since_s: float, frames: int) -> float:
+    """Return when an overtaken frame was taken, s: before the newest of its bunch of so
+    many frames, and after the one answered `since_s` before that.
+
+    The times in the headers say it if they fit; otherwise the scanner's interval does.
+    """
+    sent_s = frame.unread.sent_s
+    newest_sent_s = newest.unread.sent_s
+
+    if sent_s is not None and newest_sent_s is not None:
+        before_s = newest_sent_s - sent_s
+        if LEAST_SENT_S <= before_s < since_s:
+            return newest.unread.at_s - before_s
+
+    interval_s = min(newest.interval_s, since_s / frames)
+    return newest.unread.at_s - interval_s * (newest.number - frame.number)
 
 
 def _failure(frame: Frame, fault: Exception, at_s: float) -> MonitorEvent:

@@ -3,15 +3,15 @@ died.
 
 It holds duplicates of the clients' sockets. If no sign of life comes for `MISSES` looks
 of `LOOK_S`, it kills the monitor (which might otherwise resume later and say OK) and
-sends the emergency STATUS to all clients, every `REPEAT_S`, until the last one has
-left. A pause of the whole machine counts as one look. The process uses the standard
-library alone, so that it starts before NumPy and the model are loaded and does not
-depend on them.
+sends the emergency (a STATUS, and a STRING for programs without that type) to all
+clients, every `REPEAT_S`, until the last one has left. A pause of the whole machine
+counts as one look. The process uses the standard library alone, so that it starts
+before NumPy and the model are loaded and does not depend on them.
 
 A message is one datagram: a letter and what follows it. The watchdog answers `ALIVE`
 when it is ready and to each sign of life (B); Q is a planned end.
 
-    M  version, space, the STATUS to send
+    M  version, space, messages to send
     C  client, whose socket comes with it
     V  client, space, version
     D  client, whose socket is to be closed
@@ -37,7 +37,10 @@ FORM = re.compile(rb"M[123] .{58,}|C\d{1,18}|V\d{1,18} [123]|D\d{1,18}|B|Q", re.
 LOOK_S = 0.02
 MISSES = 5
 REPEAT_S = 0.05
-TIME = slice(34, 42)  # of a header in any version: seconds since 1970, in 2^-32 s
+# of a header in any version
+HEADER_BYTES = 58
+TIME = slice(34, 42)  # seconds since 1970, in 2^-32 s
+BODY_BYTES = slice(42, 50)
 # The second opinion waits for the monitor, and a monitor in a tight loop must not keep
 # its watchdog from running.
 OPINION_PRIORITY = 5
@@ -60,9 +63,15 @@ def parts_of(data: bytes) -> tuple[bytes, int, bytes]:
     return data[:1], int(number or b"0"), rest
 
 
-def stamp_time(message: bytearray, time_s: float) -> None:
-    """Write a time into an OpenIGTLink message, s since 1970."""
-    message[TIME] = int(time_s * 2**32).to_bytes(8, "big")
+def stamp_time(messages: bytearray, time_s: float) -> None:
+    """Write a time into each of several OpenIGTLink messages, s since 1970."""
+    time_s32 = int(time_s * 2**32).to_bytes(8, "big")
+    start = 0
+
+    while start < len(messages):
+        header = memoryview(messages)[start : start + HEADER_BYTES]
+        header[TIME] = time_s32
+        start += HEADER_BYTES + int.from_bytes(header[BODY_BYTES], "big")
 
 
 def run_in_real_time(priority: int) -> bool:

@@ -20,7 +20,7 @@ from scleraforce.service import messages
 from scleraforce.service.channel import Channel, ChannelClosedError
 from scleraforce.service.console.board import Board
 from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.reset import CODE, ResetToken
+from scleraforce.service.reset import CODE, TOO_MANY, ResetToken
 
 LATE_S = 0.015  # a wake-up of the console this late is a sign
 SLOW_MS = 10.0  # an answer that takes longer, too
@@ -267,8 +267,9 @@ class Hub:
         Only the right token and a few codes reach the monitor, so wrong ones can never
         keep the operator waiting.
         """
-        is_code = CODE.fullmatch(token) and self._token.answers_wrong(monotonic())
-        if not is_code and not self._token.knows(token):
+        is_code = bool(CODE.fullmatch(token))
+        too_many = is_code and not self._token.answers_wrong(monotonic())
+        if (too_many or not is_code) and not self._token.knows(token):
             self._wrong_tokens += 1
             if (
                 self._wrong_tokens == 1
@@ -276,10 +277,8 @@ class Hub:
                 asyncio.get_running_loop().call_later(WRONG_S, self._send_wrong)
 
             await asyncio.sleep(WRONG_S)
-            return (
-                False,
-                "the token or code is wrong; the monitor printed the right ones",
-            )
+            wrong = "the token or code is wrong; the monitor printed the right ones"
+            return False, TOO_MANY if too_many else wrong
 
         number = next(self._numbers)
         future = self._waiting[number] = asyncio.get_running_loop().create_future()
