@@ -3,7 +3,7 @@ and as its file.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from math import exp, floor, isfinite, log10
 from typing import Annotated, Any
 
@@ -344,7 +344,7 @@ def _eye_entry(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, An
         "thickness_um": from_si(eye.thickness_m, "um"),
         "globe": calibration_file.globe_entry(eye.globe),
         "stiffening": eye.stiffening,
-        "relaxation": eye.relaxation and vars(eye.relaxation),
+        "relaxation": eye.relaxation and asdict(eye.relaxation),
         "lean_deg": from_si(eye.lean_rad, "deg"),
         "discrepancy": eye.discrepancy and vars(eye.discrepancy),
         "updates": eye.updates,

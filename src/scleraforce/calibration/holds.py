@@ -1,0 +1,389 @@
+"""What the holds of a force log say of the tissue, and who yields in them.
+
+A needle that holds still keeps the dent and so the elastic force Fe, while the force F
+falls: F is turned into Fe by the series of `mechanics.material`, and the shares g keep
+Fe constant in all holds (least squares, Gauss-Newton with g >= 0). The log alone cannot
+tell this from a needle, or its holder, that yields on an elastic wall: then the dent
+follows the force, and Fe is F.
+
+Two things keep that apart from what the log does not say:
+
+- A time constant counts as shown if the holds say more of its share than other tissue
+  does: the share's variance is below half of the prior's. The others are not
+  estimated; their variance stays, and widens intervals.
+- Two frames of one hold decide who yields (`who_yields`): the dent stays, or follows
+  the force. Without such frames both are kept (`KnownRelaxation.other`). As the first
+  of them counts the one that explains the log better: what relaxing tissue remembers of
+  a push changes the next hold, while a needle begins each push anew.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise, product
+
+import numpy as np
+
+from scleraforce.arrays import Flags, Floats
+from scleraforce.known.relaxation import HoldFinding, KnownRelaxation, rows
+from scleraforce.mechanics.material import driven_back
+
+# two terms of any times between are as good as in the grid
+TIMES_S = (
+    0.3,
+    1.0,
+    3.0,
+    10.0,
+    30.0,
+    100.0,
+)
+# Half-normal priors of the shares, each with the same: pork loses 0.27 with 0.4 s and
+# 0.33 with 4.3 s, the paper's eyes some percent. A log without holds leaves tissue that
+# relaxes much or little on all times alike, as much as by chance.
+PRIOR_SD = np.full(len(TIMES_S), 0.07)
+# of a half-normal
+MEAN_OF_SD = np.sqrt(2.0 / np.pi)
+SD_OF_SD = np.sqrt(1.0 - 2.0 / np.pi)
+# of the prior's variance: above, other tissue says more of a share than the holds do
+SHOWN = 0.5
+STEP_S = 0.1  # of the log that is turned back: its low-pass leaves 5 Hz
+CONTACT_N = 2e-3
+LEAST_PUSH_N = 10e-3  # of which a hold is taken
+FAST = 0.3  # of the fastest rise of a push: faster changes are the needle's
+SURE = 4.0  # standard deviations of the noise
+# samples: of a mean, which leaves out 0.2 s at a hold's ends; of the shortest hold
+SMOOTHED = 4
+LEAST = 5
+REACHED = 0.8  # of a hold's median force: below, a slow ramp is not over
+OFF = 1.5  # of the usual scatter: the needle moved
+MOST = 0.95  # of a force is lost
+# of Gauss-Newton; of a share, for its derivative
+ROUNDS = 6
+STEP = 1e-4
+LEAST_GAIN = 8.0  # of the log likelihood, below which the tissue counts as elastic
+# The least chance of either explanation by the log alone: both are models, and a holder
+# may remember pushes as tissue does.
+LEAST_CHANCE = 0.25
+# of tissue, from which it counts first: the log shows that pushes are remembered.
+# Without memory both explanations read frames like the calibration's alike, and elastic
+# walls need no shares.
+REMEMBERED = 0.9
+# of a share that frames show: standard deviations within which nothing, or all, of a
+# fall is the tissue's
+AGREED = 2.0
+LEAST_SD = 0.02  # of the same: the holds' own fit
+FRAMES_OF_HOLD = 2  # that are read: the farthest apart
+MOST_HOLDS = 12  # whose frames are read
+
+
+@dataclass(frozen=True, eq=False)
+class HoldLog:
+    """A force log every `STEP_S`, without offset and drift, (sample,): time since its
+    beginning, force, and whether the needle touches.
+    """
+
+    time_s: Floats
+    felt_n: Floats
+    contact: Flags
+
+    @classmethod
+    def of(cls, since_s: Floats, contact_n: Floats, zero: Floats) -> "HoldLog":
+        """Return the log of a contact force; `zero` is offset, N, and drift, N/s."""
+        time_s = np.arange(0.0, since_s[-1], STEP_S)
+        felt_n = np.interp(time_s, since_s, contact_n) - zero[0] - zero[1] * time_s
+        return cls(time_s, felt_n, felt_n > CONTACT_N)
+
+    def frames(self, since_s: Floats) -> np.ndarray:
+        """Return the samples of times, (time,)."""
+        return np.clip(np.searchsorted(self.time_s, since_s), 0, len(self.time_s) - 1)
+
+    def elastic(self, shares: Floats, *, anew: bool = False) -> tuple[Floats, Floats]:
+        """Return Fe (candidate, sample) and m_i (candidate, sample, term) by shares
+        (candidate, term).
+        """
+        return driven_back(
+            self.felt_n, self.time_s, self.contact, shares, TIMES_S, anew=anew
+        )
+
+    @property
+    def holds(self) -> list[slice]:
+        """The parts of the log between fast changes of the force, in contact."""
+        return list(self._holds())
+
+    def _holds(self) -> Iterator[slice]:
+        felt_n = self.felt_n
+        contact = self.contact
+        ends_n = np.pad(felt_n, (SMOOTHED // 2, (SMOOTHED - 1) // 2), mode="symmetric")
+        smooth_n = np.convolve(ends_n, np.full(SMOOTHED, 1.0 / SMOOTHED), mode="valid")
+        speed = np.gradient(smooth_n)
+        noise = (
+            1.4826 * float(np.median(np.abs(speed[~contact])))
+            if (~contact).any()
+            else 0.0
+        )
+        ends = np.flatnonzero(np.diff(contact, prepend=False, append=False))
+
+        for start, stop in ends.reshape(-1, 2).tolist():
+            push = slice(start, stop)
+            if felt_n[push].max() < LEAST_PUSH_N:
+                continue
+
+            fast = np.abs(speed[push]) > max(FAST * speed[push].max(), SURE * noise)
+            for before, after in pairwise((np.flatnonzero(fast) + start).tolist()):
+                held_n = smooth_n[before + 1 : after]
+                if len(held_n) < LEAST:
+                    continue
+
+                reached = int(np.argmax(held_n >= REACHED * np.median(held_n)))
+                hold = slice(before + 1 + reached, after)
+                if (
+                    hold.stop - hold.start >= LEAST
+                    and felt_n[hold].min() > LEAST_PUSH_N / 2
+                ):
+                    yield hold
+
+
+@dataclass(frozen=True, eq=False)
+class HoldFit:
+    """Shares (term,) with their covariance; `misfit`: chi squares of the holds and of
+    the prior.
+    """
+
+    shares: Floats
+    covariance: Floats
+    misfit: float
+    gain: float  # of the log likelihood, over elastic tissue
+    inflation: float  # of the variance: the scatter about the fit over the noise
+    kept: tuple[slice, ...]  # holds in which the needle did not move
+
+
+def fitted(
+    log: HoldLog,
+    holds: Sequence[slice],
+    shown: Flags | None = None,
+    *,
+    anew: bool = False,
+) -> HoldFit:
+    """Fit the shares of the `shown` terms, by default of all, to holds.
+
+    `anew`: nothing is remembered of earlier pushes, as by a needle that yields.
+    """
+    used = np.arange(len(TIMES_S)) if shown is None else np.flatnonzero(shown)
+    variance = 0.5 * float(
+        np.mean(np.concatenate([np.diff(log.felt_n[hold]) for hold in holds]) ** 2)
+    )
+
+    def scatter(shares: Floats) -> list[Floats]:
+        """Return the distance of Fe from its mean in each hold, (candidate, sample)."""
+        elastic_n = log.elastic(shares, anew=anew)[0]
+        return [
+            elastic_n[:, hold] - elastic_n[:, hold].mean(axis=1, keepdims=True)
+            for hold in holds
+        ]
+
+    shares = np.zeros(len(TIMES_S))
+    prior = np.diag(PRIOR_SD[used] ** -2)
+    steps = np.concatenate([np.zeros((1, len(TIMES_S))), STEP * np.eye(len(TIMES_S))])
+    steps = steps[[0, *(used + 1)]]
+    seen = np.zeros((len(used), len(used)))
+
+    for _ in range(ROUNDS if len(used) else 0):
+        rest_n = np.concatenate(scatter(shares + steps), axis=1)
+        slopes = (rest_n[1:] - rest_n[0]) / STEP
+        seen = slopes @ slopes.T / variance
+        gradient = seen @ shares[used] - slopes @ rest_n[0] / variance
+        shares[used] = not_negative(seen + prior, gradient)
+        shares *= min(1.0, MOST / max(float(shares.sum()), MOST))
+
+    parts = scatter(np.stack([np.zeros(len(TIMES_S)), shares]))
+    # of each hold, elastic and relaxing
+    squares = np.array([(part_n**2).sum(axis=1) for part_n in parts]) / variance
+    counts = np.array([part_n.shape[1] for part_n in parts])
+    usual = squares[:, 1] / counts
+    kept = tuple(
+        hold
+        for hold, one in zip(holds, usual, strict=True)
+        if one <= OFF**2 * float(np.median(usual))
+    )
+    inflation = max(float(squares[:, 1].sum() / counts.sum()), 1.0)
+    covariance = np.diag(PRIOR_SD**2)
+    covariance[np.ix_(used, used)] = inflation * np.linalg.inv(seen + prior)
+    misfit = float(squares[:, 1].sum() + ((shares / PRIOR_SD) ** 2).sum())
+    gain = 0.5 * float((squares[:, 0] - squares[:, 1]).sum()) / inflation
+
+    return HoldFit(shares, covariance, misfit, gain, inflation, kept)
+
+
+def found(log: HoldLog) -> KnownRelaxation:
+    """Find what the holds of a log say; without holds, shares are as in other
+    tissue.
+    """
+    holds = log.holds
+    if not holds:
+        covariance = (
+            SD_OF_SD**2 * (np.outer(PRIOR_SD, PRIOR_SD) + np.diag(PRIOR_SD**2)) / 2
+        )
+        none = KnownRelaxation.of(
+            (MEAN_OF_SD * PRIOR_SD).tolist(), TIMES_S, covariance, "population"
+        )
+        return replace(none, finding=HoldFinding(cause="no holds"))
+
+    whole = fitted(log, fitted(log, holds).kept)
+    shown = np.diag(whole.covariance) < SHOWN * PRIOR_SD**2
+    tissue = fitted(log, whole.kept, shown) if shown.any() else whole
+    length_s = STEP_S * float(np.median([one.stop - one.start for one in whole.kept]))
+    finding = HoldFinding(
+        cause="undecided",
+        hold_s=length_s,
+        fall=float(-np.expm1(-length_s / np.array(TIMES_S)) @ tissue.shares),
+        not_estimated_s=tuple(np.array(TIMES_S)[~shown].tolist()),
+    )
+    nothing = np.zeros(len(TIMES_S)).tolist()
+
+    if whole.gain <= LEAST_GAIN:
+        steady = KnownRelaxation.of(nothing, TIMES_S, whole.covariance, "holds")
+        return replace(steady, finding=replace(finding, cause="steady", fall=0.0))
+
+    needle = fitted(log, whole.kept, shown, anew=True)
+    gain = 0.5 * (needle.misfit - tissue.misfit) / tissue.inflation
+    chance = max(1.0 / (1.0 + float(np.exp(-np.clip(gain, -50.0, 50.0)))), LEAST_CHANCE)
+    shares = [tissue.shares.tolist(), nothing]
+    first, other = shares if chance >= REMEMBERED else shares[::-1]
+    undecided = KnownRelaxation.of(first, TIMES_S, chance * whole.covariance, "holds")
+
+    return replace(
+        undecided, other=tuple(other), finding=replace(finding, chance=chance)
+    )
+
+
+@dataclass(frozen=True)
+class HeldFrame:
+    """A frame in a hold: its number, the hold's, and ln of the force on the needle then
+    by the holds' fit.
+    """
+
+    index: int
+    hold: int
+    log_force: float
+
+
+def held_frames(
+    log: HoldLog, relaxation: KnownRelaxation, since_s: Floats
+) -> list[HeldFrame]:
+    """Return the frames that decide who yields: of each hold the two between which the
+    force falls most, of the holds in which it falls most.
+
+    The force is that of the fit: as it falls alike whoever yields, its shape is the
+    same, and it has less noise than a label.
+    """
+    shares = np.array(tissue_shares(relaxation))
+    (elastic_n,), (memory_n,) = log.elastic(shares[None])
+    samples = log.frames(since_s)
+    apart = list[tuple[float, tuple[HeldFrame, HeldFrame]]]()
+
+    for number, hold in enumerate(log.holds):
+        there = np.flatnonzero((samples >= hold.start) & (samples < hold.stop))
+        if len(there) < FRAMES_OF_HOLD:
+            continue
+
+        force_n = elastic_n[hold].mean() - memory_n[samples[there]] @ shares
+        ends = [int(force_n.argmax()), int(force_n.argmin())]
+        if force_n[ends[1]] > 0.0 and ends[0] != ends[1]:
+            pair = [
+                HeldFrame(int(there[end]), number, float(np.log(force_n[end])))
+                for end in ends
+            ]
+            fall = pair[0].log_force - pair[1].log_force
+            apart.append((fall, (pair[0], pair[1])))
+
+    apart.sort(key=lambda one: -one[0])
+    return [frame for _, pair in apart[:MOST_HOLDS] for frame in pair]
+
+
+def who_yields(
+    relaxation: KnownRelaxation,
+    frames: Sequence[HeldFrame],
+    log_read: Floats,
+    log_sd: Floats,
+) -> KnownRelaxation:
+    """Return what frames of one hold decide, from ln of the forces that their dents
+    show, (frame,), and the standard deviations of these.
+
+    Within a hold ln of a dent's force is a line in ln F, whose slope is the needle's
+    part of the fall: 1 if the dent follows the force, 0 if it stays. The scatter about
+    the line counts if it is larger than expected.
+    """
+    holds = [frame.hold for frame in frames]
+    counted = np.array([holds.count(hold) >= FRAMES_OF_HOLD for hold in holds])
+    if not counted.any():
+        return relaxation
+
+    _, group = np.unique(np.array(holds)[counted], return_inverse=True)
+    size = np.bincount(group)
+    x, y = (
+        values[counted] - (np.bincount(group, values[counted]) / size)[group]
+        for values in (np.array([frame.log_force for frame in frames]), log_read)
+    )
+    spread = float(x @ x)
+    if not spread > 0.0:
+        return relaxation
+
+    slope = float(x @ y) / spread
+    freedom = len(x) - len(size) - 1
+    variance = float(np.mean(log_sd[counted] ** 2))
+    if freedom > 0:
+        rest = y - slope * x
+        variance = max(variance, float(rest @ rest) / freedom)
+
+    sd = max(float(np.sqrt(variance / spread)), LEAST_SD)
+    return _decided(relaxation, 1.0 - slope, sd, len(x))
+
+
+def _decided(
+    relaxation: KnownRelaxation, share: float, sd: float, frames: int
+) -> KnownRelaxation:
+    """Return a relaxation whose `share` of a fall is the tissue's, by frames."""
+    assert relaxation.finding is not None
+    elastic = abs(share) <= AGREED * sd
+    relaxes = abs(1.0 - share) <= AGREED * sd
+    finding = replace(
+        relaxation.finding, frames=frames, tissue_share=share, tissue_share_sd=sd
+    )
+    if elastic and relaxes:
+        return replace(relaxation, finding=finding)
+
+    part = 0.0 if elastic else 1.0 if relaxes else float(np.clip(share, 0.0, 1.0))
+    shares = np.array(tissue_shares(relaxation))
+    whole = np.array(relaxation.covariance) / (finding.chance or 1.0)
+    covariance = part**2 * whole
+    if part > 0.0:
+        covariance = covariance + np.outer(shares, shares) * sd**2
+
+    return replace(
+        relaxation,
+        shares=tuple((part * shares).tolist()),
+        covariance=rows(covariance),
+        other=(),
+        finding=replace(
+            finding, cause="needle" if elastic else "tissue" if relaxes else "both"
+        ),
+    )
+
+
+def tissue_shares(relaxation: KnownRelaxation) -> tuple[float, ...]:
+    """Return the shares of an undecided relaxation if the tissue yields."""
+    return relaxation.shares if any(relaxation.shares) else relaxation.other
+
+
+def not_negative(normal: Floats, gradient: Floats) -> Floats:
+    """Return the few x >= 0 with the least x N x / 2 - g x (share,); SciPy's takes a
+    tenth of a second to import.
+    """
+    best = np.zeros(len(gradient))
+    for chosen in product((False, True), repeat=len(gradient)):
+        free = np.array(chosen)
+        x = np.zeros(len(gradient))
+        x[free] = np.linalg.solve(normal[np.ix_(free, free)], gradient[free])
+        if (x >= 0.0).all() and gradient @ x > gradient @ best:  # twice what each gains
+            best = x
+
+    return best
