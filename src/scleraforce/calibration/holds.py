@@ -151,6 +151,7 @@ class HoldFit:
     shares: Floats
     covariance: Floats
     misfit: float
+    fall: float  # share of a force that is lost in a hold, the median one
     gain: float  # of the log likelihood, over elastic tissue
     inflation: float  # of the variance: the scatter about the fit over the noise
     kept: tuple[slice, ...]  # holds in which the needle did not move
@@ -181,7 +182,11 @@ def fitted(
         ]
 
     shares = np.zeros(len(TIMES_S))
-    prior = np.diag(PRIOR_SD[used] ** -2)
+    prior_sd = PRIOR_SD.copy()
+    if len(used):  # the longest one stands for all that are longer
+        prior_sd[used[-1]] = np.sqrt((PRIOR_SD[used[-1] :] ** 2).sum())
+
+    prior = np.diag(prior_sd[used] ** -2)
     steps = np.concatenate([np.zeros((1, len(TIMES_S))), STEP * np.eye(len(TIMES_S))])
     steps = steps[[0, *(used + 1)]]
     seen = np.zeros((len(used), len(used)))
@@ -207,10 +212,19 @@ def fitted(
     inflation = max(float(squares[:, 1].sum() / counts.sum()), 1.0)
     covariance = np.diag(PRIOR_SD**2)
     covariance[np.ix_(used, used)] = inflation * np.linalg.inv(seen + prior)
-    misfit = float(squares[:, 1].sum() + ((shares / PRIOR_SD) ** 2).sum())
+    misfit = float(squares[:, 1].sum() + ((shares / prior_sd) ** 2).sum())
     gain = 0.5 * float((squares[:, 0] - squares[:, 1]).sum()) / inflation
 
-    return HoldFit(shares, covariance, misfit, gain, inflation, kept)
+    (elastic_n,), (memory_n,) = log.elastic(shares[None], anew=anew)
+    ends_n = np.array(
+        [
+            elastic_n[hold].mean() - memory_n[[hold.start, hold.stop - 1]] @ shares
+            for hold in kept
+        ]
+    )
+    fall = float(np.median(1.0 - ends_n[:, 1] / ends_n[:, 0]))
+
+    return HoldFit(shares, covariance, misfit, fall, gain, inflation, kept)
 
 
 def found(log: HoldLog) -> KnownRelaxation:
@@ -234,7 +248,7 @@ def found(log: HoldLog) -> KnownRelaxation:
     finding = HoldFinding(
         cause="undecided",
         hold_s=length_s,
-        fall=float(-np.expm1(-length_s / np.array(TIMES_S)) @ tissue.shares),
+        fall=tissue.fall,
         not_estimated_s=tuple(np.array(TIMES_S)[~shown].tolist()),
     )
     nothing = np.zeros(len(TIMES_S)).tolist()
@@ -246,13 +260,19 @@ def found(log: HoldLog) -> KnownRelaxation:
     needle = fitted(log, whole.kept, shown, anew=True)
     gain = 0.5 * (needle.misfit - tissue.misfit) / tissue.inflation
     chance = max(1.0 / (1.0 + float(np.exp(-np.clip(gain, -50.0, 50.0)))), LEAST_CHANCE)
-    shares = [tissue.shares.tolist(), nothing]
-    first, other = shares if chance >= REMEMBERED else shares[::-1]
-    undecided = KnownRelaxation.of(first, TIMES_S, chance * whole.covariance, "holds")
+    finding = replace(finding, chance=chance)
+    if chance < REMEMBERED:
+        needle_first = KnownRelaxation.of(
+            nothing, TIMES_S, chance * whole.covariance, "holds"
+        )
+        return replace(
+            needle_first, other=tuple(tissue.shares.tolist()), finding=finding
+        )
 
-    return replace(
-        undecided, other=tuple(other), finding=replace(finding, chance=chance)
+    tissue_first = KnownRelaxation.of(
+        tissue.shares.tolist(), TIMES_S, chance * whole.covariance, "holds"
     )
+    return replace(tissue_first, other=tuple(nothing), finding=finding)
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ SPREAD = 1.0 / 3.0
 class HoldFinding:
     """What the holds of a force log have shown of tissue and needle.
 
-    `fall`: share of a force that is lost in a hold of `hold_s`, the median one, None
+    `fall`: by which share the force falls in a hold of `hold_s`, the median one; None
     without holds. `chance`: of tissue that yields, by the log alone. `not_estimated_s`
     are time constants too long for the holds. `frames` in pairs of one hold give
     `tissue_share`, the tissue's part of that fall, with a standard deviation; the
