@@ -286,42 +286,67 @@ class HeldFrame:
     log_force: float
 
 
+@dataclass(frozen=True)
+class HeldFrames:
+    """Frames of holds in pairs; `fall_sd`: how sure the log is of the falls between
+    them, relative.
+    """
+
+    frames: tuple[HeldFrame, ...]
+    fall_sd: float
+
+
 def held_frames(
     log: HoldLog, relaxation: KnownRelaxation, since_s: Floats
-) -> list[HeldFrame]:
+) -> HeldFrames:
     """Return the frames that decide who yields: of each hold the two between which the
     force falls most, of the holds in which it falls most.
 
-    The force is that of the fit: as it falls alike whoever yields, its shape is the
-    same, and it has less noise than a label.
+    The force is a hold's mean and the fit's fall, scaled to all holds of the log:
+    whoever yields, its shape is the same, and it has less noise than a label.
     """
     shares = np.array(tissue_shares(relaxation))
-    (elastic_n,), (memory_n,) = log.elastic(shares[None])
+    _, (memory_n,) = log.elastic(shares[None])
+    fit_n = -(memory_n @ shares)
+    holds = log.holds
+    felt_n, fallen_n = (
+        np.concatenate([part[hold] - part[hold].mean() for hold in holds])
+        for part in (log.felt_n, fit_n)
+    )
+    size = float(fallen_n @ fallen_n)
+    if not size > 0.0:
+        return HeldFrames((), np.inf)
+
+    scale = float(felt_n @ fallen_n) / size
+    rest_n = felt_n - scale * fallen_n
+    fall_sd = float(np.sqrt(rest_n @ rest_n / len(rest_n) / size))
     samples = log.frames(since_s)
     apart = list[tuple[float, tuple[HeldFrame, HeldFrame]]]()
 
-    for number, hold in enumerate(log.holds):
+    for number, hold in enumerate(holds):
         there = np.flatnonzero((samples >= hold.start) & (samples < hold.stop))
         if len(there) < FRAMES_OF_HOLD:
             continue
 
-        force_n = elastic_n[hold].mean() - memory_n[samples[there]] @ shares
+        force_n = log.felt_n[hold].mean() + scale * (
+            fit_n[samples[there]] - fit_n[hold].mean()
+        )
         ends = [int(force_n.argmax()), int(force_n.argmin())]
         if force_n[ends[1]] > 0.0 and ends[0] != ends[1]:
-            pair = [
+            first, last = (
                 HeldFrame(int(there[end]), number, float(np.log(force_n[end])))
                 for end in ends
-            ]
-            fall = pair[0].log_force - pair[1].log_force
-            apart.append((fall, (pair[0], pair[1])))
+            )
+            apart.append((first.log_force - last.log_force, (first, last)))
 
     apart.sort(key=lambda one: -one[0])
-    return [frame for _, pair in apart[:MOST_HOLDS] for frame in pair]
+    kept = tuple(frame for _, pair in apart[:MOST_HOLDS] for frame in pair)
+    return HeldFrames(kept, fall_sd / abs(scale) if scale else np.inf)
 
 
 def who_yields(
     relaxation: KnownRelaxation,
-    frames: Sequence[HeldFrame],
+    held: HeldFrames,
     log_read: Floats,
     log_sd: Floats,
 ) -> KnownRelaxation:
@@ -332,6 +357,7 @@ def who_yields(
     part of the fall: 1 if the dent follows the force, 0 if it stays. The scatter about
     the line counts if it is larger than expected.
     """
+    frames = held.frames
     holds = [frame.hold for frame in frames]
     counted = np.array([holds.count(hold) >= FRAMES_OF_HOLD for hold in holds])
     if not counted.any():
@@ -354,7 +380,9 @@ def who_yields(
         rest = y - slope * x
         variance = max(variance, float(rest @ rest) / freedom)
 
-    sd = max(float(np.sqrt(variance / spread)), LEAST_SD)
+    sd = max(
+        float(np.hypot(np.sqrt(variance / spread), slope * held.fall_sd)), LEAST_SD
+    )
     return _decided(relaxation, 1.0 - slope, sd, len(x))
 
 
@@ -363,8 +391,8 @@ def _decided(
 ) -> KnownRelaxation:
     """Return a relaxation whose `share` of a fall is the tissue's, by frames."""
     assert relaxation.finding is not None
-    elastic = abs(share) <= AGREED * sd
-    relaxes = abs(1.0 - share) <= AGREED * sd
+    elastic = share <= AGREED * sd
+    relaxes = share >= 1.0 - AGREED * sd
     finding = replace(
         relaxation.finding, frames=frames, tissue_share=share, tissue_share_sd=sd
     )

@@ -108,7 +108,9 @@ def _with_histories(
         before_covariance_n2=covariance_n2,
     )
 
+    # a frame of the same push does not say what a rest leaves
     later = counted[counted > 0]
+    later = later[pushes[later] >= frames[later - 1]]
     if not len(later):
         return histories
 

@@ -37,7 +37,8 @@ def decided(
     asked = list[HeldFrame]()
     walls = []
 
-    for frame in held_frames(log, relaxation, forces.since_start_s):
+    held = held_frames(log, relaxation, forces.since_start_s)
+    for frame in held.frames:
         force_n = float(forces.force_n[frame.index])
         seen = (
             frames.seen(frame.index)
@@ -64,7 +65,7 @@ def decided(
     ]
     after = who_yields(
         relaxation,
-        [frame for frame, _ in read],
+        replace(held, frames=tuple(frame for frame, _ in read)),
         np.log([again.library_n for _, again in read]),
         np.array([again.sd_n / again.library_n for _, again in read]),
     )
