@@ -116,7 +116,7 @@ def test_tissue_that_remembers_its_pushes_counts_first(seed: int) -> None:
     assert found.other == (0.0,) * len(TIMES_S)
     ratio = elastic_n / path.elastic_n(middles(pushes))
     assert ratio == pytest.approx(1.0, abs=0.15)
-    assert ratio.mean() == pytest.approx(1.0, abs=0.04)
+    assert ratio.mean() == pytest.approx(1.0, abs=0.08)
 
 
 @pytest.mark.parametrize(

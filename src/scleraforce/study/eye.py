@@ -186,7 +186,11 @@ def relaxation_text(terms: Sequence[Sequence[float]]) -> str:
 
     >>> relaxation_text([(0.12, 1.2), (0.15, 12.0)]), relaxation_text(())
     ('0.12:1.2,0.15:12.0', 'none')
+
+    Raises:
+        StudyError: the terms are impossible.
     """
+    check_relaxation(terms)
     return ",".join(":".join(map(repr, map(float, term))) for term in terms) or "none"
 
 
