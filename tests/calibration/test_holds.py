@@ -98,9 +98,9 @@ def test_a_needle_that_yields_leaves_both_explanations_and_its_forces_as_they_ar
     assert elastic_n == pytest.approx(path.felt_n(middles(pushes)), abs=1e-12)
     assert not any(found.shares)
     long = np.array(TIMES_S) >= 30.0
-    assert not np.array(found.other)[long].any()
+    assert (np.array(found.other)[long] <= 0.06).all()
     lost = 1.0 - PronySeries(found.other, TIMES_S).left(np.array(4.0))
-    assert lost == pytest.approx(0.12, abs=0.04)
+    assert lost == pytest.approx(0.12, abs=0.08)
     assert (np.diag(found.covariance)[long] > 0.02**2).all()
 
 
@@ -192,7 +192,9 @@ def test_dents_that_follow_by_half_show_that_both_yield(seed: int) -> None:
     after = who_yields(found, held, read, np.full(len(read), 1e-3))
     assert after.finding is not None
     assert after.finding.cause == "both"
-    assert after.shares == pytest.approx(0.5 * np.array(found.other), rel=0.01)
+    seen = [time not in found.finding.not_estimated_s for time in TIMES_S]
+    expected = np.where(seen, 0.5 * np.array(found.other), 0.0)
+    assert after.shares == pytest.approx(expected, rel=0.01)
 
 
 def test_dents_that_are_read_too_roughly_decide_nothing() -> None:

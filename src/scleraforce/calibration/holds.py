@@ -60,13 +60,12 @@ MOST = 0.95  # of a force is lost
 ROUNDS = 6
 STEP = 1e-4
 LEAST_GAIN = 8.0  # of the log likelihood, below which the tissue counts as elastic
-# The least chance of either explanation by the log alone: both are models, and a holder
-# may remember pushes as tissue does.
-LEAST_CHANCE = 0.25
-# of tissue, from which it counts first: the log shows that pushes are remembered.
-# Without memory both explanations read frames like the calibration's alike, and elastic
-# walls need no shares.
+# Chance of tissue, or of a needle, from which the log shows that pushes are remembered,
+# or that they are not. Without memory both explanations read frames like the
+# calibration's alike, and elastic walls need no shares.
 REMEMBERED = 0.9
+# of tissue, where the log shows no memory: both explanations are models only
+LEAST_CHANCE = 0.25
 # of a share that frames show: standard deviations within which nothing, or all, of a
 # fall is the tissue's
 AGREED = 2.0
@@ -259,20 +258,39 @@ def found(log: HoldLog) -> KnownRelaxation:
 
     needle = fitted(log, whole.kept, shown, anew=True)
     gain = 0.5 * (needle.misfit - tissue.misfit) / tissue.inflation
-    chance = max(1.0 / (1.0 + float(np.exp(-np.clip(gain, -50.0, 50.0)))), LEAST_CHANCE)
-    finding = replace(finding, chance=chance)
-    if chance < REMEMBERED:
-        needle_first = KnownRelaxation.of(
-            nothing, TIMES_S, chance * whole.covariance, "holds"
-        )
-        return replace(
-            needle_first, other=tuple(tissue.shares.tolist()), finding=finding
-        )
+    chance = 1.0 / (1.0 + float(np.exp(-np.clip(gain, -50.0, 50.0))))
+    return _undecided(whole, tissue, shown, replace(finding, chance=chance))
 
-    tissue_first = KnownRelaxation.of(
-        tissue.shares.tolist(), TIMES_S, chance * whole.covariance, "holds"
-    )
-    return replace(tissue_first, other=tuple(nothing), finding=finding)
+
+def _undecided(
+    whole: HoldFit, tissue: HoldFit, shown: Flags, finding: HoldFinding
+) -> KnownRelaxation:
+    """Return both explanations of a fall, the first one by the tissue's chance.
+
+    `tissue` has the `shown` terms alone. If the log does not tell whether pushes are
+    remembered, the others may be as in other tissue.
+    """
+    assert finding.chance is not None
+    nothing = (0.0,) * len(TIMES_S)
+    covariance = whole.covariance
+    shares = tuple(tissue.shares.tolist())
+
+    if finding.chance >= REMEMBERED:
+        first, other = shares, nothing
+    elif _without_memory(finding):
+        first, other = nothing, shares
+        covariance = LEAST_CHANCE * covariance
+    else:
+        as_in_others = np.where(shown, tissue.shares, MEAN_OF_SD * PRIOR_SD)
+        first, other = nothing, tuple(as_in_others.tolist())
+
+    found = KnownRelaxation.of(first, TIMES_S, covariance, "holds")
+    return replace(found, other=other, finding=finding)
+
+
+def _without_memory(finding: HoldFinding) -> bool:
+    """Return True if the log shows that pushes are not remembered."""
+    return finding.chance is not None and finding.chance <= 1.0 - REMEMBERED
 
 
 @dataclass(frozen=True)
@@ -401,8 +419,9 @@ def _decided(
 
     part = 0.0 if elastic else 1.0 if relaxes else float(np.clip(share, 0.0, 1.0))
     shares = np.array(tissue_shares(relaxation))
-    whole = np.array(relaxation.covariance) / (finding.chance or 1.0)
-    covariance = part**2 * whole
+    covariance = part**2 * np.array(relaxation.covariance)
+    if _without_memory(finding):
+        covariance /= LEAST_CHANCE
     if part > 0.0:
         covariance = covariance + np.outer(shares, shares) * sd**2
 
@@ -418,8 +437,14 @@ def _decided(
 
 
 def tissue_shares(relaxation: KnownRelaxation) -> tuple[float, ...]:
-    """Return the shares of an undecided relaxation if the tissue yields."""
-    return relaxation.shares if any(relaxation.shares) else relaxation.other
+    """Return the shares of an undecided relaxation if the tissue yields: those that the
+    holds show.
+    """
+    finding = relaxation.finding
+    hidden = () if finding is None else finding.not_estimated_s
+    shares = relaxation.shares if any(relaxation.shares) else relaxation.other
+    each = zip(shares, relaxation.times_s, strict=True)
+    return tuple(0.0 if time_s in hidden else share for share, time_s in each)
 
 
 def not_negative(normal: Floats, gradient: Floats) -> Floats:
