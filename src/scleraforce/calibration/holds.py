@@ -40,7 +40,7 @@ TIMES_S = (
 # 0.33 with 4.3 s, the paper's eyes some percent. A log without holds leaves tissue that
 # relaxes much or little on all times alike, as much as by chance.
 PRIOR_SD = np.full(len(TIMES_S), 0.07)
-# of a half-normal
+# mean and standard deviation of a half-normal variable
 MEAN_OF_SD = np.sqrt(2.0 / np.pi)
 SD_OF_SD = np.sqrt(1.0 - 2.0 / np.pi)
 # of the prior's variance: above, other tissue says more of a share than the holds do

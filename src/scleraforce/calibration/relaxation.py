@@ -1,5 +1,5 @@
-"""The elastic force at each frame of a log, of tissue that relaxes, and the histories of
-the frames (`calibration.holds` finds how it relaxes).
+"""The elastic force at each frame of a log, of tissue that relaxes, and the histories
+of the frames (`calibration.holds` finds how it relaxes).
 
 F is turned into Fe by the series of `mechanics.material`. Between pushes nothing pulls:
 Fe is 0 there. A robot that holds the force instead of the place shows no relaxation;
