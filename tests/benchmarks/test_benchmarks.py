@@ -24,6 +24,7 @@ SMALLEST = {
     "bench_console": "changes --changes 2",
     "bench_finite_strain": "--rows 1 --loads 1 --quads 4 --core 2 --rings 4",
     "bench_forms": "--rows 1 --forces 1 --finest 6 20",
+    "bench_hold_forces": "--eyes 1 --holds 2 --kinds needle --frames 1",
     "bench_layers": "--rows 1 --rings 6",
     "bench_learn_eye": "--count 1",
     "bench_library": "1 --study {study}",

@@ -144,3 +144,45 @@ def test_parameters_that_cannot_be_are_refused_in_one_line(
             " leave out stiffening"
         )
         assert (printed.out, list(tmp_path.iterdir())) == ("", [])
+
+
+def test_a_relaxation_that_cannot_be_is_refused_in_one_line(
+    folder: Path, tmp_path: Path, capsys
+) -> None:
+    arguments = [
+        "calibrate",
+        str(folder / "eye"),
+        "--out",
+        str(tmp_path / "o.json"),
+        "--relaxation",
+    ]
+    for text, words in (
+        ("elastic", "give none, or SHARE:SECONDS"),
+        ("0.7:1,0.7:2", "add up to less than 1"),
+    ):
+        assert run([*arguments, text]) == 2
+        assert words in capsys.readouterr().err
+
+    assert run([*arguments, "none", "--mechanics", "linear"]) == 2
+    assert "linear mechanics knows none" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("text", "shares", "words"),
+    [
+        ("none", [], "declared: tissue is elastic"),
+        ("0.12:1.2", [0.12], "declared: tissue relaxes"),
+    ],
+)
+def test_a_declared_relaxation_is_used_and_said(
+    made_up_folder: Path, tmp_path: Path, capsys, text, shares, words
+) -> None:
+    arguments = ["calibrate", str(made_up_folder), "--frames", "2", "--out"]
+    assert run([*arguments, str(tmp_path / "o.json"), "--relaxation", text]) == 0
+    assert words in " ".join(capsys.readouterr().out.split())
+    written = json.loads((tmp_path / "o.json").read_text())
+    relaxation = written["eyes"]["made-up"]["relaxation"]
+    assert (relaxation["source"], relaxation["shares"]) == ("declared", shares)
+    assert relaxation["finding"] is None

@@ -9,7 +9,7 @@ import pytest
 from relaxing_eyes import FORCES_N, TISSUE, found_in, pushed
 from scipy.optimize import nnls
 
-from scleraforce.calibration.relaxation import TIMES_S, not_negative
+from scleraforce.calibration.holds import TIMES_S, not_negative
 from scleraforce.errors import CalibrationError
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.laboratory.pushes import NeedlePath

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from analytic_frames import moving
 
+import scleraforce as sf
 from scleraforce.calibration import assimilation
 from scleraforce.calibration.assimilation import RIGIDITY, FrameStep, known_globe_after
 from scleraforce.calibration.calibrate import LEAKS, calibrate_recordings
@@ -351,3 +352,29 @@ def test_a_sealed_eye_of_a_recording_has_a_rigidity_and_does_not_diverge() -> No
     assert (found.status, len(found.used), found.globe.calibrated) == ("ok", 3, True)
     assert 0.005 < found.globe.mean / PER_UL < 0.06
     assert found.globe.sd < 0.1 * found.globe.mean
+
+
+@pytest.mark.real
+@NEEDS_RECORDINGS
+def test_a_needle_that_yields_is_read_as_well_as_with_elastic_tissue_declared() -> None:
+    reader = sf.load_model("default")
+    found = dict[bool, tuple[list[float], list[float], list[bool]]]()
+
+    for declared in (False, True):
+        error_n, width_n, holds = found[declared] = [], [], []
+        for name in ("sample-a", "sample-d"):
+            recording = read_recording(RECORDINGS / name)
+            calibration = sf.calibrate(
+                recording, frames=3, relaxation=() if declared else None
+            )
+            finding = calibration.eyes[name].relaxation.finding
+            assert (finding is None) == declared
+            for trial in sf.evaluate(reader, recording, calibration).forces:
+                low_n, high_n = trial.interval_n
+                error_n.append(abs(trial.read_n - trial.measured_n))
+                width_n.append(high_n - low_n)
+                holds.append(trial.covered)
+
+    assert np.mean(found[False][0]) < 0.5e-3
+    assert np.mean(found[False][2]) >= 0.85
+    assert np.median(found[False][1]) < 1.2 * np.median(found[True][1])

@@ -453,6 +453,41 @@ def test_values_that_cannot_be_are_refused(refused, tiff, tmp_path: Path) -> Non
         )
 
 
+@pytest.mark.parametrize(
+    ("text", "terms"),
+    [("none", ()), ("0.12:1.2,0.15:12", ((0.12, 1.2), (0.15, 12.0)))],
+)
+def test_the_tissue_is_declared(imported, tiff: Path, text: str, terms: tuple) -> None:
+    options = options_of("--bits", 16)
+    _, recording = imported(tiff, *options, "--relaxation", text)
+    assert recording.info.eye.relaxation == terms
+
+
+def test_without_a_declaration_the_tissue_is_unknown(imported, tiff: Path) -> None:
+    _, recording = imported(tiff, *options_of("--bits", 16))
+    assert recording.info.eye.relaxation is None
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("elastic", "give none, or SHARE:SECONDS"),
+        ("0.1", "give none, or SHARE:SECONDS"),
+        ("0.1:2:3", "give none, or SHARE:SECONDS"),
+        ("auto", "give none, or SHARE:SECONDS"),
+        ("0.6:1,0.5:2", "add up to less than 1"),
+        ("0.1:0", "above 0"),
+        ("0.1:inf", "not finite"),
+        ("nan:1", "add up to less than 1"),
+    ],
+)
+def test_a_relaxation_that_cannot_be_is_refused(
+    refused, tiff: Path, text: str, words: str
+) -> None:
+    options = options_of("--bits", 16)
+    assert words in refused(tiff, *options, "--relaxation", text)
+
+
 def test_a_scale_that_contradicts_the_file_is_noted(imported, tiff) -> None:
     width_mm = COLUMNS * LATERAL_M * 1e3
     same, _ = imported(tiff, *options_of("--bits", 16, "--width-mm", width_mm))

@@ -23,7 +23,7 @@ from scleraforce.known.calibration_file import (
     known_of_eye,
     read_calibration,
 )
-from scleraforce.known.relaxation import KnownRelaxation
+from scleraforce.known.relaxation import HoldFinding, KnownRelaxation
 
 EYES = {
     "a": {
@@ -338,3 +338,38 @@ def test_a_covariance_without_a_negative_variance_is_needed(
     sound = calibration_text(0.27, {"a": {"relaxation": found}})
     (tmp_path / "d.json").write_text(sound)
     assert read_calibration(tmp_path / "d.json").eyes["a"].relaxation is not None
+
+
+def test_a_relaxation_of_an_early_file_has_no_finding(tmp_path: Path) -> None:
+    found = asdict(KnownRelaxation.declared([(0.12, 1.2)])) | {"source": "holds"}
+    early = {name: found[name] for name in found if name not in ("other", "finding")}
+    summary = read(tmp_path, eyes={"a": {"relaxation": early}})
+    relaxation = summary.eyes["a"].relaxation
+    assert relaxation is not None
+    assert (relaxation.shares, relaxation.other) == ((0.12,), ())
+    assert relaxation.finding is None
+
+
+def test_what_the_holds_have_shown_comes_back_from_a_file(tmp_path: Path) -> None:
+    finding = HoldFinding(
+        cause="undecided", hold_s=7.1, fall=0.12, chance=0.25, not_estimated_s=(30.0,)
+    )
+    written = replace(
+        KnownRelaxation.declared([(0.0, 1.2)]),
+        source="holds",
+        other=(0.12,),
+        finding=finding,
+    )
+    eyes = {name: {"relaxation": asdict(written)} for name in "ab"}
+    summary = read(tmp_path, eyes=eyes)
+    assert summary.eyes["a"].relaxation == written
+    stranger = known_of_eye(Known(), summary, "stranger").relaxation
+    assert stranger is not None
+    assert stranger.other == pytest.approx((0.12,))
+
+
+def test_shares_of_the_other_explanation_are_checked(tmp_path: Path) -> None:
+    written = asdict(KnownRelaxation.declared([(0.0, 1.2)]))
+    for other in ((0.1, 0.1), (1.2,)):
+        with pytest.raises(CalibrationError, match="relaxation"):
+            read(tmp_path, eyes={"a": {"relaxation": written | {"other": other}}})

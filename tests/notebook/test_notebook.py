@@ -247,6 +247,8 @@ OPTIONS = [
     "sealed",
     "--polar-angle-deg",
     "30",
+    "--relaxation",
+    "0.12:1.2,0.15:12.0",
     "--average-s",
     "0.5",
 ]
@@ -266,6 +268,7 @@ def test_it_writes_what_the_command_writes(sources: list[Path], tmp_path: Path) 
         "iop_pa": 15 * 133.322387415,
         "globe": "sealed",
         "polar_angle_rad": radians(30.0),
+        "relaxation": [(0.12, 1.2), (0.15, 12.0)],
     }
     recording = sf.import_recording(
         sources, tmp_path / "r", **TOLD, **FORCE, **eye, average_s=0.5
@@ -319,6 +322,8 @@ REFUSED: list[tuple[dict[str, object], str]] = [
     ({"array": "a"}, "^array: acts on an .npz file"),
     ({"columns": ["fz=pull"]}, "^columns: 'fz=pull'; give COLUMN=NAME:UNIT"),
     ({"globe": "shut"}, "globe: "),
+    ({"relaxation": [(0.6, 1.0), (0.5, 2.0)]}, "relaxation: shares are 0 or more"),
+    ({"relaxation": "none"}, "relaxation: a term is a share and a time"),
 ]
 
 

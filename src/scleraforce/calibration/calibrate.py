@@ -17,6 +17,7 @@ from scleraforce.calibration import assimilation
 from scleraforce.calibration.eye_frames import EyeFrames, SeenFrame, Settings, silent
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_order
+from scleraforce.calibration.holds import STEP_S
 from scleraforce.calibration.known_forces import (
     TissueTrial,
     most_trials,
@@ -26,7 +27,6 @@ from scleraforce.calibration.known_forces import (
 )
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.calibration.registration import first_belief
-from scleraforce.calibration.relaxation import STEP_S
 from scleraforce.calibration.result import (
     Calibration,
     EyeCalibration,
@@ -34,6 +34,7 @@ from scleraforce.calibration.result import (
     UsedRecording,
     rigidity_words,
 )
+from scleraforce.calibration.yielding import decided
 from scleraforce.errors import CalibrationError
 from scleraforce.known import (
     NINETY_PERCENT,
@@ -159,6 +160,8 @@ def _of_eye(
         return _as_open(_of_tissue(_without_globe(recording), settings, frames, before))
 
     found = _of_tissue(recording, settings, frames, before)
+    if before is None and found.status == "ok":
+        found = _of_yielding(recording, settings, frames, found)
     if (
         found.status == "ok"
         or before is not None
@@ -188,6 +191,26 @@ def _of_eye(
         " state what it is, or leave eye.globe out"
     )
     return _doubted(replace(found, globe=UNKNOWN), doubt)
+
+
+def _of_yielding(
+    recording: Recording, settings: Settings, frames: EyeFrames, found: EyeCalibration
+) -> EyeCalibration:
+    """Calibrate an eye anew if frames of one hold decide who yields in the holds."""
+    library = settings.library
+    if library is None:
+        return found
+
+    relaxation = decided(found, frames, library, settings.study)
+    if relaxation is None:
+        return found
+
+    frames.decide(relaxation)
+    frames.poses.clear()
+    of_tissue = library.for_stiffening(found.stiffening)
+    return calibrate_eye(
+        recording, replace(settings, library=of_tissue, count=silent), frames, None
+    ).found
 
 
 def _known_relaxation(

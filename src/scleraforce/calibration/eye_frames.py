@@ -249,27 +249,42 @@ class EyeFrames:
             else assimilation.Skipped(NO_WALL)
         )
 
-    def _labelled(
-        self,
-    ) -> tuple[tuple[Trial, ...], FrameForces, KnownRelaxation | None, Floats]:
-        study = self.settings.study
+    @cached_property
+    def along_normal(self) -> Recording:
+        """The recording with the parts of its forces along the wall's normal."""
         log = self.recording.forces
-
-        info = self.recording.info.force
-        if log is None or info is None:
+        if log is None or self.recording.info.force is None:
             raise CalibrationError(
                 f"{self.recording.path}: no forces.csv; a calibration needs frames of"
                 " known force"
             )
 
-        log = replace(
-            log,
-            wrench_sc=log.wrench_sc * cos(self.recording.info.needle.lean_rad or 0.0),
-        )
+        lean = cos(self.recording.info.needle.lean_rad or 0.0)
+        log = replace(log, wrench_sc=log.wrench_sc * lean)
+        return replace(self.recording, forces=log)
+
+    @cached_property
+    def without_gaps(self) -> Recording:
+        """The same without the samples that have no force."""
+        log = self.along_normal.forces
+        info = self.recording.info.force
+        assert log is not None
+        assert info is not None
+        return replace(self.recording, forces=log.known(info.axis))
+
+    def decide(self, relaxation: KnownRelaxation) -> None:
+        """Label the frames by a relaxation that is known by now."""
+        self.relaxation = relaxation
+        self.labelled = cache(self._labelled)
+
+    def _labelled(
+        self,
+    ) -> tuple[tuple[Trial, ...], FrameForces, KnownRelaxation | None, Floats]:
+        study = self.settings.study
         trials = label_frames(
-            replace(self.recording, forces=log), study.classes, study.needle.max_force_n
+            self.along_normal, study.classes, study.needle.max_force_n
         )
-        recording = replace(self.recording, forces=log.known(info.axis))
+        recording = self.without_gaps
         forces = frame_forces(recording, trials)
 
         if self.settings.library is None:

@@ -3,7 +3,7 @@ and as its file.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from math import exp, floor, isfinite, log10
 from typing import Annotated, Any
 
@@ -281,16 +281,8 @@ def found_words(eye: EyeCalibration) -> tuple[str, ...]:
     if eye.stiffening > 0.0:
         words.append(f"tissue stiffens, b {eye.stiffening:.2g}")
 
-    lost = (
-        0.0
-        if eye.relaxation is None
-        else float(np.dot(eye.relaxation.shares, eye.relaxation.held))
-    )
-    if lost > 0.0:
-        words.append(
-            f"tissue relaxes, {from_si(lost, 'percent'):.0f} % of a force lost at its"
-            " frames"
-        )
+    if eye.relaxation is not None:
+        words += _relaxation_words(eye.relaxation)
 
     discrepancy = eye.discrepancy or NO_DISCREPANCY
     mean, sd = discrepancy.at_reference()
@@ -307,6 +299,53 @@ def found_words(eye: EyeCalibration) -> tuple[str, ...]:
         )
 
     return tuple(words)
+
+
+def _relaxation_words(relaxation: KnownRelaxation) -> list[str]:
+    """Return what is known of the relaxation of an eye, and why; nothing if its force
+    stays in all holds.
+    """
+    lost = from_si(float(np.dot(relaxation.shares, relaxation.held)), "percent")
+    relaxes = f"tissue relaxes, {lost:.0f} % of a force lost at its frames"
+    finding = relaxation.finding
+
+    if relaxation.source == "declared":
+        return [f"declared: {relaxes}" if lost else "declared: tissue is elastic"]
+    if finding is None or finding.cause == "steady":
+        return [relaxes] if lost else []
+    if finding.hold_s is None or finding.fall is None:
+        return ["no hold of the log shows how the tissue relaxes: as in other tissue"]
+
+    part = ""
+    if finding.tissue_share is not None and finding.tissue_share_sd is not None:
+        share = from_si(finding.tissue_share, "percent")
+        sd = from_si(finding.tissue_share_sd, "percent")
+        part = (
+            f"{finding.frames} frames of holds make {share:.0f} ± {sd:.0f} % of the"
+            " fall the tissue's"
+        )
+
+    fall = (
+        f"the force falls by {from_si(finding.fall, 'percent'):.0f} % in holds of"
+        f" {finding.hold_s:.0f} s"
+    )
+    causes = {
+        "tissue": f"{relaxes}; the dent stays in a hold: {part}",
+        "needle": f"{fall}, and the dent with it: the needle yields; {part}",
+        "both": f"{relaxes}, and the needle yields; {part}",
+        "undecided": (
+            f"{fall}, by tissue or needle; "
+            + (part or "no two frames of one hold show which")
+            + ": intervals cover both"
+        ),
+    }
+    words = [causes[finding.cause]]
+
+    if finding.not_estimated_s and finding.cause != "needle":
+        times = ", ".join(f"{time_s:g}" for time_s in finding.not_estimated_s)
+        words.append(f"time constants not estimated: {times} s")
+
+    return words
 
 
 def rigidity_words(eye: EyeCalibration) -> str:
@@ -344,7 +383,7 @@ def _eye_entry(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, An
         "thickness_um": from_si(eye.thickness_m, "um"),
         "globe": calibration_file.globe_entry(eye.globe),
         "stiffening": eye.stiffening,
-        "relaxation": eye.relaxation and vars(eye.relaxation),
+        "relaxation": eye.relaxation and asdict(eye.relaxation),
         "lean_deg": from_si(eye.lean_rad, "deg"),
         "discrepancy": eye.discrepancy and vars(eye.discrepancy),
         "updates": eye.updates,

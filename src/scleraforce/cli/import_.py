@@ -16,6 +16,7 @@ from scleraforce.cli.options import (
     PLANE,
     PlacedPlane,
     Quantity,
+    Relaxation,
     added,
     planes_of,
 )
@@ -177,6 +178,15 @@ OPTIONS = (
         "--polar-angle-deg",
         type=_given("polar_angle_deg"),
         help="Measured polar angle of the contact.",
+    ),
+    click.option(
+        "--relaxation",
+        type=Relaxation(),
+        metavar="none|SHARE:SECONDS,...",
+        help=(
+            "How the tissue relaxes: the share of a held force that is lost, and its"
+            " time constant; none: it is elastic; default: unknown."
+        ),
     ),
 )
 

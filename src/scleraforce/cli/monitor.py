@@ -478,8 +478,9 @@ def _greeting(
 
     yield f"globe      {globe_words(settings.known, reader.reads_force)}"
     relaxation = settings.known.relaxation
-    if relaxation is not None and any(relaxation.shares):
-        lost = from_si(sum(relaxation.shares), "percent")
+    if relaxation is not None and relaxation.matters:
+        most = max(sum(relaxation.shares), sum(relaxation.other))
+        lost = from_si(most, "percent")
         yield (
             f"tissue     a held needle loses up to {lost:.0f} % of its force; intervals"
             " are wide at the start"

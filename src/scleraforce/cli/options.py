@@ -12,7 +12,7 @@ import click
 from scleraforce.errors import InputError, StudyError
 from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.study import Study, read_study
-from scleraforce.study.eye import GLOBES
+from scleraforce.study.eye import GLOBES, relaxation_terms
 from scleraforce.study.fields import QUANTITIES, allowed, check_quantity
 from scleraforce.units import HumanUnit, to_si
 
@@ -68,6 +68,32 @@ class _Globe(click.Choice[str]):
 
 
 GLOBE = _Globe(GLOBES)
+
+
+class Relaxation(click.ParamType[str]):
+    """Terms of a share and a time constant, or `none`; `auto`, if it is allowed, leaves
+    them to the log.
+    """
+
+    name = "relaxation"
+
+    def __init__(self, *, auto: bool = False) -> None:
+        self._auto = auto
+
+    def convert(
+        self,
+        value: str,
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> str:
+        """Return the text, checked."""
+        if not (self._auto and value == "auto"):
+            try:
+                relaxation_terms(value)
+            except StudyError as fault:
+                self.fail(str(fault).partition(": ")[2], param, ctx)
+
+        return value
 
 
 class _Lean(Quantity):

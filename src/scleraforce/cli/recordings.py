@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import scleraforce as sf
-from scleraforce.cli.options import PATH, options
+from scleraforce.cli.options import PATH, Relaxation, options
 from scleraforce.cli.output import (
     Command,
     Report,
@@ -20,6 +20,7 @@ from scleraforce.cli.output import (
     say,
 )
 from scleraforce.plain_text import wrapped
+from scleraforce.study.eye import relaxation_terms
 from scleraforce.units import from_si
 
 if TYPE_CHECKING:
@@ -85,6 +86,16 @@ class _Notes(list[str]):
 )
 @options("thickness_m", "wall_finder", default="the recordings'")
 @click.option(
+    "--relaxation",
+    type=Relaxation(auto=True),
+    metavar="none|auto|SHARE:SECONDS,...",
+    help=(
+        "How the tissue relaxes: the share of a held force that is lost, and its time"
+        " constant; none: it is elastic; auto, the default: as the recording says, else"
+        " by the log's holds and frames."
+    ),
+)
+@click.option(
     "--without-force",
     is_flag=True,
     help=(
@@ -120,6 +131,7 @@ def calibrate(
     wall_finder: Path | None,
     model: Path | None,
     plot: Path | None,
+    relaxation: str | None,
     **given: Any,
 ) -> Report:
     """Estimate Young's modulus of each eye from its RECORDINGs.
@@ -130,6 +142,10 @@ def calibrate(
     tissue is found by a search. Finite strain needs a response library; for
     another study than the paper's it is computed once (a minute). Notes at the
     start name the quantities that a reader of the study would ignore.
+
+    A force that falls in the holds of a log may be the tissue's doing or the
+    needle's. Two frames of one hold decide; without them the intervals cover
+    both. --relaxation declares it.
 
     With --without-force, one fit of all frames of an eye finds E by how its
     dents spread, from the IOP; needle travel (travel_m) and changed pressures
@@ -144,7 +160,10 @@ def calibrate(
         default = click.core.ParameterSource.DEFAULT
         others = "only --frames, --wall-finder and --json"
 
-        if any(ctx.get_parameter_source(name) != default for name in (*given, "plot")):
+        if any(
+            ctx.get_parameter_source(name) != default
+            for name in (*given, "plot", "relaxation")
+        ):
             raise click.UsageError(
                 f"--intervals: takes the model's own study; of the options, {others}"
             )
@@ -178,6 +197,9 @@ def calibrate(
         wall_finder=wall_finder,
         note=notes,
         counting=count_bar,
+        relaxation=(
+            None if relaxation in (None, "auto") else relaxation_terms(relaxation)
+        ),
         **given,
     )
 

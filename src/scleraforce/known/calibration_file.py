@@ -439,6 +439,10 @@ def population_relaxation(summary: CalibrationSummary) -> KnownRelaxation | None
             covariance: rows(within + between),
         }
 
+    if any(one.other for one in eyes):
+        others = [one.other or one.shares for one in eyes]
+        joined["other"] = tuple(np.mean(others, axis=0).tolist())
+
     for name in ("every_s", "held_s"):
         found_s = [getattr(one, name) for one in eyes]
         joined[name] = None if None in found_s else float(np.median(found_s))

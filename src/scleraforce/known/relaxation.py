@@ -19,6 +19,8 @@ _Number = Annotated[float, Meta(ge=-1e3, le=1e3)]
 _Vector = tuple[_Number, ...]
 Source = Literal["declared", "holds", "population"]
 Matrix = tuple[_Vector, ...]
+# who yields in the holds of a log, or why it says nothing
+Cause = Literal["tissue", "needle", "both", "undecided", "steady", "no holds"]
 
 # of each mean
 MOMENTS = {
@@ -38,6 +40,27 @@ ROUNDING = 1e-6  # of the largest entry: covariances are differences of large nu
 
 
 @dataclass(frozen=True, kw_only=True)
+class HoldFinding:
+    """What the holds of a force log have shown of tissue and needle.
+
+    `fall`: by which share the force falls in a hold of `hold_s`, the median one; None
+    without holds. `chance`: of tissue that yields, by the log alone. `not_estimated_s`
+    are time constants too long for the holds. `frames` in pairs of one hold give
+    `tissue_share`, the tissue's part of that fall, with a standard deviation; the
+    needle has the rest. None without such frames.
+    """
+
+    cause: Cause
+    hold_s: _Span | None = None
+    fall: _Number | None = None
+    chance: _Number | None = None
+    not_estimated_s: _Vector = ()
+    frames: Annotated[int, Meta(ge=0)] = 0
+    tissue_share: _Number | None = None
+    tissue_share_sd: _Number | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class KnownRelaxation:
     """The shares g_i of a Prony series (`mechanics.material`), (term,), with their
     covariance, (term, term).
@@ -49,7 +72,9 @@ class KnownRelaxation:
     error of g matters at other histories only. Where the frame before is known,
     before_i is what is left of its m_i, and after_i times its Fe for the rest of its
     hold, with a covariance of its own. Frames follow each other in `every_s`, and their
-    pushes in `held_s`, None of a single frame.
+    pushes in `held_s`, None of a single frame. Where nothing decides whether the tissue
+    or the needle yields, intervals reach to the reading with `other` shares. `finding`
+    says what the holds have shown; None if declared, and in early files.
     """
 
     times_s: tuple[_Time, ...]
@@ -64,6 +89,8 @@ class KnownRelaxation:
     every_s: _Span | None
     held_s: _Span | None
     source: Source
+    other: tuple[_Share, ...] = ()
+    finding: HoldFinding | None = None
 
     def __post_init__(self) -> None:
         size = len(self.times_s)
@@ -79,7 +106,8 @@ class KnownRelaxation:
         if (
             not square
             or any(len(vector) != size for vector in vectors)
-            or not sum(self.shares) < 1.0
+            or len(self.other) not in (0, size)
+            or not max(sum(self.shares), sum(self.other)) < 1.0
         ):
             raise CalibrationError(
                 "relaxation: its parts have several lengths, or shares add up to 1 or"
@@ -92,6 +120,11 @@ class KnownRelaxation:
                     f"relaxation.{name}: not a covariance matrix: expected a symmetric"
                     f" one without a negative variance, found {matrix!r:.60}"
                 )
+
+    @property
+    def matters(self) -> bool:
+        """False if the force on the needle is the elastic one for certain."""
+        return any(self.shares) or any(self.other)
 
     @classmethod
     def of(

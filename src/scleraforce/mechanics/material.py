@@ -202,11 +202,14 @@ def driven_back(
     contact: Flags,
     shares: Floats,
     times_s: Sequence[float],
+    *,
+    anew: bool = False,
 ) -> tuple[Floats, Floats]:
     """Return Fe (candidate, sample) and every m_i (candidate, sample, term) from F
     (sample,), at rest before it.
 
     `shares` (candidate, term). Fe is 0 where `contact` is False: nothing pulls there.
+    `anew`: m_i is 0 there, too, so that each push begins at rest.
     """
     memory = np.zeros(shares.shape)
     elastic_n = np.zeros(len(shares))
@@ -224,6 +227,8 @@ def driven_back(
             else np.zeros(len(shares))
         )
         memory = come + new * elastic_n[:, None]
+        if anew and not contact[index]:
+            memory = np.zeros(shares.shape)
         found_n[:, index] = elastic_n
         memories_n[:, index] = memory
 

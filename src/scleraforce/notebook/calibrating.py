@@ -28,6 +28,7 @@ from scleraforce.reader.limits import CLASSIFIER, READER, limits
 from scleraforce.reader.model import load_force_reader
 from scleraforce.recording.folder import Recording
 from scleraforce.study import Study, refuse_unused, study_hash
+from scleraforce.study.eye import check_relaxation
 from scleraforce.study.fields import check_quantity
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ def calibrate(
     calibration: "GivenCalibration | None" = None,
     wall_finder: str | PathLike[str] | None = models.SHIPPED_WALL_FINDER,
     thickness_m: float | None = None,
+    relaxation: Sequence[Sequence[float]] | None = None,
     out: str | PathLike[str] | None = None,
     note: Callable[[str], object] | None = None,
     progress: Callable[[int], object] | None = None,
@@ -72,6 +74,9 @@ def calibrate(
         wall_finder: model folder that checks the walls, by default the bundled one;
             None: nothing checks them.
         thickness_m: of the wall, of a single eye; None: the recordings'.
+        relaxation: of the tissue: terms of a share of a held force that is lost and a
+            time constant in s; (): elastic; None: as the recordings say, else by the
+            holds of their logs.
         out: a file to write as well; it must not exist.
         note: called, at the start, with a sentence for each quantity that a reader of
             the study would not read.
@@ -112,6 +117,10 @@ def calibrate(
         )
     if calibration is not None and not without_force:
         raise InputError("calibration: is the prior of without_force; leave it out")
+    if relaxation is not None:
+        check_relaxation(relaxation)
+        if mechanics == "linear":
+            raise InputError("relaxation: linear mechanics knows none; leave it out")
     if frames is not None and frames < 1:
         raise InputError(f"frames: {frames}; give at least 1")
     if thickness_m is not None:
@@ -129,6 +138,9 @@ def calibrate(
         raise InputError(f"study: tissue.stiffening: is sought in the frames; {way}")
 
     each = _with_thickness(opened(recordings), thickness_m)
+    if relaxation is not None:
+        each = [_relaxing(one, relaxation) for one in each]
+
     kind = CLASSIFIER if mechanics == "linear" else READER
 
     for recording in each:
@@ -228,6 +240,12 @@ def _with_thickness(
         )
         for one in recordings
     ]
+
+
+def _relaxing(recording: Recording, relaxation: Sequence[Sequence[float]]) -> Recording:
+    terms = tuple((float(share), float(time_s)) for share, time_s in relaxation)
+    eye = replace(recording.info.eye, relaxation=terms)
+    return replace(recording, info=replace(recording.info, eye=eye))
 
 
 def recalibrate_intervals(

@@ -47,6 +47,7 @@ from scleraforce.recording.writing import (
 )
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import ClassesStudy
+from scleraforce.study.eye import relaxation_text
 from scleraforce.units import from_si
 from scleraforce.whole_files import folder_when_whole
 
@@ -96,6 +97,7 @@ def import_recording(
     iop_pa: float | None = None,
     globe: str | None = None,
     polar_angle_rad: float | None = None,
+    relaxation: Sequence[Sequence[float]] | None = None,
     planes: Sequence[Plane | None] = (),
     progress: Callable[[int], object] | None = None,
 ) -> Recording:
@@ -144,6 +146,8 @@ def import_recording(
         iop_pa: pressure at rest, where it was measured.
         globe: "open" or "sealed"; None: not known.
         polar_angle_rad: of the contact, from the pole, where it is known.
+        relaxation: of the tissue: terms of a share of the force that is lost and a time
+            constant in s; (): elastic; None: not known.
         planes: that the scanner took at once, one for each of the sources (None: a
             force log). The n-th frames of all planes are of one moment; the gap is then
             found, not given.
@@ -191,6 +195,7 @@ def import_recording(
         "polar_angle_deg": (
             None if polar_angle_rad is None else degrees(polar_angle_rad)
         ),
+        "relaxation": None if relaxation is None else relaxation_text(relaxation),
     }
     given = {name: value for name, value in given.items() if value is not None}
     paths = [

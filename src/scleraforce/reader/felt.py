@@ -325,7 +325,7 @@ class History:
         lean = Lean.of(known, seen_rad)
         felt = FeltForce(1.0, 0.0, 0.0)
         after = self
-        if any(self.relaxation.shares):
+        if self.relaxation.matters:
             felt, after = self._felt(elastic.force_n, time_s, held_s)
 
         answer = elastic
@@ -363,12 +363,28 @@ class History:
         ) ** 2
         lag_n = lost_n - (1.0 - slope) * force_n
         # what m_i has more, F has less
-        bounds = (
-            float(shares @ after.more_n),
-            float(shares @ after.less_n),
-        )
+        less_n = float(shares @ after.more_n)
+        more_n = float(shares @ after.less_n)
+        other_n = self._other_n(off_n)
+        less_n = max(less_n, less_n - other_n)
+        more_n = max(more_n, more_n + other_n)
 
-        return FeltForce(slope, lag_n, sqrt(variance), *bounds), after
+        return FeltForce(slope, lag_n, sqrt(variance), less_n, more_n), after
+
+    def _other_n(self, off_n: Floats) -> float:
+        """Return how much more force the other explanation of the calibration's holds
+        reads; `off_n` (term,): how much less is remembered than in its frames.
+        """
+        known = self.relaxation
+        if not known.other:
+            return 0.0
+
+        shares = np.array(known.shares)
+        other = np.array(known.other)
+        held = np.array(known.held)
+        # the elastic forces of the same frames by the other explanation
+        scale = (1.0 - shares @ held) / (1.0 - other @ held)
+        return float((scale * other - shares) @ off_n)
 
     def _after(
         self, force_n: float, time_s: float | None, held_s: float | None

@@ -40,7 +40,8 @@ from scleraforce.recording.sources import (
     on_one_clock,
     option_name,
 )
-from scleraforce.recording.tables import ForceLog
+from scleraforce.recording.tables import ForceLog, numbers_of
+from scleraforce.study.eye import relaxation_terms
 from scleraforce.units import from_si, to_si
 from scleraforce.whole_files import FileKind, read_text
 
@@ -445,7 +446,15 @@ def _info(
         iop_pa = to_si(answers.iop_mmhg, "mmhg")
         gap_m = None if gathered.planes else to_si(values["gap_mm"], "mm")
         eye = EyeInfo(
-            values["eye"], thickness_m=thickness_m, iop_pa=iop_pa, globe=answers.globe
+            values["eye"],
+            thickness_m=thickness_m,
+            iop_pa=iop_pa,
+            globe=answers.globe,
+            relaxation=(
+                None
+                if answers.relaxation is None
+                else relaxation_terms(answers.relaxation)
+            ),
         )
         polar_rad = to_si(answers.polar_angle_deg, "deg")
         needle = NeedleInfo(

@@ -119,6 +119,7 @@ class ImportOptions:
     gauge: int | None = None
     gap_mm: float | None = None
     polar_angle_deg: float | None = None
+    relaxation: str | None = None
 
 
 def option_name(field: str) -> str:

@@ -4,6 +4,7 @@ to virtual eyes.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import isfinite
 from typing import Any
 
 from scleraforce.errors import StudyError
@@ -149,6 +150,48 @@ def check_relaxation(terms: Sequence[Sequence[float]]) -> None:
         raise StudyError(
             "relaxation: a time constant is 0 s or may be; give a time above 0"
         )
+
+
+def relaxation_terms(text: str) -> tuple[tuple[float, float], ...]:
+    """Return terms of a share and a time constant, s, from their text; "none" has no
+    terms: elastic tissue.
+
+    >>> relaxation_terms("0.12:1.2,0.15:12"), relaxation_terms("none")
+    (((0.12, 1.2), (0.15, 12.0)), ())
+
+    Raises:
+        StudyError: it is no such text, or has impossible terms.
+    """
+    if text.strip() == "none":
+        return ()
+
+    try:
+        share_time = [tuple(map(float, term.split(":"))) for term in text.split(",")]
+        terms = tuple((share, time_s) for share, time_s in share_time)
+    except ValueError as fault:
+        raise StudyError(
+            f"relaxation: {text!r:.60}; give none, or SHARE:SECONDS,... like"
+            " 0.12:1.2,0.15:12"
+        ) from fault
+
+    check_relaxation(terms)
+    if not all(isfinite(time_s) for _, time_s in terms):
+        raise StudyError("relaxation: a time constant is not finite; give seconds")
+
+    return terms
+
+
+def relaxation_text(terms: Sequence[Sequence[float]]) -> str:
+    """Return the text of terms, which `relaxation_terms` reads.
+
+    >>> relaxation_text([(0.12, 1.2), (0.15, 12.0)]), relaxation_text(())
+    ('0.12:1.2,0.15:12.0', 'none')
+
+    Raises:
+        StudyError: the terms are impossible.
+    """
+    check_relaxation(terms)
+    return ",".join(":".join(map(repr, map(float, term))) for term in terms) or "none"
 
 
 @dataclass(frozen=True, kw_only=True)

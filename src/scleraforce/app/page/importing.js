@@ -25,6 +25,7 @@ const FIELDS = {
   thickness_um: ["Thickness of the wall, µm", "number"],
   iop_mmhg: ["Intraocular pressure, mmHg", "number"],
   globe: ["Globe", ["", "open", "sealed"]],
+  relaxation: ["Relaxation of the tissue: share:seconds,…, or none", "text"],
   axes: ["Axes of an array, like frame,depth,lateral", "text"],
 };
 const NUMBERS = new Set(Object.keys(FIELDS).filter((name) => FIELDS[name][1] === "number"));
