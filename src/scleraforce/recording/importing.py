@@ -40,7 +40,7 @@ from scleraforce.recording.sources import (
     on_one_clock,
     option_name,
 )
-from scleraforce.recording.tables import ForceLog, numbers_of
+from scleraforce.recording.tables import ForceLog
 from scleraforce.study.eye import relaxation_terms
 from scleraforce.units import from_si, to_si
 from scleraforce.whole_files import FileKind, read_text
