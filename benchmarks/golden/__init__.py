@@ -1,0 +1,1 @@
+"""Golden answers: what the code answers today, frozen, and how far later code moves from it."""
