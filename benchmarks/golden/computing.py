@@ -88,6 +88,7 @@ def _answers(
         group, name = submitted[done]
         if (fault := done.exception()) is not None:
             failed.append(f"{group} of {name}: {fault!r}")
+            _say(f"{number} of {len(tasks)}: {failed[-1]}")
         else:
             answers, seconds = done.result()
             found[group] |= answers
@@ -105,7 +106,7 @@ def _names(group: str, recordings: Mapping[str, Path]) -> list[str]:
             if name in recordings
         ]
         classified = [f"{name}{doors.CLASSIFIER}" for name in doors.CLASSIFIER_OF]
-        return [*reversed(recordings), *uncalibrated, *classified]
+        return [*reversed(list(recordings)), *uncalibrated, *classified]
     return {
         "counts": ["all"],
         "calibrations": [calibrations.TOGETHER, *recordings],

@@ -12,6 +12,7 @@ import socket
 import sys
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,7 @@ def tap_opinions(path: Path) -> None:
                 file.write(json.dumps(message) + "\n")
         return data
 
-    socket.socket.recv = tapped  # type: ignore[method-assign]
+    socket.socket.recv = tapped  # type: ignore[assignment, method-assign]
 
 
 def count_solves(calls: Calls) -> None:
@@ -61,16 +62,15 @@ def count_solves(calls: Calls) -> None:
         def __getattr__(self, name: str) -> Any:
             return getattr(self._factor, name)
 
-    sparse.splu = Factor
+    sparse.splu = Factor  # type: ignore[assignment]
     for name, words in {
         "dgbtrf": "banded factorizations",
         "dpbtrf": "banded factorizations",
         "dgbtrs": "banded solves",
         "dpbtrs": "banded solves",
     }.items():
-        setattr(
-            lapack, name, _counting(getattr(lapack, name), lambda _, w=words: w, calls)
-        )
+        function = getattr(lapack, name)
+        setattr(lapack, name, _counting(function, partial(_always, words), calls))
 
 
 def count_passes(calls: Calls, frame_pixels: int) -> None:
@@ -107,6 +107,10 @@ def count_passes(calls: Calls, frame_pixels: int) -> None:
             setattr(
                 cv2, name, _counting(value, taking_frames("calls of OpenCV"), calls)
             )
+
+
+def _always(words: str, _arguments: tuple[Any, ...]) -> str:
+    return words
 
 
 def _counting(

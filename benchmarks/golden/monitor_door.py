@@ -21,13 +21,17 @@ from typing import Any
 import scleraforce as sf
 
 SCLERAFORCE = str(Path(sys.executable).with_name("scleraforce"))
-READ_S = 30.0  # for a frame to be read twice, on a busy machine
+READ_S = 120.0  # for a frame to be read twice, on a machine that is busy with ten other things
 LOOK_S = 0.005
-END_S = 30.0
+END_S = 120.0
 MOMENT_S = 1.0  # an opinion takes 0.02 s
 PA_PER_MMHG = 133.322387415
 
 Entry = dict[str, Any]
+
+
+class MonitorRefusedError(Exception):
+    """The monitor ended at its start; the words are its own."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +59,8 @@ def monitor_readings(
             _step(
                 recording, port, lambda: len(_frames(log)), lambda: len(_lines(tapped))
             )
-        _await(lambda: len(_frames(log)) >= count, "the last frame")
-        _await(lambda: len(_lines(tapped)) >= count, "the last second opinion")
+        _await_count(lambda: len(_frames(log)), count, "frames")
+        _await_count(lambda: len(_lines(tapped)), count, "second opinions")
     return MonitorReadings(tuple(_frames(log)), tuple(_lines(tapped)))
 
 
@@ -117,7 +121,7 @@ def _monitor(tapped: Path, words: list[str]) -> Iterator[int]:
             if line.startswith("reset"):
                 break
         else:
-            raise RuntimeError(f"the monitor did not start: {''.join(lines)}")
+            raise MonitorRefusedError("".join(lines).strip())
         listens = next(line for line in lines if line.startswith("listens"))
         yield int(listens.split()[2].rpartition(":")[2])
     finally:
@@ -145,8 +149,8 @@ def _step(
                 raise RuntimeError(f"replay ended: {process.communicate()[1]}")
             process.stdin.write("\n")
             process.stdin.flush()
-            _await(lambda count=number: frames() >= count, f"frame {number}")
-            _await(lambda count=number: opinions() >= count, f"opinion {number}")
+            _await_count(frames, number, "frames")
+            _await_count(opinions, number, "second opinions")
     finally:
         process.communicate(timeout=END_S)
 
@@ -163,12 +167,13 @@ def _play(recording: Path, port: int) -> None:
     )
 
 
-def _await(holds: Callable[[], bool], what: str) -> None:
-    """Wait until something holds."""
+def _await_count(counted: Callable[[], int], count: int, what: str) -> None:
+    """Wait until the monitor has read so many of something."""
     until_s = monotonic() + READ_S
-    while not holds():
+    while counted() < count:
         if monotonic() > until_s:
-            raise RuntimeError(f"the monitor: {what} did not come within {READ_S:g} s")
+            words = f"{counted()} of {count} {what} within {READ_S:g} s"
+            raise RuntimeError(f"the monitor has read {words}")
         sleep(LOOK_S)
 
 

@@ -1,6 +1,7 @@
 """Young's modulus of each eye: with and without forces, other parameters, the paper's mechanics, several eyes."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -35,9 +36,8 @@ def answers(name: str, recordings: dict[str, Path], _folder: Path) -> Answers:
     found: Answers = {}
     for words, calibrate in WAYS.items():
         if words not in COSTLY or name in COSTLY_OF:
-            found |= _calibrations(
-                f"{name}/{words}", lambda way=calibrate: way(recordings[name])
-            )
+            way = partial(calibrate, recordings[name])
+            found |= _calibrations(f"{name}/{words}", way)
     return found
 
 

@@ -11,13 +11,13 @@ import scleraforce as sf
 from golden.answers import Answers, Record, plain
 from golden.groups.calibrations import calibration_file
 from golden.inputs import RELAXING, frame_files
-from golden.monitor_door import SCLERAFORCE, monitor_readings
+from golden.monitor_door import SCLERAFORCE, MonitorRefusedError, monitor_readings
 
 MODEL = "default"
 UNCALIBRATED = " uncalibrated"  # read with no calibration: E is not known
-UNCALIBRATED_OF = ("plain", "sealed", "damaged", "sample-b")
+UNCALIBRATED_OF = ("plain", "sealed", "damaged")
 CLASSIFIER = " by the classifier"  # the paper's model
-CLASSIFIER_OF = ("plain", "damaged")
+CLASSIFIER_OF = ("plain",)
 PLACES = ("contact_mm", "contact_depth_mm", "dent_mm", "gap_mm", "lean_deg")
 
 
@@ -84,7 +84,10 @@ def _monitor_doors(
     name: str, recording: Path, calibration: Path | None, folder: Path
 ) -> Answers:
     """Return what the monitor's network and its second opinion read."""
-    readings = monitor_readings(recording, calibration, folder, MODEL)
+    try:
+        readings = monitor_readings(recording, calibration, folder, MODEL)
+    except MonitorRefusedError as refusal:
+        return {f"{name}/refusal of the monitor": {"words": str(refusal)}}
     names = [file.name for file in frame_files(recording)]
     network = {
         f"{name}/{file}/monitor": _verdict(

@@ -11,6 +11,7 @@ from pathlib import Path
 from zlib import crc32
 
 import numpy as np
+from numpy.typing import NDArray
 
 from golden.answers import Answers, Record, plain
 from monitor_sessions.declarations import declarations
@@ -37,9 +38,11 @@ MODELS = {
 EYES = 5  # of each kind
 SESSIONS = 2
 SESSION_FRAMES = 250  # 100 before the contact, the approach, and an action or two
+BEFORE_FRAMES = 25  # of those before the contact that are shown
 HIGHEST_N = 20e-3  # of the sessions: a withdrawal is false
 RATES_N_S = (50e-3, 100e-3)  # of the ramps: a withdrawal is due
-MESH = {"core": 4, "rings": 8}  # a second an eye; no answer is of accuracy
+MESH_CORE = 4  # with these rings a second an eye; no answer is of accuracy
+MESH_RINGS = 8
 MONITORS = (
     "declared",
     "option",
@@ -67,7 +70,7 @@ def answers(name: str, _recordings: dict[str, Path], _folder: Path) -> Answers:
     )
     bench = Bench(plan)
     drawn = draw_eye(kind, int(number), bench.reader.study, SEED)
-    mesh = replace(drawn.study.mesh, **MESH)
+    mesh = replace(drawn.study.mesh, core=MESH_CORE, rings=MESH_RINGS)
     drawn = replace(drawn, study=replace(drawn.study, mesh=mesh))
     rng = np.random.default_rng((SEED, 3, int(number)))
     declared = declarations(drawn, bench.reader, SEED, rng)
@@ -90,12 +93,21 @@ def _paths(
     for session in range(SESSIONS):
         rng = np.random.default_rng((SEED, 4, number, session))
         forces = moving_forces(SESSION_FRAMES, min(HIGHEST_N, largest_n), rng)
-        yield f"session {session}", trajectory(*forces, drawn.study, rng), rng
+        path = trajectory(*_shortened(*forces), drawn.study, rng)
+        yield f"session {session}", path, rng
     for ramp, rate_n_s in enumerate(RATES_N_S):
         rng = np.random.default_rng((SEED, 5, number, ramp))
         forces = ramp_forces(rate_n_s, largest_n, rng)
-        words = f"ramp of {1e3 * rate_n_s:g} mN a second"
-        yield words, trajectory(*forces, drawn.study, rng), rng
+        path = trajectory(*_shortened(*forces), drawn.study, rng)
+        yield f"ramp of {1e3 * rate_n_s:g} mN a second", path, rng
+
+
+def _shortened(
+    force_n: NDArray[np.float64], names: list[str]
+) -> tuple[NDArray[np.float64], list[str]]:
+    """Return forces and names without most of the frames before the contact."""
+    first = max(0, int(np.argmax(force_n > 0.0)) - BEFORE_FRAMES)
+    return force_n[first:], names[first:]
 
 
 def _played(

@@ -31,20 +31,25 @@ def _real_walls() -> Answers:
         found[f"{REAL}/{file.name}"] = _wall(file)
     for file in sorted((SHARED / REAL / "anterior-segment").glob("*.jp*g")):
         rows, columns = sf.read_frame(file).shape
-        size = {"width_m": columns * PIXEL_M, "depth_m": rows * PIXEL_M}
-        found[f"{REAL}/{file.name}"] = _wall(file, 1e6 * PIXEL_M, **size)
+        size_m = columns * PIXEL_M, rows * PIXEL_M
+        found[f"{REAL}/{file.name}"] = _wall(file, 1e6 * PIXEL_M, *size_m)
     for file in sorted((SHARED / REAL / "dicom").glob("*.dcm")):
         found[f"{REAL}/{file.name}"] = _wall(file)
     return found
 
 
-def _wall(file: Path, row_um: float | None = None, **size: float) -> Record:
+def _wall(
+    file: Path,
+    row_um: float | None = None,
+    width_m: float | None = None,
+    depth_m: float | None = None,
+) -> Record:
     """Return the wall of a frame: boundaries below its top, in um where the height of a row is known, else in rows.
 
     None stands for a column that shows no boundary.
     """
     try:
-        wall = sf.segment(file, **size)
+        wall = sf.segment(file, width_m=width_m, depth_m=depth_m)
     except sf.InputError as fault:
         return {"error": str(fault).replace(str(file.parent), "")}
     unit = "rows" if row_um is None else "um"
