@@ -36,7 +36,7 @@ def answers(name: str, recordings: dict[str, Path], folder: Path) -> Answers:
     if (
         eye != RELAXING
     ):  # its readings depend on the time between frames, which is that of the machine
-        place = folder / name.replace(" ", "-")
+        place = folder / f"monitor-of-{name.replace(' ', '-')}"
         place.mkdir()
         found |= _monitor_doors(name, recording, calibration, place)
     return found
