@@ -2,7 +2,8 @@
 
 python -m golden                       compare all groups with golden/answers.json
 python -m golden --only GROUP...       compare these groups
-python -m golden --freeze              freeze today's answers (with --only: of these groups)
+python -m golden --of NAME...          compare the answers that are of these eyes
+python -m golden --freeze              freeze today's answers (with --only, --of: these)
 python -m golden --strict              exit code 1 where anything moved
 """
 
@@ -10,7 +11,7 @@ import argparse
 import platform
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -41,19 +42,24 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--strict", action="store_true", help="1 where anything moved")
     parser.add_argument("--frozen", type=Path, default=FROZEN, help="file of answers")
     parser.add_argument("--workers", type=int, default=WORKERS)
+    parser.add_argument(
+        "--of", nargs="+", default=[], metavar="NAME", help="only of these eyes"
+    )
     given = parser.parse_args(words)
 
     start_s = perf_counter()
-    computed, failed = compute(tuple(given.only), given.workers)
+    computed, failed = compute(tuple(given.only), given.workers, tuple(given.of))
     seconds = perf_counter() - start_s
     print(f"computed in {seconds:.0f} s", file=sys.stderr)
     if failed:
         print("\n".join(f"could not be computed: {words}" for words in failed))
         return 1
     if given.freeze:
-        freeze(given.frozen, computed)
+        freeze(given.frozen, computed, given.of)
         return 0
     made, frozen = read_frozen(given.frozen)
+    if given.of:
+        frozen = {group: _of(answers, given.of) for group, answers in frozen.items()}
     moved = report(made, frozen, computed)
     return int(given.strict and moved)
 
@@ -88,10 +94,26 @@ def _is_here(name: str) -> bool:
     return SHARED.is_dir() or not of_shared
 
 
-def freeze(path: Path, computed: Mapping[str, Answers]) -> None:
-    """Write answers, in place of frozen ones of the same groups."""
-    before = read_frozen(path)[1] if path.exists() else {}
-    path.write_text(frozen_text(_made(), {**before, **computed}), encoding="utf-8")
+def _of(answers: Answers, names: Sequence[str]) -> Answers:
+    """Return the answers that are of these eyes."""
+    return {
+        name: record
+        for name, record in answers.items()
+        if name.partition("/")[0] in names
+    }
+
+
+def freeze(
+    path: Path, computed: Mapping[str, Answers], names: Sequence[str] = ()
+) -> None:
+    """Write answers, in place of frozen ones of the same groups, or of these eyes in them."""
+    groups = read_frozen(path)[1] if path.exists() else {}
+    for group, answers in computed.items():
+        before = groups.get(group, {}) if names else {}
+        replaced = _of(before, names)
+        kept = {name: of for name, of in before.items() if name not in replaced}
+        groups[group] = {**kept, **answers}
+    path.write_text(frozen_text(_made(), groups), encoding="utf-8")
     print(f"wrote {path}", file=sys.stderr)
 
 

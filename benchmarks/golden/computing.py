@@ -34,9 +34,9 @@ GROUPS = tuple(WORKER_OF)
 
 
 def compute(
-    groups: tuple[str, ...], workers: int
+    groups: tuple[str, ...], workers: int, only_of: tuple[str, ...] = ()
 ) -> tuple[dict[str, Answers], list[str]]:
-    """Return the answers of groups, and what could not be computed."""
+    """Return the answers of groups, all or of these eyes only, and what could not be computed."""
     for name in ONE_THREAD:
         os.environ[name] = "1"
     for name in QUICK_MEMORY:
@@ -52,7 +52,13 @@ def compute(
         recordings, failed = _recordings(pool, folder, groups)
         if failed:
             return {}, failed
-        return _answers(pool, folder, groups, recordings)
+        tasks = [
+            (group, name)
+            for group in groups
+            for name in _names(group, recordings)
+            if not only_of or name in only_of
+        ]
+        return _answers(pool, folder, tasks, recordings)
 
 
 def _recordings(
@@ -77,12 +83,11 @@ def _recordings(
 def _answers(
     pool: ProcessPoolExecutor,
     folder: Path,
-    groups: tuple[str, ...],
+    tasks: list[Task],
     recordings: dict[str, Path],
 ) -> tuple[dict[str, Answers], list[str]]:
-    tasks = [(group, name) for group in groups for name in _names(group, recordings)]
     submitted = {pool.submit(work, task, recordings, folder): task for task in tasks}
-    found: dict[str, Answers] = {group: {} for group in groups}
+    found: dict[str, Answers] = {group: {} for group, _ in tasks}
     failed = []
     for number, done in enumerate(as_completed(submitted), start=1):
         group, name = submitted[done]
@@ -102,8 +107,8 @@ def _names(group: str, recordings: Mapping[str, Path]) -> list[str]:
     if group == "doors":
         uncalibrated = [
             f"{name}{doors.UNCALIBRATED}"
-            for name in doors.UNCALIBRATED_OF
-            if name in recordings
+            for name in recordings
+            if name in doors.UNCALIBRATED_OF or name not in VIRTUAL_EYES
         ]
         classified = [f"{name}{doors.CLASSIFIER}" for name in doors.CLASSIFIER_OF]
         return [*reversed(list(recordings)), *uncalibrated, *classified]

@@ -27,6 +27,8 @@ START_NS = 1_700_000_000 * SECOND_NS
 FRAME_TIMES_S = (0.5, 0.75, 1.0, 1.5, 2.25)
 LATE_NS = 80_000_000  # after which images arrive; forces arrive after 1 ms
 
+UNPACKED = (cv2.IMWRITE_TIFF_COMPRESSION, 1)
+
 Make = Callable[[Path], list[Path]]
 
 
@@ -57,7 +59,7 @@ def _one(name: str, write: Callable[[Path], object]) -> Make:
 def _pictures(folder: Path, ending: str, frames: Any = FRAMES) -> list[Path]:
     paths = [folder / f"scan-{number:02}{ending}" for number in range(len(frames))]
     for path, pixels in zip(paths, frames, strict=True):
-        assert cv2.imwrite(str(path), pixels)
+        assert cv2.imwrite(str(path), pixels, UNPACKED)
     return paths
 
 
@@ -321,7 +323,13 @@ ROS_TOPIC_NAMES = (
     "wrench.torque.y",
     "wrench.torque.z",
 )
-LOG = {**SIZE, **RATE, "clock_offset_s": 0.0, "contact_sign": -1}
+LOG = {
+    **SIZE,
+    **RATE,
+    "clock_offset_s": 0.0,
+    "contact_sign": -1,
+    "average_s": 0.1,
+}
 LOG_OF_AXES = {**LOG, "axis": "fz"}
 BYTES = (FRAMES % 251).astype(np.uint8)
 
@@ -420,13 +428,17 @@ SOURCES: Mapping[str, Source] = {
     ),
     "log/dates": Source(
         _log("when,fz_n", lambda t, f: f"2026-01-02T03:04:{5 + t:09.6f}+00:00,{f:.6f}"),
-        {**LOG, "columns": ("time=when:iso", "fz=fz_n:N")},
+        {
+            **LOG,
+            "columns": ("time=when:iso", "fz=fz_n:N"),
+            "clock_offset_s": 1_767_323_045.0,
+        },
     ),
     "log/rostopic": Source(
         _log(
             "%time," + ",".join(f"field.{name}" for name in ROS_TOPIC_NAMES), _ros_topic
         ),
-        LOG_OF_AXES,
+        {**LOG_OF_AXES, "clock_offset_s": START_NS / SECOND_NS},
     ),
     "log/ATI": Source(
         _log(
@@ -434,7 +446,7 @@ SOURCES: Mapping[str, Source] = {
             _ati,
             ATI_HEADER,
         ),
-        LOG_OF_AXES,
+        {**LOG_OF_AXES, "clock_offset_s": 4097 / 200},
     ),
     "log/LabVIEW": Source(_log("X_Value\tFz\tVoltage", _labview, LABVIEW_HEADER), LOG),
     "log/flagged": Source(

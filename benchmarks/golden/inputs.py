@@ -40,7 +40,6 @@ class VirtualEye:
         sf.phantom(folder, study, eye=folder.name, **arguments)
 
 
-RELAXING = "relaxing"
 DAMAGED = "damaged"
 MOVING = "moving"
 PLANES = "planes"
@@ -84,7 +83,7 @@ VIRTUAL_EYES: Mapping[str, VirtualEye] = {
             "seed": 2,
         }
     ),
-    RELAXING: VirtualEye(
+    "relaxing": VirtualEye(
         study="[tissue]\nrelaxation = [[0.12, 1.2], [0.15, 12.0]]\n",
         arguments={"youngs_modulus_pa": 0.4e6, "seed": 3},
     ),

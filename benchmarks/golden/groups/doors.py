@@ -10,12 +10,12 @@ from typing import Any
 import scleraforce as sf
 from golden.answers import Answers, Record, plain
 from golden.groups.calibrations import calibration_file
-from golden.inputs import RELAXING, frame_files
+from golden.inputs import frame_files
 from golden.monitor_door import SCLERAFORCE, MonitorRefusedError, monitor_readings
 
 MODEL = "default"
 UNCALIBRATED = " uncalibrated"  # read with no calibration: E is not known
-UNCALIBRATED_OF = ("plain", "sealed", "damaged")
+UNCALIBRATED_OF = ("plain", "sealed", "damaged", "relaxing")  # and the shared
 CLASSIFIER = " by the classifier"  # the paper's model
 CLASSIFIER_OF = ("plain",)
 PLACES = ("contact_mm", "contact_depth_mm", "dent_mm", "gap_mm", "lean_deg")
@@ -33,13 +33,22 @@ def answers(name: str, recordings: dict[str, Path], folder: Path) -> Answers:
         calibration = calibration_file(eye, recording, folder)
     found = _command_doors(name, recording, calibration, MODEL)
     found |= _python_door(name, recording, calibration)
-    if (
-        eye != RELAXING
-    ):  # its readings depend on the time between frames, which is that of the machine
+    if not _relaxes(calibration):
         place = folder / f"monitor-of-{name.replace(' ', '-')}"
         place.mkdir()
         found |= _monitor_doors(name, recording, calibration, place)
     return found
+
+
+def _relaxes(calibration: Path | None) -> bool:
+    """Return whether a calibration found a tissue that relaxes.
+
+    A monitor's readings of such an eye depend on the time between frames, which is the machine's.
+    """
+    if calibration is None:
+        return False
+    eyes = json.loads(calibration.read_text(encoding="utf-8"))["eyes"].values()
+    return any(any((eye["relaxation"] or {}).get("shares", ())) for eye in eyes)
 
 
 def _command_doors(

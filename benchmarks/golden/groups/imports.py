@@ -13,7 +13,7 @@ import numpy as np
 
 import scleraforce as sf
 from golden.answers import Answers, Record, plain
-from golden.foreign import SIZE, SOURCES
+from golden.foreign import FASTEST_FIRST, RATE, SIZE, SOURCES, VOLUME
 from golden.inputs import SHARED
 
 # What no format states; an import is refused, and its words are frozen, where more is missing.
@@ -29,6 +29,16 @@ MADE = "made"
 SHARED_FILES = "shared"
 SHARED_SCANS = ".dcm", ".tif", ".mha", ".mhd", ".mkv", ".bag", ".mcap", ".npz", ".db3"
 SHARED_LOGS = ".csv", ".tsv", ".txt"
+SENSOR = {"axis": "fz", "contact_sign": -1, "average_s": 0.2}
+# What an import asks for, and the answer to it.
+OPEN: Mapping[str, Mapping[str, Any]] = {
+    "give axes": VOLUME,
+    "(rate_hz": RATE,
+    "(bits)": {"bits": 16},
+    "(clock_offset_s)": {"clock_offset_s": 0.0},
+    "(axis)": SENSOR,
+    "below the smallest allowed value": FASTEST_FIRST,
+}
 MOST_TIMES = 8  # of a recording that are kept
 
 
@@ -42,13 +52,13 @@ def answers(name: str, _recordings: dict[str, Path], folder: Path) -> Answers:
 
 
 def _made(place: Path) -> Iterator[tuple[str, Record]]:
-    for number, (name, source) in enumerate(SOURCES.items()):
-        folder = place / f"{number}"
+    for name, source in SOURCES.items():
+        folder = place / name.replace("/", "-")
         folder.mkdir()
         planes = PLANES if name == "planes" else ()
         gap = {} if planes else GAP
         arguments = {**STATED, **gap, **source.arguments, "planes": planes}
-        yield name, _imported(source.make(folder), place / f"{number}-made", arguments)
+        yield name, _imported(source.make(folder), folder / "made", arguments)
 
 
 def _shared(place: Path) -> Iterator[tuple[str, Record]]:
@@ -61,24 +71,36 @@ def _shared(place: Path) -> Iterator[tuple[str, Record]]:
         if path.is_file() and path.parent.name != "tissue-surface"
     ]
     pictures = SOURCES["pictures/PNG"].make(place)
-    for number, path in enumerate(files):
-        source = _unpacked(path, place / f"{number}")
+    for path in files:
         name = str(path.relative_to(SHARED))
-        out = place / f"{number}-made"
+        folder = place / name.replace("/", "-")
+        folder.mkdir()
+        source = _unpacked(path, folder)
+        arguments = {**STATED, **GAP, **SIZE, "bits": None}
         if source.suffix in SHARED_SCANS:
-            arguments = {**STATED, **GAP, **SIZE, "rate_hz": 2.0, "bits": None}
-            yield name, _imported([source], out, arguments)
-        elif source.suffix in SHARED_LOGS and not path.name.startswith("README"):
-            arguments = {**STATED, **GAP, **SIZE, "rate_hz": 2.0, "clock_offset_s": 0.0}
-            arguments |= {"axis": "fz", "contact_sign": -1}
-            yield name, _imported([*pictures, source], out, arguments)
+            yield name, _answered([source], folder / "made", arguments)
+        elif source.suffix in SHARED_LOGS:
+            arguments |= {"bits": STATED["bits"], "clock_offset_s": 0.0, **RATE}
+            sources = [*pictures, source]
+            yield name, _answered(sources, folder / "made", {**arguments, **SENSOR})
+
+
+def _answered(
+    sources: Sequence[Path], out: Path, arguments: Mapping[str, Any]
+) -> Record:
+    """Import sources, and once more for each open point that `OPEN` settles."""
+    found = _imported(sources, out, arguments)
+    for words, settled in OPEN.items():
+        if words in found.get("error", ""):
+            arguments = {**arguments, **settled}
+            found = _imported(sources, out, arguments)
+    return found
 
 
 def _unpacked(path: Path, folder: Path) -> Path:
     """Return a file, or what is in it where it is packed by gzip."""
     if path.suffix != ".gz":
         return path
-    folder.mkdir()
     with gzip.open(path, "rb") as packed, (folder / path.stem).open("wb") as file:
         shutil.copyfileobj(packed, file)
     return folder / path.stem
