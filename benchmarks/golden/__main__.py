@@ -1,4 +1,5 @@
-"""`make golden`: what today's code answers beside the frozen answers, and what moved, in minutes.
+"""`make golden`: what today's code answers beside the frozen answers, and what moved,
+in minutes.
 
 python -m golden                       compare all groups with golden/answers.json
 python -m golden --only GROUP...       compare these groups
@@ -67,7 +68,7 @@ def main(words: list[str] | None = None) -> int:
 def report(
     made: Record, frozen: Mapping[str, Answers], computed: Mapping[str, Answers]
 ) -> bool:
-    """Print what moved, and the doors beside `evaluate`; return whether anything moved."""
+    """Print what moved, and the doors beside `evaluate`; return whether any did."""
     comparisons: dict[str, tuple[Answers, Comparison]] = {}
     for group, answers in computed.items():
         before = {
@@ -89,7 +90,9 @@ def report(
 
 
 def _is_here(name: str) -> bool:
-    """Return whether an answer is of inputs that are here: those of the shared folder may be absent."""
+    """Return whether an answer is of inputs that are here: those of the shared folder
+    may be absent.
+    """
     of_shared = name.startswith(("sample-", "real-", "cases/"))
     return SHARED.is_dir() or not of_shared
 
@@ -106,7 +109,9 @@ def _of(answers: Answers, names: Sequence[str]) -> Answers:
 def freeze(
     path: Path, computed: Mapping[str, Answers], names: Sequence[str] = ()
 ) -> None:
-    """Write answers, in place of frozen ones of the same groups, or of these eyes in them."""
+    """Write answers, in place of frozen ones of the same groups, or of these eyes in
+    them.
+    """
     groups = read_frozen(path)[1] if path.exists() else {}
     for group, answers in computed.items():
         before = groups.get(group, {}) if names else {}

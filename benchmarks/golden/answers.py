@@ -1,7 +1,8 @@
 """Answers as plain records, how they are frozen, and how two sets of them are compared.
 
-An answer has a name ("plain/0001.png/read") and a record of values. The end of a value's name is its unit
-(`force_mn`), which decides how far it may move before it is reported.
+An answer has a name ("plain/0001.png/read") and a record of values. The end of a
+value's name is its unit (`force_mn`), which decides how far it may move before it is
+reported.
 """
 
 import json
@@ -21,7 +22,9 @@ DIGITS = 9  # kept of a number: far below every tolerance
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far a value of some unit may move: the larger of an absolute bound and a share of the frozen value."""
+    """How far a value of some unit may move: the larger of an absolute bound and a
+    share of the frozen value.
+    """
 
     unit: str
     absolute: float
@@ -32,9 +35,11 @@ class Tolerance:
         return abs(now - frozen) <= max(self.absolute, self.relative * abs(frozen))
 
 
-# By the end of a value's name. On one machine a run repeats itself to the last digit. Other BLAS kernels and numbers
-# of threads move E by 3e-7 and forces by as much; a descent that stops one step earlier moves them by 1e-4. A bound of
-# 1 uN is a thousandth of the narrowest interval and what the plan of the restructuring allows a force to move.
+# By the end of a value's name. On one machine a run repeats itself to the last digit.
+# Other BLAS kernels and numbers of threads move E by 3e-7 and forces by as much; a
+# descent that stops one step earlier moves them by 1e-4. A bound of 1 uN is a
+# thousandth of the narrowest interval and what the plan of the restructuring allows a
+# force to move.
 TOLERANCES: Mapping[str, Tolerance] = {
     "mn": Tolerance("mN", absolute=1e-3),
     "um": Tolerance("um", absolute=1e-2),
@@ -58,7 +63,9 @@ COUNT = Tolerance(
 
 @dataclass(frozen=True)
 class Move:
-    """One value that moved: `size` is its change in `unit`, None where words, a length or a presence changed."""
+    """One value that moved: `size` is its change in `unit`, None where words, a length
+    or a presence changed.
+    """
 
     answer: str
     value: str
@@ -69,7 +76,9 @@ class Move:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The values that moved, and the names of the answers that only one of two sets has."""
+    """The values that moved, and the names of the answers that only one of two sets
+    has.
+    """
 
     moves: tuple[Move, ...]
     missing: tuple[str, ...]
@@ -123,7 +132,9 @@ def _record_moves(answer: str, frozen: Record, now: Record) -> list[Move]:
 def _difference(
     frozen: Value, now: Value, tolerance: Tolerance
 ) -> tuple[float | None, str]:
-    """Return by how much a value moved and what it was and is; (None, "") if it has not moved."""
+    """Return by how much a value moved and what it was and is; (None, "") if it has not
+    moved.
+    """
     if _is_number(frozen) and _is_number(now):
         if tolerance.allows(frozen, now):
             return None, ""
@@ -138,7 +149,9 @@ def _difference(
 def _list_difference(
     frozen: Sequence[Value], now: Sequence[Value], tolerance: Tolerance
 ) -> tuple[float | None, str]:
-    """Return the largest difference between the elements of two lists; words count as larger than any number."""
+    """Return the largest difference between the elements of two lists; words count as
+    larger than any number.
+    """
     largest: tuple[float | None, str] = None, ""
     for before, after in zip(frozen, now, strict=True):
         size, words = _difference(before, after, tolerance)
@@ -154,7 +167,8 @@ def _is_number(value: Value) -> bool:
 
 
 def plain(value: Any) -> Value:
-    """Return a value as JSON will hold it: numbers with `DIGITS` digits, None for what is not finite.
+    """Return a value as JSON will hold it: numbers with `DIGITS` digits, None for what
+    is not finite.
 
     >>> plain((0.1 + 0.2, float("nan"), "why", True))
     [0.3, None, 'why', True]
@@ -172,7 +186,9 @@ def plain(value: Any) -> Value:
 
 
 def frozen_text(made: Record, groups: Mapping[str, Answers]) -> str:
-    """Return the text of the frozen file: an answer a line, so that a change of it can be read."""
+    """Return the text of the frozen file: an answer a line, so that a change of it can
+    be read.
+    """
     lines = ['{"made": ' + json.dumps(made) + ",", '"answers": {']
     for number, group in enumerate(sorted(groups)):
         entries = sorted(groups[group].items())

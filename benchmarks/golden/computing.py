@@ -36,7 +36,9 @@ GROUPS = tuple(WORKER_OF)
 def compute(
     groups: tuple[str, ...], workers: int, only_of: tuple[str, ...] = ()
 ) -> tuple[dict[str, Answers], list[str]]:
-    """Return the answers of groups, all or of these eyes only, and what could not be computed."""
+    """Return the answers of groups, all or of these eyes only, and what could not be
+    computed.
+    """
     for name in ONE_THREAD:
         os.environ[name] = "1"
     for name in QUICK_MEMORY:
@@ -64,7 +66,7 @@ def compute(
 def _recordings(
     pool: ProcessPoolExecutor, folder: Path, groups: tuple[str, ...]
 ) -> tuple[dict[str, Path], list[str]]:
-    """Make the virtual recordings that groups need; return them with the shared ones."""
+    """Make the virtual recordings that groups need; add the shared ones."""
     of_recordings = {"counts", "doors", "calibrations", "walls"}
     if not of_recordings & set(groups):
         return {}, []
@@ -124,7 +126,9 @@ def _names(group: str, recordings: Mapping[str, Path]) -> list[str]:
 def work(
     task: Task, recordings: dict[str, Path], folder: Path
 ) -> tuple[Answers, float]:
-    """Compute one piece of work; return its answers, without this run's folders in any words, and the seconds."""
+    """Compute one piece of work; return its answers, without this run's folders in any
+    words, and the seconds.
+    """
     start_s = perf_counter()
     group, name = task
     answers = WORKER_OF[group](name, recordings, folder)

@@ -1,4 +1,5 @@
-"""One piece of work in a process of its own, and what it took: modules, files, solves, passes. Prints JSON.
+"""One piece of work in a process of its own, and what it took: modules, files, solves,
+passes. Prints JSON.
 
 python -m golden.counted import | command WORD... | read FRAME | solves WHAT
 """
@@ -11,7 +12,8 @@ from collections import Counter
 from pathlib import Path
 
 SCLERAFORCE = Path(sys.executable).with_name("scleraforce")
-# Code is no input; machine code and fonts are cached by an earlier run; Numba looks at each installed package.
+# Code is no input; machine code and fonts are cached by an earlier run; Numba looks at
+# each installed package.
 CODE = ".py", ".pyc", ".so", ".pth", ".pyi", ".zip", ".cfg"
 SYSTEM = "/proc", "/sys", "/dev", "/etc", "/usr/lib", "/usr/share"
 
@@ -22,7 +24,9 @@ def _modules() -> dict[str, int]:
 
 
 class OpenedFiles:
-    """The files that Python opens from now on, but for code, caches and the system's own."""
+    """The files that Python opens from now on, but for code, caches and the system's
+    own.
+    """
 
     def __init__(self) -> None:
         self._opened: Counter[str] = Counter()
@@ -86,7 +90,9 @@ def segment(frame: str) -> dict[str, int]:
 
 
 def solves(what: str) -> dict[str, int]:
-    """Bend an eye, or solve a load path of the library, and count factorizations and solves."""
+    """Bend an eye, or solve a load path of the library, and count factorizations and
+    solves.
+    """
     from golden.hooks import count_solves, solve_load_path
 
     calls: Counter[str] = Counter()

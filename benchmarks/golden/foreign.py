@@ -1,4 +1,6 @@
-"""Files of other programs as a user brings them: the same five small frames, and a push, in each format."""
+"""Files of other programs as a user brings them: the same five small frames, and a
+push, in each format.
+"""
 
 import csv
 import io
@@ -34,14 +36,18 @@ Make = Callable[[Path], list[Path]]
 
 @dataclass(frozen=True)
 class Source:
-    """Files that `make` writes into a folder, and the arguments that an import of them needs."""
+    """Files that `make` writes into a folder, and the arguments that an import of them
+    needs.
+    """
 
     make: Make
     arguments: Mapping[str, Any] = field(default_factory=dict)
 
 
 def pushes(rate_hz: float = 200.0, seconds: float = 4.0) -> tuple[Any, Any]:
-    """Return times in s and forces in N of a push to 20 mN that begins after 1 s; contact is negative."""
+    """Return times in s and forces in N of a push to 20 mN that begins after 1 s;
+    contact is negative.
+    """
     time_s = np.arange(0.0, seconds, 1.0 / rate_hz)
     return time_s, -0.02 * np.clip(2.0 * (time_s - 1.0), 0.0, 1.0)
 
@@ -160,7 +166,9 @@ def _thorlabs(path: Path) -> None:
 
 
 def _bag(kind: str, packed: str | None = None) -> Make:
-    """Return what makes a ROS bag of five frames that arrive late, and a wrench at 200 Hz."""
+    """Return what makes a ROS bag of five frames that arrive late, and a wrench at 200
+    Hz.
+    """
 
     def make(folder: Path) -> list[Path]:
         path = folder / ("scan.bag" if kind == "ros1" else "scan")
@@ -238,7 +246,9 @@ def _wrench_message(store: Any, stamp_ns: int, force_n: float) -> Any:
 
 
 def _log(header: str, row: Callable[[float, float], str], above: str = "") -> Make:
-    """Return what makes pictures and a force log of a header, and of a row for each time in s and force in N."""
+    """Return what makes pictures and a force log of a header, and of a row for each
+    time in s and force in N.
+    """
 
     def make(folder: Path) -> list[Path]:
         lines = [

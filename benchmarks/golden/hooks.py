@@ -1,10 +1,14 @@
-"""The places at which the benchmark reaches behind the public doors; a restructuring has to mend this file alone.
+"""The places at which the benchmark reaches behind the public doors; a restructuring
+has to mend this file alone.
 
-- The monitor's log has what its network reads in each frame, but what the second opinion reads only where it decides.
-  `tap_opinions` copies the second opinion's messages from the monitor's socket to a file.
-- How often the code solves and passes over a frame shows nowhere. `count_calls` wraps SciPy's factorizations,
-  OpenCV's functions and the package's compiled loops before they are called.
-- Load paths of the library are solved in processes of their own; `solve_load_path` solves one here.
+- The monitor's log has what its network reads in each frame, but what the second
+  opinion reads only where it decides. `tap_opinions` copies the second opinion's
+  messages from the monitor's socket to a file.
+- How often the code solves and passes over a frame shows nowhere. `count_calls` wraps
+  SciPy's factorizations, OpenCV's functions and the package's compiled loops before
+  they are called.
+- Load paths of the library are solved in processes of their own; `solve_load_path`
+  solves one here.
 """
 
 import json
@@ -24,7 +28,9 @@ OPINION = "OpinionGiven"  # the tag of the second opinion's messages
 
 
 def tap_opinions(path: Path) -> None:
-    """Append every second opinion that this process receives to a file, as a line of JSON."""
+    """Append every second opinion that this process receives to a file, as a line of
+    JSON.
+    """
     import msgspec
 
     receive = socket.socket.recv
@@ -41,7 +47,9 @@ def tap_opinions(path: Path) -> None:
 
 
 def count_solves(calls: Calls) -> None:
-    """Count sparse and banded factorizations and solves, from now on; before the mechanics are imported."""
+    """Count sparse and banded factorizations and solves, from now on; before the
+    mechanics are imported.
+    """
     import scipy.linalg.lapack as lapack
     import scipy.sparse.linalg as sparse
 
@@ -74,9 +82,11 @@ def count_solves(calls: Calls) -> None:
 
 
 def count_passes(calls: Calls, frame_pixels: int) -> None:
-    """Count the calls of compiled loops and of OpenCV that take a whole frame, and all calls of compiled loops.
+    """Count the calls of compiled loops and of OpenCV that take a whole frame, and all
+    calls of compiled loops.
 
-    The loops must have been called before: machine code that is not loaded yet would be compiled with the wrappers.
+    The loops must have been called before: machine code that is not loaded yet would be
+    compiled with the wrappers.
     """
     import cv2
     from numba.core.registry import CPUDispatcher

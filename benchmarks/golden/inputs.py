@@ -1,4 +1,6 @@
-"""The recordings that answers are frozen of: virtual eyes that anyone can make, and the shared ones where they are."""
+"""The recordings that answers are frozen of: virtual eyes that anyone can make, and the
+shared ones where they are.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -21,7 +23,9 @@ CROSS = (sf.Plane("along", 0.0, 0.0), sf.Plane("across", 0.0, pi / 2))
 
 @dataclass(frozen=True)
 class VirtualEye:
-    """A virtual eye: the parts of its study beside the mesh, and the arguments of `sf.phantom`."""
+    """A virtual eye: the parts of its study beside the mesh, and the arguments of
+    `sf.phantom`.
+    """
 
     study: str = ""
     arguments: Mapping[str, Any] = field(default_factory=dict)
@@ -136,7 +140,9 @@ def frame_files(recording: Path) -> list[Path]:
 
 
 def _damage(recording: Path) -> None:
-    """Spoil most frames, each in a way of its own, and correct the wall of the first one by hand."""
+    """Spoil most frames, each in a way of its own, and correct the wall of the first
+    one by hand.
+    """
     files = frame_files(recording)
     first = _pixels(files[0])
     drawn = np.where(sf.segment(files[0]).mask == 255, 255, 0).astype(np.uint8)

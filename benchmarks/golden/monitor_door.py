@@ -1,8 +1,10 @@
-"""What a running monitor reads in the frames of a recording: its network, and its second opinion.
+"""What a running monitor reads in the frames of a recording: its network, and its
+second opinion.
 
-A real monitor gets the frames over OpenIGTLink from `replay --step`, each one when the last was read twice; frames of
-several planes come from `replay` slowly. Readings do not depend on the pace. The monitor's decisions would, so they are
-made in virtual time (`groups.sessions`).
+A real monitor gets the frames over OpenIGTLink from `replay --step`, each one when the
+last was read twice; frames of several planes come from `replay` slowly. Readings do not
+depend on the pace. The monitor's decisions would, so they are made in virtual time
+(`groups.sessions`).
 """
 
 import json
@@ -21,7 +23,7 @@ from typing import Any
 import scleraforce as sf
 
 SCLERAFORCE = str(Path(sys.executable).with_name("scleraforce"))
-READ_S = 120.0  # for a frame to be read twice, on a machine that is busy with ten other things
+READ_S = 120.0  # for a frame to be read twice, on a machine that is very busy
 LOOK_S = 0.005
 END_S = 120.0
 MOMENT_S = 1.0  # an opinion takes 0.02 s
@@ -36,7 +38,9 @@ class MonitorRefusedError(Exception):
 
 @dataclass(frozen=True)
 class MonitorReadings:
-    """The network's entries of the monitor's log, and the second opinion's verdicts, a frame each."""
+    """The network's entries of the monitor's log, and the second opinion's verdicts, a
+    frame each.
+    """
 
     network: tuple[Entry, ...]
     opinions: tuple[Entry, ...]
@@ -45,7 +49,9 @@ class MonitorReadings:
 def monitor_readings(
     recording: Path, calibration: Path | None, folder: Path, model: str
 ) -> MonitorReadings:
-    """Show a recording to a monitor that knows of the eye what the recording and the calibration state."""
+    """Show a recording to a monitor that knows of the eye what the recording and the
+    calibration state.
+    """
     log = folder / f"{recording.name}.black-box"
     tapped = folder / f"{recording.name}.opinions"
     tapped.touch()
@@ -65,7 +71,9 @@ def monitor_readings(
 
 
 def _eye_options(recording: Path, calibration: Path | None) -> list[str]:
-    """Return the options that tell a monitor what a recording states of its eye, needle and scanner."""
+    """Return the options that tell a monitor what a recording states of its eye, needle
+    and scanner.
+    """
     info = sf.read_recording(recording).info
     eye, needle, scan = info.eye, info.needle, info.oct
     direction_rad = scan.plane_direction_rad
@@ -103,7 +111,7 @@ def _eye_options(recording: Path, calibration: Path | None) -> list[str]:
 
 @contextmanager
 def _monitor(tapped: Path, words: list[str]) -> Iterator[int]:
-    """Run a monitor on a free port, which is given; its second opinions go to a file."""
+    """Run a monitor on a free port, which is yielded; copy its second opinions."""
     command = [sys.executable, "-m", "golden.monitored", str(tapped), *words]
     process = subprocess.Popen(
         [*command, "--port", "0", "--json"],
@@ -133,7 +141,9 @@ def _monitor(tapped: Path, words: list[str]) -> Iterator[int]:
 def _step(
     recording: Path, port: int, frames: Callable[[], int], opinions: Callable[[], int]
 ) -> None:
-    """Send the frames of a recording, each when the monitor has read the one before twice."""
+    """Send the frames of a recording, each when the monitor has read the one before
+    twice.
+    """
     command = [SCLERAFORCE, "replay", str(recording), "--port", str(port)]
     process = subprocess.Popen(
         [*command, "--step", "--json"],
@@ -156,7 +166,9 @@ def _step(
 
 
 def _play(recording: Path, port: int) -> None:
-    """Send the frames of several planes so that those of one moment have one stamp, and moments `MOMENT_S` between."""
+    """Send the frames of several planes so that those of one moment have one stamp, and
+    moments `MOMENT_S` between.
+    """
     times_s = sorted({frame.time_s for frame in sf.read_recording(recording).frames})
     least_s = min(after - before for before, after in pairwise(times_s))
     command = [SCLERAFORCE, "replay", str(recording), "--port", str(port)]

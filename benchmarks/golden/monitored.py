@@ -1,4 +1,6 @@
-"""The monitor as a command of its own, whose second opinions are copied to a file: FILE, then the monitor's words."""
+"""The monitor as a command of its own, whose second opinions are copied to a file:
+FILE, then the monitor's words.
+"""
 
 import runpy
 import sys

@@ -1,4 +1,6 @@
-"""The printed tables: what moved in each group, the largest moves, and each door's difference from `evaluate`."""
+"""The printed tables: what moved in each group, the largest moves, and each door's
+difference from `evaluate`.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,7 +12,7 @@ LISTED = 12  # moves of a group, answers that are missing or new
 
 
 def group_table(groups: Mapping[str, tuple[Answers, Comparison]]) -> str:
-    """Return how many answers of each group moved, and the largest move in each unit."""
+    """Return the moved answers of each group, and its largest move in each unit."""
     head = ["group", "answers", "moved", "missing", "new", "largest moves"]
     rows = [
         [
@@ -61,9 +63,10 @@ def move_lines(group: str, comparison: Comparison) -> Iterator[str]:
 class DoorDifference:
     """How a door answers beside `evaluate`, over the frames that both answer.
 
-    `force_mn` and `interval_mn` are the largest differences of the force and of an end of its interval, with the
-    frame's name; None where no frame has both. `forces` counts frames that only one of both gives a force;
-    `classes`, `usable` and `reasons` count frames with another class, usability or reason.
+    `force_mn` and `interval_mn` are the largest differences of the force and of an end
+    of its interval, with the frame's name; None where no frame has both. `forces`
+    counts frames that only one of both gives a force; `classes`, `usable` and `reasons`
+    count frames with another class, usability or reason.
     """
 
     door: str
@@ -78,7 +81,9 @@ class DoorDifference:
 
 
 def door_differences(answers: Answers) -> list[DoorDifference]:
-    """Return the differences of every door from `evaluate`; names of answers are "recording/frame/door"."""
+    """Return the differences of every door from `evaluate`; names of answers are
+    "recording/frame/door".
+    """
     frames: dict[str, dict[str, Record]] = {}
     for name, record in answers.items():
         frame, _, door = name.rpartition("/")
@@ -132,7 +137,7 @@ def _door_difference(
 
 
 def door_table(now: Answers, frozen: Answers) -> str:
-    """Return each door's difference from `evaluate`; of the force also the frozen one."""
+    """Return each door's difference from `evaluate`, of the force also before."""
     head = [
         "door",
         "frames",

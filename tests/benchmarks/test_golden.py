@@ -1,4 +1,6 @@
-"""Golden answers: a move is reported with its size, and every door is compared with `evaluate`."""
+"""Golden answers: a move is reported with its size, and every door is compared with
+`evaluate`.
+"""
 
 import json
 from pathlib import Path

@@ -1,4 +1,6 @@
-"""Young's modulus of each eye: with and without forces, other parameters, the paper's mechanics, several eyes."""
+"""Young's modulus of each eye: with and without forces, other parameters, the paper's
+mechanics, several eyes.
+"""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -42,7 +44,9 @@ def answers(name: str, recordings: dict[str, Path], _folder: Path) -> Answers:
 
 
 def _calibrations(name: str, calibrate: Callable[[], Any]) -> Answers:
-    """Return the record of each eye of a calibration, and of the population; the message where none was found."""
+    """Return the record of each eye of a calibration, and of the population; the
+    message where none was found.
+    """
     try:
         found = calibrate().to_dict()
     except sf.InputError as fault:
@@ -55,7 +59,7 @@ def _calibrations(name: str, calibrate: Callable[[], Any]) -> Answers:
 
 
 def _eye(entry: Mapping[str, Any]) -> Record:
-    """Return what a calibration says of an eye; parameters beside E by their own names."""
+    """Return what a calibration says of an eye; other parameters by their names."""
     globe = entry["globe"] or {}
     rigidity = globe.get("rigidity_mmhg13_per_ul") or {}
     relaxation = entry["relaxation"] or {}
@@ -84,7 +88,9 @@ def _eye(entry: Mapping[str, Any]) -> Record:
 
 
 def calibration_file(name: str, recording: Path, folder: Path) -> Path | None:
-    """Write the calibration that the doors read with; None of a recording that has none of its own."""
+    """Write the calibration that the doors read with; None of a recording that has none
+    of its own.
+    """
     if name == MOVING:
         return None  # its labels average over more than a hold
     path = folder / f"{name}.calibration.json"

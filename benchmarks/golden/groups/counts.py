@@ -1,4 +1,6 @@
-"""Counts that noise does not touch: modules imported, files opened, passes over a frame, factorizations and solves."""
+"""Counts that noise does not touch: modules imported, files opened, passes over a
+frame, factorizations and solves.
+"""
 
 import json
 import subprocess

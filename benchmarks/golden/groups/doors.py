@@ -1,4 +1,6 @@
-"""Forces, intervals, classes and reasons of the same frames through each door; `evaluate` is the reference."""
+"""Forces, intervals, classes and reasons of the same frames through each door;
+`evaluate` is the reference.
+"""
 
 import json
 import subprocess
@@ -43,7 +45,8 @@ def answers(name: str, recordings: dict[str, Path], folder: Path) -> Answers:
 def _relaxes(calibration: Path | None) -> bool:
     """Return whether a calibration found a tissue that relaxes.
 
-    A monitor's readings of such an eye depend on the time between frames, which is the machine's.
+    A monitor's readings of such an eye depend on the time between frames, which is the
+    machine's.
     """
     if calibration is None:
         return False

@@ -1,4 +1,6 @@
-"""Foreign files as recordings: frames, times, scale, forces and notes, or the words that refuse them."""
+"""Foreign files as recordings: frames, times, scale, forces and notes, or the words
+that refuse them.
+"""
 
 import gzip
 import json
@@ -16,7 +18,8 @@ from golden.answers import Answers, Record, plain
 from golden.foreign import FASTEST_FIRST, RATE, SIZE, SOURCES, VOLUME
 from golden.inputs import SHARED
 
-# What no format states; an import is refused, and its words are frozen, where more is missing.
+# What no format states; an import is refused, and its words are frozen, where more is
+# missing.
 STATED: Mapping[str, Any] = {
     "eye": "eye-1",
     "gauge": 22,
@@ -43,7 +46,9 @@ MOST_TIMES = 8  # of a recording that are kept
 
 
 def answers(name: str, _recordings: dict[str, Path], folder: Path) -> Answers:
-    """Return what imports make of the files of `golden.foreign`, or of the shared cases."""
+    """Return what imports make of the files of `golden.foreign`, or of the shared
+    cases.
+    """
     place = folder / f"imports-{name}"
     place.mkdir()
     if name == MADE:
@@ -62,7 +67,9 @@ def _made(place: Path) -> Iterator[tuple[str, Record]]:
 
 
 def _shared(place: Path) -> Iterator[tuple[str, Record]]:
-    """Import each shared file that is a scan or a log, with answers to all that it may leave open."""
+    """Import each shared file that is a scan or a log, with answers to all that it may
+    leave open.
+    """
     folders = [SHARED / name for name in ("cases", "real-oct", "real-logs")]
     files = [
         path
@@ -109,7 +116,9 @@ def _unpacked(path: Path, folder: Path) -> Path:
 def _imported(
     sources: Sequence[Path], out: Path, arguments: Mapping[str, Any]
 ) -> Record:
-    """Return what an import makes of sources; a value that they leave out is not given again."""
+    """Return what an import makes of sources; a value that they leave out is not given
+    again.
+    """
     try:
         recording = sf.import_recording(list(sources), out, **arguments)
     except sf.InputError as fault:

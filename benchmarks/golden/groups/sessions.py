@@ -1,7 +1,9 @@
-"""Decisions of monitor sessions in virtual time: five eyes of each kind, two sessions and two ramps each.
+"""Decisions of monitor sessions in virtual time: five eyes of each kind, two sessions
+and two ramps each.
 
-No socket and no clock: frames, jitter, losses and the delay of the second opinion are drawn or fixed
-(`monitor_sessions`), so a session repeats itself exactly. This module uses the parts of that benchmark.
+No socket and no clock: frames, jitter, losses and the delay of the second opinion are
+drawn or fixed (`monitor_sessions`), so a session repeats itself exactly. This module
+uses the parts of that benchmark.
 """
 
 from collections.abc import Iterator, Mapping
@@ -88,7 +90,9 @@ def answers(name: str, _recordings: dict[str, Path], _folder: Path) -> Answers:
 def _paths(
     drawn: SessionEye, number: int
 ) -> Iterator[tuple[str, Trajectory, np.random.Generator]]:
-    """Yield the sessions and the ramps of an eye, each with the rest of its random numbers."""
+    """Yield the sessions and the ramps of an eye, each with the rest of its random
+    numbers.
+    """
     largest_n = largest_force_n(drawn)
     for session in range(SESSIONS):
         rng = np.random.default_rng((SEED, 4, number, session))
@@ -167,7 +171,9 @@ class _Course:
             self._withdrawn_s.append(withdrawal.at_s)
 
     def record(self, released: int) -> Record:
-        """Return the codes as runs ("13x24" is 24 frames of code 13), the withdrawals, and a digest of the readings."""
+        """Return the codes as runs ("13x24" is 24 frames of code 13), the withdrawals,
+        and a digest of the readings.
+        """
         runs = [(code, len(list(run))) for code, run in groupby(self._codes)]
         forces = self._forces_mn
         record = {

@@ -1,4 +1,6 @@
-"""The walls that are found in frames: boundaries in sampled columns, whether they can be judged, and why not."""
+"""The walls that are found in frames: boundaries in sampled columns, whether they can
+be judged, and why not.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -44,7 +46,8 @@ def _wall(
     width_m: float | None = None,
     depth_m: float | None = None,
 ) -> Record:
-    """Return the wall of a frame: boundaries below its top, in um where the height of a row is known, else in rows.
+    """Return the wall of a frame: boundaries below its top, in um where the height of a
+    row is known, else in rows.
 
     None stands for a column that shows no boundary.
     """
