@@ -134,15 +134,15 @@ def test_the_frozen_file_has_every_group_and_every_door():
 
 
 @pytest.mark.slow
-def test_a_group_is_computed_again_and_a_move_of_it_is_found(tmp_path: Path, capsys):
+@pytest.mark.timeout(900)  # twenty-six processes, on a machine that may be busy
+def test_a_group_repeats_itself_but_for_what_was_changed(tmp_path: Path, capsys):
     path = tmp_path / "answers.json"
     words = ["--only", "counts", "--frozen", str(path), "--strict"]
     assert command.main([*words, "--freeze"]) == 0
-    assert command.main(words) == 0
-    assert "| counts | 13 | 0 | 0 | 0 | none |" in capsys.readouterr().out
 
     content = json.loads(path.read_text())
     content["answers"]["counts"]["import scleraforce"]["modules"] -= 2
     path.write_text(json.dumps(content))
     assert command.main(words) == 1
-    assert "+2 count (import scleraforce modules)" in capsys.readouterr().out
+    move = "+2 count (import scleraforce modules)"
+    assert f"| counts | 13 | 1 | 0 | 0 | {move} |" in capsys.readouterr().out
