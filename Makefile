@@ -57,6 +57,9 @@ screenshots: .venv/installed  ## the pictures of app and console anew (Chromium;
 stale: .venv/installed  ## which figures of the pages today's code would no longer make, in a minute
 	PYTHONPATH=benchmarks .venv/bin/python -m provenance
 
+golden: .venv/installed  ## what the code answers beside the frozen answers, and what moved (GOLDEN="--freeze", "--only walls", ...)
+	PYTHONPATH=benchmarks .venv/bin/python -m golden $(GOLDEN)
+
 trace: .venv/installed  ## docs/requirements.md anew, from docs/requirements.toml and the names of the tests
 	.venv/bin/python benchmarks/requirements_trace.py > docs/requirements.md.new && mv docs/requirements.md.new docs/requirements.md
 
@@ -126,4 +129,4 @@ clean:  ## remove the environments and what the tools left; out/ stays
 	@pip=".venv-napari/bin/python -m pip --disable-pip-version-check -qq"; $$pip install -r $(NAPARI)/requirements.lock && \
 	$$pip install --no-build-isolation -c $(NAPARI)/requirements.lock -e . -e $(NAPARI) && touch $@
 
-.PHONY: help install reproduce test slow lint bench figures screenshots stale trace ranges wall-finder model living paper dist sbom size wheels lock clean docs gallery napari
+.PHONY: help install reproduce test slow lint bench figures screenshots stale golden trace ranges wall-finder model living paper dist sbom size wheels lock clean docs gallery napari

@@ -1,0 +1,3 @@
+"""Golden answers: what the code answers today, frozen, and how far later code moves
+from it.
+"""

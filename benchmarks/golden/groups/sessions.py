@@ -1,0 +1,190 @@
+"""Decisions of monitor sessions in virtual time: five eyes of each kind, two sessions
+and two ramps each.
+
+No socket and no clock: frames, jitter, losses and the delay of the second opinion are
+drawn or fixed (`monitor_sessions`), so a session repeats itself exactly. This module
+uses the parts of that benchmark.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import groupby
+from pathlib import Path
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from golden.answers import Answers, Record, plain
+from monitor_sessions.declarations import declarations
+from monitor_sessions.eyes import SessionEye, draw_eye
+from monitor_sessions.forces import (
+    FRAME_S,
+    Trajectory,
+    moving_forces,
+    ramp_forces,
+    trajectory,
+)
+from monitor_sessions.frames import largest_force_n, stream
+from monitor_sessions.play import JITTER_S, LOSS, Bench, Plan
+from monitor_sessions.watch import Watch, Withdrawal
+from scleraforce.reader.answer import Answer
+from scleraforce.service.shown_pictures import ShownPictures
+
+SEED = 20_261_128
+MODELS = {
+    "open": "default",
+    "sealed": "default",
+    "living": "living",
+}  # that read a kind of eyes
+EYES = 5  # of each kind
+SESSIONS = 2
+SESSION_FRAMES = 250  # 100 before the contact, the approach, and an action or two
+BEFORE_FRAMES = 25  # of those before the contact that are shown
+HIGHEST_N = 20e-3  # of the sessions: a withdrawal is false
+RATES_N_S = (50e-3, 100e-3)  # of the ramps: a withdrawal is due
+MESH_CORE = 4  # with these rings a second an eye; no answer is of accuracy
+MESH_RINGS = 8
+MONITORS = (
+    "declared",
+    "option",
+)  # declarations: with globe and calibrated k, and E alone
+CLIP_S = 4e-3  # of the jitter
+
+
+def names() -> list[str]:
+    """Return the names of the eyes."""
+    return [f"{kind}-{number}" for kind in MODELS for number in range(EYES)]
+
+
+def answers(name: str, _recordings: dict[str, Path], _folder: Path) -> Answers:
+    """Return the decisions of the sessions and ramps of one eye, of each monitor."""
+    kind, _, number = name.partition("-")
+    plan = Plan(
+        model=Path(MODELS[kind]),
+        kinds=(kind,),
+        eyes=1,
+        sessions=0,
+        seconds=0.0,
+        highest_n=HIGHEST_N,
+        rates_n_s=(),
+        seed=SEED,
+    )
+    bench = Bench(plan)
+    drawn = draw_eye(kind, int(number), bench.reader.study, SEED)
+    mesh = replace(drawn.study.mesh, core=MESH_CORE, rings=MESH_RINGS)
+    drawn = replace(drawn, study=replace(drawn.study, mesh=mesh))
+    rng = np.random.default_rng((SEED, 3, int(number)))
+    declared = declarations(drawn, bench.reader, SEED, rng)
+    found: Answers = {}
+    for words, path, path_rng in _paths(drawn, int(number)):
+        watches = {
+            monitor: Watch(bench.reader, declared[monitor], bench.limits)
+            for monitor in MONITORS
+        }
+        played = _played(drawn, path, watches, bench.limits.shown_frames, path_rng)
+        found |= {f"{name}/{words}/{monitor}": of for monitor, of in played.items()}
+    return found
+
+
+def _paths(
+    drawn: SessionEye, number: int
+) -> Iterator[tuple[str, Trajectory, np.random.Generator]]:
+    """Yield the sessions and the ramps of an eye, each with the rest of its random
+    numbers.
+    """
+    largest_n = largest_force_n(drawn)
+    for session in range(SESSIONS):
+        rng = np.random.default_rng((SEED, 4, number, session))
+        forces = moving_forces(SESSION_FRAMES, min(HIGHEST_N, largest_n), rng)
+        path = trajectory(*_shortened(*forces), drawn.study, rng)
+        yield f"session {session}", path, rng
+    for ramp, rate_n_s in enumerate(RATES_N_S):
+        rng = np.random.default_rng((SEED, 5, number, ramp))
+        forces = ramp_forces(rate_n_s, largest_n, rng)
+        path = trajectory(*_shortened(*forces), drawn.study, rng)
+        yield f"ramp of {1e3 * rate_n_s:g} mN a second", path, rng
+
+
+def _shortened(
+    force_n: NDArray[np.float64], names: list[str]
+) -> tuple[NDArray[np.float64], list[str]]:
+    """Return forces and names without most of the frames before the contact."""
+    first = max(0, int(np.argmax(force_n > 0.0)) - BEFORE_FRAMES)
+    return force_n[first:], names[first:]
+
+
+def _played(
+    drawn: SessionEye,
+    path: Trajectory,
+    watches: Mapping[str, Watch],
+    shown_frames: int,
+    rng: np.random.Generator,
+) -> dict[str, Record]:
+    """Show a trajectory's frames to monitors; return what each of them decided."""
+    shown = ShownPictures(shown_frames)
+    courses = {monitor: _Course() for monitor in watches}
+    for number, frame in enumerate(stream(drawn, path, rng, SEED)):
+        shown_back = shown.back(frame)
+        jitter_s = float(np.clip(rng.normal(0.0, JITTER_S), -CLIP_S, CLIP_S))
+        at_s = FRAME_S * (number + 1) + jitter_s
+        is_lost = rng.random() < LOSS
+        for monitor, watch in watches.items():
+            answer: Answer | None = None
+            if is_lost:
+                withdrawal = watch.lost(at_s)
+            else:
+                answer, withdrawal = watch.read(frame, at_s, number, shown_back)
+            true_n = float(path.force_n[number])
+            courses[monitor].add(watch.code, answer, withdrawal, true_n)
+    return {
+        monitor: courses[monitor].record(watch.released)
+        for monitor, watch in watches.items()
+    }
+
+
+class _Course:
+    """The course of one session before one monitor, a frame at a time."""
+
+    def __init__(self) -> None:
+        self._codes: list[int | None] = []
+        self._forces_mn: list[float] = []
+        self._classes: list[int] = []
+        self._withdrawals: list[str] = []
+        self._withdrawn_mn: list[float] = []
+        self._withdrawn_s: list[float] = []
+
+    def add(
+        self,
+        code: int | None,
+        answer: Answer | None,
+        withdrawal: Withdrawal | None,
+        true_n: float,
+    ) -> None:
+        self._codes.append(code)
+        self._classes.append(-1 if answer is None else answer.predicted)
+        if answer is not None and answer.force_n is not None:
+            self._forces_mn.append(1e3 * answer.force_n)
+        if withdrawal is not None:
+            self._withdrawals.append(f"{withdrawal.cause}: {withdrawal.message}")
+            self._withdrawn_mn.append(1e3 * true_n)
+            self._withdrawn_s.append(withdrawal.at_s)
+
+    def record(self, released: int) -> Record:
+        """Return the codes as runs ("13x24" is 24 frames of code 13), the withdrawals,
+        and a digest of the readings.
+        """
+        runs = [(code, len(list(run))) for code, run in groupby(self._codes)]
+        forces = self._forces_mn
+        record = {
+            "frames": len(self._codes),
+            "codes": " ".join(f"{code}x{length}" for code, length in runs),
+            "classes": crc32(bytes(number + 1 for number in self._classes)),
+            "withdrawals": self._withdrawals,
+            "withdrawn_mn": self._withdrawn_mn,
+            "withdrawn_s": self._withdrawn_s,
+            "readings": len(forces),
+            "reading_mn": forces[:: max(1, len(forces) // 8)][:9],
+            "released": released,
+        }
+        return {name: plain(value) for name, value in record.items()}

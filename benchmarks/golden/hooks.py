@@ -1,0 +1,143 @@
+"""The places at which the benchmark reaches behind the public doors; a restructuring
+has to mend this file alone.
+
+- The monitor's log has what its network reads in each frame, but what the second
+  opinion reads only where it decides. `tap_opinions` copies the second opinion's
+  messages from the monitor's socket to a file.
+- How often the code solves and passes over a frame shows nowhere. `count_calls` wraps
+  SciPy's factorizations, OpenCV's functions and the package's compiled loops before
+  they are called.
+- Load paths of the library are solved in processes of their own; `solve_load_path`
+  solves one here.
+"""
+
+import json
+import socket
+import sys
+from collections import Counter
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+Calls = Counter[str]
+
+OPINION = "OpinionGiven"  # the tag of the second opinion's messages
+
+
+def tap_opinions(path: Path) -> None:
+    """Append every second opinion that this process receives to a file, as a line of
+    JSON.
+    """
+    import msgspec
+
+    receive = socket.socket.recv
+
+    def tapped(self: socket.socket, *arguments: Any) -> bytes:
+        data = receive(self, *arguments)
+        if OPINION.encode() in data[:64]:
+            message = msgspec.msgpack.decode(data)
+            with path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(message) + "\n")
+        return data
+
+    socket.socket.recv = tapped  # type: ignore[assignment, method-assign]
+
+
+def count_solves(calls: Calls) -> None:
+    """Count sparse and banded factorizations and solves, from now on; before the
+    mechanics are imported.
+    """
+    import scipy.linalg.lapack as lapack
+    import scipy.sparse.linalg as sparse
+
+    factor = sparse.splu
+
+    class Factor:
+        """A factorization that counts its solves."""
+
+        def __init__(self, *arguments: Any, **options: Any) -> None:
+            calls["sparse factorizations"] += 1
+            self._factor = factor(*arguments, **options)
+
+        def solve(self, load: Any, *arguments: Any) -> Any:
+            calls["sparse solves"] += 1
+            calls["sparse right-hand sides"] += 1 if load.ndim == 1 else load.shape[1]
+            return self._factor.solve(load, *arguments)
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(self._factor, name)
+
+    sparse.splu = Factor  # type: ignore[assignment]
+    for name, words in {
+        "dgbtrf": "banded factorizations",
+        "dpbtrf": "banded factorizations",
+        "dgbtrs": "banded solves",
+        "dpbtrs": "banded solves",
+    }.items():
+        function = getattr(lapack, name)
+        setattr(lapack, name, _counting(function, partial(_always, words), calls))
+
+
+def count_passes(calls: Calls, frame_pixels: int) -> None:
+    """Count the calls of compiled loops and of OpenCV that take a whole frame, and all
+    calls of compiled loops.
+
+    The loops must have been called before: machine code that is not loaded yet would be
+    compiled with the wrappers.
+    """
+    import cv2
+    from numba.core.registry import CPUDispatcher
+
+    def taking_frames(kind: str) -> Callable[[tuple[Any, ...]], str]:
+        def name_of(arguments: tuple[Any, ...]) -> str:
+            whole = any(
+                isinstance(each, np.ndarray) and each.size >= frame_pixels
+                for each in arguments
+            )
+            return f"{kind} over a frame" if whole else f"other {kind}"
+
+        return name_of
+
+    wrappers: dict[int, Any] = {}
+    for module_name, module in list(sys.modules.items()):
+        if not module_name.startswith("scleraforce"):
+            continue
+        for name, value in list(vars(module).items()):
+            if isinstance(value, CPUDispatcher):
+                wrapper = wrappers.setdefault(
+                    id(value),
+                    _counting(value, taking_frames("calls of compiled loops"), calls),
+                )
+                setattr(module, name, wrapper)
+    for name, value in list(vars(cv2).items()):
+        if type(value).__name__ == "builtin_function_or_method":
+            setattr(
+                cv2, name, _counting(value, taking_frames("calls of OpenCV"), calls)
+            )
+
+
+def _always(words: str, _arguments: tuple[Any, ...]) -> str:
+    return words
+
+
+def _counting(
+    function: Callable[..., Any],
+    name_of: Callable[[tuple[Any, ...]], str],
+    calls: Calls,
+) -> Callable[..., Any]:
+    def counted(*arguments: Any, **options: Any) -> Any:
+        calls[name_of(arguments)] += 1
+        return function(*arguments, **options)
+
+    return counted
+
+
+def solve_load_path(study: Any, unit: int) -> None:
+    """Solve a load path of a study's library in this process."""
+    from scleraforce.library.plan import plan_library
+    from scleraforce.library.store import solve_path
+
+    solve_path(plan_library(study), unit)
