@@ -167,6 +167,10 @@ def test_times_and_numbers_in_names_that_are_none_are_refused(tmp_path: Path) ->
         with pytest.raises(InputError, match=words):
             gathered(folder, **options)
 
+    table = write_table(tmp_path / "t.csv", "time_s", "1", "2")
+    with pytest.raises(InputError, match="--frames-by: times, and --times states"):
+        gathered(folder, frames_by="times:s", times=table)
+
     again = write_frames(tmp_path / "g", "2 s.png", "2.0 s.png")
     with pytest.raises(InputError, match="states the time of"):
         gathered(again, frames_by="times")

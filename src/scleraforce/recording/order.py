@@ -83,6 +83,12 @@ def ordered(
         UnansweredError: nothing but the position of frames orders them, and their
             names or numbers deny it.
     """
+    if table is not None and by is not None and by.way == TIMES:
+        raise InputError(
+            f"--frames-by: {TIMES}, and --times states when frames were taken; give one"
+            " of them"
+        )
+
     table_of = None if table is None else read_times(table)
     whole = _by_table(scans, table_of)
     if whole is not None:

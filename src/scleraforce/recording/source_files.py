@@ -130,6 +130,14 @@ def _of_folder(folder: Path, tables: Collection[Path]) -> tuple[list[Path], Left
 
         left_out.setdefault(reason, []).append(path.name)
 
+    if not shown:  # a text alone is read, and its fault named
+        texts = [
+            name
+            for name in left_out.get(NEITHER, ())
+            if name.lower().endswith(TEXT_NAMES)
+        ]
+        return [folder / name for name in texts], left_out
+
     return shown, left_out
 
 
