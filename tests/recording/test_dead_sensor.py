@@ -153,13 +153,27 @@ def test_failures_are_found_and_the_rest_is_kept(
     assert not no_values(wrench_sc, SIX_AXES, time_s)
 
 
+@pytest.mark.parametrize("share", [0.01, 0.05, 0.2, 0.5])
+@pytest.mark.parametrize("columns", [slice(0, 6), slice(2, 3)])
+def test_zeros_of_one_axis_are_found(columns: slice, share: float) -> None:
+    time_s, wrench_sc = sensed()
+    failed = np.random.default_rng(3).random(len(time_s)) < share
+    wrench_sc[failed, 2] = 0.0
+    found = no_values(wrench_sc[:, columns], SIX_AXES[columns], time_s)
+
+    flags = np.any([each.samples for each in found], axis=0)
+    assert flags[failed & (pushes(time_s) > 20e-3)].mean() > 0.99
+    assert flags[~failed].mean() < 0.05
+
+
 def test_a_rail_with_noise_of_a_few_steps_is_the_end_of_a_range() -> None:
     time_s, wrench_sc = sensed(step_n=1e-6, noise_steps=4000.0)
     failed = noisy_rail(wrench_sc, time_s)
-    (found,) = no_values(wrench_sc, SIX_AXES, time_s)
+    found = no_values(wrench_sc, SIX_AXES, time_s)
 
-    assert found.samples[failed].mean() > 0.98
-    assert "the end of its range" in found.words
+    assert np.any([each.samples for each in found], axis=0)[failed].mean() > 0.98
+    (fz,) = no_values(wrench_sc[:, 2:3] - 1e-9, ("fz_n",), time_s)[-1:]
+    assert "the end of its range" in fz.words
 
 
 def test_a_straight_line_through_noise_fills_a_gap() -> None:

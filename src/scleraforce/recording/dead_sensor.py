@@ -40,7 +40,7 @@ SURE = 7.0
 LEAST_APART = 8
 LEAST_APART_SHARE = 5e-4
 MOST_OF_APART = 0.7
-CANDIDATES = 8  # the most frequent rows of a log
+CANDIDATES = 32  # the most frequent rows of a log
 NEIGHBOURS = 5  # samples whose median is the level on one side
 REACH_S = 0.25  # within which they lie, as does a run of the row
 LEAST_REACH = 10  # samples
@@ -127,15 +127,22 @@ class _Readings:
 
     @cached_property
     def steps(self) -> Floats:
-        """The least difference between two values of each column, beyond rounding; 0
-        of a constant one.
+        """The usual difference between neighbouring values of each column; 0 of a
+        constant one.
+
+        It is the median of all differences, each with the number of samples beside it:
+        a word of no value lies between the sensor's own values.
         """
         steps = []
         for values in self.values_sc.T:
-            levels = np.unique(values)
+            levels, counts = np.unique(values, return_counts=True)
             gaps = np.diff(levels)
-            gaps = gaps[gaps > ROUNDING * np.ptp(levels)]
-            steps.append(float(gaps.min()) if len(gaps) else 0.0)
+            some = gaps > ROUNDING * np.ptp(levels)
+            weights = np.minimum(counts[1:], counts[:-1])[some]
+            order = np.argsort(gaps[some])
+            total = np.cumsum(weights[order])
+            half = np.searchsorted(total, total[-1:].sum() / 2)
+            steps.append(float(gaps[some][order][half]) if len(total) else 0.0)
 
         return np.array(steps)
 
@@ -154,6 +161,15 @@ class _Readings:
         rate_hz = self.rate_hz * len(places) / len(self.time_s)
         return _Readings(
             self.values_sc[places], self.columns, self.time_s[places], rate_hz
+        )
+
+    def of(self, column: int) -> "_Readings":
+        """Return one column."""
+        return _Readings(
+            self.values_sc[:, [column]],
+            (self.columns[column],),
+            self.time_s,
+            self.rate_hz,
         )
 
     @property
@@ -203,7 +219,25 @@ def _at_stated_range(
             yield at_end | _often(readings, at_end), words
 
 
-def _recurring(readings: _Readings) -> Iterator[tuple[Flags, str]]:
+def _recurring_rows(readings: _Readings) -> Iterator[tuple[Flags, str]]:
+    flags, row = _recurring(readings)
+    if flags.any():
+        listed = ", ".join(f"{value:g}" for value in row)
+        yield flags, f"the row {listed} recurs among others"
+
+
+def _recurring_forces(readings: _Readings) -> Iterator[tuple[Flags, str]]:
+    for column, name in enumerate(readings.columns):
+        if name.endswith("_n") and len(readings.columns) > 1:
+            flags, row = _recurring(readings.of(column))
+            if flags.any():
+                yield flags, f"{name} is {row[0]:g} again and again, among others"
+
+
+def _recurring(readings: _Readings) -> tuple[Flags, Floats]:
+    """Return where one row is no measurement, nowhere if all are honest, and the
+    row.
+    """
     run = np.cumsum(np.diff(readings.rows, prepend=readings.rows[:1]) != 0)
     if np.median(np.bincount(run)) > 1:  # a slow sensor, logged faster
         once = readings.at(np.flatnonzero(np.diff(run, prepend=-1)))
@@ -218,9 +252,9 @@ def _recurring(readings: _Readings) -> Iterator[tuple[Flags, str]]:
         row = once.values_sc[first[place]]
         flags = _no_measurement(once, once.rows == rows[place], row)
         if flags is not None:
-            listed = ", ".join(f"{value:g}" for value in row)
-            yield flags[run], f"the row {listed} recurs among others"
-            return  # the next round finds the next row
+            return flags[run], row  # the next round finds the next row
+
+    return np.zeros(len(run), dtype=np.bool_), readings.values_sc[0]
 
 
 def _no_measurement(readings: _Readings, is_row: Flags, row: Floats) -> Flags | None:
@@ -238,6 +272,7 @@ def _no_measurement(readings: _Readings, is_row: Flags, row: Floats) -> Flags | 
     used = noise > 0.0
     others = others_sc[:, used] / noise[used]
     value = row[used] / noise[used]
+    apart_by = APART + readings.steps[used] / noise[used]  # both are rounded
 
     start, stop = _runs(is_row)
     reach_s = max(REACH_S, LEAST_REACH / readings.rate_hz)
@@ -260,18 +295,18 @@ def _no_measurement(readings: _Readings, is_row: Flags, row: Floats) -> Flags | 
     before, behind = _levels(others, after)
     time_s = readings.time_s[~is_row]
     near = (time_s[after + NEIGHBOURS - 1] - time_s[after - NEIGHBOURS]) < 2 * reach_s
-    apart = near & _stand_apart(value[None], before, behind)
+    apart = near & _stand_apart(value[None], before, behind, apart_by)
     count = int((stop - start)[apart].sum())
     if apart.sum() < max(LEAST_APART, LEAST_APART_SHARE * len(is_row)):
         return None
 
     places = np.arange(NEIGHBOURS, len(others) - NEIGHBOURS)
     left, right = _levels(others, places, skipped=1)
-    else_apart = int(_stand_apart(others[places], left, right).sum())
+    else_apart = int(_stand_apart(others[places], left, right, apart_by).sum())
     if apart.sum() < MOST_OF_APART * (apart.sum() + else_apart):
         return None
 
-    far = int((np.abs(others - value) > APART).any(axis=1).sum())
+    far = int((np.abs(others - value) > apart_by).any(axis=1).sum())
     failing = count / max(count + far, 1)
     middle = (before + behind) / 2
     honest = np.prod(density * np.exp(-0.5 * (value - middle) ** 2), axis=1)
@@ -297,10 +332,12 @@ def _levels(
     return before, behind
 
 
-def _stand_apart(value: Floats, before: Floats, behind: Floats) -> Flags:
+def _stand_apart(
+    value: Floats, before: Floats, behind: Floats, apart_by: Floats
+) -> Flags:
     """Return whether values lie outside both levels, on one side, in any column."""
-    below = np.minimum(before, behind) - value > APART
-    above = value - np.maximum(before, behind) > APART
+    below = np.minimum(before, behind) - value > apart_by
+    above = value - np.maximum(before, behind) > apart_by
     return np.asarray((below | above).any(axis=1))
 
 
@@ -315,7 +352,7 @@ def _still_forces(readings: _Readings) -> Iterator[tuple[Flags, str]]:
         values = readings.values_sc[:, column]
         step = readings.steps[column]
         name = readings.columns[column]
-        held = np.abs(np.diff(values)) < step / 2
+        held = np.abs(np.diff(values)) <= ROUNDING * np.ptp(values)
         yield from _stretches(readings, held, 1, f"{name} holds a value")
 
         if float(_noise(values)) > FINE_STEPS * step:
@@ -382,4 +419,10 @@ def _often(readings: _Readings, flags: Flags) -> Flags:
     return np.asarray((total[stop] - total[start]) >= SATURATED_SHARE * (stop - start))
 
 
-SEARCHES = (_recurring, _still_rows, _at_range, _still_forces)
+SEARCHES = (
+    _recurring_rows,
+    _recurring_forces,
+    _still_rows,
+    _at_range,
+    _still_forces,
+)
