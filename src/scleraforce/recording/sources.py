@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from importlib.resources import files
 from itertools import zip_longest
 from pathlib import Path, PurePath
+from typing import Literal
 
 import numpy as np
 
@@ -96,6 +97,7 @@ class ImportOptions:
     """
 
     axes: str | None = None
+    flip: Literal["rows", "columns"] | None = None
     array: str | None = None
     width_mm: float | None = None
     depth_mm: float | None = None
@@ -106,7 +108,7 @@ class ImportOptions:
     grey_range: tuple[float, float] | None = None
     rate_hz: float | None = None
     times: Path | None = None
-    clock_offset_s: float | None = None
+    clock_offset_s: float | Literal["auto"] | None = None
     columns: tuple[str, ...] = ()
     axis: str | None = None
     contact_sign: str | int | None = None
@@ -357,7 +359,9 @@ def gather(
         )
 
     wholes = {
-        plane: joined(found).between(options.first_frame, options.last_frame)
+        plane: joined(found)
+        .flipped(options.flip)
+        .between(options.first_frame, options.last_frame)
         for plane, found in scans.items()
     }
     of_planes = {plane: whole for plane, whole in wholes.items() if plane}
