@@ -29,9 +29,12 @@ from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.known import Known, known_of_recording
 from scleraforce.known.calibration_file import (
     CalibrationSummary,
+    appearance_doubt,
+    appearance_of,
     foreign_modulus,
     known_of_eye,
 )
+from scleraforce.library.unknowns import SIZE
 from scleraforce.models import model_name
 from scleraforce.pictures import html_card
 from scleraforce.plain_json import finite
@@ -594,7 +597,24 @@ class _Session:
         unsure = labels.unsure_note(
             [sd_n for sd_n in sds_n if sd_n is not None], classes
         )
-        return (*labels.label_notes(self.recording, self.trials), *unsure, *log)
+        other = self._other_eye(answers)
+        notes = labels.label_notes(self.recording, self.trials)
+        return (*notes, *unsure, *log, *other)
+
+    def _other_eye(self, answers: Sequence[FrameAnswer]) -> tuple[str, ...]:
+        """Return a sentence if the frames show another eye than the calibration's."""
+        if self.summary is None:
+            return ()
+
+        each = [frame.answer for frame in answers if frame.answer.usable]
+        walls = [answer.segmentation for answer in each if answer.segmentation]
+        fits = [answer.fit for answer in each if answer.fit is not None]
+        shown = appearance_of(
+            [wall.thickness_m for wall in walls if wall.inner_found],
+            [float(np.exp(fit.unknown[SIZE])) for fit in fits],
+        )
+        doubt = appearance_doubt(self.summary, self.recording.info.eye.id, shown)
+        return (doubt,) if doubt else ()
 
     def read(
         self, progress: Progress

@@ -48,6 +48,7 @@ WITHIN_S = 0.5
 # A fit is sure if another offset is as likely once in a thousand times (e^-7), and
 # chance gives it, in all tries together, less than once in a hundred times (e^-5)
 SURE = 7.0
+BETTER = 10.0  # than the stated times, by which an offset must fit to contradict them
 CHANCED = 5.0
 LIKELY = 2.0  # 95 % of a normal error: chi square of one unknown over two
 NEAR_S = 1.0  # offsets so near to the best ones are not another answer
@@ -85,6 +86,12 @@ class ClockEstimate:
     span_s: float = 0.0
     rivals_s: tuple[float, ...] = ()
     parts: tuple[tuple[int, int, float], ...] = ()
+    stated: float = -np.inf  # log likelihood of the stated times, as of one clock
+
+    def contradicts(self) -> bool:
+        """Return whether the dents show that both clocks differ."""
+        far = self.likelihood - self.stated > BETTER
+        return self.sure and not self.holds(0.0) and (far or self.drift_s != 0.0)
 
     def holds(self, offset_s: float, margin_s: float = 0.0) -> bool:
         """Return whether an offset fits as well as the best one, and others about it
@@ -321,6 +328,9 @@ class _Frames:
             sure=related and not rivals,
             related=related,
             likelihood=float(likelihood[best]),
+            stated=float(
+                np.nan_to_num(self.likelihoods(self.frame_s[None])[0][0], nan=-np.inf)
+            ),
             rest=float(np.nanmin(rest[low : high + 1])),
             middle_s=float(self.frame_s[0] + self.frame_s[-1]) / 2,
             span_s=float(np.ptp(self.frame_s)),

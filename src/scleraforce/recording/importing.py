@@ -169,6 +169,7 @@ class Pictures:
     dents: Callable[[OctInfo], Floats]
 
 
+SAME_THICKNESS = 0.15  # of the stated one: the visible one may differ by as much
 SAME_SCALE = 0.001  # scales that differ by less are rounded
 ANSWER = "answer"  # the source of a value that was typed on the terminal
 
@@ -265,7 +266,21 @@ def complete(
     info = replace(
         done.info, eye=replace(done.info.eye, thickness_m=to_si(value, "um"))
     )
-    return replace(done, info=info, sources=done.sources | {name: source})
+    done = replace(done, info=info, sources=done.sources | {name: source})
+    shown_um = pictures.thickness_um(done.info.oct)
+    if shown_um is not None and abs(shown_um - value) <= SAME_THICKNESS * value:
+        return done
+
+    if shown_um is None:
+        flipped = "; are they upside down (--flip rows), or transposed (--axes)?"
+        return done.with_notes([f"no wall is seen in the first frames{flipped}"])
+    return done.with_notes(
+        [
+            f"the first frames show a wall of {shown_um:g} µm, where"
+            f" {value:g} µm is stated ({source}): check --refractive-index, --depth-mm"
+            " and the thickness, and whether the frames are upside down (--flip rows)"
+        ]
+    )
 
 
 def open_questions(
