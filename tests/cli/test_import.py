@@ -783,6 +783,17 @@ def test_a_terminal_asks_where_the_dents_leave_the_offset_open(
     assert "give a number" in done.stderr
 
 
+def test_a_thickness_that_the_frames_contradict_is_noted(
+    imported, pushed: Path, tmp_path: Path
+) -> None:
+    times = moved_times(pushed, tmp_path / "times.csv", 0.0)
+    given = of_clocks(pushed, times, "--thickness-um", 900)
+    entry, _ = imported(*given)
+    assert any("µm, where 900 µm is stated (option)" in n for n in entry["notes"])
+    entry, _ = imported(*of_clocks(pushed, times), out="right")
+    assert not any("is stated" in note for note in entry["notes"])
+
+
 def test_frames_turned_upside_down_and_mirrored_come_back_by_flip(
     imported, pushed: Path, tmp_path: Path
 ) -> None:

@@ -10,7 +10,12 @@ import cv2
 import numpy as np
 import pytest
 from analytic_frames import LIBRARY, STUDY, THICKNESS_M
-from small_recordings import PUSHES_MN, calibration_text, write_pushes
+from small_recordings import (
+    PUSHES_MN,
+    calibration_text,
+    write_places,
+    write_pushes,
+)
 
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.result import Calibration
@@ -24,7 +29,14 @@ from scleraforce.known.calibration_file import (
     parse_calibration_file,
     summary_of,
 )
-from scleraforce.notebook.frames import summary_of_calibration
+from scleraforce.models import SHIPPED_WALL_FINDER
+from scleraforce.notebook.frames import (
+    evaluate,
+    load_model,
+    read,
+    summary_of_calibration,
+)
+from scleraforce.reader.model import load_wall_finder
 from scleraforce.reader.plausible import check_recording, checked
 from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.study import format_record
@@ -95,6 +107,12 @@ def test_frames_that_are_upside_down_are_refused(
     with pytest.raises(CalibrationError, match=r"upside down \(import --flip rows\)"):
         check_recording(upside_down, STUDY, None)
     check_recording(upside_down, STUDY, None, with_forces=False)
+
+
+def test_transposed_frames_are_named(changed: Callable[..., Recording]) -> None:
+    finder = load_wall_finder(SHIPPED_WALL_FINDER)
+    with pytest.raises(CalibrationError, match=r"transposed; import them with --axes"):
+        check_recording(changed(np.transpose), STUDY, finder)
 
 
 def test_an_index_for_a_corrected_scan_is_refused(
@@ -216,3 +234,44 @@ def test_another_eye_of_the_same_name_is_noticed_by_thickness_and_size() -> None
     # a file from before, which has none
     assert appearance_doubt(summary_with(None), "eye-a", thin) is None
     assert json.loads(calibration_text(eyes={"eye-a": {}}))["format"] == 3
+
+
+def test_reading_with_the_calibration_of_another_eye_says_so(tmp_path: Path) -> None:
+    places = write_places(tmp_path)
+    content = json.loads(places["calibration"].read_text())
+    model = load_model(places["model"], wall_finder=None)
+    frame = places["mine"] / "frames" / "2.png"
+
+    for thickness_um, is_noticed in ((650.0, False), (500.0, True)):
+        shown = vars(replace(OURS, thickness_um=thickness_um))
+        content["eyes"]["mine"]["appearance"] = shown
+        places["calibration"].write_text(json.dumps(content))
+        notes = evaluate(model, places["mine"], places["calibration"]).notes
+        answer = read(model, frame, calibration=places["calibration"])
+        for said in (notes, answer.warnings):
+            assert any("is that of another eye" in each for each in said) == is_noticed
+
+
+SHARED = Path(__file__).parents[3] / "shared" / "recordings"
+
+
+@pytest.mark.real
+@pytest.mark.parametrize("name", ["sample-a", "sample-b", "sample-c"])
+def test_recordings_by_others_agree_and_their_mistakes_do_not(
+    name: str, tmp_path: Path
+) -> None:
+    if not (SHARED / name).is_dir():
+        pytest.skip(f"no {SHARED / name}")
+    recording = read_recording(SHARED / name)
+    check_recording(recording, STUDY, None)
+
+    for later_s in (10.0, -10.0):
+        moved = [replace(e, time_s=e.time_s + later_s) for e in recording.frames]
+        with pytest.raises(CalibrationError, match="labels contradict the dents"):
+            check_recording(replace(recording, frames=tuple(moved)), STUDY, None)
+
+    scan = replace(recording.info.oct, refractive_index=1.38)
+    with pytest.raises(CalibrationError, match="is the depth corrected already"):
+        check_recording(
+            replace(recording, info=replace(recording.info, oct=scan)), STUDY, None
+        )

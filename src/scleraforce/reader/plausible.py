@@ -57,6 +57,8 @@ FITTED = 8  # of them
 THINNEST = 0.85
 INDEX = (1.25, 1.5)  # a ratio of thicknesses between which an index explains
 REFUSED = 0.5  # of the fitted frames, above which the eye is refused
+SEEN = 0.5  # of the moments that show a wall, below which frames may be transposed
+TURNED_FRAMES = 3  # that are looked at transposed
 LABELLED = 0.5  # of the moments that must have a label
 
 # minus the logarithm of the probability that unrelated dents fall with the force: 1 %
@@ -79,6 +81,7 @@ def check_recording(
     moments = recording.moments
     walls = seen_walls(recording, finder)
     place = recording.path
+    _check_orientation(recording, walls)
 
     if recording.forces is not None and with_forces:
         _check_labels(recording)
@@ -99,6 +102,30 @@ def check_recording(
         raise CalibrationError(
             f"{place / 'recording.toml'}: eye.thickness_m: {um[1]:.0f} µm, but"
             f" {len(moments)} frames show a wall of {um[0]:.0f} µm; {cause}"
+        )
+
+
+def _check_orientation(recording: Recording, walls: Walls) -> None:
+    """Raise a `CalibrationError` if hardly a wall is seen in frames as they are, and
+    one in frames that are transposed.
+    """
+    if sum(wall.usable for wall in walls.values()) >= SEEN * len(walls):
+        return
+
+    scanner = recording.info.oct
+    scale = PixelScale(
+        lateral_m=scanner.width_m / scanner.rows,
+        depth_m=scanner.depth_m / scanner.columns,
+        refractive_index=scanner.refractive_index,
+    )
+    places = [*walls][:: max(1, len(walls) // TURNED_FRAMES)][:TURNED_FRAMES]
+    entries = [recording.moments[place][0] for place in places]
+    found = [find_wall(recording.frame(entry).T.copy(), scale) for entry in entries]
+    if all(wall.usable for wall in found):
+        raise CalibrationError(
+            f"{recording.path}: hardly a wall is seen, but one where rows and columns of"
+            " the frames are exchanged: they are transposed; import them with --axes"
+            " frame,lateral,depth"
         )
 
 
