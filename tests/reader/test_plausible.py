@@ -258,7 +258,7 @@ SHARED = Path(__file__).parents[3] / "shared" / "recordings"
 @pytest.mark.real
 @pytest.mark.parametrize("name", ["sample-a", "sample-b", "sample-c"])
 def test_recordings_by_others_agree_and_their_mistakes_do_not(
-    name: str, tmp_path: Path
+    name: str,
 ) -> None:
     if not (SHARED / name).is_dir():
         pytest.skip(f"no {SHARED / name}")

@@ -38,6 +38,7 @@ Checked: Any = dataclass(
 )
 GATHERED = (
     "axes",
+    "flip",
     "array",
     "columns",
     "image_topic",

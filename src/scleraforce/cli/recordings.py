@@ -131,6 +131,10 @@ def calibrate(
     another study than the paper's it is computed once (a minute). Notes at the
     start name the quantities that a reader of the study would ignore.
 
+    Recordings that contradict their frames (clocks, another log, pictures
+    upside down, a wrong scale or index) are refused with the likely cause, and
+    nothing is written.
+
     With --without-force, one fit of all frames of an eye finds E by how its
     dents spread, from the IOP; needle travel (travel_m) and changed pressures
     (iop_pa) in frames.csv count as well. E is then sure to 10 to 20 %.

@@ -25,6 +25,7 @@ const FIELDS = {
   iop_mmhg: ["Intraocular pressure, mmHg", "number"],
   globe: ["Globe", ["", "open", "sealed"]],
   axes: ["Axes of an array, like frame,depth,lateral", "text"],
+  flip: ["Pictures that are upside down (rows) or mirrored (columns)", ["", "rows", "columns"]],
 };
 const NUMBERS = new Set(Object.keys(FIELDS).filter((name) => FIELDS[name][1] === "number"));
 const WAIT_MS = 500;
