@@ -20,7 +20,7 @@ from small_recordings import (
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.result import Calibration
 from scleraforce.cli.main import run
-from scleraforce.errors import CalibrationError
+from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.known.calibration_file import (
     Appearance,
     CalibrationSummary,
@@ -135,6 +135,17 @@ def test_an_offset_of_the_clocks_is_refused_with_its_size(
         match=rf"labels contradict the dents: .* s {side} than frames\.csv says",
     ):
         check_recording(moved, STUDY, None)
+
+
+def test_a_wrong_sign_of_the_force_is_named(pushed: Path) -> None:
+    recording = read_recording(pushed)
+    force = recording.info.force
+    assert force is not None
+    info = replace(
+        recording.info, force=replace(force, contact_sign=-force.contact_sign)
+    )
+    with pytest.raises(RecordingError, match="check contact_sign"):
+        check_recording(replace(recording, info=info), STUDY, None)
 
 
 def test_the_log_of_another_day_is_refused(

@@ -35,6 +35,7 @@ from scleraforce.recording.labels import (
     UNRELATED,
     clock_doubts,
     contact_force,
+    label_frames,
     labels_n,
 )
 from scleraforce.recording.pixels import PixelScale
@@ -84,6 +85,7 @@ def check_recording(
     _check_orientation(recording, walls)
 
     if recording.forces is not None and with_forces:
+        label_frames(recording, study.classes)  # refuses a wrong sign or unit
         _check_labels(recording)
         _check_dents(recording, walls, study)
 
@@ -165,8 +167,7 @@ def _check_dents(recording: Recording, walls: Walls, study: Study) -> None:
     if doubts and UNRELATED in doubts[0] and (turned or 0.0) >= TURNED:
         raise CalibrationError(
             f"{recording.path}: the surface rises where the needle pushes it down: the"
-            " frames are upside down (import --flip rows), or [force] contact_sign is"
-            " wrong"
+            " frames are upside down (import --flip rows)"
         )
     if doubts:
         raise CalibrationError(
