@@ -92,7 +92,8 @@ def calibrate(
 
     Raises:
         InputError: a recording cannot be calibrated on or contradicts its frames (the
-            message names the likely cause), a reader would refuse them, `out` exists, the study has
+            message names the likely cause), a reader would refuse them, `out` exists,
+            the study has
             keys that this mechanics does not use, or `without_force` meets
             `parameters`, linear mechanics, or a recording that does not state the IOP.
 

@@ -96,8 +96,8 @@ def check_recording(
         index = recording.info.oct.refractive_index
         between = INDEX[0] < stated_m / shown_m < INDEX[1]
         cause = (
-            f"oct.refractive_index is {index:g}: is the depth corrected already? Then it"
-            " is 1"
+            f"oct.refractive_index is {index:g}: is the depth corrected already? Then"
+            " it is 1"
             if index > 1.0 and between
             else "check oct.depth_m, oct.refractive_index and eye.thickness_m"
         )
@@ -125,8 +125,8 @@ def _check_orientation(recording: Recording, walls: Walls) -> None:
     found = [find_wall(recording.frame(entry).T.copy(), scale) for entry in entries]
     if all(wall.usable for wall in found):
         raise CalibrationError(
-            f"{recording.path}: hardly a wall is seen, but one where rows and columns of"
-            " the frames are exchanged: they are transposed; import them with --axes"
+            f"{recording.path}: hardly a wall is seen, but one where rows and columns"
+            " of the frames are exchanged: they are transposed; import them with --axes"
             " frame,lateral,depth"
         )
 
@@ -142,9 +142,9 @@ def _check_labels(recording: Recording) -> None:
     raise CalibrationError(
         f"{recording.path / 'forces.csv'}: {len(known) - sum(known)} of"
         f" {len(known)} frames have no label: forces from {log.time_s[0]:g} to"
-        f" {log.time_s[-1]:g} s, frames from {first_s:g} to {last_s:g} s; give the whole"
-        " log, mend the clocks (import --clock-offset-s auto), or import the frames that"
-        " it covers"
+        f" {log.time_s[-1]:g} s, frames from {first_s:g} to {last_s:g} s; give the"
+        " whole log, mend the clocks (import --clock-offset-s auto), or import the"
+        " frames that it covers"
     )
 
 
@@ -229,8 +229,8 @@ def checked(
             other = other_eye(eye.appearance, shown)
             if other:
                 raise CalibrationError(
-                    f"{recording.path}: eye.id: {name}: {other}, in another recording of"
-                    " that name; are both of one eye?"
+                    f"{recording.path}: eye.id: {name}: {other}, in another recording"
+                    " of that name; are both of one eye?"
                 )
         eyes[name] = replace(eye, appearance=eye.appearance or shown)
         advance(1)
@@ -249,8 +249,8 @@ def _check_modulus(recording: Recording, known: Known, study: Study) -> None:
     low, high = (from_si(end, "mpa") for end in study.reader.youngs_modulus_pa.bounds)
     raise CalibrationError(
         f"{recording.path}: Young's modulus would be"
-        f" {from_si(modulus.mean_pa, 'mpa'):.3g} MPa, which no reader of such eyes takes"
-        f" ({low:g} to {high:g} MPa): check the clocks (import --clock-offset-s auto),"
+        f" {from_si(modulus.mean_pa, 'mpa'):.3g} MPa, which no reader of such eyes"
+        f" takes ({low:g} to {high:g} MPa): check the clocks (import --clock-offset-s auto),"
         " the unit and sign of the force, eye.thickness_m, oct.width_m and oct.depth_m"
     )
 

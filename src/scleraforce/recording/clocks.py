@@ -7,8 +7,8 @@ offset under which enough frames lie on the log. Its measure is q, the share of 
 dents' variance that no rising function of the force explains (isotonic regression,
 Barlow et al. 1972). That needs no law of the dents, and stays the same while a needle
 rests. Dents are smooth functions of the force, too: what no rising parabola explains is
-added, as far as it is more than tissue that stiffens leaves. A frame counts little where
-the force changes fast: within a ramp of the log some instant has any force.
+added, as far as it is more than tissue that stiffens leaves. A frame counts little
+where the force changes fast: within a ramp of the log some instant has any force.
 """
 
 from dataclasses import dataclass, replace
@@ -42,8 +42,8 @@ LEAST_REST = 5e-3
 SHUFFLES = 1000
 SEED = 0
 SHUFFLED = 0.01  # quantile of q among them, from which smaller ones are extrapolated
-# The likelihood of an offset is the mean over so much about it: where frames lie on fast
-# ramps of a log, some offset fits any dents for an instant
+# The likelihood of an offset is the mean over so much about it: where frames lie on
+# fast ramps of a log, some offset fits any dents for an instant
 WITHIN_S = 0.5
 # A fit is sure if another offset is as likely once in a thousand times (e^-7), and
 # chance gives it, in all tries together, less than once in a hundred times (e^-5)
@@ -66,8 +66,8 @@ class ClockEstimate:
     """The log's clock minus the frames' clock, s, and how sure it is.
 
     All offsets from `low_s` to `high_s` fit as well (95 %). `related`: chance does not
-    explain the fit. `sure`: no other offset fits nearly as well, either. `rest`: the share of the
-    dents' variance that stays unexplained. `drift_s`: how far the offset grows from the
+    explain the fit. `sure`: no other offset fits nearly as well, either. `rest`: the
+    share of the dents' variance that stays unexplained. `drift_s`: how far the offset grows from the
     first to the last frame; 0 if it stays. `middle_s`, `span_s`: middle and length of
     the frames' times, on their own clock; the offset is that at the middle. `rivals_s`:
     other offsets that fit nearly as well. `parts`: if stretches of frames have offsets
@@ -114,8 +114,8 @@ class ClockEstimate:
             else ""
         )
         return (
-            f"{self.offset_s:.2f} s (any of {self.low_s:.2f} to {self.high_s:.2f} s fits"
-            f" the dents{drift})"
+            f"{self.offset_s:.2f} s (any of {self.low_s:.2f} to {self.high_s:.2f} s"
+            f" fits the dents{drift})"
         )
 
 

@@ -434,7 +434,7 @@ def clock_doubts(
         if found.drift_s:
             return (
                 "the clocks of frames.csv and forces.csv drift: the frames fit as if"
-                f" taken {taken}, and {found.drift_s:+.2g} s from the first to the last;"
+                f" taken {taken}, and {found.drift_s:+.2g} s from first to last;"
                 " import again with --clock-offset-s auto",
             )
         return (
