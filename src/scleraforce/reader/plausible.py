@@ -250,8 +250,8 @@ def _check_modulus(recording: Recording, known: Known, study: Study) -> None:
     raise CalibrationError(
         f"{recording.path}: Young's modulus would be"
         f" {from_si(modulus.mean_pa, 'mpa'):.3g} MPa, which no reader of such eyes"
-        f" takes ({low:g} to {high:g} MPa): check the clocks (import --clock-offset-s auto),"
-        " the unit and sign of the force, eye.thickness_m, oct.width_m and oct.depth_m"
+        f" takes ({low:g} to {high:g} MPa): check the clocks (import --clock-offset-s"
+        " auto), the unit and sign of the force, eye.thickness_m, oct.width_m and oct.depth_m"
     )
 
 

@@ -67,11 +67,12 @@ class ClockEstimate:
 
     All offsets from `low_s` to `high_s` fit as well (95 %). `related`: chance does not
     explain the fit. `sure`: no other offset fits nearly as well, either. `rest`: the
-    share of the dents' variance that stays unexplained. `drift_s`: how far the offset grows from the
-    first to the last frame; 0 if it stays. `middle_s`, `span_s`: middle and length of
-    the frames' times, on their own clock; the offset is that at the middle. `rivals_s`:
-    other offsets that fit nearly as well. `parts`: if stretches of frames have offsets
-    of their own, first and last frame of each, and its offset.
+    share of the dents' variance that stays unexplained; `likelihood`: its logarithm as
+    one. `drift_s`: how far the offset grows from the first to the last frame; 0 if it
+    stays. `middle_s`, `span_s`: middle and length of the frames' times, on their own
+    clock; the offset is that at the middle. `rivals_s`: other offsets that fit nearly
+    as well. `parts`: if stretches of frames have offsets of their own, first and last
+    frame of each, and its offset.
     """
 
     offset_s: float
