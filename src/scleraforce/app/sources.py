@@ -18,7 +18,7 @@ from scleraforce.app.looks import curve, png
 from scleraforce.errors import FrameError, InputError
 from scleraforce.notebook.importing import picture_dents
 from scleraforce.plain_json import finite
-from scleraforce.recording.clocks import estimate_clocks
+from scleraforce.recording.clock_offsets import estimate_clocks
 from scleraforce.recording.folder import Plane
 from scleraforce.recording.importing import given_times, open_questions
 from scleraforce.recording.labels import low_pass

@@ -29,7 +29,7 @@ from scleraforce.library.fit import NO_WALL_M
 from scleraforce.library.planes import PlanesFit, SeenPlane, fit_planes
 from scleraforce.library.prior import prior_of
 from scleraforce.library.unknowns import GAP
-from scleraforce.recording.clocks import MOST_FRAMES
+from scleraforce.recording.clock_offsets import MOST_FRAMES
 from scleraforce.recording.folder import Plane, Recording, frame_digest
 from scleraforce.recording.labels import Trial, label_frames
 from scleraforce.recording.pixels import PixelScale

@@ -23,7 +23,7 @@ from scleraforce.notebook import Counting, counting_for
 from scleraforce.reader.limits import limit_notes
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording import importing
-from scleraforce.recording.clocks import MOST_FRAMES
+from scleraforce.recording.clock_offsets import MOST_FRAMES
 from scleraforce.recording.folder import OctInfo, Plane, Recording, read_recording
 from scleraforce.recording.importing import Asker, Import, answers_like
 from scleraforce.recording.labels import (

@@ -29,7 +29,7 @@ from scleraforce.library.fit import fit_boundaries
 from scleraforce.library.prior import prior_of
 from scleraforce.reader.limits import covers_modulus
 from scleraforce.reader.verdicts import no_wall_of_an_eye
-from scleraforce.recording import clocks
+from scleraforce.recording import clock_offsets
 from scleraforce.recording.folder import Recording
 from scleraforce.recording.labels import (
     UNRELATED,
@@ -163,7 +163,7 @@ def _check_dents(recording: Recording, walls: Walls, study: Study) -> None:
     times_s = np.array([frame.time_s for frame in first.frames])
     given = log.time_s, contact_force(log, info)
     doubts = clock_doubts(first, study.classes, dents)
-    turned = clocks.relation(times_s, -dents, *given)
+    turned = clock_offsets.relation(times_s, -dents, *given)
     if doubts and UNRELATED in doubts[0] and (turned or 0.0) >= TURNED:
         raise CalibrationError(
             f"{recording.path}: the surface rises where the needle pushes it down: the"
@@ -251,7 +251,8 @@ def _check_modulus(recording: Recording, known: Known, study: Study) -> None:
         f"{recording.path}: Young's modulus would be"
         f" {from_si(modulus.mean_pa, 'mpa'):.3g} MPa, which no reader of such eyes"
         f" takes ({low:g} to {high:g} MPa): check the clocks (import --clock-offset-s"
-        " auto), the unit and sign of the force, eye.thickness_m, oct.width_m and oct.depth_m"
+        " auto), the unit and sign of the force, eye.thickness_m, oct.width_m and"
+        " oct.depth_m"
     )
 
 

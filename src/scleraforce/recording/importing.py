@@ -15,7 +15,7 @@ import numpy as np
 from scleraforce.arrays import Floats
 from scleraforce.errors import InputError, RecordingError, StudyError
 from scleraforce.plain_json import parse_json
-from scleraforce.recording.clocks import MEAN_S, ClockEstimate, estimate_clocks
+from scleraforce.recording.clock_offsets import MEAN_S, ClockEstimate, estimate_clocks
 from scleraforce.recording.folder import (
     EyeInfo,
     ForceInfo,

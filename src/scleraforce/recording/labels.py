@@ -15,7 +15,7 @@ import numpy as np
 
 from scleraforce.arrays import Floats
 from scleraforce.errors import RecordingError
-from scleraforce.recording import clocks
+from scleraforce.recording import clock_offsets
 from scleraforce.recording.folder import ForceInfo, Recording
 from scleraforce.recording.tables import GOOD_SAMPLE_RATE_HZ, ForceLog, FrameEntry
 from scleraforce.study import ClassesStudy
@@ -391,9 +391,9 @@ def log_doubts(
 ) -> tuple[str, ...]:
     """Return sentences on a log that does not fit its frames.
 
-    `dents` (measure, frame) grow with the dent of a frame (`clocks.estimate_clocks`);
-    NaN: unknown. `read_n` are forces that were read in the frames, whose size is
-    compared as well.
+    `dents` (measure, frame) grow with the dent of a frame
+    (`clock_offsets.estimate_clocks`); NaN: unknown. `read_n` are forces that were read
+    in the frames, whose size is compared as well.
     """
     doubt = axis_doubt(recording, classes)
     log = recording.forces
@@ -426,7 +426,7 @@ def clock_doubts(
 
     times_s = np.array([frame.time_s for frame in recording.frames])
     contact_n = contact_force(log, info)
-    found = clocks.estimate_clocks(times_s, dents, log.time_s, contact_n)
+    found = clock_offsets.estimate_clocks(times_s, dents, log.time_s, contact_n)
     if found is not None and found.contradicts():
         side = "later" if found.offset_s > 0.0 else "earlier"
         size_s = abs(found.offset_s)
@@ -469,7 +469,7 @@ def _related(recording: Recording, dents: Floats) -> bool:
     assert log is not None  # `clock_doubts`
     assert info is not None
     times_s = np.array([frame.time_s for frame in recording.frames])
-    found = clocks.relation(times_s, dents, log.time_s, contact_force(log, info))
+    found = clock_offsets.relation(times_s, dents, log.time_s, contact_force(log, info))
     return found is None or found >= RELATED
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scleraforce.recording.clocks import (
+from scleraforce.recording.clock_offsets import (
     ClockEstimate,
     _isotonic,
     estimate_clocks,
