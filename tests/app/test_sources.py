@@ -8,61 +8,9 @@ import numpy as np
 import pytest
 import tifffile
 
-from scleraforce.app.sources import Checked, Sources, proposed_offset_s
+from scleraforce.app.sources import Checked, Sources
 from scleraforce.errors import InputError
 from scleraforce.recording.folder import parse_plane
-
-
-def pushes(time_s: np.ndarray) -> np.ndarray:
-    return 1e-2 * (np.sin(time_s) > 0.3) * (1.0 + 0.2 * np.floor(time_s / 6.0))
-
-
-@pytest.mark.parametrize("offset_s", [0.0, 7.25, -3.5, 1.7e9])
-def test_the_offset_of_the_clocks_is_found_from_the_dents(offset_s: float) -> None:
-    rng = np.random.default_rng(5)
-    frame_s = np.arange(0.0, 40.0, 0.25)
-    log_s = np.arange(-5.0, 45.0, 0.01)
-    dent_m = 0.05 * pushes(frame_s) + 1e-5 * rng.standard_normal(len(frame_s))
-    dent_m[::9] = np.nan
-    force_n = pushes(log_s) + 1e-3 * rng.standard_normal(len(log_s))
-    found = proposed_offset_s(frame_s, dent_m, log_s + offset_s, force_n)
-    assert found is not None
-    assert found[0] == pytest.approx(offset_s, abs=0.15)
-    assert found[1] > 0.95
-
-
-def test_frames_of_a_resting_needle_propose_the_middle_of_the_rest() -> None:
-    log_s = np.arange(0.0, 80.0, 0.01)
-    levels = np.array([1.0, 4.0, 2.0, 6.0, 3.0, 7.0, 5.0, 2.0])
-    # rests of 6 s after 4 s of nothing
-    force_n = 1e-3 * levels[(log_s // 10.0).astype(int)] * (log_s % 10.0 > 4.0)
-    found = proposed_offset_s(np.arange(8) * 10.0, levels, log_s, force_n)
-    assert found is not None
-    assert found[0] == pytest.approx(7.0, abs=0.1)
-
-
-def test_the_offset_in_a_log_of_half_an_hour_is_as_exact() -> None:
-    offset_s = 1234.5
-    log_s = np.arange(0.0, 1800.0, 0.01)
-    frame_s = np.arange(0.0, 40.0, 0.5)
-    force_n = np.interp(
-        log_s - offset_s,
-        np.arange(0.0, 40.0, 0.01),
-        pushes(np.arange(0.0, 40.0, 0.01)),
-        0.0,
-        0.0,
-    )
-    found = proposed_offset_s(frame_s, pushes(frame_s), log_s, force_n)
-    assert found is not None
-    assert found[0] == pytest.approx(offset_s, abs=0.15)
-
-
-def test_no_offset_is_proposed_from_few_or_equal_dents() -> None:
-    log_s = np.arange(0.0, 10.0, 0.01)
-    assert (
-        proposed_offset_s(np.arange(5.0), np.arange(5.0), log_s, pushes(log_s)) is None
-    )
-    assert proposed_offset_s(np.arange(8.0), np.ones(8), log_s, pushes(log_s)) is None
 
 
 def test_what_the_files_leave_open_is_asked_and_frames_may_be_left_out(

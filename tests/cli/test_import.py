@@ -26,7 +26,12 @@ from foreign_files import (
     write_frames,
     write_log,
 )
-from small_recordings import looked_at_frames, write_small_recording
+from small_recordings import (
+    PUSHES_MN,
+    looked_at_frames,
+    write_pushes,
+    write_small_recording,
+)
 
 from scleraforce.cli import import_ as terminal
 from scleraforce.cli.import_ import import_
@@ -35,6 +40,7 @@ from scleraforce.errors import InputError
 from scleraforce.notebook.importing import import_recording
 from scleraforce.recording import importing
 from scleraforce.recording.folder import Plane, Recording, read_recording
+from scleraforce.recording.labels import labels_n
 
 
 def stack(path: Path, **stated: object) -> Path:
@@ -171,6 +177,8 @@ def test_a_recording_comes_back_from_its_own_files(imported, tmp_path: Path) -> 
         folder / "forces.csv",
         "--times",
         folder / "frames.csv",
+        "--clock-offset-s",
+        0,
     ]
     entry, second = imported(*sources, "--like", folder, "--eye", "small")
     first = read_recording(folder)
@@ -618,7 +626,8 @@ def test_a_bag_gives_frames_and_forces_on_one_clock_that_begins_near_them(
     assert entry["values"]["times"] == "header.stamp of /oct/image"
     rmtree(tmp_path / "r")
     # other clocks then
-    assert "(--clock-offset-s)" in refused(bag, *options_of(*size, "--rate-hz", 4))
+    error = refused(bag, *options_of(*size, "--rate-hz", 4))
+    assert "--clock-offset-s 0 that both share one" in error
 
 
 def test_a_contradiction_in_a_file_needs_the_options_and_is_noted_then(
@@ -806,3 +815,118 @@ def test_the_wall_that_the_frames_show_is_offered(
     if thickness_um is not None:
         # drawn along the depth, measured along the normal
         assert found == pytest.approx(thickness_um * 1e-6, rel=0.1)
+
+
+@pytest.fixture(scope="module")
+def pushed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A virtual eye with a push for each of twelve frames."""
+    return write_pushes(tmp_path_factory.mktemp("pushes") / "eye-a")
+
+
+def moved_times(folder: Path, table: Path, offset_s: float) -> Path:
+    """Write the frames' times on a clock that is behind the log's."""
+    frames = read_recording(folder).frames
+    lines = ["file,time_s", *(f"{f.file},{f.time_s - offset_s:.4f}" for f in frames)]
+    table.write_text("\n".join(lines) + "\n")
+    return table
+
+
+def of_clocks(folder: Path, times: Path, *more: object) -> list[object]:
+    sources = [folder / "frames", folder / "forces.csv", "--times", times]
+    return [*sources, "--like", folder, "--eye", "eye-a", "--thickness-um", 700, *more]
+
+
+@pytest.mark.parametrize("offset_s", [3.7, -5.3])
+def test_the_offset_of_times_on_another_clock_is_found_and_reported(
+    imported, pushed: Path, tmp_path: Path, offset_s: float
+) -> None:
+    times = moved_times(pushed, tmp_path / "times.csv", offset_s)
+    entry, recording = imported(*of_clocks(pushed, times))
+    clock = entry["clock"]
+    assert clock["sure"]
+    assert clock["offset_s"] == pytest.approx(offset_s, abs=1.5)
+    assert clock["low_s"] < offset_s < clock["high_s"]
+    assert entry["values"]["clock_offset_s"] == "the dents in the frames"
+    assert any(note.startswith("clock offset") for note in entry["notes"])
+    stated = labels_n(read_recording(pushed))
+    np.testing.assert_allclose(labels_n(recording), stated, atol=1e-3)
+
+
+def test_a_table_on_the_clock_of_the_log_stays_as_it_is(
+    imported, pushed: Path, tmp_path: Path
+) -> None:
+    times = moved_times(pushed, tmp_path / "times.csv", 0.0)
+    entry, recording = imported(*of_clocks(pushed, times))
+    assert entry["clock"]["offset_s"] == 0.0
+    assert recording.frames[0].time_s == read_recording(pushed).frames[0].time_s
+
+
+def test_a_stated_offset_that_the_dents_contradict_is_kept_with_notes(
+    imported, pushed: Path, tmp_path: Path
+) -> None:
+    times = moved_times(pushed, tmp_path / "times.csv", 5.3)
+    entry, _ = imported(*of_clocks(pushed, times, "--clock-offset-s", 0))
+    assert entry["values"]["clock_offset_s"] == "option"
+    assert any("the dents fit a clock offset of" in note for note in entry["notes"])
+    entry, _ = imported(*of_clocks(pushed, times, "--clock-offset-s", 5.3), out="right")
+    assert not any("clock offset" in note for note in entry["notes"])
+
+
+def test_labels_on_a_moving_needle_are_said_to_be_unsure(
+    imported, pushed: Path, tmp_path: Path
+) -> None:
+    times = moved_times(pushed, tmp_path / "times.csv", -3.2)
+    entry, _ = imported(*of_clocks(pushed, times, "--clock-offset-s", 0))
+    assert any(note.startswith("the labels are sure to") for note in entry["notes"])
+
+
+def test_a_log_of_another_day_is_refused_and_a_terminal_asks(
+    imported, refused, pushed: Path, tmp_path: Path
+) -> None:
+    other = write_pushes(tmp_path / "other", "other", PUSHES_MN[::-1])
+    times = moved_times(pushed, tmp_path / "times.csv", 0.0)
+    given = of_clocks(pushed, times)
+    given[1] = other / "forces.csv"
+    error = refused(*given)
+    assert "the dents fit the log at no offset better than chance" in error
+    assert "--clock-offset-s 0 that both share one" in error
+    imported(*given, "--clock-offset-s", 0)
+
+
+def test_a_terminal_asks_where_the_dents_leave_the_offset_open(
+    asked, pushed: Path, tmp_path: Path
+) -> None:
+    other = write_pushes(tmp_path / "other", "other", PUSHES_MN[::-1])
+    given = of_clocks(pushed, moved_times(pushed, tmp_path / "times.csv", 0.0))
+    given[1] = other / "forces.csv"
+    done = asked(["auto", "0"], *given, "--out", tmp_path / "asked")
+    assert done.exit_code == 0, done.stderr
+    assert "0: they share one clock; the dents fit" in done.stderr
+    assert "give a number" in done.stderr
+
+
+def test_a_thickness_that_the_frames_contradict_is_noted(
+    imported, pushed: Path, tmp_path: Path
+) -> None:
+    times = moved_times(pushed, tmp_path / "times.csv", 0.0)
+    given = of_clocks(pushed, times, "--thickness-um", 900)
+    entry, _ = imported(*given)
+    assert any("µm, where 900 µm is stated (option)" in n for n in entry["notes"])
+    entry, _ = imported(*of_clocks(pushed, times), out="right")
+    assert not any("is stated" in note for note in entry["notes"])
+
+
+def test_frames_turned_upside_down_and_mirrored_come_back_by_flip(
+    imported, pushed: Path, tmp_path: Path
+) -> None:
+    first = read_recording(pushed)
+    for flip, turn in (("rows", np.flipud), ("columns", np.fliplr)):
+        folder = tmp_path / flip
+        folder.mkdir()
+        for frame in first.frames[:3]:
+            cv2.imwrite(str(folder / frame.file), turn(first.frame(frame)))
+        given = ["--like", pushed, "--eye", "eye-a", "--rate-hz", 1, "--flip", flip]
+        entry, second = imported(folder, *given, out=f"r-{flip}")
+        assert entry["notes"] is not None
+        for frame, before in zip(second.frames, first.frames, strict=False):
+            np.testing.assert_array_equal(second.frame(frame), first.frame(before))

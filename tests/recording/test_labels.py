@@ -432,13 +432,13 @@ def recording(
     )
 
 
-def seen(rng: np.random.Generator, pushes_n: np.ndarray = PUSHES_N) -> list[float]:
+def seen(rng: np.random.Generator, pushes_n: np.ndarray = PUSHES_N) -> np.ndarray:
     """Return dents in another unit, out of proportion and with noise; one is
     unknown.
     """
     shown = 30.0 * pushes_n**0.8 * rng.normal(1.0, 0.1, len(pushes_n))
     shown[3] = np.nan
-    return shown.tolist()
+    return shown[None]
 
 
 @pytest.mark.parametrize(
@@ -450,11 +450,12 @@ def test_a_log_that_fits_its_frames_is_not_doubted(seed: int) -> None:
     fitting = recording(rng)
     assert log_doubts(fitting, CLASSES, seen(rng)) == ()
     # too few to tell
-    assert log_doubts(recording(rng, 5.0), CLASSES, [1.0, 2.0, 3.0, *[None] * 7]) == ()
+    few = np.array([[1.0, 2.0, 3.0, *[np.nan] * 7]])
+    assert log_doubts(recording(rng, 5.0), CLASSES, few) == ()
     # gaps raise no doubt
     fitting.forces.wrench_sc[rng.random(len(fitting.forces.time_s)) < 0.1] = np.nan
     assert log_doubts(fitting, CLASSES, seen(rng)) == ()
-    assert log_doubts(fitting, CLASSES, PUSHES_N.tolist(), in_newtons=True) == ()
+    assert log_doubts(fitting, CLASSES, PUSHES_N[None], PUSHES_N.tolist()) == ()
 
 
 def test_pushes_of_one_force_prove_no_shift() -> None:
@@ -470,25 +471,24 @@ def test_shifted_times_are_named_with_their_direction_unless_the_dents_are_round
     for later_s, words in [(6.0, "earlier"), (-6.0, "later"), (10.0, "earlier")]:
         rng = np.random.default_rng(1)
         doubted = recording(rng, later_s)
-        shown = np.array(seen(rng))
-        (doubt,) = log_doubts(doubted, CLASSES, shown.tolist())
+        shown = seen(rng)
+        (doubt,) = log_doubts(doubted, CLASSES, shown)
         assert re.search(
             f"the frames' times are off: .* s {words} than frames.csv says", doubt
         )
         assert not any(
             "times are off" in doubt
-            for doubt in log_doubts(doubted, CLASSES, (1e-12 * shown).tolist())
+            for doubt in log_doubts(doubted, CLASSES, 1.0 + 1e-12 * shown)
         )
 
-    (doubt,) = log_doubts(
-        recording(rng), CLASSES, [1.0, 9.0, 4.0, 6.0, 2.0, 3.0, 9.0, 5.0, 8.0, 2.0]
-    )
+    other = np.array([[1.0, 9.0, 4.0, 6.0, 2.0, 3.0, 9.0, 5.0, 8.0, 2.0]])
+    (doubt,) = log_doubts(recording(rng), CLASSES, other)
     assert "forces.csv is unrelated to the frames" in doubt
 
 
 def test_an_axis_across_the_needle_is_named_with_the_one_along_it() -> None:
     good = recording(np.random.default_rng(3))
-    unknown = [None] * len(PUSHES_N)
+    unknown = np.full((1, len(PUSHES_N)), np.nan)
     wrong = replace(good, info=replace(LOGGED_INFO, force=ForceInfo("fx", -1)))
     assert log_doubts(good, CLASSES, unknown) == ()
     (doubt,) = log_doubts(wrong, CLASSES, unknown)
@@ -500,10 +500,10 @@ def test_an_axis_across_the_needle_is_named_with_the_one_along_it() -> None:
 def test_forces_of_another_size_than_the_read_ones_are_doubted() -> None:
     rng = np.random.default_rng(4)
     log = recording(rng, 0.0, PUSHES_N / 9.81)  # kilogram-force
-    (doubt,) = log_doubts(log, CLASSES, PUSHES_N.tolist(), in_newtons=True)
+    (doubt,) = log_doubts(log, CLASSES, PUSHES_N[None], PUSHES_N.tolist())
     assert doubt.startswith("forces.csv has 0.1 times the force that the frames show")
     assert (
-        log_doubts(recording(rng), CLASSES, (1.5 * PUSHES_N).tolist(), in_newtons=True)
+        log_doubts(recording(rng), CLASSES, PUSHES_N[None], (1.5 * PUSHES_N).tolist())
         == ()
     )
 

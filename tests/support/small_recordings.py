@@ -46,7 +46,7 @@ from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.report.frame_figures import AnsweredFrame, look_at_all
 from scleraforce.segmentation.wall import find_wall
-from scleraforce.study import format_record, read_study
+from scleraforce.study import Study, format_record, read_study
 
 ROWS = 24
 COLUMNS = 32
@@ -432,6 +432,30 @@ def write_notebook_folder(folder: Path) -> None:
     write_fixed_reader(
         folder / "reader", analytic_frames.SMALL_LIBRARY, [0.0, 1.0] + [0.0] * 14
     )
+
+
+# one push each, at random: rising, falling, near and far from another
+PUSHES_MN = (3.0, 31.0, 12.0, 45.0, 20.0, 38.0, 8.0, 27.0, 50.0, 16.0, 42.0, 5.5)
+
+
+def write_pushes(folder: Path, eye: str = "eye-a", forces_mn=PUSHES_MN, **more) -> Path:
+    """Write an eye of the analytic library under these forces, with a log in which the
+    needle pushes once for each frame; `more` are other values of the eye.
+    """
+    drawn = PhantomEye(
+        **{
+            "id": eye,
+            "thickness_m": THICKNESS_M,
+            "youngs_modulus_pa": MODULUS_PA,
+            "iop_pa": IOP_PA,
+            "gap_m": GAP_M,
+            "polar_rad": 0.61,
+            **more,
+        }
+    )
+    plan = plan_phantom(drawn, tuple(1e-3 * f for f in forces_mn), Study(), seed=0)
+    write_phantom(folder, plan, _sections, Study())
+    return folder
 
 
 def _sections(forces_n):

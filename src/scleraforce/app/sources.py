@@ -15,9 +15,10 @@ from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
 from scleraforce.app.looks import curve, png
-from scleraforce.arrays import Floats
 from scleraforce.errors import FrameError, InputError
+from scleraforce.notebook.importing import picture_dents
 from scleraforce.plain_json import finite
+from scleraforce.recording.clock_offsets import estimate_clocks
 from scleraforce.recording.folder import Plane
 from scleraforce.recording.importing import given_times, open_questions
 from scleraforce.recording.labels import low_pass
@@ -28,8 +29,6 @@ from scleraforce.recording.pixels import (
     one_grey,
 )
 from scleraforce.recording.sources import OPTION, Gathered, ImportOptions, gather
-from scleraforce.segmentation.observations import MIDDLE_M, surface
-from scleraforce.segmentation.wall import find_wall
 from scleraforce.units import from_si, to_si
 
 ANSWERS = {field.name for field in fields(ImportOptions)} - {"columns", "grey_range"}
@@ -39,6 +38,7 @@ Checked: Any = dataclass(
 )
 GATHERED = (
     "axes",
+    "flip",
     "array",
     "columns",
     "image_topic",
@@ -51,70 +51,6 @@ GATHERED = (
     "frames_by",
 )
 SEEN_FRAMES = 100  # of a long recording, for the curve of the dent
-LEAST_SHARE = 0.75  # of the frames that must lie on the log under an offset
-LEAST_FRAMES = 6
-STEP_S = 0.05
-OFFSETS = (4000, 20000)  # fewest and most that are tried
-AS_GOOD = 0.01  # less correlation than the best one
-
-
-def proposed_offset_s(
-    frame_s: Floats, dent_m: Floats, log_s: Floats, force_n: Floats
-) -> tuple[float, float] | None:
-    """Return the log's clock minus the frames' clock at which force and dent correlate
-    best, and the correlation.
-
-    Args:
-        frame_s: times of the frames on their own clock.
-        dent_m: depth of the surface in each, NaN where it is not seen.
-        log_s: times of the log, rising.
-        force_n: contact force, of one sign.
-    """
-    seen = np.isfinite(dent_m)
-    frame_s = frame_s[seen]
-    dent_m = dent_m[seen]
-    if len(frame_s) < LEAST_FRAMES or not len(log_s):
-        return None
-
-    first_s = log_s[0] - frame_s[-1]
-    last_s = log_s[-1] - frame_s[0]
-    offsets_s = np.linspace(
-        first_s, last_s, int(np.clip((last_s - first_s) / STEP_S, *OFFSETS))
-    )
-
-    fits = np.array(
-        [
-            _correlation(frame_s + offset_s, dent_m, log_s, force_n)
-            for offset_s in offsets_s.tolist()
-        ]
-    )
-    if np.isnan(fits).all():
-        return None
-
-    best = int(np.nanargmax(np.abs(fits)))
-    # Frames taken while the needle rests fit as well a little earlier or later: the
-    # middle of these.
-    worse = np.flatnonzero(~(np.abs(fits) > abs(fits[best]) - AS_GOOD))
-    at = np.searchsorted(worse, best)
-    first = worse[at - 1] + 1 if at else 0
-    last = worse[at] - 1 if at < len(worse) else len(offsets_s) - 1
-
-    return float(offsets_s[first] + offsets_s[last]) / 2, float(fits[best])
-
-
-def _correlation(
-    time_s: Floats, dent_m: Floats, log_s: Floats, force_n: Floats
-) -> float:
-    on = (time_s >= log_s[0]) & (time_s <= log_s[-1])
-    if on.sum() < max(LEAST_FRAMES, LEAST_SHARE * len(on)):
-        return float("nan")
-
-    force = np.interp(time_s[on], log_s, force_n)
-    if np.ptp(force) == 0.0 or np.ptp(dent_m[on]) == 0.0:
-        return float("nan")
-
-    return float(np.corrcoef(force, dent_m[on])[0, 1])
-
 
 Planes = Sequence[Plane | None]  # one for each source
 
@@ -252,44 +188,45 @@ class Sources:
             np.linspace(0, len(scan.names) - 1, SEEN_FRAMES).astype(np.intp)
         )
         chosen = set(shown.tolist())
-        dent_m = np.array(
+        dents = np.array(
             [
-                _surface_m(picture, scan.names[number], scale)
+                _dents(picture, scan.names[number], scale)
                 for number, picture in enumerate(scan.pictures())
                 if number in chosen
             ]
-        )
+        ).T
         log = found.log.known(axis)
-        force_n = float(answers.contact_sign or 1) * low_pass(
-            log.force_n(axis), log.time_s
+        force_n = low_pass(log.force_n(axis), log.time_s)
+        sign = answers.contact_sign
+        signs = (1, -1) if sign is None else (int(sign),)
+        estimates = {
+            each: estimate_clocks(
+                times.time_s[shown], dents, log.time_s, each * force_n
+            )
+            for each in signs
+        }
+        sign, offset = max(
+            estimates.items(), key=lambda item: item[1].likelihood if item[1] else -1.0
         )
-        offset = proposed_offset_s(times.time_s[shown], dent_m, log.time_s, force_n)
         curves: dict[str, Any] = finite(
             {
                 "time_s": times.time_s[shown].tolist(),
-                "dent_mm": from_si(dent_m, "mm").tolist(),
-                "offset_s": None if offset is None else offset[0],
-                "correlation": None if offset is None else offset[1],
+                "dent_mm": from_si(dents[0], "mm").tolist(),
+                "offset_s": None if offset is None else offset.offset_s,
+                "sure": offset is not None and offset.sure,
+                "words": None if offset is None else offset.words,
+                "contact_sign": str(sign),
             }
         )
 
         return curves
 
 
-def _surface_m(picture: NDArray[Any], name: str, scale: PixelScale) -> float:
-    """Return how deep the surface lies in the middle below its mean, m; NaN where it is
-    not seen.
-    """
+def _dents(picture: NDArray[Any], name: str, scale: PixelScale) -> tuple[float, float]:
+    """Return measures of the dent in a frame, m; NaN where it is not seen."""
     picture = one_grey(picture)
     try:
-        wall = find_wall(find_greys([picture], None, name).counts(picture), scale)
-    except (FrameError, ValueError):  # an empty, damaged or tiny frame
-        return float("nan")
-
-    lateral_m, depth_m = surface(wall, scale)
-    middle = (np.abs(lateral_m) < MIDDLE_M) & np.isfinite(depth_m)
-    return (
-        float(depth_m[middle].max() - np.nanmean(depth_m))
-        if wall.usable and middle.any()
-        else float("nan")
-    )
+        counts = find_greys([picture], None, name).counts(picture)
+    except (FrameError, ValueError):  # an empty or damaged frame
+        return float("nan"), float("nan")
+    return picture_dents(counts, scale)

@@ -50,7 +50,6 @@ from scleraforce.library import Library
 from scleraforce.library.sealed import iop_ratio_under_force
 from scleraforce.recording.folder import Recording, tables_digest
 from scleraforce.recording.labels import label_notes, log_doubts
-from scleraforce.segmentation.observations import dent
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 from scleraforce.units import from_si
@@ -406,7 +405,6 @@ def _calibrate_eye(
     included = [trial.excluded is None for trial in trials]
     rising = session.filter.model.constants.globe.can_be_sealed
     order = frame_order(forces.force_n, included, least_n, settings.frames, rising)
-    shown = [float("nan")] * len(trials)
     taken = dict[int, tuple[SeenFrame, float | None]]()
     refused = 0
     path = str(recording.path)
@@ -418,7 +416,6 @@ def _calibrate_eye(
             if isinstance(seen.wall, assimilation.Skipped):
                 found: assimilation.FrameStep | assimilation.Skipped | None = seen.wall
             else:
-                shown[index] = dent(seen.wall)
                 rest_pa = None if rests_pa is None else float(rests_pa[index])
                 now = _at(session, seen, rest_pa, study)
                 now = assimilation.step(
@@ -456,7 +453,7 @@ def _calibrate_eye(
         *(() if rests_pa is None else (LEAKS,)),
         *label_notes(recording, trials),
         *recording.walls.notes,
-        *log_doubts(recording, study.classes, shown),
+        *log_doubts(recording, study.classes, frames.dents),
         *reach_doubts(used_n, missed_n),
     )
 

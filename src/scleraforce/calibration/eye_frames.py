@@ -29,12 +29,14 @@ from scleraforce.library.fit import NO_WALL_M
 from scleraforce.library.planes import PlanesFit, SeenPlane, fit_planes
 from scleraforce.library.prior import prior_of
 from scleraforce.library.unknowns import GAP
+from scleraforce.recording.clock_offsets import MOST_FRAMES
 from scleraforce.recording.folder import Plane, Recording, frame_digest
 from scleraforce.recording.labels import Trial, label_frames
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.recording.tables import FrameEntry
 from scleraforce.segmentation.observations import (
     Boundaries,
+    dent_measures,
     recorded_wall,
     segmented_boundaries,
 )
@@ -163,6 +165,19 @@ class EyeFrames:
         files = tuple((entry.file, self._look(entry)[0]) for entry in moment)
 
         return replace(seen, planes=found, place=place, files=files)
+
+    @cached_property
+    def dents(self) -> Floats:
+        """Measures of the dent in the first frame of each moment (measure, moment), of
+        many the evenly chosen ones; NaN: not seen, or not looked at.
+        """
+        count = len(self.moments)
+        dents = np.full((2, count), np.nan)
+        for index in np.linspace(0, count - 1, min(count, MOST_FRAMES)).astype(np.intp):
+            _, wall = self._look(self.moments[index][0])
+            if not isinstance(wall, assimilation.Skipped):
+                dents[:, index] = dent_measures(wall.lateral_m, wall.depth_m[0])
+        return dents
 
     @cached_property
     def followed(self) -> Plane | None:

@@ -29,7 +29,13 @@ from scleraforce.known import (
     KnownGlobe,
     calibration_file,
 )
-from scleraforce.known.calibration_file import WRITER, CalibrationFile, Line, converted
+from scleraforce.known.calibration_file import (
+    WRITER,
+    Appearance,
+    CalibrationFile,
+    Line,
+    converted,
+)
 from scleraforce.known.relaxation import KnownRelaxation
 from scleraforce.pictures import html_card
 from scleraforce.plain_text import wrapped
@@ -113,6 +119,7 @@ class EyeCalibration:
     relaxation: KnownRelaxation | None = None
     lean_rad: float | None = None
     without_force: bool = False
+    appearance: Appearance | None = None
     state: EyeState | None = field(default=None, repr=False)
     steps: tuple[FrameStep, ...] = field(default=(), repr=False)
     filter: EyeFilter | None = field(default=None, repr=False)
@@ -388,6 +395,7 @@ def _eye_entry(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, An
         "discrepancy": eye.discrepancy and vars(eye.discrepancy),
         "updates": eye.updates,
         "without_force": eye.without_force,
+        "appearance": eye.appearance and vars(eye.appearance),
         "status": eye.status,
         "by_class_mpa": [from_si(value, "mpa") for value in eye.by_class(bounds_n)],
         "recording": eye.recordings[0].path,
@@ -483,6 +491,7 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
         stiffening=summary.stiffening,
         relaxation=summary.relaxation,
         lean_rad=summary.lean_rad,
+        appearance=summary.appearance,
     )
     if not found.used or not found.recordings:
         raise CalibrationError(

@@ -38,6 +38,20 @@ OPEN = "-"  # leaves an optional question open
 UNITS = {"_mm": "mm", "_um": "µm"}
 
 
+class ClockOffset(click.ParamType[float | str]):
+    """A number of seconds, or `auto`."""
+
+    name = "s|auto"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float | str:
+        """Return the number, or "auto"."""
+        if value == "auto":
+            return "auto"
+        return click.FLOAT.convert(value, param, ctx)
+
+
 _given = partial(Quantity, in_si=False)
 OPTIONS = (
     click.option(
@@ -47,6 +61,11 @@ OPTIONS = (
             "Order of the axes frame, depth and lateral in an array or "
             "volume; of pictures frame,lateral,depth where A-scans lie along the rows."
         ),
+    ),
+    click.option(
+        "--flip",
+        type=click.Choice(["rows", "columns"]),
+        help="Turn pictures that are upside down (rows) or mirrored (columns).",
     ),
     click.option("--array", help="Name of the array in a .npz."),
     click.option(
@@ -111,8 +130,11 @@ OPTIONS = (
     ),
     click.option(
         "--clock-offset-s",
-        type=float,
-        help="Force log's clock minus the frames' clock, in seconds.",
+        type=ClockOffset(),
+        help=(
+            "Force log's clock minus the frames' clock, in seconds; 0: they share one"
+            " clock. auto, the default unless one bag has both: found from the dents."
+        ),
     ),
     click.option(
         "--column",
@@ -424,7 +446,7 @@ def _answer(name: str, question: Question, kind: click.ParamType[Any]) -> Any:
     default = OPEN if question.optional else None
 
     if question.offered is not None:
-        words = f"{words}; the first frames show {question.offered:g}"
+        words = f"{words}; {question.offer} {question.offered:g}"
         default = f"{question.offered:g}"
 
     return click.prompt(words, default=default, value_proc=checked, err=True)

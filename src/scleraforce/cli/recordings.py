@@ -147,6 +147,10 @@ def calibrate(
     needle's. Two frames of one hold decide; without them the intervals cover
     both. --relaxation declares it.
 
+    Recordings that contradict their frames (clocks, another log, pictures
+    upside down, a wrong scale or index) are refused with the likely cause, and
+    nothing is written.
+
     With --without-force, one fit of all frames of an eye finds E by how its
     dents spread, from the IOP; needle travel (travel_m) and changed pressures
     (iop_pa) in frames.csv count as well. E is then sure to 10 to 20 %.

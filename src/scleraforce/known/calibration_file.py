@@ -5,7 +5,7 @@ the known inputs of its eyes.
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import sqrt
 from os import PathLike
@@ -84,6 +84,20 @@ class UsedFrame:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Appearance:
+    """What the frames of an eye show beside their dents: the wall's thickness, and the
+    eye's size by its curvature (1: as in the study), each with its spread; the number
+    of frames.
+    """
+
+    thickness_um: _ThicknessUm
+    thickness_sd_um: Annotated[float, Meta(ge=0.0, le=1e4)]
+    size: Annotated[float, Meta(ge=0.1, le=10.0)]
+    size_sd: Annotated[float, Meta(ge=0.0, le=10.0)]
+    frames: Annotated[int, Meta(ge=1)]
+
+
+@dataclass(frozen=True, kw_only=True)
 class EyeSummary:
     """Young's modulus of one eye: posterior mean and standard deviation, and the frames
     that it rests on.
@@ -94,7 +108,8 @@ class EyeSummary:
     how it relaxes; None and 0 with linear mechanics and in early files. `lean_rad`: of
     the needle, where the forces were those along the wall's normal. `status` is "ok",
     or says that the filter diverged: the standard deviation then means nothing.
-    `without_force`: E is from the shape of its dents.
+    `without_force`: E is from the shape of its dents. `appearance`: what its frames
+    show, None in early files.
     """
 
     mean_pa: float
@@ -108,6 +123,7 @@ class EyeSummary:
     lean_rad: float | None = None
     status: str = "ok"
     without_force: bool = False
+    appearance: Appearance | None = None
 
     @property
     def usable(self) -> bool:
@@ -194,6 +210,7 @@ class _EyeEntry(msgspec.Struct):
     relaxation: KnownRelaxation | None = None
     lean_deg: _LeanDeg | None = None
     without_force: bool = False
+    appearance: Appearance | None = None
 
 
 class _Population(msgspec.Struct):
@@ -312,6 +329,7 @@ def summary_of_eye(entry: Any, place: str) -> EyeSummary:
         "relaxation",
         "status",
         "without_force",
+        "appearance",
     )
 
     return EyeSummary(
@@ -534,3 +552,73 @@ def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
 
     file = f"{summary.path}, which has {count} ({_names(summary)})"
     return f"{eye} {there} {file}: read {read}"
+
+
+# standard deviations and shares by which two recordings of an eye may differ
+SAME_SD = 4.0
+SAME_THICKNESS = 0.06
+SAME_SIZE = 0.06
+
+
+def other_eye(calibrated: Appearance, shown: Appearance) -> str | None:
+    """Return why two recordings cannot show one eye; None: they may."""
+    pairs = (
+        (
+            "a wall of {1:.0f} µm is seen, not of {0:.0f} µm",
+            (calibrated.thickness_um, calibrated.thickness_sd_um),
+            (shown.thickness_um, shown.thickness_sd_um),
+            SAME_THICKNESS,
+        ),
+        (
+            "its curvature is that of an eye {1:.2f} times as large as usual, not"
+            " {0:.2f} times",
+            (calibrated.size, calibrated.size_sd),
+            (shown.size, shown.size_sd),
+            SAME_SIZE,
+        ),
+    )
+    for words, (before, before_sd), (now, now_sd), share in pairs:
+        slack = max(share * before, SAME_SD * float(np.hypot(before_sd, now_sd)))
+        if abs(now - before) > slack:
+            return words.format(before, now)
+
+    return None
+
+
+def appearance_of(
+    thickness_m: Sequence[float], sizes: Sequence[float]
+) -> Appearance | None:
+    """Return what frames show, by the thickness and the size that each shows; None if
+    they show none.
+    """
+    seen_m = np.array([m for m in thickness_m if np.isfinite(m)])
+    shown = np.array([size for size in sizes if np.isfinite(size)])
+    if not len(seen_m) or not len(shown):
+        return None
+
+    return Appearance(
+        thickness_um=float(from_si(float(np.median(seen_m)), "um")),
+        thickness_sd_um=float(from_si(float(seen_m.std()), "um")),
+        size=float(np.median(shown)),
+        size_sd=float(shown.std()),
+        frames=len(shown),
+    )
+
+
+def appearance_doubt(
+    summary: CalibrationSummary, eye: str, shown: Appearance | None
+) -> str | None:
+    """Return a sentence if frames cannot be of the eye that bears their name in a
+    calibration; None: they may be.
+    """
+    own = summary.eyes.get(eye)
+    if own is None or own.appearance is None or shown is None:
+        return None
+
+    why = other_eye(own.appearance, shown)
+    if why is None:
+        return None
+    return (
+        f"{summary.path}: eyes.{eye}: {why} as in its calibration; is that of another"
+        " eye, or was the scanner's scale another one?"
+    )

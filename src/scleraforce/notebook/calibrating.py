@@ -1,5 +1,6 @@
 """Calibrate on recordings with force logs, and fit a reader's intervals to them."""
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from os import PathLike
@@ -14,10 +15,15 @@ from scleraforce.calibration.calibrate import (
 )
 from scleraforce.calibration.eye_frames import Settings
 from scleraforce.calibration.eye_posterior import calibrate_without_force
-from scleraforce.calibration.result import Calibration
+from scleraforce.calibration.result import Calibration, parse_calibration
 from scleraforce.errors import InputError
 from scleraforce.known import known_of_recording
-from scleraforce.known.calibration_file import population_modulus, write_calibration
+from scleraforce.known.calibration_file import (
+    parse_calibration_file,
+    population_modulus,
+    summary_of,
+    write_calibration,
+)
 from scleraforce.library import Library, load_library
 from scleraforce.library.plan import plan_library
 from scleraforce.notebook import Counting, counting_for
@@ -26,6 +32,7 @@ from scleraforce.reader.evaluate import recording_scores
 from scleraforce.reader.intervals import Stretch, intervals_record, stretched, stretches
 from scleraforce.reader.limits import CLASSIFIER, READER, limits
 from scleraforce.reader.model import load_force_reader
+from scleraforce.reader.plausible import check_recording, checked
 from scleraforce.recording.folder import Recording
 from scleraforce.study import Study, refuse_unused, study_hash
 from scleraforce.study.eye import check_relaxation
@@ -89,7 +96,9 @@ def calibrate(
         spread of the `population`.
 
     Raises:
-        InputError: a recording cannot be calibrated on, `out` exists, the study has
+        InputError: a recording cannot be calibrated on or contradicts its frames (the
+            message names the likely cause), a reader would refuse them, `out` exists,
+            the study has
             keys that this mechanics does not use, or `without_force` meets
             `parameters`, linear mechanics, or a recording that does not state the IOP.
 
@@ -159,6 +168,8 @@ def calibrate(
                 note(f"{recording.path}: {sentence}")
 
     finder = finder_of(wall_finder)
+    for recording in each:
+        check_recording(recording, study, finder, with_forces=not without_force)
     library = library_for(study, mechanics, counting)
     passes = 1 if without_force else calibration_passes(library, sought)
 
@@ -193,6 +204,13 @@ def calibrate(
             )
             found = calibrate_recordings(each, *by_force)
 
+    # A file that cannot be read back is not written.
+    file = parse_calibration_file(
+        json.dumps(found.to_dict(), allow_nan=False).encode(), "the calibration"
+    )
+    parse_calibration(file)
+    if library is not None:
+        found = checked(found, summary_of(file), each, study, library, finder)
     if out is not None:
         write_calibration(found.to_dict(), Path(out))
 
@@ -280,6 +298,8 @@ def recalibrate_intervals(
             note(f"{recording.path}: {sentence}")
 
     finder = finder_of(wall_finder)
+    for recording in each:
+        check_recording(recording, study, finder)
     with counting(
         "calibration", count * calibration_passes(reader.library, None)
     ) as advance:
@@ -294,6 +314,7 @@ def recalibrate_intervals(
         )
 
     summary = summary_of_calibration(calibration)
+    checked(calibration, summary, each, study, reader.library, finder)
     with counting("reading", count) as advance:
         scores = [
             found

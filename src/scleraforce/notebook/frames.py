@@ -30,6 +30,7 @@ from scleraforce.known import (
     known_of_recording,
 )
 from scleraforce.known.calibration_file import CalibrationSummary, read_calibration
+from scleraforce.library.unknowns import SIZE
 from scleraforce.models import SHIPPED_WALL_FINDER, model_name
 from scleraforce.notebook import Counting, check_rigidity, counting_for
 from scleraforce.reader.answer import Answer, Answers
@@ -672,10 +673,26 @@ def readings(
     except ValueError as fault:
         raise FrameError(f"{_place(frame)}: {fault}") from fault
 
+    if calibration is not None and name is not None:
+        shown = [_appearance(answer) for answer in answers]
+        doubts = [
+            calibration_file.appearance_doubt(summary, name, one) for one in shown
+        ]
+        notes += filter(None, doubts[:1])
+
     return [
         Reading(answer, one, given, stated, known, tuple(notes), plane)
         for answer, one, plane in zip(answers, each, planes or (None,), strict=True)
     ]
+
+
+def _appearance(answer: Answer) -> calibration_file.Appearance | None:
+    """Return what a frame shows beside its dent; None if it was not fitted."""
+    wall = answer.segmentation
+    if not answer.usable or answer.fit is None or wall is None or not wall.inner_found:
+        return None
+    size = float(np.exp(answer.fit.unknown[SIZE]))
+    return calibration_file.appearance_of([wall.thickness_m], [size])
 
 
 def _wall(

@@ -9,23 +9,32 @@ from itertools import islice
 from math import degrees
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce import __version__
-from scleraforce.errors import InputError
+from scleraforce.arrays import Floats
+from scleraforce.calibration.forces import label_sds
+from scleraforce.errors import FrameError, InputError, RecordingError
 from scleraforce.models import SHIPPED_READER, SHIPPED_WALL_FINDER
 from scleraforce.notebook import Counting, counting_for
 from scleraforce.reader.limits import limit_notes
 from scleraforce.reader.model import load_wall_finder
 from scleraforce.recording import importing
+from scleraforce.recording.clock_offsets import MOST_FRAMES
 from scleraforce.recording.folder import OctInfo, Plane, Recording, read_recording
 from scleraforce.recording.importing import Asker, Import, answers_like
-from scleraforce.recording.labels import labels_n, unit_fault
+from scleraforce.recording.labels import (
+    label_frames,
+    labels_n,
+    unit_fault,
+    unsure_note,
+)
 from scleraforce.recording.pixels import (
     Greys,
+    Pixels,
     PixelScale,
     Scan,
     UnansweredError,
@@ -45,6 +54,7 @@ from scleraforce.recording.writing import (
     write_log,
     written,
 )
+from scleraforce.segmentation.observations import dent_measures, surface
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import ClassesStudy
 from scleraforce.study.eye import relaxation_text
@@ -82,8 +92,9 @@ def import_recording(
     rate_hz: float | None = None,
     times: str | PathLike[str] | None = None,
     frames_by: str | None = None,
-    clock_offset_s: float | None = None,
+    clock_offset_s: float | Literal["auto"] | None = None,
     axes: str | None = None,
+    flip: Literal["rows", "columns"] | None = None,
     array: str | None = None,
     bits: int | None = None,
     first_frame: int | None = None,
@@ -129,8 +140,11 @@ def import_recording(
             their names (or DICOM's), of which a missing one is a missing frame at
             `rate_hz`; "times" in their names, also in a unit like "times:ms"; or
             "order", evenly spaced as they are listed.
-        clock_offset_s: force log's clock minus the frames' clock.
+        clock_offset_s: force log's clock minus the frames' clock; "auto", and None
+            unless one bag has both: found from the dents, and refused if these leave
+            it open. 0 says that both share one clock.
         axes: their order in an array or volume, like "frame,depth,lateral".
+        flip: "rows" of pictures that are upside down, "columns" of mirrored ones.
         array: its name in a .npz.
         bits: of a 16-bit pixel that are used.
         first_frame: that is imported, counted from 1; `times` and `rate_hz` are of the
@@ -167,6 +181,7 @@ def import_recording(
     """
     given: dict[str, Any] = {
         "axes": axes,
+        "flip": flip,
         "array": array,
         "width_mm": from_si(width_m, "mm"),
         "depth_mm": from_si(depth_m, "mm"),
@@ -273,7 +288,14 @@ def write_imported(
             )
 
         done = importing.complete(
-            gathered, greys, answers, origins, asker, partial(_wall_um, scan, greys)
+            gathered,
+            greys,
+            answers,
+            origins,
+            asker,
+            importing.Pictures(
+                partial(_wall_um, scan, greys), partial(_dents, gathered.scan, greys)
+            ),
         )
         done = done.with_notes(limit_notes(model, done.info))
         comment = (
@@ -302,9 +324,6 @@ def write_imported(
         if done.log is not None:
             write_log(part, done.log)
 
-        (part / importing.IMPORT_RECORD).write_text(
-            importing.record_text(done, answers, __version__), encoding="utf-8"
-        )
         recording = written(part, out)
         if (
             fault := unit_fault(recording, labels_n(recording), ClassesStudy())
@@ -318,6 +337,11 @@ def write_imported(
                 f"{path}: {fault}; read as {read}: check the unit (--column, for a log"
                 " of text)"
             )
+
+        done = done.with_notes(_label_notes(recording))
+        (part / importing.IMPORT_RECORD).write_text(
+            importing.record_text(done, answers, __version__), encoding="utf-8"
+        )
 
         from scleraforce.report.files import write_figure
         from scleraforce.report.recording_figures import draw_recording
@@ -374,6 +398,45 @@ def _wall_um(scan: Scan, greys: Greys, oct_info: OctInfo) -> float | None:
     seen_m = [value for value in thickness_m if np.isfinite(value)]
 
     return round(from_si(float(np.median(seen_m)), "um")) if seen_m else None
+
+
+def _label_notes(recording: Recording) -> tuple[str, ...]:
+    """Return a sentence if the labels of a recording are not sure."""
+    try:
+        trials = label_frames(recording, ClassesStudy())
+    except RecordingError:  # which later commands report
+        return ()
+
+    sds_n = [sd_n for sd_n in label_sds(recording, trials) if sd_n is not None]
+    return unsure_note(sds_n, ClassesStudy())
+
+
+def _dents(scan: Scan, greys: Greys, scanner: OctInfo) -> Floats:
+    """Return measures of the dent in evenly chosen frames, (measure, frame); NaN in
+    others, and where no wall is seen.
+    """
+    count = len(scan.names)
+    chosen = np.linspace(0, count - 1, min(count, MOST_FRAMES)).astype(np.intp)
+    wanted = set(chosen.tolist())
+    scale = PixelScale.of(scanner)
+    dents = np.full((2, count), np.nan)
+
+    for index, picture in enumerate(scan.pictures()):
+        if index in wanted:
+            dents[:, index] = picture_dents(greys.counts(picture), scale)
+
+    return dents
+
+
+def picture_dents(counts: Pixels, scale: PixelScale) -> tuple[float, float]:
+    """Return measures of the dent in a frame (row, column); NaN without a wall."""
+    try:
+        wall = find_wall(counts, scale)
+    except (FrameError, ValueError):  # an empty, damaged or tiny frame
+        return float("nan"), float("nan")
+    if not wall.usable:
+        return float("nan"), float("nan")
+    return dent_measures(*surface(wall, scale))
 
 
 def _counted(

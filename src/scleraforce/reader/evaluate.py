@@ -29,9 +29,12 @@ from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.known import Known, known_of_recording
 from scleraforce.known.calibration_file import (
     CalibrationSummary,
+    appearance_doubt,
+    appearance_of,
     foreign_modulus,
     known_of_eye,
 )
+from scleraforce.library.unknowns import SIZE
 from scleraforce.models import model_name
 from scleraforce.pictures import html_card
 from scleraforce.plain_json import finite
@@ -52,7 +55,11 @@ from scleraforce.recording.folder import (
 from scleraforce.recording.labels import Trial, label_frames
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.recording.tables import FrameEntry
-from scleraforce.segmentation.observations import recorded_wall
+from scleraforce.segmentation.observations import (
+    dent_measures,
+    recorded_wall,
+    surface,
+)
 from scleraforce.units import from_si
 
 Progress = Callable[[int], object] | None  # called with 1 after each frame
@@ -575,17 +582,39 @@ class _Session:
         contradicts the answers.
         """
         classes = self.reader.study.classes
-        in_newtons = self.reader.reads_force
-        if in_newtons:
-            read = [frame.answer.force_n for frame in answers]
-        else:
-            read = [
-                float(frame.answer.predicted) if frame.answer.usable else None
-                for frame in answers
-            ]
+        scale = PixelScale.of(self.recording.info.oct)
+        dents = np.full((2, len(answers)), np.nan)
+        for index, frame in enumerate(answers):
+            wall = frame.answer.segmentation
+            if wall is not None and wall.usable and not frame.repeats:
+                dents[:, index] = dent_measures(*surface(wall, scale))
 
-        log = labels.log_doubts(self.recording, classes, read, in_newtons=in_newtons)
-        return (*labels.label_notes(self.recording, self.trials), *log)
+        read_n = [frame.answer.force_n for frame in answers]
+        log = labels.log_doubts(
+            self.recording, classes, dents, read_n if self.reader.reads_force else ()
+        )
+        sds_n = [frame.measured_force_sd_n for frame in answers if frame.scored]
+        unsure = labels.unsure_note(
+            [sd_n for sd_n in sds_n if sd_n is not None], classes
+        )
+        other = self._other_eye(answers)
+        notes = labels.label_notes(self.recording, self.trials)
+        return (*notes, *unsure, *log, *other)
+
+    def _other_eye(self, answers: Sequence[FrameAnswer]) -> tuple[str, ...]:
+        """Return a sentence if the frames show another eye than the calibration's."""
+        if self.summary is None:
+            return ()
+
+        each = [frame.answer for frame in answers if frame.answer.usable]
+        walls = [answer.segmentation for answer in each if answer.segmentation]
+        fits = [answer.fit for answer in each if answer.fit is not None]
+        shown = appearance_of(
+            [wall.thickness_m for wall in walls if wall.inner_found],
+            [float(np.exp(fit.unknown[SIZE])) for fit in fits],
+        )
+        doubt = appearance_doubt(self.summary, self.recording.info.eye.id, shown)
+        return (doubt,) if doubt else ()
 
     def read(
         self, progress: Progress

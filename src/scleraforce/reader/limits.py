@@ -339,6 +339,17 @@ def _uncovered_modulus(modulus: Modulus | None, trained: ReaderStudy) -> float |
     )
 
 
+def covers_modulus(
+    known: Known, trained: ReaderStudy, any_pressure: bool = False
+) -> bool:
+    """Return whether a model was trained on an eye's modulus, at its pressure."""
+    low_pa, high_pa = trained.iop_pa.bounds
+    other = known.iop_pa is not None and not low_pa <= known.iop_pa <= high_pa
+    if other and not any_pressure:
+        return False
+    return _uncovered_modulus(known.modulus, trained) is None
+
+
 def _sentences(compared: Iterable[_Compared]) -> tuple[str, ...]:
     return tuple(sentence for entry in compared if (sentence := entry.outside))
 

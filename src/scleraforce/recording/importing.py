@@ -12,8 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from scleraforce.arrays import Floats
 from scleraforce.errors import InputError, RecordingError, StudyError
 from scleraforce.plain_json import parse_json
+from scleraforce.recording.clock_offsets import MEAN_S, ClockEstimate, estimate_clocks
 from scleraforce.recording.folder import (
     EyeInfo,
     ForceInfo,
@@ -25,6 +27,7 @@ from scleraforce.recording.folder import (
 )
 from scleraforce.recording.frame_names import times_in
 from scleraforce.recording.frame_times import read_times
+from scleraforce.recording.labels import contact_force
 from scleraforce.recording.no_values import NOT_FINITE
 from scleraforce.recording.pixels import (
     MOST_BITS,
@@ -84,7 +87,8 @@ class Question:
     # returns why an answer is wrong
     fault: Callable[[Any], str | None] = lambda _: None
     optional: bool = False  # may stay open (None)
-    offered: float | None = None  # the sources' suggestion for an optional question
+    offered: float | None = None  # the sources' suggestion
+    offer: str = "the first frames show"
 
 
 # By the name of the option's value, in the order in which they are asked.
@@ -99,7 +103,10 @@ QUESTIONS = {
     "bits": Question("bits of a pixel that are used", "--bits"),
     "rate_hz": Question("frames taken in a second", "--rate-hz or --times"),
     "clock_offset_s": Question(
-        "force log's clock minus the frames' clock, in seconds", "--clock-offset-s"
+        "force log's clock minus the frames' clock, in seconds",
+        "--clock-offset-s",
+        lambda value: "give a number" if isinstance(value, str) else None,
+        offer="the dents fit",
     ),
     "axis": Question("axis of the force sensor along the needle", "--axis"),
     "contact_sign": Question("sign of that axis in contact", "--contact-sign"),
@@ -110,6 +117,12 @@ QUESTIONS = {
     ),
     "thickness_um": Question("thickness of the wall", "--thickness-um", optional=True),
 }
+
+
+CLOCK_UNLESS_SEEN = Question(
+    "force log's clock minus the frames' clock, in seconds, unless the dents show it",
+    "--clock-offset-s",
+)
 
 
 @dataclass(frozen=True)
@@ -123,6 +136,17 @@ class Asker:
     again: Callable[[InputError], None]  # reports a wrong answer, before the next round
 
 
+@dataclass(frozen=True)
+class Pictures:
+    """What the pictures of the sources show, where the scanner's scale is known."""
+
+    # the wall's thickness in the first frames, µm; None: not seen
+    thickness_um: Callable[[OctInfo], float | None]
+    # measures of the dent in each frame (measure, frame), NaN: not seen
+    dents: Callable[[OctInfo], Floats]
+
+
+SAME_THICKNESS = 0.15  # of the stated one: the visible one may differ by as much
 SAME_SCALE = 0.001  # scales that differ by less are rounded
 ANSWER = "answer"  # the source of a value that was typed on the terminal
 
@@ -136,6 +160,7 @@ class Import:
     times: Times  # on the clock of the log
     log: ForceLog | None
     origin_s: float  # the beginning of that clock on the sources' own
+    clock: "SharedClock"
     info: RecordingInfo
     sources: dict[str, str]  # of each value, by the name of its option
 
@@ -156,7 +181,7 @@ def complete(
     answers: ImportOptions,
     origins: Mapping[str, str],
     asker: Asker | None,
-    measured_um: Callable[[OctInfo], float | None],
+    pictures: Pictures,
 ) -> Import:
     """Combine options (`origins`), then the sources' values, then another recording's;
     ask for the rest.
@@ -166,9 +191,15 @@ def complete(
         or gathered.scan.times
     )
     known, questions = open_questions(gathered, greys, answers, origins)
+    open_clock = gathered.log is not None and not (
+        isinstance(answers.clock_offset_s, int | float)
+        or is_one_clock(gathered, answers)
+    )
     if asker is None and questions:
+        unless_seen = {"clock_offset_s": CLOCK_UNLESS_SEEN} if open_clock else {}
         listed = "; ".join(
-            f"{question.words} ({question.options})" for question in questions.values()
+            f"{question.words} ({question.options})"
+            for question in (questions | unless_seen).values()
         )
         raise InputError(f"neither in the sources nor among the options: {listed}")
 
@@ -183,9 +214,10 @@ def complete(
             }
         )
         try:
-            done = _completed(gathered, greys, answers, times, known | answered)
+            values = known | answered
+            done = _completed(gathered, greys, answers, times, values, pictures, asker)
         except InputError as wrong:
-            if asker is None or not questions:
+            if asker is None or not (questions or open_clock):
                 raise
 
             asker.again(wrong)
@@ -195,7 +227,7 @@ def complete(
     source = origins.get(name, ANSWER)
 
     if value is None and asker is not None:
-        shown_um = measured_um(done.info.oct)
+        shown_um = pictures.thickness_um(done.info.oct)
         value = asker.missing({name: replace(QUESTIONS[name], offered=shown_um)}).get(
             name
         )
@@ -211,7 +243,21 @@ def complete(
     info = replace(
         done.info, eye=replace(done.info.eye, thickness_m=to_si(value, "um"))
     )
-    return replace(done, info=info, sources=done.sources | {name: source})
+    done = replace(done, info=info, sources=done.sources | {name: source})
+    shown_um = pictures.thickness_um(done.info.oct)
+    if shown_um is not None and abs(shown_um - value) <= SAME_THICKNESS * value:
+        return done
+
+    if shown_um is None:
+        flipped = "; are they upside down (--flip rows), or transposed (--axes)?"
+        return done.with_notes([f"no wall is seen in the first frames{flipped}"])
+    return done.with_notes(
+        [
+            f"the first frames show a wall of {shown_um:g} µm, where"
+            f" {value:g} µm is stated ({source}): check --refractive-index, --depth-mm"
+            " and the thickness, and whether the frames are upside down (--flip rows)"
+        ]
+    )
 
 
 def open_questions(
@@ -269,6 +315,8 @@ def _completed(
     answers: ImportOptions,
     times: Times | None,
     known: Known,
+    pictures: Pictures,
+    asker: Asker | None,
 ) -> Import:
     values = {name: value for name, (value, _) in known.items()}
     info = _info(gathered, answers, values)
@@ -286,12 +334,16 @@ def _completed(
     if "rate_hz" in known:
         times = replace(times, source=known["rate_hz"][1])
 
-    offset_s = values.get("clock_offset_s", answers.clock_offset_s or 0.0)
-    moved, log, origin_s = on_one_clock(times, gathered.log, offset_s)
     sources = {name: known[name][1] for name in QUESTIONS if name in known} | {
         "times": times.source
     }
-    doubts = [
+    clock = _shared_clock(gathered, times, info, answers, pictures, asker)
+    if clock.source:
+        sources["clock_offset_s"] = sources.get("clock_offset_s", clock.source)
+    steady = replace(times, time_s=clock.drifting(times.time_s))
+    moved, log, origin_s = on_one_clock(steady, gathered.log, clock.offset_s)
+    doubts = [*clock.notes]
+    doubts += [
         fault
         for fault in (gathered.scan.scale_fault, gathered.scan.times_fault)
         if fault
@@ -315,8 +367,131 @@ def _completed(
         )
         doubts.append(f"{lost}; mend the clocks (--clock-offset-s) if they should be")
 
-    return Import(gathered, greys, moved, log, origin_s, info, sources).with_notes(
-        doubts
+    return Import(
+        gathered, greys, moved, log, origin_s, clock, info, sources
+    ).with_notes(doubts)
+
+
+BY_DENTS = "the dents in the frames"  # the source of an offset
+
+
+@dataclass(frozen=True, kw_only=True)
+class SharedClock:
+    """How the frames' clock is brought to that of the log.
+
+    `offset_s` is added to the frames' times. `source`: of that value; "" if one clock
+    needs none. `estimate`: by the dents; None: not needed, or not possible.
+    """
+
+    offset_s: float = 0.0
+    source: str = ""
+    estimate: ClockEstimate | None = None
+    notes: tuple[str, ...] = ()
+
+    def drifting(self, time_s: Floats) -> Floats:
+        """Return times of frames without the drift of their clock, s."""
+        if self.source != BY_DENTS or self.estimate is None:
+            return time_s
+        return self.estimate.moved(time_s) - self.estimate.offset_s
+
+    def entry(self) -> dict[str, Any] | None:
+        """Return the estimate for `import.json`, None without one."""
+        if self.estimate is None:
+            return None
+        names = "low_s", "high_s", "sure", "drift_s"
+        found = {name: getattr(self.estimate, name) for name in names}
+        return {
+            "offset_s": self.offset_s,
+            "by_dents_s": self.estimate.offset_s,
+            **found,
+        }
+
+
+def _shared_clock(
+    gathered: Gathered,
+    times: Times,
+    info: RecordingInfo,
+    answers: ImportOptions,
+    pictures: Pictures,
+    asker: Asker | None,
+) -> SharedClock:
+    """Return the offset of the clocks: the given one, 0 of one bag, else that which the
+    dents show; ask if they leave it open.
+    """
+    given = answers.clock_offset_s
+    if gathered.log is None or info.force is None:
+        return SharedClock()
+    if given is None and is_one_clock(gathered, answers):
+        return SharedClock()
+
+    log = gathered.log.known(info.force.axis)
+    found = estimate_clocks(
+        times.time_s,
+        pictures.dents(info.oct),
+        log.time_s,
+        contact_force(log, info.force),
+    )
+    if isinstance(given, int | float):
+        fault = f"the dents fit a clock offset of {found.words}" if found else ""
+        doubted = found is not None and found.sure and not found.holds(given)
+        notes = (f"{fault}, not {given:g} s",) if doubted else ()
+        return SharedClock(offset_s=given, source=OPTION, estimate=found, notes=notes)
+
+    if found is not None and found.sure:
+        # A table of times is on the log's clock, as a rule. At the ends of a rest the
+        # mean of a label would reach into a ramp.
+        margin_s = info.force.average_s / 2 + MEAN_S
+        stated = answers.times is not None and found.holds(0.0, margin_s)
+        offset_s = 0.0 if stated else round(found.offset_s, 3)
+        note = f"clock offset {offset_s:g} s: the dents fit {found.words}"
+        return SharedClock(
+            offset_s=offset_s, source=BY_DENTS, estimate=found, notes=(note,)
+        )
+
+    why = _unsure_words(found)
+    if asker is None:
+        raise InputError(
+            f"the clocks of frames and forces: {why}; --clock-offset-s S states the"
+            " log's clock minus the frames' clock, --clock-offset-s 0 that both share"
+            " one"
+        )
+
+    name = "clock_offset_s"
+    question = QUESTIONS[name]
+    offered = None if found is None else round(found.offset_s, 3)
+    words = f"{why}. {question.words}; 0: they share one clock"
+    answer = asker.missing({name: replace(question, words=words, offered=offered)})
+    return SharedClock(offset_s=float(answer[name]), source=ANSWER, estimate=found)
+
+
+def is_one_clock(gathered: Gathered, answers: ImportOptions) -> bool:
+    """Return whether frames and forces have times of one bag."""
+    of_table = answers.rate_hz is not None or answers.times is not None
+    return gathered.one_clock and not of_table
+
+
+def _unsure_words(found: ClockEstimate | None) -> str:
+    if found is None:
+        return "too few frames show a dent to find their offset"
+    if found.parts:
+        listed = ", ".join(
+            f"frames {first + 1} to {last + 1}: {offset_s:.1f} s"
+            for first, last, offset_s in found.parts
+        )
+        return (
+            f"parts of the recording have offsets of their own ({listed}): a clock"
+            " paused, was set, or drifts; import them one by one (--first-frame,"
+            " --last-frame), or give each frame its time (--times)"
+        )
+    if found.related:
+        others = ", ".join(f"{other_s:.1f}" for other_s in found.rivals_s)
+        return (
+            f"the dents fit an offset of {found.offset_s:.1f} s, and nearly as well"
+            f" {others} s"
+        )
+    return (
+        f"the dents fit the log at no offset better than chance (best:"
+        f" {found.offset_s:.1f} s); is it the log of these frames?"
     )
 
 
@@ -382,12 +557,9 @@ def _needed(
         needed.add("rate_hz")
 
     if gathered.log is not None:
-        by_bag = gathered.one_clock and answers.rate_hz is None
-        needed |= {
-            "axis",
-            "contact_sign",
-            *([] if by_bag or answers.times else ["clock_offset_s"]),
-        }
+        needed |= {"axis", "contact_sign"}
+        if isinstance(answers.clock_offset_s, int | float):
+            needed.add("clock_offset_s")
 
     return needed
 
@@ -480,7 +652,7 @@ RECORD_KIND = FileKind(
 )
 # Of sources of one laboratory; what is of one session or eye (times, offsets, the eye's
 # name) is asked anew.
-KEPT = ("axes", "array", "columns", "image_topic", "force_topic", "grey_range")
+KEPT = ("axes", "flip", "array", "columns", "image_topic", "force_topic", "grey_range")
 
 
 def answers_like(folder: Path) -> dict[str, Any]:
@@ -561,6 +733,7 @@ def provenance(done: Import) -> dict[str, Any]:
     greys = done.greys
     return {
         "values": done.sources,
+        "clock": done.clock.entry(),
         "clock_origin_s": done.origin_s,
         "columns": [column.answer() for column in done.gathered.columns],
         "grey": {

@@ -15,6 +15,7 @@ import numpy as np
 
 from scleraforce.arrays import Floats
 from scleraforce.errors import RecordingError
+from scleraforce.recording import clock_offsets
 from scleraforce.recording.folder import ForceInfo, Recording
 from scleraforce.recording.tables import GOOD_SAMPLE_RATE_HZ, ForceLog, FrameEntry
 from scleraforce.study import ClassesStudy
@@ -37,6 +38,7 @@ LONGEST_GAP_S = 1.0 / CUTOFF_HZ  # the filter knows nothing across a longer one
 # in the paper's study; the sclera gives way at about 1 N).
 LARGEST_NOISE_N = 0.3
 LARGEST_FORCE_BOUNDS = 100.0
+UNSURE = 0.2  # of the lowest class bound: a label that is less sure is worth a note
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,6 +123,21 @@ def label_notes(recording: Recording, trials: Sequence[Trial]) -> tuple[str, ...
     )
 
     return *recording.forces.notes, *said
+
+
+def unsure_note(sds_n: Sequence[float], classes: ClassesStudy) -> tuple[str, ...]:
+    """Return a sentence if labels are less sure than a fifth of the lowest class bound,
+    in the median of their standard deviations, N.
+    """
+    median_n = float(np.median(sds_n)) if sds_n else 0.0
+    if median_n <= UNSURE * classes.bounds_n[0]:
+        return ()
+
+    return (
+        f"the labels are sure to {from_si(median_n, 'mn'):.2f} mN (standard deviation,"
+        " median): the force changes while it is averaged; are the clocks one, or is"
+        " average_s too long for a moving needle?",
+    )
 
 
 def unit_fault(
@@ -399,90 +416,102 @@ def _samples_around(
 # it
 CROSS_FORCE = 2.0
 OTHER_SIZE = 3.0  # moduli of the training differ by less from the middle of their range
-LEAST_FRAMES = 6  # a curve of three coefficients goes through fewer whatever they show
-# frames of a film are not independent witnesses: evenly chosen ones are enough
-MOST_FRAMES = 50
-# gain of log likelihood of a curve over none that chance gives once in a hundred times
-# (chi square, 2)
-RELATED = 4.6
-# the same of a shift over the stated times; chance gives about 7 where 12 frames try
-# 240 shifts
-BETTER = 10.0
-# of the frames' times, in the search for a shift
-FARTHEST_S = 60.0
-STEP_S = 0.5
-LEAST_SHIFT_S = 1.0
-LEAST_SCATTER = 1e-3  # of the variance: the rest after reading and label at best
-LEAST_VARIANCE_M2 = (
-    1e-9
-) ** 2  # of the values of frames: if all are equal, no shift fits better
-LEAST_SHARE = 0.75  # of the frames that must lie on the log under a shift
+LEAST_FRAMES = 6  # fewer prove nothing
+# Minus the logarithm of the probability that unrelated dents fit a log as well: 10 %.
+# The least of 63 virtual and other recordings has 3.3, of 8 frames, and 61 have more
+# than 6.
+RELATED = 2.3
+UNRELATED = "forces.csv is unrelated to the frames"
 
 
 def log_doubts(
     recording: Recording,
     classes: ClassesStudy,
-    shown: Sequence[float | None],
-    in_newtons: bool = False,
+    dents: Floats,
+    read_n: Sequence[float | None] = (),
 ) -> tuple[str, ...]:
     """Return sentences on a log that does not fit its frames.
 
-    `shown` is a measure of the force in each frame, in any unit, None or NaN if
-    unknown; `in_newtons` if it is a force, so that its size is compared as well. Forces
-    within the lowest class bound of one another prove nothing.
+    `dents` (measure, frame) grow with the dent of a frame
+    (`clock_offsets.estimate_clocks`); NaN: unknown. `read_n` are forces that were read
+    in the frames, whose size is compared as well.
     """
     doubt = axis_doubt(recording, classes)
-    if doubt or recording.forces is None or recording.info.force is None:
+    log = recording.forces
+    info = recording.info.force
+    if doubt or log is None or info is None:
         return (doubt,) if doubt else ()
 
-    values = np.array(
-        [np.nan if value is None else value for value in shown], dtype=np.float64
-    )
-    seen = np.flatnonzero(np.isfinite(values))
-    if len(seen) > MOST_FRAMES:
-        seen = seen[np.linspace(0, len(seen) - 1, MOST_FRAMES).astype(np.intp)]
+    times_s = np.array([frame.time_s for frame in recording.frames])
+    stated_n = _means(log, info)(times_s)
+    if read_n:
+        values_n = np.array([np.nan if n is None else n for n in read_n], np.float64)
+        both = np.isfinite(values_n) & np.isfinite(stated_n)
+        doubt = _size_doubt(stated_n[both], values_n[both], classes)
+        if doubt:
+            return (doubt,)
 
-    times_s = np.array([frame.time_s for frame in recording.frames])[seen]
-    means = _means(recording.forces, recording.info.force)
-    stated_n = means(times_s)
-    known = np.isfinite(stated_n)
-    times_s = times_s[known]
-    values = values[seen][known]
-    stated_n = stated_n[known]
+    return clock_doubts(recording, classes, dents)
 
-    doubt = _size_doubt(stated_n, values, classes) if in_newtons else None
-    if doubt:
-        return (doubt,)
-    if len(stated_n) < LEAST_FRAMES or np.ptp(values) == 0.0:
+
+def clock_doubts(
+    recording: Recording, classes: ClassesStudy, dents: Floats
+) -> tuple[str, ...]:
+    """Return a sentence if the dents (measure, frame) fit the log at other times than
+    stated, or not at all; raises nothing, and is silent where they do not tell.
+    """
+    log = recording.forces
+    info = recording.info.force
+    if log is None or info is None:
         return ()
 
-    shift_s, gain = _best_shift(means, times_s, values, classes.bounds_n[0])
-    if gain > BETTER:
-        taken = (
-            f"about {abs(shift_s):g} s {'later' if shift_s > 0 else 'earlier'} than"
-            " frames.csv says"
-        )
+    times_s = np.array([frame.time_s for frame in recording.frames])
+    contact_n = contact_force(log, info)
+    found = clock_offsets.estimate_clocks(times_s, dents, log.time_s, contact_n)
+    if found is not None and found.contradicts():
+        side = "later" if found.offset_s > 0.0 else "earlier"
+        size_s = abs(found.offset_s)
+        taken = f"about {size_s:.2g} s {side} than frames.csv says"
+        if found.drift_s:
+            return (
+                "the clocks of frames.csv and forces.csv drift: the frames fit as if"
+                f" taken {taken}, and {found.drift_s:+.2g} s from first to last;"
+                " import again with --clock-offset-s auto",
+            )
         return (
-            (
-                f"the frames' times are off: they fit forces.csv as if taken {taken};"
-                " bring both to one clock"
-            ),
+            f"the frames' times are off: they fit forces.csv as if taken {taken}; bring"
+            " both to one clock",
         )
 
-    varied = np.ptp(stated_n) > classes.bounds_n[0]
-    if (
-        varied
-        and _likelihood(stated_n, values) - _likelihood(np.zeros_like(stated_n), values)
-        < RELATED
-    ):
-        return (
-            (
-                "forces.csv is unrelated to the frames; check that both are of one"
-                " session, and their clocks"
-            ),
+    stated_n = _means(log, info)(times_s)
+    seen = np.isfinite(dents).any(axis=0) & np.isfinite(stated_n)
+    if found is not None and found.parts and not _related(recording, dents):
+        listed = ", ".join(
+            f"frames {first + 1} to {last + 1} {offset_s:+.1f} s"
+            for first, last, offset_s in found.parts
         )
+        return (
+            f"the clocks of frames.csv and forces.csv differ, by parts: {listed}; a"
+            " clock paused or was set: give each frame its own time",
+        )
+    varied = seen.sum() >= LEAST_FRAMES and np.ptp(stated_n[seen]) > classes.bounds_n[0]
+    if varied and not _related(recording, dents):
+        return (f"{UNRELATED}; check that both are of one session, and their clocks",)
 
     return ()
+
+
+def _related(recording: Recording, dents: Floats) -> bool:
+    """Return whether dents and forces at the stated times belong together, or cannot be
+    compared.
+    """
+    log = recording.forces
+    info = recording.info.force
+    assert log is not None  # `clock_doubts`
+    assert info is not None
+    times_s = np.array([frame.time_s for frame in recording.frames])
+    found = clock_offsets.relation(times_s, dents, log.time_s, contact_force(log, info))
+    return found is None or found >= RELATED
 
 
 def _size_doubt(stated_n: Floats, read_n: Floats, classes: ClassesStudy) -> str | None:
@@ -552,59 +581,6 @@ def _means(log: ForceLog, info: ForceInfo) -> Callable[[Floats], Floats]:
         return np.where(stop > start, (total[stop] - total[start]) / count, np.nan)
 
     return around
-
-
-def _best_shift(
-    means: Callable[[Floats], Floats],
-    times_s: Floats,
-    shown: Floats,
-    least_span_n: float,
-) -> tuple[float, float]:
-    """Return the shift of the frames' times that fits the log best, and its gain in log
-    likelihood.
-
-    Frames that a shift moves off the log are left out on both sides of the comparison.
-    Forces within `least_span_n` of one another, apart from the lowest and the highest,
-    prove no shift.
-    """
-    shift_s = 0.0
-    best = 0.0
-    stated_n = means(times_s)
-
-    for candidate_s in np.arange(-FARTHEST_S, FARTHEST_S + STEP_S / 2, STEP_S).tolist():
-        force_n = means(times_s + candidate_s)
-        kept = np.isfinite(force_n)
-        if abs(candidate_s) < LEAST_SHIFT_S or kept.sum() < max(
-            LEAST_SHARE * len(kept), LEAST_FRAMES
-        ):
-            continue
-        if np.ptp(np.sort(force_n[kept])[1:-1]) <= least_span_n:
-            continue
-
-        gain = _likelihood(force_n[kept], shown[kept]) - _likelihood(
-            stated_n[kept], shown[kept]
-        )
-        if gain > best:
-            shift_s = candidate_s
-            best = gain
-
-    return shift_s, best
-
-
-def _likelihood(force_n: Floats, shown: Floats) -> float:
-    """Return the log likelihood of the frames' values, as a parabola of the force with
-    Gaussian scatter of any size.
-    """
-    scaled = force_n / max(float(np.abs(force_n).max()), 1e-12)
-    design = np.stack([np.ones_like(scaled), scaled, scaled**2], axis=1)
-    rest = shown - design @ np.linalg.lstsq(design, shown, rcond=None)[0]
-    return (
-        -0.5
-        * len(shown)
-        * float(
-            np.log(rest.var() / max(shown.var(), LEAST_VARIANCE_M2) + LEAST_SCATTER)
-        )
-    )
 
 
 # A puncture is a sudden fall of the force in a log: limits of one.

@@ -476,6 +476,17 @@ class Scan:
             pictures=lambda: (p.T for p in pictures()),
         )
 
+    def flipped(self, flip: str | None) -> "Scan":
+        """Return the scan with its "rows" upside down, or its "columns" mirrored; None:
+        as it is.
+        """
+        if flip is None:
+            return self
+
+        pictures = self.pictures
+        turned = np.s_[::-1] if flip == "rows" else np.s_[:, ::-1]
+        return replace(self, pictures=lambda: (p[turned] for p in pictures()))
+
     def between(self, first: int | None, last: int | None) -> "Scan":
         """Return the frames from the first to the last one, counted from 1; None: from
         the beginning, to the end.

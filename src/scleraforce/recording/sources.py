@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from importlib.resources import files
 from itertools import zip_longest
 from pathlib import Path, PurePath
+from typing import Literal
 
 import numpy as np
 
@@ -93,6 +94,7 @@ class ImportOptions:
     """
 
     axes: str | None = None
+    flip: Literal["rows", "columns"] | None = None
     array: str | None = None
     width_mm: float | None = None
     depth_mm: float | None = None
@@ -104,7 +106,7 @@ class ImportOptions:
     rate_hz: float | None = None
     times: Path | None = None
     frames_by: str | None = None
-    clock_offset_s: float | None = None
+    clock_offset_s: float | Literal["auto"] | None = None
     columns: tuple[str, ...] = ()
     axis: str | None = None
     contact_sign: str | int | None = None
@@ -302,9 +304,9 @@ def gather(
 
     log = content.log()
     wholes = {
-        plane: ordered(found, by, options.times, options.rate_hz).between(
-            options.first_frame, options.last_frame
-        )
+        plane: ordered(found, by, options.times, options.rate_hz)
+        .flipped(options.flip)
+        .between(options.first_frame, options.last_frame)
         for plane, found in content.scans.items()
     }
     scan, frames, places, lacking = _planes_together(wholes, sources_of, by)

@@ -131,6 +131,32 @@ def dent(boundaries: Boundaries) -> float:
     return float((depth_m[middle] - line_m).max())
 
 
+WAVE_M = 4e-3  # half the length of the wave that `dent_measures` lays on a surface
+
+
+def dent_measures(lateral_m: Floats, outer_m: Floats) -> tuple[float, float]:
+    """Return two measures that grow with the dent, m: its depth below the surface's
+    mean, and the size of a wave in the middle; NaN where they are not seen.
+
+    The first one needs the deepest place, the second one spans a gap there. Which of
+    both follows the force better depends on the frame (a needle in the picture, a dent
+    that leaves it).
+    """
+    seen = np.isfinite(outer_m)
+    middle = (np.abs(lateral_m) < MIDDLE_M) & seen
+    depth_m = outer_m[middle].max() - outer_m[seen].mean() if middle.any() else np.nan
+
+    near = seen & (np.abs(lateral_m) < WAVE_M)
+    if near.sum() < LEAST_SHAPE or np.ptp(lateral_m[near]) < WAVE_M:
+        return float(depth_m), float("nan")
+
+    at_m = lateral_m[near]
+    wave = np.cos(np.pi * at_m / WAVE_M)
+    design = np.stack([np.ones_like(at_m), at_m, wave], axis=1)
+    terms = np.linalg.lstsq(design, outer_m[near], rcond=None)[0]
+    return float(depth_m), float(terms[2])
+
+
 def stretch_of(lateral_m: Floats, outer_m: Floats) -> Floats:
     """Return depth along a column over thickness along the normal, NaN where the
     surface is unseen.

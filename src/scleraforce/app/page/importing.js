@@ -27,6 +27,7 @@ const FIELDS = {
   globe: ["Globe", ["", "open", "sealed"]],
   relaxation: ["Relaxation of the tissue: share:seconds,…, or none", "text"],
   axes: ["Axes of an array, like frame,depth,lateral", "text"],
+  flip: ["Pictures that are upside down (rows) or mirrored (columns)", ["", "rows", "columns"]],
 };
 const NUMBERS = new Set(Object.keys(FIELDS).filter((name) => FIELDS[name][1] === "number"));
 const WAIT_MS = 500;
@@ -290,7 +291,7 @@ function clock() {
   const [bottom, top] = clockPlot.y;
   const scaledTo = (dent) => (dent === null ? null : down ? top - ((dent - low) / (high - low || 1)) * 0.9 * (top - bottom) : bottom + ((dent - low) / (high - low || 1)) * 0.9 * (top - bottom));
   clockPlot.line(times, clocks.dent_mm.map(scaledTo), "other");
-  const fit = clocks.offset_s === null ? "no offset fits" : `proposed: ${fixed(clocks.offset_s, 3)} s (correlation ${fixed(clocks.correlation, 2)})`;
+  const fit = clocks.offset_s === null ? "no offset fits" : `${clocks.sure ? "proposed" : "not sure, look at the curve"}: ${clocks.words}`;
   write("clock-text", `offset ${fixed(offset, 3)} s; ${fit}`);
 }
 
@@ -299,7 +300,7 @@ element("propose").onclick = told(async () => {
   clocks = await send("clocks", asked());
   if (clocks.offset_s !== null) {
     given.clock_offset_s = Number(clocks.offset_s.toFixed(3));
-    if (clocks.correlation < 0 && !given.contact_sign) given.contact_sign = "-1";
+    given.contact_sign ||= clocks.contact_sign;
   }
   await look();
 });
