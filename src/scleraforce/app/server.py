@@ -26,6 +26,7 @@ from scleraforce.app.looks import Looks, mask_between, png, remove_draft, write_
 from scleraforce.app.sources import ANSWERS, Checked, Sources
 from scleraforce.arrays import Bytes
 from scleraforce.errors import InputError
+from scleraforce.models import SHIPPED
 from scleraforce.notebook.frames import save_wall
 from scleraforce.recording.export import csv_text
 from scleraforce.recording.folder import Plane, Recording, check_alone, parse_plane
@@ -112,11 +113,12 @@ def words_of(run: Run, folder: Folder) -> list[str]:
     if run.command not in OPTIONS:
         raise InputError(f"{run.command}: not a command of the app")
 
-    models = run.operands[:1] if run.command == "evaluate" else []
-    for name in run.operands + [
+    bundled = run.operands[:1] if run.command == "evaluate" else []
+    bundled = [name for name in bundled if name in SHIPPED]
+    for name in run.operands[len(bundled) :] + [
         str(run.options[key]) for key in OLD_FILES if key in run.options
     ]:
-        if not folder.whole(name).exists() and name not in models:
+        if not folder.whole(name).exists():
             raise InputError(f"{name}: does not exist")
 
     words = [run.command]

@@ -12,6 +12,7 @@ from click.core import ParameterSource
 
 from scleraforce.cli.options import (
     GLOBE,
+    MODEL,
     PATH,
     PLANE,
     PlacedPlane,
@@ -210,7 +211,7 @@ def _like(ctx: click.Context, _: click.Parameter, folder: Path | None) -> Path |
 @added(OPTIONS)
 @click.option(
     "--model",
-    type=PATH,
+    type=MODEL,
     help="Model whose training limits are noted; default: the bundled reader.",
 )
 @click.pass_context

@@ -23,7 +23,13 @@ from scleraforce.library.planes import SeenPlane, fit_planes
 from scleraforce.library.prior import Prior, prior_of
 from scleraforce.library.responses import Library
 from scleraforce.library.unknowns import GAP
-from scleraforce.models import NETWORK_FILE, RECORD_FILE, check_interface, run_network
+from scleraforce.models import (
+    NETWORK_FILE,
+    RECORD_FILE,
+    check_interface,
+    model_name,
+    run_network,
+)
 from scleraforce.reader import verdicts
 from scleraforce.reader.answer import (
     METHODS,
@@ -52,6 +58,7 @@ from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.observations import Boundaries, segmented_boundaries
 from scleraforce.segmentation.wall_finder import FrameWindow, WallFinder
 from scleraforce.study import Range, ReaderStudy, Study
+from scleraforce.units import from_si
 
 INPUT = "slices"
 OUTPUT = "probabilities"
@@ -84,9 +91,21 @@ class Reader(ABC):
 
     def __post_init__(self) -> None:
         self.classes = len(self.study.classes.bounds_n) + 1
+        self.name = model_name(self.path)
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.path}>"
+
+    @property
+    def bounds_mn(self) -> list[float]:
+        """Bounds of the force classes, mN."""
+        return [from_si(bound_n, "mn") for bound_n in self.study.classes.bounds_n]
+
+    @property
+    def words(self) -> str:
+        """Name, kind and class bounds, for people."""
+        bounds = " and ".join(f"{bound_mn:g}" for bound_mn in self.bounds_mn)
+        return f"{self.name} ({self.kind}), classes bounded at {bounds} mN"
 
     @property
     def fixed_modulus_pa(self) -> float | None:
@@ -124,7 +143,7 @@ class Reader(ABC):
             else self._read(seen, frame, scale, known)
         )
 
-        return replace(answer, segmentation=seen.segmentation)
+        return self.signed(answer, seen.segmentation)
 
     def read_live(
         self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN
@@ -143,7 +162,18 @@ class Reader(ABC):
             else self._live(seen, frame, scale, known)
         )
 
-        return replace(answer, segmentation=seen.segmentation)
+        return self.signed(answer, seen.segmentation)
+
+    def signed(self, answer: Answer, wall: Segmentation | None = None) -> Answer:
+        """Return an answer with the model's name and class bounds, and the wall that
+        was read.
+        """
+        return replace(
+            answer,
+            segmentation=wall,
+            model=self.name,
+            class_bounds_n=self.study.classes.bounds_n,
+        )
 
     def read_together(
         self,
@@ -545,7 +575,7 @@ class ForceReader(Reader):
                 else ()
             )
             answers.append(
-                replace(shared, segmentation=seen.segmentation, warnings=warned)
+                self.signed(replace(shared, warnings=warned), seen.segmentation)
             )
 
         return tuple(answers)
