@@ -209,4 +209,7 @@ def test_a_bar_on_a_terminal_has_no_colour_and_disappears(
     assert shown.rstrip(" ").endswith("\r")  # wiped
 
     if not environment:
-        assert on_a_terminal(["classify", "./reader", FRAME, "--quiet"], here) == ("", "")
+        assert on_a_terminal(["classify", "./reader", FRAME, "--quiet"], here) == (
+            "",
+            "",
+        )
