@@ -206,6 +206,28 @@ def test_a_request_that_is_not_a_dropped_file_is_small(app: Client) -> None:
     assert refusal(app, "POST", "/api/words", run)[0] == 413
 
 
+@pytest.mark.parametrize(
+    ("length", "status"),
+    [
+        ("Transfer-Encoding: chunked", 411),
+        ("Transfer-Encoding: Chunked\r\nContent-Length: 2", 411),
+        ("Content-Length: 000000000100000000", 413),
+        ("Content-Length: 100000000", 413),
+    ],
+)
+@pytest.mark.parametrize("path", ["/api/words", "/api/source?name=a.csv", "/"])
+def test_a_body_of_no_stated_or_too_large_a_size_is_refused_before_the_token(
+    app: Client, length: str, status: int, path: str
+) -> None:
+    if path.startswith("/api/source") and length == "Content-Length: 100000000":
+        status = 403  # a file may have this size, but nothing of it is taken
+    head = f"Host: {HOST}:{app.port}\r\nOrigin: http://{HOST}:{app.port}\r\n{length}"
+    with socket.create_connection((HOST, app.port)) as link:
+        link.sendall(f"POST {path} HTTP/1.1\r\n{head}\r\n\r\n".encode())
+        with link.makefile("rb") as answer:
+            assert answer.readline().split()[1] == str(status).encode()
+
+
 def test_the_token_of_the_opened_browser_is_valid_once(folder: Path) -> None:
     with running_app(folder, once="o" * 32) as client:
         assert [client.ask("GET", f"/?token={'o' * 32}")[0] for _ in range(2)] == [

@@ -37,6 +37,7 @@ from scleraforce.service.console.server import OwnPagesOnly
 HOST = "127.0.0.1"
 RESULTS = ".scleraforce"  # folder of the last results, shown again after a reload
 SILENT_S = 6.0  # after which another tab may write
+UPLOAD = "/api/source"
 MOST_JSON_BYTES = 4 * 2**20  # of a request, except a dropped file
 BUSY = "another tab is working in this folder; close it first"
 
@@ -232,14 +233,10 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
                 "open the whole address that `scleraforce app` printed", 403
             )
 
-        if request.method not in ("GET", "HEAD"):
-            if not holder.is_held_by(request.headers.get("x-tab", "")):
-                return PlainTextResponse(BUSY, 409)
-            if (
-                request.url.path != "/api/source"
-                and int(request.headers["content-length"]) > MOST_JSON_BYTES
-            ):
-                return PlainTextResponse(f"more than {MOST_JSON_BYTES} bytes", 413)
+        if request.method not in ("GET", "HEAD") and not holder.is_held_by(
+            request.headers.get("x-tab", "")
+        ):
+            return PlainTextResponse(BUSY, 409)
 
         return await answer(request)
 
@@ -307,7 +304,7 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
             remove_draft(found, file)
         return looked(name, file)
 
-    @app.put("/api/source")
+    @app.put(UPLOAD)
     async def drop(name: str, request: Request) -> dict[str, Any]:
         chunks: AsyncIterator[bytes] = request.stream()
         await folder.upload(name, int(request.headers["content-length"]), chunks)
@@ -373,7 +370,7 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
         }
 
     app.mount("/", StaticFiles(packages=[("scleraforce.app", "page")], html=True))
-    return OwnPagesOnly(app, HOST, MOST_UPLOAD_BYTES)
+    return OwnPagesOnly(app, HOST, MOST_JSON_BYTES, {UPLOAD: MOST_UPLOAD_BYTES})
 
 
 def listen(port: int) -> socket.socket:
@@ -404,6 +401,7 @@ def server_of(
             lifespan="off",
             log_level="critical",
             access_log=False,
+            http="h11",  # which limits the headers
             server_header=False,
             proxy_headers=False,
             timeout_graceful_shutdown=1,
