@@ -36,6 +36,8 @@ ORDER = [
     "errors",
     "plain_json",
     "plain_text",
+    "foreign_settings",
+    "private_folder",
     "pictures",
     "processes",
     "whole_files",

@@ -229,9 +229,7 @@ REFUSED = {
     "eye --plot picture.jpg": "picture.jpg: give a name that ends in .png, .svg, .pdf",
     "eye --plot study.toml": "give a name that ends in",
     "eye --plot old.svg": "old.svg: exists already",
-    "eye --plot new.svg --model nowhere": (
-        "nowhere: not a bundled model"
-    ),
+    "eye --plot new.svg --model nowhere": ("nowhere: not a bundled model"),
 }
 
 
