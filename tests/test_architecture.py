@@ -41,6 +41,7 @@ ORDER = [
     "pictures",
     "processes",
     "whole_files",
+    "kept_results",
     "compiled",
     "checked_store",
     "study",

@@ -8,6 +8,7 @@ import stat
 from pathlib import Path
 
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+MOST_BYTES = 2**30
 ROOT = 0  # can do anything anyway
 # no link is followed, and no pipe waited for
 FLAGS = (
@@ -54,18 +55,19 @@ def folder_fault(folder: Path) -> str | None:
     return None
 
 
-def read_own(path: Path) -> bytes:
-    """Read a file in a folder without a fault; raises `PermissionError` if it is
-    another user's, or no file.
+def read_own(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
+    """Read a file of the user; raises `PermissionError` if it is another user's, no
+    file, a link, or too large.
 
-    Its mode does not count: nobody else reaches it.
+    Its mode does not count: that of its folder does (`folder_fault`).
     """
     descriptor = os.open(path, os.O_RDONLY | FLAGS)
     with open(descriptor, "rb") as file:
         found = os.fstat(descriptor)
-        if not stat.S_ISREG(found.st_mode) or _is_anothers(found):
-            raise PermissionError(f"{path}: not a file of this user")
-        return file.read()
+        is_own = stat.S_ISREG(found.st_mode) and not _is_anothers(found)
+        if not is_own or found.st_size > most_bytes:
+            raise PermissionError(f"{path}: not a file of this user, or too large")
+        return file.read(most_bytes)
 
 
 def _is_anothers(found: os.stat_result) -> bool:

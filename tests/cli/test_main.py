@@ -384,7 +384,6 @@ def test_no_name_reaches_the_terminal_as_an_escape_sequence(
         (2, ("read", "default", "broken" + ESCAPES)),
         (2, ("read", "default", "missing" + ESCAPES)),
         (0, ("segment", ESCAPES, "--out", "masks")),
-        (2, ("segment", "--out", "masks-2", ".")),
         (2, ("show", ESCAPES)),
         (2, ("show", ESCAPES + "/" + ESCAPES)),
         (2, ("read", "./" + ESCAPES, frame)),

@@ -26,6 +26,7 @@ from scleraforce.app.looks import Looks, mask_between, png, remove_draft, write_
 from scleraforce.app.sources import ANSWERS, Checked, Sources
 from scleraforce.arrays import Bytes
 from scleraforce.errors import InputError
+from scleraforce.kept_results import ENDING, kept_result
 from scleraforce.models import SHIPPED
 from scleraforce.notebook.frames import save_wall
 from scleraforce.recording.export import csv_text
@@ -351,23 +352,21 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
         return {}
 
     def kept(command: str) -> Path:
-        return folder.inside(f"{RESULTS}/{command}.json")
+        return folder.inside(f"{RESULTS}/{command}{ENDING}")
 
     @app.get("/api/result")
     def result(command: Literal["calibrate", "evaluate"]) -> Response:
-        path = kept(command)
-        return Response(
-            path.read_bytes() if path.exists() else b"null",
-            media_type="application/json",
-        )
+        found = json.dumps(kept_result(kept(command)))
+        return Response(found, media_type="application/json")
 
     @app.get("/api/csv")
     def table() -> dict[str, Any]:
-        return {
-            "text": csv_text(
-                json.loads(kept("evaluate").read_bytes())["result"]["frames"]
+        found = kept_result(kept("evaluate"))
+        if found is None:
+            raise InputError(
+                "no result of evaluate is kept here; read the frames again"
             )
-        }
+        return {"text": csv_text(found["result"]["frames"])}
 
     app.mount("/", StaticFiles(packages=[("scleraforce.app", "page")], html=True))
     return OwnPagesOnly(app, HOST, MOST_JSON_BYTES, {UPLOAD: MOST_UPLOAD_BYTES})
