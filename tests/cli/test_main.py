@@ -387,7 +387,7 @@ def test_no_name_reaches_the_terminal_as_an_escape_sequence(
         (2, ("show", ESCAPES)),
         (2, ("show", ESCAPES + "/" + ESCAPES)),
         (2, ("read", "./" + ESCAPES, frame)),
-        (2, ("import", ESCAPES, "--out", "new", "--eye", ESCAPES)),
+        (2, ("import", "broken" + ESCAPES, "--out", "new")),
         (2, ("evaluate", "default", ESCAPES)),
         (2, (ESCAPES,)),
         (2, ("read", "--" + ESCAPES)),
