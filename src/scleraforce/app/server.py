@@ -23,6 +23,7 @@ from pydantic import BaseModel, Field, FiniteFloat, ValidationError
 from scleraforce.app.commands import Job, shown
 from scleraforce.app.folder import MOST_UPLOAD_BYTES, SOURCES, Folder
 from scleraforce.app.looks import Looks, mask_between, png, remove_draft, write_draft
+from scleraforce.app.request_end import EndsWithRequest
 from scleraforce.app.sources import ANSWERS, Checked, Sources
 from scleraforce.arrays import Bytes
 from scleraforce.errors import InputError
@@ -369,7 +370,8 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
         return {"text": csv_text(found["result"]["frames"])}
 
     app.mount("/", StaticFiles(packages=[("scleraforce.app", "page")], html=True))
-    return OwnPagesOnly(app, HOST, MOST_JSON_BYTES, {UPLOAD: MOST_UPLOAD_BYTES})
+    longer = {UPLOAD: MOST_UPLOAD_BYTES}
+    return OwnPagesOnly(EndsWithRequest(app), HOST, MOST_JSON_BYTES, longer)
 
 
 def listen(port: int) -> socket.socket:
