@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from multiprocessing import resource_tracker, spawn
 from pathlib import Path
@@ -32,6 +32,7 @@ from scleraforce.processes import (
     work_units,
 )
 
+SOURCES = Path(scleraforce.__file__).parents[1]
 HEAVY = partial(tripled, bytes(2**20))  # more than a pipe holds
 SLOW = partial(tripled, late_s=0.2)
 
@@ -332,7 +333,7 @@ def call(folder: Path, *words: str) -> tuple[list[str], list[str], str]:
     environment = {
         **os.environ,
         "XDG_CACHE_HOME": str(folder / "cache"),
-        "PYTHONPATH": str(folder),
+        "PYTHONPATH": os.pathsep.join([str(folder), str(SOURCES)]),
     }
     done = subprocess.run(
         [sys.executable, "-c", CALL, *words],
@@ -369,3 +370,100 @@ def test_machine_code_is_compiled_once_and_anew_if_its_file_is_broken_or_more_is
         code.write_bytes(code.read_bytes()[:100])
 
     assert call(tmp_path)[0] == compiled
+
+
+def planted(folder: Path, marker: Path) -> None:
+    """Put a pickle that makes a folder into each file of machine code."""
+
+    class Bomb:
+        def __reduce__(self) -> tuple[object, tuple[str]]:
+            return os.mkdir, (str(marker),)
+
+    for code in [*folder.rglob("*.nbi"), *folder.rglob("*.nbc")]:
+        code.write_bytes(pickle.dumps(Bomb()))
+
+
+def code_folder(cache: Path) -> Path:
+    (folder,) = {code.parent for code in cache.rglob("*.nbc")}
+    return folder
+
+
+def linked_elsewhere(folder: Path) -> None:
+    folder.rename(folder.parent / "moved")
+    folder.symlink_to(folder.parent / "moved")
+
+
+def links_for_files(folder: Path) -> None:
+    (folder / "real").mkdir()
+    for file in [*folder.glob("*.nb?")]:
+        file.rename(folder / "real" / file.name)
+        file.symlink_to(folder / "real" / file.name)
+
+
+STRANGER = 54321  # a user's number
+as_root = pytest.mark.skipif(
+    not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root gives files away"
+)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="modes of Unix")
+@pytest.mark.parametrize(
+    ("spoil", "noted"),
+    [
+        (lambda folder: folder.chmod(0o777), "others can write to it"),
+        (lambda folder: folder.chmod(0o770), "others can write to it"),
+        (lambda folder: folder.parent.chmod(0o777), "everybody can replace"),
+        (lambda folder: folder.parents[2].chmod(0o777), "everybody can replace"),
+        (linked_elsewhere, "not a folder"),
+        pytest.param(
+            lambda folder: os.chown(folder, STRANGER, -1),
+            "belongs to another user",
+            marks=as_root,
+        ),
+        pytest.param(
+            lambda folder: [os.chown(file, STRANGER, -1) for file in folder.iterdir()],
+            "",
+            marks=as_root,
+        ),
+        (links_for_files, ""),
+    ],
+)
+def test_machine_code_that_others_could_have_written_is_not_loaded(
+    tmp_path: Path, spoil: Callable[[Path], object], noted: str
+) -> None:
+    (tmp_path / "loops.py").write_text(LOOPS)
+    found = call(tmp_path)[0]
+    folder = code_folder(tmp_path / "cache")
+    assert folder.stat().st_mode & 0o777 == 0o700
+    planted(folder, tmp_path / "owned")
+    spoil(folder)
+    again, _, notice = call(tmp_path)
+    assert again == found
+    assert not (tmp_path / "owned").exists()
+    assert noted in notice
+    assert "compiling, once" in notice or noted
+
+
+def test_machine_code_of_the_user_is_loaded(tmp_path: Path) -> None:
+    """The bomb of the test above goes off where its file is the user's own."""
+    (tmp_path / "loops.py").write_text(LOOPS)
+    call(tmp_path)
+    planted(code_folder(tmp_path / "cache"), tmp_path / "owned")
+    call(tmp_path)
+    assert (tmp_path / "owned").exists()
+
+
+def test_settings_in_the_current_folder_are_not_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "loops.py").write_text(LOOPS)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / ".numba_config.yaml").write_text("disable_jit: 1\n}{")
+    (tmp_path / "matplotlibrc").write_bytes(b"font.size: 3\n\xff")
+    assert "compiling, once" in call(tmp_path)[2]
+    draw = "from scleraforce.cli.main import main; main()"
+    subprocess.run(
+        [sys.executable, "-P", "-c", draw, "show", "paper", "--plot", "paper.svg"],
+        check=True,
+    )
+    assert (tmp_path / "paper.svg").exists()

@@ -1,11 +1,13 @@
 """Loops over arrays that Numba compiles: once for a user, at installation or at the
 first call.
 
-The machine code is cached under a hash of the sources, so that versions share no code.
+The machine code is cached under a hash of the sources, so that versions share no code,
+and in a folder that nobody but the user writes to: loading it runs it.
 Modules with such loops are imported only to read frames, to fit or to solve load paths,
 as the import of Numba takes 0.2 s.
 """
 
+import os
 import pickle
 import re
 import sys
@@ -13,8 +15,13 @@ from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
 from importlib import import_module
+from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar, cast
+
+from scleraforce.foreign_settings import leave_unread
+from scleraforce.plain_text import printable
+from scleraforce.private_folder import folder_fault, make_private, read_own
 
 KEY_LETTERS = 32  # of the hash, in a file name
 ROOT = Path(__file__).parent
@@ -35,10 +42,10 @@ def compiled(loops: Loops) -> Loops:
     and cached for all later processes. It runs without the lock of the interpreter, and
     rounds as the plain function does.
     """
-    from numba import njit
-
+    njit = _numba().njit
     dispatcher: Any = njit(nogil=True, fastmath=False, error_model="numpy")(loops)
-    dispatcher._cache = _code_file()(loops)
+    if _code_folder(loops.__module__.removeprefix("scleraforce.")) is not None:
+        dispatcher._cache = _code_file()(loops)
     return cast(Loops, dispatcher)
 
 
@@ -46,8 +53,7 @@ def compiled_part(loops: Loops, counts: bool = True) -> Loops:
     """Return a function of loops that only other compiled functions call: it is
     compiled and cached within them.
     """
-    from numba import njit
-
+    njit = _numba().njit
     options: Any = {
         "no_cpython_wrapper": True,
         "no_cfunc_wrapper": True,
@@ -69,6 +75,17 @@ def compiled_in_place(loops: Loops) -> Loops:
     makes an array without counts.
     """
     return compiled_part(loops, counts=False)
+
+
+@cache
+def _numba() -> Any:
+    """Import Numba, which reads no settings in the current folder."""
+    leave_unread("numba.core.config")
+    numba = import_module("numba")
+    # where another module has imported it: it reads them before each compilation
+    config: Any = import_module("numba.core.config")
+    config._config_fname = os.devnull
+    return numba
 
 
 @cache
@@ -151,9 +168,9 @@ def _code_file() -> Any:
         """
 
         def __init__(self, loops: Callable[..., object], _: str) -> None:
-            self._folder = str(
-                _code_cache(loops.__module__.removeprefix("scleraforce."))
-            )
+            folder = _code_folder(loops.__module__.removeprefix("scleraforce."))
+            assert folder is not None  # else the function has no code file
+            self._folder = folder
             self._line = loops.__code__.co_firstlineno
 
         @classmethod
@@ -161,7 +178,11 @@ def _code_file() -> Any:
             return cls(loops, file)
 
         def get_cache_path(self) -> str:
-            return self._folder
+            return str(self._folder)
+
+        def ensure_cache_path(self) -> None:
+            make_private(self._folder)
+            super().ensure_cache_path()
 
         def get_source_stamp(self) -> str:
             return ""  # the folder's name has the hash of the sources
@@ -173,9 +194,23 @@ def _code_file() -> Any:
         _locator_classes = (Locator,)
 
     class IndexFile(caching.IndexDataCacheFile):  # type: ignore[misc, name-defined]
+        """The files of a function, which are not unpickled unless they are the
+        user's.
+        """
+
+        def _load_index(self) -> dict[Any, str]:
+            try:
+                file = BytesIO(read_own(Path(self._index_path)))
+            except FileNotFoundError:
+                return {}
+
+            if pickle.load(file) != self._version:
+                return {}
+            stamp, overloads = pickle.load(file)
+            return overloads if stamp == self._source_stamp else {}
+
         def _load_data(self, name: str) -> Any:
-            with Path(self._data_path(name)).open("rb") as file:
-                return Unpickler(file).load()
+            return Unpickler(BytesIO(read_own(Path(self._data_path(name))))).load()
 
     class Library(codegen.JITCodeLibrary):  # type: ignore[misc, name-defined]
         _shared_module: Any
@@ -206,6 +241,12 @@ def _code_file() -> Any:
         def __init__(self, loops: Callable[..., object]) -> None:
             super().__init__(loops)
             self._cache_file.__class__ = IndexFile
+
+        def save_overload(self, signature: Any, data: Any) -> None:
+            try:
+                super().save_overload(signature, data)
+            except OSError as fault:
+                _note(f"{fault}: machine code is not kept")
 
         def load_overload(self, signature: Any, target_context: Any) -> Any:
             runtime.rtsys.initialize(target_context)
@@ -241,17 +282,30 @@ def _code_file() -> Any:
 
 
 @cache
-def _code_cache(module: str) -> Path:
+def _code_folder(module: str) -> Path | None:
+    """Return the folder of a module's machine code; None, with a note, if another user
+    could have put code there.
+    """
     # imported here: what compiles nothing need not wait for it
     from platformdirs import user_cache_path
 
     content = b"".join(file.read_bytes() for file in sorted(_deciding(module)))
-
-    return (
+    folder = (
         user_cache_path("scleraforce")
         / "compiled"
         / f"{module}-{sha256(content).hexdigest()[:KEY_LETTERS]}"
     )
+    if fault := folder_fault(folder):
+        _note(f"{fault}: loops are compiled each time; remove it, or change its mode")
+        return None
+
+    return folder
+
+
+@cache
+def _note(text: str) -> None:
+    sys.stderr.write(printable(f"note: {text}") + "\n")
+    sys.stderr.flush()
 
 
 def _deciding(module: str) -> set[Path]:

@@ -147,7 +147,9 @@ def machine() -> Iterator[Finding]:
     if sys.platform.startswith("linux"):  # tried in a process of its own
         allowed = (
             subprocess.run(
-                [sys.executable, "-c", REAL_TIME], capture_output=True, check=False
+                [sys.executable, "-P", "-c", REAL_TIME],
+                capture_output=True,
+                check=False,
             ).returncode
             == 0
         )

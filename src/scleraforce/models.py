@@ -7,9 +7,11 @@ beside another one's study.
 
 import hashlib
 import json
+import os
 import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from tempfile import mkdtemp
 from types import MappingProxyType
@@ -43,27 +45,60 @@ SHIPPED = {
 }
 
 
-def model_folder(given: Path) -> Path:
-    """Return the folder of MODEL: itself if it exists, else the bundled model of that
-    name.
+def path_or_bundled(given: str | PathLike[str]) -> Path:
+    """Return the folder of a bundled model for its name, whatever the current folder
+    holds; a path for anything else.
 
-    >>> model_folder(Path("default")) == SHIPPED_READER
+    A path that would read like the name of a bundled model becomes absolute.
+
+    >>> path_or_bundled("default") == SHIPPED_READER
     True
-    >>> model_folder(Path("nowhere"))
-    PosixPath('nowhere')
+    >>> path_or_bundled("./default") == Path("default").absolute()
+    True
     """
-    return given if given.exists() else SHIPPED.get(str(given), given)
+    text = os.fspath(given)
+    path = Path(text)
+    if text in SHIPPED:
+        return SHIPPED[text]
+    return path.absolute() if str(path) in SHIPPED else path
+
+
+def model_folder(given: str | PathLike[str]) -> Path:
+    """Return the folder of MODEL: that of the bundled model of this name, else a path.
+
+    Text without a separator is a name; a `Path` is a path unless it is the name of a
+    bundled model. Raises `ModelError` for a name that no bundled model has.
+
+    >>> model_folder("default") == SHIPPED_READER
+    True
+    >>> model_folder("./mine"), model_folder(Path("mine"))
+    (PosixPath('mine'), PosixPath('mine'))
+    """
+    is_name = isinstance(given, str) and not (
+        given in (os.curdir, os.pardir)
+        or any(separator in given for separator in (os.sep, os.altsep) if separator)
+    )
+    if is_name and given not in SHIPPED:
+        bundled = ", ".join(SHIPPED)
+        raise ModelError(
+            f"{given}: not a bundled model ({bundled}); a folder of your own is a path:"
+            f" {os.path.join(os.curdir, given)}"
+        )
+
+    return path_or_bundled(given)
 
 
 def model_name(folder: Path) -> str:
-    """Return MODEL's name for a folder: its path, or the name of a bundled model,
-    wherever it is installed.
+    """Return MODEL for a folder: the name of a bundled model, wherever it is installed,
+    or a path.
 
-    >>> model_name(SHIPPED_READER), model_name(Path("models/mine"))
-    ('default', 'models/mine')
+    >>> model_name(SHIPPED_READER), model_name(Path("mine"))
+    ('default', './mine')
     """
+    path = str(folder)
     return next(
-        (name for name, shipped in SHIPPED.items() if shipped == folder), str(folder)
+        (name for name, shipped in SHIPPED.items() if shipped == folder),
+        os.path.join(os.curdir, path) if len(folder.parts) == 1 else path,
     )
 
 
@@ -146,7 +181,9 @@ def sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def read_folder(path: Path, kinds: tuple[str, ...] = tuple(FILES)) -> ModelFolder:
+def read_folder(
+    path: str | PathLike[str], kinds: tuple[str, ...] = tuple(FILES)
+) -> ModelFolder:
     """Read a model folder of some kinds, or the shipped one of that name, and check its
     files; raises `ModelError`.
     """
@@ -155,7 +192,7 @@ def read_folder(path: Path, kinds: tuple[str, ...] = tuple(FILES)) -> ModelFolde
         bundled = ", ".join(SHIPPED)
         makes = "`scleraforce train DATASET --out MODEL` makes a folder"
         raise ModelError(
-            f"{path}: no such folder, and not a bundled model ({bundled}); {makes}"
+            f"{path}: no such folder; give one, or a bundled model ({bundled}); {makes}"
         )
 
     record = _read_record(path / RECORD_FILE)

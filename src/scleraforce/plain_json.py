@@ -1,6 +1,7 @@
 """Values within the limits of JSON, which has no NaN and no infinity."""
 
 import json
+from collections import Counter
 from collections.abc import Mapping
 from math import isfinite
 from typing import Any
@@ -68,7 +69,7 @@ def _short_int(digits: str) -> int:
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for key in keys if keys.count(key) > 1)
+        counts = Counter(key for key, _ in pairs)  # in one pass, however many there are
+        twice = next(key for key, count in counts.items() if count > 1)
         raise ValueError(f"{twice!r} is twice in one object")
     return found

@@ -11,6 +11,7 @@ import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from io import BufferedReader
 from pathlib import Path
 
 from scleraforce.errors import (
@@ -119,6 +120,22 @@ def read_bytes(path: Path, kind: FileKind) -> bytes:
         raise kind.error(f"{path}: grows while it is read; give it when it is whole")
 
     return data
+
+
+@contextmanager
+def opened_regular(path: Path, error: type[InputError]) -> Iterator[BufferedReader]:
+    """Open a regular file to read; nothing else is opened, nor waited for, whatever the
+    path was a moment ago.
+    """
+    flags = os.O_RDONLY | OPEN_FLAGS | getattr(os, "O_NONBLOCK", 0)
+    with open(path, "rb", opener=lambda name, _: os.open(name, flags)) as file:
+        kind = stat.S_IFMT(os.fstat(file.fileno()).st_mode)
+        if kind != stat.S_IFREG:
+            raise error(
+                f"{path}: {NOUNS.get(kind, 'no regular file')}; give a regular file"
+            )
+
+        yield file
 
 
 def check_regular(path: Path, found: os.stat_result, kind: FileKind) -> None:

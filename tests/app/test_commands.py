@@ -1,6 +1,5 @@
 """Commands that the app runs: their progress, their faults, and their end."""
 
-import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -9,6 +8,7 @@ import pytest
 from waiting import wait_until
 
 from scleraforce.app.commands import Job
+from scleraforce.kept_results import kept_result
 
 Start = Callable[[str], Job]
 
@@ -31,7 +31,7 @@ def test_much_standard_error_neither_blocks_nor_hides_the_last_bar(
     job = started("print('\\rframes:  50%|' * 100_000, file=sys.stderr); print('[1]')")
     wait_until(lambda: job.done)
     assert (job.title, job.share, job.fault) == ("frames", 0.5, None)
-    kept = json.loads((tmp_path / "kept" / "help.json").read_text())
+    kept = kept_result(tmp_path / "kept" / "help.json")
     assert (kept["command"], kept["result"]) == ("scleraforce help", [1])
 
 

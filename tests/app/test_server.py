@@ -8,6 +8,7 @@ import socket
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Event
 from typing import Any
 from urllib.parse import quote
 
@@ -15,10 +16,11 @@ import numpy as np
 import pytest
 from running_app import Client, running_app
 from small_recordings import COLUMNS, ROWS, write_small_recording
-from waiting import wait_until
+from waiting import FUSE_S, wait_until
 
 from scleraforce.app.folder import Folder
 from scleraforce.app.looks import mask_between, read_draft, remove_draft, write_draft
+from scleraforce.app.request_end import RequestEndedError, check_wanted
 from scleraforce.app.server import HOST, Holder
 from scleraforce.errors import InputError
 from scleraforce.recording.folder import check_alone, read_recording
@@ -204,6 +206,28 @@ def test_a_dropped_file_is_kept_once_and_whole(app: Client, folder: Path) -> Non
 def test_a_request_that_is_not_a_dropped_file_is_small(app: Client) -> None:
     run = {"command": "calibrate", "operands": ["x" * 5_000_000]}
     assert refusal(app, "POST", "/api/words", run)[0] == 413
+
+
+@pytest.mark.parametrize(
+    ("length", "status"),
+    [
+        ("Transfer-Encoding: chunked", 411),
+        ("Transfer-Encoding: Chunked\r\nContent-Length: 2", 411),
+        ("Content-Length: 000000000100000000", 413),
+        ("Content-Length: 100000000", 413),
+    ],
+)
+@pytest.mark.parametrize("path", ["/api/words", "/api/source?name=a.csv", "/"])
+def test_a_body_of_no_stated_or_too_large_a_size_is_refused_before_the_token(
+    app: Client, length: str, status: int, path: str
+) -> None:
+    if path.startswith("/api/source") and length == "Content-Length: 100000000":
+        status = 403  # a file may have this size, but nothing of it is taken
+    head = f"Host: {HOST}:{app.port}\r\nOrigin: http://{HOST}:{app.port}\r\n{length}"
+    with socket.create_connection((HOST, app.port)) as link:
+        link.sendall(f"POST {path} HTTP/1.1\r\n{head}\r\n\r\n".encode())
+        with link.makefile("rb") as answer:
+            assert answer.readline().split()[1] == str(status).encode()
 
 
 def test_the_token_of_the_opened_browser_is_valid_once(folder: Path) -> None:
@@ -445,3 +469,49 @@ def test_a_draft_is_kept_for_its_frame_alone(tmp_path: Path) -> None:
     assert read_draft(recording, "0000.png") is None
     remove_draft(recording, "0000.png")
     assert os.listdir(recording.path / "walls") == []
+
+
+def has_ended() -> bool:
+    try:
+        check_wanted()
+    except RequestEndedError:
+        return True
+    return False
+
+
+def test_work_ends_with_its_request(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The page closes the connection while the first of many entries is looked at."""
+    begun = Event()
+    gone = Event()
+    looked_at = list[Path]()
+
+    def look(path: Path, _: object) -> tuple[str, dict[str, str]]:
+        begun.set()
+        assert gone.wait(FUSE_S)
+        if not looked_at:
+            wait_until(has_ended)
+        looked_at.append(path)
+        return "", {}
+
+    monkeypatch.setattr("scleraforce.app.folder._entry", look)
+    with running_app(folder) as client:
+        client.open()
+        with socket.create_connection((HOST, client.port)) as link:
+            head = {"Host": f"{HOST}:{client.port}", "Cookie": client.cookie}
+            lines = "".join(f"{key}: {value}\r\n" for key, value in head.items())
+            link.sendall(f"GET /api/state HTTP/1.1\r\n{lines}\r\n".encode())
+            assert begun.wait(FUSE_S)
+
+        gone.set()
+        wait_until(lambda: looked_at != [])
+        client.json("GET", "/api/state")  # others are served as before
+        entries = looked_at[1:]
+        assert looked_at[0] == entries[0]
+        assert 2 < len(entries) == len(set(entries))
+
+
+def test_a_request_that_waits_for_its_answer_has_not_ended() -> None:
+    """Nor does a thread that works for none."""
+    assert not has_ended()

@@ -6,12 +6,14 @@ import re
 import shutil
 import sys
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import scleraforce as sf
+from scleraforce import kept_results
 from scleraforce.errors import InputError
 from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.notebook import batch
@@ -143,6 +145,129 @@ def test_what_has_changed_is_read_again_and_nothing_else(
     assert evaluated(calibration=folder / "c.json").read == 2
     monkeypatch.setattr(batch, "__version__", "9.9")
     assert evaluated(calibration=folder / "c.json").read == 2
+
+
+def test_every_byte_of_a_recording_counts_wherever_its_frames_lie(
+    folder: Path,
+) -> None:
+    """In folders below, behind links, and with a name that begins with a point."""
+    frames = folder / "eye-a" / "frames"
+    (frames / "below" / ".more").mkdir(parents=True)
+    names = sorted(file.name for file in frames.glob("*.png"))
+    moved = ["below/.more/.first.png", "link/second.png"]
+    (frames / "link").symlink_to("below")
+    for name, place in zip(
+        names, ["below/.more/.first.png", "below/second.png"], strict=True
+    ):
+        (frames / name).rename(frames / place)
+    (frames / "below" / "round").symlink_to("..")
+
+    text = (folder / "eye-a" / "frames.csv").read_text()
+    for name, place in zip(names, moved, strict=True):
+        text = text.replace(name, place)
+    (folder / "eye-a" / "frames.csv").write_text(text)
+
+    assert [evaluated().read, evaluated().read] == [3, 0]
+    for place in moved:
+        before = (frames / place).read_bytes()
+        (frames / place).write_bytes((frames / moved[1]).read_bytes() + b"\0")
+        assert evaluated().read == 1
+        (frames / place).write_bytes(before)
+        assert evaluated().read == 1  # the earlier answers are deleted by then
+
+    (frames / "other").mkdir()
+    shutil.copy(frames / moved[0], frames / "other" / "second.png")
+    (frames / "link").unlink()
+    (frames / "link").symlink_to("other")
+    assert evaluated().read == 1
+
+
+def test_only_what_this_user_wrote_is_believed_or_deleted(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    kept_results._key.cache_clear()
+    true_rows = evaluated().rows
+    key = tmp_path / "state" / "scleraforce" / "keys" / "results"
+    assert (key.stat().st_mode & 0o777, key.parent.stat().st_mode & 0o777) == (
+        0o600,
+        0o700,
+    )
+    state = folder / ".t.csv.state"
+    for part in state.iterdir():
+        code, text, _ = part.read_text().split("\n")
+        forged = text.replace('"predicted": ', '"predicted": 1')
+        assert forged != text
+        part.write_text(f"{code}\n{forged}\n")
+
+    assert not any(map(kept_results.kept_result, state.iterdir()))
+    with pytest.raises(InputError, match="exists already"):
+        evaluated()  # whose table is it?
+
+    (folder / "t.csv").unlink()
+    (state / f"{'0' * 64}.kept").write_text("mine")
+    (state / "other.json").write_text("mine")
+    (folder / "elsewhere").write_text("mine")
+    (state / "link.kept").symlink_to(folder / "elsewhere")
+    again = evaluated()
+    assert (again.read, again.rows) == (3, true_rows)
+    assert [file.name for file in state.iterdir() if file.read_text() == "mine"] != []
+    assert len(list(state.iterdir())) == 6
+    assert (folder / "elsewhere").read_text() == "mine"
+
+    for mode in (0o770, 0o777):  # then nothing is believed, and nothing fails
+        key.parent.chmod(mode)
+        kept_results._key.cache_clear()
+        (folder / "t.csv").unlink()
+        assert evaluated().read == 3
+
+    kept_results._key.cache_clear()
+
+
+def test_a_state_folder_that_is_a_link_is_refused(folder: Path) -> None:
+    evaluated()
+    (folder / ".t.csv.state").rename(folder / "others")
+    (folder / ".t.csv.state").symlink_to("others")
+    before = sorted((folder / "others").iterdir())
+    shutil.rmtree(folder / "eye-c")
+    with pytest.raises(InputError, match=r"\.t\.csv\.state: a link or no folder"):
+        evaluated()
+    assert sorted((folder / "others").iterdir()) == before
+
+
+@pytest.mark.usefixtures("folder")
+def test_other_code_and_another_bundled_model_answer_anew(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    evaluated()
+    monkeypatch.setattr(batch, "hash_sources", lambda *_: "other code")
+    assert evaluated().read == 3
+    real = batch.read_folder
+
+    def other(path: Any, kinds: Any) -> Any:
+        found = real(path, kinds)
+        record = {**found.record, "seed": 9} if path == "living" else found.record
+        return replace(found, record=record)
+
+    monkeypatch.setattr(batch, "read_folder", other)
+    assert evaluated().read == 3
+
+
+def test_answers_to_frames_that_change_meanwhile_are_not_kept(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = batch.evaluate_recordings
+    frame = min((folder / "eye-a" / "frames").iterdir())
+
+    def with_a_change(reader: Any, recordings: Any, summary: Any) -> Any:
+        found = real(reader, recordings, summary)
+        frame.write_bytes(frame.read_bytes() + b"\0")
+        return found
+
+    monkeypatch.setattr(batch, "evaluate_recordings", with_a_change)
+    assert evaluated().read == 3
+    monkeypatch.setattr(batch, "evaluate_recordings", real)
+    assert evaluated().read == 1
 
 
 def test_a_table_of_parquet_keeps_the_types_of_its_columns(folder: Path) -> None:

@@ -5,6 +5,7 @@ Ctrl-C; findings of `doctor`.
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -17,6 +18,7 @@ import click
 import cv2
 import numpy as np
 import pytest
+from analytic_frames import recording_toml, write_one_frame
 from effects import SCLERAFORCE
 from foreign_files import FRAMES, options_of
 from waiting import FUSE_S, ends, wait_until
@@ -359,3 +361,37 @@ def test_a_stage_is_a_line_with_its_time_in_a_pipe_unless_it_is_interrupted(
         raise KeyboardInterrupt
 
     assert capsys.readouterr().err == ""
+
+
+ESCAPES = "\x1b]0;owned\x07\x9b2J\x7f\u202e.png"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a name that Windows does not allow")
+def test_no_name_reaches_the_terminal_as_an_escape_sequence(
+    tmp_path: Path, shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of operands, of files in a folder, of eyes, of commands; with and without a
+    fault.
+    """
+    monkeypatch.chdir(write_one_frame(tmp_path / "r", recording_toml("a")).parents[1])
+    frame = next(Path("frames").iterdir())
+    shutil.copy(frame, ESCAPES)
+    Path("broken" + ESCAPES).write_bytes(b"no picture")
+
+    for code, words in (
+        (0, ("read", "default", ESCAPES, "--width-mm", 15, "--depth-mm", 4)),
+        (2, ("read", "default", "broken" + ESCAPES)),
+        (2, ("read", "default", "missing" + ESCAPES)),
+        (0, ("segment", ESCAPES, "--out", "masks")),
+        (2, ("show", ESCAPES)),
+        (2, ("show", ESCAPES + "/" + ESCAPES)),
+        (2, ("read", "./" + ESCAPES, frame)),
+        (2, ("import", "broken" + ESCAPES, "--out", "new")),
+        (2, ("evaluate", "default", ESCAPES)),
+        (2, (ESCAPES,)),
+        (2, ("read", "--" + ESCAPES)),
+        (2, ("read", "default", os.fsdecode(b"\xff.png"))),
+    ):
+        printed = "".join(shell.run(*words, code=code))
+        assert printed.replace("\n", "").isprintable()
+        assert r"\x1b]0;owned\x07\x9b2J\x7f\u202e" in printed or r"\udcff" in printed

@@ -311,7 +311,7 @@ def refused(folder: Path, monkeypatch: pytest.MonkeyPatch, shell):
 
     def refuse(*options: object) -> str:
         error = shell.refused(
-            "monitor", "reader", "--port", 0, "--black-box", "box", *options
+            "monitor", "./reader", "--port", 0, "--black-box", "box", *options
         )
         assert not Path("box").exists()
         return error

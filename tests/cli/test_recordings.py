@@ -139,7 +139,7 @@ def test_another_model_has_other_limits(tmp_path: Path, shell) -> None:
         tmp_path / "i",
         "--model",
     ]
-    assert "nowhere: no such folder" in shell.refused(*again, "nowhere")
+    assert "nowhere: no such folder" in shell.refused(*again, "./nowhere")
     assert [path.name for path in tmp_path.iterdir()] == ["r"]
     assert found in shell.json(*again, "paper")["notes"]
 

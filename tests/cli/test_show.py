@@ -220,7 +220,8 @@ REFUSED = {
     ),
     "eye/recording.toml": "a part of a recording; give its folder",
     "eye/frames/0000.png": "0000.png: give a study",
-    "eye --model nowhere": "nowhere: no such folder, and not a bundled model",
+    "eye --model nowhere": "nowhere: not a bundled model",
+    "eye --model ./nowhere": "nowhere: no such folder; give one, or a bundled model",
     "eye --model wall-finder": "wall_finder: kind: found 'wall-finder'",
     "study.toml --model default": (
         "--model: study.toml is a study; a model reads recordings"
@@ -228,9 +229,7 @@ REFUSED = {
     "eye --plot picture.jpg": "picture.jpg: give a name that ends in .png, .svg, .pdf",
     "eye --plot study.toml": "give a name that ends in",
     "eye --plot old.svg": "old.svg: exists already",
-    "eye --plot new.svg --model nowhere": (
-        "nowhere: no such folder, and not a bundled model"
-    ),
+    "eye --plot new.svg --model nowhere": ("nowhere: not a bundled model"),
 }
 
 

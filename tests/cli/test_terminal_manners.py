@@ -231,11 +231,14 @@ def on_a_terminal(
 def test_a_bar_on_a_terminal_has_no_colour_and_disappears(
     here: Path, environment: dict[str, str]
 ) -> None:
-    printed, shown = on_a_terminal(["classify", "reader", FRAME], here, **environment)
+    printed, shown = on_a_terminal(["classify", "./reader", FRAME], here, **environment)
     assert "class 1" in printed
     assert "frames" in shown  # the bar's title
     assert not COLOUR.search(printed + shown)
     assert shown.rstrip(" ").endswith("\r")  # wiped
 
     if not environment:
-        assert on_a_terminal(["classify", "reader", FRAME, "--quiet"], here) == ("", "")
+        assert on_a_terminal(["classify", "./reader", FRAME, "--quiet"], here) == (
+            "",
+            "",
+        )

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from effects import contents
+from effects import contents, less_than
 
 from scleraforce import study as st
 from scleraforce.cli.main import run
@@ -711,3 +711,10 @@ def test_the_log_is_the_force_with_sign_offset_drift_noise_and_cross_talk_at_its
         slope, offset = np.polyfit(force_n, log[:, column], 1)
         assert slope == pytest.approx(share, abs=0.01)
         assert offset == pytest.approx(sensor.offset_n[column - 1], abs=3e-4)
+
+
+def test_a_plan_of_too_many_frames_is_refused_before_they_are_drawn() -> None:
+    """1.8 billion frames, each within the limits of rate, ramp and hold."""
+    motion = {"rate_hz": 1000.0, "ramp_n_per_s": 1e-5, "hold_s": 3600.0}
+    with less_than(64 * 2**20), pytest.raises(RecordingError, match="may have 100000"):
+        plan_moving_phantom(EYE, (0.02, 0.03) * 250, STUDY, 0, **motion)

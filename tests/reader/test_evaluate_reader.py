@@ -249,7 +249,7 @@ def test_the_command_prints_forces_in_millinewtons(
     monkeypatch.chdir(places["mine"].parent)
     command = [
         "evaluate",
-        "model",
+        "./model",
         "mine",
         "other",
         "--calibration",

@@ -569,3 +569,30 @@ def test_a_stack_that_was_cut_off_is_damaged(tmp_path: Path) -> None:
             path.write_bytes(data[:end])
             with pytest.raises(FrameError, match=r"a\.tif: damaged"):
                 pictures_of(read_tiff(path))
+
+
+@pytest.mark.parametrize("back_to", [0, 1, 2])
+@pytest.mark.parametrize("bigtiff", [False, True])
+def test_pages_that_go_round_are_refused(
+    tmp_path: Path, back_to: int, bigtiff: bool
+) -> None:
+    """The last page names an earlier one, or itself, as the next."""
+    tifffile.imwrite(
+        tmp_path / "a.tif",
+        np.zeros((3, 16, 16), np.uint16),
+        photometric="minisblack",
+        bigtiff=bigtiff,
+    )
+    with tifffile.TiffFile(tmp_path / "a.tif") as file:
+        places = [page.offset for page in file.pages]
+        after = file.pages.next_page_offset
+        form = file.tiff.offsetformat
+
+    data = bytearray((tmp_path / "a.tif").read_bytes())
+    place = struct.pack(form, places[back_to])
+    data[after : after + len(place)] = place
+    (tmp_path / "a.tif").write_bytes(data)
+    with pytest.raises(FrameError, match="its pages go round"):
+        read_tiff(tmp_path / "a.tif")
+    with pytest.raises(FrameError, match="its pages go round"):
+        read_frame(tmp_path / "a.tif")

@@ -1,8 +1,10 @@
 """NIfTI, NRRD, MetaImage and the .oct of Thorlabs."""
 
 import gzip
+import os
 import re
 import zlib
+from collections.abc import Callable
 from itertools import product
 from pathlib import Path
 
@@ -529,3 +531,25 @@ def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:
     ]:
         with pytest.raises(FrameError, match=message):
             read_thorlabs(write_oct(tmp_path / "a.oct", header, INTENSITY))
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
+@pytest.mark.parametrize("named", [os.mkfifo, lambda path: path.symlink_to("pipe")])
+def test_a_pipe_beside_a_header_is_refused_and_not_waited_for(
+    tmp_path: Path, named: Callable[[Path], object]
+) -> None:
+    """Also behind a link; nothing ever writes to it."""
+    os.mkfifo(tmp_path / "pipe")
+    for data in ("a.raw", "a.img"):
+        named(tmp_path / data)
+
+    header = mha(tmp_path / "a.mhd").read_bytes().partition(b"ElementDataFile")[0]
+    (tmp_path / "a.mhd").write_bytes(header + b"ElementDataFile = a.raw\n")
+    (tmp_path / "a.nhdr").write_text(
+        "NRRD0004\ntype: uint16\ndimension: 3\nsizes: 4 5 6\nencoding: raw\n"
+        "endian: little\ndata file: a.raw\n"
+    )
+    (tmp_path / "a.hdr").write_bytes(b"\x5c\x01" + bytes(342) + b"ni1\0")
+    for name in ("a.mhd", "a.nhdr", "a.hdr", "a.raw"):
+        with pytest.raises(FrameError, match="a named pipe; give a regular file"):
+            read_scan(tmp_path / name, source_kind(tmp_path / name), IJK)

@@ -245,31 +245,35 @@ def test_a_file_without_answers_is_refused(tmp_path: Path) -> None:
 
 
 def test_no_text_begins_as_a_formula_does_and_numbers_stay_numbers() -> None:
-    for text in [
-        "=1+1",
-        "+1",
-        "-1",
-        "@SUM(A1)",
-        "\t=1",
-        "\r=1",
-        "\n=1",
-        '=cmd|" /C calc"!A0',
-    ]:
+    """Nor does a part of it, where another program separates cells."""
+    for text, cell in {
+        "=1+1": "'=1+1",
+        "+1": "'+1",
+        "-1": "'-1",
+        "@SUM(A1)": "'@SUM(A1)",
+        "\t=1": "'\t'=1",
+        "\r=1": "'\r'=1",
+        "\n=1": "'\n'=1",
+        "\tx": "'\tx",
+        '=cmd|" /C calc"!A0': """'=cmd|" /C calc"!A0""",
+        "x;=1+1": "x;'=1+1",
+        "x; \t@A1;b": "x;' \t'@A1;b",
+        "a|-1,+2": "a|'-1,'+2",
+        "\uff1d1": "'\uff1d1",
+        "a\n=1": "a\n'=1",
+    }.items():
         table = export.csv_text([{"file": text, "deep": {"note": text}, text: 1}])
         found = list(csv.reader(StringIO(table, newline="")))
-        assert found == [
-            ["file", "deep_note", f"'{text}"],
-            [f"'{text}", f"'{text}", "1"],
-        ]
+        assert found == [["file", "deep_note", cell], [cell, cell, "1"]]
 
     row = {
         "force_mn": -1.5,
         "count": -2,
         "flag": True,
-        "file": "a=b -c.png",
+        "file": "a=b -c; d.png",
         "note": "'quoted",
     }
-    assert export.csv_text([row]).splitlines()[1] == "-1.5,-2,1,a=b -c.png,'quoted"
+    assert export.csv_text([row]).splitlines()[1] == "-1.5,-2,1,a=b -c; d.png,'quoted"
 
 
 def test_answers_of_a_command_become_columns(

@@ -2,6 +2,7 @@
 quantities, unused keys.
 """
 
+import tomllib
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from types import NoneType, UnionType
@@ -520,3 +521,30 @@ def test_a_key_that_another_one_switches_off_is_refused() -> None:
     ):
         with pytest.raises(StudyError, match=message):
             refuse_unused(parse_study(text), "simulate", "finite-strain")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        ".".join("a" * 100_000) + " = 1",
+        "x = {" + ".".join("a" * 100_000) + " = 1}",
+        '["' + '"."'.join("a" * 60_000) + '"]',
+        "a . " * 50_000 + "a = 1",
+        "'a'." * 50_000 + "a = 1",
+        "[[" + ".".join(["eye"] * 50_000) + "]]",
+    ],
+    ids=range(6),
+)
+def test_a_key_of_many_parts_is_refused_before_it_is_parsed(
+    text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The parser takes minutes for such a file of 200 kB."""
+    monkeypatch.setattr(tomllib, "loads", None)
+    with pytest.raises(StudyError, match="a key of more than 20 parts"):
+        parse_study(text, "study.toml")
+
+
+def test_texts_with_many_points_are_no_keys_of_many_parts() -> None:
+    text = '[eye]  # www.a.b.c.d, 1.0.2.3.4.5\nid = "' + ". ".join(["a b"] * 40) + '"\n'
+    with pytest.raises(StudyError, match=r"eye\.id: unknown key"):
+        parse_study(text, "study.toml")

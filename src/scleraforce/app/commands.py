@@ -21,8 +21,8 @@ from threading import Thread
 from typing import Any
 
 from scleraforce.errors import InputError
+from scleraforce.kept_results import keep_result
 from scleraforce.notebook.frames import utc_now
-from scleraforce.whole_files import write_whole
 
 try:
     from pty import openpty
@@ -130,7 +130,7 @@ class Job:
                 "result": json.loads(printed),
             }
             self.kept.parent.mkdir(exist_ok=True)
-            write_whole(json.dumps(ended), self.kept)
+            keep_result(ended, self.kept)
         except (OSError, InputError, ValueError) as fault:
             return str(fault)
 

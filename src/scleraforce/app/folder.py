@@ -11,6 +11,7 @@ from functools import lru_cache
 from pathlib import Path, PurePath
 from typing import Any
 
+from scleraforce.app.request_end import check_wanted
 from scleraforce.errors import InputError
 from scleraforce.known.calibration_file import read_calibration
 from scleraforce.models import RECORD_FILE
@@ -56,6 +57,7 @@ class Folder:
         """
         path = self.inside(name)
         for place, folders, files in os.walk(path):
+            check_wanted()
             for each in (Path(place, entry) for entry in [*folders, *files]):
                 if each.is_symlink():
                     self.inside(str(each.relative_to(self.root)))
@@ -96,6 +98,7 @@ class Folder:
             for place in places
             for each in sorted(os.scandir(place), key=lambda each: each.name)
         ]:
+            check_wanted()
             name = str(Path(each.path).relative_to(self.root))
             if each.name.startswith(".") or name == SOURCES:
                 continue

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from scleraforce.app.folder import PARTS
+from scleraforce.app.request_end import check_wanted
 from scleraforce.arrays import Bytes, Floats
 from scleraforce.errors import FrameError, InputError, RecordingError
 from scleraforce.models import SHIPPED_READER
@@ -194,6 +195,7 @@ class Looks:
         ]
 
         with self._reading:  # the model is not made for several threads
+            check_wanted()
             answer = read(self.model, [recording.frame_path(each) for each in frames])
 
         wall = answer.segmentation

@@ -23,9 +23,12 @@ from pydantic import BaseModel, Field, FiniteFloat, ValidationError
 from scleraforce.app.commands import Job, shown
 from scleraforce.app.folder import MOST_UPLOAD_BYTES, SOURCES, Folder
 from scleraforce.app.looks import Looks, mask_between, png, remove_draft, write_draft
+from scleraforce.app.request_end import EndsWithRequest
 from scleraforce.app.sources import ANSWERS, Checked, Sources
 from scleraforce.arrays import Bytes
 from scleraforce.errors import InputError
+from scleraforce.kept_results import ENDING, kept_result
+from scleraforce.models import SHIPPED
 from scleraforce.notebook.frames import save_wall
 from scleraforce.recording.export import csv_text
 from scleraforce.recording.folder import Plane, Recording, check_alone, parse_plane
@@ -36,6 +39,7 @@ from scleraforce.service.console.server import OwnPagesOnly
 HOST = "127.0.0.1"
 RESULTS = ".scleraforce"  # folder of the last results, shown again after a reload
 SILENT_S = 6.0  # after which another tab may write
+UPLOAD = "/api/source"
 MOST_JSON_BYTES = 4 * 2**20  # of a request, except a dropped file
 BUSY = "another tab is working in this folder; close it first"
 
@@ -112,11 +116,12 @@ def words_of(run: Run, folder: Folder) -> list[str]:
     if run.command not in OPTIONS:
         raise InputError(f"{run.command}: not a command of the app")
 
-    models = run.operands[:1] if run.command == "evaluate" else []
-    for name in run.operands + [
+    bundled = run.operands[:1] if run.command == "evaluate" else []
+    bundled = [name for name in bundled if name in SHIPPED]
+    for name in run.operands[len(bundled) :] + [
         str(run.options[key]) for key in OLD_FILES if key in run.options
     ]:
-        if not folder.whole(name).exists() and name not in models:
+        if not folder.whole(name).exists():
             raise InputError(f"{name}: does not exist")
 
     words = [run.command]
@@ -230,14 +235,10 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
                 "open the whole address that `scleraforce app` printed", 403
             )
 
-        if request.method not in ("GET", "HEAD"):
-            if not holder.is_held_by(request.headers.get("x-tab", "")):
-                return PlainTextResponse(BUSY, 409)
-            if (
-                request.url.path != "/api/source"
-                and int(request.headers["content-length"]) > MOST_JSON_BYTES
-            ):
-                return PlainTextResponse(f"more than {MOST_JSON_BYTES} bytes", 413)
+        if request.method not in ("GET", "HEAD") and not holder.is_held_by(
+            request.headers.get("x-tab", "")
+        ):
+            return PlainTextResponse(BUSY, 409)
 
         return await answer(request)
 
@@ -305,7 +306,7 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
             remove_draft(found, file)
         return looked(name, file)
 
-    @app.put("/api/source")
+    @app.put(UPLOAD)
     async def drop(name: str, request: Request) -> dict[str, Any]:
         chunks: AsyncIterator[bytes] = request.stream()
         await folder.upload(name, int(request.headers["content-length"]), chunks)
@@ -352,26 +353,25 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
         return {}
 
     def kept(command: str) -> Path:
-        return folder.inside(f"{RESULTS}/{command}.json")
+        return folder.inside(f"{RESULTS}/{command}{ENDING}")
 
     @app.get("/api/result")
     def result(command: Literal["calibrate", "evaluate"]) -> Response:
-        path = kept(command)
-        return Response(
-            path.read_bytes() if path.exists() else b"null",
-            media_type="application/json",
-        )
+        found = json.dumps(kept_result(kept(command)))
+        return Response(found, media_type="application/json")
 
     @app.get("/api/csv")
     def table() -> dict[str, Any]:
-        return {
-            "text": csv_text(
-                json.loads(kept("evaluate").read_bytes())["result"]["frames"]
+        found = kept_result(kept("evaluate"))
+        if found is None:
+            raise InputError(
+                "no result of evaluate is kept here; read the frames again"
             )
-        }
+        return {"text": csv_text(found["result"]["frames"])}
 
     app.mount("/", StaticFiles(packages=[("scleraforce.app", "page")], html=True))
-    return OwnPagesOnly(app, HOST, MOST_UPLOAD_BYTES)
+    longer = {UPLOAD: MOST_UPLOAD_BYTES}
+    return OwnPagesOnly(EndsWithRequest(app), HOST, MOST_JSON_BYTES, longer)
 
 
 def listen(port: int) -> socket.socket:
@@ -402,6 +402,7 @@ def server_of(
             lifespan="off",
             log_level="critical",
             access_log=False,
+            http="h11",  # which limits the headers
             server_header=False,
             proxy_headers=False,
             timeout_graceful_shutdown=1,

@@ -15,6 +15,7 @@ from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
 from scleraforce.app.looks import curve, png
+from scleraforce.app.request_end import check_wanted
 from scleraforce.errors import FrameError, InputError
 from scleraforce.notebook.importing import picture_dents
 from scleraforce.plain_json import finite
@@ -23,7 +24,9 @@ from scleraforce.recording.folder import Plane
 from scleraforce.recording.importing import given_times, open_questions
 from scleraforce.recording.labels import low_pass
 from scleraforce.recording.pixels import (
+    PictureStream,
     PixelScale,
+    Scan,
     UnansweredError,
     find_greys,
     one_grey,
@@ -74,8 +77,11 @@ class Sources:
         asked = repr((stamps, planes, [getattr(answers, name) for name in GATHERED]))
 
         with self._lock:
+            check_wanted()
             if self._gathered is None or self._asked != asked:
-                self._gathered = gather(paths, answers, planes=planes)
+                self._gathered = gather(
+                    paths, answers, lambda _: check_wanted(), planes
+                )
                 self._asked = asked
             return self._gathered
 
@@ -142,7 +148,7 @@ class Sources:
     ) -> bytes:
         """Return a frame as a PNG."""
         scan = self.gathered(paths, planes, answers).scan
-        for picture in islice(scan.pictures(), max(number, 0), None):
+        for picture in islice(_while_wanted(scan), max(number, 0), None):
             return png(one_grey(picture))
         raise InputError(f"frame {number + 1}: there are {len(scan.names)}")
 
@@ -191,7 +197,7 @@ class Sources:
         dents = np.array(
             [
                 _dents(picture, scan.names[number], scale)
-                for number, picture in enumerate(scan.pictures())
+                for number, picture in enumerate(_while_wanted(scan))
                 if number in chosen
             ]
         ).T
@@ -220,6 +226,13 @@ class Sources:
         )
 
         return curves
+
+
+def _while_wanted(scan: Scan) -> PictureStream:
+    """Yield the pictures of a scan until the request has ended."""
+    for picture in scan.pictures():
+        check_wanted()
+        yield picture
 
 
 def _dents(picture: NDArray[Any], name: str, scale: PixelScale) -> tuple[float, float]:

@@ -18,6 +18,7 @@ from scleraforce.cli.options import (
     EYE,
     FRAME_SIZE,
     LEAN_DEFAULT,
+    MODEL,
     PATH,
     PLANE,
     PlacedPlane,
@@ -27,6 +28,7 @@ from scleraforce.cli.options import (
 from scleraforce.cli.output import Command, Report, each_of, is_json, progress_bar, say
 from scleraforce.errors import InputError
 from scleraforce.known import NOTHING_KNOWN, Known, completed
+from scleraforce.models import model_name
 from scleraforce.plain_text import wrapped
 from scleraforce.recording import folder
 from scleraforce.recording.folder import Plane, ScaledFrame, Scanner
@@ -424,7 +426,7 @@ def _assumed(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 
 @click.command(cls=Command)
-@click.argument("model", type=PATH)
+@click.argument("model", type=MODEL)
 @click.argument("frames", metavar="FRAME...", nargs=-1, required=True, type=PATH)
 @options(*FRAME_SIZE)
 @options(
@@ -493,7 +495,8 @@ def read(
 ) -> Report:
     """Read the force, or its class, from raw frames (PNG, TIFF, JPEG, DICOM).
 
-    MODEL is a folder that `train` wrote, or `default`, the bundled reader.
+    MODEL is `default`, the bundled reader, or the path of a folder that
+    `train` wrote: ./mine.
 
     A model of kind "reader" reads the force as well; the more is known of the
     eye, the narrower its interval. A model of kind "classifier" knows one
@@ -523,8 +526,8 @@ def read(
 
     for path in filter(os.path.isdir, frames):
         raise InputError(
-            f"{path}: a folder; `scleraforce evaluate {model} {path}` reads a"
-            " recording, this one frames"
+            f"{path}: a folder; `scleraforce evaluate {model_name(model)} {path}` reads"
+            " a recording, this one frames"
         )
 
     if masks and len(masks) != len(frames):
@@ -589,7 +592,7 @@ def read(
         (
             {
                 "file": str(path),
-                **unusable(reader.classes, str(one)).to_dict(),
+                **reader.signed(unusable(reader.classes, str(one))).to_dict(),
                 "error": str(one),
             }
             if isinstance(one, InputError)
@@ -599,12 +602,19 @@ def read(
     ]
     lines = [
         *(_answer_line(path, one.answer) for path, one in answered),
+        f"model: {reader.words}",
         *_read_with([one for one in entries if "error" not in one]),
         *(wrapped(note, "note: ") for note in notes),
     ]
 
     return Report(
-        {"model": str(model), "kind": reader.kind, "notes": notes, "frames": entries},
+        {
+            "model": model_name(reader.path),
+            "kind": reader.kind,
+            "class_bounds_mn": reader.bounds_mn,
+            "notes": notes,
+            "frames": entries,
+        },
         lines,
         faults,
     )

@@ -12,6 +12,7 @@ from click.core import ParameterSource
 
 from scleraforce.cli.options import (
     GLOBE,
+    MODEL,
     PATH,
     PLANE,
     PlacedPlane,
@@ -20,9 +21,9 @@ from scleraforce.cli.options import (
     added,
     planes_of,
 )
-from scleraforce.cli.output import Command, Report, count_bar, is_json
+from scleraforce.cli.output import Command, Report, count_bar, is_json, say
 from scleraforce.models import SHIPPED_READER
-from scleraforce.plain_text import wrapped
+from scleraforce.plain_text import printable, wrapped
 from scleraforce.recording.importing import (
     Asker,
     Import,
@@ -252,7 +253,7 @@ def _like(ctx: click.Context, _: click.Parameter, folder: Path | None) -> Path |
 @added(OPTIONS)
 @click.option(
     "--model",
-    type=PATH,
+    type=MODEL,
     help="Model whose training limits are noted; default: the bundled reader.",
 )
 @click.pass_context
@@ -396,7 +397,7 @@ def _asker(kinds: Mapping[str, click.ParamType[Any]]) -> Asker | None:
             for name, question in questions.items()
         }
 
-    return Asker(_settle, ask, lambda fault: click.echo(f"error: {fault}", err=True))
+    return Asker(_settle, ask, lambda fault: say(f"error: {fault}", err=True))
 
 
 def _can_ask() -> bool:
@@ -404,7 +405,7 @@ def _can_ask() -> bool:
 
 
 def _settle(answers: ImportOptions, open_point: UnansweredError) -> ImportOptions:
-    click.echo(str(open_point), err=True)
+    click.echo(printable(str(open_point)), err=True)
     name = open_point.option.removeprefix("--").replace("-", "_")
     if name == "by_arrival":
         return replace(

@@ -18,6 +18,8 @@ import click
 
 from scleraforce import __version__
 from scleraforce.errors import InputError, ScleraforceError
+from scleraforce.foreign_settings import leave_unread
+from scleraforce.plain_text import printable
 
 INTERRUPTED = 130
 interrupted = Event()  # by a signal that reached a callback of a library only
@@ -137,6 +139,7 @@ def main() -> None:
     # without Jupyter lacks, and that Matplotlib refuses at its import. Commands draw to
     # files; `sf.*` leaves a notebook's own variable alone.
     os.environ.pop("MPLBACKEND", None)
+    leave_unread("matplotlib")
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
 
@@ -206,7 +209,7 @@ def run(arguments: list[str]) -> int:
     try:
         done = cli.main(arguments, prog_name="scleraforce", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as usage:
-        click.echo(usage.format_message())
+        click.echo(printable(usage.format_message()))
         return 2
     except click.UsageError as usage:
         path = "scleraforce" if usage.ctx is None else usage.ctx.command_path
@@ -246,5 +249,5 @@ def run(arguments: list[str]) -> int:
 
 def fail(message: str, code: int) -> int:
     """Print one error line; return the code."""
-    click.echo("error: " + " ".join(message.split()), err=True)
+    click.echo(printable("error: " + " ".join(message.split())), err=True)
     return code

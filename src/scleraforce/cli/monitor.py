@@ -16,9 +16,18 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.options import EYE, LEAN_DEFAULT, PATH, PLANE, in_si, options
+from scleraforce.cli.options import (
+    EYE,
+    LEAN_DEFAULT,
+    MODEL,
+    PATH,
+    PLANE,
+    in_si,
+    options,
+)
 from scleraforce.cli.output import Command, Report
 from scleraforce.errors import InputError
+from scleraforce.models import model_name
 from scleraforce.processes import one_thread
 from scleraforce.units import from_si
 
@@ -50,7 +59,7 @@ UNKNOWN_GLOBE = (
 
 
 @click.command(cls=Command, can_be_quiet=False)  # the operator has to see its lines
-@click.argument("model", type=PATH)
+@click.argument("model", type=MODEL)
 @click.option(
     "--host", default="127.0.0.1", show_default=True, help="Address to listen on."
 )
@@ -219,7 +228,8 @@ def monitor(
 ) -> Report:
     """Receive B-scans and tell the robot when to withdraw. Research use only.
 
-    MODEL is a folder that `train` wrote, or `default`, the bundled reader.
+    MODEL is `default`, the bundled reader, or the path of a folder that
+    `train` wrote: ./mine.
 
     Frames arrive as OpenIGTLink IMAGE messages. The monitor answers each one
     with a STATUS `ForceMonitor`, which it also sends every 50 ms. Any code but
@@ -227,7 +237,7 @@ def monitor(
     reset: `scleraforce monitor-reset`, or the console, with the code that is
     printed at the start. Ctrl-C ends the monitor, with exit code 0. Linux only.
 
-    Example: scleraforce monitor reader --calibration modulus.json --eye eye-a
+    Example: scleraforce monitor default --calibration modulus.json --eye eye-a
     --iop-mmhg 2 --gap-mm 0.5 --globe open --web-port 8080
     """
     if not sys.platform.startswith("linux"):
@@ -309,7 +319,13 @@ def monitor(
             " withdrawals"
         )
 
-    return Report({"model": str(model), **summary})
+    return Report(
+        {
+            "model": model_name(reader.path),
+            "class_bounds_mn": reader.bounds_mn,
+            **summary,
+        }
+    )
 
 
 def _known(
@@ -464,7 +480,7 @@ def _greeting(
         else ""
     )
     yield "research use only: not a medical device"
-    yield f"model      {reader.path} ({reader.kind})"
+    yield f"model      {reader.words}"
     yield f"eye        {settings.eye}: {_eye_words(settings.known)}"
 
     if scan.plane:

@@ -4,13 +4,14 @@ argument's name in `sf.*`.
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import click
 
 from scleraforce.errors import InputError, StudyError
-from scleraforce.models import SHIPPED_WALL_FINDER
+from scleraforce.models import SHIPPED_WALL_FINDER, model_folder, path_or_bundled
 from scleraforce.study import Study, read_study
 from scleraforce.study.eye import GLOBES, relaxation_terms
 from scleraforce.study.fields import QUANTITIES, allowed, check_quantity
@@ -22,6 +23,47 @@ if TYPE_CHECKING:
 Decorated = TypeVar("Decorated", bound=Callable[..., Any])
 
 PATH: Final[click.Path] = click.Path(path_type=Path)
+
+
+class _ModelPath(click.Path):
+    """MODEL: the name of a bundled model, or a path; the value is a folder."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(
+        self,
+        value: str | PathLike[str],
+        param: click.Parameter | None,  # noqa: ARG002 - click's signature
+        ctx: click.Context | None,  # noqa: ARG002 - click's signature
+    ) -> Any:
+        return model_folder(value)
+
+
+class _ThingPath(_ModelPath):
+    """The name of a bundled model, or the path of anything."""
+
+    def convert(
+        self,
+        value: str | PathLike[str],
+        param: click.Parameter | None,  # noqa: ARG002 - click's signature
+        ctx: click.Context | None,  # noqa: ARG002 - click's signature
+    ) -> Any:
+        return path_or_bundled(value)
+
+
+class _FinderPath(_ModelPath):
+    def convert(
+        self,
+        value: str | PathLike[str],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> Any:
+        return None if value == "none" else super().convert(value, param, ctx)
+
+
+MODEL: Final = _ModelPath()
+THING: Final = _ThingPath()
 STUDY_FILE = "study file"  # in the meta of click's context
 
 
@@ -156,10 +198,8 @@ TABLE: Mapping[str, tuple[str, Any, str]] = {
     "wall_finder": (
         "--wall-finder",
         {
-            "type": PATH,
-            "callback": lambda _, __, folder: (
-                None if folder == Path("none") else folder or SHIPPED_WALL_FINDER
-            ),
+            "type": _FinderPath(),
+            "default": SHIPPED_WALL_FINDER,
             "metavar": "MODEL",
         },
         (

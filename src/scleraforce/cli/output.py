@@ -17,6 +17,7 @@ from scleraforce.cli.options import STUDY_FILE
 from scleraforce.errors import InputError
 from scleraforce.notebook import by_percent
 from scleraforce.plain_json import finite
+from scleraforce.plain_text import printable
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -124,7 +125,7 @@ def is_json() -> bool:
 def say(text: str, *, err: bool = False) -> None:
     """Print a line of a report, unless --quiet is given."""
     if not is_quiet():
-        click.echo(text, err=err)
+        click.echo(printable(text), err=err)
 
 
 def print_json(result: Mapping[str, Any]) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import scleraforce as sf
-from scleraforce.cli.options import PATH, Relaxation, options
+from scleraforce.cli.options import MODEL, PATH, Relaxation, options
 from scleraforce.cli.output import (
     Command,
     Report,
@@ -19,6 +19,7 @@ from scleraforce.cli.output import (
     resumable_bar,
     say,
 )
+from scleraforce.models import model_name
 from scleraforce.plain_text import wrapped
 from scleraforce.study.eye import relaxation_terms
 from scleraforce.units import from_si
@@ -113,11 +114,11 @@ class _Notes(list[str]):
 @click.option(
     "--intervals",
     "model",
-    type=PATH,
+    type=MODEL,
     metavar="MODEL",
     help=(
-        "Adapt the intervals of this reader (a folder, "
-        "or `default`) to these recordings; --out is the adapted copy."
+        "Adapt the intervals of this reader (`default`, or the path of a folder) to"
+        " these recordings; --out is the adapted copy."
     ),
 )
 @options("plot")
@@ -185,7 +186,7 @@ def calibrate(
         )
         result = {
             "model": str(out),
-            "from": str(model),
+            "from": model_name(model),
             "stretches": list(map(asdict, found)),
             "notes": notes,
         }
@@ -239,7 +240,7 @@ def _stretches(changes: "Sequence[Stretch]") -> Iterator[str]:
 
 
 @click.command(cls=Command)
-@click.argument("model", type=PATH)
+@click.argument("model", type=MODEL)
 @click.argument(
     "recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH
 )
@@ -271,7 +272,8 @@ def evaluate(
 ) -> Report:
     """Read every frame of RECORDINGs with MODEL and compare with the force log.
 
-    MODEL is a folder that `train` wrote, or `default`, the bundled reader.
+    MODEL is `default`, the bundled reader, or the path of a folder that
+    `train` wrote: ./mine.
 
     Each label has the standard deviation of its error, from the noise, steps
     and drift of the force log. Intervals are compared with the labels,
@@ -300,6 +302,7 @@ def evaluate(
         "\n".join(part)
         for part in (
             _frames(evaluation),
+            (f"model: {reader.words}",),
             _confusion(evaluation),
             _forces(evaluation),
             notes,

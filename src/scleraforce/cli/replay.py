@@ -13,6 +13,7 @@ import numpy as np
 from scleraforce.cli.options import PATH, options
 from scleraforce.cli.output import Command, is_json, is_quiet, print_json, say
 from scleraforce.errors import InputError, LinkError
+from scleraforce.plain_text import printable
 from scleraforce.recording.folder import Recording, read_recording, true_forces
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.tables import FrameEntry
@@ -231,7 +232,7 @@ class _Show:
 
         if self._live and monotonic() - self._renewed_s > LIVE_S:
             self._renewed_s = monotonic()
-            click.echo(f"\r\x1b[K{self._answer_line()}", err=True, nl=False)
+            click.echo(f"\r\x1b[K{printable(self._answer_line())}", err=True, nl=False)
 
     def wait_for_enter(self, entry: FrameEntry) -> bool:
         """Print the last answer and wait for Enter; return False at the end of the
@@ -239,7 +240,7 @@ class _Show:
         """
         if self._log.frames_sent and not self._quiet:
             say(self._answer_line())
-        click.echo(f"Enter sends {entry.file} ", err=True, nl=False)
+        click.echo(printable(f"Enter sends {entry.file} "), err=True, nl=False)
         return bool(sys.stdin.readline())
 
     def end(self, player: Player, report: FaultReport | None) -> None:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import click
 
 import scleraforce as sf
-from scleraforce.cli.options import PATH, options
+from scleraforce.cli.options import MODEL, PATH, THING, options
 from scleraforce.cli.output import Command, Report
+from scleraforce.models import SHIPPED, model_name
 from scleraforce.plain_text import wrapped
 
 if TYPE_CHECKING:
@@ -18,11 +19,11 @@ if TYPE_CHECKING:
 
 
 @click.command(cls=Command)
-@click.argument("thing", type=PATH)
+@click.argument("thing", type=THING)
 @options("plot")
 @click.option(
     "--model",
-    type=PATH,
+    type=MODEL,
     help=(
         "For a recording: model whose training limits are noted; default: the bundled "
         "reader."
@@ -45,18 +46,19 @@ def show(thing: Path, plot: Path | None, model: Path | None) -> Report:
         write_figure(found.draw(), plot)
 
     written = [] if plot is None else [str(plot)]
+    name = model_name(thing) if thing in SHIPPED.values() else str(thing)
     return Report(
-        {"kind": found.kind, "path": str(thing), **found.facts, "wrote": written},
-        [*_lines(thing, found), *(f"wrote {path}" for path in written)],
+        {"kind": found.kind, "path": name, **found.facts, "wrote": written},
+        [*_lines(name, found), *(f"wrote {path}" for path in written)],
     )
 
 
-def _lines(path: Path, found: "Thing") -> list[str]:
+def _lines(name: str, found: "Thing") -> list[str]:
     said = [row for row in found.rows if row[1]]
-    width = max(len(name) for name, _ in said) + 2
-    rows = [wrapped(words, f"{name:<{width}}") for name, words in said]
+    width = max(len(fact) for fact, _ in said) + 2
+    rows = [wrapped(words, f"{fact:<{width}}") for fact, words in said]
     return [
-        f"{path}: {found.kind}",
+        f"{name}: {found.kind}",
         "",
         *rows,
         *([""] if found.lines else []),

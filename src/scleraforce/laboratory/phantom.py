@@ -149,6 +149,8 @@ TAIL_S = 1.5  # of the log, after the needle's last motion
 HELD_AVERAGE_S = 2.0
 MOVING_AVERAGE_S = 0.1
 TRAVEL_FORCES = 64  # at which a travel is known
+# of a moving needle: 1,000 s at 100 frames a second, some 30 GB of pictures
+MOST_FRAMES = 100_000
 # time of a moving needle's first frame: a label needs force samples on both sides
 FIRST_S = 0.1
 
@@ -343,6 +345,12 @@ def plan_moving_phantom(
         )
 
     count = int((path.times_s[-1] - FIRST_S) * rate_hz + 1e-6) + 1
+    if count > MOST_FRAMES:
+        raise RecordingError(
+            f"eye {eye.id}: {count} frames; may have {MOST_FRAMES}: give a lower rate,"
+            " a steeper ramp, shorter holds"
+        )
+
     times_s = [
         round(FIRST_S + index / rate_hz, pushes.TIME_DIGITS) for index in range(count)
     ]

@@ -3,7 +3,10 @@ read again.
 """
 
 import json
+import os
+import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from hashlib import file_digest, sha256
 from pathlib import Path
@@ -11,23 +14,21 @@ from typing import Any
 
 from scleraforce import __version__
 from scleraforce.errors import InputError, RecordingError
+from scleraforce.kept_results import ENDING, check_folder, keep_result, kept_result
 from scleraforce.known.calibration_file import read_calibration
+from scleraforce.models import WALL_FINDER, read_folder
 from scleraforce.notebook import Counting
 from scleraforce.notebook.frames import load_model
-from scleraforce.plain_json import parse_json
 from scleraforce.reader.evaluate import Evaluation, check_once, evaluate_recordings
+from scleraforce.reader.limits import KINDS as FORCE_KINDS
 from scleraforce.recording.export import Row, tidy, write_table
 from scleraforce.recording.folder import read_recording
 from scleraforce.recording.pixels import package_for
-from scleraforce.whole_files import KINDS, read_text, write_whole
+from scleraforce.whole_files import hash_sources, opened_regular
 
 ENDINGS = (".csv", ".parquet")
-# folders of a recording or a model with files that count
-PARTS = (
-    "",
-    "frames",
-    "walls",
-)
+SUITED = ("default", "living")
+DRAFT = re.compile(r"\..*\.draft\.json")  # the app's, of a wall
 
 
 @dataclass(frozen=True)
@@ -57,8 +58,9 @@ def evaluate_to_table(
     .csv or .parquet file.
 
     Each recording's rows are kept in a folder beside the table, `.NAME.state`, with the
-    version, the hashes of model, calibration and wall finder, and the recording's own:
-    it is read again only if one of them has changed. Paths that are not recordings are
+    hashes of the code, of model, calibration and wall finder, and of all bytes of the
+    recording: it is read again unless all are the same. What this user's program did
+    not write there is neither believed nor deleted. Paths that are not recordings are
     left out with a note. Counts "recordings". `whole`: all are read, also those that
     have not changed, and their evaluation is returned, too.
     """
@@ -76,9 +78,15 @@ def evaluate_to_table(
     summary = None if calibration is None else read_calibration(calibration)
     same = {
         "version": __version__,
-        "model_sha256": _digest(reader.path),
+        "code_sha256": hash_sources(""),
+        "model_sha256": _digest_of(reader.record),
+        # one of which may read an eye in place of the other
+        "bundled_sha256": _digest_of(
+            [read_folder(name, FORCE_KINDS).record for name in SUITED]
+        ),
         "calibration_sha256": summary and summary.sha256,
-        "wall_finder_sha256": wall_finder and _digest(wall_finder),
+        "wall_finder_sha256": wall_finder
+        and _digest_of(read_folder(wall_finder, (WALL_FINDER,)).record),
     }
     state = _state(table)
     state.mkdir(exist_ok=True)
@@ -92,7 +100,7 @@ def evaluate_to_table(
     with counting("recordings", len(folders)) as advance:
         for path in folders:
             key = same | {"recording": str(path), "recording_sha256": _digest(path)}
-            part = state / f"{sha256(json.dumps(key).encode()).hexdigest()}.json"
+            part = state / f"{_digest_of(key)}{ENDING}"
             found = None if whole else _kept(part, key)
             if found is None:
                 evaluation = evaluate_recordings(
@@ -103,7 +111,8 @@ def evaluate_to_table(
                     "rows": evaluation.rows(),
                     "notes": list(evaluation.notes),
                 }
-                write_whole(json.dumps(found, allow_nan=False), part)
+                if _digest(path) == key["recording_sha256"]:  # nothing came meanwhile
+                    keep_result(found, part)
                 read += 1
                 evaluations += [evaluation] * whole
 
@@ -114,8 +123,9 @@ def evaluate_to_table(
 
     rows = tidy(rows)
     write_table(rows, table)
-    for old in (each for each in state.glob("*.json") if each.name not in used):
-        old.unlink()
+    for old in state.glob(f"*{ENDING}"):
+        if old.name not in used and kept_result(old) is not None:
+            old.unlink()
 
     notes = list(dict.fromkeys(notes))
     joined = _joined(evaluations, notes) if whole else None
@@ -174,37 +184,54 @@ def _check(table: Path) -> None:
 
     if table.suffix == ".parquet":
         package_for("pyarrow.parquet", table.suffix)
-    if table.exists() and not _state(table).is_dir():
+    check_folder(_state(table))
+    kept = _state(table).glob(f"*{ENDING}")
+    if os.path.lexists(table) and not any(kept_result(each) for each in kept):
         raise InputError(f"{table}: exists already; remove it or choose another name")
     if not table.absolute().parent.is_dir():
         raise InputError(f"{table}: its folder does not exist")
 
 
 def _kept(part: Path, key: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return a recording's rows and notes; None if they are missing, damaged or of
-    another key.
+    """Return a recording's rows and notes; None if they are missing, not this user's or
+    of another key.
     """
-    try:
-        found: Any = parse_json(read_text(part, KINDS["result"]))
-    except (InputError, ValueError):
-        return None
+    found: Any = kept_result(part)
     return found if isinstance(found, dict) and found.get("key") == key else None
 
 
+def _digest_of(value: Any) -> str:
+    return sha256(json.dumps(value, sort_keys=True, default=dict).encode()).hexdigest()
+
+
 def _digest(folder: Path) -> str:
-    """Return the SHA-256 of a recording's or model's files and their names; hidden ones
-    do not count.
+    """Return the SHA-256 of a recording: of the names and the bytes of all files in it
+    and in folders below, and of the places of links; drafts of walls do not count.
     """
     whole = sha256()
-    for place in (folder / part for part in PARTS if (folder / part).is_dir()):
-        for path in sorted(
-            each
-            for each in place.iterdir()
-            if each.is_file() and not each.name.startswith(".")
-        ):
-            with path.open("rb") as file:
-                digest = file_digest(file, "sha256").hexdigest()
+    # links may go round: each folder is followed once
+    seen = set[str]()
 
-            whole.update(f"{path.relative_to(folder)}\0{digest}\n".encode())
+    for place, folders, files in os.walk(folder, followlinks=True):
+        real = os.path.realpath(place)
+        if real in seen:
+            folders.clear()
+            continue
+
+        seen.add(real)
+        folders.sort()
+        for name in sorted([*folders, *files]):
+            path = Path(place, name)
+            target = os.readlink(path) if path.is_symlink() else ""
+            if name in files and not DRAFT.fullmatch(name):
+                with (
+                    suppress(FileNotFoundError),  # a link to nothing
+                    opened_regular(path, RecordingError) as file,
+                ):
+                    target += f"\0{file_digest(file, 'sha256').hexdigest()}"
+
+                whole.update(repr((str(path.relative_to(folder)), target)).encode())
+            elif target:
+                whole.update(repr((str(path.relative_to(folder)), target)).encode())
 
     return whole.hexdigest()

@@ -285,7 +285,7 @@ def recalibrate_intervals(
     """
     models.check_place(out)
     reader = load_force_reader(model, finder=wall_finder)
-    folder = models.read_folder(Path(model))
+    folder = models.read_folder(model)
     study = reader.study
     each = opened(recordings)
     count = sum(len(recording.frames) for recording in each)

@@ -31,7 +31,7 @@ from scleraforce.known import (
 )
 from scleraforce.known.calibration_file import CalibrationSummary, read_calibration
 from scleraforce.library.unknowns import SIZE
-from scleraforce.models import SHIPPED_WALL_FINDER, model_name
+from scleraforce.models import SHIPPED_WALL_FINDER
 from scleraforce.notebook import Counting, check_rigidity, counting_for
 from scleraforce.reader.answer import Answer, Answers
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
@@ -195,8 +195,8 @@ def load_model(
     """Load a model: a bundled one, or a folder.
 
     Args:
-        path: "default", the bundled reader, or the folder that `train` or `scleraforce
-            train` wrote, which wins.
+        path: the name of a bundled model ("default", "living", "paper"), or the path of
+            a folder that `train` or `scleraforce train` wrote ("./mine").
         wall_finder: model folder that checks the walls, by default the bundled one;
             None: nothing checks them.
 
@@ -204,7 +204,7 @@ def load_model(
         ModelError: a file is missing, was changed, or does not fit the study beside it.
 
     >>> import scleraforce as sf
-    >>> sf.load_model("reader").kind, sf.load_model("default").kind
+    >>> sf.load_model("./reader").kind, sf.load_model("default").kind
     ('reader', 'reader')
     """
     return load_reader(path, finder=wall_finder)
@@ -355,7 +355,7 @@ def read(
         CalibrationError: the calibration file cannot be used.
 
     >>> import scleraforce as sf
-    >>> model = sf.load_model("reader")
+    >>> model = sf.load_model("./reader")
     >>> answer = sf.read(model, "eye-a/frames/0002.png", youngs_modulus_pa=0.3e6)
     >>> print(f"{answer.force_n * 1e3:.0f} mN, class {answer.predicted}")
     2... mN, class 1
@@ -461,7 +461,7 @@ def evaluate(
             model.
 
     >>> import scleraforce as sf
-    >>> evaluation = sf.evaluate(sf.load_model("reader"), "eye-a")
+    >>> evaluation = sf.evaluate(sf.load_model("./reader"), "eye-a")
     >>> [frame.answer.predicted for frame in evaluation.frames]
     [1, 2, 2]
     """
@@ -493,7 +493,7 @@ def save_wall(
     >>> import scleraforce as sf
     >>> found = sf.segment("eye-a/frames/0001.png")
     >>> sf.save_wall("eye-a", "0001.png", found.mask, author="A. Reader")
-    >>> sf.read(sf.load_model("reader"), "eye-a/frames/0001.png").segmentation.source
+    >>> sf.read(sf.load_model("./reader"), "eye-a/frames/0001.png").segmentation.source
     'corrected'
     """
     found = opened(recording)[0]
@@ -638,7 +638,7 @@ def readings(
     model = suited(model, known)
     if model.path != asked.path:
         notes.append(
-            f"read with the bundled reader {model_name(model.path)}, which was trained"
+            f"read with the bundled reader {model.name}, which was trained"
             " for such eyes"
         )
 

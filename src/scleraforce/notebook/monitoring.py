@@ -16,6 +16,7 @@ from threading import Thread
 from typing import Any
 
 from scleraforce.errors import InputError
+from scleraforce.models import model_folder, model_name
 from scleraforce.reader.kinds import Reader
 from scleraforce.recording.folder import Plane
 from scleraforce.service.reset import ask_reset
@@ -78,7 +79,7 @@ def monitor(
     """Run a monitor on a free port of this machine while the block lasts. Linux only.
 
     Args:
-        model: a reader, or its folder or name.
+        model: a reader, or the name or path of one.
         calibration: file of `calibrate`, with the name of the `eye`.
         eye: its name.
         youngs_modulus_pa: of this eye, in place of a calibration.
@@ -109,7 +110,7 @@ def monitor(
         if name in KNOWN and value is not None
     }
     words = [
-        str(model.path if isinstance(model, Reader) else model),
+        model_name(model.path if isinstance(model, Reader) else model_folder(model)),
         "--port",
         "0",
         "--json",

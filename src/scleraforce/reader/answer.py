@@ -147,7 +147,8 @@ class Answer:
     the reading of each method by its name, and `fit` the wall of the library that fits
     the frame best; `places` says where the needle is, with intervals, and `place` the
     same in three dimensions, if several planes were read together. `segmentation` is
-    the wall that was read.
+    the wall that was read. `model` and `class_bounds_n` are those of the model that
+    answered (`models.model_name`).
     """
 
     predicted: int
@@ -166,6 +167,8 @@ class Answer:
     places: Places = NOWHERE
     place: SpatialPlace | None = None
     segmentation: Segmentation | None = field(default=None, compare=False, repr=False)
+    model: str | None = field(default=None, compare=False)
+    class_bounds_n: tuple[float, ...] = field(default=(), compare=False)
 
     def __repr__(self) -> str:
         if not self.usable:
@@ -241,6 +244,10 @@ class Answer:
 
         found: dict[str, Any] = finite(
             {
+                "model": self.model,
+                "class_bounds_mn": [
+                    from_si(bound_n, "mn") for bound_n in self.class_bounds_n
+                ],
                 "predicted": self.predicted,
                 "probabilities": self.probabilities,
                 "predicted_force_mn": from_si(self.force_n, "mn"),

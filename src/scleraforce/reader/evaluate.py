@@ -35,7 +35,6 @@ from scleraforce.known.calibration_file import (
     known_of_eye,
 )
 from scleraforce.library.unknowns import SIZE
-from scleraforce.models import model_name
 from scleraforce.pictures import html_card
 from scleraforce.plain_json import finite
 from scleraforce.reader import metrics
@@ -339,6 +338,9 @@ class Evaluation:
             {
                 "model": self.model,
                 "kind": self.kind,
+                "class_bounds_mn": [
+                    from_si(bound_n, "mn") for bound_n in self.bounds_n
+                ],
                 **self._metrics(),
                 "mae_mn": from_si(self.mae_n, "mn"),
                 "coverage": self.coverage.value,
@@ -467,7 +469,7 @@ def evaluate_recordings(
         frames += answers
 
     return Evaluation(
-        model=model_name(reader.path),
+        model=reader.name,
         bounds_n=study.classes.bounds_n,
         max_force_n=study.needle.max_force_n,
         youngs_modulus_pa=study.eye.youngs_modulus_pa,
@@ -565,7 +567,7 @@ class _Session:
         info = self.recording.info
         if self.reader.path != self.asked:
             yield (
-                f"read with the bundled reader {model_name(self.reader.path)}, which"
+                f"read with the bundled reader {self.reader.name}, which"
                 " was trained for such eyes"
             )
 

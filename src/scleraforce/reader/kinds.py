@@ -28,6 +28,7 @@ from scleraforce.models import (
     RECORD_FILE,
     Origin,
     check_interface,
+    model_name,
     run_network,
 )
 from scleraforce.reader import verdicts
@@ -58,6 +59,7 @@ from scleraforce.segmentation.found import Segmentation
 from scleraforce.segmentation.observations import Boundaries, segmented_boundaries
 from scleraforce.segmentation.wall_finder import FrameWindow, WallFinder
 from scleraforce.study import Range, ReaderStudy, Study
+from scleraforce.units import from_si
 
 INPUT = "slices"
 OUTPUT = "probabilities"
@@ -92,6 +94,7 @@ class Reader(ABC):
 
     def __post_init__(self) -> None:
         self.classes = len(self.study.classes.bounds_n) + 1
+        self.name = model_name(self.path)
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.path}>"
@@ -99,6 +102,17 @@ class Reader(ABC):
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         """Return a copy that shares what does not change: networks and library."""
         return replace(self)
+
+    @property
+    def bounds_mn(self) -> list[float]:
+        """Bounds of the force classes, mN."""
+        return [from_si(bound_n, "mn") for bound_n in self.study.classes.bounds_n]
+
+    @property
+    def words(self) -> str:
+        """Name, kind and class bounds, for people."""
+        bounds = " and ".join(f"{bound_mn:g}" for bound_mn in self.bounds_mn)
+        return f"{self.name} ({self.kind}), classes bounded at {bounds} mN"
 
     @property
     def fixed_modulus_pa(self) -> float | None:
@@ -136,7 +150,7 @@ class Reader(ABC):
             else self._read(seen, frame, scale, known)
         )
 
-        return replace(answer, segmentation=seen.segmentation)
+        return self.signed(answer, seen.segmentation)
 
     def read_live(
         self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN
@@ -155,7 +169,18 @@ class Reader(ABC):
             else self._live(seen, frame, scale, known)
         )
 
-        return replace(answer, segmentation=seen.segmentation)
+        return self.signed(answer, seen.segmentation)
+
+    def signed(self, answer: Answer, wall: Segmentation | None = None) -> Answer:
+        """Return an answer with the model's name and class bounds, and the wall that
+        was read.
+        """
+        return replace(
+            answer,
+            segmentation=wall,
+            model=self.name,
+            class_bounds_n=self.study.classes.bounds_n,
+        )
 
     def read_together(
         self,
@@ -557,7 +582,7 @@ class ForceReader(Reader):
                 else ()
             )
             answers.append(
-                replace(shared, segmentation=seen.segmentation, warnings=warned)
+                self.signed(replace(shared, warnings=warned), seen.segmentation)
             )
 
         return tuple(answers)

@@ -20,7 +20,7 @@ from scleraforce.known import (
     known_of_recording,
     open_doubts,
 )
-from scleraforce.models import folder_study, model_folder, model_name, read_folder
+from scleraforce.models import folder_study, model_name, read_folder
 from scleraforce.reader.verdicts import (
     LEAST_FRAME_M,
     least_wall_m,
@@ -113,7 +113,7 @@ def limit_notes(model: Path, info: RecordingInfo) -> tuple[str, ...]:
     `ModelError`.
     """
     folder = read_folder(model, KINDS)
-    name = model_name(model_folder(model))
+    name = model_name(folder.path)
     eye = known_of_recording(info)
     scan = info.oct
     gauge = info.needle.gauge

@@ -34,7 +34,7 @@ def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
     """Load a model folder of kind "wall-finder"; arguments and errors as for
     `load_model`.
     """
-    folder = models.read_folder(Path(path), (models.WALL_FINDER,))
+    folder = models.read_folder(path, (models.WALL_FINDER,))
     study = models.folder_study(folder)
     session, metadata = models.folder_session(folder, threads)
     finder = WallFinder(
@@ -53,13 +53,13 @@ def load_model(
 ) -> Reader:
     """Load a model folder of any kind that reads forces.
 
-    `path` is the folder that `scleraforce train` wrote, or the name of a bundled one
-    ("default"); `threads` are ONNX Runtime's within one operation, 1 is fastest for
-    single slices; `finder` is the folder of the wall finder that checks the walls it
-    reads, None: nothing checks them. A file that is missing, was changed, or does not
-    fit the study beside it raises `ModelError`.
+    `path` is the folder that `scleraforce train` wrote ("./mine"), or the name of a
+    bundled one ("default"; `models.model_folder`); `threads` are ONNX Runtime's within
+    one operation, 1 is fastest for single slices; `finder` is the folder of the wall
+    finder that checks the walls it reads, None: nothing checks them. A file that is
+    missing, was changed, or does not fit the study beside it raises `ModelError`.
     """
-    folder = models.read_folder(Path(path), KINDS)
+    folder = models.read_folder(path, KINDS)
     kind = folder.record["kind"]
     study = models.folder_study(folder)
     session, provenance = models.folder_session(folder, threads)

@@ -3,6 +3,7 @@
 """
 
 import csv
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from io import StringIO
 from pathlib import Path
@@ -28,15 +29,11 @@ PAIRS = {
     "interval_mn": ("interval_low_mn", "interval_high_mn"),
     "tip_mm": ("tip_lateral_mm", "tip_depth_mm"),
 }
-# beginnings of cells that spreadsheets evaluate ("CSV injection")
-FORMULA_BEGINS = (
-    "=",
-    "+",
-    "-",
-    "@",
-    "\t",
-    "\r",
-    "\n",
+# Where spreadsheets see the beginning of a formula ("CSV injection"): at the start of a
+# text, and behind what separates cells in another country's tables. The last four signs
+# are the wide forms of the first.
+FORMULA_BEGIN = re.compile(
+    r"(?:^|(?<=[;,|\t\r\n]))(?=\s*[=+\-@\uff1d\uff0b\uff0d\uff20])|^(?=[\t\r\n])"
 )
 
 
@@ -177,7 +174,7 @@ def tidy(rows: Iterable[Mapping[str, Any]]) -> list[Row]:
 
 def csv_text(rows: Iterable[Mapping[str, Any]]) -> str:
     """Return rows as a table, empty where a row lacks a key; an apostrophe goes before
-    a would-be formula.
+    each would-be formula.
     """
     found = tidy(rows)
     return _line(found[0] if found else ()) + "".join(
@@ -211,7 +208,7 @@ def _line(cells: Iterable[Any]) -> str:
 
 def _cell(value: Any) -> Any:
     if isinstance(value, str):
-        return f"'{value}" if value.startswith(FORMULA_BEGINS) else value
+        return FORMULA_BEGIN.sub("'", value)
     return int(value) if isinstance(value, bool) else "" if value is None else value
 
 

@@ -12,6 +12,7 @@ from functools import partial
 from io import BytesIO
 from math import inf, isclose
 from pathlib import Path
+from struct import unpack
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
@@ -65,6 +66,7 @@ PRINTED = (
     25.4e-3,
     1e-2,
 )
+MOST_PAGES = 100_000
 PRINTED_M = 20e-6  # ... which are never finer than this: 1,270 dots per inch
 
 
@@ -154,7 +156,32 @@ def _opened(path: Path, data: bytes | None) -> "Iterator[TiffFile]":
         scans.named_faults(path, "TIFF"),
         tifffile.TiffFile(file, _multifile=False) as opened,
     ):
+        _check_chain(opened)
         yield opened
+
+
+def _check_chain(file: "TiffFile") -> None:
+    """Follow the pages, each of which has the next one's place, once."""
+    tiff = file.tiff
+    at = _number(file, tiff.offsetsize, tiff.offsetsize, tiff.offsetformat)
+    seen = set[int]()
+
+    while at:
+        if at in seen or len(seen) == MOST_PAGES:
+            raise FrameError(
+                f"damaged: its pages go round, or are more than {MOST_PAGES}"
+            )
+
+        seen.add(at)
+        tags = _number(file, at, tiff.tagnosize, tiff.tagnoformat)
+        after = at + tiff.tagnosize + (tags or 0) * tiff.tagsize
+        at = tags and _number(file, after, tiff.offsetsize, tiff.offsetformat)
+
+
+def _number(file: "TiffFile", at: int, size: int, form: str) -> int | None:
+    """Return a number in the file; None beyond its end."""
+    data = _read(file, at, size) if at < file.filehandle.size else b""
+    return int(unpack(form, data)[0]) if len(data) == size else None
 
 
 def _read(file: "TiffFile", at: int, count: int) -> bytes:

@@ -2,6 +2,7 @@
 PLUS sequences; Thorlabs .oct.
 """
 
+import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -28,6 +29,7 @@ from scleraforce.recording.pixels import (
     rising,
 )
 from scleraforce.units import to_si
+from scleraforce.whole_files import opened_regular
 
 Axes = tuple[str, ...] | None
 
@@ -65,7 +67,15 @@ def _data_file(path: Path, field: str, named: str) -> Path:
             " beside it"
         )
 
-    return path.with_name(named)
+    data = path.with_name(named)
+    _check_regular(data)
+    return data
+
+
+def _check_regular(path: Path) -> None:
+    """Refuse a file of pixels that a library would open, but wait for, as a pipe."""
+    with opened_regular(path, FrameError):
+        pass
 
 
 def _check_orientation(orientation: str, axes: Axes) -> None:
@@ -173,6 +183,10 @@ NRRD_IN_MM = re.compile(r"(left|right|scanner|[LR]A[SI]\b|[LR]P[SI]\b)", re.IGNO
 def read_nifti(path: Path, axes: Axes) -> Scan:
     """Return a NIfTI volume's frames; times from a fourth axis in seconds."""
     with scans.named_faults(path, "NIfTI"):
+        for beside in map(path.with_suffix, (".hdr", ".img")):
+            if os.path.lexists(beside):
+                _check_regular(beside)
+
         image = scans.package_for("nibabel", "NIfTI").load(path)
         header = image.header
         shape = header.get_data_shape()
@@ -455,7 +469,10 @@ def _pixels(
     data_path = _data_file(path, "ElementDataFile = ", fields["elementdatafile"])
     local = data_path == path
     skipped = int(fields.get("headersize", "0"))
-    data = data_path.read_bytes()[(start if local else 0) + max(skipped, 0) :]
+    with opened_regular(data_path, FrameError) as file:
+        data = file.read()
+
+    data = data[(start if local else 0) + max(skipped, 0) :]
 
     if not _flag(fields, "BinaryData", True):
         return (

@@ -12,7 +12,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from scleraforce.errors import InputError
-from scleraforce.models import RECORD_FILE, SHIPPED, STUDY_FILE, model_folder
+from scleraforce.models import RECORD_FILE, SHIPPED, STUDY_FILE, path_or_bundled
 from scleraforce.plain_json import parse_json
 from scleraforce.report.model_figures import draw_model
 from scleraforce.study import Study, format_study, read_study, study_hash
@@ -76,7 +76,7 @@ def thing_at(path: Path, model: Path | None = None) -> Thing:
     """Return the description of a file, folder or bundled model; `model`: checks its
     limits; raises `InputError`.
     """
-    found = model_folder(path)
+    found = path_or_bundled(path)
     if found.name in PARTS and found.is_file():
         raise InputError(
             f"{found}: a part of a {PARTS[found.name]}; give its folder, {found.parent}"

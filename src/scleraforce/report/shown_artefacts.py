@@ -21,7 +21,13 @@ from scleraforce.learning.dataset import open_dataset
 from scleraforce.library.files import load_library
 from scleraforce.library.responses import Library
 from scleraforce.library.store import open_library
-from scleraforce.models import FILES, SHIPPED_READER, read_folder
+from scleraforce.models import (
+    FILES,
+    SHIPPED_READER,
+    WALL_FINDER,
+    folder_study,
+    read_folder,
+)
 from scleraforce.reader.limits import limit_notes, reading_ranges
 from scleraforce.recording.folder import RecordingInfo, read_recording
 from scleraforce.recording.labels import Trial, label_frames, label_notes
@@ -207,6 +213,11 @@ def show_model(path: Path) -> Thing:
         else ()
     )
     size = sum(map(len, folder.files.values()))
+    bounds_mn = (
+        None
+        if record["kind"] == WALL_FINDER
+        else [from_si(end, "mn") for end in folder_study(folder).classes.bounds_n]
+    )
     intervals = _table(record, "intervals")
     measured_on = f"measured on {intervals['eyes']}" if intervals.get("eyes") else "of"
     rows = (
@@ -218,6 +229,12 @@ def show_model(path: Path) -> Thing:
                 if record.get("default")
                 else ""
             ),
+        ),
+        (
+            "classes",
+            f"bounds at {' and '.join(f'{end:g}' for end in bounds_mn)} mN"
+            if bounds_mn
+            else "",
         ),
         ("training", ", ".join(f"{count} {name}" for name, count in _amounts(record))),
         (
@@ -258,6 +275,7 @@ def show_model(path: Path) -> Thing:
     facts = {
         "model_kind": record["kind"],
         "default": record.get("default"),
+        "class_bounds_mn": bounds_mn,
         "metrics": metrics,
         "provenance": provenance,
         "reads": dict(ranges),

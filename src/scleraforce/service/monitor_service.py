@@ -48,6 +48,7 @@ from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.messages import (
     BlackBoxSettings,
     ConsoleSettings,
+    Note,
     OpinionSettings,
     Settings,
 )
@@ -165,7 +166,7 @@ def monitor_service(
                 scale=scale,
                 limits=limits,
                 class_bounds_n=reader.study.classes.bounds_n,
-                model=reader.path.name,
+                model=reader.name,
                 eye=settings.eye,
             )
             children[CONSOLE] = _child("console.server", console, ring, pages.fileno())
@@ -206,6 +207,8 @@ def monitor_service(
             note,
         )
         stack.callback(server.close)
+        begun = Note(time_s=session.wall_clock(), text=f"model {reader.words}")
+        companions.send(BLACK_BOX, begun, monotonic())
         yield server, Address(*listener.getsockname()[:2])
 
 

@@ -304,10 +304,20 @@ def parse_study(text: str, name: str = "study") -> Study:
     return parse_record(Study, text, name)
 
 
+# Most parts of a dotted key. The time to parse one grows with the square of their
+# number; ours have two.
+DEPTH = 20
+PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+DEEP_KEY = re.compile(rf"(?<![\w-]){PART}(?:[ \t]*+\.[ \t]*+{PART}){{{DEPTH}}}")
+
+
 def parse_record(kind: type[Record], text: str, name: str) -> Record:
     """Read a record of sections from TOML; a field with a default, or that can be None,
     may be missing.
     """
+    if DEEP_KEY.search(text):
+        raise StudyError(f"{name}: not TOML of ours: a key of more than {DEPTH} parts")
+
     try:
         table = tomllib.loads(text)
     except ValueError as fault:

@@ -1,5 +1,6 @@
 """The console's board, and the share of its pages."""
 
+import asyncio
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 import numpy as np
 from console_monitor import reading
 from small_monitor import decision, verdict
+from starlette.types import Message, Receive, Scope, Send
 
 from scleraforce.decision.events import Cause
 from scleraforce.service.console.board import (
@@ -17,7 +19,7 @@ from scleraforce.service.console.board import (
     History,
 )
 from scleraforce.service.console.hub import SHARES, Pictures, Thrift
-from scleraforce.service.console.server import refusal
+from scleraforce.service.console.server import OwnPagesOnly, refusal
 from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.messages import (
     CompanionMessage,
@@ -268,11 +270,33 @@ def test_requests_come_from_own_names_and_what_writes_from_the_own_page_with_a_s
         ) == (host in accepted)
 
     here = [(b"host", b"localhost"), (b"origin", b"http://localhost")]
-    for length in ("4097", "99999999999999999999", "-1", "²", ""):
+    for length in (
+        "4097",
+        "99999999999999999999",
+        "0000000000000000100000000",
+        "01",
+        "-1",
+        "+1",
+        "1_0",
+        " 1",
+        "²",
+        "",
+    ):
         stated = [(b"content-length", length.encode("latin-1"))]
         assert refusal("http", "POST", [*here, *stated], "localhost")[0] == 413
 
     assert refusal("http", "POST", here, "localhost")[0] == 413
+    for method, more in product(("GET", "POST"), ([], [(b"content-length", b"2")])):
+        for coding in (b"chunked", b"identity", b"gzip, chunked", b""):
+            coded = [*here, *more, (b"transfer-encoding", coding)]
+            assert refusal("http", method, coded, "localhost")[0] == 411
+
+    for twice in ((b"2", b"2"), (b"2", b"999")):
+        lengths = [(b"content-length", length) for length in twice]
+        assert refusal("http", "GET", [*here, *lengths], "localhost")[0] == 413
+
+    long = [*here, (b"content-length", b"100000000")]
+    assert refusal("http", "GET", long, "localhost")[0] == 413
     own = ["http://localhost:80"]
     others = (["null"], ["http://localhost:81"], ["http://evil.example"])
 
@@ -287,6 +311,34 @@ def test_requests_come_from_own_names_and_what_writes_from_the_own_page_with_a_s
             refusal("http", "GET", [(b"host", b"localhost"), second], "localhost")
             is not None
         )
+
+
+def test_a_server_hands_on_no_more_bytes_than_a_request_may_have() -> None:
+    """Whatever its headers state: the bytes that come are counted."""
+    taken = list[int]()
+
+    async def app(_: Scope, receive: Receive, send: Send) -> None:
+        while (message := await receive())["type"] == "http.request":
+            taken.append(len(message["body"]))
+        await send({"type": "http.response.start", "status": 200})
+
+    async def endless() -> Message:
+        return {"type": "http.request", "body": bytes(1000), "more_body": True}
+
+    async def send(_: Message) -> None:
+        pass
+
+    headers = [
+        (b"host", b"localhost"),
+        (b"origin", b"http://localhost"),
+        (b"content-length", b"1"),
+    ]
+    guarded = OwnPagesOnly(app, "localhost", 4096, {"/file": 10_000})
+    for path, most_bytes in (("/", 4096), ("/file", 10_000), ("/file/", 4096)):
+        scope = {"type": "http", "method": "POST", "path": path, "headers": headers}
+        taken.clear()
+        asyncio.run(guarded(scope, endless, send))
+        assert 0 < sum(taken) <= most_bytes
 
 
 def test_it_goes_down_a_level_a_second_at_most_and_comes_back_only_after_calm() -> None:

@@ -21,7 +21,7 @@ export function fill({ recordings, calibrations, models }) {
     element(step).querySelector(".recordings").replaceChildren(...items);
   }
   for (let n = 2; calibrations.some(({ name }) => name === element("calibrate-out").value); n += 1) element("calibrate-out").value = `calibration-${n}.json`;
-  choices("read-model", ["default", ...models.map(({ name }) => name)]);
+  choices("read-model", ["default", ...models.map(({ name }) => `./${name}`)]);
   choices("read-calibration", ["", ...calibrations.map(({ name }) => name)]);
   words();
 }

@@ -4,9 +4,12 @@ loop.
 
 import asyncio
 import os
+import re
 import socket
 from collections import deque
+from collections.abc import Mapping
 from ipaddress import ip_address
+from types import MappingProxyType
 from typing import Any
 
 import h11
@@ -24,6 +27,8 @@ from scleraforce.service.messages import ConsoleSettings, ListensAt
 from scleraforce.service.reset import ResetToken
 
 MOST_BODY_BYTES = 4096
+TOO_LONG = 413  # status of an answer
+LENGTH = re.compile("0|[1-9][0-9]{0,14}")  # a Content-Length
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self';"
     " connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -80,15 +85,22 @@ def refusal(
     ):
         return 403, "only the console's own page may ask"
 
-    if kind == "http" and writes:
-        length = "".join(found.get(b"content-length", []))
-        if not (
-            length.isascii() and length.isdigit() and int(length[:15]) <= most_bytes
-        ):
-            return (
-                413,
-                f"a request needs a Content-Length of at most {most_bytes} bytes",
-            )
+    if b"transfer-encoding" in found:
+        return 411, "a request needs a Content-Length, and no Transfer-Encoding"
+
+    lengths = found.get(b"content-length", [])
+    needs_length = kind == "http" and writes
+    if (
+        len(lengths) > 1
+        or (needs_length and not lengths)
+        or not all(
+            LENGTH.fullmatch(length) and int(length) <= most_bytes for length in lengths
+        )
+    ):
+        return (
+            TOO_LONG,
+            f"a request needs a Content-Length of at most {most_bytes} bytes",
+        )
 
     return None
 
@@ -106,16 +118,23 @@ def _own(host: str, name: str) -> bool:
 
 
 class OwnPagesOnly:
-    """Wraps an ASGI application: refuses what `refusal` refuses, adds `HEADERS` to
-    every answer.
+    """Wraps an ASGI application: refuses what `refusal` refuses and what is longer than
+    it may be, adds `HEADERS` to every answer.
+
+    `most_bytes` is the limit of a request's body, `longer` that of some paths.
     """
 
     def __init__(
-        self, app: ASGIApp, name: str, most_bytes: int = MOST_BODY_BYTES
+        self,
+        app: ASGIApp,
+        name: str,
+        most_bytes: int = MOST_BODY_BYTES,
+        longer: Mapping[str, int] = MappingProxyType({}),
     ) -> None:
         self._app = app
         self._name = name
         self._most_bytes = most_bytes
+        self._longer = longer
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:  # noqa: D102
         if scope["type"] == "lifespan":
@@ -128,25 +147,37 @@ class OwnPagesOnly:
                 message["headers"] = [*message.get("headers", []), *own]
             await send(message)
 
+        most_bytes = self._longer.get(scope["path"], self._most_bytes)
+        left = most_bytes
+
+        async def receive_counted() -> Message:
+            nonlocal left
+            message = await receive()
+            left -= len(message.get("body", b""))
+            # its sender is treated as one that has gone
+            return message if left >= 0 else {"type": "http.disconnect"}
+
         refused = refusal(
             scope["type"],
             scope.get("method", "GET"),
             scope["headers"],
             self._name,
-            self._most_bytes,
+            most_bytes,
         )
         if refused is None:
-            await self._app(scope, receive, send_with_headers)
+            counts = scope["type"] == "http"
+            await self._app(
+                scope, receive_counted if counts else receive, send_with_headers
+            )
         elif scope["type"] == "websocket":
             await receive()
             # before it is accepted: an answer 403
             await send({"type": "websocket.close", "code": 1008})
         else:
             status, reason = refused
-            plain = [
-                (b"content-type", b"text/plain; charset=utf-8"),
-                (b"connection", b"close"),
-            ]
+            plain = [(b"content-type", b"text/plain; charset=utf-8")]
+            if status != TOO_LONG:  # whose rest is thrown away, so that it is answered
+                plain.append((b"connection", b"close"))
             await send_with_headers(
                 {"type": "http.response.start", "status": status, "headers": plain}
             )
