@@ -219,9 +219,6 @@ def checked(
     for recording in recordings:
         name = recording.info.eye.id
         eye = eyes[name]
-        if eye.status != "ok":
-            continue
-
         known = known_of_eye(known_of_recording(recording.info), summary, name)
         _check_modulus(recording, known, study)
         shown = _appearance(recording, known, study, library, finder)

@@ -417,10 +417,10 @@ def _samples_around(
 CROSS_FORCE = 2.0
 OTHER_SIZE = 3.0  # moduli of the training differ by less from the middle of their range
 LEAST_FRAMES = 6  # fewer prove nothing
-# Minus the logarithm of the probability that unrelated dents fit a log as well: 10 %.
+# Minus the logarithm of the probability that unrelated dents fit a log as well: 5 %.
 # The least of 63 virtual and other recordings has 3.3, of 8 frames, and 61 have more
 # than 6.
-RELATED = 2.3
+RELATED = 3.0
 UNRELATED = "forces.csv is unrelated to the frames"
 
 
