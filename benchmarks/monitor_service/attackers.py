@@ -1,7 +1,9 @@
 """Hostile clients, many at once: slow, huge, half-closed, deaf, flooding, lying ones. A
 process of its own.
 
-    python -m monitor_service.attackers PORT CONNECTIONS AT_ONCE SEED [KIND...]
+    python -m monitor_service.attackers PORT CONSOLE CONNECTIONS AT_ONCE SEED [KIND...]
+
+PORT is the monitor's, CONSOLE that of its pages.
 
 Prints one JSON object at the end: how many there were of each kind, and how they were
 parted with.
@@ -191,6 +193,27 @@ async def second_scanner(link: Link) -> None:
         await asyncio.sleep(link.rng.uniform(0.0, 0.02))
 
 
+async def post(link: Link, *fields: str) -> None:
+    """A request for a reset, and a body that goes on until it is let go."""
+    host = "Host: localhost\r\nOrigin: http://localhost"
+    head = "\r\n".join(["POST /reset HTTP/1.1", host, *fields, "", ""])
+    await link.send(head.encode())
+    await link.for_a_while(lambda: f"{BLOCK:x}\r\n".encode() + bytes(BLOCK), 0.5)
+
+
+async def chunked(link: Link) -> None:
+    """A body without a stated size, to the console, without a token."""
+    await post(link, link.rng.choice(["Transfer-Encoding: chunked"] * 2 + CODINGS))
+
+
+async def zeros(link: Link) -> None:
+    """A length with leading zeros, or one that is too large."""
+    await post(link, f"Content-Length: {link.rng.choice(LENGTHS)}")
+
+
+CODINGS = ["Transfer-Encoding: chunked\r\nContent-Length: 2"]
+LENGTHS = ["000000000100000000", "0100000000", "100000000", "999999999999999"]
+CONSOLE_KINDS = (chunked, zeros)  # to its pages instead of the monitor
 KINDS: tuple[Callable[[Link], Awaitable[None]], ...] = (
     slow,
     drip,
@@ -206,6 +229,7 @@ KINDS: tuple[Callable[[Link], Awaitable[None]], ...] = (
     sensors,
     unknown,
     second_scanner,
+    *CONSOLE_KINDS,
 )
 
 
@@ -226,7 +250,11 @@ async def attack(port: int, kind: Callable[[Link], Awaitable[None]], seed: str) 
 
 
 async def main(
-    port: int, connections: int, at_once: int, seed: int, names: list[str]
+    ports: tuple[int, int],
+    connections: int,
+    at_once: int,
+    seed: int,
+    names: list[str],
 ) -> None:
     """Attack in a random order."""
     kinds = [kind for kind in KINDS if not names or kind.__name__ in names]
@@ -237,6 +265,7 @@ async def main(
 
     async def one(number: int, kind: Callable[[Link], Awaitable[None]]) -> None:
         nonlocal done
+        port = ports[kind in CONSOLE_KINDS]
         try:
             ends[
                 f"{kind.__name__}: {await attack(port, kind, f'{seed} {number}')}"
@@ -259,5 +288,5 @@ async def main(
 if __name__ == "__main__":
     # they would be elsewhere, and take no time from the monitor's companions
     os.nice(15)
-    port, connections, at_once, seed = map(int, sys.argv[1:5])
-    asyncio.run(main(port, connections, at_once, seed, sys.argv[5:]))
+    port, console, connections, at_once, seed = map(int, sys.argv[1:6])
+    asyncio.run(main((port, console), connections, at_once, seed, sys.argv[6:]))

@@ -53,7 +53,7 @@ def run(given: Namespace) -> dict[str, Any]:
     frames = Frames(given.recording)
     be_the_peer()
 
-    with real_monitor(given.model, given.recording) as monitor:
+    with real_monitor(given.model, given.recording, "--web-port", "0") as monitor:
         scene = Scene(monitor, frames)
         try:
             result = scene.play(given)
@@ -78,6 +78,8 @@ class Scene:
 
     def __init__(self, monitor: Monitor, frames: Frames) -> None:
         self._monitor = monitor
+        console = monitor.console.rstrip("/").rpartition(":")[2]
+        self._ports = monitor.port, int(console)
         self._operator = Operator(monitor.port, monitor.token)
         self._gaps_s: list[float] = []
         self._heard_s: float | None = None
@@ -109,14 +111,12 @@ class Scene:
         phases["with the scanner"] = self._phase(None, True, given.alone_s)
         before = self._held()
 
-        with attackers(
-            self._monitor.port, given.connections, given.seed, given
-        ) as attack:
+        with attackers(self._ports, given.connections, given.seed, given) as attack:
             phases["under attack"] = self._phase(attack, True)
 
         self._phase(None, True, AFTER_S)
         after = self._held()
-        with attackers(self._monitor.port, few, given.seed + 1, given) as attack:
+        with attackers(self._ports, few, given.seed + 1, given) as attack:
             phases["under attack, without the scanner"] = self._phase(attack, False)
 
         died = [role for role in before if role not in after]
@@ -217,10 +217,10 @@ class Attack:
 
 @contextmanager
 def attackers(
-    port: int, connections: int, seed: int, given: Namespace
+    ports: tuple[int, int], connections: int, seed: int, given: Namespace
 ) -> Iterator[Attack]:
     """Run the hostile clients in a process of their own."""
-    words = [*map(str, (port, connections, given.at_once, seed)), *given.kinds]
+    words = [*map(str, (*ports, connections, given.at_once, seed)), *given.kinds]
     command = [sys.executable, "-m", "monitor_service.attackers", *words]
 
     with no_interrupts():

@@ -14,6 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic, sleep
 
+from scleraforce.models import model_folder, model_name
 from scleraforce.processes import no_interrupts
 from scleraforce.units import to_si
 
@@ -143,7 +144,7 @@ def real_monitor(
             "-c",
             "from scleraforce.cli.main import main; main()",
             "monitor",
-            str(model),
+            model_name(model_folder(model)),
         ]
         command += [*known, "--port", "0", "--black-box", str(black_box), *options]
         command = (
