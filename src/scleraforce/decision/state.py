@@ -100,6 +100,9 @@ def remember(
 
     state = replace(state, at_s=_time_of(state, event))
     if isinstance(event, OvertakenRead):
+        verdict = event.read.verdict
+        if not verdict.usable or unsound(verdict, limits):
+            return state
         history, dents = _histories(state, event.read, limits)
         return replace(state, history=history, dents=dents)
     if isinstance(event, QueueLoss):
@@ -161,7 +164,8 @@ def _remember_frame(
     scale_m = limits.scale_m or state.scale_m
     touched = state.touched
     clear_s = None
-    history, dents = _histories(state, frame, limits)
+    history = state.history
+    dents = state.dents
 
     if frame.verdict.usable and not unsound(frame.verdict, limits):
         if sound_pixels(frame.size, frame.scale_m):
@@ -170,6 +174,7 @@ def _remember_frame(
             scale_m = limits.scale_m or (scale_m if same else frame.scale_m)
 
         touched, clear_s = _contact(state, frame, limits)
+        history, dents = _histories(state, frame, limits)
 
     return replace(
         state,
@@ -193,15 +198,13 @@ def _remember_frame(
 def _histories(
     state: MonitorState, frame: FrameRead, limits: MonitorLimits
 ) -> tuple[tuple[tuple[float, float], ...], tuple[Dent, ...]]:
-    """Return `history` and `dents` with a frame that was read, in the order of time; a
+    """Return `history` and `dents` with a sound reading, in the order of time; a
     picture that was shown before is no dent.
     """
-    verdict = frame.verdict
     history = state.history
     dents = state.dents
-    force_n = verdict.force_n
-    counts = verdict.usable and frame.since_s >= state.counts_since_s
-    if not counts or force_n is None or unsound(verdict, limits):
+    force_n = frame.verdict.force_n
+    if force_n is None or frame.since_s < state.counts_since_s:
         return history, dents
 
     history = _inserted(history, (frame.since_s, force_n))

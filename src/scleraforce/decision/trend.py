@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 from math import inf, pi, sqrt
+from operator import itemgetter
 from statistics import fmean, median
 from typing import NamedTuple
 
@@ -40,6 +41,9 @@ class Dent(NamedTuple):
     force_n: float
     travel_m: float | None = None
     age_s: float = 0.0
+
+
+FORCE_N = itemgetter(Dent._fields.index("force_n"))
 
 
 class Fall(NamedTuple):
@@ -71,6 +75,9 @@ def unexplained_fall(dents: tuple[Dent, ...], limits: MonitorLimits) -> Fall | N
         return None
 
     left_n = max(dent.force_n for dent in dents[-OUTSIDE:])
+    if max(map(FORCE_N, dents)) - left_n < limits.fall_n:  # mostly; it is quick
+        return None
+
     gap_s = _gap(dents, limits)
     unseen_s = 0.0
     looked = False  # for a step since the last gap
