@@ -64,8 +64,9 @@ def _one(name: str, write: Callable[[Path], object]) -> Make:
 
 def _pictures(folder: Path, ending: str, frames: Any = FRAMES) -> list[Path]:
     paths = [folder / f"scan-{number:02}{ending}" for number in range(len(frames))]
+    options = UNPACKED if ending == ".tif" else ()
     for path, pixels in zip(paths, frames, strict=True):
-        assert cv2.imwrite(str(path), pixels, UNPACKED)
+        assert cv2.imwrite(str(path), pixels, options)
     return paths
 
 
