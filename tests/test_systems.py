@@ -84,6 +84,7 @@ GUARDED = {
     ("cli.monitor", "SIGQUIT"),
     ("cli.monitor", "SIGTTOU"),
     ("app.commands", "pty"),
+    ("private_folder", "geteuid"),
 }
 SMALL = (
     "[mesh]\ndivisions = 4\n[dataset]\ncontacts = 2\n[[dataset.group]]\nthickness_um ="

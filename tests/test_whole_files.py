@@ -115,7 +115,8 @@ def test_links_beside_a_file_are_not_followed_when_it_is_written(
     for name in (
         ".a.txt.part",
         f".a.txt.{os.getpid()}.part",
-    ):  # names that could be foreseen
+    ):
+        # names that could be foreseen
         (tmp_path / name).symlink_to(victim)
 
     write_whole("new", tmp_path / "a.txt")

@@ -201,9 +201,8 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
     plan = plan_phantom(drawn.eye, forces_n, drawn.study, drawn.seed)
 
     deepest_n = max(plan.normal_n)
-    if (
-        deepest_n > computed.largest_n
-    ):  # dents of tissue that relaxes are deeper; elastic forces grow with all forces
+    if deepest_n > computed.largest_n:
+        # dents of tissue that relaxes are deeper; elastic forces grow with all forces
         share = (1.0 - ROOM) * computed.largest_n / deepest_n
         plan = plan_phantom(
             drawn.eye,

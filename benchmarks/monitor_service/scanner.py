@@ -272,9 +272,8 @@ class Pace:
         self.client.listen(self._due_s + share * self._interval_s, done)
         if share == 1.0:
             self._due_s += self._interval_s
-            if (
-                self._due_s < monotonic() - self._interval_s
-            ):  # this process was held up: a scanner would lose frames
+            if self._due_s < monotonic() - self._interval_s:
+                # this process was held up: a scanner would lose frames
                 self._due_s = monotonic()
 
 

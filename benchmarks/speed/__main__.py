@@ -197,9 +197,8 @@ def _in_process(name: str, run: Run) -> Table:
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
             told, _ = process.communicate()
-        except (
-            KeyboardInterrupt
-        ):  # Ctrl-C has reached it as well, and it ends what it has started
+        except KeyboardInterrupt:
+            # Ctrl-C has reached it as well, and it ends what it has started
             with suppress(subprocess.TimeoutExpired):
                 process.wait(TO_END_S)
 
@@ -244,8 +243,7 @@ if __name__ == "__main__":
         click.echo(f"error: {fault}", err=True)
         sys.exit(2 if isinstance(fault, InputError) else 1)
     except (KeyboardInterrupt, click.Abort):
-        if (
-            "--folder" not in sys.argv
-        ):  # a part leaves that to the process that runs them all
+        if "--folder" not in sys.argv:
+            # a part leaves that to the process that runs them all
             click.echo("interrupted; nothing was written", err=True)
         sys.exit(130)

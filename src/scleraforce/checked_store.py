@@ -289,9 +289,8 @@ class CheckedStore:
         array = self.arrays[name]
         data = self._read(name, index)
 
-        if (
-            len(array.compressors) > 1
-        ):  # Zarr sets no limit: what decodes to more than a chunk is refused here
+        if len(array.compressors) > 1:
+            # Zarr sets no limit: what decodes to more than a chunk is refused here
             Zstd().decode(data[:-CRC_BYTES], np.empty(array.chunks, array.dtype))
 
         self._files[_file(array, index)] = cpu.Buffer.from_bytes(data)

@@ -205,9 +205,8 @@ def read_folder(
     places = {name: path / name for name in FILES[record["kind"]]}
     hashes = record["files"]
 
-    if (
-        path == SHIPPED_LIVING
-    ):  # the libraries of both bundled readers are large, and equal but for rounding
+    if path == SHIPPED_LIVING:
+        # the libraries of both bundled readers are large, and equal but for rounding
         places[LIBRARY_FILE] = SHIPPED_READER / LIBRARY_FILE
         hashes = {
             **hashes,

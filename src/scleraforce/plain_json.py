@@ -18,9 +18,8 @@ def finite(value: Any) -> Any:
         return value if isfinite(value) else None
     if isinstance(value, (list, tuple)):
         return [finite(entry) for entry in value]
-    if not isinstance(value, str | int | None) and isinstance(
-        value, Mapping
-    ):  # the cheaper question first
+    if not isinstance(value, str | int | None) and isinstance(value, Mapping):
+        # the cheaper question first
         return {key: finite(entry) for key, entry in value.items()}
 
     return value
@@ -59,9 +58,8 @@ def _finite_float(digits: str) -> float:
 
 
 def _short_int(digits: str) -> int:
-    if (
-        len(digits) > 40
-    ):  # floats hold longer ones, but nothing that is counted here needs them
+    if len(digits) > 40:
+        # floats hold longer ones, but nothing that is counted here needs them
         raise ValueError(f"{digits[:20]}... has {len(digits)} digits")
     return int(digits)
 

@@ -71,4 +71,4 @@ def read_own(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
 
 
 def _is_anothers(found: os.stat_result) -> bool:
-    return os.name == "posix" and found.st_uid not in (os.geteuid(), ROOT)
+    return hasattr(os, "geteuid") and found.st_uid not in (os.geteuid(), ROOT)

@@ -211,7 +211,8 @@ def test_files_become_a_recording_a_corrected_wall_a_modulus_and_forces(
     for step, rows in (
         ("calibrate", 1),
         ("read", len(FORCES_N)),
-    ):  # the last results are shown again
+    ):
+        # the last results are shown again
         found.click(f"[data-step={step}]")
         expect(found.locator(f"#{step}-result tbody tr")).to_have_count(rows)
 

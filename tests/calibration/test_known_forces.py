@@ -468,7 +468,8 @@ def test_tissue_does_not_stiffen_unless_its_frames_say_so() -> None:
         (0.0, False),
         (3.0, False),
         (3.6, True),
-    ):  # 3.0 is less than the prior of any node
+    ):
+        # 3.0 is less than the prior of any node
         found, _ = sought(lambda place, forces=forces: forces * (place < 0.5))
         assert bool(found) == stiffens
 

@@ -241,9 +241,8 @@ def test_an_import_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
 def test_an_interruption_inside_a_library_is_not_an_internal_fault(
     monkeypatch, capsys
 ) -> None:
-    def compile_(
-        *_: object, **__: object
-    ) -> None:  # as Numba does when LLVM's callback was interrupted
+    def compile_(*_: object, **__: object) -> None:
+        # as Numba does when LLVM's callback was interrupted
         entry._note_interruption(SimpleNamespace(exc_type=KeyboardInterrupt))
         raise RuntimeError("no compiled object yet")
 

@@ -660,9 +660,8 @@ def test_a_signal_ends_it_in_order_leaves_no_process_and_no_module_of_the_curren
         children = children_of(monitor.process.pid)
         assert len(children) == 4  # black box, second opinion, watchdog, console
 
-        for _ in range(
-            1 if number is signal.SIGINT else 2
-        ):  # a shell and the system may both say so
+        for _ in range(1 if number is signal.SIGINT else 2):
+            # a shell and the system may both say so
             os.kill(monitor.process.pid, number)
 
         told, said = monitor.process.communicate(timeout=FUSE_S)

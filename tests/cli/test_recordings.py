@@ -451,7 +451,8 @@ def test_a_command_refuses_unused_keys_by_name(
     for function in (
         "simulate_eye",
         "study_sections",
-    ):  # of eyes of finite strain, which use all keys
+    ):
+        # of eyes of finite strain, which use all keys
         monkeypatch.setattr(f"scleraforce.notebook.virtual.{function}", not_refused)
 
     study = tmp_path / "all.toml"

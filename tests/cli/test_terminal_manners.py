@@ -45,8 +45,8 @@ RUNS = {
     "calibrate": "eye-a --study study.toml --frames 2 --out {out}",
     "generate": "--study small.toml --out {out} --workers 1",
     "train": "dataset --out {out}",
-    "read": "reader " + FRAME,
-    "evaluate": "reader eye-a",
+    "read": "./reader " + FRAME,
+    "evaluate": "./reader eye-a",
     "import": (
         FRAME + " --out {out} --width-mm 15 --depth-mm 4 --bits 12 --rate-hz 1"
         " --refractive-index 1 --gauge 22 --gap-mm 0.6 --eye eye-b"

@@ -212,7 +212,8 @@ def test_a_model_that_cannot_be_written_is_refused_before_any_work(
     for place in (
         tmp_path / "file" / "model",
         Path("/proc/model"),
-    ):  # not even root may write there
+    ):
+        # not even root may write there
         with pytest.raises(ModelError, match="cannot be made"):
             check_place(place)
 

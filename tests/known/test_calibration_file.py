@@ -270,7 +270,8 @@ def test_a_globe_that_cannot_be_is_refused_with_its_key(tmp_path: Path) -> None:
     for changed in (
         {"sd": 0.0},
         {"lowest": 0.07},
-    ):  # each number can be, not all together
+    ):
+        # each number can be, not all together
         globe = globe_entry(GLOBES["calibrated"])
         globe[K] |= changed
         text = calibration_text(0.27, {"a": {"globe": globe}})

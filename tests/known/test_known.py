@@ -161,7 +161,8 @@ def test_an_eye_of_the_population_has_at_least_the_spread_of_eyes_and_no_modulus
     for sd_mpa, spread in (
         (0.0, 0.12),
         (None, 0.12 * 2**0.5),
-    ):  # one eye says nothing of the spread
+    ):
+        # one eye says nothing of the spread
         file.write_text(
             calibration_text(
                 0.25, {"mine": {}}, population={"mean_mpa": 0.25, "sd_mpa": sd_mpa}

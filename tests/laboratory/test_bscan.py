@@ -597,7 +597,8 @@ def test_the_mean_picture_is_the_rendered_one_and_cells_vary_as_in_that(
     for part in (
         (slice(60, 80), slice(20, 120)),
         (slice(16, 22), slice(40, 54)),
-    ):  # noise, wall
+    ):
+        # noise, wall
         assert name not in VARYING or np.median(found[part]) == pytest.approx(
             np.median(expected[part]), rel=0.25
         )
@@ -611,7 +612,8 @@ def test_the_mean_picture_is_the_rendered_one_and_cells_vary_as_in_that(
     for column in (
         30,
         100,
-    ):  # beside dent and needle: where the profile passes half its height at both edges
+    ):
+        # beside dent and needle: where the profile passes half its height at both edges
         top = round(float(surface(WINDOW.laterals_m[[column]])[0]) / WINDOW.row_m)
         seen = [picture[top - 3 : top + 10, column] for picture in (expected, found)]
         first, after = (

@@ -249,7 +249,8 @@ def test_an_archive_that_is_not_deflated_encrypted_or_too_large_is_refused(
     for place, value in (
         (8, 1),
         (10, 99),
-    ):  # flags of an entry in the central directory; its method
+    ):
+        # flags of an entry in the central directory; its method
         save_library(library, path)
         content = bytearray(path.read_bytes())
         content[content.index(b"PK\1\2") + place] = value

@@ -94,9 +94,8 @@ def test_path_that_keeps_its_own_steps_ends_at_the_first_state_over_the_force() 
 
 
 def test_a_path_whose_tip_turns_back_raises_and_says_where() -> None:
-    with pytest.raises(
-        SolverError, match=r"dent of \d+(\.\d+)? mm, F/E = "
-    ):  # the tip itself must go back
+    with pytest.raises(SolverError, match=r"dent of \d+(\.\d+)? mm, F/E = "):
+        # the tip itself must go back
         trace(Truss(SOFT), np.zeros(2), 0.0, **FAR)
 
 

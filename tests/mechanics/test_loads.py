@@ -323,9 +323,8 @@ def test_the_beds_stiffness_is_that_of_the_integrals_over_the_half_sphere() -> N
     area = 2 * np.pi * R**2
     bed = elastic_bed(mesh, NORMAL, SHEAR)
 
-    for axis in np.eye(
-        3
-    ):  # over the half-sphere the mean of each squared component of the normal is 1/3
+    for axis in np.eye(3):
+        # over the half-sphere the mean of each squared component of the normal is 1/3
         assert energy(bed, moved(mesh, axis)) == pytest.approx(
             area * (NORMAL + 2 * SHEAR) / 3, rel=2e-3
         )

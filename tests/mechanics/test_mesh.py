@@ -433,7 +433,8 @@ def test_an_automatic_mesh_is_graded_for_one_contact_alone_or_a_bed() -> None:
         even,
         MeshStudy(divisions=8),
         MeshStudy(level=0),
-    ):  # their study decides
+    ):
+        # their study decides
         assert same_mesh(
             Study(mesh=stated), replace(stated, kind="hexahedra"), CONTACT, alone=True
         )
@@ -478,7 +479,8 @@ def test_the_point_found_lies_on_the_ray_inside_its_quad() -> None:
         for surface_qn in (
             mesh.outer_qn,
             mesh.inner_qn,
-        ):  # coordinates found on the outer surface serve the inner
+        ):
+            # coordinates found on the outer surface serve the inner
             points = pierced(mesh, surface_qn, quads, local)
             assert np.all(np.sum(points * rays, axis=1) > 0)
             off_ray = np.linalg.norm(np.cross(points, rays), axis=1) / np.linalg.norm(

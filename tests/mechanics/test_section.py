@@ -107,9 +107,8 @@ def test_the_undeformed_wall_is_cut_in_two_circles_that_end_on_the_base(
         height = in_space(curve, plane)[:, 2]
         assert height.min() > -MICRON
 
-        if (
-            np.hypot(*(curve[0] - curve[-1])) > MICRON
-        ):  # else the plane misses the base: a full circle
+        if np.hypot(*(curve[0] - curve[-1])) > MICRON:
+            # else the plane misses the base: a full circle
             assert np.abs(height[[0, -1]]).max() < 5 * MICRON
 
 
@@ -241,9 +240,8 @@ def cut_tetrahedra(mesh, plane, displacement, pieces):
     }
     tetrahedra = []
 
-    for order in permutations(
-        range(3)
-    ):  # Kuhn: each order of the axes is a path from corner 000 to 111
+    for order in permutations(range(3)):
+        # Kuhn: each order of the axes is a path from corner 000 to 111
         path = [np.zeros(3, int)]
         for axis in order:
             path.append(path[-1] + np.eye(3, dtype=int)[axis])

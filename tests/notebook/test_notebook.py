@@ -157,12 +157,14 @@ def test_inputs_that_would_be_ignored_and_a_missing_model_are_refused() -> None:
             {"youngs_modulus_pa": 0.3e6, "calibration": "modulus.json"},
             "the calibration gives the modul",
         ),
-        ("nothing", {}, "nothing: no such folder, and not a bundled model"),
+        ("nothing", {}, "nothing: no such folder; give one, or a bundled model"),
     ):
         with pytest.raises(InputError, match=words):
             read(model, FRAME, **given, **SIZE)
 
-    with pytest.raises(InputError, match="nothing: no such folder, and not a bundled"):
+    with pytest.raises(
+        InputError, match="nothing: no such folder; give one, or a bundled"
+    ):
         evaluate("nothing", "eye-a")
 
 

@@ -222,7 +222,8 @@ def test_a_limbus_at_a_false_scale_is_not_read_as_a_dent() -> None:
     for radius_m, lean_rad in (
         (12e-3, -0.3),
         (7.8e-3, 0.03),
-    ):  # sclera and cornea meet 1 mm beside the middle
+    ):
+        # sclera and cornea meet 1 mm beside the middle
         beside_m = (lateral + 1e-3) / 1.8 - radius_m * np.sin(lean_rad)
         depths.append(
             0.8

@@ -178,8 +178,10 @@ def test_a_puncture_in_the_force_log_is_found_unless_frames_csv_says_otherwise(
 ) -> None:
     path = shutil.copytree(places["a"], tmp_path / "through")
     log = np.loadtxt(path / "forces.csv", delimiter=",", skiprows=1)
-    # of the third push: friction, before its middle
-    log[(log[:, 0] > 16.5) & (log[:, 0] < 20.0), 3] = 0.1 - 6e-3
+    # of the third push: friction, before its middle, with the noise of a sensor
+    through = (log[:, 0] > 16.5) & (log[:, 0] < 20.0)
+    noise_n = np.random.default_rng(0).normal(0.0, 1e-4, through.sum())
+    log[through, 3] = 0.1 - 6e-3 + noise_n
     header = "time_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm"
     np.savetxt(
         path / "forces.csv", log, fmt="%.6f", delimiter=",", header=header, comments=""

@@ -257,7 +257,8 @@ def test_each_gap_of_a_monitor_widens_the_interval_around_all_that_may_have_been
             0.0,
             1.0,
             2.5,
-        ):  # a monitor never gives a single frame the history of the calibration
+        ):
+            # a monitor never gives a single frame the history of the calibration
             late, after = watched(after_s + gap_s, path, history)
             assert inside(late, path.felt_n(after_s + gap_s))
             history = after if gap_s else history

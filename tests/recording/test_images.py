@@ -235,7 +235,8 @@ def test_arrays_that_are_not_grey_or_not_whole_are_refused(tmp_path: Path) -> No
     for array, lost in (
         (FRAMES, 10),
         (np.array([{"a": 1}], dtype=object), 0),
-    ):  # pickled objects are never opened
+    ):
+        # pickled objects are never opened
         np.save(path, array)
         path.write_bytes(path.read_bytes()[: path.stat().st_size - lost])
 

@@ -451,7 +451,8 @@ def test_the_monitor_withdraws_for_the_faults_own_cause(
     for name_of_limit in (
         "WITHIN_S",
         "SILENT_S",
-    ):  # the monitor's server may be held up
+    ):
+        # the monitor's server may be held up
         monkeypatch.setattr(faults, name_of_limit, FUSE_S)
 
     found = []

@@ -220,7 +220,8 @@ def test_a_line_whose_light_continues_below_the_tissue_is_a_flare() -> None:
     for end, seen in (
         (len(frame), False),
         (len(frame) * 3 // 4, True),
-    ):  # a flare does not fade on its way down
+    ):
+        # a flare does not fade on its way down
         streak = frame.astype(np.int64)
         streak[begin:end, column - 8 : column + 9] += 200
         needle = find_wall(np.clip(streak, 0, 4095).astype(np.uint16), SCALE).needle

@@ -318,7 +318,8 @@ def test_a_session_keeps_the_travel_and_marks_what_comes_after_a_puncture(tmp_pa
         (1.5e-3, False),
         (2.0, False),
         (-2e-3, True),
-    ):  # 2 m: no recording has it
+    ):
+        # 2 m: no recording has it
         monitor.decide(
             "WITHDRAW" if pierced else "WATCHING", travel_m=travel_m, pierced=pierced
         )

@@ -365,7 +365,8 @@ def test_a_child_gets_its_settings_and_the_files_and_ends_or_is_killed_when_the_
         signal.SIGQUIT,
         signal.SIGINT,
         signal.SIGTERM,
-    ):  # as a terminal that is closed
+    ):
+        # as a terminal that is closed
         os.kill(child.process.pid, number)
 
     child.channel.send(note(1))  # it is there after the signals

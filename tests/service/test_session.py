@@ -164,7 +164,8 @@ def test_frames_have_the_travel_that_was_stated_last_and_its_age() -> None:
     for back_m, code in (
         (0.0, 3),
         (0.0005, 1),
-    ):  # what the needle went back explains the fall, or not
+    ):
+        # what the needle went back explains the fall, or not
         session = Session(read, replace(LIMITS, retraction_m_s=0.05), clock, clock)
         for sender_id, force_un in enumerate(
             (24_000, 24_001, 24_002, 24_003, 7_000, 7_001), 1

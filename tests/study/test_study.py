@@ -281,7 +281,7 @@ BAD = [
         "mesh.order: a number of more than 15 digits",
     ),
     (
-        "[eye]\nradius_mm.a" + ".a" * 2000 + " = 1",
+        "[eye]\nradius_mm.a" + ".a" * 15 + " = 1",
         1,
         "eye.radius_mm: expected a number, found {'a': {'a': ",
     ),
@@ -321,6 +321,12 @@ def test_faults_are_named_with_their_line() -> None:
     ]:  # which tomllib does not refuse itself
         with pytest.raises(StudyError, match=r"my\.toml: not TOML"):
             parse_study(text, "my.toml")
+
+
+def test_the_line_of_a_key_of_many_parts_is_named() -> None:
+    deep = "[eye]\nradius_mm.a" + ".a" * 2000 + " = 1"
+    with pytest.raises(StudyError, match=r"^my\.toml:2: a key of more than 20 parts"):
+        parse_study(deep, "my.toml")
 
 
 @given(

@@ -156,9 +156,8 @@ def _fits(reader: ForceReader, eyes: Sequence[DrawnEye], globe: KnownGlobe) -> W
             prior_of(known, reader.study.reader),
             smoothing_m,
         )
-        if (
-            fit_boundaries(*one) is not None
-        ):  # a frame that shows too little is refused at once
+        if fit_boundaries(*one) is not None:
+            # a frame that shows too little is refused at once
             inputs.append(one)
 
     return lambda n: fit_boundaries(*inputs[n % len(inputs)])

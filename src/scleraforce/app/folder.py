@@ -110,7 +110,8 @@ class Folder:
             except (
                 OSError,
                 InputError,
-            ):  # without permission, gone meanwhile, or a link that leads out
+            ):
+                # without permission, gone meanwhile, or a link that leads out
                 continue
 
             if kind:

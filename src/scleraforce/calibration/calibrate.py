@@ -289,9 +289,8 @@ def _of_sought_tissue(
     def calibrate(
         of_tissue: Library, wanted: int | None
     ) -> TissueTrial[EyeCalibration]:
-        with np.errstate(
-            all="ignore"
-        ):  # with walls that are far from the eye's a filter may end anywhere
+        with np.errstate(all="ignore"):
+            # with walls that are far from the eye's a filter may end anywhere
             return calibrate_eye(
                 recording,
                 replace(settings, library=of_tissue, frames=wanted),

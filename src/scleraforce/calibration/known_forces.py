@@ -513,9 +513,8 @@ def _moved(known: Known, found: Found) -> Known:
     mean = found.mean
     covariance = found.covariance
 
-    if (
-        globe.can_be_sealed
-    ):  # where k would leave its bounds, E is that of a k on the bound
+    if globe.can_be_sealed:
+        # where k would leave its bounds, E is that of a k on the bound
         bounds = (globe.lowest / REFERENCE_RIGIDITY, globe.highest / REFERENCE_RIGIDITY)
         mean = within_bounds(mean, covariance, OF_RIGIDITY, bounds)
         globe = replace(globe, mean=float(mean[OF_RIGIDITY]) * REFERENCE_RIGIDITY)

@@ -265,9 +265,8 @@ def plan_phantom(
             reflection_db=own.reflection_db,
             shadows=own.shadows,
         )
-        if (
-            optics.conjunctiva is not None
-        ):  # it has moved over the wall: its waves lie elsewhere
+        if optics.conjunctiva is not None:
+            # it has moved over the wall: its waves lie elsewhere
             phase_rad = float(
                 stream(eye, seed, CONJUNCTIVA, index).uniform(-np.pi, np.pi)
             )

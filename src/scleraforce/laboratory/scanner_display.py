@@ -429,9 +429,8 @@ def display_of_speckle(eye: ImagedEye, display: Display, spread: float) -> Displ
 
     def wider_db(
         looks: float,
-    ) -> (
-        float
-    ):  # the interquartile range of the mean of a number of looks over the noise's
+    ) -> float:
+        # the interquartile range of the mean of a number of looks over the noise's
         return float(
             10.0 * np.log10(gamma.ppf(0.75, looks) / gamma.ppf(0.25, looks))
         ) - float(high_db - low_db)

@@ -459,7 +459,8 @@ def _width(correlation: Floats, share: float, pixels: int, pixel_m: float) -> Me
 
     def over(
         width: float,
-    ) -> float:  # the correlation of neighbours beyond the least that is sure
+    ) -> float:
+        # the correlation of neighbours beyond the least that is sure
         return (
             float(_of_logarithms(share * drawn_correlation(width, 2)[1:])[0])
             - SURE * error

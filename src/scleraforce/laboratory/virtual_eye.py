@@ -252,9 +252,8 @@ def turned_eyes(eye: PhantomEye, study: Study) -> list[tuple[PhantomEye, Study]]
     for turn in knot_turns(reach_rad)[1:] if reach_rad else ():
         plane = turned_plane(eye.plane, turn)
         needle = study.needle
-        if (
-            needle.tilt_rad
-        ):  # its direction counts from the meridian, as that of the plane does
+        if needle.tilt_rad:
+            # its direction counts from the meridian, as that of the plane does
             direction_rad = (
                 needle.tilt_direction_rad + plane.direction_rad - eye.direction_rad
             )

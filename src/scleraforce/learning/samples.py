@@ -241,9 +241,8 @@ def draw_eyes(
     plain = rng.random(count) < reader.plain_share
     missing = np.arange(count)
 
-    for _ in range(
-        ROUNDS
-    ):  # a corner of the ranges may lie outside the library: draw these again
+    for _ in range(ROUNDS):
+        # a corner of the ranges may lie outside the library: draw these again
         iop_pa[missing] = log_even(reader.iop_pa, len(missing), rng)
         thickness_m[missing] = reader.thickness_m.sample(rng, len(missing))
         size[missing] = np.where(

@@ -149,7 +149,8 @@ def load_library(path: str | PathLike[str], content: bytes | None = None) -> Lib
         with (
             ZipFile(BytesIO(data)) as archive,
             np.errstate(over="ignore", invalid="ignore"),
-        ):  # `Library` checks
+        ):
+            # `Library` checks
             left = KINDS["model file"].max_bytes
             for entry in archive.infolist():
                 left -= entry.file_size

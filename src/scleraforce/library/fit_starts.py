@@ -173,9 +173,8 @@ def find_starts(problem: Problem, surface: Surface, work: Work, found: Floats) -
     thickness, resting, size, modulus, per_rate = _resting(problem)
 
     for rigidity in range(1 if law.is_open else 2):
-        for dent in range(
-            DENTS
-        ):  # they crowd where they are shallow: forces grow quickest there
+        for dent in range(DENTS):
+            # they crowd where they are shallow: forces grow quickest there
             tried[:] = mean
             tried[at.TIP] = tables.tip_m[-1] * size * (dent / (DENTS - 1)) ** 1.5
 

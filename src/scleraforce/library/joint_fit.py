@@ -231,9 +231,8 @@ class _Problem:
         )
         self.sd = np.concatenate([prior.sd[SHARED], EXTRA_SD])
 
-        if (
-            known.modulus is not None
-        ):  # E has these moments, and its logarithm is normal
+        if known.modulus is not None:
+            # E has these moments, and its logarithm is normal
             variance = float(np.log1p(known.modulus.relative_sd**2))
             self.mean[MODULUS] = log(known.modulus.mean_pa) - 0.5 * variance
             self.sd[MODULUS] = np.sqrt(variance)
@@ -315,9 +314,8 @@ class _Problem:
             slope = resting[0] * globe.level_slope(resting[0])
             found.append((globe.rate * volumes - risen) / (LEAST_SD * slope))
 
-        if (
-            shown.travel_m is not None
-        ):  # under more pressure the wall rises as a sphere does
+        if shown.travel_m is not None:
+            # under more pressure the wall rises as a sphere does
             stiffness = (
                 2.0 * np.exp(unknown_su[:, at.MODULUS]) * unknown_su[:, at.THICKNESS]
             )

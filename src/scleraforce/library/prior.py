@@ -103,9 +103,8 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     modulus_sd = known.modulus.relative_sd if known.modulus else 0.0
     discrepancy = known.discrepancy or NO_DISCREPANCY
 
-    if (
-        known.modulus is not None and known.modulus.source == "shape"
-    ):  # frames do not tell it once more
+    if known.modulus is not None and known.modulus.source == "shape":
+        # frames do not tell it once more
         discrepancy = replace(NO_DISCREPANCY, level_sd=modulus_sd)
         modulus_sd = LEAST_MODULUS_SD
 

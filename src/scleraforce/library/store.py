@@ -335,9 +335,8 @@ def cached_library(
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with FileLock(
-            place.with_suffix(".lock")
-        ):  # it ends with the process that holds it
+        with FileLock(place.with_suffix(".lock")):
+            # it ends with the process that holds it
             if found := _stored(place):  # another process has built it meanwhile
                 return found
 

@@ -433,9 +433,8 @@ def bend_eye(
         )
         raise SolverError(f"{fault}{hint}") from fault
 
-    if (
-        len(path.tips_m) < LEAST_STATES
-    ):  # high pressure: the dent is far shallower than a linear wall's
+    if len(path.tips_m) < LEAST_STATES:
+        # high pressure: the dent is far shallower than a linear wall's
         path = walk(
             largest_step_m=min(path.tip_m(min(goal_n, path.max_force_n)), travel_m)
             / LEAST_STATES

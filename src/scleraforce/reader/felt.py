@@ -465,9 +465,8 @@ class History:
             before_n2 = np.outer(left, left) * self.covariance + np.array(
                 known.after_covariance_n2
             )
-        elif (
-            follows and self.time_s is None
-        ):  # the first of a session, which may be the first push
+        elif follows and self.time_s is None:
+            # the first of a session, which may be the first push
             before_n2 = before_n2 + np.outer(before_n, before_n) / 4
             before_n = before_n / 2
 

@@ -703,9 +703,8 @@ class ForceReader(Reader):
                 default,
             )
 
-        if (
-            may_rest and not seen.dent_leaves
-        ):  # an eye at rest does not leave the frame in its middle
+        if may_rest and not seen.dent_leaves:
+            # an eye at rest does not leave the frame in its middle
             answer = verdicts.unless_at_rest(answer, fit, boundaries, self.study)
 
         if answer.usable:

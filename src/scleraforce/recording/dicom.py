@@ -463,9 +463,8 @@ def _stored_values(dataset: "Dataset", cells: NDArray[Any]) -> NDArray[Any]:
     bit may be set.
     """
     allocated, stored, high = _cell(dataset)
-    if (
-        stored == allocated or cells.dtype.itemsize * 8 != allocated
-    ):  # codecs give smaller cells where these suffice
+    if stored == allocated or cells.dtype.itemsize * 8 != allocated:
+        # codecs give smaller cells where these suffice
         return cells
 
     cells = np.ascontiguousarray(cells, cells.dtype.newbyteorder("="))
@@ -507,9 +506,8 @@ def _without_padding(
     last = int(value if limit is None else limit)
     stored = int(dataset.BitsStored)
 
-    if (
-        values.dtype.kind == "i"
-    ):  # some programs write the negative ones without their sign
+    if values.dtype.kind == "i":
+        # some programs write the negative ones without their sign
         first, last = (
             end - (1 << stored) if end >= 1 << (stored - 1) else end
             for end in (first, last)

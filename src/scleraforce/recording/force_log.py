@@ -88,9 +88,8 @@ def _faulty_samples(text: Table, column: "LogColumn") -> tuple[Flags, tuple[str,
     in_hex = bool(HEX.search(name.strip()))
 
     codes = {str(value): _code(str(value), in_hex) for value in values}
-    if any(
-        isinstance(code, float) for code in codes.values()
-    ):  # a measured quantity, like the error of a position
+    if any(isinstance(code, float) for code in codes.values()):
+        # a measured quantity, like the error of a position
         return none, (
             f"{name}: not taken for the sensor's status, because it has fractions",
         )
@@ -479,9 +478,8 @@ def read_force_text(
     stated = _stated_units(text)
     by_header = columns_by_header(text.names, stated, text.units)
 
-    if COUNTER in text.names and (
-        rate_hz := _stated_number(SAMPLE_RATE, text)
-    ):  # ATI's own clock has whole seconds
+    if COUNTER in text.names and (rate_hz := _stated_number(SAMPLE_RATE, text)):
+        # ATI's own clock has whole seconds
         by_header = [
             LogColumn("time_s", COUNTER, f"{rate_hz:.12g}Hz"),
             *(c for c in by_header if c.ours != "time_s"),

@@ -233,9 +233,8 @@ def read_film(path: Path) -> Scan:
     count = len(times_ms)
 
     with path.open("rb") as file:
-        if (
-            count < stated and file.read(4) != MATROSKA
-        ):  # which states no number of frames
+        if count < stated and file.read(4) != MATROSKA:
+            # which states no number of frames
             notes.append(
                 f"states {stated} frames and plays {count}: cut off, or the others are"
                 " empty, hidden or damaged"

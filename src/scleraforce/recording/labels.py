@@ -401,9 +401,8 @@ def _samples_around(
         log.time_s, [time_s - average_s / 2, time_s, time_s + average_s / 2 + 1e-9]
     )
     expected = average_s * log.sample_rate_hz
-    if (
-        middle in (start, stop) or stop - start < expected / 2 - 1e-6
-    ):  # its clock is rounded
+    if middle in (start, stop) or stop - start < expected / 2 - 1e-6:
+        # its clock is rounded
         place = f"within {average_s / 2:g} s of its time {time_s:g} s"
         return f"{stop - start} force samples {place}, about {expected:.0f} are needed"
     if missing := int(np.isnan(force_n[start:stop]).sum()):

@@ -436,9 +436,8 @@ def _of_lines(path: Path, lines: Sequence[str], least: int) -> Table:
         names = _names(line, separator)
 
         fields = _names(below, separator, marks="")
-        if separator == SPACES and len(names) > len(
-            fields
-        ):  # names with a blank in them
+        if separator == SPACES and len(names) > len(fields):
+            # names with a blank in them
             bare = line.lstrip("#%").strip()
             wide = re.split(r" {2,}", bare)
             bracketed = re.split(r" +(?![\[({<])", bare)

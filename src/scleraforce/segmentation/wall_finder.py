@@ -41,7 +41,8 @@ def reduced_frame(frame: Pixels | Singles, rows: int, columns: int) -> Singles:
         frame.shape[0] >= 2 * rows
         and frame.shape[1] >= columns
         and not frame.shape[0] % 2
-    ):  # halves: quicker
+    ):
+        # halves: quicker
         frame = cast(
             Pixels,
             cv2.resize(

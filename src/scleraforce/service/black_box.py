@@ -157,9 +157,8 @@ class FrameTaker:
         """Enqueue the frame of a decision, whose time it gets; frames of one moment get
         that of the first of them.
         """
-        if (
-            len(self._waiting) == self._ring.frames
-        ):  # then the oldest one has been overwritten
+        if len(self._waiting) == self._ring.frames:
+            # then the oldest one has been overwritten
             self._waiting.popleft()
             self.lost += 1
         self._waiting.append(decided)
@@ -180,9 +179,8 @@ class FrameTaker:
             self.lost += 1
             return
 
-        if (
-            moment is None or moment != self._moment
-        ):  # no two frames of one plane share a time
+        if moment is None or moment != self._moment:
+            # no two frames of one plane share a time
             self._last_s = max(
                 decided.entry.at_s - self.start_s, self._last_s + CLOCK_STEP_S
             )

@@ -114,9 +114,8 @@ class Guard:
         if now_s - self._beaten_s < self._beat_s:
             return self._fault
 
-        if (
-            now_s - self._beaten_s > self._silent_s
-        ):  # the first time, or after a pause of this process
+        if now_s - self._beaten_s > self._silent_s:
+            # the first time, or after a pause of this process
             self._answered_s = now_s
 
         self._beaten_s = now_s
@@ -238,9 +237,8 @@ class Companions:
         entry = decided.entry
 
         if BLACK_BOX in self._children:
-            if (
-                len(self._waiting) < MOST_WAITING
-            ):  # else it counts as failed already, and the log shows the gap
+            if len(self._waiting) < MOST_WAITING:
+                # else it counts as failed already, and the log shows the gap
                 self._waiting.append(data)
             self._send_waiting(entry.at_s)
 

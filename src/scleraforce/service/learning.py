@@ -91,9 +91,8 @@ class EyeLearner:
         is_light = answer.force_n is not None and answer.force_n < LIGHT_N
         self._light_s = min(self._light_s, asked.at_s) if is_light else inf
 
-        if (
-            asked.at_s - self._light_s > SETTLES_S and not self._waiting
-        ):  # the contact ended without a puncture
+        if asked.at_s - self._light_s > SETTLES_S and not self._waiting:
+            # the contact ended without a puncture
             self._link.send(KEEP)
             self._light_s = inf
 
@@ -184,9 +183,8 @@ class Fitting:
         if isinstance(asked, str):
             self._posterior = self._kept
         else:
-            with suppress(
-                np.linalg.LinAlgError
-            ):  # frames that contradict each other teach nothing
+            with suppress(np.linalg.LinAlgError):
+                # frames that contradict each other teach nothing
                 self._posterior = self._posterior.with_frames(asked)
 
         posterior = self._posterior

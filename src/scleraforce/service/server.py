@@ -170,9 +170,8 @@ class Server:
         for client in clients:
             if client in self._clients:
                 self._hear(client)
-            if (
-                self.session.clock() > end_s
-            ):  # pause for a moment, or until the scanner sends
+            if self.session.clock() > end_s:
+                # pause for a moment, or until the scanner sends
                 select(
                     [who for who in self._clients if who is self._scanner],
                     [],
@@ -214,9 +213,8 @@ class Server:
         for event in events:
             if (frame := self._hear_event(client, event, at_s, may_scan)) is not None:
                 frames.append(frame)
-            if (
-                client.wrong_tokens >= WRONG_TOKENS
-            ):  # it was disconnected; later messages do not count
+            if client.wrong_tokens >= WRONG_TOKENS:
+                # it was disconnected; later messages do not count
                 break
 
         newest = {frame.plane: frame for frame in frames}
@@ -271,9 +269,8 @@ class Server:
                     at_s=at_s, time_s=time_s, values=values, device=device
                 )
                 self._companions.send(BLACK_BOX, force, at_s)
-            case igtl.Received(
-                message=igtl.Sensor()
-            ):  # beyond a robot's rate: it must not delay a decision
+            case igtl.Received(message=igtl.Sensor()):
+                # beyond a robot's rate: it must not delay a decision
                 self._left_out += 1
             case igtl.BadChecksum() | igtl.Malformed() | igtl.Broken():
                 self._take_faulty(client, event, at_s, may_scan)
@@ -466,9 +463,8 @@ class Server:
         )
         self._companions.send(CONSOLE, rates, now_s)
 
-        if (
-            not rate
-        ):  # a console that has lost a message must not show an old state for long
+        if not rate:
+            # a console that has lost a message must not show an old state for long
             self._companions.send(
                 CONSOLE,
                 messages.Decided(entry=self.session.entry("again", now_s)),

@@ -142,9 +142,8 @@ class Watchdog:
     ) -> None:
         match letter:
             case b"B":
-                with suppress(
-                    BlockingIOError, BrokenPipeError
-                ):  # it may have died since; the next look will show it
+                with suppress(BlockingIOError, BrokenPipeError):
+                    # it may have died since; the next look will show it
                     self._monitor.send(ALIVE)
             case b"M":
                 self._messages[number] = bytearray(rest)

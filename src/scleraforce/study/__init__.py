@@ -315,8 +315,9 @@ def parse_record(kind: type[Record], text: str, name: str) -> Record:
     """Read a record of sections from TOML; a field with a default, or that can be None,
     may be missing.
     """
-    if DEEP_KEY.search(text):
-        raise StudyError(f"{name}: not TOML of ours: a key of more than {DEPTH} parts")
+    if deep := DEEP_KEY.search(text):
+        line = text.count("\n", 0, deep.start()) + 1
+        raise StudyError(f"{name}:{line}: a key of more than {DEPTH} parts")
 
     try:
         table = tomllib.loads(text)

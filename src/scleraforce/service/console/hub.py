@@ -271,9 +271,8 @@ class Hub:
         too_many = is_code and not self._token.answers_wrong(monotonic())
         if (too_many or not is_code) and not self._token.knows(token):
             self._wrong_tokens += 1
-            if (
-                self._wrong_tokens == 1
-            ):  # the monitor gets one message on all that come within `WRONG_S`
+            if self._wrong_tokens == 1:
+                # the monitor gets one message on all that come within `WRONG_S`
                 asyncio.get_running_loop().call_later(WRONG_S, self._send_wrong)
 
             await asyncio.sleep(WRONG_S)
