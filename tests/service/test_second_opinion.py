@@ -265,11 +265,14 @@ def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_
     modulus = found.known.modulus
     assert modulus is not None
     assert modulus.source == "shape"
+    # models read it beside the eye before
+    assert found.known.unlearned == EYE
     # one shallow dent tells little
     assert modulus.relative_sd == pytest.approx(PRIOR.relative_sd, rel=0.05)
     again = resumed(EYE, tmp_path / LEARNED_FILE, "eye-a")
     assert again.modulus is not None
     assert again.modulus.source == "population"
+    assert again.unlearned == EYE
     assert again.modulus.sd_pa == pytest.approx(PRIOR.sd_pa, rel=0.1)
 
     with pytest.raises(InputError, match="not of eye-b"):
@@ -284,5 +287,5 @@ def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_
     learning.show(0.020, teaches=False, pierced=True)
     forgotten = learning.learned(teaches=False)
     assert forgotten.frames == 0
-    assert forgotten.known.modulus == PRIOR
+    assert forgotten.known == EYE
     assert learning.child.end(FUSE_S) == 0

@@ -21,7 +21,7 @@ from scleraforce.calibration.result import (
 from scleraforce.errors import CalibrationError
 from scleraforce.known import UNKNOWN, Known, Modulus, known_of_recording
 from scleraforce.known.relaxation import KnownRelaxation
-from scleraforce.library import Library
+from scleraforce.library import Library, unknowns as at
 from scleraforce.library.fit import NO_WALL_M, fit_boundaries
 from scleraforce.library.joint_fit import (
     OWN,
@@ -30,7 +30,7 @@ from scleraforce.library.joint_fit import (
     ShownFrame,
     fit_jointly,
 )
-from scleraforce.library.prior import prior_of
+from scleraforce.library.prior import KNOWN_SD, prior_of
 from scleraforce.recording.folder import Recording, tables_digest
 from scleraforce.study import Study
 from scleraforce.units import from_si
@@ -48,7 +48,8 @@ class EyePosterior:
 
     `known`: the known eye with the prior of its modulus, `library`: that of its tissue.
     `frames` are the ones that count, at most `MOST_FRAMES`, whose dents are the most
-    different; `fit` is theirs, None before the first.
+    different; `fit` is theirs, None before the first. `iop_sd`: standard deviation of
+    the logarithm of the known IOP.
     """
 
     known: Known
@@ -56,6 +57,7 @@ class EyePosterior:
     library: Library
     frames: tuple[ShownFrame, ...] = ()
     fit: JointFit | None = None
+    iop_sd: float = KNOWN_SD[at.IOP]
 
     @property
     def modulus(self) -> Modulus:
@@ -81,8 +83,18 @@ class EyePosterior:
 
     @property
     def known_eye(self) -> Known:
-        """The known eye with this modulus and thickness, as a reader takes it."""
-        return replace(self.known, modulus=self.modulus, thickness_m=self.thickness_m)
+        """The known eye with this modulus and thickness, as a reader takes it, beside
+        the eye before.
+        """
+        if self.fit is None:
+            return self.known
+
+        return replace(
+            self.known,
+            modulus=self.modulus,
+            thickness_m=self.thickness_m,
+            unlearned=self.known.before_learning,
+        )
 
     def calibration(
         self,
@@ -153,9 +165,9 @@ class EyePosterior:
         begin = None if self.fit is None else self.fit.shared
         of_eye = library, shown, self.known, self.study.reader, smoothing_m
 
-        return replace(
-            self, frames=tuple(shown), fit=fit_jointly(*of_eye, np.array(own), begin)
-        )
+        joint = fit_jointly(*of_eye, np.array(own), begin, self.iop_sd)
+
+        return replace(self, frames=tuple(shown), fit=joint)
 
 
 def _spread(tips_m: Sequence[float], needed: Sequence[bool]) -> list[int]:

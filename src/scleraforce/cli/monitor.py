@@ -419,15 +419,15 @@ def _to_learn(
         if holds:
             raise InputError(f"--learn-eye: {reason}")
 
-    if resume is not None and eye is not None:
-        return resumed(known, resume, eye)
-
     prior = reader.study.calibration
     population = Modulus(
         mean_pa=prior.prior_mean_pa, sd_pa=prior.prior_sd_pa, source="population"
     )
+    known = replace(known, modulus=known.modulus or population)
+    if resume is not None and eye is not None:
+        return resumed(known, resume, eye)
 
-    return replace(known, modulus=known.modulus or population)
+    return known
 
 
 def _scan(

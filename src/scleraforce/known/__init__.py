@@ -285,6 +285,8 @@ class Known:
     and the wall's normal, `lean_azimuth_rad` its direction on its way up, from the
     plane's lateral axis. A calibration's modulus is of forces along the normal if it
     knew the lean, `calibrated_lean_rad`; otherwise of forces along its needle.
+    `unlearned` is the eye before a monitor learned its E, None where none did: models
+    read both (`reader.kinds`).
     """
 
     modulus: Modulus | None = None
@@ -301,6 +303,12 @@ class Known:
     lean_azimuth_rad: float | None = None
     calibrated_lean_rad: float | None = None
     leak_time_s: float | None = None
+    unlearned: "Known | None" = None
+
+    @property
+    def before_learning(self) -> "Known":
+        """The eye as it was known before a monitor learned its E."""
+        return self if self.unlearned is None else self.unlearned
 
     @property
     def has_own_modulus(self) -> bool:

@@ -33,7 +33,7 @@ from scleraforce.library.fit import law_of, library_walls
 from scleraforce.library.fit_frame import COLUMNS, CORRELATED_M, INNER_SD_M, OUTER_SD_M
 from scleraforce.library.fit_loops import LEAST_SD, Depths, predict
 from scleraforce.library.placement import CAUCHY, NORMAL_MEDIAN, UNSEEN_LOSS
-from scleraforce.library.prior import HEAVY, prior_of
+from scleraforce.library.prior import HEAVY, KNOWN_SD, prior_of
 from scleraforce.library.responses import Library
 from scleraforce.library.search_loops import HEAVY_CAUCHY, HIGHEST_POLE, MOVING
 from scleraforce.study import ReaderStudy
@@ -42,8 +42,8 @@ OWN = np.array([at.TIP, at.LATERAL, at.DEPTH, at.ROTATION, at.SHINE, at.PRESSURE
 SHARED = np.setdiff1d(np.arange(len(at.NAMES)), OWN)
 # places in the shared vector
 COMPLIANCE, SHIFT, RIGIDITY, WEIGHTS = range(len(SHARED), len(SHARED) + 4)
-MODULUS, THICKNESS, SIZE = (
-    SHARED.tolist().index(name) for name in (at.MODULUS, at.THICKNESS, at.SIZE)
+MODULUS, THICKNESS, SIZE, IOP = (
+    SHARED.tolist().index(name) for name in (at.MODULUS, at.THICKNESS, at.SIZE, at.IOP)
 )
 _FORM, _POLE = (
     np.isin(SHARED, np.arange(len(at.NAMES))[place]).nonzero()[0]
@@ -204,6 +204,7 @@ class _Problem:
         known: Known,
         trained: ReaderStudy,
         smoothing_m: float,
+        iop_sd: float = KNOWN_SD[at.IOP],
     ) -> None:
         prior = prior_of(known, trained)
         self.library = library
@@ -230,6 +231,8 @@ class _Problem:
             ]
         )
         self.sd = np.concatenate([prior.sd[SHARED], EXTRA_SD])
+        if known.iop_pa is not None:
+            self.sd[IOP] = iop_sd
 
         if known.modulus is not None:
             # E has these moments, and its logarithm is normal
@@ -524,14 +527,16 @@ def fit_jointly(
     smoothing_m: float,
     own: Floats,
     shared: Floats | None = None,
+    iop_sd: float = KNOWN_SD[at.IOP],
 ) -> JointFit:
     """Fit the library to all frames of an eye at once, from each frame's unknowns `own`
     (frame, `OWN`).
 
     `known` is the eye, its modulus the prior; `library` that of its contact; `shared`:
-    of an earlier fit, to begin at.
+    of an earlier fit, to begin at; `iop_sd`: standard deviation of the logarithm of a
+    known IOP.
     """
-    problem = _Problem(library, frames, known, trained, smoothing_m)
+    problem = _Problem(library, frames, known, trained, smoothing_m, iop_sd)
     shared, own = problem.inside(problem.mean if shared is None else shared, own)
     damping = FIRST_DAMPING
     cost = np.inf

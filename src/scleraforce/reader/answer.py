@@ -419,6 +419,29 @@ def together(answers: Sequence[Answer]) -> list[Answer]:
     ]
 
 
+def not_below(answer: Answer, unlearned: Answer) -> Answer:
+    """Return the answer for a learned eye, nowhere less careful than that for the eye
+    before: not usable if either is not, and with the higher class and the higher upper
+    end of both.
+    """
+    if not answer.usable:
+        return answer
+    if not unlearned.usable:
+        return unlearned
+
+    if unlearned.predicted > answer.predicted:
+        answer = replace(
+            answer,
+            predicted=unlearned.predicted,
+            probabilities=unlearned.probabilities,
+        )
+    if answer.interval_n is None or unlearned.interval_n is None:
+        return answer
+
+    low_n, high_n = answer.interval_n
+    return replace(answer, interval_n=(low_n, max(high_n, unlearned.interval_n[1])))
+
+
 def unusable(classes: int, reason: str) -> Answer:
     """Return the answer of a model with n classes to a frame that cannot be judged:
     withdraw.

@@ -4,7 +4,7 @@ library, the raw reader.
 
 import reprlib
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import zip_longest
@@ -39,6 +39,7 @@ from scleraforce.reader.answer import (
     Reading,
     disagreement,
     fit_reading,
+    not_below,
     together,
     unusable,
 )
@@ -63,6 +64,7 @@ from scleraforce.units import from_si
 
 INPUT = "slices"
 OUTPUT = "probabilities"
+ReadingMethod = Callable[[verdicts.Look, Pixels, PixelScale, Known], Answer]
 
 
 @dataclass(eq=False, repr=False)
@@ -140,15 +142,11 @@ class Reader(ABC):
             scale,
             self.study.slice,
             self._shifts,
-            known.thickness_m,
+            known.before_learning.thickness_m,
             self.finder,
             wall,
         )
-        answer = (
-            unusable(self.classes, seen.reason)
-            if seen.reason
-            else self._read(seen, frame, scale, known)
-        )
+        answer = self._careful(self._read, seen, frame, scale, known)
 
         return self.signed(answer, seen.segmentation)
 
@@ -161,15 +159,37 @@ class Reader(ABC):
         Arguments and errors as for `read`.
         """
         seen = verdicts.look(
-            frame, scale, self.study.slice, self._shifts, known.thickness_m
+            frame,
+            scale,
+            self.study.slice,
+            self._shifts,
+            known.before_learning.thickness_m,
         )
-        answer = (
-            unusable(self.classes, seen.reason)
-            if seen.reason
-            else self._live(seen, frame, scale, known)
-        )
+        answer = self._careful(self._live, seen, frame, scale, known)
 
         return self.signed(answer, seen.segmentation)
+
+    def _careful(
+        self,
+        method: ReadingMethod,
+        seen: verdicts.Look,
+        frame: Pixels,
+        scale: PixelScale,
+        known: Known,
+    ) -> Answer:
+        """Read a frame by a method; of an eye whose E was learned, with the eye before
+        as well.
+
+        The one place that keeps learning from lowering the upper end of an interval.
+        """
+        if seen.reason:
+            return unusable(self.classes, seen.reason)
+
+        answer = method(seen, frame, scale, known)
+        if known.unlearned is None:
+            return answer
+
+        return not_below(answer, method(seen, frame, scale, known.unlearned))
 
     def signed(self, answer: Answer, wall: Segmentation | None = None) -> Answer:
         """Return an answer with the model's name and class bounds, and the wall that
