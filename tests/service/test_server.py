@@ -396,6 +396,33 @@ def test_what_others_do_wrong_disturbs_nobody(
     scanner.watch()
 
 
+class CountingGuard(rule.NoGuard):
+    """Counts the signs of life."""
+
+    beats = 0
+
+    def beat(self, now_s: float) -> None:
+        self.beats += 1
+
+
+def test_the_watchdog_hears_of_each_frame_of_a_backlog() -> None:
+    """Sixteen large ones in one turn, with one sign of life, cost a monitor its life."""
+    guard = CountingGuard()
+    server, port = rule.small_server(guard, Companions({}), clock=TurnedClock())  # type: ignore[arg-type] # no Guard
+    frames = 5
+
+    with Peer(port) as scanner:
+        wait_until(lambda: server._turn(0.1) or len(list(server._clients)) == 1)
+        for number in range(frames):
+            scanner.show(10.0 + 0.01 * number)
+        scanner.deliver()
+        before = guard.beats
+        server._turn(0.1)
+        assert server.session.behind
+        assert guard.beats - before >= frames
+        server.close()
+
+
 def test_others_have_two_milliseconds_a_turn_and_who_has_waited_longest_is_first(
     monkeypatch,
 ) -> None:

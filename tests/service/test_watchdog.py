@@ -63,6 +63,78 @@ def test_a_monitor_that_says_nothing_for_a_tenth_of_a_second_hangs(
     assert watch(monkeypatch, [b"B", None, b"Q"]) == (True, 3)  # the end as planned
 
 
+@pytest.mark.parametrize(
+    ("said", "planned"),
+    [
+        ([b"V1 2", b"V2 3", b"B", b"Q"], True),
+        ([b"V1 2", b"B"], False),
+        ([b"V1 2", b"Q"], True),
+        ([], False),
+    ],
+    ids=["ends as planned", "hangs", "ends before its first turn", "dies"],
+)
+def test_duty_begins_with_the_first_sign_of_life(
+    monkeypatch: pytest.MonkeyPatch, said: list[bytes], planned: bool
+) -> None:
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    for word in said:
+        ours.send(word)
+    if not said:
+        ours.close()
+
+    patience_s = list[float]()
+    select_select = select.select
+
+    def look(readers, writers, others, within_s):  # type: ignore[no-untyped-def] # as that of select
+        patience_s.append(within_s)
+        return select_select(readers, writers, others, 0.0)
+
+    guard = watchdog.Watchdog(theirs, os.getpid())
+    with monkeypatch.context() as patch:
+        patch.setattr(module.select, "select", look)
+        guard.await_duty()
+        waits = len(patience_s)
+        assert guard.watch() is planned
+
+    assert all(
+        wait_s > watchdog.LOOK_S * watchdog.MISSES for wait_s in patience_s[:waits]
+    )
+    assert all(wait_s == watchdog.LOOK_S for wait_s in patience_s[waits:])
+    ours.close()
+    theirs.close()
+
+
+SLOW_START = """
+from scleraforce.service.companions import Guard
+
+guard = Guard(1e-4)  # it would end a silent monitor after half a millisecond
+sum(range(3_000_000))
+guard.end()
+print("served")
+"""
+
+
+def test_a_machine_that_delays_the_first_turn_does_not_cost_the_monitor() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", SLOW_START],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=FUSE_S,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "served\n", "")
+
+
+def test_a_monitor_that_never_begins_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    monkeypatch.setattr(watchdog, "DUTY_S", 0.0)
+    guard = watchdog.Watchdog(theirs, os.getpid(), look_s=0.0)
+    guard.await_duty()
+    assert guard.watch() is False
+    ours.close()
+    theirs.close()
+
+
 def test_other_bytes_are_refused() -> None:
     large = b"M1 " + b"x" * watchdog.MOST_BYTES
     wrong = (

@@ -113,7 +113,8 @@ def monitor_service(
 ) -> Iterator[tuple[Server, Address]]:
     """Start all processes, yield the server and its address, and end all processes.
 
-    Call the server's `run` at once: from here on the watchdog expects signs of life.
+    The watchdog expects signs of life from the first turn of the server's `run`, which
+    must come within `watchdog.DUTY_S`.
     The second opinion loads the folder `model` by itself; `note` is called with a line
     for the operator. It raises InputError if an address cannot be listened on, a folder
     cannot be written, or there is too little memory.

@@ -1,8 +1,8 @@
 """The watchdog: a process that makes the clients withdraw when the monitor hangs or has
 died.
 
-It holds duplicates of the clients' sockets. If no sign of life comes for `MISSES` looks
-of `LOOK_S`, it kills the monitor (which might otherwise resume later and say OK) and
+It holds duplicates of the clients' sockets. Its duty begins with the first sign of life.
+If then none comes for `MISSES` looks of `LOOK_S`, it kills the monitor (which might otherwise resume later and say OK) and
 sends the emergency (a STATUS, and a STRING for programs without that type) to all
 clients, every `REPEAT_S`, until the last one has left. A pause of the whole machine
 counts as one look. The process uses the standard library alone, so that it starts
@@ -37,6 +37,9 @@ FORM = re.compile(rb"M[123] .{58,}|C\d{1,18}|V\d{1,18} [123]|D\d{1,18}|B|Q", re.
 LOOK_S = 0.02
 MISSES = 5
 REPEAT_S = 0.05
+# for the first sign of life: the monitor greets its operator before, and no client has
+# been told anything
+DUTY_S = 20.0
 # of a header in any version
 HEADER_BYTES = 58
 TIME = slice(34, 42)  # seconds since 1970, in 2^-32 s
@@ -108,12 +111,32 @@ class Watchdog:
         self._clients: dict[int, socket.socket] = {}
         self._versions: dict[int, int] = {}
 
+    def await_duty(self) -> None:
+        """Take messages until the first sign of life or the monitor's end, which
+        `watch` takes, for `DUTY_S` at most.
+        """
+        end_s = time.monotonic() + DUTY_S
+        self._answer()
+
+        while select.select(
+            [self._monitor], [], [], max(0.0, end_s - time.monotonic())
+        )[0]:
+            try:
+                letter = self._monitor.recv(1, socket.MSG_PEEK)
+            except ConnectionResetError:
+                return
+
+            if letter in (b"B", b"Q", b""):
+                return
+
+            self._hear()
+
     def watch(self) -> bool:
         """Watch until the monitor ends; return True if it ends as planned, False if it
         hangs or dies.
         """
         misses = 0
-        self._monitor.send(ALIVE)
+        self._answer()
 
         while misses < MISSES:
             if not select.select([self._monitor], [], [], self._look_s)[0]:
@@ -121,30 +144,37 @@ class Watchdog:
                 continue
 
             misses = 0
-            try:
-                data, sockets, _, _ = socket.recv_fds(self._monitor, MOST_BYTES + 1, 1)
-            except ConnectionResetError:  # it died before it had heard an answer
-                return False
-
-            if not data:
-                return False
-
-            letter, number, rest = parts_of(data)
-            if letter == b"Q":
-                return True
-
-            self._take(letter, number, rest, sockets)
+            letter = self._hear()
+            if letter in (b"Q", b""):
+                return letter == b"Q"
 
         return False
+
+    def _hear(self) -> bytes:
+        """Take a message; return its letter, b"" if the monitor has died."""
+        try:
+            data, sockets, _, _ = socket.recv_fds(self._monitor, MOST_BYTES + 1, 1)
+        except ConnectionResetError:  # it died before it had heard an answer
+            return b""
+
+        if not data:
+            return b""
+
+        letter, number, rest = parts_of(data)
+        self._take(letter, number, rest, sockets)
+        return letter
+
+    def _answer(self) -> None:
+        with suppress(BlockingIOError, BrokenPipeError):
+            # it may have died since; the next look will show it
+            self._monitor.send(ALIVE)
 
     def _take(
         self, letter: bytes, number: int, rest: bytes, sockets: list[int]
     ) -> None:
         match letter:
             case b"B":
-                with suppress(BlockingIOError, BrokenPipeError):
-                    # it may have died since; the next look will show it
-                    self._monitor.send(ALIVE)
+                self._answer()
             case b"M":
                 self._messages[number] = bytearray(rest)
             case b"C":
@@ -225,6 +255,7 @@ def main() -> None:
     run_in_real_time(WATCHDOG_PRIORITY)
 
     watchdog = Watchdog(socket.socket(fileno=channel), pid, look_s)
+    watchdog.await_duty()
     if not watchdog.watch():
         watchdog.alarm()
 
