@@ -1,11 +1,16 @@
 """A monitor for the time of a block: the real one, ended whatever the block does."""
 
+import os
 import socket
+import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 from analytic_frames import GAP_M, IOP_PA, SCALE, image, tip_of, wall_section
 from commands import PACED, monitor_folder
@@ -13,6 +18,7 @@ from small_monitor import Peer
 from waiting import FUSE_S
 
 import scleraforce as sf
+from scleraforce.decision.events import Cause
 from scleraforce.errors import InputError
 from scleraforce.notebook import monitoring
 from scleraforce.openigtlink import Image
@@ -31,6 +37,8 @@ MATRIX = (
     0.0,
     0.0,
 )
+# the scale of the default model's study
+DEFAULT_MATRIX = (15.0 / 512, 0.0, 0.0, 0.0, 4.0 / 512, *MATRIX[5:])
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="the monitor runs on Linux only"
 )
@@ -112,3 +120,60 @@ def test_a_block_that_fails_ends_its_monitor(tmp_path: Path) -> None:
         fail()
 
     assert seen[0].lines[-1].startswith("ended after")
+
+
+BUSY_LOOPS = 2 * len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 0
+# a backlog as a delay of 160 ms leaves it, at 100 frames a second
+BACKLOG = 16
+BACKLOGS = 30
+UNPRIVILEGED = ("setpriv", "--bounding-set=-sys_nice")
+
+
+@contextmanager
+def busy_loops(number: int) -> Iterator[None]:
+    """Run programs that take all the processor time they get."""
+    with ExitStack() as stack:
+        for _ in range(number):
+            loop = stack.enter_context(
+                subprocess.Popen(
+                    [sys.executable, "-c", "while True: pass"], start_new_session=True
+                )
+            )
+            stack.callback(loop.kill)
+        yield
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give up a right")
+def test_the_watchdog_spares_a_monitor_beside_busy_loops(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without real-time rights, while withdrawals and the session are written."""
+    monkeypatch.setattr(monitoring, "COMMAND", (*UNPRIVILEGED, *monitoring.COMMAND))
+    meets = sf.monitor(
+        "default",
+        youngs_modulus_pa=0.3e6,
+        globe="open",
+        second_opinion=False,
+        record=tmp_path / "session",
+    )
+    rng = np.random.default_rng(1)
+    frames = rng.integers(0, 2000, (BACKLOG, 512, 512), dtype=np.uint16)
+
+    with (
+        meets as running,
+        busy_loops(BUSY_LOOPS),
+        Peer(running.port, version=2) as robot,
+    ):
+        for _ in range(BACKLOGS):
+            answered = len(robot.statuses())
+            for frame in frames:
+                robot.say(Image(frame[None], DEFAULT_MATRIX))
+            robot.hear(lambda peer, since=answered: len(peer.statuses()) > since)
+
+        assert any(status.code == 3 for status in robot.statuses())
+        causes = {status.name for status in robot.statuses()}
+        assert Cause.WATCHDOG.name not in causes
+
+    assert running.summary["frames"] >= BACKLOGS
+    assert running.lines[-1].startswith("ended after")

@@ -401,7 +401,7 @@ class CountingGuard(rule.NoGuard):
 
     beats = 0
 
-    def beat(self, now_s: float) -> None:
+    def beat(self, _now_s: float) -> None:
         self.beats += 1
 
 

@@ -113,11 +113,11 @@ def monitor_service(
 ) -> Iterator[tuple[Server, Address]]:
     """Start all processes, yield the server and its address, and end all processes.
 
-    The watchdog expects signs of life from the first turn of the server's `run`, which
-    must come within `watchdog.DUTY_S`.
-    The second opinion loads the folder `model` by itself; `note` is called with a line
-    for the operator. It raises InputError if an address cannot be listened on, a folder
-    cannot be written, or there is too little memory.
+    Call the server's `run` within `watchdog.DUTY_S`: from its first turn on the
+    watchdog expects signs of life. The second opinion loads the folder `model` by
+    itself; `note` is called with a line for the operator. It raises InputError if an
+    address cannot be listened on, a folder cannot be written, or there is too little
+    memory.
     """
     limits = settings.limits
     known = settings.known

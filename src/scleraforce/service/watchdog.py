@@ -1,12 +1,13 @@
 """The watchdog: a process that makes the clients withdraw when the monitor hangs or has
 died.
 
-It holds duplicates of the clients' sockets. Its duty begins with the first sign of life.
-If then none comes for `MISSES` looks of `LOOK_S`, it kills the monitor (which might otherwise resume later and say OK) and
-sends the emergency (a STATUS, and a STRING for programs without that type) to all
-clients, every `REPEAT_S`, until the last one has left. A pause of the whole machine
-counts as one look. The process uses the standard library alone, so that it starts
-before NumPy and the model are loaded and does not depend on them.
+It holds duplicates of the clients' sockets. Its duty begins with the first client or
+sign of life. If no sign of life comes for `MISSES` looks of `LOOK_S`, it kills the
+monitor (which might otherwise resume later and say OK) and sends the emergency (a
+STATUS, and a STRING for programs without that type) to all clients, every `REPEAT_S`,
+until the last one has left. A pause of the whole machine counts as one look. The
+process uses the standard library alone, so that it starts before NumPy and the model
+are loaded and does not depend on them.
 
 A message is one datagram: a letter and what follows it. The watchdog answers `ALIVE`
 when it is ready and to each sign of life (B); Q is a planned end.
@@ -37,8 +38,7 @@ FORM = re.compile(rb"M[123] .{58,}|C\d{1,18}|V\d{1,18} [123]|D\d{1,18}|B|Q", re.
 LOOK_S = 0.02
 MISSES = 5
 REPEAT_S = 0.05
-# for the first sign of life: the monitor greets its operator before, and no client has
-# been told anything
+# for the first client or sign of life: the monitor greets its operator before
 DUTY_S = 20.0
 # of a header in any version
 HEADER_BYTES = 58
@@ -112,8 +112,8 @@ class Watchdog:
         self._versions: dict[int, int] = {}
 
     def await_duty(self) -> None:
-        """Take messages until the first sign of life or the monitor's end, which
-        `watch` takes, for `DUTY_S` at most.
+        """Take messages until the first client, sign of life or end of the monitor,
+        which `watch` takes, for `DUTY_S` at most.
         """
         end_s = time.monotonic() + DUTY_S
         self._answer()
@@ -126,7 +126,7 @@ class Watchdog:
             except ConnectionResetError:
                 return
 
-            if letter in (b"B", b"Q", b""):
+            if letter in (b"B", b"C", b"Q", b""):
                 return
 
             self._hear()
