@@ -9,6 +9,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ import scleraforce as sf
 from scleraforce.decision.events import Cause
 from scleraforce.errors import InputError
 from scleraforce.notebook import monitoring
+from scleraforce.notebook.monitoring import RunningMonitor
 from scleraforce.openigtlink import Image
 
 MATRIX = (
@@ -120,6 +122,31 @@ def test_a_block_that_fails_ends_its_monitor(tmp_path: Path) -> None:
         fail()
 
     assert seen[0].lines[-1].startswith("ended after")
+
+
+@pytest.mark.usefixtures("patient")
+def test_a_block_ends_with_its_monitor_though_a_client_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The watchdog of a monitor that died stays until its clients have left."""
+    folder = monitor_folder(tmp_path)
+    monitors: list[subprocess.Popen[str]] = []
+    await_start = monitoring._await_start
+
+    def remember(process: "subprocess.Popen[str]", running: RunningMonitor) -> Thread:
+        monitors.append(process)
+        return await_start(process, running)
+
+    monkeypatch.setattr(monitoring, "_await_start", remember)
+    with ExitStack() as clients:
+        with sf.monitor(folder / "reader", second_opinion=False) as running:
+            robot = clients.enter_context(Peer(running.port))
+            robot.hear(lambda peer: bool(peer.statuses()))
+            monitors[0].kill()
+            robot.hear(lambda peer: peer.statuses()[-1].code == 3)
+
+        assert running.summary == {}
+        assert not robot.closed
 
 
 BUSY_LOOPS = 2 * len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 0

@@ -13,7 +13,7 @@ from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Thread
-from typing import Any
+from typing import IO, Any
 
 from scleraforce.errors import InputError
 from scleraforce.models import model_folder, model_name
@@ -30,6 +30,7 @@ COMMAND = (
     "from scleraforce.cli.main import main; main()",
 )
 END_S = 30.0  # for the black box to write its last entries
+LAST_LINES_S = 1.0
 # The options of known inputs, with their units; a globe is a word.
 KNOWN: Mapping[str, tuple[str, HumanUnit]] = {
     "youngs_modulus_pa": ("--youngs-modulus-mpa", "mpa"),
@@ -139,7 +140,10 @@ def monitor(
         words += ["--plane", f"{plane.name}:{offset_mm!r}:{direction_deg!r}"]
 
     words += [] if second_opinion else ["--no-second-opinion"]
-    with TemporaryDirectory(prefix="scleraforce-") as folder:
+    # the black box of a monitor that died may still write there
+    with TemporaryDirectory(
+        prefix="scleraforce-", ignore_cleanup_errors=True
+    ) as folder:
         words += ["--black-box", str(black_box or Path(folder) / "black-box")]
         process = subprocess.Popen(
             [*COMMAND, "monitor", *words],
@@ -150,18 +154,19 @@ def monitor(
             start_new_session=True,
         )
 
-        with process:
-            running = RunningMonitor()
-            try:
-                _await_start(process, running)
-                yield running
-            finally:
-                running.summary = _ended(process)
+        running = RunningMonitor()
+        listener = None
+        try:
+            listener = _await_start(process, running)
+            yield running
+        finally:
+            running.summary = _ended(process)
+            _hear_out(process, listener)
 
 
-def _await_start(process: "subprocess.Popen[str]", running: RunningMonitor) -> None:
-    """Read the operator's lines until the last one of the start, then in a thread, so
-    that the pipe never fills.
+def _await_start(process: "subprocess.Popen[str]", running: RunningMonitor) -> Thread:
+    """Read the operator's lines until the last one of the start; return the thread that
+    reads the others, so that the pipe never fills.
     """
     assert process.stderr is not None
     for line in process.stderr:
@@ -171,20 +176,22 @@ def _await_start(process: "subprocess.Popen[str]", running: RunningMonitor) -> N
             running.port = int(words[1].rpartition(":")[2])
         if name == "reset":
             running.token = words[-1]
-            Thread(
-                target=lambda: running.lines.extend(
-                    map(str.rstrip, process.stderr or ())
-                ),
-                daemon=True,
-            ).start()
-
-            return
+            listener = Thread(
+                target=_listen, args=(process.stderr, running.lines), daemon=True
+            )
+            listener.start()
+            return listener
 
     raise InputError(
         running.lines[-1].removeprefix("error: ")
         if running.lines
         else "monitor: it ended at its start"
     )
+
+
+def _listen(said: IO[str], lines: list[str]) -> None:
+    with said:
+        lines.extend(map(str.rstrip, said))
 
 
 def _ended(process: "subprocess.Popen[str]") -> Mapping[str, Any]:
@@ -198,7 +205,22 @@ def _ended(process: "subprocess.Popen[str]") -> Mapping[str, Any]:
         process.wait(END_S)
     except subprocess.TimeoutExpired:
         process.kill()
+        process.wait()
 
-    text = process.stdout.read() if process.stdout is not None else ""
+    assert process.stdout is not None
+    with process.stdout:
+        text = process.stdout.read()
     summary: dict[str, Any] = json.loads(text) if text else {}
     return summary
+
+
+def _hear_out(process: "subprocess.Popen[str]", listener: Thread | None) -> None:
+    """Wait for the last lines of a monitor that has ended.
+
+    Where it died, its watchdog and its black box may hold the pipe for long: until the
+    last client has left, and until the last frames are written.
+    """
+    if listener is not None:
+        listener.join(LAST_LINES_S)
+    elif process.stderr is not None:
+        process.stderr.close()
