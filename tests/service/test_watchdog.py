@@ -104,6 +104,28 @@ def test_duty_begins_with_the_first_sign_of_life(
     theirs.close()
 
 
+def test_a_client_before_the_first_sign_of_life_begins_the_duty() -> None:
+    """The watchdog holds its socket then, and looks at the monitor."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    robot, client = socket.socketpair()
+    socket.send_fds(ours, [b"C1"], [client.fileno()])
+    client.close()
+
+    guard = watchdog.Watchdog(theirs, os.getpid(), look_s=0.0)
+    guard.await_duty()
+    assert guard.watch() is False
+    robot.setblocking(False)
+    with pytest.raises(BlockingIOError):  # a closed one would be at its end
+        robot.recv(1)
+
+    ours.send(b"D1")
+    assert guard.watch() is False
+    assert robot.recv(1) == b""
+
+    for end in (ours, theirs, robot):
+        end.close()
+
+
 SLOW_START = """
 from scleraforce.service.companions import Guard
 
