@@ -167,10 +167,10 @@ def _check_chain(file: "TiffFile") -> None:
     seen = set[int]()
 
     while at:
-        if at in seen or len(seen) == MOST_PAGES:
-            raise FrameError(
-                f"damaged: its pages go round, or are more than {MOST_PAGES}"
-            )
+        if at in seen:
+            raise FrameError("damaged: its pages go round")
+        if len(seen) == MOST_PAGES:
+            raise FrameError(f"more than {MOST_PAGES} pages; save it as several files")
 
         seen.add(at)
         tags = _number(file, at, tiff.tagnosize, tiff.tagnoformat)
