@@ -252,7 +252,7 @@ def test_no_command_speaks_to_another_host_or_writes_outside_its_outputs(
         ("segment", "eye", "--out", "masks", "--overlay"),
         ("generate", "--study", "study.toml", "--out", "data.zarr", "--workers", "1"),
         ("train", "data.zarr", "--out", "classifier"),
-        ("classify", "classifier", *frame),
+        ("classify", "./classifier", *frame),
         ("classify", reader, *frame),
         ("evaluate", reader, "eye", "--html", "page.html"),
         ("monitor", reader, "--port", "0", "--web-port", "0"),

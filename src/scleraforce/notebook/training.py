@@ -163,7 +163,7 @@ def train(
                 device=device,
             )
 
-        return load_model(out)
+        return load_model(Path(out).absolute())  # not a bundled model of that name
 
     if not isinstance(source, Library):
         raise InputError(
@@ -212,4 +212,4 @@ def train(
                 device=device,
             )
 
-    return load_model(out)
+    return load_model(Path(out).absolute())  # not a bundled model of that name
