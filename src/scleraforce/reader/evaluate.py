@@ -15,6 +15,7 @@ import numpy as np
 
 from scleraforce.arrays import Integers
 from scleraforce.calibration.forces import label_sds
+from scleraforce.decision.events import Cause
 from scleraforce.decision.limits import MonitorLimits, upper_end
 from scleraforce.decision.state import DENTS, NOISE_WINDOWS
 from scleraforce.decision.trend import (
@@ -720,7 +721,9 @@ class _Session:
             )
             if force_n is not None and not frame.repeats:
                 dents.append(Dent(entry.time_s, force_n, entry.travel_m))
-            if unexplained_fall(tuple(dents[-DENTS:]), limits):
+            # a fall between held pushes, which nobody saw, is no puncture
+            fall = unexplained_fall(tuple(dents[-DENTS:]), limits)
+            if fall is not None and fall.cause is Cause.PIERCED:
                 punctures_s.append(dents[-OUTSIDE].at_s)
 
         times_s = np.array([entry.time_s for entry in self.recording.frames])
