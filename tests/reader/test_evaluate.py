@@ -173,6 +173,14 @@ def test_frames_after_a_puncture_in_the_readings_are_left_out_up_to_the_end_of_t
     )
 
 
+@pytest.mark.parametrize("every_s", [0.2, 8.0])
+def test_a_fall_between_held_pushes_is_no_puncture(places, reader, every_s) -> None:
+    forces_n = 1e-3 * np.array([12.0, 24.0, 36.0, 35.0, 3.0, 3.1, 8.0, 9.0, 2.0, 2.0])
+    times_s = every_s * np.arange(len(forces_n))
+    found = read_as(places["silent"], times_s, forces_n, reader)
+    assert not any(frame.pierced for frame in found)
+
+
 def test_a_puncture_in_the_force_log_is_found_unless_frames_csv_says_otherwise(
     places, reader, tmp_path: Path
 ) -> None:
