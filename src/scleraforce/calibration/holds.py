@@ -25,6 +25,7 @@ import numpy as np
 
 from scleraforce.arrays import Flags, Floats
 from scleraforce.known.relaxation import HoldFinding, KnownRelaxation, rows
+from scleraforce.library.placement import robust_spread
 from scleraforce.mechanics.material import driven_back
 
 # two terms of any times between are as good as in the grid
@@ -114,11 +115,8 @@ class HoldLog:
         ends_n = np.pad(felt_n, (SMOOTHED // 2, (SMOOTHED - 1) // 2), mode="symmetric")
         smooth_n = np.convolve(ends_n, np.full(SMOOTHED, 1.0 / SMOOTHED), mode="valid")
         speed = np.gradient(smooth_n)
-        noise = (
-            1.4826 * float(np.median(np.abs(speed[~contact])))
-            if (~contact).any()
-            else 0.0
-        )
+        at_rest = np.abs(speed[~contact])
+        noise = robust_spread(at_rest) if at_rest.size else 0.0
         ends = np.flatnonzero(np.diff(contact, prepend=False, append=False))
 
         for start, stop in ends.reshape(-1, 2).tolist():
