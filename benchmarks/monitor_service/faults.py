@@ -29,6 +29,7 @@ from scleraforce.replay.player import (
     Timed,
     Unstamped,
     frame_message,
+    median_interval_s,
 )
 
 from .figures import QUANTILES, Progress, print_table, quantiles_ms
@@ -246,7 +247,10 @@ class Line:
         there.
         """
         begun_s = monotonic()
-        place = int(self._rng.choice(self._places))
+        interval_s = median_interval_s(self._frames.recording)
+        least_n = FAULTS[name].least_n(interval_s)
+        before_n = self._frames.force_n[self._places - 1]
+        place = int(self._rng.choice(self._places[before_n > least_n]))
         forces_n = list(self._frames.force_n)
 
         for _ in range(TRIES):

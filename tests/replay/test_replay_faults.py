@@ -290,6 +290,18 @@ def test_the_time_of_a_fault_is_drawn_in_contact_and_clear_of_danger(recording) 
     assert min(forces_n) > 4e-3
     assert max(after_n) <= 24.1e-3
     assert len(times_s) > 1
+    slow_n = np.minimum(FORCES_N, 20e-3)
+    bunches_s = {
+        draw_fault_time(recording, slow_n, np.random.default_rng(seed), "bunch")
+        for seed in range(200)
+    }
+    # a withdrawal could explain any smaller fall from one frame to the next
+    least_n = FAULTS["bunch"].least_n(float(np.median(np.diff(frames_s))))
+    before_n = [
+        slow_n[np.searchsorted(frames_s, time_s - 1e-9) - 1] for time_s in bunches_s
+    ]
+    assert min(before_n) > least_n > 10e-3
+    assert len(bunches_s) > 1
     # the needle lifts off again and again
     dipping_n = np.where(np.arange(FRAMES) % 20 < 10, 0.0, FORCES_N)
 
@@ -314,6 +326,8 @@ def test_a_fault_that_cannot_be_is_one_clear_line(recording) -> None:
             "forces up to 20.0 mN; this fault needs 33 mN",
         ),
         ("dangerous", AT_S, None, "no force at its frames"),
+        ("pause", AT_S, np.full(FRAMES, 4.5e-3), "4.5 mN at the fault.* from 4.7 mN"),
+        ("bunch", AT_S, np.full(FRAMES, 8e-3), "8.0 mN at the fault.* from"),
     ):
         with pytest.raises(InputError, match=message):
             prepare(
@@ -392,8 +406,10 @@ def test_a_fault_that_nobody_notices_is_exit_code_1(recording, capsys, clocked) 
 # picture for a frame of some force, so noise is not unusable to it; its frames have no
 # texture that shows a changed picture, and it bears more delay than the stale frames of
 # so short a recording have. Other tests have these.
+# The zeros at the end are what a fall shows: enough of them that none comes twice, and
+# that a stalled server, which reads the newest frame alone, still finds the force low.
 RULED_N = np.concatenate(
-    [np.zeros(10), np.full(60, 8e-3), np.linspace(8e-3, 40e-3, 60)]
+    [np.zeros(10), np.full(60, 16e-3), np.linspace(16e-3, 40e-3, 60), np.zeros(60)]
 )
 FAULT_S = 1.4  # frame 41, in contact
 CHANGED = (

@@ -133,7 +133,7 @@ def replay(
             )
 
         at_s = (
-            draw_fault_time(recording, forces_n or (), rng)
+            draw_fault_time(recording, forces_n or (), rng, fault, speed)
             if fault_at_s is None
             else fault_at_s
         )

@@ -42,7 +42,8 @@ from scleraforce.units import from_si
 
 WITHIN_S = 0.5  # a later withdrawal does not count
 SILENT_S = 0.15  # without a STATUS, after which the robot withdraws by itself
-BOUND_N = MonitorLimits().bound_n
+LIMITS = MonitorLimits()
+BOUND_N = LIMITS.bound_n
 # Clear of the monitor's bounds by the error of a reading.
 CONTACT_N = 4e-3
 HARMLESS_N = BOUND_N - 6e-3
@@ -57,6 +58,7 @@ CLOCK_COLUMNS = 1 / 8
 OLD_SHARES = 0.6, 0.95  # of an old picture, in a ghost
 PAUSE_S = 0.06
 LEFT = 0.25  # of the force, after a puncture
+CLEARLY_N = 1.5e-3  # of a fall: several times the noise of readings
 OLD_S = 5.0  # age of a part
 LATER = 0.8  # of an interval, by which each frame waits longer than the one before
 
@@ -143,11 +145,19 @@ def prepare(
 
 
 def draw_fault_time(
-    recording: Recording, forces_n: Sequence[float], rng: np.random.Generator
+    recording: Recording,
+    forces_n: Sequence[float],
+    rng: np.random.Generator,
+    name: str | None = None,
+    speed: float = 1.0,
 ) -> float:
-    """Draw a time after contact, long before any force that is a cause by itself;
-    raises `InputError` if none is.
+    """Draw a time after contact, long before any force that is a cause by itself, and
+    with the force from which the fault `name`, if any, can be seen; raises
+    `InputError` if none is.
     """
+    least_n = CONTACT_N
+    if name is not None:
+        least_n = FAULTS[name].least_n(median_interval_s(recording) / speed)
     force_n = np.asarray(forces_n)
     frames_s = np.array([entry.time_s for entry in recording.frames])
     touched = np.flatnonzero((force_n > CONTACT_N) & (force_n < HARMLESS_N))
@@ -156,12 +166,11 @@ def draw_fault_time(
     over = np.flatnonzero(force_n >= HARMLESS_N)
     end_s = (frames_s[over[0]] if len(over) else frames_s[-1]) - WITHIN_S
 
-    possible = first + np.flatnonzero(
-        (force_n > CONTACT_N)[first:] & (frames_s <= end_s)[first:]
-    )
+    seen = (force_n > least_n) & (np.roll(force_n, 1) > least_n)
+    possible = first + np.flatnonzero(seen[first:] & (frames_s <= end_s)[first:])
     if not len(possible):
         between = (
-            f"contact ({from_si(CONTACT_N, 'mn'):g} mN) and"
+            f"contact ({from_si(least_n, 'mn'):g} mN) and"
             f" {from_si(HARMLESS_N, 'mn'):g} mN"
         )
         needs = (
@@ -377,7 +386,7 @@ class _Stage:
         ones while there are others.
         """
         forces_n = self.forces_n(least_n)
-        shown = MonitorLimits().shown_frames
+        shown = LIMITS.shown_frames
         chosen = list(range(max(0, self.first - shown), self.first))
 
         for force_n in wanted_n:
@@ -391,6 +400,19 @@ class _Stage:
             self.recording.frame(self.recording.frames[index])
             for index in chosen[-len(wanted_n) :]
         ]
+
+    def fallen(self, name: str, count: int) -> list[Pixels]:
+        """Return pixels of frames after the fall that the fault `name` hides."""
+        least_n = FAULTS[name].least_n(self.interval_s)
+        before_n = self.forces_n(CONTACT_N)[self.first - 1]
+        if before_n < least_n:
+            raise InputError(
+                f"{self.recording.path}: {from_si(before_n, 'mn'):.1f} mN at the fault;"
+                f" its fall shows clearly only from {from_si(least_n, 'mn'):.1f} mN on:"
+                " choose another time (--fault-at-s)"
+            )
+
+        return self.nearest([LEFT * before_n] * count, CONTACT_N)
 
 
 def _unusable(stage: _Stage) -> list[Act]:
@@ -562,16 +584,14 @@ def _dangerous(stage: _Stage) -> list[Act]:
 
 def _pause(stage: _Stage) -> list[Act]:
     missing = ceil(PAUSE_S / stage.interval_s)
-    left_n = LEFT * stage.forces_n(CONTACT_N)[stage.first - 1]
-    after = stage.nearest([left_n] * (stage.count - missing), CONTACT_N)
+    after = stage.fallen("pause", stage.count - missing)
     return [*stage.silence[:missing], *stage.shown(after)]
 
 
 def _bunch(stage: _Stage) -> list[Act]:
     frames = ceil(PAUSE_S / stage.interval_s)
     held = frames // 2
-    left_n = LEFT * stage.forces_n(CONTACT_N)[stage.first - 1]
-    fallen = stage.nearest([left_n] * (stage.count - held), CONTACT_N)
+    fallen = stage.fallen("bunch", stage.count - held)
     bunch = [stage.sending(stage.pixels(index)) for index in range(held)]
     bunch += map(stage.sending, fallen[: frames - held])
     at_once = tuple(
@@ -608,6 +628,24 @@ def _in_parts(stage: _Stage, pixels: Pixels) -> tuple[Sending, Sending]:
     return Sending(old, stage.number, -OLD_S), Sending(fresh, stage.number)
 
 
+def _contact_n(_: float) -> float:
+    return CONTACT_N
+
+
+def _unseen_n(_: float) -> float:
+    """Return the force from which a fall to a quarter in a gap is beyond doubt, N."""
+    return (LIMITS.fall_n + CLEARLY_N) / (1.0 - LEFT)
+
+
+def _pierced_n(interval_s: float) -> float:
+    """Return the force from which a fall to a quarter is a puncture, N, although all
+    frames come: more than a withdrawal makes from one of them to the next.
+    """
+    within_s = min(interval_s, LIMITS.fall_s)
+    moved_m = (LIMITS.retraction_m_s + LIMITS.eye_m_s) * within_s
+    return _unseen_n(interval_s) + LIMITS.stiffness_n_m * moved_m / (1.0 - LEFT)
+
+
 def _half(stage: _Stage) -> list[Act]:
     data = stage.bytes_of_next()
     return [(Sending(bytes(data[: len(data) // 2])),), *stage.silence]
@@ -617,11 +655,15 @@ def _half(stage: _Stage) -> list[Act]:
 class Fault:
     """A kind of fault: a line that describes it, its acts, and the causes that a
     monitor should give.
+
+    `least_n` gives the force from which it can be seen, N, for a time between frames,
+    s.
     """
 
     line: str
     acts: Callable[[_Stage], list[Act]]
     causes: tuple[Cause, ...] = (Cause.FROZEN,)
+    least_n: Callable[[float], float] = _contact_n
 
 
 FAULTS: Mapping[str, Fault] = MappingProxyType(
@@ -705,11 +747,13 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
             "no frame for 60 ms, in which the force falls to a quarter (needs forces)",
             _pause,
             (Cause.UNSEEN_FALL, Cause.PIERCED),
+            _unseen_n,
         ),
         "bunch": Fault(
             "the frames of 60 ms at once, in which the force falls (needs forces)",
             _bunch,
             (Cause.UNSEEN_FALL, Cause.PIERCED),
+            _pierced_n,
         ),
         "parts": Fault(
             "pictures in two parts, of which the first is 5 s old",
