@@ -13,6 +13,7 @@ from scleraforce.calibration.holds import (
     HeldFrames,
     HoldLog,
     held_frames,
+    remembered,
     who_yields,
 )
 from scleraforce.calibration.relaxation import hold_log, with_elastic_forces
@@ -206,6 +207,34 @@ def test_dents_that_are_read_too_roughly_decide_nothing() -> None:
     assert after.finding.cause == "undecided"
     assert after.finding.frames >= 8
     assert any(after.other)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_dents_of_different_pushes_show_what_the_tissue_remembers(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    tissue = PronySeries((0.27, 0.33), (0.4, 4.3))
+    pushes, path = pushed(8.0, rng, tissue)
+    frame_s = middles(pushes)
+    log, found, _ = found_in(path, frame_s, rng)
+    assert found.finding is not None
+    doubted = replace(
+        found,
+        shares=found.other,
+        other=found.shares,
+        finding=replace(found.finding, chance=0.05),
+    )
+
+    def read_of(true_n: np.ndarray) -> KnownRelaxation:
+        read = np.log(0.8 * true_n) + rng.normal(0.0, 0.02, len(true_n))
+        return remembered(doubted, log, frame_s, read, np.full(len(read), 0.02))
+
+    after = read_of(path.elastic_n(frame_s))
+    assert after.finding is not None
+    assert after.finding.chance > 0.9
+    assert after.shares == found.shares
+    assert not any(after.other)
+    # dents of a needle that yields: they follow the force
+    assert read_of(path.felt_n(frame_s)) is doubted
 
 
 def test_one_frame_in_a_hold_decides_nothing() -> None:

@@ -13,8 +13,9 @@ Two things keep that apart from what the log does not say:
   estimated; their variance stays, and widens intervals.
 - Two frames of one hold decide who yields (`who_yields`): the dent stays, or follows
   the force. Without such frames both are kept (`KnownRelaxation.other`). As the first
-  of them counts the one that explains the log better: what relaxing tissue remembers of
-  a push changes the next hold, while a needle begins each push anew.
+  of them counts the one that explains the log, and the dents of all frames, better:
+  what relaxing tissue remembers of a push changes the next hold and its dents, while a
+  needle begins each push anew.
 """
 
 from collections.abc import Iterator, Sequence
@@ -67,12 +68,19 @@ LEAST_GAIN = 8.0  # of the log likelihood, below which the tissue counts as elas
 REMEMBERED = 0.9
 # of tissue, where the log shows no memory: both explanations are models only
 LEAST_CHANCE = 0.25
+LEAST_ODDS = 1e-20  # of a chance that is taken for certain
+# Shares of time constants too long for the holds, over those of other tissue: points of
+# a half-normal distribution, and their weights.
+HIDDEN = np.arange(0.0, 3.0, 0.25)
+HIDDEN_WEIGHTS = np.exp(-0.5 * HIDDEN**2) / np.exp(-0.5 * HIDDEN**2).sum()
+MOST_SQUARES = 200.0  # of residuals: a few wild ones decide nothing
 # of a share that frames show: standard deviations within which nothing, or all, of a
 # fall is the tissue's
 AGREED = 2.0
 LEAST_SD = 0.02  # of the same: the holds' own fit
 FRAMES_OF_HOLD = 2  # that are read: the farthest apart
 MOST_HOLDS = 12  # whose frames are read
+MOST_FRAMES = 24  # that are read where no hold has two of them
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +111,12 @@ class HoldLog:
         return driven_back(
             self.felt_n, self.time_s, self.contact, shares, TIMES_S, anew=anew
         )
+
+    @property
+    def noise_n(self) -> float:
+        """The standard deviation of a sample in holds, N: it changes little there."""
+        steps_n = np.concatenate([np.diff(self.felt_n[hold]) for hold in self.holds])
+        return float(np.sqrt(0.5 * np.mean(steps_n**2)))
 
     @property
     def holds(self) -> list[slice]:
@@ -256,22 +270,21 @@ def found(log: HoldLog) -> KnownRelaxation:
 
     needle = fitted(log, whole.kept, shown, anew=True)
     gain = 0.5 * (needle.misfit - tissue.misfit) / tissue.inflation
-    chance = 1.0 / (1.0 + float(np.exp(-np.clip(gain, -50.0, 50.0))))
-    return _undecided(whole, tissue, shown, replace(finding, chance=chance))
+    chance = _chance(gain)
+    return _undecided(tissue.shares, whole.covariance, replace(finding, chance=chance))
 
 
 def _undecided(
-    whole: HoldFit, tissue: HoldFit, shown: Flags, finding: HoldFinding
+    tissue: Floats, covariance: Floats, finding: HoldFinding
 ) -> KnownRelaxation:
     """Return both explanations of a fall, the first one by the tissue's chance.
 
-    `tissue` has the `shown` terms alone. If the log does not tell whether pushes are
-    remembered, the others may be as in other tissue.
+    `tissue` are its shares (term,) if it yields, 0 where they are not estimated. If
+    nothing tells whether pushes are remembered, those may be as in other tissue.
     """
     assert finding.chance is not None
     nothing = (0.0,) * len(TIMES_S)
-    covariance = whole.covariance
-    shares = tuple(tissue.shares.tolist())
+    shares = tuple(tissue.tolist())
 
     if finding.chance >= REMEMBERED:
         first, other = shares, nothing
@@ -279,7 +292,8 @@ def _undecided(
         first, other = nothing, shares
         covariance = LEAST_CHANCE * covariance
     else:
-        as_in_others = np.where(shown, tissue.shares, MEAN_OF_SD * PRIOR_SD)
+        hidden = np.isin(TIMES_S, finding.not_estimated_s)
+        as_in_others = np.where(hidden, MEAN_OF_SD * PRIOR_SD, tissue)
         first, other = nothing, tuple(as_in_others.tolist())
 
     found = KnownRelaxation.of(first, TIMES_S, covariance, "holds")
@@ -432,6 +446,63 @@ def _decided(
             finding, cause="needle" if elastic else "tissue" if relaxes else "both"
         ),
     )
+
+
+def remembered(
+    relaxation: KnownRelaxation,
+    log: HoldLog,
+    since_s: Floats,
+    log_read: Floats,
+    log_sd: Floats,
+) -> KnownRelaxation:
+    """Return what the dents of frames at different times say of an undecided
+    relaxation.
+
+    `log_read` are ln of the forces that their dents show, (frame,), at times since the
+    log's beginning, and `log_sd` their standard deviations. But for one factor they are
+    the log's elastic forces if the tissue yields, and its forces if the needle does.
+    What tissue remembers for longer than the holds is not known: its likelihood is the
+    mean over what other tissue has.
+    """
+    finding = relaxation.finding
+    shares = np.array(tissue_shares(relaxation))
+    if finding is None or finding.chance is None or not shares.any():
+        return relaxation
+
+    hidden = np.isin(TIMES_S, finding.not_estimated_s)
+    candidates = shares + np.outer(HIDDEN, np.where(hidden, PRIOR_SD, 0.0))
+    elastic_n, _ = log.elastic(candidates)
+    at = log.frames(since_s)
+    sd = np.hypot(log_sd, log.noise_n / log.felt_n[at])
+    by_tissue = _likelihoods(log_read - np.log(elastic_n[:, at]), sd)
+    by_needle = _likelihoods(log_read - np.log(log.felt_n[None, at]), sd)
+    gain = float(np.log(HIDDEN_WEIGHTS @ by_tissue) - np.log(by_needle[0]))
+
+    chances = np.array([finding.chance, 1.0 - finding.chance])
+    log_odds = -float(np.diff(np.log(np.maximum(chances, LEAST_ODDS)))[0])
+    chance = _chance(log_odds + gain)
+
+    covariance = np.array(relaxation.covariance)
+    if _without_memory(finding):
+        covariance = covariance / LEAST_CHANCE
+
+    after = _undecided(shares, covariance, replace(finding, chance=chance))
+    same = (after.shares, after.other) == (relaxation.shares, relaxation.other)
+    return relaxation if same else after
+
+
+def _chance(log_odds: float) -> float:
+    return 1.0 / (1.0 + float(np.exp(-np.clip(log_odds, -50.0, 50.0))))
+
+
+def _likelihoods(values: Floats, sd: Floats) -> Floats:
+    """Return the likelihoods (candidate,) of values (candidate, frame) about a mean of
+    their own.
+    """
+    weights = sd**-2
+    means = values @ weights / weights.sum()
+    squares = (values - means[:, None]) ** 2 @ weights
+    return np.exp(-0.5 * np.minimum(squares, MOST_SQUARES))
 
 
 def tissue_shares(relaxation: KnownRelaxation) -> tuple[float, ...]:

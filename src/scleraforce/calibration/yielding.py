@@ -1,15 +1,22 @@
 """Who yields in the holds of an eye's log, the tissue or the needle, by frames at
-different times of one hold.
+different times of one hold, else by those of different pushes.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from scleraforce.calibration.assimilation import Skipped
 from scleraforce.calibration.eye_frames import EyeFrames
-from scleraforce.calibration.holds import HeldFrame, held_frames, who_yields
-from scleraforce.calibration.known_forces import read_again
+from scleraforce.calibration.holds import (
+    LEAST_SD,
+    MOST_FRAMES,
+    held_frames,
+    remembered,
+    who_yields,
+)
+from scleraforce.calibration.known_forces import KnownForce, read_again
 from scleraforce.calibration.relaxation import hold_log
 from scleraforce.calibration.result import EyeCalibration
 from scleraforce.known import Modulus, known_of_recording
@@ -21,32 +28,75 @@ from scleraforce.study import Study
 def decided(
     eye: EyeCalibration, frames: EyeFrames, library: Library, study: Study
 ) -> KnownRelaxation | None:
-    """Return what the frames of an eye's holds say of its undecided relaxation; None
-    without such frames.
+    """Return what an eye's frames say of its undecided relaxation; None if nothing.
 
-    The frames need not be the ones that it was calibrated on: what counts is how their
-    dents change within a hold, not the forces of these.
+    Two frames of one hold decide: how their dents change, not the forces of these.
+    Without such frames those of different pushes count. The frames need not be the
+    ones that the eye was calibrated on.
     """
     relaxation = eye.relaxation
     finding = None if relaxation is None else relaxation.finding
     if relaxation is None or finding is None or finding.cause != "undecided":
         return None
 
-    trials, forces, _, _ = frames.labelled()
+    _, forces, _, _ = frames.labelled()
     log = hold_log(frames.without_gaps, forces)
-    asked = list[HeldFrame]()
+    held = held_frames(log, relaxation, forces.since_start_s)
+    read = _read(eye, frames, [frame.index for frame in held.frames], library, study)
+    pairs = tuple(frame for frame in held.frames if frame.index in read)
+    after = who_yields(
+        relaxation,
+        replace(held, frames=pairs),
+        np.log([read[frame.index].library_n for frame in pairs]),
+        np.array([_relative_sd(read[frame.index]) for frame in pairs]),
+    )
+    if after.finding is not None and after.finding.cause != "undecided":
+        return after
+
+    touching = np.flatnonzero(log.contact[log.frames(forces.since_start_s)])
+    chosen = touching[
+        np.unique(np.linspace(0, len(touching) - 1, MOST_FRAMES).round().astype(int))
+    ]
+    read = _read(eye, frames, chosen.tolist(), library, study)
+    indices = list(read)
+    after = remembered(
+        after,
+        log,
+        forces.since_start_s[indices],
+        np.log([read[index].library_n for index in indices]),
+        np.array([_relative_sd(read[index]) for index in indices]),
+    )
+
+    return None if after is relaxation else after
+
+
+def _relative_sd(read: KnownForce) -> float:
+    return float(np.hypot(read.sd_n / read.library_n, LEAST_SD))
+
+
+def _read(
+    eye: EyeCalibration,
+    frames: EyeFrames,
+    indices: Sequence[int],
+    library: Library,
+    study: Study,
+) -> dict[int, KnownForce]:
+    """Return readings of an eye's frames without their forces, by index; those that
+    cannot be read are missing.
+    """
+    trials, forces, _, _ = frames.labelled()
+    asked = list[int]()
     walls = []
 
-    held = held_frames(log, relaxation, forces.since_start_s)
-    for frame in held.frames:
-        force_n = float(forces.force_n[frame.index])
+    for index in indices:
+        force_n = float(forces.force_n[index])
         seen = (
-            frames.seen(frame.index)
-            if trials[frame.index].excluded is None and np.isfinite(force_n)
+            frames.seen(index)
+            if trials[index].excluded is None and np.isfinite(force_n)
             else None
         )
         if seen is not None and not isinstance(seen.wall, Skipped):
-            asked.append(frame)
+            asked.append(index)
             walls.append((seen.planes or seen.wall, force_n))
 
     known = replace(
@@ -56,18 +106,7 @@ def decided(
         thickness_m=eye.thickness_m,
     )
     of_tissue = library.for_stiffening(eye.stiffening)
-    read = [
-        (frame, again)
-        for frame, again in zip(
-            asked, read_again(walls, known, of_tissue, study), strict=True
-        )
-        if again is not None
-    ]
-    after = who_yields(
-        relaxation,
-        replace(held, frames=tuple(frame for frame, _ in read)),
-        np.log([again.library_n for _, again in read]),
-        np.array([again.sd_n / again.library_n for _, again in read]),
-    )
-
-    return None if after is relaxation else after
+    again = read_again(walls, known, of_tissue, study)
+    return {
+        index: one for index, one in zip(asked, again, strict=True) if one is not None
+    }
