@@ -75,7 +75,7 @@ model: .venv/installed  ## make the library and train the reader that ships with
 	.venv/bin/scleraforce train out/default.zarr --kind reader --out out/default
 	$(MARK) out/default && rm -rf $(SHIPPED)/default && cp -r out/default $(SHIPPED)/default
 
-LIVING := --study src/scleraforce/study/living.toml
+LIVING := --study src/scleraforce/records/living.toml
 
 living: .venv/installed  ## train the reader of living eyes that ships with the package; it shares the default one's library
 	rm -rf out/living.zarr out/living && .venv/bin/scleraforce library $(LIVING) --out out/living.zarr
@@ -122,7 +122,7 @@ clean:  ## remove the environments and what the tools left; out/ stays
 
 .venv/installed: .venv/locked pyproject.toml
 	@$(PIP) install --no-deps --no-build-isolation -e .
-	@.venv/bin/python -c "from scleraforce.installation import compile_loops; compile_loops()" && touch $@
+	@.venv/bin/python -c "from scleraforce.front.cli.installation_checks import compile_loops; compile_loops()" && touch $@
 
 .venv-napari/installed: $(NAPARI)/requirements.lock $(NAPARI)/pyproject.toml pyproject.toml
 	@python=$$($(FIND_PYTHON)); rm -rf .venv-napari && $$python -m venv .venv-napari

@@ -18,15 +18,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from scleraforce.known import Known, Modulus
-from scleraforce.models import SHIPPED_LIVING, SHIPPED_READER
-from scleraforce.reader.answer import Answer
-from scleraforce.reader.kinds import Reader
-from scleraforce.reader.model import load_model
-from scleraforce.recording.images import read_frame
-from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.found import draw_overlay
-from scleraforce.study import draw
+from scleraforce.reading.answer import Answer
+from scleraforce.reading.load_model import load_model
+from scleraforce.reading.reading_models import Reader
+from scleraforce.recordings.formats.image_files import read_frame
+from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.frame import Pixels
+from scleraforce.records.model_folder import SHIPPED_LIVING, SHIPPED_READER
+from scleraforce.records.scan import PixelScale
+from scleraforce.records.study import draw
+from scleraforce.wall.wall import draw_overlay
 
 REAL = Path(__file__).resolve().parents[2] / "shared" / "real-oct"
 WIDTH_M = (6e-3, 20e-3)

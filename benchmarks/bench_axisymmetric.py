@@ -21,21 +21,21 @@ from reference_walls import (
     shift_in_plane,
     spread_needle,
 )
-from scleraforce.mechanics.axisymmetric import (
+from scleraforce.mechanics.axisymmetric_wall import (
     AxisymmetricPath,
     AxisymmetricWall,
     BaseShift,
     axisymmetric_path,
     base_shift,
 )
-from scleraforce.mechanics.contact import Contact, ScanPlane, Section
-from scleraforce.mechanics.continuation import pressurise, trace
-from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath
-from scleraforce.mechanics.globe import OPEN_GLOBE, study_globe
-from scleraforce.mechanics.graded import graded_mesh
-from scleraforce.mechanics.loads import needle_at
-from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
-from scleraforce.study import GlobeStudy
+from scleraforce.mechanics.contact_and_section import Contact, ScanPlane, Section
+from scleraforce.mechanics.finite_strain_wall import FiniteWall, LoadPath
+from scleraforce.mechanics.graded_mesh import graded_mesh
+from scleraforce.mechanics.load_path_tracing import pressurise, trace
+from scleraforce.mechanics.loads_and_supports import needle_at
+from scleraforce.mechanics.meridian_elements import MeridianSize, meridian_mesh
+from scleraforce.records.globe import OPEN_GLOBE, study_globe
+from scleraforce.records.study import GlobeStudy
 
 Floats = NDArray[np.float64]
 

@@ -1,5 +1,5 @@
 """Errors of the segmentation's boundaries on rendered frames, beside the errors that
-`learning.walls` draws.
+`lab.training.drawn_wall_errors` draws.
 
     python benchmarks/bench_boundary_errors.py [EYES [SEED]] [--frames 12]
         [--study FILE] [--checked]
@@ -16,11 +16,11 @@ import numpy as np
 
 from boundary_errors.segmented import random_eyes, segmented_boundaries
 from boundary_errors.statistics import BoundaryStatistics, boundary_statistics
-from scleraforce.learning.walls import disturb
-from scleraforce.library.store import cached_library
-from scleraforce.models import SHIPPED_WALL_FINDER
-from scleraforce.reader.model import load_wall_finder
-from scleraforce.study import Study, read_study
+from scleraforce.lab.training.drawn_wall_errors import disturb
+from scleraforce.library.library_store import cached_library
+from scleraforce.reading.load_model import load_wall_finder
+from scleraforce.records.model_folder import SHIPPED_WALL_FINDER
+from scleraforce.records.study import Study, read_study
 
 
 def main() -> None:

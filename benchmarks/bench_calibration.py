@@ -22,23 +22,23 @@ import numpy as np
 
 from calibration_eyes import drawn_eye, stated
 from ideal_boundaries import ideal_boundaries, virtual_sections
-from scleraforce.calibration.assimilation import (
+from scleraforce.calibration.filter.eye_filter import (
     EyeSession,
     FrameStep,
     assimilate,
     begin_with,
 )
-from scleraforce.calibration.eye_model import EyeConstants
-from scleraforce.calibration.library_eye import library_eye
-from scleraforce.calibration.linear_eye import linear_eye
-from scleraforce.calibration.registration import EyeModel
-from scleraforce.laboratory.light import Pose
-from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye, SectionsAt
-from scleraforce.library.store import cached_library
-from scleraforce.mechanics.linear import LinearWall
-from scleraforce.mechanics.mesh import build_mesh
-from scleraforce.segmentation.observations import Boundaries
-from scleraforce.study import Study, read_study
+from scleraforce.calibration.filter.eye_parameters import EyeConstants
+from scleraforce.calibration.filter.library_sections import library_eye
+from scleraforce.calibration.filter.linear_sections import linear_eye
+from scleraforce.calibration.filter.section_registration import EyeModel
+from scleraforce.lab.tissue_light import Pose
+from scleraforce.lab.virtual_eye import BentSections, PhantomEye, SectionsAt
+from scleraforce.library.library_store import cached_library
+from scleraforce.mechanics.hexahedral_mesh import build_mesh
+from scleraforce.mechanics.linear_wall import LinearWall
+from scleraforce.records.study import Study, read_study
+from scleraforce.wall.wall_in_metres import Boundaries
 
 
 @cache

@@ -16,15 +16,15 @@ from time import perf_counter
 import numpy as np
 
 from dented_walls import dented_wall
-from scleraforce.laboratory.bscan import Bscan, render_bscan
-from scleraforce.laboratory.light import Pose, sample_conjunctiva, sample_optics
-from scleraforce.mechanics.contact import Section
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.conjunctiva import below_conjunctiva
-from scleraforce.segmentation.found import Segmentation
-from scleraforce.segmentation.wall import find_wall
-from scleraforce.study import Study
-from scleraforce.study.fields import fixed
+from scleraforce.lab.drawn_bscan import Bscan, render_bscan
+from scleraforce.lab.tissue_light import Pose, sample_conjunctiva, sample_optics
+from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.records.fields import fixed
+from scleraforce.records.scan import PixelScale
+from scleraforce.records.study import Study
+from scleraforce.wall.conjunctiva import below_conjunctiva
+from scleraforce.wall.find_wall import find_wall
+from scleraforce.wall.wall import Segmentation
 
 STUDY = Study()
 SCALE = PixelScale.of(STUDY.oct)

@@ -28,12 +28,8 @@ from playwright.sync_api import Page, sync_playwright
 
 from monitor_service.browser import CHROMIUM, browser_pids, cpu_s
 from monitor_service.session import add_options, run as run_session
-from scleraforce.decision.events import Verdict
-from scleraforce.decision.limits import MonitorLimits
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.service.channel import Child
-from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.messages import (
+from scleraforce.live.companions.process_channel import Child
+from scleraforce.live.companions.process_messages import (
     CompanionMessage,
     ConsoleSettings,
     Decided,
@@ -42,7 +38,11 @@ from scleraforce.service.messages import (
     Outline,
     Rates,
 )
-from scleraforce.service.monitor_service import listen
+from scleraforce.live.companions.shared_frames import FrameRing
+from scleraforce.live.decision.limits import MonitorLimits
+from scleraforce.live.monitor import listen
+from scleraforce.records.scan import PixelScale
+from scleraforce.records.verdict import Verdict
 
 SIZE = 512
 FRAME_S = 0.01
@@ -84,7 +84,7 @@ class Session:
             eye="",
         )
         self.child = Child(
-            "scleraforce.service.console.server",
+            "scleraforce.live.console.server",
             settings,
             [self.ring.place.descriptor, listener.fileno()],
         )

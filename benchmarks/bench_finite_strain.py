@@ -26,13 +26,13 @@ from reference_r2 import (
     TIPS_MM,
     reference_path,
 )
-from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.finite_strain import FiniteWall
-from scleraforce.mechanics.globe import OPEN_GLOBE, study_globe
-from scleraforce.mechanics.graded import graded_mesh
-from scleraforce.mechanics.loads import needle_at, study_springs
-from scleraforce.mechanics.mesh import HexMesh, build_mesh
-from scleraforce.study import GlobeStudy, SupportsStudy
+from scleraforce.mechanics.contact_and_section import Contact
+from scleraforce.mechanics.finite_strain_wall import FiniteWall
+from scleraforce.mechanics.graded_mesh import graded_mesh
+from scleraforce.mechanics.hexahedral_mesh import HexMesh, build_mesh
+from scleraforce.mechanics.loads_and_supports import needle_at, study_springs
+from scleraforce.records.globe import OPEN_GLOBE, study_globe
+from scleraforce.records.study import GlobeStudy, SupportsStudy
 
 WALLS = ((0.8e-3, 0.38e6), (0.5e-3, 0.22e6))
 

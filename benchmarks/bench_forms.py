@@ -19,12 +19,12 @@ from typing import Any
 
 import numpy as np
 
-from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.finite_strain import LoadPath, bend_eye
-from scleraforce.mechanics.graded import graded_mesh
-from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.mesh import HexMesh
-from scleraforce.study import (
+from scleraforce.mechanics.contact_and_section import Contact
+from scleraforce.mechanics.finite_strain_wall import LoadPath, bend_eye
+from scleraforce.mechanics.graded_mesh import graded_mesh
+from scleraforce.mechanics.hexahedral_mesh import HexMesh
+from scleraforce.mechanics.linear_wall import LinearWall, tip_displacement
+from scleraforce.records.study import (
     EyeStudy,
     FormStudy,
     MechanicsStudy,
@@ -32,7 +32,7 @@ from scleraforce.study import (
     NeedleStudy,
     Study,
 )
-from scleraforce.study.eye import RegionStudy, WaveStudy
+from scleraforce.records.study_of_eye import RegionStudy, WaveStudy
 
 RADIUS_M = 12e-3
 NEEDLE_RADIUS_M = 0.35e-3

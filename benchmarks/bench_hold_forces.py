@@ -34,18 +34,18 @@ import numpy as np
 
 import scleraforce as sf
 from calibration_eyes import drawn_eye
-from scleraforce.laboratory.phantom import (
+from scleraforce.lab.needle_pushes import NeedlePath
+from scleraforce.lab.virtual_eye import BentSections, PhantomEye
+from scleraforce.lab.virtual_recording import (
     PhantomFrame,
     PhantomPlan,
     plan_phantom,
     write_phantom,
 )
-from scleraforce.laboratory.pushes import NeedlePath
-from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye
-from scleraforce.mechanics.finite_strain import bend_eye
-from scleraforce.mechanics.material import PronySeries
-from scleraforce.recording.folder import Recording, read_recording
-from scleraforce.study import Range, Study, TissueStudy, fixed
+from scleraforce.mechanics.finite_strain_wall import bend_eye
+from scleraforce.mechanics.tissue_material import PronySeries
+from scleraforce.recordings.recording_folder import Recording, read_recording
+from scleraforce.records.study import Range, Study, TissueStudy, fixed
 
 FALL = PronySeries((0.12,), (1.2,))
 ELASTIC = PronySeries((), ())

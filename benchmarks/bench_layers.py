@@ -27,11 +27,11 @@ from elastic_sections import (
     ElasticSections,
     surfaces,
 )
-from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath
-from scleraforce.mechanics.graded import graded_mesh
-from scleraforce.mechanics.loads import needle_at
-from scleraforce.mechanics.mesh import HexMesh
-from scleraforce.units import to_si
+from scleraforce.base.units import to_si
+from scleraforce.mechanics.finite_strain_wall import FiniteWall, LoadPath
+from scleraforce.mechanics.graded_mesh import graded_mesh
+from scleraforce.mechanics.hexahedral_mesh import HexMesh
+from scleraforce.mechanics.loads_and_supports import needle_at
 
 Floats = NDArray[np.float64]
 

@@ -42,25 +42,26 @@ from monitor_sessions.eyes import SessionEye, draw_eye
 from monitor_sessions.forces import FRAME_S, Trajectory, moving_forces, trajectory
 from monitor_sessions.frames import stream
 from monitor_sessions.watch import WITHDRAW, Watch
-from scleraforce.calibration.eye_model import known_of_constants
-from scleraforce.calibration.eye_posterior import EyePosterior
-from scleraforce.decision.limits import MonitorLimits
-from scleraforce.known import OPEN, Known, Modulus
-from scleraforce.processes import work_units
-from scleraforce.reader.kinds import ForceReader
-from scleraforce.reader.model import load_force_reader
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.service.channel import Child
-from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.learning import EyeLearner, Fitting
-from scleraforce.service.messages import (
+from scleraforce.base.units import from_si
+from scleraforce.base.worker_processes import work_units
+from scleraforce.calibration.filter.eye_parameters import known_of_constants
+from scleraforce.calibration.stiffness_from_shape import EyePosterior
+from scleraforce.live.companions.eye_learning import EyeLearner, Fitting
+from scleraforce.live.companions.process_channel import Child
+from scleraforce.live.companions.process_messages import (
     Alive,
     EyeLearned,
     OpinionAsked,
     OpinionGiven,
     OpinionSettings,
 )
-from scleraforce.units import from_si
+from scleraforce.live.companions.shared_frames import FrameRing
+from scleraforce.live.decision.limits import MonitorLimits
+from scleraforce.reading.load_model import load_force_reader
+from scleraforce.reading.reading_models import ForceReader
+from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.globe import OPEN
+from scleraforce.records.scan import PixelScale
 
 EVERY = 2
 OPINIONS = 6
@@ -327,7 +328,9 @@ def opinions(
             record=Path(folder),
         )
         child = Child(
-            "scleraforce.service.second_opinion", settings, [ring.place.descriptor]
+            "scleraforce.live.companions.second_opinion",
+            settings,
+            [ring.place.descriptor],
         )
 
         while not any(isinstance(one, Alive) for one in child.channel.receive()):

@@ -22,19 +22,19 @@ from time import process_time
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.base.worker_processes import available_cores
 from scleraforce.library import Library, load_library, save_library
-from scleraforce.library.plan import plan_library
-from scleraforce.library.sections import (
+from scleraforce.library.library_plan import plan_library
+from scleraforce.library.library_store import build_library, open_library
+from scleraforce.library.plane_cut import (
     Framing,
     fill_boundaries,
     highest_depths,
     wall_boundaries,
 )
-from scleraforce.library.store import build_library, open_library
-from scleraforce.mechanics.axisymmetric import AxisymmetricPath, axisymmetric_path
-from scleraforce.mechanics.meridian import MeridianSize
-from scleraforce.processes import available_cores
-from scleraforce.study import Study, read_study
+from scleraforce.mechanics.axisymmetric_wall import AxisymmetricPath, axisymmetric_path
+from scleraforce.mechanics.meridian_elements import MeridianSize
+from scleraforce.records.study import Study, read_study
 
 # thicknesses, tensions, tips
 GRIDS = (

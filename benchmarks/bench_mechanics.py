@@ -24,8 +24,8 @@ from reference_r1 import (
     gaussian_load,
 )
 from reference_walls import symmetric_base, wall_mesh
-from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.linear import LinearWall, tip_displacement
+from scleraforce.mechanics.contact_and_section import Contact
+from scleraforce.mechanics.linear_wall import LinearWall, tip_displacement
 
 MESHES: dict[str, dict[str, Any]] = {
     "10 quads, 27 nodes": {"divisions": 10, "level": 0},

@@ -22,7 +22,7 @@ import sys
 from pathlib import Path
 
 from monitor_service import faults, hostile, latency, session, soak
-from scleraforce.errors import ScleraforceError
+from scleraforce.base.errors import ScleraforceError
 
 PARTS = {
     "latency": latency,

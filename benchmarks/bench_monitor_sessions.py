@@ -36,9 +36,9 @@ from monitor_sessions.eyes import KINDS, may_meet
 from monitor_sessions.play import Outcome, Plan, prepare
 from monitor_sessions.table import ramp_table, session_table
 from provenance.stamps import new_stamp
-from scleraforce.processes import work_units
-from scleraforce.reader.model import load_force_reader
-from scleraforce.units import from_si, to_si
+from scleraforce.base.units import from_si, to_si
+from scleraforce.base.worker_processes import work_units
+from scleraforce.reading.load_model import load_force_reader
 
 RATES_MN_S = (5.0, 10.0, 20.0, 50.0, 100.0)
 # workers keep their images: a sixth quicker

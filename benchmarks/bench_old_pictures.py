@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.decision.limits import MonitorLimits
-from scleraforce.recording.folder import read_recording
-from scleraforce.service.shown_pictures import ShownPictures
-from scleraforce.units import from_si
+from scleraforce.base.units import from_si
+from scleraforce.live.decision.limits import MonitorLimits
+from scleraforce.live.repeated_pictures import ShownPictures
+from scleraforce.recordings.recording_folder import read_recording
 
 Counts = NDArray[np.uint8] | NDArray[np.uint16]
 SIZE = 512, 512

@@ -30,8 +30,8 @@ from time import perf_counter, thread_time_ns
 import numpy as np
 from fastcrc.crc64 import ecma_182
 
-from scleraforce.errors import ProtocolError
-from scleraforce.openigtlink import (
+from scleraforce.base.errors import ProtocolError
+from scleraforce.live.network.openigtlink import (
     HEADER_BYTES,
     Decoder,
     Image,
@@ -45,7 +45,7 @@ from scleraforce.openigtlink import (
     Transform,
     encode,
 )
-from scleraforce.service.scanner_image import FrameAssembler
+from scleraforce.live.network.scanner_frame import FrameAssembler
 
 MESSAGES_A_CONNECTION = (1, 1, 1, 2, 3, 8)
 CAPS_BYTES = (4 * 1024, 64 * 1024, 64 * 1024, 16 * 1024 * 1024)

@@ -31,14 +31,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.decision.decide import decide
-from scleraforce.decision.events import Cause, FrameRead, Verdict
-from scleraforce.decision.limits import MonitorLimits
-from scleraforce.decision.state import MonitorState
-from scleraforce.library.responses import Library
-from scleraforce.reader.kinds import ForceReader
-from scleraforce.reader.model import load_force_reader
-from scleraforce.study import ReaderStudy
+from scleraforce.library.wall_responses import Library
+from scleraforce.live.decision.decide import decide
+from scleraforce.live.decision.events import Cause, FrameRead
+from scleraforce.live.decision.limits import MonitorLimits
+from scleraforce.live.decision.state import MonitorState
+from scleraforce.reading.load_model import load_force_reader
+from scleraforce.reading.reading_models import ForceReader
+from scleraforce.records.study import ReaderStudy
+from scleraforce.records.verdict import Verdict
 
 STEP_S = 2.5e-4
 FOUND_S = 0.05

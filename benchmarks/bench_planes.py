@@ -23,21 +23,22 @@ import numpy as np
 
 import scleraforce as sf
 from bench_without_force import POPULATION
-from scleraforce.known import OPEN, Known, Modulus
-from scleraforce.laboratory.light import NeedleShaft
-from scleraforce.laboratory.phantom import (
+from scleraforce.fit.unknowns import GAP
+from scleraforce.lab.tissue_light import NeedleShaft
+from scleraforce.lab.virtual_eye import BentSections, PhantomEye
+from scleraforce.lab.virtual_recording import (
     in_planes,
     plan_phantom,
     plan_sections,
     render_frame,
     write_phantom,
 )
-from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye
-from scleraforce.library.unknowns import GAP
-from scleraforce.reader.kinds import Reader
-from scleraforce.recording.folder import Plane, Recording, read_recording
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.study import MechanicsStudy, Range, Study, fixed
+from scleraforce.reading.reading_models import Reader
+from scleraforce.recordings.recording_folder import Recording, read_recording
+from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.globe import OPEN
+from scleraforce.records.scan import PixelScale, Plane
+from scleraforce.records.study import MechanicsStudy, Range, Study, fixed
 
 SEED = 20261201
 EYES = 12

@@ -9,9 +9,10 @@ does not: with Se(C) the elastic second Piola-Kirchhoff stress, S = Se - sum g_i
 dM_i/dt = (Se - M_i)/tau_i at every Gauss point. Before the push the wall has rested
 under its pressure. The needle moves to a dent in 0.3 s and holds it. The Fe that is
 read is the force at which an elastic wall of the instantaneous modulus has the nearest
-section. `mechanics.material` then turns Fe into the felt force, with the tissue's own
-g, or with the g that fits the felt force of a hold at 20 mN best. No light, no noise.
-`--rows` keeps the first N eyes, tissues and forces. A minute and a half on one core.
+section. `mechanics.tissue_material` then turns Fe into the felt force, with the
+tissue's own g, or with the g that fits the felt force of a hold at 20 mN best. No
+light, no noise. `--rows` keeps the first N eyes, tissues and forces. A minute and a
+half on one core.
 """
 
 import argparse
@@ -31,15 +32,19 @@ from elastic_sections import (
     ElasticSections,
     surfaces,
 )
-from scleraforce.mechanics.continuation import pressurise
-from scleraforce.mechanics.elements import factored
+from scleraforce.base.units import to_si
 from scleraforce.mechanics.equilibrium import Dent, Solve, solve_balance
-from scleraforce.mechanics.finite_strain import FiniteWall, WallEquilibrium
-from scleraforce.mechanics.graded import graded_mesh
-from scleraforce.mechanics.loads import Needle, needle_at
-from scleraforce.mechanics.material import PronySeries, lame_constants, line_weights
-from scleraforce.mechanics.mesh import sum_at
-from scleraforce.units import to_si
+from scleraforce.mechanics.finite_elements import factored
+from scleraforce.mechanics.finite_strain_wall import FiniteWall, WallEquilibrium
+from scleraforce.mechanics.graded_mesh import graded_mesh
+from scleraforce.mechanics.hexahedral_mesh import sum_at
+from scleraforce.mechanics.load_path_tracing import pressurise
+from scleraforce.mechanics.loads_and_supports import Needle, needle_at
+from scleraforce.mechanics.tissue_material import (
+    PronySeries,
+    lame_constants,
+    line_weights,
+)
 
 Floats = NDArray[np.float64]
 
@@ -166,8 +171,8 @@ class Hold:
     read_n: Floats
 
     def felt_by(self, series: PronySeries) -> Floats:
-        """Return the felt force by the model of `mechanics.material`, from the forces
-        that are read, N.
+        """Return the felt force by the model of `mechanics.tissue_material`, from the
+        forces that are read, N.
         """
         return series.felt_along(
             self.time_s.tolist(), self.read_n.tolist(), self.time_s

@@ -23,27 +23,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.forces import ZERO_PRIOR, FrameForces
-from scleraforce.calibration.relaxation import with_elastic_forces
-from scleraforce.decision.decide import decide
-from scleraforce.decision.events import FrameRead, MonitorEvent, SecondOpinion
-from scleraforce.decision.limits import MonitorLimits
-from scleraforce.decision.state import MonitorState
-from scleraforce.known import NINETY_PERCENT, Known
-from scleraforce.known.relaxation import KnownRelaxation
-from scleraforce.laboratory.pushes import (
+from scleraforce.base.normal_distribution import NINETY_PERCENT
+from scleraforce.calibration.relaxation_from_holds import with_elastic_forces
+from scleraforce.lab.needle_pushes import (
     NeedlePath,
     path_of_pushes,
     plan_pushes,
     sample_sensor,
     sense,
 )
-from scleraforce.mechanics.material import PronySeries
-from scleraforce.reader.answer import Answer
-from scleraforce.reader.felt import History
-from scleraforce.recording.folder import ForceInfo
-from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog
-from scleraforce.study import PhantomStudy
+from scleraforce.live.decision.decide import decide
+from scleraforce.live.decision.events import FrameRead, MonitorEvent, SecondOpinion
+from scleraforce.live.decision.limits import MonitorLimits
+from scleraforce.live.decision.state import MonitorState
+from scleraforce.mechanics.tissue_material import PronySeries
+from scleraforce.reading.answer import Answer
+from scleraforce.reading.tissue_memory import History
+from scleraforce.recordings.force_errors import ZERO_PRIOR, FrameForces
+from scleraforce.recordings.frame_and_force_tables import FORCE_COLUMNS, ForceLog
+from scleraforce.records.eye import Known
+from scleraforce.records.recording_info import ForceInfo
+from scleraforce.records.study import PhantomStudy
+from scleraforce.records.tissue_relaxation import KnownRelaxation
 
 RATES_N_S = (5e-3, 10e-3, 20e-3, 50e-3, 100e-3, 150e-3)
 FORCES_N = (0.026, 0.003, 0.048, 0.014, 0.034, 0.008, 0.040, 0.020)

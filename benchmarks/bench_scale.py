@@ -26,14 +26,24 @@ from time import perf_counter
 
 import numpy as np
 
-from scleraforce.learning.dataset import (
+from scleraforce.base.worker_processes import (
+    available_cores,
+    cluster_workers,
+    work_units,
+)
+from scleraforce.lab.training.slice_dataset import (
     create_dataset,
     generate_dataset,
     plan_dataset,
     unit_samples,
 )
-from scleraforce.processes import available_cores, cluster_workers, work_units
-from scleraforce.study import DatasetGroup, Study, format_study, parse_study, read_study
+from scleraforce.records.study import (
+    DatasetGroup,
+    Study,
+    format_study,
+    parse_study,
+    read_study,
+)
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
 IMAGES_OF_A_CONTACT = 20

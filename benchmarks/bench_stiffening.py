@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import least_squares
 
-from scleraforce.errors import SolverError
-from scleraforce.mechanics.axisymmetric import axisymmetric_path
-from scleraforce.mechanics.globe import sealed_globe
-from scleraforce.units import to_si
+from scleraforce.base.errors import SolverError
+from scleraforce.base.units import to_si
+from scleraforce.mechanics.axisymmetric_wall import axisymmetric_path
+from scleraforce.records.globe import sealed_globe
 
 Floats = NDArray[np.float64]
 

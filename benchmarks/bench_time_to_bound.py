@@ -8,7 +8,7 @@ Open and sealed eyes (`monitor_sessions`) are bent in 3-D and calibrated on thre
 frames. Their raw frames, 100 a second, go through segmentation, slice and network; 50
 and 25 a second are every second and fourth of them. After ten readings in contact each
 has the probability that the upper end of the interval reaches the bound within 200 ms,
-by the line of `decision.trend`. It did if the median of five upper ends in a row
+by the line of `reading.force_trend`. It did if the median of five upper ends in a row
 reached it within that time. The ramps continue, or, with the same frames, stop at a
 random frame and hold, which no line can know.
 """
@@ -27,19 +27,20 @@ from monitor_sessions.declarations import declarations
 from monitor_sessions.eyes import draw_eye
 from monitor_sessions.forces import FRAME_S, ramp_forces, trajectory
 from monitor_sessions.frames import largest_force_n, stream
-from scleraforce.decision.limits import MonitorLimits, upper_end
-from scleraforce.decision.state import NOISE_WINDOWS
-from scleraforce.decision.trend import (
+from scleraforce.base.units import to_si
+from scleraforce.live.decision.limits import MonitorLimits
+from scleraforce.reading.force_trend import (
     HORIZON_S,
     LEAST_SHARE,
+    NOISE_WINDOWS,
     Rise,
     rise_of,
     time_to_bound,
 )
-from scleraforce.reader.kinds import ForceReader
-from scleraforce.reader.model import load_force_reader
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.units import to_si
+from scleraforce.reading.load_model import load_force_reader
+from scleraforce.reading.reading_models import ForceReader
+from scleraforce.records.scan import PixelScale
+from scleraforce.records.verdict import upper_end
 
 Floats = NDArray[np.float64]
 LIMITS = MonitorLimits()

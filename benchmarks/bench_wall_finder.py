@@ -24,25 +24,36 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.light import Pose, sample_optics
-from scleraforce.laboratory.scenes import draw_scene
-from scleraforce.learning.wall_finder import seen_mask
-from scleraforce.mechanics.contact import Section
-from scleraforce.models import SHIPPED_WALL_FINDER, folder_study, read_folder
-from scleraforce.reader.metrics import dice
-from scleraforce.reader.model import load_wall_finder
-from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.found import Segmentation, draw_overlay
-from scleraforce.segmentation.wall import find_wall
-from scleraforce.segmentation.wall_finder import (
+from scleraforce.calibration.answer_metrics import dice
+from scleraforce.lab.drawn_bscan import render_bscan
+from scleraforce.lab.scenes.drawn_scenes import draw_scene
+from scleraforce.lab.tissue_light import Pose, sample_optics
+from scleraforce.lab.training.wall_network_training import seen_mask
+from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.reading.load_model import load_wall_finder
+from scleraforce.records.frame import Pixels
+from scleraforce.records.model_folder import (
+    SHIPPED_WALL_FINDER,
+    folder_study,
+    read_folder,
+)
+from scleraforce.records.scan import PixelScale
+from scleraforce.records.study import (
+    ScenesStudy,
+    Study,
+    WallFinderStudy,
+    draw,
+    read_study,
+)
+from scleraforce.wall.find_wall import find_wall
+from scleraforce.wall.wall import Segmentation, draw_overlay
+from scleraforce.wall.wall_network import (
     FINDER_FRAMES,
     FINDER_ROWS,
     FINDER_WALL,
     WallFinder,
     reduced_frame,
 )
-from scleraforce.study import ScenesStudy, Study, WallFinderStudy, draw, read_study
 
 STUDY = Study()
 # of an eye in a frame

@@ -24,14 +24,15 @@ import scleraforce as sf
 from figures.eyes import FigureEye
 from figures.groups import draw_eyes
 from figures.sections import compute_eye
-from scleraforce.known import Known, Modulus, known_globe
-from scleraforce.laboratory.phantom import plan_phantom, plan_sections, render_frame
-from scleraforce.mechanics.loads import tip_at
-from scleraforce.reader.kinds import Reader
-from scleraforce.reader.where import Place
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.study import Range, Study, fixed
-from scleraforce.units import HumanUnit, from_si
+from scleraforce.base.units import HumanUnit, from_si
+from scleraforce.lab.virtual_recording import plan_phantom, plan_sections, render_frame
+from scleraforce.mechanics.loads_and_supports import tip_at
+from scleraforce.reading.needle_place import Place
+from scleraforce.reading.reading_models import Reader
+from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.globe import known_globe
+from scleraforce.records.scan import PixelScale
+from scleraforce.records.study import Range, Study, fixed
 
 # E and IOP: relative
 KNOWN_ERRORS = {

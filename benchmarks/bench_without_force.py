@@ -18,10 +18,10 @@ from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.groups import draw_eyes
 from figures.recordings import make_recordings, read_made
-from scleraforce.known.calibration_file import CalibrationSummary, EyeSummary
-from scleraforce.recording.folder import Recording, read_recording
-from scleraforce.study import Study
-from scleraforce.units import from_si
+from scleraforce.base.units import from_si
+from scleraforce.recordings.recording_folder import Recording, read_recording
+from scleraforce.records.calibration_file import CalibrationSummary, EyeSummary
+from scleraforce.records.study import Study
 
 SEED = 4343  # of this benchmark alone
 # of the beds, the travels and their noise

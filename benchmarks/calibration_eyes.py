@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from scleraforce.calibration.eye_model import EyeConstants
-from scleraforce.laboratory.virtual_eye import PhantomEye
-from scleraforce.study import Study
+from scleraforce.calibration.filter.eye_parameters import EyeConstants
+from scleraforce.lab.virtual_eye import PhantomEye
+from scleraforce.records.study import Study
 
 
 def drawn_eye(

@@ -5,7 +5,7 @@ on, its truth known exactly.
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.mechanics.contact import Section
+from scleraforce.mechanics.contact_and_section import Section
 
 
 def dented_wall(

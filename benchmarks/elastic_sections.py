@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from scleraforce.mechanics.contact import Contact, ScanPlane
-from scleraforce.mechanics.finite_strain import LoadPath
-from scleraforce.mechanics.mesh import HexMesh
-from scleraforce.mechanics.section import cut_sections
+from scleraforce.mechanics.contact_and_section import Contact, ScanPlane
+from scleraforce.mechanics.finite_strain_wall import LoadPath
+from scleraforce.mechanics.hexahedral_mesh import HexMesh
+from scleraforce.mechanics.mesh_section import cut_sections
 
 Floats = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from real_tissue.rigidity import NEEDLE_M, NU, RADIUS_M
 from real_tissue.shells import point, pressure_ratio, shallow, sphere
 from real_tissue.tables import LARGEST_STRETCHING, pressed
-from scleraforce.report.files import (
+from scleraforce.front.report.figure_files import (
     AMBER,
     BLACK,
     BLUE,

@@ -18,17 +18,12 @@ from numpy.typing import NDArray
 from figures.eyes import FigureEye
 from figures.sections import ComputedEye, compute_eye
 from monitor_sessions.declarations import calibrated
-from scleraforce.calibration.eye_model import EyeConstants, known_of_constants
-from scleraforce.calibration.forces import LABEL_SD_N
-from scleraforce.known import OPEN, SEALED, UNKNOWN, Known, Modulus
-from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.light import Pose, sample_optics
-from scleraforce.laboratory.virtual_eye import PhantomEye
-from scleraforce.reader.answer import Answer
-from scleraforce.reader.kinds import ForceReader
-from scleraforce.reader.model import load_force_reader
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.report.files import (
+from scleraforce.base.units import from_si, to_si
+from scleraforce.calibration.filter.eye_parameters import (
+    EyeConstants,
+    known_of_constants,
+)
+from scleraforce.front.report.figure_files import (
     AMBER,
     BLACK,
     BLUE,
@@ -38,8 +33,17 @@ from scleraforce.report.files import (
     styled,
     write_figure,
 )
-from scleraforce.study import GlobeStudy, Study, draw
-from scleraforce.units import from_si, to_si
+from scleraforce.lab.drawn_bscan import render_bscan
+from scleraforce.lab.tissue_light import Pose, sample_optics
+from scleraforce.lab.virtual_eye import PhantomEye
+from scleraforce.reading.answer import Answer
+from scleraforce.reading.load_model import load_force_reader
+from scleraforce.reading.reading_models import ForceReader
+from scleraforce.recordings.force_errors import LABEL_SD_N
+from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.globe import OPEN, SEALED, UNKNOWN
+from scleraforce.records.scan import PixelScale
+from scleraforce.records.study import GlobeStudy, Study, draw
 
 Frame = NDArray[np.uint16]
 

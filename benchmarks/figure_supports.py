@@ -13,11 +13,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from scleraforce.mechanics.contact import Contact, ScanPlane, Section
-from scleraforce.mechanics.finite_strain import bend_eye
-from scleraforce.mechanics.section import cut_sections
-from scleraforce.report.files import BLUE, GREY, RED, inches, styled
-from scleraforce.study import Study, SupportsStudy, read_study
+from scleraforce.front.report.figure_files import BLUE, GREY, RED, inches, styled
+from scleraforce.mechanics.contact_and_section import Contact, ScanPlane, Section
+from scleraforce.mechanics.finite_strain_wall import bend_eye
+from scleraforce.mechanics.mesh_section import cut_sections
+from scleraforce.records.study import Study, SupportsStudy, read_study
 
 Floats = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 """Boundaries as an ideal segmentation would find them in a frame of a virtual eye: for
 studies of the filter alone.
 
-`laboratory.phantom` makes whole frames; where only the filter is in question, its
+`lab.virtual_recording` makes whole frames; where only the filter is in question, its
 speckle can be had for less: noise along the boundary's normal, correlated over a few
 columns.
 """
@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from scleraforce.laboratory.light import Pose
-from scleraforce.laboratory.virtual_eye import PhantomEye
-from scleraforce.mechanics.contact import Section
-from scleraforce.mechanics.linear import LinearWall
-from scleraforce.mechanics.section import cut_sections
-from scleraforce.segmentation.observations import Boundaries
-from scleraforce.study import OctStudy, Study
-from scleraforce.units import STANDARD_GRAVITY_M_S2
+from scleraforce.base.units import STANDARD_GRAVITY_M_S2
+from scleraforce.lab.tissue_light import Pose
+from scleraforce.lab.virtual_eye import PhantomEye
+from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.linear_wall import LinearWall
+from scleraforce.mechanics.mesh_section import cut_sections
+from scleraforce.records.study import OctStudy, Study
+from scleraforce.wall.wall_in_metres import Boundaries
 
 Array = NDArray[np.float64]
 

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.known import OPEN, KnownGlobe
-from scleraforce.library import unknowns as at
-from scleraforce.library.fit import law_of
-from scleraforce.library.fit_loops import Depths, predict
-from scleraforce.library.placement import Placed, Places
-from scleraforce.library.responses import Library
+from scleraforce.fit import unknowns as at
+from scleraforce.fit.curve_placement import Placed, Places
+from scleraforce.fit.one_frame import law_of
+from scleraforce.fit.shown_wall import Depths, predict
+from scleraforce.library.wall_responses import Library
+from scleraforce.records.globe import OPEN, KnownGlobe
 
 Array = NDArray[np.float64]
 

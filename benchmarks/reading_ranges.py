@@ -7,7 +7,7 @@ writes it between its two marks; a test fails if it is out of date.
 
 from pathlib import Path
 
-from scleraforce.reader.limits import reading_ranges
+from scleraforce.reading.trained_ranges import reading_ranges
 
 README = Path(__file__).parents[1] / "README.md"
 BEGIN = "<!-- ranges: `make ranges` -->\n"

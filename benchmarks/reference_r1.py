@@ -8,9 +8,9 @@ weight. What is read is the inward displacement along the load at its centre.
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.elements import surface_points
-from scleraforce.mechanics.mesh import HexMesh
+from scleraforce.mechanics.contact_and_section import Contact
+from scleraforce.mechanics.finite_elements import surface_points
+from scleraforce.mechanics.hexahedral_mesh import HexMesh
 
 RADIUS_M = 12e-3
 NU = 0.45

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import SphericalVoronoi
 
-from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath
-from scleraforce.mechanics.loads import Needle, tip_at
-from scleraforce.mechanics.mesh import HexMesh
+from scleraforce.mechanics.contact_and_section import Contact
+from scleraforce.mechanics.finite_strain_wall import FiniteWall, LoadPath
+from scleraforce.mechanics.hexahedral_mesh import HexMesh
+from scleraforce.mechanics.loads_and_supports import Needle, tip_at
 
 Floats = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
-from scleraforce.library.base import DIRECTIONS, SHARE, base_angle
-from scleraforce.mechanics.axisymmetric import (
+from scleraforce.library.moving_base import DIRECTIONS, SHARE, base_angle
+from scleraforce.mechanics.axisymmetric_wall import (
     AxisymmetricPath,
     AxisymmetricWall,
     BaseShift,
@@ -19,14 +19,14 @@ from scleraforce.mechanics.axisymmetric import (
     boundary_shapes,
     inward,
 )
-from scleraforce.mechanics.contact import ScanPlane, Section
-from scleraforce.mechanics.continuation import pressurise
+from scleraforce.mechanics.contact_and_section import ScanPlane, Section
 from scleraforce.mechanics.equilibrium import Solve
-from scleraforce.mechanics.finite_strain import FiniteWall, WallEquilibrium
-from scleraforce.mechanics.loads import Needle
-from scleraforce.mechanics.meridian import MeridianSize
-from scleraforce.mechanics.mesh import HexMesh, build_mesh
-from scleraforce.mechanics.section import cut_sections
+from scleraforce.mechanics.finite_strain_wall import FiniteWall, WallEquilibrium
+from scleraforce.mechanics.hexahedral_mesh import HexMesh, build_mesh
+from scleraforce.mechanics.load_path_tracing import pressurise
+from scleraforce.mechanics.loads_and_supports import Needle
+from scleraforce.mechanics.meridian_elements import MeridianSize
+from scleraforce.mechanics.mesh_section import cut_sections
 
 Floats = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from hypothesis import HealthCheck, settings
 
 import scleraforce  # noqa: F401 - before ONNX Runtime, which tests import too: it switches off what that sends
 
-# A shell without job control starts background jobs with SIGINT and SIGQUIT ignored, and
-# `nohup` ignores SIGHUP. Children inherit that: tests that send these to a child would
-# wait for ever where CI runs that way.
+# A shell without job control starts background jobs with SIGINT and SIGQUIT ignored,
+# and `nohup` ignores SIGHUP. Children inherit that: tests that send these to a child
+# would wait for ever where CI runs that way.
 for ignored, handler in (
     (signal.SIGINT, signal.default_int_handler),
     (signal.SIGQUIT, signal.SIG_DFL),

@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from functools import cache
+from graphlib import TopologicalSorter
 from importlib import import_module
 from math import pi
 from pathlib import Path
@@ -18,65 +19,37 @@ from analytic_library import analytic_library
 from sources import syntax_nodes
 
 import scleraforce
-from scleraforce.errors import InputError, StudyError
-from scleraforce.known.calibration_file import open_calibration, read_calibration
-from scleraforce.learning.dataset import open_dataset
-from scleraforce.library.files import load_library
-from scleraforce.library.store import open_library
-from scleraforce.reader.model import load_classifier, load_force_reader, load_model
-from scleraforce.recording.folder import read_recording
-from scleraforce.recording.images import read_frame
-from scleraforce.study import parse_study, read_study
-from scleraforce.units import SI_PER_UNIT, STANDARD_GRAVITY_M_S2
+from scleraforce.base.errors import InputError, StudyError
+from scleraforce.base.units import SI_PER_UNIT, STANDARD_GRAVITY_M_S2
+from scleraforce.lab.training.slice_dataset import open_dataset
+from scleraforce.library.library_file import load_library
+from scleraforce.library.library_store import open_library
+from scleraforce.reading.load_model import (
+    load_classifier,
+    load_force_reader,
+    load_model,
+)
+from scleraforce.recordings.formats.image_files import read_frame
+from scleraforce.recordings.recording_folder import read_recording
+from scleraforce.records.calibration_file import open_calibration, read_calibration
+from scleraforce.records.study import parse_study, read_study
 
 ROOT = Path(scleraforce.__file__).parent
-ORDER = [
-    "arrays",
-    "units",
-    "errors",
-    "plain_json",
-    "plain_text",
-    "foreign_settings",
-    "private_folder",
-    "pictures",
-    "processes",
-    "whole_files",
-    "kept_results",
-    "compiled",
-    "checked_store",
-    "study",
-    "models",
-    "decision",
-    "openigtlink",
-    "mechanics",
-    "recording",
-    "known",
-    "segmentation",
-    "library",
-    "laboratory",
-    "calibration",
-    "reader",
-    "learning",
-    "service",
-    "replay",
-    "report",
-    "reproduction",
-    "installation",
-    "notebook",
-    "app",
-    "cli",
-]
-PURE = [
-    "segmentation",
-    "mechanics",
-    "library.fit",
-    "library.placement",
-    "library.prior",
-    "library.unknowns",
-    "laboratory.scanner",
-    "calibration",
-    "decision",
-]
+# Packages by row, the lowest first (docs/architecture.md).
+ROWS = (
+    {"base"},
+    {"records"},
+    {"mechanics", "wall", "recordings"},
+    {"library"},
+    {"fit"},
+    {"reading"},
+    {"calibration"},
+    {"live", "lab"},
+    {"front"},
+)
+ROW = {package: row for row, packages in enumerate(ROWS) for package in packages}
+PURE = ["wall", "mechanics", "fit", "lab.scanner", "calibration", "live.decision"]
+IMPURE = {"calibration.evaluation"}  # reads recordings, by worker processes
 IMPURE_MODULES = {
     "socket",
     "time",
@@ -120,8 +93,8 @@ FILE_CALLS = {
     "imwrite",
 }
 FILE_MODULES = {
-    "scleraforce.whole_files",
-    "scleraforce.checked_store",
+    "scleraforce.base.whole_files",
+    "scleraforce.base.checked_store",
     "os",
     "shutil",
     "tempfile",
@@ -158,16 +131,16 @@ BIG = {
 }
 # Modules of the control loop: they need NumPy, OpenCV and ONNX Runtime alone.
 RUNTIME = [
-    "segmentation.wall",
+    "wall.find_wall",
     "library",
-    "known.calibration_file",
-    "reader.model",
-    "reader.answer",
-    "service.monitor_service",
-    "service.second_opinion",
-    "service.black_box",
-    "service.reset",
-    "replay.player",
+    "records.calibration_file",
+    "reading.load_model",
+    "reading.answer",
+    "live.monitor",
+    "live.companions.second_opinion",
+    "live.companions.black_box",
+    "live.network.operator_reset",
+    "live.replay.scanner_player",
 ]
 # Factors between units, other than powers of ten, and their inverses.
 FACTORS = {
@@ -188,6 +161,9 @@ def dotted(path: Path) -> str:
     return ".".join(part for part in parts if part != "__init__")
 
 
+NAMES = {f"scleraforce.{dotted(path)}".rstrip("."): path for path in MODULES}
+
+
 @cache
 def imported(path: Path) -> frozenset[str]:
     """Return every module and name that a file imports, also in functions."""
@@ -204,26 +180,49 @@ def imported(path: Path) -> frozenset[str]:
     return frozenset(names)
 
 
-def test_imports_point_one_way_and_at_public_names() -> None:
-    for path in filter(dotted, MODULES):
-        here = ORDER.index(dotted(path).split(".")[0])
-        for name in imported(path):
-            there = name.split(".")[1] if name.startswith("scleraforce.") else None
-            upward = there in ORDER and ORDER.index(there) > here
-            assert not upward, (
-                f"{dotted(path)} imports {name}, of a package after its own"
-            )
-            private = name.startswith("scleraforce") and re.match(
-                r"_(?!_)", name.split(".")[-1]
-            )
-            assert not private, f"{dotted(path)} imports {name}, a private name"
+def at_import(path: Path) -> set[str]:
+    """Return the modules that a file needs before it can be imported, and names."""
+    needed: set[str] = set()
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Import):
+            needed |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names = {f"{node.module}.{alias.name}" for alias in node.names}
+            needed |= (names & NAMES.keys()) or {node.module or ""}
+
+    return needed
 
 
-def test_only_learning_imports_torch_and_nothing_copyleft_is_imported() -> None:
+@pytest.mark.parametrize("path", [*filter(dotted, MODULES)], ids=dotted)
+def test_imports_point_to_lower_rows_and_at_public_names(path: Path) -> None:
+    package = dotted(path).split(".")[0]
+    for name in imported(path):
+        own, _, rest = name.partition(".")
+        other = rest.split(".")[0]
+        if own != "scleraforce" or not other:
+            continue
+
+        allowed = other == package or ROW.get(other, len(ROWS)) < ROW[package]
+        assert allowed, f"imports {name}, which is not of a lower row"
+        private = re.match(r"_(?!_)", name.split(".")[-1])
+        assert not private, f"imports {name}, a private name"
+
+
+def test_no_module_needs_itself_to_be_imported() -> None:
+    needs = {name: at_import(path) & NAMES.keys() for name, path in NAMES.items()}
+    TopologicalSorter(needs).prepare()  # raises CycleError
+
+
+def test_each_package_is_of_a_row() -> None:
+    packages = {path.name for path in ROOT.iterdir() if (path / "__init__.py").exists()}
+    assert packages == {*ROW}
+
+
+def test_only_training_imports_torch_and_nothing_copyleft_is_imported() -> None:
     for path in MODULES:
         forbidden = (
             COPYLEFT
-            if dotted(path).startswith("learning")
+            if dotted(path).startswith("lab.training")
             else COPYLEFT | {"torch", "onnx"}
         )
         found = {name.split(".")[0] for name in imported(path)} & forbidden
@@ -232,7 +231,7 @@ def test_only_learning_imports_torch_and_nothing_copyleft_is_imported() -> None:
 
 def test_pure_packages_touch_no_file_clock_socket_or_global_random_state() -> None:
     for path in MODULES:
-        if dotted(path).startswith(tuple(PURE)):
+        if dotted(path).startswith(tuple(PURE)) and dotted(path) not in IMPURE:
             check_that_it_is_pure(path)
 
 
@@ -269,7 +268,7 @@ def check_that_it_is_pure(path: Path) -> None:
 
 def test_only_units_knows_the_factors_between_units() -> None:
     for path in MODULES:
-        for node in syntax_nodes(path) if dotted(path) != "units" else ():
+        for node in syntax_nodes(path) if dotted(path) != "base.units" else ():
             if isinstance(node, ast.Constant) and isinstance(node.value, float):
                 near = [
                     name
@@ -339,7 +338,7 @@ def test_commands_import_only_packages_that_they_use(tmp_path: Path) -> None:
         (f"classify default {frame}", unused),
     ):
         script = (
-            "import sys; from scleraforce.cli.main import run; assert"
+            "import sys; from scleraforce.front.cli.main import run; assert"
             f" run({command.split()!r}) == 0\n"
         )
         output_of(f"{script}assert not {others!r} & set(sys.modules)")
@@ -380,7 +379,7 @@ def test_each_name_loads_only_its_own_imports() -> None:
     loaded = loaded_after(
         "import scleraforce as sf; sf.Study; sf.InputError; sf.__version__"
     )
-    assert "scleraforce.study" in loaded
+    assert "scleraforce.records.study" in loaded
     assert not loaded & {"torch", "scipy", "cv2", "onnxruntime", "zarr", "matplotlib"}
     loaded = loaded_after(
         "import scleraforce as sf; sf.segment; sf.load_model; sf.read;"
@@ -461,7 +460,7 @@ def test_every_public_name_has_an_example_and_takes_numbers_by_name() -> None:
 
 
 def test_a_key_that_a_call_does_not_use_is_refused_by_name(tmp_path: Path) -> None:
-    """The commands call the other functions (tests/cli/test_recordings.py)."""
+    """The commands call the other functions (tests/front/cli/test_recordings.py)."""
     sealed, straps = (
         parse_study(f'[{name}]\nkind = "{kind}"')
         for name, kind in (("globe", "sealed"), ("supports", "straps"))

@@ -24,7 +24,7 @@ from small_recordings import write_notebook_folder
 import scleraforce
 from reading_ranges import boxed
 from requirements_trace import STATED, trace_page
-from scleraforce.cli.main import COMMANDS
+from scleraforce.front.cli.main import COMMANDS
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
@@ -43,7 +43,8 @@ SLOW_COMMANDS = {*LONG_COMMANDS, "import"}
 SLOW_CALLS = re.compile(r"\b(sf\.train|sf\.calibrate|LinearSections|FiniteWall)\(")
 # Modules whose examples train and solve.
 SLOW_MODULES = {
-    f"scleraforce.notebook.{name}" for name in ("calibrating", "training", "virtual")
+    f"scleraforce.front.api.progress.{name}"
+    for name in ("calibrating", "training", "virtual")
 }
 LANGUAGES = {
     "console",
@@ -449,7 +450,7 @@ def test_the_trace_is_of_todays_tests_and_a_requirement_without_one_is_found(
     stated = tmp_path / "requirements.toml"
     absent = "there is no such test"
     faults = {
-        '["tests/decision/test_decide.py::test_that_is_not_there"]': absent,
+        '["tests/live/decision/test_decide.py::test_that_is_not_there"]': absent,
         '["tests/nowhere.py::test_the_table_is_total"]': absent,
         "[]": "R1: no test",
     }

@@ -14,7 +14,7 @@ from chromium import NEEDS_CHROMIUM
 from playwright.sync_api import Browser, BrowserContext
 
 import scleraforce
-from scleraforce.cli.main import COMMANDS
+from scleraforce.front.cli.main import COMMANDS
 
 ROOT = Path(__file__).parents[1]
 NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))

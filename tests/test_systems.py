@@ -16,7 +16,7 @@ from small_models import write_fixed_reader
 from sources import syntax_nodes
 
 import scleraforce
-from scleraforce.cli.main import run
+from scleraforce.front.cli.main import run
 
 ROOT = Path(scleraforce.__file__).parent
 MODULES = {
@@ -77,14 +77,14 @@ LINUX = {"os": OF_OS, "signal": OF_SIGNAL, "socket": OF_SOCKET}
 # Module and name: used with hasattr, with its exception caught, or after the monitor
 # has refused other systems.
 GUARDED = {
-    ("processes", "sched_getaffinity"),
-    ("processes", "pthread_sigmask"),
-    ("installation", "sysconf"),
-    ("cli.monitor", "SIGHUP"),
-    ("cli.monitor", "SIGQUIT"),
-    ("cli.monitor", "SIGTTOU"),
-    ("app.commands", "pty"),
-    ("private_folder", "geteuid"),
+    ("base.worker_processes", "sched_getaffinity"),
+    ("base.worker_processes", "pthread_sigmask"),
+    ("front.cli.installation_checks", "sysconf"),
+    ("front.cli.monitor_command", "SIGHUP"),
+    ("front.cli.monitor_command", "SIGQUIT"),
+    ("front.cli.monitor_command", "SIGTTOU"),
+    ("front.app.running_commands", "pty"),
+    ("base.private_folder", "geteuid"),
 }
 SMALL = (
     "[mesh]\ndivisions = 4\n[dataset]\ncontacts = 2\n[[dataset.group]]\nthickness_um ="
@@ -105,7 +105,7 @@ for module, names in ((os, {sorted(OF_OS)!r}), (signal, {sorted(OF_SIGNAL)!r})):
     for name in names:
         if hasattr(module, name):
             delattr(module, name)
-from scleraforce.cli.main import run
+from scleraforce.front.cli.main import run
 sys.exit(run(sys.argv[1:]))
 """
 
@@ -133,7 +133,7 @@ def test_only_service_and_guarded_calls_need_linux() -> None:
         for path in ROOT.rglob("*.py")
     }
     found = {(place, name) for path, place in places.items() for name in used(path)}
-    assert {one for one in found if not one[0].startswith("service")} == GUARDED
+    assert {one for one in found if not one[0].startswith("live")} == GUARDED
     assert {"sched_setscheduler", "SCHED_FIFO"} <= {name for _, name in found}
 
 

@@ -7,16 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.laboratory.phantom import plan_phantom, render_frame
-from scleraforce.laboratory.virtual_eye import PhantomEye
+from scleraforce.lab.virtual_eye import PhantomEye
+from scleraforce.lab.virtual_recording import plan_phantom, render_frame
 from scleraforce.library import Library
-from scleraforce.library.sections import column_laterals, cut_surfaces
-from scleraforce.mechanics.contact import Section
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.found import Segmentation
-from scleraforce.segmentation.wall import find_wall
-from scleraforce.segmentation.wall_finder import WallFinder
-from scleraforce.study import Study
+from scleraforce.library.plane_cut import column_laterals, cut_surfaces
+from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.records.scan import PixelScale
+from scleraforce.records.study import Study
+from scleraforce.wall.find_wall import find_wall
+from scleraforce.wall.wall import Segmentation
+from scleraforce.wall.wall_network import WallFinder
 
 Floats = NDArray[np.float64]
 

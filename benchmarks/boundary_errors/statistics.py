@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.fit.unknowns import shining
 from scleraforce.library import INNER, OUTER
-from scleraforce.library.unknowns import shining
-from scleraforce.study import SliceStudy
+from scleraforce.records.study import SliceStudy
 
 Floats = NDArray[np.float64]
 

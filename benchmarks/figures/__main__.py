@@ -35,14 +35,14 @@ from figures.scores import AnsweredFrame, score
 from figures.table import GroupResult, ModulusErrors, as_json, as_markdown
 from provenance.behaviour import behaviour, keep
 from provenance.stamps import new_stamp
-from scleraforce.cli.options import chosen_workers, options
-from scleraforce.cli.output import progress_bar
-from scleraforce.errors import ScleraforceError
-from scleraforce.processes import available_cores
-from scleraforce.report.files import write_figure
-from scleraforce.study import Study
-from scleraforce.units import from_si
-from scleraforce.whole_files import write_whole
+from scleraforce.base.errors import ScleraforceError
+from scleraforce.base.units import from_si
+from scleraforce.base.whole_files import write_whole
+from scleraforce.base.worker_processes import available_cores
+from scleraforce.front.cli.options import chosen_workers, options
+from scleraforce.front.cli.output import progress_bar
+from scleraforce.front.report.figure_files import write_figure
+from scleraforce.records.study import Study
 
 
 class _Groups(click.ParamType[tuple[str, ...]]):

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from provenance.fingerprint import Fingerprint, moved
-from scleraforce.errors import ScleraforceError
-from scleraforce.whole_files import write_whole
+from scleraforce.base.errors import ScleraforceError
+from scleraforce.base.whole_files import write_whole
 
 
 class CommandError(ScleraforceError):

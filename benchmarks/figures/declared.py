@@ -18,9 +18,11 @@ from figures.commands import made
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.recordings import recording_key
-from scleraforce.recording.folder import RecordingInfo, read_info
-from scleraforce.study import ReaderStudy, format_record
-from scleraforce.whole_files import write_whole
+from scleraforce.base.whole_files import write_whole
+from scleraforce.recordings.recording_folder import read_info
+from scleraforce.records.decoder import format_record
+from scleraforce.records.recording_info import RecordingInfo
+from scleraforce.records.study import ReaderStudy
 
 
 def declare(folder: FiguresFolder, eyes: Iterable[FigureEye]) -> FiguresFolder:

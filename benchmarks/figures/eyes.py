@@ -5,8 +5,8 @@ them.
 from dataclasses import dataclass, replace
 from math import atan, cos
 
-from scleraforce.laboratory.virtual_eye import PhantomEye
-from scleraforce.study import Study, fixed
+from scleraforce.lab.virtual_eye import PhantomEye
+from scleraforce.records.study import Study, fixed
 
 
 @dataclass(frozen=True)

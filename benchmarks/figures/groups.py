@@ -13,8 +13,9 @@ import numpy as np
 from numpy.random import Generator
 
 from figures.eyes import FigureEye, Lean
-from scleraforce.laboratory.virtual_eye import PhantomEye
-from scleraforce.study import (
+from scleraforce.base.units import to_si
+from scleraforce.lab.virtual_eye import PhantomEye
+from scleraforce.records.study import (
     FormStudy,
     GlobeStudy,
     MechanicsStudy,
@@ -26,8 +27,7 @@ from scleraforce.study import (
     TissueStudy,
     fixed,
 )
-from scleraforce.study.eye import CorneaStudy, RegionStudy, WaveStudy
-from scleraforce.units import to_si
+from scleraforce.records.study_of_eye import CorneaStudy, RegionStudy, WaveStudy
 
 # of this benchmark alone: earlier draws were in view while the reader was made
 SEED = 20_261_126

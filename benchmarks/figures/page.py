@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from provenance.stamps import Stamp
-from scleraforce.errors import InputError
-from scleraforce.whole_files import write_whole
+from scleraforce.base.errors import InputError
+from scleraforce.base.whole_files import write_whole
 
 BEGIN = "<!-- made by `make figures`: begin -->"
 END = "<!-- made by `make figures`: end -->"

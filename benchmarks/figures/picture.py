@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from figures.scores import AnsweredFrame
-from scleraforce.report.files import BLACK, BLUE, GREY, RED, inches, styled
+from scleraforce.front.report.figure_files import BLACK, BLUE, GREY, RED, inches, styled
 
 LARGEST_MN = 70.0
 # panels in a row

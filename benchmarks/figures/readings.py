@@ -12,11 +12,17 @@ from figures.folder import FiguresFolder
 from figures.groups import DEFAULT_READER, GROUPS
 from figures.recordings import read_made
 from figures.scores import AnsweredFrame, answered_frame
-from scleraforce.known.calibration_file import EyeSummary, read_calibration
-from scleraforce.models import RECORD_FILE
-from scleraforce.reproduction.run import framed_for_laboratory
-from scleraforce.study import Range, Study, format_study, parse_study, preset_toml
-from scleraforce.whole_files import write_whole
+from scleraforce.base.whole_files import write_whole
+from scleraforce.front.paper.run_folder import framed_for_laboratory
+from scleraforce.records.calibration_file import EyeSummary, read_calibration
+from scleraforce.records.model_folder import RECORD_FILE
+from scleraforce.records.study import (
+    Range,
+    Study,
+    format_study,
+    parse_study,
+    preset_toml,
+)
 
 CALIBRATED_FRAMES = 3
 GAP_M = Range(min=0.4e-3, max=0.9e-3)  # of the eyes

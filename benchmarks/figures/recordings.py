@@ -20,23 +20,24 @@ from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.sections import ROOM, compute_eye
 from figures.workers import in_processes
-from scleraforce.errors import ScleraforceError
-from scleraforce.laboratory.phantom import (
-    PhantomFrame,
-    plan_phantom,
-    plan_sections,
-    write_phantom,
-)
-from scleraforce.mechanics.contact import Section
-from scleraforce.processes import ClusterWorkers, work_units
-from scleraforce.recording.folder import read_info
-from scleraforce.study import Study, format_record
-from scleraforce.whole_files import (
+from scleraforce.base.errors import ScleraforceError
+from scleraforce.base.whole_files import (
     hash_sources,
     renamed_when_whole,
     write_whole,
     write_whole_folder,
 )
+from scleraforce.base.worker_processes import ClusterWorkers, work_units
+from scleraforce.lab.virtual_recording import (
+    PhantomFrame,
+    plan_phantom,
+    plan_sections,
+    write_phantom,
+)
+from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.recordings.recording_folder import read_info
+from scleraforce.records.decoder import format_record
+from scleraforce.records.study import Study
 
 
 @dataclass(frozen=True, eq=False)

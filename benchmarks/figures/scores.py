@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.reader.metrics import Proportion, coverage_band
-from scleraforce.study import ClassesStudy
+from scleraforce.calibration.answer_metrics import Proportion, coverage_band
+from scleraforce.records.study import ClassesStudy
 
 DANGEROUS = 2  # the class of forces that hurt
 # a force above the one must not be read, with confidence, as one below the other

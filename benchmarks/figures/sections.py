@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from figures.eyes import FigureEye, Lean
-from scleraforce.laboratory.virtual_eye import (
+from scleraforce.lab.virtual_eye import (
     BentSections,
     PhantomEye,
     SectionsAt,
@@ -14,10 +14,10 @@ from scleraforce.laboratory.virtual_eye import (
     farthest_turn_rad,
     turned_eyes,
 )
-from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath, bend_eye
-from scleraforce.mechanics.graded import graded_eye
-from scleraforce.mechanics.loads import Needle, needle_at, tip_at
-from scleraforce.study import Study
+from scleraforce.mechanics.finite_strain_wall import FiniteWall, LoadPath, bend_eye
+from scleraforce.mechanics.graded_mesh import graded_eye
+from scleraforce.mechanics.loads_and_supports import Needle, needle_at, tip_at
+from scleraforce.records.study import Study
 
 # dents go no further: an eye that gives way before its largest force bears what it
 # bears there

@@ -8,7 +8,7 @@ from typing import Any
 from figures.groups import GROUPS
 from figures.readings import Method
 from figures.scores import Scores
-from scleraforce.reader.metrics import Proportion
+from scleraforce.calibration.answer_metrics import Proportion
 
 
 @dataclass(frozen=True)

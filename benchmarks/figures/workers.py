@@ -9,7 +9,7 @@ from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
 from typing import TypeVar
 
-from scleraforce.processes import no_interrupts, one_thread
+from scleraforce.base.worker_processes import no_interrupts, one_thread
 
 Piece = TypeVar("Piece")
 

@@ -137,7 +137,7 @@ def _counting(
 
 def solve_load_path(study: Any, unit: int) -> None:
     """Solve a load path of a study's library in this process."""
-    from scleraforce.library.plan import plan_library
-    from scleraforce.library.store import solve_path
+    from scleraforce.library.library_plan import plan_library
+    from scleraforce.library.library_store import solve_path
 
     solve_path(plan_library(study), unit)

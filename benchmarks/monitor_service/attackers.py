@@ -22,7 +22,7 @@ from time import monotonic, time
 
 import numpy as np
 
-from scleraforce.openigtlink import (
+from scleraforce.live.network.openigtlink import (
     Header,
     Image,
     Message,
@@ -33,7 +33,7 @@ from scleraforce.openigtlink import (
     encode,
     pack_header,
 )
-from scleraforce.service.reset import RESET_DEVICE
+from scleraforce.live.network.operator_reset import RESET_DEVICE
 
 MATRIX = (0.03, 0.0, 0.0, 0.0, 0.008, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 BLOCK = 65536

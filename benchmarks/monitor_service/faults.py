@@ -19,10 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from scleraforce.errors import InputError, LinkError
-from scleraforce.openigtlink import Message
-from scleraforce.replay.faults import FAULTS, FaultReport, inject, prepare
-from scleraforce.replay.player import (
+from scleraforce.base.errors import InputError, LinkError
+from scleraforce.live.network.openigtlink import Message
+from scleraforce.live.replay.scanner_faults import FAULTS, FaultReport, inject, prepare
+from scleraforce.live.replay.scanner_player import (
     AnswerLog,
     Player,
     ScannerClient,

@@ -18,9 +18,9 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from scleraforce.errors import LinkError
-from scleraforce.openigtlink import Message, Status
-from scleraforce.processes import no_interrupts
+from scleraforce.base.errors import LinkError
+from scleraforce.base.worker_processes import no_interrupts
+from scleraforce.live.network.openigtlink import Message, Status
 
 from .figures import QUANTILES, Progress, print_table, quantiles_ms
 from .monitors import Monitor, cores, pin, real_monitor, resources

@@ -16,10 +16,10 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from scleraforce.openigtlink import Status, encode
-from scleraforce.processes import no_interrupts
-from scleraforce.replay.player import ScannerClient
-from scleraforce.service.watchdog import MONITOR_PRIORITY, run_in_real_time
+from scleraforce.base.worker_processes import no_interrupts
+from scleraforce.live.companions.watchdog import MONITOR_PRIORITY, run_in_real_time
+from scleraforce.live.network.openigtlink import Status, encode
+from scleraforce.live.replay.scanner_player import ScannerClient
 
 from .figures import QUANTILES, Progress, print_table, quantiles, quantiles_ms
 from .monitors import Monitor, cores, pin, real_monitor

@@ -14,18 +14,18 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic, sleep
 
-from scleraforce.models import model_folder, model_name
-from scleraforce.processes import no_interrupts
-from scleraforce.units import to_si
+from scleraforce.base.units import to_si
+from scleraforce.base.worker_processes import no_interrupts
+from scleraforce.records.model_folder import model_folder, model_name
 
 START_S = 300.0  # where other work takes the processors, or loops are compiled first
 PRUNE_S = 5.0
 CORES = sorted(os.sched_getaffinity(0))
 ROLES = {
-    "scleraforce.service.black_box": "black box",
-    "scleraforce.service.second_opinion": "second opinion",
-    "scleraforce.service.watchdog": "watchdog",
-    "scleraforce.service.console.server": "console",
+    "scleraforce.live.companions.black_box": "black box",
+    "scleraforce.live.companions.second_opinion": "second opinion",
+    "scleraforce.live.companions.watchdog": "watchdog",
+    "scleraforce.live.console.server": "console",
 }
 
 
@@ -142,7 +142,7 @@ def real_monitor(
         command = [
             sys.executable,
             "-c",
-            "from scleraforce.cli.main import main; main()",
+            "from scleraforce.front.cli.main import main; main()",
             "monitor",
             model_name(model_folder(model)),
         ]

@@ -14,14 +14,23 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.errors import InputError
-from scleraforce.openigtlink import Message
-from scleraforce.recording.folder import Recording, read_recording, true_forces
-from scleraforce.recording.pixels import Pixels
-from scleraforce.recording.tables import FrameEntry
-from scleraforce.replay.player import AnswerLog, ScannerClient, Unstamped, frame_message
-from scleraforce.service.reset import ask_reset
-from scleraforce.service.watchdog import run_in_real_time
+from scleraforce.base.errors import InputError
+from scleraforce.live.companions.watchdog import run_in_real_time
+from scleraforce.live.network.openigtlink import Message
+from scleraforce.live.network.operator_reset import ask_reset
+from scleraforce.live.replay.scanner_player import (
+    AnswerLog,
+    ScannerClient,
+    Unstamped,
+    frame_message,
+)
+from scleraforce.recordings.frame_and_force_tables import FrameEntry
+from scleraforce.recordings.recording_folder import (
+    Recording,
+    read_recording,
+    true_forces,
+)
+from scleraforce.records.frame import Pixels
 
 from .monitors import cores
 

@@ -17,9 +17,9 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Any
 
-from scleraforce.errors import InputError
-from scleraforce.processes import no_interrupts
-from scleraforce.service.watchdog import run_in_real_time
+from scleraforce.base.errors import InputError
+from scleraforce.base.worker_processes import no_interrupts
+from scleraforce.live.companions.watchdog import run_in_real_time
 
 from .browser import browser_pids, cpu_s, open_pages
 from .figures import QUANTILES, Progress, print_table, quantiles, quantiles_ms

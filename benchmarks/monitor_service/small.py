@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.openigtlink import Image
-from scleraforce.processes import no_interrupts
-from scleraforce.replay.player import SCANNER_DEVICE, Unstamped
-from scleraforce.service.watchdog import LOOK_S, MONITOR_PRIORITY
+from scleraforce.base.worker_processes import no_interrupts
+from scleraforce.live.companions.watchdog import LOOK_S, MONITOR_PRIORITY
+from scleraforce.live.network.openigtlink import Image
+from scleraforce.live.replay.scanner_player import SCANNER_DEVICE, Unstamped
 
 from .monitors import cores, pin
 

@@ -17,8 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from scleraforce.openigtlink import HEADER_BYTES
-from scleraforce.replay.player import Unstamped, frame_message, image_matrix
+from scleraforce.live.network.openigtlink import HEADER_BYTES
+from scleraforce.live.replay.scanner_player import (
+    Unstamped,
+    frame_message,
+    image_matrix,
+)
 
 from .figures import QUANTILES, Progress, print_table, quantiles, quantiles_ms
 from .monitors import Monitor, Resources, real_monitor, resources

@@ -13,17 +13,26 @@ import numpy as np
 
 from monitor_sessions.eyes import SessionEye
 from monitor_sessions.frames import Frame, PooledGenerator, largest_force_n, still_frame
-from scleraforce.calibration.assimilation import FrameStep, begin, known_after, step
-from scleraforce.calibration.eye_model import EyeConstants, known_of_constants
-from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR
-from scleraforce.calibration.known_forces import TissueTrial, search, settled
-from scleraforce.known import OPEN, SEALED, UNKNOWN, Known, Modulus
+from scleraforce.calibration.filter.eye_filter import (
+    FrameStep,
+    begin,
+    known_after,
+    step,
+)
+from scleraforce.calibration.filter.eye_parameters import (
+    EyeConstants,
+    known_of_constants,
+)
+from scleraforce.calibration.stiffness_from_forces import TissueTrial, search, settled
 from scleraforce.library import Library
-from scleraforce.reader.kinds import ForceReader
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.observations import Boundaries, segmented_boundaries
-from scleraforce.segmentation.wall import find_wall
-from scleraforce.study import Study
+from scleraforce.reading.reading_models import ForceReader
+from scleraforce.recordings.force_errors import LABEL_SD_N, ZERO_PRIOR
+from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.globe import OPEN, SEALED, UNKNOWN
+from scleraforce.records.scan import PixelScale
+from scleraforce.records.study import Study
+from scleraforce.wall.find_wall import find_wall
+from scleraforce.wall.wall_in_metres import Boundaries, segmented_boundaries
 
 DECLARATIONS: Mapping[str, str] = {
     "declared": "declared; E and k from three frames",

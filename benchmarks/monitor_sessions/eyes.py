@@ -6,9 +6,9 @@ from math import radians
 
 import numpy as np
 
-from scleraforce.laboratory.virtual_eye import PhantomEye
-from scleraforce.study import GlobeStudy, ReaderStudy, Study
-from scleraforce.units import to_si
+from scleraforce.base.units import to_si
+from scleraforce.lab.virtual_eye import PhantomEye
+from scleraforce.records.study import GlobeStudy, ReaderStudy, Study
 
 RIGIDITIES = (to_si(0.01, "mmhg13_per_ul"), to_si(0.05, "mmhg13_per_ul"))
 THICKNESSES_M = (0.45e-3, 0.85e-3)

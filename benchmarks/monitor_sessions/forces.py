@@ -8,7 +8,7 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.study import Study
+from scleraforce.records.study import Study
 
 Floats = NDArray[np.float64]
 

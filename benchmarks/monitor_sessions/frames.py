@@ -13,10 +13,10 @@ from figures.eyes import FigureEye
 from figures.sections import compute_eye
 from monitor_sessions.eyes import SessionEye
 from monitor_sessions.forces import PATH_N, Trajectory
-from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.light import BscanOptics, Pose, sample_optics
-from scleraforce.mechanics.contact import Section
-from scleraforce.study import draw
+from scleraforce.lab.drawn_bscan import render_bscan
+from scleraforce.lab.tissue_light import BscanOptics, Pose, sample_optics
+from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.records.study import draw
 
 Floats = NDArray[np.float64]
 Frame = NDArray[np.uint16]

@@ -22,13 +22,13 @@ from monitor_sessions.forces import (
 )
 from monitor_sessions.frames import largest_force_n, stream
 from monitor_sessions.watch import Watch, Withdrawal
-from scleraforce.decision.limits import MonitorLimits
-from scleraforce.known import Known
-from scleraforce.reader.answer import Answer
-from scleraforce.reader.model import load_force_reader
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.service.shown_pictures import ShownPictures
-from scleraforce.units import from_si
+from scleraforce.base.units import from_si
+from scleraforce.live.decision.limits import MonitorLimits
+from scleraforce.live.repeated_pictures import ShownPictures
+from scleraforce.reading.answer import Answer
+from scleraforce.reading.load_model import load_force_reader
+from scleraforce.records.eye import Known
+from scleraforce.records.scan import PixelScale
 
 JITTER_S = 1e-3
 LOSS = 1e-3  # of the frames

@@ -11,7 +11,7 @@ import numpy as np
 from monitor_sessions.declarations import DECLARATIONS
 from monitor_sessions.eyes import KINDS
 from monitor_sessions.play import Outcome, Ramp
-from scleraforce.units import from_si
+from scleraforce.base.units import from_si
 
 BOUND_N = 30e-3
 REFERENCE = "declared"

@@ -6,8 +6,10 @@ from dataclasses import dataclass, replace
 
 from monitor_sessions.forces import FRAME_S
 from monitor_sessions.frames import Frame
-from scleraforce.decision.decide import Decision, decide
-from scleraforce.decision.events import (
+from scleraforce.live.companions.eye_learning import EyeLearner
+from scleraforce.live.companions.process_messages import OpinionAsked
+from scleraforce.live.decision.decide import Decision, decide
+from scleraforce.live.decision.events import (
     Cause,
     FrameRead,
     MonitorEvent,
@@ -16,15 +18,13 @@ from scleraforce.decision.events import (
     SecondOpinion,
     State,
 )
-from scleraforce.decision.limits import MonitorLimits
-from scleraforce.decision.state import MonitorState
-from scleraforce.known import Known
-from scleraforce.reader.answer import Answer
-from scleraforce.reader.kinds import ForceReader
-from scleraforce.reader.model import LiveReader
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.service.learning import EyeLearner
-from scleraforce.service.messages import OpinionAsked
+from scleraforce.live.decision.limits import MonitorLimits
+from scleraforce.live.decision.state import MonitorState
+from scleraforce.reading.answer import Answer
+from scleraforce.reading.eye_reader import LiveReader
+from scleraforce.reading.reading_models import ForceReader
+from scleraforce.records.eye import Known
+from scleraforce.records.scan import PixelScale
 
 # frames; the fit takes so long on a busy machine, and skips what comes then
 OPINION_EVERY = 3

@@ -28,20 +28,20 @@ from provenance.fingerprint import (
     moved,
 )
 from provenance.stamps import Stamp
+from scleraforce.base.whole_files import write_whole
 from scleraforce.calibration.calibrate import calibrate_recordings
+from scleraforce.calibration.evaluation import evaluate_recordings
 from scleraforce.library import load_library
-from scleraforce.models import (
+from scleraforce.reading.load_model import load_model
+from scleraforce.recordings.recording_folder import read_recording
+from scleraforce.records.model_folder import (
     LIBRARY_FILE,
     NETWORK_FILE,
     SHIPPED,
     SHIPPED_READER,
     read_folder,
 )
-from scleraforce.reader.evaluate import evaluate_recordings
-from scleraforce.reader.model import load_model
-from scleraforce.recording.folder import read_recording
-from scleraforce.study import Study, study_hash
-from scleraforce.whole_files import write_whole
+from scleraforce.records.study import Study, study_hash
 
 KEPT = Path(__file__).with_name("behaviour.json")
 SHARES = (0.2, 0.6)  # forces on an eye's frames, of the largest force

@@ -27,24 +27,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from scleraforce.errors import CalibrationError
-from scleraforce.learning.classifier import (
+from scleraforce.base.errors import CalibrationError
+from scleraforce.base.units import from_si
+from scleraforce.lab.training.classifier_training import (
     Samples,
     classes_at_modulus,
     fit,
     with_half_weights,
 )
-from scleraforce.learning.dataset import SampleSimulator, plan_dataset
-from scleraforce.learning.descent import torch
-from scleraforce.learning.reader import fit_reader
-from scleraforce.learning.samples import (
-    CHUNK,
-    VALIDATION_CHUNK,
-    ReaderSamples,
-    Source,
-    draw_seen,
-)
-from scleraforce.learning.virtual_eyes import (
+from scleraforce.lab.training.force_reader_training import fit_reader
+from scleraforce.lab.training.gradient_descent import torch
+from scleraforce.lab.training.interval_measurement import (
     STREAM,
     calibrated,
     draw_eye,
@@ -52,32 +45,39 @@ from scleraforce.learning.virtual_eyes import (
     measuring,
     trait_factors,
 )
-from scleraforce.learning.wall_finder import (
+from scleraforce.lab.training.reader_samples import (
+    CHUNK,
+    VALIDATION_CHUNK,
+    ReaderSamples,
+    Source,
+    draw_seen,
+)
+from scleraforce.lab.training.slice_dataset import SampleSimulator, plan_dataset
+from scleraforce.lab.training.wall_network_training import (
     VALIDATION_SCENES,
     fit_wall_finder,
     scene_batch,
 )
 from scleraforce.library import Library, load_library, save_library
-from scleraforce.library.plan import plan_library
-from scleraforce.library.stiffened import ReducedCurves, StiffenedWalls
-from scleraforce.library.store import (
+from scleraforce.library.library_plan import plan_library
+from scleraforce.library.library_store import (
     create_library,
     open_library,
     solve_path,
     write_library_unit,
 )
-from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.graded import study_mesh
-from scleraforce.mechanics.linear import LinearWall
-from scleraforce.models import (
+from scleraforce.library.stiffened_walls import ReducedCurves, StiffenedWalls
+from scleraforce.mechanics.contact_and_section import Contact
+from scleraforce.mechanics.graded_mesh import study_mesh
+from scleraforce.mechanics.linear_wall import LinearWall
+from scleraforce.records.model_folder import (
     LIBRARY_FILE,
     NETWORK_FILE,
     RECORD_FILE,
     folder_study,
     read_folder,
 )
-from scleraforce.study import Study
-from scleraforce.units import from_si
+from scleraforce.records.study import Study
 
 # name of a result -> its "tolerance" and "values", as in `model.json`
 Fingerprint = dict[str, dict[str, Any]]

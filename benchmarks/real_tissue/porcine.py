@@ -16,8 +16,8 @@ from scipy.optimize import brentq
 from real_tissue.punch import Pushed, flat_punch_path
 from real_tissue.shells import shallow
 from real_tissue.walls import bonded_stiffness, disc_wall, fine_meridian, pressed_wall
-from scleraforce.mechanics.globe import OPEN_GLOBE, sealed_globe
-from scleraforce.units import to_si
+from scleraforce.base.units import to_si
+from scleraforce.records.globe import OPEN_GLOBE, sealed_globe
 
 Floats = NDArray[np.float64]
 

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from real_tissue.walls import fine_meridian
-from scleraforce.errors import SolverError
-from scleraforce.mechanics.axisymmetric import AxisymmetricWall
-from scleraforce.mechanics.continuation import pressurise
-from scleraforce.mechanics.elements import gauss_points
-from scleraforce.mechanics.globe import OPEN_GLOBE, Globe
-from scleraforce.mechanics.material import burst_tension
-from scleraforce.mechanics.meridian import line_shapes
+from scleraforce.base.errors import SolverError
+from scleraforce.mechanics.axisymmetric_wall import AxisymmetricWall
+from scleraforce.mechanics.finite_elements import gauss_points
+from scleraforce.mechanics.load_path_tracing import pressurise
+from scleraforce.mechanics.meridian_elements import line_shapes
+from scleraforce.mechanics.tissue_material import burst_tension
+from scleraforce.records.globe import OPEN_GLOBE, Globe
 
 Floats = NDArray[np.float64]
 

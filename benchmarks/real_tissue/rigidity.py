@@ -6,16 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from scleraforce.mechanics.axisymmetric import (
+from scleraforce.base.units import from_si, to_si
+from scleraforce.mechanics.axisymmetric_wall import (
     AxisymmetricPath,
     AxisymmetricWall,
     axisymmetric_path,
 )
-from scleraforce.mechanics.continuation import pressurise
-from scleraforce.mechanics.globe import Globe, sealed_globe
-from scleraforce.mechanics.material import burst_tension
-from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
-from scleraforce.units import from_si, to_si
+from scleraforce.mechanics.load_path_tracing import pressurise
+from scleraforce.mechanics.meridian_elements import MeridianSize, meridian_mesh
+from scleraforce.mechanics.tissue_material import burst_tension
+from scleraforce.records.globe import Globe, sealed_globe
 
 Floats = NDArray[np.float64]
 

@@ -29,10 +29,10 @@ from real_tissue.rigidity import (
 )
 from real_tissue.shells import point, pressure_ratio, shallow, sphere
 from real_tissue.walls import PressedWall, disc_wall, fine_meridian, pressed_wall
-from scleraforce.errors import SolverError
-from scleraforce.mechanics.axisymmetric import axisymmetric_path
-from scleraforce.mechanics.globe import sealed_globe
-from scleraforce.units import from_si, to_si
+from scleraforce.base.errors import SolverError
+from scleraforce.base.units import from_si, to_si
+from scleraforce.mechanics.axisymmetric_wall import axisymmetric_path
+from scleraforce.records.globe import sealed_globe
 
 SHELL_MODULUS_PA = 0.25e6
 THICKNESSES_MM = (0.05, 0.15, 0.25, 0.5, 0.8)

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_walls import spread_needle
-from scleraforce.mechanics.axisymmetric import AxisymmetricWall
-from scleraforce.mechanics.continuation import pressurise
-from scleraforce.mechanics.meridian import MeridianMesh
+from scleraforce.mechanics.axisymmetric_wall import AxisymmetricWall
+from scleraforce.mechanics.load_path_tracing import pressurise
+from scleraforce.mechanics.meridian_elements import MeridianMesh
 
 Floats = NDArray[np.float64]
 

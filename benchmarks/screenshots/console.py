@@ -21,11 +21,11 @@ from playwright.sync_api import Page, ViewportSize, sync_playwright
 import scleraforce as sf
 from monitor_service.browser import CHROMIUM
 from monitor_service.monitors import real_monitor
-from scleraforce.models import SHIPPED_READER
+from scleraforce.records.model_folder import SHIPPED_READER
 
 PUSHES_N = {"": ([12e-3, 6e-3, 36e-3], None), "-pierced": ([12e-3, 6e-3, 20e-3], 22e-3)}
 WAIT_MS = 120_000.0
-COMMAND = (sys.executable, "-c", "from scleraforce.cli.main import main; main()")
+COMMAND = (sys.executable, "-c", "from scleraforce.front.cli.main import main; main()")
 WITHDRAWN = (
     "document.getElementById('word').textContent === 'WITHDRAW' &&"
     " document.getElementById('frame').textContent"

@@ -18,11 +18,11 @@ from time import perf_counter
 import click
 
 from provenance.stamps import new_stamp
-from scleraforce.cli.output import progress_bar
-from scleraforce.errors import InputError, ScleraforceError
-from scleraforce.plain_json import finite
-from scleraforce.report.files import write_figure
-from scleraforce.whole_files import KINDS, read_text, write_whole
+from scleraforce.base.errors import InputError, ScleraforceError
+from scleraforce.base.plain_json import finite
+from scleraforce.base.whole_files import KINDS, read_text, write_whole
+from scleraforce.front.cli.output import progress_bar
+from scleraforce.front.report.figure_files import write_figure
 from speed.lock import alone
 from speed.machine import machine_in_words
 from speed.page import PICTURE, as_markdown, table_lines

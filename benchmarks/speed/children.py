@@ -54,7 +54,7 @@ def scleraforce(*words: str) -> list[str]:
     return [
         sys.executable,
         "-c",
-        "from scleraforce.cli.main import main; main()",
+        "from scleraforce.front.cli.main import main; main()",
         *words,
     ]
 

@@ -8,17 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from predicted_walls import Walls, formed_wall
-from scleraforce.known import OPEN, Known, Modulus
-from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.light import sample_optics
+from scleraforce.fit.unknowns import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS, TIP
+from scleraforce.lab.drawn_bscan import render_bscan
+from scleraforce.lab.tissue_light import sample_optics
 from scleraforce.library import Library
-from scleraforce.library.unknowns import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS, TIP
-from scleraforce.mechanics.contact import Section
-from scleraforce.models import SHIPPED_READER
-from scleraforce.reader.kinds import ForceReader
-from scleraforce.reader.model import load_force_reader
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.study import Study
+from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.reading.load_model import load_force_reader
+from scleraforce.reading.reading_models import ForceReader
+from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.globe import OPEN
+from scleraforce.records.model_folder import SHIPPED_READER
+from scleraforce.records.scan import PixelScale
+from scleraforce.records.study import Study
 
 
 @dataclass(frozen=True, eq=False)

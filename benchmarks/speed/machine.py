@@ -6,7 +6,7 @@ import re
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from scleraforce.processes import available_cores
+from scleraforce.base.worker_processes import available_cores
 
 GIB = 2**30
 PACKAGES = (

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
-from scleraforce.report.files import AMBER, BLUE, GREY, RED, inches, styled
+from scleraforce.front.report.figure_files import AMBER, BLUE, GREY, RED, inches, styled
 from speed.record import QUOTED, Row
 
 COLOURS = {"ours": BLUE, "CalculiX": AMBER, "plain": RED, "SOFA": GREY}

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
-from scleraforce.study import Study, read_study
+from scleraforce.records.study import Study, read_study
 
 ROOT = Path(__file__).parents[2]
 OPTIONS = ("training", "reproduce", "tests")  # what takes too long to be done each time

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import scleraforce as sf
-from scleraforce.report.files import (
+from scleraforce.front.report.figure_files import (
     AMBER,
     BLUE,
     RED,

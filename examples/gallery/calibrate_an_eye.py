@@ -12,9 +12,9 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 import scleraforce as sf
-from scleraforce.report.files import write_figure
-from scleraforce.report.recording_figures import draw_modulus_over_frames
-from scleraforce.study.eye import MeshStudy
+from scleraforce.front.report.figure_files import write_figure
+from scleraforce.front.report.recording_figures import draw_modulus_over_frames
+from scleraforce.records.study_of_eye import MeshStudy
 
 MODULUS_PA = 0.27e6
 FORCES_N = (0.012, 0.030, 0.020, 0.008, 0.040)

@@ -11,9 +11,9 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 import scleraforce as sf
-from scleraforce.report.files import write_figure
-from scleraforce.report.model_figures import draw_simulation
-from scleraforce.study.eye import MeshStudy
+from scleraforce.front.report.figure_files import write_figure
+from scleraforce.front.report.model_figures import draw_simulation
+from scleraforce.records.study_of_eye import MeshStudy
 
 
 def draw() -> Figure:

@@ -13,7 +13,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import scleraforce as sf
-from scleraforce.report.files import AMBER, BLUE, inches, styled, write_figure
+from scleraforce.front.report.figure_files import (
+    AMBER,
+    BLUE,
+    inches,
+    styled,
+    write_figure,
+)
 
 MODULUS_PA = 0.27e6
 FORCES_N = np.linspace(0.005, 0.060, 12)

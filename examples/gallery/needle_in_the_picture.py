@@ -13,10 +13,15 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 import scleraforce as sf
-from scleraforce.report.files import SCAN_COLOURS, inches, styled, write_figure
-from scleraforce.segmentation.found import draw_overlay
-from scleraforce.study import fixed
-from scleraforce.study.eye import MeshStudy
+from scleraforce.front.report.figure_files import (
+    SCAN_COLOURS,
+    inches,
+    styled,
+    write_figure,
+)
+from scleraforce.records.study import fixed
+from scleraforce.records.study_of_eye import MeshStudy
+from scleraforce.wall.wall import draw_overlay
 
 
 @styled

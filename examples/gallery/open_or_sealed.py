@@ -12,9 +12,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import scleraforce as sf
-from scleraforce.library import sealed
-from scleraforce.mechanics.globe import sealed_globe
-from scleraforce.report.files import (
+from scleraforce.base.units import from_si, to_si
+from scleraforce.front.report.figure_files import (
     AMBER,
     BLUE,
     GREY,
@@ -23,7 +22,8 @@ from scleraforce.report.files import (
     styled,
     write_figure,
 )
-from scleraforce.units import from_si, to_si
+from scleraforce.library import sealed_eye
+from scleraforce.records.globe import sealed_globe
 
 # a small library: made in 15 s, then kept in the cache
 QUICK = Path(__file__).parents[2] / "docs" / "quick.toml"
@@ -53,7 +53,7 @@ def draw() -> Figure:
         globe = sealed_globe(to_si(rigidity, "mmhg13_per_ul")).over(MODULUS_PA)
         ratio = np.full_like(dent_m, IOP_PA / MODULUS_PA)
         rates = np.full_like(dent_m, globe.rate)
-        sealed.pressures_at_dents(
+        sealed_eye.pressures_at_dents(
             library.tables, thickness_m, dent_m, rates, False, ratio
         )
         force_n = library.forces(thickness_m, ratio, dent_m) * MODULUS_PA

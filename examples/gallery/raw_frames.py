@@ -13,8 +13,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import scleraforce as sf
-from scleraforce.report.files import SCAN_COLOURS, inches, styled, write_figure
-from scleraforce.study.eye import MeshStudy
+from scleraforce.front.report.figure_files import (
+    SCAN_COLOURS,
+    inches,
+    styled,
+    write_figure,
+)
+from scleraforce.records.study_of_eye import MeshStudy
 
 FORCES_N = (0.003, 0.018, 0.045)
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 import scleraforce as sf
-from scleraforce.report.files import write_figure
-from scleraforce.report.frame_figures import draw_residuals
+from scleraforce.front.report.figure_files import write_figure
+from scleraforce.front.report.frame_figures import draw_residuals
 
 # a coarse wall, which is pushed in seconds
 QUICK = Path(__file__).parents[2] / "docs" / "quick.toml"

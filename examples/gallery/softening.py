@@ -12,12 +12,19 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.finite_strain import FiniteWall
-from scleraforce.mechanics.graded import graded_mesh
-from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.loads import needle_at
-from scleraforce.report.files import BLUE, GREY, RED, inches, styled, write_figure
+from scleraforce.front.report.figure_files import (
+    BLUE,
+    GREY,
+    RED,
+    inches,
+    styled,
+    write_figure,
+)
+from scleraforce.mechanics.contact_and_section import Contact
+from scleraforce.mechanics.finite_strain_wall import FiniteWall
+from scleraforce.mechanics.graded_mesh import graded_mesh
+from scleraforce.mechanics.linear_wall import LinearWall, tip_displacement
+from scleraforce.mechanics.loads_and_supports import needle_at
 
 CONTACT = Contact(polar_rad=radians(35.0))
 THICKNESS_M = 0.8e-3

@@ -11,11 +11,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from scleraforce.decision.decide import Decision, decide
-from scleraforce.decision.events import FrameRead, State, Verdict
-from scleraforce.decision.limits import MonitorLimits
-from scleraforce.decision.state import MonitorState
-from scleraforce.report.files import (
+from scleraforce.front.report.figure_files import (
     AMBER,
     BLACK,
     BLUE,
@@ -25,6 +21,11 @@ from scleraforce.report.files import (
     styled,
     write_figure,
 )
+from scleraforce.live.decision.decide import Decision, decide
+from scleraforce.live.decision.events import FrameRead, State
+from scleraforce.live.decision.limits import MonitorLimits
+from scleraforce.live.decision.state import MonitorState
+from scleraforce.records.verdict import Verdict
 
 RATE_HZ = 100.0
 SECONDS = 3.5

@@ -21,7 +21,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import Image as RosImage
 from std_msgs.msg import Bool, String
 
-from scleraforce.openigtlink import Decoder, Image, Received, Text, encode
+from scleraforce.live.network.openigtlink import Decoder, Image, Received, Text, encode
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import robot_client

@@ -19,7 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from scleraforce.openigtlink import (
+from scleraforce.base.units import from_si
+from scleraforce.live.network.openigtlink import (
     Decoder,
     Image,
     Message,
@@ -29,10 +30,9 @@ from scleraforce.openigtlink import (
     Transform,
     encode,
 )
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.found import draw_overlay
-from scleraforce.segmentation.wall import find_wall
-from scleraforce.units import from_si
+from scleraforce.records.scan import PixelScale
+from scleraforce.wall.find_wall import find_wall
+from scleraforce.wall.wall import draw_overlay
 
 VIEW = "ForceView"
 BAR = "ForceBar"

@@ -9,25 +9,26 @@ import os
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from scleraforce.errors import InputError
-    from scleraforce.learning.dataset import open_dataset
-    from scleraforce.library.store import open_library
-    from scleraforce.notebook.calibrating import calibrate
-    from scleraforce.notebook.exporting import export
-    from scleraforce.notebook.frames import (
+    from scleraforce.base.errors import InputError
+    from scleraforce.front.api.calibrating import calibrate
+    from scleraforce.front.api.exporting import export
+    from scleraforce.front.api.importing import import_recording
+    from scleraforce.front.api.monitoring import monitor
+    from scleraforce.front.api.reading_frames import (
         evaluate,
         load_model,
         read,
         save_wall,
         segment,
     )
-    from scleraforce.notebook.importing import import_recording
-    from scleraforce.notebook.monitoring import monitor
-    from scleraforce.notebook.training import generate, library_of, train
-    from scleraforce.notebook.virtual import phantom, simulate
-    from scleraforce.recording.folder import Plane, read_recording
-    from scleraforce.recording.images import read_frame
-    from scleraforce.study import Study, parse_study, read_study
+    from scleraforce.front.api.simulating import phantom, simulate
+    from scleraforce.front.api.training import generate, library_of, train
+    from scleraforce.lab.training.slice_dataset import open_dataset
+    from scleraforce.library.library_store import open_library
+    from scleraforce.recordings.formats.image_files import read_frame
+    from scleraforce.recordings.recording_folder import read_recording
+    from scleraforce.records.scan import Plane
+    from scleraforce.records.study import Study, parse_study, read_study
 
     __version__: str
 
@@ -64,19 +65,26 @@ __all__ = [
 os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
 _MODULES = {
-    "learning.dataset": ("open_dataset",),
-    "errors": ("InputError",),
-    "library.store": ("open_library",),
-    "notebook.calibrating": ("calibrate",),
-    "notebook.exporting": ("export",),
-    "notebook.frames": ("evaluate", "load_model", "read", "save_wall", "segment"),
-    "notebook.importing": ("import_recording",),
-    "notebook.monitoring": ("monitor",),
-    "notebook.training": ("generate", "library_of", "train"),
-    "notebook.virtual": ("phantom", "simulate"),
-    "recording.folder": ("Plane", "read_recording"),
-    "recording.images": ("read_frame",),
-    "study": ("Study", "parse_study", "read_study"),
+    "lab.training.slice_dataset": ("open_dataset",),
+    "base.errors": ("InputError",),
+    "library.library_store": ("open_library",),
+    "front.api.calibrating": ("calibrate",),
+    "front.api.exporting": ("export",),
+    "front.api.reading_frames": (
+        "evaluate",
+        "load_model",
+        "read",
+        "save_wall",
+        "segment",
+    ),
+    "front.api.importing": ("import_recording",),
+    "front.api.monitoring": ("monitor",),
+    "front.api.training": ("generate", "library_of", "train"),
+    "front.api.simulating": ("phantom", "simulate"),
+    "records.scan": ("Plane",),
+    "recordings.recording_folder": ("read_recording",),
+    "recordings.formats.image_files": ("read_frame",),
+    "records.study": ("Study", "parse_study", "read_study"),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -21,9 +21,9 @@ from analytic_frames import (
 )
 from small_models import write_fixed_reader
 
-from scleraforce.recording.folder import RecordingInfo
-from scleraforce.recording.writing import RecordingWriter
-from scleraforce.study import parse_record
+from scleraforce.recordings.recording_writer import RecordingWriter
+from scleraforce.records.decoder import parse_record
+from scleraforce.records.recording_info import RecordingInfo
 from speed.lock import alone as alone_on_this_machine
 
 BINS = 64

@@ -27,19 +27,17 @@ from figures.workers import in_processes
 from provenance import __main__ as provenance_main, behaviour as provenance_behaviour
 from provenance.fingerprint import item
 from provenance.stamps import new_stamp, read_stamps
-from scleraforce.errors import ScleraforceError
-from scleraforce.laboratory.phantom import plan_phantom
-from scleraforce.mechanics.contact import Section
-from scleraforce.recording.folder import (
-    EyeInfo,
-    ForceInfo,
-    NeedleInfo,
-    OctInfo,
-    RecordingInfo,
-    read_info,
-)
-from scleraforce.study import OctStudy, Study, format_record
-from scleraforce.units import to_si
+from scleraforce.base.errors import ScleraforceError
+from scleraforce.base.units import to_si
+from scleraforce.lab.virtual_recording import plan_phantom
+from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.recordings.recording_folder import read_info
+from scleraforce.records.decoder import format_record
+from scleraforce.records.eye import EyeInfo
+from scleraforce.records.needle import NeedleInfo
+from scleraforce.records.recording_info import ForceInfo, RecordingInfo
+from scleraforce.records.scan import OctInfo
+from scleraforce.records.study import OctStudy, Study
 
 STUDY = Study()
 

@@ -12,8 +12,8 @@ import pytest
 from monitor_service.monitors import Resources
 from monitor_service.scanner import Answers, Frames
 from monitor_service.soak import Sample, grown
-from scleraforce.decision.limits import MonitorLimits
-from scleraforce.openigtlink import Status, Text
+from scleraforce.live.decision.limits import MonitorLimits
+from scleraforce.live.network.openigtlink import Status, Text
 
 
 def test_growth_differs_from_a_level() -> None:

@@ -4,7 +4,7 @@ from monitor_sessions.declarations import DECLARATIONS
 from monitor_sessions.eyes import KINDS, may_meet
 from monitor_sessions.play import Outcome, Ramp
 from monitor_sessions.table import ramp_table
-from scleraforce.study import Study, parse_study, preset_toml
+from scleraforce.records.study import Study, parse_study, preset_toml
 
 
 def test_a_readers_study_decides_which_eyes_it_meets() -> None:

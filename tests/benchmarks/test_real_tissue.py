@@ -19,10 +19,10 @@ from real_tissue.rigidity import NEEDLE_M, NU, RADIUS_M, mmhg_per_ul, own_mmhg_p
 from real_tissue.shells import point, pressure_ratio, shallow, sphere
 from real_tissue.tables import TABLES, pressed
 from real_tissue.walls import bonded_stiffness, disc_wall, fine_meridian, pressed_wall
-from scleraforce.mechanics.axisymmetric import AxisymmetricWall, axisymmetric_path
-from scleraforce.mechanics.continuation import pressurise
-from scleraforce.mechanics.globe import sealed_globe
-from scleraforce.units import to_si
+from scleraforce.base.units import to_si
+from scleraforce.mechanics.axisymmetric_wall import AxisymmetricWall, axisymmetric_path
+from scleraforce.mechanics.load_path_tracing import pressurise
+from scleraforce.records.globe import sealed_globe
 
 PAGE = Path(__file__).parents[2] / "benchmarks" / "real_tissue" / "README.md"
 TENSIONS = (0.0, 0.5, 1.0, 2.0, 4.0)

@@ -5,10 +5,10 @@ import pytest
 
 from bench_relaxation import RAMP_S, RelaxingWall, pushed
 from elastic_sections import CONTACT, NEEDLE_RADIUS_M, NU, RADIUS_M, THICKNESS_M
-from scleraforce.mechanics.finite_strain import FiniteWall
-from scleraforce.mechanics.graded import graded_mesh
-from scleraforce.mechanics.loads import needle_at
-from scleraforce.mechanics.material import PronySeries
+from scleraforce.mechanics.finite_strain_wall import FiniteWall
+from scleraforce.mechanics.graded_mesh import graded_mesh
+from scleraforce.mechanics.loads_and_supports import needle_at
+from scleraforce.mechanics.tissue_material import PronySeries
 
 MODULUS_PA = 0.4e6
 TIP_M = 0.4e-3

@@ -14,8 +14,8 @@ import click
 import pytest
 
 from provenance.stamps import read_stamps
-from scleraforce.errors import InputError
-from scleraforce.study import Study
+from scleraforce.base.errors import InputError
+from scleraforce.records.study import Study
 from speed.__main__ import main
 from speed.lock import alone
 from speed.page import as_markdown

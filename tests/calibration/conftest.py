@@ -12,18 +12,18 @@ import pytest
 from analytic_frames import LIBRARY, moving
 
 from ideal_boundaries import virtual_sections
-from scleraforce.calibration.eye_model import EyeConstants
-from scleraforce.calibration.linear_eye import LinearEye, linear_eye
-from scleraforce.laboratory.light import Pose
-from scleraforce.laboratory.phantom import plan_phantom, write_phantom
-from scleraforce.laboratory.virtual_eye import PhantomEye
+from scleraforce.calibration.filter.eye_parameters import EyeConstants
+from scleraforce.calibration.filter.linear_sections import LinearEye, linear_eye
+from scleraforce.lab.tissue_light import Pose
+from scleraforce.lab.virtual_eye import PhantomEye
+from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
 from scleraforce.library import Library
-from scleraforce.library.sections import cut_surfaces
-from scleraforce.mechanics.contact import Section
-from scleraforce.mechanics.linear import LinearWall
-from scleraforce.mechanics.mesh import build_mesh
-from scleraforce.segmentation.observations import Boundaries
-from scleraforce.study import MeshStudy, Study
+from scleraforce.library.plane_cut import cut_surfaces
+from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.hexahedral_mesh import build_mesh
+from scleraforce.mechanics.linear_wall import LinearWall
+from scleraforce.records.study import MeshStudy, Study
+from scleraforce.wall.wall_in_metres import Boundaries
 
 STUDY = replace(Study(), mesh=MeshStudy(divisions=6))
 

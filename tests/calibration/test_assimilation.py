@@ -7,9 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from scleraforce.calibration.assimilation import begin_with, eye_filter, moments, step
-from scleraforce.calibration.eye_model import ParameterSpace, stated_wall
-from scleraforce.calibration.registration import (
+from scleraforce.calibration.filter.eye_filter import (
+    begin_with,
+    eye_filter,
+    moments,
+    step,
+)
+from scleraforce.calibration.filter.eye_parameters import ParameterSpace, stated_wall
+from scleraforce.calibration.filter.section_registration import (
     BY_DEPTH,
     BY_LATERAL,
     BY_POLAR,
@@ -20,8 +25,8 @@ from scleraforce.calibration.registration import (
     register,
     updated_belief,
 )
-from scleraforce.laboratory.virtual_eye import PhantomEye
-from scleraforce.library.placement import Places
+from scleraforce.fit.curve_placement import Places
+from scleraforce.lab.virtual_eye import PhantomEye
 
 FORCES = [float(force) for force in np.random.default_rng(0).uniform(6e-3, 58e-3, 24)]
 

@@ -16,27 +16,28 @@ from analytic_frames import LIBRARY
 from small_recordings import calibration_of_a_sealed_eye
 
 from ideal_boundaries import virtual_sections
-from scleraforce.calibration import calibrate, eye_frames
+from scleraforce.base.errors import CalibrationError
+from scleraforce.base.units import SI_PER_UNIT
+from scleraforce.calibration import calibrate, seen_frames
 from scleraforce.calibration.calibrate import calibrate_recordings
-from scleraforce.calibration.forces import frame_order
-from scleraforce.calibration.known_forces import TissueTrial
-from scleraforce.calibration.result import (
+from scleraforce.calibration.calibration import (
     Calibration,
     EyeCalibration,
     parse_calibration,
 )
-from scleraforce.errors import CalibrationError
-from scleraforce.known import SEALED, UNKNOWN, known_of_recording
-from scleraforce.known.calibration_file import (
+from scleraforce.calibration.seen_frames import frame_order
+from scleraforce.calibration.stiffness_from_forces import TissueTrial
+from scleraforce.lab.virtual_eye import PhantomEye
+from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
+from scleraforce.recordings.recording_folder import Recording, read_recording
+from scleraforce.records.calibration_file import (
     known_of_eye,
     parse_calibration_file,
     summary_of,
 )
-from scleraforce.laboratory.phantom import plan_phantom, write_phantom
-from scleraforce.laboratory.virtual_eye import PhantomEye
-from scleraforce.recording.folder import Recording, read_recording
-from scleraforce.study import Study
-from scleraforce.units import SI_PER_UNIT
+from scleraforce.records.globe import SEALED, UNKNOWN
+from scleraforce.records.recording_info import known_of_recording
+from scleraforce.records.study import Study
 
 FORCES = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
 
@@ -341,15 +342,15 @@ def test_a_globe_is_doubted_if_frames_agree_on_another_one_and_each_is_segmented
 ) -> None:
     segmented = list[Any]()
     labelled = list[Any]()
-    find_wall = eye_frames.find_wall
-    label_frames = eye_frames.label_frames
+    find_wall = seen_frames.find_wall
+    label_frames = seen_frames.label_frames
     monkeypatch.setattr(
-        eye_frames,
+        seen_frames,
         "find_wall",
         lambda *given: segmented.append(given) or find_wall(*given),
     )
     monkeypatch.setattr(
-        eye_frames,
+        seen_frames,
         "label_frames",
         lambda *given: labelled.append(given) or label_frames(*given),
     )

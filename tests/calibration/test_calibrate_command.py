@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 
 from ideal_boundaries import virtual_sections
-from scleraforce.cli.main import run
-from scleraforce.known.calibration_file import read_calibration
-from scleraforce.laboratory.phantom import plan_phantom, write_phantom
-from scleraforce.laboratory.virtual_eye import PhantomEye
+from scleraforce.front.cli.main import run
+from scleraforce.lab.virtual_eye import PhantomEye
+from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
 from scleraforce.library import Library
-from scleraforce.study import Study, format_study
+from scleraforce.records.calibration_file import read_calibration
+from scleraforce.records.study import Study, format_study
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +91,7 @@ def test_finite_strain_is_the_default_and_takes_the_cached_library(
         progress(10)
         return library
 
-    monkeypatch.setattr("scleraforce.library.store.cached_library", cached)
+    monkeypatch.setattr("scleraforce.library.library_store.cached_library", cached)
     out = tmp_path / "out.json"
     arguments = [
         "calibrate",

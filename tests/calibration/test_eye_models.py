@@ -14,22 +14,30 @@ from analytic_frames import moving
 from analytic_library import analytic_library
 
 from reference_walls import cut_section, shift_in_plane
-from scleraforce.calibration import assimilation
-from scleraforce.calibration.assimilation import FrameStep, Skipped
-from scleraforce.calibration.eye_model import EyeConstants, stated_wall
-from scleraforce.calibration.library_eye import base_moves, library_eye, without_form
-from scleraforce.calibration.registration import parameter_sections
-from scleraforce.errors import CalibrationError
-from scleraforce.learning.virtual_eyes import VirtualEye, draw_eye, draw_frames
-from scleraforce.learning.walls import Forms
+from scleraforce.base.errors import CalibrationError
+from scleraforce.calibration.filter import eye_filter
+from scleraforce.calibration.filter.eye_filter import FrameStep, Skipped
+from scleraforce.calibration.filter.eye_parameters import EyeConstants, stated_wall
+from scleraforce.calibration.filter.library_sections import (
+    base_moves,
+    library_eye,
+    without_form,
+)
+from scleraforce.calibration.filter.section_registration import parameter_sections
+from scleraforce.lab.training.drawn_wall_errors import Forms
+from scleraforce.lab.training.interval_measurement import (
+    VirtualEye,
+    draw_eye,
+    draw_frames,
+)
 from scleraforce.library import Library
-from scleraforce.mechanics.axisymmetric import base_shift
-from scleraforce.mechanics.contact import Contact, ScanPlane, Section
-from scleraforce.mechanics.graded import graded_mesh
-from scleraforce.mechanics.linear import LinearWall
-from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
-from scleraforce.segmentation.observations import Boundaries
-from scleraforce.study import Range, ReaderStudy, Study, fixed
+from scleraforce.mechanics.axisymmetric_wall import base_shift
+from scleraforce.mechanics.contact_and_section import Contact, ScanPlane, Section
+from scleraforce.mechanics.graded_mesh import graded_mesh
+from scleraforce.mechanics.linear_wall import LinearWall
+from scleraforce.mechanics.meridian_elements import MeridianSize, meridian_mesh
+from scleraforce.records.study import Range, ReaderStudy, Study, fixed
+from scleraforce.wall.wall_in_metres import Boundaries
 
 ASIDE = EyeConstants(
     iop_pa=266.0,
@@ -147,10 +155,10 @@ def frames(forces_n: Sequence[float], rng: np.random.Generator) -> list[Boundari
 
 
 def run(
-    begun: assimilation.EyeSession, forces_n: Sequence[float], made: Sequence[Any]
-) -> assimilation.EyeSession:
+    begun: eye_filter.EyeSession, forces_n: Sequence[float], made: Sequence[Any]
+) -> eye_filter.EyeSession:
     for force_n, boundaries in zip(forces_n, made, strict=True):
-        begun = assimilation.step(begun, boundaries, force_n)
+        begun = eye_filter.step(begun, boundaries, force_n)
     return begun
 
 
@@ -235,9 +243,9 @@ def test_thickness_is_corrected_when_it_is_uncertain(library: Library) -> None:
     forces = [0.02, 0.05, 0.01, 0.04, 0.03, 0.055]
     wrong = replace(STATED, thickness_m=0.65e-3)
     made = frames(forces, np.random.default_rng(1))
-    alone = run(assimilation.begin(study, wrong, library), forces, made)
+    alone = run(eye_filter.begin(study, wrong, library), forces, made)
     both = run(
-        assimilation.begin(study, wrong, library, ("e", "thickness")), forces, made
+        eye_filter.begin(study, wrong, library, ("e", "thickness")), forces, made
     )
     assert alone.modulus.mean_pa > 1.05 * MODULUS_PA
     assert both.modulus.mean_pa == pytest.approx(MODULUS_PA, rel=0.05)
@@ -249,8 +257,8 @@ def test_a_frame_beyond_the_library_is_left_out_with_its_reason(
 ) -> None:
     short = replace(library, max_force_ratio=0.1e-6)
     made = frames([0.02, 0.05], np.random.default_rng(2))
-    first = assimilation.step(assimilation.begin(STUDY, STATED, short), made[0], 0.02)
-    second = assimilation.step(first, made[1], 0.05)
+    first = eye_filter.step(eye_filter.begin(STUDY, STATED, short), made[0], 0.02)
+    second = eye_filter.step(first, made[1], 0.05)
     assert isinstance(first.last, FrameStep)
     assert isinstance(second.last, Skipped)
     assert "F/E" in second.last.reason

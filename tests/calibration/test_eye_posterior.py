@@ -12,20 +12,24 @@ from analytic_frames import BOTH, LATERAL_M, known_eye, middling_eye
 
 import scleraforce as sf
 from predicted_walls import Walls, predict_wall
-from scleraforce.calibration.eye_posterior import MOST_FRAMES, EyePosterior, _spread
-from scleraforce.calibration.result import calibration_lines, parse_calibration
-from scleraforce.cli.main import run
-from scleraforce.errors import InputError
-from scleraforce.known import LEAST_MODULUS_SD, Known, Modulus
-from scleraforce.known.calibration_file import (
+from scleraforce.base.errors import InputError
+from scleraforce.calibration.calibration import calibration_lines, parse_calibration
+from scleraforce.calibration.stiffness_from_shape import (
+    MOST_FRAMES,
+    EyePosterior,
+    _spread,
+)
+from scleraforce.fit.frames_of_an_eye import ShownFrame
+from scleraforce.fit.prior_of_an_eye import prior_of
+from scleraforce.front.cli.main import run
+from scleraforce.library import Library
+from scleraforce.records.calibration_file import (
     known_of_eye,
     open_calibration,
     read_calibration,
 )
-from scleraforce.library import Library
-from scleraforce.library.joint_fit import ShownFrame
-from scleraforce.library.prior import prior_of
-from scleraforce.study import Study
+from scleraforce.records.eye import LEAST_MODULUS_SD, Known, Modulus
+from scleraforce.records.study import Study
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +39,7 @@ def found(
     out = tmp_path_factory.mktemp("shape") / "out.json"
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(
-            "scleraforce.notebook.calibrating.library_for", lambda *_: library
+            "scleraforce.front.api.calibrating.library_for", lambda *_: library
         )
         sf.calibrate(made_up_folder, without_force=True, out=out)
 
@@ -76,7 +80,7 @@ def test_known_forces_narrow_it(
     found: Path, made_up_folder: Path, library: Library, monkeypatch: Any
 ) -> None:
     monkeypatch.setattr(
-        "scleraforce.notebook.calibrating.library_for", lambda *_: library
+        "scleraforce.front.api.calibrating.library_for", lambda *_: library
     )
     eye = sf.calibrate(made_up_folder, without_force=True, frames=1).eyes["made-up"]
     assert (
@@ -108,7 +112,7 @@ def test_what_cannot_be_is_refused(
     monkeypatch: Any,
 ) -> None:
     monkeypatch.setattr(
-        "scleraforce.notebook.calibrating.library_for", lambda *_: library
+        "scleraforce.front.api.calibrating.library_for", lambda *_: library
     )
     recording = sf.read_recording(made_up_folder)
 

@@ -9,20 +9,25 @@ import numpy as np
 import pytest
 from small_recordings import LOGGED_INFO
 
-from scleraforce.calibration.forces import (
+from scleraforce.lab.needle_pushes import sense
+from scleraforce.lab.virtual_eye import paper_eyes
+from scleraforce.lab.virtual_recording import plan_phantom
+from scleraforce.recordings.force_errors import (
     ZERO_PRIOR,
     frame_forces,
     label_sds,
     rest_zeros,
     zero_line,
 )
-from scleraforce.laboratory.phantom import plan_phantom
-from scleraforce.laboratory.pushes import sense
-from scleraforce.laboratory.virtual_eye import paper_eyes
-from scleraforce.recording.folder import ForceInfo, Recording
-from scleraforce.recording.labels import label_frames, low_pass
-from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry
-from scleraforce.study import ClassesStudy, PhantomStudy, Study, fixed
+from scleraforce.recordings.forces_under_frames import label_frames, low_pass
+from scleraforce.recordings.frame_and_force_tables import (
+    FORCE_COLUMNS,
+    ForceLog,
+    FrameEntry,
+)
+from scleraforce.recordings.recording_folder import Recording
+from scleraforce.records.recording_info import ForceInfo
+from scleraforce.records.study import ClassesStudy, PhantomStudy, Study, fixed
 
 
 def pushes(

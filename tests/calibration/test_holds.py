@@ -1,4 +1,6 @@
-"""Who yields in the holds of a force log: what the log shows, and what frames decide."""
+"""Who yields in the holds of a force log: what the log shows, and what frames
+decide.
+"""
 
 from dataclasses import replace
 
@@ -6,8 +8,7 @@ import numpy as np
 import pytest
 from relaxing_eyes import BOUNDS_N, TISSUE, logged, read_as
 
-from scleraforce.calibration.forces import ZERO_PRIOR, FrameForces
-from scleraforce.calibration.holds import (
+from scleraforce.calibration.holds_of_a_log import (
     TIMES_S,
     HeldFrame,
     HeldFrames,
@@ -16,18 +17,14 @@ from scleraforce.calibration.holds import (
     remembered,
     who_yields,
 )
-from scleraforce.calibration.relaxation import hold_log, with_elastic_forces
-from scleraforce.known import Known
-from scleraforce.known.relaxation import KnownRelaxation
-from scleraforce.laboratory.pushes import (
-    NeedlePath,
-    Push,
-    path_of_pushes,
-    plan_pushes,
-)
-from scleraforce.mechanics.material import ELASTIC, PronySeries
-from scleraforce.reader.felt import History
-from scleraforce.study import PhantomStudy, Range
+from scleraforce.calibration.relaxation_from_holds import hold_log, with_elastic_forces
+from scleraforce.lab.needle_pushes import NeedlePath, Push, path_of_pushes, plan_pushes
+from scleraforce.mechanics.tissue_material import ELASTIC, PronySeries
+from scleraforce.reading.tissue_memory import History
+from scleraforce.recordings.force_errors import ZERO_PRIOR, FrameForces
+from scleraforce.records.eye import Known
+from scleraforce.records.study import PhantomStudy, Range
+from scleraforce.records.tissue_relaxation import KnownRelaxation
 
 FALL = PronySeries((0.12,), (1.2,))
 FORCES_N = tuple((45e-3 * np.array([0.4, 1.0, 0.3, 0.7, 0.9, 0.5, 0.8, 0.6])).tolist())

@@ -19,13 +19,14 @@ from scipy.optimize import minimize
 from small_recordings import calibration_of_a_sealed_eye
 
 from predicted_walls import Walls, force_n as wall_force_n, predict_wall
+from scleraforce.base.errors import CalibrationError, InputError
 from scleraforce.calibration.calibrate import (
     SOUGHT_ON,
     calibrate_recordings,
     calibration_passes,
 )
-from scleraforce.calibration.forces import LABEL_SD_N
-from scleraforce.calibration.known_forces import (
+from scleraforce.calibration.calibration import Calibration
+from scleraforce.calibration.stiffness_from_forces import (
     KnownForce,
     Settled,
     TissueTrial,
@@ -37,22 +38,9 @@ from scleraforce.calibration.known_forces import (
     search,
     settled,
 )
-from scleraforce.calibration.result import Calibration
-from scleraforce.errors import CalibrationError, InputError
-from scleraforce.known import (
-    OPEN,
-    REFERENCE_RIGIDITY,
-    SEALED,
-    Known,
-    KnownGlobe,
-    Modulus,
-)
-from scleraforce.learning import virtual_eyes
-from scleraforce.library import Library
-from scleraforce.library.fit import fit_boundaries
-from scleraforce.library.plan import stiffening_place
-from scleraforce.library.prior import SHINE_MEAN_M, prior_of
-from scleraforce.library.unknowns import (
+from scleraforce.fit.one_frame import fit_boundaries
+from scleraforce.fit.prior_of_an_eye import SHINE_MEAN_M, prior_of
+from scleraforce.fit.unknowns import (
     DEPTH,
     GAP,
     IOP,
@@ -63,8 +51,20 @@ from scleraforce.library.unknowns import (
     THICKNESS,
     TIP,
 )
-from scleraforce.segmentation.observations import Boundaries
-from scleraforce.study import LibraryStudy, Range, ReaderStudy, Study, TissueStudy
+from scleraforce.lab.training import interval_measurement
+from scleraforce.library import Library
+from scleraforce.library.library_plan import stiffening_place
+from scleraforce.recordings.force_errors import LABEL_SD_N
+from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.globe import OPEN, REFERENCE_RIGIDITY, SEALED, KnownGlobe
+from scleraforce.records.study import (
+    LibraryStudy,
+    Range,
+    ReaderStudy,
+    Study,
+    TissueStudy,
+)
+from scleraforce.wall.wall_in_metres import Boundaries
 
 FILTERED = replace(
     SEALED,
@@ -716,13 +716,17 @@ def test_the_stiffening_of_an_eye_is_found_from_three_frames_and_the_others_are_
     """An open eye of even form, whose boundaries and forces are known without
     errors.
     """
-    monkeypatch.setattr(virtual_eyes, "label_forces", partial(without_rests, sd_n=0.0))
+    monkeypatch.setattr(
+        interval_measurement, "label_forces", partial(without_rests, sd_n=0.0)
+    )
     library = solved_library(GRID)
     rng = np.random.default_rng(seed)
-    eye = virtual_eyes.draw_eye(EXACT, library.for_stiffening(stiffening), 0, rng)
+    eye = interval_measurement.draw_eye(
+        EXACT, library.for_stiffening(stiffening), 0, rng
+    )
     assert eye.model.library.stiffening == stiffening
-    frames = virtual_eyes.draw_frames(eye, EXACT, 8, rng)
-    known, left = virtual_eyes.calibrated(eye, frames, EXACT, library, rng)
+    frames = interval_measurement.draw_frames(eye, EXACT, 8, rng)
+    known, left = interval_measurement.calibrated(eye, frames, EXACT, library, rng)
     assert known.modulus is not None
     assert known.stiffening is not None
     assert log1p(known.stiffening) == pytest.approx(log1p(stiffening), abs=0.3)

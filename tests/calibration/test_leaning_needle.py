@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import scleraforce as sf
-from scleraforce.errors import InputError, StudyError
-from scleraforce.recording.folder import NeedleInfo
-from scleraforce.study.fields import fixed
+from scleraforce.base.errors import InputError, StudyError
+from scleraforce.records.fields import fixed
+from scleraforce.records.needle import NeedleInfo
 
 LEAN_RAD = np.radians(35.0)
 MODULUS_PA = 0.3e6

@@ -25,19 +25,20 @@ from small_models import write_fixed_reader
 
 import scleraforce as sf
 from predicted_walls import Walls, force_n as wall_force_n, predict_wall
-from scleraforce.calibration.assimilation import begin
+from scleraforce.base.errors import CalibrationError
 from scleraforce.calibration.calibrate import _at, calibrate_recordings, eye_constants
-from scleraforce.calibration.eye_frames import EyeFrames, Settings
-from scleraforce.calibration.eye_posterior import EyePosterior
-from scleraforce.calibration.result import Calibration
-from scleraforce.errors import CalibrationError
-from scleraforce.known import Modulus
-from scleraforce.known.calibration_file import parse_calibration_file, summary_of
-from scleraforce.library.joint_fit import ShownFrame
-from scleraforce.reader.evaluate import evaluate_recordings
-from scleraforce.reader.model import load_model
-from scleraforce.recording.folder import Plane, Recording, read_recording
-from scleraforce.study import Study
+from scleraforce.calibration.calibration import Calibration
+from scleraforce.calibration.evaluation import evaluate_recordings
+from scleraforce.calibration.filter.eye_filter import begin
+from scleraforce.calibration.seen_frames import EyeFrames, Settings
+from scleraforce.calibration.stiffness_from_shape import EyePosterior
+from scleraforce.fit.frames_of_an_eye import ShownFrame
+from scleraforce.reading.load_model import load_model
+from scleraforce.recordings.recording_folder import Recording, read_recording
+from scleraforce.records.calibration_file import parse_calibration_file, summary_of
+from scleraforce.records.eye import Modulus
+from scleraforce.records.scan import Plane
+from scleraforce.records.study import Study
 
 FORCES_N = 0.002, 0.03, 0.012, 0.02, 0.008
 # 1.5 and 0.05 mm from the needle
@@ -177,7 +178,7 @@ def test_a_moment_is_not_taken_again_from_a_plane_that_was_not_followed(
     cross, single, monkeypatch
 ) -> None:
     monkeypatch.setattr(
-        "scleraforce.notebook.calibrating.library_for", lambda *_: LIBRARY
+        "scleraforce.front.api.calibrating.library_for", lambda *_: LIBRARY
     )
     again = (
         calibrate_recordings([cross, single], STUDY, "hash", LIBRARY, ("e",), frames=3)
@@ -211,7 +212,7 @@ def test_without_force_a_cross_is_seen_as_one_plane_of_a_known_gap(
     cross, single, monkeypatch
 ) -> None:
     monkeypatch.setattr(
-        "scleraforce.notebook.calibrating.library_for", lambda *_: LIBRARY
+        "scleraforce.front.api.calibrating.library_for", lambda *_: LIBRARY
     )
     found, given = (
         sf.calibrate(one, without_force=True, frames=1).eyes["eye"]

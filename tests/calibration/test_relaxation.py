@@ -9,11 +9,11 @@ import pytest
 from relaxing_eyes import FORCES_N, TISSUE, found_in, pushed
 from scipy.optimize import nnls
 
-from scleraforce.calibration.holds import TIMES_S, not_negative
-from scleraforce.errors import CalibrationError
-from scleraforce.known.relaxation import KnownRelaxation
-from scleraforce.laboratory.pushes import NeedlePath
-from scleraforce.mechanics.material import PronySeries
+from scleraforce.base.errors import CalibrationError
+from scleraforce.calibration.holds_of_a_log import TIMES_S, not_negative
+from scleraforce.lab.needle_pushes import NeedlePath
+from scleraforce.mechanics.tissue_material import PronySeries
+from scleraforce.records.tissue_relaxation import KnownRelaxation
 
 SEEDS = range(4)
 

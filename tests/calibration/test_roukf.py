@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from filterpy.kalman import UnscentedKalmanFilter
 
-from scleraforce.arrays import Floats
-from scleraforce.calibration.roukf import (
+from scleraforce.base.arrays import Floats
+from scleraforce.calibration.filter.unscented_filter import (
     RULES,
     FilterParams,
     Posterior,

@@ -13,25 +13,26 @@ from analytic_library import with_walls
 from small_models import fixed_finder
 
 from ideal_boundaries import ideal_boundaries
-from scleraforce.calibration import assimilation, eye_frames, registration
+from scleraforce.base.errors import CalibrationError
+from scleraforce.calibration import seen_frames
 from scleraforce.calibration.calibrate import calibrate_recordings, eye_constants
-from scleraforce.calibration.eye_model import EyeConstants
-from scleraforce.calibration.forces import FrameForces, frame_forces
-from scleraforce.calibration.registration import PoseBelief
-from scleraforce.calibration.result import Calibration, parse_calibration
-from scleraforce.errors import CalibrationError
-from scleraforce.known.calibration_file import parse_calibration_file, summary_of
-from scleraforce.laboratory.light import Pose
+from scleraforce.calibration.calibration import Calibration, parse_calibration
+from scleraforce.calibration.filter import eye_filter, section_registration
+from scleraforce.calibration.filter.eye_parameters import EyeConstants
+from scleraforce.calibration.filter.section_registration import PoseBelief
+from scleraforce.lab.tissue_light import Pose
 from scleraforce.library import Library
-from scleraforce.library.sections import cut_surfaces
-from scleraforce.models import SHIPPED_WALL_FINDER
-from scleraforce.reader.model import load_wall_finder
-from scleraforce.recording.folder import Recording, read_recording
-from scleraforce.recording.labels import label_frames
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.observations import Boundaries, segmented_boundaries
-from scleraforce.segmentation.wall import find_wall
-from scleraforce.study import Study
+from scleraforce.library.plane_cut import cut_surfaces
+from scleraforce.reading.load_model import load_wall_finder
+from scleraforce.recordings.force_errors import FrameForces, frame_forces
+from scleraforce.recordings.forces_under_frames import label_frames
+from scleraforce.recordings.recording_folder import Recording, read_recording
+from scleraforce.records.calibration_file import parse_calibration_file, summary_of
+from scleraforce.records.model_folder import SHIPPED_WALL_FINDER
+from scleraforce.records.scan import PixelScale
+from scleraforce.records.study import Study
+from scleraforce.wall.find_wall import find_wall
+from scleraforce.wall.wall_in_metres import Boundaries, segmented_boundaries
 
 STUDY = Study()
 FRAMES = 6
@@ -62,7 +63,7 @@ def test_frames_one_by_one_give_the_result_of_the_recording(
 ) -> None:
     forces, boundaries = frames(recording)
     stated = eye_constants(recording, STUDY)
-    eye = assimilation.begin(
+    eye = eye_filter.begin(
         STUDY, stated, library, zero_covariance=forces.zero_covariance
     )
     prior = (eye.modulus.mean_pa, eye.modulus.sd_pa)
@@ -71,7 +72,7 @@ def test_frames_one_by_one_give_the_result_of_the_recording(
     for force_n, since_s, boundary in zip(
         forces.force_n, forces.since_start_s, boundaries, strict=True
     ):
-        eye = assimilation.step(eye, boundary, float(force_n), float(since_s))
+        eye = eye_filter.step(eye, boundary, float(force_n), float(since_s))
         means.append(eye.modulus.mean_pa)
 
     whole = calibration.eyes["made-up"]
@@ -210,7 +211,7 @@ def test_walls_are_found_with_the_stated_thickness_and_checked_by_the_finder(
         given.append(more)
         return replace(find_wall(frame, scale), usable=False, reason="under a layer")
 
-    monkeypatch.setattr(eye_frames, "find_wall", below)
+    monkeypatch.setattr(seen_frames, "find_wall", below)
     with pytest.raises(CalibrationError, match="under a layer"):
         calibrate_recordings([recording], STUDY, "", library, finder=blind)
 
@@ -233,7 +234,7 @@ def test_forces_far_above_all_calibrated_ones_are_a_doubt(
         return replace(find_wall(pixels, *asked), usable=not is_deep, reason="deep")
 
     assert calibration.eyes["made-up"].recordings[0].doubts == ()
-    monkeypatch.setattr(eye_frames, "find_wall", shallow)
+    monkeypatch.setattr(seen_frames, "find_wall", shallow)
     eye = calibrate_recordings([recording], STUDY, "", library).eyes["made-up"]
     assert [
         round(1e3 * frame.force_n)
@@ -283,17 +284,15 @@ def test_a_session_starts_with_any_frame_and_its_earlier_values_stay_unchanged(
     seen = ideal_boundaries(
         section, pose, STUDY.oct, 5e-6, np.random.default_rng(0), smoothing_m
     )
-    before = assimilation.begin(STUDY, STATED, library)
-    after, again = (assimilation.step(before, seen, 0.03) for _ in range(2))
+    before = eye_filter.begin(STUDY, STATED, library)
+    after, again = (eye_filter.step(before, seen, 0.03) for _ in range(2))
     assert (before.updates, before.last) == (0, None)
     assert after.modulus == again.modulus
     assert after.modulus.mean_pa == pytest.approx(0.27e6, rel=0.02)
     assert 0 < after.modulus.sd_pa < 0.02e6
     empty = replace(seen, depth_m=np.full_like(seen.depth_m, np.nan))
-    assert assimilation.step(after, empty, 0.001).state is after.state
-    assert (
-        assimilation.step(after, empty, 0.03).modulus.mean_pa == after.modulus.mean_pa
-    )
+    assert eye_filter.step(after, empty, 0.001).state is after.state
+    assert eye_filter.step(after, empty, 0.03).modulus.mean_pa == after.modulus.mean_pa
 
 
 def test_first_frames_of_little_force_are_fitted_once_for_walls_of_any_tissue(
@@ -306,9 +305,9 @@ def test_first_frames_of_little_force_are_fitted_once_for_walls_of_any_tissue(
     stated = eye_constants(recording, STUDY)
     fitted = list[float]()
     poses = dict[Boundaries, PoseBelief]()
-    register = registration.register
+    register = section_registration.register
     monkeypatch.setattr(
-        registration,
+        section_registration,
         "register",
         lambda *given: fitted.append(given[2]) or register(*given),
     )
@@ -318,12 +317,12 @@ def test_first_frames_of_little_force_are_fitted_once_for_walls_of_any_tissue(
     for shared in (poses, None):
         ends.append([])
         for walls in (library, other):
-            eye = assimilation.begin(STUDY, stated, walls, poses=shared)
+            eye = eye_filter.begin(STUDY, stated, walls, poses=shared)
             for boundary, force_n in (
                 (boundaries[0], forces.force_n[0]),
                 (boundaries[3], forces.force_n[3]),
             ):
-                eye = assimilation.step(eye, boundary, float(force_n))
+                eye = eye_filter.step(eye, boundary, float(force_n))
 
             ends[-1].append(eye.state.belief)
 

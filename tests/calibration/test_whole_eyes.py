@@ -11,23 +11,27 @@ import pytest
 from analytic_frames import moving
 
 import scleraforce as sf
-from scleraforce.calibration import assimilation
-from scleraforce.calibration.assimilation import RIGIDITY, FrameStep, known_globe_after
+from scleraforce.base.units import SI_PER_UNIT
 from scleraforce.calibration.calibrate import LEAKS, calibrate_recordings
-from scleraforce.calibration.eye_model import EyeConstants, stated_wall
-from scleraforce.calibration.library_eye import library_eye
-from scleraforce.calibration.result import EyeCalibration
-from scleraforce.known import OPEN, SEALED, UNKNOWN, KnownGlobe
-from scleraforce.laboratory.phantom import plan_phantom, write_phantom
-from scleraforce.laboratory.virtual_eye import PhantomEye
+from scleraforce.calibration.calibration import EyeCalibration
+from scleraforce.calibration.filter import eye_filter
+from scleraforce.calibration.filter.eye_filter import (
+    RIGIDITY,
+    FrameStep,
+    known_globe_after,
+)
+from scleraforce.calibration.filter.eye_parameters import EyeConstants, stated_wall
+from scleraforce.calibration.filter.library_sections import library_eye
+from scleraforce.lab.virtual_eye import PhantomEye
+from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
 from scleraforce.library import Library
-from scleraforce.library.sealed import iop_ratio_at_dent, iop_ratio_under_force
-from scleraforce.library.store import cached_library
-from scleraforce.mechanics.contact import Section
-from scleraforce.recording.folder import read_recording
-from scleraforce.segmentation.observations import Boundaries
-from scleraforce.study import LibraryStudy, Range, Study
-from scleraforce.units import SI_PER_UNIT
+from scleraforce.library.library_store import cached_library
+from scleraforce.library.sealed_eye import iop_ratio_at_dent, iop_ratio_under_force
+from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.recordings.recording_folder import read_recording
+from scleraforce.records.globe import OPEN, SEALED, UNKNOWN, KnownGlobe
+from scleraforce.records.study import LibraryStudy, Range, Study
+from scleraforce.wall.wall_in_metres import Boundaries
 
 pytestmark = pytest.mark.slow
 
@@ -118,12 +122,12 @@ def calibrated(
     modulus_pa, eye = drawn_eye(rng, rigidity)
     forces_n = [share * highest_force_n(library, modulus_pa, eye) for share in SHARES]
     stated = replace(eye, polar_rad=0.61, polar_sd_rad=0.1, globe=declared)
-    found = assimilation.begin(STUDY, stated, library)
+    found = eye_filter.begin(STUDY, stated, library)
 
     for force_n, boundaries in zip(
         forces_n, frames(library, modulus_pa, eye, forces_n, rng), strict=True
     ):
-        found = assimilation.step(found, boundaries, force_n)
+        found = eye_filter.step(found, boundaries, force_n)
         assert isinstance(found.last, FrameStep), found.last
         assert found.last.result.status == "ok"
 
@@ -175,10 +179,10 @@ def test_an_open_eye_under_pressure_is_not_taken_for_a_soft_sealed_one(
 
     for forces_n in ([0.0106, 0.0232, 0.036], [0.036, 0.0232, 0.0106]):
         made = frames(library, 0.2217e6, eye, forces_n, np.random.default_rng(3))
-        found = assimilation.begin(STUDY, stated, library)
+        found = eye_filter.begin(STUDY, stated, library)
 
         for force_n, boundaries in zip(forces_n, made, strict=True):
-            found = assimilation.step(found, boundaries, force_n)
+            found = eye_filter.step(found, boundaries, force_n)
             assert isinstance(found.last, FrameStep), found.last
             assert found.last.registered.wall.youngs_modulus_pa == pytest.approx(
                 0.2217e6, rel=0.1

@@ -14,7 +14,7 @@ from fake_monitor import FakeMonitor, fake_monitor
 from sources import example_module
 from waiting import wait_until
 
-from scleraforce.openigtlink import Image, Received, Status
+from scleraforce.live.network.openigtlink import Image, Received, Status
 
 rosbags = pytest.importorskip("rosbags", reason="the extra [formats] is not installed")
 

@@ -17,7 +17,7 @@ from small_recordings import drawn_wall
 from sources import example_module
 from waiting import FUSE_S, wait_until
 
-from scleraforce.openigtlink import Image, Status
+from scleraforce.live.network.openigtlink import Image, Status
 
 bridge = example_module("slicer/bridge")
 WALL = drawn_wall(np.random.default_rng(7), dent_m=0.0)

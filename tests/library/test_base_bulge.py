@@ -7,18 +7,18 @@ import pytest
 from analytic_library import RADIUS_M, analytic_library, bulging
 
 from predicted_walls import Walls, formed_wall
-from scleraforce.calibration.eye_model import EyeConstants, stated_wall
-from scleraforce.calibration.library_eye import LibraryEye
-from scleraforce.library import unknowns as at
-from scleraforce.library.base import (
+from scleraforce.calibration.filter.eye_parameters import EyeConstants, stated_wall
+from scleraforce.calibration.filter.library_sections import LibraryEye
+from scleraforce.fit import unknowns as at
+from scleraforce.library.moving_base import (
     base_bulge,
     base_push,
     pole_directions,
     undented_motion,
 )
-from scleraforce.mechanics.contact import Contact, ScanPlane
-from scleraforce.mechanics.graded import graded_mesh
-from scleraforce.mechanics.linear import LinearWall
+from scleraforce.mechanics.contact_and_section import Contact, ScanPlane
+from scleraforce.mechanics.graded_mesh import graded_mesh
+from scleraforce.mechanics.linear_wall import LinearWall
 
 ANGLES = np.linspace(0.0, np.pi / 2, 91)
 THICKNESS = np.array([0.6e-3])

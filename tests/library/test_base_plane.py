@@ -7,15 +7,15 @@ import pytest
 from analytic_library import RADIUS_M, analytic_library, bulging, force_ratio, stiffness
 
 from reference_walls import polar_path
-from scleraforce.errors import InputError
-from scleraforce.library.base import contact_rises, rise_slope
-from scleraforce.library.plan import LARGEST_POLAR_DEG, plan_library
-from scleraforce.library.store import build_library, open_library
-from scleraforce.mechanics.axisymmetric import axisymmetric_path
-from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.finite_strain import bend_eye
-from scleraforce.mechanics.meridian import MeridianSize
-from scleraforce.study import EyeStudy, LibraryStudy, MeshStudy, Range, Study
+from scleraforce.base.errors import InputError
+from scleraforce.library.library_plan import LARGEST_POLAR_DEG, plan_library
+from scleraforce.library.library_store import build_library, open_library
+from scleraforce.library.moving_base import contact_rises, rise_slope
+from scleraforce.mechanics.axisymmetric_wall import axisymmetric_path
+from scleraforce.mechanics.contact_and_section import Contact
+from scleraforce.mechanics.finite_strain_wall import bend_eye
+from scleraforce.mechanics.meridian_elements import MeridianSize
+from scleraforce.records.study import EyeStudy, LibraryStudy, MeshStudy, Range, Study
 
 GRID = LibraryStudy(
     thickness_m=Range(min=500.0e-6, max=800.0e-6),

@@ -16,12 +16,12 @@ from analytic_library import (
     with_walls,
 )
 
-from scleraforce.errors import InputError
+from scleraforce.base.errors import InputError
+from scleraforce.base.whole_files import KINDS
 from scleraforce.library import load_library, save_library
-from scleraforce.library.files import _differences, _summed
-from scleraforce.library.stiffened import STEP_TYPES, WholeCurves, reduce_rows
-from scleraforce.study import LibraryStudy, Range
-from scleraforce.whole_files import KINDS
+from scleraforce.library.library_file import _differences, _summed
+from scleraforce.library.stiffened_walls import STEP_TYPES, WholeCurves, reduce_rows
+from scleraforce.records.study import LibraryStudy, Range
 
 REDUCED = ("walls", "stiffness_atpd")
 GRID = LibraryStudy(

@@ -13,10 +13,10 @@ from analytic_library import (
     with_walls,
 )
 
-from scleraforce.errors import InputError
-from scleraforce.library.sealed import iop_ratio_at_dent
-from scleraforce.mechanics.globe import OPEN_GLOBE, Globe
-from scleraforce.study.eye import RIGIDITY_LAWS
+from scleraforce.base.errors import InputError
+from scleraforce.library.sealed_eye import iop_ratio_at_dent
+from scleraforce.records.globe import OPEN_GLOBE, Globe
+from scleraforce.records.study_of_eye import RIGIDITY_LAWS
 
 
 @pytest.fixture(scope="module")

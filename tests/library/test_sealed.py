@@ -5,15 +5,15 @@ law with their own volumes.
 import numpy as np
 import pytest
 
-from scleraforce.errors import InputError
+from scleraforce.base.errors import InputError
+from scleraforce.base.units import SI_PER_UNIT
 from scleraforce.library import Library
-from scleraforce.library.store import build_library, open_library
-from scleraforce.mechanics.axisymmetric import axisymmetric_path
-from scleraforce.mechanics.globe import sealed_globe
-from scleraforce.mechanics.meridian import MeridianSize
-from scleraforce.study import LibraryStudy, Range, Study
-from scleraforce.study.eye import RIGIDITY_LAWS as LAWS
-from scleraforce.units import SI_PER_UNIT
+from scleraforce.library.library_store import build_library, open_library
+from scleraforce.mechanics.axisymmetric_wall import axisymmetric_path
+from scleraforce.mechanics.meridian_elements import MeridianSize
+from scleraforce.records.globe import sealed_globe
+from scleraforce.records.study import LibraryStudy, Range, Study
+from scleraforce.records.study_of_eye import RIGIDITY_LAWS as LAWS
 
 pytestmark = pytest.mark.slow
 

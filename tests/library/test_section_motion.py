@@ -5,16 +5,8 @@ import pytest
 from analytic_library import RADIUS_M, analytic_library, bulging
 
 from predicted_walls import Walls, formed_wall
-from scleraforce.library import Library
-from scleraforce.library.base import pole_directions
-from scleraforce.library.placement import Places, curve_depths
-from scleraforce.library.sections import (
-    Framing,
-    column_laterals,
-    section_motion,
-    wall_boundaries,
-)
-from scleraforce.library.unknowns import (
+from scleraforce.fit.curve_placement import Places, curve_depths
+from scleraforce.fit.unknowns import (
     DEPTH,
     GAP,
     IOP,
@@ -27,7 +19,15 @@ from scleraforce.library.unknowns import (
     THICKNESS,
     TIP,
 )
-from scleraforce.study import SliceStudy
+from scleraforce.library import Library
+from scleraforce.library.moving_base import pole_directions
+from scleraforce.library.plane_cut import (
+    Framing,
+    column_laterals,
+    section_motion,
+    wall_boundaries,
+)
+from scleraforce.records.study import SliceStudy
 
 STUDY = SliceStudy()
 COLUMNS = column_laterals(STUDY)

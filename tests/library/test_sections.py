@@ -9,8 +9,8 @@ import pytest
 from analytic_library import RADIUS_M, curves
 
 from reference_walls import cut_section
-from scleraforce.errors import InputError
-from scleraforce.library.sections import (
+from scleraforce.base.errors import InputError
+from scleraforce.library.plane_cut import (
     Framing,
     column_laterals,
     cut_surfaces,
@@ -19,10 +19,15 @@ from scleraforce.library.sections import (
     highest_depths,
     wall_boundaries,
 )
-from scleraforce.mechanics.contact import Contact, ScanPlane, Section, SliceWindow
-from scleraforce.mechanics.mesh import build_mesh
-from scleraforce.mechanics.section import fill_section
-from scleraforce.study import SliceStudy
+from scleraforce.mechanics.contact_and_section import (
+    Contact,
+    ScanPlane,
+    Section,
+    SliceWindow,
+)
+from scleraforce.mechanics.hexahedral_mesh import build_mesh
+from scleraforce.mechanics.mesh_section import fill_section
+from scleraforce.records.study import SliceStudy
 
 PLANES = [
     (0.5e-3, 0.0, 0.0),

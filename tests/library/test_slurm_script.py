@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from waiting import LIMIT_S
 
-from scleraforce.library.store import open_library
+from scleraforce.library.library_store import open_library
 
 SCRIPT = Path(__file__).parents[2] / "examples" / "cluster" / "library.sbatch"
 STUDY = """

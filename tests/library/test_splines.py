@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline, CubicSpline as SciPySpline
 
-from scleraforce.library.splines import SUPPORT, CubicSpline, first_crossing
+from scleraforce.library.response_splines import SUPPORT, CubicSpline, first_crossing
 
 NODES = np.array([0.0, 0.1, 0.25, 0.6, 0.7, 1.3, 1.9, 2.0])
 

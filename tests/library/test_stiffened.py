@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from analytic_library import analytic_library, solved_library
 
-from scleraforce.errors import InputError
+from scleraforce.base.errors import InputError
 from scleraforce.library import Library
-from scleraforce.library.plan import plan_library
-from scleraforce.library.store import solve_path
-from scleraforce.mechanics.axisymmetric import AxisymmetricPath, axisymmetric_path
-from scleraforce.mechanics.meridian import MeridianSize
-from scleraforce.study import LibraryStudy, Range, Study
+from scleraforce.library.library_plan import plan_library
+from scleraforce.library.library_store import solve_path
+from scleraforce.mechanics.axisymmetric_wall import AxisymmetricPath, axisymmetric_path
+from scleraforce.mechanics.meridian_elements import MeridianSize
+from scleraforce.records.study import LibraryStudy, Range, Study
 
 GRID = LibraryStudy(
     thickness_m=Range(min=0.5e-3, max=0.8e-3),

@@ -20,9 +20,10 @@ from small_models import rehash_store
 from waiting import LIMIT_S, wait_until
 from workers import Cluster
 
-from scleraforce.errors import InputError, SolverError
-from scleraforce.library.plan import LibraryPlan, plan_library
-from scleraforce.library.store import (
+from scleraforce.base.errors import InputError, SolverError
+from scleraforce.base.worker_processes import cluster_workers
+from scleraforce.library.library_plan import LibraryPlan, plan_library
+from scleraforce.library.library_store import (
     build_library,
     cached_library,
     create_library,
@@ -31,10 +32,9 @@ from scleraforce.library.store import (
     solve_path,
     write_library_unit,
 )
-from scleraforce.mechanics.axisymmetric import axisymmetric_path
-from scleraforce.mechanics.meridian import MeridianSize
-from scleraforce.processes import cluster_workers
-from scleraforce.study import LibraryStudy, NeedleStudy, Study
+from scleraforce.mechanics.axisymmetric_wall import axisymmetric_path
+from scleraforce.mechanics.meridian_elements import MeridianSize
+from scleraforce.records.study import LibraryStudy, NeedleStudy, Study
 
 PATHS = 5 * 20  # of each stiffening
 UNITS = PATHS + 8 * 4 * 5  # and with other supports
@@ -74,8 +74,8 @@ def script(folder, body):
     path = folder / "program.py"
     path.write_text(
         "import sys; from pathlib import Path; from analytic_library import"
-        " SolvesSome, solve_slowly\nfrom scleraforce.library.store import build_library,"
-        " cached_library\nfrom scleraforce.study import LibraryStudy, Study\nif"
+        " SolvesSome, solve_slowly\nfrom scleraforce.library.library_store import build_library,"
+        " cached_library\nfrom scleraforce.records.study import LibraryStudy, Study\nif"
         f" __name__ == '__main__':\n    {body}\n"
     )
 

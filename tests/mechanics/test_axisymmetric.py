@@ -17,33 +17,33 @@ from reference_walls import (
     shift_in_plane,
     spread_needle,
 )
-from scleraforce.arrays import Floats
-from scleraforce.errors import InputError, SolverError
-from scleraforce.library.base import base_angle
-from scleraforce.mechanics import meridian
-from scleraforce.mechanics.axisymmetric import (
+from scleraforce.base.arrays import Floats
+from scleraforce.base.errors import InputError, SolverError
+from scleraforce.base.units import SI_PER_UNIT
+from scleraforce.library.moving_base import base_angle
+from scleraforce.mechanics import meridian_elements
+from scleraforce.mechanics.axisymmetric_wall import (
     AxisymmetricWall,
     axisymmetric_path,
     base_shift,
 )
-from scleraforce.mechanics.contact import Contact, ScanPlane
-from scleraforce.mechanics.continuation import pressurise, trace
-from scleraforce.mechanics.globe import sealed_globe
-from scleraforce.mechanics.graded import graded_mesh
-from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.material import (
-    LARGEST_EXPONENT,
-    lame_constants,
-    strain_measure,
-)
-from scleraforce.mechanics.meridian import (
+from scleraforce.mechanics.contact_and_section import Contact, ScanPlane
+from scleraforce.mechanics.graded_mesh import graded_mesh
+from scleraforce.mechanics.linear_wall import LinearWall, tip_displacement
+from scleraforce.mechanics.load_path_tracing import pressurise, trace
+from scleraforce.mechanics.meridian_elements import (
     ElementTables,
     MeridianMesh,
     MeridianSize,
     meridian_mesh,
 )
-from scleraforce.study.eye import RIGIDITY_LAWS
-from scleraforce.units import SI_PER_UNIT
+from scleraforce.mechanics.tissue_material import (
+    LARGEST_EXPONENT,
+    lame_constants,
+    strain_measure,
+)
+from scleraforce.records.globe import sealed_globe
+from scleraforce.records.study_of_eye import RIGIDITY_LAWS
 
 RADIUS = 12e-3
 NEEDLE = 0.35e-3
@@ -324,16 +324,18 @@ def test_forces_and_tangent_are_the_derivatives_of_the_energy(
     mesh: MeridianMesh,
 ) -> None:
     u = bent(mesh)
-    solid = meridian.solid_of_revolution(mesh, NU, B)
+    solid = meridian_elements.solid_of_revolution(mesh, NU, B)
     volumes_ep = solid.mu_ep / lame_constants(1.0, NU)[1]
     moved = np.random.default_rng(3).normal(size=u.shape)
     F = deformation(solid, u + 1j * STEP * moved)
     assert np.all(np.linalg.det(F.real) > 0.1)
     work = np.sum(volumes_ep * energy(F, B).imag) / STEP
-    assert meridian.nodal_forces(solid, u) @ moved == pytest.approx(work, rel=1e-11)
+    assert meridian_elements.nodal_forces(solid, u) @ moved == pytest.approx(
+        work, rel=1e-11
+    )
     P = stress(F, B).imag[(..., *ENTRIES)] / STEP
     change_eN = np.einsum("ep,epk,epkN->eN", volumes_ep, P, gradient_operator(solid))
-    tangents = meridian.element_tangents(solid, u)
+    tangents = meridian_elements.element_tangents(solid, u)
     slope_eN = np.einsum("eMN,eN->eM", tangents, moved[solid.unknowns_en])
     np.testing.assert_allclose(
         slope_eN, change_eN, rtol=0.0, atol=1e-12 * np.abs(change_eN).max()
@@ -343,13 +345,17 @@ def test_forces_and_tangent_are_the_derivatives_of_the_energy(
 
 def test_a_vanishing_stiffening_is_the_neo_hookean_solid(mesh: MeridianMesh) -> None:
     u = bent(mesh)
-    flat, faint = (meridian.solid_of_revolution(mesh, NU, b) for b in (0.0, 1e-300))
-    np.testing.assert_allclose(
-        meridian.nodal_forces(faint, u), meridian.nodal_forces(flat, u), rtol=1e-12
+    flat, faint = (
+        meridian_elements.solid_of_revolution(mesh, NU, b) for b in (0.0, 1e-300)
     )
-    tangents = meridian.element_tangents(flat, u)
     np.testing.assert_allclose(
-        meridian.element_tangents(faint, u),
+        meridian_elements.nodal_forces(faint, u),
+        meridian_elements.nodal_forces(flat, u),
+        rtol=1e-12,
+    )
+    tangents = meridian_elements.element_tangents(flat, u)
+    np.testing.assert_allclose(
+        meridian_elements.element_tangents(faint, u),
         tangents,
         atol=1e-13 * np.abs(tangents).max(),
     )
@@ -383,7 +389,7 @@ def mirrored(mesh: MeridianMesh) -> Floats:
 def test_elements_that_are_turned_inside_out_and_no_others_are_not_finite(
     mesh: MeridianMesh, displaced: Callable[[MeridianMesh], Floats]
 ) -> None:
-    solid = meridian.solid_of_revolution(mesh, NU)
+    solid = meridian_elements.solid_of_revolution(mesh, NU)
     u = displaced(mesh)
     F = deformation(solid, u)
     inverted_e = np.any(
@@ -391,10 +397,13 @@ def test_elements_that_are_turned_inside_out_and_no_others_are_not_finite(
     )
     assert 0 < np.count_nonzero(inverted_e) < len(inverted_e)
     np.testing.assert_array_equal(
-        np.isnan(meridian.element_tangents(solid, u)).all(axis=(1, 2)), inverted_e
+        np.isnan(meridian_elements.element_tangents(solid, u)).all(axis=(1, 2)),
+        inverted_e,
     )
     expected = np.isin(np.arange(len(u)), solid.unknowns_en[inverted_e])
-    np.testing.assert_array_equal(np.isnan(meridian.nodal_forces(solid, u)), expected)
+    np.testing.assert_array_equal(
+        np.isnan(meridian_elements.nodal_forces(solid, u)), expected
+    )
 
 
 # of the largest exponent
@@ -408,13 +417,13 @@ def test_tissue_that_is_stretched_too_far_is_not_finite(
     stretched = 0.5 * mesh.points_nc.ravel()
     log_ratio = 3.0 * np.log(1.5)
     strain = strain_measure(np.array(3.0 * 1.5**2 - 3.0), np.array(log_ratio), NU)
-    solid = meridian.solid_of_revolution(
+    solid = meridian_elements.solid_of_revolution(
         mesh, NU, share * LARGEST_EXPONENT / float(strain)
     )
 
     for values in (
-        meridian.nodal_forces(solid, stretched),
-        meridian.element_tangents(solid, stretched),
+        meridian_elements.nodal_forces(solid, stretched),
+        meridian_elements.element_tangents(solid, stretched),
     ):
         assert np.isfinite(values).all() if finite else np.isnan(values).all()
 

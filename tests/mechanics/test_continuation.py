@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scleraforce.arrays import Floats
-from scleraforce.errors import InputError, SolverError
-from scleraforce.mechanics.continuation import pressurise, trace
-from scleraforce.mechanics.globe import Globe
-from scleraforce.study.eye import RIGIDITY_LAWS
+from scleraforce.base.arrays import Floats
+from scleraforce.base.errors import InputError, SolverError
+from scleraforce.mechanics.load_path_tracing import pressurise, trace
+from scleraforce.records.globe import Globe
+from scleraforce.records.study_of_eye import RIGIDITY_LAWS
 
 HALF_SPAN = 1.0
 HEIGHT = 0.2

@@ -12,20 +12,20 @@ from energy import radial_displacement
 from scipy.sparse.linalg import spsolve
 
 from reference_walls import rest_nc, stiffness_matrix, symmetric_base
-from scleraforce import study as st
-from scleraforce.errors import InputError, SolverError
-from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.elements import volume_points
-from scleraforce.mechanics.finite_strain import (
+from scleraforce.base.errors import InputError, SolverError
+from scleraforce.base.units import SI_PER_UNIT, STANDARD_GRAVITY_M_S2, to_si
+from scleraforce.mechanics.contact_and_section import Contact
+from scleraforce.mechanics.finite_elements import volume_points
+from scleraforce.mechanics.finite_strain_wall import (
     FiniteWall,
     LoadPath,
     WallEquilibrium,
     bend_eye,
 )
-from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, sealed_globe
-from scleraforce.mechanics.graded import graded_mesh
-from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.loads import (
+from scleraforce.mechanics.graded_mesh import graded_mesh
+from scleraforce.mechanics.hexahedral_mesh import HexMesh, build_mesh
+from scleraforce.mechanics.linear_wall import LinearWall, tip_displacement
+from scleraforce.mechanics.loads_and_supports import (
     elastic_bed,
     gravity_load,
     needle_at,
@@ -33,9 +33,9 @@ from scleraforce.mechanics.loads import (
     pressure_load,
     rectus_straps,
 )
-from scleraforce.mechanics.mesh import HexMesh, build_mesh
-from scleraforce.study.eye import RIGIDITY_LAWS
-from scleraforce.units import SI_PER_UNIT, STANDARD_GRAVITY_M_S2, to_si
+from scleraforce.records import study as st, study_of_eye
+from scleraforce.records.globe import OPEN_GLOBE, Globe, sealed_globe
+from scleraforce.records.study_of_eye import RIGIDITY_LAWS
 
 R = 12e-3
 T = 0.8e-3
@@ -453,7 +453,7 @@ def with_form(form: st.FormStudy, study: st.Study = WEIGHTLESS) -> st.Study:
 def test_small_forces_on_an_odd_eye_bend_it_as_linear_mechanics_does() -> None:
     form = st.FormStudy(
         (1.06, 1.0, 0.95),
-        (st.eye.WaveStudy(amplitude_fraction=0.1, degree=2, polar_rad=0.5),),
+        (study_of_eye.WaveStudy(amplitude_fraction=0.1, degree=2, polar_rad=0.5),),
     )
     eye = bent(with_form(form), iop_pa=0.0, max_force_n=1e-4)
     wall = LinearWall(eye.mesh, 0.45)
@@ -475,7 +475,7 @@ def test_a_wall_that_bursts_says_at_what_pressure_one_like_it_does() -> None:
 
 @pytest.mark.slow
 def test_a_region_that_covers_the_eye_is_another_modulus() -> None:
-    whole = st.eye.RegionStudy(
+    whole = study_of_eye.RegionStudy(
         modulus_ratio=2.0, half_angle_rad=pi, edge_rad=radians(0.1)
     )
     everywhere = with_form(st.FormStudy(region=(whole,)))
@@ -488,7 +488,7 @@ def test_a_region_that_covers_the_eye_is_another_modulus() -> None:
 
 @pytest.mark.slow
 def test_a_stiff_cap_under_the_needle_resists_and_a_far_one_hardly_matters() -> None:
-    cap = st.eye.RegionStudy(modulus_ratio=1.4)
+    cap = study_of_eye.RegionStudy(modulus_ratio=1.4)
     away = Contact(polar_rad=radians(80), azimuth_rad=OBLIQUE.azimuth_rad + pi)
     plain, near, far = (
         bent(study).tip_m(FORCE_N)
@@ -509,7 +509,7 @@ def test_a_thick_spot_under_the_needle_bends_like_a_thick_wall() -> None:
     """A wave of degree 1 along the needle axis makes the wall 10 % thicker there: about
     (1.1)^2 as stiff.
     """
-    wave = st.eye.WaveStudy(amplitude_fraction=0.1, degree=1, **asdict(OBLIQUE))
+    wave = study_of_eye.WaveStudy(amplitude_fraction=0.1, degree=1, **asdict(OBLIQUE))
     uneven = with_form(st.FormStudy(wave=(wave,)))
     even = bent(WEIGHTLESS).tip_m(FORCE_N)
     thick = bent(WEIGHTLESS, thickness_m=0.88e-3).tip_m(FORCE_N)

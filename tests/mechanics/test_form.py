@@ -6,20 +6,20 @@ from math import asin, degrees, pi, radians, sqrt
 import numpy as np
 import pytest
 
-from scleraforce.errors import InputError, StudyError
-from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.elements import volume_points
-from scleraforce.mechanics.form import (
+from scleraforce.base.errors import InputError, StudyError
+from scleraforce.mechanics.contact_and_section import Contact
+from scleraforce.mechanics.finite_elements import volume_points
+from scleraforce.mechanics.graded_mesh import graded_mesh
+from scleraforce.mechanics.hexahedral_mesh import HexMesh, build_mesh, locate
+from scleraforce.mechanics.uneven_form import (
     corneal_surface,
     element_modulus,
     form_mesh,
     modulus_factor,
     thickness_factor,
 )
-from scleraforce.mechanics.graded import graded_mesh
-from scleraforce.mechanics.mesh import HexMesh, build_mesh, locate
-from scleraforce.study import FormStudy, parse_study
-from scleraforce.study.eye import CorneaStudy, RegionStudy, WaveStudy
+from scleraforce.records.study import FormStudy, parse_study
+from scleraforce.records.study_of_eye import CorneaStudy, RegionStudy, WaveStudy
 
 R = 12e-3
 T = 0.6e-3

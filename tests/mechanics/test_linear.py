@@ -8,20 +8,24 @@ import pytest
 
 from reference_r1 import gaussian_load
 from reference_walls import stiffness_matrix, symmetric_base, wall_mesh
-from scleraforce.errors import SolverError
-from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.elements import element_stiffness, factored, volume_points
-from scleraforce.mechanics.graded import graded_mesh
-from scleraforce.mechanics.linear import LinearWall
-from scleraforce.mechanics.loads import (
+from scleraforce.base.errors import SolverError
+from scleraforce.base.units import STANDARD_GRAVITY_M_S2
+from scleraforce.mechanics.contact_and_section import Contact
+from scleraforce.mechanics.finite_elements import (
+    element_stiffness,
+    factored,
+    volume_points,
+)
+from scleraforce.mechanics.graded_mesh import graded_mesh
+from scleraforce.mechanics.hexahedral_mesh import HexMesh, build_mesh
+from scleraforce.mechanics.linear_wall import LinearWall
+from scleraforce.mechanics.loads_and_supports import (
     clamped_base,
     gravity_load,
     needle_loads,
     pressure_load,
 )
-from scleraforce.mechanics.material import lame_constants
-from scleraforce.mechanics.mesh import HexMesh, build_mesh
-from scleraforce.units import STANDARD_GRAVITY_M_S2
+from scleraforce.mechanics.tissue_material import lame_constants
 from speed.solvers.calculix import (
     MM_PER_M,
     calculate,

@@ -10,14 +10,14 @@ import pytest
 
 from reference_r1 import gaussian_load
 from reference_walls import rest_nc, stiffness_matrix, symmetric_base
-from scleraforce.errors import InputError
-from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.elements import volume_points
-from scleraforce.mechanics.finite_strain import FiniteWall
-from scleraforce.mechanics.globe import sealed_globe
-from scleraforce.mechanics.graded import graded_mesh
-from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.loads import (
+from scleraforce.base.errors import InputError
+from scleraforce.mechanics.contact_and_section import Contact
+from scleraforce.mechanics.finite_elements import volume_points
+from scleraforce.mechanics.finite_strain_wall import FiniteWall
+from scleraforce.mechanics.graded_mesh import graded_mesh
+from scleraforce.mechanics.hexahedral_mesh import HexMesh, build_mesh
+from scleraforce.mechanics.linear_wall import LinearWall, tip_displacement
+from scleraforce.mechanics.loads_and_supports import (
     INSERTIONS,
     InnerSurface,
     Springs,
@@ -31,8 +31,8 @@ from scleraforce.mechanics.loads import (
     study_springs,
     tip_at,
 )
-from scleraforce.mechanics.mesh import HexMesh, build_mesh
-from scleraforce.study import SupportsStudy
+from scleraforce.records.globe import sealed_globe
+from scleraforce.records.study import SupportsStudy
 
 R = 12e-3
 T = 0.5e-3

@@ -10,12 +10,11 @@ from math import radians
 import numpy as np
 import pytest
 
-from scleraforce.errors import InputError, StudyError
-from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.elements import volume_points
-from scleraforce.mechanics.graded import graded_mesh, study_mesh, supported_mesh
-from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.mesh import (
+from scleraforce.base.errors import InputError, StudyError
+from scleraforce.mechanics.contact_and_section import Contact
+from scleraforce.mechanics.finite_elements import volume_points
+from scleraforce.mechanics.graded_mesh import graded_mesh, study_mesh, supported_mesh
+from scleraforce.mechanics.hexahedral_mesh import (
     HexMesh,
     QuadSurface,
     build_mesh,
@@ -23,8 +22,13 @@ from scleraforce.mechanics.mesh import (
     half_cube,
     project_on_sphere,
 )
-from scleraforce.mechanics.shapes import node_positions, shape_gradients, shape_values
-from scleraforce.study import MeshStudy, Study, SupportsStudy
+from scleraforce.mechanics.linear_wall import LinearWall, tip_displacement
+from scleraforce.mechanics.shape_functions import (
+    node_positions,
+    shape_gradients,
+    shape_values,
+)
+from scleraforce.records.study import MeshStudy, Study, SupportsStudy
 
 ELEMENTS = [(2, 4), (2, 8), (2, 9), (3, 8), (3, 20), (3, 27)]
 

@@ -9,25 +9,29 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from reference_walls import stiffness_matrix, symmetric_base
-from scleraforce.arrays import Floats
-from scleraforce.errors import SolverError
-from scleraforce.mechanics.axisymmetric import AxisymmetricWall, axisymmetric_path
-from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.continuation import pressurise, trace
-from scleraforce.mechanics.elements import element_stiffness, factored, volume_points
-from scleraforce.mechanics.finite_strain import FiniteWall
-from scleraforce.mechanics.globe import OPEN_GLOBE, Globe, sealed_globe
-from scleraforce.mechanics.graded import graded_mesh
-from scleraforce.mechanics.loads import needle_at, pressure_load
-from scleraforce.mechanics.material import (
+from scleraforce.base.arrays import Floats
+from scleraforce.base.errors import SolverError
+from scleraforce.mechanics.axisymmetric_wall import AxisymmetricWall, axisymmetric_path
+from scleraforce.mechanics.contact_and_section import Contact
+from scleraforce.mechanics.finite_elements import (
+    element_stiffness,
+    factored,
+    volume_points,
+)
+from scleraforce.mechanics.finite_strain_wall import FiniteWall
+from scleraforce.mechanics.graded_mesh import graded_mesh
+from scleraforce.mechanics.hexahedral_mesh import HexMesh, build_mesh
+from scleraforce.mechanics.load_path_tracing import pressurise, trace
+from scleraforce.mechanics.loads_and_supports import needle_at, pressure_load
+from scleraforce.mechanics.meridian_elements import MeridianSize, meridian_mesh
+from scleraforce.mechanics.neo_hookean_solid import FibreLaw, NeoHookeanSolid, fibre_law
+from scleraforce.mechanics.tissue_material import (
     burst_tension,
     growth,
     lame_constants,
     strain_measure,
 )
-from scleraforce.mechanics.meridian import MeridianSize, meridian_mesh
-from scleraforce.mechanics.mesh import HexMesh, build_mesh
-from scleraforce.mechanics.neo_hookean import FibreLaw, NeoHookeanSolid, fibre_law
+from scleraforce.records.globe import OPEN_GLOBE, Globe, sealed_globe
 
 R = 12e-3
 T = 1e-3

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import ArrayLike
 from scipy.integrate import quad, solve_ivp
 
-from scleraforce.errors import InputError
-from scleraforce.mechanics.material import PronySeries, driven_back, line_weights
+from scleraforce.base.errors import InputError
+from scleraforce.mechanics.tissue_material import PronySeries, driven_back, line_weights
 
 TISSUE = PronySeries((0.12, 0.15), (1.2, 12.0))
 TURNS_S = np.array([0.0, 2.0, 3.0, 9.0, 9.5, 14.0, 20.0])

@@ -9,15 +9,20 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from reference_walls import cut_section
-from scleraforce.errors import InputError, SolverError
-from scleraforce.mechanics.contact import Contact, ScanPlane, Section, SliceWindow
-from scleraforce.mechanics.form import form_mesh
-from scleraforce.mechanics.graded import graded_mesh
-from scleraforce.mechanics.linear import LinearWall
-from scleraforce.mechanics.mesh import build_mesh
-from scleraforce.mechanics.section import cut_sections, fill_section, slice_window
-from scleraforce.mechanics.shapes import shape_values
-from scleraforce.study import FormStudy, SliceStudy
+from scleraforce.base.errors import InputError, SolverError
+from scleraforce.mechanics.contact_and_section import (
+    Contact,
+    ScanPlane,
+    Section,
+    SliceWindow,
+)
+from scleraforce.mechanics.graded_mesh import graded_mesh
+from scleraforce.mechanics.hexahedral_mesh import build_mesh
+from scleraforce.mechanics.linear_wall import LinearWall
+from scleraforce.mechanics.mesh_section import cut_sections, fill_section, slice_window
+from scleraforce.mechanics.shape_functions import shape_values
+from scleraforce.mechanics.uneven_form import form_mesh
+from scleraforce.records.study import FormStudy, SliceStudy
 
 RADIUS = 12e-3
 THICKNESS = 6e-4

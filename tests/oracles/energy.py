@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from scleraforce.mechanics.material import lame_constants
+from scleraforce.mechanics.tissue_material import lame_constants
 
 NU = 0.45
 LAMBDA, MU = lame_constants(1.0, NU)

@@ -5,13 +5,13 @@ from library_arrays import values_at
 from numpy.typing import NDArray
 
 from predicted_walls import Walls
-from scleraforce.arrays import Floats
-from scleraforce.library import unknowns as at
-from scleraforce.library.base import base_push, section_places
-from scleraforce.library.fit import law_of
-from scleraforce.library.fit_loops import LEAST_SD, STATION_RAD
-from scleraforce.library.placement import Placed, Places, depths_along, place_curves
-from scleraforce.library.unknowns import shining
+from scleraforce.base.arrays import Floats
+from scleraforce.fit import unknowns as at
+from scleraforce.fit.curve_placement import Placed, Places, depths_along, place_curves
+from scleraforce.fit.one_frame import law_of
+from scleraforce.fit.shown_wall import LEAST_SD, STATION_RAD
+from scleraforce.fit.unknowns import shining
+from scleraforce.library.moving_base import base_push, section_places
 
 FORM_STEP = 1e-7  # m
 

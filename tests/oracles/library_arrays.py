@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from scleraforce.arrays import Floats
-from scleraforce.library.responses import Library
-from scleraforce.library.splines import first_crossing
-from scleraforce.mechanics.globe import Globe
+from scleraforce.base.arrays import Floats
+from scleraforce.library.response_splines import first_crossing
+from scleraforce.library.wall_responses import Library
+from scleraforce.records.globe import Globe
 
 EXACT = 1e-12  # of a logarithm
 

@@ -10,12 +10,14 @@ import fit_arrays
 import numpy as np
 
 from predicted_walls import Walls, formed_wall, predict_wall
-from scleraforce.arrays import Floats
-from scleraforce.library import fit_frame, search_loops, unknowns as at
-from scleraforce.library.fit import BoundaryFit, _standard_normal, law_of
-from scleraforce.library.placement import Columns, Placed, Places, robust_spread
-from scleraforce.library.prior import HEAVY, Prior
-from scleraforce.library.responses import Library
+from scleraforce.base.arrays import Floats
+from scleraforce.base.normal_distribution import robust_spread
+from scleraforce.fit import compiled_fit, compiled_search, unknowns as at
+from scleraforce.fit.curve_placement import Placed, Places
+from scleraforce.fit.least_squares import Columns
+from scleraforce.fit.one_frame import BoundaryFit, _standard_normal, law_of
+from scleraforce.fit.prior_of_an_eye import HEAVY, Prior
+from scleraforce.library.wall_responses import Library
 
 LAW_STEPS = {
     at.TIP: 1e-7,
@@ -47,11 +49,11 @@ class Problem:
         """The prediction and its cost."""
         placed = predict_wall(self.walls, unknown, self.columns.places)
         away = unknown - self.prior.mean
-        heavy = away[HEAVY] / (search_loops.HEAVY_CAUCHY * self.prior.sd[HEAVY])
+        heavy = away[HEAVY] / (compiled_search.HEAVY_CAUCHY * self.prior.sd[HEAVY])
         away[HEAVY] = 0.0
         known = (
             away @ self.prior.precision @ away
-            + search_loops.HEAVY_CAUCHY**2 * np.log1p(heavy**2).sum()
+            + compiled_search.HEAVY_CAUCHY**2 * np.log1p(heavy**2).sum()
         )
         off = self.off(unknown[None])[0]
 
@@ -68,7 +70,7 @@ class Problem:
         away = unknown - self.prior.mean
         precision[HEAVY, HEAVY] /= (
             1.0
-            + (away[HEAVY] / (search_loops.HEAVY_CAUCHY * self.prior.sd[HEAVY])) ** 2
+            + (away[HEAVY] / (compiled_search.HEAVY_CAUCHY * self.prior.sd[HEAVY])) ** 2
         )
         slopes = np.zeros((2, len(unknown)))
         slopes[0] = self.prior.same_force
@@ -122,14 +124,14 @@ class Problem:
             drawn[:, at.PRESSURE] = np.clip(drawn[:, at.PRESSURE], *ends)
 
         eye_z = np.clip(
-            self.off(drawn), -fit_frame.FARTHEST_EYE, fit_frame.FARTHEST_EYE
+            self.off(drawn), -compiled_fit.FARTHEST_EYE, compiled_fit.FARTHEST_EYE
         )
         corrected = self.prior.discrepancy.corrected_n(
             fit_arrays.force_n(self.walls, drawn), level_z, growth_z, eye_z
         )
         noise = (
-            np.exp(fit_frame.MODEL_SD * normal[:, -2]),
-            fit_frame.MODEL_SD_N * normal[:, -1],
+            np.exp(compiled_fit.MODEL_SD * normal[:, -2]),
+            compiled_fit.MODEL_SD_N * normal[:, -1],
         )
 
         return np.maximum(corrected * noise[0] + noise[1], 0.0)
@@ -143,16 +145,16 @@ def problem_of(
     smoothing_m: float = 0.0,
 ) -> Problem:
     """The problem of a frame."""
-    step = -(-len(lateral_m) // fit_frame.COLUMNS)
+    step = -(-len(lateral_m) // compiled_fit.COLUMNS)
     boundary, column = np.nonzero(np.isfinite(depth_bc[:, ::step]))
     places = Places(lateral_m[column * step], boundary, smoothing_m)
     apart_m = float(np.median(np.diff(places.lateral_m[: places.outer])))
-    sd_m = np.where(boundary == 0, fit_frame.OUTER_SD_M, fit_frame.INNER_SD_M)
+    sd_m = np.where(boundary == 0, compiled_fit.OUTER_SD_M, compiled_fit.INNER_SD_M)
     columns = Columns(
         places,
         depth_bc[boundary, column * step],
         sd_m,
-        max(1.0, fit_frame.CORRELATED_M / apart_m),
+        max(1.0, compiled_fit.CORRELATED_M / apart_m),
     )
     walls = Walls(
         library,
@@ -173,18 +175,18 @@ def fit_at(problem: Problem, unknown: Floats) -> BoundaryFit:
     spread_uz = problem.spread(
         unknown,
         placed,
-        float(np.clip(misfit, fit_frame.LEAST_NOISE, fit_frame.MOST_NOISE)),
+        float(np.clip(misfit, compiled_fit.LEAST_NOISE, compiled_fit.MOST_NOISE)),
     )
     draws_n = problem.drawn_forces(unknown, spread_uz)
     low_n, force, high_n = np.quantile(draws_n, [0.05, 0.5, 0.95])
     iop_pa = np.exp(unknown[law.pressure])
     radius_m = problem.walls.library.radius_m * np.exp(unknown[at.SIZE])
-    below_m = problem.columns.residual(placed) * fit_frame.INNER_SD_M
+    below_m = problem.columns.residual(placed) * compiled_fit.INNER_SD_M
     layer = (
         (problem.columns.places.boundary == 1)
         & placed.seen
         & (below_m > 0.0)
-        & (below_m < fit_frame.LAYER_M)
+        & (below_m < compiled_fit.LAYER_M)
     )
 
     return BoundaryFit(
@@ -193,9 +195,9 @@ def fit_at(problem: Problem, unknown: Floats) -> BoundaryFit:
         draws_n=draws_n,
         contact_m=unknown[at.LATERAL],
         tip_m=unknown[at.TIP],
-        misfit_m=misfit * fit_frame.OUTER_SD_M,
+        misfit_m=misfit * compiled_fit.OUTER_SD_M,
         outliers=float(
-            np.mean((residual > fit_frame.OUTLIER_SD * max(1.0, misfit)) & ~layer)
+            np.mean((residual > compiled_fit.OUTLIER_SD * max(1.0, misfit)) & ~layer)
         ),
         wall_bmc=formed_wall(problem.walls, unknown),
         unknown=unknown,

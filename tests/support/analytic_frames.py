@@ -14,18 +14,19 @@ from analytic_library import analytic_library
 
 from ideal_boundaries import ideal_boundaries
 from predicted_walls import Walls, formed_wall
-from scleraforce.known import OPEN, Known, KnownGlobe, Modulus
-from scleraforce.laboratory.bscan import render_bscan
-from scleraforce.laboratory.light import BscanOptics, NeedleShaft, Pose, sample_optics
-from scleraforce.laboratory.scanner_display import ImagedEye
-from scleraforce.library import unknowns as at
-from scleraforce.library.placement import Placed, Places
-from scleraforce.library.prior import SHINE_MEAN_M
-from scleraforce.mechanics.contact import Section
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.observations import Boundaries
-from scleraforce.segmentation.wall import find_wall
-from scleraforce.study import OctStudy, Range, ReaderStudy, Study, fixed
+from scleraforce.fit import unknowns as at
+from scleraforce.fit.curve_placement import Placed, Places
+from scleraforce.fit.prior_of_an_eye import SHINE_MEAN_M
+from scleraforce.lab.drawn_bscan import render_bscan
+from scleraforce.lab.scanner.scanner_display import ImagedEye
+from scleraforce.lab.tissue_light import BscanOptics, NeedleShaft, Pose, sample_optics
+from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.globe import OPEN, KnownGlobe
+from scleraforce.records.scan import PixelScale
+from scleraforce.records.study import OctStudy, Range, ReaderStudy, Study, fixed
+from scleraforce.wall.find_wall import find_wall
+from scleraforce.wall.wall_in_metres import Boundaries
 
 SHARED = Path(__file__).parents[3] / "shared"
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="../shared is absent")

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 from waiting import HANGS_S
 
-from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR, FrameForces
-from scleraforce.errors import SolverError
+from scleraforce.base.errors import SolverError
 from scleraforce.library import Library
-from scleraforce.library.plan import plan_library
-from scleraforce.library.stiffened import StiffenedWalls, WholeCurves
-from scleraforce.library.store import SolvedPath, solve_path
-from scleraforce.study import LibraryStudy, Range, Study
+from scleraforce.library.library_plan import plan_library
+from scleraforce.library.library_store import SolvedPath, solve_path
+from scleraforce.library.stiffened_walls import StiffenedWalls, WholeCurves
+from scleraforce.recordings.force_errors import LABEL_SD_N, ZERO_PRIOR, FrameForces
+from scleraforce.records.study import LibraryStudy, Range, Study
 
 RADIUS_M = 12e-3
 AXES_AND_SIZES = (
@@ -136,8 +136,8 @@ def draw_walls(rng, count):
 
 
 def solve_analytic(plan, number):
-    """Return a path of a plan like `library.store.solve_path`, for tests of the code
-    around the solver.
+    """Return a path of a plan like `library.library_store.solve_path`, for tests of the
+    code around the solver.
     """
     path = plan.path(number)
     state = (

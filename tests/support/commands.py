@@ -16,7 +16,7 @@ from small_models import write_fixed_reader
 from small_recordings import calibration_text
 from waiting import FUSE_S, ends
 
-from scleraforce.cli.main import run
+from scleraforce.front.cli.main import run
 
 
 def said(capsys: pytest.CaptureFixture[str], *words: object, code: int = 0) -> str:
@@ -61,7 +61,7 @@ def program(folder: Path) -> Path:
     """
     found = folder / "scleraforce-program"
     found.write_text(
-        "from scleraforce.cli.main import main\n\nif __name__ == '__main__':\n   "
+        "from scleraforce.front.cli.main import main\n\nif __name__ == '__main__':\n   "
         " main()\n"
     )
     return found

@@ -11,19 +11,19 @@ from numpy.typing import NDArray
 from small_monitor import decision
 from waiting import FUSE_S, wait_until
 
-from scleraforce.decision.limits import MonitorLimits
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.service.channel import Child
-from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.messages import (
+from scleraforce.live.companions.process_channel import Child
+from scleraforce.live.companions.process_messages import (
     CompanionMessage,
     ConsoleSettings,
     Decided,
     ListensAt,
     Rates,
 )
-from scleraforce.service.monitor_service import listen
-from scleraforce.service.reset import token_digest
+from scleraforce.live.companions.shared_frames import FrameRing
+from scleraforce.live.decision.limits import MonitorLimits
+from scleraforce.live.monitor import listen
+from scleraforce.live.network.operator_reset import token_digest
+from scleraforce.records.scan import PixelScale
 
 TOKEN = "seven of nine"
 
@@ -73,7 +73,7 @@ class ConsoleMonitor:
             eye="eye-a",
         )
         descriptors = [self.ring.place.descriptor, listener.fileno()]
-        self.child = Child("scleraforce.service.console.server", settings, descriptors)
+        self.child = Child("scleraforce.live.console.server", settings, descriptors)
         listener.close()
         self.entries = self.frames = 0
 

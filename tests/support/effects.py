@@ -38,7 +38,11 @@ def less_than(limit_bytes: float) -> Iterator[None]:
 
 
 STRACE = shutil.which("strace")
-SCLERAFORCE = (sys.executable, "-c", "from scleraforce.cli.main import main; main()")
+SCLERAFORCE = (
+    sys.executable,
+    "-c",
+    "from scleraforce.front.cli.main import main; main()",
+)
 # Of the calls that name another host, or a file: what they were given is shown in full,
 # descriptors with their paths.
 CALLS = "connect,bind,sendto,sendmsg,sendmmsg,open,openat,creat,mkdir,mkdirat,rename,renameat,renameat2,link,symlink"

@@ -11,8 +11,8 @@ from time import time
 
 from waiting import FUSE_S
 
-from scleraforce.errors import LinkError
-from scleraforce.openigtlink import (
+from scleraforce.base.errors import LinkError
+from scleraforce.live.network.openigtlink import (
     Decoder,
     Image,
     Message,

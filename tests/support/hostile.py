@@ -25,11 +25,9 @@ from foreign_files import write_dicom
 from small_models import rehash_model, rehash_store, write_fixed_reader
 from small_recordings import calibration_text, write_small_recording
 
-from scleraforce.calibration.result import parse_calibration
-from scleraforce.errors import InputError
-from scleraforce.known import Known
-from scleraforce.known.calibration_file import open_calibration, read_calibration
-from scleraforce.learning.dataset import (
+from scleraforce.base.errors import InputError
+from scleraforce.calibration.calibration import parse_calibration
+from scleraforce.lab.training.slice_dataset import (
     DTYPES,
     SLICES,
     create_dataset,
@@ -37,12 +35,14 @@ from scleraforce.learning.dataset import (
     plan_dataset,
     unit_samples,
 )
-from scleraforce.library.store import build_library, open_library
-from scleraforce.reader.model import load_force_reader
-from scleraforce.recording.folder import read_recording
-from scleraforce.recording.images import read_frame
-from scleraforce.recording.labels import label_frames
-from scleraforce.study import (
+from scleraforce.library.library_store import build_library, open_library
+from scleraforce.reading.load_model import load_force_reader
+from scleraforce.recordings.forces_under_frames import label_frames
+from scleraforce.recordings.formats.image_files import read_frame
+from scleraforce.recordings.recording_folder import read_recording
+from scleraforce.records.calibration_file import open_calibration, read_calibration
+from scleraforce.records.eye import Known
+from scleraforce.records.study import (
     DatasetGroup,
     DatasetStudy,
     LibraryStudy,

@@ -12,13 +12,18 @@ from typing import Any
 from small_monitor import TurnedClock
 from waiting import FUSE_S
 
-from scleraforce.cli.main import main
-from scleraforce.service import companions, monitor_service
-from scleraforce.service.companions import OPINION, Companions, Guard
-from scleraforce.service.messages import CompanionMessage, OpinionAsked, OpinionGiven
-from scleraforce.service.scanner_image import ScannerFrame
-from scleraforce.service.server import Server
-from scleraforce.service.session import Frame, Session
+from scleraforce.front.cli.main import main
+from scleraforce.live import monitor
+from scleraforce.live.companions import companion_processes
+from scleraforce.live.companions.companion_processes import OPINION, Companions, Guard
+from scleraforce.live.companions.process_messages import (
+    CompanionMessage,
+    OpinionAsked,
+    OpinionGiven,
+)
+from scleraforce.live.monitor_server import Server
+from scleraforce.live.monitor_session import Frame, Session
+from scleraforce.live.network.scanner_frame import ScannerFrame
 
 FRAME_S = 0.04
 PLANE_S = 0.001  # from one plane of a moment to the next
@@ -72,11 +77,13 @@ class PacedServer(Server):
             self._hear_companion(OPINION)
 
 
-companions.STARTS_S = companions.SILENT_S = companions.KEEPS_UP_S = float("inf")
-monitor_service.Session = PacedSession
-monitor_service.Companions = PacedCompanions
-monitor_service.Server = PacedServer
-monitor_service.Guard = lambda: Guard(FUSE_S)
+companion_processes.STARTS_S = companion_processes.SILENT_S = (
+    companion_processes.KEEPS_UP_S
+) = float("inf")
+monitor.Session = PacedSession
+monitor.Companions = PacedCompanions
+monitor.Server = PacedServer
+monitor.Guard = lambda: Guard(FUSE_S)
 
 if __name__ == "__main__":
     main()

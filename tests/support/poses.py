@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from scleraforce.laboratory.light import Pose
-from scleraforce.study import PhantomStudy, draw
+from scleraforce.lab.tissue_light import Pose
+from scleraforce.records.study import PhantomStudy, draw
 
 
 def sample_pose(phantom: PhantomStudy, rng: np.random.Generator) -> Pose:

@@ -7,10 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from scleraforce.calibration.forces import ZERO_PRIOR, FrameForces
-from scleraforce.calibration.relaxation import with_elastic_forces
-from scleraforce.known.relaxation import KnownRelaxation
-from scleraforce.laboratory.pushes import (
+from scleraforce.calibration.relaxation_from_holds import with_elastic_forces
+from scleraforce.lab.needle_pushes import (
     NeedlePath,
     Push,
     path_of_pushes,
@@ -18,11 +16,13 @@ from scleraforce.laboratory.pushes import (
     sample_sensor,
     sense,
 )
-from scleraforce.mechanics.material import PronySeries
-from scleraforce.reader.answer import Answer
-from scleraforce.recording.folder import ForceInfo
-from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog
-from scleraforce.study import PhantomStudy
+from scleraforce.mechanics.tissue_material import PronySeries
+from scleraforce.reading.answer import Answer
+from scleraforce.recordings.force_errors import ZERO_PRIOR, FrameForces
+from scleraforce.recordings.frame_and_force_tables import FORCE_COLUMNS, ForceLog
+from scleraforce.records.recording_info import ForceInfo
+from scleraforce.records.study import PhantomStudy
+from scleraforce.records.tissue_relaxation import KnownRelaxation
 
 BOUNDS_N = (5e-3, 30e-3)
 TISSUE = PronySeries((0.12, 0.15), (1.2, 12.0))

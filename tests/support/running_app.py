@@ -10,7 +10,7 @@ from typing import Any
 
 from waiting import FUSE_S
 
-from scleraforce.app.server import HOST, listen, server_of
+from scleraforce.front.app.app_server import HOST, listen, server_of
 
 TOKEN = "t" * 32
 

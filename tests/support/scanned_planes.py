@@ -18,8 +18,8 @@ from analytic_frames import (
 )
 from analytic_library import curves
 
-from scleraforce.mechanics.contact import Section
-from scleraforce.recording.folder import Plane
+from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.records.scan import Plane
 
 CROSS = (Plane("along", 0.0, 0.0), Plane("across", 0.0, np.pi / 2))
 PARALLEL = (Plane("low", -0.3e-3, 0.4), Plane("high", 0.3e-3, 0.4))

@@ -3,7 +3,7 @@
 from dataclasses import fields, replace
 from typing import Any
 
-from scleraforce.study.fields import fixed
+from scleraforce.records.fields import fixed
 
 
 def varied(record: Any, **values: Any) -> Any:

@@ -13,21 +13,21 @@ from typing import Any
 import numpy as np
 from analytic_frames import LIBRARY, STUDY
 
-from scleraforce.known import Known
 from scleraforce.library import Library, save_library
-from scleraforce.models import LIBRARY_FILE, write_folder
-from scleraforce.reader.answer import Reading
-from scleraforce.reader.kinds import ForceReader
-from scleraforce.reader.networks import CONTACT, GIVEN, GIVEN_INPUT, HISTOGRAM, SLICES
-from scleraforce.recording.pixels import Pixels
-from scleraforce.segmentation.wall_finder import (
-    FINDER_FRAMES,
-    FINDER_ROWS,
-    FINDER_WALL,
-    SeenWall,
-    WallFinder,
+from scleraforce.reading.answer import Reading
+from scleraforce.reading.force_network import (
+    CONTACT,
+    GIVEN,
+    GIVEN_INPUT,
+    HISTOGRAM,
+    SLICES,
 )
-from scleraforce.study import (
+from scleraforce.reading.reading_models import ForceReader
+from scleraforce.records.eye import Known
+from scleraforce.records.fields import Range, fixed
+from scleraforce.records.frame import Pixels
+from scleraforce.records.model_folder import LIBRARY_FILE, write_folder
+from scleraforce.records.study import (
     RawReaderStudy,
     ReaderStudy,
     ScenesStudy,
@@ -36,7 +36,13 @@ from scleraforce.study import (
     format_study,
     study_hash,
 )
-from scleraforce.study.fields import Range, fixed
+from scleraforce.wall.wall_network import (
+    FINDER_FRAMES,
+    FINDER_ROWS,
+    FINDER_WALL,
+    SeenWall,
+    WallFinder,
+)
 
 
 def rehash_model(model: Path, *names: str) -> None:
@@ -157,8 +163,11 @@ def write_raw_model(path: Path, study: Study = RAW_STUDY) -> None:
     """Write the folder."""
     import torch
 
-    from scleraforce.learning.raw_reader import RawReaderNetwork
-    from scleraforce.learning.reader import ReaderNetwork, force_bytes
+    from scleraforce.lab.training.force_reader_training import (
+        ReaderNetwork,
+        force_bytes,
+    )
+    from scleraforce.lab.training.raw_reader_training import RawReaderNetwork
 
     with torch.random.fork_rng():
         torch.manual_seed(3)
@@ -231,7 +240,10 @@ def write_blind_finder(folder: Path) -> None:
     """Write the model folder of a network with random weights."""
     import torch
 
-    from scleraforce.learning.wall_finder import WallFinderNetwork, finder_bytes
+    from scleraforce.lab.training.wall_network_training import (
+        WallFinderNetwork,
+        finder_bytes,
+    )
 
     with torch.random.fork_rng():
         torch.manual_seed(0)

@@ -22,9 +22,16 @@ import numpy as np
 from numpy.typing import NDArray
 from waiting import FUSE_S, ends, wait_until
 
-from scleraforce.decision.events import Verdict
-from scleraforce.decision.limits import MonitorLimits
-from scleraforce.openigtlink import (
+from scleraforce.base.units import to_si
+from scleraforce.live.companions.companion_processes import Companions, Guard
+from scleraforce.live.companions.process_channel import Channel
+from scleraforce.live.companions.process_messages import CompanionMessage, Entry
+from scleraforce.live.companions.shared_frames import FrameRing
+from scleraforce.live.connected_clients import ServerSettings
+from scleraforce.live.decision.limits import MonitorLimits
+from scleraforce.live.monitor_server import Server
+from scleraforce.live.monitor_session import Session
+from scleraforce.live.network.openigtlink import (
     Decoder,
     Image,
     Message,
@@ -33,24 +40,13 @@ from scleraforce.openigtlink import (
     Text,
     encode,
 )
-from scleraforce.reader.answer import Answer, unusable
-from scleraforce.recording.folder import (
-    EyeInfo,
-    ForceInfo,
-    NeedleInfo,
-    OctInfo,
-    RecordingInfo,
-)
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.found import without_wall
-from scleraforce.service.channel import Channel
-from scleraforce.service.clients import ServerSettings
-from scleraforce.service.companions import Companions, Guard
-from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.messages import CompanionMessage, Entry
-from scleraforce.service.server import Server
-from scleraforce.service.session import Session
-from scleraforce.units import to_si
+from scleraforce.reading.answer import Answer, unusable
+from scleraforce.records.eye import EyeInfo
+from scleraforce.records.needle import NeedleInfo
+from scleraforce.records.recording_info import ForceInfo, RecordingInfo
+from scleraforce.records.scan import OctInfo, PixelScale
+from scleraforce.records.verdict import Verdict
+from scleraforce.wall.wall import without_wall
 
 
 class TurnedClock:

@@ -23,30 +23,38 @@ from analytic_frames import (
 from analytic_library import solve_analytic
 from small_models import write_fixed_reader
 
-from scleraforce.calibration.assimilation import PARAMETERS, RIGIDITY, SHARED, EyeState
-from scleraforce.calibration.known_forces import KnownForce
-from scleraforce.calibration.registration import NUISANCES, PoseBelief
-from scleraforce.calibration.result import (
+from scleraforce.calibration.calibration import (
     Calibration,
     EyeCalibration,
     FrameRecord,
     UsedRecording,
 )
-from scleraforce.calibration.roukf import Posterior
-from scleraforce.known import REFERENCE_RIGIDITY, SEALED, ForceDiscrepancy
-from scleraforce.laboratory.phantom import plan_phantom, write_phantom
-from scleraforce.laboratory.virtual_eye import PhantomEye
-from scleraforce.learning.dataset import generate_dataset
-from scleraforce.library.store import cached_library
-from scleraforce.reader.answer import Answer
-from scleraforce.reader.evaluate import Evaluation, FrameAnswer
-from scleraforce.recording import folder as recorded
-from scleraforce.recording.folder import frame_digest, read_recording
-from scleraforce.recording.images import read_frame
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.report.frame_figures import AnsweredFrame, look_at_all
-from scleraforce.segmentation.wall import find_wall
-from scleraforce.study import Study, format_record, read_study
+from scleraforce.calibration.evaluation import Evaluation, FrameAnswer
+from scleraforce.calibration.filter.eye_filter import (
+    PARAMETERS,
+    RIGIDITY,
+    SHARED,
+    EyeState,
+)
+from scleraforce.calibration.filter.section_registration import NUISANCES, PoseBelief
+from scleraforce.calibration.filter.unscented_filter import Posterior
+from scleraforce.calibration.stiffness_from_forces import KnownForce
+from scleraforce.front.report.frame_figures import AnsweredFrame, look_at_all
+from scleraforce.lab.training.slice_dataset import generate_dataset
+from scleraforce.lab.virtual_eye import PhantomEye
+from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
+from scleraforce.library.library_store import cached_library
+from scleraforce.reading.answer import Answer
+from scleraforce.recordings.formats.image_files import read_frame
+from scleraforce.recordings.recording_folder import read_recording
+from scleraforce.records import needle, recording_info
+from scleraforce.records.decoder import format_record
+from scleraforce.records.eye import EyeInfo, ForceDiscrepancy
+from scleraforce.records.frame import frame_digest
+from scleraforce.records.globe import REFERENCE_RIGIDITY, SEALED
+from scleraforce.records.scan import OctInfo, PixelScale
+from scleraforce.records.study import Study, read_study
+from scleraforce.wall.find_wall import find_wall
 
 ROWS = 24
 COLUMNS = 32
@@ -109,11 +117,11 @@ def write_small_recording(
     return folder
 
 
-LOGGED_INFO = recorded.RecordingInfo(
-    recorded.EyeInfo("eye"),
-    recorded.OctInfo(columns=32, rows=16, bits=12, width_m=15e-3, depth_m=4e-3),
-    recorded.NeedleInfo(gauge=22, slice_gap_m=5e-4),
-    recorded.ForceInfo("fz", -1),
+LOGGED_INFO = recording_info.RecordingInfo(
+    EyeInfo("eye"),
+    OctInfo(columns=32, rows=16, bits=12, width_m=15e-3, depth_m=4e-3),
+    needle.NeedleInfo(gauge=22, slice_gap_m=5e-4),
+    recording_info.ForceInfo("fz", -1),
 )
 
 

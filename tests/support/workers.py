@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from waiting import HANGS_S, wait_until
 
-from scleraforce.errors import InputError
+from scleraforce.base.errors import InputError
 
 SUPPORT = Path(__file__).parent
 THREADS = 2  # of a worker: results must not depend on them

@@ -28,8 +28,8 @@ from monitor_sessions.forces import (
 from monitor_sessions.frames import largest_force_n, stream
 from monitor_sessions.play import JITTER_S, LOSS, Bench, Plan
 from monitor_sessions.watch import Watch, Withdrawal
-from scleraforce.reader.answer import Answer
-from scleraforce.service.shown_pictures import ShownPictures
+from scleraforce.live.repeated_pictures import ShownPictures
+from scleraforce.reading.answer import Answer
 
 SEED = 20_261_128
 MODELS = {

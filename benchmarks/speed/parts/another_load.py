@@ -6,8 +6,8 @@ import numpy as np
 from scipy.sparse.linalg import splu
 
 from reference_r1 import CONTACT, E_PA, FORCE_N, NU
-from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.linear import LinearWall, tip_displacement
+from scleraforce.mechanics.contact_and_section import Contact
+from scleraforce.mechanics.linear_wall import LinearWall, tip_displacement
 from speed.record import Row, Table, spread
 from speed.run import Run, in_turns
 from speed.solvers.plain_scikit_fem import assemble

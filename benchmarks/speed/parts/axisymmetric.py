@@ -4,12 +4,12 @@ from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
-from scleraforce.library.plan import plan_library
-from scleraforce.library.store import build_library, solve_path
-from scleraforce.mechanics.contact import Contact
-from scleraforce.mechanics.finite_strain import bend_eye
-from scleraforce.processes import available_cores
-from scleraforce.study import Study
+from scleraforce.base.worker_processes import available_cores
+from scleraforce.library.library_plan import plan_library
+from scleraforce.library.library_store import build_library, solve_path
+from scleraforce.mechanics.contact_and_section import Contact
+from scleraforce.mechanics.finite_strain_wall import bend_eye
+from scleraforce.records.study import Study
 from speed.record import Row, Table, spread
 from speed.run import Run, in_turns
 

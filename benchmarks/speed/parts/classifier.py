@@ -6,7 +6,7 @@ from time import perf_counter
 
 import numpy as np
 
-from scleraforce.learning.dataset import open_dataset
+from scleraforce.lab.training.slice_dataset import open_dataset
 from speed.parts.dataset import made_dataset
 from speed.record import Row, Table
 from speed.run import Run
@@ -23,8 +23,8 @@ def measure(run: Run) -> Table:
     """Train both."""
     from sklearn.neural_network import MLPClassifier  # type: ignore[import-untyped]  # comes without types
 
-    from scleraforce.learning.classifier import CLASSIFIER_THREADS, fit
-    from scleraforce.learning.train import split_samples
+    from scleraforce.lab.training.classifier_training import CLASSIFIER_THREADS, fit
+    from scleraforce.lab.training.trained_models import split_samples
 
     dataset = open_dataset(made_dataset(run))
     network = dataset.study.network

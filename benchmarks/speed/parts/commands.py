@@ -2,7 +2,7 @@
 
 import sys
 
-from scleraforce.recording.folder import read_recording
+from scleraforce.recordings.recording_folder import read_recording
 from speed.children import command_seconds, scleraforce
 from speed.parts.recording import made_recording
 from speed.record import Row, Table, spread

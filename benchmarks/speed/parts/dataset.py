@@ -3,8 +3,8 @@
 from pathlib import Path
 from time import perf_counter
 
-from scleraforce.learning.dataset import generate_dataset
-from scleraforce.processes import available_cores
+from scleraforce.base.worker_processes import available_cores
+from scleraforce.lab.training.slice_dataset import generate_dataset
 from speed.record import Row, Table, spread
 from speed.run import Run
 

@@ -5,8 +5,8 @@ computes it.
 from collections.abc import Callable
 from functools import partial
 
-from scleraforce.laboratory.virtual_eye import SimulatedEye
-from scleraforce.notebook.virtual import simulate
+from scleraforce.front.api.simulating import simulate
+from scleraforce.lab.virtual_eye import SimulatedEye
 from speed.record import Row, Table, spread
 from speed.run import Run, in_turns
 

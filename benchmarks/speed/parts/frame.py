@@ -11,15 +11,17 @@ from time import perf_counter, sleep
 import cv2
 import numpy as np
 
-from scleraforce.known import OPEN, UNKNOWN, KnownGlobe, Modulus, known_of_recording
-from scleraforce.library.fit import fit_boundaries
-from scleraforce.library.prior import prior_of
-from scleraforce.reader.kinds import ForceReader
-from scleraforce.reader.model import LiveReader
-from scleraforce.recording.folder import read_recording
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.observations import segmented_boundaries
-from scleraforce.segmentation.wall import find_wall
+from scleraforce.fit.one_frame import fit_boundaries
+from scleraforce.fit.prior_of_an_eye import prior_of
+from scleraforce.reading.eye_reader import LiveReader
+from scleraforce.reading.reading_models import ForceReader
+from scleraforce.recordings.recording_folder import read_recording
+from scleraforce.records.eye import Modulus
+from scleraforce.records.globe import OPEN, UNKNOWN, KnownGlobe
+from scleraforce.records.recording_info import known_of_recording
+from scleraforce.records.scan import PixelScale
+from scleraforce.wall.find_wall import find_wall
+from scleraforce.wall.wall_in_metres import segmented_boundaries
 from speed.eyes import DrawnEye, draw_eyes, shipped_reader
 from speed.parts.recording import made_recording
 from speed.record import Row, Table

@@ -10,10 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.known import Known
-from scleraforce.models import NETWORK_FILE, SHIPPED_READER, network_session
-from scleraforce.reader.kinds import SHIFTS
-from scleraforce.reader.networks import (
+from scleraforce.base.onnx_network import network_session
+from scleraforce.reading.force_network import (
     ForceNetwork,
     given_eye,
     given_inputs,
@@ -21,9 +19,12 @@ from scleraforce.reader.networks import (
     histogram_reading,
     ratio_edges,
 )
-from scleraforce.segmentation.observations import boundary_slices
-from scleraforce.segmentation.wall import find_wall
-from scleraforce.study import Study
+from scleraforce.reading.reading_models import SHIFTS
+from scleraforce.records.eye import Known
+from scleraforce.records.model_folder import NETWORK_FILE, SHIPPED_READER
+from scleraforce.records.study import Study
+from scleraforce.wall.find_wall import find_wall
+from scleraforce.wall.wall_in_metres import boundary_slices
 from speed.eyes import draw_eyes, shipped_reader
 from speed.record import Row, Table, spread
 from speed.run import Run
@@ -109,7 +110,7 @@ def _by_torch(network: bytes, study: Study) -> Read:
     import onnx
     import torch
 
-    from scleraforce.learning.reader import ReaderNetwork, histogram
+    from scleraforce.lab.training.force_reader_training import ReaderNetwork, histogram
 
     torch.set_num_threads(1)
     module = ReaderNetwork(study.reader, study.slice, study.eye.radius_m).eval()

@@ -7,7 +7,7 @@ import sys
 from datetime import UTC, datetime
 from time import perf_counter
 
-from scleraforce.processes import available_cores
+from scleraforce.base.worker_processes import available_cores
 from speed.children import scleraforce
 from speed.record import Row, Table
 from speed.run import QUICK_STUDY, ROOT, Run

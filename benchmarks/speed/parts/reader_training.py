@@ -5,8 +5,8 @@ from time import perf_counter
 from typing import Any
 
 from scleraforce.library import Library
-from scleraforce.library.store import build_library, open_library
-from scleraforce.study import Study
+from scleraforce.library.library_store import build_library, open_library
+from scleraforce.records.study import Study
 from speed.parts.axisymmetric import LIBRARY
 from speed.record import Row, Table
 from speed.run import Run
@@ -107,7 +107,7 @@ def _marks(
     """Train; return when it began, when each epoch and each eye was done, when it
     ended, and what it reached.
     """
-    from scleraforce.learning.train import train_reader
+    from scleraforce.lab.training.trained_models import train_reader
 
     epochs_s: list[float] = []
     eyes_s: list[float] = []

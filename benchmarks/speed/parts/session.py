@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from scleraforce.models import SHIPPED_READER
+from scleraforce.records.model_folder import SHIPPED_READER
 from speed.parts.recording import made_recording
 from speed.record import Row
 from speed.run import ROOT, Run

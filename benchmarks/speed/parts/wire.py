@@ -15,9 +15,9 @@ from time import perf_counter, sleep
 
 import numpy as np
 
-from scleraforce.models import SHIPPED_READER
-from scleraforce.openigtlink import Image, encode
-from scleraforce.recording.folder import read_recording
+from scleraforce.live.network.openigtlink import Image, encode
+from scleraforce.recordings.recording_folder import read_recording
+from scleraforce.records.model_folder import SHIPPED_READER
 from speed.parts import session
 from speed.parts.recording import made_recording
 from speed.record import Row, Table

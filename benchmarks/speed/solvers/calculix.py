@@ -13,7 +13,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.mechanics.mesh import HexMesh
+from scleraforce.mechanics.hexahedral_mesh import HexMesh
 from speed.solvers.problem import peak_mb
 
 # CalculiX prints few digits (hence lengths in mm, forces in N, stresses in MPa, mass in

@@ -4,7 +4,7 @@ import sys
 from time import perf_counter
 
 from reference_r1 import E_PA, NU
-from scleraforce.mechanics.linear import LinearWall
+from scleraforce.mechanics.linear_wall import LinearWall
 from speed.solvers.problem import Solved, peak_mb, r1_forces, r1_mesh, tip_mm
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from skfem.models.elasticity import lame_parameters, linear_elasticity  # type: ignore[import-untyped]  # as above
 
 from reference_r1 import CONTACT, E_PA, FORCE_N, NU, RADIUS_M, SPREAD_M
-from scleraforce.mechanics.mesh import HexMesh, build_mesh, locate
+from scleraforce.mechanics.hexahedral_mesh import HexMesh, build_mesh, locate
 from speed.solvers.problem import THICKNESS_M, Solved, peak_mb
 
 CORNERS = [0, 4, 3, 1, 7, 5, 2, 6]  # scikit-fem's corners in VTK's numbers

@@ -18,10 +18,10 @@ from reference_r1 import (
     gaussian_load,
 )
 from reference_walls import wall_mesh
-from scleraforce.mechanics.graded import supported_mesh
-from scleraforce.mechanics.linear import tip_displacement
-from scleraforce.mechanics.mesh import HexMesh
-from scleraforce.study import MeshStudy, Study
+from scleraforce.mechanics.graded_mesh import supported_mesh
+from scleraforce.mechanics.hexahedral_mesh import HexMesh
+from scleraforce.mechanics.linear_wall import tip_displacement
+from scleraforce.records.study import MeshStudy, Study
 
 THICKNESS_M = 0.5e-3
 QUICK: dict[str, Any] = {"divisions": 4, "level": 0}

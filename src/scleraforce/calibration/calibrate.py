@@ -12,47 +12,47 @@ from functools import partial
 
 import numpy as np
 
-from scleraforce.arrays import Floats
-from scleraforce.calibration import assimilation
-from scleraforce.calibration.eye_frames import EyeFrames, SeenFrame, Settings, silent
-from scleraforce.calibration.eye_model import EyeConstants
-from scleraforce.calibration.forces import FrameForces, frame_order
-from scleraforce.calibration.holds import STEP_S
-from scleraforce.calibration.known_forces import (
-    TissueTrial,
-    most_trials,
-    own,
-    search,
-    settled,
-)
-from scleraforce.calibration.library_eye import LibraryEye, library_eye
-from scleraforce.calibration.registration import first_belief
-from scleraforce.calibration.result import (
+from scleraforce.base.arrays import Floats
+from scleraforce.base.errors import CalibrationError
+from scleraforce.base.normal_distribution import NINETY_PERCENT
+from scleraforce.base.units import from_si
+from scleraforce.calibration.calibration import (
     Calibration,
     EyeCalibration,
     FrameRecord,
     UsedRecording,
     rigidity_words,
 )
-from scleraforce.calibration.yielding import decided
-from scleraforce.errors import CalibrationError
-from scleraforce.known import (
-    NINETY_PERCENT,
-    OPEN,
-    SEALED,
-    UNKNOWN,
-    Known,
-    open_doubts,
-    stated_globe,
+from scleraforce.calibration.filter import eye_filter
+from scleraforce.calibration.filter.eye_parameters import EyeConstants
+from scleraforce.calibration.filter.library_sections import LibraryEye, library_eye
+from scleraforce.calibration.filter.section_registration import first_belief
+from scleraforce.calibration.holds_of_a_log import STEP_S
+from scleraforce.calibration.seen_frames import (
+    EyeFrames,
+    SeenFrame,
+    Settings,
+    frame_order,
+    silent,
 )
-from scleraforce.known.relaxation import KnownRelaxation
+from scleraforce.calibration.stiffness_from_forces import (
+    TissueTrial,
+    most_trials,
+    own,
+    search,
+    settled,
+)
+from scleraforce.calibration.who_yields import decided
 from scleraforce.library import Library
-from scleraforce.library.sealed import iop_ratio_under_force
-from scleraforce.recording.folder import Recording, tables_digest
-from scleraforce.recording.labels import label_notes, log_doubts
-from scleraforce.segmentation.wall_finder import WallFinder
-from scleraforce.study import Study
-from scleraforce.units import from_si
+from scleraforce.library.sealed_eye import iop_ratio_under_force
+from scleraforce.recordings.force_errors import FrameForces
+from scleraforce.recordings.forces_under_frames import label_notes, log_doubts
+from scleraforce.recordings.recording_folder import Recording, tables_digest
+from scleraforce.records.eye import Known, open_doubts, stated_globe
+from scleraforce.records.globe import OPEN, SEALED, UNKNOWN
+from scleraforce.records.study import Study
+from scleraforce.records.tissue_relaxation import KnownRelaxation
+from scleraforce.wall.wall_network import WallFinder
 
 # standard deviations that a rigidity lies above 0 of a globe that cannot be open
 SURE_SEALED = 3.0
@@ -354,7 +354,7 @@ def _rests_pa(
     _, forces, _, elastic_n = frames.labelled()
     iop_pa = eye_constants(recording, study).iop_pa
     modulus_pa = dict(zip(eye.names, eye.means, strict=True))[
-        assimilation.PARAMETERS["e"]
+        eye_filter.PARAMETERS["e"]
     ]
     law = eye.globe.globe(eye.globe.mean)
 
@@ -412,19 +412,19 @@ def _calibrate_eye(
         seen = frames.seen(index) if left > 0 and included[index] else None
         if seen is not None:
             force_n = float(forces.force_n[index])
-            if isinstance(seen.wall, assimilation.Skipped):
-                found: assimilation.FrameStep | assimilation.Skipped | None = seen.wall
+            if isinstance(seen.wall, eye_filter.Skipped):
+                found: eye_filter.FrameStep | eye_filter.Skipped | None = seen.wall
             else:
                 rest_pa = None if rests_pa is None else float(rests_pa[index])
                 now = _at(session, seen, rest_pa, study)
-                now = assimilation.step(
+                now = eye_filter.step(
                     now, seen.wall, force_n, float(forces.since_start_s[index])
                 )
                 session = replace(now, filter=session.filter)
                 found = session.last
-                refused += force_n > least_n and isinstance(found, assimilation.Skipped)
+                refused += force_n > least_n and isinstance(found, eye_filter.Skipped)
 
-                if isinstance(found, assimilation.FrameStep):
+                if isinstance(found, eye_filter.FrameStep):
                     taken[len(records)] = seen, rest_pa
                     steps.append(found)
                     left -= 1
@@ -465,14 +465,14 @@ def _calibrate_eye(
             + "".join(f"; {doubt}" for doubt in doubts)
         )
 
-    means, sds = assimilation.moments(session.filter, session.state)
+    means, sds = eye_filter.moments(session.filter, session.state)
     eye = EyeCalibration(
         id=recording.info.eye.id,
         names=session.filter.space.names,
         means=tuple(means.tolist()),
         sds=tuple(sds.tolist()),
         stated_thickness_m=session.filter.model.constants.thickness_m,
-        globe=assimilation.known_globe_after(session.filter, session.state),
+        globe=eye_filter.known_globe_after(session.filter, session.state),
         state=session.state,
         recordings=_recordings(recording, forces, earlier, doubts),
         frames=tuple(records),
@@ -483,7 +483,7 @@ def _calibrate_eye(
         lean_rad=recording.info.needle.lean_rad,
     )
 
-    return _settled(eye, assimilation.known_after(session), taken, refused, settings)
+    return _settled(eye, eye_filter.known_after(session), taken, refused, settings)
 
 
 def reach_doubts(used_n: Sequence[float], missed_n: Sequence[float]) -> tuple[str, ...]:
@@ -554,11 +554,11 @@ def check_planes(recording: Recording, settings: Settings) -> None:
 
 
 def _at(
-    session: assimilation.EyeSession,
+    session: eye_filter.EyeSession,
     seen: SeenFrame,
     rest_pa: float | None,
     study: Study,
-) -> assimilation.EyeSession:
+) -> eye_filter.EyeSession:
     """Return the eye at a frame's place, if it is one of several planes, and its own
     resting pressure, if it leaks.
     """
@@ -575,7 +575,7 @@ def _begin(
     settings: Settings,
     frames: EyeFrames,
     earlier: EyeCalibration | None,
-) -> assimilation.EyeSession:
+) -> eye_filter.EyeSession:
     """Return the eye before this recording's frames; the pose that frames share is new
     with each recording.
     """
@@ -592,7 +592,7 @@ def _begin(
         settings.parameters,
         forces.zero_covariance,
     )
-    session = assimilation.begin(*begun, frames.poses if earlier is None else None)
+    session = eye_filter.begin(*begun, frames.poses if earlier is None else None)
 
     if earlier is None:
         return session
@@ -610,9 +610,9 @@ def _begin(
 
 
 def _recorded(
-    record: FrameRecord, found: assimilation.FrameStep | assimilation.Skipped
+    record: FrameRecord, found: eye_filter.FrameStep | eye_filter.Skipped
 ) -> FrameRecord:
-    if isinstance(found, assimilation.Skipped):
+    if isinstance(found, eye_filter.Skipped):
         return replace(record, skipped=found.reason)
 
     result = found.result
@@ -660,7 +660,7 @@ def _settled(
     asked = [
         (seen.planes or seen.wall, frames[place].force_n)
         for place, (seen, _) in taken.items()
-        if not isinstance(seen.wall, assimilation.Skipped)
+        if not isinstance(seen.wall, eye_filter.Skipped)
     ]
     rested = [rest_pa for _, rest_pa in taken.values() if rest_pa is not None]
     earlier = [
@@ -677,8 +677,8 @@ def _settled(
 
     modulus, globe = own(after.known)
     now = {
-        assimilation.PARAMETERS["e"]: (modulus.mean_pa, modulus.sd_pa),
-        assimilation.RIGIDITY: (globe.mean, globe.sd),
+        eye_filter.PARAMETERS["e"]: (modulus.mean_pa, modulus.sd_pa),
+        eye_filter.RIGIDITY: (globe.mean, globe.sd),
     }
     estimates = zip(eye.names, eye.means, eye.sds, strict=True)
     means, sds = zip(

@@ -2,11 +2,11 @@
 interpolated to any eye.
 """
 
-from scleraforce.library.files import (
+from scleraforce.library.library_file import (
     load_library as load_library,
     save_library as save_library,
 )
-from scleraforce.library.responses import (
+from scleraforce.library.wall_responses import (
     INNER as INNER,
     OUTER as OUTER,
     Library as Library,

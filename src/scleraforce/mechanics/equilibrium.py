@@ -16,9 +16,9 @@ from typing import Protocol
 
 import numpy as np
 
-from scleraforce.arrays import Floats
-from scleraforce.errors import SolverError
-from scleraforce.mechanics.globe import Globe
+from scleraforce.base.arrays import Floats
+from scleraforce.base.errors import SolverError
+from scleraforce.records.globe import Globe
 
 Solve = Callable[[Floats], Floats]
 
@@ -155,7 +155,7 @@ class SealedDent(Dent):
     """Equilibrium of a sealed globe at a given dent. The unknowns x are u, w, the force
     and the pressure.
 
-    The law (`mechanics.globe`) compares the dented wall with the undented one *at the
+    The law (`records.globe`) compares the dented wall with the undented one *at the
     same pressure P*: it is measured on whole eyes and includes the give of their shell.
     So the undented wall is part of the unknowns, and the dent counts from it, which is
     what one picture shows. With u the dented wall, w the undented one, f the needle's

@@ -20,8 +20,8 @@ from napari_scleraforce.recordings import RECORDING
 from napari_scleraforce.walls import LOWER, UPPER, Points, mask_of, paths_of
 
 if TYPE_CHECKING:
-    from scleraforce.reader.answer import Answer
-    from scleraforce.recording.folder import Recording
+    from scleraforce.reading.answer import Answer
+    from scleraforce.recordings.recording_folder import Recording
 
 MN = 1e3  # per N
 COLOURS = {UPPER: "#E69F00", LOWER: "#56B4E9"}

@@ -1,0 +1,575 @@
+"""The result of a calibration: of each frame, each eye and the population; in words,
+and as its file.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from math import exp, floor, isfinite, log10
+from typing import Annotated, Any
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from scleraforce.base.errors import CalibrationError
+from scleraforce.base.notebook_cards import html_card
+from scleraforce.base.plain_text import wrapped
+from scleraforce.base.units import HumanUnit, from_si
+from scleraforce.base.version import __version__
+from scleraforce.calibration.filter.eye_filter import (
+    PARAMETERS,
+    RIGIDITY,
+    EyeFilter,
+    EyeState,
+    FrameStep,
+)
+from scleraforce.calibration.filter.eye_parameters import spread
+from scleraforce.calibration.stiffness_from_forces import (
+    Finite,
+    KnownForce,
+    NotNegative,
+)
+from scleraforce.records import calibration_file
+from scleraforce.records.calibration_file import (
+    WRITER,
+    Appearance,
+    CalibrationFile,
+    Line,
+    converted,
+)
+from scleraforce.records.eye import NO_DISCREPANCY, REFERENCE_N, ForceDiscrepancy
+from scleraforce.records.globe import KnownGlobe
+from scleraforce.records.tissue_relaxation import KnownRelaxation
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameRecord:
+    """The result of a frame: estimate of E after it, or the reason why it was not used.
+
+    `sha256` is the digest of the frame's pixels (`records.frame.frame_digest`),
+    which identifies it under any name. `planes`: files and digests of the frames of all
+    planes of its moment, if there are several. `force_n` is the label without offset
+    and drift, 0 if none was used. `own_modulus_pa`: the modulus from the frame alone;
+    `again`: the frame read again in the end.
+    """
+
+    recording: str
+    file: Line
+    sha256: Line
+    force_n: Finite
+    mean_pa: NotNegative
+    sd_pa: NotNegative
+    own_modulus_pa: NotNegative | None = None
+    again: KnownForce | None = None
+    points: Annotated[int, Meta(ge=0)] = 0
+    gated: tuple[Annotated[int, Meta(ge=0)], ...] = ()
+    nis: NotNegative = 0.0
+    inflation: NotNegative = 1.0
+    status: Line = "ok"
+    skipped: Line | None = None
+    planes: tuple[tuple[Line, Line], ...] = ()
+
+    @property
+    def seen(self) -> tuple[tuple[str, str], ...]:
+        """Files and digests of the frames that it rests on."""
+        return self.planes or ((self.file, self.sha256),)
+
+
+@dataclass(frozen=True, kw_only=True)
+class UsedRecording:
+    """A recording that was calibrated on: path as given, SHA-256 of its tables, zero of
+    its force that was subtracted.
+
+    `doubts` are sentences on a log that contradicts the frames
+    (`recordings.forces_under_frames`), and on the globe.
+    """
+
+    path: str
+    sha256: Line
+    zero_n: Finite
+    drift_n_per_s: Finite
+    doubts: tuple[Line, ...] = ()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EyeCalibration:
+    """One eye after its frames.
+
+    `names` of the uncertain parameters, `means` and `sds` of them in SI;
+    `stated_thickness_m`: the recording's; `globe`: the known globe after the frames;
+    `discrepancy`: of its forces from the library's; `stiffening`: b of the tissue whose
+    walls explain its frames best; `relaxation`: how it relaxes; `lean_rad`: of the
+    needle in the last recording; if it is known, forces are parts along the wall's
+    normal, and E is of these. With a library, modulus and rigidity are from the frames
+    read again (`calibration.stiffness_from_forces`); `without_force`: E is from the
+    shape of the dents (`calibration.stiffness_from_shape`). The filter's `state`, from
+    which the eye's next recording continues, and its `steps`, for figures, are missing
+    if read from a file.
+    """
+
+    id: str
+    names: tuple[str, ...]
+    means: tuple[float, ...]
+    sds: tuple[float, ...]
+    stated_thickness_m: float
+    globe: KnownGlobe
+    recordings: tuple[UsedRecording, ...] = field(repr=False)
+    frames: tuple[FrameRecord, ...] = field(repr=False)
+    discrepancy: ForceDiscrepancy | None = None
+    stiffening: float = 0.0
+    relaxation: KnownRelaxation | None = None
+    lean_rad: float | None = None
+    without_force: bool = False
+    appearance: Appearance | None = None
+    state: EyeState | None = field(default=None, repr=False)
+    steps: tuple[FrameStep, ...] = field(default=(), repr=False)
+    filter: EyeFilter | None = field(default=None, repr=False)
+
+    @property
+    def used(self) -> tuple[FrameRecord, ...]:
+        """The frames that the estimate rests on."""
+        return tuple(frame for frame in self.frames if frame.skipped is None)
+
+    @property
+    def mean_pa(self) -> float:
+        """Posterior mean of Young's modulus."""
+        return self.means[self.names.index("youngs_modulus_pa")]
+
+    @property
+    def sd_pa(self) -> float:
+        """Posterior standard deviation of Young's modulus."""
+        return self.sds[self.names.index("youngs_modulus_pa")]
+
+    @property
+    def thickness_m(self) -> float:
+        """The wall's thickness: estimated if it was uncertain, otherwise as stated."""
+        return dict(zip(self.names, self.means, strict=True)).get(
+            "thickness_m", self.stated_thickness_m
+        )
+
+    def by_class(self, bounds_n: tuple[float, ...]) -> tuple[float | None, ...]:
+        """Return the median modulus, Pa, from the single frames of each force class;
+        None without frames.
+
+        The medians are equal for a wall that bends as the model, and fall with the
+        force for one that bends more.
+        """
+        classes: list[list[float]] = [[] for _ in range(len(bounds_n) + 1)]
+        for frame in self.used:
+            if frame.own_modulus_pa is not None:
+                classes[int(np.searchsorted(bounds_n, frame.force_n))].append(
+                    frame.own_modulus_pa
+                )
+
+        return tuple(float(np.median(values)) if values else None for values in classes)
+
+    @property
+    def updates(self) -> int:
+        """The number of frames that the estimate rests on."""
+        return len(self.used)
+
+    @property
+    def status(self) -> str:
+        """'ok', or the last sentence of a filter that diverged."""
+        return next(
+            (frame.status for frame in reversed(self.used) if frame.status != "ok"),
+            "ok",
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """All eyes; the population is the mean of their means, its `sd` their spread (None
+    for one eye).
+
+    Eyes whose filter diverged do not count in the population, unless all did.
+    `mechanics`: "linear" or "finite-strain".
+    """
+
+    eyes: Mapping[str, EyeCalibration]
+    study_sha256: str
+    bounds_n: tuple[float, ...]
+    mechanics: str
+
+    def __repr__(self) -> str:
+        found = ", ".join(
+            f"{eye.id} {from_si(eye.mean_pa, 'mpa'):.3f}" for eye in self.eyes.values()
+        )
+        return f"<Calibration, {self.mechanics}: E of {found} MPa>"
+
+    def _repr_html_(self) -> str:
+        """The moduli of the eyes, for Jupyter."""
+        rows = [(eye.id, eye.mean_pa, eye.sd_pa) for eye in self.eyes.values()]
+        facts = {
+            eye: f"E {from_si(mean, 'mpa'):.3f} ± {from_si(sd, 'mpa'):.3f} MPa"
+            for eye, mean, sd in rows
+        }
+        return html_card(f"Calibration, {self.mechanics}", facts)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the JSON of a calibration's file and of `calibrate --json`."""
+        mean_pa, sd_pa = self.population
+        population = {
+            "mean_mpa": from_si(mean_pa, "mpa"),
+            "sd_mpa": from_si(sd_pa, "mpa"),
+            "stiffening": self.population_stiffening,
+            "eyes": len(self.eyes),
+        }
+
+        return {
+            "format": calibration_file.CALIBRATION_FORMAT,
+            "scleraforce": __version__,
+            "mechanics": self.mechanics,
+            "study_sha256": self.study_sha256,
+            "population": population,
+            "class_bounds_n": list(self.bounds_n),
+            "eyes": {
+                name: _eye_entry(eye, self.bounds_n) for name, eye in self.eyes.items()
+            },
+        }
+
+    def to_dataframe(self) -> Any:
+        """Return a table of pandas with a row for each eye: its modulus, parameters and
+        globe, units in the names.
+        """
+        from scleraforce.base.notebook_cards import data_frame
+
+        left_out = ("frames", "recordings", "steps", "state")
+        return data_frame(
+            {
+                "eye": name,
+                **{key: value for key, value in entry.items() if key not in left_out},
+            }
+            for name, entry in self.to_dict()["eyes"].items()
+        )
+
+    @property
+    def population(self) -> tuple[float, float | None]:
+        """Mean and spread of the eyes' mean moduli, in Pa; one eye has no spread."""
+        return spread([eye.mean_pa for eye in self._sound])
+
+    @property
+    def population_stiffening(self) -> float:
+        """Return b of the eyes' tissue: 1 + b is the geometric mean."""
+        return float(
+            np.expm1(np.mean(np.log1p([eye.stiffening for eye in self._sound])))
+        )
+
+    @property
+    def _sound(self) -> tuple[EyeCalibration, ...]:
+        eyes = tuple(self.eyes.values())
+        return tuple(eye for eye in eyes if eye.status == "ok") or eyes
+
+
+# Parameter -> its name for people, its unit, and how that is printed.
+PRINTED: dict[str, tuple[str, HumanUnit, str]] = {
+    "iop_pa": ("IOP", "mmhg", "mmHg"),
+    "thickness_m": ("thickness", "um", "µm"),
+    "gap_m": ("gap", "mm", "mm"),
+    RIGIDITY: ("k", "mmhg13_per_ul", "mmHg^(1/3)/µl"),
+}
+SURE = 2.0  # standard deviations, from which a discrepancy is worth a remark
+MUCH = 2.0  # times what is expected
+
+
+def found_words(eye: EyeCalibration) -> tuple[str, ...]:
+    """Return mean and standard deviation of each parameter but the modulus, which has a
+    column of its own.
+
+    Then the stiffening of the tissue, if any; the discrepancy of the eye's forces from
+    the library's, if that is sure (an uneven wall); and the scatter of its frames, if
+    that is large (a wall that the library does not have).
+    """
+    found = zip(eye.names, eye.means, eye.sds, strict=True)
+    words = ["E from shape"] if eye.without_force else []
+    words += [
+        _words(name, mean, sd) for name, mean, sd in found if name != PARAMETERS["e"]
+    ]
+
+    if eye.stiffening > 0.0:
+        words.append(f"tissue stiffens, b {eye.stiffening:.2g}")
+
+    if eye.relaxation is not None:
+        words += _relaxation_words(eye.relaxation)
+
+    discrepancy = eye.discrepancy or NO_DISCREPANCY
+    mean, sd = discrepancy.at_reference()
+    if abs(mean) > SURE * sd:
+        percent = from_si(exp(mean) - 1.0, "percent")
+        side = "above" if percent > 0.0 else "below"
+        reference = f"{from_si(REFERENCE_N, 'mn'):g} mN"
+        size = f"{abs(percent):.0f} ± {from_si(sd, 'percent'):.0f} %"
+        words.append(f"forces {size} {side} the library's at {reference}")
+
+    if discrepancy.scatter > MUCH:
+        words.append(
+            f"forces scatter {discrepancy.scatter:.1f} times as far as expected"
+        )
+
+    return tuple(words)
+
+
+def _relaxation_words(relaxation: KnownRelaxation) -> list[str]:
+    """Return what is known of the relaxation of an eye, and why; nothing if its force
+    stays in all holds.
+    """
+    lost = from_si(float(np.dot(relaxation.shares, relaxation.held)), "percent")
+    relaxes = f"tissue relaxes, {lost:.0f} % of a force lost at its frames"
+    finding = relaxation.finding
+
+    if relaxation.source == "declared":
+        return [f"declared: {relaxes}" if lost else "declared: tissue is elastic"]
+    if finding is None or finding.cause == "steady":
+        return [relaxes] if lost else []
+    if finding.hold_s is None or finding.fall is None:
+        return ["no hold of the log shows how the tissue relaxes: as in other tissue"]
+
+    part = ""
+    if finding.tissue_share is not None and finding.tissue_share_sd is not None:
+        share = from_si(finding.tissue_share, "percent")
+        sd = from_si(finding.tissue_share_sd, "percent")
+        part = (
+            f"{finding.frames} frames of holds make {share:.0f} ± {sd:.0f} % of the"
+            " fall the tissue's"
+        )
+
+    fall = (
+        f"the force falls by {from_si(finding.fall, 'percent'):.0f} % in holds of"
+        f" {finding.hold_s:.0f} s"
+    )
+    causes = {
+        "tissue": f"{relaxes}; the dent stays in a hold: {part}",
+        "needle": f"{fall}, and the dent with it: the needle yields; {part}",
+        "both": f"{relaxes}, and the needle yields; {part}",
+        "undecided": (
+            f"{fall}, by tissue or needle; "
+            + (part or "no two frames of one hold show which")
+            + ": intervals cover both"
+        ),
+    }
+    words = [causes[finding.cause]]
+
+    if finding.not_estimated_s and finding.cause != "needle":
+        times = ", ".join(f"{time_s:g}" for time_s in finding.not_estimated_s)
+        words.append(f"time constants not estimated: {times} s")
+
+    return words
+
+
+def rigidity_words(eye: EyeCalibration) -> str:
+    """Return mean and standard deviation of the rigidity of an eye that may be
+    sealed.
+    """
+    place = eye.names.index(RIGIDITY)
+    return _words(RIGIDITY, eye.means[place], eye.sds[place])
+
+
+def _words(name: str, mean: float, sd: float) -> str:
+    """Return one parameter, its mean to the first digit of its standard deviation."""
+    words, unit, printed = PRINTED[name]
+    mean = from_si(mean, unit)
+    sd = from_si(sd, unit)
+    decimals = max(0, -floor(log10(sd))) if isfinite(sd) and sd > 0.0 else 3
+    return f"{words} {mean:.{decimals}f} ± {sd:.{decimals}f} {printed}"
+
+
+# Each uncertain parameter, and the values (SI) that it may have in a file.
+_RANGES = {
+    "youngs_modulus_pa": (1e3, 100e6),
+    "iop_pa": (-1e5, 1e5),
+    "thickness_m": (1e-6, 10e-3),
+    "gap_m": (-0.1, 0.1),
+    RIGIDITY: (-1e10, 1e10),
+}
+
+
+def _eye_entry(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
+    moments = zip(eye.names, eye.means, eye.sds, strict=True)
+    return {
+        "mean_mpa": from_si(eye.mean_pa, "mpa"),
+        "sd_mpa": from_si(eye.sd_pa, "mpa"),
+        "thickness_um": from_si(eye.thickness_m, "um"),
+        "globe": calibration_file.globe_entry(eye.globe),
+        "stiffening": eye.stiffening,
+        "relaxation": eye.relaxation and asdict(eye.relaxation),
+        "lean_deg": from_si(eye.lean_rad, "deg"),
+        "discrepancy": eye.discrepancy and vars(eye.discrepancy),
+        "updates": eye.updates,
+        "without_force": eye.without_force,
+        "appearance": eye.appearance and vars(eye.appearance),
+        "status": eye.status,
+        "by_class_mpa": [from_si(value, "mpa") for value in eye.by_class(bounds_n)],
+        "recording": eye.recordings[0].path,
+        "frames": [
+            {"file": file, "sha256": sha256}
+            for frame in eye.used
+            if frame.force_n or not eye.without_force
+            for file, sha256 in frame.seen
+        ],
+        "parameters": {name: {"mean": mean, "sd": sd} for name, mean, sd in moments},
+        "recordings": [vars(entry) for entry in eye.recordings],
+        "steps": [_frame_entry(frame) for frame in eye.frames],
+    }
+
+
+def _frame_entry(frame: FrameRecord) -> dict[str, Any]:
+    again = frame.again
+    read = {
+        "read_n": again and again.library_n,
+        "read_sd_n": again and again.sd_n,
+        "again": again and vars(again),
+    }
+
+    return {**vars(frame), **read}
+
+
+def parse_calibration(file: CalibrationFile) -> Calibration:
+    """Return the calibration of a file, to continue it or to report it; raises
+    `CalibrationError`.
+    """
+    name = file.path
+    content = file.content
+    eyes = {
+        eye: _parse_eye(eye, entry, f"{name}: eyes.{eye}")
+        for eye, entry in content["eyes"].items()
+    }
+    study_sha256 = converted(content.get("study_sha256"), str, f"{name}: study_sha256")
+
+    bounds_n = converted(
+        content.get("class_bounds_n"), tuple[Finite, ...], f"{name}: class_bounds_n"
+    )
+    if not bounds_n or not (np.diff(bounds_n) > 0.0).all():
+        raise CalibrationError(
+            f"{name}: class_bounds_n: expected bounds that increase; {WRITER}"
+        )
+
+    return Calibration(eyes, study_sha256, bounds_n, content["mechanics"])
+
+
+class _Moments(msgspec.Struct):
+    mean: Finite
+    sd: NotNegative
+
+
+class _Saved(msgspec.Struct):
+    """The part of an entry of `eyes` that `calibration` reads beside its summary."""
+
+    parameters: dict[str, dict[str, Any]]
+    recordings: tuple[UsedRecording, ...]
+    steps: tuple[FrameRecord, ...]
+
+
+def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
+    summary = calibration_file.summary_of_eye(entry, place)
+    saved = converted(entry, _Saved, place)
+    if set(saved.parameters) - set(_RANGES) or PARAMETERS["e"] not in saved.parameters:
+        known = ", ".join(_RANGES)
+        raise CalibrationError(
+            f"{place}.parameters: expected youngs_modulus_pa, and others of {known};"
+            f" {WRITER}"
+        )
+
+    moments = {}
+    for name, values in saved.parameters.items():
+        moments[name] = one = converted(values, _Moments, f"{place}.parameters.{name}")
+        low, high = _RANGES[name]
+        if not (low <= one.mean <= high and one.sd <= high):
+            raise CalibrationError(
+                f"{place}.parameters.{name}: not within {low:g} to {high:g}; {WRITER}"
+            )
+
+    found = EyeCalibration(
+        id=eye_id,
+        names=tuple(moments),
+        means=tuple(each.mean for each in moments.values()),
+        sds=tuple(each.sd for each in moments.values()),
+        stated_thickness_m=summary.thickness_m,
+        globe=summary.globe,
+        without_force=summary.without_force,
+        recordings=saved.recordings,
+        frames=saved.steps,
+        discrepancy=summary.discrepancy,
+        stiffening=summary.stiffening,
+        relaxation=summary.relaxation,
+        lean_rad=summary.lean_rad,
+        appearance=summary.appearance,
+    )
+    if not found.used or not found.recordings:
+        raise CalibrationError(
+            f"{place}.steps: no frame, or no recording, that was used; {WRITER}"
+        )
+    if not np.allclose(
+        (found.mean_pa, found.sd_pa), (summary.mean_pa, summary.sd_pa), rtol=1e-6
+    ):
+        raise CalibrationError(
+            f"{place}.parameters.youngs_modulus_pa: is not that of mean_mpa and sd_mpa;"
+            f" {WRITER}"
+        )
+
+    return found
+
+
+# relative difference between the moduli of low and high forces that is worth a remark
+BENDS_OTHERWISE = 0.1
+
+
+def calibration_lines(calibration: Calibration) -> list[str]:
+    """Return a table of the eyes, the population below, and a note for each doubt about
+    a recording.
+    """
+    lines = [f"{'eye':<16}{'E/MPa':>8}{'sd/MPa':>9}{'updates':>9}  remark"]
+    lines += [
+        _line(name, eye, calibration.bounds_n) for name, eye in calibration.eyes.items()
+    ]
+    notes = [
+        wrapped(f"{entry.path}: {doubt}", "note: ")
+        for eye in calibration.eyes.values()
+        for entry in eye.recordings
+        for doubt in entry.doubts
+    ]
+    mean_pa, sd_pa = calibration.population
+    population = f"{'population':<16}{from_si(mean_pa, 'mpa'):>8.3f}"
+
+    if sd_pa is None:
+        population = wrapped(
+            "the spread needs at least two eyes", f"{population}{'-':>9}{'':>9}  "
+        )
+    else:
+        population += f"{from_si(sd_pa, 'mpa'):>9.4f}"
+
+    return [*lines, population, *notes]
+
+
+def _line(name: str, eye: EyeCalibration, bounds_n: tuple[float, ...]) -> str:
+    gated = sum(len(frame.gated) for frame in eye.used)
+    remarks = [
+        f"{gated} outlying points left out" if gated else "",
+        "" if eye.status == "ok" else eye.status,
+        _softening(eye, bounds_n),
+        *found_words(eye),
+    ]
+    text = "; ".join(remark for remark in remarks if remark)
+    modulus = f"{from_si(eye.mean_pa, 'mpa'):>8.3f}{from_si(eye.sd_pa, 'mpa'):>9.4f}"
+
+    return wrapped(text, f"{name:<16}{modulus}{eye.updates:>9}  ")
+
+
+def _softening(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> str:
+    """Return a remark where low and high forces do not agree on E; a frame alone cannot
+    tell E from a rigidity.
+    """
+    _, low, high = eye.by_class(bounds_n)
+    if (
+        eye.globe.can_be_sealed
+        or low is None
+        or high is None
+        or abs(high / low - 1) < BENDS_OTHERWISE
+    ):
+        return ""
+
+    force = f"{from_si(bounds_n[-1], 'mn'):g} mN"
+    moduli = (
+        f"{from_si(low, 'mpa'):.3f} MPa below {force} and {from_si(high, 'mpa'):.3f}"
+        " above"
+    )
+    return f"E is {moduli}: the wall bends otherwise than the model"

@@ -1,0 +1,1 @@
+"""The reduced-order unscented Kalman filter over the frames of an eye."""

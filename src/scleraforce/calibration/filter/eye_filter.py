@@ -1,0 +1,506 @@
+"""The filter of one eye, frame by frame: registration, observation, prediction,
+correction (paper sec. 3.2).
+
+`begin`, then `step` for each frame; every value is a new record, and the posterior can
+be read at any time. Frames of little force show where the eye lies but nothing of its
+modulus. All at once or one by one, the result is the same.
+
+Values that a frame does not determine (pose, contact angle, inner boundary, noise of
+the force) are marginalised: they enter the observation noise as J Sigma J^T. That would
+wrongly average away values that all frames share and none determines (zero of the
+force, its drift, the contact angle, the finite elements' error); so their effect on the
+estimate is followed from step to step and added to the posterior in the end (Schmidt
+1966, "consider" parameters).
+"""
+
+from dataclasses import dataclass, replace
+from math import sqrt
+
+import numpy as np
+
+from scleraforce.base.arrays import Floats
+from scleraforce.base.normal_distribution import correlation_of, within_bounds
+from scleraforce.base.units import from_si
+from scleraforce.calibration.filter import section_registration, unscented_filter
+from scleraforce.calibration.filter.eye_parameters import (
+    EyeConstants,
+    ParameterSpace,
+    known_of_constants,
+    stated_wall,
+)
+from scleraforce.calibration.filter.library_sections import (
+    LibraryEye,
+    library_eye,
+    without_form,
+)
+from scleraforce.fit.curve_placement import Places, curve_depths
+from scleraforce.library import Library
+from scleraforce.recordings.force_errors import LABEL_SD_N, ZERO_PRIOR
+from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.globe import KnownGlobe
+from scleraforce.records.study import CalibrationStudy, Study
+from scleraforce.wall.wall_in_metres import Boundaries, Observation, observe_points
+
+# Name on the command line -> name of the parameter.
+PARAMETERS = {
+    "e": "youngs_modulus_pa",
+    "iop": "iop_pa",
+    "thickness": "thickness_m",
+    "gap": "gap_m",
+}
+RIGIDITY = "rigidity_pa13_per_m3"  # comes after them, of an eye that may be sealed
+LEAST_POINTS = 3
+UNREACHED_SD_M = 1.0  # of a point that the model's section does not reach
+UNSEEN = "too little of the wall is in view"
+# the columns of `EyeState.sensitivity`
+SHARED = (
+    "zero_n",
+    "drift_n_per_s",
+    "polar_rad",
+    "model_fraction",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class EyeFilter:
+    """The constant part: the eye, its uncertain parameters, the settings of the
+    filter.
+    """
+
+    model: "section_registration.EyeModel"
+    space: ParameterSpace
+    params: unscented_filter.FilterParams
+    study: CalibrationStudy
+
+
+@dataclass(frozen=True, eq=False)
+class EyeState:
+    """The state after some frames; `sensitivity` (parameter, 4) of the estimate to the
+    `SHARED` values of frames.
+    """
+
+    posterior: unscented_filter.Posterior
+    belief: section_registration.PoseBelief
+    sensitivity: Floats
+    zero_covariance: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class FrameStep:
+    """One frame's step: the state after it, and the values that a figure or a report
+    needs.
+    """
+
+    state: EyeState
+    force_n: float
+    registered: section_registration.Registered
+    observation: Observation
+    result: unscented_filter.StepResult
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """The reason why a frame cannot be assimilated; it leaves the state unchanged."""
+
+    reason: str
+
+
+def eye_filter(
+    model: "section_registration.EyeModel",
+    study: CalibrationStudy,
+    parameters: tuple[str, ...] = ("e",),
+) -> EyeFilter:
+    """Set up the filter of an eye for parameters named as on the command line; a
+    rigidity is added by itself.
+    """
+    if (
+        not parameters
+        or set(parameters) - set(PARAMETERS)
+        or len(set(parameters)) < len(parameters)
+    ):
+        raise ValueError(
+            f"parameters {','.join(parameters)}: choose from {','.join(PARAMETERS)},"
+            " each once"
+        )
+
+    priors = {
+        "e": (study.prior_mean_pa, study.prior_sd_pa),
+        "iop": (max(model.constants.iop_pa, 1.0), study.iop_sd_pa),
+        "thickness": (model.constants.thickness_m, study.thickness_sd_m),
+        "gap": (max(model.constants.gap_m, 1e-5), study.gap_sd_m),
+    }
+    unknown = [
+        (PARAMETERS[name], *priors[name], study.positive, False) for name in parameters
+    ]
+
+    globe = model.constants.globe
+    if globe.can_be_sealed:
+        unknown.append((RIGIDITY, globe.mean, globe.sd, False, True))
+
+    names, *columns = zip(*unknown, strict=True)
+    points = unscented_filter.sigma_points(study.sigma_points, len(unknown))
+    params = unscented_filter.FilterParams(
+        points, study.iterations, gate=study.gate_sd, inflate=True
+    )
+
+    return EyeFilter(
+        model, ParameterSpace(names, *map(np.array, columns)), params, study
+    )
+
+
+def moments(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
+    """Return means and standard deviations of the parameters in SI, with the effect of
+    the shared values.
+
+    If the filter has left the bounds of the rigidity, which it does not know, they are
+    those on the bound.
+    """
+    return eye.space.moments(*_within_bounds(eye, state))
+
+
+def _within_bounds(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
+    """Return mean and covariance in the filter's coordinates, the mean given a rigidity
+    within its bounds.
+
+    The covariance is the filter's plus that of the shared values.
+    """
+    shared = np.diag(
+        [
+            0.0,
+            0.0,
+            eye.model.constants.polar_sd_rad**2,
+            eye.study.model_error_fraction**2,
+        ]
+    )
+    shared[:2, :2] = state.zero_covariance
+    mean = state.posterior.mean
+    covariance = (
+        state.posterior.covariance + state.sensitivity @ shared @ state.sensitivity.T
+    )
+
+    if RIGIDITY not in eye.space.names:
+        return mean, covariance
+
+    globe = eye.model.constants.globe
+    place = eye.space.names.index(RIGIDITY)
+    bounds = (globe.lowest / globe.mean, globe.highest / globe.mean)
+    return within_bounds(mean, covariance, place, bounds), covariance
+
+
+def known_globe_after(eye: EyeFilter, state: EyeState) -> KnownGlobe:
+    """Return the known globe after some frames, with its correlation with the
+    modulus.
+    """
+    globe = eye.model.constants.globe
+    if not globe.can_be_sealed:
+        return globe
+
+    mean, covariance = _within_bounds(eye, state)
+    rigidity, modulus = (
+        eye.space.names.index(name) for name in (RIGIDITY, PARAMETERS["e"])
+    )
+    sd = globe.mean * sqrt(covariance[rigidity, rigidity])
+    correlation = correlation_of(covariance, rigidity, modulus)
+    globe = replace(
+        globe, mean=globe.mean * float(mean[rigidity]), sd=sd, correlation=correlation
+    )
+
+    return replace(globe, calibrated=state.posterior.updates > 0)
+
+
+def rigidity_after(eye: EyeFilter, state: EyeState) -> float:
+    """Return the estimated rigidity of the globe, Pa^(1/3)/m^3: 0 for an open one."""
+    if RIGIDITY not in eye.space.names:
+        return eye.model.constants.globe.mean
+    return float(
+        eye.space.values(state.posterior.mean)[eye.space.names.index(RIGIDITY)]
+    )
+
+
+def assimilate(
+    session: "EyeSession",
+    boundaries: Boundaries,
+    force_n: float,
+    since_start_s: float = 0.0,
+) -> FrameStep | Skipped:
+    """Assimilate one frame; it is skipped if it shows too little, or if the mechanics
+    does not hold.
+
+    A frame that the model cannot be evaluated for leaves the state unchanged, and
+    `result.status` says why.
+    """
+    eye = session.filter
+    state = session.state
+    if np.isfinite(boundaries.depth_m).sum() < LEAST_POINTS:
+        return Skipped(UNSEEN)
+
+    prior = section_registration.frame_prior(state.belief, eye.study)
+    median_pa = float(
+        eye.space.values(state.posterior.mean)[eye.space.names.index(PARAMETERS["e"])]
+    )
+    modulus_pa = max(median_pa, 0.01 * eye.study.prior_mean_pa)
+    fit = section_registration.register(
+        eye.model, boundaries, force_n, modulus_pa, prior, rigidity_after(eye, state)
+    )
+    contact_m = float(fit.nuisance[section_registration.BY_LATERAL])
+    observation = observe_points(
+        boundaries, eye.study.points, contact_m, eye.study.span_m
+    )
+    places = Places(observation.lateral_m, observation.boundary)
+    at = (eye.model, fit.wall, fit.nuisance, places)
+
+    placed = section_registration.predict_frame(*at)
+    if placed.seen.sum() < LEAST_POINTS:
+        return Skipped(UNSEEN)
+
+    by_force = section_registration.force_derivative(*at)
+    by_polar = section_registration.polar_derivative(*at)
+    by_nuisance = placed.jacobian[:, : section_registration.LOG_MODULUS]
+    expected = by_nuisance @ (prior.mean - fit.nuisance)
+
+    def observe(states_rp: Floats) -> Floats:
+        return _depths(eye, states_rp, force_n, fit.nuisance, places) + expected
+
+    noise = (  # covariance (point, point): segmentation, nuisances, force, contact
+        np.diag(np.where(placed.seen, observation.sd_m, UNREACHED_SD_M) ** 2)
+        + by_nuisance @ prior.covariance @ by_nuisance.T
+        + LABEL_SD_N**2 * np.outer(by_force, by_force)
+        + eye.model.constants.polar_sd_rad**2 * np.outer(by_polar, by_polar)
+    )
+    start = _start(eye, state, fit)
+    result = unscented_filter.filter_step(
+        eye.params, state.posterior, observe, observation.depth_m, noise, start=start
+    )
+    stated = stated_wall(
+        eye.model.constants, 1.0, force_n, eye.model.constants.polar_rad
+    )
+    values = eye.space.values(result.posterior.mean).tolist()
+
+    outside = eye.model.outside(
+        replace(stated, **dict(zip(eye.space.names, values, strict=True)))
+    )
+    if outside is not None:
+        return Skipped(outside)
+
+    sensitivity = state.sensitivity
+    if result.observations:
+        # x+ = x- + G (y - h(x-)): an error d of a shared value moves y by g d (`g`:
+        # point, shared).
+        g = np.stack(
+            [by_force, by_force * since_start_s, by_polar, by_force * force_n], axis=1
+        )
+        sensitivity = result.contraction @ sensitivity + result.gain @ g
+
+    belief = section_registration.updated_belief(state.belief, prior, fit)
+    after = EyeState(result.posterior, belief, sensitivity, session.zero_covariance)
+    return FrameStep(after, force_n, fit, observation, result)
+
+
+def predicted_points(eye: EyeFilter, step: FrameStep, modulus_pa: float) -> Floats:
+    """Return the depths (point,) that a modulus predicts at a step's observed points,
+    at the pose that was found.
+
+    The other parameters have the means of the posterior after the step.
+    """
+    coordinates = _with_modulus(eye, step.state.posterior.mean, modulus_pa)
+    places = Places(step.observation.lateral_m, step.observation.boundary)
+    return _depths(
+        eye, coordinates[None], step.force_n, step.registered.nuisance, places
+    )[0]
+
+
+def _start(
+    eye: EyeFilter, state: EyeState, fit: section_registration.Registered
+) -> Floats | None:
+    """Return a frame's own fit in the filter's coordinates (p,); None: E alone is found
+    from anywhere.
+    """
+    if RIGIDITY not in eye.space.names:
+        return None
+
+    start = _with_modulus(eye, state.posterior.mean, fit.wall.youngs_modulus_pa)
+    start[eye.space.names.index(RIGIDITY)] = (
+        fit.wall.rigidity_pa13_per_m3 / eye.model.constants.globe.mean
+    )
+
+    return start
+
+
+def _with_modulus(eye: EyeFilter, coordinates: Floats, modulus_pa: float) -> Floats:
+    """Return coordinates (p,) of the filter, changed to another modulus."""
+    changed = coordinates.copy()
+    place = eye.space.names.index(PARAMETERS["e"])
+    ratio = modulus_pa / eye.space.means[place]
+    changed[place] = np.log(ratio) if eye.study.positive else ratio
+    return changed
+
+
+def _depths(
+    eye: EyeFilter, states_rp: Floats, force_n: float, nuisance: Floats, places: Places
+) -> Floats:
+    """Return predicted depths (row, place) for rows of the filter's coordinates; NaN
+    for a row without such an eye.
+    """
+    values = eye.space.values(states_rp)
+    sound = eye.space.exist(values)
+    depths = np.full((len(values), len(places.lateral_m)), np.nan)
+
+    if sound.any():
+        polar_rad = float(nuisance[section_registration.BY_POLAR])
+        curves = section_registration.parameter_sections(
+            eye.model, eye.space.names, values[sound], force_n, polar_rad
+        )
+        placed = section_registration.place_section(curves, nuisance)
+        inner = nuisance[section_registration.BY_INNER] * places.is_inner
+        depths[sound] = [curve_depths(curve, places)[0] + inner for curve in placed]
+
+    return depths
+
+
+@dataclass(frozen=True, eq=False)
+class EyeSession:
+    """An eye after some frames; `last` is the result of the latest one, None before the
+    first.
+
+    `zero_covariance` (2, 2) is that of the force sensor's zero and its drift, which all
+    frames share. `poses` are the beliefs after the first frames of little force, if
+    sessions of the same eye with walls of other tissue share them.
+    """
+
+    filter: EyeFilter
+    state: EyeState
+    zero_covariance: Floats
+    last: FrameStep | Skipped | None = None
+    poses: dict[Boundaries, section_registration.PoseBelief] | None = None
+
+    @property
+    def modulus(self) -> Modulus:
+        """Posterior of Young's modulus: the prior before the first frame."""
+        means, sds = moments(self.filter, self.state)
+        place = self.filter.space.names.index(PARAMETERS["e"])
+        return Modulus(
+            mean_pa=float(means[place]), sd_pa=float(sds[place]), source="own"
+        )
+
+    @property
+    def updates(self) -> int:
+        """The number of frames that the estimate rests on."""
+        return self.state.posterior.updates
+
+
+def begin(
+    study: Study,
+    constants: EyeConstants,
+    library: Library | None,
+    parameters: tuple[str, ...] = ("e",),
+    zero_covariance: Floats = ZERO_PRIOR,
+    poses: dict[Boundaries, section_registration.PoseBelief] | None = None,
+) -> EyeSession:
+    """Return an eye before its first frame, with a library one of finite strain; raises
+    `CalibrationError`.
+
+    `poses` are shared by sessions of the same eye and the same frames, in one order,
+    with walls of other tissue.
+    """
+    if library is None:
+        from scleraforce.calibration.filter.linear_sections import linear_eye
+
+        model: section_registration.EyeModel = linear_eye(
+            study, constants, "thickness" in parameters
+        )
+    else:
+        model = library_eye(study, constants, library)
+
+    return begin_with(model, study.calibration, parameters, zero_covariance, poses)
+
+
+def begin_with(
+    model: "section_registration.EyeModel",
+    study: CalibrationStudy,
+    parameters: tuple[str, ...] = ("e",),
+    zero_covariance: Floats = ZERO_PRIOR,
+    poses: dict[Boundaries, section_registration.PoseBelief] | None = None,
+) -> EyeSession:
+    """Return an eye of a model before its first frame."""
+    eye = eye_filter(model, study, parameters)
+    prior = unscented_filter.initial_posterior(*eye.space.prior())
+    belief = section_registration.first_belief(model)
+    state = EyeState(
+        prior, belief, np.zeros((len(prior.mean), len(SHARED))), ZERO_PRIOR
+    )
+
+    return EyeSession(eye, state, zero_covariance, poses=poses)
+
+
+def step(
+    session: EyeSession,
+    boundaries: Boundaries,
+    force_n: float,
+    since_start_s: float = 0.0,
+) -> EyeSession:
+    """Return the eye after one more frame; one of little force shows where it lies, but
+    nothing of its modulus.
+    """
+    eye = session.filter
+    state = session.state
+    seen = boundaries
+
+    known = (
+        session.poses.get(seen)
+        if session.poses and force_n <= eye.study.min_force_n
+        else None
+    )
+    if isinstance(eye.model, LibraryEye) and known is None:
+        boundaries = without_form(eye.model, boundaries, eye.study)
+
+    if force_n > eye.study.min_force_n:
+        found = assimilate(session, boundaries, force_n, since_start_s)
+        return replace(
+            session,
+            state=state if isinstance(found, Skipped) else found.state,
+            last=found,
+        )
+
+    if known is not None:
+        state = replace(state, belief=known)
+    elif np.isfinite(boundaries.depth_m).sum() >= LEAST_POINTS:
+        prior = section_registration.frame_prior(state.belief, eye.study)
+        here = (eye.model, boundaries, max(force_n, 0.0), session.modulus.mean_pa)
+        fit = section_registration.register(*here, prior, rigidity_after(eye, state))
+        state = replace(
+            state, belief=section_registration.updated_belief(state.belief, prior, fit)
+        )
+
+        if session.poses is not None and not session.updates:
+            session.poses[seen] = state.belief
+
+    reason = (
+        f"at most {from_si(eye.study.min_force_n, 'mn'):g} mN: used as a reference of"
+        " the pose"
+    )
+    return replace(session, state=state, last=Skipped(reason))
+
+
+def known_after(session: EyeSession) -> Known:
+    """Return the known eye after its frames; without a modulus if its last one
+    diverged.
+    """
+    constants = session.filter.model.constants
+    diverged = (
+        isinstance(session.last, FrameStep) and session.last.result.status != "ok"
+    )
+    if diverged or not session.updates:
+        return known_of_constants(constants)
+
+    names = session.filter.space.names
+    means = moments(session.filter, session.state)[0]
+    thickness_m = dict(zip(names, means.tolist(), strict=True)).get(
+        PARAMETERS["thickness"], constants.thickness_m
+    )
+    globe = known_globe_after(session.filter, session.state)
+
+    return replace(
+        known_of_constants(constants, session.modulus),
+        thickness_m=thickness_m,
+        globe=globe,
+    )

@@ -1,0 +1,438 @@
+"""An eye of finite strain: its sections from the response library
+(`library.wall_responses`).
+
+The library holds walls of revolution about the needle axis, so sections have a closed
+form (`library.plane_cut`). Its wall is clamped all around at 90 degrees from the
+needle; the eye's base is a plane, nearer on one side. Under a needle that does not push
+on the pole the eye gives way less on the near side: the dent moves and turns by up to
+0.1 mm. Along the section that is a pose, which registration finds; across the plane it
+is a gap that is not the stated one, which costs E 3 to 7 %.
+`mechanics.axisymmetric_wall` has that motion, in proportion to the force
+(`base_moves`), `library.moving_base` the pressure's part. Gravity is neglected.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from math import cos, sin
+
+import numpy as np
+
+from scleraforce.base.arrays import Floats
+from scleraforce.base.errors import CalibrationError, InputError
+from scleraforce.base.units import from_si
+from scleraforce.calibration.filter import eye_parameters
+from scleraforce.fit.one_frame import NO_WALL_M, fit_boundaries
+from scleraforce.fit.prior_of_an_eye import form_size, prior_of
+from scleraforce.fit.unknowns import FORM, form_depths
+from scleraforce.library import Library
+from scleraforce.library.moving_base import pole_directions, section_places
+from scleraforce.library.plane_cut import cut_rings
+from scleraforce.library.response_splines import CubicSpline
+from scleraforce.library.sealed_eye import iop_ratio_under_force
+from scleraforce.records.eye import Modulus
+from scleraforce.records.study import CalibrationStudy, ReaderStudy, Study
+from scleraforce.wall.wall_in_metres import Boundaries
+
+# in the cache: an eye has one to three, the same for all tissues that are tried
+SHIFTS = 8
+
+
+@lru_cache(maxsize=SHIFTS)
+def _shift(
+    radius_m: float,
+    thickness_m: float,
+    poisson_ratio: float,
+    needle_radius_m: float,
+    polar_rad: float,
+) -> tuple[Floats, Floats]:
+    """Return the rings (boundary, node) of a wall, and their shift by a needle
+    (boundary, node, harmonic, 3).
+    """
+    # The three-dimensional mechanics with SciPy's solvers: half a second, for eyes of a
+    # stated direction only.
+    from scleraforce.mechanics.axisymmetric_wall import LARGEST_POLAR_RAD, base_shift
+    from scleraforce.mechanics.meridian_elements import MeridianSize, meridian_mesh
+
+    polar_rad = min(polar_rad, LARGEST_POLAR_RAD)
+    size = MeridianSize()
+    shift = base_shift(
+        radius_m,
+        thickness_m,
+        poisson_ratio,
+        needle_radius_m,
+        polar_rad=polar_rad,
+        size=size,
+    )
+    mesh = meridian_mesh(radius_m, thickness_m, needle_radius_m, np.pi / 2, size)
+    rings_bn = np.stack(
+        [mesh.points_nc[nodes, 0] for nodes in (mesh.outer_n, mesh.inner_n)]
+    )
+
+    return rings_bn, shift.needle_mbnc.transpose(1, 2, 0, 3)
+
+
+def base_moves(
+    study: Study,
+    constants: eye_parameters.EyeConstants,
+    polar_rad: float,
+    lateral_m: Floats,
+) -> Floats:
+    """Return the motion of the wall for F/E = 1 m^2 (boundary, place, [lateral, across,
+    depth]), m: 0.3 s, once an eye.
+
+    Gap and thickness are the stated ones, also if they are uncertain: the motion is
+    small. It does not grow beyond a polar angle of 55 degrees. At a polar angle of 0,
+    or without a stated direction (the mean), nothing moves.
+    """
+    if polar_rad == 0.0 or constants.direction_rad is None:
+        return np.zeros((2, len(lateral_m), 3))
+
+    wall = (
+        study.eye.radius_m,
+        constants.thickness_m,
+        study.eye.poisson_ratio,
+        study.needle.outer_diameter_m / 2,
+    )
+    rings_bn, shift_bnmc = _shift(*wall, polar_rad)
+    # angle about the needle axis, from the lateral axis
+    inside = np.arctan2(constants.gap_m, lateral_m)
+    distance_m = np.hypot(lateral_m, constants.gap_m)
+
+    return np.array(
+        [
+            _displacement(shift_nmc, rings, distance_m, inside, constants.direction_rad)
+            for shift_nmc, rings in zip(shift_bnmc, rings_bn, strict=True)
+        ]
+    )
+
+
+def _displacement(
+    shift_nmc: Floats,
+    ring_n: Floats,
+    distance_m: Floats,
+    inside: Floats,
+    direction_rad: float,
+) -> Floats:
+    """Return the motion (place, 3) of one boundary from its harmonics (node, harmonic,
+    [away, around, depth]).
+    """
+    nodes, harmonics, _ = shift_nmc.shape
+    flat = shift_nmc.reshape(nodes, -1).T
+    local = np.array([np.interp(distance_m, ring_n, row) for row in flat]).reshape(
+        harmonics, 3, -1
+    )
+    phase = np.arange(harmonics)[:, None] * (inside + direction_rad)
+    away, depth = (local[:, axis] * np.cos(phase) for axis in (0, 2))
+    around = (local[:, 1] * np.sin(phase)).sum(axis=0)
+    away = away.sum(axis=0)
+    depth = depth.sum(axis=0)
+    lateral = away * np.cos(inside) - around * np.sin(inside)
+
+    return np.stack(
+        [lateral, away * np.sin(inside) + around * np.cos(inside), depth], axis=1
+    )
+
+
+REACH = 0.72  # of the radius: how far the section reaches to either side of the contact
+# along the wall, between points that a section is interpolated between
+FINE_STEP_M = 0.05e-3
+HIGHEST = 0.999  # of the library's highest pressure: what rises so far is outside
+# share of the library's largest force beyond which the continuation takes its slope
+END_SHARE = 0.97
+
+
+@dataclass(frozen=True, eq=False)
+class LibraryEye:
+    """An eye whose sections come from a library.
+
+    `lateral_m` (sample,): places of the section. `moves_pbxc`: `base_moves` at each of
+    the polar angles `polar_nodes_rad`. `smoothing_m`: standard deviation of the
+    Gaussian by which a segmentation smooths the outer curve.
+    """
+
+    constants: eye_parameters.EyeConstants
+    library: Library
+    lateral_m: Floats
+    polar_nodes_rad: tuple[float, ...]
+    moves_pbxc: Floats
+    smoothing_m: float = 0.0
+
+    def curves(self, states: Sequence[eye_parameters.WallState]) -> Floats:
+        """Return the sections as a segmentation sees them, (state, boundary, sample, 2)
+        in m: lateral and depth.
+
+        Beyond the library (a modulus too low for the force) the section continues along
+        the slope by ln(F/E) at the end; pressure and thickness are held at the
+        library's ends.
+        """
+        thickness, pressure, force = self._ratios(states)
+        polar = np.array([state.polar_rad for state in states])
+        moved = self._moved(thickness, pressure, force, polar)
+        gap_m = np.array([state.gap_m for state in states])
+        depth = section_depths(
+            self._walls(thickness, pressure, force),
+            self._fine,
+            gap_m,
+            self.constants.tilt_rad,
+            self.lateral_m,
+            moved,
+        )
+        curves = np.stack(
+            [np.broadcast_to(self.lateral_m, depth.shape), depth], axis=-1
+        )
+        curves[:, 0] = eye_parameters.smoothed(curves[:, 0], self.smoothing_m)
+
+        return curves
+
+    def outside(self, state: eye_parameters.WallState) -> str | None:
+        """Return why an estimate must not rest on a state, None if the library reaches
+        it.
+        """
+        thickness, pressure, force = self._ratios([state])
+        try:
+            self.library.tips(thickness, pressure, force)
+        except InputError as fault:
+            return str(fault)
+
+        if (
+            self.constants.globe.can_be_sealed
+            and pressure[0] >= HIGHEST * self.library.iop_ratio_ends(thickness)[1][0]
+        ):
+            return "the pressure under the needle rises beyond the library's"
+
+        return None
+
+    def _ratios(
+        self, states: Sequence[eye_parameters.WallState]
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return thickness, the pressure under the needle over E and F/E of states,
+        each (state,).
+        """
+        modulus = np.array([state.youngs_modulus_pa for state in states])
+        thickness = np.array([state.thickness_m for state in states])
+        pressure = np.array([state.iop_pa for state in states]) / modulus
+        force = np.array([state.force_n for state in states]) / modulus
+
+        if self.constants.globe.can_be_sealed:
+            rigidity = np.array([state.rigidity_pa13_per_m3 for state in states])
+            globe = self.constants.globe.globe(rigidity).over(modulus)
+            held, pressure = self._held(thickness, pressure)
+            pressure = iop_ratio_under_force(
+                self.library, held, pressure, np.maximum(force, 0.0), globe
+            )
+
+        return thickness, pressure, force
+
+    def _held(self, thickness: Floats, pressure: Floats) -> tuple[Floats, Floats]:
+        """Return thickness and pressure over E, clipped to the library's ends."""
+        held = np.clip(
+            thickness, self.library.thickness_m[0], self.library.thickness_m[-1]
+        )
+        return held, np.clip(pressure, *self.library.iop_ratio_ends(held))
+
+    def _moved(
+        self, thickness: Floats, pressure: Floats, force: Floats, polar: Floats
+    ) -> Floats:
+        """Return the motion of sections by the base's nearness (state, boundary, place,
+        3), m.
+
+        It is 0, the mean over all directions, if the section's is not stated.
+        """
+        direction_rad = self.constants.direction_rad
+        if direction_rad is None:
+            return np.zeros((len(polar), *self.moves_pbxc.shape[1:]))
+
+        shares_sp = np.array(
+            [eye_parameters.lagrange(self.polar_nodes_rad, at) for at in polar.tolist()]
+        )
+        pole_s2 = pole_directions(polar, direction_rad)
+        bulged = self.library.base_bulge(
+            *self._held(thickness, pressure), self._places, pole_s2
+        )
+
+        return bulged + np.einsum(
+            "sp,pbxc->sbxc", shares_sp * force[:, None], self.moves_pbxc
+        )
+
+    def _walls(self, thickness: Floats, pressure: Floats, force: Floats) -> Floats:
+        """Return the library's curves (state, boundary, node, 2), continued beyond its
+        end.
+        """
+        library = self.library
+        thickness, pressure = self._held(thickness, pressure)
+
+        force = np.maximum(force, 0.0)
+        if (
+            thickness == self.constants.thickness_m
+        ).all() and force.max() <= self._reached_force_ratio:
+            return library.curves(thickness, pressure, force).curves_sbnc.astype(
+                np.float64
+            )
+
+        largest = library.largest_force_ratio(thickness, pressure)
+        beyond = np.flatnonzero(force > largest)
+        excess = np.log(force[beyond] / largest[beyond])
+        force[beyond] = largest[beyond]
+        rows = np.append(np.arange(len(force)), beyond)
+        forces = np.append(force, END_SHARE * largest[beyond])
+        found = library.curves(
+            thickness[rows], pressure[rows], forces
+        ).curves_sbnc.astype(np.float64)
+        curves = found[: len(thickness)]
+        before = found[len(thickness) :]
+        curves[beyond] += (curves[beyond] - before) * (excess / -np.log(END_SHARE))[
+            :, None, None, None
+        ]
+
+        return curves
+
+    @cached_property
+    def _reached_force_ratio(self) -> float:
+        """F/E that the stated wall carries at every pressure of the library, m^2."""
+        pressure = (
+            self.library.tension * self.constants.thickness_m / self.library.radius_m
+        )
+        thickness = np.full(len(pressure), self.constants.thickness_m)
+
+        return (1 - 1e-6) * float(
+            self.library.largest_force_ratio(thickness, pressure).min()
+        )
+
+    @cached_property
+    def _places(self) -> Floats:
+        """Unit vectors to the section's places at rest (boundary, place, 3), as
+        `library.moving_base` takes them.
+        """
+        radii = self.library.radius_m - np.array([[0.0], [self.constants.thickness_m]])
+        return section_places(self.lateral_m / radii, self.constants.gap_m / radii)
+
+    @cached_property
+    def _fine(self) -> Floats:
+        """Weights (fine point, node) of a cubic spline along the wall through the
+        library's nodes.
+        """
+        along = self.library.radius_m * self.library.node_angles()
+        fine = np.linspace(
+            along[0], along[-1], int((along[-1] - along[0]) / FINE_STEP_M) + 1
+        )
+        return CubicSpline(along).shares(fine)
+
+
+def library_eye(
+    study: Study, constants: eye_parameters.EyeConstants, library: Library
+) -> LibraryEye:
+    """Return the model of an eye; raises `CalibrationError`."""
+    mine = (
+        study.eye.radius_m,
+        study.eye.poisson_ratio,
+        study.needle.outer_diameter_m / 2,
+    )
+    if not np.allclose(
+        mine,
+        (library.radius_m, library.poisson_ratio, library.needle_radius_m),
+        rtol=1e-6,
+    ):
+        raise CalibrationError(
+            "library: made for another radius of the eye, Poisson's ratio or needle"
+            " than the study's; make it anew"
+        )
+
+    thinnest = float(library.thickness_m[0])
+    thickest = float(library.thickness_m[-1])
+    if not thinnest <= constants.thickness_m <= thickest:
+        raise CalibrationError(
+            f"thickness: {from_si(constants.thickness_m, 'um'):g} µm; the library has"
+            f" walls of {from_si(thinnest, 'um'):.0f} to"
+            f" {from_si(thickest, 'um'):.0f} µm"
+        )
+
+    side = np.arange(0.0, REACH * library.radius_m, eye_parameters.SAMPLE_STEP_M)
+    lateral_m = np.concatenate([-side[:0:-1], side])
+    polars = eye_parameters.polar_nodes(constants)
+    moves = np.stack(
+        [base_moves(study, constants, polar, lateral_m) for polar in polars]
+    )
+    # forces hardly change between the ends
+    near = library.nearest_contact(0.5 * (min(polars) + max(polars)))
+
+    return LibraryEye(
+        constants, near, lateral_m, polars, moves, study.calibration.surface_smoothing_m
+    )
+
+
+def section_depths(
+    curves_sbnc: Floats,
+    fine_fn: Floats,
+    gap_m: Floats,
+    tilt_rad: float,
+    lateral_m: Floats,
+    moved_sbxc: Floats,
+) -> Floats:
+    """Return the depths (state, boundary, place) in the plane of surfaces of revolution
+    that moved a little more.
+
+    `curves_sbnc` have distance from the axis and depth, from the axis outwards;
+    `fine_fn` are weights that interpolate along the wall; `gap_m` (state,): the plane's
+    distance from the axis at the undeformed contact; `moved_sbxc`: further motion
+    (lateral, across, depth) at the lateral places. Of a wall that folds over itself the
+    outermost part counts: it is on top, where the light comes from.
+    """
+    square, depth = cut_rings(fine_fn @ curves_sbnc, gap_m[:, None, None], tilt_rad)
+    on_top = np.minimum.accumulate(square[..., ::-1], axis=-1)[..., ::-1]
+    rows = list(
+        zip(
+            on_top.reshape(-1, len(fine_fn)),
+            depth.reshape(-1, len(fine_fn)),
+            strict=True,
+        )
+    )
+    lateral, across, deeper = np.moveaxis(moved_sbxc, -1, 0)
+    came_from = (lateral_m - lateral) ** 2 + (
+        across - 2 * gap_m[:, None, None]
+    ) * across
+
+    if tilt_rad:
+        here = _interpolated(rows, came_from)
+        came_from = came_from - 2 * across * here * sin(tilt_rad)
+
+    return _interpolated(rows, came_from) + deeper / cos(tilt_rad)
+
+
+def _interpolated(rows: Sequence[tuple[Floats, Floats]], wanted: Floats) -> Floats:
+    """Interpolate each row's depth over the square of the lateral place, (...,
+    place).
+    """
+    places = wanted.reshape(len(rows), -1)
+    found = [np.interp(place, *row) for place, row in zip(places, rows, strict=True)]
+    return np.array(found).reshape(wanted.shape)
+
+
+CLEAR = 4.0  # times their spread, from which forms are removed
+
+
+def without_form(
+    eye: LibraryEye, boundaries: Boundaries, study: CalibrationStudy
+) -> Boundaries:
+    """Return the boundaries of a frame without the part of the eye's form, if that is
+    clear.
+    """
+    modulus = Modulus(
+        mean_pa=study.prior_mean_pa, sd_pa=study.prior_sd_pa, source="population"
+    )
+    known = eye_parameters.known_of_constants(eye.constants, modulus)
+    prior = prior_of(known, ReaderStudy())  # nothing is left for it to say
+
+    fit = fit_boundaries(
+        eye.library, boundaries.lateral_m, boundaries.depth_m, prior, eye.smoothing_m
+    )
+    if fit is None or fit.misfit_m > NO_WALL_M or form_size(fit.unknown) < CLEAR:
+        return boundaries
+
+    from_contact_m = boundaries.lateral_m - fit.contact_m
+    both = (np.full_like(from_contact_m, is_inner) for is_inner in (0.0, 1.0))
+    added = [
+        form_depths(fit.unknown[FORM], from_contact_m, is_inner) for is_inner in both
+    ]
+
+    return replace(boundaries, depth_m=boundaries.depth_m - np.stack(added))

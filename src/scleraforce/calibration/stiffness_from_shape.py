@@ -1,0 +1,397 @@
+"""E of an eye from pictures alone: its posterior, frame by frame, and the calibration
+of recordings without forces.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from math import exp, sqrt
+
+import numpy as np
+
+from scleraforce.base.errors import CalibrationError
+from scleraforce.base.units import from_si
+from scleraforce.calibration.calibration import (
+    Calibration,
+    EyeCalibration,
+    FrameRecord,
+    UsedRecording,
+)
+from scleraforce.calibration.filter.eye_filter import PARAMETERS, Skipped
+from scleraforce.calibration.seen_frames import (
+    NO_WALL,
+    EyeFrames,
+    Settings,
+    frame_order,
+)
+from scleraforce.fit import unknowns as at
+from scleraforce.fit.frames_of_an_eye import (
+    OWN,
+    THICKNESS,
+    JointFit,
+    ShownFrame,
+    fit_jointly,
+)
+from scleraforce.fit.one_frame import NO_WALL_M, fit_boundaries
+from scleraforce.fit.prior_of_an_eye import KNOWN_SD, prior_of
+from scleraforce.library import Library
+from scleraforce.recordings.force_errors import LABEL_SD_N
+from scleraforce.recordings.recording_folder import Recording, tables_digest
+from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.globe import UNKNOWN
+from scleraforce.records.recording_info import known_of_recording
+from scleraforce.records.study import Study
+from scleraforce.records.tissue_relaxation import KnownRelaxation
+
+MOST_FRAMES = 24  # of a posterior; frames of like dents say the same
+# relative, of E in the fits of single frames that the joint fit begins with
+START_SD = 0.05
+TELLS_LITTLE = 0.8  # of the prior's standard deviation
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EyePosterior:
+    """The modulus of an eye by its frames, without forces, and a prior; `with_frames`
+    returns a narrower one.
+
+    `known`: the known eye with the prior of its modulus, `library`: that of its tissue.
+    `frames` are the ones that count, at most `MOST_FRAMES`, whose dents are the most
+    different; `fit` is theirs, None before the first. `iop_sd`: standard deviation of
+    the logarithm of the known IOP.
+    """
+
+    known: Known
+    study: Study
+    library: Library
+    frames: tuple[ShownFrame, ...] = ()
+    fit: JointFit | None = None
+    iop_sd: float = KNOWN_SD[at.IOP]
+
+    @property
+    def modulus(self) -> Modulus:
+        """The modulus; its source is "shape" from the first frame on."""
+        assert self.known.modulus is not None
+        if self.fit is None:
+            return self.known.modulus
+
+        mean, sd = self.fit.log_modulus
+        mean_pa = exp(mean + 0.5 * sd**2)
+        return Modulus(
+            mean_pa=mean_pa, sd_pa=mean_pa * sqrt(np.expm1(sd**2)), source="shape"
+        )
+
+    @property
+    def thickness_m(self) -> float | None:
+        """The wall's thickness, m, with which the modulus reads forces."""
+        return (
+            self.known.thickness_m
+            if self.fit is None
+            else float(self.fit.shared[THICKNESS])
+        )
+
+    @property
+    def known_eye(self) -> Known:
+        """The known eye with this modulus and thickness, as a reader takes it, beside
+        the eye before.
+        """
+        if self.fit is None:
+            return self.known
+
+        return replace(
+            self.known,
+            modulus=self.modulus,
+            thickness_m=self.thickness_m,
+            unlearned=self.known.before_learning,
+        )
+
+    def calibration(
+        self,
+        eye: str,
+        recordings: Sequence[UsedRecording],
+        frames: Sequence[FrameRecord],
+    ) -> EyeCalibration:
+        """Return the posterior, of one frame at least, as the calibration of an eye
+        without known forces.
+        """
+        assert self.fit is not None
+        modulus = self.modulus
+        thickness_m = float(self.fit.shared[THICKNESS])
+        return EyeCalibration(
+            id=eye,
+            names=(PARAMETERS["e"], PARAMETERS["thickness"]),
+            means=(modulus.mean_pa, thickness_m),
+            sds=(
+                modulus.sd_pa,
+                float(np.sqrt(self.fit.covariance[THICKNESS, THICKNESS])),
+            ),
+            stated_thickness_m=thickness_m,
+            globe=self.known.globe or UNKNOWN,
+            without_force=True,
+            recordings=tuple(recordings),
+            frames=tuple(frames),
+            stiffening=self.library.stiffening,
+            relaxation=self.known.relaxation,
+        )
+
+    def with_frames(self, frames: Sequence[ShownFrame]) -> "EyePosterior":
+        """Return the posterior after more frames; a frame that no wall of the library
+        lies on is left out.
+        """
+        library = self.library.nearest_contact(self.known.polar_rad)
+        smoothing_m = self.study.calibration.surface_smoothing_m
+        modulus = replace(
+            self.modulus, sd_pa=START_SD * self.modulus.mean_pa, source="population"
+        )
+        begun = replace(self.known, modulus=modulus)
+        shown = list(self.frames)
+        own = [] if self.fit is None else list(self.fit.own)
+
+        for frame in frames:
+            gap_m = self.known.gap_m if frame.gap_m is None else frame.gap_m
+            prior = prior_of(replace(begun, gap_m=gap_m), self.study.reader)
+
+            fit = fit_boundaries(
+                library,
+                frame.lateral_m,
+                frame.depth_bc,
+                prior,
+                smoothing_m,
+                frame.force_n,
+            )
+            if fit is not None and fit.misfit_m <= NO_WALL_M:
+                shown.append(frame)
+                own.append(fit.unknown[OWN])
+
+        if len(shown) == len(self.frames):
+            return self
+
+        kept = _spread(
+            [one[0] for one in own], [frame.force_n is not None for frame in shown]
+        )
+        shown = [shown[place] for place in kept]
+        own = [own[place] for place in kept]
+        begin = None if self.fit is None else self.fit.shared
+        of_eye = library, shown, self.known, self.study.reader, smoothing_m
+
+        joint = fit_jointly(*of_eye, np.array(own), begin, self.iop_sd)
+
+        return replace(self, frames=tuple(shown), fit=joint)
+
+
+def _spread(tips_m: Sequence[float], needed: Sequence[bool]) -> list[int]:
+    """Return the places of `MOST_FRAMES` dents that are the most different, and of the
+    needed ones, in order.
+    """
+    kept = sorted(range(len(tips_m)), key=lambda place: tips_m[place])
+    while len(kept) > MOST_FRAMES:
+        around = [
+            tips_m[after] - tips_m[before]
+            for before, after in zip(kept, kept[2:], strict=False)
+        ]
+        free = [place for place in range(1, len(kept) - 1) if not needed[kept[place]]]
+        if not free:
+            break
+
+        kept.pop(min(free, key=lambda place: around[place - 1]))
+
+    return sorted(kept)
+
+
+def calibrate_without_force(
+    recordings: Sequence[Recording],
+    settings: Settings,
+    study_sha256: str,
+    population: Modulus | None = None,
+    progress: Callable[[int], object] = lambda _: None,
+) -> Calibration:
+    """Calibrate every eye on the shape of its dents; `settings.frames` of each
+    recording also by their forces.
+
+    `population` is the prior of E, by default the study's. A later recording of an eye
+    begins with the posterior of an earlier one. It raises `CalibrationError`: no
+    pressure is stated, or no frame is usable.
+    """
+    eyes = dict[str, EyeCalibration]()
+    study = settings.study.calibration
+    prior = population or Modulus(
+        mean_pa=study.prior_mean_pa, sd_pa=study.prior_sd_pa, source="population"
+    )
+
+    for recording in recordings:
+        eye = recording.info.eye.id
+        eyes[eye] = _of_eye(recording, settings, prior, eyes.get(eye), progress)
+
+    return Calibration(
+        eyes, study_sha256, settings.study.classes.bounds_n, "finite-strain"
+    )
+
+
+def _of_eye(
+    recording: Recording,
+    settings: Settings,
+    prior: Modulus,
+    before: EyeCalibration | None,
+    progress: Callable[[int], object],
+) -> EyeCalibration:
+    info = recording.info
+    place = recording.path / "recording.toml"
+    known = known_of_recording(recording.info)
+    library = settings.library
+    assert library is not None  # at finite strain
+
+    if info.eye.iop_pa is None:
+        raise CalibrationError(
+            f"{place}: eye.iop_pa: missing; without forces E is found beside the known"
+            " pressure"
+        )
+
+    if before is not None:
+        prior = Modulus(mean_pa=before.mean_pa, sd_pa=before.sd_pa, source="population")
+
+    relaxation = (
+        None
+        if info.eye.relaxation is None
+        else KnownRelaxation.declared(info.eye.relaxation)
+    )
+    earlier = () if before is None else before.frames
+    used = frozenset(sha256 for frame in earlier for _, sha256 in frame.seen)
+    frames = EyeFrames(recording, settings, used, relaxation)
+    shown, records = _shown(frames, _known_forces(frames, settings), progress)
+
+    if frames.followed is not None:
+        gaps_m = [frame.gap_m for frame in shown.values() if frame.gap_m is not None]
+        known = replace(
+            known.turned(frames.followed.direction_rad),
+            gap_m=float(np.median(gaps_m or 0.0)),
+        )
+
+    begun = EyePosterior(
+        known=replace(known, modulus=prior), study=settings.study, library=library
+    )
+    after = begun.with_frames(list(shown.values()))
+    if not after.frames:
+        reason = next((record.skipped for record in records if record.skipped), NO_WALL)
+        raise CalibrationError(
+            f"{recording.path}: none of its {len(records)} frames can be calibrated on"
+            f" ({reason})"
+        )
+
+    counted = set(map(id, after.frames))
+    modulus = after.modulus
+
+    for number, frame in shown.items():
+        skipped = (
+            None
+            if id(frame) in counted
+            else f"{NO_WALL}, or other frames have the same dent"
+        )
+        records[number] = replace(
+            records[number],
+            skipped=skipped,
+            mean_pa=modulus.mean_pa,
+            sd_pa=modulus.sd_pa,
+        )
+
+    entry = UsedRecording(
+        path=str(recording.path),
+        sha256=tables_digest(recording),
+        zero_n=0.0,
+        drift_n_per_s=0.0,
+        doubts=_doubts(after, prior),
+    )
+    recordings, earlier = (before.recordings, before.frames) if before else ((), ())
+    found = after.calibration(info.eye.id, [*recordings, entry], [*earlier, *records])
+
+    return replace(found, lean_rad=info.needle.lean_rad)
+
+
+def _known_forces(frames: EyeFrames, settings: Settings) -> dict[int, float]:
+    """Return the forces, N, that are to be known, by the numbers of their frames."""
+    if settings.frames is None:
+        return {}
+
+    trials, forces, _, _ = frames.labelled()
+    least_n = settings.study.calibration.min_force_n
+    included = [trial.excluded is None for trial in trials]
+    found = dict[int, float]()
+
+    for place in frame_order(forces.force_n, included, least_n, settings.frames, False):
+        seen = frames.seen(place)
+        force_n = float(forces.force_n[place])
+        if (
+            len(found) < settings.frames
+            and force_n > least_n
+            and seen
+            and not isinstance(seen.wall, Skipped)
+        ):
+            found[place] = force_n
+
+    return found
+
+
+def _shown(
+    frames: EyeFrames, forces_n: dict[int, float], progress: Callable[[int], object]
+) -> tuple[dict[int, ShownFrame], list[FrameRecord]]:
+    """Return what usable frames show, by the numbers of their records, and a record of
+    each new frame.
+    """
+    shown = dict[int, ShownFrame]()
+    records = list[FrameRecord]()
+
+    for number, entry in enumerate(frames.recording.frames):
+        seen = None if entry.pierced else frames.seen(number)
+        progress(1)
+        if seen is None:
+            continue
+
+        wall = seen.wall
+        path = str(frames.recording.path)
+        force_n = forces_n.get(number, 0.0)
+        of_frame = partial(
+            FrameRecord,
+            recording=path,
+            file=seen.file,
+            sha256=seen.sha256,
+            planes=seen.files,
+        )
+        record = of_frame(force_n=force_n, mean_pa=0.0, sd_pa=0.0)
+
+        if isinstance(wall, Skipped):
+            record = replace(record, skipped=wall.reason)
+        else:
+            shown[len(records)] = ShownFrame(
+                lateral_m=wall.lateral_m,
+                depth_bc=wall.depth_m,
+                iop_pa=entry.iop_pa,
+                travel_m=entry.travel_m,
+                force_n=forces_n.get(number),
+                force_sd_n=LABEL_SD_N,
+                gap_m=seen.place[0] if seen.planes else None,
+            )
+
+        records.append(record)
+
+    return shown, records
+
+
+def _doubts(after: EyePosterior, prior: Modulus) -> tuple[str, ...]:
+    """Return sentences that say what E rests on."""
+    known = sum(frame.force_n is not None for frame in after.frames)
+    forces = "no force was measured" if not known else f"{known} forces are known"
+    percent = from_si(after.modulus.relative_sd, "percent")
+    said = (
+        f"{forces}: E is from the shape of {len(after.frames)} dents beside the IOP,"
+        f" and sure to {percent:.0f} %"
+    )
+
+    if after.modulus.relative_sd < TELLS_LITTLE * prior.relative_sd:
+        return (said,)
+
+    deepest_mm = from_si(float(after.fit.own[:, 0].max()) if after.fit else 0.0, "mm")
+    return (
+        said,
+        (
+            f"dents of up to {deepest_mm:.1f} mm tell little: E is mostly its prior;"
+            " push deeper, or measure a force"
+        ),
+    )

@@ -1,0 +1,113 @@
+"""Who yields in the holds of an eye's log, the tissue or the needle, by frames at
+different times of one hold, else by those of different pushes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from scleraforce.calibration.calibration import EyeCalibration
+from scleraforce.calibration.filter.eye_filter import Skipped
+from scleraforce.calibration.holds_of_a_log import (
+    LEAST_SD,
+    MOST_FRAMES,
+    held_frames,
+    remembered,
+    who_yields,
+)
+from scleraforce.calibration.relaxation_from_holds import hold_log
+from scleraforce.calibration.seen_frames import EyeFrames
+from scleraforce.calibration.stiffness_from_forces import KnownForce, read_again
+from scleraforce.library import Library
+from scleraforce.records.eye import Modulus
+from scleraforce.records.recording_info import known_of_recording
+from scleraforce.records.study import Study
+from scleraforce.records.tissue_relaxation import KnownRelaxation
+
+
+def decided(
+    eye: EyeCalibration, frames: EyeFrames, library: Library, study: Study
+) -> KnownRelaxation | None:
+    """Return what an eye's frames say of its undecided relaxation; None if nothing.
+
+    Two frames of one hold decide: how their dents change, not the forces of these.
+    Without such frames those of different pushes count. The frames need not be the
+    ones that the eye was calibrated on.
+    """
+    relaxation = eye.relaxation
+    finding = None if relaxation is None else relaxation.finding
+    if relaxation is None or finding is None or finding.cause != "undecided":
+        return None
+
+    _, forces, _, _ = frames.labelled()
+    log = hold_log(frames.without_gaps, forces)
+    held = held_frames(log, relaxation, forces.since_start_s)
+    read = _read(eye, frames, [frame.index for frame in held.frames], library, study)
+    pairs = tuple(frame for frame in held.frames if frame.index in read)
+    after = who_yields(
+        relaxation,
+        replace(held, frames=pairs),
+        np.log([read[frame.index].library_n for frame in pairs]),
+        np.array([_relative_sd(read[frame.index]) for frame in pairs]),
+    )
+    if after.finding is not None and after.finding.cause != "undecided":
+        return after
+
+    touching = np.flatnonzero(log.contact[log.frames(forces.since_start_s)])
+    chosen = touching[
+        np.unique(np.linspace(0, len(touching) - 1, MOST_FRAMES).round().astype(int))
+    ]
+    read = _read(eye, frames, chosen.tolist(), library, study)
+    indices = list(read)
+    after = remembered(
+        after,
+        log,
+        forces.since_start_s[indices],
+        np.log([read[index].library_n for index in indices]),
+        np.array([_relative_sd(read[index]) for index in indices]),
+    )
+
+    return None if after is relaxation else after
+
+
+def _relative_sd(read: KnownForce) -> float:
+    return float(np.hypot(read.sd_n / read.library_n, LEAST_SD))
+
+
+def _read(
+    eye: EyeCalibration,
+    frames: EyeFrames,
+    indices: Sequence[int],
+    library: Library,
+    study: Study,
+) -> dict[int, KnownForce]:
+    """Return readings of an eye's frames without their forces, by index; those that
+    cannot be read are missing.
+    """
+    trials, forces, _, _ = frames.labelled()
+    asked = list[int]()
+    walls = []
+
+    for index in indices:
+        force_n = float(forces.force_n[index])
+        seen = (
+            frames.seen(index)
+            if trials[index].excluded is None and np.isfinite(force_n)
+            else None
+        )
+        if seen is not None and not isinstance(seen.wall, Skipped):
+            asked.append(index)
+            walls.append((seen.planes or seen.wall, force_n))
+
+    known = replace(
+        known_of_recording(frames.recording.info),
+        modulus=Modulus(mean_pa=eye.mean_pa, sd_pa=eye.sd_pa, source="own"),
+        globe=eye.globe,
+        thickness_m=eye.thickness_m,
+    )
+    of_tissue = library.for_stiffening(eye.stiffening)
+    again = read_again(walls, known, of_tissue, study)
+    return {
+        index: one for index, one in zip(asked, again, strict=True) if one is not None
+    }

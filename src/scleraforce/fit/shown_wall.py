@@ -1,0 +1,813 @@
+"""Compiled loops: the depths that a frame shows of a library's wall, their derivatives,
+and the law of its globe.
+
+Nodes of a wall far beyond the frame are left out. `tests/oracles/fit_arrays.py` does
+the same by arrays.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from scleraforce.base.arrays import Flags, Floats, Places
+from scleraforce.base.compiled_loops import compiled, compiled_in_place, compiled_part
+from scleraforce.fit import unknowns as at
+from scleraforce.library.moving_base import SHEARED
+from scleraforce.library.response_splines import (
+    SUPPORT,
+    SplineTables,
+    curves_at,
+    state_weights,
+    undented_at,
+    value_of,
+)
+from scleraforce.library.sealed_eye import level_of
+
+Vector = tuple[float, float, float]
+
+LEAST_NORM = 1e-9
+# places, weights
+GAUSS_HERMITE = (
+    np.array([-np.sqrt(3.0), 0.0, np.sqrt(3.0)]),
+    np.array([1.0, 4.0, 1.0]) / 6.0,
+)
+# between the places of a section at which the base's effect is computed
+STATION_RAD = 0.04
+SPARE_M = 1.0e-3  # of a wall beyond the frame, at rest, and under the needle
+SPARE_DENTED_M = 0.1e-3
+ALONG = at.POLE.start
+ACROSS = at.POLE.start + 1
+LEFT = at.FORM.start
+RIGHT = at.FORM.start + 3
+WEDGE = at.FORM.start + 6
+UP = (0.0, 0.0, 1.0)
+
+
+class Scene(NamedTuple):
+    """A library, the index of the pressure under the needle, places on a frame, and
+    where its plane meets the rings.
+
+    `at_m` (place,), the first `outer` on the outer boundary, and `smoothing_m` are as
+    in `placement.Places`. `stations` (boundary, station, 3): unit vectors to places of
+    the section at rest, where the base's effect is found; `about_needle`: the same
+    about the needle axis (`_turn`). A ring (boundary, left nodes and right ones), from
+    the axis outwards on either side, lies between the station `left` and the next one,
+    by `share` of the way.
+    """
+
+    tables: SplineTables
+    pressure: int
+    at_m: Floats
+    outer: int
+    smoothing_m: float
+    stations: Floats
+    about_needle: Floats
+    left: Places
+    share: Floats
+    sines: Floats
+    cosines: Floats
+
+
+class Wall(NamedTuple):
+    """A wall of the library: its curves (boundary, node, 2), and the motion of its
+    rings (boundary, ring, 3).
+
+    `meridian` (boundary, node, [away, up]) is its motion under the pressure alone,
+    `turned` its stations about the eye's axis (`_turn`), `pushed` (3,) the base's push,
+    and by how much the plane is farther from the needle axis for each metre below the
+    contact. The rest is workspace: rows and weights of its state, motions of stations
+    (station, 3), and the section (2 node,) with its slopes.
+    """
+
+    curve: Floats
+    motion: Floats
+    meridian: Floats
+    turned: Floats
+    pushed: Floats
+    rows: Places
+    weights: Floats
+    moved: Floats
+    lateral: Floats
+    down: Floats
+    steep: Floats
+
+
+class Depths(NamedTuple):
+    """The depths of a wall at places (place,): of an even wall, `even_m` and
+    `even_slope`, and with form and shine.
+    """
+
+    even_m: Floats
+    even_slope: Floats
+    depth_m: Floats
+    slope: Floats
+    seen: Flags
+    jacobian: Floats
+
+
+@compiled_part
+def scene_of(
+    tables: SplineTables,
+    pressure: int,
+    places: tuple[Floats, int, float],
+    gap_m: float,
+    thickness_m: float,
+) -> Scene:
+    """Return the scene of walls of about a gap and a thickness, m; `places`: `at_m`,
+    `outer` and `smoothing_m`.
+    """
+    nodes = tables.curves.shape[1] // 4
+    count = int(np.ceil(tables.angles[nodes - 1] / STATION_RAD)) + 1
+    sines = np.sin(tables.angles)
+    along = sines[nodes - 1] * (np.arange(2 * count + 1) / count - 1.0)
+    stations = np.empty((2, len(along), 3))
+    about_needle = np.empty((2, len(along), 5))
+    left = np.empty((2, 2 * nodes), dtype=np.intp)
+    share = np.empty((2, 2 * nodes))
+
+    for boundary in range(2):
+        across = gap_m / (tables.radius_m - boundary * thickness_m)
+        stations[boundary, :, 0] = along
+        stations[boundary, :, 1] = across
+        stations[boundary, :, 2] = np.sqrt(np.maximum(1.0 - along**2 - across**2, 0.0))
+
+        for ring in range(2 * nodes):
+            wanted = np.sqrt(max(sines[ring % nodes] ** 2 - across**2, 0.0)) * (
+                -1.0 if ring < nodes else 1.0
+            )
+            station = _before(along, wanted)
+            left[boundary, ring] = station
+            share[boundary, ring] = (wanted - along[station]) / (
+                along[station + 1] - along[station]
+            )
+
+    _turn(stations, tables.angles, UP, about_needle)
+    at_m, outer, smoothing_m = places
+    cosines = np.cos(tables.angles)
+    return Scene(
+        tables,
+        pressure,
+        at_m,
+        outer,
+        smoothing_m,
+        stations,
+        about_needle,
+        left,
+        share,
+        sines,
+        cosines,
+    )
+
+
+@compiled_in_place
+def _before(nodes: Floats, place: float) -> int:
+    """Return the last of increasing nodes below a place, which has a next one.
+
+    Not np.searchsorted: to load its machine code, Numba imports SciPy's linear algebra,
+    for 0.1 s.
+    """
+    node = 0
+    after = len(nodes) - 1
+
+    while after - node > 1:
+        middle = (node + after) // 2
+        if nodes[middle] < place:
+            node = middle
+        else:
+            after = middle
+
+    return node
+
+
+@compiled_part
+def empty_wall(scene: Scene) -> Wall:
+    """Return a wall without values."""
+    nodes = scene.tables.curves.shape[1] // 4
+    stations = scene.stations.shape[1]
+    return Wall(
+        np.empty((2, nodes, 2)),
+        np.zeros((2, 2 * nodes, 3)),
+        np.empty((2, len(scene.sines), 2)),
+        np.empty((2, stations, 5)),
+        np.zeros(3),
+        np.empty(SUPPORT**3, dtype=np.intp),
+        np.empty(SUPPORT**3),
+        np.empty((stations, 3)),
+        np.empty(2 * nodes),
+        np.empty(2 * nodes),
+        np.empty(2 * nodes),
+    )
+
+
+@compiled_in_place
+def library_place(tables: SplineTables, unknown: Floats, pressure: int) -> Vector:
+    """Return thickness, pressure over E and tip in the library's own size, kept within
+    its ranges.
+    """
+    size = np.exp(unknown[at.SIZE])
+    low, high = tables.thickness_ends_m
+    thickness = min(max(unknown[at.THICKNESS] / size, low), high)
+    per_tension = thickness / tables.radius_m
+    least = tables.tension_ends[0] * per_tension
+    most = tables.tension_ends[1] * per_tension
+    ratio = min(max(np.exp(unknown[pressure] - unknown[at.MODULUS]), least), most)
+
+    return (
+        thickness,
+        ratio,
+        min(max(unknown[at.TIP] / size, tables.tip_m[0]), tables.tip_m[-1]),
+    )
+
+
+@compiled_in_place
+def _find_wall(scene: Scene, unknown: Floats, count: int, wall: Wall) -> None:
+    """Write the wall of unknowns up to `count` nodes."""
+    state = library_place(scene.tables, unknown, scene.pressure)
+    axis = _axis(unknown)
+    find_curve(scene.tables, state, count, wall, 2)
+    _find_push(scene.tables, state, unknown, wall.pushed)
+    wall.motion[:] = 0.0
+
+    if axis[2] < 1.0:
+        _find_meridian(scene, state, wall.meridian)
+        _turn(scene.stations, scene.tables.angles, axis, wall.turned)
+        _move(scene, wall.meridian, wall.turned, axis, count, wall.moved, wall.motion)
+
+
+@compiled_in_place
+def _axis(unknown: Floats) -> Vector:
+    """Return the eye's axis."""
+    return (
+        unknown[ALONG],
+        unknown[ACROSS],
+        np.sqrt(max(1.0 - unknown[ALONG] ** 2 - unknown[ACROSS] ** 2, 0.0)),
+    )
+
+
+@compiled_in_place
+def find_curve(
+    tables: SplineTables, state: Vector, count: int, wall: Wall, boundaries: int
+) -> None:
+    """Write the first nodes of the curves of a state, of the outer boundary or of
+    both.
+    """
+    state_weights(tables, state[0], state[1], state[2], wall.rows, wall.weights)
+    for boundary in range(boundaries):
+        first = 2 * wall.curve.shape[1] * boundary
+        curve = wall.curve[boundary, :count].reshape(2 * count)
+        curves_at(tables.curves, wall.rows, wall.weights, first, curve)
+
+
+@compiled_in_place
+def _find_push(
+    tables: SplineTables, state: Vector, unknown: Floats, pushed: Floats
+) -> None:
+    """Write the push of the base at a state (`base.base_push`)."""
+    force_ratio = value_of(tables, tables.forces, state[0], state[1], state[2])
+    share = SHEARED * (1.0 + tables.poisson_ratio) / np.pi * force_ratio / state[0]
+    pushed[0] = unknown[ALONG] * share
+    pushed[1] = unknown[ACROSS] * share
+
+
+@compiled_in_place
+def _find_meridian(scene: Scene, state: Vector, meridian: Floats) -> None:
+    """Write how the pressure alone moves a wall (boundary, node, [away from the axis,
+    up]).
+    """
+    undented_at(scene.tables, state[0], state[1], meridian.reshape(meridian.size))
+    for boundary in range(2):
+        radius_m = scene.tables.radius_m - boundary * state[0]
+        way = meridian[boundary]
+
+        for node in range(len(way)):
+            way[node, 0] -= radius_m * scene.sines[node]
+            way[node, 1] = (
+                scene.tables.radius_m - way[node, 1] - radius_m * scene.cosines[node]
+            )
+
+
+@compiled_in_place
+def _turn(stations: Floats, angles: Floats, axis: Vector, turned: Floats) -> None:
+    """Write where stations lie about an axis (boundary, station, 5).
+
+    Each lies on the meridian between a node and the next one by a share; then follows
+    its unit vector from the axis.
+    """
+    for boundary in range(2):
+        for place in range(stations.shape[1]):
+            x, y, z = stations[boundary, place]
+            along = x * axis[0] + y * axis[1] + z * axis[2]
+            x = x - along * axis[0]
+            y = y - along * axis[1]
+            z = z - along * axis[2]
+            norm = max(np.sqrt(x**2 + y**2 + z**2), LEAST_NORM)
+            angle = min(
+                max(np.arccos(min(max(along, -1.0), 1.0)), angles[0]), angles[-1]
+            )
+            node = _before(angles, angle)
+            turn = turned[boundary, place]
+            turn[0] = node
+            turn[1] = (angle - angles[node]) / (angles[node + 1] - angles[node])
+            turn[2] = x / norm
+            turn[3] = y / norm
+            turn[4] = z / norm
+
+
+@compiled_in_place
+def _move(
+    scene: Scene,
+    meridian: Floats,
+    turned: Floats,
+    axis: Vector,
+    count: int,
+    moved: Floats,
+    motion: Floats,
+) -> None:
+    """Write how the pressure moves the first rings of a wall beside the pole (boundary,
+    ring, 3) (`base_bulge`).
+    """
+    nodes = motion.shape[1] // 2
+    left = scene.left
+
+    for boundary in range(2):
+        way = meridian[boundary]
+        for place in range(
+            left[boundary, count - 1], left[boundary, nodes + count - 1] + 2
+        ):
+            turn = turned[boundary, place]
+            rest = scene.about_needle[boundary, place]
+            away, up = _moved_along(way, turn)
+            resting, above = _moved_along(way, rest)
+            moved[place, 0] = away * turn[2] + up * axis[0] - resting * rest[2]
+            moved[place, 1] = away * turn[3] + up * axis[1] - resting * rest[3]
+            moved[place, 2] = above - away * turn[4] - up * axis[2]
+
+        for side in range(2):
+            for ring in range(side * nodes, side * nodes + count):
+                station = left[boundary, ring]
+                share = scene.share[boundary, ring]
+
+                for part in range(3):
+                    low = moved[station, part]
+                    high = moved[station + 1, part]
+                    motion[boundary, ring, part] = low + share * (high - low)
+
+
+@compiled_in_place
+def _moved_along(way: Floats, turn: Floats) -> tuple[float, float]:
+    """Return the motion along the meridian, away from its axis and up, at a station."""
+    node = int(turn[0])
+    share = turn[1]
+    away = way[node, 0] + share * (way[node + 1, 0] - way[node, 0])
+    return away, way[node, 1] + share * (way[node + 1, 1] - way[node, 1])
+
+
+@compiled_in_place
+def cut_wall(
+    curve: Floats,
+    motion: Floats,
+    pushed: Floats,
+    count: int,
+    unknown: Floats,
+    wall: Wall,
+) -> None:
+    """Write a boundary's section in the frame: where the plane meets its first nodes,
+    left side first, (2 count,).
+    """
+    nodes = len(curve)
+    squares = wall.steep
+    lateral = wall.lateral
+    down = wall.down
+    gap_m = unknown[at.GAP]
+    size = np.exp(unknown[at.SIZE])
+    c = np.cos(unknown[at.ROTATION])
+    s = np.sin(unknown[at.ROTATION])
+    tilt = size * pushed[2]
+    longer = np.sqrt(1.0 + pushed[2] ** 2)  # depths along the plane
+
+    for side in range(2):
+        ring = side * nodes
+        sign = 2.0 * side - 1.0
+        first = count
+
+        for node in range(count):
+            gap = (
+                gap_m
+                - size * (motion[ring + node, 1] + pushed[1])
+                + tilt * curve[node, 1]
+            )
+            squares[node] = (size * curve[node, 0]) ** 2 - gap**2
+
+            if squares[node] > 0.0 and first == count:
+                first = node
+
+        beyond = first
+        first = first % count
+        share = 1.0
+        last = max(first - 1, 0)
+
+        if first > 0:
+            share = min(
+                max(-squares[last] / max(squares[first] - squares[last], 1e-30), 0.0),
+                1.0,
+            )
+
+        middle = size * curve[last, 1]
+        middle += share * (size * curve[first, 1] - middle)
+
+        for node in range(count):
+            near = ring + max(node, first)
+            across = sign * np.sqrt(max(squares[node], 0.0)) if node >= beyond else 0.0
+            across += size * (motion[near, 0] + pushed[0])
+            deep = longer * (
+                (size * curve[node, 1] if node >= beyond else middle)
+                + size * motion[near, 2]
+            )
+            place = count + node if side else count - 1 - node
+            lateral[place] = c * across - s * deep + unknown[at.LATERAL]
+            down[place] = s * across + c * deep + unknown[at.DEPTH]
+
+
+@compiled_in_place
+def without_folds(lateral: Floats, down: Floats, length: int) -> int:
+    """Move the points that lie ahead of all before to the front; return their
+    number.
+    """
+    kept = 1
+    for node in range(1, length):
+        if lateral[node] > lateral[kept - 1]:
+            lateral[kept] = lateral[node]
+            down[kept] = down[node]
+            kept += 1
+
+    return kept
+
+
+@compiled_in_place
+def _read_depths(
+    scene: Scene, boundary: int, length: int, wall: Wall, depth_m: Floats, slope: Floats
+) -> None:
+    """Write depth and slope of a boundary's section at its places, under a Gaussian
+    (`placement.curve_depths`).
+    """
+    lateral = wall.lateral
+    down = wall.down
+    steep = wall.steep
+    begin, end = (scene.outer, len(scene.at_m)) if boundary else (0, scene.outer)
+    depth_m[begin:end] = down[0] if length == 1 else 0.0
+    slope[begin:end] = 0.0
+
+    for segment in range(length - 1):
+        steep[segment] = (down[segment + 1] - down[segment]) / (
+            lateral[segment + 1] - lateral[segment]
+        )
+
+    smoothing_m = 0.0 if boundary else scene.smoothing_m
+    for point in range(3) if smoothing_m > 0.0 else range(1, 2):
+        weight = GAUSS_HERMITE[1][point] if smoothing_m > 0.0 else 1.0
+        segment = 0
+
+        for place in range(begin, end if length > 1 else begin):
+            along = scene.at_m[place] + GAUSS_HERMITE[0][point] * smoothing_m
+            while segment < length - 2 and lateral[segment + 1] < along:
+                segment += 1
+
+            depth_m[place] += weight * (
+                down[segment] + steep[segment] * (along - lateral[segment])
+            )
+            slope[place] += weight * steep[segment]
+
+
+@compiled_in_place
+def _ends(scene: Scene) -> tuple[float, float]:
+    """Return the ends of a frame's places, m."""
+    low = scene.at_m[0]
+    high = scene.at_m[scene.outer - 1]
+    last = len(scene.at_m) - 1
+    if scene.outer <= last:
+        low = min(low, scene.at_m[scene.outer])
+        high = max(high, scene.at_m[last])
+
+    return low - 2.0 * scene.smoothing_m, high + 2.0 * scene.smoothing_m
+
+
+@compiled_in_place
+def show_wall(scene: Scene, unknown: Floats, wall: Wall, depths: Depths) -> int:
+    """Write the depths that a frame shows of the wall of unknowns; return the number of
+    its nodes that are found.
+    """
+    tables = scene.tables
+    low, high = _ends(scene)
+    nodes = len(scene.share[0]) // 2
+    size = np.exp(unknown[at.SIZE])
+    s = np.abs(np.sin(unknown[at.ROTATION]))
+    reach = (
+        max(high - unknown[at.LATERAL], unknown[at.LATERAL] - low)
+        + s * size * tables.radius_m
+    )
+    reach = (reach / max(np.cos(unknown[at.ROTATION]), LEAST_NORM) + SPARE_M) / size
+    reach /= tables.radius_m - tables.thickness_ends_m[1]
+    count = (
+        nodes
+        if reach >= 1.0
+        else min(_before(tables.angles, np.arcsin(reach)) + 3, nodes)
+    )
+    _find_wall(scene, unknown, count, wall)
+    boundary = 0
+
+    while boundary < 2:
+        cut_wall(
+            wall.curve[boundary],
+            wall.motion[boundary],
+            wall.pushed,
+            count,
+            unknown,
+            wall,
+        )
+        length = without_folds(wall.lateral, wall.down, 2 * count)
+        left = wall.lateral[0]
+
+        right = wall.lateral[length - 1]
+        if count < nodes and (
+            left > low - SPARE_DENTED_M or right < high + SPARE_DENTED_M
+        ):
+            count = nodes
+            boundary = 0
+            _find_wall(scene, unknown, count, wall)
+            continue
+
+        _read_depths(scene, boundary, length, wall, depths.even_m, depths.even_slope)
+        for place in range(
+            scene.outer * boundary, len(scene.at_m) if boundary else scene.outer
+        ):
+            depths.seen[place] = length > 1 and left <= scene.at_m[place] <= right
+
+        boundary += 1
+
+    for place in range(len(scene.at_m)):
+        is_inner = 0.0 if place < scene.outer else 1.0
+        formed, form_slope = _form(
+            unknown, scene.at_m[place] - unknown[at.LATERAL], is_inner
+        )
+        depths.slope[place] = depths.even_slope[place] + form_slope
+        depths.depth_m[place] = (
+            depths.even_m[place] + unknown[at.INNER_OFFSET] * is_inner + formed
+        )
+        depths.depth_m[place] -= (
+            unknown[at.SHINE] * (1.0 - is_inner) * _shine(depths.slope[place])
+        )
+
+    return count
+
+
+@compiled_in_place
+def _shine(slope: float) -> float:
+    return float(np.exp(-((slope / at.SHINING_SLOPE) ** 2)))
+
+
+@compiled_part
+def derive(
+    scene: Scene, unknown: Floats, count: int, wall: Wall, other: Wall, depths: Depths
+) -> None:
+    """Write the derivatives of the wall that `show_wall` has just shown; `other` is
+    workspace.
+    """
+    tables = scene.tables
+    axis = _axis(unknown)
+    jacobian = depths.jacobian
+    varied = unknown.copy()
+
+    if axis[2] == 1.0:
+        _find_meridian(
+            scene, library_place(tables, unknown, scene.pressure), wall.meridian
+        )
+
+    depth_m = np.empty(len(scene.at_m))
+    slope = np.empty(len(scene.at_m))
+    jacobian[:] = 0.0
+
+    for moving in np.array(
+        [at.TIP, at.GAP, at.THICKNESS, scene.pressure, ALONG, ACROSS]
+    ):
+        varied[moving] = unknown[moving] + _step(scene, unknown, moving)
+        moved = varied[moving] - unknown[moving]
+        state = library_place(tables, varied, scene.pressure)
+        curve = wall.curve
+        motion = wall.motion
+
+        if moving in (at.TIP, at.THICKNESS, scene.pressure):
+            find_curve(tables, state, count, other, 2)
+            curve = other.curve
+
+        if moving in (ALONG, ACROSS):
+            motion = other.motion
+            _turn(scene.stations, tables.angles, _axis(varied), other.turned)
+            _move(
+                scene,
+                wall.meridian,
+                other.turned,
+                _axis(varied),
+                count,
+                other.moved,
+                motion,
+            )
+        elif axis[2] < 1.0 and moving in (at.THICKNESS, scene.pressure):
+            motion = other.motion
+            _find_meridian(scene, state, other.meridian)
+            _move(scene, other.meridian, wall.turned, axis, count, other.moved, motion)
+
+        _find_push(tables, state, varied, other.pushed)
+        for boundary in range(2):
+            cut_wall(
+                curve[boundary], motion[boundary], other.pushed, count, varied, other
+            )
+            length = without_folds(other.lateral, other.down, 2 * count)
+            _read_depths(scene, boundary, length, other, depth_m, slope)
+
+        jacobian[:, moving] = (depth_m - depths.even_m) / moved
+        varied[moving] = unknown[moving]
+
+    for place in range(len(depth_m)):
+        row = jacobian[place]
+        steep = depths.even_slope[place]
+        deep = depths.even_m[place]
+        if not depths.seen[place]:
+            row[:] = 0.0
+            continue
+
+        is_inner = 0.0 if place < scene.outer else 1.0
+        across = scene.at_m[place] - unknown[at.LATERAL]
+        by_size = deep - unknown[at.DEPTH] - steep * across
+        by_size -= unknown[at.TIP] * row[at.TIP] + unknown[at.GAP] * row[at.GAP]
+        row[at.SIZE] = by_size - unknown[at.THICKNESS] * row[at.THICKNESS]
+        row[at.MODULUS] = -row[scene.pressure]
+        row[at.INNER_OFFSET] = is_inner
+        row[at.LATERAL] = -depths.slope[place]
+        row[at.DEPTH] = 1.0
+        row[at.ROTATION] = across + steep * (deep - unknown[at.DEPTH])
+        row[at.SHINE] = (is_inner - 1.0) * _shine(depths.slope[place])
+        row[WEDGE] = across * is_inner
+
+        for side, first in ((-1.0, LEFT), (1.0, RIGHT)):
+            ramp, rise = _ramp(side * across - unknown[first])
+            row[first] = -(unknown[first + 1] + unknown[first + 2] * ramp) * rise
+            row[first + 1] = ramp
+            row[first + 2] = 0.5 * ramp**2
+
+
+@compiled_in_place
+def _step(scene: Scene, unknown: Floats, place: int) -> float:
+    """Return the step of an unknown; one that would leave the library goes the other
+    way (`fit.one_frame`).
+    """
+    tables = scene.tables
+    size = np.exp(unknown[at.SIZE])
+    thickness = unknown[at.THICKNESS] / size
+    step = at.POLE_STEP
+    leaves = unknown[place] > 0.0
+
+    if place == at.TIP:
+        step = at.TIP_STEP_M
+        leaves = unknown[at.TIP] / size + step > tables.tip_m[-1]
+    elif place == at.GAP:
+        step = at.GAP_STEP_M
+        leaves = False
+    elif place == at.THICKNESS:
+        step = at.THICKNESS_STEP_M
+        leaves = thickness + step > tables.thickness_ends_m[1]
+    elif place == scene.pressure:
+        step = at.LOG_PRESSURE_STEP
+        highest = tables.tension_ends[1] * (thickness / tables.radius_m)
+        leaves = np.exp(unknown[place] - unknown[at.MODULUS] + step) > highest
+
+    return -step if leaves else step
+
+
+@compiled_in_place
+def _ramp(beyond_m: float) -> tuple[float, float]:
+    """Return how far a place lies beyond a limbus, a smooth furrow, and its slope
+    (`unknowns`).
+    """
+    root = np.sqrt(beyond_m**2 + at.SOFT_M**2)
+    return 0.5 * (beyond_m + root), 0.5 * (1.0 + beyond_m / root)
+
+
+@compiled_in_place
+def _form(
+    unknown: Floats, from_contact_m: float, is_inner: float
+) -> tuple[float, float]:
+    """Return the contribution of a form to depth and slope (`unknowns.form_depths`)."""
+    depth = unknown[WEDGE] * from_contact_m * is_inner
+    slope = unknown[WEDGE] * is_inner
+
+    for side, first in ((-1.0, LEFT), (1.0, RIGHT)):
+        angle = unknown[first + 1]
+        curvature = unknown[first + 2]
+        ramp, rise = _ramp(side * from_contact_m - unknown[first])
+        depth += (angle + 0.5 * curvature * ramp) * ramp
+        slope += side * (angle + curvature * ramp) * rise
+
+    return depth, slope
+
+
+@compiled_in_place
+def formed_section(scene: Scene, unknown: Floats, wall: Wall, section: Floats) -> None:
+    """Write the boundaries of a wall in the frame, with its form at rest (boundary, 2
+    node, [lateral, depth]), m.
+    """
+    count = section.shape[1] // 2
+    _find_wall(scene, unknown, count, wall)
+
+    for boundary in range(2):
+        cut_wall(
+            wall.curve[boundary],
+            wall.motion[boundary],
+            wall.pushed,
+            count,
+            unknown,
+            wall,
+        )
+
+        for place in range(2 * count):
+            formed, _ = _form(
+                unknown, wall.lateral[place] - unknown[at.LATERAL], float(boundary)
+            )
+            section[boundary, place, 0] = wall.lateral[place]
+            section[boundary, place, 1] = wall.down[place] + formed
+
+
+# relative, of the pressure that a globe's law gives: volumes of the library
+LEAST_SD = 3e-3
+
+
+class Law(NamedTuple):
+    """The law of a globe: the rates of the bounds, the mean and the standard deviation
+    of its rigidity; 0 if open.
+
+    `pressure` is the index of the unknown that is the pressure under the needle.
+    """
+
+    pressure: int
+    is_open: bool
+    is_logarithmic: bool
+    lowest: float
+    mean: float
+    highest: float
+    spread: float
+
+
+@compiled_in_place
+def off_the_law(tables: SplineTables, law: Law, unknown: Floats) -> tuple[float, float]:
+    """Return how far level(P) is off its mean, and its standard deviation
+    (`fit.one_frame`).
+    """
+    volume = displaced(tables, law, unknown)
+    pressure = np.exp(unknown[at.PRESSURE])
+    resting = np.exp(unknown[at.IOP])
+    risen = level_of(pressure, law.is_logarithmic) - level_of(
+        resting, law.is_logarithmic
+    )
+    # of the level by the logarithm of the pressure
+    slope = 1.0 if law.is_logarithmic else np.cbrt(resting) / 3.0
+
+    return risen - law.mean * volume, np.hypot(law.spread * volume, LEAST_SD * slope)
+
+
+@compiled_in_place
+def displaced(tables: SplineTables, law: Law, unknown: Floats) -> float:
+    """Return the volume that the dent displaces, m^3."""
+    thickness, ratio, tip = library_place(tables, unknown, law.pressure)
+    return float(
+        np.exp(3.0 * unknown[at.SIZE])
+        * value_of(tables, tables.volumes, thickness, ratio, tip)
+    )
+
+
+@compiled_in_place
+def force_at(tables: SplineTables, law: Law, unknown: Floats) -> float:
+    """Return the needle's force, N."""
+    thickness, ratio, tip = library_place(tables, unknown, law.pressure)
+    force_ratio = value_of(tables, tables.forces, thickness, ratio, tip)
+    return float(np.exp(unknown[at.MODULUS] + 2.0 * unknown[at.SIZE]) * force_ratio)
+
+
+@compiled
+def predict(
+    tables: SplineTables,
+    law: Law,
+    places: tuple[Floats, int, float],
+    gap_m: float,
+    thickness_m: float,
+    unknown: Floats,
+    depths: Depths,
+    section: Floats,
+) -> float:
+    """Write depths and derivatives of walls of about a gap and a thickness, and their
+    section; return the force, N.
+    """
+    scene = scene_of(tables, law.pressure, places, gap_m, thickness_m)
+    wall = empty_wall(scene)
+    other = empty_wall(scene)
+    derive(scene, unknown, show_wall(scene, unknown, wall, depths), wall, other, depths)
+    formed_section(scene, unknown, wall, section)
+    return force_at(tables, law, unknown)

@@ -1,0 +1,1 @@
+"""The functions of `import scleraforce as sf`, one module for each task."""

@@ -1,0 +1,447 @@
+"""A laboratory's frames and force log as a recording folder."""
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import fields
+from functools import partial
+from itertools import islice
+from math import degrees
+from os import PathLike
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.base.arrays import Floats
+from scleraforce.base.errors import FrameError, InputError, RecordingError
+from scleraforce.base.units import from_si
+from scleraforce.base.version import __version__
+from scleraforce.base.whole_files import folder_when_whole
+from scleraforce.front.api.progress import Counting, counting_for
+from scleraforce.reading.load_model import load_wall_finder
+from scleraforce.reading.trained_ranges import limit_notes
+from scleraforce.recordings import import_answers
+from scleraforce.recordings.clock_offsets import MOST_FRAMES
+from scleraforce.recordings.force_errors import label_sds
+from scleraforce.recordings.forces_under_frames import (
+    label_frames,
+    labels_n,
+    unit_fault,
+    unsure_note,
+)
+from scleraforce.recordings.formats.picture_streams import (
+    Greys,
+    Scan,
+    UnansweredError,
+    find_greys,
+)
+from scleraforce.recordings.import_answers import Asker, Import, answers_like
+from scleraforce.recordings.import_sources import (
+    OPTION,
+    Gathered,
+    ImportOptions,
+    gather,
+    option_name,
+)
+from scleraforce.recordings.recording_folder import Recording, read_recording
+from scleraforce.recordings.recording_writer import (
+    RecordingWriter,
+    frame_files,
+    write_log,
+    written,
+)
+from scleraforce.recordings.source_files import files_of
+from scleraforce.records.frame import Pixels
+from scleraforce.records.model_folder import SHIPPED_READER, SHIPPED_WALL_FINDER
+from scleraforce.records.scan import OctInfo, PixelScale, Plane
+from scleraforce.records.study import ClassesStudy
+from scleraforce.records.study_of_eye import relaxation_text
+from scleraforce.wall.find_wall import find_wall
+from scleraforce.wall.wall_in_metres import dent_measures, surface
+
+PREVIEW = "preview.png"
+# frames, from the first: of an eye that the needle does not dent yet, as a rule
+LOOKED_AT = 5
+# Arguments that are not called as their options are.
+SI_NAMES = {
+    "width_mm": "width_m",
+    "depth_mm": "depth_m",
+    "thickness_um": "thickness_m",
+    "iop_mmhg": "iop_pa",
+    "gap_mm": "gap_m",
+    "polar_angle_deg": "polar_angle_rad",
+}
+
+
+def import_recording(
+    sources: str | PathLike[str] | Sequence[str | PathLike[str]],
+    out: str | PathLike[str],
+    *,
+    like: str | PathLike[str] | None = None,
+    eye: str | None = None,
+    width_m: float | None = None,
+    depth_m: float | None = None,
+    refractive_index: float | None = None,
+    gauge: int | None = None,
+    gap_m: float | None = None,
+    axis: str | None = None,
+    contact_sign: int | None = None,
+    columns: Sequence[str] = (),
+    rate_hz: float | None = None,
+    times: str | PathLike[str] | None = None,
+    frames_by: str | None = None,
+    clock_offset_s: float | Literal["auto"] | None = None,
+    axes: str | None = None,
+    flip: Literal["rows", "columns"] | None = None,
+    array: str | None = None,
+    bits: int | None = None,
+    first_frame: int | None = None,
+    last_frame: int | None = None,
+    grey_range: tuple[float, float] | None = None,
+    average_s: float | None = None,
+    image_topic: str | None = None,
+    force_topic: str | None = None,
+    by_arrival: bool = False,
+    thickness_m: float | None = None,
+    iop_pa: float | None = None,
+    globe: str | None = None,
+    polar_angle_rad: float | None = None,
+    relaxation: Sequence[Sequence[float]] | None = None,
+    planes: Sequence[Plane | None] = (),
+    progress: Callable[[int], object] | None = None,
+) -> Recording:
+    """Write frames and force log of other programs as a recording folder
+    (docs/formats.md lists what is read).
+
+    Nothing is assumed: give what the sources do not state; the error names all that is
+    missing. Look at `preview.png` in the folder; its `import.json` says where each
+    value comes from.
+
+    Args:
+        sources: images, stacks, volumes, films, ROS bags, a force log, or folders of
+            images.
+        out: the folder to make.
+        like: another recording, whose scanner, needle, sensor and columns hold where
+            the sources state none.
+        eye: its name.
+        width_m: of the frames.
+        depth_m: of the frames as stored.
+        refractive_index: of the depth axis; 1 if the scanner has corrected it.
+        gauge: of the needle.
+        gap_m: distance of the B-scan plane from the needle axis.
+        axis: of the force sensor along the needle: "fx", "fy" or "fz".
+        contact_sign: of that axis in contact: 1 or -1.
+        columns: of a force log, like "time=Clock:ms" and "fz=Pull:mN".
+        rate_hz: frames taken in a second.
+        times: table of the frames' times, by the names of files or in their order.
+        frames_by: what orders and times frames in files of their own: "numbers" in
+            their names (or DICOM's), of which a missing one is a missing frame at
+            `rate_hz`; "times" in their names, also in a unit like "times:ms"; or
+            "order", evenly spaced as they are listed.
+        clock_offset_s: force log's clock minus the frames' clock; "auto", and None
+            unless one bag has both: found from the dents, and refused if these leave
+            it open. 0 says that both share one clock.
+        axes: their order in an array or volume, like "frame,depth,lateral".
+        flip: "rows" of pictures that are upside down, "columns" of mirrored ones.
+        array: its name in a .npz.
+        bits: of a 16-bit pixel that are used.
+        first_frame: that is imported, counted from 1; `times` and `rate_hz` are of the
+            frames that are.
+        last_frame: that is imported.
+        grey_range: pixel values that become black and white.
+        average_s: time over which a label averages.
+        image_topic: of a ROS bag, where there are several.
+        force_topic: of a ROS bag, where there are several.
+        by_arrival: take the times at which a bag's messages arrived, where they have no
+            capture stamp.
+        thickness_m: of the wall, where it was measured.
+        iop_pa: pressure at rest, where it was measured.
+        globe: "open" or "sealed"; None: not known.
+        polar_angle_rad: of the contact, from the pole, where it is known.
+        relaxation: of the tissue: terms of a share of the force that is lost and a time
+            constant in s; (): elastic; None: not known.
+        planes: that the scanner took at once, one for each of the sources (None: a
+            force log). The n-th frames of all planes are of one moment; the gap is then
+            found, not given.
+        progress: called with 1 after each frame that is written.
+
+    Raises:
+        InputError: a source cannot be read, something is missing or has nothing to act
+            on, or `out` exists.
+
+    >>> import scleraforce as sf
+    >>> frames = [f"eye-a/frames/000{nth}.png" for nth in range(1, 4)]
+    >>> recording = sf.import_recording(
+    ...     frames, "eye-b", like="eye-a", eye="b", rate_hz=0.5
+    ... )
+    >>> [(frame.file, frame.time_s) for frame in recording.frames]
+    [('0001.png', 0.0), ('0002.png', 2.0), ('0003.png', 4.0)]
+    """
+    given: dict[str, Any] = {
+        "axes": axes,
+        "flip": flip,
+        "array": array,
+        "width_mm": from_si(width_m, "mm"),
+        "depth_mm": from_si(depth_m, "mm"),
+        "refractive_index": refractive_index,
+        "bits": bits,
+        "grey_range": grey_range,
+        "rate_hz": rate_hz,
+        "first_frame": first_frame,
+        "last_frame": last_frame,
+        "times": None if times is None else Path(times),
+        "frames_by": frames_by,
+        "clock_offset_s": clock_offset_s,
+        "columns": tuple(columns) or None,
+        "axis": axis,
+        "contact_sign": contact_sign,
+        "average_s": average_s,
+        "image_topic": image_topic,
+        "force_topic": force_topic,
+        "by_arrival": by_arrival or None,
+        "eye": eye,
+        "thickness_um": from_si(thickness_m, "um"),
+        "iop_mmhg": from_si(iop_pa, "mmhg"),
+        "globe": globe,
+        "gauge": gauge,
+        "gap_mm": from_si(gap_m, "mm"),
+        "polar_angle_deg": (
+            None if polar_angle_rad is None else degrees(polar_angle_rad)
+        ),
+        "relaxation": None if relaxation is None else relaxation_text(relaxation),
+    }
+    given = {name: value for name, value in given.items() if value is not None}
+    paths = [
+        Path(path)
+        for path in ([sources] if isinstance(sources, str | PathLike) else sources)
+    ]
+
+    try:
+        if not paths:
+            raise InputError("sources: none; give at least one")
+        if planes and len(planes) != len(paths):
+            raise InputError(
+                f"planes: {len(planes)} for {len(paths)} sources; give one for each, or"
+                " None for a log"
+            )
+
+        others = {} if like is None else answers_like(Path(like))
+        answers = ImportOptions(**(others | given))
+        origins = dict.fromkeys(others, f"like {like}") | dict.fromkeys(given, OPTION)
+        write_imported(
+            paths,
+            Path(out),
+            answers,
+            origins,
+            counting_for(progress, "frames"),
+            planes=planes,
+        )
+    except InputError as fault:
+        text = str(fault)
+        if isinstance(fault, UnansweredError) and fault.forms:
+            text = (
+                f"{fault.question}; give columns=[{', '.join(map(repr, fault.forms))}]"
+            )
+
+        arguments = {
+            option_name(field.name): SI_NAMES.get(field.name, field.name)
+            for field in fields(ImportOptions)
+        }
+        arguments |= {"--out": "out", "--plane": "planes"}
+        text = re.sub(
+            r"(?<![\w/-])--[a-z-]+",
+            lambda option: arguments.get(option[0], option[0]),
+            text,
+        )
+        raise InputError(text) from fault
+
+    return read_recording(out)
+
+
+def write_imported(
+    sources: Sequence[Path],
+    out: Path,
+    answers: ImportOptions,
+    origins: Mapping[str, str],
+    counting: Counting,
+    asker: Asker | None = None,
+    model: Path = SHIPPED_READER,
+    planes: Sequence[Plane | None] = (),
+) -> Import:
+    """Write a recording folder, whole or not at all; counts "sources", "grey levels",
+    "frames".
+
+    Of several `planes` there is one for each source.
+    """
+    if out.exists() or out.is_symlink():
+        raise InputError(f"{out}: exists already; remove it or choose another --out")
+
+    with folder_when_whole(out) as part:
+        gathered, answers = _gathered(sources, answers, counting, asker, planes)
+        scan = gathered.frames
+
+        with counting("grey levels", len(scan.names)) as advance:
+            greys = find_greys(
+                _counted(scan.pictures(), advance), answers.grey_range, scan.names[0]
+            )
+
+        done = import_answers.complete(
+            gathered,
+            greys,
+            answers,
+            origins,
+            asker,
+            import_answers.Pictures(
+                partial(_wall_um, scan, greys), partial(_dents, gathered.scan, greys)
+            ),
+        )
+        done = done.with_notes(limit_notes(model, done.info))
+        comment = (
+            f"imported by scleraforce {__version__}; import.json names the sources"
+        )
+
+        with (
+            counting("frames", len(scan.names)) as advance,
+            closing(
+                RecordingWriter(
+                    part, done.info, comment, ("plane",) if gathered.planes else ()
+                )
+            ) as to,
+        ):
+            times_s = done.times.time_s.tolist()
+            places: list[tuple[float, tuple[str, ...]]] = [
+                (times_s[moment], (plane.name,)) for moment, plane in gathered.places
+            ] or [(time_s, ()) for time_s in times_s]
+            entries = zip(frame_files(scan.names), places, strict=True)
+
+            for (file, (time_s, more)), picture in zip(
+                entries, _counted(scan.pictures(), advance), strict=True
+            ):
+                to.add(file, time_s, greys.counts(picture), more)
+
+        if done.log is not None:
+            write_log(part, done.log)
+
+        recording = written(part, out)
+        if (
+            fault := unit_fault(recording, labels_n(recording), ClassesStudy())
+        ) is not None:
+            path = next(path for path, kind in gathered.files if kind in ("log", "bag"))
+            read = (
+                ", ".join(column.answer() for column in gathered.columns)
+                or "forces of a bag are in N"
+            )
+            raise InputError(
+                f"{path}: {fault}; read as {read}: check the unit (--column, for a log"
+                " of text)"
+            )
+
+        done = done.with_notes(_label_notes(recording))
+        (part / import_answers.IMPORT_RECORD).write_text(
+            import_answers.record_text(done, answers, __version__), encoding="utf-8"
+        )
+
+        from scleraforce.front.report.figure_files import write_figure
+        from scleraforce.front.report.recording_figures import draw_recording
+
+        write_figure(draw_recording(recording), recording.path / PREVIEW)
+
+    return done
+
+
+def _gathered(
+    sources: Sequence[Path],
+    answers: ImportOptions,
+    counting: Counting,
+    asker: Asker | None,
+    planes: Sequence[Plane | None],
+) -> tuple[Gathered, ImportOptions]:
+    """Read the sources, asking until they leave nothing open; an answer that they
+    contradict is asked for again.
+    """
+    last: tuple[ImportOptions, UnansweredError] | None = None
+    while True:
+        try:
+            with counting("sources", len(files_of(sources))) as seen:
+                return gather(sources, answers, seen, planes), answers
+        except UnansweredError as open_point:
+            if asker is None:
+                raise
+
+            last = answers, open_point
+        except InputError as fault:
+            if last is None or asker is None:
+                raise
+
+            asker.again(fault)
+
+        answers = asker.settle(*last)
+
+
+def _wall_um(scan: Scan, greys: Greys, oct_info: OctInfo) -> float | None:
+    """Return the median thickness of the wall in the first frames, um; None where none
+    of them shows it.
+    """
+    finder = load_wall_finder(SHIPPED_WALL_FINDER)
+    scale = PixelScale.of(oct_info)
+    found = [
+        find_wall(greys.counts(picture), scale, finder=finder)
+        for picture in islice(scan.pictures(), LOOKED_AT)
+    ]
+    thickness_m = [
+        wall.thickness_m
+        for wall in found
+        if wall.usable and wall.thickness_m is not None
+    ]
+    seen_m = [value for value in thickness_m if np.isfinite(value)]
+
+    return round(from_si(float(np.median(seen_m)), "um")) if seen_m else None
+
+
+def _label_notes(recording: Recording) -> tuple[str, ...]:
+    """Return a sentence if the labels of a recording are not sure."""
+    try:
+        trials = label_frames(recording, ClassesStudy())
+    except RecordingError:  # which later commands report
+        return ()
+
+    sds_n = [sd_n for sd_n in label_sds(recording, trials) if sd_n is not None]
+    return unsure_note(sds_n, ClassesStudy())
+
+
+def _dents(scan: Scan, greys: Greys, scanner: OctInfo) -> Floats:
+    """Return measures of the dent in evenly chosen frames, (measure, frame); NaN in
+    others, and where no wall is seen.
+    """
+    count = len(scan.names)
+    chosen = np.linspace(0, count - 1, min(count, MOST_FRAMES)).astype(np.intp)
+    wanted = set(chosen.tolist())
+    scale = PixelScale.of(scanner)
+    dents = np.full((2, count), np.nan)
+
+    for index, picture in enumerate(scan.pictures()):
+        if index in wanted:
+            dents[:, index] = picture_dents(greys.counts(picture), scale)
+
+    return dents
+
+
+def picture_dents(counts: Pixels, scale: PixelScale) -> tuple[float, float]:
+    """Return measures of the dent in a frame (row, column); NaN without a wall."""
+    try:
+        wall = find_wall(counts, scale)
+    except (FrameError, ValueError):  # an empty, damaged or tiny frame
+        return float("nan"), float("nan")
+    if not wall.usable:
+        return float("nan"), float("nan")
+    return dent_measures(*surface(wall, scale))
+
+
+def _counted(
+    pictures: Iterator[NDArray[Any]], advance: Callable[[int], None]
+) -> Iterator[NDArray[np.generic]]:
+    for picture in pictures:
+        yield picture
+        advance(1)

@@ -1,0 +1,1 @@
+"""A scanner, measured on frames of an eye at rest."""

@@ -1,0 +1,1 @@
+"""Drawn scenes, from which the wall finder learns."""

@@ -1,0 +1,1 @@
+"""The monitor's other processes: black box, second opinion, learning, watchdog."""

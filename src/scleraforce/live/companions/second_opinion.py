@@ -1,0 +1,168 @@
+"""The second opinion: a process that reads the monitor's frames again, independently,
+with the whole model.
+
+The monitor answers with the network, in a few milliseconds. Here the whole chain runs
+on the raw frame, including the fit to the response library, which takes several times
+as long. The process reads the newest frame, at most 50 a second, skips frames that come
+meanwhile, and takes no more than half of a core: it runs in real time, and where a
+reading takes 20 ms, others would get nothing of that core. It is ready when it has read
+a frame of its own: a first reading takes 0.3 s, and much longer where loops are
+compiled, so the opinion of a real frame would be overdue. It keeps its own history of
+tissue that relaxes. With `learns`, it also learns E (`live.companions.eye_learning`),
+which its later readings use.
+
+The frames of several planes are read together, and each gets its own opinion: the force
+of all, unless that plane was left out of the fit. A plane without the wall of an eye
+must not count as seen only because another one shows it.
+"""
+
+from contextlib import AbstractContextManager, nullcontext
+from itertools import zip_longest
+from select import select
+from time import monotonic, sleep
+from typing import TYPE_CHECKING
+
+from scleraforce.base.errors import MessageError
+from scleraforce.live.companions.process_channel import Channel, run_companion
+from scleraforce.live.companions.process_messages import (
+    Alive,
+    OpinionAsked,
+    OpinionGiven,
+    OpinionSettings,
+)
+from scleraforce.live.companions.shared_frames import FrameRing
+from scleraforce.live.companions.watchdog import OPINION_PRIORITY, run_in_real_time
+from scleraforce.reading.answer import Answer, unusable
+from scleraforce.reading.eye_reader import warming_frame
+from scleraforce.reading.load_model import load_model
+from scleraforce.reading.reading_models import LEFT_OUT, Reader
+from scleraforce.reading.tissue_memory import History
+from scleraforce.records.scan import Plane
+
+if TYPE_CHECKING:
+    from scleraforce.live.companions.eye_learning import EyeLearner
+
+LEAST_S = 0.02  # from frame to frame
+
+
+def serve(channel: Channel, settings: OpinionSettings) -> None:
+    """Read the frames that the monitor names, until its channel closes."""
+    reader = load_model(settings.model)
+    with _learner(reader, settings, channel) as learner:
+        _serve(channel, settings, reader, learner)
+
+
+def _serve(
+    channel: Channel,
+    settings: OpinionSettings,
+    reader: Reader,
+    learner: "EyeLearner | None",
+) -> None:
+    ring = FrameRing(settings.ring)
+    known = settings.known
+    frame = warming_frame(
+        ring.shape,
+        settings.scale,
+        reader.study.eye.radius_m,
+        settings.known.thickness_m,
+    )
+    planes = settings.planes
+    reader.read_together([frame] * max(len(planes), 1), settings.scale, known, planes)
+    history = History.monitored(settings.known, reader.study.needle.max_force_n)
+    study = reader.study
+    # not before: Linux pauses what leaves a core nothing for a second
+    run_in_real_time(OPINION_PRIORITY)
+    channel.send(Alive(faults=()))
+
+    while True:
+        select([channel], [], [])
+        begun_s = monotonic()
+
+        for asked in channel.receive():
+            if not isinstance(asked, OpinionAsked):
+                raise MessageError(
+                    f"a {type(asked).__name__} came; the second opinion is asked about"
+                    " frames only"
+                )
+
+            if learner:
+                learner.hear(asked)
+
+        assert isinstance(asked, OpinionAsked)
+        of_plane = {name: (number, order) for name, number, order in asked.planes}
+        asked_for = [of_plane[plane.name] for plane in planes] or [
+            (asked.number, asked.order)
+        ]
+
+        frames = [
+            pixels
+            for number, _ in asked_for
+            if (pixels := ring.get(number)) is not None
+        ]
+        if len(frames) == len(asked_for):
+            elastic = reader.read_together(frames, settings.scale, known, planes)
+            felt = [
+                history.read(one, study.classes.bounds_n, asked.at_s) for one in elastic
+            ]
+            history = felt[0][1]
+
+            for (_, order), (answer, _), plane in zip_longest(asked_for, felt, planes):
+                channel.send(_opinion(answer, order, plane, reader.classes))
+
+            if learner:
+                learner.show(asked, elastic[0], settings.scale)
+
+        if learner and (learned := learner.learned(monotonic())):
+            known = learned.known if reader.refusal(learned.known) is None else known
+            channel.send(learned)
+
+        took_s = monotonic() - begun_s
+        sleep(max(LEAST_S - took_s, took_s))
+
+
+def _opinion(
+    answer: Answer, order: int, plane: Plane | None, classes: int
+) -> OpinionGiven:
+    """Return the opinion on a frame; one of several planes that the fit left out cannot
+    be judged.
+    """
+    if plane is None:
+        return OpinionGiven(order=order, verdict=answer.verdict)
+
+    if answer.usable and answer.fit is None:
+        words = f"{LEFT_OUT}plane {plane.name}:"
+        answer = unusable(
+            classes, next(said for said in answer.warnings if said.startswith(words))
+        )
+
+    contact_m = None if answer.place is None else answer.place.contact_m
+    return OpinionGiven(
+        order=order, verdict=answer.verdict, plane=plane.name, contact_m=contact_m
+    )
+
+
+def _learner(
+    reader: Reader, settings: OpinionSettings, channel: Channel
+) -> "AbstractContextManager[EyeLearner | None]":
+    """Start to learn the eye, if the settings ask for it. What this imports, nothing
+    else here needs.
+    """
+    if not settings.learns:
+        return nullcontext()
+
+    from scleraforce.calibration.stiffness_from_shape import EyePosterior
+    from scleraforce.live.companions.eye_learning import Fitting, learning
+    from scleraforce.reading.reading_models import ForceReader
+
+    assert isinstance(reader, ForceReader)
+    begun = EyePosterior(
+        known=settings.known,
+        study=reader.study,
+        library=reader.library_for(settings.known),
+    )
+
+    return learning(Fitting(begun, settings.learns, settings.record), channel)
+
+
+if __name__ == "__main__":
+    run_companion(OpinionSettings, serve)

@@ -1,0 +1,1 @@
+"""OpenIGTLink messages, a scanner's frames and the operator's reset."""

@@ -1,0 +1,224 @@
+"""Load a trained model from its folder (ONNX Runtime only; PyTorch is not needed), and
+read in the control loop.
+"""
+
+import copyreg
+from dataclasses import replace
+from functools import cache, lru_cache
+from os import PathLike
+from pathlib import Path
+from typing import Any, TypeVar
+
+from scleraforce.base.errors import InputError, ModelError
+from scleraforce.library.library_file import load_library
+from scleraforce.library.wall_responses import Library
+from scleraforce.reading.force_network import ForceNetwork
+from scleraforce.reading.interval_widths import parse_factors
+from scleraforce.reading.reading_models import (
+    Classifier,
+    ForceReader,
+    RawReader,
+    Reader,
+)
+from scleraforce.reading.trained_ranges import CLASSIFIER, KINDS, RAW_READER
+from scleraforce.records import model_folder
+from scleraforce.records.eye import Known
+from scleraforce.wall.wall_network import WallFinder
+
+Kind = TypeVar("Kind", Classifier, ForceReader)
+Finder = str | PathLike[str] | None
+PICKLED = 8  # models whose pickles load them once in a process
+
+
+def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
+    """Load a model folder of kind "wall-finder"; arguments and errors as for
+    `load_model`.
+    """
+    folder = model_folder.read_folder(path, (model_folder.WALL_FINDER,))
+    study = model_folder.folder_study(folder)
+    session, metadata = model_folder.folder_session(folder, threads)
+    finder = WallFinder(
+        session, study.wall_finder, str(folder.path / model_folder.NETWORK_FILE)
+    )
+    model_folder.check_provenance(folder, metadata)
+    finder.origin = model_folder.origin_of(folder, threads)
+
+    return finder
+
+
+def load_model(
+    path: str | PathLike[str],
+    threads: int = 1,
+    finder: Finder = model_folder.SHIPPED_WALL_FINDER,
+) -> Reader:
+    """Load a model folder of any kind that reads forces.
+
+    `path` is the folder that `scleraforce train` wrote ("./mine"), or the name of a
+    bundled one ("default"; `models.model_folder`); `threads` are ONNX Runtime's within
+    one operation, 1 is fastest for single slices; `finder` is the folder of the wall
+    finder that checks the walls it reads, None: nothing checks them. A file that is
+    missing, was changed, or does not fit the study beside it raises `ModelError`.
+    """
+    folder = model_folder.read_folder(path, KINDS)
+    kind = folder.record["kind"]
+    study = model_folder.folder_study(folder)
+    session, provenance = model_folder.folder_session(folder, threads)
+
+    if kind == CLASSIFIER:
+        model: Reader = Classifier(folder.path, study, session)
+    else:
+        factors = parse_factors(
+            folder.record, str(folder.path / model_folder.RECORD_FILE)
+        )
+        place = str(folder.path / model_folder.NETWORK_FILE)
+        network = ForceNetwork(session, study, place, factors, raw=kind == RAW_READER)
+
+        if kind == RAW_READER:
+            model = RawReader(folder.path, study, network)
+        else:
+            default = folder.record.get("default", "")
+            model = ForceReader(
+                folder.path, study, network, _library(folder), default, factors
+            )
+
+    model_folder.check_provenance(folder, provenance)
+    model.record = folder.record
+    model.provenance = provenance
+    model.origin = model_folder.origin_of(folder, threads)
+    model.finder = None if finder is None else load_wall_finder(finder, threads)
+
+    return model
+
+
+def opened(model: Reader | str | PathLike[str]) -> Reader:
+    """Return a model; load one that is given by its folder or name, whose files are
+    checked each time but loaded once.
+    """
+    if not isinstance(model, str | PathLike):
+        return model
+
+    folder = model_folder.model_folder(Path(model))
+    if folder in model_folder.SHIPPED.values():
+        return _bundled(folder, model_folder.SHIPPED_WALL_FINDER)
+
+    origin = model_folder.origin_of(model_folder.read_folder(folder, KINDS), 1)
+    return replace(_loaded(origin), finder=bundled_finder())
+
+
+@cache
+def bundled_finder() -> WallFinder:
+    """Return the bundled wall finder."""
+    return load_wall_finder(model_folder.SHIPPED_WALL_FINDER)
+
+
+@lru_cache(maxsize=PICKLED)
+def _loaded(origin: model_folder.Origin) -> Reader:
+    """Load the model of an origin, without a wall finder."""
+    return load_model(model_folder.origin_folder(origin), origin.threads, finder=None)
+
+
+@lru_cache(maxsize=PICKLED)
+def _loaded_finder(origin: model_folder.Origin) -> WallFinder:
+    """Load the wall finder of an origin."""
+    return load_wall_finder(model_folder.origin_folder(origin), origin.threads)
+
+
+def _unpickled(origin: model_folder.Origin, finder: WallFinder | None) -> Reader:
+    return replace(_loaded(origin), finder=finder)
+
+
+def _reduced(reader: Reader) -> tuple[Any, ...]:
+    """Return what a pickle holds of a model: its origin, not its content, so that
+    unpickling checks its files.
+    """
+    return _unpickled, (_origin(reader), reader.finder)
+
+
+def _reduced_finder(finder: WallFinder) -> tuple[Any, ...]:
+    return _loaded_finder, (_origin(finder),)
+
+
+def _origin(model: Reader | WallFinder) -> model_folder.Origin:
+    if model.origin is None:
+        raise ModelError(
+            f"{model!r}: not loaded from a folder, so it cannot be pickled; give one of"
+            " load_model"
+        )
+    return model.origin
+
+
+for _kind in (Classifier, ForceReader, RawReader):
+    copyreg.pickle(_kind, _reduced)
+copyreg.pickle(WallFinder, _reduced_finder)
+
+
+def suited(reader: Reader, known: Known) -> Reader:
+    """Return the bundled reader that was trained for an eye, in place of the other one;
+    any other reader is returned.
+
+    The reader is changed only if it refuses the eye and the other one does not.
+    """
+    others = {
+        model_folder.SHIPPED_READER: model_folder.SHIPPED_LIVING,
+        model_folder.SHIPPED_LIVING: model_folder.SHIPPED_READER,
+    }
+    if reader.path not in others or reader.outside(known) is None:
+        return reader
+
+    other = _bundled(others[reader.path], None)
+    return reader if other.outside(known) else replace(other, finder=reader.finder)
+
+
+@cache
+def _bundled(folder: Path, finder: Path | None) -> Reader:
+    return load_model(folder, finder=finder)
+
+
+def load_classifier(
+    path: str | PathLike[str],
+    threads: int = 1,
+    finder: Finder = model_folder.SHIPPED_WALL_FINDER,
+) -> Classifier:
+    """Load a model folder of kind "classifier"; arguments and errors as for
+    `load_model`.
+    """
+    return _of_kind(load_model(path, threads, finder), Classifier)
+
+
+def load_force_reader(
+    path: str | PathLike[str],
+    threads: int = 1,
+    finder: Finder = model_folder.SHIPPED_WALL_FINDER,
+) -> ForceReader:
+    """Load a model folder of kind "reader"; arguments and errors as for
+    `load_model`.
+    """
+    return _of_kind(load_model(path, threads, finder), ForceReader)
+
+
+def _of_kind(model: Reader, wanted: type[Kind]) -> Kind:
+    if not isinstance(model, wanted):
+        raise ModelError(
+            f"{model.path}: kind: found {model.kind!r}, a {wanted.kind} is needed here"
+        )
+    return model
+
+
+def _library(folder: model_folder.ModelFolder) -> Library:
+    """Read the library and prepare the arrays that its first evaluation would otherwise
+    wait for.
+    """
+    try:
+        library = load_library(
+            folder.path / model_folder.LIBRARY_FILE,
+            folder.files[model_folder.LIBRARY_FILE],
+        )
+    except InputError as fault:
+        raise ModelError(str(fault)) from fault
+
+    thickness_m = library.thickness_m[:1]
+    library.at_tip(
+        thickness_m, library.iop_ratio_ends(thickness_m)[0], library.tip_m[:1]
+    )
+
+    return library

@@ -1,0 +1,1 @@
+"""Readers of foreign formats: pictures, volumes, bags, force logs."""

@@ -1,0 +1,744 @@
+"""The values of an import: options, metadata of the sources, questions for the rest,
+and import.json.
+"""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import asdict, dataclass, replace
+from hashlib import file_digest
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scleraforce.base.arrays import Floats
+from scleraforce.base.errors import InputError, RecordingError, StudyError
+from scleraforce.base.plain_json import parse_json
+from scleraforce.base.units import from_si, to_si
+from scleraforce.base.whole_files import FileKind, read_text
+from scleraforce.recordings.clock_offsets import MEAN_S, ClockEstimate, estimate_clocks
+from scleraforce.recordings.forces_under_frames import contact_force
+from scleraforce.recordings.formats.picture_streams import (
+    MOST_BITS,
+    Greys,
+    Scan,
+    Times,
+    UnansweredError,
+)
+from scleraforce.recordings.formats.pixels_without_value import NOT_FINITE
+from scleraforce.recordings.frame_and_force_tables import ForceLog
+from scleraforce.recordings.frame_names import times_in
+from scleraforce.recordings.frame_times import read_times
+from scleraforce.recordings.import_sources import (
+    OPTION,
+    Gathered,
+    ImportOptions,
+    on_one_clock,
+    option_name,
+)
+from scleraforce.recordings.recording_folder import read_info
+from scleraforce.records.eye import EyeInfo
+from scleraforce.records.fields import name_fault
+from scleraforce.records.needle import NeedleInfo
+from scleraforce.records.recording_info import ForceInfo, RecordingInfo
+from scleraforce.records.scan import OctInfo
+from scleraforce.records.study_of_eye import relaxation_terms
+
+
+def given_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times | None:
+    """Return the frames' times by a table, to each name its time if it names files, or
+    by a rate; None without both.
+    """
+    if table is not None and rate_hz is not None:
+        raise InputError(
+            "--rate-hz: --times states when frames were taken; give one of them"
+        )
+    if rate_hz is not None:
+        if not 0.0 < rate_hz < float("inf"):
+            raise InputError(
+                f"--rate-hz: {rate_hz:g}; give the frames taken in a second"
+            )
+
+        steps = np.arange(len(scan.names)) if scan.steps is None else scan.steps
+        return Times((steps - steps[0]) / rate_hz, "option")
+    if table is None:
+        return None
+
+    stated = read_times(table)
+    time_s = stated.times_of(scan)
+    if time_s is None:
+        time_s = stated.time_s
+    if len(time_s) != len(scan.names):
+        raise InputError(f"{table}: {len(time_s)} times for {len(scan.names)} frames")
+
+    return Times(time_s, str(table))
+
+
+@dataclass(frozen=True)
+class Question:
+    """A question in words, and the options that answer it."""
+
+    words: str
+    options: str
+    # returns why an answer is wrong
+    fault: Callable[[Any], str | None] = lambda _: None
+    optional: bool = False  # may stay open (None)
+    offered: float | None = None  # the sources' suggestion
+    offer: str = "the first frames show"
+
+
+# By the name of the option's value, in the order in which they are asked.
+QUESTIONS = {
+    "width_mm": Question("width of the frames", "--width-mm"),
+    "depth_mm": Question("depth of the frames, as stored", "--depth-mm"),
+    "refractive_index": Question(
+        "refractive index of the depth axis: 1 if the scanner has corrected it"
+        " (geometric depth), otherwise the tissue's, about 1.38 (optical depth)",
+        "--refractive-index",
+    ),
+    "bits": Question("bits of a pixel that are used", "--bits"),
+    "rate_hz": Question("frames taken in a second", "--rate-hz or --times"),
+    "clock_offset_s": Question(
+        "force log's clock minus the frames' clock, in seconds",
+        "--clock-offset-s",
+        lambda value: "give a number" if isinstance(value, str) else None,
+        offer="the dents fit",
+    ),
+    "axis": Question("axis of the force sensor along the needle", "--axis"),
+    "contact_sign": Question("sign of that axis in contact", "--contact-sign"),
+    "eye": Question("name of the eye", "--eye", name_fault),
+    "gauge": Question("gauge of the needle", "--gauge"),
+    "gap_mm": Question(
+        "distance of the B-scan plane from the needle's axis", "--gap-mm"
+    ),
+    "thickness_um": Question("thickness of the wall", "--thickness-um", optional=True),
+}
+
+
+CLOCK_UNLESS_SEEN = Question(
+    "force log's clock minus the frames' clock, in seconds, unless the dents show it",
+    "--clock-offset-s",
+)
+
+
+@dataclass(frozen=True)
+class Asker:
+    """The functions that ask a user at a terminal."""
+
+    # adds the answer to a source's open question
+    settle: Callable[[ImportOptions, UnansweredError], ImportOptions]
+    # returns answers by their names in `QUESTIONS`
+    missing: Callable[[Mapping[str, Question]], dict[str, Any]]
+    again: Callable[[InputError], None]  # reports a wrong answer, before the next round
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """What the pictures of the sources show, where the scanner's scale is known."""
+
+    # the wall's thickness in the first frames, µm; None: not seen
+    thickness_um: Callable[[OctInfo], float | None]
+    # measures of the dent in each frame (measure, frame), NaN: not seen
+    dents: Callable[[OctInfo], Floats]
+
+
+SAME_THICKNESS = 0.15  # of the stated one: the visible one may differ by as much
+SAME_SCALE = 0.001  # scales that differ by less are rounded
+ANSWER = "answer"  # the source of a value that was typed on the terminal
+
+
+@dataclass(frozen=True, eq=False)
+class Import:
+    """All that a recording is written from."""
+
+    gathered: Gathered
+    greys: Greys
+    times: Times  # on the clock of the log
+    log: ForceLog | None
+    origin_s: float  # the beginning of that clock on the sources' own
+    clock: "SharedClock"
+    info: RecordingInfo
+    sources: dict[str, str]  # of each value, by the name of its option
+
+    def with_notes(self, notes: Sequence[str]) -> "Import":
+        """Return the import with further notes."""
+        return replace(
+            self, gathered=replace(self.gathered, notes=(*self.gathered.notes, *notes))
+        )
+
+
+# values by the name of their option, each with its source
+Known = dict[str, tuple[Any, str]]
+
+
+def complete(
+    gathered: Gathered,
+    greys: Greys,
+    answers: ImportOptions,
+    origins: Mapping[str, str],
+    asker: Asker | None,
+    pictures: Pictures,
+) -> Import:
+    """Combine options (`origins`), then the sources' values, then another recording's;
+    ask for the rest.
+    """
+    times = (
+        given_times(gathered.scan, answers.times, answers.rate_hz)
+        or gathered.scan.times
+    )
+    known, questions = open_questions(gathered, greys, answers, origins)
+    open_clock = gathered.log is not None and not (
+        isinstance(answers.clock_offset_s, int | float)
+        or is_one_clock(gathered, answers)
+    )
+    if asker is None and questions:
+        unless_seen = {"clock_offset_s": CLOCK_UNLESS_SEEN} if open_clock else {}
+        listed = "; ".join(
+            f"{question.words} ({question.options})"
+            for question in (questions | unless_seen).values()
+        )
+        raise InputError(f"neither in the sources nor among the options: {listed}")
+
+    done = None
+    while done is None:
+        answered = (
+            {}
+            if asker is None
+            else {
+                name: (value, ANSWER)
+                for name, value in asker.missing(questions).items()
+            }
+        )
+        try:
+            values = known | answered
+            done = _completed(gathered, greys, answers, times, values, pictures, asker)
+        except InputError as wrong:
+            if asker is None or not (questions or open_clock):
+                raise
+
+            asker.again(wrong)
+
+    name = "thickness_um"
+    value = answers.thickness_um
+    source = origins.get(name, ANSWER)
+
+    if value is None and asker is not None:
+        shown_um = pictures.thickness_um(done.info.oct)
+        value = asker.missing({name: replace(QUESTIONS[name], offered=shown_um)}).get(
+            name
+        )
+        source = "measured on the first frames" if value == shown_um else source
+
+    if value is None:
+        note = (
+            "the wall's thickness is not stated: `calibrate` needs it, and readings are"
+            " less sure (--thickness-um)"
+        )
+        return done.with_notes([note])
+
+    info = replace(
+        done.info, eye=replace(done.info.eye, thickness_m=to_si(value, "um"))
+    )
+    done = replace(done, info=info, sources=done.sources | {name: source})
+    shown_um = pictures.thickness_um(done.info.oct)
+    if shown_um is not None and abs(shown_um - value) <= SAME_THICKNESS * value:
+        return done
+
+    if shown_um is None:
+        flipped = "; are they upside down (--flip rows), or transposed (--axes)?"
+        return done.with_notes([f"no wall is seen in the first frames{flipped}"])
+    return done.with_notes(
+        [
+            f"the first frames show a wall of {shown_um:g} µm, where"
+            f" {value:g} µm is stated ({source}): check --refractive-index, --depth-mm"
+            " and the thickness, and whether the frames are upside down (--flip rows)"
+        ]
+    )
+
+
+def open_questions(
+    gathered: Gathered, greys: Greys, answers: ImportOptions, origins: Mapping[str, str]
+) -> tuple[Known, dict[str, Question]]:
+    """Return the values that options (`origins`) and sources give, and the questions
+    that they leave open.
+    """
+    _check_used(gathered, origins)
+    if gathered.planes and origins.get("gap_mm") == OPTION:
+        raise InputError("--gap-mm: several planes show their gaps; leave it out")
+
+    times = (
+        given_times(gathered.scan, answers.times, answers.rate_hz)
+        or gathered.scan.times
+    )
+    needed = _needed(gathered, answers, times)
+    stated = _stated(gathered, greys)
+    known = stated | {
+        name: (value, origins.get(name, ANSWER))
+        for name in needed
+        if (value := getattr(answers, name)) is not None
+        and (name not in stated or origins.get(name) == OPTION)
+    }
+    questions = {
+        name: question
+        for name, question in QUESTIONS.items()
+        if name in needed - set(known)
+    }
+    scan = gathered.scan
+
+    for fault, names in (
+        (scan.scale_fault, ("width_mm", "depth_mm")),
+        (scan.times_fault, ("rate_hz",)),
+    ):
+        if fault and questions.keys() & names:
+            raise InputError(f"{fault}; give {' and '.join(map(option_name, names))}")
+
+    if "rate_hz" in questions and times_in(scan.names) is not None:
+        of_names = "--rate-hz, --times or --frames-by times"
+        questions["rate_hz"] = replace(questions["rate_hz"], options=of_names)
+
+    if "bits" in questions:
+        few = f"pixels are up to {greys.high - greys.low:g}, which needs more bits"
+        questions["bits"] = replace(
+            questions["bits"], fault=lambda bits: None if greys.fit(bits) else few
+        )
+
+    return known, questions
+
+
+def _completed(
+    gathered: Gathered,
+    greys: Greys,
+    answers: ImportOptions,
+    times: Times | None,
+    known: Known,
+    pictures: Pictures,
+    asker: Asker | None,
+) -> Import:
+    values = {name: value for name, (value, _) in known.items()}
+    info = _info(gathered, answers, values)
+    if not greys.fit(info.oct.bits):
+        raise InputError(
+            f"{gathered.scan.names[0]}: pixels up to {greys.high:g}; --bits says"
+            f" {info.oct.bits}"
+        )
+
+    rate_hz = answers.rate_hz or values.get("rate_hz")
+    if rate_hz is not None and answers.frames_by is None:
+        _check_even(gathered.scan)
+    asked = None if times else given_times(gathered.scan, None, values.get("rate_hz"))
+    times = times or asked or Times(np.zeros(1), "a single frame")
+    if "rate_hz" in known:
+        times = replace(times, source=known["rate_hz"][1])
+
+    sources = {name: known[name][1] for name in QUESTIONS if name in known} | {
+        "times": times.source
+    }
+    clock = _shared_clock(gathered, times, info, answers, pictures, asker)
+    if clock.source:
+        sources["clock_offset_s"] = sources.get("clock_offset_s", clock.source)
+    steady = replace(times, time_s=clock.drifting(times.time_s))
+    moved, log, origin_s = on_one_clock(steady, gathered.log, clock.offset_s)
+    doubts = [*clock.notes]
+    doubts += [
+        fault
+        for fault in (gathered.scan.scale_fault, gathered.scan.times_fault)
+        if fault
+    ]
+    doubts += [
+        f"{QUESTIONS[name].words}: {known[name][0]:g} mm ({known[name][1]}), where"
+        f" {source} states {value:g} mm"
+        for name, (value, source) in _stated(gathered, greys).items()
+        if name in ("width_mm", "depth_mm")
+        and abs(known[name][0] - value) > SAME_SCALE * value
+    ]
+
+    if log is not None and (
+        count := int(
+            ((moved.time_s < log.time_s[0]) | (moved.time_s > log.time_s[-1])).sum()
+        )
+    ):
+        lost = (
+            f"{count} frames were taken before or after the forces: they have no label"
+            " and are not evaluated"
+        )
+        doubts.append(f"{lost}; mend the clocks (--clock-offset-s) if they should be")
+
+    return Import(
+        gathered, greys, moved, log, origin_s, clock, info, sources
+    ).with_notes(doubts)
+
+
+BY_DENTS = "the dents in the frames"  # the source of an offset
+
+
+@dataclass(frozen=True, kw_only=True)
+class SharedClock:
+    """How the frames' clock is brought to that of the log.
+
+    `offset_s` is added to the frames' times. `source`: of that value; "" if one clock
+    needs none. `estimate`: by the dents; None: not needed, or not possible.
+    """
+
+    offset_s: float = 0.0
+    source: str = ""
+    estimate: ClockEstimate | None = None
+    notes: tuple[str, ...] = ()
+
+    def drifting(self, time_s: Floats) -> Floats:
+        """Return times of frames without the drift of their clock, s."""
+        if self.source != BY_DENTS or self.estimate is None:
+            return time_s
+        return self.estimate.moved(time_s) - self.estimate.offset_s
+
+    def entry(self) -> dict[str, Any] | None:
+        """Return the estimate for `import.json`, None without one."""
+        if self.estimate is None:
+            return None
+        names = "low_s", "high_s", "sure", "drift_s"
+        found = {name: getattr(self.estimate, name) for name in names}
+        return {
+            "offset_s": self.offset_s,
+            "by_dents_s": self.estimate.offset_s,
+            **found,
+        }
+
+
+def _shared_clock(
+    gathered: Gathered,
+    times: Times,
+    info: RecordingInfo,
+    answers: ImportOptions,
+    pictures: Pictures,
+    asker: Asker | None,
+) -> SharedClock:
+    """Return the offset of the clocks: the given one, 0 of one bag, else that which the
+    dents show; ask if they leave it open.
+    """
+    given = answers.clock_offset_s
+    if gathered.log is None or info.force is None:
+        return SharedClock()
+    if given is None and is_one_clock(gathered, answers):
+        return SharedClock()
+
+    log = gathered.log.known(info.force.axis)
+    found = estimate_clocks(
+        times.time_s,
+        pictures.dents(info.oct),
+        log.time_s,
+        contact_force(log, info.force),
+    )
+    if isinstance(given, int | float):
+        fault = f"the dents fit a clock offset of {found.words}" if found else ""
+        doubted = found is not None and found.sure and not found.holds(given)
+        notes = (f"{fault}, not {given:g} s",) if doubted else ()
+        return SharedClock(offset_s=given, source=OPTION, estimate=found, notes=notes)
+
+    if found is not None and found.sure:
+        # A table of times is on the log's clock, as a rule. At the ends of a rest the
+        # mean of a label would reach into a ramp.
+        margin_s = info.force.average_s / 2 + MEAN_S
+        stated = answers.times is not None and found.holds(0.0, margin_s)
+        offset_s = 0.0 if stated else round(found.offset_s, 3)
+        note = f"clock offset {offset_s:g} s: the dents fit {found.words}"
+        return SharedClock(
+            offset_s=offset_s, source=BY_DENTS, estimate=found, notes=(note,)
+        )
+
+    why = _unsure_words(found)
+    if asker is None:
+        raise InputError(
+            f"the clocks of frames and forces: {why}; --clock-offset-s S states the"
+            " log's clock minus the frames' clock, --clock-offset-s 0 that both share"
+            " one"
+        )
+
+    name = "clock_offset_s"
+    question = QUESTIONS[name]
+    offered = None if found is None else round(found.offset_s, 3)
+    words = f"{why}. {question.words}; 0: they share one clock"
+    answer = asker.missing({name: replace(question, words=words, offered=offered)})
+    return SharedClock(offset_s=float(answer[name]), source=ANSWER, estimate=found)
+
+
+def is_one_clock(gathered: Gathered, answers: ImportOptions) -> bool:
+    """Return whether frames and forces have times of one bag."""
+    of_table = answers.rate_hz is not None or answers.times is not None
+    return gathered.one_clock and not of_table
+
+
+def _unsure_words(found: ClockEstimate | None) -> str:
+    if found is None:
+        return "too few frames show a dent to find their offset"
+    if found.parts:
+        listed = ", ".join(
+            f"frames {first + 1} to {last + 1}: {offset_s:.1f} s"
+            for first, last, offset_s in found.parts
+        )
+        return (
+            f"parts of the recording have offsets of their own ({listed}): a clock"
+            " paused, was set, or drifts; import them one by one (--first-frame,"
+            " --last-frame), or give each frame its time (--times)"
+        )
+    if found.related:
+        others = ", ".join(f"{other_s:.1f}" for other_s in found.rivals_s)
+        return (
+            f"the dents fit an offset of {found.offset_s:.1f} s, and nearly as well"
+            f" {others} s"
+        )
+    return (
+        f"the dents fit the log at no offset better than chance (best:"
+        f" {found.offset_s:.1f} s); is it the log of these frames?"
+    )
+
+
+UNEVEN = 1.5  # of their median: steps of time beside which others are missing
+
+
+def _check_even(scan: Scan) -> None:
+    """Check that a rate does not replace times of uneven steps, as of lost frames."""
+    if scan.times is None or len(scan.names) < 3:
+        return
+
+    steps_s = np.diff(scan.times.time_s)
+    middle_s = float(np.median(steps_s))
+    if float(steps_s.max()) > UNEVEN * middle_s:
+        at = int(np.argmax(steps_s)) + 1
+        raise InputError(
+            f"{scan.names[at]}: --rate-hz: it is {steps_s.max():.4g} s after the frame"
+            f" before by {scan.times.source}, others {middle_s:.4g} s: leave --rate-hz"
+            " out, or say that frames are evenly spaced: --frames-by order"
+        )
+
+
+def _check_used(gathered: Gathered, origins: Mapping[str, str]) -> None:
+    """Check that an option that acts on one kind of source has such a source."""
+    kinds = {kind for _, kind in gathered.files}
+    packed = any(path.suffix.lower() == ".npz" for path, _ in gathered.files)
+
+    for what, there, names in (
+        (
+            "a force log",
+            gathered.log is not None,
+            ("axis", "contact_sign", "average_s", "clock_offset_s"),
+        ),
+        ("a force log of text", "log" in kinds, ("columns",)),
+        ("a ROS bag", "bag" in kinds, ("image_topic", "force_topic", "by_arrival")),
+        ("an .npz file", packed, ("array",)),
+        (
+            "frames whose axes are not fixed",
+            bool(kinds - {"thorlabs", "log"}),
+            ("axes",),
+        ),
+        (
+            "frames in files of their own",
+            bool(kinds - {"bag", "film", "log"}),
+            ("frames_by",),
+        ),
+    ):
+        if unused := [
+            name for name in names if origins.get(name) == OPTION and not there
+        ]:
+            raise InputError(
+                f"{option_name(unused[0])}: acts on {what}, which is not among the"
+                " sources; leave it out"
+            )
+
+
+def _needed(
+    gathered: Gathered, answers: ImportOptions, times: Times | None
+) -> set[str]:
+    needed = {"width_mm", "depth_mm", "refractive_index", "bits", "eye", "gauge"}
+    needed |= set() if gathered.planes else {"gap_mm"}
+    if times is None and len(gathered.scan.names) > 1:
+        needed.add("rate_hz")
+
+    if gathered.log is not None:
+        needed |= {"axis", "contact_sign"}
+        if isinstance(answers.clock_offset_s, int | float):
+            needed.add("clock_offset_s")
+
+    return needed
+
+
+def _stated(gathered: Gathered, greys: Greys) -> Known:
+    scan = gathered.scan
+    log = gathered.log
+    found: Known = {}
+    extents = {
+        "width_mm": (scan.size.lateral_m, scan.columns),
+        "depth_mm": (scan.size.depth_m, scan.rows),
+    }
+
+    for name, (pixel_m, count) in extents.items():
+        if pixel_m:
+            found[name] = (
+                float(f"{from_si(pixel_m * count, 'mm'):.7g}"),
+                scan.size.source,
+            )
+
+    if greys.scaled:
+        found["bits"] = (MOST_BITS, "scaled to them")
+    elif scan.bits is not None:
+        found["bits"] = (scan.bits, "file")
+
+    axes = (
+        []
+        if log is None
+        else [name.removesuffix("_n") for name in log.columns if name.endswith("_n")]
+    )
+    if len(axes) == 1:
+        found["axis"] = (axes[0], "the only force of the log")
+
+    return found
+
+
+def _info(
+    gathered: Gathered, answers: ImportOptions, values: dict[str, Any]
+) -> RecordingInfo:
+    scan = gathered.scan
+    try:
+        width_m, depth_m = (
+            to_si(values[name], "mm") for name in ("width_mm", "depth_mm")
+        )
+        used = {name: values[name] for name in ("bits", "refractive_index")} | {
+            "plane": gathered.planes
+        }
+        oct_info = OctInfo(
+            columns=scan.columns,
+            rows=scan.rows,
+            width_m=width_m,
+            depth_m=depth_m,
+            **used,
+        )
+        thickness_m = to_si(answers.thickness_um, "um")
+        iop_pa = to_si(answers.iop_mmhg, "mmhg")
+        gap_m = None if gathered.planes else to_si(values["gap_mm"], "mm")
+        eye = EyeInfo(
+            values["eye"],
+            thickness_m=thickness_m,
+            iop_pa=iop_pa,
+            globe=answers.globe,
+            relaxation=(
+                None
+                if answers.relaxation is None
+                else relaxation_terms(answers.relaxation)
+            ),
+        )
+        polar_rad = to_si(answers.polar_angle_deg, "deg")
+        needle = NeedleInfo(
+            gauge=values["gauge"], slice_gap_m=gap_m, polar_angle_rad=polar_rad
+        )
+
+        force = (
+            None
+            if gathered.log is None
+            else ForceInfo(values["axis"], int(values["contact_sign"]))
+        )
+        if force and answers.average_s is not None:
+            force = replace(force, average_s=answers.average_s)
+
+        return RecordingInfo(eye, oct_info, needle, force)
+    except StudyError as fault:
+        raise InputError(f"{scan.names[0]}: {fault}; correct it") from fault
+
+
+IMPORT_RECORD = "import.json"
+RECORD_KIND = FileKind(
+    IMPORT_RECORD, 2**20, "`scleraforce import` writes it", RecordingError
+)
+# Of sources of one laboratory; what is of one session or eye (times, offsets, the eye's
+# name) is asked anew.
+KEPT = ("axes", "flip", "array", "columns", "image_topic", "force_topic", "grey_range")
+
+
+def answers_like(folder: Path) -> dict[str, Any]:
+    """Return another recording's answers by the names of options: its scanner, needle,
+    sensor, and import.
+    """
+    info = read_info(folder / "recording.toml")
+    sizes_m = {
+        "width_mm": info.oct.width_m,
+        "depth_mm": info.oct.depth_m,
+        "gap_mm": info.needle.slice_gap_m,
+    }
+    found: dict[str, Any] = {
+        name: from_si(size_m, "mm") for name, size_m in sizes_m.items()
+    }
+    found |= {
+        "refractive_index": info.oct.refractive_index,
+        "bits": info.oct.bits,
+        "gauge": info.needle.gauge,
+    }
+
+    if (force := info.force) is not None:
+        found |= {
+            "axis": force.axis,
+            "contact_sign": str(force.contact_sign),
+            "average_s": force.average_s,
+        }
+
+    answers = _recorded(folder, "answers", {}, "an object")
+    return found | {name: answers[name] for name in KEPT if name in answers}
+
+
+def clock_origin_s(folder: Path) -> float:
+    """Return the beginning of a recording's clock on its sources' clock; 0 by
+    default.
+    """
+    return float(_recorded(folder, "clock_origin_s", 0.0, "a number"))
+
+
+def _recorded(folder: Path, key: str, default: Any, kind: str) -> Any:
+    path = folder / IMPORT_RECORD
+    try:
+        found = parse_json(read_text(path, RECORD_KIND)) if path.exists() else {}
+        value = found.get(key, default)
+    except (ValueError, AttributeError) as fault:
+        raise RecordingError(
+            f"{path}: {fault}; expected an object, as `scleraforce import` writes it"
+        ) from fault
+
+    if isinstance(value, bool) or not isinstance(
+        value, (int, float) if kind == "a number" else type(default)
+    ):
+        raise RecordingError(f"{path}: {key}: {value!r} is not {kind}")
+
+    return value
+
+
+def record_text(done: Import, options: ImportOptions, version: str) -> str:
+    """Return the text of import.json: sources with their SHA-256, the source of each
+    value, and reusable options.
+    """
+    files: list[dict[str, str | None]] = []
+    for path, kind in done.gathered.files:
+        with path.open("rb") if path.is_file() else nullcontext() as file:
+            digest = None if file is None else file_digest(file, "sha256").hexdigest()
+        files.append({"path": str(path), "kind": kind, "sha256": digest})
+
+    origin = provenance(done)
+    answers = asdict(options) | {"columns": origin["columns"]}
+    kept = {name: answers[name] for name in KEPT if answers.get(name)}
+    record = {"version": version, "files": files, **origin, "answers": kept}
+
+    return json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def provenance(done: Import) -> dict[str, Any]:
+    """Return the origins of values, times and counts."""
+    greys = done.greys
+    return {
+        "values": done.sources,
+        "clock": done.clock.entry(),
+        "clock_origin_s": done.origin_s,
+        "columns": [column.answer() for column in done.gathered.columns],
+        "grey": {
+            "low": greys.low,
+            "high": greys.high,
+            "scaled": greys.scaled,
+            "not_finite": greys.without.get(NOT_FINITE, 0),
+            "no_value": dict(greys.without),
+        },
+        "notes": list(done.gathered.notes),
+    }

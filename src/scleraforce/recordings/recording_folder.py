@@ -1,0 +1,342 @@
+"""A recording folder: `recording.toml`, `frames.csv`, `frames/` and, if logged,
+`forces.csv` (docs/recordings.md).
+"""
+
+import hashlib
+import json
+import os
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike
+from pathlib import Path, PurePath
+
+import numpy as np
+
+from scleraforce.base.errors import FrameError, InputError, RecordingError, StudyError
+from scleraforce.base.notebook_cards import grey_picture, html_card
+from scleraforce.base.units import from_si
+from scleraforce.base.whole_files import KINDS, read_bytes, read_text
+from scleraforce.recordings.drawn_walls import RecordedWalls
+from scleraforce.recordings.formats.image_files import read_frame, read_image
+from scleraforce.recordings.frame_and_force_tables import (
+    ForceLog,
+    FrameEntry,
+    moments_of,
+    read_force_log,
+    read_frame_list,
+)
+from scleraforce.records.decoder import parse_record
+from scleraforce.records.fields import check_quantity
+from scleraforce.records.frame import Pixels, ScaledFrame, Sourced, check_frame
+from scleraforce.records.recording_info import RecordingInfo
+from scleraforce.records.scan import Plane, Scanner
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One eye's recording: its folder, metadata, frames in order, and force log (None:
+    not logged).
+    """
+
+    path: Path
+    info: RecordingInfo
+    frames: tuple[FrameEntry, ...]
+    forces: ForceLog | None
+
+    @property
+    def moments(self) -> tuple[tuple[FrameEntry, ...], ...]:
+        """The frames in order, grouped by their time: one, or one of each plane that
+        has a frame then.
+        """
+        return moments_of(self.frames)
+
+    def __repr__(self) -> str:
+        forces = (
+            "no force log"
+            if self.forces is None
+            else f"{len(self.forces.time_s)} samples of force"
+        )
+        return (
+            f"<Recording {self.path}: eye {self.info.eye.id}, {len(self.frames)}"
+            f" frames, {forces}>"
+        )
+
+    def _repr_html_(self) -> str:
+        """The first frame and what the recording states, for Jupyter."""
+        forces = (
+            "not logged"
+            if self.forces is None
+            else f"{len(self.forces.time_s)} samples"
+        )
+        first = self.frames[0]
+        last = self.frames[-1]
+        facts = {
+            "eye": self.info.eye.id,
+            "frames": f"{len(self.frames)} in {last.time_s - first.time_s:g} s",
+            "forces": forces,
+        }
+        picture = None
+
+        with suppress(InputError):  # the frame may be gone
+            picture = grey_picture(self.frame(first))
+
+        return html_card(f"Recording {self.path}", facts, picture)
+
+    @cached_property
+    def walls(self) -> RecordedWalls:
+        """Its frames' walls that were given."""
+        return RecordedWalls(self.path)
+
+    def frame_path(self, entry: FrameEntry) -> Path:
+        """Return the path of a frame's file."""
+        return self.path / "frames" / entry.file
+
+    def frame(self, entry: FrameEntry) -> Pixels:
+        """Read a frame, uint8 or uint16 (rows, columns), and check it against
+        recording.toml.
+        """
+        pixels = read_frame(self.frame_path(entry))
+        check_frame(pixels, self.info.oct, self.frame_path(entry))
+        return pixels
+
+
+def check_alone(recording: Recording, file: str) -> None:
+    """Raise an `InputError` unless a file is a frame of the recording, whose wall is of
+    no other frame.
+    """
+    files = [each.file for each in recording.frames]
+    stem = PurePath(file).stem
+    if file not in files:
+        raise InputError(f"{recording.path}: no frame {file}")
+    if twins := [
+        each for each in files if each != file and PurePath(each).stem == stem
+    ]:
+        raise InputError(
+            f"{file}: walls/{stem}.png would be the wall of {twins[0]} too; rename one"
+            " of the frames"
+        )
+
+
+def read_recording(path: str | PathLike[str]) -> Recording:
+    """Read and check a recording folder; its frames are looked for, but not opened.
+
+    Raises:
+        RecordingError: naming the file, the line and the field.
+
+    >>> import scleraforce as sf
+    >>> recording = sf.read_recording("eye-a")
+    >>> [recording.frame(entry).shape for entry in recording.frames]
+    [(512, 512), (512, 512), (512, 512)]
+    """
+    path = Path(path)
+    info = read_info(path / "recording.toml")
+    frames = read_frame_list(path / "frames.csv")
+    _check_files(path, frames)
+    _check_planes(path / "frames.csv", frames, info.oct.plane)
+
+    if not os.path.lexists(path / "forces.csv"):
+        return Recording(path, info, frames, None)
+    if info.force is None:
+        raise RecordingError(
+            f"{path / 'recording.toml'}: force: missing; forces.csv needs [force] axis,"
+            " contact_sign"
+        )
+
+    log = read_force_log(
+        path / "forces.csv", info.force.axis, info.force.range_n or np.inf
+    )
+
+    return Recording(path, info, frames, log)
+
+
+def tables_digest(recording: Recording) -> str:
+    """Return the SHA-256 of a recording's tables (recording.toml, frames.csv,
+    forces.csv), hexadecimal.
+    """
+    tables = (
+        ("recording", "recording.toml"),
+        ("frames", "frames.csv"),
+        ("forces", "forces.csv"),
+    )
+    return hashlib.sha256(
+        b"".join(
+            read_bytes(recording.path / name, KINDS[kind]) for kind, name in tables
+        )
+    ).hexdigest()
+
+
+def true_forces(recording: Path) -> dict[str, float]:
+    """Return the true force at each frame of a virtual acquisition, N, by the frame's
+    file; of real ones nothing.
+    """
+    path = recording / "truth.json"
+    if not path.exists():
+        return {}
+
+    try:
+        frames = json.loads(read_text(path, KINDS["truth"]))["frames"]
+        return {frame["file"]: float(frame["force_n"]) for frame in frames}
+    except (ValueError, KeyError, TypeError) as fault:
+        raise RecordingError(
+            f"{path}: not the truth of a virtual acquisition: {fault}"
+        ) from fault
+
+
+def read_info(path: Path) -> RecordingInfo:
+    """Read and check a recording.toml."""
+    if not path.parent.is_dir():
+        raise RecordingError(f"{path.parent}: no such folder; give a recording folder")
+
+    try:
+        return parse_record(
+            RecordingInfo, read_text(path, KINDS["recording"]), str(path)
+        )
+    except StudyError as fault:
+        raise RecordingError(str(fault)) from fault
+
+
+def _check_planes(
+    path: Path, frames: tuple[FrameEntry, ...], planes: tuple[Plane, ...]
+) -> None:
+    names = [plane.name for plane in planes]
+    for entry in frames:
+        if entry.plane is None and planes:
+            raise RecordingError(
+                f"{path}: plane: missing for {entry.file}; give one of"
+                f" {', '.join(names)}"
+            )
+        if entry.plane is not None and entry.plane not in names:
+            known = (
+                f"[[oct.plane]] has {', '.join(names)}"
+                if names
+                else "recording.toml has no [[oct.plane]]"
+            )
+            raise RecordingError(
+                f"{path}: plane: {entry.plane!r} of {entry.file} is unknown; {known}"
+            )
+
+    times_s = {entry.time_s for entry in frames}
+    shown = {entry.plane for entry in frames}
+    if len(shown) > 1 and len(times_s) == len(frames):
+        raise RecordingError(
+            f"{path}: plane: no two frames have one time_s; frames of one moment need"
+            " the same"
+        )
+
+
+def _check_files(path: Path, frames: tuple[FrameEntry, ...]) -> None:
+    folder = (path / "frames").resolve()
+    for entry in frames:
+        file = path / "frames" / entry.file
+        place = f"{path / 'frames.csv'}: file"
+
+        try:
+            inside = file.resolve().is_relative_to(folder)
+            there = file.is_file()
+        except (
+            OSError,
+            RuntimeError,
+        ) as fault:  # a name that is too long, links that go round
+            reason = fault.strerror if isinstance(fault, OSError) else fault
+            raise RecordingError(f"{place}: {entry.file}: {reason}") from fault
+
+        if not inside:
+            raise RecordingError(
+                f"{place}: {entry.file} leads out of {path / 'frames'}"
+            )
+        if not there:
+            raise RecordingError(f"{place}: {file} does not exist")
+
+
+def recording_of(path: Path) -> Path | None:
+    """Return the recording folder of a frame, which has `frames/` beside
+    recording.toml; None for other images.
+    """
+    folder = path.parent.resolve()
+    inside = folder.name == "frames" and os.path.isfile(
+        folder.parent / "recording.toml"
+    )
+    return folder.parent if inside else None
+
+
+def stated_plane(frame: Path) -> tuple[Path, float, Plane] | None:
+    """Return the recording of a frame, its time and its plane; None if it is not in a
+    recording of several planes.
+    """
+    recording = recording_of(frame)
+    if (
+        recording is None
+        or not (oct_info := read_info(recording / "recording.toml").oct).plane
+    ):
+        return None
+
+    for entry in read_frame_list(recording / "frames.csv"):
+        if (
+            entry.file == frame.name
+            and (plane := oct_info.named(entry.plane)) is not None
+        ):
+            return recording, entry.time_s, plane
+
+    raise RecordingError(f"{recording / 'frames.csv'}: plane: none for {frame.name}")
+
+
+def read_scaled_frame(
+    path: Path, given: Scanner, assumed: tuple[Scanner, str], transpose: bool = False
+) -> ScaledFrame:
+    """Read one frame and find its scale: `given`, else recording.toml's, the file's, or
+    `assumed` with its source.
+    """
+    pixels, image = read_image(path)
+    if transpose:
+        pixels = pixels.T
+        image = image.turned()
+
+    recording = recording_of(path)
+    info = None if recording is None else read_info(recording / "recording.toml")
+    if info is not None:
+        check_frame(pixels, info.oct, path)
+
+    lateral_m = image.size.lateral_m
+    depth_m = image.size.depth_m
+    file = Scanner(
+        width_m=lateral_m and lateral_m * image.columns,
+        depth_m=depth_m and depth_m * image.rows,
+    )
+    stated = (
+        (given, "option"),
+        (info.oct if info else Scanner(), "recording.toml"),
+        (file, "file"),
+        assumed,
+    )
+    width, depth, index = (
+        next(
+            (
+                Sourced(value, source)
+                for scanner, source in stated
+                if (value := getattr(scanner, name))
+            ),
+            None,
+        )
+        for name in ("width_m", "depth_m", "refractive_index")
+    )
+
+    if image.scale_fault and info is None and None in (given.width_m, given.depth_m):
+        raise FrameError(f"{image.scale_fault}; give --width-mm and --depth-mm")
+    if width is None or depth is None:
+        lost = "its size is neither in the file nor in a recording.toml"
+        raise FrameError(f"{path}: {lost}; give --width-mm and --depth-mm")
+
+    for key, extent in (("width_mm", width), ("depth_mm", depth)):
+        try:
+            check_quantity(key, from_si(extent.value, "mm"))
+        except StudyError as fault:
+            raise FrameError(
+                f"{path}: {fault} (stated by: {extent.source}); give"
+                f" --{key.replace('_', '-')}"
+            ) from None
+
+    notes = (*image.notes, *([image.scale_fault] if image.scale_fault else []))
+    return ScaledFrame(
+        pixels, width, depth, index or Sourced(1.0, "assumed"), info, notes
+    )

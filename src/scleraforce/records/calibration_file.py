@@ -1,0 +1,616 @@
+"""The file of `calibrate`: typed records, read, checked and written (without SciPy);
+the known inputs of its eyes.
+"""
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import sqrt
+from os import PathLike
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, TypeVar
+
+import msgspec
+import numpy as np
+from msgspec import UNSET, Meta, UnsetType
+
+from scleraforce.base.errors import CalibrationError
+from scleraforce.base.normal_distribution import MOST_CORRELATED
+from scleraforce.base.plain_json import parse_json
+from scleraforce.base.units import from_si, to_si
+from scleraforce.base.whole_files import KINDS, read_bytes, write_whole
+from scleraforce.records.eye import POPULATION_SD, ForceDiscrepancy, Known, Modulus
+from scleraforce.records.fields import allowed, meant, name_fault
+from scleraforce.records.globe import OPEN, Kind, KnownGlobe
+from scleraforce.records.tissue_relaxation import MOMENTS, KnownRelaxation, rows
+
+CALIBRATION_FORMAT = 3
+MECHANICS = ("finite-strain", "linear")
+RIGIDITY_UNIT: Final = "mmhg13_per_ul"
+UNCHANGED = ("correlation", "calibrated", "rigidity_told")  # of a globe in the file
+STIFFEST_RIGIDITY = 2.0  # mmHg^(1/3) per ul
+NAMED_EYES = 8  # in a sentence
+WRITER = "give a file of `scleraforce calibrate`"
+_HINTED = {
+    "mean_mpa": allowed("youngs_modulus_mpa"),
+    "thickness_um": allowed("thickness_um"),
+}
+_PRINTABLE = r"^[^\x00-\x1f\x7f-\xa0\xad\u2028\u2029\ud800-\udfff]*\Z"
+
+Line = Annotated[str, Meta(pattern=_PRINTABLE)]
+_ModulusMpa = Annotated[
+    float, Meta(ge=_HINTED["mean_mpa"].low, le=_HINTED["mean_mpa"].high)
+]
+_ModulusSdMpa = Annotated[float, Meta(ge=0.0, le=_HINTED["mean_mpa"].high)]
+_ThicknessUm = Annotated[
+    float, Meta(ge=_HINTED["thickness_um"].low, le=_HINTED["thickness_um"].high)
+]
+_Rigidity = Annotated[float, Meta(ge=0.0, le=STIFFEST_RIGIDITY)]
+_LeanDeg = Annotated[float, Meta(ge=0.0, le=allowed("lean_deg").high)]
+_Stiffening = Annotated[float, Meta(ge=0.0, le=200.0)]
+
+Record = TypeVar("Record")
+
+
+@dataclass(frozen=True)
+class CalibrationFile:
+    """A file with checked format, mechanics and ids of eyes; `path` names it, `sha256`
+    is of its text.
+    """
+
+    path: str
+    content: Mapping[str, Any]
+    sha256: str
+
+
+@dataclass(frozen=True)
+class UsedFrame:
+    """A frame that a calibration rests on: its name, and
+    `records.frame.frame_digest` of its pixels.
+    """
+
+    file: Line
+    sha256: Line
+
+
+@dataclass(frozen=True, kw_only=True)
+class Appearance:
+    """What the frames of an eye show beside their dents: the wall's thickness, and the
+    eye's size by its curvature (1: as in the study), each with its spread; the number
+    of frames.
+    """
+
+    thickness_um: _ThicknessUm
+    thickness_sd_um: Annotated[float, Meta(ge=0.0, le=1e4)]
+    size: Annotated[float, Meta(ge=0.1, le=10.0)]
+    size_sd: Annotated[float, Meta(ge=0.0, le=10.0)]
+    frames: Annotated[int, Meta(ge=1)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class EyeSummary:
+    """Young's modulus of one eye: posterior mean and standard deviation, and the frames
+    that it rests on.
+
+    `thickness_m` is the wall's as calibrated, estimated along with E if asked for.
+    `globe` is the known globe after the frames (open in early files), `discrepancy`
+    that of its forces from the library's, `stiffening` b of its tissue, `relaxation`
+    how it relaxes; None and 0 with linear mechanics and in early files. `lean_rad`: of
+    the needle, where the forces were those along the wall's normal. `status` is "ok",
+    or says that the filter diverged: the standard deviation then means nothing.
+    `without_force`: E is from the shape of its dents. `appearance`: what its frames
+    show, None in early files.
+    """
+
+    mean_pa: float
+    sd_pa: float
+    frames: tuple[UsedFrame, ...]
+    thickness_m: float
+    globe: KnownGlobe = OPEN
+    discrepancy: ForceDiscrepancy | None = None
+    stiffening: float = 0.0
+    relaxation: KnownRelaxation | None = None
+    lean_rad: float | None = None
+    status: str = "ok"
+    without_force: bool = False
+    appearance: Appearance | None = None
+
+    @property
+    def usable(self) -> bool:
+        """True if the eye may be read with this modulus."""
+        return self.status == "ok"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationSummary:
+    """Eyes by id, the population, and the source.
+
+    `population_sd_pa` is the spread of the eyes' means, None for one eye.
+    `population_stiffening` is b of their tissue: 1 + b is the geometric mean.
+    `mechanics`: of the fit; an E of the linear wall does not fit the other at high
+    forces.
+    """
+
+    eyes: Mapping[str, EyeSummary]
+    population_mean_pa: float
+    population_sd_pa: float | None
+    population_stiffening: float
+    mechanics: str
+    path: str
+    sha256: str
+
+    @property
+    def digests(self) -> frozenset[str]:
+        """The digests of the frames that were used, whatever their files are called
+        (`UsedFrame.sha256`).
+        """
+        return frozenset(
+            frame.sha256 for eye in self.eyes.values() for frame in eye.frames
+        )
+
+
+def read_calibration(path: str | PathLike[str]) -> CalibrationSummary:
+    """Read the moduli from the file that `scleraforce calibrate` writes; raises
+    `CalibrationError`.
+    """
+    return summary_of(open_calibration(path))
+
+
+def open_calibration(path: str | PathLike[str]) -> CalibrationFile:
+    """Read a calibration file for `summary_of` or
+    `calibration.calibration.parse_calibration`; raises `CalibrationError`.
+    """
+    return parse_calibration_file(
+        read_bytes(Path(path), KINDS["calibration"]), str(path)
+    )
+
+
+def write_calibration(content: Mapping[str, Any], path: Path) -> None:
+    """Write what `Calibration.to_dict` returns, whole or not at all; raises
+    `InputError`.
+    """
+    write_whole(json.dumps(content, indent=1, allow_nan=False) + "\n", path)
+
+
+class _RigidityEntry(msgspec.Struct):
+    lowest: _Rigidity
+    highest: _Rigidity
+    sd: _Rigidity
+    mean: Annotated[float, Meta(ge=-STIFFEST_RIGIDITY, le=STIFFEST_RIGIDITY)]
+
+
+class _GlobeEntry(msgspec.Struct):
+    kind: Kind
+    rigidity_law: Literal["cube-root", "logarithmic"]
+    rigidity_mmhg13_per_ul: _RigidityEntry
+    correlation: Annotated[float, Meta(ge=-MOST_CORRELATED, le=MOST_CORRELATED)]
+    calibrated: bool
+    rigidity_told: bool
+
+
+class _EyeEntry(msgspec.Struct):
+    mean_mpa: _ModulusMpa
+    sd_mpa: _ModulusSdMpa
+    frames: tuple[UsedFrame, ...]
+    thickness_um: _ThicknessUm
+    status: Line
+    globe: _GlobeEntry | UnsetType = UNSET
+    discrepancy: ForceDiscrepancy | None = None
+    stiffening: _Stiffening = 0.0
+    relaxation: KnownRelaxation | None = None
+    lean_deg: _LeanDeg | None = None
+    without_force: bool = False
+    appearance: Appearance | None = None
+
+
+class _Population(msgspec.Struct):
+    mean_mpa: _ModulusMpa
+    sd_mpa: _ModulusSdMpa | None
+    stiffening: _Stiffening = 0.0
+
+
+def converted(content: Any, record: type[Record], place: str) -> Record:
+    """Return plain content of a calibration file as a typed record; raises
+    `CalibrationError` with its `place`.
+    """
+    try:
+        return msgspec.convert(content, record)
+    except CalibrationError as fault:
+        raise CalibrationError(f"{place}: {fault}; {WRITER}") from fault
+    except msgspec.ValidationError as fault:
+        what, _, path = str(fault).rstrip("`").partition(" - at `$")
+        missing = re.fullmatch(r"Object missing required field `(\w+)`?", what)
+        if missing:
+            raise CalibrationError(
+                f"{place}{path}.{missing[1]} is missing; {WRITER}"
+            ) from fault
+
+        found = content
+        key = ""
+        for name, index in re.findall(r"\.(\w+)|\[(\d+)\]", path):
+            found = found[name or int(index)]
+            key = name or key
+
+        hint = (
+            meant(key, found, _HINTED[key])
+            if key in _HINTED and type(found) in (int, float)
+            else ""
+        )
+        wanted = (
+            "expected a text of one line"
+            if "regex" in what
+            else f"{what[0].lower()}{what[1:]}".replace("`", "")
+        )
+        raise CalibrationError(
+            f"{place}{path}: {wanted}, found {found!r:.40}{hint}; {WRITER}"
+        ) from fault
+
+
+def summary_of(file: CalibrationFile) -> CalibrationSummary:
+    """Return the part of a file that others than `calibration` need; raises
+    `CalibrationError`.
+    """
+    name = file.path
+    content = file.content
+    population = converted(
+        content.get("population"), _Population, f"{name}: population"
+    )
+
+    return CalibrationSummary(
+        eyes={
+            eye: summary_of_eye(entry, f"{name}: eyes.{eye}")
+            for eye, entry in content["eyes"].items()
+        },
+        population_mean_pa=to_si(population.mean_mpa, "mpa"),
+        population_sd_pa=to_si(population.sd_mpa, "mpa"),
+        population_stiffening=population.stiffening,
+        mechanics=content["mechanics"],
+        path=name,
+        sha256=file.sha256,
+    )
+
+
+def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
+    """Return a calibration file of this text; `name` stands for its path; raises
+    `CalibrationError`.
+    """
+    try:
+        content = parse_json(text)
+    except ValueError as fault:
+        raise CalibrationError(f"{name}: {fault}") from fault
+
+    if not isinstance(content, dict) or content.get("format") != CALIBRATION_FORMAT:
+        found = (
+            f"found {content.get('format')!r:.40}"
+            if isinstance(content, dict)
+            else "found no object"
+        )
+        wanted = f"expected a JSON object with format {CALIBRATION_FORMAT}"
+        raise CalibrationError(
+            f"{name}: format: {wanted}, {found}; {WRITER} of this version"
+        )
+
+    if content.get("mechanics") not in MECHANICS:
+        found = f"{content.get('mechanics')!r:.40}"
+        raise CalibrationError(
+            f"{name}: mechanics: expected {' or '.join(MECHANICS)}, found {found};"
+            f" {WRITER}"
+        )
+
+    for eye in converted(
+        content.get("eyes"), dict[str, dict[str, Any]], f"{name}: eyes"
+    ):
+        wrong = name_fault(eye)
+        if wrong:
+            raise CalibrationError(f"{name}: eyes: {wrong}")
+
+    return CalibrationFile(name, content, hashlib.sha256(text).hexdigest())
+
+
+def summary_of_eye(entry: Any, place: str) -> EyeSummary:
+    """Return one entry of `eyes`; `place` is its place in messages; raises
+    `CalibrationError`.
+    """
+    eye = converted(entry, _EyeEntry, place)
+    unchanged = (
+        "frames",
+        "discrepancy",
+        "stiffening",
+        "relaxation",
+        "status",
+        "without_force",
+        "appearance",
+    )
+
+    return EyeSummary(
+        mean_pa=to_si(eye.mean_mpa, "mpa"),
+        sd_pa=to_si(eye.sd_mpa, "mpa"),
+        thickness_m=to_si(eye.thickness_um, "um"),
+        lean_rad=to_si(eye.lean_deg, "deg"),
+        globe=OPEN if eye.globe is UNSET else _globe(eye.globe, f"{place}.globe"),
+        **{name: getattr(eye, name) for name in unchanged},
+    )
+
+
+def globe_entry(globe: KnownGlobe) -> dict[str, Any]:
+    """Return the entry of a globe in the file, with the band that holds its rigidity
+    with 90 %.
+    """
+    values = dict(zip(("low", "high"), globe.band, strict=True))
+    values |= {
+        name: getattr(globe, name) for name in ("mean", "sd", "lowest", "highest")
+    }
+    rigidity = {name: from_si(value, RIGIDITY_UNIT) for name, value in values.items()}
+    unchanged = {name: getattr(globe, name) for name in UNCHANGED}
+
+    return {
+        "kind": globe.kind,
+        "rigidity_law": globe.law,
+        "rigidity_mmhg13_per_ul": rigidity,
+        **unchanged,
+    }
+
+
+def _globe(entry: _GlobeEntry, place: str) -> KnownGlobe:
+    rigidity = entry.rigidity_mmhg13_per_ul
+    if rigidity.highest < rigidity.lowest or (
+        rigidity.highest > 0.0 and not rigidity.sd > 0.0
+    ):
+        raise CalibrationError(
+            f"{place}.rigidity_mmhg13_per_ul: lowest above highest, or sd not above 0;"
+            f" {WRITER}"
+        )
+
+    values = {
+        name: to_si(value, RIGIDITY_UNIT)
+        for name, value in msgspec.structs.asdict(rigidity).items()
+    }
+    unchanged = {name: getattr(entry, name) for name in UNCHANGED}
+
+    return KnownGlobe(kind=entry.kind, law=entry.rigidity_law, **values, **unchanged)
+
+
+def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
+    """Return the known inputs of an eye, completed by a calibration.
+
+    A modulus comes with the stiffening of its tissue; one of the eye's own also with
+    the wall's thickness of the calibration, and with its globe, unless a kind was
+    declared then and another one now. If the calibration diverged, the modulus is
+    unknown, and the globe too where the frames contradict its declaration: it is
+    unknown in the file then.
+    """
+    modulus = calibrated_modulus(summary, eye)
+    own = summary.eyes.get(eye)
+    if own is not None and not own.usable:
+        return replace(
+            known,
+            modulus=None,
+            globe=None if own.globe.kind == "unknown" else known.globe,
+        )
+
+    if own is None or modulus is None:
+        relaxation = known.relaxation or population_relaxation(summary)
+        known = replace(
+            known,
+            modulus=modulus,
+            stiffening=summary.population_stiffening,
+            relaxation=relaxation,
+        )
+        leans = [eye.lean_rad for eye in summary.eyes.values() if eye.usable]
+        stated = [lean for lean in leans if lean is not None]
+
+        return replace(
+            known,
+            calibrated_lean_rad=(
+                sum(stated) / len(stated) if 0 < len(stated) == len(leans) else None
+            ),
+        )
+
+    globe = (
+        own.globe
+        if known.globe is None or own.globe.kind in (known.globe.kind, "unknown")
+        else known.globe
+    )
+    known = replace(
+        known,
+        modulus=modulus,
+        globe=globe,
+        thickness_m=own.thickness_m,
+        calibrated_lean_rad=own.lean_rad,
+    )
+    relaxation = own.relaxation or known.relaxation
+
+    return replace(
+        known,
+        stiffening=own.stiffening,
+        discrepancy=own.discrepancy,
+        relaxation=relaxation,
+    )
+
+
+def population_relaxation(summary: CalibrationSummary) -> KnownRelaxation | None:
+    """Return how the eyes of a calibration relax, with their spread; None if that is
+    not known of all in one way.
+    """
+    found = [eye.relaxation for eye in summary.eyes.values() if eye.usable]
+    eyes = [one for one in found if one is not None]
+    if not eyes or len(eyes) < len(found) or len({one.times_s for one in eyes}) > 1:
+        return None
+
+    joined: dict[str, Any] = {"source": "population", "times_s": eyes[0].times_s}
+    for mean, covariance in MOMENTS.items():
+        means = np.array([getattr(one, mean) for one in eyes])
+        within = np.mean([getattr(one, covariance) for one in eyes], axis=0)
+        between = np.cov(means.T) if len(eyes) > 1 else within
+        joined |= {
+            mean: tuple(means.mean(axis=0).tolist()),
+            covariance: rows(within + between),
+        }
+
+    if any(one.other for one in eyes):
+        others = [one.other or one.shares for one in eyes]
+        joined["other"] = tuple(np.mean(others, axis=0).tolist())
+
+    for name in ("every_s", "held_s"):
+        found_s = [getattr(one, name) for one in eyes]
+        joined[name] = None if None in found_s else float(np.median(found_s))
+
+    return KnownRelaxation(**joined)
+
+
+def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus | None:
+    """Return an eye's own modulus if a calibration found it, else the population's with
+    the spread of eyes.
+
+    None for an eye whose calibration diverged, as the model does not describe it, and
+    if that holds for all eyes. The spread is at least the paper's. A single eye says
+    nothing of it, and may itself lie off the mean by as much: another eye then differs
+    from it by the spread of two eyes.
+    """
+    own = summary.eyes.get(eye)
+    if own is not None:
+        source = "shape" if own.without_force else "own"
+        return (
+            Modulus(mean_pa=own.mean_pa, sd_pa=own.sd_pa, source=source)
+            if own.usable
+            else None
+        )
+
+    return population_modulus(summary)
+
+
+def population_modulus(summary: CalibrationSummary) -> Modulus | None:
+    """Return the modulus of an eye that a calibration does not have
+    (`calibrated_modulus`).
+    """
+    if not any(eye.usable for eye in summary.eyes.values()):
+        return None
+
+    mean_pa = summary.population_mean_pa
+    if summary.population_sd_pa is None:
+        return Modulus(
+            mean_pa=mean_pa,
+            sd_pa=sqrt(2.0) * POPULATION_SD * mean_pa,
+            source="population",
+        )
+
+    return Modulus(
+        mean_pa=mean_pa,
+        sd_pa=max(summary.population_sd_pa, POPULATION_SD * mean_pa),
+        source="population",
+    )
+
+
+def choice_of_eye(summary: CalibrationSummary) -> str:
+    """Return what to give where nothing names the eye that is read."""
+    count = len(summary.eyes)
+    has = (
+        f"has 1 eye: give {_names(summary)}"
+        if count == 1
+        else (f"has {count} eyes: give one of {_names(summary)}")
+    )
+    return f"{summary.path} {has}; any other gets the population's modulus"
+
+
+def _names(summary: CalibrationSummary) -> str:
+    more = ", ..." if len(summary.eyes) > NAMED_EYES else ""
+    return ", ".join(list(summary.eyes)[:NAMED_EYES]) + more
+
+
+def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
+    """Return a sentence if an eye is read without a modulus of its own, with the file's
+    eyes; None if it has one.
+    """
+    own = summary.eyes.get(eye)
+    if own is not None and own.usable:
+        return None
+
+    there = "is not in" if own is None else f"is not usable ({own.status}) in"
+    modulus = calibrated_modulus(summary, eye)
+    count = "1 eye" if len(summary.eyes) == 1 else f"{len(summary.eyes)} eyes"
+
+    if modulus is None:
+        read = "as one of unknown modulus" + (
+            " in an unknown globe" if own and own.globe.kind == "unknown" else ""
+        )
+    else:
+        sd = f"{from_si(modulus.relative_sd, 'percent'):.0f} %"
+        read = (
+            f"with the population's modulus, {from_si(modulus.mean_pa, 'mpa'):.3g} MPa"
+            f" +- {sd}"
+        )
+
+    file = f"{summary.path}, which has {count} ({_names(summary)})"
+    return f"{eye} {there} {file}: read {read}"
+
+
+# standard deviations and shares by which two recordings of an eye may differ
+SAME_SD = 4.0
+SAME_THICKNESS = 0.06
+SAME_SIZE = 0.06
+
+
+def other_eye(calibrated: Appearance, shown: Appearance) -> str | None:
+    """Return why two recordings cannot show one eye; None: they may."""
+    pairs = (
+        (
+            "a wall of {1:.0f} µm is seen, not of {0:.0f} µm",
+            (calibrated.thickness_um, calibrated.thickness_sd_um),
+            (shown.thickness_um, shown.thickness_sd_um),
+            SAME_THICKNESS,
+        ),
+        (
+            "its curvature is that of an eye {1:.2f} times as large as usual, not"
+            " {0:.2f} times",
+            (calibrated.size, calibrated.size_sd),
+            (shown.size, shown.size_sd),
+            SAME_SIZE,
+        ),
+    )
+    for words, (before, before_sd), (now, now_sd), share in pairs:
+        slack = max(share * before, SAME_SD * float(np.hypot(before_sd, now_sd)))
+        if abs(now - before) > slack:
+            return words.format(before, now)
+
+    return None
+
+
+def appearance_of(
+    thickness_m: Sequence[float], sizes: Sequence[float]
+) -> Appearance | None:
+    """Return what frames show, by the thickness and the size that each shows; None if
+    they show none.
+    """
+    seen_m = np.array([m for m in thickness_m if np.isfinite(m)])
+    shown = np.array([size for size in sizes if np.isfinite(size)])
+    if not len(seen_m) or not len(shown):
+        return None
+
+    return Appearance(
+        thickness_um=float(from_si(float(np.median(seen_m)), "um")),
+        thickness_sd_um=float(from_si(float(seen_m.std()), "um")),
+        size=float(np.median(shown)),
+        size_sd=float(shown.std()),
+        frames=len(shown),
+    )
+
+
+def appearance_doubt(
+    summary: CalibrationSummary, eye: str, shown: Appearance | None
+) -> str | None:
+    """Return a sentence if frames cannot be of the eye that bears their name in a
+    calibration; None: they may be.
+    """
+    own = summary.eyes.get(eye)
+    if own is None or own.appearance is None or shown is None:
+        return None
+
+    why = other_eye(own.appearance, shown)
+    if why is None:
+        return None
+    return (
+        f"{summary.path}: eyes.{eye}: {why} as in its calibration; is that of another"
+        " eye, or was the scanner's scale another one?"
+    )

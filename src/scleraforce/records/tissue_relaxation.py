@@ -1,0 +1,178 @@
+"""The relaxation of an eye's tissue, as far as it is known, and the histories that go
+with it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from msgspec import Meta
+
+from scleraforce.base.arrays import Floats
+from scleraforce.base.errors import CalibrationError
+
+_Share = Annotated[float, Meta(ge=0.0, lt=1.0)]
+_Time = Annotated[float, Meta(gt=0.0, le=1e6)]
+_Span = Annotated[float, Meta(ge=0.0, le=1e6)]
+_Number = Annotated[float, Meta(ge=-1e3, le=1e3)]
+_Vector = tuple[_Number, ...]
+Source = Literal["declared", "holds", "population"]
+Matrix = tuple[_Vector, ...]
+# who yields in the holds of a log, or why it says nothing
+Cause = Literal["tissue", "needle", "both", "undecided", "steady", "no holds"]
+
+# of each mean
+MOMENTS = {
+    "shares": "covariance",
+    "held": "held_covariance",
+    "before_n": "before_covariance_n2",
+}
+MOMENTS["after"] = "after_covariance_n2"
+# Of tissue whose histories are not known: memory may be anything up to these, all terms
+# alike.
+MOST_HELD = 1.0
+MOST_BEFORE_N = 15e-3
+# standard deviation of such a memory over its largest value: 90 % reach from none to
+# all
+SPREAD = 1.0 / 3.0
+ROUNDING = 1e-6  # of the largest entry: covariances are differences of large numbers
+
+
+@dataclass(frozen=True, kw_only=True)
+class HoldFinding:
+    """What the holds of a force log have shown of tissue and needle.
+
+    `fall`: by which share the force falls in a hold of `hold_s`, the median one; None
+    without holds. `chance`: of tissue that yields, by the log and the dents of
+    different pushes. `not_estimated_s` are time constants too long for the holds.
+    `frames` in pairs of one hold give `tissue_share`, the tissue's part of that fall,
+    with a standard deviation; the needle has the rest. None without such frames.
+    """
+
+    cause: Cause
+    hold_s: _Span | None = None
+    fall: _Number | None = None
+    chance: _Number | None = None
+    not_estimated_s: _Vector = ()
+    frames: Annotated[int, Meta(ge=0)] = 0
+    tissue_share: _Number | None = None
+    tissue_share_sd: _Number | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class KnownRelaxation:
+    """The shares g_i of a Prony series (`mechanics.tissue_material`), (term,), with
+    their covariance, (term, term).
+
+    `source`: declared, found from the holds of a force log, or of other tissue where
+    the log shows no hold. The m_i of a frame are held_i Fe + (1 - held_i) before_i:
+    what its push has left, and what was there when it began. Means and covariances of
+    both are of the frames that calibrated the eye. E follows from such frames, so an
+    error of g matters at other histories only. Where the frame before is known,
+    before_i is what is left of its m_i, and after_i times its Fe for the rest of its
+    hold, with a covariance of its own. Frames follow each other in `every_s`, and their
+    pushes in `held_s`, None of a single frame. Where nothing decides whether the tissue
+    or the needle yields, intervals reach to the reading with `other` shares. `finding`
+    says what the holds have shown; None if declared, and in early files.
+    """
+
+    times_s: tuple[_Time, ...]
+    shares: tuple[_Share, ...]
+    covariance: Matrix
+    held: _Vector
+    held_covariance: Matrix
+    before_n: _Vector
+    before_covariance_n2: Matrix
+    after: _Vector
+    after_covariance_n2: Matrix
+    every_s: _Span | None
+    held_s: _Span | None
+    source: Source
+    other: tuple[_Share, ...] = ()
+    finding: HoldFinding | None = None
+
+    def __post_init__(self) -> None:
+        size = len(self.times_s)
+        vectors, matrices = (
+            [getattr(self, name) for name in names]
+            for names in (MOMENTS, MOMENTS.values())
+        )
+
+        square = all(
+            len(matrix) == size and all(len(row) == size for row in matrix)
+            for matrix in matrices
+        )
+        if (
+            not square
+            or any(len(vector) != size for vector in vectors)
+            or len(self.other) not in (0, size)
+            or not max(sum(self.shares), sum(self.other)) < 1.0
+        ):
+            raise CalibrationError(
+                "relaxation: its parts have several lengths, or shares add up to 1 or"
+                " more"
+            )
+
+        for name, matrix in zip(MOMENTS.values(), matrices, strict=True):
+            if not _is_covariance(np.array(matrix).reshape(size, size)):
+                raise CalibrationError(
+                    f"relaxation.{name}: not a covariance matrix: expected a symmetric"
+                    f" one without a negative variance, found {matrix!r:.60}"
+                )
+
+    @property
+    def matters(self) -> bool:
+        """False if the force on the needle is the elastic one for certain."""
+        return any(self.shares) or any(self.other)
+
+    @classmethod
+    def of(
+        cls,
+        shares: Sequence[float],
+        times_s: Sequence[float],
+        covariance: Floats,
+        source: Source,
+    ) -> "KnownRelaxation":
+        """Return a relaxation of tissue of which no history is known."""
+        terms = len(shares)
+        return cls(
+            times_s=tuple(times_s),
+            shares=tuple(shares),
+            covariance=rows(covariance),
+            held=(MOST_HELD / 2,) * terms,
+            held_covariance=rows(np.full((terms, terms), (SPREAD * MOST_HELD) ** 2)),
+            before_n=(MOST_BEFORE_N / 2,) * terms,
+            before_covariance_n2=rows(
+                np.full((terms, terms), (SPREAD * MOST_BEFORE_N) ** 2)
+            ),
+            after=(0.0,) * terms,
+            after_covariance_n2=rows(np.zeros((terms, terms))),
+            every_s=None,
+            held_s=None,
+            source=source,
+        )
+
+    @classmethod
+    def declared(cls, terms: Sequence[Sequence[float]]) -> "KnownRelaxation":
+        """Return a declared relaxation: terms of a share and a time constant, s; no
+        terms: the tissue is elastic.
+        """
+        shares = [share for share, _ in terms]
+        times_s = [time_s for _, time_s in terms]
+        return cls.of(shares, times_s, np.zeros((len(terms), len(terms))), "declared")
+
+
+def _is_covariance(matrix: Floats) -> bool:
+    """Return whether a matrix is symmetric without negative eigenvalues, but for
+    rounding.
+    """
+    size = float(np.abs(matrix).max(initial=0.0))
+    if np.abs(matrix - matrix.T).max(initial=0.0) > ROUNDING * size:
+        return False
+    return bool((np.linalg.eigvalsh(matrix) >= -ROUNDING * size).all())
+
+
+def rows(matrix: Floats) -> Matrix:
+    """Return a matrix as tuples."""
+    return tuple(tuple(row) for row in matrix.tolist())

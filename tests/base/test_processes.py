@@ -1,0 +1,469 @@
+"""Workers and machine code: units and their results, signals, faults; loops compiled
+once and loaded.
+"""
+
+import json
+import multiprocessing
+import os
+import pickle
+import re
+import signal
+import subprocess
+import sys
+from collections import deque
+from collections.abc import Callable, Iterator
+from functools import partial
+from multiprocessing import resource_tracker, spawn
+from pathlib import Path
+
+import pytest
+import workers as tasks
+from waiting import LIMIT_S, alive, wait_until
+from workers import NEEDS_DASK, Cluster, large, no_preparation, tripled, waits_for_ever
+
+import scleraforce
+from scleraforce.base import worker_processes as processes_module
+from scleraforce.base.errors import InputError, SolverError
+from scleraforce.base.worker_processes import (
+    _do,
+    cluster_workers,
+    next_unit,
+    work_in_order,
+    work_units,
+)
+
+SOURCES = Path(scleraforce.__file__).parents[1]
+HEAVY = partial(tripled, bytes(2**20))  # more than a pipe holds
+SLOW = partial(tripled, late_s=0.2)
+
+PROGRAM = """
+from scleraforce.base.worker_processes import work_units
+
+def double():
+    return lambda unit: 2 * unit
+
+if __name__ == "__main__":
+    print(sorted(work_units(double, range(3), 1)))
+"""
+LEFT_ALONE = """
+import sys
+from functools import partial
+from pathlib import Path
+from workers import waits_for_ever
+from scleraforce.base.worker_processes import work_units
+
+if __name__ == "__main__":
+    list(work_units(partial(waits_for_ever, Path(sys.argv[1])), range(3), 2))
+"""
+
+
+def on_cluster(test):
+    for mark in (*NEEDS_DASK, pytest.mark.slow):
+        test = mark(test)
+    return test
+
+
+def test_units_are_handed_out_in_contiguous_runs_and_the_idle_help_at_the_far_end():
+    runs = [deque(range(3)), deque(range(3, 6))]
+    assert [next_unit(runs, 0) for _ in range(5)] == [0, 1, 2, 5, 4]
+    assert [next_unit(runs, 1), next_unit(runs, 1)] == [3, None]
+    assert list(work_units(tripled, [7], 4)) == [(7, 21)]
+
+
+@pytest.fixture
+def no_interpreter():
+    """Let no worker start, as if the interpreter could not be read."""
+    resource_tracker.ensure_running()
+    before = spawn.get_executable()
+    spawn.set_executable("/bin/false")
+    yield
+    spawn.set_executable(before)
+
+
+@pytest.mark.usefixtures("no_interpreter")
+def test_workers_that_die_at_their_start_are_an_error_and_not_a_hang():
+    for work in (work_units, partial(work_in_order, ahead=2)):
+        with pytest.raises(SolverError, match=r"a worker (ended|could not be started)"):
+            list(work(HEAVY, range(3), 2))
+        assert not multiprocessing.active_children()
+
+
+def test_what_a_worker_raises_reaches_the_caller():
+    for prepare, kind, words in (
+        (no_preparation, InputError, "this eye is too small"),
+        (tasks.fails_oddly, SolverError, "OddError in a worker: 7 and this"),
+        (tasks.ends_its_process, SolverError, "a worker ended"),
+    ):
+        with pytest.raises(kind, match=words):
+            list(work_units(prepare, [7], 1))
+
+
+@pytest.mark.parametrize("before", [[], [tripled]], ids=["new", "that worked before"])
+def test_a_preparation_that_fails_fails_for_each_unit_of_a_worker(before) -> None:
+    version = scleraforce.__version__
+    for prepare in before:
+        assert _do(pickle.dumps((version, prepare)), 2) == 6
+
+    for unit in range(2):
+        with pytest.raises(InputError, match="this eye is too small"):
+            _do(pickle.dumps((version, no_preparation)), unit)
+
+
+def test_results_come_in_the_order_of_the_units():
+    assert list(work_in_order(HEAVY, range(5, 12), 2, ahead=3)) == [
+        3 * unit for unit in range(5, 12)
+    ]
+    assert list(work_in_order(HEAVY, [], 2, ahead=3)) == []
+
+
+def test_a_worker_continues_while_the_caller_has_a_result(tmp_path: Path) -> None:
+    results = work_in_order(
+        partial(tasks.leave_a_mark_for_each, tmp_path), range(4), 1, ahead=2
+    )
+    for unit in results:
+        if unit < 3:
+            # before the caller comes back
+            wait_until((tmp_path / str(unit + 1)).exists)
+
+
+def test_workers_end_in_the_midst_of_a_unit_when_the_caller_leaves(
+    tmp_path: Path,
+) -> None:
+    results = work_units(partial(waits_for_ever, tmp_path), range(2), 2)
+    next(results)
+    results.close()
+    assert not multiprocessing.active_children()
+
+
+def test_a_worker_that_ends_while_it_passes_on_a_large_result_does_not_hang_the_caller(
+    tmp_path: Path,
+) -> None:
+    results = work_units(partial(large, tmp_path, 10**8), range(4), 2)
+    done, _ = next(results)
+    wait_until(lambda: {path.name for path in tmp_path.iterdir()} > {str(done)})
+    results.close()
+    assert not multiprocessing.active_children()
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="the system has no SIGKILL")
+def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
+    program = tmp_path / "program.py"
+    program.write_text(LEFT_ALONE)
+    paths = os.environ | {
+        "PYTHONPATH": str(Path(waits_for_ever.__code__.co_filename).parent)
+    }
+    parent = subprocess.Popen([sys.executable, str(program), str(tmp_path)], env=paths)
+    marks = list[Path]()
+    wait_until(
+        lambda: (
+            marks.extend(mark for mark in tmp_path.glob("pid*") if mark.read_text())
+            or bool(marks)
+        )
+    )
+    parent.kill()
+    parent.wait()
+    wait_until(lambda: not alive(int(marks[0].read_text())))
+
+
+def test_no_module_of_the_current_folder_runs_in_a_worker(tmp_path: Path) -> None:
+    (tmp_path / "here").mkdir()
+    for name in ("signal", "json", "numpy", "multiprocessing", "pickle", "struct"):
+        (tmp_path / "here" / f"{name}.py").write_text(
+            f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\n"
+        )
+
+    program = tmp_path / "program.py"
+    program.write_text(PROGRAM)
+    safe = {
+        name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"
+    }
+    done = subprocess.run(
+        [sys.executable, str(program)],
+        cwd=tmp_path / "here",
+        env=safe,
+        capture_output=True,
+        text=True,
+        timeout=LIMIT_S,
+    )
+    assert (done.stdout, done.stderr) == ("[(0, 0), (1, 2), (2, 4)]\n", "")
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """A cluster of two workers that come back after each death."""
+    made = Cluster(tmp_path_factory.mktemp("cluster"))
+    made.worker("--nanny")
+    made.worker("--nanny")
+    yield made
+    made.end()
+
+
+@pytest.fixture
+def mortal(tmp_path: Path) -> Iterator[Cluster]:
+    """A cluster whose parts a test kills; it has no workers yet."""
+    made = Cluster(tmp_path)
+    yield made
+    made.end()
+
+
+@on_cluster
+def test_a_cluster_does_each_unit_once_and_in_order_on_request(
+    cluster: Cluster,
+) -> None:
+    workers = cluster_workers(cluster.address)
+    assert dict(work_units(SLOW, range(5, 12), workers)) == {
+        unit: 3 * unit for unit in range(5, 12)
+    }
+    assert list(work_in_order(SLOW, range(12, 5, -1), workers, ahead=3)) == [
+        36 - 3 * n for n in range(7)
+    ]
+    assert list(work_units(SLOW, [], workers)) == []
+    assert list(work_in_order(SLOW, [], workers, ahead=3)) == []
+
+
+@on_cluster
+def test_a_cluster_drops_the_units_of_a_caller_that_leaves(
+    cluster: Cluster, tmp_path: Path
+) -> None:
+    gate = tmp_path / "gate"
+    workers = cluster_workers(cluster.address)
+    work = work_units(partial(tasks.waits_at, gate), range(10_000), workers)
+    next(work)
+    work.close()
+    wait_until(lambda: cluster.tasks() == 0)
+    gate.touch()
+    assert dict(work_units(SLOW, [1], workers)) == {1: 3}
+
+
+@on_cluster
+def test_a_failure_on_a_cluster_reaches_the_caller(
+    cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    workers = cluster_workers(cluster.address)
+    with pytest.raises(InputError, match="this eye is too small"):
+        list(work_units(no_preparation, range(3), workers))
+
+    with pytest.raises(InputError, match="this eye is too small"):
+        list(work_in_order(no_preparation, range(3), workers, ahead=2))
+
+    with pytest.raises(SolverError, match="die one after the other"):
+        list(work_units(tasks.ends_its_process, [7], workers))
+
+    monkeypatch.setattr(scleraforce, "__version__", "0.0.1")
+    with pytest.raises(
+        InputError, match=r"a worker has scleraforce \d.*, this process 0\.0\.1"
+    ):
+        list(work_units(SLOW, [1], workers))
+
+
+@on_cluster
+def test_work_waits_for_workers_and_outlives_one(mortal: Cluster) -> None:
+    workers = cluster_workers(mortal.address)
+    assert workers == 1
+    victim = mortal.worker()
+    _ = mortal.worker()
+    results = []
+
+    for result in work_in_order(SLOW, range(60), workers, ahead=20):
+        results.append(result)
+        if len(results) == 5:
+            victim.send_signal(signal.SIGKILL)
+
+    assert results == [3 * unit for unit in range(60)]
+    assert victim.wait() == -signal.SIGKILL
+
+
+@on_cluster
+def test_a_scheduler_that_ends_is_one_clear_error(mortal: Cluster) -> None:
+    mortal.worker()
+    done = work_units(SLOW, range(10_000), cluster_workers(mortal.address))
+    next(done)
+    mortal.scheduler.kill()
+    with pytest.raises(SolverError, match="the scheduler has ended"):
+        list(done)
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+def test_no_scheduler_is_bad_input(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(processes_module, "CONNECT_S", 0.5)
+    with pytest.raises(
+        InputError, match=re.escape("no Dask scheduler answers at tcp://127.0.0.1:9")
+    ):
+        cluster_workers("tcp://127.0.0.1:9")
+
+
+LOOPS = """
+import numpy as np
+from scleraforce.base.compiled_loops import compiled
+
+@compiled
+def square(x):
+    return x * x
+
+@compiled
+def norm(values):
+    total = 0.0
+    for row in range(values.shape[0]):
+        total += square(np.sin(values[row])) / 3.0
+    return np.sqrt(total)
+
+@compiled
+def late(values):
+    doubled = np.empty_like(values)
+    for row in range(values.shape[0]):
+        doubled[row] = 2.0 * values[row]
+    return norm(doubled) + norm(values)
+"""
+CALL = """
+import json, sys
+import numpy as np
+from loops import late, norm
+values = np.linspace(0.1, 2.0, 101)
+found = [norm(values).hex()]
+if "late" in sys.argv:
+    found += [late(values.astype(np.float32)).hex(), float(norm(values.astype(np.float32))).hex()]
+imported = [name for name in ("numba.np.arraymath", "numba.np.arrayobj") if name in sys.modules]
+print(json.dumps([found, imported]))
+"""
+
+
+def call(folder: Path, *words: str) -> tuple[list[str], list[str], str]:
+    environment = {
+        **os.environ,
+        "XDG_CACHE_HOME": str(folder / "cache"),
+        "PYTHONPATH": os.pathsep.join([str(folder), str(SOURCES)]),
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", CALL, *words],
+        env=environment,
+        capture_output=True,
+        check=True,
+    )
+    found, imported = json.loads(done.stdout)
+
+    return found, imported, done.stderr.decode()
+
+
+def test_machine_code_is_compiled_once_and_anew_if_its_file_is_broken_or_more_is_needed(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "loops.py").write_text(LOOPS)
+    compiled, _, first_notice = call(tmp_path)
+    loaded, imported, notice = call(tmp_path)
+    assert "compiling, once" in first_notice
+    assert loaded == compiled
+    assert (notice, imported) == ("", [])  # the compiler's modules are not imported
+    after_loading, _, notice = call(tmp_path, "late")
+    assert notice.count("compiling, once") == 1
+    assert (after_loading, [], "") == call(tmp_path, "late")
+    copy = tmp_path / "copy"  # of the same sources, at another place and time
+    copy.mkdir()
+    (copy / "loops.py").write_text(LOOPS)
+    (copy / "cache").symlink_to(tmp_path / "cache")
+    assert call(copy, "late") == (after_loading, [], "")
+    codes = list((tmp_path / "cache").rglob("*.nbc"))
+    assert codes
+
+    for code in codes:
+        code.write_bytes(code.read_bytes()[:100])
+
+    assert call(tmp_path)[0] == compiled
+
+
+def planted(folder: Path, marker: Path) -> None:
+    """Put a pickle that makes a folder into each file of machine code."""
+
+    class Bomb:
+        def __reduce__(self) -> tuple[object, tuple[str]]:
+            return os.mkdir, (str(marker),)
+
+    for code in [*folder.rglob("*.nbi"), *folder.rglob("*.nbc")]:
+        code.write_bytes(pickle.dumps(Bomb()))
+
+
+def code_folder(cache: Path) -> Path:
+    (folder,) = {code.parent for code in cache.rglob("*.nbc")}
+    return folder
+
+
+def linked_elsewhere(folder: Path) -> None:
+    folder.rename(folder.parent / "moved")
+    folder.symlink_to(folder.parent / "moved")
+
+
+def links_for_files(folder: Path) -> None:
+    (folder / "real").mkdir()
+    for file in [*folder.glob("*.nb?")]:
+        file.rename(folder / "real" / file.name)
+        file.symlink_to(folder / "real" / file.name)
+
+
+STRANGER = 54321  # a user's number
+as_root = pytest.mark.skipif(
+    not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root gives files away"
+)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="modes of Unix")
+@pytest.mark.parametrize(
+    ("spoil", "noted"),
+    [
+        (lambda folder: folder.chmod(0o777), "others can write to it"),
+        (lambda folder: folder.chmod(0o770), "others can write to it"),
+        (lambda folder: folder.parent.chmod(0o777), "everybody can replace"),
+        (lambda folder: folder.parents[2].chmod(0o777), "everybody can replace"),
+        (linked_elsewhere, "not a folder"),
+        pytest.param(
+            lambda folder: os.chown(folder, STRANGER, -1),
+            "belongs to another user",
+            marks=as_root,
+        ),
+        pytest.param(
+            lambda folder: [os.chown(file, STRANGER, -1) for file in folder.iterdir()],
+            "",
+            marks=as_root,
+        ),
+        (links_for_files, ""),
+    ],
+)
+def test_machine_code_that_others_could_have_written_is_not_loaded(
+    tmp_path: Path, spoil: Callable[[Path], object], noted: str
+) -> None:
+    (tmp_path / "loops.py").write_text(LOOPS)
+    found = call(tmp_path)[0]
+    folder = code_folder(tmp_path / "cache")
+    assert folder.stat().st_mode & 0o777 == 0o700
+    planted(folder, tmp_path / "owned")
+    spoil(folder)
+    again, _, notice = call(tmp_path)
+    assert again == found
+    assert not (tmp_path / "owned").exists()
+    assert noted in notice
+    assert "compiling, once" in notice or noted
+
+
+def test_machine_code_of_the_user_is_loaded(tmp_path: Path) -> None:
+    """The bomb of the test above goes off where its file is the user's own."""
+    (tmp_path / "loops.py").write_text(LOOPS)
+    call(tmp_path)
+    planted(code_folder(tmp_path / "cache"), tmp_path / "owned")
+    call(tmp_path)
+    assert (tmp_path / "owned").exists()
+
+
+def test_settings_in_the_current_folder_are_not_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "loops.py").write_text(LOOPS)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / ".numba_config.yaml").write_text("disable_jit: 1\n}{")
+    (tmp_path / "matplotlibrc").write_bytes(b"font.size: 3\n\xff")
+    assert "compiling, once" in call(tmp_path)[2]
+    draw = "from scleraforce.front.cli.main import main; main()"
+    subprocess.run(
+        [sys.executable, "-P", "-c", draw, "show", "paper", "--plot", "paper.svg"],
+        check=True,
+    )
+    assert (tmp_path / "paper.svg").exists()

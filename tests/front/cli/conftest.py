@@ -1,0 +1,46 @@
+"""Commands of `scleraforce`, run in the process of the test."""
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+
+from scleraforce.front.cli.main import run
+
+
+class Shell:
+    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self._capsys = capsys
+
+    def run(self, *words: object, code: int | Sequence[int] = 0) -> tuple[str, str]:
+        """Run a command that ends with this exit code; return its output and its
+        errors.
+        """
+        self._capsys.readouterr()
+        found = run([str(word) for word in words])
+        out, err = self._capsys.readouterr()
+        assert found in ((code,) if isinstance(code, int) else code), err
+        return out, err
+
+    def json(self, *words: object, code: int = 0) -> dict[str, Any]:
+        """Run a command with --json; return its object."""
+        return json.loads(self.run(*words, "--json", code=code)[0])
+
+    def text(self, *words: object) -> str:
+        """Return the output of a command, its lines joined."""
+        return " ".join(self.run(*words)[0].split())
+
+    def refused(self, *words: object, codes: Sequence[int] = (2,)) -> str:
+        """Run a command that ends with one of these exit codes and one line of error;
+        return the line.
+        """
+        out, err = self.run(*words, code=codes)
+        assert (out, err.count("\n")) == ("", 1)
+        assert err.startswith("error: ")
+        return err
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
+    return Shell(capsys)

@@ -1,0 +1,349 @@
+"""Many recordings into one table: its rows and summary, and what is read again."""
+
+import csv
+import os
+import re
+import shutil
+import sys
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import scleraforce as sf
+from scleraforce.base import kept_results
+from scleraforce.base.errors import InputError
+from scleraforce.front.api import evaluation_table
+from scleraforce.front.api.evaluation_table import Batch, by_eye, evaluate_to_table
+from scleraforce.records.model_folder import SHIPPED_WALL_FINDER
+
+NAMES = ("eye-a", "eye-b", "eye-c")
+
+
+@pytest.fixture(scope="module")
+def eyes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("eyes")
+    for seed, name in enumerate(NAMES):
+        sf.phantom(
+            folder / name,
+            eye=name,
+            forces_n=[0.012, 0.03],
+            thickness_m=650e-6,
+            globe="open",
+            seed=seed,
+        )
+
+    (folder / "notes.txt").write_text("not a recording")
+    return folder
+
+
+@pytest.fixture
+def folder(eyes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(shutil.copytree(eyes, tmp_path / "eyes"))
+    return tmp_path / "eyes"
+
+
+def evaluated(table: str = "t.csv", calibration: Path | None = None) -> Batch:
+    paths = [path for path in sorted(Path().iterdir()) if not path.name.startswith(".")]
+    return evaluate_to_table(
+        "default",
+        paths,
+        Path(table),
+        calibration,
+        SHIPPED_WALL_FINDER,
+        lambda *_: nullcontext(lambda _: None),
+    )
+
+
+def test_the_table_has_the_rows_and_the_summary_the_metrics_of_evaluate(
+    folder: Path,
+) -> None:
+    found = evaluated()
+    together = sf.evaluate(sf.load_model("default"), list(NAMES))
+    assert found.rows == together.rows()
+    assert found.notes[0] == "left out, not recordings: notes.txt"
+
+    with (folder / "t.csv").open(newline="") as file:
+        lines = list(csv.DictReader(file))
+
+    assert [(row["recording"], row["file"]) for row in lines] == [
+        (each.recording, each.file) for each in together.frames
+    ]
+    assert {
+        "time_s",
+        "measured_force_mn",
+        "predicted_force_mn",
+        "interval_low_mn",
+        "covered",
+    } <= lines[0].keys()
+
+    for eye, name in zip(by_eye(found.rows), NAMES, strict=True):
+        alone = sf.evaluate(sf.load_model("default"), name)
+        assert (eye["eye"], eye["frames"], eye["scored"]) == (
+            name,
+            2,
+            len(alone.scored),
+        )
+        assert eye["mae_mn"] == pytest.approx(1e3 * alone.mae_n)
+        assert (eye["accuracy"], eye["coverage"]) == (
+            alone.accuracy.value,
+            alone.coverage.value,
+        )
+        assert eye["modulus_source"] == alone.frames[0].modulus_source
+
+
+def test_an_interrupted_batch_continues_after_its_last_whole_recording(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = evaluation_table.evaluate_recordings
+    calls = list[Path]()
+
+    def interrupted(reader: Any, recordings: Any, summary: Any) -> Any:
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        calls.append(recordings[0].path)
+        return real(reader, recordings, summary)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(evaluation_table, "evaluate_recordings", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            evaluated()
+
+    assert not (folder / "t.csv").exists()
+    assert not [
+        name
+        for _, _, files in os.walk(folder)
+        for name in files
+        if name.endswith(".part")
+    ]
+    resumed = evaluated()
+    assert (resumed.recordings, resumed.read) == (3, 1)
+    assert resumed.rows == evaluated("fresh.csv").rows
+    assert (folder / "t.csv").read_bytes() == (folder / "fresh.csv").read_bytes()
+
+
+def test_what_has_changed_is_read_again_and_nothing_else(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert [evaluated().read, evaluated().read] == [3, 0]
+    frames = sorted((folder / "eye-b" / "frames").iterdir())
+    frames[0].write_bytes(frames[1].read_bytes())
+    assert evaluated().read == 1
+    (folder / "eye-c" / "walls").mkdir()
+    # hidden: of no effect on the answers
+    (folder / "eye-c" / "walls" / ".0001.draft.json").write_text("{}")
+    assert evaluated().read == 0
+    state = sorted((folder / ".t.csv.state").iterdir())
+    assert len(state) == 3  # files of earlier contents are gone
+    state[1].write_bytes(state[1].read_bytes()[:-9])
+    assert evaluated().read == 1
+    shutil.rmtree(folder / "eye-c")
+    assert (evaluated().read, len(list((folder / ".t.csv.state").iterdir()))) == (0, 2)
+    sf.calibrate("eye-a", frames=1, out=folder / "c.json")
+    assert evaluated(calibration=folder / "c.json").read == 2
+    monkeypatch.setattr(evaluation_table, "__version__", "9.9")
+    assert evaluated(calibration=folder / "c.json").read == 2
+
+
+def test_every_byte_of_a_recording_counts_wherever_its_frames_lie(
+    folder: Path,
+) -> None:
+    """In folders below, behind links, and with a name that begins with a point."""
+    frames = folder / "eye-a" / "frames"
+    (frames / "below" / ".more").mkdir(parents=True)
+    names = sorted(file.name for file in frames.glob("*.png"))
+    moved = ["below/.more/.first.png", "link/second.png"]
+    (frames / "link").symlink_to("below")
+    for name, place in zip(
+        names, ["below/.more/.first.png", "below/second.png"], strict=True
+    ):
+        (frames / name).rename(frames / place)
+    (frames / "below" / "round").symlink_to("..")
+
+    text = (folder / "eye-a" / "frames.csv").read_text()
+    for name, place in zip(names, moved, strict=True):
+        text = text.replace(name, place)
+    (folder / "eye-a" / "frames.csv").write_text(text)
+
+    assert [evaluated().read, evaluated().read] == [3, 0]
+    for place in moved:
+        before = (frames / place).read_bytes()
+        (frames / place).write_bytes((frames / moved[1]).read_bytes() + b"\0")
+        assert evaluated().read == 1
+        (frames / place).write_bytes(before)
+        assert evaluated().read == 1  # the earlier answers are deleted by then
+
+    (frames / "other").mkdir()
+    shutil.copy(frames / moved[0], frames / "other" / "second.png")
+    (frames / "link").unlink()
+    (frames / "link").symlink_to("other")
+    assert evaluated().read == 1
+
+
+def test_only_what_this_user_wrote_is_believed_or_deleted(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    kept_results._key.cache_clear()
+    true_rows = evaluated().rows
+    key = tmp_path / "state" / "scleraforce" / "keys" / "results"
+    assert (key.stat().st_mode & 0o777, key.parent.stat().st_mode & 0o777) == (
+        0o600,
+        0o700,
+    )
+    state = folder / ".t.csv.state"
+    for part in state.iterdir():
+        code, text, _ = part.read_text().split("\n")
+        forged = text.replace('"predicted": ', '"predicted": 1')
+        assert forged != text
+        part.write_text(f"{code}\n{forged}\n")
+
+    assert not any(map(kept_results.kept_result, state.iterdir()))
+    with pytest.raises(InputError, match="exists already"):
+        evaluated()  # whose table is it?
+
+    (folder / "t.csv").unlink()
+    (state / f"{'0' * 64}.kept").write_text("mine")
+    (state / "other.json").write_text("mine")
+    (folder / "elsewhere").write_text("mine")
+    (state / "link.kept").symlink_to(folder / "elsewhere")
+    again = evaluated()
+    assert (again.read, again.rows) == (3, true_rows)
+    assert [file.name for file in state.iterdir() if file.read_text() == "mine"] != []
+    assert len(list(state.iterdir())) == 6
+    assert (folder / "elsewhere").read_text() == "mine"
+
+    for mode in (0o770, 0o777):  # then nothing is believed, and nothing fails
+        key.parent.chmod(mode)
+        kept_results._key.cache_clear()
+        (folder / "t.csv").unlink()
+        assert evaluated().read == 3
+
+    kept_results._key.cache_clear()
+
+
+def test_a_state_folder_that_is_a_link_is_refused(folder: Path) -> None:
+    evaluated()
+    (folder / ".t.csv.state").rename(folder / "others")
+    (folder / ".t.csv.state").symlink_to("others")
+    before = sorted((folder / "others").iterdir())
+    shutil.rmtree(folder / "eye-c")
+    with pytest.raises(InputError, match=r"\.t\.csv\.state: a link or no folder"):
+        evaluated()
+    assert sorted((folder / "others").iterdir()) == before
+
+
+@pytest.mark.usefixtures("folder")
+def test_other_code_and_another_bundled_model_answer_anew(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    evaluated()
+    monkeypatch.setattr(evaluation_table, "hash_sources", lambda *_: "other code")
+    assert evaluated().read == 3
+    real = evaluation_table.read_folder
+
+    def other(path: Any, kinds: Any) -> Any:
+        found = real(path, kinds)
+        record = {**found.record, "seed": 9} if path == "living" else found.record
+        return replace(found, record=record)
+
+    monkeypatch.setattr(evaluation_table, "read_folder", other)
+    assert evaluated().read == 3
+
+
+def test_answers_to_frames_that_change_meanwhile_are_not_kept(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = evaluation_table.evaluate_recordings
+    frame = min((folder / "eye-a" / "frames").iterdir())
+
+    def with_a_change(reader: Any, recordings: Any, summary: Any) -> Any:
+        found = real(reader, recordings, summary)
+        frame.write_bytes(frame.read_bytes() + b"\0")
+        return found
+
+    monkeypatch.setattr(evaluation_table, "evaluate_recordings", with_a_change)
+    assert evaluated().read == 3
+    monkeypatch.setattr(evaluation_table, "evaluate_recordings", real)
+    assert evaluated().read == 1
+
+
+def test_a_table_of_parquet_keeps_the_types_of_its_columns(folder: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    found = evaluated("t.parquet")
+    assert parquet.read_table(folder / "t.parquet").to_pylist() == found.rows
+
+
+def test_what_cannot_be_written_is_refused_before_reading(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, shell
+) -> None:
+    monkeypatch.setattr(evaluation_table, "evaluate_recordings", None)
+    (folder / "taken.csv").write_text("mine")
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+
+    for table, fault in {
+        "t.xlsx": "ends in .csv or .parquet",
+        "taken.csv": "exists already",
+        "no/t.csv": "its folder does not exist",
+        "t.parquet": (
+            "takes the package pyarrow, which is not installed: pip install"
+            " 'scleraforce[formats]'"
+        ),
+    }.items():
+        assert fault in shell.refused("evaluate", "default", "eye-a", "--table", table)
+
+    assert "nothing: no such recording" in shell.refused(
+        "evaluate", "default", "eye-a", "nothing", "--table", "t.csv"
+    )
+
+    with pytest.raises(InputError, match="given twice"):
+        evaluate_to_table(
+            "default",
+            [Path("eye-a"), folder / "eye-a"],
+            Path("t.csv"),
+            None,
+            None,
+            lambda *_: nullcontext(),
+        )
+
+    assert (folder / "taken.csv").read_text() == "mine"
+
+
+def test_a_table_and_a_report_are_of_the_same_frames(folder: Path, shell) -> None:
+    """The table as without the report, the report as without the table, and what was
+    kept serves the next table.
+    """
+    shell.run("evaluate", "default", *NAMES, "--table", "alone.csv")
+    shell.run("evaluate", "default", *NAMES, "--html", "alone.html")
+    for page in ("first.html", "t.html"):  # also where nothing has changed
+        both = ("--table", "t.csv", "--html", page)
+        lines = shell.run("evaluate", "default", *NAMES, *both)[0].splitlines()
+        assert lines[-1] == "wrote t.csv: 6 frames; recordings read now: 3 of 3"
+
+    assert (folder / "t.csv").read_bytes() == (folder / "alone.csv").read_bytes()
+    pages = [
+        re.sub(r"\d{4}-\d\d-\d\d \d\d:\d\d", "", (folder / name).read_text())
+        for name in ("t.html", "alone.html")
+    ]
+    assert pages[0] == pages[1]
+    assert evaluated("t.csv").read == 0
+
+
+@pytest.mark.usefixtures("folder")
+def test_the_command_prints_a_summary_by_eye(shell) -> None:
+    lines = shell.run("evaluate", "default", *NAMES, "--table", "t.csv")[0].splitlines()
+    assert lines[0].split() == [
+        "eye",
+        "frames",
+        "scored",
+        "accuracy",
+        "error/mN",
+        "held",
+        "E/MPa",
+        "from",
+    ]
+    assert [line.split()[:2] for line in lines[1:4]] == [[name, "2"] for name in NAMES]
+    assert lines[-1] == "wrote t.csv: 6 frames; recordings read now: 3 of 3"
+    assert max(map(len, lines)) <= 80

@@ -1,0 +1,344 @@
+"""`library`, `generate`, `train`: results, Ctrl-C that the same command repairs, full
+disks, wall finders.
+"""
+
+import json
+import resource
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from analytic_library import solve_analytic
+from effects import SCLERAFORCE
+from small_models import SMALL_STUDY, write_blind_finder
+from small_recordings import calibration_text
+from waiting import FUSE_S, LIMIT_S, wait_until
+
+from scleraforce.base.errors import ModelError
+from scleraforce.front.api.calibrating import library_for
+from scleraforce.front.cli.output import count_bar
+from scleraforce.lab.scenes.drawn_scenes import draw_scene
+from scleraforce.lab.training import slice_dataset as generate
+from scleraforce.lab.training.slice_dataset import open_dataset
+from scleraforce.library import library_store
+from scleraforce.library.library_store import open_library
+from scleraforce.reading.load_model import load_wall_finder
+from scleraforce.records.model_folder import SHIPPED_WALL_FINDER, check_place
+from scleraforce.records.scan import PixelScale
+from scleraforce.records.study import ScenesStudy, format_study, parse_study
+from scleraforce.wall.find_wall import find_wall
+
+STUDY = """
+[mesh]
+divisions = 4
+[dataset]
+contacts = 2
+[[dataset.group]]
+thickness_um = 500.0
+images = 20
+[library]
+thickness_um = { min = 500.0, max = 800.0 }
+thicknesses = 4
+tensions = 4
+tips = 4
+max_tip_mm = 1.0
+elements = 16
+"""
+
+
+@pytest.fixture
+def study(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY)
+    return path
+
+
+@pytest.mark.slow
+def test_generate_uses_the_calibrations_modulus_and_reports_its_speed(
+    study, tmp_path, shell
+):
+    calibration = tmp_path / "calibration.json"
+    out = tmp_path / "dataset.zarr"
+    calibration.write_text(calibration_text(0.31))
+    printed, noted = shell.run(
+        "generate",
+        "--study",
+        study,
+        "--out",
+        out,
+        "--calibration",
+        calibration,
+        "--json",
+    )
+    answer = json.loads(printed)
+    assert "E was fitted with finite-strain mechanics, the slices are linear" in noted
+    assert answer["images"] == 20
+    assert answer["images_per_second"] == pytest.approx(20 / answer["seconds"])
+    dataset = open_dataset(out)
+    assert dataset.youngs_modulus_pa == pytest.approx(0.31e6)
+    assert dataset.attributes["calibration"]["path"] == str(calibration)
+    assert "complete" in shell.refused("generate", "--study", study, "--out", out)
+
+
+def test_an_interrupted_command_says_what_it_keeps_and_exits_with_130(
+    study, tmp_path, shell, monkeypatch
+):
+    def interrupted(*_, progress, **__):
+        progress(7)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(generate, "generate_dataset", interrupted)
+    monkeypatch.setattr(library_store, "build_library", interrupted)
+
+    for command, kept in (
+        ("generate", "7 of 20 images"),
+        ("library", "7 of 208 load paths"),
+    ):
+        said = shell.run(command, "--study", study, "--out", tmp_path / "d", code=130)[
+            1
+        ]
+        assert f"{kept} are kept; the same command completes them" in said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGKILL])
+def test_a_generate_that_was_stopped_is_completed_by_the_same_command(
+    study, tmp_path, sent
+):
+    study.write_text(STUDY.replace("images = 20", "images = 3000"))
+    out = tmp_path / "dataset.zarr"
+    line = [
+        *SCLERAFORCE,
+        "generate",
+        "--study",
+        str(study),
+        "--out",
+        str(out),
+        "--json",
+    ]
+    process = subprocess.Popen(line, stderr=subprocess.PIPE, text=True)
+
+    wait_until(lambda: any(out.glob("slices/c/*/0/0")) or process.poll() is not None)
+    assert process.poll() is None
+    process.send_signal(sent)
+    message = process.communicate(timeout=FUSE_S)[1]
+    assert process.returncode == (130 if sent == signal.SIGINT else -signal.SIGKILL)
+    if sent == signal.SIGINT:
+        assert "Traceback" not in message
+        assert "of 3000 images are kept" in message
+
+    kept = len(list(Path(out).glob("slices/c/*/0/0")))
+    assert 0 < kept < 15
+    subprocess.run(line, check=True, stdout=subprocess.DEVNULL, timeout=LIMIT_S)
+    assert open_dataset(out).images == 3000
+
+
+@pytest.mark.slow
+def test_a_library_is_made_with_its_size_and_time(study, tmp_path, shell):
+    out = tmp_path / "library.zarr"
+    answer = shell.json("library", "--study", study, "--out", out, "--workers", 1)
+    assert answer["paths"] == 5 * 16 + 8 * 16
+    assert answer["seconds"] > 0.0
+    assert open_library(out).force_ratio_tpd.shape == (4, 4, 4)
+    assert "a complete library" in shell.refused(
+        "library", "--study", study, "--out", out
+    )
+
+
+@pytest.mark.slow
+def test_other_commands_find_the_library_in_the_users_cache(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    made = library_for(parse_study(STUDY), "finite-strain", count_bar)
+    assert made is not None
+    assert len(list((tmp_path / "scleraforce" / "libraries").glob("*.zarr"))) == 1
+    again = library_for(parse_study(STUDY), "finite-strain", count_bar)
+    assert again is not None
+    assert (again.force_ratio_tpd == made.force_ratio_tpd).all()
+
+
+LIBRARY = "[library]\nthicknesses = 4\ntensions = 4\ntips = 6\nelements = 16\n"
+DATASET = (
+    "[mesh]\ndivisions = 4\n[dataset]\ncontacts = 2\n[[dataset.group]]\nthickness_um ="
+    " 500.0\nimages = 200\n"
+)
+
+
+@contextmanager
+def files_up_to(size: int) -> Iterator[None]:
+    """Let no file grow beyond `size` bytes, as on a full disk.
+
+    Python writes no bytecode meanwhile: it would leave cut .pyc files of imported
+    modules, and not notice.
+    """
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "dont_write_bytecode", True)
+        patch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+# at the start, at a chunk
+@pytest.mark.parametrize(("command", "size"), [("library", 200), ("generate", 3000)])
+def test_a_store_on_a_full_disk_is_one_line(
+    tmp_path: Path, shell, monkeypatch, command: str, size: int
+) -> None:
+    monkeypatch.setattr(library_store, "solve_path", solve_analytic)
+    study = tmp_path / "study.toml"
+    out = tmp_path / "out"
+    study.write_text(LIBRARY + DATASET)
+
+    with files_up_to(size):
+        err = shell.refused(command, "--study", study, "--out", out, "--workers", 1)
+
+    assert str(out) in err
+    assert "File too large" in err
+
+
+def test_a_model_that_cannot_be_written_is_refused_before_any_work(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "file").write_text("")
+    for place in (
+        tmp_path / "file" / "model",
+        Path("/proc/model"),
+    ):
+        # not even root may write there
+        with pytest.raises(ModelError, match="cannot be made"):
+            check_place(place)
+
+    check_place(tmp_path / "new" / "model")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
+
+
+def test_training_on_a_store_of_another_kind_names_the_option(
+    tmp_path: Path, shell
+) -> None:
+    pytest.importorskip("torch")
+    library = "a response library and no data set; `train --kind reader` learns from it"
+    dataset = "a data set and no response library; `train --kind classifier`"
+
+    for schema, options, said in (
+        ("scleraforce-library-2", [], library),
+        ("scleraforce-dataset-2", ["--kind", "reader"], dataset),
+    ):
+        metadata = {
+            "zarr_format": 3,
+            "node_type": "group",
+            "attributes": {"schema": schema},
+        }
+        (tmp_path / "zarr.json").write_text(json.dumps(metadata))
+        assert said in shell.refused(
+            "train", tmp_path, *options, "--out", tmp_path / "model"
+        )
+
+
+SIZE = ["--width-mm", 10, "--depth-mm", 4]
+
+
+@pytest.fixture(scope="module")
+def blind(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    pytest.importorskip("torch")
+    folder = tmp_path_factory.mktemp("models") / "blind"
+    write_blind_finder(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def frame(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("frames") / "scene.png"
+    cv2.imwrite(str(path), draw_scene(SMALL_STUDY.scenes, 5).frame)
+    return path
+
+
+def test_a_wall_finder_that_differs_makes_a_frame_unusable_and_the_reason_says_so(
+    blind, frame, tmp_path, shell
+) -> None:
+    (entry,) = shell.json(
+        "segment", frame, "--out", tmp_path, *SIZE, "--wall-finder", blind
+    )["frames"]
+    assert not entry["usable"]
+    assert "differ" in entry["reason"] or "the network sees no wall" in entry["reason"]
+    assert [path.name for path in tmp_path.iterdir()] == ["scene.guess.png"]
+
+
+def test_the_bundled_wall_finder_checks_the_wall_by_default_and_none_switches_it_off(
+    tmp_path, shell
+) -> None:
+    """In a drawn scene in which it finds another wall than edge detection."""
+    scene = draw_scene(ScenesStudy(seed=3), 6)
+    path = tmp_path / "scene.png"
+    cv2.imwrite(str(path), scene.frame)
+    scale = PixelScale(
+        lateral_m=10e-3 / scene.frame.shape[1], depth_m=4e-3 / len(scene.frame)
+    )
+    checked = find_wall(
+        scene.frame, scale, finder=load_wall_finder(SHIPPED_WALL_FINDER)
+    ).mask
+    unchecked = find_wall(scene.frame, scale).mask
+    assert not np.array_equal(checked, unchecked)
+
+    for name, words, expected in (
+        ("a", (), checked),
+        ("b", ("--wall-finder", SHIPPED_WALL_FINDER), checked),
+        ("c", ("--wall-finder", "none"), unchecked),
+    ):
+        (entry,) = shell.json("segment", path, "--out", tmp_path / name, *SIZE, *words)[
+            "frames"
+        ]
+        assert np.array_equal(cv2.imread(entry["mask"], cv2.IMREAD_UNCHANGED), expected)
+
+
+def test_options_that_exclude_each_other_are_refused(tmp_path, shell) -> None:
+    for options, said in (
+        (
+            ["data.zarr", "--kind", "wall-finder"],
+            "data.zarr: --kind wall-finder draws its scenes; leave DATASET out",
+        ),
+        (
+            [],
+            "--kind classifier: DATASET is missing; only --kind wall-finder needs none",
+        ),
+        (["--kind", "raw-reader"], "--kind raw-reader: DATASET is missing"),
+        (
+            ["lib", "--kind", "raw-reader", "--search"],
+            "a raw-reader has the sizes of [raw_reader]",
+        ),
+        (
+            ["slices", "--scheduler", "tcp://127.0.0.1:9"],
+            "--scheduler: for --search and --kind wall-finder",
+        ),
+    ):
+        assert said in shell.refused("train", *options, "--out", tmp_path / "model")
+        assert not (tmp_path / "model").exists()
+
+
+@pytest.mark.slow
+def test_training_prints_its_results_and_its_model_segments(
+    frame, tmp_path, shell
+) -> None:
+    study = tmp_path / "study.toml"
+    model = tmp_path / "finder"
+    study.write_text(format_study(SMALL_STUDY))
+    answer = shell.json(
+        "train", "--kind", "wall-finder", "--study", study, "--out", model
+    )
+    assert (answer["kind"], answer["scenes"]) == ("wall-finder", 640)
+    assert answer["dice_mean"] > 0.85
+    (entry,) = shell.json(
+        "segment", frame, "--out", tmp_path, *SIZE, "--wall-finder", model
+    )["frames"]
+    # 640 scenes teach little
+    assert (
+        entry["reason"] == "" or "does not know where the wall ends" in entry["reason"]
+    )

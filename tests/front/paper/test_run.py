@@ -1,0 +1,399 @@
+"""A reproduction: finished stages are reused, foreign files left alone; framing,
+readings, sections; the demo.
+"""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from analytic_library import made_up_library
+from poses import sample_pose
+from small_recordings import frame_answer
+
+from scleraforce.base.errors import InputError, SolverError, StudyError
+from scleraforce.calibration.calibrate import calibration_passes
+from scleraforce.calibration.calibration import Calibration
+from scleraforce.calibration.evaluation import Evaluation
+from scleraforce.front.cli.main import run
+from scleraforce.front.paper import demo, run_folder as reproduction, stages
+from scleraforce.front.paper.paper_page import _comparison, _coverage
+from scleraforce.front.paper.run_folder import (
+    Progress,
+    Run,
+    Stage,
+    framed_for_laboratory,
+    open_run,
+    run_library,
+    run_stages,
+)
+from scleraforce.mechanics.contact_and_section import Contact, ScanPlane
+from scleraforce.mechanics.hexahedral_mesh import build_mesh
+from scleraforce.mechanics.linear_wall import LinearWall
+from scleraforce.mechanics.mesh_section import cut_sections
+from scleraforce.reading.load_model import load_force_reader
+from scleraforce.recordings.recording_folder import read_recording
+from scleraforce.records.calibration_file import read_calibration
+from scleraforce.records.model_folder import SHIPPED_READER
+from scleraforce.records.study import NetworkStudy, Study, format_study, parse_study
+
+DONE: list[str] = []
+BARS: list[tuple[str, int, int]] = []
+
+
+@contextmanager
+def announce(title: str, length: int) -> Iterator[Progress]:
+    """Keep what a progress bar would show: its title, its length, how far it came."""
+    count = 0
+
+    def advance(steps: int) -> None:
+        nonlocal count
+        count += steps
+
+    yield advance
+    BARS.append((title, length, count))
+
+
+@pytest.fixture(autouse=True)
+def _clean() -> None:
+    DONE.clear()
+    BARS.clear()
+
+
+def stage(
+    name: str,
+    work: Callable[[Run, Progress], None] | None = None,
+    *,
+    resumes: bool = False,
+) -> Stage:
+    """A stage that writes a folder of its name and ticks twice."""
+
+    def write(run: Run, progress: Progress) -> None:
+        (run.folder / name).mkdir(exist_ok=resumes)
+        progress(1)
+        progress(1)
+        DONE.append(name)
+
+    return Stage(
+        name, lambda _: 2, work or write, lambda run: run.folder / name, resumes
+    )
+
+
+def run_in(
+    folder: Path, *stages: Stage, say: Callable[[str], object] = lambda _: None
+) -> dict[str, float]:
+    return run_stages(open_run(folder, Study(), 1), stages, announce, say)
+
+
+def test_a_run_does_the_stages_in_order_and_a_later_one_only_the_unfinished(
+    tmp_path: Path,
+) -> None:
+    first = run_in(tmp_path, stage("a"), stage("b"))
+    assert BARS == [("1/2 a", 2, 2), ("2/2 b", 2, 2)]
+    assert (tmp_path / "study.toml").exists()
+    second = run_in(tmp_path, stage("a"), stage("b"), stage("c"))
+    assert DONE == ["a", "b", "c"]
+    assert list(second) == DONE
+    assert {name: second[name] for name in first} == first
+    (tmp_path / "a").rmdir()
+    run_in(tmp_path, stage("a"))
+    assert DONE == ["a", "b", "c", "a"]
+
+
+def interrupted(run: Run, progress: Progress) -> None:
+    """Half of a stage's result, then Ctrl-C."""
+    progress(1)
+    (run.folder / "b").mkdir()
+    raise KeyboardInterrupt
+
+
+def test_after_control_c_the_unfinished_stage_is_repeated_or_resumed(
+    tmp_path: Path,
+) -> None:
+    for resumes in (False, True):
+        with pytest.raises(KeyboardInterrupt):
+            run_in(tmp_path / str(resumes), stage("a"), stage("b", interrupted))
+        run_in(tmp_path / str(resumes), stage("a"), stage("b", resumes=resumes))
+    assert DONE == ["a", "b"] * 2
+
+
+def test_folders_of_others_and_of_another_study_are_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(InputError, match="not empty, and not made by `reproduce`"):
+        open_run(tmp_path, Study(), 1)
+
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+    with pytest.raises(InputError, match=r"mine\.txt"):
+        open_run(tmp_path / "mine.txt", Study(), 1)
+
+    open_run(tmp_path / "out", Study(), 1)
+    with pytest.raises(InputError, match="made from another study"):
+        open_run(tmp_path / "out", Study(network=NetworkStudy(seed=7)), 1)
+
+
+def test_a_run_with_another_reader_repeats_only_what_depends_on_it(
+    tmp_path: Path,
+) -> None:
+    stages = (stage("a"), replace(stage("b"), by_reader=True))
+    for train in (False, True, True):
+        run_stages(open_run(tmp_path, Study(), 1, train=train), stages, announce)
+    assert DONE == ["a", "b", "b"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[classes]\nbounds_mn = [4.0, 20.0]",
+        "[needle]\nouter_diameter_mm = 0.5",
+        "[eye]\nradius_mm = 11.0",
+    ],
+)
+def test_the_bundled_reader_is_refused_for_a_study_that_it_was_not_trained_for(
+    tmp_path: Path, text: str
+) -> None:
+    study = parse_study(text)
+    key = f"{text.split(']')[0][1:]}.{text.splitlines()[1].split()[0]}"
+    with pytest.raises(StudyError, match=f"study: {key}: .*--train"):
+        open_run(tmp_path / "out", study, 1)
+
+    assert (
+        open_run(tmp_path / "out", study, 1, train=True).reader
+        == tmp_path / "out" / "reader"
+    )
+
+
+def test_the_bundled_reader_serves_the_papers_study_with_its_own_library(
+    tmp_path: Path,
+) -> None:
+    run = open_run(tmp_path / "out", framed_for_laboratory(Study()), 1)
+    assert run.reader == SHIPPED_READER
+    shipped = load_force_reader(SHIPPED_READER).library
+    np.testing.assert_array_equal(
+        run_library(run).curves_tpdbnc(), shipped.curves_tpdbnc()
+    )
+
+
+@pytest.fixture(autouse=True)
+def _own_sources() -> Iterator[None]:
+    """Forget the sources of another test."""
+    yield
+    reproduction._sources.cache_clear()
+
+
+def test_results_of_other_code_are_made_again_once_and_one_line_says_so(
+    tmp_path: Path, monkeypatch
+) -> None:
+    stages = (stage("a", resumes=True), stage("b"))
+    lines = []
+    run_in(tmp_path, *stages, say=lines.append)
+    (tmp_path / "a" / "old").write_text("")
+    monkeypatch.setattr(reproduction, "hash_sources", lambda *_: "0" * 64)
+    reproduction._sources.cache_clear()
+
+    with pytest.raises(KeyboardInterrupt):
+        run_in(tmp_path, stages[0], stage("b", interrupted), say=lines.append)
+
+    run_in(tmp_path, *stages, say=lines.append)
+    assert DONE == ["a", "b", "a", "b"]
+    assert not (tmp_path / "a" / "old").exists()
+    assert lines == [
+        f"{tmp_path}: the code has changed since these results were made; all stages"
+        " are done again"
+    ]
+
+
+def test_a_broken_state_is_refused(tmp_path: Path) -> None:
+    open_run(tmp_path, Study(), 1)
+    for content in ("{", "[]", '{"seconds": 3}'):
+        (tmp_path / "reproduce.json").write_text(content)
+        with pytest.raises(InputError, match=r"reproduce\.json: cannot be read"):
+            open_run(tmp_path, Study(), 1)
+
+
+def test_every_pose_of_the_virtual_laboratory_lies_in_the_framing_of_the_data_set():
+    study = framed_for_laboratory(Study())
+    rng = np.random.default_rng(1)
+    poses = [sample_pose(study.phantom, rng) for _ in range(500)]
+    lateral = study.dataset.framing_lateral_m.bounds
+    depth = study.dataset.framing_depth_m.bounds
+    offsets = [pose.depth_m - study.slice.margin_m for pose in poses]
+    assert lateral[0] < min(pose.lateral_m for pose in poses)
+    assert max(pose.lateral_m for pose in poses) < lateral[1]
+    assert depth[0] < min(offsets)
+    assert max(offsets) < depth[1]
+    # ... and with little to spare: a pixel on both sides
+    assert depth[1] - depth[0] < max(offsets) - min(offsets) + 0.3e-3
+    assert parse_study(format_study(study)) == study
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Stands for a recording: as many frames."""
+
+    frames: Sequence[int]
+
+
+def test_the_bar_is_as_long_as_the_frames_that_both_calibrations_go_through(
+    tmp_path: Path, monkeypatch
+) -> None:
+    """The search of the stiffening goes through each frame several times; linear
+    mechanics once.
+    """
+    library = made_up_library()
+    counted = []
+
+    def calibrate(
+        recordings: Sequence[Frames],
+        *others: Any,
+        progress: Callable[[int], None],
+        **_: Any,
+    ) -> Any:
+        passes = calibration_passes(others[-1], None)
+        progress(passes * sum(len(recording.frames) for recording in recordings))
+        return Calibration({}, "hash", (5e-3, 30e-3), "finite-strain")
+
+    pushes = {
+        eye.id: range(len(forces_n))
+        for eye, forces_n in reproduction.bent_trials(Study())
+    }
+    monkeypatch.setattr(
+        stages, "read_recording", lambda path: Frames(pushes[path.name])
+    )
+    monkeypatch.setattr(stages, "calibrate_recordings", calibrate)
+    monkeypatch.setattr(Calibration, "to_dict", lambda _: {})
+    monkeypatch.setattr(stages, "write_calibration", lambda *_: None)
+    monkeypatch.setattr(reproduction, "run_library", lambda *_: library)
+    run = open_run(tmp_path / "out", Study(), 1)
+    stages._calibrate_bent(run, counted.append)
+    assert len(counted) == 2
+    assert (
+        stages._bent_frames(run)
+        == sum(counted)
+        > sum(len(frames) for frames in pushes.values())
+    )
+
+
+def test_a_section_at_another_modulus_is_that_of_the_scaled_force_to_a_tenth_of_a_pixel():
+    # Pressure and weight do not scale with the force; what they add is what the
+    # relabelling neglects.
+    mesh = build_mesh(12e-3, 0.6e-3, 8, 0, 1, 2)
+    wall = LinearWall(mesh, 0.45)
+    plane = ScanPlane(Contact(polar_rad=np.radians(35.0)), gap_m=0.5e-3)
+    modes_knc = np.stack(
+        [266.0 * wall.pressure_nc, wall.needle_cnc([plane.contact], 0.35e-3)[0]]
+    )
+    here = 0.25e6
+    there = 0.28e6
+    weights_fk = np.array([[1.0 / here, 0.03 / here], [1.0 / there, 0.03 / here]])
+    one, other = cut_sections(mesh, [plane], modes_knc, weights_fk[None])[0]
+    assert np.abs(one.outer - other.outer).max() < 1e-5
+    assert np.abs(one.inner - other.inner).max() < 1e-5
+
+
+def evaluation(folder: Path, kind: str, read_n: tuple[float | None, ...]) -> Evaluation:
+    """Answers to two frames, the log 2 mN above the truth."""
+    frames = tuple(
+        frame_answer(
+            recording=str(folder),
+            eye="eye-1",
+            file=f"{number}.png",
+            measured_force_n=true_n + 2e-3,
+            measured_force_sd_n=0.1e-3,
+            true_force_n=true_n,
+            force_n=force_n,
+            interval_n=None if force_n is None else (force_n - 1e-3, force_n + 1e-3),
+        )
+        for number, (true_n, force_n) in enumerate(
+            zip((10e-3, 20e-3), read_n, strict=True)
+        )
+    )
+    return Evaluation(
+        model="model",
+        bounds_n=(5e-3, 30e-3),
+        max_force_n=60e-3,
+        youngs_modulus_pa=0.25e6,
+        frames=frames,
+        kind=kind,
+    )
+
+
+def test_forces_are_compared_with_the_log_and_with_the_truth(tmp_path: Path) -> None:
+    paper = evaluation(tmp_path, "classifier", (None, None))
+    reader = evaluation(tmp_path, "reader", (10.5e-3, 19.5e-3))
+    cells = {row[0]: row[1:] for row in _comparison(paper, reader).rows}
+    assert cells["mean error of the force in mN"] == ["\N{EN DASH}", "2.00"]
+    assert cells["the same against the true force"] == ["\N{EN DASH}", "0.50"]
+    assert cells["labels that agree with their 90 % interval"][1].startswith("0.00")
+    assert cells["true forces within their 90 % interval"][1].startswith("1.00")
+
+
+def test_a_low_coverage_is_explained_by_the_error_of_the_log(tmp_path: Path) -> None:
+    found = _coverage(evaluation(tmp_path, "reader", (10.5e-3, 19.5e-3)))
+    assert [found[name] for name in ("off_mn", "most_mn", "reach_mn")] == pytest.approx(
+        [2.0, 2.0, 1.0]
+    )
+    assert [found[name] for name in ("agree", "label_mn", "hold")] == pytest.approx(
+        [0.0, 0.1, 1.0]
+    )
+    assert found["by_eye"] == "2 of 2 of eye-1"
+    assert _coverage(evaluation(tmp_path, "classifier", (None, None))) == {}
+
+
+def test_the_eye_with_the_least_coverage_is_named_with_its_common_error(
+    tmp_path: Path,
+) -> None:
+    read = evaluation(tmp_path, "reader", (12e-3, 24e-3))
+    calibrated = frame_answer(
+        eye="eye-1", calibration=True, measured_force_n=10.3e-3, true_force_n=10e-3
+    )
+    found = _coverage(replace(read, frames=(*read.frames, calibrated)))
+    words = (
+        "eye-1 is read +20.0 % off in the mean, after labels of +0.30 mN in the mean of"
+        " its calibration. "
+    )
+    assert found["worst"] == words
+
+
+@pytest.mark.slow
+def test_a_virtual_session_is_pushed_calibrated_read_and_shown(
+    tmp_path: Path, capsys
+) -> None:
+    out = tmp_path / "new" / "demo"
+    assert run(["demo", "--out", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["page"] == str(out / "answers.html")
+    assert "Model" in (out / "answers.html").read_text()
+    assert (
+        len(read_recording(out / "eye").frames) == told["frames"] == len(demo.FORCES_N)
+    )
+    assert read_calibration(out / "modulus.json").eyes["demo"].mean_pa == pytest.approx(
+        0.3e6, rel=0.1
+    )
+    assert told["read"] == told["right"] == len(demo.FORCES_N) - demo.TAUGHT
+    assert told["mae_mn"] < 1.0
+
+
+def test_a_session_that_ends_early_leaves_nothing(
+    tmp_path: Path, monkeypatch, capsys
+) -> None:
+    def failing(*_: object) -> None:
+        raise SolverError("no equilibrium")
+
+    monkeypatch.setattr(demo, "study_sections", lambda *_: lambda _: [])
+    monkeypatch.setattr(
+        demo, "write_phantom", lambda out, *_: (out.mkdir(parents=True), failing())
+    )
+    assert run(["demo", "--out", str(tmp_path / "demo")]) == 1
+    assert capsys.readouterr().err == "error: no equilibrium\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_is_there_stays(tmp_path: Path, capsys) -> None:
+    (tmp_path / "mine").write_text("mine")
+    assert run(["demo", "--out", str(tmp_path)]) == 2
+    assert f"{tmp_path}: exists already" in capsys.readouterr().err
+    assert (tmp_path / "mine").read_text() == "mine"

@@ -1,0 +1,136 @@
+from dataclasses import replace
+from math import radians
+from pathlib import Path
+
+import cv2
+import meshio
+import numpy as np
+import pytest
+
+from scleraforce.base.errors import InputError
+from scleraforce.front.report.figure_files import write_figure
+from scleraforce.front.report.model_figures import draw_simulation
+from scleraforce.lab.virtual_eye import SimulatedEye, simulate_eye, write_vtu
+from scleraforce.mechanics.contact_and_section import Contact
+from scleraforce.records.study import MeshStudy, Study
+
+THICKNESS = 0.8e-3
+CONTACT = Contact(polar_rad=radians(35.0), azimuth_rad=0.3)
+
+
+@pytest.fixture(scope="module", params=[1, 2])
+def eye(request: pytest.FixtureRequest) -> SimulatedEye:
+    study = replace(
+        Study(), mesh=MeshStudy(divisions=8, level=0, layers=2, order=request.param)
+    )
+    return simulate_eye(study, THICKNESS, 0.02, CONTACT)
+
+
+def test_the_graded_default_agrees_with_the_even_mesh() -> None:
+    even = replace(Study(), mesh=MeshStudy(kind="hexahedra"))
+    graded, other = (
+        simulate_eye(study, 0.5e-3, 0.02, CONTACT) for study in (Study(), even)
+    )
+    assert len(graded.mesh.cells_en) == 372
+    # of which the even mesh has up to 1.9 %
+    assert graded.tip_m == pytest.approx(other.tip_m, rel=0.02)
+    assert np.mean(graded.slice != other.slice) < 2e-3
+
+
+def tetrahedra_volume(points: np.ndarray, cells: np.ndarray) -> float:
+    """Volume of hexahedra from their corners alone, in VTK's order, each cut into six
+    tetrahedra.
+    """
+    tetrahedra = np.array(
+        [
+            (0, 1, 2, 6),
+            (0, 2, 3, 6),
+            (0, 3, 7, 6),
+            (0, 7, 4, 6),
+            (0, 4, 5, 6),
+            (0, 5, 1, 6),
+        ]
+    )
+    a, b, c, d = np.moveaxis(points[cells[:, tetrahedra]], 2, 0)
+    volumes = np.einsum("etc,etc->et", np.cross(b - a, c - a), d - a) / 6.0
+    assert volumes.min() > 0.0
+
+    return float(volumes.sum())
+
+
+def test_the_grid_of_pyvista_has_the_wall_and_its_displacement(
+    eye: SimulatedEye,
+) -> None:
+    grid = eye.to_pyvista()
+    np.testing.assert_array_equal(grid.point_data["displacement"], eye.displacement_nc)
+    shell = 2.0 / 3.0 * np.pi * (12e-3**3 - (12e-3 - THICKNESS) ** 3)
+    assert grid.compute_cell_sizes()["Volume"].sum() == pytest.approx(shell, rel=0.03)
+
+
+def test_the_vtk_file_holds_the_wall_its_displacement_and_middle_nodes_between_the_corners_that_vtk_says(
+    eye: SimulatedEye, tmp_path: Path
+) -> None:
+    """VTK's documentation of vtkTriQuadraticHexahedron (its parametric coordinates were
+    compared with ours once).
+    """
+    with pytest.raises(InputError, match="no-such-folder"):
+        write_vtu(eye, tmp_path / "no-such-folder" / "eye.vtu")
+
+    write_vtu(eye, tmp_path / "eye.vtu")
+    read = meshio.read(tmp_path / "eye.vtu")
+    (block,) = read.cells
+    assert block.type == {1: "hexahedron", 2: "hexahedron27"}[eye.mesh.order]
+    np.testing.assert_array_equal(read.points, eye.mesh.points_nc)
+    np.testing.assert_array_equal(read.point_data["displacement"], eye.displacement_nc)
+    np.testing.assert_array_equal(read.point_data["needle_displacement"], eye.needle_nc)
+    shell = 2.0 / 3.0 * np.pi * (12e-3**3 - (12e-3 - THICKNESS) ** 3)
+    assert tetrahedra_volume(read.points, block.data) == pytest.approx(shell, rel=0.03)
+    assert [path.name for path in tmp_path.iterdir()] == ["eye.vtu"]
+    cells = block.data
+    edges = {
+        8: (0, 1),
+        9: (1, 2),
+        10: (2, 3),
+        11: (3, 0),
+        12: (4, 5),
+        13: (5, 6),
+        14: (6, 7),
+        15: (7, 4),
+    }
+    pillars = {16: (0, 4), 17: (1, 5), 18: (2, 6), 19: (3, 7)}
+    faces = {
+        20: (0, 3, 7, 4),
+        21: (1, 2, 6, 5),
+        22: (0, 1, 5, 4),
+        23: (3, 2, 6, 7),
+        24: (0, 1, 2, 3),
+        25: (4, 5, 6, 7),
+    }
+    expected = (
+        edges | pillars | faces | {26: tuple(range(8))} if eye.mesh.order == 2 else {}
+    )
+    assert cells.shape[1] == 8 + len(expected)
+
+    for node, corners in expected.items():
+        between = read.points[cells[:, list(corners)]].mean(axis=1)
+        # curvature; t is 0.8 mm
+        assert (
+            np.linalg.norm(read.points[cells[:, node]] - between, axis=1).max()
+            < 0.15e-3
+        )
+
+
+def test_the_figure_shows_mesh_needle_and_slice(
+    eye: SimulatedEye, tmp_path: Path
+) -> None:
+    write_figure(draw_simulation(eye), tmp_path / "eye.png")
+    image = cv2.imread(str(tmp_path / "eye.png"), cv2.IMREAD_COLOR).astype(int)
+    left = image[:, : image.shape[1] // 2]
+    right = image[:, image.shape[1] // 2 :]
+    blue, green, red = np.moveaxis(left, -1, 0)
+    # the needle, vermilion
+    assert np.count_nonzero((red > 190) & (green < 110) & (blue < 60)) > 200
+    # viridis' dark end: the wall at rest
+    assert np.count_nonzero((blue > 70) & (red < 90)) > 10_000
+    # the slice's black background
+    assert np.count_nonzero(right.max(axis=-1) < 10) > 10_000

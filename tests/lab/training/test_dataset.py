@@ -1,0 +1,499 @@
+"""Data sets: the plan, the store, slices of linear mechanics and of the library."""
+
+import hashlib
+import multiprocessing
+import os
+import shutil
+import tracemalloc
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zarr
+from analytic_library import analytic_library
+from effects import contents
+from numcodecs import Zstd
+from numcodecs.checksum32 import CRC32C
+from scipy import stats
+from small_models import rehash_store
+from small_recordings import calibration_text
+
+from reference_walls import cut_section
+from scleraforce.base.errors import DatasetError, InputError, StudyError
+from scleraforce.base.whole_files import MIB
+from scleraforce.lab.training.slice_dataset import (
+    DTYPES,
+    SLICES,
+    create_dataset,
+    generate_dataset,
+    library_slices,
+    near_library,
+    open_dataset,
+    plan_dataset,
+    unit_samples,
+)
+from scleraforce.library.plane_cut import cut_surfaces
+from scleraforce.mechanics.contact_and_section import Contact, ScanPlane
+from scleraforce.mechanics.hexahedral_mesh import build_mesh
+from scleraforce.mechanics.linear_wall import LinearWall
+from scleraforce.mechanics.mesh_section import fill_section, slice_window
+from scleraforce.records import study as st
+from scleraforce.records.calibration_file import read_calibration
+from scleraforce.records.study import Range, Study, format_study, parse_study
+
+RANGES = (
+    Range(min=0.35e-3, max=1e-3),
+    Range(min=-0.1, max=0.1),
+    Range(min=-2e-4, max=2e-4),
+)
+OPEN = dict(zip(("gap_m", "tilt_rad", "framing_depth_m"), RANGES, strict=True))
+PAPER = Study()
+
+
+def with_dataset(study=PAPER, **changes):
+    return replace(study, dataset=replace(study.dataset, **changes))
+
+
+@pytest.fixture(scope="module")
+def paper():
+    return plan_dataset(Study())
+
+
+def test_every_thickness_has_200_contacts_of_its_own_and_a_tenth_of_them_for_validation(
+    paper,
+):
+    assert not set(paper.contact[paper.validation]) & set(
+        paper.contact[~paper.validation]
+    )
+    for thickness in np.unique(paper.thickness_m):
+        of_wall = paper.thickness_m == thickness
+        assert len(np.unique(paper.contact[of_wall])) == 200
+        assert paper.validation[of_wall].mean() == pytest.approx(0.1)
+
+    starts = np.flatnonzero(np.diff(paper.contact, prepend=-1))
+    assert len(starts) == 1000
+    assert all(unit.start in starts for unit in unit_samples(Study()))
+
+
+def test_forces_and_contacts_are_uniform_and_targets_are_the_classes_of_the_forces(
+    paper,
+):
+    for thickness, largest in [(4e-4, 45e-3), (5e-4, 60e-3), (8e-4, 60e-3)]:
+        force = paper.force_n[np.isclose(paper.thickness_m, thickness)]
+        assert stats.kstest(force / largest, "uniform").pvalue > 0.01
+
+    _, first = np.unique(paper.contact, return_index=True)
+    polar = (np.rad2deg(paper.polar_rad[first]) - 25.0) / 20.0
+    assert stats.kstest(polar, "uniform").pvalue > 0.01
+    assert stats.kstest(paper.azimuth_rad[first] / (2 * np.pi), "uniform").pvalue > 0.01
+    expected = np.where(paper.force_n < 5e-3, 0, np.where(paper.force_n > 30e-3, 2, 1))
+    np.testing.assert_array_equal(paper.target, expected)
+    assert set(paper.gap_m) == {0.5e-3}
+    assert not np.any(paper.framing_lateral_m)
+
+
+MODULUS_PA = 0.3e6
+
+
+def small_study(seed=0):
+    """Two thicknesses, 5 contacts each, every range open, units that split contacts and
+    thicknesses.
+    """
+    study = with_dataset(
+        Study(mesh=st.MeshStudy(divisions=4, level=1)),
+        seed=seed,
+        contacts=5,
+        direction_rad=Range(min=-1.0, max=1.0),
+        framing_lateral_m=Range(min=-5e-4, max=5e-4),
+        group=(
+            st.DatasetGroup(thickness_m=5e-4, images=253, max_force_n=45e-3),
+            st.DatasetGroup(thickness_m=8e-4, images=212, max_force_n=60e-3),
+        ),
+        **OPEN,
+    )
+    return parse_study(format_study(study))
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A data set made by one worker."""
+    path = tmp_path_factory.mktemp("made") / "dataset.zarr"
+    done = []
+    result = generate_dataset(
+        small_study(),
+        path,
+        youngs_modulus_pa=MODULUS_PA,
+        workers=1,
+        progress=done.append,
+    )
+    assert (result.images, result.simulated, sum(done)) == (465, 465, 465)
+
+    return path
+
+
+@pytest.fixture
+def copy(made, tmp_path):
+    """A data set that a test may damage."""
+    return Path(shutil.copytree(made, tmp_path / "copy"))
+
+
+@pytest.mark.slow
+def test_two_workers_and_an_interruption_change_no_byte(made, tmp_path):
+    path = tmp_path / "dataset.zarr"
+
+    def interrupt(done: int) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        generate_dataset(
+            small_study(),
+            path,
+            youngs_modulus_pa=MODULUS_PA,
+            workers=2,
+            progress=interrupt,
+        )
+
+    assert not multiprocessing.active_children()
+    kept = len(list((path / "slices" / "c").iterdir()))
+    assert kept == 1
+    with pytest.raises(DatasetError, match="not complete"):
+        open_dataset(path)
+
+    result = generate_dataset(
+        small_study(), path, youngs_modulus_pa=MODULUS_PA, workers=2
+    )
+    assert result.simulated in (465 - 200, 465 - 65)
+    assert contents(path) == contents(made)
+
+
+@pytest.mark.slow
+def test_a_sample_can_be_made_again_from_its_metadata_the_slow_way(made):
+    dataset = open_dataset(made)
+    study = dataset.study
+    columns = {name: dataset.read(name) for name in vars(plan_dataset(dataset.study))}
+
+    for sample in (0, 130, 252, 253, 464):
+        row = {name: values[sample] for name, values in columns.items()}
+        mesh = build_mesh(study.eye.radius_m, row["thickness_m"], 4, 1, 1, 2)
+        wall = LinearWall(mesh, study.eye.poisson_ratio)
+        contact = Contact(polar_rad=row["polar_rad"], azimuth_rad=row["azimuth_rad"])
+        needle = wall.needle_cnc([contact], 0.35e-3)[0]
+        plane = ScanPlane(
+            contact,
+            gap_m=row["gap_m"],
+            direction_rad=row["direction_rad"],
+            tilt_rad=row["tilt_rad"],
+        )
+        loads = {
+            "youngs_modulus_pa": MODULUS_PA,
+            "iop_pa": study.eye.iop_pa,
+            "density_kg_m3": 1100.0,
+        }
+        resting, pushed = (
+            cut_section(mesh, plane, wall.displacement(needle, force, **loads))
+            for force in (0.0, row["force_n"])
+        )
+        window = slice_window(
+            study.slice,
+            resting.outer[:, 1].min(),
+            row["framing_lateral_m"],
+            row["framing_depth_m"],
+        )
+        wrong = np.count_nonzero(fill_section(pushed, window) != dataset.slices[sample])
+        # pixels whose centres the curve passes within the micrometres between two sets
+        # of stations
+        assert wrong <= 3
+
+
+def test_metadata_is_complete_and_is_the_plan(made):
+    dataset = open_dataset(made)
+    found = dataset.study, dataset.youngs_modulus_pa, dataset.attributes["seed"]
+    assert found == (small_study(), MODULUS_PA, 0)
+    assert set(dataset.attributes["versions"]) >= {"scleraforce", "numpy", "zarr"}
+
+    for name, values in vars(plan_dataset(small_study())).items():
+        np.testing.assert_array_equal(dataset.read(name), values)
+
+    training, validation = dataset.split()
+    np.testing.assert_array_equal(
+        np.sort(np.r_[training, validation]), np.arange(dataset.images)
+    )
+    assert dataset.slices.shape == (465, 40, 140)
+    assert set(np.unique(dataset.slices)) == {0, 255}
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "message"),
+    [
+        ("slices/c/1/0/0", None, 0, "slices/c/1/0/0"),
+        ("validation/c/0", None, -2, "validation/c/0"),
+        ("slices/c/2/0/0", None, None, "slices/c/2/0/0: No such file"),
+        ("zarr.json", b'"complete": true', b'"complete": false', "not complete"),
+        ("zarr.json", b"max_force_mn = 45.0", b"max_force_mn = 46.0", "hash"),
+        ("zarr.json", b"scleraforce-dataset-2", b"scleraforce-dataset-9", "schema"),
+        ("zarr.json", b"{", b"", "not a data set"),
+    ],
+)
+def test_a_damaged_store_is_refused_and_the_damage_named(copy, file, old, new, message):
+    content = bytearray((copy / file).read_bytes())
+    (copy / file).unlink()
+    if old is None and new is not None:  # a byte is another
+        content[new] ^= 4
+
+    assert old is None or old in content
+    if new is not None:
+        (copy / file).write_bytes(
+            content if old is None else content.replace(old, new, 1)
+        )
+
+    with pytest.raises(DatasetError, match=message):
+        read_all(copy)
+
+
+def read_all(path):
+    return [open_dataset(path).read(name) for name in ("slices", *DTYPES)]
+
+
+@pytest.mark.parametrize(
+    ("one", "other"), [("slices/c/0/0/0", "slices/c/1/0/0"), ("gap_m", "force_n")]
+)
+def test_chunks_and_arrays_in_each_others_place_are_found(copy, one, other):
+    between = (copy / one).rename(copy / "between")
+    (copy / other).rename(copy / one)
+    between.rename(copy / other)
+    with pytest.raises(DatasetError, match=f"({one}|{other}).*: damaged"):
+        read_all(copy)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("force_n", np.nan, "not finite"),
+        ("force_n", -1e-3, "-1 to .* mN; its study asks for 0 to 60 mN"),
+        ("thickness_m", np.inf, "not finite"),
+        ("target", 3, "a class above 2"),
+        ("slices", 128, "a pixel other than 0"),
+    ],
+)
+def test_impossible_values_are_refused_even_where_the_hashes_agree(
+    copy, name, value, message
+):
+    zarr.open_array(copy / name, mode="r+")[7] = value
+    rehash_store(copy)
+    with pytest.raises(DatasetError, match=f"{name}: .*{message}"):
+        open_dataset(copy).read(name)
+
+
+def test_a_special_file_within_a_begun_data_set_is_refused(tmp_path):
+    partial_store(tmp_path / "d")
+    os.mkfifo(tmp_path / "d" / "slices" / "c")
+    with pytest.raises(DatasetError, match="slices/c/0/0/0: "):
+        partial_store(tmp_path / "d").write(
+            0, {SLICES: np.zeros((200, 40, 140), np.uint8)}
+        )
+
+
+def test_a_chunk_that_would_decode_to_more_than_a_chunk_takes_no_memory(copy):
+    whole = Zstd().encode(np.zeros((200, 40, 140), np.uint8))
+    # 2**17 of them
+    zeros = bytes.fromhex("02001000")
+    last_zeros = bytes.fromhex("03001000")
+
+    for bomb, damage in (
+        (Zstd().encode(np.zeros(2**28, np.uint8)), "at least 268435456, got 1120000"),
+        (240 * bytes(whole), "at least 268800000, got 1120000"),
+        (
+            bytes.fromhex("28b52ffd0058") + 2047 * zeros + last_zeros,
+            "buffer is too small",
+        ),  # states no size
+    ):
+        (copy / "slices/c/1/0/0").write_bytes(CRC32C(location="end").encode(bomb))
+        rehash_store(copy)
+        tracemalloc.start()
+        with pytest.raises(DatasetError, match=rf"slices/c/1/0/0: damaged .*{damage}"):
+            _ = open_dataset(copy).slices
+
+        assert tracemalloc.get_traced_memory()[1] < 32 * MIB
+        tracemalloc.stop()
+
+
+def test_no_store_another_thing_and_a_complete_store_are_refused(made, tmp_path):
+    with pytest.raises(DatasetError, match="no such data set"):
+        open_dataset(tmp_path / "nothing")
+
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "todo.txt").write_text("x")
+    with pytest.raises(DatasetError, match="something else"):
+        generate_dataset(small_study(), tmp_path / "notes")
+
+    before = contents(made)
+    with pytest.raises(DatasetError, match="complete data set"):
+        generate_dataset(small_study(), made, youngs_modulus_pa=MODULUS_PA)
+
+    assert contents(made) == before
+
+
+def partial_store(path, study=None, youngs_modulus_pa=MODULUS_PA, calibration=None):
+    study = study or small_study()
+    return create_dataset(
+        path, study, youngs_modulus_pa, calibration, plan_dataset(study)
+    )
+
+
+def test_a_run_does_not_continue_another_and_records_its_calibration(tmp_path):
+    file = tmp_path / "calibration.json"
+    file.write_text(calibration_text(0.27, mechanics="linear"))
+    calibration = read_calibration(file)
+    partial_store(tmp_path / "d", calibration=calibration)
+    assert zarr.open_group(tmp_path / "d", mode="r").attrs["calibration"] == {
+        "youngs_modulus_pa": pytest.approx(0.27e6),
+        "mechanics": "linear",
+        "path": str(file),
+        "sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
+    }
+
+    for name, other in {
+        "study": small_study(seed=1),
+        "youngs_modulus_pa": 0.31e6,
+        "calibration": None,
+    }.items():
+        with pytest.raises(DatasetError, match=f"another {name}"):
+            partial_store(tmp_path / "d", **{"calibration": calibration, name: other})
+
+
+def test_the_units_before_a_kill_are_reused(tmp_path):
+    path = tmp_path / "d"
+    store = partial_store(path)
+
+    for unit, samples in enumerate(unit_samples(small_study())):
+        store.write(
+            unit, {SLICES: np.zeros((samples.stop - samples.start, 40, 140), np.uint8)}
+        )
+
+    chunk = path / "slices" / "c" / "1" / "0" / "0"
+    chunk.write_bytes(chunk.read_bytes()[:50])  # a disk that lost power
+    chunk.with_suffix(".1234.part").write_bytes(b"half")
+    shutil.rmtree(path / "force_n")  # killed while the metadata was written
+    store = partial_store(path)
+    assert store.missing() == [1]
+
+    with pytest.raises(DatasetError, match="1 of 3 parts"):
+        store.finish()
+
+    store.write(1, {SLICES: np.zeros((200, 40, 140), np.uint8)})
+    store.finish()
+    assert not list(path.rglob("*.part"))
+    assert open_dataset(path).images == 465
+
+
+@pytest.fixture(scope="module")
+def library():
+    return analytic_library()
+
+
+@pytest.fixture(scope="module")
+def study():
+    walls = (5e-4, 250, 30e-3), (8e-4, 200, 50e-3)
+    group = tuple(
+        st.DatasetGroup(thickness_m=t, images=n, max_force_n=most_n)
+        for t, n, most_n in walls
+    )
+    lateral_m = Range(min=-1e-3, max=1e-3)
+
+    return parse_study(
+        format_study(
+            with_dataset(contacts=5, framing_lateral_m=lateral_m, group=group, **OPEN)
+        )
+    )
+
+
+def one_by_one(study, library, plan, sample):
+    """Cut and fill one sample as a section is cut and filled anywhere else."""
+    thickness = plan.thickness_m[sample : sample + 1]
+    ratio = np.array([study.eye.iop_pa / MODULUS_PA])
+    plane = float(plan.gap_m[sample]), float(plan.tilt_rad[sample])
+    beside = library.for_contact(float(plan.polar_rad[sample]))
+    force_ratio = plan.force_n[sample : sample + 1] / MODULUS_PA
+    resting, loaded = (
+        cut_surfaces(beside.curves(thickness, ratio, force).curves_sbnc[0], *plane)
+        for force in (np.zeros(1), force_ratio)
+    )
+    framing = float(plan.framing_lateral_m[sample]), float(plan.framing_depth_m[sample])
+
+    return fill_section(
+        loaded, slice_window(study.slice, float(resting.outer[:, 1].min()), *framing)
+    )
+
+
+@pytest.mark.slow
+def test_slices_equal_cutting_and_filling_one_by_one(study, library):
+    plan = plan_dataset(study)
+    near = near_library(study, plan, library)
+    images = library_slices(study, MODULUS_PA, plan.part(unit_samples(study)[1]), near)
+    numbers = np.arange(len(plan))[unit_samples(study)[1]]
+    differing = [
+        int((image != one_by_one(study, library, plan, sample)).sum())
+        for sample, image in zip(numbers[:25], images, strict=False)
+    ]
+    assert max(differing) <= 2  # pixels of 5,600: centres on a boundary, to 2 um
+    assert np.mean(differing) < 0.4
+
+
+def test_slices_of_a_library_are_stored_with_their_mechanics(study, library, tmp_path):
+    result = generate_dataset(
+        study, tmp_path / "d", youngs_modulus_pa=MODULUS_PA, library=library
+    )
+    dataset = open_dataset(tmp_path / "d")
+    assert (result.images, result.simulated, dataset.attributes["mechanics"]) == (
+        450,
+        450,
+        "finite-strain",
+    )
+    assert dataset.slices.any(axis=(1, 2)).all()
+    create_dataset(
+        tmp_path / "begun",
+        study,
+        MODULUS_PA,
+        None,
+        plan_dataset(study),
+        "finite-strain",
+    )
+
+    with pytest.raises(DatasetError, match="begun with another mechanics"):
+        generate_dataset(study, tmp_path / "begun", youngs_modulus_pa=MODULUS_PA)
+
+
+def test_a_library_of_another_eye_and_other_mechanics_are_refused(
+    study, library, tmp_path
+):
+    plan = plan_dataset(study)
+    other = replace(library, radius_m=11e-3)
+    with pytest.raises(DatasetError, match="library: radius"):
+        near_library(study, plan, other)
+
+    dead = st.MechanicsStudy(follower=False)
+    others = {
+        "globe.kind": {"globe": st.GlobeStudy("sealed")},
+        "mechanics.follower": {"mechanics": dead},
+    }
+
+    for key, changes in others.items():
+        with pytest.raises(
+            StudyError,
+            match=rf"{key}: not used by `generate` with finite-strain mechanics",
+        ):
+            generate_dataset(
+                replace(study, **changes), tmp_path / "slices", library=library
+            )
+
+    assert not (tmp_path / "slices").exists()
+
+
+def test_a_force_beyond_the_library_is_named(study, library):
+    with pytest.raises(
+        InputError,
+        match=r"F/E: .* mm\^2 is outside the library's range, 0 to 0\.5 mm\^2",
+    ):
+        library_slices(study, 0.05e6, plan_dataset(study), library)

@@ -1,0 +1,147 @@
+"""A wall finder learns from scenes alone; its model folder says what it was made of and
+runs without PyTorch.
+"""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from small_models import SMALL_STUDY
+
+from scleraforce.base.errors import ModelError
+from scleraforce.base.onnx_network import network_session, run_network
+from scleraforce.calibration.answer_metrics import dice
+from scleraforce.lab.scenes.drawn_scenes import draw_scene
+from scleraforce.lab.training import wall_network_training
+from scleraforce.lab.training.trained_models import train_wall_finder
+from scleraforce.reading.load_model import load_model, load_wall_finder
+from scleraforce.records.study import Study, parse_study, study_hash
+from scleraforce.wall.wall_network import (
+    FINDER_FRAMES,
+    FINDER_ROWS,
+    FINDER_WALL,
+    WallFinder,
+)
+
+FINDER = SMALL_STUDY.wall_finder
+JUDGED = torch.ones(1, 4, dtype=torch.bool)
+
+
+@pytest.mark.slow
+def test_it_finds_walls_of_new_easy_scenes_and_writes_a_wall_finder_that_is_checked(
+    tmp_path: Path,
+) -> None:
+    folder = tmp_path / "finder"
+    record = train_wall_finder(SMALL_STUDY, folder, workers=1)
+    assert record["metrics"]["dice_mean"] > 0.85
+    assert record["metrics"]["found"] > 0.95
+    assert (
+        json.loads(json.dumps(record)).items()
+        <= json.loads((folder / "model.json").read_text()).items()
+    )
+    assert record["provenance"]["study_sha256"] == study_hash(SMALL_STUDY)
+    assert parse_study((folder / "study.toml").read_text()) == SMALL_STUDY
+    assert (
+        f"{FINDER.batches * FINDER.batch_size} drawn scenes"
+        in (folder / "card.md").read_text()
+    )
+    losses = record["curves"]["training_loss"]
+    assert len(losses) == 50
+    assert losses[0] > losses[-1]
+
+    with pytest.raises(ModelError, match="kind: found 'wall-finder'"):
+        load_model(folder)
+
+    with pytest.raises(ModelError, match="place: inputs: found"):
+        WallFinder(load_wall_finder(folder).session, Study().wall_finder, "place")
+
+    changed = Path(shutil.copytree(folder, tmp_path / "changed"))
+    (changed / "model.onnx").write_bytes(
+        (changed / "model.onnx").read_bytes()[:-1] + b"x"
+    )
+
+    with pytest.raises(
+        ModelError, match=r"model\.onnx: SHA-256 .* was changed after training"
+    ):
+        load_wall_finder(changed)
+
+
+def test_the_graph_answers_as_the_network_does() -> None:
+    with torch.random.fork_rng():
+        torch.manual_seed(3)
+        network = wall_network_training.WallFinderNetwork(FINDER)
+        frames = torch.rand(5, FINDER.rows, FINDER.columns)
+        network(frames)  # moves the running means away from 0
+
+    network.eval()
+    session = network_session(
+        wall_network_training.finder_bytes(network, {"kind": "test"}), "graph", 1
+    )
+    rows, wall = run_network(
+        session, [FINDER_ROWS, FINDER_WALL], {FINDER_FRAMES: frames.numpy()}, "graph"
+    )
+
+    with torch.inference_mode():
+        row_logits, wall_logits = network(frames)
+
+    assert rows == pytest.approx(row_logits.softmax(dim=2).numpy(), abs=1e-5)
+    assert wall == pytest.approx(wall_logits.sigmoid().numpy(), abs=1e-5)
+
+
+def test_the_loss_grows_with_the_distance_and_counts_visible_columns_only() -> None:
+    row = torch.arange(FINDER.rows, dtype=torch.float32)
+    true = torch.full((1, 2, 4), 10.0)
+
+    def loss_at(place: float) -> float:
+        logits = (-((row - place) ** 2) / (2 * FINDER.target_rows**2))[
+            None, None, :, None
+        ].expand(1, 2, -1, 4)
+        return wall_network_training.finder_loss(
+            logits, torch.full((1, 4), 9.0), true, JUDGED, FINDER.target_rows
+        ).item()
+
+    assert loss_at(10.0) < loss_at(11.0) < loss_at(14.0) < loss_at(20.0)
+    logits = torch.zeros(1, 2, FINDER.rows, 4)
+    nowhere = torch.full((1, 2, 4), float("nan"))
+
+    def loss_without_wall(wall: list[float], judged: torch.Tensor) -> float:
+        return wall_network_training.finder_loss(
+            logits, torch.tensor([wall]), nowhere, judged, FINDER.target_rows
+        ).item()
+
+    assert (
+        loss_without_wall([-5.0] * 4, JUDGED)
+        < 0.01
+        < 4.9
+        < loss_without_wall([5.0] * 4, JUDGED)
+    )
+    assert (
+        loss_without_wall(
+            [-5.0, -5.0, 50.0, -50.0], torch.tensor([[True, True, False, False]])
+        )
+        < 0.01
+    )
+
+
+def test_a_batch_has_the_truth_of_its_scenes_in_rows_of_the_reduced_frame() -> None:
+    batch = wall_network_training.scene_batch(SMALL_STUDY, 2)
+    scene = draw_scene(SMALL_STUDY.scenes, 2 * FINDER.batch_size + 5)
+    middle = FINDER.columns // 4
+    nearest = round((middle + 0.5) * scene.frame.shape[1] / (FINDER.columns // 2) - 0.5)
+    expected = (scene.inner_row[nearest] + 0.5) * FINDER.rows / len(scene.frame) - 0.5
+    assert batch.boundaries[5, 1, middle] == pytest.approx(expected, abs=1e-4)
+    assert batch.weight[5, middle] == scene.judged[nearest]
+    assert FINDER.batches * FINDER.batch_size < wall_network_training.VALIDATION_SCENES
+
+
+def test_dice_of_a_scene_leaves_out_what_nobody_can_see() -> None:
+    scene = draw_scene(SMALL_STUDY.scenes, 0)
+    half = np.arange(scene.frame.shape[1]) < scene.frame.shape[1] // 2
+    found = (scene.mask > 0) & half
+    assert wall_network_training.scene_dice(found, replace(scene, judged=half)) == 1.0
+    assert wall_network_training.scene_dice(found, replace(scene, judged=~half)) == 0.0
+    assert dice(found & False, scene.mask & 0) == 1.0

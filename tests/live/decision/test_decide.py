@@ -1,0 +1,1690 @@
+"""The decision: the table is total, each cause withdraws at once and latches, and noise
+does not cry wolf.
+"""
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from scleraforce.base.errors import InputError
+from scleraforce.live.decision.decide import (
+    Decision,
+    PlanesState,
+    decide,
+    decide_planes,
+)
+from scleraforce.live.decision.events import (
+    LATCHED,
+    MOVES,
+    TRANSITIONS,
+    Cause,
+    Fault,
+    FrameRead,
+    MonitorEvent,
+    OvertakenRead,
+    QueueLoss,
+    Reset,
+    SecondOpinion,
+    Signal,
+    State,
+    Tick,
+)
+from scleraforce.live.decision.limits import MonitorLimits, of_scale
+from scleraforce.live.decision.state import MonitorState
+from scleraforce.reading import force_trend
+from scleraforce.records.verdict import Verdict
+
+LIMITS = MonitorLimits()
+NAN = float("nan")
+PAGE = Path(__file__).parents[3] / "docs" / "monitor_decision.md"
+
+
+def frame(
+    number: int,
+    force_n: float = 0.01,
+    at_s: float | None = None,
+    half_n: float = 1.5e-3,
+) -> FrameRead:
+    """A sound reading; at 100 Hz where no time is given."""
+    shares = (1.0, 0.0, 0.0) if force_n < 5e-3 else (0.0, 1.0, 0.0)
+    verdict = Verdict(
+        predicted=0 if force_n < 5e-3 else 1,
+        probabilities=shares,
+        usable=True,
+        reason=None,
+        force_n=force_n,
+        interval_n=(force_n - half_n, force_n + half_n),
+    )
+    at_s = 0.01 * number if at_s is None else at_s
+
+    return FrameRead(
+        at_s=at_s,
+        frame_id=number,
+        verdict=verdict,
+        shown_back=0,
+        size=(512, 512),
+        scale_m=(1e-5, 5e-6),
+    )
+
+
+Read = TypeVar("Read", FrameRead, SecondOpinion)
+
+
+def judged(event: Read, **fields: Any) -> Read:
+    """An event with other fields of its verdict."""
+    return replace(event, verdict=replace(event.verdict, **fields))
+
+
+REFUSED = {
+    "usable": False,
+    "predicted": 2,
+    "probabilities": None,
+    "force_n": None,
+    "interval_n": None,
+}
+
+
+def unusable(number: int) -> FrameRead:
+    return judged(frame(number), reason="no wall", **REFUSED)
+
+
+def opinion(
+    number: int, force_n: float = 0.01, at_s: float | None = None
+) -> SecondOpinion:
+    """A sound opinion on a frame, 5 ms after it where no time is given."""
+    seen = frame(number, force_n)
+    at_s = seen.at_s + 0.005 if at_s is None else at_s
+    return SecondOpinion(at_s=at_s, frame_id=number, verdict=seen.verdict)
+
+
+def no_opinion(number: int) -> SecondOpinion:
+    return judged(opinion(number), reason="no wall was found", **REFUSED)
+
+
+def both(*numbers: int, force_n: float = 0.01) -> list[MonitorEvent]:
+    """Frames, each with its opinion."""
+    return [
+        event for n in numbers for event in (frame(n, force_n), opinion(n, force_n))
+    ]
+
+
+def play(
+    events: Sequence[MonitorEvent],
+    state: MonitorState | None = None,
+    limits: MonitorLimits = LIMITS,
+) -> MonitorState:
+    state = state or MonitorState()
+    for event in events:
+        state, _ = decide(state, event, limits)
+    return state
+
+
+def watching(force_n: float = 0.01) -> MonitorState:
+    state = play([frame(n, force_n) for n in range(1, 6)])
+    assert state.state is State.WATCHING
+    return state
+
+
+def withdrawn() -> MonitorState:
+    return play([Fault(0.051, Cause.CHECKSUM, "CRC")], watching())
+
+
+REPORTS = replace(LIMITS, reports_pierced=True)
+THROUGH = [frame(n, 0.024) for n in range(2, 5)] + [frame(5, 0.007), frame(6, 0.0071)]
+
+
+def pierced() -> MonitorState:
+    """The state after a wall was pierced, reported only."""
+    state = play(
+        [
+            replace(one, at_s=one.at_s - 0.01, frame_id=one.frame_id - 1)
+            for one in THROUGH
+        ],
+        limits=REPORTS,
+    )
+    assert state.state is State.PIERCED
+
+    return state
+
+
+STATES: dict[State, Callable[[], MonitorState]] = {
+    State.NOT_READY: MonitorState,
+    State.WATCHING: watching,
+    State.PIERCED: pierced,
+    State.WITHDRAW: withdrawn,
+}
+WRONG_NUMBERS: list[dict[str, Any]] = [
+    {"force_n": NAN},
+    {"interval_n": (0.0, NAN)},
+    {"interval_n": (0.0, float("inf"))},
+    {"interval_n": (0.02, 0.01)},
+    {"probabilities": (NAN, 0.5, 0.5)},
+    {"probabilities": None},
+    {"probabilities": (0.5, 0.3, 0.1)},
+    {"predicted": -1},
+    {"force_n": None, "interval_n": None},
+    {"usable": False, "force_n": NAN},
+    {"elastic_force_n": NAN},
+]
+VERDICTS: list[
+    tuple[dict[str, Any], Cause]
+] = [  # of any reader, each with the cause in it
+    ({"predicted": 2, "probabilities": (0.0, 0.0, 1.0)}, Cause.DANGEROUS_CLASS),
+    ({"force_n": 0.031, "interval_n": (0.0295, 0.0325)}, Cause.BOUND),
+    ({"force_n": 0.0286, "interval_n": (0.0271, 0.0301)}, Cause.BOUND),
+    *((wrong, Cause.NO_NUMBER) for wrong in WRONG_NUMBERS),
+]
+ALARMS: list[tuple[MonitorEvent, Cause]] = [
+    *((judged(frame(6), **said), cause) for said, cause in VERDICTS),
+    (Fault(0.06, Cause.CHECKSUM, "CRC"), Cause.CHECKSUM),
+    (Fault(0.06, Cause.EXCEPTION, "ValueError"), Cause.EXCEPTION),
+    (Fault(0.06, Cause.BAD_IMAGE, "short"), Cause.BAD_IMAGE),
+    (QueueLoss(at_s=0.06, lost=5, unread_s=0.05, row=1), Cause.QUEUE_BEHIND),
+    (QueueLoss(at_s=0.06, lost=0, unread_s=0.01, row=1), Cause.QUEUE_BEHIND),
+    (QueueLoss(at_s=0.06, lost=1, unread_s=0.0, row=1), Cause.QUEUE_BEHIND),
+    (QueueLoss(at_s=0.06, lost=NAN, unread_s=0.01, row=1), Cause.QUEUE_BEHIND),
+    (frame(6, at_s=NAN), Cause.NO_NUMBER),
+    (Tick(NAN), Cause.NO_NUMBER),
+    ("nonsense", Cause.EXCEPTION),
+    (replace(frame(6), scale_m=(NAN, 5e-6)), Cause.SCALE),
+    (opinion(7, at_s=0.06), Cause.OUT_OF_ORDER),
+    (opinion(5, at_s=NAN), Cause.NO_NUMBER),
+]
+AFTER_A_FRAME: list[tuple[MonitorEvent, Cause]] = [
+    (Tick(0.1501), Cause.SILENCE),
+    (frame(6, at_s=0.1501), Cause.SILENCE),
+    (Reset(0.1501), Cause.SILENCE),
+    (unusable(6), Cause.UNUSABLE),
+    (frame(5, at_s=0.06), Cause.OUT_OF_ORDER),
+    (frame(3, at_s=0.06), Cause.OUT_OF_ORDER),
+    (Tick(0.03), Cause.OUT_OF_ORDER),
+    (replace(frame(6), size=(512, 511)), Cause.SIZE),
+    (replace(frame(6), scale_m=(1.1e-5, 5e-6)), Cause.SCALE),
+    (replace(frame(6), scale_m=(1e-5, 5.1e-6)), Cause.SCALE),
+]
+OPINIONS = [
+    *((judged(opinion(5), **said), cause) for said, cause in VERDICTS),
+    (opinion(5, at_s=0.03), Cause.OUT_OF_ORDER),
+]
+OVERTAKEN = [
+    (OvertakenRead(0.0505, judged(frame(4), **said)), cause) for said, cause in VERDICTS
+]
+SIGNALS: dict[Signal, list[MonitorEvent]] = {
+    Signal.HARMLESS: [frame(6)],
+    Signal.TOLERATED: [frame(6), unusable(7)],
+    Signal.UNJUDGED: [unusable(6)],
+    Signal.QUIET: [Tick(0.06)],
+    Signal.ALARM: [Fault(0.06, Cause.EXCEPTION, "error")],
+    Signal.PIERCED: [
+        *(frame(n, 0.024) for n in range(6, 9)),
+        frame(9, 0.007),
+        frame(10, 0.0071),
+    ],
+    Signal.RESET_GRANTED: [*(frame(n) for n in range(6, 11)), Reset(0.105)],
+    Signal.RESET_REFUSED: [Reset(0.06)],
+}
+
+
+def test_only_a_granted_reset_leaves_a_withdrawal_and_every_alarm_leads_there() -> None:
+    leaving = {
+        s
+        for (before, s), after in TRANSITIONS.items()
+        if before is State.WITHDRAW is not after
+    }
+    assert leaving == {Signal.RESET_GRANTED}
+    pierced_by = {
+        s
+        for (before, s), after in TRANSITIONS.items()
+        if before is State.PIERCED is not after
+    }
+    assert pierced_by == {Signal.RESET_GRANTED, Signal.ALARM}
+    assert all(TRANSITIONS[state, Signal.ALARM] is State.WITHDRAW for state in State)
+    watching_by = {
+        s
+        for (before, s), after in TRANSITIONS.items()
+        if before is not after is State.WATCHING
+    }
+    assert watching_by == {Signal.HARMLESS, Signal.RESET_GRANTED}
+
+
+def test_decide_follows_the_table() -> None:
+    for before, signal in product(State, Signal):
+        state = STATES[before]()
+        events = SIGNALS[signal]
+        limits = {
+            Signal.TOLERATED: replace(REPORTS, unusable_frames=2),
+            Signal.PIERCED: REPORTS,
+        }.get(signal, LIMITS)
+
+        if signal is Signal.UNJUDGED:  # the needle has not touched yet
+            state = replace(state, touched=False)
+        if before in (State.WATCHING, State.PIERCED) and signal is Signal.RESET_REFUSED:
+            state = replace(state, fresh=1)
+
+        state = play(events[:-1], state, limits)
+        # NOT_READY cannot meet what needs frames: it is WATCHING by then
+        here = state.state
+        after, decision = decide(state, events[-1], limits)
+        assert after.state is TRANSITIONS[here, signal]
+        codes = {
+            State.NOT_READY: 13,
+            State.WATCHING: 1,
+            State.PIERCED: 14,
+            State.WITHDRAW: 3,
+        }
+        assert decision.code == codes[after.state]
+
+
+def test_each_cause_withdraws_at_once_in_every_state() -> None:
+    for event, cause in ALARMS:
+        for before in State:
+            state, decision = decide(STATES[before](), event, LIMITS)
+            assert (decision.state, decision.code) == (State.WITHDRAW, 3)
+            assert decision.cause is (
+                Cause.CHECKSUM if before is State.WITHDRAW else cause
+            )
+            assert decision.sub_code == decision.cause.value
+            assert state.fresh == 0
+
+    for event, cause in AFTER_A_FRAME:
+        _, decision = decide(watching(), event, LIMITS)
+        assert (decision.code, decision.cause) == (3, cause)
+
+
+def shown(backs: Sequence[int]) -> list[MonitorEvent]:
+    """Frames from 6 on, each with how many frames ago its picture was shown last."""
+    return [replace(frame(6 + n), shown_back=back) for n, back in enumerate(backs)]
+
+
+def test_the_same_picture_three_times_is_frozen() -> None:
+    assert play(shown([0, 1]), watching()).state is State.WATCHING
+    assert play(shown([0, 1, 1]), watching()).cause is Cause.FROZEN
+    # each twice: a scanner of half the rate
+    assert play(shown([0, 1] * 40), watching()).state is State.WATCHING
+
+
+def test_old_pictures_in_turns_are_frozen_with_the_second_one() -> None:
+    for pictures in (2, 3, 10, 49):
+        assert play(shown([0] * 60 + [pictures]), watching()).state is State.WATCHING
+        assert play(shown([0] * 60 + [pictures] * 2), watching()).cause is Cause.FROZEN
+
+    # An old picture between live ones: the second time within the window.
+    assert play(shown([0, 2, 0, 2]), watching()).cause is Cause.FROZEN
+    assert play(shown([0, 2, *[0] * 47, 2]), watching()).cause is Cause.FROZEN
+    assert play(shown([0, 2, *[0] * 50, 2, 0]), watching()).state is State.WATCHING
+
+
+def reset_after(events: Sequence[MonitorEvent], state: MonitorState) -> Decision:
+    """Return the answer to a reset just after some events."""
+    state = play(events, state)
+    return decide(state, Reset(state.at_s or 0.0), LIMITS)[1]
+
+
+def late(
+    lags_s: Sequence[float], ahead_s: float = 1.8e9, rate_hz: float = 100.0
+) -> list[MonitorEvent]:
+    """Frames from 6 on, each so long after the time that its sender states, whose clock
+    is ahead.
+    """
+    times_s = [0.05 + (n + 1) / rate_hz for n in range(len(lags_s))]
+    return [
+        replace(frame(6 + n, at_s=at_s), sent_s=at_s - lag_s + ahead_s)
+        for n, (at_s, lag_s) in enumerate(zip(times_s, lags_s, strict=True))
+    ]
+
+
+def test_frames_that_come_much_later_than_the_quickest_one_are_stale() -> None:
+    for ahead_s in (0.0, 1.8e9, -1e6):
+        jitter = [0.003, 0.02, 0.08, 0.002, 0.1, 0.004]
+        assert play(late(jitter * 50, ahead_s), watching()).state is State.WATCHING
+        assert play(late([*jitter, 0.105], ahead_s), watching()).cause is Cause.STALE
+        queue = [0.005 + 0.001 * n for n in range(120)]
+        assert play(late(queue[:98], ahead_s), watching()).state is State.WATCHING
+        assert play(late(queue, ahead_s), watching()).cause is Cause.STALE
+
+    assert play([frame(n) for n in range(6, 40)], watching()).state is State.WATCHING, (
+        "they state no time"
+    )
+    assert (
+        play([*late([0.005] * 5), replace(frame(12), sent_s=NAN)], watching()).cause
+        is Cause.STALE
+    )
+
+
+@pytest.mark.slow
+def test_a_clock_may_drift_for_hours_and_a_queue_that_grows_faster_is_stale() -> None:
+    patient = replace(LIMITS, silence_s=2.0)
+
+    def hours(drift: float, count: float) -> MonitorState:
+        lags_s = [drift * second for second in range(round(3600 * count))]
+        return play(late(lags_s, rate_hz=1.0), watching(), patient)
+
+    for drift in (0.9e-4, -0.9e-4, -0.5):
+        assert hours(drift, 2.0).state is State.WATCHING
+
+    assert hours(3e-4, 0.1).state is State.WATCHING  # 72 ms
+    assert hours(3e-4, 0.2).cause is Cause.STALE
+
+
+def test_what_stays_late_gets_no_reset_and_a_clock_set_ahead_is_the_new_measure():
+    for before, cause in ((watching(), Cause.STALE), (withdrawn(), Cause.CHECKSUM)):
+        refused = reset_after(late([0.005] * 5 + [3.0] * 20), before)
+        assert (refused.code, refused.sub_code) == (3, cause.value)
+        # what is wrong now, not the first cause
+        assert "late after the time in its header" in refused.message
+        assert "0 of 5 came" in refused.message
+
+    assert play(late([0.005] * 5 + [-2.0] * 20), watching()).state is State.WATCHING
+    assert (
+        play(late([0.005] * 5 + [-2.0] * 20 + [-1.89]), watching()).cause is Cause.STALE
+    )
+
+
+def test_one_frame_from_the_future_makes_no_other_late() -> None:
+    for future in ([-3600.0], [-3600.0, -0.09], [-0.09]):
+        assert (
+            play(late([0.005] * 5 + future + [0.08] * 30), watching()).state
+            is State.WATCHING
+        )
+
+    assert play(late([-3600.0, *[0.005] * 30]), watching()).state is State.WATCHING
+    assert (
+        play(late([0.005] * 5 + [-3600.0] + [0.005] * 5 + [0.12]), watching()).cause
+        is Cause.STALE
+    )
+
+
+def test_one_unread_frame_far_ahead_is_not_waited_for_for_ever() -> None:
+    expects = replace(LIMITS, expects_opinion=True)
+    state = play(both(*range(1, 6)), limits=expects)
+    events = [
+        replace(frame(6), frame_id=10**6),
+        *(frame(n) for n in range(7, 12)),
+        replace(opinion(8), frame_id=9),
+    ]
+    waiting = play(events, state, expects).unanswered
+    assert [number for number, _ in waiting] == [10, 11]
+    thinned = replace(state, unanswered=((10**6, 0.06), (7, 0.07), (9, 0.09)))
+    assert [
+        number
+        for number, _ in play(
+            [opinion(8)], replace(thinned, frame=frame(9)), expects
+        ).unanswered
+    ] == [9]
+
+
+def test_one_wrong_frame_withdraws_and_makes_no_later_reset_impossible() -> None:
+    for wrong, cause in (
+        ({"frame_id": 2 * 10**15}, Cause.OUT_OF_ORDER),
+        ({"at_s": 1e9}, Cause.SILENCE),
+        ({"size": (512, 500)}, Cause.SIZE),
+        ({"scale_m": (2e-5, 5e-6)}, Cause.SCALE),
+        ({"pixel_type": "uint8"}, Cause.PIXEL_TYPE),
+    ):
+        for first, begun in ((1, MonitorState()), (6, watching())):
+            state = play([replace(frame(first), **wrong), frame(first + 1)], begun)
+            assert first == 1 or state.cause is cause
+            assert state.state is State.WITHDRAW
+            assert reset_after([frame(n) for n in range(8, 13)], state).code == 1
+
+
+def test_a_size_and_a_scale_that_are_declared_stay_declared() -> None:
+    for limits in (
+        replace(LIMITS, size=(512, 511)),
+        replace(LIMITS, scale_m=(2e-5, 5e-6)),
+    ):
+        state = play([frame(n) for n in range(1, 12)], limits=limits)
+        assert decide(state, Reset(0.115), limits)[1].code == 3
+
+
+def test_pixel_types_in_turns_are_a_cause_with_each_change() -> None:
+    turns = [
+        replace(frame(n), pixel_type=("uint8", "uint16")[n % 2]) for n in range(6, 30)
+    ]
+    state = play(
+        turns, replace(watching(), frame=replace(frame(5), pixel_type="uint16"))
+    )
+    assert state.cause is Cause.PIXEL_TYPE
+    assert state.fresh == 0
+
+
+def test_the_present_cause_is_given_beside_the_first_one() -> None:
+    state = play([Tick(0.2)], watching())
+    assert (state.cause, state.present_cause) == (Cause.SILENCE, Cause.SILENCE)
+    state, decision = decide(play([frame(20, 0.039)], state), frame(21, 0.039), LIMITS)
+    assert (decision.cause, decision.present_cause) == (Cause.SILENCE, Cause.BOUND)
+    assert "39.0 mN" not in decision.present
+    assert "up to 40.5 mN" in decision.present
+    state, decision = decide(state, Tick(0.211), LIMITS)
+    assert decision.present_cause is Cause.BOUND
+    _, decision = decide(state, frame(22), LIMITS)
+    assert (decision.cause, decision.present_cause, decision.present) == (
+        Cause.SILENCE,
+        None,
+        "",
+    )
+
+
+def test_losses_add_up_within_the_window_and_are_forgotten_after_it() -> None:
+    def losing(every: int) -> list[MonitorEvent]:
+        events: list[MonitorEvent] = []
+        for n in range(6, 300):
+            events += [frame(n)] + (
+                [QueueLoss(at_s=0.01 * n, lost=1, unread_s=0.01, row=n)]
+                if n % every == 0
+                else []
+            )
+
+        return events
+
+    assert play(losing(10), watching()).cause is Cause.QUEUE_BEHIND
+    state = play(losing(25), watching())
+    assert state.state is State.WATCHING
+    assert state.lost == 11
+
+
+def test_losses_are_limited_in_time_whatever_the_frame_rate() -> None:
+    for interval_s in (0.02, 0.01, 0.001):
+        before = replace(watching(), at_s=0.051)
+        losses = range(round(0.04 / interval_s) + 1)
+        in_row = [
+            QueueLoss(at_s=0.052 + 1e-5 * n, lost=1, unread_s=interval_s, row=5)
+            for n in losses
+        ]
+        assert play(in_row[:-1], before).state is State.WATCHING
+        assert play(in_row, before).cause is Cause.QUEUE_BEHIND
+        lost = max(1, round(0.004 / interval_s))  # of a row that counts
+        rows = range(round(0.08 / interval_s / lost))
+        apart = [
+            QueueLoss(
+                at_s=0.052 + 1e-4 * n, lost=lost, unread_s=lost * interval_s, row=n
+            )
+            for n in rows
+        ]
+        assert play(apart, before).state is State.WATCHING
+        assert (
+            play([*apart, replace(apart[0], row=99, at_s=0.07)], before).cause
+            is Cause.QUEUE_BEHIND
+        )
+
+
+def test_short_rows_do_not_count_while_ten_readings_come_within_the_reaction_time():
+    """At 1,000 frames a second: of each `lost + 1` frames one is read; from four lost
+    ones on they count.
+    """
+
+    def losing(lost: int, parts: int, limits: MonitorLimits = LIMITS) -> MonitorState:
+        events: list[MonitorEvent] = []
+        for n in range(600 // (lost + 1)):
+            at_s = 0.051 + 0.001 * (lost + 1) * n
+            part = QueueLoss(
+                at_s=at_s, lost=lost // parts, unread_s=0.001 * (lost // parts), row=n
+            )
+            events += [replace(frame(6 + n), at_s=at_s), *[part] * parts]
+
+        return play(events, watching(), limits)
+
+    for lost in (1, 2, 3):
+        assert losing(lost, 1).state is losing(lost, lost).state is State.WATCHING
+
+    assert (
+        losing(4, 1).cause
+        is losing(4, 2).cause
+        is losing(4, 4).cause
+        is Cause.QUEUE_BEHIND
+    )
+    assert losing(1, 1, replace(LIMITS, reaction_s=0.01)).cause is Cause.QUEUE_BEHIND
+    (_, in_parts), (_, at_once) = (
+        losing(6, parts, replace(LIMITS, loss_in_window_s=1.0)).losses[-1]
+        for parts in (3, 1)
+    )
+    assert in_parts == pytest.approx(at_once)
+
+
+def test_a_row_that_counts_is_forgotten_while_short_ones_follow() -> None:
+    long = QueueLoss(at_s=0.052, lost=30, unread_s=0.03, row=1)
+    events = [replace(long, at_s=0.052 + 0.6 * n, row=n) for n in range(6)]
+    frames = [replace(frame(6 + n), at_s=0.053 + 0.01 * n) for n in range(360)]
+    short = [
+        replace(long, at_s=at.at_s, lost=1, unread_s=0.001, row=100 + n)
+        for n, at in enumerate(frames)
+    ]
+    both = sorted([*events, *frames, *short], key=lambda event: event.at_s)
+    assert play(both, watching()).state is State.WATCHING
+
+
+def test_what_is_remembered_of_losses_stays_short_and_is_never_forgotten_too_early():
+    # so that each loss counts
+    loose = replace(LIMITS, loss_in_window_s=10.0, reaction_s=1e-4)
+    state = watching()
+
+    for n in range(4000):
+        at_s = 0.06 + 5e-4 * n
+        loss = QueueLoss(at_s=at_s, lost=1, unread_s=1e-4, row=n)
+        state = play([replace(frame(6 + n), at_s=at_s), loss], state, loose)
+        expected_s = 1e-4 * min(n + 1, 2000)
+        held_s = sum(unread_s for _, unread_s in state.losses)
+        assert expected_s - 1e-9 <= held_s <= expected_s + 100 * 1e-4 + 1e-9
+        assert len(state.losses) <= 21
+
+
+def test_before_the_first_good_frame_nothing_is_ok() -> None:
+    loss = QueueLoss(at_s=6.02, lost=1, unread_s=0.01, row=1)
+    assert (
+        play(
+            [Tick(0.0), unusable(1), Tick(5.0), unusable(600), Reset(6.01), loss]
+        ).state
+        is State.NOT_READY
+    )
+
+
+def test_an_unusable_frame_before_contact_is_not_ok_but_needs_no_reset() -> None:
+    state = play([unusable(6)], watching(force_n=1e-3))
+    assert state.state is State.NOT_READY
+    assert play([frame(7, 1e-3)], state).state is State.WATCHING
+
+
+OPINED = MonitorLimits(expects_opinion=True)
+
+
+def not_ready() -> MonitorState:
+    """After frames that cannot be judged."""
+    return play([unusable(n) for n in range(1, 6)])
+
+
+def test_a_second_opinion_withdraws_at_once_in_every_state() -> None:
+    """So does the reading of an overtaken frame."""
+    for event, cause in [*OPINIONS, *OVERTAKEN]:
+        for before, limits in product(
+            (not_ready, watching, withdrawn), (LIMITS, OPINED)
+        ):
+            state, decision = decide(before(), event, limits)
+            assert (decision.code, decision.cause) == (
+                3,
+                Cause.CHECKSUM if before is withdrawn else cause,
+            )
+            assert state.fresh == 0
+
+
+def test_an_overtaken_frame_that_cannot_be_judged_counts_with_the_answered_ones():
+    late = OvertakenRead(0.0755, unusable(4))
+    twice = replace(LIMITS, unusable_frames=2)
+    assert play([late], watching()).cause is Cause.UNUSABLE
+    assert play([late], not_ready()).state is State.NOT_READY
+    assert play([late], watching(), twice).state is State.WATCHING
+    assert play([unusable(6), late], watching(), twice).cause is Cause.UNUSABLE
+
+
+def test_a_harmless_overtaken_frame_changes_the_histories_and_an_opinion_no_state():
+    for before in (not_ready, watching, withdrawn):
+        state = before()
+        after = play([OvertakenRead(0.0515, frame(4, 0.011))], state)
+        same = {"history": state.history, "dents": state.dents}
+        assert replace(after, **same) == replace(state, at_s=0.0515)
+        assert after.history == tuple(sorted([*state.history, (0.04, 0.011)]))
+        assert [dent.at_s for dent in after.dents] == [
+            at_s for at_s, _ in after.history
+        ]
+        assert play([opinion(5, at_s=0.0505)], state, OPINED).state is state.state
+
+
+def test_opinions_that_cannot_judge_withdraw_after_contact_and_wait_before_it() -> None:
+    state = play([no_opinion(5), frame(6), no_opinion(6), frame(7)], watching())
+    assert state.state is State.WATCHING
+    assert play([no_opinion(7)], state).cause is Cause.UNUSABLE
+    assert play([opinion(7), frame(8), no_opinion(8)], state).state is State.WATCHING
+    before = play([no_opinion(5)], watching(force_n=1e-3))
+    assert before.state is State.NOT_READY
+    assert play([frame(6, 1e-3), frame(7, 1e-3)], before).state is State.NOT_READY, (
+        "the network alone is not enough"
+    )
+    assert (
+        play([frame(6, 1e-3), opinion(6, 1e-3), frame(7, 1e-3)], before).state
+        is State.WATCHING
+    )
+
+
+def test_opinions_that_cannot_judge_have_a_count_of_their_own() -> None:
+    limits = MonitorLimits(unusable_frames=2, unusable_opinions=2)
+    state = play([no_opinion(5), unusable(6)], watching(), limits)
+    assert state.state is State.WATCHING
+    assert (
+        play([replace(no_opinion(6), at_s=0.065)], state, limits).cause
+        is Cause.UNUSABLE
+    )
+    again = play([frame(7), opinion(7), frame(8), no_opinion(8)], state, limits)
+    assert again.state is State.WATCHING
+
+
+def test_contact_that_only_the_second_opinion_sees_is_contact() -> None:
+    state = watching(force_n=1e-3)
+    assert play([unusable(6)], state).state is State.NOT_READY
+    assert play([opinion(5, 0.003), unusable(6)], state).cause is Cause.UNUSABLE
+
+
+def test_nothing_is_ok_before_the_first_opinion_where_one_is_expected() -> None:
+    state = play([frame(n) for n in range(1, 300)], limits=OPINED)
+    assert (state.state, state.reason) == (
+        State.NOT_READY,
+        "the second opinion has not answered yet",
+    )
+    assert play([opinion(299), frame(300)], state, OPINED).state is State.WATCHING
+    assert play([frame(n) for n in range(1, 300)]).state is State.WATCHING
+
+
+@pytest.mark.parametrize(
+    ("came", "asked_s", "words"),
+    [
+        ([], 20.0, "refused: no frame for 19.9 s; 5 harmless frames in a row are"),
+        (
+            [frame(2000), frame(2001)],
+            20.02,
+            "0 of 5 came; the second opinion has not answered",
+        ),
+        ([*both(2000, 2001), frame(2002)], 20.03, "2 of 5 came"),
+        ([frame(2000), frame(2001, 0.045)], 20.02, "0 of 5 came; up to 46.5 mN"),
+    ],
+    ids=["frames have ended", "no opinion", "too few", "harmful"],
+)
+def test_a_refused_reset_says_what_is_missing(came, asked_s, words) -> None:
+    """After a replay had ended, it blamed the second opinion, which had nothing to
+    read.
+    """
+    ended = play([*both(*range(1, 11)), Tick(0.21)], limits=OPINED)
+    assert (ended.state, ended.cause) == (State.WITHDRAW, Cause.SILENCE)
+    _, decision = decide(play(came, ended, OPINED), Reset(asked_s), OPINED)
+    assert decision.code == 3
+    assert words in decision.message
+
+
+def test_a_reset_before_any_frame_says_so() -> None:
+    withdrawn_before = play([Fault(0.01, Cause.EXCEPTION, "the disk is full")])
+    _, decision = decide(withdrawn_before, Reset(0.02), LIMITS)
+    assert "reset refused: no frame has come yet" in decision.message
+
+
+def test_after_a_pause_before_contact_an_old_opinion_does_not_count() -> None:
+    """The last frame before the pause got none: that is not a cause, but nothing is OK
+    before the next opinion.
+    """
+    before = play([*both(1, 2, force_n=1e-3), unusable(3)], limits=OPINED)
+    assert before.state is State.NOT_READY
+    after: list[MonitorEvent] = [frame(n) for n in range(1000, 1005)]
+    assert play(after, before, OPINED).state is State.NOT_READY
+    assert (
+        play([*after, opinion(1004), frame(1005)], before, OPINED).state
+        is State.WATCHING
+    )
+
+
+def test_a_second_reader_that_has_gone_is_a_cause() -> None:
+    for kind in ("frame", "tick"):
+        state = play(both(*range(1, 11)), limits=OPINED)
+        assert state.state is State.WATCHING
+        # the first that gets none comes at 0.11 s
+        frames: list[MonitorEvent] = [frame(n) for n in range(11, 61)]
+        assert play(frames, state, OPINED).state is State.WATCHING
+        last: MonitorEvent = frame(61) if kind == "frame" else Tick(0.61)
+        assert play([*frames, last], state, OPINED).cause is Cause.NO_OPINION
+        assert play([*frames, last], state).state is State.WATCHING, (
+            "where none is expected"
+        )
+
+
+def test_an_opinion_answers_for_all_frames_up_to_its_own() -> None:
+    events: list[MonitorEvent] = []
+    for n in range(1, 1000):
+        events.append(frame(n))
+        if n % 45 == 0:
+            events.append(opinion(n - 2, at_s=0.01 * n + 0.005))
+
+    state = play(events, limits=OPINED)
+    assert state.state is State.WATCHING
+    assert state.unanswered[0][0] == 989
+    assert play(events[:-30], limits=OPINED).state is State.WATCHING
+
+
+def test_what_waits_for_an_opinion_does_not_grow_and_keeps_the_oldest() -> None:
+    state = MonitorState()
+    for n in range(1, 500):
+        state, _ = decide(state, frame(n), OPINED)
+        assert len(state.unanswered) <= 128
+    assert state.unanswered[0][0] == 1
+
+
+def test_a_reset_needs_the_second_opinion_too() -> None:
+    state = play(
+        [*both(*range(1, 6)), Fault(0.056, Cause.CHECKSUM, "CRC")], limits=OPINED
+    )
+    alone: list[MonitorEvent] = [frame(n) for n in range(6, 16)]
+    assert play([*alone, Reset(0.151)], state, OPINED).state is State.WITHDRAW
+    agreed = [*both(*range(6, 12)), Reset(0.116)]
+    assert play(agreed, state, OPINED).state is State.WATCHING
+    assert (
+        play(
+            [*agreed[:-1], replace(no_opinion(11), at_s=0.1155), agreed[-1]],
+            state,
+            OPINED,
+        ).state
+        is State.WITHDRAW
+    )
+    overdue = [*both(*range(6, 12)), *(frame(n) for n in range(12, 70)), Reset(0.691)]
+    assert play(overdue, state, OPINED).state is State.WITHDRAW
+
+
+def test_a_client_that_starts_counting_again_can_be_reset() -> None:
+    for limits in (LIMITS, OPINED):
+        state = play(
+            [*(frame(n) for n in range(1, 6)), Fault(0.051, Cause.CHECKSUM, "CRC")],
+            limits=limits,
+        )
+        for n in range(1, 9):
+            at_s = 0.06 + 0.01 * n
+            opined = [opinion(n, at_s=at_s + 0.005)] if limits is OPINED else []
+            state = play([frame(n, at_s=at_s), *opined], state, limits)
+
+        after = play([Reset(0.146)], state, limits)
+        assert (after.state, after.unanswered) == (State.WATCHING, ())
+
+
+def test_a_needle_that_is_lifted_off_may_be_placed_anew() -> None:
+    lifted: list[MonitorEvent] = [frame(n, 3e-4) for n in range(6, 57)]
+    assert play([*lifted, unusable(57)], watching(4e-3)).state is State.NOT_READY
+    assert play([*lifted[:-1], unusable(56)], watching(4e-3)).cause is Cause.UNUSABLE, (
+        "half a second is needed"
+    )
+    assert (
+        play(
+            [*lifted[:30], frame(36, 2.1e-3), *lifted[31:], unusable(57)],
+            watching(4e-3),
+        ).cause
+        is Cause.UNUSABLE
+    )
+    seen = opinion(30, 2.1e-3, at_s=0.305)
+    assert (
+        play([*lifted[:25], seen, *lifted[25:], unusable(57)], watching(4e-3)).cause
+        is Cause.UNUSABLE
+    )
+    assert (
+        play([*lifted, frame(57), unusable(58)], watching(4e-3)).cause is Cause.UNUSABLE
+    ), "it touches again"
+
+
+def test_a_bad_first_frame_does_not_set_size_and_scale() -> None:
+    small = replace(unusable(1), size=(100, 100), scale_m=(1.0, 1.0))
+    state = play([small, frame(2), frame(3)])
+    assert (state.state, state.size, state.scale_m) == (
+        State.WATCHING,
+        (512, 512),
+        (1e-5, 5e-6),
+    )
+    assert play([replace(frame(4), size=(100, 100))], state).cause is Cause.SIZE
+    assert play([replace(frame(1), scale_m=(0.0, 1e-5))]).cause is Cause.SCALE
+
+
+def test_a_classifier_reads_no_force() -> None:
+    read = judged(frame(1), force_n=None, interval_n=None)
+    limits = MonitorLimits(reads_force=False)
+    assert play([read], limits=limits).state is State.WATCHING
+    assert play([read, unusable(2)], limits=limits).cause is Cause.UNUSABLE
+
+
+def test_a_reset_needs_fresh_harmless_frames_in_a_row() -> None:
+    fresh: list[MonitorEvent] = [frame(n) for n in range(6, 11)]
+    assert play([Reset(0.052)], withdrawn()).state is State.WITHDRAW
+    assert play([*fresh[:4], Reset(0.091)], withdrawn()).state is State.WITHDRAW
+    assert play([*fresh, Reset(0.101)], withdrawn()).state is State.WATCHING
+    assert (
+        play([*fresh[:4], unusable(10), frame(11), Reset(0.111)], withdrawn()).state
+        is State.WITHDRAW
+    )
+    assert (
+        play([*fresh[:4], frame(10, 0.029), Reset(0.101)], withdrawn()).state
+        is State.WITHDRAW
+    )
+    assert (
+        play(
+            [*fresh, Fault(0.101, Cause.EXCEPTION, "error"), Reset(0.102)], withdrawn()
+        ).state
+        is State.WITHDRAW
+    )
+    assert play([*fresh, Reset(0.2001)], withdrawn()).state is State.WITHDRAW, (
+        "the frames are not fresh any more"
+    )
+
+
+def test_after_the_reset_it_watches_as_before() -> None:
+    state = play([*(frame(n) for n in range(6, 11)), Reset(0.101)], withdrawn())
+    assert (state.cause, state.fresh, state.touched) == (None, 0, True)
+
+    for event, cause in (
+        (frame(11, 0.031), Cause.BOUND),
+        (unusable(11), Cause.UNUSABLE),
+        (Tick(0.21), Cause.SILENCE),
+    ):
+        assert play([event], state).cause is cause
+
+
+DIRTY = [event for event, _ in (*ALARMS, *AFTER_A_FRAME, *OPINIONS, *OVERTAKEN)]
+
+
+@st.composite
+def sequences(draw: st.DrawFn) -> list[MonitorEvent]:
+    """Frames, ticks, resets and faults in any order, at increasing times."""
+    events: list[MonitorEvent] = []
+    now_s = 0.0
+
+    for number in range(1, draw(st.integers(5, 60))):
+        now_s += draw(st.sampled_from([0.001, 0.01, 0.01, 0.01, 0.11]))
+        force_n = draw(st.sampled_from([0.001, 0.01, 0.01, 0.02, 0.02, 0.029, NAN]))
+        plain = frame(number, force_n, now_s)
+        seen = [
+            opinion(number - 1, 0.01, now_s),
+            replace(no_opinion(number - 1), at_s=now_s),
+        ]
+        choices: list[MonitorEvent] = [
+            *[plain] * 8,
+            *seen * 2,
+            Tick(now_s),
+            Reset(now_s),
+        ]
+        choices += [
+            replace(unusable(number), at_s=now_s),
+            QueueLoss(at_s=now_s, lost=1, unread_s=0.01, row=1),
+        ]
+        choices += [
+            OvertakenRead(now_s, frame(number - 1)),
+            OvertakenRead(now_s, unusable(number - 1)),
+        ]
+        events.append(draw(st.sampled_from([*choices, draw(st.sampled_from(DIRTY))])))
+
+    return events
+
+
+def harmless(event: MonitorEvent) -> bool:
+    interval_n = (
+        event.verdict.interval_n
+        if isinstance(event, FrameRead) and event.verdict.usable
+        else None
+    )
+    return interval_n is not None and interval_n[1] < 0.03
+
+
+@pytest.mark.slow
+@settings(max_examples=60, deadline=None)
+@given(sequences(), st.sampled_from([LIMITS, OPINED, REPORTS]))
+def test_no_sequence_ends_a_withdrawal_without_a_reset_or_is_ok_before_a_good_frame(
+    events: list[MonitorEvent], limits: MonitorLimits
+) -> None:
+    state = MonitorState()
+    good = False
+    seen = False
+
+    for event in events:
+        before = state
+        state, decision = decide(state, event, limits)
+        seen = seen or (isinstance(event, SecondOpinion) and event.verdict.usable)
+        assert seen or not limits.expects_opinion or decision.code != 1
+        good = good or harmless(event)
+        assert good or decision.code != 1
+
+        if before.state in LATCHED and state.state not in LATCHED:
+            assert isinstance(event, Reset)
+            assert before.fresh >= LIMITS.fresh_frames
+
+        assert (decision.code in (3, 14)) == (decision.cause is not None)
+        assert len(state.history) <= 5 * LIMITS.rate_frames
+        assert len(state.losses) <= 21
+        if isinstance(event, FrameRead) and not harmless(event):
+            assert decision.code != 1
+
+
+def sessions(seed: int, seconds: float) -> Decision:
+    """A slow wander of the true force between 0 and 25 mN, read at 100 Hz with
+    noise.
+    """
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(1, int(100 * seconds)) / 100
+    periods_s = rng.uniform(4.0, 20.0, 3)
+    wander = np.mean(
+        [
+            np.sin(2 * np.pi * time_s / period + rng.uniform(0, 6))
+            for period in periods_s
+        ],
+        axis=0,
+    )
+    force_n = 12.5e-3 * (1 + wander) + rng.normal(0, 0.5e-3, len(time_s))
+    state = MonitorState()
+
+    for number, value in enumerate(force_n, 1):
+        state, decision = decide(state, frame(number, float(value)), LIMITS)
+        if decision.code == 3:
+            break
+
+    return decision
+
+
+def test_noise_below_25_mn_does_not_cry_wolf() -> None:
+    assert all(sessions(seed, 4.0).code == 1 for seed in range(5))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(50))
+def test_no_session_of_60_s_below_25_mn_is_withdrawn_from(seed: int) -> None:
+    assert sessions(seed, 60.0).code == 1
+
+
+def force_at_withdrawal(rate_n_s: float, seed: int) -> tuple[float, Cause | None]:
+    rng = np.random.default_rng(seed)
+    for number in range(1, 5000):
+        if number == 1:
+            state = MonitorState()
+        true_n = rate_n_s * 0.01 * number
+        state, decision = decide(
+            state, frame(number, true_n + rng.normal(0, 0.5e-3)), LIMITS
+        )
+        if decision.code == 3:
+            return true_n, decision.cause
+
+    raise AssertionError("no withdrawal")
+
+
+def test_ramps_are_withdrawn_from_before_the_bound() -> None:
+    for rate_mn_s in (5, 10, 20, 50, 100):
+        forces_n = [force_at_withdrawal(rate_mn_s * 1e-3, seed)[0] for seed in range(5)]
+        assert 0.02 < min(forces_n) <= max(forces_n) <= LIMITS.bound_n
+
+
+def test_a_steep_ramp_is_foreseen() -> None:
+    assert force_at_withdrawal(0.1, 0)[1] is Cause.RISING
+
+
+def risen_force(
+    history: tuple[tuple[float, float], ...], ahead_s: float, deviations: float
+) -> float | None:
+    line = force_trend.rise_of(history, 10)
+    return None if line is None else force_trend.risen_force(line, ahead_s, deviations)
+
+
+def test_a_rise_that_slows_down_is_not_foretold_from_how_it_began() -> None:
+    # 50 mN/s, then a hold
+    slowing = tuple((0.01 * n, 0.02 + 0.05 * 0.01 * min(n, 5)) for n in range(10))
+    assert risen_force(slowing, 0.05, 3.0) is None
+    # 100, in the end 28 mN/s
+    bending = tuple((0.01 * n, 0.02 + 1e-3 * n - 4e-5 * n * n) for n in range(10))
+    steady = tuple((0.01 * n, 0.02 + 1e-3 * n) for n in range(10))
+    assert risen_force(steady, 0.05, 0.0) == pytest.approx(0.034)
+    # the parabola's top
+    assert risen_force(bending, 0.05, 0.0) == pytest.approx(
+        0.02 + 12.5e-3 - 4e-5 * 12.5**2
+    )
+    # on the way to it
+    assert risen_force(bending, 0.02, 0.0) == pytest.approx(0.02 + 11e-3 - 4e-5 * 11**2)
+
+
+def test_a_rise_that_quickens_is_foretold_by_its_line_and_one_wild_frame_hides_no_rise():
+    quickening = tuple((0.01 * n, 0.02 + 2e-4 * n + 4e-5 * n * n) for n in range(10))
+    line = risen_force(quickening, 0.05, 0.0)
+    assert line is not None
+    assert line > quickening[-1][1] + 0.05 * 0.03
+    steep = [(0.01 * n, 0.02 + 1e-3 * n) for n in range(10)]
+
+    for place in range(10):
+        wild = [
+            (at_s, force_n - 8e-3 * (n == place))
+            for n, (at_s, force_n) in enumerate(steep)
+        ]
+        assert risen_force(tuple(wild), 0.05, 0.0) == pytest.approx(0.034, abs=0.3e-3)
+
+
+def test_ten_frames_in_a_line_by_chance_do_not_rise_steeply_after_rough_ones() -> None:
+    rng = np.random.default_rng(0)
+    line = tuple((0.4 + 0.01 * n, 0.02 + 0.05 * 0.01 * n) for n in range(10))
+    rough = tuple((0.01 * n, 0.02 + float(rng.normal(0.0, 0.9e-3))) for n in range(40))
+    alone = risen_force(line, 0.05, 3.0)
+    after = risen_force(rough + line, 0.05, 3.0)
+    assert alone == pytest.approx(0.027)
+    assert after is None or after < 0.0265
+    assert risen_force(line[:9], 0.05, 3.0) is None, "too few frames"
+    assert risen_force(((0.0, 1.0),) * 10, 0.1, 3.0) is None, "no time passes"
+
+
+def bound_ms(
+    forces_mn: list[float], interval_s: float = 0.01, share: float = 0.9
+) -> tuple[float | None, ...]:
+    """Early end, median and late end of the time until 30 mN; forces are a share of the
+    upper end.
+    """
+    line = force_trend.rise_of(
+        [(n * interval_s, force_mn * 1e-3) for n, force_mn in enumerate(forces_mn)], 10
+    )
+    found = force_trend.time_to_bound(
+        line, forces_mn[-1] * 1e-3, forces_mn[-1] * 1e-3 / share, LIMITS.bound_n
+    )
+
+    return (
+        (None, None, None)
+        if found is None
+        else tuple(at and at * 1e3 for at in vars(found).values())
+    )
+
+
+def test_the_time_until_the_bound_of_a_straight_rise_is_exact_but_for_the_error_of_its_slope():
+    # 50 mN/s to 15.5 mN; 27 mN have an upper end of 30
+    steady = [10.0 + 0.5 * n for n in range(12)]
+    slopes = 50.0 * (1.0 + 1.645 * 0.15 * np.array([1.0, 0.0, -1.0]))
+    middle_mn = steady[-1] - 4.5 * 0.5
+    assert bound_ms(steady) == pytest.approx(
+        1e3 * (27.0 - middle_mn) / slopes - 45.0, rel=1e-6
+    )
+    assert bound_ms(steady, share=0.7)[1] == pytest.approx(1e3 * (21.0 - 15.5) / 50.0)
+    assert bound_ms(steady, interval_s=0.12)[1] is None, "2.8 s away"
+    assert bound_ms(steady, interval_s=0.3, share=0.53) == (
+        None,
+        None,
+        None,
+    ), "the frames span 2.7 s"
+    assert (
+        bound_ms(steady[:9])
+        == bound_ms(steady[::-1])
+        == bound_ms([20.0] * 12)
+        == (None, None, None)
+    )
+    assert bound_ms([0.0] * 12, share=1.0 / 3.0) == (
+        None,
+        None,
+        None,
+    ), "no contact, and no force"
+    assert bound_ms(steady[:9], share=0.4) == (0.0, 0.0, 0.0), "reached already"
+    assert bound_ms([*(22.7 + 0.5 * n for n in range(11)), 26.5]) == (
+        0.0,
+        0.0,
+        0.0,
+    ), "the line has reached it"
+
+
+def test_the_interval_of_the_time_until_the_bound_holds_where_readings_err_alike():
+    rng = np.random.default_rng(5)
+    inside = []
+    medians = []
+
+    for _ in range(600):
+        slope = rng.uniform(0.1, 0.6)
+        sd = rng.uniform(0.05, 0.3)
+        left_mn = rng.uniform(3.0, 12.0)
+        # neighbours err alike
+        err = np.convolve(rng.normal(0.0, sd, 53), np.full(4, 0.5), "valid")
+        readings_mn = (
+            27.0 - left_mn + slope * rng.normal(1.0, 0.15) * np.arange(-49.0, 1.0) + err
+        )
+        early, median, late = bound_ms(readings_mn.tolist())
+
+        true_ms = 10.0 * left_mn / slope
+        if true_ms < 2000.0:
+            inside.append(
+                (np.inf if early is None else early)
+                <= true_ms
+                <= (np.inf if late is None else late)
+            )
+            medians.append((np.inf if median is None else median) < true_ms)
+
+    assert 0.86 < np.mean(inside) < 0.97
+    assert 0.43 < np.mean(medians) < 0.57
+
+
+def test_a_decision_on_a_frame_says_when_the_bound_is_reached() -> None:
+    state = watching()
+    for number in range(6, 30):
+        state, decision = decide(state, frame(number, 0.01 + 1e-4 * number), LIMITS)
+
+    force_n = 0.01 + 29e-4
+    left_n = LIMITS.bound_n * force_n / (force_n + 1.5e-3) - force_n
+    assert decision.to_bound is not None
+    assert decision.to_bound.median_s == pytest.approx(left_n / 0.01, rel=1e-6)
+    assert decide(state, Tick(0.295), LIMITS)[1].to_bound is None
+    assert decide(state, frame(30, 0.0299), LIMITS)[1].to_bound == force_trend.REACHED
+
+
+def test_limits_that_pass_everything_or_nothing_are_refused() -> None:
+    for field, value in (
+        ("bound_n", NAN),
+        ("bound_n", 0.0),
+        ("bound_n", 1e-3),
+        ("fresh_frames", 0),
+        ("unusable_frames", 0),
+        ("unusable_opinions", 0),
+        ("silence_s", -1.0),
+        ("reaction_s", float("inf")),
+        ("frozen_frames", 1),
+        ("rate_frames", 3),
+        ("lag_drift", -1e-4),
+        ("scale_tolerance", 0.0),
+        ("size", (0, 512)),
+    ):
+        with pytest.raises(InputError, match=r"monitor: "):
+            MonitorLimits(**{field: value})
+
+
+def test_the_page_shows_exactly_the_diagram_and_every_cause_and_limit() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    moves = [
+        f"    {before.name} --> {after.name}: {signal.value}"
+        for (before, signal), after in MOVES.items()
+    ]
+    diagram = "\n".join(["stateDiagram-v2", "    [*] --> NOT_READY", *moves])
+    assert re.findall(
+        r"^```mermaid\n(.*?)\n```$", page, flags=re.DOTALL | re.MULTILINE
+    ) == [diagram]
+    assert all(
+        f"`{cause.name}`" in page and str(cause.value) in page for cause in Cause
+    )
+    assert all(f"`{name}`" in page for name in MonitorLimits.__dataclass_fields__)
+
+
+def test_a_scale_within_the_tolerance_is_the_stated_one_and_no_number_never_is():
+    limits = MonitorLimits(scale_tolerance=0.01)
+    for share in (1.009, 0.991, 1.011, 0.989, -1.0, NAN, float("inf")):
+        for changed_m in ((share * 1e-5, 5e-6), (1e-5, share * 5e-6)):
+            assert of_scale(changed_m, (1e-5, 5e-6), limits) == (
+                share in (1.009, 0.991)
+            )
+
+
+def test_a_dent_is_contact_also_where_the_force_on_it_has_relaxed() -> None:
+    relaxed = [
+        judged(frame(number, 0.5e-3), elastic_force_n=4e-3) for number in range(6, 66)
+    ]
+    assert play([*relaxed, unusable(66)], watching()).cause is Cause.UNUSABLE
+    lifted = [judged(one, elastic_force_n=0.5e-3) for one in relaxed]
+    assert play([*lifted, unusable(66)], watching(4e-3)).cause is None
+
+
+def needle_goes(
+    forces_n: Sequence[float],
+    rate_hz: float = 100.0,
+    travel_m: Sequence[float] | None = None,
+    half_n: float = 1e-3,
+) -> list[FrameRead]:
+    """Frames from 1 on with these forces, and the travel if it is known."""
+    where_m = travel_m or len(forces_n) * [None]
+    return [
+        replace(
+            frame(n, force_n, n / rate_hz, half_n), travel_m=there_m, travel_age_s=0.001
+        )
+        for n, (force_n, there_m) in enumerate(zip(forces_n, where_m, strict=True), 1)
+    ]
+
+
+HELD = [0.024] * 8
+THROUGH_N = [*HELD, 0.007, 0.0072, 0.0074]
+
+
+def test_a_fall_that_no_retraction_explains_is_pierced_with_the_second_frame_after_it():
+    for rate_hz in (70.0, 100.0, 400.0):
+        # one frame may be wild
+        assert play(needle_goes(THROUGH_N[:9], rate_hz)).state is State.WATCHING
+        state = play(needle_goes(THROUGH_N[:10], rate_hz))
+        assert (state.state, state.cause) == (State.WITHDRAW, Cause.PIERCED)
+        assert state.reason.startswith(
+            "pierced: the dent fell from 24.0 to 7.2 mN within "
+        )
+
+    between = [*HELD, 0.015, 0.007, 0.0072]  # a frame in the middle of the fall
+    assert play(needle_goes(between)).cause is Cause.PIERCED
+    # the frames are too far apart to tell it from a withdrawal
+    assert play(needle_goes(THROUGH_N, 25.0)).cause is Cause.UNSEEN_FALL
+
+
+def test_what_withdraws_the_needle_or_is_one_frame_is_not_pierced() -> None:
+    steepest = LIMITS.stiffness_n_m * (LIMITS.retraction_m_s + LIMITS.eye_m_s)  # N/s
+    for rate_hz in (20.0, 60.0, 100.0, 400.0, 1000.0):
+        fallen_n = [
+            max(0.024 - steepest * n / rate_hz, 0.0) for n in range(int(0.1 * rate_hz))
+        ]
+        assert play(needle_goes([*HELD, *fallen_n], rate_hz, half_n=5e-4)).cause is None
+
+    for wild in ([0.003], [0.028]):
+        assert play(needle_goes([*HELD, *wild, *HELD, *wild, *HELD])).cause is None
+
+
+def behind_a_gap(
+    before_n: Sequence[float], gap_s: float, after_n: Sequence[float], **fields: Any
+) -> list[FrameRead]:
+    """Frames at 100 Hz with a gap; `fields` are of those after it."""
+    before = needle_goes(before_n)
+    begun_s = before[-1].at_s + gap_s
+    after = [
+        replace(frame(100 + n, force_n), at_s=begun_s + 0.01 * n, **fields)
+        for n, force_n in enumerate(after_n)
+    ]
+    return [*before, *after]
+
+
+GAPS_S = [0.016, 0.02, 0.03, 0.035, 0.05, 0.07, 0.099]
+FALLEN_N = [0.008, 0.0082, 0.0079]
+
+
+@pytest.mark.parametrize("gap_s", GAPS_S)
+@pytest.mark.parametrize("limits", [LIMITS, REPORTS])
+def test_a_fall_in_a_gap_is_not_ok_whatever_its_length(
+    limits: MonitorLimits, gap_s: float
+) -> None:
+    """With the second frame after it. It was seen behind gaps of up to 30 ms only."""
+    frames = behind_a_gap([0.021] * 12, gap_s, FALLEN_N)
+    assert play(frames[:-2], limits=limits).state is State.WATCHING
+    state = play(frames[:-1], limits=limits)
+    assert (state.state, state.cause) == (State.WITHDRAW, Cause.UNSEEN_FALL)
+    assert "from 21.0 to 8.2 mN" in state.reason
+    assert state.reason.endswith("ms of it unseen: withdrawn or pierced")
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.floats(0.016, 0.099),
+    st.floats(0.006, 0.025),
+    st.floats(0.0, 0.45),
+    st.integers(0, 2**32),
+)
+def test_no_gap_hides_a_puncture(gap_s, level_n, left, seed) -> None:
+    """Levels from 6 mN, friction up to 45 %, readings with a noise of 0.1 mN."""
+    rng = np.random.default_rng(seed)
+    before_n = level_n + 1e-4 * rng.standard_normal(20)
+    after_n = np.abs(left * level_n + 1e-4 * rng.standard_normal(3))
+    state = play(behind_a_gap(before_n.tolist(), gap_s, after_n.tolist()))
+    assert state.cause in (Cause.UNSEEN_FALL, Cause.PIERCED)
+
+
+@pytest.mark.parametrize("gap_s", GAPS_S)
+@pytest.mark.parametrize("rate_n_s", [0.02, 0.1, 0.3])
+def test_a_withdrawal_that_is_seen_on_either_side_explains_a_fall_in_a_gap(
+    rate_n_s: float, gap_s: float
+) -> None:
+    """It goes on through the gap, begins in it, or ends in it."""
+    before_n = [0.025 - rate_n_s * 0.01 * n for n in range(3)]
+    left_n = before_n[-1] - rate_n_s * gap_s
+    after_n = [max(left_n - rate_n_s * 0.01 * n, 0.0) for n in range(5)]
+    held = [0.025] * 10
+    assert play(behind_a_gap([*held, *before_n], gap_s, after_n)).cause is None
+    begins_n = [max(0.025 - rate_n_s * (gap_s + 0.01 * n), 0.0) for n in range(3)]
+    if begins_n[-1]:
+        assert play(behind_a_gap(held, gap_s, begins_n)).cause is None
+    ends_n = [max(left_n, 0.0)] * 3
+    assert play(behind_a_gap([*held, *before_n], gap_s, ends_n)).cause is None
+
+
+def test_a_step_after_a_gap_is_no_withdrawal_that_is_seen() -> None:
+    """The second half of a puncture may be: the next frames must show it, too."""
+    frames = behind_a_gap([0.021] * 12, 0.05, [0.015, 0.008, 0.0081])
+    assert play(frames).cause in (Cause.UNSEEN_FALL, Cause.PIERCED)
+
+
+@pytest.mark.parametrize("gap_s", GAPS_S)
+@pytest.mark.parametrize(
+    ("back_m", "age_s", "fell"),
+    [(0.0, 0.001, True), (2e-4, 0.001, False), (0.0, 0.09, True)],
+    ids=["held", "withdrawn", "long not stated"],
+)
+def test_stated_travel_explains_a_fall_in_a_gap_or_not(
+    back_m: float, age_s: float, fell: bool, gap_s: float
+) -> None:
+    """13 mN on a wall of 100 N/m take 130 um."""
+    moved = {"travel_m": 1e-3 - back_m, "travel_age_s": age_s}
+    frames = behind_a_gap([0.021] * 12, gap_s, FALLEN_N, **moved)
+    frames[:12] = [
+        replace(one, travel_m=1e-3, travel_age_s=0.001) for one in frames[:12]
+    ]
+    found = play(frames).cause
+    assert found in ((Cause.UNSEEN_FALL, Cause.PIERCED) if fell else (None,))
+
+
+def test_travel_rules_out_a_withdrawal_across_a_gap() -> None:
+    """A soft wall, on which the eye's own motion makes little force."""
+    soft = replace(LIMITS, stiffness_n_m=30.0)
+    held = {"travel_m": 1e-3, "travel_age_s": 0.001}
+    frames = [
+        replace(one, **held) for one in behind_a_gap([0.021] * 12, 0.05, FALLEN_N)
+    ]
+    assert play(frames, limits=soft).cause is Cause.PIERCED
+
+
+@pytest.mark.parametrize("puncture", range(1, 4))
+def test_overtaken_frames_show_a_fall_in_the_order_of_time(puncture: int) -> None:
+    """Four frames come together: the newest is answered first, the others after it."""
+    forces_n = [0.021] * puncture + [0.008] * (4 - puncture)
+    late = [
+        replace(frame(12 + n, force_n), at_s=0.16, taken_s=0.12 + 0.01 * n)
+        for n, force_n in enumerate(forces_n)
+    ]
+    soft = replace(LIMITS, stiffness_n_m=30.0)
+    events: list[MonitorEvent] = [*needle_goes([0.021] * 11), late[-1]]
+    events += [OvertakenRead(0.161 + 0.001 * n, one) for n, one in enumerate(late[:-1])]
+    if puncture == 3:
+        events.append(replace(frame(16, 0.008), at_s=0.17))
+    state = play(events, limits=soft)
+    assert [dent.at_s for dent in state.dents] == sorted(d.at_s for d in state.dents)
+    assert state.cause is Cause.PIERCED
+
+
+def test_a_picture_that_was_shown_before_hides_no_gap() -> None:
+    frames = needle_goes([0.021] * 12)
+    old = [replace(frame(n, 0.021), shown_back=back) for n, back in ((13, 1), (14, 2))]
+    after = [frame(n, 0.008) for n in (15, 16)]
+    assert play([*frames, *old, *after]).cause is Cause.UNSEEN_FALL
+
+
+def test_where_the_needle_is_withdrawn_anyway_a_fall_in_a_gap_is_none() -> None:
+    ordered = play([*needle_goes([0.021] * 12), Fault(0.121, Cause.CHECKSUM, "CRC")])
+    fallen = behind_a_gap([0.021] * 12, 0.05, FALLEN_N)[12:]
+    _, decision = decide(play(fallen, ordered), Tick(0.2), LIMITS)
+    assert (decision.cause, decision.present_cause) == (Cause.CHECKSUM, None)
+
+
+def test_after_the_reset_frames_from_before_it_make_no_fall() -> None:
+    state = play(behind_a_gap([0.021] * 12, 0.05, FALLEN_N))
+    fresh = [replace(frame(200 + n, 0.008), at_s=0.2 + 0.01 * n) for n in range(6)]
+    state = play([*fresh, Reset(0.2505)], state)
+    assert state.state is State.WATCHING
+    early = replace(frame(110, 0.021), at_s=0.2, taken_s=0.19)
+    assert play([OvertakenRead(0.251, early)], state).state is State.WATCHING
+
+
+def test_travel_explains_a_fall_or_not() -> None:
+    # such a robot needs its travel: without it all may be a retraction
+    fast = replace(LIMITS, retraction_m_s=0.05)
+    on_m = [1e-4 * n for n in range(11)]
+    back_m = [1e-3 - 5e-4 * max(n - 7, 0) for n in range(11)]
+    assert play(needle_goes(THROUGH_N), limits=fast).cause is None
+    assert (
+        play(needle_goes(THROUGH_N, travel_m=on_m), limits=fast).cause is Cause.PIERCED
+    )
+    assert play(needle_goes(THROUGH_N, travel_m=back_m), limits=fast).cause is None
+    # pictures come later than the robot says
+    early_m = [1e-3 - 5e-4 * min(max(n - 5, 0), 3) for n in range(11)]
+    assert play(needle_goes(THROUGH_N, travel_m=early_m), limits=fast).cause is None
+    old = [
+        replace(one, travel_age_s=0.02) for one in needle_goes(THROUGH_N, travel_m=on_m)
+    ]
+    # 20 ms ago; it may have withdrawn since
+    assert play(old, limits=fast).cause is None
+    unknown = needle_goes(THROUGH_N, travel_m=[NAN] * 11)
+    assert play(unknown).cause is Cause.PIERCED
+
+
+def test_of_tissue_that_relaxes_the_dent_counts() -> None:
+    # the force relaxes, the dent stays
+    held = [judged(one, elastic_force_n=0.024) for one in needle_goes(THROUGH_N)]
+    assert play(held).cause is None
+    sprung = [
+        judged(one, elastic_force_n=one.verdict.force_n * 1.2)
+        for one in needle_goes(THROUGH_N)
+    ]
+    assert play(sprung).cause is Cause.PIERCED
+
+
+def test_after_it_nothing_is_ok_until_the_reset_and_the_cause_stays_in_view() -> None:
+    fresh = [frame(n, 0.007) for n in range(6, 206)]
+    for limits, state, code in (
+        (LIMITS, State.WITHDRAW, 3),
+        (REPORTS, State.PIERCED, 14),
+    ):
+        now = play([frame(1, 0.024), *THROUGH], limits=limits)
+        for event in fresh[1:]:
+            now, decision = decide(now, event, limits)
+            assert (decision.state, decision.code, decision.sub_code) == (
+                state,
+                code,
+                116,
+            )
+            assert decision.present_cause is Cause.PIERCED
+
+        after, decision = decide(now, Reset(2.0501), limits)
+        assert (after.state, decision.code, decision.cause, decision.present_cause) == (
+            State.WATCHING,
+            1,
+            None,
+            None,
+        )
+        _, again = decide(after, replace(frame(206, 0.007), at_s=2.06), limits)
+        assert again.code == 1
+
+    soon = [*fresh[1 : 1 + REPORTS.fresh_frames], Reset(0.1201)]  # a fall is found once
+    assert (
+        play(soon, play([frame(1, 0.024), *THROUGH], limits=REPORTS), REPORTS).state
+        is State.WATCHING
+    )
+
+
+def test_what_is_only_reported_suppresses_no_other_cause() -> None:
+    bound, decision = decide(pierced(), frame(6, 0.0295), REPORTS)
+    assert (decision.code, decision.cause) == (3, Cause.BOUND)
+    _, decision = decide(pierced(), Tick(1.0), REPORTS)
+    assert (decision.code, decision.cause) == (3, Cause.SILENCE)
+    withdrawn_first = play([frame(n, 0.007) for n in range(7, 9)], bound, REPORTS)
+    assert (withdrawn_first.state, withdrawn_first.present_cause) == (
+        State.WITHDRAW,
+        Cause.PIERCED,
+    )
+
+
+def test_before_a_reset_that_follows_it_the_second_opinion_counts_anew() -> None:
+    limits = replace(OPINED, reports_pierced=True)
+    state = play(
+        [*both(1, 2, 3, 4, force_n=0.024), *both(5, force_n=0.007), frame(6, 0.007)],
+        limits=limits,
+    )
+    assert state.state is State.PIERCED
+    frames = [frame(n, 0.007) for n in range(7, 13)]
+    assert play([*frames, Reset(0.121)], state, limits).state is State.PIERCED
+    assert (
+        play([*both(*range(7, 13), force_n=0.007), Reset(0.126)], state, limits).state
+        is State.WATCHING
+    )
+
+
+CROSS = ("along", "across")
+
+
+def of_plane(plane: str, event: Any) -> Any:
+    return replace(event, plane=plane)
+
+
+def play_planes(
+    planed: Sequence[MonitorEvent],
+    planes: PlanesState | None = None,
+    limits: MonitorLimits = LIMITS,
+) -> tuple[PlanesState, Decision]:
+    planes = planes or PlanesState.of(CROSS)
+    for event in planed:
+        planes, decision = decide_planes(planes, event, limits)
+    return planes, decision
+
+
+def cross(
+    numbers: Sequence[int], along_n: float = 0.01, across_n: float = 0.01
+) -> list[FrameRead]:
+    """Frames of both planes at 100 Hz, each plane with a force."""
+    forces_n = zip(CROSS, (along_n, across_n), strict=True)
+    return [
+        of_plane(plane, frame(n, force_n))
+        for n, (plane, force_n) in product(numbers, forces_n)
+    ]
+
+
+def test_nothing_is_ok_before_every_plane_has_sent_a_frame_in_any_order() -> None:
+    for first in CROSS:
+        planes, decision = play_planes([of_plane(first, frame(n)) for n in range(1, 9)])
+        missing = next(plane for plane in CROSS if plane != first)
+        assert (
+            decision.state,
+            f"plane {missing}: no good frame yet" in decision.message,
+        ) == (State.NOT_READY, True)
+        _, decision = play_planes([of_plane(missing, frame(9))], planes)
+        assert decision.code == 1
+
+
+def test_a_constant_difference_between_planes_neither_rises_nor_pierces_and_the_worst_one_counts():
+    """Frames of the planes come in blocks of eight, which in one history would rise by
+    12 mN and fall again.
+    """
+    forces_n = {"along": 0.012, "across": 0.024}
+    blocks = [plane for _ in range(10) for plane in CROSS for _ in range(8)]
+    turns = [
+        of_plane(plane, frame(n, forces_n[plane], 0.005 * n))
+        for n, plane in enumerate(blocks, 1)
+    ]
+    planes = PlanesState.of(CROSS)
+
+    for event in turns:
+        planes, decision = decide_planes(planes, event, LIMITS)
+        assert decision.cause is None
+
+    assert decision.message == "WATCHING: class 1; 24.0 mN"
+    alone = play([replace(event, plane=None) for event in turns])
+    assert alone.cause in (
+        Cause.RISING,
+        Cause.PIERCED,
+    ), "the same frames of one plane are a cause"
+
+
+@pytest.mark.parametrize("plane", CROSS)
+def test_each_plane_rises_and_is_pierced_by_its_own_frames(plane: str) -> None:
+    rising = [
+        of_plane(name, frame(n, 0.012 + (name == plane) * 0.0005 * n))
+        for n in range(1, 30)
+        for name in CROSS
+    ]
+    _, decision = play_planes(rising)
+    assert decision.cause is Cause.RISING
+    assert f"plane {plane}: " in decision.message
+    fell = [
+        of_plane(
+            name,
+            replace(one, verdict=one.verdict if name == plane else frame(1).verdict),
+        )
+        for one in THROUGH
+        for name in CROSS
+    ]
+    _, decision = play_planes(fell)
+    assert (decision.cause, f"plane {plane}: pierced" in decision.message) == (
+        Cause.PIERCED,
+        True,
+    )
+
+
+@pytest.mark.parametrize("silent", CROSS)
+def test_a_plane_that_falls_silent_is_a_cause_although_the_other_sends(
+    silent: str,
+) -> None:
+    planes, decision = play_planes(cross(range(1, 6)))
+    assert decision.code == 1
+    other = next(plane for plane in CROSS if plane != silent)
+    _, decision = play_planes([of_plane(other, frame(n)) for n in range(6, 15)], planes)
+    assert decision.code == 1
+    _, decision = play_planes([of_plane(other, frame(n)) for n in range(6, 17)], planes)
+    assert decision.cause is Cause.SILENCE
+    assert decision.message.startswith(f"WITHDRAW: plane {silent}: no frame for 100 ms")
+
+
+def test_a_withdrawal_of_one_plane_is_everybodys_until_all_grant_the_reset() -> None:
+    withdrawn, decision = play_planes(
+        [*cross(range(1, 6)), of_plane("across", frame(6, 0.031))]
+    )
+    assert decision.cause in (Cause.BOUND, Cause.RISING)
+    first = decision.message.partition(";")[0]
+    held, decision = play_planes(
+        [of_plane("along", frame(6, 0.031)), *cross(range(7, 11))], withdrawn
+    )
+    assert decision.message.startswith(first), (
+        "the first cause stays, although the other plane withdraws as well"
+    )
+    _, decision = play_planes([Reset(0.105)], held)
+    assert (decision.code, "reset refused" in decision.message) == (3, True)
+    fresh, _ = play_planes([*cross(range(11, 13)), of_plane("along", frame(13))], held)
+    _, decision = play_planes([of_plane("across", unusable(13)), Reset(0.135)], fresh)
+    assert (decision.code, "plane across: reset refused" in decision.message) == (
+        3,
+        True,
+    )
+    _, decision = play_planes([of_plane("across", frame(13)), Reset(0.135)], fresh)
+    assert decision.code == 1
+    bears = replace(LIMITS, unusable_frames=2)
+    doubted, _ = play_planes(
+        [of_plane("along", frame(6, 0.031)), *cross(range(7, 13))],
+        play_planes(cross([5]))[0],
+        bears,
+    )
+    _, decision = play_planes(
+        [of_plane("across", unusable(13)), Reset(0.135)], doubted, bears
+    )
+    assert (decision.code, "plane across: reset refused" in decision.message) == (
+        3,
+        True,
+    ), "it was not withdrawn itself"
+
+
+def test_a_contact_that_one_plane_shows_is_that_of_all() -> None:
+    begun = cross(range(1, 6), along_n=0.004, across_n=0.0)
+    for frames, cause in (
+        (begun, Cause.UNUSABLE),
+        (cross(range(1, 6), 0.0, 0.0), None),
+    ):
+        planes, _ = play_planes(frames)
+        _, decision = play_planes([of_plane("across", unusable(6))], planes)
+        assert (decision.cause, decision.code != 1) == (cause, True)
+
+    lifted, _ = play_planes([*begun, *cross(range(6, 70), 0.0, 0.0)])
+    _, decision = play_planes([of_plane("across", unusable(70))], lifted)
+    assert decision.state is State.NOT_READY, (
+        "it ends with the last frame that shows it"
+    )
+
+
+def test_each_planes_opinions_are_its_own_and_what_is_of_no_plane_withdraws() -> None:
+    limits = replace(LIMITS, expects_opinion=True)
+    planes, decision = play_planes(
+        [*cross(range(1, 6)), of_plane("along", opinion(5)), *cross([6])], limits=limits
+    )
+    assert (decision.state, decision.message) == (
+        State.NOT_READY,
+        (
+            "NOT_READY: plane across: the second opinion has not answered yet; class 1;"
+            " 10.0 mN"
+        ),
+    )
+    watching, decision = play_planes(
+        [of_plane("across", opinion(6)), *cross([7])], planes, limits
+    )
+    assert decision.code == 1
+    doubts = [of_plane("across", replace(no_opinion(n), at_s=0.08)) for n in (4, 5, 6)]
+    _, decision = play_planes(doubts, watching, limits)
+    assert (decision.cause, "plane across: second opinion" in decision.message) == (
+        Cause.UNUSABLE,
+        True,
+    )
+
+    for stray in (
+        frame(8),
+        of_plane("up", frame(8)),
+        of_plane("up", opinion(6)),
+        OvertakenRead(0.08, frame(7)),
+        object(),
+    ):
+        _, decision = play_planes([stray], watching, limits)
+        assert decision.state is State.WITHDRAW
+
+    _, decision = play_planes(
+        [OvertakenRead(0.08, of_plane("across", frame(6, 0.031)))], watching, limits
+    )
+    assert (
+        decision.cause,
+        "plane across: frame 6, overtaken: up to" in decision.message,
+    ) == (Cause.BOUND, True)
+    _, decision = play_planes([Fault(0.08, Cause.CHECKSUM, "CRC")], watching, limits)
+    assert decision.message.startswith("WITHDRAW: CRC;")

@@ -1,0 +1,430 @@
+"""Processes beside the monitor and their channels: what is sent arrives whole, or is
+refused with one kind of error.
+"""
+
+import json
+import os
+import signal
+import sys
+from contextlib import suppress
+from dataclasses import replace
+from math import inf, nan
+from pathlib import Path
+from typing import get_args
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+from small_monitor import INFO, READ_ENTRY, verdict
+from waiting import FUSE_S, wait_until
+
+from scleraforce.base.errors import MessageError
+from scleraforce.live.companions import process_channel, process_messages as messages
+from scleraforce.live.companions.companion_processes import Guard
+from scleraforce.live.companions.shared_frames import RingPlace
+from scleraforce.live.decision.limits import MonitorLimits
+from scleraforce.records.eye import NOTHING_KNOWN, Known, Modulus
+from scleraforce.records.globe import known_globe
+from scleraforce.records.scan import PixelScale
+
+RING = RingPlace(descriptor=5, frames=1200, rows=24, columns=32)
+SCALE = PixelScale(lateral_m=29e-6, depth_m=8e-6)
+MESSAGES: list[messages.CompanionMessage] = [
+    messages.Decided(entry=READ_ENTRY),
+    messages.ForceHeard(at_s=1.0, time_s=1.8e9, values=(0.01, -inf), device="Robot"),
+    messages.Note(time_s=1.5, text='é "\\ \n\t\0'),
+    messages.MonitorEnds(),
+    messages.Outline(frame=4, step=4, outer=(None, 3.5), inner=()),
+    messages.Rates(
+        frames_per_second=99.5,
+        lost=0,
+        clients=({"address": "[::1]:1", "role": "scanner"},),
+    ),
+    messages.ResetAsked(request=1, token="t"),
+    messages.ResetAnswered(request=1, granted=False, message="no"),
+    messages.ListensAt(url="http://127.0.0.1:1/"),
+    messages.WrongTokens(count=7),
+    messages.OpinionAsked(number=3, order=2**62, at_s=1e5, teaches=True, pierced=False),
+    messages.EyeLearned(known=NOTHING_KNOWN, frames=3, fault=""),
+    messages.OpinionGiven(order=3, verdict=verdict(10.0, (0.0, 20.0))),
+    messages.OpinionGiven(
+        order=3,
+        verdict=verdict(predicted=2, usable=False, reason="dark", probabilities=None),
+    ),
+    messages.Alive(faults=("log: full", "disk: full")),
+    messages.SelfReport(detail="it broke"),
+    messages.WithdrawalKept(folder="/tmp/x"),
+    messages.BlackBoxSettings(
+        folder=Path("/tmp/box"),
+        ring=RING,
+        info=INFO,
+        record=Path("/tmp/é"),
+        keep_s=10.0,
+    ),
+    messages.OpinionSettings(
+        model=Path("m"),
+        scale=SCALE,
+        ring=RING,
+        known=Known(
+            modulus=Modulus(mean_pa=250e3, sd_pa=10e3, source="own"),
+            iop_pa=2000.0,
+            thickness_m=6e-4,
+        ),
+        learns="eye-a",
+        record=Path("/tmp/session"),
+    ),
+    messages.OpinionSettings(
+        model=Path("m"),
+        scale=SCALE,
+        ring=RING,
+        known=Known(globe=known_globe("sealed", 1.5e8, "logarithmic")),
+        learns=None,
+        record=None,
+    ),
+    messages.ConsoleSettings(
+        host="::1",
+        listener=7,
+        token_digest="d",
+        ring=RING,
+        scale=SCALE,
+        limits=MonitorLimits(size=(32, 24)),
+        class_bounds_n=(5e-3, 30e-3),
+        model="reader",
+        eye="",
+    ),
+]
+
+
+def test_each_message_arrives_as_it_was_sent() -> None:
+    assert {type(message) for message in MESSAGES} == set(
+        get_args(messages.CompanionMessage)
+    )
+    for message in MESSAGES:
+        assert (
+            process_channel.decode_message(process_channel.encode_message(message))
+            == message
+        )
+
+
+@pytest.mark.parametrize(
+    ("field", "ring", "info"),
+    [
+        ("info.oct", replace(RING, rows=32, columns=24), INFO),
+        ("info.force", RING, replace(INFO, force=None)),
+    ],
+)
+def test_settings_of_the_black_box_that_contradict_each_other_are_refused(
+    field, ring, info
+):
+    with pytest.raises(ValueError, match=field):
+        messages.BlackBoxSettings(
+            folder=Path("box"), ring=ring, info=info, record=None, keep_s=10.0
+        )
+
+
+def test_nan_infinity_and_numpys_floats_arrive_as_such() -> None:
+    given = verdict(nan, (-inf, nan), probabilities=(nan, np.float64(1.0)))
+    opinion = process_channel.decode_message(
+        process_channel.encode_message(messages.OpinionGiven(order=3, verdict=given))
+    )
+    assert repr(opinion.verdict) == repr(
+        verdict(nan, (-inf, nan), probabilities=(nan, 1.0))
+    )
+
+
+def test_half_a_character_of_a_file_name_is_escaped_in_a_text_and_kept_in_a_path():
+    alive = process_channel.decode_message(
+        process_channel.encode_message(messages.Alive(faults=("log: \udce9",)))
+    )
+    assert alive == messages.Alive(faults=("log: \\udce9",))
+    settings = msgspec.structs.replace(ending_with(0), model=Path("\udce9"))
+    assert (
+        process_channel.decode_message(process_channel.encode_message(settings))
+        == settings
+    )
+
+
+def test_a_missing_or_an_unknown_field_is_refused_by_its_name() -> None:
+    for message in MESSAGES:
+        record = msgspec.msgpack.decode(process_channel.encode_message(message))
+        for name in set(record) - {"type"}:
+            others = {key: value for key, value in record.items() if key != name}
+            with pytest.raises(MessageError, match=name):
+                process_channel.decode_message(msgspec.msgpack.encode(others))
+
+        with pytest.raises(MessageError, match="more"):
+            process_channel.decode_message(msgspec.msgpack.encode(record | {"more": 1}))
+
+
+def test_a_value_of_another_type_is_refused_by_its_field() -> None:
+    record = msgspec.msgpack.decode(process_channel.encode_message(MESSAGES[0]))
+    for name, wrong in {
+        "at_s": "1",
+        "number": 1.5,
+        "state": "OK",
+        "frame": True,
+        "verdict": [],
+    }.items():
+        with pytest.raises(MessageError, match=name):
+            process_channel.decode_message(
+                msgspec.msgpack.encode(
+                    record | {"entry": record["entry"] | {name: wrong}}
+                )
+            )
+
+
+def test_bytes_that_are_not_a_message_are_refused_in_one_short_line() -> None:
+    for data in (b"", b"\xc0", b"\x90", b"\x80", b"\xff\xfe", b"\x91" * 60_000, b"{}"):
+        with pytest.raises(MessageError) as refused:
+            process_channel.decode_message(data)
+        assert "\n" not in str(refused.value)
+        assert len(str(refused.value)) < 500
+
+
+@given(st.sampled_from(MESSAGES), st.data())
+def test_a_message_with_changed_bytes_is_a_message_or_that_error(
+    message: messages.CompanionMessage, drawn: st.DataObject
+) -> None:
+    data = bytearray(process_channel.encode_message(message))
+    for _ in range(drawn.draw(st.integers(1, 3))):
+        data[drawn.draw(st.integers(0, len(data) - 1))] = drawn.draw(
+            st.integers(0, 255)
+        )
+
+    with suppress(MessageError):
+        assert isinstance(
+            process_channel.decode_message(bytes(data)), messages.CompanionMessage
+        )
+
+
+def test_other_values_and_large_messages_are_not_sent() -> None:
+    for wrong in (
+        object(),
+        messages.Note(time_s=1.0, text=object()),
+        messages.WrongTokens(count=10**30),
+    ):
+        with pytest.raises(MessageError):
+            process_channel.encode_message(wrong)
+
+    with pytest.raises(MessageError, match="131072"):
+        process_channel.encode_message(
+            messages.Note(time_s=1.0, text="x" * process_channel.MESSAGE_BYTES)
+        )
+
+
+def note(number, text=""):
+    return messages.Note(time_s=float(number), text=text)
+
+
+def numbers_of(messages):
+    return [message.time_s for message in messages]
+
+
+@pytest.fixture
+def ends():
+    ours, theirs = process_channel.Channel.pair()
+    yield ours, theirs
+    ours.close()
+    theirs.close()
+
+
+def test_messages_arrive_whole_and_in_order_at_either_end_and_no_end_waits(ends):
+    for sender, receiver in (ends, ends[::-1]):
+        sent = [note(number, "é\n" * number) for number in range(50)]
+        assert all(sender.send(message) for message in sent)
+        assert receiver.receive(3) + receiver.receive() == sent
+        assert receiver.receive() == []
+
+
+def test_an_end_that_does_not_read_loses_messages_but_never_makes_the_other_wait(ends):
+    ours, theirs = ends
+    sent = 0
+    while ours.send(note(sent, "x" * 4000)):
+        sent += 1
+
+    assert not ours.send(note(-1, "x" * 4000))
+    numbers = []
+    while messages := theirs.receive():
+        numbers += numbers_of(messages)
+
+    assert numbers == list(range(sent))
+    assert ours.send(note(sent))
+
+
+def test_an_end_that_left_without_reading_has_its_last_messages_read_all_the_same(ends):
+    ours, theirs = ends
+    theirs.send(note(0))  # the kernel answers such a leaving with an error, once
+    for number in range(3):
+        ours.send(note(number))
+
+    ours.close()
+    assert numbers_of(theirs.receive()) == [0, 1, 2]
+    for _ in range(2):
+        with pytest.raises(process_channel.ChannelClosedError):
+            theirs.receive()
+
+    with pytest.raises(process_channel.ChannelClosedError):
+        theirs.send(note(0))
+
+
+def test_the_largest_message_arrives_and_a_larger_one_is_refused_before_and_after_it_is_cut(
+    ends,
+):
+    ours, theirs = ends
+    header = len(process_channel.encode_message(note(1, "x" * 70_000))) - 70_000
+    largest = note(1, "x" * (process_channel.MESSAGE_BYTES - header))
+    assert ours.send(largest)
+    assert theirs.receive() == [largest]
+
+    with pytest.raises(MessageError, match="131073 bytes"):
+        ours.send(note(1, largest.text + "x"))
+
+    assert theirs.receive() == []
+    # a whole message, if it were cut
+    assert ours.send_encoded(process_channel.encode_message(largest) + b" " * 1000)
+
+    with pytest.raises(MessageError, match="131073 bytes"):
+        theirs.receive()
+
+
+def test_after_a_wrong_message_the_next_ones_can_be_read(ends):
+    ours, theirs = ends
+    ours.send_encoded(b"\xff")
+    ours.send(note(1))
+    with pytest.raises(MessageError):
+        theirs.receive()
+    assert theirs.receive() == [note(1)]
+
+
+MODULE = """
+import json, os, select, signal, sys
+from scleraforce.live.companions.process_channel import ChannelClosedError, run_companion
+from scleraforce.live.companions.process_messages import Note, OpinionSettings
+def serve(channel, settings):
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [])
+    said = os.pread(settings.ring.descriptor, 100, 0).decode() if settings.ring.descriptor else None
+    channel.send(Note(time_s=0.0, text=json.dumps({
+        "settings": repr(settings), "interrupts": signal.SIGINT not in blocked, "read": said,
+        "threads": os.environ["OMP_NUM_THREADS"],
+    })))
+    while settings.ring.frames:
+        select.select([channel], [], [])
+        try:
+            for message in channel.receive():
+                channel.send(message)
+        except ChannelClosedError:
+            sys.exit(settings.ring.frames)
+    select.select([], [], [])
+run_companion(OpinionSettings, serve)
+"""
+
+
+def ending_with(code, descriptor=0):
+    """Settings of some child, which echoes: its exit code in place of a number of
+    frames; for 0 it waits for ever.
+    """
+    ring = RingPlace(descriptor=descriptor, frames=code, rows=1, columns=1)
+    return messages.OpinionSettings(
+        model=Path("é"),
+        known=NOTHING_KNOWN,
+        scale=SCALE,
+        ring=ring,
+        learns=None,
+        record=None,
+    )
+
+
+@pytest.fixture
+def module(tmp_path, monkeypatch):
+    (tmp_path / "some_child.py").write_text(MODULE)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+
+
+def heard(child):
+    messages = []
+    wait_until(lambda: messages.extend(child.channel.receive()) or messages)
+    return messages
+
+
+def answer(child):
+    return json.loads(heard(child)[0].text)
+
+
+@pytest.mark.usefixtures("module")
+def test_a_child_gets_its_settings_and_the_files_and_ends_or_is_killed_when_the_channel_closes():
+    file = os.memfd_create("test")
+    os.write(file, b"shared")
+    settings = ending_with(7, file)
+    child = process_channel.Child("some_child", settings, [file])
+    said = answer(child)
+    assert said == {
+        "settings": repr(settings),
+        "interrupts": False,
+        "read": "shared",
+        "threads": "1",
+    }
+    assert child.process.poll() is None
+    assert os.getsid(child.process.pid) == child.process.pid
+
+    for number in (
+        signal.SIGHUP,
+        signal.SIGQUIT,
+        signal.SIGINT,
+        signal.SIGTERM,
+    ):
+        # as a terminal that is closed
+        os.kill(child.process.pid, number)
+
+    child.channel.send(note(1))  # it is there after the signals
+    assert heard(child) == [note(1)]
+    assert child.end(FUSE_S) == 7
+    os.close(file)
+    waits = process_channel.Child("some_child", ending_with(0))
+    answer(waits)
+    assert waits.end(within_s=0.05) == -signal.SIGKILL
+
+
+def test_a_child_whose_monitor_has_gone_or_says_nothing_does_not_start(monkeypatch):
+    ours, theirs = process_channel.Channel.pair()
+
+    def run():
+        monkeypatch.setattr(sys, "argv", ["x", str(os.dup(theirs.fileno()))])
+        process_channel.run_companion(messages.OpinionSettings, pytest.fail)
+
+    monkeypatch.setattr(process_channel, "SETTINGS_S", 0.01)
+    with pytest.raises(RuntimeError, match="started by `scleraforce monitor`"):
+        run()
+
+    ours.send(messages.MonitorEnds())
+    with pytest.raises(
+        MessageError,
+        match="a MonitorEnds came; the first message must be a OpinionSettings",
+    ):
+        run()
+
+    ours.close()
+    with pytest.raises(process_channel.ChannelClosedError):
+        run()
+
+    theirs.close()
+
+
+@pytest.mark.usefixtures("module")
+def test_no_module_of_the_current_folder_runs_in_a_child(tmp_path, monkeypatch):
+    """Modules of PYTHONPATH do, as in the process that starts it."""
+    here = tmp_path / "here"
+    here.mkdir()
+
+    for name in ("numpy", "signal", "json", "socket", "sitecustomize", "some_child"):
+        (here / f"{name}.py").write_text(
+            f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\nraise SystemExit\n"
+        )
+
+    monkeypatch.chdir(here)
+    child = process_channel.Child("some_child", ending_with(3))
+    assert answer(child)["threads"] == "1"
+    assert child.end(FUSE_S) == 3
+    guard = Guard(FUSE_S)  # a less patient one may kill this process
+    guard.end()
+    assert not (tmp_path / "ran").exists()

@@ -1,0 +1,269 @@
+"""The reference client for robots: every doubt is a withdrawal, and OK is not."""
+
+import random
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import pytest
+from fake_monitor import OK, fake_monitor
+from fastcrc.crc64 import ecma_182
+from sources import EXAMPLES, example_module
+from waiting import FUSE_S, ends
+
+from scleraforce.live.decision.events import Cause
+from scleraforce.live.network.openigtlink import Sensor, Status, Text, encode
+
+SCRIPT = EXAMPLES / "robot_client.py"
+EMERGENCY = Status(3, 102, "BOUND", "WITHDRAW: up to 31 mN")
+
+
+robot_client = example_module("robot_client")
+
+
+class ClockedLink:
+    """A connection on which each message comes after a pause of the test's clock; an
+    empty one is its end.
+    """
+
+    def __init__(self, messages: list[tuple[float, bytes]]) -> None:
+        self.now_s = 1000.0
+        self.messages = messages
+        self.timeout_s = 0.0
+        self.data = b""
+
+    def __enter__(self) -> "ClockedLink":
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def setsockopt(self, *_: int) -> None: ...
+
+    def settimeout(self, timeout_s: float) -> None:
+        self.timeout_s = timeout_s
+
+    def recv(self, count: int) -> bytes:
+        if not self.data:
+            pause_s, self.data = (
+                self.messages.pop(0) if self.messages else (float("inf"), b"")
+            )
+            self.now_s += min(pause_s, self.timeout_s)
+
+            if pause_s > self.timeout_s:
+                raise TimeoutError
+
+        piece = self.data[:count]
+        self.data = self.data[count:]
+        return piece
+
+
+Watched = Callable[[list[tuple[float, bytes]]], list[tuple[bool, str]]]
+START_S = 1000.0
+
+
+@pytest.fixture
+def watched(monkeypatch: pytest.MonkeyPatch) -> Watched:
+    """Let a robot hear messages, each after a pause; return its orders."""
+    client = example_module("robot_client")
+
+    def run(messages: list[tuple[float, bytes]]) -> list[tuple[bool, str]]:
+        link = ClockedLink(messages)
+        orders = list[tuple[bool, str]]()
+        clock = SimpleNamespace(monotonic=lambda: link.now_s, time=lambda: link.now_s)
+        monkeypatch.setattr(client, "time", clock)
+        monkeypatch.setattr(client.socket, "create_connection", lambda *_, **__: link)
+        client.watch("monitor", 18944, lambda go_on, why: orders.append((go_on, why)))
+
+        return orders
+
+    return run
+
+
+def said(status: Status, at_s: float = START_S) -> bytes:
+    return encode(status, "ForceMonitor", time_s=at_s)
+
+
+SILENT = (False, "no STATUS for 150 ms")
+GO_ON = (True, "code 1, sub-code 0: WATCHING: class 0")
+
+
+def order(status: Status) -> tuple[bool, str]:
+    return (
+        status.code == 1,
+        f"code {status.code}, sub-code {status.subcode}: {status.message}",
+    )
+
+
+def test_ok_stays_through_heartbeats_and_other_messages(watched: Watched) -> None:
+    others = [
+        encode(message, "ForceReading")
+        for message in (Text('{"frame": 1}'), Sensor((float("nan"),) * 10))
+    ]
+    messages = [
+        said(OK),
+        *others,
+        encode(Status(3), "AnotherDevice"),
+        *[said(OK)] * 3,
+        said(EMERGENCY),
+    ]
+    assert watched([(0.01, data) for data in messages]) == [
+        GO_ON,
+        order(EMERGENCY),
+        SILENT,
+    ]
+
+
+def test_any_code_but_1_withdraws_and_a_reset_leads_back(watched: Watched) -> None:
+    for status in (
+        EMERGENCY,
+        Status(13, 0, "NOT_READY", "no frame"),
+        Status(0),
+        Status(2),
+        Status(65535),
+    ):
+        assert watched([(0.01, said(one)) for one in (OK, status, OK)]) == [
+            GO_ON,
+            order(status),
+            GO_ON,
+            SILENT,
+        ]
+
+
+def test_a_connection_that_is_closed_withdraws(watched: Watched) -> None:
+    go_on, why = watched([(0.01, said(OK)), (0.01, b"")])[-1]
+    assert (go_on, "closed the connection" in why) == (False, True)
+
+
+def test_nobody_there_withdraws() -> None:
+    with fake_monitor() as monitor:
+        port = monitor.port
+    orders: list[tuple[bool, str]] = []
+    robot_client.watch("127.0.0.1", port, lambda *order: orders.append(order))
+    assert (orders[-1][0], "refused" in orders[-1][1]) == (False, True)
+
+
+def flipped(data: bytes, place: int) -> bytes:
+    return data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :]
+
+
+def test_a_message_that_cannot_be_believed_withdraws(watched: Watched) -> None:
+    ok = encode(OK, "ForceMonitor")
+    for data, words in (
+        (b"HTTP/1.1 400 Bad Request\r\n" + bytes(64), "a header of version"),
+        (encode(OK, "ForceMonitor", version=2), "a header of version 2"),
+        (flipped(ok, 70), "a checksum is wrong"),
+        (flipped(encode(Text("a reading"), "ForceReading"), 65), "a checksum is wrong"),
+        (
+            ok[:42] + (1 << 40).to_bytes(8, "big") + bytes(8),
+            "a body of 1099511627776 bytes",
+        ),
+        (
+            ok[:42]
+            + (2).to_bytes(8, "big")
+            + ecma_182(b"ab").to_bytes(8, "big")
+            + b"ab",
+            "a STATUS of 2 bytes",
+        ),
+    ):
+        go_on, why = watched([(0.01, said(OK)), (0.01, data)])[-1]
+        assert (go_on, words in why) == (False, True), why
+
+
+def test_its_checksum_is_that_of_openigtlink() -> None:
+    rng = random.Random(0)
+    for size in (0, 1, 7, 8, 9, 100, 1000):
+        data = rng.randbytes(size)
+        assert robot_client.crc64(data) == ecma_182(data)
+
+
+def test_as_a_program_it_prints_changes_and_ends_with_exit_code_1(tmp_path) -> None:
+    patient = tmp_path / "robot_client.py"
+    patient.write_text(
+        SCRIPT.read_text().replace("SILENCE_S = 0.150", "SILENCE_S = 300.0")
+    )
+
+    with fake_monitor() as monitor:
+        monitor.status = OK
+        command = [sys.executable, str(patient), "127.0.0.1", str(monitor.port)]
+        child = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+
+        with ends(child.stdout, FUSE_S):
+            assert " continue: code 1" in child.stdout.readline()
+            monitor.say(EMERGENCY)
+            assert (
+                " WITHDRAW: code 3, sub-code 102: WITHDRAW: up to 31 mN"
+                in child.stdout.readline()
+            )
+
+        monitor.drop()
+        out, err = child.communicate(timeout=FUSE_S)
+
+    assert " WITHDRAW: " in out
+    assert err == ""
+    assert child.returncode == 1
+
+
+def test_the_robot_bears_silence_up_to_150_ms_and_no_longer(watched: Watched) -> None:
+    for pause_s, oks in ((0.149, 3), (0.151, 1)):
+        times_s = [0.01, 0.01 + pause_s, 0.01 + 2 * pause_s]
+        oks_said = [
+            said(Status(1, number, "OK"), START_S + at_s)
+            for number, at_s in enumerate(times_s)
+        ]
+        orders = watched(
+            [(0.01, oks_said[0]), (pause_s, oks_said[1]), (pause_s, oks_said[2])]
+        )
+        assert [go_on for go_on, _ in orders] == [True] * oks + [False]
+        assert orders[-1] == SILENT
+
+
+def test_other_messages_and_half_a_status_do_not_break_the_silence(
+    watched: Watched,
+) -> None:
+    other = encode(Text("alive"), "ForceMonitor") + encode(Status(1), "Other")
+    assert watched([(0.01, said(OK))] + [(0.02, other)] * 100) == [GO_ON, SILENT]
+    assert watched([(0.01, said(OK)), (0.14, said(OK)[:70])]) == [GO_ON, SILENT]
+
+
+def test_an_ok_that_has_waited_does_not_count_and_a_withdrawal_does(
+    watched: Watched,
+) -> None:
+    messages = [
+        (0.01, said(OK, START_S + 0.01)),
+        (0.01, said(EMERGENCY, START_S - 10.0)),
+    ]
+    messages += [(0.01, said(OK, START_S - 0.02))]  # 50 ms old
+    messages += [
+        (0.02, said(OK, START_S + 0.03 + 0.02 * number - 0.3))
+        for number in range(1, 100)
+    ]
+    assert [go_on for go_on, _ in watched(messages)] == [True, False, True, False]
+    assert len(messages) > 80  # it did not wait for them
+
+
+def test_a_monitor_with_another_clock_is_believed(watched: Watched) -> None:
+    oks = [(0.02, said(OK, START_S + 3600.0 + 0.02 * number)) for number in range(50)]
+    assert watched([*oks, (0.02, said(EMERGENCY, START_S + 3601.0))])[:2] == [
+        GO_ON,
+        order(EMERGENCY),
+    ]
+
+
+def test_the_page_names_every_sub_code_and_no_other() -> None:
+    page = (
+        (SCRIPT.parents[1] / "docs" / "monitor_decision.md")
+        .read_text(encoding="utf-8")
+        .split("## Causes")[1]
+    )
+    rows = re.findall(
+        r"^\| (`[A-Z_`, ]+`) \| (\d+(?:, \d+)*) \|", page, flags=re.MULTILINE
+    )
+    pairs = [
+        zip(codes.split(", "), names.split(", "), strict=True) for names, codes in rows
+    ]
+    listed = {int(code): name.strip("`") for pair in pairs for code, name in pair}
+    assert listed == {cause.value: cause.name for cause in Cause}

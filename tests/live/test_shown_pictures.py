@@ -1,0 +1,259 @@
+"""Pictures that come back are known, whatever is burned into them; live ones are new,
+whatever stays in them.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.live.repeated_pictures import ShownPictures
+
+Pixels = NDArray[np.uint8] | NDArray[np.uint16]
+SIZE = 512, 512
+MOST = 50
+
+
+def speckle(
+    rng: np.random.Generator, size: tuple[int, int] = SIZE
+) -> NDArray[np.uint16]:
+    """A dark background, tissue below it, on a logarithmic scale of 12 bits."""
+    mean = np.where(np.arange(size[0]) < size[0] // 3, 1.0, 30.0)[:, None]
+    level_db = 10.0 * np.log10(mean * rng.exponential(1.0, size) + 1e-3)
+    return np.clip(4095 * (level_db + 10.0) / 45.0, 0, 4095).astype(np.uint16)
+
+
+@cache
+def speckled(count: int) -> tuple[NDArray[np.uint16], ...]:
+    """Return pictures of a scanner, each different."""
+    rng = np.random.default_rng(0)
+    return tuple(speckle(rng) for _ in range(count))
+
+
+def changed(
+    rng: np.random.Generator, picture: NDArray[np.uint16], what: tuple[slice, slice]
+) -> NDArray[np.uint16]:
+    other = picture.copy()
+    other[what] = rng.integers(0, 4096, other[what].shape)
+    return other
+
+
+BURNED_IN = {
+    "nothing": (slice(0), slice(0)),
+    "a pixel": (slice(200, 201), slice(300, 301)),
+    "a clock": (slice(4, 24), slice(350, 500)),
+    "a row": (slice(256, 257), slice(None)),
+    "a column": (slice(None), slice(100, 101)),
+    "a strip": (slice(None), slice(400, 490)),
+}
+
+
+def test_old_pictures_in_turns_are_known_whatever_is_burned_in() -> None:
+    for what in BURNED_IN:
+        for pictures in (1, 2, 10, 50):
+            rng = np.random.default_rng(1)
+            shown = ShownPictures(MOST)
+            old = speckled(MOST + 10)[:pictures]
+            assert [shown.back(picture) for picture in old] == [0] * pictures
+            again = [
+                shown.back(changed(rng, picture, BURNED_IN[what]))
+                for picture in (old * 10)[:10]
+            ]
+            assert again == [pictures] * 10
+
+
+def test_a_picture_that_is_older_than_those_remembered_is_new() -> None:
+    shown = ShownPictures(MOST)
+    old = speckled(MOST + 10)[: MOST + 1]
+    assert [shown.back(picture) for picture in old * 2] == [0] * len(old) * 2
+
+
+def bands(picture: Pixels) -> Pixels:
+    picture = picture.copy()
+    picture[:, :200] = picture[:, -200:] = 0
+    return picture
+
+
+LIVE: dict[str, Callable[[NDArray[np.uint16]], Pixels]] = {
+    "12 bits": lambda picture: picture,
+    "8 bits": lambda picture: (picture >> 4).astype(np.uint8),
+    "4 bits": lambda picture: (picture >> 8).astype(np.uint8),
+    "saturated": lambda picture: np.minimum(picture, np.uint16(1500)),
+    "nearly black": lambda picture: np.where(picture > 2600, picture, np.uint16(0)),
+    "black bands": bands,
+    "of few pixels": lambda picture: picture[:24, :32],
+}
+
+
+def test_live_pictures_are_new_whatever_stays_in_them() -> None:
+    for how in LIVE:
+        shown = ShownPictures(MOST)
+        assert {shown.back(LIVE[how](picture)) for picture in speckled(MOST + 10)} == {
+            0
+        }
+
+
+def normal(rng: np.random.Generator) -> NDArray[np.complex128]:
+    real, imaginary = rng.standard_normal((2, *SIZE))
+    return (real + 1j * imaginary) / np.sqrt(2.0)
+
+
+DISPLAYS: dict[str, Callable[[NDArray[np.float64]], Pixels]] = {
+    "8 bits": (
+        lambda level_db: np.clip(255 * (level_db + 10.0) / 50.0, 0, 255).astype(
+            np.uint8
+        )
+    ),
+    "12 bits": (
+        lambda level_db: np.clip(4095 * (level_db + 10.0) / 50.0, 0, 4095).astype(
+            np.uint16
+        )
+    ),
+    "linear": (
+        lambda level_db: np.clip(4095 * 10 ** (level_db / 10) / 1000, 0, 4095).astype(
+            np.uint16
+        )
+    ),
+    "black where there is no tissue": (
+        lambda level_db: np.clip(255 * (level_db - 8) / 40, 0, 255).astype(np.uint8)
+    ),
+}
+
+
+def test_tissue_at_rest_whose_speckle_stays_is_new_by_the_noise_around_it() -> None:
+    for snr_db in (15.0, 30.0):
+        for display in DISPLAYS:
+            rng = np.random.default_rng(2)
+            shown = ShownPictures(MOST)
+            rows = np.arange(SIZE[0])[:, None]
+            still = np.where(
+                (rows > 100) & (rows < 350), 10 ** (snr_db / 20.0), 0.0
+            ) * normal(rng)
+
+            for _ in range(MOST + 10):
+                level_db = 20.0 * np.log10(abs(still + normal(rng)))
+                assert shown.back(DISPLAYS[display](level_db)) == 0
+
+
+def first_alarm(before: Sequence[Pixels], old: Sequence[Pixels]) -> int | None:
+    """Return the number of the first old picture at which the third in a row, or the
+    second return, is noticed.
+    """
+    shown = ShownPictures(MOST)
+    backs = [shown.back(picture) for picture in (*before, *old)]
+    assert backs[: len(before)] == [0] * len(before)
+    in_row = returns = 0
+
+    for number, back in enumerate(backs[len(before) :], start=1):
+        in_row = in_row + 1 if back == 1 else 0
+        returns = returns + (back > 1)
+        if in_row == 2 or (back > 1 and returns == 2):
+            return number
+
+    return None
+
+
+def as_counts(values: NDArray[np.float64]) -> NDArray[np.uint16]:
+    return np.clip(np.rint(values), 0, 65535).astype(np.uint16)
+
+
+def part_of_the_first(
+    live: Sequence[NDArray[np.uint16]], part: tuple[slice, slice]
+) -> list[NDArray[np.uint16]]:
+    pictures = [picture.copy() for picture in live]
+    for picture in pictures:
+        picture[part] = live[0][part]
+    return pictures
+
+
+def filtered(
+    live: Sequence[NDArray[np.uint16]], kept: float
+) -> list[NDArray[np.uint16]]:
+    mean = live[0].astype(np.float64)
+    pictures = []
+    for picture in live:
+        mean = kept * mean + (1 - kept) * picture
+        pictures.append(as_counts(mean))
+    return pictures
+
+
+Live = Sequence[NDArray[np.uint16]]
+OLD: dict[str, Callable[[Live, np.random.Generator], Sequence[Pixels]]] = {
+    "the dark level moves": lambda live, _: [live[0] + np.uint16(n) for n in range(20)],
+    "the gain grows": lambda live, _: [
+        as_counts(live[0] * (1 + 0.005 * n)) for n in range(20)
+    ],
+    "the contrast changes": lambda live, _: [
+        as_counts(4095 * (live[0] / 4095) ** (1 + n / 100)) for n in range(20)
+    ],
+    "16 and 8 bits in turns": lambda live, _: [
+        live[0] if n % 2 else (live[0] >> 4).astype(np.uint8) for n in range(20)
+    ],
+    "it moves by a row": lambda live, _: [
+        np.roll(live[0], n, axis=0) for n in range(20)
+    ],
+    "it moves by a column": lambda live, _: [
+        np.roll(live[0], -n, axis=1) for n in range(20)
+    ],
+    "it jitters": lambda live, rng: [
+        np.roll(live[0], tuple(rng.integers(-1, 2, 2)), (0, 1)) for _ in range(20)
+    ],
+    "three in turns, the dark level moves": lambda live, _: [
+        live[n % 3] + np.uint16(n) for n in range(20)
+    ],
+    "fresh noise on it": lambda live, rng: [
+        as_counts(live[0] + rng.normal(0, 50, SIZE)) for _ in range(20)
+    ],
+    "its left half": lambda live, _: part_of_the_first(live, (slice(None), slice(256))),
+    "its middle half": lambda live, _: part_of_the_first(
+        live, (slice(None), slice(128, 384))
+    ),
+    "its lower half": lambda live, _: part_of_the_first(
+        live, (slice(256, None), slice(None))
+    ),
+    "80 % of it": lambda live, _: [
+        as_counts(0.8 * live[0] + 0.2 * seen) for seen in live
+    ],
+    "60 % of it": lambda live, _: [
+        as_counts(0.6 * live[0] + 0.4 * seen) for seen in live
+    ],
+    "a filter that keeps 80 %": lambda live, _: filtered(live, 0.8),
+}
+
+
+def test_an_old_picture_is_known_whatever_is_done_to_it() -> None:
+    for what in OLD:
+        live = speckled(MOST + 10)
+        found = first_alarm(live[:30], OLD[what](live[30:50], np.random.default_rng(4)))
+        assert found is not None
+        assert found <= 6
+
+
+def test_a_filter_that_keeps_half_of_the_last_picture_or_less_shows_new_ones() -> None:
+    for share in (0.5, 0.25):
+        assert first_alarm((), filtered(speckled(MOST + 10), share)[10:]) is None
+
+
+def test_pictures_of_one_grey_are_the_same_only_to_the_last_bit() -> None:
+    shown = ShownPictures(MOST)
+    black = np.zeros(SIZE, np.uint16)
+    one = black.copy()
+    one[100, 100] = 7
+    assert [shown.back(picture) for picture in (black, one, black, black)] == [
+        0,
+        0,
+        2,
+        1,
+    ]
+
+
+def test_another_size_begins_anew_and_another_depth_does_not() -> None:
+    shown = ShownPictures(MOST)
+    picture = speckle(np.random.default_rng(0))
+    found = [
+        shown.back(seen)
+        for seen in (picture, picture[:-1], picture, (picture >> 4).astype(np.uint8))
+    ]
+    assert found == [0, 0, 0, 1]
+    assert shown.back(np.zeros((1, 1), np.uint8)) == 0

@@ -1,0 +1,185 @@
+"""The offset of two clocks, from dents and forces: right, or unsure."""
+
+import numpy as np
+import pytest
+
+from scleraforce.recordings.clock_offsets import (
+    ClockEstimate,
+    _isotonic,
+    estimate_clocks,
+    relation,
+)
+
+RATE_HZ = 100.0
+OFFSET_S = 5.3
+
+
+def pushes(time_s: np.ndarray) -> np.ndarray:
+    return 1e-2 * (np.sin(time_s) > 0.3) * (1.0 + 0.2 * np.floor(time_s / 6.0))
+
+
+class Needle:
+    """A needle that pushes again and again, for 4 s each time, with any force."""
+
+    def __init__(self, seed: int, length_s: float) -> None:
+        self.rng = np.random.default_rng(seed)
+        starts_s = np.arange(3.0, length_s - 10.0, 9.0)
+        starts_s += self.rng.uniform(0.0, 2.0, len(starts_s))
+        forces_n = self.rng.uniform(2e-3, 50e-3, len(starts_s))
+        self.corners_s = (starts_s[:, None] + [0.0, 0.7, 4.7, 5.4]).ravel()
+        self.corners_n = (forces_n[:, None] * [0.0, 1.0, 1.0, 0.0]).ravel()
+        self.starts_s = starts_s
+        self.log_s = np.arange(0.0, length_s, 1.0 / RATE_HZ)
+
+    def force_n(self, time_s: np.ndarray) -> np.ndarray:
+        return np.interp(time_s, self.corners_s, self.corners_n)
+
+    def dents(self, time_s: np.ndarray) -> np.ndarray:
+        """Dents of tissue that stiffens, with 20 um of noise."""
+        dent_m = 1.5e-3 * (self.force_n(time_s) / 50e-3) ** 0.7
+        return (dent_m + 20e-6 * self.rng.standard_normal(len(time_s)))[None]
+
+    def log_n(self) -> np.ndarray:
+        noise_n = 4e-3 * self.rng.standard_normal(len(self.log_s))
+        return self.force_n(self.log_s) + noise_n
+
+    def estimate(self, taken_s: np.ndarray, stated_s: np.ndarray) -> ClockEstimate:
+        found = estimate_clocks(stated_s, self.dents(taken_s), self.log_s, self.log_n())
+        assert found is not None
+        return found
+
+
+@pytest.mark.parametrize("offset_s", [0.0, 7.25, -3.5, 1.7e9])
+def test_the_offset_of_a_film_is_found_from_its_dents(offset_s: float) -> None:
+    needle = Needle(5, 60.0)
+    frame_s = np.arange(4.0, 55.0, 0.25)
+    found = needle.estimate(frame_s, frame_s - offset_s)
+    assert found.sure
+    assert found.offset_s == pytest.approx(offset_s, abs=0.15)
+    assert found.low_s < offset_s < found.high_s
+    assert found.drift_s == 0.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_one_frame_a_push_gives_the_middle_of_the_rest_and_its_ends(seed: int) -> None:
+    needle = Needle(seed, 130.0)
+    middle_s = needle.starts_s + 2.7
+    found = needle.estimate(middle_s, middle_s - OFFSET_S)
+    assert found.sure
+    assert found.offset_s == pytest.approx(OFFSET_S, abs=0.4)
+    assert (found.low_s, found.high_s) == pytest.approx(
+        (OFFSET_S - 2.0, OFFSET_S + 2.0), abs=0.6
+    )
+
+
+def test_the_offset_in_a_log_of_half_an_hour_is_as_exact() -> None:
+    needle = Needle(2, 1800.0)
+    frame_s = np.arange(900.0, 1000.0, 0.5)
+    found = needle.estimate(frame_s, frame_s - 890.0)
+    assert found.sure
+    assert found.offset_s == pytest.approx(890.0, abs=0.2)
+
+
+def test_no_offset_comes_from_few_or_equal_dents() -> None:
+    log_s = np.arange(0.0, 10.0, 0.01)
+    few = np.arange(5.0)
+    assert estimate_clocks(few, few[None], log_s, pushes(log_s)) is None
+    assert (
+        estimate_clocks(np.arange(8.0), np.ones((1, 8)), log_s, pushes(log_s)) is None
+    )
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_log_of_another_day_is_not_sure_and_not_related(seed: int) -> None:
+    needle = Needle(seed, 130.0)
+    other = Needle(100 + seed, 130.0)
+    middle_s = needle.starts_s + 2.7
+    given = middle_s, needle.dents(middle_s), other.log_s, other.log_n()
+    found = estimate_clocks(*given)
+    assert found is not None
+    assert not found.sure
+    likely = relation(middle_s, needle.dents(middle_s), needle.log_s, needle.log_n())
+    unlikely = relation(*given)
+    assert likely > 9.0
+    assert unlikely < 4.6
+
+
+def test_equal_pushes_leave_the_offset_open() -> None:
+    log_s = np.arange(0.0, 120.0, 0.01)
+    force_n = 0.02 * ((log_s % 10.0) > 5.0)
+    frame_s = np.arange(30.0, 80.0, 0.5)
+    dents = 0.05 * np.interp(frame_s, log_s, force_n)[None]
+    found = estimate_clocks(frame_s, dents, log_s, force_n)
+    assert found is not None
+    assert not found.sure
+    apart_s = np.abs(np.subtract(found.rivals_s, found.offset_s))
+    assert apart_s % 10.0 == pytest.approx(
+        10.0 * np.round(apart_s % 10.0 / 10.0), abs=0.5
+    )
+
+
+@pytest.mark.parametrize("drift_s", [1.0, -1.0])
+def test_a_clock_that_drifts_by_seconds_an_hour_is_followed(drift_s: float) -> None:
+    needle = Needle(1, 3600.0)
+    frame_s = np.arange(10.0, 3580.0, 60.0)
+    stated_s = frame_s - OFFSET_S - drift_s * (frame_s / 3600.0 - 0.5)
+    found = needle.estimate(frame_s, stated_s)
+    assert found.sure
+    assert found.drift_s == pytest.approx(drift_s, abs=0.35)
+    assert np.abs(found.moved(stated_s) - frame_s).max() < 0.4
+
+
+def test_a_clock_that_drifts_by_much_is_not_sure_of_one_offset() -> None:
+    needle = Needle(1, 3600.0)
+    frame_s = np.arange(10.0, 3580.0, 60.0)
+    found = needle.estimate(frame_s, frame_s - OFFSET_S - 8.0 * frame_s / 3600.0)
+    assert not found.sure
+
+
+def test_frames_that_pause_are_not_sure_and_the_parts_are_named() -> None:
+    needle = Needle(3, 300.0)
+    frame_s = np.arange(6.0, 288.0, 1.3)
+    frame_s = np.delete(frame_s, slice(105, 113))
+    stated_s = 1.3 * np.arange(len(frame_s))
+    found = needle.estimate(frame_s, stated_s)
+    assert not found.sure
+    (_, first_last, first_s), *_, (last_first, _, last_s) = found.parts
+    assert first_last < last_first
+    assert (first_s, last_s) == pytest.approx((6.0, 6.0 + 8 * 1.3), abs=0.5)
+
+
+def test_gaps_of_a_log_are_not_bridged() -> None:
+    needle = Needle(4, 130.0)
+    middle_s = needle.starts_s + 2.7
+    log_n = needle.log_n()
+    log_n[(needle.log_s > 40.0) & (needle.log_s < 60.0)] = np.nan
+    dents = needle.dents(middle_s)
+    found = estimate_clocks(middle_s - OFFSET_S, dents, needle.log_s, log_n)
+    assert found is not None
+    assert found.low_s < OFFSET_S < found.high_s
+
+
+def pool_adjacent_violators(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return the nearest rising sequence by the textbook's method, block by block."""
+    blocks: list[list[float]] = []
+    for value, weight in zip(values, weights, strict=True):
+        blocks.append([value, weight, 1])
+        while len(blocks) > 1 and blocks[-2][0] >= blocks[-1][0]:
+            last, before = blocks.pop(), blocks.pop()
+            weight = last[1] + before[1]
+            mean = (last[0] * last[1] + before[0] * before[1]) / weight
+            blocks.append([mean, weight, last[2] + before[2]])
+
+    return np.concatenate([[mean] * int(count) for mean, _, count in blocks])
+
+
+def test_rising_sequences_agree_with_pooling_of_adjacent_violators() -> None:
+    rng = np.random.default_rng(0)
+    values = rng.standard_normal((30, 9))
+    weights = rng.uniform(0.1, 1.0, (30, 9))
+    for row, weight, found in zip(
+        values, weights, _isotonic(values, weights), strict=True
+    ):
+        np.testing.assert_allclose(
+            found, pool_adjacent_violators(row, weight), atol=1e-9
+        )

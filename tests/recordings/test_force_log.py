@@ -1,0 +1,708 @@
+"""Force logs of any program."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scleraforce.base.errors import InputError, RecordingError
+from scleraforce.recordings.formats.foreign_force_logs import (
+    LogColumn,
+    columns_by_header,
+    parse_column,
+    read_force_text,
+)
+from scleraforce.recordings.formats.log_text import read_log_text
+from scleraforce.recordings.formats.picture_streams import UnansweredError
+from scleraforce.recordings.import_sources import source_kind
+
+# As the demo program of ATI's Net F/T writes it: settings above, quoted values, counts,
+# a clock of whole seconds.
+ATI = """Start Time: 8/3/26 2:15 PM
+RDT Sample Rate: 500
+"PLEASE NOTE: The sample rate is read from the Net F/T when the program starts."
+Force Units: mN
+Counts per Unit Force: 1000.0
+Torque Units: Nmm
+Counts per Unit Torque: 2000.0
+Status (hex), RDT Sequence, F/T Sequence, Fx, Fy, Fz, Tx, Ty, Tz, Time
+"0x0","4097","81234","1500","-2250","-40000","500","250","-1000","Aug 3, 2026 2:15:07 PM"
+"0x80010000","4098","81248","1750","-2500","-41000","500","250","-1000","Aug 3, 2026 2:15:07 PM"
+"0x80020000","4100","81276","2000","-2750","-42000","500","250","-1000","Aug 3, 2026 2:15:07 PM"
+"0x0","4101","81290","2000","-2750","-43000","500","250","-1000","Aug 3, 2026 2:15:07 PM"
+"""
+# As loggers of Bota's serial sensors write it: no units.
+BOTA = """host_time_s,device_timestamp,status,Fx,Fy,Fz,Mx,My,Mz,temperature_C
+1786000000.125,1000,0,0.1,0.2,-0.3,0.01,0.02,0.03,31.5
+1786000000.135,11000,0,0.1,0.2,-0.4,0.01,0.02,0.03,31.5
+"""
+ROS_FIELDS = (
+    "header.seq",
+    "header.stamp",
+    "header.frame_id",
+    "wrench.force.x",
+    "wrench.force.y",
+    "wrench.force.z",
+    "wrench.torque.x",
+    "wrench.torque.y",
+    "wrench.torque.z",
+)
+ROSTOPIC = f"""%time,{",".join(f"field.{name}" for name in ROS_FIELDS)}
+1786000000300000000,1,1786000000250000000,ft,0.1,0.2,-0.3,0.01,0.02,0.03
+1786000000310000000,2,1786000000260000000,ft,0.1,0.2,-0.4,0.01,0.02,0.03
+"""
+
+
+def log_of(folder: Path, text: str, *columns: str):
+    (folder / "log.csv").write_text(text)
+    return read_force_text(
+        read_log_text(folder / "log.csv"), [parse_column(column) for column in columns]
+    )
+
+
+def semicolons(header: str, *rows: str) -> str:
+    return "\n".join([header, *rows, ""]).replace(" ", ";")
+
+
+def test_an_ati_log_is_divided_by_its_counts_per_unit_and_counts_by_its_sample_rate(
+    tmp_path: Path,
+) -> None:
+    log, columns = log_of(tmp_path, ATI)
+    np.testing.assert_allclose(log.time_s - log.time_s[0], [0.0, 0.002, 0.006, 0.008])
+    np.testing.assert_allclose(
+        log.wrench_sc[0], [1.5e-3, -2.25e-3, -0.04, 0.25e-3, 0.125e-3, -0.5e-3]
+    )
+    time, *forces, status = (column.answer() for column in columns)
+    assert (time, forces[2], status) == (
+        "time=RDT Sequence:500Hz",
+        "fz=Fz:1000/mN",
+        "status=Status (hex):ati",
+    )
+    assert [parse_column(answer) for answer in (time, *forces, status)] == list(columns)
+    # saturated
+    assert np.isnan(log.wrench_sc).all(axis=1).tolist() == [
+        False,
+        False,
+        True,
+        False,
+    ]
+    (note,) = log.notes
+    assert note.startswith(
+        "1 of 4 samples are flagged by the sensor and have no force; the first is "
+    )
+    assert note.endswith("log.csv:11: Status (hex): '0x80020000'")
+
+
+def test_settings_above_the_header_are_read_whole(tmp_path: Path) -> None:
+    for count in ("1000,0", "1e3", "1000,,,", "1.0E+03", "1000 counts"):
+        log, _ = log_of(tmp_path, ATI.replace("Force: 1000.0", f"Force: {count}"))
+        assert log.wrench_sc[0, 2] == pytest.approx(-0.04)
+
+    for count in [
+        "1,000",
+        "1,000,000",
+        "1 000 000",
+        "1.000.000",
+        "1'000",
+        '"1,000,000"',
+        "1..0",
+    ]:
+        for field, old in [
+            ("Counts per Unit Force", "Force: 1000.0"),
+            ("RDT Sample Rate", "Rate: 500"),
+        ]:
+            with pytest.raises(RecordingError, match=f"{field}: .* is not a number"):
+                log_of(tmp_path, ATI.replace(old, f"{old.partition(':')[0]}: {count}"))
+
+    with pytest.raises(UnansweredError):
+        log_of(tmp_path, ATI.replace("Force: 1000.0", "Force: 0"))
+
+
+def test_numbers_other_than_counts_under_a_header_with_counts_are_asked_about(
+    tmp_path: Path,
+) -> None:
+    text = ATI.replace('"-41000"', '"-41.5"')
+    found = r"log\.csv:10: Fz: -41\.5 is not a count, .* fz=Fz:1000/mN or fz=Fz:mN"
+    with pytest.raises(UnansweredError, match=found):
+        log_of(tmp_path, text)
+
+    others = [
+        f"{name.lower()}={name}:{unit}"
+        for name, unit in (
+            ("Fx", "mN"),
+            ("Fy", "mN"),
+            ("Tx", "Nmm"),
+            ("Ty", "Nmm"),
+            ("Tz", "Nmm"),
+        )
+    ]
+    log, _ = log_of(tmp_path, text, "fz=Fz:mN", *others)
+    assert log.force_n("fz")[1] == pytest.approx(-0.0415)
+    assert any(
+        "Fz: read in mN (--column), where the log states 1000/mN" in note
+        for note in log.notes
+    )
+
+
+def test_what_a_log_leaves_open_is_asked_and_the_answer_is_used(tmp_path: Path) -> None:
+    rows = ("0.00 1", "0.01 2")
+    scales = [
+        "Scale Factor: 0.001",
+        "Gain;1000",
+        "Gain;1,000",
+        "Sensitivity (N/V): 2.5",
+        "Counts per N: 1e6",
+    ]
+    two = r"'Fz\(N\)' is in N by its name: fz=Fz\(N\):N or fz=Fz\(N\):(mN|1000/N)\?"
+
+    for above, header, question, answer, first_n in [
+        *(
+            (
+                f"Force Unit: N\n{line}\n",
+                f"time_s {name}",
+                r"log\.csv:2: .* is not applied to 'Fz.*fz=Fz",
+                f"fz={name}:1000/N",
+                1e-3,
+            )
+            for line in scales
+            for name in ("Fz[N]", "Fz")
+        ),
+        *(
+            ("", f"time_s {name}", "which column is a force", f"fz={name}:0.5/N", 2.0)
+            for name in ("Fz(counts)", "Fz[V]", "Fz_raw", "Fz_LSB", "Fz(mV)")
+        ),
+        ("Force Units: mN\n", "time_s Fz(N)", two, "fz=Fz(N):mN", 1e-3),
+        (
+            "Force Units: N\nCounts per Unit Force: 1000\n",
+            "time_s Fz(N)",
+            two,
+            "fz=Fz(N):mN",
+            1e-3,
+        ),
+        ("time_s;Fz(N)\n", "s mN", two, "fz=Fz(N):mN", 1e-3),
+        (
+            "",
+            "time_s Fz[N] ForceZ[mN]",
+            r"fz: is it 'Fz\[N\]' or 'ForceZ\[mN\]'",
+            "fz=ForceZ[mN]:mN",
+            5e-3,
+        ),
+        (
+            "",
+            "stamp A B",
+            (
+                "the time, and which a force.*'stamp', 'A', 'B'.*give --column"
+                " time=NAME:UNIT --column fz="
+            ),
+            "time=stamp:s fz=A:N",
+            1.0,
+        ),
+        (
+            "",
+            "time_s A B",
+            r"which column is a force.*give --column fz=NAME:UNIT$",
+            "fz=B:mN",
+            5e-3,
+        ),
+    ]:
+        wide = (
+            [f"{row} {value}" for row, value in zip(rows, (5, 6), strict=True)]
+            if header.count(" ") == 2
+            else rows
+        )
+        text = above + semicolons(header, *wide)
+
+        with pytest.raises(UnansweredError, match=question):
+            log_of(tmp_path, text)
+
+        assert log_of(tmp_path, text, *answer.split())[0].force_n("fz")[
+            0
+        ] == pytest.approx(first_n)
+
+    with pytest.raises(InputError, match="no column 'C'; there are 'time_s', 'Fz'"):
+        log_of(tmp_path, semicolons("time_s Fz", *rows), "fz=C:N")
+
+
+def test_samples_that_a_flag_marks_as_faulty_have_no_force(tmp_path: Path) -> None:
+    for name, good, bad in [
+        ("status", "0", "2"),
+        ("Sensor Status", "0x0", "0x4"),
+        ("is_valid", "1", "0"),
+        ("valid", "True", "False"),
+        ("overload", "0", "1"),
+        ("Saturated", "no", "yes"),
+        ("error_code", "0", "17"),
+        ("Status", "OK", "OVERLOAD"),
+        ("ft_error_flag", "False", "True"),
+        ("isSaturated", "0", "1"),
+        ("cable ok", "1", "0"),
+        ("Status_hex", "0", "1F"),
+        ("fz_valid", "1", "nan"),
+        ("data ok", "yes", "no"),
+        ("Status (hex)", "0", "1F"),
+    ]:
+        rows = "".join(
+            f"{k / 100},{bad if k in (3, 4) else good},0.{k}\n" for k in range(9)
+        )
+        log, columns = log_of(tmp_path, f"time_s,{name},fz_n\n{rows}")
+        assert np.flatnonzero(np.isnan(log.force_n("fz"))).tolist() == [3, 4]
+        assert columns[-1].name == name
+        (note,) = log.notes
+        assert note.startswith("2 of 9 samples are flagged")
+        assert note.endswith(f"log.csv:5: {name}: {bad!r}")
+
+
+def test_a_column_that_flags_every_sample_is_refused_unless_it_is_not_the_status(
+    tmp_path: Path,
+) -> None:
+    text = "time_s,status,fz_n\n0.00,7,1\n0.01,7,2\n"
+    with pytest.raises(
+        RecordingError,
+        match=r"log\.csv:2: status: '7', .*every sample .* --column status=status:any",
+    ):
+        log_of(tmp_path, text)
+
+    measured = "time_s,error,fz_n\n0.00,0.25,1\n0.01,0,2\n"
+    for given, columns, note in [
+        (text, ["status=status:any"], "^$"),
+        (measured, [], "not taken for the sensor's status"),
+    ]:
+        log, _ = log_of(tmp_path, given, *columns)
+        assert (log.force_n("fz") == [1.0, 2.0]).all()
+        assert re.search(note, " ".join(log.notes))
+
+
+def even_log(*forces_n: float) -> str:
+    return "time_s,fx_n,fz_n\n" + "".join(
+        f"{k / 100:.2f},0,{force:.6f}\n" for k, force in enumerate(forces_n)
+    )
+
+
+def test_missing_and_implausible_forces_are_gaps_and_the_first_line_is_named(
+    tmp_path: Path,
+) -> None:
+    noise_n = np.random.default_rng(1).normal(0.0, 1.0, 1000)
+    burst_n = 3e-3 * noise_n - 0.02 * (np.arange(1000) > 600)
+    quiet_n = 0.05e-3 * noise_n
+    burst_n[400:500] = 213.0
+    quiet_n[800:900] += 0.06  # a push
+    quiet_n[950] += 2.0  # a knock
+
+    for text, gaps, note in [
+        (
+            even_log(*burst_n),
+            range(400, 500),
+            "100 of 1000 samples are implausible .*log.csv:402: fz_n: 213 N",
+        ),
+        (even_log(*quiet_n), [], "^$"),
+        (
+            "time_s,fz_n,n\n0.00,1,1\n0.01,,2\n0.02,nan,3\n0.03,1,4\n",
+            [1, 2],
+            r"^log.csv: 2 of 4 samples have no force \(nan\)$",
+        ),
+        (
+            "Measuring range: 2 N\n" + even_log(0.1, 2.5, 0.1, -1.9),
+            [1],
+            r"log.csv:4: fz_n: 2.5 N \(the sensor's range is 2 N\)",
+        ),
+    ]:
+        log, _ = log_of(tmp_path, text)
+        assert np.flatnonzero(np.isnan(log.wrench_sc).all(axis=1)).tolist() == list(
+            gaps
+        )
+        assert re.search(note, " ".join(log.notes))
+
+    burst_n[300:700] = 213.0  # more than a third
+    with pytest.raises(
+        RecordingError,
+        match=r"log\.csv:302: fz_n: 213 N .* 400 of 1000 samples are implausible",
+    ):
+        log_of(tmp_path, even_log(*burst_n))
+
+
+LVM = """LabVIEW Measurement\t
+Writer_Version\t2
+Separator\tTab
+Decimal_Separator\t,
+Multi_Headings\tNo
+X_Columns\tOne
+Time_Pref\tRelative
+***End_of_Header***\t
+\t
+Channels\t2\t
+Samples\t3\t3
+Y_Unit_Label\tNewtons\tVolts
+X_Dimension\tTime\tTime
+***End_of_Header***\t\t
+X_Value\tFz\tVoltage\tComment
+0,000\t-1,125\t2,5
+0,002\t-1,250\t2,5\tcontact
+0,004\t-1,375\t2,5
+"""
+
+
+def test_a_labview_measurement_file_is_read_by_its_header(tmp_path: Path) -> None:
+    for ending in ["lvm", "txt"]:
+        path = tmp_path / f"log.{ending}"
+        path.write_text(LVM)
+        assert source_kind(path) == "log"
+        log, columns = read_force_text(read_log_text(path), [])
+        np.testing.assert_allclose(log.time_s, [0.0, 0.002, 0.004])
+        np.testing.assert_allclose(log.force_n("fz"), [-1.125, -1.25, -1.375])
+        assert [column.answer() for column in columns] == [
+            "time=X_Value:s",
+            "fz=Fz:Newtons",
+        ]
+
+    # its mark decides between two readings
+    ambiguous = LVM.replace("0,00", "1,00").replace("2,5", "2")
+    np.testing.assert_allclose(
+        log_of(tmp_path, ambiguous)[0].time_s, [1.0, 1.002, 1.004]
+    )
+
+
+def test_what_is_not_read_of_a_labview_file_is_refused_by_name(tmp_path: Path) -> None:
+    for old, new, message in [
+        ("X_Columns\tOne", "X_Columns\tNo", "X_Columns: No is not read"),
+        ("X_Columns\tOne", "X_Columns\tMulti", "X_Columns: Multi is not read"),
+        ("X_Dimension\tTime", "X_Dimension\tFrequency", "X_Dimension: 'Frequency'"),
+        ("Separator\tTab", "Separator\tPipe", "Separator: 'Pipe' is not read"),
+        (
+            "***End_of_Header***\t\t\n",
+            "***End_of_Header***\t\t\n***End_of_Header***\n",
+            "a second segment",
+        ),
+        (
+            "Decimal_Separator\t,",
+            "Decimal_Separator\t.",
+            "'0,000' .*points|'-1,125' is -1.125 with a decimal comma",
+        ),
+    ]:
+        assert old in LVM
+        with pytest.raises(RecordingError, match=message):
+            log_of(tmp_path, LVM.replace(old, new))
+
+
+def test_marks_that_may_part_thousands_are_refused_with_both_readings(
+    tmp_path: Path,
+) -> None:
+    for rows, reading in [
+        # points elsewhere; then three digits behind every comma
+        (
+            ["0.000 -15,000", "0.005 -15,250"],
+            "log.csv:2: .*-15.000 with a decimal comma, or -15000",
+        ),
+        (
+            ["1,000 -15,000", "1,005 -15,250"],
+            "log.csv:2: .*1.000 with a decimal comma, or 1000",
+        ),
+        (
+            ["0,000 -1,500,000", "0,005 -1,250,000"],
+            "log.csv:2: '-1,500,000' has commas between thousands",
+        ),
+        (
+            ["0 0", "10 -998", "20 -1.021", "30 -15.000"],
+            r"log.csv:4: fz_n: '-1\.021' is -1\.021 .* or -1021 with one",
+        ),
+    ]:
+        for separator in ["\t", ";", " ", *([","] if "," not in rows[0] else [])]:
+            with pytest.raises(RecordingError, match=reading):
+                log_of(
+                    tmp_path,
+                    "\n".join(["time_s fz_n", *rows, ""]).replace(" ", separator),
+                )
+
+
+def test_logs_of_many_forms_are_read(tmp_path: Path) -> None:
+    """Times relative to the first, and forces in N."""
+    newtons = [-1.5e-3, -2.5e-3]
+    step_s = [0.0, 0.01]
+    iso = "2026-01-02T03:04:05.2"
+
+    for text, columns, time_s, force_n in [
+        *(
+            (
+                "time_ms;fz_mN\n"
+                + "".join(f"{10 * k};{force}\n" for k, force in enumerate(forces)),
+                (),
+                [0.0, 0.01, 0.02],
+                [1e-3 * float(force) for force in forces],
+            )
+            for forces in (
+                ("1.000", "2.021", "1.500"),
+                ("0", "1.021", "1.5"),
+                ("0", "0.998", "1.021"),
+            )
+        ),  # decimals
+        *(
+            (
+                "time_s fz_n\n0,000 -15,000\n0,005 -15,250\n".replace(" ", mark),
+                (),
+                [0.0, 0.005],
+                [-15.0, -15.25],
+            )
+            for mark in "\t; "
+        ),  # no thousands begin with 0
+        (
+            "Zeit;Kraft\n0,25;-1,5\n0,26;-2,5e0\n",
+            ("time=Zeit:s", "fz=Kraft:mN"),
+            step_s,
+            newtons,
+        ),
+        (
+            "Messung 3\nZeit;Kraft Z;Temp\n[ms];[mN];[°C]\n0;-1.5;20\n10;-2.5;20\n",
+            (),
+            step_s,
+            newtons,
+        ),
+        *(
+            (
+                f"time_s\tfz_N\tComment\n0.00\t1{comment}\n0.01\t2\n0.02\t3\n",
+                (),
+                [0.0, 0.01, 0.02],
+                [1.0, 2.0, 3.0],
+            )
+            for comment in ("", "\tthe needle slips")
+        ),
+        *(
+            (
+                "when,F\n"
+                + "".join(
+                    f"{iso}{end}{zone},{force}\n"
+                    for end, force in (("50", -1.5), ("60", -2.5))
+                ),
+                ("time=when:iso", "fz=F:mN"),
+                step_s,
+                newtons,
+            )
+            for zone in ("", "Z", "+00:00")
+        ),
+        (
+            (
+                "a log of my robot\n  time_s   fx_n   fz_mN\n  0.00   0.0   -1.5\n "
+                " 0.01   10.0   -2.5"
+            ),
+            (),
+            step_s,
+            newtons,
+        ),
+        *(
+            (f"{header}\n0.00{mark}-1.5\n0.01{mark}-2.5\n", (), step_s, newtons)
+            for header in (
+                "# time [s] Fz [mN]",
+                "% time [s] Fz [mN]",
+                "time [s] Fz [mN]",
+                "#time (s) Fz (mN)",
+                "%% time_s fz_mN",
+                "# time Fz\n# [s] [mN]",
+                "% time_s,fz_mN",
+                "# time_s\tfz_mN",
+            )
+            for mark in ["," if "," in header else "\t" if "\t" in header else " "]
+        ),
+        (BOTA, ("fx=Fx:N", "fz=Fz:mN", "tx=Mx:Nm"), step_s, [-0.3e-3, -0.4e-3]),
+        (
+            BOTA,
+            ("time=device_timestamp:us", "fz=Fz:mN"),
+            step_s,
+            [-0.3e-3, -0.4e-3],
+        ),  # before what the header says
+        (ROSTOPIC, (), step_s, [-0.3, -0.4]),
+    ]:
+        log, read = log_of(tmp_path, text, *columns)
+        np.testing.assert_allclose(log.time_s - log.time_s[0], time_s, atol=1e-6)
+        np.testing.assert_allclose(log.force_n("fz"), force_n)
+        assert {parse_column(column) for column in columns} <= set(read)
+
+    # the capture, not the arrival
+    assert log.time_s[0] == pytest.approx(1786000000.25, abs=1e-6)
+
+
+def test_dates_are_recognised_as_people_write_them(tmp_path: Path) -> None:
+    for name, first, second in [
+        ("Time", "11/26/2026 10:15:30.250 PM", "11/26/2026 10:15:30.260 PM"),
+        ("Timestamp", "26.11.2026 22:15:30,250", "26.11.2026 22:15:30,260"),
+        ("Date/Time", "Nov 26, 2026 10:15:30.250 PM", "Nov 26, 2026 10:15:30.260 PM"),
+        ("Zeit", "26. Nov 2026 22:15:30.250", "26. Nov 2026 22:15:30.260"),
+        ("datetime", "2026-11-26T22:15:30.250Z", "2026-11-26T23:15:30.260+01:00"),
+        ("Time (UTC)", "2026/11/26 22:15:30.25", "2026/11/26 22:15:30.26"),
+    ]:
+        log, _ = log_of(tmp_path, f"{name};fz_n;fx_n\n{first};1;0\n{second};2;0\n")
+        np.testing.assert_allclose(
+            log.time_s, [1795731330.25, 1795731330.26], rtol=0, atol=1e-6
+        )
+
+
+def test_times_of_day_count_on_past_midnight_without_the_day_beside_them(
+    tmp_path: Path,
+) -> None:
+    for days, columns in [
+        (("2026-11-26", "2026-11-27"), ()),
+        (("26.11.2026", "27.11.2026"), ("time=Time:clock",)),
+        (("Nov 26, 2026", "Nov 27, 2026"), ()),
+        (("11/26/2026", "11/27/2026"), ()),
+    ]:
+        rows = f"{days[0]};11:59:59.990 PM;1\n{days[1]};12:00:00.000 AM;2\n"
+        log, read = log_of(tmp_path, f"Date;Time;fz_n\n{rows}", *columns)
+        np.testing.assert_allclose(np.diff(log.time_s), [0.01], atol=1e-9)
+        assert read[0].answer() == "time=Time:clock"
+
+
+def test_the_order_of_day_and_month_is_asked_unless_a_value_above_12_decides(
+    tmp_path: Path,
+) -> None:
+    text = "Time;fz_n\n5/6/2026 10:15:30.250;1\n5/6/2026 10:15:30.260;2\n"
+    with pytest.raises(
+        UnansweredError,
+        match=r"Time: '5/6/2026 10:15:30.250': is the day or the month first",
+    ):
+        log_of(tmp_path, text)
+
+    may_s, june_s = (
+        log_of(tmp_path, text, f"time=Time:{order}")[0].time_s[0]
+        for order in ("mdy", "dmy")
+    )
+    assert june_s - may_s == 30 * 86400.0  # the 6th of May, the 5th of June
+    _, columns = log_of(
+        tmp_path, "Time;fz_n\n12/6/2026 23:59:59.990;1\n13/6/2026 00:00:00.000;2\n"
+    )
+    assert columns[0].answer() == "time=Time:dmy"
+
+
+def test_a_fault_is_named_with_its_line(tmp_path: Path) -> None:
+    wide = ",".join(["time_s", "fz_n", *(f"c{k}" for k in range(45))])
+    row = ",1" + ",0" * 47
+
+    for text, message in [
+        (
+            "  time_s   fz_n\n  0.0   -1\n  0.1   high\n",
+            r"log\.csv:3: fz_n: 'high' is not a number",
+        ),
+        (
+            "time_s,fz_n,fx_n,n\n"
+            + "0.00,-1.25,0,1\n" * 5
+            + "0.02,-1\n" * 4,  # not one that is cut
+            r"log\.csv:7: 2 fields; the header has 4$",
+        ),
+        (
+            f"{wide}\n0.00{row}\n0.01{row}\n",
+            r"log\.csv:2: 49 fields; the header above has 47 names",
+        ),
+        (
+            f"{wide}\n0.00{row[:-4]}\n0.01{row[:-4]}\n0.02{row}\n",
+            r"log\.csv:4: 49 fields; the header has 47;",
+        ),
+        ("a\nb\ntime_s,fz_n\n0.0,1\n0.1,x\n", r"log\.csv:5: fz_n: 'x'"),
+        (
+            "time_s,fz_n\n0.0,1\nnan,1\n",
+            r"log\.csv:3: time_s: nan is not a finite number",
+        ),
+        ("1,2\n3,4\n", r"log\.csv: no header"),
+        ("", r"log\.csv: no header"),
+    ]:
+        with pytest.raises(RecordingError, match=message):
+            log_of(tmp_path, text)
+
+    with pytest.raises(
+        RecordingError, match=r"log\.csv:2: when: 'yesterday' is not a time"
+    ):
+        log_of(tmp_path, "when,a,b\nyesterday,1,2\n", "time=when:iso", "fz=a:N")
+
+
+def test_a_header_that_names_units_answers_for_itself() -> None:
+    for names, found in [
+        (
+            ["Time (ms)", "Fx [N]", "Fz [mN]", "Tz (Nmm)"],
+            {"time_s": "ms", "fx_n": "N", "fz_n": "mN", "tz_nm": "Nmm"},
+        ),
+        (["Timestamp", "Fx", "Fy", "Fz"], {}),
+        (["t / ms", "F_z(mN)"], {"time_s": "ms", "fz_n": "mN"}),
+        (
+            ["Zeit in s", "F_z in mN", "Kraft X [N]"],
+            {"time_s": "s", "fz_n": "mN", "fx_n": "N"},
+        ),
+        (["Time, s", "FZ,mN"], {"time_s": "s", "fz_n": "mN"}),
+        (
+            ["time_s", "z-Kraft [mN]", "Moment X (Nmm)"],
+            {"time_s": "s", "fz_n": "mN", "tx_nm": "Nmm"},
+        ),
+        (["Time (s)", "Fz (μN)", "FY (MN)"], {"time_s": "s", "fz_n": "μN"}),
+        (["Time (s)", "Fz (counts)", "Fy (V)", "fx_raw", "Fz LSB"], {"time_s": "s"}),
+        (["F_t", "position_z_mm", "mz_mT", "Fzn"], {}),
+    ]:
+        assert {
+            column.ours: column.unit for column in columns_by_header(names, {})
+        } == found
+
+    assert (
+        columns_by_header(["host_time_s", "time_s", "Fz [N]"], {})[0].name
+        == "host_time_s"
+    )
+
+
+def test_a_column_is_stated_by_name_and_unit_of_its_size_or_refused() -> None:
+    for text, factor in [
+        *(
+            (f"fz=F:{unit}", size_n)
+            for unit, size_n in (
+                ("N", 1.0),
+                ("mN", 1e-3),
+                ("uN", 1e-6),
+                ("gf", 9.80665e-3),
+                ("kgf", 9.80665),
+                ("lbf", 4.4482216152605),
+            )
+        ),
+        *(
+            (f"tx=T:{unit}", size_nm)
+            for unit, size_nm in (
+                ("Nm", 1.0),
+                ("Nmm", 1e-3),
+                ("lbf-in", 0.1129848290276167),
+            )
+        ),
+        ("time=t:s", 1.0),
+        ("time=t:ns", 1e-9),
+        ("time=seq:500Hz", 0.002),
+    ]:
+        assert parse_column(text).factor == pytest.approx(factor, rel=1e-12)
+
+    column = parse_column("fz=a=b:c:N")
+    assert column == LogColumn("fz_n", "a=b:c", "N") == parse_column(column.answer())
+
+    for text in [
+        "fz=F",
+        "fz:N",
+        "f=F:N",
+        "fz=F:Nm",
+        "fz=F:iso",
+        "time=t:N",
+        "fz=:N",
+        "time=t:0Hz",
+    ]:
+        with pytest.raises(InputError, match="--column"):
+            parse_column(text)
+
+
+@pytest.mark.parametrize("where", ["above", "header", "below"])
+def test_a_field_beyond_the_limit_is_named_with_its_file(where: str, tmp_path) -> None:
+    """It was `: field larger than field limit`; above the names there may be
+    remarks.
+    """
+    large = "x" * 200_000
+    names = "time_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm"
+    lines = {
+        "above": [f"# {large}", names],
+        "header": [f"{names},{large}"],
+        "below": [names, f"0.0,{large},0,0,0,0,0"],
+    }[where]
+    path = tmp_path / "log.csv"
+    rows = [f"{0.01 * n:.2f},0,0,{n % 3},0,0,0" for n in range(60)]
+    path.write_text("\n".join([*lines, *rows]) + "\n")
+    if where == "above":
+        assert read_log_text(path).names == tuple(names.split(","))
+        return
+
+    with pytest.raises(InputError, match=f"^{re.escape(str(path))}"):
+        read_force_text(read_log_text(path), [])

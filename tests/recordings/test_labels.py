@@ -1,0 +1,577 @@
+"""Labels of frames, logs that contradict their frames, and punctures: sudden falls to
+friction, not retractions.
+"""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import signal
+from small_recordings import LOGGED_INFO
+
+from scleraforce.base.errors import RecordingError
+from scleraforce.lab.needle_pushes import sense
+from scleraforce.lab.virtual_eye import paper_eyes
+from scleraforce.lab.virtual_recording import plan_phantom
+from scleraforce.recordings import forces_under_frames as labels
+from scleraforce.recordings.forces_under_frames import (
+    first_contact,
+    label_frames,
+    label_notes,
+    log_doubts,
+    low_pass,
+)
+from scleraforce.recordings.frame_and_force_tables import (
+    FORCE_COLUMNS,
+    ForceLog,
+    FrameEntry,
+    read_force_log,
+)
+from scleraforce.recordings.recording_folder import Recording, read_recording
+from scleraforce.records.recording_info import ForceInfo
+from scleraforce.records.study import ClassesStudy, PhantomStudy, Study, fixed
+
+SHARED = Path(__file__).parents[3] / "shared" / "recordings"
+CLASSES = ClassesStudy()
+
+
+def log_of(fz_n, rate_hz=200.0, start_s=0.0):
+    wrench = np.zeros((len(fz_n), 6))
+    wrench[:, 2] = fz_n
+    return ForceLog(start_s + np.arange(len(fz_n)) / rate_hz, wrench, FORCE_COLUMNS[1:])
+
+
+def recording_of(log, *frames, average_s=2.0):
+    info = replace(LOGGED_INFO, force=ForceInfo("fz", -1, average_s))
+    return Recording(
+        Path("rec"),
+        info,
+        tuple(FrameEntry(f"{k}.png", t) for k, t in enumerate(frames)),
+        log,
+    )
+
+
+def step_and_hold(force_n=0.02, quiet_s=2.0, ramp_s=0.5, hold_s=8.0, rate_hz=200.0):
+    time_s = np.arange(round((quiet_s + ramp_s + hold_s) * rate_hz)) / rate_hz
+    return force_n * np.clip((time_s - quiet_s) / ramp_s, 0.0, 1.0)
+
+
+def sensed(force_n, rng, noise_n=4e-3, offset_n=0.0, step_n=5e-3):
+    return (
+        np.rint((force_n + offset_n + rng.normal(0, noise_n, len(force_n))) / step_n)
+        * step_n
+    )
+
+
+def test_an_even_clock_is_filtered_as_by_scipy():
+    """SciPy's filter has no delay and passes half at its cut-off; its step overshoots
+    by 4 %.
+    """
+    for count, rate_hz in ((400, 200.0), (5000, 100.0)):
+        values = np.cumsum(np.random.default_rng(count).standard_normal(count)) + 3.0
+        sections = signal.butter(2, 5.0, fs=rate_hz, output="sos")
+        expected = signal.sosfiltfilt(
+            sections, values, padtype="even", padlen=count - 1
+        )
+        assert low_pass(values, np.arange(count) / rate_hz) == pytest.approx(
+            expected, abs=1e-8
+        )
+
+
+def test_jittering_and_bursting_clocks_give_the_force_of_an_even_one():
+    rng = np.random.default_rng(0)
+    even_s = np.arange(3000) / 200.0
+    time_s = even_s + rng.uniform(-1e-3, 1e-3, 3000)
+    assert low_pass(np.sin(time_s), time_s) == pytest.approx(
+        low_pass(np.sin(even_s), even_s), abs=2e-3
+    )
+    assert low_pass(np.sin(time_s), time_s)[100:-100] == pytest.approx(
+        np.sin(time_s)[100:-100], abs=1e-4
+    )
+    burst_s = np.cumsum(np.where(rng.random(20_000) < 0.6, 1e-6, 0.19))
+    assert low_pass(np.ones(20_000), burst_s) == pytest.approx(1.0)
+
+
+def test_first_contact_is_found_in_noise_and_steps_and_noise_gives_none():
+    for seed in range(150):
+        rng = np.random.default_rng(seed)
+        force_n, quiet_s, ramp_s = (
+            rng.uniform([10e-3, 1.0, 0.1], [60e-3, 20.0, 1.0])
+            if seed < 50
+            else (4e-3, 3.0, 0.5)
+        )
+        raw_n = sensed(
+            step_and_hold(force_n, quiet_s, ramp_s),
+            rng,
+            offset_n=rng.uniform(-0.05, 0.05),
+        )
+        assert (
+            quiet_s - 1.5
+            < first_contact(raw_n, 200.0) / 200.0
+            < quiet_s + max(ramp_s, 0.25)
+        )
+
+    for seed in range(50):
+        raw_n = sensed(np.zeros(12_000), np.random.default_rng(seed), offset_n=7e-3)
+        assert first_contact(raw_n, 200.0) is None
+
+    (trial,) = label_frames(recording_of(log_of(raw_n), 10.0), CLASSES)
+    assert (trial.measured_force_n, trial.target) == (pytest.approx(0.0, abs=0.5e-3), 0)
+
+
+def test_label_is_the_mean_of_the_window_centred_on_the_frame():
+    # A force that grows evenly has its value at the frame as its mean over any centred
+    # window.
+    time_s = np.arange(8000) / 200.0
+    force_n = np.maximum(time_s - 5.0, 0.0) * 1e-3
+
+    for average_s in (0.2, 2.0, 5.0):
+        trials = label_frames(
+            recording_of(log_of(-force_n), 15.0, 30.0, average_s=average_s), CLASSES
+        )
+        assert [trial.measured_force_n for trial in trials] == pytest.approx(
+            [0.010, 0.025], abs=1e-5
+        )
+        assert [trial.target for trial in trials] == [1, 1]
+
+    flipped = replace(
+        recording_of(log_of(force_n), 30.0),
+        info=replace(LOGGED_INFO, force=ForceInfo("fz", 1)),
+    )
+    assert label_frames(flipped, CLASSES)[0].measured_force_n == pytest.approx(
+        0.025, abs=1e-5
+    )
+
+
+def test_a_wrong_sign_a_log_that_starts_in_contact_and_clocks_apart_are_errors():
+    in_contact = -np.r_[np.full(1000, 0.02), np.zeros(1000)]
+    late = log_of(np.zeros(2000), start_s=100.0)
+
+    for log, time_s, message in [
+        (
+            log_of(step_and_hold(0.04)),
+            8.0,
+            r"forces.csv: the needle would pull with \d+\.\d mN at .* of 0.png, 8 s",
+        ),
+        (log_of(in_contact), 8.0, "starts before the first contact"),
+        (late, 5.0, r"^rec: the clocks do not overlap: .* forces.csv 100 to 109.995 s"),
+        (
+            late,
+            200.0,
+            r"^rec: the clocks do not overlap: .* forces.csv 100 to 109.995 s",
+        ),
+    ]:
+        with pytest.raises(RecordingError, match=message):
+            label_frames(recording_of(log, time_s), CLASSES)
+
+
+def test_a_frame_without_samples_around_it_is_left_out_with_the_reason_and_the_others_count():
+    log = log_of(np.zeros(2000))
+    gap = ForceLog(
+        np.r_[log.time_s[:1000], log.time_s[1000:] + 20.0], log.wrench_sc, log.columns
+    )
+
+    for recording, lost in (
+        (recording_of(gap, 2.0, 15.0), 1),
+        (recording_of(log, 2.0, 10.4), 1),
+        (recording_of(log, -0.5, 2.0), 0),
+    ):
+        trials = label_frames(recording, CLASSES)
+        assert (trials[1 - lost].measured_force_n, trials[1 - lost].excluded) == (
+            0.0,
+            None,
+        )
+        assert (trials[lost].measured_force_n, trials[lost].target) == (None, None)
+        assert "force samples within 1 s of its time" in trials[lost].excluded
+        (note,) = label_notes(recording, trials)
+        assert note.startswith(
+            f"1 of 2 frames have no label and are left out ({lost}.png: "
+        )
+
+    with pytest.raises(
+        RecordingError,
+        match=r"no frame has a label; 0.png: 0 force samples .* spans 0 to",
+    ):
+        label_frames(recording_of(gap, 15.0, 20.0), CLASSES)
+
+
+def test_a_window_with_a_gap_has_no_label_and_the_others_keep_theirs():
+    whole = log_of(-step_and_hold(0.02))
+    holed = replace(whole, wrench_sc=whole.wrench_sc.copy())
+    holed.wrench_sc[1000:1200] = np.nan  # 5 to 6 s
+    holed.wrench_sc[100] = np.nan  # one sample before the contact
+    trials, labels = (
+        label_frames(recording_of(log, 3.9, 5.5, 6.9, 8.0), CLASSES)
+        for log in (holed, whole)
+    )
+    assert [trial.measured_force_n is None for trial in trials] == [
+        False,
+        True,
+        True,
+        False,
+    ]
+    assert trials[2].excluded == "20 of the 401 force samples around it have no force"
+
+    for nth in (0, 3):
+        assert trials[nth].measured_force_n == pytest.approx(
+            labels[nth].measured_force_n, abs=1e-5
+        )
+
+
+def test_a_slow_log_and_one_with_a_gap_give_the_labels_of_a_fast_one_to_its_end():
+    fast, slow = (
+        log_of(-step_and_hold(0.02, rate_hz=rate_hz), rate_hz)
+        for rate_hz in (200.0, 30.0)
+    )
+    gap = replace(
+        fast, time_s=np.where(fast.time_s > 7.0, fast.time_s + 1e6, fast.time_s)
+    )
+
+    for log, shift_s in [(fast, 0.0), (slow, 0.0), (gap, 1e6)]:
+        trials = label_frames(
+            recording_of(log, 5.0, 9.0 + shift_s, 10.3 + shift_s), CLASSES
+        )
+        assert [trial.measured_force_n for trial in trials] == pytest.approx(
+            [0.02] * 3, abs=1e-4
+        )
+
+
+def test_half_of_a_window_is_enough_however_the_clock_is_rounded():
+    """One sample of the first eleven is missing; steps a little below 10 ms make the
+    window expect a little over 20.
+    """
+    time_s = np.arange(400) * 0.01 * (1 - 1e-12)
+    one, two = (
+        replace(log_of(np.zeros(400 - len(gaps))), time_s=np.delete(time_s, gaps))
+        for gaps in ([3], [3, 5])
+    )
+    assert (
+        label_frames(recording_of(one, 0.005, average_s=0.2), CLASSES)[
+            0
+        ].measured_force_n
+        == 0.0
+    )
+
+    with pytest.raises(
+        RecordingError, match=r"no frame has a label; 0.png: 9 force samples"
+    ):
+        label_frames(recording_of(two, 0.005, average_s=0.2), CLASSES)
+
+
+def test_pierced_trials_and_those_above_the_largest_force_are_kept_with_the_reason():
+    log = log_of(-step_and_hold(0.07))
+    recording = recording_of(log, 1.1, 8.0)
+    pierced = replace(
+        recording,
+        frames=(recording.frames[0], replace(recording.frames[1], pierced=True)),
+    )
+    assert [trial.excluded for trial in label_frames(recording, CLASSES)] == [
+        None,
+        None,
+    ]
+    above = "above the largest force of the study, 60 mN"
+    assert [trial.excluded for trial in label_frames(recording, CLASSES, 0.06)] == [
+        None,
+        above,
+    ]
+    assert [trial.excluded for trial in label_frames(pierced, CLASSES, 0.06)] == [
+        None,
+        "pierced",
+    ]
+
+
+def labels_of_the_paper_eyes(study, seed):
+    for eye, forces_n in paper_eyes(study):
+        plan = plan_phantom(eye, forces_n, study, seed)
+        table = sense(
+            plan.path,
+            plan.sensor,
+            2,
+            -1,
+            plan.path.times_s[-1] + 1.5,
+            np.random.default_rng(seed),
+        )
+        frames = [frame.push.frame_s for frame in plan.frames]
+        trials = label_frames(
+            recording_of(
+                ForceLog(table[:, 0], table[:, 1:], FORCE_COLUMNS[1:]), *frames
+            ),
+            CLASSES,
+        )
+        yield from zip(plan.frames, trials, strict=True)
+
+
+def test_labels_of_virtual_recordings_meet_the_truth():
+    # With the default ranges, drift included: 0.5 mN (standard deviation), 2 mN at
+    # most, and every class is right.
+    pairs = [
+        pair for seed in range(6) for pair in labels_of_the_paper_eyes(Study(), seed)
+    ]
+    errors = np.array(
+        [trial.measured_force_n - frame.push.force_n for frame, trial in pairs]
+    )
+    assert (
+        np.abs([errors.mean(), errors.std(), *errors])
+        < [0.25e-3, 0.7e-3, *[2e-3] * len(errors)]
+    ).all()
+    assert all(
+        trial.target == CLASSES.classify(frame.push.force_n) for frame, trial in pairs
+    )
+    none = fixed(0.0)  # of a perfect sensor
+    quiet = PhantomStudy(force_noise_n=none, force_drift_n_per_s=none, force_step_n=0.0)
+
+    for frame, trial in labels_of_the_paper_eyes(replace(Study(), phantom=quiet), 0):
+        assert trial.measured_force_n == pytest.approx(frame.push.force_n, abs=1e-5)
+
+
+@pytest.mark.real
+@pytest.mark.skipif(not SHARED.is_dir(), reason="no ../shared")
+def test_sample_recordings_have_labels_in_all_classes_and_none_near_a_bound():
+    for name, counts in (("sample-a", [3, 5, 6]), ("sample-b", [3, 5, 4])):
+        trials = label_frames(read_recording(SHARED / name), CLASSES, 0.06)
+        assert np.bincount([trial.target for trial in trials]).tolist() == counts
+        assert all(trial.excluded is None for trial in trials)
+
+
+def test_millinewtons_in_columns_of_newtons_are_refused_and_the_unit_is_asked_for():
+    for average_s in [0.1, 2.0]:
+        rng = np.random.default_rng(0)
+        log = log_of(sensed(-step_and_hold(0.02), rng))
+        good = recording_of(log, 8.0, average_s=average_s)
+        assert label_frames(good, CLASSES)[0].measured_force_n == pytest.approx(
+            0.02, abs=5e-3
+        )
+        milli = replace(good, forces=replace(log, wrench_sc=1e3 * log.wrench_sc))
+
+        with pytest.raises(
+            RecordingError,
+            match=r"rec/forces.csv: fz_n: \d+.* N under 0.png, more than 3 N; .* 0.001",
+        ):
+            label_frames(milli, CLASSES)
+
+        quiet = log_of(sensed(-step_and_hold(1e-3), rng))
+        milli = recording_of(replace(quiet, wrench_sc=1e3 * quiet.wrench_sc), 8.0)
+
+        with pytest.raises(
+            RecordingError,
+            match=r"fz_n: a noise of 4\.?\d* N, more than the 300 mN .* by 0.001",
+        ):
+            label_frames(milli, CLASSES)
+
+
+def test_bursts_are_gaps_and_the_levels_of_a_coarse_sensor_in_millinewtons_are_not(
+    tmp_path,
+):
+    coarse_n = (
+        -np.rint(20.0 * np.clip((np.arange(2000) - 1500) / 100.0, 0.0, 1.0) / 5.0) * 5.0
+    )
+    for force_n, burst in [
+        *(
+            (np.repeat([*levels_n, *levels_n, 213.0], 100), True)
+            for levels_n in ([0.0], [0.01, 0.02])
+        ),
+        (coarse_n, False),
+    ]:
+        rows = "".join(f"{k / 200},{n}\n" for k, n in enumerate(force_n))
+        (tmp_path / "forces.csv").write_text("time_s,fz_n\n" + rows)
+        log = read_force_log(tmp_path / "forces.csv", "fz")
+        assert (np.isnan(log.force_n("fz")) == (force_n > 200.0)).all()
+        assert burst == any("is it in N?" in note for note in log.notes)
+
+    with pytest.raises(
+        RecordingError, match=r"fz_n: 20.* N under 0.png, more than 3 N; .* by 0.001"
+    ):
+        label_frames(recording_of(log, 9.0), CLASSES)
+
+
+def test_overloads_and_knocks_are_not_taken_for_another_unit():
+    force_n = step_and_hold(0.9)
+    force_n[600] += 50.0  # something fell on the table before the frame
+    trial = label_frames(recording_of(log_of(-force_n), 8.0), CLASSES, 0.06)[0]
+    assert trial.measured_force_n == pytest.approx(0.9, abs=0.02)
+    assert "above the largest force" in trial.excluded
+
+
+def test_work_grows_with_the_samples_and_not_with_the_time_that_they_span():
+    time_s = np.arange(2000) / 200.0
+    far_s = np.r_[time_s, 1e9 + time_s, 2e9]  # an even clock would have 4e11 samples
+    force_n = np.r_[np.sin(time_s), np.cos(time_s), 0.3]
+    smooth_n = low_pass(force_n, far_s)
+    assert smooth_n[:2000] == pytest.approx(low_pass(np.sin(time_s), time_s))
+    assert smooth_n[2000:4000] == pytest.approx(
+        low_pass(np.cos(time_s), time_s), abs=1e-4
+    )
+    assert smooth_n[4000] == 0.3
+
+
+PUSHES_N = np.array(
+    [0.031, 0.008, 0.045, 0.002, 0.022, 0.051, 0.015, 0.038, 0.004, 0.027]
+)
+FRAMES_S = 8.0 + 10.0 * np.arange(len(PUSHES_N))
+
+
+def recording(
+    rng: np.random.Generator, later_s: float = 0.0, pushes_n: np.ndarray = PUSHES_N
+) -> Recording:
+    """Pushes of 4 s, a frame in the middle of each; its time is stated as `later_s`
+    later than it is.
+    """
+    time_s = np.arange(0.0, 115.0, 0.005)
+    force_n = sum(
+        f * np.clip(2.5 - np.abs(time_s - t), 0.0, 1.0)
+        for f, t in zip(pushes_n, FRAMES_S, strict=True)
+    )
+    wrench = rng.normal(0.0, 4e-3, (len(time_s), 6))
+    wrench[:, 2] -= force_n
+    wrench[:, 0] += 0.02 * force_n
+    frames = tuple(FrameEntry(f"{k}.png", t + later_s) for k, t in enumerate(FRAMES_S))
+
+    return Recording(
+        Path("rec"), LOGGED_INFO, frames, ForceLog(time_s, wrench, FORCE_COLUMNS[1:])
+    )
+
+
+def seen(rng: np.random.Generator, pushes_n: np.ndarray = PUSHES_N) -> np.ndarray:
+    """Return dents in another unit, out of proportion and with noise; one is
+    unknown.
+    """
+    shown = 30.0 * pushes_n**0.8 * rng.normal(1.0, 0.1, len(pushes_n))
+    shown[3] = np.nan
+    return shown[None]
+
+
+@pytest.mark.parametrize(
+    "seed",
+    [0, 1, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 10))],
+)
+def test_a_log_that_fits_its_frames_is_not_doubted(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    fitting = recording(rng)
+    assert log_doubts(fitting, CLASSES, seen(rng)) == ()
+    # too few to tell
+    few = np.array([[1.0, 2.0, 3.0, *[np.nan] * 7]])
+    assert log_doubts(recording(rng, 5.0), CLASSES, few) == ()
+    # gaps raise no doubt
+    fitting.forces.wrench_sc[rng.random(len(fitting.forces.time_s)) < 0.1] = np.nan
+    assert log_doubts(fitting, CLASSES, seen(rng)) == ()
+    assert log_doubts(fitting, CLASSES, PUSHES_N[None], PUSHES_N.tolist()) == ()
+
+
+def test_pushes_of_one_force_prove_no_shift() -> None:
+    alike_n = np.full(len(PUSHES_N), 0.02)
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        assert (
+            log_doubts(recording(rng, 0.0, alike_n), CLASSES, seen(rng, alike_n)) == ()
+        ), seed
+
+
+def test_shifted_times_are_named_with_their_direction_unless_the_dents_are_rounding():
+    for later_s, words in [(6.0, "earlier"), (-6.0, "later"), (10.0, "earlier")]:
+        rng = np.random.default_rng(1)
+        doubted = recording(rng, later_s)
+        shown = seen(rng)
+        (doubt,) = log_doubts(doubted, CLASSES, shown)
+        assert re.search(
+            f"the frames' times are off: .* s {words} than frames.csv says", doubt
+        )
+        assert not any(
+            "times are off" in doubt
+            for doubt in log_doubts(doubted, CLASSES, 1.0 + 1e-12 * shown)
+        )
+
+    other = np.array([[1.0, 9.0, 4.0, 6.0, 2.0, 3.0, 9.0, 5.0, 8.0, 2.0]])
+    (doubt,) = log_doubts(recording(rng), CLASSES, other)
+    assert "forces.csv is unrelated to the frames" in doubt
+
+
+def test_an_axis_across_the_needle_is_named_with_the_one_along_it() -> None:
+    good = recording(np.random.default_rng(3))
+    unknown = np.full((1, len(PUSHES_N)), np.nan)
+    wrong = replace(good, info=replace(LOGGED_INFO, force=ForceInfo("fx", -1)))
+    assert log_doubts(good, CLASSES, unknown) == ()
+    (doubt,) = log_doubts(wrong, CLASSES, unknown)
+    assert re.search(
+        r"mN along fz under the frames, but .* mN along fx: check \[force\] axis", doubt
+    )
+
+
+def test_forces_of_another_size_than_the_read_ones_are_doubted() -> None:
+    rng = np.random.default_rng(4)
+    log = recording(rng, 0.0, PUSHES_N / 9.81)  # kilogram-force
+    (doubt,) = log_doubts(log, CLASSES, PUSHES_N[None], PUSHES_N.tolist())
+    assert doubt.startswith("forces.csv has 0.1 times the force that the frames show")
+    assert (
+        log_doubts(recording(rng), CLASSES, PUSHES_N[None], (1.5 * PUSHES_N).tolist())
+        == ()
+    )
+
+
+RATE_HZ = 100.0
+NO_TRAVEL = np.full(1200, np.nan)
+
+
+def pushed(
+    corners: list[tuple[float, float]], noise_n: float = 1e-3, seed: int = 0
+) -> tuple[ForceLog, np.ndarray]:
+    """A log of 12 s whose force is straight between corners (s, mN), with noise."""
+    time_s = np.arange(1200) / RATE_HZ
+    force_n = np.interp(time_s, *np.array(corners).T) * 1e-3
+    force_n += np.random.default_rng(seed).normal(0.0, noise_n, len(time_s))
+    return ForceLog(time_s, force_n[:, None], ("fz_n",)), force_n
+
+
+THROUGH = [
+    (2.0, 0.0),
+    (3.5, 30.0),
+    (3.503, 9.0),
+    (5.0, 9.0),
+    (5.5, -9.0),
+    (6.5, -9.0),
+    (6.505, 0.0),
+]
+
+
+def test_a_sudden_fall_to_friction_is_a_puncture_and_slow_or_whole_ones_are_not():
+    for noise_n in (1e-4, 1e-3, 4e-3):
+        log, force_n = pushed(
+            [(2.0, 0.0), (3.5, 45.0), (3.503, 13.0), (9.0, 13.0)], noise_n
+        )
+        assert labels.log_punctures(log, force_n, NO_TRAVEL) == [
+            pytest.approx(3.5, abs=0.03)
+        ]
+
+    retracts = [(2.0, 0.0), (3.5, 30.0), (3.7, 9.0), (5.0, 9.0)]  # within 0.2 s
+    lets_go = [(2.0, 0.0), (3.5, 30.0), (3.503, 0.0)]
+
+    for corners in (
+        retracts,
+        lets_go,
+        [(2.0, 0.0), (3.5, 30.0)],
+        [(2.0, 0.0), (2.003, 30.0)],
+    ):
+        for seed in range(20):
+            log, force_n = pushed(corners, 1e-3, seed)
+            assert labels.log_punctures(log, force_n, NO_TRAVEL) == []
+
+
+def test_a_needle_that_was_drawn_back_as_fast_explains_a_fall() -> None:
+    log, force_n = pushed(THROUGH)
+    back_m = np.interp(log.time_s, [3.49, 3.52], [2e-3, 1.5e-3])
+    assert labels.log_punctures(log, force_n, back_m) == []
+    assert len(labels.log_punctures(log, force_n, 1e-3 * log.time_s)) == 1
+
+
+def test_the_frames_of_a_push_after_its_puncture_are_pierced_and_the_next_push_is_not():
+    log, force_n = pushed([*THROUGH, (8.0, 0.0), (9.0, 20.0), (11.0, 20.0)], 1e-4)
+    times_s = np.array([3.4, 3.6, 4.5, 5.25, 6.0, 8.5, 10.0])
+    found = labels.after_punctures(
+        times_s, labels.log_punctures(log, force_n, NO_TRAVEL), log.time_s, force_n
+    )
+    assert found == [False, True, True, True, True, False, False]
+    assert labels.after_punctures(times_s, [], log.time_s, force_n) == [False] * 7
+    assert labels.after_punctures(
+        np.array([1.0, 3.0]), [2.0], np.zeros(0), np.zeros(0)
+    ) == [False, True]
