@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from scleraforce.reading.answer import Answer
-from scleraforce.reading.load_model import load_model
+from scleraforce.reading.load_model import load_reader
 from scleraforce.reading.reading_models import Reader
 from scleraforce.recordings.formats.image_files import read_frame
 from scleraforce.records.eye import Known, Modulus
@@ -111,7 +111,7 @@ def main() -> None:
     cells = []
 
     for path in given.models:
-        model = load_model(path)
+        model = load_reader(path)
         rng = np.random.default_rng(given.seed)
         bound_n = model.study.classes.bounds_n[0]
         reasons = Counter[str]()

@@ -28,10 +28,10 @@ from scleraforce.mechanics.axisymmetric_wall import (
     axisymmetric_path,
     base_shift,
 )
-from scleraforce.mechanics.contact_and_section import Contact, ScanPlane, Section
+from scleraforce.mechanics.contact_and_section import Contact, ScanPlane, WallSection
 from scleraforce.mechanics.finite_strain_wall import FiniteWall, LoadPath
 from scleraforce.mechanics.graded_mesh import graded_mesh
-from scleraforce.mechanics.load_path_tracing import pressurise, trace
+from scleraforce.mechanics.load_path_tracing import pressurise, trace_load_path
 from scleraforce.mechanics.loads_and_supports import needle_at
 from scleraforce.mechanics.meridian_elements import MeridianSize, meridian_mesh
 from scleraforce.records.globe import OPEN_GLOBE, study_globe
@@ -116,7 +116,7 @@ def print_r2(rows: int | None) -> None:
         wall = DeadPressureWall(loaded)
         pressure = 266e-6 / modulus_mpa
         end_m = 1e-3 * expected_mm[-1] + 0.3e-3
-        path = trace(
+        path = trace_load_path(
             wall,
             pressurise(wall, pressure),
             pressure,
@@ -202,7 +202,7 @@ class Reduced:
         """Return the first tip that carries a force ratio."""
         return float(self._force.solve(force_ratio, extrapolate=False).min())
 
-    def section(self, force_ratio: float) -> Section:
+    def section(self, force_ratio: float) -> WallSection:
         """Return the section along the meridian."""
         curves_bnc = self._curves(self.tip_m(force_ratio))
         lateral_bn = np.sqrt(np.maximum(curves_bnc[..., 0] ** 2 - GAP_M**2, 0.0))
@@ -223,7 +223,7 @@ class Reduced:
             sides.append(points)
 
         met = curves_bnc[..., 0] >= GAP_M
-        return Section(
+        return WallSection(
             *(
                 np.concatenate([sides[0][b][met[b]][::-1], sides[1][b][met[b]]])
                 for b in (0, 1)

@@ -18,7 +18,7 @@ import numpy as np
 from dented_walls import dented_wall
 from scleraforce.lab.drawn_bscan import Bscan, render_bscan
 from scleraforce.lab.tissue_light import Pose, sample_conjunctiva, sample_optics
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.records.fields import fixed
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.study import Study
@@ -57,7 +57,7 @@ def drawn(layer_um: int, number: int) -> tuple[Bscan, float]:
     )
 
 
-def waving_wall(thickness_m: float, dent_m: float, wave: float) -> Section:
+def waving_wall(thickness_m: float, dent_m: float, wave: float) -> WallSection:
     """Return a wall whose thickness changes by a share `wave` along the picture."""
     uneven = 1 + wave * np.cos(np.linspace(-8.5e-3, 8.5e-3, POINTS) / 2e-3)
     return dented_wall(thickness_m * uneven, dent_m, points=POINTS)

@@ -46,7 +46,7 @@ from scleraforce.base.units import from_si
 from scleraforce.base.worker_processes import work_units
 from scleraforce.calibration.filter.eye_parameters import known_of_constants
 from scleraforce.calibration.stiffness_from_shape import EyePosterior
-from scleraforce.live.companions.eye_learning import EyeLearner, Fitting
+from scleraforce.live.companions.eye_learning import EyeFitting, EyeLearner
 from scleraforce.live.companions.process_channel import Child
 from scleraforce.live.companions.process_messages import (
     Alive,
@@ -126,7 +126,7 @@ class InProcess:
     for.
     """
 
-    def __init__(self, fitting: Fitting) -> None:
+    def __init__(self, fitting: EyeFitting) -> None:
         self.now_s = 0.0
         self.took_s = list[float]()
         self._fitting = fitting
@@ -177,7 +177,7 @@ class Bench:
         begun = EyePosterior(
             known=known, study=self.reader.study, library=self.reader.library_for(known)
         )
-        link = InProcess(Fitting(begun, drawn.eye.id, None))
+        link = InProcess(EyeFitting(begun, drawn.eye.id, None))
         learner = EyeLearner(link)  # type: ignore[arg-type] # in place of a connection
         watches = [
             Watch(self.reader, known, self.limits, one, OPINIONS)

@@ -34,12 +34,12 @@ from elastic_sections import (
 )
 from scleraforce.base.units import to_si
 from scleraforce.mechanics.equilibrium import Dent, Solve, solve_balance
-from scleraforce.mechanics.finite_elements import factored
+from scleraforce.mechanics.finite_elements import factor_sum
 from scleraforce.mechanics.finite_strain_wall import FiniteWall, WallEquilibrium
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.hexahedral_mesh import sum_at
 from scleraforce.mechanics.load_path_tracing import pressurise
-from scleraforce.mechanics.loads_and_supports import Needle, needle_at
+from scleraforce.mechanics.loads_and_supports import NeedleLoad, needle_at
 from scleraforce.mechanics.tissue_material import (
     PronySeries,
     lame_constants,
@@ -67,12 +67,16 @@ ONE = 1.0 - 1e-12  # a share, below 1
 
 
 class RelaxingWall(WallEquilibrium):
-    """A wall whose stress relaxes, for `continuation`, at E = 1 Pa. Se is taken as
+    """A wall whose stress relaxes, for `load_path_tracing`, at E = 1 Pa. Se is taken as
     straight between two samples.
     """
 
     def __init__(
-        self, wall: FiniteWall, needle: Needle, modulus_pa: float, tissue: PronySeries
+        self,
+        wall: FiniteWall,
+        needle: NeedleLoad,
+        modulus_pa: float,
+        tissue: PronySeries,
     ) -> None:
         """Prepare a wall whose stress has relaxed, for `pressurise`."""
         super().__init__(wall, needle, modulus_pa, 0.0)
@@ -136,7 +140,7 @@ class RelaxingWall(WallEquilibrium):
             elements[:, i, :, i] -= lost_enn
 
         self._finite.inner.add_tangent(elements, displaced_nc, -pressure)
-        return factored(self._finite.mesh, self._finite.held_nc, elements)
+        return factor_sum(self._finite.mesh, self._finite.held_nc, elements)
 
     def _gradient(self, u: Floats) -> Floats:
         local_enc = self._finite.full_nc(u)[self._finite.mesh.cells_en]
@@ -220,7 +224,7 @@ def found(hold: Hold) -> PronySeries:
 
 def print_rows(
     wall: FiniteWall,
-    needle: Needle,
+    needle: NeedleLoad,
     eye: tuple[float, float],
     rows: int | None,
     samples: int,

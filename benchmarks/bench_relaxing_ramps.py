@@ -38,7 +38,7 @@ from scleraforce.live.decision.limits import MonitorLimits
 from scleraforce.live.decision.state import MonitorState
 from scleraforce.mechanics.tissue_material import PronySeries
 from scleraforce.reading.answer import Answer
-from scleraforce.reading.tissue_memory import History
+from scleraforce.reading.tissue_memory import TissueMemory
 from scleraforce.recordings.force_errors import ZERO_PRIOR, FrameForces
 from scleraforce.recordings.frame_and_force_tables import FORCE_COLUMNS, ForceLog
 from scleraforce.records.eye import Known
@@ -143,7 +143,7 @@ def play(eye: Eye, corners: Corners, rng: np.random.Generator) -> Played:
     elastic_n = path.elastic_n(time_s)
     felt_n = path.felt_n(time_s)
     bias_n = rng.normal(0.0, BIAS_N, 2)
-    network = opinion = History.monitored(Known(relaxation=eye.known), TOP_N)
+    network = opinion = TissueMemory.monitored(Known(relaxation=eye.known), TOP_N)
     state = MonitorState()
     waiting = list[SecondOpinion]()
     read = list[Answer]()

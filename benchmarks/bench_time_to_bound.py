@@ -33,7 +33,7 @@ from scleraforce.reading.force_trend import (
     HORIZON_S,
     LEAST_SHARE,
     NOISE_WINDOWS,
-    Rise,
+    ForceRise,
     rise_of,
     time_to_bound,
 )
@@ -183,7 +183,7 @@ def predictions(readings_tn: Floats, rate_hz: int) -> Iterator[Said]:
         yield Said(rate_hz, chance(rise, force_n / upper_n), left_s <= WITHIN_S, inside)
 
 
-def chance(rise: Rise, share: float) -> float:
+def chance(rise: ForceRise, share: float) -> float:
     """Return the probability that the line, a share of its upper end, comes to the
     bound within 200 ms.
     """

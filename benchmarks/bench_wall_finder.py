@@ -29,7 +29,7 @@ from scleraforce.lab.drawn_bscan import render_bscan
 from scleraforce.lab.scenes.drawn_scenes import draw_scene
 from scleraforce.lab.tissue_light import Pose, sample_optics
 from scleraforce.lab.training.wall_network_training import seen_mask
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.reading.load_model import load_wall_finder
 from scleraforce.records.frame import Pixels
 from scleraforce.records.model_folder import (
@@ -63,7 +63,7 @@ PLACED = (
     "eye_shift_m",
     "eye_tilt_rad",
 )
-# of the scenes: the rules of `checked_wall` were chosen on seed 1, the training drew
+# of the scenes: the rules of `two_methods` were chosen on seed 1, the training drew
 # seed 0
 SEED = 2
 # Dice from which on a wall is right, below which it is wrong
@@ -101,7 +101,9 @@ def phantoms(count: int, study: Study) -> Iterator[Case]:
             + dent_m * np.exp(-(lateral**2) / (2 * 1.6e-3**2))
         )
         outer = np.stack([lateral, depth], axis=1)
-        section = Section(outer, outer + np.array([0.0, rng.uniform(0.4e-3, 0.9e-3)]))
+        section = WallSection(
+            outer, outer + np.array([0.0, rng.uniform(0.4e-3, 0.9e-3)])
+        )
         optics = sample_optics(study.phantom, study.oct, rng)
         surface_m, down_m, aside_m, tilt_rad = (
             draw(getattr(study.phantom, name), rng) for name in PLACED

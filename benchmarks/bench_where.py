@@ -27,7 +27,7 @@ from figures.sections import compute_eye
 from scleraforce.base.units import HumanUnit, from_si
 from scleraforce.lab.virtual_recording import plan_phantom, plan_sections, render_frame
 from scleraforce.mechanics.loads_and_supports import tip_at
-from scleraforce.reading.needle_place import Place
+from scleraforce.reading.needle_place import PlaceValue
 from scleraforce.reading.reading_models import Reader
 from scleraforce.records.eye import Known, Modulus
 from scleraforce.records.globe import known_globe
@@ -49,7 +49,7 @@ class Seen:
     """A place that was read, None where it was not, beside the true one."""
 
     true: float
-    place: Place | None
+    place: PlaceValue | None
 
 
 def main() -> None:

@@ -5,7 +5,7 @@ on, its truth known exactly.
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 
 
 def dented_wall(
@@ -13,7 +13,7 @@ def dented_wall(
     dent_m: float,
     width_m: float = 1.6e-3,
     points: int = 1500,
-) -> Section:
+) -> WallSection:
     """Return a wall of 12 mm radius, its thickness along the normal.
 
     Args:
@@ -34,6 +34,6 @@ def dented_wall(
     )
     outer = np.stack([lateral, depth], axis=1)
 
-    return Section(
+    return WallSection(
         outer, outer + np.broadcast_to(thickness_m, lateral.shape)[:, None] * inward
     )

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from scleraforce.front.report.figure_files import BLUE, GREY, RED, inches, styled
-from scleraforce.mechanics.contact_and_section import Contact, ScanPlane, Section
+from scleraforce.mechanics.contact_and_section import Contact, ScanPlane, WallSection
 from scleraforce.mechanics.finite_strain_wall import bend_eye
 from scleraforce.mechanics.mesh_section import cut_sections
 from scleraforce.records.study import Study, SupportsStudy, read_study
@@ -34,7 +34,7 @@ KINDS = {
 LATERAL_MM = np.linspace(-6.5, 6.5, 261)
 
 
-def sections(given: Study, kind: str) -> tuple[list[Section], list[float]]:
+def sections(given: Study, kind: str) -> tuple[list[WallSection], list[float]]:
     """Return an eye's sections at all forces with one kind of supports, and its tips in
     mm.
     """
@@ -55,7 +55,7 @@ def sections(given: Study, kind: str) -> tuple[list[Section], list[float]]:
     return cut, [1e3 * bent.tip_m(1e-3 * force) for force in FORCES_MN]
 
 
-def depths_mm(section: Section) -> Floats:
+def depths_mm(section: WallSection) -> Floats:
     """Depth of the outer boundary at the columns of the figure."""
     lateral, depth = 1e3 * section.outer.T
     near = np.flatnonzero(np.abs(lateral) < 9.0)
@@ -65,7 +65,7 @@ def depths_mm(section: Section) -> Floats:
 
 
 @styled
-def draw(found: dict[str, list[Section]]) -> Figure:
+def draw(found: dict[str, list[WallSection]]) -> Figure:
     """Draw the sections, and how far each lies below that with the clamped base."""
     figure = Figure(figsize=inches(170, 105))
     grid = figure.subplots(2, len(FORCES_MN), sharex=True, sharey="row")
@@ -105,7 +105,7 @@ def draw(found: dict[str, list[Section]]) -> Figure:
     return figure
 
 
-def draw_section(axes: Axes, section: Section, colour: str, dashes: str) -> None:
+def draw_section(axes: Axes, section: WallSection, colour: str, dashes: str) -> None:
     """Draw both boundaries of a section, in mm."""
     for boundary in (section.outer, section.inner):
         axes.plot(*(1e3 * boundary.T), color=colour, linestyle=dashes, linewidth=1.0)
@@ -120,7 +120,7 @@ def main() -> None:
     parser.add_argument("--study", type=Path, help="the paper's where none is given")
     given = parser.parse_args()
     study = read_study(given.study) if given.study else Study()
-    found: dict[str, list[Section]] = {}
+    found: dict[str, list[WallSection]] = {}
     print(
         f"tip [mm] at {', '.join(f'{force:g}' for force in FORCES_MN[1:])} mN; whole"
         " section deeper than clamped [um]"

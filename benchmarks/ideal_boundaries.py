@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter1d
 from scleraforce.base.units import STANDARD_GRAVITY_M_S2
 from scleraforce.lab.tissue_light import Pose
 from scleraforce.lab.virtual_eye import PhantomEye
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.mechanics.linear_wall import LinearWall
 from scleraforce.mechanics.mesh_section import cut_sections
 from scleraforce.records.study import OctStudy, Study
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 def virtual_sections(
     wall: LinearWall, eye: PhantomEye, forces_n: Sequence[float], study: Study
-) -> list[Section]:
+) -> list[WallSection]:
     """Return the sections of a virtual eye under needle forces, from a wall that may
     serve several eyes.
     """
@@ -44,7 +44,7 @@ def virtual_sections(
 
 
 def ideal_boundaries(
-    section: Section,
+    section: WallSection,
     pose: Pose,
     oct_study: OctStudy,
     noise_m: float,

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fit import unknowns as at
-from scleraforce.fit.curve_placement import Placed, Places
+from scleraforce.fit import unknowns
+from scleraforce.fit.curve_placement import PlacedCurves, PlacesOnFrame
 from scleraforce.fit.one_frame import law_of
-from scleraforce.fit.shown_wall import Depths, predict
+from scleraforce.fit.shown_wall import WallDepths, predict_depths
 from scleraforce.library.wall_responses import Library
 from scleraforce.records.globe import OPEN, KnownGlobe
 
@@ -48,24 +48,24 @@ def formed_wall(walls: Walls, unknown: Array) -> Array:
     return _predicted(walls, unknown, np.zeros(1), 1, 0.0)[1]
 
 
-def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
+def predict_wall(walls: Walls, unknown: Array, places: PlacesOnFrame) -> PlacedCurves:
     """Predict the depths and slopes at places for unknowns in the order of `NAMES`,
     with their derivatives.
     """
     shown = _predicted(
         walls, unknown, places.lateral_m, places.outer, float(places.smoothing_m)
     )[0]
-    return Placed(shown.depth_m, shown.slope, shown.jacobian, shown.seen)
+    return PlacedCurves(shown.depth_m, shown.slope, shown.jacobian, shown.seen)
 
 
 def _predicted(
     walls: Walls, unknown: Array, *places: Any
-) -> tuple[Depths, Array, float]:
+) -> tuple[WallDepths, Array, float]:
     count = len(places[0])
     section = np.empty((2, 2 * len(walls.library.node_angles()), 2))
     lines = [np.empty(count) for _ in range(4)]
-    jacobian = np.empty((count, len(at.NAMES)))
-    shown = Depths(
+    jacobian = np.empty((count, len(unknowns.NAMES)))
+    shown = WallDepths(
         lines[0],
         lines[1],
         lines[2],
@@ -75,7 +75,7 @@ def _predicted(
     )
     tables = walls.library.tables
     law = law_of(walls.globe)
-    borne_n = predict(
+    borne_n = predict_depths(
         tables, law, places, walls.gap_m, walls.thickness_m, unknown, shown, section
     )
 

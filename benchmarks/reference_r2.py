@@ -12,7 +12,7 @@ from scipy.spatial import SphericalVoronoi
 from scleraforce.mechanics.contact_and_section import Contact
 from scleraforce.mechanics.finite_strain_wall import FiniteWall, LoadPath
 from scleraforce.mechanics.hexahedral_mesh import HexMesh
-from scleraforce.mechanics.loads_and_supports import Needle, tip_at
+from scleraforce.mechanics.loads_and_supports import NeedleLoad, tip_at
 
 Floats = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ def reference_path(
 ) -> LoadPath:
     """Return R2's load path."""
     wall = FiniteWall(mesh, NU, dead_pressure_nc=_voronoi_pressure(mesh))
-    needle = Needle(
+    needle = NeedleLoad(
         _nodal_gaussian(mesh, contact), tip_at(mesh, contact, -contact.normal)
     )
 

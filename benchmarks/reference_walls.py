@@ -17,14 +17,14 @@ from scleraforce.mechanics.axisymmetric_wall import (
     BaseShift,
     axisymmetric_path,
     boundary_shapes,
-    inward,
+    inward_forces,
 )
-from scleraforce.mechanics.contact_and_section import ScanPlane, Section
+from scleraforce.mechanics.contact_and_section import ScanPlane, WallSection
 from scleraforce.mechanics.equilibrium import Solve
 from scleraforce.mechanics.finite_strain_wall import FiniteWall, WallEquilibrium
 from scleraforce.mechanics.hexahedral_mesh import HexMesh, build_mesh
 from scleraforce.mechanics.load_path_tracing import pressurise
-from scleraforce.mechanics.loads_and_supports import Needle
+from scleraforce.mechanics.loads_and_supports import NeedleLoad
 from scleraforce.mechanics.meridian_elements import MeridianSize
 from scleraforce.mechanics.mesh_section import cut_sections
 
@@ -101,12 +101,14 @@ def rest_nc(
     """
     nothing = np.zeros_like(wall.mesh.points_nc)
     problem = WallEquilibrium(
-        wall, Needle(nothing, nothing), youngs_modulus_pa, density_kg_m3
+        wall, NeedleLoad(nothing, nothing), youngs_modulus_pa, density_kg_m3
     )
     return wall.full_nc(pressurise(problem, iop_pa / youngs_modulus_pa))
 
 
-def cut_section(mesh: HexMesh, plane: ScanPlane, displacement_nc: Floats) -> Section:
+def cut_section(
+    mesh: HexMesh, plane: ScanPlane, displacement_nc: Floats
+) -> WallSection:
     """Cut one wall with one displacement (node, 3)."""
     return cut_sections(mesh, [plane], displacement_nc[None], np.ones((1, 1, 1)))[0][0]
 
@@ -193,9 +195,9 @@ def spread_needle(wall: AxisymmetricWall, spread: Callable[[Floats], Floats]) ->
     weight_ep *= spread(
         np.linalg.norm(positions_epc - mesh.points_nc[mesh.outer_n[0]], axis=-1)
     )
-    wall.needle = inward(mesh, nodes_en, (weight_ep / weight_ep.sum()) @ values_pn)[
-        wall.free
-    ]
+    wall.needle = inward_forces(
+        mesh, nodes_en, (weight_ep / weight_ep.sum()) @ values_pn
+    )[wall.free]
 
 
 class DeadPressureWall:

@@ -47,18 +47,23 @@ nitpick_ignore_regex = [
         "py:class",
         r"(numpy|dataclasses|pathlib|collections|contextlib|msgspec|os)\..*|PathLike|[\d.]+",
     ),
-    ("py:class", r"scleraforce\.calibration\.(assimilation|known_forces)\..*"),
     (
         "py:class",
-        r"scleraforce\.(decision\.events\.Verdict|segmentation\.wall_finder\.WallFinder)",
+        r"scleraforce\.calibration\.(filter\.eye_filter|stiffness_from_forces)\..*",
     ),
     (
         "py:class",
-        r"scleraforce\.(decision\.trend\.TimeToBound|mechanics\.globe\.Globe|reader\.where\.Places)|GivenCalibration|Mask",
+        r"scleraforce\.(records\.verdict\.Verdict|wall\.wall_network\.WallFinder)",
     ),
-    ("py:class", r"scleraforce\.known\.relaxation\.KnownRelaxation"),
-    ("py:class", r"scleraforce\.recording\.walls\.RecordedWalls"),
-    ("py:class", r"scleraforce\.library\.(splines|stiffened)\..*"),
+    (
+        "py:class",
+        r"scleraforce\.(reading\.force_trend\.TimeToBound|records\.globe\.Globe)",
+    ),
+    ("py:class", r"scleraforce\.reading\.needle_place\.NeedlePlace"),
+    ("py:class", r"GivenCalibration|Mask"),
+    ("py:class", r"scleraforce\.records\.tissue_relaxation\.KnownRelaxation"),
+    ("py:class", r"scleraforce\.recordings\.drawn_walls\.RecordedWalls"),
+    ("py:class", r"scleraforce\.library\.(response_splines|stiffened_walls)\..*"),
 ]
 
 # The notebooks are committed without outputs; the build runs them, in folders that are

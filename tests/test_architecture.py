@@ -27,7 +27,7 @@ from scleraforce.library.library_store import open_library
 from scleraforce.reading.load_model import (
     load_classifier,
     load_force_reader,
-    load_model,
+    load_reader,
 )
 from scleraforce.recordings.formats.image_files import read_frame
 from scleraforce.recordings.recording_folder import read_recording
@@ -216,6 +216,43 @@ def test_no_module_needs_itself_to_be_imported() -> None:
 def test_each_package_is_of_a_row() -> None:
     packages = {path.name for path in ROOT.iterdir() if (path / "__init__.py").exists()}
     assert packages == {*ROW}
+
+
+PACKAGES = [path for path in MODULES if path.name == "__init__.py" and dotted(path)]
+MODULE_NAMES = {dotted(path) for path in MODULES if path.name != "__init__.py"}
+
+
+@cache
+def public_names(package: Path) -> frozenset[str]:
+    """Return what the section `Public` of a package's docstring lists."""
+    docstring = ast.get_docstring(ast.parse(package.read_text(encoding="utf-8"))) or ""
+    listed = re.findall(
+        r"^    (\w+): ((?:`\w+`(?:,\s+)?)+)", docstring.partition("\nPublic:")[2], re.M
+    )
+    return frozenset(
+        f"scleraforce.{dotted(package)}.{module}.{name}"
+        for module, names in listed
+        for name in re.findall(r"\w+", names)
+    )
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=dotted)
+def test_docstrings_of_packages_list_what_other_packages_import(package: Path) -> None:
+    if dotted(package) == "lab.training":
+        pytest.importorskip("torch")
+
+    for public_name in public_names(package):
+        module, _, name = public_name.rpartition(".")
+        assert hasattr(import_module(module), name), f"{public_name} does not exist"
+
+    for path in MODULES:
+        if f"{dotted(path)}.".startswith(f"{dotted(package)}."):
+            continue
+
+        for name in imported(path):
+            module = name.removeprefix("scleraforce.").rpartition(".")[0]
+            if module in MODULE_NAMES and module.rpartition(".")[0] == dotted(package):
+                assert name in public_names(package), f"imported by {path}"
 
 
 def test_only_training_imports_torch_and_nothing_copyleft_is_imported() -> None:
@@ -483,7 +520,7 @@ READERS = (
     load_classifier,
     load_force_reader,
     load_library,
-    load_model,
+    load_reader,
     open_calibration,
     open_dataset,
     open_library,

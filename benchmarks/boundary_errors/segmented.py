@@ -11,7 +11,7 @@ from scleraforce.lab.virtual_eye import PhantomEye
 from scleraforce.lab.virtual_recording import plan_phantom, render_frame
 from scleraforce.library import Library
 from scleraforce.library.plane_cut import column_laterals, cut_surfaces
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.study import Study
 from scleraforce.wall.find_wall import find_wall
@@ -135,7 +135,7 @@ def _depths_at_columns(
     return depth_bc
 
 
-def _at_columns(section: Section, laterals_m: Floats) -> Floats:
+def _at_columns(section: WallSection, laterals_m: Floats) -> Floats:
     """Return the depth of both curves (boundary, column), m, where they do not fold
     over; NaN beyond their ends.
     """

@@ -34,7 +34,7 @@ from scleraforce.lab.virtual_recording import (
     plan_sections,
     write_phantom,
 )
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.recordings.recording_folder import read_info
 from scleraforce.records.decoder import format_record
 from scleraforce.records.study import Study
@@ -246,7 +246,7 @@ def recording_key(drawn: FigureEye) -> str:
 
 
 def lowest_m(
-    frame: PhantomFrame, section: Section, study: Study
+    frame: PhantomFrame, section: WallSection, study: Study
 ) -> tuple[float, float]:
     """Return how deep in the frame the outer and the inner boundary go in the columns
     between the black bands.

@@ -16,7 +16,7 @@ from scleraforce.lab.virtual_eye import (
 )
 from scleraforce.mechanics.finite_strain_wall import FiniteWall, LoadPath, bend_eye
 from scleraforce.mechanics.graded_mesh import graded_eye
-from scleraforce.mechanics.loads_and_supports import Needle, needle_at, tip_at
+from scleraforce.mechanics.loads_and_supports import NeedleLoad, needle_at, tip_at
 from scleraforce.records.study import Study
 
 # dents go no further: an eye that gives way before its largest force bears what it
@@ -115,7 +115,7 @@ def bend_leaning(
         @ axis
     )
     path = FiniteWall(mesh, study.eye.poisson_ratio).load_path(
-        Needle(along[:, None] * push, tip_at(mesh, contact, -contact.normal)),
+        NeedleLoad(along[:, None] * push, tip_at(mesh, contact, -contact.normal)),
         youngs_modulus_pa=eye.youngs_modulus_pa,
         iop_pa=eye.iop_pa,
         density_kg_m3=study.eye.density_kg_m3,

@@ -26,8 +26,8 @@ from scleraforce.live.replay.scanner_player import (
     AnswerLog,
     Player,
     ScannerClient,
-    Timed,
-    Unstamped,
+    TimedMessage,
+    UnstampedMessage,
     frame_message,
     median_interval_s,
 )
@@ -292,7 +292,7 @@ class Line:
         granted = False
 
         for index, message in messages.items():
-            player.send(Timed(entries[index].time_s, index + 1, message))
+            player.send(TimedMessage(entries[index].time_s, index + 1, message))
             if self.log.ok:
                 granted = True
             elif granted and self.log.status and self.log.status.code == WITHDRAW:
@@ -400,7 +400,7 @@ def _watch_and_die(
     death: Death,
     rng: np.random.Generator,
     row: Row,
-    hanging: Unstamped | None = None,
+    hanging: UnstampedMessage | None = None,
 ) -> None:
     """Let a monitor watch for a while, and then die; where it does not come to watch,
     it is not counted.
@@ -424,7 +424,7 @@ def _die(
     death: Death,
     rng: np.random.Generator,
     row: Row,
-    hanging: Unstamped | None,
+    hanging: UnstampedMessage | None,
 ) -> None:
     """Send the signal, or the frame that hangs, at a random moment; send frames until a
     withdrawal.

@@ -21,7 +21,7 @@ from scleraforce.live.network.operator_reset import ask_reset
 from scleraforce.live.replay.scanner_player import (
     AnswerLog,
     ScannerClient,
-    Unstamped,
+    UnstampedMessage,
     frame_message,
 )
 from scleraforce.recordings.frame_and_force_tables import FrameEntry
@@ -165,7 +165,7 @@ Heard = Callable[[float, Message], object]
 class Way(Protocol):
     """Frames, encoded, and an endless way through them."""
 
-    messages: list[Unstamped]
+    messages: list[UnstampedMessage]
 
     def to_and_fro(self) -> Iterator[int]:
         """Yield indices."""

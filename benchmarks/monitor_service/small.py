@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scleraforce.base.worker_processes import no_interrupts
 from scleraforce.live.companions.watchdog import LOOK_S, MONITOR_PRIORITY
 from scleraforce.live.network.openigtlink import Image
-from scleraforce.live.replay.scanner_player import SCANNER_DEVICE, Unstamped
+from scleraforce.live.replay.scanner_player import SCANNER_DEVICE, UnstampedMessage
 
 from .monitors import cores, pin
 
@@ -88,7 +88,7 @@ class SmallFrames:
         return cycle(range(len(self.messages)))
 
 
-def _message(pixels: NDArray[np.uint16]) -> Unstamped:
+def _message(pixels: NDArray[np.uint16]) -> UnstampedMessage:
     matrix = (
         SCALE_M[0] * 1e3,
         0.0,
@@ -103,4 +103,4 @@ def _message(pixels: NDArray[np.uint16]) -> Unstamped:
         0.0,
         0.0,
     )
-    return Unstamped(Image(pixels[None], matrix), SCANNER_DEVICE, 1)
+    return UnstampedMessage(Image(pixels[None], matrix), SCANNER_DEVICE, 1)

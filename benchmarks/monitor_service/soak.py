@@ -19,7 +19,7 @@ import numpy as np
 
 from scleraforce.live.network.openigtlink import HEADER_BYTES
 from scleraforce.live.replay.scanner_player import (
-    Unstamped,
+    UnstampedMessage,
     frame_message,
     image_matrix,
 )
@@ -329,7 +329,7 @@ def injections(
 class Flipped:
     """A frame with one bit flipped."""
 
-    def __init__(self, message: Unstamped, place: int, bit: int) -> None:
+    def __init__(self, message: UnstampedMessage, place: int, bit: int) -> None:
         self._message = message
         self._place = place
         self._bit = bit

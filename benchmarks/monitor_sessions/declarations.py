@@ -23,7 +23,11 @@ from scleraforce.calibration.filter.eye_parameters import (
     EyeConstants,
     known_of_constants,
 )
-from scleraforce.calibration.stiffness_from_forces import TissueTrial, search, settled
+from scleraforce.calibration.stiffness_from_forces import (
+    TissueTrial,
+    reread_eye,
+    search_stiffening,
+)
 from scleraforce.library import Library
 from scleraforce.reading.reading_models import ForceReader
 from scleraforce.recordings.force_errors import LABEL_SD_N, ZERO_PRIOR
@@ -116,7 +120,9 @@ def calibrated(
         if wall.usable:
             seen.append((segmented_boundaries(wall, scale), force_n))
 
-    found = search(reader.library, partial(_with_tissue, stated, seen, reader.study))
+    found = search_stiffening(
+        reader.library, partial(_with_tissue, stated, seen, reader.study)
+    )
     assert found is not None  # the library has these eyes
     stiffening, known = found
     return replace(known, stiffening=stiffening)
@@ -143,5 +149,5 @@ def _with_tissue(
     if known.modulus is None:
         return TissueTrial.diverged(known, 0)
 
-    after = settled(known, taken, (), library, study)
+    after = reread_eye(known, taken, (), library, study)
     return after.trial(after.known, len(seen) - len(taken))

@@ -15,7 +15,7 @@ from monitor_sessions.eyes import SessionEye
 from monitor_sessions.forces import PATH_N, Trajectory
 from scleraforce.lab.drawn_bscan import render_bscan
 from scleraforce.lab.tissue_light import BscanOptics, Pose, sample_optics
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.records.study import draw
 
 Floats = NDArray[np.float64]
@@ -105,12 +105,12 @@ def _states(drawn: SessionEye) -> tuple[Floats, Floats]:
     return forces_n, np.stack([[section.outer, section.inner] for section in sections])
 
 
-def _section_at(states: tuple[Floats, Floats], force_n: float) -> Section:
+def _section_at(states: tuple[Floats, Floats], force_n: float) -> WallSection:
     """Interpolate an eye's section between the forces beside."""
     forces_n, curves_sbnc = states
     after = int(np.clip(np.searchsorted(forces_n, force_n), 1, len(forces_n) - 1))
     share = (force_n - forces_n[after - 1]) / (forces_n[after] - forces_n[after - 1])
-    return Section(
+    return WallSection(
         *((1.0 - share) * curves_sbnc[after - 1] + share * curves_sbnc[after])
     )
 

@@ -32,7 +32,7 @@ from scleraforce.base.whole_files import write_whole
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.evaluation import evaluate_recordings
 from scleraforce.library import load_library
-from scleraforce.reading.load_model import load_model
+from scleraforce.reading.load_model import load_reader
 from scleraforce.recordings.recording_folder import read_recording
 from scleraforce.records.model_folder import (
     LIBRARY_FILE,
@@ -127,7 +127,7 @@ def _eye(folder: FiguresFolder, group: str) -> Fingerprint:
     made = read_made(folder, drawn)
     path = declare(folder, [drawn]).recording(drawn)
     recording = read_recording(path)
-    answers = evaluate_recordings(load_model("default"), [path]).frames
+    answers = evaluate_recordings(load_reader("default"), [path]).frames
     forces_n = [
         [
             value

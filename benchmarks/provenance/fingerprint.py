@@ -32,7 +32,7 @@ from scleraforce.base.units import from_si
 from scleraforce.lab.training.classifier_training import (
     Samples,
     classes_at_modulus,
-    fit,
+    fit_classifier,
     with_half_weights,
 )
 from scleraforce.lab.training.force_reader_training import fit_reader
@@ -49,7 +49,7 @@ from scleraforce.lab.training.reader_samples import (
     CHUNK,
     VALIDATION_CHUNK,
     ReaderSamples,
-    Source,
+    SampleSource,
     draw_seen,
 )
 from scleraforce.lab.training.slice_dataset import SampleSimulator, plan_dataset
@@ -208,7 +208,7 @@ def reader_fingerprint(study: Study, library: Library) -> Fingerprint:
     samples, first steps of a descent.
     """
     reader = study.reader
-    source = Source(library, study.reader, study.slice)
+    source = SampleSource(library, study.reader, study.slice)
     samples = source.chunk(1, SAMPLES)
     rng = np.random.default_rng(reader.seed)
     _, _, seen = draw_seen(source.library, reader, study.slice, SAMPLES, rng)
@@ -330,7 +330,9 @@ def classifier_fingerprint(study: Study) -> Fingerprint:
         Samples(slices[part], samples.target[part])
         for part in (~plan.validation, plan.validation)
     )
-    fitted = fit(small.network, seen, unseen, len(study.classes.bounds_n) + 1)
+    fitted = fit_classifier(
+        small.network, seen, unseen, len(study.classes.bounds_n) + 1
+    )
     answers = with_half_weights(fitted).probabilities(slices)
 
     return {

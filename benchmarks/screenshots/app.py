@@ -16,7 +16,7 @@ from playwright.sync_api import Page, expect, sync_playwright
 
 import scleraforce as sf
 from monitor_service.browser import CHROMIUM
-from scleraforce.front.app.app_server import HOST, listen, server_of
+from scleraforce.front.app.app_server import HOST, listen_locally, server_of
 
 IMAGES = Path(__file__).parents[2] / "docs" / "images"
 FORCES_N = tuple(1e-3 * force for force in (3, 9, 15, 21, 27, 33, 39, 31, 23, 16, 8, 4))
@@ -83,7 +83,7 @@ def main() -> None:
         sources = write_sources(Path(folder))
         work = Path(folder, "session")
         work.mkdir()
-        listener = listen(0)
+        listener = listen_locally(0)
         server = server_of(work, listener, TOKEN)
         Thread(target=server.run, args=([listener],), daemon=True).start()
         browser = playwright.chromium.launch(

@@ -19,7 +19,7 @@ import click
 
 from provenance.stamps import new_stamp
 from scleraforce.base.errors import InputError, ScleraforceError
-from scleraforce.base.plain_json import finite
+from scleraforce.base.plain_json import finite_json
 from scleraforce.base.whole_files import KINDS, read_text, write_whole
 from scleraforce.front.cli.output import progress_bar
 from scleraforce.front.report.figure_files import write_figure
@@ -146,7 +146,7 @@ def main(
 
     out.mkdir(parents=True, exist_ok=True)
     write_whole(
-        json.dumps(finite(results.as_json()), indent=1, allow_nan=False) + "\n",
+        json.dumps(finite_json(results.as_json()), indent=1, allow_nan=False) + "\n",
         out / FIGURES,
     )
     click.echo(f"wrote {', '.join(map(str, [out / FIGURES, *_render(out)]))}")

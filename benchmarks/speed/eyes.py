@@ -12,7 +12,7 @@ from scleraforce.fit.unknowns import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS,
 from scleraforce.lab.drawn_bscan import render_bscan
 from scleraforce.lab.tissue_light import sample_optics
 from scleraforce.library import Library
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.reading.load_model import load_force_reader
 from scleraforce.reading.reading_models import ForceReader
 from scleraforce.records.eye import Known, Modulus
@@ -71,7 +71,9 @@ def _draw_eye(
     unknown[0, TIP] = library.tips(*wall, np.array([0.999 * largest * rng.random()]))[0]
     curves = formed_wall(Walls(library), unknown[0])
     ahead = [np.concatenate([[True], np.diff(curve[:, 0]) > 1e-9]) for curve in curves]
-    section = Section(*(curve[kept] for curve, kept in zip(curves, ahead, strict=True)))
+    section = WallSection(
+        *(curve[kept] for curve, kept in zip(curves, ahead, strict=True))
+    )
     frame = render_bscan(
         section, study.oct, sample_optics(study.phantom, study.oct, rng), rng
     ).frame

@@ -6,6 +6,7 @@ OpenCV and ONNX Runtime are imported lazily.
 """
 
 import os
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -94,13 +95,11 @@ if not TYPE_CHECKING:
     def __getattr__(name: str) -> object:
         """Import a public name (PEP 562), once."""
         if name == "__version__":
-            # its imports take a tenth of a second
+            # 21 ms: not for those who ask for no version
             from importlib.metadata import version
 
             value = version("scleraforce")
         elif name in _MODULE_OF:
-            from importlib import import_module
-
             value = getattr(import_module(f"scleraforce.{_MODULE_OF[name]}"), name)
         else:
             raise AttributeError(

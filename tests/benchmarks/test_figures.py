@@ -30,7 +30,7 @@ from provenance.stamps import new_stamp, read_stamps
 from scleraforce.base.errors import ScleraforceError
 from scleraforce.base.units import to_si
 from scleraforce.lab.virtual_recording import plan_phantom
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.recordings.recording_folder import read_info
 from scleraforce.records.decoder import format_record
 from scleraforce.records.eye import EyeInfo
@@ -353,7 +353,7 @@ def test_the_lowest_point_of_a_boundary_is_sought_between_the_black_bands():
         axis=1,
     )
     outer_m, inner_m = lowest_m(
-        shown, Section(outer, outer + np.array([0.0, 0.7e-3])), STUDY
+        shown, WallSection(outer, outer + np.array([0.0, 0.7e-3])), STUDY
     )
     assert outer_m == pytest.approx(2e-3 + shown.pose.depth_m, abs=1e-6)
     assert inner_m == pytest.approx(2.7e-3 + shown.pose.depth_m, abs=1e-6)

@@ -19,7 +19,7 @@ from scleraforce.lab.virtual_eye import PhantomEye
 from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
 from scleraforce.library import Library
 from scleraforce.library.plane_cut import cut_surfaces
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.mechanics.hexahedral_mesh import build_mesh
 from scleraforce.mechanics.linear_wall import LinearWall
 from scleraforce.records.study import MeshStudy, Study
@@ -120,7 +120,7 @@ def made_up_folder(
     """A recording of the made-up eye under 2, 30, 12, 45, 20 and 38 mN."""
     path = tmp_path_factory.mktemp("made-up") / "made-up"
 
-    def sections_at(forces_n: Sequence[float]) -> list[Section]:
+    def sections_at(forces_n: Sequence[float]) -> list[WallSection]:
         ones = np.ones(len(forces_n))
         modulus_pa = made_up.youngs_modulus_pa
         ratios = (made_up.iop_pa / modulus_pa * ones, np.array(forces_n) / modulus_pa)

@@ -10,7 +10,7 @@ from hypothesis import given, strategies as st
 from scleraforce.calibration.filter.eye_filter import (
     begin_with,
     eye_filter,
-    moments,
+    parameter_moments,
     step,
 )
 from scleraforce.calibration.filter.eye_parameters import ParameterSpace, stated_wall
@@ -25,7 +25,7 @@ from scleraforce.calibration.filter.section_registration import (
     register,
     updated_belief,
 )
-from scleraforce.fit.curve_placement import Places
+from scleraforce.fit.curve_placement import PlacesOnFrame
 from scleraforce.lab.virtual_eye import PhantomEye
 
 FORCES = [float(force) for force in np.random.default_rng(0).uniform(6e-3, 58e-3, 24)]
@@ -115,7 +115,7 @@ def test_errors_that_all_frames_share_are_not_averaged_away(
     session = calibrate(laboratory, model, frames)[-1]
     assert session.modulus.sd_pa > study.model_error_fraction * eye.youngs_modulus_pa
     exact = eye_filter(model, replace(study, model_error_fraction=0.0))
-    assert moments(exact, session.state)[1][0] < 0.4 * session.modulus.sd_pa
+    assert parameter_moments(exact, session.state)[1][0] < 0.4 * session.modulus.sd_pa
     # 1 mN on all forces is an error of E that the followed sensitivity foretells
     shifted = [
         (pose, boundaries, force_n - 0.5e-3) for pose, boundaries, force_n in frames
@@ -170,7 +170,7 @@ def test_derivatives_of_a_prediction_are_quotients_of_differences(
     laboratory: Any, eye: PhantomEye
 ) -> None:
     model = laboratory.model(laboratory.stated(eye))
-    places = Places(np.linspace(-5e-3, 5e-3, 12), np.repeat([0, 1], 6))
+    places = PlacesOnFrame(np.linspace(-5e-3, 5e-3, 12), np.repeat([0, 1], 6))
     nuisance = np.array([0.1e-3, 0.4e-3, 0.02, eye.polar_rad, 10e-6])
     state = stated_wall(model.constants, 0.27e6, 0.03, eye.polar_rad)
     placed = predict_frame(model, state, nuisance, places)

@@ -16,7 +16,7 @@ from analytic_library import analytic_library
 from reference_walls import cut_section, shift_in_plane
 from scleraforce.base.errors import CalibrationError
 from scleraforce.calibration.filter import eye_filter
-from scleraforce.calibration.filter.eye_filter import FrameStep, Skipped
+from scleraforce.calibration.filter.eye_filter import FrameStep, SkippedFrame
 from scleraforce.calibration.filter.eye_parameters import EyeConstants, stated_wall
 from scleraforce.calibration.filter.library_sections import (
     base_moves,
@@ -24,7 +24,7 @@ from scleraforce.calibration.filter.library_sections import (
     without_form,
 )
 from scleraforce.calibration.filter.section_registration import parameter_sections
-from scleraforce.lab.training.drawn_wall_errors import Forms
+from scleraforce.lab.training.drawn_wall_errors import WallForms
 from scleraforce.lab.training.interval_measurement import (
     VirtualEye,
     draw_eye,
@@ -32,7 +32,7 @@ from scleraforce.lab.training.interval_measurement import (
 )
 from scleraforce.library import Library
 from scleraforce.mechanics.axisymmetric_wall import base_shift
-from scleraforce.mechanics.contact_and_section import Contact, ScanPlane, Section
+from scleraforce.mechanics.contact_and_section import Contact, ScanPlane, WallSection
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.linear_wall import LinearWall
 from scleraforce.mechanics.meridian_elements import MeridianSize, meridian_mesh
@@ -121,7 +121,7 @@ def tip_m(force_n: float, stated: EyeConstants = STATED) -> float:
     return float(tips[np.argmax(forces >= force_n)])
 
 
-def exact_section(force_n: float, stated: EyeConstants = STATED) -> Section:
+def exact_section(force_n: float, stated: EyeConstants = STATED) -> WallSection:
     """The made-up eye's section, from the closed form at thousands of rings."""
     rings = np.linspace(0.0, np.pi / 2 - 1e-3, 4000)
     walls = analytic.curves(
@@ -141,7 +141,7 @@ def exact_section(force_n: float, stated: EyeConstants = STATED) -> Section:
             )
         )
 
-    return Section(*sides)
+    return WallSection(*sides)
 
 
 def frames(forces_n: Sequence[float], rng: np.random.Generator) -> list[Boundaries]:
@@ -260,7 +260,7 @@ def test_a_frame_beyond_the_library_is_left_out_with_its_reason(
     first = eye_filter.step(eye_filter.begin(STUDY, STATED, short), made[0], 0.02)
     second = eye_filter.step(first, made[1], 0.05)
     assert isinstance(first.last, FrameStep)
-    assert isinstance(second.last, Skipped)
+    assert isinstance(second.last, SkippedFrame)
     assert "F/E" in second.last.reason
     assert second.modulus.mean_pa == first.modulus.mean_pa
     assert second.updates == 1
@@ -377,7 +377,8 @@ def removed(eye: VirtualEye, model: Any) -> tuple[Boundaries, np.ndarray]:
 
 def with_cornea(eye: VirtualEye) -> VirtualEye:
     return replace(
-        eye, forms=Forms(**{name: np.array([value]) for name, value in RIGHT.items()})
+        eye,
+        forms=WallForms(**{name: np.array([value]) for name, value in RIGHT.items()}),
     )
 
 

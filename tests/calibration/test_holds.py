@@ -20,7 +20,7 @@ from scleraforce.calibration.holds_of_a_log import (
 from scleraforce.calibration.relaxation_from_holds import hold_log, with_elastic_forces
 from scleraforce.lab.needle_pushes import NeedlePath, Push, path_of_pushes, plan_pushes
 from scleraforce.mechanics.tissue_material import ELASTIC, PronySeries
-from scleraforce.reading.tissue_memory import History
+from scleraforce.reading.tissue_memory import TissueMemory
 from scleraforce.recordings.force_errors import ZERO_PRIOR, FrameForces
 from scleraforce.records.eye import Known
 from scleraforce.records.study import PhantomStudy, Range
@@ -264,7 +264,7 @@ def test_the_interval_reaches_to_the_reading_of_the_other_explanation(first) -> 
     calibrated_n = 20e-3
     elastic_n = calibrated_n / (1.0 - sum(shares))
     sudden_n = {"needle": calibrated_n, "tissue": calibrated_n / (1.0 - lost)}
-    history = History.unknown(Known(relaxation=known), 60e-3)
+    history = TissueMemory.unknown(Known(relaxation=known), 60e-3)
     answer, _ = history.read(read_as(elastic_n), BOUNDS_N, held_s=1e-6)
     assert answer.force_n == pytest.approx(sudden_n[first], rel=0.02)
     low_n, high_n = answer.interval_n
@@ -274,6 +274,6 @@ def test_the_interval_reaches_to_the_reading_of_the_other_explanation(first) -> 
     # as in the calibration, both are the same
     answer, _ = history.read(read_as(elastic_n), BOUNDS_N, held_s=100.0)
     assert answer.force_n == pytest.approx(calibrated_n, rel=1e-3)
-    certain = History.unknown(Known(relaxation=replace(known, other=())), 60e-3)
+    certain = TissueMemory.unknown(Known(relaxation=replace(known, other=())), 60e-3)
     alone, _ = certain.read(read_as(elastic_n), BOUNDS_N, held_s=100.0)
     assert answer.interval_n == pytest.approx(alone.interval_n, rel=1e-6)

@@ -28,15 +28,15 @@ from scleraforce.calibration.calibrate import (
 from scleraforce.calibration.calibration import Calibration
 from scleraforce.calibration.stiffness_from_forces import (
     KnownForce,
-    Settled,
+    RereadEye,
     TissueTrial,
     most_trials,
-    own,
+    own_modulus_and_globe,
     place_of,
     read_again,
     regression,
-    search,
-    settled,
+    reread_eye,
+    search_stiffening,
 )
 from scleraforce.fit.one_frame import fit_boundaries
 from scleraforce.fit.prior_of_an_eye import SHINE_MEAN_M, prior_of
@@ -94,7 +94,7 @@ def frames(
 
     The deeper a dent, the less its force says of E and the more of k.
     """
-    modulus, globe = own(known)
+    modulus, globe = own_modulus_and_globe(known)
     found = []
 
     for force_n in library_n:
@@ -241,7 +241,7 @@ def read_frames(factor: float = 1.0) -> list[tuple[Boundaries, float]]:
 BLIND = Boundaries(LATERAL_M, np.full((2, len(LATERAL_M)), np.nan), 1e-4)
 
 
-def corrected(after: Settled) -> list[float]:
+def corrected(after: RereadEye) -> list[float]:
     """Forces read in the frames, corrected by the discrepancy, over the known ones."""
     discrepancy = after.known.discrepancy
     assert discrepancy is not None
@@ -279,8 +279,12 @@ def test_slopes_are_quotients_of_forces_that_are_read_with_another_modulus() -> 
 
 def test_a_modulus_that_the_filter_missed_is_found() -> None:
     for wrong in (0.6, 1.5):
-        after = settled(known_of(wrong * MODULUS_PA), read_frames(), (), LIBRARY, STUDY)
-        assert own(after.known)[0].mean_pa == pytest.approx(MODULUS_PA, rel=0.05)
+        after = reread_eye(
+            known_of(wrong * MODULUS_PA), read_frames(), (), LIBRARY, STUDY
+        )
+        assert own_modulus_and_globe(after.known)[0].mean_pa == pytest.approx(
+            MODULUS_PA, rel=0.05
+        )
         assert corrected(after) == pytest.approx([1.0] * 3, rel=0.03)
 
 
@@ -289,8 +293,8 @@ def test_forces_are_surer_than_the_modulus_that_they_show() -> None:
     frame's, not E's.
     """
     seen = read_frames(1.04)
-    now = settled(known_of(MODULUS_PA), seen, (), LIBRARY, STUDY).known
-    assert own(now)[0].relative_sd > 0.015
+    now = reread_eye(known_of(MODULUS_PA), seen, (), LIBRARY, STUDY).known
+    assert own_modulus_and_globe(now)[0].relative_sd > 0.015
     assert now.discrepancy is not None
     apart = replace(now.discrepancy, level_by=(0.0, 0.0), growth_by=(0.0, 0.0))
 
@@ -316,20 +320,24 @@ def test_frames_that_were_read_before_count_like_the_others() -> None:
     earlier = [
         frame for frame in read_again(seen, known, LIBRARY, STUDY) if frame is not None
     ]
-    at_once = settled(known, seen, (), LIBRARY, STUDY).known
-    parts = settled(known, seen[2:], earlier[:2], LIBRARY, STUDY).known
-    assert own(parts)[0].mean_pa == pytest.approx(own(at_once)[0].mean_pa, rel=0.01)
+    at_once = reread_eye(known, seen, (), LIBRARY, STUDY).known
+    parts = reread_eye(known, seen[2:], earlier[:2], LIBRARY, STUDY).known
+    assert own_modulus_and_globe(parts)[0].mean_pa == pytest.approx(
+        own_modulus_and_globe(at_once)[0].mean_pa, rel=0.01
+    )
 
     for now, before in (([*seen, (BLIND, 2.0 * seen[-1][1])], []), (seen[:1], earlier)):
-        found = settled(known, now, before, LIBRARY, STUDY).known.discrepancy
+        found = reread_eye(known, now, before, LIBRARY, STUDY).known.discrepancy
         assert found is not None
         assert found.largest_n == seen[-1][1]  # of the frames that could be read
 
 
 def test_without_a_frame_that_can_be_read_the_filter_s_stays() -> None:
-    after = settled(known_of(MODULUS_PA), [(BLIND, 0.02)], (), LIBRARY, STUDY)
+    after = reread_eye(known_of(MODULUS_PA), [(BLIND, 0.02)], (), LIBRARY, STUDY)
     assert after.again == (None,)
-    assert own(after.known)[0].mean_pa == pytest.approx(MODULUS_PA, rel=1e-9)
+    assert own_modulus_and_globe(after.known)[0].mean_pa == pytest.approx(
+        MODULUS_PA, rel=1e-9
+    )
     found = after.known.discrepancy
     assert found is not None
     assert (found.level, found.growth, found.largest_n) == (0.0, 0.0, None)
@@ -340,7 +348,7 @@ def test_the_loss_of_a_stiffening_is_the_loss_of_the_frames_that_were_read() -> 
     cannot be read counts as refused.
     """
     known = known_of(MODULUS_PA)
-    after = settled(known, [*read_frames(), (BLIND, 0.02)], (), LIBRARY, STUDY)
+    after = reread_eye(known, [*read_frames(), (BLIND, 0.02)], (), LIBRARY, STUDY)
     trial = after.trial("an eye", 2)
     lost = [frame.loss for frame in after.again if frame is not None]
     assert (trial.found, trial.refused, trial.frames) == ("an eye", 3, 3)
@@ -361,14 +369,14 @@ def test_the_loss_of_a_stiffening_is_the_loss_of_the_frames_that_were_read() -> 
         for seen, force_n in read_frames()
     ]
     assert (
-        settled(known, rough, (), LIBRARY, STUDY).trial("", 0).of_boundaries
+        reread_eye(known, rough, (), LIBRARY, STUDY).trial("", 0).of_boundaries
         > 3.0 * trial.of_boundaries
     )
     bent = [
         (seen, force_n * factor)
         for (seen, force_n), factor in zip(read_frames(), (0.8, 1.0, 1.25), strict=True)
     ]
-    assert settled(known, bent, (), LIBRARY, STUDY).loss > after.loss + 5.0
+    assert reread_eye(known, bent, (), LIBRARY, STUDY).loss > after.loss + 5.0
 
 
 MADE_UP = made_up_library()
@@ -416,7 +424,7 @@ def sought(
             else None
         )
 
-    found = search(library, calibrate)
+    found = search_stiffening(library, calibrate)
     assert len(tried) == len(set(tried)) <= most_trials(library)
     assert found is None or found[0] == found[1] in tried
     return found and log1p(found[0]), tried
@@ -508,7 +516,7 @@ def test_a_stiffening_that_refuses_frames_that_others_take_never_wins() -> None:
         found="poor", refused=11, frames=1, of_boundaries=500.0, of_forces=500.0
     )
     lost = TissueTrial.diverged("diverged", 0)
-    result = search(
+    result = search_stiffening(
         MADE_UP, lambda library: poor if library.stiffening == STIFFENINGS[2] else lost
     )
     assert result is not None

@@ -30,10 +30,10 @@ from scleraforce.calibration.calibrate import _at, calibrate_recordings, eye_con
 from scleraforce.calibration.calibration import Calibration
 from scleraforce.calibration.evaluation import evaluate_recordings
 from scleraforce.calibration.filter.eye_filter import begin
-from scleraforce.calibration.seen_frames import EyeFrames, Settings
+from scleraforce.calibration.seen_frames import CalibrationSettings, EyeFrames
 from scleraforce.calibration.stiffness_from_shape import EyePosterior
 from scleraforce.fit.frames_of_an_eye import ShownFrame
-from scleraforce.reading.load_model import load_model
+from scleraforce.reading.load_model import load_reader
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.calibration_file import parse_calibration_file, summary_of
 from scleraforce.records.eye import Modulus
@@ -107,7 +107,7 @@ def test_the_filter_follows_the_plane_nearest_to_the_needle_at_its_place(
     )
     frames = EyeFrames(
         recording,
-        Settings(STUDY, LIBRARY, ("e",), False, None, None),
+        CalibrationSettings(STUDY, LIBRARY, ("e",), False, None, None),
         frozenset(),
         None,
     )
@@ -143,7 +143,10 @@ def test_the_filter_sees_the_eye_at_the_place_of_the_plane(cross) -> None:
     recording.
     """
     frames = EyeFrames(
-        cross, Settings(STUDY, LIBRARY, ("e",), False, None, None), frozenset(), None
+        cross,
+        CalibrationSettings(STUDY, LIBRARY, ("e",), False, None, None),
+        frozenset(),
+        None,
     )
     stated = replace(eye_constants(cross, STUDY), direction_rad=0.3)
     here = frames.seen(1).beside(stated)
@@ -269,7 +272,7 @@ def test_an_evaluation_leaves_out_the_whole_moment(
     summary = summary_of(
         parse_calibration_file(json.dumps(calibration.to_dict()).encode(), "c.json")
     )
-    found = evaluate_recordings(load_model(tmp_path / "reader"), [cross.path], summary)
+    found = evaluate_recordings(load_reader(tmp_path / "reader"), [cross.path], summary)
     assert [frame.calibration for frame in found.frames] == [
         name in "123" for name in "0011223344"
     ]

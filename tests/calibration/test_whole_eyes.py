@@ -27,7 +27,7 @@ from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
 from scleraforce.library import Library
 from scleraforce.library.library_store import cached_library
 from scleraforce.library.sealed_eye import iop_ratio_at_dent, iop_ratio_under_force
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.recordings.recording_folder import read_recording
 from scleraforce.records.globe import OPEN, SEALED, UNKNOWN, KnownGlobe
 from scleraforce.records.study import LibraryStudy, Range, Study
@@ -108,7 +108,7 @@ def frames(
         stated_wall(eye, modulus_pa, force_n, eye.polar_rad) for force_n in forces_n
     ]
     assert [model.outside(state) for state in states] == [None] * len(states)
-    sections = [Section(*model.curves([state])[0]) for state in states]
+    sections = [WallSection(*model.curves([state])[0]) for state in states]
 
     return [boundaries for _, boundaries in moving(sections, rng, NOISE_M)]
 
@@ -209,12 +209,12 @@ def test_a_sealed_eye_that_is_declared_open_diverges_and_a_doubt_names_its_rigid
     )
     model = library_eye(SHARP, constants, library)
 
-    def sections(forces_n: Sequence[float]) -> list[Section]:
+    def sections(forces_n: Sequence[float]) -> list[WallSection]:
         states = [
             stated_wall(constants, modulus_pa, force_n, constants.polar_rad)
             for force_n in forces_n
         ]
-        return [Section(outer, inner) for outer, inner in model.curves(states)]
+        return [WallSection(outer, inner) for outer, inner in model.curves(states)]
 
     plan = plan_phantom(eye, [share * highest_n for share in SHARES], STUDY, 3)
     write_phantom(tmp_path / "shut", plan, sections, STUDY)
@@ -278,7 +278,7 @@ def test_a_declared_leak_gives_the_rigidity_that_an_undeclared_one_hides(
         [frame.time_s for frame in plan.frames], clock_s, leaked_m3
     )
 
-    def sections(forces_n: Sequence[float]) -> list[Section]:
+    def sections(forces_n: Sequence[float]) -> list[WallSection]:
         rests_pa = law.pressure(constants.iop_pa, -at_frames_m3).tolist()
         states = [
             replace(
@@ -289,7 +289,7 @@ def test_a_declared_leak_gives_the_rigidity_that_an_undeclared_one_hides(
         ]
 
         return [
-            Section(outer, inner)
+            WallSection(outer, inner)
             for outer, inner in library_eye(SHARP, constants, library).curves(states)
         ]
 

@@ -22,7 +22,7 @@ from analytic_frames import (
 from analytic_library import bulging
 
 from predicted_walls import Walls, predict_wall
-from scleraforce.fit.curve_placement import Places
+from scleraforce.fit.curve_placement import PlacesOnFrame
 from scleraforce.fit.one_frame import fit_boundaries
 from scleraforce.fit.prior_of_an_eye import prior_of
 from scleraforce.fit.unknowns import (
@@ -82,7 +82,7 @@ def test_a_predicted_wall_is_the_same(globe: KnownGlobe, smoothing_m: float) -> 
 def test_a_wall_that_folds_and_places_beside_it_are_the_same() -> None:
     unknown = drawn(np.random.default_rng(1))
     unknown[[TIP, ROTATION]] = 7e-3, 0.6
-    far = Places(np.concatenate([LATERAL_M * 1.8] * 2), BOTH.boundary)
+    far = PlacesOnFrame(np.concatenate([LATERAL_M * 1.8] * 2), BOTH.boundary)
     looked_at = Walls(LIBRARY), unknown, far
     arrays = fit_arrays.predict_wall(*looked_at)
     loops = predict_wall(*looked_at)

@@ -119,7 +119,7 @@ def test_the_estimate_is_where_the_cost_is_least_and_does_not_depend_on_the_orde
         LIBRARY, shown()[::-1], prior(), RANGES, 0.0, found.own[::-1], found.shared
     )
     assert turned.log_modulus == pytest.approx(found.log_modulus, abs=0.02)
-    problem = frames_of_an_eye._Problem(LIBRARY, shown(), prior(), RANGES, 0.0)
+    problem = frames_of_an_eye._EyeProblem(LIBRARY, shown(), prior(), RANGES, 0.0)
     problem.noise = found.noise
     problem.resting_m = found.resting_m
     problem.growing_m = found.growing_m
@@ -142,7 +142,7 @@ def test_the_gradient_equals_differences_of_the_cost() -> None:
         force_sd_n=0.2e-3,
         iop_pa=1.1 * exp(log(270.0)),
     )
-    problem = frames_of_an_eye._Problem(LIBRARY, [frame], known, RANGES, 0.0)
+    problem = frames_of_an_eye._EyeProblem(LIBRARY, [frame], known, RANGES, 0.0)
     shared = problem.mean.copy()
     own = eye_of(TIPS_M)[5][OWN] * 1.01
     shared[[*range(len(SHARED))]] = np.where(
@@ -150,7 +150,7 @@ def test_the_gradient_equals_differences_of_the_cost() -> None:
     )
     own[-1] = log(420.0)
     (one,) = problem.frames
-    seen = problem.look(one, shared, own)
+    seen = problem.compare_frame(one, shared, own)
     names = (at.TIP, at.DEPTH, at.PRESSURE)
     steps = {MODULUS: 1e-4, COMPLIANCE: 1e-3, SHIFT: 1e-6}
     steps |= {
@@ -164,7 +164,7 @@ def test_the_gradient_equals_differences_of_the_cost() -> None:
             both = np.concatenate([shared, own])
             both[place] += sign * step
             costs.append(
-                problem.look(
+                problem.compare_frame(
                     one, both[: len(shared)], both[len(shared) :], derive=False
                 ).cost
             )
@@ -176,11 +176,11 @@ def test_the_gradient_equals_differences_of_the_cost() -> None:
 
 def test_eliminating_each_frame_gives_the_step_of_the_whole_matrix() -> None:
     """Oracle: the whole normal matrix of shared and own unknowns, solved at once."""
-    problem = frames_of_an_eye._Problem(LIBRARY, shown()[:3], prior(), RANGES, 0.0)
+    problem = frames_of_an_eye._EyeProblem(LIBRARY, shown()[:3], prior(), RANGES, 0.0)
     shared = problem.mean.copy()
     own = np.array([unknown[OWN] for unknown in eye_of(TIPS_M)[:3]])
     seen = [
-        problem.look(frame, shared, one)
+        problem.compare_frame(frame, shared, one)
         for frame, one in zip(problem.frames, own, strict=True)
     ]
     _, normal, gradient = problem.prior(shared)

@@ -7,12 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from scleraforce.fit.curve_placement import Placed, Places
-from scleraforce.fit.least_squares import CAUCHY, Columns, Stopping, gauss_newton
+from scleraforce.fit.curve_placement import PlacedCurves, PlacesOnFrame
+from scleraforce.fit.least_squares import (
+    CAUCHY,
+    StoppingRule,
+    WallColumns,
+    gauss_newton,
+)
 
 SD_M = 5e-6
 LATERAL_M = np.linspace(-2e-3, 2e-3, 200)
-PLACES = Places(LATERAL_M, np.zeros(len(LATERAL_M), dtype=np.intp))
+PLACES = PlacesOnFrame(LATERAL_M, np.zeros(len(LATERAL_M), dtype=np.intp))
 TRUE = np.array([0.8e-3, 0.1, 40.0])
 
 
@@ -22,27 +27,27 @@ class Parabola:
     unknowns.
     """
 
-    columns: Columns
+    columns: WallColumns
     bent: float = 0.0
 
-    def depth(self, unknown: np.ndarray) -> Placed:
+    def depth(self, unknown: np.ndarray) -> PlacedCurves:
         a, b, c = unknown
         powers = np.stack([np.ones_like(LATERAL_M), LATERAL_M, LATERAL_M**2], axis=1)
         powers[:, 1] *= 1 + 2 * self.bent * b
         depth = a + (b + self.bent * b * b) * LATERAL_M + c * LATERAL_M**2
 
-        return Placed(
+        return PlacedCurves(
             depth, np.zeros_like(depth), powers, np.ones(len(depth), dtype=bool)
         )
 
-    def evaluate(self, unknown: np.ndarray) -> tuple[Placed, float]:
+    def evaluate(self, unknown: np.ndarray) -> tuple[PlacedCurves, float]:
         placed = self.depth(unknown)
         return placed, self.columns.loss(placed)
 
     def normal_equations(
         self,
         unknown: np.ndarray,  # noqa: ARG002 - the protocol's
-        placed: Placed,
+        placed: PlacedCurves,
     ) -> tuple[np.ndarray, np.ndarray]:
         return self.columns.normal_equations(placed)
 
@@ -50,13 +55,13 @@ class Parabola:
         return unknown
 
 
-def observed(noise: np.ndarray) -> Columns:
+def observed(noise: np.ndarray) -> WallColumns:
     depth = TRUE[0] + TRUE[1] * LATERAL_M + TRUE[2] * LATERAL_M**2 + noise
-    return Columns(PLACES, depth, np.full(len(depth), SD_M))
+    return WallColumns(PLACES, depth, np.full(len(depth), SD_M))
 
 
-def fitted(columns: Columns, bent: float = 0.0) -> np.ndarray:
-    stopping = Stopping(iterations=50, converged_sd=1e-6)
+def fitted(columns: WallColumns, bent: float = 0.0) -> np.ndarray:
+    stopping = StoppingRule(iterations=50, converged_sd=1e-6)
     return gauss_newton(Parabola(columns, bent), np.array([0.0, 0.0, 0.0]), stopping)[0]
 
 
@@ -101,16 +106,16 @@ class Valley:
         x, y = unknown
         return np.array([10.0 * (y - x * x), 1.0 - x])
 
-    def evaluate(self, unknown: np.ndarray) -> tuple[Placed, float]:
+    def evaluate(self, unknown: np.ndarray) -> tuple[PlacedCurves, float]:
         nothing = np.zeros(0)
-        return Placed(nothing, nothing, nothing[:, None], nothing.astype(bool)), float(
-            np.sum(self._off(unknown) ** 2)
-        )
+        return PlacedCurves(
+            nothing, nothing, nothing[:, None], nothing.astype(bool)
+        ), float(np.sum(self._off(unknown) ** 2))
 
     def normal_equations(
         self,
         unknown: np.ndarray,
-        placed: Placed,  # noqa: ARG002 - the protocol's
+        placed: PlacedCurves,  # noqa: ARG002 - the protocol's
     ) -> tuple[np.ndarray, np.ndarray]:
         jacobian = np.array([[-20.0 * unknown[0], 10.0], [-1.0, 0.0]])
         return jacobian.T @ jacobian, -jacobian.T @ self._off(unknown)
@@ -123,7 +128,7 @@ def test_a_short_step_because_of_damping_does_not_end_the_fit() -> None:
     """Steps that are cut short on the way around the bend gain little, far from the
     end.
     """
-    stopping = Stopping(iterations=200, converged_sd=1e-9, settled_cost=0.1)
+    stopping = StoppingRule(iterations=200, converged_sd=1e-9, settled_cost=0.1)
     for start in ((-1.2, 1.0), (-3.0, 9.0), (-10.0, 100.0)):
         assert (
             gauss_newton(Valley(), np.array(start), stopping)[2] < stopping.settled_cost
@@ -135,18 +140,20 @@ def test_a_column_that_is_not_reached_costs_the_same_wherever_it_lies() -> None:
     placed = Parabola(columns).depth(TRUE)
     seen = np.ones(len(LATERAL_M), dtype=bool)
     seen[:10] = False
-    unseen = Placed(
+    unseen = PlacedCurves(
         placed.depth_m + np.where(seen, 0.0, 1.0), placed.slope, placed.jacobian, seen
     )
     assert columns.loss(placed) == pytest.approx(0.0, abs=1e-12)
     assert columns.loss(unseen) == pytest.approx(10 * CAUCHY**2 * 3.0)
-    nothing = Placed(unseen.depth_m, unseen.slope, unseen.jacobian, ~np.isfinite(seen))
+    nothing = PlacedCurves(
+        unseen.depth_m, unseen.slope, unseen.jacobian, ~np.isfinite(seen)
+    )
     assert not columns.normal_equations(nothing)[0].any()
 
 
 def test_columns_that_share_an_error_count_as_one() -> None:
     columns = observed(np.full(len(LATERAL_M), 2 * SD_M))
-    shared = Columns(columns.places, columns.depth_m, columns.sd_m, as_one=4.0)
+    shared = WallColumns(columns.places, columns.depth_m, columns.sd_m, as_one=4.0)
     placed = Parabola(columns).depth(TRUE)
     assert shared.loss(placed) == pytest.approx(columns.loss(placed) / 4)
 

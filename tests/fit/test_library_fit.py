@@ -20,7 +20,7 @@ from analytic_frames import (
 from analytic_library import bulging
 
 from predicted_walls import Walls, force_n, predict_wall
-from scleraforce.fit import unknowns as at
+from scleraforce.fit import unknowns
 from scleraforce.fit.one_frame import BoundaryFit, fit_boundaries
 from scleraforce.fit.prior_of_an_eye import (
     SHINE_MEAN_M,
@@ -76,7 +76,9 @@ def fitted(unknown: np.ndarray, depth: np.ndarray, known: Known | None = None):
 @pytest.mark.parametrize("globe", [OPEN, UNKNOWN], ids=["open", "unknown"])
 @pytest.mark.parametrize("tip_m", [0.3e-3, 2.2e-3])
 def test_derivatives_equal_differences(tip_m: float, globe: KnownGlobe) -> None:
-    form = dict(zip(at.FORMS, (2e-3, -0.02, 5.0, 3e-3, -0.1, 20.0, 5e-3), strict=True))
+    form = dict(
+        zip(unknowns.FORMS, (2e-3, -0.02, 5.0, 3e-3, -0.1, 20.0, 5e-3), strict=True)
+    )
     seen = {
         "log_size": 0.01,
         "inner_m": 5e-6,
@@ -90,7 +92,7 @@ def test_derivatives_equal_differences(tip_m: float, globe: KnownGlobe) -> None:
     of_wall = (2e-6, 2e-6, 1e-6, 2e-4, 2e-6, 1e-6, 1e-3, 1e-3, 2e-4, 1e-6, 1e-2)
     steps = dict(
         zip(
-            at.NAMES,
+            unknowns.NAMES,
             (*of_wall, 1e-6, 1e-6, 1e-4, 0.1, 1e-6, 1e-4, 0.1, 1e-4, 1e-3, 1e-3),
             strict=True,
         )
@@ -115,7 +117,7 @@ def limbus_m(
     truth: np.ndarray, side: float, place_m: float, angle_rad: float
 ) -> np.ndarray:
     """The change of depth (column,) by a cornea that begins at a place."""
-    beyond_m = np.maximum(side * (LATERAL_M - truth[at.LATERAL]) - place_m, 0.0)
+    beyond_m = np.maximum(side * (LATERAL_M - truth[unknowns.LATERAL]) - place_m, 0.0)
     return -np.tan(angle_rad) * beyond_m + 0.5 * (1 / 7.8e-3 - 1 / 12e-3) * beyond_m**2
 
 
@@ -126,7 +128,7 @@ def test_a_cornea_in_view_does_not_change_the_force(side: float) -> None:
     assert fit.force_n == pytest.approx(true_n(truth), rel=0.03)
     assert fit.outliers < 0.05
     assert form_size(fit.unknown) > 20.0
-    limbus = dict(zip(at.FORMS, fit.unknown[at.FORM], strict=True))
+    limbus = dict(zip(unknowns.FORMS, fit.unknown[unknowns.FORM], strict=True))
     name = "left" if side < 0 else "right"
     assert limbus[f"{name}_limbus_m"] == pytest.approx(3.2e-3, abs=0.3e-3)
     assert limbus[f"{name}_angle_rad"] == pytest.approx(-0.33, abs=0.06)
@@ -138,7 +140,7 @@ def test_the_furrow_at_a_limbus_is_not_taken_for_the_dent() -> None:
             truth = eye(tip_m, lateral_m=0.1e-3)
             depths = boundaries(truth, noise_m=4e-6, rng=np.random.default_rng(7))
             fit = fitted(truth, depths + limbus_m(truth, side, 2.4e-3, 0.25))
-            assert fit.contact_m == pytest.approx(truth[at.LATERAL], abs=0.6e-3)
+            assert fit.contact_m == pytest.approx(truth[unknowns.LATERAL], abs=0.6e-3)
             assert fit.force_n == pytest.approx(true_n(truth), abs=1.5e-3)
 
 
@@ -152,8 +154,8 @@ def test_a_boundary_without_errors_gives_force_contact_size_and_class_probabilit
         truth = eye(tip_m, log_size=log_size)
         fit = fitted(truth, boundaries(truth))
         assert fit.force_n == pytest.approx(true_n(truth), rel=0.01, abs=5e-5)
-        assert fit.contact_m == pytest.approx(truth[at.LATERAL], abs=20e-6)
-        assert fit.unknown[at.SIZE] == pytest.approx(log_size, abs=0.004)
+        assert fit.contact_m == pytest.approx(truth[unknowns.LATERAL], abs=20e-6)
+        assert fit.unknown[unknowns.SIZE] == pytest.approx(log_size, abs=0.004)
         assert fit.misfit_m < 2e-6
         assert fit.outliers < 0.02
         shares = fit.probabilities(fit.interval_n)
@@ -179,7 +181,7 @@ def test_a_surface_that_shines_is_not_taken_for_a_shallower_dent(tip_m: float) -
         fit = fitted(truth, seen)
         assert fit.interval_n[0] < force < fit.interval_n[1]
         off.append(fit.force_n - force)
-        found.append(fit.unknown[at.SHINE])
+        found.append(fit.unknown[unknowns.SHINE])
 
     # a dent hides the most of it
     assert found[0] < 0.95 * SHINE_MEAN_M < 1.05 * SHINE_MEAN_M < found[2]
@@ -304,5 +306,7 @@ def test_an_inner_boundary_of_another_layer_does_not_change_the_known_thickness(
     assert abs(fit.force_n - sound.force_n) < 0.25 * (
         sound.interval_n[1] - sound.interval_n[0]
     )
-    assert fit.unknown[at.THICKNESS] == pytest.approx(truth[at.THICKNESS], abs=15e-6)
-    assert fit.unknown[at.INNER_OFFSET] == pytest.approx(0.15e-3, abs=20e-6)
+    assert fit.unknown[unknowns.THICKNESS] == pytest.approx(
+        truth[unknowns.THICKNESS], abs=15e-6
+    )
+    assert fit.unknown[unknowns.INNER_OFFSET] == pytest.approx(0.15e-3, abs=20e-6)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from fit_arrays import smoothed
 
-from scleraforce.fit.curve_placement import Places, curve_depths, place_curves
+from scleraforce.fit.curve_placement import PlacesOnFrame, curve_depths, place_curves
 
 LATERAL_M = np.linspace(-3e-3, 3e-3, 121)
-BOTH = Places(np.tile(LATERAL_M, 2), np.repeat([0, 1], len(LATERAL_M)))
+BOTH = PlacesOnFrame(np.tile(LATERAL_M, 2), np.repeat([0, 1], len(LATERAL_M)))
 
 
 def bowl(samples: int = 400) -> np.ndarray:
@@ -50,7 +50,7 @@ def test_light_sees_the_first_part_of_a_wall_that_folds_back() -> None:
         )
         * 1e-3
     )
-    places = Places(
+    places = PlacesOnFrame(
         np.array([-1e-3, 0.25e-3, 0.9e-3, 3.5e-3]), np.zeros(4, dtype=np.intp)
     )
     depth, _, seen = curve_depths(np.stack([folded, folded]), places)
@@ -68,7 +68,7 @@ def test_the_oracle_smooths_by_a_gaussian_average() -> None:
     outer = bowl(4000)[0]
     sd_m = 60e-6
     depth, _, _ = smoothed(
-        outer, Places(LATERAL_M, np.zeros(len(LATERAL_M), dtype=np.intp), sd_m)
+        outer, PlacesOnFrame(LATERAL_M, np.zeros(len(LATERAL_M), dtype=np.intp), sd_m)
     )
     offsets = np.linspace(-5, 5, 2001) * sd_m
     weights = np.exp(-0.5 * (offsets / sd_m) ** 2)

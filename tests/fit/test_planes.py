@@ -9,14 +9,14 @@ import pytest
 from analytic_frames import KNOWN, LATERAL_M, LIBRARY, RANGES, tip_of
 from scanned_planes import CROSS, PARALLEL, cut_wall
 
-from scleraforce.fit import unknowns as at
+from scleraforce.fit import unknowns
 from scleraforce.fit.one_frame import fit_boundaries
 from scleraforce.fit.planes_of_a_moment import (
     TILT,
     PlanesFit,
     SeenPlane,
     SpatialPlace,
-    _Problem,
+    _PlanesProblem,
     fit_planes,
 )
 from scleraforce.fit.prior_of_an_eye import prior_of
@@ -39,7 +39,7 @@ def seen_planes(
             [np.interp(LATERAL_M, *curve.T) for curve in (section.outer, section.inner)]
         )
         depth += noise_m * rng.standard_normal(depth.shape)
-        depth[0] -= 3e-6 * at.shining(np.gradient(depth[0], LATERAL_M))
+        depth[0] -= 3e-6 * unknowns.shining(np.gradient(depth[0], LATERAL_M))
         found.append(
             SeenPlane(plane.offset_m, plane.direction_rad, LATERAL_M, depth, PRIOR)
         )
@@ -83,7 +83,7 @@ def test_contact_tilt_and_dent_are_found_without_a_gap(
     for plane, fit in zip(planes, fits, strict=True):
         across = -np.sin(plane.direction_rad), np.cos(plane.direction_rad)
         gap_m = plane.offset_m - np.dot(across, contact_m[:2])
-        assert fit.unknown[at.GAP] == pytest.approx(
+        assert fit.unknown[unknowns.GAP] == pytest.approx(
             gap_m, abs=60e-6 if planes is PARALLEL else 20e-6
         )
         assert fit.force_n == fits[0].force_n == pytest.approx(0.02, rel=0.02)
@@ -94,10 +94,10 @@ def test_a_cross_knows_the_gap_and_the_force_better_than_one_plane() -> None:
     planes = seen_planes(CROSS, tip_of(0.012), (0.3e-3, -0.3e-3, 0.5e-3), noise_m=3e-6)
     alone = fit_boundaries(LIBRARY, LATERAL_M, planes[0].depth_bc, PRIOR)
     (first, _), place = fit_planes(LIBRARY, planes)
-    assert first.sd[at.GAP] < 0.2 * alone.sd[at.GAP]
+    assert first.sd[unknowns.GAP] < 0.2 * alone.sd[unknowns.GAP]
     assert np.ptp(first.interval_n) < 0.9 * np.ptp(alone.interval_n)
-    assert place.contact_sd_m[0] == pytest.approx(first.sd[at.LATERAL])
-    assert place.contact_sd_m[1] == pytest.approx(first.sd[at.GAP])
+    assert place.contact_sd_m[0] == pytest.approx(first.sd[unknowns.LATERAL])
+    assert place.contact_sd_m[1] == pytest.approx(first.sd[unknowns.GAP])
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,9 @@ def test_a_fit_that_starts_from_another_prior_s_ends_where_a_search_does(
 
     for one, other in zip(found.fits, searched, strict=True):
         assert one.force_n == pytest.approx(other.force_n, rel=2e-3)
-        assert one.unknown[at.GAP] == pytest.approx(other.unknown[at.GAP], abs=3e-6)
+        assert one.unknown[unknowns.GAP] == pytest.approx(
+            other.unknown[unknowns.GAP], abs=3e-6
+        )
 
     assert found.whole.misfit_m == max(fit.misfit_m for fit in found.fits)
     assert found.whole.loss == pytest.approx(
@@ -135,7 +137,7 @@ def test_the_gradient_is_that_of_the_cost(planes) -> None:
     seen = seen_planes(
         planes, tip_of(0.015), (0.2e-3, -0.4e-3, 0.5e-3), (0.03, -0.02), noise_m=1e-6
     )
-    problem = _Problem.of(LIBRARY, seen, 0.0)
+    problem = _PlanesProblem.of(LIBRARY, seen, 0.0)
     alone = [
         fit_boundaries(LIBRARY, one.lateral_m, one.depth_bc, one.prior) for one in seen
     ]
@@ -145,13 +147,13 @@ def test_the_gradient_is_that_of_the_cost(planes) -> None:
     sd = 1.0 / np.sqrt(np.diag(terms.normal))
 
     for place in (
-        at.TIP,
-        at.LATERAL,
-        at.DEPTH,
-        at.ROTATION,
-        at.GAP,
-        at.THICKNESS,
-        at.INNER_OFFSET,
+        unknowns.TIP,
+        unknowns.LATERAL,
+        unknowns.DEPTH,
+        unknowns.ROTATION,
+        unknowns.GAP,
+        unknowns.THICKNESS,
+        unknowns.INNER_OFFSET,
         TILT,
         TILT + 1,
     ):

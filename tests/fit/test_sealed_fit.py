@@ -20,7 +20,7 @@ from analytic_frames import (
 
 from predicted_walls import Walls, force_n, predict_wall
 from scleraforce.base.units import to_si
-from scleraforce.fit import unknowns as at
+from scleraforce.fit import unknowns
 from scleraforce.fit.one_frame import BoundaryFit, fit_boundaries
 from scleraforce.fit.prior_of_an_eye import prior_of
 from scleraforce.library import Library
@@ -46,7 +46,7 @@ MODULUS_PA = 0.25e6  # of walls that a needle makes taut
 def eye(tip_m: float, rigidity: float) -> np.ndarray:
     """The unknowns of a middling eye; `rigidity` over that of enucleated human eyes."""
     unknown = middling_eye(tip_m)
-    unknown[at.PRESSURE] = log_pressures(unknown[None], np.array([rigidity]))[0]
+    unknown[unknowns.PRESSURE] = log_pressures(unknown[None], np.array([rigidity]))[0]
     return unknown
 
 
@@ -54,11 +54,11 @@ def log_pressures(unknown_su: np.ndarray, rigidity: np.ndarray) -> np.ndarray:
     """Logarithms of the pressures under the needle (sample,) of rigidities; NaN where
     they run away.
     """
-    modulus = np.exp(unknown_su[:, at.MODULUS])
+    modulus = np.exp(unknown_su[:, unknowns.MODULUS])
     walls = (
-        unknown_su[:, at.THICKNESS],
-        np.exp(unknown_su[:, at.IOP]) / modulus,
-        unknown_su[:, at.TIP],
+        unknown_su[:, unknowns.THICKNESS],
+        np.exp(unknown_su[:, unknowns.IOP]) / modulus,
+        unknown_su[:, unknowns.TIP],
     )
     law = UNKNOWN.globe(REFERENCE_RIGIDITY * rigidity).over(modulus)
 
@@ -73,11 +73,11 @@ def drawn_eye(rng: np.random.Generator, globe: KnownGlobe) -> tuple[np.ndarray, 
         rigidity = rng.uniform(globe.lowest, globe.highest)
         unknown = eye(rng.uniform(0.2e-3, 1.4e-3), 0.0)
         drawn_wall(unknown, rng)
-        unknown[at.PRESSURE] = log_pressures(
+        unknown[unknowns.PRESSURE] = log_pressures(
             unknown[None], np.array([rigidity / REFERENCE_RIGIDITY])
         )[0]
 
-        if np.isfinite(unknown[at.PRESSURE]):
+        if np.isfinite(unknown[unknowns.PRESSURE]):
             return unknown, rigidity
 
 
@@ -154,7 +154,11 @@ def test_unknown_values_of_a_globe_widen_the_interval() -> None:
     assert fitted(depth, known_eye(truth, OPEN)).interval_n[1] < force
     law = stated.globe(stated.mean).over(0.3e6)
     (ratio,) = iop_ratio_at_dent(
-        LIBRARY, truth[[at.THICKNESS]], np.array([270.0 / 0.3e6]), truth[[at.TIP]], law
+        LIBRARY,
+        truth[[unknowns.THICKNESS]],
+        np.array([270.0 / 0.3e6]),
+        truth[[unknowns.TIP]],
+        law,
     )
     assert fits[0].iop_pa == pytest.approx(0.3e6 * ratio, rel=0.1)
     assert ratio > 1.5 * 270.0 / 0.3e6
@@ -171,15 +175,17 @@ def spread_on_a_grid_n(truth: np.ndarray, known: Known) -> float:
     ).reshape(-1, 2)
     apart = np.sqrt(1.0 - globe.correlation**2)
     sample = np.repeat(truth[None], len(scores), axis=0)
-    sample[:, at.MODULUS] = log(modulus.mean_pa) + modulus.relative_sd * scores[:, 0]
+    sample[:, unknowns.MODULUS] = (
+        log(modulus.mean_pa) + modulus.relative_sd * scores[:, 0]
+    )
     rigidity = globe.mean + globe.sd * (
         globe.correlation * scores[:, 0] + apart * scores[:, 1]
     )
-    sample[:, at.PRESSURE] = log_pressures(
+    sample[:, unknowns.PRESSURE] = log_pressures(
         sample, np.maximum(rigidity, 0.0) / REFERENCE_RIGIDITY
     )
     # elsewhere, far out, the pressure runs away
-    solved = np.isfinite(sample[:, at.PRESSURE])
+    solved = np.isfinite(sample[:, unknowns.PRESSURE])
     forces = force_n(Walls(LIBRARY, globe), sample[solved])
     weights = np.exp(-0.5 * (scores[solved] ** 2).sum(axis=1))
     mean = np.average(forces, weights=weights)
@@ -238,7 +244,7 @@ def taut_wall(
     globe, k known to 3 %.
     """
     unknown = eye(1e-3, 0.0)
-    unknown[[at.THICKNESS, at.MODULUS, at.IOP, at.PRESSURE]] = (
+    unknown[[unknowns.THICKNESS, unknowns.MODULUS, unknowns.IOP, unknowns.PRESSURE]] = (
         thickness_m,
         log(modulus_pa),
         log(400.0),
@@ -252,7 +258,7 @@ def taut_wall(
     tips_m = np.linspace(0.0, 3e-3, 300)
     of_wall = np.full(300, thickness_m), np.full(300, pressure_pa / modulus_pa), tips_m
     needed_m3 = globe.globe(globe.mean).displaced_m3(400.0, pressure_pa)
-    unknown[at.TIP] = np.interp(needed_m3, library.displaced_m3(*of_wall), tips_m)
+    unknown[unknowns.TIP] = np.interp(needed_m3, library.displaced_m3(*of_wall), tips_m)
 
     return unknown, globe
 

@@ -21,17 +21,17 @@ from scleraforce.lab.drawn_bscan import (
 from scleraforce.lab.tissue_light import (
     BscanOptics,
     Conjunctiva,
-    Cover,
-    Line,
+    Coverslip,
     Pose,
-    Press,
+    PressingNeedle,
+    ReflectionLine,
     Shadow,
     sample_conjunctiva,
     sample_optics,
 )
 from scleraforce.lab.virtual_eye import PhantomEye
 from scleraforce.lab.virtual_recording import needle_tip, plan_phantom, render_frame
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.study import OctStudy, Study, fixed
 from scleraforce.wall.wall_network import FrameWindow
@@ -70,7 +70,7 @@ LAYER = Conjunctiva(
 def test_a_needle_compresses_the_layer_below_it_and_sinks_it_beside_it() -> None:
     lateral_m = np.array([0.0, 0.3e-3, 0.36e-3, 0.5e-3, 0.8e-3, 5e-3])
     even = replace(LAYER, wave_fraction=0.0)
-    needle = Press(force_n=0.0, radius_m=0.35e-3, gap_m=0.0, lateral_m=0.0)
+    needle = PressingNeedle(force_n=0.0, radius_m=0.35e-3, gap_m=0.0, lateral_m=0.0)
 
     def left(at_m: np.ndarray, **press: float) -> np.ndarray:
         return (
@@ -101,7 +101,7 @@ def flat_wall(
 ):
     lateral = np.linspace(-half_m, half_m, points)
     outer = np.stack([lateral, top_m + slope * lateral], axis=1)
-    return Section(outer, outer + np.array([0.0, thickness_m]))
+    return WallSection(outer, outer + np.array([0.0, thickness_m]))
 
 
 def folded_wall():
@@ -120,7 +120,7 @@ def folded_wall():
             * 1e-3
         )
 
-    return Section(curve(0.7, 0.4, 1.0), curve(0.95, 0.65, 1.25))
+    return WallSection(curve(0.7, 0.4, 1.0), curve(0.95, 0.65, 1.25))
 
 
 def render(section, optics, oct_study=SCANNER, seed=0):
@@ -201,9 +201,9 @@ def test_point_spread_function_correlates_speckle_as_its_width_says_and_keeps_it
 
 
 def test_lines_and_covers_are_in_their_rows_with_their_level_and_tilt():
-    mean = seen(lines=(Line(depth_m=0.2e-3, level_db=20.0, thickness_m=8e-6),)).mean(
-        axis=1
-    )
+    mean = seen(
+        lines=(ReflectionLine(depth_m=0.2e-3, level_db=20.0, thickness_m=8e-6),)
+    ).mean(axis=1)
     # 0.2 mm is the edge between the rows 25 and 26
     assert np.argmax(mean[:100]) in (
         25,
@@ -213,7 +213,7 @@ def test_lines_and_covers_are_in_their_rows_with_their_level_and_tilt():
     assert mean[:100].max() - 1 == pytest.approx(
         100 * np.exp(-((0.1 / sigma_rows) ** 2)), rel=0.1
     )
-    cover = Cover(height_m=0.4e-3, level_db=30.0, thickness_m=8e-6, tilt_rad=0.02)
+    cover = Coverslip(height_m=0.4e-3, level_db=30.0, thickness_m=8e-6, tilt_rad=0.02)
     rows = seen(covers=(cover,))[:120].argmax(axis=0)
     expected = (FLAT_TOP_M - 0.4e-3 + np.tan(0.02) * LATERAL_M) / ROW_M - 0.5
     assert np.abs(rows - expected).max() <= 1.0
@@ -359,7 +359,7 @@ def test_walls_beyond_the_window_are_cut_shadow_it_or_leave_noise_only():
     assert above[:5].mean() == pytest.approx(
         10**7.0 * np.exp(-2 * 1000.0 * 0.52e-3), rel=0.06
     )
-    cover = Cover(height_m=0.1e-3, level_db=10.0, thickness_m=8e-6, tilt_rad=0.0)
+    cover = Coverslip(height_m=0.1e-3, level_db=10.0, thickness_m=8e-6, tilt_rad=0.0)
     assert not render(
         flat_wall(top_m=9e-3), replace(CLEAR, covers=(cover,))
     ).truth_mask.any()
@@ -530,7 +530,7 @@ def rendered(of: BscanOptics, scanner=STUDY.oct) -> np.ndarray:
     """Return rendered frames of the wall, reduced (frame, row, column)."""
     lateral = np.linspace(-9e-3, 9e-3, 3000)
     outer = np.stack([lateral, surface(lateral)], axis=1)
-    section = Section(outer, outer + np.array([0.0, THICKNESS_M]))
+    section = WallSection(outer, outer + np.array([0.0, THICKNESS_M]))
     shaft = (
         draw_shaft(of.needle, np.array([0.0, surface(np.zeros(1))[0]]), 0.0, scanner)
         if of.needle
@@ -578,9 +578,9 @@ CASES = {
     "noise": optics(snr_db=10.0),
     "linear display": optics(display="linear", snr_db=26.0),
     "cover": optics(
-        lines=(Line(depth_m=0.2e-3, level_db=12.0, thickness_m=24e-6),),
+        lines=(ReflectionLine(depth_m=0.2e-3, level_db=12.0, thickness_m=24e-6),),
         covers=(
-            Cover(height_m=0.2e-3, level_db=18.0, thickness_m=24e-6, tilt_rad=0.01),
+            Coverslip(height_m=0.2e-3, level_db=18.0, thickness_m=24e-6, tilt_rad=0.01),
         ),
     ),
 }

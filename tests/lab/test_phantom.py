@@ -36,7 +36,7 @@ from scleraforce.lab.virtual_recording import (
     with_travel,
     write_phantom,
 )
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.mechanics.tissue_material import PronySeries
 from scleraforce.recordings.forces_under_frames import label_frames
 from scleraforce.recordings.recording_folder import read_recording, true_forces
@@ -63,7 +63,7 @@ def dented_sections(forces_n):
 
     for force_n in forces_n:
         outer = outside + np.stack([0 * angle, 40e-3 * force_n * dent], axis=1)
-        yield Section(
+        yield WallSection(
             outer, outer + 600e-6 * np.stack([-np.sin(angle), np.cos(angle)], axis=1)
         )
 
@@ -431,7 +431,7 @@ def flat_sections(forces_n):
     lateral_m = np.linspace(-9e-3, 9e-3, 50)
     for force_n in forces_n:
         outer = np.stack([lateral_m, np.full(50, 20e-3 * force_n)], axis=1)
-        yield Section(outer, outer + np.array([0.0, 600e-6]))
+        yield WallSection(outer, outer + np.array([0.0, 600e-6]))
 
 
 def test_the_force_follows_ramps_and_holds_through_its_turning_points() -> None:

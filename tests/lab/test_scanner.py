@@ -30,7 +30,7 @@ from scleraforce.lab.scanner.scanner_display import (
 )
 from scleraforce.lab.scanner.scanner_light import SurfaceLight, reflections
 from scleraforce.lab.scenes.drawn_scenes import draw_scene
-from scleraforce.lab.tissue_light import Line, Shadow
+from scleraforce.lab.tissue_light import ReflectionLine, Shadow
 from scleraforce.records.study import PhantomStudy, parse_study
 from scleraforce.wall.wall_network import reduced_frame
 
@@ -109,7 +109,7 @@ def test_levels_lengths_and_attenuations_are_recovered(name: str) -> None:
 
 def test_shadows_and_lines_are_recovered() -> None:
     shadow = Shadow(centre_m=2e-3, width_m=0.6e-3, loss_fraction=0.55)
-    line = Line(depth_m=0.2e-3, level_db=8.0, thickness_m=16e-6)
+    line = ReflectionLine(depth_m=0.2e-3, level_db=8.0, thickness_m=16e-6)
     found = measure_scanner(drawn_eyes(SEEDS, shadows=(shadow,), lines=(line,)))
     assert found.counts == {
         "shadow_count": (1,) * len(SEEDS),

@@ -26,7 +26,7 @@ from scleraforce.lab.virtual_recording import (
     plan_sections,
     write_phantom,
 )
-from scleraforce.mechanics.contact_and_section import Contact, ScanPlane, Section
+from scleraforce.mechanics.contact_and_section import Contact, ScanPlane, WallSection
 from scleraforce.mechanics.finite_strain_wall import bend_eye
 from scleraforce.mechanics.uneven_form import thickness_factor
 from scleraforce.recordings.recording_folder import read_recording
@@ -199,14 +199,14 @@ TURNED_FORCES_N = (0.0, 0.006, 0.012)
 FARTHEST = radians(4.0)
 
 
-def depths_m(section: Section) -> np.ndarray:
+def depths_m(section: WallSection) -> np.ndarray:
     lateral = np.linspace(-5e-3, 5e-3, 101)
     return np.stack(
         [np.interp(lateral, *curve.T) for curve in (section.outer, section.inner)]
     )
 
 
-def largest_um(found: Section, expected: Section) -> float:
+def largest_um(found: WallSection, expected: WallSection) -> float:
     return float(np.abs(depths_m(found) - depths_m(expected)).max()) * 1e6
 
 
@@ -242,7 +242,7 @@ def test_paths_at_turned_contacts_are_blended_by_how_far_the_eye_turns_about_eac
 
     def flat_at(depth_m, first=0, last=80):
         outer = np.stack([lateral, np.full(81, depth_m)], axis=1)[first : last + 1]
-        wall = Section(outer, outer + np.array([0.0, 6e-4]))
+        wall = WallSection(outer, outer + np.array([0.0, 6e-4]))
         return lambda forces_n: [wall.shifted(0.0, force_n) for force_n in forces_n]
 
     sections = ve.TurnedSections(

@@ -8,8 +8,8 @@ from analytic_library import RADIUS_M, analytic_library, bulging
 
 from predicted_walls import Walls, formed_wall
 from scleraforce.calibration.filter.eye_parameters import EyeConstants, stated_wall
-from scleraforce.calibration.filter.library_sections import LibraryEye
-from scleraforce.fit import unknowns as at
+from scleraforce.calibration.filter.library_sections import LibrarySections
+from scleraforce.fit import unknowns
 from scleraforce.library.moving_base import (
     base_bulge,
     base_push,
@@ -90,9 +90,18 @@ def test_the_needle_s_force_moves_the_dent_as_in_three_dimensions(
 
 def eye(tip_m: float = 0.0) -> np.ndarray:
     """Unknowns (1, unknown) of an eye under 300 Pa, the pole above the needle."""
-    unknown = np.zeros((1, len(at.NAMES)))
+    unknown = np.zeros((1, len(unknowns.NAMES)))
     values = tip_m, 0.5e-3, 0.6e-3, np.log(0.3e6), np.log(300.0)
-    unknown[0, [at.TIP, at.GAP, at.THICKNESS, at.MODULUS, at.IOP]] = values
+    unknown[
+        0,
+        [
+            unknowns.TIP,
+            unknowns.GAP,
+            unknowns.THICKNESS,
+            unknowns.MODULUS,
+            unknowns.IOP,
+        ],
+    ] = values
     return unknown
 
 
@@ -107,13 +116,13 @@ def stated(direction_rad: float | None) -> EyeConstants:
     )
 
 
-def calibrating(constants: EyeConstants, lateral: np.ndarray) -> LibraryEye:
+def calibrating(constants: EyeConstants, lateral: np.ndarray) -> LibrarySections:
     library = (
         bulging(analytic_library())
         .within(0.9 * RADIUS_M)
         .for_contact(constants.polar_rad)
     )
-    return LibraryEye(
+    return LibrarySections(
         constants,
         library,
         lateral,
@@ -129,7 +138,7 @@ def test_calibration_and_fit_see_the_same_section() -> None:
     model = calibrating(constants, lateral)
     theirs = model.curves([stated_wall(constants, 0.3e6, 1e-9, 0.6)])[0]
     even = formed_wall(Walls(model.library), unknown[0])
-    unknown[0, at.POLE] = pole_directions(0.6, 0.8)
+    unknown[0, unknowns.POLE] = pole_directions(0.6, 0.8)
     mine = formed_wall(Walls(model.library), unknown[0])
 
     for boundary in (0, 1):
@@ -147,10 +156,10 @@ def test_the_fit_s_dent_is_pushed_along_the_section_and_across_it() -> None:
     force_ratio = library.forces(THICKNESS, np.array([1e-3]), np.array([2e-3]))
     pushed = base_push(force_ratio, THICKNESS, library.poisson_ratio)[0] * pole
     shifted = unknown.copy()
-    shifted[0, [at.GAP, at.LATERAL]] = 0.5e-3 - pushed[1], pushed[0]
+    shifted[0, [unknowns.GAP, unknowns.LATERAL]] = 0.5e-3 - pushed[1], pushed[0]
     # this even wall has nothing else to move
     expected = formed_wall(Walls(library), shifted[0])
-    unknown[0, at.POLE] = pole
+    unknown[0, unknowns.POLE] = pole
     found = formed_wall(Walls(library), unknown[0])
     assert np.abs(pushed).min() > 20e-6
     lateral = np.linspace(-5e-3, 5e-3, 101)

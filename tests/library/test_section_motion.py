@@ -5,7 +5,7 @@ import pytest
 from analytic_library import RADIUS_M, analytic_library, bulging
 
 from predicted_walls import Walls, formed_wall
-from scleraforce.fit.curve_placement import Places, curve_depths
+from scleraforce.fit.curve_placement import PlacesOnFrame, curve_depths
 from scleraforce.fit.unknowns import (
     DEPTH,
     GAP,
@@ -38,7 +38,9 @@ REACH_M = 8.5e-3
 def seen_by_the_fit(library: Library, unknown: np.ndarray) -> np.ndarray:
     """The depths in the columns that the fit predicts (boundary, column)."""
     walls = Walls(library, gap_m=unknown[GAP], thickness_m=unknown[THICKNESS])
-    both = Places(np.concatenate([COLUMNS, COLUMNS]), np.repeat([0, 1], len(COLUMNS)))
+    both = PlacesOnFrame(
+        np.concatenate([COLUMNS, COLUMNS]), np.repeat([0, 1], len(COLUMNS))
+    )
     depth, _, _ = curve_depths(formed_wall(walls, unknown), both)
     return depth.reshape(2, -1)
 

@@ -22,8 +22,8 @@ from scleraforce.library.plane_cut import (
 from scleraforce.mechanics.contact_and_section import (
     Contact,
     ScanPlane,
-    Section,
     SliceWindow,
+    WallSection,
 )
 from scleraforce.mechanics.hexahedral_mesh import build_mesh
 from scleraforce.mechanics.mesh_section import fill_section
@@ -128,7 +128,7 @@ def drawn(seed, turn_rad=0.0):
 
 def placed_section(walls, gap, tilt, framing, sample):
     section = cut_surfaces(walls[sample], gap[sample], tilt[sample])
-    return Section(
+    return WallSection(
         *(framing.place(sample, curve) for curve in (section.outer, section.inner))
     )
 

@@ -13,8 +13,7 @@ from small_monitor import INFO, READ_ENTRY, decision
 from waiting import FUSE_S, wait_until
 
 import scleraforce.live.companions.black_box as module
-import scleraforce.live.companions.decision_log as log_sync
-from scleraforce.live.companions import process_messages
+from scleraforce.live.companions import decision_log, process_messages
 from scleraforce.live.companions.black_box import BlackBox, RobotForce
 from scleraforce.live.companions.decision_log import DecisionLog, read_log
 from scleraforce.live.companions.process_channel import Channel, Child, encode_message
@@ -454,7 +453,7 @@ def test_a_log_that_cannot_be_written_is_reported_once_until_it_can(
 
 
 def test_alive_says_what_is_wrong_until_it_is_no_longer(tmp_path, monkeypatch):
-    monkeypatch.setattr(log_sync, "CHECK_S", 0.0)
+    monkeypatch.setattr(decision_log, "CHECK_S", 0.0)
     monitor = Monitor(tmp_path)
     usage = shutil.disk_usage(tmp_path)
     monitor.decide()
@@ -473,7 +472,7 @@ def test_alive_says_what_is_wrong_until_it_is_no_longer(tmp_path, monkeypatch):
 
 
 def test_a_log_whose_folder_is_gone_is_reported(tmp_path, monkeypatch):
-    monkeypatch.setattr(log_sync, "CHECK_S", 0.0)
+    monkeypatch.setattr(decision_log, "CHECK_S", 0.0)
     monitor = Monitor(tmp_path)
     monitor.decide()
     (tmp_path / "box").rename(tmp_path / "gone")

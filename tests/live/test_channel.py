@@ -20,7 +20,7 @@ from small_monitor import INFO, READ_ENTRY, verdict
 from waiting import FUSE_S, wait_until
 
 from scleraforce.base.errors import MessageError
-from scleraforce.live.companions import process_channel, process_messages as messages
+from scleraforce.live.companions import process_channel, process_messages
 from scleraforce.live.companions.companion_processes import Guard
 from scleraforce.live.companions.shared_frames import RingPlace
 from scleraforce.live.decision.limits import MonitorLimits
@@ -30,39 +30,43 @@ from scleraforce.records.scan import PixelScale
 
 RING = RingPlace(descriptor=5, frames=1200, rows=24, columns=32)
 SCALE = PixelScale(lateral_m=29e-6, depth_m=8e-6)
-MESSAGES: list[messages.CompanionMessage] = [
-    messages.Decided(entry=READ_ENTRY),
-    messages.ForceHeard(at_s=1.0, time_s=1.8e9, values=(0.01, -inf), device="Robot"),
-    messages.Note(time_s=1.5, text='é "\\ \n\t\0'),
-    messages.MonitorEnds(),
-    messages.Outline(frame=4, step=4, outer=(None, 3.5), inner=()),
-    messages.Rates(
+MESSAGES: list[process_messages.CompanionMessage] = [
+    process_messages.Decided(entry=READ_ENTRY),
+    process_messages.ForceHeard(
+        at_s=1.0, time_s=1.8e9, values=(0.01, -inf), device="Robot"
+    ),
+    process_messages.Note(time_s=1.5, text='é "\\ \n\t\0'),
+    process_messages.MonitorEnds(),
+    process_messages.Outline(frame=4, step=4, outer=(None, 3.5), inner=()),
+    process_messages.Rates(
         frames_per_second=99.5,
         lost=0,
         clients=({"address": "[::1]:1", "role": "scanner"},),
     ),
-    messages.ResetAsked(request=1, token="t"),
-    messages.ResetAnswered(request=1, granted=False, message="no"),
-    messages.ListensAt(url="http://127.0.0.1:1/"),
-    messages.WrongTokens(count=7),
-    messages.OpinionAsked(number=3, order=2**62, at_s=1e5, teaches=True, pierced=False),
-    messages.EyeLearned(known=NOTHING_KNOWN, frames=3, fault=""),
-    messages.OpinionGiven(order=3, verdict=verdict(10.0, (0.0, 20.0))),
-    messages.OpinionGiven(
+    process_messages.ResetAsked(request=1, token="t"),
+    process_messages.ResetAnswered(request=1, granted=False, message="no"),
+    process_messages.ListensAt(url="http://127.0.0.1:1/"),
+    process_messages.WrongTokens(count=7),
+    process_messages.OpinionAsked(
+        number=3, order=2**62, at_s=1e5, teaches=True, pierced=False
+    ),
+    process_messages.EyeLearned(known=NOTHING_KNOWN, frames=3, fault=""),
+    process_messages.OpinionGiven(order=3, verdict=verdict(10.0, (0.0, 20.0))),
+    process_messages.OpinionGiven(
         order=3,
         verdict=verdict(predicted=2, usable=False, reason="dark", probabilities=None),
     ),
-    messages.Alive(faults=("log: full", "disk: full")),
-    messages.SelfReport(detail="it broke"),
-    messages.WithdrawalKept(folder="/tmp/x"),
-    messages.BlackBoxSettings(
+    process_messages.Alive(faults=("log: full", "disk: full")),
+    process_messages.SelfReport(detail="it broke"),
+    process_messages.WithdrawalKept(folder="/tmp/x"),
+    process_messages.BlackBoxSettings(
         folder=Path("/tmp/box"),
         ring=RING,
         info=INFO,
         record=Path("/tmp/é"),
         keep_s=10.0,
     ),
-    messages.OpinionSettings(
+    process_messages.OpinionSettings(
         model=Path("m"),
         scale=SCALE,
         ring=RING,
@@ -74,7 +78,7 @@ MESSAGES: list[messages.CompanionMessage] = [
         learns="eye-a",
         record=Path("/tmp/session"),
     ),
-    messages.OpinionSettings(
+    process_messages.OpinionSettings(
         model=Path("m"),
         scale=SCALE,
         ring=RING,
@@ -82,7 +86,7 @@ MESSAGES: list[messages.CompanionMessage] = [
         learns=None,
         record=None,
     ),
-    messages.ConsoleSettings(
+    process_messages.ConsoleSettings(
         host="::1",
         listener=7,
         token_digest="d",
@@ -98,7 +102,7 @@ MESSAGES: list[messages.CompanionMessage] = [
 
 def test_each_message_arrives_as_it_was_sent() -> None:
     assert {type(message) for message in MESSAGES} == set(
-        get_args(messages.CompanionMessage)
+        get_args(process_messages.CompanionMessage)
     )
     for message in MESSAGES:
         assert (
@@ -118,7 +122,7 @@ def test_settings_of_the_black_box_that_contradict_each_other_are_refused(
     field, ring, info
 ):
     with pytest.raises(ValueError, match=field):
-        messages.BlackBoxSettings(
+        process_messages.BlackBoxSettings(
             folder=Path("box"), ring=ring, info=info, record=None, keep_s=10.0
         )
 
@@ -126,7 +130,9 @@ def test_settings_of_the_black_box_that_contradict_each_other_are_refused(
 def test_nan_infinity_and_numpys_floats_arrive_as_such() -> None:
     given = verdict(nan, (-inf, nan), probabilities=(nan, np.float64(1.0)))
     opinion = process_channel.decode_message(
-        process_channel.encode_message(messages.OpinionGiven(order=3, verdict=given))
+        process_channel.encode_message(
+            process_messages.OpinionGiven(order=3, verdict=given)
+        )
     )
     assert repr(opinion.verdict) == repr(
         verdict(nan, (-inf, nan), probabilities=(nan, 1.0))
@@ -135,9 +141,9 @@ def test_nan_infinity_and_numpys_floats_arrive_as_such() -> None:
 
 def test_half_a_character_of_a_file_name_is_escaped_in_a_text_and_kept_in_a_path():
     alive = process_channel.decode_message(
-        process_channel.encode_message(messages.Alive(faults=("log: \udce9",)))
+        process_channel.encode_message(process_messages.Alive(faults=("log: \udce9",)))
     )
-    assert alive == messages.Alive(faults=("log: \\udce9",))
+    assert alive == process_messages.Alive(faults=("log: \\udce9",))
     settings = msgspec.structs.replace(ending_with(0), model=Path("\udce9"))
     assert (
         process_channel.decode_message(process_channel.encode_message(settings))
@@ -184,7 +190,7 @@ def test_bytes_that_are_not_a_message_are_refused_in_one_short_line() -> None:
 
 @given(st.sampled_from(MESSAGES), st.data())
 def test_a_message_with_changed_bytes_is_a_message_or_that_error(
-    message: messages.CompanionMessage, drawn: st.DataObject
+    message: process_messages.CompanionMessage, drawn: st.DataObject
 ) -> None:
     data = bytearray(process_channel.encode_message(message))
     for _ in range(drawn.draw(st.integers(1, 3))):
@@ -194,27 +200,28 @@ def test_a_message_with_changed_bytes_is_a_message_or_that_error(
 
     with suppress(MessageError):
         assert isinstance(
-            process_channel.decode_message(bytes(data)), messages.CompanionMessage
+            process_channel.decode_message(bytes(data)),
+            process_messages.CompanionMessage,
         )
 
 
 def test_other_values_and_large_messages_are_not_sent() -> None:
     for wrong in (
         object(),
-        messages.Note(time_s=1.0, text=object()),
-        messages.WrongTokens(count=10**30),
+        process_messages.Note(time_s=1.0, text=object()),
+        process_messages.WrongTokens(count=10**30),
     ):
         with pytest.raises(MessageError):
             process_channel.encode_message(wrong)
 
     with pytest.raises(MessageError, match="131072"):
         process_channel.encode_message(
-            messages.Note(time_s=1.0, text="x" * process_channel.MESSAGE_BYTES)
+            process_messages.Note(time_s=1.0, text="x" * process_channel.MESSAGE_BYTES)
         )
 
 
 def note(number, text=""):
-    return messages.Note(time_s=float(number), text=text)
+    return process_messages.Note(time_s=float(number), text=text)
 
 
 def numbers_of(messages):
@@ -325,7 +332,7 @@ def ending_with(code, descriptor=0):
     frames; for 0 it waits for ever.
     """
     ring = RingPlace(descriptor=descriptor, frames=code, rows=1, columns=1)
-    return messages.OpinionSettings(
+    return process_messages.OpinionSettings(
         model=Path("é"),
         known=NOTHING_KNOWN,
         scale=SCALE,
@@ -390,13 +397,13 @@ def test_a_child_whose_monitor_has_gone_or_says_nothing_does_not_start(monkeypat
 
     def run():
         monkeypatch.setattr(sys, "argv", ["x", str(os.dup(theirs.fileno()))])
-        process_channel.run_companion(messages.OpinionSettings, pytest.fail)
+        process_channel.run_companion(process_messages.OpinionSettings, pytest.fail)
 
     monkeypatch.setattr(process_channel, "SETTINGS_S", 0.01)
     with pytest.raises(RuntimeError, match="started by `scleraforce monitor`"):
         run()
 
-    ours.send(messages.MonitorEnds())
+    ours.send(process_messages.MonitorEnds())
     with pytest.raises(
         MessageError,
         match="a MonitorEnds came; the first message must be a OpinionSettings",

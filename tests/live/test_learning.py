@@ -24,15 +24,15 @@ from small_models import FIVE_MN, force_reader
 
 from predicted_walls import Walls, predict_wall
 from scleraforce.calibration.stiffness_from_shape import EyePosterior
-from scleraforce.fit import unknowns as at
+from scleraforce.fit import unknowns
 from scleraforce.fit.frames_of_an_eye import ShownFrame
 from scleraforce.library import Library, load_library
-from scleraforce.live.companions.eye_learning import IOP_SD, Fitting
+from scleraforce.live.companions.eye_learning import IOP_SD, EyeFitting
 from scleraforce.live.decision.events import Cause, State
 from scleraforce.live.decision.limits import MonitorLimits
-from scleraforce.live.monitor_session import Session
+from scleraforce.live.monitor_session import MonitorSession
 from scleraforce.live.network.scanner_frame import ScannerFrame
-from scleraforce.reading.answer import Answer, Reading, not_below, unusable
+from scleraforce.reading.answer import Answer, Reading, not_below, unusable_answer
 from scleraforce.reading.eye_reader import LiveReader
 from scleraforce.reading.reading_models import ForceReader
 from scleraforce.records.eye import Known, Modulus
@@ -110,7 +110,7 @@ def test_the_monitor_still_withdraws_where_the_unlearned_reading_would(
 
     for known in (replace(eye, unlearned=None), eye):
         live = LiveReader(proportional_reader(), KNOWN, 1.0)
-        session = Session(live.read, limits, adopt=live.adopt)
+        session = MonitorSession(live.read, limits, adopt=live.adopt)
         session.learned(known, 3)
         shown = ScannerFrame(frame, lateral_m=scale_m[0], depth_m=scale_m[1])
         session.take_frame(session.frame(shown, 1, 1, session.clock()))
@@ -139,7 +139,7 @@ def test_of_two_answers_the_more_careful_parts_are_kept() -> None:
         force_n=0.033,
         interval_n=(0.025, 0.041),
     )
-    dark = unusable(3, "empty")
+    dark = unusable_answer(3, "empty")
     both = not_below(low, high)
     assert (both.predicted, both.probabilities) == (2, (0.0, 0.3, 0.7))
     assert (both.force_n, both.interval_n) == (0.017, (0.010, 0.041))
@@ -161,7 +161,7 @@ def test_e_learned_from_half_the_pressure_is_as_unsure_as_the_pressure(
 
     for tip_m in 1e-3 * np.linspace(0.4, 2.6, 6):
         unknown = middling_eye(tip_m)
-        unknown[[at.MODULUS, at.IOP]] = log(TRUE_PA), log(TRUE_IOP_PA)
+        unknown[[unknowns.MODULUS, unknowns.IOP]] = log(TRUE_PA), log(TRUE_IOP_PA)
         placed = predict_wall(walls, unknown, BOTH)
         noise_m = 2e-6 * rng.standard_normal((2, len(LATERAL_M)))
         depth_bc = placed.depth_m.reshape(2, -1) + noise_m
@@ -172,7 +172,7 @@ def test_e_learned_from_half_the_pressure_is_as_unsure_as_the_pressure(
     )
     begun = EyePosterior(known=known, study=STUDY, library=library)
     sure = begun.with_frames(frames).modulus
-    found = Fitting(begun, "eye", None).take(frames)
+    found = EyeFitting(begun, "eye", None).take(frames)
     assert found is not None
     assert found.frames == len(frames)
     modulus = found.known.modulus

@@ -249,7 +249,7 @@ def test_a_terminal_that_is_stopped_keeps_nobody_waiting_and_fills_no_memory() -
         go_on.wait(FUSE_S)
         lines.append(text)
 
-    notes = monitor.Notes(write)
+    notes = monitor.OperatorNotes(write)
     for number in range(3 * monitor.WAITING_LINES):
         notes(str(number))
 

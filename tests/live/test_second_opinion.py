@@ -17,7 +17,7 @@ from waiting import FUSE_S, wait_until
 
 from scleraforce.base.errors import InputError
 from scleraforce.live.companions import process_messages
-from scleraforce.live.companions.eye_learning import LEARNED_FILE, LEAST_S, resumed
+from scleraforce.live.companions.eye_learning import LEARNED_FILE, LEAST_S, resumed_eye
 from scleraforce.live.companions.process_channel import ChannelClosedError, Child
 from scleraforce.live.companions.shared_frames import FrameRing
 from scleraforce.records.eye import Known, Modulus
@@ -271,20 +271,20 @@ def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_
     assert found.known.unlearned == EYE
     # one shallow dent tells little
     assert modulus.relative_sd == pytest.approx(PRIOR.relative_sd, rel=0.05)
-    again = resumed(EYE, tmp_path / LEARNED_FILE, "eye-a")
+    again = resumed_eye(EYE, tmp_path / LEARNED_FILE, "eye-a")
     assert again.modulus is not None
     assert again.modulus.source == "population"
     assert again.unlearned == EYE
     assert again.modulus.sd_pa == pytest.approx(PRIOR.sd_pa, rel=0.1)
 
     with pytest.raises(InputError, match="not of eye-b"):
-        resumed(EYE, tmp_path / LEARNED_FILE, "eye-b")
+        resumed_eye(EYE, tmp_path / LEARNED_FILE, "eye-b")
 
     with pytest.raises(InputError, match=r"learned at 2\.0 mmHg"):
-        resumed(replace(EYE, iop_pa=2000.0), tmp_path / LEARNED_FILE, "eye-a")
+        resumed_eye(replace(EYE, iop_pa=2000.0), tmp_path / LEARNED_FILE, "eye-a")
 
     with pytest.raises(InputError, match="stiffening: 0; that of this eye is 10"):
-        resumed(replace(EYE, stiffening=10.0), tmp_path / LEARNED_FILE, "eye-a")
+        resumed_eye(replace(EYE, stiffening=10.0), tmp_path / LEARNED_FILE, "eye-a")
 
     learning.show(0.020, teaches=False, pierced=True)
     forgotten = learning.learned(teaches=False)

@@ -34,7 +34,7 @@ from scleraforce.live.companions.companion_processes import (
 )
 from scleraforce.live.decision.events import Cause
 from scleraforce.live.monitor_server import HEARTBEAT_S
-from scleraforce.live.monitor_session import Frame, Session
+from scleraforce.live.monitor_session import MonitorSession, ReceivedFrame
 from scleraforce.live.network.openigtlink import (
     Image,
     Query,
@@ -328,9 +328,9 @@ def test_overtaken_frames_wait_for_a_newer_one_without_a_cause(
     scanner: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     order = list[int]()
-    read_frame = Session._read_frame
+    read_frame = MonitorSession._read_frame
 
-    def read(session: Session, frame: Frame) -> object:
+    def read(session: MonitorSession, frame: ReceivedFrame) -> object:
         order.append(frame.number)
         if frame.number == 15:
             scanner.show(10.03, time_s=3e9)
@@ -338,7 +338,7 @@ def test_overtaken_frames_wait_for_a_newer_one_without_a_cause(
         return read_frame(session, frame)
 
     scanner.watch()
-    monkeypatch.setattr(Session, "_read_frame", read)
+    monkeypatch.setattr(MonitorSession, "_read_frame", read)
     send_together(scanner, [10_000, 10_010, 10_020])  # frames 13 to 15
     wait_until(lambda: len(order) == 4)
     assert order == [15, 16, 13, 14]
@@ -478,7 +478,7 @@ def test_the_pose_of_the_needle_is_its_travel_along_its_own_axis(
 ) -> None:
     travels_m: list[float] = []
     monkeypatch.setattr(
-        Session,
+        MonitorSession,
         "travelled",
         lambda _, travel_m, at_s: travels_m.append(travel_m) if at_s else None,
     )

@@ -28,12 +28,12 @@ from scleraforce.live.decision.limits import MonitorLimits
 from scleraforce.live.monitor_session import (
     MOST_FRAMES,
     DeferredFrames,
-    Frame,
     FramePace,
-    Session,
+    MonitorSession,
+    ReceivedFrame,
 )
 from scleraforce.live.network.scanner_frame import ScannerFrame
-from scleraforce.reading.tissue_memory import History
+from scleraforce.reading.tissue_memory import TissueMemory
 from scleraforce.records.eye import Known
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.tissue_relaxation import KnownRelaxation
@@ -51,13 +51,17 @@ class Clock:
         return self.now_s
 
 
-def begun(limits: MonitorLimits = LIMITS) -> tuple[Clock, Session]:
+def begun(limits: MonitorLimits = LIMITS) -> tuple[Clock, MonitorSession]:
     clock = Clock()
-    return clock, Session(read, limits, clock, clock)
+    return clock, MonitorSession(read, limits, clock, clock)
 
 
 def take(
-    session: Session, clock: Clock, force_un: int, sender_id: int, sender: int = 1
+    session: MonitorSession,
+    clock: Clock,
+    force_un: int,
+    sender_id: int,
+    sender: int = 1,
 ) -> None:
     clock.now_s += 0.01
     image = ScannerFrame(frame_of(force_un, sender_id), **SCALE)
@@ -74,7 +78,7 @@ def test_a_sender_that_counts_back_is_out_of_order_and_one_that_takes_over_count
     assert session.decision.code == 1
     take(session, clock, 10_030, 6, sender=2)
     assert session.decision.cause.name == "OUT_OF_ORDER"
-    first = Session(read, LIMITS, clock, clock)
+    first = MonitorSession(read, LIMITS, clock, clock)
     take(first, clock, 10_000, 71)
     take(first, clock, 10_000, 70)
     assert "frame 70 after 71" in first.decision.message
@@ -94,7 +98,9 @@ def test_one_number_far_ahead_makes_no_later_frame_a_misfit() -> None:
 def test_a_learned_eye_moves_the_stiffness_of_punctures_and_no_other_limit() -> None:
     clock = Clock()
     stiffnesses_n_m = iter((70.0, None, 120.0))
-    session = Session(read, LIMITS, clock, clock, adopt=lambda _: next(stiffnesses_n_m))
+    session = MonitorSession(
+        read, LIMITS, clock, clock, adopt=lambda _: next(stiffnesses_n_m)
+    )
     found = list[float]()
 
     for _ in range(3):
@@ -166,7 +172,9 @@ def test_frames_have_the_travel_that_was_stated_last_and_its_age() -> None:
         (0.0005, 1),
     ):
         # what the needle went back explains the fall, or not
-        session = Session(read, replace(LIMITS, retraction_m_s=0.05), clock, clock)
+        session = MonitorSession(
+            read, replace(LIMITS, retraction_m_s=0.05), clock, clock
+        )
         for sender_id, force_un in enumerate(
             (24_000, 24_001, 24_002, 24_003, 7_000, 7_001), 1
         ):
@@ -192,13 +200,15 @@ def test_a_frame_of_another_size_is_not_read() -> None:
         raise AssertionError
 
     clock = Clock()
-    session = Session(never, LIMITS, clock, clock)
+    session = MonitorSession(never, LIMITS, clock, clock)
     image = ScannerFrame(np.zeros((ROWS, COLUMNS + 1), np.uint16), **SCALE)
     session.take_frame(session.frame(image, 1, 1, 100.01))
     assert session.decision.cause.name == "SIZE"
 
 
-def defer(session: Session, clock: Clock, forces_un: list[int], first: int) -> None:
+def defer(
+    session: MonitorSession, clock: Clock, forces_un: list[int], first: int
+) -> None:
     """Let frames wait that came together, numbered from `first`."""
     frames = []
     for n, force_un in enumerate(forces_un):
@@ -330,7 +340,7 @@ def test_a_bunch_of_more_than_the_time_to_catch_up_is_a_loss_at_once_and_its_new
     assert event.read.frame_id == 306
 
 
-def deferred(number: int, at_s: float, interval_s: float = 0.01) -> Frame:
+def deferred(number: int, at_s: float, interval_s: float = 0.01) -> ReceivedFrame:
     image = ScannerFrame(frame_of(0, number), **SCALE)
     unread = FrameRead(
         at_s=at_s,
@@ -341,7 +351,7 @@ def deferred(number: int, at_s: float, interval_s: float = 0.01) -> Frame:
         scale_m=SCALE_M,
     )
 
-    return Frame(
+    return ReceivedFrame(
         number=number,
         sender_id=number,
         interval_s=interval_s,
@@ -417,7 +427,7 @@ def test_a_bunch_at_the_start_is_a_loss_for_as_long_as_its_frames_stand_for() ->
     lost_s = []
     for sent_s in ([100.0 + 1e-3 * n for n in range(10)], [None] * 10):
         clock = Clock()
-        session = Session(read, LIMITS, clock, clock)
+        session = MonitorSession(read, LIMITS, clock, clock)
         frames = [
             session.frame(
                 ScannerFrame(frame_of(10_000, n), **SCALE), n, 1, clock.now_s, at
@@ -482,19 +492,19 @@ def test_the_sensor_holds_frame_class_probabilities_force_interval_usable_and_co
     assert [str(value) for value in unread] == ["3.0", *["nan"] * 7, "0.0", "1.0"]
 
 
-RELAXING = History.monitored(
+RELAXING = TissueMemory.monitored(
     Known(relaxation=KnownRelaxation.declared([[0.3, 1.0]])), 60e-3
 )
 CLASSES_N = (5e-3, 30e-3)
 
 
-def relaxing(clock: Clock) -> Session:
-    return Session(read, LIMITS, clock, clock, RELAXING, CLASSES_N)
+def relaxing(clock: Clock) -> MonitorSession:
+    return MonitorSession(read, LIMITS, clock, clock, RELAXING, CLASSES_N)
 
 
 def felt(
-    history: History, forces_un: Sequence[int], begun_s: float
-) -> tuple[list[float], History]:
+    history: TissueMemory, forces_un: Sequence[int], begun_s: float
+) -> tuple[list[float], TissueMemory]:
     """Forces of frames, one each 10 ms, read one after the other as `evaluate` does."""
     forces_n = []
     for number, force_un in enumerate(forces_un, 1):
@@ -587,21 +597,21 @@ def test_old_pictures_leave_gaps_and_overtaken_frames_have_the_history_before_th
 CROSS = ("along", "across")
 
 
-def cross(**limits: float) -> tuple[Clock, Session]:
+def cross(**limits: float) -> tuple[Clock, MonitorSession]:
     clock = Clock()
-    return clock, Session(
+    return clock, MonitorSession(
         dict.fromkeys(CROSS, read), replace(LIMITS, **limits), clock, clock
     )
 
 
 def of_plane(
-    session: Session,
+    session: MonitorSession,
     clock: Clock,
     plane: str,
     number: int,
     force_un: int = 10_000,
     **sent: float,
-) -> Frame:
+) -> ReceivedFrame:
     image = ScannerFrame(
         frame_of(force_un, 1000 * CROSS.index(plane) + number), **SCALE
     )
@@ -708,7 +718,7 @@ def test_a_picture_under_two_names_is_frozen() -> None:
 def test_tissue_that_relaxes_has_a_history_in_each_plane() -> None:
     clock = Clock()
     forces_un = {"along": 12_000, "across": 20_000}
-    session = Session(
+    session = MonitorSession(
         dict.fromkeys(CROSS, read), LIMITS, clock, clock, RELAXING, CLASSES_N
     )
     read_n = dict[str, list[float]](along=[], across=[])

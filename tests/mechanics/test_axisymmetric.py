@@ -30,7 +30,7 @@ from scleraforce.mechanics.axisymmetric_wall import (
 from scleraforce.mechanics.contact_and_section import Contact, ScanPlane
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.linear_wall import LinearWall, tip_displacement
-from scleraforce.mechanics.load_path_tracing import pressurise, trace
+from scleraforce.mechanics.load_path_tracing import pressurise, trace_load_path
 from scleraforce.mechanics.meridian_elements import (
     ElementTables,
     MeridianMesh,
@@ -66,7 +66,7 @@ def wall_of(
 def dented() -> tuple[AxisymmetricWall, Floats]:
     """A coarse wall of two layers with a dent of 1.5 mm."""
     wall = wall_of(0.5, MeridianSize(16, 2))
-    path = trace(
+    path = trace_load_path(
         wall, pressurise(wall, IOP_RATIO), IOP_RATIO, tips_m=np.array([1.5e-3])
     )
     return wall, path.displacement_su[-1]
@@ -115,7 +115,9 @@ def test_pressurised_sphere_takes_the_radius_of_its_radial_problem(
     thickness_mm: float, pressure: float
 ) -> None:
     wall = wall_of(thickness_mm, symmetric=True)
-    path = trace(wall, pressurise(wall, pressure), pressure, tips_m=np.array([1e-6]))
+    path = trace_load_path(
+        wall, pressurise(wall, pressure), pressure, tips_m=np.array([1e-6])
+    )
     outer = wall.boundaries(path).curves_sbnc[0, 0]
     radii = np.hypot(outer[:, 0], RADIUS - outer[:, 1])
     expected = (
@@ -164,7 +166,7 @@ def r2_tips_mm(thickness_mm: float, modulus_mpa: float, count: int) -> Floats:
     spread_needle(loaded, lambda distance_m: np.exp(-0.5 * (distance_m / 0.35e-3) ** 2))
     wall = DeadPressureWall(loaded)
     pressure = 266e-6 / modulus_mpa
-    path = trace(
+    path = trace_load_path(
         wall,
         pressurise(wall, pressure),
         pressure,

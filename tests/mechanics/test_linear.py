@@ -13,7 +13,7 @@ from scleraforce.base.units import STANDARD_GRAVITY_M_S2
 from scleraforce.mechanics.contact_and_section import Contact
 from scleraforce.mechanics.finite_elements import (
     element_stiffness,
-    factored,
+    factor_sum,
     volume_points,
 )
 from scleraforce.mechanics.graded_mesh import graded_mesh
@@ -304,7 +304,7 @@ def test_answers_agree_with_the_full_matrix(kind: str, shift: float) -> None:
     K = stiffness_matrix(mesh, elements).toarray()[np.ix_(free, free)]
     assert (np.linalg.eigvalsh(K)[0] < 0.0) == (shift > 0.0)
     loads = np.random.default_rng(1).normal(size=(len(free), 3))
-    solve = factored(mesh, held_nc, elements)
+    solve = factor_sum(mesh, held_nc, elements)
     expected = np.linalg.solve(K, loads)
     tolerance = 1e-11 * np.linalg.cond(K, 1) ** 0.5
     np.testing.assert_allclose(
@@ -323,7 +323,8 @@ def test_single_precision_is_exact_to_its_rounding() -> None:
     elements = elements_of(mesh)
     load = np.random.default_rng(1).normal(size=np.count_nonzero(~held_nc))
     exact, single = (
-        factored(mesh, held_nc, values) for values in (elements, elements.astype("f4"))
+        factor_sum(mesh, held_nc, values)
+        for values in (elements, elements.astype("f4"))
     )
     expected = exact(load)
     error = np.abs(single(load) - expected).max() / np.abs(expected).max()
@@ -336,4 +337,4 @@ def test_single_precision_is_exact_to_its_rounding() -> None:
 def test_a_matrix_without_a_factor_is_refused(fault: float, message: str) -> None:
     mesh = MESHES["8 nodes, two layers"]
     with pytest.raises(SolverError, match=message):
-        factored(mesh, held(mesh), fault * elements_of(mesh))
+        factor_sum(mesh, held(mesh), fault * elements_of(mesh))

@@ -15,13 +15,13 @@ from scleraforce.mechanics.axisymmetric_wall import AxisymmetricWall, axisymmetr
 from scleraforce.mechanics.contact_and_section import Contact
 from scleraforce.mechanics.finite_elements import (
     element_stiffness,
-    factored,
+    factor_sum,
     volume_points,
 )
 from scleraforce.mechanics.finite_strain_wall import FiniteWall
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.hexahedral_mesh import HexMesh, build_mesh
-from scleraforce.mechanics.load_path_tracing import pressurise, trace
+from scleraforce.mechanics.load_path_tracing import pressurise, trace_load_path
 from scleraforce.mechanics.loads_and_supports import needle_at, pressure_load
 from scleraforce.mechanics.meridian_elements import MeridianSize, meridian_mesh
 from scleraforce.mechanics.neo_hookean_solid import FibreLaw, NeoHookeanSolid, fibre_law
@@ -293,7 +293,7 @@ def test_a_balloon_has_the_radius_of_its_closed_form_also_beyond_the_neo_hookean
 ) -> None:
     wall, per_tension = thin_sphere(b)
     u = pressurise(wall, tension * per_tension)
-    path = trace(wall, u, tension * per_tension, tips_m=np.array([1e-6]))
+    path = trace_load_path(wall, u, tension * per_tension, tips_m=np.array([1e-6]))
     places = wall.boundaries(path).curves_sbnc[0].mean(axis=0)  # of the middle surface
     middle_m = RADIUS - 30e-6
     radii = np.hypot(places[:, 0], RADIUS - places[:, 1])
@@ -524,7 +524,7 @@ def test_a_thick_fibred_sphere_swells_under_pressure_as_the_closed_form_says() -
     )
     u_nc = np.zeros(mesh.points_nc.size)
     free = ~held_nc.ravel()
-    u_nc[free] = factored(mesh, held_nc, tangents)(pressure_load(mesh).ravel()[free])
+    u_nc[free] = factor_sum(mesh, held_nc, tangents)(pressure_load(mesh).ravel()[free])
     C = hooke(law)
     root = np.sqrt(0.25 + 2.0 * (C[0, 0] + C[0, 1] - C[0, 2]) / C[2, 2])
     powers = np.array([-0.5 + root, -0.5 - root])

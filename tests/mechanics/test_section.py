@@ -13,8 +13,8 @@ from scleraforce.base.errors import InputError, SolverError
 from scleraforce.mechanics.contact_and_section import (
     Contact,
     ScanPlane,
-    Section,
     SliceWindow,
+    WallSection,
 )
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.hexahedral_mesh import build_mesh
@@ -396,7 +396,7 @@ def from_pixels(contour, window=WINDOW):
         window.top_m,
     )
     half = len(points) // 2
-    return Section(points[:half], points[half:][::-1])
+    return WallSection(points[:half], points[half:][::-1])
 
 
 def test_a_rectangle_through_pixel_centres_holds_its_left_and_top_edge_only():
@@ -442,7 +442,7 @@ def test_any_polygon_agrees_with_opencv_away_from_its_edge(points):
 
 def test_the_window_puts_the_unloaded_top_below_the_margin_and_framing_moves_the_wall_right_and_down():
     study = SliceStudy()
-    flat = Section(
+    flat = WallSection(
         np.array([[-1e-3, 0.0], [1e-3, 0.0]]), np.array([[-1e-3, 5e-4], [1e-3, 5e-4]])
     )
     rows, columns = np.nonzero(fill_section(flat, slice_window(study, top_m=0.0)))

@@ -6,8 +6,13 @@ from numpy.typing import NDArray
 
 from predicted_walls import Walls
 from scleraforce.base.arrays import Floats
-from scleraforce.fit import unknowns as at
-from scleraforce.fit.curve_placement import Placed, Places, depths_along, place_curves
+from scleraforce.fit import unknowns
+from scleraforce.fit.curve_placement import (
+    PlacedCurves,
+    PlacesOnFrame,
+    depths_along,
+    place_curves,
+)
 from scleraforce.fit.one_frame import law_of
 from scleraforce.fit.shown_wall import LEAST_SD, STATION_RAD
 from scleraforce.fit.unknowns import shining
@@ -16,41 +21,48 @@ from scleraforce.library.moving_base import base_push, section_places
 FORM_STEP = 1e-7  # m
 
 
-def predict_wall(walls: Walls, unknown: Floats, places: Places) -> Placed:
+def predict_wall(walls: Walls, unknown: Floats, places: PlacesOnFrame) -> PlacedCurves:
     """Return the boundaries at places, without derivatives."""
     state = library_place(walls, unknown[None])
-    size = np.exp(unknown[at.SIZE])
+    size = np.exp(unknown[unknowns.SIZE])
     library = walls.library
     curves = (
         values_at(library, library.tables.curves, *state).reshape(1, 2, -1, 2) * size
     )
     section = cut_by_plane(
         curves,
-        unknown[None, at.GAP],
-        ring_motion(walls, state, unknown[None, at.POLE]) * size,
+        unknown[None, unknowns.GAP],
+        ring_motion(walls, state, unknown[None, unknowns.POLE]) * size,
     )
     outer, inner = place_curves(
-        section, unknown[at.LATERAL], unknown[at.DEPTH], unknown[at.ROTATION]
+        section,
+        unknown[unknowns.LATERAL],
+        unknown[unknowns.DEPTH],
+        unknown[unknowns.ROTATION],
     )[0]
     parts = (
         smoothed(outer, places),
         depths_along(inner, places.lateral_m[places.outer :]),
     )
     depth, slope, seen = (np.concatenate(pair) for pair in zip(*parts, strict=True))
-    form = unknown[at.FORM]
-    from_contact_m = places.lateral_m - unknown[at.LATERAL]
+    form = unknown[unknowns.FORM]
+    from_contact_m = places.lateral_m - unknown[unknowns.LATERAL]
     ends = [
-        at.form_depths(form, from_contact_m + step, places.is_inner)
+        unknowns.form_depths(form, from_contact_m + step, places.is_inner)
         for step in (0.5 * FORM_STEP, -0.5 * FORM_STEP)
     ]
     form_slope = np.subtract(*ends) / FORM_STEP
     shine = (1.0 - places.is_inner) * shining(slope + form_slope)
-    formed = at.form_depths(form, from_contact_m, places.is_inner)
+    formed = unknowns.form_depths(form, from_contact_m, places.is_inner)
     offset = (
-        unknown[at.INNER_OFFSET] * places.is_inner + formed - unknown[at.SHINE] * shine
+        unknown[unknowns.INNER_OFFSET] * places.is_inner
+        + formed
+        - unknown[unknowns.SHINE] * shine
     )
 
-    return Placed(depth + offset, slope + form_slope, np.zeros((len(depth), 0)), seen)
+    return PlacedCurves(
+        depth + offset, slope + form_slope, np.zeros((len(depth), 0)), seen
+    )
 
 
 def ring_motion(
@@ -141,7 +153,9 @@ def _cut_side(
     return lateral, np.where(beyond, depth, middle), first
 
 
-def smoothed(outer: Floats, places: Places) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+def smoothed(
+    outer: Floats, places: PlacesOnFrame
+) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Depth, slope and whether it is seen, of an outer boundary under a Gaussian: Gauss
     and Hermite's three points.
     """
@@ -165,8 +179,8 @@ def off_the_law(walls: Walls, unknown_su: Floats) -> tuple[Floats, Floats]:
     volume = displaced_m3(walls, unknown_su)
     mean = known.globe(known.mean)
     spread = known.globe(known.sd)
-    pressure = np.exp(unknown_su[:, at.PRESSURE])
-    resting = np.exp(unknown_su[:, at.IOP])
+    pressure = np.exp(unknown_su[:, unknowns.PRESSURE])
+    resting = np.exp(unknown_su[:, unknowns.IOP])
     off = mean.level(pressure) - mean.level(resting) - mean.rate * volume
 
     return off, np.hypot(
@@ -178,7 +192,7 @@ def displaced_m3(walls: Walls, unknown_su: Floats) -> Floats:
     """Return the volume that the dent displaces, (sample,), m^3."""
     library = walls.library
     state = library_place(walls, unknown_su)
-    return np.exp(3.0 * unknown_su[:, at.SIZE]) * values_at(
+    return np.exp(3.0 * unknown_su[:, unknowns.SIZE]) * values_at(
         library, library.tables.volumes, *state
     )
 
@@ -188,16 +202,18 @@ def library_place(walls: Walls, unknown_su: Floats) -> tuple[Floats, Floats, Flo
     within its ranges.
     """
     library = walls.library
-    size = np.exp(unknown_su[:, at.SIZE])
+    size = np.exp(unknown_su[:, unknowns.SIZE])
     thickness = np.clip(
-        unknown_su[:, at.THICKNESS] / size,
+        unknown_su[:, unknowns.THICKNESS] / size,
         library.thickness_m[0],
         library.thickness_m[-1],
     )
     ratio = np.exp(
-        unknown_su[:, law_of(walls.globe).pressure] - unknown_su[:, at.MODULUS]
+        unknown_su[:, law_of(walls.globe).pressure] - unknown_su[:, unknowns.MODULUS]
     )
-    tip_m = np.clip(unknown_su[:, at.TIP] / size, library.tip_m[0], library.tip_m[-1])
+    tip_m = np.clip(
+        unknown_su[:, unknowns.TIP] / size, library.tip_m[0], library.tip_m[-1]
+    )
 
     return thickness, np.clip(ratio, *library.iop_ratio_ends(thickness)), tip_m
 
@@ -206,5 +222,5 @@ def force_n(walls: Walls, unknown_su: Floats) -> Floats:
     """Return the needle's force (sample,), N."""
     state = library_place(walls, unknown_su)
     return np.exp(
-        unknown_su[:, at.MODULUS] + 2.0 * unknown_su[:, at.SIZE]
+        unknown_su[:, unknowns.MODULUS] + 2.0 * unknown_su[:, unknowns.SIZE]
     ) * walls.library.forces(*state)

@@ -12,20 +12,20 @@ import numpy as np
 from predicted_walls import Walls, formed_wall, predict_wall
 from scleraforce.base.arrays import Floats
 from scleraforce.base.normal_distribution import robust_spread
-from scleraforce.fit import compiled_fit, compiled_search, unknowns as at
-from scleraforce.fit.curve_placement import Placed, Places
-from scleraforce.fit.least_squares import Columns
+from scleraforce.fit import compiled_fit, compiled_search, unknowns
+from scleraforce.fit.curve_placement import PlacedCurves, PlacesOnFrame
+from scleraforce.fit.least_squares import WallColumns
 from scleraforce.fit.one_frame import BoundaryFit, _standard_normal, law_of
 from scleraforce.fit.prior_of_an_eye import HEAVY, Prior
 from scleraforce.library.wall_responses import Library
 
 LAW_STEPS = {
-    at.TIP: 1e-7,
-    at.THICKNESS: 1e-7,
-    at.MODULUS: 1e-4,
-    at.IOP: 1e-4,
-    at.SIZE: 1e-4,
-    at.PRESSURE: 1e-4,
+    unknowns.TIP: 1e-7,
+    unknowns.THICKNESS: 1e-7,
+    unknowns.MODULUS: 1e-4,
+    unknowns.IOP: 1e-4,
+    unknowns.SIZE: 1e-4,
+    unknowns.PRESSURE: 1e-4,
 }
 
 
@@ -34,7 +34,7 @@ class Problem:
     """The least-squares problem of one frame."""
 
     walls: Walls
-    columns: Columns
+    columns: WallColumns
     prior: Prior
 
     def off(self, unknown_su: Floats) -> Floats:
@@ -45,7 +45,7 @@ class Problem:
             [(unknown_su - self.prior.mean) @ self.prior.same_force, law], axis=1
         )
 
-    def evaluate(self, unknown: Floats) -> tuple[Placed, float]:
+    def evaluate(self, unknown: Floats) -> tuple[PlacedCurves, float]:
         """The prediction and its cost."""
         placed = predict_wall(self.walls, unknown, self.columns.places)
         away = unknown - self.prior.mean
@@ -62,7 +62,7 @@ class Problem:
         )
 
     def normal_equations(
-        self, unknown: Floats, placed: Placed, scale: float = 1.0
+        self, unknown: Floats, placed: PlacedCurves, scale: float = 1.0
     ) -> tuple[Floats, Floats]:
         """The normal matrix (unknown, unknown) and the gradient (unknown,)."""
         normal, gradient = self.columns.normal_equations(placed, scale)
@@ -96,7 +96,9 @@ class Problem:
             gradient - precision @ away - weighted @ off,
         )
 
-    def spread(self, unknown: Floats, placed: Placed, scale: float = 1.0) -> Floats:
+    def spread(
+        self, unknown: Floats, placed: PlacedCurves, scale: float = 1.0
+    ) -> Floats:
         """The matrix from standard normal numbers to draws about the unknowns (unknown,
         number).
         """
@@ -111,17 +113,17 @@ class Problem:
         normal = _standard_normal(len(unknown) + 2)
         level_z, growth_z = _standard_normal(2, seed=1).T
         drawn = unknown + normal[:, :-2] @ spread_uz.T
-        drawn[:, at.TIP] = np.maximum(drawn[:, at.TIP], 0.0)
+        drawn[:, unknowns.TIP] = np.maximum(drawn[:, unknowns.TIP], 0.0)
 
         known = self.walls.globe
         if known.can_be_sealed:
             volume = fit_arrays.displaced_m3(self.walls, drawn)
-            resting_pa = np.exp(drawn[:, at.IOP])
+            resting_pa = np.exp(drawn[:, unknowns.IOP])
             ends = [
                 np.log(known.globe(k).pressure(resting_pa, volume))
                 for k in (known.lowest, known.highest)
             ]
-            drawn[:, at.PRESSURE] = np.clip(drawn[:, at.PRESSURE], *ends)
+            drawn[:, unknowns.PRESSURE] = np.clip(drawn[:, unknowns.PRESSURE], *ends)
 
         eye_z = np.clip(
             self.off(drawn), -compiled_fit.FARTHEST_EYE, compiled_fit.FARTHEST_EYE
@@ -147,10 +149,10 @@ def problem_of(
     """The problem of a frame."""
     step = -(-len(lateral_m) // compiled_fit.COLUMNS)
     boundary, column = np.nonzero(np.isfinite(depth_bc[:, ::step]))
-    places = Places(lateral_m[column * step], boundary, smoothing_m)
+    places = PlacesOnFrame(lateral_m[column * step], boundary, smoothing_m)
     apart_m = float(np.median(np.diff(places.lateral_m[: places.outer])))
     sd_m = np.where(boundary == 0, compiled_fit.OUTER_SD_M, compiled_fit.INNER_SD_M)
-    columns = Columns(
+    columns = WallColumns(
         places,
         depth_bc[boundary, column * step],
         sd_m,
@@ -159,8 +161,8 @@ def problem_of(
     walls = Walls(
         library,
         prior.globe,
-        gap_m=float(prior.mean[at.GAP]),
-        thickness_m=float(prior.mean[at.THICKNESS]),
+        gap_m=float(prior.mean[unknowns.GAP]),
+        thickness_m=float(prior.mean[unknowns.THICKNESS]),
     )
 
     return Problem(walls, columns, prior)
@@ -180,7 +182,7 @@ def fit_at(problem: Problem, unknown: Floats) -> BoundaryFit:
     draws_n = problem.drawn_forces(unknown, spread_uz)
     low_n, force, high_n = np.quantile(draws_n, [0.05, 0.5, 0.95])
     iop_pa = np.exp(unknown[law.pressure])
-    radius_m = problem.walls.library.radius_m * np.exp(unknown[at.SIZE])
+    radius_m = problem.walls.library.radius_m * np.exp(unknown[unknowns.SIZE])
     below_m = problem.columns.residual(placed) * compiled_fit.INNER_SD_M
     layer = (
         (problem.columns.places.boundary == 1)
@@ -193,8 +195,8 @@ def fit_at(problem: Problem, unknown: Floats) -> BoundaryFit:
         force_n=force,
         interval_n=(low_n, high_n),
         draws_n=draws_n,
-        contact_m=unknown[at.LATERAL],
-        tip_m=unknown[at.TIP],
+        contact_m=unknown[unknowns.LATERAL],
+        tip_m=unknown[unknowns.TIP],
         misfit_m=misfit * compiled_fit.OUTER_SD_M,
         outliers=float(
             np.mean((residual > compiled_fit.OUTLIER_SD * max(1.0, misfit)) & ~layer)
@@ -203,6 +205,9 @@ def fit_at(problem: Problem, unknown: Floats) -> BoundaryFit:
         unknown=unknown,
         spread=spread_uz.T,
         iop_pa=iop_pa,
-        tension=iop_pa / np.exp(unknown[at.MODULUS]) * radius_m / unknown[at.THICKNESS],
+        tension=iop_pa
+        / np.exp(unknown[unknowns.MODULUS])
+        * radius_m
+        / unknown[unknowns.THICKNESS],
         loss=cost,
     )

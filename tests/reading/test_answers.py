@@ -30,10 +30,10 @@ from scleraforce.base.errors import InputError
 from scleraforce.fit.unknowns import GAP
 from scleraforce.lab.drawn_bscan import draw_shaft, render_bscan
 from scleraforce.lab.tissue_light import sample_optics
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.reading import interval_widths
 from scleraforce.reading.answer import Answer, Reading
-from scleraforce.reading.load_model import load_model
+from scleraforce.reading.load_model import load_reader
 from scleraforce.reading.reading_models import SHIFTS, ForceReader
 from scleraforce.records.eye import Known, Modulus
 from scleraforce.records.scan import PixelScale
@@ -59,18 +59,22 @@ def withdrawn(found: Answer) -> str:
     return found.reason
 
 
-def plate(depth_m: float, thickness_m: float = 0.6e-3, slope: float = 0.0) -> Section:
+def plate(
+    depth_m: float, thickness_m: float = 0.6e-3, slope: float = 0.0
+) -> WallSection:
     lateral = np.linspace(-9e-3, 9e-3, 300)
     outer = np.stack([lateral, depth_m + slope * lateral], axis=1)
-    return Section(outer, outer + np.array([0.0, thickness_m]))
+    return WallSection(outer, outer + np.array([0.0, thickness_m]))
 
 
-def ball(radius_m: float) -> Section:
+def ball(radius_m: float) -> WallSection:
     """A shell of another radius than an eye's."""
     angle = np.linspace(-1, 1, 400) * min(1.5, 9e-3 / radius_m)
     centre = np.array([0.0, 0.4e-3 + radius_m])
     around = np.stack([np.sin(angle), -np.cos(angle)], axis=1)
-    return Section(centre + radius_m * around, centre + (radius_m - 0.6e-3) * around)
+    return WallSection(
+        centre + radius_m * around, centre + (radius_m - 0.6e-3) * around
+    )
 
 
 @pytest.mark.parametrize("force_n", [0.003, 0.007, 0.015, 0.035])
@@ -238,7 +242,7 @@ def test_a_limbus_at_a_false_scale_is_not_read_as_a_dent() -> None:
     )
     outer = outer[outer[:, 1] < 4.5e-3]
     down_m = 0.65e-3 * np.hypot(1.0, np.gradient(outer[:, 1], outer[:, 0]))
-    frame = image(Section(outer, outer + np.stack([0.0 * down_m, down_m], axis=1)))
+    frame = image(WallSection(outer, outer + np.stack([0.0 * down_m, down_m], axis=1)))
     agreeing = Reading(
         probabilities=(0.0, 0.1, 0.9),
         force_n=0.034,
@@ -492,7 +496,7 @@ def test_a_frame_with_a_needle_is_withdrawn_from_in_the_loop_and_far_from_the_st
 def test_a_classifier_withdraws_from_a_needle_in_the_picture(
     crossed: np.ndarray, write_model, tmp_path: Path
 ) -> None:
-    model = load_model(write_model(tmp_path / "model", STUDY).path)
+    model = load_reader(write_model(tmp_path / "model", STUDY).path)
     for found in (
         model.read(crossed, SCALE, NEAR),
         model.read_live(crossed, SCALE, NEAR),

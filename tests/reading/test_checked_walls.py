@@ -50,11 +50,11 @@ from scleraforce.fit.unknowns import (
 )
 from scleraforce.lab.drawn_bscan import render_bscan
 from scleraforce.lab.tissue_light import sample_conjunctiva, sample_optics
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.reading.answer import Answer
 from scleraforce.reading.load_model import load_classifier, load_force_reader
 from scleraforce.reading.reading_models import ForceReader
-from scleraforce.reading.tissue_memory import History
+from scleraforce.reading.tissue_memory import TissueMemory
 from scleraforce.recordings.recording_folder import read_recording
 from scleraforce.records.fields import fixed
 from scleraforce.records.recording_info import known_of_recording
@@ -243,7 +243,7 @@ def small_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
             THICKNESS_M,
         )
         unknown[[MODULUS, IOP]] = log(MODULUS_PA), log(IOP_PA)
-        frames.append(image(Section(*formed_wall(walls, unknown))))
+        frames.append(image(WallSection(*formed_wall(walls, unknown))))
 
     frames.append(
         np.random.default_rng(0).integers(0, 4096, frames[0].shape, dtype=np.uint16)
@@ -295,7 +295,7 @@ def test_all_readings_of_a_frame_are_one(
     known = known_of_recording(info)
     scale = PixelScale.of(info.oct)
     evaluated = sf.evaluate(model, small_recording).frames
-    history = History.unknown(known, 60e-3)
+    history = TissueMemory.unknown(known, 60e-3)
 
     for n, (answer, other, path) in enumerate(
         zip(answers, evaluated, paths, strict=True)

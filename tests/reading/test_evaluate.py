@@ -22,10 +22,10 @@ from small_recordings import (
 from scleraforce.base.errors import RecordingError
 from scleraforce.calibration.evaluation import (
     FrameAnswer,
-    _Session,
+    _EvaluatedRecording,
     evaluate_recordings,
 )
-from scleraforce.reading.answer import unusable
+from scleraforce.reading.answer import unusable_answer
 from scleraforce.reading.load_model import load_classifier, load_wall_finder
 from scleraforce.reading.reading_models import Classifier
 from scleraforce.recordings.formats.image_files import read_frame
@@ -140,12 +140,14 @@ def read_as(
     recording: Path, times_s: np.ndarray, forces_n: np.ndarray, reader: Classifier
 ) -> tuple[FrameAnswer, ...]:
     """Return the frames of an evaluation at these times that read as these forces."""
-    one = FrameAnswer(recording="", eye="", file="", answer=unusable(3, "not asked"))
+    one = FrameAnswer(
+        recording="", eye="", file="", answer=unusable_answer(3, "not asked")
+    )
     given = zip(times_s.tolist(), forces_n.tolist(), strict=True)
     frames = tuple(
         FrameEntry(f"{number}.png", at_s) for number, (at_s, _) in enumerate(given)
     )
-    session = _Session.of(
+    session = _EvaluatedRecording.of(
         reader, replace(read_recording(recording), frames=frames, forces=None), None
     )
     answers = [

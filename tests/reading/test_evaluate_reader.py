@@ -23,7 +23,7 @@ from scleraforce.calibration.evaluation import (
     evaluate_recordings,
 )
 from scleraforce.reading.answer import Answer
-from scleraforce.reading.load_model import load_model
+from scleraforce.reading.load_model import load_reader
 from scleraforce.reading.reading_models import Reader
 from scleraforce.recordings.formats.image_files import read_frame
 from scleraforce.recordings.recording_folder import read_recording
@@ -43,7 +43,7 @@ def places(tmp_path_factory) -> dict[str, Path]:
 
 @pytest.fixture(scope="module")
 def model(places) -> Reader:
-    return load_model(places["model"])
+    return load_reader(places["model"])
 
 
 @pytest.fixture(scope="module")
@@ -312,8 +312,8 @@ def test_intervals_are_stretched_to_hold_on_recordings(
         (row["eyes"], row["readings"]) == (1, 3) and row["factor"] >= 1.0
         for row in changes.values()
     )
-    before = load_model(places["model"])
-    after = load_model(out)
+    before = load_reader(places["model"])
+    after = load_reader(out)
     assert after.record["intervals"]["source"] == "recordings of mine"
     modulus = Modulus(mean_pa=MODULUS_PA, sd_pa=0.01 * MODULUS_PA, source="own")
     one_frame = replace(NO_DISCREPANCY, widest_gap=1.0)

@@ -13,9 +13,9 @@ from relaxing_eyes import BOUNDS_N, FORCES_N, TISSUE, found_in, pushed, read_as
 from scleraforce.base.normal_distribution import NINETY_PERCENT
 from scleraforce.base.units import to_si
 from scleraforce.lab.needle_pushes import NeedlePath
-from scleraforce.reading.answer import Reading, unusable
-from scleraforce.reading.needle_lean import LEAN_SD, Lean
-from scleraforce.reading.tissue_memory import DENSE_S, FeltForce, History, Leak
+from scleraforce.reading.answer import Reading, unusable_answer
+from scleraforce.reading.needle_lean import LEAN_SD, NeedleLean
+from scleraforce.reading.tissue_memory import DENSE_S, FeltForce, Leak, TissueMemory
 from scleraforce.records.eye import Known, Modulus
 from scleraforce.records.globe import known_globe
 from scleraforce.records.tissue_relaxation import KnownRelaxation
@@ -34,7 +34,7 @@ def calibrated(seed: int = 0) -> KnownRelaxation:
 
 
 def follow(known: KnownRelaxation, path: NeedlePath, times_s: np.ndarray):
-    history = History.unknown(Known(relaxation=known), MOST_N)
+    history = TissueMemory.unknown(Known(relaxation=known), MOST_N)
     answers = []
 
     for time_s, elastic_n in zip(times_s, path.elastic_n(times_s), strict=True):
@@ -89,12 +89,14 @@ def test_an_unknown_history_is_forgotten_and_its_interval_narrows() -> None:
 
 
 def test_a_gap_widens_the_interval_and_unusable_frames_are_gaps() -> None:
-    history = History.unknown(TISSUE_KNOWN, MOST_N)
+    history = TissueMemory.unknown(TISSUE_KNOWN, MOST_N)
     for time_s in np.arange(0.0, 30.0, 0.1):
         before, history = history.read(read_as(0.03), BOUNDS_N, float(time_s))
 
     for time_s in np.arange(30.0, 32.0, 0.1):
-        refused, history = history.read(unusable(3, "no wall"), BOUNDS_N, float(time_s))
+        refused, history = history.read(
+            unusable_answer(3, "no wall"), BOUNDS_N, float(time_s)
+        )
         assert refused.force_n is None
 
     after, history = history.read(read_as(0.03), BOUNDS_N, 32.0)
@@ -116,7 +118,7 @@ def test_frames_held_as_in_the_calibration_need_no_history() -> None:
     inside = []
 
     for alone in (False, True):
-        history = History.unknown(Known(relaxation=known), MOST_N)
+        history = TissueMemory.unknown(Known(relaxation=known), MOST_N)
         for time_s, elastic_n, true_n in zip(
             frame_s, path.elastic_n(frame_s), path.felt_n(frame_s), strict=True
         ):
@@ -138,7 +140,7 @@ def test_a_known_hold_gives_the_force_of_a_frame_that_is_not_held_as_in_the_cali
     rest = replace(
         known, before_n=nothing, before_covariance_n2=(nothing,) * len(nothing)
     )
-    history = History.unknown(Known(relaxation=rest), MOST_N)
+    history = TissueMemory.unknown(Known(relaxation=rest), MOST_N)
 
     for held_s in (0.5, 1.0, 20.0):
         told, _ = history.read(read_as(0.03), BOUNDS_N, held_s=held_s)
@@ -160,7 +162,7 @@ def test_elastic_tissue_and_tissue_of_which_nothing_is_known_keep_the_answer() -
     ):
         answer = read_as(0.02)
         assert (
-            History.unknown(Known(relaxation=known), MOST_N).read(
+            TissueMemory.unknown(Known(relaxation=known), MOST_N).read(
                 answer, BOUNDS_N, 1.0
             )[0]
             is answer
@@ -175,7 +177,7 @@ def test_the_readings_of_each_method_are_turned_as_the_answer_is() -> None:
         interval_n=answer.interval_n,
         contact_m=0.0,
     )
-    turned, _ = History.unknown(TISSUE_KNOWN, MOST_N).read(
+    turned, _ = TissueMemory.unknown(TISSUE_KNOWN, MOST_N).read(
         replace(answer, readings=(("fit", reading),)), BOUNDS_N
     )
     ((_, found),) = turned.readings
@@ -206,7 +208,7 @@ def test_a_needle_that_has_let_go_feels_nothing() -> None:
     assert (forces_n[off] == 0.0).all()
 
 
-def watched(times_s: np.ndarray, path: NeedlePath, history: History):
+def watched(times_s: np.ndarray, path: NeedlePath, history: TissueMemory):
     """Answers of a monitor to the frames of a path, and the history after them."""
     answers = []
     for time_s, elastic_n in zip(times_s, path.elastic_n(times_s), strict=True):
@@ -241,7 +243,9 @@ def inside(answers, felt_n: np.ndarray) -> bool:
 def test_a_monitor_that_starts_late_holds_every_history_and_forgets_it() -> None:
     times_s = np.arange(8.0, 60.0, 0.1)
     for path in random_paths(20):
-        answers, _ = watched(times_s, path, History.monitored(TISSUE_KNOWN, MOST_N))
+        answers, _ = watched(
+            times_s, path, TissueMemory.monitored(TISSUE_KNOWN, MOST_N)
+        )
         assert inside(answers, path.felt_n(times_s))
         widths = np.array(
             [answer.interval_n[1] - answer.interval_n[0] for answer in answers]
@@ -255,7 +259,9 @@ def test_each_gap_of_a_monitor_widens_the_interval_around_all_that_may_have_been
     after_s = np.arange(8.0, 30.0, 0.1)
 
     for path in random_paths(20):
-        _, history = watched(before_s, path, History.monitored(TISSUE_KNOWN, MOST_N))
+        _, history = watched(
+            before_s, path, TissueMemory.monitored(TISSUE_KNOWN, MOST_N)
+        )
         for gap_s in (
             0.0,
             1.0,
@@ -266,14 +272,14 @@ def test_each_gap_of_a_monitor_widens_the_interval_around_all_that_may_have_been
             assert inside(late, path.felt_n(after_s + gap_s))
             history = after if gap_s else history
 
-        refused, unchanged = history.read(unusable(3, "no wall"), BOUNDS_N, 40.0)
+        refused, unchanged = history.read(unusable_answer(3, "no wall"), BOUNDS_N, 40.0)
         assert (refused.force_n, unchanged) == (None, history)
 
 
 def test_the_median_of_a_monitor_that_starts_at_rest_is_the_felt_force() -> None:
     path = NeedlePath(CORNERS_S, CORNERS_N, TISSUE)
     times_s = np.arange(0.1, 24.0, 0.01)
-    answers, _ = watched(times_s, path, History.monitored(TISSUE_KNOWN, MOST_N))
+    answers, _ = watched(times_s, path, TissueMemory.monitored(TISSUE_KNOWN, MOST_N))
     assert [answer.force_n for answer in answers] == pytest.approx(
         path.felt_n(times_s), abs=0.05e-3
     )
@@ -283,7 +289,7 @@ def test_a_reading_of_nan_does_not_enter_the_history() -> None:
     _, history = watched(
         np.arange(0.0, 1.0, 0.01),
         NeedlePath(CORNERS_S, CORNERS_N, TISSUE),
-        History.monitored(TISSUE_KNOWN, MOST_N),
+        TissueMemory.monitored(TISSUE_KNOWN, MOST_N),
     )
     answer = replace(read_as(0.01), force_n=float("nan"))
     assert history.read(answer, BOUNDS_N, 1.0) == (answer, history)
@@ -352,12 +358,12 @@ def test_a_needle_that_leans_feels_the_force_along_it(
 ) -> None:
     known, (least, factor, most), others = LEANS[case]
     elastic = read_as(0.02)
-    upright, _ = History.unknown(Known(relaxation=relaxation), MOST_N).read(
+    upright, _ = TissueMemory.unknown(Known(relaxation=relaxation), MOST_N).read(
         elastic, BOUNDS_N
     )
-    leaning, _ = History.unknown(replace(known, relaxation=relaxation), MOST_N).read(
-        elastic, BOUNDS_N
-    )
+    leaning, _ = TissueMemory.unknown(
+        replace(known, relaxation=relaxation), MOST_N
+    ).read(elastic, BOUNDS_N)
     low_n, high_n = upright.interval_n
     force_n = upright.force_n
     assert leaning.force_n == pytest.approx(factor * force_n)
@@ -382,8 +388,10 @@ def test_a_needle_that_leans_feels_the_force_along_it(
 
 def test_a_shaft_in_the_picture_gives_the_lean_where_nothing_else_does_and_may_contradict_it():
     seen = 30 * DEG
-    assert Lean.of(Known(), -seen) == Lean.of(Known(lean_rad=(seen, seen)), None)
-    assert Lean.of(Known(modulus=OWN), seen) == Lean((seen, seen))
+    assert NeedleLean.of(Known(), -seen) == NeedleLean.of(
+        Known(lean_rad=(seen, seen)), None
+    )
+    assert NeedleLean.of(Known(modulus=OWN), seen) == NeedleLean((seen, seen))
     # it may lean out of the picture, too
     steeper = replace(Known(), lean_rad=(45 * DEG, 45 * DEG))
 
@@ -398,7 +406,7 @@ def test_a_shaft_in_the_picture_gives_the_lean_where_nothing_else_does_and_may_c
         ),  # to the other side
         (Known(lean_rad=(0.0, 45 * DEG), lean_azimuth_rad=0.0), False),
     ):
-        found = Lean.of(known, seen)
+        found = NeedleLean.of(known, seen)
         assert found.ends_rad == known.lean_rad
         assert bool(found.doubts) == contradicts
 

@@ -21,11 +21,11 @@ from scleraforce.reading.interval_widths import (
     FIT_TRAITS,
     NETWORK_TRAITS,
     NO_FACTORS,
-    Score,
+    IntervalScore,
     conformal_quantile,
+    find_stretches,
     parse_factors,
-    scored,
-    stretches,
+    score_reading,
     traits_of,
 )
 from scleraforce.records.eye import NO_DISCREPANCY, Known, Modulus
@@ -38,13 +38,15 @@ BOUNDS_N = (5e-3, 30e-3)
 OWN_EVEN = ("own E", "open")
 
 
-def scores_of_eyes(rng: np.random.Generator, eyes: int, frames: int) -> list[Score]:
+def scores_of_eyes(
+    rng: np.random.Generator, eyes: int, frames: int
+) -> list[IntervalScore]:
     """Scores of eyes that differ: each has an error of its own, larger than its
     frames'.
     """
     own = np.abs(rng.standard_normal(eyes))
     return [
-        Score(
+        IntervalScore(
             "fit",
             OWN_EVEN,
             str(eye),
@@ -55,8 +57,11 @@ def scores_of_eyes(rng: np.random.Generator, eyes: int, frames: int) -> list[Sco
     ]
 
 
-def of_fit(score_of_eye: dict[str, float]) -> list[Score]:
-    return [Score("fit", OWN_EVEN, eye, value) for eye, value in score_of_eye.items()]
+def of_fit(score_of_eye: dict[str, float]) -> list[IntervalScore]:
+    return [
+        IntervalScore("fit", OWN_EVEN, eye, value)
+        for eye, value in score_of_eye.items()
+    ]
 
 
 def test_the_quantile_of_some_eyes_holds_on_others() -> None:
@@ -89,14 +94,14 @@ def test_the_quantile_weighs_eyes_alike_and_counts_a_new_one() -> None:
 def test_stretches_count_what_held_before_and_are_of_all_readings_with_one_kind_of_modulus():
     did = ((0.5, "open"), (1.0, "open"), (1.5, "taut"), (3.0, "taut"))
     scores = [
-        Score("fit", ("own E", kind, "light"), str(eye % 3), value)
+        IntervalScore("fit", ("own E", kind, "light"), str(eye % 3), value)
         for eye, (value, kind) in enumerate(did)
     ]
     scores += [
-        Score("fit", ("other E", "sealed"), "x", 2.0),
-        Score("network", ("own E", "open"), "x", 4.0),
+        IntervalScore("fit", ("other E", "sealed"), "x", 2.0),
+        IntervalScore("network", ("own E", "open"), "x", 4.0),
     ]
-    of_other, of_own, of_network = stretches(scores)
+    of_other, of_own, of_network = find_stretches(scores)
     assert (of_own.method, of_own.modulus, of_own.globes) == (
         "fit",
         "own E",
@@ -149,7 +154,8 @@ def test_a_stretched_fit_has_the_quantiles_of_stretched_draws() -> None:
         assert found.force_n == fit.force_n
         ends_n = *found.interval_n, found.force_n
         scores = [
-            scored("fit", found, Known(), "an eye", end_n).score for end_n in ends_n
+            score_reading("fit", found, Known(), "an eye", end_n).score
+            for end_n in ends_n
         ]
         assert scores == pytest.approx([1.0, 1.0, 0.0])
 
@@ -423,7 +429,7 @@ def test_a_record_with_other_factors_is_refused() -> None:
 def test_few_eyes_widen_intervals_and_never_narrow_them() -> None:
     for eyes, narrowed in ((8, 1.0), (9, 0.5)):
         for value, factor in ((0.5, narrowed), (3.0, 3.0)):
-            (change,) = stretches(of_fit({str(eye): value for eye in range(eyes)}))
+            (change,) = find_stretches(of_fit({str(eye): value for eye in range(eyes)}))
             assert change.factor == factor
 
 

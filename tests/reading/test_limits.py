@@ -14,9 +14,9 @@ from scleraforce.reading.trained_ranges import (
     RAW_READER,
     READER,
     limit_notes,
-    limits,
     outside_training,
     reading_ranges,
+    untrained_values,
 )
 from scleraforce.records.eye import EyeInfo, Known, Modulus
 from scleraforce.records.globe import SEALED, known_globe
@@ -180,10 +180,10 @@ def test_a_frame_whose_whole_width_shows_the_wall_is_refused_where_its_width_was
             too_little_wall(*wall, is_calibrated=is_own) for is_own in (False, True)
         )
         assert (calibrated is None) == (width_mm > 3.5)
-        (said,) = limits(READER, STUDY, Known(), scan) or ("",)
+        (said,) = untrained_values(READER, STUDY, Known(), scan) or ("",)
         assert (
             bool(said)
-            == bool(limits(RAW_READER, STUDY, Known(), scan))
+            == bool(untrained_values(RAW_READER, STUDY, Known(), scan))
             == (refused is not None)
         )
         assert (calibrated or refused or "") in said
@@ -192,7 +192,7 @@ def test_a_frame_whose_whole_width_shows_the_wall_is_refused_where_its_width_was
     assert least_wall_m(narrow.slice) == pytest.approx(
         60 / STUDY.slice.columns * least_wall_m(STUDY.slice)
     )
-    assert limits(READER, narrow, Known(), replace(SCAN, width_m=6e-3)) == ()
+    assert untrained_values(READER, narrow, Known(), replace(SCAN, width_m=6e-3)) == ()
 
 
 def test_a_frame_is_refused_where_it_is_less_deep_than_the_curve_of_the_largest_eye():
@@ -207,7 +207,7 @@ def test_a_frame_is_refused_where_it_is_less_deep_than_the_curve_of_the_largest_
         refused = too_little_wall(
             lateral_m, np.where(curve_m <= depth_m, curve_m, np.nan), STUDY.slice
         )
-        said = limits(READER, STUDY, Known(), replace(SCAN, depth_m=depth_m))
+        said = untrained_values(READER, STUDY, Known(), replace(SCAN, depth_m=depth_m))
         assert any("of the wall are visible" in sentence for sentence in said) == bool(
             refused
         )
@@ -215,12 +215,12 @@ def test_a_frame_is_refused_where_it_is_less_deep_than_the_curve_of_the_largest_
 
 def test_a_raw_reader_takes_the_refractive_index_of_its_training_and_a_sealed_globe_needs_no_rigidity():
     stretched = replace(SCAN, refractive_index=1.38)
-    assert limits(READER, STUDY, Known(), stretched) == ()
-    (said,) = limits(RAW_READER, STUDY, Known(), stretched)
+    assert untrained_values(READER, STUDY, Known(), stretched) == ()
+    (said,) = untrained_values(RAW_READER, STUDY, Known(), stretched)
     assert said == "refractive index 1.38 of the frame, the model was trained with 1"
-    assert limits(READER, STUDY, Known(globe=SEALED), SCAN) == ()
+    assert untrained_values(READER, STUDY, Known(globe=SEALED), SCAN) == ()
     stiff = known_globe("sealed", to_si(0.07, "mmhg13_per_ul"))
-    assert len(limits(READER, STUDY, Known(globe=stiff), SCAN)) == 1
+    assert len(untrained_values(READER, STUDY, Known(globe=stiff), SCAN)) == 1
 
 
 def test_a_wall_finder_has_no_ranges_and_no_limits_but_the_reader_s_scale() -> None:

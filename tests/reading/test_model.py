@@ -17,7 +17,7 @@ from small_models import (
 )
 
 from scleraforce.base.errors import ModelError
-from scleraforce.reading.load_model import load_classifier, load_model, opened
+from scleraforce.reading.load_model import load_classifier, load_reader, opened_reader
 from scleraforce.records.eye import Known, Modulus
 from scleraforce.records.globe import OPEN, SEALED
 from scleraforce.records.scan import OctInfo
@@ -31,8 +31,8 @@ def slices(count: int, shape: tuple[int, int] = (8, 10)) -> np.ndarray:
 
 
 def test_probabilities_equal_the_network_computed_in_numpy(tiny_model) -> None:
-    reader = load_model(tiny_model.path)
-    other = load_model(tiny_model.path)
+    reader = load_reader(tiny_model.path)
+    other = load_reader(tiny_model.path)
     found = reader.probabilities(slices(50))
     np.testing.assert_allclose(
         found, tiny_model.network.probabilities(slices(50)), atol=1e-6
@@ -46,7 +46,7 @@ def test_probabilities_equal_the_network_computed_in_numpy(tiny_model) -> None:
 
 
 def test_slices_of_another_shape_type_or_value_are_refused(tiny_model) -> None:
-    reader = load_model(tiny_model.path)
+    reader = load_reader(tiny_model.path)
     other = (
         slices(2, (10, 8)),
         slices(1)[0],
@@ -73,16 +73,16 @@ def test_a_changed_file_and_a_missing_one_are_named(tiny_model) -> None:
             ModelError,
             match="model.json" if name == "model.json" else f"{name}: SHA-256",
         ):
-            load_model(tiny_model.path)
+            load_reader(tiny_model.path)
 
         path.unlink()
         with pytest.raises(ModelError, match=name):
-            load_model(tiny_model.path)
+            load_reader(tiny_model.path)
 
         path.write_bytes(content)
 
     with pytest.raises(ModelError, match="no such folder"):
-        load_model(tiny_model.path / "nothing")
+        load_reader(tiny_model.path / "nothing")
 
 
 def test_another_study_than_the_networks_is_refused_even_where_the_hashes_agree(
@@ -98,7 +98,7 @@ def test_another_study_than_the_networks_is_refused_even_where_the_hashes_agree(
         study.write_text(text.replace(stated, other))
         rehash_model(tiny_model.path, "study.toml")
         with pytest.raises(ModelError, match=field):
-            load_model(tiny_model.path)
+            load_reader(tiny_model.path)
 
 
 def test_a_record_that_cannot_be_used_is_refused(tiny_model) -> None:
@@ -116,7 +116,7 @@ def test_a_record_that_cannot_be_used_is_refused(tiny_model) -> None:
     ):
         (tiny_model.path / "model.json").write_text(content)
         with pytest.raises(ModelError, match=field):
-            load_model(tiny_model.path)
+            load_reader(tiny_model.path)
 
 
 def test_a_network_that_cannot_be_used_is_refused(tiny_model) -> None:
@@ -131,7 +131,7 @@ def test_a_network_that_cannot_be_used_is_refused(tiny_model) -> None:
     rehash_model(tiny_model.path, "model.onnx")
 
     with pytest.raises(ModelError, match="not finite"):
-        load_model(tiny_model.path).probabilities(slices(1))
+        load_reader(tiny_model.path).probabilities(slices(1))
 
     onnx.save(
         model,
@@ -143,12 +143,12 @@ def test_a_network_that_cannot_be_used_is_refused(tiny_model) -> None:
     rehash_model(tiny_model.path, "model.onnx")
 
     with pytest.raises(ModelError, match="asks for data in other files"):
-        load_model(tiny_model.path)
+        load_reader(tiny_model.path)
 
     path.write_bytes(b"not a network")
     rehash_model(tiny_model.path, "model.onnx")
     with pytest.raises(ModelError, match="ONNX Runtime"):
-        load_model(tiny_model.path)
+        load_reader(tiny_model.path)
 
 
 SCAN = OctInfo(columns=512, rows=512, bits=12, width_m=15e-3, depth_m=4e-3)
@@ -199,10 +199,10 @@ def folder(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 
 
 def test_models_are_copied_and_pickled(folder: Path) -> None:
-    model = load_model(folder)
+    model = load_reader(folder)
     for other in (
         pickle.loads(pickle.dumps(model)),
-        pickle.loads(pickle.dumps(load_model(folder, finder=None))),
+        pickle.loads(pickle.dumps(load_reader(folder, finder=None))),
         copy.deepcopy(model),
         copy.copy(model),
     ):
@@ -212,12 +212,12 @@ def test_models_are_copied_and_pickled(folder: Path) -> None:
         assert (other.record, other.provenance) == (model.record, model.provenance)
 
     assert pickle.loads(pickle.dumps(model)).finder.origin == model.finder.origin
-    assert pickle.loads(pickle.dumps(load_model(folder, finder=None))).finder is None
+    assert pickle.loads(pickle.dumps(load_reader(folder, finder=None))).finder is None
     assert len(pickle.dumps(model)) < 2000  # neither network nor library
 
 
 def test_a_pickled_model_reads_the_same_in_another_process(tiny_model) -> None:
-    model = load_model(tiny_model.path)
+    model = load_reader(tiny_model.path)
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, mp_context=context) as pool:
         found = pool.submit(model.probabilities, slices(5)).result()
@@ -227,7 +227,7 @@ def test_a_pickled_model_reads_the_same_in_another_process(tiny_model) -> None:
 def test_a_pickle_does_not_load_a_changed_or_another_model(
     folder: Path, tmp_path: Path
 ) -> None:
-    pickled = pickle.dumps(load_model(folder, finder=None))
+    pickled = pickle.dumps(load_reader(folder, finder=None))
     record = (folder / "model.json").read_text()
     changes = {
         "card.md": (folder / "card.md").read_text() + "more",
@@ -253,10 +253,10 @@ def test_a_model_that_no_folder_gave_is_not_pickled() -> None:
 
 
 def test_a_model_is_named_by_its_folder_and_checked_at_each_use(folder: Path) -> None:
-    model = opened(folder)
+    model = opened_reader(folder)
     assert (model.path, model.finder is None) == (folder, False)
-    assert opened(model) is model
-    assert opened("default") is opened("default")
+    assert opened_reader(model) is model
+    assert opened_reader("default") is opened_reader("default")
     (folder / "study.toml").write_text("")
     with pytest.raises(ModelError, match=r"study\.toml: SHA-256"):
-        opened(str(folder))
+        opened_reader(str(folder))

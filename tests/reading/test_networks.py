@@ -16,7 +16,7 @@ from scleraforce.base.errors import ModelError
 from scleraforce.base.units import to_si
 from scleraforce.library.moving_base import pole_directions
 from scleraforce.reading import force_network
-from scleraforce.reading.load_model import load_classifier, load_model
+from scleraforce.reading.load_model import load_classifier, load_reader
 from scleraforce.records.eye import ForceDiscrepancy, Known, Modulus
 from scleraforce.records.globe import OPEN, UNKNOWN, known_globe
 from scleraforce.records.model_folder import sha256
@@ -176,7 +176,9 @@ def test_the_stiffening_is_even_in_the_logarithm_from_0_to_30() -> None:
         assert given(stiffening=stiffening)["stiffening"] == pytest.approx(
             wanted, abs=1e-6
         )
-    assert force_network.given_eye(Known(stiffening=5.0)).stiffening.tolist() == [5.0]
+    assert force_network.eye_for_network(Known(stiffening=5.0)).stiffening.tolist() == [
+        5.0
+    ]
 
 
 pytest.importorskip("torch")
@@ -205,7 +207,7 @@ def own(modulus_pa: float = 0.3e6, sd_pa: float = 5e3) -> Known:
 
 
 def test_force_and_interval_scale_with_the_given_modulus(folder: Path) -> None:
-    reader = load_model(folder)
+    reader = load_reader(folder)
     edges = force_network.ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
 
     for modulus_pa in (0.2e6, 0.5e6):
@@ -237,7 +239,7 @@ def test_an_eye_s_discrepancy_of_forces_moves_the_reading_and_its_interval(
     stiffer = ForceDiscrepancy(
         level=0.05, growth=0.4, level_sd=0.01, growth_sd=0.02, correlation=0.0
     )
-    reader = load_model(folder)
+    reader = load_reader(folder)
     was, now = (
         reader.network.read(CUTS, replace(own(), discrepancy=found))
         for found in (None, stiffer)
@@ -267,7 +269,7 @@ def test_several_slices_are_read_by_the_mean_of_their_histograms(
             fed.append(inputs)
             return histograms, np.array([0.1e-3, 0.4e-3], dtype=np.float32)
 
-    reader = load_model(folder)
+    reader = load_reader(folder)
     edges = force_network.ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
     monkeypatch.setattr(reader.network, "_session", Session())
     read = reader.network.read(CUTS[:2], replace(own(), iop_pa=250.0))
@@ -280,7 +282,7 @@ def test_several_slices_are_read_by_the_mean_of_their_histograms(
 
 
 def test_the_known_values_of_an_eye_reach_the_network_and_the_others_are_nan() -> None:
-    eye = force_network.given_eye(Known(iop_pa=250.0, gap_m=0.5e-3))
+    eye = force_network.eye_for_network(Known(iop_pa=250.0, gap_m=0.5e-3))
     assert (eye.iop_pa[0], eye.gap_m[0]) == (250.0, 0.5e-3)
     unknown = (
         eye.modulus_pa,
@@ -290,13 +292,15 @@ def test_the_known_values_of_an_eye_reach_the_network_and_the_others_are_nan() -
         eye.direction_rad,
     )
     assert np.isnan(unknown).all()
-    assert force_network.given_eye(own(0.25e6, 1.0)).modulus_sd_fraction[0] == 0.01
-    placed = force_network.given_eye(Known(polar_rad=0.6, direction_rad=-1.2))
+    assert (
+        force_network.eye_for_network(own(0.25e6, 1.0)).modulus_sd_fraction[0] == 0.01
+    )
+    placed = force_network.eye_for_network(Known(polar_rad=0.6, direction_rad=-1.2))
     assert (placed.polar_rad[0], placed.direction_rad[0]) == (0.6, -1.2)
 
 
 def test_a_folder_whose_parts_do_not_fit_is_refused(folder: Path) -> None:
-    reader = load_model(folder)
+    reader = load_reader(folder)
     assert (reader.default, reader.kind) == ("fit", "reader")
     with pytest.raises(ModelError, match="found 'reader', a classifier is needed here"):
         load_classifier(folder)
@@ -308,7 +312,7 @@ def test_a_folder_whose_parts_do_not_fit_is_refused(folder: Path) -> None:
     )
 
     with pytest.raises(ModelError, match="default: found 'guess'"):
-        load_model(folder)
+        load_reader(folder)
 
     (folder / "model.json").write_text(record)
     rewrite(
@@ -318,9 +322,9 @@ def test_a_folder_whose_parts_do_not_fit_is_refused(folder: Path) -> None:
     )
 
     with pytest.raises(ModelError, match="outputs: found"):
-        load_model(folder)
+        load_reader(folder)
 
     rewrite(folder, "study.toml", study.encode())
     rewrite(folder, "library.npz", b"nothing")
     with pytest.raises(ModelError, match=r"library\.npz: not a response library"):
-        load_model(folder)
+        load_reader(folder)

@@ -18,7 +18,7 @@ from scleraforce.base.errors import InputError, ModelError
 from scleraforce.calibration.evaluation import evaluate_recordings
 from scleraforce.lab.drawn_bscan import draw_shaft, render_bscan
 from scleraforce.lab.tissue_light import sample_optics
-from scleraforce.reading.load_model import load_model
+from scleraforce.reading.load_model import load_reader
 from scleraforce.reading.reading_models import Reader
 from scleraforce.recordings.recording_folder import read_recording
 
@@ -31,7 +31,7 @@ FORCES_N = 0.012, 0.02
 def model(tmp_path_factory) -> Reader:
     path = tmp_path_factory.mktemp("model") / "reader"
     write_fixed_reader(path, SMALL_LIBRARY, [1.0] * 32)
-    return load_model(path)
+    return load_reader(path)
 
 
 @pytest.fixture(scope="module")
@@ -181,7 +181,7 @@ def test_inputs_that_do_not_fit_are_refused(model, recording, tiny_model) -> Non
             sf.read(model, **given)
 
     with pytest.raises(ModelError, match="a classifier reads single planes"):
-        sf.read(load_model(tiny_model.path), frames[:2])
+        sf.read(load_reader(tiny_model.path), frames[:2])
 
 
 def test_the_command_reads_the_frames_of_a_moment_together(

@@ -20,7 +20,10 @@ from small_recordings import (
 from scleraforce.base.errors import CalibrationError, RecordingError
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.calibration import Calibration
-from scleraforce.calibration.calibration_checks import check_recording, checked
+from scleraforce.calibration.calibration_checks import (
+    check_recording,
+    checked_calibration,
+)
 from scleraforce.front.api.reading_frames import (
     evaluate,
     load_model,
@@ -179,7 +182,7 @@ def test_the_command_ends_with_exit_2_and_writes_no_file(
 
 def checked_with(calibration: Calibration, recording: Recording) -> Calibration:
     summary = summary_of_calibration(calibration)
-    return checked(calibration, summary, [recording], STUDY, LIBRARY, None)
+    return checked_calibration(calibration, summary, [recording], STUDY, LIBRARY, None)
 
 
 def test_a_calibration_keeps_what_its_frames_show(

@@ -20,7 +20,7 @@ from scleraforce.reading.answer import Reading
 from scleraforce.reading.force_network import GIVEN, ForceNetwork
 from scleraforce.reading.frame_checks import WIDEST_N, judged_answer
 from scleraforce.reading.interval_widths import IntervalFactors
-from scleraforce.reading.load_model import load_force_reader, load_model
+from scleraforce.reading.load_model import load_force_reader, load_reader
 from scleraforce.reading.reading_models import RawReader
 from scleraforce.records.eye import NO_DISCREPANCY, Modulus
 from scleraforce.records.study import Study
@@ -36,7 +36,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def reader(folder: Path) -> RawReader:
-    model = load_model(folder)
+    model = load_reader(folder)
     assert isinstance(model, RawReader)
     return model
 

@@ -18,11 +18,11 @@ from analytic_frames import (
 
 from predicted_walls import Walls, formed_wall, predict_wall
 from scleraforce.base.units import to_si
-from scleraforce.fit import unknowns as at
+from scleraforce.fit import unknowns
 from scleraforce.fit.one_frame import fit_boundaries
 from scleraforce.fit.prior_of_an_eye import Prior, prior_of
 from scleraforce.reading.answer import Answer
-from scleraforce.reading.needle_place import Place, Places, places_of
+from scleraforce.reading.needle_place import NeedlePlace, PlaceValue, places_of
 from scleraforce.records.eye import Known
 from scleraforce.wall.needle_in_frame import SeenNeedle
 
@@ -38,7 +38,7 @@ def seen(
     noise_m: float = 0.0,
     needle: SeenNeedle | None = None,
     seed: int = 0,
-) -> Places:
+) -> NeedlePlace:
     rng = np.random.default_rng(seed)
     depth_bc = noisy_boundaries(predict_wall(WALLS, unknown, BOTH), noise_m, rng)
     known = known or known_eye(unknown)
@@ -65,25 +65,31 @@ def test_without_noise_the_places_are_the_walls_own() -> None:
         found = seen(truth, needle=SHAFT)
         on_axis = truth.copy()
         # in a plane through the axis the wall is deepest below the needle
-        on_axis[at.GAP] = 1e-7
+        on_axis[unknowns.GAP] = 1e-7
         wall_m = formed_wall(WALLS, on_axis)[0]
-        axis = np.array([np.cos(truth[at.ROTATION]), np.sin(truth[at.ROTATION])])
+        axis = np.array(
+            [np.cos(truth[unknowns.ROTATION]), np.sin(truth[unknowns.ROTATION])]
+        )
         contact = wall_m[
-            np.argmin(np.abs((wall_m - truth[[at.LATERAL, at.DEPTH]]) @ axis))
+            np.argmin(
+                np.abs((wall_m - truth[[unknowns.LATERAL, unknowns.DEPTH]]) @ axis)
+            )
         ]
-        assert found.contact_m.value == pytest.approx(truth[at.LATERAL], abs=15e-6)
-        assert found.dent_m.value == pytest.approx(truth[at.TIP], rel=0.02)
-        assert found.gap_m.value == pytest.approx(truth[at.GAP], abs=20e-6)
+        assert found.contact_m.value == pytest.approx(
+            truth[unknowns.LATERAL], abs=15e-6
+        )
+        assert found.dent_m.value == pytest.approx(truth[unknowns.TIP], rel=0.02)
+        assert found.gap_m.value == pytest.approx(truth[unknowns.GAP], abs=20e-6)
         assert found.contact_depth_m.value == pytest.approx(contact[1], abs=40e-6)
         assert found.lean_rad.value == pytest.approx(
-            -0.3 - truth[at.ROTATION], abs=3e-3
+            -0.3 - truth[unknowns.ROTATION], abs=3e-3
         )
 
 
 def test_the_contact_is_deeper_than_the_surface_in_a_plane_beside_it() -> None:
     truth = drawn(np.random.default_rng(8), 1.5e-3)
     lateral_m, depth_m = formed_wall(WALLS, truth)[0].T
-    in_plane = depth_m[np.abs(lateral_m - truth[at.LATERAL]) < 0.5e-3].max()
+    in_plane = depth_m[np.abs(lateral_m - truth[unknowns.LATERAL]) < 0.5e-3].max()
     assert seen(truth).contact_depth_m.value > in_plane + 50e-6
 
 
@@ -95,9 +101,9 @@ def test_intervals_hold_the_truth() -> None:
         found = seen(truth, known, 5e-6, seed=seed)
 
         for name, which in (
-            ("contact_m", at.LATERAL),
-            ("dent_m", at.TIP),
-            ("gap_m", at.GAP),
+            ("contact_m", unknowns.LATERAL),
+            ("dent_m", unknowns.TIP),
+            ("gap_m", unknowns.GAP),
         ):
             place = getattr(found, name)
             if place is not None:
@@ -122,7 +128,7 @@ def test_what_the_picture_does_not_tell_is_null() -> None:
     assert unsure.dent_m is not None
     assert unsure.gap_m is None  # a shallow dent looks alike from everywhere
     stated = seen(light, noise_m=5e-6).gap_m
-    assert stated.low < light[at.GAP] < stated.high
+    assert stated.low < light[unknowns.GAP] < stated.high
     # no wider than it was stated
     assert stated.high - stated.low <= 2 * 1.645 * 30e-6 * 1.001
     # no needle leans so
@@ -136,9 +142,9 @@ def test_what_the_picture_does_not_tell_is_null() -> None:
 
 
 def test_the_json_has_each_place_in_human_units_and_an_angle_without_a_sign() -> None:
-    at_m = Place(1.2e-3, 1.1e-3, 1.3e-3)
-    lean = Place(*to_si(np.array([-3.0, -5.0, 1.0]), "deg").tolist())
-    places = Places(contact_m=at_m, dent_m=at_m, lean_rad=lean)
+    at_m = PlaceValue(1.2e-3, 1.1e-3, 1.3e-3)
+    lean = PlaceValue(*to_si(np.array([-3.0, -5.0, 1.0]), "deg").tolist())
+    places = NeedlePlace(contact_m=at_m, dent_m=at_m, lean_rad=lean)
     answer = Answer(
         predicted=1,
         probabilities=(0.0, 1.0, 0.0),
@@ -163,7 +169,7 @@ def test_the_json_has_each_place_in_human_units_and_an_angle_without_a_sign() ->
     # the picture's, not the declared one
     assert found["lean_deg"] == pytest.approx(3.0)
     assert found["lean_deg_interval"] == pytest.approx([0.0, 5.0])
-    declared = replace(answer, places=Places()).to_dict()
+    declared = replace(answer, places=NeedlePlace()).to_dict()
     assert (declared["lean_deg"], declared["lean_deg_interval"]) == (
         pytest.approx(40.1, abs=0.1),
         None,

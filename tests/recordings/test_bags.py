@@ -12,7 +12,7 @@ import pytest
 from foreign_files import COLUMNS, FRAMES, ROWS, pictures_of
 
 from scleraforce.base.errors import FrameError, InputError, RecordingError
-from scleraforce.recordings.formats.picture_streams import UnansweredError, joined
+from scleraforce.recordings.formats.picture_streams import UnansweredError, joined_files
 from scleraforce.recordings.formats.ros_bags import read_bag
 from scleraforce.recordings.frame_and_force_tables import FORCE_COLUMNS
 
@@ -219,7 +219,7 @@ def test_compressed_images_are_decoded_and_keep_their_depth(tmp_path: Path) -> N
         FrameError,
         match=r"/t\[0\]: damaged: a frame of .* uint8, number 3, is not stated",
     ):
-        pictures_of(joined([scan]))
+        pictures_of(joined_files([scan]))
 
 
 def test_images_that_cannot_be_read_are_refused(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from pydicom.sequence import Sequence
 from scleraforce.base.errors import FrameError
 from scleraforce.recordings.formats.dicom_files import read_dicom
 from scleraforce.recordings.formats.image_files import read_frame, read_image
-from scleraforce.recordings.formats.picture_streams import Scan
+from scleraforce.recordings.formats.picture_streams import PictureSource
 
 RAMP = np.arange(40 * 60, dtype=np.uint16).reshape(40, 60)
 BYTES = RAMP.astype(np.uint8)
@@ -42,7 +42,7 @@ def each_frame(*items: Sequence) -> Sequence:
     return Sequence([item[0] for item in items])
 
 
-def scan_of(folder: Path, pixels: np.ndarray, **tags: object) -> Scan:
+def scan_of(folder: Path, pixels: np.ndarray, **tags: object) -> PictureSource:
     write_dicom(folder / "a.dcm", pixels, **tags)
     return read_dicom(folder / "a.dcm")
 

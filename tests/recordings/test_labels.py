@@ -15,7 +15,7 @@ from scleraforce.base.errors import RecordingError
 from scleraforce.lab.needle_pushes import sense
 from scleraforce.lab.virtual_eye import paper_eyes
 from scleraforce.lab.virtual_recording import plan_phantom
-from scleraforce.recordings import forces_under_frames as labels
+from scleraforce.recordings import forces_under_frames
 from scleraforce.recordings.forces_under_frames import (
     first_contact,
     label_frames,
@@ -539,7 +539,7 @@ def test_a_sudden_fall_to_friction_is_a_puncture_and_slow_or_whole_ones_are_not(
         log, force_n = pushed(
             [(2.0, 0.0), (3.5, 45.0), (3.503, 13.0), (9.0, 13.0)], noise_n
         )
-        assert labels.log_punctures(log, force_n, NO_TRAVEL) == [
+        assert forces_under_frames.log_punctures(log, force_n, NO_TRAVEL) == [
             pytest.approx(3.5, abs=0.03)
         ]
 
@@ -554,24 +554,30 @@ def test_a_sudden_fall_to_friction_is_a_puncture_and_slow_or_whole_ones_are_not(
     ):
         for seed in range(20):
             log, force_n = pushed(corners, 1e-3, seed)
-            assert labels.log_punctures(log, force_n, NO_TRAVEL) == []
+            assert forces_under_frames.log_punctures(log, force_n, NO_TRAVEL) == []
 
 
 def test_a_needle_that_was_drawn_back_as_fast_explains_a_fall() -> None:
     log, force_n = pushed(THROUGH)
     back_m = np.interp(log.time_s, [3.49, 3.52], [2e-3, 1.5e-3])
-    assert labels.log_punctures(log, force_n, back_m) == []
-    assert len(labels.log_punctures(log, force_n, 1e-3 * log.time_s)) == 1
+    assert forces_under_frames.log_punctures(log, force_n, back_m) == []
+    assert len(forces_under_frames.log_punctures(log, force_n, 1e-3 * log.time_s)) == 1
 
 
 def test_the_frames_of_a_push_after_its_puncture_are_pierced_and_the_next_push_is_not():
     log, force_n = pushed([*THROUGH, (8.0, 0.0), (9.0, 20.0), (11.0, 20.0)], 1e-4)
     times_s = np.array([3.4, 3.6, 4.5, 5.25, 6.0, 8.5, 10.0])
-    found = labels.after_punctures(
-        times_s, labels.log_punctures(log, force_n, NO_TRAVEL), log.time_s, force_n
+    found = forces_under_frames.after_punctures(
+        times_s,
+        forces_under_frames.log_punctures(log, force_n, NO_TRAVEL),
+        log.time_s,
+        force_n,
     )
     assert found == [False, True, True, True, True, False, False]
-    assert labels.after_punctures(times_s, [], log.time_s, force_n) == [False] * 7
-    assert labels.after_punctures(
+    assert (
+        forces_under_frames.after_punctures(times_s, [], log.time_s, force_n)
+        == [False] * 7
+    )
+    assert forces_under_frames.after_punctures(
         np.array([1.0, 3.0]), [2.0], np.zeros(0), np.zeros(0)
     ) == [False, True]

@@ -27,7 +27,11 @@ from scleraforce.base.errors import InputError
 from scleraforce.recordings.formats.picture_streams import UnansweredError
 from scleraforce.recordings.frame_names import numbers_in, times_in
 from scleraforce.recordings.import_answers import given_times
-from scleraforce.recordings.import_sources import Gathered, ImportOptions, gather
+from scleraforce.recordings.import_sources import (
+    GatheredSources,
+    ImportOptions,
+    gather_sources,
+)
 from scleraforce.records.scan import Plane
 
 nrrd = pytest.importorskip("nrrd")
@@ -37,11 +41,13 @@ ACROSS = Plane("across", 0.0, np.pi / 2)
 RATE_HZ = 4.0
 
 
-def gathered(*sources: Path, planes: Sequence[Plane] = (), **options) -> Gathered:
-    return gather(sources, ImportOptions(**options), planes=planes)
+def gathered(
+    *sources: Path, planes: Sequence[Plane] = (), **options
+) -> GatheredSources:
+    return gather_sources(sources, ImportOptions(**options), planes=planes)
 
 
-def times_of(found: Gathered, **options) -> list[float]:
+def times_of(found: GatheredSources, **options) -> list[float]:
     """Return the times of frames from the first one on."""
     times = given_times(found.scan, options.get("times"), options.get("rate_hz"))
     time_s = (times or found.scan.times).time_s
@@ -710,7 +716,7 @@ def test_a_folder_of_folders_names_them(tmp_path: Path) -> None:
 # ---- planes
 
 
-def planes_of(found: Gathered) -> list[tuple[int, str, int]]:
+def planes_of(found: GatheredSources) -> list[tuple[int, str, int]]:
     """Return the moment, plane and place in `FRAMES` of every frame."""
     places = [(moment, plane.name) for moment, plane in found.places]
     return [

@@ -29,15 +29,15 @@ from scleraforce.base.errors import FrameError, InputError, RecordingError
 from scleraforce.recordings.formats import picture_streams
 from scleraforce.recordings.formats.picture_streams import (
     AXES,
+    FrameTimes,
+    PictureSource,
     PixelSize,
-    Scan,
-    Times,
     UnansweredError,
 )
 from scleraforce.recordings.import_answers import answers_like, given_times
 from scleraforce.recordings.import_sources import (
     ImportOptions,
-    gather,
+    gather_sources,
     on_one_clock,
     read_scan,
     source_kind,
@@ -219,14 +219,14 @@ def test_pictures_of_a_folder_are_one_scan_in_the_order_of_their_numbers(
 
     given = sorted(tmp_path.iterdir())
     (tmp_path / ".hidden").touch()
-    found = gather([tmp_path], ImportOptions())
+    found = gather_sources([tmp_path], ImportOptions())
     np.testing.assert_array_equal(pictures_of(found.scan), FRAMES)
     assert found.notes == ()
     note = (
         "frames are taken in the order given, f10.png to f9.png; their numbers have"
         " another"
     )
-    assert gather(given, ImportOptions(frames_by="order")).notes == (note,)
+    assert gather_sources(given, ImportOptions(frames_by="order")).notes == (note,)
 
 
 def test_sources_without_frames_with_two_logs_or_a_stopped_clock_are_refused(
@@ -243,10 +243,10 @@ def test_sources_without_frames_with_two_logs_or_a_stopped_clock_are_refused(
         (("empty",), "empty: no files in this folder"),
     ]:
         with pytest.raises(InputError, match=message):
-            gather([tmp_path / name for name in names], ImportOptions())
+            gather_sources([tmp_path / name for name in names], ImportOptions())
 
     with pytest.raises(InputError, match="do not rise"):
-        on_one_clock(Times(np.array([0.0, 0.0]), "tag"), None, 0.0)
+        on_one_clock(FrameTimes(np.array([0.0, 0.0]), "tag"), None, 0.0)
 
 
 def test_answers_on_the_form_of_sources_are_kept_and_answers_of_one_session_are_not(
@@ -274,7 +274,7 @@ def test_a_table_of_times_goes_by_the_names_of_frames_or_else_by_their_order(
     tmp_path: Path,
 ) -> None:
     table = tmp_path / "times.csv"
-    scan = Scan(("x/b.png", "x/a.png"), 2, 2, lambda: iter(()))
+    scan = PictureSource(("x/b.png", "x/a.png"), 2, 2, lambda: iter(()))
 
     for text, time_s in [
         ("file,time_s\na.png,7\nb.png,5\nother.png,9\n", [5.0, 7.0]),
@@ -336,7 +336,7 @@ def test_damage_is_an_error_that_names_the_file(tmp_path: Path, capfd) -> None:
         for nth in range(15):
             (place / name).write_bytes(damaged(data, rng, nth))
             try:
-                for picture in gather(
+                for picture in gather_sources(
                     sources, VOLUMES if named else ImportOptions()
                 ).scan.pictures():
                     assert picture.size
@@ -348,10 +348,10 @@ def test_damage_is_an_error_that_names_the_file(tmp_path: Path, capfd) -> None:
         capfd.readouterr()  # codecs print what they think of it
 
 
-def single(nth: int, time_s: float | None = None, **stated: object) -> Scan:
-    times = None if time_s is None else Times(np.array([time_s]), "its tag")
+def single(nth: int, time_s: float | None = None, **stated: object) -> PictureSource:
+    times = None if time_s is None else FrameTimes(np.array([time_s]), "its tag")
     pictures = lambda: iter(FRAMES[nth : nth + 1])  # noqa: E731
-    return Scan(
+    return PictureSource(
         names=(f"{nth}.png",),
         rows=ROWS,
         columns=COLUMNS,
@@ -362,14 +362,16 @@ def single(nth: int, time_s: float | None = None, **stated: object) -> Scan:
 
 
 def test_files_come_in_the_order_of_their_times_or_else_as_given() -> None:
-    scan = picture_streams.joined([single(2, 7.0), single(0, 3.0), single(1, 5.0)])
+    scan = picture_streams.joined_files(
+        [single(2, 7.0), single(0, 3.0), single(1, 5.0)]
+    )
     assert scan.names == ("0.png", "1.png", "2.png")
     np.testing.assert_array_equal(scan.times.time_s, [3.0, 5.0, 7.0])
     for _ in range(2):  # pictures can be read twice
         np.testing.assert_array_equal(pictures_of(scan), FRAMES[:3])
 
     for times in [(1.0, None), (1.0, 1.0), (None, None)]:
-        scan = picture_streams.joined([single(4, times[0]), single(0, times[1])])
+        scan = picture_streams.joined_files([single(4, times[0]), single(0, times[1])])
         assert (scan.names, scan.times) == (("4.png", "0.png"), None)
 
 
@@ -387,10 +389,10 @@ def test_files_of_another_kind_are_refused_with_both_values() -> None:
         ),
     ]:
         with pytest.raises(FrameError, match=rf"1\.png: {found}"):
-            picture_streams.joined([single(0), replace(single(1), **other)])
+            picture_streams.joined_files([single(0), replace(single(1), **other)])
 
     assert (
-        picture_streams.joined(
+        picture_streams.joined_files(
             [single(0), replace(single(1), scale_fault="a fault")]
         ).scale_fault
         == "a fault"
@@ -403,7 +405,7 @@ def test_frames_that_a_file_does_not_state_are_damage() -> None:
         ([FRAMES[0], FRAMES[1]], r"damaged: a frame of \(24, 40\) uint16, number 2"),
         ([FRAMES[0].T], r"damaged: a frame of \(40, 24\) uint16, number 1"),
     ]:
-        scan = picture_streams.joined(
+        scan = picture_streams.joined_files(
             [replace(single(0), pictures=partial(iter, pictures))]
         )
         with pytest.raises(FrameError, match=rf"0\.png: {message}"):

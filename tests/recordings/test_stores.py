@@ -22,7 +22,11 @@ from foreign_files import (
 
 from scleraforce.base.errors import InputError
 from scleraforce.recordings.formats.picture_streams import UnansweredError
-from scleraforce.recordings.import_sources import ImportOptions, gather, source_kind
+from scleraforce.recordings.import_sources import (
+    ImportOptions,
+    gather_sources,
+    source_kind,
+)
 
 pytest.importorskip("rosbags")
 pytest.importorskip("mcap")
@@ -60,7 +64,7 @@ def test_parts_of_a_bag_are_one_recording(
 ) -> None:
     folder = write_parts(tmp_path / "bag", kind)
     sources = sorted(folder.iterdir(), reverse=True) if by_files else [folder]
-    found = gather(sources, ImportOptions())
+    found = gather_sources(sources, ImportOptions())
     np.testing.assert_array_equal(pictures_of(found.scan), FRAMES)
     np.testing.assert_allclose(
         found.scan.times.time_s - SECOND_S, FRAME_TIMES_S, atol=1e-6
@@ -78,19 +82,19 @@ def test_bags_of_two_recordings_and_parts_with_one_missing_are_refused(
     with pytest.raises(
         InputError, match=r"its forces begin before those of .* end: an"
     ):
-        gather([*parts, whole], ImportOptions())
+        gather_sources([*parts, whole], ImportOptions())
 
     apart = write_parts(tmp_path / "q", "mcap", (0.0, 0.1, 2.3, 9.0))
     with pytest.raises(
         InputError, match=r"bag_2\.mcap: its forces begin 2\.2\d* s after"
     ):
-        gather([apart / "bag_0.mcap", apart / "bag_2.mcap"], ImportOptions())
+        gather_sources([apart / "bag_0.mcap", apart / "bag_2.mcap"], ImportOptions())
 
 
 def test_images_and_forces_of_two_bags_are_not_on_one_clock(tmp_path: Path) -> None:
     images = write_bag(tmp_path / "images", "sqlite", forces=False)
     forces = write_bag(tmp_path / "forces", "sqlite", topics=())
-    assert not gather([images, forces], ImportOptions()).one_clock
+    assert not gather_sources([images, forces], ImportOptions()).one_clock
 
 
 # ---- MCAP
@@ -262,7 +266,7 @@ def test_mcap_of_ros_1_and_foxglove_is_read(
 ) -> None:
     path = write(tmp_path / "a.mcap")
     assert source_kind(path) == "bag"
-    found = gather([path], ImportOptions())
+    found = gather_sources([path], ImportOptions())
     np.testing.assert_array_equal(pictures_of(found.scan), FRAMES)
     np.testing.assert_allclose(
         found.scan.times.time_s - SECOND_S, FRAME_TIMES_S, atol=1e-6
@@ -283,7 +287,7 @@ def test_a_damaged_bag_is_named_with_the_way_to_what_is_left(tmp_path: Path) -> 
         path = write_parts(tmp_path / kind, kind, (0.0, 9.0)) / name
         path.write_bytes(path.read_bytes()[:-30000])
         with pytest.raises(InputError, match=rf"{path.name}: .*`{way}"):
-            gather([path], ImportOptions())
+            gather_sources([path], ImportOptions())
 
 
 def test_mcap_that_is_not_read_is_named(tmp_path: Path) -> None:
@@ -292,7 +296,7 @@ def test_mcap_that_is_not_read_is_named(tmp_path: Path) -> None:
     with pytest.raises(
         InputError, match=r"cut\.mcap: its end is missing.*`mcap recover cut\.mcap"
     ):
-        gather([cut], ImportOptions())
+        gather_sources([cut], ImportOptions())
 
     other = write_mcap(
         tmp_path / "b.mcap",
@@ -302,7 +306,7 @@ def test_mcap_that_is_not_read_is_named(tmp_path: Path) -> None:
     with pytest.raises(
         InputError, match=r"b\.mcap: .*/oct \(foxglove\.RawImage \(flatbuffer\)\)"
     ):
-        gather([other], ImportOptions())
+        gather_sources([other], ImportOptions())
 
 
 # ---- Zarr
@@ -345,7 +349,7 @@ def test_a_folder_of_ome_zarr_gives_frames_scale_and_times(
     frames = FRAMES if axes == "tyx" else FRAMES[:, np.newaxis, np.newaxis]
     path = write_ome(tmp_path / "a.zarr", axes, frames, version)
     assert source_kind(path) == "zarr"
-    scan = gather([path], ImportOptions()).scan
+    scan = gather_sources([path], ImportOptions()).scan
     np.testing.assert_array_equal(pictures_of(scan), FRAMES)
     assert sizes_of(scan) == pytest.approx((DEPTH_M, LATERAL_M))
     assert scan.times.time_s.tolist() == [0.0, 0.25, 0.5, 0.75, 1.0]
@@ -356,17 +360,19 @@ def test_an_image_of_bioformats2raw_and_a_plain_array_are_read(tmp_path: Path) -
         "bioformats2raw.layout"
     ] = 3
     write_ome(tmp_path / "b.zarr" / "0", "tyx", FRAMES)
-    assert len(gather([tmp_path / "b.zarr"], ImportOptions()).scan.names) == COUNT
+    assert (
+        len(gather_sources([tmp_path / "b.zarr"], ImportOptions()).scan.names) == COUNT
+    )
     write_ome(tmp_path / "b.zarr" / "1", "tyx", FRAMES)
     with pytest.raises(InputError, match=r"b\.zarr: 2 images \(0, 1\); import one"):
-        gather([tmp_path / "b.zarr"], ImportOptions())
+        gather_sources([tmp_path / "b.zarr"], ImportOptions())
 
     zarr.save_array(tmp_path / "c.zarr", FRAMES)
     with pytest.raises(UnansweredError, match="--axes"):
-        gather([tmp_path / "c.zarr"], ImportOptions())
+        gather_sources([tmp_path / "c.zarr"], ImportOptions())
     named = ImportOptions(axes="frame,depth,lateral")
     np.testing.assert_array_equal(
-        pictures_of(gather([tmp_path / "c.zarr"], named).scan), FRAMES
+        pictures_of(gather_sources([tmp_path / "c.zarr"], named).scan), FRAMES
     )
 
 
@@ -390,10 +396,10 @@ def test_zarr_that_has_no_frames_is_named(tmp_path: Path) -> None:
         ),
     ):
         with pytest.raises(InputError, match=words) as caught:
-            gather([path], ImportOptions(rate_hz=1.0))
+            gather_sources([path], ImportOptions(rate_hz=1.0))
         assert str(path) in str(caught.value)
 
     damaged = write_ome(tmp_path / "d.zarr", "tyx", FRAMES)
     os.remove(damaged / "0" / ".zarray")
     with pytest.raises(InputError, match=r"d\.zarr: "):
-        gather([damaged], ImportOptions())
+        gather_sources([damaged], ImportOptions())

@@ -29,7 +29,11 @@ from foreign_files import (
 
 from scleraforce.base.errors import FrameError
 from scleraforce.recordings.formats.image_files import read_frame, read_image
-from scleraforce.recordings.formats.picture_streams import Scan, as_shown, find_greys
+from scleraforce.recordings.formats.picture_streams import (
+    PictureSource,
+    as_shown,
+    find_greys,
+)
 from scleraforce.recordings.formats.tiff_files import read_tiff
 from scleraforce.recordings.recording_folder import read_scaled_frame
 from scleraforce.records.scan import Scanner
@@ -44,7 +48,7 @@ PER_CM = {
 }
 
 
-def scan_of(folder: Path, pixels: np.ndarray, **options: object) -> Scan:
+def scan_of(folder: Path, pixels: np.ndarray, **options: object) -> PictureSource:
     tifffile.imwrite(folder / "a.tif", pixels, **options)
     return read_tiff(folder / "a.tif")
 

@@ -24,7 +24,7 @@ from scleraforce.records.eye import (
     ForceDiscrepancy,
     Known,
     Modulus,
-    completed,
+    completed_eye,
     stated_globe,
 )
 from scleraforce.records.globe import OPEN, SEALED, UNKNOWN, known_globe
@@ -282,4 +282,4 @@ def test_a_given_globe_is_completed_by_a_stated_one_of_its_kind_alone() -> None:
         (None, stated, stated),
         (OPEN, None, OPEN),
     ]:
-        assert completed(Known(globe=given), Known(globe=said)).globe == globe
+        assert completed_eye(Known(globe=given), Known(globe=said)).globe == globe

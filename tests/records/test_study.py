@@ -21,7 +21,7 @@ from scleraforce.front.cli.options import Quantity
 from scleraforce.records.fields import (
     QUANTITIES,
     Unit,
-    allowed,
+    allowed_bounds,
     check_quantity,
     field_key,
     field_unit,
@@ -403,8 +403,8 @@ def test_a_slip_of_the_unit_is_named() -> None:
 def test_bounds_are_the_same_in_both_units() -> None:
     for name in QUANTITIES:
         spec = QUANTITIES[name]
-        human = allowed(f"{name}_{spec.name}")
-        si = allowed(f"{name}_{SI_PER_UNIT[spec.name][0]}")
+        human = allowed_bounds(f"{name}_{spec.name}")
+        si = allowed_bounds(f"{name}_{SI_PER_UNIT[spec.name][0]}")
         assert (human.low, human.high) == (spec.low, spec.high)
         assert (spec.from_si(si.low), spec.from_si(si.high)) == pytest.approx(
             (spec.low, spec.high)

@@ -14,13 +14,13 @@ from analytic_library import analytic_library
 
 from ideal_boundaries import ideal_boundaries
 from predicted_walls import Walls, formed_wall
-from scleraforce.fit import unknowns as at
-from scleraforce.fit.curve_placement import Placed, Places
+from scleraforce.fit import unknowns
+from scleraforce.fit.curve_placement import PlacedCurves, PlacesOnFrame
 from scleraforce.fit.prior_of_an_eye import SHINE_MEAN_M
 from scleraforce.lab.drawn_bscan import render_bscan
 from scleraforce.lab.scanner.scanner_display import ImagedEye
 from scleraforce.lab.tissue_light import BscanOptics, NeedleShaft, Pose, sample_optics
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.records.eye import Known, Modulus
 from scleraforce.records.globe import OPEN, KnownGlobe
 from scleraforce.records.scan import PixelScale
@@ -57,22 +57,30 @@ def tip_of(force_n: float) -> float:
 
 def wall_section(
     tip_m: float, surface_m: float = 0.5e-3, lateral_m: float = 0.3e-3
-) -> Section:
+) -> WallSection:
     """Section of the wall with a dent, its contact at a depth and a lateral place of
     the frame.
     """
-    unknown = np.zeros(len(at.NAMES))
-    unknown[[at.TIP, at.LATERAL, at.DEPTH, at.GAP, at.THICKNESS]] = (
+    unknown = np.zeros(len(unknowns.NAMES))
+    unknown[
+        [
+            unknowns.TIP,
+            unknowns.LATERAL,
+            unknowns.DEPTH,
+            unknowns.GAP,
+            unknowns.THICKNESS,
+        ]
+    ] = (
         tip_m,
         lateral_m,
         surface_m,
         GAP_M,
         THICKNESS_M,
     )
-    unknown[[at.MODULUS, at.IOP]] = log(MODULUS_PA), log(IOP_PA)
+    unknown[[unknowns.MODULUS, unknowns.IOP]] = log(MODULUS_PA), log(IOP_PA)
     curves = formed_wall(Walls(LIBRARY), unknown)
 
-    return Section(
+    return WallSection(
         *(
             curve[np.concatenate([[True], np.diff(curve[:, 0]) > 1e-9])]
             for curve in curves
@@ -80,7 +88,9 @@ def wall_section(
     )
 
 
-def image(section: Section, seed: int = 1, scanner: OctStudy = STUDY.oct) -> np.ndarray:
+def image(
+    section: WallSection, seed: int = 1, scanner: OctStudy = STUDY.oct
+) -> np.ndarray:
     """A raw frame of a section, without shadows and with little noise."""
     rng = np.random.default_rng(seed)
     return render_bscan(section, scanner, sample_optics(CLEAN, scanner, rng), rng).frame
@@ -144,9 +154,17 @@ LATERAL_M = (np.arange(COLUMNS) + 0.5 - COLUMNS / 2) * 15e-3 / COLUMNS
 
 def middling_eye(tip_m: float, **changed: float) -> np.ndarray:
     """The unknowns of a middling eye, in an open globe."""
-    unknown = np.zeros(len(at.NAMES))
-    unknown[[at.TIP, at.LATERAL, at.DEPTH]] = tip_m, 0.4e-3, 0.5e-3
-    unknown[[at.GAP, at.THICKNESS, at.MODULUS, at.IOP, at.SHINE]] = (
+    unknown = np.zeros(len(unknowns.NAMES))
+    unknown[[unknowns.TIP, unknowns.LATERAL, unknowns.DEPTH]] = tip_m, 0.4e-3, 0.5e-3
+    unknown[
+        [
+            unknowns.GAP,
+            unknowns.THICKNESS,
+            unknowns.MODULUS,
+            unknowns.IOP,
+            unknowns.SHINE,
+        ]
+    ] = (
         0.6e-3,
         0.65e-3,
         log(0.3e6),
@@ -155,14 +173,14 @@ def middling_eye(tip_m: float, **changed: float) -> np.ndarray:
     )
 
     for name, value in changed.items():
-        unknown[at.NAMES.index(name)] = value
+        unknown[unknowns.NAMES.index(name)] = value
 
     return unknown
 
 
 def drawn_wall(unknown: np.ndarray, rng: np.random.Generator) -> None:
     """Draw gap, thickness, modulus and IOP."""
-    unknown[[at.GAP, at.THICKNESS, at.MODULUS, at.IOP]] = (
+    unknown[[unknowns.GAP, unknowns.THICKNESS, unknowns.MODULUS, unknowns.IOP]] = (
         rng.uniform(0.4e-3, 0.9e-3),
         rng.uniform(0.45e-3, 0.85e-3),
         log(rng.uniform(0.2e6, 0.5e6)),
@@ -174,21 +192,21 @@ def known_eye(
     unknown: np.ndarray, globe: KnownGlobe = OPEN, relative_sd: float = 0.02
 ) -> Known:
     """The known values of an eye with these unknowns; the modulus is its own."""
-    modulus = exp(unknown[at.MODULUS])
+    modulus = exp(unknown[unknowns.MODULUS])
     return Known(
         modulus=Modulus(mean_pa=modulus, sd_pa=relative_sd * modulus, source="own"),
-        iop_pa=exp(unknown[at.IOP]),
-        thickness_m=unknown[at.THICKNESS],
-        gap_m=unknown[at.GAP],
+        iop_pa=exp(unknown[unknowns.IOP]),
+        thickness_m=unknown[unknowns.THICKNESS],
+        gap_m=unknown[unknowns.GAP],
         globe=globe,
     )
 
 
-BOTH = Places(np.concatenate([LATERAL_M, LATERAL_M]), np.repeat([0, 1], COLUMNS))
+BOTH = PlacesOnFrame(np.concatenate([LATERAL_M, LATERAL_M]), np.repeat([0, 1], COLUMNS))
 
 
 def noisy_boundaries(
-    predicted: Placed, noise_m: float, rng: np.random.Generator | None
+    predicted: PlacedCurves, noise_m: float, rng: np.random.Generator | None
 ) -> np.ndarray:
     """Boundaries at BOTH (2, column); where rng is given, with errors along the normal,
     correlated over 0.35 mm.
@@ -240,11 +258,13 @@ OPTICS = BscanOptics(
 RADIUS_M = 12e-3
 
 
-def round_wall(top_m: float, lateral_m: float, thickness_m: float = 0.7e-3) -> Section:
+def round_wall(
+    top_m: float, lateral_m: float, thickness_m: float = 0.7e-3
+) -> WallSection:
     angle = np.linspace(-1.2, 1.2, 1201)
     ray = np.stack([np.sin(angle), -np.cos(angle)], axis=1)
     middle = np.array([lateral_m, top_m + RADIUS_M])
-    return Section(middle + RADIUS_M * ray, middle + (RADIUS_M - thickness_m) * ray)
+    return WallSection(middle + RADIUS_M * ray, middle + (RADIUS_M - thickness_m) * ray)
 
 
 def drawn_counts(
@@ -275,7 +295,7 @@ def drawn_eyes(
 
 
 def moving(
-    sections: Iterable[Section],
+    sections: Iterable[WallSection],
     rng: np.random.Generator,
     noise_m: float = 5e-6,
     study: Study = STUDY,

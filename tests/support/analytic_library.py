@@ -252,7 +252,7 @@ def made_up_library(most: float = 30.0) -> Library:
 def without_rests(
     forces_n: np.ndarray, rng: np.random.Generator, sd_n: float = LABEL_SD_N
 ) -> FrameForces:
-    """Return true forces with noise, in the place of `virtual_eyes.label_forces`."""
+    """Return true forces with noise, in the place of `interval_measurement.label_forces`."""
     noise_n = sd_n * rng.standard_normal(len(forces_n))
     return FrameForces(
         forces_n + noise_n, np.zeros(len(forces_n)), np.zeros(2), ZERO_PRIOR

@@ -21,8 +21,8 @@ from scleraforce.live.companions.process_messages import (
     OpinionAsked,
     OpinionGiven,
 )
-from scleraforce.live.monitor_server import Server
-from scleraforce.live.monitor_session import Frame, Session
+from scleraforce.live.monitor_server import MonitorServer
+from scleraforce.live.monitor_session import MonitorSession, ReceivedFrame
 from scleraforce.live.network.scanner_frame import ScannerFrame
 
 FRAME_S = 0.04
@@ -30,7 +30,7 @@ PLANE_S = 0.001  # from one plane of a moment to the next
 CLOCK = TurnedClock()
 
 
-class PacedSession(Session):
+class PacedSession(MonitorSession):
     """Time passes between frames, and at no other time; headers do not count."""
 
     def __init__(self, *given: Any, **named: Any) -> None:
@@ -44,7 +44,7 @@ class PacedSession(Session):
         _at_s: float,
         _sent_s: float | None = None,
         plane: str | None = None,
-    ) -> Frame:
+    ) -> ReceivedFrame:
         is_next_moment = plane is None or plane == self.planes[0]
         CLOCK.turn(FRAME_S if is_next_moment else PLANE_S)
         return super().frame(image, sender_id, sender, CLOCK(), None, plane)
@@ -67,10 +67,10 @@ class PacedCompanions(Companions):
             yield message
 
 
-class PacedServer(Server):
+class PacedServer(MonitorServer):
     """The opinions on a frame are heard right after its reading was sent."""
 
-    def _take_frame(self, frame: Frame) -> None:
+    def _take_frame(self, frame: ReceivedFrame) -> None:
         super()._take_frame(frame)
         while self._companions.awaited and not self._companions.dead(OPINION):
             select([self._companions.channel(OPINION)], [], [])
@@ -80,9 +80,9 @@ class PacedServer(Server):
 companion_processes.STARTS_S = companion_processes.SILENT_S = (
     companion_processes.KEEPS_UP_S
 ) = float("inf")
-monitor.Session = PacedSession
+monitor.MonitorSession = PacedSession
 monitor.Companions = PacedCompanions
-monitor.Server = PacedServer
+monitor.MonitorServer = PacedServer
 monitor.Guard = lambda: Guard(FUSE_S)
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from typing import Any
 
 from waiting import FUSE_S
 
-from scleraforce.front.app.app_server import HOST, listen, server_of
+from scleraforce.front.app.app_server import HOST, listen_locally, server_of
 
 TOKEN = "t" * 32
 
@@ -74,7 +74,7 @@ class Client:
 @contextmanager
 def running_app(folder: Path, once: str = "") -> Iterator[Client]:
     """Serve a folder."""
-    listener = listen(0)
+    listener = listen_locally(0)
     server = server_of(folder, listener, TOKEN, once)
     thread = Thread(target=server.run, args=([listener],), daemon=True)
     thread.start()

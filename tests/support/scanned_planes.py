@@ -18,7 +18,7 @@ from analytic_frames import (
 )
 from analytic_library import curves
 
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.records.scan import Plane
 
 CROSS = (Plane("along", 0.0, 0.0), Plane("across", 0.0, np.pi / 2))
@@ -31,7 +31,7 @@ def cut_wall(
     tip_m: float,
     contact_m: tuple[float, ...],
     tilt_rad: tuple[float, ...] = (0.0, 0.0),
-) -> Section:
+) -> WallSection:
     """Cut a dented wall, whose undented contact is at x, y and depth of the scanner, by
     a plane.
 
@@ -63,7 +63,7 @@ def cut_wall(
 
         found.append(np.column_stack([ACROSS_M, contact_m[2] + low]))
 
-    return Section(*found)
+    return WallSection(*found)
 
 
 CONTACT_M = (0.15e-3, -0.5e-3, 0.5e-3)

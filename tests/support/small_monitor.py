@@ -29,8 +29,8 @@ from scleraforce.live.companions.process_messages import CompanionMessage, Entry
 from scleraforce.live.companions.shared_frames import FrameRing
 from scleraforce.live.connected_clients import ServerSettings
 from scleraforce.live.decision.limits import MonitorLimits
-from scleraforce.live.monitor_server import Server
-from scleraforce.live.monitor_session import Session
+from scleraforce.live.monitor_server import MonitorServer
+from scleraforce.live.monitor_session import MonitorSession
 from scleraforce.live.network.openigtlink import (
     Decoder,
     Image,
@@ -40,7 +40,7 @@ from scleraforce.live.network.openigtlink import (
     Text,
     encode,
 )
-from scleraforce.reading.answer import Answer, unusable
+from scleraforce.reading.answer import Answer, unusable_answer
 from scleraforce.records.eye import EyeInfo
 from scleraforce.records.needle import NeedleInfo
 from scleraforce.records.recording_info import ForceInfo, RecordingInfo
@@ -101,7 +101,7 @@ def read(pixels: NDArray[Any], _: PixelScale) -> Answer:
         pass
 
     if force_un == UNUSABLE:
-        return replace(unusable(3, "no wall was found"), segmentation=wall)
+        return replace(unusable_answer(3, "no wall was found"), segmentation=wall)
 
     force_n = float("nan") if force_un == NO_NUMBER else force_un * 1e-6
     predicted = int(force_n > 5e-3) + int(force_n > 30e-3)
@@ -130,7 +130,7 @@ def small_server(
     stalled_s: float = 600.0,
     planes: tuple[str, ...] = (),
     **settings: Any,
-) -> tuple[Server, int]:
+) -> tuple[MonitorServer, int]:
     """A server of small frames, and its port; without a clock of the test it needs to
     bear what holds a test up.
     """
@@ -144,9 +144,13 @@ def small_server(
     listener = socket.create_server(("127.0.0.1", 0))
     ring = FrameRing.create(100, ROWS, COLUMNS)
     reads = dict.fromkeys(planes, read) or read
-    session = Session(reads, limits, clock, clock) if clock else Session(reads, limits)
+    session = (
+        MonitorSession(reads, limits, clock, clock)
+        if clock
+        else MonitorSession(reads, limits)
+    )
     stated = ServerSettings(TOKEN, stalled_s=stalled_s, **settings)
-    server = Server(session, listener, stated, ring, guard, companions, note)
+    server = MonitorServer(session, listener, stated, ring, guard, companions, note)
 
     return server, listener.getsockname()[1]
 

@@ -39,7 +39,7 @@ from scleraforce.calibration.filter.eye_filter import (
 from scleraforce.calibration.filter.section_registration import NUISANCES, PoseBelief
 from scleraforce.calibration.filter.unscented_filter import Posterior
 from scleraforce.calibration.stiffness_from_forces import KnownForce
-from scleraforce.front.report.frame_figures import AnsweredFrame, look_at_all
+from scleraforce.front.report.frame_figures import AnsweredFrame, answered_frames
 from scleraforce.lab.training.slice_dataset import generate_dataset
 from scleraforce.lab.virtual_eye import PhantomEye
 from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
@@ -191,7 +191,7 @@ def looked_at_frames(folder: Path, count: int) -> tuple[AnsweredFrame, ...]:
 
     recording = read_recording(folder)
     scale = PixelScale.of(recording.info.oct)
-    return look_at_all(
+    return answered_frames(
         frame_answer(
             recording=str(folder),
             file=entry.file,

@@ -16,7 +16,7 @@ from scleraforce.records.scan import PixelScale
 from scleraforce.records.study import ScenesStudy
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.needle_in_frame import SeenNeedle
-from scleraforce.wall.two_methods import differences_of, doubt, joined_walls
+from scleraforce.wall.two_methods import differences_of, joined_walls, reason_to_doubt
 from scleraforce.wall.wall import Segmentation
 from scleraforce.wall.wall_network import WallFinder, reduced_columns
 
@@ -92,11 +92,11 @@ def test_what_a_needle_hides_speaks_against_nothing() -> None:
         top=(280.0, -0.5),
         hidden=hidden,
     )
-    assert "one sees wall where the other does not" in doubt(
+    assert "one sees wall where the other does not" in reason_to_doubt(
         differences_of(without, seen)
     )
-    assert doubt(differences_of(replace(without, needle=needle), seen)) == ""
-    assert doubt(differences_of(found, seen)) == ""
+    assert reason_to_doubt(differences_of(replace(without, needle=needle), seen)) == ""
+    assert reason_to_doubt(differences_of(found, seen)) == ""
 
 
 @pytest.mark.parametrize("dent_m", [5e-3, 6e-3])

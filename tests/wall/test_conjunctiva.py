@@ -16,7 +16,7 @@ from scleraforce.lab.tissue_light import (
     sample_conjunctiva,
     sample_optics,
 )
-from scleraforce.reading.frame_checks import look
+from scleraforce.reading.frame_checks import segment_and_slice
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.study import PhantomStudy, Study, fixed
 from scleraforce.wall.conjunctiva import below_conjunctiva, second_surface_m
@@ -72,11 +72,13 @@ def test_without_a_known_thickness_a_second_surface_is_a_fault(
     assert second_surface_m(
         made.frame, SCALE, find_wall(made.frame, SCALE)
     ) == pytest.approx(thickness_m, rel=0.15)
-    unsure = look(made.frame, SCALE, STUDY.slice, finder=shipped)
+    unsure = segment_and_slice(made.frame, SCALE, STUDY.slice, finder=shipped)
     assert "below the first" in str(unsure.reason)
     assert not unsure.cuts[0].any()
     assert (
-        look(made.frame, SCALE, STUDY.slice, thickness_m=WALL_M, finder=shipped).reason
+        segment_and_slice(
+            made.frame, SCALE, STUDY.slice, thickness_m=WALL_M, finder=shipped
+        ).reason
         is None
     )
 

@@ -15,10 +15,10 @@ from dented_walls import dented_wall
 from scleraforce.lab.drawn_bscan import draw_shaft, render_bscan
 from scleraforce.lab.tissue_light import (
     BscanOptics,
-    Cover,
-    Line,
+    Coverslip,
     NeedleShaft,
     Pose,
+    ReflectionLine,
     Shadow,
     sample_optics,
 )
@@ -177,13 +177,15 @@ def not_needles() -> Iterator[tuple[str, dict[str, object]]]:
         "lines",
         {
             "lines": tuple(
-                Line(depth_m=d, level_db=25.0, thickness_m=20e-6)
+                ReflectionLine(depth_m=d, level_db=25.0, thickness_m=20e-6)
                 for d in (5e-5, 1e-4, 2e-4)
             )
         },
     )
     covers = tuple(
-        Cover(height_m=0.3e-3, level_db=30.0, thickness_m=20e-6, tilt_rad=radians(tilt))
+        Coverslip(
+            height_m=0.3e-3, level_db=30.0, thickness_m=20e-6, tilt_rad=radians(tilt)
+        )
         for tilt in (-8.0, 5.0)
     )
     yield "coverslips", {"covers": covers}

@@ -20,7 +20,7 @@ from poses import sample_pose
 from dented_walls import dented_wall
 from scleraforce.lab.drawn_bscan import draw_shaft, render_bscan
 from scleraforce.lab.tissue_light import Pose, sample_optics
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.records.frame import Pixels
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.study import OctStudy, Study
@@ -49,7 +49,9 @@ def draw_frames(count: int) -> list[Pixels]:
             + dent_m * np.exp(-(lateral**2) / (2 * 1.6e-3**2))
         )
         outer = np.stack([lateral, depth], axis=1)
-        section = Section(outer, outer + np.array([0.0, rng.uniform(0.4e-3, 0.9e-3)]))
+        section = WallSection(
+            outer, outer + np.array([0.0, rng.uniform(0.4e-3, 0.9e-3)])
+        )
         optics = sample_optics(STUDY.phantom, STUDY.oct, rng)
         frames.append(
             render_bscan(

@@ -16,9 +16,9 @@ from poses import sample_pose
 from dented_walls import dented_wall
 from scleraforce.calibration.answer_metrics import dice
 from scleraforce.lab.drawn_bscan import Bscan, render_bscan
-from scleraforce.lab.tissue_light import Cover, Line, Pose, sample_optics
+from scleraforce.lab.tissue_light import Coverslip, Pose, ReflectionLine, sample_optics
 from scleraforce.lab.virtual_eye import LinearSections, PhantomEye
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.study import OctStudy, Study
 from scleraforce.wall.find_wall import find_wall
@@ -29,7 +29,7 @@ AT_TOP = Pose(lateral_m=0.0, depth_m=0.6e-3)
 
 
 def phantom(
-    section: Section,
+    section: WallSection,
     seed: int = 0,
     oct_study: OctStudy = STUDY.oct,
     pose: Pose = AT_TOP,
@@ -136,10 +136,11 @@ def test_horizontal_lines_and_covers_above_the_tissue_are_not_the_surface():
     line = {"level_db": 25.0, "thickness_m": 12e-6}
     cover = {"level_db": 30.0, "thickness_m": 16e-6}
     lines = tuple(
-        Line(depth_m=depth_m, **line) for depth_m in (0.1e-3, 0.3e-3, 1.5e-3, 3.0e-3)
+        ReflectionLine(depth_m=depth_m, **line)
+        for depth_m in (0.1e-3, 0.3e-3, 1.5e-3, 3.0e-3)
     )
     pairs = [
-        [Cover(height_m=m, tilt_rad=tilt_rad, **cover) for m in (0.12e-3, 0.3e-3)]
+        [Coverslip(height_m=m, tilt_rad=tilt_rad, **cover) for m in (0.12e-3, 0.3e-3)]
         for tilt_rad in (0.0, 0.03)
     ]
 

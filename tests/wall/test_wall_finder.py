@@ -18,14 +18,14 @@ from scleraforce.base.errors import ModelError
 from scleraforce.calibration.answer_metrics import dice
 from scleraforce.lab.drawn_bscan import Bscan, render_bscan
 from scleraforce.lab.tissue_light import Pose, sample_optics
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.study import Study
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.frame_light import without_page
 from scleraforce.wall.lit_part import lit_part
 from scleraforce.wall.needle_in_frame import SeenNeedle
-from scleraforce.wall.two_methods import checked_by, refined_wall, sharpened
+from scleraforce.wall.two_methods import checked_by, refined_wall, sharpened_boundary
 from scleraforce.wall.wall import Segmentation, without_wall
 from scleraforce.wall.wall_network import (
     FrameWindow,
@@ -56,7 +56,7 @@ def seen_wall(
         + dent_m * np.exp(-(lateral**2) / (2 * 1.6e-3**2))
     )
     outer = np.stack([lateral, depth], axis=1)
-    section = Section(outer, outer + np.array([0.0, thickness_m]))
+    section = WallSection(outer, outer + np.array([0.0, thickness_m]))
     optics = sample_optics(STUDY_OF_FRAMES.phantom, OCT, rng)
     bscan = render_bscan(
         Pose(lateral_m=0.0, depth_m=0.5e-3).place(section), OCT, optics, rng
@@ -404,11 +404,16 @@ def test_an_inner_boundary_moves_to_the_edge_near_it_and_stays_where_none_is() -
     edge = 300.0 + 8.0 * np.sin(np.linspace(0.0, 12.0, 512))
     level = np.where(np.arange(512)[:, None] < edge, 300.0, 60.0)
     frame = np.rint(level * rng.exponential(1.0, level.shape)).astype(np.uint16)
-    found = sharpened(frame, np.where(np.arange(512) < 30, np.nan, 300.0), SCALE)
+    found = sharpened_boundary(
+        frame, np.where(np.arange(512) < 30, np.nan, 300.0), SCALE
+    )
     assert np.isnan(found[:30]).all()
     assert np.abs(found - edge)[40:].mean() < 2.0  # 5 before
     even = rng.exponential(300.0, level.shape).astype(np.uint16)
-    assert np.abs(sharpened(even, np.full(512, 300.0), SCALE) - 300.0).mean() < 3.0
+    assert (
+        np.abs(sharpened_boundary(even, np.full(512, 300.0), SCALE) - 300.0).mean()
+        < 3.0
+    )
 
 
 @pytest.mark.parametrize("grey", [400, 4095])

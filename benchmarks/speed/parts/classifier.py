@@ -23,14 +23,17 @@ def measure(run: Run) -> Table:
     """Train both."""
     from sklearn.neural_network import MLPClassifier  # type: ignore[import-untyped]  # comes without types
 
-    from scleraforce.lab.training.classifier_training import CLASSIFIER_THREADS, fit
+    from scleraforce.lab.training.classifier_training import (
+        CLASSIFIER_THREADS,
+        fit_classifier,
+    )
     from scleraforce.lab.training.trained_models import split_samples
 
     dataset = open_dataset(made_dataset(run))
     network = dataset.study.network
     training, unseen = split_samples(dataset, dataset.youngs_modulus_pa)
     start = perf_counter()
-    fitted = fit(network, training, unseen)
+    fitted = fit_classifier(network, training, unseen)
     ours_s = perf_counter() - start
     inputs, asked = (
         (part.pixels > 0).astype(np.float32) for part in (training, unseen)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scleraforce.base.onnx_network import network_session
 from scleraforce.reading.force_network import (
     ForceNetwork,
-    given_eye,
+    eye_for_network,
     given_inputs,
     given_modulus,
     histogram_reading,
@@ -129,7 +129,7 @@ def _by_torch(network: bytes, study: Study) -> Read:
     edges_m2 = ratio_edges(study.reader.bins, study.reader.max_force_ratio).tolist()
 
     def read(cuts: Slices, known: Known) -> float:
-        told = given_eye(known)
+        told = eye_for_network(known)
         given = np.repeat(given_inputs(told, study.reader), len(cuts), axis=0)
 
         with torch.inference_mode():
@@ -192,7 +192,7 @@ def _quantized(network: bytes, folder: Path, samples: list[Any], study: Study) -
             if found is None:
                 return None
             cuts, eye = found
-            given = given_inputs(given_eye(eye.known), study.reader)
+            given = given_inputs(eye_for_network(eye.known), study.reader)
             return {"slices": cuts, "given": np.repeat(given, len(cuts), axis=0)}
 
     before = folder / "fp32.onnx"

@@ -19,6 +19,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+from platformdirs import user_cache_path
+
 from scleraforce.base.foreign_settings import leave_unread
 from scleraforce.base.plain_text import printable
 from scleraforce.base.private_folder import folder_fault, make_private, read_own
@@ -97,7 +99,7 @@ def _part_compiler() -> Any:
         import_module(f"numba.core.{name}") for name in ("codegen", "compiler")
     )
 
-    class Part(codegen.JITCodeLibrary):  # type: ignore[misc, name-defined]
+    class PartCode(codegen.JITCodeLibrary):  # type: ignore[misc, name-defined]
         def finalize(self) -> None:
             for library in dict.fromkeys(self._linking_libraries):
                 self._reload_init.update(library._reload_init)
@@ -120,7 +122,7 @@ def _part_compiler() -> Any:
     class PartCompiler(compiler.Compiler):  # type: ignore[misc, name-defined]
         def compile_extra(self, function: Any) -> Any:
             target = self.state.targetctx.codegen()
-            self.state.library = Part(target, function.__qualname__)
+            self.state.library = PartCode(target, function.__qualname__)
             self.state.library.enable_object_caching()
             return super().compile_extra(function)
 
@@ -212,7 +214,7 @@ def _code_file() -> Any:
         def _load_data(self, name: str) -> Any:
             return Unpickler(BytesIO(read_own(Path(self._data_path(name))))).load()
 
-    class Library(codegen.JITCodeLibrary):  # type: ignore[misc, name-defined]
+    class CachedCode(codegen.JITCodeLibrary):  # type: ignore[misc, name-defined]
         _shared_module: Any
 
         @classmethod
@@ -253,7 +255,7 @@ def _code_file() -> Any:
             target = target_context.codegen()
             # under the lock of Numba's compiler
             before = target._library_class
-            target._library_class = Library
+            target._library_class = CachedCode
 
             try:
                 return self._load_overload(signature, target_context)
@@ -286,9 +288,6 @@ def _code_folder(module: str) -> Path | None:
     """Return the folder of a module's machine code; None, with a note, if another user
     could have put code there.
     """
-    # imported here: what compiles nothing need not wait for it
-    from platformdirs import user_cache_path
-
     content = b"".join(file.read_bytes() for file in sorted(_deciding(module)))
     folder = (
         user_cache_path("scleraforce")

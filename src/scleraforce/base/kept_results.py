@@ -15,6 +15,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from platformdirs import user_state_path
+
 from scleraforce.base.errors import InputError
 from scleraforce.base.plain_json import parse_json
 from scleraforce.base.private_folder import folder_fault, make_private, read_own
@@ -60,9 +62,6 @@ def _key() -> bytes:
     """Return the user's key, made on first need; one for this process alone, so that
     nothing is resumed, where no file of it would be safe.
     """
-    # imported here: most commands keep nothing
-    from platformdirs import user_state_path
-
     folder = user_state_path("scleraforce") / "keys"
     path = folder / "results"
     with suppress(OSError):

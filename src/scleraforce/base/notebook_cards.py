@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from scleraforce.base.arrays import Bytes
 from scleraforce.base.optional_packages import package_for
-from scleraforce.base.plain_json import finite
+from scleraforce.base.plain_json import finite_json
 
 # percentiles of the pixels that are lit
 DARKEST = 1.0
@@ -104,7 +104,7 @@ def data_frame(rows: Iterable[Mapping[str, Any]]) -> Any:
     without pandas.
     """
     return package_for("pandas", "a DataFrame", "tables").DataFrame(
-        tidy(map(finite, rows))
+        tidy(map(finite_json, rows))
     )
 
 

@@ -22,6 +22,7 @@ Interface = Mapping[str, tuple[str, list[int]]]
 
 def network_session(network: bytes, place: str, threads: int) -> "InferenceSession":
     """Return a session of a network on the CPU; raises `ModelError`."""
+    # 18 ms: not for commands that run no network
     import onnxruntime
 
     # `scleraforce` switches telemetry off before ONNX Runtime is imported; this is for

@@ -1,12 +1,9 @@
 """Packages that come with an extra, imported when they are needed."""
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from scleraforce.base.errors import InputError
-
-if TYPE_CHECKING:
-    pass
 
 
 def package_for(name: str, kind: str, extra: str = "formats") -> Any:

@@ -7,7 +7,7 @@ from math import isfinite
 from typing import Any
 
 
-def finite(value: Any) -> Any:
+def finite_json(value: Any) -> Any:
     """Return a value with null for each number in it that is not finite, and lists for
     tuples.
 
@@ -17,10 +17,10 @@ def finite(value: Any) -> Any:
     if isinstance(value, float):
         return value if isfinite(value) else None
     if isinstance(value, (list, tuple)):
-        return [finite(entry) for entry in value]
+        return [finite_json(entry) for entry in value]
     if not isinstance(value, str | int | None) and isinstance(value, Mapping):
         # the cheaper question first
-        return {key: finite(entry) for key, entry in value.items()}
+        return {key: finite_json(entry) for key, entry in value.items()}
 
     return value
 

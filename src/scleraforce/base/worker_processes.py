@@ -71,6 +71,7 @@ def _submitting_to_cluster(work: bytes, workers: ClusterWorkers) -> Iterator[Sub
     or a unit killed workers.
     """
     with _connected(workers.scheduler) as client:
+        # 220 ms, and an extra: not without a cluster
         import distributed
         from distributed.comm.core import CommClosedError
 
@@ -95,6 +96,7 @@ def _submitting_to_cluster(work: bytes, workers: ClusterWorkers) -> Iterator[Sub
 
 def _connected(scheduler: str) -> Any:
     try:
+        # 220 ms, and an extra: not without a cluster
         import distributed
     except ImportError as fault:
         raise InputError(

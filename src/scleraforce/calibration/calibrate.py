@@ -2,8 +2,8 @@
 3.2, Table 2).
 
 The frames of an eye pass the filter one by one, and are then read again
-(`known_forces`), with the walls of one tissue at a time; `known_forces.search` looks
-for the tissue that explains them best.
+(`stiffness_from_forces`), with the walls of one tissue at a time;
+`stiffness_from_forces.search_stiffening` looks for the tissue that explains them best.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -25,24 +25,24 @@ from scleraforce.calibration.calibration import (
 )
 from scleraforce.calibration.filter import eye_filter
 from scleraforce.calibration.filter.eye_parameters import EyeConstants
-from scleraforce.calibration.filter.library_sections import LibraryEye, library_eye
+from scleraforce.calibration.filter.library_sections import LibrarySections, library_eye
 from scleraforce.calibration.filter.section_registration import first_belief
 from scleraforce.calibration.holds_of_a_log import STEP_S
 from scleraforce.calibration.seen_frames import (
+    CalibrationSettings,
     EyeFrames,
     SeenFrame,
-    Settings,
+    count_nothing,
     frame_order,
-    silent,
 )
 from scleraforce.calibration.stiffness_from_forces import (
     TissueTrial,
     most_trials,
-    own,
-    search,
-    settled,
+    own_modulus_and_globe,
+    reread_eye,
+    search_stiffening,
 )
-from scleraforce.calibration.who_yields import decided
+from scleraforce.calibration.who_yields import decided_relaxation
 from scleraforce.library import Library
 from scleraforce.library.sealed_eye import iop_ratio_under_force
 from scleraforce.recordings.force_errors import FrameForces
@@ -112,14 +112,14 @@ def calibrate_recordings(
 
     of_filter = tuple(name for name in parameters if name != STIFFENING)
     passes = calibration_passes(library, parameters)
-    settings = Settings(
+    settings = CalibrationSettings(
         study, library, of_filter, STIFFENING in parameters, frames, finder
     )
     eyes = dict[str, EyeCalibration]()
 
     for recording in recordings:
         eye_id = recording.info.eye.id
-        count = _StepCount(passes * len(recording.frames), progress or silent)
+        count = _StepCount(passes * len(recording.frames), progress or count_nothing)
         eyes[eye_id] = _of_eye(
             recording, replace(settings, count=count), eyes.get(eye_id)
         )
@@ -138,7 +138,7 @@ def calibration_passes(
 
 
 def _of_eye(
-    recording: Recording, settings: Settings, before: EyeCalibration | None
+    recording: Recording, settings: CalibrationSettings, before: EyeCalibration | None
 ) -> EyeCalibration:
     """Calibrate an eye; if its filter diverges, add a doubt on its stated globe."""
     stated = recording.info.eye.globe
@@ -147,7 +147,7 @@ def _of_eye(
         if before is None
         else frozenset(sha256 for record in before.frames for _, sha256 in record.seen)
     )
-    check_planes(recording, settings)
+    check_planes_can_calibrate(recording, settings)
     frames = EyeFrames(recording, settings, used, _known_relaxation(recording, before))
     recording = frames.recording
 
@@ -170,7 +170,7 @@ def _of_eye(
         return found
 
     other = _of_tissue(
-        _without_globe(recording), replace(settings, count=silent), frames, None
+        _without_globe(recording), replace(settings, count=count_nothing), frames, None
     )
     if other.status != "ok":
         return found
@@ -193,14 +193,17 @@ def _of_eye(
 
 
 def _of_yielding(
-    recording: Recording, settings: Settings, frames: EyeFrames, found: EyeCalibration
+    recording: Recording,
+    settings: CalibrationSettings,
+    frames: EyeFrames,
+    found: EyeCalibration,
 ) -> EyeCalibration:
     """Calibrate an eye anew if frames of one hold decide who yields in the holds."""
     library = settings.library
     if library is None:
         return found
 
-    relaxation = decided(found, frames, library, settings.study)
+    relaxation = decided_relaxation(found, frames, library, settings.study)
     if relaxation is None:
         return found
 
@@ -208,7 +211,10 @@ def _of_yielding(
     frames.poses.clear()
     of_tissue = library.for_stiffening(found.stiffening)
     return calibrate_eye(
-        recording, replace(settings, library=of_tissue, count=silent), frames, None
+        recording,
+        replace(settings, library=of_tissue, count=count_nothing),
+        frames,
+        None,
     ).found
 
 
@@ -255,7 +261,7 @@ def _doubted(eye: EyeCalibration, doubt: str) -> EyeCalibration:
 
 def _of_tissue(
     recording: Recording,
-    settings: Settings,
+    settings: CalibrationSettings,
     frames: EyeFrames,
     earlier: EyeCalibration | None,
 ) -> EyeCalibration:
@@ -279,7 +285,10 @@ def _of_tissue(
 
 
 def _of_sought_tissue(
-    recording: Recording, settings: Settings, library: Library, frames: EyeFrames
+    recording: Recording,
+    settings: CalibrationSettings,
+    library: Library,
+    frames: EyeFrames,
 ) -> EyeCalibration:
     faults = list[CalibrationError]()
     more = len(recording.frames) > SOUGHT_ON and (
@@ -305,7 +314,7 @@ def _of_sought_tissue(
             faults.append(fault)
             return None
 
-    found = search(library, attempt)
+    found = search_stiffening(library, attempt)
     if found is None:
         raise faults[0]
 
@@ -319,7 +328,7 @@ def _of_sought_tissue(
 
 def calibrate_eye(
     recording: Recording,
-    settings: Settings,
+    settings: CalibrationSettings,
     frames: EyeFrames,
     earlier: EyeCalibration | None,
 ) -> TissueTrial[EyeCalibration]:
@@ -335,7 +344,7 @@ def calibrate_eye(
 
         rests_pa = _rests_pa(recording, settings.study, library, frames, found.found)
         found = _calibrate_eye(
-            recording, replace(settings, count=silent), frames, earlier, rests_pa
+            recording, replace(settings, count=count_nothing), frames, earlier, rests_pa
         )
 
     return found
@@ -384,7 +393,7 @@ def _rests_pa(
 
 def _calibrate_eye(
     recording: Recording,
-    settings: Settings,
+    settings: CalibrationSettings,
     frames: EyeFrames,
     earlier: EyeCalibration | None,
     rests_pa: Floats | None,
@@ -412,8 +421,8 @@ def _calibrate_eye(
         seen = frames.seen(index) if left > 0 and included[index] else None
         if seen is not None:
             force_n = float(forces.force_n[index])
-            if isinstance(seen.wall, eye_filter.Skipped):
-                found: eye_filter.FrameStep | eye_filter.Skipped | None = seen.wall
+            if isinstance(seen.wall, eye_filter.SkippedFrame):
+                found: eye_filter.FrameStep | eye_filter.SkippedFrame | None = seen.wall
             else:
                 rest_pa = None if rests_pa is None else float(rests_pa[index])
                 now = _at(session, seen, rest_pa, study)
@@ -422,7 +431,9 @@ def _calibrate_eye(
                 )
                 session = replace(now, filter=session.filter)
                 found = session.last
-                refused += force_n > least_n and isinstance(found, eye_filter.Skipped)
+                refused += force_n > least_n and isinstance(
+                    found, eye_filter.SkippedFrame
+                )
 
                 if isinstance(found, eye_filter.FrameStep):
                     taken[len(records)] = seen, rest_pa
@@ -465,7 +476,7 @@ def _calibrate_eye(
             + "".join(f"; {doubt}" for doubt in doubts)
         )
 
-    means, sds = eye_filter.moments(session.filter, session.state)
+    means, sds = eye_filter.parameter_moments(session.filter, session.state)
     eye = EyeCalibration(
         id=recording.info.eye.id,
         names=session.filter.space.names,
@@ -537,7 +548,9 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
     )
 
 
-def check_planes(recording: Recording, settings: Settings) -> None:
+def check_planes_can_calibrate(
+    recording: Recording, settings: CalibrationSettings
+) -> None:
     """Raise a `CalibrationError` if a recording of several planes meets linear
     mechanics or an uncertain gap.
     """
@@ -563,7 +576,7 @@ def _at(
     resting pressure, if it leaks.
     """
     model = session.filter.model
-    if seen.planes is not None and isinstance(model, LibraryEye):
+    if seen.planes is not None and isinstance(model, LibrarySections):
         model = library_eye(study, seen.beside(model.constants), model.library)
     if rest_pa is not None:
         model = replace(model, constants=replace(model.constants, iop_pa=rest_pa))
@@ -572,7 +585,7 @@ def _at(
 
 def _begin(
     recording: Recording,
-    settings: Settings,
+    settings: CalibrationSettings,
     frames: EyeFrames,
     earlier: EyeCalibration | None,
 ) -> eye_filter.EyeSession:
@@ -610,9 +623,9 @@ def _begin(
 
 
 def _recorded(
-    record: FrameRecord, found: eye_filter.FrameStep | eye_filter.Skipped
+    record: FrameRecord, found: eye_filter.FrameStep | eye_filter.SkippedFrame
 ) -> FrameRecord:
-    if isinstance(found, eye_filter.Skipped):
+    if isinstance(found, eye_filter.SkippedFrame):
         return replace(record, skipped=found.reason)
 
     result = found.result
@@ -648,7 +661,7 @@ def _settled(
     known: Known,
     taken: Mapping[int, tuple[SeenFrame, float | None]],
     refused: int,
-    settings: Settings,
+    settings: CalibrationSettings,
 ) -> TissueTrial[EyeCalibration]:
     """Return a calibration after its frames are read again, at their resting pressures,
     Pa, if it leaks.
@@ -660,7 +673,7 @@ def _settled(
     asked = [
         (seen.planes or seen.wall, frames[place].force_n)
         for place, (seen, _) in taken.items()
-        if not isinstance(seen.wall, eye_filter.Skipped)
+        if not isinstance(seen.wall, eye_filter.SkippedFrame)
     ]
     rested = [rest_pa for _, rest_pa in taken.values() if rest_pa is not None]
     earlier = [
@@ -668,14 +681,14 @@ def _settled(
         for place, frame in enumerate(frames)
         if frame.again is not None and place not in taken
     ]
-    after = settled(
+    after = reread_eye(
         known, asked, earlier, settings.library, settings.study, rested or None
     )
 
     for place, read in zip(taken, after.again, strict=True):
         frames[place] = replace(frames[place], again=read)
 
-    modulus, globe = own(after.known)
+    modulus, globe = own_modulus_and_globe(after.known)
     now = {
         eye_filter.PARAMETERS["e"]: (modulus.mean_pa, modulus.sd_pa),
         eye_filter.RIGIDITY: (globe.mean, globe.sd),

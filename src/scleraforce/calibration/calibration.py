@@ -12,7 +12,7 @@ import numpy as np
 from msgspec import Meta
 
 from scleraforce.base.errors import CalibrationError
-from scleraforce.base.notebook_cards import html_card
+from scleraforce.base.notebook_cards import data_frame, html_card
 from scleraforce.base.plain_text import wrapped
 from scleraforce.base.units import HumanUnit, from_si
 from scleraforce.base.version import __version__
@@ -23,7 +23,7 @@ from scleraforce.calibration.filter.eye_filter import (
     EyeState,
     FrameStep,
 )
-from scleraforce.calibration.filter.eye_parameters import spread
+from scleraforce.calibration.filter.eye_parameters import mean_and_sd
 from scleraforce.calibration.stiffness_from_forces import (
     Finite,
     KnownForce,
@@ -35,7 +35,7 @@ from scleraforce.records.calibration_file import (
     Appearance,
     CalibrationFile,
     Line,
-    converted,
+    typed_record,
 )
 from scleraforce.records.eye import NO_DISCREPANCY, REFERENCE_N, ForceDiscrepancy
 from scleraforce.records.globe import KnownGlobe
@@ -232,8 +232,6 @@ class Calibration:
         """Return a table of pandas with a row for each eye: its modulus, parameters and
         globe, units in the names.
         """
-        from scleraforce.base.notebook_cards import data_frame
-
         left_out = ("frames", "recordings", "steps", "state")
         return data_frame(
             {
@@ -246,7 +244,7 @@ class Calibration:
     @property
     def population(self) -> tuple[float, float | None]:
         """Mean and spread of the eyes' mean moduli, in Pa; one eye has no spread."""
-        return spread([eye.mean_pa for eye in self._sound])
+        return mean_and_sd([eye.mean_pa for eye in self._sound])
 
     @property
     def population_stiffening(self) -> float:
@@ -433,9 +431,11 @@ def parse_calibration(file: CalibrationFile) -> Calibration:
         eye: _parse_eye(eye, entry, f"{name}: eyes.{eye}")
         for eye, entry in content["eyes"].items()
     }
-    study_sha256 = converted(content.get("study_sha256"), str, f"{name}: study_sha256")
+    study_sha256 = typed_record(
+        content.get("study_sha256"), str, f"{name}: study_sha256"
+    )
 
-    bounds_n = converted(
+    bounds_n = typed_record(
         content.get("class_bounds_n"), tuple[Finite, ...], f"{name}: class_bounds_n"
     )
     if not bounds_n or not (np.diff(bounds_n) > 0.0).all():
@@ -446,7 +446,7 @@ def parse_calibration(file: CalibrationFile) -> Calibration:
     return Calibration(eyes, study_sha256, bounds_n, content["mechanics"])
 
 
-class _Moments(msgspec.Struct):
+class _MeanAndSd(msgspec.Struct):
     mean: Finite
     sd: NotNegative
 
@@ -461,7 +461,7 @@ class _Saved(msgspec.Struct):
 
 def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
     summary = calibration_file.summary_of_eye(entry, place)
-    saved = converted(entry, _Saved, place)
+    saved = typed_record(entry, _Saved, place)
     if set(saved.parameters) - set(_RANGES) or PARAMETERS["e"] not in saved.parameters:
         known = ", ".join(_RANGES)
         raise CalibrationError(
@@ -471,7 +471,9 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
 
     moments = {}
     for name, values in saved.parameters.items():
-        moments[name] = one = converted(values, _Moments, f"{place}.parameters.{name}")
+        moments[name] = one = typed_record(
+            values, _MeanAndSd, f"{place}.parameters.{name}"
+        )
         low, high = _RANGES[name]
         if not (low <= one.mean <= high and one.sd <= high):
             raise CalibrationError(

@@ -46,7 +46,11 @@ from scleraforce.records.scan import PixelScale
 from scleraforce.records.study import Study, parse_study, preset_toml
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.wall import Segmentation
-from scleraforce.wall.wall_in_metres import dent_measures, segmented_boundaries, surface
+from scleraforce.wall.wall_in_metres import (
+    dent_measures,
+    segmented_boundaries,
+    surface_places,
+)
 from scleraforce.wall.wall_network import WallFinder
 
 LOOKED_AT = 24  # moments of a recording, of many the evenly chosen ones
@@ -156,7 +160,7 @@ def _check_dents(recording: Recording, walls: Walls, study: Study) -> None:
     dents = np.full((2, len(first.frames)), np.nan)
     for index, wall in walls.items():
         if wall.usable:
-            dents[:, index] = dent_measures(*surface(wall, scale))
+            dents[:, index] = dent_measures(*surface_places(wall, scale))
 
     times_s = np.array([frame.time_s for frame in first.frames])
     given = log.time_s, contact_force(log, info)
@@ -201,7 +205,7 @@ def _thickness_m(walls: Walls) -> float:
     return float(np.median(found)) if len(found) else np.inf
 
 
-def checked(
+def checked_calibration(
     calibration: Calibration,
     summary: CalibrationSummary,
     recordings: Sequence[Recording],

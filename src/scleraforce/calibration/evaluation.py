@@ -16,7 +16,7 @@ import numpy as np
 from scleraforce.base.arrays import Integers
 from scleraforce.base.errors import CalibrationError, RecordingError
 from scleraforce.base.notebook_cards import data_frame, flat, html_card, tidy
-from scleraforce.base.plain_json import finite
+from scleraforce.base.plain_json import finite_json
 from scleraforce.base.units import from_si
 from scleraforce.calibration import answer_metrics
 from scleraforce.fit.unknowns import SIZE
@@ -25,18 +25,18 @@ from scleraforce.reading.force_trend import (
     DENTS,
     NOISE_WINDOWS,
     OUTSIDE,
-    Dent,
+    DentForce,
     TimeToBound,
     TrendLimits,
     rise_of,
     time_to_bound,
     unexplained_fall,
 )
-from scleraforce.reading.interval_widths import Score, scored
-from scleraforce.reading.load_model import suited
+from scleraforce.reading.interval_widths import IntervalScore, score_reading
+from scleraforce.reading.load_model import suited_reader
 from scleraforce.reading.reading_models import Reader
 from scleraforce.reading.recorded_wall import recorded_wall
-from scleraforce.reading.tissue_memory import History, Leak
+from scleraforce.reading.tissue_memory import Leak, TissueMemory
 from scleraforce.recordings import forces_under_frames
 from scleraforce.recordings.force_errors import label_sds
 from scleraforce.recordings.forces_under_frames import Trial, label_frames
@@ -58,7 +58,7 @@ from scleraforce.records.frame import frame_digest
 from scleraforce.records.recording_info import known_of_recording
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.verdict import upper_end
-from scleraforce.wall.wall_in_metres import dent_measures, surface
+from scleraforce.wall.wall_in_metres import dent_measures, surface_places
 
 Progress = Callable[[int], object] | None  # called with 1 after each frame
 
@@ -152,7 +152,7 @@ class FrameAnswer:
             "time_s": self.time_s,
         }
         row = flat(
-            finite(
+            finite_json(
                 keys | self.to_dict() | {"warnings": "; ".join(self.answer.warnings)}
             )
         )
@@ -335,7 +335,7 @@ class Evaluation:
         """Return the result of `evaluate --json` as plain types, None for a figure that
         is not defined.
         """
-        found: dict[str, Any] = finite(
+        found: dict[str, Any] = finite_json(
             {
                 "model": self.model,
                 "kind": self.kind,
@@ -457,7 +457,7 @@ def evaluate_recordings(
         )
 
     for recording in opened:
-        session = _Session.of(reader, recording, calibration)
+        session = _EvaluatedRecording.of(reader, recording, calibration)
         answers = session.without_pierced(tuple(session.answers(progress)))
         notes += (f"{recording.path}: {note}" for note in session.notes())
 
@@ -487,11 +487,11 @@ def recording_scores(
     recording: Recording,
     summary: CalibrationSummary,
     progress: Progress = None,
-) -> Iterator[Score]:
+) -> Iterator[IntervalScore]:
     """Score both methods' readings of a recording's frames that did not calibrate, by
     the reader's intervals.
     """
-    session = _Session.of(reader, recording, summary)
+    session = _EvaluatedRecording.of(reader, recording, summary)
     repeats = session.repeats
 
     for entry, trial, answer, calibrates in session.read(progress):
@@ -506,13 +506,13 @@ def recording_scores(
         for method, reading in answer.readings if answer.usable else ():
             fit = answer.fit if method == "fit" else None
             eye = recording.info.eye.id
-            yield scored(
+            yield score_reading(
                 method, reading, session.known, eye, trial.measured_force_n, fit
             )
 
 
 @dataclass(frozen=True, eq=False)
-class _Session:
+class _EvaluatedRecording:
     """A recording, its reader in place of the one that was `asked` for, and the
     calibration of the eyes, if any.
 
@@ -529,7 +529,7 @@ class _Session:
     @classmethod
     def of(
         cls, reader: Reader, recording: Recording, summary: CalibrationSummary | None
-    ) -> "_Session":
+    ) -> "_EvaluatedRecording":
         """Return a session with the known values of the eye, and with the bundled
         reader that was trained for it.
         """
@@ -542,7 +542,7 @@ class _Session:
             recording if stated else forces_under_frames.with_punctures(recording)
         )
         return cls(
-            suited(reader, known), recording, summary, known, reader.path, stated
+            suited_reader(reader, known), recording, summary, known, reader.path, stated
         )
 
     @cached_property
@@ -594,7 +594,7 @@ class _Session:
         for index, frame in enumerate(answers):
             wall = frame.answer.segmentation
             if wall is not None and wall.usable and not frame.repeats:
-                dents[:, index] = dent_measures(*surface(wall, scale))
+                dents[:, index] = dent_measures(*surface_places(wall, scale))
 
         read_n = [frame.answer.force_n for frame in answers]
         log = forces_under_frames.log_doubts(
@@ -631,7 +631,7 @@ class _Session:
         """
         scale = PixelScale.of(self.recording.info.oct)
         study = self.reader.study
-        history = History.unknown(self.known, study.needle.max_force_n)
+        history = TissueMemory.unknown(self.known, study.needle.max_force_n)
         leak = Leak(self.known)
         trials = iter(self.trials)
         digests = self.summary.digests if self.summary else frozenset()
@@ -713,7 +713,7 @@ class _Session:
         if self.stated:
             return answers
 
-        dents = list[Dent]()
+        dents = list[DentForce]()
         punctures_s = list[float]()
         limits = TrendLimits()
 
@@ -724,7 +724,7 @@ class _Session:
                 else frame.answer.elastic_force_n
             )
             if force_n is not None and not frame.repeats:
-                dents.append(Dent(entry.time_s, force_n, entry.travel_m))
+                dents.append(DentForce(entry.time_s, force_n, entry.travel_m))
             # a fall between held pushes, which nobody saw, is no puncture
             fall = unexplained_fall(tuple(dents[-DENTS:]), limits)
             if fall is not None and fall.pierced:

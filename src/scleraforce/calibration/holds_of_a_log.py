@@ -27,7 +27,11 @@ import numpy as np
 from scleraforce.base.arrays import Flags, Floats
 from scleraforce.base.normal_distribution import robust_spread
 from scleraforce.mechanics.tissue_material import driven_back
-from scleraforce.records.tissue_relaxation import HoldFinding, KnownRelaxation, rows
+from scleraforce.records.tissue_relaxation import (
+    HoldFinding,
+    KnownRelaxation,
+    matrix_rows,
+)
 
 # two terms of any times between are as good as in the grid
 TIMES_S = (
@@ -168,7 +172,7 @@ class HoldFit:
     kept: tuple[slice, ...]  # holds in which the needle did not move
 
 
-def fitted(
+def fit_holds(
     log: HoldLog,
     holds: Sequence[slice],
     shown: Flags | None = None,
@@ -238,7 +242,7 @@ def fitted(
     return HoldFit(shares, covariance, misfit, fall, gain, inflation, kept)
 
 
-def found(log: HoldLog) -> KnownRelaxation:
+def find_relaxation(log: HoldLog) -> KnownRelaxation:
     """Find what the holds of a log say; without holds, shares are as in other
     tissue.
     """
@@ -252,9 +256,9 @@ def found(log: HoldLog) -> KnownRelaxation:
         )
         return replace(none, finding=HoldFinding(cause="no holds"))
 
-    whole = fitted(log, fitted(log, holds).kept)
+    whole = fit_holds(log, fit_holds(log, holds).kept)
     shown = np.diag(whole.covariance) < SHOWN * PRIOR_SD**2
-    tissue = fitted(log, whole.kept, shown) if shown.any() else whole
+    tissue = fit_holds(log, whole.kept, shown) if shown.any() else whole
     length_s = STEP_S * float(np.median([one.stop - one.start for one in whole.kept]))
     finding = HoldFinding(
         cause="undecided",
@@ -268,7 +272,7 @@ def found(log: HoldLog) -> KnownRelaxation:
         steady = KnownRelaxation.of(nothing, TIMES_S, whole.covariance, "holds")
         return replace(steady, finding=replace(finding, cause="steady", fall=0.0))
 
-    needle = fitted(log, whole.kept, shown, anew=True)
+    needle = fit_holds(log, whole.kept, shown, anew=True)
     gain = 0.5 * (needle.misfit - tissue.misfit) / tissue.inflation
     chance = _chance(gain)
     return _undecided(tissue.shares, whole.covariance, replace(finding, chance=chance))
@@ -440,7 +444,7 @@ def _decided(
     return replace(
         relaxation,
         shares=tuple((part * shares).tolist()),
-        covariance=rows(covariance),
+        covariance=matrix_rows(covariance),
         other=(),
         finding=replace(
             finding, cause="needle" if elastic else "tissue" if relaxes else "both"

@@ -11,7 +11,11 @@ from dataclasses import replace
 import numpy as np
 
 from scleraforce.base.arrays import Floats
-from scleraforce.calibration.holds_of_a_log import LEAST_PUSH_N, HoldLog, found
+from scleraforce.calibration.holds_of_a_log import (
+    LEAST_PUSH_N,
+    HoldLog,
+    find_relaxation,
+)
 from scleraforce.mechanics.tissue_material import driven_back
 from scleraforce.recordings.force_errors import FrameForces
 from scleraforce.recordings.forces_under_frames import contact_force
@@ -20,7 +24,7 @@ from scleraforce.records.tissue_relaxation import (
     MOST_BEFORE_N,
     KnownRelaxation,
     Matrix,
-    rows,
+    matrix_rows,
 )
 
 PUSHED = 0.7  # of a frame's force: the push began where it was less
@@ -50,7 +54,7 @@ def with_elastic_forces(
     time_s = log.time_s
     felt_n = log.felt_n
     contact = log.contact
-    known = found(log) if known is None else known
+    known = find_relaxation(log) if known is None else known
     if not known.shares:
         return forces, known, np.where(contact, felt_n, 0.0)
 
@@ -128,7 +132,7 @@ def _with_histories(
     earlier_n = np.maximum(force_n[later - 1], 0.0)
     after = earlier_n @ rest_n / max(float(earlier_n @ earlier_n), LEAST_PUSH_N**2)
     rest_n -= np.outer(earlier_n, after)
-    covariance_n2 = rows(rest_n.T @ rest_n / max(len(later) - 1, 1))
+    covariance_n2 = matrix_rows(rest_n.T @ rest_n / max(len(later) - 1, 1))
     histories = replace(
         histories, after=tuple(after.tolist()), after_covariance_n2=covariance_n2
     )
@@ -152,9 +156,9 @@ def _spread(found: Floats, sd_of_one: float) -> Matrix:
     """
     count = len(found)
     if count == 1:
-        return rows(sd_of_one**2 * np.eye(found.shape[1]))
+        return matrix_rows(sd_of_one**2 * np.eye(found.shape[1]))
 
-    return rows(
+    return matrix_rows(
         (1.0 + 1.0 / count)
         * (count - 1)
         / max(count - 3, 1)

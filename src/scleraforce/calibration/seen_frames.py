@@ -3,8 +3,8 @@
 Of several planes, the fit to all of a moment (`fit.planes_of_a_moment`) shows where
 each of them lies. The filter and the joint fit follow the plane that lies nearest to
 the needle, at the place that the moment shows; the force of a moment is then read from
-all its planes together (`known_forces`). A moment counts once: its planes show one dent
-of one wall.
+all its planes together (`stiffness_from_forces`). A moment counts once: its planes show
+one dent of one wall.
 """
 
 from collections.abc import Callable, Sequence
@@ -53,12 +53,12 @@ NO_WALL = "the library's walls do not lie on its boundaries"
 LOOKED_AT = 5  # moments, of which the plane that is followed lies nearest to the needle
 
 
-def silent(_: int) -> None:
+def count_nothing(_: int) -> None:
     """Count no steps."""
 
 
 @dataclass(frozen=True)
-class Settings:
+class CalibrationSettings:
     """The arguments of `calibrate_recordings`; `parameters` are the filter's; `count`
     is called with steps done.
     """
@@ -69,7 +69,7 @@ class Settings:
     stiffening_sought: bool
     frames: int | None
     finder: WallFinder | None
-    count: Callable[[int], object] = silent
+    count: Callable[[int], object] = count_nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ class SeenFrame:
 
     file: str
     sha256: str
-    wall: Boundaries | eye_filter.Skipped
+    wall: Boundaries | eye_filter.SkippedFrame
     planes: PlanesFit | None = None
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)
     files: tuple[tuple[str, str], ...] = ()
@@ -116,7 +116,7 @@ class EyeFrames:
     def __init__(
         self,
         recording: Recording,
-        settings: Settings,
+        settings: CalibrationSettings,
         used: frozenset[str],
         relaxation: KnownRelaxation | None,
     ) -> None:
@@ -150,14 +150,16 @@ class EyeFrames:
         sha256, wall = self._look(entry)
 
         if plane is not None and entry.plane != plane.name:
-            wall = eye_filter.Skipped(f"not usable: no frame of plane {plane.name}")
+            wall = eye_filter.SkippedFrame(
+                f"not usable: no frame of plane {plane.name}"
+            )
 
         seen = SeenFrame(entry.file, sha256, wall)
-        if plane is None or isinstance(wall, eye_filter.Skipped):
+        if plane is None or isinstance(wall, eye_filter.SkippedFrame):
             return seen
 
         found = self._fitted(index)
-        if isinstance(found, eye_filter.Skipped):
+        if isinstance(found, eye_filter.SkippedFrame):
             return replace(seen, wall=found)
 
         turn_rad = plane.direction_rad
@@ -180,7 +182,7 @@ class EyeFrames:
         dents = np.full((2, count), np.nan)
         for index in np.linspace(0, count - 1, min(count, MOST_FRAMES)).astype(np.intp):
             _, wall = self._look(self.moments[index][0])
-            if not isinstance(wall, eye_filter.Skipped):
+            if not isinstance(wall, eye_filter.SkippedFrame):
                 dents[:, index] = dent_measures(wall.lateral_m, wall.depth_m[0])
         return dents
 
@@ -207,7 +209,7 @@ class EyeFrames:
 
     def _look_at(
         self, entry: FrameEntry
-    ) -> tuple[str, Boundaries | eye_filter.Skipped]:
+    ) -> tuple[str, Boundaries | eye_filter.SkippedFrame]:
         """Return the digest of a frame's pixels, and its wall."""
         pixels = self.recording.frame(entry)
         info = self.recording.info
@@ -218,20 +220,20 @@ class EyeFrames:
             pixels, scale, info.eye.thickness_m, self.settings.finder
         )
         if not found.usable:
-            return frame_digest(pixels), eye_filter.Skipped(
+            return frame_digest(pixels), eye_filter.SkippedFrame(
                 f"not usable: {found.reason}"
             )
 
         return frame_digest(pixels), segmented_boundaries(found, scale)
 
-    def _fit(self, index: int) -> PlanesFit | eye_filter.Skipped:
+    def _fit(self, index: int) -> PlanesFit | eye_filter.SkippedFrame:
         """Fit the planes of a moment that show a wall together, beside the population's
         modulus.
         """
         info = self.recording.info
         study = self.settings.study
         library = self.settings.library
-        assert library is not None  # `calibrate.check_planes`
+        assert library is not None  # `calibrate.check_planes_can_calibrate`
         mean_pa = study.calibration.prior_mean_pa
         sd_pa = study.calibration.prior_sd_pa
         known = replace(
@@ -243,7 +245,7 @@ class EyeFrames:
         for entry in self.moments[index]:
             _, wall = self._look(entry)
             plane = info.oct.named(entry.plane)
-            if plane is not None and not isinstance(wall, eye_filter.Skipped):
+            if plane is not None and not isinstance(wall, eye_filter.SkippedFrame):
                 turn_rad = plane.direction_rad
                 prior = prior_of(known.turned(turn_rad), study.reader)
                 planes.append(
@@ -253,18 +255,22 @@ class EyeFrames:
                 )
 
         if len(planes) < 2:
-            return eye_filter.Skipped("not usable: fewer than two planes show a wall")
+            return eye_filter.SkippedFrame(
+                "not usable: fewer than two planes show a wall"
+            )
 
         near = library.for_stiffening(
             float(library.walls.stiffening[0])
         ).nearest_contact(known.polar_rad)
         fits, place = fit_planes(near, planes, study.calibration.surface_smoothing_m)
         if place is None:
-            return eye_filter.Skipped(eye_filter.UNSEEN)
+            return eye_filter.SkippedFrame(eye_filter.UNSEEN)
 
         found = PlanesFit(tuple(planes), fits, place)
         return (
-            found if found.whole.misfit_m <= NO_WALL_M else eye_filter.Skipped(NO_WALL)
+            found
+            if found.whole.misfit_m <= NO_WALL_M
+            else eye_filter.SkippedFrame(NO_WALL)
         )
 
     @cached_property

@@ -12,8 +12,8 @@ best for forces like the frames'.
 heavy tails, for it may have been led astray; level and growth by their spread among
 eyes.
 
-The loss of a stiffening (`search`) is that of the frames' boundaries, read without
-their forces, and that of the forces read beside the known ones.
+The loss of a stiffening (`search_stiffening`) is that of the frames' boundaries, read
+without their forces, and that of the forces read beside the known ones.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -99,7 +99,7 @@ class KnownForce:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Found:
+class StiffnessEstimate:
     """The estimate of ln E, k over the reference's, level and growth: mean (4,) and
     covariance (4, 4).
 
@@ -113,7 +113,9 @@ class Found:
     scatter: float
 
 
-def regression(frames: Sequence[KnownForce], known: Known, place: Floats) -> Found:
+def regression(
+    frames: Sequence[KnownForce], known: Known, place: Floats
+) -> StiffnessEstimate:
     """Return the estimate from frames of one eye, by reweighted least squares."""
     center = np.concatenate([place_of(known), np.zeros(2)])
     direction = np.zeros((len(frames), 4))
@@ -133,7 +135,7 @@ def regression(frames: Sequence[KnownForce], known: Known, place: Floats) -> Fou
             (frame.sd_n / frame.library_n) ** 2 + (LABEL_SD_N / frame.force_n) ** 2
         )
 
-    modulus, globe = own(known)
+    modulus, globe = own_modulus_and_globe(known)
     sds = np.array([modulus.relative_sd, max(globe.sd / REFERENCE_RIGIDITY, _OPEN_SD)])
     of_filter = np.outer(sds, sds) * np.array(
         [[1.0, globe.correlation], [globe.correlation, 1.0]]
@@ -164,7 +166,9 @@ def regression(frames: Sequence[KnownForce], known: Known, place: Floats) -> Fou
     squares = SCATTER_FRAMES + float(weight @ rest**2) / EXPECTED_SQUARE
     scatter = max(1.0, float(np.sqrt(squares / (SCATTER_FRAMES + len(frames)))))
 
-    return Found(mean=center + mean, covariance=covariance, loss=loss, scatter=scatter)
+    return StiffnessEstimate(
+        mean=center + mean, covariance=covariance, loss=loss, scatter=scatter
+    )
 
 
 def _reweighted(
@@ -214,7 +218,7 @@ def _loss(
     return float(weight @ rest**2 + of_filter + of_eyes)
 
 
-def own(known: Known) -> tuple[Modulus, KnownGlobe]:
+def own_modulus_and_globe(known: Known) -> tuple[Modulus, KnownGlobe]:
     """Return modulus and globe of an eye after its frames, which has both."""
     assert known.modulus is not None
     assert known.globe is not None
@@ -223,7 +227,7 @@ def own(known: Known) -> tuple[Modulus, KnownGlobe]:
 
 def place_of(known: Known) -> Floats:
     """Return ln E and k over the reference's (2,)."""
-    modulus, globe = own(known)
+    modulus, globe = own_modulus_and_globe(known)
     return np.array([log(modulus.mean_pa), globe.mean / REFERENCE_RIGIDITY])
 
 
@@ -295,7 +299,7 @@ class TissueTrial(Generic[Trial]):
 
 
 @dataclass(frozen=True)
-class Settled:
+class RereadEye:
     """The known eye, the readings of its frames (None: cannot be read), and the loss of
     their forces.
     """
@@ -305,8 +309,8 @@ class Settled:
     loss: float
 
     def trial(self, found: Trial, refused: int) -> TissueTrial[Trial]:
-        """Return the trial that `search` compares; `refused`: the number of frames that
-        the filter did not take.
+        """Return the trial that `search_stiffening` compares; `refused`: the number of
+        frames that the filter did not take.
         """
         read = [frame for frame in self.again if frame is not None]
         refused += len(self.again) - len(read)
@@ -322,17 +326,17 @@ class Settled:
 
 # with their known forces, N
 SeenFrames = Sequence[tuple[Boundaries | PlanesFit, float]]
-Again = tuple[list[KnownForce | None], list[KnownForce], Found]
+Again = tuple[list[KnownForce | None], list[KnownForce], StiffnessEstimate]
 
 
-def settled(
+def reread_eye(
     known: Known,
     frames: SeenFrames,
     earlier: Sequence[KnownForce],
     library: Library,
     study: Study,
     rests_pa: Sequence[float] | None = None,
-) -> Settled:
+) -> RereadEye:
     """Return the known eye after its frames are read again, at their own resting
     pressures if the globe leaks.
     """
@@ -358,7 +362,7 @@ def settled(
         now = moved
         again, read, found = of_moved
 
-    return Settled(
+    return RereadEye(
         _with_discrepancy(now, found, [frame.force_n for frame in read]),
         tuple(again),
         found.loss,
@@ -379,7 +383,7 @@ def read_again(
     them. The planes of a moment are read together, and are one reading.
     """
     near = library.nearest_contact(known.polar_rad)
-    modulus, globe = own(known)
+    modulus, globe = own_modulus_and_globe(known)
     modulus_step, rigidity_step = _steps(known)
     certain = [_certain(known), _certain(known, modulus_step)]
 
@@ -469,7 +473,7 @@ def _steps(known: Known) -> Floats:
     """Return the steps of ln E and k over the reference's (2,) for difference
     quotients.
     """
-    modulus, globe = own(known)
+    modulus, globe = own_modulus_and_globe(known)
     share = RIGIDITY_STEP * max(globe.mean / REFERENCE_RIGIDITY, LEAST_RIGIDITY)
     return np.array(
         [
@@ -483,7 +487,7 @@ def _certain(known: Known, log_modulus: float = 0.0, rigidity: float = 0.0) -> K
     """Return an eye whose E and k are certain, each a step off: of ln E, and of k over
     the reference's.
     """
-    modulus, globe = own(known)
+    modulus, globe = own_modulus_and_globe(known)
     if globe.can_be_sealed:
         mean = globe.mean + rigidity * REFERENCE_RIGIDITY
         lowest = min(globe.lowest, mean)
@@ -501,11 +505,11 @@ def _certain(known: Known, log_modulus: float = 0.0, rigidity: float = 0.0) -> K
     return replace(known, modulus=modulus, globe=globe, discrepancy=None)
 
 
-def _moved(known: Known, found: Found) -> Known:
+def _moved(known: Known, found: StiffnessEstimate) -> Known:
     """Return an eye with the E and k that were found, not too far from the ones that it
     was read with.
     """
-    modulus, globe = own(known)
+    modulus, globe = own_modulus_and_globe(known)
     mean = found.mean
     covariance = found.covariance
 
@@ -525,11 +529,13 @@ def _moved(known: Known, found: Found) -> Known:
     )
 
 
-def _with_discrepancy(known: Known, found: Found, forces_n: Sequence[float]) -> Known:
+def _with_discrepancy(
+    known: Known, found: StiffnessEstimate, forces_n: Sequence[float]
+) -> Known:
     """Return an eye at its E and k with their uncertainty, and the discrepancy given
     these; forces in N.
     """
-    modulus, globe = own(known)
+    modulus, globe = own_modulus_and_globe(known)
     covariance = found.covariance
     sds = np.sqrt(np.diag(covariance))
     modulus = replace(modulus, sd_pa=float(sds[OF_MODULUS]) * modulus.mean_pa)
@@ -572,7 +578,7 @@ def most_trials(library: Library) -> int:
     return held + REFINEMENTS if held > 1 else 1
 
 
-def search(
+def search_stiffening(
     library: Library, calibrate: Callable[[Library], TissueTrial[Trial] | None]
 ) -> tuple[float, Trial] | None:
     """Return the stiffening that explains an eye's frames best, and the calibration

@@ -17,14 +17,14 @@ from scleraforce.calibration.calibration import (
     FrameRecord,
     UsedRecording,
 )
-from scleraforce.calibration.filter.eye_filter import PARAMETERS, Skipped
+from scleraforce.calibration.filter.eye_filter import PARAMETERS, SkippedFrame
 from scleraforce.calibration.seen_frames import (
     NO_WALL,
+    CalibrationSettings,
     EyeFrames,
-    Settings,
     frame_order,
 )
-from scleraforce.fit import unknowns as at
+from scleraforce.fit import unknowns
 from scleraforce.fit.frames_of_an_eye import (
     OWN,
     THICKNESS,
@@ -65,7 +65,7 @@ class EyePosterior:
     library: Library
     frames: tuple[ShownFrame, ...] = ()
     fit: JointFit | None = None
-    iop_sd: float = KNOWN_SD[at.IOP]
+    iop_sd: float = KNOWN_SD[unknowns.IOP]
 
     @property
     def modulus(self) -> Modulus:
@@ -199,7 +199,7 @@ def _spread(tips_m: Sequence[float], needed: Sequence[bool]) -> list[int]:
 
 def calibrate_without_force(
     recordings: Sequence[Recording],
-    settings: Settings,
+    settings: CalibrationSettings,
     study_sha256: str,
     population: Modulus | None = None,
     progress: Callable[[int], object] = lambda _: None,
@@ -228,7 +228,7 @@ def calibrate_without_force(
 
 def _of_eye(
     recording: Recording,
-    settings: Settings,
+    settings: CalibrationSettings,
     prior: Modulus,
     before: EyeCalibration | None,
     progress: Callable[[int], object],
@@ -305,7 +305,7 @@ def _of_eye(
     return replace(found, lean_rad=info.needle.lean_rad)
 
 
-def _known_forces(frames: EyeFrames, settings: Settings) -> dict[int, float]:
+def _known_forces(frames: EyeFrames, settings: CalibrationSettings) -> dict[int, float]:
     """Return the forces, N, that are to be known, by the numbers of their frames."""
     if settings.frames is None:
         return {}
@@ -322,7 +322,7 @@ def _known_forces(frames: EyeFrames, settings: Settings) -> dict[int, float]:
             len(found) < settings.frames
             and force_n > least_n
             and seen
-            and not isinstance(seen.wall, Skipped)
+            and not isinstance(seen.wall, SkippedFrame)
         ):
             found[place] = force_n
 
@@ -356,7 +356,7 @@ def _shown(
         )
         record = of_frame(force_n=force_n, mean_pa=0.0, sd_pa=0.0)
 
-        if isinstance(wall, Skipped):
+        if isinstance(wall, SkippedFrame):
             record = replace(record, skipped=wall.reason)
         else:
             shown[len(records)] = ShownFrame(

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from scleraforce.calibration.calibration import EyeCalibration
-from scleraforce.calibration.filter.eye_filter import Skipped
+from scleraforce.calibration.filter.eye_filter import SkippedFrame
 from scleraforce.calibration.holds_of_a_log import (
     LEAST_SD,
     MOST_FRAMES,
@@ -26,7 +26,7 @@ from scleraforce.records.study import Study
 from scleraforce.records.tissue_relaxation import KnownRelaxation
 
 
-def decided(
+def decided_relaxation(
     eye: EyeCalibration, frames: EyeFrames, library: Library, study: Study
 ) -> KnownRelaxation | None:
     """Return what an eye's frames say of its undecided relaxation; None if nothing.
@@ -96,7 +96,7 @@ def _read(
             if trials[index].excluded is None and np.isfinite(force_n)
             else None
         )
-        if seen is not None and not isinstance(seen.wall, Skipped):
+        if seen is not None and not isinstance(seen.wall, SkippedFrame):
             asked.append(index)
             walls.append((seen.planes or seen.wall, force_n))
 

@@ -1,3 +1,18 @@
-"""Which wall of the library do frames show? For n frames and planes, forces known or
-not.
+"""Which wall of the library n frames and planes show, forces known or not.
+
+Pure: no file, no clock, no socket. Imports `library`, `records` and `base`.
+
+Public:
+    compiled_fit: `COLUMNS`, `CORRELATED_M`, `OUTER_SD_M`
+    curve_placement: `PlacedCurves`, `PlacesOnFrame`, `curve_depths`, `place_curves`,
+        `pose_derivatives`
+    frames_of_an_eye: `JointFit`, `OWN`, `ShownFrame`, `THICKNESS`, `fit_jointly`
+    least_squares: `CAUCHY`, `StoppingRule`, `WallColumns`, `gauss_newton`
+    one_frame: `BoundaryFit`, `NO_WALL_M`, `fit_boundaries`, `law_of`, `library_walls`,
+        `positive_share`
+    planes_of_a_moment: `PlanesFit`, `SeenPlane`, `SpatialPlace`, `fit_planes`
+    prior_of_an_eye: `FREE_SD`, `KNOWN_SD`, `Prior`, `SHINE_MEAN_M`, `SHINE_SD_M`,
+        `form_size`, `prior_of`
+    unknowns: `DEPTH`, `FORM`, `FORMS`, `GAP`, `INNER_OFFSET`, `IOP`, `LATERAL`,
+        `ROTATION`, `SIZE`, `SOFT_M`, `THICKNESS`, `TIP`, `form_depths`, `shining`
 """

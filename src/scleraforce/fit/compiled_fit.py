@@ -11,13 +11,19 @@ import numpy as np
 from scleraforce.base.arrays import Floats
 from scleraforce.base.compiled_loops import compiled, compiled_part
 from scleraforce.base.normal_distribution import NORMAL_MEDIAN
-from scleraforce.fit import compiled_search, first_guesses, unknowns as at
-from scleraforce.fit.compiled_search import MOVING, UNKNOWNS, Belief, Problem, Work
+from scleraforce.fit import compiled_search, first_guesses, unknowns
+from scleraforce.fit.compiled_search import (
+    MOVING,
+    UNKNOWNS,
+    FrameProblem,
+    PriorArrays,
+    SearchWorkspace,
+)
 from scleraforce.fit.first_guesses import Surface
-from scleraforce.fit.least_squares import Stopping
+from scleraforce.fit.least_squares import StoppingRule
 from scleraforce.fit.shown_wall import (
-    Law,
-    displaced,
+    GlobeLaw,
+    displaced_volume,
     force_at,
     formed_section,
     scene_of,
@@ -46,13 +52,13 @@ MODEL_SD_N = 0.1e-3
 LOST = 0.05
 STRAINED = 30.0
 LIMBUS_STARTS = 4  # the best ones
-STOPPING = Stopping(
+STOPPING = StoppingRule(
     iterations=20, converged_sd=0.05, settled_cost=0.005, retry_damping=1e-2
 )
 # for differences of fits
-TO_THE_END = Stopping(iterations=20, converged_sd=0.002, retry_damping=1e-2)
+TO_THE_END = StoppingRule(iterations=20, converged_sd=0.002, retry_damping=1e-2)
 # from each start
-FIRST_STEPS = Stopping(
+FIRST_STEPS = StoppingRule(
     iterations=8, converged_sd=0.05, settled_cost=0.005, retry_damping=1e-2
 )
 # Of a sealed globe's fit: how unsure the logarithm of the pressure is where others are
@@ -66,7 +72,7 @@ FARTHEST_EYE = 3.0  # standard deviations of E and k that a discrepancy is follo
 INTERVAL = (0.05, 0.95)
 
 
-class Doubt(NamedTuple):
+class UncertaintyDraws(NamedTuple):
     """Standard normal numbers (draw, unknowns and two) and (draw, 2), and the eye's
     `ForceDiscrepancy`.
 
@@ -80,8 +86,8 @@ class Doubt(NamedTuple):
     correlation: float
 
 
-class Fitted(NamedTuple):
-    """A frame's fit as plain arrays (`fit.BoundaryFit`).
+class FitArrays(NamedTuple):
+    """A frame's fit as plain arrays (`one_frame.BoundaryFit`).
 
     `spread` (number, unknown): how standard normal numbers draw about the unknowns.
     `numbers` (6,): force, ends of its interval, misfit over the SDs, share of outliers,
@@ -98,15 +104,15 @@ class Fitted(NamedTuple):
 @compiled
 def fit_frame(
     tables: SplineTables,
-    law: Law,
+    law: GlobeLaw,
     lateral_m: Floats,
     depth_bc: Floats,
     smoothing_m: float,
-    belief: Belief,
-    doubt: Doubt,
+    belief: PriorArrays,
+    doubt: UncertaintyDraws,
     borne_n: float,
     begun: Floats,
-    fitted: Fitted,
+    fitted: FitArrays,
 ) -> bool:
     """Write the fit of a frame; from the unknowns `begun` to the end if there are any
     (0 or unknown,).
@@ -126,7 +132,7 @@ def fit_frame(
     if len(begun):
         unknown[:] = begun
         compiled_search.keep_inside(tables, unknown)
-        cost = compiled_search.descend(problem, unknown, TO_THE_END, work)
+        cost = compiled_search.find_least_cost(problem, unknown, TO_THE_END, work)
     else:
         starts = np.empty((first_guesses.STARTS, UNKNOWNS))
         surface = first_guesses.surface_of(
@@ -175,36 +181,40 @@ def _columns(
 @compiled_part
 def _problem(
     tables: SplineTables,
-    law: Law,
+    law: GlobeLaw,
     columns: tuple[Floats, Floats, Floats, int],
     smoothing_m: float,
-    belief: Belief,
-) -> Problem:
+    belief: PriorArrays,
+) -> FrameProblem:
     """Return the least-squares problem of some columns."""
     at_m, depth_m, sd_m, outer = columns
     as_one = max(1.0, CORRELATED_M / np.median(at_m[1:outer] - at_m[: outer - 1]))
     places = at_m, outer, smoothing_m
     scene = scene_of(
-        tables, law.pressure, places, belief.mean[at.GAP], belief.mean[at.THICKNESS]
+        tables,
+        law.pressure,
+        places,
+        belief.mean[unknowns.GAP],
+        belief.mean[unknowns.THICKNESS],
     )
 
-    return Problem(scene, law, depth_m, sd_m, as_one, belief)
+    return FrameProblem(scene, law, depth_m, sd_m, as_one, belief)
 
 
 @compiled
 def fit_plane(
     tables: SplineTables,
-    law: Law,
+    law: GlobeLaw,
     lateral_m: Floats,
     depth_bc: Floats,
     smoothing_m: float,
-    belief: Belief,
-    doubt: Doubt,
+    belief: PriorArrays,
+    doubt: UncertaintyDraws,
     tilt: float,
     scale: float,
     normal: Floats,
     gradient: Floats,
-    fitted: Fitted,
+    fitted: FitArrays,
 ) -> float:
     """Write the normal equations of one of several planes at its unknowns
     `fitted.unknown`, and return its cost.
@@ -224,7 +234,7 @@ def fit_plane(
     unknown = fitted.unknown
     work.wall.pushed[2] = tilt
     work.other.pushed[2] = tilt
-    cost, nodes = compiled_search.evaluate(problem, unknown, work)
+    cost, nodes = compiled_search.evaluate_cost(problem, unknown, work)
 
     if len(gradient) == 0:
         _write_fit(problem, cost, _misfit(problem, work), doubt, work, fitted)
@@ -245,7 +255,9 @@ def into_library(tables: SplineTables, unknown: Floats) -> None:
 
 
 @compiled_part
-def _best_fit(problem: Problem, starts: Floats, work: Work, unknown: Floats) -> float:
+def _best_fit(
+    problem: FrameProblem, starts: Floats, work: SearchWorkspace, unknown: Floats
+) -> float:
     """Write the unknowns of the best fit from any start (start, unknown); return its
     cost.
     """
@@ -255,17 +267,21 @@ def _best_fit(problem: Problem, starts: Floats, work: Work, unknown: Floats) -> 
     if len(starts) > 1:
         for start in starts:
             tried = start.copy()
-            cost = compiled_search.descend(problem, tried, FIRST_STEPS, work)
+            cost = compiled_search.find_least_cost(problem, tried, FIRST_STEPS, work)
             if cost < best:
                 best = cost
                 unknown[:] = tried
 
-    return compiled_search.descend(problem, unknown, STOPPING, work)
+    return compiled_search.find_least_cost(problem, unknown, STOPPING, work)
 
 
 @compiled_part
 def _better(
-    problem: Problem, starts: Floats, best: float, work: Work, unknown: Floats
+    problem: FrameProblem,
+    starts: Floats,
+    best: float,
+    work: SearchWorkspace,
+    unknown: Floats,
 ) -> float:
     """Put the best fit from any start in place of `unknown` if its cost is lower than
     `best`; return the cost.
@@ -280,13 +296,17 @@ def _better(
 
 @compiled_part
 def _with_limbus(
-    problem: Problem, first: Floats, best: float, work: Work, unknown: Floats
+    problem: FrameProblem,
+    first: Floats,
+    best: float,
+    work: SearchWorkspace,
+    unknown: Floats,
 ) -> float:
     """Put the best fit with a limbus in place of one that leaves much aside, if it is
     better; return the cost.
     """
     if best <= STRAINED:
-        compiled_search.evaluate(problem, unknown, work)
+        compiled_search.evaluate_cost(problem, unknown, work)
         lost = 0
 
         for place in range(len(work.off)):
@@ -310,7 +330,7 @@ def _with_limbus(
     chosen = np.empty((min(count, LIMBUS_STARTS), UNKNOWNS))
     for number in range(count):
         compiled_search.keep_inside(problem.scene.tables, begun[number])
-        costs[number] = compiled_search.evaluate(problem, begun[number], work)[0]
+        costs[number] = compiled_search.evaluate_cost(problem, begun[number], work)[0]
 
     for number in range(len(chosen)):
         least = int(np.argmin(costs))
@@ -322,11 +342,11 @@ def _with_limbus(
 
 @compiled_part
 def _beyond(
-    problem: Problem,
+    problem: FrameProblem,
     surface: Surface,
     borne_n: float,
     best: float,
-    work: Work,
+    work: SearchWorkspace,
     unknown: Floats,
 ) -> float:
     """Put a sealed globe's fit begun where a known force lies, or at a higher pressure,
@@ -366,7 +386,11 @@ def _beyond(
 
 @compiled_part
 def _along_valley(
-    problem: Problem, best: float, work: Work, unknown: Floats, spread: Floats
+    problem: FrameProblem,
+    best: float,
+    work: SearchWorkspace,
+    unknown: Floats,
+    spread: Floats,
 ) -> float:
     """Put a sealed globe's fit at a higher or lower pressure in place of a worse one;
     return the cost.
@@ -375,13 +399,13 @@ def _along_valley(
     alike: a long bent valley with more than one lowest place.
     """
     for _ in range(VALLEY_ROUNDS):
-        _, count = compiled_search.evaluate(problem, unknown, work)
+        _, count = compiled_search.evaluate_cost(problem, unknown, work)
         compiled_search.find_spread(problem, unknown, count, 1.0, work, spread)
         with_pressure = np.zeros(UNKNOWNS)
         for number in range(UNKNOWNS):
-            with_pressure += spread[number] * spread[number, at.PRESSURE]
+            with_pressure += spread[number] * spread[number, unknowns.PRESSURE]
 
-        sd = np.sqrt(with_pressure[at.PRESSURE])
+        sd = np.sqrt(with_pressure[unknowns.PRESSURE])
         if sd < VALLEY_SD:
             break
 
@@ -405,12 +429,16 @@ def _along_valley(
 
 @compiled_part
 def _conclude(
-    problem: Problem, cost: float, doubt: Doubt, work: Work, fitted: Fitted
+    problem: FrameProblem,
+    cost: float,
+    doubt: UncertaintyDraws,
+    work: SearchWorkspace,
+    fitted: FitArrays,
 ) -> None:
     """Write the fit with its uncertainty: the curvature's, with the noise estimated
     from the misfit (Birge).
     """
-    _, nodes = compiled_search.evaluate(problem, fitted.unknown, work)
+    _, nodes = compiled_search.evaluate_cost(problem, fitted.unknown, work)
     found = _misfit(problem, work)
     scale = min(
         max(found[0], LEAST_NOISE if problem.belief.wall_sd_m == 0.0 else 1.0),
@@ -423,7 +451,7 @@ def _conclude(
 
 
 @compiled_part
-def _misfit(problem: Problem, work: Work) -> tuple[float, float]:
+def _misfit(problem: FrameProblem, work: SearchWorkspace) -> tuple[float, float]:
     """Return the misfit over the SDs, and the share of outliers, of the wall that was
     evaluated last.
     """
@@ -446,12 +474,12 @@ def _misfit(problem: Problem, work: Work) -> tuple[float, float]:
 
 @compiled_part
 def _write_fit(
-    problem: Problem,
+    problem: FrameProblem,
     cost: float,
     found: tuple[float, float],
-    doubt: Doubt,
-    work: Work,
-    fitted: Fitted,
+    doubt: UncertaintyDraws,
+    work: SearchWorkspace,
+    fitted: FitArrays,
 ) -> None:
     """Write a fit of a misfit and a share of outliers, whose spread there is."""
     _draw_forces(problem, fitted.unknown, fitted.spread, doubt, fitted.draws_n)
@@ -466,7 +494,11 @@ def _write_fit(
 
 @compiled_part
 def _draw_forces(
-    problem: Problem, unknown: Floats, spread: Floats, doubt: Doubt, draws_n: Floats
+    problem: FrameProblem,
+    unknown: Floats,
+    spread: Floats,
+    doubt: UncertaintyDraws,
+    draws_n: Floats,
 ) -> None:
     """Write forces drawn from the posterior, with the model error of the library on
     top.
@@ -493,10 +525,10 @@ def _draw_forces(
         for place in range(len(moved)):
             drawn[MOVING[place]] = unknown[MOVING[place]] + moved[place]
 
-        drawn[at.TIP] = max(drawn[at.TIP], 0.0)
+        drawn[unknowns.TIP] = max(drawn[unknowns.TIP], 0.0)
         if not law.is_open:
-            volume = displaced(tables, law, drawn)
-            resting = np.exp(drawn[at.IOP])
+            volume = displaced_volume(tables, law, drawn)
+            resting = np.exp(drawn[unknowns.IOP])
             level = level_of(resting, law.is_logarithmic)
             low = np.log(
                 pressure_of_level(level + law.lowest * volume, law.is_logarithmic)
@@ -504,7 +536,7 @@ def _draw_forces(
             high = np.log(
                 pressure_of_level(level + law.highest * volume, law.is_logarithmic)
             )
-            drawn[at.PRESSURE] = min(max(drawn[at.PRESSURE], low), high)
+            drawn[unknowns.PRESSURE] = min(max(drawn[unknowns.PRESSURE], low), high)
 
         borne_n = force_at(tables, law, drawn)
         level_z, growth_z = grown[draw]

@@ -10,14 +10,19 @@ import numpy as np
 
 from scleraforce.base.arrays import Floats
 from scleraforce.base.compiled_loops import compiled_in_place, compiled_part
-from scleraforce.fit import unknowns as at
-from scleraforce.fit.least_squares import CAUCHY, FIRST_DAMPING, UNSEEN_LOSS, Stopping
+from scleraforce.fit import unknowns
+from scleraforce.fit.least_squares import (
+    CAUCHY,
+    FIRST_DAMPING,
+    UNSEEN_LOSS,
+    StoppingRule,
+)
 from scleraforce.fit.prior_of_an_eye import HEAVY
 from scleraforce.fit.shown_wall import (
-    Depths,
-    Law,
-    Scene,
-    Wall,
+    FitGeometry,
+    GlobeLaw,
+    ShownWall,
+    WallDepths,
     derive,
     empty_wall,
     off_the_law,
@@ -25,7 +30,7 @@ from scleraforce.fit.shown_wall import (
 )
 from scleraforce.library.response_splines import SplineTables
 
-UNKNOWNS = len(at.NAMES)
+UNKNOWNS = len(unknowns.NAMES)
 BLOCK = 4  # columns that are added together
 HEAVY_CAUCHY = 2.0  # standard deviations, of unknowns with a heavy prior
 LARGEST_LOG_SIZE = 0.5
@@ -33,16 +38,23 @@ HIGHEST_POLE = 0.85  # sine of the largest polar angle of a contact that a fit t
 # Of where the pole lies, in one step: towards the base the wall's bulge turns quickly
 # with it, and a fit that strides farther goes to and fro.
 POLE_STRIDE = 0.05
-POLE = at.POLE.start
-FORM = at.FORM.start
-MOVING = (at.TIP, at.THICKNESS, at.MODULUS, at.IOP, at.SIZE, at.PRESSURE)  # the law's
+POLE = unknowns.POLE.start
+FORM = unknowns.FORM.start
+MOVING = (
+    unknowns.TIP,
+    unknowns.THICKNESS,
+    unknowns.MODULUS,
+    unknowns.IOP,
+    unknowns.SIZE,
+    unknowns.PRESSURE,
+)  # the law's
 LENGTH_STEP_M = 1e-7
 LOG_STEP = 1e-4
 NO_PIVOT = 1e-15  # of a diagonal: what is left of it is rounding
 
 
-class Belief(NamedTuple):
-    """A `prior.Prior` as plain arrays."""
+class PriorArrays(NamedTuple):
+    """A `prior_of_an_eye.Prior` as plain arrays."""
 
     mean: Floats
     sd: Floats
@@ -52,7 +64,7 @@ class Belief(NamedTuple):
     wall_sd_m: float
 
 
-class Problem(NamedTuple):
+class FrameProblem(NamedTuple):
     """The least-squares problem of one frame: its scene, the globe's law, the depths it
     shows, and what is known.
 
@@ -60,15 +72,15 @@ class Problem(NamedTuple):
     share one error.
     """
 
-    scene: Scene
-    law: Law
+    scene: FitGeometry
+    law: GlobeLaw
     depth_m: Floats
     sd_m: Floats
     as_one: float
-    belief: Belief
+    belief: PriorArrays
 
 
-class Work(NamedTuple):
+class SearchWorkspace(NamedTuple):
     """The wall of the unknowns that were evaluated last, a workspace for walls beside
     it, and the normal equations.
 
@@ -77,9 +89,9 @@ class Work(NamedTuple):
     found.
     """
 
-    wall: Wall
-    other: Wall
-    depths: Depths
+    wall: ShownWall
+    other: ShownWall
+    depths: WallDepths
     normal: Floats
     gradient: Floats
     lower: Floats
@@ -90,13 +102,13 @@ class Work(NamedTuple):
 
 
 @compiled_part
-def work_of(scene: Scene) -> Work:
+def work_of(scene: FitGeometry) -> SearchWorkspace:
     """Return a workspace without values."""
     count = len(scene.at_m)
     square = (UNKNOWNS, UNKNOWNS)
     seen = np.empty(count, dtype=np.bool_)
     jacobian = np.empty((count, UNKNOWNS))
-    depths = Depths(
+    depths = WallDepths(
         np.empty(count),
         np.empty(count),
         np.empty(count),
@@ -105,7 +117,7 @@ def work_of(scene: Scene) -> Work:
         jacobian,
     )
 
-    return Work(
+    return SearchWorkspace(
         empty_wall(scene),
         empty_wall(scene),
         depths,
@@ -120,7 +132,9 @@ def work_of(scene: Scene) -> Work:
 
 
 @compiled_part
-def evaluate(problem: Problem, unknown: Floats, work: Work) -> tuple[float, int]:
+def evaluate_cost(
+    problem: FrameProblem, unknown: Floats, work: SearchWorkspace
+) -> tuple[float, int]:
     """Return the cost, the loss of the columns and of leaving the prior, and the number
     of nodes that are found.
     """
@@ -189,7 +203,7 @@ def _add(values: Floats, times: float, others: Floats) -> None:
 
 
 @compiled_part
-def deviations(problem: Problem, unknown: Floats) -> Floats:
+def deviations(problem: FrameProblem, unknown: Floats) -> Floats:
     """Return the deviations (2,), in standard deviations, of the force at a dent and of
     the pressure.
     """
@@ -203,7 +217,11 @@ def deviations(problem: Problem, unknown: Floats) -> Floats:
 
 @compiled_part
 def find_normal(
-    problem: Problem, unknown: Floats, count: int, work: Work, scale: float
+    problem: FrameProblem,
+    unknown: Floats,
+    count: int,
+    work: SearchWorkspace,
+    scale: float,
 ) -> None:
     """Write normal matrix and gradient of the wall that was evaluated last, the
     columns' SDs times `scale`.
@@ -230,7 +248,11 @@ def find_normal(
     if not law.is_open:
         here, sd = off_the_law(problem.scene.tables, law, unknown)
         for place in MOVING:
-            step = LENGTH_STEP_M if place in (at.TIP, at.THICKNESS) else LOG_STEP
+            step = (
+                LENGTH_STEP_M
+                if place in (unknowns.TIP, unknowns.THICKNESS)
+                else LOG_STEP
+            )
             varied[place] += step
             slopes[1, place] = (
                 off_the_law(problem.scene.tables, law, varied)[0] - here
@@ -251,7 +273,7 @@ def find_normal(
 
 
 @compiled_part
-def _add_columns(problem: Problem, scale: float, work: Work) -> None:
+def _add_columns(problem: FrameProblem, scale: float, work: SearchWorkspace) -> None:
     """Add the columns' normal matrix and gradient, by blocks: the matrix is touched
     once for several columns.
     """
@@ -293,10 +315,10 @@ def _add_columns(problem: Problem, scale: float, work: Work) -> None:
 
 @compiled_in_place
 def add_tilt(
-    problem: Problem,
+    problem: FrameProblem,
     unknown: Floats,
     scale: float,
-    work: Work,
+    work: SearchWorkspace,
     normal: Floats,
     gradient: Floats,
 ) -> None:
@@ -306,8 +328,8 @@ def add_tilt(
     along the needle axis.
     """
     tilt = UNKNOWNS
-    c = np.cos(unknown[at.ROTATION])
-    s = np.sin(unknown[at.ROTATION])
+    c = np.cos(unknown[unknowns.ROTATION])
+    s = np.sin(unknown[unknowns.ROTATION])
     normal[tilt, :] = 0.0
     gradient[tilt] = 0.0
     depths = work.depths
@@ -318,11 +340,14 @@ def add_tilt(
             off = work.off[place]
             weight = 1.0 / ((1.0 + (off / CAUCHY) ** 2) * problem.as_one * scale**2)
             sd_m = problem.sd_m[place] * np.sqrt(1.0 + depths.slope[place] ** 2)
-            across = problem.scene.at_m[place] - unknown[at.LATERAL]
-            down = depths.even_m[place] - unknown[at.DEPTH]
+            across = problem.scene.at_m[place] - unknown[unknowns.LATERAL]
+            down = depths.even_m[place] - unknown[unknowns.DEPTH]
             deep = c * down - s * across
             by_tilt = (
-                (row[at.GAP] + (c + depths.even_slope[place] * s) * work.wall.pushed[2])
+                (
+                    row[unknowns.GAP]
+                    + (c + depths.even_slope[place] * s) * work.wall.pushed[2]
+                )
                 * deep
                 / sd_m
             )
@@ -339,22 +364,28 @@ def keep_inside(tables: SplineTables, unknown: Floats) -> None:
     """Keep dent and pressure within the library; a search strides beyond, even to walls
     of no thickness.
     """
-    unknown[at.SIZE] = min(max(unknown[at.SIZE], -LARGEST_LOG_SIZE), LARGEST_LOG_SIZE)
-    size = np.exp(unknown[at.SIZE])
+    unknown[unknowns.SIZE] = min(
+        max(unknown[unknowns.SIZE], -LARGEST_LOG_SIZE), LARGEST_LOG_SIZE
+    )
+    size = np.exp(unknown[unknowns.SIZE])
     low, high = tables.thickness_ends_m
-    modulus = unknown[at.MODULUS]
-    unknown[at.TIP] = min(max(unknown[at.TIP], 0.0), tables.tip_m[-1] * size)
-    per_tension = min(max(unknown[at.THICKNESS] / size, low), high) / tables.radius_m
+    modulus = unknown[unknowns.MODULUS]
+    unknown[unknowns.TIP] = min(
+        max(unknown[unknowns.TIP], 0.0), tables.tip_m[-1] * size
+    )
+    per_tension = (
+        min(max(unknown[unknowns.THICKNESS] / size, low), high) / tables.radius_m
+    )
     least = np.log(tables.tension_ends[0] * per_tension)
     most = np.log(tables.tension_ends[1] * per_tension)
-    unknown[at.PRESSURE] = min(
-        max(unknown[at.PRESSURE], least + modulus), most + modulus
+    unknown[unknowns.PRESSURE] = min(
+        max(unknown[unknowns.PRESSURE], least + modulus), most + modulus
     )
 
-    for place in range(at.FORM_ENDS.shape[1]):
+    for place in range(unknowns.FORM_ENDS.shape[1]):
         form = FORM + place
-        least = at.FORM_ENDS[0, place]
-        most = at.FORM_ENDS[1, place]
+        least = unknowns.FORM_ENDS[0, place]
+        most = unknowns.FORM_ENDS[1, place]
         unknown[form] = min(max(unknown[form], least), most)
 
     farthest = min(
@@ -366,14 +397,19 @@ def keep_inside(tables: SplineTables, unknown: Floats) -> None:
 
 
 @compiled_part
-def descend(problem: Problem, unknown: Floats, stopping: Stopping, work: Work) -> float:
+def find_least_cost(
+    problem: FrameProblem,
+    unknown: Floats,
+    stopping: StoppingRule,
+    work: SearchWorkspace,
+) -> float:
     """Move unknowns to the least cost near them, and return it; damping is Marquardt's
-    (`placement`).
+    (`least_squares`).
     """
     damping = FIRST_DAMPING
     trial = np.empty(UNKNOWNS)
     is_new = True
-    cost, count = evaluate(problem, unknown, work)
+    cost, count = evaluate_cost(problem, unknown, work)
 
     for _ in range(stopping.iterations):
         if is_new:
@@ -385,7 +421,7 @@ def descend(problem: Problem, unknown: Floats, stopping: Stopping, work: Work) -
         if _square(work.normal, trial - unknown) < stopping.converged_sd**2:
             break
 
-        trial_cost, count = evaluate(problem, trial, work)
+        trial_cost, count = evaluate_cost(problem, trial, work)
         is_new = trial_cost < cost
         if not is_new:
             damping = max(10.0 * damping, stopping.retry_damping)
@@ -404,7 +440,7 @@ def descend(problem: Problem, unknown: Floats, stopping: Stopping, work: Work) -
 
 
 @compiled_part
-def _find_step(work: Work, damping: float) -> None:
+def _find_step(work: SearchWorkspace, damping: float) -> None:
     """Write the step of damped normal equations, where the pole moves no farther than
     its effect is straight.
     """
@@ -461,11 +497,11 @@ def solve(lower: Floats, values: Floats) -> None:
 
 @compiled_part
 def find_spread(
-    problem: Problem,
+    problem: FrameProblem,
     unknown: Floats,
     count: int,
     scale: float,
-    work: Work,
+    work: SearchWorkspace,
     spread: Floats,
 ) -> None:
     """Write how standard normal numbers draw about the unknowns (number, unknown)."""

@@ -9,7 +9,7 @@ from scleraforce.base.arrays import Flags, Floats
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class PlacesOnFrame:
     """Places on a frame, (place,): lateral m, and the boundary (0 outer, 1 inner),
     outer places first.
 
@@ -33,7 +33,7 @@ class Places:
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class PlacedCurves:
     """Depths at places in m and slopes (place,), derivatives (place, unknown), and
     whether each place is reached.
     """
@@ -56,7 +56,7 @@ def place_curves(
 
 
 def pose_derivatives(
-    places: Places, depth_m: Floats, slope: Floats, pose: tuple[float, float]
+    places: PlacesOnFrame, depth_m: Floats, slope: Floats, pose: tuple[float, float]
 ) -> tuple[Floats, ...]:
     """Return the derivatives of depths (place,) by lateral shift, depth and rotation of
     the pose, (place,) each.
@@ -66,7 +66,9 @@ def pose_derivatives(
     return -slope, np.ones_like(depth_m), across + slope * down
 
 
-def curve_depths(curves_bsc: Floats, places: Places) -> tuple[Floats, Floats, Flags]:
+def curve_depths(
+    curves_bsc: Floats, places: PlacesOnFrame
+) -> tuple[Floats, Floats, Flags]:
     """Return depth, slope and whether it is reached, each (place,), of placed curves
     (boundary, sample, 2).
 

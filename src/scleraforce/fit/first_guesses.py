@@ -14,11 +14,11 @@ import numpy as np
 
 from scleraforce.base.arrays import Floats
 from scleraforce.base.compiled_loops import compiled_in_place, compiled_part
-from scleraforce.fit import unknowns as at
+from scleraforce.fit import unknowns
 from scleraforce.fit.compiled_search import (
     UNKNOWNS,
-    Problem,
-    Work,
+    FrameProblem,
+    SearchWorkspace,
     dot,
     factorise,
     solve,
@@ -88,7 +88,11 @@ def surface_of(lateral_m: Floats, depth_m: Floats, farthest_m: float) -> Surface
 
 @compiled_part
 def _lay(
-    problem: Problem, surface: Surface, unknown: Floats, pose: Floats, work: Work
+    problem: FrameProblem,
+    surface: Surface,
+    unknown: Floats,
+    pose: Floats,
+    work: SearchWorkspace,
 ) -> float:
     """Write the best lateral place and depth of a wall on a surface; return how far off
     it then is.
@@ -100,7 +104,7 @@ def _lay(
     nodes = work.other.curve.shape[1]
     posed = unknown.copy()
 
-    for place in (at.LATERAL, at.DEPTH, at.ROTATION):
+    for place in (unknowns.LATERAL, unknowns.DEPTH, unknowns.ROTATION):
         posed[place] = pose[place]
 
     find_curve(
@@ -149,14 +153,16 @@ def _lay(
 
         if off < best:
             best = off
-            unknown[at.LATERAL] = shift
-            unknown[at.DEPTH] = middle
+            unknown[unknowns.LATERAL] = shift
+            unknown[unknowns.DEPTH] = middle
 
     return best
 
 
 @compiled_part
-def find_starts(problem: Problem, surface: Surface, work: Work, found: Floats) -> int:
+def find_starts(
+    problem: FrameProblem, surface: Surface, work: SearchWorkspace, found: Floats
+) -> int:
     """Write at most STARTS starts (start, unknown), dents that lie better than their
     neighbours; return their number.
 
@@ -176,16 +182,20 @@ def find_starts(problem: Problem, surface: Surface, work: Work, found: Floats) -
         for dent in range(DENTS):
             # they crowd where they are shallow: forces grow quickest there
             tried[:] = mean
-            tried[at.TIP] = tables.tip_m[-1] * size * (dent / (DENTS - 1)) ** 1.5
+            tried[unknowns.TIP] = tables.tip_m[-1] * size * (dent / (DENTS - 1)) ** 1.5
 
             if not law.is_open:
                 rate = (law.mean if rigidity else law.lowest) * per_rate
-                state = thickness, resting, min(tried[at.TIP] / size, tables.tip_m[-1])
+                state = (
+                    thickness,
+                    resting,
+                    min(tried[unknowns.TIP] / size, tables.tip_m[-1]),
+                )
                 ratio = pressure_at_dent(tables, state, rate, law.is_logarithmic)
                 if np.isnan(ratio):
                     continue
 
-                tried[at.PRESSURE] = np.log(ratio * modulus)
+                tried[unknowns.PRESSURE] = np.log(ratio * modulus)
 
             off = _lay(problem, surface, tried, mean, work)
             if off < least[dent + 1]:
@@ -215,7 +225,7 @@ def find_starts(problem: Problem, surface: Surface, work: Work, found: Floats) -
 
 
 @compiled_in_place
-def _resting(problem: Problem) -> tuple[float, float, float, float, float]:
+def _resting(problem: FrameProblem) -> tuple[float, float, float, float, float]:
     """Return the mean's thickness and pressure over E without the needle, in the
     library's size; that size, and E.
 
@@ -223,9 +233,9 @@ def _resting(problem: Problem) -> tuple[float, float, float, float, float]:
     (`records.globe`).
     """
     mean = problem.belief.mean
-    thickness, ratio, _ = library_place(problem.scene.tables, mean, at.IOP)
-    size = np.exp(mean[at.SIZE])
-    modulus = np.exp(mean[at.MODULUS])
+    thickness, ratio, _ = library_place(problem.scene.tables, mean, unknowns.IOP)
+    size = np.exp(mean[unknowns.SIZE])
+    modulus = np.exp(mean[unknowns.MODULUS])
 
     return (
         thickness,
@@ -238,7 +248,11 @@ def _resting(problem: Problem) -> tuple[float, float, float, float, float]:
 
 @compiled_part
 def bearing_start(
-    problem: Problem, surface: Surface, borne_n: float, work: Work, start: Floats
+    problem: FrameProblem,
+    surface: Surface,
+    borne_n: float,
+    work: SearchWorkspace,
+    start: Floats,
 ) -> None:
     """Write the start in a sealed globe whose needle is known to bear a force."""
     states = np.empty((PRESSURES, UNKNOWNS))
@@ -257,7 +271,11 @@ def bearing_start(
 
 @compiled_part
 def higher_start(
-    problem: Problem, surface: Surface, fitted: Floats, work: Work, start: Floats
+    problem: FrameProblem,
+    surface: Surface,
+    fitted: Floats,
+    work: SearchWorkspace,
+    start: Floats,
 ) -> bool:
     """Write the best state of a sealed globe among those at much higher pressures than
     `fitted`.
@@ -272,7 +290,10 @@ def higher_start(
     for state in range(_find_states(problem, states)):
         tried[:] = states[state]
         borne_n = force_at(problem.scene.tables, problem.law, tried)
-        if tried[at.PRESSURE] > fitted[at.PRESSURE] + HIGHER and borne_n < LARGEST_N:
+        if (
+            tried[unknowns.PRESSURE] > fitted[unknowns.PRESSURE] + HIGHER
+            and borne_n < LARGEST_N
+        ):
             off = _lay(problem, surface, tried, fitted, work)
             if off < best or (off == best and not found):
                 best = off
@@ -283,7 +304,7 @@ def higher_start(
 
 
 @compiled_part
-def _find_states(problem: Problem, states: Floats) -> int:
+def _find_states(problem: FrameProblem, states: Floats) -> int:
     """Write states of a globe of the mean rigidity (state, unknown), by their pressure;
     return their number.
     """
@@ -311,8 +332,8 @@ def _find_states(problem: Problem, states: Floats) -> int:
                 high = value_of(tables, tables.volumes, thickness, ratio, tips[tip + 1])
 
             states[count] = problem.belief.mean
-            states[count, at.PRESSURE] = np.log(ratio * modulus)
-            states[count, at.TIP] = size * (
+            states[count, unknowns.PRESSURE] = np.log(ratio * modulus)
+            states[count, unknowns.TIP] = size * (
                 tips[tip] + (volume - low) / (high - low) * (tips[tip + 1] - tips[tip])
             )
             count += 1
@@ -329,7 +350,11 @@ MIDDLE_M = 1.5e-3
 
 @compiled_part
 def limbus_start(
-    problem: Problem, unknown: Floats, sign: float, work: Work, start: Floats
+    problem: FrameProblem,
+    unknown: Floats,
+    sign: float,
+    work: SearchWorkspace,
+    start: Floats,
 ) -> bool:
     """Write unknowns with a limbus on one side; return False where too little of the
     surface is seen there.
@@ -348,27 +373,27 @@ def limbus_start(
     rest_m = np.empty(scene.outer)
 
     for place in range(scene.outer):
-        across = scene.at_m[place] - unknown[at.LATERAL]
+        across = scene.at_m[place] - unknown[unknowns.LATERAL]
         along_m[place] = sign * across
         rest_m[place] = problem.depth_m[place] - depths.depth_m[place]
 
         if depths.seen[place]:
             basis[place, 0] = 1.0
             basis[place, 1] = across + depths.even_slope[place] * (
-                depths.even_m[place] - unknown[at.DEPTH]
+                depths.even_m[place] - unknown[unknowns.DEPTH]
             )
 
     best = np.inf
     solution = np.empty(4)
-    first = at.FORM.start + (0 if sign < 0.0 else 3)
+    first = unknowns.FORM.start + (0 if sign < 0.0 else 3)
 
     for limbus_m in LIMBUS_PLACES_M:
         off_m = _fit_limbus(limbus_m, along_m, rest_m, basis, solution)
         if off_m < best:
             best = off_m
             start[:] = unknown
-            start[at.DEPTH] += solution[0]
-            start[at.ROTATION] += solution[1]
+            start[unknowns.DEPTH] += solution[0]
+            start[unknowns.ROTATION] += solution[1]
             start[first] = limbus_m
             start[first + 1] = solution[2]
             start[first + 2] = solution[3]
@@ -413,7 +438,8 @@ def _fit_limbus(
     solve(lower, solution)
 
     curvature = min(
-        max(solution[3], at.FORM_ENDS[0, CURVATURE]), at.FORM_ENDS[1, CURVATURE]
+        max(solution[3], unknowns.FORM_ENDS[0, CURVATURE]),
+        unknowns.FORM_ENDS[1, CURVATURE],
     )
     if curvature != solution[3]:
         solution[:3] = towards[:3] - curvature * matrix[:3, 3]
@@ -427,7 +453,9 @@ def _fit_limbus(
 
 
 @compiled_part
-def one_sided_starts(problem: Problem, work: Work, found: Floats) -> int:
+def one_sided_starts(
+    problem: FrameProblem, work: SearchWorkspace, found: Floats
+) -> int:
     """Write unknowns with a limbus on one side, of walls laid on the middle and the
     other side; return their number.
 

@@ -28,27 +28,37 @@ import numpy as np
 
 from scleraforce.base.arrays import Floats
 from scleraforce.base.normal_distribution import NORMAL_MEDIAN
-from scleraforce.fit import unknowns as at
+from scleraforce.fit import unknowns
 from scleraforce.fit.compiled_fit import COLUMNS, CORRELATED_M, INNER_SD_M, OUTER_SD_M
 from scleraforce.fit.compiled_search import HEAVY_CAUCHY, HIGHEST_POLE, MOVING
 from scleraforce.fit.least_squares import CAUCHY, UNSEEN_LOSS
 from scleraforce.fit.one_frame import law_of, library_walls
 from scleraforce.fit.prior_of_an_eye import HEAVY, KNOWN_SD, prior_of
-from scleraforce.fit.shown_wall import LEAST_SD, Depths, predict
+from scleraforce.fit.shown_wall import LEAST_SD, WallDepths, predict_depths
 from scleraforce.library.wall_responses import Library
 from scleraforce.records.eye import Known
 from scleraforce.records.study import ReaderStudy
 
-OWN = np.array([at.TIP, at.LATERAL, at.DEPTH, at.ROTATION, at.SHINE, at.PRESSURE])
-SHARED = np.setdiff1d(np.arange(len(at.NAMES)), OWN)
+OWN = np.array(
+    [
+        unknowns.TIP,
+        unknowns.LATERAL,
+        unknowns.DEPTH,
+        unknowns.ROTATION,
+        unknowns.SHINE,
+        unknowns.PRESSURE,
+    ]
+)
+SHARED = np.setdiff1d(np.arange(len(unknowns.NAMES)), OWN)
 # places in the shared vector
 COMPLIANCE, SHIFT, RIGIDITY, WEIGHTS = range(len(SHARED), len(SHARED) + 4)
 MODULUS, THICKNESS, SIZE, IOP = (
-    SHARED.tolist().index(name) for name in (at.MODULUS, at.THICKNESS, at.SIZE, at.IOP)
+    SHARED.tolist().index(name)
+    for name in (unknowns.MODULUS, unknowns.THICKNESS, unknowns.SIZE, unknowns.IOP)
 )
 _FORM, _POLE = (
-    np.isin(SHARED, np.arange(len(at.NAMES))[place]).nonzero()[0]
-    for place in (at.FORM, at.POLE)
+    np.isin(SHARED, np.arange(len(unknowns.NAMES))[place]).nonzero()[0]
+    for place in (unknowns.FORM, unknowns.POLE)
 )
 # Of the logarithm of the bed's compliance, m/N, the travel's shift, m, and the rigidity
 # over the globe's mean.
@@ -94,13 +104,13 @@ FARTHEST = 8.0  # standard deviations that unknowns may leave their prior by
 EXTRA_STEP = 1e-5
 LEAST_N = 1e-6
 # steps for derivatives of force and volume
-STEPS = np.where(np.isin(MOVING, (at.TIP, at.THICKNESS)), 1e-7, 1e-4)
+STEPS = np.where(np.isin(MOVING, (unknowns.TIP, unknowns.THICKNESS)), 1e-7, 1e-4)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ShownFrame:
-    """A frame of an eye: its boundaries, as in `fit.fit_boundaries`, and what else is
-    known at its time.
+    """A frame of an eye: its boundaries, as in `one_frame.fit_boundaries`, and what
+    else is known at its time.
 
     `iop_pa`: the pressure without the needle, if it was changed; `travel_m`: how far
     the needle has gone; `force_n`: a known elastic force along the wall's normal, with
@@ -146,7 +156,7 @@ class JointFit:
         )
 
 
-class _Frame:
+class _FrameOfEye:
     """A frame's columns (column,), outer ones first, with a workspace; its IOP's
     logarithm and gap beside the eye's.
     """
@@ -174,13 +184,13 @@ class _Frame:
         )
         lines = [np.empty(len(column)) for _ in range(4)]
         flags = np.empty(len(column), dtype=np.bool_)
-        self.depths = Depths(
+        self.depths = WallDepths(
             lines[0],
             lines[1],
             lines[2],
             lines[3],
             flags,
-            np.empty((len(column), len(at.NAMES))),
+            np.empty((len(column), len(unknowns.NAMES))),
         )
 
 
@@ -195,7 +205,7 @@ class _Seen(NamedTuple):
     off: Floats
 
 
-class _Problem:
+class _EyeProblem:
     """The least-squares problem of an eye's frames."""
 
     def __init__(
@@ -205,22 +215,26 @@ class _Problem:
         known: Known,
         trained: ReaderStudy,
         smoothing_m: float,
-        iop_sd: float = KNOWN_SD[at.IOP],
+        iop_sd: float = KNOWN_SD[unknowns.IOP],
     ) -> None:
         prior = prior_of(known, trained)
         self.library = library
         self.smoothing_m = smoothing_m
         self.law = law_of(prior.globe)
         self.globe = prior.globe
-        resting_pa = known.iop_pa or float(np.exp(prior.mean[at.IOP]))
-        self.about = (float(prior.mean[at.GAP]), float(prior.mean[at.THICKNESS]))
+        resting_pa = known.iop_pa or float(np.exp(prior.mean[unknowns.IOP]))
+        self.about = (
+            float(prior.mean[unknowns.GAP]),
+            float(prior.mean[unknowns.THICKNESS]),
+        )
         own_gap_m = known.gap_m or 0.0
         gaps_m = [
             0.0 if shown.gap_m is None else shown.gap_m - own_gap_m for shown in frames
         ]
         logs = [log((shown.iop_pa or resting_pa) / resting_pa) for shown in frames]
         self.frames = [
-            _Frame(*of_frame) for of_frame in zip(frames, logs, gaps_m, strict=True)
+            _FrameOfEye(*of_frame)
+            for of_frame in zip(frames, logs, gaps_m, strict=True)
         ]
         self.own_mean = prior.mean[OWN]
         self.own_sd = prior.sd[OWN]
@@ -245,7 +259,7 @@ class _Problem:
             self.sd[RIGIDITY] = prior.globe.sd / prior.globe.mean
 
         self.is_heavy = np.append(
-            np.isin(SHARED, [*HEAVY, at.THICKNESS]),
+            np.isin(SHARED, [*HEAVY, unknowns.THICKNESS]),
             np.zeros(len(EXTRA_SD), dtype=np.bool_),
         )
         self.noise = 1.0
@@ -273,35 +287,37 @@ class _Problem:
             np.kron(np.diag([1.0, INNER_SHARE**-2]), one), dtype=np.float64
         )
 
-    def unknown(self, frame: _Frame, shared: Floats, own: Floats) -> Floats:
+    def unknown(self, frame: _FrameOfEye, shared: Floats, own: Floats) -> Floats:
         """Return a frame's unknowns in the order of `NAMES`."""
-        found = np.empty(len(at.NAMES))
+        found = np.empty(len(unknowns.NAMES))
         found[SHARED] = shared[: len(SHARED)]
         found[OWN] = own
-        found[at.IOP] += frame.log_iop
-        found[at.GAP] += frame.gap_m
+        found[unknowns.IOP] += frame.log_iop
+        found[unknowns.GAP] += frame.gap_m
         return found
 
-    def basis(self, frame: _Frame, unknown: Floats) -> Floats:
+    def basis(self, frame: _FrameOfEye, unknown: Floats) -> Floats:
         """Return how the weights move the columns (column, weight): linear between
         knots.
         """
-        along = np.arcsinh((frame.at_m - unknown[at.LATERAL]) / WARP_M)
-        over = np.array([unknown[at.TIP]])
+        along = np.arcsinh((frame.at_m - unknown[unknowns.LATERAL]) / WARP_M)
+        over = np.array([unknown[unknowns.TIP]])
         at_knots = _hats(KNOTS, along)[:, :, None] * _hats(KNOT_TIPS_M, over)
         both = at_knots.reshape(len(along), -1)
         return np.concatenate([both, both * frame.is_inner[:, None]], axis=1)
 
     def forces_volumes(self, unknown_su: Floats) -> tuple[Floats, Floats]:
         """Return forces, N, and displaced volumes, m^3, of states (state, unknown)."""
-        size = np.exp(unknown_su[:, at.SIZE])
+        size = np.exp(unknown_su[:, unknowns.SIZE])
         wall = library_walls(self.library, unknown_su, self.law.pressure)
         forces = (
-            np.exp(unknown_su[:, at.MODULUS]) * size**2 * self.library.forces(*wall)
+            np.exp(unknown_su[:, unknowns.MODULUS])
+            * size**2
+            * self.library.forces(*wall)
         )
         return forces, size**3 * self.library.displaced_m3(*wall)
 
-    def numbers(self, frame: _Frame, unknown_su: Floats, extra: Floats) -> Floats:
+    def numbers(self, frame: _FrameOfEye, unknown_su: Floats, extra: Floats) -> Floats:
         """Return how far law, travel and force are off, in standard deviations (state,
         number); `extra`: (3,).
         """
@@ -310,7 +326,7 @@ class _Problem:
         found = list[Floats]()
         forces, volumes = self.forces_volumes(unknown_su)
         pressure = np.exp(unknown_su[:, self.law.pressure])
-        resting = np.exp(unknown_su[:, at.IOP])
+        resting = np.exp(unknown_su[:, unknowns.IOP])
 
         if not self.law.is_open:
             globe = self.globe.globe(self.globe.mean * rigidity)
@@ -321,7 +337,9 @@ class _Problem:
         if shown.travel_m is not None:
             # under more pressure the wall rises as a sphere does
             stiffness = (
-                2.0 * np.exp(unknown_su[:, at.MODULUS]) * unknown_su[:, at.THICKNESS]
+                2.0
+                * np.exp(unknown_su[:, unknowns.MODULUS])
+                * unknown_su[:, unknowns.THICKNESS]
             )
             rise = (
                 (pressure - resting)
@@ -329,7 +347,12 @@ class _Problem:
                 * (1.0 - self.library.poisson_ratio)
                 / stiffness
             )
-            gone = unknown_su[:, at.TIP] - rise + np.exp(compliance) * forces + shift_m
+            gone = (
+                unknown_su[:, unknowns.TIP]
+                - rise
+                + np.exp(compliance) * forces
+                + shift_m
+            )
             found.append(
                 (shown.travel_m - gone) / np.hypot(TRAVEL_SD_M, TIP_SD * shown.travel_m)
             )
@@ -342,8 +365,8 @@ class _Problem:
 
         return np.stack(found, axis=1) if found else np.empty((len(unknown_su), 0))
 
-    def look(
-        self, frame: _Frame, shared: Floats, own: Floats, derive: bool = True
+    def compare_frame(
+        self, frame: _FrameOfEye, shared: Floats, own: Floats, derive: bool = True
     ) -> _Seen:
         """Return a frame beside the wall of unknowns; without normal matrix and
         gradient if they are not asked for.
@@ -354,7 +377,9 @@ class _Problem:
         section = np.empty((2, 2 * len(self.library.node_angles()), 2))
         places = frame.at_m, frame.outer, self.smoothing_m
         about = self.about[0] + frame.gap_m, self.about[1]
-        predict(self.library.tables, self.law, places, *about, unknown, depths, section)
+        predict_depths(
+            self.library.tables, self.law, places, *about, unknown, depths, section
+        )
         basis = self.basis(frame, unknown)
         unit_m = frame.sd_m * np.sqrt(1.0 + depths.slope**2)
         off = (frame.depth_m - depths.depth_m - basis @ shared[WEIGHTS:]) / unit_m
@@ -382,7 +407,12 @@ class _Problem:
         return _Seen(cost, normal, gradient, off)
 
     def _by_numbers(
-        self, frame: _Frame, unknown: Floats, extra: Floats, numbers: Floats, count: int
+        self,
+        frame: _FrameOfEye,
+        unknown: Floats,
+        extra: Floats,
+        numbers: Floats,
+        count: int,
     ) -> Floats:
         """Return the derivatives of the predicted numbers (number, shared and own)."""
         found = np.zeros((len(numbers), count))
@@ -424,7 +454,8 @@ class _Problem:
         """Return the cost of all frames and of leaving the prior."""
         each = zip(self.frames, own, strict=True)
         return self.prior(shared)[0] + sum(
-            self.look(frame, shared, one, derive=False).cost for frame, one in each
+            self.compare_frame(frame, shared, one, derive=False).cost
+            for frame, one in each
         )
 
     def inside(self, shared: Floats, own: Floats) -> tuple[Floats, Floats]:
@@ -435,7 +466,7 @@ class _Problem:
         shared[:WEIGHTS] = np.clip(
             shared[:WEIGHTS], self.mean[:WEIGHTS] - away, self.mean[:WEIGHTS] + away
         )
-        shared[_FORM] = np.clip(shared[_FORM], *at.FORM_ENDS)
+        shared[_FORM] = np.clip(shared[_FORM], *unknowns.FORM_ENDS)
         shared[_POLE] *= HIGHEST_POLE / max(
             float(np.hypot(*shared[_POLE])), HIGHEST_POLE
         )
@@ -528,7 +559,7 @@ def fit_jointly(
     smoothing_m: float,
     own: Floats,
     shared: Floats | None = None,
-    iop_sd: float = KNOWN_SD[at.IOP],
+    iop_sd: float = KNOWN_SD[unknowns.IOP],
 ) -> JointFit:
     """Fit the library to all frames of an eye at once, from each frame's unknowns `own`
     (frame, `OWN`).
@@ -537,20 +568,20 @@ def fit_jointly(
     of an earlier fit, to begin at; `iop_sd`: standard deviation of the logarithm of a
     known IOP.
     """
-    problem = _Problem(library, frames, known, trained, smoothing_m, iop_sd)
+    problem = _EyeProblem(library, frames, known, trained, smoothing_m, iop_sd)
     shared, own = problem.inside(problem.mean if shared is None else shared, own)
     damping = FIRST_DAMPING
     cost = np.inf
 
     for number in range(ROUNDS):
         seen = [
-            problem.look(frame, shared, one)
+            problem.compare_frame(frame, shared, one)
             for frame, one in zip(problem.frames, own, strict=True)
         ]
         if number in SIZED_ROUNDS:
             problem.size(shared, seen)
             seen = [
-                problem.look(frame, shared, one)
+                problem.compare_frame(frame, shared, one)
                 for frame, one in zip(problem.frames, own, strict=True)
             ]
 
@@ -579,7 +610,7 @@ def fit_jointly(
             break
 
     seen = [
-        problem.look(frame, shared, one)
+        problem.compare_frame(frame, shared, one)
         for frame, one in zip(problem.frames, own, strict=True)
     ]
     precision = problem.prior(shared)[1] + _eliminated(seen, len(shared), 0.0)[0]

@@ -15,7 +15,7 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from scleraforce.base.arrays import Floats
-from scleraforce.fit.curve_placement import Placed, Places
+from scleraforce.fit.curve_placement import PlacedCurves, PlacesOnFrame
 
 CAUCHY = 2.5  # standard deviations at which a column's weight is halved
 # loss of a column that the wall does not reach: as one that is 4 CAUCHY off
@@ -24,25 +24,25 @@ FIRST_DAMPING = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Columns:
+class WallColumns:
     """The wall that a frame shows: places, their depth and the standard deviation along
     the normal, (place,) in m.
 
     `as_one` neighbouring places share one error.
     """
 
-    places: Places
+    places: PlacesOnFrame
     depth_m: Floats
     sd_m: Floats
     as_one: float = 1.0
 
-    def residual(self, placed: Placed) -> Floats:
+    def residual(self, placed: PlacedCurves) -> Floats:
         """Return how far the columns lie off along the normal, in standard deviations
         (place,).
         """
         return (self.depth_m - placed.depth_m) / self._depth_sd_m(placed)
 
-    def loss(self, placed: Placed) -> float:
+    def loss(self, placed: PlacedCurves) -> float:
         """Return Cauchy's loss of all columns."""
         size = self.residual(placed)[placed.seen]
         lost = np.log1p((size / CAUCHY) ** 2).sum() + UNSEEN_LOSS * np.count_nonzero(
@@ -51,7 +51,7 @@ class Columns:
         return float(CAUCHY**2 * lost / self.as_one)
 
     def normal_equations(
-        self, placed: Placed, scale: float = 1.0
+        self, placed: PlacedCurves, scale: float = 1.0
     ) -> tuple[Floats, Floats]:
         """Return the weighted normal matrix (unknown, unknown) and gradient (unknown,),
         SDs times `scale`.
@@ -65,7 +65,7 @@ class Columns:
 
         return jacobian.T @ weighted, weighted.T @ residual
 
-    def _depth_sd_m(self, placed: Placed) -> Floats:
+    def _depth_sd_m(self, placed: PlacedCurves) -> Floats:
         """Return the standard deviation of the depths (place,): that along the normal,
         seen down a column.
         """
@@ -75,7 +75,7 @@ class Columns:
 Prediction = TypeVar("Prediction")
 
 
-class Problem(Protocol[Prediction]):
+class LeastSquaresProblem(Protocol[Prediction]):
     """A fit to a frame: unknowns (unknown,), each with a prior."""
 
     def evaluate(self, unknown: Floats) -> tuple[Prediction, float]:
@@ -92,7 +92,7 @@ class Problem(Protocol[Prediction]):
         """Return the nearest unknowns that can be predicted for."""
 
 
-class Stopping(NamedTuple):
+class StoppingRule(NamedTuple):
     """The end of a fit: after `iterations` steps, or a step shorter than `converged_sd`
     standard deviations.
 
@@ -107,9 +107,9 @@ class Stopping(NamedTuple):
 
 
 def gauss_newton(
-    problem: Problem[Prediction],
+    problem: LeastSquaresProblem[Prediction],
     start: Floats,
-    stopping: Stopping,
+    stopping: StoppingRule,
     step_of: Callable[[Floats, Floats], Floats] | None = None,
 ) -> tuple[Floats, Prediction, float]:
     """Return the fitted unknowns, their prediction and their cost; `step_of` solves the

@@ -36,11 +36,16 @@ from math import inf
 import numpy as np
 
 from scleraforce.base.arrays import Floats
-from scleraforce.fit import unknowns as at
-from scleraforce.fit.compiled_fit import OUTER_SD_M, Doubt, Fitted, fit_frame
-from scleraforce.fit.compiled_search import Belief
+from scleraforce.fit import unknowns
+from scleraforce.fit.compiled_fit import (
+    OUTER_SD_M,
+    FitArrays,
+    UncertaintyDraws,
+    fit_frame,
+)
+from scleraforce.fit.compiled_search import PriorArrays
 from scleraforce.fit.prior_of_an_eye import Prior, form_size
-from scleraforce.fit.shown_wall import Law
+from scleraforce.fit.shown_wall import GlobeLaw
 from scleraforce.library.wall_responses import Library
 from scleraforce.records.globe import KnownGlobe
 from scleraforce.records.study_of_eye import RIGIDITY_LAWS
@@ -63,22 +68,22 @@ def library_walls(
     """Return thickness, pressure over E and tip, each (state,), of unknowns (state,
     unknown), as `library_place`.
     """
-    size = np.exp(unknown_su[:, at.SIZE])
+    size = np.exp(unknown_su[:, unknowns.SIZE])
     thickness = np.clip(
-        unknown_su[:, at.THICKNESS] / size, *library.tables.thickness_ends_m
+        unknown_su[:, unknowns.THICKNESS] / size, *library.tables.thickness_ends_m
     )
-    ratio = np.exp(unknown_su[:, pressure] - unknown_su[:, at.MODULUS])
+    ratio = np.exp(unknown_su[:, pressure] - unknown_su[:, unknowns.MODULUS])
     ratio = np.clip(ratio, *library.iop_ratio_ends(thickness))
 
     return (
         thickness,
         ratio,
-        np.clip(unknown_su[:, at.TIP] / size, 0.0, library.tables.tip_m[-1]),
+        np.clip(unknown_su[:, unknowns.TIP] / size, 0.0, library.tables.tip_m[-1]),
     )
 
 
 @lru_cache(maxsize=64)
-def law_of(globe: KnownGlobe) -> Law:
+def law_of(globe: KnownGlobe) -> GlobeLaw:
     """Return the law of a globe."""
     rates = (
         float(globe.globe(rigidity).rate)
@@ -86,8 +91,8 @@ def law_of(globe: KnownGlobe) -> Law:
     )
     sealed = globe.can_be_sealed
 
-    return Law(
-        at.PRESSURE if sealed else at.IOP,
+    return GlobeLaw(
+        unknowns.PRESSURE if sealed else unknowns.IOP,
         not sealed,
         globe.law == RIGIDITY_LAWS[1],
         *rates,
@@ -228,7 +233,7 @@ def fit_boundaries(
         np.ascontiguousarray(lateral_m, dtype=np.float64),
         np.ascontiguousarray(depth_bc, dtype=np.float64),
         float(smoothing_m),
-        Belief(
+        PriorArrays(
             prior.mean,
             prior.sd,
             prior.precision,
@@ -245,10 +250,10 @@ def fit_boundaries(
     return fit_of(library, prior.globe, fitted) if has_fit else None
 
 
-def doubt_of(prior: Prior) -> Doubt:
+def doubt_of(prior: Prior) -> UncertaintyDraws:
     """Return the numbers that draw an eye's forces."""
     off = prior.discrepancy
-    count = len(at.NAMES)
+    count = len(unknowns.NAMES)
     terms = np.array(
         [
             [off.level, off.level_sd, *off.level_by],
@@ -256,7 +261,7 @@ def doubt_of(prior: Prior) -> Doubt:
         ]
     )
 
-    return Doubt(
+    return UncertaintyDraws(
         _standard_normal(count + 2),
         _standard_normal(2, seed=1),
         terms,
@@ -264,11 +269,11 @@ def doubt_of(prior: Prior) -> Doubt:
     )
 
 
-def empty_fit(library: Library) -> Fitted:
+def empty_fit(library: Library) -> FitArrays:
     """Return a fit without values."""
-    count = len(at.NAMES)
+    count = len(unknowns.NAMES)
     wall_bmc = np.empty((2, 2 * len(library.node_angles()), 2))
-    return Fitted(
+    return FitArrays(
         np.empty(count),
         np.empty((count, count)),
         np.empty(DRAWS),
@@ -277,19 +282,19 @@ def empty_fit(library: Library) -> Fitted:
     )
 
 
-def fit_of(library: Library, globe: KnownGlobe, fitted: Fitted) -> BoundaryFit:
+def fit_of(library: Library, globe: KnownGlobe, fitted: FitArrays) -> BoundaryFit:
     """Return a fit from its arrays."""
     unknown = fitted.unknown
     force, low_n, high_n, misfit, outliers, cost = fitted.numbers.tolist()
-    radius_m = library.radius_m * np.exp(unknown[at.SIZE])
+    radius_m = library.radius_m * np.exp(unknown[unknowns.SIZE])
     pressure = unknown[law_of(globe).pressure]
 
     return BoundaryFit(
         force_n=force,
         interval_n=(low_n, high_n),
         draws_n=fitted.draws_n,
-        contact_m=float(unknown[at.LATERAL]),
-        tip_m=float(unknown[at.TIP]),
+        contact_m=float(unknown[unknowns.LATERAL]),
+        tip_m=float(unknown[unknowns.TIP]),
         misfit_m=misfit * OUTER_SD_M,
         outliers=outliers,
         wall_bmc=fitted.wall_bmc,
@@ -297,7 +302,9 @@ def fit_of(library: Library, globe: KnownGlobe, fitted: Fitted) -> BoundaryFit:
         spread=fitted.spread,
         iop_pa=float(np.exp(pressure)),
         tension=float(
-            np.exp(pressure - unknown[at.MODULUS]) * radius_m / unknown[at.THICKNESS]
+            np.exp(pressure - unknown[unknowns.MODULUS])
+            * radius_m
+            / unknown[unknowns.THICKNESS]
         ),
         loss=cost,
     )

@@ -9,9 +9,9 @@ rotation and tilt are the first one's, turned by the angle between them. So no g
 to be known: gaps have a sign, and a plane that crosses another one sees its gap as a
 lateral place; of parallel planes the differences of the gaps are known.
 
-Every plane adds its normal equations (`fit_frame.fit_plane`), mapped to these unknowns.
-The search starts from the fit to each plane alone, with the needle on either side of
-it.
+Every plane adds its normal equations (`compiled_fit.fit_plane`), mapped to these
+unknowns. The search starts from the fit to each plane alone, with the needle on either
+side of it.
 """
 
 from collections.abc import Sequence
@@ -20,10 +20,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scleraforce.base.arrays import Floats
-from scleraforce.fit import compiled_fit, unknowns as at
+from scleraforce.fit import compiled_fit, unknowns
 from scleraforce.fit.compiled_fit import TO_THE_END
-from scleraforce.fit.compiled_search import Belief
-from scleraforce.fit.least_squares import Stopping, gauss_newton
+from scleraforce.fit.compiled_search import PriorArrays
+from scleraforce.fit.least_squares import StoppingRule, gauss_newton
 from scleraforce.fit.one_frame import (
     BoundaryFit,
     doubt_of,
@@ -35,20 +35,20 @@ from scleraforce.fit.one_frame import (
 from scleraforce.fit.prior_of_an_eye import FREE_SD, Prior
 from scleraforce.library.wall_responses import Library
 
-TILT = len(at.NAMES)  # place of the tilt's tangent, after the unknowns of a plane
+TILT = len(unknowns.NAMES)  # place of the tilt's tangent, after the unknowns of a plane
 # of each further plane; depth: beside
 OWN = [
-    at.DEPTH,
-    at.INNER_OFFSET,
-    at.SHINE,
-    *range(at.FORM.start, at.FORM.stop),
+    unknowns.DEPTH,
+    unknowns.INNER_OFFSET,
+    unknowns.SHINE,
+    *range(unknowns.FORM.start, unknowns.FORM.stop),
 ]
 DEPTH_SD_M = 20e-6  # by which an eye moves between two planes
 FARTHEST_SD_M = 1e-3  # of the contact from the scanner's axis, either way
 STARTS = 3
 # least singular value of directions that tell a lean: two 42 degrees apart
 LEAST_CROSSING = 0.5
-STOPPING = Stopping(
+STOPPING = StoppingRule(
     iterations=25, converged_sd=0.02, settled_cost=0.002, retry_damping=1e-2
 )
 
@@ -123,7 +123,7 @@ class SpatialPlace:
         return replace(self, lean_rad=float(np.arccos(min(cosine, 1.0))))
 
 
-def beside(first: SeenPlane, other: SeenPlane) -> tuple[Floats, Floats]:
+def plane_map(first: SeenPlane, other: SeenPlane) -> tuple[Floats, Floats]:
     """Return matrix (unknown + 1, unknown + 1) and shift that give a plane's unknowns
     and tilt for the first one's.
     """
@@ -133,12 +133,17 @@ def beside(first: SeenPlane, other: SeenPlane) -> tuple[Floats, Floats]:
     matrix = np.eye(TILT + 1)
     shift = np.zeros(TILT + 1)
 
-    for along, across in ((at.ROTATION, TILT), (at.POLE.start, at.POLE.start + 1)):
+    for along, across in (
+        (unknowns.ROTATION, TILT),
+        (unknowns.POLE.start, unknowns.POLE.start + 1),
+    ):
         matrix[np.ix_([along, across], [along, across])] = [[c, s], [-s, c]]
 
-    matrix[np.ix_([at.LATERAL, at.GAP], [at.LATERAL, at.GAP])] = [[c, -s], [s, c]]
-    shift[at.LATERAL] = s * first.offset_m
-    shift[at.GAP] = other.offset_m - c * first.offset_m
+    matrix[
+        np.ix_([unknowns.LATERAL, unknowns.GAP], [unknowns.LATERAL, unknowns.GAP])
+    ] = [[c, -s], [s, c]]
+    shift[unknowns.LATERAL] = s * first.offset_m
+    shift[unknowns.GAP] = other.offset_m - c * first.offset_m
     return matrix, shift
 
 
@@ -146,8 +151,8 @@ def contact_place(plane: SeenPlane, unknown: Floats) -> Floats:
     """Return where the contact lies about the scanner's axis: x, y, m."""
     c = np.cos(plane.direction_rad)
     s = np.sin(plane.direction_rad)
-    along = unknown[at.LATERAL]
-    across = plane.offset_m - unknown[at.GAP]
+    along = unknown[unknowns.LATERAL]
+    across = plane.offset_m - unknown[unknowns.GAP]
     return np.array([c * along - s * across, s * along + c * across])
 
 
@@ -163,7 +168,7 @@ class _Terms:
 
 
 @dataclass(frozen=True, eq=False)
-class _Problem:
+class _PlanesProblem:
     """The least-squares problem of several planes; `maps`: matrix and shift of each
     plane's unknowns and tilt.
     """
@@ -171,13 +176,13 @@ class _Problem:
     library: Library
     planes: Sequence[SeenPlane]
     smoothing_m: float
-    beliefs: Sequence[Belief]
+    beliefs: Sequence[PriorArrays]
     maps: Sequence[tuple[Floats, Floats]]
 
     @classmethod
     def of(
         cls, library: Library, planes: Sequence[SeenPlane], smoothing_m: float
-    ) -> "_Problem":
+    ) -> "_PlanesProblem":
         """The problem."""
         count = TILT + 1 + len(OWN) * (len(planes) - 1)
         maps = []
@@ -185,34 +190,36 @@ class _Problem:
 
         for number, plane in enumerate(planes):
             prior = plane.prior
-            matrix, shift = beside(planes[0], plane)
+            matrix, shift = plane_map(planes[0], plane)
             mapped = np.zeros((TILT + 1, count))
             mapped[:, : TILT + 1] = matrix
             precision = prior.precision.copy()
             calibrated = prior.calibrated
             mean = prior.mean.copy()
             sd = prior.sd.copy()
-            mean[at.GAP] = plane.offset_m
-            sd[at.GAP] = FARTHEST_SD_M
+            mean[unknowns.GAP] = plane.offset_m
+            sd[unknowns.GAP] = FARTHEST_SD_M
 
             if plane.gap_sd_m is not None:
-                mean[at.GAP] = 0.0
-                sd[at.GAP] = plane.gap_sd_m
+                mean[unknowns.GAP] = 0.0
+                sd[unknowns.GAP] = plane.gap_sd_m
 
-            precision[at.GAP, at.GAP] = sd[at.GAP] ** -2.0
+            precision[unknowns.GAP, unknowns.GAP] = sd[unknowns.GAP] ** -2.0
             if number:  # all else is the first plane's
                 first = TILT + 1 + len(OWN) * (number - 1)
                 mapped[OWN[1:], OWN[1:]] = 0.0
                 mapped[OWN, range(first, first + len(OWN))] = 1.0
-                held = np.zeros(len(at.NAMES))
+                held = np.zeros(len(unknowns.NAMES))
                 held[OWN[1:]] = np.diag(precision)[OWN[1:]]
-                held[at.GAP] = precision[at.GAP, at.GAP] * (plane.gap_sd_m is not None)
+                held[unknowns.GAP] = precision[unknowns.GAP, unknowns.GAP] * (
+                    plane.gap_sd_m is not None
+                )
                 precision = np.diag(held)
                 calibrated = np.zeros((2, 2))
 
             maps.append((mapped, shift))
             beliefs.append(
-                Belief(
+                PriorArrays(
                     mean,
                     sd,
                     precision,
@@ -252,7 +259,7 @@ class _Problem:
             misfits.append(float(fitted.numbers[3]))
 
         for place, sd in (
-            (TILT, FREE_SD[at.ROTATION]),
+            (TILT, FREE_SD[unknowns.ROTATION]),
             *((place, DEPTH_SD_M) for place in self._depths),
         ):
             normal[place, place] += sd**-2.0
@@ -272,10 +279,10 @@ class _Problem:
         scale: float,
         normal: Floats,
         gradient: Floats,
-        fitted: compiled_fit.Fitted,
+        fitted: compiled_fit.FitArrays,
     ) -> float:
-        """Write a plane's normal equations, or its fit (`fit_frame.fit_plane`); return
-        its cost.
+        """Write a plane's normal equations, or its fit (`compiled_fit.fit_plane`);
+        return its cost.
         """
         plane = self.planes[number]
         prior = self.planes[number].prior
@@ -327,24 +334,24 @@ class _Problem:
             (np.cos(plane.direction_rad), np.sin(plane.direction_rad))
             for plane in self.planes
         ]
-        weights = np.array([1.0 / (fit.sd[at.LATERAL] + 1e-6) for fit in alone])
+        weights = np.array([1.0 / (fit.sd[unknowns.LATERAL] + 1e-6) for fit in alone])
         design = np.concatenate(
             [np.array(axes) * weights[:, None], np.eye(2) / FARTHEST_SD_M]
         )
         wanted = np.concatenate(
-            [[fit.unknown[at.LATERAL] for fit in alone] * weights, np.zeros(2)]
+            [[fit.unknown[unknowns.LATERAL] for fit in alone] * weights, np.zeros(2)]
         )
         meeting = np.linalg.lstsq(design, wanted, rcond=None)[0]
         turned = np.linalg.lstsq(
             np.concatenate([axes, 0.1 * np.eye(2)]),
-            np.array([*(fit.unknown[at.ROTATION] for fit in alone), 0.0, 0.0]),
+            np.array([*(fit.unknown[unknowns.ROTATION] for fit in alone), 0.0, 0.0]),
             rcond=None,
         )[0]
         found = list[Floats]()
 
         for fit, plane in zip(alone, self.planes, strict=True):
             sides = [fit.unknown.copy(), fit.unknown.copy()]
-            sides[1][at.GAP] *= -1.0
+            sides[1][unknowns.GAP] *= -1.0
             places = (meeting, *(contact_place(plane, side) for side in sides))
             found += [self._start(alone, fit, place, turned) for place in places]
 
@@ -362,12 +369,12 @@ class _Problem:
         c = np.cos(first.direction_rad)
         s = np.sin(first.direction_rad)
         start[:TILT] = fit.unknown
-        start[at.POLE] = self.planes[0].prior.mean[at.POLE]
-        start[[at.LATERAL, at.ROTATION]] = (
+        start[unknowns.POLE] = self.planes[0].prior.mean[unknowns.POLE]
+        start[[unknowns.LATERAL, unknowns.ROTATION]] = (
             c * place[0] + s * place[1],
             c * turned[0] + s * turned[1],
         )
-        start[[at.GAP, TILT]] = (
+        start[[unknowns.GAP, TILT]] = (
             first.offset_m + s * place[0] - c * place[1],
             -s * turned[0] + c * turned[1],
         )
@@ -387,10 +394,11 @@ class _Problem:
         start = self._start(
             fits, fits[0], np.array(place.contact_m[:2]), np.array(place.tilt_rad)
         )
-        start[at.POLE] = fits[0].unknown[at.POLE]
-        start[at.MODULUS] = self.beliefs[0].mean[at.MODULUS]
+        start[unknowns.POLE] = fits[0].unknown[unknowns.POLE]
+        start[unknowns.MODULUS] = self.beliefs[0].mean[unknowns.MODULUS]
         start[self._depths] = [
-            fit.unknown[at.DEPTH] - fits[0].unknown[at.DEPTH] for fit in fits[1:]
+            fit.unknown[unknowns.DEPTH] - fits[0].unknown[unknowns.DEPTH]
+            for fit in fits[1:]
         ]
 
         return self.inside(start)
@@ -441,9 +449,9 @@ class _Problem:
         c = np.cos(first.direction_rad)
         s = np.sin(first.direction_rad)
         turned = np.array([[c, -s], [s, c]])
-        ways[:2, [at.LATERAL, at.GAP]] = turned * [1.0, -1.0]
-        ways[2, [at.DEPTH, at.TIP]] = 1.0
-        ways[3:, [at.ROTATION, TILT]] = turned
+        ways[:2, [unknowns.LATERAL, unknowns.GAP]] = turned * [1.0, -1.0]
+        ways[2, [unknowns.DEPTH, unknowns.TIP]] = 1.0
+        ways[3:, [unknowns.ROTATION, TILT]] = turned
         values = ways @ unknown
         values[:2] += turned[:, 1] * first.offset_m
         sds = np.sqrt(np.diag(ways @ covariance @ ways.T))
@@ -478,7 +486,7 @@ class PlanesFit:
             replace(plane, prior=prior)
             for plane, prior in zip(self.planes, priors, strict=True)
         )
-        problem = _Problem.of(library, planes, smoothing_m)
+        problem = _PlanesProblem.of(library, planes, smoothing_m)
         unknown, terms, _ = gauss_newton(
             problem, problem.begun(self.fits, self.place), TO_THE_END, _step
         )
@@ -508,7 +516,7 @@ def fit_planes(
     if len(planes) == 1:
         return tuple(alone), None
 
-    problem = _Problem.of(library, planes, smoothing_m)
+    problem = _PlanesProblem.of(library, planes, smoothing_m)
     starts = problem.starts(alone)
     costs = [problem.evaluate(start)[1] for start in starts]
     order = np.argsort(costs)[:STARTS].tolist()

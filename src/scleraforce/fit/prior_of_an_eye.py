@@ -6,7 +6,7 @@ from math import log, radians, sin, sqrt
 import numpy as np
 
 from scleraforce.base.arrays import Floats
-from scleraforce.fit import unknowns as at
+from scleraforce.fit import unknowns
 from scleraforce.library.library_plan import LARGEST_POLAR_DEG
 from scleraforce.library.moving_base import pole_directions
 from scleraforce.records.eye import (
@@ -19,19 +19,23 @@ from scleraforce.records.globe import UNKNOWN, KnownGlobe
 from scleraforce.records.study import ReaderStudy
 
 FREE_SD = {
-    at.TIP: 10e-3,
-    at.LATERAL: 1e-3,
-    at.DEPTH: 2e-3,
-    at.ROTATION: 0.05,
-    at.SIZE: 0.03,
-    at.INNER_OFFSET: 15e-6,
+    unknowns.TIP: 10e-3,
+    unknowns.LATERAL: 1e-3,
+    unknowns.DEPTH: 2e-3,
+    unknowns.ROTATION: 0.05,
+    unknowns.SIZE: 0.03,
+    unknowns.INNER_OFFSET: 15e-6,
 }
 # Where the surface faces the light its mirror reflection moves the edge found up: by
 # 3.0 +- 2.7 um in 716 frames of 60 drawn eyes, with the noise of the fit to each
 # (`benchmarks/bench_boundary_errors.py 30`, seeds 21, 22).
 SHINE_MEAN_M = 3e-6
 SHINE_SD_M = 2.3e-6
-KNOWN_SD = {at.GAP: 30e-6, at.THICKNESS: 15e-6, at.IOP: 0.05}  # of a stated value
+KNOWN_SD = {
+    unknowns.GAP: 30e-6,
+    unknowns.THICKNESS: 15e-6,
+    unknowns.IOP: 0.05,
+}  # of a stated value
 # standard deviation of the logarithm of the pressure under the needle: the globe's
 # rigidity ties it
 PRESSURE_SD = 3.0
@@ -48,7 +52,9 @@ POLE_SD = 0.03  # of where the pole lies, where polar angle and direction are st
 UNSURE_POLE_SD = 0.15  # where the direction alone is
 # Unknowns with Cauchy's prior, whose density falls slowly: most eyes are even spheres,
 # some are far from it; and now and then another layer is taken for the inner boundary.
-HEAVY = np.array([at.INNER_OFFSET, *(at.FORM.start + np.array([1, 2, 4, 5, 6]))])
+HEAVY = np.array(
+    [unknowns.INNER_OFFSET, *(unknowns.FORM.start + np.array([1, 2, 4, 5, 6]))]
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,25 +84,25 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     """Return the prior of a frame's unknowns: the known eye, else the ranges that the
     model was trained for.
     """
-    mean = np.zeros(len(at.NAMES))
-    sd = np.zeros(len(at.NAMES))
+    mean = np.zeros(len(unknowns.NAMES))
+    sd = np.zeros(len(unknowns.NAMES))
     for place, value in FREE_SD.items():
         sd[place] = value
 
-    mean[at.SHINE] = SHINE_MEAN_M
-    sd[at.SHINE] = SHINE_SD_M
-    mean[at.FORM] = FORM_MEAN
-    sd[at.FORM] = FORM_SD
-    mean[at.POLE], sd[at.POLE] = _pole(known)
-    mean[at.GAP], sd[at.GAP] = _stated(
-        known.gap_m, trained.gap_m.bounds, KNOWN_SD[at.GAP]
+    mean[unknowns.SHINE] = SHINE_MEAN_M
+    sd[unknowns.SHINE] = SHINE_SD_M
+    mean[unknowns.FORM] = FORM_MEAN
+    sd[unknowns.FORM] = FORM_SD
+    mean[unknowns.POLE], sd[unknowns.POLE] = _pole(known)
+    mean[unknowns.GAP], sd[unknowns.GAP] = _stated(
+        known.gap_m, trained.gap_m.bounds, KNOWN_SD[unknowns.GAP]
     )
-    mean[at.THICKNESS], sd[at.THICKNESS] = _stated(
-        known.thickness_m, trained.thickness_m.bounds, KNOWN_SD[at.THICKNESS]
+    mean[unknowns.THICKNESS], sd[unknowns.THICKNESS] = _stated(
+        known.thickness_m, trained.thickness_m.bounds, KNOWN_SD[unknowns.THICKNESS]
     )
     iop = None if known.iop_pa is None else log(max(known.iop_pa, 1.0))
-    mean[at.IOP], sd[at.IOP] = _stated(
-        iop, _logs(trained.iop_pa.bounds), KNOWN_SD[at.IOP]
+    mean[unknowns.IOP], sd[unknowns.IOP] = _stated(
+        iop, _logs(trained.iop_pa.bounds), KNOWN_SD[unknowns.IOP]
     )
     modulus = None if known.modulus is None else log(known.modulus.mean_pa)
     modulus_sd = known.modulus.relative_sd if known.modulus else 0.0
@@ -107,15 +113,17 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
         discrepancy = replace(NO_DISCREPANCY, level_sd=modulus_sd)
         modulus_sd = LEAST_MODULUS_SD
 
-    mean[at.MODULUS], sd[at.MODULUS] = _stated(
+    mean[unknowns.MODULUS], sd[unknowns.MODULUS] = _stated(
         modulus, _logs(trained.youngs_modulus_pa.bounds), modulus_sd
     )
-    mean[at.PRESSURE] = mean[at.IOP]
-    sd[at.PRESSURE] = PRESSURE_SD
+    mean[unknowns.PRESSURE] = mean[unknowns.IOP]
+    sd[unknowns.PRESSURE] = PRESSURE_SD
     own = known.has_own_modulus
-    same_force = _same_force(mean, sd) if own else np.zeros(len(at.NAMES))
+    same_force = _same_force(mean, sd) if own else np.zeros(len(unknowns.NAMES))
     precision = np.diag(
-        np.where(own & (np.arange(len(at.NAMES)) == at.MODULUS), 0.0, sd**-2.0)
+        np.where(
+            own & (np.arange(len(unknowns.NAMES)) == unknowns.MODULUS), 0.0, sd**-2.0
+        )
     )
     globe = UNKNOWN if known.globe is None else known.globe
     correlation = globe.correlation if own else 0.0
@@ -148,14 +156,14 @@ def _same_force(mean: Floats, sd: Floats) -> Floats:
     are wrong, so is the modulus, and yet the force that belongs to a dent is right:
     that force is known.
     """
-    along = np.zeros(len(at.NAMES))
-    along[[at.MODULUS, at.THICKNESS, at.IOP]] = (
+    along = np.zeros(len(unknowns.NAMES))
+    along[[unknowns.MODULUS, unknowns.THICKNESS, unknowns.IOP]] = (
         1.0,
-        FORCE_BY_LOG_THICKNESS / mean[at.THICKNESS],
+        FORCE_BY_LOG_THICKNESS / mean[unknowns.THICKNESS],
         FORCE_BY_LOG_IOP,
     )
 
-    return np.asarray(along / sd[at.MODULUS])
+    return np.asarray(along / sd[unknowns.MODULUS])
 
 
 def _stated(
@@ -178,4 +186,6 @@ def form_size(unknown: Floats) -> float:
     """Return the deviation of a wall (unknown,) from an even sphere: its form's
     largest, over the known spread.
     """
-    return float(np.abs(unknown[HEAVY[1:]] / FORM_SD[HEAVY[1:] - at.FORM.start]).max())
+    return float(
+        np.abs(unknown[HEAVY[1:]] / FORM_SD[HEAVY[1:] - unknowns.FORM.start]).max()
+    )

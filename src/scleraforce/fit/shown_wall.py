@@ -11,7 +11,7 @@ import numpy as np
 
 from scleraforce.base.arrays import Flags, Floats, Places
 from scleraforce.base.compiled_loops import compiled, compiled_in_place, compiled_part
-from scleraforce.fit import unknowns as at
+from scleraforce.fit import unknowns
 from scleraforce.library.moving_base import SHEARED
 from scleraforce.library.response_splines import (
     SUPPORT,
@@ -35,24 +35,24 @@ GAUSS_HERMITE = (
 STATION_RAD = 0.04
 SPARE_M = 1.0e-3  # of a wall beyond the frame, at rest, and under the needle
 SPARE_DENTED_M = 0.1e-3
-ALONG = at.POLE.start
-ACROSS = at.POLE.start + 1
-LEFT = at.FORM.start
-RIGHT = at.FORM.start + 3
-WEDGE = at.FORM.start + 6
+ALONG = unknowns.POLE.start
+ACROSS = unknowns.POLE.start + 1
+LEFT = unknowns.FORM.start
+RIGHT = unknowns.FORM.start + 3
+WEDGE = unknowns.FORM.start + 6
 UP = (0.0, 0.0, 1.0)
 
 
-class Scene(NamedTuple):
+class FitGeometry(NamedTuple):
     """A library, the index of the pressure under the needle, places on a frame, and
     where its plane meets the rings.
 
     `at_m` (place,), the first `outer` on the outer boundary, and `smoothing_m` are as
-    in `placement.Places`. `stations` (boundary, station, 3): unit vectors to places of
-    the section at rest, where the base's effect is found; `about_needle`: the same
-    about the needle axis (`_turn`). A ring (boundary, left nodes and right ones), from
-    the axis outwards on either side, lies between the station `left` and the next one,
-    by `share` of the way.
+    in `curve_placement.PlacesOnFrame`. `stations` (boundary, station, 3): unit vectors
+    to places of the section at rest, where the base's effect is found; `about_needle`:
+    the same about the needle axis (`_turn`). A ring (boundary, left nodes and right
+    ones), from the axis outwards on either side, lies between the station `left` and
+    the next one, by `share` of the way.
     """
 
     tables: SplineTables
@@ -68,7 +68,7 @@ class Scene(NamedTuple):
     cosines: Floats
 
 
-class Wall(NamedTuple):
+class ShownWall(NamedTuple):
     """A wall of the library: its curves (boundary, node, 2), and the motion of its
     rings (boundary, ring, 3).
 
@@ -92,7 +92,7 @@ class Wall(NamedTuple):
     steep: Floats
 
 
-class Depths(NamedTuple):
+class WallDepths(NamedTuple):
     """The depths of a wall at places (place,): of an even wall, `even_m` and
     `even_slope`, and with form and shine.
     """
@@ -112,7 +112,7 @@ def scene_of(
     places: tuple[Floats, int, float],
     gap_m: float,
     thickness_m: float,
-) -> Scene:
+) -> FitGeometry:
     """Return the scene of walls of about a gap and a thickness, m; `places`: `at_m`,
     `outer` and `smoothing_m`.
     """
@@ -144,7 +144,7 @@ def scene_of(
     _turn(stations, tables.angles, UP, about_needle)
     at_m, outer, smoothing_m = places
     cosines = np.cos(tables.angles)
-    return Scene(
+    return FitGeometry(
         tables,
         pressure,
         at_m,
@@ -180,11 +180,11 @@ def _before(nodes: Floats, place: float) -> int:
 
 
 @compiled_part
-def empty_wall(scene: Scene) -> Wall:
+def empty_wall(scene: FitGeometry) -> ShownWall:
     """Return a wall without values."""
     nodes = scene.tables.curves.shape[1] // 4
     stations = scene.stations.shape[1]
-    return Wall(
+    return ShownWall(
         np.empty((2, nodes, 2)),
         np.zeros((2, 2 * nodes, 3)),
         np.empty((2, len(scene.sines), 2)),
@@ -204,23 +204,25 @@ def library_place(tables: SplineTables, unknown: Floats, pressure: int) -> Vecto
     """Return thickness, pressure over E and tip in the library's own size, kept within
     its ranges.
     """
-    size = np.exp(unknown[at.SIZE])
+    size = np.exp(unknown[unknowns.SIZE])
     low, high = tables.thickness_ends_m
-    thickness = min(max(unknown[at.THICKNESS] / size, low), high)
+    thickness = min(max(unknown[unknowns.THICKNESS] / size, low), high)
     per_tension = thickness / tables.radius_m
     least = tables.tension_ends[0] * per_tension
     most = tables.tension_ends[1] * per_tension
-    ratio = min(max(np.exp(unknown[pressure] - unknown[at.MODULUS]), least), most)
+    ratio = min(max(np.exp(unknown[pressure] - unknown[unknowns.MODULUS]), least), most)
 
     return (
         thickness,
         ratio,
-        min(max(unknown[at.TIP] / size, tables.tip_m[0]), tables.tip_m[-1]),
+        min(max(unknown[unknowns.TIP] / size, tables.tip_m[0]), tables.tip_m[-1]),
     )
 
 
 @compiled_in_place
-def _find_wall(scene: Scene, unknown: Floats, count: int, wall: Wall) -> None:
+def _find_wall(
+    scene: FitGeometry, unknown: Floats, count: int, wall: ShownWall
+) -> None:
     """Write the wall of unknowns up to `count` nodes."""
     state = library_place(scene.tables, unknown, scene.pressure)
     axis = _axis(unknown)
@@ -246,7 +248,7 @@ def _axis(unknown: Floats) -> Vector:
 
 @compiled_in_place
 def find_curve(
-    tables: SplineTables, state: Vector, count: int, wall: Wall, boundaries: int
+    tables: SplineTables, state: Vector, count: int, wall: ShownWall, boundaries: int
 ) -> None:
     """Write the first nodes of the curves of a state, of the outer boundary or of
     both.
@@ -262,7 +264,7 @@ def find_curve(
 def _find_push(
     tables: SplineTables, state: Vector, unknown: Floats, pushed: Floats
 ) -> None:
-    """Write the push of the base at a state (`base.base_push`)."""
+    """Write the push of the base at a state (`moving_base.base_push`)."""
     force_ratio = value_of(tables, tables.forces, state[0], state[1], state[2])
     share = SHEARED * (1.0 + tables.poisson_ratio) / np.pi * force_ratio / state[0]
     pushed[0] = unknown[ALONG] * share
@@ -270,7 +272,7 @@ def _find_push(
 
 
 @compiled_in_place
-def _find_meridian(scene: Scene, state: Vector, meridian: Floats) -> None:
+def _find_meridian(scene: FitGeometry, state: Vector, meridian: Floats) -> None:
     """Write how the pressure alone moves a wall (boundary, node, [away from the axis,
     up]).
     """
@@ -315,7 +317,7 @@ def _turn(stations: Floats, angles: Floats, axis: Vector, turned: Floats) -> Non
 
 @compiled_in_place
 def _move(
-    scene: Scene,
+    scene: FitGeometry,
     meridian: Floats,
     turned: Floats,
     axis: Vector,
@@ -369,7 +371,7 @@ def cut_wall(
     pushed: Floats,
     count: int,
     unknown: Floats,
-    wall: Wall,
+    wall: ShownWall,
 ) -> None:
     """Write a boundary's section in the frame: where the plane meets its first nodes,
     left side first, (2 count,).
@@ -378,10 +380,10 @@ def cut_wall(
     squares = wall.steep
     lateral = wall.lateral
     down = wall.down
-    gap_m = unknown[at.GAP]
-    size = np.exp(unknown[at.SIZE])
-    c = np.cos(unknown[at.ROTATION])
-    s = np.sin(unknown[at.ROTATION])
+    gap_m = unknown[unknowns.GAP]
+    size = np.exp(unknown[unknowns.SIZE])
+    c = np.cos(unknown[unknowns.ROTATION])
+    s = np.sin(unknown[unknowns.ROTATION])
     tilt = size * pushed[2]
     longer = np.sqrt(1.0 + pushed[2] ** 2)  # depths along the plane
 
@@ -424,8 +426,8 @@ def cut_wall(
                 + size * motion[near, 2]
             )
             place = count + node if side else count - 1 - node
-            lateral[place] = c * across - s * deep + unknown[at.LATERAL]
-            down[place] = s * across + c * deep + unknown[at.DEPTH]
+            lateral[place] = c * across - s * deep + unknown[unknowns.LATERAL]
+            down[place] = s * across + c * deep + unknown[unknowns.DEPTH]
 
 
 @compiled_in_place
@@ -445,10 +447,15 @@ def without_folds(lateral: Floats, down: Floats, length: int) -> int:
 
 @compiled_in_place
 def _read_depths(
-    scene: Scene, boundary: int, length: int, wall: Wall, depth_m: Floats, slope: Floats
+    scene: FitGeometry,
+    boundary: int,
+    length: int,
+    wall: ShownWall,
+    depth_m: Floats,
+    slope: Floats,
 ) -> None:
     """Write depth and slope of a boundary's section at its places, under a Gaussian
-    (`placement.curve_depths`).
+    (`curve_placement.curve_depths`).
     """
     lateral = wall.lateral
     down = wall.down
@@ -479,7 +486,7 @@ def _read_depths(
 
 
 @compiled_in_place
-def _ends(scene: Scene) -> tuple[float, float]:
+def _ends(scene: FitGeometry) -> tuple[float, float]:
     """Return the ends of a frame's places, m."""
     low = scene.at_m[0]
     high = scene.at_m[scene.outer - 1]
@@ -492,20 +499,24 @@ def _ends(scene: Scene) -> tuple[float, float]:
 
 
 @compiled_in_place
-def show_wall(scene: Scene, unknown: Floats, wall: Wall, depths: Depths) -> int:
+def show_wall(
+    scene: FitGeometry, unknown: Floats, wall: ShownWall, depths: WallDepths
+) -> int:
     """Write the depths that a frame shows of the wall of unknowns; return the number of
     its nodes that are found.
     """
     tables = scene.tables
     low, high = _ends(scene)
     nodes = len(scene.share[0]) // 2
-    size = np.exp(unknown[at.SIZE])
-    s = np.abs(np.sin(unknown[at.ROTATION]))
+    size = np.exp(unknown[unknowns.SIZE])
+    s = np.abs(np.sin(unknown[unknowns.ROTATION]))
     reach = (
-        max(high - unknown[at.LATERAL], unknown[at.LATERAL] - low)
+        max(high - unknown[unknowns.LATERAL], unknown[unknowns.LATERAL] - low)
         + s * size * tables.radius_m
     )
-    reach = (reach / max(np.cos(unknown[at.ROTATION]), LEAST_NORM) + SPARE_M) / size
+    reach = (
+        reach / max(np.cos(unknown[unknowns.ROTATION]), LEAST_NORM) + SPARE_M
+    ) / size
     reach /= tables.radius_m - tables.thickness_ends_m[1]
     count = (
         nodes
@@ -547,14 +558,14 @@ def show_wall(scene: Scene, unknown: Floats, wall: Wall, depths: Depths) -> int:
     for place in range(len(scene.at_m)):
         is_inner = 0.0 if place < scene.outer else 1.0
         formed, form_slope = _form(
-            unknown, scene.at_m[place] - unknown[at.LATERAL], is_inner
+            unknown, scene.at_m[place] - unknown[unknowns.LATERAL], is_inner
         )
         depths.slope[place] = depths.even_slope[place] + form_slope
         depths.depth_m[place] = (
-            depths.even_m[place] + unknown[at.INNER_OFFSET] * is_inner + formed
+            depths.even_m[place] + unknown[unknowns.INNER_OFFSET] * is_inner + formed
         )
         depths.depth_m[place] -= (
-            unknown[at.SHINE] * (1.0 - is_inner) * _shine(depths.slope[place])
+            unknown[unknowns.SHINE] * (1.0 - is_inner) * _shine(depths.slope[place])
         )
 
     return count
@@ -562,12 +573,17 @@ def show_wall(scene: Scene, unknown: Floats, wall: Wall, depths: Depths) -> int:
 
 @compiled_in_place
 def _shine(slope: float) -> float:
-    return float(np.exp(-((slope / at.SHINING_SLOPE) ** 2)))
+    return float(np.exp(-((slope / unknowns.SHINING_SLOPE) ** 2)))
 
 
 @compiled_part
 def derive(
-    scene: Scene, unknown: Floats, count: int, wall: Wall, other: Wall, depths: Depths
+    scene: FitGeometry,
+    unknown: Floats,
+    count: int,
+    wall: ShownWall,
+    other: ShownWall,
+    depths: WallDepths,
 ) -> None:
     """Write the derivatives of the wall that `show_wall` has just shown; `other` is
     workspace.
@@ -587,7 +603,7 @@ def derive(
     jacobian[:] = 0.0
 
     for moving in np.array(
-        [at.TIP, at.GAP, at.THICKNESS, scene.pressure, ALONG, ACROSS]
+        [unknowns.TIP, unknowns.GAP, unknowns.THICKNESS, scene.pressure, ALONG, ACROSS]
     ):
         varied[moving] = unknown[moving] + _step(scene, unknown, moving)
         moved = varied[moving] - unknown[moving]
@@ -595,7 +611,7 @@ def derive(
         curve = wall.curve
         motion = wall.motion
 
-        if moving in (at.TIP, at.THICKNESS, scene.pressure):
+        if moving in (unknowns.TIP, unknowns.THICKNESS, scene.pressure):
             find_curve(tables, state, count, other, 2)
             curve = other.curve
 
@@ -611,7 +627,7 @@ def derive(
                 other.moved,
                 motion,
             )
-        elif axis[2] < 1.0 and moving in (at.THICKNESS, scene.pressure):
+        elif axis[2] < 1.0 and moving in (unknowns.THICKNESS, scene.pressure):
             motion = other.motion
             _find_meridian(scene, state, other.meridian)
             _move(scene, other.meridian, wall.turned, axis, count, other.moved, motion)
@@ -636,16 +652,21 @@ def derive(
             continue
 
         is_inner = 0.0 if place < scene.outer else 1.0
-        across = scene.at_m[place] - unknown[at.LATERAL]
-        by_size = deep - unknown[at.DEPTH] - steep * across
-        by_size -= unknown[at.TIP] * row[at.TIP] + unknown[at.GAP] * row[at.GAP]
-        row[at.SIZE] = by_size - unknown[at.THICKNESS] * row[at.THICKNESS]
-        row[at.MODULUS] = -row[scene.pressure]
-        row[at.INNER_OFFSET] = is_inner
-        row[at.LATERAL] = -depths.slope[place]
-        row[at.DEPTH] = 1.0
-        row[at.ROTATION] = across + steep * (deep - unknown[at.DEPTH])
-        row[at.SHINE] = (is_inner - 1.0) * _shine(depths.slope[place])
+        across = scene.at_m[place] - unknown[unknowns.LATERAL]
+        by_size = deep - unknown[unknowns.DEPTH] - steep * across
+        by_size -= (
+            unknown[unknowns.TIP] * row[unknowns.TIP]
+            + unknown[unknowns.GAP] * row[unknowns.GAP]
+        )
+        row[unknowns.SIZE] = (
+            by_size - unknown[unknowns.THICKNESS] * row[unknowns.THICKNESS]
+        )
+        row[unknowns.MODULUS] = -row[scene.pressure]
+        row[unknowns.INNER_OFFSET] = is_inner
+        row[unknowns.LATERAL] = -depths.slope[place]
+        row[unknowns.DEPTH] = 1.0
+        row[unknowns.ROTATION] = across + steep * (deep - unknown[unknowns.DEPTH])
+        row[unknowns.SHINE] = (is_inner - 1.0) * _shine(depths.slope[place])
         row[WEDGE] = across * is_inner
 
         for side, first in ((-1.0, LEFT), (1.0, RIGHT)):
@@ -656,29 +677,29 @@ def derive(
 
 
 @compiled_in_place
-def _step(scene: Scene, unknown: Floats, place: int) -> float:
+def _step(scene: FitGeometry, unknown: Floats, place: int) -> float:
     """Return the step of an unknown; one that would leave the library goes the other
     way (`fit.one_frame`).
     """
     tables = scene.tables
-    size = np.exp(unknown[at.SIZE])
-    thickness = unknown[at.THICKNESS] / size
-    step = at.POLE_STEP
+    size = np.exp(unknown[unknowns.SIZE])
+    thickness = unknown[unknowns.THICKNESS] / size
+    step = unknowns.POLE_STEP
     leaves = unknown[place] > 0.0
 
-    if place == at.TIP:
-        step = at.TIP_STEP_M
-        leaves = unknown[at.TIP] / size + step > tables.tip_m[-1]
-    elif place == at.GAP:
-        step = at.GAP_STEP_M
+    if place == unknowns.TIP:
+        step = unknowns.TIP_STEP_M
+        leaves = unknown[unknowns.TIP] / size + step > tables.tip_m[-1]
+    elif place == unknowns.GAP:
+        step = unknowns.GAP_STEP_M
         leaves = False
-    elif place == at.THICKNESS:
-        step = at.THICKNESS_STEP_M
+    elif place == unknowns.THICKNESS:
+        step = unknowns.THICKNESS_STEP_M
         leaves = thickness + step > tables.thickness_ends_m[1]
     elif place == scene.pressure:
-        step = at.LOG_PRESSURE_STEP
+        step = unknowns.LOG_PRESSURE_STEP
         highest = tables.tension_ends[1] * (thickness / tables.radius_m)
-        leaves = np.exp(unknown[place] - unknown[at.MODULUS] + step) > highest
+        leaves = np.exp(unknown[place] - unknown[unknowns.MODULUS] + step) > highest
 
     return -step if leaves else step
 
@@ -688,7 +709,7 @@ def _ramp(beyond_m: float) -> tuple[float, float]:
     """Return how far a place lies beyond a limbus, a smooth furrow, and its slope
     (`unknowns`).
     """
-    root = np.sqrt(beyond_m**2 + at.SOFT_M**2)
+    root = np.sqrt(beyond_m**2 + unknowns.SOFT_M**2)
     return 0.5 * (beyond_m + root), 0.5 * (1.0 + beyond_m / root)
 
 
@@ -711,7 +732,9 @@ def _form(
 
 
 @compiled_in_place
-def formed_section(scene: Scene, unknown: Floats, wall: Wall, section: Floats) -> None:
+def formed_section(
+    scene: FitGeometry, unknown: Floats, wall: ShownWall, section: Floats
+) -> None:
     """Write the boundaries of a wall in the frame, with its form at rest (boundary, 2
     node, [lateral, depth]), m.
     """
@@ -730,7 +753,9 @@ def formed_section(scene: Scene, unknown: Floats, wall: Wall, section: Floats) -
 
         for place in range(2 * count):
             formed, _ = _form(
-                unknown, wall.lateral[place] - unknown[at.LATERAL], float(boundary)
+                unknown,
+                wall.lateral[place] - unknown[unknowns.LATERAL],
+                float(boundary),
             )
             section[boundary, place, 0] = wall.lateral[place]
             section[boundary, place, 1] = wall.down[place] + formed
@@ -740,7 +765,7 @@ def formed_section(scene: Scene, unknown: Floats, wall: Wall, section: Floats) -
 LEAST_SD = 3e-3
 
 
-class Law(NamedTuple):
+class GlobeLaw(NamedTuple):
     """The law of a globe: the rates of the bounds, the mean and the standard deviation
     of its rigidity; 0 if open.
 
@@ -757,13 +782,15 @@ class Law(NamedTuple):
 
 
 @compiled_in_place
-def off_the_law(tables: SplineTables, law: Law, unknown: Floats) -> tuple[float, float]:
+def off_the_law(
+    tables: SplineTables, law: GlobeLaw, unknown: Floats
+) -> tuple[float, float]:
     """Return how far level(P) is off its mean, and its standard deviation
     (`fit.one_frame`).
     """
-    volume = displaced(tables, law, unknown)
-    pressure = np.exp(unknown[at.PRESSURE])
-    resting = np.exp(unknown[at.IOP])
+    volume = displaced_volume(tables, law, unknown)
+    pressure = np.exp(unknown[unknowns.PRESSURE])
+    resting = np.exp(unknown[unknowns.IOP])
     risen = level_of(pressure, law.is_logarithmic) - level_of(
         resting, law.is_logarithmic
     )
@@ -774,32 +801,34 @@ def off_the_law(tables: SplineTables, law: Law, unknown: Floats) -> tuple[float,
 
 
 @compiled_in_place
-def displaced(tables: SplineTables, law: Law, unknown: Floats) -> float:
+def displaced_volume(tables: SplineTables, law: GlobeLaw, unknown: Floats) -> float:
     """Return the volume that the dent displaces, m^3."""
     thickness, ratio, tip = library_place(tables, unknown, law.pressure)
     return float(
-        np.exp(3.0 * unknown[at.SIZE])
+        np.exp(3.0 * unknown[unknowns.SIZE])
         * value_of(tables, tables.volumes, thickness, ratio, tip)
     )
 
 
 @compiled_in_place
-def force_at(tables: SplineTables, law: Law, unknown: Floats) -> float:
+def force_at(tables: SplineTables, law: GlobeLaw, unknown: Floats) -> float:
     """Return the needle's force, N."""
     thickness, ratio, tip = library_place(tables, unknown, law.pressure)
     force_ratio = value_of(tables, tables.forces, thickness, ratio, tip)
-    return float(np.exp(unknown[at.MODULUS] + 2.0 * unknown[at.SIZE]) * force_ratio)
+    return float(
+        np.exp(unknown[unknowns.MODULUS] + 2.0 * unknown[unknowns.SIZE]) * force_ratio
+    )
 
 
 @compiled
-def predict(
+def predict_depths(
     tables: SplineTables,
-    law: Law,
+    law: GlobeLaw,
     places: tuple[Floats, int, float],
     gap_m: float,
     thickness_m: float,
     unknown: Floats,
-    depths: Depths,
+    depths: WallDepths,
     section: Floats,
 ) -> float:
     """Write depths and derivatives of walls of about a gap and a thickness, and their

@@ -55,7 +55,7 @@ def form_depths(form: Floats, from_contact_m: Floats, is_inner: Floats) -> Float
 # pressure under the needle in Pa, which counts where the globe may be sealed; by how
 # much the segmentation sees the outer boundary too high where that faces the light
 # (`shining`), in m; the form at rest (`unknowns.FORMS`), in m; and where the pole lies,
-# along the section and across it (`base.pole_directions`).
+# along the section and across it (`moving_base.pole_directions`).
 NAMES = (
     "tip_m",
     "lateral_m",

@@ -1,4 +1,7 @@
 """What people call: the Python functions, the commands, the app and the pages.
 
-Imports every other package.
+Imports every other package. Inside, `cli` imports all, `app` imports `api`, and `api`
+and `paper` import `report`.
+
+Public: none.
 """

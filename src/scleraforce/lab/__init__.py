@@ -1,3 +1,12 @@
-"""The virtual laboratory: eyes, light and pushes that make raw B-scans, force logs and
-whole recordings.
+"""Virtual eyes, light and pushes that make raw B-scans, force logs and recordings.
+
+Writes files. Imports `calibration` and the rows below it.
+
+Public:
+    drawn_bscan: `render_bscan`
+    tissue_light: `Pose`, `sample_optics`
+    virtual_eye: `BentSections`, `LinearSections`, `PhantomEye`, `SimulatedEye`,
+        `paper_eyes`, `simulate_eye`, `study_sections`, `write_vtu`
+    virtual_recording: `in_planes`, `plan_moving_phantom`, `plan_phantom`,
+        `write_phantom`
 """

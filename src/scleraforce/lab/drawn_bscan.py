@@ -38,7 +38,7 @@ from scleraforce.lab.tissue_light import (
     transmission,
 )
 from scleraforce.library import INNER, OUTER
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.mechanics.mesh_section import columns_crossed
 from scleraforce.records.study import OctStudy
 from scleraforce.wall.wall_network import FrameWindow, reduced_frame
@@ -189,7 +189,7 @@ class Bscan:
 
 
 @dataclass(frozen=True)
-class _Tissue:
+class _PixelTissue:
     """The tissue in each pixel, (rows, columns)."""
 
     wall: Singles  # filled fractions
@@ -204,7 +204,7 @@ class _Tissue:
 
 
 def render_bscan(
-    section: Section,
+    section: WallSection,
     oct_study: OctStudy,
     optics: BscanOptics,
     rng: np.random.Generator,
@@ -280,8 +280,8 @@ def column_crossings(curve: Floats, columns_m: Floats) -> Singles:
 
 
 def _fill_columns(
-    section: Section, oct_study: OctStudy, optics: BscanOptics
-) -> _Tissue:
+    section: WallSection, oct_study: OctStudy, optics: BscanOptics
+) -> _PixelTissue:
     """Return the tissue in each pixel, from the exact crossings of every column with
     the contour.
     """
@@ -342,7 +342,7 @@ def _fill_columns(
     choroid_path_m[1:] -= choroid_part_m / 2
     surface_row = (surface_m / pixel_m).astype(np.float32)
 
-    return _Tissue(
+    return _PixelTissue(
         wall, choroid, tissue_path_m[1:], choroid_path_m[1:], surface_row, over
     )
 
@@ -378,7 +378,9 @@ def _layer_crossings(inside_m: Singles, thickness_m: float) -> Singles:
     return layer_m
 
 
-def _backscatter(tissue: _Tissue, oct_study: OctStudy, optics: BscanOptics) -> Singles:
+def _backscatter(
+    tissue: _PixelTissue, oct_study: OctStudy, optics: BscanOptics
+) -> Singles:
     """Return the mean intensity that comes back from each pixel, over the mean noise,
     shape (rows, columns).
     """
@@ -397,7 +399,10 @@ def _backscatter(tissue: _Tissue, oct_study: OctStudy, optics: BscanOptics) -> S
 
 
 def _bright_curves(
-    tissue: _Tissue, oct_study: OctStudy, optics: BscanOptics, shaft: DrawnShaft | None
+    tissue: _PixelTissue,
+    oct_study: OctStudy,
+    optics: BscanOptics,
+    shaft: DrawnShaft | None,
 ) -> Iterator[tuple[Reals, Reals, float]]:
     """Yield rows, amplitudes and half widths, in rows, of reflections, horizontal lines
     and covers above the tissue.

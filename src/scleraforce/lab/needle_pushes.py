@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scleraforce.base.arrays import Flags, Floats
-from scleraforce.lab.tissue_light import drawn
+from scleraforce.lab.tissue_light import drawn_record
 from scleraforce.mechanics.tissue_material import ELASTIC, PronySeries
 from scleraforce.recordings.frame_and_force_tables import FORCE_COLUMNS
 from scleraforce.records.study import PhantomStudy, draw
@@ -240,7 +240,7 @@ def plan_puncture(
 
 def sample_sensor(phantom: PhantomStudy, rng: np.random.Generator) -> ForceSensor:
     """Draw the sensor of one recording."""
-    return drawn(
+    return drawn_record(
         ForceSensor,
         phantom,
         rng,

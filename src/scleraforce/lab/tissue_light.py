@@ -1,5 +1,5 @@
-"""The core of light that `bscan` and `scenes` draw with: optics, speckle, thin curves,
-displays.
+"""The core of light that `drawn_bscan` and `drawn_scenes` draw with: optics, speckle,
+thin curves, displays.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.base.arrays import Floats, Reals, Singles
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.mechanics.tissue_material import lame_constants
 from scleraforce.records.study import OctStudy, PhantomStudy, draw
 
@@ -43,7 +43,7 @@ class Shadow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Line:
+class ReflectionLine:
     """A horizontal reflection line across the frame: depth below the top edge, level
     over the noise, full width.
     """
@@ -54,7 +54,7 @@ class Line:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cover:
+class Coverslip:
     """A straight bright line above the tissue (coverslip): height over the highest
     tissue, level over the noise.
     """
@@ -66,7 +66,7 @@ class Cover:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Press:
+class PressingNeedle:
     """A needle on a layer: its force and radius, the plane's distance from its axis,
     and where it is across.
     """
@@ -100,7 +100,7 @@ class Conjunctiva:
     level_db: float
     interface_db: float
     modulus_pa: float
-    press: Press | None = None
+    press: PressingNeedle | None = None
 
     def thicknesses(self, lateral_m: Floats) -> Floats:
         """Return the thickness along the wall's normal at lateral places, m."""
@@ -199,8 +199,8 @@ class BscanOptics:
     display_range_db: float  # from there to the largest count
     band_m: float  # width of the black band on each side
     shadows: tuple[Shadow, ...] = ()
-    lines: tuple[Line, ...] = ()
-    covers: tuple[Cover, ...] = ()
+    lines: tuple[ReflectionLine, ...] = ()
+    covers: tuple[Coverslip, ...] = ()
     needle: NeedleShaft | None = None
     conjunctiva: Conjunctiva | None = None
     # counts grow with the intensity's logarithm, its "root" or, "linear", with itself
@@ -239,11 +239,11 @@ class Pose:
     depth_m: float
     tilt_rad: float = 0.0
 
-    def place(self, section: Section) -> Section:
+    def place(self, section: WallSection) -> WallSection:
         """Return the section in the frame's own coordinates (lateral from the middle,
         depth from the top edge).
         """
-        return Section(
+        return WallSection(
             self.place_points(section.outer), self.place_points(section.inner)
         )
 
@@ -256,7 +256,7 @@ class Pose:
         )
 
 
-def drawn(
+def drawn_record(
     kind: type[Drawn],
     ranges: object,
     rng: np.random.Generator,
@@ -285,9 +285,9 @@ def sample_optics(
 ) -> BscanOptics:
     """Draw the optics of one frame, every effect independently."""
     half_width_m = oct_study.width_m / 2
-    optics = drawn(BscanOptics, phantom, rng, display=phantom.display)
+    optics = drawn_record(BscanOptics, phantom, rng, display=phantom.display)
     shadows = tuple(
-        drawn(
+        drawn_record(
             Shadow,
             phantom,
             rng,
@@ -297,12 +297,12 @@ def sample_optics(
         for _ in range(int(draw(phantom.shadow_count, rng)))
     )
     lines = tuple(
-        drawn(Line, phantom, rng, "line_")
+        drawn_record(ReflectionLine, phantom, rng, "line_")
         for _ in range(int(draw(phantom.line_count, rng)))
     )
     covers = tuple(
-        drawn(
-            Cover,
+        drawn_record(
+            Coverslip,
             phantom,
             rng,
             "cover_",
@@ -326,7 +326,7 @@ def sample_conjunctiva(
         "thickness_m": thickness_m,
         "phase_rad": lambda: float(rng.uniform(-np.pi, np.pi)),
     }
-    return drawn(Conjunctiva, phantom, rng, "conjunctiva_", **given)
+    return drawn_record(Conjunctiva, phantom, rng, "conjunctiva_", **given)
 
 
 def sample_needle(
@@ -335,7 +335,7 @@ def sample_needle(
     """Draw the needle of one recording; None if the study has none."""
     if not draw(phantom.needle_count, rng):
         return None
-    return drawn(
+    return drawn_record(
         NeedleShaft, phantom, rng, "needle_", diameter_m=diameter_m, gap_m=gap_m
     )
 
@@ -402,7 +402,9 @@ def seen_through(field: Complex, sigma_rows: float, sigma_columns: float) -> Com
     return np.ascontiguousarray(seen, dtype=np.float32).view(np.complex64)[..., 0]
 
 
-def spread(intensity: Singles, sigma_rows: float, sigma_columns: float) -> Singles:
+def seen_intensity(
+    intensity: Singles, sigma_rows: float, sigma_columns: float
+) -> Singles:
     """Return the mean intensity of a field that is `seen_through`, of the scatterers'
     intensity.
     """

@@ -20,8 +20,8 @@ from scleraforce.base.whole_files import renamed_when_whole
 from scleraforce.mechanics.contact_and_section import (
     Contact,
     ScanPlane,
-    Section,
     SliceWindow,
+    WallSection,
 )
 from scleraforce.mechanics.finite_strain_wall import LoadPath, bend_eye
 from scleraforce.mechanics.graded_mesh import supported_mesh
@@ -107,7 +107,7 @@ class TurnedSections:
         self.knots = tuple(knots)
         self.reach_rad = reach_rad
 
-    def __call__(self, forces_n: Sequence[float]) -> Sequence[Section]:
+    def __call__(self, forces_n: Sequence[float]) -> Sequence[WallSection]:
         """Return the sections of the eye at its start; the load paths of all knots are
         then known.
         """
@@ -115,7 +115,7 @@ class TurnedSections:
 
     def turned(
         self, forces_n: Sequence[float], turns: Sequence[EyeTurn]
-    ) -> Sequence[Section]:
+    ) -> Sequence[WallSection]:
         """Return the sections at each force and turn."""
         each = zip(turns, *[knot(forces_n) for knot in self.knots], strict=True)
         return [
@@ -140,7 +140,7 @@ def knot_weights(turn: EyeTurn, reach_rad: float) -> Floats:
     return np.array([1.0 - x - y, x, y])
 
 
-def blended(sections: Sequence[Section], weights: Floats) -> Section:
+def blended(sections: Sequence[WallSection], weights: Floats) -> WallSection:
     """Return the weighted sum of sections, point by point along their curves, as far as
     all of them reach.
     """
@@ -159,7 +159,7 @@ def blended(sections: Sequence[Section], weights: Floats) -> Section:
                 [np.interp(shared_m, distance, axis) for axis in curve.T], axis=1
             )
 
-    return Section(*blended)
+    return WallSection(*blended)
 
 
 def _from_needle_m(curve: Floats) -> Floats:
@@ -174,7 +174,7 @@ def _from_needle_m(curve: Floats) -> Floats:
     return along_m - np.interp(0.0, curve[beside, 0], along_m[beside])
 
 
-SectionsAt = Callable[[Sequence[float]], Sequence[Section]]
+SectionsAt = Callable[[Sequence[float]], Sequence[WallSection]]
 
 CLEAR_N = 2e-3  # of the bounds of the classes, in the paper's design
 # whose displacements are cut together: 30 MB of them at the default mesh
@@ -297,7 +297,7 @@ class BentSections:
 
     def cut(
         self, forces_n: Sequence[float], planes: Sequence[ScanPlane]
-    ) -> Sequence[Section]:
+    ) -> Sequence[WallSection]:
         """Return the section by a plane of its own at each force."""
         bent = self._bent_to(forces_n)
         states_nc = map(bent.displacement_nc, forces_n)
@@ -307,10 +307,10 @@ class BentSections:
             for nc, plane in each
         ]
 
-    def __call__(self, forces_n: Sequence[float]) -> Sequence[Section]:
+    def __call__(self, forces_n: Sequence[float]) -> Sequence[WallSection]:
         """Return the sections."""
         bent = self._bent_to(forces_n)
-        sections = list[Section]()
+        sections = list[WallSection]()
 
         for start in range(0, len(forces_n), FORCES_AT_ONCE):
             part = forces_n[start : start + FORCES_AT_ONCE]
@@ -362,7 +362,7 @@ class LeakingSections(BentSections):
 
     def along(
         self, force_n: Callable[[Floats], Floats], times_s: Sequence[float]
-    ) -> tuple[Sequence[Section], list[float]]:
+    ) -> tuple[Sequence[WallSection], list[float]]:
         """Return sections, and pressures in Pa, at times; `force_n`: elastic force at
         times from 0 on.
         """
@@ -484,11 +484,11 @@ class LinearSections:
         self._mesh = wall.mesh
         self._weight_n_m3 = study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2
 
-    def __call__(self, forces_n: Sequence[float]) -> Sequence[Section]:
+    def __call__(self, forces_n: Sequence[float]) -> Sequence[WallSection]:
         """Return the sections."""
         loads = [[self._eye.iop_pa, self._weight_n_m3, force_n] for force_n in forces_n]
         weights_fk = np.array(loads) / self._eye.youngs_modulus_pa
-        sections = list[Section]()
+        sections = list[WallSection]()
 
         for start in range(0, len(loads), WEIGHTS_AT_ONCE):
             part = weights_fk[None, start : start + WEIGHTS_AT_ONCE]
@@ -614,7 +614,8 @@ class SimulatedEye:
         """Return meshio's mesh: undeformed, with the node fields `displacement` and
         `needle_displacement`, m.
         """
-        import meshio  # type: ignore[import-untyped]  # comes without types; imported here: it takes 0.15 s
+        # 28 ms: not for those who write no mesh
+        import meshio  # type: ignore[import-untyped]  # comes without types
 
         fields = {
             "displacement": self.displacement_nc,

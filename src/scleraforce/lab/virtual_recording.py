@@ -31,7 +31,7 @@ from scleraforce.lab.drawn_bscan import (
 from scleraforce.lab.tissue_light import (
     BscanOptics,
     Pose,
-    Press,
+    PressingNeedle,
     sample_conjunctiva,
     sample_needle,
     sample_optics,
@@ -46,7 +46,7 @@ from scleraforce.lab.virtual_eye import (
     TurnedSections,
     blended,
 )
-from scleraforce.mechanics.contact_and_section import Contact, ScanPlane, Section
+from scleraforce.mechanics.contact_and_section import Contact, ScanPlane, WallSection
 from scleraforce.mechanics.tissue_material import PronySeries
 from scleraforce.mechanics.uneven_form import thickness_factor
 from scleraforce.recordings.recording_writer import RecordingWriter
@@ -495,7 +495,7 @@ def _pressed(
     if layer is None:
         return frame
 
-    press = Press(
+    press = PressingNeedle(
         force_n=max(force_n, 0.0),
         radius_m=radius_m,
         gap_m=eye.gap_m,
@@ -506,7 +506,7 @@ def _pressed(
     )
 
 
-def needle_tip(frame: PhantomFrame, section: Section) -> Floats:
+def needle_tip(frame: PhantomFrame, section: WallSection) -> Floats:
     """Return the needle's tip, at the section's surface: lateral from the middle, below
     the top edge, (2,), m.
     """
@@ -516,7 +516,7 @@ def needle_tip(frame: PhantomFrame, section: Section) -> Floats:
 
 def plan_sections(
     plan: PhantomPlan, sections_at: SectionsAt
-) -> tuple[Sequence[Section], Sequence[float]]:
+) -> tuple[Sequence[WallSection], Sequence[float]]:
     """Return the section in each frame of a plan, and the pressure, Pa.
 
     Raises:
@@ -555,7 +555,7 @@ def plan_sections(
 
 def _pierced_sections(
     plan: PhantomPlan, sections_at: SectionsAt
-) -> tuple[Sequence[Section], Sequence[float]]:
+) -> tuple[Sequence[WallSection], Sequence[float]]:
     """Return sections, in which friction pulls the wall outwards by the dent that it
     makes inwards, and pressures.
     """
@@ -623,7 +623,7 @@ def with_travel(plan: PhantomPlan, sections_at: SectionsAt) -> PhantomPlan:
     return replace(plan, frames=tuple(frames))
 
 
-def render_frame(frame: PhantomFrame, section: Section, study: Study) -> Bscan:
+def render_frame(frame: PhantomFrame, section: WallSection, study: Study) -> Bscan:
     """Form one frame of a plan, from the section under its force, with the needle's
     shaft and track, if any.
     """

@@ -1,5 +1,20 @@
-"""The response library: finite-strain load paths over thickness, pressure and force,
-interpolated to any eye.
+"""How any wall responds: load paths over thickness, pressure and force, interpolated.
+
+Its file and its store are here. Imports `mechanics`, `records` and `base`.
+
+Public:
+    library_file: `load_library`, `save_library`
+    library_plan: `LARGEST_POLAR_DEG`, `LITTLE_STIFFENING`, `plan_library`,
+        `stiffening_place`
+    library_store: `build_library`, `cached_library`, `open_library`
+    moving_base: `SHEARED`, `pole_directions`, `section_places`
+    plane_cut: `Framing`, `column_laterals`, `cut_rings`, `cut_surfaces`, `draw_slices`,
+        `fill_boundaries`, `highest_depths`, `section_motion`, `wall_boundaries`
+    response_splines: `CubicSpline`, `SUPPORT`, `SplineTables`, `curves_at`,
+        `state_weights`, `undented_at`, `value_of`
+    sealed_eye: `iop_ratio_at_dent`, `iop_ratio_under_force`, `level_of`,
+        `pressure_at_dent`, `pressure_of_level`
+    wall_responses: `INNER`, `Library`, `OUTER`
 """
 
 from scleraforce.library.library_file import (

@@ -208,7 +208,7 @@ class SolvedPath(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Building:
+class LibraryBuild:
     """The outcome of a run: paths in the library, paths that this run solved, its
     duration.
     """
@@ -228,7 +228,7 @@ def build_library(
     workers: int | None = None,
     progress: Callable[[int], None] | None = None,
     solve: PathSolver | None = None,
-) -> Building:
+) -> LibraryBuild:
     """Build the library of a study, or the remaining part of an interrupted run.
 
     The result is the same, byte for byte, for any number of workers and interruptions.
@@ -265,7 +265,7 @@ def build_library(
             report(1)
 
     store.finish()
-    return Building(plan.units, len(todo), perf_counter() - start)
+    return LibraryBuild(plan.units, len(todo), perf_counter() - start)
 
 
 def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:

@@ -32,7 +32,7 @@ from scleraforce.base.arrays import Bytes, Flags, Floats, Places, Reals
 from scleraforce.base.errors import InputError
 from scleraforce.library.moving_base import base_push, section_places
 from scleraforce.library.wall_responses import INNER, OUTER, Library, Responses
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.mechanics.mesh_section import SNAP, WALL, fill_section, slice_window
 from scleraforce.records.study import SliceStudy
 
@@ -54,7 +54,7 @@ def cut_rings(
     return distance**2 - (gap_m + deep * np.tan(tilt_rad)) ** 2, deep / np.cos(tilt_rad)
 
 
-def cut_surfaces(curves_bnc: Reals, gap_m: float, tilt_rad: float = 0.0) -> Section:
+def cut_surfaces(curves_bnc: Reals, gap_m: float, tilt_rad: float = 0.0) -> WallSection:
     """Cut a wall, two surfaces of revolution about the needle axis (boundary, node, 2):
     distance and depth, m.
 
@@ -62,7 +62,7 @@ def cut_surfaces(curves_bnc: Reals, gap_m: float, tilt_rad: float = 0.0) -> Sect
     material. A plane that misses a surface raises `InputError`, here and below.
     """
     square_bn, depth_bn = cut_rings(curves_bnc, gap_m, tilt_rad)
-    return Section(
+    return WallSection(
         *(
             section_curve(square_bn[boundary], depth_bn[boundary])
             for boundary in (OUTER, INNER)
@@ -183,7 +183,7 @@ def section_motion(
 
     `place`: thickness, m, and pressure over E of the walls, (sample,) each. `gap_m`
     (sample,) is the sections'; `pole_s2` the direction of the eye's pole
-    (`base.pole_directions`); `reach_m` the sections' half width.
+    (`moving_base.pole_directions`); `reach_m` the sections' half width.
     """
     thickness_m, iop_ratio = place
     angles = library.node_angles()
@@ -566,6 +566,6 @@ def draw_slices(
         placed = (
             framing.place(sample, curve) for curve in (section.outer, section.inner)
         )
-        images[sample] = fill_section(Section(*placed), window)
+        images[sample] = fill_section(WallSection(*placed), window)
 
     return images

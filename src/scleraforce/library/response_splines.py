@@ -99,16 +99,16 @@ class CubicSpline:
         of_slope = np.diff(coefficients, axis=-1) * (
             degree / (knots[SUPPORT:-1] - knots[1:-SUPPORT])
         )
-        first, weights = Pieces.of(knots[1:-1], degree - 1).weights(self.nodes)
+        first, weights = SplinePieces.of(knots[1:-1], degree - 1).weights(self.nodes)
 
         return (of_slope[..., first[:, None] + np.arange(degree)] * weights).sum(
             axis=-1
         )
 
     @cached_property
-    def pieces(self) -> "Pieces":
+    def pieces(self) -> "SplinePieces":
         """The B-splines as polynomials between two knots."""
-        return Pieces.of(self.knots, SUPPORT - 1)
+        return SplinePieces.of(self.knots, SUPPORT - 1)
 
     @cached_property
     def _inverse(self) -> Floats:
@@ -125,7 +125,7 @@ class CubicSpline:
         return values
 
 
-class Pieces(NamedTuple):
+class SplinePieces(NamedTuple):
     """The B-splines that are not zero between two knots, as polynomials in the share of
     the way from one to the next.
 
@@ -138,7 +138,7 @@ class Pieces(NamedTuple):
     coefficient_ikb: Floats
 
     @classmethod
-    def of(cls, knots: Floats, degree: int) -> "Pieces":
+    def of(cls, knots: Floats, degree: int) -> "SplinePieces":
         """Return the B-splines of a degree, by Cox and de Boor's recursion."""
         ends = knots[degree : len(knots) - degree]
         start = ends[:-1]
@@ -317,9 +317,9 @@ class SplineTables(NamedTuple):
     `angles` (node,) belong to the walls without the needle.
     """
 
-    thickness: Pieces
-    tension: Pieces
-    tip: Pieces
+    thickness: SplinePieces
+    tension: SplinePieces
+    tip: SplinePieces
     tensions: int
     tips: int
     curves: Curves
@@ -339,7 +339,7 @@ class SplineTables(NamedTuple):
 
 @compiled_in_place
 def spline_weights(
-    pieces: Pieces, place: float
+    pieces: SplinePieces, place: float
 ) -> tuple[int, tuple[float, float, float, float]]:
     """Return the first of four B-splines that are not zero at a place, and their
     weights (`CubicSpline.weights`).

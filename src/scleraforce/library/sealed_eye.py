@@ -14,13 +14,14 @@ by a straight line.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from scleraforce.base.arrays import Floats
 from scleraforce.base.compiled_loops import compiled, compiled_in_place, compiled_part
 from scleraforce.base.units import HumanUnit
+from scleraforce.library.range_checks import check_inside, inside_ends
 from scleraforce.library.response_splines import (
     SUPPORT,
     SplineTables,
@@ -28,9 +29,11 @@ from scleraforce.library.response_splines import (
     spline_weights,
     value_of,
 )
-from scleraforce.library.wall_responses import Library, check_inside, inside_ends
 from scleraforce.records.globe import OPEN_GLOBE, Globe
 from scleraforce.records.study_of_eye import RIGIDITY_LAWS
+
+if TYPE_CHECKING:
+    from scleraforce.library.wall_responses import Library
 
 
 @compiled
@@ -249,7 +252,7 @@ def pressure_of_level(level: float, is_logarithmic: bool) -> float:
 
 
 def iop_ratio_under_force(
-    library: Library,
+    library: "Library",
     thickness_m: Floats,
     iop_ratio: Floats,
     force_ratio: Floats,
@@ -282,7 +285,7 @@ def iop_ratio_under_force(
 
 
 def iop_ratio_at_dent(
-    library: Library,
+    library: "Library",
     thickness_m: Floats,
     iop_ratio: Floats,
     tip_m: Floats,
@@ -324,7 +327,7 @@ class LibraryEye:
     arrays, answers of their shape.
     """
 
-    library: Library
+    library: "Library"
     thickness_m: float
     youngs_modulus_pa: float
     iop_pa: float

@@ -16,13 +16,12 @@ the effect of a contact beside the pole.
 from collections import OrderedDict
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scleraforce.base.arrays import Flags, Floats, Places
 from scleraforce.base.errors import InputError
-from scleraforce.base.units import HumanUnit, from_si
+from scleraforce.base.units import from_si
 from scleraforce.library import response_splines
 from scleraforce.library.moving_base import (
     base_bulge,
@@ -31,49 +30,18 @@ from scleraforce.library.moving_base import (
     rise_slope,
     undented_motion,
 )
+from scleraforce.library.range_checks import SLACK, check_inside, inside_ends
 from scleraforce.library.response_splines import (
     Curves,
     SplineTables,
     curves_of,
     values_at,
 )
+from scleraforce.library.sealed_eye import LibraryEye
 from scleraforce.library.stiffened_walls import StiffenedWalls
 from scleraforce.mechanics.tissue_material import burst_tension
 from scleraforce.records.globe import sealed_globe
 from scleraforce.records.study_of_eye import RIGIDITY_LAWS
-
-if TYPE_CHECKING:
-    from scleraforce.library.sealed_eye import LibraryEye
-
-SLACK = 1e-9  # relative: two formulas for an end of a range may round otherwise
-
-
-def check_inside(
-    name: str,
-    values: Floats,
-    low: float,
-    high: float,
-    unit: HumanUnit,
-    printed: str = "",
-    whose: str = "the library's",
-) -> None:
-    """Raise `InputError` for a value outside a range, or that is not a number;
-    `printed` is the unit's name.
-    """
-    values = np.asarray(values)
-    # NaN is outside, too
-    outside = ~((values >= low - SLACK * high) & (values <= high * (1.0 + SLACK)))
-    if outside.any():
-        found = from_si(float(values[outside].flat[0]), unit)
-        raise InputError(
-            f"{name}: {found:.4g} {printed or unit} is outside {whose} range,"
-            f" {from_si(low, unit):.4g} to {from_si(high, unit):.4g} {printed or unit}"
-        )
-
-
-def inside_ends(values: Floats, axis: Floats) -> Floats:
-    """Return values of a checked range without the rounding beyond its ends."""
-    return np.clip(np.asarray(values, dtype=np.float64), axis[0], axis[-1])
 
 
 def check_arrays(library: "Library") -> None:
@@ -288,7 +256,7 @@ class Library:
         pole_s2: Floats,
     ) -> Floats:
         """Return the motion of walls beside the pole by the base (sample, boundary,
-        place, 3), m; see `base`.
+        place, 3), m; see `moving_base`.
         """
         rows, weights = self._walls(thickness_m, iop_ratio)
         undented = (weights[:, None] @ self._undented_weights[rows])[:, 0]
@@ -417,7 +385,7 @@ class Library:
         rigidity_law: str = RIGIDITY_LAWS[0],
         polar_angle_rad: float | None = None,
         stiffening: float | None = None,
-    ) -> "LibraryEye":
+    ) -> LibraryEye:
         """Return one eye, which answers with the force of a dent and the dent of a
         force.
 
@@ -427,10 +395,6 @@ class Library:
         Raises:
             InputError: a value is outside the library's range.
         """
-        from scleraforce.library.sealed_eye import (
-            LibraryEye,  # it needs libraries itself
-        )
-
         library = self if stiffening is None else self.for_stiffening(stiffening)
 
         if polar_angle_rad is not None:
@@ -501,8 +465,8 @@ class Library:
 
     @cached_property
     def tables(self) -> SplineTables:
-        """Tables that the loops of `splines` interpolate; they share the library's
-        arrays.
+        """Tables that the loops of `response_splines` interpolate; they share the
+        library's arrays.
         """
         along = self._splines
         forces = self._contact_forces

@@ -41,12 +41,12 @@ from scleraforce.live.companions.shared_frames import FrameRing
 from scleraforce.live.companions.watchdog import MONITOR_PRIORITY, run_in_real_time
 from scleraforce.live.connected_clients import ServerSettings
 from scleraforce.live.decision.limits import MonitorLimits
-from scleraforce.live.monitor_server import Server
-from scleraforce.live.monitor_session import Session
+from scleraforce.live.monitor_server import MonitorServer
+from scleraforce.live.monitor_session import MonitorSession
 from scleraforce.live.network.operator_reset import token_digest
 from scleraforce.reading.eye_reader import LiveReader
 from scleraforce.reading.reading_models import Reader
-from scleraforce.reading.tissue_memory import History
+from scleraforce.reading.tissue_memory import TissueMemory
 from scleraforce.records.eye import Known, one_lean, stated_eye
 from scleraforce.records.needle import NeedleInfo, nearest_gauge
 from scleraforce.records.recording_info import ForceInfo, RecordingInfo
@@ -105,7 +105,7 @@ class MonitorSettings:
 @contextmanager
 def monitor_service(
     model: Path, reader: Reader, settings: MonitorSettings, note: Callable[[str], None]
-) -> Iterator[tuple[Server, Address]]:
+) -> Iterator[tuple[MonitorServer, Address]]:
     """Start all processes, yield the server and its address, and end all processes.
 
     Call the server's `run` within `watchdog.DUTY_S`: from its first turn on the
@@ -170,10 +170,10 @@ def monitor_service(
 
         companions = Companions(children)
         stack.callback(companions.end)
-        history = History.monitored(known, reader.study.needle.max_force_n)
+        history = TissueMemory.monitored(known, reader.study.needle.max_force_n)
         bounds_n = reader.study.classes.bounds_n
         read = {name: one.read for name, one in live.items()}
-        session = Session(
+        session = MonitorSession(
             read if scan.plane else read[""],
             limits,
             history=history,
@@ -193,7 +193,7 @@ def monitor_service(
                 " (docs/monitor.md)"
             )
 
-        server = Server(
+        server = MonitorServer(
             session,
             listener,
             ServerSettings(settings.token),
@@ -378,7 +378,7 @@ def allow_files(needed: int) -> None:
     resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
 
 
-class Notes:
+class OperatorNotes:
     """Writes lines for the operator in order, in a thread: a stopped terminal must not
     stop the monitor.
     """

@@ -13,7 +13,7 @@ from select import select
 import scleraforce.live.network.openigtlink as igtl
 from scleraforce.base.errors import ProtocolError
 from scleraforce.base.units import from_si, to_si
-from scleraforce.live import connected_clients as peers
+from scleraforce.live import connected_clients
 from scleraforce.live.companions import process_messages
 from scleraforce.live.companions.companion_processes import (
     BLACK_BOX,
@@ -39,7 +39,7 @@ from scleraforce.live.decision.events import (
     SecondOpinion,
     Tick,
 )
-from scleraforce.live.monitor_session import Frame, Session
+from scleraforce.live.monitor_session import MonitorSession, ReceivedFrame
 from scleraforce.live.network.operator_reset import (
     CODE,
     LOCKED,
@@ -66,7 +66,7 @@ FORCES_PER_S = 2400.0
 FORCES_AT_ONCE = 240
 
 
-class Server:
+class MonitorServer:
     """Serves clients from `run` until `stop`.
 
     The scanner is the client that sent the last image. Another client becomes the
@@ -79,7 +79,7 @@ class Server:
 
     def __init__(
         self,
-        session: Session,
+        session: MonitorSession,
         listener: socket.socket,
         settings: ServerSettings,
         ring: FrameRing,
@@ -185,7 +185,7 @@ class Server:
                     [who for who in self._clients if who is self._scanner],
                     [],
                     [],
-                    peers.REST_S,
+                    connected_clients.REST_S,
                 )
                 break
 
@@ -217,7 +217,7 @@ class Server:
             self._most_bytes if may_scan else SMALL_BODY_BYTES, now_s
         )
         at_s = self.session.clock()
-        frames: list[Frame] = []
+        frames: list[ReceivedFrame] = []
 
         for event in events:
             self._give_sign_of_life(self.session.clock())
@@ -254,7 +254,7 @@ class Server:
 
     def _hear_event(
         self, client: Connection, event: igtl.PeerEvent, at_s: float, may_scan: bool
-    ) -> Frame | None:
+    ) -> ReceivedFrame | None:
         """Handle a client's message; return the frame that it completes, if any."""
         if not isinstance(event, igtl.Broken):
             self._clients.speaks(client, event.header.version)
@@ -290,7 +290,7 @@ class Server:
 
     def _assemble(
         self, client: Connection, event: igtl.Received, image: igtl.Image, at_s: float
-    ) -> Frame | None:
+    ) -> ReceivedFrame | None:
         """Return the frame that an image completes; its sender is the scanner from now
         on.
         """
@@ -347,18 +347,19 @@ class Server:
 
     # Decisions, and messages to clients.
 
-    def _take_frame(self, frame: Frame) -> None:
+    def _take_frame(self, frame: ReceivedFrame) -> None:
         """Decide on a frame and send the decision: first the STATUS, for which the
         robot waits.
         """
         session = self.session
         session.take_frame(frame)
-        status = self._outgoing(peers.status_message(session.decision))
+        status = self._outgoing(connected_clients.status_message(session.decision))
         self._clients.broadcast(status, frame.unread.at_s)
         now_s = session.clock()
         entry = session.entry("frame", now_s, frame, now_s - frame.unread.at_s)
         texts = self._outgoing(
-            peers.decision_message(session.decision), *peers.reading_messages(entry)
+            connected_clients.decision_message(session.decision),
+            *connected_clients.reading_messages(entry),
         )
         self._clients.broadcast(texts, now_s)
         self._note_state()
@@ -397,13 +398,14 @@ class Server:
                 frame.number, session.answer.segmentation, now_s, frame.plane
             )
 
-    def _outgoing(self, *addressed: peers.Addressed) -> Outgoing:
+    def _outgoing(self, *addressed: connected_clients.Addressed) -> Outgoing:
         return Outgoing(addressed, self.session.wall_clock)
 
     def _present_decision(self) -> Outgoing:
         decision = self.session.decision
         return self._outgoing(
-            peers.status_message(decision), peers.decision_message(decision)
+            connected_clients.status_message(decision),
+            connected_clients.decision_message(decision),
         )
 
     def _decide(self, name: str, event: MonitorEvent) -> None:

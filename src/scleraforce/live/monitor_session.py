@@ -19,8 +19,8 @@ from scleraforce.live.decision.limits import MonitorLimits, of_scale
 from scleraforce.live.decision.state import MonitorState
 from scleraforce.live.network.scanner_frame import ScannerFrame
 from scleraforce.live.repeated_pictures import ShownPictures
-from scleraforce.reading.answer import Answer, unusable
-from scleraforce.reading.tissue_memory import ELASTIC, History
+from scleraforce.reading.answer import Answer, unusable_answer
+from scleraforce.reading.tissue_memory import ELASTIC, TissueMemory
 from scleraforce.records.eye import Known
 from scleraforce.records.frame import Pixels
 from scleraforce.records.scan import PixelScale
@@ -89,7 +89,7 @@ class FramePace:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Frame:
+class ReceivedFrame:
     """A received frame: its `number` in this session, the sender's `sender_id`, and its
     record for the decision.
 
@@ -107,7 +107,7 @@ class Frame:
     image: ScannerFrame
     misfit: bool
     unread: FrameRead
-    history: History = ELASTIC
+    history: TissueMemory = ELASTIC
 
     @property
     def plane(self) -> str | None:
@@ -127,14 +127,14 @@ class DeferredFrames:
     def __init__(self, most_s: float, most: int = MOST_FRAMES) -> None:
         self._most_s = most_s
         self._most = most
-        self._waiting: deque[tuple[Frame, int]] = deque()
+        self._waiting: deque[tuple[ReceivedFrame, int]] = deque()
         self._bunch_s = 0.0
         self._last_s = float("-inf")
 
     def __len__(self) -> int:
         return len(self._waiting)
 
-    def add(self, frame: Frame, row: int) -> None:
+    def add(self, frame: ReceivedFrame, row: int) -> None:
         """Enqueue a frame; the frame of number `row` overtook it."""
         self._waiting.append((frame, row))
         self._bunch_s = (
@@ -148,7 +148,7 @@ class DeferredFrames:
         """Number of the frame that has waited longest."""
         return self._waiting[0][0].number
 
-    def take(self) -> Frame:
+    def take(self) -> ReceivedFrame:
         """Dequeue the frame that has waited longest."""
         return self._waiting.popleft()[0]
 
@@ -184,7 +184,7 @@ class _Stream:
     """
 
     def __init__(
-        self, read: Read, limits: MonitorLimits, history: History, planes: int
+        self, read: Read, limits: MonitorLimits, history: TissueMemory, planes: int
     ) -> None:
         self.read = read
         self.history = history
@@ -198,7 +198,7 @@ class _Stream:
         self.bunch = (0, 0)
 
 
-class Session:
+class MonitorSession:
     """The state of the monitor and its decisions; its methods never raise.
 
     `read` reads a frame of the size in `limits`, of several planes each plane's, by
@@ -217,7 +217,7 @@ class Session:
         limits: MonitorLimits,
         clock: Callable[[], float] = monotonic,
         wall_clock: Callable[[], float] = time,
-        history: History = ELASTIC,
+        history: TissueMemory = ELASTIC,
         class_bounds_n: tuple[float, ...] = (),
         adopt: Callable[[Known], float | None] = lambda _: None,
     ) -> None:
@@ -242,13 +242,15 @@ class Session:
         self._state: MonitorState | PlanesState = (
             PlanesState.of(self.planes) if self.planes else MonitorState()
         )
-        self._moment = dict[str | None, Frame]()
+        self._moment = dict[str | None, ReceivedFrame]()
         self.frames = self._entries = 0  # since the start
         self._decide(events.Tick(clock()))
         self.answer: Answer | None = None
         self._overtaken = 0
         self._travel = (0.0, -inf)
-        self._other_size = unusable(limits.withdraw_class + 1, "another size").verdict
+        self._other_size = unusable_answer(
+            limits.withdraw_class + 1, "another size"
+        ).verdict
 
     @property
     def lost(self) -> int:
@@ -347,7 +349,7 @@ class Session:
         at_s: float,
         sent_s: float | None = None,
         plane: str | None = None,
-    ) -> Frame:
+    ) -> ReceivedFrame:
         """Number a frame that was complete at `at_s`, from connection number `sender`;
         its header states `sent_s`.
         """
@@ -378,7 +380,7 @@ class Session:
             taken_s=image.begun_s,
         )
 
-        return Frame(
+        return ReceivedFrame(
             number=self.frames,
             sender_id=sender_id,
             interval_s=stream.pace.arrived(at_s, sent_s),
@@ -396,7 +398,7 @@ class Session:
         elsewhere = self._of_all is not None and self._of_all.back(pixels) > 0
         return back or (OTHER_PLANE if elsewhere else 0)
 
-    def moment(self, frame: Frame) -> tuple[Frame, ...]:
+    def moment(self, frame: ReceivedFrame) -> tuple[ReceivedFrame, ...]:
         """Return the frames of a frame's moment so far, oldest first: of one time
         stamp, or within one interval.
 
@@ -440,7 +442,7 @@ class Session:
             and of_scale(scale_m, limits.scale_m or scale_m, limits)
         )
 
-    def take_frame(self, frame: Frame) -> None:
+    def take_frame(self, frame: ReceivedFrame) -> None:
         """Read a frame and decide on it."""
         self.answer = None
         self._streams[frame.plane].answered_s = frame.unread.at_s
@@ -453,7 +455,7 @@ class Session:
                 self._streams[frame.plane].history = history
             self.take(read)
 
-    def defer(self, frame: Frame, newest: Frame) -> None:
+    def defer(self, frame: ReceivedFrame, newest: ReceivedFrame) -> None:
         """Defer a frame, which `newest` overtook, until no newer one waits."""
         self._overtaken += 1
         stream = self._streams[frame.plane]
@@ -493,7 +495,9 @@ class Session:
 
         return events.OvertakenRead(self.clock(), read)
 
-    def _read_frame(self, frame: Frame) -> tuple[Answer | None, FrameRead, History]:
+    def _read_frame(
+        self, frame: ReceivedFrame
+    ) -> tuple[Answer | None, FrameRead, TissueMemory]:
         """Read a frame if it has the study's size; the decision handles frames of
         another size or scale.
 
@@ -527,7 +531,7 @@ class Session:
         self,
         event: str,
         at_s: float,
-        frame: Frame | None = None,
+        frame: ReceivedFrame | None = None,
         latency_s: float | None = None,
     ) -> Entry:
         """Return the last decision as a new entry, with the reading if it was made on a
@@ -575,7 +579,9 @@ class Session:
         )
 
 
-def _place_in_bunch(frame: Frame, newest: Frame, since_s: float, frames: int) -> float:
+def _place_in_bunch(
+    frame: ReceivedFrame, newest: ReceivedFrame, since_s: float, frames: int
+) -> float:
     """Return when an overtaken frame was taken, s: before the newest of its bunch of so
     many frames, and after the one answered `since_s` before that.
 
@@ -593,7 +599,7 @@ def _place_in_bunch(frame: Frame, newest: Frame, since_s: float, frames: int) ->
     return newest.unread.at_s - interval_s * (newest.number - frame.number)
 
 
-def _failure(frame: Frame, fault: Exception, at_s: float) -> MonitorEvent:
+def _failure(frame: ReceivedFrame, fault: Exception, at_s: float) -> MonitorEvent:
     return events.Fault(
         at_s, Cause.EXCEPTION, f"frame {frame.number}: {type(fault).__name__}: {fault}"
     )

@@ -1,3 +1,21 @@
-"""The eye: its mesh, loads and displacement, and what a B-scan plane cuts out of the
-deformed wall.
+"""From forces to deformation: meshes, bent walls, and their cut by a B-scan's plane.
+
+Pure: no file, no clock, no socket. Imports `records` and `base`.
+
+Public:
+    axisymmetric_wall: `AxisymmetricPath`, `LARGEST_POLAR_RAD`, `axisymmetric_path`,
+        `base_shift`
+    contact_and_section: `Contact`, `ScanPlane`, `SliceWindow`, `WallSection`
+    finite_strain_wall: `LoadPath`, `bend_eye`
+    graded_mesh: `study_mesh`, `supported_mesh`
+    hexahedral_mesh: `HexMesh`, `build_mesh`, `locate`
+    linear_wall: `LinearWall`, `tip_displacement`
+    load_path_tracing: `Progress`
+    loads_and_supports: `study_springs`
+    meridian_elements: `MeridianSize`, `meridian_mesh`
+    mesh_section: `SNAP`, `WALL`, `columns_crossed`, `cut_sections`, `fill_section`,
+        `slice_window`
+    tissue_material: `ELASTIC`, `PronySeries`, `burst_tension`, `driven_back`,
+        `lame_constants`, `line_weights`
+    uneven_form: `thickness_factor`
 """

@@ -28,7 +28,11 @@ from scleraforce.mechanics.finite_elements import gauss_points
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.hexahedral_mesh import HexMesh, locate
 from scleraforce.mechanics.linear_wall import LinearWall
-from scleraforce.mechanics.load_path_tracing import PathStates, pressurise, trace
+from scleraforce.mechanics.load_path_tracing import (
+    PathStates,
+    pressurise,
+    trace_load_path,
+)
 from scleraforce.mechanics.meridian_elements import (
     MeridianMesh,
     MeridianSize,
@@ -55,10 +59,10 @@ def needle_load(mesh: MeridianMesh) -> Floats:
         / rim_m**2
     )
 
-    return inward(mesh, nodes_en, weight_ep @ values_pn)
+    return inward_forces(mesh, nodes_en, weight_ep @ values_pn)
 
 
-def inward(mesh: MeridianMesh, nodes_en: Integers, amount_en: Floats) -> Floats:
+def inward_forces(mesh: MeridianMesh, nodes_en: Integers, amount_en: Floats) -> Floats:
     """Return nodal forces along the axis, (all unknowns,), that sum up inward amounts
     at nodes, (element, node).
     """
@@ -185,9 +189,9 @@ def axisymmetric_path(
     normal.
 
     The needle's force is uniform over its disc seen along the axis. For `tips_m` and
-    the end of the path see `trace`; the wall is clamped at the angle `support_rad` from
-    the needle axis; the globe is over Young's modulus (`Globe.over`); `stiffening`: b
-    of `mechanics.tissue_material`.
+    the end of the path see `trace_load_path`; the wall is clamped at the angle
+    `support_rad` from the needle axis; the globe is over Young's modulus
+    (`Globe.over`); `stiffening`: b of `mechanics.tissue_material`.
     """
     mesh = meridian_mesh(
         radius_m, thickness_m, needle_radius_m, support_rad, size or MeridianSize()
@@ -195,7 +199,7 @@ def axisymmetric_path(
     wall = AxisymmetricWall(mesh, poisson_ratio, stiffening=stiffening)
     start = pressurise(wall, iop_ratio)
     most = max_force_ratio_m2
-    path = trace(
+    path = trace_load_path(
         wall,
         start,
         iop_ratio,

@@ -103,7 +103,7 @@ class ScanPlane:
 
 
 @dataclass(frozen=True)
-class Section:
+class WallSection:
     """The wall's cut by the B-scan plane: two curves in the plane's frame.
 
     `outer` and `inner` have shape (points, 2): lateral and depth in m (depth grows into
@@ -119,10 +119,10 @@ class Section:
         """Closed contour of the wall, shape (outer + inner points, 2)."""
         return np.concatenate([self.outer, self.inner[::-1]])
 
-    def shifted(self, lateral_m: float, depth_m: float) -> "Section":
+    def shifted(self, lateral_m: float, depth_m: float) -> "WallSection":
         """Return the section moved in its plane."""
         move = np.array([lateral_m, depth_m])
-        return Section(self.outer + move, self.inner + move)
+        return WallSection(self.outer + move, self.inner + move)
 
 
 @dataclass(frozen=True, kw_only=True)

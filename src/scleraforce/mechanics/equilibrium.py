@@ -101,8 +101,8 @@ class Dent(Balance):
     """Equilibrium at a given displacement of the tip from `start`. The unknowns x are u
     and the force.
 
-    `continuation` sets `tip_m` along the path; errors are relative to `largest_force`,
-    on the path so far, where the force passes through zero.
+    `load_path_tracing` sets `tip_m` along the path; errors are relative to
+    `largest_force`, on the path so far, where the force passes through zero.
     """
 
     remedy = "ask for a smaller dent"
@@ -143,7 +143,7 @@ class Dent(Balance):
     def factor(self, x: Floats) -> Solve:
         """Factor the derivative of the defect."""
         tangent = self.problem.factor(x[: self.count], self.pressure)
-        return bordered(
+        return solve_bordered(
             tangent,
             self.problem.needle[:, None],
             self.problem.tip[None],
@@ -163,7 +163,7 @@ class SealedDent(Dent):
 
         R(u, P) = f n     R(w, P) = 0     s (u - w) = tip     P = law(P0, V(w) - V(u))
 
-    Both tangents are factored; force and pressure are borders (`bordered`).
+    Both tangents are factored; force and pressure are borders (`solve_bordered`).
 
     Such a path has an end. A pressure that rises makes the dent wider, which displaces
     more volume: in a wall that is soft against its globe no pressure solves the law for
@@ -241,14 +241,14 @@ class SealedDent(Dent):
         def solve(both: Floats) -> Floats:
             return np.concatenate([solves[0](both[:half]), solves[1](both[half:])])
 
-        return bordered(solve, columns, rows, np.diag([0.0, 1.0]))
+        return solve_bordered(solve, columns, rows, np.diag([0.0, 1.0]))
 
     def _parts(self, x: Floats) -> tuple[Floats, Floats, float, float]:
         half = self.count // 2
         return x[:half], x[half : self.count], float(x[-2]), float(x[-1])
 
 
-def bordered(
+def solve_bordered(
     tangent: Solve, columns_uk: Floats, rows_ku: Floats, corner_kk: Floats
 ) -> Solve:
     """Solve K du - C dy = r, R du + D dy = c for (du, dy): one solve for C, one for

@@ -22,13 +22,17 @@ from scleraforce.base.errors import InputError, SolverError
 from scleraforce.base.units import STANDARD_GRAVITY_M_S2, from_si
 from scleraforce.mechanics.contact_and_section import Contact
 from scleraforce.mechanics.equilibrium import Solve
-from scleraforce.mechanics.finite_elements import factored
+from scleraforce.mechanics.finite_elements import factor_sum
 from scleraforce.mechanics.graded_mesh import graded_eye
 from scleraforce.mechanics.hexahedral_mesh import HexMesh
-from scleraforce.mechanics.load_path_tracing import Progress, pressurise, trace
+from scleraforce.mechanics.load_path_tracing import (
+    Progress,
+    pressurise,
+    trace_load_path,
+)
 from scleraforce.mechanics.loads_and_supports import (
     InnerSurface,
-    Needle,
+    NeedleLoad,
     Springs,
     clamped_base,
     gravity_load,
@@ -190,7 +194,7 @@ class FiniteWall:
 
     def load_path(
         self,
-        needle: Needle,
+        needle: NeedleLoad,
         *,
         youngs_modulus_pa: float,
         iop_pa: float,
@@ -220,7 +224,7 @@ class FiniteWall:
 
         problem = WallEquilibrium(self, needle, youngs_modulus_pa, density_kg_m3)
         pressure = iop_pa / youngs_modulus_pa
-        states = trace(
+        states = trace_load_path(
             problem,
             pressurise(problem, pressure),
             pressure,
@@ -285,7 +289,7 @@ class WallEquilibrium:
     def __init__(
         self,
         wall: FiniteWall,
-        needle: Needle,
+        needle: NeedleLoad,
         youngs_modulus_pa: float,
         density_kg_m3: float,
     ) -> None:
@@ -330,7 +334,7 @@ class WallEquilibrium:
             wall.springs.add_to(elements, self._per_modulus)
 
         try:
-            of_size_one = factored(wall.mesh, wall.held_nc, elements)
+            of_size_one = factor_sum(wall.mesh, wall.held_nc, elements)
         except SolverError as fault:
             raise SolverError(
                 f"tangent: {fault}; add supports against rigid motion"

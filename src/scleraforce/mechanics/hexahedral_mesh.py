@@ -187,7 +187,7 @@ class SurfaceLocator:
         """Return the quad (direction,) and local coordinates in [-1, 1]^2 (direction,
         2) of every direction.
         """
-        # not before something is solved: Numba takes 0.2 s
+        # 160 ms: Numba, not before something is solved
         from scleraforce.mechanics.surface_crossings import cross_quads
 
         lengths = np.linalg.norm(directions_dc, axis=1)
@@ -238,7 +238,8 @@ class SurfaceLocator:
         if len(middles_qc) <= FEW:
             return np.asarray(np.argmax(sides @ middles_qc.T, axis=1), dtype=np.int64)
 
-        from scipy.spatial import cKDTree  # a tenth of a second
+        # 200 ms: not for a mesh of few quads
+        from scipy.spatial import cKDTree
 
         return np.asarray(cKDTree(middles_qc).query(sides)[1], dtype=np.int64)
 

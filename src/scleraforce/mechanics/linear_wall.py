@@ -13,7 +13,7 @@ from scleraforce.base.units import STANDARD_GRAVITY_M_S2
 from scleraforce.mechanics.contact_and_section import Contact
 from scleraforce.mechanics.finite_elements import (
     element_stiffness,
-    factored,
+    factor_sum,
     volume_points,
 )
 from scleraforce.mechanics.hexahedral_mesh import HexMesh
@@ -65,7 +65,7 @@ class LinearWall:
             springs.add_to(elements, 1.0 / springs_modulus_pa)
 
         try:
-            self._solve = factored(mesh, self.held_nc, elements)
+            self._solve = factor_sum(mesh, self.held_nc, elements)
         except SolverError as fault:
             raise SolverError(
                 f"stiffness: {fault}; add supports against rigid motion"

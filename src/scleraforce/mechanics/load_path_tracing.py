@@ -82,7 +82,7 @@ def pressurise(problem: Equilibrium, pressure: float) -> Floats:
     return u
 
 
-def trace(
+def trace_load_path(
     problem: Equilibrium,
     start: Floats,
     pressure: float,

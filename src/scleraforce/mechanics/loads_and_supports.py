@@ -126,7 +126,7 @@ PROJECTED_M = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Needle:
+class NeedleLoad:
     """A push on the wall.
 
     `load_nc` (node, 3): nodal forces of 1 N. `tip_nc` (node, 3): the sum of its product
@@ -142,7 +142,7 @@ def needle_at(
     contact: Contact,
     needle_radius_m: float,
     axis_c: Floats | None = None,
-) -> Needle:
+) -> NeedleLoad:
     """Return a needle whose axis meets the outer surface at the contact, with a load as
     that of `needle_loads`.
 
@@ -165,7 +165,7 @@ def needle_at(
     )
     directions = _below_disc(mesh, contact, sideways_pc, axis)
 
-    return Needle(
+    return NeedleLoad(
         _spread(mesh, directions, weights_p)[:, None] * axis,
         tip_at(mesh, contact, axis),
     )

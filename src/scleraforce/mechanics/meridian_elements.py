@@ -1,10 +1,10 @@
 """A solid of revolution on its meridian, in 9-node quads: forces and their derivative,
 at E = 1 Pa.
 
-The energy is that of `neo_hookean`. The deformation gradient has five entries that are
-not zero, in the order F_rr, F_rz, F_zr, F_zz, F_tt (t: around the axis, F_tt = 1 + u_r
-/ R). Every integral is over the undeformed wall. Tissue that stiffens (`material`)
-multiplies its stress by exp(b Q).
+The energy is that of `neo_hookean_solid`. The deformation gradient has five entries
+that are not zero, in the order F_rr, F_rz, F_zr, F_zz, F_tt (t: around the axis, F_tt =
+1 + u_r / R). Every integral is over the undeformed wall. Tissue that stiffens
+(`tissue_material`) multiplies its stress by exp(b Q).
 
 The loops are compiled and take one element at a time. A node's radial motion enters
 three of the deformation gradient's entries, its motion along the axis two. So they keep
@@ -350,7 +350,7 @@ def _deformation(
 
 @compiled
 def _growth(tables: ElementTables, F: Floats, log_ratio: float) -> float:
-    """Return the factor of the stiffening on the stress (`material.growth`)."""
+    """Return the factor of the stiffening on the stress (`tissue_material.growth`)."""
     if tables.stiffening == 0.0:
         return 1.0
     squares = F[0] * F[0] + F[1] * F[1] + F[2] * F[2] + F[3] * F[3] + F[4] * F[4]

@@ -27,7 +27,11 @@ import numpy as np
 from scleraforce.base.arrays import Bytes, Floats, Integers, Places
 from scleraforce.base.errors import InputError, SolverError
 from scleraforce.base.units import from_si
-from scleraforce.mechanics.contact_and_section import ScanPlane, Section, SliceWindow
+from scleraforce.mechanics.contact_and_section import (
+    ScanPlane,
+    SliceWindow,
+    WallSection,
+)
 from scleraforce.mechanics.hexahedral_mesh import HexMesh, locate
 from scleraforce.records.study import SliceStudy
 
@@ -157,7 +161,7 @@ WIDEST_BRACKET_M = 8e-3
 
 def cut_sections(
     mesh: HexMesh, planes: Sequence[ScanPlane], modes_knc: Floats, weights_pfk: Floats
-) -> list[list[Section]]:
+) -> list[list[WallSection]]:
     """Cut deformations of a wall, sums of displacement modes (mode, node, 3), by each
     of several planes.
 
@@ -198,7 +202,7 @@ def cut_sections(
         )
         if outer is not None and inner is not None:
             return [
-                [Section(*both) for both in zip(*pair, strict=True)]
+                [WallSection(*both) for both in zip(*pair, strict=True)]
                 for pair in zip(outer, inner, strict=True)
             ]
 
@@ -340,7 +344,7 @@ def slice_window(
     )
 
 
-def fill_section(section: Section, window: SliceWindow) -> Bytes:
+def fill_section(section: WallSection, window: SliceWindow) -> Bytes:
     """Draw a section, (rows, columns): `WALL` (255) in each pixel whose centre lies in
     the wall, else 0.
 

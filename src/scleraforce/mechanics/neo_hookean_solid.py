@@ -181,7 +181,8 @@ class NeoHookeanSolid:
 
         `modulus_factor_ep`: modulus over E at every Gauss point of `volume_points`,
         (element, point) or anything that broadcasts to it; `stiffening`: b of
-        `material`, 0 for the neo-Hookean solid; `fibres`: of a wall from spheres.
+        `tissue_material`, 0 for the neo-Hookean solid; `fibres`: of a wall from
+        spheres.
         """
         points = volume_points(mesh)
         elements, count, nodes, _ = points.gradients_epnc.shape

@@ -1,4 +1,4 @@
-"""The compiled loops of `mesh.SurfaceLocator`."""
+"""The compiled loops of `hexahedral_mesh.SurfaceLocator`."""
 
 import numpy as np
 

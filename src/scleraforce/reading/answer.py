@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from scleraforce.base.notebook_cards import html_card
-from scleraforce.base.plain_json import finite
+from scleraforce.base.notebook_cards import data_frame, html_card
+from scleraforce.base.optional_packages import package_for
+from scleraforce.base.plain_json import finite_json
 from scleraforce.base.units import from_si
 from scleraforce.fit.one_frame import BoundaryFit
 from scleraforce.fit.planes_of_a_moment import SpatialPlace
 from scleraforce.fit.unknowns import LATERAL
-from scleraforce.reading.needle_place import NOWHERE, Place, Places
+from scleraforce.reading.needle_place import NOWHERE, NeedlePlace, PlaceValue
 from scleraforce.records.eye import one_lean
 from scleraforce.records.verdict import Verdict
 from scleraforce.wall.needle_in_frame import SeenNeedle, needle_entry
@@ -148,7 +149,7 @@ class Answer:
     the frame best; `places` says where the needle is, with intervals, and `place` the
     same in three dimensions, if several planes were read together. `segmentation` is
     the wall that was read. `model` and `class_bounds_n` are those of the model that
-    answered (`models.model_name`).
+    answered (`model_folder.model_name`).
     """
 
     predicted: int
@@ -164,7 +165,7 @@ class Answer:
     can_calibrate: bool = False
     readings: tuple[tuple[str, Reading], ...] = ()
     fit: BoundaryFit | None = None
-    places: Places = NOWHERE
+    places: NeedlePlace = NOWHERE
     place: SpatialPlace | None = None
     segmentation: Segmentation | None = field(default=None, compare=False, repr=False)
     model: str | None = field(default=None, compare=False)
@@ -242,7 +243,7 @@ class Answer:
         if self.places.lean_rad is None:
             places["lean_deg"] = from_si(one_lean(self.lean_rad), "deg")
 
-        found: dict[str, Any] = finite(
+        found: dict[str, Any] = finite_json(
             {
                 "model": self.model,
                 "class_bounds_mn": [
@@ -313,8 +314,6 @@ class Answers(Sequence[Answer]):
         """Return a table of pandas with a row for each frame, units in the names;
         raises `InputError` without it.
         """
-        from scleraforce.base.notebook_cards import data_frame
-
         return data_frame(
             {"frame": nth, **answer.to_dict()} for nth, answer in enumerate(self)
         )
@@ -325,8 +324,6 @@ class Answers(Sequence[Answer]):
 
         It raises `InputError` without xarray.
         """
-        from scleraforce.base.optional_packages import package_for
-
         read = [
             (answer.force_n, *(answer.interval_n or (None, None)), answer.contact_m)
             for answer in self
@@ -379,10 +376,12 @@ def _place_entry(place: SpatialPlace | None) -> dict[str, Any]:
         )
 
     contact = [
-        one.in_unit("mm") for one in map(Place.of, place.contact_m, place.contact_sd_m)
+        one.in_unit("mm")
+        for one in map(PlaceValue.of, place.contact_m, place.contact_sd_m)
     ]
     tilt = [
-        one.in_unit("deg") for one in map(Place.of, place.tilt_rad, place.tilt_sd_rad)
+        one.in_unit("deg")
+        for one in map(PlaceValue.of, place.tilt_rad, place.tilt_sd_rad)
     ]
 
     return {
@@ -393,7 +392,7 @@ def _place_entry(place: SpatialPlace | None) -> dict[str, Any]:
     }
 
 
-def together(answers: Sequence[Answer]) -> list[Answer]:
+def joined_answers(answers: Sequence[Answer]) -> list[Answer]:
     """Return answers to planes that one fit has read: with one interval that spans all,
     and all warnings.
 
@@ -442,7 +441,7 @@ def not_below(answer: Answer, unlearned: Answer) -> Answer:
     return replace(answer, interval_n=(low_n, max(high_n, unlearned.interval_n[1])))
 
 
-def unusable(classes: int, reason: str) -> Answer:
+def unusable_answer(classes: int, reason: str) -> Answer:
     """Return the answer of a model with n classes to a frame that cannot be judged:
     withdraw.
     """

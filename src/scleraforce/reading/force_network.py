@@ -308,7 +308,7 @@ class ForceNetwork:
 
         The edges of the bins of F/E, m^2, have the eye's discrepancy of the force.
         """
-        eyes = given_eye(known)
+        eyes = eye_for_network(known)
         modulus_pa = float(given_modulus(eyes, self._trained)[0][0])
         discrepancy = known.discrepancy or NO_DISCREPANCY
         edges_m2 = discrepancy.corrected_n(modulus_pa * self._edges_m2) / modulus_pa
@@ -318,7 +318,7 @@ class ForceNetwork:
         return given, modulus_pa, factor_of, edges_m2.tolist()
 
 
-def given_eye(known: Known) -> GivenEyes:
+def eye_for_network(known: Known) -> GivenEyes:
     """Return one eye as the network's training represents it: arrays (1,), NaN where a
     value is unknown.
     """

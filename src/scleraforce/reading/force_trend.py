@@ -57,7 +57,7 @@ class TrendLimits:
         return min(self.reaction_s, self.loss_in_row_s) / self.rate_frames
 
 
-class Dent(NamedTuple):
+class DentForce(NamedTuple):
     """A frame's dent as its elastic force, and the needle's last stated travel, `age_s`
     before the frame, if any.
     """
@@ -68,10 +68,10 @@ class Dent(NamedTuple):
     age_s: float = 0.0
 
 
-FORCE_N = itemgetter(Dent._fields.index("force_n"))
+FORCE_N = itemgetter(DentForce._fields.index("force_n"))
 
 
-class Fall(NamedTuple):
+class ForceFall(NamedTuple):
     """A fall of the dent's force, from a level to another, within a time of which
     nothing was seen for `unseen_s`.
 
@@ -85,7 +85,9 @@ class Fall(NamedTuple):
     pierced: bool
 
 
-def unexplained_fall(dents: tuple[Dent, ...], limits: TrendLimits) -> Fall | None:
+def unexplained_fall(
+    dents: tuple[DentForce, ...], limits: TrendLimits
+) -> ForceFall | None:
     """Return a fall that ends with the last two dents, oldest first, and that nothing
     explains; else None.
 
@@ -127,14 +129,14 @@ def unexplained_fall(dents: tuple[Dent, ...], limits: TrendLimits) -> Fall | Non
         )
         sure_n = fall_n - limits.fall_n - noise
         if sure_n >= _possible_n(dents, place, limits):
-            return Fall(level_n, left_n, within_s, unseen_s, pierced=True)
+            return ForceFall(level_n, left_n, within_s, unseen_s, pierced=True)
         if looked and unseen_s and sure_n >= _shown_n(dents, place, gap_s, limits):
-            return Fall(level_n, left_n, within_s, unseen_s, pierced=False)
+            return ForceFall(level_n, left_n, within_s, unseen_s, pierced=False)
 
     return None
 
 
-def _gap(dents: tuple[Dent, ...], limits: TrendLimits) -> float:
+def _gap(dents: tuple[DentForce, ...], limits: TrendLimits) -> float:
     """Return the time between two readings beyond which one is missing, s.
 
     It is one and a half times the usual one, between the time for which readings are as
@@ -145,7 +147,7 @@ def _gap(dents: tuple[Dent, ...], limits: TrendLimits) -> float:
     return min(max(MISSING * usual_s, limits.short_gap_s), limits.fall_s)
 
 
-def _possible_n(dents: tuple[Dent, ...], place: int, limits: TrendLimits) -> float:
+def _possible_n(dents: tuple[DentForce, ...], place: int, limits: TrendLimits) -> float:
     """Return how far the force can fall from the dent at a place to the last but one,
     N: by the needle's withdrawal and the eye's own motion.
     """
@@ -162,7 +164,9 @@ def _possible_n(dents: tuple[Dent, ...], place: int, limits: TrendLimits) -> flo
     return limits.stiffness_n_m * (back_m + limits.eye_m_s * within_s)
 
 
-def _stated_m(dents: tuple[Dent, ...], place: int, limits: TrendLimits) -> float | None:
+def _stated_m(
+    dents: tuple[DentForce, ...], place: int, limits: TrendLimits
+) -> float | None:
     """Return how far the needle went back from the dent at a place on, by its stated
     travel; None if that is not stated.
     """
@@ -184,7 +188,7 @@ def _stated_m(dents: tuple[Dent, ...], place: int, limits: TrendLimits) -> float
 
 
 def _shown_n(
-    dents: tuple[Dent, ...], place: int, gap_s: float, limits: TrendLimits
+    dents: tuple[DentForce, ...], place: int, gap_s: float, limits: TrendLimits
 ) -> float:
     """Return how far the force fell from the dent at a place to the last but one, by
     what is stated or seen, N.
@@ -220,7 +224,7 @@ def _shown_n(
     return max(shown_n, stated_n)
 
 
-def _falling_n_s(dents: tuple[Dent, ...], before: int) -> float:
+def _falling_n_s(dents: tuple[DentForce, ...], before: int) -> float:
     """Return how fast the force is seen to fall on either side of the gap after the
     dent `before`, N/s: the faster of both.
 
@@ -234,9 +238,9 @@ def _falling_n_s(dents: tuple[Dent, ...], before: int) -> float:
     return max(min(earlier) if both else 0.0, min(later, default=0.0), 0.0)
 
 
-def _apart(dents: Sequence[Dent]) -> list[tuple[float, float]]:
+def _apart(dents: Sequence[DentForce]) -> list[tuple[float, float]]:
     """Return mean times, s, and forces, N, of neighbouring dents, a step apart."""
-    groups: list[list[Dent]] = []
+    groups: list[list[DentForce]] = []
     for dent in dents:
         if groups and abs(dent.at_s - groups[-1][0].at_s) < STEP_S:
             groups[-1].append(dent)
@@ -283,7 +287,7 @@ LEAST_SHARE = 0.5
 Z90 = 1.645  # of the ends of a 90 % interval
 
 
-class Rise(NamedTuple):
+class ForceRise(NamedTuple):
     """A straight line through the last frames, `points` (s from now, N): at `now_n`,
     rising by `slope`, N/s.
 
@@ -333,7 +337,7 @@ class TimeToBound:
 REACHED = TimeToBound(0.0, 0.0, 0.0)
 
 
-def rise_of(history: Sequence[tuple[float, float]], frames: int) -> Rise | None:
+def rise_of(history: Sequence[tuple[float, float]], frames: int) -> ForceRise | None:
     """Return the line through the last frames; None if fewer than `frames`, or too few
     differ in time.
 
@@ -355,10 +359,10 @@ def rise_of(history: Sequence[tuple[float, float]], frames: int) -> Rise | None:
     middle_s = fmean([at_s for at_s, _ in points])
     spread_s = sqrt(sum((at_s - middle_s) ** 2 for at_s, _ in points))
 
-    return Rise(points, slope, now_n, sd_n, middle_s, spread_s)
+    return ForceRise(points, slope, now_n, sd_n, middle_s, spread_s)
 
 
-def risen_force(rise: Rise, ahead_s: float, deviations: float) -> float | None:
+def risen_force(rise: ForceRise, ahead_s: float, deviations: float) -> float | None:
     """Return the force after `ahead_s` at the least slope that the frames allow; None
     if it does not rise.
 
@@ -374,7 +378,7 @@ def risen_force(rise: Rise, ahead_s: float, deviations: float) -> float | None:
 
 
 def time_to_bound(
-    rise: Rise | None, force_n: float, upper_n: float, bound_n: float
+    rise: ForceRise | None, force_n: float, upper_n: float, bound_n: float
 ) -> TimeToBound | None:
     """Return when the upper end of the interval reaches the bound, if it keeps its
     ratio to the rising force.
@@ -396,7 +400,7 @@ def time_to_bound(
     return None if early_s is None else TimeToBound(early_s, median_s, late_s)
 
 
-def _reaches(rise: Rise, missing_n: float, deviations: float) -> float | None:
+def _reaches(rise: ForceRise, missing_n: float, deviations: float) -> float | None:
     """Return when the line less a number of its standard deviations has risen by
     `missing_n` since its middle, s.
 

@@ -15,12 +15,12 @@ import numpy as np
 
 from scleraforce.base.arrays import Bytes, Floats
 from scleraforce.base.units import from_si
-from scleraforce.fit import unknowns as at
+from scleraforce.fit import unknowns
 from scleraforce.fit.compiled_fit import COLUMNS, CORRELATED_M, OUTER_SD_M
 from scleraforce.fit.least_squares import CAUCHY
 from scleraforce.fit.one_frame import NO_WALL_M, BoundaryFit
 from scleraforce.fit.prior_of_an_eye import FREE_SD, Prior
-from scleraforce.reading.answer import Answer, Reading, unusable
+from scleraforce.reading.answer import Answer, Reading, unusable_answer
 from scleraforce.records.eye import Known
 from scleraforce.records.frame import Pixels
 from scleraforce.records.scan import PixelScale
@@ -180,13 +180,13 @@ def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
         )
 
     away = np.abs(fit.unknown - prior.mean) / prior.sd
-    if not away[at.SIZE] <= DEVIATION_SD:
+    if not away[unknowns.SIZE] <= DEVIATION_SD:
         return (
             f"{NO_EYE}: its curvature is that of an eye"
-            f" {np.exp(fit.unknown[at.SIZE]):.2f} times as large"
+            f" {np.exp(fit.unknown[unknowns.SIZE]):.2f} times as large"
         )
 
-    form = dict(zip(at.FORMS, fit.unknown[at.FORM].tolist(), strict=True))
+    form = dict(zip(unknowns.FORMS, fit.unknown[unknowns.FORM].tolist(), strict=True))
     if all(
         form[f"{side}_angle_rad"] < CORNEA_RAD
         or form[f"{side}_curvature"] > CORNEA_CURVATURE
@@ -194,10 +194,12 @@ def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
     ):
         return f"{NO_EYE}: it bends like a cornea on both sides of the contact"
 
-    shown_m = float(fit.unknown[at.THICKNESS] + fit.unknown[at.INNER_OFFSET])
-    stated_m = float(prior.mean[at.THICKNESS])
+    shown_m = float(
+        fit.unknown[unknowns.THICKNESS] + fit.unknown[unknowns.INNER_OFFSET]
+    )
+    stated_m = float(prior.mean[unknowns.THICKNESS])
 
-    slack_m = DEVIATION_SD * float(prior.sd[at.THICKNESS])
+    slack_m = DEVIATION_SD * float(prior.sd[unknowns.THICKNESS])
     if not -THINNER_M - slack_m <= shown_m - stated_m <= THICKER_M + slack_m:
         return (
             f"the wall looks {from_si(shown_m, 'um'):.0f} µm thick, not "
@@ -253,7 +255,7 @@ _NOTHING = np.zeros((1, 0, 0), dtype=np.uint8)  # no slice
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class SlicedFrame:
     """The segmentation of a frame, and slices of it if there is a wall to read.
 
     `cuts` (slice, row, column): the slice, and the same shifted in depth if the model
@@ -279,7 +281,7 @@ SECOND_SURFACE = (
 )
 
 
-def look(
+def segment_and_slice(
     frame: Pixels,
     scale: PixelScale,
     slice_study: SliceStudy,
@@ -287,7 +289,7 @@ def look(
     thickness_m: float | None = None,
     finder: WallFinder | None = None,
     wall: Segmentation | None = None,
-) -> Look:
+) -> SlicedFrame:
     """Segment a frame, or take its `wall`, which was given, and draw the slices that a
     model reads.
 
@@ -297,19 +299,23 @@ def look(
     found = find_wall(frame, scale, thickness_m, finder if wall is None else None)
     found = found if wall is None else replace(wall, needle=found.needle)
     if not found.usable:
-        return Look(found, _NOTHING, found.reason)
+        return SlicedFrame(found, _NOTHING, found.reason)
 
     if thickness_m is None and finder is not None and wall is None:
         below_m = second_surface_m(as_logarithmic(frame), scale, found)
         if below_m is not None:
-            return Look(found, _NOTHING, SECOND_SURFACE.format(from_si(below_m, "um")))
+            return SlicedFrame(
+                found, _NOTHING, SECOND_SURFACE.format(from_si(below_m, "um"))
+            )
 
     cuts, leaves, extent_m = boundary_slices(found, scale, slice_study, shifts)
     reason = None if cuts[0].any() else "the wall lies outside the window of the slice"
-    return Look(found, cuts, reason, leaves, extent_m)
+    return SlicedFrame(found, cuts, reason, leaves, extent_m)
 
 
-def can_calibrate(seen: Look, boundaries: Boundaries, contact_m: float = 0.0) -> bool:
+def can_calibrate(
+    seen: SlicedFrame, boundaries: Boundaries, contact_m: float = 0.0
+) -> bool:
     """Return True if enough of the wall is in view about a contact, m from the middle,
     to calibrate on a frame.
     """
@@ -332,15 +338,15 @@ def judged_answer(reading: Reading, name: str, leaves: bool, study: Study) -> An
     """
     classes = len(study.classes.bounds_n) + 1
     if not reading.finite:
-        return unusable(classes, f"the reading of the {name} is not a number")
+        return unusable_answer(classes, f"the reading of the {name} is not a number")
 
     reason = contact_outside(reading, study.reader)
     if reason:
-        return unusable(classes, reason)
+        return unusable_answer(classes, reason)
 
     low, high = (study.classes.classify(end_n) for end_n in reading.interval_n)
     if leaves and not (reading.width_n < WIDEST_N or (name == "fit" and low == high)):
-        return unusable(
+        return unusable_answer(
             classes,
             "the dent leaves the window of the slice, and its flanks leave the force"
             f" uncertain by {from_si(reading.width_n, 'mn'):.0f} mN",
@@ -359,7 +365,7 @@ def judged_answer(reading: Reading, name: str, leaves: bool, study: Study) -> An
 
 # from a surface's ends and between the places tried of a limbus
 SIDE_M = 1e-3
-STEP_M = at.SOFT_M
+STEP_M = unknowns.SOFT_M
 # of least squares; for a limbus near the end of a surface, with nothing beyond
 ROUNDS = 4
 RIDGE = 1e-9
@@ -380,8 +386,10 @@ def unless_at_rest(
     if answer.force_n is None or answer.force_n <= study.classes.bounds_n[0]:
         return answer
 
-    largest_m = study.eye.radius_m * float(np.exp(DEVIATION_SD * FREE_SD[at.SIZE]))
-    dented, resting, independent = distances(
+    largest_m = study.eye.radius_m * float(
+        np.exp(DEVIATION_SD * FREE_SD[unknowns.SIZE])
+    )
+    dented, resting, independent = wall_distances(
         fit, boundaries.lateral_m, boundaries.depth_m[0], largest_m
     )
     if dented <= resting + (ONE_UNKNOWN / independent if dented <= NOISE else 0.0):
@@ -392,11 +400,12 @@ def unless_at_rest(
         " wall: is the scale right?"
     )
     return replace(
-        unusable(len(answer.probabilities or ()), reason), readings=answer.readings
+        unusable_answer(len(answer.probabilities or ()), reason),
+        readings=answer.readings,
     )
 
 
-def distances(
+def wall_distances(
     fit: BoundaryFit, lateral_m: Floats, outer_m: Floats, radius_m: float
 ) -> tuple[float, float, float]:
     """Return the distances from a frame's surface of the fitted wall and of the nearest
@@ -421,7 +430,7 @@ def distances(
     limbus = np.arange(at_m[0] + SIDE_M, at_m[-1] - SIDE_M, STEP_M) / width_m
     along = at_m / width_m
     beyond = along - limbus[:, None]
-    ramp = 0.5 * (beyond + np.hypot(beyond, at.SOFT_M / width_m))
+    ramp = 0.5 * (beyond + np.hypot(beyond, unknowns.SOFT_M / width_m))
     arcs = [np.broadcast_to(along**power, ramp.shape) for power in range(4)]
     # (limbus, term, column)
     basis = np.stack([*arcs, ramp, ramp**2], axis=1) * (OUTER_SD_M / sd_m)

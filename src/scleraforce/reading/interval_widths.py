@@ -195,7 +195,7 @@ def parse_factors(record: Mapping[str, Any], place: str) -> IntervalFactors:
 
 
 @dataclass(frozen=True)
-class Score:
+class IntervalScore:
     """The score of one reading: by which method, of which traits (`traits_of`) and
     which eye.
     """
@@ -207,7 +207,7 @@ class Score:
 
 
 @dataclass(frozen=True)
-class Stretch:
+class IntervalStretch:
     """The readings of a method with one kind of modulus, and the factor that stretches
     their intervals.
 
@@ -224,14 +224,14 @@ class Stretch:
     factor: float
 
 
-def scored(
+def score_reading(
     method: str,
     reading: Reading,
     known: Known,
     eye: str,
     force_n: float,
     fit: BoundaryFit | None = None,
-) -> Score:
+) -> IntervalScore:
     """Return the score of a method's reading of an eye under a force, N; `fit`: the
     fit's own.
 
@@ -242,15 +242,15 @@ def scored(
     distance = abs(force_n - reading.force_n) / max(
         abs(end_n - reading.force_n), LEAST_N
     )
-    return Score(method, traits_of(known, reading.force_n, fit), eye, distance)
+    return IntervalScore(method, traits_of(known, reading.force_n, fit), eye, distance)
 
 
-def eye_count(scores: Iterable[Score]) -> int:
+def eye_count(scores: Iterable[IntervalScore]) -> int:
     """Return the number of eyes among scores."""
     return len({entry.eye for entry in scores})
 
 
-def weights_of_eyes(scores: Sequence[Score]) -> Floats:
+def weights_of_eyes(scores: Sequence[IntervalScore]) -> Floats:
     """Return the weight of each score, of sum 1: every eye weighs the same."""
     names, eye, count = np.unique(
         [entry.eye for entry in scores], return_inverse=True, return_counts=True
@@ -265,7 +265,7 @@ def share_of_new_eye(eyes: int) -> float:
     return min(1.0, LEVEL * (eyes + 1) / eyes)
 
 
-def conformal_quantile(scores: Sequence[Score]) -> float:
+def conformal_quantile(scores: Sequence[IntervalScore]) -> float:
     """Return the score below which 90 % of the readings of a new eye lie."""
     values = np.array([entry.score for entry in scores])
     order = np.argsort(values)
@@ -275,16 +275,18 @@ def conformal_quantile(scores: Sequence[Score]) -> float:
     return float(np.clip(values[order][place], SMALLEST, LARGEST))
 
 
-def of_each_modulus(scores: Iterable[Score]) -> dict[tuple[str, str], list[Score]]:
+def of_each_modulus(
+    scores: Iterable[IntervalScore],
+) -> dict[tuple[str, str], list[IntervalScore]]:
     """Return the scores by method and kind of modulus."""
-    found: dict[tuple[str, str], list[Score]] = {}
+    found: dict[tuple[str, str], list[IntervalScore]] = {}
     for entry in scores:
         found.setdefault((entry.method, entry.traits[0]), []).append(entry)
     return dict(sorted(found.items()))
 
 
 def intervals_record(
-    scores: Sequence[Score], factors: Mapping[str, Factors], source: str
+    scores: Sequence[IntervalScore], factors: Mapping[str, Factors], source: str
 ) -> dict[str, Any]:
     """Return `intervals` of `model.json`: the factors of both methods, and their
     source.
@@ -298,7 +300,7 @@ def intervals_record(
     }
 
 
-def stretches(scores: Iterable[Score]) -> tuple[Stretch, ...]:
+def find_stretches(scores: Iterable[IntervalScore]) -> tuple[IntervalStretch, ...]:
     """Return the factors by which intervals have to be stretched to hold on the eyes of
     some scores.
 
@@ -306,7 +308,7 @@ def stretches(scores: Iterable[Score]) -> tuple[Stretch, ...]:
     their traits apart. Fewer eyes than `FEW_EYES` only widen: that these did well does
     not say that others will.
     """
-    found = list[Stretch]()
+    found = list[IntervalStretch]()
     for (method, modulus), entries in of_each_modulus(scores).items():
         eyes = eye_count(entries)
         factor = conformal_quantile(entries)
@@ -317,13 +319,15 @@ def stretches(scores: Iterable[Score]) -> tuple[Stretch, ...]:
         )
         factor = max(factor, 1.0) if eyes < FEW_EYES else factor
         held = sum(entry.score <= 1.0 for entry in entries) / len(entries)
-        found.append(Stretch(method, modulus, globes, eyes, len(entries), held, factor))
+        found.append(
+            IntervalStretch(method, modulus, globes, eyes, len(entries), held, factor)
+        )
 
     return tuple(found)
 
 
-def stretched(
-    before: IntervalFactors, changes: Iterable[Stretch]
+def stretched_factors(
+    before: IntervalFactors, changes: Iterable[IntervalStretch]
 ) -> Mapping[str, Factors]:
     """Return the factors of both methods multiplied by stretches; factors of other
     traits stay.

@@ -32,7 +32,7 @@ PICKLED = 8  # models whose pickles load them once in a process
 
 def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
     """Load a model folder of kind "wall-finder"; arguments and errors as for
-    `load_model`.
+    `load_reader`.
     """
     folder = model_folder.read_folder(path, (model_folder.WALL_FINDER,))
     study = model_folder.folder_study(folder)
@@ -46,7 +46,7 @@ def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
     return finder
 
 
-def load_model(
+def load_reader(
     path: str | PathLike[str],
     threads: int = 1,
     finder: Finder = model_folder.SHIPPED_WALL_FINDER,
@@ -54,10 +54,10 @@ def load_model(
     """Load a model folder of any kind that reads forces.
 
     `path` is the folder that `scleraforce train` wrote ("./mine"), or the name of a
-    bundled one ("default"; `models.model_folder`); `threads` are ONNX Runtime's within
-    one operation, 1 is fastest for single slices; `finder` is the folder of the wall
-    finder that checks the walls it reads, None: nothing checks them. A file that is
-    missing, was changed, or does not fit the study beside it raises `ModelError`.
+    bundled one ("default"; `model_folder.model_folder`); `threads` are ONNX Runtime's
+    within one operation, 1 is fastest for single slices; `finder` is the folder of the
+    wall finder that checks the walls it reads, None: nothing checks them. A file that
+    is missing, was changed, or does not fit the study beside it raises `ModelError`.
     """
     folder = model_folder.read_folder(path, KINDS)
     kind = folder.record["kind"]
@@ -90,7 +90,7 @@ def load_model(
     return model
 
 
-def opened(model: Reader | str | PathLike[str]) -> Reader:
+def opened_reader(model: Reader | str | PathLike[str]) -> Reader:
     """Return a model; load one that is given by its folder or name, whose files are
     checked each time but loaded once.
     """
@@ -114,7 +114,7 @@ def bundled_finder() -> WallFinder:
 @lru_cache(maxsize=PICKLED)
 def _loaded(origin: model_folder.Origin) -> Reader:
     """Load the model of an origin, without a wall finder."""
-    return load_model(model_folder.origin_folder(origin), origin.threads, finder=None)
+    return load_reader(model_folder.origin_folder(origin), origin.threads, finder=None)
 
 
 @lru_cache(maxsize=PICKLED)
@@ -152,7 +152,7 @@ for _kind in (Classifier, ForceReader, RawReader):
 copyreg.pickle(WallFinder, _reduced_finder)
 
 
-def suited(reader: Reader, known: Known) -> Reader:
+def suited_reader(reader: Reader, known: Known) -> Reader:
     """Return the bundled reader that was trained for an eye, in place of the other one;
     any other reader is returned.
 
@@ -171,7 +171,7 @@ def suited(reader: Reader, known: Known) -> Reader:
 
 @cache
 def _bundled(folder: Path, finder: Path | None) -> Reader:
-    return load_model(folder, finder=finder)
+    return load_reader(folder, finder=finder)
 
 
 def load_classifier(
@@ -180,9 +180,9 @@ def load_classifier(
     finder: Finder = model_folder.SHIPPED_WALL_FINDER,
 ) -> Classifier:
     """Load a model folder of kind "classifier"; arguments and errors as for
-    `load_model`.
+    `load_reader`.
     """
-    return _of_kind(load_model(path, threads, finder), Classifier)
+    return _of_kind(load_reader(path, threads, finder), Classifier)
 
 
 def load_force_reader(
@@ -191,9 +191,9 @@ def load_force_reader(
     finder: Finder = model_folder.SHIPPED_WALL_FINDER,
 ) -> ForceReader:
     """Load a model folder of kind "reader"; arguments and errors as for
-    `load_model`.
+    `load_reader`.
     """
-    return _of_kind(load_model(path, threads, finder), ForceReader)
+    return _of_kind(load_reader(path, threads, finder), ForceReader)
 
 
 def _of_kind(model: Reader, wanted: type[Kind]) -> Kind:

@@ -27,7 +27,7 @@ NOT_CALIBRATED = (
 
 
 @dataclass(frozen=True)
-class Lean:
+class NeedleLean:
     """The lean of a needle: ends of the angle between it and the wall's normal, None if
     nothing says it.
 
@@ -42,7 +42,7 @@ class Lean:
     doubts: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, known: Known, seen_rad: float | None) -> "Lean":
+    def of(cls, known: Known, seen_rad: float | None) -> "NeedleLean":
         """Return the declared lean, else that of the eye's calibration, else that of a
         shaft in the picture.
 

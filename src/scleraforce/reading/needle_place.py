@@ -16,13 +16,13 @@ import numpy as np
 
 from scleraforce.base.normal_distribution import NINETY_PERCENT
 from scleraforce.base.units import HumanUnit, from_si
-from scleraforce.fit import unknowns as at
+from scleraforce.fit import unknowns
 from scleraforce.fit.one_frame import BoundaryFit, law_of, library_walls
 from scleraforce.fit.planes_of_a_moment import SpatialPlace
 from scleraforce.fit.prior_of_an_eye import Prior
 from scleraforce.library.wall_responses import Library
 from scleraforce.records.eye import Known
-from scleraforce.records.fields import allowed
+from scleraforce.records.fields import allowed_bounds
 from scleraforce.wall.needle_in_frame import SeenNeedle
 
 Error = tuple[float, float, float]
@@ -42,7 +42,7 @@ STEP = 1e-3  # of derivatives, in standard deviations
 
 
 @dataclass(frozen=True)
-class Place:
+class PlaceValue:
     """A length or angle, in m or rad, with the ends of its 90 % interval."""
 
     value: float
@@ -50,7 +50,7 @@ class Place:
     high: float
 
     @classmethod
-    def of(cls, value: float, sd: float, least: float = -np.inf) -> "Place":
+    def of(cls, value: float, sd: float, least: float = -np.inf) -> "PlaceValue":
         """Return the place of a normal distribution, its interval cut off at
         `least`.
         """
@@ -68,16 +68,16 @@ class Place:
         ]
 
     @property
-    def unsigned(self) -> "Place":
+    def unsigned(self) -> "PlaceValue":
         """The place of the absolute value."""
         ends = abs(self.low), abs(self.high)
-        return Place(
+        return PlaceValue(
             abs(self.value), 0.0 if self.low < 0.0 < self.high else min(ends), max(ends)
         )
 
 
 @dataclass(frozen=True, kw_only=True)
-class Places:
+class NeedlePlace:
     """The needle's place as one frame tells it; None: it does not.
 
     `contact_m`: the contact's lateral place from the frame's middle; `contact_depth_m`:
@@ -88,11 +88,11 @@ class Places:
     up.
     """
 
-    contact_m: Place | None = None
-    contact_depth_m: Place | None = None
-    dent_m: Place | None = None
-    gap_m: Place | None = None
-    lean_rad: Place | None = None
+    contact_m: PlaceValue | None = None
+    contact_depth_m: PlaceValue | None = None
+    dent_m: PlaceValue | None = None
+    gap_m: PlaceValue | None = None
+    lean_rad: PlaceValue | None = None
 
     def as_json(self) -> dict[str, Any]:
         """Return the keys in `read --json`; an angle has no sign there."""
@@ -108,7 +108,7 @@ class Places:
         return found
 
 
-NOWHERE = Places()
+NOWHERE = NeedlePlace()
 
 
 def places_of(
@@ -117,17 +117,17 @@ def places_of(
     library: Library,
     known: Known,
     needle: SeenNeedle | None,
-) -> Places:
+) -> NeedlePlace:
     """Return what a frame's fit tells of the needle's place; `known` and `prior`: as in
     the fit.
     """
     lean = None
     if (angle_rad := shaft_lean(fit, needle)) is not None:
-        lean = Place.of(angle_rad, hypot(fit.sd[at.ROTATION], SHAFT_SD_RAD))
+        lean = PlaceValue.of(angle_rad, hypot(fit.sd[unknowns.ROTATION], SHAFT_SD_RAD))
 
-    dent_m = float(fit.unknown[at.TIP])
-    if dent_m < LEAST_DENT * hypot(fit.sd[at.TIP], DENT_ERROR[0]):
-        return Places(lean_rad=lean)
+    dent_m = float(fit.unknown[unknowns.TIP])
+    if dent_m < LEAST_DENT * hypot(fit.sd[unknowns.TIP], DENT_ERROR[0]):
+        return NeedlePlace(lean_rad=lean)
 
     def with_error(sd: float, error: Error) -> float:
         uneven = error[2] if fit.is_uneven else 1.0
@@ -135,26 +135,26 @@ def places_of(
 
     def place(
         which: int, error: Error, given: bool = False, least: float = -np.inf
-    ) -> Place | None:
+    ) -> PlaceValue | None:
         sd = with_error(float(fit.sd[which]), error)
         told = given or sd < NARROWER * prior.sd[which]
         return (
-            Place.of(float(fit.unknown[which]), min(sd, prior.sd[which]), least)
+            PlaceValue.of(float(fit.unknown[which]), min(sd, prior.sd[which]), least)
             if told
             else None
         )
 
     depth_m, depth_sd_m = contact_depth(fit, prior, library)
-    return Places(
-        contact_m=place(at.LATERAL, CONTACT_ERROR),
-        contact_depth_m=Place.of(depth_m, with_error(depth_sd_m, DEPTH_ERROR)),
-        dent_m=place(at.TIP, DENT_ERROR, least=0.0),
-        gap_m=place(at.GAP, GAP_ERROR, known.gap_m is not None, 0.0),
+    return NeedlePlace(
+        contact_m=place(unknowns.LATERAL, CONTACT_ERROR),
+        contact_depth_m=PlaceValue.of(depth_m, with_error(depth_sd_m, DEPTH_ERROR)),
+        dent_m=place(unknowns.TIP, DENT_ERROR, least=0.0),
+        gap_m=place(unknowns.GAP, GAP_ERROR, known.gap_m is not None, 0.0),
         lean_rad=lean,
     )
 
 
-def in_space(places: Places, place: SpatialPlace) -> Places:
+def in_space(places: NeedlePlace, place: SpatialPlace) -> NeedlePlace:
     """Return the places of one of several planes with the lean that they show together,
     the angle in space.
     """
@@ -163,7 +163,7 @@ def in_space(places: Places, place: SpatialPlace) -> Places:
 
     return replace(
         places,
-        lean_rad=Place.of(
+        lean_rad=PlaceValue.of(
             place.lean_rad, hypot(max(place.tilt_sd_rad), SHAFT_SD_RAD), 0.0
         ),
     )
@@ -179,8 +179,11 @@ def contact_depth(
     on_axis_m = library.shapes(
         *library_walls(library, unknown_su, law_of(prior.globe).pressure)
     )[:, 0, 0, 1]
-    upright_m = np.exp(unknown_su[:, at.SIZE]) * on_axis_m
-    places_m = upright_m * np.cos(unknown_su[:, at.ROTATION]) + unknown_su[:, at.DEPTH]
+    upright_m = np.exp(unknown_su[:, unknowns.SIZE]) * on_axis_m
+    places_m = (
+        upright_m * np.cos(unknown_su[:, unknowns.ROTATION])
+        + unknown_su[:, unknowns.DEPTH]
+    )
 
     return float(places_m[0]), float(np.linalg.norm(places_m[1:] - places_m[0]) / STEP)
 
@@ -194,5 +197,7 @@ def shaft_lean(fit: BoundaryFit | None, needle: SeenNeedle | None) -> float | No
     """
     if needle is None or fit is None:
         return None
-    seen_rad = needle.angle_rad - float(fit.unknown[at.ROTATION])
-    return seen_rad if abs(seen_rad) <= (allowed("lean_rad").high or 0.0) else None
+    seen_rad = needle.angle_rad - float(fit.unknown[unknowns.ROTATION])
+    return (
+        seen_rad if abs(seen_rad) <= (allowed_bounds("lean_rad").high or 0.0) else None
+    )

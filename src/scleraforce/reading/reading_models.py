@@ -32,9 +32,9 @@ from scleraforce.reading.answer import (
     Reading,
     disagreement,
     fit_reading,
+    joined_answers,
     not_below,
-    together,
-    unusable,
+    unusable_answer,
 )
 from scleraforce.reading.force_network import ForceNetwork
 from scleraforce.reading.interval_widths import (
@@ -52,9 +52,9 @@ from scleraforce.reading.trained_ranges import (
     CLASSIFIER,
     RAW_READER,
     READER,
-    limits,
     other_index,
     outside_training,
+    untrained_values,
 )
 from scleraforce.records.eye import NOTHING_KNOWN, Known
 from scleraforce.records.frame import Pixels
@@ -72,7 +72,7 @@ from scleraforce.wall.wall_network import FrameWindow, WallFinder
 
 INPUT = "slices"
 OUTPUT = "probabilities"
-ReadingMethod = Callable[[frame_checks.Look, Pixels, PixelScale, Known], Answer]
+ReadingMethod = Callable[[frame_checks.SlicedFrame, Pixels, PixelScale, Known], Answer]
 
 
 @dataclass(eq=False, repr=False)
@@ -145,7 +145,7 @@ class Reader(ABC):
         place of the one that is found. An invalid frame raises `ValueError` (see
         `find_wall`), a network that fails `ModelError`.
         """
-        seen = frame_checks.look(
+        seen = frame_checks.segment_and_slice(
             frame,
             scale,
             self.study.slice,
@@ -166,7 +166,7 @@ class Reader(ABC):
 
         Arguments and errors as for `read`.
         """
-        seen = frame_checks.look(
+        seen = frame_checks.segment_and_slice(
             frame,
             scale,
             self.study.slice,
@@ -180,7 +180,7 @@ class Reader(ABC):
     def _careful(
         self,
         method: ReadingMethod,
-        seen: frame_checks.Look,
+        seen: frame_checks.SlicedFrame,
         frame: Pixels,
         scale: PixelScale,
         known: Known,
@@ -191,7 +191,7 @@ class Reader(ABC):
         The one place that keeps learning from lowering the upper end of an interval.
         """
         if seen.reason:
-            return unusable(self.classes, seen.reason)
+            return unusable_answer(self.classes, seen.reason)
 
         answer = method(seen, frame, scale, known)
         if known.unlearned is None:
@@ -258,10 +258,14 @@ class Reader(ABC):
         """Return a sentence for each known value of an eye, its B-scans and its needle
         outside the training.
         """
-        return limits(self.kind, self.study, known, scan, gauge)
+        return untrained_values(self.kind, self.study, known, scan, gauge)
 
     def _read(
-        self, seen: frame_checks.Look, frame: Pixels, scale: PixelScale, known: Known
+        self,
+        seen: frame_checks.SlicedFrame,
+        frame: Pixels,
+        scale: PixelScale,
+        known: Known,
     ) -> Answer:
         """Return the answer of all methods, by default of the network alone, to a frame
         with a wall.
@@ -274,7 +278,11 @@ class Reader(ABC):
 
     @abstractmethod
     def _live(
-        self, seen: frame_checks.Look, frame: Pixels, scale: PixelScale, known: Known
+        self,
+        seen: frame_checks.SlicedFrame,
+        frame: Pixels,
+        scale: PixelScale,
+        known: Known,
     ) -> Answer:
         """Return the network's answer to a frame with a wall."""
 
@@ -349,7 +357,7 @@ class Classifier(Reader):
 
     def _live(
         self,
-        seen: frame_checks.Look,
+        seen: frame_checks.SlicedFrame,
         frame: Pixels,  # noqa: ARG002 - a reader's signature
         scale: PixelScale,  # noqa: ARG002 - a reader's signature
         known: Known,  # noqa: ARG002 - a reader's signature
@@ -362,13 +370,15 @@ class Classifier(Reader):
         never trained on slices with a needle.
         """
         if seen.needle:
-            return unusable(self.classes, frame_checks.NEEDLE_SEEN)
+            return unusable_answer(self.classes, frame_checks.NEEDLE_SEEN)
         if seen.dent_leaves:
-            return unusable(self.classes, "the dent leaves the window of the slice")
+            return unusable_answer(
+                self.classes, "the dent leaves the window of the slice"
+            )
 
         probabilities = self.probabilities(seen.cuts[:1])[0]
         if not np.isfinite(probabilities).all():
-            return unusable(self.classes, "the network's answer is not a number")
+            return unusable_answer(self.classes, "the network's answer is not a number")
 
         return Answer(
             predicted=int(probabilities.argmax()),
@@ -433,7 +443,9 @@ class ForceReader(Reader):
         """
         return self._outside(known)
 
-    def _unread_slices(self, seen: frame_checks.Look, known: Known) -> str | None:
+    def _unread_slices(
+        self, seen: frame_checks.SlicedFrame, known: Known
+    ) -> str | None:
         """Return why the network cannot read the slices of a frame, although the fit
         may; None if it can.
         """
@@ -484,7 +496,7 @@ class ForceReader(Reader):
 
     def _read(
         self,
-        seen: frame_checks.Look,
+        seen: frame_checks.SlicedFrame,
         frame: Pixels,  # noqa: ARG002 - a reader's signature
         scale: PixelScale,
         known: Known,
@@ -493,7 +505,7 @@ class ForceReader(Reader):
         boundaries = segmented_boundaries(seen.segmentation, scale)
         if reason := self._not_fitted(seen, boundaries, known):
             return replace(
-                unusable(self.classes, reason),
+                unusable_answer(self.classes, reason),
                 can_calibrate=frame_checks.can_calibrate(seen, boundaries),
             )
 
@@ -508,7 +520,7 @@ class ForceReader(Reader):
             smoothing_m,
         )
         if fit is None:
-            return unusable(self.classes, TOO_LITTLE)
+            return unusable_answer(self.classes, TOO_LITTLE)
 
         factor = self.factors.of_fit(known, fit) * frame_stretch(
             seen.segmentation, known, self.study.reader
@@ -516,7 +528,7 @@ class ForceReader(Reader):
         return self._judged(seen, boundaries, known, fit, prior, factor)
 
     def _not_fitted(
-        self, seen: frame_checks.Look, boundaries: Boundaries, known: Known
+        self, seen: frame_checks.SlicedFrame, boundaries: Boundaries, known: Known
     ) -> str | None:
         """Return why a wall is not fitted, None if it is."""
         places = boundaries.lateral_m, boundaries.depth_m[0]
@@ -532,7 +544,7 @@ class ForceReader(Reader):
 
     def _prior(
         self,
-        seen: frame_checks.Look,
+        seen: frame_checks.SlicedFrame,
         wall: Boundaries,
         known: Known,
         trained: ReaderStudy,
@@ -562,8 +574,8 @@ class ForceReader(Reader):
             return super().read_together(frames, scale, known, walls=walls)
 
         known = replace(known, gap_m=None)
-        looks = [
-            frame_checks.look(
+        sliced_frames = [
+            frame_checks.segment_and_slice(
                 one,
                 scale,
                 self.study.slice,
@@ -576,12 +588,12 @@ class ForceReader(Reader):
         ]
         seen_walls = [
             None if seen.reason else segmented_boundaries(seen.segmentation, scale)
-            for seen in looks
+            for seen in sliced_frames
         ]
-        each = list[tuple[Plane, frame_checks.Look, Boundaries, Known]]()
+        each = list[tuple[Plane, frame_checks.SlicedFrame, Boundaries, Known]]()
         left_out = list[str]()
 
-        for seen, wall, plane in zip(looks, seen_walls, planes, strict=True):
+        for seen, wall, plane in zip(sliced_frames, seen_walls, planes, strict=True):
             here = known.turned(plane.direction_rad)
             reason = seen.reason if wall is None else self._not_fitted(seen, wall, here)
             if wall is not None and reason is None:
@@ -592,7 +604,7 @@ class ForceReader(Reader):
         found = (
             self._fitted_together(each)
             if each
-            else [unusable(self.classes, left_out[0])]
+            else [unusable_answer(self.classes, left_out[0])]
         )
         fault = next((one for one in found if not one.usable), None)
         # of no fit: one only
@@ -601,13 +613,13 @@ class ForceReader(Reader):
         }
         answers = list[Answer]()
 
-        for plane, seen in zip(planes, looks, strict=True):
+        for plane, seen in zip(planes, sliced_frames, strict=True):
             shared = of_plane.get(plane.name) or replace(
                 found[0], contact_m=None, fit=None, can_calibrate=False
             )
             if fault is not None:
                 shared = replace(
-                    unusable(self.classes, fault.reason or ""), fit=shared.fit
+                    unusable_answer(self.classes, fault.reason or ""), fit=shared.fit
                 )
 
             warned = (
@@ -622,7 +634,7 @@ class ForceReader(Reader):
         return tuple(answers)
 
     def _fitted_together(
-        self, each: Sequence[tuple[Plane, frame_checks.Look, Boundaries, Known]]
+        self, each: Sequence[tuple[Plane, frame_checks.SlicedFrame, Boundaries, Known]]
     ) -> list[Answer]:
         """Return the answers of planes with a wall, by the fit to all of them; of one
         alone, by its own.
@@ -649,7 +661,7 @@ class ForceReader(Reader):
 
         fits, place = fit_planes(library, walls, smoothing_m)
         if not fits:
-            return [unusable(self.classes, TOO_LITTLE)]
+            return [unusable_answer(self.classes, TOO_LITTLE)]
 
         if place is not None:
             place = place.at_depth(*contact_depth(fits[0], priors[0], library))
@@ -689,24 +701,24 @@ class ForceReader(Reader):
             where = answer.places if place is None else in_space(answer.places, place)
             answers.append(replace(answer, place=place, places=where, reason=reason))
 
-        return together(answers)
+        return joined_answers(answers)
 
     def _live(
         self,
-        seen: frame_checks.Look,
+        seen: frame_checks.SlicedFrame,
         frame: Pixels,  # noqa: ARG002 - a reader's signature
         scale: PixelScale,  # noqa: ARG002 - a reader's signature
         known: Known,
     ) -> Answer:
         if reason := self._unread_slices(seen, known):
-            return unusable(self.classes, reason)
+            return unusable_answer(self.classes, reason)
         return frame_checks.judged_answer(
             self.network.read(seen.cuts, known), "network", seen.dent_leaves, self.study
         )
 
     def _judged(
         self,
-        seen: frame_checks.Look,
+        seen: frame_checks.SlicedFrame,
         boundaries: Boundaries,
         known: Known,
         fit: BoundaryFit,
@@ -721,7 +733,7 @@ class ForceReader(Reader):
         `factor`: of the fit's interval; `may_rest`: a surface without a dent is tried.
         """
         if reason := frame_checks.no_wall_of_an_eye(fit, prior):
-            return replace(unusable(self.classes, reason), fit=fit)
+            return replace(unusable_answer(self.classes, reason), fit=fit)
 
         by_fit = fit_reading(fit, self.study.classes.bounds_n, factor)
         leaves = seen.dent_leaves or frame_checks.fit_leaves(fit, self.study.slice)
@@ -783,7 +795,7 @@ class ForceReader(Reader):
             undecided and f"{warning}; {undecided}"
         )
         if answer.usable and reason:
-            answer = unusable(self.classes, reason)
+            answer = unusable_answer(self.classes, reason)
 
         warnings = (warning,) if warning and answer.usable else ()
         return replace(answer, warnings=warnings, readings=tuple(readings.items()))
@@ -809,7 +821,11 @@ class RawReader(Reader):
         self._window = FrameWindow.of(self.study.raw_reader)
 
     def _live(
-        self, seen: frame_checks.Look, frame: Pixels, scale: PixelScale, known: Known
+        self,
+        seen: frame_checks.SlicedFrame,
+        frame: Pixels,
+        scale: PixelScale,
+        known: Known,
     ) -> Answer:
         reason = (
             other_index(self.study, scale.refractive_index)
@@ -820,7 +836,7 @@ class RawReader(Reader):
             or frame_checks.seen_by_network(seen.extent_m, self.study.slice)
         )
         if reason:
-            return unusable(self.classes, reason)
+            return unusable_answer(self.classes, reason)
 
         reading = self.network.read(self._window.reduced(frame, scale)[None], known)
         answer = frame_checks.judged_answer(

@@ -3,7 +3,7 @@
 from scleraforce.recordings.drawn_walls import RecordedWalls
 from scleraforce.records.scan import PixelScale
 from scleraforce.wall.wall import Segmentation
-from scleraforce.wall.wall_in_metres import check_size, given_wall
+from scleraforce.wall.wall_in_metres import check_mask_size, given_wall
 
 
 def recorded_wall(
@@ -15,5 +15,5 @@ def recorded_wall(
     mask = walls.wall(file)
     if mask is None:
         return None
-    check_size(mask, shape, str(walls.path(file)))
+    check_mask_size(mask, shape, str(walls.path(file)))
     return given_wall(mask, scale, source="corrected")

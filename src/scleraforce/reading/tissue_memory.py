@@ -34,7 +34,7 @@ from scleraforce.base.normal_distribution import NINETY_PERCENT
 from scleraforce.fit.one_frame import positive_share
 from scleraforce.mechanics.tissue_material import line_weights
 from scleraforce.reading.answer import Answer, Reading
-from scleraforce.reading.needle_lean import Lean
+from scleraforce.reading.needle_lean import NeedleLean
 from scleraforce.reading.needle_place import shaft_lean
 from scleraforce.records.eye import NOTHING_KNOWN, Known
 from scleraforce.records.tissue_relaxation import KnownRelaxation
@@ -92,7 +92,7 @@ class FeltForce:
             interval_n=(max(force_n - below_n, 0.0), force_n + above_n),
         )
 
-    def leaning(self, lean: "Lean", elastic_n: float) -> "FeltForce":
+    def leaning(self, lean: "NeedleLean", elastic_n: float) -> "FeltForce":
         """Return the force along a needle that leans."""
         least, factor, most = lean.factors
         force_n = max(self.slope * elastic_n - self.lag_n, 0.0)
@@ -123,7 +123,7 @@ def _share_below(bound_n: float, force_n: float, side_n: float) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class History:
+class TissueMemory:
     """Memory of an eye's tissue after the frames so far: mean (term,) and covariance
     (term, term) of m_i, in N.
 
@@ -151,7 +151,7 @@ class History:
         return self.known.relaxation or NO_RELAXATION
 
     @classmethod
-    def unknown(cls, known: Known, max_force_n: float) -> "History":
+    def unknown(cls, known: Known, max_force_n: float) -> "TissueMemory":
         """Return the history of an eye before its first frame; `max_force_n`: the
         largest force on the needle.
         """
@@ -165,7 +165,7 @@ class History:
         )
 
     @classmethod
-    def monitored(cls, known: Known, max_force_n: float) -> "History":
+    def monitored(cls, known: Known, max_force_n: float) -> "TissueMemory":
         """Return the history of an eye when a monitor starts: anything may have been
         before.
         """
@@ -179,7 +179,7 @@ class History:
         bounds_n: tuple[float, ...],
         time_s: float | None = None,
         held_s: float | None = None,
-    ) -> tuple[Answer, "History"]:
+    ) -> tuple[Answer, "TissueMemory"]:
         """Return the answer that gives F from one that gives Fe, and the history after
         it.
 
@@ -202,7 +202,7 @@ class History:
             known = replace(known, lean_azimuth_rad=None)
             seen_rad = elastic.place.lean_rad
 
-        lean = Lean.of(known, seen_rad)
+        lean = NeedleLean.of(known, seen_rad)
         felt = FeltForce(1.0, 0.0, 0.0)
         after = self
         if self.relaxation.matters:
@@ -225,7 +225,7 @@ class History:
 
     def _felt(
         self, force_n: float, time_s: float | None, held_s: float | None
-    ) -> tuple[FeltForce, "History"]:
+    ) -> tuple[FeltForce, "TissueMemory"]:
         """Return the force along the normal from an elastic one, and the history after
         it.
         """
@@ -268,7 +268,7 @@ class History:
 
     def _after(
         self, force_n: float, time_s: float | None, held_s: float | None
-    ) -> tuple["History", Floats]:
+    ) -> tuple["TissueMemory", Floats]:
         """Return the history after a frame, and the part of each m_i that grows with
         its Fe.
         """
@@ -353,7 +353,7 @@ class History:
         return before_n, before_n2
 
 
-ELASTIC = History.unknown(NOTHING_KNOWN, 0.0)
+ELASTIC = TissueMemory.unknown(NOTHING_KNOWN, 0.0)
 
 READINGS = 3  # of a frame after a longer gap, whose own dent decides on what has leaked
 

@@ -125,7 +125,9 @@ def limit_notes(model: Path, info: RecordingInfo) -> tuple[str, ...]:
     eye = known_of_recording(info)
     scan = info.oct
     gauge = info.needle.gauge
-    found = limits(folder.record["kind"], folder_study(folder), eye, scan, gauge)
+    found = untrained_values(
+        folder.record["kind"], folder_study(folder), eye, scan, gauge
+    )
 
     return tuple(f"outside the range of {name}: {sentence}" for sentence in found)
 
@@ -169,7 +171,7 @@ def reading_ranges(model: Path) -> tuple[tuple[str, str], ...]:
     )
 
 
-def limits(
+def untrained_values(
     kind: str, study: Study, known: Known, scan: OctInfo, gauge: int | None = None
 ) -> tuple[str, ...]:
     """Return a sentence for each known value that the training of a kind of model did

@@ -1,1 +1,28 @@
-"""Recordings: folders of frames and force logs; import, labels and export."""
+"""Folders of frames and force logs: import, the force under each frame, export.
+
+Reads and writes files. Imports `records` and `base`.
+
+Public:
+    clock_offsets: `MOST_FRAMES`, `estimate_clocks`, `relation`
+    drawn_walls: `RecordedWalls`, `frame_file_digest`, `mask_of`, `read_mask`,
+        `remove_wall`, `write_wall`
+    exported_files: `csv_text`, `frame_rows`, `read_answers`, `with_answers`,
+        `write_mcap`, `write_sequence`, `write_table`
+    force_errors: `FrameForces`, `LABEL_SD_N`, `PUSH_N`, `REST_SD_N`, `ZERO_PRIOR`,
+        `frame_forces`, `label_sds`, `zero_line`
+    forces_under_frames: `Trial`, `UNRELATED`, `after_punctures`, `clock_doubts`,
+        `contact_force`, `label_frames`, `label_notes`, `labels_n`, `log_doubts`,
+        `low_pass`, `unit_fault`, `unsure_note`, `with_punctures`
+    frame_and_force_tables: `FORCE_COLUMNS`, `FrameEntry`, `MIN_SAMPLE_RATE_HZ`
+    import_answers: `Asker`, `IMPORT_RECORD`, `PictureMeasures`, `PreparedImport`,
+        `Question`, `answers_like`, `clock_origin_s`, `complete_import`, `given_times`,
+        `open_questions`, `provenance`, `record_text`
+    import_sources: `GatheredSources`, `ImportOptions`, `OPTION`, `gather_sources`,
+        `option_name`, `source_kind`
+    recording_folder: `Recording`, `check_alone`, `read_info`, `read_recording`,
+        `read_scaled_frame`, `recording_of`, `stated_plane`, `tables_digest`,
+        `true_forces`
+    recording_writer: `FORCE_STEP_S`, `ForceWriter`, `RecordingWriter`, `frame_files`,
+        `read_written`, `write_log`
+    source_files: `files_of`
+"""

@@ -306,12 +306,12 @@ def _low_pass(force_n: Floats, time_s: Floats) -> Floats:
     steps = max(len(time_s) - 1, round(span_s * GOOD_SAMPLE_RATE_HZ))
     rate_hz = steps / span_s
     even_s = time_s[0] + np.arange(steps + 1) / rate_hz
-    smooth_n = smoothed(np.interp(even_s, time_s, force_n), CUTOFF_HZ / rate_hz)
+    smooth_n = low_passed(np.interp(even_s, time_s, force_n), CUTOFF_HZ / rate_hz)
 
     return np.asarray(np.interp(time_s, even_s, smooth_n), dtype=np.float64)
 
 
-def smoothed(values: Floats, cutoff: float) -> Floats:
+def low_passed(values: Floats, cutoff: float) -> Floats:
     """Return evenly sampled values without delay; half the amplitude passes at
     `cutoff`, in cycles a sample.
 

@@ -37,7 +37,7 @@ POINT_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}", re.ASCII)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Table:
+class TextTable:
     """A table as text."""
 
     path: Path
@@ -79,7 +79,7 @@ class Table:
 
 def read_table(
     path: Path, kind: FileKind, known: tuple[str, ...], required: tuple[str, ...]
-) -> Table:
+) -> TextTable:
     """Return a table of a recording, whose first line names its columns: some of
     `known`, and all `required` ones.
     """
@@ -107,7 +107,7 @@ def read_table(
         for nth, line in enumerate(lines, start=2)
         if (text := line.rstrip(f" \t{separator}"))
     }
-    table = Table(
+    table = TextTable(
         path=path,
         names=names,
         separator=separator,
@@ -116,7 +116,7 @@ def read_table(
     )
     # A separator at the end of a line of frames.csv is taken for a spreadsheet's: an
     # empty field is cut.
-    check_counts(
+    check_field_counts(
         table,
         1 + max(map(names.index, required)) if kind == KINDS["frames"] else len(names),
     )
@@ -124,7 +124,7 @@ def read_table(
     return table
 
 
-def check_counts(table: Table, least: int | None = None) -> None:
+def check_field_counts(table: TextTable, least: int | None = None) -> None:
     """Refuse a line with more fields than the header, or with fewer than `least` (None:
     as most lines have).
     """
@@ -148,14 +148,14 @@ def check_counts(table: Table, least: int | None = None) -> None:
             )
 
 
-def field_counts(table: Table) -> list[int]:
+def field_counts(table: TextTable) -> list[int]:
     """Return the number of fields of each line, without empty ones behind the last
     column.
     """
     return [_count(table, line) for line in range(len(table.lines))]
 
 
-def _count(table: Table, line: int) -> int:
+def _count(table: TextTable, line: int) -> int:
     """Return the number of fields of a line, without empty ones behind the last
     column.
     """
@@ -213,7 +213,7 @@ def is_number(text: str) -> bool:
     return number(text, ",") is not None or GROUPED.fullmatch(text.strip()) is not None
 
 
-def decimal_mark(table: Table, read: Collection[int]) -> str:
+def decimal_mark(table: TextTable, read: Collection[int]) -> str:
     """Return the decimal mark of a table's numbers, "." or ","; a comma is one only if
     the table proves it.
 
@@ -277,7 +277,7 @@ def decimal_mark(table: Table, read: Collection[int]) -> str:
 
 
 def numbers_of(
-    table: Table,
+    table: TextTable,
     places: Sequence[int],
     gaps: Sequence[int] = (),
     mark: str | None = None,
@@ -320,7 +320,7 @@ def numbers_of(
     return values_sc
 
 
-def _check_points(table: Table, places: Sequence[int], values_sc: Floats) -> None:
+def _check_points(table: TextTable, places: Sequence[int], values_sc: Floats) -> None:
     """Refuse a column whose points may part thousands: -15.000 beside 998, and three
     digits behind every point.
     """
@@ -355,7 +355,7 @@ def _check_points(table: Table, places: Sequence[int], values_sc: Floats) -> Non
 
 
 def _row_numbers(
-    table: Table,
+    table: TextTable,
     line: int,
     places: Sequence[int],
     gaps: Sequence[int],

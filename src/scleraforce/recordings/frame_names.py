@@ -111,13 +111,13 @@ def times_in(names: Sequence[str], unit: str | None = None) -> NameTimes | None:
     return next((times for times in stated if times is not None), None)
 
 
-Moment = tuple[float, float]  # a time and its resolution, s
+TimeInName = tuple[float, float]  # a time and its resolution, s
 
 
 def _stated(
     stems: Sequence[str],
     pattern: re.Pattern[str],
-    read: Callable[[re.Match[str]], Moment | None],
+    read: Callable[[re.Match[str]], TimeInName | None],
 ) -> NameTimes | None:
     """Return the times of the one pattern that differs from name to name."""
     found = [[read(match) for match in pattern.finditer(text)] for text in stems]
@@ -132,11 +132,11 @@ def _stated(
     return NameTimes(time_s, float(resolution_s.max()))
 
 
-def _fraction(digits: str | None) -> Moment:
+def _fraction(digits: str | None) -> TimeInName:
     return (float(f"0.{digits}"), 10.0 ** -len(digits)) if digits else (0.0, 1.0)
 
 
-def _of_date(found: re.Match[str]) -> Moment | None:
+def _of_date(found: re.Match[str]) -> TimeInName | None:
     digits = re.sub(r"\D", "", found["day"] + found["time"])
     try:
         moment = datetime.strptime(digits, "%Y%m%d%H%M%S").replace(tzinfo=UTC)
@@ -147,13 +147,13 @@ def _of_date(found: re.Match[str]) -> Moment | None:
     return moment.timestamp() + part_s, resolution_s
 
 
-def _of_epoch(found: re.Match[str]) -> Moment:
+def _of_epoch(found: re.Match[str]) -> TimeInName:
     unit_s = SINCE_1970_S[len(found["whole"])]
     part, resolution = _fraction(found["fraction"] or found["nanoseconds"])
     return (int(found["whole"]) + part) * unit_s, resolution * unit_s
 
 
-def _of_unit(found: re.Match[str]) -> Moment:
+def _of_unit(found: re.Match[str]) -> TimeInName:
     unit_s = SECONDS[found["unit"]]
     part, resolution = _fraction(found["fraction"])
     return (int(found["whole"]) + part) * unit_s, resolution * unit_s

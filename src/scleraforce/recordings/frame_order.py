@@ -11,10 +11,10 @@ import numpy as np
 from scleraforce.base.errors import FrameError, InputError
 from scleraforce.recordings.formats.picture_streams import (
     SECONDS,
-    Scan,
-    Times,
+    FrameTimes,
+    PictureSource,
     UnansweredError,
-    joined,
+    joined_files,
     rising,
 )
 from scleraforce.recordings.frame_names import (
@@ -70,12 +70,12 @@ def parse_frames_by(text: str | None) -> FramesBy | None:
     return FramesBy(way, unit or None)
 
 
-def ordered(
-    scans: Sequence[Scan],
+def ordered_files(
+    scans: Sequence[PictureSource],
     by: FramesBy | None,
     table: Path | None,
     rate_hz: float | None,
-) -> Scan:
+) -> PictureSource:
     """Return files of frames as one scan, in the order and with the times of a table's
     names, else of the files' names if `by` says so, else of what they state.
 
@@ -98,7 +98,7 @@ def ordered(
     if by is not None and by.way == TIMES:
         return _by_names(scans, by.unit, rate_hz)
 
-    whole = joined(scans)
+    whole = joined_files(scans)
     if by is not None and by.way == NUMBERS:
         return _by_numbers(whole, scans)
     if by is None and table is None and len(whole.names) > 1:
@@ -110,7 +110,9 @@ def ordered(
     return whole
 
 
-def _by_table(scans: Sequence[Scan], table: TimesTable | None) -> Scan | None:
+def _by_table(
+    scans: Sequence[PictureSource], table: TimesTable | None
+) -> PictureSource | None:
     if table is None:
         return None
 
@@ -125,7 +127,7 @@ def _by_table(scans: Sequence[Scan], table: TimesTable | None) -> Scan | None:
     timed = [
         replace(
             scan,
-            times=Times(part, str(table.path)),
+            times=FrameTimes(part, str(table.path)),
             other_times=(),
             numbers=(),
             times_fault=None,
@@ -133,7 +135,7 @@ def _by_table(scans: Sequence[Scan], table: TimesTable | None) -> Scan | None:
         for scan, part in zip(scans, parts, strict=True)
     ]
 
-    whole = joined(timed)
+    whole = joined_files(timed)
     if whole.times is None and len(names) > 1:
         order = np.argsort(time_s, kind="stable")
         at = int(np.argmin(np.diff(time_s[order])))
@@ -146,7 +148,7 @@ def _by_table(scans: Sequence[Scan], table: TimesTable | None) -> Scan | None:
     return whole
 
 
-def _check_one_series(scans: Sequence[Scan]) -> None:
+def _check_one_series(scans: Sequence[PictureSource]) -> None:
     first = next((scan for scan in scans if scan.series is not None), None)
     for scan in scans:
         if first is not None and scan.series not in (None, first.series):
@@ -157,14 +159,16 @@ def _check_one_series(scans: Sequence[Scan]) -> None:
             )
 
 
-def _names_of(whole: Scan) -> tuple[str, ...]:
+def _names_of(whole: PictureSource) -> tuple[str, ...]:
     """Return the names that may order frames: of pages, or of files in their order."""
     if whole.labels is not None:
         return whole.labels
     return tuple(dict.fromkeys(map(file_of, whole.names)))
 
 
-def _by_names(scans: Sequence[Scan], unit: str | None, rate_hz: float | None) -> Scan:
+def _by_names(
+    scans: Sequence[PictureSource], unit: str | None, rate_hz: float | None
+) -> PictureSource:
     if rate_hz is not None:
         raise InputError(
             f"--rate-hz: --frames-by {TIMES} states when frames were taken; give one of"
@@ -172,7 +176,7 @@ def _by_names(scans: Sequence[Scan], unit: str | None, rate_hz: float | None) ->
         )
 
     plain = [replace(scan, times=None, other_times=(), numbers=()) for scan in scans]
-    whole = joined(plain)
+    whole = joined_files(plain)
     names = _names_of(whole)
     stated = times_in(names, unit) if len(names) == len(whole.names) else None
     if stated is None:
@@ -189,7 +193,9 @@ def _way() -> str:
     return "give --times TABLE"
 
 
-def _timed(whole: Scan, names: Sequence[str], stated: NameTimes) -> Scan:
+def _timed(
+    whole: PictureSource, names: Sequence[str], stated: NameTimes
+) -> PictureSource:
     order = np.argsort(stated.time_s, kind="stable")
     time_s = stated.time_s[order]
     if not rising(time_s):
@@ -201,10 +207,10 @@ def _timed(whole: Scan, names: Sequence[str], stated: NameTimes) -> Scan:
         )
 
     moved = whole if (order == np.arange(len(order))).all() else whole.reordered(order)
-    return replace(moved, times=Times(time_s, NAMES_SOURCE), times_fault=None)
+    return replace(moved, times=FrameTimes(time_s, NAMES_SOURCE), times_fault=None)
 
 
-def _by_numbers(whole: Scan, scans: Sequence[Scan]) -> Scan:
+def _by_numbers(whole: PictureSource, scans: Sequence[PictureSource]) -> PictureSource:
     """Return frames in the order of their numbers, as steps at a rate."""
     if whole.numbers:
         return replace(whole, times=None, steps=whole.numbers[0].values)
@@ -234,7 +240,7 @@ def _by_numbers(whole: Scan, scans: Sequence[Scan]) -> Scan:
     return replace(moved, times=None, steps=steps)
 
 
-def _check_position(whole: Scan, rate_hz: float | None) -> None:
+def _check_position(whole: PictureSource, rate_hz: float | None) -> None:
     """Ask about frames that only their position times, if something denies it."""
     if whole.one_moment is not None:
         raise UnansweredError(
@@ -265,7 +271,7 @@ def _check_position(whole: Scan, rate_hz: float | None) -> None:
         raise UnansweredError("--frames-by", f"{fault}: {WAYS}")
 
 
-def _check_rows(whole: Scan, table: Path) -> None:
+def _check_rows(whole: PictureSource, table: Path) -> None:
     """Ask about rows without names for frames that are sorted by what was measured."""
     names = _names_of(whole)
     if (

@@ -17,8 +17,12 @@ from scleraforce.recordings.formats.foreign_force_logs import (
     LogColumn,
     columns_by_header,
 )
-from scleraforce.recordings.formats.picture_streams import Scan
-from scleraforce.recordings.frame_and_force_tables import Table, is_number, numbers_of
+from scleraforce.recordings.formats.picture_streams import PictureSource
+from scleraforce.recordings.frame_and_force_tables import (
+    TextTable,
+    is_number,
+    numbers_of,
+)
 from scleraforce.recordings.frame_names import SUFFIX, file_of, numbers_in, page_of
 
 # Headers of a column with names of files, or numbers in them.
@@ -68,7 +72,7 @@ class TimesTable:
     names: tuple[str, ...] | None
     lines: tuple[int, ...]
 
-    def times_of(self, scan: Scan) -> Floats | None:
+    def times_of(self, scan: PictureSource) -> Floats | None:
         """Return the time of each frame; None if the table does not name the files.
 
         Raises:
@@ -88,7 +92,7 @@ class TimesTable:
 
         return self._matched(scan.names)
 
-    def names_some(self, scan: Scan) -> bool:
+    def names_some(self, scan: PictureSource) -> bool:
         """Return whether the table names one of the frames."""
         return self._names_some([*scan.names, *(scan.labels or ())])
 
@@ -129,7 +133,7 @@ class TimesTable:
 
         return times_s.pop()
 
-    def _of_numbers(self, scan: Scan, numbers: Integers) -> Floats | None:
+    def _of_numbers(self, scan: PictureSource, numbers: Integers) -> Floats | None:
         """Return times by the numbers in files' names, in a column of numbers."""
         own = numbers_in(scan.names)
         if own is None:
@@ -213,7 +217,7 @@ def read_times(path: Path) -> TimesTable:
     return TimesTable(path, np.asarray(time_s), column, names, text.numbers)
 
 
-def _time_column(text: Table) -> LogColumn:
+def _time_column(text: TextTable) -> LogColumn:
     by_header = [
         column
         for column in columns_by_header(text.names, {}, text.units)
@@ -247,7 +251,7 @@ def _plain(name: str) -> str:
     return re.sub(r"[\W_]+", "_", bare).strip("_").lower()
 
 
-def _name_column(text: Table, time: str) -> str | None:
+def _name_column(text: TextTable, time: str) -> str | None:
     """Return the column with names of files: most of its cells end in a format, or its
     header says so.
     """

@@ -21,9 +21,9 @@ from scleraforce.recordings.clock_offsets import MEAN_S, ClockEstimate, estimate
 from scleraforce.recordings.forces_under_frames import contact_force
 from scleraforce.recordings.formats.picture_streams import (
     MOST_BITS,
-    Greys,
-    Scan,
-    Times,
+    FrameTimes,
+    GreyMap,
+    PictureSource,
     UnansweredError,
 )
 from scleraforce.recordings.formats.pixels_without_value import NOT_FINITE
@@ -32,7 +32,7 @@ from scleraforce.recordings.frame_names import times_in
 from scleraforce.recordings.frame_times import read_times
 from scleraforce.recordings.import_sources import (
     OPTION,
-    Gathered,
+    GatheredSources,
     ImportOptions,
     on_one_clock,
     option_name,
@@ -46,7 +46,9 @@ from scleraforce.records.scan import OctInfo
 from scleraforce.records.study_of_eye import relaxation_terms
 
 
-def given_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times | None:
+def given_times(
+    scan: PictureSource, table: Path | None, rate_hz: float | None
+) -> FrameTimes | None:
     """Return the frames' times by a table, to each name its time if it names files, or
     by a rate; None without both.
     """
@@ -61,7 +63,7 @@ def given_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times 
             )
 
         steps = np.arange(len(scan.names)) if scan.steps is None else scan.steps
-        return Times((steps - steps[0]) / rate_hz, "option")
+        return FrameTimes((steps - steps[0]) / rate_hz, "option")
     if table is None:
         return None
 
@@ -72,7 +74,7 @@ def given_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times 
     if len(time_s) != len(scan.names):
         raise InputError(f"{table}: {len(time_s)} times for {len(scan.names)} frames")
 
-    return Times(time_s, str(table))
+    return FrameTimes(time_s, str(table))
 
 
 @dataclass(frozen=True)
@@ -134,7 +136,7 @@ class Asker:
 
 
 @dataclass(frozen=True)
-class Pictures:
+class PictureMeasures:
     """What the pictures of the sources show, where the scanner's scale is known."""
 
     # the wall's thickness in the first frames, µm; None: not seen
@@ -149,19 +151,19 @@ ANSWER = "answer"  # the source of a value that was typed on the terminal
 
 
 @dataclass(frozen=True, eq=False)
-class Import:
+class PreparedImport:
     """All that a recording is written from."""
 
-    gathered: Gathered
-    greys: Greys
-    times: Times  # on the clock of the log
+    gathered: GatheredSources
+    greys: GreyMap
+    times: FrameTimes  # on the clock of the log
     log: ForceLog | None
     origin_s: float  # the beginning of that clock on the sources' own
     clock: "SharedClock"
     info: RecordingInfo
     sources: dict[str, str]  # of each value, by the name of its option
 
-    def with_notes(self, notes: Sequence[str]) -> "Import":
+    def with_notes(self, notes: Sequence[str]) -> "PreparedImport":
         """Return the import with further notes."""
         return replace(
             self, gathered=replace(self.gathered, notes=(*self.gathered.notes, *notes))
@@ -172,14 +174,14 @@ class Import:
 Known = dict[str, tuple[Any, str]]
 
 
-def complete(
-    gathered: Gathered,
-    greys: Greys,
+def complete_import(
+    gathered: GatheredSources,
+    greys: GreyMap,
     answers: ImportOptions,
     origins: Mapping[str, str],
     asker: Asker | None,
-    pictures: Pictures,
-) -> Import:
+    pictures: PictureMeasures,
+) -> PreparedImport:
     """Combine options (`origins`), then the sources' values, then another recording's;
     ask for the rest.
     """
@@ -258,7 +260,10 @@ def complete(
 
 
 def open_questions(
-    gathered: Gathered, greys: Greys, answers: ImportOptions, origins: Mapping[str, str]
+    gathered: GatheredSources,
+    greys: GreyMap,
+    answers: ImportOptions,
+    origins: Mapping[str, str],
 ) -> tuple[Known, dict[str, Question]]:
     """Return the values that options (`origins`) and sources give, and the questions
     that they leave open.
@@ -307,14 +312,14 @@ def open_questions(
 
 
 def _completed(
-    gathered: Gathered,
-    greys: Greys,
+    gathered: GatheredSources,
+    greys: GreyMap,
     answers: ImportOptions,
-    times: Times | None,
+    times: FrameTimes | None,
     known: Known,
-    pictures: Pictures,
+    pictures: PictureMeasures,
     asker: Asker | None,
-) -> Import:
+) -> PreparedImport:
     values = {name: value for name, (value, _) in known.items()}
     info = _info(gathered, answers, values)
     if not greys.fit(info.oct.bits):
@@ -327,7 +332,7 @@ def _completed(
     if rate_hz is not None and answers.frames_by is None:
         _check_even(gathered.scan)
     asked = None if times else given_times(gathered.scan, None, values.get("rate_hz"))
-    times = times or asked or Times(np.zeros(1), "a single frame")
+    times = times or asked or FrameTimes(np.zeros(1), "a single frame")
     if "rate_hz" in known:
         times = replace(times, source=known["rate_hz"][1])
 
@@ -364,7 +369,7 @@ def _completed(
         )
         doubts.append(f"{lost}; mend the clocks (--clock-offset-s) if they should be")
 
-    return Import(
+    return PreparedImport(
         gathered, greys, moved, log, origin_s, clock, info, sources
     ).with_notes(doubts)
 
@@ -405,11 +410,11 @@ class SharedClock:
 
 
 def _shared_clock(
-    gathered: Gathered,
-    times: Times,
+    gathered: GatheredSources,
+    times: FrameTimes,
     info: RecordingInfo,
     answers: ImportOptions,
-    pictures: Pictures,
+    pictures: PictureMeasures,
     asker: Asker | None,
 ) -> SharedClock:
     """Return the offset of the clocks: the given one, 0 of one bag, else that which the
@@ -461,7 +466,7 @@ def _shared_clock(
     return SharedClock(offset_s=float(answer[name]), source=ANSWER, estimate=found)
 
 
-def is_one_clock(gathered: Gathered, answers: ImportOptions) -> bool:
+def is_one_clock(gathered: GatheredSources, answers: ImportOptions) -> bool:
     """Return whether frames and forces have times of one bag."""
     of_table = answers.rate_hz is not None or answers.times is not None
     return gathered.one_clock and not of_table
@@ -495,7 +500,7 @@ def _unsure_words(found: ClockEstimate | None) -> str:
 UNEVEN = 1.5  # of their median: steps of time beside which others are missing
 
 
-def _check_even(scan: Scan) -> None:
+def _check_even(scan: PictureSource) -> None:
     """Check that a rate does not replace times of uneven steps, as of lost frames."""
     if scan.times is None or len(scan.names) < 3:
         return
@@ -511,7 +516,7 @@ def _check_even(scan: Scan) -> None:
         )
 
 
-def _check_used(gathered: Gathered, origins: Mapping[str, str]) -> None:
+def _check_used(gathered: GatheredSources, origins: Mapping[str, str]) -> None:
     """Check that an option that acts on one kind of source has such a source."""
     kinds = {kind for _, kind in gathered.files}
     packed = any(path.suffix.lower() == ".npz" for path, _ in gathered.files)
@@ -546,7 +551,7 @@ def _check_used(gathered: Gathered, origins: Mapping[str, str]) -> None:
 
 
 def _needed(
-    gathered: Gathered, answers: ImportOptions, times: Times | None
+    gathered: GatheredSources, answers: ImportOptions, times: FrameTimes | None
 ) -> set[str]:
     needed = {"width_mm", "depth_mm", "refractive_index", "bits", "eye", "gauge"}
     needed |= set() if gathered.planes else {"gap_mm"}
@@ -561,7 +566,7 @@ def _needed(
     return needed
 
 
-def _stated(gathered: Gathered, greys: Greys) -> Known:
+def _stated(gathered: GatheredSources, greys: GreyMap) -> Known:
     scan = gathered.scan
     log = gathered.log
     found: Known = {}
@@ -594,7 +599,7 @@ def _stated(gathered: Gathered, greys: Greys) -> Known:
 
 
 def _info(
-    gathered: Gathered, answers: ImportOptions, values: dict[str, Any]
+    gathered: GatheredSources, answers: ImportOptions, values: dict[str, Any]
 ) -> RecordingInfo:
     scan = gathered.scan
     try:
@@ -707,7 +712,7 @@ def _recorded(folder: Path, key: str, default: Any, kind: str) -> Any:
     return value
 
 
-def record_text(done: Import, options: ImportOptions, version: str) -> str:
+def record_text(done: PreparedImport, options: ImportOptions, version: str) -> str:
     """Return the text of import.json: sources with their SHA-256, the source of each
     value, and reusable options.
     """
@@ -725,7 +730,7 @@ def record_text(done: Import, options: ImportOptions, version: str) -> str:
     return json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def provenance(done: Import) -> dict[str, Any]:
+def provenance(done: PreparedImport) -> dict[str, Any]:
     """Return the origins of values, times and counts."""
     greys = done.greys
     return {

@@ -27,18 +27,23 @@ from scleraforce.recordings.formats import (
     zarr_files,
 )
 from scleraforce.recordings.formats.picture_streams import (
+    FrameTimes,
     OtherPictureError,
-    Scan,
-    Times,
+    PictureSource,
     parse_axes,
     rising,
 )
 from scleraforce.recordings.frame_and_force_tables import ForceLog
 from scleraforce.recordings.frame_names import natural_order
-from scleraforce.recordings.frame_order import FramesBy, ordered, parse_frames_by
-from scleraforce.recordings.paired_planes import moments
-from scleraforce.recordings.source_files import BAG_MARK, MOST_NAMED, TEXT_NAMES, listed
-from scleraforce.records.scan import Plane, check_counts, check_planes
+from scleraforce.recordings.frame_order import FramesBy, ordered_files, parse_frames_by
+from scleraforce.recordings.paired_planes import pair_moments
+from scleraforce.recordings.source_files import (
+    BAG_MARK,
+    MOST_NAMED,
+    TEXT_NAMES,
+    listed_files,
+)
+from scleraforce.records.scan import Plane, check_frame_counts, check_planes
 
 # Files that are not read, by their first bytes and by their endings: what they are, and
 # what to do.
@@ -178,7 +183,7 @@ FRAMES["picture"] = lambda path: image_files.read_image(path)[1]
 
 def read_scan(
     path: Path, kind: str, axes: tuple[str, ...] | None = None, array: str | None = None
-) -> Scan:
+) -> PictureSource:
     """Return the frames of a source of a kind that `source_kind` returns."""
     if kind == "thorlabs":
         return volume_files.read_thorlabs(path)
@@ -192,7 +197,9 @@ def read_scan(
     return _oriented(path, FRAMES[kind](path), axes)
 
 
-def _oriented(path: Path, scan: Scan, axes: tuple[str, ...] | None) -> Scan:
+def _oriented(
+    path: Path, scan: PictureSource, axes: tuple[str, ...] | None
+) -> PictureSource:
     """Return pictures, whose rows are depth unless the axes name their columns as
     depth.
     """
@@ -231,7 +238,7 @@ def _known_kind(name: str, head: bytes) -> str | None:
 
 
 @dataclass(frozen=True, eq=False)
-class Gathered:
+class GatheredSources:
     """The files with their kinds, the frames, the force log and its columns (None: no
     source has forces), and notes.
 
@@ -241,11 +248,11 @@ class Gathered:
     """
 
     files: tuple[tuple[Path, str], ...]
-    scan: Scan
+    scan: PictureSource
     log: ForceLog | None
     columns: tuple[foreign_force_logs.LogColumn, ...]
     notes: tuple[str, ...]
-    frames: Scan
+    frames: PictureSource
     planes: tuple[Plane, ...] = ()
     places: tuple[tuple[int, Plane], ...] = ()
     one_clock: bool = False
@@ -257,7 +264,7 @@ class _Content:
     columns of one of text, and files that are no sources.
     """
 
-    scans: dict[Plane | None, list[Scan]]
+    scans: dict[Plane | None, list[PictureSource]]
     logs: list[tuple[Path, ForceLog]]
     columns: tuple[foreign_force_logs.LogColumn, ...] = ()
     left_out: tuple[str, ...] = ()
@@ -273,12 +280,12 @@ class _Content:
         return self.logs[0][1] if self.logs else None
 
 
-def gather(
+def gather_sources(
     sources: Sequence[Path],
     options: ImportOptions,
     seen: Callable[[int], None] = lambda _: None,
     planes: Sequence[Plane | None] = (),
-) -> Gathered:
+) -> GatheredSources:
     """Read all sources, of several `planes` one for each source; `seen` is called with
     1 after each file.
 
@@ -290,7 +297,8 @@ def gather(
         sources_of.setdefault(plane, []).append(source)
 
     listings = {
-        plane: listed(of_plane, options.times) for plane, of_plane in sources_of.items()
+        plane: listed_files(of_plane, options.times)
+        for plane, of_plane in sources_of.items()
     }
     files = [
         (path, source_kind(path), plane)
@@ -308,7 +316,7 @@ def gather(
 
     log = content.log()
     wholes = {
-        plane: ordered(found, by, options.times, options.rate_hz)
+        plane: ordered_files(found, by, options.times, options.rate_hz)
         .flipped(options.flip)
         .between(options.first_frame, options.last_frame)
         for plane, found in content.scans.items()
@@ -324,7 +332,7 @@ def gather(
         *(log.notes if log else ()),
     ]
 
-    return Gathered(
+    return GatheredSources(
         tuple((path, kind) for path, kind, _ in files),
         scan,
         log,
@@ -413,10 +421,12 @@ def _content(
 
 
 def _planes_together(
-    wholes: Mapping[Plane | None, Scan],
+    wholes: Mapping[Plane | None, PictureSource],
     sources_of: Mapping[Plane | None, Sequence[Path]],
     by: FramesBy | None,
-) -> tuple[Scan, Scan, tuple[tuple[int, Plane], ...], tuple[str, ...]]:
+) -> tuple[
+    PictureSource, PictureSource, tuple[tuple[int, Plane], ...], tuple[str, ...]
+]:
     """Return the moments' scan, that of all frames, their places, and notes."""
     of_planes = {plane: whole for plane, whole in wholes.items() if plane}
     if of_planes and None in wholes:
@@ -432,15 +442,17 @@ def _planes_together(
         if plane
     }
     if 0 in counts.values():
-        check_counts(counts)
+        check_frame_counts(counts)
     if not of_planes:
         return wholes[None], wholes[None], (), ()
 
-    both = moments(of_planes, by)
+    both = pair_moments(of_planes, by)
     return both.scan, both.frames, both.places, both.notes
 
 
-def _order_notes(files: Sources, wholes: Mapping[Plane | None, Scan]) -> list[str]:
+def _order_notes(
+    files: Sources, wholes: Mapping[Plane | None, PictureSource]
+) -> list[str]:
     """Return notes on files whose order is not that of the numbers in their names."""
     notes = []
     for of_plane in wholes:
@@ -456,7 +468,7 @@ def _order_notes(files: Sources, wholes: Mapping[Plane | None, Scan]) -> list[st
     return notes
 
 
-def _number_notes(wholes: Mapping[Plane | None, Scan]) -> list[str]:
+def _number_notes(wholes: Mapping[Plane | None, PictureSource]) -> list[str]:
     """Return notes on frames that numbers put in another order than their names."""
     return [
         f"frames are taken in the order of {whole.numbers[0].source},"
@@ -467,8 +479,8 @@ def _number_notes(wholes: Mapping[Plane | None, Scan]) -> list[str]:
 
 
 def on_one_clock(
-    times: Times, log: ForceLog | None, offset_s: float
-) -> tuple[Times, ForceLog | None, float]:
+    times: FrameTimes, log: ForceLog | None, offset_s: float
+) -> tuple[FrameTimes, ForceLog | None, float]:
     """Return times and log on the log's clock, `offset_s` ahead of the frames', and its
     new zero; both must overlap.
     """
@@ -496,4 +508,4 @@ def on_one_clock(
             " clock"
         )
 
-    return Times(time_s, times.source), moved, origin_s
+    return FrameTimes(time_s, times.source), moved, origin_s

@@ -23,7 +23,7 @@ EVEN_TICKS = 1.5  # within which an even clock must agree with all stamps
 GAP_TICKS = 8.0  # between stamps: the log has a gap
 
 
-def mended(
+def mended_times(
     time_s: Floats, place: Callable[[int], str], tick_s: float = 1.0
 ) -> tuple[Floats, tuple[str, ...]]:
     """Return times that rise, and sentences on what was mended.

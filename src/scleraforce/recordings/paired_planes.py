@@ -8,16 +8,16 @@ import numpy as np
 from scleraforce.base.arrays import Floats, Integers
 from scleraforce.base.errors import InputError
 from scleraforce.recordings.formats.picture_streams import (
+    PictureSource,
     PictureStream,
-    Scan,
     UnansweredError,
     check_kinds,
-    checked,
+    checked_pictures,
     in_order,
 )
 from scleraforce.recordings.frame_names import file_of, numbers_in
 from scleraforce.recordings.frame_order import WAYS, FramesBy
-from scleraforce.records.scan import Plane, check_counts
+from scleraforce.records.scan import Plane, check_frame_counts
 
 MOST_NAMED = 5  # moments in one note
 SHARED = 0.5  # of the shortest step, by which frames of one moment may differ
@@ -25,18 +25,20 @@ APART = 0.75  # of it, by which frames of two moments differ
 
 
 @dataclass(frozen=True, eq=False)
-class Moments:
+class PairedFrames:
     """Frames of several planes: `scan` has one of each moment, with its time; `frames`
     has all, and `places` their moments and planes.
     """
 
-    scan: Scan
-    frames: Scan
+    scan: PictureSource
+    frames: PictureSource
     places: tuple[tuple[int, Plane], ...]
     notes: tuple[str, ...] = ()
 
 
-def moments(scans: Mapping[Plane, Scan], by: FramesBy | None) -> Moments:
+def pair_moments(
+    scans: Mapping[Plane, PictureSource], by: FramesBy | None
+) -> PairedFrames:
     """Pair the frames of planes by their times, else by their numbers, else in order.
 
     Raises:
@@ -58,7 +60,9 @@ def moments(scans: Mapping[Plane, Scan], by: FramesBy | None) -> Moments:
         )
 
     if pairs is None:
-        check_counts({plane.name: len(scan.names) for plane, scan in scans.items()})
+        check_frame_counts(
+            {plane.name: len(scan.names) for plane, scan in scans.items()}
+        )
         if by is None and fault is None:
             _check_same_numbers(scans)
         pairs = np.tile(np.arange(len(each[0].names))[:, np.newaxis], len(each))
@@ -123,7 +127,7 @@ def _by_key(keys: Sequence[Sequence[int]]) -> Integers:
     return np.array([[each.get(key, -1) for each in place] for key in shown])
 
 
-def _check_same_numbers(scans: Mapping[Plane, Scan]) -> None:
+def _check_same_numbers(scans: Mapping[Plane, PictureSource]) -> None:
     numbers = {
         plane.name: set(found.tolist())
         for plane, scan in scans.items()
@@ -143,7 +147,7 @@ def _check_same_numbers(scans: Mapping[Plane, Scan]) -> None:
             )
 
 
-def _numbers(scan: Scan) -> Integers | None:
+def _numbers(scan: PictureSource) -> Integers | None:
     if scan.numbers:
         return scan.numbers[0].values
     files = [file_of(name) for name in scan.names]
@@ -151,8 +155,8 @@ def _numbers(scan: Scan) -> Integers | None:
 
 
 def _of_pairs(
-    scans: Mapping[Plane, Scan], pairs: Integers, fault: str | None
-) -> Moments:
+    scans: Mapping[Plane, PictureSource], pairs: Integers, fault: str | None
+) -> PairedFrames:
     planes = [*scans]
     each = [*scans.values()]
     order = [tuple(pair) for pair in np.argwhere(pairs >= 0).tolist()]
@@ -161,7 +165,7 @@ def _of_pairs(
     rows = range(len(pairs))
 
     def pictures() -> PictureStream:
-        streams = [checked(scan) for scan in each]
+        streams = [checked_pictures(scan) for scan in each]
         return (next(streams[col]) for _, col in order)
 
     def stated(values: Sequence[Floats | Integers]) -> Floats:
@@ -203,10 +207,12 @@ def _of_pairs(
         steps=steps,
     )
     places = tuple((row, planes[col]) for row, col in order)
-    return Moments(scan, whole, places, _lacking(planes, pairs, scan))
+    return PairedFrames(scan, whole, places, _lacking(planes, pairs, scan))
 
 
-def _lacking(planes: Sequence[Plane], pairs: Integers, scan: Scan) -> tuple[str, ...]:
+def _lacking(
+    planes: Sequence[Plane], pairs: Integers, scan: PictureSource
+) -> tuple[str, ...]:
     """Return a sentence on the moments without a frame of every plane."""
     lacking = np.argwhere(pairs < 0).tolist()
     if not lacking:

@@ -28,7 +28,7 @@ from scleraforce.recordings.frame_and_force_tables import (
 )
 from scleraforce.records.decoder import parse_record
 from scleraforce.records.fields import check_quantity
-from scleraforce.records.frame import Pixels, ScaledFrame, Sourced, check_frame
+from scleraforce.records.frame import Pixels, ScaledFrame, SourcedValue, check_frame
 from scleraforce.records.recording_info import RecordingInfo
 from scleraforce.records.scan import Plane, Scanner
 
@@ -312,7 +312,7 @@ def read_scaled_frame(
     width, depth, index = (
         next(
             (
-                Sourced(value, source)
+                SourcedValue(value, source)
                 for scanner, source in stated
                 if (value := getattr(scanner, name))
             ),
@@ -338,5 +338,5 @@ def read_scaled_frame(
 
     notes = (*image.notes, *([image.scale_fault] if image.scale_fault else []))
     return ScaledFrame(
-        pixels, width, depth, index or Sourced(1.0, "assumed"), info, notes
+        pixels, width, depth, index or SourcedValue(1.0, "assumed"), info, notes
     )

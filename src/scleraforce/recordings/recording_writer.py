@@ -50,7 +50,7 @@ class RecordingWriter:
         _write(
             folder / "recording.toml", f"# {comment}\n\n{format_record(info)}".encode()
         )
-        self._table = _Table(folder / "frames.csv", ("file", "time_s", *more))
+        self._table = _TableFile(folder / "frames.csv", ("file", "time_s", *more))
 
     def add(
         self, file: str, time_s: float, pixels: Counts, more: Sequence[str] = ()
@@ -75,7 +75,7 @@ class ForceWriter:
     def __init__(self, folder: Path, columns: Sequence[str]) -> None:
         self._fast = folder / "forces.csv"
         self._slow = folder / "robot_forces.csv"
-        self._table = _Table(self._slow, ("time_s", *columns))
+        self._table = _TableFile(self._slow, ("time_s", *columns))
         self._is_fast = False
         self._steps = self._short_steps = 0
         self._last_s: float | None = None
@@ -106,7 +106,7 @@ class ForceWriter:
         self._table.close()
 
 
-class _Table:
+class _TableFile:
     def __init__(self, path: Path, names: Sequence[str]) -> None:
         self._file = os.open(
             path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644
@@ -197,7 +197,7 @@ def write_log(folder: Path, log: ForceLog) -> None:
     )
 
 
-def written(folder: Path, out: Path) -> Recording:
+def read_written(folder: Path, out: Path) -> Recording:
     """Read the written recording, as every other command will; messages name `out`."""
     try:
         return read_recording(folder)

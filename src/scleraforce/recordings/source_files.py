@@ -38,7 +38,7 @@ ZARR_MARKS = ("zarr.json", ".zattrs", ".zgroup", ".zarray")
 
 
 @dataclass(frozen=True)
-class Listing:
+class SourceListing:
     """Files of sources, those of them that a folder gave, and a sentence on files of
     each folder that are not read.
     """
@@ -53,7 +53,7 @@ def is_whole(path: Path) -> bool:
     return any((path / name).exists() for name in (BAG_MARK, *ZARR_MARKS))
 
 
-def listed(given: Sequence[Path], table: Path | None = None) -> Listing:
+def listed_files(given: Sequence[Path], table: Path | None = None) -> SourceListing:
     """Return the files of sources without a table of times; of folders in the order of
     the numbers in their names.
 
@@ -86,12 +86,12 @@ def listed(given: Sequence[Path], table: Path | None = None) -> Listing:
         if not (tables and path.resolve() in tables)
         and not any(header in found for header in _headers_of(path))
     ]
-    return Listing(tuple(files), frozenset(inside), tuple(notes))
+    return SourceListing(tuple(files), frozenset(inside), tuple(notes))
 
 
 def files_of(given: Sequence[Path]) -> list[Path]:
-    """Return the files of sources, as `listed` does."""
-    return [*listed(given).files]
+    """Return the files of sources, as `listed_files` does."""
+    return [*listed_files(given).files]
 
 
 def _headers_of(path: Path) -> list[Path]:

@@ -22,9 +22,9 @@ from scleraforce.base.plain_json import parse_json
 from scleraforce.base.units import from_si, to_si
 from scleraforce.base.whole_files import KINDS, read_bytes, write_whole
 from scleraforce.records.eye import POPULATION_SD, ForceDiscrepancy, Known, Modulus
-from scleraforce.records.fields import allowed, meant, name_fault
+from scleraforce.records.fields import allowed_bounds, did_you_mean, name_fault
 from scleraforce.records.globe import OPEN, Kind, KnownGlobe
-from scleraforce.records.tissue_relaxation import MOMENTS, KnownRelaxation, rows
+from scleraforce.records.tissue_relaxation import MOMENTS, KnownRelaxation, matrix_rows
 
 CALIBRATION_FORMAT = 3
 MECHANICS = ("finite-strain", "linear")
@@ -34,8 +34,8 @@ STIFFEST_RIGIDITY = 2.0  # mmHg^(1/3) per ul
 NAMED_EYES = 8  # in a sentence
 WRITER = "give a file of `scleraforce calibrate`"
 _HINTED = {
-    "mean_mpa": allowed("youngs_modulus_mpa"),
-    "thickness_um": allowed("thickness_um"),
+    "mean_mpa": allowed_bounds("youngs_modulus_mpa"),
+    "thickness_um": allowed_bounds("thickness_um"),
 }
 _PRINTABLE = r"^[^\x00-\x1f\x7f-\xa0\xad\u2028\u2029\ud800-\udfff]*\Z"
 
@@ -48,7 +48,7 @@ _ThicknessUm = Annotated[
     float, Meta(ge=_HINTED["thickness_um"].low, le=_HINTED["thickness_um"].high)
 ]
 _Rigidity = Annotated[float, Meta(ge=0.0, le=STIFFEST_RIGIDITY)]
-_LeanDeg = Annotated[float, Meta(ge=0.0, le=allowed("lean_deg").high)]
+_LeanDeg = Annotated[float, Meta(ge=0.0, le=allowed_bounds("lean_deg").high)]
 _Stiffening = Annotated[float, Meta(ge=0.0, le=200.0)]
 
 Record = TypeVar("Record")
@@ -211,7 +211,7 @@ class _Population(msgspec.Struct):
     stiffening: _Stiffening = 0.0
 
 
-def converted(content: Any, record: type[Record], place: str) -> Record:
+def typed_record(content: Any, record: type[Record], place: str) -> Record:
     """Return plain content of a calibration file as a typed record; raises
     `CalibrationError` with its `place`.
     """
@@ -234,7 +234,7 @@ def converted(content: Any, record: type[Record], place: str) -> Record:
             key = name or key
 
         hint = (
-            meant(key, found, _HINTED[key])
+            did_you_mean(key, found, _HINTED[key])
             if key in _HINTED and type(found) in (int, float)
             else ""
         )
@@ -254,7 +254,7 @@ def summary_of(file: CalibrationFile) -> CalibrationSummary:
     """
     name = file.path
     content = file.content
-    population = converted(
+    population = typed_record(
         content.get("population"), _Population, f"{name}: population"
     )
 
@@ -299,7 +299,7 @@ def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
             f" {WRITER}"
         )
 
-    for eye in converted(
+    for eye in typed_record(
         content.get("eyes"), dict[str, dict[str, Any]], f"{name}: eyes"
     ):
         wrong = name_fault(eye)
@@ -313,7 +313,7 @@ def summary_of_eye(entry: Any, place: str) -> EyeSummary:
     """Return one entry of `eyes`; `place` is its place in messages; raises
     `CalibrationError`.
     """
-    eye = converted(entry, _EyeEntry, place)
+    eye = typed_record(entry, _EyeEntry, place)
     unchanged = (
         "frames",
         "discrepancy",
@@ -446,7 +446,7 @@ def population_relaxation(summary: CalibrationSummary) -> KnownRelaxation | None
         between = np.cov(means.T) if len(eyes) > 1 else within
         joined |= {
             mean: tuple(means.mean(axis=0).tolist()),
-            covariance: rows(within + between),
+            covariance: matrix_rows(within + between),
         }
 
     if any(one.other for one in eyes):

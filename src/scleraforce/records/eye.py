@@ -303,7 +303,7 @@ def open_doubts(globe: str | None) -> tuple[str, ...]:
     return (_SEALED_DOUBT,) if globe == "sealed" else ()
 
 
-def completed(given: Known, stated: Known) -> Known:
+def completed_eye(given: Known, stated: Known) -> Known:
     """Return the given inputs of an eye, completed by the stated ones, also by a globe
     of the same kind.
 

@@ -93,7 +93,7 @@ class Unit:
 NEEDLE_FORCE = Unit("mn", low=0.0, high=1000.0)
 # Quantities of an eye, its needle and its pictures, with their possible values, ex vivo
 # and in life. Options, keys of files and arguments of these names, in any unit, are
-# checked against them (`allowed`).
+# checked against them (`allowed_bounds`).
 QUANTITIES: Mapping[str, Unit] = {
     "thickness": Unit("um", low=100.0, high=3000.0),
     "youngs_modulus": Unit("mpa", low=0.001, high=50.0),
@@ -220,7 +220,7 @@ def check_fields(record: Any) -> None:
             check_number(field_key(item), unit.from_si(number), unit)
 
 
-class Section:
+class StudySection:
     """A section of a study: every field is within its bounds from the start, and they
     fit together (`_check`).
     """
@@ -246,7 +246,7 @@ def check_number(key: str, number: float, unit: Unit) -> None:
         if end is not None and side * (number - end) > slack:
             raise StudyError(
                 f"{key}: {number:g} is {words} allowed value"
-                f" {end:g}{meant(key, number, unit)}"
+                f" {end:g}{did_you_mean(key, number, unit)}"
             )
 
 
@@ -258,10 +258,10 @@ def check_quantity(key: str, number: float) -> None:
     scleraforce.base.errors.StudyError: thickness_um: 0.65 is below the smallest \
 allowed value 100; did you mean 650 µm (0.65 mm)?
     """
-    check_number(key, number, allowed(key))
+    check_number(key, number, allowed_bounds(key))
 
 
-def allowed(key: str) -> Unit:
+def allowed_bounds(key: str) -> Unit:
     """Return the bounds of one of `QUANTITIES` in the unit of a key; the unit of the
     result has no name.
 
@@ -283,7 +283,7 @@ def allowed(key: str) -> Unit:
     return Unit(low=spec.to_si(spec.low), high=spec.to_si(spec.high))
 
 
-def meant(key: str, number: float, unit: Unit) -> str:
+def did_you_mean(key: str, number: float, unit: Unit) -> str:
     """Return "; did you mean ...?" if a number outside its bounds is inside them in a
     unit that is often mixed up.
 
@@ -322,7 +322,7 @@ LONGEST_ID = 200
 
 def optional_quantity(key: str, unit: HumanUnit | None = None) -> Any:
     """Return a field that may be missing, within the bounds allowed for its key."""
-    return quantity(None, unit, allowed(key).low, allowed(key).high)
+    return quantity(None, unit, allowed_bounds(key).low, allowed_bounds(key).high)
 
 
 def name_fault(name: str, what: str = "eye") -> str | None:

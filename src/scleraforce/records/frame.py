@@ -55,7 +55,7 @@ def frame_digest(pixels: Pixels) -> str:
 
 
 @dataclass(frozen=True)
-class Sourced:
+class SourcedValue:
     """A value, and its source: "option", "recording.toml", "file", or an assumption."""
 
     value: float
@@ -69,9 +69,9 @@ class ScaledFrame:
     """
 
     pixels: Pixels
-    width_m: Sourced
-    depth_m: Sourced
-    refractive_index: Sourced
+    width_m: SourcedValue
+    depth_m: SourcedValue
+    refractive_index: SourcedValue
     info: RecordingInfo | None
     notes: tuple[str, ...] = ()
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from scleraforce.base.errors import InputError, StudyError
 from scleraforce.base.units import to_si
 from scleraforce.records.fields import (
-    allowed,
+    allowed_bounds,
     check_fields,
     name_fault,
     quantity,
@@ -105,7 +105,7 @@ def check_planes(planes: tuple[Plane, ...], given: str = "plane") -> None:
                 )
 
 
-def check_counts(counts: Mapping[str, int]) -> None:
+def check_frame_counts(counts: Mapping[str, int]) -> None:
     """Raise an `InputError` unless there are as many frames of each plane."""
     if len(set(counts.values())) > 1:
         words = ", ".join(f"{name!r} has {count}" for name, count in counts.items())
@@ -125,8 +125,12 @@ class OctInfo:
     columns: int = required(low=16, high=16384)
     rows: int = required(low=16, high=16384)
     bits: int = required(low=1, high=16)
-    width_m: float = required(low=allowed("width_m").low, high=allowed("width_m").high)
-    depth_m: float = required(low=allowed("depth_m").low, high=allowed("depth_m").high)
+    width_m: float = required(
+        low=allowed_bounds("width_m").low, high=allowed_bounds("width_m").high
+    )
+    depth_m: float = required(
+        low=allowed_bounds("depth_m").low, high=allowed_bounds("depth_m").high
+    )
     plane_direction_rad: float | None = quantity(None, None, -6.3, 6.3)
     plane_tilt_rad: float = quantity(0.0, None, -1.0, 1.0)
     refractive_index: float = quantity(1.0, None, 1.0, 2.0)

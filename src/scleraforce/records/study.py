@@ -22,8 +22,8 @@ from scleraforce.records.fields import (
     Choice as Choice,
     Range as Range,
     Sampled as Sampled,
-    Section,
-    allowed,
+    StudySection,
+    allowed_bounds,
     draw as draw,
     field_key,
     fixed as fixed,
@@ -60,7 +60,7 @@ from scleraforce.records.study_of_networks import (
 
 
 @dataclass(frozen=True)
-class ClassesStudy(Section):
+class ClassesStudy(StudySection):
     """Bounds of the force classes: class k lies between bounds k-1 and k; a bound
     belongs to the class above 0.
 
@@ -83,13 +83,16 @@ class ClassesStudy(Section):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CalibrationStudy(Section):
+class CalibrationStudy(StudySection):
     """The reduced-order unscented Kalman filter (paper sec. 2.2, 3.2);
     `docs/calibration.md` explains each value.
     """
 
     prior_mean_pa: float = quantity(
-        0.49, "mpa", allowed("youngs_modulus").low, allowed("youngs_modulus").high
+        0.49,
+        "mpa",
+        allowed_bounds("youngs_modulus").low,
+        allowed_bounds("youngs_modulus").high,
     )
     prior_sd_pa: float = quantity(0.34, "mpa", 0.0001, 100.0)
     points: int = quantity(10, None, 2, 200)
@@ -113,7 +116,7 @@ LEAST_STIFFENINGS = 4  # that cubic splines run through
 
 
 @dataclass(frozen=True, kw_only=True)
-class LibraryStudy(Section):
+class LibraryStudy(StudySection):
     """Ranges of the library and the density of its grid; `docs/library.md` states the
     error of the interpolation.
 
@@ -166,7 +169,7 @@ class LibraryStudy(Section):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DatasetGroup(Section):
+class DatasetGroup(StudySection):
     """A part of the data set with one wall thickness."""
 
     thickness_m: float = quantity(500.0, "um", 300.0, 1200.0)
@@ -184,7 +187,7 @@ PAPER_GROUPS = (
 
 
 @dataclass(frozen=True)
-class DatasetStudy(Section):
+class DatasetStudy(StudySection):
     """The simulated slices (paper sec. 2.3, 3.3). `framing_*` shifts the window, `gap`
     overrides the needle's.
     """
@@ -243,7 +246,7 @@ class Study:
 # the paper's.
 PRESET_FILES = {"ex-vivo": "paper.toml", "living": "living.toml"}
 PRESETS = tuple(PRESET_FILES)
-# in a preset: stands for all of its keys, which are explained in `scenes`
+# in a preset: stands for all of its keys, which are explained in `study_of_images`
 SCENES_TABLE = "[scenes]"
 
 

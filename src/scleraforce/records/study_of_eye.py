@@ -13,15 +13,15 @@ from scleraforce.records.fields import (
     Choice,
     Range,
     Sampled,
-    Section,
-    allowed,
+    StudySection,
+    allowed_bounds,
     option,
     quantity,
 )
 
 
 @dataclass(frozen=True, kw_only=True)
-class EyeStudy(Section):
+class EyeStudy(StudySection):
     """The half-sphere and its material (paper sec. 2.1, 2.2)."""
 
     radius_m: float = quantity(12.0, "mm", 5.0, 30.0)
@@ -32,12 +32,15 @@ class EyeStudy(Section):
         Choice((400.0, 500.0, 600.0, 700.0, 800.0)), "um", 300.0, 1200.0
     )
     youngs_modulus_pa: float = quantity(
-        0.25, "mpa", allowed("youngs_modulus").low, allowed("youngs_modulus").high
+        0.25,
+        "mpa",
+        allowed_bounds("youngs_modulus").low,
+        allowed_bounds("youngs_modulus").high,
     )
 
 
 @dataclass(frozen=True)
-class MeshStudy(Section):
+class MeshStudy(StudySection):
     """The mesh: quads on the sphere, extruded inward ("graded" towards the contact, as
     finite strain always is).
 
@@ -77,7 +80,7 @@ class MeshStudy(Section):
 
 
 @dataclass(frozen=True, kw_only=True)
-class NeedleStudy(Section):
+class NeedleStudy(StudySection):
     """The needle (22G: 0.7 mm) and where it pushes; in finite strain its force may tilt
     against the normal.
     """
@@ -91,7 +94,7 @@ class NeedleStudy(Section):
 
 
 @dataclass(frozen=True)
-class MechanicsStudy(Section):
+class MechanicsStudy(StudySection):
     """Linear mechanics, or finite strain; `follower`: the pressure stays normal to the
     wall as it bends.
     """
@@ -101,7 +104,7 @@ class MechanicsStudy(Section):
 
 
 @dataclass(frozen=True)
-class TissueStudy(Section):
+class TissueStudy(StudySection):
     """The wall's material beside Young's modulus and Poisson's ratio, in finite strain.
 
     `stiffening` is b of `mechanics.tissue_material`, without a unit; 0: neo-Hookean. In
@@ -110,7 +113,7 @@ class TissueStudy(Section):
 
     `softer_through`: E along the wall over that of the matrix between the fibres, which
     shear through the wall meets; `stiffer_around`: E around the eye's axis over E along
-    the meridian, whose geometric mean is E (`neo_hookean`).
+    the meridian, whose geometric mean is E (`neo_hookean_solid`).
 
     `relaxation` (term, 2): the share of a held force that is lost in the end, and its
     time constant in s, drawn for each eye (`mechanics.tissue_material`); no terms: the
@@ -195,7 +198,7 @@ def relaxation_text(terms: Sequence[Sequence[float]]) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SupportsStudy(Section):
+class SupportsStudy(StudySection):
     """The paper's clamped base; or an eye's supports in the head: an elastic bed,
     straps of rectus muscles, or both.
 
@@ -229,7 +232,7 @@ RIGIDITY_LAWS = ("cube-root", "logarithmic")
 
 
 @dataclass(frozen=True)
-class GlobeStudy(Section):
+class GlobeStudy(StudySection):
     """An open globe (infused or vented), as in the paper, or a sealed one, whose
     pressure rises with the dent.
 
@@ -240,7 +243,10 @@ class GlobeStudy(Section):
 
     kind: str = option("open", *GLOBES)
     rigidity_pa13_per_m3: float = quantity(
-        0.03, "mmhg13_per_ul", allowed("rigidity").low, allowed("rigidity").high
+        0.03,
+        "mmhg13_per_ul",
+        allowed_bounds("rigidity").low,
+        allowed_bounds("rigidity").high,
     )
     rigidity_law: str = option("cube-root", *RIGIDITY_LAWS)
     leak_time_s: float = quantity(0.0, None, 0.0, 1e6)
@@ -268,7 +274,7 @@ MOST_UNEVEN = 0.5  # sum of the waves' amplitudes
 
 
 @dataclass(frozen=True, kw_only=True)
-class WaveStudy(Section):
+class WaveStudy(StudySection):
     """One wave of the wall's thickness: a Legendre polynomial of the angle to an axis,
     times the amplitude.
 
@@ -283,7 +289,7 @@ class WaveStudy(Section):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RegionStudy(Section):
+class RegionStudy(StudySection):
     """A spherical cap of another modulus; the default is as wide as the cornea: 11.5 mm
     across on an eye of 24 mm.
 
@@ -299,7 +305,7 @@ class RegionStudy(Section):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CorneaStudy(Section):
+class CorneaStudy(StudySection):
     """A cornea of another radius than the globe's; the defaults are a human eye's.
 
     The outer surface inside the limbus, a ring of `limbus_radius_m` about the cornea's
@@ -326,7 +332,7 @@ class CorneaStudy(Section):
 
 
 @dataclass(frozen=True)
-class FormStudy(Section):
+class FormStudy(StudySection):
     """Semi-axes as shares of the radius, of the whole eye; waves of the thickness,
     regions, and a cornea.
     """

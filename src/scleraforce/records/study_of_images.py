@@ -21,7 +21,7 @@ from scleraforce.records.fields import (
     Choice,
     Range,
     Sampled,
-    Section,
+    StudySection,
     fixed,
     option,
     quantity,
@@ -29,7 +29,7 @@ from scleraforce.records.fields import (
 
 
 @dataclass(frozen=True, kw_only=True)
-class OctStudy(Section):
+class OctStudy(StudySection):
     """The scanner's raw frame (paper sec. 3.1). `refractive_index` 1: depth is
     corrected already.
     """
@@ -43,7 +43,7 @@ class OctStudy(Section):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SliceStudy(Section):
+class SliceStudy(StudySection):
     """The binary slice. `margin_m`: depth of the unloaded wall's top below row 0."""
 
     columns: int = quantity(140, None, 8, 4096)
@@ -53,7 +53,7 @@ class SliceStudy(Section):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PhantomStudy(Section):
+class PhantomStudy(StudySection):
     """Ranges of a virtual acquisition; `docs/recordings.md` says what is drawn per
     frame and what per recording.
     """
@@ -175,7 +175,7 @@ def span(
 
 
 @dataclass(frozen=True, kw_only=True)
-class SceneWindowStudy(Section):
+class SceneWindowStudy(StudySection):
     """The frame: its pixels, size and place; more or fewer `rows` are drawn to keep a
     pixel within `pixel_m`.
 
@@ -231,7 +231,7 @@ class SceneWindowStudy(Section):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SceneEyeStudy(Section):
+class SceneEyeStudy(StudySection):
     """The wall: its meridian has one radius in the cornea and another in the sclera;
     they meet at `limbus_m`.
 
@@ -284,7 +284,7 @@ class SceneEyeStudy(Section):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SceneTissueStudy(Section):
+class SceneTissueStudy(StudySection):
     """The tissue below the surface; levels against the sclera's backscatter unless said
     otherwise.
 
@@ -402,7 +402,7 @@ class SceneTissueStudy(Section):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SceneOverStudy(Section):
+class SceneOverStudy(StudySection):
     """Objects over the wall, and their shadows; levels over the mean noise.
 
     Lashes hang below the lid. Specks float below a contact lens, which is at
@@ -467,7 +467,7 @@ class SceneOverStudy(Section):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SceneScannerStudy(Section):
+class SceneScannerStudy(StudySection):
     """The scanner: speckle, noise, artefacts, counts (logarithmic up to where
     `saturated_fraction` are above).
     """
@@ -557,7 +557,7 @@ DENTED_DEEP = 0.3  # of the dents of other views: a needle at the apex is rare
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScenesStudy(Section):
+class ScenesStudy(StudySection):
     """All of a drawn scene; `seed` and the scene's number decide what is drawn."""
 
     seed: int = quantity(0, None, 0, 2**31 - 1)

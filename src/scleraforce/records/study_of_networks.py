@@ -5,11 +5,11 @@ of `[reader]`.
 from dataclasses import dataclass, field, fields
 
 from scleraforce.base.errors import StudyError
-from scleraforce.records.fields import Range, Sampled, Section, Unit, quantity
+from scleraforce.records.fields import Range, Sampled, StudySection, Unit, quantity
 
 
 @dataclass(frozen=True, kw_only=True)
-class NetworkStudy(Section):
+class NetworkStudy(StudySection):
     """The classifier and its training (paper sec. 2.4).
 
     A sample of `mirror` with left and right exchanged is the same B-scan plane, seen
@@ -35,7 +35,7 @@ class NetworkStudy(Section):
 
 
 @dataclass(frozen=True, kw_only=True)
-class WallFinderStudy(Section):
+class WallFinderStudy(StudySection):
     """The network that finds the wall in reduced frames; each level of `channels` has
     half the resolution.
 
@@ -67,7 +67,7 @@ class WallFinderStudy(Section):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReaderStudy(Section):
+class ReaderStudy(StudySection):
     """The reader's training: eyes, framing, known inputs, the network and its descent;
     `paper.toml` explains the keys.
 
@@ -152,7 +152,7 @@ class ReaderStudy(Section):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RawReaderStudy(Section):
+class RawReaderStudy(StudySection):
     """The raw reader's training; its eyes follow `[reader]`, light and scanner follow
     `[phantom]` and `[oct]`.
 

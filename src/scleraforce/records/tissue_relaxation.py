@@ -139,15 +139,17 @@ class KnownRelaxation:
         return cls(
             times_s=tuple(times_s),
             shares=tuple(shares),
-            covariance=rows(covariance),
+            covariance=matrix_rows(covariance),
             held=(MOST_HELD / 2,) * terms,
-            held_covariance=rows(np.full((terms, terms), (SPREAD * MOST_HELD) ** 2)),
+            held_covariance=matrix_rows(
+                np.full((terms, terms), (SPREAD * MOST_HELD) ** 2)
+            ),
             before_n=(MOST_BEFORE_N / 2,) * terms,
-            before_covariance_n2=rows(
+            before_covariance_n2=matrix_rows(
                 np.full((terms, terms), (SPREAD * MOST_BEFORE_N) ** 2)
             ),
             after=(0.0,) * terms,
-            after_covariance_n2=rows(np.zeros((terms, terms))),
+            after_covariance_n2=matrix_rows(np.zeros((terms, terms))),
             every_s=None,
             held_s=None,
             source=source,
@@ -173,6 +175,6 @@ def _is_covariance(matrix: Floats) -> bool:
     return bool((np.linalg.eigvalsh(matrix) >= -ROUNDING * size).all())
 
 
-def rows(matrix: Floats) -> Matrix:
+def matrix_rows(matrix: Floats) -> Matrix:
     """Return a matrix as tuples."""
     return tuple(tuple(row) for row in matrix.tolist())

@@ -54,7 +54,7 @@ def find_wall(
     `frame`: counts, uint8 or uint16, shape (row, column); rows go down into the eye.
     With a known thickness the surface is looked for below a conjunctiva, too. A network
     (`finder`) checks the wall, which is then the one that both methods give (see
-    `checked_wall.checked_by`); the control loop has no time for its 7 ms. A frame
+    `two_methods.checked_by`); the control loop has no time for its 7 ms. A frame
     without a wall has NaN boundaries and an empty mask.
 
     Raises:
@@ -91,7 +91,7 @@ def find_wall(
     if finder is None:
         return found
 
-    # Imported here: ONNX Runtime takes longer than a frame does.
+    # 57 ms: ONNX Runtime and the models, not without a finder
     from scleraforce.wall.two_methods import checked_by
 
     return checked_by(finder, frame, scale, first, found)
@@ -106,7 +106,7 @@ def _first_wall(
         return without_wall(frame.shape, EMPTY)
 
     part = part_of_frame(frame, is_bytes, scale, left, dark[left:after])
-    (cells, floor, saturated, begin), found = part.look(brightest)
+    (cells, floor, saturated, begin), found = part.segment(brightest)
     if brightest - floor < EMPTY_SHARE * brightest:
         return without_wall(frame.shape, EMPTY)
     if saturated:
@@ -124,7 +124,7 @@ def _first_wall(
         part.columns,
     )
     if needle is None:
-        return part.look(0)[1]
+        return part.segment(0)[1]
 
     beside = part_beside(
         frame, part, (needle.hidden[0] - left, needle.hidden[1] - left)
@@ -134,7 +134,7 @@ def _first_wall(
             frame.shape, "the needle and its shadow hide the wall", needle
         )
 
-    found = replace(beside.look(0)[1], needle=needle)
+    found = replace(beside.segment(0)[1], needle=needle)
     for boundary in (found.outer_row, found.inner_row):
         boundary[slice(*needle.hidden)] = np.nan
 

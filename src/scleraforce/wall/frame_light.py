@@ -320,7 +320,7 @@ def noise_floor(cells: Counts) -> int:
 @compiled
 def brighter_columns(cells: Counts, rows: int) -> Integers:
     """Return the columns that are much brighter than the others in the uppermost rows:
-    see `needle`.
+    see `needle_in_frame`.
     """
     columns = cells.shape[1]
     total = np.zeros(columns, np.float32)

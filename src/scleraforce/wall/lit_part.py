@@ -12,8 +12,8 @@ from scleraforce.wall.frame_light import LEAST_SHAPE, counts_of, find_lit
 from scleraforce.wall.per_frame_loops import (
     FINE_COLUMNS,
     Workplace,
+    find_boundaries,
     fine_columns,
-    look,
     workplace_for,
 )
 from scleraforce.wall.wall import (
@@ -34,7 +34,7 @@ LARGEST_LEFT = 0.5  # of the imaged width may be below the frame
 LEAST_SIDE = 0.05  # of the imaged width: less beside a needle is not looked at
 
 
-class Part(NamedTuple):
+class LitPart(NamedTuple):
     """The imaged part of a frame: `frame` from its column `first` on, as many as
     `missing` has.
     """
@@ -49,11 +49,11 @@ class Part(NamedTuple):
     is_bytes: bool
     hidden: tuple[int, int] | None  # the span of the part's columns that a needle hides
 
-    def look(
+    def segment(
         self, brightest: int
     ) -> tuple[tuple[Counts, int, bool, Integers], Segmentation]:
         """Return cells, their floor, whether they are saturated, where a needle may
-        begin; and the wall: see `look`.
+        begin; and the wall: see `find_boundaries`.
         """
         width = len(self.missing)
         shape = (len(self.frame), self.columns)
@@ -66,16 +66,18 @@ class Part(NamedTuple):
             behind = int(start), int(stop)
 
         rows = np.empty((2, self.columns))
-        cells, floor, saturated, begin, seen, contrast, noise, thickness_m = look(
-            self.frame,
-            self.first,
-            self.is_bytes,
-            brightest,
-            self.missing,
-            behind,
-            self.workplace,
-            self.left,
-            rows,
+        cells, floor, saturated, begin, seen, contrast, noise, thickness_m = (
+            find_boundaries(
+                self.frame,
+                self.first,
+                self.is_bytes,
+                brightest,
+                self.missing,
+                behind,
+                self.workplace,
+                self.left,
+                rows,
+            )
         )
 
         points = min(width, FINE_COLUMNS)
@@ -102,7 +104,7 @@ class Part(NamedTuple):
         return (cells, floor, saturated, begin), wall
 
 
-def lit_part(frame: Pixels, scale: PixelScale) -> Part | None:
+def lit_part(frame: Pixels, scale: PixelScale) -> LitPart | None:
     """Return the imaged part of a frame; None: nothing is imaged."""
     counts = counts_of(frame)
     left, after, lit, _, dark, _ = find_lit(counts)
@@ -120,7 +122,7 @@ def part_of_frame(
     left: int,
     missing: Flags,
     hidden: tuple[int, int] | None = None,
-) -> Part:
+) -> LitPart:
     """Return the part of a frame from a column on, missing ones as the nearest that are
     not; neither end is missing.
     """
@@ -141,12 +143,14 @@ def part_of_frame(
 
         frame = counts_of(filled)
 
-    return Part(
+    return LitPart(
         frame, first, left, columns, missing, scale, workplace, is_bytes, hidden
     )
 
 
-def part_beside(frame: Counts, part: Part, hidden: tuple[int, int]) -> Part | None:
+def part_beside(
+    frame: Counts, part: LitPart, hidden: tuple[int, int]
+) -> LitPart | None:
     """Return what a frame shows beside a needle that hides a span of its imaged part;
     None: hardly anything.
 

@@ -133,7 +133,7 @@ def find_needle(
     one is `left`, or None.
 
     It begins in one of the columns `begin` of the grid, `cells` of a size: see
-    `light.brighter_columns`.
+    `frame_light.brighter_columns`.
     """
     edges = _find_edges(frame, cells, size, begin)
     shaded = _shaded(cells, size, edges) if edges else None

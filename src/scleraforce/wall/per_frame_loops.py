@@ -138,7 +138,7 @@ def grouped(values: Singles) -> Singles:
     return values[grouping(len(values))[0]].reshape(-1, GROUP).mean(axis=1)
 
 
-class Tables(NamedTuple):
+class FrameTables(NamedTuple):
     """Lengths in rows and columns, and constant arrays, for the imaged part of frames
     of one size and scale.
     """
@@ -182,14 +182,14 @@ class Workplace(structref.StructRefProxy):
     cached compiled code only.
     """
 
-    tables: Tables
+    tables: FrameTables
 
 
 structref.define_proxy(Workplace, _WorkplaceType, ["tables"])
 
 
 @compiled
-def _new_workplace(tables: Tables) -> Workplace:
+def _new_workplace(tables: FrameTables) -> Workplace:
     return Workplace(tables)
 
 
@@ -225,7 +225,7 @@ def workplace_for(
     )
     group, group_weight = _two_of_each(groups)
     map_rows = grid.rows // ROWS
-    tables = Tables(
+    tables = FrameTables(
         width=width,
         step_rows=grid.step_rows,
         top_rows=top_rows(grid),
@@ -276,7 +276,7 @@ def _two_of_each(matrix: Singles) -> tuple[Integers, Singles]:
 
 
 @compiled
-def look(
+def find_boundaries(
     frame: Counts,
     first: int,
     eight_bits: bool,
@@ -367,7 +367,11 @@ def look(
 
 @compiled
 def _fit_strip(
-    frame: Counts, first: int, start: Singles, behind: tuple[int, int], tables: Tables
+    frame: Counts,
+    first: int,
+    start: Singles,
+    behind: tuple[int, int],
+    tables: FrameTables,
 ) -> tuple[Singles, Singles, float]:
     """Move a surface from its start to the edge of the full frame; return rows,
     contrast and the noise of a pixel.
@@ -388,7 +392,12 @@ def _fit_strip(
 
 @compiled
 def _find_inner(
-    frame: Counts, first: int, floor: int, tables: Tables, row: Singles, present: Flags
+    frame: Counts,
+    first: int,
+    floor: int,
+    tables: FrameTables,
+    row: Singles,
+    present: Flags,
 ) -> tuple[Singles, float]:
     """Return the inner boundary's rows below a surface without gaps, and the median
     thickness, NaN: not found.
@@ -422,7 +431,7 @@ def _search_below(
     frame: Counts,
     first: int,
     floor: int,
-    tables: Tables,
+    tables: FrameTables,
     row: Singles,
     present: Flags,
     along_rows: Singles,

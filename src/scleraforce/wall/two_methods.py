@@ -23,7 +23,7 @@ from scleraforce.records.frame import Pixels
 from scleraforce.records.scan import PixelScale
 from scleraforce.wall.frame_light import LEAST_SHAPE
 from scleraforce.wall.inner_boundary import CELL_M, CELLS, stretch
-from scleraforce.wall.lit_part import Part, lit_part
+from scleraforce.wall.lit_part import LitPart, lit_part
 from scleraforce.wall.per_frame_loops import (
     continuation,
     edge_near,
@@ -117,7 +117,9 @@ def checked_by(
     beside_first = beside_found if first is found else differences_of(first, seen)
     disagreement = min(_largest(beside_found), _largest(beside_first))
     methods = BothWalls(found, first, seen, disagreement)
-    reason = found.reason or (doubt(beside_found) and doubt(beside_first))
+    reason = found.reason or (
+        reason_to_doubt(beside_found) and reason_to_doubt(beside_first)
+    )
 
     if found is first and sees_wall(seen):
         shown = refined_wall(part, seen)
@@ -135,7 +137,7 @@ def checked_by(
         found = replace(shown, needle=found.needle)
 
     inner_row = (
-        sharpened(frame, found.inner_row, scale)
+        sharpened_boundary(frame, found.inner_row, scale)
         if found.inner_found
         else found.inner_row
     )
@@ -186,7 +188,7 @@ def ways_agree(other: Segmentation, seen: SeenWall, layer_rows: float) -> bool:
     )
 
 
-def doubt(differences: list[Difference]) -> str:
+def reason_to_doubt(differences: list[Difference]) -> str:
     """Return what speaks against a wall once a network has looked, too, '' where
     nothing does.
     """
@@ -304,7 +306,7 @@ class _Start:
     step_rows: float
 
 
-def refined_wall(part: Part, seen: SeenWall) -> Segmentation:
+def refined_wall(part: LitPart, seen: SeenWall) -> Segmentation:
     """Return the network's wall, moved to the edges of the full frame near it."""
     width = len(part.missing)
     rows = len(part.frame)
@@ -339,7 +341,7 @@ def refined_wall(part: Part, seen: SeenWall) -> Segmentation:
     )
 
 
-def _surface(part: Part, start: _Start) -> Singles:
+def _surface(part: LitPart, start: _Start) -> Singles:
     """Return the surface at `fine_columns`: the edge near the network's, its own where
     none is near.
     """
@@ -364,7 +366,7 @@ def _surface(part: Part, start: _Start) -> Singles:
     return surface
 
 
-def _inner(part: Part, row: Singles, start: _Start) -> tuple[Singles, bool, float]:
+def _inner(part: LitPart, row: Singles, start: _Start) -> tuple[Singles, bool, float]:
     """Return the inner boundary's rows, whether an edge shows it, and the median
     thickness along the normal, m.
 
@@ -394,7 +396,7 @@ def _inner(part: Part, row: Singles, start: _Start) -> tuple[Singles, bool, floa
 
 
 def _thickness(
-    part: Part, row: Singles, along_rows: Singles, start: _Start
+    part: LitPart, row: Singles, along_rows: Singles, start: _Start
 ) -> tuple[Singles, bool]:
     """Return the wall's thickness along the normal at `fine_columns`, m, and whether an
     edge shows it.
@@ -440,7 +442,7 @@ def _thickness(
     return thickness_m, bool(shown.mean() > SHOWN_SHARE)
 
 
-def sharpened(frame: Pixels, inner_row: Floats, scale: PixelScale) -> Floats:
+def sharpened_boundary(frame: Pixels, inner_row: Floats, scale: PixelScale) -> Floats:
     """Return an inner boundary at the edge in the full frame near it, (column,).
 
     The edge parts the rows about the boundary so that both parts spread least. Beside a

@@ -68,7 +68,7 @@ def segmented_boundaries(segmentation: Segmentation, scale: PixelScale) -> Bound
     index, above it is not. Where the frame ends before the wall does, where the wall is
     steep, or far from as thick as elsewhere, the inner boundary is not used.
     """
-    lateral_m, outer_m = surface(segmentation, scale)
+    lateral_m, outer_m = surface_places(segmentation, scale)
     bottom_m = segmentation.rows * scale.depth_m - BOTTOM_M
     inner_m = np.full_like(outer_m, np.nan)
 
@@ -91,7 +91,9 @@ def segmented_boundaries(segmentation: Segmentation, scale: PixelScale) -> Bound
     )
 
 
-def surface(segmentation: Segmentation, scale: PixelScale) -> tuple[Floats, Floats]:
+def surface_places(
+    segmentation: Segmentation, scale: PixelScale
+) -> tuple[Floats, Floats]:
     """Return the columns' lateral places from the frame's middle and the surface's
     depth, (column,), m; NaN: unseen.
     """
@@ -106,7 +108,7 @@ def surface(segmentation: Segmentation, scale: PixelScale) -> tuple[Floats, Floa
     return lateral_m, outer_m
 
 
-def dent(boundaries: Boundaries) -> float:
+def dent_depth_m(boundaries: Boundaries) -> float:
     """Return the depth of the surface below the line through its flanks, m; NaN if it
     is not seen there.
 
@@ -318,7 +320,7 @@ def boundary_slices(
     """
     columns = slice_study.columns
     pixel_m = slice_study.pixel_m
-    lateral_m, outer_m = surface(segmentation, scale)
+    lateral_m, outer_m = surface_places(segmentation, scale)
     seen_m = lateral_m[
         (np.abs(lateral_m) <= columns * pixel_m / 2) & np.isfinite(outer_m)
     ]
@@ -440,7 +442,7 @@ def given_wall(
         source=source,
         sd_rows=sd_rows,
     )
-    lateral_m, outer_m = surface(wall, scale)
+    lateral_m, outer_m = surface_places(wall, scale)
     along_m = (
         (inner_row - outer_row)
         * scale.depth_m
@@ -453,7 +455,7 @@ def given_wall(
     return replace(wall, inner_found=bool(inside.any()), thickness_m=thickness_m)
 
 
-def check_size(mask: Bytes, shape: tuple[int, ...], place: str) -> None:
+def check_mask_size(mask: Bytes, shape: tuple[int, ...], place: str) -> None:
     """Raise a `FrameError` naming `place` unless a mask has the shape of its frame."""
     if mask.shape != shape:
         size, of_frame = (

@@ -23,22 +23,22 @@ def test_what_the_files_leave_open_is_asked_and_frames_may_be_left_out(
     )
     paths = [tmp_path / "scan.tif", tmp_path / "log.csv"]
     sources = Sources()
-    asked = sources.look(paths, [], Checked())
+    asked = sources.describe(paths, [], Checked())
     assert asked["option"] == "--column"
     columns = ("time=Clock:ms", "fz=Pull:mN")
-    found = sources.look(paths, [], Checked(width_mm=15.0, columns=columns))
+    found = sources.describe(paths, [], Checked(width_mm=15.0, columns=columns))
     assert (found["frames"], found["rows"], found["columns"]) == (5, 32, 48)
     assert {"depth_mm", "bits", "rate_hz", "eye", "gauge"} <= set(found["missing"])
     assert "width_mm" not in found["missing"]
     assert found["stated"]["axis"]["value"] == "fz"
     assert max(found["log"]["fz"]["high"]) == pytest.approx(399.0)
-    some = sources.look(
+    some = sources.describe(
         paths, [], Checked(first_frame=2, last_frame=3, columns=columns)
     )
     assert some["frames"] == 2
 
     with pytest.raises(InputError, match="--last-frame: frames 1 to 6 of 5"):
-        sources.look(paths, [], Checked(last_frame=6, columns=columns))
+        sources.describe(paths, [], Checked(last_frame=6, columns=columns))
 
     assert sources.picture(paths, [], Checked(columns=columns), 4).startswith(
         b"\x89PNG"
@@ -56,11 +56,11 @@ def test_names_with_gaps_are_asked_about_and_a_changed_table_is_read_again(
 
     paths = [tmp_path / name for name in names]
     sources = Sources()
-    asked = sources.look(paths, [], Checked(rate_hz=2.0))
+    asked = sources.describe(paths, [], Checked(rate_hz=2.0))
     assert (asked["option"], asked["forms"]) == ("--frames-by", [])
     assert "f4.png follows f2.png" in asked["question"]
     for by in ("numbers", "order", "times:s"):
-        assert sources.look(paths, [], Checked(frames_by=by))["frames"] == 3
+        assert sources.describe(paths, [], Checked(frames_by=by))["frames"] == 3
 
     table = tmp_path / "t.csv"
     table.write_text("file,time_s\nf1.png,1\nf2.png,2\nf4.png,3\n")
@@ -82,9 +82,9 @@ def test_stacks_of_two_planes_are_one_scan_without_a_gap_to_give(
 
     paths = [tmp_path / "along.tif", tmp_path / "across.tif"]
     sources = Sources()
-    joined = sources.look(paths, [], Checked())
+    joined = sources.describe(paths, [], Checked())
     assert (joined["frames"], "gap_mm" in joined["missing"]) == (6, True)
-    crossed = sources.look(
+    crossed = sources.describe(
         paths, [parse_plane("along:0:0"), parse_plane("across:0:90")], Checked()
     )
     assert (crossed["frames"], "gap_mm" in crossed["missing"]) == (3, False)

@@ -35,7 +35,7 @@ from small_recordings import (
 
 from scleraforce.base.errors import InputError
 from scleraforce.front.api.importing import import_recording
-from scleraforce.front.cli import import_command as terminal
+from scleraforce.front.cli import import_command
 from scleraforce.front.cli.import_command import import_
 from scleraforce.front.cli.main import run
 from scleraforce.recordings import import_answers
@@ -666,7 +666,7 @@ def test_a_contradiction_in_a_file_needs_the_options_and_is_noted_then(
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
     """Import on a terminal, on which these answers are given."""
-    monkeypatch.setattr(terminal, "_can_ask", lambda: True)
+    monkeypatch.setattr(import_command, "_can_ask", lambda: True)
 
     def answered(answers: list[str], *arguments: object) -> Result:
         return CliRunner().invoke(

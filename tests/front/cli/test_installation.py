@@ -146,7 +146,7 @@ def test_without_pytorch_training_is_missing_and_with_it_a_model_is_trained() ->
 
 
 # of a joint fit, which takes much longer: compiled at its first use
-FOR_TESTS = {"fit_loops.predict"}
+FOR_TESTS = {"shown_wall.predict_depths"}
 
 
 @pytest.mark.slow

@@ -50,7 +50,7 @@ from scleraforce.live.companions.decision_log import read_log
 from scleraforce.live.decision.limits import MonitorLimits
 from scleraforce.live.network.openigtlink import Image, Query, Sensor, Status
 from scleraforce.live.network.operator_reset import ask_reset
-from scleraforce.reading.load_model import load_model
+from scleraforce.reading.load_model import load_reader
 from scleraforce.recordings.recording_folder import read_recording, true_forces
 from scleraforce.records.eye import NOTHING_KNOWN
 from scleraforce.records.model_folder import SHIPPED_READER
@@ -255,7 +255,7 @@ def test_a_push_in_two_planes_is_replayed_decided_on_recorded_and_evaluated(
     ]
     held = [moment for moment in recorded.moments if len(moment) == 2][-3:]
     found = evaluate_recordings(
-        load_model("default"),
+        load_reader("default"),
         [replace(recorded, frames=tuple(chain(*held)), forces=None)],
     )
     assert [frame.plane for frame in found.frames] == ["along", "across"] * 3

@@ -104,7 +104,7 @@ def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(
         library_store,
         "build_library",
-        lambda *_, **__: library_store.Building(144, 144, 1.0),
+        lambda *_, **__: library_store.LibraryBuild(144, 144, 1.0),
     )
 
     return folder

@@ -24,7 +24,7 @@ from scleraforce.base.errors import ModelError
 from scleraforce.front.api.calibrating import library_for
 from scleraforce.front.cli.output import count_bar
 from scleraforce.lab.scenes.drawn_scenes import draw_scene
-from scleraforce.lab.training import slice_dataset as generate
+from scleraforce.lab.training import slice_dataset
 from scleraforce.lab.training.slice_dataset import open_dataset
 from scleraforce.library import library_store
 from scleraforce.library.library_store import open_library
@@ -93,7 +93,7 @@ def test_an_interrupted_command_says_what_it_keeps_and_exits_with_130(
         progress(7)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(generate, "generate_dataset", interrupted)
+    monkeypatch.setattr(slice_dataset, "generate_dataset", interrupted)
     monkeypatch.setattr(library_store, "build_library", interrupted)
 
     for command, kept in (

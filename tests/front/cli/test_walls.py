@@ -24,7 +24,7 @@ from small_recordings import write_places
 
 import scleraforce as sf
 from scleraforce.base.errors import FrameError, InputError
-from scleraforce.calibration.seen_frames import EyeFrames, Settings
+from scleraforce.calibration.seen_frames import CalibrationSettings, EyeFrames
 from scleraforce.front.cli.main import run
 from scleraforce.recordings.drawn_walls import (
     COLUMNS,
@@ -193,7 +193,7 @@ def test_every_step_uses_a_corrected_wall_and_says_so(
 
 def test_a_calibration_uses_a_corrected_wall(corrected: tuple[Path, Path]) -> None:
     recording = sf.read_recording(corrected[1])
-    settings = Settings(sf.Study(), None, ("e",), False, None, None)
+    settings = CalibrationSettings(sf.Study(), None, ("e",), False, None, None)
     lowered, found = (
         EyeFrames(recording, settings, frozenset(), None).seen(number).wall
         for number in (2, 3)

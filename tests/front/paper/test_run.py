@@ -20,7 +20,7 @@ from scleraforce.calibration.calibrate import calibration_passes
 from scleraforce.calibration.calibration import Calibration
 from scleraforce.calibration.evaluation import Evaluation
 from scleraforce.front.cli.main import run
-from scleraforce.front.paper import demo, run_folder as reproduction, stages
+from scleraforce.front.paper import demo, run_folder, stages
 from scleraforce.front.paper.paper_page import _comparison, _coverage
 from scleraforce.front.paper.run_folder import (
     Progress,
@@ -181,7 +181,7 @@ def test_the_bundled_reader_serves_the_papers_study_with_its_own_library(
 def _own_sources() -> Iterator[None]:
     """Forget the sources of another test."""
     yield
-    reproduction._sources.cache_clear()
+    run_folder._sources.cache_clear()
 
 
 def test_results_of_other_code_are_made_again_once_and_one_line_says_so(
@@ -191,8 +191,8 @@ def test_results_of_other_code_are_made_again_once_and_one_line_says_so(
     lines = []
     run_in(tmp_path, *stages, say=lines.append)
     (tmp_path / "a" / "old").write_text("")
-    monkeypatch.setattr(reproduction, "hash_sources", lambda *_: "0" * 64)
-    reproduction._sources.cache_clear()
+    monkeypatch.setattr(run_folder, "hash_sources", lambda *_: "0" * 64)
+    run_folder._sources.cache_clear()
 
     with pytest.raises(KeyboardInterrupt):
         run_in(tmp_path, stages[0], stage("b", interrupted), say=lines.append)
@@ -258,7 +258,7 @@ def test_the_bar_is_as_long_as_the_frames_that_both_calibrations_go_through(
 
     pushes = {
         eye.id: range(len(forces_n))
-        for eye, forces_n in reproduction.bent_trials(Study())
+        for eye, forces_n in run_folder.bent_trials(Study())
     }
     monkeypatch.setattr(
         stages, "read_recording", lambda path: Frames(pushes[path.name])
@@ -266,7 +266,7 @@ def test_the_bar_is_as_long_as_the_frames_that_both_calibrations_go_through(
     monkeypatch.setattr(stages, "calibrate_recordings", calibrate)
     monkeypatch.setattr(Calibration, "to_dict", lambda _: {})
     monkeypatch.setattr(stages, "write_calibration", lambda *_: None)
-    monkeypatch.setattr(reproduction, "run_library", lambda *_: library)
+    monkeypatch.setattr(run_folder, "run_library", lambda *_: library)
     run = open_run(tmp_path / "out", Study(), 1)
     stages._calibrate_bent(run, counted.append)
     assert len(counted) == 2

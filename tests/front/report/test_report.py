@@ -42,7 +42,7 @@ from scleraforce.calibration.evaluation import (
     FrameAnswer,
     evaluate_recordings,
 )
-from scleraforce.front.api.reading_frames import finder_of, segmented
+from scleraforce.front.api.reading_frames import finder_of, segmented_frame
 from scleraforce.front.cli.main import run
 from scleraforce.front.report.described_artefacts import draw_library
 from scleraforce.front.report.figure_files import (
@@ -59,17 +59,17 @@ from scleraforce.front.report.frame_figures import (
     WALLS,
     WORST,
     AnsweredFrame,
+    answered_frames,
     draw_residuals,
     draw_sheet,
     draw_trial_forces,
     laid_on_surface,
-    look_at_all,
     sheet_frame,
     shown_on_sheet,
 )
 from scleraforce.front.report.html_pages import (
     MOST_PICTURES,
-    Table,
+    PageTable,
     shown_frames,
     write_evaluation_html,
     write_page,
@@ -80,9 +80,9 @@ from scleraforce.front.report.recording_figures import (
     draw_log,
     draw_recording,
 )
-from scleraforce.mechanics.contact_and_section import Section
-from scleraforce.reading.frame_checks import look
-from scleraforce.reading.load_model import load_force_reader, load_model
+from scleraforce.mechanics.contact_and_section import WallSection
+from scleraforce.reading.frame_checks import segment_and_slice
+from scleraforce.reading.load_model import load_force_reader, load_reader
 from scleraforce.recordings.forces_under_frames import Trial
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.model_folder import SHIPPED_READER, SHIPPED_WALL_FINDER
@@ -377,10 +377,10 @@ def test_an_evaluation_carries_the_wall_that_was_read_below_a_conjunctiva(
     tmp_path: Path,
 ) -> None:
     frame, thickness_m = recording_under_a_conjunctiva(tmp_path)
-    evaluation = evaluate_recordings(load_model(SHIPPED_READER), [tmp_path])
-    (shown,) = look_at_all(evaluation.frames)
+    evaluation = evaluate_recordings(load_reader(SHIPPED_READER), [tmp_path])
+    (shown,) = answered_frames(evaluation.frames)
     read, first = (
-        look(frame, SCALE, STUDY.slice, thickness_m=stated).segmentation
+        segment_and_slice(frame, SCALE, STUDY.slice, thickness_m=stated).segmentation
         for stated in (thickness_m, None)
     )
     np.testing.assert_array_equal(shown.found.outer_row, read.outer_row)
@@ -686,7 +686,7 @@ def test_a_saved_table_has_numbers_texts_and_empty_cells() -> None:
         "2 \N{EN DASH} 3",
         "1.0\N{NO-BREAK SPACE}±\N{NO-BREAK SPACE}0.2",
     ]
-    _, content = Table("abcdefg", [row]).csv.split(";base64,")
+    _, content = PageTable("abcdefg", [row]).csv.split(";base64,")
     assert (
         base64.b64decode(content).decode().splitlines()[1]
         == "'=2,3,1.5,-0.4,,2 \N{EN DASH} 3,1.0 ± 0.2"
@@ -827,10 +827,10 @@ def dented(lateral_m: np.ndarray) -> np.ndarray:
     )
 
 
-def wall() -> Section:
+def wall() -> WallSection:
     lateral_m = np.linspace(-9e-3, 9e-3, 400)
     outer = np.stack([lateral_m, dented(lateral_m)], axis=1)
-    return Section(outer, outer + np.array([0.0, 0.5e-3]))
+    return WallSection(outer, outer + np.array([0.0, 0.5e-3]))
 
 
 def test_a_wall_is_laid_on_the_surface_though_a_third_of_it_is_unseen_or_in_the_middle():
@@ -927,7 +927,9 @@ def test_a_frame_has_both_walls_where_they_are_seen_its_verdict_and_the_disagree
 ) -> None:
     looked_at_frames(tmp_path / "eye", 1)
     path = tmp_path / "eye" / "frames" / "0001.png"
-    frame, found = segmented(path, Scanner(), Scanner(), finder_of(SHIPPED_WALL_FINDER))
+    frame, found = segmented_frame(
+        path, Scanner(), Scanner(), finder_of(SHIPPED_WALL_FINDER)
+    )
     assert found.methods is not None
     unseen = replace(
         found.methods, classical=replace(found.methods.classical, inner_found=False)

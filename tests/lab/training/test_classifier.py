@@ -15,7 +15,7 @@ import torch
 from scleraforce.base.errors import ModelError, SolverError
 from scleraforce.front.cli.main import run
 from scleraforce.lab.training import classifier_training
-from scleraforce.lab.training.gradient_descent import descend, learning_rate
+from scleraforce.lab.training.gradient_descent import learning_rate, train_in_rounds
 from scleraforce.lab.training.slice_dataset import (
     SLICES,
     create_dataset,
@@ -24,7 +24,7 @@ from scleraforce.lab.training.slice_dataset import (
     unit_samples,
 )
 from scleraforce.lab.training.trained_models import split_samples, train_classifier
-from scleraforce.reading.load_model import load_model
+from scleraforce.reading.load_model import load_reader
 from scleraforce.records.study import (
     DatasetGroup,
     DatasetStudy,
@@ -49,7 +49,9 @@ def test_a_network_that_learned_with_mirroring_reads_slices_that_only_the_mirror
     right = classifier_training.Samples(slices[:, :, ::-1].copy(), target)
     studies = (replace(small, mirror=mirror, epochs=8) for mirror in (True, False))
     mirrored, plain = (
-        classifier_training.fit(study, left, right).curves.validation_accuracy[-1]
+        classifier_training.fit_classifier(
+            study, left, right
+        ).curves.validation_accuracy[-1]
         for study in studies
     )
     assert mirrored > 0.99
@@ -70,7 +72,7 @@ def test_steps_of_a_descent_are_momentum_on_gradients_of_at_most_the_largest_nor
     before = network.weight.detach().clone()
     # of one batch each, computed lazily
     rounds = ([(network(inputs).mean(), 1)] for _ in range(2))
-    first, second = descend(network, optimiser, rounds, study, 4)
+    first, second = train_in_rounds(network, optimiser, rounds, study, 4)
     push = inputs * min(1.0, limit / 5.0)
     rates = [learning_rate(study, step, 4) for step in (0, 1)]
     assert first == pytest.approx(float(before @ inputs.T))
@@ -93,10 +95,10 @@ def test_equal_seeds_and_training_samples_give_equal_weights_and_leave_pytorch_u
     training, validation = bars
     flipped = classifier_training.Samples(validation.slices, 2 - validation.target)
     first, again, unseen = (
-        classifier_training.fit(small, training, other)
+        classifier_training.fit_classifier(small, training, other)
         for other in (validation, validation, flipped)
     )
-    other = classifier_training.fit(replace(small, seed=1), *bars)
+    other = classifier_training.fit_classifier(replace(small, seed=1), *bars)
     assert first.curves == again.curves
     assert first.curves.validation_accuracy != unseen.curves.validation_accuracy
 
@@ -112,7 +114,7 @@ def test_equal_seeds_and_training_samples_give_equal_weights_and_leave_pytorch_u
 
 
 def test_it_learns_and_reports_the_figures_of_the_returned_network(bars, small) -> None:
-    fitted = classifier_training.fit(replace(small, epochs=12), *bars)
+    fitted = classifier_training.fit_classifier(replace(small, epochs=12), *bars)
     _, validation = bars
     curves = fitted.curves
     first = fitted.weights[0].reshape(-1, 12, 10)
@@ -140,7 +142,7 @@ def test_a_descent_that_diverges_says_so(bars, small, monkeypatch) -> None:
     )
 
     with pytest.raises(SolverError, match=r"step 1 of .*network\.learning_rate"):
-        classifier_training.fit(small, *bars)
+        classifier_training.fit_classifier(small, *bars)
 
 
 @pytest.mark.parametrize("hidden", [(), (300, 200)])
@@ -202,10 +204,10 @@ def test_the_best_candidate_is_the_most_accurate_and_of_equals_the_smallest() ->
         )
         for weights, accuracy in ((500, 0.97), (300, 0.99), (200, 0.99), (100, None))
     )
-    assert classifier_training.best(tried) == 2
+    assert classifier_training.best_candidate(tried) == 2
 
     with pytest.raises(SolverError, match="every size"):
-        classifier_training.best(tried[3:])
+        classifier_training.best_candidate(tried[3:])
 
 
 STUDY = Study(
@@ -250,7 +252,7 @@ def test_the_reader_takes_the_folder_and_knows_its_modulus_data_study_and_accura
     ticks = list[int]()
     record = train_classifier(dataset, tmp_path / "model", progress=ticks.append)
     assert len(ticks) == 6
-    reader = load_model(tmp_path / "model")
+    reader = load_reader(tmp_path / "model")
     _, validation = split_samples(dataset, dataset.youngs_modulus_pa)
     right = reader.probabilities(validation.slices).argmax(axis=1) == validation.target
     assert 0.8 < right.mean() == record["metrics"]["validation_accuracy"]
@@ -294,7 +296,7 @@ def test_the_command_searches_and_shows_the_table_within_80_columns(
     assert [line.split()[0] for line in lines[1:3]] == ["4", "16"]
     assert sum(line.endswith("<") for line in lines) == 1
     assert max(map(len, lines[:3])) <= 80
-    reader = load_model(tmp_path / "model")
+    reader = load_reader(tmp_path / "model")
     assert [entry["hidden"] for entry in reader.record["search"]] == [[4], [16]]
     assert reader.study.network.hidden in ((4,), (16,))
 
@@ -333,7 +335,7 @@ def test_labels_for_another_modulus_make_another_model(
     )
     assert not np.array_equal(scaled, dataset.target[order])
     train_classifier(dataset, tmp_path / "model", youngs_modulus_pa=1.2 * MODULUS_PA)
-    reader = load_model(tmp_path / "model")
+    reader = load_reader(tmp_path / "model")
     assert reader.study.eye.youngs_modulus_pa == 1.2 * MODULUS_PA
     of_classes = np.sum(reader.record["metrics"]["validation_confusion"], axis=1)
     assert of_classes.tolist() == np.bincount(validation.target, minlength=3).tolist()

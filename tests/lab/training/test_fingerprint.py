@@ -17,7 +17,7 @@ from scleraforce.library.library_file import load_library
 from scleraforce.library.library_store import solve_path
 from scleraforce.reading.load_model import (
     load_force_reader,
-    load_model,
+    load_reader,
     load_wall_finder,
 )
 from scleraforce.records.model_folder import (
@@ -225,7 +225,7 @@ def test_the_shipped_readers_are_of_the_default_study_and_of_their_preset_whole_
 
 
 def test_the_shipped_classifier_is_the_papers_whole_and_small() -> None:
-    reader = load_model("paper")
+    reader = load_reader("paper")
     assert reader.kind == "classifier"
     # what "automatic" is in `generate`
     today = replace(Study(), mesh=MeshStudy(kind="hexahedra"))

@@ -19,7 +19,7 @@ from scleraforce.lab.training.force_reader_training import (
 from scleraforce.lab.training.trained_models import train_raw_reader
 from scleraforce.library import Library
 from scleraforce.reading.force_network import GIVEN
-from scleraforce.reading.load_model import load_model
+from scleraforce.reading.load_model import load_reader
 from scleraforce.records.eye import Known, Modulus
 from scleraforce.records.study import (
     RawReaderStudy,
@@ -163,7 +163,7 @@ def test_the_folder_is_a_model_that_reads_forces(
     assert set(record["intervals"]) >= {"eyes", "network"}
     assert parse_study((tmp_path / "raw" / "study.toml").read_text()) == study
     assert "48 drawn raw frames" in (tmp_path / "raw" / "card.md").read_text()
-    model = load_model(tmp_path / "raw", finder=None)
+    model = load_reader(tmp_path / "raw", finder=None)
     assert (model.kind, model.reads_force, model.serves_loop) == (
         "raw-reader",
         True,

@@ -17,11 +17,11 @@ from scleraforce.base.errors import InputError
 from scleraforce.front.cli.main import run
 from scleraforce.lab.training import force_reader_training
 from scleraforce.lab.training.gradient_descent import chosen_device
-from scleraforce.lab.training.reader_samples import Source
+from scleraforce.lab.training.reader_samples import SampleSource
 from scleraforce.lab.training.trained_models import train_reader
 from scleraforce.library.library_store import build_library
 from scleraforce.reading.force_network import ratio_edges
-from scleraforce.reading.load_model import load_model
+from scleraforce.reading.load_model import load_reader
 from scleraforce.records.study import (
     Choice,
     EyeStudy,
@@ -54,8 +54,8 @@ TINY = Study(
 
 
 @pytest.fixture(scope="module")
-def source(library) -> Source:
-    return Source(library, TINY.reader, TINY.slice)
+def source(library) -> SampleSource:
+    return SampleSource(library, TINY.reader, TINY.slice)
 
 
 def network(seed: int = 1) -> force_reader_training.ReaderNetwork:
@@ -144,8 +144,8 @@ def test_training_learns_and_is_the_same_with_any_number_of_processes(source) ->
     )
     assert first.training_loss[-1] < first.training_loss[0] - 0.3
     samples = source.chunk(9, 500)
-    untrained = force_reader_training.compared(
-        force_reader_training.answers(network(), samples), samples, TINY
+    untrained = force_reader_training.reader_metrics(
+        force_reader_training.network_outputs(network(), samples), samples, TINY
     )
     assert (
         force_reader_training.measure_reader(first.network, source, TINY)["mae_mn"]
@@ -179,8 +179,8 @@ def test_mirror_images_are_learned_from_where_left_and_right_are_drawn_alike(
 
 def test_metrics_are_counted_as_by_hand(source) -> None:
     samples = source.chunk(3, 100)
-    outputs = force_reader_training.answers(network(), samples)
-    metrics = force_reader_training.compared(outputs, samples, TINY)
+    outputs = force_reader_training.network_outputs(network(), samples)
+    metrics = force_reader_training.reader_metrics(outputs, samples, TINY)
     mixtures, places_mm = (torch.cat(values) for values in zip(*outputs, strict=True))
     edges = ratio_edges(TINY.reader.bins, TINY.reader.max_force_ratio)
     below = [
@@ -209,7 +209,7 @@ def test_the_runtime_takes_the_folder_and_gives_the_network_s_answers(
 ) -> None:
     study = replace(TINY, reader=replace(TINY.reader, epochs=1))
     record = train_reader(library, study, tmp_path / "model", workers=1)
-    model = load_model(tmp_path / "model")
+    model = load_reader(tmp_path / "model")
     assert model.kind == "reader"
     assert model.study == study
     assert model.record["metrics"] == json.loads(json.dumps(record["metrics"]))
@@ -304,7 +304,7 @@ def test_a_training_ends_with_intervals_that_are_measured(
     study = replace(TINY, reader=replace(TINY.reader, epochs=1, interval_eyes=3))
     counted: list[int] = []
     train_reader(library, study, tmp_path / "model", workers=2, measured=counted.append)
-    model = load_model(tmp_path / "model")
+    model = load_reader(tmp_path / "model")
     intervals = model.record["intervals"]
     assert counted == [1, 1, 1]
     assert 1 <= intervals["eyes"] <= 3
@@ -313,7 +313,7 @@ def test_a_training_ends_with_intervals_that_are_measured(
     assert model.factors.fit == intervals["fit"]
     assert "measured on" in (tmp_path / "model" / "card.md").read_text()
     train_reader(library, study, tmp_path / "again", workers=1)
-    assert load_model(tmp_path / "again").record["intervals"] == intervals
+    assert load_reader(tmp_path / "again").record["intervals"] == intervals
 
 
 @pytest.mark.parametrize("found", [False, True])

@@ -25,7 +25,7 @@ from scleraforce.lab.training import interval_measurement
 from scleraforce.lab.training.drawn_wall_errors import (
     CORNEA_RADIUS_M,
     BoundaryErrors,
-    Forms,
+    WallForms,
     added_depths,
     disturb,
     draw_forms,
@@ -41,7 +41,7 @@ from scleraforce.lab.training.interval_measurement import (
 from scleraforce.library import INNER, OUTER
 from scleraforce.mechanics.tissue_material import ELASTIC
 from scleraforce.reading.answer import Reading
-from scleraforce.reading.interval_widths import Score
+from scleraforce.reading.interval_widths import IntervalScore
 from scleraforce.recordings.force_errors import LABEL_SD_N, FrameForces, frame_forces
 from scleraforce.recordings.forces_under_frames import label_frames
 from scleraforce.recordings.frame_and_force_tables import (
@@ -109,7 +109,9 @@ def test_beyond_the_limbus_the_surface_curves_like_the_cornea(side: float) -> No
         "soft_m": np.array([0.2e-3]),
     }
     depths = added_depths(
-        Forms(curvature=nothing, skew=nothing, wedge=nothing, bow=nothing, **at_limbus),
+        WallForms(
+            curvature=nothing, skew=nothing, wedge=nothing, bow=nothing, **at_limbus
+        ),
         RADIUS_M,
         across_m[None],
     )[0]
@@ -430,7 +432,7 @@ def test_a_calibration_gets_the_zeros_covariance_and_its_frames_times(
 TRAITS = {"sealed": 0.6, "taut": 0.9, "uneven": 1.5, "light": 2.0, "sparse": 1.0}
 
 
-def drawn(rng: np.random.Generator, eyes: int, frames: int) -> list[Score]:
+def drawn(rng: np.random.Generator, eyes: int, frames: int) -> list[IntervalScore]:
     """Scores of eyes with traits that multiply: sealed or taut, and each of the others
     of a half.
     """
@@ -447,7 +449,7 @@ def drawn(rng: np.random.Generator, eyes: int, frames: int) -> list[Score]:
             ]
             size = np.prod([TRAITS[trait] for trait in traits])
             found.append(
-                Score(
+                IntervalScore(
                     "fit",
                     ("own E", *traits),
                     str(eye),
@@ -481,7 +483,9 @@ def test_of_each_trait_90_percent_are_held_and_of_new_eyes_too() -> None:
         others = drawn(rng, 200, 6)
         factors = interval_measurement.trait_factors(scores)["fit"]["own E"]
 
-        def held(entries: list[Score], trait: str, given: dict[str, float]) -> float:
+        def held(
+            entries: list[IntervalScore], trait: str, given: dict[str, float]
+        ) -> float:
             having = [entry for entry in entries if trait in entry.traits]
             limits = [
                 np.prod([given[name] for name in entry.traits[1:]]) for entry in having
@@ -497,17 +501,22 @@ def test_of_each_trait_90_percent_are_held_and_of_new_eyes_too() -> None:
 
 
 def test_no_trait_makes_intervals_narrower_and_every_eye_has_the_same_weight() -> None:
-    scores = [Score("network", ("other E", "open"), str(eye), 1.0) for eye in range(50)]
+    scores = [
+        IntervalScore("network", ("other E", "open"), str(eye), 1.0)
+        for eye in range(50)
+    ]
     scores += [
-        Score("network", ("other E", "open", "sparse"), str(eye), 0.1)
+        IntervalScore("network", ("other E", "open", "sparse"), str(eye), 0.1)
         for eye in range(50)
     ]
     assert (
         interval_measurement.trait_factors(scores)["network"]["other E"]["sparse"]
         == 1.0
     )
-    scores = [Score("fit", ("own E", "open"), str(eye), 0.5) for eye in range(99)]
-    scores += [Score("fit", ("own E", "open"), "long", 9.0)] * 2000
+    scores = [
+        IntervalScore("fit", ("own E", "open"), str(eye), 0.5) for eye in range(99)
+    ]
+    scores += [IntervalScore("fit", ("own E", "open"), "long", 9.0)] * 2000
     assert interval_measurement.trait_factors(scores)["fit"]["own E"][
         "open"
     ] == pytest.approx(0.5)

@@ -18,7 +18,7 @@ from scleraforce.calibration.answer_metrics import dice
 from scleraforce.lab.scenes.drawn_scenes import draw_scene
 from scleraforce.lab.training import wall_network_training
 from scleraforce.lab.training.trained_models import train_wall_finder
-from scleraforce.reading.load_model import load_model, load_wall_finder
+from scleraforce.reading.load_model import load_reader, load_wall_finder
 from scleraforce.records.study import Study, parse_study, study_hash
 from scleraforce.wall.wall_network import (
     FINDER_FRAMES,
@@ -54,7 +54,7 @@ def test_it_finds_walls_of_new_easy_scenes_and_writes_a_wall_finder_that_is_chec
     assert losses[0] > losses[-1]
 
     with pytest.raises(ModelError, match="kind: found 'wall-finder'"):
-        load_model(folder)
+        load_reader(folder)
 
     with pytest.raises(ModelError, match="place: inputs: found"):
         WallFinder(load_wall_finder(folder).session, Study().wall_finder, "place")

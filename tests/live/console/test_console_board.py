@@ -18,8 +18,14 @@ from scleraforce.live.companions.process_messages import (
     Rates,
 )
 from scleraforce.live.companions.shared_frames import FrameRing
-from scleraforce.live.console.board import HISTORY_S, SENTENCES, STEP_S, Board, History
-from scleraforce.live.console.hub import SHARES, Pictures, Thrift
+from scleraforce.live.console.board import (
+    HISTORY_S,
+    SENTENCES,
+    STEP_S,
+    Board,
+    StepHistory,
+)
+from scleraforce.live.console.hub import SHARES, FramePictures, Thrift
 from scleraforce.live.console.server import OwnPagesOnly, refusal
 from scleraforce.live.decision.events import Cause
 
@@ -97,7 +103,7 @@ def test_a_puncture_that_is_only_reported_is_worse_than_not_ready_and_has_its_se
         SENTENCES["PIERCED"],
         None,
     )
-    history = History()
+    history = StepHistory()
 
     for state in ("NOT_READY", "PIERCED", "WATCHING"):
         history.take(entry(1.0, state))
@@ -159,7 +165,7 @@ def test_a_frame_whose_wall_is_not_found_is_shown_without_an_outline() -> None:
 def test_steps_of_the_history_hold_their_worst_entries() -> None:
     """Against all entries of a step, looked at one by one."""
     rng = np.random.default_rng(0)
-    history = History()
+    history = StepHistory()
     entries = []
 
     for at_s in np.cumsum(rng.exponential(0.016, 2500)):
@@ -197,7 +203,7 @@ def test_steps_of_the_history_hold_their_worst_entries() -> None:
 
 
 def test_nan_changes_no_step_of_the_history() -> None:
-    history = History()
+    history = StepHistory()
     for low_mn, force_mn, high_mn in (
         (1.0, 2.0, 3.0),
         (float("nan"), None, 9.0),
@@ -226,7 +232,7 @@ def test_a_picture_is_the_frame_in_eight_bits_and_no_larger_than_a_screen() -> N
         frame[:, :3] = 4000
         frame[: rows // 2] //= 2
         ring.put(1, frame)
-        picture = Pictures(ring).of(1, None, MOST_PIXELS)
+        picture = FramePictures(ring).of(1, None, MOST_PIXELS)
         assert picture is not None
         shown = np.frombuffer(
             picture[4 + int.from_bytes(picture[:4], "little") :], np.uint8

@@ -17,7 +17,7 @@ from scleraforce.base.errors import InputError
 from scleraforce.front.cli.main import run
 from scleraforce.live.decision.events import Cause
 from scleraforce.live.decision.limits import MonitorLimits
-from scleraforce.live.monitor_session import Session
+from scleraforce.live.monitor_session import MonitorSession
 from scleraforce.live.network.openigtlink import (
     BadChecksum,
     Decoder,
@@ -39,7 +39,7 @@ from scleraforce.live.replay.scanner_player import (
     AnswerLog,
     Player,
     ScannerClient,
-    Unstamped,
+    UnstampedMessage,
     frame_message,
 )
 from scleraforce.reading.answer import Answer
@@ -160,9 +160,11 @@ def withdraw_from_old_pictures(speckled: Recording, name: str, seed: int) -> Non
     limits = MonitorLimits(
         size=(256, 320), scale_m=(info.width_m / 320, info.depth_m / 256)
     )
-    session = Session(lambda *_: answer, limits, lambda: next(clock) / 100, lambda: 0.0)
+    session = MonitorSession(
+        lambda *_: answer, limits, lambda: next(clock) / 100, lambda: 0.0
+    )
 
-    def show(sending: Unstamped, number: int) -> None:
+    def show(sending: UnstampedMessage, number: int) -> None:
         (event,) = Decoder().feed(sending.stamped(1.0 + number / 100))
         frame = FrameAssembler().add(event.message)
         session.take_frame(

@@ -1,1 +1,14 @@
-"""The reduced-order unscented Kalman filter over the frames of an eye."""
+"""The reduced-order unscented Kalman filter over the frames of an eye.
+
+Pure: no file, no clock, no socket. Imports `fit` and the rows below it.
+
+Public:
+    eye_filter: `EyeFilter`, `EyeSession`, `EyeState`, `FrameStep`, `PARAMETERS`,
+        `RIGIDITY`, `SkippedFrame`, `UNSEEN`, `begin`, `known_after`,
+        `known_globe_after`, `parameter_moments`, `predicted_points`, `rigidity_after`,
+        `step`
+    eye_parameters: `EyeConstants`, `WallState`, `known_of_constants`, `mean_and_sd`,
+        `stated_wall`
+    library_sections: `LibrarySections`, `library_eye`
+    section_registration: `BY_POLAR`, `PoseBelief`, `first_belief`, `place_section`
+"""

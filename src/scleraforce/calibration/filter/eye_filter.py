@@ -29,11 +29,11 @@ from scleraforce.calibration.filter.eye_parameters import (
     stated_wall,
 )
 from scleraforce.calibration.filter.library_sections import (
-    LibraryEye,
+    LibrarySections,
     library_eye,
     without_form,
 )
-from scleraforce.fit.curve_placement import Places, curve_depths
+from scleraforce.fit.curve_placement import PlacesOnFrame, curve_depths
 from scleraforce.library import Library
 from scleraforce.recordings.force_errors import LABEL_SD_N, ZERO_PRIOR
 from scleraforce.records.eye import Known, Modulus
@@ -99,7 +99,7 @@ class FrameStep:
 
 
 @dataclass(frozen=True)
-class Skipped:
+class SkippedFrame:
     """The reason why a frame cannot be assimilated; it leaves the state unchanged."""
 
     reason: str
@@ -148,7 +148,7 @@ def eye_filter(
     )
 
 
-def moments(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
+def parameter_moments(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
     """Return means and standard deviations of the parameters in SI, with the effect of
     the shared values.
 
@@ -222,7 +222,7 @@ def assimilate(
     boundaries: Boundaries,
     force_n: float,
     since_start_s: float = 0.0,
-) -> FrameStep | Skipped:
+) -> FrameStep | SkippedFrame:
     """Assimilate one frame; it is skipped if it shows too little, or if the mechanics
     does not hold.
 
@@ -232,7 +232,7 @@ def assimilate(
     eye = session.filter
     state = session.state
     if np.isfinite(boundaries.depth_m).sum() < LEAST_POINTS:
-        return Skipped(UNSEEN)
+        return SkippedFrame(UNSEEN)
 
     prior = section_registration.frame_prior(state.belief, eye.study)
     median_pa = float(
@@ -246,12 +246,12 @@ def assimilate(
     observation = observe_points(
         boundaries, eye.study.points, contact_m, eye.study.span_m
     )
-    places = Places(observation.lateral_m, observation.boundary)
+    places = PlacesOnFrame(observation.lateral_m, observation.boundary)
     at = (eye.model, fit.wall, fit.nuisance, places)
 
     placed = section_registration.predict_frame(*at)
     if placed.seen.sum() < LEAST_POINTS:
-        return Skipped(UNSEEN)
+        return SkippedFrame(UNSEEN)
 
     by_force = section_registration.force_derivative(*at)
     by_polar = section_registration.polar_derivative(*at)
@@ -280,7 +280,7 @@ def assimilate(
         replace(stated, **dict(zip(eye.space.names, values, strict=True)))
     )
     if outside is not None:
-        return Skipped(outside)
+        return SkippedFrame(outside)
 
     sensitivity = state.sensitivity
     if result.observations:
@@ -303,7 +303,7 @@ def predicted_points(eye: EyeFilter, step: FrameStep, modulus_pa: float) -> Floa
     The other parameters have the means of the posterior after the step.
     """
     coordinates = _with_modulus(eye, step.state.posterior.mean, modulus_pa)
-    places = Places(step.observation.lateral_m, step.observation.boundary)
+    places = PlacesOnFrame(step.observation.lateral_m, step.observation.boundary)
     return _depths(
         eye, coordinates[None], step.force_n, step.registered.nuisance, places
     )[0]
@@ -336,7 +336,11 @@ def _with_modulus(eye: EyeFilter, coordinates: Floats, modulus_pa: float) -> Flo
 
 
 def _depths(
-    eye: EyeFilter, states_rp: Floats, force_n: float, nuisance: Floats, places: Places
+    eye: EyeFilter,
+    states_rp: Floats,
+    force_n: float,
+    nuisance: Floats,
+    places: PlacesOnFrame,
 ) -> Floats:
     """Return predicted depths (row, place) for rows of the filter's coordinates; NaN
     for a row without such an eye.
@@ -370,13 +374,13 @@ class EyeSession:
     filter: EyeFilter
     state: EyeState
     zero_covariance: Floats
-    last: FrameStep | Skipped | None = None
+    last: FrameStep | SkippedFrame | None = None
     poses: dict[Boundaries, section_registration.PoseBelief] | None = None
 
     @property
     def modulus(self) -> Modulus:
         """Posterior of Young's modulus: the prior before the first frame."""
-        means, sds = moments(self.filter, self.state)
+        means, sds = parameter_moments(self.filter, self.state)
         place = self.filter.space.names.index(PARAMETERS["e"])
         return Modulus(
             mean_pa=float(means[place]), sd_pa=float(sds[place]), source="own"
@@ -403,6 +407,7 @@ def begin(
     with walls of other tissue.
     """
     if library is None:
+        # 7 ms: not for eyes of a library
         from scleraforce.calibration.filter.linear_sections import linear_eye
 
         model: section_registration.EyeModel = linear_eye(
@@ -450,14 +455,14 @@ def step(
         if session.poses and force_n <= eye.study.min_force_n
         else None
     )
-    if isinstance(eye.model, LibraryEye) and known is None:
+    if isinstance(eye.model, LibrarySections) and known is None:
         boundaries = without_form(eye.model, boundaries, eye.study)
 
     if force_n > eye.study.min_force_n:
         found = assimilate(session, boundaries, force_n, since_start_s)
         return replace(
             session,
-            state=state if isinstance(found, Skipped) else found.state,
+            state=state if isinstance(found, SkippedFrame) else found.state,
             last=found,
         )
 
@@ -478,7 +483,7 @@ def step(
         f"at most {from_si(eye.study.min_force_n, 'mn'):g} mN: used as a reference of"
         " the pose"
     )
-    return replace(session, state=state, last=Skipped(reason))
+    return replace(session, state=state, last=SkippedFrame(reason))
 
 
 def known_after(session: EyeSession) -> Known:
@@ -493,7 +498,7 @@ def known_after(session: EyeSession) -> Known:
         return known_of_constants(constants)
 
     names = session.filter.space.names
-    means = moments(session.filter, session.state)[0]
+    means = parameter_moments(session.filter, session.state)[0]
     thickness_m = dict(zip(names, means.tolist(), strict=True)).get(
         PARAMETERS["thickness"], constants.thickness_m
     )

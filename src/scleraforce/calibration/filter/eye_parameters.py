@@ -94,7 +94,7 @@ class ParameterSpace:
         return means * self.means, sds * np.abs(self.means)
 
 
-def spread(values: Sequence[float]) -> tuple[float, float | None]:
+def mean_and_sd(values: Sequence[float]) -> tuple[float, float | None]:
     """Return mean and sample standard deviation; a single value has no spread: None."""
     mean = sum(values) / len(values)
     return mean, (
@@ -202,7 +202,7 @@ def polar_nodes(constants: EyeConstants) -> tuple[float, ...]:
     )
 
 
-def smoothed(curves: Floats, sd_m: float) -> Floats:
+def smoothed_curves(curves: Floats, sd_m: float) -> Floats:
     """Return curves (..., sample, 2), sampled every `SAMPLE_STEP_M`, smoothed by a
     Gaussian; the ends stay.
     """

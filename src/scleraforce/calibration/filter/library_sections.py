@@ -49,8 +49,7 @@ def _shift(
     """Return the rings (boundary, node) of a wall, and their shift by a needle
     (boundary, node, harmonic, 3).
     """
-    # The three-dimensional mechanics with SciPy's solvers: half a second, for eyes of a
-    # stated direction only.
+    # 96 ms: SciPy's solvers, not for eyes without a stated direction
     from scleraforce.mechanics.axisymmetric_wall import LARGEST_POLAR_RAD, base_shift
     from scleraforce.mechanics.meridian_elements import MeridianSize, meridian_mesh
 
@@ -143,7 +142,7 @@ END_SHARE = 0.97
 
 
 @dataclass(frozen=True, eq=False)
-class LibraryEye:
+class LibrarySections:
     """An eye whose sections come from a library.
 
     `lateral_m` (sample,): places of the section. `moves_pbxc`: `base_moves` at each of
@@ -181,7 +180,7 @@ class LibraryEye:
         curves = np.stack(
             [np.broadcast_to(self.lateral_m, depth.shape), depth], axis=-1
         )
-        curves[:, 0] = eye_parameters.smoothed(curves[:, 0], self.smoothing_m)
+        curves[:, 0] = eye_parameters.smoothed_curves(curves[:, 0], self.smoothing_m)
 
         return curves
 
@@ -321,7 +320,7 @@ class LibraryEye:
 
 def library_eye(
     study: Study, constants: eye_parameters.EyeConstants, library: Library
-) -> LibraryEye:
+) -> LibrarySections:
     """Return the model of an eye; raises `CalibrationError`."""
     mine = (
         study.eye.radius_m,
@@ -356,7 +355,7 @@ def library_eye(
     # forces hardly change between the ends
     near = library.nearest_contact(0.5 * (min(polars) + max(polars)))
 
-    return LibraryEye(
+    return LibrarySections(
         constants, near, lateral_m, polars, moves, study.calibration.surface_smoothing_m
     )
 
@@ -412,7 +411,7 @@ CLEAR = 4.0  # times their spread, from which forms are removed
 
 
 def without_form(
-    eye: LibraryEye, boundaries: Boundaries, study: CalibrationStudy
+    eye: LibrarySections, boundaries: Boundaries, study: CalibrationStudy
 ) -> Boundaries:
     """Return the boundaries of a frame without the part of the eye's form, if that is
     clear.

@@ -24,7 +24,7 @@ from scleraforce.calibration.filter.eye_parameters import (
     WallState,
     lagrange,
     polar_nodes,
-    smoothed,
+    smoothed_curves,
 )
 from scleraforce.mechanics.contact_and_section import Contact
 from scleraforce.mechanics.graded_mesh import study_mesh
@@ -231,7 +231,7 @@ class LinearEye:
         )
         gap = np.array([state.gap_m for state in states])[:, None, None, None]
         curves = _cut_lines(points, gap, self.constants.tilt_rad)
-        curves[:, 0] = smoothed(curves[:, 0], self.smoothing_m)
+        curves[:, 0] = smoothed_curves(curves[:, 0], self.smoothing_m)
 
         return curves
 

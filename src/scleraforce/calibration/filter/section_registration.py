@@ -16,16 +16,16 @@ import numpy as np
 from scleraforce.base import normal_distribution
 from scleraforce.base.arrays import Floats
 from scleraforce.calibration.filter.eye_parameters import WallState, stated_wall
-from scleraforce.calibration.filter.library_sections import LibraryEye
+from scleraforce.calibration.filter.library_sections import LibrarySections
 from scleraforce.fit import curve_placement, least_squares
 from scleraforce.records.globe import REFERENCE_RIGIDITY
 from scleraforce.records.study import CalibrationStudy
 from scleraforce.wall.wall_in_metres import Boundaries
 
-if TYPE_CHECKING:  # its mechanics takes a third of a second to import
+if TYPE_CHECKING:  # 7 ms: not for eyes of a library
     from scleraforce.calibration.filter.linear_sections import LinearEye
 
-    EyeModel = LibraryEye | LinearEye
+    EyeModel = LibrarySections | LinearEye
 
 # What a frame depends on beside the eye: the pose, the contact's polar angle, and an
 # offset of the inner boundary (the segmentation's, or a wall that is not as thick as
@@ -72,7 +72,7 @@ def polar_derivative(
     model: "EyeModel",
     state: WallState,
     nuisance: Floats,
-    places: curve_placement.Places,
+    places: curve_placement.PlacesOnFrame,
 ) -> Floats:
     """Return the slope of the depths at places by the contact's polar angle, (place,)
     m/rad; 0 if that is stated.
@@ -94,7 +94,7 @@ def _growth(
     model: "EyeModel",
     ends: Sequence[WallState],
     nuisance: Floats,
-    places: curve_placement.Places,
+    places: curve_placement.PlacesOnFrame,
 ) -> Floats:
     """Return the growth of the depths at places from one state to another, (place,)
     m.
@@ -108,8 +108,8 @@ def predict_frame(
     model: "EyeModel",
     state: WallState,
     nuisance: Floats,
-    places: curve_placement.Places,
-) -> curve_placement.Placed:
+    places: curve_placement.PlacesOnFrame,
+) -> curve_placement.PlacedCurves:
     """Return the prediction at places; derivatives by the `NUISANCES`, ln E and the
     relative rigidity, (place, 7).
     """
@@ -138,7 +138,7 @@ def predict_frame(
         [*by_pose, by_polar, places.is_inner, by_modulus, by_rigidity], axis=1
     )
 
-    return curve_placement.Placed(
+    return curve_placement.PlacedCurves(
         depth + nuisance[BY_INNER] * places.is_inner, slope, jacobian, seen
     )
 
@@ -147,7 +147,7 @@ def force_derivative(
     model: "EyeModel",
     state: WallState,
     nuisance: Floats,
-    places: curve_placement.Places,
+    places: curve_placement.PlacesOnFrame,
 ) -> Floats:
     """Return the derivative of the depths at places by the force, (place,) in m/N."""
     states = [
@@ -168,7 +168,7 @@ COLUMN_SD_M = 10e-6
 INNER_FRAMES = 25
 # a frame's own modulus is free: the pose must not follow what the filter believes
 LOG_MODULUS_SD = 1.0
-STOPPING = least_squares.Stopping(
+STOPPING = least_squares.StoppingRule(
     iterations=25, converged_sd=0.1, settled_cost=0.01, retry_damping=1e-2
 )
 START_LATERAL_M = np.linspace(-2.5e-3, 2.5e-3, 11)
@@ -249,12 +249,12 @@ def register(
     sought = stated_wall(
         model.constants, modulus_pa, force_n, float(prior.mean[BY_POLAR]), rigidity
     )
-    fit = _Fit(model, _thinned(boundaries), sought, prior)
+    fit = _SectionProblem(model, _thinned(boundaries), sought, prior)
     unknown, placed, _ = least_squares.gauss_newton(fit, fit.start(), STOPPING)
     return fit.result(unknown, placed)
 
 
-def _thinned(boundaries: Boundaries) -> least_squares.Columns:
+def _thinned(boundaries: Boundaries) -> least_squares.WallColumns:
     """Return at most COLUMNS places of each boundary, evenly among the seen columns."""
     columns = []
     for depth in boundaries.depth_m:
@@ -265,13 +265,13 @@ def _thinned(boundaries: Boundaries) -> least_squares.Columns:
 
     boundary = np.repeat([0, 1], [len(part) for part in columns]).astype(np.intp)
     column = np.concatenate(columns)
-    places = curve_placement.Places(boundaries.lateral_m[column], boundary)
-    return least_squares.Columns(
+    places = curve_placement.PlacesOnFrame(boundaries.lateral_m[column], boundary)
+    return least_squares.WallColumns(
         places, boundaries.depth_m[boundary, column], np.full(len(column), COLUMN_SD_M)
     )
 
 
-class _Fit:
+class _SectionProblem:
     """The least-squares problem of one frame; certain values stay fixed.
 
     Unknown (7,): the nuisances, ln E, and the globe's rigidity over the reference,
@@ -281,7 +281,7 @@ class _Fit:
     def __init__(
         self,
         model: "EyeModel",
-        columns: least_squares.Columns,
+        columns: least_squares.WallColumns,
         sought: WallState,
         prior: PoseBelief,
     ) -> None:
@@ -365,7 +365,7 @@ class _Fit:
             self.sought, youngs_modulus_pa=modulus_pa, rigidity_pa13_per_m3=k
         )
 
-    def evaluate(self, unknown: Floats) -> tuple[curve_placement.Placed, float]:
+    def evaluate(self, unknown: Floats) -> tuple[curve_placement.PlacedCurves, float]:
         """Return the prediction and the cost."""
         placed = predict_frame(
             self.model,
@@ -378,7 +378,7 @@ class _Fit:
         return placed, self.columns.loss(placed) + float(away @ self.precision @ away)
 
     def normal_equations(
-        self, unknown: Floats, placed: curve_placement.Placed
+        self, unknown: Floats, placed: curve_placement.PlacedCurves
     ) -> tuple[Floats, Floats]:
         """Return the normal matrix (7, 7) and the gradient (7,); fixed unknowns do not
         move.
@@ -397,11 +397,15 @@ class _Fit:
         )
         return unknown
 
-    def _movable(self, placed: curve_placement.Placed) -> curve_placement.Placed:
+    def _movable(
+        self, placed: curve_placement.PlacedCurves
+    ) -> curve_placement.PlacedCurves:
         """Return a prediction that fixed unknowns do not move."""
         return replace(placed, jacobian=placed.jacobian * self.free)
 
-    def result(self, unknown: Floats, placed: curve_placement.Placed) -> Registered:
+    def result(
+        self, unknown: Floats, placed: curve_placement.PlacedCurves
+    ) -> Registered:
         """Return the fit, its covariance scaled by the misfit (Birge 1932)."""
         size = np.abs(self.columns.residual(placed)[placed.seen])
         scale = max(1.0, normal_distribution.robust_spread(size)) if len(size) else 1.0

@@ -194,7 +194,7 @@ def filter_step(
             status="diverged: the model cannot be evaluated at the sigma points"
         )
 
-    frame = _Frame(
+    frame = _CorrectionInput(
         prior, observe, first_rm, observed, noise_covariance, np.zeros(p), np.eye(p)
     )
     try:
@@ -208,7 +208,7 @@ def filter_step(
         )
 
 
-class _Frame(NamedTuple):
+class _CorrectionInput(NamedTuple):
     """The input of one correction."""
 
     prior: Posterior
@@ -222,7 +222,9 @@ class _Frame(NamedTuple):
     root: Floats  # of the covariance of v there
 
 
-def _from(params: FilterParams, frame: _Frame, start: Floats) -> _Frame:
+def _from(
+    params: FilterParams, frame: _CorrectionInput, start: Floats
+) -> _CorrectionInput:
     """Return the frame with its linearisation begun at a state, if that explains prior
     and observation better.
     """
@@ -245,7 +247,7 @@ def _from(params: FilterParams, frame: _Frame, start: Floats) -> _Frame:
     return frame._replace(first_rm=predicted_rm, centre=centre, root=root)
 
 
-def _step(params: FilterParams, frame: _Frame) -> StepResult:
+def _step(params: FilterParams, frame: _CorrectionInput) -> StepResult:
     """Return the step; raises `LinAlgError` if only rounding is left, or the model
     cannot be evaluated.
     """
@@ -277,13 +279,13 @@ def _step(params: FilterParams, frame: _Frame) -> StepResult:
     )
 
 
-class _Fit(NamedTuple):
+class _GatedFit(NamedTuple):
     linear: _Linear
     kept: Flags
     iterations: int
 
 
-def _fit(params: FilterParams, frame: _Frame) -> _Fit:
+def _fit(params: FilterParams, frame: _CorrectionInput) -> _GatedFit:
     """Linearise, leave out outliers one by one and linearise again."""
     kept = np.ones(len(frame.observed), dtype=bool)
     allowed = LARGEST_GATED_SHARE * len(kept)
@@ -300,7 +302,7 @@ def _fit(params: FilterParams, frame: _Frame) -> _Fit:
             return _linearise(params, frame, np.ones(len(kept), dtype=bool))
 
 
-def _linearise(params: FilterParams, frame: _Frame, kept: Flags) -> _Fit:
+def _linearise(params: FilterParams, frame: _CorrectionInput, kept: Flags) -> _GatedFit:
     """Linearise the observation about the (iterated) posterior."""
     points = params.sigma.points_rp
     prior = frame.prior
@@ -324,9 +326,9 @@ def _linearise(params: FilterParams, frame: _Frame, kept: Flags) -> _Fit:
         root = new_root
 
         if moved < params.tolerance:
-            return _Fit(linear, kept, iteration + 1)
+            return _GatedFit(linear, kept, iteration + 1)
 
-    return _Fit(linear, kept, params.iterations)
+    return _GatedFit(linear, kept, params.iterations)
 
 
 def _regress(
@@ -417,7 +419,7 @@ def _status(recent: tuple[tuple[float, int], ...]) -> str:
     if not ratio > DIVERGED_SD:
         return "ok"
 
-    # a tenth of a second, which a filter that keeps to its frames does not wait for
+    # 110 ms: not for a filter that keeps to its frames
     from scipy.special import chdtri
 
     if not nis > chdtri(count, DIVERGENCE_PROBABILITY):

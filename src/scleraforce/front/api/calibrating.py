@@ -14,27 +14,30 @@ from scleraforce.calibration.calibrate import (
     calibration_passes,
 )
 from scleraforce.calibration.calibration import Calibration, parse_calibration
-from scleraforce.calibration.calibration_checks import check_recording, checked
+from scleraforce.calibration.calibration_checks import (
+    check_recording,
+    checked_calibration,
+)
 from scleraforce.calibration.evaluation import recording_scores
-from scleraforce.calibration.seen_frames import Settings
+from scleraforce.calibration.seen_frames import CalibrationSettings
 from scleraforce.calibration.stiffness_from_shape import calibrate_without_force
 from scleraforce.front.api.progress import Counting, counting_for
 from scleraforce.front.api.reading_frames import (
     Given,
     finder_of,
-    opened,
+    opened_recordings,
     summary_of_calibration,
 )
 from scleraforce.library import Library, load_library
 from scleraforce.library.library_plan import plan_library
 from scleraforce.reading.interval_widths import (
-    Stretch,
+    IntervalStretch,
+    find_stretches,
     intervals_record,
-    stretched,
-    stretches,
+    stretched_factors,
 )
 from scleraforce.reading.load_model import load_force_reader
-from scleraforce.reading.trained_ranges import CLASSIFIER, READER, limits
+from scleraforce.reading.trained_ranges import CLASSIFIER, READER, untrained_values
 from scleraforce.recordings.recording_folder import Recording
 from scleraforce.records import model_folder
 from scleraforce.records.calibration_file import (
@@ -156,7 +159,7 @@ def calibrate(
         way = "leave it out, or seek e alone (parameters e)"
         raise InputError(f"study: tissue.stiffening: is sought in the frames; {way}")
 
-    each = _with_thickness(opened(recordings), thickness_m)
+    each = _with_thickness(opened_recordings(recordings), thickness_m)
     if relaxation is not None:
         each = [_relaxing(one, relaxation) for one in each]
 
@@ -171,7 +174,7 @@ def calibrate(
                 " thickness_m"
             )
 
-        for sentence in limits(
+        for sentence in untrained_values(
             kind, study, known_of_recording(info), info.oct, info.needle.gauge
         ):
             if note is not None:
@@ -196,7 +199,7 @@ def calibrate(
                 if summary is None
                 else summary.population_stiffening
             )
-            settings = Settings(
+            settings = CalibrationSettings(
                 study, library.for_stiffening(stiffening), ("e",), False, frames, finder
             )
             found = calibrate_without_force(
@@ -220,7 +223,9 @@ def calibrate(
     )
     parse_calibration(file)
     if library is not None:
-        found = checked(found, summary_of(file), each, study, library, finder)
+        found = checked_calibration(
+            found, summary_of(file), each, study, library, finder
+        )
     if out is not None:
         write_calibration(found.to_dict(), Path(out))
 
@@ -244,9 +249,8 @@ def library_for(
             shipped.files[model_folder.LIBRARY_FILE],
         )
 
-    from scleraforce.library.library_store import (
-        cached_library,  # with Zarr and the mechanics
-    )
+    # 260 ms: Zarr and the mechanics, not where the bundled library fits
+    from scleraforce.library.library_store import cached_library
 
     with counting("library", plan.units) as advance:
         return cached_library(study, workers=workers, progress=advance)
@@ -288,7 +292,7 @@ def recalibrate_intervals(
     frames: int,
     wall_finder: str | PathLike[str] | None,
     note: Callable[[str], object] = lambda _: None,
-) -> tuple[Stretch, ...]:
+) -> tuple[IntervalStretch, ...]:
     """Write a reader whose intervals hold on recordings with force logs: counts
     "calibration" and "reading".
 
@@ -300,7 +304,7 @@ def recalibrate_intervals(
     reader = load_force_reader(model, finder=wall_finder)
     folder = model_folder.read_folder(model)
     study = reader.study
-    each = opened(recordings)
+    each = opened_recordings(recordings)
     count = sum(len(recording.frames) for recording in each)
 
     for recording in each:
@@ -327,7 +331,7 @@ def recalibrate_intervals(
         )
 
     summary = summary_of_calibration(calibration)
-    checked(calibration, summary, each, study, reader.library, finder)
+    checked_calibration(calibration, summary, each, study, reader.library, finder)
     with counting("reading", count) as advance:
         scores = [
             found
@@ -349,9 +353,9 @@ def recalibrate_intervals(
         for key, value in folder.record.items()
         if key not in ("format", "files")
     }
-    changes = stretches(scores)
+    changes = find_stretches(scores)
     record["intervals"] = intervals_record(
-        scores, stretched(reader.factors, changes), source
+        scores, stretched_factors(reader.factors, changes), source
     )
     more = {
         name: content

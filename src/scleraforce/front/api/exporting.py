@@ -9,11 +9,11 @@ from typing import Any
 
 from scleraforce.base import notebook_cards
 from scleraforce.base.errors import InputError
-from scleraforce.base.plain_json import finite
+from scleraforce.base.plain_json import finite_json
 from scleraforce.base.whole_files import write_whole
 from scleraforce.calibration.evaluation import Evaluation
 from scleraforce.reading.answer import Answers
-from scleraforce.recordings import exported_files as formats
+from scleraforce.recordings import exported_files
 from scleraforce.recordings.import_answers import clock_origin_s
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.decoder import format_record
@@ -95,10 +95,10 @@ def export(
                 f"answers: {out} has room for frames only; give a .csv, .json or .mcap"
             )
 
-        formats.write_sequence(recording, out)
+        exported_files.write_sequence(recording, out)
         return len(recording.frames)
 
-    rows = formats.frame_rows(recording, ClassesStudy())
+    rows = exported_files.frame_rows(recording, ClassesStudy())
     if answers is not None:
         given = _rows(answers)
         if isinstance(answers, Answers):
@@ -113,12 +113,12 @@ def export(
                 for one, row in zip(given, rows, strict=True)
             ]
 
-        rows = formats.with_answers(rows, given, recording.path)
+        rows = exported_files.with_answers(rows, given, recording.path)
 
     if kind != ".mcap":
         return _write_table(tomllib.loads(format_record(recording.info)), rows, out)
 
-    formats.write_mcap(recording, rows, clock_origin_s(recording.path), out)
+    exported_files.write_mcap(recording, rows, clock_origin_s(recording.path), out)
     return len(rows)
 
 
@@ -128,7 +128,7 @@ def _rows(answers: GivenAnswers) -> list[notebook_cards.Row]:
             {"file": f"frame {nth}", **frame}
             for nth, frame in enumerate(answers.to_dict()["frames"])
         ]
-    return formats.read_answers(Path(answers))
+    return exported_files.read_answers(Path(answers))
 
 
 def _write_table(
@@ -136,11 +136,13 @@ def _write_table(
 ) -> int:
     if out.suffix.lower() == ".json":
         write_whole(
-            json.dumps(finite({**stated, "frames": rows}), indent=2, allow_nan=False)
+            json.dumps(
+                finite_json({**stated, "frames": rows}), indent=2, allow_nan=False
+            )
             + "\n",
             out,
         )
     else:
-        formats.write_table(rows, out)
+        exported_files.write_table(rows, out)
 
     return len(rows)

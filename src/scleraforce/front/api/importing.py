@@ -32,25 +32,25 @@ from scleraforce.recordings.forces_under_frames import (
     unsure_note,
 )
 from scleraforce.recordings.formats.picture_streams import (
-    Greys,
-    Scan,
+    GreyMap,
+    PictureSource,
     UnansweredError,
     find_greys,
 )
-from scleraforce.recordings.import_answers import Asker, Import, answers_like
+from scleraforce.recordings.import_answers import Asker, PreparedImport, answers_like
 from scleraforce.recordings.import_sources import (
     OPTION,
-    Gathered,
+    GatheredSources,
     ImportOptions,
-    gather,
+    gather_sources,
     option_name,
 )
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.recordings.recording_writer import (
     RecordingWriter,
     frame_files,
+    read_written,
     write_log,
-    written,
 )
 from scleraforce.recordings.source_files import files_of
 from scleraforce.records.frame import Pixels
@@ -59,7 +59,7 @@ from scleraforce.records.scan import OctInfo, PixelScale, Plane
 from scleraforce.records.study import ClassesStudy
 from scleraforce.records.study_of_eye import relaxation_text
 from scleraforce.wall.find_wall import find_wall
-from scleraforce.wall.wall_in_metres import dent_measures, surface
+from scleraforce.wall.wall_in_metres import dent_measures, surface_places
 
 PREVIEW = "preview.png"
 # frames, from the first: of an eye that the needle does not dent yet, as a rule
@@ -269,7 +269,7 @@ def write_imported(
     asker: Asker | None = None,
     model: Path = SHIPPED_READER,
     planes: Sequence[Plane | None] = (),
-) -> Import:
+) -> PreparedImport:
     """Write a recording folder, whole or not at all; counts "sources", "grey levels",
     "frames".
 
@@ -287,13 +287,13 @@ def write_imported(
                 _counted(scan.pictures(), advance), answers.grey_range, scan.names[0]
             )
 
-        done = import_answers.complete(
+        done = import_answers.complete_import(
             gathered,
             greys,
             answers,
             origins,
             asker,
-            import_answers.Pictures(
+            import_answers.PictureMeasures(
                 partial(_wall_um, scan, greys), partial(_dents, gathered.scan, greys)
             ),
         )
@@ -324,7 +324,7 @@ def write_imported(
         if done.log is not None:
             write_log(part, done.log)
 
-        recording = written(part, out)
+        recording = read_written(part, out)
         if (
             fault := unit_fault(recording, labels_n(recording), ClassesStudy())
         ) is not None:
@@ -343,6 +343,7 @@ def write_imported(
             import_answers.record_text(done, answers, __version__), encoding="utf-8"
         )
 
+        # 300 ms: Matplotlib, not for the app and imports that are refused
         from scleraforce.front.report.figure_files import write_figure
         from scleraforce.front.report.recording_figures import draw_recording
 
@@ -357,7 +358,7 @@ def _gathered(
     counting: Counting,
     asker: Asker | None,
     planes: Sequence[Plane | None],
-) -> tuple[Gathered, ImportOptions]:
+) -> tuple[GatheredSources, ImportOptions]:
     """Read the sources, asking until they leave nothing open; an answer that they
     contradict is asked for again.
     """
@@ -365,7 +366,7 @@ def _gathered(
     while True:
         try:
             with counting("sources", len(files_of(sources))) as seen:
-                return gather(sources, answers, seen, planes), answers
+                return gather_sources(sources, answers, seen, planes), answers
         except UnansweredError as open_point:
             if asker is None:
                 raise
@@ -380,7 +381,7 @@ def _gathered(
         answers = asker.settle(*last)
 
 
-def _wall_um(scan: Scan, greys: Greys, oct_info: OctInfo) -> float | None:
+def _wall_um(scan: PictureSource, greys: GreyMap, oct_info: OctInfo) -> float | None:
     """Return the median thickness of the wall in the first frames, um; None where none
     of them shows it.
     """
@@ -411,7 +412,7 @@ def _label_notes(recording: Recording) -> tuple[str, ...]:
     return unsure_note(sds_n, ClassesStudy())
 
 
-def _dents(scan: Scan, greys: Greys, scanner: OctInfo) -> Floats:
+def _dents(scan: PictureSource, greys: GreyMap, scanner: OctInfo) -> Floats:
     """Return measures of the dent in evenly chosen frames, (measure, frame); NaN in
     others, and where no wall is seen.
     """
@@ -436,7 +437,7 @@ def picture_dents(counts: Pixels, scale: PixelScale) -> tuple[float, float]:
         return float("nan"), float("nan")
     if not wall.usable:
         return float("nan"), float("nan")
-    return dent_measures(*surface(wall, scale))
+    return dent_measures(*surface_places(wall, scale))
 
 
 def _counted(

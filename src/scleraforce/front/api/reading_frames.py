@@ -27,15 +27,15 @@ from scleraforce.front.api.progress import Counting, check_rigidity, counting_fo
 from scleraforce.reading.answer import Answer, Answers
 from scleraforce.reading.load_model import (
     bundled_finder,
-    load_model as load_reader,
+    load_reader,
     load_wall_finder,
-    opened as opened_model,
-    suited,
+    opened_reader,
+    suited_reader,
 )
 from scleraforce.reading.needle_lean import MOST_LEAN_RAD
 from scleraforce.reading.reading_models import Reader
 from scleraforce.reading.recorded_wall import recorded_wall
-from scleraforce.reading.tissue_memory import History
+from scleraforce.reading.tissue_memory import TissueMemory
 from scleraforce.recordings import recording_folder
 from scleraforce.recordings.drawn_walls import (
     RecordedWalls,
@@ -48,13 +48,13 @@ from scleraforce.recordings.formats.pixels_without_value import NOT_FINITE
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records import scan
 from scleraforce.records.calibration_file import CalibrationSummary, read_calibration
-from scleraforce.records.eye import NOTHING_KNOWN, Known, Modulus, completed
+from scleraforce.records.eye import NOTHING_KNOWN, Known, Modulus, completed_eye
 from scleraforce.records.fields import check_quantity
 from scleraforce.records.frame import (
     NOT_JUDGED,
     Pixels,
     ScaledFrame,
-    Sourced,
+    SourcedValue,
     frame_digest,
 )
 from scleraforce.records.globe import known_globe
@@ -63,7 +63,7 @@ from scleraforce.records.recording_info import known_of_recording
 from scleraforce.records.scan import Plane, Scanner
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.wall import Segmentation, without_wall
-from scleraforce.wall.wall_in_metres import GIVEN_SD_ROWS, check_size, given_wall
+from scleraforce.wall.wall_in_metres import GIVEN_SD_ROWS, check_mask_size, given_wall
 from scleraforce.wall.wall_network import WallFinder
 
 if TYPE_CHECKING:
@@ -71,13 +71,13 @@ if TYPE_CHECKING:
 
     GivenCalibration = Calibration | CalibrationSummary | str | PathLike[str]
 
-Frame = str | PathLike[str] | Pixels
+FrameSource = str | PathLike[str] | Pixels
 Mask = str | PathLike[str] | Pixels | Flags
 Given = Recording | str | PathLike[str]  # a recording, opened or as a folder
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class FrameReading:
     """An answer with its inputs: `given` by the caller, `stated` by recording.toml,
     `known` of both; notes; plane.
     """
@@ -92,7 +92,7 @@ class Reading:
 
 
 def segment(
-    frame: Frame,
+    frame: FrameSource,
     *,
     width_m: float | None = None,
     depth_m: float | None = None,
@@ -126,21 +126,21 @@ def segment(
     (True, (512, 512))
     """
     given = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
-    seen, found = segmented(
+    seen, found = segmented_frame(
         frame, given, Scanner(refractive_index=1.0), finder_of(wall_finder)
     )
     return replace(found, pixels=seen.pixels)
 
 
-def segmented(
-    frame: Frame,
+def segmented_frame(
+    frame: FrameSource,
     given: Scanner,
     assumed: Scanner,
     finder: WallFinder | None,
     transpose: bool = False,
 ) -> tuple[ScaledFrame, Segmentation]:
-    """Return a frame with its scale, as `scaled`, and its wall."""
-    seen = scaled(frame, given, assumed, "assumed", transpose)
+    """Return a frame with its scale, as `scaled_frame`, and its wall."""
+    seen = scaled_frame(frame, given, assumed, "assumed", transpose)
     try:
         thickness_m = None if seen.info is None else seen.info.eye.thickness_m
         return seen, _judged_wall(seen, frame, thickness_m, finder, transpose)
@@ -150,7 +150,7 @@ def segmented(
 
 def _judged_wall(
     seen: ScaledFrame,
-    frame: Frame,
+    frame: FrameSource,
     thickness_m: float | None,
     finder: WallFinder | None,
     transpose: bool,
@@ -207,7 +207,7 @@ def load_model(
 @overload
 def read(
     model: Reader | str | PathLike[str],
-    frame: str | PathLike[str] | list[Frame] | tuple[Frame, ...],
+    frame: str | PathLike[str] | list[FrameSource] | tuple[FrameSource, ...],
     *,
     calibration: "Calibration | str | PathLike[str] | None" = ...,
     eye: str | None = ...,
@@ -264,7 +264,7 @@ def read(
 
 def read(
     model: Reader | str | PathLike[str],
-    frame: Frame | NDArray[Any] | list[Frame] | tuple[Frame, ...],
+    frame: FrameSource | NDArray[Any] | list[FrameSource] | tuple[FrameSource, ...],
     *,
     calibration: "Calibration | str | PathLike[str] | None" = None,
     eye: str | None = None,
@@ -354,8 +354,8 @@ def read(
     >>> print(f"{answer.force_n * 1e3:.0f} mN, class {answer.predicted}")
     2... mN, class 1
     """
-    reader = opened_model(model)
-    given = given_eye(
+    reader = opened_reader(model)
+    given = eye_of_arguments(
         {
             "youngs_modulus_pa": youngs_modulus_pa,
             "iop_pa": iop_pa,
@@ -371,9 +371,9 @@ def read(
     )
     size = Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index)
 
-    def answer(frames: Sequence[Frame], masks: "Sequence[Mask]") -> Answer:
+    def answer(frames: Sequence[FrameSource], masks: "Sequence[Mask]") -> Answer:
         at = planes or stated_planes(frames)
-        one = readings(
+        one = frame_readings(
             reader,
             frames,
             given,
@@ -410,7 +410,7 @@ def read(
             " least one"
         )
 
-    stack, notes = counted(frame)
+    stack, notes = as_counts(frame)
     masks = mask if isinstance(mask, np.ndarray) else masks
     if len(masks) not in (0, len(stack)):
         raise InputError(
@@ -459,8 +459,8 @@ def evaluate(
     >>> [frame.answer.predicted for frame in evaluation.frames]
     [1, 2, 2]
     """
-    reader = opened_model(model)
-    each = opened(recordings)
+    reader = opened_reader(model)
+    each = opened_recordings(recordings)
     summary = None if calibration is None else summary_of_calibration(calibration)
     counting = counting or counting_for(progress, "frames")
     with counting("frames", sum(len(one.frames) for one in each)) as advance:
@@ -490,14 +490,14 @@ def save_wall(
     >>> sf.read(sf.load_model("./reader"), "eye-a/frames/0001.png").segmentation.source
     'corrected'
     """
-    found = opened(recording)[0]
+    found = opened_recordings(recording)[0]
     recording_folder.check_alone(found, file)
     drawn = (
         read_mask(Path(mask))
         if isinstance(mask, str | PathLike)
         else mask_of(mask, "mask")
     )
-    check_size(drawn, (found.info.oct.rows, found.info.oct.columns), "mask")
+    check_mask_size(drawn, (found.info.oct.rows, found.info.oct.columns), "mask")
 
     if author is not None and not author.isprintable():
         raise InputError(
@@ -513,7 +513,7 @@ def utc_now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
-def stated_planes(frames: Sequence[Frame]) -> tuple[Plane, ...]:
+def stated_planes(frames: Sequence[FrameSource]) -> tuple[Plane, ...]:
     """Return the planes of frames that are in a recording of several; raises
     `InputError` if they are of two times.
     """
@@ -531,9 +531,9 @@ def stated_planes(frames: Sequence[Frame]) -> tuple[Plane, ...]:
     return tuple(plane for *_, plane in stated)
 
 
-def readings(
+def frame_readings(
     model: Reader | str | PathLike[str],
-    frames: Sequence[Frame],
+    frames: Sequence[FrameSource],
     given: Known,
     size: Scanner,
     calibration: "GivenCalibration | None" = None,
@@ -543,11 +543,11 @@ def readings(
     planes: Sequence[Plane] = (),
     masks: "Sequence[Mask | None]" = (),
     mask_sd_rows: float = GIVEN_SD_ROWS,
-) -> list[Reading]:
+) -> list[FrameReading]:
     """Read one frame, or one of each plane together, as `read` does; return each answer
     with its inputs.
     """
-    model = opened_model(model)
+    model = opened_reader(model)
     if not frames:
         raise InputError("frame: none; give one, or one of each plane")
     if len(planes) != len(frames) and (planes or len(frames) != 1):
@@ -578,7 +578,8 @@ def readings(
     check_calibrated(given, calibration is not None, eye)
     assumed = Scanner(refractive_index=model.study.oct.refractive_index)
     each = [
-        scaled(frame, size, assumed, "model's study", transpose) for frame in frames
+        scaled_frame(frame, size, assumed, "model's study", transpose)
+        for frame in frames
     ]
     seen = each[0]
     frame = frames[0]
@@ -597,7 +598,7 @@ def readings(
         raise InputError("frame: one picture for two planes; give the frame of each")
 
     stated = NOTHING_KNOWN if seen.info is None else known_of_recording(seen.info)
-    known = completed(given, stated)
+    known = completed_eye(given, stated)
     notes = list(seen.notes)
 
     if calibration is not None:
@@ -629,7 +630,7 @@ def readings(
         )
 
     asked = model
-    model = suited(model, known)
+    model = suited_reader(model, known)
     if model.path != asked.path:
         notes.append(
             f"read with the bundled reader {model.name}, which was trained"
@@ -640,7 +641,7 @@ def readings(
         way = "give a calibration, or relaxation in recording.toml"
         raise InputError(f"held_s: nothing says how the tissue relaxes; {way}")
 
-    history = History.unknown(known, model.study.needle.max_force_n)
+    history = TissueMemory.unknown(known, model.study.needle.max_force_n)
     try:
         walls = [
             _wall(
@@ -675,7 +676,7 @@ def readings(
         notes += filter(None, doubts[:1])
 
     return [
-        Reading(answer, one, given, stated, known, tuple(notes), plane)
+        FrameReading(answer, one, given, stated, known, tuple(notes), plane)
         for answer, one, plane in zip(answers, each, planes or (None,), strict=True)
     ]
 
@@ -691,7 +692,7 @@ def _appearance(answer: Answer) -> calibration_file.Appearance | None:
 
 def _wall(
     seen: ScaledFrame,
-    frame: Frame,
+    frame: FrameSource,
     mask: "Mask | None",
     sd_rows: float,
     transpose: bool,
@@ -728,7 +729,7 @@ def _wall(
         else mask_of(mask, "mask")
     )
     given = given.T if transpose else given
-    check_size(given, seen.pixels.shape, "mask")
+    check_mask_size(given, seen.pixels.shape, "mask")
 
     if np.ma.is_masked(frame):
         hidden = np.ma.getmaskarray(np.ma.asarray(frame))
@@ -737,7 +738,7 @@ def _wall(
     return given_wall(given, seen.scale, sd_rows)
 
 
-def given_eye(given: Mapping[str, Any]) -> Known:
+def eye_of_arguments(given: Mapping[str, Any]) -> Known:
     """Return the known inputs of an eye, checked; `given` has all arguments of `read`
     that state one.
     """
@@ -807,8 +808,12 @@ def check_calibrated(given: Known, calibrated: bool, eye: str | None) -> None:
         )
 
 
-def scaled(
-    frame: Frame, given: Scanner, assumed: Scanner, source: str, transpose: bool = False
+def scaled_frame(
+    frame: FrameSource,
+    given: Scanner,
+    assumed: Scanner,
+    source: str,
+    transpose: bool = False,
 ) -> ScaledFrame:
     """Return a frame with its scale: given, else the recording's or the file's, else
     assumed, of a named source.
@@ -818,7 +823,7 @@ def scaled(
             Path(frame), given, (assumed, source), transpose
         )
 
-    pixels, notes = counted(frame)
+    pixels, notes = as_counts(frame)
     if pixels.ndim != 2 or not pixels.size:
         raise FrameError(
             f"frame: an array of shape {pixels.shape}; give one frame, rows x columns"
@@ -829,14 +834,14 @@ def scaled(
         )
 
     index = given.refractive_index or assumed.refractive_index or 1.0
-    width = Sourced(given.width_m, "option")
-    depth = Sourced(given.depth_m, "option")
+    width = SourcedValue(given.width_m, "option")
+    depth = SourcedValue(given.depth_m, "option")
     pixels = np.ma.filled(pixels, 0)
     found = ScaledFrame(
         pixels.T if transpose else pixels,
         width,
         depth,
-        Sourced(index, "option"),
+        SourcedValue(index, "option"),
         None,
         notes,
     )
@@ -851,7 +856,7 @@ def scaled(
     return found
 
 
-def counted(frame: Any) -> tuple[Any, tuple[str, ...]]:
+def as_counts(frame: Any) -> tuple[Any, tuple[str, ...]]:
     """Return an array, of one frame or a stack, as counts, and a note if they were
     scaled; flags are a mask.
 
@@ -890,7 +895,7 @@ def counted(frame: Any) -> tuple[Any, tuple[str, ...]]:
     )
 
 
-def _place(frame: Frame) -> str:
+def _place(frame: FrameSource) -> str:
     return str(frame) if isinstance(frame, str | PathLike) else "frame"
 
 
@@ -907,7 +912,7 @@ def summary_of_calibration(calibration: "GivenCalibration") -> CalibrationSummar
     )
 
 
-def opened(given: Given | Sequence[Given]) -> list[Recording]:
+def opened_recordings(given: Given | Sequence[Given]) -> list[Recording]:
     """Return recordings; read folders."""
     each = [given] if isinstance(given, Recording | str | PathLike) else list(given)
     if not each:

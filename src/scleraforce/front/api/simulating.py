@@ -90,21 +90,23 @@ def simulate(
     >>> print(f"{dented.force_n * 1e3:.1f} mN")
     10.0 mN
     """
-    study = declared(study, mechanics, globe, rigidity_pa13_per_m3)
+    study = declared_study(study, mechanics, globe, rigidity_pa13_per_m3)
     refuse_unused(study, "simulate", study.mechanics.kind)
     if (force_n is None) is (displacement_m is None):
         raise InputError("simulate: give either force_n or displacement_m")
 
-    for name, value in given(force_n=force_n, displacement_m=displacement_m).items():
+    for name, value in given_values(
+        force_n=force_n, displacement_m=displacement_m
+    ).items():
         check_quantity(name, value)
 
     polar = None if polar_angle_rad is None else fixed(polar_angle_rad)
     eye = replace(
         study.eye,
         thickness_m=fixed(thickness_m),
-        **given(youngs_modulus_pa=youngs_modulus_pa, iop_pa=iop_pa),
+        **given_values(youngs_modulus_pa=youngs_modulus_pa, iop_pa=iop_pa),
     )
-    needle = replace(study.needle, **given(polar_angle_rad=polar, gap_m=gap_m))
+    needle = replace(study.needle, **given_values(polar_angle_rad=polar, gap_m=gap_m))
     contact = Contact(polar_rad=sum(needle.polar_angle_rad.bounds) / 2)
     study = replace(study, eye=eye, needle=needle)
 
@@ -184,7 +186,7 @@ def phantom(
     >>> [frame.file for frame in recording.frames]
     ['0001.png', '0002.png']
     """
-    study = declared(study, mechanics, globe, rigidity_pa13_per_m3)
+    study = declared_study(study, mechanics, globe, rigidity_pa13_per_m3)
     refuse_unused(study, "phantom", study.mechanics.kind)
     if Path(out).exists():
         raise InputError(f"{out}: exists already; remove it or choose another name")
@@ -195,7 +197,9 @@ def phantom(
         "iop_pa": study.eye.iop_pa,
         "gap_m": study.needle.gap_m,
     }
-    eyes |= given(youngs_modulus_pa=youngs_modulus_pa, iop_pa=iop_pa, gap_m=gap_m)
+    eyes |= given_values(
+        youngs_modulus_pa=youngs_modulus_pa, iop_pa=iop_pa, gap_m=gap_m
+    )
     directions = {
         "azimuth_rad": azimuth_rad,
         "direction_rad": direction_rad,
@@ -213,7 +217,9 @@ def phantom(
         plan = plan_phantom(pushed, tuple(forces_n), study, seed)
     else:
         moves = {"rate_hz": rate_hz, "ramp_n_per_s": 20e-3, "hold_s": 1.0}
-        moves |= given(ramp_n_per_s=ramp_n_per_s, hold_s=hold_s, puncture_n=puncture_n)
+        moves |= given_values(
+            ramp_n_per_s=ramp_n_per_s, hold_s=hold_s, puncture_n=puncture_n
+        )
         plan = plan_moving_phantom(pushed, tuple(forces_n), study, seed, **moves)
 
     if planes:
@@ -231,7 +237,7 @@ def phantom(
     return read_recording(out)
 
 
-def declared(
+def declared_study(
     study: Study | None,
     mechanics: str | None,
     globe: str | None,
@@ -247,6 +253,6 @@ def declared(
     return replace(study, globe=study.globe.with_known(globe, rigidity_pa13_per_m3))
 
 
-def given(**values: Any) -> dict[str, Any]:
+def given_values(**values: Any) -> dict[str, Any]:
     """Return the values that are not None."""
     return {name: value for name, value in values.items() if value is not None}

@@ -153,6 +153,7 @@ def train(
     """
     counting = counting or counting_for(progress, "epochs")
     if isinstance(source, Dataset):
+        # 1,300 ms: PyTorch, not for `generate` and `library_of`
         from scleraforce.lab.training.classifier_training import grid
         from scleraforce.lab.training.trained_models import train_classifier
 
@@ -187,6 +188,7 @@ def train(
 
     study = study or Study()
     refuse_unused(study, f"train --kind {kind}")
+    # 1,100 ms: PyTorch, not for `generate` and `library_of`
     from scleraforce.lab.training.trained_models import train_raw_reader, train_reader
 
     if kind == "reader":

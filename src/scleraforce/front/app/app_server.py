@@ -25,14 +25,14 @@ from scleraforce.base.errors import InputError
 from scleraforce.base.kept_results import ENDING, kept_result
 from scleraforce.front.api.reading_frames import save_wall
 from scleraforce.front.app.recording_views import (
-    Looks,
+    RecordingViews,
     mask_between,
     png,
     remove_draft,
     write_draft,
 )
 from scleraforce.front.app.request_end import EndsWithRequest
-from scleraforce.front.app.running_commands import Job, shown
+from scleraforce.front.app.running_commands import Job, command_line
 from scleraforce.front.app.source_views import ANSWERS, Checked, Sources
 from scleraforce.front.app.work_folder import MOST_UPLOAD_BYTES, SOURCES, Folder
 from scleraforce.live.console.server import OwnPagesOnly
@@ -83,7 +83,7 @@ class Asked(BaseModel):
         )
 
 
-class Run(Asked):
+class CommandRequest(Asked):
     """A command, with the name of the file or folder that it writes."""
 
     command: str
@@ -116,7 +116,7 @@ OLD_FILES = ("calibration", "times")
 DIGITS = 15  # of a number: a clock counts from 1970, in ms
 
 
-def words_of(run: Run, folder: Folder) -> list[str]:
+def words_of(run: CommandRequest, folder: Folder) -> list[str]:
     """Return a command's words, checked: known options, paths inside the folder, and
     nothing that exists is written.
     """
@@ -204,7 +204,7 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
     The cookie is given for the token each time, and for `once` a single time.
     """
     folder = Folder(root.resolve())
-    looks = Looks()
+    views = RecordingViews()
     sources = Sources()
     holder = Holder()
     jobs = list[Job]()
@@ -250,13 +250,13 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
         return await answer(request)
 
     @app.get("/api/look")
-    def looked(name: str, file: str) -> dict[str, Any]:
-        look = looks.look(folder.recording(name, file), file)
-        frames = [_operand(f"{name}/frames/{each}") for each in look["frames"]]
-        return look | {"command": shown(["read", "default", *frames])}
+    def answered_frame(name: str, file: str) -> dict[str, Any]:
+        result = views.read_frame(folder.recording(name, file), file)
+        frames = [_operand(f"{name}/frames/{each}") for each in result["frames"]]
+        return result | {"command": command_line(["read", "default", *frames])}
 
     def drawn_on(name: str, file: str) -> Recording:
-        found, _ = looks.entry(folder.recording(name, file), file)
+        found, _ = views.entry(folder.recording(name, file), file)
         check_alone(found, file)
         return found
 
@@ -281,13 +281,13 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
 
     @app.get("/api/recording")
     def recording(name: str) -> dict[str, Any]:
-        return looks.summary(folder.recording(name))
+        return views.summary(folder.recording(name))
 
     @app.get("/api/frame")
     def frame(
         name: str, file: str, height: Annotated[int | None, Query(ge=1)] = None
     ) -> Response:
-        found, entry = looks.entry(folder.recording(name, file), file)
+        found, entry = views.entry(folder.recording(name, file), file)
         return Response(png(found.frame(entry), height), media_type="image/png")
 
     @app.put("/api/draft")
@@ -303,7 +303,7 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
         with writing:
             save_wall(found, file, mask_of(found, drawn))
             remove_draft(found, file)
-        return looked(name, file)
+        return answered_frame(name, file)
 
     @app.delete("/api/wall")
     def erase(name: str, file: str) -> dict[str, Any]:
@@ -311,7 +311,7 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
         with writing:
             remove_wall(found.path, file)
             remove_draft(found, file)
-        return looked(name, file)
+        return answered_frame(name, file)
 
     @app.put(UPLOAD)
     async def drop(name: str, request: Request) -> dict[str, Any]:
@@ -320,8 +320,8 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
         return {"name": f"{SOURCES}/{name}"}
 
     @app.post("/api/sources")
-    def look_at_sources(asked: Asked) -> dict[str, Any]:
-        return sources.look(*asked.read(folder))
+    def described_sources(asked: Asked) -> dict[str, Any]:
+        return sources.describe(*asked.read(folder))
 
     @app.post("/api/picture")
     def picture(asked: Asked, number: int) -> Response:
@@ -334,14 +334,14 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
         return sources.clocks(*asked.read(folder))
 
     @app.post("/api/words")
-    def words(run: Run) -> dict[str, Any]:
+    def words(run: CommandRequest) -> dict[str, Any]:
         try:
-            return {"command": shown(words_of(run, folder))}
+            return {"command": command_line(words_of(run, folder))}
         except InputError as fault:  # the page shows it in place of the command
             return {"fault": _line(fault, folder)}
 
     @app.post("/api/run")
-    def start(run: Run) -> dict[str, Any]:
+    def start(run: CommandRequest) -> dict[str, Any]:
         with writing:
             if jobs and not jobs[-1].done:
                 raise InputError(
@@ -381,7 +381,7 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
     return OwnPagesOnly(EndsWithRequest(app), HOST, MOST_JSON_BYTES, longer)
 
 
-def listen(port: int) -> socket.socket:
+def listen_locally(port: int) -> socket.socket:
     """Return the listening socket; raises `InputError` if the port is taken."""
     listener = socket.socket()
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

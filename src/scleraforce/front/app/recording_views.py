@@ -14,7 +14,7 @@ import numpy as np
 
 from scleraforce.base.arrays import Bytes, Floats
 from scleraforce.base.errors import FrameError, InputError, RecordingError
-from scleraforce.base.plain_json import finite, parse_json
+from scleraforce.base.plain_json import finite_json, parse_json
 from scleraforce.base.units import from_si
 from scleraforce.base.whole_files import KINDS, read_text, write_whole
 from scleraforce.front.api.reading_frames import load_model, read
@@ -60,7 +60,7 @@ def png(pixels: Pixels | Floats, height: int | None = None) -> bytes:
     return bytes(cv2.imencode(".png", grey)[1])
 
 
-def curve(time_s: Floats, values: Floats) -> dict[str, Any]:
+def thinned_curve(time_s: Floats, values: Floats) -> dict[str, Any]:
     """Return a curve with the least and the largest value of each of `BINS` stretches,
     NaN where there is none.
     """
@@ -106,7 +106,7 @@ def _opened(path: Path, _: tuple[int, ...]) -> Recording:
     return read_recording(path)
 
 
-class Looks:
+class RecordingViews:
     """Recordings as the page shows them; recordings and the model are opened when they
     are first needed.
     """
@@ -154,9 +154,11 @@ class Looks:
         force = None
         if log is not None and info.force is not None:
             known = log.known(info.force.axis)
-            force = curve(known.time_s, from_si(contact_force(known, info.force), "mn"))
+            force = thinned_curve(
+                known.time_s, from_si(contact_force(known, info.force), "mn")
+            )
 
-        found: dict[str, Any] = finite(
+        found: dict[str, Any] = finite_json(
             {
                 "eye": info.eye.id,
                 "rows": info.oct.rows,
@@ -180,7 +182,7 @@ class Looks:
         )
         return found
 
-    def look(self, path: Path, file: str) -> dict[str, Any]:
+    def read_frame(self, path: Path, file: str) -> dict[str, Any]:
         """Return the wall of a frame, and the answer of the bundled reader with its
         warnings.
         """
@@ -200,7 +202,7 @@ class Looks:
 
         wall = answer.segmentation
         found = answer.to_dict() | {"warnings": list(answer.warnings)}
-        shown: dict[str, Any] = finite(
+        shown: dict[str, Any] = finite_json(
             {"answer": found, "wall": None if wall is None else _outline(wall)}
         )
 

@@ -43,7 +43,7 @@ KEPT = 4096  # last characters of a command's standard error
 BYTES = 65536
 
 
-def shown(words: Sequence[str]) -> str:
+def command_line(words: Sequence[str]) -> str:
     """Return the command line that a user would type.
 
     >>> shown(["import", "my scan.tif", "--out", "eye-a"])
@@ -107,7 +107,7 @@ class Job:
             "done": self.done,
             "fault": self.fault,
         }
-        return {"command": shown(self.words), **state}
+        return {"command": command_line(self.words), **state}
 
     def _finish(self, process: "subprocess.Popen[bytes]", terminal: int) -> None:
         listener = Thread(target=self._listen, args=(terminal,), daemon=True)
@@ -130,7 +130,7 @@ class Job:
         """Write the result; return why that failed."""
         try:
             ended = {
-                "command": shown(self.words),
+                "command": command_line(self.words),
                 "time_utc": utc_now(),
                 "result": json.loads(printed),
             }

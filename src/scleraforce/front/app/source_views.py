@@ -15,16 +15,16 @@ from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
 from scleraforce.base.errors import FrameError, InputError
-from scleraforce.base.plain_json import finite
+from scleraforce.base.plain_json import finite_json
 from scleraforce.base.units import from_si, to_si
 from scleraforce.front.api.importing import picture_dents
-from scleraforce.front.app.recording_views import curve, png
+from scleraforce.front.app.recording_views import png, thinned_curve
 from scleraforce.front.app.request_end import check_wanted
 from scleraforce.recordings.clock_offsets import estimate_clocks
 from scleraforce.recordings.forces_under_frames import low_pass
 from scleraforce.recordings.formats.picture_streams import (
+    PictureSource,
     PictureStream,
-    Scan,
     UnansweredError,
     find_greys,
     one_grey,
@@ -32,9 +32,9 @@ from scleraforce.recordings.formats.picture_streams import (
 from scleraforce.recordings.import_answers import given_times, open_questions
 from scleraforce.recordings.import_sources import (
     OPTION,
-    Gathered,
+    GatheredSources,
     ImportOptions,
-    gather,
+    gather_sources,
 )
 from scleraforce.records.scan import PixelScale, Plane
 
@@ -68,11 +68,11 @@ class Sources:
     def __init__(self) -> None:
         self._lock = Lock()
         self._asked = ""
-        self._gathered: Gathered | None = None
+        self._gathered: GatheredSources | None = None
 
     def gathered(
         self, paths: Sequence[Path], planes: Planes, answers: ImportOptions
-    ) -> Gathered:
+    ) -> GatheredSources:
         """Return the frames and the log, read again only if sources or the answers
         about them have changed.
         """
@@ -83,13 +83,13 @@ class Sources:
         with self._lock:
             check_wanted()
             if self._gathered is None or self._asked != asked:
-                self._gathered = gather(
+                self._gathered = gather_sources(
                     paths, answers, lambda _: check_wanted(), planes
                 )
                 self._asked = asked
             return self._gathered
 
-    def look(
+    def describe(
         self, paths: Sequence[Path], planes: Planes, answers: ImportOptions
     ) -> dict[str, Any]:
         """Return what sources state and what is missing; or a single question that has
@@ -122,7 +122,7 @@ class Sources:
                 name.removesuffix("_n") for name in log.columns if name.endswith("_n")
             ]
         )
-        stated_now: dict[str, Any] = finite(
+        stated_now: dict[str, Any] = finite_json(
             {
                 "frames": len(scan.names),
                 "rows": scan.rows,
@@ -137,7 +137,7 @@ class Sources:
                     if not question.optional
                 },
                 "log": {
-                    axis: curve(log.time_s, from_si(log.force_n(axis), "mn"))
+                    axis: thinned_curve(log.time_s, from_si(log.force_n(axis), "mn"))
                     for axis in axes
                     if log is not None
                 },
@@ -218,7 +218,7 @@ class Sources:
         sign, offset = max(
             estimates.items(), key=lambda item: item[1].likelihood if item[1] else -1.0
         )
-        curves: dict[str, Any] = finite(
+        curves: dict[str, Any] = finite_json(
             {
                 "time_s": times.time_s[shown].tolist(),
                 "dent_mm": from_si(dents[0], "mm").tolist(),
@@ -232,7 +232,7 @@ class Sources:
         return curves
 
 
-def _while_wanted(scan: Scan) -> PictureStream:
+def _while_wanted(scan: PictureSource) -> PictureStream:
     """Yield the pictures of a scan until the request has ended."""
     for picture in scan.pictures():
         check_wanted()

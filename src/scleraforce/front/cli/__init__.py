@@ -1,6 +1,8 @@
-"""The command line: one thin file a command; each parses, calls one function and
-prints.
+"""The command line: one thin file a command; each parses, calls one function, prints.
 
-A file is imported when its command runs; ONNX Runtime, Numba, SciPy and Matplotlib only
-when the command needs them.
+Imports every other package, lazily: a file is imported when its command runs; ONNX
+Runtime, Numba, SciPy and Matplotlib when the command needs them. The entry point
+`scleraforce` is `main.main`.
+
+Public: none.
 """

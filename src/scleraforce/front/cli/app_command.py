@@ -42,9 +42,10 @@ def app(folder: Path, port: int, opens: bool) -> None:
             f"app: {missing[0]} is not installed; run pip install 'scleraforce[web]'"
         )
 
-    from scleraforce.front.app.app_server import HOST, listen, server_of
+    # 760 ms: FastAPI and the readers, not for --help
+    from scleraforce.front.app.app_server import HOST, listen_locally, server_of
 
-    listener = listen(port)
+    listener = listen_locally(port)
     token = secrets.token_urlsafe(24)
     once = secrets.token_urlsafe(24)
     address = f"http://{HOST}:{listener.getsockname()[1]}/?token="

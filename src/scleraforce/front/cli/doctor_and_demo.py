@@ -25,7 +25,8 @@ from scleraforce.front.cli.output import (
     say,
     share_bar,
 )
-from scleraforce.records.study import PRESETS, Study, preset_toml
+from scleraforce.records.model_folder import model_name
+from scleraforce.records.study import PRESETS, Study, preset_toml, refuse_unused
 
 if TYPE_CHECKING:
     from scleraforce.calibration.evaluation import Evaluation
@@ -68,6 +69,7 @@ def demo(out: Path, open_page: bool) -> Report:
     has the recording, the calibration and the page. It takes about ten seconds.
     """
     start = time.perf_counter()
+    # 980 ms: the whole pipeline, not for `init`, `cite` and --help
     from scleraforce.calibration.answer_metrics import mean_absolute_error
     from scleraforce.front.paper.demo import EYE, run_demo
 
@@ -121,6 +123,7 @@ def doctor() -> Report:
     If anything has `failed`, the exit code is 1.
     """
     start = time.perf_counter()
+    # 500 ms: Numba and SciPy, not for `init`, `cite` and --help
     from scleraforce.front.cli.installation_checks import (
         TRIALS,
         machine,
@@ -224,6 +227,7 @@ def reproduce(
 
     Example: scleraforce reproduce --out out/reproduce
     """
+    # 2,400 ms: PyTorch and Matplotlib, not for `init`, `cite` and --help
     from scleraforce.base.worker_processes import available_cores
     from scleraforce.calibration.answer_metrics import (
         SHARED_ERROR,
@@ -232,8 +236,6 @@ def reproduce(
     )
     from scleraforce.front.paper.run_folder import framed_for_laboratory, open_run
     from scleraforce.front.paper.stages import reproduce as run_stages
-    from scleraforce.records.model_folder import model_name
-    from scleraforce.records.study import refuse_unused
 
     file = ctx.meta.get(STUDY_FILE)
     refuse_unused(study, "reproduce")

@@ -37,10 +37,10 @@ from scleraforce.front.cli.output import (
     progress_bar,
     say,
 )
-from scleraforce.recordings import recording_folder as folder
+from scleraforce.recordings import recording_folder
 from scleraforce.recordings.source_files import files_of
 from scleraforce.records import scan
-from scleraforce.records.eye import NOTHING_KNOWN, Known, completed
+from scleraforce.records.eye import NOTHING_KNOWN, Known, completed_eye
 from scleraforce.records.frame import Pixels, ScaledFrame
 from scleraforce.records.model_folder import model_name
 from scleraforce.records.scan import Plane, Scanner
@@ -49,11 +49,11 @@ from scleraforce.wall.needle_in_frame import needle_entry
 from scleraforce.wall.wall import Segmentation, draw_overlay
 
 if TYPE_CHECKING:  # with ONNX Runtime and Numba
-    from scleraforce.front.api.reading_frames import Reading
+    from scleraforce.front.api.reading_frames import FrameReading
     from scleraforce.reading.answer import Answer
 
-Moment = tuple[tuple[Path, Plane | None], ...]
-Look = Callable[[Path], tuple[ScaledFrame, Segmentation]]
+MomentFiles = tuple[tuple[Path, Plane | None], ...]
+SegmentFile = Callable[[Path], tuple[ScaledFrame, Segmentation]]
 Value = float | str | None
 # Places of the needle that `read` prints, with their units.
 PLACES = {"contact_mm": " mm", "dent_mm": " mm", "gap_mm": " mm", "lean_deg": "°"}
@@ -161,7 +161,8 @@ def segment(
 
     scleraforce segment my-scans --sheet sheet.png
     """
-    import scleraforce.front.api.reading_frames as notebook
+    # 180 ms: Numba and the models, not for --help
+    from scleraforce.front.api import reading_frames
 
     if out is None and (overlay or sheet is None):
         raise click.UsageError(
@@ -175,15 +176,15 @@ def segment(
         )
 
     usual = OctStudy()
-    finder = notebook.finder_of(wall_finder)
+    finder = reading_frames.finder_of(wall_finder)
     masks = _masks(frames, out, sheet)
     assumed = Scanner(
         width_m=usual.width_m,
         depth_m=usual.depth_m,
         refractive_index=usual.refractive_index,
     )
-    look = partial(
-        notebook.segmented,
+    segment_file = partial(
+        reading_frames.segmented_frame,
         given=Scanner(**size),
         assumed=assumed,
         finder=finder,
@@ -193,7 +194,7 @@ def segment(
         each_of(
             masks,
             lambda frame: _segment_frame(
-                frame, masks[frame], look, transpose, overlay, force
+                frame, masks[frame], segment_file, transpose, overlay, force
             ),
         )
     )
@@ -215,7 +216,7 @@ def segment(
     unusable = sum(not one["usable"] for one in entries)
 
     if segmented and sheet is not None:
-        _write_sheet(sheet, segmented, look)
+        _write_sheet(sheet, segmented, segment_file)
         lines.append(f"wrote {sheet}")
 
     if segmented:
@@ -273,9 +274,9 @@ def _frames_of(path: Path) -> list[tuple[Path, Path | None]]:
     with their recording.
     """
     if not os.path.isdir(path):
-        return [(path, folder.recording_of(path))]
+        return [(path, recording_folder.recording_of(path))]
     if (path / "recording.toml").exists():
-        recording = folder.read_recording(path)
+        recording = recording_folder.read_recording(path)
         return [(recording.frame_path(entry), path) for entry in recording.frames]
 
     images = [file for file in files_of([path]) if file.suffix.lower() in IMAGES]
@@ -285,18 +286,18 @@ def _frames_of(path: Path) -> list[tuple[Path, Path | None]]:
             " folder"
         )
 
-    return [(file, folder.recording_of(file)) for file in images]
+    return [(file, recording_folder.recording_of(file)) for file in images]
 
 
 def _segment_frame(
     path: Path,
     mask: Path | None,
-    look: Look,
+    segment_file: SegmentFile,
     transpose: bool,
     overlay: bool,
     force: bool,
 ) -> dict[str, Any]:
-    frame, found = look(path)
+    frame, found = segment_file(path)
     if mask is not None:
         mask, other = (
             (mask, mask.with_suffix(GUESS))
@@ -353,10 +354,13 @@ def _write(path: Path, others: Sequence[Path], picture: Pixels, force: bool) -> 
             other.unlink(missing_ok=True)
 
 
-def _write_sheet(sheet: Path, entries: Sequence[Mapping[str, Any]], look: Look) -> None:
+def _write_sheet(
+    sheet: Path, entries: Sequence[Mapping[str, Any]], segment_file: SegmentFile
+) -> None:
     """Draw frames with the walls of both methods, which are found again: all pictures
     need not be kept.
     """
+    # 520 ms: Matplotlib, not without --sheet
     from scleraforce.front.report.figure_files import write_figure
     from scleraforce.front.report.frame_figures import (
         MOST,
@@ -372,7 +376,7 @@ def _write_sheet(sheet: Path, entries: Sequence[Mapping[str, Any]], look: Look) 
     paths = [Path(entries[number]["file"]) for number in numbers]
     base = os.path.commonpath([path.absolute().parent for path in paths])
     frames = [
-        sheet_frame(os.path.relpath(path, base), *look(path))
+        sheet_frame(os.path.relpath(path, base), *segment_file(path))
         for path in progress_bar(paths, "sheet")
     ]
     title = f"{len(entries)} frames, {sum(one['usable'] for one in entries)} usable"
@@ -523,13 +527,14 @@ def read(
     --youngs-modulus-mpa 0.27 --iop-mmhg 2 --thickness-um 650 --gap-mm 0.5
     --globe open
     """
+    # 180 ms: Numba and the models, not for --help
     from scleraforce.front.api.reading_frames import (
         check_calibrated,
-        given_eye,
-        readings,
+        eye_of_arguments,
+        frame_readings,
         summary_of_calibration,
     )
-    from scleraforce.reading.answer import unusable
+    from scleraforce.reading.answer import unusable_answer
     from scleraforce.wall.wall_in_metres import GIVEN_SD_ROWS
 
     for path in filter(os.path.isdir, frames):
@@ -545,20 +550,20 @@ def read(
         )
 
     mask_of = dict(zip(frames, masks, strict=bool(masks)))
-    known = given_eye({name: given.pop(name) for name in EYE})
+    known = eye_of_arguments({name: given.pop(name) for name in EYE})
     size = Scanner(**given)
     check_calibrated(known, calibration is not None, eye)
     loaded = cache(lambda: sf.load_model(model, wall_finder=wall_finder))
     summary = None if calibration is None else summary_of_calibration(calibration)
 
-    def answer(moment: Moment) -> "list[Reading]":
+    def answer(moment: MomentFiles) -> "list[FrameReading]":
         for path, _ in moment:
             os.stat(path)  # a missing frame is reported before the model is loaded
 
         paths = [path for path, _ in moment]
         placed = [plane for _, plane in moment if plane]
         walls = [mask_of.get(path) for path in paths]
-        return readings(
+        return frame_readings(
             loaded(),
             paths,
             known,
@@ -600,7 +605,7 @@ def read(
         (
             {
                 "file": str(path),
-                **reader.signed(unusable(reader.classes, str(one))).to_dict(),
+                **reader.signed(unusable_answer(reader.classes, str(one))).to_dict(),
                 "error": str(one),
             }
             if isinstance(one, InputError)
@@ -628,7 +633,9 @@ def read(
     )
 
 
-def _moments(frames: Sequence[Path], given: Sequence[tuple[int, str]]) -> list[Moment]:
+def _moments(
+    frames: Sequence[Path], given: Sequence[tuple[int, str]]
+) -> list[MomentFiles]:
     """Return the frames that are read together, each with its plane: one for each, or
     one frame of each plane.
     """
@@ -638,7 +645,7 @@ def _moments(frames: Sequence[Path], given: Sequence[tuple[int, str]]) -> list[M
             return (
                 None
                 if os.path.isdir(path) or not path.exists()
-                else folder.stated_plane(path)
+                else recording_folder.stated_plane(path)
             )
         except (InputError, OSError):  # reported with the frame
             return None
@@ -660,7 +667,7 @@ def _moments(frames: Sequence[Path], given: Sequence[tuple[int, str]]) -> list[M
     for path, plane in zip(frames, planes_of(frames, after_model), strict=True):
         of_plane.setdefault(plane, []).append(path)
 
-    scan.check_counts(
+    scan.check_frame_counts(
         {plane.name: len(paths) for plane, paths in of_plane.items() if plane}
     )
     return [
@@ -669,7 +676,7 @@ def _moments(frames: Sequence[Path], given: Sequence[tuple[int, str]]) -> list[M
     ]
 
 
-def _entry(path: Path, one: "Reading") -> dict[str, Any]:
+def _entry(path: Path, one: "FrameReading") -> dict[str, Any]:
     plane = {} if one.plane is None else {"plane": one.plane.name}
     return {
         "file": str(path),
@@ -762,13 +769,13 @@ def _size_words(scale: Mapping[str, Any]) -> str:
     )
 
 
-def _known(one: "Reading") -> dict[str, dict[str, Any]]:
+def _known(one: "FrameReading") -> dict[str, dict[str, Any]]:
     """Return value and source of each known input; of stiffening, k and lean only if
     they are known.
     """
     sources = {
         "option": one.given,
-        "recording.toml": completed(one.given, one.stated),
+        "recording.toml": completed_eye(one.given, one.stated),
         "calibration": one.known,
     }
     found = {}

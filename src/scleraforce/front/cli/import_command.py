@@ -19,7 +19,7 @@ from scleraforce.front.cli.options import (
     PLANE,
     PlacedPlane,
     Quantity,
-    Relaxation,
+    RelaxationOption,
     added,
     planes_of,
 )
@@ -27,7 +27,7 @@ from scleraforce.front.cli.output import Command, Report, count_bar, is_json, sa
 from scleraforce.recordings.formats.picture_streams import TOP, UnansweredError
 from scleraforce.recordings.import_answers import (
     Asker,
-    Import,
+    PreparedImport,
     Question,
     answers_like,
     provenance,
@@ -204,7 +204,7 @@ OPTIONS = (
     ),
     click.option(
         "--relaxation",
-        type=Relaxation(),
+        type=RelaxationOption(),
         metavar="none|SHARE:SECONDS,...",
         help=(
             "How the tissue relaxes: the share of a held force that is lost, and its"
@@ -282,7 +282,7 @@ def import_(
     scleraforce import forces.csv --plane along:0:0 along --plane across:0:90
     across --out eye-4
     """
-    # with ONNX Runtime and Numba
+    # 280 ms: Numba and the models, not for --help
     from scleraforce.front.api.importing import PREVIEW, write_imported
 
     words = {
@@ -324,7 +324,7 @@ def import_(
     )
 
 
-def _lines(done: Import) -> list[str]:
+def _lines(done: PreparedImport) -> list[str]:
     scan = done.gathered.scan
     scanner = done.info.oct
     source = done.sources

@@ -302,6 +302,7 @@ def _train() -> Finding:
     has run.
     """
     try:
+        # 1,500 ms: PyTorch, an extra that may be missing
         from scleraforce.lab.training.trained_models import train_reader
     except InputError as fault:
         return Finding(TRAIN, "missing", str(fault))

@@ -15,6 +15,7 @@ from secrets import token_hex
 from typing import TYPE_CHECKING, Any
 
 import click
+from platformdirs import user_state_path
 
 from scleraforce.base.errors import InputError
 from scleraforce.base.units import from_si
@@ -29,14 +30,15 @@ from scleraforce.front.cli.options import (
     options,
 )
 from scleraforce.front.cli.output import Command, Report
+from scleraforce.records.fields import name_fault
 from scleraforce.records.model_folder import model_name
+from scleraforce.records.scan import OctInfo, Plane, check_planes, parse_plane
 
 if TYPE_CHECKING:
     from scleraforce.live.decision.limits import MonitorLimits
     from scleraforce.live.monitor import Address, MonitorSettings
     from scleraforce.reading.reading_models import Reader
     from scleraforce.records.eye import Known
-    from scleraforce.records.scan import OctInfo, Plane
 
 PORT = click.IntRange(0, 65535)
 POSITIVE = click.FloatRange(0.0, min_open=True)
@@ -255,19 +257,17 @@ def monitor(
             os.open(os.devnull, os.O_RDWR)
 
     with one_thread():  # the second core is for the other processes
-        from platformdirs import user_state_path
-
+        # 360 ms: Numba and the models, not for --help and `monitor-reset`
         from scleraforce.live.monitor import (
             Address,
             MonitorSettings,
-            Notes,
+            OperatorNotes,
             monitor_service,
         )
-        from scleraforce.reading.load_model import load_model, suited
-        from scleraforce.records.fields import name_fault
+        from scleraforce.reading.load_model import load_reader, suited_reader
 
     # the loop has no time for one; the second opinion loads its own
-    reader = load_model(model, finder=None)
+    reader = load_reader(model, finder=None)
     if not reader.serves_loop:  # it would be its own second opinion
         raise InputError(
             f"{reader.path}: kind: {reader.kind}; the monitor needs a reader: nothing"
@@ -280,7 +280,7 @@ def monitor(
     if learn_eye:
         known = _to_learn(reader, known, resume, eye, given)
 
-    reader = suited(reader, known)
+    reader = suited_reader(reader, known)
     scan = _scan(reader, known, _planes(planes, reader, known, learn_eye), given)
     if reason := reader.refusal(known):  # all frames would be unusable
         raise InputError(f"{reader.path}: {reason}")
@@ -301,7 +301,7 @@ def monitor(
         token=token_hex(16),  # it cannot be guessed
     )
 
-    with closing(Notes(_write_line)) as notes:
+    with closing(OperatorNotes(_write_line)) as notes:
         with (
             ExitStack() as until_ended,
             monitor_service(reader.path, reader, settings, notes) as (server, address),
@@ -331,7 +331,8 @@ def monitor(
 def _known(
     calibration: Path | None, eye: str | None, given: dict[str, Any]
 ) -> "tuple[Known, str | None]":
-    from scleraforce.front.api.reading_frames import check_calibrated, given_eye
+    # 380 ms: not for --help and `monitor-reset`
+    from scleraforce.front.api.reading_frames import check_calibrated, eye_of_arguments
     from scleraforce.records.calibration_file import (
         choice_of_eye,
         foreign_modulus,
@@ -339,7 +340,7 @@ def _known(
         read_calibration,
     )
 
-    known = given_eye(given)
+    known = eye_of_arguments(given)
 
     if calibration is None:
         return known, None
@@ -354,12 +355,12 @@ def _known(
 
 def _planes(
     given: tuple[str, ...], reader: "Reader", known: "Known", learn_eye: bool
-) -> "tuple[Plane, ...]":
+) -> tuple[Plane, ...]:
     """Return the planes of a scanner that takes several; () of one that takes a single
     one.
     """
+    # 310 ms: not for --help and `monitor-reset`
     from scleraforce.reading.trained_ranges import READER
-    from scleraforce.records.scan import check_planes, parse_plane
 
     planes = tuple(parse_plane(words) for words in given)
     check_planes(planes, "--plane")
@@ -397,7 +398,8 @@ def _to_learn(
     given: dict[str, Any],
 ) -> "Known":
     """Return the eye with the prior of an E that is to be learned."""
-    from scleraforce.live.companions.eye_learning import resumed
+    # 430 ms: not without --learn-eye
+    from scleraforce.live.companions.eye_learning import resumed_eye
     from scleraforce.records.eye import Modulus
 
     refused = {
@@ -425,17 +427,15 @@ def _to_learn(
     )
     known = replace(known, modulus=known.modulus or population)
     if resume is not None and eye is not None:
-        return resumed(known, resume, eye)
+        return resumed_eye(known, resume, eye)
 
     return known
 
 
 def _scan(
-    reader: "Reader", known: "Known", planes: "tuple[Plane, ...]", given: dict[str, Any]
-) -> "OctInfo":
+    reader: "Reader", known: "Known", planes: tuple[Plane, ...], given: dict[str, Any]
+) -> OctInfo:
     """Return what is known of the frames of a session."""
-    from scleraforce.records.scan import OctInfo
-
     names = ("columns", "rows", "width_m", "depth_m", "refractive_index")
     stated = {name: given[name] or getattr(reader.study.oct, name) for name in names}
     return OctInfo(
@@ -444,8 +444,9 @@ def _scan(
 
 
 def _limits(
-    reader: "Reader", known: "Known", scan: "OctInfo", given: dict[str, Any]
+    reader: "Reader", known: "Known", scan: OctInfo, given: dict[str, Any]
 ) -> "MonitorLimits":
+    # 12 ms: not for --help and `monitor-reset`
     from scleraforce.live.decision.limits import MonitorLimits
 
     return MonitorLimits(
@@ -530,6 +531,7 @@ def _greeting(
 
 
 def _eye_words(known: "Known") -> str:
+    # 13 ms: not for --help and `monitor-reset`
     from scleraforce.records.eye import MODULUS_SOURCES
 
     words = "modulus unknown"
@@ -566,6 +568,7 @@ def globe_words(known: "Known", reads_force: bool) -> str:
     >>> globe_words(Known(globe=SEALED), reads_force=True)
     'sealed, k between 0.005 and 0.06 mmHg^(1/3)/µl'
     """
+    # 2 ms: not for --help
     from scleraforce.records.globe import UNKNOWN
 
     globe = UNKNOWN if known.globe is None else known.globe
@@ -644,6 +647,7 @@ def monitor_reset(token_file: Path | None, host: str, port: int) -> Report:
 
     Example: scleraforce monitor-reset --token-file ~/.monitor-token
     """
+    # 10 ms: not for --help and `monitor`
     from scleraforce.live.network.operator_reset import ask_reset
 
     granted, message = ask_reset(host, port, _secret(token_file))
@@ -657,6 +661,7 @@ def monitor_reset(token_file: Path | None, host: str, port: int) -> Report:
 
 def _secret(token_file: Path | None) -> str:
     """Return the operator's token or code: of a file, a terminal or standard input."""
+    # 10 ms: not for --help
     from scleraforce.live.network.operator_reset import secret_of_file, secret_of_stream
 
     if token_file is not None:

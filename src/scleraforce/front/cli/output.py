@@ -13,7 +13,7 @@ import click
 from tqdm import tqdm
 
 from scleraforce.base.errors import InputError
-from scleraforce.base.plain_json import finite
+from scleraforce.base.plain_json import finite_json
 from scleraforce.base.plain_text import printable
 from scleraforce.front.api.progress import by_percent
 from scleraforce.front.cli.main import fail
@@ -130,7 +130,7 @@ def say(text: str, *, err: bool = False) -> None:
 
 def print_json(result: Mapping[str, Any]) -> None:
     """Print one JSON object; numbers that are not finite become null."""
-    click.echo(json.dumps(finite(result), indent=2, allow_nan=False))
+    click.echo(json.dumps(finite_json(result), indent=2, allow_nan=False))
 
 
 def each_of(

@@ -12,7 +12,7 @@ import click
 import scleraforce as sf
 from scleraforce.base.plain_text import wrapped
 from scleraforce.base.units import from_si
-from scleraforce.front.cli.options import MODEL, PATH, Relaxation, options
+from scleraforce.front.cli.options import MODEL, PATH, RelaxationOption, options
 from scleraforce.front.cli.output import (
     Command,
     Report,
@@ -26,7 +26,7 @@ from scleraforce.records.study_of_eye import relaxation_terms
 
 if TYPE_CHECKING:
     from scleraforce.calibration.evaluation import Evaluation, FrameAnswer
-    from scleraforce.reading.interval_widths import Stretch
+    from scleraforce.reading.interval_widths import IntervalStretch
 
 # columns of a summary by eye
 COLUMNS = (
@@ -49,7 +49,7 @@ def _names(
     )
 
 
-class _Notes(list[str]):
+class _PrintedNotes(list[str]):
     def __call__(self, sentence: str) -> None:
         self.append(sentence)
         if not is_json():
@@ -88,7 +88,7 @@ class _Notes(list[str]):
 @options("thickness_m", "wall_finder", default="the recordings'")
 @click.option(
     "--relaxation",
-    type=Relaxation(auto=True),
+    type=RelaxationOption(auto=True),
     metavar="none|auto|SHARE:SECONDS,...",
     help=(
         "How the tissue relaxes: the share of a held force that is lost, and its time"
@@ -160,7 +160,7 @@ def calibrate(
     --frames); the reader reads the others, and its copy in --out has intervals
     that hold for 90 % of them.
     """
-    notes = _Notes()
+    notes = _PrintedNotes()
     if model is not None:
         default = click.core.ParameterSource.DEFAULT
         others = "only --frames, --wall-finder and --json"
@@ -173,6 +173,7 @@ def calibrate(
                 f"--intervals: takes the model's own study; of the options, {others}"
             )
 
+        # 440 ms: not for `evaluate` and --help
         from scleraforce.front.api.calibrating import recalibrate_intervals
 
         found = recalibrate_intervals(
@@ -193,6 +194,7 @@ def calibrate(
 
         return Report(result, [*_stretches(found), f"wrote {out}"])
 
+    # 330 ms: not for `evaluate` and --help
     from scleraforce.calibration.calibration import calibration_lines
 
     calibration = sf.calibrate(
@@ -209,6 +211,7 @@ def calibrate(
     )
 
     if plot is not None:
+        # 600 ms: Matplotlib, not without --plot
         from scleraforce.front.report.figure_files import write_figure
         from scleraforce.front.report.recording_figures import draw_calibration
 
@@ -218,7 +221,8 @@ def calibrate(
     return Report({**calibration.to_dict(), "notes": notes}, lines)
 
 
-def _stretches(changes: "Sequence[Stretch]") -> Iterator[str]:
+def _stretches(changes: "Sequence[IntervalStretch]") -> Iterator[str]:
+    # 300 ms: not for --help
     from scleraforce.reading.interval_widths import FEW_EYES
 
     yield (
@@ -313,11 +317,12 @@ def evaluate(
 
 
 def _write_html(evaluation: "Evaluation", html: Path) -> None:
-    from scleraforce.front.report.frame_figures import look_at_all
+    # 790 ms: Matplotlib, not without --html
+    from scleraforce.front.report.frame_figures import answered_frames
     from scleraforce.front.report.html_pages import shown_frames, write_evaluation_html
 
-    looks = look_at_all(shown_frames(evaluation.frames))
-    write_evaluation_html(evaluation, looks, html, datetime.now(UTC))
+    shown = answered_frames(shown_frames(evaluation.frames))
+    write_evaluation_html(evaluation, shown, html, datetime.now(UTC))
 
 
 def _table(
@@ -328,6 +333,7 @@ def _table(
     wall_finder: Path | None,
     html: Path | None,
 ) -> Report:
+    # 420 ms: not for `calibrate` and --help
     from scleraforce.front.api.evaluation_table import by_eye, evaluate_to_table
 
     bar = partial(resumable_bar, table, "recordings")
@@ -465,6 +471,7 @@ def _forces(evaluation: "Evaluation") -> Iterator[str]:
     """Yield the error of the forces and the coverage of their intervals
     (`ForceTrial.covered`).
     """
+    # 4 ms: not for --help
     from scleraforce.calibration.answer_metrics import (
         SHARED_ERROR,
         held_by_eye,

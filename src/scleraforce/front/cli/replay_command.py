@@ -25,9 +25,9 @@ from scleraforce.live.replay.scanner_faults import (
 from scleraforce.live.replay.scanner_player import (
     AHEAD,
     AnswerLog,
-    Change,
     Player,
     ScannerClient,
+    StatusChange,
 )
 from scleraforce.recordings.forces_under_frames import label_frames
 from scleraforce.recordings.frame_and_force_tables import FrameEntry
@@ -327,7 +327,7 @@ class _Show:
             "fault": None if report is None else self._fault_record(report),
         }
 
-    def _change_record(self, change: Change) -> dict[str, Any]:
+    def _change_record(self, change: StatusChange) -> dict[str, Any]:
         known = change.frame is not None and 0 < change.frame <= len(
             self._recording.frames
         )

@@ -15,7 +15,7 @@ from scleraforce.front.cli.output import Command, Report
 from scleraforce.records.model_folder import SHIPPED, model_name
 
 if TYPE_CHECKING:
-    from scleraforce.front.report.description import Thing
+    from scleraforce.front.report.description import Description
 
 
 @click.command(cls=Command)
@@ -38,6 +38,7 @@ def show(thing: Path, plot: Path | None, model: Path | None) -> Report:
 
     Example: scleraforce show eye-a --plot eye-a.svg
     """
+    # 600 ms: Matplotlib and the models, not for `export` and --help
     from scleraforce.front.report.described_paths import thing_at
     from scleraforce.front.report.figure_files import write_figure
 
@@ -53,7 +54,7 @@ def show(thing: Path, plot: Path | None, model: Path | None) -> Report:
     )
 
 
-def _lines(name: str, found: "Thing") -> list[str]:
+def _lines(name: str, found: "Description") -> list[str]:
     said = [row for row in found.rows if row[1]]
     width = max(len(fact) for fact, _ in said) + 2
     rows = [wrapped(words, f"{fact:<{width}}") for fact, words in said]

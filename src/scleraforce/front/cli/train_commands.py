@@ -33,6 +33,7 @@ def library(
     is given. The same command resumes an interrupted run. The library does not
     depend on the number of workers.
     """
+    # 430 ms: Zarr and SciPy, not for --help
     from scleraforce.library.library_plan import plan_library
     from scleraforce.library.library_store import build_library
 
@@ -78,6 +79,7 @@ def generate(
     it is computed once (a minute). The same command resumes an interrupted run.
     The data set does not depend on the number of workers.
     """
+    # 600 ms: Zarr and Numba, not for --help
     from scleraforce.front.api.calibrating import library_for
     from scleraforce.lab.training.slice_dataset import generate_dataset
 
@@ -213,6 +215,7 @@ def train(
     start = time.perf_counter()
 
     if dataset_path is None:
+        # 1,900 ms: PyTorch, not for --help
         from scleraforce.lab.training.trained_models import train_wall_finder
 
         with count_bar("batches", study.wall_finder.batches) as advance:

@@ -38,7 +38,7 @@ from scleraforce.front.cli.output import (
 )
 from scleraforce.records.fields import field_key, field_unit
 from scleraforce.records.frame import ScaledFrame
-from scleraforce.records.scan import Scanner
+from scleraforce.records.scan import Scanner, parse_plane
 from scleraforce.records.study import PhantomStudy, Study
 
 if TYPE_CHECKING:
@@ -106,10 +106,11 @@ def simulate(study: Study, vtu: Path | None, plot: Path | None, **given: Any) ->
     if (given["force_n"] is None) is (given["displacement_m"] is None):
         raise click.UsageError("give either --force-mn or --displacement-mm")
 
-    from scleraforce.front.api.simulating import declared
+    # 500 ms: Numba and SciPy, not for --help
+    from scleraforce.front.api.simulating import declared_study
     from scleraforce.lab.virtual_eye import write_vtu
 
-    study = declared(
+    study = declared_study(
         study,
         *(given.pop(name) for name in ("mechanics", "globe", "rigidity_pa13_per_m3")),
     )
@@ -123,6 +124,7 @@ def simulate(study: Study, vtu: Path | None, plot: Path | None, **given: Any) ->
         write_vtu(eye, vtu)
 
     if plot is not None:
+        # 540 ms: Matplotlib, not without --plot
         from scleraforce.front.report.figure_files import write_figure
         from scleraforce.front.report.model_figures import draw_simulation
 
@@ -305,15 +307,15 @@ def phantom(
     A needle that a robot moves, at 100 frames a second: scleraforce phantom --out
     moving --rate-hz 100 --forces-mn 20,5,35 --ramp-mn-per-s 15
     """
-    from scleraforce.front.api.simulating import declared, given
-    from scleraforce.records.scan import parse_plane
+    # 530 ms: Numba and SciPy, not for --help
+    from scleraforce.front.api.simulating import declared_study, given_values
 
-    study = declared(
+    study = declared_study(
         study,
         *(values.pop(key) for key in ("mechanics", "globe", "rigidity_pa13_per_m3")),
     )
 
-    moves = given(
+    moves = given_values(
         **{
             key: values.pop(key)
             for key in ("rate_hz", "ramp_n_per_s", "hold_s", "puncture_n")
@@ -329,7 +331,7 @@ def phantom(
     if "puncture_n" in moves and source is ParameterSource.DEFAULT:
         forces_n = ()
 
-    eye = given(**values)
+    eye = given_values(**values)
     seed = study.phantom.seed if seed is None else seed
     eye = {"thickness_m": THICKNESS_M, "polar_angle_rad": POLAR_RAD} | eye
     eye |= {"planes": [parse_plane(words) for words in planes]}
@@ -434,6 +436,7 @@ def scanner(
     Example: scleraforce scanner rest/*.png --width-mm 15 --depth-mm 4 --bits 12
     --out study.toml
     """
+    # 810 ms: Numba and SciPy, not for --help
     from scleraforce.lab.scanner.measured_scanner import measure_scanner
 
     measured = measure_scanner(
@@ -461,13 +464,16 @@ def _imaged(
     bits: int | None,
     finder: Path | None,
 ) -> "Iterator[ImagedEye]":
-    from scleraforce.front.api.reading_frames import finder_of, scaled
+    # 380 ms: Numba and the models, not for --help
+    from scleraforce.front.api.reading_frames import finder_of, scaled_frame
 
     network = finder_of(finder)
     first: tuple[Any, ...] = ()
 
     for path in progress_bar(frames, "frames"):
-        eye = _eye(path, scaled(path, size, Scanner(), "", transpose), bits, network)
+        eye = _eye(
+            path, scaled_frame(path, size, Scanner(), "", transpose), bits, network
+        )
         kind = (eye.pixels.shape, eye.bits, eye.scale)
 
         first = first or kind
@@ -483,6 +489,7 @@ def _imaged(
 def _eye(
     path: Path, frame: ScaledFrame, given: int | None, finder: "WallFinder | None"
 ) -> "ImagedEye":
+    # 770 ms: Numba and SciPy, not for --help
     from scleraforce.lab.scanner.scanner_display import ImagedEye
     from scleraforce.wall.find_wall import find_wall
 
@@ -515,6 +522,7 @@ def _eye(
 def _write(
     measured: "MeasuredScanner", frames: Sequence[Path], out: Path, picture: Path
 ) -> float:
+    # 1,300 ms: Matplotlib, not for --help
     from scleraforce.front.report.figure_files import write_figure
     from scleraforce.front.report.frame_figures import draw_scanner
     from scleraforce.lab.scanner.measured_scanner import (
@@ -548,6 +556,7 @@ def _entries(measured: "MeasuredScanner") -> dict[str, Any]:
     """Return the ranges by their keys in a study, in the unit of the key; quantities
     that it does not draw, apart.
     """
+    # 780 ms: Numba and SciPy, not for --help
     from scleraforce.lab.scanner.measured_scanner import MeasuredRange
 
     items = {item.name: item for item in fields(PhantomStudy)}
@@ -607,6 +616,7 @@ def _scanner_lines(entries: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _notes(measured: "MeasuredScanner", overlap: float) -> Iterator[str]:
+    # 780 ms: Numba and SciPy, not for --help
     from scleraforce.lab.scanner.measured_scanner import MeasuredRange
 
     kind = measured.display.name

@@ -13,7 +13,7 @@ from scleraforce.base.errors import InputError
 from scleraforce.base.units import to_si
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.evaluation import Evaluation, evaluate_recordings
-from scleraforce.front.report.frame_figures import look_at_all
+from scleraforce.front.report.frame_figures import answered_frames
 from scleraforce.front.report.html_pages import shown_frames, write_evaluation_html
 from scleraforce.lab.virtual_eye import PhantomEye, study_sections
 from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
@@ -112,7 +112,7 @@ def run_demo(
         )
         reach(FRAMES_READ)
         write_evaluation_html(
-            evaluation, look_at_all(shown_frames(evaluation.frames)), page, made_at
+            evaluation, answered_frames(shown_frames(evaluation.frames)), page, made_at
         )
         reach(1.0)
     except BaseException:

@@ -37,8 +37,8 @@ from scleraforce.front.paper.run_folder import (
 )
 from scleraforce.front.report import frame_figures, html_pages
 from scleraforce.front.report.figure_files import write_figure
-from scleraforce.front.report.frame_figures import AnsweredFrame, look_at_all
-from scleraforce.front.report.html_pages import NOTHING, Table
+from scleraforce.front.report.frame_figures import AnsweredFrame, answered_frames
+from scleraforce.front.report.html_pages import NOTHING, PageTable
 from scleraforce.front.report.model_figures import (
     draw_curves,
     draw_model,
@@ -59,9 +59,13 @@ from scleraforce.lab.virtual_eye import (
 )
 from scleraforce.library import Library
 from scleraforce.library.plane_cut import cut_surfaces
-from scleraforce.mechanics.contact_and_section import Contact, Section
+from scleraforce.mechanics.contact_and_section import Contact, WallSection
 from scleraforce.mechanics.mesh_section import fill_section, slice_window
-from scleraforce.reading.load_model import load_classifier, load_model, load_wall_finder
+from scleraforce.reading.load_model import (
+    load_classifier,
+    load_reader,
+    load_wall_finder,
+)
 from scleraforce.reading.reading_models import Classifier
 from scleraforce.recordings.forces_under_frames import label_frames
 from scleraforce.recordings.recording_folder import Recording, read_recording
@@ -77,7 +81,7 @@ SHOWN_FORCES_N = (
 )
 
 
-def _comparison(paper: Evaluation, reader: Evaluation) -> Table:
+def _comparison(paper: Evaluation, reader: Evaluation) -> PageTable:
     """Return the comparison of the paper's method and the force reader on the same
     frames.
     """
@@ -117,7 +121,7 @@ def _comparison(paper: Evaluation, reader: Evaluation) -> Table:
         ["true forces within their 90 % interval", NOTHING, _held(true)],
     ]
 
-    return Table(["", "the paper's method", "the force reader"], rows)
+    return PageTable(["", "the paper's method", "the force reader"], rows)
 
 
 def _held(trials: Sequence[answer_metrics.ForceTrial]) -> str:
@@ -188,7 +192,7 @@ def _worst_eye(reader: Evaluation) -> str:
     return f"{worst} is read {from_si(off, 'percent'):+.1f} % off in the mean{labels}. "
 
 
-def _bent_moduli(run: Run) -> Table:
+def _bent_moduli(run: Run) -> PageTable:
     linear, finite = (
         read_calibration(path).eyes
         for path in (run.bent_linear, run.bent_finite_strain)
@@ -219,10 +223,10 @@ def _bent_moduli(run: Run) -> Table:
         ],
     ]
 
-    return Table(["", *eyes], rows)
+    return PageTable(["", *eyes], rows)
 
 
-def _misread(evaluation: Evaluation) -> Table | None:
+def _misread(evaluation: Evaluation) -> PageTable | None:
     misread = [frame for frame in evaluation.scored if frame.misread]
     return html_pages.frame_table(evaluation, misread) if misread else None
 
@@ -233,10 +237,12 @@ def _walls_figure(run: Run, reader: Evaluation) -> Figure:
         min(first, key=lambda frame: abs((frame.measured_force_n or 0.0) - force))
         for force in SHOWN_FORCES_N
     ]
-    looks = look_at_all(list(dict.fromkeys(nearest)))
-    forces_n = [max(look.answer.measured_force_n or 0.0, 0.0) for look in looks]
+    frames_shown = answered_frames(list(dict.fromkeys(nearest)))
+    forces_n = [
+        max(answered.answer.measured_force_n or 0.0, 0.0) for answered in frames_shown
+    ]
     linear, finite = (
-        _stated_eye(run, path, looks[0])
+        _stated_eye(run, path, frames_shown[0])
         for path in (run.bent_linear, run.bent_finite_strain)
     )
     computed = {
@@ -244,18 +250,18 @@ def _walls_figure(run: Run, reader: Evaluation) -> Figure:
         "linear": LinearSections(linear, run.study)(forces_n),
     }
 
-    return frame_figures.draw_computed_walls(looks, computed)
+    return frame_figures.draw_computed_walls(frames_shown, computed)
 
 
-def _stated_eye(run: Run, calibration: Path, look: AnsweredFrame) -> PhantomEye:
-    modulus_pa = read_calibration(calibration).eyes[look.answer.eye].mean_pa
+def _stated_eye(run: Run, calibration: Path, answered: AnsweredFrame) -> PhantomEye:
+    modulus_pa = read_calibration(calibration).eyes[answered.answer.eye].mean_pa
     eye = replace(run.study.eye, youngs_modulus_pa=modulus_pa)
-    return eye_of(look.recording, replace(run.study, eye=eye))
+    return eye_of(answered.recording, replace(run.study, eye=eye))
 
 
 def _finite_sections(
     library: Library, eye: PhantomEye, forces_n: Sequence[float]
-) -> list[Section]:
+) -> list[WallSection]:
     """Return the library's sections of an eye; beyond its largest force, its last
     state.
     """
@@ -339,7 +345,7 @@ def _parts(
     reader = load_classifier(run.model)
     study = run.study
     overview = frame_figures.draw_overview(
-        look_at_all(_typical(evaluation, 0)), evaluation
+        answered_frames(_typical(evaluation, 0)), evaluation
     )
     write_figure(overview, run.overview)
     yield {
@@ -383,7 +389,7 @@ def _parts(
         "forces_mn": forces_mn,
         "walls": _walls_figure(run, bent_reader),
     }
-    yield {"reader": load_model(run.reader), "reader_name": model_name(run.reader)}
+    yield {"reader": load_reader(run.reader), "reader_name": model_name(run.reader)}
     text = (
         files("scleraforce.front.paper")
         .joinpath("deviations.toml")
@@ -392,18 +398,18 @@ def _parts(
     deviations = [
         list(deviation.values()) for deviation in tomllib.loads(text)["deviation"]
     ]
-    yield {"deviations": Table(["", "the paper", "here", "why"], deviations)}
+    yield {"deviations": PageTable(["", "the paper", "here", "why"], deviations)}
     taken = [
         [name, f"{value:.1f}"]
         for name, value in [*seconds.items(), ("together", sum(seconds.values()))]
     ]
     yield {
-        "times": Table(["stage", "seconds"], taken),
+        "times": PageTable(["stage", "seconds"], taken),
         "provenance": html_pages.provenance_table(study, reader),
     }
 
 
-def _design(run: Run, evaluation: Evaluation) -> Table:
+def _design(run: Run, evaluation: Evaluation) -> PageTable:
     """Return Table 1: wall thickness and trials of each class, here and in the
     paper.
     """
@@ -444,7 +450,7 @@ def _design(run: Run, evaluation: Evaluation) -> Table:
             ]
         )
 
-    return Table(["", *(eye.id for eye in eyes), "total"], rows)
+    return PageTable(["", *(eye.id for eye in eyes), "total"], rows)
 
 
 def _counts(classes: Sequence[ArrayLike], names: int) -> Places:
@@ -473,13 +479,15 @@ def _frames(run: Run, evaluation: Evaluation) -> dict[str, Any]:
     first = [
         frame for frame in evaluation.frames if frame.eye == evaluation.frames[0].eye
     ]
-    look = look_at_all([max(first, key=lambda frame: frame.measured_force_n or 0.0)])[0]
-    segmentation = frame_figures.draw_segmentation(look)
+    answered = answered_frames(
+        [max(first, key=lambda frame: frame.measured_force_n or 0.0)]
+    )[0]
+    segmentation = frame_figures.draw_segmentation(answered)
 
     return {
         "log": log,
         "log_trials": len(trials),
-        "segmented": look.answer,
+        "segmented": answered.answer,
         "segmentation": segmentation,
     }
 
@@ -501,7 +509,7 @@ def _calibration(run: Run, evaluation: Evaluation) -> dict[str, Any]:
     )
     index = max(range(len(first.used)), key=lambda number: first.used[number].force_n)
     shown = first.id, first.used[index].file
-    look = look_at_all(
+    answered = answered_frames(
         [next(frame for frame in evaluation.frames if (frame.eye, frame.file) == shown)]
     )[0]
     mean_pa, spread_pa = calibration.population
@@ -511,7 +519,7 @@ def _calibration(run: Run, evaluation: Evaluation) -> dict[str, Any]:
         "spread": spread,
         "paper_mpa": from_si(PAPER_MODULUS_PA, "mpa"),
     }
-    points = draw_observed_points(first, look.frame, index, *look.extent_m)
+    points = draw_observed_points(first, answered.frame, index, *answered.extent_m)
     drawn = {
         "calibrated_eye": first.id,
         "over_frames": over_frames,
@@ -522,7 +530,7 @@ def _calibration(run: Run, evaluation: Evaluation) -> dict[str, Any]:
     return {**moments, **drawn, "moduli": modulus_table(calibration, study)}
 
 
-def modulus_table(calibration: Calibration, study: Study) -> Table:
+def modulus_table(calibration: Calibration, study: Study) -> PageTable:
     """Return Table 2."""
     eyes: list[EyeCalibration] = list(calibration.eyes.values())
     truths_pa = [
@@ -549,7 +557,7 @@ def modulus_table(calibration: Calibration, study: Study) -> Table:
         ],
     ]
 
-    return Table(["", *calibration.eyes], rows)
+    return PageTable(["", *calibration.eyes], rows)
 
 
 def _mpa(modulus_pa: float) -> str:
@@ -563,7 +571,8 @@ def _pairs(
     for its force; their mean Dice.
     """
     pairs = [
-        _pair(look, reader.study) for look in look_at_all(_typical(evaluation, rank))
+        _pair(answered, reader.study)
+        for answered in answered_frames(_typical(evaluation, rank))
     ]
     likeness = float(
         np.mean(
@@ -600,21 +609,23 @@ def _typical(evaluation: Evaluation, rank: int) -> list[FrameAnswer]:
     return found
 
 
-def _pair(look: AnsweredFrame, study: Study) -> tuple[AnsweredFrame, Bytes, Bytes]:
-    measured = look.slice(study.slice)
-    force_n = max(look.answer.measured_force_n or 0.0, 0.0)
-    unloaded, section = LinearSections(eye_of(look.recording, study), study)(
+def _pair(answered: AnsweredFrame, study: Study) -> tuple[AnsweredFrame, Bytes, Bytes]:
+    measured = answered.slice(study.slice)
+    force_n = max(answered.answer.measured_force_n or 0.0, 0.0)
+    unloaded, section = LinearSections(eye_of(answered.recording, study), study)(
         [0.0, force_n]
     )
 
     return (
-        look,
+        answered,
         measured,
         _laid_on(section, float(unloaded.outer[:, 1].min()), measured, study),
     )
 
 
-def _laid_on(section: Section, top_m: float, measured: Bytes, study: Study) -> Bytes:
+def _laid_on(
+    section: WallSection, top_m: float, measured: Bytes, study: Study
+) -> Bytes:
     """Draw a section shifted to where it covers a slice best, in steps of half a pixel;
     `top_m`: unloaded wall.
     """
@@ -657,7 +668,7 @@ def _training(
     }
 
 
-def _to_the_bounds(evaluation: Evaluation, to_the_bounds: Evaluation) -> Table:
+def _to_the_bounds(evaluation: Evaluation, to_the_bounds: Evaluation) -> PageTable:
     rows: list[list[object]] = []
     designs = {
         "2 mN clear of the bounds, as above": evaluation,
@@ -670,7 +681,7 @@ def _to_the_bounds(evaluation: Evaluation, to_the_bounds: Evaluation) -> Table:
         recall = f"{dangerous[2]} of {dangerous.sum()}"
         rows.append([name, f"{right.hits} of {right.total}", recall, int(dangerous[0])])
 
-    return Table(
+    return PageTable(
         [
             "forces of the trials",
             "read right",

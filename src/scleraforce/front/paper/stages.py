@@ -12,7 +12,7 @@ from scleraforce.base.worker_processes import work_units
 from scleraforce.calibration.calibrate import calibrate_recordings, calibration_passes
 from scleraforce.calibration.calibration import Calibration, parse_calibration
 from scleraforce.calibration.evaluation import Evaluation, evaluate_recordings
-from scleraforce.front.paper import run_folder as runs
+from scleraforce.front.paper import run_folder
 from scleraforce.front.paper.paper_page import SECTIONS, write_reproduction_html
 from scleraforce.front.paper.run_folder import (
     CALIBRATED_EYES,
@@ -28,7 +28,7 @@ from scleraforce.lab.virtual_eye import BentSections, LinearSections, paper_eyes
 from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
 from scleraforce.library import Library
 from scleraforce.library.library_plan import plan_library
-from scleraforce.reading.load_model import load_model, load_wall_finder
+from scleraforce.reading.load_model import load_reader, load_wall_finder
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.calibration_file import (
     open_calibration,
@@ -58,7 +58,7 @@ class Reproduction:
 
 def reproduce(
     run: Run,
-    announce: runs.Announce,
+    announce: run_folder.Announce,
     started_at: datetime,
     tell: Callable[[str], object] = lambda _: None,
 ) -> Reproduction:
@@ -68,7 +68,7 @@ def reproduce(
     answers: list[Evaluation] = []
 
     def evaluate(run: Run, progress: Progress) -> None:
-        model = load_model(run.model)
+        model = load_reader(run.model)
         folders = (run.recordings, run.recordings_to_the_bounds)
         answers.extend(
             evaluate_recordings(model, _of_eyes(run, each), progress=progress)
@@ -78,7 +78,7 @@ def reproduce(
     def evaluate_bent(run: Run, progress: Progress) -> None:
         calibration = read_calibration(run.bent_finite_strain)
         trials = _of_eyes(run, run.bent_recordings)
-        models = map(load_model, (run.bent_model, run.reader))
+        models = map(load_reader, (run.bent_model, run.reader))
         answers.extend(
             evaluate_recordings(model, trials, calibration, progress)
             for model in models
@@ -86,12 +86,14 @@ def reproduce(
 
     def report(run: Run, progress: Progress) -> None:
         write_reproduction_html(
-            run, answers, runs.seconds_so_far(run), started_at, progress
+            run, answers, run_folder.seconds_so_far(run), started_at, progress
         )
 
     epochs = run.study.network.epochs
     study = run.study
-    library = Stage("library", lambda _: plan_library(study).units, runs.run_library)
+    library = Stage(
+        "library", lambda _: plan_library(study).units, run_folder.run_library
+    )
     reader_steps = study.reader.epochs + _interval_eyes(study)
     reader = Stage(
         "train reader", lambda _: reader_steps, _train_reader, lambda run: run.reader
@@ -139,7 +141,7 @@ def reproduce(
         Stage("read bent", lambda _: bent_answers, evaluate_bent),
         Stage("report", lambda _: SECTIONS, report),
     )
-    seconds = runs.run_stages(run, stages, announce, tell)
+    seconds = run_folder.run_stages(run, stages, announce, tell)
     evaluation, to_the_bounds, bent_paper, bent_reader = answers
     calibration = parse_calibration(open_calibration(run.calibration))
 
@@ -159,7 +161,7 @@ def _trials(run: Run, eyes: int | None = None) -> int:
 
 def _bent_frames(run: Run) -> int:
     counts = [len(forces_n) for _, forces_n in bent_trials(run.study)]
-    passes = calibration_passes(runs.run_library(run), None)
+    passes = calibration_passes(run_folder.run_library(run), None)
     return passes * len(counts) * len(CALIBRATION_FORCES_N) + sum(
         counts[:CALIBRATED_EYES]
     )
@@ -246,7 +248,7 @@ def _calibrate_bent(run: Run, progress: Progress) -> None:
     ]
     run.bent_calibrations.mkdir(parents=True)
     _write_calibration(
-        run, before, progress, runs.run_library(run), run.bent_finite_strain
+        run, before, progress, run_folder.run_library(run), run.bent_finite_strain
     )
     _write_calibration(run, opened[:CALIBRATED_EYES], progress, None, run.bent_linear)
 
@@ -258,7 +260,11 @@ def _train_reader(run: Run, progress: Progress) -> None:
         reader=replace(run.study.reader, interval_eyes=_interval_eyes(run.study)),
     )
     train_reader(
-        runs.run_library(run), study, run.reader, progress=progress, measured=progress
+        run_folder.run_library(run),
+        study,
+        run.reader,
+        progress=progress,
+        measured=progress,
     )
 
 

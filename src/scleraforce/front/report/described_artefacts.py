@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from scleraforce.base.errors import InputError, MessageError, RecordingError
 from scleraforce.base.units import HumanUnit, from_si
 from scleraforce.calibration.calibration import calibration_lines, parse_calibration
-from scleraforce.front.report.description import LOG_FILES, Thing, span
+from scleraforce.front.report.description import LOG_FILES, Description, range_text
 from scleraforce.front.report.figure_files import (
     AMBER,
     BLACK,
@@ -74,7 +74,7 @@ MEASURED_ON = {
 MADE_WITH = ("scleraforce", "python", "numpy", "torch", "onnx")
 
 
-def show_library(path: Path) -> Thing:
+def show_library(path: Path) -> Description:
     """Describe a response library: a store of `scleraforce library`, or the file of a
     model folder.
     """
@@ -85,7 +85,7 @@ def show_library(path: Path) -> Thing:
             "walls",
             (
                 f"radius {from_si(library.radius_m, 'mm'):g} mm,"
-                f" {span(library.thickness_m, 'um', 'µm')} thick, Poisson's ratio"
+                f" {range_text(library.thickness_m, 'um', 'µm')} thick, Poisson's ratio"
                 f" {library.poisson_ratio:g}"
             ),
         ),
@@ -97,8 +97,11 @@ def show_library(path: Path) -> Thing:
                 f" {library.tension[0]:.3g} to {library.tension[-1]:.3g}"
             ),
         ),
-        ("dents", f"{shape[2]} states of each, {span(library.tip_m, 'mm', 'mm')}"),
-        ("contacts", f"{span(library.polar_rad, 'deg', '°')} from the pole"),
+        (
+            "dents",
+            f"{shape[2]} states of each, {range_text(library.tip_m, 'mm', 'mm')}",
+        ),
+        ("contacts", f"{range_text(library.polar_rad, 'deg', '°')} from the pole"),
         ("largest F/E", f"{from_si(library.max_force_ratio, 'mm2'):.4g} mm²"),
     )
     facts = {
@@ -109,7 +112,7 @@ def show_library(path: Path) -> Thing:
         "largest_force_ratio_mm2": from_si(library.max_force_ratio, "mm2"),
     }
 
-    return Thing(
+    return Description(
         kind="library", facts=facts, rows=rows, draw=partial(draw_library, library)
     )
 
@@ -155,7 +158,7 @@ def draw_library(library: Library) -> Figure:
     return figure
 
 
-def show_data_set(path: Path) -> Thing:
+def show_data_set(path: Path) -> Description:
     """Describe a data set; raises `DatasetError`."""
     dataset = open_dataset(path)
     _, validation = dataset.split()
@@ -172,13 +175,15 @@ def show_data_set(path: Path) -> Thing:
         ),
         (
             "forces",
-            span([float(end(dataset.force_n)) for end in (np.min, np.max)], "mn", "mN"),
+            range_text(
+                [float(end(dataset.force_n)) for end in (np.min, np.max)], "mn", "mN"
+            ),
         ),
         (
             "walls",
             (
-                f"{span(np.unique(dataset.read('thickness_m')), 'um', 'µm')} thick, "
-                f"{from_si(dataset.youngs_modulus_pa, 'mpa'):.3g} MPa"
+                f"{range_text(np.unique(dataset.read('thickness_m')), 'um', 'µm')}"
+                f" thick, {from_si(dataset.youngs_modulus_pa, 'mpa'):.3g} MPa"
             ),
         ),
         ("seed", str(dataset.study.dataset.seed)),
@@ -191,7 +196,7 @@ def show_data_set(path: Path) -> Thing:
     }
     pictured = np.array(evenly(list(range(dataset.images)), PICTURED))
 
-    return Thing(
+    return Description(
         kind="data set",
         facts=facts,
         rows=rows,
@@ -199,7 +204,7 @@ def show_data_set(path: Path) -> Thing:
     )
 
 
-def show_model(path: Path) -> Thing:
+def show_model(path: Path) -> Description:
     """Describe a model folder; its files are checked against their hashes; raises
     `ModelError`.
     """
@@ -284,7 +289,7 @@ def show_model(path: Path) -> Thing:
     }
     steps = "epoch" if "epochs" in record else "reports during the training"
 
-    return Thing(
+    return Description(
         kind="model",
         facts=facts,
         rows=rows,
@@ -312,7 +317,7 @@ CLASSES = ClassesStudy()  # the paper's bounds
 SHADES = {"NOT_READY": GREY, "WATCHING": BLUE, "PIERCED": AMBER, "WITHDRAW": RED}
 
 
-def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
+def show_recording(path: Path, model: Path = SHIPPED_READER) -> Description:
     """Describe a recording, and the limits of a model that reads it; forces are put
     into the paper's classes.
     """
@@ -374,7 +379,8 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
         (
             "forces",
             (
-                f"{span([min(forces_n), max(forces_n)], 'mn', 'mN')}: {of_classes}"
+                f"{range_text([min(forces_n), max(forces_n)], 'mn', 'mN')}:"
+                f" {of_classes}"
                 if forces_n
                 else ""
             ),
@@ -402,7 +408,7 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
     lines = tuple(_frame_lines(trials))
     draw = partial(draw_recording, recording, trials, CLASSES.bounds_n)
 
-    return Thing(kind="recording", facts=facts, rows=rows, lines=lines, draw=draw)
+    return Description(kind="recording", facts=facts, rows=rows, lines=lines, draw=draw)
 
 
 def _frame_lines(trials: tuple[Trial, ...]) -> list[str]:
@@ -425,7 +431,7 @@ def _value(value: float | None, unit: HumanUnit, printed: str) -> str:
     return "not stated" if value is None else f"{from_si(value, unit):.4g} {printed}"
 
 
-def show_calibration(path: Path) -> Thing:
+def show_calibration(path: Path) -> Description:
     """Describe a calibration file; raises `CalibrationError`."""
     calibration = parse_calibration(open_calibration(path))
     mean_pa, sd_pa = calibration.population
@@ -454,7 +460,7 @@ def show_calibration(path: Path) -> Thing:
     }
     lines = tuple(calibration_lines(calibration))
 
-    return Thing(
+    return Description(
         kind="calibration",
         facts=facts,
         rows=rows,
@@ -463,7 +469,7 @@ def show_calibration(path: Path) -> Thing:
     )
 
 
-def show_decision_log(path: Path) -> Thing:
+def show_decision_log(path: Path) -> Description:
     """Describe a log: a file, the folder of its files, or the folder of a black box;
     raises `InputError`.
     """
@@ -516,7 +522,9 @@ def show_decision_log(path: Path) -> Thing:
     lines = tuple(_listed(withdrawals))
     draw = partial(draw_decisions, decisions)
 
-    return Thing(kind="decision log", facts=facts, rows=rows, lines=lines, draw=draw)
+    return Description(
+        kind="decision log", facts=facts, rows=rows, lines=lines, draw=draw
+    )
 
 
 def _read_decisions(folder: Path) -> tuple[tuple[Entry, ...], tuple[str, ...], int]:

@@ -12,7 +12,12 @@ from scleraforce.base.errors import InputError
 from scleraforce.base.plain_json import parse_json
 from scleraforce.base.units import from_si
 from scleraforce.base.whole_files import KINDS, read_bytes
-from scleraforce.front.report.description import LOG_FILES, RANGE, Thing, span
+from scleraforce.front.report.description import (
+    LOG_FILES,
+    RANGE,
+    Description,
+    range_text,
+)
 from scleraforce.front.report.model_figures import draw_model
 from scleraforce.records.model_folder import (
     RECORD_FILE,
@@ -42,7 +47,7 @@ ENDINGS = {
 }
 
 
-def thing_at(path: Path, model: Path | None = None) -> Thing:
+def thing_at(path: Path, model: Path | None = None) -> Description:
     """Return the description of a file, folder or bundled model; `model`: checks its
     limits; raises `InputError`.
     """
@@ -67,7 +72,7 @@ def thing_at(path: Path, model: Path | None = None) -> Thing:
 
     # with all packages that make or read them
     shown = import_module("scleraforce.front.report.described_artefacts")
-    show: Callable[..., Thing] = getattr(shown, f"show_{kind.replace(' ', '_')}")
+    show: Callable[..., Description] = getattr(shown, f"show_{kind.replace(' ', '_')}")
 
     return show(found) if model is None else show(found, model)
 
@@ -92,7 +97,7 @@ def _kind_of_store(file: Path) -> str:
     return "data set" if str(schema).startswith("scleraforce-dataset") else "library"
 
 
-def show_study(path: Path) -> Thing:
+def show_study(path: Path) -> Description:
     """Describe a study file."""
     study = read_study(path)
     eye = study.eye
@@ -106,17 +111,17 @@ def show_study(path: Path) -> Thing:
             "eye",
             (
                 f"radius {from_si(eye.radius_m, 'mm'):g} mm, wall of"
-                f" {span(eye.thickness_m.bounds, 'um', 'µm')},"
-                f" {span([eye.youngs_modulus_pa], 'mpa', 'MPa')} at"
-                f" {span([eye.iop_pa], 'mmhg', 'mmHg')}, globe {study.globe.kind}"
+                f" {range_text(eye.thickness_m.bounds, 'um', 'µm')},"
+                f" {range_text([eye.youngs_modulus_pa], 'mpa', 'MPa')} at"
+                f" {range_text([eye.iop_pa], 'mmhg', 'mmHg')}, globe {study.globe.kind}"
             ),
         ),
         (
             "needle",
             (
                 f"{from_si(needle.outer_diameter_m, 'mm'):g} mm thick, "
-                f"{span(needle.polar_angle_rad.bounds, 'deg', '°')} from the pole, "
-                f"up to {from_si(needle.max_force_n, 'mn'):g} mN"
+                f"{range_text(needle.polar_angle_rad.bounds, 'deg', '°')} from the pole"
+                f", up to {from_si(needle.max_force_n, 'mn'):g} mN"
             ),
         ),
         (
@@ -153,7 +158,7 @@ def show_study(path: Path) -> Thing:
         "changed": {key: value for key, (value, _) in changed.items()},
     }
 
-    return Thing(
+    return Description(
         kind="study",
         facts=facts,
         rows=rows,

@@ -14,7 +14,7 @@ RANGE = {"min", "max"}  # a value, not a table of keys
 
 
 @dataclass(frozen=True, kw_only=True)
-class Thing:
+class Description:
     """A described thing: `facts` for JSON in human units, `rows` and `lines` for
     people, and a picture.
 
@@ -28,7 +28,7 @@ class Thing:
     draw: Callable[[], Figure]
 
 
-def span(values: Iterable[float], unit: HumanUnit, printed: str) -> str:
+def range_text(values: Iterable[float], unit: HumanUnit, printed: str) -> str:
     """Return the range of some values in words.
 
     >>> span([4e-4, 8e-4], "um", "µm")

@@ -22,9 +22,9 @@ from scleraforce.base.arrays import Bytes, Floats, Integers
 from scleraforce.base.units import from_si
 from scleraforce.calibration.answer_metrics import SDS_OF_INTERVAL, agreement, dice
 from scleraforce.calibration.evaluation import Evaluation, FrameAnswer
-from scleraforce.front.report import figure_files as style
+from scleraforce.front.report import figure_files
 from scleraforce.front.report.recording_figures import DASHED, mark_bounds
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.frame import Pixels, ScaledFrame
 from scleraforce.records.scan import PixelScale
@@ -37,15 +37,15 @@ if TYPE_CHECKING:
 
 # colours of two overlaid slices
 PARTS = {
-    "in the frame only": style.SKY,
-    "simulated only": style.RED,
-    "both": style.GREY,
+    "in the frame only": figure_files.SKY,
+    "simulated only": figure_files.RED,
+    "both": figure_files.GREY,
 }
 # lateral, to either side of the frame's middle
 SHIFTS_M = np.linspace(-0.6e-3, 0.6e-3, 49)
 WALLS: tuple[tuple[str, Literal["-", "--"]], ...] = (
-    (style.SKY, "-"),
-    (style.AMBER, "--"),
+    (figure_files.SKY, "-"),
+    (figure_files.AMBER, "--"),
 )
 SLICE: dict[str, Any] = {"vmin": 0, "vmax": 255, "interpolation": "nearest"}
 
@@ -83,22 +83,22 @@ class AnsweredFrame:
         return boundary_slice(self.found, PixelScale.of(self.recording.info.oct), study)
 
 
-def look_at_all(answers: Iterable[FrameAnswer]) -> tuple[AnsweredFrame, ...]:
+def answered_frames(answers: Iterable[FrameAnswer]) -> tuple[AnsweredFrame, ...]:
     """Read the pixels of answers' frames, each recording once; raises `RecordingError`
     or `FrameError`.
     """
     opened = cache(read_recording)
-    looks = []
+    shown_frames = []
 
     for answer in answers:
         recording = opened(answer.recording)
         entry = next(entry for entry in recording.frames if entry.file == answer.file)
-        looks.append(AnsweredFrame(answer, recording, recording.frame(entry)))
+        shown_frames.append(AnsweredFrame(answer, recording, recording.frame(entry)))
 
-    return tuple(looks)
+    return tuple(shown_frames)
 
 
-@style.styled
+@figure_files.styled
 def draw_slice_pairs(
     pairs: Sequence[tuple[AnsweredFrame, Bytes, Bytes]], pixel_m: float
 ) -> Figure:
@@ -108,21 +108,21 @@ def draw_slice_pairs(
     A pair is a frame, its slice, and the slice simulated for the same force: 255 is
     wall, pixels of `pixel_m`.
     """
-    figure = Figure(figsize=style.inches(170, 100))
+    figure = Figure(figsize=figure_files.inches(170, 100))
     grid = figure.subplots(4, len(pairs), squeeze=False)
     occurring = set[int]()
 
-    for column, (look, measured, simulated) in enumerate(pairs):
-        answer = look.answer
+    for column, (answered, measured, simulated) in enumerate(pairs):
+        answer = answered.answer
         extent_m = (measured.shape[1] * pixel_m, measured.shape[0] * pixel_m)
         force_mn = from_si(max(answer.measured_force_n or 0.0, 0.0), "mn")
-        style.show_image(grid[0, column], look.frame, look.extent_m)
-        style.show_image(grid[1, column], measured, extent_m, **SLICE)
-        style.show_image(grid[2, column], simulated, extent_m, **SLICE)
+        figure_files.show_image(grid[0, column], answered.frame, answered.extent_m)
+        figure_files.show_image(grid[1, column], measured, extent_m, **SLICE)
+        figure_files.show_image(grid[2, column], simulated, extent_m, **SLICE)
         overlaid = (measured > 0) + 2 * (simulated > 0)  # number of the part
         occurring |= set(np.unique(overlaid).tolist())
         colours = ListedColormap(["none", *PARTS.values()])
-        style.show_image(
+        figure_files.show_image(
             grid[3, column],
             overlaid,
             extent_m,
@@ -136,7 +136,7 @@ def draw_slice_pairs(
         )
         title = f"class {answer.target}: {answer.eye}, {force_mn:.0f} mN"
         grid[0, column].set_title(
-            title, color=style.CLASS_INKS[answer.target or 0], fontweight="bold"
+            title, color=figure_files.CLASS_INKS[answer.target or 0], fontweight="bold"
         )
         grid[3, column].set_xlabel("lateral [mm]")
 
@@ -157,14 +157,14 @@ def draw_slice_pairs(
     return figure
 
 
-@style.styled
+@figure_files.styled
 def draw_montage(dataset: "Dataset", chosen: Integers) -> Figure:
     """Draw the slices of chosen samples by force in six columns, each with force, class
     and wall thickness.
     """
     chosen = chosen[np.argsort(dataset.force_n[chosen])]
     rows = -(-len(chosen) // 6)
-    figure = Figure(figsize=style.inches(170, 14.5 * rows))
+    figure = Figure(figsize=figure_files.inches(170, 14.5 * rows))
     grid = figure.subplots(rows, 6, squeeze=False).ravel()
 
     for axes in grid:
@@ -178,24 +178,27 @@ def draw_montage(dataset: "Dataset", chosen: Integers) -> Figure:
             f" {thickness_um[sample]:.0f} µm"
         )
         axes.set_title(
-            title, fontsize=6.5, pad=2, color=style.CLASS_INKS[dataset.target[sample]]
+            title,
+            fontsize=6.5,
+            pad=2,
+            color=figure_files.CLASS_INKS[dataset.target[sample]],
         )
 
     return figure
 
 
-def draw_wall(axes: Axes, look: AnsweredFrame) -> None:
+def draw_boundaries(axes: Axes, answered: AnsweredFrame) -> None:
     """Draw a frame and, over it, the boundaries that were found: surface orange, inner
     blue, as in the console.
     """
-    width_mm, depth_mm = (from_si(extent_m, "mm") for extent_m in look.extent_m)
-    rows, columns = look.frame.shape
-    style.show_image(axes, look.frame, look.extent_m)
+    width_mm, depth_mm = (from_si(extent_m, "mm") for extent_m in answered.extent_m)
+    rows, columns = answered.frame.shape
+    figure_files.show_image(axes, answered.frame, answered.extent_m)
     lateral_mm = (np.arange(columns) + 0.5) * width_mm / columns
 
     for row, colour in (
-        (look.found.outer_row, style.AMBER),
-        (look.found.inner_row, style.SKY),
+        (answered.found.outer_row, figure_files.AMBER),
+        (answered.found.inner_row, figure_files.SKY),
     ):
         axes.plot(
             lateral_mm, (row + 0.5) * depth_mm / rows, color=colour, linewidth=0.9
@@ -204,12 +207,12 @@ def draw_wall(axes: Axes, look: AnsweredFrame) -> None:
     axes.set(xlim=(0.0, width_mm), ylim=(depth_mm, 0.0))
 
 
-@style.styled
-def draw_segmentation(look: AnsweredFrame) -> Figure:
+@figure_files.styled
+def draw_segmentation(answered: AnsweredFrame) -> Figure:
     """Draw a raw frame, the boundaries that were found, the mask of the wall, and the
     frame under the mask.
     """
-    figure = Figure(figsize=style.inches(170, 68))
+    figure = Figure(figsize=figure_files.inches(170, 68))
     raw, found, mask, masked = panels = figure.subplots(
         2, 2, sharex=True, sharey=True
     ).ravel()
@@ -223,11 +226,13 @@ def draw_segmentation(look: AnsweredFrame) -> Figure:
     for axes, title in zip(panels, titles, strict=True):
         axes.set_title(title)
 
-    style.show_image(raw, look.frame, look.extent_m)
-    draw_wall(found, look)
-    style.show_image(mask, look.found.mask, look.extent_m, interpolation="nearest")
-    style.show_image(
-        masked, np.where(look.found.mask > 0, look.frame, 0), look.extent_m
+    figure_files.show_image(raw, answered.frame, answered.extent_m)
+    draw_boundaries(found, answered)
+    figure_files.show_image(
+        mask, answered.found.mask, answered.extent_m, interpolation="nearest"
+    )
+    figure_files.show_image(
+        masked, np.where(answered.found.mask > 0, answered.frame, 0), answered.extent_m
     )
 
     for axes in (raw, mask):
@@ -239,7 +244,9 @@ def draw_segmentation(look: AnsweredFrame) -> Figure:
     return figure
 
 
-def laid_on_surface(section: Section, surface_m: Floats, width_m: float) -> Section:
+def laid_on_surface(
+    section: WallSection, surface_m: Floats, width_m: float
+) -> WallSection:
     """Return a section laid on a frame's surface (column,), m, NaN unseen: the shift of
     smallest mean distance wins.
     """
@@ -267,25 +274,27 @@ def laid_on_surface(section: Section, surface_m: Floats, width_m: float) -> Sect
     return section.shifted(*best[1:])
 
 
-@style.styled
+@figure_files.styled
 def draw_computed_walls(
-    looks: Sequence[AnsweredFrame], computed: Mapping[str, Sequence[Section]]
+    shown_frames: Sequence[AnsweredFrame], computed: Mapping[str, Sequence[WallSection]]
 ) -> Figure:
     """Draw each frame bare and, below, with the sections that each mechanics computed
     for it, laid on its surface.
     """
-    figure = Figure(figsize=style.inches(170, 52))
-    grid = figure.subplots(2, len(looks), squeeze=False, sharex="col", sharey="col")
+    figure = Figure(figsize=figure_files.inches(170, 52))
+    grid = figure.subplots(
+        2, len(shown_frames), squeeze=False, sharex="col", sharey="col"
+    )
 
-    for column, look in enumerate(looks):
-        width_m, depth_m = look.extent_m
+    for column, answered in enumerate(shown_frames):
+        width_m, depth_m = answered.extent_m
         for axes in grid[:, column]:
-            style.show_image(axes, look.frame, look.extent_m)
+            figure_files.show_image(axes, answered.frame, answered.extent_m)
             axes.set(
                 xlim=(0.0, from_si(width_m, "mm")), ylim=(from_si(depth_m, "mm"), 0.0)
             )
 
-        surface_m = (look.found.outer_row + 0.5) * depth_m / len(look.frame)
+        surface_m = (answered.found.outer_row + 0.5) * depth_m / len(answered.frame)
         for sections, (colour, line) in zip(computed.values(), WALLS, strict=False):
             laid = laid_on_surface(sections[column], surface_m, width_m)
             for curve in (laid.outer, laid.inner):
@@ -293,8 +302,8 @@ def draw_computed_walls(
                     *from_si(curve.T, "mm"), color=colour, linestyle=line, linewidth=0.9
                 )
 
-        force_mn = from_si(max(look.answer.measured_force_n or 0.0, 0.0), "mn")
-        grid[0, column].set_title(f"{look.answer.file}, {force_mn:.0f} mN")
+        force_mn = from_si(max(answered.answer.measured_force_n or 0.0, 0.0), "mn")
+        grid[0, column].set_title(f"{answered.answer.file}, {force_mn:.0f} mN")
         grid[1, column].set_xlabel("lateral [mm]")
 
     for axes in grid[:, 0]:
@@ -315,7 +324,7 @@ HISTOGRAM_MM = 42.0
 MOST_MM = 90.0
 
 
-@style.styled
+@figure_files.styled
 def draw_scanner(
     real: Pixels, drawn: Pixels, extent_m: tuple[float, float], top: int
 ) -> Figure:
@@ -324,15 +333,20 @@ def draw_scanner(
     """
     width_mm, depth_mm = (float(from_si(length, "mm")) for length in extent_m)
     frame_mm = min(MOST_MM, (WIDTH_MM / 2 - 8.0) * depth_mm / width_mm)
-    figure = Figure(figsize=style.inches(WIDTH_MM, frame_mm + 14.0 + HISTOGRAM_MM))
+    figure = Figure(
+        figsize=figure_files.inches(WIDTH_MM, frame_mm + 14.0 + HISTOGRAM_MM)
+    )
     grid = figure.add_gridspec(2, 2, height_ratios=[frame_mm + 10.0, HISTOGRAM_MM])
     counts = figure.add_subplot(grid[1, :])
     edges = np.linspace(0, top + 1, min(BINS, top + 1) + 1)
-    looks = (("Real", real, style.BLACK, "-"), ("Drawn", drawn, style.AMBER, "--"))
+    shown_frames = (
+        ("Real", real, figure_files.BLACK, "-"),
+        ("Drawn", drawn, figure_files.AMBER, "--"),
+    )
 
-    for column, (title, frame, colour, line) in enumerate(looks):
+    for column, (title, frame, colour, line) in enumerate(shown_frames):
         axes = figure.add_subplot(grid[0, column])
-        style.show_image(axes, frame, extent_m, vmin=0, vmax=top)
+        figure_files.show_image(axes, frame, extent_m, vmin=0, vmax=top)
         axes.set(
             title=title, xlabel="lateral, mm", ylabel="" if column else "depth, mm"
         )
@@ -351,7 +365,7 @@ def draw_scanner(
         title="Histograms",
         xlim=(0, top),
     )
-    style.log_scale(counts)
+    figure_files.log_scale(counts)
     counts.legend()
 
     return figure
@@ -361,12 +375,12 @@ LETTER_MM = 1.5  # wide
 Place = tuple[float, float, FrameAnswer]  # of a trial in a figure
 
 
-@style.styled
+@figure_files.styled
 def draw_trial_forces(evaluation: Evaluation) -> Figure:
     """Draw the measured force of every trial that counts with the class bounds; misread
     trials are ringed.
     """
-    figure = Figure(figsize=style.inches(WIDTH_MM, 70))
+    figure = Figure(figsize=figure_files.inches(WIDTH_MM, 70))
     _draw_trials(figure, evaluation)
     return figure
 
@@ -399,17 +413,17 @@ def _draw_places(axes: Axes, places: Sequence[Place]) -> None:
     usable, misread ones are ringed.
     """
 
-    def draw(chosen: Iterable[Place], marker: str, label: str, **look: Any) -> None:
+    def draw(chosen: Iterable[Place], marker: str, label: str, **style: Any) -> None:
         if some := [place[:2] for place in chosen]:
-            axes.plot(*zip(*some, strict=True), marker, label=label, **look)
+            axes.plot(*zip(*some, strict=True), marker, label=label, **style)
 
     for number, (marker, colour) in enumerate(
-        zip(style.CLASS_MARKERS, style.CLASS_COLOURS, strict=True)
+        zip(figure_files.CLASS_MARKERS, figure_files.CLASS_COLOURS, strict=True)
     ):
         read = [place for place in places if place[2].answer.predicted == number]
         for usable, fill, label in (
             (True, colour, f"read as class {number}"),
-            (False, style.PAPER, "not usable"),
+            (False, figure_files.PAPER, "not usable"),
         ):
             chosen = (place for place in read if place[2].answer.usable == usable)
             draw(
@@ -428,7 +442,7 @@ def _draw_places(axes: Axes, places: Sequence[Place]) -> None:
         "o",
         "misread",
         color="none",
-        markeredgecolor=style.BLACK,
+        markeredgecolor=figure_files.BLACK,
         markersize=10,
         zorder=5,
     )
@@ -441,7 +455,7 @@ def _separate_eyes(axes: Axes, names: Sequence[str]) -> None:
     starts = [n for n in range(len(names)) if n == 0 or names[n] != names[n - 1]]
     for start, end in pairwise([*starts, len(names)]):
         if start:
-            axes.axvline(start + 0.5, color=style.FAINT, linewidth=0.8, zorder=0)
+            axes.axvline(start + 0.5, color=figure_files.FAINT, linewidth=0.8, zorder=0)
         if LETTER_MM * len(names[start]) < WIDTH_MM * 0.85 * (end - start) / len(names):
             middle = 0.5 * (start + end) + 0.5
             axes.text(
@@ -454,7 +468,7 @@ def _separate_eyes(axes: Axes, names: Sequence[str]) -> None:
             )
 
 
-@style.styled
+@figure_files.styled
 def draw_residuals(evaluation: Evaluation) -> Figure:
     """Draw read minus measured force of every trial that counts, with its interval,
     over the measured force.
@@ -463,7 +477,7 @@ def draw_residuals(evaluation: Evaluation) -> Figure:
     reference), the band is the labels' own error; trials that are not usable have no
     force, and are at the upper edge.
     """
-    figure = Figure(figsize=style.inches(WIDTH_MM, 88))
+    figure = Figure(figsize=figure_files.inches(WIDTH_MM, 88))
     axes = figure.subplots()
     places = list[Place]()
     unread = list[float]()
@@ -487,7 +501,7 @@ def draw_residuals(evaluation: Evaluation) -> Figure:
             x,
             low - x,
             high - x,
-            color=style.CLASS_COLOURS[frame.answer.predicted],
+            color=figure_files.CLASS_COLOURS[frame.answer.predicted],
             linewidth=0.9,
         )
 
@@ -497,7 +511,7 @@ def draw_residuals(evaluation: Evaluation) -> Figure:
             unread,
             np.full(len(unread), 0.97),
             "x",
-            color=style.RED,
+            color=figure_files.RED,
             markersize=4,
             label="not usable",
             transform=axes.get_xaxis_transform(),
@@ -526,28 +540,32 @@ def _draw_agreement(axes: Axes, evaluation: Evaluation) -> None:
     )
     mean_label, limits_label = (each.replace("-", "\N{MINUS SIGN}") for each in words)
     label_mn = SDS_OF_INTERVAL * from_si(evaluation.label_sd_n, "mn")
-    axes.plot([], [], "|", color=style.BLACK, markersize=8, label="90 % interval")
+    axes.plot(
+        [], [], "|", color=figure_files.BLACK, markersize=8, label="90 % interval"
+    )
 
     if label_mn:
         label = f"label error, 90 %: ±{label_mn:.2f} mN"
         axes.axhspan(
             -label_mn,
             label_mn,
-            color=style.GREY,
+            color=figure_files.GREY,
             alpha=0.15,
             linewidth=0,
             zorder=0,
             label=label,
         )
 
-    axes.axhline(0.0, color=style.GREY, linewidth=0.6, zorder=1)
-    axes.axhline(middle, color=style.BLACK, linewidth=0.9, zorder=1, label=mean_label)
+    axes.axhline(0.0, color=figure_files.GREY, linewidth=0.6, zorder=1)
+    axes.axhline(
+        middle, color=figure_files.BLACK, linewidth=0.9, zorder=1, label=mean_label
+    )
 
     if not isnan(low):
         for limit, name in ((low, limits_label), (high, None)):
             axes.axhline(
                 limit,
-                color=style.BLACK,
+                color=figure_files.BLACK,
                 linewidth=0.9,
                 linestyle=DASHED,
                 zorder=1,
@@ -562,7 +580,7 @@ def _mark_classes(axes: Axes, bounds_n: Sequence[float], top_mn: float) -> None:
     bounds_mn = from_si(np.array(bounds_n), "mn")
     for bound_mn in bounds_mn:
         axes.axvline(
-            bound_mn, color=style.GREY, linewidth=0.6, linestyle=DASHED, zorder=1
+            bound_mn, color=figure_files.GREY, linewidth=0.6, linestyle=DASHED, zorder=1
         )
 
     for number, (low, high) in enumerate(pairwise([0.0, *bounds_mn, top_mn])):
@@ -573,23 +591,23 @@ def _mark_classes(axes: Axes, bounds_n: Sequence[float], top_mn: float) -> None:
             ("data", "axes fraction"),
             "offset points",
             ha="center",
-            color=style.CLASS_INKS[number],
+            color=figure_files.CLASS_INKS[number],
             annotation_clip=False,
         )
 
 
-@style.styled
+@figure_files.styled
 def draw_overview(read: Sequence[AnsweredFrame], evaluation: Evaluation) -> Figure:
     """Draw frames, one of each class, with their walls and the classes read, above the
     forces of all trials.
     """
-    figure = Figure(figsize=style.inches(170, 92))
+    figure = Figure(figsize=figure_files.inches(170, 92))
     top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=[1.0, 2.1])[:, 0]
 
     for axes, one in zip(
         top.subplots(1, len(read), squeeze=False)[0], read, strict=True
     ):
-        draw_wall(axes, one)
+        draw_boundaries(axes, one)
         axes.set_axis_off()
         answer = one.answer.answer
         sure = (
@@ -599,7 +617,7 @@ def draw_overview(read: Sequence[AnsweredFrame], evaluation: Evaluation) -> Figu
         )
         title = f"read: class {answer.predicted}{sure}"
         axes.set_title(
-            title, color=style.CLASS_INKS[answer.predicted], fontweight="bold"
+            title, color=figure_files.CLASS_INKS[answer.predicted], fontweight="bold"
         )
 
         if one.answer.measured_force_n is not None:
@@ -691,10 +709,10 @@ def shown_on_sheet(badness: Sequence[tuple[bool, float]]) -> list[int]:
     in even steps.
     """
     order = sorted(range(len(badness)), key=lambda n: badness[n], reverse=True)
-    return order[:WORST] + style.evenly(order[WORST:], MOST - WORST)
+    return order[:WORST] + figure_files.evenly(order[WORST:], MOST - WORST)
 
 
-@style.styled
+@figure_files.styled
 def draw_sheet(frames: Sequence[SheetFrame], title: str, note: str = "") -> Figure:
     """Draw frames in their order, each with the walls of both methods, its verdict and
     the disagreement.
@@ -710,7 +728,7 @@ def draw_sheet(frames: Sequence[SheetFrame], title: str, note: str = "") -> Figu
     high_mm = TOP_MM + sum(tall_mm)
     left = MARGIN_MM / wide_mm
     top = 1.0 - MARGIN_MM / high_mm
-    figure = Figure(figsize=style.inches(wide_mm, high_mm))
+    figure = Figure(figsize=figure_files.inches(wide_mm, high_mm))
     figure.set_layout_engine("none")
     figure.text(left, top, title, fontsize=9, fontweight="bold", va="top")
     figure.text(
@@ -786,8 +804,8 @@ def _draw_frame(axes: Axes, one: SheetFrame) -> None:
         box_aspect=one.aspect,
         anchor="NW",
     )
-    axes.spines[:].set(visible=not found.usable, color=style.RED, linewidth=1.5)
-    name = style.last_letters(one.name, NAME_LETTERS)
+    axes.spines[:].set(visible=not found.usable, color=figure_files.RED, linewidth=1.5)
+    name = figure_files.last_letters(one.name, NAME_LETTERS)
     axes.annotate(
         name,
         (0, 0),

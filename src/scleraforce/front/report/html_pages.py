@@ -43,7 +43,7 @@ from scleraforce.wall.wall import draw_overlay
 
 
 @dataclass(frozen=True)
-class Table:
+class PageTable:
     """A table of a page: titles of the columns, rows, and the cells (row, column) to
     highlight.
 
@@ -124,7 +124,9 @@ def class_names(bounds_n: Sequence[float]) -> tuple[str, str, str]:
     )
 
 
-def confusion_table(evaluation: Evaluation, confusion: Integers | None = None) -> Table:
+def confusion_table(
+    evaluation: Evaluation, confusion: Integers | None = None
+) -> PageTable:
     """Return the confusion matrix, or another one, with recall and precision; misread
     trials are highlighted.
     """
@@ -140,10 +142,10 @@ def confusion_table(evaluation: Evaluation, confusion: Integers | None = None) -
     wrong = [(r, c + 1) for r, c in np.argwhere(confusion > 0).tolist() if r != c]
     head = ["", *(f"predicted {number}" for number in range(len(names))), "recall"]
 
-    return Table(head, rows, wrong)
+    return PageTable(head, rows, wrong)
 
 
-def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer]) -> Table:
+def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer]) -> PageTable:
     """Return a row for each frame: measured and read force, and remarks; of several
     eyes, with the eye's name.
     """
@@ -167,7 +169,7 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer]) -> Table:
     read = ["read [mN]", "90 % [mN]"] if with_force else []
     head = ["frame", "force [mN]", "target", "predicted", *read, *classes, "remark"]
 
-    return Table(head, rows, wrong, [frame.to_dict() for frame in frames])
+    return PageTable(head, rows, wrong, [frame.to_dict() for frame in frames])
 
 
 def measured_force(frame: FrameAnswer) -> str:
@@ -240,7 +242,7 @@ def made_line(made_at: datetime) -> str:
     )
 
 
-def provenance_table(study: Study, reader: Reader) -> Table:
+def provenance_table(study: Study, reader: Reader) -> PageTable:
     """Return study hash, seeds, model and data set hashes, and the versions of the
     packages.
     """
@@ -254,12 +256,12 @@ def provenance_table(study: Study, reader: Reader) -> Table:
         ["PyTorch", reader.provenance.get("torch", "")],
         *([name, version(name)] for name in PACKAGES),
     ]
-    return Table(["", "value"], rows)
+    return PageTable(["", "value"], rows)
 
 
 def write_evaluation_html(
     evaluation: Evaluation,
-    looks: Sequence[AnsweredFrame],
+    answered_frames: Sequence[AnsweredFrame],
     path: Path,
     made_at: datetime,
 ) -> None:
@@ -276,12 +278,14 @@ def write_evaluation_html(
     }
     several = len(recordings) > 1
     names = [
-        f"{look.answer.eye}/{look.answer.file}" if several else look.answer.file
-        for look in looks
+        f"{answered.answer.eye}/{answered.answer.file}"
+        if several
+        else answered.answer.file
+        for answered in answered_frames
     ]
     pictures = [
-        (_picture(look), name, _words(look.answer), look.answer.misread)
-        for look, name in zip(looks, names, strict=True)
+        (_picture(answered), name, _words(answered.answer), answered.answer.misread)
+        for answered, name in zip(answered_frames, names, strict=True)
     ]
     values = {
         "evaluation": evaluation,
@@ -401,11 +405,11 @@ def shown_frames(frames: Sequence[FrameAnswer]) -> tuple[FrameAnswer, ...]:
     )
 
 
-def _picture(look: AnsweredFrame) -> str:
+def _picture(answered: AnsweredFrame) -> str:
     """Return a frame with its wall as the `src` of an image in a page."""
-    width_m, depth_m = look.extent_m
+    width_m, depth_m = answered.extent_m
     rows = max(1, round(WIDTH * min(depth_m / width_m, DEEPEST)))
-    picture = draw_overlay(look.frame, look.found, (rows, WIDTH))
+    picture = draw_overlay(answered.frame, answered.found, (rows, WIDTH))
     # Thin coloured lines need their colour at full resolution.
     full_colour = (
         cv2.IMWRITE_JPEG_SAMPLING_FACTOR,

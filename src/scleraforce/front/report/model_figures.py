@@ -17,7 +17,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-u
 
 from scleraforce.base.arrays import Floats, Integers
 from scleraforce.base.units import from_si
-from scleraforce.front.report import figure_files as style
+from scleraforce.front.report import figure_files
 from scleraforce.lab.virtual_eye import SimulatedEye
 from scleraforce.records.study import Study
 
@@ -32,10 +32,10 @@ FACE_OUTLINES = (
 )
 
 
-@style.styled
+@figure_files.styled
 def draw_simulation(eye: SimulatedEye) -> Figure:
     """Draw the deformed mesh and, beside it, the slice."""
-    figure = Figure(figsize=style.inches(170, 65))
+    figure = Figure(figsize=figure_files.inches(170, 65))
     # the automatic layout leaves three-dimensional axes small
     figure.set_layout_engine("none")
     _draw_mesh(figure, eye, width=0.5)
@@ -46,7 +46,7 @@ def draw_simulation(eye: SimulatedEye) -> Figure:
     )
     axes.imshow(
         eye.slice,
-        cmap=style.SCAN_COLOURS,
+        cmap=figure_files.SCAN_COLOURS,
         vmin=0,
         vmax=255,
         extent=(-width / 2, width / 2, depth, 0),
@@ -82,7 +82,7 @@ def _draw_mesh(figure: Figure, eye: SimulatedEye, width: float) -> None:
     faces = Poly3DCollection(
         moved[outlines],
         facecolors=colours.to_rgba(amount),
-        edgecolors=style.PAPER,
+        edgecolors=figure_files.PAPER,
         linewidths=0.15,
     )
     faces.set_rasterized(True)  # thousands of polygons
@@ -92,7 +92,7 @@ def _draw_mesh(figure: Figure, eye: SimulatedEye, width: float) -> None:
     ends = from_si(
         np.stack([length * normal, (length + NEEDLE_LENGTH_M) * normal]), "mm"
     )
-    axes.plot(*ends.T, color=style.RED, linewidth=2.0, zorder=10)
+    axes.plot(*ends.T, color=figure_files.RED, linewidth=2.0, zorder=10)
     radius = from_si(eye.mesh.radius_m, "mm")
     axes.set(xlim=(-radius, radius), ylim=(-radius, radius), zlim=(0, radius))
     axes.set_box_aspect((2, 2, 1), zoom=1.38)
@@ -126,21 +126,26 @@ BOX_MM = 24.0
 ROW_MM = 14.0
 
 
-@style.styled
+@figure_files.styled
 def draw_model(study: Study) -> Figure:
     """Draw the meridian of the needle: the wall, its clamped base, pressure, weight,
     needle and the B-scan plane.
     """
     radius = from_si(study.eye.radius_m, "mm")
     polar_deg = degrees(sum(study.needle.polar_angle_rad.bounds) / 2)
-    figure = Figure(figsize=style.inches(120, 62))
+    figure = Figure(figsize=figure_files.inches(120, 62))
     axes = figure.add_subplot()
     angles = np.linspace(-np.pi / 2, np.pi / 2, 181)
     wall = np.concatenate(
         [_arc(radius, angles), _arc(radius - THICKNESS_DRAWN_MM, angles[::-1])]
     )
     axes.add_patch(
-        Polygon(wall, facecolor=style.TISSUE, edgecolor=style.BLACK, linewidth=0.8)
+        Polygon(
+            wall,
+            facecolor=figure_files.TISSUE,
+            edgecolor=figure_files.BLACK,
+            linewidth=0.8,
+        )
     )
     _draw_base(axes, radius)
     _draw_pressure(axes, radius - THICKNESS_DRAWN_MM)
@@ -149,13 +154,13 @@ def draw_model(study: Study) -> Figure:
         axes,
         (-0.1 * radius, 0.52 * radius),
         (-0.1 * radius, 0.28 * radius),
-        style.BLACK,
+        figure_files.BLACK,
     )
     axes.text(
         -0.07 * radius,
         0.36 * radius,
         "gravity, $f_g$",
-        color=style.BLACK,
+        color=figure_files.BLACK,
         parse_math=True,
     )
     of_eye = f"E, $\\nu$ = {study.eye.poisson_ratio:g}, R = {radius:g} mm"
@@ -170,7 +175,7 @@ def draw_model(study: Study) -> Figure:
     return figure
 
 
-@style.styled
+@figure_files.styled
 def draw_network(
     pixels: tuple[int, int],
     hidden: Sequence[int],
@@ -182,13 +187,13 @@ def draw_network(
     """
     columns, rows = pixels
     layers = [
-        (f"slice\n{columns} x {rows}\npixels", style.BLACK),
-        (f"input\n{columns * rows}", style.GREY),
-        *((f"{size}\nReLU\ndropout {dropout:g}", style.BLUE) for size in hidden),
-        (f"{len(classes)}\nsoftmax", style.RED),
+        (f"slice\n{columns} x {rows}\npixels", figure_files.BLACK),
+        (f"input\n{columns * rows}", figure_files.GREY),
+        *((f"{size}\nReLU\ndropout {dropout:g}", figure_files.BLUE) for size in hidden),
+        (f"{len(classes)}\nsoftmax", figure_files.RED),
     ]
     step = 1.3 * BOX_MM
-    figure = Figure(figsize=style.inches(170, 28))
+    figure = Figure(figsize=figure_files.inches(170, 28))
     axes = figure.add_subplot()
 
     for place, (text, colour) in enumerate(layers):
@@ -199,17 +204,17 @@ def draw_network(
             ROW_MM,
             boxstyle="round,pad=0,rounding_size=1.5",
         )
-        box.set(facecolor=style.PAPER, edgecolor=colour, linewidth=1.1)
+        box.set(facecolor=figure_files.PAPER, edgecolor=colour, linewidth=1.1)
         axes.add_patch(box)
         axes.text(left + BOX_MM / 2, 0.0, text, ha="center", va="center")
 
         if place:
-            _arrow(axes, (left - step + BOX_MM, 0.0), (left, 0.0), style.GREY)
+            _arrow(axes, (left - step + BOX_MM, 0.0), (left, 0.0), figure_files.GREY)
 
     end = (len(layers) - 1) * step + BOX_MM
     for place, name in enumerate(classes):
         height = ROW_MM * (0.55 - 0.55 * place)
-        _arrow(axes, (end, 0.5 * height), (end + 7.0, height), style.GREY)
+        _arrow(axes, (end, 0.5 * height), (end + 7.0, height), figure_files.GREY)
         axes.text(end + 8.5, height, name, va="center")
 
     axes.set(
@@ -249,11 +254,14 @@ def _draw_base(axes: Axes, radius: float) -> None:
                 [radius - 1.4 * THICKNESS_DRAWN_MM, radius + 0.4 * THICKNESS_DRAWN_MM]
             )
         )
-        axes.plot(ends, [0.0, 0.0], color=style.BLACK, linewidth=1.4)
+        axes.plot(ends, [0.0, 0.0], color=figure_files.BLACK, linewidth=1.4)
 
         for start in np.linspace(ends[0], ends[1], 6):
             axes.plot(
-                [start, start - 0.5], [0.0, -0.8], color=style.BLACK, linewidth=0.6
+                [start, start - 0.5],
+                [0.0, -0.8],
+                color=figure_files.BLACK,
+                linewidth=0.6,
             )
 
     axes.text(0.0, -0.14 * radius, "the base is clamped", ha="center")
@@ -262,7 +270,10 @@ def _draw_base(axes: Axes, radius: float) -> None:
 def _draw_pressure(axes: Axes, inner: float) -> None:
     for polar_deg in (-75, -55, -35, -15, 5, 60, 78):
         _arrow(
-            axes, _point(0.84 * inner, polar_deg), _point(inner, polar_deg), style.BLUE
+            axes,
+            _point(0.84 * inner, polar_deg),
+            _point(inner, polar_deg),
+            figure_files.BLUE,
         )
 
     across, up = _point(0.74 * inner, -45)
@@ -270,7 +281,7 @@ def _draw_pressure(axes: Axes, inner: float) -> None:
         across,
         up,
         "IOP, $f_p$",
-        color=style.BLUE,
+        color=figure_files.BLUE,
         ha="center",
         va="center",
         parse_math=True,
@@ -279,19 +290,19 @@ def _draw_pressure(axes: Axes, inner: float) -> None:
 
 def _sketch_needle(axes: Axes, radius: float, polar_deg: float) -> None:
     ends = np.array([_point(radius, polar_deg), _point(1.42 * radius, polar_deg)])
-    axes.plot(*ends.T, color=style.RED, linewidth=2.6, solid_capstyle="butt")
+    axes.plot(*ends.T, color=figure_files.RED, linewidth=2.6, solid_capstyle="butt")
     _arrow(
         axes,
         _point(0.98 * radius, polar_deg),
         _point(0.72 * radius, polar_deg),
-        style.RED,
+        figure_files.RED,
     )
     across, up = _point(0.64 * radius, polar_deg)
     axes.text(
         across,
         up,
         "needle, $f_n$",
-        color=style.RED,
+        color=figure_files.RED,
         ha="center",
         va="center",
         parse_math=True,
@@ -305,7 +316,7 @@ def _sketch_needle(axes: Axes, radius: float, polar_deg: float) -> None:
         Polygon(
             outline,
             fill=False,
-            edgecolor=style.AMBER,
+            edgecolor=figure_files.AMBER,
             linewidth=1.1,
             linestyle=(0, (4, 2)),
         )
@@ -315,25 +326,25 @@ def _sketch_needle(axes: Axes, radius: float, polar_deg: float) -> None:
         across,
         up,
         "B-scan, parallel to this\nplane, beside the needle",
-        color=style.CLASS_INKS[1],
+        color=figure_files.CLASS_INKS[1],
         va="bottom",
     )
 
 
-@style.styled
+@figure_files.styled
 def draw_curves(curves: Mapping[str, Sequence[float]], steps: str) -> Figure:
     """Draw the curves of a training (`training_loss`, `validation_loss` and so on), a
     panel for each quantity.
     """
     names = list(dict.fromkeys(name.partition("_")[2] for name in curves))
-    figure = Figure(figsize=style.inches(170 if len(names) > 1 else 110, 60))
+    figure = Figure(figsize=figure_files.inches(170 if len(names) > 1 else 110, 60))
 
     for axes, name in zip(
         figure.subplots(1, max(len(names), 1), squeeze=False)[0], names, strict=False
     ):
         for part, colour, line in (
-            ("training", style.RED, (0, (4, 2))),
-            ("validation", style.BLUE, "-"),
+            ("training", figure_files.RED, (0, (4, 2))),
+            ("validation", figure_files.BLUE, "-"),
         ):
             values = curves.get(f"{part}_{name}", ())
             if values:
@@ -353,6 +364,6 @@ def draw_curves(curves: Mapping[str, Sequence[float]], steps: str) -> Figure:
             name == "loss"
             and min(min(curves[key]) for key in curves if key.endswith("_loss")) > 0
         ):
-            style.log_scale(axes, LogLocator(subs=(1.0, 2.0, 5.0)))
+            figure_files.log_scale(axes, LogLocator(subs=(1.0, 2.0, 5.0)))
 
     return figure

@@ -21,7 +21,7 @@ from scleraforce.calibration.filter.eye_filter import (
 )
 from scleraforce.calibration.filter.eye_parameters import stated_wall
 from scleraforce.calibration.filter.section_registration import BY_POLAR, place_section
-from scleraforce.front.report import figure_files as style
+from scleraforce.front.report import figure_files
 from scleraforce.recordings.forces_under_frames import Trial, contact_force
 from scleraforce.recordings.recording_folder import Recording
 from scleraforce.records.frame import Pixels
@@ -40,7 +40,7 @@ OUTLIERS = 0.1  # per cent of the pixels that may be off the grey scale
 NAME_LETTERS = 24
 
 
-@style.styled
+@figure_files.styled
 def draw_recording(
     recording: Recording, trials: Sequence[Trial] = (), bounds_n: Sequence[float] = ()
 ) -> Figure:
@@ -54,13 +54,13 @@ def draw_recording(
         recording.frames
     )
     order = sorted(range(len(forces_n)), key=lambda n: forces_n[n] or 0.0)
-    shown = style.evenly(order, SHOWN_FRAMES) if trials else order[:SHOWN_FRAMES]
+    shown = figure_files.evenly(order, SHOWN_FRAMES) if trials else order[:SHOWN_FRAMES]
     frames = [recording.frame(recording.frames[n]) for n in shown]
     extent_m = recording.info.oct.width_m, recording.info.oct.depth_m
     width_mm, depth_mm = (float(from_si(length, "mm")) for length in extent_m)
     frame_mm = min(TALLEST_MM, (WIDTH_MM - 12.0) / len(frames) * depth_mm / width_mm)
     heights = [frame_mm + WORDS_MM, TIMES_MM if recording.forces is None else FORCE_MM]
-    figure = Figure(figsize=style.inches(WIDTH_MM, sum(heights)))
+    figure = Figure(figsize=figure_files.inches(WIDTH_MM, sum(heights)))
     grid = figure.add_gridspec(len(heights), len(frames), height_ratios=heights)
     low, high = np.percentile(np.stack(frames), [OUTLIERS, 100.0 - OUTLIERS])
 
@@ -68,13 +68,15 @@ def draw_recording(
         axes = figure.add_subplot(grid[0, place])
         entry = recording.frames[nth]
         force_n = forces_n[nth]
-        style.show_image(axes, frame, extent_m, vmin=low, vmax=max(high, low + 1))
+        figure_files.show_image(
+            axes, frame, extent_m, vmin=low, vmax=max(high, low + 1)
+        )
         said = (
             f"{entry.time_s:.3f} s"
             if force_n is None
             else f"{from_si(force_n, 'mn'):.1f} mN"
         )
-        axes.set_title(f"{style.last_letters(entry.file, NAME_LETTERS)}, {said}")
+        axes.set_title(f"{figure_files.last_letters(entry.file, NAME_LETTERS)}, {said}")
         axes.set_axis_off()
         _scale_bars(axes, width_mm, depth_mm)
 
@@ -90,16 +92,16 @@ def _scale_bars(axes: Axes, width_mm: float, depth_mm: float) -> None:
     left = 0.04 * width_mm
     bottom = 0.94 * depth_mm
     line: dict[str, Any] = {
-        "color": style.AMBER,
+        "color": figure_files.AMBER,
         "linewidth": 1.6,
         "solid_capstyle": "butt",
     }
     axes.plot([left, left + across], [bottom, bottom], **line)
     axes.plot([left, left], [bottom, bottom - down], **line)
     # letters are readable on bright tissue, too
-    edge = [withStroke(linewidth=2.0, foreground=style.SHADE)]
+    edge = [withStroke(linewidth=2.0, foreground=figure_files.SHADE)]
     words: dict[str, Any] = {
-        "color": style.AMBER,
+        "color": figure_files.AMBER,
         "fontsize": 7.0,
         "path_effects": edge,
     }
@@ -111,7 +113,7 @@ def _scale_bars(axes: Axes, width_mm: float, depth_mm: float) -> None:
     )
 
 
-@style.styled
+@figure_files.styled
 def draw_force_log(
     recording: Recording,
     trials: Sequence[Trial],
@@ -121,7 +123,7 @@ def draw_force_log(
     """Draw the beginning of a force log with the labels of its frames and the class
     bounds.
     """
-    figure = Figure(figsize=style.inches(170, 62))
+    figure = Figure(figsize=figure_files.inches(170, 62))
     axes = figure.subplots()
     draw_log(axes, recording, trials, bounds_n)
     axes.set_xlim(right=until_s)
@@ -145,7 +147,7 @@ def draw_log(
     axes.set_xlabel("time [s]")
 
     if log is None or info is None:
-        axes.plot(times_s, np.zeros(len(times_s)), "|", color=style.BLACK)
+        axes.plot(times_s, np.zeros(len(times_s)), "|", color=figure_files.BLACK)
         axes.set(title="frames; their forces were not logged", yticks=[])
         return
 
@@ -156,14 +158,14 @@ def draw_log(
     axes.plot(
         log.time_s[every],
         raw_mn[every],
-        color=style.FAINT,
+        color=figure_files.FAINT,
         linewidth=0.5,
         label="as logged",
     )
     axes.plot(
         log.time_s[every],
         filtered_mn[every],
-        color=style.BLACK,
+        color=figure_files.BLACK,
         linewidth=0.8,
         label="filtered",
     )
@@ -172,7 +174,11 @@ def draw_log(
     if len(missing_s):
         missing_s = missing_s[:: max(1, len(missing_s) // POINTS_DRAWN)]
         axes.plot(
-            missing_s, np.zeros_like(missing_s), "|", color=style.RED, label="no force"
+            missing_s,
+            np.zeros_like(missing_s),
+            "|",
+            color=figure_files.RED,
+            label="no force",
         )
 
     ends = 0.0, 0.06  # of the axes' height
@@ -180,13 +186,13 @@ def draw_log(
         times_s,
         *ends,
         transform=axes.get_xaxis_transform(),
-        color=style.BLACK,
+        color=figure_files.BLACK,
         linewidth=0.5,
         label="frames",
     )
 
     for target, (colour, marker) in enumerate(
-        zip(style.CLASS_COLOURS, style.CLASS_MARKERS, strict=True)
+        zip(figure_files.CLASS_COLOURS, figure_files.CLASS_MARKERS, strict=True)
     ):
         labels = [
             (t.time_s, from_si(t.measured_force_n, "mn"))
@@ -219,7 +225,7 @@ def mark_bounds(axes: Axes, bounds_n: Sequence[float]) -> None:
     low_mn, high_mn = (from_si(bound, "mn") for bound in bounds_n)
     for bound_mn in (low_mn, high_mn):
         axes.axhline(
-            bound_mn, color=style.GREY, linewidth=0.8, linestyle=DASHED, zorder=1
+            bound_mn, color=figure_files.GREY, linewidth=0.8, linestyle=DASHED, zorder=1
         )
 
     for number, place in enumerate(
@@ -232,7 +238,7 @@ def mark_bounds(axes: Axes, bounds_n: Sequence[float]) -> None:
             xycoords=("axes fraction", "data"),
             textcoords="offset points",
             va="center",
-            color=style.CLASS_INKS[number],
+            color=figure_files.CLASS_INKS[number],
             annotation_clip=False,
         )
 
@@ -240,28 +246,28 @@ def mark_bounds(axes: Axes, bounds_n: Sequence[float]) -> None:
 EYES_IN_A_ROW = 3
 
 
-@style.styled
+@figure_files.styled
 def draw_modulus_over_frames(
     eye: EyeCalibration, truth_pa: float | None = None
 ) -> Figure:
     """Draw mean and band (one and two standard deviations) of E over the frames (Fig.
     5), and a virtual eye's E.
     """
-    figure = Figure(figsize=style.inches(WIDTH_MM, 62))
+    figure = Figure(figsize=figure_files.inches(WIDTH_MM, 62))
     axes = figure.subplots()
     _draw_over_frames(axes, eye, truth_pa)
     figure.legend(loc="outside right upper")
     return figure
 
 
-@style.styled
+@figure_files.styled
 def draw_observed_points(
     eye: EyeCalibration, frame: Pixels, index: int, width_m: float, depth_m: float
 ) -> Figure:
     """Draw the points of one of an eye's steps over its raw frame, at the prior's and
     at the final modulus (Fig. 4).
     """
-    figure = Figure(figsize=style.inches(170, 52))
+    figure = Figure(figsize=figure_files.inches(170, 52))
     if eye.filter is None or not eye.steps:
         raise ValueError(f"{eye.id}: no points are kept; calibrate it in this run")
 
@@ -275,17 +281,17 @@ def draw_observed_points(
     )
 
     for axes, (title, modulus_pa) in zip(panels, moduli.items(), strict=True):
-        axes.imshow(frame, cmap=style.SCAN_COLOURS, aspect="auto", extent=extent)
+        axes.imshow(frame, cmap=figure_files.SCAN_COLOURS, aspect="auto", extent=extent)
         _draw_points(axes, eye.filter, eye.steps[index], modulus_pa)
         axes.set_title(f"{title}: E = {from_si(modulus_pa, 'mpa'):.2f} MPa")
         axes.set(xlabel="lateral [mm]", xlim=extent[:2], ylim=extent[2:])
 
     panels[0].set_ylabel("depth [mm]")
-    panels[0].legend(loc="upper right", labelcolor=style.LIGHT)
+    panels[0].legend(loc="upper right", labelcolor=figure_files.LIGHT)
     return figure
 
 
-@style.styled
+@figure_files.styled
 def draw_calibration(calibration: Calibration) -> Figure:
     """Draw every eye: E over its frames above, what each frame alone says over its
     force below.
@@ -293,7 +299,7 @@ def draw_calibration(calibration: Calibration) -> Figure:
     eyes = list(calibration.eyes.values())
     columns = min(len(eyes), EYES_IN_A_ROW)
     rows = -(-len(eyes) // columns)
-    figure = Figure(figsize=style.inches(max(85 * columns, 110), 100 * rows))
+    figure = Figure(figsize=figure_files.inches(max(85 * columns, 110), 100 * rows))
     grid = figure.add_gridspec(2 * rows, columns)
 
     for place, eye in enumerate(eyes):
@@ -333,23 +339,28 @@ def _draw_over_frames(axes: Axes, eye: EyeCalibration, truth_pa: float | None) -
     first = 0 if eye.filter is not None else 1
     count = np.arange(first, first + len(mean))
     axes.fill_between(
-        count, mean - 2 * sd, mean + 2 * sd, color=style.BLUE, alpha=0.15, linewidth=0
+        count,
+        mean - 2 * sd,
+        mean + 2 * sd,
+        color=figure_files.BLUE,
+        alpha=0.15,
+        linewidth=0,
     )
     axes.fill_between(
         count,
         mean - sd,
         mean + sd,
-        color=style.BLUE,
+        color=figure_files.BLUE,
         alpha=0.3,
         linewidth=0,
         label="one and two sd",
     )
-    axes.plot(count, mean, "o-", color=style.BLUE, markersize=2.5, label="mean")
+    axes.plot(count, mean, "o-", color=figure_files.BLUE, markersize=2.5, label="mean")
 
     if truth_pa is not None:
         axes.axhline(
             from_si(truth_pa, "mpa"),
-            color=style.RED,
+            color=figure_files.RED,
             linestyle="--",
             linewidth=0.8,
             label="true",
@@ -370,14 +381,14 @@ def _draw_by_force(axes: Axes, eye: EyeCalibration) -> None:
             forces_mn,
             moduli,
             "o",
-            color=style.AMBER,
+            color=figure_files.AMBER,
             markersize=3.5,
             label="a frame alone",
         )
 
     axes.axhline(
         from_si(eye.mean_pa, "mpa"),
-        color=style.RED,
+        color=figure_files.RED,
         linewidth=0.8,
         label="mean after all frames",
     )
@@ -400,7 +411,7 @@ def _draw_points(
     for curve in place_section(curves, step.registered.nuisance):
         axes.plot(
             *from_si(curve, "mm").T,
-            color=style.RED,
+            color=figure_files.RED,
             linewidth=0.5,
             scalex=False,
             scaley=False,
@@ -416,7 +427,7 @@ def _draw_points(
         lateral_mm,
         from_si(depth_m, "mm"),
         "o",
-        color=style.RED,
+        color=figure_files.RED,
         markersize=2.5,
         label="predicted",
     )

@@ -22,8 +22,14 @@ from scleraforce.lab.scanner.scanner_display import (
     Measured,
     Unmeasured,
 )
-from scleraforce.lab.tissue_light import BscanOptics, Drawn, Line, Shadow, sample_optics
-from scleraforce.mechanics.contact_and_section import Section
+from scleraforce.lab.tissue_light import (
+    BscanOptics,
+    Drawn,
+    ReflectionLine,
+    Shadow,
+    sample_optics,
+)
+from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.records.fields import field_key, field_unit, fixed
 from scleraforce.records.frame import Pixels
 from scleraforce.records.study import (
@@ -96,7 +102,7 @@ class MeasuredFrame:
     display: Display
     values: Mapping[str, Measured]
     shadows: tuple[Shadow, ...]
-    lines: tuple[Line, ...]
+    lines: tuple[ReflectionLine, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -493,7 +499,7 @@ def histogram_overlap(
     return float(np.minimum(first, second).sum())
 
 
-def _section(eye: ImagedEye, scanner: OctStudy) -> Section:
+def _section(eye: ImagedEye, scanner: OctStudy) -> WallSection:
     """Return a frame's wall as a section: lateral from the middle, geometric depth from
     the top edge, m.
     """
@@ -509,7 +515,7 @@ def _section(eye: ImagedEye, scanner: OctStudy) -> Section:
     ends_m = lateral_m[0] - BEYOND_M, lateral_m[-1] + BEYOND_M
     lateral_m = np.pad(lateral_m, beyond, constant_values=ends_m)
 
-    return Section(
+    return WallSection(
         *(
             np.stack([lateral_m, np.pad(m, beyond, mode="edge")], axis=1)
             for m in (outer_m, inner_m)

@@ -25,7 +25,7 @@ from scipy.stats import gamma, linregress, ncx2, sigmaclip, theilslopes
 from scleraforce.base.arrays import Flags, Floats, Places
 from scleraforce.base.errors import FrameError
 from scleraforce.base.normal_distribution import robust_spread
-from scleraforce.lab.tissue_light import Line, amplitude_sigma
+from scleraforce.lab.tissue_light import ReflectionLine, amplitude_sigma
 from scleraforce.records.frame import Pixels
 from scleraforce.records.scan import PixelScale
 from scleraforce.wall.frame_light import imaged_columns
@@ -51,7 +51,9 @@ class Unmeasured:
 Measured = Estimate | Unmeasured
 
 
-def fitted(value: float, error: float, most: float, reason: str) -> Measured:
+def estimate_or_reason(
+    value: float, error: float, most: float, reason: str
+) -> Measured:
     """Return a fit's value if its standard error is small enough, else the reason."""
     if isfinite(value) and isfinite(error) and error <= most:
         return Estimate(value=float(value), error=float(error))
@@ -237,7 +239,7 @@ def spread_slope(eye: ImagedEye) -> Measured:
     ).T
     slope, _, least, most = theilslopes(high - low, middle, ONE_DEVIATION)
 
-    return fitted(
+    return estimate_or_reason(
         slope,
         (most - least) / 2.0,
         MOST_ERROR,
@@ -501,7 +503,7 @@ NARROWEST = 0.4
 WIDEST = 4.0
 
 
-def find_lines(eye: ImagedEye, display: Display) -> tuple[Line, ...]:
+def find_lines(eye: ImagedEye, display: Display) -> tuple[ReflectionLine, ...]:
     """Return the lines across a frame, in rows with enough columns of air."""
     air = (eye.below_surface_rows < -2 * eye.edge_rows) & (eye.pixels > 0).any(axis=0)
     imaged = air.shape[1] - sum(eye.bands)
@@ -526,7 +528,9 @@ def find_lines(eye: ImagedEye, display: Display) -> tuple[Line, ...]:
     return tuple(line for line in found if line is not None)
 
 
-def _fitted_line(eye: ImagedEye, rows: Places, light: Floats, peak: int) -> Line | None:
+def _fitted_line(
+    eye: ImagedEye, rows: Places, light: Floats, peak: int
+) -> ReflectionLine | None:
     """Return the line at a peak of the rows' light over the noise; None if it is too
     wide.
     """
@@ -548,7 +552,7 @@ def _fitted_line(eye: ImagedEye, rows: Places, light: Floats, peak: int) -> Line
 
     row, gain, sigma = map(float, found[0])
     thickness_m = max(sigma, NARROWEST) / amplitude_sigma(1.0) * eye.scale.depth_m
-    return Line(
+    return ReflectionLine(
         depth_m=(row + 0.5) * eye.scale.depth_m,
         level_db=float(10.0 * np.log10(gain)),
         thickness_m=thickness_m,

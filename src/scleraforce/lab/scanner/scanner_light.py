@@ -22,7 +22,7 @@ from scleraforce.lab.scanner.scanner_display import (
     ImagedEye,
     Measured,
     Unmeasured,
-    fitted,
+    estimate_or_reason,
     fitted_curve,
     level_db,
 )
@@ -106,7 +106,7 @@ def light_in_wall(eye: ImagedEye, display: Display) -> WallLight:
     snr = Estimate(value=float(value[0]), error=float(error[0]))
     most = max(MOST_ATTENUATION_SHARE * abs(value[1]), 100.0)
 
-    attenuation = fitted(
+    attenuation = estimate_or_reason(
         value[1],
         error[1],
         most,
@@ -204,7 +204,7 @@ def roll_off(eye: ImagedEye, tissue: WallLight) -> Measured:
         tissue.column_db[used][::step], depth_m[::step], 0.68
     )
 
-    return fitted(
+    return estimate_or_reason(
         -slope,
         high - low,
         MOST_ROLL_OFF_ERROR,
@@ -295,19 +295,23 @@ def layer_below(
         return (Unmeasured(BLURRED),) * 3
 
     value, error = found
-    level = fitted(value[0], error[0], MOST_LEVEL_ERROR_DB, BLURRED)
+    level = estimate_or_reason(value[0], error[0], MOST_LEVEL_ERROR_DB, BLURRED)
     if isinstance(level, Unmeasured):
         return (level,) * 3
 
     end_db = at_inner_db + value[0] - 20.0 / np.log(10.0) * value[1] * value[2]
-    thickness = fitted(value[2], error[2], MOST_SHARE * value[2], NO_END)
+    thickness = estimate_or_reason(value[2], error[2], MOST_SHARE * value[2], NO_END)
 
     if level_db(np.array(10.0 ** (end_db / 10.0) + 1.0)) < LEAST_SEEN_DB or value[
         2
     ] > 0.9 * (BELOW_M - 50e-6):
         thickness = Unmeasured(NO_END)
 
-    return level, fitted(value[1], error[1], MOST_SHARE * value[1], BLURRED), thickness
+    return (
+        level,
+        estimate_or_reason(value[1], error[1], MOST_SHARE * value[1], BLURRED),
+        thickness,
+    )
 
 
 # by which a shadow's columns are darker, in dB and in the others' deviations
@@ -600,7 +604,7 @@ def reflections(frames: Sequence[SurfaceLight]) -> tuple[list[Measured], Measure
     )
     if pooled is not None and pooled[0][1] <= NEAR_END * HIGH[1]:
         (_, angle_rad, *_), (_, error_rad, *_) = pooled
-        angle = fitted(
+        angle = estimate_or_reason(
             angle_rad, SPREAD * error_rad, MOST_ANGLE_SHARE * angle_rad, WEAK
         )
         if isinstance(angle, Estimate):
@@ -626,7 +630,7 @@ def _strength(frame: SurfaceLight, pooled: Floats) -> Measured:
         return Unmeasured(WEAK)
 
     gain = max(float(found[0][0]), 1e-9)
-    return fitted(
+    return estimate_or_reason(
         10.0 * np.log10(gain),
         10.0 / np.log(10.0) * float(found[1][0]) / gain,
         MOST_ERROR_DB,

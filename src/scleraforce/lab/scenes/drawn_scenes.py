@@ -10,15 +10,15 @@ import numpy as np
 from scipy.ndimage import find_objects, label
 
 from scleraforce.base.arrays import Bytes, Flags, Floats, Singles
-from scleraforce.lab import tissue_light as optics
+from scleraforce.lab import tissue_light
 from scleraforce.lab.scenes.scene_tissue import (
+    DrawnTissue,
     Picture,
     Ridge,
-    Tissue,
     draw_tissue,
     outline_depths,
 )
-from scleraforce.lab.scenes.scene_wall import Window, draw_wall, draw_window
+from scleraforce.lab.scenes.scene_wall import Window, draw_scene_wall, draw_window
 from scleraforce.lab.tissue_light import (
     Complex,
     Shadow,
@@ -47,7 +47,7 @@ AIR_PASS = 0.02  # share of the light that gets through air between wet surfaces
 class _Over:
     """The drawing that things over the tissue are added to."""
 
-    def __init__(self, study: SceneOverStudy, tissue: Tissue) -> None:
+    def __init__(self, study: SceneOverStudy, tissue: DrawnTissue) -> None:
         self.study = study
         self.tissue = tissue
         self.picture = tissue.picture
@@ -94,7 +94,7 @@ class _Over:
         self.picture.covered[np.isfinite(top_m)] = True
 
 
-def draw_over(study: SceneOverStudy, tissue: Tissue) -> None:
+def draw_over(study: SceneOverStudy, tissue: DrawnTissue) -> None:
     """Draw things over the tissue and vessels in it; a needle is put into the wall's
     dent if it has one.
     """
@@ -422,10 +422,10 @@ def _field(
     light = picture.scatter * reaching
     rows = min(draw(study.speckle_rows, rng), draw(study.axial_m, rng) / window.pixel_m)
     sigmas = amplitude_sigma(rows), amplitude_sigma(draw(study.speckle_columns, rng))
-    field = optics.seen_through(
-        np.sqrt(light) * optics.circular_gaussian(light.shape, rng), *sigmas
+    field = tissue_light.seen_through(
+        np.sqrt(light) * tissue_light.circular_gaussian(light.shape, rng), *sigmas
     )
-    mean = optics.spread(light, *sigmas)
+    mean = tissue_light.seen_intensity(light, *sigmas)
     one_look = np.square(np.abs(field))
     averaged = mean + (one_look - mean) / np.float32(np.sqrt(looks ** rng.random()))
     field *= np.sqrt(
@@ -441,7 +441,7 @@ def _field(
             if ridge.shadowed
             else 1.0
         )
-        optics.add_ridge(
+        tissue_light.add_ridge(
             field, ridge.row, np.sqrt(ridge.intensity * left), ridge.sigma_rows, rng
         )
 
@@ -482,7 +482,9 @@ def _folded(
     tilt_db = draw(study.noise_tilt_db, rng) * np.linspace(-0.5, 0.5, len(below))
     noise_level = ratios(tilt_db)[:, None].astype(np.float32)
     mean = np.square(np.abs(below)) + noise_level
-    seen = below + np.sqrt(noise_level) * optics.circular_gaussian(below.shape, rng)
+    seen = below + np.sqrt(noise_level) * tissue_light.circular_gaussian(
+        below.shape, rng
+    )
     one_look = np.square(np.abs(seen))
 
     return np.maximum(
@@ -766,7 +768,7 @@ def draw_scene(study: ScenesStudy, number: int) -> Scene:
     rng = np.random.default_rng([study.seed, number])
     study = study.of_one(rng)
     window = draw_window(study.window, rng)
-    wall = draw_wall(study.eye, study.window, window, rng)
+    wall = draw_scene_wall(study.eye, study.window, window, rng)
     tissue = draw_tissue(study.tissue, wall, window, rng)
     draw_over(study.over, tissue)
     slope = np.nan_to_num(np.abs(tissue.rays.slope_rad), nan=np.inf)

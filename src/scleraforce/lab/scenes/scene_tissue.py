@@ -179,7 +179,7 @@ PROFILE_WAVES = 1.5  # of its brightness over its depth, at most
 
 
 @dataclass(frozen=True)
-class Tissue:
+class DrawnTissue:
     """A wall drawn into a picture: its rows there, (column,), NaN without wall;
     `surface` may be the conjunctiva's.
     """
@@ -244,7 +244,7 @@ class Tissue:
 
 def draw_tissue(
     study: SceneTissueStudy, wall: DrawnWall, window: Window, rng: np.random.Generator
-) -> Tissue:
+) -> DrawnTissue:
     """Draw the tissue into an empty picture."""
     scatter, loss = np.zeros(
         (2, window.rows + window.above, window.columns), dtype=np.float32
@@ -263,7 +263,7 @@ def draw_tissue(
     surface = window.row(rays.surface_m)
     outer = rays.row_of(wall.outer)
     inner = rays.row_of(wall.offset(wall.thickness_m))
-    tissue = Tissue(study, wall, picture, rays, surface, outer, inner, snr_db, rng)
+    tissue = DrawnTissue(study, wall, picture, rays, surface, outer, inner, snr_db, rng)
     _fill_inside(tissue)
     _fill_wall(tissue)
 
@@ -308,7 +308,7 @@ def _conjunctiva(
     return thickness_m * covered * swell
 
 
-def _fill_inside(tissue: Tissue) -> None:
+def _fill_inside(tissue: DrawnTissue) -> None:
     """Fill the inside of the eye: haze, light below the sclera, iris and lens, ciliary
     body and choroid.
     """
@@ -338,7 +338,7 @@ def _fill_inside(tissue: Tissue) -> None:
         _fill_uvea(tissue, uvea_m)
 
 
-def _fade_below(tissue: Tissue, top: Floats, level: Floats) -> None:
+def _fade_below(tissue: DrawnTissue, top: Floats, level: Floats) -> None:
     """Let the light of tissue, of a level (column,) over the sclera's, fade below its
     lower end, in some scenes.
     """
@@ -371,7 +371,7 @@ def _uvea(study: SceneTissueStudy, wall: DrawnWall, rng: np.random.Generator) ->
     )
 
 
-def _fill_uvea(tissue: Tissue, thickness_m: Floats) -> None:
+def _fill_uvea(tissue: DrawnTissue, thickness_m: Floats) -> None:
     """Fill ciliary body and choroid; a dark gap parts a layer that is as bright as the
     sclera from it.
     """
@@ -400,7 +400,7 @@ def _fill_uvea(tissue: Tissue, thickness_m: Floats) -> None:
         tissue.fill(top, np.minimum(gap, bottom), tissue.light(gap_db), attenuation)
 
 
-def _fill_iris_and_lens(tissue: Tissue, limbus: Limbus, uvea_m: Floats) -> None:
+def _fill_iris_and_lens(tissue: DrawnTissue, limbus: Limbus, uvea_m: Floats) -> None:
     """Fill the iris, which begins on the face of the ciliary body, and the lens behind
     it.
     """
@@ -436,7 +436,7 @@ def _fill_iris_and_lens(tissue: Tissue, limbus: Limbus, uvea_m: Floats) -> None:
 
 
 def _fill_iris(
-    tissue: Tissue, roots: dict[float, Floats], down: Floats, plane_m: float
+    tissue: DrawnTissue, roots: dict[float, Floats], down: Floats, plane_m: float
 ) -> None:
     """Fill both halves of the iris, from their roots (side: place in the frame) to the
     pupil, and their pigment.
@@ -498,7 +498,7 @@ def _crypts(
     return np.minimum(depth_m, 0.4 * thick_m)
 
 
-def _fill_lens(tissue: Tissue, plane_m: float) -> None:
+def _fill_lens(tissue: DrawnTissue, plane_m: float) -> None:
     """Fill the lens, its layers within each other, with the bright layers of its
     capsule.
     """
@@ -557,7 +557,7 @@ def outline_depths(outline: Floats, lateral_m: Floats) -> Floats:
     return np.where(np.isfinite(seen), seen, np.nan)
 
 
-def _between(tissue: Tissue, outline: Floats) -> tuple[Floats, Floats]:
+def _between(tissue: DrawnTissue, outline: Floats) -> tuple[Floats, Floats]:
     """Return the rows between which a closed outline inside the wall is seen,
     (column,), NaN outside of it.
     """
@@ -567,7 +567,7 @@ def _between(tissue: Tissue, outline: Floats) -> tuple[Floats, Floats]:
     return np.maximum(top, tissue.inner), bottom
 
 
-def _fill_wall(tissue: Tissue) -> None:
+def _fill_wall(tissue: DrawnTissue) -> None:
     """Fill the wall, layer by layer; the cornea's backscatter falls with the angle of
     the light to its normal.
     """
@@ -599,7 +599,7 @@ def _fill_wall(tissue: Tissue) -> None:
         _fill_faces(tissue, cornea_db)
 
 
-def _fill_faces(tissue: Tissue, cornea_db: Floats) -> None:
+def _fill_faces(tissue: DrawnTissue, cornea_db: Floats) -> None:
     """Draw the cornea's two faces: its epithelium, and the mirror reflection of its
     inner boundary.
     """
@@ -626,7 +626,7 @@ def _fill_faces(tissue: Tissue, cornea_db: Floats) -> None:
     tissue.picture.ridges.append(Ridge(inner, intensity, RIDGE_ROWS))
 
 
-def _scar(tissue: Tissue) -> None:
+def _scar(tissue: DrawnTissue) -> None:
     """Draw a spot in the wall, dark or bright, and its shadow."""
     study = tissue.study
     rng = tissue.rng
@@ -667,7 +667,7 @@ def _grains(
     )
 
 
-def _roughen(tissue: Tissue) -> None:
+def _roughen(tissue: DrawnTissue) -> None:
     """Give the tissue a texture of long grains along its surface."""
     study = tissue.study
     rng = tissue.rng

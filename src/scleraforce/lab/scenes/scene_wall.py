@@ -9,7 +9,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from scleraforce.base.arrays import Floats
-from scleraforce.lab.tissue_light import Pose, drawn
+from scleraforce.lab.tissue_light import Pose, drawn_record
 from scleraforce.records.study import SceneEyeStudy, SceneWindowStudy, draw
 
 # share of the frame's rows drawn above the zero delay, and mirrored from there
@@ -147,7 +147,7 @@ class DrawnWall:
         return self.outer + depth_m[:, None] * self.normal
 
 
-def draw_wall(
+def draw_scene_wall(
     eye: SceneEyeStudy,
     looked_at: SceneWindowStudy,
     window: Window,
@@ -205,7 +205,7 @@ def _limbus(eye: SceneEyeStudy, rng: np.random.Generator) -> Limbus | None:
         "spur_m": lambda: arc_m + draw(eye.spur_m, rng),
         "spur_bump_m": lambda: draw(eye.spur_bump_m, rng),
     }
-    limbus = drawn(Limbus, eye, rng, "limbus_", arc_m=arc_m, **spur)
+    limbus = drawn_record(Limbus, eye, rng, "limbus_", arc_m=arc_m, **spur)
 
     return None if rng.random() < eye.half_sphere_share else limbus
 

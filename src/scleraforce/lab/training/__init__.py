@@ -1,3 +1,11 @@
-"""Training: the only room that needs PyTorch (extra `train`). It makes the folders that
-`reader` loads.
+"""Training: it makes the model folders that `reading` loads.
+
+The only package that imports PyTorch (extra `train`). Imports `lab`, `lab.scenes`,
+`calibration` and the rows below it.
+
+Public:
+    classifier_training: `grid`
+    slice_dataset: `Dataset`, `generate_dataset`, `open_dataset`
+    trained_models: `train_classifier`, `train_raw_reader`, `train_reader`,
+        `train_wall_finder`
 """

@@ -31,7 +31,7 @@ from scleraforce.lab.training.gradient_descent import (
     onnx_bytes,
     tensor,
     torch,
-    trained,
+    train_network,
 )
 from scleraforce.reading.reading_models import INPUT, OUTPUT
 from scleraforce.records.study import ClassesStudy, NetworkStudy, SliceStudy
@@ -201,7 +201,7 @@ def trained_network(
     return TrainedNetwork(mean, (full, *weights[1:]), tuple(biases))
 
 
-class _Reads(torch.nn.Module):
+class _OnnxClassifier(torch.nn.Module):
     """The ONNX model: slices, uint8, to probabilities. Matrices are kept in half
     precision.
     """
@@ -252,7 +252,7 @@ def classifier_bytes(
     """
     slices = torch.zeros(2, study.rows, study.columns, dtype=torch.uint8)
     return onnx_bytes(
-        _Reads(network), {INPUT: slices}, [OUTPUT], provenance, folded=False
+        _OnnxClassifier(network), {INPUT: slices}, [OUTPUT], provenance, folded=False
     )
 
 
@@ -261,7 +261,7 @@ def classifier_bytes(
 CLASSIFIER_THREADS = 2
 
 
-def fit(
+def fit_classifier(
     study: NetworkStudy,
     training: Samples,
     validation: Samples,
@@ -319,7 +319,7 @@ def fit(
 
     build = partial(build_network, int(varies.sum()), study, classes)
     numbers = (n for n in range(study.epochs))
-    fitted = trained(
+    fitted = train_network(
         build,
         epoch,
         numbers,
@@ -388,7 +388,7 @@ def grid(study: NetworkStudy) -> tuple[tuple[int, ...], ...]:
     )
 
 
-def best(candidates: Sequence[Candidate]) -> int:
+def best_candidate(candidates: Sequence[Candidate]) -> int:
     """Return the number of the candidate with the highest validation accuracy; of equal
     ones, the fewest weights.
     """
@@ -425,7 +425,7 @@ def search_sizes(
     candidates = list[Candidate]()
     reported = progress if workers is None else None
     train = partial(
-        fit,
+        fit_classifier,
         training=training,
         validation=validation,
         classes=classes,
@@ -464,7 +464,7 @@ def search_sizes(
             )
         )
 
-    chosen = best(candidates)
+    chosen = best_candidate(candidates)
     network = fitted[chosen]
     assert network is not None
     return tuple(candidates), replace(study, hidden=sizes[chosen]), network

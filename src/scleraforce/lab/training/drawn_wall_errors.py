@@ -37,7 +37,7 @@ BOW_SD = 0.12
 
 
 @dataclass(frozen=True, kw_only=True)
-class Forms:
+class WallForms:
     """Forms of walls, each (sample,).
 
     `curvature` and `skew`, 1/m: the surface's additional curvature, on both sides and
@@ -58,14 +58,14 @@ class Forms:
 
 def draw_forms(
     thickness_m: Floats, radius_m: Floats, uneven: Flags, rng: np.random.Generator
-) -> Forms:
+) -> WallForms:
     """Draw forms (sample,): even spheres, but for the `uneven` ones."""
     count = len(thickness_m)
     numbers = rng.standard_normal((4, count)) * uneven
     side = rng.choice([-1.0, 1.0], count)
     in_view = uneven & (rng.random(count) < LIMBUS_SHARE)
 
-    return Forms(
+    return WallForms(
         curvature=CURVATURE_SD * numbers[0] / radius_m,
         skew=SKEW_SD * numbers[1] / radius_m,
         limbus_m=side * np.where(in_view, rng.uniform(*LIMBUS_M, count), radius_m),
@@ -76,7 +76,7 @@ def draw_forms(
     )
 
 
-def added_depths(forms: Forms, radius_m: Floats, from_contact_m: Floats) -> Floats:
+def added_depths(forms: WallForms, radius_m: Floats, from_contact_m: Floats) -> Floats:
     """Return the depths that forms add to boundaries (sample, boundary, column), m, by
     distances from the contact.
     """

@@ -24,9 +24,9 @@ from scleraforce.base.units import from_si, to_si
 from scleraforce.calibration.answer_metrics import accuracy, confusion_matrix
 from scleraforce.lab.training import gradient_descent
 from scleraforce.lab.training.gradient_descent import (
-    Fitted,
     Losses,
     Progress,
+    TrainingResult,
     tensor,
     torch,
 )
@@ -34,7 +34,7 @@ from scleraforce.lab.training.reader_samples import (
     CHUNK,
     ForceSamples,
     ReaderSamples,
-    Source,
+    SampleSource,
     concatenated,
     validation_chunks,
 )
@@ -211,7 +211,7 @@ def bin_ends(bins: int) -> NDArray[np.float32]:
     return ends
 
 
-class _Answers(torch.nn.Module):
+class _OnnxForceReader(torch.nn.Module):
     """The ONNX model: slices, uint8, or reduced frames, and given values to histogram
     and contact's place, m.
     """
@@ -244,7 +244,7 @@ def force_bytes(network: Any, provenance: Mapping[str, str]) -> bytes:
     }
 
     return gradient_descent.onnx_bytes(
-        _Answers(network).eval(), inputs, [HISTOGRAM, CONTACT], provenance
+        _OnnxForceReader(network).eval(), inputs, [HISTOGRAM, CONTACT], provenance
     )
 
 
@@ -254,7 +254,7 @@ def fit_reader(
     workers: int,
     progress: Progress = None,
     device: str = "cpu",
-) -> Fitted[ReaderNetwork]:
+) -> TrainingResult[ReaderNetwork]:
     """Train a reader on chunks of samples, none seen twice but for mirror images;
     losses and `progress` are of epochs.
 
@@ -273,12 +273,12 @@ def fit_reader(
 
     build = partial(ReaderNetwork, reader, study.slice, study.eye.radius_m)
     drawn = _rounds(draw, reader, rounds, workers)
-    fitted = gradient_descent.trained(
+    fitted = gradient_descent.train_network(
         build, partial(_losses, reader), drawn, reader, steps, report, device=device
     )
     of_epochs = np.reshape(fitted.training_loss, (reader.epochs, chunks)).mean(axis=1)
 
-    return Fitted(fitted.network, tuple(of_epochs.tolist()))
+    return TrainingResult(fitted.network, tuple(of_epochs.tolist()))
 
 
 def _rounds(
@@ -316,7 +316,7 @@ def _losses(
 
 
 def measure_reader(
-    network: ReaderNetwork, source: Source, study: Study
+    network: ReaderNetwork, source: SampleSource, study: Study
 ) -> dict[str, Any]:
     """Return `metrics` of `model.json`, of `[reader] validation_samples` new
     samples.
@@ -327,10 +327,10 @@ def measure_reader(
         unseen = concatenated(
             validation_chunks(source.chunk, study.reader.validation_samples, CHUNK)
         )
-        return compared(answers(network, unseen), unseen, study)
+        return reader_metrics(network_outputs(network, unseen), unseen, study)
 
 
-def answers(
+def network_outputs(
     network: ReaderNetwork, samples: ReaderSamples
 ) -> list[tuple[torch.Tensor, torch.Tensor]]:
     """Return a network's outputs for parts of samples."""
@@ -344,7 +344,7 @@ def answers(
         ]
 
 
-def compared(
+def reader_metrics(
     outputs: Sequence[tuple[torch.Tensor, torch.Tensor]],
     truth: ForceSamples,
     study: Study,

@@ -135,7 +135,7 @@ def tensor(array: NDArray[Any]) -> torch.Tensor:
     return torch.from_numpy(array).to(torch.get_default_device())
 
 
-def descend(
+def train_in_rounds(
     network: torch.nn.Module,
     optimiser: torch.optim.Optimizer,
     rounds: Iterable[Losses],
@@ -176,7 +176,7 @@ def descend(
 
 
 @dataclass(frozen=True)
-class Fitted(Generic[Network]):
+class TrainingResult(Generic[Network]):
     """A trained network, and mean losses in parts of its training, each before it was
     learned from.
     """
@@ -185,7 +185,7 @@ class Fitted(Generic[Network]):
     training_loss: tuple[float, ...]
 
 
-def trained(
+def train_network(
     build: Callable[[], Network],
     losses_of: Callable[[Network, int, Samples], Losses],
     drawn: Generator[Samples, None, None],
@@ -194,7 +194,7 @@ def trained(
     progress: Progress = None,
     threads: int = READER_THREADS,
     device: str = "cpu",
-) -> Fitted[Network]:
+) -> TrainingResult[Network]:
     """Train a new network on one thread or on a GPU, as others draw; the losses are of
     each draw.
 
@@ -211,14 +211,14 @@ def trained(
         )
 
         with torch.device(device):
-            for loss in descend(
+            for loss in train_in_rounds(
                 network, _optimiser(network, study), rounds, study, steps
             ):
                 losses.append(loss)
                 if progress:
                     progress(1)
 
-    return Fitted(network.eval().cpu(), tuple(losses))
+    return TrainingResult(network.eval().cpu(), tuple(losses))
 
 
 def _optimiser(network: torch.nn.Module, study: Settings) -> torch.optim.Optimizer:
@@ -244,7 +244,7 @@ def learning_rate(study: Settings, step: int, steps: int) -> float:
     return study.learning_rate * 0.5 * (1.0 + cos(pi * (step - warm) / (steps - warm)))
 
 
-def curve(losses: Sequence[float]) -> tuple[float, ...]:
+def loss_curve(losses: Sequence[float]) -> tuple[float, ...]:
     """Return the mean losses of `CURVE_POINTS` even parts of a training."""
     return tuple(
         float(part.mean())

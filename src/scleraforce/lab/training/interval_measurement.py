@@ -27,24 +27,33 @@ from scleraforce.base.errors import CalibrationError, SolverError
 from scleraforce.base.onnx_network import network_session
 from scleraforce.base.worker_processes import work_in_order
 from scleraforce.calibration import seen_frames
-from scleraforce.calibration.filter.eye_filter import Skipped, begin, known_after, step
+from scleraforce.calibration.filter.eye_filter import (
+    SkippedFrame,
+    begin,
+    known_after,
+    step,
+)
 from scleraforce.calibration.filter.eye_parameters import (
     EyeConstants,
     WallState,
     known_of_constants,
     stated_wall,
 )
-from scleraforce.calibration.filter.library_sections import LibraryEye, library_eye
+from scleraforce.calibration.filter.library_sections import LibrarySections, library_eye
 from scleraforce.calibration.filter.section_registration import (
     PoseBelief,
     place_section,
 )
-from scleraforce.calibration.stiffness_from_forces import TissueTrial, search, settled
-from scleraforce.fit.curve_placement import Places, curve_depths
+from scleraforce.calibration.stiffness_from_forces import (
+    TissueTrial,
+    reread_eye,
+    search_stiffening,
+)
+from scleraforce.fit.curve_placement import PlacesOnFrame, curve_depths
 from scleraforce.fit.one_frame import fit_boundaries
 from scleraforce.fit.prior_of_an_eye import prior_of
 from scleraforce.lab.training.drawn_wall_errors import (
-    Forms,
+    WallForms,
     added_depths,
     disturb,
     draw_forms,
@@ -55,9 +64,9 @@ from scleraforce.library.plane_cut import column_laterals, fill_boundaries
 from scleraforce.reading import interval_widths
 from scleraforce.reading.answer import Reading, fit_reading
 from scleraforce.reading.force_network import ForceNetwork
-from scleraforce.reading.interval_widths import Factors, Score, scored
+from scleraforce.reading.interval_widths import Factors, IntervalScore, score_reading
 from scleraforce.reading.reading_models import SHIFTS
-from scleraforce.recordings import force_errors as labels
+from scleraforce.recordings import force_errors
 from scleraforce.records.eye import POPULATION_SD, Known, Modulus
 from scleraforce.records.globe import OPEN, SEALED, UNKNOWN
 from scleraforce.records.model_folder import NETWORK_FILE
@@ -86,10 +95,10 @@ class VirtualEye:
     `drift`: growth of its forces over the library's, as a share, up to `largest_n`.
     """
 
-    model: LibraryEye
+    model: LibrarySections
     wall: WallState
     stated: EyeConstants
-    forms: Forms
+    forms: WallForms
     drift: float
     largest_n: float
 
@@ -239,7 +248,7 @@ def wall_depths(
     """
     effective_n = forces_n / (1.0 + eye.drift * (forces_n / eye.largest_n - 0.5))
     states = [replace(eye.wall, force_n=float(force_n)) for force_n in effective_n]
-    both = Places(
+    both = PlacesOnFrame(
         np.concatenate([columns_m, columns_m]), np.repeat([0, 1], len(columns_m))
     )
     radius_m = np.array([eye.model.library.radius_m])
@@ -311,7 +320,9 @@ def calibrated(
             session = step(
                 session, frames[place].boundaries, float(forces_n[place]), since_start_s
             )
-            refused += forces_n[place] > least_n and isinstance(session.last, Skipped)
+            refused += forces_n[place] > least_n and isinstance(
+                session.last, SkippedFrame
+            )
             used += 1
 
         known = known_after(session)
@@ -320,10 +331,10 @@ def calibrated(
             return TissueTrial.diverged((known, used), refused)
 
         seen = [(frames[place].boundaries, float(forces_n[place])) for place in borne]
-        after = settled(known, seen, (), of_tissue, study)
+        after = reread_eye(known, seen, (), of_tissue, study)
         return after.trial((after.known, used), refused)
 
-    found = search(library, attempt)
+    found = search_stiffening(library, attempt)
     if found is None:
         raise CalibrationError(
             "the library does not have the eye with its stated values"
@@ -338,32 +349,34 @@ def calibrated(
     return replace(known, stiffening=stiffening), left
 
 
-def label_forces(forces_n: Floats, rng: np.random.Generator) -> labels.FrameForces:
+def label_forces(
+    forces_n: Floats, rng: np.random.Generator
+) -> force_errors.FrameForces:
     """Return true forces (frame,), in the order of the pushes, with a log's noise and
     the rest of its sensor's zero.
     """
     time_s = FRAME_EVERY_S * np.arange(1, len(forces_n) + 1, dtype=np.float64)
-    offset_n, drift_n_per_s = np.sqrt(np.diag(labels.ZERO_PRIOR)) * rng.standard_normal(
-        2
-    )
+    offset_n, drift_n_per_s = np.sqrt(
+        np.diag(force_errors.ZERO_PRIOR)
+    ) * rng.standard_normal(2)
     rests_s = (
         0.5
         * (time_s[:-1] + time_s[1:])[
-            np.minimum(forces_n[:-1], forces_n[1:]) > labels.PUSH_N
+            np.minimum(forces_n[:-1], forces_n[1:]) > force_errors.PUSH_N
         ]
     )
     rests_n = (
         offset_n
         + drift_n_per_s * rests_s
-        + labels.REST_SD_N * rng.standard_normal(len(rests_s))
+        + force_errors.REST_SD_N * rng.standard_normal(len(rests_s))
     )
-    zero, covariance = labels.zero_line(rests_s, rests_n)
+    zero, covariance = force_errors.zero_line(rests_s, rests_n)
     left_n = offset_n - zero[0] + (drift_n_per_s - zero[1]) * time_s
     labels_n = (
-        forces_n + left_n + labels.LABEL_SD_N * rng.standard_normal(len(forces_n))
+        forces_n + left_n + force_errors.LABEL_SD_N * rng.standard_normal(len(forces_n))
     )
 
-    return labels.FrameForces(labels_n, time_s, zero, covariance)
+    return force_errors.FrameForces(labels_n, time_s, zero, covariance)
 
 
 def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Known:
@@ -406,7 +419,7 @@ LEAST_LARGEST_N = 12e-3
 LEAST_SCORE = 1e-3  # a force at the median has no logarithm
 
 
-EyeScores = Callable[[int], list[Score]]  # of an eye, by its number
+EyeScores = Callable[[int], list[IntervalScore]]  # of an eye, by its number
 
 
 def measured_intervals(
@@ -422,7 +435,7 @@ def measured_intervals(
     if not eyes:
         return {}
 
-    scores: list[Score] = []
+    scores: list[IntervalScore] = []
     for of_eye in work_in_order(prepare, range(eyes), workers, ahead=AHEAD * workers):
         scores += of_eye
         if progress:
@@ -436,13 +449,14 @@ def measured_intervals(
 
 
 ScoresOf = Callable[
-    [int, VirtualEye, Known, tuple[VirtualFrame, ...], np.random.Generator], list[Score]
+    [int, VirtualEye, Known, tuple[VirtualFrame, ...], np.random.Generator],
+    list[IntervalScore],
 ]
 
 
 def eye_scores(
     study: Study, library: Library, seed: int, scores_of: ScoresOf, number: int
-) -> list[Score]:
+) -> list[IntervalScore]:
     """Return the scores of a virtual eye, calibrated and then read; there are none if
     the library lacks the eye.
     """
@@ -472,7 +486,7 @@ def measuring(study: Study, library: Library, network: bytes) -> EyeScores:
         known: Known,
         left: tuple[VirtualFrame, ...],
         rng: np.random.Generator,
-    ) -> list[Score]:
+    ) -> list[IntervalScore]:
         of_eye = partial(_scores, study, library, eye.wall.polar_rad, read, str(number))
         found = [*of_eye(known, left), *of_eye(of_population(eye, study, rng), left)]
 
@@ -518,17 +532,17 @@ def _scores(
     eye: str,
     known: Known,
     frames: Sequence[VirtualFrame],
-) -> list[Score]:
+) -> list[IntervalScore]:
     """Return the scores of both methods on frames of an eye with its contact at a polar
     angle.
     """
-    found = list[Score]()
+    found = list[IntervalScore]()
     walls = library.for_stiffening(known.stiffening or 0.0).for_contact(polar_rad)
     prior = prior_of(known, study.reader)
 
     for frame in frames:
         found.append(
-            scored("network", read(frame.cuts, known), known, eye, frame.force_n)
+            score_reading("network", read(frame.cuts, known), known, eye, frame.force_n)
         )
         seen = frame.boundaries
 
@@ -545,12 +559,12 @@ def _scores(
                 study.classes.bounds_n,
                 interval_widths.NO_FACTORS.of_fit(known, fit),
             )
-            found.append(scored("fit", by_fit, known, eye, frame.force_n, fit))
+            found.append(score_reading("fit", by_fit, known, eye, frame.force_n, fit))
 
     return found
 
 
-def trait_factors(scores: Sequence[Score]) -> Mapping[str, Factors]:
+def trait_factors(scores: Sequence[IntervalScore]) -> Mapping[str, Factors]:
     """Return the factor of every trait in the scores, by method and modulus.
 
     The factor of a globe's trait (`GLOBE_TRAITS`) is at least `SMALLEST`, the factor of
@@ -563,7 +577,7 @@ def trait_factors(scores: Sequence[Score]) -> Mapping[str, Factors]:
     return found
 
 
-def _regression(scores: Sequence[Score]) -> dict[str, float]:
+def _regression(scores: Sequence[IntervalScore]) -> dict[str, float]:
     """Return the factors of the traits of readings with one kind of modulus.
 
     The linear programme of Koenker and Bassett: of the scores' distances above and

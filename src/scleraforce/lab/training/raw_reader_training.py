@@ -28,22 +28,26 @@ from scleraforce.lab.tissue_light import (
 from scleraforce.lab.training import interval_measurement, reader_samples
 from scleraforce.lab.training.force_reader_training import (
     ReaderNetwork,
-    compared,
     fit_reader,
     reader_loss,
+    reader_metrics,
     targets,
 )
 from scleraforce.lab.training.gradient_descent import (
-    Fitted,
     Losses,
     Progress,
+    TrainingResult,
     drawn_ahead,
     tensor,
     torch,
-    trained,
+    train_network,
 )
 from scleraforce.lab.training.interval_measurement import FRAMES, VirtualEye
-from scleraforce.lab.training.reader_samples import RawSamples, Source, concatenated
+from scleraforce.lab.training.reader_samples import (
+    RawSamples,
+    SampleSource,
+    concatenated,
+)
 from scleraforce.lab.training.wall_network_training import (
     WallFinderNetwork,
     finder_loss,
@@ -52,7 +56,7 @@ from scleraforce.library import OUTER, Library
 from scleraforce.library.plane_cut import column_laterals
 from scleraforce.reading import force_network
 from scleraforce.reading.frame_checks import read_by_fit
-from scleraforce.reading.interval_widths import Score, scored
+from scleraforce.reading.interval_widths import IntervalScore, score_reading
 from scleraforce.records.eye import Known
 from scleraforce.records.model_folder import NETWORK_FILE
 from scleraforce.records.study import (
@@ -230,7 +234,7 @@ class RawSource:
         self.columns = SliceStudy(
             columns=window.columns, rows=window.rows, pixel_m=window.column_m
         )
-        self.library = Source(library, study.reader, self.columns).library
+        self.library = SampleSource(library, study.reader, self.columns).library
         self.study = study
 
     def chunk(self, number: int, count: int = FRAMES_TOGETHER) -> RawSamples:
@@ -295,7 +299,7 @@ def fit_raw_reader(
     progress: Progress = None,
     learned: Progress = None,
     device: str = "cpu",
-) -> Fitted[RawReaderNetwork]:
+) -> TrainingResult[RawReaderNetwork]:
     """Train a raw reader; the same study and library give the same weights on the same
     machine.
     """
@@ -304,7 +308,7 @@ def fit_raw_reader(
     on_slices = replace(
         study, reader=replace(gaps, epochs=raw.slice_epochs, seed=raw.seed)
     )
-    slices = Source(library, on_slices.reader, study.slice)
+    slices = SampleSource(library, on_slices.reader, study.slice)
     reads_slices = fit_reader(
         on_slices, slices.chunk, workers, progress, device
     ).network
@@ -312,7 +316,9 @@ def fit_raw_reader(
     losses_of = partial(_losses, study)
     drawn = _batches(RawSource(library, study), raw, workers)
 
-    return trained(build, losses_of, drawn, raw, raw.batches, learned, device=device)
+    return train_network(
+        build, losses_of, drawn, raw, raw.batches, learned, device=device
+    )
 
 
 def _batches(
@@ -374,7 +380,7 @@ def measure_raw_reader(
             for part in parts
         ]
 
-    return compared(read, concatenated(parts), study)
+    return reader_metrics(read, concatenated(parts), study)
 
 
 def measuring_raw(
@@ -389,11 +395,11 @@ def measuring_raw(
 
     def scores(
         number: int, eye: VirtualEye, known: Known, _: object, rng: np.random.Generator
-    ) -> list[Score]:
+    ) -> list[IntervalScore]:
         forces_n = rng.uniform(0.0, eye.largest_n, FRAMES)
         frames = _frames(eye, forces_n, study, rng)
         return [
-            scored(
+            score_reading(
                 "network",
                 reads_frames.read(frame[None], given),
                 given,

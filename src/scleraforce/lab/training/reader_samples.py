@@ -54,7 +54,7 @@ BEYOND_SLICE_M = 0.5e-3
 
 
 @dataclass(frozen=True)
-class Eyes:
+class SampledEyes:
     """Eyes under a needle, the B-scan's tilt and the section's rotation, and their
     known values; (sample,), SI.
 
@@ -186,7 +186,7 @@ def draw_seen(
     slice_study: SliceStudy,
     count: int,
     rng: np.random.Generator,
-) -> tuple[Eyes, Framing, Floats]:
+) -> tuple[SampledEyes, Framing, Floats]:
     """Draw the eyes of samples, their places in the slices, and the boundaries seen
     (sample, boundary, column), m.
     """
@@ -200,7 +200,7 @@ def draw_framed(
     columns: SliceStudy,
     count: int,
     rng: np.random.Generator,
-) -> tuple[Eyes, Framing, Floats]:
+) -> tuple[SampledEyes, Framing, Floats]:
     """Draw eyes, their places, and the boundaries of their walls, each of another form
     (eye, boundary, column), m.
     """
@@ -239,7 +239,7 @@ def _reach_m(reader: ReaderStudy, slice_study: SliceStudy) -> float:
 
 def draw_eyes(
     library: Library, reader: ReaderStudy, count: int, rng: np.random.Generator
-) -> Eyes:
+) -> SampledEyes:
     """Draw eyes that the library holds, with forces up to its largest for each."""
     stated_pa, stated_sd, modulus_pa = _moduli(reader, count, rng)
     iop_pa, thickness_m, size = (np.empty(count) for _ in range(3))
@@ -312,7 +312,9 @@ def draw_eyes(
     )
     eye = (stated, modulus_pa, iop_pa, thickness_m, gap_m, size)
 
-    return Eyes(*eye, tilt_rad, rotation_rad, *pole, force_n, rigidity, iop_ratio)
+    return SampledEyes(
+        *eye, tilt_rad, rotation_rad, *pole, force_n, rigidity, iop_ratio
+    )
 
 
 def _poles(
@@ -437,7 +439,7 @@ def log_even(values: Sampled, count: int, rng: np.random.Generator) -> Floats:
     return np.exp(rng.uniform(low, high, count))
 
 
-class Source:
+class SampleSource:
     """A source of samples: the same chunk for the same seed and number."""
 
     def __init__(

@@ -32,12 +32,12 @@ from scleraforce.lab.training.gradient_descent import (
     READER_THREADS,
     Progress,
     chosen_device,
-    curve,
+    loss_curve,
     onnx,
     torch,
 )
 from scleraforce.lab.training.interval_measurement import measured_intervals, measuring
-from scleraforce.lab.training.reader_samples import CHUNK, Source
+from scleraforce.lab.training.reader_samples import CHUNK, SampleSource
 from scleraforce.lab.training.slice_dataset import Dataset, check_library
 from scleraforce.library import Library, save_library
 from scleraforce.reading.reading_models import RawReader
@@ -97,7 +97,7 @@ def train_classifier(
         )
         study = replace(study, network=sizes)
     else:
-        fitted = classifier_training.fit(
+        fitted = classifier_training.fit_classifier(
             study.network, *samples, classes, progress, device
         )
 
@@ -182,7 +182,7 @@ def train_reader(
     own = study.reader
     stored = BytesIO()
     errors = save_library(library, stored)
-    source = Source(library, own, study.slice)
+    source = SampleSource(library, own, study.slice)
     fitted = force_reader_training.fit_reader(
         study, source.chunk, workers or _other_cores(), progress, device
     )
@@ -255,7 +255,7 @@ def train_raw_reader(
         "metrics": raw_reader_training.measure_raw_reader(
             fitted.network, raw_reader_training.RawSource(library, study), study
         ),
-        "curves": {"training_loss": curve(fitted.training_loss)},
+        "curves": {"training_loss": loss_curve(fitted.training_loss)},
     }
     measure = partial(raw_reader_training.measuring_raw, study, library, graph)
     cores = workers or available_cores()
@@ -298,7 +298,7 @@ def train_wall_finder(
         },
         "batches": finder.batches,
         "metrics": wall_network_training.measure_finder(runs, study),
-        "curves": {"training_loss": curve(fitted.training_loss)},
+        "curves": {"training_loss": loss_curve(fitted.training_loss)},
     }
 
     return _written(out, study, graph, provenance, record)

@@ -18,17 +18,18 @@ from scleraforce.base.arrays import Flags, Floats
 from scleraforce.calibration.answer_metrics import dice
 from scleraforce.lab.scenes.drawn_scenes import Scene, draw_scene
 from scleraforce.lab.training.gradient_descent import (
-    Fitted,
     Losses,
     Progress,
+    TrainingResult,
     drawn_ahead,
     onnx_bytes,
     tensor,
     torch,
-    trained,
+    train_network,
 )
 from scleraforce.records.study import Study, WallFinderStudy
-from scleraforce.wall import wall_network as finders
+from scleraforce.wall import wall_network
+from scleraforce.wall.wall import SeenWall
 
 Float = NDArray[np.float32]
 
@@ -119,7 +120,7 @@ def _convolution(before: int, size: int, stride: int = 1) -> torch.nn.Sequential
     )
 
 
-class _Reads(torch.nn.Module):
+class _OnnxWallNetwork(torch.nn.Module):
     """The ONNX model: reduced frames to rows of both boundaries and the probability of
     wall.
     """
@@ -139,9 +140,9 @@ def finder_bytes(network: WallFinderNetwork, provenance: Mapping[str, str]) -> b
     """
     frames = torch.zeros(2, network.rows, network.columns)
     return onnx_bytes(
-        _Reads(network).eval(),
-        {finders.FINDER_FRAMES: frames},
-        [finders.FINDER_ROWS, finders.FINDER_WALL],
+        _OnnxWallNetwork(network).eval(),
+        {wall_network.FINDER_FRAMES: frames},
+        [wall_network.FINDER_ROWS, wall_network.FINDER_WALL],
         provenance,
     )
 
@@ -177,7 +178,7 @@ def _sample(study: Study, number: int) -> tuple[Float, Float, Float]:
         scene, np.random.default_rng([study.scenes.seed, number, LOOK])
     )
     own = np.rint(
-        finders.reduced_columns(scene.frame.shape[1], finder.columns // 2)
+        wall_network.reduced_columns(scene.frame.shape[1], finder.columns // 2)
     ).astype(np.intp)
     truth = np.stack([scene.outer_row[own], scene.inner_row[own]])
     reduced = (truth - top + 0.5) * finder.rows / (bottom - top) - 0.5
@@ -186,7 +187,9 @@ def _sample(study: Study, number: int) -> tuple[Float, Float, Float]:
     weight = scene.judged[own] + np.float32(COVERED_WEIGHT) * scene.covered[own]
 
     return (
-        finders.reduced_frame(scene.frame[top:bottom], finder.rows, finder.columns),
+        wall_network.reduced_frame(
+            scene.frame[top:bottom], finder.rows, finder.columns
+        ),
         boundaries,
         weight,
     )
@@ -198,11 +201,11 @@ def _shown_rows(scene: Scene, rng: np.random.Generator) -> tuple[int, int]:
     """
     there = np.isfinite(scene.outer_row)
     rows = len(scene.frame)
-    share = finders.BEYOND_SHARE * rng.uniform(0.5, 2.0)
+    share = wall_network.BEYOND_SHARE * rng.uniform(0.5, 2.0)
 
     chosen = rng.random() < SECOND_LOOKS
     if chosen and there.any():
-        return finders.rows_about(
+        return wall_network.rows_about(
             scene.outer_row[there], scene.inner_row[there], rows, share
         ) or (0, rows)
 
@@ -211,7 +214,7 @@ def _shown_rows(scene: Scene, rng: np.random.Generator) -> tuple[int, int]:
 
 def fit_wall_finder(
     study: Study, workers: int, progress: Progress = None, device: str = "cpu"
-) -> Fitted[WallFinderNetwork]:
+) -> TrainingResult[WallFinderNetwork]:
     """Train the network; scenes and weights are the same for any number of workers (0:
     none), on the same machine.
     """
@@ -220,7 +223,7 @@ def fit_wall_finder(
     losses_of = partial(_losses, finder)
     drawn = drawn_ahead(partial(scene_batch, study), range(finder.batches), workers)
 
-    return trained(
+    return train_network(
         build, losses_of, drawn, finder, finder.batches, progress, device=device
     )
 
@@ -284,7 +287,7 @@ def finder_loss(
     )
 
 
-def measure_finder(finder: finders.WallFinder, study: Study) -> dict[str, float]:
+def measure_finder(finder: wall_network.WallFinder, study: Study) -> dict[str, float]:
     """Return `metrics` of `model.json`, of `[wall_finder] validation_scenes` new
     scenes.
 
@@ -318,7 +321,7 @@ def measure_finder(finder: finders.WallFinder, study: Study) -> dict[str, float]
     }
 
 
-def seen_mask(seen: finders.SeenWall, shape: tuple[int, ...]) -> Flags:
+def seen_mask(seen: SeenWall, shape: tuple[int, ...]) -> Flags:
     """Return the pixels of a frame that a network's wall covers, (row, column)."""
     column = np.arange(shape[1])
     row = np.arange(shape[0])[:, None]
@@ -335,7 +338,7 @@ def scene_dice(found: Flags, scene: Scene) -> float:
     return dice(found[:, scene.judged], scene.mask[:, scene.judged])
 
 
-def _errors(scene: Scene, seen: finders.SeenWall, rows: int) -> Floats:
+def _errors(scene: Scene, seen: SeenWall, rows: int) -> Floats:
     """Return the errors of both boundaries in reduced rows, and in their standard
     deviations, (4, column).
     """

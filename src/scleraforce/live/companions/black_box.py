@@ -671,7 +671,9 @@ class BlackBox:
         self._withdrawals.keep(cause, entry, self._begin(entry.at_s, entry.time_s))
 
 
-def serve(channel: Channel, settings: process_messages.BlackBoxSettings) -> None:
+def run_black_box(
+    channel: Channel, settings: process_messages.BlackBoxSettings
+) -> None:
     """Run the black box until the monitor has ended."""
     os.nice(NICENESS)
     os.umask(0o077)  # recordings are of a patient: readable by the owner only
@@ -681,4 +683,4 @@ def serve(channel: Channel, settings: process_messages.BlackBoxSettings) -> None
 
 
 if __name__ == "__main__":
-    run_companion(process_messages.BlackBoxSettings, serve)
+    run_companion(process_messages.BlackBoxSettings, run_black_box)

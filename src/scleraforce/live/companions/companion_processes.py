@@ -163,7 +163,7 @@ class Guard:
 
 
 @dataclass
-class _State:
+class _CompanionState:
     """The known state of a companion: its reported `fault`, and its breach of the
     protocol, for good (`garbled`).
     """
@@ -182,7 +182,7 @@ class Companions:
 
     def __init__(self, children: dict[str, Child]) -> None:
         self._children = dict(children)
-        self._states = {name: _State() for name in children}
+        self._states = {name: _CompanionState() for name in children}
         self._alive_until_s: float | None = None
         self._waiting = deque[bytes]()
         self._outlined_s = 0.0

@@ -145,7 +145,7 @@ class EyeLearner:
 
 
 @contextmanager
-def learning(fitting: "Fitting", channel: Channel) -> Iterator[EyeLearner]:
+def learning(fitting: "EyeFitting", channel: Channel) -> Iterator[EyeLearner]:
     """Start the process that fits; it does not hold the channel open, which is of this
     process.
     """
@@ -165,7 +165,7 @@ def learning(fitting: "Fitting", channel: Channel) -> Iterator[EyeLearner]:
         process.join()
 
 
-class Fitting:
+class EyeFitting:
     """The posterior of an eye as learned, and the one to return to after a puncture;
     `record`: the session's recording.
 
@@ -219,7 +219,7 @@ class Fitting:
 
 
 def _fit(
-    link: Connection, others: tuple[Connection, Channel], fitting: Fitting
+    link: Connection, others: tuple[Connection, Channel], fitting: EyeFitting
 ) -> None:
     """Fit the frames that come, until the other process ends."""
     for other in others:
@@ -273,7 +273,7 @@ def as_calibration(posterior: EyePosterior, eye: str, path: str) -> Calibration:
     )
 
 
-def resumed(known: Known, path: Path, eye: str) -> Known:
+def resumed_eye(known: Known, path: Path, eye: str) -> Known:
     """Return the known eye with the E of an earlier session as its prior, or raise
     InputError.
 

@@ -1,9 +1,9 @@
 """A decision as it is sent, logged and shown, and the messages between the monitor and
 its companions.
 
-The first message to a companion is its settings. `channel` turns messages into bytes
-and back. Times are in seconds: `at_s` on the monotonic clock, `time_s` since 1970. The
-watchdog, which uses the standard library alone, has messages of its own.
+The first message to a companion is its settings. `process_channel` turns messages into
+bytes and back. Times are in seconds: `at_s` on the monotonic clock, `time_s` since
+1970. The watchdog, which uses the standard library alone, has messages of its own.
 """
 
 import json
@@ -15,7 +15,7 @@ from typing import Any
 from msgspec import Struct, ValidationError, convert
 
 from scleraforce.base.errors import MessageError
-from scleraforce.base.plain_json import finite
+from scleraforce.base.plain_json import finite_json
 from scleraforce.base.units import from_si, to_si
 from scleraforce.base.version import __version__
 from scleraforce.live.companions.shared_frames import RingPlace
@@ -112,9 +112,9 @@ class Entry:
         """
         verdict = self.verdict
         reading = {
-            "probabilities": finite(verdict.probabilities) if verdict else None,
-            "force_mn": finite(self.force_mn),
-            "interval_mn": finite(self.interval_mn),
+            "probabilities": finite_json(verdict.probabilities) if verdict else None,
+            "force_mn": finite_json(self.force_mn),
+            "interval_mn": finite_json(self.interval_mn),
             "usable": (
                 verdict.usable if verdict else None if self.frame is None else False
             ),
@@ -124,12 +124,12 @@ class Entry:
 
         for name, value in vars(self).items():
             if value is not None or name not in OF_PLANES:
-                record |= reading if name == "verdict" else {name: finite(value)}
+                record |= reading if name == "verdict" else {name: finite_json(value)}
 
         elastic_mn = from_si(verdict.elastic_force_n, "mn") if verdict else None
         return record | {
             "class": verdict.predicted if verdict else None,
-            "elastic_force_mn": finite(elastic_mn),
+            "elastic_force_mn": finite_json(elastic_mn),
         }
 
     @classmethod

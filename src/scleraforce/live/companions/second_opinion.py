@@ -32,11 +32,11 @@ from scleraforce.live.companions.process_messages import (
 )
 from scleraforce.live.companions.shared_frames import FrameRing
 from scleraforce.live.companions.watchdog import OPINION_PRIORITY, run_in_real_time
-from scleraforce.reading.answer import Answer, unusable
+from scleraforce.reading.answer import Answer, unusable_answer
 from scleraforce.reading.eye_reader import warming_frame
-from scleraforce.reading.load_model import load_model
-from scleraforce.reading.reading_models import LEFT_OUT, Reader
-from scleraforce.reading.tissue_memory import History
+from scleraforce.reading.load_model import load_reader
+from scleraforce.reading.reading_models import LEFT_OUT, ForceReader, Reader
+from scleraforce.reading.tissue_memory import TissueMemory
 from scleraforce.records.scan import Plane
 
 if TYPE_CHECKING:
@@ -45,9 +45,9 @@ if TYPE_CHECKING:
 LEAST_S = 0.02  # from frame to frame
 
 
-def serve(channel: Channel, settings: OpinionSettings) -> None:
+def run_second_opinion(channel: Channel, settings: OpinionSettings) -> None:
     """Read the frames that the monitor names, until its channel closes."""
-    reader = load_model(settings.model)
+    reader = load_reader(settings.model)
     with _learner(reader, settings, channel) as learner:
         _serve(channel, settings, reader, learner)
 
@@ -68,7 +68,7 @@ def _serve(
     )
     planes = settings.planes
     reader.read_together([frame] * max(len(planes), 1), settings.scale, known, planes)
-    history = History.monitored(settings.known, reader.study.needle.max_force_n)
+    history = TissueMemory.monitored(settings.known, reader.study.needle.max_force_n)
     study = reader.study
     # not before: Linux pauses what leaves a core nothing for a second
     run_in_real_time(OPINION_PRIORITY)
@@ -131,7 +131,7 @@ def _opinion(
 
     if answer.usable and answer.fit is None:
         words = f"{LEFT_OUT}plane {plane.name}:"
-        answer = unusable(
+        answer = unusable_answer(
             classes, next(said for said in answer.warnings if said.startswith(words))
         )
 
@@ -144,15 +144,13 @@ def _opinion(
 def _learner(
     reader: Reader, settings: OpinionSettings, channel: Channel
 ) -> "AbstractContextManager[EyeLearner | None]":
-    """Start to learn the eye, if the settings ask for it. What this imports, nothing
-    else here needs.
-    """
+    """Start to learn the eye, if the settings ask for it."""
     if not settings.learns:
         return nullcontext()
 
+    # 110 ms: the calibration, not without --learn-eye
     from scleraforce.calibration.stiffness_from_shape import EyePosterior
-    from scleraforce.live.companions.eye_learning import Fitting, learning
-    from scleraforce.reading.reading_models import ForceReader
+    from scleraforce.live.companions.eye_learning import EyeFitting, learning
 
     assert isinstance(reader, ForceReader)
     begun = EyePosterior(
@@ -161,8 +159,8 @@ def _learner(
         library=reader.library_for(settings.known),
     )
 
-    return learning(Fitting(begun, settings.learns, settings.record), channel)
+    return learning(EyeFitting(begun, settings.learns, settings.record), channel)
 
 
 if __name__ == "__main__":
-    run_companion(OpinionSettings, serve)
+    run_companion(OpinionSettings, run_second_opinion)

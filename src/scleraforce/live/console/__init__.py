@@ -1,3 +1,9 @@
-"""The web console: a process beside the monitor that shows its decisions in a browser
-and sends it the reset.
+"""The web console: a process that shows decisions in a browser and sends the reset.
+
+Of the monitor, only this imports FastAPI. Imports `live.companions`,
+`live.decision`, `live.network` and `base`. The monitor starts `server` by its name.
+
+Public:
+    board: `sentence_of`
+    server: `OwnPagesOnly`
 """

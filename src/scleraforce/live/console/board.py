@@ -68,7 +68,7 @@ def detail_of(message: str, state: str) -> str:
 
 
 @dataclass
-class Step:
+class DecisionStep:
     """All decisions within one time step; the worst of it counts, so that no peak is
     lost.
 
@@ -106,24 +106,24 @@ class Step:
         return [self.number, *forces, self.state, self.predicted]
 
 
-class History:
+class StepHistory:
     """The steps of the last `HISTORY_S`; a step in which nothing was decided is
     absent.
     """
 
     def __init__(self) -> None:
-        self._steps: deque[Step] = deque()
+        self._steps: deque[DecisionStep] = deque()
 
     def take(self, entry: Entry) -> None:
         """Add a decision."""
         number = int(entry.at_s / STEP_S)
         if not self._steps or number > self._steps[-1].number:
-            self._steps.append(Step(number, entry.state))
+            self._steps.append(DecisionStep(number, entry.state))
         self._steps[-1].take(entry)
         while self._steps[0].number < self._steps[-1].number - HISTORY_S / STEP_S:
             self._steps.popleft()
 
-    def since(self, number: int) -> list[Step]:
+    def since(self, number: int) -> list[DecisionStep]:
         """Return the steps from a number on, oldest first; the last one may still
         change.
         """
@@ -157,7 +157,7 @@ class Board:
         self._lost = 0
         self._latencies: deque[tuple[float, float]] = deque()
         self._ended = False
-        self.history = History()
+        self.history = StepHistory()
 
     def take(self, message: CompanionMessage, now_s: float) -> bool:
         """Take a message of the monitor; return whether pages need it at once."""

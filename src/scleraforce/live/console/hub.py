@@ -44,7 +44,7 @@ ResetAnswer = tuple[bool, str]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Share:
+class PageShare:
     """The share of a page: at most one update every `update_s`, one picture every
     `picture_s`, of `pixels` a side.
     """
@@ -56,9 +56,9 @@ class Share:
 
 
 SHARES = (
-    Share(level=0, update_s=1 / 30, picture_s=1 / 30, pixels=640),
-    Share(level=1, update_s=0.1, picture_s=0.2, pixels=320),
-    Share(
+    PageShare(level=0, update_s=1 / 30, picture_s=1 / 30, pixels=640),
+    PageShare(level=1, update_s=0.1, picture_s=0.2, pixels=320),
+    PageShare(
         level=2, update_s=0.2, picture_s=0.5, pixels=320
     ),  # slower, and a page would call it not live
 )
@@ -86,7 +86,7 @@ class Thrift:
             self._signs.append(now_s)
         self._behind = behind
 
-    def share(self, now_s: float) -> Share:
+    def share(self, now_s: float) -> PageShare:
         """Return the share from now on."""
         held = now_s - self._since_s >= HELD_S
         short = len(self._signs) == SIGNS and now_s - self._signs[0] <= WITHIN_S
@@ -103,7 +103,7 @@ class Thrift:
         return SHARES[self._level]
 
 
-class Pictures:
+class FramePictures:
     """Makes pictures of frames, each once, however many pages show it.
 
     A picture is the length of its header (4 bytes, little-endian), the header (JSON:
@@ -172,14 +172,14 @@ class Hub:
     def __init__(
         self,
         channel: Channel,
-        pictures: Pictures,
+        pictures: FramePictures,
         token: ResetToken,
         when_ended: Callable[[], None],
     ) -> None:
         self.board = Board(monotonic())
         self.pictures = pictures
         self.thrift = Thrift()
-        self.pages: set[Page] = set()
+        self.pages: set[OpenPage] = set()
         self._channel = channel
         self._token = token
         self._when_ended = when_ended
@@ -250,7 +250,7 @@ class Hub:
         for page in self.pages:
             page.wake.set()
 
-    def enter(self, page: "Page") -> None:
+    def enter(self, page: "OpenPage") -> None:
         """Give a page a place; if all are taken, the page that has been silent longest
         loses its place.
         """
@@ -296,7 +296,7 @@ class Hub:
 
 
 @dataclass(eq=False)
-class Page:
+class OpenPage:
     """An open page: its accepted `socket`, and what it was sent and has acknowledged.
 
     A page answers each message with `{"seen": number}` and each picture with `{"drawn":
@@ -379,7 +379,7 @@ class Page:
                 now_s = monotonic()
                 self.hub.thrift.woke(now_s - due_s, now_s)
 
-    async def _send_picture(self, share: Share) -> None:
+    async def _send_picture(self, share: PageShare) -> None:
         chosen = self.hub.board.picture()
         now_s = monotonic()
         if chosen is None or self.drawn != self.picture or chosen[0] == self.picture:

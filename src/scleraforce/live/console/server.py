@@ -23,7 +23,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from scleraforce.live.companions.process_channel import Channel, run_companion
 from scleraforce.live.companions.process_messages import ConsoleSettings, ListensAt
 from scleraforce.live.companions.shared_frames import FrameRing
-from scleraforce.live.console.hub import Hub, Page, Pictures
+from scleraforce.live.console.hub import FramePictures, Hub, OpenPage
 from scleraforce.live.network.operator_reset import ResetToken
 
 MOST_BODY_BYTES = 4096
@@ -210,7 +210,7 @@ def _enter(connections: deque[asyncio.Transport], newest: asyncio.Transport) -> 
         connections.popleft().abort()
 
 
-class _Reset(BaseModel):
+class _ResetRequest(BaseModel):
     """The operator's request."""
 
     token: str = Field(max_length=200)
@@ -221,14 +221,14 @@ def console_app(hub: Hub, settings: ConsoleSettings) -> OwnPagesOnly:
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
 
     @app.post("/reset")
-    async def reset(asked: _Reset) -> dict[str, Any]:
+    async def reset(asked: _ResetRequest) -> dict[str, Any]:
         granted, message = await hub.reset(asked.token)
         return {"granted": granted, "message": message}
 
     @app.websocket("/live")
     async def live(socket: WebSocket) -> None:
         await socket.accept()
-        await Page(socket, hub).show(settings.for_page())
+        await OpenPage(socket, hub).show(settings.for_page())
 
     app.mount(
         "/", StaticFiles(packages=[("scleraforce.live.console", "page")], html=True)
@@ -236,7 +236,7 @@ def console_app(hub: Hub, settings: ConsoleSettings) -> OwnPagesOnly:
     return OwnPagesOnly(app, settings.host)
 
 
-def serve(channel: Channel, settings: ConsoleSettings) -> None:
+def run_console(channel: Channel, settings: ConsoleSettings) -> None:
     """Serve until the monitor has ended."""
     os.nice(NICENESS)
     asyncio.run(_serve(channel, settings, socket.socket(fileno=settings.listener)))
@@ -254,7 +254,7 @@ async def _serve(
 
     hub = Hub(
         channel,
-        Pictures(FrameRing(settings.ring)),
+        FramePictures(FrameRing(settings.ring)),
         ResetToken(settings.token_digest),
         end,
     )
@@ -278,4 +278,4 @@ async def _serve(
 
 
 if __name__ == "__main__":
-    run_companion(ConsoleSettings, serve)
+    run_companion(ConsoleSettings, run_console)

@@ -58,7 +58,7 @@ class Decision:
 
 
 @dataclass(frozen=True)
-class _Finding:
+class _EventMeaning:
     """The meaning of an event; it has a `cause` with an alarm or if the wall is
     pierced, `to_bound` after a frame.
     """
@@ -69,7 +69,7 @@ class _Finding:
     to_bound: TimeToBound | None = None
 
 
-QUIET = _Finding(Signal.QUIET, "")
+QUIET = _EventMeaning(Signal.QUIET, "")
 
 
 def decide(
@@ -130,7 +130,7 @@ def decide_planes(
         )
         own = None
 
-    findings = dict[str, _Finding]()
+    findings = dict[str, _EventMeaning]()
     remembered = dict[str, MonitorState]()
 
     for name, state in planes.states.items():
@@ -158,7 +158,7 @@ def decide_planes(
         None,
     )
     if isinstance(event, events.Reset) and refusal:
-        refused = _Finding(Signal.RESET_REFUSED, refusal.reason)
+        refused = _EventMeaning(Signal.RESET_REFUSED, refusal.reason)
         findings = {
             name: refused if one.signal is Signal.RESET_GRANTED else one
             for name, one in findings.items()
@@ -206,7 +206,7 @@ def _leading(states: Mapping[str, MonitorState], before: str) -> str:
 
 def _judged(
     state: MonitorState, event: MonitorEvent, limits: MonitorLimits
-) -> tuple[MonitorState, _Finding]:
+) -> tuple[MonitorState, _EventMeaning]:
     """Return the state that remembers an event, and its meaning."""
     try:
         remembered = remember(state, event, limits)
@@ -221,13 +221,13 @@ def _judged(
         return state, _alarm(Cause.EXCEPTION, f"{type(error).__name__}: {error}")
 
 
-def _alarm(cause: Cause, reason: str) -> _Finding:
-    return _Finding(Signal.ALARM, reason, cause)
+def _alarm(cause: Cause, reason: str) -> _EventMeaning:
+    return _EventMeaning(Signal.ALARM, reason, cause)
 
 
 def _clock(
     state: MonitorState, event: MonitorEvent, limits: MonitorLimits
-) -> _Finding | None:
+) -> _EventMeaning | None:
     """Check the time of an event: is it finite, does it not go back, was there silence
     before it?
     """
@@ -253,7 +253,7 @@ def _clock(
 
 def _waiting(
     now: MonitorState, event: MonitorEvent, limits: MonitorLimits
-) -> _Finding | None:
+) -> _EventMeaning | None:
     """Return the alarm for a second reader that stays away; before the first good frame
     there is no time limit.
     """
@@ -273,7 +273,7 @@ def _waiting(
 
 def _meaning(
     before: MonitorState, now: MonitorState, event: MonitorEvent, limits: MonitorLimits
-) -> _Finding:
+) -> _EventMeaning:
     match event:
         case FrameRead():
             return _transport(before, now, event, limits) or _reading(
@@ -320,7 +320,7 @@ def _meaning(
 
 def _transport(
     before: MonitorState, now: MonitorState, frame: FrameRead, limits: MonitorLimits
-) -> _Finding | None:
+) -> _EventMeaning | None:
     """Return what is wrong with a frame before its reading counts: order, size, pixels,
     an old picture, delay.
     """
@@ -368,7 +368,9 @@ def _transport(
     )
 
 
-def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Finding:
+def _reading(
+    now: MonitorState, frame: FrameRead, limits: MonitorLimits
+) -> _EventMeaning:
     """Return the meaning of a frame's reading."""
     verdict = frame.verdict
     if wrong := unsound(verdict, limits):
@@ -387,7 +389,7 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Fin
     if fall and not (harmful and limits.reports_pierced):
         return fall
     if harmful:
-        return _Finding(Signal.ALARM, harmful[1], harmful[0], to_bound)
+        return _EventMeaning(Signal.ALARM, harmful[1], harmful[0], to_bound)
 
     if rise is not None and upper_n is not None and verdict.force_n is not None:
         risen_n = risen_force(rise, limits.reaction_s, limits.rate_deviations)
@@ -398,7 +400,7 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Fin
             within = (
                 f"the bound is reached within {from_si(limits.reaction_s, 'ms'):.0f} ms"
             )
-            return _Finding(Signal.ALARM, within, Cause.RISING, to_bound)
+            return _EventMeaning(Signal.ALARM, within, Cause.RISING, to_bound)
 
     doubt = _doubt(now, frame.at_s, limits)
     signal = (
@@ -409,10 +411,10 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Fin
         else Signal.UNJUDGED
     )
 
-    return _Finding(signal, doubt or "", to_bound=to_bound)
+    return _EventMeaning(signal, doubt or "", to_bound=to_bound)
 
 
-def _fallen(now: MonitorState, limits: MonitorLimits) -> _Finding | None:
+def _fallen(now: MonitorState, limits: MonitorLimits) -> _EventMeaning | None:
     """Return the meaning of a fall of the dent that nothing explains; None without one.
 
     A fall in a gap that may have been a withdrawal is none where a withdrawal was
@@ -430,13 +432,13 @@ def _fallen(now: MonitorState, limits: MonitorLimits) -> _Finding | None:
     )
     if fall.pierced:
         signal = Signal.PIERCED if limits.reports_pierced else Signal.ALARM
-        return _Finding(signal, f"pierced: {words}", Cause.PIERCED)
+        return _EventMeaning(signal, f"pierced: {words}", Cause.PIERCED)
     if now.state in events.LATCHED:
         return None
 
     unseen_ms = from_si(fall.unseen_s, "ms")
     reason = f"{words}, {unseen_ms:.0f} ms of it unseen: withdrawn or pierced"
-    return _Finding(Signal.ALARM, reason, Cause.UNSEEN_FALL)
+    return _EventMeaning(Signal.ALARM, reason, Cause.UNSEEN_FALL)
 
 
 def _only_doubts(
@@ -446,7 +448,7 @@ def _only_doubts(
     in_row: int,
     most: int,
     limits: MonitorLimits,
-) -> _Finding:
+) -> _EventMeaning:
     """Return the meaning of a verdict that can only add a doubt; `in_row` unusable ones
     in a row end with this one.
     """
@@ -488,18 +490,18 @@ def _waited(now: MonitorState, at_s: float) -> float:
 
 def _unusable(
     now: MonitorState, reason: str | None, in_row: int, most: int
-) -> _Finding:
+) -> _EventMeaning:
     reason = reason or "the frame cannot be judged"
     if not now.touched:
-        return _Finding(Signal.UNJUDGED, reason)
+        return _EventMeaning(Signal.UNJUDGED, reason)
     if in_row >= most:
         return _alarm(Cause.UNUSABLE, reason)
-    return _Finding(Signal.TOLERATED, reason)
+    return _EventMeaning(Signal.TOLERATED, reason)
 
 
 def _loss(
     now: MonitorState, event: events.QueueLoss, limits: MonitorLimits
-) -> _Finding:
+) -> _EventMeaning:
     if not (event.lost >= 1 and event.unread_s > 0.0):
         return _alarm(
             Cause.QUEUE_BEHIND, f"a loss of {event.lost} frames, {event.unread_s} s"
@@ -520,14 +522,16 @@ def _loss(
     )
 
 
-def _reset(now: MonitorState, event: events.Reset, limits: MonitorLimits) -> _Finding:
+def _reset(
+    now: MonitorState, event: events.Reset, limits: MonitorLimits
+) -> _EventMeaning:
     """Grant a reset only on fresh frames: harmless to both readers, in a row, the last
     one recent.
     """
     missing = _missing_for_reset(now, event.at_s, limits)
     if missing:
-        return _Finding(Signal.RESET_REFUSED, f"reset refused: {missing}")
-    return _Finding(Signal.RESET_GRANTED, "")
+        return _EventMeaning(Signal.RESET_REFUSED, f"reset refused: {missing}")
+    return _EventMeaning(Signal.RESET_GRANTED, "")
 
 
 def _missing_for_reset(now: MonitorState, at_s: float, limits: MonitorLimits) -> str:
@@ -549,7 +553,7 @@ def _missing_for_reset(now: MonitorState, at_s: float, limits: MonitorLimits) ->
 
 
 def _move(
-    state: MonitorState, finding: _Finding, limits: MonitorLimits
+    state: MonitorState, finding: _EventMeaning, limits: MonitorLimits
 ) -> MonitorState:
     """Follow the table; the first cause stays until the reset."""
     after = events.TRANSITIONS[state.state, finding.signal]
@@ -627,7 +631,7 @@ def _released(
     )
 
 
-def _decision(state: MonitorState, finding: _Finding) -> Decision:
+def _decision(state: MonitorState, finding: _EventMeaning) -> Decision:
     words = [state.reason] if state.reason else []
     if state.frame is not None and state.frame.verdict.usable:
         words.append(f"class {state.frame.verdict.predicted}")

@@ -21,7 +21,7 @@ from scleraforce.live.decision.limits import (
     touches,
     unsound,
 )
-from scleraforce.reading.force_trend import DENTS, NOISE_WINDOWS, Dent
+from scleraforce.reading.force_trend import DENTS, NOISE_WINDOWS, DentForce
 
 Timed = TypeVar("Timed", bound=tuple[Any, ...])  # its time comes first
 LOSS_PARTS = 20  # of the window, in each of which losses are summed up
@@ -74,7 +74,7 @@ class MonitorState:
     clear_s: float | None = None
     unusable: int = 0
     history: tuple[tuple[float, float], ...] = ()
-    dents: tuple[Dent, ...] = ()
+    dents: tuple[DentForce, ...] = ()
     counts_since_s: float = -inf
     pierced: str = ""
     losses: tuple[tuple[float, float], ...] = ()
@@ -195,7 +195,7 @@ def _remember_frame(
 
 def _histories(
     state: MonitorState, frame: FrameRead, limits: MonitorLimits
-) -> tuple[tuple[tuple[float, float], ...], tuple[Dent, ...]]:
+) -> tuple[tuple[tuple[float, float], ...], tuple[DentForce, ...]]:
     """Return `history` and `dents` with a sound reading, in the order of time; a
     picture that was shown before is no dent.
     """
@@ -221,12 +221,14 @@ def _inserted(entries: tuple[Timed, ...], entry: Timed) -> tuple[Timed, ...]:
     return (*entries[:place], entry, *entries[place:])
 
 
-def _dent(frame: FrameRead, force_n: float) -> Dent:
+def _dent(frame: FrameRead, force_n: float) -> DentForce:
     elastic_n = frame.verdict.elastic_force_n
     travel_m = frame.travel_m
     known = travel_m is not None and isfinite(travel_m) and frame.travel_age_s >= 0.0
     dent_n = force_n if elastic_n is None else elastic_n
-    return Dent(frame.since_s, dent_n, travel_m if known else None, frame.travel_age_s)
+    return DentForce(
+        frame.since_s, dent_n, travel_m if known else None, frame.travel_age_s
+    )
 
 
 def _least_lag(

@@ -32,7 +32,7 @@ from scleraforce.live.replay.scanner_player import (
     SCANNER_DEVICE,
     STATED_S,
     Player,
-    Unstamped,
+    UnstampedMessage,
     frame_message,
     image_matrix,
     median_interval_s,
@@ -69,7 +69,7 @@ class Sending:
     bytes.
     """
 
-    message: Unstamped | bytes
+    message: UnstampedMessage | bytes
     number: int = 0
     late_s: float = 0.0
 
@@ -138,7 +138,7 @@ def prepare(
         within = f"frames are from {frames_s[2]:g} to {frames_s[-2]:g} s"
         raise InputError(f"{recording.path}: a fault at {time_s:g} s; {within}")
 
-    stage = _Stage(
+    stage = _FaultMaterial(
         recording, first, rng, version, median_interval_s(recording) / speed, forces_n
     )
     return PreparedFault(name, frames_s[first], tuple(FAULTS[name].acts(stage)))
@@ -282,7 +282,7 @@ def _do(player: Player, act: Act, stamp_s: float) -> float:
             begun_s.append(
                 client.send(
                     message.stamped(time_s)
-                    if isinstance(message, Unstamped)
+                    if isinstance(message, UnstampedMessage)
                     else message
                 )
             )
@@ -291,7 +291,7 @@ def _do(player: Player, act: Act, stamp_s: float) -> float:
             # answer
             break
 
-        if isinstance(message, Unstamped):
+        if isinstance(message, UnstampedMessage):
             log.sent(sending.number, message.frame_id, begun_s[-1])
 
         client.listen(client.clock())
@@ -300,7 +300,7 @@ def _do(player: Player, act: Act, stamp_s: float) -> float:
 
 
 @dataclass
-class _Stage:
+class _FaultMaterial:
     """The material of a fault: the frames that would come next, from `first` on;
     `number` is that of the last one sent.
 
@@ -355,7 +355,7 @@ class _Stage:
     def bytes_of_next(self) -> bytearray:
         """Return the next frame as it would be sent now."""
         message = self.sending(self.pixels(0)).message
-        assert isinstance(message, Unstamped)
+        assert isinstance(message, UnstampedMessage)
         return message.stamped(time())
 
     def forces_n(self, least_n: float) -> Floats:
@@ -415,7 +415,7 @@ class _Stage:
         return self.nearest([LEFT * before_n] * count, CONTACT_N)
 
 
-def _unusable(stage: _Stage) -> list[Act]:
+def _unusable(stage: _FaultMaterial) -> list[Act]:
     """Return noise, or black pixels with a few counts of noise, so that the picture
     does not count as frozen.
     """
@@ -426,13 +426,13 @@ def _unusable(stage: _Stage) -> list[Act]:
     )
 
 
-def _double_buffer(stage: _Stage) -> list[Act]:
+def _double_buffer(stage: _FaultMaterial) -> list[Act]:
     buffers = int(stage.rng.integers(2, min(MOST_BUFFERS, stage.first) + 1))
     old = [stage.pixels(back - buffers) for back in range(buffers)]
     return stage.shown(old[place % buffers] for place in range(stage.count))
 
 
-def _burned_in_clock(stage: _Stage) -> list[Act]:
+def _burned_in_clock(stage: _FaultMaterial) -> list[Act]:
     last = stage.last
     pictures = []
     clock = ceil(len(last) * CLOCK_ROWS), ceil(last.shape[1] * CLOCK_COLUMNS)
@@ -447,33 +447,33 @@ def _burned_in_clock(stage: _Stage) -> list[Act]:
     return stage.shown(pictures)
 
 
-def _dark_level(stage: _Stage) -> list[Act]:
+def _dark_level(stage: _FaultMaterial) -> list[Act]:
     return stage.shown(
         _like(stage.last, stage.last + np.float64(place))
         for place in range(stage.count)
     )
 
 
-def _moved(stage: _Stage) -> list[Act]:
+def _moved(stage: _FaultMaterial) -> list[Act]:
     axis = int(stage.rng.integers(2))
     return stage.shown(np.roll(stage.last, place, axis) for place in range(stage.count))
 
 
-def _half_frozen(stage: _Stage) -> list[Act]:
+def _half_frozen(stage: _FaultMaterial) -> list[Act]:
     axis, side = (int(stage.rng.integers(2)) for _ in range(2))
     shape = stage.last.shape
     half = (np.indices(shape, sparse=True)[axis] >= shape[axis] // 2) == bool(side)
     return stage.shown(np.where(half, stage.last, live) for live in stage.live)
 
 
-def _ghost(stage: _Stage) -> list[Act]:
+def _ghost(stage: _FaultMaterial) -> list[Act]:
     old = stage.rng.uniform(*OLD_SHARES)
     return stage.shown(
         _like(live, old * stage.last + (1.0 - old) * live) for live in stage.live
     )
 
 
-def _persistence(stage: _Stage) -> list[Act]:
+def _persistence(stage: _FaultMaterial) -> list[Act]:
     old = stage.rng.uniform(*OLD_SHARES)
     mean = stage.last.astype(np.float64)
     means = accumulate(
@@ -482,7 +482,7 @@ def _persistence(stage: _Stage) -> list[Act]:
     return stage.shown(_like(stage.last, mean) for mean in islice(means, 1, None))
 
 
-def _pixel_type(stage: _Stage) -> list[Act]:
+def _pixel_type(stage: _FaultMaterial) -> list[Act]:
     last = stage.last
     above = max(0, stage.info.bits - 8)
     other = (
@@ -503,7 +503,7 @@ def _like(pixels: Pixels, values: NDArray[np.generic]) -> Pixels:
     )
 
 
-def _stale(stage: _Stage) -> list[Act]:
+def _stale(stage: _FaultMaterial) -> list[Act]:
     return [
         tuple(
             replace(sending, late_s=-LATER * place * stage.interval_s)
@@ -513,7 +513,7 @@ def _stale(stage: _Stage) -> list[Act]:
     ]
 
 
-def _out_of_order(stage: _Stage) -> list[Act]:
+def _out_of_order(stage: _FaultMaterial) -> list[Act]:
     back = int(stage.rng.integers(1, min(stage.first, 20)))
     stage.number -= back + 1
     old = replace(stage.sending(stage.pixels(0)), late_s=-(back + 1) * stage.interval_s)
@@ -521,18 +521,18 @@ def _out_of_order(stage: _Stage) -> list[Act]:
     return stage.once(old)
 
 
-def _scale(stage: _Stage) -> list[Act]:
+def _scale(stage: _FaultMaterial) -> list[Act]:
     matrix = tuple(1.03 * value for value in image_matrix(stage.info))
     return stage.once(stage.sending(stage.pixels(0), matrix))
 
 
-def _nan(stage: _Stage) -> list[Act]:
+def _nan(stage: _FaultMaterial) -> list[Act]:
     matrix = np.array(image_matrix(stage.info))
     matrix[stage.rng.integers(12)] = nan
     return stage.once(stage.sending(stage.pixels(0), tuple(matrix.tolist())))
 
 
-def _checksum(stage: _Stage) -> list[Act]:
+def _checksum(stage: _FaultMaterial) -> list[Act]:
     data = stage.bytes_of_next()
     data[int(stage.rng.integers(HEADER_BYTES, len(data)))] ^= 1 << int(
         stage.rng.integers(8)
@@ -540,7 +540,7 @@ def _checksum(stage: _Stage) -> list[Act]:
     return stage.once(Sending(bytes(data)))
 
 
-def _bad_image(stage: _Stage) -> list[Act]:
+def _bad_image(stage: _FaultMaterial) -> list[Act]:
     """The body states more pixels than it has; its length in the header and its
     checksum are right.
     """
@@ -556,7 +556,7 @@ def _bad_image(stage: _Stage) -> list[Act]:
     return stage.once(Sending(head + body))
 
 
-def _flood(stage: _Stage) -> list[Act]:
+def _flood(stage: _FaultMaterial) -> list[Act]:
     several = [
         stage.pixels(index)
         for index in range(min(FLOOD, len(stage.recording.frames) - stage.first))
@@ -568,7 +568,7 @@ def _flood(stage: _Stage) -> list[Act]:
     )
 
 
-def _rising(stage: _Stage) -> list[Act]:
+def _rising(stage: _FaultMaterial) -> list[Act]:
     forces_n = stage.forces_n(BOUND_N)
     wanted_n = forces_n[stage.first - 1] + RISE_N_PER_S * stage.interval_s * np.arange(
         1, stage.count + 1
@@ -576,19 +576,19 @@ def _rising(stage: _Stage) -> list[Act]:
     return stage.shown(stage.nearest(np.minimum(wanted_n, forces_n.max()), BOUND_N))
 
 
-def _dangerous(stage: _Stage) -> list[Act]:
+def _dangerous(stage: _FaultMaterial) -> list[Act]:
     forces_n = stage.forces_n(DANGEROUS_N)
     wanted_n = stage.rng.choice(forces_n[forces_n >= DANGEROUS_N])
     return stage.once(*map(stage.sending, stage.nearest([wanted_n], DANGEROUS_N)))
 
 
-def _pause(stage: _Stage) -> list[Act]:
+def _pause(stage: _FaultMaterial) -> list[Act]:
     missing = ceil(PAUSE_S / stage.interval_s)
     after = stage.fallen("pause", stage.count - missing)
     return [*stage.silence[:missing], *stage.shown(after)]
 
 
-def _bunch(stage: _Stage) -> list[Act]:
+def _bunch(stage: _FaultMaterial) -> list[Act]:
     frames = ceil(PAUSE_S / stage.interval_s)
     held = frames // 2
     fallen = stage.fallen("bunch", stage.count - held)
@@ -603,16 +603,16 @@ def _bunch(stage: _Stage) -> list[Act]:
     return [*stage.silence[: frames - 1], at_once, *later]
 
 
-def _parts(stage: _Stage) -> list[Act]:
+def _parts(stage: _FaultMaterial) -> list[Act]:
     return [_in_parts(stage, pixels) for pixels in stage.live]
 
 
-def _in_parts(stage: _Stage, pixels: Pixels) -> tuple[Sending, Sending]:
+def _in_parts(stage: _FaultMaterial, pixels: Pixels) -> tuple[Sending, Sending]:
     """Return a picture whose last row alone is fresh."""
     stage.number += 1
     rows, columns = pixels.shape
     old, fresh = (
-        Unstamped(
+        UnstampedMessage(
             Image(
                 pixels[None, first:after],
                 image_matrix(stage.info),
@@ -646,13 +646,13 @@ def _pierced_n(interval_s: float) -> float:
     return _unseen_n(interval_s) + LIMITS.stiffness_n_m * moved_m / (1.0 - LEFT)
 
 
-def _half(stage: _Stage) -> list[Act]:
+def _half(stage: _FaultMaterial) -> list[Act]:
     data = stage.bytes_of_next()
     return [(Sending(bytes(data[: len(data) // 2])),), *stage.silence]
 
 
 @dataclass(frozen=True)
-class Fault:
+class ScannerFault:
     """A kind of fault: a line that describes it, its acts, and the causes that a
     monitor should give.
 
@@ -661,112 +661,114 @@ class Fault:
     """
 
     line: str
-    acts: Callable[[_Stage], list[Act]]
+    acts: Callable[[_FaultMaterial], list[Act]]
     causes: tuple[Cause, ...] = (Cause.FROZEN,)
     least_n: Callable[[float], float] = _contact_n
 
 
-FAULTS: Mapping[str, Fault] = MappingProxyType(
+FAULTS: Mapping[str, ScannerFault] = MappingProxyType(
     {
-        "unusable": Fault(
+        "unusable": ScannerFault(
             "frames that show noise, or nothing", _unusable, (Cause.UNUSABLE,)
         ),
-        "silence": Fault(
+        "silence": ScannerFault(
             "no more frames; the connection stays",
             lambda stage: stage.silence,
             (Cause.SILENCE,),
         ),
-        "frozen": Fault(
+        "frozen": ScannerFault(
             "the same picture again and again, with new numbers and times",
             lambda stage: stage.shown([stage.last] * stage.count),
         ),
-        "double-buffer": Fault(
+        "double-buffer": ScannerFault(
             "the last 2 to 10 pictures in turns, with new numbers and times",
             _double_buffer,
         ),
-        "burned-in-clock": Fault(
+        "burned-in-clock": ScannerFault(
             "the same picture, in which a clock or one pixel changes", _burned_in_clock
         ),
-        "dark-level": Fault(
+        "dark-level": ScannerFault(
             "the same picture, one count brighter with each frame", _dark_level
         ),
-        "moved": Fault(
+        "moved": ScannerFault(
             "the same picture, moved by a row or a column with each frame", _moved
         ),
-        "half-frozen": Fault("live pictures, one half of which stays", _half_frozen),
-        "ghost": Fault("60 to 95 % of one old picture, the rest live", _ghost),
-        "persistence": Fault(
+        "half-frozen": ScannerFault(
+            "live pictures, one half of which stays", _half_frozen
+        ),
+        "ghost": ScannerFault("60 to 95 % of one old picture, the rest live", _ghost),
+        "persistence": ScannerFault(
             "a filter that keeps 60 to 95 % of its last picture", _persistence
         ),
-        "pixel-type": Fault(
+        "pixel-type": ScannerFault(
             "the same picture with 8 and 16 bits in turns",
             _pixel_type,
             (Cause.PIXEL_TYPE,),
         ),
-        "stale": Fault(
+        "stale": ScannerFault(
             "frames that wait longer and longer in their sender's queue",
             _stale,
             (Cause.STALE,),
         ),
-        "out-of-order": Fault(
+        "out-of-order": ScannerFault(
             "a frame with an older number and time",
             _out_of_order,
             (Cause.OUT_OF_ORDER,),
         ),
-        "size": Fault(
+        "size": ScannerFault(
             "a frame of half the rows",
             lambda stage: stage.once(
                 stage.sending(stage.pixels(0)[: stage.info.rows // 2])
             ),
             (Cause.SIZE,),
         ),
-        "scale": Fault(
+        "scale": ScannerFault(
             "a frame whose pixels are stated 3 % too large", _scale, (Cause.SCALE,)
         ),
-        "checksum": Fault(
+        "checksum": ScannerFault(
             "a frame with one byte flipped", _checksum, (Cause.CHECKSUM,)
         ),
-        "nan": Fault("a frame whose matrix has a NaN", _nan, (Cause.BAD_IMAGE,)),
-        "bad-image": Fault(
+        "nan": ScannerFault("a frame whose matrix has a NaN", _nan, (Cause.BAD_IMAGE,)),
+        "bad-image": ScannerFault(
             "a frame whose body is shorter than it states",
             _bad_image,
             (Cause.BAD_IMAGE,),
         ),
-        "flood": Fault(f"{FLOOD} frames at once", _flood, (Cause.QUEUE_BEHIND,)),
-        "rising": Fault(
+        "flood": ScannerFault(f"{FLOOD} frames at once", _flood, (Cause.QUEUE_BEHIND,)),
+        "rising": ScannerFault(
             "the force rises by 150 mN/s (needs a recording that has such forces)",
             _rising,
             (Cause.RISING, Cause.BOUND),
         ),
-        "dangerous": Fault(
+        "dangerous": ScannerFault(
             "a frame of class 2 out of nothing (needs a recording that has one)",
             _dangerous,
             (Cause.DANGEROUS_CLASS, Cause.BOUND, Cause.RISING),
         ),
-        "pause": Fault(
+        "pause": ScannerFault(
             "no frame for 60 ms, in which the force falls to a quarter (needs forces)",
             _pause,
             (Cause.UNSEEN_FALL, Cause.PIERCED),
             _unseen_n,
         ),
-        "bunch": Fault(
+        "bunch": ScannerFault(
             "the frames of 60 ms at once, in which the force falls (needs forces)",
             _bunch,
             (Cause.UNSEEN_FALL, Cause.PIERCED),
             _pierced_n,
         ),
-        "parts": Fault(
+        "parts": ScannerFault(
             "pictures in two parts, of which the first is 5 s old",
             _parts,
             (Cause.BAD_IMAGE,),
         ),
-        "half": Fault("half a frame, and nothing more", _half, (Cause.SILENCE,)),
-        "garbage": Fault(
+        "half": ScannerFault("half a frame, and nothing more", _half, (Cause.SILENCE,)),
+        "garbage": ScannerFault(
             "bytes that are not OpenIGTLink",
             lambda stage: [(Sending(b"\xff" + stage.rng.bytes(4095)),), *stage.silence],
             (Cause.BAD_IMAGE,),
         ),
-        "disconnect": Fault(
+        "disconnect": ScannerFault(
             "the connection is closed",
             lambda stage: [None, *stage.silence],
             (Cause.SILENCE,),

@@ -45,7 +45,7 @@ Value = TypeVar("Value")
 Hear = Callable[[float, str, igtl.Message], object]
 
 
-class Unstamped:
+class UnstampedMessage:
     """A message that is encoded except for the time in its header; `message_id` is 0 in
     version 1.
     """
@@ -83,11 +83,11 @@ def frame_message(
     *,
     matrix: tuple[float, ...] | None = None,
     plane: str | None = None,
-) -> Unstamped:
+) -> UnstampedMessage:
     """Encode a frame as an IMAGE of one slice, whose device is its plane's name;
     `matrix` replaces the recording's.
     """
-    return Unstamped(
+    return UnstampedMessage(
         igtl.Image(pixels[None], matrix or image_matrix(oct_info)),
         plane or SCANNER_DEVICE,
         version,
@@ -246,7 +246,7 @@ def _connect(host: str, port: int) -> socket.socket:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Change:
+class StatusChange:
     """A STATUS that came at `at_s` (monotonic) and differs from the one before it, in
     code or sub-code.
 
@@ -291,7 +291,7 @@ class AnswerLog:
     """
 
     def __init__(self) -> None:
-        self.changes: list[Change] = []
+        self.changes: list[StatusChange] = []
         self.answers: list[TimedAnswer] = []
         self.frames_sent = 0
         self.begun_s: float | None = None
@@ -341,7 +341,7 @@ class AnswerLog:
 
     def first_doubt(
         self, since_s: float, codes: Sequence[int] | None = None
-    ) -> Change | None:
+    ) -> StatusChange | None:
         """Return the first change since a time to one of `codes`, or by default to any
         code but OK.
         """
@@ -368,7 +368,7 @@ class AnswerLog:
         )
 
         if self._changed:
-            change = Change(
+            change = StatusChange(
                 at_s=at_s,
                 code=status.code,
                 sub_code=status.subcode,
@@ -435,14 +435,14 @@ ANSWER_S = 1.0  # how long a step, and the end, wait for the answer
 
 
 @dataclass(frozen=True, order=True)
-class Timed:
+class TimedMessage:
     """A message at its time in the recording, s; `number` is that of a frame, from 1,
     and 0 of a force.
     """
 
     time_s: float
     number: int
-    message: Unstamped = field(compare=False)
+    message: UnstampedMessage = field(compare=False)
     plane: str | None = field(default=None, compare=False)
 
 
@@ -516,7 +516,7 @@ class Player:
         )
         self.watch()
 
-    def send(self, timed: Timed) -> float:
+    def send(self, timed: TimedMessage) -> float:
         """Wait until a message is due and send it; a late replay catches up by half of
         each interval, not at once.
         """
@@ -544,7 +544,7 @@ class Player:
         passed_s = (time_s - first_s) / self.speed
         return begun_s + passed_s, wall_s + passed_s
 
-    def _put(self, timed: Timed, stamp_s: float) -> float:
+    def _put(self, timed: TimedMessage, stamp_s: float) -> float:
         sent_s = self.client.send(timed.message.stamped(stamp_s))
         if timed.number:
             self.last = timed.number
@@ -555,7 +555,7 @@ class Player:
         self.watch()
         return sent_s
 
-    def frames(self, entries: Sequence[FrameEntry]) -> Iterator[Timed]:
+    def frames(self, entries: Sequence[FrameEntry]) -> Iterator[TimedMessage]:
         """Yield frames in order, with `ahead` of them read in advance, also before the
         first one is yielded.
         """
@@ -577,14 +577,14 @@ class Player:
             finally:
                 pool.shutdown(cancel_futures=True)
 
-    def _read(self, entry: FrameEntry, number: int) -> Timed:
+    def _read(self, entry: FrameEntry, number: int) -> TimedMessage:
         pixels = self.recording.frame(entry)
         message = frame_message(
             pixels, self.recording.info.oct, number, self.version, plane=entry.plane
         )
-        return Timed(entry.time_s, number, message, entry.plane)
+        return TimedMessage(entry.time_s, number, message, entry.plane)
 
-    def _poses(self, entries: list[FrameEntry]) -> Iterator[Timed]:
+    def _poses(self, entries: list[FrameEntry]) -> Iterator[TimedMessage]:
         """Yield the needle's travel at each frame, if the recording has it; it goes out
         just before the frame.
         """
@@ -593,11 +593,11 @@ class Player:
                 pose = igtl.Transform(
                     (*igtl.IDENTITY[:9], 0.0, 0.0, from_si(entry.travel_m, "mm"))
                 )
-                yield Timed(
-                    entry.time_s, 0, Unstamped(pose, NEEDLE_DEVICE, self.version)
+                yield TimedMessage(
+                    entry.time_s, 0, UnstampedMessage(pose, NEEDLE_DEVICE, self.version)
                 )
 
-    def _forces(self) -> Iterator[Timed]:
+    def _forces(self) -> Iterator[TimedMessage]:
         """Yield the force log as SENSOR: three forces, and three torques if logged;
         otherwise the contact force.
         """
@@ -623,10 +623,12 @@ class Player:
         for time_s, values_c in zip(
             times_s[::every].tolist(), values_sc[::every].tolist(), strict=True
         ):
-            yield Timed(
+            yield TimedMessage(
                 time_s,
                 0,
-                Unstamped(igtl.Sensor(tuple(values_c)), FORCE_DEVICE, self.version),
+                UnstampedMessage(
+                    igtl.Sensor(tuple(values_c)), FORCE_DEVICE, self.version
+                ),
             )
 
 

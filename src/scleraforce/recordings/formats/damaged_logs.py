@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from scleraforce.base.whole_files import BYTE_ORDER_MARKS, KINDS, read_bytes
-from scleraforce.recordings.frame_and_force_tables import Table, field_counts
+from scleraforce.recordings.frame_and_force_tables import TextTable, field_counts
 
 NUL = "\0"
 SAMPLED_BYTES = 4096
@@ -124,8 +124,8 @@ def _without_mark(data: bytes) -> str | None:
 
 
 def without_broken_lines(
-    table: Table, is_header: Callable[[str], bool], ends: bool
-) -> Table:
+    table: TextTable, is_header: Callable[[str], bool], ends: bool
+) -> TextTable:
     """Return a log without the lines that are no samples, and sentences on them:
     further headers, remarks, lines with NUL characters, and lines that are cut.
 
@@ -171,13 +171,13 @@ def without_broken_lines(
     )
 
 
-def _without_open_quotes(table: Table) -> Table:
+def _without_open_quotes(table: TextTable) -> TextTable:
     opened = [nth for nth, line in enumerate(table.lines) if line.count('"') % 2]
     few = len(opened) <= max(FEW_LINES, MOST_LINES * len(table.lines))
     return _left_out(table, (opened, "cut", "cut")) if few else table
 
 
-def _is_remark(line: str, count: int, usual: int, table: Table) -> bool:
+def _is_remark(line: str, count: int, usual: int, table: TextTable) -> bool:
     bare = line.strip().lstrip('"')
     if bare.startswith(("#", "%", "//")) or not any(map(str.isdigit, bare)):
         return True
@@ -187,7 +187,7 @@ def _is_remark(line: str, count: int, usual: int, table: Table) -> bool:
     return count < usual and bare[:1].isalpha() and not first[:1].isalpha()
 
 
-def _is_cut(table: Table) -> bool:
+def _is_cut(table: TextTable) -> bool:
     """Return whether the last number of the last line has fewer decimals than all
     others of its column.
     """
@@ -196,7 +196,7 @@ def _is_cut(table: Table) -> bool:
     return len(set(before)) == 1 and last < before[0]
 
 
-def _left_out(table: Table, *parts: tuple[Sequence[int], str, str]) -> Table:
+def _left_out(table: TextTable, *parts: tuple[Sequence[int], str, str]) -> TextTable:
     """Return a table without lines, and with notes on each part of them: places, and
     what one of them and several are.
     """
@@ -212,7 +212,7 @@ def _left_out(table: Table, *parts: tuple[Sequence[int], str, str]) -> Table:
     )
 
 
-def _said(table: Table, lines: Sequence[int], one: str, many: str) -> str:
+def _said(table: TextTable, lines: Sequence[int], one: str, many: str) -> str:
     if not lines:
         return ""
 
@@ -225,12 +225,12 @@ def _said(table: Table, lines: Sequence[int], one: str, many: str) -> str:
 
 
 def without_broken_rows(
-    table: Table,
+    table: TextTable,
     time: int,
     forces: Sequence[int],
     is_time: Callable[[str], bool],
     is_force: Callable[[str], bool],
-) -> Table:
+) -> TextTable:
     """Return a log without the rows at its end that have no time, without those that
     have neither a time nor a force, and without a last row that is cut.
 

@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 
 from scleraforce.base.errors import FrameError
 from scleraforce.base.units import to_si
-from scleraforce.recordings.formats import picture_streams as scans
+from scleraforce.recordings.formats import picture_streams
 from scleraforce.recordings.formats.picture_streams import (
-    Numbers,
+    FrameNumbers,
+    FrameTimes,
     OtherPictureError,
+    PictureSource,
     PixelSize,
-    Scan,
-    Times,
-    inverted,
+    inverted_pixels,
     one_grey,
     rising,
 )
@@ -90,7 +90,7 @@ FRAME_TIME = 0x00181063
 FRAME_TIME_VECTOR = 0x00181065
 
 
-def read_dicom(path: Path, data: bytes | None = None) -> Scan:
+def read_dicom(path: Path, data: bytes | None = None) -> PictureSource:
     """Return a DICOM file's frames; `data` is the file's content if it has been
     read.
     """
@@ -100,7 +100,9 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
         _check_image(dataset, count)
         rows = int(dataset.Rows)
         columns = int(dataset.Columns)
-        scans.check_bytes(count * rows * columns * (int(dataset.BitsAllocated) // 8))
+        picture_streams.check_bytes(
+            count * rows * columns * (int(dataset.BitsAllocated) // 8)
+        )
         dark_large, notes = _dark_is_large(dataset)
 
         maker = tuple(
@@ -113,13 +115,13 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
                 " exchanged"
             )
 
-        size, scale_fault = scans.one_size(_pixel_sizes(dataset))
+        size, scale_fault = picture_streams.one_size(_pixel_sizes(dataset))
         times, times_fault = _times(dataset, count)
         numbers = _numbers_of(dataset, count)
         times = _in_stated_order(times, numbers)
-        names = scans.frame_names(path, count)
+        names = picture_streams.frame_names(path, count)
         bits = _bits(dataset)
-        scan = Scan(
+        scan = PictureSource(
             names,
             rows,
             columns,
@@ -144,11 +146,12 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
 
 @contextmanager
 def _opened(path: Path, data: bytes | None) -> "Iterator[FileDataset]":
-    from pydicom import config, dcmread  # here, so that reading PNG needs OpenCV only
+    # 140 ms: not for a recording of PNG files
+    from pydicom import config, dcmread
     from pydicom.filereader import _read_file_meta_info, read_preamble
     from pydicom.uid import DeflatedExplicitVRLittleEndian
 
-    with config.disable_value_validation(), scans.named_faults(path, "DICOM"):
+    with config.disable_value_validation(), picture_streams.named_faults(path, "DICOM"):
         with path.open("rb") if data is None else BytesIO(data) as file:
             read_preamble(file, force=False)
             if (
@@ -234,7 +237,7 @@ def _check_image(dataset: "FileDataset", frames: int) -> None:
     rows = int(dataset.Rows)
     columns = int(dataset.Columns)
     samples = int(dataset.get("SamplesPerPixel", 1))
-    scans.check_size(rows, columns, samples)
+    picture_streams.check_image_size(rows, columns, samples)
 
     if samples != SAMPLES.get(kind, 3):
         found = f"SamplesPerPixel {samples}, PhotometricInterpretation {kind}"
@@ -268,6 +271,7 @@ def _check_compressed(dataset: "FileDataset", frames: int) -> None:
     """Check what pydicom does not: images beyond NumberOfFrames, and JPEG 2000 of
     another type than the header's.
     """
+    # 140 ms, pydicom, as in `_opened`
     from pydicom.encaps import generate_fragments, generate_frames
     from pydicom.pixels.utils import get_j2k_parameters
     from pydicom.uid import JPEG2000TransferSyntaxes, RLELossless
@@ -323,10 +327,11 @@ def _check_rle(packed: bytes, pixels: int) -> None:
     """Check that no segment, one byte of each pixel, gives more bytes than there are
     pixels (and one to be even).
     """
+    # 140 ms, pydicom, as in `_opened`
     from pydicom.pixels.decoders.rle import _rle_parse_header
 
     for begin, end in pairwise([*_rle_parse_header(packed[:64]), len(packed)]):
-        scans.check_packbits(packed[begin:end], pixels + 1)
+        picture_streams.check_packbits(packed[begin:end], pixels + 1)
 
 
 def _dark_is_large(dataset: "Dataset") -> tuple[bool, list[str]]:
@@ -436,10 +441,13 @@ def _bits(dataset: "Dataset") -> int | None:
     return stored if known and kind != "PALETTE COLOR" else None
 
 
-def _pictures(path: Path, data: bytes | None, dark_large: bool) -> scans.PictureStream:
+def _pictures(
+    path: Path, data: bytes | None, dark_large: bool
+) -> picture_streams.PictureStream:
     """Yield the frames as they are stored; larger is brighter, signed ones stay
     signed.
     """
+    # 140 ms, pydicom, as in `_opened`
     from pydicom.pixels.processing import apply_color_lut
     from pydicom.pixels.utils import iter_pixels
 
@@ -451,7 +459,9 @@ def _pictures(path: Path, data: bytes | None, dark_large: bool) -> scans.Picture
                 yield one_grey(np.asarray(apply_color_lut(values, dataset)))
             elif kind in GREY_KINDS:
                 bright = (
-                    inverted(values, int(dataset.BitsStored)) if dark_large else values
+                    inverted_pixels(values, int(dataset.BitsStored))
+                    if dark_large
+                    else values
                 )
                 yield _without_padding(dataset, values, bright)
             else:
@@ -554,7 +564,9 @@ def _numbers(item: "Dataset", name: str) -> list[float]:
     return [] if value is None else np.atleast_1d(value).astype(np.float64).tolist()
 
 
-def _in_stated_order(times: Times | None, numbers: Sequence[Numbers]) -> Times | None:
+def _in_stated_order(
+    times: FrameTimes | None, numbers: Sequence[FrameNumbers]
+) -> FrameTimes | None:
     """Return times of even steps for frames that are stored in another order."""
     order = next((each for each in numbers if len(set(each.values.tolist())) > 1), None)
     if times is None or order is None or times.source[8:] in FRAME_TIMES:
@@ -576,7 +588,7 @@ def _zone(dataset: "Dataset") -> tzinfo | None:
         ) from fault
 
 
-def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
+def _times(dataset: "Dataset", count: int) -> tuple[FrameTimes | None, str | None]:
     zone = _zone(dataset)
     for name in FRAME_TIMES:
         contents = [
@@ -589,14 +601,14 @@ def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
             [_seconds(stated, zone) for stated in contents], dtype=np.float64
         )
         if len(contents) == count and rising(np.sort(time_s)):
-            return Times(time_s, f"DICOM's {name}"), None
+            return FrameTimes(time_s, f"DICOM's {name}"), None
 
     if count == 1:
         moment = _seconds(dataset.get("AcquisitionDateTime", None), zone)
         return (
             None
             if moment is None
-            else Times(np.array([moment]), "DICOM's AcquisitionDateTime")
+            else FrameTimes(np.array([moment]), "DICOM's AcquisitionDateTime")
         ), None
 
     steps_ms = _numbers(dataset, "FrameTimeVector")
@@ -625,17 +637,19 @@ def _times(dataset: "Dataset", count: int) -> tuple[Times | None, str | None]:
                 f"FrameTime is {step_ms:g} ms, FrameTimeVector has {steps_ms[1]:g} ms",
             )
         if rising(time_s):
-            return Times(time_s - time_s[0], "DICOM's FrameTimeVector"), None
+            return FrameTimes(time_s - time_s[0], "DICOM's FrameTimeVector"), None
 
     if FRAME_TIME_VECTOR in pointers and not steps_ms:
         return None, "FrameIncrementPointer names FrameTimeVector, which is missing"
 
-    return scans.even_times(count, to_si(step_ms, "ms"), "DICOM's FrameTime"), None
+    return picture_streams.even_times(
+        count, to_si(step_ms, "ms"), "DICOM's FrameTime"
+    ), None
 
 
 def _other_times(
-    dataset: "Dataset", times: Times | None, count: int
-) -> tuple[Times, ...]:
+    dataset: "Dataset", times: FrameTimes | None, count: int
+) -> tuple[FrameTimes, ...]:
     """Return the times that a file states beside the first, for one among others."""
     steps = ("DICOM's FrameTime", "DICOM's FrameTimeVector")
     if count > 1 and (times is None or times.source not in steps):
@@ -653,13 +667,13 @@ def _other_times(
         found[name] = _seconds(f"{day}{time}" if time else None, zone)
 
     return tuple(
-        Times(moment + offsets_s, f"DICOM's {name}")
+        FrameTimes(moment + offsets_s, f"DICOM's {name}")
         for name, moment in found.items()
         if moment is not None
     )
 
 
-def _several_moments(numbers: Sequence[Numbers]) -> str | None:
+def _several_moments(numbers: Sequence[FrameNumbers]) -> str | None:
     """Return why frames are of several moments and of several places at each."""
     values = [each.values.tolist() for each in numbers]
     names = " and ".join(each.source.removeprefix("DICOM's ") for each in numbers)
@@ -668,7 +682,7 @@ def _several_moments(numbers: Sequence[Numbers]) -> str | None:
     return f"{names} both repeat: slices of several volumes" if mixed else None
 
 
-def _numbers_of(dataset: "Dataset", count: int) -> tuple[Numbers, ...]:
+def _numbers_of(dataset: "Dataset", count: int) -> tuple[FrameNumbers, ...]:
     """Return the numbers that order one image among others, or the frames in a file."""
     stated = {
         name: [dataset.get(name, None)] if count == 1 else [] for name in IMAGE_NUMBERS
@@ -683,7 +697,7 @@ def _numbers_of(dataset: "Dataset", count: int) -> tuple[Numbers, ...]:
     }
 
     return tuple(
-        Numbers(np.array(values, dtype=np.int64), f"DICOM's {name}")
+        FrameNumbers(np.array(values, dtype=np.int64), f"DICOM's {name}")
         for name, values in stated.items()
         if len(values) == count and None not in values
     )
@@ -693,6 +707,7 @@ def _seconds(stated: Any, zone: tzinfo | None) -> float | None:
     """Return seconds since 1970 of a DICOM date and time; its own zone takes precedence
     (PS3.3 C.12.1.1).
     """
+    # 140 ms, pydicom, as in `_opened`
     from pydicom.valuerep import DT
 
     try:

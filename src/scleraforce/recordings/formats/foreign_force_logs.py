@@ -30,7 +30,7 @@ from scleraforce.recordings.frame_and_force_tables import (
     GROUPED,
     PLAIN_NUMBERS,
     ForceLog,
-    Table,
+    TextTable,
     number,
 )
 
@@ -82,7 +82,9 @@ def _status_meaning(name: str, others: Sequence[str]) -> str | None:
     return GOOD_IF_SET if VALIDITY.fullmatch(bare) else None
 
 
-def _faulty_samples(text: Table, column: "LogColumn") -> tuple[Flags, tuple[str, ...]]:
+def _faulty_samples(
+    text: TextTable, column: "LogColumn"
+) -> tuple[Flags, tuple[str, ...]]:
     name = column.name
     meaning = column.unit
     none = np.zeros(len(text.lines), dtype=bool)
@@ -477,7 +479,7 @@ FORCE_IN_TEXT = re.compile(rf"(?i)({WHOLE_NUMBER})\s*(m?n|kn|gf|kgf|lbf)\b")
 
 
 def read_force_text(
-    text: Table, given: Sequence[LogColumn]
+    text: TextTable, given: Sequence[LogColumn]
 ) -> tuple[ForceLog, tuple[LogColumn, ...]]:
     """Return a log in SI and its columns, `given` ones first; ask for missing ones and
     about contradictions.
@@ -509,7 +511,7 @@ def read_force_text(
         wrench_sc = np.where(faulty[:, None], np.nan, wrench_sc)
         notes += said
 
-    time_s, said = log_clocks.mended(time_s, text.place, time.factor)
+    time_s, said = log_clocks.mended_times(time_s, text.place, time.factor)
     log = ForceLog(
         time_s, wrench_sc, tuple(column.ours for column in forces), (*notes, *said)
     )
@@ -522,11 +524,11 @@ def read_force_text(
 
 
 def _read_rows(
-    text: Table,
+    text: TextTable,
     time: LogColumn,
     forces: Sequence[LogColumn],
     given: Sequence[LogColumn],
-) -> tuple[Table, Floats, Floats]:
+) -> tuple[TextTable, Floats, Floats]:
     """Return a log, its times in s and its forces in SI, shape (samples, columns); if
     rows are broken, of the whole ones alone.
     """
@@ -588,7 +590,7 @@ def _of_other_clock(time_s: Floats, empty: Flags) -> Flags:
 
 
 def _read_columns(
-    text: Table,
+    text: TextTable,
     time: LogColumn,
     forces: Sequence[LogColumn],
     given: Sequence[LogColumn],
@@ -616,7 +618,7 @@ def _read_columns(
     return time_s, np.where(np.isinf(wrench_sc), np.nan, wrench_sc), mark
 
 
-def _dated(text: Table, time: LogColumn) -> Floats:
+def _dated(text: TextTable, time: LogColumn) -> Floats:
     moments = text.column(time.name)
     time_s = log_text.seconds_of(moments, time.unit)
     if isinstance(time_s, int):
@@ -628,7 +630,9 @@ def _dated(text: Table, time: LogColumn) -> Floats:
     return time_s
 
 
-def _whole_rows(text: Table, time: LogColumn, forces: Sequence[LogColumn]) -> Table:
+def _whole_rows(
+    text: TextTable, time: LogColumn, forces: Sequence[LogColumn]
+) -> TextTable:
     clock, *_ = time.parts(text.names)
     dated = log_text.is_clock(clock.unit)
 
@@ -652,7 +656,7 @@ def _whole_rows(text: Table, time: LogColumn, forces: Sequence[LogColumn]) -> Ta
 SAMPLED_ROWS = 2000  # by which columns of times are compared
 
 
-def _with_best_time(text: Table, by_header: Sequence[LogColumn]) -> list[LogColumn]:
+def _with_best_time(text: TextTable, by_header: Sequence[LogColumn]) -> list[LogColumn]:
     """Return columns with one time: the first whose stamps differ from row to row, of
     two columns if the second is a fraction of a second.
     """
@@ -673,7 +677,7 @@ def _with_best_time(text: Table, by_header: Sequence[LogColumn]) -> list[LogColu
     return [finest, *others]
 
 
-def _is_sum(text: Table, pair: LogColumn) -> bool:
+def _is_sum(text: TextTable, pair: LogColumn) -> bool:
     """Return whether a pair's first column counts whole units and its second one the
     fraction.
     """
@@ -687,7 +691,7 @@ def _is_sum(text: Table, pair: LogColumn) -> bool:
     return inside and bool((wholes == np.rint(wholes)).all())
 
 
-def _with_fraction(text: Table, clock: LogColumn) -> LogColumn:
+def _with_fraction(text: TextTable, clock: LogColumn) -> LogColumn:
     """Return a time of day with the column of its fractions, if there is one."""
     for name in text.names:
         found = FRACTION.fullmatch(name)
@@ -702,7 +706,7 @@ def _with_fraction(text: Table, clock: LogColumn) -> LogColumn:
     return clock
 
 
-def _differs(text: Table, time: LogColumn) -> bool:
+def _differs(text: TextTable, time: LogColumn) -> bool:
     """Return whether most rows have another time than the row before."""
     columns = [text.names.index(part.name) for part in time.parts(text.names)]
     rows = [
@@ -714,7 +718,7 @@ def _differs(text: Table, time: LogColumn) -> bool:
     return 2 * same < len(rows)
 
 
-def _sampled(text: Table, name: str) -> Floats:
+def _sampled(text: TextTable, name: str) -> Floats:
     """Return the first numbers of a column, NaN for other cells."""
     at = text.names.index(name)
     rows = map(text.fields, range(min(SAMPLED_ROWS, len(text.lines))))
@@ -722,7 +726,7 @@ def _sampled(text: Table, name: str) -> Floats:
     return np.array([np.nan if cell is None else cell for cell in cells])
 
 
-def _stated_units(text: Table) -> dict[str, str]:
+def _stated_units(text: TextTable) -> dict[str, str]:
     units = {
         quantity: found[1]
         for quantity, pattern in STATED.items()
@@ -742,7 +746,7 @@ def _stated_units(text: Table) -> dict[str, str]:
 
 
 def _check_units(
-    text: Table, columns: Sequence[LogColumn], stated: dict[str, str]
+    text: TextTable, columns: Sequence[LogColumn], stated: dict[str, str]
 ) -> None:
     """Ask about a column with two units, or with a factor that is not applied; `stated`
     units are above the header.
@@ -777,7 +781,7 @@ def _check_units(
 
 
 def _check_whole(
-    text: Table,
+    text: TextTable,
     columns: Sequence[LogColumn],
     values_sc: Floats,
     given: Sequence[LogColumn],
@@ -810,7 +814,7 @@ def _question(
     )
 
 
-def _range_n(text: Table) -> float:
+def _range_n(text: TextTable) -> float:
     stated = [
         each
         for line in text.above
@@ -825,7 +829,7 @@ def _range_n(text: Table) -> float:
     return max(sizes_n, default=0.0) or np.inf
 
 
-def _flagged(text: Table, given: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
+def _flagged(text: TextTable, given: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
     meanings = {name: _status_meaning(name, text.names) for name in text.names}
     named = {
         name: LogColumn(STATUS, name, meaning)
@@ -861,7 +865,7 @@ def _overruled(
     )
 
 
-def _stated_number(pattern: str, text: Table) -> float | None:
+def _stated_number(pattern: str, text: TextTable) -> float | None:
     """Return the number that a line above the header states, None without such a line;
     "1,000" is refused.
     """
@@ -897,7 +901,7 @@ def _timecode(path: Path, name: str, moments: Sequence[str]) -> LogColumn:
     return LogColumn("time_s", name, f"{rate}fps")
 
 
-def _clock_column(text: Table) -> list[LogColumn]:
+def _clock_column(text: TextTable) -> list[LogColumn]:
     for name in text.names:
         if (
             re.sub(r"[\W_]+", "_", BRACKETS.sub(r"\g<name>", name)).lower().strip("_")

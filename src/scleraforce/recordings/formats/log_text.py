@@ -21,8 +21,8 @@ from scleraforce.recordings.formats.damaged_logs import (
 from scleraforce.recordings.formats.picture_streams import SECONDS
 from scleraforce.recordings.frame_and_force_tables import (
     SPACES,
-    Table,
-    check_counts,
+    TextTable,
+    check_field_counts,
     fields_of,
     is_number,
 )
@@ -323,7 +323,7 @@ ROW_NUMBERS = ""  # the name of a column of them
 DIGITS = "+-.0123456789"
 
 
-def read_log_text(path: Path, least: int = 2) -> Table:
+def read_log_text(path: Path, least: int = 2) -> TextTable:
     """Read a log; its header is the first line with names for the fields below, `least`
     of them numbers or dates.
     """
@@ -346,12 +346,12 @@ def read_log_text(path: Path, least: int = 2) -> Table:
             whole.endswith(("\n", "\r")),
         )
 
-    check_counts(text)
+    check_field_counts(text)
 
     return text
 
 
-def _of_labview(path: Path, lines: Sequence[str]) -> Table:
+def _of_labview(path: Path, lines: Sequence[str]) -> TextTable:
     ends = [
         index
         for index, line in enumerate(lines)
@@ -412,7 +412,7 @@ def _of_labview(path: Path, lines: Sequence[str]) -> Table:
     names = _names(lines[top], separator)
     units = ("s", *segment.get("Y_Unit_Label", ()), *[""] * len(names))[: len(names)]
     return _below(
-        Table(path=path, names=names, separator=separator, units=units, mark=mark),
+        TextTable(path=path, names=names, separator=separator, units=units, mark=mark),
         lines,
         top,
         top + 1,
@@ -428,7 +428,7 @@ def _entries(lines: Sequence[str], separator: str) -> dict[str, tuple[str, ...]]
     return {name: tuple(values) or ("",) for name, *values in fields}
 
 
-def _of_lines(path: Path, lines: Sequence[str], least: int) -> Table:
+def _of_lines(path: Path, lines: Sequence[str], least: int) -> TextTable:
     longer = None
     shorter = None
 
@@ -490,11 +490,11 @@ def _of_lines(path: Path, lines: Sequence[str], least: int) -> Table:
     ]
     if len(known) < 2 or len(above) != len(names):
         return _below(
-            Table(path=path, names=names, separator=separator), lines, top, top + 1
+            TextTable(path=path, names=names, separator=separator), lines, top, top + 1
         )
 
     return _below(
-        Table(path=path, names=above, separator=separator, units=units),
+        TextTable(path=path, names=above, separator=separator, units=units),
         lines,
         top - 1,
         top + 1,
@@ -522,7 +522,7 @@ def _names(line: str, separator: str, marks: str = "#%") -> tuple[str, ...]:
         return ()
 
 
-def _below(table: Table, lines: Sequence[str], top: int, first: int) -> Table:
+def _below(table: TextTable, lines: Sequence[str], top: int, first: int) -> TextTable:
     rest = {
         nth: line
         for nth, line in enumerate(lines[first:], start=first + 1)

@@ -23,7 +23,7 @@ READ = ("cdr", "ros1", "json", "protobuf")
 Decoder = Callable[[bytes], Any]
 
 
-class Connection(Protocol):
+class BagConnection(Protocol):
     """The messages of one topic and publisher in a bag."""
 
     @property
@@ -51,12 +51,12 @@ class Bag(Protocol):
     """A bag: `rosbags.highlevel.AnyReader`, or `McapFile`."""
 
     @property
-    def connections(self) -> Sequence[Connection]:
+    def connections(self) -> Sequence[BagConnection]:
         """All that it holds."""
 
     def messages(
-        self, connections: Sequence[Connection]
-    ) -> Iterator[tuple[Connection, int, Any]]:
+        self, connections: Sequence[BagConnection]
+    ) -> Iterator[tuple[BagConnection, int, Any]]:
         """Yield connection, time of arrival in ns, and content of each message."""
 
     def deserialize(self, data: Any, msgtype: str) -> Any:
@@ -106,7 +106,7 @@ class McapFile:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._decoders: dict[int, Decoder] = {}
-        self.connections: list[Connection] = []
+        self.connections: list[BagConnection] = []
 
         with self._opened() as reader:
             summary = reader.get_summary()
@@ -138,8 +138,8 @@ class McapFile:
             yield package.make_reader(file)
 
     def messages(
-        self, connections: Sequence[Connection]
-    ) -> Iterator[tuple[Connection, int, Any]]:
+        self, connections: Sequence[BagConnection]
+    ) -> Iterator[tuple[BagConnection, int, Any]]:
         """Yield the decoded messages of connections in the order of their arrival."""
         wanted = {each.id: each for each in connections}
         topics = [each.topic for each in connections]

@@ -21,7 +21,7 @@ from scleraforce.recordings.formats.pixels_without_value import (
     HUGE,
     NOT_FINITE,
     TOO_LARGE,
-    Values,
+    PictureValues,
 )
 from scleraforce.records.frame import Pixels
 
@@ -49,7 +49,7 @@ class OtherPictureError(FrameError):
     """A picture beside B-scans that is none itself, such as one from the front."""
 
 
-def check_size(rows: int, columns: int, samples: int = 1) -> None:
+def check_image_size(rows: int, columns: int, samples: int = 1) -> None:
     """Check the size that a file states, before memory is taken for its pixels."""
     if min(rows, columns) < 2:
         raise FrameError(
@@ -88,7 +88,7 @@ def grey_pixels(pixels: NDArray[Any], colour: int = cv2.COLOR_RGB2GRAY) -> Pixel
             f"an image of shape {pixels.shape}; give one frame, rows x columns"
         )
 
-    check_size(*pixels.shape)
+    check_image_size(*pixels.shape)
     return pixels
 
 
@@ -97,7 +97,7 @@ def one_grey(picture: NDArray[Any]) -> NDArray[Any]:
     return grey_pixels(picture) if picture.ndim == 3 else picture
 
 
-def inverted(pixels: NDArray[Any], bits: int) -> NDArray[Any]:
+def inverted_pixels(pixels: NDArray[Any], bits: int) -> NDArray[Any]:
     """Exchange dark and bright: subtract unsigned pixels from the largest value of
     `bits`, change others' sign.
     """
@@ -124,7 +124,9 @@ def as_shown(pixels: NDArray[Any], orientation: int) -> NDArray[Any]:
     return np.flip(turned, MIRRORED.get(orientation, ()))
 
 
-def unpacked(packed: bytes, most: int, lzma: "LZMADecompressor | None" = None) -> bytes:
+def unpacked_bytes(
+    packed: bytes, most: int, lzma: "LZMADecompressor | None" = None
+) -> bytes:
     """Return what packed bytes (zlib, gzip or LZMA) hold; refuse more than `most`
     before it takes memory.
     """
@@ -159,7 +161,7 @@ TOP = 2**MOST_BITS - 1
 
 
 @dataclass(frozen=True, kw_only=True)
-class Greys:
+class GreyMap:
     """The map of pixels to counts: (pixel - `low`) * TOP / (`high` - `low`), or pixel -
     `low`.
 
@@ -208,7 +210,7 @@ class Greys:
 
 def find_greys(
     pictures: Iterable[NDArray[Any]], given: tuple[float, float] | None, name: str
-) -> Greys:
+) -> GreyMap:
     """Return the map of pixels to counts: whole numbers that 16 bits hold stay or are
     shifted, others are scaled.
 
@@ -224,7 +226,7 @@ def find_greys(
     low = np.inf
     high = -np.inf
     whole = True
-    values = Values()
+    values = PictureValues()
 
     for picture in pictures:
         if picture.dtype.kind not in "uif":
@@ -247,9 +249,9 @@ def find_greys(
             for kind, count in found.lost.items()
             if kind in (NOT_FINITE, TOO_LARGE)
         }
-        return Greys(low=given[0], high=given[1], scaled=True, without=without)
+        return GreyMap(low=given[0], high=given[1], scaled=True, without=without)
     if whole and high - min(low, 0.0) <= TOP:
-        return Greys(low=min(low, 0.0), high=high, scaled=False)
+        return GreyMap(low=min(low, 0.0), high=high, scaled=False)
 
     if not found.low < found.high:
         raise FrameError(
@@ -257,7 +259,7 @@ def find_greys(
             " them"
         )
 
-    return Greys(
+    return GreyMap(
         low=found.low,
         high=found.high,
         scaled=True,
@@ -339,7 +341,7 @@ ROUNDED = 0.001  # sizes of a pixel that differ by less were rounded
 
 
 @dataclass(frozen=True, eq=False)
-class Times:
+class FrameTimes:
     """Times of frames, s, on a clock of the source's own, and the source."""
 
     time_s: Floats
@@ -347,7 +349,7 @@ class Times:
 
 
 @dataclass(frozen=True, eq=False)
-class Numbers:
+class FrameNumbers:
     """Whole numbers that order frames, and their source."""
 
     values: Integers
@@ -377,7 +379,7 @@ UNKNOWN_SIZE = PixelSize("nothing", depth_m=None, lateral_m=None)
 
 
 @dataclass(frozen=True, eq=False)
-class Scan:
+class PictureSource:
     """Frames of one or several files.
 
     `pictures` gives the frames (row, column) from the first on, at every call: whole
@@ -393,18 +395,18 @@ class Scan:
     _: KW_ONLY
     bits: int | None = None
     size: PixelSize = UNKNOWN_SIZE
-    times: Times | None = None
+    times: FrameTimes | None = None
     notes: tuple[str, ...] = ()
     scale_fault: str | None = None
     times_fault: str | None = None
-    other_times: tuple[Times, ...] = ()
-    numbers: tuple[Numbers, ...] = ()
+    other_times: tuple[FrameTimes, ...] = ()
+    numbers: tuple[FrameNumbers, ...] = ()
     series: str | None = None
     labels: tuple[str, ...] | None = None
     one_moment: str | None = None
     steps: Integers | None = None
 
-    def turned(self) -> "Scan":
+    def turned(self) -> "PictureSource":
         """Return the scan with rows and columns exchanged: depth ran along the rows."""
         size = replace(
             self.size, depth_m=self.size.lateral_m, lateral_m=self.size.depth_m
@@ -419,7 +421,7 @@ class Scan:
             pictures=lambda: (p.T for p in pictures()),
         )
 
-    def flipped(self, flip: str | None) -> "Scan":
+    def flipped(self, flip: str | None) -> "PictureSource":
         """Return the scan with its "rows" upside down, or its "columns" mirrored; None:
         as it is.
         """
@@ -430,7 +432,7 @@ class Scan:
         turned = np.s_[::-1] if flip == "rows" else np.s_[:, ::-1]
         return replace(self, pictures=lambda: (p[turned] for p in pictures()))
 
-    def between(self, first: int | None, last: int | None) -> "Scan":
+    def between(self, first: int | None, last: int | None) -> "PictureSource":
         """Return the frames from the first to the last one, counted from 1; None: from
         the beginning, to the end.
         """
@@ -449,17 +451,17 @@ class Scan:
         kept = self._stated_at(np.arange(start, stop))
         return replace(kept, pictures=lambda: islice(stream(), start, stop))
 
-    def reordered(self, order: Places) -> "Scan":
+    def reordered(self, order: Places) -> "PictureSource":
         """Return the frames in another order; those read before their turn wait."""
         stream = self.pictures
         return replace(
             self._stated_at(order), pictures=lambda: in_order(stream(), order.tolist())
         )
 
-    def _stated_at(self, order: Places) -> "Scan":
+    def _stated_at(self, order: Places) -> "PictureSource":
         """Return what is stated of frames, in another order; the pictures stay."""
 
-        def chosen(stated: Times) -> Times:
+        def chosen(stated: FrameTimes) -> FrameTimes:
             return replace(stated, time_s=stated.time_s[order])
 
         return replace(
@@ -474,7 +476,7 @@ class Scan:
             steps=None if self.steps is None else self.steps[order],
         )
 
-    def of_file(self, path: Path | str) -> "Scan":
+    def of_file(self, path: Path | str) -> "PictureSource":
         """Return the scan with the file's name before each note and fault."""
         scale_fault, times_fault = (
             fault and f"{path}: {fault}"
@@ -532,10 +534,10 @@ def frame_names(path: Path, count: int) -> tuple[str, ...]:
     )
 
 
-def even_times(count: int, step_s: float, source: str) -> Times | None:
+def even_times(count: int, step_s: float, source: str) -> FrameTimes | None:
     """Return times in even steps from 0 on; None if the step is not positive."""
     return (
-        Times(np.arange(count, dtype=np.float64) * step_s, source)
+        FrameTimes(np.arange(count, dtype=np.float64) * step_s, source)
         if step_s > 0.0
         else None
     )
@@ -570,7 +572,7 @@ class UnansweredError(InputError):
         self.forms = forms
 
 
-def joined(scans: Sequence[Scan]) -> Scan:
+def joined_files(scans: Sequence[PictureSource]) -> PictureSource:
     """Return several files of frames as one scan: in the order of the times that all
     state, else of their numbers, else in the given order.
     """
@@ -579,7 +581,7 @@ def joined(scans: Sequence[Scan]) -> Scan:
     given = _concatenated(scans)
     ordered = given
     times = scans[0].times if len(given.names) == 1 else None
-    numbers: tuple[Numbers, ...] = ()
+    numbers: tuple[FrameNumbers, ...] = ()
 
     if len(given.names) == 1:
         pass
@@ -606,7 +608,7 @@ def joined(scans: Sequence[Scan]) -> Scan:
     )
 
 
-def check_kinds(scans: Sequence[Scan]) -> None:
+def check_kinds(scans: Sequence[PictureSource]) -> None:
     """Refuse files whose frames differ in size, scale or bits."""
     first = scans[0]
     kind = _kind(first)
@@ -620,12 +622,14 @@ def check_kinds(scans: Sequence[Scan]) -> None:
                 )
 
 
-def _concatenated(scans: Sequence[Scan]) -> Scan:
+def _concatenated(scans: Sequence[PictureSource]) -> PictureSource:
     labels = [scan.labels for scan in scans if scan.labels is not None]
     return replace(
         scans[0],
         names=tuple(name for scan in scans for name in scan.names),
-        pictures=lambda: (picture for scan in scans for picture in checked(scan)),
+        pictures=lambda: (
+            picture for scan in scans for picture in checked_pictures(scan)
+        ),
         labels=(
             tuple(label for each in labels for label in each)
             if len(labels) == len(scans)
@@ -637,7 +641,9 @@ def _concatenated(scans: Sequence[Scan]) -> Scan:
     )
 
 
-def _ordered_by_times(scans: Sequence[Scan]) -> tuple[Scan, Times] | None:
+def _ordered_by_times(
+    scans: Sequence[PictureSource],
+) -> tuple[PictureSource, FrameTimes] | None:
     """Return frames in the order of the first clock by which all times differ."""
     clocks = [[scan.times for scan in scans if scan.times is not None]]
     clocks += [
@@ -649,14 +655,14 @@ def _ordered_by_times(scans: Sequence[Scan]) -> tuple[Scan, Times] | None:
         if len(clock) == len(scans):
             ordered, time_s = _sorted(scans, [times.time_s for times in clock])
             if rising(time_s):
-                return ordered, Times(time_s, clock[0].source)
+                return ordered, FrameTimes(time_s, clock[0].source)
 
     return None
 
 
 def _ordered_by_numbers(
-    scans: Sequence[Scan],
-) -> tuple[Scan, tuple[Numbers, ...]] | None:
+    scans: Sequence[PictureSource],
+) -> tuple[PictureSource, tuple[FrameNumbers, ...]] | None:
     """Return frames in the order of the first numbers that all differ."""
     for name in dict.fromkeys(each.source for each in scans[0].numbers):
         numbers = [
@@ -668,12 +674,14 @@ def _ordered_by_numbers(
         if len(numbers) == len(scans):
             ordered, values = _sorted(scans, [each.astype(float) for each in numbers])
             if rising(values):
-                return ordered, (Numbers(values.astype(np.int64), name),)
+                return ordered, (FrameNumbers(values.astype(np.int64), name),)
 
     return None
 
 
-def _sorted(scans: Sequence[Scan], keys: Sequence[Floats]) -> tuple[Scan, Floats]:
+def _sorted(
+    scans: Sequence[PictureSource], keys: Sequence[Floats]
+) -> tuple[PictureSource, Floats]:
     """Return the frames of all files in the order of their keys, and these."""
     files = sorted(range(len(scans)), key=lambda nth: float(keys[nth][0]))
     whole = _concatenated([scans[nth] for nth in files])
@@ -685,7 +693,7 @@ def _sorted(scans: Sequence[Scan], keys: Sequence[Floats]) -> tuple[Scan, Floats
     return whole.reordered(order), values[order]
 
 
-def checked(scan: Scan) -> PictureStream:
+def checked_pictures(scan: PictureSource) -> PictureStream:
     """Yield a scan's frames, and check their number, size and type, which damaged files
     break.
     """
@@ -709,7 +717,7 @@ def checked(scan: Scan) -> PictureStream:
         )
 
 
-def _kind(scan: Scan) -> dict[str, str]:
+def _kind(scan: PictureSource) -> dict[str, str]:
     sizes = (
         from_si(size_m, "um") for size_m in (scan.size.depth_m, scan.size.lateral_m)
     )
@@ -749,7 +757,7 @@ def array_scan(
     array: NDArray[Any],
     axes: tuple[str, ...] | None,
     stated: Sequence[Steps] = (),
-) -> Scan:
+) -> PictureSource:
     """Return an array as a scan; `axes` names those longer than 1 (None: ask), fields
     have `stated` steps along all.
     """
@@ -785,7 +793,7 @@ def array_scan(
     frames = np.transpose(array, [axes.index(name) for name in AXES if name in axes])
     frames = frames if frames.ndim == 3 else frames[np.newaxis]
     count, rows, columns = frames.shape
-    check_size(rows, columns)
+    check_image_size(rows, columns)
     depth, lateral = (long[axes.index(name)] for name in AXES[1:])
     size, fault = one_size(
         [
@@ -796,7 +804,7 @@ def array_scan(
     names = frame_names(path, count)
     bits = 8 if frames.dtype == np.uint8 else None
 
-    return Scan(
+    return PictureSource(
         names,
         rows,
         columns,

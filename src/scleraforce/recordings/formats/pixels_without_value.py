@@ -22,7 +22,7 @@ FEWEST = 500  # pixels, without which none is called hot
 
 
 @dataclass(frozen=True)
-class Limits:
+class ValueLimits:
     """The smallest and the largest value, and the counts of pixels without a value by
     their kinds.
     """
@@ -33,7 +33,7 @@ class Limits:
 
 
 @dataclass
-class Values:
+class PictureValues:
     """Values of pictures, of which the ends are looked at."""
 
     size: int = 0
@@ -85,7 +85,7 @@ class Values:
 
         return known
 
-    def limits(self) -> Limits:
+    def limits(self) -> ValueLimits:
         """Return the range of values that are ones, and what the others are."""
         tails = np.sort(np.concatenate(self.tails or [np.empty(0)]))
         low, high = self._cool(tails)
@@ -105,7 +105,7 @@ class Values:
             **{f"of {value:g}": count for value, count in sorted(fills.items())},
             f"single ones outside {low:.6g} to {high:.6g}": hot,
         }
-        return Limits(low, high, {kind: n for kind, n in kinds.items() if n})
+        return ValueLimits(low, high, {kind: n for kind, n in kinds.items() if n})
 
     def _is_fill(self, value: float, low: float, high: float) -> bool:
         if not low < high:

@@ -18,7 +18,7 @@ from scleraforce.base import optional_packages
 from scleraforce.base.arrays import Flags, Floats, Integers, Places
 from scleraforce.base.errors import FrameError, InputError, RecordingError
 from scleraforce.base.units import from_si
-from scleraforce.recordings.formats import picture_streams as scans
+from scleraforce.recordings.formats import picture_streams
 from scleraforce.recordings.formats.image_files import (
     JPEG_SIGNATURE,
     PNG_SIGNATURE,
@@ -26,17 +26,17 @@ from scleraforce.recordings.formats.image_files import (
 )
 from scleraforce.recordings.formats.mcap_files import (
     Bag,
-    Connection,
+    BagConnection,
     McapFile,
     check_whole,
     is_mcap,
     is_of_ros_2,
 )
 from scleraforce.recordings.formats.picture_streams import (
-    Scan,
-    Times,
+    FrameTimes,
+    PictureSource,
     UnansweredError,
-    check_size,
+    check_image_size,
 )
 from scleraforce.recordings.frame_and_force_tables import FORCE_COLUMNS, ForceLog
 
@@ -144,7 +144,7 @@ def read_bag(
     image_topic: str | None = None,
     force_topic: str | None = None,
     by_arrival: bool = False,
-) -> tuple[Scan | None, ForceLog | None]:
+) -> tuple[PictureSource | None, ForceLog | None]:
     """Return a bag's frames and forces, None without such a topic; `by_arrival` takes
     the times of arrival.
     """
@@ -164,7 +164,7 @@ def read_bag(
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Bag]:
-    with scans.named_faults(path, "ROS bag"):
+    with picture_streams.named_faults(path, "ROS bag"):
         highlevel, typesys = (
             optional_packages.package_for(f"rosbags.{name}", "a ROS bag")
             for name in ("highlevel", "typesys")
@@ -198,7 +198,7 @@ def _opened(path: Path) -> Iterator[Bag]:
 
 def _topic(
     bag: Bag, kinds: Sequence[str], chosen: str | None, option: str
-) -> Sequence[Connection]:
+) -> Sequence[BagConnection]:
     """Return the connections of the chosen topic, or of the only one of the kinds;
     empty without such a topic.
     """
@@ -243,7 +243,7 @@ def _topic(
     return connections
 
 
-def _definition(connection: Connection) -> str:
+def _definition(connection: BagConnection) -> str:
     """Return a message's definition without comments and blank lines, which do not
     change its bytes.
     """
@@ -253,7 +253,7 @@ def _definition(connection: Connection) -> str:
     return "\n".join(" ".join(words) for words in lines if words)
 
 
-def _listed(connections: Sequence[Connection]) -> str:
+def _listed(connections: Sequence[BagConnection]) -> str:
     return (
         ", ".join(f"{each.topic} ({each.msgtype})" for each in connections)
         or "no topics"
@@ -261,7 +261,7 @@ def _listed(connections: Sequence[Connection]) -> str:
 
 
 def _messages(
-    bag: Bag, connections: Sequence[Connection]
+    bag: Bag, connections: Sequence[BagConnection]
 ) -> Iterator[tuple[_Heard, Any]]:
     for each, arrived_ns, data in bag.messages(connections):
         message: Any = bag.deserialize(data, each.msgtype)
@@ -411,9 +411,9 @@ def _late_note(late_ms: Floats) -> str:
 def _scan(
     path: Path,
     bag: Bag,
-    connections: Sequence[Connection],
+    connections: Sequence[BagConnection],
     by_arrival: bool,
-) -> Scan:
+) -> PictureSource:
     topic = connections[0].topic
     heard: list[_Heard] = []
     digests: list[bytes] = []
@@ -428,8 +428,10 @@ def _scan(
         if not heard:
             stated = fields
             first = _image_pixels(message, topic)
-            check_size(*first.shape)
-            scans.check_bytes(sum(each.msgcount for each in connections) * first.nbytes)
+            check_image_size(*first.shape)
+            picture_streams.check_bytes(
+                sum(each.msgcount for each in connections) * first.nbytes
+            )
 
         for field, value in fields.items():
             if value != stated[field]:
@@ -442,14 +444,16 @@ def _scan(
         heard.append(each)
         digests.append(blake2b(message.data).digest())
 
-    with scans.named_faults(topic, "topic"):
+    with picture_streams.named_faults(topic, "topic"):
         time_s, order, notes = _ordered(heard, digests.__getitem__, by_arrival)
 
     names = tuple(f"{path}: {topic}[{nth}]" for nth in order.tolist())
     rows, columns = first.shape
     bits = 8 if first.dtype == np.uint8 else None
-    times = Times(time_s, f"{'arrival' if by_arrival else 'header.stamp'} of {topic}")
-    scan = Scan(
+    times = FrameTimes(
+        time_s, f"{'arrival' if by_arrival else 'header.stamp'} of {topic}"
+    )
+    scan = PictureSource(
         names,
         rows,
         columns,
@@ -463,7 +467,9 @@ def _scan(
     )
 
 
-def _pictures(path: Path, topic: str, order: Sequence[int]) -> scans.PictureStream:
+def _pictures(
+    path: Path, topic: str, order: Sequence[int]
+) -> picture_streams.PictureStream:
     """Yield pictures in an order; pictures that arrived before their turn wait."""
     waiting: dict[int, NDArray[Any]] = {}
     wanted = set(order)
@@ -487,7 +493,7 @@ def _pictures(path: Path, topic: str, order: Sequence[int]) -> scans.PictureStre
 def _log(
     path: Path,
     bag: Bag,
-    connections: Sequence[Connection],
+    connections: Sequence[BagConnection],
     by_arrival: bool,
 ) -> ForceLog:
     heard = []
@@ -510,7 +516,7 @@ def _log(
         heard.append(each)
 
     wrench_sc = np.array(values, dtype=np.float64)
-    with scans.named_faults(topic, "topic"):
+    with picture_streams.named_faults(topic, "topic"):
         time_s, order, notes = _ordered(
             heard, lambda nth: wrench_sc[nth].tobytes(), by_arrival
         )

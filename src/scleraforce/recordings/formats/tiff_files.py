@@ -20,14 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.base.errors import FrameError
-from scleraforce.recordings.formats import picture_streams as scans
+from scleraforce.recordings.formats import picture_streams
 from scleraforce.recordings.formats.picture_streams import (
     METRES,
     SECONDS,
+    FrameTimes,
+    PictureSource,
     PixelSize,
-    Scan,
-    Times,
-    inverted,
+    inverted_pixels,
     one_grey,
     rising,
 )
@@ -70,7 +70,7 @@ MOST_PAGES = 100_000
 PRINTED_M = 20e-6  # ... which are never finer than this: 1,270 dots per inch
 
 
-def read_tiff(path: Path, data: bytes | None = None) -> Scan:
+def read_tiff(path: Path, data: bytes | None = None) -> PictureSource:
     """Return a TIFF's frames: its pages, or the one long axis beside rows and columns;
     `data` is its content.
     """
@@ -83,7 +83,7 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
         series = [each for each in file.series if not _is_copy(each.keyframe, pages[0])]
         count, rows, columns = _sizes(series)
         axis = _axis(series[0])
-        scans.check_bytes(sum(each.nbytes for each in file.series))
+        picture_streams.check_bytes(sum(each.nbytes for each in file.series))
         _check_pages(file, pages, len(frames), count)
         orientation = _orientation(frames)
         notes: list[str] = []
@@ -91,7 +91,7 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
             *_ome_sizes(file, notes),
             *(_resolution(file, page, notes) for page in frames),
         ]
-        size, scale_fault = scans.one_size(
+        size, scale_fault = picture_streams.one_size(
             [*sizes, _json_size(frames[0], rows, columns)]
         )
         times, times_fault = _times(file, count, notes, axis)
@@ -118,9 +118,9 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
         ):
             notes += [note] if holds else []
 
-        names = scans.frame_names(path, count)
+        names = picture_streams.frame_names(path, count)
         bits = 8 if file.series[0].dtype == np.uint8 else None
-        scan = Scan(
+        scan = PictureSource(
             names,
             rows,
             columns,
@@ -140,20 +140,22 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
     return replace(
         shown,
         pictures=lambda: (
-            scans.as_shown(picture, orientation) for picture in scan.pictures()
+            picture_streams.as_shown(picture, orientation)
+            for picture in scan.pictures()
         ),
     )
 
 
 @contextmanager
 def _opened(path: Path, data: bytes | None) -> "Iterator[TiffFile]":
-    import tifffile  # here, so that reading PNG needs OpenCV only
+    # 13 ms: not for a recording of PNG files
+    import tifffile
 
     tifffile.logger().setLevel("CRITICAL")  # we report faults ourselves, once
     file = path if data is None else BytesIO(data)
 
     with (
-        scans.named_faults(path, "TIFF"),
+        picture_streams.named_faults(path, "TIFF"),
         tifffile.TiffFile(file, _multifile=False) as opened,
     ):
         _check_chain(opened)
@@ -201,24 +203,26 @@ def _check_page(file: "TiffFile", page: "TiffPage") -> None:
             f"a TIFF of kind {kind}; save it as grey (black is zero) or RGB"
         )
 
-    scans.check_size(page.imagelength, page.imagewidth, page.samplesperpixel)
+    picture_streams.check_image_size(
+        page.imagelength, page.imagewidth, page.samplesperpixel
+    )
     if page.photometric != RGB and page.samplesperpixel > 1:
         found = (
             f"SamplesPerPixel {page.samplesperpixel}, PhotometricInterpretation {kind}"
         )
         raise FrameError(f"{found}: several channels; save the one with the frames")
 
-    scans.check_size(max(2, page.tilelength), max(2, page.tilewidth))
+    picture_streams.check_image_size(max(2, page.tilelength), max(2, page.tilewidth))
     most = int(np.prod(page.chunks)) * 8
 
     for at, count in zip(page.dataoffsets, page.databytecounts, strict=True):
         if page.compression in DEFLATE:
-            scans.unpacked(_read(file, at, count), most)
+            picture_streams.unpacked_bytes(_read(file, at, count), most)
         elif page.compression == PACKBITS:
-            scans.check_packbits(_read(file, at, count), most)
+            picture_streams.check_packbits(_read(file, at, count), most)
         elif page.compression == LZMA:
             unpacker = lzma.LZMADecompressor(memlimit=LZMA_BYTES)
-            scans.unpacked(_read(file, at, count), most, unpacker)
+            picture_streams.unpacked_bytes(_read(file, at, count), most, unpacker)
             if unpacker.unused_data:  # tifffile would unpack it, too
                 raise FrameError("damaged: data follows the end of its LZMA stream")
 
@@ -314,7 +318,7 @@ def _orientation(pages: "Sequence[TiffPage]") -> int:
 
 def _pictures(
     path: Path, data: bytes | None, shape: tuple[int, int, int]
-) -> scans.PictureStream:
+) -> picture_streams.PictureStream:
     with _opened(path, data) as file:
         first = file.pages[0].aspage()
         several = [each for each in file.series if not _is_copy(each.keyframe, first)]
@@ -343,7 +347,7 @@ def _bright(page: "TiffPage", pixels: NDArray[Any]) -> NDArray[Any]:
     if page.planarconfig == PLANES_APART and pixels.ndim == 3:
         pixels = np.moveaxis(pixels, 0, -1)
     return (
-        inverted(pixels, page.bitspersample)
+        inverted_pixels(pixels, page.bitspersample)
         if page.photometric == WHITE_IS_ZERO
         else pixels
     )
@@ -509,7 +513,7 @@ def _one_moment(file: "TiffFile", count: int, axis: str) -> str | None:
 
 def _times(
     file: "TiffFile", count: int, notes: list[str], axis: str
-) -> tuple[Times | None, str | None]:
+) -> tuple[FrameTimes | None, str | None]:
     """Return the times of frames, and why those that are stated are not theirs."""
     other = OTHER_AXES.get(axis)
     imagej = file.imagej_metadata or {}
@@ -553,16 +557,16 @@ def _times(
                 " DeltaT counts"
             )
 
-        return (Times(time_s, "OME's DeltaT") if rising(time_s) else None), None
+        return (FrameTimes(time_s, "OME's DeltaT") if rising(time_s) else None), None
 
     return _even_times(count, step_s, "OME's TimeIncrement", other)
 
 
 def _even_times(
     count: int, step_s: float, source: str, other: str | None
-) -> tuple[Times | None, str | None]:
+) -> tuple[FrameTimes | None, str | None]:
     """Return times in even steps, which are not those of `other` than moments."""
     if other is not None and step_s > 0.0:
         return None, f"{source} is between moments, and the {count} frames are {other}"
 
-    return scans.even_times(count, step_s, source), None
+    return picture_streams.even_times(count, step_s, source), None

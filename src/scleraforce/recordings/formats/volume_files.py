@@ -18,16 +18,16 @@ from scleraforce.base import optional_packages
 from scleraforce.base.errors import FrameError
 from scleraforce.base.units import to_si
 from scleraforce.base.whole_files import opened_regular
-from scleraforce.recordings.formats import picture_streams as scans
+from scleraforce.recordings.formats import picture_streams
 from scleraforce.recordings.formats.picture_streams import (
     AXES,
     METRES,
     SECONDS,
-    Numbers,
+    FrameNumbers,
+    FrameTimes,
+    PictureSource,
     PixelSize,
-    Scan,
     Steps,
-    Times,
     array_scan,
     rising,
 )
@@ -97,7 +97,7 @@ def _check_orientation(orientation: str, axes: Axes) -> None:
         raise FrameError(f"{found} is axis {at + 1}; --axes names {','.join(axes)}")
 
 
-def _plus_sequence(scan: Scan, fields: Mapping[str, str]) -> Scan:
+def _plus_sequence(scan: PictureSource, fields: Mapping[str, str]) -> PictureSource:
     """Return a sequence of PLUS with its stated times, in s, and without its invalid
     frames.
     """
@@ -120,7 +120,7 @@ def _plus_sequence(scan: Scan, fields: Mapping[str, str]) -> Scan:
             scan,
             names=tuple(scan.names[nth] for nth in kept),
             notes=(*scan.notes, notes),
-            numbers=(Numbers(np.array(kept), "Seq_FrameNNNN"),),
+            numbers=(FrameNumbers(np.array(kept), "Seq_FrameNNNN"),),
         )
         scan = replace(
             scan,
@@ -143,10 +143,12 @@ def _plus_sequence(scan: Scan, fields: Mapping[str, str]) -> Scan:
             scan, times_fault=f"Seq_FrameNNNN_Timestamp does not rise: {pair}"
         )
 
-    return replace(scan, times=Times(time_s, "Seq_Frame Timestamp"))
+    return replace(scan, times=FrameTimes(time_s, "Seq_Frame Timestamp"))
 
 
-def _of_frames(scan: Scan, fields: Mapping[str, str], name: str) -> dict[int, str]:
+def _of_frames(
+    scan: PictureSource, fields: Mapping[str, str], name: str
+) -> dict[int, str]:
     found = {
         int(match[1]): value
         for field, value in fields.items()
@@ -181,9 +183,9 @@ NRRD_AXES = (
 NRRD_IN_MM = re.compile(r"(left|right|scanner|[LR]A[SI]\b|[LR]P[SI]\b)", re.IGNORECASE)
 
 
-def read_nifti(path: Path, axes: Axes) -> Scan:
+def read_nifti(path: Path, axes: Axes) -> PictureSource:
     """Return a NIfTI volume's frames; times from a fourth axis in seconds."""
-    with scans.named_faults(path, "NIfTI"):
+    with picture_streams.named_faults(path, "NIfTI"):
         for beside in map(path.with_suffix, (".hdr", ".img")):
             if os.path.lexists(beside):
                 _check_regular(beside)
@@ -192,7 +194,7 @@ def read_nifti(path: Path, axes: Axes) -> Scan:
         header = image.header
         shape = header.get_data_shape()
         size = int(np.prod(shape, dtype=np.int64)) * header.get_data_dtype().itemsize
-        scans.check_bytes(size)
+        picture_streams.check_bytes(size)
         plane = max(1, size // max(1, int(np.prod(shape[2:], dtype=np.int64))))
 
         with image.file_map["image"].get_prepare_fileobj("rb") as file:
@@ -222,7 +224,7 @@ def read_nifti(path: Path, axes: Axes) -> Scan:
             return scan
 
         unit_s = SECONDS.get(header.get_xyzt_units()[1], 0.0)
-        times = scans.even_times(
+        times = picture_streams.even_times(
             len(scan.names), float(header.get_zooms()[3]) * unit_s, "NIfTI's pixdim"
         )
         start_s = float(header["toffset"]) * unit_s
@@ -252,11 +254,11 @@ def _nifti_steps(header: Any) -> list[Steps]:
     return found
 
 
-def read_nrrd(path: Path, axes: Axes) -> Scan:
+def read_nrrd(path: Path, axes: Axes) -> PictureSource:
     """Return an NRRD's frames; axes labelled frame, depth and lateral need not be
     named.
     """
-    with scans.named_faults(path, "NRRD"):
+    with picture_streams.named_faults(path, "NRRD"):
         nrrd = optional_packages.package_for("nrrd", "NRRD")
         with path.open("rb") as file:
             header = nrrd.read_header(file)
@@ -272,7 +274,7 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
                 )
 
         count = int(np.prod(header["sizes"], dtype=np.int64)) * SAMPLE_BYTES
-        scans.check_bytes(count)
+        picture_streams.check_bytes(count)
         data = _data_file(
             path,
             "data file: ",
@@ -280,7 +282,9 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
         )
 
         if header["encoding"].lower() in ("gzip", "gz"):
-            scans.unpacked(data.read_bytes()[start if data == path else 0 :], count)
+            picture_streams.unpacked_bytes(
+                data.read_bytes()[start if data == path else 0 :], count
+            )
 
         array, _ = nrrd.read(str(path), index_order="F")
         named = axes or _nrrd_axes(header, array.shape)
@@ -309,14 +313,14 @@ def _nrrd_axes(header: Any, shape: tuple[int, ...]) -> Axes:
     return long if sorted(long) in (sorted(AXES), sorted(AXES[1:])) else None
 
 
-def _nrrd_times(header: Any, count: int) -> Times | None:
+def _nrrd_times(header: Any, count: int) -> FrameTimes | None:
     for axis, kind in enumerate(header.get("kinds", [])):
         unit_s = SECONDS.get(str(header.get("units", [""] * (axis + 1))[axis]))
         values = str(header.get(f"axis {axis} index values", "")).split()
         if kind == "list" and unit_s and len(values) == count:
             time_s = np.array(values, dtype=np.float64) * unit_s
             return (
-                Times(time_s, f"NRRD's axis {axis} index values")
+                FrameTimes(time_s, f"NRRD's axis {axis} index values")
                 if rising(time_s)
                 else None
             )
@@ -375,11 +379,11 @@ TYPES = {
 BYTE_ORDERS = ("BinaryDataByteOrderMSB", "ElementByteOrderMSB")
 
 
-def read_metaimage(path: Path, axes: Axes) -> Scan:
+def read_metaimage(path: Path, axes: Axes) -> PictureSource:
     """Return a MetaImage's frames; its spacing is in mm. Sequences of PLUS have times,
     and frames that are invalid.
     """
-    with scans.named_faults(path, "MetaImage"):
+    with picture_streams.named_faults(path, "MetaImage"):
         fields, start = _header(path)
         _check(fields)
         notes = []
@@ -466,7 +470,7 @@ def _pixels(
     dtype = np.dtype((">" if True in orders else "<") + kind)
     shape = [int(length) for length in fields["dimsize"].split()]
     size = int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
-    scans.check_bytes(size)
+    picture_streams.check_bytes(size)
     data_path = _data_file(path, "ElementDataFile = ", fields["elementdatafile"])
     local = data_path == path
     skipped = int(fields.get("headersize", "0"))
@@ -483,7 +487,9 @@ def _pixels(
         )
 
     data = (
-        scans.unpacked(data, size) if _flag(fields, "CompressedData", False) else data
+        picture_streams.unpacked_bytes(data, size)
+        if _flag(fields, "CompressedData", False)
+        else data
     )
     data = data[max(len(data) - size, 0) :] if skipped == -1 else data
     if len(data) != size:
@@ -534,11 +540,11 @@ OCT_KIND = "Thorlabs .oct file"
 SAMPLE = np.dtype("<f4")
 
 
-def read_thorlabs(path: Path) -> Scan:
+def read_thorlabs(path: Path) -> PictureSource:
     """Return the frames of Thorlabs' .oct (ThorImage OCT 4, 5): sizes in mm, intensity
     in dB, depth fastest.
     """
-    with scans.named_faults(path, OCT_KIND), ZipFile(path) as archive:
+    with picture_streams.named_faults(path, OCT_KIND), ZipFile(path) as archive:
         if archive.getinfo(HEADER).file_size > XML_BYTES:
             raise FrameError(f"{HEADER} of more than {XML_BYTES} bytes")
         if b"<!DOCTYPE" in (text := archive.read(HEADER)) or b"<!ENTITY" in text:
@@ -562,8 +568,8 @@ def read_thorlabs(path: Path) -> Scan:
             )
 
         stated = archive.getinfo(name).file_size
-        scans.check_size(rows, columns)
-        scans.check_bytes(stated)
+        picture_streams.check_image_size(rows, columns)
+        picture_streams.check_bytes(stated)
 
         if count < 1 or stated != rows * columns * count * SAMPLE.itemsize:
             raise FrameError(
@@ -588,13 +594,13 @@ def read_thorlabs(path: Path) -> Scan:
                 ),
             )
         )
-        size, scale_fault = scans.one_size([in_file, in_header])
+        size, scale_fault = picture_streams.one_size([in_file, in_header])
         notes = tuple(
             f"{HEADER} states RefractiveIndex = {each.text}"
             for each in header.iter("RefractiveIndex")
         )
-        scan = Scan(
-            scans.frame_names(path, count),
+        scan = PictureSource(
+            picture_streams.frame_names(path, count),
             rows,
             columns,
             lambda: _pictures(path, name, (columns, rows)),
@@ -641,10 +647,12 @@ def _pixel_m(range_mm: str | None, count: int) -> float | None:
     )
 
 
-def _pictures(path: Path, name: str, shape: tuple[int, int]) -> scans.PictureStream:
+def _pictures(
+    path: Path, name: str, shape: tuple[int, int]
+) -> picture_streams.PictureStream:
     size = shape[0] * shape[1] * SAMPLE.itemsize
     with (
-        scans.named_faults(path, OCT_KIND),
+        picture_streams.named_faults(path, OCT_KIND),
         ZipFile(path) as archive,
         archive.open(name) as file,
     ):

@@ -9,12 +9,12 @@ import numpy as np
 import zarr
 
 from scleraforce.base.errors import FrameError
-from scleraforce.recordings.formats import picture_streams as scans
+from scleraforce.recordings.formats import picture_streams
 from scleraforce.recordings.formats.picture_streams import (
     METRES,
     SECONDS,
+    PictureSource,
     PixelSize,
-    Scan,
     array_scan,
 )
 
@@ -23,14 +23,14 @@ OTHER = {"c": "channels", "z": "slices"}
 OME = "OME-Zarr"
 
 
-def read_zarr(path: Path, axes: tuple[str, ...] | None) -> Scan:
+def read_zarr(path: Path, axes: tuple[str, ...] | None) -> PictureSource:
     """Return the frames of an OME-Zarr store's finest level, rows (y) as depth, or of
     one array.
     """
-    with scans.named_faults(path, "Zarr"):
+    with picture_streams.named_faults(path, "Zarr"):
         store = zarr.open(path, mode="r")
         if isinstance(store, zarr.Array):
-            scans.check_bytes(store.nbytes)
+            picture_streams.check_bytes(store.nbytes)
             return array_scan(path, np.asarray(store[...]), axes)
 
         image = _image(store)
@@ -74,7 +74,7 @@ def _frames(
     array: zarr.Array[Any],
     image: Mapping[str, Any],
     level: Mapping[str, Any],
-) -> Scan:
+) -> PictureSource:
     stated = [
         {"name": axis} if isinstance(axis, str) else dict(axis)
         for axis in image.get("axes", ()) or AXES[-array.ndim :]
@@ -86,7 +86,7 @@ def _frames(
             " (depth) and x (lateral)"
         )
 
-    scans.check_bytes(array.nbytes)
+    picture_streams.check_bytes(array.nbytes)
     steps = _steps(stated, image, level)
     long = [
         name
@@ -101,7 +101,7 @@ def _frames(
 
     count = int(np.prod(array.shape[:-2], dtype=np.int64))
     rows, columns = array.shape[-2:]
-    scans.check_size(rows, columns)
+    picture_streams.check_image_size(rows, columns)
     kind = OTHER.get(long[0]) if long else None
     step_s = steps.get("t", 0.0) if long == ["t"] else 0.0
     size = PixelSize(OME, depth_m=steps.get("y"), lateral_m=steps.get("x"))
@@ -110,14 +110,14 @@ def _frames(
         for place in np.ndindex(array.shape[:-2]):
             yield np.asarray(array[place])
 
-    scan = Scan(
-        scans.frame_names(path, count),
+    scan = PictureSource(
+        picture_streams.frame_names(path, count),
         rows,
         columns,
         pictures,
         bits=8 if array.dtype == np.uint8 else None,
         size=size,
-        times=scans.even_times(count, step_s, OME),
+        times=picture_streams.even_times(count, step_s, OME),
     )
     words = f"{OME} states {count} {kind} ({long[0]})" if kind else None
 
