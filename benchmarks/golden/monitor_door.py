@@ -3,8 +3,8 @@ second opinion.
 
 A real monitor gets the frames over OpenIGTLink from `replay --step`, each one when the
 last was read twice; frames of several planes come from `replay` slowly. Readings do not
-depend on the pace. The monitor's decisions would, so they are made in virtual time
-(`groups.sessions`).
+depend on the pace, but for those of tissue that may relax. The monitor's decisions
+would, so they are made in virtual time (`groups.sessions`).
 """
 
 import json

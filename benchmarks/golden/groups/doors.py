@@ -43,7 +43,7 @@ def answers(name: str, recordings: dict[str, Path], folder: Path) -> Answers:
 
 
 def _relaxes(calibration: Path | None) -> bool:
-    """Return whether a calibration found a tissue that relaxes.
+    """Return whether a calibration found a tissue that relaxes, or may relax.
 
     A monitor's readings of such an eye depend on the time between frames, which is the
     machine's.
@@ -51,7 +51,12 @@ def _relaxes(calibration: Path | None) -> bool:
     if calibration is None:
         return False
     eyes = json.loads(calibration.read_text(encoding="utf-8"))["eyes"].values()
-    return any(any((eye["relaxation"] or {}).get("shares", ())) for eye in eyes)
+    relaxations = [eye["relaxation"] or {} for eye in eyes]
+    return any(
+        any(relaxation.get(explanation, ()))
+        for relaxation in relaxations
+        for explanation in ("shares", "other")
+    )
 
 
 def _command_doors(

@@ -16,7 +16,7 @@ REPRODUCE_GOAL_S = 240.0
 TESTS_GOAL_S = 120.0
 STATE = ROOT / "out" / "reproduce" / "reproduce.json"
 SETTINGS = "Each once, on all cores, after installation."
-QUICK_TEST = "tests/test_whole_files.py"
+QUICK_TEST = "tests/base/test_whole_files.py"
 
 
 def measure(run: Run) -> Table:

@@ -11,7 +11,7 @@ def finite_json(value: Any) -> Any:
     """Return a value with null for each number in it that is not finite, and lists for
     tuples.
 
-    >>> finite({"force_mn": float("nan"), "interval_mn": (1.0, 2.0)})
+    >>> finite_json({"force_mn": float("nan"), "interval_mn": (1.0, 2.0)})
     {'force_mn': None, 'interval_mn': [1.0, 2.0]}
     """
     if isinstance(value, float):

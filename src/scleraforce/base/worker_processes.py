@@ -32,8 +32,8 @@ from tempfile import TemporaryDirectory
 from threading import Thread, local
 from typing import Any, NamedTuple, TypeVar
 
-import scleraforce
 from scleraforce.base.errors import InputError, SolverError
+from scleraforce.base.version import __version__
 
 Result = TypeVar("Result")
 Submit = Callable[[int], "Future[Any]"]
@@ -215,7 +215,7 @@ def _submitting(
     """Give a function that submits a unit to an executor of some workers, which end
     with the block.
     """
-    work = pickle.dumps((scleraforce.__version__, prepare))
+    work = pickle.dumps((__version__, prepare))
     if isinstance(workers, ClusterWorkers):
         with _submitting_to_cluster(work, workers) as submit:
             yield submit
@@ -300,7 +300,7 @@ def _do(work: bytes | Path, unit: int) -> Any:
             version, prepare = pickle.loads(
                 work if isinstance(work, bytes) else work.read_bytes()
             )
-            if version != (own := scleraforce.__version__):
+            if version != (own := __version__):
                 raise InputError(
                     f"a worker has scleraforce {own}, this process {version}; install"
                     " the same"

@@ -14,7 +14,7 @@ by a straight line.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -32,8 +32,26 @@ from scleraforce.library.response_splines import (
 from scleraforce.records.globe import OPEN_GLOBE, Globe
 from scleraforce.records.study_of_eye import RIGIDITY_LAWS
 
-if TYPE_CHECKING:
-    from scleraforce.library.wall_responses import Library
+
+class _WallLibrary(Protocol):
+    """What a sealed eye needs of a `wall_responses.Library`, which makes such eyes."""
+
+    @property
+    def thickness_m(self) -> Floats: ...
+    @property
+    def tip_m(self) -> Floats: ...
+    @property
+    def max_force_ratio(self) -> float: ...
+    @property
+    def tables(self) -> SplineTables: ...
+    def check_walls(self, thickness_m: Floats, iop_ratio: Floats) -> Floats: ...
+    def iop_ratio_ends(self, thickness_m: Floats) -> tuple[Floats, Floats]: ...
+    def forces(
+        self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats
+    ) -> Floats: ...
+    def tips(
+        self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats
+    ) -> Floats: ...
 
 
 @compiled
@@ -252,7 +270,7 @@ def pressure_of_level(level: float, is_logarithmic: bool) -> float:
 
 
 def iop_ratio_under_force(
-    library: "Library",
+    library: _WallLibrary,
     thickness_m: Floats,
     iop_ratio: Floats,
     force_ratio: Floats,
@@ -285,7 +303,7 @@ def iop_ratio_under_force(
 
 
 def iop_ratio_at_dent(
-    library: "Library",
+    library: _WallLibrary,
     thickness_m: Floats,
     iop_ratio: Floats,
     tip_m: Floats,
@@ -327,7 +345,7 @@ class LibraryEye:
     arrays, answers of their shape.
     """
 
-    library: "Library"
+    library: _WallLibrary
     thickness_m: float
     youngs_modulus_pa: float
     iop_pa: float

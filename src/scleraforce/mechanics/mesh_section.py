@@ -354,7 +354,7 @@ def fill_section(section: WallSection, window: SliceWindow) -> Bytes:
 
     >>> square = np.array([[0.0, 0.0], [3.0, 0.0]])
     >>> window = SliceWindow(left_m=-1.0, top_m=0.0, columns=5, rows=3, pixel_m=1.0)
-    >>> fill_section(Section(square, square + [0.0, 2.0]), window)
+    >>> fill_section(WallSection(square, square + [0.0, 2.0]), window)
     array([[  0, 255, 255, 255,   0],
            [  0, 255, 255, 255,   0],
            [  0,   0,   0,   0,   0]], dtype=uint8)

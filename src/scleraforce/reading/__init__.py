@@ -1,7 +1,7 @@
 """One moment to one answer: force and class by network and fit.
 
-Needs NumPy, OpenCV, ONNX Runtime and Numba only. Reads the files of models. Imports
-`fit` and the rows below it.
+Of other packages it needs NumPy, OpenCV, ONNX Runtime, Numba and msgspec only. Reads
+the files of models. Imports `fit` and the rows below it.
 
 Public:
     answer: `Answer`, `Answers`, `Reading`, `fit_reading`, `unusable_answer`

@@ -49,7 +49,7 @@ class NeedleLean:
         `seen_rad`: the angle from the normal to the shaft, towards growing columns on
         its way up.
 
-        >>> (doubt,) = Lean.of(Known(lean_rad=(0.2, 0.2)), 0.5).doubts
+        >>> (doubt,) = NeedleLean.of(Known(lean_rad=(0.2, 0.2)), 0.5).doubts
         >>> seen, declared = doubt.split(", ")
         >>> seen
         'the needle leans by 29 degrees in the picture (above 0: right)'

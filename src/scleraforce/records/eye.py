@@ -307,7 +307,7 @@ def completed_eye(given: Known, stated: Known) -> Known:
     """Return the given inputs of an eye, completed by the stated ones, also by a globe
     of the same kind.
 
-    >>> both = completed(Known(gap_m=0.4e-3), Known(gap_m=0.5e-3, iop_pa=266.0))
+    >>> both = completed_eye(Known(gap_m=0.4e-3), Known(gap_m=0.5e-3, iop_pa=266.0))
     >>> both == Known(gap_m=0.4e-3, iop_pa=266.0)
     True
     """

@@ -265,7 +265,7 @@ def allowed_bounds(key: str) -> Unit:
     """Return the bounds of one of `QUANTITIES` in the unit of a key; the unit of the
     result has no name.
 
-    >>> allowed("thickness_m"), allowed("iop_mmhg").high
+    >>> allowed_bounds("thickness_m"), allowed_bounds("iop_mmhg").high
     (Unit(name=None, low=0.0001, high=0.003, words=(), listed=False), 110.0)
     """
     name = next(
@@ -287,7 +287,7 @@ def did_you_mean(key: str, number: float, unit: Unit) -> str:
     """Return "; did you mean ...?" if a number outside its bounds is inside them in a
     unit that is often mixed up.
 
-    >>> meant("youngs_modulus_mpa", 300.0, allowed("youngs_modulus_mpa"))
+    >>> did_you_mean("youngs_modulus_mpa", 300.0, allowed_bounds("youngs_modulus_mpa"))
     '; did you mean 0.3 MPa (300 kPa)?'
     """
     suffix = key.rpartition("_")[2]

@@ -253,7 +253,7 @@ def test_an_existing_page_is_kept_unless_it_may_be_overwritten(tmp_path: Path) -
         write_evaluation_html(answers(), (), path, MADE_AT)
 
     assert path.read_text() == "mine"
-    write_page("report/page.html", path, MADE_AT, {}, overwrite=True)
+    write_page("front/report/page.html", path, MADE_AT, {}, overwrite=True)
     assert path.read_text().startswith("<!DOCTYPE html>")
     assert list(tmp_path.iterdir()) == [path]
 

@@ -46,7 +46,7 @@ BYTES = 65536
 def command_line(words: Sequence[str]) -> str:
     """Return the command line that a user would type.
 
-    >>> shown(["import", "my scan.tif", "--out", "eye-a"])
+    >>> command_line(["import", "my scan.tif", "--out", "eye-a"])
     "scleraforce import 'my scan.tif' --out eye-a"
     """
     return shlex.join(["scleraforce", *words])

@@ -31,9 +31,9 @@ class Description:
 def range_text(values: Iterable[float], unit: HumanUnit, printed: str) -> str:
     """Return the range of some values in words.
 
-    >>> span([4e-4, 8e-4], "um", "µm")
+    >>> range_text([4e-4, 8e-4], "um", "µm")
     '400 to 800 µm'
-    >>> span([4e-4], "um", "µm")
+    >>> range_text([4e-4], "um", "µm")
     '400 µm'
     """
     ends = sorted(

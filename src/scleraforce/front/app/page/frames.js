@@ -3,7 +3,7 @@
 import { erase, frame, get, send, thumbnail } from "./api.js";
 import { Chart } from "./chart.js";
 import { element, fixed, list, made, told, write } from "./dom.js";
-import { state } from "./main.js";
+import { state } from "./state.js";
 
 const WIDE = 116; // of a thumbnail with its gap
 const HANDLES = 13; // of each boundary

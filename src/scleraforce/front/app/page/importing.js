@@ -3,7 +3,7 @@
 import { picture, send, upload } from "./api.js";
 import { Chart } from "./chart.js";
 import { element, fixed, list, made, tell, told, write } from "./dom.js";
-import { await_, go, poll, state } from "./main.js";
+import { await_, go, poll, state } from "./state.js";
 
 // Options of `import` with their labels and kinds of field: a number, a text or a choice.
 const FIELDS = {

@@ -3,7 +3,7 @@
 import { get, send } from "./api.js";
 import { Chart, svgText } from "./chart.js";
 import { download, element, fixed, made, told, write } from "./dom.js";
-import { await_, choice, go, state } from "./main.js";
+import { await_, choice, go, state } from "./state.js";
 
 const CURVE = 121; // points of a density
 const WORST = 200; // rows of the table

@@ -1,0 +1,56 @@
+from scleraforce.base.errors import InputError as InputError
+from scleraforce.base.version import __version__ as __version__
+from scleraforce.front.api.calibrating import calibrate as calibrate
+from scleraforce.front.api.exporting import export as export
+from scleraforce.front.api.importing import import_recording as import_recording
+from scleraforce.front.api.monitoring import monitor as monitor
+from scleraforce.front.api.reading_frames import (
+    evaluate as evaluate,
+    load_model as load_model,
+    read as read,
+    save_wall as save_wall,
+    segment as segment,
+)
+from scleraforce.front.api.simulating import phantom as phantom, simulate as simulate
+from scleraforce.front.api.training import (
+    generate as generate,
+    library_of as library_of,
+    train as train,
+)
+from scleraforce.lab.training.slice_dataset import open_dataset as open_dataset
+from scleraforce.library.library_store import open_library as open_library
+from scleraforce.recordings.formats.image_files import read_frame as read_frame
+from scleraforce.recordings.recording_folder import read_recording as read_recording
+from scleraforce.records.scan import Plane as Plane
+from scleraforce.records.study import (
+    Study as Study,
+    parse_study as parse_study,
+    read_study as read_study,
+)
+
+__all__ = [
+    "InputError",
+    "Plane",
+    "Study",
+    "__version__",
+    "calibrate",
+    "evaluate",
+    "export",
+    "generate",
+    "import_recording",
+    "library_of",
+    "load_model",
+    "monitor",
+    "open_dataset",
+    "open_library",
+    "parse_study",
+    "phantom",
+    "read",
+    "read_frame",
+    "read_recording",
+    "read_study",
+    "save_wall",
+    "segment",
+    "simulate",
+    "train",
+]
