@@ -231,19 +231,24 @@ def print_rows(case: Case, eyes: list[PhantomEye], seed: int, keep: Path) -> Non
     for frames in (3, None):
         found = list[Reading]()
         declared = list[Reading]()
-        for first, second in pairs:
-            other = first if frames else second
-            found.append(read(first, other, frames))
-            stated = with_truth(first, case.kind), with_truth(other, case.kind)
-            declared.append(read(*stated, frames))
+        row = f"| {case.kind} | {case.hold_s:g} | {case.frames} | {frames or 'all'}"
+        try:
+            for first, second in pairs:
+                other = first if frames else second
+                found.append(read(first, other, frames))
+                stated = with_truth(first, case.kind), with_truth(other, case.kind)
+                declared.append(read(*stated, frames))
+        except sf.InputError as refusal:
+            print(f"{row} | refused: {refusal} | | | |", flush=True)
+            continue
 
         unknown = joined(found)
         known = joined(declared)
         width_mn = 1e3 * float(np.median(unknown.width_n))
         known_mn = 1e3 * float(np.median(known.width_n))
         print(
-            f"| {case.kind} | {case.hold_s:g} | {case.frames} | {frames or 'all'}"
-            f" | {1e3 * unknown.error_n.mean():.2f}, {1e3 * known.error_n.mean():.2f}"
+            f"{row} | {1e3 * unknown.error_n.mean():.2f},"
+            f" {1e3 * known.error_n.mean():.2f}"
             f" | {unknown.holds.mean():.0%}, {known.holds.mean():.0%}"
             f" | {width_mn:.2f} | {width_mn / known_mn:.2f} |",
             flush=True,

@@ -13,9 +13,9 @@ Two things keep that apart from what the log does not say:
   estimated; their variance stays, and widens intervals.
 - Two frames of one hold decide who yields (`who_yields`): the dent stays, or follows
   the force. Without such frames both are kept (`KnownRelaxation.other`). As the first
-  of them counts the one that explains the log, and the dents of all frames, better:
-  what relaxing tissue remembers of a push changes the next hold and its dents, while a
-  needle begins each push anew.
+  of them counts the one that explains the log better: what relaxing tissue remembers of
+  a push changes the next hold, while a needle begins each push anew. The dents of all
+  frames can contradict a log that seems sure (`doubted_by_dents`).
 """
 
 from collections.abc import Iterator, Sequence
@@ -70,6 +70,7 @@ LEAST_GAIN = 8.0  # of the log likelihood, below which the tissue counts as elas
 # or that they are not. Without memory both explanations read frames like the
 # calibration's alike, and elastic walls need no shares.
 REMEMBERED = 0.9
+FORGOTTEN = 1.0 - REMEMBERED
 # of tissue, where the log shows no memory: both explanations are models only
 LEAST_CHANCE = 0.25
 LEAST_ODDS = 1e-20  # of a chance that is taken for certain
@@ -306,7 +307,7 @@ def _undecided(
 
 def _without_memory(finding: HoldFinding) -> bool:
     """Return True if the log shows that pushes are not remembered."""
-    return finding.chance is not None and finding.chance <= 1.0 - REMEMBERED
+    return finding.chance is not None and finding.chance <= FORGOTTEN
 
 
 @dataclass(frozen=True)
@@ -452,16 +453,17 @@ def _decided(
     )
 
 
-def remembered(
+def doubted_by_dents(
     relaxation: KnownRelaxation,
     log: HoldLog,
     since_s: Floats,
     log_read: Floats,
     log_sd: Floats,
 ) -> KnownRelaxation:
-    """Return what the dents of frames at different times say of an undecided
-    relaxation.
+    """Return a relaxation of which the log seems sure as one that is not, if the dents
+    of frames at different times contradict it; else the same.
 
+    They only add a doubt: their readings err alike, which no likelihood here knows.
     `log_read` are ln of the forces that their dents show, (frame,), at times since the
     log's beginning, and `log_sd` their standard deviations. But for one factor they are
     the log's elastic forces if the tissue yields, and its forces if the needle does.
@@ -470,9 +472,10 @@ def remembered(
     """
     finding = relaxation.finding
     shares = np.array(tissue_shares(relaxation))
-    if finding is None or finding.chance is None or not shares.any():
+    if finding is None or not log_is_sure(finding) or not shares.any():
         return relaxation
 
+    assert finding.chance is not None
     hidden = np.isin(TIMES_S, finding.not_estimated_s)
     candidates = shares + np.outer(HIDDEN, np.where(hidden, PRIOR_SD, 0.0))
     elastic_n, _ = log.elastic(candidates)
@@ -485,14 +488,22 @@ def remembered(
     chances = np.array([finding.chance, 1.0 - finding.chance])
     log_odds = -float(np.diff(np.log(np.maximum(chances, LEAST_ODDS)))[0])
     chance = _chance(log_odds + gain)
+    agrees = (
+        chance >= REMEMBERED if finding.chance >= REMEMBERED else chance <= FORGOTTEN
+    )
+    if agrees:
+        return relaxation
 
     covariance = np.array(relaxation.covariance)
     if _without_memory(finding):
         covariance = covariance / LEAST_CHANCE
+    return _undecided(shares, covariance, replace(finding, chance=0.5))
 
-    after = _undecided(shares, covariance, replace(finding, chance=chance))
-    same = (after.shares, after.other) == (relaxation.shares, relaxation.other)
-    return relaxation if same else after
+
+def log_is_sure(finding: HoldFinding) -> bool:
+    """Return whether a log alone seems to show if pushes are remembered."""
+    chance = finding.chance
+    return chance is not None and (chance >= REMEMBERED or chance <= FORGOTTEN)
 
 
 def _chance(log_odds: float) -> float:

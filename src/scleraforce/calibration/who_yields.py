@@ -12,8 +12,9 @@ from scleraforce.calibration.filter.eye_filter import SkippedFrame
 from scleraforce.calibration.holds_of_a_log import (
     LEAST_SD,
     MOST_FRAMES,
+    doubted_by_dents,
     held_frames,
-    remembered,
+    log_is_sure,
     who_yields,
 )
 from scleraforce.calibration.relaxation_from_holds import hold_log
@@ -32,8 +33,8 @@ def decided_relaxation(
     """Return what an eye's frames say of its undecided relaxation; None if nothing.
 
     Two frames of one hold decide: how their dents change, not the forces of these.
-    Without such frames those of different pushes count. The frames need not be the
-    ones that the eye was calibrated on.
+    Without such frames those of different pushes may contradict a log that seems sure.
+    The frames need not be the ones that the eye was calibrated on.
     """
     relaxation = eye.relaxation
     finding = None if relaxation is None else relaxation.finding
@@ -54,13 +55,16 @@ def decided_relaxation(
     if after.finding is not None and after.finding.cause != "undecided":
         return after
 
+    if not log_is_sure(finding):
+        return None if after is relaxation else after
+
     touching = np.flatnonzero(log.contact[log.frames(forces.since_start_s)])
     chosen = touching[
         np.unique(np.linspace(0, len(touching) - 1, MOST_FRAMES).round().astype(int))
     ]
     read = _read(eye, frames, chosen.tolist(), library, study)
     indices = list(read)
-    after = remembered(
+    after = doubted_by_dents(
         after,
         log,
         forces.since_start_s[indices],

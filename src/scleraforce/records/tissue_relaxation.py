@@ -44,10 +44,11 @@ class HoldFinding:
     """What the holds of a force log have shown of tissue and needle.
 
     `fall`: by which share the force falls in a hold of `hold_s`, the median one; None
-    without holds. `chance`: of tissue that yields, by the log and the dents of
-    different pushes. `not_estimated_s` are time constants too long for the holds.
-    `frames` in pairs of one hold give `tissue_share`, the tissue's part of that fall,
-    with a standard deviation; the needle has the rest. None without such frames.
+    without holds. `chance`: of tissue that yields, by the log; a half where the dents
+    of different pushes contradict it. `not_estimated_s` are time constants too long for
+    the holds. `frames` in pairs of one hold give `tissue_share`, the tissue's part of
+    that fall, with a standard deviation; the needle has the rest. None without such
+    frames.
     """
 
     cause: Cause
