@@ -29,9 +29,8 @@ from scleraforce.calibration.filter.eye_filter import (
     begin_with,
 )
 from scleraforce.calibration.filter.eye_parameters import EyeConstants
-from scleraforce.calibration.filter.library_sections import library_eye
-from scleraforce.calibration.filter.linear_sections import linear_eye
-from scleraforce.calibration.filter.section_registration import EyeModel
+from scleraforce.calibration.filter.library_sections import LibrarySections, library_eye
+from scleraforce.calibration.filter.linear_sections import LinearEye, linear_eye
 from scleraforce.lab.tissue_light import Pose
 from scleraforce.lab.virtual_eye import BentSections, PhantomEye, SectionsAt
 from scleraforce.library.library_store import cached_library
@@ -39,6 +38,8 @@ from scleraforce.mechanics.hexahedral_mesh import build_mesh
 from scleraforce.mechanics.linear_wall import LinearWall
 from scleraforce.records.study import Study, read_study
 from scleraforce.wall.wall_in_metres import Boundaries
+
+EyeModel = LibrarySections | LinearEye
 
 
 @cache

@@ -53,7 +53,8 @@ nitpick_ignore_regex = [
     ),
     (
         "py:class",
-        r"scleraforce\.(records\.verdict\.Verdict|wall\.wall_network\.WallFinder)",
+        r"scleraforce\.(records\.verdict\.Verdict|wall\.wall_network\.WallFinder)"
+        r"|scleraforce\.library\.sealed_eye\._WallLibrary",
     ),
     (
         "py:class",

@@ -123,7 +123,7 @@ def _session(page: Page, sources: list[str], out: Path) -> None:
     page.locator("#log-plots svg").nth(1).click()
     expect(page.locator("[data-name=contact_sign] select")).to_have_value("1")
     page.click("#propose")
-    expect(page.locator("#clock-text")).to_contain_text("correlation")
+    expect(page.locator("#clock-text")).to_contain_text("proposed")
     page.fill("#import-out", "mine")
     expect(page.locator("#import-command")).to_contain_text("--out=mine")
     page.locator("#log").scroll_into_view_if_needed()

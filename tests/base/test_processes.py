@@ -22,7 +22,7 @@ from waiting import LIMIT_S, alive, wait_until
 from workers import NEEDS_DASK, Cluster, large, no_preparation, tripled, waits_for_ever
 
 import scleraforce
-from scleraforce.base import worker_processes as processes_module
+from scleraforce.base import worker_processes
 from scleraforce.base.errors import InputError, SolverError
 from scleraforce.base.worker_processes import (
     _do,
@@ -250,7 +250,7 @@ def test_a_failure_on_a_cluster_reaches_the_caller(
     with pytest.raises(SolverError, match="die one after the other"):
         list(work_units(tasks.ends_its_process, [7], workers))
 
-    monkeypatch.setattr(scleraforce, "__version__", "0.0.1")
+    monkeypatch.setattr(worker_processes, "__version__", "0.0.1")
     with pytest.raises(
         InputError, match=r"a worker has scleraforce \d.*, this process 0\.0\.1"
     ):
@@ -287,7 +287,7 @@ def test_a_scheduler_that_ends_is_one_clear_error(mortal: Cluster) -> None:
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 def test_no_scheduler_is_bad_input(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(processes_module, "CONNECT_S", 0.5)
+    monkeypatch.setattr(worker_processes, "CONNECT_S", 0.5)
     with pytest.raises(
         InputError, match=re.escape("no Dask scheduler answers at tcp://127.0.0.1:9")
     ):

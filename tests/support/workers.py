@@ -178,10 +178,15 @@ def ends_its_process():
 
 
 def waits_at(gate: Path):
-    """Work whose first unit ends at once; every other one waits for a file."""
+    """Work whose first unit, whichever a worker takes first, ends at once; every other
+    one waits for a file.
+    """
+    first = gate.with_name(f"{gate.name}-first")
 
     def work(unit: int) -> int:
-        if unit:
+        try:
+            first.touch(exist_ok=False)
+        except FileExistsError:
             wait_until(gate.exists)
         return unit
 

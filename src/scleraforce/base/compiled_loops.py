@@ -27,9 +27,10 @@ from scleraforce.base.private_folder import folder_fault, make_private, read_own
 
 KEY_LETTERS = 32  # of the hash, in a file name
 ROOT = Path(__file__).parents[1]
-# Imports that may decide machine code: modules of the packages with loops.
+# Imports that may decide machine code: modules of the packages with loops, and of those
+# below, whose constants are compiled in.
 IMPORT = re.compile(
-    r"^from scleraforce\.((?:fit|library|mechanics|records|wall)[\w.]*) import "
+    r"^from scleraforce\.((?:base|fit|library|mechanics|records|wall)[\w.]*) import "
     r"(\([^)]*\)|.+)$",
     re.M,
 )
@@ -288,7 +289,7 @@ def _code_folder(module: str) -> Path | None:
     """Return the folder of a module's machine code; None, with a note, if another user
     could have put code there.
     """
-    content = b"".join(file.read_bytes() for file in sorted(_deciding(module)))
+    content = b"".join(_source(name)[0] for name in sorted(_deciding(module)))
     folder = (
         user_cache_path("scleraforce")
         / "compiled"
@@ -307,20 +308,36 @@ def _note(text: str) -> None:
     sys.stderr.flush()
 
 
-def _deciding(module: str) -> set[Path]:
-    """Return the sources of a module's machine code: Numba does not notice a change of
-    a called function.
+def _deciding(module: str) -> set[str]:
+    """Return the modules that decide a module's machine code: Numba does not notice a
+    change of a called function.
     """
-    found: set[Path] = set()
+    found: set[str] = set()
     waiting = [module, "base.compiled_loops"]
 
     while waiting:
-        file = ROOT.joinpath(*waiting.pop().split(".")).with_suffix(".py")
-        if file.is_file() and file not in found:
-            found.add(file)
-            for imported, names in IMPORT.findall(file.read_text(encoding="utf-8")):
-                waiting.append(imported)
-                # of a package: its modules
-                waiting += (f"{imported}.{name}" for name in re.findall(r"\w+", names))
+        name = waiting.pop()
+        if name not in found and _source(name)[0]:
+            found.add(name)
+            waiting += _source(name)[1]
 
     return found
+
+
+@cache
+def _source(module: str) -> tuple[bytes, tuple[str, ...]]:
+    """Return a module's source, and what it imports that may decide machine code; b""
+    if there is no such module.
+    """
+    file = ROOT.joinpath(*module.split(".")).with_suffix(".py")
+    if not file.is_file():
+        return b"", ()
+
+    content = file.read_bytes()
+    imports = list[str]()
+    for imported, names in IMPORT.findall(content.decode()):
+        imports.append(imported)
+        # of a package: its modules
+        imports += (f"{imported}.{name}" for name in re.findall(r"\w+", names))
+
+    return content, tuple(imports)

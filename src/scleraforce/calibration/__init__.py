@@ -1,6 +1,7 @@
 """What frames with forces teach: an eye, and how wrong a reader's answers are.
 
-Pure: no file, no clock, no socket. Imports `reading` and the rows below it.
+Pure: no file, no clock, no socket; but for `evaluation`, which reads recordings.
+Imports `reading` and the rows below it.
 
 Public:
     answer_metrics: `ForceTrial`, `Proportion`, `SDS_OF_INTERVAL`, `SHARED_ERROR`,

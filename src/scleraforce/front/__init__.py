@@ -3,5 +3,6 @@
 Imports every other package. Inside, `cli` imports all, `app` imports `api`, and `api`
 and `paper` import `report`.
 
-Public: none.
+Public: the names of `import scleraforce as sf` (`api.public_names`, docs/python.md) and
+the command (`cli.main`).
 """

@@ -1,4 +1,4 @@
-"""What speaks against a reading, and the upper end of an interval."""
+"""The verdict on a frame, as the monitor judges and sends it, and its largest force."""
 
 from dataclasses import dataclass
 

@@ -42,6 +42,7 @@ STATE_FILE = "reproduce.json"
 # Sources that decide the stored results: an edit costs one run. The page is drawn in
 # every run.
 SOURCES = (
+    *(f"base/{name}.py" for name in ("normal_distribution", "onnx_network", "units")),
     "calibration",
     "fit",
     "lab",
