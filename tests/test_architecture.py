@@ -19,6 +19,7 @@ from analytic_library import analytic_library
 from sources import syntax_nodes
 
 import scleraforce
+from scleraforce.base.compiled_loops import _deciding
 from scleraforce.base.errors import InputError, StudyError
 from scleraforce.base.units import SI_PER_UNIT, STANDARD_GRAVITY_M_S2
 from scleraforce.lab.training.slice_dataset import open_dataset
@@ -211,6 +212,27 @@ def test_imports_point_to_lower_rows_and_at_public_names(path: Path) -> None:
 def test_no_imports_go_round() -> None:
     needs = {name: at_import(path) & NAMES.keys() for name, path in NAMES.items()}
     TopologicalSorter(needs).prepare()  # raises CycleError
+
+
+WITH_LOOPS = [
+    name
+    for name, path in NAMES.items()
+    if "scleraforce.base.compiled_loops" in imported(path)
+]
+
+
+@pytest.mark.parametrize("name", WITH_LOOPS)
+def test_machine_code_depends_on_every_source_that_its_module_imports(name) -> None:
+    needed: set[str] = set()
+    waiting = {name}
+    while waiting:
+        module = waiting.pop()
+        needed.add(module)
+        waiting |= (at_import(NAMES[module]) & NAMES.keys()) - needed
+
+    sources = {one for one in needed if NAMES[one].name != "__init__.py"}
+    deciding = _deciding(name.removeprefix("scleraforce."))
+    assert sources <= {f"scleraforce.{one}" for one in deciding}
 
 
 def test_each_package_is_of_a_row() -> None:

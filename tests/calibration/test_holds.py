@@ -231,6 +231,8 @@ def test_dents_of_different_pushes_contradict_a_log_that_seems_sure(seed: int) -
     assert not any(after.shares)
     shown = np.array(found.shares) > 0.0
     assert np.array(after.other)[shown] == pytest.approx(np.array(found.shares)[shown])
+    nothing = np.empty(0)
+    assert doubted_by_dents(doubted, log, nothing, nothing, nothing) is doubted
     # dents of a needle that yields: they follow the force
     assert read_of(path.felt_n(frame_s)) is doubted
 

@@ -26,9 +26,8 @@ from scleraforce.records.tissue_relaxation import KnownRelaxation
 
 pytest.importorskip("torch")
 
-# what the network says always; the fit is the one that answers
-BINS = 64
-BIN = 20
+BINS = 64  # what the network says always
+BIN = 20  # the fit is the one that answers
 RELAXING = replace(KNOWN, relaxation=KnownRelaxation.declared([[0.2, 1.0]]))
 assert KNOWN.modulus is not None
 PRIOR = Modulus(

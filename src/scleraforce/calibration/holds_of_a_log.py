@@ -49,40 +49,39 @@ PRIOR_SD = np.full(len(TIMES_S), 0.07)
 # mean and standard deviation of a half-normal variable
 MEAN_OF_SD = np.sqrt(2.0 / np.pi)
 SD_OF_SD = np.sqrt(1.0 - 2.0 / np.pi)
-# of the prior's variance: above, other tissue says more of a share than the holds do
+# Share of the prior's variance above which other tissue says more of a share than the
+# holds do.
 SHOWN = 0.5
 STEP_S = 0.1  # of the log that is turned back: its low-pass leaves 5 Hz
 CONTACT_N = 2e-3
 LEAST_PUSH_N = 10e-3  # of which a hold is taken
 FAST = 0.3  # of the fastest rise of a push: faster changes are the needle's
 SURE = 4.0  # standard deviations of the noise
-# samples: of a mean, which leaves out 0.2 s at a hold's ends; of the shortest hold
-SMOOTHED = 4
-LEAST = 5
+SMOOTHED = 4  # samples of a mean, which leaves out 0.2 s at a hold's ends
+LEAST = 5  # samples of the shortest hold
 REACHED = 0.8  # of a hold's median force: below, a slow ramp is not over
 OFF = 1.5  # of the usual scatter: the needle moved
 MOST = 0.95  # of a force is lost
-# of Gauss-Newton; of a share, for its derivative
-ROUNDS = 6
-STEP = 1e-4
+ROUNDS = 6  # of Gauss-Newton
+STEP = 1e-4  # of a share, for its derivative
 LEAST_GAIN = 8.0  # of the log likelihood, below which the tissue counts as elastic
 # Chance of tissue, or of a needle, from which the log shows that pushes are remembered,
 # or that they are not. Without memory both explanations read frames like the
 # calibration's alike, and elastic walls need no shares.
 REMEMBERED = 0.9
 FORGOTTEN = 1.0 - REMEMBERED
-# of tissue, where the log shows no memory: both explanations are models only
+# Chance of tissue where the log shows no memory: both explanations are models only.
 LEAST_CHANCE = 0.25
-LEAST_ODDS = 1e-20  # of a chance that is taken for certain
+LEAST_ODDS = 1e-20  # chances closer to 0 or 1 count as this
 # Shares of time constants too long for the holds, over those of other tissue: points of
 # a half-normal distribution, and their weights.
 HIDDEN = np.arange(0.0, 3.0, 0.25)
 HIDDEN_WEIGHTS = np.exp(-0.5 * HIDDEN**2) / np.exp(-0.5 * HIDDEN**2).sum()
 MOST_SQUARES = 200.0  # of residuals: a few wild ones decide nothing
-# of a share that frames show: standard deviations within which nothing, or all, of a
-# fall is the tissue's
+# Standard deviations of the tissue's share of a fall, as frames show it, within which
+# all of it, or nothing, is the tissue's.
 AGREED = 2.0
-LEAST_SD = 0.02  # of the same: the holds' own fit
+LEAST_SD = 0.02  # of that share: the error of the holds' own fit
 FRAMES_OF_HOLD = 2  # that are read: the farthest apart
 MOST_HOLDS = 12  # whose frames are read
 MOST_FRAMES = 24  # that are read where no hold has two of them
@@ -117,11 +116,12 @@ class HoldLog:
             self.felt_n, self.time_s, self.contact, shares, TIMES_S, anew=anew
         )
 
-    @property
-    def noise_n(self) -> float:
-        """The standard deviation of a sample in holds, N: it changes little there."""
-        steps_n = np.concatenate([np.diff(self.felt_n[hold]) for hold in self.holds])
-        return float(np.sqrt(0.5 * np.mean(steps_n**2)))
+    def noise_variance(self, holds: Sequence[slice]) -> float:
+        """Return the variance of a sample's noise, N^2, from the steps between samples:
+        within holds the force itself changes little from one to the next.
+        """
+        steps_n = np.concatenate([np.diff(self.felt_n[hold]) for hold in holds])
+        return 0.5 * float(np.mean(steps_n**2))
 
     @property
     def holds(self) -> list[slice]:
@@ -185,9 +185,7 @@ def fit_holds(
     `anew`: nothing is remembered of earlier pushes, as by a needle that yields.
     """
     used = np.arange(len(TIMES_S)) if shown is None else np.flatnonzero(shown)
-    variance = 0.5 * float(
-        np.mean(np.concatenate([np.diff(log.felt_n[hold]) for hold in holds]) ** 2)
-    )
+    variance = log.noise_variance(holds)
 
     def scatter(shares: Floats) -> list[Floats]:
         """Return the distance of Fe from its mean in each hold, (candidate, sample)."""
@@ -460,19 +458,21 @@ def doubted_by_dents(
     log_read: Floats,
     log_sd: Floats,
 ) -> KnownRelaxation:
-    """Return a relaxation of which the log seems sure as one that is not, if the dents
-    of frames at different times contradict it; else the same.
+    """Return the relaxation with both explanations open, if the log decides for one and
+    the dents of frames contradict it; else unchanged.
 
-    They only add a doubt: their readings err alike, which no likelihood here knows.
-    `log_read` are ln of the forces that their dents show, (frame,), at times since the
-    log's beginning, and `log_sd` their standard deviations. But for one factor they are
-    the log's elastic forces if the tissue yields, and its forces if the needle does.
-    What tissue remembers for longer than the holds is not known: its likelihood is the
-    mean over what other tissue has.
+    `log_read` (frame,) are ln of the forces that the dents show at times `since_s`
+    after the log's beginning, `log_sd` their standard deviations. Up to a common factor
+    these forces are the log's elastic ones if the tissue yields, and the log's own if
+    the needle does. Shares of time constants too long for the holds are unknown: the
+    tissue's likelihood is the mean over those of other tissue. Dents never decide:
+    their readings share errors that the likelihoods do not contain.
     """
     finding = relaxation.finding
     shares = np.array(tissue_shares(relaxation))
     if finding is None or not log_is_sure(finding) or not shares.any():
+        return relaxation
+    if not len(log_read):
         return relaxation
 
     assert finding.chance is not None
@@ -480,7 +480,8 @@ def doubted_by_dents(
     candidates = shares + np.outer(HIDDEN, np.where(hidden, PRIOR_SD, 0.0))
     elastic_n, _ = log.elastic(candidates)
     at = log.frames(since_s)
-    sd = np.hypot(log_sd, log.noise_n / log.felt_n[at])
+    noise_n = np.sqrt(log.noise_variance(log.holds))
+    sd = np.hypot(np.hypot(log_sd, LEAST_SD), noise_n / log.felt_n[at])
     by_tissue = _likelihoods(log_read - np.log(elastic_n[:, at]), sd)
     by_needle = _likelihoods(log_read - np.log(log.felt_n[None, at]), sd)
     gain = float(np.log(HIDDEN_WEIGHTS @ by_tissue) - np.log(by_needle[0]))
@@ -488,10 +489,8 @@ def doubted_by_dents(
     chances = np.array([finding.chance, 1.0 - finding.chance])
     log_odds = -float(np.diff(np.log(np.maximum(chances, LEAST_ODDS)))[0])
     chance = _chance(log_odds + gain)
-    agrees = (
-        chance >= REMEMBERED if finding.chance >= REMEMBERED else chance <= FORGOTTEN
-    )
-    if agrees:
+    chances_of_tissue = finding.chance, chance
+    if min(chances_of_tissue) >= REMEMBERED or max(chances_of_tissue) <= FORGOTTEN:
         return relaxation
 
     covariance = np.array(relaxation.covariance)
@@ -501,7 +500,7 @@ def doubted_by_dents(
 
 
 def log_is_sure(finding: HoldFinding) -> bool:
-    """Return whether a log alone seems to show if pushes are remembered."""
+    """Return whether a log decides by itself if pushes are remembered."""
     chance = finding.chance
     return chance is not None and (chance >= REMEMBERED or chance <= FORGOTTEN)
 

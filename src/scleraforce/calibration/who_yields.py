@@ -2,15 +2,15 @@
 different times of one hold, else by those of different pushes.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from scleraforce.base.arrays import Floats
 from scleraforce.calibration.calibration import EyeCalibration
 from scleraforce.calibration.filter.eye_filter import SkippedFrame
 from scleraforce.calibration.holds_of_a_log import (
-    LEAST_SD,
     MOST_FRAMES,
     doubted_by_dents,
     held_frames,
@@ -46,37 +46,33 @@ def decided_relaxation(
     held = held_frames(log, relaxation, forces.since_start_s)
     read = _read(eye, frames, [frame.index for frame in held.frames], library, study)
     pairs = tuple(frame for frame in held.frames if frame.index in read)
-    after = who_yields(
-        relaxation,
-        replace(held, frames=pairs),
-        np.log([read[frame.index].library_n for frame in pairs]),
-        np.array([_relative_sd(read[frame.index]) for frame in pairs]),
-    )
+    indices = [frame.index for frame in pairs]
+    after = who_yields(relaxation, replace(held, frames=pairs), *_logs(read, indices))
     if after.finding is not None and after.finding.cause != "undecided":
         return after
 
-    if not log_is_sure(finding):
-        return None if after is relaxation else after
-
     touching = np.flatnonzero(log.contact[log.frames(forces.since_start_s)])
-    chosen = touching[
-        np.unique(np.linspace(0, len(touching) - 1, MOST_FRAMES).round().astype(int))
-    ]
-    read = _read(eye, frames, chosen.tolist(), library, study)
-    indices = list(read)
-    after = doubted_by_dents(
-        after,
-        log,
-        forces.since_start_s[indices],
-        np.log([read[index].library_n for index in indices]),
-        np.array([_relative_sd(read[index]) for index in indices]),
-    )
+    if log_is_sure(finding) and len(touching):
+        chosen = np.linspace(0, len(touching) - 1, MOST_FRAMES).round().astype(int)
+        read = _read(eye, frames, touching[np.unique(chosen)].tolist(), library, study)
+        indices = list(read)
+        since_s = forces.since_start_s[indices]
+        after = doubted_by_dents(after, log, since_s, *_logs(read, indices))
 
     return None if after is relaxation else after
 
 
-def _relative_sd(read: KnownForce) -> float:
-    return float(np.hypot(read.sd_n / read.library_n, LEAST_SD))
+def _logs(
+    read: Mapping[int, KnownForce], indices: Sequence[int]
+) -> tuple[Floats, Floats]:
+    """Return ln of the forces that were read, (frame,), and their standard
+    deviations.
+    """
+    each = [read[index] for index in indices]
+    return (
+        np.log([one.library_n for one in each]),
+        np.array([one.sd_n / one.library_n for one in each]),
+    )
 
 
 def _read(

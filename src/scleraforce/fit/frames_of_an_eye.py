@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scleraforce.base.arrays import Floats
-from scleraforce.base.normal_distribution import NORMAL_MEDIAN
+from scleraforce.base.normal_distribution import robust_spread
 from scleraforce.fit import unknowns
 from scleraforce.fit.compiled_fit import COLUMNS, CORRELATED_M, INNER_SD_M, OUTER_SD_M
 from scleraforce.fit.compiled_search import HEAVY_CAUCHY, HIGHEST_POLE, MOVING
@@ -64,9 +64,8 @@ _FORM, _POLE = (
 # over the globe's mean.
 EXTRA_MEAN = np.array([log(1 / 60.0), 0.0, 1.0])
 EXTRA_SD = np.array([1.0, 1e-3, 1e-3])
-# standard deviation of a travel; its share for the library's dent
-TRAVEL_SD_M = 10e-6
-TIP_SD = 0.01
+TRAVEL_SD_M = 10e-6  # standard deviation of a travel
+TIP_SD = 0.01  # its share for the library's dent
 # standard deviation of the logarithm of a known force: the level of real walls beside
 # the library's
 FORCE_SD = 0.02
@@ -82,9 +81,8 @@ OVER_M = 2e-3
 INNER_SHARE = 0.7
 REFERENCE_M = 2e-3
 WARP_M = 1e-3
-# of the kernel; of a part that differs between depths of dents
-ROUNDING = 1e-4
-LEAST_SIZE_M = 0.3e-6
+ROUNDING = 1e-4  # of the kernel
+LEAST_SIZE_M = 0.3e-6  # of a part that differs between depths of dents
 RESTING_SIZES_M = np.array([1e-6, 2e-6, 4e-6, 8e-6, 16e-6])
 GROWING_SIZES_M = np.array([4e-6, 8e-6, 16e-6, 32e-6])
 LEAST_NOISE = 0.8  # of the boundaries over their SDs
@@ -92,10 +90,9 @@ LEAST_NOISE = 0.8  # of the boundaries over their SDs
 # three dimensions, a half of them uneven, each with and without travel
 # (benchmarks/README.md).
 WIDER = 1.4
-# of the fit; with sizes sought; of the cost
-ROUNDS = 30
-SIZED_ROUNDS = (2, 4, 6, 8, 10, 12)
-SETTLED = 2e-3
+ROUNDS = 30  # of the fit
+SIZED_ROUNDS = (2, 4, 6, 8, 10, 12)  # with sizes sought
+SETTLED = 2e-3  # of the cost
 FIRST_DAMPING = 1e-3
 RETRY_DAMPING = 1e-2
 LEAST_DAMPING = 1e-6
@@ -481,7 +478,7 @@ class _EyeProblem:
         """Find the noise by the columns' misfit, and the discrepancy's sizes by the
         marginal likelihood (Laplace's).
         """
-        misfits = [NORMAL_MEDIAN * float(np.median(np.abs(one.off))) for one in seen]
+        misfits = [robust_spread(np.abs(one.off)) for one in seen]
         self.noise = max(LEAST_NOISE, float(np.median(misfits)))
         normal, gradient = _eliminated(seen, len(shared), 0.0)[:2]
         _, own_normal, own_gradient = self.prior(shared)

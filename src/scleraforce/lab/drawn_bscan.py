@@ -45,9 +45,8 @@ from scleraforce.wall.wall_network import FrameWindow, reduced_frame
 
 SKIN_M = 10e-6  # thickness of the bright edge, and at least SKIN_COLUMNS of a column
 SKIN_COLUMNS = 0.5
-# of the light from torn tissue; how far above its hole the surface is gone
-TRACK_DB = -12.0
-HOLE_M = 30e-6
+TRACK_DB = -12.0  # of the light from torn tissue
+HOLE_M = 30e-6  # how far above its hole the surface is gone
 
 
 @dataclass(frozen=True, eq=False)

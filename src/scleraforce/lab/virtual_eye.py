@@ -346,12 +346,10 @@ class BentSections:
         return self._bent
 
 
-# of a leak's clock; at which the pressures of its knots are taken
-LEAK_STEP_S = 0.05
-LEAK_FORCES = 64
-# leaked volumes; the largest one over that of an eye whose dents do not grow
-LEAK_KNOTS = 3
-LEAK_REACH = 1.25
+LEAK_STEP_S = 0.05  # of a leak's clock
+LEAK_FORCES = 64  # at which the pressures of its knots are taken
+LEAK_KNOTS = 3  # leaked volumes
+LEAK_REACH = 1.25  # the largest one over that of an eye whose dents do not grow
 LEAST_LEAK_M3 = 1e-12
 
 

@@ -12,9 +12,8 @@ from scleraforce.records.frame import Pixels
 GRID = 8  # rows and columns of blocks
 PAIRS = 32  # of neighbouring pixels in a row, in each block: one bit each
 RUN = PAIRS + 3  # pixels in a row that give them, also one pixel to the left or right
-# with texture; with fewer, only equal differences count
-LEAST_BLOCKS = 16
-LEAST_SHARE = 2 / 3
+LEAST_BLOCKS = 16  # with texture
+LEAST_SHARE = 2 / 3  # with fewer, only equal differences count
 LEAST_PAIRS = 8  # of unequal pixels, in a block that counts
 # unequal pairs; with fewer, only pictures equal to the last bit count as the same
 LEAST_TOLD = 32
@@ -26,14 +25,11 @@ WORTH_A_LOOK = 0.2  # of all pairs
 GHOST_SHARE = 1 / 3
 GHOST = 0.25
 COPY = 0.85  # a block that agrees as in a copy, and the share of them
-# in the whole picture; in its left, right, upper, lower or middle half
-COPIES = 0.6
-COPIES_OF_A_PART = 0.8
+COPIES = 0.6  # in the whole picture
+COPIES_OF_A_PART = 0.8  # in its left, right, upper, lower or middle half
 
-# rows and columns that a picture may have moved by; of their pairs, the one without a
-# move
-SHIFTS = 3
-UNMOVED = 4
+SHIFTS = 3  # rows and columns that a picture may have moved by
+UNMOVED = 4  # of their pairs, the one without a move
 
 Words = NDArray[np.uint64]
 

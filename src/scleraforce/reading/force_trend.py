@@ -21,9 +21,9 @@ from operator import itemgetter
 from statistics import fmean, median
 from typing import NamedTuple
 
+from scleraforce.base.normal_distribution import NORMAL_MEDIAN
 from scleraforce.base.units import from_si
 
-MAD_TO_SD = 1.4826  # of a normal distribution
 OUTSIDE = 2  # readings on either side of a fall: a single wild one is not a fall
 STEP_S = 0.008  # an interval at 100 frames a second, less its jitter
 STEPS_BEFORE = 2
@@ -272,7 +272,7 @@ def noise_n(forces_n: list[float]) -> float:
         for a, b, c in zip(forces_n, forces_n[1:], forces_n[2:], strict=False)
     ]
     # a second difference has six variances
-    return MAD_TO_SD * median(bends_n or [0.0]) / sqrt(6.0)
+    return NORMAL_MEDIAN * median(bends_n or [0.0]) / sqrt(6.0)
 
 
 LEAST_PAIRS = 4
@@ -355,7 +355,7 @@ def rise_of(history: Sequence[tuple[float, float]], frames: int) -> ForceRise | 
     offsets_n = [force_n - slope * at_s for at_s, force_n in points]
     now_n = median(offsets_n)
     off_n = median([abs(offset_n - now_n) for offset_n in offsets_n])
-    sd_n = max(MAD_TO_SD * off_n, noise_n([force_n for _, force_n in history]))
+    sd_n = max(NORMAL_MEDIAN * off_n, noise_n([force_n for _, force_n in history]))
     middle_s = fmean([at_s for at_s, _ in points])
     spread_s = sqrt(sum((at_s - middle_s) ** 2 for at_s, _ in points))
 

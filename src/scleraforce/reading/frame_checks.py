@@ -366,9 +366,8 @@ def judged_answer(reading: Reading, name: str, leaves: bool, study: Study) -> An
 # from a surface's ends and between the places tried of a limbus
 SIDE_M = 1e-3
 STEP_M = unknowns.SOFT_M
-# of least squares; for a limbus near the end of a surface, with nothing beyond
-ROUNDS = 4
-RIDGE = 1e-9
+ROUNDS = 4  # of least squares
+RIDGE = 1e-9  # for a limbus near the end of a surface, with nothing beyond
 NOISE = 1.0  # mean square of the distances from a true wall
 # squares of standard deviations that one unknown more is worth (Akaike)
 ONE_UNKNOWN = 2.0

@@ -388,9 +388,8 @@ class Classifier(Reader):
         )
 
 
-# of the dents whose rise of force is looked at; reserve
-STEEP_M = 4e-3
-STEEPER = 1.2
+STEEP_M = 4e-3  # of the dents whose rise of force is looked at
+STEEPER = 1.2  # reserve
 CONTACTS = 32  # polar angles whose libraries are cached
 # Shifts of the slices that the network reads of one frame, in rows; the first is the
 # slice itself. A slice of black and white does not show where in its pixels a boundary

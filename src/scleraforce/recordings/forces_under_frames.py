@@ -587,15 +587,14 @@ def _means(log: ForceLog, info: ForceInfo) -> Callable[[Floats], Floats]:
     return around
 
 
-# A puncture is a sudden fall of the force in a log: limits of one.
-# of the levels on either side of a fall in a log; a fall is that sudden
-BEFORE_S = 0.08
-BETWEEN_S = 0.02
-# of the level before; beyond the noise of a mean
-FALL_SHARE = 0.4
+# A puncture is a sudden fall of the force in a log. Its limits:
+BEFORE_S = 0.08  # of the levels on either side of the fall
+BETWEEN_S = 0.02  # from level to level, at most
+FALL_SHARE = 0.4  # of the level before, at least
 LEAST_FALL_N = 2e-3
-DEVIATIONS = 6.0
-# of the fall: so much the levels themselves may change, or it is a slow retraction
+DEVIATIONS = 6.0  # of the noise of a level, at least
+# Share of the fall by which a level itself may change; beyond it the needle goes back
+# slowly.
 LEVEL = 0.25
 STIFFNESS_N_M = 100.0  # of a steep wall: what the needle went back explains as much
 # without contact for so long, a push is over

@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 
 from scleraforce.base.arrays import Places, Singles
+from scleraforce.base.normal_distribution import NORMAL_MEDIAN
 from scleraforce.records.frame import Pixels
 from scleraforce.records.scan import PixelScale
 from scleraforce.wall.inner_boundary import stretch
@@ -36,14 +37,12 @@ EXPECTED = (0.4, 1.7)  # of the excess of thickness: where the step may lie
 REACH = 4  # cells from group to group
 SURE_SDS = 1.5  # of a step: their mean on a path through speckle is less than 1
 # Without a known thickness: 1.5 at most on 60 even walls, 1.7 and more under layers of
-# 50 to 450 um. a second surface is sought in this share of the wall
+# 50 to 450 um.
 SURE_ALONE_SDS = 2.0
-MOST_SHARE = 0.6
+MOST_SHARE = 0.6  # of the wall, in which a second surface is sought
 LEAST_STEP = 0.02  # of the level below the surface
 POOLED = 3  # groups whose mean makes a step stand out of the speckle
 SMOOTHED = 3  # groups
-# standard deviation of a normal distribution over the median of its size
-NORMAL_MEDIAN = 1.4826
 FITS = 0.5  # of the excess may be left below the step
 
 

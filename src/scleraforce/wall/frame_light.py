@@ -39,9 +39,8 @@ LIT_SHARE = 0.02
 PAGE_SPREAD = 0.008
 # contrast of pairs: midway between the root and the intensity itself
 NOT_LOGARITHMIC = 0.38
-# of a pair, from one count to the other; of a frame, spread over it
-PAIR_COLUMNS = 8
-LOOKED_AT_ROWS = 24
+PAIR_COLUMNS = 8  # of a pair, from one count to the other
+LOOKED_AT_ROWS = 24  # of a frame, spread over it
 DIMMER = 0.9  # of the pairs are left out: noise about the tissue
 LEAST_PAIRS = 200
 # times the spread of the columns' means in the uppermost rows: a needle may begin

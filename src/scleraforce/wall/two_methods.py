@@ -62,10 +62,8 @@ LAYER_M = 0.35e-3  # thickness of the choroid, at most
 # ... in this share of the columns that both see, and these of the columns that either
 # sees
 SAME_SHARE = 0.8
-# largest difference in standard deviations; the standard deviation of `find_wall` in
-# rows
-SDS = 4.0
-OTHER_ROWS = 2.0
+SDS = 4.0  # largest difference in standard deviations
+OTHER_ROWS = 2.0  # the standard deviation of `find_wall` in rows
 OTHER_INNER_SHARE = 0.08  # ... and of its inner boundary, in thicknesses
 DIFFERING_SHARE = 0.2  # of the columns that both see
 UNSEEN_SHARE = 0.3  # of the columns that either sees are seen by one alone
@@ -82,9 +80,8 @@ SAMPLES = 8  # rows that are looked at on a side
 # above and below the inner boundary: where its edge is looked for again
 SHARP_M = 70e-6
 LEAST_SHARP_ROWS = 3
-# of averaged columns; of a step between two halves of such a width, at most
-SHARP_WIDTH_M = 0.25e-3
-STEP_ROWS = 2
+SHARP_WIDTH_M = 0.25e-3  # of averaged columns
+STEP_ROWS = 2  # of a step between two halves of such a width, at most
 # of a column's rows, of the median: a column without speckle does not decide alone
 LEAST_SPREAD = 0.25
 # of a normal distribution about the first boundary: a standard deviation of 0.35 of the

@@ -192,9 +192,8 @@ LEAST_SPREAD_ROWS = 0.3  # of a boundary: no finer than a row of the reduced fra
 # there
 EDGE_ROWS = 0.6
 SURE_WALL = 0.5  # probability from which on a column has wall
-# of the rows: no second look; of the wall's rows, shown beyond it
-FILLED_SHARE = 0.85
-BEYOND_SHARE = 0.15
+FILLED_SHARE = 0.85  # of the rows: no second look
+BEYOND_SHARE = 0.15  # of the wall's rows, shown beyond it
 # what a second look may change: the least share of columns in common, and the largest
 # shift in thicknesses
 SAME_COLUMNS_SHARE = 0.8

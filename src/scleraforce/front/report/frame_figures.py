@@ -630,9 +630,8 @@ def draw_overview(read: Sequence[AnsweredFrame], evaluation: Evaluation) -> Figu
     return figure
 
 
-# frames on a sheet; of these the first in the order
-MOST = 40
-WORST = 24
+MOST = 40  # frames on a sheet
+WORST = 24  # of these the first in the order
 COLUMNS = 4
 CELL_MM = 40.0
 GAP_MM = 2.0

@@ -518,9 +518,8 @@ MOST_AT_TOP = 0.05
 MOST_ERROR_DB = 1.5
 MOST_ANGLE_SHARE = 0.35
 SPREAD = 2.0  # of the angle over its fit's standard error: neighbours are alike
-# angle; deviation of the surface that was found
-START_RAD = 0.1
-START_ROWS = 0.3
+START_RAD = 0.1  # angle
+START_ROWS = 0.3  # deviation of the surface that was found
 # slopes between which the offset of that surface changes evenly
 KNOTS_RAD = (
     0.0,

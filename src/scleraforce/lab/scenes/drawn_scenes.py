@@ -38,9 +38,8 @@ from scleraforce.records.study import (
 OPAQUE_PER_M = 40e3  # attenuation of metal
 LINE_ROWS = (0.5, 1.4)  # half widths of bright curves
 NEEDLE_LENGTH_M = 20e-3
-# of the contact lenses; below their faces' light
-HAZY_SHARE = 0.3
-HAZE_DB = 20.0
+HAZY_SHARE = 0.3  # of the contact lenses
+HAZE_DB = 20.0  # below their faces' light
 AIR_PASS = 0.02  # share of the light that gets through air between wet surfaces
 
 

@@ -14,9 +14,8 @@ from scleraforce.records.study import SceneEyeStudy, SceneWindowStudy, draw
 
 # share of the frame's rows drawn above the zero delay, and mirrored from there
 ABOVE_SHARE = 0.25
-# of the frame's width that curves are known beyond it; points of their grid
-BEYOND_SHARE = 0.35
-GRID_POINTS = 512
+BEYOND_SHARE = 0.35  # of the frame's width that curves are known beyond it
+GRID_POINTS = 512  # points of their grid
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -38,9 +38,8 @@ BOUNDARIES = 2  # upper and lower
 VALIDATION_SCENES = 2**31  # numbers from here on are never trained on
 RANKED_WEIGHT = 0.5
 WALL_WEIGHT = 1.0
-# of the scenes; part of the seed of its random numbers
-SECOND_LOOKS = 0.35
-LOOK = 1
+SECOND_LOOKS = 0.35  # of the scenes
+LOOK = 1  # part of the seed of its random numbers
 COVERED_WEIGHT = 0.4  # of a column whose wall a lid hides; a judged one has 1
 SDS_OF_90 = 1.645  # standard deviations within which 90 % of a normal distribution lie
 

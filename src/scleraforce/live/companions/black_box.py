@@ -53,9 +53,8 @@ MOST_LINES = 20_000
 # short
 HISTORY_S = 600.0
 CLOCK_STEP_S = 1e-6  # of frames.csv
-# optional columns of frames.csv; farthest travel in it
-COLUMNS = ("pierced", "travel_m")
-FARTHEST_M = 1.0
+COLUMNS = ("pierced", "travel_m")  # optional columns of frames.csv
+FARTHEST_M = 1.0  # farthest travel in it
 PLANE_COLUMN = ("plane",)  # as well, of several planes
 # the names of their faults
 SESSION = "session"

@@ -45,9 +45,8 @@ from scleraforce.wall.wall_in_metres import segmented_boundaries
 LEARNED_FILE = "learned.json"  # in the folder of a recorded session
 # within which a withdrawal takes a frame away, and after which a needle has let go
 SETTLES_S = 0.5
-# between two frames that teach; of them that wait
-LEAST_S = 0.1
-MOST_WAITING = 50
+LEAST_S = 0.1  # between two frames that teach
+MOST_WAITING = 50  # of them that wait
 OTHER_TIP_M = 50e-6  # between the dents of two frames that teach
 NICENESS = 10
 # Standard deviation of the logarithm of a declared IOP: 90 % lie between half and twice

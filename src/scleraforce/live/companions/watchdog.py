@@ -40,8 +40,7 @@ MISSES = 5
 REPEAT_S = 0.05
 # for the first client or sign of life: the monitor greets its operator before
 DUTY_S = 20.0
-# of a header in any version
-HEADER_BYTES = 58
+HEADER_BYTES = 58  # of a header in any version
 TIME = slice(34, 42)  # seconds since 1970, in 2^-32 s
 BODY_BYTES = slice(42, 50)
 # The second opinion waits for the monitor, and a monitor in a tight loop must not keep
