@@ -407,6 +407,16 @@ def test_commands_import_only_packages_that_they_use(tmp_path: Path) -> None:
         output_of(f"{script}assert not {others!r} & set(sys.modules)")
 
 
+FLAG = re.compile(r"(?<![\w-])--(?:[a-z][a-z0-9-]*|\{)")
+OUTSIDE_CLI = [path for path in MODULES if not dotted(path).startswith("front.cli")]
+
+
+@pytest.mark.parametrize("path", OUTSIDE_CLI, ids=dotted)
+def test_only_the_command_line_spells_flags(path: Path) -> None:
+    """Messages name fields in backquotes (`front/cli/field_flags`)."""
+    assert FLAG.findall(path.read_text(encoding="utf-8")) == []
+
+
 PAGE = Path(__file__).parents[1] / "docs" / "python.md"
 PUBLIC = [name for name in scleraforce.__all__ if not name.startswith("__")]
 HEAVY = [

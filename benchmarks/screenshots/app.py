@@ -17,11 +17,14 @@ from playwright.sync_api import Page, expect, sync_playwright
 import scleraforce as sf
 from monitor_service.browser import CHROMIUM
 from scleraforce.front.app.app_server import HOST, listen_locally, server_of
+from scleraforce.front.app.running_commands import CommandWords
+from scleraforce.front.cli.field_flags import flag_of, json_in_flags
 
 IMAGES = Path(__file__).parents[2] / "docs" / "images"
 FORCES_N = tuple(1e-3 * force for force in (3, 9, 15, 21, 27, 33, 39, 31, 23, 16, 8, 4))
 OFFSET_S = 7.0
 TOKEN = "screenshots"
+SPELLED = CommandWords(flag_of, json_in_flags)
 WAIT_MS = 120_000
 GIVEN = {
     "depth_mm": "4",
@@ -84,7 +87,7 @@ def main() -> None:
         work = Path(folder, "session")
         work.mkdir()
         listener = listen_locally(0)
-        server = server_of(work, listener, TOKEN)
+        server = server_of(work, listener, TOKEN, SPELLED)
         Thread(target=server.run, args=([listener],), daemon=True).start()
         browser = playwright.chromium.launch(
             executable_path=CHROMIUM, args=["--no-sandbox"]

@@ -182,7 +182,7 @@ def test_a_host_that_is_not_an_address_of_this_machine_is_refused_in_one_line() 
             monitor.listen(host, 0)
 
         assert str(refused.value).startswith(
-            f"--host {host!r}" if host.strip() else "--host: empty"
+            f"`host` {host!r}" if host.strip() else "`host`: empty"
         )
         assert "\n" not in str(refused.value)
 
@@ -205,7 +205,7 @@ def test_a_folder_that_cannot_be_written_or_exists_is_refused_before_anything_is
         (box, tmp_path / "link", "exists already"),
         (box, within, "Not a directory"),
         (box, long, "File name too long"),
-        (box, Path("/proc/session"), "--record /proc/session"),
+        (box, Path("/proc/session"), "`record` /proc/session"),
         (box, box, "the folder of the black box is there"),
         (box / "inside", box, "the folder of the black box is there"),
     ):

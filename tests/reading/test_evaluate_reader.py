@@ -231,7 +231,7 @@ def test_forces_of_another_size_than_those_read_are_noted(
 
 def test_moduli_of_linear_walls_are_refused(places, model) -> None:
     with pytest.raises(
-        CalibrationError, match="calibrate with --mechanics finite-strain"
+        CalibrationError, match="calibrate with `mechanics=finite-strain`"
     ):
         evaluate_recordings(model, [places["mine"]], read_calibration(places["linear"]))
 

@@ -107,14 +107,14 @@ def test_frames_that_are_upside_down_are_refused(
     changed: Callable[..., Recording],
 ) -> None:
     upside_down = changed(np.flipud)
-    with pytest.raises(CalibrationError, match=r"upside down \(import --flip rows\)"):
+    with pytest.raises(CalibrationError, match=r"upside down \(import `flip=rows`\)"):
         check_recording(upside_down, STUDY, None)
     check_recording(upside_down, STUDY, None, with_forces=False)
 
 
 def test_transposed_frames_are_named(changed: Callable[..., Recording]) -> None:
     finder = load_wall_finder(SHIPPED_WALL_FINDER)
-    with pytest.raises(CalibrationError, match=r"transposed; import them with --axes"):
+    with pytest.raises(CalibrationError, match=r"transposed; import them with `axes"):
         check_recording(changed(np.transpose), STUDY, finder)
 
 

@@ -102,7 +102,7 @@ def test_a_clock_other_than_the_clock_of_the_bag_is_noted(tmp_path: Path) -> Non
 def test_of_several_topics_one_is_chosen_by_name(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "a", "mcap", topics=("/a", "/b"))
     with pytest.raises(
-        UnansweredError, match=r"which topic\? There are /a, /b; give --image-topic"
+        UnansweredError, match=r"which topic\? There are /a, /b; give `image_topic`"
     ):
         read_bag(path)
 
@@ -110,7 +110,7 @@ def test_of_several_topics_one_is_chosen_by_name(tmp_path: Path) -> None:
     with pytest.raises(
         InputError,
         match=(
-            r"--image-topic: no topic /c of sensor_msgs.*; .*/ft/wrench \(geometry_msgs"
+            r"`image_topic`: no topic /c of sensor_msgs.*; .*/ft/wrench \(geometry_msgs"
         ),
     ):
         read_bag(path, image_topic="/c")
@@ -120,7 +120,7 @@ def test_empty_stamps_are_asked_about_unless_the_clock_begins_at_zero(
     tmp_path: Path,
 ) -> None:
     path = write_bag(tmp_path / "a", "sqlite", stamped=False)
-    with pytest.raises(UnansweredError, match=r"header\.stamp is 0.*give --by-arrival"):
+    with pytest.raises(UnansweredError, match=r"header\.stamp is 0.*give `by_arrival`"):
         read_bag(path)
 
     scan, _ = read_bag(path, by_arrival=True)
@@ -143,7 +143,7 @@ def test_empty_stamps_are_asked_about_unless_the_clock_begins_at_zero(
 
         with pytest.raises(
             UnansweredError,
-            match=rf"/t: {len(empty)} of 5 messages are without .*--by-arrival",
+            match=rf"/t: {len(empty)} of 5 messages are without .*`by_arrival`",
         ):
             read_bag(path)
 
@@ -156,7 +156,7 @@ def test_empty_stamps_are_asked_about_unless_the_clock_begins_at_zero(
         read_bag(bag_of(tmp_path, images))[0].times.time_s, [0.0, 0.1, 0.2]
     )
 
-    with pytest.raises(UnansweredError, match="--by-arrival"):
+    with pytest.raises(UnansweredError, match="`by_arrival`"):
         read_bag(bag_of(tmp_path, images[:1]))
 
 

@@ -140,7 +140,7 @@ def test_numbers_other_than_counts_under_a_header_with_counts_are_asked_about(
     log, _ = log_of(tmp_path, text, "fz=Fz:mN", *others)
     assert log.force_n("fz")[1] == pytest.approx(-0.0415)
     assert any(
-        "Fz: read in mN (--column), where the log states 1000/mN" in note
+        "Fz: read in mN (`columns`), where the log states 1000/mN" in note
         for note in log.notes
     )
 
@@ -192,8 +192,8 @@ def test_what_a_log_leaves_open_is_asked_and_the_answer_is_used(tmp_path: Path) 
             "",
             "stamp A B",
             (
-                "the time, and which a force.*'stamp', 'A', 'B'.*give --column"
-                " time=NAME:UNIT --column fz="
+                "the time, and which a force.*'stamp', 'A', 'B'.*give"
+                " `columns=time=NAME:UNIT` `columns=fz="
             ),
             "time=stamp:s fz=A:N",
             1.0,
@@ -201,7 +201,7 @@ def test_what_a_log_leaves_open_is_asked_and_the_answer_is_used(tmp_path: Path) 
         (
             "",
             "time_s A B",
-            r"which column is a force.*give --column fz=NAME:UNIT$",
+            r"which column is a force.*give `columns=fz=NAME:UNIT`$",
             "fz=B:mN",
             5e-3,
         ),
@@ -259,7 +259,7 @@ def test_a_column_that_flags_every_sample_is_refused_unless_it_is_not_the_status
     text = "time_s,status,fz_n\n0.00,7,1\n0.01,7,2\n"
     with pytest.raises(
         RecordingError,
-        match=r"log\.csv:2: status: '7', .*every sample .* --column status=status:any",
+        match=r"log\.csv:2: status: '7', .*every sample .* `columns=status=status:any`",
     ):
         log_of(tmp_path, text)
 
@@ -681,7 +681,7 @@ def test_a_column_is_stated_by_name_and_unit_of_its_size_or_refused() -> None:
         "fz=:N",
         "time=t:0Hz",
     ]:
-        with pytest.raises(InputError, match="--column"):
+        with pytest.raises(InputError, match="`columns`"):
             parse_column(text)
 
 

@@ -217,7 +217,7 @@ def test_the_only_array_of_frames_is_found_and_others_are_asked_for(
 
     with pytest.raises(
         UnansweredError,
-        match=r"b\.npz: which array has the frames.*first, second; give --array",
+        match=r"b\.npz: which array has the frames.*first, second; give `array`",
     ):
         read_numpy(tmp_path / "b.npz", AXES, None)
 
@@ -290,7 +290,7 @@ def test_a_film_gives_its_frames_and_the_times_at_which_they_play(
             scan.times.time_s, np.arange(len(LEVELS)) / 12.5, atol=2e-3
         )
         (note,) = scan.notes
-        assert "--rate-hz" in note
+        assert "`rate_hz`" in note
 
 
 def matroska(

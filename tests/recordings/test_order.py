@@ -112,7 +112,7 @@ def test_names_with_gaps_repeats_or_times_are_asked_about(
 ) -> None:
     folder = write_frames(tmp_path / "f", *names)
     folders = sorted({(folder / name).parent for name in names})
-    with pytest.raises(UnansweredError, match="--frames-by") as caught:
+    with pytest.raises(UnansweredError, match="`frames_by`") as caught:
         gathered(*folders, rate_hz=RATE_HZ)
 
     said = str(caught.value)
@@ -163,10 +163,10 @@ def test_names_may_be_times(tmp_path: Path, names, by: str, time_s) -> None:
 def test_times_and_numbers_in_names_that_are_none_are_refused(tmp_path: Path) -> None:
     folder = write_frames(tmp_path / "f", "10.png", "10.1.png")
     for options, words in (
-        ({"frames_by": "times"}, "give --frames-by times:s"),
+        ({"frames_by": "times"}, "give `frames_by=times:s`"),
         ({"frames_by": "numbers"}, "takes one number in each name"),
-        ({"frames_by": "times:h", "rate_hz": 1.0}, "--rate-hz: --frames-by times"),
-        ({"frames_by": "names"}, "--frames-by: 'names'; give numbers, order, times"),
+        ({"frames_by": "times:h", "rate_hz": 1.0}, "`rate_hz`: `frames_by=times`"),
+        ({"frames_by": "names"}, "`frames_by`: 'names'; give numbers, order, times"),
         ({"frames_by": "times:parsec"}, "'times:parsec'"),
         ({"frames_by": "numbers:s"}, "'numbers:s'"),
     ):
@@ -174,7 +174,7 @@ def test_times_and_numbers_in_names_that_are_none_are_refused(tmp_path: Path) ->
             gathered(folder, **options)
 
     table = write_table(tmp_path / "t.csv", "time_s", "1", "2")
-    with pytest.raises(InputError, match="--frames-by: times, and --times states"):
+    with pytest.raises(InputError, match="`frames_by`: times, and `times` states"):
         gathered(folder, frames_by="times:s", times=table)
 
     again = write_frames(tmp_path / "g", "2 s.png", "2.0 s.png")
@@ -685,7 +685,7 @@ def test_what_a_folder_has_beside_frames_is_counted_in_one_line(tmp_path: Path) 
     assert note == (
         f"{folder}: left out: 1 link that leads nowhere (3.png), 4 files that are neither"
         " frames nor forces (Thumbs.db, desktop.ini, info.txt, readme.md), 1 file that"
-        " names frames, such as a table for --times (frames.csv), 1 folder (left: 2"
+        " names frames, such as a table for `times` (frames.csv), 1 folder (left: 2"
         " frames)"
     )
 

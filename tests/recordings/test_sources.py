@@ -296,7 +296,7 @@ def test_a_table_of_times_goes_by_the_names_of_frames_or_else_by_their_order(
             "no column of times with its unit.*'frame', 'when'",
         ),
         ("time_s\n1\nx\n", None, r"times\.csv:3: time_s: 'x' is not a number"),
-        ("time_s\n1\n2\n", 4.0, "--rate-hz"),
+        ("time_s\n1\n2\n", 4.0, "`rate_hz`"),
     ]:
         table.write_text(text)
         with pytest.raises(InputError, match=message):
@@ -433,7 +433,7 @@ def test_axes_that_are_open_or_do_not_fit_are_refused_with_the_sizes() -> None:
             FRAMES,
             None,
             UnansweredError,
-            r"^an array of 5 x 24 x 40: which axis.*; give --axes",
+            r"^an array of 5 x 24 x 40: which axis.*; give `axes`",
         ),
         *(
             (np.zeros(shape), AXES, FrameError, "give frames x rows x columns")
@@ -443,14 +443,14 @@ def test_axes_that_are_open_or_do_not_fit_are_refused_with_the_sizes() -> None:
             FRAMES,
             AXES[1:],
             FrameError,
-            r"--axes names 2 axes \(depth,lateral\); the array is of 5 x 24 x 40",
+            r"`axes` names 2 axes \(depth,lateral\); the array is of 5 x 24 x 40",
         ),
     ]:
         with pytest.raises(kind, match=message):
             picture_streams.array_scan(Path("a.npy"), array, axes)
 
     for text in ["x,y,z", "frame", "frame,depth", "depth,depth,lateral", ""]:
-        with pytest.raises(InputError, match="--axes"):
+        with pytest.raises(InputError, match="`axes`"):
             picture_streams.parse_axes(text)
 
 
@@ -502,7 +502,7 @@ def test_pixels_of_any_type_become_counts_by_one_map_of_all_frames() -> None:
 def test_a_range_or_pixels_without_a_difference_are_refused() -> None:
     for picture, given, message in [
         *(
-            (RAMP, given, "--grey-range")
+            (RAMP, given, "`grey_range`")
             for given in ((5.0, 5.0), (6.0, 5.0), (np.nan, 5.0))
         ),
         *(

@@ -368,7 +368,7 @@ def test_an_image_of_bioformats2raw_and_a_plain_array_are_read(tmp_path: Path) -
         gather_sources([tmp_path / "b.zarr"], ImportOptions())
 
     zarr.save_array(tmp_path / "c.zarr", FRAMES)
-    with pytest.raises(UnansweredError, match="--axes"):
+    with pytest.raises(UnansweredError, match="`axes`"):
         gather_sources([tmp_path / "c.zarr"], ImportOptions())
     named = ImportOptions(axes="frame,depth,lateral")
     np.testing.assert_array_equal(

@@ -449,7 +449,7 @@ def test_ome_resolution_tags_and_pages_that_differ_are_refused_unless_options_gi
         FrameError,
         match=(
             r"OME states .*0\.004 x 0\.015 mm.*XResolution.*0\.004 x 0\.01"
-            r" mm.*--width-mm"
+            r" mm.*`width_m`"
         ),
     ):
         read_scaled_frame(

@@ -465,7 +465,7 @@ def test_a_key_is_refused_with_the_reason_and_the_remedy() -> None:
         (
             stiff,
             ("simulate", "linear"),
-            f"linear mechanics {why}; leave it out, or give --mechanics finite-strain",
+            f"linear mechanics {why}; leave it out, or give `mechanics=finite-strain`",
         ),
         (
             stiff,
@@ -474,15 +474,15 @@ def test_a_key_is_refused_with_the_reason_and_the_remedy() -> None:
         ),
         (
             stiff,
-            ("train --kind reader", None),
-            f"not used by `train --kind reader` {why}; leave it out",
+            ("train kind=reader", None),
+            f"not used by `train kind=reader` {why}; leave it out",
         ),
         (
             formed,
             ("simulate", "linear"),
             (
                 "study: form.wave, needle.tilt_deg: not used by `simulate` with linear "
-                "mechanics; leave them out, or give --mechanics finite-strain"
+                "mechanics; leave them out, or give `mechanics=finite-strain`"
             ),
         ),
         (
@@ -493,7 +493,7 @@ def test_a_key_is_refused_with_the_reason_and_the_remedy() -> None:
         (
             "[eye]\ndensity_kg_m3 = 1000.0",
             ("generate", "finite-strain"),
-            "leave it out, or give --mechanics linear",
+            "leave it out, or give `mechanics=linear`",
         ),
     ):
         with pytest.raises(StudyError) as found:

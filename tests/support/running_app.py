@@ -11,8 +11,11 @@ from typing import Any
 from waiting import FUSE_S
 
 from scleraforce.front.app.app_server import HOST, listen_locally, server_of
+from scleraforce.front.app.running_commands import CommandWords
+from scleraforce.front.cli.field_flags import flag_of, json_in_flags
 
 TOKEN = "t" * 32
+SPELLED = CommandWords(flag_of, json_in_flags)
 
 
 class Client:
@@ -75,7 +78,7 @@ class Client:
 def running_app(folder: Path, once: str = "") -> Iterator[Client]:
     """Serve a folder."""
     listener = listen_locally(0)
-    server = server_of(folder, listener, TOKEN, once)
+    server = server_of(folder, listener, TOKEN, SPELLED, once)
     thread = Thread(target=server.run, args=([listener],), daemon=True)
     thread.start()
 

@@ -35,11 +35,11 @@ SHARED_LOGS = ".csv", ".tsv", ".txt"
 SENSOR = {"axis": "fz", "contact_sign": -1, "average_s": 0.2}
 # What an import asks for, and the answer to it.
 OPEN: Mapping[str, Mapping[str, Any]] = {
-    "give axes": VOLUME,
-    "(rate_hz": RATE,
-    "(bits)": {"bits": 16},
-    "(clock_offset_s)": {"clock_offset_s": 0.0},
-    "(axis)": SENSOR,
+    "give `axes`": VOLUME,
+    "(`rate_hz`": RATE,
+    "(`bits`)": {"bits": 16},
+    "(`clock_offset_s`)": {"clock_offset_s": 0.0},
+    "(`axis`)": SENSOR,
     "below the smallest allowed value": FASTEST_FIRST,
 }
 MOST_TIMES = 8  # of a recording that are kept

@@ -78,8 +78,8 @@ class StoreKind:
         """Return the metadata of a store, complete or not."""
         if not path.is_dir():
             raise self.error(
-                f"{path}: no such {self.noun}; `scleraforce {self.command} --out"
-                f" {path}` makes one"
+                f"{path}: no such {self.noun}; `scleraforce {self.command}"
+                f" out={path}` makes one"
             )
 
         foreign = f"{path}: not a {self.noun} of scleraforce"

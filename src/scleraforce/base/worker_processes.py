@@ -100,7 +100,7 @@ def _connected(scheduler: str) -> Any:
         import distributed
     except ImportError as fault:
         raise InputError(
-            "--scheduler: Dask is not installed; run pip install 'scleraforce[cluster]'"
+            "`scheduler`: Dask is not installed; run pip install 'scleraforce[cluster]'"
         ) from fault
 
     client: Any = distributed.Client  # without type annotations
@@ -111,7 +111,7 @@ def _connected(scheduler: str) -> Any:
         return client(scheduler, timeout=CONNECT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as fault:
         raise InputError(
-            f"--scheduler: no Dask scheduler answers at {scheduler} ({fault})"
+            f"`scheduler`: no Dask scheduler answers at {scheduler} ({fault})"
         ) from fault
 
 
@@ -251,7 +251,7 @@ def _submitting(
                 yield start_and_submit
             except BrokenProcessPool as fault:
                 raise SolverError(
-                    "a worker ended abruptly; fewer --workers need less memory"
+                    "a worker ended abruptly; fewer `workers` need less memory"
                 ) from fault
 
 

@@ -207,7 +207,7 @@ class Calibration:
         return html_card(f"Calibration, {self.mechanics}", facts)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the JSON of a calibration's file and of `calibrate --json`."""
+        """Return the JSON of a calibration's file and of `calibrate`."""
         mean_pa, sd_pa = self.population
         population = {
             "mean_mpa": from_si(mean_pa, "mpa"),

@@ -128,8 +128,8 @@ def _check_orientation(recording: Recording, walls: Walls) -> None:
     if all(wall.usable for wall in found):
         raise CalibrationError(
             f"{recording.path}: hardly a wall is seen, but one where rows and columns"
-            " of the frames are exchanged: they are transposed; import them with --axes"
-            " frame,lateral,depth"
+            " of the frames are exchanged: they are transposed; import them with"
+            " `axes=frame,lateral,depth`"
         )
 
 
@@ -145,7 +145,7 @@ def _check_labels(recording: Recording) -> None:
         f"{recording.path / 'forces.csv'}: {len(known) - sum(known)} of"
         f" {len(known)} frames have no label: forces from {log.time_s[0]:g} to"
         f" {log.time_s[-1]:g} s, frames from {first_s:g} to {last_s:g} s; give the"
-        " whole log, mend the clocks (import --clock-offset-s auto), or import the"
+        " whole log, mend the clocks (import `clock_offset_s=auto`), or import the"
         " frames that it covers"
     )
 
@@ -169,7 +169,7 @@ def _check_dents(recording: Recording, walls: Walls, study: Study) -> None:
     if doubts and UNRELATED in doubts[0] and (turned or 0.0) >= TURNED:
         raise CalibrationError(
             f"{recording.path}: the surface rises where the needle pushes it down: the"
-            " frames are upside down (import --flip rows)"
+            " frames are upside down (import `flip=rows`)"
         )
     if doubts:
         raise CalibrationError(
@@ -249,9 +249,9 @@ def _check_modulus(recording: Recording, known: Known, study: Study) -> None:
     raise CalibrationError(
         f"{recording.path}: Young's modulus would be"
         f" {from_si(modulus.mean_pa, 'mpa'):.3g} MPa, which no reader of such eyes"
-        f" takes ({low:g} to {high:g} MPa): check the clocks (import --clock-offset-s"
-        " auto), the unit and sign of the force, eye.thickness_m, oct.width_m and"
-        " oct.depth_m"
+        f" takes ({low:g} to {high:g} MPa): check the clocks (import"
+        " `clock_offset_s=auto`), the unit and sign of the force, eye.thickness_m,"
+        " oct.width_m and oct.depth_m"
     )
 
 
@@ -302,15 +302,15 @@ def _appearance(
 CAUSES = {
     "curvature": (
         "the scale or the eye's size is wrong: check oct.width_m and oct.depth_m, and"
-        " that the frames are not transposed (import --axes)"
+        " that the frames are not transposed (import `axes`)"
     ),
     "thick, not": (
         "check oct.refractive_index (1 if the scanner has corrected the depth, about"
         " 1.38 if not), oct.depth_m and eye.thickness_m"
     ),
     "": (
-        "are the frames upside down or mirrored (import --flip), transposed (import"
-        " --axes), or of another width (oct.width_m)?"
+        "are the frames upside down or mirrored (import `flip`), transposed (import"
+        " `axes`), or of another width (oct.width_m)?"
     ),
 }
 

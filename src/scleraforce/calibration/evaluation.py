@@ -163,7 +163,7 @@ class FrameAnswer:
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the frame's keys in `evaluate --json`."""
+        """Return the frame's keys in the JSON of `evaluate`."""
         median_ms, interval_ms = (
             self.to_bound.as_ms() if self.to_bound else (None, None)
         )
@@ -332,7 +332,7 @@ class Evaluation:
         return answer_metrics.precision(self.confusion)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result of `evaluate --json` as plain types, None for a figure that
+        """Return the result of `evaluate` as plain types, None for a figure that
         is not defined.
         """
         found: dict[str, Any] = finite_json(
@@ -374,8 +374,9 @@ class Evaluation:
         """Return a tidy table: a flat row for each frame, all with the same columns,
         their units in the names.
 
-        Columns are the keys of `evaluate --json` (docs/formats.md), `time_s`, `scored`
-        (the frame counts in the metrics) and `covered` (interval and label agree).
+        Columns are the keys of the JSON of `evaluate` (docs/formats.md), `time_s`,
+        `scored` (the frame counts in the metrics) and `covered` (interval and label
+        agree).
         """
         return tidy(frame.as_row() for frame in self.frames)
 
@@ -437,7 +438,7 @@ def evaluate_recordings(
     ):
         raise CalibrationError(
             f"{calibration.path}: mechanics: linear; {reader.path} reads with finite"
-            " strain: calibrate with --mechanics finite-strain"
+            " strain: calibrate with `mechanics=finite-strain`"
         )
 
     opened = [

@@ -386,7 +386,7 @@ def in_planes(plan: PhantomPlan, planes: Sequence[Plane], study: Study) -> Phant
     ):
         raise RecordingError(
             "planes: of an eye that keeps still, does not leak and is not pierced, with"
-            " --mechanics finite-strain"
+            " `mechanics=finite-strain`"
         )
 
     eye = plan.eye

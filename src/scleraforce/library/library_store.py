@@ -52,8 +52,7 @@ KIND = StoreKind(
     recipe="plan",
     others={
         "scleraforce-dataset": (
-            "a data set and no response library; `train --kind classifier` learns"
-            " from it"
+            "a data set and no response library; `train kind=classifier` learns from it"
         )
     },
     error=InputError,

@@ -233,10 +233,10 @@ def _listen_for_pages(address: Address) -> socket.socket:
     missing = [name for name in WEB_NEEDS if find_spec(name) is None]
     if missing:
         raise InputError(
-            f"--web-port: {missing[0]} is not installed; run pip install"
+            f"`web_port`: {missing[0]} is not installed; run pip install"
             " 'scleraforce[web]'"
         )
-    return listen(address.host, address.port, "web-")
+    return listen(address.host, address.port, "web_")
 
 
 def _wait_for_opinion(companions: Companions, note: Callable[[str], None]) -> None:
@@ -286,11 +286,11 @@ def _recording_info(settings: MonitorSettings, study: Study) -> RecordingInfo:
 
 def listen(host: str, port: int, prefix: str = "") -> socket.socket:
     """Return a socket that listens, or raise InputError; `prefix` is that of the
-    options' names ("web-").
+    names of both fields ("web_").
     """
     if not host.strip():
         raise InputError(
-            f"--{prefix}host: empty; use 127.0.0.1 for this machine alone, 0.0.0.0 for"
+            f"`{prefix}host`: empty; use 127.0.0.1 for this machine alone, 0.0.0.0 for"
             " all its networks"
         )
 
@@ -306,11 +306,11 @@ def listen(host: str, port: int, prefix: str = "") -> socket.socket:
     except OSError as fault:
         reason = str(fault.strerror).partition(" (while")[0]
         if fault.errno != EADDRNOTAVAIL:
-            what_to_do = f"give another --{prefix}port, or end what listens there"
+            what_to_do = f"give another `{prefix}port`, or end what listens there"
             raise InputError(f"{host}:{port}: {reason}; {what_to_do}") from fault
 
     raise InputError(
-        f"--{prefix}host {host!r}: {reason}; give an address of this machine"
+        f"`{prefix}host` {host!r}: {reason}; give an address of this machine"
     )
 
 
@@ -329,7 +329,7 @@ def try_folders(black_box: Path, record: Path | None) -> None:
         _try_write(withdrawals if withdrawals.exists() else black_box)
     except OSError as fault:
         raise InputError(
-            f"--black-box {black_box}: {fault.strerror}; give another folder"
+            f"`black_box` {black_box}: {fault.strerror}; give another folder"
         ) from fault
 
 
@@ -337,11 +337,11 @@ def _try_record(record: Path, black_box: Path) -> None:
     try:
         if os.path.lexists(record):
             raise InputError(
-                f"--record {record}: exists already; remove it or choose another name"
+                f"`record` {record}: exists already; remove it or choose another name"
             )
         if record == black_box or record in black_box.parents:
             raise InputError(
-                f"--record {record}: the folder of the black box is there; choose"
+                f"`record` {record}: the folder of the black box is there; choose"
                 " another name"
             )
 
@@ -351,7 +351,7 @@ def _try_record(record: Path, black_box: Path) -> None:
         _try_write(next(folder for folder in record.parents if os.path.lexists(folder)))
     except OSError as fault:
         raise InputError(
-            f"--record {record}: {fault.strerror}; give another folder"
+            f"`record` {record}: {fault.strerror}; give another folder"
         ) from fault
 
 

@@ -236,7 +236,7 @@ class Answer:
         return None if self.segmentation is None else self.segmentation.conjunctiva_m
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the answer's keys in `read --json` and `evaluate --json`, as plain
+        """Return the answer's keys in the JSON of `read` and `evaluate`, as plain
         types.
         """
         places = self.places.as_json()

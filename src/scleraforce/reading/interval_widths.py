@@ -74,8 +74,8 @@ BEYOND_FROM = 1.2, 2.0
 SPARSE_FROM = 0.45
 # Virtual eyes of the library's walls have no needle and no conjunctiva. With either,
 # intervals were too narrow by these factors on twelve eyes each, computed in three
-# dimensions: `python -m figures --seed 20261130 --eyes 12 --groups needle,conjunctiva`,
-# which `make figures` does not draw.
+# dimensions: `python -m figures` with seed 20261130, 12 eyes and the groups
+# needle,conjunctiva, which `make figures` does not draw.
 NEEDLE_STRETCH = 1.18
 CONJUNCTIVA_STRETCH = 1.14
 

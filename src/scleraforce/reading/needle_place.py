@@ -95,7 +95,7 @@ class NeedlePlace:
     lean_rad: PlaceValue | None = None
 
     def as_json(self) -> dict[str, Any]:
-        """Return the keys in `read --json`; an angle has no sign there."""
+        """Return the keys in the JSON of `read`; an angle has no sign there."""
         found: dict[str, Any] = {}
         for item in fields(self):
             name, _, si_unit = item.name.rpartition("_")

@@ -18,7 +18,7 @@ Public:
         `Question`, `answers_like`, `clock_origin_s`, `complete_import`, `given_times`,
         `open_questions`, `provenance`, `record_text`
     import_sources: `GatheredSources`, `ImportOptions`, `OPTION`, `gather_sources`,
-        `option_name`, `source_kind`
+        `source_kind`
     recording_folder: `Recording`, `check_alone`, `read_info`, `read_recording`,
         `read_scaled_frame`, `recording_of`, `stated_plane`, `tables_digest`,
         `true_forces`

@@ -58,9 +58,7 @@ def frame_rows(recording: Recording, classes: ClassesStudy) -> list[Row]:
 
 
 def read_answers(path: Path) -> list[Row]:
-    """Return the frames that `evaluate --json`, `read --json` or `segment --json`
-    printed.
-    """
+    """Return the frames that `evaluate`, `read` or `segment` printed as JSON."""
     try:
         found = parse_json(read_text(path, KINDS["result"]))
     except ValueError as fault:
@@ -75,7 +73,7 @@ def read_answers(path: Path) -> list[Row]:
     ):
         raise InputError(
             f"{path}: no frames with a file each; give what evaluate, read or segment"
-            " print with --json"
+            " print with `json`"
         )
 
     return frames

@@ -477,10 +477,12 @@ def clock_doubts(
         size_s = abs(found.offset_s)
         taken = f"about {size_s:.2g} s {side} than frames.csv says"
         if found.drift_s:
+            # `calibration_lines` breaks this into lines before the command line puts
+            # the flag, which is as long, in place of the field
             return (
                 "the clocks of frames.csv and forces.csv drift: the frames fit as if"
                 f" taken {taken}, and {found.drift_s:+.2g} s from first to last;"
-                " import again with --clock-offset-s auto",
+                " import again with `clock_offset_s` auto",
             )
         return (
             f"the frames' times are off: they fit forces.csv as if taken {taken}; bring"

@@ -34,7 +34,7 @@ LISTED = "order"
 NAMES_SOURCE = "the files' names"
 WAYS = (
     f"are frames missing ({NUMBERS}), are names times ({TIMES}), or are all frames"
-    f" there, evenly spaced as they are listed ({LISTED})? a table (--times) settles"
+    f" there, evenly spaced as they are listed ({LISTED})? a table (`times`) settles"
     " it, too"
 )
 
@@ -48,7 +48,7 @@ class FramesBy:
 
 
 def parse_frames_by(text: str | None) -> FramesBy | None:
-    """Return what `--frames-by` says; None without.
+    """Return what `frames_by` says; None without.
 
     >>> parse_frames_by("times:ms")
     FramesBy(way='times', unit='ms')
@@ -63,7 +63,7 @@ def parse_frames_by(text: str | None) -> FramesBy | None:
     )
     if not known:
         raise InputError(
-            f"--frames-by: {text!r}; give {NUMBERS}, {LISTED}, {TIMES}, or {TIMES} with"
+            f"`frames_by`: {text!r}; give {NUMBERS}, {LISTED}, {TIMES}, or {TIMES} with"
             f" a unit, like {TIMES}:ms"
         )
 
@@ -85,7 +85,7 @@ def ordered_files(
     """
     if table is not None and by is not None and by.way == TIMES:
         raise InputError(
-            f"--frames-by: {TIMES}, and --times states when frames were taken; give one"
+            f"`frames_by`: {TIMES}, and `times` states when frames were taken; give one"
             " of them"
         )
 
@@ -155,7 +155,7 @@ def _check_one_series(scans: Sequence[PictureSource]) -> None:
             raise FrameError(
                 f"{scan.names[0]}: SeriesInstanceUID is {scan.series}, where"
                 f" {first.names[0]} has {first.series}: two recordings; import each"
-                " alone, or name the frames of one in --times TABLE"
+                " alone, or name the frames of one in `times=TABLE`"
             )
 
 
@@ -171,7 +171,7 @@ def _by_names(
 ) -> PictureSource:
     if rate_hz is not None:
         raise InputError(
-            f"--rate-hz: --frames-by {TIMES} states when frames were taken; give one of"
+            f"`rate_hz`: `frames_by={TIMES}` states when frames were taken; give one of"
             " them"
         )
 
@@ -180,9 +180,9 @@ def _by_names(
     names = _names_of(whole)
     stated = times_in(names, unit) if len(names) == len(whole.names) else None
     if stated is None:
-        way = f"give --frames-by {TIMES}:s (or ms, us, ns)" if unit is None else _way()
+        way = f"give `frames_by={TIMES}:s` (or ms, us, ns)" if unit is None else _way()
         raise InputError(
-            f"{whole.names[0]}: --frames-by: no time in all names, with a date, since"
+            f"{whole.names[0]}: `frames_by`: no time in all names, with a date, since"
             f" 1970 or with a unit; {way}"
         )
 
@@ -190,7 +190,7 @@ def _by_names(
 
 
 def _way() -> str:
-    return "give --times TABLE"
+    return "give `times=TABLE`"
 
 
 def _timed(
@@ -202,8 +202,8 @@ def _timed(
         at = int(np.argmin(np.diff(time_s)))
         first, other = (names[nth] for nth in order[at : at + 2])
         raise InputError(
-            f"{first}: --frames-by: its name states the time of {other}; remove one, or"
-            " give --times TABLE"
+            f"{first}: `frames_by`: its name states the time of {other}; remove one, or"
+            " give `times=TABLE`"
         )
 
     moved = whole if (order == np.arange(len(order))).all() else whole.reordered(order)
@@ -224,14 +224,14 @@ def _by_numbers(whole: PictureSource, scans: Sequence[PictureSource]) -> Picture
     if numbers is None or not even:
         found = order_fault(names, None) or f"{names[0]}: files of unequal lengths"
         raise InputError(
-            f"{found}; --frames-by {NUMBERS} takes one number in each name"
+            f"{found}; `frames_by={NUMBERS}` takes one number in each name"
         )
 
     order = np.argsort(numbers, kind="stable")
     if not (np.diff(numbers[order]) > 0).all():
         at = int(np.argmin(np.diff(numbers[order])))
         first, other = (names[nth] for nth in order[at : at + 2])
-        raise InputError(f"{first}: --frames-by: {other} has its number; remove one")
+        raise InputError(f"{first}: `frames_by`: {other} has its number; remove one")
 
     within = np.arange(pages)
     steps = (numbers[order][:, np.newaxis] * pages + within).ravel()
@@ -244,7 +244,7 @@ def _check_position(whole: PictureSource, rate_hz: float | None) -> None:
     """Ask about frames that only their position times, if something denies it."""
     if whole.one_moment is not None:
         raise UnansweredError(
-            "--frames-by",
+            "frames_by",
             f"{file_of(whole.names[0])}: {whole.one_moment}: is each the next"
             f" moment ({LISTED})? Otherwise save the frames alone, as moments (t)",
         )
@@ -268,7 +268,7 @@ def _check_position(whole: PictureSource, rate_hz: float | None) -> None:
         fault = None if own_order else order_fault(names, rate_hz)
 
     if fault is not None:
-        raise UnansweredError("--frames-by", f"{fault}: {WAYS}")
+        raise UnansweredError("frames_by", f"{fault}: {WAYS}")
 
 
 def _check_rows(whole: PictureSource, table: Path) -> None:
@@ -280,7 +280,7 @@ def _check_rows(whole: PictureSource, table: Path) -> None:
         and list(names) in (sorted(names), sorted(names, key=natural_order))
     ):
         raise UnansweredError(
-            "--frames-by",
+            "frames_by",
             f"{table}: it has no column of files, and {names[0]} to {names[-1]} are in"
             f" the order of what was measured: are the rows, too ({LISTED})? Otherwise"
             " add a column of files",

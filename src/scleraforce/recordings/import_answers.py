@@ -35,7 +35,6 @@ from scleraforce.recordings.import_sources import (
     GatheredSources,
     ImportOptions,
     on_one_clock,
-    option_name,
 )
 from scleraforce.recordings.recording_folder import read_info
 from scleraforce.records.eye import EyeInfo
@@ -54,12 +53,12 @@ def given_times(
     """
     if table is not None and rate_hz is not None:
         raise InputError(
-            "--rate-hz: --times states when frames were taken; give one of them"
+            "`rate_hz`: `times` states when frames were taken; give one of them"
         )
     if rate_hz is not None:
         if not 0.0 < rate_hz < float("inf"):
             raise InputError(
-                f"--rate-hz: {rate_hz:g}; give the frames taken in a second"
+                f"`rate_hz`: {rate_hz:g}; give the frames taken in a second"
             )
 
         steps = np.arange(len(scan.names)) if scan.steps is None else scan.steps
@@ -79,10 +78,10 @@ def given_times(
 
 @dataclass(frozen=True)
 class Question:
-    """A question in words, and the options that answer it."""
+    """A question in words, and the fields that answer it."""
 
     words: str
-    options: str
+    answered_by: str  # as a message names them
     # returns why an answer is wrong
     fault: Callable[[Any], str | None] = lambda _: None
     optional: bool = False  # may stay open (None)
@@ -92,35 +91,35 @@ class Question:
 
 # By the name of the option's value, in the order in which they are asked.
 QUESTIONS = {
-    "width_mm": Question("width of the frames", "--width-mm"),
-    "depth_mm": Question("depth of the frames, as stored", "--depth-mm"),
+    "width_mm": Question("width of the frames", "`width_m`"),
+    "depth_mm": Question("depth of the frames, as stored", "`depth_m`"),
     "refractive_index": Question(
         "refractive index of the depth axis: 1 if the scanner has corrected it"
         " (geometric depth), otherwise the tissue's, about 1.38 (optical depth)",
-        "--refractive-index",
+        "`refractive_index`",
     ),
-    "bits": Question("bits of a pixel that are used", "--bits"),
-    "rate_hz": Question("frames taken in a second", "--rate-hz or --times"),
+    "bits": Question("bits of a pixel that are used", "`bits`"),
+    "rate_hz": Question("frames taken in a second", "`rate_hz` or `times`"),
     "clock_offset_s": Question(
         "force log's clock minus the frames' clock, in seconds",
-        "--clock-offset-s",
+        "`clock_offset_s`",
         lambda value: "give a number" if isinstance(value, str) else None,
         offer="the dents fit",
     ),
-    "axis": Question("axis of the force sensor along the needle", "--axis"),
-    "contact_sign": Question("sign of that axis in contact", "--contact-sign"),
-    "eye": Question("name of the eye", "--eye", name_fault),
-    "gauge": Question("gauge of the needle", "--gauge"),
+    "axis": Question("axis of the force sensor along the needle", "`axis`"),
+    "contact_sign": Question("sign of that axis in contact", "`contact_sign`"),
+    "eye": Question("name of the eye", "`eye`", name_fault),
+    "gauge": Question("gauge of the needle", "`gauge`"),
     "gap_mm": Question(
-        "distance of the B-scan plane from the needle's axis", "--gap-mm"
+        "distance of the B-scan plane from the needle's axis", "`gap_m`"
     ),
-    "thickness_um": Question("thickness of the wall", "--thickness-um", optional=True),
+    "thickness_um": Question("thickness of the wall", "`thickness_m`", optional=True),
 }
 
 
 CLOCK_UNLESS_SEEN = Question(
     "force log's clock minus the frames' clock, in seconds, unless the dents show it",
-    "--clock-offset-s",
+    "`clock_offset_s`",
 )
 
 
@@ -197,7 +196,7 @@ def complete_import(
     if asker is None and questions:
         unless_seen = {"clock_offset_s": CLOCK_UNLESS_SEEN} if open_clock else {}
         listed = "; ".join(
-            f"{question.words} ({question.options})"
+            f"{question.words} ({question.answered_by})"
             for question in (questions | unless_seen).values()
         )
         raise InputError(f"neither in the sources nor among the options: {listed}")
@@ -235,7 +234,7 @@ def complete_import(
     if value is None:
         note = (
             "the wall's thickness is not stated: `calibrate` needs it, and readings are"
-            " less sure (--thickness-um)"
+            " less sure (`thickness_m`)"
         )
         return done.with_notes([note])
 
@@ -248,13 +247,13 @@ def complete_import(
         return done
 
     if shown_um is None:
-        flipped = "; are they upside down (--flip rows), or transposed (--axes)?"
+        flipped = "; are they upside down (`flip=rows`), or transposed (`axes`)?"
         return done.with_notes([f"no wall is seen in the first frames{flipped}"])
     return done.with_notes(
         [
             f"the first frames show a wall of {shown_um:g} µm, where"
-            f" {value:g} µm is stated ({source}): check --refractive-index, --depth-mm"
-            " and the thickness, and whether the frames are upside down (--flip rows)"
+            f" {value:g} µm is stated ({source}): check `refractive_index`, `depth_m`"
+            " and the thickness, and whether the frames are upside down (`flip=rows`)"
         ]
     )
 
@@ -270,7 +269,7 @@ def open_questions(
     """
     _check_used(gathered, origins)
     if gathered.planes and origins.get("gap_mm") == OPTION:
-        raise InputError("--gap-mm: several planes show their gaps; leave it out")
+        raise InputError("`gap_m`: several planes show their gaps; leave it out")
 
     times = (
         given_times(gathered.scan, answers.times, answers.rate_hz)
@@ -291,16 +290,16 @@ def open_questions(
     }
     scan = gathered.scan
 
-    for fault, names in (
-        (scan.scale_fault, ("width_mm", "depth_mm")),
-        (scan.times_fault, ("rate_hz",)),
+    for fault, names, fields in (
+        (scan.scale_fault, ("width_mm", "depth_mm"), "`width_m` and `depth_m`"),
+        (scan.times_fault, ("rate_hz",), "`rate_hz`"),
     ):
         if fault and questions.keys() & names:
-            raise InputError(f"{fault}; give {' and '.join(map(option_name, names))}")
+            raise InputError(f"{fault}; give {fields}")
 
     if "rate_hz" in questions and times_in(scan.names) is not None:
-        of_names = "--rate-hz, --times or --frames-by times"
-        questions["rate_hz"] = replace(questions["rate_hz"], options=of_names)
+        of_names = "`rate_hz`, `times` or `frames_by=times`"
+        questions["rate_hz"] = replace(questions["rate_hz"], answered_by=of_names)
 
     if "bits" in questions:
         few = f"pixels are up to {greys.high - greys.low:g}, which needs more bits"
@@ -324,7 +323,7 @@ def _completed(
     info = _info(gathered, answers, values)
     if not greys.fit(info.oct.bits):
         raise InputError(
-            f"{gathered.scan.names[0]}: pixels up to {greys.high:g}; --bits says"
+            f"{gathered.scan.names[0]}: pixels up to {greys.high:g}; `bits` says"
             f" {info.oct.bits}"
         )
 
@@ -367,7 +366,7 @@ def _completed(
             f"{count} frames were taken before or after the forces: they have no label"
             " and are not evaluated"
         )
-        doubts.append(f"{lost}; mend the clocks (--clock-offset-s) if they should be")
+        doubts.append(f"{lost}; mend the clocks (`clock_offset_s`) if they should be")
 
     return PreparedImport(
         gathered, greys, moved, log, origin_s, clock, info, sources
@@ -453,8 +452,8 @@ def _shared_clock(
     why = _unsure_words(found)
     if asker is None:
         raise InputError(
-            f"the clocks of frames and forces: {why}; --clock-offset-s S states the"
-            " log's clock minus the frames' clock, --clock-offset-s 0 that both share"
+            f"the clocks of frames and forces: {why}; `clock_offset_s=S` states the"
+            " log's clock minus the frames' clock, `clock_offset_s=0` that both share"
             " one"
         )
 
@@ -482,8 +481,8 @@ def _unsure_words(found: ClockEstimate | None) -> str:
         )
         return (
             f"parts of the recording have offsets of their own ({listed}): a clock"
-            " paused, was set, or drifts; import them one by one (--first-frame,"
-            " --last-frame), or give each frame its time (--times)"
+            " paused, was set, or drifts; import them one by one (`first_frame`,"
+            " `last_frame`), or give each frame its time (`times`)"
         )
     if found.related:
         others = ", ".join(f"{other_s:.1f}" for other_s in found.rivals_s)
@@ -510,9 +509,9 @@ def _check_even(scan: PictureSource) -> None:
     if float(steps_s.max()) > UNEVEN * middle_s:
         at = int(np.argmax(steps_s)) + 1
         raise InputError(
-            f"{scan.names[at]}: --rate-hz: it is {steps_s.max():.4g} s after the frame"
-            f" before by {scan.times.source}, others {middle_s:.4g} s: leave --rate-hz"
-            " out, or say that frames are evenly spaced: --frames-by order"
+            f"{scan.names[at]}: `rate_hz`: it is {steps_s.max():.4g} s after the frame"
+            f" before by {scan.times.source}, others {middle_s:.4g} s: leave `rate_hz`"
+            " out, or say that frames are evenly spaced: `frames_by=order`"
         )
 
 
@@ -545,7 +544,7 @@ def _check_used(gathered: GatheredSources, origins: Mapping[str, str]) -> None:
             name for name in names if origins.get(name) == OPTION and not there
         ]:
             raise InputError(
-                f"{option_name(unused[0])}: acts on {what}, which is not among the"
+                f"`{unused[0]}`: acts on {what}, which is not among the"
                 " sources; leave it out"
             )
 

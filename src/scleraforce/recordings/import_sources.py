@@ -129,11 +129,6 @@ class ImportOptions:
     relaxation: str | None = None
 
 
-def option_name(field: str) -> str:
-    """Return the option that gives a field of `ImportOptions`."""
-    return "--column" if field == "columns" else f"--{field.replace('_', '-')}"
-
-
 def source_kind(path: Path) -> str:
     """Return the kind of a source: a kind of `read_scan`, "bag" or "log"."""
     if path.is_dir():
@@ -207,7 +202,7 @@ def _oriented(
         return scan
     if axes[0] != "frame" and len(axes) == 3:
         raise InputError(
-            f"--axes: {','.join(axes)}: {path} has frame after frame; begin with frame"
+            f"`axes`: {','.join(axes)}: {path} has frame after frame; begin with frame"
         )
 
     return scan.turned() if axes[-2:] == ("lateral", "depth") else scan
@@ -353,7 +348,7 @@ def _check_apart(files: Sources) -> None:
     for path, _, plane in files:
         if plane and place_of.setdefault(path.resolve(), plane) != plane:
             raise InputError(
-                f"--plane: {path} is of two planes; give the frames of each"
+                f"`planes`: {path} is of two planes; give the frames of each"
             )
 
 
@@ -431,7 +426,7 @@ def _planes_together(
     of_planes = {plane: whole for plane, whole in wholes.items() if plane}
     if of_planes and None in wholes:
         raise InputError(
-            f"--plane: missing for {wholes[None].names[0]}; give one before the frames"
+            f"`planes`: missing for {wholes[None].names[0]}; give one before the frames"
             " of each plane"
         )
 
@@ -486,7 +481,7 @@ def on_one_clock(
     """
     time_s = times.time_s + offset_s
     if not rising(time_s):
-        way = "give the files in their order, or their times by --times or --rate-hz"
+        way = "give the files in their order, or their times by `times` or `rate_hz`"
         raise InputError(
             f"the frames' times do not rise from each frame to the next; {way}"
         )
@@ -504,7 +499,7 @@ def on_one_clock(
         )
         found = f"frames at {frames}, forces at {forces}"
         raise InputError(
-            f"the clocks do not overlap: {found}; --clock-offset-s brings both to one"
+            f"the clocks do not overlap: {found}; `clock_offset_s` brings both to one"
             " clock"
         )
 

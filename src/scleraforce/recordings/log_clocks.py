@@ -123,7 +123,7 @@ def _rising(time_s: Floats, place: Callable[[int], str], notes: list[str]) -> Fl
     if len(starts) < 3:
         raise RecordingError(
             f"{place(len(time_s) - 1)}: time_s: {len(starts)} different times for"
-            f" {len(time_s)} samples; give a column of finer times (--column), or a"
+            f" {len(time_s)} samples; give a column of finer times (`columns`), or a"
             " counter of samples with its rate, like time=NAME:200Hz"
         )
 
@@ -155,7 +155,7 @@ def _rising(time_s: Floats, place: Callable[[int], str], notes: list[str]) -> Fl
     else:
         raise RecordingError(
             f"{place(first)}: time_s: {counts[0]} samples have one time, and the next"
-            f" comes {tick_s:g} s later; give a column of finer times (--column), or a"
+            f" comes {tick_s:g} s later; give a column of finer times (`columns`), or a"
             " counter of samples with its rate, like time=NAME:200Hz"
         )
 

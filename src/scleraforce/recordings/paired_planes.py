@@ -69,7 +69,7 @@ def pair_moments(
 
     if not (pairs >= 0).all(axis=1).any():
         raise InputError(
-            f"--plane: no frame of {planes[0].name!r} is of the moment of one of"
+            f"`planes`: no frame of {planes[0].name!r} is of the moment of one of"
             " another plane; check their times or numbers"
         )
 
@@ -141,7 +141,7 @@ def _check_same_numbers(scans: Mapping[Plane, PictureSource]) -> None:
         if of_first & of_other and (alone := sorted(of_first ^ of_other)):
             lacking = first if alone[0] in of_other else other
             raise UnansweredError(
-                "--frames-by",
+                "frames_by",
                 f"{next(iter(scans.values())).names[0]}: {lacking!r} has no frame"
                 f" {alone[0]}: {WAYS}",
             )

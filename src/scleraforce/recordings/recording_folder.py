@@ -322,18 +322,20 @@ def read_scaled_frame(
     )
 
     if image.scale_fault and info is None and None in (given.width_m, given.depth_m):
-        raise FrameError(f"{image.scale_fault}; give --width-mm and --depth-mm")
+        raise FrameError(f"{image.scale_fault}; give `width_m` and `depth_m`")
     if width is None or depth is None:
         lost = "its size is neither in the file nor in a recording.toml"
-        raise FrameError(f"{path}: {lost}; give --width-mm and --depth-mm")
+        raise FrameError(f"{path}: {lost}; give `width_m` and `depth_m`")
 
-    for key, extent in (("width_mm", width), ("depth_mm", depth)):
+    for key, field, extent in (
+        ("width_mm", "width_m", width),
+        ("depth_mm", "depth_m", depth),
+    ):
         try:
             check_quantity(key, from_si(extent.value, "mm"))
         except StudyError as fault:
             raise FrameError(
-                f"{path}: {fault} (stated by: {extent.source}); give"
-                f" --{key.replace('_', '-')}"
+                f"{path}: {fault} (stated by: {extent.source}); give `{field}`"
             ) from None
 
     notes = (*image.notes, *([image.scale_fault] if image.scale_fault else []))

@@ -22,7 +22,7 @@ OTHER_ENDINGS = (
 )
 FOREIGN_TEXTS = (b"PK", b"\xd0\xcf\x11\xe0")  # spreadsheets with other names
 NEITHER = "files that are neither frames nor forces"
-OF_FRAMES = "files that name frames, such as a table for --times"
+OF_FRAMES = "files that name frames, such as a table for `times`"
 TABLE_BYTES = 64 * 2**10  # of a text, in which a table begins
 TABLE_LINES = 3  # of numbers, that make a table
 MOST_NAMED = 5  # files in one note

@@ -183,7 +183,7 @@ def read_folder(
     path = model_folder(path)
     if not path.is_dir():
         bundled = ", ".join(SHIPPED)
-        makes = "`scleraforce train DATASET --out MODEL` makes a folder"
+        makes = "`scleraforce train DATASET out=MODEL` makes a folder"
         raise ModelError(
             f"{path}: no such folder; give one, or a bundled model ({bundled}); {makes}"
         )

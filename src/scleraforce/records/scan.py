@@ -78,10 +78,10 @@ def parse_plane(words: str) -> Plane:
         offset_mm, direction_deg = map(float, numbers)
         return Plane(name, to_si(offset_mm, "mm"), to_si(direction_deg, "deg"))
     except InputError as fault:
-        raise InputError(f"--plane: {words!r}: {fault}") from None
+        raise InputError(f"`planes`: {words!r}: {fault}") from None
     except ValueError:
         raise InputError(
-            f"--plane: {words!r} is not NAME:OFFSET_MM:DIRECTION_DEG, like across:0:90"
+            f"`planes`: {words!r} is not NAME:OFFSET_MM:DIRECTION_DEG, like across:0:90"
         ) from None
 
 
@@ -110,7 +110,7 @@ def check_frame_counts(counts: Mapping[str, int]) -> None:
     if len(set(counts.values())) > 1:
         words = ", ".join(f"{name!r} has {count}" for name, count in counts.items())
         raise InputError(
-            f"--plane: as many frames of each plane are read together; {words}"
+            f"`planes`: as many frames of each plane are read together; {words}"
         )
 
 

@@ -352,8 +352,8 @@ UNUSED: dict[tuple[str, str | None], tuple[str, ...]] = {
         key for key in LIBRARY if key != "tissue.stiffening"
     ),
     ("library", None): LIBRARY,
-    ("train --kind reader", None): LIBRARY,
-    ("train --kind raw-reader", None): (
+    ("train kind=reader", None): LIBRARY,
+    ("train kind=raw-reader", None): (
         *LIBRARY,
         *EYE_MOVEMENT,
         "phantom.needle_count",
@@ -386,7 +386,7 @@ def refuse_unused(study: Study, command: str, mechanics: str | None = None) -> N
             for name, kind in UNUSED
             if name == command and kind and not {*found} & {*UNUSED[name, kind]}
         ]
-        remedy += f", or give --mechanics {others[0]}" if others else ""
+        remedy += f", or give `mechanics={others[0]}`" if others else ""
         raise StudyError(
             f"study: {', '.join(found)}: not used by `{command}`{wall}; {remedy}"
         )

@@ -41,6 +41,7 @@ MATRIX = (
 )
 # the scale of the default model's study
 DEFAULT_MATRIX = (15.0 / 512, 0.0, 0.0, 0.0, 4.0 / 512, *MATRIX[5:])
+PACED_CHILD = PACED.with_name("paced_child.py")
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="the monitor runs on Linux only"
 )
@@ -49,7 +50,7 @@ pytestmark = pytest.mark.skipif(
 @pytest.fixture
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let no busy machine make the watchdog or the operator impatient."""
-    monkeypatch.setattr(monitoring, "COMMAND", (sys.executable, str(PACED)))
+    monkeypatch.setattr(monitoring, "COMMAND", (sys.executable, str(PACED_CHILD)))
     ask = partial(monitoring.ask_reset, within_s=FUSE_S)
     monkeypatch.setattr(monitoring, "ask_reset", ask)
 

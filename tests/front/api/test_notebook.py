@@ -21,7 +21,6 @@ from small_recordings import calibration_text, write_small_recording
 import scleraforce as sf
 from scleraforce.base.errors import FrameError, InputError
 from scleraforce.front.api.calibrating import calibrate, library_for
-from scleraforce.front.api.importing import SI_NAMES
 from scleraforce.front.api.progress import counting_for
 from scleraforce.front.api.reading_frames import evaluate, read, segment
 from scleraforce.front.api.training import train
@@ -308,8 +307,8 @@ def test_missing_metadata_is_named_by_arguments_all_at_once(
     with pytest.raises(sf.InputError) as told:
         sf.import_recording(sources, tmp_path / "r")
 
-    names = [*STATED, *NEEDLE, *FORCE, "rate_hz or times"]
-    assert all(f"({name})" in str(told.value) for name in names), told.value
+    names = [*STATED, *NEEDLE, *FORCE, "rate_hz` or `times"]
+    assert all(f"(`{name}`)" in str(told.value) for name in names), told.value
     assert "--" not in str(told.value)
     assert sorted(tmp_path.rglob("*")) == before
 
@@ -317,12 +316,12 @@ def test_missing_metadata_is_named_by_arguments_all_at_once(
 REFUSED: list[tuple[dict[str, object], str]] = [
     ({"width_m": 12.0}, "width_m: 12 is above the largest allowed value 0.1"),
     ({"bits": -1}, "bits: -1 is below"),
-    ({"bits": 8}, "bits says 8"),
-    ({"rate_hz": 0.0}, "^rate_hz: 0; give the frames taken in a second"),
+    ({"bits": 8}, "`bits` says 8"),
+    ({"rate_hz": 0.0}, "^`rate_hz`: 0; give the frames taken in a second"),
     ({**FORCE, "contact_sign": 0}, "contact_sign: 0 is not a sign"),
-    ({"grey_range": (9.0, 1.0)}, "^grey_range: 9 1; give the darkest"),
-    ({"array": "a"}, "^array: acts on an .npz file"),
-    ({"columns": ["fz=pull"]}, "^columns: 'fz=pull'; give COLUMN=NAME:UNIT"),
+    ({"grey_range": (9.0, 1.0)}, "^`grey_range`: 9 1; give the darkest"),
+    ({"array": "a"}, "^`array`: acts on an .npz file"),
+    ({"columns": ["fz=pull"]}, "^`columns`: 'fz=pull'; give COLUMN=NAME:UNIT"),
     ({"globe": "shut"}, "globe: "),
     ({"relaxation": [(0.6, 1.0), (0.5, 2.0)]}, "relaxation: shares are 0 or more"),
     ({"relaxation": "none"}, "relaxation: a term is a share and a time"),
@@ -342,7 +341,7 @@ def test_a_property_that_a_source_leaves_open_is_named_by_its_argument(
     sources: list[Path], tmp_path: Path
 ) -> None:
     np.save(tmp_path / "a.npy", FRAMES)
-    with pytest.raises(sf.InputError, match=r"a\.npy: an array of .*; give axes$"):
+    with pytest.raises(sf.InputError, match=r"a\.npy: an array of .*; give `axes`$"):
         sf.import_recording(tmp_path / "a.npy", tmp_path / "r", **TOLD)
 
     sources[1].write_text(
@@ -365,12 +364,22 @@ def test_a_missing_source_is_one_line(tmp_path: Path) -> None:
     for sources, out, like, words in (
         ([], new, None, "sources: none; give at least one"),
         ("nowhere.tif", new, None, "nowhere.tif: No such file or directory"),
-        ("a.tif", tmp_path, None, "exists already; remove it or choose another out$"),
+        ("a.tif", tmp_path, None, "exists already; remove it or choose another `out`$"),
         ("a", new, "nowhere", "nowhere: no such folder; give a recording folder"),
     ):
         with pytest.raises(sf.InputError, match=words) as refused:
             sf.import_recording(sources, out, like=like)
         assert "\n" not in str(refused.value)
+
+
+SI_NAMES = {
+    "width_mm": "width_m",
+    "depth_mm": "depth_m",
+    "thickness_um": "thickness_m",
+    "iop_mmhg": "iop_pa",
+    "gap_mm": "gap_m",
+    "polar_angle_deg": "polar_angle_rad",
+}
 
 
 def test_every_option_of_the_command_is_an_argument_in_si() -> None:

@@ -20,7 +20,9 @@ def started(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Start:
             "scleraforce.front.app.running_commands.COMMAND",
             (sys.executable, "-c", f"import sys, time; {code}"),
         )
-        return Job.started(["help"], tmp_path, tmp_path / "kept" / "help.json")
+        return Job.started(
+            ["help"], tmp_path, tmp_path / "kept" / "help.json", "--json"
+        )
 
     return start
 
@@ -57,7 +59,7 @@ def test_a_command_is_stopped_as_by_ctrl_c(started: Start) -> None:
 
 def test_modules_in_the_folder_of_data_are_not_imported(tmp_path: Path) -> None:
     (tmp_path / "click.py").write_text("open('ran', 'w')")
-    job = Job.started(["show", "nothing"], tmp_path, tmp_path / "show.json")
+    job = Job.started(["show", "nothing"], tmp_path, tmp_path / "show.json", "--json")
     wait_until(lambda: job.done)
     assert "nothing" in (job.fault or "")
     assert not (tmp_path / "ran").exists()

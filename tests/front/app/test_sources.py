@@ -24,7 +24,7 @@ def test_what_the_files_leave_open_is_asked_and_frames_may_be_left_out(
     paths = [tmp_path / "scan.tif", tmp_path / "log.csv"]
     sources = Sources()
     asked = sources.describe(paths, [], Checked())
-    assert asked["option"] == "--column"
+    assert asked["field"] == "columns"
     columns = ("time=Clock:ms", "fz=Pull:mN")
     found = sources.describe(paths, [], Checked(width_mm=15.0, columns=columns))
     assert (found["frames"], found["rows"], found["columns"]) == (5, 32, 48)
@@ -37,7 +37,7 @@ def test_what_the_files_leave_open_is_asked_and_frames_may_be_left_out(
     )
     assert some["frames"] == 2
 
-    with pytest.raises(InputError, match="--last-frame: frames 1 to 6 of 5"):
+    with pytest.raises(InputError, match="`last_frame`: frames 1 to 6 of 5"):
         sources.describe(paths, [], Checked(last_frame=6, columns=columns))
 
     assert sources.picture(paths, [], Checked(columns=columns), 4).startswith(
@@ -57,7 +57,7 @@ def test_names_with_gaps_are_asked_about_and_a_changed_table_is_read_again(
     paths = [tmp_path / name for name in names]
     sources = Sources()
     asked = sources.describe(paths, [], Checked(rate_hz=2.0))
-    assert (asked["option"], asked["forms"]) == ("--frames-by", [])
+    assert (asked["field"], asked["forms"]) == ("frames_by", [])
     assert "f4.png follows f2.png" in asked["question"]
     for by in ("numbers", "order", "times:s"):
         assert sources.describe(paths, [], Checked(frames_by=by))["frames"] == 3

@@ -36,6 +36,7 @@ from small_recordings import (
 from scleraforce.base.errors import InputError
 from scleraforce.front.api.importing import import_recording
 from scleraforce.front.cli import import_command
+from scleraforce.front.cli.field_flags import in_flags, json_in_flags
 from scleraforce.front.cli.import_command import import_
 from scleraforce.front.cli.main import run
 from scleraforce.recordings import import_answers
@@ -143,7 +144,7 @@ def test_without_a_terminal_all_missing_metadata_is_named_at_once(
         for name, question in import_answers.QUESTIONS.items()
         if name != "axis"
     ]
-    assert [f"({question.options})" in error for question in asked] == [
+    assert [f"({in_flags(question.answered_by)})" in error for question in asked] == [
         not question.optional for question in asked
     ]
 
@@ -317,7 +318,7 @@ def test_planes_that_do_not_fit_together_are_refused_in_one_line(
         (
             (along, across / "0.png"),
             PLANES,
-            "^planes: as many frames of each .* 'along' has 2",
+            "^`planes`: as many frames of each .* 'along' has 2",
         ),
     ):
         with pytest.raises(InputError, match=words):
@@ -368,7 +369,9 @@ def test_frames_go_by_the_times_and_numbers_in_their_names(
     assert entry["values"]["times"] == "the files' names"
     stated = {"eye": "e", "gauge": 22, "gap_m": 6e-4, "bits": 16}
     stated |= {"width_m": 9e-3, "depth_m": 8e-3, "refractive_index": 1.38}
-    with pytest.raises(InputError, match=r"\(times\) settles it, too; give frames_by$"):
+    with pytest.raises(
+        InputError, match=r"\(`times`\) settles it, too; give `frames_by`$"
+    ):
         import_recording(folder, tmp_path / "t", rate_hz=2.0, **stated)
 
     python = import_recording(
@@ -657,10 +660,8 @@ def test_a_contradiction_in_a_file_needs_the_options_and_is_noted_then(
         tmp_path / "a.dcm", *options_of("--bits", 13, "--width-mm", 6, "--depth-mm", 3)
     )
     assert any("NominalScannedPixelSpacing" in note for note in entry["notes"])
-    assert (
-        json.loads((tmp_path / "r" / "import.json").read_text())["notes"]
-        == entry["notes"]
-    )
+    kept = json.loads((tmp_path / "r" / "import.json").read_text())
+    assert json_in_flags(kept["notes"]) == entry["notes"]
 
 
 @pytest.fixture
@@ -812,7 +813,7 @@ def test_the_wall_that_the_frames_show_is_offered(
     assert (
         (found is None)
         == (thickness_um is None)
-        == any("--thickness-um" in note for note in kept["notes"])
+        == any("`thickness_m`" in note for note in kept["notes"])
     )
 
     if thickness_um is not None:

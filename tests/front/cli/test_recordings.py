@@ -439,8 +439,8 @@ ARGUMENTS = {
     "generate": "--out OUT",
     "calibrate": "no-recording --out OUT",
     "library": "--out OUT",
-    "train --kind reader": "no-library --out OUT",
-    "train --kind raw-reader": "no-library --out OUT",
+    "train kind=reader": "no-library --out OUT",
+    "train kind=raw-reader": "no-library --out OUT",
     "reproduce": "--out OUT",
 }
 
@@ -461,7 +461,8 @@ def test_a_command_refuses_unused_keys_by_name(
 
     for (command, mechanics), unused in UNUSED.items():
         options = f" --mechanics {mechanics}" if mechanics else ""
-        line = f"{command} {ARGUMENTS[command]}{options} --study STUDY"
+        typed = command.replace(" kind=", " --kind ")
+        line = f"{typed} {ARGUMENTS[command]}{options} --study STUDY"
         words = [
             {"OUT": str(out), "STUDY": str(study)}.get(word, word)
             for word in line.split()

@@ -157,7 +157,7 @@ def test_the_bundled_reader_is_refused_for_a_study_that_it_was_not_trained_for(
 ) -> None:
     study = parse_study(text)
     key = f"{text.split(']')[0][1:]}.{text.splitlines()[1].split()[0]}"
-    with pytest.raises(StudyError, match=f"study: {key}: .*--train"):
+    with pytest.raises(StudyError, match=f"study: {key}: .*`train`"):
         open_run(tmp_path / "out", study, 1)
 
     assert (

@@ -342,7 +342,7 @@ def recalibrate_intervals(
     if not scores:
         raise InputError(
             f"{each[0].path}: no frame with a known force is left to read; take fewer"
-            " --frames"
+            " `frames`"
         )
 
     source = "recordings of " + ", ".join(

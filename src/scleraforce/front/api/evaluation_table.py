@@ -184,7 +184,7 @@ def _state(table: Path) -> Path:
 def _check(table: Path) -> None:
     if table.suffix not in ENDINGS:
         raise InputError(
-            f"--table: {table}: give a file that ends in {' or '.join(ENDINGS)}"
+            f"`table`: {table}: give a file that ends in {' or '.join(ENDINGS)}"
         )
 
     if table.suffix == ".parquet":

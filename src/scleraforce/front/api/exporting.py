@@ -35,7 +35,7 @@ def export(
 
     Args:
         thing: a recording, opened or as a folder; or answers: of `evaluate`, of `read`
-            to a stack, or a file with the output of a command's --json.
+            to a stack, or a file with the JSON that a command printed.
         out: the file; its ending decides: .csv and .json have a row for each frame,
             .mcap and .nrrd need a recording.
         answers: to a recording's frames, to add to their rows; of a stack one for each,
@@ -56,7 +56,7 @@ def export(
         raise InputError(f"out: {out}: give a name that ends in {', '.join(ENDINGS)}")
     if out.exists() and not replace:
         raise InputError(
-            f"{out}: exists already; choose another name, or replace it (--force)"
+            f"{out}: exists already; choose another name, or replace it (`replace`)"
         )
 
     for name, one in {"thing": thing, "answers": answers}.items():

@@ -1,9 +1,7 @@
 """A laboratory's frames and force log as a recording folder."""
 
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import fields
 from functools import partial
 from itertools import islice
 from math import degrees
@@ -43,7 +41,6 @@ from scleraforce.recordings.import_sources import (
     GatheredSources,
     ImportOptions,
     gather_sources,
-    option_name,
 )
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.recordings.recording_writer import (
@@ -64,15 +61,6 @@ from scleraforce.wall.wall_in_metres import dent_measures, surface_places
 PREVIEW = "preview.png"
 # frames, from the first: of an eye that the needle does not dent yet, as a rule
 LOOKED_AT = 5
-# Arguments that are not called as their options are.
-SI_NAMES = {
-    "width_mm": "width_m",
-    "depth_mm": "depth_m",
-    "thickness_um": "thickness_m",
-    "iop_mmhg": "iop_pa",
-    "gap_mm": "gap_m",
-    "polar_angle_deg": "polar_angle_rad",
-}
 
 
 def import_recording(
@@ -238,24 +226,12 @@ def import_recording(
             counting_for(progress, "frames"),
             planes=planes,
         )
-    except InputError as fault:
-        text = str(fault)
-        if isinstance(fault, UnansweredError) and fault.forms:
-            text = (
-                f"{fault.question}; give columns=[{', '.join(map(repr, fault.forms))}]"
-            )
+    except UnansweredError as fault:
+        if not fault.forms:
+            raise
 
-        arguments = {
-            option_name(field.name): SI_NAMES.get(field.name, field.name)
-            for field in fields(ImportOptions)
-        }
-        arguments |= {"--out": "out", "--plane": "planes"}
-        text = re.sub(
-            r"(?<![\w/-])--[a-z-]+",
-            lambda option: arguments.get(option[0], option[0]),
-            text,
-        )
-        raise InputError(text) from fault
+        forms = ", ".join(map(repr, fault.forms))
+        raise InputError(f"{fault.question}; give columns=[{forms}]") from fault
 
     return read_recording(out)
 
@@ -276,7 +252,7 @@ def write_imported(
     Of several `planes` there is one for each source.
     """
     if out.exists() or out.is_symlink():
-        raise InputError(f"{out}: exists already; remove it or choose another --out")
+        raise InputError(f"{out}: exists already; remove it or choose another `out`")
 
     with folder_when_whole(out) as part:
         gathered, answers = _gathered(sources, answers, counting, asker, planes)
@@ -334,7 +310,7 @@ def write_imported(
                 or "forces of a bag are in N"
             )
             raise InputError(
-                f"{path}: {fault}; read as {read}: check the unit (--column, for a log"
+                f"{path}: {fault}; read as {read}: check the unit (`columns`, for a log"
                 " of text)"
             )
 

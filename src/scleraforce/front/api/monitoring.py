@@ -16,29 +16,20 @@ from threading import Thread
 from typing import IO, Any
 
 from scleraforce.base.errors import InputError
-from scleraforce.base.units import HumanUnit, from_si
 from scleraforce.live.network.operator_reset import ask_reset
 from scleraforce.reading.reading_models import Reader
 from scleraforce.records.model_folder import model_folder, model_name
 from scleraforce.records.scan import Plane
 
-# -P: no module of this folder
+# -P: no module of this folder. The child turns fields into the command's words.
 COMMAND = (
     sys.executable,
     "-P",
     "-c",
-    "from scleraforce.front.cli.main import main; main()",
+    "from scleraforce.front.cli.monitor_child import main; main()",
 )
 END_S = 30.0  # for the black box to write its last entries
 LAST_LINES_S = 1.0
-# The options of known inputs, with their units; a globe is a word.
-KNOWN: Mapping[str, tuple[str, HumanUnit]] = {
-    "youngs_modulus_pa": ("--youngs-modulus-mpa", "mpa"),
-    "iop_pa": ("--iop-mmhg", "mmhg"),
-    "thickness_m": ("--thickness-um", "um"),
-    "gap_m": ("--gap-mm", "mm"),
-    "rigidity_pa13_per_m3": ("--rigidity", "mmhg13_per_ul"),
-}
 
 
 @dataclass(kw_only=True)
@@ -105,48 +96,29 @@ def monitor(
     >>> running.summary["frames"]
     0
     """
-    given = {
-        name: value
-        for name, value in locals().items()
-        if name in KNOWN and value is not None
+    path = model.path if isinstance(model, Reader) else model_folder(model)
+    fields: dict[str, Any] = {
+        "youngs_modulus_pa": youngs_modulus_pa,
+        "iop_pa": iop_pa,
+        "thickness_m": thickness_m,
+        "gap_m": gap_m,
+        "rigidity_pa13_per_m3": rigidity_pa13_per_m3,
+        "calibration": calibration,
+        "eye": eye,
+        "globe": globe,
+        "record": record,
+        "planes": [
+            (plane.name, plane.offset_m, plane.direction_rad) for plane in planes
+        ],
+        "second_opinion": second_opinion,
     }
-    words = [
-        model_name(model.path if isinstance(model, Reader) else model_folder(model)),
-        "--port",
-        "0",
-        "--json",
-    ]
-
-    for name, value in given.items():
-        flag, unit = KNOWN[name]
-        words += [flag, repr(from_si(value, unit))]
-
-    options = {
-        "--calibration": calibration,
-        "--eye": eye,
-        "--globe": globe,
-        "--record": record,
-    }
-    words += [
-        word
-        for flag, value in options.items()
-        if value is not None
-        for word in (flag, str(value))
-    ]
-
-    for plane in planes:
-        offset_mm = from_si(plane.offset_m, "mm")
-        direction_deg = from_si(plane.direction_rad, "deg")
-        words += ["--plane", f"{plane.name}:{offset_mm!r}:{direction_deg!r}"]
-
-    words += [] if second_opinion else ["--no-second-opinion"]
     # the black box of a monitor that died may still write there
     with TemporaryDirectory(
         prefix="scleraforce-", ignore_cleanup_errors=True
     ) as folder:
-        words += ["--black-box", str(black_box or Path(folder) / "black-box")]
+        fields["black_box"] = black_box or Path(folder) / "black-box"
         process = subprocess.Popen(
-            [*COMMAND, "monitor", *words],
+            [*COMMAND, model_name(path), json.dumps(fields, default=str)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

@@ -187,7 +187,7 @@ def train(
         raise InputError(f"kind: {kind!r}; give 'reader' or 'raw-reader'")
 
     study = study or Study()
-    refuse_unused(study, f"train --kind {kind}")
+    refuse_unused(study, f"train kind={kind}")
     # 1,100 ms: PyTorch, not for `generate` and `library_of`
     from scleraforce.lab.training.trained_models import train_raw_reader, train_reader
 

@@ -4,4 +4,5 @@ Long computations run as commands. Imports `front.api` and every package below `
 
 Public:
     app_server: `HOST`, `listen_locally`, `server_of`
+    running_commands: `CommandWords`
 """

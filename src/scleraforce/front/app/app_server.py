@@ -32,13 +32,13 @@ from scleraforce.front.app.recording_views import (
     write_draft,
 )
 from scleraforce.front.app.request_end import EndsWithRequest
-from scleraforce.front.app.running_commands import Job, command_line
+from scleraforce.front.app.running_commands import CommandWords, Job, command_line
 from scleraforce.front.app.source_views import ANSWERS, Checked, Sources
 from scleraforce.front.app.work_folder import MOST_UPLOAD_BYTES, SOURCES, Folder
 from scleraforce.live.console.server import OwnPagesOnly
 from scleraforce.recordings.drawn_walls import remove_wall
 from scleraforce.recordings.exported_files import csv_text
-from scleraforce.recordings.import_sources import ImportOptions, option_name
+from scleraforce.recordings.import_sources import ImportOptions
 from scleraforce.recordings.recording_folder import Recording, check_alone
 from scleraforce.records.model_folder import SHIPPED
 from scleraforce.records.scan import Plane, parse_plane
@@ -116,7 +116,7 @@ OLD_FILES = ("calibration", "times")
 DIGITS = 15  # of a number: a clock counts from 1970, in ms
 
 
-def words_of(run: CommandRequest, folder: Folder) -> list[str]:
+def words_of(run: CommandRequest, folder: Folder, spelled: CommandWords) -> list[str]:
     """Return a command's words, checked: known options, paths inside the folder, and
     nothing that exists is written.
     """
@@ -133,7 +133,7 @@ def words_of(run: CommandRequest, folder: Folder) -> list[str]:
 
     words = [run.command]
     for plane in dict.fromkeys(["", *run.planes.values()]):
-        words += [f"--plane={plane}"] if plane else []
+        words += [f"{spelled.flag_of('planes')}={plane}"] if plane else []
         words += [
             _operand(name) for name in run.operands if run.planes.get(name, "") == plane
         ]
@@ -144,25 +144,21 @@ def words_of(run: CommandRequest, folder: Folder) -> list[str]:
         if name in NEW_FILES:
             folder.new(str(value))
         text = f"{value:.{DIGITS}g}" if isinstance(value, float) else str(value)
-        words += (
-            []
-            if value is False
-            else (
-                [option_name(name)]
-                if value is True
-                else [f"{option_name(name)}={text}"]
-            )
-        )
+        flag = spelled.flag_of(name)
+        if value is True:
+            words.append(flag)
+        elif value is not False:
+            words.append(f"{flag}={text}")
 
-    words += [f"--column={column}" for column in run.columns]
+    words += [f"{spelled.flag_of('columns')}={column}" for column in run.columns]
     if run.command != "evaluate":
         folder.new(run.out)
-        words.append(f"--out={run.out}")
+        words.append(f"{spelled.flag_of('out')}={run.out}")
 
     return words
 
 
-def _line(fault: Exception, folder: Folder) -> str:
+def _line(fault: Exception, folder: Folder, spelled: CommandWords) -> str:
     if isinstance(fault, RequestValidationError | ValidationError):
         first = fault.errors()[0]
         return (
@@ -174,7 +170,8 @@ def _line(fault: Exception, folder: Folder) -> str:
             f" {fault.strerror}"
         )
 
-    return str(fault).replace(f"{folder.root}/", "")
+    text: str = spelled.worded(str(fault))
+    return text.replace(f"{folder.root}/", "")
 
 
 def _operand(name: str) -> str:
@@ -198,7 +195,9 @@ class Holder:
         return bool(tab) and tab == self.tab
 
 
-def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
+def app_of(
+    root: Path, token: str, port: int, spelled: CommandWords, once: str = ""
+) -> OwnPagesOnly:
     """Return the application for a folder: only requests with the cookie are answered.
 
     The cookie is given for the token each time, and for `once` a single time.
@@ -214,7 +213,7 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
     session = secrets.token_urlsafe(32)
 
     async def refused(_: Request, fault: Exception) -> Response:
-        return PlainTextResponse(_line(fault, folder), 422)
+        return PlainTextResponse(_line(fault, folder, spelled), 422)
 
     faults: Any = dict.fromkeys(
         (InputError, OSError, RequestValidationError, ValidationError), refused
@@ -251,7 +250,8 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
 
     @app.get("/api/look")
     def answered_frame(name: str, file: str) -> dict[str, Any]:
-        result = views.read_frame(folder.recording(name, file), file)
+        answered = views.read_frame(folder.recording(name, file), file)
+        result: dict[str, Any] = spelled.worded(answered)
         frames = [_operand(f"{name}/frames/{each}") for each in result["frames"]]
         return result | {"command": command_line(["read", "default", *frames])}
 
@@ -281,7 +281,8 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
 
     @app.get("/api/recording")
     def recording(name: str) -> dict[str, Any]:
-        return views.summary(folder.recording(name))
+        summary: dict[str, Any] = spelled.worded(views.summary(folder.recording(name)))
+        return summary
 
     @app.get("/api/frame")
     def frame(
@@ -321,7 +322,8 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
 
     @app.post("/api/sources")
     def described_sources(asked: Asked) -> dict[str, Any]:
-        return sources.describe(*asked.read(folder))
+        stated: dict[str, Any] = spelled.worded(sources.describe(*asked.read(folder)))
+        return stated
 
     @app.post("/api/picture")
     def picture(asked: Asked, number: int) -> Response:
@@ -336,9 +338,9 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
     @app.post("/api/words")
     def words(run: CommandRequest) -> dict[str, Any]:
         try:
-            return {"command": command_line(words_of(run, folder))}
+            return {"command": command_line(words_of(run, folder, spelled))}
         except InputError as fault:  # the page shows it in place of the command
-            return {"fault": _line(fault, folder)}
+            return {"fault": _line(fault, folder, spelled)}
 
     @app.post("/api/run")
     def start(run: CommandRequest) -> dict[str, Any]:
@@ -349,7 +351,12 @@ def app_of(root: Path, token: str, port: int, once: str = "") -> OwnPagesOnly:
                 )
 
             jobs.append(
-                Job.started(words_of(run, folder), folder.root, kept(run.command))
+                Job.started(
+                    words_of(run, folder, spelled),
+                    folder.root,
+                    kept(run.command),
+                    spelled.flag_of("json"),
+                )
             )
             return {"job": len(jobs) - 1}
 
@@ -392,17 +399,21 @@ def listen_locally(port: int) -> socket.socket:
     except OSError as fault:
         listener.close()
         raise InputError(
-            f"--port {port}: {fault.strerror}; choose another one, or 0 for a free one"
+            f"`port` {port}: {fault.strerror}; choose another one, or 0 for a free one"
         ) from fault
 
     return listener
 
 
 def server_of(
-    root: Path, listener: socket.socket, token: str, once: str = ""
+    root: Path,
+    listener: socket.socket,
+    token: str,
+    spelled: CommandWords,
+    once: str = "",
 ) -> uvicorn.Server:
     """Return the app's server; `run([listener])` serves until Ctrl-C."""
-    app = app_of(root, token, listener.getsockname()[1], once)
+    app = app_of(root, token, listener.getsockname()[1], spelled, once)
     return uvicorn.Server(
         uvicorn.Config(
             app,

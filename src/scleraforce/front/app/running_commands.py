@@ -13,7 +13,7 @@ import shlex
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -43,11 +43,19 @@ KEPT = 4096  # last characters of a command's standard error
 BYTES = 65536
 
 
+@dataclass(frozen=True)
+class CommandWords:
+    """The command line's spelling of fields, which the command `app` hands down."""
+
+    flag_of: Callable[[str], str]  # of a field
+    worded: Callable[[Any], Any]  # puts flags in place of fields in texts of JSON
+
+
 def command_line(words: Sequence[str]) -> str:
     """Return the command line that a user would type.
 
-    >>> command_line(["import", "my scan.tif", "--out", "eye-a"])
-    "scleraforce import 'my scan.tif' --out eye-a"
+    >>> command_line(["show", "my scan.tif"])
+    "scleraforce show 'my scan.tif'"
     """
     return shlex.join(["scleraforce", *words])
 
@@ -69,14 +77,19 @@ class Job:
     _process: "subprocess.Popen[bytes] | None" = field(default=None, repr=False)
 
     @classmethod
-    def started(cls, words: Sequence[str], folder: Path, kept: Path) -> "Job":
-        """Start a command in a folder; it is interrupted when this process ends."""
+    def started(
+        cls, words: Sequence[str], folder: Path, kept: Path, json_flag: str
+    ) -> "Job":
+        """Start a command in a folder; it is interrupted when this process ends.
+
+        `json_flag` makes it print its result as JSON.
+        """
         job = cls(tuple(words), kept)
         ours, theirs = openpty()  # progress bars are drawn for a terminal only
 
         try:
             job._process = subprocess.Popen(
-                [*COMMAND, *words, "--json"],
+                [*COMMAND, *words, json_flag],
                 cwd=folder,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,

@@ -111,7 +111,7 @@ class Sources:
         except UnansweredError as fault:
             return {
                 "question": fault.question,
-                "option": fault.option,
+                "field": fault.field,
                 "forms": list(fault.forms),
             }
 
@@ -185,7 +185,7 @@ class Sources:
         axis = answers.axis or found.log.columns[0].removesuffix("_n")
         if f"{axis}_n" not in found.log.columns:
             raise InputError(
-                f"--axis: {axis} is not in the force log, which has"
+                f"`axis`: {axis} is not in the force log, which has"
                 f" {', '.join(found.log.columns)}"
             )
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from scleraforce.base.errors import InputError
+from scleraforce.front.cli.field_flags import flag_of, json_in_flags
 from scleraforce.front.cli.options import PATH
 from scleraforce.front.cli.output import Command, say
 
@@ -44,6 +45,7 @@ def app(folder: Path, port: int, opens: bool) -> None:
 
     # 760 ms: FastAPI and the readers, not for --help
     from scleraforce.front.app.app_server import HOST, listen_locally, server_of
+    from scleraforce.front.app.running_commands import CommandWords
 
     listener = listen_locally(port)
     token = secrets.token_urlsafe(24)
@@ -54,4 +56,5 @@ def app(folder: Path, port: int, opens: bool) -> None:
     if opens:  # other users see the arguments of a browser: its token is valid once
         webbrowser.open(address + once)
 
-    server_of(folder, listener, token, once if opens else "").run([listener])
+    spelled = CommandWords(flag_of, json_in_flags)
+    server_of(folder, listener, token, spelled, once if opens else "").run([listener])

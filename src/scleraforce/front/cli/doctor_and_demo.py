@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scleraforce.base.errors import StudyError
-from scleraforce.base.plain_text import wrapped
 from scleraforce.base.units import from_si
 from scleraforce.base.version import __version__
 from scleraforce.front.cli.options import PATH, STUDY_FILE, options
@@ -24,6 +23,7 @@ from scleraforce.front.cli.output import (
     progress_bar,
     say,
     share_bar,
+    wrapped,
 )
 from scleraforce.records.model_folder import model_name
 from scleraforce.records.study import PRESETS, Study, preset_toml, refuse_unused

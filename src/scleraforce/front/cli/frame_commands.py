@@ -15,7 +15,6 @@ import numpy as np
 
 import scleraforce as sf
 from scleraforce.base.errors import InputError
-from scleraforce.base.plain_text import wrapped
 from scleraforce.base.units import from_si
 from scleraforce.base.whole_files import KINDS, read_bytes, renamed_when_whole
 from scleraforce.front.cli.options import (
@@ -36,6 +35,7 @@ from scleraforce.front.cli.output import (
     is_json,
     progress_bar,
     say,
+    wrapped,
 )
 from scleraforce.recordings import recording_folder
 from scleraforce.recordings.source_files import files_of

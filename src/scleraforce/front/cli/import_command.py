@@ -10,8 +10,9 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from scleraforce.base.plain_text import printable, wrapped
+from scleraforce.base.plain_text import printable
 from scleraforce.base.units import from_si
+from scleraforce.front.cli.field_flags import flag_of
 from scleraforce.front.cli.options import (
     GLOBE,
     MODEL,
@@ -23,7 +24,15 @@ from scleraforce.front.cli.options import (
     added,
     planes_of,
 )
-from scleraforce.front.cli.output import Command, Report, count_bar, is_json, say
+from scleraforce.front.cli.output import (
+    Command,
+    Report,
+    count_bar,
+    is_json,
+    say,
+    worded,
+    wrapped,
+)
 from scleraforce.recordings.formats.picture_streams import TOP, UnansweredError
 from scleraforce.recordings.import_answers import (
     Asker,
@@ -402,8 +411,8 @@ def _can_ask() -> bool:
 
 
 def _settle(answers: ImportOptions, open_point: UnansweredError) -> ImportOptions:
-    click.echo(printable(str(open_point)), err=True)
-    name = open_point.option.removeprefix("--").replace("-", "_")
+    click.echo(printable(worded(str(open_point))), err=True)
+    name = open_point.field
     if name == "by_arrival":
         return replace(
             answers, by_arrival=click.confirm("by arrival", abort=True, err=True)
@@ -412,7 +421,7 @@ def _settle(answers: ImportOptions, open_point: UnansweredError) -> ImportOption
         shorts = [form.partition("=")[0] for form in open_point.forms]
         return replace(answers, columns=(*answers.columns, *map(_column, shorts)))
 
-    answer: dict[str, Any] = {name: click.prompt(open_point.option, err=True)}
+    answer: dict[str, Any] = {name: click.prompt(flag_of(name), err=True)}
     return replace(answers, **answer)
 
 
@@ -439,7 +448,8 @@ def _answer(name: str, question: Question, kind: click.ParamType[Any]) -> Any:
         "",
     )
     words = (
-        f"{question.words}{unit}{f' ({OPEN}: not known)' if question.optional else ''}"
+        f"{worded(question.words)}{unit}"
+        f"{f' ({OPEN}: not known)' if question.optional else ''}"
     )
     default = OPEN if question.optional else None
 

@@ -20,6 +20,7 @@ from scleraforce.base.errors import InputError, ScleraforceError
 from scleraforce.base.foreign_settings import leave_unread
 from scleraforce.base.plain_text import printable
 from scleraforce.base.version import __version__
+from scleraforce.front.cli.field_flags import in_flags
 
 INTERRUPTED = 130
 interrupted = Event()  # by a signal that reached a callback of a library only
@@ -279,5 +280,6 @@ def run(arguments: list[str]) -> int:
 
 def fail(message: str, code: int) -> int:
     """Print one error line; return the code."""
-    click.echo(printable("error: " + " ".join(message.split())), err=True)
+    line = " ".join(in_flags(message).split())
+    click.echo(printable(f"error: {line}"), err=True)
     return code

@@ -20,6 +20,7 @@ from platformdirs import user_state_path
 from scleraforce.base.errors import InputError
 from scleraforce.base.units import from_si
 from scleraforce.base.worker_processes import one_thread
+from scleraforce.front.cli.field_flags import in_flags
 from scleraforce.front.cli.options import (
     EYE,
     LEAN_DEFAULT,
@@ -301,7 +302,10 @@ def monitor(
         token=token_hex(16),  # it cannot be guessed
     )
 
-    with closing(OperatorNotes(_write_line)) as notes:
+    command = click.get_current_context().command.name
+    with closing(
+        OperatorNotes(lambda text: _write_line(in_flags(text, command)))
+    ) as notes:
         with (
             ExitStack() as until_ended,
             monitor_service(reader.path, reader, settings, notes) as (server, address),

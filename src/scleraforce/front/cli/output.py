@@ -12,10 +12,11 @@ from typing import Any, NamedTuple, TypeVar
 import click
 from tqdm import tqdm
 
+from scleraforce.base import plain_text
 from scleraforce.base.errors import InputError
 from scleraforce.base.plain_json import finite_json
-from scleraforce.base.plain_text import printable
 from scleraforce.front.api.progress import by_percent
+from scleraforce.front.cli.field_flags import flag_of, in_flags, json_in_flags
 from scleraforce.front.cli.main import fail
 from scleraforce.front.cli.options import STUDY_FILE
 
@@ -94,21 +95,35 @@ def _flag(key: str, *names: str, help: str) -> click.Option:  # noqa: A002 - cli
 
 
 def _by_options(text: str, ctx: click.Context) -> str:
-    """Return a message that begins with the name of an option, or of the study file, in
-    place of an argument's.
+    """Return an error with flags in place of fields, also where it begins with the name
+    of one of the command's own; a study is its file.
     """
+    text = in_flags(text, ctx.command.name)
     name, colon, rest = text.partition(":")
     if name == "study" and STUDY_FILE in ctx.meta:
         return f"{ctx.meta[STUDY_FILE]}:{rest}"
 
-    flags = {
-        param.name: param.opts[0]
-        for param in ctx.command.params
-        if isinstance(param, click.Option)
+    names = {
+        param.name for param in ctx.command.params if isinstance(param, click.Option)
     }
-    return (
-        f"{flags[name]}:{rest}" if colon and name in flags and name != "study" else text
-    )
+    if not colon or name not in names - {"study"}:
+        return text
+    return f"{flag_of(name, ctx.command.name)}:{rest}"
+
+
+def worded(text: str) -> str:
+    """Return a text with the flags that users of the current command type."""
+    return in_flags(text, _command_name())
+
+
+def wrapped(text: str, start: str = "") -> str:
+    """Return a text with flags at 80 columns, behind what starts its line."""
+    return plain_text.wrapped(worded(text), start)
+
+
+def _command_name() -> str | None:
+    context = click.get_current_context(silent=True)
+    return None if context is None else context.command.name
 
 
 def is_quiet() -> bool:
@@ -125,12 +140,13 @@ def is_json() -> bool:
 def say(text: str, *, err: bool = False) -> None:
     """Print a line of a report, unless --quiet is given."""
     if not is_quiet():
-        click.echo(printable(text), err=err)
+        click.echo(plain_text.printable(worded(text)), err=err)
 
 
 def print_json(result: Mapping[str, Any]) -> None:
     """Print one JSON object; numbers that are not finite become null."""
-    click.echo(json.dumps(finite_json(result), indent=2, allow_nan=False))
+    found = json_in_flags(finite_json(result), _command_name())
+    click.echo(json.dumps(found, indent=2, allow_nan=False))
 
 
 def each_of(

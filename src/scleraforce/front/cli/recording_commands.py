@@ -1,7 +1,7 @@
 """`scleraforce calibrate` and `evaluate`: whole recordings with their force logs."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import scleraforce as sf
-from scleraforce.base.plain_text import wrapped
 from scleraforce.base.units import from_si
 from scleraforce.front.cli.options import MODEL, PATH, RelaxationOption, options
 from scleraforce.front.cli.output import (
@@ -20,6 +19,8 @@ from scleraforce.front.cli.output import (
     is_json,
     resumable_bar,
     say,
+    worded,
+    wrapped,
 )
 from scleraforce.records.model_folder import model_name
 from scleraforce.records.study_of_eye import relaxation_terms
@@ -321,6 +322,7 @@ def _write_html(evaluation: "Evaluation", html: Path) -> None:
     from scleraforce.front.report.frame_figures import answered_frames
     from scleraforce.front.report.html_pages import shown_frames, write_evaluation_html
 
+    evaluation = replace(evaluation, notes=tuple(map(worded, evaluation.notes)))
     shown = answered_frames(shown_frames(evaluation.frames))
     write_evaluation_html(evaluation, shown, html, datetime.now(UTC))
 

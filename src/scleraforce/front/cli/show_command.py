@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING
 import click
 
 import scleraforce as sf
-from scleraforce.base.plain_text import wrapped
 from scleraforce.front.cli.options import MODEL, PATH, THING, options
-from scleraforce.front.cli.output import Command, Report
+from scleraforce.front.cli.output import (
+    Command,
+    Report,
+    wrapped,
+)
 from scleraforce.records.model_folder import SHIPPED, model_name
 
 if TYPE_CHECKING:

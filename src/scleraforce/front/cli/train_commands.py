@@ -249,7 +249,7 @@ def train(
             "search": model.record["search"],
         }
     else:
-        refuse_unused(study, f"train --kind {kind}")  # before the library is opened
+        refuse_unused(study, f"train kind={kind}")  # before the library is opened
         library = sf.open_library(dataset_path)
         record = sf.train(
             library, out, study, kind=kind, device=device, counting=count_bar

@@ -16,7 +16,6 @@ from click.core import ParameterSource
 
 import scleraforce as sf
 from scleraforce.base.errors import FrameError, InputError
-from scleraforce.base.plain_text import wrapped
 from scleraforce.base.units import from_si, to_si
 from scleraforce.base.version import __version__
 from scleraforce.base.whole_files import write_whole
@@ -35,6 +34,7 @@ from scleraforce.front.cli.output import (
     count_bar,
     progress_bar,
     share_bar,
+    wrapped,
 )
 from scleraforce.records.fields import field_key, field_unit
 from scleraforce.records.frame import ScaledFrame

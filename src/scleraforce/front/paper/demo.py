@@ -81,7 +81,7 @@ def run_demo(
     """
     if out.exists():
         raise InputError(
-            f"{out}: exists already; remove it or choose another folder with --out"
+            f"{out}: exists already; remove it or choose another folder with `out`"
         )
 
     reach = progress or (lambda _: None)

@@ -268,7 +268,7 @@ def _check_bundled(study: Study) -> None:
                 mine, item.name
             ) != getattr(its, item.name):
                 fault = (
-                    "the bundled reader was trained for another value; --train trains"
+                    "the bundled reader was trained for another value; `train` trains"
                     " one for this study"
                 )
                 raise StudyError(f"study: {section}.{field_key(item)}: {fault}")

@@ -66,7 +66,7 @@ def thing_at(path: Path, model: Path | None = None) -> Description:
             f"{found}: {'' if found.exists() else 'no such file or folder; '}{KNOWN}"
         )
     if model is not None and kind != "recording":
-        raise InputError(f"--model: {path} is a {kind}; a model reads recordings")
+        raise InputError(f"`model`: {path} is a {kind}; a model reads recordings")
     if kind == "study":
         return show_study(found / STUDY_FILE if found.is_dir() else found)
 

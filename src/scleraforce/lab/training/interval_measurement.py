@@ -276,9 +276,9 @@ def calibrated(
     the other frames.
 
     The frames are in the order of the pushes; the `chosen` ones calibrate, by default
-    three as by `calibrate --frames 3`. Frames of light forces only show the place of
-    the eye, and are left. Raise a CalibrationError if the library does not have the eye
-    with its stated values.
+    three as by `calibrate` with `frames=3`. Frames of light forces only show the place
+    of the eye, and are left. Raise a CalibrationError if the library does not have the
+    eye with its stated values.
     """
     labelled = label_forces(np.array([frame.force_n for frame in frames]), rng)
     forces_n = labelled.force_n

@@ -201,7 +201,7 @@ KIND = StoreKind(
     recipe="study",
     others={
         "scleraforce-library": (
-            "a response library and no data set; `train --kind reader` learns from it"
+            "a response library and no data set; `train kind=reader` learns from it"
         )
     },
     error=DatasetError,

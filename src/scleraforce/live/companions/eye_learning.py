@@ -281,9 +281,9 @@ def resumed_eye(known: Known, path: Path, eye: str) -> Known:
     """
     file = open_calibration(path)
     eyes = summary_of(file).eyes
-    place = f"--resume {path}: eyes"
+    place = f"`resume` {path}: eyes"
     if eye not in eyes:
-        raise InputError(f"{place}: {', '.join(eyes)}; not of {eye}, the eye of --eye")
+        raise InputError(f"{place}: {', '.join(eyes)}; not of {eye}, the eye of `eye`")
 
     own = eyes[eye]
     stated = file.content["eyes"][eye].get("parameters", {}).get("iop_pa")
@@ -301,7 +301,7 @@ def resumed_eye(known: Known, path: Path, eye: str) -> Known:
     given_mmhg = from_si(known.iop_pa, "mmhg")
     if abs(iop_mmhg - given_mmhg) > SAME_PRESSURE * given_mmhg:
         raise InputError(
-            f"{place}.{eye}: learned at {iop_mmhg:.1f} mmHg; --iop-mmhg is"
+            f"{place}.{eye}: learned at {iop_mmhg:.1f} mmHg; `iop_pa` is"
             f" {given_mmhg:.1f}"
         )
 

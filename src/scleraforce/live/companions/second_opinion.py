@@ -148,7 +148,7 @@ def _learner(
     if not settings.learns:
         return nullcontext()
 
-    # 110 ms: the calibration, not without --learn-eye
+    # 110 ms: the calibration, not unless an eye is learned
     from scleraforce.calibration.stiffness_from_shape import EyePosterior
     from scleraforce.live.companions.eye_learning import EyeFitting, learning
 

@@ -111,7 +111,7 @@ class FrameRing:
                 f" {from_si(size, 'mb'):,.0f} MB and other processes"
                 f" {from_si(SPARED_BYTES, 'mb'):.0f} MB;"
                 f" {from_si(available, 'mb'):,.0f} MB are there; give the scanner's own"
-                " --rows and --columns, or end other programs"
+                " `rows` and `columns`, or end other programs"
             )
 
         descriptor = os.memfd_create("scleraforce-frames")

@@ -124,20 +124,20 @@ def secret_of_file(path: Path) -> str:
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     except (OSError, ValueError) as fault:
         reason = getattr(fault, "strerror", None) or str(fault)
-        raise InputError(f"--token-file: {str(path)!r}: {reason}") from fault
+        raise InputError(f"`token_file`: {str(path)!r}: {reason}") from fault
 
     with open(descriptor, "rb") as file:
         found = os.fstat(descriptor)
         if not stat.S_ISREG(found.st_mode):
-            raise InputError(f"--token-file: {path}: not a regular file")
+            raise InputError(f"`token_file`: {path}: not a regular file")
         if found.st_uid != os.geteuid() or found.st_mode & OTHERS:
             raise InputError(
-                f"--token-file: {path}: mode {stat.S_IMODE(found.st_mode):o} of user"
+                f"`token_file`: {path}: mode {stat.S_IMODE(found.st_mode):o} of user"
                 f" {found.st_uid}; it must be yours, and nobody else's to read:"
                 " chmod 600"
             )
 
-        return _secret_in(file.read(MOST_SECRET + 1), f"--token-file: {path}")
+        return _secret_in(file.read(MOST_SECRET + 1), f"`token_file`: {path}")
 
 
 def secret_of_stream(stream: BinaryIO) -> str:
@@ -166,7 +166,7 @@ def ask_reset(
     """
     if not host.strip():
         raise InputError(
-            "--host: empty; give the address of the monitor, 127.0.0.1 for this machine"
+            "`host`: empty; give the address of the monitor, 127.0.0.1 for this machine"
         )
     if not token.isprintable():  # which covers what is not valid text
         raise InputError(

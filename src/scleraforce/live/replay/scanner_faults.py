@@ -175,7 +175,7 @@ def draw_fault_time(
         )
         needs = (
             f"{WITHIN_S:g} s between {between} are needed; use a slower ramp, or"
-            " --fault-at-s"
+            " `fault_at_s`"
         )
         raise InputError(f"{recording.path}: no room for a fault: {needs}")
 
@@ -409,7 +409,7 @@ class _FaultMaterial:
             raise InputError(
                 f"{self.recording.path}: {from_si(before_n, 'mn'):.1f} mN at the fault;"
                 f" its fall shows clearly only from {from_si(least_n, 'mn'):.1f} mN on:"
-                " choose another time (--fault-at-s)"
+                " choose another time (`fault_at_s`)"
             )
 
         return self.nearest([LEFT * before_n] * count, CONTACT_N)

@@ -235,7 +235,7 @@ def _connect(host: str, port: int) -> socket.socket:
         link = socket.create_connection((host, port), timeout=CONNECT_S)
     except OSError as fault:
         reason = fault.strerror or str(fault)
-        what_to_do = "start `scleraforce monitor` there, or give --host, --port"
+        what_to_do = "start `scleraforce monitor` there, or give `host`, `port`"
         raise InputError(f"{host}:{port}: {reason}; {what_to_do}") from fault
 
     link.setblocking(False)

@@ -109,7 +109,7 @@ def _faulty_samples(
     found = f"{text.place(first)}: {name}: {str(values[index[first]])!r}"
 
     if count == len(faulty):
-        way = f"if this column is not its status, give --column {STATUS}={name}:{ANY}"
+        way = f"if this column is not its status, give `columns={STATUS}={name}:{ANY}`"
         raise RecordingError(
             f"{found}, and every sample is flagged: it gave no force; {way}"
         )
@@ -286,13 +286,13 @@ def parse_column(text: str) -> LogColumn:
 
     if not equals or not colon or ours is None or not name.strip():
         raise InputError(
-            f"--column: {text!r}; give COLUMN=NAME:UNIT, like fz=Force Z:mN, of"
+            f"`columns`: {text!r}; give COLUMN=NAME:UNIT, like fz=Force Z:mN, of"
             f" {', '.join(SHORT_NAMES)}"
         )
 
     if ours == STATUS and unit not in STATUS_MEANINGS:
         raise InputError(
-            f"--column: {text!r}: {unit!r} is not one of {', '.join(STATUS_MEANINGS)}"
+            f"`columns`: {text!r}: {unit!r} is not one of {', '.join(STATUS_MEANINGS)}"
             " (docs/formats.md)"
         )
 
@@ -301,7 +301,7 @@ def parse_column(text: str) -> LogColumn:
     measured = units[1:] if is_clock or ours == STATUS else units
     if any(unit_factor(each, quantity_of(ours)) is None for each in measured):
         raise InputError(
-            f"--column: {text!r}: {unit!r} is not a unit of {quantity_of(ours)}"
+            f"`columns`: {text!r}: {unit!r} is not a unit of {quantity_of(ours)}"
             " (docs/formats.md)"
         )
 
@@ -380,7 +380,7 @@ def _of_each_kind(
             question = (
                 f"{path}: {column.short}: is it {other.name!r} or {column.name!r}?"
             )
-            raise UnansweredError("--column", question, f"{column.short}=NAME:UNIT")
+            raise UnansweredError("columns", question, f"{column.short}=NAME:UNIT")
 
     return list(answered.values())
 
@@ -398,7 +398,7 @@ def required_columns(
     for column in [part for each in columns for part in each.parts(names)]:
         if column.name not in names:
             raise InputError(
-                f"{path}: --column: no column {column.name!r}; there are {listed}"
+                f"{path}: `columns`: no column {column.name!r}; there are {listed}"
             )
         if list(names).count(column.name) > 1:
             raise InputError(
@@ -416,7 +416,7 @@ def required_columns(
             f"which column is {', and which '.join(missing.values())}, and in what"
             f" unit? There are {listed}"
         )
-        raise UnansweredError("--column", f"{path}: {question}", *missing)
+        raise UnansweredError("columns", f"{path}: {question}", *missing)
 
     return tuple(found[ours] for ours in FORCE_COLUMNS if ours in found)
 
@@ -810,7 +810,7 @@ def _question(
 ) -> UnansweredError:
     forms = (each.answer("UNIT") for each in columns)
     return UnansweredError(
-        "--column", f"{said}: {column.answer()} or {column.answer(other)}?", *forms
+        "columns", f"{said}: {column.answer()} or {column.answer(other)}?", *forms
     )
 
 
@@ -860,7 +860,7 @@ def _overruled(
     ]
 
     return tuple(
-        f"{a.name}: read in {a.unit} (--column), where the log states {b.unit}"
+        f"{a.name}: read in {a.unit} (`columns`), where the log states {b.unit}"
         for a, b in differ
     )
 
@@ -895,7 +895,7 @@ def _timecode(path: Path, name: str, moments: Sequence[str]) -> LogColumn:
             f" hundredths: time={name}:25fps"
         )
         raise UnansweredError(
-            "--column", f"{path}: {name}: {moments[0]!r}: {question}", "time=NAME:UNIT"
+            "columns", f"{path}: {name}: {moments[0]!r}: {question}", "time=NAME:UNIT"
         )
 
     return LogColumn("time_s", name, f"{rate}fps")
@@ -925,7 +925,7 @@ def _clock_column(text: TextTable) -> list[LogColumn]:
                 f" time={name}:mdy the month"
             )
             raise UnansweredError(
-                "--column",
+                "columns",
                 f"{text.path}: {name}: {moments[0]!r}: {question}",
                 "time=NAME:UNIT",
             )

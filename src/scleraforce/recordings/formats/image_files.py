@@ -135,7 +135,7 @@ def _checked_orientation(data: bytes) -> int:
     """Check a PNG or JPEG, whose missing parts OpenCV 4 fills with black, and return
     its EXIF Orientation.
     """
-    # 7 ms: not for DICOM and TIFF files, and --help
+    # 7 ms: not for DICOM and TIFF files, and the help
     from PIL import Image
 
     with Image.open(BytesIO(data)) as image:
@@ -187,7 +187,7 @@ def read_numpy(
         if array is None and len(frames) != 1:
             listed = ", ".join(found) or "none"
             raise picture_streams.UnansweredError(
-                "--array", f"which array has the frames? There are {listed}"
+                "array", f"which array has the frames? There are {listed}"
             )
 
         name = array or frames[0]
@@ -235,7 +235,7 @@ def read_film(path: Path) -> PictureSource:
 
     notes = [
         "a film's compression changes grey levels and fine structure; its times are"
-        " those at which it plays (--rate-hz where frames were taken at another rate)"
+        " those at which it plays (`rate_hz` where frames were taken at another rate)"
     ]
     count = len(times_ms)
 

@@ -219,7 +219,7 @@ def find_greys(
     """
     if given is not None and not given[0] < given[1]:
         raise InputError(
-            f"--grey-range: {given[0]:g} {given[1]:g}; give the darkest value before a"
+            f"`grey_range`: {given[0]:g} {given[1]:g}; give the darkest value before a"
             " larger one"
         )
 
@@ -439,11 +439,9 @@ class PictureSource:
         start = (first or 1) - 1
         stop = len(self.names) if last is None else last
         if not 0 <= start < stop <= len(self.names):
-            name = (
-                "--last-frame" if first is None or last is not None else "--first-frame"
-            )
+            name = "last_frame" if first is None or last is not None else "first_frame"
             raise InputError(
-                f"{name}: frames {start + 1} to {stop} of {len(self.names)}; give a"
+                f"`{name}`: frames {start + 1} to {stop} of {len(self.names)}; give a"
                 " stretch of these"
             )
 
@@ -558,16 +556,14 @@ def check_bytes(count: int) -> None:
 
 
 class UnansweredError(InputError):
-    """A source leaves open what an option (like "--axes") answers; `forms` are of
-    answers given several times.
+    """A source leaves open what a field of an import (like "axes") answers; `forms` are
+    of answers given several times.
     """
 
-    def __init__(self, option: str, question: str, *forms: str) -> None:
-        super().__init__(
-            f"{question}; give"
-            f" {' '.join(f'{option} {form}' for form in forms) or option}"
-        )
-        self.option = option
+    def __init__(self, field: str, question: str, *forms: str) -> None:
+        answers = [f"`{field}={form}`" for form in forms] or [f"`{field}`"]
+        super().__init__(f"{question}; give {' '.join(answers)}")
+        self.field = field
         self.question = question
         self.forms = forms
 
@@ -746,7 +742,7 @@ def parse_axes(text: str) -> tuple[str, ...]:
     names = tuple(name.strip() for name in text.split(","))
     if sorted(names) not in (sorted(AXES), sorted(AXES[1:])):
         raise InputError(
-            f"--axes: {text!r}; give {','.join(AXES)} in the order of the file, or"
+            f"`axes`: {text!r}; give {','.join(AXES)} in the order of the file, or"
             " depth,lateral of one"
         )
     return names
@@ -779,14 +775,14 @@ def array_scan(
             f"which axis is which? Name {','.join(AXES[-array.ndim :])} in the order of"
             " the sizes"
         )
-        raise UnansweredError("--axes", f"an array of {sizes}: {question}")
+        raise UnansweredError("axes", f"an array of {sizes}: {question}")
 
     if array.ndim == 2:
         axes = tuple(name for name in axes if name != "frame")
 
     if len(axes) != array.ndim:
         raise FrameError(
-            f"--axes names {len(axes)} axes ({','.join(axes)}); the array is of {sizes}"
+            f"`axes` names {len(axes)} axes ({','.join(axes)}); the array is of {sizes}"
         )
 
     check_bytes(array.nbytes)

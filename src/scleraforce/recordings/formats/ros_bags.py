@@ -149,8 +149,8 @@ def read_bag(
     the times of arrival.
     """
     with _opened(path) as bag:
-        image = _topic(bag, IMAGES, image_topic, "--image-topic")
-        force = _topic(bag, FORCES, force_topic, "--force-topic")
+        image = _topic(bag, IMAGES, image_topic, "image_topic")
+        force = _topic(bag, FORCES, force_topic, "force_topic")
         if not image and not force:
             wanted = (
                 f"neither a topic of images ({', '.join(IMAGES)}) nor of forces"
@@ -197,7 +197,7 @@ def _opened(path: Path) -> Iterator[Bag]:
 
 
 def _topic(
-    bag: Bag, kinds: Sequence[str], chosen: str | None, option: str
+    bag: Bag, kinds: Sequence[str], chosen: str | None, field: str
 ) -> Sequence[BagConnection]:
     """Return the connections of the chosen topic, or of the only one of the kinds;
     empty without such a topic.
@@ -209,12 +209,12 @@ def _topic(
     }
     if chosen is not None and chosen not in found:
         raise InputError(
-            f"{option}: no topic {chosen} of {' or '.join(kinds)};"
+            f"`{field}`: no topic {chosen} of {' or '.join(kinds)};"
             f" {_listed(bag.connections)}"
         )
     if chosen is None and len(found) > 1:
         raise UnansweredError(
-            option, f"which topic? There are {', '.join(sorted(found))}"
+            field, f"which topic? There are {', '.join(sorted(found))}"
         )
 
     topic = chosen or next(iter(found), None)
@@ -349,7 +349,7 @@ def _check_stamped(captured_ns: Integers, late_ms: Floats) -> None:
             " (header.stamp is 0)"
         )
         raise UnansweredError(
-            "--by-arrival",
+            "by_arrival",
             f"{found}: take the times of arrival, which lag by an unknown time?",
         )
 
@@ -404,7 +404,7 @@ def _late_note(late_ms: Floats) -> str:
         return text
     return (
         f"{text}: its clock is not that of the bag; where the other topic's is,"
-        " --clock-offset-s corrects it"
+        " `clock_offset_s` corrects it"
     )
 
 

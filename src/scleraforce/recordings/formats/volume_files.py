@@ -94,7 +94,7 @@ def _check_orientation(orientation: str, axes: Axes) -> None:
 
     at = letters.find("F")
     if axes is not None and 0 <= at < len(axes) and axes[at] != "depth":
-        raise FrameError(f"{found} is axis {at + 1}; --axes names {','.join(axes)}")
+        raise FrameError(f"{found} is axis {at + 1}; `axes` names {','.join(axes)}")
 
 
 def _plus_sequence(scan: PictureSource, fields: Mapping[str, str]) -> PictureSource:
@@ -160,7 +160,7 @@ def _of_frames(
             f" {max(found)}, where the axis named frame"
         )
         raise FrameError(
-            f"{stated} has {len(scan.names)}; write it again, or correct --axes"
+            f"{stated} has {len(scan.names)}; write it again, or correct `axes`"
         )
 
     return found
