@@ -9,7 +9,7 @@ import pytest
 from relaxing_eyes import FORCES_N, TISSUE, found_in, pushed
 from scipy.optimize import nnls
 
-from scleraforce.base.errors import CalibrationError
+from scleraforce.base.errors import StudyError
 from scleraforce.calibration.holds_of_a_log import TIMES_S, not_negative
 from scleraforce.lab.needle_pushes import NeedlePath
 from scleraforce.mechanics.tissue_material import PronySeries
@@ -120,9 +120,9 @@ def test_histories_are_of_the_frames() -> None:
 
 def test_parts_of_several_lengths_and_shares_beyond_1_are_refused() -> None:
     nothing = np.zeros((1, 1))
-    with pytest.raises(CalibrationError, match="relaxation"):
+    with pytest.raises(StudyError, match=r"^shares: expected 1 numbers"):
         KnownRelaxation.of([0.1, 0.2], [1.0], nothing, "holds")
-    with pytest.raises(CalibrationError, match="relaxation"):
+    with pytest.raises(StudyError, match=r"^shares: add up to 1\.1"):
         KnownRelaxation.of([0.6, 0.5], [1.0, 2.0], np.zeros((2, 2)), "holds")
 
 

@@ -1,5 +1,4 @@
 import hashlib
-import re
 from dataclasses import asdict, astuple, replace
 from pathlib import Path
 from typing import Any
@@ -119,7 +118,7 @@ def test_a_key_that_is_missing_or_cannot_be_is_refused_by_its_place(
         ({"mean_mpa": 0.2}, ".sd_mpa"),
         ({"mean_mpa": "stiff"}, ".mean_mpa"),
         ({"mean_mpa": True}, ".mean_mpa"),
-        ({"mean_mpa": -1}, ".mean_mpa"),
+        ({"mean_mpa": -1, "sd_mpa": 0.03}, ".mean_mpa"),
         ({"mean_mpa": 0.2, "sd_mpa": "x"}, ".sd_mpa"),
         ({"mean_mpa": 0.2, "sd_mpa": -1}, ".sd_mpa"),
     ):
@@ -185,7 +184,10 @@ def test_a_refusal_names_the_value_and_the_unit_that_may_be_meant(
     tmp_path: Path,
 ) -> None:
     said = refusal(tmp_path / "c.json", calibration_text(270.0))
-    assert re.search("found 270.0.*did you mean 0.27 MPa.*scleraforce calibrate", said)
+    assert said == (
+        "population.mean_mpa: 270 is above the largest allowed value 50; did you mean"
+        " 0.27 MPa (270 kPa)?; give a file of `scleraforce calibrate`"
+    )
     with pytest.raises(CalibrationError, match=r"nothing\.json: No such file"):
         read_calibration(tmp_path / "nothing.json")
 
@@ -258,7 +260,7 @@ def test_a_globe_that_cannot_be_is_refused_with_its_key(tmp_path: Path) -> None:
             tmp_path / "c.json", calibration_text(0.27, {"a": {"globe": globe}})
         )
         assert said.startswith(
-            f"eyes.a.globe.{place}{' is missing' if value is ... else ''}"
+            f"eyes.a.globe.{place}{': missing' if value is ... else ''}"
         ), place
 
     for changed in (
@@ -315,12 +317,15 @@ def test_stiffening_and_discrepancy_go_with_the_modulus_that_an_eye_has(
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"covariance": [[-1e-4, 0.0], [0.0, 1e-4]]}, "relaxation.covariance: "),
-        ({"covariance": [[1.0, 2.0], [2.0, 1.0]]}, "relaxation.covariance: "),
-        ({"held_covariance": [[1.0, 0.1], [0.2, 1.0]]}, "relaxation.held_covariance"),
-        ({"before_covariance_n2": [[-1.0, 0], [0, 0]]}, "relaxation.before_covariance"),
-        ({"after_covariance_n2": [[0, 1e-9], [1e-9, 0]]}, "relaxation.after_covarianc"),
-        ({"shares": [0.6, 0.5]}, "relaxation: its parts have several lengths"),
+        ({"covariance": [[-1e-4, 0.0], [0.0, 1e-4]]}, "covariance: "),
+        ({"covariance": [[1.0, 2.0], [2.0, 1.0]]}, "covariance: "),
+        ({"held_covariance": [[1.0, 0.1], [0.2, 1.0]]}, "held_covariance: "),
+        ({"before_covariance_n2": [[-1.0, 0], [0, 0]]}, "before_covariance_n2: "),
+        ({"after_covariance_n2": [[0, 1e-9], [1e-9, 0]]}, "after_covariance_n2: "),
+        ({"shares": [0.6, 0.5]}, "shares: add up to 1.1; expected less than 1"),
+        ({"shares": [0.6]}, "shares: expected 2 numbers"),
+        ({"held_covariance": [[1.0], [0.1]]}, "held: expected 2 numbers"),
+        ({"times_s": [0.0, 1.0]}, "times_s: 0 is below the smallest"),
     ],
 )
 def test_a_covariance_without_a_negative_variance_is_needed(
@@ -329,7 +334,7 @@ def test_a_covariance_without_a_negative_variance_is_needed(
     found = asdict(KnownRelaxation.declared([[0.1, 1.0], [0.05, 10.0]]))
     text = calibration_text(0.27, {"a": {"relaxation": found | changed}})
     said = refusal(tmp_path / "c.json", text)
-    assert said.startswith(f"eyes.a: {words}")
+    assert said.startswith(f"eyes.a.relaxation.{words}")
     sound = calibration_text(0.27, {"a": {"relaxation": found}})
     (tmp_path / "d.json").write_text(sound)
     assert read_calibration(tmp_path / "d.json").eyes["a"].relaxation is not None

@@ -5,11 +5,9 @@ and as its file.
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from math import exp, floor, isfinite, log10
-from typing import Annotated, Any
+from typing import Any
 
-import msgspec
 import numpy as np
-from msgspec import Meta
 
 from scleraforce.base.errors import CalibrationError
 from scleraforce.base.notebook_cards import data_frame, html_card
@@ -25,19 +23,20 @@ from scleraforce.calibration.filter.eye_filter import (
 )
 from scleraforce.calibration.filter.eye_parameters import mean_and_sd
 from scleraforce.calibration.stiffness_from_forces import (
-    Finite,
     KnownForce,
-    NotNegative,
+    finite,
+    not_negative,
 )
 from scleraforce.records import calibration_file
 from scleraforce.records.calibration_file import (
     WRITER,
     Appearance,
     CalibrationFile,
-    Line,
-    typed_record,
+    EyeSummary,
+    decode_file,
 )
 from scleraforce.records.eye import NO_DISCREPANCY, REFERENCE_N, ForceDiscrepancy
+from scleraforce.records.fields import one_line
 from scleraforce.records.globe import KnownGlobe
 from scleraforce.records.tissue_relaxation import KnownRelaxation
 
@@ -54,20 +53,20 @@ class FrameRecord:
     """
 
     recording: str
-    file: Line
-    sha256: Line
-    force_n: Finite
-    mean_pa: NotNegative
-    sd_pa: NotNegative
-    own_modulus_pa: NotNegative | None = None
+    file: str = one_line()
+    sha256: str = one_line()
+    force_n: float = finite()
+    mean_pa: float = not_negative()
+    sd_pa: float = not_negative()
+    own_modulus_pa: float | None = not_negative(default=None)
     again: KnownForce | None = None
-    points: Annotated[int, Meta(ge=0)] = 0
-    gated: tuple[Annotated[int, Meta(ge=0)], ...] = ()
-    nis: NotNegative = 0.0
-    inflation: NotNegative = 1.0
-    status: Line = "ok"
-    skipped: Line | None = None
-    planes: tuple[tuple[Line, Line], ...] = ()
+    points: int = not_negative(default=0)
+    gated: tuple[int, ...] = not_negative(default=())
+    nis: float = not_negative(default=0.0)
+    inflation: float = not_negative(default=1.0)
+    status: str = one_line("ok")
+    skipped: str | None = one_line(None)
+    planes: tuple[tuple[str, str], ...] = one_line(())
 
     @property
     def seen(self) -> tuple[tuple[str, str], ...]:
@@ -85,10 +84,10 @@ class UsedRecording:
     """
 
     path: str
-    sha256: Line
-    zero_n: Finite
-    drift_n_per_s: Finite
-    doubts: tuple[Line, ...] = ()
+    sha256: str = one_line()
+    zero_n: float = finite()
+    drift_n_per_s: float = finite()
+    doubts: tuple[str, ...] = one_line(())
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -425,43 +424,47 @@ def parse_calibration(file: CalibrationFile) -> Calibration:
     """Return the calibration of a file, to continue it or to report it; raises
     `CalibrationError`.
     """
-    name = file.path
-    content = file.content
-    eyes = {
-        eye: _parse_eye(eye, entry, f"{name}: eyes.{eye}")
-        for eye, entry in content["eyes"].items()
-    }
-    study_sha256 = typed_record(
-        content.get("study_sha256"), str, f"{name}: study_sha256"
-    )
-
-    bounds_n = typed_record(
-        content.get("class_bounds_n"), tuple[Finite, ...], f"{name}: class_bounds_n"
-    )
-    if not bounds_n or not (np.diff(bounds_n) > 0.0).all():
+    summary = calibration_file.summary_of(file)
+    saved = decode_file(file, _SavedCalibration)
+    if not saved.bounds_n or not (np.diff(saved.bounds_n) > 0.0).all():
         raise CalibrationError(
-            f"{name}: class_bounds_n: expected bounds that increase; {WRITER}"
+            f"{file.path}: class_bounds_n: expected bounds that increase; {WRITER}"
         )
 
-    return Calibration(eyes, study_sha256, bounds_n, content["mechanics"])
+    eyes = {
+        name: _saved_eye(name, eye, saved.eyes[name], f"{file.path}: eyes.{name}")
+        for name, eye in summary.eyes.items()
+    }
+    return Calibration(eyes, saved.study_sha256, saved.bounds_n, summary.mechanics)
 
 
-class _MeanAndSd(msgspec.Struct):
-    mean: Finite
-    sd: NotNegative
+@dataclass(frozen=True, kw_only=True)
+class _MeanAndSd:
+    mean: float = finite()
+    sd: float = not_negative()
 
 
-class _Saved(msgspec.Struct):
+@dataclass(frozen=True, kw_only=True)
+class _SavedEye:
     """The part of an entry of `eyes` that `calibration` reads beside its summary."""
 
-    parameters: dict[str, dict[str, Any]]
+    parameters: Mapping[str, _MeanAndSd]
     recordings: tuple[UsedRecording, ...]
     steps: tuple[FrameRecord, ...]
 
 
-def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
-    summary = calibration_file.summary_of_eye(entry, place)
-    saved = typed_record(entry, _Saved, place)
+@dataclass(frozen=True, kw_only=True)
+class _SavedCalibration:
+    """The part of a file that `calibration` reads beside its summary."""
+
+    study_sha256: str
+    bounds_n: tuple[float, ...] = finite(key="class_bounds_n")
+    eyes: Mapping[str, _SavedEye]
+
+
+def _saved_eye(
+    name: str, summary: EyeSummary, saved: _SavedEye, place: str
+) -> EyeCalibration:
     if set(saved.parameters) - set(_RANGES) or PARAMETERS["e"] not in saved.parameters:
         known = ", ".join(_RANGES)
         raise CalibrationError(
@@ -469,22 +472,19 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
             f" {WRITER}"
         )
 
-    moments = {}
-    for name, values in saved.parameters.items():
-        moments[name] = one = typed_record(
-            values, _MeanAndSd, f"{place}.parameters.{name}"
-        )
-        low, high = _RANGES[name]
-        if not (low <= one.mean <= high and one.sd <= high):
+    for parameter, moments in saved.parameters.items():
+        low, high = _RANGES[parameter]
+        if not (low <= moments.mean <= high and moments.sd <= high):
             raise CalibrationError(
-                f"{place}.parameters.{name}: not within {low:g} to {high:g}; {WRITER}"
+                f"{place}.parameters.{parameter}: {moments.mean:g} ± {moments.sd:g} is"
+                f" not within {low:g} to {high:g}; {WRITER}"
             )
 
     found = EyeCalibration(
-        id=eye_id,
-        names=tuple(moments),
-        means=tuple(each.mean for each in moments.values()),
-        sds=tuple(each.sd for each in moments.values()),
+        id=name,
+        names=tuple(saved.parameters),
+        means=tuple(moments.mean for moments in saved.parameters.values()),
+        sds=tuple(moments.sd for moments in saved.parameters.values()),
         stated_thickness_m=summary.thickness_m,
         globe=summary.globe,
         without_force=summary.without_force,

@@ -18,11 +18,11 @@ without their forces, and that of the forces read beside the known ones.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import exp, inf, log, log1p
-from typing import Annotated, Generic, TypeGuard, TypeVar
+from typing import Generic, TypeGuard, TypeVar
 
 import numpy as np
-from msgspec import Meta
 
 from scleraforce.base.arrays import Flags, Floats
 from scleraforce.base.normal_distribution import (
@@ -37,6 +37,7 @@ from scleraforce.library import Library
 from scleraforce.library.library_plan import LITTLE_STIFFENING, stiffening_place
 from scleraforce.recordings.force_errors import LABEL_SD_N
 from scleraforce.records.eye import ForceDiscrepancy, Known, Modulus, beside_middle
+from scleraforce.records.fields import computed
 from scleraforce.records.globe import REFERENCE_RIGIDITY, KnownGlobe
 from scleraforce.records.study import Study
 from scleraforce.wall.wall_in_metres import Boundaries
@@ -72,9 +73,9 @@ SCATTER_FRAMES = 5.0
 # tiniest may be divided by.
 LARGEST = 1e15
 TINY = 1e-15
-Finite = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
-NotNegative = Annotated[float, Meta(ge=0.0, le=LARGEST)]
-Positive = Annotated[float, Meta(ge=TINY, le=LARGEST)]
+finite = partial(computed, -LARGEST, LARGEST)
+not_negative = partial(computed, 0.0, LARGEST)
+positive = partial(computed, TINY, LARGEST)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,14 +89,14 @@ class KnownForce:
     (`BoundaryFit.loss`).
     """
 
-    force_n: Positive
-    library_n: Positive
-    sd_n: Positive
-    modulus_pa: Positive
-    rigidity: Finite
-    by_modulus: Finite = 1.0
-    by_rigidity: Finite = 0.0
-    loss: NotNegative = 0.0
+    force_n: float = positive()
+    library_n: float = positive()
+    sd_n: float = positive()
+    modulus_pa: float = positive()
+    rigidity: float = finite()
+    by_modulus: float = finite(default=1.0)
+    by_rigidity: float = finite(default=0.0)
+    loss: float = not_negative(default=0.0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

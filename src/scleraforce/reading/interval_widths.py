@@ -18,23 +18,24 @@ frames of one are not. With n eyes the share is 0.9 (n + 1)/n, as for a new eye.
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import prod
-from typing import Annotated, Any
+from typing import Any
 
-import msgspec
 import numpy as np
-from msgspec import Meta
 
 from scleraforce.base.arrays import Floats
-from scleraforce.base.errors import ModelError
+from scleraforce.base.errors import ModelError, StudyError
 from scleraforce.fit.one_frame import BoundaryFit
 from scleraforce.reading.answer import METHODS, Reading
+from scleraforce.records.decoder import Source, decode_record
 from scleraforce.records.eye import Known
+from scleraforce.records.fields import Unit
 from scleraforce.records.globe import UNKNOWN
 from scleraforce.records.study import ReaderStudy
 from scleraforce.wall.wall import Segmentation
 
 # by the kind of modulus, then by trait
-Factors = Mapping[str, Mapping[str, Annotated[float, Meta(gt=0.0, le=1e9)]]]
+Factors = Mapping[str, Mapping[str, float]]
+FACTOR = Unit(low=5e-324, high=1e9, exact=True)  # any above 0
 
 # kinds of modulus: a reading has one
 OWN = "own E"
@@ -131,8 +132,8 @@ class IntervalFactors:
     without one.
     """
 
-    network: Factors = field(default_factory=dict)
-    fit: Factors = field(default_factory=dict)
+    network: Factors = field(default_factory=dict, metadata={"unit": FACTOR})
+    fit: Factors = field(default_factory=dict, metadata={"unit": FACTOR})
 
     def of_network(self, known: Known, force_n: float) -> float:
         """Return the factor of the network's interval of a force, N."""
@@ -166,23 +167,27 @@ def frame_stretch(wall: Segmentation, known: Known, trained: ReaderStudy) -> flo
     )
 
 
+@dataclass(frozen=True)
+class _WithIntervals:
+    """The part of a model's record that has factors."""
+
+    intervals: IntervalFactors | None = None
+
+
 def parse_factors(record: Mapping[str, Any], place: str) -> IntervalFactors:
     """Return the factors of a model's record, `NO_FACTORS` without `intervals`; raises
     `ModelError` naming `place`.
     """
-    if record.get("intervals") is None:
-        return NO_FACTORS
-
     try:
-        found = msgspec.convert(record["intervals"], IntervalFactors)
-    except msgspec.ValidationError as fault:
+        found = decode_record(_WithIntervals, record, Source(place))
+    except StudyError as fault:
         raise ModelError(
-            f"{place}: intervals: {fault}; a model of an earlier version has to be made"
-            " anew"
+            f"{fault}; a model of an earlier version has to be made anew"
         ) from fault
 
+    factors = found.intervals or NO_FACTORS
     for method, allowed in (("network", NETWORK_TRAITS), ("fit", FIT_TRAITS)):
-        for modulus, given in getattr(found, method).items():
+        for modulus, given in getattr(factors, method).items():
             if modulus not in allowed or not set(given) <= set(allowed[modulus]):
                 wanted = ", ".join(allowed.get(modulus, allowed))
                 at = (
@@ -191,7 +196,7 @@ def parse_factors(record: Mapping[str, Any], place: str) -> IntervalFactors:
                 )
                 raise ModelError(f"{at}, expected factors of {wanted}")
 
-    return found
+    return factors
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import groupby
 from pathlib import Path, PurePosixPath
@@ -15,9 +15,11 @@ from typing import Any
 import numpy as np
 
 from scleraforce.base.arrays import Flags, Floats
-from scleraforce.base.errors import RecordingError
+from scleraforce.base.errors import RecordingError, StudyError
 from scleraforce.base.whole_files import KINDS, FileKind, read_text
 from scleraforce.recordings.dead_sensor import no_values
+from scleraforce.records.decoder import Source, decode_record
+from scleraforce.records.fields import Unit, check_number, computed
 
 # any number of spaces is one separator
 SEPARATORS = ";\t,"
@@ -392,15 +394,9 @@ MIN_SAMPLE_RATE_HZ = 20.0
 # Beyond, a number is damage: 300 years (clocks may count from 1970), and a thousand
 # times what such a sensor bears.
 LARGEST_TIME_S = 1e10
-LARGEST_FORCE_N = 1e6
-FRAME_COLUMNS = ("file", "time_s", "pierced", "travel_m", "held_s", "plane", "iop_pa")
-# Optional columns of numbers, each with its least and largest value and their unit in
-# words.
-FRAME_NUMBERS = {
-    "held_s": (0.0, LARGEST_TIME_S, "of seconds, 0 or more"),
-    "travel_m": (-1.0, 1.0, "of metres within 1 m"),
-    "iop_pa": (1.0, 1e5, "of Pa, from 1 to 100,000"),
-}
+LARGEST_FORCE = 1e6  # N, and N m of a torque
+TIME = Unit(low=-LARGEST_TIME_S, high=LARGEST_TIME_S, exact=True)
+FORCE = Unit(low=-LARGEST_FORCE, high=LARGEST_FORCE, exact=True)
 # A sample is not a force beyond 1,000 times the median distance from the log's median
 # (or the sensor's step, if that is larger), but never below 3 N: no needle pushes an
 # eye by more, and on a quiet log 60 mN are 1,000 times its noise.
@@ -425,12 +421,27 @@ class FrameEntry:
     """
 
     file: str
-    time_s: float
+    time_s: float = computed(-LARGEST_TIME_S, LARGEST_TIME_S)
     pierced: bool | None = None
-    held_s: float | None = None
-    travel_m: float | None = None
+    travel_m: float | None = computed(-1.0, 1.0, default=None)
+    held_s: float | None = computed(0.0, LARGEST_TIME_S, default=None)
     plane: str | None = None
-    iop_pa: float | None = None
+    iop_pa: float | None = computed(1.0, 1e5, default=None)
+
+    def __post_init__(self) -> None:
+        path = PurePosixPath(self.file)
+        if (
+            not self.file
+            or "\\" in self.file
+            or not self.file.isprintable()
+            or path.is_absolute()
+            or ".." in path.parts
+        ):
+            raise StudyError(f"file: {self.file!r} is not a name below frames/")
+
+
+FRAME_COLUMNS = tuple(item.name for item in fields(FrameEntry))
+FRAME_NUMBERS = ("time_s", "travel_m", "held_s", "iop_pa")
 
 
 @dataclass(frozen=True)
@@ -468,11 +479,7 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
     table = read_table(path, KINDS["frames"], FRAME_COLUMNS, ("file", "time_s"))
     mark = decimal_mark(
         table,
-        [
-            at
-            for at, name in enumerate(table.names)
-            if name in ("time_s", *FRAME_NUMBERS)
-        ],
+        [at for at, name in enumerate(table.names) if name in FRAME_NUMBERS],
     )
     entries: list[FrameEntry] = []
     seen = dict[str, int]()
@@ -672,19 +679,17 @@ def _checked_rate(log: ForceLog, path: Path, place: Callable[[int], str]) -> flo
     """
     columns = ("time_s", *log.columns)
     values_sc = np.column_stack([log.time_s, log.wrench_sc])
-    largest_c = np.array([LARGEST_TIME_S, *[LARGEST_FORCE_N] * len(log.columns)])
+    largest_c = np.array([LARGEST_TIME_S, *[LARGEST_FORCE] * len(log.columns)])
     # a NaN is bad as well: of a time; of a force it says that there is none
     bad = ~(np.abs(values_sc) <= largest_c)
     bad[:, 1:] &= ~np.isnan(log.wrench_sc)
 
     for sample, column in np.argwhere(bad)[:1].tolist():
-        value = values_sc[sample, column]
-        fault = (
-            f"is beyond {largest_c[column]:g}"
-            if np.isfinite(value)
-            else "is not a finite number"
-        )
-        raise RecordingError(f"{place(sample)}: {columns[column]}: {value:g} {fault}")
+        unit = FORCE if column else TIME
+        try:
+            check_number(columns[column], values_sc[sample, column], unit)
+        except StudyError as fault:
+            raise RecordingError(f"{place(sample)}: {fault}") from None
 
     steps_s = np.diff(log.time_s)
     if (steps_s <= 0.0).any():
@@ -712,35 +717,18 @@ def _checked_rate(log: ForceLog, path: Path, place: Callable[[int], str]) -> flo
 
 
 def _frame_entry(place: str, row: dict[str, str], mark: str) -> FrameEntry:
-    file = row["file"]
-    inside = (
-        not PurePosixPath(file).is_absolute() and ".." not in PurePosixPath(file).parts
-    )
-    if not file or "\\" in file or not file.isprintable() or not inside:
-        raise RecordingError(f"{place}: file: {file!r} is not a name below frames/")
+    given: dict[str, Any] = {name: text for name, text in row.items() if text}
+    given.setdefault("file", "")
+    for name in given.keys() & FRAME_NUMBERS:
+        found = number(given[name], mark)
+        given[name] = given[name] if found is None else found
 
-    pierced = row.get("pierced", "")
-    if pierced not in ("", "0", "1"):
-        raise RecordingError(f"{place}: pierced: {pierced!r}; give 0 or 1")
+    if "pierced" in given:
+        if given["pierced"] not in ("0", "1"):
+            raise RecordingError(f"{place}: pierced: {given['pierced']!r}; give 0 or 1")
+        given["pierced"] = given["pierced"] == "1"
 
-    time_s = number(row["time_s"], mark)
-    if time_s is None or not abs(time_s) <= LARGEST_TIME_S:
-        raise RecordingError(
-            f"{place}: time_s: {row['time_s']!r} is not a finite number of seconds"
-        )
-
-    numbers = {name: number(row[name], mark) for name in FRAME_NUMBERS if row.get(name)}
-    for name, found in numbers.items():
-        low, high, words = FRAME_NUMBERS[name]
-        if found is None or not low <= found <= high:
-            raise RecordingError(
-                f"{place}: {name}: {row[name]!r} is not a number {words}"
-            )
-
-    return FrameEntry(
-        file,
-        time_s,
-        pierced == "1" if pierced else None,
-        plane=row.get("plane") or None,
-        **numbers,
-    )
+    try:
+        return decode_record(FrameEntry, given, Source(place))
+    except StudyError as fault:
+        raise RecordingError(str(fault)) from None

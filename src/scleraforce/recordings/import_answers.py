@@ -5,7 +5,7 @@ and import.json.
 import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from hashlib import file_digest
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,6 @@ import numpy as np
 
 from scleraforce.base.arrays import Floats
 from scleraforce.base.errors import InputError, RecordingError, StudyError
-from scleraforce.base.plain_json import parse_json
 from scleraforce.base.units import from_si, to_si
 from scleraforce.base.whole_files import FileKind, read_text
 from scleraforce.recordings.clock_offsets import MEAN_S, ClockEstimate, estimate_clocks
@@ -27,7 +26,7 @@ from scleraforce.recordings.formats.picture_streams import (
     UnansweredError,
 )
 from scleraforce.recordings.formats.pixels_without_value import NOT_FINITE
-from scleraforce.recordings.frame_and_force_tables import ForceLog
+from scleraforce.recordings.frame_and_force_tables import LARGEST_TIME_S, ForceLog
 from scleraforce.recordings.frame_names import times_in
 from scleraforce.recordings.frame_times import read_times
 from scleraforce.recordings.import_sources import (
@@ -37,8 +36,9 @@ from scleraforce.recordings.import_sources import (
     on_one_clock,
 )
 from scleraforce.recordings.recording_folder import read_info
+from scleraforce.records.decoder import parse_json_record
 from scleraforce.records.eye import EyeInfo
-from scleraforce.records.fields import name_fault
+from scleraforce.records.fields import computed, name_fault
 from scleraforce.records.needle import NeedleInfo
 from scleraforce.records.recording_info import ForceInfo, RecordingInfo
 from scleraforce.records.scan import OctInfo
@@ -682,7 +682,7 @@ def answers_like(folder: Path) -> dict[str, Any]:
             "average_s": force.average_s,
         }
 
-    answers = _recorded(folder, "answers", {}, "an object")
+    answers = _recorded(folder).answers
     return found | {name: answers[name] for name in KEPT if name in answers}
 
 
@@ -690,25 +690,26 @@ def clock_origin_s(folder: Path) -> float:
     """Return the beginning of a recording's clock on its sources' clock; 0 by
     default.
     """
-    return float(_recorded(folder, "clock_origin_s", 0.0, "a number"))
+    return _recorded(folder).clock_origin_s
 
 
-def _recorded(folder: Path, key: str, default: Any, kind: str) -> Any:
+@dataclass(frozen=True, kw_only=True)
+class _ImportRecord:
+    """What is read of import.json."""
+
+    answers: Mapping[str, Any] = field(default_factory=dict)
+    clock_origin_s: float = computed(-LARGEST_TIME_S, LARGEST_TIME_S, default=0.0)
+
+
+def _recorded(folder: Path) -> _ImportRecord:
     path = folder / IMPORT_RECORD
+    if not path.exists():
+        return _ImportRecord()
+
     try:
-        found = parse_json(read_text(path, RECORD_KIND)) if path.exists() else {}
-        value = found.get(key, default)
-    except (ValueError, AttributeError) as fault:
-        raise RecordingError(
-            f"{path}: {fault}; expected an object, as `scleraforce import` writes it"
-        ) from fault
-
-    if isinstance(value, bool) or not isinstance(
-        value, (int, float) if kind == "a number" else type(default)
-    ):
-        raise RecordingError(f"{path}: {key}: {value!r} is not {kind}")
-
-    return value
+        return parse_json_record(_ImportRecord, read_text(path, RECORD_KIND), str(path))
+    except StudyError as fault:
+        raise RecordingError(f"{fault}; `scleraforce import` writes it") from fault
 
 
 def record_text(done: PreparedImport, options: ImportOptions, version: str) -> str:

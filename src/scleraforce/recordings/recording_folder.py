@@ -3,7 +3,6 @@
 """
 
 import hashlib
-import json
 import os
 from contextlib import suppress
 from dataclasses import dataclass
@@ -20,14 +19,15 @@ from scleraforce.base.whole_files import KINDS, read_bytes, read_text
 from scleraforce.recordings.drawn_walls import RecordedWalls
 from scleraforce.recordings.formats.image_files import read_frame, read_image
 from scleraforce.recordings.frame_and_force_tables import (
+    LARGEST_FORCE,
     ForceLog,
     FrameEntry,
     moments_of,
     read_force_log,
     read_frame_list,
 )
-from scleraforce.records.decoder import parse_record
-from scleraforce.records.fields import check_quantity
+from scleraforce.records.decoder import parse_json_record, parse_record
+from scleraforce.records.fields import check_quantity, computed
 from scleraforce.records.frame import Pixels, ScaledFrame, SourcedValue, check_frame
 from scleraforce.records.recording_info import RecordingInfo
 from scleraforce.records.scan import Plane, Scanner
@@ -166,6 +166,21 @@ def tables_digest(recording: Recording) -> str:
     ).hexdigest()
 
 
+@dataclass(frozen=True)
+class _TrueForce:
+    """The true force at a frame of a virtual acquisition."""
+
+    file: str
+    force_n: float = computed(-LARGEST_FORCE, LARGEST_FORCE)
+
+
+@dataclass(frozen=True)
+class _Truth:
+    """What is read of truth.json."""
+
+    frames: tuple[_TrueForce, ...]
+
+
 def true_forces(recording: Path) -> dict[str, float]:
     """Return the true force at each frame of a virtual acquisition, N, by the frame's
     file; of real ones nothing.
@@ -175,12 +190,12 @@ def true_forces(recording: Path) -> dict[str, float]:
         return {}
 
     try:
-        frames = json.loads(read_text(path, KINDS["truth"]))["frames"]
-        return {frame["file"]: float(frame["force_n"]) for frame in frames}
-    except (ValueError, KeyError, TypeError) as fault:
+        truth = parse_json_record(_Truth, read_text(path, KINDS["truth"]), str(path))
+    except StudyError as fault:
         raise RecordingError(
-            f"{path}: not the truth of a virtual acquisition: {fault}"
+            f"{fault}; not the truth of a virtual acquisition"
         ) from fault
+    return {frame.file: frame.force_n for frame in truth.frames}
 
 
 def read_info(path: Path) -> RecordingInfo:

@@ -4,18 +4,20 @@ Imports `base` alone.
 
 Public:
     calibration_file: `Appearance`, `CALIBRATION_FORMAT`, `CalibrationFile`,
-        `CalibrationSummary`, `Line`, `WRITER`, `appearance_doubt`, `appearance_of`,
-        `choice_of_eye`, `foreign_modulus`, `globe_entry`, `known_of_eye`,
-        `open_calibration`, `other_eye`, `parse_calibration_file`, `population_modulus`,
-        `read_calibration`, `summary_of`, `summary_of_eye`, `typed_record`,
-        `write_calibration`
-    decoder: `format_record`, `parse_record`
+        `CalibrationSummary`, `EyeSummary`, `WRITER`, `appearance_doubt`,
+        `appearance_of`, `choice_of_eye`, `decode_file`, `foreign_modulus`,
+        `globe_entry`, `known_of_eye`, `open_calibration`, `other_eye`,
+        `parse_calibration_file`, `population_modulus`, `read_calibration`,
+        `summary_of`, `write_calibration`
+    decoder: `Source`, `decode_record`, `format_record`, `parse_json_record`,
+        `parse_record`
     eye: `EyeInfo`, `ForceDiscrepancy`, `Known`, `LEAST_MODULUS_SD`, `MODULUS_SOURCES`,
         `Modulus`, `NOTHING_KNOWN`, `NO_DISCREPANCY`, `OWN_SOURCES`, `POPULATION_SD`,
         `REFERENCE_N`, `beside_middle`, `completed_eye`, `one_lean`, `open_doubts`,
         `stated_eye`, `stated_globe`
-    fields: `NEEDLE_FORCE`, `QUANTITIES`, `allowed_bounds`, `check_quantity`,
-        `field_key`, `field_unit`, `fixed`, `map_numbers`, `name_fault`
+    fields: `NEEDLE_FORCE`, `QUANTITIES`, `TableForm`, `Unit`, `allowed_bounds`,
+        `check_number`, `check_quantity`, `computed`, `field_key`, `field_unit`,
+        `fixed`, `formed`, `map_numbers`, `name_fault`, `not_in_files`, `one_line`
     frame: `NOT_JUDGED`, `NO_WALL`, `Pixels`, `ScaledFrame`, `SourcedValue`, `WALL`,
         `check_frame`, `frame_digest`
     globe: `Globe`, `KnownGlobe`, `OPEN`, `OPEN_GLOBE`, `REFERENCE_RIGIDITY`,

@@ -4,61 +4,47 @@ the known inputs of its eyes.
 
 import hashlib
 import json
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import sqrt
+from math import inf, sqrt
 from os import PathLike
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, TypeVar
+from typing import Any, TypeVar
 
-import msgspec
 import numpy as np
-from msgspec import UNSET, Meta, UnsetType
 
-from scleraforce.base.errors import CalibrationError
-from scleraforce.base.normal_distribution import MOST_CORRELATED
+from scleraforce.base.errors import CalibrationError, StudyError
 from scleraforce.base.plain_json import parse_json
-from scleraforce.base.units import from_si, to_si
+from scleraforce.base.units import from_si
 from scleraforce.base.whole_files import KINDS, read_bytes, write_whole
+from scleraforce.records.decoder import Source, decode_record
 from scleraforce.records.eye import POPULATION_SD, ForceDiscrepancy, Known, Modulus
-from scleraforce.records.fields import allowed_bounds, did_you_mean, name_fault
-from scleraforce.records.globe import OPEN, Kind, KnownGlobe
+from scleraforce.records.fields import (
+    allowed_bounds,
+    computed,
+    name_fault,
+    not_in_files,
+    one_line,
+    required,
+)
+from scleraforce.records.globe import OPEN, KnownGlobe
 from scleraforce.records.tissue_relaxation import MOMENTS, KnownRelaxation, matrix_rows
 
 CALIBRATION_FORMAT = 3
 MECHANICS = ("finite-strain", "linear")
-RIGIDITY_UNIT: Final = "mmhg13_per_ul"
-UNCHANGED = ("correlation", "calibrated", "rigidity_told")  # of a globe in the file
-STIFFEST_RIGIDITY = 2.0  # mmHg^(1/3) per ul
+STIFFEST_TISSUE = 200.0  # b
 NAMED_EYES = 8  # in a sentence
 WRITER = "give a file of `scleraforce calibrate`"
-_HINTED = {
-    "mean_mpa": allowed_bounds("youngs_modulus_mpa"),
-    "thickness_um": allowed_bounds("thickness_um"),
-}
-_PRINTABLE = r"^[^\x00-\x1f\x7f-\xa0\xad\u2028\u2029\ud800-\udfff]*\Z"
-
-Line = Annotated[str, Meta(pattern=_PRINTABLE)]
-_ModulusMpa = Annotated[
-    float, Meta(ge=_HINTED["mean_mpa"].low, le=_HINTED["mean_mpa"].high)
-]
-_ModulusSdMpa = Annotated[float, Meta(ge=0.0, le=_HINTED["mean_mpa"].high)]
-_ThicknessUm = Annotated[
-    float, Meta(ge=_HINTED["thickness_um"].low, le=_HINTED["thickness_um"].high)
-]
-_Rigidity = Annotated[float, Meta(ge=0.0, le=STIFFEST_RIGIDITY)]
-_LeanDeg = Annotated[float, Meta(ge=0.0, le=allowed_bounds("lean_deg").high)]
-_Stiffening = Annotated[float, Meta(ge=0.0, le=200.0)]
+_MODULUS = allowed_bounds("youngs_modulus_mpa")
+_THICKNESS = allowed_bounds("thickness_um")
+_LEAN = allowed_bounds("lean_deg")
 
 Record = TypeVar("Record")
 
 
 @dataclass(frozen=True)
 class CalibrationFile:
-    """A file with checked format, mechanics and ids of eyes; `path` names it, `sha256`
-    is of its text.
-    """
+    """A file of the format; `path` names it, `sha256` is of its text."""
 
     path: str
     content: Mapping[str, Any]
@@ -71,8 +57,8 @@ class UsedFrame:
     `records.frame.frame_digest` of its pixels.
     """
 
-    file: Line
-    sha256: Line
+    file: str = one_line()
+    sha256: str = one_line()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,11 +68,11 @@ class Appearance:
     of frames.
     """
 
-    thickness_um: _ThicknessUm
-    thickness_sd_um: Annotated[float, Meta(ge=0.0, le=1e4)]
-    size: Annotated[float, Meta(ge=0.1, le=10.0)]
-    size_sd: Annotated[float, Meta(ge=0.0, le=10.0)]
-    frames: Annotated[int, Meta(ge=1)]
+    thickness_um: float = computed(_THICKNESS.low, _THICKNESS.high)
+    thickness_sd_um: float = computed(0.0, 1e4)
+    size: float = computed(0.1, 10.0)
+    size_sd: float = computed(0.0, 10.0)
+    frames: int = computed(1, inf)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,18 +90,25 @@ class EyeSummary:
     show, None in early files.
     """
 
-    mean_pa: float
-    sd_pa: float
+    mean_pa: float = computed(_MODULUS.low, _MODULUS.high, "mpa")
+    sd_pa: float = computed(0.0, _MODULUS.high, "mpa")
     frames: tuple[UsedFrame, ...]
-    thickness_m: float
+    thickness_m: float = computed(_THICKNESS.low, _THICKNESS.high, "um")
     globe: KnownGlobe = OPEN
     discrepancy: ForceDiscrepancy | None = None
-    stiffening: float = 0.0
+    stiffening: float = computed(0.0, STIFFEST_TISSUE, default=0.0)
     relaxation: KnownRelaxation | None = None
-    lean_rad: float | None = None
-    status: str = "ok"
+    lean_rad: float | None = computed(0.0, _LEAN.high, "deg", None)
+    status: str = one_line("ok")
     without_force: bool = False
     appearance: Appearance | None = None
+
+    def __post_init__(self) -> None:
+        globe = self.globe
+        if globe.highest < globe.lowest or (globe.can_be_sealed and not globe.sd > 0.0):
+            raise StudyError(
+                "globe.rigidity_mmhg13_per_ul: lowest above highest, or sd not above 0"
+            )
 
     @property
     def usable(self) -> bool:
@@ -134,12 +127,23 @@ class CalibrationSummary:
     """
 
     eyes: Mapping[str, EyeSummary]
-    population_mean_pa: float
-    population_sd_pa: float | None
-    population_stiffening: float
-    mechanics: str
-    path: str
-    sha256: str
+    population_mean_pa: float = computed(
+        _MODULUS.low, _MODULUS.high, "mpa", key="population.mean_mpa"
+    )
+    population_sd_pa: float | None = computed(
+        0.0, _MODULUS.high, "mpa", key="population.sd_mpa"
+    )
+    population_stiffening: float = computed(
+        0.0, STIFFEST_TISSUE, default=0.0, key="population.stiffening"
+    )
+    mechanics: str = required(*MECHANICS)
+    path: str = not_in_files("")
+    sha256: str = not_in_files("")
+
+    def __post_init__(self) -> None:
+        for eye in self.eyes:
+            if fault := name_fault(eye):
+                raise StudyError(f"eyes: {fault}")
 
     @property
     def digests(self) -> frozenset[str]:
@@ -174,102 +178,20 @@ def write_calibration(content: Mapping[str, Any], path: Path) -> None:
     write_whole(json.dumps(content, indent=1, allow_nan=False) + "\n", path)
 
 
-class _RigidityEntry(msgspec.Struct):
-    lowest: _Rigidity
-    highest: _Rigidity
-    sd: _Rigidity
-    mean: Annotated[float, Meta(ge=-STIFFEST_RIGIDITY, le=STIFFEST_RIGIDITY)]
-
-
-class _GlobeEntry(msgspec.Struct):
-    kind: Kind
-    rigidity_law: Literal["cube-root", "logarithmic"]
-    rigidity_mmhg13_per_ul: _RigidityEntry
-    correlation: Annotated[float, Meta(ge=-MOST_CORRELATED, le=MOST_CORRELATED)]
-    calibrated: bool
-    rigidity_told: bool
-
-
-class _EyeEntry(msgspec.Struct):
-    mean_mpa: _ModulusMpa
-    sd_mpa: _ModulusSdMpa
-    frames: tuple[UsedFrame, ...]
-    thickness_um: _ThicknessUm
-    status: Line
-    globe: _GlobeEntry | UnsetType = UNSET
-    discrepancy: ForceDiscrepancy | None = None
-    stiffening: _Stiffening = 0.0
-    relaxation: KnownRelaxation | None = None
-    lean_deg: _LeanDeg | None = None
-    without_force: bool = False
-    appearance: Appearance | None = None
-
-
-class _Population(msgspec.Struct):
-    mean_mpa: _ModulusMpa
-    sd_mpa: _ModulusSdMpa | None
-    stiffening: _Stiffening = 0.0
-
-
-def typed_record(content: Any, record: type[Record], place: str) -> Record:
-    """Return plain content of a calibration file as a typed record; raises
-    `CalibrationError` with its `place`.
-    """
+def decode_file(file: CalibrationFile, kind: type[Record]) -> Record:
+    """Return the parts of a file that a record has; raises `CalibrationError`."""
     try:
-        return msgspec.convert(content, record)
-    except CalibrationError as fault:
-        raise CalibrationError(f"{place}: {fault}; {WRITER}") from fault
-    except msgspec.ValidationError as fault:
-        what, _, path = str(fault).rstrip("`").partition(" - at `$")
-        missing = re.fullmatch(r"Object missing required field `(\w+)`?", what)
-        if missing:
-            raise CalibrationError(
-                f"{place}{path}.{missing[1]} is missing; {WRITER}"
-            ) from fault
-
-        found = content
-        key = ""
-        for name, index in re.findall(r"\.(\w+)|\[(\d+)\]", path):
-            found = found[name or int(index)]
-            key = name or key
-
-        hint = (
-            did_you_mean(key, found, _HINTED[key])
-            if key in _HINTED and type(found) in (int, float)
-            else ""
-        )
-        wanted = (
-            "expected a text of one line"
-            if "regex" in what
-            else f"{what[0].lower()}{what[1:]}".replace("`", "")
-        )
-        raise CalibrationError(
-            f"{place}{path}: {wanted}, found {found!r:.40}{hint}; {WRITER}"
-        ) from fault
+        return decode_record(kind, file.content, Source(file.path))
+    except StudyError as fault:
+        raise CalibrationError(f"{fault}; {WRITER}") from fault
 
 
 def summary_of(file: CalibrationFile) -> CalibrationSummary:
     """Return the part of a file that others than `calibration` need; raises
     `CalibrationError`.
     """
-    name = file.path
-    content = file.content
-    population = typed_record(
-        content.get("population"), _Population, f"{name}: population"
-    )
-
-    return CalibrationSummary(
-        eyes={
-            eye: summary_of_eye(entry, f"{name}: eyes.{eye}")
-            for eye, entry in content["eyes"].items()
-        },
-        population_mean_pa=to_si(population.mean_mpa, "mpa"),
-        population_sd_pa=to_si(population.sd_mpa, "mpa"),
-        population_stiffening=population.stiffening,
-        mechanics=content["mechanics"],
-        path=name,
-        sha256=file.sha256,
-    )
+    summary = decode_file(file, CalibrationSummary)
+    return replace(summary, path=file.path, sha256=file.sha256)
 
 
 def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
@@ -292,46 +214,7 @@ def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
             f"{name}: format: {wanted}, {found}; {WRITER} of this version"
         )
 
-    if content.get("mechanics") not in MECHANICS:
-        found = f"{content.get('mechanics')!r:.40}"
-        raise CalibrationError(
-            f"{name}: mechanics: expected {' or '.join(MECHANICS)}, found {found};"
-            f" {WRITER}"
-        )
-
-    for eye in typed_record(
-        content.get("eyes"), dict[str, dict[str, Any]], f"{name}: eyes"
-    ):
-        wrong = name_fault(eye)
-        if wrong:
-            raise CalibrationError(f"{name}: eyes: {wrong}")
-
     return CalibrationFile(name, content, hashlib.sha256(text).hexdigest())
-
-
-def summary_of_eye(entry: Any, place: str) -> EyeSummary:
-    """Return one entry of `eyes`; `place` is its place in messages; raises
-    `CalibrationError`.
-    """
-    eye = typed_record(entry, _EyeEntry, place)
-    unchanged = (
-        "frames",
-        "discrepancy",
-        "stiffening",
-        "relaxation",
-        "status",
-        "without_force",
-        "appearance",
-    )
-
-    return EyeSummary(
-        mean_pa=to_si(eye.mean_mpa, "mpa"),
-        sd_pa=to_si(eye.sd_mpa, "mpa"),
-        thickness_m=to_si(eye.thickness_um, "um"),
-        lean_rad=to_si(eye.lean_deg, "deg"),
-        globe=OPEN if eye.globe is UNSET else _globe(eye.globe, f"{place}.globe"),
-        **{name: getattr(eye, name) for name in unchanged},
-    )
 
 
 def globe_entry(globe: KnownGlobe) -> dict[str, Any]:
@@ -342,34 +225,16 @@ def globe_entry(globe: KnownGlobe) -> dict[str, Any]:
     values |= {
         name: getattr(globe, name) for name in ("mean", "sd", "lowest", "highest")
     }
-    rigidity = {name: from_si(value, RIGIDITY_UNIT) for name, value in values.items()}
-    unchanged = {name: getattr(globe, name) for name in UNCHANGED}
-
     return {
         "kind": globe.kind,
         "rigidity_law": globe.law,
-        "rigidity_mmhg13_per_ul": rigidity,
-        **unchanged,
+        "rigidity_mmhg13_per_ul": {
+            name: from_si(value, "mmhg13_per_ul") for name, value in values.items()
+        },
+        "correlation": globe.correlation,
+        "calibrated": globe.calibrated,
+        "rigidity_told": globe.rigidity_told,
     }
-
-
-def _globe(entry: _GlobeEntry, place: str) -> KnownGlobe:
-    rigidity = entry.rigidity_mmhg13_per_ul
-    if rigidity.highest < rigidity.lowest or (
-        rigidity.highest > 0.0 and not rigidity.sd > 0.0
-    ):
-        raise CalibrationError(
-            f"{place}.rigidity_mmhg13_per_ul: lowest above highest, or sd not above 0;"
-            f" {WRITER}"
-        )
-
-    values = {
-        name: to_si(value, RIGIDITY_UNIT)
-        for name, value in msgspec.structs.asdict(rigidity).items()
-    }
-    unchanged = {name: getattr(entry, name) for name in UNCHANGED}
-
-    return KnownGlobe(kind=entry.kind, law=entry.rigidity_law, **values, **unchanged)
 
 
 def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:

@@ -14,16 +14,15 @@ O'Hagan, J. R. Stat. Soc. B 63, 2001):
 
 from dataclasses import KW_ONLY, dataclass, fields, replace
 from math import sqrt
-from typing import Annotated
 
 import numpy as np
-from msgspec import Meta
 
 from scleraforce.base.arrays import Floats
 from scleraforce.base.errors import StudyError
 from scleraforce.base.normal_distribution import MOST_CORRELATED
 from scleraforce.records.fields import (
     check_fields,
+    computed,
     name_fault,
     option,
     optional_quantity,
@@ -40,7 +39,6 @@ from scleraforce.records.tissue_relaxation import KnownRelaxation
 # growth is that from no force to this one; beyond it the discrepancy is constant
 REFERENCE_N = 60e-3
 _LARGEST_LOG = 2.0  # of a force's logarithm, in a file
-_Log = Annotated[float, Meta(ge=-_LARGEST_LOG, le=_LARGEST_LOG)]
 
 
 @dataclass(frozen=True)
@@ -97,16 +95,20 @@ class ForceDiscrepancy:
     None if unknown.
     """
 
-    level: _Log
-    growth: _Log
-    level_sd: Annotated[float, Meta(ge=0.0, le=_LARGEST_LOG)]
-    growth_sd: Annotated[float, Meta(ge=0.0, le=_LARGEST_LOG)]
-    correlation: Annotated[float, Meta(ge=-MOST_CORRELATED, le=MOST_CORRELATED)]
-    level_by: tuple[_Log, _Log] = (0.0, 0.0)
-    growth_by: tuple[_Log, _Log] = (0.0, 0.0)
-    scatter: Annotated[float, Meta(ge=0.0, le=100.0)] = 1.0
-    largest_n: Annotated[float, Meta(ge=0.0, le=3.0)] | None = None
-    widest_gap: Annotated[float, Meta(ge=0.0, le=1.0)] | None = None
+    level: float = computed(-_LARGEST_LOG, _LARGEST_LOG)
+    growth: float = computed(-_LARGEST_LOG, _LARGEST_LOG)
+    level_sd: float = computed(0.0, _LARGEST_LOG)
+    growth_sd: float = computed(0.0, _LARGEST_LOG)
+    correlation: float = computed(-MOST_CORRELATED, MOST_CORRELATED)
+    level_by: tuple[float, float] = computed(
+        -_LARGEST_LOG, _LARGEST_LOG, default=(0.0, 0.0)
+    )
+    growth_by: tuple[float, float] = computed(
+        -_LARGEST_LOG, _LARGEST_LOG, default=(0.0, 0.0)
+    )
+    scatter: float = computed(0.0, 100.0, default=1.0)
+    largest_n: float | None = computed(0.0, 3.0, default=None)
+    widest_gap: float | None = computed(0.0, 1.0, default=None)
 
     def corrected_n(
         self,

@@ -1,9 +1,10 @@
-"""Fields of a study record, in SI: the unit of the TOML key (`radius_m` in mm is
-`radius_mm`), bounds in it, checks.
+"""Fields of a record, in SI: their keys in files and the unit of these (`radius_m` in
+mm is `radius_mm`), bounds in it, checks.
 """
 
+import re
 from collections.abc import Callable, Mapping
-from dataclasses import KW_ONLY, Field, dataclass, field, fields
+from dataclasses import KW_ONLY, MISSING, Field, dataclass, field, fields
 from functools import cache
 from math import isfinite, log
 from typing import Any
@@ -13,6 +14,9 @@ import numpy as np
 from scleraforce.base.arrays import Floats
 from scleraforce.base.errors import StudyError
 from scleraforce.base.units import SI_PER_UNIT, HumanUnit, from_si, to_si
+
+# text of one line, which may have letters of any language
+LINE = re.compile(r"[^\x00-\x1f\x7f-\xa0\xad\u2028\u2029\ud800-\udfff]*\Z")
 
 
 @dataclass(frozen=True)
@@ -74,18 +78,43 @@ class Unit:
     words: tuple[str, ...] = ()
     listed: bool = False  # a list of whole numbers, at least one
     note: str = field(default="", repr=False)  # what a study file says beside the key
+    # a program has written it: its conversion is not rounded, its bounds have no slack
+    exact: bool = field(default=False, repr=False)
+    is_line: bool = field(default=False, repr=False)  # text without a line break
 
     def to_si(self, value: float) -> float:
-        """Return a human value in SI, free of the last bit's rounding: 400 um is 0.0004
-        m.
+        """Return a human value in SI, free of the last bit's rounding unless `exact`:
+        400 um is 0.0004 m.
         """
-        return float(f"{to_si(value, self.name):.15g}") if self.name else value
+        if self.name is None:
+            return value
+        found = to_si(value, self.name)
+        return found if self.exact else float(f"{found:.15g}")
 
     def from_si(self, value: float) -> float:
-        """Return an SI value in the human unit, free of the rounding of `to_si`: 58 deg
-        come back as 58 deg.
+        """Return an SI value in the human unit, free of the rounding of `to_si` unless
+        `exact`: 58 deg come back as 58 deg.
         """
-        return float(f"{from_si(value, self.name):.14g}") if self.name else value
+        if self.name is None:
+            return value
+        found = from_si(value, self.name)
+        return found if self.exact else float(f"{found:.14g}")
+
+
+@dataclass(frozen=True)
+class TableForm:
+    """How a field stands in a table of a file, where that is not one key of the field's
+    own name and unit.
+
+    `keys`: each key with the type of its value, as a hint, and its unit. `read` returns
+    the field, of the values that are there by key, in SI and within the bounds of their
+    units; it is called even where none is there. `write` returns the values of a field
+    that is not None by key, in SI; None for a key that is left out.
+    """
+
+    keys: Mapping[str, tuple[Any, Unit]]
+    read: Callable[[Mapping[str, Any]], Any]
+    write: Callable[[Any], Mapping[str, Any]]
 
 
 # A needle's force: the largest force of a study, more than a sclera bears before it is
@@ -123,9 +152,12 @@ def quantity(
     low: float | None = None,
     high: float | None = None,
     note: str = "",
+    *,
+    key: str | None = None,
 ) -> Any:
     """Declare a field: `default` and bounds in the human `unit`; a Choice or tuple of
-    integers is a list of such.
+    integers is a list of such. `key`: that of files, where it is not of the field's
+    name; in "a.b", b is a key of the table a.
     """
     numbers = default.values if isinstance(default, Choice) else default
     listed = (
@@ -135,19 +167,70 @@ def quantity(
     )
     spec = Unit(unit, low=low, high=high, listed=listed, note=note)
 
-    return field(default=map_numbers(default, spec.to_si), metadata={"unit": spec})
+    return field(
+        default=map_numbers(default, spec.to_si), metadata={"unit": spec, "key": key}
+    )
 
 
-def option(default: str | None, *words: str) -> Any:
-    """Declare a field that holds one of `words`; None if it may be left out."""
-    return field(default=default, metadata={"unit": Unit(words=words)})
-
-
-def required(*words: str, low: float | None = None, high: float | None = None) -> Any:
-    """Declare an SI field without a default: one of `words`, or a value between the
-    bounds if they are given.
+def option(default: str | None, *words: str, key: str | None = None) -> Any:
+    """Declare a field that holds one of `words`; None if it may be left out. `key`:
+    that of files, where it is not the field's name.
     """
-    return field(metadata={"unit": Unit(low=low, high=high, words=words)})
+    return field(default=default, metadata={"unit": Unit(words=words), "key": key})
+
+
+def required(
+    *words: str,
+    low: float | None = None,
+    high: float | None = None,
+    key: str | None = None,
+) -> Any:
+    """Declare an SI field without a default: one of `words`, or a value between the
+    bounds if they are given; `key` as in `quantity`.
+    """
+    spec = Unit(low=low, high=high, words=words)
+    return field(metadata={"unit": spec, "key": key})
+
+
+def computed(
+    low: float | None,
+    high: float | None,
+    unit: HumanUnit | None = None,
+    default: Any = MISSING,
+    *,
+    key: str | None = None,
+) -> Any:
+    """Declare a field that files have from a program: bounds in the human `unit`, which
+    is converted without rounding; default in SI; `key` as in `quantity`.
+    """
+    spec = Unit(unit, low=low, high=high, exact=True)
+    return field(default=default, metadata={"unit": spec, "key": key})
+
+
+def one_line(default: Any = MISSING) -> Any:
+    """Declare a field of text, or of several, without line breaks and the like."""
+    return field(default=default, metadata={"unit": Unit(is_line=True)})
+
+
+def formed(form: TableForm, default: Any = None) -> Any:
+    """Declare a field that stands in files under the keys of a form."""
+    return field(default=default, metadata={"form": form})
+
+
+def not_in_files(default: Any = None) -> Any:
+    """Declare a field that no file has."""
+    return field(default=default, metadata={"form": None})
+
+
+def field_form(item: Field[Any]) -> TableForm | None:
+    """Return the form of a field; None for one with a key of its own."""
+    form: TableForm | None = item.metadata.get("form")
+    return form
+
+
+def in_files(item: Field[Any]) -> bool:
+    """Return whether files have a field."""
+    return "form" not in item.metadata or item.metadata["form"] is not None
 
 
 def field_unit(item: Field[Any]) -> Unit:
@@ -158,10 +241,12 @@ def field_unit(item: Field[Any]) -> Unit:
 
 @cache
 def field_key(item: Field[Any]) -> str:
-    """Return the TOML key of a dataclass field: `radius_m` declared in mm is
-    `radius_mm`.
+    """Return the key of a dataclass field in files: `radius_m` declared in mm is
+    `radius_mm`, unless it was declared with a key.
     """
     unit = field_unit(item)
+    if key := item.metadata.get("key"):
+        return str(key)
     if unit.name is None:
         return item.name
     return item.name.removesuffix("_" + SI_PER_UNIT[unit.name][0]) + "_" + unit.name
@@ -191,33 +276,37 @@ def _numbers_in(value: Any) -> list[float]:
     return found
 
 
+def _texts_in(value: Any) -> list[str]:
+    if isinstance(value, tuple):
+        return [text for each in value for text in _texts_in(each)]
+    return [] if value is None else [value]
+
+
 def check_fields(record: Any) -> None:
     """Check every field of a record against its bounds and words."""
     for item in fields(record):
-        unit = field_unit(item)
-        value = getattr(record, item.name)
-        if unit.words and value is not None and value not in unit.words:
-            raise StudyError(
-                f"{field_key(item)}: {value!r} is not one of {', '.join(unit.words)}"
-            )
-        if isinstance(value, Range) and value.min > value.max:
-            raise StudyError(f"{field_key(item)}: min is larger than max")
-        if (isinstance(value, Choice) and not value.values) or (
-            unit.listed and value == ()
-        ):
-            raise StudyError(
-                f"{field_key(item)}: an empty list; give at least one value"
-            )
-        if unit.listed and (
-            isinstance(value, Range)
-            or any(number % 1.0 for number in _numbers_in(value))
-        ):
-            raise StudyError(
-                f"{field_key(item)}: give a list of whole numbers, like [0, 1, 2]"
-            )
+        check_value(field_key(item), getattr(record, item.name), field_unit(item))
 
-        for number in _numbers_in(value):
-            check_number(field_key(item), unit.from_si(number), unit)
+
+def check_value(key: str, value: Any, unit: Unit) -> None:
+    """Check the value of a key, in SI, against the bounds and words of its unit."""
+    if unit.words and value is not None and value not in unit.words:
+        raise StudyError(f"{key}: {value!r} is not one of {', '.join(unit.words)}")
+    if unit.is_line and not all(LINE.match(text) for text in _texts_in(value)):
+        raise StudyError(f"{key}: expected a text of one line, found {value!r:.60}")
+    if isinstance(value, Range) and value.min > value.max:
+        raise StudyError(f"{key}: min is larger than max")
+    if (isinstance(value, Choice) and not value.values) or (
+        unit.listed and value == ()
+    ):
+        raise StudyError(f"{key}: an empty list; give at least one value")
+    if unit.listed and (
+        isinstance(value, Range) or any(number % 1.0 for number in _numbers_in(value))
+    ):
+        raise StudyError(f"{key}: give a list of whole numbers, like [0, 1, 2]")
+
+    for number in _numbers_in(value):
+        check_number(key, unit.from_si(number), unit)
 
 
 class StudySection:
@@ -235,7 +324,7 @@ class StudySection:
 
 def check_number(key: str, number: float, unit: Unit) -> None:
     """Check one number, in the unit of its key."""
-    slack = 1e-9 * max(abs(number), 1.0)
+    slack = 0.0 if unit.exact else 1e-9 * max(abs(number), 1.0)
     if not isfinite(number):
         raise StudyError(f"{key}: {number} is not a finite number")
 
@@ -320,9 +409,14 @@ def did_you_mean(key: str, number: float, unit: Unit) -> str:
 LONGEST_ID = 200
 
 
-def optional_quantity(key: str, unit: HumanUnit | None = None) -> Any:
-    """Return a field that may be missing, within the bounds allowed for its key."""
-    return quantity(None, unit, allowed_bounds(key).low, allowed_bounds(key).high)
+def optional_quantity(
+    name: str, unit: HumanUnit | None = None, *, key: str | None = None
+) -> Any:
+    """Return a field that may be missing, within the bounds allowed for its name
+    (`allowed_bounds`); `key` as in `quantity`.
+    """
+    bounds = allowed_bounds(name)
+    return quantity(None, unit, bounds.low, bounds.high, key=key)
 
 
 def name_fault(name: str, what: str = "eye") -> str | None:

@@ -23,14 +23,15 @@ W has lowered.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import sqrt
-from typing import Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
 from scleraforce.base.arrays import Floats
 from scleraforce.base.errors import InputError
-from scleraforce.base.normal_distribution import NINETY_PERCENT
+from scleraforce.base.normal_distribution import MOST_CORRELATED, NINETY_PERCENT
 from scleraforce.base.units import to_si
+from scleraforce.records.fields import computed, option
 from scleraforce.records.study_of_eye import RIGIDITY_LAWS, GlobeStudy
 
 Values = Floats | float
@@ -180,6 +181,15 @@ STATED_SD = 0.08
 STATED_ENDS = 1.3
 
 
+STIFFEST_IN_FILES = 2.0  # mmHg^(1/3) per ul
+
+
+def _rigidity(name: str, low: float) -> Any:
+    """Declare a rigidity, Pa^(1/3)/m^3, which files have in a table with others."""
+    unit: Final = "mmhg13_per_ul"
+    return computed(low, STIFFEST_IN_FILES, unit, key=f"rigidity_{unit}.{name}")
+
+
 @dataclass(frozen=True, kw_only=True)
 class KnownGlobe:
     """The known inputs of a globe.
@@ -192,12 +202,12 @@ class KnownGlobe:
     """
 
     kind: Kind
-    lowest: float
-    highest: float
-    mean: float
-    sd: float
-    law: str = RIGIDITY_LAWS[0]
-    correlation: float = 0.0
+    lowest: float = _rigidity("lowest", 0.0)
+    highest: float = _rigidity("highest", 0.0)
+    mean: float = _rigidity("mean", -STIFFEST_IN_FILES)
+    sd: float = _rigidity("sd", 0.0)
+    law: str = option(RIGIDITY_LAWS[0], *RIGIDITY_LAWS, key="rigidity_law")
+    correlation: float = computed(-MOST_CORRELATED, MOST_CORRELATED, default=0.0)
     calibrated: bool = False
     rigidity_told: bool = False
 

@@ -3,22 +3,22 @@ with it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from dataclasses import MISSING, dataclass
+from math import inf
+from typing import Any, Literal
 
 import numpy as np
-from msgspec import Meta
 
 from scleraforce.base.arrays import Floats
-from scleraforce.base.errors import CalibrationError
+from scleraforce.base.errors import StudyError
+from scleraforce.records.fields import computed
 
-_Share = Annotated[float, Meta(ge=0.0, lt=1.0)]
-_Time = Annotated[float, Meta(gt=0.0, le=1e6)]
-_Span = Annotated[float, Meta(ge=0.0, le=1e6)]
-_Number = Annotated[float, Meta(ge=-1e3, le=1e3)]
-_Vector = tuple[_Number, ...]
+LONGEST_S = 1e6  # of a time constant or a hold, in a file
+LARGEST = 1e3  # of another number in a file
+TINY = 5e-324  # the smallest number above 0
 Source = Literal["declared", "holds", "population"]
-Matrix = tuple[_Vector, ...]
+Vector = tuple[float, ...]
+Matrix = tuple[Vector, ...]
 # who yields in the holds of a log, or why it says nothing
 Cause = Literal["tissue", "needle", "both", "undecided", "steady", "no holds"]
 
@@ -39,6 +39,14 @@ SPREAD = 1.0 / 3.0
 ROUNDING = 1e-6  # of the largest entry: covariances are differences of large numbers
 
 
+def _span(default: Any = MISSING) -> Any:
+    return computed(0.0, LONGEST_S, default=default)
+
+
+def _number(default: Any = MISSING) -> Any:
+    return computed(-LARGEST, LARGEST, default=default)
+
+
 @dataclass(frozen=True, kw_only=True)
 class HoldFinding:
     """What the holds of a force log have shown of tissue and needle.
@@ -52,13 +60,13 @@ class HoldFinding:
     """
 
     cause: Cause
-    hold_s: _Span | None = None
-    fall: _Number | None = None
-    chance: _Number | None = None
-    not_estimated_s: _Vector = ()
-    frames: Annotated[int, Meta(ge=0)] = 0
-    tissue_share: _Number | None = None
-    tissue_share_sd: _Number | None = None
+    hold_s: float | None = _span(default=None)
+    fall: float | None = _number(default=None)
+    chance: float | None = _number(default=None)
+    not_estimated_s: Vector = _number(default=())
+    frames: int = computed(0, inf, default=0)
+    tissue_share: float | None = _number(default=None)
+    tissue_share_sd: float | None = _number(default=None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,49 +86,43 @@ class KnownRelaxation:
     says what the holds have shown; None if declared, and in early files.
     """
 
-    times_s: tuple[_Time, ...]
-    shares: tuple[_Share, ...]
-    covariance: Matrix
-    held: _Vector
-    held_covariance: Matrix
-    before_n: _Vector
-    before_covariance_n2: Matrix
-    after: _Vector
-    after_covariance_n2: Matrix
-    every_s: _Span | None
-    held_s: _Span | None
+    times_s: Vector = computed(TINY, LONGEST_S)
+    shares: Vector = computed(0.0, 1.0)
+    covariance: Matrix = _number()
+    held: Vector = _number()
+    held_covariance: Matrix = _number()
+    before_n: Vector = _number()
+    before_covariance_n2: Matrix = _number()
+    after: Vector = _number()
+    after_covariance_n2: Matrix = _number()
+    every_s: float | None = _span()
+    held_s: float | None = _span()
     source: Source
-    other: tuple[_Share, ...] = ()
+    other: Vector = computed(0.0, 1.0, default=())
     finding: HoldFinding | None = None
 
     def __post_init__(self) -> None:
         size = len(self.times_s)
-        vectors, matrices = (
-            [getattr(self, name) for name in names]
-            for names in (MOMENTS, MOMENTS.values())
-        )
-
-        square = all(
-            len(matrix) == size and all(len(row) == size for row in matrix)
-            for matrix in matrices
-        )
-        if (
-            not square
-            or any(len(vector) != size for vector in vectors)
-            or len(self.other) not in (0, size)
-            or not max(sum(self.shares), sum(self.other)) < 1.0
-        ):
-            raise CalibrationError(
-                "relaxation: its parts have several lengths, or shares add up to 1 or"
-                " more"
-            )
-
-        for name, matrix in zip(MOMENTS.values(), matrices, strict=True):
-            if not _is_covariance(np.array(matrix).reshape(size, size)):
-                raise CalibrationError(
-                    f"relaxation.{name}: not a covariance matrix: expected a symmetric"
-                    f" one without a negative variance, found {matrix!r:.60}"
+        for mean, covariance in MOMENTS.items():
+            rows = getattr(self, covariance)
+            if {len(getattr(self, mean)), len(rows), *map(len, rows)} != {size}:
+                raise StudyError(
+                    f"{mean}: expected {size} numbers, and as many rows and columns of"
+                    f" {covariance}: times_s has {size}"
                 )
+            if not _is_covariance(np.array(rows).reshape(size, size)):
+                raise StudyError(
+                    f"{covariance}: not a covariance matrix: expected a symmetric one"
+                    f" without a negative variance, found {rows!r:.60}"
+                )
+
+        if len(self.other) not in (0, size):
+            raise StudyError(f"other: expected {size} numbers, or none")
+
+        for name in ("shares", "other"):
+            share = sum(getattr(self, name))
+            if not share < 1.0:
+                raise StudyError(f"{name}: add up to {share:g}; expected less than 1")
 
     @property
     def matters(self) -> bool:
