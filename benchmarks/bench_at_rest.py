@@ -22,10 +22,11 @@ from scleraforce.reading.answer import Answer
 from scleraforce.reading.load_model import load_reader
 from scleraforce.reading.reading_models import Reader
 from scleraforce.recordings.formats.image_files import read_frame
-from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.eye import Eye, Modulus
 from scleraforce.records.frame import Pixels
 from scleraforce.records.model_folder import SHIPPED_LIVING, SHIPPED_READER
 from scleraforce.records.scan import PixelScale
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import draw
 from scleraforce.wall.wall import draw_overlay
 
@@ -51,9 +52,9 @@ def read_at_random(
     iop_pa = draw(trained.iop_pa, rng)
     thickness_m = draw(trained.thickness_m, rng)
     eyes = (
-        Known(),
-        Known(modulus=modulus, iop_pa=iop_pa),
-        Known(thickness_m=thickness_m),
+        Setup(),
+        Setup(eye=Eye(modulus=modulus, iop_pa=iop_pa)),
+        Setup(eye=Eye(thickness_m=thickness_m)),
     )
     rows, columns = frame.shape
     scale = PixelScale(

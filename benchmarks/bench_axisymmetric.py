@@ -25,16 +25,17 @@ from scleraforce.mechanics.axisymmetric_wall import (
     AxisymmetricPath,
     AxisymmetricWall,
     BaseShift,
+    EvenWall,
     axisymmetric_path,
     base_shift,
 )
 from scleraforce.mechanics.contact_and_section import Contact, ScanPlane, WallSection
 from scleraforce.mechanics.finite_strain_wall import FiniteWall, LoadPath
 from scleraforce.mechanics.graded_mesh import graded_mesh
-from scleraforce.mechanics.load_path_tracing import pressurise, trace_load_path
+from scleraforce.mechanics.load_path_tracing import PathEnd, pressurise, trace_load_path
 from scleraforce.mechanics.loads_and_supports import needle_at
 from scleraforce.mechanics.meridian_elements import MeridianSize, meridian_mesh
-from scleraforce.records.globe import OPEN_GLOBE, study_globe
+from scleraforce.records.globe import CONSTANT_PRESSURE, study_law
 from scleraforce.records.study import GlobeStudy
 
 Floats = NDArray[np.float64]
@@ -79,14 +80,15 @@ def print_paths(rows: int | None) -> None:
         forces: dict[int, Floats] = {}
         for elements in (200, 64, 48, 32):
             start = process_time()
-            sizes = (
+            wall = EvenWall(
                 RADIUS_M,
                 1e-3 * thickness_mm,
                 NU,
                 NEEDLE_RADIUS_M,
-                1e-6 * iop_pa / modulus_mpa,
+                size=MeridianSize(elements),
             )
-            path = axisymmetric_path(*sizes, tips_m=tips_m, size=MeridianSize(elements))
+            iop_ratio = 1e-6 * iop_pa / modulus_mpa
+            path = axisymmetric_path(wall, iop_ratio, PathEnd(tips_m=tips_m))
             seconds = process_time() - start
             forces[elements] = path.force_ratio_m2[1:]
             error = 100.0 * np.abs(forces[elements] / forces[200] - 1.0).max()
@@ -120,7 +122,7 @@ def print_r2(rows: int | None) -> None:
             wall,
             pressurise(wall, pressure),
             pressure,
-            tips_m=np.linspace(0.1e-3, end_m, 60),
+            PathEnd(tips_m=np.linspace(0.1e-3, end_m, 60)),
         )
         forces = 1e-6 * R2_FORCES_N[: len(expected_mm)] / modulus_mpa
         tips_mm = 1e3 * CubicSpline(path.force, path.tip_m)(forces)
@@ -142,20 +144,21 @@ def print_sealed(rows: int | None) -> None:
     for (thickness_mm, modulus_mpa, iop_pa), support_deg in islice(
         product(EYES, (90.0, 170.0)), rows
     ):
-        sizes = (
+        wall = EvenWall(
             RADIUS_M,
             1e-3 * thickness_mm,
             NU,
             NEEDLE_RADIUS_M,
-            1e-6 * iop_pa / modulus_mpa,
+            support_rad=np.radians(support_deg),
+            size=MeridianSize(80),
         )
-        support_rad = np.radians(support_deg)
-        size = MeridianSize(80)
-        globes = OPEN_GLOBE, study_globe(GlobeStudy("sealed")).over(1e6 * modulus_mpa)
+        iop_ratio = 1e-6 * iop_pa / modulus_mpa
+        globes = (
+            CONSTANT_PRESSURE,
+            study_law(GlobeStudy("sealed")).over(1e6 * modulus_mpa),
+        )
         opened, sealed = (
-            axisymmetric_path(
-                *sizes, tips_m=tips_m, support_rad=support_rad, size=size, globe=globe
-            )
+            axisymmetric_path(wall, iop_ratio, PathEnd(tips_m=tips_m), globe)
             for globe in globes
         )
         pressure = sealed.iop_ratio[1:] / sealed.iop_ratio[0]
@@ -175,11 +178,10 @@ def solid_path(
     wall = FiniteWall(graded_mesh(RADIUS_M, 1e-3 * thickness_mm, contact), NU)
     path = wall.load_path(
         needle_at(wall.mesh, contact, NEEDLE_RADIUS_M),
+        PathEnd(max_force=1e3, max_tip_m=4.2e-3),
         youngs_modulus_pa=1e6 * modulus_mpa,
         iop_pa=iop_pa,
         density_kg_m3=0.0,
-        max_force_n=1e3,
-        max_tip_m=4.2e-3,
     )
 
     return wall, path
@@ -257,13 +259,13 @@ def print_solid(rows: int | None) -> None:
     ):
         contact = Contact(polar_rad=float(np.radians(polar_deg)))
         wall, solid = solid_path(thickness_mm, modulus_mpa, iop_pa, contact)
-        sizes = (RADIUS_M, 1e-3 * thickness_mm, NU, NEEDLE_RADIUS_M)
-        shift = base_shift(*sizes, polar_rad=contact.polar_rad)
+        even = EvenWall(RADIUS_M, 1e-3 * thickness_mm, NU, NEEDLE_RADIUS_M)
+        shift = base_shift(even, contact.polar_rad)
         report = []
 
         for moved, angle in product((None, shift), (0.0, contact.polar_rad)):
             ratio = 1e-6 * iop_pa / modulus_mpa
-            reduced = Reduced(polar_path((*sizes, ratio), angle, FINE_TIPS_M), moved)
+            reduced = Reduced(polar_path(even, ratio, angle, FINE_TIPS_M), moved)
             tips = []
             sections = []
 

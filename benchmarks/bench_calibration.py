@@ -28,16 +28,21 @@ from scleraforce.calibration.filter.eye_filter import (
     assimilate,
     begin_with,
 )
-from scleraforce.calibration.filter.eye_parameters import EyeConstants
+from scleraforce.calibration.filter.eye_parameters import polar_spread_rad
 from scleraforce.calibration.filter.library_sections import LibrarySections, library_eye
 from scleraforce.calibration.filter.linear_sections import LinearEye, linear_eye
 from scleraforce.lab.tissue_light import Pose
-from scleraforce.lab.virtual_eye import BentSections, PhantomEye, SectionsAt
+from scleraforce.lab.virtual_eye import BentSections, SectionsAt
 from scleraforce.library.library_store import cached_library
 from scleraforce.mechanics.hexahedral_mesh import build_mesh
 from scleraforce.mechanics.linear_wall import LinearWall
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.needle import Needle
+from scleraforce.records.scan import Scan
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study, read_study
 from scleraforce.wall.wall_in_metres import Boundaries
+from virtual_eyes import changed, wall_of
 
 EyeModel = LibrarySections | LinearEye
 
@@ -80,12 +85,12 @@ def frames(
 
 
 def linear_frames(
-    study: Study, count: int, eye: PhantomEye, rng: np.random.Generator
+    study: Study, count: int, setup: Setup, rng: np.random.Generator
 ) -> list[Frame]:
     """Return the frames of an eye of linear mechanics, whose wall may serve several."""
-    built = wall(study, eye.thickness_m)
+    built = wall(study, wall_of(setup).thickness_m)
     return frames(
-        study, count, rng, lambda forces: virtual_sections(built, eye, forces, study)
+        study, count, rng, lambda forces: virtual_sections(built, setup, forces, study)
     )
 
 
@@ -127,32 +132,41 @@ def print_step_time(study: Study, model: EyeModel, inputs: list[Frame]) -> None:
     )
 
 
+def unstated_polar_rad(study: Study) -> float:
+    """Return the standard deviation of a polar angle that is not stated."""
+    return polar_spread_rad(Needle(), study)
+
+
 def print_wrong_statements(
-    study: Study, eye: PhantomEye, right: EyeConstants, inputs: list[Frame]
+    study: Study, setup: Setup, right: Setup, inputs: list[Frame]
 ) -> None:
     """Print what E becomes where thickness, gap or IOP are stated 10 % wrong."""
-    changes: dict[str, Callable[[float], EyeConstants]] = {
-        "thickness": lambda share: replace(
-            right, thickness_m=share * right.thickness_m
+    changes: dict[str, Callable[[float], Setup]] = {
+        "thickness": lambda share: changed(
+            right, thickness_m=share * wall_of(right).thickness_m
         ),
-        "gap": lambda share: replace(right, gap_m=share * right.gap_m),
-        "IOP": lambda share: replace(right, iop_pa=share * right.iop_pa),
-        "contact angle": lambda share: replace(
-            right, polar_rad=share * right.polar_rad, polar_sd_rad=0.0
+        "gap": lambda share: changed(right, gap_m=share * wall_of(right).gap_m),
+        "IOP": lambda share: changed(right, iop_pa=share * wall_of(right).iop_pa),
+        "contact angle": lambda share: changed(
+            right, polar_rad=share * wall_of(right).polar_rad
         ),
     }
     print(
-        f"\nE of an eye of {eye.youngs_modulus_pa / 1e6:.2f} MPa,"
-        f" {eye.thickness_m * 1e6:.0f} um, where stated wrong:"
+        f"\nE of an eye of {setup.eye.modulus_pa / 1e6:.2f} MPa,"
+        f" {wall_of(setup).thickness_m * 1e6:.0f} um, where stated wrong:"
     )
     print(f"{'':<16}{'-10 %':>10}{'+10 %':>10}")
 
     for name, change in changes.items():
-        errors = [
-            calibrated(study, linear_eye(study, change(share)), inputs)[0]
-            / eye.youngs_modulus_pa
-            - 1
+        # an angle that is stated, as far as it is wrong
+        spread_rad = 0.0 if name == "contact angle" else unstated_polar_rad(study)
+        models = (
+            linear_eye(study, change(share), polar_sd_rad=spread_rad)
             for share in (0.9, 1.1)
+        )
+        errors = [
+            calibrated(study, model, inputs)[0] / setup.eye.modulus_pa - 1
+            for model in models
         ]
         print(f"{name:<16}" + "".join(f"{100 * error:>+9.1f}%" for error in errors))
 
@@ -167,14 +181,16 @@ def print_honesty(study: Study, count: int, frame_count: int) -> None:
     sds = []
 
     for number in range(count):
-        eye = drawn_eye(number, rng)
+        setup = drawn_eye(number, rng)
         mean, sd, _ = calibrated(
             study,
-            linear_eye(study, stated(study, eye)),
-            linear_frames(study, frame_count, eye, rng),
+            linear_eye(
+                study, stated(study, setup), polar_sd_rad=unstated_polar_rad(study)
+            ),
+            linear_frames(study, frame_count, setup, rng),
         )
-        errors.append(mean / eye.youngs_modulus_pa - 1)
-        scores.append(abs(mean - eye.youngs_modulus_pa) / sd)
+        errors.append(mean / setup.eye.modulus_pa - 1)
+        scores.append(abs(mean - setup.eye.modulus_pa) / sd)
         sds.append(sd)
 
     print(
@@ -194,16 +210,20 @@ def print_honesty(study: Study, count: int, frame_count: int) -> None:
     )
 
 
-def draw_bent_eye(number: int, rng: np.random.Generator) -> PhantomEye:
+def draw_bent_eye(number: int, rng: np.random.Generator) -> Setup:
     """Return an eye of the ranges that the force reader is judged on."""
-    return PhantomEye(
-        id=f"bent-{number}",
-        thickness_m=float(rng.uniform(0.45e-3, 0.85e-3)),
-        youngs_modulus_pa=float(rng.uniform(0.2e6, 0.5e6)),
-        iop_pa=float(rng.uniform(133.0, 533.0)),
-        gap_m=float(rng.uniform(0.4e-3, 0.9e-3)),
-        polar_rad=float(rng.uniform(0.436, 0.785)),
-        direction_rad=float(rng.uniform(0.0, 6.28)),
+    return Setup(
+        eye=Eye(
+            f"bent-{number}",
+            thickness_m=float(rng.uniform(0.45e-3, 0.85e-3)),
+            modulus=Modulus.stated(float(rng.uniform(0.2e6, 0.5e6))),
+            iop_pa=float(rng.uniform(133.0, 533.0)),
+        ),
+        needle=Needle(
+            gap_m=float(rng.uniform(0.4e-3, 0.9e-3)),
+            polar_rad=float(rng.uniform(0.436, 0.785)),
+        ),
+        scan=Scan(direction_rad=float(rng.uniform(0.0, 6.28))),
     )
 
 
@@ -225,20 +245,24 @@ def print_bent(study: Study, count: int, frame_count: int) -> None:
     found = []
 
     for number in range(count):
-        eye = draw_bent_eye(number, rng)
-        inputs = frames(study, frame_count, rng, BentSections(eye, study))
-        model = library_eye(study, stated(study, eye), library)
+        setup = draw_bent_eye(number, rng)
+        inputs = frames(study, frame_count, rng, BentSections(setup, study))
+        model = library_eye(
+            study, stated(study, setup), library, unstated_polar_rad(study)
+        )
         runs = [calibrated(study, model, inputs[:used]) for used in (3, 5, frame_count)]
         found.append(
             [
-                ((mean / eye.youngs_modulus_pa - 1), sd / eye.youngs_modulus_pa)
+                ((mean / setup.eye.modulus_pa - 1), sd / setup.eye.modulus_pa)
                 for mean, sd, _ in runs
             ]
         )
-        low, high = own_moduli(study, model, inputs, eye)
+        low, high = own_moduli(study, model, inputs, setup)
+        true_wall = wall_of(setup)
         print(
-            f"{eye.thickness_m * 1e6:>6.0f}{eye.youngs_modulus_pa / 1e6:>7.3f}"
-            f"{eye.iop_pa / 133.3:>6.1f}{np.degrees(eye.polar_rad):>6.0f}"
+            f"{true_wall.thickness_m * 1e6:>6.0f}"
+            f"{true_wall.youngs_modulus_pa / 1e6:>7.3f}"
+            f"{true_wall.iop_pa / 133.3:>6.1f}{np.degrees(true_wall.polar_rad):>6.0f}"
             + "".join(
                 f"{100 * error:>+9.2f} ({100 * sd:.1f})" for error, sd in found[-1]
             )
@@ -262,7 +286,7 @@ def print_bent(study: Study, count: int, frame_count: int) -> None:
 
 
 def own_moduli(
-    study: Study, model: EyeModel, inputs: list[Frame], eye: PhantomEye
+    study: Study, model: EyeModel, inputs: list[Frame], setup: Setup
 ) -> tuple[list[float], list[float]]:
     """Return the errors of E from single frames, below 20 mN and above 35 mN."""
     session = begun(study, model)
@@ -275,7 +299,7 @@ def own_moduli(
             alone.append(
                 (
                     force_n,
-                    step.registered.wall.youngs_modulus_pa / eye.youngs_modulus_pa - 1,
+                    step.registered.wall.youngs_modulus_pa / setup.eye.modulus_pa - 1,
                 )
             )
 
@@ -291,19 +315,17 @@ def _percent(errors: list[float]) -> str:
 
 def print_linear(study: Study, count: int, frame_count: int) -> None:
     """Print the figures of the linear wall."""
-    eye = PhantomEye(
-        id="eye-1",
-        thickness_m=0.8e-3,
-        youngs_modulus_pa=0.27e6,
-        iop_pa=266.6,
-        gap_m=0.5e-3,
-        polar_rad=0.611,
-        azimuth_rad=1.0,
+    setup = Setup(
+        eye=Eye(
+            "eye-1", thickness_m=0.8e-3, modulus=Modulus.stated(0.27e6), iop_pa=266.6
+        ),
+        needle=Needle(gap_m=0.5e-3, polar_rad=0.611, azimuth_rad=1.0),
     )
-    inputs = linear_frames(study, frame_count, eye, np.random.default_rng(1))
-    right = replace(stated(study, eye), polar_rad=eye.polar_rad)
-    print_step_time(study, linear_eye(study, right), inputs)
-    print_wrong_statements(study, eye, right, inputs)
+    inputs = linear_frames(study, frame_count, setup, np.random.default_rng(1))
+    right = changed(stated(study, setup), polar_rad=wall_of(setup).polar_rad)
+    model = linear_eye(study, right, polar_sd_rad=unstated_polar_rad(study))
+    print_step_time(study, model, inputs)
+    print_wrong_statements(study, setup, right, inputs)
     print_honesty(study, count, frame_count)
 
 

@@ -30,8 +30,9 @@ from scleraforce.mechanics.contact_and_section import Contact
 from scleraforce.mechanics.finite_strain_wall import FiniteWall
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.hexahedral_mesh import HexMesh, build_mesh
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.loads_and_supports import needle_at, study_springs
-from scleraforce.records.globe import OPEN_GLOBE, study_globe
+from scleraforce.records.globe import CONSTANT_PRESSURE, study_law
 from scleraforce.records.study import GlobeStudy, SupportsStudy
 
 WALLS = ((0.8e-3, 0.38e6), (0.5e-3, 0.22e6))
@@ -153,7 +154,9 @@ def product_paths(sizes: Sizes) -> None:
             wall = FiniteWall(mesh, NU)
             needle = needle_at(mesh, contact, NEEDLE_RADIUS_M)
             start = process_time()
-            path = wall.load_path(needle, **loads, max_force_n=1e-3 * forces_mn[-1])
+            path = wall.load_path(
+                needle, PathEnd(max_force=1e-3 * forces_mn[-1]), **loads
+            )
             seconds = process_time() - start
             tips = row([1e3 * path.tip_m(force * 1e-3) for force in forces_mn])
             name = f"{thickness_m * 1e3:.1f} mm, {modulus_pa / 1e6:.2f} MPa, {name}"
@@ -198,10 +201,13 @@ def sealed_globes(sizes: Sizes) -> None:
                 "iop_pa": IOP_PA,
                 "density_kg_m3": 1100.0,
             }
-            loads |= {"max_force_n": np.inf, "max_tip_m": 1e-3 * float(dents_mm[-1])}
-            kinds = {"open": OPEN_GLOBE, "sealed": study_globe(GlobeStudy("sealed"))}
+            end = PathEnd(max_tip_m=1e-3 * float(dents_mm[-1]))
+            kinds = {
+                "open": CONSTANT_PRESSURE,
+                "sealed": study_law(GlobeStudy("sealed")),
+            }
             paths = {
-                kind: wall.load_path(needle, **loads, globe=globe)
+                kind: wall.load_path(needle, end, **loads, globe=globe)
                 for kind, globe in kinds.items()
             }
             rise = (

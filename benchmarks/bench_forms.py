@@ -24,6 +24,7 @@ from scleraforce.mechanics.finite_strain_wall import LoadPath, bend_eye
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.hexahedral_mesh import HexMesh
 from scleraforce.mechanics.linear_wall import LinearWall, tip_displacement
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.records.study import (
     EyeStudy,
     FormStudy,
@@ -94,10 +95,10 @@ def bent(
     return bend_eye(
         study,
         CONTACT,
+        PathEnd(max_force=max_force_mn / 1e3),
         thickness_m=thickness_m,
         youngs_modulus_pa=modulus_pa,
         iop_pa=IOP_PA,
-        max_force_n=max_force_mn / 1e3,
     )
 
 

@@ -35,7 +35,7 @@ import numpy as np
 import scleraforce as sf
 from calibration_eyes import drawn_eye
 from scleraforce.lab.needle_pushes import NeedlePath
-from scleraforce.lab.virtual_eye import BentSections, PhantomEye
+from scleraforce.lab.virtual_eye import BentSections, eye_name, scan_plane
 from scleraforce.lab.virtual_recording import (
     PhantomFrame,
     PhantomPlan,
@@ -43,9 +43,13 @@ from scleraforce.lab.virtual_recording import (
     write_phantom,
 )
 from scleraforce.mechanics.finite_strain_wall import bend_eye
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.tissue_material import PronySeries
 from scleraforce.recordings.recording_folder import Recording, read_recording
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Range, Study, TissueStudy, fixed
+from scleraforce.records.tissue_relaxation import Relaxation
+from virtual_eyes import changed, wall_of
 
 FALL = PronySeries((0.12,), (1.2,))
 ELASTIC = PronySeries((), ())
@@ -92,11 +96,11 @@ def case_study(case: Case) -> Study:
     return replace(study, phantom=phantom, tissue=tissue)
 
 
-def planned(case: Case, eye: PhantomEye, seed: int) -> PhantomPlan:
+def planned(case: Case, setup: Setup, seed: int) -> PhantomPlan:
     """Draw a recording of a case."""
     rng = np.random.default_rng((seed, PUSHES))
     forces_n = LARGEST_N * rng.permutation(np.linspace(*SHARES, PUSHES))
-    plan = plan_phantom(eye, tuple(forces_n.tolist()), case_study(case), seed)
+    plan = plan_phantom(setup, tuple(forces_n.tolist()), case_study(case), seed)
     if case.kind in YIELDS:
         plan = replace(plan, path=yielding(plan, remembers=case.kind == "holder"))
 
@@ -147,31 +151,32 @@ def in_hold(frame: PhantomFrame, rng: np.random.Generator) -> Iterator[PhantomFr
         yield replace(frame, time_s=time_s, pose=pose, seed=seed)
 
 
-def sections(eye: PhantomEye, keep: Path) -> BentSections:
+def sections(setup: Setup, keep: Path) -> BentSections:
     """Return an eye's sections; its load path is kept."""
     study = Study()
-    kept = keep / f"{eye.id}.path"
+    kept = keep / f"{eye_name(setup)}.path"
     if not kept.exists():
         path = bend_eye(
             study,
-            eye.plane.contact,
-            thickness_m=eye.thickness_m,
-            youngs_modulus_pa=eye.youngs_modulus_pa,
-            iop_pa=eye.iop_pa,
-            max_force_n=BEYOND * LARGEST_N,
-            as_far_as_found=True,
+            scan_plane(setup).contact,
+            PathEnd(max_force=BEYOND * LARGEST_N, as_far_as_found=True),
+            thickness_m=wall_of(setup).thickness_m,
+            youngs_modulus_pa=setup.eye.modulus_pa,
+            iop_pa=wall_of(setup).iop_pa,
         )
         kept.write_bytes(pickle.dumps(path))
 
-    return BentSections(eye, study, bent=pickle.loads(kept.read_bytes()))
+    return BentSections(setup, study, bent=pickle.loads(kept.read_bytes()))
 
 
-def recorded(case: Case, eye: PhantomEye, seed: int, keep: Path) -> Recording:
+def recorded(case: Case, setup: Setup, seed: int, keep: Path) -> Recording:
     """Return a recording of a case, which is made unless it is kept."""
-    folder = keep / f"{eye.id}-{case.kind}-{case.hold_s:g}s-{case.frames}-{seed}"
+    folder = (
+        keep / f"{eye_name(setup)}-{case.kind}-{case.hold_s:g}s-{case.frames}-{seed}"
+    )
     if not folder.exists():
-        plan = planned(case, eye, seed)
-        write_phantom(folder, plan, sections(eye, keep), case_study(case))
+        plan = planned(case, setup, seed)
+        write_phantom(folder, plan, sections(setup, keep), case_study(case))
 
     recording = read_recording(folder)
     if case.hold_s >= SHORT_S and case.frames == 1:
@@ -185,7 +190,7 @@ def recorded(case: Case, eye: PhantomEye, seed: int, keep: Path) -> Recording:
 def with_truth(recording: Recording, kind: str) -> Recording:
     """Return a recording that declares how its tissue relaxes."""
     terms = () if kind in YIELDS else tuple(TISSUES[kind].terms)
-    eye = replace(recording.info.eye, relaxation=terms)
+    eye = replace(recording.info.eye, relaxation=Relaxation.declared(terms))
     return replace(recording, info=replace(recording.info, eye=eye))
 
 
@@ -222,7 +227,7 @@ def joined(readings: list[Reading]) -> Reading:
     )
 
 
-def print_rows(case: Case, eyes: list[PhantomEye], seed: int, keep: Path) -> None:
+def print_rows(case: Case, eyes: list[Setup], seed: int, keep: Path) -> None:
     """Print what is read of a case, with nothing and with the truth declared."""
     pairs = [
         [recorded(case, eye, one, keep) for one in (seed, seed + 1000)] for eye in eyes
@@ -278,9 +283,9 @@ def main() -> None:
         keep = given.keep or Path(stack.enter_context(TemporaryDirectory()))
         keep.mkdir(parents=True, exist_ok=True)
         eyes = [
-            replace(
+            changed(
                 drawn_eye(number, np.random.default_rng((given.seed, number))),
-                id=f"eye-{given.seed}-{number}",
+                name=f"eye-{given.seed}-{number}",
             )
             for number in range(given.eyes)
         ]

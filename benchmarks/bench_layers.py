@@ -31,6 +31,7 @@ from scleraforce.base.units import to_si
 from scleraforce.mechanics.finite_strain_wall import FiniteWall, LoadPath
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.hexahedral_mesh import HexMesh
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.loads_and_supports import needle_at
 
 Floats = NDArray[np.float64]
@@ -92,10 +93,10 @@ def pushed(
     """Push on the outer surface of `touched`, up to a force."""
     return wall.load_path(
         needle_at(touched, CONTACT, NEEDLE_RADIUS_M),
+        PathEnd(max_force=force_n),
         youngs_modulus_pa=modulus_pa,
         iop_pa=iop_pa,
         density_kg_m3=0.0,
-        max_force_n=force_n,
     )
 
 

@@ -26,7 +26,7 @@ import argparse
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from select import select
@@ -44,8 +44,9 @@ from monitor_sessions.frames import stream
 from monitor_sessions.watch import WITHDRAW, Watch
 from scleraforce.base.units import from_si
 from scleraforce.base.worker_processes import work_units
-from scleraforce.calibration.filter.eye_parameters import known_of_constants
+from scleraforce.calibration.filter.eye_parameters import with_modulus
 from scleraforce.calibration.stiffness_from_shape import EyePosterior
+from scleraforce.lab.virtual_eye import eye_name
 from scleraforce.live.companions.eye_learning import EyeFitting, EyeLearner
 from scleraforce.live.companions.process_channel import Child
 from scleraforce.live.companions.process_messages import (
@@ -59,9 +60,11 @@ from scleraforce.live.companions.shared_frames import FrameRing
 from scleraforce.live.decision.limits import MonitorLimits
 from scleraforce.reading.load_model import load_force_reader
 from scleraforce.reading.reading_models import ForceReader
-from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.eye import Modulus
 from scleraforce.records.globe import OPEN
 from scleraforce.records.scan import PixelScale
+from scleraforce.records.setup import Setup
+from virtual_eyes import changed
 
 EVERY = 2
 OPINIONS = 6
@@ -175,9 +178,9 @@ class Bench:
         rng = self._rng(number)
         known = self.known(drawn, number, rng)
         begun = EyePosterior(
-            known=known, study=self.reader.study, library=self.reader.library_for(known)
+            setup=known, study=self.reader.study, library=self.reader.library_for(known)
         )
-        link = InProcess(EyeFitting(begun, drawn.eye.id, None))
+        link = InProcess(EyeFitting(begun, eye_name(drawn.setup), None))
         learner = EyeLearner(link)  # type: ignore[arg-type] # in place of a connection
         watches = [
             Watch(self.reader, known, self.limits, one, OPINIONS)
@@ -210,12 +213,12 @@ class Bench:
                     of.stopped_n += [force_n] * (n >= moving)
 
             if force_n >= TOUCHING_N and n < moving:
-                moduli = (watch.known.modulus for watch in watches)
+                moduli = (watch.setup.eye.modulus for watch in watches)
                 readings.append(
                     (at_frame, [modulus.relative_sd for modulus in moduli if modulus])
                 )
 
-        truth_pa = drawn.eye.youngs_modulus_pa
+        truth_pa = drawn.setup.eye.modulus_pa
         for place, (watch, of) in enumerate(zip(watches, played, strict=True)):
             of.missed = int(watch.code != WITHDRAW)
             of.broken = watch.released + (watch.limits.bound_n != BOUND_N)
@@ -227,7 +230,7 @@ class Bench:
                 end += [one for both, _ in frames if (one := both[place]) is not None]
 
             for errors, modulus in zip(
-                of.modulus, (known.modulus, watch.known.modulus), strict=True
+                of.modulus, (known.eye.modulus, watch.setup.eye.modulus), strict=True
             ):
                 assert modulus is not None
                 errors.append((modulus.mean_pa / truth_pa - 1.0, modulus.relative_sd))
@@ -242,7 +245,7 @@ class Bench:
     def _rng(self, number: int) -> np.random.Generator:
         return np.random.default_rng((self.seed, 4, number))
 
-    def known(self, drawn: SessionEye, number: int, rng: np.random.Generator) -> Known:
+    def known(self, drawn: SessionEye, number: int, rng: np.random.Generator) -> Setup:
         """Return what is given of an eye: E of the study's prior, or of a
         population.
         """
@@ -250,8 +253,8 @@ class Bench:
         studys = Modulus(
             mean_pa=prior.prior_mean_pa, sd_pa=prior.prior_sd_pa, source="population"
         )
-        stated = replace(stated_eye(drawn, rng)[0], globe=OPEN)
-        return known_of_constants(stated, (studys, POPULATION)[number % 2])
+        stated = changed(stated_eye(drawn, rng)[0], globe=OPEN)
+        return with_modulus(stated, (studys, POPULATION)[number % 2])
 
 
 def forces(rng: np.random.Generator, drawn: SessionEye) -> tuple[Trajectory, int]:
@@ -305,7 +308,7 @@ def rows(prior: str, monitors: tuple[Played, Played]) -> Iterator[str]:
 
 
 def opinions(
-    reader: ForceReader, drawn: SessionEye, known: Known, seconds: float, learns: bool
+    reader: ForceReader, drawn: SessionEye, setup: Setup, seconds: float, learns: bool
 ) -> tuple[list[float], int]:
     """Return how late each opinion of the service's process was, s, and how many frames
     have taught at the end.
@@ -321,7 +324,7 @@ def opinions(
     with TemporaryDirectory() as folder:
         settings = OpinionSettings(
             model=Path("default"),
-            known=known,
+            setup=setup,
             scale=scale,
             ring=ring.place,
             learns="eye" if learns else None,

@@ -32,7 +32,12 @@ from scleraforce.library.plane_cut import (
     highest_depths,
     wall_boundaries,
 )
-from scleraforce.mechanics.axisymmetric_wall import AxisymmetricPath, axisymmetric_path
+from scleraforce.mechanics.axisymmetric_wall import (
+    AxisymmetricPath,
+    EvenWall,
+    axisymmetric_path,
+)
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.meridian_elements import MeridianSize
 from scleraforce.records.study import Study, read_study
 
@@ -73,18 +78,16 @@ def held_out_path(study: Study, wall: tuple[float, float]) -> AxisymmetricPath:
     tips_m = np.concatenate(
         [[1e-5, 3e-5, 6e-5], np.linspace(0.1e-3, 0.99 * plan.grid.max_tip_m, 50)]
     )
-    size = MeridianSize(plan.grid.elements, plan.grid.layers)
-
-    return axisymmetric_path(
+    even = EvenWall(
         plan.radius_m,
         wall[0],
         plan.poisson_ratio,
         plan.needle_radius_m,
-        wall[1],
-        tips_m=tips_m,
-        size=size,
-        max_force_ratio_m2=plan.grid.max_force_ratio_m2,
+        size=MeridianSize(plan.grid.elements, plan.grid.layers),
     )
+    end = PathEnd(tips_m=tips_m, max_force=plan.grid.max_force_ratio_m2)
+
+    return axisymmetric_path(even, wall[1], end)
 
 
 def errors(

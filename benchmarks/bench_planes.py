@@ -25,7 +25,7 @@ import scleraforce as sf
 from bench_without_force import POPULATION
 from scleraforce.fit.unknowns import GAP
 from scleraforce.lab.tissue_light import NeedleShaft
-from scleraforce.lab.virtual_eye import BentSections, PhantomEye
+from scleraforce.lab.virtual_eye import BentSections, eye_name
 from scleraforce.lab.virtual_recording import (
     in_planes,
     plan_phantom,
@@ -35,10 +35,13 @@ from scleraforce.lab.virtual_recording import (
 )
 from scleraforce.reading.reading_models import Reader
 from scleraforce.recordings.recording_folder import Recording, read_recording
-from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.eye import Eye, Modulus
 from scleraforce.records.globe import OPEN
-from scleraforce.records.scan import PixelScale, Plane
+from scleraforce.records.needle import Needle
+from scleraforce.records.scan import PixelScale, Plane, Scan
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import MechanicsStudy, Range, Study, fixed
+from virtual_eyes import changed, wall_of
 
 SEED = 20261201
 EYES = 12
@@ -62,17 +65,21 @@ def drawn_study() -> Study:
     )
 
 
-def drawn_eye(number: int, rng: np.random.Generator) -> PhantomEye:
+def drawn_eye(number: int, rng: np.random.Generator) -> Setup:
     """One of the eyes."""
-    return PhantomEye(
-        id=f"cross-{number}",
-        thickness_m=float(rng.uniform(0.45e-3, 0.8e-3)),
-        youngs_modulus_pa=float(rng.uniform(0.2e6, 0.4e6)),
-        iop_pa=float(rng.uniform(150.0, 500.0)),
-        gap_m=float(rng.uniform(0.1e-3, 0.6e-3)),
-        polar_rad=float(rng.uniform(radians(20.0), radians(45.0))),
-        azimuth_rad=float(rng.uniform(0.0, 6.28)),
-        direction_rad=float(rng.uniform(-3.1, 3.1)),
+    return Setup(
+        eye=Eye(
+            f"cross-{number}",
+            thickness_m=float(rng.uniform(0.45e-3, 0.8e-3)),
+            modulus=Modulus.stated(float(rng.uniform(0.2e6, 0.4e6))),
+            iop_pa=float(rng.uniform(150.0, 500.0)),
+        ),
+        needle=Needle(
+            gap_m=float(rng.uniform(0.1e-3, 0.6e-3)),
+            polar_rad=float(rng.uniform(radians(20.0), radians(45.0))),
+            azimuth_rad=float(rng.uniform(0.0, 6.28)),
+        ),
+        scan=Scan(direction_rad=float(rng.uniform(-3.1, 3.1))),
     )
 
 
@@ -80,10 +87,10 @@ def read_eye(number: int, reader: Reader) -> list[dict[str, float]]:
     """The errors of each moment of an eye."""
     rng = np.random.default_rng([SEED, number])
     study = drawn_study()
-    eye = drawn_eye(number, rng)
+    setup = drawn_eye(number, rng)
 
     if number % 3 == 2:  # a third shows the needle, in both planes
-        eye = replace(eye, gap_m=0.05e-3)
+        setup = changed(setup, gap_m=0.05e-3)
         seen = replace(
             study.phantom,
             needle_count=fixed(1),
@@ -92,16 +99,18 @@ def read_eye(number: int, reader: Reader) -> list[dict[str, float]]:
         study = replace(study, phantom=seen)
 
     forces_n = rng.uniform(2e-3, 55e-3, MOMENTS).tolist()
-    plan = in_planes(plan_phantom(eye, forces_n, study, SEED + number), PLANES, study)
-    sections, _ = plan_sections(plan, BentSections(eye, study))
+    plan = in_planes(plan_phantom(setup, forces_n, study, SEED + number), PLANES, study)
+    sections, _ = plan_sections(plan, BentSections(setup, study))
     scale = PixelScale.of(study.oct)
-    known = Known(
-        modulus=Modulus.stated(eye.youngs_modulus_pa),
-        iop_pa=eye.iop_pa,
-        thickness_m=eye.thickness_m,
-        globe=OPEN,
-        polar_rad=eye.polar_rad,
-        direction_rad=eye.direction_rad,
+    known = Setup(
+        eye=Eye(
+            modulus=Modulus.stated(setup.eye.modulus_pa),
+            iop_pa=wall_of(setup).iop_pa,
+            thickness_m=wall_of(setup).thickness_m,
+            globe=OPEN,
+        ),
+        needle=Needle(polar_rad=wall_of(setup).polar_rad),
+        scan=Scan(direction_rad=setup.scan.direction_rad),
     )
     found = list[dict[str, float]]()
     pairs = list(zip(plan.frames, sections, plan.normal_n, strict=True))
@@ -117,7 +126,11 @@ def read_eye(number: int, reader: Reader) -> list[dict[str, float]]:
         gap_m = first.cut.gap_m
         tilts = (first.pose.tilt_rad, first.cut.tilt_rad)
         both, _ = reader.read_together(frames, scale, known, PLANES)
-        with_gap = reader.read(frames[0], scale, replace(known, gap_m=abs(gap_m)))
+        with_gap = reader.read(
+            frames[0],
+            scale,
+            replace(known, needle=replace(known.needle, gap_m=abs(gap_m))),
+        )
         alone = reader.read_together(frames[:1], scale, known, PLANES[:1])[0]
         row = {"force_n": force_n}
 
@@ -164,11 +177,11 @@ def true_lean(needle: NeedleShaft) -> float:
 def first_plane(recording: Recording, gap_m: float) -> Recording:
     """The frames of the first plane as a recording of a single one, of a given gap."""
     info = recording.info
-    first = recording.info.oct.plane[0].name
+    first = recording.info.scan.planes[0].name
     info = replace(
         info,
-        oct=replace(info.oct, plane=()),
-        needle=replace(info.needle, slice_gap_m=gap_m),
+        scan=replace(info.scan, planes=()),
+        needle=replace(info.needle, gap_m=gap_m),
     )
     shown = (
         replace(frame, plane=None) for frame in recording.frames if frame.plane == first
@@ -185,13 +198,13 @@ def calibrate_eye(number: int, folder: Path) -> dict[str, tuple[float, float]]:
         study.phantom, needle_angle_rad=fixed(0.0), needle_lean_rad=fixed(0.0)
     )
     study = replace(study, phantom=phantom)
-    eye = drawn_eye(number, rng)
+    setup = drawn_eye(number, rng)
     forces_n = list(FORCES_N)
     rng.shuffle(forces_n)
     plan = in_planes(
-        plan_phantom(eye, forces_n, study, CALIBRATED_SEED + number), PLANES, study
+        plan_phantom(setup, forces_n, study, CALIBRATED_SEED + number), PLANES, study
     )
-    write_phantom(folder, plan, BentSections(eye, study), study)
+    write_phantom(folder, plan, BentSections(setup, study), study)
     recording = read_recording(folder)
     found = dict[str, tuple[float, float]]()
     gap_m = float(
@@ -204,16 +217,15 @@ def calibrate_eye(number: int, folder: Path) -> dict[str, tuple[float, float]]:
         "0.35 mm": first_plane(recording, 0.35e-3),
     }
 
+    by_shape = sf.CalibrationMethod(without_force=True, prior=POPULATION)
     for name, shown in {"cross": recording, **alone}.items():
         for way, given in (
             ("by force", {"frames": TAKEN}),
-            ("by shape", {"without_force": True}),
+            ("by shape", {"method": by_shape}),
         ):
-            one = sf.calibrate(
-                shown, **given, calibration=POPULATION if way == "by shape" else None
-            ).eyes[eye.id]
+            one = sf.calibrate(shown, **given).eyes[eye_name(setup)]
             found[f"{name}, {way}"] = (
-                float(np.log(one.mean_pa / eye.youngs_modulus_pa)),
+                float(np.log(one.mean_pa / setup.eye.modulus_pa)),
                 one.sd_pa / one.mean_pa,
             )
 

@@ -38,7 +38,7 @@ from scleraforce.mechanics.finite_elements import factor_sum
 from scleraforce.mechanics.finite_strain_wall import FiniteWall, WallEquilibrium
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.hexahedral_mesh import sum_at
-from scleraforce.mechanics.load_path_tracing import pressurise
+from scleraforce.mechanics.load_path_tracing import PathEnd, pressurise
 from scleraforce.mechanics.loads_and_supports import NeedleLoad, needle_at
 from scleraforce.mechanics.tissue_material import (
     PronySeries,
@@ -234,10 +234,10 @@ def print_rows(
     iop_pa = to_si(eye[1], "mmhg")
     path = wall.load_path(
         needle,
+        PathEnd(max_force=1.3 * max(FORCES_N)),
         youngs_modulus_pa=modulus_pa,
         iop_pa=iop_pa,
         density_kg_m3=0.0,
-        max_force_n=1.3 * max(FORCES_N),
     )
     elastic = ElasticSections(wall.mesh, path)
     holds_s = RAMP_S + np.union1d(np.geomspace(0.1, max(SHOWN_S), samples), SHOWN_S)

@@ -41,10 +41,11 @@ from scleraforce.reading.answer import Answer
 from scleraforce.reading.tissue_memory import TissueMemory
 from scleraforce.recordings.force_errors import ZERO_PRIOR, FrameForces
 from scleraforce.recordings.frame_and_force_tables import FORCE_COLUMNS, ForceLog
-from scleraforce.records.eye import Known
+from scleraforce.records.eye import Eye
 from scleraforce.records.recording_info import ForceInfo
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import PhantomStudy
-from scleraforce.records.tissue_relaxation import KnownRelaxation
+from scleraforce.records.tissue_relaxation import Relaxation
 
 RATES_N_S = (5e-3, 10e-3, 20e-3, 50e-3, 100e-3, 150e-3)
 FORCES_N = (0.026, 0.003, 0.048, 0.014, 0.034, 0.008, 0.040, 0.020)
@@ -65,13 +66,13 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Eye:
+class RelaxingEye:
     """An eye, what a calibration says of its relaxation, and the read elastic force
     over the true one.
     """
 
     tissue: PronySeries
-    known: KnownRelaxation
+    known: Relaxation
     scale: float
 
 
@@ -88,7 +89,7 @@ class Played:
     cause: str | None
 
 
-def draw_eye(rng: np.random.Generator) -> Eye:
+def draw_eye(rng: np.random.Generator) -> RelaxingEye:
     """Draw an eye and calibrate its relaxation."""
     times_s = np.exp(rng.uniform(np.log([0.5, 5.0]), np.log([3.0, 30.0])))
     tissue = PronySeries(
@@ -108,7 +109,7 @@ def draw_eye(rng: np.random.Generator) -> Eye:
     found, known, _ = with_elastic_forces(recording, labels, None)
     true_n = path.elastic_n(frame_s)
 
-    return Eye(
+    return RelaxingEye(
         tissue,
         known,
         float(found.force_n @ true_n / (true_n @ true_n))
@@ -136,14 +137,16 @@ def dent_read(elastic_n: float) -> Answer:
     )
 
 
-def play(eye: Eye, corners: Corners, rng: np.random.Generator) -> Played:
+def play(eye: RelaxingEye, corners: Corners, rng: np.random.Generator) -> Played:
     """Show the frames of a needle to a monitor until it withdraws."""
     path = NeedlePath(tuple(corners[0]), tuple(corners[1]), eye.tissue)
     time_s = np.arange(corners[2] + FRAME_S, corners[0][-1], FRAME_S)
     elastic_n = path.elastic_n(time_s)
     felt_n = path.felt_n(time_s)
     bias_n = rng.normal(0.0, BIAS_N, 2)
-    network = opinion = TissueMemory.monitored(Known(relaxation=eye.known), TOP_N)
+    network = opinion = TissueMemory.monitored(
+        Setup(eye=Eye(relaxation=eye.known)), TOP_N
+    )
     state = MonitorState()
     waiting = list[SecondOpinion]()
     read = list[Answer]()

@@ -19,8 +19,9 @@ from scipy.optimize import least_squares
 
 from scleraforce.base.errors import SolverError
 from scleraforce.base.units import to_si
-from scleraforce.mechanics.axisymmetric_wall import axisymmetric_path
-from scleraforce.records.globe import sealed_globe
+from scleraforce.mechanics.axisymmetric_wall import EvenWall, axisymmetric_path
+from scleraforce.mechanics.load_path_tracing import PathEnd
+from scleraforce.records.globe import sealed_law
 
 Floats = NDArray[np.float64]
 
@@ -48,17 +49,10 @@ class Wall:
         """Follow the path to 60 mN."""
         modulus_pa = 1e6 * modulus_mpa
         path = axisymmetric_path(
-            *(
-                RADIUS_M,
-                THICKNESS_M,
-                NU,
-                NEEDLE_RADIUS_M,
-                to_si(iop_mmhg, "mmhg") / modulus_pa,
-            ),
-            tips_m=TIPS_M,
-            max_force_ratio_m2=END_N / modulus_pa,
-            globe=sealed_globe(to_si(rigidity, "mmhg13_per_ul")).over(modulus_pa),
-            stiffening=b,
+            EvenWall(RADIUS_M, THICKNESS_M, NU, NEEDLE_RADIUS_M, stiffening=b),
+            to_si(iop_mmhg, "mmhg") / modulus_pa,
+            PathEnd(tips_m=TIPS_M, max_force=END_N).over(modulus_pa),
+            sealed_law(to_si(rigidity, "mmhg13_per_ul")).over(modulus_pa),
         )
         self.force_n = PchipInterpolator(path.tip_m, modulus_pa * path.force_ratio_m2)
         self.tip_m = PchipInterpolator(modulus_pa * path.force_ratio_m2, path.tip_m)

@@ -25,14 +25,18 @@ from figures.eyes import FigureEye
 from figures.groups import draw_eyes
 from figures.sections import compute_eye
 from scleraforce.base.units import HumanUnit, from_si
+from scleraforce.lab.virtual_eye import scan_plane
 from scleraforce.lab.virtual_recording import plan_phantom, plan_sections, render_frame
 from scleraforce.mechanics.loads_and_supports import tip_at
 from scleraforce.reading.needle_place import PlaceValue
 from scleraforce.reading.reading_models import Reader
-from scleraforce.records.eye import Known, Modulus
-from scleraforce.records.globe import known_globe
-from scleraforce.records.scan import PixelScale
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.globe import Globe
+from scleraforce.records.needle import Needle
+from scleraforce.records.scan import PixelScale, Scan
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Range, Study, fixed
+from virtual_eyes import changed, wall_of
 
 # E and IOP: relative
 KNOWN_ERRORS = {
@@ -91,9 +95,9 @@ def readings(
     computed = compute_eye(drawn)
     path = computed.bent[0]
     mesh = computed.bent[0].mesh
-    plane = drawn.eye.plane
+    plane = scan_plane(drawn.setup)
     forces_n = (computed.largest_n * np.sqrt(rng.uniform(0.0, 1.0, frames))).tolist()
-    plan = plan_phantom(drawn.eye, tuple(forces_n), drawn.study, seed)
+    plan = plan_phantom(drawn.setup, tuple(forces_n), drawn.study, seed)
     sections, _ = plan_sections(plan, computed.sections_at)
     down, across = (
         tip_at(mesh, plane.contact, axis) for axis in (plane.depth, plane.lateral)
@@ -113,14 +117,18 @@ def readings(
         true = (
             *at_m.tolist(),
             path.tip_m(force_n),
-            drawn.eye.gap_m,
+            wall_of(drawn.setup).gap_m,
             shaft.angle_rad if shaft else np.nan,
         )
         pixels = render_frame(frame, section, drawn.study).frame
 
         for gap in ("given", "not given"):
             answer = reader.read(
-                pixels, scale, known if gap == "given" else replace(known, gap_m=None)
+                pixels,
+                scale,
+                known
+                if gap == "given"
+                else replace(known, needle=replace(known.needle, gap_m=None)),
             )
             if answer.usable:
                 for name, value in zip(NAMES, true, strict=True):
@@ -139,30 +147,38 @@ def with_needle(drawn: FigureEye, rng: np.random.Generator) -> FigureEye:
 
     return replace(
         drawn,
-        eye=replace(drawn.eye, gap_m=gap_m),
+        setup=changed(drawn.setup, gap_m=gap_m),
         study=replace(drawn.study, phantom=phantom),
     )
 
 
-def stated(drawn: FigureEye, rng: np.random.Generator) -> Known:
+def stated(drawn: FigureEye, rng: np.random.Generator) -> Setup:
     """Return what is known of an eye, with its errors."""
-    eye = drawn.eye
+    setup = drawn.setup
     globe = drawn.study.globe
     off = {name: rng.normal(0.0, sd) for name, sd in KNOWN_ERRORS.items()}
-    modulus_pa = eye.youngs_modulus_pa * (1.0 + off["modulus"])
+    modulus_pa = setup.eye.modulus_pa * (1.0 + off["modulus"])
 
-    return Known(
-        modulus=Modulus(
-            mean_pa=modulus_pa,
-            sd_pa=KNOWN_ERRORS["modulus"] * modulus_pa,
-            source="option",
+    return Setup(
+        eye=Eye(
+            modulus=Modulus(
+                mean_pa=modulus_pa,
+                sd_pa=KNOWN_ERRORS["modulus"] * modulus_pa,
+                source="option",
+            ),
+            iop_pa=wall_of(setup).iop_pa * (1.0 + off["iop"]),
+            thickness_m=wall_of(setup).thickness_m + off["thickness_m"],
+            globe=Globe.declared(globe.kind, None),
         ),
-        iop_pa=eye.iop_pa * (1.0 + off["iop"]),
-        thickness_m=eye.thickness_m + off["thickness_m"],
-        gap_m=max(eye.gap_m + off["gap_m"], 0.0),
-        polar_rad=eye.polar_rad,
-        direction_rad=float(np.remainder(eye.direction_rad + pi, 2.0 * pi) - pi),
-        globe=known_globe(globe.kind, None),
+        needle=Needle(
+            gap_m=max(wall_of(setup).gap_m + off["gap_m"], 0.0),
+            polar_rad=wall_of(setup).polar_rad,
+        ),
+        scan=Scan(
+            direction_rad=float(
+                np.remainder(scan_plane(setup).direction_rad + pi, 2.0 * pi) - pi
+            )
+        ),
     )
 
 

@@ -19,8 +19,10 @@ from figures.folder import FiguresFolder
 from figures.groups import draw_eyes
 from figures.recordings import make_recordings, read_made
 from scleraforce.base.units import from_si
+from scleraforce.lab.virtual_eye import eye_name
 from scleraforce.recordings.recording_folder import Recording, read_recording
-from scleraforce.records.calibration_file import CalibrationSummary, EyeSummary
+from scleraforce.records.calibration_file import CalibratedEye, CalibrationSummary
+from scleraforce.records.globe import OPEN
 from scleraforce.records.study import Study
 
 SEED = 4343  # of this benchmark alone
@@ -30,7 +32,15 @@ SHIFT_M = 0.5e-3
 TRAVEL_SD_M = 5e-6
 POPULATION = CalibrationSummary(
     eyes={
-        "others": EyeSummary(mean_pa=0.35e6, sd_pa=5e3, frames=(), thickness_m=0.65e-3)
+        "others": CalibratedEye(
+            eye=sf.Eye(
+                modulus=sf.Modulus(mean_pa=0.35e6, sd_pa=5e3, source="own"),
+                thickness_m=0.65e-3,
+                globe=OPEN,
+                stiffening=0.0,
+            ),
+            frames=(),
+        )
     },
     population_mean_pa=0.35e6,
     population_sd_pa=0.087e6,
@@ -84,8 +94,10 @@ def score(folder: FiguresFolder, eye: FigureEye, travel: bool) -> Score:
     """Calibrate an eye without its forces, read all its frames, and compare."""
     recording = read_recording(folder.recording(eye))
     shown = with_travel(recording, folder, eye) if travel else recording
-    found = sf.calibrate(shown, without_force=True, calibration=POPULATION)
-    one = found.eyes[eye.eye.id]
+    found = sf.calibrate(
+        shown, method=sf.CalibrationMethod(without_force=True, prior=POPULATION)
+    )
+    one = found.eyes[eye_name(eye.setup)]
     evaluation = sf.evaluate(sf.load_model("default"), recording, found)
     trials = [frame for frame in evaluation.frames if frame.scored]
     truth = dict(
@@ -107,7 +119,7 @@ def score(folder: FiguresFolder, eye: FigureEye, travel: bool) -> Score:
     )
 
     return Score(
-        off=float(np.log(one.mean_pa / eye.eye.youngs_modulus_pa)),
+        off=float(np.log(one.mean_pa / eye.setup.eye.modulus_pa)),
         sd=one.sd_pa / one.mean_pa,
         errors_n=tuple(
             answer.force_n - n for answer, n in read if answer.force_n is not None
@@ -150,10 +162,11 @@ def main(count: int, folder: FiguresFolder) -> None:
         for travel in (False, True):
             scores = list[Score]()
             for eye in eyes:
-                if eye.eye.id not in failed:
+                name = eye_name(eye.setup)
+                if name not in failed:
                     scores.append(score(folder, eye, travel))
                     print(
-                        f"  {eye.eye.id}: {scores[-1].off:+.3f} ± {scores[-1].sd:.3f}",
+                        f"  {name}: {scores[-1].off:+.3f} ± {scores[-1].sd:.3f}",
                         file=sys.stderr,
                     )
 

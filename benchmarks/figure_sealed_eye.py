@@ -19,10 +19,7 @@ from figures.eyes import FigureEye
 from figures.sections import ComputedEye, compute_eye
 from monitor_sessions.declarations import calibrated
 from scleraforce.base.units import from_si, to_si
-from scleraforce.calibration.filter.eye_parameters import (
-    EyeConstants,
-    known_of_constants,
-)
+from scleraforce.calibration.filter.eye_parameters import with_modulus
 from scleraforce.front.report.figure_files import (
     AMBER,
     BLACK,
@@ -35,27 +32,30 @@ from scleraforce.front.report.figure_files import (
 )
 from scleraforce.lab.drawn_bscan import render_bscan
 from scleraforce.lab.tissue_light import Pose, sample_optics
-from scleraforce.lab.virtual_eye import PhantomEye
 from scleraforce.reading.answer import Answer
 from scleraforce.reading.load_model import load_force_reader
 from scleraforce.reading.reading_models import ForceReader
 from scleraforce.recordings.force_errors import LABEL_SD_N
-from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.eye import Eye, Modulus
 from scleraforce.records.globe import OPEN, SEALED, UNKNOWN
+from scleraforce.records.needle import Needle
 from scleraforce.records.scan import PixelScale
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import GlobeStudy, Study, draw
+from virtual_eyes import changed
 
 Frame = NDArray[np.uint16]
 
 IMAGE = Path(__file__).parent.parent / "docs" / "images" / "sealed_eye.png"
 SEED = 20_261_122
-EYE = PhantomEye(
-    id="eye",
-    thickness_m=0.6e-3,
-    youngs_modulus_pa=0.45e6,
-    iop_pa=to_si(2.0, "mmhg"),
-    gap_m=0.5e-3,
-    polar_rad=radians(35.0),
+SETUP = Setup(
+    eye=Eye(
+        "eye",
+        thickness_m=0.6e-3,
+        modulus=Modulus.stated(0.45e6),
+        iop_pa=to_si(2.0, "mmhg"),
+    ),
+    needle=Needle(gap_m=0.5e-3, polar_rad=radians(35.0)),
 )
 RIGIDITY = to_si(0.03, "mmhg13_per_ul")
 LARGEST_MN = 60.0
@@ -92,7 +92,7 @@ def computed(study: Study, globe: GlobeStudy) -> ComputedEye:
         globe=globe,
         needle=replace(study.needle, max_force_n=to_si(LARGEST_MN, "mn")),
     )
-    return compute_eye(FigureEye("sealed eye", EYE, study, shares=(), seed=SEED))
+    return compute_eye(FigureEye("sealed eye", SETUP, study, shares=(), seed=SEED))
 
 
 def frame_of(eye: ComputedEye, force_n: float, number: int) -> Frame:
@@ -109,27 +109,25 @@ def frame_of(eye: ComputedEye, force_n: float, number: int) -> Frame:
     return render_bscan(pose.place(section), eye.study.oct, optics, rng).frame
 
 
-def tellings(sealed: ComputedEye, reader: ForceReader) -> dict[str, Known]:
+def tellings(sealed: ComputedEye, reader: ForceReader) -> dict[str, Setup]:
     """Return the known inputs of the eye with each declaration."""
     rng = np.random.default_rng((SEED, 0))
-    stated = EyeConstants(
-        iop_pa=EYE.iop_pa,
-        thickness_m=EYE.thickness_m,
-        gap_m=EYE.gap_m,
-        polar_rad=EYE.polar_rad,
-        polar_sd_rad=0.0,
-        globe=UNKNOWN,
+    stated = Setup(
+        eye=Eye(
+            iop_pa=SETUP.eye.iop_pa, thickness_m=SETUP.eye.thickness_m, globe=UNKNOWN
+        ),
+        needle=Needle(gap_m=SETUP.needle.gap_m, polar_rad=SETUP.needle.polar_rad),
     )
     labelled = [
         (frame_of(sealed, force_n, number), force_n + rng.normal(0.0, LABEL_SD_N))
         for number, force_n in enumerate(CALIBRATION_N, start=1)
     ]
-    modulus = Modulus.stated(EYE.youngs_modulus_pa)
+    modulus = Modulus.stated(SETUP.eye.modulus_pa)
 
     return {
-        DECLARED: calibrated(replace(stated, globe=SEALED), labelled, reader),
-        UNDECLARED: known_of_constants(stated, modulus),
-        AS_OPEN: known_of_constants(replace(stated, globe=OPEN), modulus),
+        DECLARED: calibrated(changed(stated, globe=SEALED), labelled, reader),
+        UNDECLARED: with_modulus(stated, modulus),
+        AS_OPEN: with_modulus(changed(stated, globe=OPEN), modulus),
     }
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scleraforce.front.report.figure_files import BLUE, GREY, RED, inches, styled
 from scleraforce.mechanics.contact_and_section import Contact, ScanPlane, WallSection
 from scleraforce.mechanics.finite_strain_wall import bend_eye
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.mesh_section import cut_sections
 from scleraforce.records.study import Study, SupportsStudy, read_study
 
@@ -43,10 +44,10 @@ def sections(given: Study, kind: str) -> tuple[list[WallSection], list[float]]:
     bent = bend_eye(
         study,
         contact,
+        PathEnd(max_force=1e-3 * FORCES_MN[-1]),
         thickness_m=THICKNESS_M,
         youngs_modulus_pa=MODULUS_PA,
         iop_pa=study.eye.iop_pa,
-        max_force_n=1e-3 * FORCES_MN[-1],
     )
     states_fnc = np.stack([bent.displacement_nc(1e-3 * force) for force in FORCES_MN])
     plane = ScanPlane(contact, gap_m=study.needle.gap_m)

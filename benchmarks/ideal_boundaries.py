@@ -14,33 +14,35 @@ from scipy.ndimage import gaussian_filter1d
 
 from scleraforce.base.units import STANDARD_GRAVITY_M_S2
 from scleraforce.lab.tissue_light import Pose
-from scleraforce.lab.virtual_eye import PhantomEye
+from scleraforce.lab.virtual_eye import scan_plane
 from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.mechanics.linear_wall import LinearWall
 from scleraforce.mechanics.mesh_section import cut_sections
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import OctStudy, Study
 from scleraforce.wall.wall_in_metres import Boundaries
+from virtual_eyes import wall_of
 
 Array = NDArray[np.float64]
 
 
 def virtual_sections(
-    wall: LinearWall, eye: PhantomEye, forces_n: Sequence[float], study: Study
+    wall: LinearWall, setup: Setup, forces_n: Sequence[float], study: Study
 ) -> list[WallSection]:
     """Return the sections of a virtual eye under needle forces, from a wall that may
     serve several eyes.
     """
-    needle_nc = wall.needle_cnc([eye.plane.contact], study.needle.outer_diameter_m / 2)[
-        0
-    ]
+    needle_nc = wall.needle_cnc(
+        [scan_plane(setup).contact], study.needle.outer_diameter_m / 2
+    )[0]
     modes = np.stack([wall.pressure_nc, wall.gravity_nc, needle_nc])
     weight = study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2
     loads = (
-        np.array([[eye.iop_pa, weight, force] for force in forces_n])
-        / eye.youngs_modulus_pa
+        np.array([[wall_of(setup).iop_pa, weight, force] for force in forces_n])
+        / setup.eye.modulus_pa
     )
 
-    return cut_sections(wall.mesh, [eye.plane], modes, loads[None])[0]
+    return cut_sections(wall.mesh, [scan_plane(setup)], modes, loads[None])[0]
 
 
 def ideal_boundaries(

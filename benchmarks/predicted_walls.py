@@ -13,7 +13,7 @@ from scleraforce.fit.curve_placement import PlacedCurves, PlacesOnFrame
 from scleraforce.fit.one_frame import law_of
 from scleraforce.fit.shown_wall import WallDepths, predict_depths
 from scleraforce.library.wall_responses import Library
-from scleraforce.records.globe import OPEN, KnownGlobe
+from scleraforce.records.globe import OPEN, Globe
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ class Walls:
     """
 
     library: Library
-    globe: KnownGlobe = OPEN
+    globe: Globe = OPEN
     _: KW_ONLY
     gap_m: float = 0.6e-3
     thickness_m: float = 0.6e-3

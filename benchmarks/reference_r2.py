@@ -12,6 +12,7 @@ from scipy.spatial import SphericalVoronoi
 from scleraforce.mechanics.contact_and_section import Contact
 from scleraforce.mechanics.finite_strain_wall import FiniteWall, LoadPath
 from scleraforce.mechanics.hexahedral_mesh import HexMesh
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.loads_and_supports import NeedleLoad, tip_at
 
 Floats = NDArray[np.float64]
@@ -83,10 +84,10 @@ def reference_path(
 
     return wall.load_path(
         needle,
+        PathEnd(max_force=max_force_n),
         youngs_modulus_pa=youngs_modulus_pa,
         iop_pa=IOP_PA,
         density_kg_m3=0.0,
-        max_force_n=max_force_n,
     )
 
 

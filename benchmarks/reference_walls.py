@@ -15,6 +15,7 @@ from scleraforce.mechanics.axisymmetric_wall import (
     AxisymmetricPath,
     AxisymmetricWall,
     BaseShift,
+    EvenWall,
     axisymmetric_path,
     boundary_shapes,
     inward_forces,
@@ -23,9 +24,8 @@ from scleraforce.mechanics.contact_and_section import ScanPlane, WallSection
 from scleraforce.mechanics.equilibrium import Solve
 from scleraforce.mechanics.finite_strain_wall import FiniteWall, WallEquilibrium
 from scleraforce.mechanics.hexahedral_mesh import HexMesh, build_mesh
-from scleraforce.mechanics.load_path_tracing import pressurise
+from scleraforce.mechanics.load_path_tracing import PathEnd, pressurise
 from scleraforce.mechanics.loads_and_supports import NeedleLoad
-from scleraforce.mechanics.meridian_elements import MeridianSize
 from scleraforce.mechanics.mesh_section import cut_sections
 
 Floats = NDArray[np.float64]
@@ -114,22 +114,15 @@ def cut_section(
 
 
 def polar_path(
-    sizes: tuple[float, float, float, float, float],
-    polar_rad: float,
-    tips_m: Floats,
-    size: MeridianSize | None = None,
+    wall: EvenWall, iop_ratio: float, polar_rad: float, tips_m: Floats
 ) -> AxisymmetricPath:
     """Return the path of `axisymmetric_path` with the forces of a needle at a polar
-    angle.
-
-    `sizes`: radius, thickness, nu, needle radius, IOP/E, as `axisymmetric_path` takes
-    them. The globe is open.
+    angle, in an open globe.
     """
 
     def path_to(support_rad: float) -> AxisymmetricPath:
-        return axisymmetric_path(
-            *sizes, tips_m=tips_m, support_rad=support_rad, size=size
-        )
+        supported = replace(wall, support_rad=support_rad)
+        return axisymmetric_path(supported, iop_ratio, PathEnd(tips_m=tips_m))
 
     even = path_to(0.5 * np.pi)
     if polar_rad == 0.0:

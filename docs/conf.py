@@ -58,11 +58,11 @@ nitpick_ignore_regex = [
     ),
     (
         "py:class",
-        r"scleraforce\.(reading\.force_trend\.TimeToBound|records\.globe\.Globe)",
+        r"scleraforce\.(reading\.force_trend\.TimeToBound|records\.globe\.PressureLaw)",
     ),
     ("py:class", r"scleraforce\.reading\.needle_place\.NeedlePlace"),
     ("py:class", r"GivenCalibration|Mask"),
-    ("py:class", r"scleraforce\.records\.tissue_relaxation\.KnownRelaxation"),
+    ("py:class", r"scleraforce\.records\.tissue_relaxation\.(Relaxation|HoldFinding)"),
     ("py:class", r"scleraforce\.recordings\.drawn_walls\.RecordedWalls"),
     ("py:class", r"scleraforce\.library\.(response_splines|stiffened_walls)\..*"),
 ]

@@ -42,10 +42,6 @@ LONG_COMMANDS = {
 SLOW_COMMANDS = {*LONG_COMMANDS, "import"}
 SLOW_CALLS = re.compile(r"\b(sf\.train|sf\.calibrate|LinearSections|FiniteWall)\(")
 # Modules whose examples train and solve.
-SLOW_MODULES = {
-    f"scleraforce.front.api.progress.{name}"
-    for name in ("calibrating", "training", "virtual")
-}
 LANGUAGES = {
     "console",
     "python",
@@ -269,15 +265,7 @@ def test_the_examples_in_docstrings_are_true() -> None:
             ), name
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(
-            name, marks=[pytest.mark.slow] if name in SLOW_MODULES else [], id=name
-        )
-        for name in PUBLIC_MODULES
-    ],
-)
+@pytest.mark.parametrize("name", PUBLIC_MODULES)
 def test_the_examples_of_the_public_functions_are_true(
     name: str, notebook_folder: Path, monkeypatch
 ) -> None:

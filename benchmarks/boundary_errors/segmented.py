@@ -7,21 +7,24 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.lab.virtual_eye import PhantomEye
 from scleraforce.lab.virtual_recording import plan_phantom, render_frame
 from scleraforce.library import Library
 from scleraforce.library.plane_cut import column_laterals, cut_surfaces
 from scleraforce.mechanics.contact_and_section import WallSection
-from scleraforce.records.scan import PixelScale
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.needle import Needle
+from scleraforce.records.scan import PixelScale, Scan
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.wall import Segmentation
 from scleraforce.wall.wall_network import WallFinder
+from virtual_eyes import wall_of
 
 Floats = NDArray[np.float64]
 
 
-def random_eyes(study: Study, count: int, seed: int) -> tuple[PhantomEye, ...]:
+def random_eyes(study: Study, count: int, seed: int) -> tuple[Setup, ...]:
     """Draw virtual eyes from the middle of the ranges of `[reader]`."""
     rng = np.random.default_rng(seed)
     reader = study.reader
@@ -45,14 +48,15 @@ def random_eyes(study: Study, count: int, seed: int) -> tuple[PhantomEye, ...]:
         strict=True,
     )
     return tuple(
-        PhantomEye(
-            id=f"eye-{seed}-{number}",
-            thickness_m=thickness,
-            youngs_modulus_pa=modulus,
-            iop_pa=iop,
-            gap_m=gap,
-            polar_rad=polar,
-            tilt_rad=tilt,
+        Setup(
+            eye=Eye(
+                f"eye-{seed}-{number}",
+                thickness_m=thickness,
+                modulus=Modulus.stated(modulus),
+                iop_pa=iop,
+            ),
+            needle=Needle(gap_m=gap, polar_rad=polar),
+            scan=Scan(tilt_rad=tilt),
         )
         for number, (thickness, modulus, iop, gap, polar, tilt) in enumerate(values)
     )
@@ -61,7 +65,7 @@ def random_eyes(study: Study, count: int, seed: int) -> tuple[PhantomEye, ...]:
 def segmented_boundaries(
     library: Library,
     study: Study,
-    eye: PhantomEye,
+    setup: Setup,
     forces_n: Sequence[float],
     seed: int,
     finder: WallFinder | None = None,
@@ -72,7 +76,7 @@ def segmented_boundaries(
     Args:
         library: that the eye's walls are taken from.
         study: virtual laboratory, scanner and slice.
-        eye: the eye.
+        setup: the eye, needle and scan.
         forces_n: of the needle, one for each frame, N; those beyond the library are
             left out.
         seed: of the laboratory.
@@ -84,17 +88,22 @@ def segmented_boundaries(
         edge; NaN: no wall.
     """
     one = np.ones(len(forces_n))
-    ratios = np.asarray(forces_n) / eye.youngs_modulus_pa
-    wall = eye.thickness_m * one, eye.iop_pa / eye.youngs_modulus_pa * one
+    ratios = np.asarray(forces_n) / setup.eye.modulus_pa
+    wall = (
+        wall_of(setup).thickness_m * one,
+        wall_of(setup).iop_pa / setup.eye.modulus_pa * one,
+    )
     held = library.covers(*wall, ratios)
     states = library.curves(wall[0][held], wall[1][held], ratios[held])
-    plan = plan_phantom(eye, tuple(np.asarray(forces_n)[held]), study, seed)
+    plan = plan_phantom(setup, tuple(np.asarray(forces_n)[held]), study, seed)
     scale = PixelScale.of(study.oct)
     true = []
     seen = []
 
     for frame, curves_bnc in zip(plan.frames, states.curves_sbnc, strict=True):
-        section = cut_surfaces(curves_bnc, eye.gap_m, eye.tilt_rad)
+        section = cut_surfaces(
+            curves_bnc, wall_of(setup).gap_m, setup.scan.tilt_rad or 0.0
+        )
         found = find_wall(
             render_frame(frame, section, study).frame, scale, finder=finder
         )

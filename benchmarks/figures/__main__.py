@@ -42,6 +42,7 @@ from scleraforce.base.worker_processes import available_cores
 from scleraforce.front.cli.options import chosen_workers, options
 from scleraforce.front.cli.output import progress_bar
 from scleraforce.front.report.figure_files import write_figure
+from scleraforce.lab.virtual_eye import eye_name
 from scleraforce.records.study import Study
 
 
@@ -245,9 +246,9 @@ def main(
     if recordings_only:
         return
 
-    everyone = [eye for eye in everyone if eye.eye.id not in failed]
+    everyone = [eye for eye in everyone if eye_name(eye.setup) not in failed]
     left = {
-        group: tuple(eye for eye in eyes if eye.eye.id not in failed)
+        group: tuple(eye for eye in eyes if eye_name(eye.setup) not in failed)
         for group, eyes in drawn.items()
     }
     given = {DEFAULT_READER: reader, "living": living_reader}
@@ -339,9 +340,9 @@ def _modulus_errors(
     folder: FiguresFolder, eyes: Sequence[FigureEye], frames: int
 ) -> ModulusErrors:
     found = calibrated_eyes(folder, eyes, frames)
-    usable = [drawn for drawn in eyes if found[drawn.eye.id].usable]
+    usable = [drawn for drawn in eyes if found[eye_name(drawn.setup)].usable]
     errors = [
-        found[drawn.eye.id].mean_pa / drawn.eye.youngs_modulus_pa - 1.0
+        found[eye_name(drawn.setup)].eye.modulus_pa / drawn.setup.eye.modulus_pa - 1.0
         for drawn in usable
     ]
 

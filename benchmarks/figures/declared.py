@@ -21,6 +21,7 @@ from figures.recordings import recording_key
 from scleraforce.base.whole_files import write_whole
 from scleraforce.recordings.recording_folder import read_info
 from scleraforce.records.decoder import format_record
+from scleraforce.records.needle import lean_ends
 from scleraforce.records.recording_info import RecordingInfo
 from scleraforce.records.study import ReaderStudy
 
@@ -77,13 +78,13 @@ def as_declared(
     """
     eye = info.eye
     needle = info.needle
-    scanner = info.oct
+    scanner = info.scan
     assert eye.iop_pa is not None
     assert eye.thickness_m is not None
-    assert needle.polar_angle_rad is not None
-    assert scanner.plane_direction_rad is not None
+    assert needle.polar_rad is not None
+    assert scanner.direction_rad is not None
     iop, thickness, gap, polar, direction, lean = rng.standard_normal(6).tolist()
-    turned_rad = scanner.plane_direction_rad + reader.pole_noise_rad * direction
+    turned_rad = scanner.direction_rad + reader.pole_noise_rad * direction
 
     return replace(
         info,
@@ -95,13 +96,13 @@ def as_declared(
         ),
         needle=replace(
             needle,
-            slice_gap_m=needle.slice_gap_m * (1.0 + reader.gap_noise_fraction * gap),
-            polar_angle_rad=abs(needle.polar_angle_rad + reader.pole_noise_rad * polar),
+            gap_m=needle.gap_m * (1.0 + reader.gap_noise_fraction * gap),
+            polar_rad=abs(needle.polar_rad + reader.pole_noise_rad * polar),
             lean_rad=(
                 None
                 if needle.lean_rad is None
-                else abs(needle.lean_rad + reader.pole_noise_rad * lean)
+                else lean_ends(abs(needle.lean_rad[0] + reader.pole_noise_rad * lean))
             ),
         ),
-        oct=replace(scanner, plane_direction_rad=turned_rad),
+        scan=replace(scanner, direction_rad=turned_rad),
     )

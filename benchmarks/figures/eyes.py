@@ -5,7 +5,8 @@ them.
 from dataclasses import dataclass, replace
 from math import atan, cos
 
-from scleraforce.lab.virtual_eye import PhantomEye
+from scleraforce.lab.virtual_eye import eye_name
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study, fixed
 
 
@@ -57,7 +58,7 @@ class FigureEye:
     """
 
     group: str
-    eye: PhantomEye
+    setup: Setup
     study: Study
     shares: tuple[float, ...]
     seed: int
@@ -68,7 +69,7 @@ class FigureEye:
     @property
     def name(self) -> str:
         """Name of the recording: the eye's, with a mark if it only calibrates."""
-        return self.eye.id + "-calibration" * (
+        return eye_name(self.setup) + "-calibration" * (
             self.lean is not None and self.calibrated_at is None
         )
 

@@ -14,7 +14,10 @@ from numpy.random import Generator
 
 from figures.eyes import FigureEye, Lean
 from scleraforce.base.units import to_si
-from scleraforce.lab.virtual_eye import PhantomEye
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.needle import Needle
+from scleraforce.records.scan import Scan
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import (
     FormStudy,
     GlobeStudy,
@@ -28,6 +31,7 @@ from scleraforce.records.study import (
     fixed,
 )
 from scleraforce.records.study_of_eye import CorneaStudy, RegionStudy, WaveStudy
+from virtual_eyes import changed
 
 # of this benchmark alone: earlier draws were in view while the reader was made
 SEED = 20_261_126
@@ -45,7 +49,7 @@ NEEDLE_DIAMETERS_M = (
     0.18e-3,
 )
 
-Drawn = tuple[PhantomEye, Study]
+Drawn = tuple[Setup, Study]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +68,7 @@ class Group:
     """
 
     words: str
-    own: Callable[[PhantomEye, Study, Generator], Drawn]
+    own: Callable[[Setup, Study, Generator], Drawn]
     accuracy_percent: int | None = None
     error_mn: float | None = None
     tell_globe: bool = True
@@ -72,11 +76,11 @@ class Group:
     leans: Callable[[Generator], tuple[Lean, Lean]] | None = None
 
 
-def _plain(eye: PhantomEye, study: Study, _rng: Generator) -> Drawn:
-    return eye, study
+def _plain(setup: Setup, study: Study, _rng: Generator) -> Drawn:
+    return setup, study
 
 
-def _harder(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+def _harder(setup: Setup, study: Study, rng: Generator) -> Drawn:
     """Return an uneven eye of two materials, pushed by a tilted needle.
 
     Semi-axes within 6 % of the radius; a wall whose thickness waves by 12 % about an
@@ -101,25 +105,25 @@ def _harder(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
         tilt_direction_rad=rng.uniform(-pi, pi),
     )
 
-    return eye, replace(study, form=form, needle=needle)
+    return setup, replace(study, form=form, needle=needle)
 
 
-def _sealed(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+def _sealed(setup: Setup, study: Study, rng: Generator) -> Drawn:
     """Return an eye whose globe is sealed, with a rigidity of 0.01 to 0.05
     mmHg^(1/3)/ul.
     """
     rigidity = to_si(rng.uniform(0.01, 0.05), "mmhg13_per_ul")
-    return eye, replace(
+    return setup, replace(
         study, globe=GlobeStudy("sealed", rigidity_pa13_per_m3=rigidity)
     )
 
 
-def _open_or_sealed(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+def _open_or_sealed(setup: Setup, study: Study, rng: Generator) -> Drawn:
     """Return an eye that is sealed, or open as often."""
-    return _sealed(eye, study, rng) if rng.uniform() < 0.5 else (eye, study)
+    return _sealed(setup, study, rng) if rng.uniform() < 0.5 else (setup, study)
 
 
-def _behind_the_limbus(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+def _behind_the_limbus(setup: Setup, study: Study, rng: Generator) -> Drawn:
     """Return an eye with a cornea of its own radius and modulus, pushed 2 to 5 mm
     behind the limbus.
     """
@@ -135,21 +139,21 @@ def _behind_the_limbus(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     )
     form = FormStudy(region=(region,), cornea=cornea)
 
-    return replace(eye, polar_rad=limbus_rad + behind_m / radius_m), replace(
+    return changed(setup, polar_rad=limbus_rad + behind_m / radius_m), replace(
         study, form=form
     )
 
 
-def _stiffening(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+def _stiffening(setup: Setup, study: Study, rng: Generator) -> Drawn:
     """Return a sealed eye whose tissue stiffens: b of 1 to 30, its logarithm even."""
     tissue = TissueStudy(
         stiffening=float(np.exp(rng.uniform(np.log(1.0), np.log(30.0))))
     )
-    eye, own = _sealed(eye, study, rng)
-    return eye, replace(own, tissue=tissue)
+    setup, own = _sealed(setup, study, rng)
+    return setup, replace(own, tissue=tissue)
 
 
-def _fibred(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+def _fibred(setup: Setup, study: Study, rng: Generator) -> Drawn:
     """Return an open eye whose matrix between the fibres is 4 to 25 times softer than
     the wall, the logarithm even.
 
@@ -160,28 +164,28 @@ def _fibred(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     tissue = TissueStudy(
         softer_through=float(np.exp(rng.uniform(np.log(4.0), np.log(25.0))))
     )
-    return eye, replace(
+    return setup, replace(
         study,
         tissue=tissue,
         mesh=replace(study.mesh, core=MeshStudy.core, rings=MeshStudy.rings),
     )
 
 
-def _woven(eye: PhantomEye, study: Study, _rng: Generator) -> Drawn:
+def _woven(setup: Setup, study: Study, _rng: Generator) -> Drawn:
     """Return an open eye that is twice as stiff around its axis as along the
     meridian.
     """
-    return eye, replace(study, tissue=TissueStudy(stiffer_around=2.0))
+    return setup, replace(study, tissue=TissueStudy(stiffer_around=2.0))
 
 
-def _relaxing(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+def _relaxing(setup: Setup, study: Study, rng: Generator) -> Drawn:
     """Return an open eye that loses 5 to 20 % of a held force with 0.5 to 3 s, and as
     much again with 5 to 30 s.
     """
     shares = rng.uniform(0.05, 0.2, 2)
     scales = np.exp(rng.uniform(0.0, np.log(6.0), 2))
     terms = zip(shares.tolist(), (scales * (0.5, 5.0)).tolist(), strict=True)
-    return eye, replace(
+    return setup, replace(
         study,
         tissue=TissueStudy(
             relaxation=tuple((fixed(share), fixed(tau_s)) for share, tau_s in terms)
@@ -206,19 +210,19 @@ def _sliding(rng: Generator) -> tuple[Lean, Lean]:
     return replace(first, friction=friction), replace(second, friction=friction)
 
 
-def _living(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+def _living(setup: Setup, study: Study, rng: Generator) -> Drawn:
     """Return a living eye: sealed, 1 to 2 MPa, 10 to 25 mmHg; p R/(E t) is 0.09 at
     most, the wall bursts at 0.42.
     """
-    eye = replace(
-        eye,
+    setup = changed(
+        setup,
         youngs_modulus_pa=rng.uniform(1e6, 2e6),
         iop_pa=to_si(rng.uniform(10.0, 25.0), "mmhg"),
     )
-    return _sealed(eye, study, rng)
+    return _sealed(setup, study, rng)
 
 
-def _supported(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+def _supported(setup: Setup, study: Study, rng: Generator) -> Drawn:
     """Return an open eye on a bed, held by straps, half to twice as stiff as in
     `SupportsStudy`.
     """
@@ -232,39 +236,39 @@ def _supported(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
         medial_azimuth_rad=rng.uniform(-pi, pi),
     )
 
-    return eye, replace(study, supports=supports)
+    return setup, replace(study, supports=supports)
 
 
-def _needle_in_the_plane(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+def _needle_in_the_plane(setup: Setup, study: Study, rng: Generator) -> Drawn:
     """Return an open eye whose B-scan plane meets the needle, 22G to 34G, steel or
     glass, straight or bevelled.
     """
     diameter_m = float(rng.choice(NEEDLE_DIAMETERS_M))
-    eye = replace(eye, gap_m=rng.uniform(0.0, 0.4) * diameter_m)
+    setup = changed(setup, gap_m=rng.uniform(0.0, 0.4) * diameter_m)
     needle = replace(study.needle, outer_diameter_m=diameter_m)
     phantom = replace(study.phantom, needle_count=fixed(1))
-    return eye, replace(study, needle=needle, phantom=phantom)
+    return setup, replace(study, needle=needle, phantom=phantom)
 
 
-def _under_a_conjunctiva(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+def _under_a_conjunctiva(setup: Setup, study: Study, rng: Generator) -> Drawn:
     """Return an open eye under a conjunctiva of 0.08 to 0.2 mm."""
     phantom = replace(
         study.phantom, conjunctiva_thickness_m=fixed(rng.uniform(0.08e-3, 0.2e-3))
     )
-    return eye, replace(study, phantom=phantom)
+    return setup, replace(study, phantom=phantom)
 
 
-def _layered(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+def _layered(setup: Setup, study: Study, rng: Generator) -> Drawn:
     """Return an open eye under conjunctiva and Tenon's capsule of 0.1 to 0.6 mm, which
     the needle compresses.
     """
     phantom = replace(
         study.phantom, conjunctiva_thickness_m=fixed(rng.uniform(0.1e-3, 0.6e-3))
     )
-    return eye, replace(study, phantom=phantom)
+    return setup, replace(study, phantom=phantom)
 
 
-def _another_scanner(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+def _another_scanner(setup: Setup, study: Study, rng: Generator) -> Drawn:
     """Return an open eye before another scanner: more noise, coarser speckle, a linear
     display, or larger frames.
     """
@@ -291,31 +295,31 @@ def _another_scanner(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     )
     phantom, oct_study = scanners[rng.integers(len(scanners))]
 
-    return eye, replace(study, phantom=phantom, oct=oct_study)
+    return setup, replace(study, phantom=phantom, oct=oct_study)
 
 
-def _moving(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+def _moving(setup: Setup, study: Study, rng: Generator) -> Drawn:
     """Return a plain or, as often, a harder eye that turns under the needle by 1 to 3
     degrees, with small saccades.
     """
-    eye, own = _harder(eye, study, rng) if rng.uniform() < 0.5 else (eye, study)
+    setup, own = _harder(setup, study, rng) if rng.uniform() < 0.5 else (setup, study)
     phantom = replace(
         own.phantom,
         eye_drift_rad=Range(min=radians(1.0), max=radians(3.0)),
         eye_saccade_rad=Range(min=radians(0.2), max=radians(1.0)),
     )
 
-    return eye, replace(own, phantom=phantom)
+    return setup, replace(own, phantom=phantom)
 
 
-def _cut_to(width_m: float, eye: PhantomEye, study: Study, _rng: Generator) -> Drawn:
+def _cut_to(width_m: float, setup: Setup, study: Study, _rng: Generator) -> Drawn:
     """Return an open eye in frames that are cut to a width, without black bands at
     their sides.
     """
     columns = round(study.oct.columns * width_m / study.oct.width_m)
     phantom = replace(study.phantom, band_m=fixed(0.0))
     oct_study = replace(study.oct, width_m=width_m, columns=columns)
-    return eye, replace(study, phantom=phantom, oct=oct_study)
+    return setup, replace(study, phantom=phantom, oct=oct_study)
 
 
 def _times(sampled: Sampled, factor: float, more: float = 0.0) -> Range:
@@ -479,15 +483,19 @@ def draw_eyes(
 def _draw_eye(group: str, number: int, study: Study, draw: int) -> FigureEye:
     key = (draw, list(GROUPS).index(group), number)
     rng = np.random.default_rng(key)
-    plain = PhantomEye(
-        id=f"{group}-{number:02d}",
-        thickness_m=rng.uniform(0.45e-3, 0.85e-3),
-        youngs_modulus_pa=rng.uniform(0.2e6, 0.5e6),
-        iop_pa=to_si(rng.uniform(1.0, 4.0), "mmhg"),
-        gap_m=rng.uniform(0.4e-3, 0.9e-3),
-        polar_rad=radians(rng.uniform(25.0, 45.0)),
-        azimuth_rad=rng.uniform(-pi, pi),
-        direction_rad=rng.uniform(-pi, pi),
+    plain = Setup(
+        eye=Eye(
+            f"{group}-{number:02d}",
+            thickness_m=rng.uniform(0.45e-3, 0.85e-3),
+            modulus=Modulus.stated(rng.uniform(0.2e6, 0.5e6)),
+            iop_pa=to_si(rng.uniform(1.0, 4.0), "mmhg"),
+        ),
+        needle=Needle(
+            gap_m=rng.uniform(0.4e-3, 0.9e-3),
+            polar_rad=radians(rng.uniform(25.0, 45.0)),
+            azimuth_rad=rng.uniform(-pi, pi),
+        ),
+        scan=Scan(direction_rad=rng.uniform(-pi, pi)),
     )
     shares = tuple(rng.uniform(0.0, 1.0, FRAMES).tolist())
     eye, own = GROUPS[group].own(plain, study, rng)

@@ -14,7 +14,8 @@ from figures.recordings import read_made
 from figures.scores import AnsweredFrame, answered_frame
 from scleraforce.base.whole_files import write_whole
 from scleraforce.front.paper.run_folder import framed_for_laboratory
-from scleraforce.records.calibration_file import EyeSummary, read_calibration
+from scleraforce.lab.virtual_eye import eye_name
+from scleraforce.records.calibration_file import CalibratedEye, read_calibration
 from scleraforce.records.model_folder import RECORD_FILE
 from scleraforce.records.study import (
     Range,
@@ -187,9 +188,9 @@ def _classifier(
 
 def calibrated_eyes(
     folder: FiguresFolder, eyes: Sequence[FigureEye], frames: int = CALIBRATED_FRAMES
-) -> dict[str, EyeSummary]:
+) -> dict[str, CalibratedEye]:
     """Return what `calibrate` makes of each eye's first frames, by the eye's name."""
-    found: dict[str, EyeSummary] = {}
+    found: dict[str, CalibratedEye] = {}
     for half in _halves(eyes):
         found |= read_calibration(_calibration(folder, half, frames)).eyes
     return found
@@ -205,17 +206,16 @@ def read_frames(
     not use that calibration.
     """
     found = calibrated_eyes(folder, eyes)
-    own = [drawn.eye.id for drawn in eyes if drawn.calibrating is drawn]
+    own = [eye_name(drawn.setup) for drawn in eyes if drawn.calibrating is drawn]
     used = {(eye, frame.file) for eye in own for frame in found[eye].frames}
     halves = _halves(eyes)
     frames: list[AnsweredFrame] = []
 
     for number, half in enumerate(halves):
         told = half if method.own_modulus else halves[len(halves) - 1 - number]
-        out = (
-            folder.work("answers")
-            / f"{method.name}-{half[0].eye.id}-to-{half[-1].eye.id}.json"
-        )
+        first = eye_name(half[0].setup)
+        last = eye_name(half[-1].setup)
+        out = folder.work("answers") / f"{method.name}-{first}-to-{last}.json"
         command: list[str | Path] = [
             "evaluate",
             method.model,
@@ -239,7 +239,7 @@ def _frames(
     the eyes and their frames.
     """
     found = []
-    made = {eye.eye.id: (eye, read_made(folder, eye)) for eye in eyes}
+    made = {eye_name(eye.setup): (eye, read_made(folder, eye)) for eye in eyes}
 
     for answer in answered:
         drawn, truth = made[str(answer["eye"])]
@@ -258,7 +258,9 @@ def _calibration(folder: FiguresFolder, eyes: Sequence[FigureEye], frames: int) 
     """Return the calibration of eyes on the first frames of each, made where it is not
     there.
     """
-    name = f"{eyes[0].eye.id}-to-{eyes[-1].eye.id}-{frames}-frames.json"
+    name = (
+        f"{eye_name(eyes[0].setup)}-to-{eye_name(eyes[-1].setup)}-{frames}-frames.json"
+    )
     calibrating = [drawn.calibrating for drawn in eyes]
     command: list[str | Path] = [
         "calibrate",

@@ -28,6 +28,7 @@ from scleraforce.base.whole_files import (
     write_whole_folder,
 )
 from scleraforce.base.worker_processes import ClusterWorkers, work_units
+from scleraforce.lab.virtual_eye import eye_name
 from scleraforce.lab.virtual_recording import (
     PhantomFrame,
     plan_phantom,
@@ -37,6 +38,7 @@ from scleraforce.lab.virtual_recording import (
 from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.recordings.recording_folder import read_info
 from scleraforce.records.decoder import format_record
+from scleraforce.records.needle import lean_ends
 from scleraforce.records.study import Study
 
 
@@ -98,7 +100,7 @@ def make_recordings(
 
     def done(piece: tuple[FiguresFolder, FigureEye], code: int | None) -> None:
         if code != 0:
-            failed.append(piece[1].eye.id)
+            failed.append(eye_name(piece[1].setup))
         progress(1)
 
     in_processes(_make, missing, workers, done)
@@ -123,8 +125,8 @@ def _made_on_cluster(
     ) as made:
         for number, found in made:
             if isinstance(found, str):
-                print(f"{eyes[number].eye.id}: {found}", file=sys.stderr)
-                failed.append(eyes[number].eye.id)
+                print(f"{eye_name(eyes[number].setup)}: {found}", file=sys.stderr)
+                failed.append(eye_name(eyes[number].setup))
             else:
                 _write_sent(folder, eyes[number], found)
 
@@ -199,14 +201,14 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
     start = perf_counter()
     computed = compute_eye(drawn)
     forces_n = drawn.forces_n(computed.largest_n)
-    plan = plan_phantom(drawn.eye, forces_n, drawn.study, drawn.seed)
+    plan = plan_phantom(drawn.setup, forces_n, drawn.study, drawn.seed)
 
     deepest_n = max(plan.normal_n)
     if deepest_n > computed.largest_n:
         # dents of tissue that relaxes are deeper; elastic forces grow with all forces
         share = (1.0 - ROOM) * computed.largest_n / deepest_n
         plan = plan_phantom(
-            drawn.eye,
+            drawn.setup,
             [share * force_n for force_n in forces_n],
             drawn.study,
             drawn.seed,
@@ -234,7 +236,9 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
 
     if drawn.lean is not None:
         info = read_info(recording / "recording.toml")
-        info = replace(info, needle=replace(info.needle, lean_rad=drawn.lean.angle_rad))
+        info = replace(
+            info, needle=replace(info.needle, lean_rad=lean_ends(drawn.lean.angle_rad))
+        )
         write_whole(format_record(info), recording / "recording.toml")
 
     write_key(recording, recording_key(drawn))

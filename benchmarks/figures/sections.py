@@ -8,16 +8,19 @@ from dataclasses import dataclass, replace
 from figures.eyes import FigureEye, Lean
 from scleraforce.lab.virtual_eye import (
     BentSections,
-    PhantomEye,
     SectionsAt,
     TurnedSections,
     farthest_turn_rad,
+    scan_plane,
     turned_eyes,
 )
 from scleraforce.mechanics.finite_strain_wall import FiniteWall, LoadPath, bend_eye
 from scleraforce.mechanics.graded_mesh import graded_eye
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.loads_and_supports import NeedleLoad, needle_at, tip_at
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
+from virtual_eyes import wall_of
 
 # dents go no further: an eye that gives way before its largest force bears what it
 # bears there
@@ -31,7 +34,7 @@ class ComputedEye:
     forces up to `largest_n`.
     """
 
-    eye: PhantomEye
+    setup: Setup
     study: Study
     bent: tuple[LoadPath, ...]
     largest_n: float
@@ -39,7 +42,7 @@ class ComputedEye:
     @property
     def sections_at(self) -> SectionsAt:
         """Gives the sections for needle forces in N up to the largest."""
-        eyes = turned_eyes(self.eye, self.study)
+        eyes = turned_eyes(self.setup, self.study)
         knots = [
             BentSections(*turned, bent=bent)
             for turned, bent in zip(eyes, self.bent, strict=True)
@@ -69,33 +72,37 @@ def compute_eye(drawn: FigureEye) -> ComputedEye:
     if drawn.lean is None:
         bent = tuple(
             _bend(eye, study, max_force_n)
-            for eye, study in turned_eyes(drawn.eye, drawn.study)
+            for eye, study in turned_eyes(drawn.setup, drawn.study)
         )
     else:
-        bent = (bend_leaning(drawn.eye, drawn.study, drawn.lean, max_force_n),)
+        bent = (bend_leaning(drawn.setup, drawn.study, drawn.lean, max_force_n),)
 
     reached_n = min(one.max_force_n for one in bent)
     return ComputedEye(
-        drawn.eye, drawn.study, bent, min(max_force_n, reached_n * (1.0 - ROOM))
+        drawn.setup, drawn.study, bent, min(max_force_n, reached_n * (1.0 - ROOM))
     )
 
 
-def _bend(eye: PhantomEye, study: Study, max_force_n: float) -> LoadPath:
+def _bend(setup: Setup, study: Study, max_force_n: float) -> LoadPath:
     return bend_eye(
         study,
-        eye.plane.contact,
-        thickness_m=eye.thickness_m,
-        youngs_modulus_pa=eye.youngs_modulus_pa,
-        iop_pa=eye.iop_pa,
-        max_force_n=max_force_n,
-        max_tip_m=DEEPEST_M,
-        # the pressure runs away, or the wall has lost its symmetry
-        as_far_as_found=True,
+        scan_plane(setup).contact,
+        _end(max_force_n),
+        thickness_m=wall_of(setup).thickness_m,
+        youngs_modulus_pa=setup.eye.modulus_pa,
+        iop_pa=wall_of(setup).iop_pa,
     )
+
+
+def _end(max_force_n: float) -> PathEnd:
+    """Return the end of a path that may be lost before: the pressure runs away, or the
+    wall has lost its symmetry.
+    """
+    return PathEnd(max_force=max_force_n, max_tip_m=DEEPEST_M, as_far_as_found=True)
 
 
 def bend_leaning(
-    eye: PhantomEye, study: Study, lean: Lean, max_force_n: float
+    setup: Setup, study: Study, lean: Lean, max_force_n: float
 ) -> LoadPath:
     """Compute the path of a plain eye under a needle that leans; a sensor along the
     needle feels its forces.
@@ -104,24 +111,22 @@ def bend_leaning(
     direction (`Lean.push_rad`) and its place on the wall; the dent is the tip's way
     along the normal.
     """
-    contact = eye.plane.contact
+    contact = scan_plane(setup).contact
     axis, push = (
         contact.leaning_axis(angle, lean.direction_rad)
         for angle in (lean.angle_rad, lean.push_rad)
     )
-    mesh = graded_eye(study, eye.thickness_m, contact)
+    mesh = graded_eye(study, wall_of(setup).thickness_m, contact)
     along = (
         needle_at(mesh, contact, 0.5 * study.needle.outer_diameter_m, axis).load_nc
         @ axis
     )
     path = FiniteWall(mesh, study.eye.poisson_ratio).load_path(
         NeedleLoad(along[:, None] * push, tip_at(mesh, contact, -contact.normal)),
-        youngs_modulus_pa=eye.youngs_modulus_pa,
-        iop_pa=eye.iop_pa,
+        _end(max_force_n / lean.felt),
+        youngs_modulus_pa=setup.eye.modulus_pa,
+        iop_pa=wall_of(setup).iop_pa,
         density_kg_m3=study.eye.density_kg_m3,
-        max_force_n=max_force_n / lean.felt,
-        max_tip_m=DEEPEST_M,
-        as_far_as_found=True,
     )
 
     return replace(path, forces_n=lean.felt * path.forces_n)

@@ -105,14 +105,12 @@ VIRTUAL_EYES: Mapping[str, VirtualEye] = {
         study=OTHER_SCANNER, arguments={"youngs_modulus_pa": 0.4e6, "seed": 7}
     ),
     PLANES: VirtualEye(
-        arguments={"forces_n": FORCES_N[:4], "planes": CROSS, "seed": 8}
+        arguments={"forces_n": FORCES_N[:4], "scan": sf.Scan(planes=CROSS), "seed": 8}
     ),
     MOVING: VirtualEye(
         arguments={
             "forces_n": (0.010, 0.024, 0.005),
-            "rate_hz": 10.0,
-            "hold_s": 1.0,
-            "ramp_n_per_s": 0.02,
+            "motion": sf.Motion(rate_hz=10.0),
             "seed": 9,
         }
     ),

@@ -59,7 +59,7 @@ def monitor_readings(
     opened = sf.read_recording(recording)
     count = len(opened.frames)
     with _monitor(tapped, [model, *options]) as port:
-        if opened.info.oct.plane:
+        if opened.info.scan.planes:
             _play(recording, port)
         else:
             _step(
@@ -75,35 +75,35 @@ def _eye_options(recording: Path, calibration: Path | None) -> list[str]:
     and scanner.
     """
     info = sf.read_recording(recording).info
-    eye, needle, scan = info.eye, info.needle, info.oct
-    direction_rad = scan.plane_direction_rad
+    eye, needle, scan = info.eye, info.needle, info.scan
+    direction_rad = scan.direction_rad
     options: dict[str, Any] = {
         "--columns": scan.columns,
         "--rows": scan.rows,
-        "--width-mm": 1e3 * scan.width_m,
-        "--depth-mm": 1e3 * scan.depth_m,
+        "--width-mm": 1e3 * scan.extent_m[0],
+        "--depth-mm": 1e3 * scan.extent_m[1],
         "--refractive-index": scan.refractive_index,
         "--thickness-um": None if eye.thickness_m is None else 1e6 * eye.thickness_m,
         "--iop-mmhg": None if eye.iop_pa is None else eye.iop_pa / PA_PER_MMHG,
-        "--globe": eye.globe,
+        "--globe": None if eye.globe is None else eye.globe.kind,
         "--polar-angle-deg": None
-        if needle.polar_angle_rad is None
-        else degrees(needle.polar_angle_rad),
+        if needle.polar_rad is None
+        else degrees(needle.polar_rad),
         "--plane-direction-deg": None
         if direction_rad is None
         else degrees(direction_rad),
         "--calibration": calibration,
-        "--eye": eye.id,
+        "--eye": eye.name,
     }
-    if needle.slice_gap_m is not None:
-        options["--gap-mm"] = 1e3 * needle.slice_gap_m
+    if needle.gap_m is not None:
+        options["--gap-mm"] = 1e3 * needle.gap_m
     words = [
         word
         for option, value in options.items()
         if value is not None
         for word in (option, str(value))
     ]
-    for plane in scan.plane:
+    for plane in scan.planes:
         place = f"{1e3 * plane.offset_m!r}:{degrees(plane.direction_rad)!r}"
         words += ["--plane", f"{plane.name}:{place}"]
     return words

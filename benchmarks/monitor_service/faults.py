@@ -281,7 +281,7 @@ class Line:
         self.log = AnswerLog()
         player = Player(recording, self._client, self.log, version=1)
         first = place - RUN_IN - int(self._rng.integers(MORE))
-        oct_info = recording.info.oct
+        oct_info = recording.info.scan
         entries = recording.frames
         messages = {
             index: frame_message(

@@ -79,7 +79,7 @@ class Frames:
                 " needed"
             )
 
-        oct_info = self.recording.info.oct
+        oct_info = self.recording.info.scan
         self.messages = [
             frame_message(self.recording.frame(entry), oct_info, number, 1)
             for number, entry in enumerate(entries, start=1)

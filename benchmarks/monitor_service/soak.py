@@ -303,7 +303,7 @@ def injections(
     last byte went.
     """
     recording = frames.recording
-    oct_info = frames.recording.info.oct
+    oct_info = frames.recording.info.scan
     pixels = recording.frame(recording.frames[0])
     matrix = tuple(1.03 * value for value in image_matrix(oct_info))
     cut = frame_message(pixels[: len(pixels) // 2], oct_info, 1, 1)

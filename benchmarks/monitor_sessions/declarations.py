@@ -19,10 +19,7 @@ from scleraforce.calibration.filter.eye_filter import (
     known_after,
     step,
 )
-from scleraforce.calibration.filter.eye_parameters import (
-    EyeConstants,
-    known_of_constants,
-)
+from scleraforce.calibration.filter.eye_parameters import with_modulus
 from scleraforce.calibration.stiffness_from_forces import (
     TissueTrial,
     reread_eye,
@@ -31,12 +28,15 @@ from scleraforce.calibration.stiffness_from_forces import (
 from scleraforce.library import Library
 from scleraforce.reading.reading_models import ForceReader
 from scleraforce.recordings.force_errors import LABEL_SD_N, ZERO_PRIOR
-from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.eye import Eye, Modulus
 from scleraforce.records.globe import OPEN, SEALED, UNKNOWN
+from scleraforce.records.needle import Needle
 from scleraforce.records.scan import PixelScale
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.wall_in_metres import Boundaries, segmented_boundaries
+from virtual_eyes import changed, wall_of
 
 DECLARATIONS: Mapping[str, str] = {
     "declared": "declared; E and k from three frames",
@@ -54,7 +54,7 @@ MODULUS_SD = 0.015
 
 def declarations(
     drawn: SessionEye, reader: ForceReader, seed: int, rng: np.random.Generator
-) -> dict[str, Known]:
+) -> dict[str, Setup]:
     """Return the known inputs of each declaration; after a calibration that diverges, E
     and k are unknown.
     """
@@ -72,35 +72,30 @@ def declarations(
     kind = SEALED if drawn.study.globe.kind == "sealed" else OPEN
 
     return {
-        "declared": calibrated(replace(stated, globe=kind), labelled, reader),
+        "declared": calibrated(changed(stated, globe=kind), labelled, reader),
         "found": calibrated(stated, labelled, reader),
-        "unknown": known_of_constants(stated, modulus),
-        "option": known_of_constants(stated, Modulus.stated(modulus.mean_pa)),
+        "unknown": with_modulus(stated, modulus),
+        "option": with_modulus(stated, Modulus.stated(modulus.mean_pa)),
     }
 
 
-def stated_eye(
-    drawn: SessionEye, rng: np.random.Generator
-) -> tuple[EyeConstants, Modulus]:
+def stated_eye(drawn: SessionEye, rng: np.random.Generator) -> tuple[Setup, Modulus]:
     """Return what is stated of an eye but its globe; and an E that makes up for that,
     as a calibration's does.
     """
-    eye = drawn.eye
-    thickness_m = eye.thickness_m + rng.normal(0.0, THICKNESS_SD_M)
-    iop_pa = eye.iop_pa * (1.0 + rng.normal(0.0, IOP_SD))
-    same_force = (eye.thickness_m / thickness_m) ** 2 * (eye.iop_pa / iop_pa) ** (
-        1.0 / 3.0
-    )
-    modulus_pa = (
-        eye.youngs_modulus_pa * same_force * (1.0 + rng.normal(0.0, MODULUS_SD))
-    )
-    stated = EyeConstants(
-        iop_pa=iop_pa,
-        thickness_m=thickness_m,
-        gap_m=eye.gap_m + rng.normal(0.0, GAP_SD_M),
-        polar_rad=eye.polar_rad,
-        polar_sd_rad=0.0,
-        globe=UNKNOWN,
+    setup = drawn.setup
+    thickness_m = wall_of(setup).thickness_m + rng.normal(0.0, THICKNESS_SD_M)
+    iop_pa = wall_of(setup).iop_pa * (1.0 + rng.normal(0.0, IOP_SD))
+    same_force = (wall_of(setup).thickness_m / thickness_m) ** 2 * (
+        wall_of(setup).iop_pa / iop_pa
+    ) ** (1.0 / 3.0)
+    modulus_pa = setup.eye.modulus_pa * same_force * (1.0 + rng.normal(0.0, MODULUS_SD))
+    stated = Setup(
+        eye=Eye(iop_pa=iop_pa, thickness_m=thickness_m, globe=UNKNOWN),
+        needle=Needle(
+            gap_m=wall_of(setup).gap_m + rng.normal(0.0, GAP_SD_M),
+            polar_rad=wall_of(setup).polar_rad,
+        ),
     )
 
     return stated, Modulus(
@@ -109,8 +104,8 @@ def stated_eye(
 
 
 def calibrated(
-    stated: EyeConstants, labelled: Sequence[tuple[Frame, float]], reader: ForceReader
-) -> Known:
+    stated: Setup, labelled: Sequence[tuple[Frame, float]], reader: ForceReader
+) -> Setup:
     """Return what is known of an eye after frames of known force."""
     scale = PixelScale.of(reader.study.oct)
     seen = list[tuple[Boundaries, float]]()
@@ -125,15 +120,15 @@ def calibrated(
     )
     assert found is not None  # the library has these eyes
     stiffening, known = found
-    return replace(known, stiffening=stiffening)
+    return replace(known, eye=replace(known.eye, stiffening=stiffening))
 
 
 def _with_tissue(
-    stated: EyeConstants,
+    stated: Setup,
     seen: Sequence[tuple[Boundaries, float]],
     study: Study,
     library: Library,
-) -> TissueTrial[Known]:
+) -> TissueTrial[Setup]:
     """Return what is known of an eye after frames of known force, with the walls of one
     tissue.
     """
@@ -146,8 +141,8 @@ def _with_tissue(
             taken.append((boundaries, force_n))
 
     known = known_after(session)
-    if known.modulus is None:
+    if known.eye.modulus is None:
         return TissueTrial.diverged(known, 0)
 
     after = reread_eye(known, taken, (), library, study)
-    return after.trial(after.known, len(seen) - len(taken))
+    return after.trial(after.setup, len(seen) - len(taken))

@@ -7,7 +7,9 @@ from math import radians
 import numpy as np
 
 from scleraforce.base.units import to_si
-from scleraforce.lab.virtual_eye import PhantomEye
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.needle import Needle
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import GlobeStudy, ReaderStudy, Study
 
 RIGIDITIES = (to_si(0.01, "mmhg13_per_ul"), to_si(0.05, "mmhg13_per_ul"))
@@ -48,7 +50,7 @@ KINDS: Mapping[str, Kind] = {
 class SessionEye:
     """An eye, and the study with its globe."""
 
-    eye: PhantomEye
+    setup: Setup
     study: Study
 
 
@@ -71,13 +73,16 @@ def draw_eye(kind: str, number: int, study: Study, seed: int) -> SessionEye:
     """
     rng = np.random.default_rng((seed, 1, number))
     of = KINDS[kind]
-    eye = PhantomEye(
-        id=f"{kind}-{number}",
-        thickness_m=rng.uniform(*THICKNESSES_M),
-        youngs_modulus_pa=rng.uniform(*of.modulus_pa),
-        iop_pa=rng.uniform(*of.iop_pa),
-        gap_m=rng.uniform(*GAPS_M),
-        polar_rad=radians(rng.uniform(25.0, 45.0)),
+    setup = Setup(
+        eye=Eye(
+            f"{kind}-{number}",
+            thickness_m=rng.uniform(*THICKNESSES_M),
+            modulus=Modulus.stated(rng.uniform(*of.modulus_pa)),
+            iop_pa=rng.uniform(*of.iop_pa),
+        ),
+        needle=Needle(
+            gap_m=rng.uniform(*GAPS_M), polar_rad=radians(rng.uniform(25.0, 45.0))
+        ),
     )
     globe = (
         GlobeStudy("sealed", rng.uniform(*RIGIDITIES))
@@ -85,4 +90,4 @@ def draw_eye(kind: str, number: int, study: Study, seed: int) -> SessionEye:
         else GlobeStudy("open")
     )
 
-    return SessionEye(eye, replace(study, globe=globe))
+    return SessionEye(setup, replace(study, globe=globe))

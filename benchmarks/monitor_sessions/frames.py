@@ -15,6 +15,7 @@ from monitor_sessions.eyes import SessionEye
 from monitor_sessions.forces import PATH_N, Trajectory
 from scleraforce.lab.drawn_bscan import render_bscan
 from scleraforce.lab.tissue_light import BscanOptics, Pose, sample_optics
+from scleraforce.lab.virtual_eye import eye_name
 from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.records.study import draw
 
@@ -99,7 +100,9 @@ def _states(drawn: SessionEye) -> tuple[Floats, Floats]:
     points are of the material.
     """
     study = replace(drawn.study, needle=replace(drawn.study.needle, max_force_n=PATH_N))
-    computed = compute_eye(FigureEye(drawn.eye.id, drawn.eye, study, shares=(), seed=0))
+    computed = compute_eye(
+        FigureEye(eye_name(drawn.setup), drawn.setup, study, shares=(), seed=0)
+    )
     forces_n = computed.largest_n * np.linspace(0.0, 1.0, STATES) ** 1.3
     sections = computed.sections_at([float(force) for force in forces_n])
     return forces_n, np.stack([[section.outer, section.inner] for section in sections])

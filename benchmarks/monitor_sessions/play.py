@@ -27,8 +27,8 @@ from scleraforce.live.decision.limits import MonitorLimits
 from scleraforce.live.repeated_pictures import ShownPictures
 from scleraforce.reading.answer import Answer
 from scleraforce.reading.load_model import load_force_reader
-from scleraforce.records.eye import Known
 from scleraforce.records.scan import PixelScale
+from scleraforce.records.setup import Setup
 
 JITTER_S = 1e-3
 LOSS = 1e-3  # of the frames
@@ -149,7 +149,7 @@ class Bench:
             scale_m=(scale.lateral_m, scale.depth_m),
             expects_opinion=True,
         )
-        self._last: tuple[SessionEye | None, dict[str, Known]] = (None, {})
+        self._last: tuple[SessionEye | None, dict[str, Setup]] = (None, {})
 
     def unit(self, number: int) -> tuple[dict[str, Outcome], float]:
         """Run one unit; return what every monitor did, and the seconds that it took."""
@@ -181,14 +181,14 @@ class Bench:
 
         return outcomes, perf_counter() - start
 
-    def _told(self, drawn: SessionEye, number: int) -> dict[str, Known]:
+    def _told(self, drawn: SessionEye, number: int) -> dict[str, Setup]:
         """Return the declarations of an eye; the last eye's are cached."""
         if self._last[0] != drawn:
             rng = np.random.default_rng((self.plan.seed, 3, number))
             self._last = (drawn, declarations(drawn, self.reader, self.plan.seed, rng))
         return self._last[1]
 
-    def _watches(self, told: Mapping[str, Known]) -> dict[str, Watch]:
+    def _watches(self, told: Mapping[str, Setup]) -> dict[str, Watch]:
         return {
             name: Watch(self.reader, known, self.limits) for name, known in told.items()
         }

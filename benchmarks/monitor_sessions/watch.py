@@ -23,8 +23,8 @@ from scleraforce.live.decision.state import MonitorState
 from scleraforce.reading.answer import Answer
 from scleraforce.reading.eye_reader import LiveReader
 from scleraforce.reading.reading_models import ForceReader
-from scleraforce.records.eye import Known
 from scleraforce.records.scan import PixelScale
+from scleraforce.records.setup import Setup
 
 # frames; the fit takes so long on a busy machine, and skips what comes then
 OPINION_EVERY = 3
@@ -52,20 +52,20 @@ class Watch:
     def __init__(
         self,
         reader: ForceReader,
-        known: Known,
+        setup: Setup,
         limits: MonitorLimits,
         learner: EyeLearner | None = None,
         opinion_every: int = OPINION_EVERY,
     ) -> None:
-        stiffness_n_m = reader.steepest_n_m(known) or limits.stiffness_n_m
-        self.known = known
+        stiffness_n_m = reader.steepest_n_m(setup) or limits.stiffness_n_m
+        self.setup = setup
         self.limits = replace(limits, stiffness_n_m=stiffness_n_m)
         self.released = 0
         self._reader = reader
         self._learner = learner
         self._opinion_every = opinion_every
         self._scale = PixelScale.of(reader.study.oct)
-        self._live = LiveReader(reader, known, 1.0)
+        self._live = LiveReader(reader, setup, 1.0)
         self._state = MonitorState()
         self._decision: Decision | None = None
         self._pending: list[SecondOpinion] = []
@@ -102,7 +102,7 @@ class Watch:
         opinion = None
 
         if number % self._opinion_every == 0:
-            opinion = self._reader.read(frame, self._scale, self.known)
+            opinion = self._reader.read(frame, self._scale, self.setup)
             due_s = at_s + OPINION_AFTER_S
             self._pending.append(
                 SecondOpinion(at_s=due_s, frame_id=number, verdict=opinion.verdict)
@@ -138,9 +138,9 @@ class Watch:
             learner.show(asked, opinion, self._scale)
 
         if learned := learner.learned(at_s):
-            stiffness_n_m = self._live.adopt(learned.known)
-            if self._reader.refusal(learned.known) is None:
-                self.known = learned.known
+            stiffness_n_m = self._live.adopt(learned.setup)
+            if self._reader.refusal(learned.setup) is None:
+                self.setup = learned.setup
             if stiffness_n_m is not None:
                 self.limits = replace(self.limits, stiffness_n_m=stiffness_n_m)
 

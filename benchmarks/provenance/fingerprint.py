@@ -293,14 +293,14 @@ def _calibrated_tissue(study: Study, library: Library) -> list[float]:
     except CalibrationError:
         return []
 
-    if known.modulus is None:
+    if known.eye.modulus is None:
         return []
 
     return [
-        known.stiffening or 0.0,
+        known.eye.stiffening or 0.0,
         *(
             from_si(each, "mpa")
-            for each in (known.modulus.mean_pa, known.modulus.sd_pa)
+            for each in (known.eye.modulus.mean_pa, known.eye.modulus.sd_pa)
         ),
     ]
 

@@ -17,7 +17,7 @@ from real_tissue.punch import Pushed, flat_punch_path
 from real_tissue.shells import shallow
 from real_tissue.walls import bonded_stiffness, disc_wall, fine_meridian, pressed_wall
 from scleraforce.base.units import to_si
-from scleraforce.records.globe import OPEN_GLOBE, sealed_globe
+from scleraforce.records.globe import CONSTANT_PRESSURE, sealed_law
 
 Floats = NDArray[np.float64]
 
@@ -94,9 +94,9 @@ def pushed(
     open.
     """
     globe = (
-        sealed_globe(to_si(rigidity, "mmhg13_per_ul")).over(modulus_pa)
+        sealed_law(to_si(rigidity, "mmhg13_per_ul")).over(modulus_pa)
         if rigidity
-        else OPEN_GLOBE
+        else CONSTANT_PRESSURE
     )
     return flat_punch_path(
         size.radius_m,

@@ -25,7 +25,7 @@ from scleraforce.mechanics.finite_elements import gauss_points
 from scleraforce.mechanics.load_path_tracing import pressurise
 from scleraforce.mechanics.meridian_elements import line_shapes
 from scleraforce.mechanics.tissue_material import burst_tension
-from scleraforce.records.globe import OPEN_GLOBE, Globe
+from scleraforce.records.globe import CONSTANT_PRESSURE, PressureLaw
 
 Floats = NDArray[np.float64]
 
@@ -71,7 +71,7 @@ def flat_punch_path(
     dents_m: Floats,
     *,
     symmetric: bool = False,
-    globe: Globe = OPEN_GLOBE,
+    globe: PressureLaw = CONSTANT_PRESSURE,
     inside: int = 10,
     outside: int = 24,
 ) -> Pushed:
@@ -135,7 +135,7 @@ class _Punch:
         poisson_ratio: float,
         punch_m: float,
         iop_ratio: float,
-        globe: Globe,
+        globe: PressureLaw,
     ) -> None:
         mesh = wall.mesh
         places_pk, weights_p = gauss_points(1, POINTS)

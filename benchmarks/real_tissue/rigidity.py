@@ -10,12 +10,13 @@ from scleraforce.base.units import from_si, to_si
 from scleraforce.mechanics.axisymmetric_wall import (
     AxisymmetricPath,
     AxisymmetricWall,
+    EvenWall,
     axisymmetric_path,
 )
-from scleraforce.mechanics.load_path_tracing import pressurise
+from scleraforce.mechanics.load_path_tracing import PathEnd, pressurise
 from scleraforce.mechanics.meridian_elements import MeridianSize, meridian_mesh
 from scleraforce.mechanics.tissue_material import burst_tension
-from scleraforce.records.globe import Globe, sealed_globe
+from scleraforce.records.globe import PressureLaw, sealed_law
 
 Floats = NDArray[np.float64]
 
@@ -35,7 +36,7 @@ class Law:
 
     name: str
     printed: str
-    globe: Globe
+    globe: PressureLaw
     rigidity: float
 
 
@@ -57,14 +58,14 @@ def _cube_root(name: str, rigidity: float) -> Law:
     return Law(
         name,
         f"{rigidity:g} mmHg^⅓/µl",
-        sealed_globe(to_si(rigidity, "mmhg13_per_ul")),
+        sealed_law(to_si(rigidity, "mmhg13_per_ul")),
         rigidity,
     )
 
 
 def _logarithmic(name: str, printed: float, per_printed: float) -> Law:
     rigidity = printed * per_printed * np.cbrt(AT_MMHG) / 3.0
-    globe = sealed_globe(to_si(rigidity, "mmhg13_per_ul"), "logarithmic")
+    globe = sealed_law(to_si(rigidity, "mmhg13_per_ul"), "logarithmic")
     return Law(name, f"{printed:g} /µl", globe, float(rigidity))
 
 
@@ -143,6 +144,5 @@ def own_pressure(
 
 def open_path(thickness_m: float, iop_ratio: float, tip_m: float) -> AxisymmetricPath:
     """Return the open path of the product's needle to one dent."""
-    return axisymmetric_path(
-        RADIUS_M, thickness_m, NU, NEEDLE_M, iop_ratio, tips_m=np.array([tip_m])
-    )
+    wall = EvenWall(RADIUS_M, thickness_m, NU, NEEDLE_M)
+    return axisymmetric_path(wall, iop_ratio, PathEnd(tips_m=np.array([tip_m])))

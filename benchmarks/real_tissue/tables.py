@@ -31,8 +31,9 @@ from real_tissue.shells import point, pressure_ratio, shallow, sphere
 from real_tissue.walls import PressedWall, disc_wall, fine_meridian, pressed_wall
 from scleraforce.base.errors import SolverError
 from scleraforce.base.units import from_si, to_si
-from scleraforce.mechanics.axisymmetric_wall import axisymmetric_path
-from scleraforce.records.globe import sealed_globe
+from scleraforce.mechanics.axisymmetric_wall import EvenWall, axisymmetric_path
+from scleraforce.mechanics.load_path_tracing import PathEnd
+from scleraforce.records.globe import sealed_law
 
 SHELL_MODULUS_PA = 0.25e6
 THICKNESSES_MM = (0.05, 0.15, 0.25, 0.5, 0.8)
@@ -326,9 +327,10 @@ def sealed_dents(rows: int | None = None) -> str:
         ]
 
         for rigidity in (0.0042, 0.03):
-            globe = sealed_globe(to_si(rigidity, "mmhg13_per_ul")).over(modulus_pa)
-            wall = (RADIUS_M, thickness_m, NU, NEEDLE_M, iop_pa / modulus_pa)
-            closed = axisymmetric_path(*wall, tips_m=np.array([tip_m]), globe=globe)
+            globe = sealed_law(to_si(rigidity, "mmhg13_per_ul")).over(modulus_pa)
+            wall = EvenWall(RADIUS_M, thickness_m, NU, NEEDLE_M)
+            end = PathEnd(tips_m=np.array([tip_m]))
+            closed = axisymmetric_path(wall, iop_pa / modulus_pa, end, globe)
             cells.append(
                 _state(
                     modulus_pa * float(closed.iop_ratio[-1]),

@@ -64,11 +64,10 @@ def main() -> None:
                 mechanics="finite-strain",
                 globe="open",
                 thickness_m=750e-6,
-                rate_hz=60.0,
                 forces_n=forces_n,
-                ramp_n_per_s=6e-3,
-                hold_s=1.5,
-                puncture_n=puncture_n,
+                motion=sf.Motion(
+                    rate_hz=60.0, ramp_n_per_s=6e-3, hold_s=1.5, puncture_n=puncture_n
+                ),
             )
 
             with real_monitor(

@@ -15,10 +15,12 @@ from scleraforce.library import Library
 from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.reading.load_model import load_force_reader
 from scleraforce.reading.reading_models import ForceReader
-from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.eye import Eye, Modulus
 from scleraforce.records.globe import OPEN
 from scleraforce.records.model_folder import SHIPPED_READER
+from scleraforce.records.needle import Needle
 from scleraforce.records.scan import PixelScale
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 
 
@@ -27,7 +29,7 @@ class DrawnEye:
     """A raw frame of 512 x 512 pixels and 16 bits, and the known inputs of its eye."""
 
     frame: NDArray[np.uint16]
-    known: Known
+    setup: Setup
     scale: PixelScale
 
 
@@ -49,7 +51,7 @@ def draw_eyes(reader: ForceReader, count: int) -> list[DrawnEye]:
 
 def _draw_eye(
     library: Library, study: Study, rng: np.random.Generator
-) -> tuple[NDArray[np.uint16], Known]:
+) -> tuple[NDArray[np.uint16], Setup]:
     """Return a raw frame of an eye of the library, and the known inputs."""
     modulus_pa = rng.uniform(0.22e6, 0.5e6)
     iop_pa = rng.uniform(150.0, 500.0)
@@ -78,12 +80,14 @@ def _draw_eye(
         section, study.oct, sample_optics(study.phantom, study.oct, rng), rng
     ).frame
 
-    return frame, Known(
-        globe=OPEN,
-        modulus=Modulus(
-            mean_pa=exp(log(modulus_pa)), sd_pa=0.015 * modulus_pa, source="own"
+    return frame, Setup(
+        eye=Eye(
+            globe=OPEN,
+            modulus=Modulus(
+                mean_pa=exp(log(modulus_pa)), sd_pa=0.015 * modulus_pa, source="own"
+            ),
+            iop_pa=iop_pa,
+            thickness_m=thickness_m,
         ),
-        iop_pa=iop_pa,
-        thickness_m=thickness_m,
-        gap_m=gap_m,
+        needle=Needle(gap_m=gap_m),
     )

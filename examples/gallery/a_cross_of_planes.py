@@ -23,7 +23,7 @@ from scleraforce.front.report.figure_files import (
     write_figure,
 )
 
-PLANES = [sf.Plane("along", 0.0, 0.0), sf.Plane("across", 0.0, pi / 2)]
+PLANES = (sf.Plane("along", 0.0, 0.0), sf.Plane("across", 0.0, pi / 2))
 NEAR_MM = 4.0
 
 
@@ -39,15 +39,14 @@ def draw() -> Figure:
             globe="open",
             thickness_m=600e-6,
             gap_m=0.5e-3,
-            direction_rad=radians(30.0),
+            scan=sf.Scan(direction_rad=radians(30.0), planes=PLANES),
             forces_n=[0.025],
-            planes=PLANES,
         )
         frames = [recording.frame(entry) for entry in recording.frames]
         read = sf.evaluate(sf.load_model("default"), recording).frames
 
-    width_mm = recording.info.oct.width_m * 1e3
-    depth_mm = recording.info.oct.depth_m * 1e3
+    width_mm = recording.info.scan.width_m * 1e3
+    depth_mm = recording.info.scan.depth_m * 1e3
     figure = Figure(figsize=inches(170, 70))
     grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.2))
     space = figure.add_subplot(grid[:, 1], projection="3d")

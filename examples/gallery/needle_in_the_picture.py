@@ -46,8 +46,8 @@ def draw() -> Figure:
         frame = recording.frame(recording.frames[0])
         found = sf.segment(recording.frame_path(recording.frames[0]))
 
-    width_mm = recording.info.oct.width_m * 1e3
-    depth_mm = recording.info.oct.depth_m * 1e3
+    width_mm = recording.info.scan.width_m * 1e3
+    depth_mm = recording.info.scan.depth_m * 1e3
     figure = Figure(figsize=inches(170, 45))
     raw, seen = figure.subplots(1, 2, sharex=True, sharey=True)
     raw.imshow(frame, cmap=SCAN_COLOURS, extent=(0.0, width_mm, depth_mm, 0.0))

@@ -23,7 +23,7 @@ from scleraforce.front.report.figure_files import (
     write_figure,
 )
 from scleraforce.library import sealed_eye
-from scleraforce.records.globe import sealed_globe
+from scleraforce.records.globe import sealed_law
 
 # a small library: made in 15 s, then kept in the cache
 QUICK = Path(__file__).parents[2] / "docs" / "quick.toml"
@@ -50,7 +50,7 @@ def draw() -> Figure:
 
     for rigidity, name, colour in RIGIDITIES:
         # The library knows forces and pressures over E only: so does the globe.
-        globe = sealed_globe(to_si(rigidity, "mmhg13_per_ul")).over(MODULUS_PA)
+        globe = sealed_law(to_si(rigidity, "mmhg13_per_ul")).over(MODULUS_PA)
         ratio = np.full_like(dent_m, IOP_PA / MODULUS_PA)
         rates = np.full_like(dent_m, globe.rate)
         sealed_eye.pressures_at_dents(

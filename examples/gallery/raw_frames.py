@@ -40,7 +40,7 @@ def draw() -> Figure:
         frames = [recording.frame(entry) for entry in recording.frames]
         walls = [sf.segment(recording.frame_path(entry)) for entry in recording.frames]
 
-    oct_info = recording.info.oct
+    oct_info = recording.info.scan
     width_mm = oct_info.width_m * 1e3
     depth_mm = oct_info.depth_m * 1e3
     lateral_mm = (np.arange(oct_info.columns) + 0.5) * width_mm / oct_info.columns

@@ -24,6 +24,7 @@ from scleraforce.mechanics.contact_and_section import Contact
 from scleraforce.mechanics.finite_strain_wall import FiniteWall
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.linear_wall import LinearWall, tip_displacement
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.loads_and_supports import needle_at
 
 CONTACT = Contact(polar_rad=radians(35.0))
@@ -40,10 +41,10 @@ def draw() -> Figure:
     needle = needle_at(mesh, CONTACT, NEEDLE_RADIUS_M)
     path = FiniteWall(mesh, poisson_ratio=0.45).load_path(
         needle,
+        PathEnd(max_force=FORCES_N[-1]),
         youngs_modulus_pa=MODULUS_PA,
         iop_pa=266.0,
         density_kg_m3=1100.0,
-        max_force_n=FORCES_N[-1],
     )
     bent_mm = [path.tip_m(float(force_n)) * 1e3 for force_n in FORCES_N]
     per_newton_nc = (

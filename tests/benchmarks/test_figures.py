@@ -33,10 +33,12 @@ from scleraforce.lab.virtual_recording import plan_phantom
 from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.recordings.recording_folder import read_info
 from scleraforce.records.decoder import format_record
-from scleraforce.records.eye import EyeInfo
-from scleraforce.records.needle import NeedleInfo
+from scleraforce.records.eye import Eye
+from scleraforce.records.globe import OPEN, Globe
+from scleraforce.records.needle import Needle, gauge_diameter_m, one_lean
 from scleraforce.records.recording_info import ForceInfo, RecordingInfo
-from scleraforce.records.scan import OctInfo
+from scleraforce.records.scan import Scan
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import OctStudy, Study
 
 STUDY = Study()
@@ -139,11 +141,18 @@ OWN_RANGES = {
 }
 
 
+def drawn_value(setup: Setup, name: str) -> float:
+    """Return what was drawn of an eye or of the needle on it."""
+    if name == "youngs_modulus_pa":
+        return setup.eye.modulus_pa
+    return getattr(setup.needle if hasattr(setup.needle, name) else setup.eye, name)
+
+
 def test_eyes_of_each_group_fill_its_ranges():
     for group in GROUPS:
         eyes = draw_eyes(group, 50, STUDY)
         for name, (low, high) in (RANGES | OWN_RANGES.get(group, {})).items():
-            values = np.array([getattr(drawn.eye, name) for drawn in eyes])
+            values = np.array([drawn_value(drawn.setup, name) for drawn in eyes])
             assert low <= values.min() < low + 0.15 * (high - low), group
             assert high - 0.15 * (high - low) < values.max() <= high, group
 
@@ -151,11 +160,11 @@ def test_eyes_of_each_group_fill_its_ranges():
             len(drawn.shares) == 20 and min(drawn.shares) >= 0 and max(drawn.shares) < 1
             for drawn in eyes
         )
-        assert len({drawn.eye.id for drawn in eyes}) == 50
+        assert len({drawn.setup.eye.name for drawn in eyes}) == 50
         tensions = [
-            drawn.eye.iop_pa
+            drawn.setup.eye.iop_pa
             * 12e-3
-            / (drawn.eye.youngs_modulus_pa * drawn.eye.thickness_m)
+            / (drawn.setup.eye.modulus_pa * drawn.setup.eye.thickness_m)
             for drawn in eyes
         ]
         assert max(tensions) < 0.1, group  # far from the burst
@@ -212,14 +221,14 @@ def test_leaning_needles_are_calibrated_in_another_recording_at_another_lean():
     for group in ("leaning", "sliding"):
         for drawn in draw_eyes(group, 5, STUDY):
             other = drawn.calibrating
-            assert (other.eye, other.lean, other.calibrating) == (
-                drawn.eye,
+            assert (other.setup, other.lean, other.calibrating) == (
+                drawn.setup,
                 drawn.calibrated_at,
                 other,
             )
             assert (other.name, drawn.name) == (
-                f"{drawn.eye.id}-calibration",
-                drawn.eye.id,
+                f"{drawn.setup.eye.name}-calibration",
+                drawn.setup.eye.name,
             )
             assert other.lean.angle_rad != drawn.lean.angle_rad
             assert other.lean.friction == drawn.lean.friction
@@ -237,7 +246,9 @@ def test_a_dent_follows_the_part_of_the_force_along_the_normal():
         Lean(0.7, 1.0): cos(0.7),
         Lean(0.7, 1.0, 0.3): 1.0 / (cos(0.7) + 0.3 * sin(0.7)),
     }
-    upright, *leaning = (bend_leaning(drawn.eye, study, lean, 0.015) for lean in leans)
+    upright, *leaning = (
+        bend_leaning(drawn.setup, study, lean, 0.015) for lean in leans
+    )
 
     for path, part in zip(leaning, list(leans.values())[1:], strict=True):
         assert path.tip_m(0.01) == pytest.approx(upright.tip_m(0.01 * part), rel=0.05)
@@ -246,7 +257,7 @@ def test_a_dent_follows_the_part_of_the_force_along_the_normal():
 def test_plain_and_harder_eyes_are_the_same_in_every_run():
     """Figures of commits stay comparable until eyes are drawn anew on purpose."""
     drawn = {group: draw_eyes(group, 1, STUDY)[0] for group in ("plain", "harder")}
-    moduli = [eye.eye.youngs_modulus_pa for eye in drawn.values()]
+    moduli = [eye.setup.eye.modulus_pa for eye in drawn.values()]
     assert moduli == pytest.approx([486877.3112293596, 486136.88590328314], rel=1e-12)
     assert [round(eye.shares[0], 9) for eye in drawn.values()] == [
         0.868201516,
@@ -261,7 +272,7 @@ def test_calibration_frames_are_left_out_of_every_method(tmp_path, monkeypatch):
     files = tuple(f"{number:04}.png" for number in range(1, 6))
     made = MadeEye(files, 0.05, np.full(5, 0.02), np.zeros(5), np.zeros((5, 2)), 1.0)
     used = {
-        drawn.eye.id: SimpleNamespace(
+        drawn.setup.eye.name: SimpleNamespace(
             frames=[SimpleNamespace(file=file) for file in files[1:4]]
         )
         for drawn in eyes
@@ -294,7 +305,9 @@ def test_calibration_frames_are_left_out_of_every_method(tmp_path, monkeypatch):
     ):
         answered = readings.read_frames(FiguresFolder(tmp_path), eyes, method)
         assert [(entry.eye, entry.file) for entry in answered] == [
-            (drawn.eye.id, file) for drawn in eyes for file in ("0001.png", "0005.png")
+            (drawn.setup.eye.name, file)
+            for drawn in eyes
+            for file in ("0001.png", "0005.png")
         ]
 
     elsewhere = [replace(drawn, calibrated_at=Lean(0.1, 0.0)) for drawn in eyes]
@@ -346,7 +359,7 @@ def test_tables_and_picture_have_every_group(tmp_path):
 
 def test_the_lowest_point_of_a_boundary_is_sought_between_the_black_bands():
     drawn = draw_eyes("plain", 1, STUDY)[0]
-    shown = plan_phantom(drawn.eye, drawn.forces_n(0.06), STUDY, drawn.seed).frames[0]
+    shown = plan_phantom(drawn.setup, drawn.forces_n(0.06), STUDY, drawn.seed).frames[0]
     lateral = np.linspace(-10e-3, 10e-3, 2001)
     outer = np.stack(
         [lateral, np.where(np.abs(lateral) > 8e-3, 9e-3, 2e-3 - np.abs(lateral) / 10)],
@@ -478,17 +491,22 @@ def test_declared_values_have_the_errors_of_users_and_frames_stay_the_same(
     tmp_path,
 ) -> None:
     info = RecordingInfo(
-        eye=EyeInfo("eye", thickness_m=600e-6, iop_pa=300.0, globe="open"),
-        oct=OctInfo(
+        eye=Eye("eye", thickness_m=600e-6, iop_pa=300.0, globe=Globe.declared("open")),
+        scan=Scan(
             columns=512,
             rows=512,
             bits=12,
             width_m=15e-3,
             depth_m=4e-3,
-            plane_direction_rad=0.3,
+            direction_rad=0.3,
+            tilt_rad=0.0,
+            refractive_index=1.0,
         ),
-        needle=NeedleInfo(
-            gauge=22, slice_gap_m=0.5e-3, polar_angle_rad=0.6, lean_rad=0.4
+        needle=Needle(
+            diameter_m=gauge_diameter_m(22),
+            gap_m=0.5e-3,
+            polar_rad=0.6,
+            lean_rad=(0.4, 0.4),
         ),
         force=ForceInfo("fz", -1),
     )
@@ -516,8 +534,8 @@ def test_declared_values_have_the_errors_of_users_and_frames_stay_the_same(
     reader = STUDY.reader
     said = [as_declared(info, reader, rng) for _ in range(400)]
     assert {
-        (each.eye.globe, each.needle.gauge, each.oct.plane_tilt_rad) for each in said
-    } == {("open", 22, 0.0)}
+        (each.eye.globe, each.needle.gauge, each.scan.tilt_rad) for each in said
+    } == {(OPEN, 22, 0.0)}
 
     for value, true, sd in (
         (lambda each: each.eye.iop_pa, 300.0, 300.0 * reader.iop_noise_fraction),
@@ -527,13 +545,13 @@ def test_declared_values_have_the_errors_of_users_and_frames_stay_the_same(
             600e-6 * reader.thickness_noise_fraction,
         ),
         (
-            lambda each: each.needle.slice_gap_m,
+            lambda each: each.needle.gap_m,
             0.5e-3,
             0.5e-3 * reader.gap_noise_fraction,
         ),
-        (lambda each: each.needle.polar_angle_rad, 0.6, reader.pole_noise_rad),
-        (lambda each: each.needle.lean_rad, 0.4, reader.pole_noise_rad),
-        (lambda each: each.oct.plane_direction_rad, 0.3, reader.pole_noise_rad),
+        (lambda each: each.needle.polar_rad, 0.6, reader.pole_noise_rad),
+        (lambda each: one_lean(each.needle.lean_rad), 0.4, reader.pole_noise_rad),
+        (lambda each: each.scan.direction_rad, 0.3, reader.pole_noise_rad),
     ):
         off = np.array([value(each) for each in said]) - true
         assert abs(off.mean()) < 4.0 * sd / math.sqrt(len(said))

@@ -20,9 +20,13 @@ from real_tissue.shells import point, pressure_ratio, shallow, sphere
 from real_tissue.tables import TABLES, pressed
 from real_tissue.walls import bonded_stiffness, disc_wall, fine_meridian, pressed_wall
 from scleraforce.base.units import to_si
-from scleraforce.mechanics.axisymmetric_wall import AxisymmetricWall, axisymmetric_path
-from scleraforce.mechanics.load_path_tracing import pressurise
-from scleraforce.records.globe import sealed_globe
+from scleraforce.mechanics.axisymmetric_wall import (
+    AxisymmetricWall,
+    EvenWall,
+    axisymmetric_path,
+)
+from scleraforce.mechanics.load_path_tracing import PathEnd, pressurise
+from scleraforce.records.globe import sealed_law
 
 PAGE = Path(__file__).parents[2] / "benchmarks" / "real_tissue" / "README.md"
 TENSIONS = (0.0, 0.5, 1.0, 2.0, 4.0)
@@ -89,9 +93,8 @@ def test_the_mesh_of_the_library_is_as_stiff_as_the_fine_one(
     """
     thickness_m = 1e-3 * thickness_mm
     pressure = ratio(0.5, 1e-3 * thickness_mm)
-    path = axisymmetric_path(
-        RADIUS_M, thickness_m, NU, NEEDLE_M, pressure, tips_m=np.array([1e-6, 2e-6])
-    )
+    even = EvenWall(RADIUS_M, thickness_m, NU, NEEDLE_M)
+    path = axisymmetric_path(even, pressure, PathEnd(tips_m=np.array([1e-6, 2e-6])))
     first, second = path.force_ratio_m2[1:] / path.tip_m[1:]
     wall = disc_wall(
         fine_meridian(RADIUS_M, thickness_m, NEEDLE_M), NEEDLE_M, NU, symmetric=False
@@ -145,7 +148,7 @@ def test_below_the_punch_a_sealed_globe_is_an_open_one_at_its_pressure() -> None
     # The law, of the volume that the dent displaces at that pressure: about the punch's
     # area times half the dent.
     displaced = (
-        sealed_globe(to_si(rigidity, "mmhg13_per_ul"))
+        sealed_law(to_si(rigidity, "mmhg13_per_ul"))
         .over(modulus_pa)
         .displaced_m3(iop, pressure)
     )

@@ -7,6 +7,7 @@ from bench_relaxation import RAMP_S, RelaxingWall, pushed
 from elastic_sections import CONTACT, NEEDLE_RADIUS_M, NU, RADIUS_M, THICKNESS_M
 from scleraforce.mechanics.finite_strain_wall import FiniteWall
 from scleraforce.mechanics.graded_mesh import graded_mesh
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.loads_and_supports import needle_at
 from scleraforce.mechanics.tissue_material import PronySeries
 
@@ -26,11 +27,10 @@ def felt_n(tissue: PronySeries, iop_pa: float, time_s: list[float]) -> np.ndarra
 def elastic_n(modulus_pa: float, iop_pa: float) -> float:
     path = FiniteWall(MESH, NU).load_path(
         NEEDLE,
+        PathEnd(max_tip_m=TIP_M),
         youngs_modulus_pa=modulus_pa,
         iop_pa=iop_pa,
         density_kg_m3=0.0,
-        max_force_n=np.inf,
-        max_tip_m=TIP_M,
     )
     return float(path.forces_n[-1])
 

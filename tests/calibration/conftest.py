@@ -12,18 +12,23 @@ import pytest
 from analytic_frames import LIBRARY, moving
 
 from ideal_boundaries import virtual_sections
-from scleraforce.calibration.filter.eye_parameters import EyeConstants
 from scleraforce.calibration.filter.linear_sections import LinearEye, linear_eye
 from scleraforce.lab.tissue_light import Pose
-from scleraforce.lab.virtual_eye import PhantomEye
+from scleraforce.lab.virtual_eye import scan_plane
 from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
 from scleraforce.library import Library
 from scleraforce.library.plane_cut import cut_surfaces
 from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.mechanics.hexahedral_mesh import build_mesh
 from scleraforce.mechanics.linear_wall import LinearWall
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.globe import OPEN
+from scleraforce.records.needle import Needle
+from scleraforce.records.scan import Scan
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import MeshStudy, Study
 from scleraforce.wall.wall_in_metres import Boundaries
+from virtual_eyes import wall_of
 
 STUDY = replace(Study(), mesh=MeshStudy(divisions=6))
 
@@ -42,23 +47,20 @@ class Laboratory:
 
     @staticmethod
     @cache
-    def model(constants: EyeConstants, thickness_uncertain: bool = False) -> LinearEye:
+    def model(constants: Setup, thickness_uncertain: bool = False) -> LinearEye:
         return linear_eye(STUDY, constants, thickness_uncertain)
 
-    def stated(self, eye: PhantomEye, polar_sd_rad: float = 0.0) -> EyeConstants:
-        return EyeConstants(
-            iop_pa=eye.iop_pa,
-            thickness_m=eye.thickness_m,
-            gap_m=eye.gap_m,
-            polar_rad=eye.polar_rad,
-            polar_sd_rad=polar_sd_rad,
-            direction_rad=eye.direction_rad,
-            tilt_rad=eye.tilt_rad,
+    def stated(self, eye: Setup) -> Setup:
+        plane = scan_plane(eye)
+        return Setup(
+            eye=Eye(iop_pa=eye.eye.iop_pa, thickness_m=eye.eye.thickness_m, globe=OPEN),
+            needle=Needle(gap_m=plane.gap_m, polar_rad=plane.contact.polar_rad),
+            scan=Scan(direction_rad=plane.direction_rad, tilt_rad=plane.tilt_rad),
         )
 
     def frames(
         self,
-        eye: PhantomEye,
+        eye: Setup,
         forces_n: list[float],
         rng: np.random.Generator,
         noise_m: float = 5e-6,
@@ -67,7 +69,7 @@ class Laboratory:
         frames, and is turned a little.
         """
         sections = virtual_sections(
-            self.wall(eye.thickness_m), eye, forces_n, self.study
+            self.wall(wall_of(eye).thickness_m), eye, forces_n, self.study
         )
         made = moving(sections, rng, noise_m, self.study)
 
@@ -82,15 +84,12 @@ def laboratory() -> Laboratory:
 
 
 @pytest.fixture(scope="session")
-def eye() -> PhantomEye:
-    return PhantomEye(
-        id="virtual",
-        thickness_m=0.7e-3,
-        youngs_modulus_pa=0.27e6,
-        iop_pa=266.0,
-        gap_m=0.5e-3,
-        polar_rad=0.6,
-        azimuth_rad=0.4,
+def eye() -> Setup:
+    return Setup(
+        eye=Eye(
+            "virtual", thickness_m=0.7e-3, modulus=Modulus.stated(0.27e6), iop_pa=266.0
+        ),
+        needle=Needle(gap_m=0.5e-3, polar_rad=0.6, azimuth_rad=0.4),
     )
 
 
@@ -101,31 +100,30 @@ def library() -> Library:
 
 
 @pytest.fixture(scope="session")
-def made_up() -> PhantomEye:
+def made_up() -> Setup:
     # on the pole: it is one of revolution
-    return PhantomEye(
-        id="made-up",
-        thickness_m=0.7e-3,
-        youngs_modulus_pa=0.27e6,
-        iop_pa=266.0,
-        gap_m=0.5e-3,
-        polar_rad=0.0,
+    return Setup(
+        eye=Eye(
+            "made-up", thickness_m=0.7e-3, modulus=Modulus.stated(0.27e6), iop_pa=266.0
+        ),
+        needle=Needle(gap_m=0.5e-3, polar_rad=0.0),
     )
 
 
 @pytest.fixture(scope="session")
-def made_up_folder(
-    made_up: PhantomEye, tmp_path_factory: pytest.TempPathFactory
-) -> Path:
+def made_up_folder(made_up: Setup, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recording of the made-up eye under 2, 30, 12, 45, 20 and 38 mN."""
     path = tmp_path_factory.mktemp("made-up") / "made-up"
 
     def sections_at(forces_n: Sequence[float]) -> list[WallSection]:
         ones = np.ones(len(forces_n))
-        modulus_pa = made_up.youngs_modulus_pa
-        ratios = (made_up.iop_pa / modulus_pa * ones, np.array(forces_n) / modulus_pa)
-        walls = LIBRARY.curves(made_up.thickness_m * ones, *ratios).curves_sbnc
-        return [cut_surfaces(wall, made_up.gap_m) for wall in walls]
+        modulus_pa = wall_of(made_up).youngs_modulus_pa
+        ratios = (
+            wall_of(made_up).iop_pa / modulus_pa * ones,
+            np.array(forces_n) / modulus_pa,
+        )
+        walls = LIBRARY.curves(wall_of(made_up).thickness_m * ones, *ratios).curves_sbnc
+        return [cut_surfaces(wall, wall_of(made_up).gap_m) for wall in walls]
 
     plan = plan_phantom(made_up, (0.002, 0.030, 0.012, 0.045, 0.020, 0.038), Study(), 3)
     write_phantom(path, plan, sections_at, Study())

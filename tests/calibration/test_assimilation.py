@@ -26,7 +26,8 @@ from scleraforce.calibration.filter.section_registration import (
     updated_belief,
 )
 from scleraforce.fit.curve_placement import PlacesOnFrame
-from scleraforce.lab.virtual_eye import PhantomEye
+from scleraforce.records.setup import Setup
+from virtual_eyes import changed, wall_of
 
 FORCES = [float(force) for force in np.random.default_rng(0).uniform(6e-3, 58e-3, 24)]
 
@@ -57,7 +58,7 @@ def calibrate(
 
 
 def test_other_sigma_points_and_the_papers_gaussian_prior_give_the_same_modulus(
-    laboratory: Any, eye: PhantomEye
+    laboratory: Any, eye: Setup
 ) -> None:
     frames = laboratory.frames(eye, FORCES[:8], np.random.default_rng(1))
     model = laboratory.model(laboratory.stated(eye))
@@ -69,11 +70,11 @@ def test_other_sigma_points_and_the_papers_gaussian_prior_give_the_same_modulus(
         for changed in ({}, {"sigma_points": "star"}, {"positive": False})
     )
     assert star == pytest.approx(simplex, rel=3e-3)
-    assert gaussian == pytest.approx(eye.youngs_modulus_pa, rel=0.02)
+    assert gaussian == pytest.approx(wall_of(eye).youngs_modulus_pa, rel=0.02)
 
 
 def test_an_outlying_point_is_gated_and_does_not_move_the_modulus(
-    laboratory: Any, eye: PhantomEye
+    laboratory: Any, eye: Setup
 ) -> None:
     frames = laboratory.frames(eye, FORCES[:4], np.random.default_rng(3))
     model = laboratory.model(laboratory.stated(eye))
@@ -95,11 +96,11 @@ def test_an_outlying_point_is_gated_and_does_not_move_the_modulus(
 
 
 def test_an_eye_that_softens_with_force_makes_the_filter_report_that_it_diverges(
-    laboratory: Any, eye: PhantomEye
+    laboratory: Any, eye: Setup
 ) -> None:
     frames = []
     for force_n in np.linspace(8e-3, 50e-3, 8).tolist():
-        softer = replace(eye, youngs_modulus_pa=0.4e6 / (1 + force_n / 0.02))
+        softer = changed(eye, youngs_modulus_pa=0.4e6 / (1 + force_n / 0.02))
         frames += laboratory.frames(softer, [force_n], np.random.default_rng(4))
     sessions = calibrate(laboratory, laboratory.model(laboratory.stated(eye)), frames)
     assert sessions[-1].last.result.status.startswith("diverged")
@@ -107,13 +108,16 @@ def test_an_eye_that_softens_with_force_makes_the_filter_report_that_it_diverges
 
 @pytest.mark.slow
 def test_errors_that_all_frames_share_are_not_averaged_away(
-    laboratory: Any, eye: PhantomEye
+    laboratory: Any, eye: Setup
 ) -> None:
     model = laboratory.model(laboratory.stated(eye))
     study = laboratory.study.calibration
     frames = laboratory.frames(eye, FORCES, np.random.default_rng(5), noise_m=1e-6)
     session = calibrate(laboratory, model, frames)[-1]
-    assert session.modulus.sd_pa > study.model_error_fraction * eye.youngs_modulus_pa
+    assert (
+        session.modulus.sd_pa
+        > study.model_error_fraction * wall_of(eye).youngs_modulus_pa
+    )
     exact = eye_filter(model, replace(study, model_error_fraction=0.0))
     assert parameter_moments(exact, session.state)[1][0] < 0.4 * session.modulus.sd_pa
     # 1 mN on all forces is an error of E that the followed sensitivity foretells
@@ -144,7 +148,7 @@ def test_prior_has_the_moments_that_were_asked_for(
 
 
 def test_belief_of_the_recordings_pose_narrows_to_the_motion_of_the_eye(
-    laboratory: Any, eye: PhantomEye
+    laboratory: Any, eye: Setup
 ) -> None:
     model = laboratory.model(laboratory.stated(eye))
     study = laboratory.study.calibration
@@ -167,12 +171,12 @@ def test_belief_of_the_recordings_pose_narrows_to_the_motion_of_the_eye(
 
 
 def test_derivatives_of_a_prediction_are_quotients_of_differences(
-    laboratory: Any, eye: PhantomEye
+    laboratory: Any, eye: Setup
 ) -> None:
     model = laboratory.model(laboratory.stated(eye))
     places = PlacesOnFrame(np.linspace(-5e-3, 5e-3, 12), np.repeat([0, 1], 6))
-    nuisance = np.array([0.1e-3, 0.4e-3, 0.02, eye.polar_rad, 10e-6])
-    state = stated_wall(model.constants, 0.27e6, 0.03, eye.polar_rad)
+    nuisance = np.array([0.1e-3, 0.4e-3, 0.02, wall_of(eye).polar_rad, 10e-6])
+    state = stated_wall(model.setup, 0.27e6, 0.03, wall_of(eye).polar_rad)
     placed = predict_frame(model, state, nuisance, places)
 
     for index, size in (

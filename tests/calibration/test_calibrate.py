@@ -27,7 +27,6 @@ from scleraforce.calibration.calibration import (
 )
 from scleraforce.calibration.seen_frames import frame_order
 from scleraforce.calibration.stiffness_from_forces import TissueTrial
-from scleraforce.lab.virtual_eye import PhantomEye
 from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.calibration_file import (
@@ -35,9 +34,10 @@ from scleraforce.records.calibration_file import (
     parse_calibration_file,
     summary_of,
 )
-from scleraforce.records.globe import SEALED, UNKNOWN
-from scleraforce.records.recording_info import known_of_recording
+from scleraforce.records.globe import OPEN, SEALED, UNKNOWN, Globe
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
+from virtual_eyes import wall_of
 
 FORCES = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
 
@@ -48,10 +48,10 @@ def parsed(text: str) -> Calibration:
 
 @pytest.fixture(scope="module")
 def recording(
-    laboratory: Any, eye: PhantomEye, tmp_path_factory: pytest.TempPathFactory
+    laboratory: Any, eye: Setup, tmp_path_factory: pytest.TempPathFactory
 ) -> Recording:
     path = tmp_path_factory.mktemp("calibrate") / "virtual"
-    wall = laboratory.wall(eye.thickness_m)
+    wall = laboratory.wall(wall_of(eye).thickness_m)
     study = laboratory.study
     write_phantom(
         path,
@@ -69,11 +69,11 @@ def calibration(laboratory: Any, recording: Recording) -> Calibration:
 
 
 def test_modulus_from_raw_frames_is_within_3_percent(
-    calibration: Calibration, eye: PhantomEye
+    calibration: Calibration, eye: Setup
 ) -> None:
     found = calibration.eyes["virtual"]
-    assert found.mean_pa == pytest.approx(eye.youngs_modulus_pa, rel=0.03)
-    assert abs(found.mean_pa - eye.youngs_modulus_pa) < 3 * found.sd_pa
+    assert found.mean_pa == pytest.approx(wall_of(eye).youngs_modulus_pa, rel=0.03)
+    assert abs(found.mean_pa - wall_of(eye).youngs_modulus_pa) < 3 * found.sd_pa
     assert found.status == "ok"
     assert calibration.population == (found.mean_pa, None)
 
@@ -215,8 +215,9 @@ def test_the_stiffening_of_the_eyes_and_of_the_population_survives_the_file() ->
     found = parsed(text)
     summary = summary_of(parse_calibration_file(text.encode(), "c.json"))
 
+    assert [found.eyes[eye].stiffening for eye in "ab"] == [15.0, 0.0]
+    assert [summary.eyes[eye].eye.stiffening for eye in "ab"] == [15.0, 0.0]
     for either in (found, summary):
-        assert [either.eyes[eye].stiffening for eye in "ab"] == [15.0, 0.0]
         assert either.population_stiffening == pytest.approx(3.0)  # 1 + b: 16 and 1
 
     assert [frame.again.loss for frame in found.eyes["a"].frames if frame.again] == [
@@ -287,7 +288,7 @@ def test_frames_that_were_seen_are_left_out_under_any_name_and_path(
 PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
 
 
-def of_globe(recording: Recording, globe: str | None) -> Recording:
+def of_globe(recording: Recording, globe: Globe | None) -> Recording:
     return replace(
         recording,
         info=replace(recording.info, eye=replace(recording.info.eye, globe=globe)),
@@ -295,7 +296,7 @@ def of_globe(recording: Recording, globe: str | None) -> Recording:
 
 
 @pytest.fixture
-def diverging(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str | None]]:
+def diverging(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Globe | None]]:
     """Make a calibration diverge if a globe is stated; return the stated globe of each,
     and look at every frame.
     """
@@ -337,7 +338,7 @@ def diverging(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str | None]
 
 def test_a_globe_is_doubted_if_frames_agree_on_another_one_and_each_is_segmented_and_labelled_once(
     recording: Recording,
-    diverging: Callable[..., list[str | None]],
+    diverging: Callable[..., list[Globe | None]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     segmented = list[Any]()
@@ -356,11 +357,11 @@ def test_a_globe_is_doubted_if_frames_agree_on_another_one_and_each_is_segmented
     )
 
     for stated, status, rigidity, doubted in (
-        ("open", "ok", 0.03, True),
-        ("open", "ok", 0.0052, True),
-        ("open", "diverged: by 4 sd", 0.0, False),
-        ("open", "diverged: by 4 sd", 0.03, False),
-        ("sealed", "ok", 0.0, True),
+        (OPEN, "ok", 0.03, True),
+        (OPEN, "ok", 0.0052, True),
+        (OPEN, "diverged: by 4 sd", 0.0, False),
+        (OPEN, "diverged: by 4 sd", 0.03, False),
+        (SEALED, "ok", 0.0, True),
         (None, "diverged: by 4 sd", 0.03, False),
     ):
         asked = diverging(status, rigidity)
@@ -377,15 +378,15 @@ def test_a_globe_is_doubted_if_frames_agree_on_another_one_and_each_is_segmented
 
 
 def test_an_open_globe_is_not_doubted_for_a_rigidity_that_no_closed_one_has(
-    recording: Recording, diverging: Callable[..., list[str | None]]
+    recording: Recording, diverging: Callable[..., list[Globe | None]]
 ) -> None:
     for rigidity, sd in ((0.0017, 0.0002), (0.0004, 0.001), (0.0055, 0.003)):
         asked = diverging("ok", rigidity, sd)
         before = calibrate_recordings(
-            [of_globe(recording, "open")], Study(), "hash", LIBRARY
+            [of_globe(recording, OPEN)], Study(), "hash", LIBRARY
         )
         eye = before.eyes["virtual"]
-        assert asked[0] == "open"
+        assert asked[0] == OPEN
         assert eye.status == "ok"
         assert (eye.globe.kind, eye.globe.mean) == ("open", rigidity * PER_UL)
         assert eye.globe.sd == pytest.approx(
@@ -396,11 +397,11 @@ def test_an_open_globe_is_not_doubted_for_a_rigidity_that_no_closed_one_has(
         summary = summary_of(
             parse_calibration_file(json.dumps(before.to_dict()).encode(), "c.json")
         )
-        stated = known_of_recording(of_globe(recording, "open").info)
-        assert known_of_eye(stated, summary, "virtual").globe == eye.globe
+        stated = of_globe(recording, OPEN).info.setup
+        assert known_of_eye(stated, summary, "virtual").eye.globe == eye.globe
         asked.clear()
         again = calibrate_recordings(
-            [of_globe(recording, "open")] * 2, Study(), "hash", LIBRARY
+            [of_globe(recording, OPEN)] * 2, Study(), "hash", LIBRARY
         )
         assert asked[-1] is None
         assert again.eyes["virtual"].globe == eye.globe

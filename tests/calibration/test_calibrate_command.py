@@ -10,19 +10,20 @@ import pytest
 
 from ideal_boundaries import virtual_sections
 from scleraforce.front.cli.main import run
-from scleraforce.lab.virtual_eye import PhantomEye
 from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
 from scleraforce.library import Library
 from scleraforce.records.calibration_file import read_calibration
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study, format_study
+from virtual_eyes import wall_of
 
 
 @pytest.fixture(scope="module")
 def folder(
-    laboratory: Any, eye: PhantomEye, tmp_path_factory: pytest.TempPathFactory
+    laboratory: Any, eye: Setup, tmp_path_factory: pytest.TempPathFactory
 ) -> Path:
     folder = tmp_path_factory.mktemp("command")
-    wall = laboratory.wall(eye.thickness_m)
+    wall = laboratory.wall(wall_of(eye).thickness_m)
     study = laboratory.study
     plan = plan_phantom(eye, (0.03, 0.015, 0.04), study, 5)
     write_phantom(
@@ -38,7 +39,7 @@ def folder(
 
 @pytest.mark.slow
 def test_it_writes_the_posterior_and_the_picture_and_prints_one_json_object(
-    folder: Path, capsys: pytest.CaptureFixture[str], eye: PhantomEye
+    folder: Path, capsys: pytest.CaptureFixture[str], eye: Setup
 ) -> None:
     out = folder / "out.json"
     plot = folder / "out.png"
@@ -58,7 +59,7 @@ def test_it_writes_the_posterior_and_the_picture_and_prints_one_json_object(
     assert printed == json.loads(out.read_text())
     assert printed["mechanics"] == "linear"
     assert printed["eyes"]["virtual"]["mean_mpa"] == pytest.approx(
-        eye.youngs_modulus_pa / 1e6, rel=0.04
+        wall_of(eye).youngs_modulus_pa / 1e6, rel=0.04
     )
     assert printed["population"]["mean_mpa"] == printed["eyes"]["virtual"]["mean_mpa"]
     assert plot.read_bytes().startswith(b"\x89PNG")
@@ -104,8 +105,9 @@ def test_finite_strain_is_the_default_and_takes_the_cached_library(
     assert run([*arguments, "--frames", "2"]) == 0
     written = read_calibration(out)
     assert written.mechanics == "finite-strain"
-    assert written.eyes["made-up"].mean_pa == pytest.approx(0.27e6, rel=0.1)
-    assert written.eyes["made-up"].thickness_m == pytest.approx(0.7e-3)
+    eye = written.eyes["made-up"].eye
+    assert eye.modulus_pa == pytest.approx(0.27e6, rel=0.1)
+    assert eye.thickness_m == pytest.approx(0.7e-3)
     assert len(written.digests) == 2
     assert [one.library.tips for one in asked] == [study.library.tips - 1]
 

@@ -17,7 +17,7 @@ from reference_walls import cut_section, shift_in_plane
 from scleraforce.base.errors import CalibrationError
 from scleraforce.calibration.filter import eye_filter
 from scleraforce.calibration.filter.eye_filter import FrameStep, SkippedFrame
-from scleraforce.calibration.filter.eye_parameters import EyeConstants, stated_wall
+from scleraforce.calibration.filter.eye_parameters import stated_wall
 from scleraforce.calibration.filter.library_sections import (
     base_moves,
     library_eye,
@@ -30,21 +30,25 @@ from scleraforce.lab.training.interval_measurement import (
     draw_eye,
     draw_frames,
 )
+from scleraforce.lab.virtual_eye import scan_plane
 from scleraforce.library import Library
-from scleraforce.mechanics.axisymmetric_wall import base_shift
+from scleraforce.mechanics.axisymmetric_wall import EvenWall, base_shift
 from scleraforce.mechanics.contact_and_section import Contact, ScanPlane, WallSection
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.linear_wall import LinearWall
 from scleraforce.mechanics.meridian_elements import MeridianSize, meridian_mesh
+from scleraforce.records.eye import Eye
+from scleraforce.records.globe import OPEN
+from scleraforce.records.needle import Needle
+from scleraforce.records.scan import Scan
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Range, ReaderStudy, Study, fixed
 from scleraforce.wall.wall_in_metres import Boundaries
+from virtual_eyes import changed, wall_of
 
-ASIDE = EyeConstants(
-    iop_pa=266.0,
-    thickness_m=0.7e-3,
-    gap_m=0.5e-3,
-    polar_rad=radians(35),
-    polar_sd_rad=0.0,
+ASIDE = Setup(
+    eye=Eye(iop_pa=266.0, thickness_m=0.7e-3, globe=OPEN),
+    needle=Needle(gap_m=0.5e-3, polar_rad=radians(35)),
 )
 
 
@@ -56,10 +60,10 @@ ASIDE = EyeConstants(
 def test_predicted_section_is_the_cut_through_the_deformed_mesh(
     laboratory: Any, direction: float, tilt: float, force_n: float
 ) -> None:
-    constants = replace(ASIDE, direction_rad=direction, tilt_rad=tilt)
+    constants = changed(ASIDE, direction_rad=direction, tilt_rad=tilt)
     model = laboratory.model(constants)
     wall = laboratory.wall(0.7e-3)
-    contact = Contact(polar_rad=constants.polar_rad)
+    contact = Contact(polar_rad=wall_of(constants).polar_rad)
     displacement = wall.displacement(
         wall.needle_cnc([contact], 0.35e-3)[0],
         force_n,
@@ -85,9 +89,9 @@ def test_predicted_section_is_the_cut_through_the_deformed_mesh(
 def test_responses_between_thicknesses_belong_to_a_wall_of_that_thickness(
     laboratory: Any,
 ) -> None:
-    stated = replace(ASIDE, polar_rad=0.6)
+    stated = changed(ASIDE, polar_rad=0.6)
     uncertain = laboratory.model(
-        replace(stated, thickness_m=0.65e-3), thickness_uncertain=True
+        changed(stated, thickness_m=0.65e-3), thickness_uncertain=True
     )
     exact = laboratory.model(stated)
     names = ("youngs_modulus_pa", "thickness_m")
@@ -107,33 +111,36 @@ def test_responses_between_thicknesses_belong_to_a_wall_of_that_thickness(
 
 STUDY = Study()
 # on the pole: the made-up eye is one of revolution
-STATED = replace(ASIDE, polar_rad=0.0)
+STATED = changed(ASIDE, polar_rad=0.0)
 MODULUS_PA = 0.27e6
 SHARP = replace(STUDY, calibration=replace(STUDY.calibration, surface_smoothing_m=0.0))
 
 
-def tip_m(force_n: float, stated: EyeConstants = STATED) -> float:
+def tip_m(force_n: float, stated: Setup = STATED) -> float:
     """The first tip at which the made-up eye carries a force, on a fine grid."""
     tips = np.linspace(0.0, 7.4e-3, 200_000)
     forces = MODULUS_PA * analytic.force_ratio(
-        stated.thickness_m, stated.iop_pa / MODULUS_PA, tips
+        wall_of(stated).thickness_m, wall_of(stated).iop_pa / MODULUS_PA, tips
     )
     return float(tips[np.argmax(forces >= force_n)])
 
 
-def exact_section(force_n: float, stated: EyeConstants = STATED) -> WallSection:
+def exact_section(force_n: float, stated: Setup = STATED) -> WallSection:
     """The made-up eye's section, from the closed form at thousands of rings."""
     rings = np.linspace(0.0, np.pi / 2 - 1e-3, 4000)
     walls = analytic.curves(
-        stated.thickness_m, stated.iop_pa / MODULUS_PA, tip_m(force_n, stated), rings
+        wall_of(stated).thickness_m,
+        wall_of(stated).iop_pa / MODULUS_PA,
+        tip_m(force_n, stated),
+        rings,
     )
     sides = []
 
     for distance, depth in np.moveaxis(walls, -1, 1):
-        across = stated.gap_m + np.tan(stated.tilt_rad) * depth
+        across = wall_of(stated).gap_m + np.tan(scan_plane(stated).tilt_rad) * depth
         seen = distance > across
         lateral = np.sqrt(distance[seen] ** 2 - across[seen] ** 2)
-        down = depth[seen] / np.cos(stated.tilt_rad)
+        down = depth[seen] / np.cos(scan_plane(stated).tilt_rad)
         sides.append(
             np.stack(
                 [np.append(-lateral[::-1], lateral), np.append(down[::-1], down)],
@@ -162,7 +169,7 @@ def run(
     return begun
 
 
-def off_m(curves: np.ndarray, force_n: float, stated: EyeConstants) -> float:
+def off_m(curves: np.ndarray, force_n: float, stated: Setup) -> float:
     """The largest distance of curves from the exact section."""
     exact = exact_section(force_n, stated)
     sides = zip(curves, (exact.outer, exact.inner), strict=True)
@@ -182,7 +189,7 @@ def test_sections_have_the_walls_own_geometry_and_depend_on_thickness_gap_and_pr
         (0.04, 0.08),
         (0.04, -0.08),
     ):
-        stated = replace(STATED, tilt_rad=tilt_rad)
+        stated = changed(STATED, tilt_rad=tilt_rad)
         model = library_eye(SHARP, stated, library)
         (curves,) = model.curves([stated_wall(stated, MODULUS_PA, force_n, 0.0)])
         assert off_m(curves, force_n, stated) < 3e-6
@@ -196,7 +203,7 @@ def test_sections_have_the_walls_own_geometry_and_depend_on_thickness_gap_and_pr
         off_m(
             curves,
             0.03,
-            replace(STATED, thickness_m=0.6e-3, gap_m=0.8e-3, iop_pa=400.0),
+            changed(STATED, thickness_m=0.6e-3, gap_m=0.8e-3, iop_pa=400.0),
         )
         < 3e-6
     )
@@ -241,7 +248,7 @@ def test_thickness_is_corrected_when_it_is_uncertain(library: Library) -> None:
         calibration=replace(STUDY.calibration, thickness_sd_m=50e-6, inner_sd_m=3e-6),
     )
     forces = [0.02, 0.05, 0.01, 0.04, 0.03, 0.055]
-    wrong = replace(STATED, thickness_m=0.65e-3)
+    wrong = changed(STATED, thickness_m=0.65e-3)
     made = frames(forces, np.random.default_rng(1))
     alone = run(eye_filter.begin(study, wrong, library), forces, made)
     both = run(
@@ -270,20 +277,17 @@ def test_an_eye_that_the_library_does_not_have_is_refused(library: Library) -> N
     with pytest.raises(
         CalibrationError, match="1000 µm; the library has walls of 350 to 900 µm"
     ):
-        library_eye(STUDY, replace(STATED, thickness_m=1e-3), library)
+        library_eye(STUDY, changed(STATED, thickness_m=1e-3), library)
     with pytest.raises(CalibrationError, match="another radius"):
         library_eye(
             replace(STUDY, eye=replace(STUDY.eye, radius_m=11e-3)), STATED, library
         )
 
 
-TURNED = EyeConstants(
-    iop_pa=266.0,
-    thickness_m=0.65e-3,
-    gap_m=0.6e-3,
-    polar_rad=radians(40),
-    polar_sd_rad=0.0,
-    direction_rad=0.7,
+TURNED = Setup(
+    eye=Eye(iop_pa=266.0, thickness_m=0.65e-3, globe=OPEN),
+    needle=Needle(gap_m=0.6e-3, polar_rad=radians(40)),
+    scan=Scan(direction_rad=0.7),
 )
 LATERAL = np.linspace(-6e-3, 6e-3, 25)
 FORCE_RATIO = 0.1e-6
@@ -291,21 +295,29 @@ FORCE_RATIO = 0.1e-6
 
 @pytest.mark.slow
 def test_along_the_plane_the_motion_is_that_of_the_shift() -> None:
-    moved = FORCE_RATIO * base_moves(STUDY, TURNED, TURNED.polar_rad, LATERAL)
-    shift = base_shift(12e-3, 0.65e-3, 0.45, 0.35e-3, polar_rad=TURNED.polar_rad)
+    polar_rad = wall_of(TURNED).polar_rad
+    moved = FORCE_RATIO * base_moves(STUDY, TURNED, polar_rad, LATERAL)
+    shift = base_shift(EvenWall(12e-3, 0.65e-3, 0.45, 0.35e-3), polar_rad)
     mesh = meridian_mesh(12e-3, 0.65e-3, 0.35e-3, np.pi / 2, MeridianSize())
     rings = np.stack(
         [mesh.points_nc[nodes, 0] for nodes in (mesh.outer_n, mesh.inner_n)]
     )
 
     for side in (-1.0, 1.0):
-        lateral_bn = side * np.sqrt(np.maximum(rings**2 - TURNED.gap_m**2, 0.0))
+        lateral_bn = side * np.sqrt(
+            np.maximum(rings**2 - wall_of(TURNED).gap_m ** 2, 0.0)
+        )
         expected = shift_in_plane(
-            shift, 0.0, FORCE_RATIO, lateral_bn, TURNED.gap_m, TURNED.direction_rad
+            shift,
+            0.0,
+            FORCE_RATIO,
+            lateral_bn,
+            wall_of(TURNED).gap_m,
+            scan_plane(TURNED).direction_rad,
         )
 
         for boundary in (0, 1):
-            here = (rings[boundary] > TURNED.gap_m) & (
+            here = (rings[boundary] > wall_of(TURNED).gap_m) & (
                 np.abs(lateral_bn[boundary]) < 6e-3
             )
             at = lateral_bn[boundary][here]
@@ -319,16 +331,18 @@ def test_along_the_plane_the_motion_is_that_of_the_shift() -> None:
 def test_the_dent_moves_across_a_plane_that_lies_across_the_meridian() -> None:
     # The tip's own motion in 3-D: along the meridian, so across a plane whose lateral
     # axis is the parallel.
-    contact = Contact(polar_rad=TURNED.polar_rad)
+    contact = Contact(polar_rad=wall_of(TURNED).polar_rad)
     wall = LinearWall(graded_mesh(12e-3, 0.65e-3, contact), 0.45)
     displacement = FORCE_RATIO * wall.needle_cnc([contact], 0.35e-3)[0]
     tip = displacement[
         np.argmin(np.linalg.norm(wall.mesh.points_nc - 12e-3 * contact.normal, axis=1))
     ]
-    crosswise = replace(TURNED, gap_m=1e-6, direction_rad=radians(90))
+    crosswise = changed(TURNED, gap_m=1e-6, direction_rad=radians(90))
     moved = (
         FORCE_RATIO
-        * base_moves(STUDY, crosswise, TURNED.polar_rad, np.array([1e-6]))[0, 0]
+        * base_moves(STUDY, crosswise, wall_of(TURNED).polar_rad, np.array([1e-6]))[
+            0, 0
+        ]
     )
     offset = np.cross(contact.normal, contact.parallel)
     assert moved[1] == pytest.approx(float(tip @ offset), rel=0.05)

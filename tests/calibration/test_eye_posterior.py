@@ -28,7 +28,9 @@ from scleraforce.records.calibration_file import (
     open_calibration,
     read_calibration,
 )
-from scleraforce.records.eye import LEAST_MODULUS_SD, Known, Modulus
+from scleraforce.records.eye import LEAST_MODULUS_SD, Eye, Modulus
+from scleraforce.records.needle import Needle
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 
 
@@ -63,16 +65,20 @@ def test_the_file_says_that_no_force_was_measured_and_is_read_back(found: Path) 
 
 def test_readers_take_its_uncertainty_once_and_do_not_narrow_it(found: Path) -> None:
     known = known_of_eye(
-        Known(iop_pa=266.0, gap_m=0.5e-3), read_calibration(found), "made-up"
+        Setup(eye=Eye(iop_pa=266.0), needle=Needle(gap_m=0.5e-3)),
+        read_calibration(found),
+        "made-up",
     )
-    assert known.modulus is not None
-    assert known.modulus.source == "shape"
+    assert known.eye.modulus is not None
+    assert known.eye.modulus.source == "shape"
     prior = prior_of(known, Study().reader)
-    assert prior.discrepancy.level_sd == known.modulus.relative_sd
+    assert prior.discrepancy.level_sd == known.eye.modulus.relative_sd
     own = replace(
-        known.modulus, source="own", sd_pa=LEAST_MODULUS_SD * known.modulus.mean_pa
+        known.eye.modulus,
+        source="own",
+        sd_pa=LEAST_MODULUS_SD * known.eye.modulus.mean_pa,
     )
-    by_force = replace(known, modulus=own)
+    by_force = replace(known, eye=replace(known.eye, modulus=own))
     assert (prior.same_force == prior_of(by_force, Study().reader).same_force).all()
 
 
@@ -83,10 +89,9 @@ def test_known_forces_narrow_it(
         "scleraforce.front.api.calibrating.library_for", lambda *_: library
     )
     eye = sf.calibrate(made_up_folder, without_force=True, frames=1).eyes["made-up"]
-    assert (
-        eye.sd_pa / eye.mean_pa
-        < 0.7 * read_calibration(found).eyes["made-up"].sd_pa / 0.27e6
-    )
+    by_shape = read_calibration(found).eyes["made-up"].eye.modulus
+    assert by_shape is not None
+    assert eye.sd_pa / eye.mean_pa < 0.7 * by_shape.sd_pa / 0.27e6
     assert eye.mean_pa == pytest.approx(0.27e6, rel=0.15)
     assert [frame.force_n > 0.0 for frame in eye.frames].count(True) == 1
 
@@ -98,8 +103,8 @@ def test_known_forces_narrow_it(
         (None, {"parameters": ["e"]}, "without_force"),
         (
             None,
-            {"without_force": False, "calibration": "c.json"},
-            "calibration: is the prior of without_force",
+            {"without_force": False, "prior": "c.json"},
+            "`prior`: is the prior of without_force",
         ),
     ],
 )
@@ -150,7 +155,10 @@ def test_a_frame_without_a_wall_of_the_library_teaches_nothing(
     flat = ShownFrame(lateral_m=LATERAL_M, depth_bc=shown * 0.0 + [[1e-3], [1.6e-3]])
     modulus = Modulus(mean_pa=0.3e6, sd_pa=0.1e6, source="population")
     eye = EyePosterior(
-        known=replace(known_eye(middling_eye(0.0)), modulus=modulus),
+        setup=replace(
+            known_eye(middling_eye(0.0)),
+            eye=replace(known_eye(middling_eye(0.0)).eye, modulus=modulus),
+        ),
         study=Study(),
         library=library,
     )

@@ -22,9 +22,10 @@ from scleraforce.lab.needle_pushes import NeedlePath, Push, path_of_pushes, plan
 from scleraforce.mechanics.tissue_material import ELASTIC, PronySeries
 from scleraforce.reading.tissue_memory import TissueMemory
 from scleraforce.recordings.force_errors import ZERO_PRIOR, FrameForces
-from scleraforce.records.eye import Known
+from scleraforce.records.eye import Eye
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import PhantomStudy, Range
-from scleraforce.records.tissue_relaxation import KnownRelaxation
+from scleraforce.records.tissue_relaxation import Relaxation
 
 FALL = PronySeries((0.12,), (1.2,))
 FORCES_N = tuple((45e-3 * np.array([0.4, 1.0, 0.3, 0.7, 0.9, 0.5, 0.8, 0.6])).tolist())
@@ -59,7 +60,7 @@ def yielding(pushes: tuple[Push, ...]) -> NeedlePath:
 
 def found_in(
     path: NeedlePath, frame_s: np.ndarray, rng: np.random.Generator
-) -> tuple[HoldLog, KnownRelaxation, np.ndarray]:
+) -> tuple[HoldLog, Relaxation, np.ndarray]:
     """The log of a path, what it shows, and the elastic forces of frames."""
     recording = logged(path, rng)
     forces = FrameForces(path.felt_n(frame_s), frame_s, np.zeros(2), ZERO_PRIOR)
@@ -139,7 +140,7 @@ def decided(
     shown: NeedlePath,
     rng: np.random.Generator,
     sd: float,
-) -> KnownRelaxation:
+) -> Relaxation:
     """What two frames of each hold decide, whose dents have the elastic forces of
     `shown`.
     """
@@ -221,7 +222,7 @@ def test_dents_of_different_pushes_contradict_a_log_that_seems_sure(seed: int) -
         finding=replace(found.finding, chance=0.05),
     )
 
-    def read_of(true_n: np.ndarray) -> KnownRelaxation:
+    def read_of(true_n: np.ndarray) -> Relaxation:
         read = np.log(0.8 * true_n) + rng.normal(0.0, 0.02, len(true_n))
         return doubted_by_dents(doubted, log, frame_s, read, np.full(len(read), 0.02))
 
@@ -256,7 +257,7 @@ def test_the_interval_reaches_to_the_reading_of_the_other_explanation(first) -> 
     nothing = np.zeros((1, 1))
     shares, other = ((0.0,), tissue) if first == "needle" else (tissue, (0.0,))
     known = replace(
-        KnownRelaxation.of(shares, (1.0,), nothing, "holds"),
+        Relaxation.of(shares, (1.0,), nothing, "holds"),
         held=(1.0,),
         held_covariance=((0.0,),),
         before_n=(0.0,),
@@ -267,7 +268,7 @@ def test_the_interval_reaches_to_the_reading_of_the_other_explanation(first) -> 
     calibrated_n = 20e-3
     elastic_n = calibrated_n / (1.0 - sum(shares))
     sudden_n = {"needle": calibrated_n, "tissue": calibrated_n / (1.0 - lost)}
-    history = TissueMemory.unknown(Known(relaxation=known), 60e-3)
+    history = TissueMemory.unknown(Setup(eye=Eye(relaxation=known)), 60e-3)
     answer, _ = history.read(read_as(elastic_n), BOUNDS_N, held_s=1e-6)
     assert answer.force_n == pytest.approx(sudden_n[first], rel=0.02)
     low_n, high_n = answer.interval_n
@@ -277,6 +278,8 @@ def test_the_interval_reaches_to_the_reading_of_the_other_explanation(first) -> 
     # as in the calibration, both are the same
     answer, _ = history.read(read_as(elastic_n), BOUNDS_N, held_s=100.0)
     assert answer.force_n == pytest.approx(calibrated_n, rel=1e-3)
-    certain = TissueMemory.unknown(Known(relaxation=replace(known, other=())), 60e-3)
+    certain = TissueMemory.unknown(
+        Setup(eye=Eye(relaxation=replace(known, other=()))), 60e-3
+    )
     alone, _ = certain.read(read_as(elastic_n), BOUNDS_N, held_s=100.0)
     assert answer.interval_n == pytest.approx(alone.interval_n, rel=1e-6)

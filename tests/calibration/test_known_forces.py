@@ -55,8 +55,11 @@ from scleraforce.lab.training import interval_measurement
 from scleraforce.library import Library
 from scleraforce.library.library_plan import stiffening_place
 from scleraforce.recordings.force_errors import LABEL_SD_N
-from scleraforce.records.eye import Known, Modulus
-from scleraforce.records.globe import OPEN, REFERENCE_RIGIDITY, SEALED, KnownGlobe
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.globe import OPEN, REFERENCE_RIGIDITY, SEALED, Globe
+from scleraforce.records.needle import Needle
+from scleraforce.records.scan import Scan
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import (
     LibraryStudy,
     Range,
@@ -75,18 +78,20 @@ FILTERED = replace(
 )
 
 
-def filtered(globe: KnownGlobe = FILTERED, relative_sd: float = 0.02) -> Known:
+def filtered(globe: Globe = FILTERED, relative_sd: float = 0.02) -> Setup:
     """An eye after the filter."""
-    return Known(
-        modulus=Modulus(mean_pa=0.3e6, sd_pa=relative_sd * 0.3e6, source="own"),
-        globe=globe,
+    return Setup(
+        eye=Eye(
+            modulus=Modulus(mean_pa=0.3e6, sd_pa=relative_sd * 0.3e6, source="own"),
+            globe=globe,
+        )
     )
 
 
 def frames(
     library_n: Sequence[float],
     off: Sequence[float],
-    known: Known,
+    setup: Setup,
     relative_sd: float = 0.015,
 ) -> list[KnownForce]:
     """Frames of an eye whose ln E, k over the reference's, level and growth are off by
@@ -94,7 +99,7 @@ def frames(
 
     The deeper a dent, the less its force says of E and the more of k.
     """
-    modulus, globe = own_modulus_and_globe(known)
+    modulus, globe = own_modulus_and_globe(setup)
     found = []
 
     for force_n in library_n:
@@ -131,11 +136,11 @@ def squares(read: Sequence[KnownForce], off: np.ndarray) -> float:
 
 
 def found_off(
-    read: Sequence[KnownForce], known: Known
+    read: Sequence[KnownForce], setup: Setup
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the estimate of the regression, off the filter's, and its covariance."""
-    found = regression(read, known, place_of(known))
-    return found.mean - [*place_of(known), 0.0, 0.0], found.covariance
+    found = regression(read, setup, place_of(setup))
+    return found.mean - [*place_of(setup), 0.0, 0.0], found.covariance
 
 
 OF_FILTER = np.array([[0.02**2, -0.5 * 0.02 * 0.05], [-0.5 * 0.02 * 0.05, 0.05**2]])
@@ -199,15 +204,11 @@ TIPS_M = (0.5e-3, 1.1e-3, 1.7e-3)
 MODULUS_PA = 0.3e6
 
 
-def known_of(modulus_pa: float, relative_sd: float = 0.05) -> Known:
+def known_of(modulus_pa: float, relative_sd: float = 0.05) -> Setup:
     modulus = Modulus(mean_pa=modulus_pa, sd_pa=relative_sd * modulus_pa, source="own")
-    return Known(
-        modulus=modulus,
-        iop_pa=270.0,
-        thickness_m=0.65e-3,
-        gap_m=0.6e-3,
-        polar_rad=0.0,
-        globe=OPEN,
+    return Setup(
+        eye=Eye(modulus=modulus, iop_pa=270.0, thickness_m=0.65e-3, globe=OPEN),
+        needle=Needle(gap_m=0.6e-3, polar_rad=0.0),
     )
 
 
@@ -243,7 +244,7 @@ BLIND = Boundaries(LATERAL_M, np.full((2, len(LATERAL_M)), np.nan), 1e-4)
 
 def corrected(after: RereadEye) -> list[float]:
     """Forces read in the frames, corrected by the discrepancy, over the known ones."""
-    discrepancy = after.known.discrepancy
+    discrepancy = after.setup.eye.discrepancy
     assert discrepancy is not None
     return [
         float(discrepancy.corrected_n(np.array([one.library_n]))[0]) / one.force_n
@@ -256,7 +257,12 @@ def test_frames_are_read_again_at_their_own_resting_pressures() -> None:
     frame, *_ = read_frames()
     known = known_of(MODULUS_PA)
     leaked = [
-        read_again([frame], replace(known, iop_pa=iop_pa), LIBRARY, STUDY)[0]
+        read_again(
+            [frame],
+            replace(known, eye=replace(known.eye, iop_pa=iop_pa)),
+            LIBRARY,
+            STUDY,
+        )[0]
         for iop_pa in (270.0, 135.0)
     ]
     assert read_again([frame, frame], known, LIBRARY, STUDY, [270.0, 135.0]) == leaked
@@ -282,7 +288,7 @@ def test_a_modulus_that_the_filter_missed_is_found() -> None:
         after = reread_eye(
             known_of(wrong * MODULUS_PA), read_frames(), (), LIBRARY, STUDY
         )
-        assert own_modulus_and_globe(after.known)[0].mean_pa == pytest.approx(
+        assert own_modulus_and_globe(after.setup)[0].mean_pa == pytest.approx(
             MODULUS_PA, rel=0.05
         )
         assert corrected(after) == pytest.approx([1.0] * 3, rel=0.03)
@@ -293,14 +299,14 @@ def test_forces_are_surer_than_the_modulus_that_they_show() -> None:
     frame's, not E's.
     """
     seen = read_frames(1.04)
-    now = reread_eye(known_of(MODULUS_PA), seen, (), LIBRARY, STUDY).known
+    now = reread_eye(known_of(MODULUS_PA), seen, (), LIBRARY, STUDY).setup
     assert own_modulus_and_globe(now)[0].relative_sd > 0.015
-    assert now.discrepancy is not None
-    apart = replace(now.discrepancy, level_by=(0.0, 0.0), growth_by=(0.0, 0.0))
+    assert now.eye.discrepancy is not None
+    apart = replace(now.eye.discrepancy, level_by=(0.0, 0.0), growth_by=(0.0, 0.0))
 
     for boundaries, known_n in seen[1:]:
         widths = []
-        for each in (now, replace(now, discrepancy=apart)):
+        for each in (now, replace(now, eye=replace(now.eye, discrepancy=apart))):
             fit = fit_boundaries(
                 LIBRARY,
                 boundaries.lateral_m,
@@ -320,14 +326,14 @@ def test_frames_that_were_read_before_count_like_the_others() -> None:
     earlier = [
         frame for frame in read_again(seen, known, LIBRARY, STUDY) if frame is not None
     ]
-    at_once = reread_eye(known, seen, (), LIBRARY, STUDY).known
-    parts = reread_eye(known, seen[2:], earlier[:2], LIBRARY, STUDY).known
+    at_once = reread_eye(known, seen, (), LIBRARY, STUDY).setup
+    parts = reread_eye(known, seen[2:], earlier[:2], LIBRARY, STUDY).setup
     assert own_modulus_and_globe(parts)[0].mean_pa == pytest.approx(
         own_modulus_and_globe(at_once)[0].mean_pa, rel=0.01
     )
 
     for now, before in (([*seen, (BLIND, 2.0 * seen[-1][1])], []), (seen[:1], earlier)):
-        found = reread_eye(known, now, before, LIBRARY, STUDY).known.discrepancy
+        found = reread_eye(known, now, before, LIBRARY, STUDY).setup.eye.discrepancy
         assert found is not None
         assert found.largest_n == seen[-1][1]  # of the frames that could be read
 
@@ -335,10 +341,10 @@ def test_frames_that_were_read_before_count_like_the_others() -> None:
 def test_without_a_frame_that_can_be_read_the_filter_s_stays() -> None:
     after = reread_eye(known_of(MODULUS_PA), [(BLIND, 0.02)], (), LIBRARY, STUDY)
     assert after.again == (None,)
-    assert own_modulus_and_globe(after.known)[0].mean_pa == pytest.approx(
+    assert own_modulus_and_globe(after.setup)[0].mean_pa == pytest.approx(
         MODULUS_PA, rel=1e-9
     )
-    found = after.known.discrepancy
+    found = after.setup.eye.discrepancy
     assert found is not None
     assert (found.level, found.growth, found.largest_n) == (0.0, 0.0, None)
 
@@ -615,10 +621,10 @@ def calibrating(monkeypatch: pytest.MonkeyPatch) -> Calibrating:
 
 def recorded(frames: int = 8) -> Any:
     """As much of a recording as `calibrate_recordings` needs."""
-    eye = SimpleNamespace(id="mine", globe=None, relaxation=None)
-    scan = SimpleNamespace(plane=())
+    eye = Eye("mine")
+    scan = Scan()
     return SimpleNamespace(
-        info=SimpleNamespace(eye=eye, oct=scan),
+        info=SimpleNamespace(eye=eye, eye_name=eye.name, scan=scan),
         frames=range(frames),
         moments=(),
         path=Path("r"),
@@ -735,11 +741,13 @@ def test_the_stiffening_of_an_eye_is_found_from_three_frames_and_the_others_are_
     assert eye.model.library.stiffening == stiffening
     frames = interval_measurement.draw_frames(eye, EXACT, 8, rng)
     known, left = interval_measurement.calibrated(eye, frames, EXACT, library, rng)
-    assert known.modulus is not None
-    assert known.stiffening is not None
-    assert log1p(known.stiffening) == pytest.approx(log1p(stiffening), abs=0.3)
-    assert known.modulus.mean_pa == pytest.approx(eye.wall.youngs_modulus_pa, rel=0.05)
-    near = library.for_stiffening(known.stiffening).for_contact(eye.wall.polar_rad)
+    assert known.eye.modulus is not None
+    assert known.eye.stiffening is not None
+    assert log1p(known.eye.stiffening) == pytest.approx(log1p(stiffening), abs=0.3)
+    assert known.eye.modulus.mean_pa == pytest.approx(
+        eye.wall.youngs_modulus_pa, rel=0.05
+    )
+    near = library.for_stiffening(known.eye.stiffening).for_contact(eye.wall.polar_rad)
     prior = prior_of(known, EXACT.reader)
     smoothing_m = EXACT.calibration.surface_smoothing_m
     assert len(left) == 5

@@ -10,16 +10,16 @@ import pytest
 import scleraforce as sf
 from scleraforce.base.errors import InputError, StudyError
 from scleraforce.records.fields import fixed
-from scleraforce.records.needle import NeedleInfo
+from scleraforce.records.needle import Needle, gauge_diameter_m
 
 LEAN_RAD = np.radians(35.0)
 MODULUS_PA = 0.3e6
 
 
 def test_an_azimuth_without_a_lean_and_an_impossible_lean_are_refused() -> None:
-    for wrong in ({"lean_azimuth_rad": 0.1}, {"lean_rad": 2.0}):
+    for wrong in ({"lean_azimuth_rad": 0.1}, {"lean_rad": (2.0, 2.0)}):
         with pytest.raises(StudyError, match=f"^{next(iter(wrong))}: "):
-            NeedleInfo(gauge=22, slice_gap_m=0.3e-3, **wrong)
+            Needle(diameter_m=gauge_diameter_m(22), gap_m=0.3e-3, **wrong)
 
 
 @pytest.mark.slow
@@ -43,7 +43,7 @@ def test_a_leaning_needle_is_calibrated_and_read_by_the_force_along_it(
         youngs_modulus_pa=MODULUS_PA,
         mechanics="finite-strain",
     )
-    assert recording.info.needle.lean_rad == pytest.approx(LEAN_RAD)
+    assert recording.info.needle.lean_rad == pytest.approx((LEAN_RAD, LEAN_RAD))
     calibration = sf.calibrate(recording, frames=2, out=tmp_path / "eye.json")
     eye = calibration.eyes["eye-1"]
     assert eye.lean_rad == pytest.approx(LEAN_RAD)
@@ -59,12 +59,15 @@ def test_a_leaning_needle_is_calibrated_and_read_by_the_force_along_it(
     number = 2
     one = sf.read(reader, frame, calibration=tmp_path / "eye.json")
     assert one.to_dict() == read.frames[number].answer.to_dict()
-    upright = sf.read(reader, frame, calibration=tmp_path / "eye.json", lean_rad=0.0)
+    straight = sf.Needle(lean_rad=(0.0, 0.0))
+    upright = sf.read(reader, frame, needle=straight, calibration=tmp_path / "eye.json")
     assert upright.force_n == pytest.approx(np.cos(LEAN_RAD) * one.force_n)
     assert any("in the picture" in warning for warning in upright.warnings)
     without = replace(
         recording,
-        info=replace(recording.info, needle=NeedleInfo(gauge=22, slice_gap_m=0.3e-3)),
+        info=replace(
+            recording.info, needle=Needle(diameter_m=gauge_diameter_m(22), gap_m=0.3e-3)
+        ),
     )
 
     with pytest.raises(InputError, match=r"needle\.lean_rad"):

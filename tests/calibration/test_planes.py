@@ -26,19 +26,25 @@ from small_models import write_fixed_reader
 import scleraforce as sf
 from predicted_walls import Walls, force_n as wall_force_n, predict_wall
 from scleraforce.base.errors import CalibrationError
-from scleraforce.calibration.calibrate import _at, calibrate_recordings, eye_constants
+from scleraforce.calibration.calibrate import (
+    _at,
+    calibrate_recordings,
+    setup_to_calibrate,
+)
 from scleraforce.calibration.calibration import Calibration
 from scleraforce.calibration.evaluation import evaluate_recordings
 from scleraforce.calibration.filter.eye_filter import begin
 from scleraforce.calibration.seen_frames import CalibrationSettings, EyeFrames
 from scleraforce.calibration.stiffness_from_shape import EyePosterior
 from scleraforce.fit.frames_of_an_eye import ShownFrame
+from scleraforce.lab.virtual_eye import scan_plane
 from scleraforce.reading.load_model import load_reader
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.calibration_file import parse_calibration_file, summary_of
 from scleraforce.records.eye import Modulus
 from scleraforce.records.scan import Plane
 from scleraforce.records.study import Study
+from virtual_eyes import changed, wall_of
 
 FORCES_N = 0.002, 0.03, 0.012, 0.02, 0.008
 # 1.5 and 0.05 mm from the needle
@@ -148,17 +154,17 @@ def test_the_filter_sees_the_eye_at_the_place_of_the_plane(cross) -> None:
         frozenset(),
         None,
     )
-    stated = replace(eye_constants(cross, STUDY), direction_rad=0.3)
+    stated = changed(setup_to_calibrate(cross, STUDY), direction_rad=0.3)
     here = frames.seen(1).beside(stated)
     assert frames.followed == CROSS[1]
-    assert (here.gap_m, here.direction_rad) == (
+    assert (wall_of(here).gap_m, scan_plane(here).direction_rad) == (
         pytest.approx(CONTACT_M[0], abs=30e-6),
         0.3 + CROSS[1].direction_rad,
     )
-    assert here.tilt_rad == pytest.approx(-TILT_RAD[0], abs=5e-3)
+    assert scan_plane(here).tilt_rad == pytest.approx(-TILT_RAD[0], abs=5e-3)
     session = begin(STUDY, stated, LIBRARY)
     model = _at(session, frames.seen(1), 250.0, STUDY).filter.model
-    assert model.constants == replace(here, iop_pa=250.0)
+    assert model.setup == changed(here, iop_pa=250.0)
     assert (
         _at(session, replace(frames.seen(1), planes=None), None, STUDY).filter.model
         is session.filter.model
@@ -236,7 +242,10 @@ def test_without_force_a_cross_is_seen_as_one_plane_of_a_known_gap(
 def test_frames_of_other_gaps_tell_what_frames_of_one_gap_do() -> None:
     modulus = Modulus(mean_pa=0.4e6, sd_pa=0.1e6, source="population")
     eye = EyePosterior(
-        known=replace(known_eye(middling_eye(0.0)), modulus=modulus),
+        setup=replace(
+            known_eye(middling_eye(0.0)),
+            eye=replace(known_eye(middling_eye(0.0)).eye, modulus=modulus),
+        ),
         study=STUDY,
         library=LIBRARY,
     )

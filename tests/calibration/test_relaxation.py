@@ -13,7 +13,7 @@ from scleraforce.base.errors import StudyError
 from scleraforce.calibration.holds_of_a_log import TIMES_S, not_negative
 from scleraforce.lab.needle_pushes import NeedlePath
 from scleraforce.mechanics.tissue_material import PronySeries
-from scleraforce.records.tissue_relaxation import KnownRelaxation
+from scleraforce.records.tissue_relaxation import Relaxation
 
 SEEDS = range(4)
 
@@ -86,7 +86,7 @@ def test_a_needle_that_creeps_on_in_one_hold_does_not_count_as_tissue() -> None:
 def test_a_declared_relaxation_is_used_unchanged() -> None:
     rng = np.random.default_rng(2)
     pushes, path = pushed(TISSUE, rng)
-    declared = KnownRelaxation.declared(TISSUE.terms)
+    declared = Relaxation.declared(TISSUE.terms)
     elastic_n, found = found_in(path, frames_of(pushes), rng, declared)
     assert (found.source, found.shares, found.times_s) == (
         "declared",
@@ -94,11 +94,9 @@ def test_a_declared_relaxation_is_used_unchanged() -> None:
         TISSUE.times_s,
     )
     assert elastic_n[0] == pytest.approx(path.elastic_n(frames_of(pushes))[0], rel=0.01)
-    elastic_n, _ = found_in(path, frames_of(pushes), rng, KnownRelaxation.declared(()))
+    elastic_n, _ = found_in(path, frames_of(pushes), rng, Relaxation.declared(()))
     assert elastic_n == pytest.approx(FORCES_N, abs=1e-15)
-    _, found = found_in(
-        path, frames_of(pushes), rng, KnownRelaxation.declared([(0.2, 1.0)])
-    )
+    _, found = found_in(path, frames_of(pushes), rng, Relaxation.declared([(0.2, 1.0)]))
     assert np.shape(found.held_covariance) == (1, 1)
 
 
@@ -121,13 +119,13 @@ def test_histories_are_of_the_frames() -> None:
 def test_parts_of_several_lengths_and_shares_beyond_1_are_refused() -> None:
     nothing = np.zeros((1, 1))
     with pytest.raises(StudyError, match=r"^shares: expected 1 numbers"):
-        KnownRelaxation.of([0.1, 0.2], [1.0], nothing, "holds")
+        Relaxation.of([0.1, 0.2], [1.0], nothing, "holds")
     with pytest.raises(StudyError, match=r"^shares: add up to 1\.1"):
-        KnownRelaxation.of([0.6, 0.5], [1.0, 2.0], np.zeros((2, 2)), "holds")
+        Relaxation.of([0.6, 0.5], [1.0, 2.0], np.zeros((2, 2)), "holds")
 
 
 def test_a_relaxation_is_json() -> None:
-    assert json.loads(json.dumps(vars(KnownRelaxation.declared(TISSUE.terms))))[
+    assert json.loads(json.dumps(vars(Relaxation.declared(TISSUE.terms))))[
         "shares"
     ] == [0.12, 0.15]
 

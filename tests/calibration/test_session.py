@@ -15,10 +15,9 @@ from small_models import fixed_finder
 from ideal_boundaries import ideal_boundaries
 from scleraforce.base.errors import CalibrationError
 from scleraforce.calibration import seen_frames
-from scleraforce.calibration.calibrate import calibrate_recordings, eye_constants
+from scleraforce.calibration.calibrate import calibrate_recordings, setup_to_calibrate
 from scleraforce.calibration.calibration import Calibration, parse_calibration
 from scleraforce.calibration.filter import eye_filter, section_registration
-from scleraforce.calibration.filter.eye_parameters import EyeConstants
 from scleraforce.calibration.filter.section_registration import PoseBelief
 from scleraforce.lab.tissue_light import Pose
 from scleraforce.library import Library
@@ -28,8 +27,11 @@ from scleraforce.recordings.force_errors import FrameForces, frame_forces
 from scleraforce.recordings.forces_under_frames import label_frames
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.calibration_file import parse_calibration_file, summary_of
+from scleraforce.records.eye import Eye
+from scleraforce.records.globe import OPEN
 from scleraforce.records.model_folder import SHIPPED_WALL_FINDER
-from scleraforce.records.scan import PixelScale
+from scleraforce.records.needle import Needle
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.wall_in_metres import Boundaries, segmented_boundaries
@@ -50,7 +52,7 @@ def calibration(library: Library, recording: Recording) -> Calibration:
 
 def frames(recording: Recording) -> tuple[FrameForces, list[Boundaries]]:
     """Forces and boundaries as a monitor would have them."""
-    scale = PixelScale.of(recording.info.oct)
+    scale = recording.info.scan.scale
     trials = label_frames(recording, STUDY.classes, STUDY.needle.max_force_n)
     seen = [find_wall(recording.frame(entry), scale) for entry in recording.frames]
     return frame_forces(recording, trials), [
@@ -62,7 +64,7 @@ def test_frames_one_by_one_give_the_result_of_the_recording(
     library: Library, recording: Recording, calibration: Calibration
 ) -> None:
     forces, boundaries = frames(recording)
-    stated = eye_constants(recording, STUDY)
+    stated = setup_to_calibrate(recording, STUDY)
     eye = eye_filter.begin(
         STUDY, stated, library, zero_covariance=forces.zero_covariance
     )
@@ -138,7 +140,7 @@ def test_a_calibration_has_the_discrepancy_of_its_forces(
         (one.library_n, one.sd_n) for one in again
     ]
     file = parse_calibration_file(json.dumps(content).encode(), "c.json")
-    assert summary_of(file).eyes["made-up"].discrepancy == found
+    assert summary_of(file).eyes["made-up"].eye.discrepancy == found
     assert parse_calibration(file).eyes["made-up"].discrepancy == found
 
 
@@ -267,8 +269,9 @@ def test_the_file_keeps_the_mechanics_and_the_number_of_updates(
     assert saved.eyes["made-up"].updates == eye.updates == eye.state.posterior.updates
 
 
-STATED = EyeConstants(
-    iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=0.0, polar_sd_rad=0.0
+STATED = Setup(
+    eye=Eye(iop_pa=266.0, thickness_m=0.7e-3, globe=OPEN),
+    needle=Needle(gap_m=0.5e-3, polar_rad=0.0),
 )
 
 
@@ -302,7 +305,7 @@ def test_first_frames_of_little_force_are_fitted_once_for_walls_of_any_tissue(
     30 % stiffer.
     """
     forces, boundaries = frames(recording)
-    stated = eye_constants(recording, STUDY)
+    stated = setup_to_calibrate(recording, STUDY)
     fitted = list[float]()
     poses = dict[Boundaries, PoseBelief]()
     register = section_registration.register

@@ -20,18 +20,21 @@ from scleraforce.calibration.filter.eye_filter import (
     FrameStep,
     known_globe_after,
 )
-from scleraforce.calibration.filter.eye_parameters import EyeConstants, stated_wall
+from scleraforce.calibration.filter.eye_parameters import stated_wall
 from scleraforce.calibration.filter.library_sections import library_eye
-from scleraforce.lab.virtual_eye import PhantomEye
 from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
 from scleraforce.library import Library
 from scleraforce.library.library_store import cached_library
 from scleraforce.library.sealed_eye import iop_ratio_at_dent, iop_ratio_under_force
 from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.recordings.recording_folder import read_recording
-from scleraforce.records.globe import OPEN, SEALED, UNKNOWN, KnownGlobe
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.globe import OPEN, SEALED, UNKNOWN, Globe
+from scleraforce.records.needle import Needle
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import LibraryStudy, Range, Study
 from scleraforce.wall.wall_in_metres import Boundaries
+from virtual_eyes import changed, wall_of
 
 pytestmark = pytest.mark.slow
 
@@ -60,33 +63,36 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
     return cached_library(STUDY, folder=tmp_path_factory.mktemp("library"), workers=1)
 
 
-def drawn_eye(rng: np.random.Generator, rigidity: float) -> tuple[float, EyeConstants]:
+def drawn_eye(rng: np.random.Generator, rigidity: float) -> tuple[float, Setup]:
     """The modulus and the true values of an eye, whose contact is not the stated
     one.
     """
     modulus_pa = float(rng.uniform(0.25e6, 0.45e6))
-    eye = EyeConstants(
-        iop_pa=float(rng.uniform(150.0, 400.0)),
-        thickness_m=float(rng.uniform(0.52e-3, 0.78e-3)),
-        gap_m=float(rng.uniform(0.4e-3, 0.8e-3)),
-        polar_rad=float(rng.uniform(0.45, 0.78)),
-        polar_sd_rad=0.0,
-        globe=replace(SEALED, mean=rigidity * PER_UL) if rigidity else OPEN,
+    eye = Setup(
+        eye=Eye(
+            iop_pa=float(rng.uniform(150.0, 400.0)),
+            thickness_m=float(rng.uniform(0.52e-3, 0.78e-3)),
+            globe=replace(SEALED, mean=rigidity * PER_UL) if rigidity else OPEN,
+        ),
+        needle=Needle(
+            gap_m=float(rng.uniform(0.4e-3, 0.8e-3)),
+            polar_rad=float(rng.uniform(0.45, 0.78)),
+        ),
     )
 
     return modulus_pa, eye
 
 
-def highest_force_n(library: Library, modulus_pa: float, eye: EyeConstants) -> float:
+def highest_force_n(library: Library, modulus_pa: float, eye: Setup) -> float:
     """The force at the deepest dent whose pressure neither runs away nor leaves the
     library.
     """
-    thickness = np.full(len(DENTS_M), eye.thickness_m)
-    resting = np.full(len(DENTS_M), eye.iop_pa / modulus_pa)
-    globe = SEALED.globe(eye.globe.mean).over(modulus_pa)
+    thickness = np.full(len(DENTS_M), wall_of(eye).thickness_m)
+    resting = np.full(len(DENTS_M), wall_of(eye).iop_pa / modulus_pa)
+    globe = SEALED.pressure_law(eye.eye.globe.mean).over(modulus_pa)
     pressures = iop_ratio_at_dent(library, thickness, resting, DENTS_M, globe)
     deepest = int(np.flatnonzero(np.isfinite(pressures))[-1])
-    near = library.for_contact(eye.polar_rad)
+    near = library.for_contact(wall_of(eye).polar_rad)
     there = slice(deepest, deepest + 1)
     force = modulus_pa * float(
         near.forces(thickness[there], pressures[there], DENTS_M[there])[0]
@@ -98,14 +104,15 @@ def highest_force_n(library: Library, modulus_pa: float, eye: EyeConstants) -> f
 def frames(
     library: Library,
     modulus_pa: float,
-    eye: EyeConstants,
+    eye: Setup,
     forces_n: list[float],
     rng: np.random.Generator,
 ) -> list[Boundaries]:
     """Boundaries of frames of an eye that moves, from an ideal segmentation."""
     model = library_eye(SHARP, eye, library)
     states = [
-        stated_wall(eye, modulus_pa, force_n, eye.polar_rad) for force_n in forces_n
+        stated_wall(eye, modulus_pa, force_n, wall_of(eye).polar_rad)
+        for force_n in forces_n
     ]
     assert [model.outside(state) for state in states] == [None] * len(states)
     sections = [WallSection(*model.curves([state])[0]) for state in states]
@@ -114,15 +121,15 @@ def frames(
 
 
 def calibrated(
-    library: Library, rigidity: float, declared: KnownGlobe, rng: np.random.Generator
-) -> tuple[float, KnownGlobe, float]:
+    library: Library, rigidity: float, declared: Globe, rng: np.random.Generator
+) -> tuple[float, Globe, float]:
     """Return the relative error of E, the globe that is found, and the error of E over
     its standard deviation.
     """
     modulus_pa, eye = drawn_eye(rng, rigidity)
     forces_n = [share * highest_force_n(library, modulus_pa, eye) for share in SHARES]
-    stated = replace(eye, polar_rad=0.61, polar_sd_rad=0.1, globe=declared)
-    found = eye_filter.begin(STUDY, stated, library)
+    stated = changed(eye, polar_rad=0.61, globe=declared)
+    found = eye_filter.begin(STUDY, stated, library, polar_sd_rad=0.1)
 
     for force_n, boundaries in zip(
         forces_n, frames(library, modulus_pa, eye, forces_n, rng), strict=True
@@ -168,18 +175,15 @@ def test_an_open_eye_under_pressure_is_not_taken_for_a_soft_sealed_one(
     library: Library,
 ) -> None:
     """A search that began from a stiff globe led to 0.01 MPa in its first frame."""
-    eye = EyeConstants(
-        iop_pa=378.0,
-        thickness_m=0.541e-3,
-        gap_m=0.517e-3,
-        polar_rad=0.689,
-        polar_sd_rad=0.0,
+    eye = Setup(
+        eye=Eye(iop_pa=378.0, thickness_m=0.541e-3, globe=OPEN),
+        needle=Needle(gap_m=0.517e-3, polar_rad=0.689),
     )
-    stated = replace(eye, polar_rad=0.61, polar_sd_rad=0.1, globe=UNKNOWN)
+    stated = changed(eye, polar_rad=0.61, globe=UNKNOWN)
 
     for forces_n in ([0.0106, 0.0232, 0.036], [0.036, 0.0232, 0.0106]):
         made = frames(library, 0.2217e6, eye, forces_n, np.random.default_rng(3))
-        found = eye_filter.begin(STUDY, stated, library)
+        found = eye_filter.begin(STUDY, stated, library, polar_sd_rad=0.1)
 
         for force_n, boundaries in zip(forces_n, made, strict=True):
             found = eye_filter.step(found, boundaries, force_n)
@@ -198,20 +202,24 @@ def test_a_sealed_eye_that_is_declared_open_diverges_and_a_doubt_names_its_rigid
 ) -> None:
     modulus_pa, constants = drawn_eye(np.random.default_rng(104), 0.035)
     highest_n = highest_force_n(library, modulus_pa, constants)
-    eye = PhantomEye(
-        id="shut",
-        thickness_m=constants.thickness_m,
-        youngs_modulus_pa=modulus_pa,
-        iop_pa=constants.iop_pa,
-        gap_m=constants.gap_m,
-        polar_rad=constants.polar_rad,
-        azimuth_rad=0.0,
+    eye = Setup(
+        eye=Eye(
+            "shut",
+            thickness_m=wall_of(constants).thickness_m,
+            modulus=Modulus.stated(modulus_pa),
+            iop_pa=wall_of(constants).iop_pa,
+        ),
+        needle=Needle(
+            gap_m=wall_of(constants).gap_m,
+            polar_rad=wall_of(constants).polar_rad,
+            azimuth_rad=0.0,
+        ),
     )
     model = library_eye(SHARP, constants, library)
 
     def sections(forces_n: Sequence[float]) -> list[WallSection]:
         states = [
-            stated_wall(constants, modulus_pa, force_n, constants.polar_rad)
+            stated_wall(constants, modulus_pa, force_n, wall_of(constants).polar_rad)
             for force_n in forces_n
         ]
         return [WallSection(outer, inner) for outer, inner in model.curves(states)]
@@ -221,7 +229,10 @@ def test_a_sealed_eye_that_is_declared_open_diverges_and_a_doubt_names_its_rigid
     recording = read_recording(tmp_path / "shut")
 
     for declared, status, doubts in (("open", "diverged", 1), ("sealed", "ok", 0)):
-        info = replace(recording.info, eye=replace(recording.info.eye, globe=declared))
+        info = replace(
+            recording.info,
+            eye=replace(recording.info.eye, globe=Globe.declared(declared)),
+        )
         found = calibrate_recordings(
             [replace(recording, info=info)], STUDY, "", library
         ).eyes["shut"]
@@ -249,21 +260,24 @@ def test_a_declared_leak_gives_the_rigidity_that_an_undeclared_one_hides(
 ) -> None:
     modulus_pa, constants = drawn_eye(np.random.default_rng(104), 0.035)
     highest_n = 0.8 * highest_force_n(library, modulus_pa, constants)
-    eye = PhantomEye(
-        id="leak",
-        thickness_m=constants.thickness_m,
-        youngs_modulus_pa=modulus_pa,
-        iop_pa=constants.iop_pa,
-        gap_m=constants.gap_m,
-        polar_rad=constants.polar_rad,
+    eye = Setup(
+        eye=Eye(
+            "leak",
+            thickness_m=wall_of(constants).thickness_m,
+            modulus=Modulus.stated(modulus_pa),
+            iop_pa=wall_of(constants).iop_pa,
+        ),
+        needle=Needle(
+            gap_m=wall_of(constants).gap_m, polar_rad=wall_of(constants).polar_rad
+        ),
     )
     plan = plan_phantom(eye, [share * highest_n for share in SHARES], STUDY, 3)
-    law = SEALED.globe(constants.globe.mean)
-    thickness = np.array([constants.thickness_m])
+    law = SEALED.pressure_law(constants.eye.globe.mean)
+    thickness = np.array([wall_of(constants).thickness_m])
     clock_s = np.arange(0.0, plan.path.times_s[-1], 0.1)
 
     def pressed(force_n: float, leaked_m3: float) -> float:
-        rest_pa = float(law.pressure(constants.iop_pa, -leaked_m3))
+        rest_pa = float(law.pressure(wall_of(constants).iop_pa, -leaked_m3))
         rest, force = np.array([[rest_pa], [force_n]]) / modulus_pa
         return modulus_pa * float(
             iop_ratio_under_force(
@@ -272,17 +286,19 @@ def test_a_declared_leak_gives_the_rigidity_that_an_undeclared_one_hides(
         )
 
     leaked_m3 = law.leaked_m3(
-        constants.iop_pa, 600.0, plan.path.elastic_n(clock_s), pressed
+        wall_of(constants).iop_pa, 600.0, plan.path.elastic_n(clock_s), pressed
     )
     at_frames_m3 = np.interp(
         [frame.time_s for frame in plan.frames], clock_s, leaked_m3
     )
 
     def sections(forces_n: Sequence[float]) -> list[WallSection]:
-        rests_pa = law.pressure(constants.iop_pa, -at_frames_m3).tolist()
+        rests_pa = law.pressure(wall_of(constants).iop_pa, -at_frames_m3).tolist()
         states = [
             replace(
-                stated_wall(constants, modulus_pa, force_n, constants.polar_rad),
+                stated_wall(
+                    constants, modulus_pa, force_n, wall_of(constants).polar_rad
+                ),
                 iop_pa=rest_pa,
             )
             for force_n, rest_pa in zip(forces_n, rests_pa, strict=True)
@@ -300,7 +316,10 @@ def test_a_declared_leak_gives_the_rigidity_that_an_undeclared_one_hides(
     for leak_time_s in (None, 60.0):
         info = replace(
             recording.info,
-            eye=replace(recording.info.eye, globe="sealed", leak_time_s=leak_time_s),
+            eye=replace(
+                recording.info.eye,
+                globe=Globe.declared("sealed", leak_time_s=leak_time_s),
+            ),
         )
         found.append(
             calibrate_recordings(
@@ -308,8 +327,8 @@ def test_a_declared_leak_gives_the_rigidity_that_an_undeclared_one_hides(
             ).eyes["leak"]
         )
 
-    assert found[1].globe.mean == pytest.approx(constants.globe.mean, rel=0.08)
-    assert found[0].globe.mean < 0.85 * constants.globe.mean
+    assert found[1].globe.mean == pytest.approx(constants.eye.globe.mean, rel=0.08)
+    assert found[0].globe.mean < 0.85 * constants.eye.globe.mean
     assert [LEAKS in eye.recordings[0].doubts for eye in found] == [False, True]
 
 
@@ -320,7 +339,7 @@ NEEDS_RECORDINGS = pytest.mark.skipif(
 
 
 def of_recording(
-    name: str, globe: str | None, frames: int | None = None
+    name: str, globe: Globe | None, frames: int | None = None
 ) -> EyeCalibration:
     recording = read_recording(RECORDINGS / name)
     declared = replace(
@@ -343,7 +362,7 @@ def test_an_open_eye_of_a_recording_is_found_open_without_being_declared(
     name: str, frames: int | None
 ) -> None:
     without = of_recording(name, None, frames)
-    declared = of_recording(name, "open")
+    declared = of_recording(name, OPEN)
     assert (without.status, declared.status) == ("ok", "ok")
     assert abs(without.globe.mean) / PER_UL < 0.001
     assert without.mean_pa == pytest.approx(declared.mean_pa, rel=0.03)
@@ -352,7 +371,7 @@ def test_an_open_eye_of_a_recording_is_found_open_without_being_declared(
 @pytest.mark.real
 @NEEDS_RECORDINGS
 def test_a_sealed_eye_of_a_recording_has_a_rigidity_and_does_not_diverge() -> None:
-    found = of_recording("sample-c", "sealed", frames=3)
+    found = of_recording("sample-c", SEALED, frames=3)
     assert (found.status, len(found.used), found.globe.calibrated) == ("ok", 3, True)
     assert 0.005 < found.globe.mean / PER_UL < 0.06
     assert found.globe.sd < 0.1 * found.globe.mean

@@ -30,9 +30,10 @@ from scleraforce.fit.frames_of_an_eye import (
     fit_jointly,
 )
 from scleraforce.library import load_library
-from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.eye import Modulus
 from scleraforce.records.globe import SEALED
 from scleraforce.records.model_folder import LIBRARY_FILE, SHIPPED_READER
+from scleraforce.records.setup import Setup
 
 TRUE_PA = 0.3e6
 TIPS_M = tuple(1e-3 * np.linspace(0.3, 3.2, 8))
@@ -74,18 +75,21 @@ def shown(
     return tuple(frames)
 
 
-def prior(mean_pa: float = 0.36e6, sd_pa: float = 0.12e6) -> Known:
+def prior(mean_pa: float = 0.36e6, sd_pa: float = 0.12e6) -> Setup:
     modulus = Modulus(mean_pa=mean_pa, sd_pa=sd_pa, source="population")
-    return replace(known_eye(middling_eye(0.0)), modulus=modulus)
+    return replace(
+        known_eye(middling_eye(0.0)),
+        eye=replace(known_eye(middling_eye(0.0)).eye, modulus=modulus),
+    )
 
 
 def fitted(
     frames: tuple[ShownFrame, ...],
-    known: Known | None = None,
+    setup: Setup | None = None,
     tips_m: tuple[float, ...] = TIPS_M,
 ) -> JointFit:
     own = np.array([unknown[OWN] for unknown in eye_of(tips_m)]) * 1.02
-    return fit_jointly(LIBRARY, frames, known or prior(), RANGES, 0.0, own)
+    return fit_jointly(LIBRARY, frames, setup or prior(), RANGES, 0.0, own)
 
 
 def test_deep_dents_tell_the_modulus_without_a_force() -> None:
@@ -135,7 +139,7 @@ def test_the_gradient_equals_differences_of_the_cost() -> None:
     """The gradient is half the cost's slope, with all numbers: travel, a known force, a
     sealed globe's law.
     """
-    known = replace(prior(), globe=SEALED)
+    known = replace(prior(), eye=replace(prior().eye, globe=SEALED))
     frame = replace(
         shown(travel=True)[5],
         force_n=0.02,

@@ -28,8 +28,10 @@ from scleraforce.fit.prior_of_an_eye import (
     form_size,
     prior_of,
 )
-from scleraforce.records.eye import ForceDiscrepancy, Known
-from scleraforce.records.globe import OPEN, UNKNOWN, KnownGlobe
+from scleraforce.records.eye import ForceDiscrepancy
+from scleraforce.records.globe import OPEN, UNKNOWN, Globe
+from scleraforce.records.needle import Needle
+from scleraforce.records.setup import Setup
 
 WALLS = Walls(LIBRARY)
 BOTTOM_M = 3.9e-3
@@ -65,9 +67,9 @@ def true_n(unknown: np.ndarray) -> float:
     return float(force_n(WALLS, unknown[None])[0])
 
 
-def fitted(unknown: np.ndarray, depth: np.ndarray, known: Known | None = None):
+def fitted(unknown: np.ndarray, depth: np.ndarray, setup: Setup | None = None):
     fit = fit_boundaries(
-        LIBRARY, LATERAL_M, depth, prior_of(known or known_eye(unknown), RANGES)
+        LIBRARY, LATERAL_M, depth, prior_of(setup or known_eye(unknown), RANGES)
     )
     assert fit is not None
     return fit
@@ -75,7 +77,7 @@ def fitted(unknown: np.ndarray, depth: np.ndarray, known: Known | None = None):
 
 @pytest.mark.parametrize("globe", [OPEN, UNKNOWN], ids=["open", "unknown"])
 @pytest.mark.parametrize("tip_m", [0.3e-3, 2.2e-3])
-def test_derivatives_equal_differences(tip_m: float, globe: KnownGlobe) -> None:
+def test_derivatives_equal_differences(tip_m: float, globe: Globe) -> None:
     form = dict(
         zip(unknowns.FORMS, (2e-3, -0.02, 5.0, 3e-3, -0.1, 20.0, 5e-3), strict=True)
     )
@@ -199,8 +201,13 @@ def test_intervals_cover_the_force_where_the_noise_is_as_stated() -> None:
     for _ in range(60):
         truth = drawn_eye(rng)
         known = known_eye(truth)
-        found_pa = known.modulus.mean_pa + known.modulus.sd_pa * rng.normal()
-        known = replace(known, modulus=replace(known.modulus, mean_pa=found_pa))
+        found_pa = known.eye.modulus.mean_pa + known.eye.modulus.sd_pa * rng.normal()
+        known = replace(
+            known,
+            eye=replace(
+                known.eye, modulus=replace(known.eye.modulus, mean_pa=found_pa)
+            ),
+        )
         force = true_n(truth)
         fit = fitted(truth, boundaries(truth, 12e-6, rng), known)
         inside.append(fit.interval_n[0] <= force <= fit.interval_n[1])
@@ -210,6 +217,14 @@ def test_intervals_cover_the_force_where_the_noise_is_as_stated() -> None:
     assert np.median(off) < 3e-3
 
 
+def without(setup: Setup, missing: str) -> Setup:
+    """Return what is known of an experiment but for one value of eye or needle."""
+    parts = {"nothing": setup, "gap_m": replace(setup, needle=Needle())}
+    if missing in parts:
+        return parts[missing]
+    return replace(setup, eye=replace(setup.eye, **{missing: None}))
+
+
 def test_unknown_values_of_the_eye_widen_the_interval() -> None:
     truth = eye(1.2e-3)
     depth = boundaries(truth, 8e-6, np.random.default_rng(5))
@@ -217,9 +232,7 @@ def test_unknown_values_of_the_eye_widen_the_interval() -> None:
     width = {}
 
     for missing in ("nothing", "modulus", "iop_pa", "thickness_m", "gap_m"):
-        known = (
-            all_known if missing == "nothing" else replace(all_known, **{missing: None})
-        )
+        known = without(all_known, missing)
         low, high = fitted(truth, depth, known).interval_n
         assert low < true_n(truth) < high, missing
         width[missing] = high - low
@@ -248,7 +261,12 @@ def test_an_eyes_discrepancy_moves_its_force_and_its_uncertainty_widens_the_inte
         fit = fitted(
             truth,
             depth,
-            replace(known_eye(truth, relative_sd=0.001), discrepancy=discrepancy),
+            replace(
+                known_eye(truth, relative_sd=0.001),
+                eye=replace(
+                    known_eye(truth, relative_sd=0.001).eye, discrepancy=discrepancy
+                ),
+            ),
         )
         found[name] = fit.force_n, log_width(fit)
 
@@ -294,7 +312,7 @@ def test_the_outer_boundary_is_enough_and_a_few_columns_are_not() -> None:
     fit = fitted(truth, depth)
     assert fit.interval_n[0] < true_n(truth) < fit.interval_n[1]
     depth[0, 12:] = np.nan
-    assert fit_boundaries(LIBRARY, LATERAL_M, depth, prior_of(Known(), RANGES)) is None
+    assert fit_boundaries(LIBRARY, LATERAL_M, depth, prior_of(Setup(), RANGES)) is None
 
 
 def test_an_inner_boundary_of_another_layer_does_not_change_the_known_thickness():

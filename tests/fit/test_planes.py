@@ -24,7 +24,7 @@ from scleraforce.records.scan import Plane
 from scleraforce.records.study import Range
 
 UNKNOWN_GAP = replace(RANGES, gap_m=Range(min=0.0, max=1e-3))
-PRIOR = prior_of(replace(KNOWN, gap_m=None), UNKNOWN_GAP)
+PRIOR = prior_of(replace(KNOWN, needle=replace(KNOWN.needle, gap_m=None)), UNKNOWN_GAP)
 
 
 def seen_planes(
@@ -109,8 +109,15 @@ def test_a_fit_that_starts_from_another_prior_s_ends_where_a_search_does(
     seen = seen_planes(
         planes, tip_of(0.02), (0.2e-3, -0.45e-3, 0.5e-3), (0.03, -0.02), noise_m=2e-6
     )
-    stiffer = replace(KNOWN.modulus, mean_pa=1.2 * KNOWN.modulus.mean_pa)
-    prior = prior_of(replace(KNOWN, gap_m=None, modulus=stiffer), UNKNOWN_GAP)
+    stiffer = replace(KNOWN.eye.modulus, mean_pa=1.2 * KNOWN.eye.modulus.mean_pa)
+    prior = prior_of(
+        replace(
+            KNOWN,
+            needle=replace(KNOWN.needle, gap_m=None),
+            eye=replace(KNOWN.eye, modulus=stiffer),
+        ),
+        UNKNOWN_GAP,
+    )
     searched, _ = fit_planes(LIBRARY, [replace(one, prior=prior) for one in seen])
     found = PlanesFit(tuple(seen), *fit_planes(LIBRARY, seen)).with_priors(
         LIBRARY, [prior, prior], 0.0

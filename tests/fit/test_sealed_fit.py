@@ -26,16 +26,15 @@ from scleraforce.fit.prior_of_an_eye import prior_of
 from scleraforce.library import Library
 from scleraforce.library.library_file import load_library
 from scleraforce.library.sealed_eye import iop_ratio_at_dent
-from scleraforce.records.eye import Known
 from scleraforce.records.globe import (
     OPEN,
     REFERENCE_RIGIDITY,
     SEALED,
     UNKNOWN,
-    KnownGlobe,
-    known_globe,
+    Globe,
 )
 from scleraforce.records.model_folder import LIBRARY_FILE, SHIPPED_READER
+from scleraforce.records.setup import Setup
 
 SEALED_WALLS = Walls(LIBRARY, UNKNOWN)
 NOISE_M = 10e-6
@@ -60,12 +59,12 @@ def log_pressures(unknown_su: np.ndarray, rigidity: np.ndarray) -> np.ndarray:
         np.exp(unknown_su[:, unknowns.IOP]) / modulus,
         unknown_su[:, unknowns.TIP],
     )
-    law = UNKNOWN.globe(REFERENCE_RIGIDITY * rigidity).over(modulus)
+    law = UNKNOWN.pressure_law(REFERENCE_RIGIDITY * rigidity).over(modulus)
 
     return np.log(iop_ratio_at_dent(LIBRARY, *walls, law) * modulus)
 
 
-def drawn_eye(rng: np.random.Generator, globe: KnownGlobe) -> tuple[np.ndarray, float]:
+def drawn_eye(rng: np.random.Generator, globe: Globe) -> tuple[np.ndarray, float]:
     """An eye of a rigidity anywhere in a globe's range, whose pressure does not run
     away, and its rigidity.
     """
@@ -88,8 +87,8 @@ def boundaries(unknown: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return noisy_boundaries(predict_wall(SEALED_WALLS, unknown, BOTH), NOISE_M, rng)
 
 
-def fitted(depth: np.ndarray, known: Known) -> BoundaryFit:
-    fit = fit_boundaries(LIBRARY, LATERAL_M, depth, prior_of(known, RANGES))
+def fitted(depth: np.ndarray, setup: Setup) -> BoundaryFit:
+    fit = fit_boundaries(LIBRARY, LATERAL_M, depth, prior_of(setup, RANGES))
     assert fit is not None
     return fit
 
@@ -98,7 +97,7 @@ def true_force_n(unknown: np.ndarray) -> float:
     return float(force_n(SEALED_WALLS, unknown[None])[0])
 
 
-def coverage(seed: int, drawn: KnownGlobe, given: str) -> float:
+def coverage(seed: int, drawn: Globe, given: str) -> float:
     """The share of `EYES` eyes whose 90 % interval holds the force; their moduli are
     found 2 % off.
     """
@@ -108,16 +107,19 @@ def coverage(seed: int, drawn: KnownGlobe, given: str) -> float:
     for _ in range(EYES):
         truth, k = drawn_eye(rng, drawn)
         globe = (
-            known_globe("sealed", k * (1.0 + 0.08 * rng.normal()))
+            Globe.declared("sealed", k * (1.0 + 0.08 * rng.normal()))
             if given == "rigidity"
             else drawn
         )
         depth = boundaries(truth, rng)
         known = known_eye(truth, globe)
         modulus = replace(
-            known.modulus, mean_pa=known.modulus.mean_pa * (1.0 + 0.02 * rng.normal())
+            known.eye.modulus,
+            mean_pa=known.eye.modulus.mean_pa * (1.0 + 0.02 * rng.normal()),
         )
-        low, high = fitted(depth, replace(known, modulus=modulus)).interval_n
+        low, high = fitted(
+            depth, replace(known, eye=replace(known.eye, modulus=modulus))
+        ).interval_n
         inside += low <= true_force_n(truth) <= high
 
     return inside / EYES
@@ -131,7 +133,7 @@ def coverage(seed: int, drawn: KnownGlobe, given: str) -> float:
     ids=["k", "sealed", "nothing"],
 )
 def test_intervals_of_sealed_walls_hold_the_force_for_any_knowledge_of_the_globe(
-    drawn: KnownGlobe, given: str
+    drawn: Globe, given: str
 ) -> None:
     # 90 %, less two and a half standard deviations of 120 eyes
     assert coverage(11, drawn, given) >= 0.83
@@ -141,7 +143,7 @@ def test_unknown_values_of_a_globe_widen_the_interval() -> None:
     truth = eye(0.8e-3, 0.2)
     depth = boundaries(truth, np.random.default_rng(6))
     force = true_force_n(truth)
-    stated = known_globe("sealed", 0.2 * REFERENCE_RIGIDITY)
+    stated = Globe.declared("sealed", 0.2 * REFERENCE_RIGIDITY)
     fits = [
         fitted(depth, known_eye(truth, globe)) for globe in (stated, SEALED, UNKNOWN)
     ]
@@ -152,7 +154,7 @@ def test_unknown_values_of_a_globe_widen_the_interval() -> None:
     assert widths[2] > 0.95 * widths[1]
     # a sealed eye that is declared open
     assert fitted(depth, known_eye(truth, OPEN)).interval_n[1] < force
-    law = stated.globe(stated.mean).over(0.3e6)
+    law = stated.pressure_law(stated.mean).over(0.3e6)
     (ratio,) = iop_ratio_at_dent(
         LIBRARY,
         truth[[unknowns.THICKNESS]],
@@ -164,12 +166,12 @@ def test_unknown_values_of_a_globe_widen_the_interval() -> None:
     assert ratio > 1.5 * 270.0 / 0.3e6
 
 
-def spread_on_a_grid_n(truth: np.ndarray, known: Known) -> float:
+def spread_on_a_grid_n(truth: np.ndarray, setup: Setup) -> float:
     """The standard deviation of the force at the true dent over a grid of (ln E, k),
     weighted by the known eye.
     """
-    globe = known.globe
-    modulus = known.modulus
+    globe = setup.eye.globe
+    modulus = setup.eye.modulus
     scores = np.stack(
         np.meshgrid(np.linspace(-3.5, 3.5, 41), np.linspace(-3.5, 3.5, 41)), axis=-1
     ).reshape(-1, 2)
@@ -193,7 +195,7 @@ def spread_on_a_grid_n(truth: np.ndarray, known: Known) -> float:
     return float(np.sqrt(np.average((forces - mean) ** 2, weights=weights)))
 
 
-def calibrated(modulus_sd: float, rigidity_sd: float, correlation: float) -> Known:
+def calibrated(modulus_sd: float, rigidity_sd: float, correlation: float) -> Setup:
     """The middling eye of rigidity 0.2 after a calibration."""
     spread = {
         "mean": 0.2 * REFERENCE_RIGIDITY,
@@ -239,7 +241,7 @@ def taut_wall(
     thickness_m: float,
     pressure_pa: float,
     modulus_pa: float = MODULUS_PA,
-) -> tuple[np.ndarray, KnownGlobe]:
+) -> tuple[np.ndarray, Globe]:
     """The unknowns of a soft wall that a needle has brought to a pressure, and its
     globe, k known to 3 %.
     """
@@ -257,7 +259,7 @@ def taut_wall(
     )
     tips_m = np.linspace(0.0, 3e-3, 300)
     of_wall = np.full(300, thickness_m), np.full(300, pressure_pa / modulus_pa), tips_m
-    needed_m3 = globe.globe(globe.mean).displaced_m3(400.0, pressure_pa)
+    needed_m3 = globe.pressure_law(globe.mean).displaced_m3(400.0, pressure_pa)
     unknown[unknowns.TIP] = np.interp(needed_m3, library.displaced_m3(*of_wall), tips_m)
 
     return unknown, globe
@@ -278,7 +280,11 @@ def test_a_frame_near_the_pressure_that_runs_away_is_read_right(
     depth = noisy_boundaries(
         predict_wall(walls, unknown, BOTH), 5e-6, np.random.default_rng(3)
     )
-    known = replace(known_eye(unknown, globe), polar_rad=None, direction_rad=None)
+    known = replace(
+        known_eye(unknown, globe),
+        needle=replace(known_eye(unknown, globe).needle, polar_rad=None),
+        scan=replace(known_eye(unknown, globe).scan, direction_rad=None),
+    )
     fit = fit_boundaries(library, LATERAL_M, depth, prior_of(known, RANGES))
     assert fit is not None
     true_n = float(force_n(walls, unknown[None])[0])

@@ -10,7 +10,7 @@ from library_arrays import reached_tips
 
 from scleraforce.base.units import SI_PER_UNIT
 from scleraforce.library.sealed_eye import iop_ratio_at_dent, iop_ratio_under_force
-from scleraforce.records.globe import OPEN_GLOBE, Globe, sealed_globe
+from scleraforce.records.globe import CONSTANT_PRESSURE, PressureLaw, sealed_law
 from scleraforce.records.study_of_eye import RIGIDITY_LAWS
 
 PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
@@ -19,7 +19,7 @@ LIBRARY = analytic_library()
 
 def sealed_eyes(
     law: str, count: int = 200
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, Globe]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, PressureLaw]:
     """Walls, dents and globes, of which some run away."""
     rng = np.random.default_rng(5)
     thickness, resting = draw_walls(rng, count)
@@ -30,7 +30,7 @@ def sealed_eyes(
         thickness,
         resting,
         dents,
-        sealed_globe(rng.uniform(0.001, 0.06, count) * PER_UL, law).over(0.4e6),
+        sealed_law(rng.uniform(0.001, 0.06, count) * PER_UL, law).over(0.4e6),
     )
 
 
@@ -47,7 +47,7 @@ def test_the_pressure_is_that_at_the_dent_which_the_force_makes(law: str) -> Non
         dents[stays],
         rtol=1e-9,
     )
-    found = iop_ratio_under_force(LIBRARY, *walls, forces, Globe(law, rate))
+    found = iop_ratio_under_force(LIBRARY, *walls, forces, PressureLaw(law, rate))
     assert first.sum() > 60
     assert np.median(expected[stays][first] / walls[1][first]) > 1.2
     np.testing.assert_allclose(found[first], expected[stays][first], rtol=1e-5)
@@ -57,12 +57,15 @@ def test_an_open_globe_and_one_without_a_force_keep_their_pressure() -> None:
     thickness, resting, _, globe = sealed_eyes("cube-root")
     forces = np.full(len(thickness), 5e-8)
     np.testing.assert_array_equal(
-        iop_ratio_under_force(LIBRARY, thickness, resting, forces, OPEN_GLOBE), resting
+        iop_ratio_under_force(LIBRARY, thickness, resting, forces, CONSTANT_PRESSURE),
+        resting,
     )
     np.testing.assert_array_equal(
         iop_ratio_under_force(LIBRARY, thickness, resting, 0.0 * forces, globe), resting
     )
-    some = Globe("cube-root", np.where(np.arange(len(thickness)) % 2, globe.rate, 0.0))
+    some = PressureLaw(
+        "cube-root", np.where(np.arange(len(thickness)) % 2, globe.rate, 0.0)
+    )
     found = iop_ratio_under_force(LIBRARY, thickness, resting, forces, some)
     np.testing.assert_array_equal(found[::2], resting[::2])
     assert (found[1::2] > resting[1::2]).all()
@@ -74,7 +77,7 @@ def test_pressures_agree_with_root_finding(law: str) -> None:
     thickness, resting, _, _ = sealed_eyes(law)
     falling = rng.random(len(thickness)) < 0.1
     rigidity = np.where(falling, -0.002, rng.uniform(0.0, 0.2, len(thickness))) * PER_UL
-    globe = sealed_globe(rigidity, law).over(0.4e6)
+    globe = sealed_law(rigidity, law).over(0.4e6)
     forces = rng.uniform(0.0, 1.2, len(thickness)) * LIBRARY.largest_force_ratio(
         thickness, resting
     )

@@ -29,12 +29,15 @@ from scleraforce.lab.tissue_light import (
     sample_conjunctiva,
     sample_optics,
 )
-from scleraforce.lab.virtual_eye import PhantomEye
 from scleraforce.lab.virtual_recording import needle_tip, plan_phantom, render_frame
 from scleraforce.mechanics.contact_and_section import WallSection
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.needle import Needle
 from scleraforce.records.scan import PixelScale
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import OctStudy, Study, fixed
 from scleraforce.wall.wall_network import FrameWindow
+from virtual_eyes import wall_of
 
 # 16 bits over 120 dB: the intensity can be read back from the counts to 0.05 %.
 SCANNER = OctStudy(bits=16)
@@ -407,13 +410,9 @@ OCT = OctStudy()
 DEPTH_M = OCT.depth_m / OCT.rows
 COLUMN_M = OCT.width_m / OCT.columns
 TIP_M = np.array([0.2e-3, 2e-3])
-EYE = PhantomEye(
-    id="eye",
-    thickness_m=0.6e-3,
-    youngs_modulus_pa=0.3e6,
-    iop_pa=266.0,
-    gap_m=0.05e-3,
-    polar_rad=radians(35.0),
+EYE = Setup(
+    eye=Eye("eye", thickness_m=0.6e-3, modulus=Modulus.stated(0.3e6), iop_pa=266.0),
+    needle=Needle(gap_m=0.05e-3, polar_rad=radians(35.0)),
 )
 THIN_WALL = flat_wall(0.0, 0.6e-3, half_m=9e-3, points=201)
 
@@ -486,7 +485,7 @@ def test_a_needle_is_one_in_a_recording_and_leaves_every_other_number_unchanged(
         plan_phantom(EYE, (0.004, 0.02), each, 3) for each in (study, Study())
     )
     (needle,) = {frame.optics.needle for frame in with_needle.frames}
-    assert needle.gap_m == EYE.gap_m
+    assert needle.gap_m == wall_of(EYE).gap_m
     assert [replace(frame.optics, needle=None) for frame in with_needle.frames] == [
         f.optics for f in without.frames
     ]

@@ -20,8 +20,8 @@ from scleraforce.lab.needle_pushes import (
 )
 from scleraforce.lab.virtual_eye import (
     LinearSections,
-    PhantomEye,
     paper_eyes,
+    scan_plane,
     study_sections,
 )
 from scleraforce.lab.virtual_recording import (
@@ -41,17 +41,19 @@ from scleraforce.mechanics.tissue_material import PronySeries
 from scleraforce.recordings.forces_under_frames import label_frames
 from scleraforce.recordings.recording_folder import read_recording, true_forces
 from scleraforce.records import study as st, study_of_eye
-from scleraforce.records.scan import Plane
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.globe import OPEN
+from scleraforce.records.motion import Motion
+from scleraforce.records.needle import Needle
+from scleraforce.records.scan import Plane, Scan
+from scleraforce.records.setup import Setup
+from virtual_eyes import changed, wall_of
 
 STUDY = st.Study(oct=st.OctStudy(columns=128, rows=96), mesh=st.MeshStudy(divisions=4))
-EYE = PhantomEye(
-    id="eye-x",
-    thickness_m=600e-6,
-    youngs_modulus_pa=0.25e6,
-    iop_pa=266.0,
-    gap_m=0.5e-3,
-    polar_rad=0.6,
-    direction_rad=0.2,
+EYE = Setup(
+    eye=Eye("eye-x", thickness_m=600e-6, modulus=Modulus.stated(0.25e6), iop_pa=266.0),
+    needle=Needle(gap_m=0.5e-3, polar_rad=0.6),
+    scan=Scan(direction_rad=0.2),
 )
 FORCES_N = (0.02, 0.002, 0.045)
 
@@ -79,15 +81,15 @@ def test_the_recording_has_the_plans_frames_forces_and_values(written):
     plan = plan_phantom(EYE, FORCES_N, STUDY, 3)
     recording = read_recording(written)
     info = recording.info
-    assert (info.eye.id, info.eye.thickness_m, info.eye.globe) == (
+    assert (info.eye_name, info.eye.thickness_m, info.eye.globe) == (
         "eye-x",
         600e-6,
-        "open",
+        OPEN,
     )
     assert (
-        info.needle.slice_gap_m,
+        info.needle.gap_m,
         info.needle.gauge,
-        info.oct.plane_direction_rad,
+        info.scan.direction_rad,
     ) == (0.5e-3, 22, 0.2)
     assert [frame.file for frame in recording.frames] == [
         "0001.png",
@@ -175,10 +177,21 @@ def test_truth_has_every_parameter(written):
     assert phantom_truth(plan, study, [0.0] * 3)["form"]["cornea"] == asdict(
         study_of_eye.CorneaStudy(radius_m=8e-3)
     )
-    assert truth["eye"] == asdict(EYE)
+    assert truth["eye"] == {
+        "id": "eye-x",
+        "thickness_m": 600e-6,
+        "youngs_modulus_pa": 0.25e6,
+        "iop_pa": 266.0,
+        "gap_m": wall_of(EYE).gap_m,
+        **asdict(scan_plane(EYE).contact),
+        "direction_rad": scan_plane(EYE).direction_rad,
+        "tilt_rad": scan_plane(EYE).tilt_rad,
+    }
     assert truth["globe"]["kind"] == "open"
     assert truth["tissue"] == json.loads(json.dumps(asdict(STUDY.tissue)))
-    assert [frame["pressure_pa"] for frame in truth["frames"]] == [EYE.iop_pa] * 3
+    assert [frame["pressure_pa"] for frame in truth["frames"]] == [
+        wall_of(EYE).iop_pa
+    ] * 3
     assert truth["seed"] == 3
     assert set(truth["versions"]) >= {"scleraforce", "numpy"}
     assert [frame["force_n"] for frame in truth["frames"]] == pytest.approx(FORCES_N)
@@ -196,7 +209,7 @@ def test_same_seed_gives_the_same_bytes_and_another_seed_or_eye_others(
     for name, eye, seed, same in (
         ("a", EYE, 3, True),
         ("b", EYE, 4, False),
-        ("c", replace(EYE, id="y"), 3, False),
+        ("c", changed(EYE, name="y"), 3, False),
     ):
         write_phantom(
             tmp_path / name,
@@ -222,7 +235,7 @@ def test_a_conjunctiva_is_one_in_a_recording_and_slides_from_push_to_push():
     assert len({replace(layer, phase_rad=0.0, press=None) for layer in layers}) == 1
     assert [layer.press.force_n for layer in layers] == list(FORCES_N)
     assert {(layer.press.radius_m, layer.press.gap_m) for layer in layers} == {
-        (0.35e-3, EYE.gap_m)
+        (0.35e-3, wall_of(EYE).gap_m)
     }
     assert [replace(optics, conjunctiva=None) for optics in with_layer] == bare
 
@@ -277,11 +290,11 @@ def test_impossible_forces_motions_and_eyes_are_errors():
     for field, value in {
         "thickness_m": 5e-2,
         "iop_pa": -1.0,
-        "id": "a/b",
+        "name": "a/b",
         "gap_m": float("nan"),
     }.items():
-        with pytest.raises(InputError, match=f"{field}: "):
-            replace(EYE, **{field: value})
+        with pytest.raises(InputError, match=f"{field.replace('name', 'id')}: "):
+            plan_phantom(changed(EYE, **{field: value}), FORCES_N, STUDY, 0)
 
 
 def test_linear_sections_scale_with_the_force_and_start_from_the_loaded_wall():
@@ -305,14 +318,14 @@ def test_paper_eyes_have_the_design_of_tables_1_and_2():
     ]
     expected = [0, 11, 14], [1, 2, 2], [2, 0, 3], [2, 1, 2], [2, 1, 2]
     assert [[count[target] for target in range(3)] for count in counts] == [*expected]
-    assert [round(eye.thickness_m * 1e6) for eye, _ in eyes] == [
+    assert [round(setup.eye.thickness_m * 1e6) for setup, _ in eyes] == [
         800,
         500,
         650,
         560,
         800,
     ]
-    assert [round(eye.youngs_modulus_pa / 1e6, 2) for eye, _ in eyes] == [
+    assert [round(setup.eye.modulus_pa / 1e6, 2) for setup, _ in eyes] == [
         0.27,
         0.22,
         0.24,
@@ -369,7 +382,7 @@ def test_commands_write_recordings_of_held_and_moving_needles_and_print_json(
     }
     assert json.loads(capsys.readouterr().out) == expected
     eye = read_recording(out).info.eye
-    assert (eye.id, eye.thickness_m, eye.iop_pa) == (
+    assert (eye.name, eye.thickness_m, eye.iop_pa) == (
         "pig",
         700e-6,
         pytest.approx(400.0, abs=0.1),
@@ -424,7 +437,7 @@ TURNING_POINTS_N = (0.02, 0.005, 0.035)
 
 def plan(study=MOVING_STUDY, seed=3, **changes):
     motion = {"rate_hz": 50.0, "ramp_n_per_s": 0.02, "hold_s": 0.5} | changes
-    return plan_moving_phantom(EYE, TURNING_POINTS_N, study, seed, **motion)
+    return plan_moving_phantom(EYE, TURNING_POINTS_N, study, seed, Motion(**motion))
 
 
 def flat_sections(forces_n):
@@ -720,4 +733,4 @@ def test_a_plan_of_too_many_frames_is_refused_before_they_are_drawn() -> None:
     """1.8 billion frames, each within the limits of rate, ramp and hold."""
     motion = {"rate_hz": 1000.0, "ramp_n_per_s": 1e-5, "hold_s": 3600.0}
     with less_than(64 * 2**20), pytest.raises(RecordingError, match="may have 100000"):
-        plan_moving_phantom(EYE, (0.02, 0.03) * 250, STUDY, 0, **motion)
+        plan_moving_phantom(EYE, (0.02, 0.03) * 250, STUDY, 0, Motion(**motion))

@@ -17,7 +17,7 @@ from scleraforce.lab.virtual_eye import (
     BentSections,
     EyeTurn,
     LinearSections,
-    PhantomEye,
+    scan_plane,
     study_sections,
 )
 from scleraforce.lab.virtual_recording import (
@@ -28,9 +28,16 @@ from scleraforce.lab.virtual_recording import (
 )
 from scleraforce.mechanics.contact_and_section import Contact, ScanPlane, WallSection
 from scleraforce.mechanics.finite_strain_wall import bend_eye
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.uneven_form import thickness_factor
 from scleraforce.recordings.recording_folder import read_recording
 from scleraforce.records import study as st, study_of_eye
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.globe import SEALED
+from scleraforce.records.needle import Needle
+from scleraforce.records.scan import Scan
+from scleraforce.records.setup import Setup
+from virtual_eyes import changed, wall_of
 
 STUDY = st.Study(
     oct=st.OctStudy(columns=128, rows=96),
@@ -41,15 +48,10 @@ STUDY = st.Study(
         wave=(study_of_eye.WaveStudy(amplitude_fraction=0.1, degree=2),),
     ),
 )
-EYE = PhantomEye(
-    id="eye-x",
-    thickness_m=800e-6,
-    youngs_modulus_pa=0.3e6,
-    iop_pa=266.0,
-    gap_m=0.5e-3,
-    polar_rad=0.6,
-    azimuth_rad=0.3,
-    direction_rad=0.2,
+EYE = Setup(
+    eye=Eye("eye-x", thickness_m=800e-6, modulus=Modulus.stated(0.3e6), iop_pa=266.0),
+    needle=Needle(gap_m=0.5e-3, polar_rad=0.6, azimuth_rad=0.3),
+    scan=Scan(direction_rad=0.2),
 )
 FORCES_N = (0.012, 0.0, 0.004)
 
@@ -57,10 +59,10 @@ FORCES_N = (0.012, 0.0, 0.004)
 def test_each_section_is_that_of_its_state_alone() -> None:
     together = study_sections(EYE, STUDY)(FORCES_N)
     wall = {"thickness_m": 800e-6, "youngs_modulus_pa": 0.3e6, "iop_pa": 266.0}
-    bent = bend_eye(STUDY, EYE.plane.contact, **wall, max_force_n=0.012)
+    bent = bend_eye(STUDY, scan_plane(EYE).contact, PathEnd(max_force=0.012), **wall)
 
     for force_n, section in zip(FORCES_N, together, strict=True):
-        alone = cut_section(bent.mesh, EYE.plane, bent.displacement_nc(force_n))
+        alone = cut_section(bent.mesh, scan_plane(EYE), bent.displacement_nc(force_n))
         assert np.abs(section.outer - alone.outer).max() < 1e-8
         assert np.abs(section.inner - alone.inner).max() < 1e-8
 
@@ -85,7 +87,7 @@ def test_a_larger_force_later_is_answered_and_smaller_ones_stay() -> None:
 
 def test_small_forces_without_pressure_bend_as_in_linear_mechanics() -> None:
     plain = replace(STUDY, form=st.FormStudy(), eye=st.EyeStudy(density_kg_m3=0.0))
-    eye = replace(EYE, iop_pa=0.0)
+    eye = changed(EYE, iop_pa=0.0)
     forces_n = (0.0, 1e-4)
     rest, bent = BentSections(eye, plain)(forces_n)
     linear_rest, linear = LinearSections(eye, plain)(forces_n)
@@ -154,10 +156,7 @@ def test_the_phantom_command_bends_a_sealed_eye_that_stiffens_and_tells_form_tis
     )
     eye = read_recording(out).info.eye
     # as a laboratory knows it
-    assert (eye.globe, eye.rigidity_pa13_per_m3) == (
-        "sealed",
-        None,
-    )
+    assert eye.globe == SEALED
 
 
 def test_a_leaking_eye_is_one_that_does_not_leak_of_the_pressure_that_is_left() -> None:
@@ -170,14 +169,20 @@ def test_a_leaking_eye_is_one_that_does_not_leak_of_the_pressure_that_is_left() 
         lambda time_s: np.where(time_s < 30.0, 0.012, 0.0), [0.0, 20.0, 40.0]
     )
     rest = BentSections(
-        replace(EYE, iop_pa=pressures_pa[2]),
+        changed(EYE, iop_pa=pressures_pa[2]),
         replace(own, globe=replace(globe, leak_time_s=0.0)),
     )
     again_pa = rest.pressures_pa([0.012])[0]
     assert pressures_pa[0] == pytest.approx(
         BentSections(EYE, own).pressures_pa([0.012])[0]
     )
-    assert pressures_pa[2] < EYE.iop_pa < pressures_pa[1] < again_pa < pressures_pa[0]
+    assert (
+        pressures_pa[2]
+        < wall_of(EYE).iop_pa
+        < pressures_pa[1]
+        < again_pa
+        < pressures_pa[0]
+    )
     here, there = (
         np.interp(1e-3, *section.outer.T) for section in (sections[2], rest([0.0])[0])
     )
@@ -194,7 +199,7 @@ GRADED = st.MeshStudy(kind="graded", core=4, rings=6)
 TURNED_STUDY = st.Study(
     oct=SMALL, mesh=GRADED, mechanics=STUDY.mechanics, form=UNEVEN, phantom=MOVING
 )
-TURNED_EYE = replace(EYE, thickness_m=600e-6)
+TURNED_EYE = changed(EYE, thickness_m=600e-6)
 TURNED_FORCES_N = (0.0, 0.006, 0.012)
 FARTHEST = radians(4.0)
 
@@ -217,8 +222,8 @@ def test_a_section_between_the_paths_is_that_of_a_path_at_its_own_contact(side) 
     turn = EyeTurn(
         about_x_rad=FARTHEST * np.cos(side), about_y_rad=FARTHEST * np.sin(side)
     )
-    plane = ve.turned_plane(TURNED_EYE.plane, turn)
-    own = replace(
+    plane = ve.turned_plane(scan_plane(TURNED_EYE), turn)
+    own = changed(
         TURNED_EYE, **asdict(plane.contact), direction_rad=plane.direction_rad
     )
     sections_at = study_sections(TURNED_EYE, TURNED_STUDY)
@@ -279,7 +284,7 @@ def test_the_truth_of_a_phantom_has_each_frames_turn_and_contact_and_the_recordi
         contact = Contact(
             polar_rad=said["turn"]["polar_rad"], azimuth_rad=said["turn"]["azimuth_rad"]
         )
-        assert contact == ve.turned_plane(TURNED_EYE.plane, turn).contact
+        assert contact == ve.turned_plane(scan_plane(TURNED_EYE), turn).contact
         assert {key: said["turn"][key] for key in asdict(turn)} == asdict(turn)
         assert said["turn"]["thickness_at_contact_m"] == pytest.approx(600e-6)
 
@@ -297,8 +302,11 @@ def test_the_truth_of_a_phantom_has_each_frames_turn_and_contact_and_the_recordi
         assert thickness_m != pytest.approx(600e-6, rel=1e-3)
 
     info = read_recording(tmp_path / "rec").info
-    known = info.needle.polar_angle_rad, info.oct.plane_direction_rad
-    assert known == (TURNED_EYE.polar_rad, TURNED_EYE.direction_rad)
+    known = info.needle.polar_rad, info.scan.direction_rad
+    assert known == (
+        wall_of(TURNED_EYE).polar_rad,
+        scan_plane(TURNED_EYE).direction_rad,
+    )
 
 
 def test_sections_of_one_contact_are_refused_for_an_eye_that_turns() -> None:

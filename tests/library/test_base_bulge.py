@@ -7,7 +7,7 @@ import pytest
 from analytic_library import RADIUS_M, analytic_library, bulging
 
 from predicted_walls import Walls, formed_wall
-from scleraforce.calibration.filter.eye_parameters import EyeConstants, stated_wall
+from scleraforce.calibration.filter.eye_parameters import stated_wall
 from scleraforce.calibration.filter.library_sections import LibrarySections
 from scleraforce.fit import unknowns
 from scleraforce.library.moving_base import (
@@ -19,6 +19,12 @@ from scleraforce.library.moving_base import (
 from scleraforce.mechanics.contact_and_section import Contact, ScanPlane
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.linear_wall import LinearWall
+from scleraforce.records.eye import Eye
+from scleraforce.records.globe import OPEN
+from scleraforce.records.needle import Needle
+from scleraforce.records.scan import Scan
+from scleraforce.records.setup import Setup
+from virtual_eyes import wall_of
 
 ANGLES = np.linspace(0.0, np.pi / 2, 91)
 THICKNESS = np.array([0.6e-3])
@@ -105,28 +111,25 @@ def eye(tip_m: float = 0.0) -> np.ndarray:
     return unknown
 
 
-def stated(direction_rad: float | None) -> EyeConstants:
-    return EyeConstants(
-        iop_pa=300.0,
-        thickness_m=0.6e-3,
-        gap_m=0.5e-3,
-        polar_rad=0.6,
-        polar_sd_rad=0.0,
-        direction_rad=direction_rad,
+def stated(direction_rad: float | None) -> Setup:
+    return Setup(
+        eye=Eye(iop_pa=300.0, thickness_m=0.6e-3, globe=OPEN),
+        needle=Needle(gap_m=0.5e-3, polar_rad=0.6),
+        scan=Scan(direction_rad=direction_rad),
     )
 
 
-def calibrating(constants: EyeConstants, lateral: np.ndarray) -> LibrarySections:
+def calibrating(constants: Setup, lateral: np.ndarray) -> LibrarySections:
     library = (
         bulging(analytic_library())
         .within(0.9 * RADIUS_M)
-        .for_contact(constants.polar_rad)
+        .for_contact(wall_of(constants).polar_rad)
     )
     return LibrarySections(
         constants,
         library,
         lateral,
-        (constants.polar_rad,),
+        (wall_of(constants).polar_rad,),
         np.zeros((1, 2, len(lateral), 3)),
     )
 

@@ -11,9 +11,10 @@ from scleraforce.base.errors import InputError
 from scleraforce.library.library_plan import LARGEST_POLAR_DEG, plan_library
 from scleraforce.library.library_store import build_library, open_library
 from scleraforce.library.moving_base import contact_rises, rise_slope
-from scleraforce.mechanics.axisymmetric_wall import axisymmetric_path
+from scleraforce.mechanics.axisymmetric_wall import EvenWall, axisymmetric_path
 from scleraforce.mechanics.contact_and_section import Contact
 from scleraforce.mechanics.finite_strain_wall import bend_eye
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.meridian_elements import MeridianSize
 from scleraforce.records.study import EyeStudy, LibraryStudy, MeshStudy, Range, Study
 
@@ -39,8 +40,14 @@ def library(tmp_path_factory):
 def forces_beside_the_pole(thickness, ratio, polar, tips):
     """F/E of a needle beside the pole, every direction's wall solved for it."""
     plan = plan_library(Study(library=GRID))
-    sizes = plan.radius_m, thickness, plan.poisson_ratio, plan.needle_radius_m, ratio
-    return polar_path(sizes, polar, tips, MeridianSize(32, 1)).force_ratio_m2[1:]
+    wall = EvenWall(
+        plan.radius_m,
+        thickness,
+        plan.poisson_ratio,
+        plan.needle_radius_m,
+        size=MeridianSize(32, 1),
+    )
+    return polar_path(wall, ratio, polar, tips).force_ratio_m2[1:]
 
 
 @pytest.mark.slow
@@ -56,10 +63,10 @@ def test_a_needle_beside_the_pole_meets_a_wall_that_is_stiffer_as_in_three_dimen
         "thickness_m": 0.8e-3,
         "youngs_modulus_pa": modulus_pa,
         "iop_pa": 266.0,
-        "max_force_n": 1.0,
     }
+    end = PathEnd(max_force=1.0, max_tip_m=3e-3)
     paths = [
-        bend_eye(study, Contact(polar_rad=angle), **given, max_tip_m=3e-3)
+        bend_eye(study, Contact(polar_rad=angle), end, **given)
         for angle in (0.0, polar)
     ]
     even_n, beside_n = (np.interp(tips, path.tips_m, path.forces_n) for path in paths)
@@ -151,14 +158,9 @@ def test_a_dent_s_volume_is_the_force_times_the_rise_and_the_work_s_slope_by_the
     """
     step = 0.02
     tips = np.linspace(0.05e-3, 1.5e-3, 30)
-    size = MeridianSize(48, 1)
+    wall = EvenWall(RADIUS_M, 0.55e-3, 0.45, 0.35e-3, size=MeridianSize(48, 1))
     ratios = [iop_ratio * (1 + share) for share in (-step, 0.0, step)]
-    paths = [
-        axisymmetric_path(
-            RADIUS_M, 0.55e-3, 0.45, 0.35e-3, ratio, tips_m=tips, size=size
-        )
-        for ratio in ratios
-    ]
+    paths = [axisymmetric_path(wall, ratio, PathEnd(tips_m=tips)) for ratio in ratios]
     rise = [-float(path.curves_sbnc[0, 0, 0, 1]) for path in paths]
     work = [np.trapezoid(path.force_ratio_m2, path.tip_m) for path in paths]
     change = 2 * step * iop_ratio

@@ -15,7 +15,7 @@ from analytic_library import (
 
 from scleraforce.base.errors import InputError
 from scleraforce.library.sealed_eye import iop_ratio_at_dent
-from scleraforce.records.globe import OPEN_GLOBE, Globe
+from scleraforce.records.globe import CONSTANT_PRESSURE, PressureLaw
 from scleraforce.records.study_of_eye import RIGIDITY_LAWS
 
 
@@ -154,7 +154,7 @@ def test_the_pressure_of_a_sealed_globe_is_the_lowest_that_solves_its_law(librar
     rng = np.random.default_rng(6)
     t, p = draw_walls(rng, 400)
     tip = rng.uniform(0.0, 3e-3, 400)
-    globe = Globe(law, np.exp(rng.uniform(*np.log([1e5, 1e8]), 400)))
+    globe = PressureLaw(law, np.exp(rng.uniform(*np.log([1e5, 1e8]), 400)))
     found = iop_ratio_at_dent(library, t, p, tip, globe)
     ratios = np.geomspace(1e-3, 0.21, 20_001)[:, None] * t / library.radius_m
     missing = (
@@ -179,14 +179,14 @@ def test_the_pressure_of_a_sealed_globe_is_the_lowest_that_solves_its_law(librar
 def test_an_open_globe_keeps_its_pressure_and_so_does_one_without_a_dent(library):
     t, p = draw_walls(np.random.default_rng(7), 20)
     assert np.array_equal(
-        iop_ratio_at_dent(library, t, p, np.full(20, 1e-3), OPEN_GLOBE), p
+        iop_ratio_at_dent(library, t, p, np.full(20, 1e-3), CONSTANT_PRESSURE), p
     )
     assert iop_ratio_at_dent(
-        library, t, p, np.zeros(20), Globe(rate=1e6)
+        library, t, p, np.zeros(20), PressureLaw(rate=1e6)
     ) == pytest.approx(p, rel=1e-4)
 
     with pytest.raises(InputError, match=r"tip: 8 mm is outside"):
-        iop_ratio_at_dent(library, t, p, np.full(20, 8e-3), OPEN_GLOBE)
+        iop_ratio_at_dent(library, t, p, np.full(20, 8e-3), CONSTANT_PRESSURE)
 
 
 @pytest.mark.parametrize("rigidity", [0.0, 3e8])

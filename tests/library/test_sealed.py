@@ -9,9 +9,10 @@ from scleraforce.base.errors import InputError
 from scleraforce.base.units import SI_PER_UNIT
 from scleraforce.library import Library
 from scleraforce.library.library_store import build_library, open_library
-from scleraforce.mechanics.axisymmetric_wall import axisymmetric_path
+from scleraforce.mechanics.axisymmetric_wall import EvenWall, axisymmetric_path
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.meridian_elements import MeridianSize
-from scleraforce.records.globe import sealed_globe
+from scleraforce.records.globe import sealed_law
 from scleraforce.records.study import LibraryStudy, Range, Study
 from scleraforce.records.study_of_eye import RIGIDITY_LAWS as LAWS
 
@@ -74,13 +75,13 @@ def test_a_sealed_eye_is_that_of_a_path_with_its_own_volumes(
     rigidity: float,
     law: str,
 ) -> None:
-    globe = sealed_globe(rigidity * PER_UL, law)
+    globe = sealed_law(rigidity * PER_UL, law)
     dents_m = DENTS_M[:3]
     path = axisymmetric_path(
-        *(RADIUS, thickness_m, NU, NEEDLE, iop_pa / modulus_pa),
-        tips_m=dents_m,
-        globe=globe.over(modulus_pa),
-        size=MeridianSize(96),
+        EvenWall(RADIUS, thickness_m, NU, NEEDLE, size=MeridianSize(96)),
+        iop_pa / modulus_pa,
+        PathEnd(tips_m=dents_m),
+        globe.over(modulus_pa),
     )
     eye = thickness_m, modulus_pa, iop_pa
     # the path knows no base beside the pole

@@ -12,7 +12,12 @@ from scleraforce.base.errors import InputError
 from scleraforce.library import Library
 from scleraforce.library.library_plan import plan_library
 from scleraforce.library.library_store import solve_path
-from scleraforce.mechanics.axisymmetric_wall import AxisymmetricPath, axisymmetric_path
+from scleraforce.mechanics.axisymmetric_wall import (
+    AxisymmetricPath,
+    EvenWall,
+    axisymmetric_path,
+)
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.meridian_elements import MeridianSize
 from scleraforce.records.study import LibraryStudy, Range, Study
 
@@ -39,17 +44,16 @@ def path_of(thickness: int, tension: int, stiffening: float) -> AxisymmetricPath
     """The load path of a wall of the library, in tissue of any stiffening."""
     thickness_m = float(PLAN.thickness_m[thickness])
     iop_ratio = float(PLAN.tension[tension]) * thickness_m / PLAN.radius_m
-    wall = (
+    wall = EvenWall(
         PLAN.radius_m,
         thickness_m,
         PLAN.poisson_ratio,
         PLAN.needle_radius_m,
-        iop_ratio,
+        stiffening=stiffening,
+        size=MeridianSize(24, 1),
     )
 
-    return axisymmetric_path(
-        *wall, tips_m=PLAN.tip_m[1:], stiffening=stiffening, size=MeridianSize(24, 1)
-    )
+    return axisymmetric_path(wall, iop_ratio, PathEnd(tips_m=PLAN.tip_m[1:]))
 
 
 @pytest.mark.parametrize("stiffening", [0.4, 1.2, 5.0, 15.0])

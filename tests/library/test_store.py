@@ -32,7 +32,8 @@ from scleraforce.library.library_store import (
     solve_path,
     write_library_unit,
 )
-from scleraforce.mechanics.axisymmetric_wall import axisymmetric_path
+from scleraforce.mechanics.axisymmetric_wall import EvenWall, axisymmetric_path
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.meridian_elements import MeridianSize
 from scleraforce.records.study import LibraryStudy, NeedleStudy, Study
 
@@ -277,16 +278,16 @@ def test_a_path_is_that_of_the_axisymmetric_wall(tmp_path, unit, stiffening):
     )
     force_d, displaced_d, curves_dbnc = solve_path(plan, unit)
     wall = plan.path(6)
-    expected = axisymmetric_path(
+    even = EvenWall(
         12e-3,
         wall.thickness_m,
         0.45,
         0.35e-3,
-        wall.iop_ratio,
-        tips_m=plan.tip_m[1:],
         stiffening=float(plan.stiffening[unit // 16]),
         size=MeridianSize(16, 1),
     )
+    end = PathEnd(tips_m=plan.tip_m[1:])
+    expected = axisymmetric_path(even, wall.iop_ratio, end)
     assert plan.stiffening[unit // 16] == pytest.approx(stiffening)
     assert np.array_equal(force_d, expected.force_ratio_m2)
     assert np.array_equal(displaced_d, expected.displaced_m3)

@@ -30,7 +30,7 @@ from scleraforce.live.companions.shared_frames import FrameRing
 from scleraforce.recordings.forces_under_frames import label_frames
 from scleraforce.recordings.recording_folder import read_recording
 from scleraforce.recordings.recording_writer import RecordingWriter
-from scleraforce.records.needle import NeedleInfo
+from scleraforce.records.needle import Needle, gauge_diameter_m
 from scleraforce.records.scan import Plane
 from scleraforce.records.study import ClassesStudy
 
@@ -668,7 +668,9 @@ def test_frames_of_several_planes_are_recorded_by_moments_and_those_alone_stay(
 ):
     planes = (Plane("along", 0.0, 0.0), Plane("across", 0.0, 1.5708))
     info = replace(
-        INFO, oct=replace(INFO.oct, plane=planes), needle=NeedleInfo(gauge=22)
+        INFO,
+        scan=replace(INFO.scan, planes=planes),
+        needle=Needle(diameter_m=gauge_diameter_m(22)),
     )
     monitor = Monitor(tmp_path, record=tmp_path / "session", info=info)
 
@@ -683,7 +685,7 @@ def test_frames_of_several_planes_are_recorded_by_moments_and_those_alone_stay(
     for folder in (tmp_path / "session", monitor.withdrawals()[0]):
         assert numbers_in(folder) == [*range(1, 8)]
         recording = read_recording(folder)
-        assert recording.info.oct.plane == planes
+        assert recording.info.scan.planes == planes
         moments = [
             [(entry.plane, bool(entry.pierced)) for entry in moment]
             for moment in recording.moments

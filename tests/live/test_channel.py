@@ -24,9 +24,10 @@ from scleraforce.live.companions import process_channel, process_messages
 from scleraforce.live.companions.companion_processes import Guard
 from scleraforce.live.companions.shared_frames import RingPlace
 from scleraforce.live.decision.limits import MonitorLimits
-from scleraforce.records.eye import NOTHING_KNOWN, Known, Modulus
-from scleraforce.records.globe import known_globe
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.globe import Globe
 from scleraforce.records.scan import PixelScale
+from scleraforce.records.setup import NOTHING_KNOWN, Setup
 
 RING = RingPlace(descriptor=5, frames=1200, rows=24, columns=32)
 SCALE = PixelScale(lateral_m=29e-6, depth_m=8e-6)
@@ -50,7 +51,7 @@ MESSAGES: list[process_messages.CompanionMessage] = [
     process_messages.OpinionAsked(
         number=3, order=2**62, at_s=1e5, teaches=True, pierced=False
     ),
-    process_messages.EyeLearned(known=NOTHING_KNOWN, frames=3, fault=""),
+    process_messages.EyeLearned(setup=NOTHING_KNOWN, frames=3, fault=""),
     process_messages.OpinionGiven(order=3, verdict=verdict(10.0, (0.0, 20.0))),
     process_messages.OpinionGiven(
         order=3,
@@ -70,10 +71,12 @@ MESSAGES: list[process_messages.CompanionMessage] = [
         model=Path("m"),
         scale=SCALE,
         ring=RING,
-        known=Known(
-            modulus=Modulus(mean_pa=250e3, sd_pa=10e3, source="own"),
-            iop_pa=2000.0,
-            thickness_m=6e-4,
+        setup=Setup(
+            eye=Eye(
+                modulus=Modulus(mean_pa=250e3, sd_pa=10e3, source="own"),
+                iop_pa=2000.0,
+                thickness_m=6e-4,
+            )
         ),
         learns="eye-a",
         record=Path("/tmp/session"),
@@ -82,7 +85,7 @@ MESSAGES: list[process_messages.CompanionMessage] = [
         model=Path("m"),
         scale=SCALE,
         ring=RING,
-        known=Known(globe=known_globe("sealed", 1.5e8, "logarithmic")),
+        setup=Setup(eye=Eye(globe=Globe.declared("sealed", 1.5e8, "logarithmic"))),
         learns=None,
         record=None,
     ),
@@ -114,7 +117,7 @@ def test_each_message_arrives_as_it_was_sent() -> None:
 @pytest.mark.parametrize(
     ("field", "ring", "info"),
     [
-        ("info.oct", replace(RING, rows=32, columns=24), INFO),
+        ("info.scan", replace(RING, rows=32, columns=24), INFO),
         ("info.force", RING, replace(INFO, force=None)),
     ],
 )
@@ -334,7 +337,7 @@ def ending_with(code, descriptor=0):
     ring = RingPlace(descriptor=descriptor, frames=code, rows=1, columns=1)
     return process_messages.OpinionSettings(
         model=Path("é"),
-        known=NOTHING_KNOWN,
+        setup=NOTHING_KNOWN,
         scale=SCALE,
         ring=ring,
         learns=None,

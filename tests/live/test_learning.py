@@ -35,8 +35,9 @@ from scleraforce.live.network.scanner_frame import ScannerFrame
 from scleraforce.reading.answer import Answer, Reading, not_below, unusable_answer
 from scleraforce.reading.eye_reader import LiveReader
 from scleraforce.reading.reading_models import ForceReader
-from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.eye import Modulus
 from scleraforce.records.model_folder import LIBRARY_FILE, SHIPPED_READER
+from scleraforce.records.setup import Setup
 
 TRUE_PA = 0.4e6
 TRUE_IOP_PA = 533.0  # 4 mmHg
@@ -44,23 +45,30 @@ DECLARED_IOP_PA = 267.0
 POPULATION = Modulus(mean_pa=0.35e6, sd_pa=0.087e6, source="population")
 BEFORE = replace(
     KNOWN,
-    modulus=Modulus(mean_pa=MODULUS_PA, sd_pa=0.1 * MODULUS_PA, source="population"),
+    eye=replace(
+        KNOWN.eye,
+        modulus=Modulus(
+            mean_pa=MODULUS_PA, sd_pa=0.1 * MODULUS_PA, source="population"
+        ),
+    ),
 )
 
 
-def learned(share: float) -> Known:
+def learned(share: float) -> Setup:
     """Return the eye as learned, with a share of the E before."""
     mean_pa = share * MODULUS_PA
     modulus = Modulus(mean_pa=mean_pa, sd_pa=0.05 * mean_pa, source="shape")
-    return replace(BEFORE, modulus=modulus, unlearned=BEFORE)
+    return replace(
+        BEFORE, eye=replace(BEFORE.eye, modulus=modulus, unlearned=BEFORE.eye)
+    )
 
 
 class ProportionalNetwork:
     """Reads F/E = 0.033 N / 0.3 MPa from every wall, as its known E says."""
 
-    def read(self, cuts: np.ndarray, known: Known) -> Reading:  # noqa: ARG002
-        assert known.modulus is not None
-        force_n = 0.033 * known.modulus.mean_pa / MODULUS_PA
+    def read(self, cuts: np.ndarray, setup: Setup) -> Reading:  # noqa: ARG002
+        assert setup.eye.modulus is not None
+        force_n = 0.033 * setup.eye.modulus.mean_pa / MODULUS_PA
         high = force_n > 0.030
         return replace(
             FIVE_MN,
@@ -88,7 +96,9 @@ def test_no_learned_e_lowers_the_upper_end_of_the_second_opinion(
     reader = force_reader()
     eye = learned(share)
     before = reader.read(frame, SCALE, BEFORE)
-    alone = reader.read(frame, SCALE, replace(eye, unlearned=None))
+    alone = reader.read(
+        frame, SCALE, replace(eye, eye=replace(eye.eye, unlearned=None))
+    )
     answer = reader.read(frame, SCALE, eye)
     assert before.interval_n
     assert alone.interval_n
@@ -108,7 +118,7 @@ def test_the_monitor_still_withdraws_where_the_unlearned_reading_would(
     limits = MonitorLimits(size=frame.shape, scale_m=scale_m)
     states = []
 
-    for known in (replace(eye, unlearned=None), eye):
+    for known in (replace(eye, eye=replace(eye.eye, unlearned=None)), eye):
         live = LiveReader(proportional_reader(), KNOWN, 1.0)
         session = MonitorSession(live.read, limits, adopt=live.adopt)
         session.learned(known, 3)
@@ -168,14 +178,17 @@ def test_e_learned_from_half_the_pressure_is_as_unsure_as_the_pressure(
         frames.append(ShownFrame(lateral_m=LATERAL_M, depth_bc=depth_bc))
 
     known = replace(
-        known_eye(middling_eye(0.0)), iop_pa=DECLARED_IOP_PA, modulus=POPULATION
+        known_eye(middling_eye(0.0)),
+        eye=replace(
+            known_eye(middling_eye(0.0)).eye, iop_pa=DECLARED_IOP_PA, modulus=POPULATION
+        ),
     )
-    begun = EyePosterior(known=known, study=STUDY, library=library)
+    begun = EyePosterior(setup=known, study=STUDY, library=library)
     sure = begun.with_frames(frames).modulus
     found = EyeFitting(begun, "eye", None).take(frames)
     assert found is not None
     assert found.frames == len(frames)
-    modulus = found.known.modulus
+    modulus = found.setup.eye.modulus
     assert modulus is not None
     # a pressure taken for sure is a wrong E, surely
     assert sure.mean_pa + 2.0 * sure.sd_pa < TRUE_PA

@@ -19,22 +19,23 @@ from scleraforce.live import monitor
 from scleraforce.live.companions.companion_processes import OPINION, Companions
 from scleraforce.live.companions.process_messages import Alive, SelfReport
 from scleraforce.live.decision.limits import MonitorLimits
-from scleraforce.records import eye as declared, globe
-from scleraforce.records.eye import Known
+from scleraforce.records.eye import Eye
 from scleraforce.records.globe import (
     OPEN,
     REFERENCE_RIGIDITY,
     SEALED,
     UNKNOWN,
-    known_globe,
+    Globe,
 )
+from scleraforce.records.needle import Needle
 from scleraforce.records.recording_info import ForceInfo
-from scleraforce.records.scan import OctInfo, Plane
+from scleraforce.records.scan import Plane, Scan
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
-from scleraforce.records.tissue_relaxation import KnownRelaxation
+from scleraforce.records.tissue_relaxation import Relaxation
 
 SIZE = {"bits": 16, "width_m": 10e-3, "depth_m": 2e-3}
-CALIBRATED = globe.KnownGlobe(
+CALIBRATED = Globe(
     kind="sealed",
     lowest=SEALED.lowest,
     highest=SEALED.highest,
@@ -45,28 +46,25 @@ CALIBRATED = globe.KnownGlobe(
 
 
 def test_a_recording_states_the_declared_globe() -> None:
-    for known, stated in (
+    for globe, stated in (
         (None, None),
         (UNKNOWN, None),
         (OPEN, OPEN),
         (SEALED, SEALED),
-        (known_globe("sealed", REFERENCE_RIGIDITY, "logarithmic"),) * 2,
+        (Globe.declared("sealed", REFERENCE_RIGIDITY, "logarithmic"),) * 2,
         (CALIBRATED, SEALED),  # its rigidity is in the calibration
     ):
-        assert (
-            declared.stated_globe(declared.stated_eye("mine", Known(globe=known)))
-            == stated
-        )
+        assert Eye("mine", globe=globe).declared().globe == stated
 
 
 def test_each_plane_is_read_with_the_eye_as_it_sees_it_and_a_single_one_as_declared():
-    known = Known(gap_m=0.4e-3, direction_rad=0.2)
-    scan = OctInfo(columns=500, rows=400, **SIZE)
-    seen = list[Known]()
+    known = Setup(needle=Needle(gap_m=0.4e-3), scan=Scan(direction_rad=0.2))
+    scan = Scan(columns=500, rows=400, **SIZE)
+    seen = list[Setup]()
     reader = SimpleNamespace(
         study=Study(), read_live=lambda _, __, eye: seen.append(eye)
     )
-    cross = replace(scan, plane=(Plane("along", 0.0, 0.0), Plane("across", 0.0, 1.5)))
+    cross = replace(scan, planes=(Plane("along", 0.0, 0.0), Plane("across", 0.0, 1.5)))
 
     for taken, eyes in (
         (scan, {"": (0.2, 0.4e-3)}),
@@ -75,16 +73,20 @@ def test_each_plane_is_read_with_the_eye_as_it_sees_it_and_a_single_one_as_decla
         seen.clear()
         assert list(monitor.live_readers(reader, known, taken)) == list(eyes)
         assert list(
-            dict.fromkeys((eye.direction_rad, eye.gap_m) for eye in seen)
+            dict.fromkeys((eye.scan.direction_rad, eye.needle.gap_m) for eye in seen)
         ) == list(eyes.values())
 
 
 def test_a_recording_states_the_declared_places_of_plane_and_needle() -> None:
-    known = Known(globe=OPEN, gap_m=0.4e-3, polar_rad=0.6, direction_rad=1.1)
-    scan = OctInfo(columns=500, rows=400, plane_direction_rad=1.1, **SIZE)
+    known = Setup(
+        eye=Eye(globe=OPEN),
+        needle=Needle(gap_m=0.4e-3, polar_rad=0.6),
+        scan=Scan(direction_rad=1.1),
+    )
+    scan = Scan(columns=500, rows=400, direction_rad=1.1, **SIZE)
     settings = monitor.MonitorSettings(
         eye="mine",
-        known=known,
+        setup=known,
         limits=MonitorLimits(),
         scan=scan,
         address=monitor.Address("localhost", 0),
@@ -94,25 +96,30 @@ def test_a_recording_states_the_declared_places_of_plane_and_needle() -> None:
         token="",
     )
     info = monitor._recording_info(settings, Study())
-    assert (info.oct, info.needle.polar_angle_rad, info.needle.slice_gap_m) == (
+    assert (info.scan, info.needle.polar_rad, info.needle.gap_m) == (
         scan,
         0.6,
         0.4e-3,
     )
     assert info.force == ForceInfo("fz", 1, 0.2)
-    relaxing = replace(known, relaxation=KnownRelaxation.declared([[0.1, 2.0]]))
+    relaxing = replace(
+        known, eye=replace(known.eye, relaxation=Relaxation.declared([[0.1, 2.0]]))
+    )
     # in the calibration
     found = replace(
-        known, relaxation=KnownRelaxation.of([0.1], [2.0], np.eye(1), "holds")
+        known,
+        eye=replace(
+            known.eye, relaxation=Relaxation.of([0.1], [2.0], np.eye(1), "holds")
+        ),
     )
     stated = [
-        monitor._recording_info(replace(settings, known=one), Study()).eye.relaxation
+        monitor._recording_info(replace(settings, setup=one), Study()).eye.relaxation
         for one in (known, relaxing, found)
     ]
-    assert stated == [None, ((0.1, 2.0),), None]
-    unstated = monitor._recording_info(replace(settings, known=Known()), Study())
-    assert unstated.needle.polar_angle_rad is None
-    assert unstated.needle.slice_gap_m == Study().needle.gap_m
+    assert stated == [None, Relaxation.declared([[0.1, 2.0]]), None]
+    unstated = monitor._recording_info(replace(settings, setup=Setup()), Study())
+    assert unstated.needle.polar_rad is None
+    assert unstated.needle.gap_m == Study().needle.gap_m
 
 
 @pytest.fixture

@@ -20,22 +20,25 @@ from scleraforce.live.companions import process_messages
 from scleraforce.live.companions.eye_learning import LEARNED_FILE, LEAST_S, resumed_eye
 from scleraforce.live.companions.process_channel import ChannelClosedError, Child
 from scleraforce.live.companions.shared_frames import FrameRing
-from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.eye import Modulus
 from scleraforce.records.scan import Plane
-from scleraforce.records.tissue_relaxation import KnownRelaxation
+from scleraforce.records.setup import Setup
+from scleraforce.records.tissue_relaxation import Relaxation
 
 pytest.importorskip("torch")
 
 BINS = 64  # what the network says always
 BIN = 20  # the fit is the one that answers
-RELAXING = replace(KNOWN, relaxation=KnownRelaxation.declared([[0.2, 1.0]]))
-assert KNOWN.modulus is not None
+RELAXING = replace(
+    KNOWN, eye=replace(KNOWN.eye, relaxation=Relaxation.declared([[0.2, 1.0]]))
+)
+assert KNOWN.eye.modulus is not None
 PRIOR = Modulus(
-    mean_pa=1.15 * KNOWN.modulus.mean_pa,
-    sd_pa=0.25 * KNOWN.modulus.mean_pa,
+    mean_pa=1.15 * KNOWN.eye.modulus.mean_pa,
+    sd_pa=0.25 * KNOWN.eye.modulus.mean_pa,
     source="population",
 )
-EYE = replace(KNOWN, modulus=PRIOR)
+EYE = replace(KNOWN, eye=replace(KNOWN.eye, modulus=PRIOR))
 
 
 # since which the frames that teach came: none has to wait until it has settled
@@ -50,7 +53,7 @@ class Reader:
     def __init__(
         self,
         model: Path,
-        known: Known = RELAXING,
+        setup: Setup = RELAXING,
         record: Path | None = None,
         planes: tuple[Plane, ...] = (),
     ) -> None:
@@ -59,7 +62,7 @@ class Reader:
         self.at_s = monotonic() - LONG_AGO_S
         settings = process_messages.OpinionSettings(
             model=model,
-            known=known,
+            setup=setup,
             scale=SCALE,
             ring=self.ring.place,
             learns=record and "eye-a",
@@ -263,30 +266,38 @@ def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_
 
     assert found.fault == ""
     assert found.frames == len(taught_n)
-    modulus = found.known.modulus
+    modulus = found.setup.eye.modulus
     assert modulus is not None
     assert modulus.source == "shape"
     # models read it beside the eye before
-    assert found.known.unlearned == EYE
+    assert found.setup.eye.unlearned == EYE.eye
     # one shallow dent tells little
     assert modulus.relative_sd == pytest.approx(PRIOR.relative_sd, rel=0.05)
     again = resumed_eye(EYE, tmp_path / LEARNED_FILE, "eye-a")
-    assert again.modulus is not None
-    assert again.modulus.source == "population"
-    assert again.unlearned == EYE
-    assert again.modulus.sd_pa == pytest.approx(PRIOR.sd_pa, rel=0.1)
+    assert again.eye.modulus is not None
+    assert again.eye.modulus.source == "population"
+    assert again.eye.unlearned == EYE.eye
+    assert again.eye.modulus.sd_pa == pytest.approx(PRIOR.sd_pa, rel=0.1)
 
     with pytest.raises(InputError, match="not of eye-b"):
         resumed_eye(EYE, tmp_path / LEARNED_FILE, "eye-b")
 
     with pytest.raises(InputError, match=r"learned at 2\.0 mmHg"):
-        resumed_eye(replace(EYE, iop_pa=2000.0), tmp_path / LEARNED_FILE, "eye-a")
+        resumed_eye(
+            replace(EYE, eye=replace(EYE.eye, iop_pa=2000.0)),
+            tmp_path / LEARNED_FILE,
+            "eye-a",
+        )
 
     with pytest.raises(InputError, match="stiffening: 0; that of this eye is 10"):
-        resumed_eye(replace(EYE, stiffening=10.0), tmp_path / LEARNED_FILE, "eye-a")
+        resumed_eye(
+            replace(EYE, eye=replace(EYE.eye, stiffening=10.0)),
+            tmp_path / LEARNED_FILE,
+            "eye-a",
+        )
 
     learning.show(0.020, teaches=False, pierced=True)
     forgotten = learning.learned(teaches=False)
     assert forgotten.frames == 0
-    assert forgotten.known == EYE
+    assert forgotten.setup == EYE
     assert learning.child.end(FUSE_S) == 0

@@ -44,7 +44,8 @@ from scleraforce.live.network.openigtlink import (
     encode,
 )
 from scleraforce.live.network.operator_reset import ask_reset
-from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.setup import Setup
 
 
 @pytest.fixture
@@ -751,9 +752,11 @@ def test_what_was_learned_of_the_eye_is_in_each_later_reading_and_ends_no_withdr
     with beside(clock, OPINION) as (_, scanner, companions):
         assert json.loads(scanner.texts()[-1].text)["modulus_mpa"] is None
         scanner.read(39.0)
-        known = Known(modulus=Modulus(mean_pa=0.3e6, sd_pa=0.02e6, source="shape"))
+        known = Setup(
+            eye=Eye(modulus=Modulus(mean_pa=0.3e6, sd_pa=0.02e6, source="shape"))
+        )
         companions[OPINION].says(
-            process_messages.EyeLearned(known=known, frames=7, fault="")
+            process_messages.EyeLearned(setup=known, frames=7, fault="")
         )
 
         def learned() -> bool:

@@ -34,9 +34,10 @@ from scleraforce.live.monitor_session import (
 )
 from scleraforce.live.network.scanner_frame import ScannerFrame
 from scleraforce.reading.tissue_memory import TissueMemory
-from scleraforce.records.eye import Known
+from scleraforce.records.eye import Eye
 from scleraforce.records.scan import PixelScale
-from scleraforce.records.tissue_relaxation import KnownRelaxation
+from scleraforce.records.setup import Setup
+from scleraforce.records.tissue_relaxation import Relaxation
 
 SCALE = {"lateral_m": SCALE_M[0], "depth_m": SCALE_M[1]}
 LIMITS = MonitorLimits(size=(ROWS, COLUMNS), scale_m=SCALE_M)
@@ -104,7 +105,7 @@ def test_a_learned_eye_moves_the_stiffness_of_punctures_and_no_other_limit() -> 
     found = list[float]()
 
     for _ in range(3):
-        session.learned(Known(), 1)
+        session.learned(Setup(), 1)
         found.append(session.limits.stiffness_n_m)
 
     assert found == [70.0, 70.0, 120.0]
@@ -493,7 +494,7 @@ def test_the_sensor_holds_frame_class_probabilities_force_interval_usable_and_co
 
 
 RELAXING = TissueMemory.monitored(
-    Known(relaxation=KnownRelaxation.declared([[0.3, 1.0]])), 60e-3
+    Setup(eye=Eye(relaxation=Relaxation.declared([[0.3, 1.0]]))), 60e-3
 )
 CLASSES_N = (5e-3, 30e-3)
 

@@ -3,6 +3,7 @@ tangents; the base's motion.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,13 +25,14 @@ from scleraforce.library.moving_base import base_angle
 from scleraforce.mechanics import meridian_elements
 from scleraforce.mechanics.axisymmetric_wall import (
     AxisymmetricWall,
+    EvenWall,
     axisymmetric_path,
     base_shift,
 )
 from scleraforce.mechanics.contact_and_section import Contact, ScanPlane
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.linear_wall import LinearWall, tip_displacement
-from scleraforce.mechanics.load_path_tracing import pressurise, trace_load_path
+from scleraforce.mechanics.load_path_tracing import PathEnd, pressurise, trace_load_path
 from scleraforce.mechanics.meridian_elements import (
     ElementTables,
     MeridianMesh,
@@ -42,7 +44,7 @@ from scleraforce.mechanics.tissue_material import (
     lame_constants,
     strain_measure,
 )
-from scleraforce.records.globe import sealed_globe
+from scleraforce.records.globe import sealed_law
 from scleraforce.records.study_of_eye import RIGIDITY_LAWS
 
 RADIUS = 12e-3
@@ -67,7 +69,10 @@ def dented() -> tuple[AxisymmetricWall, Floats]:
     """A coarse wall of two layers with a dent of 1.5 mm."""
     wall = wall_of(0.5, MeridianSize(16, 2))
     path = trace_load_path(
-        wall, pressurise(wall, IOP_RATIO), IOP_RATIO, tips_m=np.array([1.5e-3])
+        wall,
+        pressurise(wall, IOP_RATIO),
+        IOP_RATIO,
+        PathEnd(tips_m=np.array([1.5e-3])),
     )
     return wall, path.displacement_su[-1]
 
@@ -116,7 +121,7 @@ def test_pressurised_sphere_takes_the_radius_of_its_radial_problem(
 ) -> None:
     wall = wall_of(thickness_mm, symmetric=True)
     path = trace_load_path(
-        wall, pressurise(wall, pressure), pressure, tips_m=np.array([1e-6])
+        wall, pressurise(wall, pressure), pressure, PathEnd(tips_m=np.array([1e-6]))
     )
     outer = wall.boundaries(path).curves_sbnc[0, 0]
     radii = np.hypot(outer[:, 0], RADIUS - outer[:, 1])
@@ -139,9 +144,8 @@ def test_small_forces_meet_the_linear_wall_of_three_dimensions(
     contact = Contact(polar_rad=0.0)
     mesh = graded_mesh(RADIUS, 1e-3 * thickness_mm, contact)
     needle = LinearWall(mesh, NU).needle_cnc([contact], NEEDLE)[0]
-    path = axisymmetric_path(
-        RADIUS, 1e-3 * thickness_mm, NU, NEEDLE, 0.0, tips_m=np.array([1e-6, 2e-6])
-    )
+    even = EvenWall(RADIUS, 1e-3 * thickness_mm, NU, NEEDLE)
+    path = axisymmetric_path(even, 0.0, PathEnd(tips_m=np.array([1e-6, 2e-6])))
     first, second = path.tip_m[1:] / path.force_ratio_m2[1:]
     assert 2.0 * first - second == pytest.approx(
         tip_displacement(mesh, contact, needle), rel=0.005
@@ -149,9 +153,9 @@ def test_small_forces_meet_the_linear_wall_of_three_dimensions(
 
 
 def test_wall_without_pressure_snaps_through() -> None:
-    path = axisymmetric_path(
-        RADIUS, 0.35e-3, NU, NEEDLE, 0.0, tips_m=np.linspace(0.25e-3, 7.5e-3, 30)
-    )
+    wall = EvenWall(RADIUS, 0.35e-3, NU, NEEDLE)
+    end = PathEnd(tips_m=np.linspace(0.25e-3, 7.5e-3, 30))
+    path = axisymmetric_path(wall, 0.0, end)
     assert len(path.tip_m) == 31
     np.testing.assert_allclose(path.tip_m[-1], 7.5e-3)
 
@@ -170,8 +174,7 @@ def r2_tips_mm(thickness_mm: float, modulus_mpa: float, count: int) -> Floats:
         wall,
         pressurise(wall, pressure),
         pressure,
-        tips_m=np.linspace(0.1e-3, 7e-3, 70),
-        max_force=0.25e-6,
+        PathEnd(tips_m=np.linspace(0.1e-3, 7e-3, 70), max_force=0.25e-6),
     )
     tips_mm: Floats = 1e3 * CubicSpline(path.force, path.tip_m)(
         1e-9 * forces_mn / modulus_mpa
@@ -200,10 +203,10 @@ def test_tip_meets_reference_problem_r2_at_35_degrees(
 def test_a_sealed_globe_is_the_open_state_whose_pressure_solves_the_law(
     law: str,
 ) -> None:
-    globe = sealed_globe(RIGIDITY, law).over(0.38e6)
+    globe = sealed_law(RIGIDITY, law).over(0.38e6)
     tips_m = np.linspace(0.4e-3, 2e-3, 5)
-    wall = (RADIUS, 0.5e-3, NU, NEEDLE)
-    sealed = axisymmetric_path(*wall, IOP_RATIO, tips_m=tips_m, globe=globe)
+    wall = EvenWall(RADIUS, 0.5e-3, NU, NEEDLE)
+    sealed = axisymmetric_path(wall, IOP_RATIO, PathEnd(tips_m=tips_m), globe)
     assert np.all(np.diff(sealed.iop_ratio) > 0.0)
     assert sealed.displaced_m3[0] == 0.0
     np.testing.assert_allclose(
@@ -212,7 +215,7 @@ def test_a_sealed_globe_is_the_open_state_whose_pressure_solves_the_law(
 
     for state in (2, 5):
         opened = axisymmetric_path(
-            *wall, float(sealed.iop_ratio[state]), tips_m=tips_m[:state]
+            wall, float(sealed.iop_ratio[state]), PathEnd(tips_m=tips_m[:state])
         )
         assert opened.force_ratio_m2[-1] == pytest.approx(
             sealed.force_ratio_m2[state], rel=1e-7
@@ -231,22 +234,16 @@ def test_a_sealed_path_ends_where_the_pressure_runs_away() -> None:
         match=r"beyond a dent of 2\.2\d+ mm, .*; the pressure runs away there",
     ):
         axisymmetric_path(
-            *(RADIUS, 0.5e-3, NU, NEEDLE, IOP_RATIO),
-            max_tip_m=3e-3,
-            globe=sealed_globe(RIGIDITY).over(0.38e6),
+            EvenWall(RADIUS, 0.5e-3, NU, NEEDLE),
+            IOP_RATIO,
+            PathEnd(max_tip_m=3e-3),
+            sealed_law(RIGIDITY).over(0.38e6),
         )
 
 
 def test_the_displaced_volume_lies_between_the_inner_curves() -> None:
-    path = axisymmetric_path(
-        RADIUS,
-        0.5e-3,
-        NU,
-        NEEDLE,
-        IOP_RATIO,
-        tips_m=np.array([1.5e-3]),
-        size=MeridianSize(96),
-    )
+    wall = EvenWall(RADIUS, 0.5e-3, NU, NEEDLE, size=MeridianSize(96))
+    path = axisymmetric_path(wall, IOP_RATIO, PathEnd(tips_m=np.array([1.5e-3])))
     distance, depth = np.moveaxis(path.curves_sbnc[:, 1], -1, 0)
     # of the space above; both end on the same ring
     volumes_m3 = -np.pi * np.trapezoid(distance**2, depth)
@@ -257,9 +254,8 @@ def test_the_displaced_volume_lies_between_the_inner_curves() -> None:
 
 
 def test_curves_start_on_the_axis_and_end_at_the_support() -> None:
-    path = axisymmetric_path(
-        RADIUS, 0.5e-3, NU, NEEDLE, IOP_RATIO, tips_m=np.array([1e-3])
-    )
+    wall = EvenWall(RADIUS, 0.5e-3, NU, NEEDLE)
+    path = axisymmetric_path(wall, IOP_RATIO, PathEnd(tips_m=np.array([1e-3])))
     np.testing.assert_allclose(path.curves_sbnc[:, :, 0, 0], 0.0, atol=1e-15)
     np.testing.assert_allclose(
         path.curves_sbnc[:, 0, -1], [[RADIUS, RADIUS]] * 2, rtol=1e-12
@@ -274,10 +270,9 @@ def test_curves_start_on_the_axis_and_end_at_the_support() -> None:
 def test_sizes_that_make_no_eye_are_refused(
     thickness_mm: float, needle_mm: float
 ) -> None:
+    wall = EvenWall(RADIUS, 1e-3 * thickness_mm, NU, 1e-3 * needle_mm)
     with pytest.raises(InputError, match="must be"):
-        axisymmetric_path(
-            RADIUS, 1e-3 * thickness_mm, NU, 1e-3 * needle_mm, 0.0, max_tip_m=1e-3
-        )
+        axisymmetric_path(wall, 0.0, PathEnd(max_tip_m=1e-3))
 
 
 B = 12.0
@@ -431,7 +426,7 @@ def test_tissue_that_is_stretched_too_far_is_not_finite(
 
 
 GAP = 0.5e-3
-EYE = (RADIUS, 0.8e-3, NU, NEEDLE)
+EYE = EvenWall(RADIUS, 0.8e-3, NU, NEEDLE)
 
 
 @pytest.mark.parametrize("polar_deg", [10.0, 35.0, 50.0])
@@ -451,12 +446,12 @@ def test_base_lies_where_the_direction_meets_its_plane(polar_deg: float) -> None
 @pytest.mark.slow
 def test_on_the_pole_nothing_changes() -> None:
     tips = np.array([0.5e-3, 2e-3])
-    beside = polar_path((*EYE, IOP_RATIO), 0.0, tips)
+    beside = polar_path(EYE, IOP_RATIO, 0.0, tips)
     np.testing.assert_array_equal(
         beside.force_ratio_m2,
-        axisymmetric_path(*EYE, IOP_RATIO, tips_m=tips).force_ratio_m2,
+        axisymmetric_path(EYE, IOP_RATIO, PathEnd(tips_m=tips)).force_ratio_m2,
     )
-    shift = base_shift(*EYE, polar_rad=0.0)
+    shift = base_shift(EYE, 0.0)
     dent = 8.3e3  # m per F/E, the linear wall's tip
     # the 3-D mesh under the needle
     assert np.abs(shift.needle_mbnc).max() < 0.005 * dent
@@ -472,8 +467,9 @@ def test_shift_takes_the_linear_curves_to_three_dimensions() -> None:
         iop_ratio * wall.pressure_nc
         + force_ratio * wall.needle_cnc([contact], NEEDLE)[0]
     )
-    shift = base_shift(*EYE, polar_rad=contact.polar_rad)
-    path = axisymmetric_path(*EYE, iop_ratio, tips_m=np.array([1e-6, 2e-5]))
+    shift = base_shift(EYE, contact.polar_rad)
+    end = PathEnd(tips_m=np.array([1e-6, 2e-5]))
+    path = axisymmetric_path(EYE, iop_ratio, end)
     share = force_ratio / path.force_ratio_m2[-1]
     curves = path.curves_sbnc[0] + share * (path.curves_sbnc[-1] - path.curves_sbnc[0])
 
@@ -499,4 +495,4 @@ def test_shift_takes_the_linear_curves_to_three_dimensions() -> None:
 @pytest.mark.parametrize("polar_deg", [-1.0, 60.0])
 def test_polar_angles_out_of_range_are_refused(polar_deg: float) -> None:
     with pytest.raises(InputError, match="polar angle"):
-        base_shift(*EYE, polar_rad=np.radians(polar_deg), size=MeridianSize(16))
+        base_shift(replace(EYE, size=MeridianSize(16)), np.radians(polar_deg))

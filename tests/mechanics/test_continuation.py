@@ -1,7 +1,7 @@
 """Paths of tiny structures whose equilibria are known exactly."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -9,15 +9,15 @@ import pytest
 
 from scleraforce.base.arrays import Floats
 from scleraforce.base.errors import InputError, SolverError
-from scleraforce.mechanics.load_path_tracing import pressurise, trace_load_path
-from scleraforce.records.globe import Globe
+from scleraforce.mechanics.load_path_tracing import PathEnd, pressurise, trace_load_path
+from scleraforce.records.globe import PressureLaw
 from scleraforce.records.study_of_eye import RIGIDITY_LAWS
 
 HALF_SPAN = 1.0
 HEIGHT = 0.2
 # softer than the truss's steepest descent
 SOFT = 0.01
-FAR = {"max_tip_m": 2.0, "largest_step_m": 0.02}
+FAR = PathEnd(max_tip_m=2.0, largest_step_m=0.02)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +64,8 @@ def assert_on_truss(spring: float, tips: Floats, forces: Floats) -> None:
 
 def test_path_follows_the_exact_snap_through_past_both_limits_of_the_force() -> None:
     tips = np.linspace(0.02, 0.5, 25)
-    path = trace_load_path(
-        Truss(1.0), np.zeros(2), 0.0, tips_m=tips, largest_step_m=0.05
-    )
+    end = PathEnd(tips_m=tips, largest_step_m=0.05)
+    path = trace_load_path(Truss(1.0), np.zeros(2), 0.0, end)
     assert_on_truss(1.0, path.tip_m, path.force)
     np.testing.assert_array_equal(path.tip_m, [0.0, *tips])
     assert path.force.min() < 0.0  # it did snap
@@ -75,7 +74,9 @@ def test_path_follows_the_exact_snap_through_past_both_limits_of_the_force() -> 
 def test_states_do_not_depend_on_the_steps() -> None:
     tips = np.array([0.1, 0.3, 0.5])
     runs = [
-        trace_load_path(Truss(1.0), np.zeros(2), 0.0, tips_m=tips, largest_step_m=step)
+        trace_load_path(
+            Truss(1.0), np.zeros(2), 0.0, PathEnd(tips_m=tips, largest_step_m=step)
+        )
         for step in (0.3, 0.05, 0.003)
     ]
 
@@ -88,9 +89,8 @@ def test_states_do_not_depend_on_the_steps() -> None:
 
 def test_path_that_keeps_its_own_steps_ends_at_the_first_state_over_the_force() -> None:
     limit = 0.5 * truss_force(HEIGHT * (1.0 - 1.0 / np.sqrt(3.0)))
-    path = trace_load_path(
-        Truss(1.0), np.zeros(2), 0.0, max_force=limit, largest_step_m=0.004
-    )
+    end = PathEnd(max_force=limit, largest_step_m=0.004)
+    path = trace_load_path(Truss(1.0), np.zeros(2), 0.0, end)
     assert np.all(path.force[:-1] < limit)
     assert path.force[-1] >= limit
     assert len(path.tip_m) > 5
@@ -100,11 +100,12 @@ def test_path_that_keeps_its_own_steps_ends_at_the_first_state_over_the_force() 
 def test_a_path_whose_tip_turns_back_raises_and_says_where() -> None:
     with pytest.raises(SolverError, match=r"dent of \d+(\.\d+)? mm, F/E = "):
         # the tip itself must go back
-        trace_load_path(Truss(SOFT), np.zeros(2), 0.0, **FAR)
+        trace_load_path(Truss(SOFT), np.zeros(2), 0.0, FAR)
 
 
 def test_a_path_that_may_end_where_it_is_lost_keeps_what_was_found() -> None:
-    path = trace_load_path(Truss(SOFT), np.zeros(2), 0.0, as_far_as_found=True, **FAR)
+    end = replace(FAR, as_far_as_found=True)
+    path = trace_load_path(Truss(SOFT), np.zeros(2), 0.0, end)
     assert_on_truss(SOFT, path.tip_m, path.force)
     peak = truss_force(HEIGHT * (1.0 - 1.0 / np.sqrt(3.0)))
     assert path.force.max() == pytest.approx(peak, rel=0.01)  # there the tip turns back
@@ -115,14 +116,15 @@ def test_the_end_of_a_path_is_found_to_a_32nd_of_its_largest_step_and_not_sought
     apex = HEIGHT * (1.0 - np.linspace(1.0, 0.0, 100_001))
     turn_m = np.max(apex + truss_force(apex) / SOFT)  # of the tip
     truss = Truss(SOFT)
-    ends = FAR | {"largest_step_m": largest_m}
-    path = trace_load_path(truss, np.zeros(2), 0.0, as_far_as_found=True, **ends)
+    end = replace(FAR, largest_step_m=largest_m)
+    as_found = replace(end, as_far_as_found=True)
+    path = trace_load_path(truss, np.zeros(2), 0.0, as_found)
     assert 0.0 < turn_m - path.tip_m[-1] < largest_m / 32.0
     ended_early = len(truss.factored)
     truss.factored.clear()
 
     with pytest.raises(SolverError, match="no equilibrium found beyond"):
-        trace_load_path(truss, np.zeros(2), 0.0, **ends)
+        trace_load_path(truss, np.zeros(2), 0.0, end)
 
     assert ended_early < 0.75 * len(truss.factored)
 
@@ -188,13 +190,12 @@ def test_a_sealed_linear_structure_takes_the_exact_force_and_pressure(law: str) 
     needle = -np.sign(g @ needle) * needle
     tips = np.array([0.1, 0.4, 1.0])
     pressure = 0.3
-    globe = Globe(law, 0.7)
+    globe = PressureLaw(law, 0.7)
     springs = SealedSprings(K, g, b, b, [])
     start = pressurise(springs, pressure)
     np.testing.assert_allclose(start, pressure * np.linalg.solve(K, g), rtol=1e-8)
-    path = trace_load_path(
-        springs, start, pressure, tips_m=tips, globe=globe, largest_step_m=1.0
-    )
+    end = PathEnd(tips_m=tips, largest_step_m=1.0)
+    path = trace_load_path(springs, start, pressure, end, globe=globe)
 
     # the dent counts from the undented wall at the same pressure
     force = np.append(0.0, tips / (b @ needle))
@@ -216,9 +217,4 @@ def test_tips_that_do_not_ascend_from_above_zero_and_a_path_without_an_end_are_r
         (None, "no end"),
     ):
         with pytest.raises(InputError, match=fault):
-            trace_load_path(
-                Truss(1.0),
-                np.zeros(2),
-                0.0,
-                tips_m=None if tips is None else np.array(tips),
-            )
+            PathEnd(tips_m=None if tips is None else np.array(tips))

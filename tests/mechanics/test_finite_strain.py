@@ -25,6 +25,7 @@ from scleraforce.mechanics.finite_strain_wall import (
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.hexahedral_mesh import HexMesh, build_mesh
 from scleraforce.mechanics.linear_wall import LinearWall, tip_displacement
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.loads_and_supports import (
     elastic_bed,
     gravity_load,
@@ -34,7 +35,7 @@ from scleraforce.mechanics.loads_and_supports import (
     rectus_straps,
 )
 from scleraforce.records import study as st, study_of_eye
-from scleraforce.records.globe import OPEN_GLOBE, Globe, sealed_globe
+from scleraforce.records.globe import CONSTANT_PRESSURE, PressureLaw, sealed_law
 from scleraforce.records.study_of_eye import RIGIDITY_LAWS
 
 R = 12e-3
@@ -46,7 +47,7 @@ CONTACT = Contact(polar_rad=np.radians(35.0))
 LOADS = {"youngs_modulus_pa": E, "iop_pa": IOP, "density_kg_m3": 1100.0}
 # A needle wide enough for a mesh of 6 quads.
 WIDE = 1.5e-3
-GLOBE = sealed_globe(0.15e9)  # as rigid as enucleated human eyes
+GLOBE = sealed_law(0.15e9)  # as rigid as enucleated human eyes
 
 
 @cache
@@ -60,15 +61,15 @@ def coarse_wall() -> FiniteWall:
 
 
 @cache
-def coarse_path(globe: Globe = OPEN_GLOBE, largest_step_m: float = 3e-4) -> LoadPath:
+def coarse_path(
+    globe: PressureLaw = CONSTANT_PRESSURE, largest_step_m: float = 3e-4
+) -> LoadPath:
     needle = needle_at(coarse_mesh(), CONTACT, WIDE)
     return coarse_wall().load_path(
         needle,
+        PathEnd(max_force=40e-3, max_tip_m=2e-3, largest_step_m=largest_step_m),
         **LOADS,
-        max_force_n=40e-3,
-        max_tip_m=2e-3,
         globe=globe,
-        largest_step_m=largest_step_m,
     )
 
 
@@ -94,11 +95,9 @@ def test_small_forces_without_pressure_give_linear_mechanics(kind: str) -> None:
         "youngs_modulus_pa": E,
         "iop_pa": 0.0,
         "density_kg_m3": 0.0,
-        "max_force_n": np.inf,
     }
-    path = wall.load_path(
-        needle_at(mesh, CONTACT, WIDE), **loads, max_tip_m=1e-7, largest_step_m=5e-8
-    )
+    end = PathEnd(max_tip_m=1e-7, largest_step_m=5e-8)
+    path = wall.load_path(needle_at(mesh, CONTACT, WIDE), end, **loads)
     force_n = 0.9 * path.max_force_n
     linear = LinearWall(mesh, NU, springs=springs, springs_modulus_pa=E)
     linear_nc = linear.solve_one(needle_loads(mesh, [CONTACT], WIDE)[0]) * force_n / E
@@ -211,10 +210,10 @@ def test_only_ratios_to_the_modulus_matter() -> None:
     needle = needle_at(coarse_mesh(), CONTACT, WIDE)
     stiff = coarse_wall().load_path(
         needle,
+        PathEnd(max_force=30e-3),
         youngs_modulus_pa=3 * E,
         iop_pa=3 * IOP,
         density_kg_m3=3 * 1100.0,
-        max_force_n=30e-3,
     )
     np.testing.assert_allclose(
         stiff.displacement_nc(30e-3),
@@ -257,7 +256,10 @@ def test_a_sealed_globe_with_a_dead_pressure_is_an_input_error() -> None:
     wall = FiniteWall(mesh, NU, dead_pressure_nc=pressure_load(mesh))
     with pytest.raises(InputError, match="follow"):
         wall.load_path(
-            needle_at(mesh, CONTACT, WIDE), **LOADS, max_force_n=1e-3, globe=GLOBE
+            needle_at(mesh, CONTACT, WIDE),
+            PathEnd(max_force=1e-3),
+            **LOADS,
+            globe=GLOBE,
         )
 
 
@@ -333,7 +335,7 @@ UL = 1e-9
 
 
 def test_the_cube_root_of_the_pressure_rises_by_003_a_microlitre_in_enucleated_human_eyes():
-    globe = sealed_globe(0.03 * PER_UL)  # van der Werff 1981
+    globe = sealed_law(0.03 * PER_UL)  # van der Werff 1981
     assert globe.pressure(to_si(2.0, "mmhg"), 32.0 * UL) == pytest.approx(
         to_si((2.0 ** (1 / 3) + 0.96) ** 3, "mmhg")
     )
@@ -343,11 +345,11 @@ def test_the_cube_root_of_the_pressure_rises_by_003_a_microlitre_in_enucleated_h
 
 
 def test_the_logarithmic_law_is_friedenwalds_and_has_the_slope_of_its_rigidity_at_15_mmhg():
-    globe = sealed_globe(0.0407 * PER_UL, "logarithmic")
+    globe = sealed_law(0.0407 * PER_UL, "logarithmic")
     ten_ul = globe.pressure(to_si(15.0, "mmhg"), 10.0 * UL) / to_si(15.0, "mmhg")
     # Friedenwald's mean
     assert np.log10(ten_ul) == pytest.approx(10.0 * 0.0215, rel=2e-3)
-    cube_root = sealed_globe(0.0407 * PER_UL)
+    cube_root = sealed_law(0.0407 * PER_UL)
     assert globe.stiffness(to_si(15.0, "mmhg")) == pytest.approx(
         cube_root.stiffness(to_si(15.0, "mmhg"))
     )
@@ -357,7 +359,7 @@ def test_the_logarithmic_law_is_friedenwalds_and_has_the_slope_of_its_rigidity_a
 def test_volume_and_pressure_are_inverse_and_the_stiffness_is_the_slope(
     law: str,
 ) -> None:
-    globe = sealed_globe(0.02 * PER_UL, law)
+    globe = sealed_law(0.02 * PER_UL, law)
     resting = np.full(5, 300.0)
     volumes = np.linspace(0.0, 40.0, 5) * UL
     pressures = globe.pressure(resting, volumes)
@@ -378,11 +380,11 @@ def test_volume_and_pressure_are_inverse_and_the_stiffness_is_the_slope(
 
 
 def test_an_open_globe_keeps_its_pressure_and_a_dent_outwards_takes_no_other_below_0():
-    assert not OPEN_GLOBE.is_sealed
-    assert sealed_globe(0.0) == OPEN_GLOBE
-    assert OPEN_GLOBE.pressure(266.0, 1e-7) == pytest.approx(266.0)
-    assert OPEN_GLOBE.stiffness(266.0) == 0.0
-    assert sealed_globe(0.03 * PER_UL).pressure(266.0, -1e-6) == 0.0
+    assert not CONSTANT_PRESSURE.is_sealed
+    assert sealed_law(0.0) == CONSTANT_PRESSURE
+    assert CONSTANT_PRESSURE.pressure(266.0, 1e-7) == pytest.approx(266.0)
+    assert CONSTANT_PRESSURE.stiffness(266.0) == 0.0
+    assert sealed_law(0.03 * PER_UL).pressure(266.0, -1e-6) == 0.0
 
 
 @pytest.mark.parametrize("law", RIGIDITY_LAWS)
@@ -390,30 +392,30 @@ def test_below_no_rigidity_the_law_continues_smoothly_for_a_search_that_needs_bo
     law: str,
 ) -> None:
     rigidities = PER_UL * np.array([-2e-4, -1e-4, 0.0, 1e-4, 2e-4])
-    pressures = sealed_globe(rigidities, law).pressure(np.full(5, 300.0), 20.0 * UL)
+    pressures = sealed_law(rigidities, law).pressure(np.full(5, 300.0), 20.0 * UL)
     assert pressures[2] == pytest.approx(300.0)
     assert (np.diff(pressures) > 0.0).all()
     np.testing.assert_allclose(np.diff(pressures), np.diff(pressures).mean(), rtol=0.01)
-    assert sealed_globe(-PER_UL, law).is_sealed
+    assert sealed_law(-PER_UL, law).is_sealed
 
 
 def test_no_such_law_and_no_rigidity_that_is_not_finite() -> None:
     with pytest.raises(
         InputError, match="'linear' is not one of cube-root, logarithmic"
     ):
-        Globe("linear", 1.0)
+        PressureLaw("linear", 1.0)
     for rigidity in (np.inf, np.nan):
         with pytest.raises(
             InputError, match=r"rigidity: (inf|nan); must be a finite number"
         ):
-            sealed_globe(rigidity)
+            sealed_law(rigidity)
 
 
 @pytest.mark.parametrize("law", RIGIDITY_LAWS)
 def test_a_leaking_globe_loses_the_displaced_volume_with_its_time_constant(
     law: str,
 ) -> None:
-    globe = sealed_globe(0.02 * PER_UL, law)
+    globe = sealed_law(0.02 * PER_UL, law)
     time_s = 0.5 * np.arange(200)
     pushed = np.where(time_s < 40.0, 1.0, 0.0)
 
@@ -436,14 +438,19 @@ OBLIQUE = Contact(polar_rad=radians(35), azimuth_rad=0.4)
 FORCE_N = 0.012
 
 
-def bent(study: st.Study, contact: Contact = OBLIQUE, **given: object) -> LoadPath:
+def bent(
+    study: st.Study,
+    contact: Contact = OBLIQUE,
+    max_force_n: float = FORCE_N,
+    **given: object,
+) -> LoadPath:
     usual = {
         "thickness_m": 0.8e-3,
         "youngs_modulus_pa": 0.3e6,
         "iop_pa": 266.0,
-        "max_force_n": FORCE_N,
     }
-    return bend_eye(study, contact, **{**usual, **given})
+    end = PathEnd(max_force=max_force_n)
+    return bend_eye(study, contact, end, **{**usual, **given})
 
 
 def with_form(form: st.FormStudy, study: st.Study = WEIGHTLESS) -> st.Study:

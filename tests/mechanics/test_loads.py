@@ -17,6 +17,7 @@ from scleraforce.mechanics.finite_strain_wall import FiniteWall
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.hexahedral_mesh import HexMesh, build_mesh
 from scleraforce.mechanics.linear_wall import LinearWall, tip_displacement
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.loads_and_supports import (
     INSERTIONS,
     InnerSurface,
@@ -31,7 +32,7 @@ from scleraforce.mechanics.loads_and_supports import (
     study_springs,
     tip_at,
 )
-from scleraforce.records.globe import sealed_globe
+from scleraforce.records.globe import sealed_law
 from scleraforce.records.study import SupportsStudy
 
 R = 12e-3
@@ -294,12 +295,6 @@ E = 0.3e6
 CONTACT = Contact(polar_rad=np.radians(35.0))
 NORMAL = 1.4e6
 SHEAR = 0.04e6
-UNLOADED = {
-    "youngs_modulus_pa": E,
-    "iop_pa": 0.0,
-    "density_kg_m3": 0.0,
-    "max_force_n": np.inf,
-}
 
 
 @cache
@@ -443,10 +438,14 @@ def test_the_pressure_of_a_sealed_globe_on_a_bed_follows_the_law() -> None:
     mesh = globe(core=2, rings=4)
     wall = FiniteWall(mesh, NU, springs=elastic_bed(mesh, NORMAL, SHEAR))
     loads = {"youngs_modulus_pa": E, "density_kg_m3": 1100.0}
-    law = sealed_globe(0.15e9)
+    law = sealed_law(0.15e9)
     needle = needle_at(mesh, CONTACT, 1e-3)
     path = wall.load_path(
-        needle, **loads, iop_pa=266.0, max_force_n=1.0, max_tip_m=0.6e-3, globe=law
+        needle,
+        PathEnd(max_force=1.0, max_tip_m=0.6e-3),
+        **loads,
+        iop_pa=266.0,
+        globe=law,
     )
     undented_nc = rest_nc(wall, **loads, iop_pa=float(path.pressures_pa[-1]))
     displaced_m3 = wall.inner.volume(undented_nc) - wall.inner.volume(

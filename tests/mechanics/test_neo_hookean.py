@@ -11,17 +11,21 @@ from scipy.optimize import brentq
 from reference_walls import stiffness_matrix, symmetric_base
 from scleraforce.base.arrays import Floats
 from scleraforce.base.errors import SolverError
-from scleraforce.mechanics.axisymmetric_wall import AxisymmetricWall, axisymmetric_path
+from scleraforce.mechanics.axisymmetric_wall import (
+    AxisymmetricWall,
+    EvenWall,
+    axisymmetric_path,
+)
 from scleraforce.mechanics.contact_and_section import Contact
 from scleraforce.mechanics.finite_elements import (
     element_stiffness,
     factor_sum,
     volume_points,
 )
-from scleraforce.mechanics.finite_strain_wall import FiniteWall
+from scleraforce.mechanics.finite_strain_wall import FiniteWall, TissueLaw
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.hexahedral_mesh import HexMesh, build_mesh
-from scleraforce.mechanics.load_path_tracing import pressurise, trace_load_path
+from scleraforce.mechanics.load_path_tracing import PathEnd, pressurise, trace_load_path
 from scleraforce.mechanics.loads_and_supports import needle_at, pressure_load
 from scleraforce.mechanics.meridian_elements import MeridianSize, meridian_mesh
 from scleraforce.mechanics.neo_hookean_solid import FibreLaw, NeoHookeanSolid, fibre_law
@@ -31,7 +35,7 @@ from scleraforce.mechanics.tissue_material import (
     lame_constants,
     strain_measure,
 )
-from scleraforce.records.globe import OPEN_GLOBE, Globe, sealed_globe
+from scleraforce.records.globe import CONSTANT_PRESSURE, PressureLaw, sealed_law
 
 R = 12e-3
 T = 1e-3
@@ -293,7 +297,8 @@ def test_a_balloon_has_the_radius_of_its_closed_form_also_beyond_the_neo_hookean
 ) -> None:
     wall, per_tension = thin_sphere(b)
     u = pressurise(wall, tension * per_tension)
-    path = trace_load_path(wall, u, tension * per_tension, tips_m=np.array([1e-6]))
+    end = PathEnd(tips_m=np.array([1e-6]))
+    path = trace_load_path(wall, u, tension * per_tension, end)
     places = wall.boundaries(path).curves_sbnc[0].mean(axis=0)  # of the middle surface
     middle_m = RADIUS - 30e-6
     radii = np.hypot(places[:, 0], RADIUS - places[:, 1])
@@ -320,29 +325,32 @@ def test_a_step_that_overflows_the_exponential_is_too_long_and_a_shorter_one_is_
 
 
 # A soft eye at living pressure: 0.1 MPa, 0.5 mm, 18 mmHg.
-SOFT = (RADIUS, 0.5e-3, NU, NEEDLE, 2400.0 / 0.1e6)
+SOFT = EvenWall(RADIUS, 0.5e-3, NU, NEEDLE)
+SOFT_IOP_RATIO = 2400.0 / 0.1e6
 
 
 def test_a_soft_eye_that_bursts_at_living_pressure_holds_where_it_stiffens() -> None:
-    tension = SOFT[4] * RADIUS / SOFT[1]
+    tension = SOFT_IOP_RATIO * SOFT.radius_m / SOFT.thickness_m
     assert burst_tension(NU) < tension < burst_tension(NU, 5.0)
 
     with pytest.raises(
         SolverError,
         match=r"pressure: equilibrium found up to .*; use a thicker or stiffer wall",
     ):
-        axisymmetric_path(*SOFT, max_tip_m=1e-3)
+        axisymmetric_path(SOFT, SOFT_IOP_RATIO, PathEnd(max_tip_m=1e-3))
 
-    path = axisymmetric_path(*SOFT, tips_m=np.array([0.5e-3, 1e-3]), stiffening=5.0)
+    stiffer = replace(SOFT, stiffening=5.0)
+    end = PathEnd(tips_m=np.array([0.5e-3, 1e-3]))
+    path = axisymmetric_path(stiffer, SOFT_IOP_RATIO, end)
     assert 0.0 < path.force_ratio_m2[1] < path.force_ratio_m2[2]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "globe", [OPEN_GLOBE, sealed_globe(0.15e9)], ids=["open", "sealed"]
+    "globe", [CONSTANT_PRESSURE, sealed_law(0.15e9)], ids=["open", "sealed"]
 )
 def test_an_eye_that_stiffens_is_the_same_in_three_dimensions_and_of_revolution(
-    globe: Globe,
+    globe: PressureLaw,
 ) -> None:
     b = 20.0
     modulus_pa = 0.4e6
@@ -350,20 +358,21 @@ def test_an_eye_that_stiffens_is_the_same_in_three_dimensions_and_of_revolution(
     thickness_m = 0.6e-3
     contact = Contact(polar_rad=0.0)
     mesh = graded_mesh(RADIUS, thickness_m, contact, core=4, rings=10)
-    solid = FiniteWall(mesh, NU, stiffening=b).load_path(
+    solid = FiniteWall(mesh, NU, tissue=TissueLaw(b)).load_path(
         needle_at(mesh, contact, NEEDLE),
+        PathEnd(max_force=1.0, max_tip_m=1.2e-3),
         youngs_modulus_pa=modulus_pa,
         iop_pa=iop_pa,
         density_kg_m3=0.0,
-        max_force_n=1.0,
-        max_tip_m=1.2e-3,
         globe=globe,
     )
     tips_m = np.array([0.4e-3, 0.8e-3, 1.2e-3])
-    sizes = (RADIUS, thickness_m, NU, NEEDLE, iop_pa / modulus_pa)
     flat, plain = (
         axisymmetric_path(
-            *sizes, tips_m=tips_m, globe=globe.over(modulus_pa), stiffening=each
+            EvenWall(RADIUS, thickness_m, NU, NEEDLE, stiffening=each),
+            iop_pa / modulus_pa,
+            PathEnd(tips_m=tips_m),
+            globe.over(modulus_pa),
         )
         for each in (b, 0.0)
     )

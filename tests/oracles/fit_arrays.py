@@ -177,8 +177,8 @@ def off_the_law(walls: Walls, unknown_su: Floats) -> tuple[Floats, Floats]:
     """
     known = walls.globe
     volume = displaced_m3(walls, unknown_su)
-    mean = known.globe(known.mean)
-    spread = known.globe(known.sd)
+    mean = known.pressure_law(known.mean)
+    spread = known.pressure_law(known.sd)
     pressure = np.exp(unknown_su[:, unknowns.PRESSURE])
     resting = np.exp(unknown_su[:, unknowns.IOP])
     off = mean.level(pressure) - mean.level(resting) - mean.rate * volume

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from scleraforce.base.arrays import Floats
 from scleraforce.library.response_splines import first_crossing
 from scleraforce.library.wall_responses import Library
-from scleraforce.records.globe import Globe
+from scleraforce.records.globe import PressureLaw
 
 EXACT = 1e-12  # of a logarithm
 
@@ -56,7 +56,7 @@ def iop_ratio_under_force(
     thickness_m: Floats,
     iop_ratio: Floats,
     force_ratio: Floats,
-    globe: Globe,
+    globe: PressureLaw,
 ) -> Floats:
     """Pressure over E of sealed globes under forces (sample,), one after the other."""
     eyes = zip(
@@ -68,7 +68,7 @@ def iop_ratio_under_force(
 
 def _pressure(
     library: Library,
-    globe: Globe,
+    globe: PressureLaw,
     thickness: float,
     resting: float,
     force: float,

@@ -120,7 +120,7 @@ class Problem:
             volume = fit_arrays.displaced_m3(self.walls, drawn)
             resting_pa = np.exp(drawn[:, unknowns.IOP])
             ends = [
-                np.log(known.globe(k).pressure(resting_pa, volume))
+                np.log(known.pressure_law(k).pressure(resting_pa, volume))
                 for k in (known.lowest, known.highest)
             ]
             drawn[:, unknowns.PRESSURE] = np.clip(drawn[:, unknowns.PRESSURE], *ends)

@@ -35,17 +35,19 @@ from scleraforce.reading import interval_widths
 from scleraforce.reading.answer import Answer, Reading
 from scleraforce.reading.load_model import load_reader
 from scleraforce.reading.reading_models import SHIFTS, ForceReader
-from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.needle import Needle
 from scleraforce.records.scan import PixelScale
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Range
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.wall_in_metres import boundary_slice
 
 
 def answer(
-    frame: np.ndarray, known: Known | None = KNOWN, model: ForceReader | None = None
+    frame: np.ndarray, setup: Setup | None = KNOWN, model: ForceReader | None = None
 ) -> Answer:
-    return (model or force_reader()).read(frame, SCALE, known or Known())
+    return (model or force_reader()).read(frame, SCALE, setup or Setup())
 
 
 def withdrawn(found: Answer) -> str:
@@ -169,14 +171,13 @@ def test_an_eye_outside_the_training_is_withdrawn_from_although_one_could_calibr
     stiff = Modulus(mean_pa=0.9e6, sd_pa=1e3, source="own")
     frame = image(wall_section(tip_of(0.002)))
 
-    for name, value in (
-        ("modulus", stiff),
-        ("iop_pa", 3000.0),
-        ("iop_pa", nan),
-        ("thickness_m", 1.1e-3),
-        ("gap_m", 1.5e-3),
+    for setup in (
+        replace(KNOWN, eye=replace(KNOWN.eye, modulus=stiff)),
+        replace(KNOWN, eye=replace(KNOWN.eye, iop_pa=3000.0)),
+        replace(KNOWN, eye=replace(KNOWN.eye, thickness_m=1.1e-3)),
+        replace(KNOWN, needle=replace(KNOWN.needle, gap_m=1.5e-3)),
     ):
-        found = answer(frame, replace(KNOWN, **{name: value}))
+        found = answer(frame, setup)
         assert "the model was trained on" in withdrawn(found)
         assert found.can_calibrate
 
@@ -202,14 +203,14 @@ NO_EYES = {
 
 @pytest.mark.parametrize("name", NO_EYES)
 @pytest.mark.parametrize(
-    "known",
+    "setup",
     [KNOWN, pytest.param(None, marks=pytest.mark.slow)],
     ids=["known", "unknown"],
 )
 def test_another_surface_is_never_read_as_harmless(
-    name: str, known: Known | None
+    name: str, setup: Setup | None
 ) -> None:
-    found = answer(NO_EYES[name], known)
+    found = answer(NO_EYES[name], setup)
     assert withdrawn(found)
     assert not found.can_calibrate or "not look like the wall" not in found.reason
 
@@ -251,7 +252,7 @@ def test_a_limbus_at_a_false_scale_is_not_read_as_a_dent() -> None:
     )
 
     for default in ("fit", "network"):
-        found = answer(frame, Known(), force_reader(agreeing, default))
+        found = answer(frame, Setup(), force_reader(agreeing, default))
         assert "without a dent" in withdrawn(found)
         assert dict(found.readings)["fit"].force_n > 0.02
 
@@ -265,7 +266,7 @@ def test_a_wall_that_is_not_as_thick_as_stated_or_hardly_in_view_is_withdrawn_fr
     for stated_m in (0.85e-3, 0.4e-3 - 60e-6):
         found = answer(
             image(wall_section(tip_of(0.01))),
-            replace(KNOWN, thickness_m=stated_m),
+            replace(KNOWN, eye=replace(KNOWN.eye, thickness_m=stated_m)),
             model,
         )
         assert (
@@ -281,7 +282,9 @@ def test_a_wall_that_is_not_as_thick_as_stated_or_hardly_in_view_is_withdrawn_fr
     )
 
     for modulus in (None, Modulus.stated(MODULUS_PA)):
-        found = model.read(frame, close, replace(KNOWN, modulus=modulus))
+        found = model.read(
+            frame, close, replace(KNOWN, eye=replace(KNOWN.eye, modulus=modulus))
+        )
         assert withdrawn(found).endswith("mm are needed without a calibration")
         assert found.can_calibrate
 
@@ -360,7 +363,9 @@ def test_a_dent_that_leaves_the_window_is_read_where_its_flanks_show_enough() ->
     force_n = float(LIBRARY.forces(*wall)[0]) * MODULUS_PA / softness
     modulus_pa = MODULUS_PA / softness
     modulus = Modulus(mean_pa=modulus_pa, sd_pa=0.01 * modulus_pa, source="own")
-    soft = replace(KNOWN, modulus=modulus, iop_pa=IOP_PA / softness)
+    soft = replace(
+        KNOWN, eye=replace(KNOWN.eye, modulus=modulus, iop_pa=IOP_PA / softness)
+    )
     ends_n = (0.9 * force_n, 1.1 * force_n)
     agreeing = Reading(
         probabilities=(0.0, 0.5, 0.5),
@@ -376,14 +381,18 @@ def test_a_dent_that_leaves_the_window_is_read_where_its_flanks_show_enough() ->
 
     # If E is unknown, or the network reads 5 mN, the interval is wider.
     for open_ended in (
-        answer(frame, replace(soft, modulus=None), force_reader(agreeing)),
+        answer(
+            frame,
+            replace(soft, eye=replace(soft.eye, modulus=None)),
+            force_reader(agreeing),
+        ),
         answer(frame, soft),
     ):
         assert "leaves the window" in withdrawn(open_ended)
 
     wide = answer(
         image(wall_section(tip_of(0.02))),
-        replace(KNOWN, modulus=None),
+        replace(KNOWN, eye=replace(KNOWN.eye, modulus=None)),
         force_reader(agreeing),
     )
     assert wide.usable  # within the window
@@ -418,24 +427,30 @@ def test_a_dent_farther_from_the_pole_needs_a_larger_force() -> None:
         expected = (
             LIBRARY.for_contact(polar_rad).forces(*wall)[0] / LIBRARY.forces(*wall)[0]
         )
-        found = answer(frame, replace(KNOWN, polar_rad=polar_rad))
+        found = answer(
+            frame, replace(KNOWN, needle=replace(KNOWN.needle, polar_rad=polar_rad))
+        )
         assert found.force_n / middle.force_n == pytest.approx(expected, rel=2e-3)
 
     assert (
-        answer(frame, replace(KNOWN, polar_rad=1.5)).force_n
-        == answer(frame, replace(KNOWN, polar_rad=99.0)).force_n
+        answer(
+            frame, replace(KNOWN, needle=replace(KNOWN.needle, polar_rad=1.5))
+        ).force_n
+        == answer(
+            frame, replace(KNOWN, needle=replace(KNOWN.needle, polar_rad=0.5 * np.pi))
+        ).force_n
     )
 
 
 FORCE_N = 0.02
 SHAFT = replace(STEEL, angle_rad=0.3, above_m=0.5e-3)
-NEAR = replace(KNOWN, gap_m=0.1e-3)
+NEAR = replace(KNOWN, needle=replace(KNOWN.needle, gap_m=0.1e-3))
 
 
 @pytest.fixture(scope="module")
 def crossed(monkeypatch_module: pytest.MonkeyPatch) -> np.ndarray:
     """A frame 0.1 mm beside the axis of a needle that crosses it, at 20 mN."""
-    monkeypatch_module.setattr("analytic_frames.GAP_M", NEAR.gap_m)
+    monkeypatch_module.setattr("analytic_frames.GAP_M", NEAR.needle.gap_m)
     section = wall_section(tip_of(FORCE_N))
     middle = int(np.abs(section.outer[:, 0] - 0.3e-3).argmin())
     shaft = draw_shaft(SHAFT, section.outer[middle], 0.0, STUDY.oct)
@@ -463,10 +478,13 @@ def test_the_fit_reads_the_wall_beside_a_needle_alone(crossed: np.ndarray) -> No
         assert "the fit alone reads it" in found.warnings[0]
         assert not reader.network.shown
 
-    without = answer(image(wall_section(tip_of(FORCE_N))), replace(KNOWN, gap_m=GAP_M))
+    without = answer(
+        image(wall_section(tip_of(FORCE_N))),
+        replace(KNOWN, needle=replace(KNOWN.needle, gap_m=GAP_M)),
+    )
     assert without.needle is None
     assert [name for name, _ in without.readings] == ["network", "fit"]
-    unknown = answer(crossed, replace(NEAR, gap_m=None))
+    unknown = answer(crossed, replace(NEAR, needle=replace(NEAR.needle, gap_m=None)))
     assert unknown.usable, unknown.reason
     assert unknown.interval_n[0] < FORCE_N < unknown.interval_n[1]
     # the needle's radius; trained was 0.3 to 1 mm
@@ -476,7 +494,9 @@ def test_the_fit_reads_the_wall_beside_a_needle_alone(crossed: np.ndarray) -> No
 def test_a_frame_with_a_needle_is_withdrawn_from_in_the_loop_and_far_from_the_stated_plane(
     crossed,
 ) -> None:
-    known = replace(NEAR, gap_m=0.32e-3)  # the network was trained on such gaps
+    known = replace(
+        NEAR, needle=replace(NEAR.needle, gap_m=0.32e-3)
+    )  # the network was trained on such gaps
     live = force_reader(FIVE_MN).read_live(crossed, SCALE, known)
     assert "a needle hides a part of the wall" in withdrawn(live)
     assert np.isnan(live.segmentation.outer_row[slice(*live.needle.hidden)]).all()
@@ -486,7 +506,7 @@ def test_a_frame_with_a_needle_is_withdrawn_from_in_the_loop_and_far_from_the_st
         == "gap between B-scan and needle axis 0.1 mm, the model was trained on 0.3 to"
         " 1 mm"
     )
-    far = answer(crossed, replace(NEAR, gap_m=0.8e-3))
+    far = answer(crossed, replace(NEAR, needle=replace(NEAR.needle, gap_m=0.8e-3)))
     assert withdrawn(far).startswith(
         "a needle is seen, although the B-scan is said to pass 0.8 mm from its axis"
     )
@@ -523,7 +543,9 @@ def test_the_fit_s_interval_is_wider_beside_a_needle_and_under_a_conjunctiva(
     assert both == pytest.approx(1.5 * interval_widths.CONJUNCTIVA_STRETCH)
     unseen = replace(wall, needle=None)  # as near, it is there all the same
     stretches = [
-        interval_widths.frame_stretch(unseen, replace(NEAR, gap_m=gap), STUDY.reader)
+        interval_widths.frame_stretch(
+            unseen, replace(NEAR, needle=replace(NEAR.needle, gap_m=gap)), STUDY.reader
+        )
         for gap in (1e-4, 4e-4, None)
     ]
     assert stretches == [1.5, 1.0, 1.0]
@@ -540,21 +562,28 @@ def reader() -> ForceReader:
 def test_an_eye_is_read_with_walls_of_its_tissue_at_its_contact(
     reader: ForceReader,
 ) -> None:
-    found = reader.library_for(Known(polar_rad=0.4, stiffening=5.0))
+    found = reader.library_for(
+        Setup(eye=Eye(stiffening=5.0), needle=Needle(polar_rad=0.4))
+    )
     assert (found.contact_polar_rad, found.stiffening) == (0.4, 5.0)
     assert (
         found.force_ratio_tpd == STIFFENED.for_stiffening(5.0).force_ratio_tpd
     ).all()
     assert (
-        reader.library_for(Known(polar_rad=0.4, stiffening=5.0, iop_pa=300.0)) is found
+        reader.library_for(
+            Setup(eye=Eye(stiffening=5.0, iop_pa=300.0), needle=Needle(polar_rad=0.4))
+        )
+        is found
     )
-    assert reader.library_for(Known(polar_rad=0.4)).stiffening == 0.0
+    assert reader.library_for(Setup(needle=Needle(polar_rad=0.4))).stiffening == 0.0
     assert (
-        reader.library_for(Known(stiffening=5.0)).contact_polar_rad
+        reader.library_for(Setup(eye=Eye(stiffening=5.0))).contact_polar_rad
         == STIFFENED.contact_polar_rad
     )
     assert (
-        reader.library_for(Known(polar_rad=2.0, stiffening=5.0)).contact_polar_rad
+        reader.library_for(
+            Setup(eye=Eye(stiffening=5.0), needle=Needle(polar_rad=0.5 * np.pi))
+        ).contact_polar_rad
         == STIFFENED.polar_rad[-1]
     )
 
@@ -562,7 +591,7 @@ def test_an_eye_is_read_with_walls_of_its_tissue_at_its_contact(
 def test_an_eye_of_other_tissue_than_the_library_s_is_refused(
     reader: ForceReader,
 ) -> None:
-    stiff = Known(stiffening=40.0)
+    stiff = Setup(eye=Eye(stiffening=40.0))
     with pytest.raises(
         InputError, match="stiffening: 40 is outside the library's range, 0 to 30"
     ):
@@ -572,4 +601,4 @@ def test_an_eye_of_other_tissue_than_the_library_s_is_refused(
         reader.refusal(stiff)
         == "stiffening 40 of the tissue, the model was trained on 0 to 30"
     )
-    assert reader.refusal(Known(stiffening=30.0)) is None
+    assert reader.refusal(Setup(eye=Eye(stiffening=30.0))) is None

@@ -57,8 +57,6 @@ from scleraforce.reading.reading_models import ForceReader
 from scleraforce.reading.tissue_memory import TissueMemory
 from scleraforce.recordings.recording_folder import read_recording
 from scleraforce.records.fields import fixed
-from scleraforce.records.recording_info import known_of_recording
-from scleraforce.records.scan import PixelScale
 
 pytest.importorskip("torch")
 
@@ -292,8 +290,8 @@ def test_all_readings_of_a_frame_are_one(
     answers = [sf.read(model, path) for path in paths]
     assert [answer.usable for answer in answers] == [True, True, True, False]
     info = read_recording(small_recording).info
-    known = known_of_recording(info)
-    scale = PixelScale.of(info.oct)
+    known = info.setup
+    scale = info.scan.scale
     evaluated = sf.evaluate(model, small_recording).frames
     history = TissueMemory.unknown(known, 60e-3)
 

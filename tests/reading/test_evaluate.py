@@ -33,10 +33,10 @@ from scleraforce.recordings.frame_and_force_tables import FrameEntry
 from scleraforce.recordings.recording_folder import read_recording
 from scleraforce.records.calibration_file import read_calibration
 from scleraforce.records.decoder import format_record
-from scleraforce.records.eye import EyeInfo
+from scleraforce.records.eye import Eye
 from scleraforce.records.frame import frame_digest
 from scleraforce.records.model_folder import SHIPPED_WALL_FINDER
-from scleraforce.records.needle import NeedleInfo
+from scleraforce.records.needle import Needle, gauge_diameter_m
 from scleraforce.records.recording_info import RecordingInfo
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.study import Study
@@ -61,11 +61,9 @@ def write_recording(
     """Six frames, 4 s apart, each in the middle of a push; the fourth shows nothing."""
     rng = np.random.default_rng(4)
     (path / "frames").mkdir(parents=True)
-    scan = replace(LOGGED_INFO.oct, rows=LOOKED_AT_ROWS, columns=LOOKED_AT_COLUMNS)
-    needle = NeedleInfo(gauge=22, slice_gap_m=gap_m)
-    info = RecordingInfo(
-        EyeInfo(eye, thickness_m=6e-4), scan, needle, LOGGED_INFO.force
-    )
+    scan = replace(LOGGED_INFO.scan, rows=LOOKED_AT_ROWS, columns=LOOKED_AT_COLUMNS)
+    needle = Needle(diameter_m=gauge_diameter_m(22), gap_m=gap_m)
+    info = RecordingInfo(Eye(eye, thickness_m=6e-4), scan, needle, LOGGED_INFO.force)
     (path / "recording.toml").write_text(format_record(info))
     lines = ["file,time_s,pierced"]
 

@@ -28,9 +28,11 @@ from scleraforce.reading.reading_models import Reader
 from scleraforce.recordings.formats.image_files import read_frame
 from scleraforce.recordings.recording_folder import read_recording
 from scleraforce.records.calibration_file import read_calibration
-from scleraforce.records.eye import NO_DISCREPANCY, Known, Modulus
+from scleraforce.records.eye import NO_DISCREPANCY, Eye, Modulus
 from scleraforce.records.globe import OPEN
+from scleraforce.records.needle import Needle
 from scleraforce.records.scan import PixelScale
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import MeshStudy
 
 pytest.importorskip("torch")
@@ -317,9 +319,12 @@ def test_intervals_are_stretched_to_hold_on_recordings(
     assert after.record["intervals"]["source"] == "recordings of mine"
     modulus = Modulus(mean_pa=MODULUS_PA, sd_pa=0.01 * MODULUS_PA, source="own")
     one_frame = replace(NO_DISCREPANCY, widest_gap=1.0)
-    known = Known(modulus=modulus, gap_m=GAP_M, globe=OPEN, discrepancy=one_frame)
+    known = Setup(
+        eye=Eye(modulus=modulus, globe=OPEN, discrepancy=one_frame),
+        needle=Needle(gap_m=GAP_M),
+    )
     pixels = read_frame(places["mine"] / "frames" / "2.png")
-    scale = PixelScale.of(read_recording(places["mine"]).info.oct)
+    scale = PixelScale.of(read_recording(places["mine"]).info.scan)
     was, now = (model.read(pixels, scale, known) for model in (before, after))
     assert now.force_n == was.force_n
     assert was.fit is not None

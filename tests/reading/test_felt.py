@@ -16,25 +16,27 @@ from scleraforce.lab.needle_pushes import NeedlePath
 from scleraforce.reading.answer import Reading, unusable_answer
 from scleraforce.reading.needle_lean import LEAN_SD, NeedleLean
 from scleraforce.reading.tissue_memory import DENSE_S, FeltForce, Leak, TissueMemory
-from scleraforce.records.eye import Known, Modulus
-from scleraforce.records.globe import known_globe
-from scleraforce.records.tissue_relaxation import KnownRelaxation
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.globe import UNKNOWN, Globe
+from scleraforce.records.needle import Needle
+from scleraforce.records.setup import Setup
+from scleraforce.records.tissue_relaxation import Relaxation
 
 MOST_N = 60e-3
-DECLARED = KnownRelaxation.declared(TISSUE.terms)
-TISSUE_KNOWN = Known(relaxation=DECLARED)
+DECLARED = Relaxation.declared(TISSUE.terms)
+TISSUE_KNOWN = Setup(eye=Eye(relaxation=DECLARED))
 CORNERS_S = (0.0, 2.0, 3.0, 8.0, 8.5, 14.0, 15.0, 18.0, 19.0, 24.0)
 CORNERS_N = (0.0, 0.0, 0.03, 0.03, 0.012, 0.012, 0.0, 0.0, 0.045, 0.045)
 
 
-def calibrated(seed: int = 0) -> KnownRelaxation:
+def calibrated(seed: int = 0) -> Relaxation:
     rng = np.random.default_rng(seed)
     pushes, path = pushed(TISSUE, rng)
     return found_in(path, np.array([push.frame_s for push in pushes]), rng)[1]
 
 
-def follow(known: KnownRelaxation, path: NeedlePath, times_s: np.ndarray):
-    history = TissueMemory.unknown(Known(relaxation=known), MOST_N)
+def follow(known: Relaxation, path: NeedlePath, times_s: np.ndarray):
+    history = TissueMemory.unknown(Setup(eye=Eye(relaxation=known)), MOST_N)
     answers = []
 
     for time_s, elastic_n in zip(times_s, path.elastic_n(times_s), strict=True):
@@ -118,7 +120,7 @@ def test_frames_held_as_in_the_calibration_need_no_history() -> None:
     inside = []
 
     for alone in (False, True):
-        history = TissueMemory.unknown(Known(relaxation=known), MOST_N)
+        history = TissueMemory.unknown(Setup(eye=Eye(relaxation=known)), MOST_N)
         for time_s, elastic_n, true_n in zip(
             frame_s, path.elastic_n(frame_s), path.felt_n(frame_s), strict=True
         ):
@@ -140,7 +142,7 @@ def test_a_known_hold_gives_the_force_of_a_frame_that_is_not_held_as_in_the_cali
     rest = replace(
         known, before_n=nothing, before_covariance_n2=(nothing,) * len(nothing)
     )
-    history = TissueMemory.unknown(Known(relaxation=rest), MOST_N)
+    history = TissueMemory.unknown(Setup(eye=Eye(relaxation=rest)), MOST_N)
 
     for held_s in (0.5, 1.0, 20.0):
         told, _ = history.read(read_as(0.03), BOUNDS_N, held_s=held_s)
@@ -157,12 +159,12 @@ def test_a_known_hold_gives_the_force_of_a_frame_that_is_not_held_as_in_the_cali
 def test_elastic_tissue_and_tissue_of_which_nothing_is_known_keep_the_answer() -> None:
     for known in (
         None,
-        KnownRelaxation.declared(()),
-        KnownRelaxation.of([0.0], [1.0], np.eye(1), "holds"),
+        Relaxation.declared(()),
+        Relaxation.of([0.0], [1.0], np.eye(1), "holds"),
     ):
         answer = read_as(0.02)
         assert (
-            TissueMemory.unknown(Known(relaxation=known), MOST_N).read(
+            TissueMemory.unknown(Setup(eye=Eye(relaxation=known)), MOST_N).read(
                 answer, BOUNDS_N, 1.0
             )[0]
             is answer
@@ -298,53 +300,62 @@ def test_a_reading_of_nan_does_not_enter_the_history() -> None:
 OWN = Modulus(mean_pa=0.3e6, sd_pa=3e3, source="own")
 OTHERS = replace(OWN, source="population")
 DEG = np.pi / 180.0
-# Known inputs of an eye; the factors of its force along the needle: least, likeliest,
+# Setup inputs of an eye; the factors of its force along the needle: least, likeliest,
 # most; leans that differ, if any.
 LEANS = {
-    "nothing is said": (Known(), (1.0, 1.0, 1.0), ()),
+    "nothing is said": (Setup(), (1.0, 1.0, 1.0), ()),
     "declared": (
-        Known(lean_rad=(0.5, 0.5)),
+        Setup(needle=Needle(lean_rad=(0.5, 0.5))),
         (np.cos(0.5), 1 / np.cos(0.5), 1 / np.cos(0.5)),
         (0.5,),
     ),
     "not known": (
-        Known(lean_rad=(0.0, 45 * DEG)),
+        Setup(needle=Needle(lean_rad=(0.0, 45 * DEG))),
         (np.sqrt(0.5), 1 / np.cos(22.5 * DEG), np.sqrt(2.0)),
         (22.5 * DEG,),
     ),
     "as in the calibration": (
-        Known(modulus=OWN, calibrated_lean_rad=0.3),
+        Setup(eye=Eye(modulus=OWN, calibrated_lean_rad=0.3)),
         (1 / np.cos(0.3),) * 3,
         (),
     ),
     "declared again": (
-        Known(modulus=OWN, calibrated_lean_rad=0.3, lean_rad=(0.33, 0.33)),
+        Setup(
+            eye=Eye(modulus=OWN, calibrated_lean_rad=0.3),
+            needle=Needle(lean_rad=(0.33, 0.33)),
+        ),
         (1 / np.cos(0.33),) * 3,
         (),
     ),
     "of others, who leaned so": (
-        Known(modulus=OTHERS, calibrated_lean_rad=0.3),
+        Setup(eye=Eye(modulus=OTHERS, calibrated_lean_rad=0.3)),
         (1 / np.cos(0.3),) * 3,
         (),
     ),
     "another one": (
-        Known(modulus=OWN, calibrated_lean_rad=0.3, lean_rad=(0.6, 0.6)),
+        Setup(
+            eye=Eye(modulus=OWN, calibrated_lean_rad=0.3),
+            needle=Needle(lean_rad=(0.6, 0.6)),
+        ),
         (np.cos(0.6) / np.cos(0.3) ** 2, 1 / np.cos(0.6), 1 / np.cos(0.6)),
         (0.3, 0.6),
     ),
     "upright after a lean": (
-        Known(modulus=OWN, calibrated_lean_rad=0.6, lean_rad=(0.0, 0.0)),
+        Setup(
+            eye=Eye(modulus=OWN, calibrated_lean_rad=0.6),
+            needle=Needle(lean_rad=(0.0, 0.0)),
+        ),
         (1.0, 1.0, 1 / np.cos(0.6) ** 2),
         (0.6,),
     ),
-    "absorbed": (Known(modulus=OWN), (1.0, 1.0, 1.0), ()),
+    "absorbed": (Setup(eye=Eye(modulus=OWN)), (1.0, 1.0, 1.0), ()),
     "not in the calibration": (
-        Known(modulus=OTHERS, lean_rad=(0.0, 0.0)),
+        Setup(eye=Eye(modulus=OTHERS), needle=Needle(lean_rad=(0.0, 0.0))),
         (np.sqrt(0.5), 1.0, np.sqrt(2.0)),
         (22.5 * DEG,),
     ),
     "known nowhere": (
-        Known(modulus=OWN, lean_rad=(0.0, 45 * DEG)),
+        Setup(eye=Eye(modulus=OWN), needle=Needle(lean_rad=(0.0, 45 * DEG))),
         (np.sqrt(0.5), 1.0, np.sqrt(2.0)),
         (22.5 * DEG, 22.5 * DEG),
     ),
@@ -354,15 +365,15 @@ LEANS = {
 @pytest.mark.parametrize("case", LEANS)
 @pytest.mark.parametrize("relaxation", [None, DECLARED])
 def test_a_needle_that_leans_feels_the_force_along_it(
-    case: str, relaxation: KnownRelaxation | None
+    case: str, relaxation: Relaxation | None
 ) -> None:
     known, (least, factor, most), others = LEANS[case]
     elastic = read_as(0.02)
-    upright, _ = TissueMemory.unknown(Known(relaxation=relaxation), MOST_N).read(
-        elastic, BOUNDS_N
-    )
+    upright, _ = TissueMemory.unknown(
+        Setup(eye=Eye(relaxation=relaxation)), MOST_N
+    ).read(elastic, BOUNDS_N)
     leaning, _ = TissueMemory.unknown(
-        replace(known, relaxation=relaxation), MOST_N
+        replace(known, eye=replace(known.eye, relaxation=relaxation)), MOST_N
     ).read(elastic, BOUNDS_N)
     low_n, high_n = upright.interval_n
     force_n = upright.force_n
@@ -388,32 +399,42 @@ def test_a_needle_that_leans_feels_the_force_along_it(
 
 def test_a_shaft_in_the_picture_gives_the_lean_where_nothing_else_does_and_may_contradict_it():
     seen = 30 * DEG
-    assert NeedleLean.of(Known(), -seen) == NeedleLean.of(
-        Known(lean_rad=(seen, seen)), None
+    assert NeedleLean.of(Setup(), -seen) == NeedleLean.of(
+        Setup(needle=Needle(lean_rad=(seen, seen))), None
     )
-    assert NeedleLean.of(Known(modulus=OWN), seen) == NeedleLean((seen, seen))
+    assert NeedleLean.of(Setup(eye=Eye(modulus=OWN)), seen) == NeedleLean((seen, seen))
     # it may lean out of the picture, too
-    steeper = replace(Known(), lean_rad=(45 * DEG, 45 * DEG))
+    steeper = replace(
+        Setup(), needle=replace(Setup().needle, lean_rad=(45 * DEG, 45 * DEG))
+    )
 
     for known, contradicts in (
         (steeper, False),
-        (replace(steeper, lean_azimuth_rad=0.0), True),
-        (Known(lean_rad=(0.1, 0.1)), True),
-        (replace(steeper, lean_azimuth_rad=np.arccos(np.tan(seen))), False),
+        (replace(steeper, needle=replace(steeper.needle, lean_azimuth_rad=0.0)), True),
+        (Setup(needle=Needle(lean_rad=(0.1, 0.1))), True),
         (
-            Known(lean_rad=(seen, seen), lean_azimuth_rad=np.pi),
+            replace(
+                steeper,
+                needle=replace(
+                    steeper.needle, lean_azimuth_rad=np.arccos(np.tan(seen))
+                ),
+            ),
+            False,
+        ),
+        (
+            Setup(needle=Needle(lean_rad=(seen, seen), lean_azimuth_rad=np.pi)),
             True,
         ),  # to the other side
-        (Known(lean_rad=(0.0, 45 * DEG), lean_azimuth_rad=0.0), False),
+        (Setup(needle=Needle(lean_rad=(0.0, 45 * DEG), lean_azimuth_rad=0.0)), False),
     ):
         found = NeedleLean.of(known, seen)
-        assert found.ends_rad == known.lean_rad
+        assert found.ends_rad == known.needle.lean_rad
         assert bool(found.doubts) == contradicts
 
 
-GLOBE = known_globe("sealed", 1e8)
-LAW = GLOBE.globe(GLOBE.mean)
-LEAKING = Known(iop_pa=300.0, globe=GLOBE, leak_time_s=20.0)
+GLOBE = Globe.declared("sealed", 1e8, leak_time_s=20.0)
+LAW = GLOBE.pressure_law(GLOBE.mean)
+LEAKING = Setup(eye=Eye(iop_pa=300.0, globe=GLOBE))
 DENT_M3 = 10e-9
 
 
@@ -425,7 +446,9 @@ def test_a_dent_that_stays_leaks_in_dense_sequences_and_in_sparse_ones_whose_hol
     rests_pa = []
     times_s = np.arange(0.0, 30.0, every_s).tolist()
     for time_s in times_s:
-        (answer,), leak = leak.read(lambda now: (shown(now.iop_pa),), time_s, every_s)
+        (answer,), leak = leak.read(
+            lambda now: (shown(now.eye.iop_pa),), time_s, every_s
+        )
         rests_pa.append(answer.rest_pa)
 
     expected_pa = LAW.pressure(
@@ -437,13 +460,14 @@ def test_a_dent_that_stays_leaks_in_dense_sequences_and_in_sparse_ones_whose_hol
 def test_frames_that_are_refused_show_no_dent_and_the_pressure_comes_back() -> None:
     leak = Leak(LEAKING)
     for time_s in (0.0, 0.2, 10.0, 20.0):
-        (low,), leak = leak.read(lambda now: (shown(now.iop_pa),), time_s, 10.0)
+        (low,), leak = leak.read(lambda now: (shown(now.eye.iop_pa),), time_s, 10.0)
 
     rests_pa = []
     for time_s in np.arange(20.2, 140.0, 0.2).tolist():
         _, leak = leak.read(
             lambda now: (
-                rests_pa.append(now.iop_pa) or (SimpleNamespace(iop_at_dent_pa=None),)
+                rests_pa.append(now.eye.iop_pa)
+                or (SimpleNamespace(iop_at_dent_pa=None),)
             ),
             time_s,
             None,
@@ -455,9 +479,11 @@ def test_frames_that_are_refused_show_no_dent_and_the_pressure_comes_back() -> N
 
 def test_an_eye_that_does_not_leak_keeps_its_pressure() -> None:
     for known in (
-        replace(LEAKING, leak_time_s=None),
-        replace(LEAKING, globe=known_globe("open")),
-        Known(leak_time_s=9.0),
+        replace(
+            LEAKING, eye=replace(LEAKING.eye, globe=replace(GLOBE, leak_time_s=None))
+        ),
+        replace(LEAKING, eye=replace(LEAKING.eye, globe=Globe.declared("open"))),
+        Setup(eye=Eye(globe=replace(UNKNOWN, leak_time_s=9.0))),
     ):
         leak = Leak(known)
         assert leak.read(lambda now: now, 5.0, None) == (known, leak)

@@ -28,8 +28,9 @@ from scleraforce.reading.interval_widths import (
     score_reading,
     traits_of,
 )
-from scleraforce.records.eye import NO_DISCREPANCY, Known, Modulus
+from scleraforce.records.eye import NO_DISCREPANCY, Eye, Modulus
 from scleraforce.records.globe import OPEN, SEALED
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import ReaderStudy
 
 BOUNDS_N = (5e-3, 30e-3)
@@ -154,7 +155,7 @@ def test_a_stretched_fit_has_the_quantiles_of_stretched_draws() -> None:
         assert found.force_n == fit.force_n
         ends_n = *found.interval_n, found.force_n
         scores = [
-            score_reading("fit", found, Known(), "an eye", end_n).score
+            score_reading("fit", found, Setup(), "an eye", end_n).score
             for end_n in ends_n
         ]
         assert scores == pytest.approx([1.0, 1.0, 0.0])
@@ -272,31 +273,36 @@ FIT = drawn_fit(np.linspace(0.0, 3e-2, 11))
 def test_traits_follow_the_causes_of_errors() -> None:
     force_n = FIT.force_n
     uneven = replace(FIT, misfit_m=20e-6)
-    assert traits_of(Known(modulus=OWN, globe=OPEN), force_n, FIT) == ("own E", "open")
-    assert traits_of(Known(modulus=OWN, globe=OPEN), force_n, uneven) == (
+    assert traits_of(Setup(eye=Eye(modulus=OWN, globe=OPEN)), force_n, FIT) == (
+        "own E",
+        "open",
+    )
+    assert traits_of(Setup(eye=Eye(modulus=OWN, globe=OPEN)), force_n, uneven) == (
         "own E",
         "open",
         "uneven",
     )
     bulging = FIT.unknown.copy()
     bulging[FORM.start + 1] = -0.1
-    other = Known(modulus=replace(OWN, source="population"), globe=SEALED)
+    other = Setup(eye=Eye(modulus=replace(OWN, source="population"), globe=SEALED))
     assert traits_of(other, force_n, replace(FIT, unknown=bulging)) == (
         "other E",
         "sealed",
         "uneven",
     )
-    assert traits_of(Known(modulus=OWN), force_n) == ("own E", "unknown")
+    assert traits_of(Setup(eye=Eye(modulus=OWN)), force_n) == ("own E", "unknown")
 
     for source in ("stated", "shape"):
-        assert traits_of(Known(modulus=replace(OWN, source=source)), force_n) == (
+        assert traits_of(
+            Setup(eye=Eye(modulus=replace(OWN, source=source))), force_n
+        ) == (
             "other E",
             "unknown",
         )
 
     taut = replace(FIT, tension=0.1)
     found = [
-        traits_of(Known(modulus=OWN, globe=globe), force_n, taut)[1]
+        traits_of(Setup(eye=Eye(modulus=OWN, globe=globe)), force_n, taut)[1]
         for globe in (OPEN, SEALED, None)
     ]
     assert found == ["open", "taut", "taut"]
@@ -310,30 +316,41 @@ def test_traits_follow_the_causes_of_errors() -> None:
 
 def test_forces_beyond_the_calibration_s_and_wide_gaps_have_traits_of_their_own():
     taut = replace(FIT, tension=0.1)
-    gentle = Known(
-        modulus=OWN,
-        discrepancy=replace(NO_DISCREPANCY, largest_n=20e-3, widest_gap=0.5),
+    gentle = Setup(
+        eye=Eye(
+            modulus=OWN,
+            discrepancy=replace(NO_DISCREPANCY, largest_n=20e-3, widest_gap=0.5),
+        )
     )
     found = [
         [traits_of(gentle, force_n, fit)[2:] for fit in (None, taut)]
         for force_n in (23.9e-3, 24.1e-3, 40.1e-3)
     ]
     assert found == [[("sparse",)] * 2, [("beyond",)] * 2, [("far beyond",)] * 2]
-    lightly = replace(gentle, discrepancy=replace(NO_DISCREPANCY, largest_n=4e-3))
+    lightly = replace(
+        gentle,
+        eye=replace(gentle.eye, discrepancy=replace(NO_DISCREPANCY, largest_n=4e-3)),
+    )
     assert traits_of(lightly, 9.9e-3, taut) == ("own E", "taut", "light", "far beyond")
     # its discrepancy is another eye's
-    stranger = replace(gentle, modulus=replace(OWN, source="population"))
+    stranger = replace(
+        gentle, eye=replace(gentle.eye, modulus=replace(OWN, source="population"))
+    )
 
     for same in (
         stranger,
-        replace(gentle, discrepancy=NO_DISCREPANCY),
-        replace(gentle, discrepancy=None),
+        replace(gentle, eye=replace(gentle.eye, discrepancy=NO_DISCREPANCY)),
+        replace(gentle, eye=replace(gentle.eye, discrepancy=None)),
     ):
         assert traits_of(same, 60e-3)[1:] == ("unknown",)
 
     for gap, more in ((0.45, ()), (0.46, ("sparse",)), (None, ())):
         known = replace(
-            gentle, discrepancy=replace(NO_DISCREPANCY, largest_n=20e-3, widest_gap=gap)
+            gentle,
+            eye=replace(
+                gentle.eye,
+                discrepancy=replace(NO_DISCREPANCY, largest_n=20e-3, widest_gap=gap),
+            ),
         )
         assert traits_of(known, 15e-3) == ("own E", "unknown", *more)
 
@@ -360,8 +377,12 @@ def test_every_trait_of_a_reading_may_have_a_factor() -> None:
         (True, False),
     ):
         discrepancy = replace(NO_DISCREPANCY, largest_n=largest_n, widest_gap=gap)
-        known = Known(
-            modulus=replace(OWN, source=source), globe=globe, discrepancy=discrepancy
+        known = Setup(
+            eye=Eye(
+                modulus=replace(OWN, source=source),
+                globe=globe,
+                discrepancy=discrepancy,
+            )
         )
         fit = None if by_network else replace(FIT, tension=tension, misfit_m=misfit_m)
         first, *others = traits_of(known, force_n, fit)
@@ -384,21 +405,27 @@ def test_factors_come_from_the_record_are_multiplied_and_are_one_where_it_has_no
         }
     }
     factors = parse_factors(record, "model.json")
-    own = Known(modulus=OWN, globe=OPEN)
+    own = Setup(eye=Eye(modulus=OWN, globe=OPEN))
     assert (
         factors.of_fit(own, FIT),
         factors.of_fit(own, replace(FIT, misfit_m=1e-3)),
     ) == (0.5, 0.75)
     assert (
-        factors.of_fit(replace(own, globe=SEALED), replace(FIT, misfit_m=1e-3)) == 1.5
+        factors.of_fit(
+            replace(own, eye=replace(own.eye, globe=SEALED)),
+            replace(FIT, misfit_m=1e-3),
+        )
+        == 1.5
     )
     assert (
-        factors.of_network(Known(globe=SEALED), 30e-3),
+        factors.of_network(Setup(eye=Eye(globe=SEALED)), 30e-3),
         factors.of_network(own, 30e-3),
     ) == (2.0, 1.0)
     assert parse_factors({}, "model.json") == NO_FACTORS
-    scattered = replace(own, discrepancy=replace(NO_DISCREPANCY, scatter=1.7))
-    assert (own.scatter, scattered.scatter) == (1.0, 1.7)
+    scattered = replace(
+        own, eye=replace(own.eye, discrepancy=replace(NO_DISCREPANCY, scatter=1.7))
+    )
+    assert (own.eye.scatter, scattered.eye.scatter) == (1.0, 1.7)
     assert factors.of_fit(scattered, FIT) == pytest.approx(1.7 * 0.5)
     assert NO_FACTORS.of_fit(scattered, FIT) == 1.7
     # another model of the eye: its errors do not follow
@@ -434,7 +461,7 @@ def test_few_eyes_widen_intervals_and_never_narrow_them() -> None:
 
 
 def test_a_surface_that_bends_like_a_cornea_on_both_sides_is_not_a_sclera() -> None:
-    prior = prior_of(Known(), ReaderStudy())
+    prior = prior_of(Setup(), ReaderStudy())
     fit = replace(FIT, unknown=prior.mean.copy())
     assert no_wall_of_an_eye(fit, prior) is None
     fit.unknown[FORM.start + FORMS.index("left_curvature")] = 45.0

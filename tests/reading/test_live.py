@@ -17,10 +17,11 @@ from scleraforce.reading.eye_reader import LiveReader, warming_frame
 from scleraforce.reading.load_model import load_classifier, load_force_reader
 from scleraforce.reading.needle_place import NOWHERE
 from scleraforce.reading.reading_models import ForceReader
-from scleraforce.records.eye import NOTHING_KNOWN, Known, Modulus
+from scleraforce.records.eye import Eye, Modulus
 from scleraforce.records.globe import OPEN, SEALED
 from scleraforce.records.model_folder import SHIPPED_READER
 from scleraforce.records.scan import PixelScale
+from scleraforce.records.setup import NOTHING_KNOWN, Setup
 from scleraforce.records.study import SliceStudy, Study
 
 WIDE = Reading(
@@ -32,9 +33,9 @@ WIDE = Reading(
 
 
 def live(
-    frame: np.ndarray, model: ForceReader | None = None, known: Known = KNOWN
+    frame: np.ndarray, model: ForceReader | None = None, setup: Setup = KNOWN
 ) -> Answer:
-    return LiveReader(model or force_reader(), known, 1.0).read(frame, SCALE)
+    return LiveReader(model or force_reader(), setup, 1.0).read(frame, SCALE)
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +85,9 @@ def test_the_loop_withdraws_wherever_a_frame_cannot_be_judged(
     cases = [
         (live(blank), "empty"),
         (
-            live(frame, known=replace(KNOWN, thickness_m=1.1e-3)),
+            live(
+                frame, setup=replace(KNOWN, eye=replace(KNOWN.eye, thickness_m=1.1e-3))
+            ),
             "the model was trained on",
         ),
         (
@@ -131,10 +134,10 @@ def classifier(write_model, tmp_path_factory: pytest.TempPathFactory):
 def test_a_classifier_answers_as_it_does_elsewhere(
     frame: np.ndarray, classifier
 ) -> None:
-    answer = LiveReader(classifier, Known(), 1.0).read(frame, SCALE)
+    answer = LiveReader(classifier, Setup(), 1.0).read(frame, SCALE)
     assert answer == replace(classifier.read(frame, SCALE), can_calibrate=False)
     assert (answer.usable, answer.force_n) == (True, None)
-    answer = LiveReader(classifier, Known(), 1.0).read(
+    answer = LiveReader(classifier, Setup(), 1.0).read(
         image(wall_section(4.2e-3, surface_m=0.4e-3)), SCALE
     )
     assert (answer.usable, answer.predicted, answer.probabilities) == (False, 2, None)
@@ -149,14 +152,20 @@ def test_network_and_fit_read_a_warming_frame() -> None:
     model = force_reader()
     other = PixelScale(lateral_m=20e-6, depth_m=8e-6, refractive_index=1.38)
 
-    for known in (KNOWN, NOTHING_KNOWN, replace(KNOWN, thickness_m=0.4e-3)):
+    for known in (
+        KNOWN,
+        NOTHING_KNOWN,
+        replace(KNOWN, eye=replace(KNOWN.eye, thickness_m=0.4e-3)),
+    ):
         for shape, scale in (
             (SHAPE, SCALE),
             (SHAPE, replace(SCALE, refractive_index=1.38)),
             ((640, 800), other),
         ):
             answer = model.read(
-                warming_frame(shape, scale, RADIUS_M, known.thickness_m), scale, known
+                warming_frame(shape, scale, RADIUS_M, known.eye.thickness_m),
+                scale,
+                known,
             )
             assert answer.fit is not None, answer.reason
             assert [method for method, _ in answer.readings] == ["network", "fit"]
@@ -165,11 +174,18 @@ def test_network_and_fit_read_a_warming_frame() -> None:
 def test_the_stiffness_is_a_known_open_walls_and_grows_with_its_modulus() -> None:
     reader = load_force_reader(SHIPPED_READER)
     modulus = Modulus(mean_pa=0.3e6, sd_pa=0.0, source="own")
-    known = Known(modulus=modulus, thickness_m=600e-6, iop_pa=266.0, globe=OPEN)
+    known = Setup(
+        eye=Eye(modulus=modulus, thickness_m=600e-6, iop_pa=266.0, globe=OPEN)
+    )
     soft, hard = (
         reader.steepest_n_m(
             replace(
-                known, modulus=replace(modulus, mean_pa=pa), iop_pa=266.0 * pa / 0.3e6
+                known,
+                eye=replace(
+                    known.eye,
+                    modulus=replace(modulus, mean_pa=pa),
+                    iop_pa=266.0 * pa / 0.3e6,
+                ),
             )
         )
         for pa in (0.2e6, 0.4e6)
@@ -178,12 +194,33 @@ def test_the_stiffness_is_a_known_open_walls_and_grows_with_its_modulus() -> Non
     assert hard == pytest.approx(2.0 * soft)
     assert 10.0 < soft < 25.0
     unsure = replace(modulus, mean_pa=0.3e6, sd_pa=0.05e6)
-    live = LiveReader(reader, replace(known, modulus=unsure), 1.0)
-    sure = live.adopt(replace(known, modulus=replace(unsure, sd_pa=0.01e6)))
+    live = LiveReader(
+        reader, replace(known, eye=replace(known.eye, modulus=unsure)), 1.0
+    )
+    sure = live.adopt(
+        replace(known, eye=replace(known.eye, modulus=replace(unsure, sd_pa=0.01e6)))
+    )
     assert sure == pytest.approx(
-        reader.steepest_n_m(replace(known, modulus=replace(modulus, mean_pa=0.32e6)))
+        reader.steepest_n_m(
+            replace(
+                known, eye=replace(known.eye, modulus=replace(modulus, mean_pa=0.32e6))
+            )
+        )
     )
     # the reader does not read it
-    assert live.adopt(replace(known, modulus=replace(modulus, mean_pa=99e6))) is None
-    assert reader.steepest_n_m(replace(known, globe=SEALED)) is None
-    assert reader.steepest_n_m(replace(known, thickness_m=None)) is None
+    assert (
+        live.adopt(
+            replace(
+                known, eye=replace(known.eye, modulus=replace(modulus, mean_pa=99e6))
+            )
+        )
+        is None
+    )
+    assert (
+        reader.steepest_n_m(replace(known, eye=replace(known.eye, globe=SEALED)))
+        is None
+    )
+    assert (
+        reader.steepest_n_m(replace(known, eye=replace(known.eye, thickness_m=None)))
+        is None
+    )

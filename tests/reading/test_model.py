@@ -18,9 +18,10 @@ from small_models import (
 
 from scleraforce.base.errors import ModelError
 from scleraforce.reading.load_model import load_classifier, load_reader, opened_reader
-from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.eye import Eye, Modulus
 from scleraforce.records.globe import OPEN, SEALED
-from scleraforce.records.scan import OctInfo
+from scleraforce.records.scan import Scan
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 
 
@@ -151,12 +152,12 @@ def test_a_network_that_cannot_be_used_is_refused(tiny_model) -> None:
         load_reader(tiny_model.path)
 
 
-SCAN = OctInfo(columns=512, rows=512, bits=12, width_m=15e-3, depth_m=4e-3)
+SCAN = Scan(columns=512, rows=512, bits=12, width_m=15e-3, depth_m=4e-3)
 
 
 def test_only_the_training_of_a_model_limits_it(write_model, tmp_path: Path) -> None:
-    stiff = Known(modulus=Modulus.stated(5e6))
-    thick = Known(thickness_m=3e-3)
+    stiff = Setup(eye=Eye(modulus=Modulus.stated(5e6)))
+    thick = Setup(eye=Eye(thickness_m=3e-3))
     classifier = load_classifier(write_model(tmp_path / "model", Study()).path)
     assert (classifier.reads_force, classifier.fixed_modulus_pa) == (
         False,
@@ -164,7 +165,7 @@ def test_only_the_training_of_a_model_limits_it(write_model, tmp_path: Path) -> 
     )
     assert (force_reader().reads_force, force_reader().fixed_modulus_pa) == (True, None)
     assert (classifier.refusal(stiff), classifier.refusal(thick)) == (None, None)
-    assert force_reader().refusal(Known()) is None
+    assert force_reader().refusal(Setup()) is None
     assert (
         force_reader()
         .refusal(stiff)
@@ -172,15 +173,15 @@ def test_only_the_training_of_a_model_limits_it(write_model, tmp_path: Path) -> 
     )
 
     for reader in (classifier, force_reader()):
-        assert reader.limits(Known(), SCAN) == ()
+        assert reader.limits(Setup(), SCAN) == ()
         (limit,) = reader.limits(thick, SCAN)
         assert limit.startswith("wall thickness 3000 µm, the model was trained on")
-        assert reader.limits(Known(globe=OPEN), SCAN) == ()
+        assert reader.limits(Setup(eye=Eye(globe=OPEN)), SCAN) == ()
 
     # its linear mechanics knows no sealed eye
-    (limit,) = classifier.limits(Known(globe=SEALED), SCAN)
+    (limit,) = classifier.limits(Setup(eye=Eye(globe=SEALED)), SCAN)
     assert "sealed" in limit
-    assert force_reader().limits(Known(globe=SEALED), SCAN) == ()
+    assert force_reader().limits(Setup(eye=Eye(globe=SEALED)), SCAN) == ()
 
 
 @pytest.fixture(params=["classifier", "reader", "raw-reader"])

@@ -17,9 +17,12 @@ from scleraforce.base.units import to_si
 from scleraforce.library.moving_base import pole_directions
 from scleraforce.reading import force_network
 from scleraforce.reading.load_model import load_classifier, load_reader
-from scleraforce.records.eye import ForceDiscrepancy, Known, Modulus
-from scleraforce.records.globe import OPEN, UNKNOWN, known_globe
+from scleraforce.records.eye import Eye, ForceDiscrepancy, Modulus
+from scleraforce.records.globe import OPEN, UNKNOWN, Globe
 from scleraforce.records.model_folder import sha256
+from scleraforce.records.needle import Needle
+from scleraforce.records.scan import Scan
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import ReaderStudy
 
 EDGES_M2 = force_network.ratio_edges(20, 0.4e-6)
@@ -143,7 +146,7 @@ def test_the_rigidity_counts_from_an_open_globe_to_the_stiffest() -> None:
     for globe, ends in (
         (OPEN, (-1.0, -1.0)),
         (UNKNOWN, (-0.949, 0.949)),
-        (known_globe("sealed", to_si(0.03, "mmhg13_per_ul")), (-0.132, 0.132)),
+        (Globe.declared("sealed", to_si(0.03, "mmhg13_per_ul")), (-0.132, 0.132)),
     ):
         found = given(rigidity_low=globe.band[0], rigidity_high=globe.band[1])
         assert (found["rigidity low"], found["rigidity high"]) == pytest.approx(
@@ -176,9 +179,9 @@ def test_the_stiffening_is_even_in_the_logarithm_from_0_to_30() -> None:
         assert given(stiffening=stiffening)["stiffening"] == pytest.approx(
             wanted, abs=1e-6
         )
-    assert force_network.eye_for_network(Known(stiffening=5.0)).stiffening.tolist() == [
-        5.0
-    ]
+    assert force_network.eye_for_network(
+        Setup(eye=Eye(stiffening=5.0))
+    ).stiffening.tolist() == [5.0]
 
 
 pytest.importorskip("torch")
@@ -202,8 +205,10 @@ def rewrite(folder: Path, name: str, content: bytes) -> None:
     (folder / "model.json").write_text(json.dumps(record))
 
 
-def own(modulus_pa: float = 0.3e6, sd_pa: float = 5e3) -> Known:
-    return Known(modulus=Modulus(mean_pa=modulus_pa, sd_pa=sd_pa, source="own"))
+def own(modulus_pa: float = 0.3e6, sd_pa: float = 5e3) -> Setup:
+    return Setup(
+        eye=Eye(modulus=Modulus(mean_pa=modulus_pa, sd_pa=sd_pa, source="own"))
+    )
 
 
 def test_force_and_interval_scale_with_the_given_modulus(folder: Path) -> None:
@@ -228,7 +233,7 @@ def test_force_and_interval_scale_with_the_given_modulus(folder: Path) -> None:
 
     middle = own(0.5 * sum(reader.study.reader.youngs_modulus_pa.bounds), 1e3)
     assert (
-        reader.network.read(CUTS, Known()).force_n
+        reader.network.read(CUTS, Setup()).force_n
         == reader.network.read(CUTS, middle).force_n
     )
 
@@ -241,7 +246,9 @@ def test_an_eye_s_discrepancy_of_forces_moves_the_reading_and_its_interval(
     )
     reader = load_reader(folder)
     was, now = (
-        reader.network.read(CUTS, replace(own(), discrepancy=found))
+        reader.network.read(
+            CUTS, replace(own(), eye=replace(own().eye, discrepancy=found))
+        )
         for found in (None, stiffer)
     )
     # The quantiles move as forces do, but for the bins between whose ends they lie.
@@ -272,7 +279,9 @@ def test_several_slices_are_read_by_the_mean_of_their_histograms(
     reader = load_reader(folder)
     edges = force_network.ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
     monkeypatch.setattr(reader.network, "_session", Session())
-    read = reader.network.read(CUTS[:2], replace(own(), iop_pa=250.0))
+    read = reader.network.read(
+        CUTS[:2], replace(own(), eye=replace(own().eye, iop_pa=250.0))
+    )
     # half of the mean lies below
     assert read.force_n == pytest.approx(0.3e6 * edges[2], rel=1e-5)
     assert read.contact_m == pytest.approx(0.25e-3)
@@ -282,7 +291,9 @@ def test_several_slices_are_read_by_the_mean_of_their_histograms(
 
 
 def test_the_known_values_of_an_eye_reach_the_network_and_the_others_are_nan() -> None:
-    eye = force_network.eye_for_network(Known(iop_pa=250.0, gap_m=0.5e-3))
+    eye = force_network.eye_for_network(
+        Setup(eye=Eye(iop_pa=250.0), needle=Needle(gap_m=0.5e-3))
+    )
     assert (eye.iop_pa[0], eye.gap_m[0]) == (250.0, 0.5e-3)
     unknown = (
         eye.modulus_pa,
@@ -295,7 +306,9 @@ def test_the_known_values_of_an_eye_reach_the_network_and_the_others_are_nan() -
     assert (
         force_network.eye_for_network(own(0.25e6, 1.0)).modulus_sd_fraction[0] == 0.01
     )
-    placed = force_network.eye_for_network(Known(polar_rad=0.6, direction_rad=-1.2))
+    placed = force_network.eye_for_network(
+        Setup(needle=Needle(polar_rad=0.6), scan=Scan(direction_rad=-1.2))
+    )
     assert (placed.polar_rad[0], placed.direction_rad[0]) == (0.6, -1.2)
 
 

@@ -57,11 +57,43 @@ def test_a_moment_has_one_force_and_one_contact_in_three_dimensions(
     assert answer.place.contact_m == pytest.approx(
         (*CONTACT_M[:2], bottom_m), abs=40e-6
     )
-    given = sf.read(model, frames, youngs_modulus_pa=MODULUS_PA, planes=CROSS)
+    given = sf.read(
+        model, frames, youngs_modulus_pa=MODULUS_PA, scan=sf.Scan(planes=CROSS)
+    )
     assert given.force_n == answer.force_n
     alone = sf.read(model, frames[0], youngs_modulus_pa=MODULUS_PA)
     assert alone.place is None
     assert np.ptp(alone.interval_n) > np.ptp(answer.interval_n)
+
+
+def test_frames_that_name_their_planes_come_in_any_order(model, recording) -> None:
+    frames = [recording / "frames" / f"1-{number}.png" for number in range(2)]
+    named = [
+        sf.Frame(path, plane=plane.name)
+        for path, plane in zip(frames, CROSS, strict=True)
+    ]
+    given = {"youngs_modulus_pa": MODULUS_PA}
+    expected = sf.read(model, frames, **given, scan=sf.Scan(planes=CROSS))
+    turned = sf.Scan(planes=CROSS[::-1])
+    answer = sf.read(model, sf.Moment(tuple(named)), **given, scan=turned)
+    assert answer.to_dict() == expected.to_dict()
+    swapped = sf.read(model, named[::-1], **given, scan=turned)
+    assert swapped.force_n == pytest.approx(expected.force_n, rel=0.01)
+    assert swapped.place.contact_m == pytest.approx(expected.place.contact_m, abs=10e-6)
+
+    for wrong, words in (
+        ([named[0], frames[1]], "frame: 1 of 2 name a plane; name that of each"),
+        (
+            [named[0], sf.Frame(frames[1], plane="up")],
+            "frame: plane 'up' is not one of across, along",
+        ),
+        ([named[0], replace(named[1], plane="along")], "planes: two frames of one"),
+    ):
+        with pytest.raises(InputError, match=words):
+            sf.read(model, wrong, **given, scan=turned)
+
+    with pytest.raises(InputError, match="frame: plane 'up' is not one of a scan"):
+        sf.read(model, sf.Frame(frames[0], plane="up"), **given)
 
 
 @pytest.mark.parametrize(("bevel_deg", "is_known"), [(90.0, True), (20.0, False)])
@@ -92,10 +124,8 @@ def test_a_shaft_in_both_planes_tells_the_lean_unless_its_lines_may_be_a_bevels(
     answer = sf.read(
         model,
         frames,
-        width_m=15e-3,
-        depth_m=4e-3,
+        scan=sf.Scan(width_m=15e-3, depth_m=4e-3, planes=CROSS),
         youngs_modulus_pa=MODULUS_PA,
-        planes=CROSS,
     )
     assert answer.usable
 
@@ -142,7 +172,7 @@ def test_a_plane_without_a_wall_is_left_out_and_without_any_no_frame_is_usable(
         "width_m": 15e-3,
         "depth_m": 4e-3,
         "youngs_modulus_pa": MODULUS_PA,
-        "planes": CROSS,
+        "scan": sf.Scan(planes=CROSS),
     }
     empty = np.full_like(pixels[0], 300)
     answer = sf.read(model, [pixels[0], empty], **size)
@@ -157,28 +187,41 @@ def test_inputs_that_do_not_fit_are_refused(model, recording, tiny_model) -> Non
     frames = [recording / "frames" / name for name in ("0-0.png", "0-1.png", "1-0.png")]
     for given, words in (
         ({"frame": [frames[0], frames[2]]}, "frame: of several times"),
-        ({"frame": frames[:2], "planes": CROSS[:1]}, "planes: 1 of 2 frames"),
-        ({"frame": frames[:2], "planes": CROSS[:1] * 2}, "planes: two frames of one"),
+        (
+            {"frame": frames, "scan": sf.Scan(planes=CROSS)},
+            "planes: 2 of 3 frames; give one for each",
+        ),
+        (
+            {"frame": [frames[0], frames[0]]},
+            "planes: two frames of one",
+        ),
         (
             {"frame": frames[:2], "gap_m": 0.5e-3},
             "gap_m: several planes show their gaps",
         ),
         ({"frame": []}, "frame: none"),
         (
-            {"frame": [frames[0]] * 2, "planes": CROSS},
+            {"frame": [frames[0]] * 2, "scan": sf.Scan(planes=CROSS)},
             "frame: one picture for two planes",
         ),
         (
             {"frame": frames[:2], "mask": np.zeros((512, 512), bool)},
             "mask: 1 for 2 frames",
         ),
-        (
-            {"frame": frames[:2], "planes": (CROSS[0], replace(CROSS[0], name="b"))},
-            "planes: 'along' and 'b' are at",
-        ),
     ):
         with pytest.raises(InputError, match=words):
             sf.read(model, **given)
+
+    for planes, words in (
+        (CROSS[:1], "planes: only one"),
+        (CROSS[:1] * 2, "planes: name: 'along' is there twice"),
+        (
+            (CROSS[0], replace(CROSS[0], name="b")),
+            "planes: 'along' and 'b' are at one place",
+        ),
+    ):
+        with pytest.raises(InputError, match=words):
+            sf.Scan(planes=planes)
 
     with pytest.raises(ModelError, match="a classifier reads single planes"):
         sf.read(load_reader(tiny_model.path), frames[:2])

@@ -88,7 +88,7 @@ def changed(pushed: Path, tmp_path: Path) -> Callable[..., Recording]:
         lines = [f"{each.file},{each.time_s + later_s:.4f}" for each in entries]
         (folder / "frames.csv").write_text("\n".join(["file,time_s", *lines]) + "\n")
         info = recording.info
-        info = replace(info, oct=replace(info.oct, **scan))
+        info = replace(info, scan=replace(info.scan, **scan))
         (folder / "recording.toml").write_text(format_record(info))
         return read_recording(folder)
 
@@ -212,10 +212,10 @@ def test_frames_that_a_reader_would_refuse_are_refused_with_the_cause(
     calibration: Calibration, pushed: Path
 ) -> None:
     recording = read_recording(pushed)
-    scan = recording.info.oct
+    scan = recording.info.scan
     for factor in (0.75, 1.35):
         wide = replace(scan, width_m=factor * scan.width_m)
-        wrong = replace(recording, info=replace(recording.info, oct=wide))
+        wrong = replace(recording, info=replace(recording.info, scan=wide))
         with pytest.raises(
             CalibrationError, match=r"a reader would refuse \d+ of 8 frames .*width_m"
         ):
@@ -284,8 +284,8 @@ def test_recordings_by_others_agree_and_their_mistakes_do_not(
         with pytest.raises(CalibrationError, match="labels contradict the dents"):
             check_recording(replace(recording, frames=tuple(moved)), STUDY, None)
 
-    scan = replace(recording.info.oct, refractive_index=1.38)
+    scan = replace(recording.info.scan, refractive_index=1.38)
     with pytest.raises(CalibrationError, match="is the depth corrected already"):
         check_recording(
-            replace(recording, info=replace(recording.info, oct=scan)), STUDY, None
+            replace(recording, info=replace(recording.info, scan=scan)), STUDY, None
         )

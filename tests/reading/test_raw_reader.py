@@ -75,11 +75,15 @@ def test_the_known_values_of_the_eye_change_the_reading(folder, frame) -> None:
     reduced = FrameWindow.of(RAW_STUDY.raw_reader).reduced(frame, SCALE)[None]
     first = network(folder).read(reduced, KNOWN)
     twice = Modulus(
-        mean_pa=2.0 * KNOWN.modulus.mean_pa, sd_pa=KNOWN.modulus.sd_pa, source="own"
+        mean_pa=2.0 * KNOWN.eye.modulus.mean_pa,
+        sd_pa=KNOWN.eye.modulus.sd_pa,
+        source="own",
     )
-    stiffer = replace(KNOWN, discrepancy=replace(NO_DISCREPANCY, level=0.1))
+    stiffer = replace(
+        KNOWN, eye=replace(KNOWN.eye, discrepancy=replace(NO_DISCREPANCY, level=0.1))
+    )
 
-    for other in (replace(KNOWN, modulus=twice), stiffer):
+    for other in (replace(KNOWN, eye=replace(KNOWN.eye, modulus=twice)), stiffer):
         assert network(folder).read(reduced, other).force_n != first.force_n
 
     wider = network(folder, IntervalFactors(network={"own E": {"open": 1.5}})).read(
@@ -103,10 +107,10 @@ def test_frames_without_a_wall_and_eyes_outside_the_training_are_refused(
 
     for known, words in (
         (
-            replace(KNOWN, thickness_m=1.2e-3),
+            replace(KNOWN, eye=replace(KNOWN.eye, thickness_m=1.2e-3)),
             "wall thickness 1200 µm, the model was trained on",
         ),
-        (replace(KNOWN, gap_m=1.5e-3), gap),
+        (replace(KNOWN, needle=replace(KNOWN.needle, gap_m=1.5e-3)), gap),
     ):
         assert words in (reader.refusal(known) or "")
         answer = reader.read(frame, SCALE, known)
@@ -115,11 +119,18 @@ def test_frames_without_a_wall_and_eyes_outside_the_training_are_refused(
             answer.reason or ""
         )
 
-    assert reader.refusal(replace(KNOWN, gap_m=0.1e-3)) is None
-    given, *_ = network(folder)._inputs(replace(KNOWN, gap_m=0.0), 1)
+    assert (
+        reader.refusal(replace(KNOWN, needle=replace(KNOWN.needle, gap_m=0.1e-3)))
+        is None
+    )
+    given, *_ = network(folder)._inputs(
+        replace(KNOWN, needle=replace(KNOWN.needle, gap_m=0.0)), 1
+    )
     assert given[0, GIVEN.index("gap")] == -1.0  # below the slice readers'
     stretched = replace(SCALE, refractive_index=1.38)
-    answer = reader.read(frame, stretched, replace(KNOWN, thickness_m=None))
+    answer = reader.read(
+        frame, stretched, replace(KNOWN, eye=replace(KNOWN.eye, thickness_m=None))
+    )
     assert (
         answer.reason
         == "refractive index 1.38 of the frame, the model was trained with 1"

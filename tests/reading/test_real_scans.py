@@ -11,10 +11,12 @@ import pytest
 
 from scleraforce.reading.load_model import load_force_reader
 from scleraforce.reading.reading_models import ForceReader
-from scleraforce.recordings.recording_folder import read_scaled_frame
-from scleraforce.records.eye import Known, Modulus
-from scleraforce.records.globe import known_globe
-from scleraforce.records.scan import PixelScale, Scanner
+from scleraforce.recordings.recording_folder import open_frame, recorded_file
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.globe import Globe
+from scleraforce.records.needle import Needle
+from scleraforce.records.scan import PixelScale, Scan
+from scleraforce.records.setup import Setup
 
 REAL = Path(__file__).parents[3] / "shared" / "real-oct"
 EYES = sorted((REAL / "anterior-segment").glob("*.jp*g")) + sorted(
@@ -25,12 +27,14 @@ TISSUE = [
     for path in sorted((REAL / "tissue-surface").glob("*.tif"))
     if "mask" not in path.name
 ]
-STATED = Known(
-    modulus=Modulus.stated(0.3e6),
-    iop_pa=400.0,
-    thickness_m=600e-6,
-    gap_m=0.5e-3,
-    globe=known_globe("sealed"),
+STATED = Setup(
+    eye=Eye(
+        modulus=Modulus.stated(0.3e6),
+        iop_pa=400.0,
+        thickness_m=600e-6,
+        globe=Globe.declared("sealed"),
+    ),
+    needle=Needle(gap_m=0.5e-3),
 )
 WIDTH_M = 15e-3
 DEPTH_M = 4e-3
@@ -58,18 +62,18 @@ def cases() -> list[object]:
             id=f"{path.stem}-{name}",
             marks=[pytest.mark.slow] * (slow or name == "unknown"),
         )
-        for name, known in (("stated", STATED), ("unknown", Known()))
+        for name, known in (("stated", STATED), ("unknown", Setup()))
         for paths in (EYES, TISSUE)
         for path, slow in zip(paths, [False] + [True] * len(paths), strict=False)
     ]
 
 
-@pytest.mark.parametrize(("path", "known"), cases())
+@pytest.mark.parametrize(("path", "setup"), cases())
 def test_a_real_scan_without_a_needle_is_never_read_as_a_force(
-    shipped: ForceReader, path: Path, known: Known
+    shipped: ForceReader, path: Path, setup: Setup
 ) -> None:
-    assumed = Scanner(width_m=WIDTH_M, depth_m=DEPTH_M, refractive_index=1.0)
-    pixels = read_scaled_frame(path, assumed, (Scanner(), "")).pixels
+    stated = Scan(width_m=WIDTH_M, depth_m=DEPTH_M, refractive_index=1.0)
+    pixels = open_frame(recorded_file(path), stated, Scan(), "assumed").pixels
     rows, columns = pixels.shape
     wide_m = WIDTH_M / columns
 
@@ -79,7 +83,7 @@ def test_a_real_scan_without_a_needle_is_never_read_as_a_force(
         (wide_m, wide_m),
     ):
         found = shipped.read(
-            pixels, PixelScale(lateral_m=lateral_m, depth_m=depth_m), known
+            pixels, PixelScale(lateral_m=lateral_m, depth_m=depth_m), setup
         )
         assert (found.usable, found.predicted, found.force_n) == (
             False,

@@ -23,7 +23,7 @@ from scleraforce.fit.one_frame import fit_boundaries
 from scleraforce.fit.prior_of_an_eye import Prior, prior_of
 from scleraforce.reading.answer import Answer
 from scleraforce.reading.needle_place import NeedlePlace, PlaceValue, places_of
-from scleraforce.records.eye import Known
+from scleraforce.records.setup import Setup
 from scleraforce.wall.needle_in_frame import SeenNeedle
 
 WALLS = Walls(LIBRARY)
@@ -34,19 +34,19 @@ SHAFT = SeenNeedle(
 
 def seen(
     unknown: np.ndarray,
-    known: Known | None = None,
+    setup: Setup | None = None,
     noise_m: float = 0.0,
     needle: SeenNeedle | None = None,
     seed: int = 0,
 ) -> NeedlePlace:
     rng = np.random.default_rng(seed)
     depth_bc = noisy_boundaries(predict_wall(WALLS, unknown, BOTH), noise_m, rng)
-    known = known or known_eye(unknown)
-    prior: Prior = prior_of(known, RANGES)
+    setup = setup or known_eye(unknown)
+    prior: Prior = prior_of(setup, RANGES)
     fit = fit_boundaries(LIBRARY, LATERAL_M, depth_bc, prior)
     assert fit is not None
 
-    return places_of(fit, prior, LIBRARY, known, needle)
+    return places_of(fit, prior, LIBRARY, setup, needle)
 
 
 def drawn(rng: np.random.Generator, least_m: float = 0.4e-3) -> np.ndarray:
@@ -97,7 +97,9 @@ def test_intervals_hold_the_truth() -> None:
     inside = {name: [] for name in ("contact_m", "dent_m", "gap_m")}
     for seed in range(30):
         truth = drawn(np.random.default_rng(seed))
-        known = replace(known_eye(truth), gap_m=None)
+        known = replace(
+            known_eye(truth), needle=replace(known_eye(truth).needle, gap_m=None)
+        )
         found = seen(truth, known, 5e-6, seed=seed)
 
         for name, which in (
@@ -124,7 +126,11 @@ def test_what_the_picture_does_not_tell_is_null() -> None:
     ) == (None,) * 4
     assert resting.lean_rad is not None  # the shaft and the wall are seen
     light = middling_eye(0.15e-3)
-    unsure = seen(light, replace(known_eye(light), gap_m=None), 5e-6)
+    unsure = seen(
+        light,
+        replace(known_eye(light), needle=replace(known_eye(light).needle, gap_m=None)),
+        5e-6,
+    )
     assert unsure.dent_m is not None
     assert unsure.gap_m is None  # a shallow dent looks alike from everywhere
     stated = seen(light, noise_m=5e-6).gap_m

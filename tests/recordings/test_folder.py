@@ -19,10 +19,14 @@ from scleraforce.recordings.frame_and_force_tables import (
     read_force_log,
     read_frame_list,
 )
-from scleraforce.recordings.recording_folder import read_recording, read_scaled_frame
+from scleraforce.recordings.recording_folder import (
+    open_frame,
+    read_recording,
+    recorded_file,
+)
 from scleraforce.records.decoder import format_record, parse_record
 from scleraforce.records.recording_info import RecordingInfo
-from scleraforce.records.scan import Plane, Scanner
+from scleraforce.records.scan import Plane, Scan
 
 INFO = """[eye]
 id = "eye"
@@ -326,7 +330,7 @@ def test_frames_of_several_planes_are_one_moment(folder):
         ["a.png", "b.png"]
     ]
     assert [
-        recording.info.oct.named(entry.plane).direction_rad
+        recording.info.scan.named(entry.plane).direction_rad
         for entry in recording.frames
     ] == [0.0, 1.5708]
     assert (
@@ -489,25 +493,30 @@ def test_a_sealed_globe_may_have_a_rigidity(folder):
         ' "logarithmic"\n[oct]'
     )
     (folder / "recording.toml").write_text(text.replace("[oct]", sealed))
-    eye = read_recording(folder).info.eye
-    assert (eye.globe, eye.rigidity_law) == ("sealed", "logarithmic")
-    assert eye.rigidity_pa13_per_m3 == pytest.approx(
-        0.03 * 133.322387415 ** (1 / 3) * 1e9
+    globe = read_recording(folder).info.eye.globe
+    assert (globe.kind, globe.law, globe.rigidity_told) == (
+        "sealed",
+        "logarithmic",
+        True,
     )
+    assert globe.mean == pytest.approx(0.03 * 133.322387415 ** (1 / 3) * 1e9)
 
 
 def test_options_take_precedence_over_recording_toml_and_that_over_the_file(folder):
     path = folder / "frames" / "c.tif"
     tags = {"resolution": (1000.0, 1000.0), "resolutionunit": "CENTIMETER"}
     tifffile.imwrite(path, np.full((16, 32), 7, np.uint16), metadata=None, **tags)
-    frame = read_scaled_frame(
-        path, Scanner(depth_m=3e-3), (Scanner(refractive_index=1.3), "assumed")
+    frame = open_frame(
+        recorded_file(path),
+        Scan(depth_m=3e-3),
+        Scan(refractive_index=1.3),
+        "assumed",
     )
-    assert (frame.depth_m.value, frame.depth_m.source) == (3e-3, "option")
-    assert (frame.width_m.value, frame.width_m.source) == (15e-3, "recording.toml")
+    assert (frame.scan.depth_m, frame.sources["depth_m"]) == (3e-3, "option")
+    assert (frame.scan.width_m, frame.sources["width_m"]) == (15e-3, "recording.toml")
     (folder / "recording.toml").unlink()
-    frame = read_scaled_frame(path, Scanner(), (Scanner(width_m=1e-3), "assumed"))
-    assert (frame.width_m.value, frame.width_m.source) == (
+    frame = open_frame(recorded_file(path), Scan(), Scan(width_m=1e-3), "assumed")
+    assert (frame.scan.width_m, frame.sources["width_m"]) == (
         pytest.approx(32 * 1e-5),
         "file",
     )

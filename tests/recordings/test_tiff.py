@@ -35,8 +35,8 @@ from scleraforce.recordings.formats.picture_streams import (
     find_greys,
 )
 from scleraforce.recordings.formats.tiff_files import read_tiff
-from scleraforce.recordings.recording_folder import read_scaled_frame
-from scleraforce.records.scan import Scanner
+from scleraforce.recordings.recording_folder import open_frame, recorded_file
+from scleraforce.records.scan import Scan
 
 RAMP = np.arange(ROWS * COLUMNS, dtype=np.uint16).reshape(ROWS, COLUMNS)
 BYTES = RAMP.astype(np.uint8)
@@ -452,14 +452,14 @@ def test_ome_resolution_tags_and_pages_that_differ_are_refused_unless_options_gi
             r" mm.*`width_m`"
         ),
     ):
-        read_scaled_frame(
-            path, Scanner(width_m=6e-3), (Scanner(depth_m=4e-3), "assumed")
+        open_frame(
+            recorded_file(path), Scan(width_m=6e-3), Scan(depth_m=4e-3), "assumed"
         )
 
-    frame = read_scaled_frame(
-        path, Scanner(width_m=6e-3, depth_m=2e-3), (Scanner(), "")
+    frame = open_frame(
+        recorded_file(path), Scan(width_m=6e-3, depth_m=2e-3), Scan(), "assumed"
     )
-    assert (frame.width_m.value, frame.depth_m.value) == (6e-3, 2e-3)
+    assert (frame.scan.width_m, frame.scan.depth_m) == (6e-3, 2e-3)
     assert any("OME states" in note for note in frame.notes)
     fault = read_tiff(
         pages_of(tmp_path, RAMP, RAMP, each=(PER_CM, tags), metadata=None)

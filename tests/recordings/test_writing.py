@@ -25,7 +25,7 @@ from scleraforce.records.recording_info import ForceInfo
 
 INFO = replace(
     LOGGED_INFO,
-    oct=replace(LOGGED_INFO.oct, columns=20, bits=16),
+    scan=replace(LOGGED_INFO.scan, columns=20, bits=16, tilt_rad=0.0),
     force=ForceInfo("fz", -1, 0.2),
 )
 RNG = np.random.default_rng(0)

@@ -14,9 +14,10 @@ from scleraforce.records.calibration_file import (
     known_of_eye,
     read_calibration,
 )
-from scleraforce.records.eye import ForceDiscrepancy, Known
-from scleraforce.records.globe import OPEN, SEALED, UNKNOWN, known_globe
-from scleraforce.records.tissue_relaxation import HoldFinding, KnownRelaxation
+from scleraforce.records.eye import ForceDiscrepancy
+from scleraforce.records.globe import OPEN, SEALED, UNKNOWN, Globe
+from scleraforce.records.setup import Setup
+from scleraforce.records.tissue_relaxation import HoldFinding, Relaxation
 
 EYES = {
     "a": {
@@ -49,9 +50,13 @@ def test_eyes_population_and_provenance_are_read(tmp_path: Path) -> None:
     assert (found.population_mean_pa, found.population_sd_pa) == pytest.approx(
         (0.27e6, 0.03e6)
     )
-    assert (eye.mean_pa, eye.sd_pa, eye.thickness_m) == pytest.approx(
-        (0.31e6, 5e3, 0.7e-3)
-    )
+    assert eye.eye.modulus is not None
+    assert (
+        eye.eye.modulus.mean_pa,
+        eye.eye.modulus.sd_pa,
+        eye.eye.thickness_m,
+    ) == pytest.approx((0.31e6, 5e3, 0.7e-3))
+    assert eye.eye.modulus.source == "own"
     assert (eye.usable, diverged.usable, diverged.frames[0].file) == (
         True,
         False,
@@ -195,7 +200,7 @@ def test_a_refusal_names_the_value_and_the_unit_that_may_be_meant(
 GLOBES = {
     "open": OPEN,
     "unknown": UNKNOWN,
-    "stated": known_globe("sealed", 1e8, "logarithmic"),
+    "stated": Globe.declared("sealed", 1e8, "logarithmic"),
     "calibrated": replace(
         SEALED, mean=1.3e8, sd=4e6, correlation=-0.4, calibrated=True
     ),
@@ -217,11 +222,13 @@ def test_a_globe_is_read_as_it_was_written_with_its_band_for_people(
             value if isinstance(value, str | bool) else pytest.approx(value)
             for value in astuple(globe)
         ]
-        assert wanted == list(astuple(found[name].globe)), name
+        read_globe = found[name].eye.globe
+        assert read_globe is not None
+        assert wanted == list(astuple(read_globe)), name
         low, high = (entries[name]["globe"][K][end] for end in ("low", "high"))
         assert 0.0 <= low <= high <= 0.06
 
-    assert found["without"].globe is OPEN  # an early file
+    assert found["without"].eye.globe is OPEN  # an early file
 
 
 K = "rigidity_mmhg13_per_ul"
@@ -301,12 +308,12 @@ def test_stiffening_and_discrepancy_go_with_the_modulus_that_an_eye_has(
         eyes=eyes,
         population={"mean_mpa": 0.27, "sd_mpa": None, "stiffening": 6.0},
     )
-    assert [summary.eyes[eye].stiffening for eye in "abc"] == [12.5, 0.0, 3.0]
-    assert summary.eyes["a"].discrepancy == ForceDiscrepancy(**found)
+    assert [summary.eyes[eye].eye.stiffening for eye in "abc"] == [12.5, 0.0, 3.0]
+    assert summary.eyes["a"].eye.discrepancy == ForceDiscrepancy(**found)
     assert (summary.population_stiffening, summary.population_sd_pa) == (6.0, None)
-    known = {eye: known_of_eye(Known(), summary, eye) for eye in (*"abc", "stranger")}
-    assert [one.stiffening for one in known.values()] == [12.5, 0.0, None, 6.0]
-    assert [one.discrepancy for one in known.values()] == [
+    known = {eye: known_of_eye(Setup(), summary, eye) for eye in (*"abc", "stranger")}
+    assert [one.eye.stiffening for one in known.values()] == [12.5, 0.0, None, 6.0]
+    assert [one.eye.discrepancy for one in known.values()] == [
         ForceDiscrepancy(**found),
         None,
         None,
@@ -331,20 +338,20 @@ def test_stiffening_and_discrepancy_go_with_the_modulus_that_an_eye_has(
 def test_a_covariance_without_a_negative_variance_is_needed(
     changed: dict, words: str, tmp_path: Path
 ) -> None:
-    found = asdict(KnownRelaxation.declared([[0.1, 1.0], [0.05, 10.0]]))
+    found = asdict(Relaxation.declared([[0.1, 1.0], [0.05, 10.0]]))
     text = calibration_text(0.27, {"a": {"relaxation": found | changed}})
     said = refusal(tmp_path / "c.json", text)
     assert said.startswith(f"eyes.a.relaxation.{words}")
     sound = calibration_text(0.27, {"a": {"relaxation": found}})
     (tmp_path / "d.json").write_text(sound)
-    assert read_calibration(tmp_path / "d.json").eyes["a"].relaxation is not None
+    assert read_calibration(tmp_path / "d.json").eyes["a"].eye.relaxation is not None
 
 
 def test_a_relaxation_of_an_early_file_has_no_finding(tmp_path: Path) -> None:
-    found = asdict(KnownRelaxation.declared([(0.12, 1.2)])) | {"source": "holds"}
+    found = asdict(Relaxation.declared([(0.12, 1.2)])) | {"source": "holds"}
     early = {name: found[name] for name in found if name not in ("other", "finding")}
     summary = read(tmp_path, eyes={"a": {"relaxation": early}})
-    relaxation = summary.eyes["a"].relaxation
+    relaxation = summary.eyes["a"].eye.relaxation
     assert relaxation is not None
     assert (relaxation.shares, relaxation.other) == ((0.12,), ())
     assert relaxation.finding is None
@@ -355,21 +362,21 @@ def test_what_the_holds_have_shown_comes_back_from_a_file(tmp_path: Path) -> Non
         cause="undecided", hold_s=7.1, fall=0.12, chance=0.25, not_estimated_s=(30.0,)
     )
     written = replace(
-        KnownRelaxation.declared([(0.0, 1.2)]),
+        Relaxation.declared([(0.0, 1.2)]),
         source="holds",
         other=(0.12,),
         finding=finding,
     )
     eyes = {name: {"relaxation": asdict(written)} for name in "ab"}
     summary = read(tmp_path, eyes=eyes)
-    assert summary.eyes["a"].relaxation == written
-    stranger = known_of_eye(Known(), summary, "stranger").relaxation
+    assert summary.eyes["a"].eye.relaxation == written
+    stranger = known_of_eye(Setup(), summary, "stranger").eye.relaxation
     assert stranger is not None
     assert stranger.other == pytest.approx((0.12,))
 
 
 def test_shares_of_the_other_explanation_are_checked(tmp_path: Path) -> None:
-    written = asdict(KnownRelaxation.declared([(0.0, 1.2)]))
+    written = asdict(Relaxation.declared([(0.0, 1.2)]))
     for other in ((0.1, 0.1), (1.2,)):
         with pytest.raises(CalibrationError, match="relaxation"):
             read(tmp_path, eyes={"a": {"relaxation": written | {"other": other}}})

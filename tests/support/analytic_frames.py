@@ -21,9 +21,11 @@ from scleraforce.lab.drawn_bscan import render_bscan
 from scleraforce.lab.scanner.scanner_display import ImagedEye
 from scleraforce.lab.tissue_light import BscanOptics, NeedleShaft, Pose, sample_optics
 from scleraforce.mechanics.contact_and_section import WallSection
-from scleraforce.records.eye import Known, Modulus
-from scleraforce.records.globe import OPEN, KnownGlobe
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.globe import OPEN, Globe
+from scleraforce.records.needle import Needle
 from scleraforce.records.scan import PixelScale
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import OctStudy, Range, ReaderStudy, Study, fixed
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.wall_in_metres import Boundaries
@@ -40,12 +42,14 @@ MODULUS_PA = 0.3e6
 IOP_PA = 270.0
 THICKNESS_M = 0.65e-3
 GAP_M = 0.6e-3
-KNOWN = Known(
-    modulus=Modulus(mean_pa=MODULUS_PA, sd_pa=0.01 * MODULUS_PA, source="own"),
-    iop_pa=IOP_PA,
-    thickness_m=THICKNESS_M,
-    gap_m=GAP_M,
-    globe=OPEN,
+KNOWN = Setup(
+    eye=Eye(
+        modulus=Modulus(mean_pa=MODULUS_PA, sd_pa=0.01 * MODULUS_PA, source="own"),
+        iop_pa=IOP_PA,
+        thickness_m=THICKNESS_M,
+        globe=OPEN,
+    ),
+    needle=Needle(gap_m=GAP_M),
 )
 
 
@@ -189,16 +193,18 @@ def drawn_wall(unknown: np.ndarray, rng: np.random.Generator) -> None:
 
 
 def known_eye(
-    unknown: np.ndarray, globe: KnownGlobe = OPEN, relative_sd: float = 0.02
-) -> Known:
+    unknown: np.ndarray, globe: Globe = OPEN, relative_sd: float = 0.02
+) -> Setup:
     """The known values of an eye with these unknowns; the modulus is its own."""
     modulus = exp(unknown[unknowns.MODULUS])
-    return Known(
-        modulus=Modulus(mean_pa=modulus, sd_pa=relative_sd * modulus, source="own"),
-        iop_pa=exp(unknown[unknowns.IOP]),
-        thickness_m=unknown[unknowns.THICKNESS],
-        gap_m=unknown[unknowns.GAP],
-        globe=globe,
+    return Setup(
+        eye=Eye(
+            modulus=Modulus(mean_pa=modulus, sd_pa=relative_sd * modulus, source="own"),
+            iop_pa=exp(unknown[unknowns.IOP]),
+            thickness_m=unknown[unknowns.THICKNESS],
+            globe=globe,
+        ),
+        needle=Needle(gap_m=unknown[unknowns.GAP]),
     )
 
 

@@ -41,7 +41,7 @@ from scleraforce.recordings.forces_under_frames import label_frames
 from scleraforce.recordings.formats.image_files import read_frame
 from scleraforce.recordings.recording_folder import read_recording
 from scleraforce.records.calibration_file import open_calibration, read_calibration
-from scleraforce.records.eye import Known
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import (
     DatasetGroup,
     DatasetStudy,
@@ -165,7 +165,7 @@ def _read_model(folder: Path) -> object:
     model = load_force_reader(folder / "model")
     return model.network.read(
         np.zeros((1, model.study.slice.rows, model.study.slice.columns), np.uint8),
-        Known(),
+        Setup(),
     )
 
 

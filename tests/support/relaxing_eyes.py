@@ -22,7 +22,7 @@ from scleraforce.recordings.force_errors import ZERO_PRIOR, FrameForces
 from scleraforce.recordings.frame_and_force_tables import FORCE_COLUMNS, ForceLog
 from scleraforce.records.recording_info import ForceInfo
 from scleraforce.records.study import PhantomStudy
-from scleraforce.records.tissue_relaxation import KnownRelaxation
+from scleraforce.records.tissue_relaxation import Relaxation
 
 BOUNDS_N = (5e-3, 30e-3)
 TISSUE = PronySeries((0.12, 0.15), (1.2, 12.0))
@@ -57,7 +57,7 @@ def logged(path: NeedlePath, rng: np.random.Generator) -> Any:
 
 
 def found_in(
-    path: NeedlePath, frame_s: np.ndarray, rng, known: KnownRelaxation | None = None
+    path: NeedlePath, frame_s: np.ndarray, rng, known: Relaxation | None = None
 ):
     """Elastic forces of frames, N, and how the tissue relaxes, from the log of a path
     and the true labels.

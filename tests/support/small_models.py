@@ -23,10 +23,10 @@ from scleraforce.reading.force_network import (
     SLICES,
 )
 from scleraforce.reading.reading_models import ForceReader
-from scleraforce.records.eye import Known
 from scleraforce.records.fields import Range, fixed
 from scleraforce.records.frame import Pixels
 from scleraforce.records.model_folder import LIBRARY_FILE, write_folder
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import (
     RawReaderStudy,
     ReaderStudy,
@@ -141,10 +141,10 @@ class FixedNetwork:
 
     def __init__(self, reading: Reading) -> None:
         self.reading = reading
-        self.shown: list[tuple[np.ndarray, Known]] = []
+        self.shown: list[tuple[np.ndarray, Setup]] = []
 
-    def read(self, cuts: np.ndarray, known: Known) -> Reading:
-        self.shown.append((cuts, known))
+    def read(self, cuts: np.ndarray, setup: Setup) -> Reading:
+        self.shown.append((cuts, setup))
         return self.reading
 
 

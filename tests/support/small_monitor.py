@@ -41,10 +41,10 @@ from scleraforce.live.network.openigtlink import (
     encode,
 )
 from scleraforce.reading.answer import Answer, unusable_answer
-from scleraforce.records.eye import EyeInfo
-from scleraforce.records.needle import NeedleInfo
+from scleraforce.records.eye import Eye
+from scleraforce.records.needle import Needle, gauge_diameter_m
 from scleraforce.records.recording_info import ForceInfo, RecordingInfo
-from scleraforce.records.scan import OctInfo, PixelScale
+from scleraforce.records.scan import PixelScale, Scan
 from scleraforce.records.verdict import Verdict
 from scleraforce.wall.wall import without_wall
 
@@ -248,9 +248,17 @@ def decision(state: str = "WATCHING", **said: Any) -> Entry:
 
 
 INFO = RecordingInfo(
-    EyeInfo("eye", thickness_m=600e-6, iop_pa=266.0),
-    OctInfo(columns=32, rows=24, bits=16, width_m=15e-3, depth_m=4e-3),
-    NeedleInfo(gauge=22, slice_gap_m=0.5e-3),
+    Eye("eye", thickness_m=600e-6, iop_pa=266.0),
+    Scan(
+        columns=32,
+        rows=24,
+        bits=16,
+        width_m=15e-3,
+        depth_m=4e-3,
+        tilt_rad=0.0,
+        refractive_index=1.0,
+    ),
+    Needle(diameter_m=gauge_diameter_m(22), gap_m=0.5e-3),
     ForceInfo("fz", -1, 0.2),
 )
 

@@ -23,6 +23,7 @@ from analytic_frames import (
 from analytic_library import solve_analytic
 from small_models import write_fixed_reader
 
+import virtual_eyes
 from scleraforce.calibration.calibration import (
     Calibration,
     EyeCalibration,
@@ -41,7 +42,6 @@ from scleraforce.calibration.filter.unscented_filter import Posterior
 from scleraforce.calibration.stiffness_from_forces import KnownForce
 from scleraforce.front.report.frame_figures import AnsweredFrame, answered_frames
 from scleraforce.lab.training.slice_dataset import generate_dataset
-from scleraforce.lab.virtual_eye import PhantomEye
 from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
 from scleraforce.library.library_store import cached_library
 from scleraforce.reading.answer import Answer
@@ -49,10 +49,12 @@ from scleraforce.recordings.formats.image_files import read_frame
 from scleraforce.recordings.recording_folder import read_recording
 from scleraforce.records import needle, recording_info
 from scleraforce.records.decoder import format_record
-from scleraforce.records.eye import EyeInfo, ForceDiscrepancy
+from scleraforce.records.eye import Eye, ForceDiscrepancy, Modulus
 from scleraforce.records.frame import frame_digest
 from scleraforce.records.globe import REFERENCE_RIGIDITY, SEALED
-from scleraforce.records.scan import OctInfo, PixelScale
+from scleraforce.records.needle import Needle
+from scleraforce.records.scan import Scan
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study, read_study
 from scleraforce.wall.find_wall import find_wall
 
@@ -118,9 +120,16 @@ def write_small_recording(
 
 
 LOGGED_INFO = recording_info.RecordingInfo(
-    EyeInfo("eye"),
-    OctInfo(columns=32, rows=16, bits=12, width_m=15e-3, depth_m=4e-3),
-    needle.NeedleInfo(gauge=22, slice_gap_m=5e-4),
+    Eye("eye"),
+    Scan(
+        columns=32,
+        rows=16,
+        bits=12,
+        width_m=15e-3,
+        depth_m=4e-3,
+        refractive_index=1.0,
+    ),
+    needle.Needle(diameter_m=needle.gauge_diameter_m(22), gap_m=5e-4),
     recording_info.ForceInfo("fz", -1),
 )
 
@@ -176,9 +185,9 @@ def looked_at_frames(folder: Path, count: int) -> tuple[AnsweredFrame, ...]:
     1.
     """
     (folder / "frames").mkdir(parents=True)
-    scan = replace(LOGGED_INFO.oct, rows=LOOKED_AT_ROWS, columns=LOOKED_AT_COLUMNS)
+    scan = replace(LOGGED_INFO.scan, rows=LOOKED_AT_ROWS, columns=LOOKED_AT_COLUMNS)
     (folder / "recording.toml").write_text(
-        format_record(replace(LOGGED_INFO, oct=scan, force=None))
+        format_record(replace(LOGGED_INFO, scan=scan, force=None))
     )
     names = [f"{number:04d}.png" for number in range(1, count + 1)]
     (folder / "frames.csv").write_text(
@@ -190,7 +199,7 @@ def looked_at_frames(folder: Path, count: int) -> tuple[AnsweredFrame, ...]:
         cv2.imwrite(str(folder / "frames" / name), drawn_wall(rng))
 
     recording = read_recording(folder)
-    scale = PixelScale.of(recording.info.oct)
+    scale = recording.info.scan.scale
     return answered_frames(
         frame_answer(
             recording=str(folder),
@@ -421,13 +430,14 @@ def write_notebook_folder(folder: Path) -> None:
     """
     (folder / "study.toml").write_text(NOTEBOOK_STUDY)
     study = read_study(folder / "study.toml")
-    eye = PhantomEye(
-        id="eye-a",
-        thickness_m=THICKNESS_M,
-        youngs_modulus_pa=MODULUS_PA,
-        iop_pa=IOP_PA,
-        gap_m=GAP_M,
-        polar_rad=0.61,
+    eye = Setup(
+        eye=Eye(
+            "eye-a",
+            thickness_m=THICKNESS_M,
+            modulus=Modulus.stated(MODULUS_PA),
+            iop_pa=IOP_PA,
+        ),
+        needle=Needle(gap_m=GAP_M, polar_rad=0.61),
     )
     plan = plan_phantom(eye, (0.010, 0.020, 0.040), study, seed=0)
     write_phantom(folder / "eye-a", plan, _sections, study)
@@ -450,17 +460,16 @@ def write_pushes(folder: Path, eye: str = "eye-a", forces_mn=PUSHES_MN, **more) 
     """Write an eye of the analytic library under these forces, with a log in which the
     needle pushes once for each frame; `more` are other values of the eye.
     """
-    drawn = PhantomEye(
-        **{
-            "id": eye,
-            "thickness_m": THICKNESS_M,
-            "youngs_modulus_pa": MODULUS_PA,
-            "iop_pa": IOP_PA,
-            "gap_m": GAP_M,
-            "polar_rad": 0.61,
-            **more,
-        }
+    usual = Setup(
+        eye=Eye(
+            eye,
+            thickness_m=THICKNESS_M,
+            modulus=Modulus.stated(MODULUS_PA),
+            iop_pa=IOP_PA,
+        ),
+        needle=Needle(gap_m=GAP_M, polar_rad=0.61),
     )
+    drawn = virtual_eyes.changed(usual, **more)
     plan = plan_phantom(drawn, tuple(1e-3 * f for f in forces_mn), Study(), seed=0)
     write_phantom(folder, plan, _sections, Study())
     return folder

@@ -22,8 +22,8 @@ from scleraforce.lab.tissue_light import (
     Shadow,
     sample_optics,
 )
-from scleraforce.recordings.recording_folder import read_scaled_frame
-from scleraforce.records.scan import PixelScale, Scanner
+from scleraforce.recordings.recording_folder import open_frame, recorded_file
+from scleraforce.records.scan import PixelScale, Scan
 from scleraforce.records.study import OctStudy, Study
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.needle_in_frame import needle_entry
@@ -235,10 +235,11 @@ def test_a_line_whose_light_continues_below_the_tissue_is_a_flare() -> None:
 @pytest.mark.parametrize("lateral_um", [8, 12, 16, 20, 31])
 def test_the_flare_of_a_real_eye_at_rest_is_not_a_needle(lateral_um: int) -> None:
     path = SHARED / "real-oct" / "dicom" / "anterior-segment.dcm"
-    pixels = read_scaled_frame(
-        path,
-        Scanner(width_m=15e-3, depth_m=4e-3, refractive_index=1.0),
-        (Scanner(), ""),
+    pixels = open_frame(
+        recorded_file(path),
+        Scan(width_m=15e-3, depth_m=4e-3, refractive_index=1.0),
+        Scan(),
+        "assumed",
     ).pixels
 
     for depth_um in (4, 6, 8, lateral_um):

@@ -17,11 +17,14 @@ from dented_walls import dented_wall
 from scleraforce.calibration.answer_metrics import dice
 from scleraforce.lab.drawn_bscan import Bscan, render_bscan
 from scleraforce.lab.tissue_light import Coverslip, Pose, ReflectionLine, sample_optics
-from scleraforce.lab.virtual_eye import LinearSections, PhantomEye
+from scleraforce.lab.virtual_eye import LinearSections
 from scleraforce.mechanics.contact_and_section import WallSection
+from scleraforce.records.eye import Eye
 from scleraforce.records.scan import PixelScale
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import OctStudy, Study
 from scleraforce.wall.find_wall import find_wall
+from virtual_eyes import changed
 
 STUDY = Study()
 SCALE = PixelScale(lateral_m=15e-3 / 512, depth_m=4e-3 / 512)
@@ -69,11 +72,8 @@ def test_phantoms_over_the_range_of_their_parameters_reach_the_dice_that_was_ask
     study = replace(STUDY, mesh=replace(STUDY.mesh, divisions=8, level=0))
 
     for number in range(5):
-        eye = PhantomEye(
-            id=f"{number}",
-            iop_pa=266.0,
-            **{name: rng.uniform(*ends) for name, ends in EYES.items()},
-        )
+        drawn = {name: rng.uniform(*ends) for name, ends in EYES.items()}
+        eye = changed(Setup(eye=Eye(f"{number}", iop_pa=266.0)), **drawn)
         for section in LinearSections(eye, study)(list(rng.uniform(0.0, 0.06, 8))):
             optics = sample_optics(study.phantom, study.oct, rng)
             bscan = render_bscan(

@@ -63,7 +63,7 @@ def _command_doors(
     name: str, recording: Path, calibration: Path | None, model: str
 ) -> Answers:
     """Return the answers of `scleraforce evaluate` and `scleraforce read`."""
-    eye = sf.read_recording(recording).info.eye.id
+    eye = sf.read_recording(recording).info.eye_name
     given = [] if calibration is None else ["--calibration", str(calibration)]
     evaluated = _command("evaluate", model, str(recording), *given)
     files = [str(file) for file in frame_files(recording)]
@@ -91,7 +91,7 @@ def _python_door(name: str, recording: Path, calibration: Path | None) -> Answer
     found = {}
     for files in moments.values():
         frames: Any = files if len(files) > 1 else files[0]
-        eye = None if calibration is None else opened.info.eye.id
+        eye = None if calibration is None else opened.info.eye_name
         answer = sf.read(model, frames, calibration=calibration, eye=eye)
         found[f"{name}/{files[0].name}/sf.read"] = _answer(answer.to_dict())
     return found

@@ -6,6 +6,7 @@ import gzip
 import json
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -113,6 +114,14 @@ def _unpacked(path: Path, folder: Path) -> Path:
     return folder / path.stem
 
 
+def _in_records(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Return arguments with those of `ImportSettings` in one."""
+    names = {item.name for item in fields(sf.ImportSettings)}
+    of_settings = {name: one for name, one in arguments.items() if name in names}
+    others = {name: one for name, one in arguments.items() if name not in names}
+    return {**others, "settings": sf.ImportSettings(**of_settings)}
+
+
 def _imported(
     sources: Sequence[Path], out: Path, arguments: Mapping[str, Any]
 ) -> Record:
@@ -120,13 +129,13 @@ def _imported(
     again.
     """
     try:
-        recording = sf.import_recording(list(sources), out, **arguments)
+        recording = sf.import_recording(list(sources), out, **_in_records(arguments))
     except sf.InputError as fault:
         return {"error": str(fault)}
     frames = [recording.frame(frame) for frame in recording.frames]
     times_s = [frame.time_s for frame in recording.frames]
     made_from = json.loads((out / "import.json").read_text(encoding="utf-8"))
-    scan = recording.info.oct
+    scan = recording.info.scan
     record = {
         "frames": len(frames),
         "files": [frame.file for frame in recording.frames[:MOST_TIMES]],
@@ -135,8 +144,8 @@ def _imported(
         "rows": scan.rows,
         "columns": scan.columns,
         "bits": scan.bits,
-        "width_mm": 1e3 * scan.width_m,
-        "depth_mm": 1e3 * scan.depth_m,
+        "width_mm": 1e3 * scan.extent_m[0],
+        "depth_mm": 1e3 * scan.extent_m[1],
         "mean_grey": float(np.mean([frame.mean() for frame in frames])),
         "pixels": crc32(
             b"".join(np.ascontiguousarray(frame).tobytes() for frame in frames)

@@ -21,8 +21,8 @@ def answers(name: str, recordings: dict[str, Path], _folder: Path) -> Answers:
     """Return the walls of a recording's frames, or of the real scans."""
     if name == REAL:
         return _real_walls()
-    scan = sf.read_recording(recordings[name]).info.oct
-    row_um = 1e6 * scan.depth_m / scan.rows
+    scan = sf.read_recording(recordings[name]).info.scan
+    row_um = 1e6 * scan.extent_m[1] / scan.shape[0]
     files = frame_files(recordings[name])[:MOST_FRAMES]
     return {f"{name}/{file.name}": _wall(file, row_um) for file in files}
 

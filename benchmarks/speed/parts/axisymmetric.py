@@ -9,6 +9,7 @@ from scleraforce.library.library_plan import plan_library
 from scleraforce.library.library_store import build_library, solve_path
 from scleraforce.mechanics.contact_and_section import Contact
 from scleraforce.mechanics.finite_strain_wall import bend_eye
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.records.study import Study
 from speed.record import Row, Table, spread
 from speed.run import Run, in_turns
@@ -44,8 +45,8 @@ def measure(run: Run) -> Table:
         SOLID: lambda: bend_eye(
             study,
             Contact(polar_rad=0.6),
+            PathEnd(max_force=run.count(30, 3) * 1e-3),
             **SOLID_EYE,
-            max_force_n=run.count(30, 3) * 1e-3,
         ),
     }
     taken = in_turns(work, run.count(2, 1))

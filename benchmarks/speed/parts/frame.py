@@ -17,9 +17,7 @@ from scleraforce.reading.eye_reader import LiveReader
 from scleraforce.reading.reading_models import ForceReader
 from scleraforce.recordings.recording_folder import read_recording
 from scleraforce.records.eye import Modulus
-from scleraforce.records.globe import OPEN, UNKNOWN, KnownGlobe
-from scleraforce.records.recording_info import known_of_recording
-from scleraforce.records.scan import PixelScale
+from scleraforce.records.globe import OPEN, UNKNOWN, Globe
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.wall_in_metres import segmented_boundaries
 from speed.eyes import DrawnEye, draw_eyes, shipped_reader
@@ -109,7 +107,7 @@ def _crude(frame: np.ndarray) -> None:
 
 def _work(reader: ForceReader, eyes: Sequence[DrawnEye]) -> dict[str, Work]:
     """Return what is done with the frames of drawn eyes, by their numbers."""
-    live = [LiveReader(reader, eye.known, eye.scale.refractive_index) for eye in eyes]
+    live = [LiveReader(reader, eye.setup, eye.scale.refractive_index) for eye in eyes]
     return {
         CRUDE: lambda n: _crude(eyes[n].frame),
         SEGMENT: lambda n: find_wall(eyes[n].frame, eyes[n].scale),
@@ -123,10 +121,13 @@ def _fit(reader: ForceReader, path: Path) -> Work:
     """
     recording = read_recording(path)
     known = replace(
-        known_of_recording(recording.info),
-        modulus=Modulus(mean_pa=MODULUS_PA, sd_pa=MODULUS_SD_PA, source="own"),
+        recording.info.setup,
+        eye=replace(
+            recording.info.setup.eye,
+            modulus=Modulus(mean_pa=MODULUS_PA, sd_pa=MODULUS_SD_PA, source="own"),
+        ),
     )
-    scale = PixelScale.of(recording.info.oct)
+    scale = recording.info.scan.scale
     prior = prior_of(known, reader.study.reader)
     library = reader.library_for(known)
     smoothing_m = reader.study.calibration.surface_smoothing_m
@@ -140,7 +141,7 @@ def _fit(reader: ForceReader, path: Path) -> Work:
     return fit
 
 
-def _fits(reader: ForceReader, eyes: Sequence[DrawnEye], globe: KnownGlobe) -> Work:
+def _fits(reader: ForceReader, eyes: Sequence[DrawnEye], globe: Globe) -> Work:
     """Return the function that fits a wall to the boundaries of a drawn eye of a known
     kind of globe.
     """
@@ -148,7 +149,7 @@ def _fits(reader: ForceReader, eyes: Sequence[DrawnEye], globe: KnownGlobe) -> W
     smoothing_m = reader.study.calibration.surface_smoothing_m
 
     for eye in eyes:
-        known = replace(eye.known, globe=globe)
+        known = replace(eye.setup, eye=replace(eye.setup.eye, globe=globe))
         seen = segmented_boundaries(find_wall(eye.frame, eye.scale), eye.scale)
 
         one = (

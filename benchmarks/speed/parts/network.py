@@ -20,8 +20,8 @@ from scleraforce.reading.force_network import (
     ratio_edges,
 )
 from scleraforce.reading.reading_models import SHIFTS
-from scleraforce.records.eye import Known
 from scleraforce.records.model_folder import NETWORK_FILE, SHIPPED_READER
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.wall_in_metres import boundary_slices
@@ -44,7 +44,7 @@ WORDS = {
     ),
 }
 Slices = NDArray[np.uint8]
-Read = Callable[[Slices, Known], float]
+Read = Callable[[Slices, Setup], float]
 
 
 def measure(run: Run) -> Table:
@@ -70,7 +70,7 @@ def measure(run: Run) -> Table:
 
     for number in range(len(eyes) * run.count(40, 2)):
         cut = cuts[number % len(eyes)]
-        known = eyes[number % len(eyes)].known
+        known = eyes[number % len(eyes)].setup
 
         for name, read in ways.items():
             start = perf_counter()
@@ -128,8 +128,8 @@ def _by_torch(network: bytes, study: Study) -> Read:
     )
     edges_m2 = ratio_edges(study.reader.bins, study.reader.max_force_ratio).tolist()
 
-    def read(cuts: Slices, known: Known) -> float:
-        told = eye_for_network(known)
+    def read(cuts: Slices, setup: Setup) -> float:
+        told = eye_for_network(setup)
         given = np.repeat(given_inputs(told, study.reader), len(cuts), axis=0)
 
         with torch.inference_mode():
@@ -192,7 +192,7 @@ def _quantized(network: bytes, folder: Path, samples: list[Any], study: Study) -
             if found is None:
                 return None
             cuts, eye = found
-            given = given_inputs(eye_for_network(eye.known), study.reader)
+            given = given_inputs(eye_for_network(eye.setup), study.reader)
             return {"slices": cuts, "given": np.repeat(given, len(cuts), axis=0)}
 
     before = folder / "fp32.onnx"

@@ -63,7 +63,7 @@ def test_frames_are_read_when_they_are_shown(
 def test_a_pixel_lies_in_mm_and_the_whole_frame_is_as_large_as_the_scan(
     eye: Path,
 ) -> None:
-    oct_info = sf.read_recording(eye).info.oct
+    oct_info = sf.read_recording(eye).info.scan
     ((stack, described, _),) = layers([str(eye)])
     layer: Any = ViewerModel().add_layer(Image(stack, **described))
     assert tuple(map(str, layer.units)) == ("pixel", "millimeter", "millimeter")

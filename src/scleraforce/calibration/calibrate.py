@@ -24,7 +24,10 @@ from scleraforce.calibration.calibration import (
     rigidity_words,
 )
 from scleraforce.calibration.filter import eye_filter
-from scleraforce.calibration.filter.eye_parameters import EyeConstants
+from scleraforce.calibration.filter.eye_parameters import (
+    polar_spread_rad,
+    stated_globe,
+)
 from scleraforce.calibration.filter.library_sections import LibrarySections, library_eye
 from scleraforce.calibration.filter.section_registration import first_belief
 from scleraforce.calibration.holds_of_a_log import STEP_S
@@ -48,10 +51,14 @@ from scleraforce.library.sealed_eye import iop_ratio_under_force
 from scleraforce.recordings.force_errors import FrameForces
 from scleraforce.recordings.forces_under_frames import label_notes, log_doubts
 from scleraforce.recordings.recording_folder import Recording, tables_digest
-from scleraforce.records.eye import Known, open_doubts, stated_globe
+from scleraforce.records.eye import Eye, open_doubts
+from scleraforce.records.fields import declared
 from scleraforce.records.globe import OPEN, SEALED, UNKNOWN
+from scleraforce.records.needle import Needle, one_lean
+from scleraforce.records.scan import Scan
+from scleraforce.records.setup import Setup, completed_by_study
 from scleraforce.records.study import Study
-from scleraforce.records.tissue_relaxation import KnownRelaxation
+from scleraforce.records.tissue_relaxation import Relaxation
 from scleraforce.wall.wall_network import WallFinder
 
 # standard deviations that a rigidity lies above 0 of a globe that cannot be open
@@ -118,7 +125,7 @@ def calibrate_recordings(
     eyes = dict[str, EyeCalibration]()
 
     for recording in recordings:
-        eye_id = recording.info.eye.id
+        eye_id = recording.info.eye_name
         count = _StepCount(passes * len(recording.frames), progress or count_nothing)
         eyes[eye_id] = _of_eye(
             recording, replace(settings, count=count), eyes.get(eye_id)
@@ -141,7 +148,8 @@ def _of_eye(
     recording: Recording, settings: CalibrationSettings, before: EyeCalibration | None
 ) -> EyeCalibration:
     """Calibrate an eye; if its filter diverges, add a doubt on its stated globe."""
-    stated = recording.info.eye.globe
+    globe = recording.info.eye.globe
+    stated = None if globe is None else globe.kind
     used = (
         frozenset()
         if before is None
@@ -220,24 +228,17 @@ def _of_yielding(
 
 def _known_relaxation(
     recording: Recording, before: EyeCalibration | None
-) -> KnownRelaxation | None:
+) -> Relaxation | None:
     """Return how an eye relaxes as declared or found before; None: it is to be found.
     Early files have elastic eyes.
     """
     if before is not None:
-        return before.relaxation or KnownRelaxation.declared(())
-    declared = recording.info.eye.relaxation
-    return None if declared is None else KnownRelaxation.declared(declared)
+        return before.relaxation or Relaxation.declared(())
+    return recording.info.eye.relaxation
 
 
 def _without_globe(recording: Recording) -> Recording:
-    eye = replace(
-        recording.info.eye,
-        globe=None,
-        rigidity_pa13_per_m3=None,
-        rigidity_law=None,
-        leak_time_s=None,
-    )
+    eye = replace(recording.info.eye, globe=None)
     return replace(recording, info=replace(recording.info, eye=eye))
 
 
@@ -361,11 +362,12 @@ def _rests_pa(
     E and k.
     """
     _, forces, _, elastic_n = frames.labelled()
-    iop_pa = eye_constants(recording, study).iop_pa
+    stated_eye = setup_to_calibrate(recording, study).eye
+    iop_pa = declared(stated_eye.iop_pa, "eye: iop_pa")
     modulus_pa = dict(zip(eye.names, eye.means, strict=True))[
         eye_filter.PARAMETERS["e"]
     ]
-    law = eye.globe.globe(eye.globe.mean)
+    law = eye.globe.pressure_law(eye.globe.mean)
 
     leak_time_s = recording.info.eye.leak_time_s
     if not law.is_sealed or leak_time_s is None:
@@ -411,7 +413,7 @@ def _calibrate_eye(
     least_n = study.calibration.min_force_n
     left = len(trials) if settings.frames is None else settings.frames
     included = [trial.excluded is None for trial in trials]
-    rising = session.filter.model.constants.globe.can_be_sealed
+    rising = stated_globe(session.filter.model.setup).can_be_sealed
     order = frame_order(forces.force_n, included, least_n, settings.frames, rising)
     taken = dict[int, tuple[SeenFrame, float | None]]()
     refused = 0
@@ -478,11 +480,13 @@ def _calibrate_eye(
 
     means, sds = eye_filter.parameter_moments(session.filter, session.state)
     eye = EyeCalibration(
-        id=recording.info.eye.id,
+        id=recording.info.eye_name,
         names=session.filter.space.names,
         means=tuple(means.tolist()),
         sds=tuple(sds.tolist()),
-        stated_thickness_m=session.filter.model.constants.thickness_m,
+        stated_thickness_m=declared(
+            session.filter.model.setup.eye.thickness_m, "eye: thickness_m"
+        ),
         globe=eye_filter.known_globe_after(session.filter, session.state),
         state=session.state,
         recordings=_recordings(recording, forces, earlier, doubts),
@@ -491,7 +495,7 @@ def _calibrate_eye(
         filter=session.filter,
         stiffening=0.0 if library is None else library.stiffening,
         relaxation=relaxation,
-        lean_rad=recording.info.needle.lean_rad,
+        lean_rad=one_lean(recording.info.needle.lean_rad),
     )
 
     return _settled(eye, eye_filter.known_after(session), taken, refused, settings)
@@ -522,9 +526,12 @@ def reach_doubts(used_n: Sequence[float], missed_n: Sequence[float]) -> tuple[st
     )
 
 
-def eye_constants(recording: Recording, study: Study) -> EyeConstants:
-    """Return a recording's statements on its eye, by default the study's values; raises
-    `CalibrationError`.
+def setup_to_calibrate(recording: Recording, study: Study) -> Setup:
+    """Return what the filter takes from a recording's statements, completed by the
+    study's values; raises `CalibrationError`.
+
+    The modulus is sought. Uncertainties, and the recording's size of eye and needle,
+    are no inputs of the filter.
     """
     info = recording.info
     if info.eye.thickness_m is None:
@@ -533,18 +540,23 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
             " calibration needs the wall's thickness"
         )
 
-    low, high = study.needle.polar_angle_rad.bounds
-    stated = info.needle.polar_angle_rad
-    return EyeConstants(
-        iop_pa=study.eye.iop_pa if info.eye.iop_pa is None else info.eye.iop_pa,
-        thickness_m=info.eye.thickness_m,
-        gap_m=info.needle.slice_gap_m
-        or 0.0,  # of several planes, each moment has its own
-        polar_rad=(low + high) / 2 if stated is None else stated,
-        polar_sd_rad=(high - low) / 12**0.5 if stated is None else 0.0,
-        direction_rad=info.oct.plane_direction_rad,
-        tilt_rad=info.oct.plane_tilt_rad,
-        globe=stated_globe(info.eye) or UNKNOWN,
+    completed = completed_by_study(info.setup, study)
+    # of several planes, each moment has its own
+    gap_m = 0.0 if info.scan.planes else completed.needle.gap_m
+    return Setup(
+        eye=Eye(
+            iop_pa=completed.eye.iop_pa,
+            iop_sd_pa=info.eye.iop_sd_pa,
+            thickness_m=completed.eye.thickness_m,
+            thickness_sd_m=info.eye.thickness_sd_m,
+            radius_m=info.eye.radius_m,
+            radius_sd_m=info.eye.radius_sd_m,
+            globe=completed.eye.globe or UNKNOWN,
+        ),
+        needle=Needle(gap_m=gap_m, polar_rad=completed.needle.polar_rad),
+        scan=Scan(
+            direction_rad=completed.scan.direction_rad, tilt_rad=completed.scan.tilt_rad
+        ),
     )
 
 
@@ -555,12 +567,12 @@ def check_planes_can_calibrate(
     mechanics or an uncertain gap.
     """
     place = f"{recording.path / 'recording.toml'}: oct.plane"
-    if recording.info.oct.plane and settings.library is None:
+    if recording.info.scan.planes and settings.library is None:
         raise CalibrationError(
             f"{place}: linear mechanics takes a single plane; calibrate at finite"
             " strain"
         )
-    if recording.info.oct.plane and "gap" in settings.parameters:
+    if recording.info.scan.planes and "gap" in settings.parameters:
         raise CalibrationError(
             f"{place}: several planes show their gaps; leave gap out of the parameters"
         )
@@ -577,9 +589,12 @@ def _at(
     """
     model = session.filter.model
     if seen.planes is not None and isinstance(model, LibrarySections):
-        model = library_eye(study, seen.beside(model.constants), model.library)
+        model = library_eye(
+            study, seen.beside(model.setup), model.library, model.polar_sd_rad
+        )
     if rest_pa is not None:
-        model = replace(model, constants=replace(model.constants, iop_pa=rest_pa))
+        eye = replace(model.setup.eye, iop_pa=rest_pa)
+        model = replace(model, setup=replace(model.setup, eye=eye))
     return replace(session, filter=replace(session.filter, model=model))
 
 
@@ -592,20 +607,24 @@ def _begin(
     """Return the eye before this recording's frames; the pose that frames share is new
     with each recording.
     """
-    constants = eye_constants(recording, settings.study)
+    setup = setup_to_calibrate(recording, settings.study)
     if settings.library is None:
         # as in the paper: linear mechanics knows no other
-        constants = replace(constants, globe=OPEN)
+        setup = replace(setup, eye=replace(setup.eye, globe=OPEN))
 
     _, forces, _, _ = frames.labelled()
     begun = (
         settings.study,
-        constants,
+        setup,
         settings.library,
         settings.parameters,
         forces.zero_covariance,
     )
-    session = eye_filter.begin(*begun, frames.poses if earlier is None else None)
+    session = eye_filter.begin(
+        *begun,
+        frames.poses if earlier is None else None,
+        polar_sd_rad=polar_spread_rad(recording.info.needle, settings.study),
+    )
 
     if earlier is None:
         return session
@@ -658,7 +677,7 @@ def _recordings(
 
 def _settled(
     eye: EyeCalibration,
-    known: Known,
+    setup: Setup,
     taken: Mapping[int, tuple[SeenFrame, float | None]],
     refused: int,
     settings: CalibrationSettings,
@@ -682,13 +701,13 @@ def _settled(
         if frame.again is not None and place not in taken
     ]
     after = reread_eye(
-        known, asked, earlier, settings.library, settings.study, rested or None
+        setup, asked, earlier, settings.library, settings.study, rested or None
     )
 
     for place, read in zip(taken, after.again, strict=True):
         frames[place] = replace(frames[place], again=read)
 
-    modulus, globe = own_modulus_and_globe(after.known)
+    modulus, globe = own_modulus_and_globe(after.setup)
     now = {
         eye_filter.PARAMETERS["e"]: (modulus.mean_pa, modulus.sd_pa),
         eye_filter.RIGIDITY: (globe.mean, globe.sd),
@@ -697,7 +716,7 @@ def _settled(
     means, sds = zip(
         *(now.get(name, (mean, sd)) for name, mean, sd in estimates), strict=True
     )
-    discrepancy = after.known.discrepancy
+    discrepancy = after.setup.eye.discrepancy
     settled_eye = replace(
         eye,
         means=means,

@@ -31,14 +31,14 @@ from scleraforce.records import calibration_file
 from scleraforce.records.calibration_file import (
     WRITER,
     Appearance,
+    CalibratedEye,
     CalibrationFile,
-    EyeSummary,
     decode_file,
 )
 from scleraforce.records.eye import NO_DISCREPANCY, REFERENCE_N, ForceDiscrepancy
-from scleraforce.records.fields import one_line
-from scleraforce.records.globe import KnownGlobe
-from scleraforce.records.tissue_relaxation import KnownRelaxation
+from scleraforce.records.fields import declared, one_line
+from scleraforce.records.globe import Globe
+from scleraforce.records.tissue_relaxation import Relaxation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,12 +111,12 @@ class EyeCalibration:
     means: tuple[float, ...]
     sds: tuple[float, ...]
     stated_thickness_m: float
-    globe: KnownGlobe
+    globe: Globe
     recordings: tuple[UsedRecording, ...] = field(repr=False)
     frames: tuple[FrameRecord, ...] = field(repr=False)
     discrepancy: ForceDiscrepancy | None = None
     stiffening: float = 0.0
-    relaxation: KnownRelaxation | None = None
+    relaxation: Relaxation | None = None
     lean_rad: float | None = None
     without_force: bool = False
     appearance: Appearance | None = None
@@ -306,7 +306,7 @@ def found_words(eye: EyeCalibration) -> tuple[str, ...]:
     return tuple(words)
 
 
-def _relaxation_words(relaxation: KnownRelaxation) -> list[str]:
+def _relaxation_words(relaxation: Relaxation) -> list[str]:
     """Return what is known of the relaxation of an eye, and why; nothing if its force
     stays in all holds.
     """
@@ -463,8 +463,10 @@ class _SavedCalibration:
 
 
 def _saved_eye(
-    name: str, summary: EyeSummary, saved: _SavedEye, place: str
+    name: str, summary: CalibratedEye, saved: _SavedEye, place: str
 ) -> EyeCalibration:
+    eye = summary.eye
+    modulus = declared(eye.modulus, "modulus")
     if set(saved.parameters) - set(_RANGES) or PARAMETERS["e"] not in saved.parameters:
         known = ", ".join(_RANGES)
         raise CalibrationError(
@@ -485,15 +487,15 @@ def _saved_eye(
         names=tuple(saved.parameters),
         means=tuple(moments.mean for moments in saved.parameters.values()),
         sds=tuple(moments.sd for moments in saved.parameters.values()),
-        stated_thickness_m=summary.thickness_m,
-        globe=summary.globe,
-        without_force=summary.without_force,
+        stated_thickness_m=declared(eye.thickness_m, "thickness_m"),
+        globe=declared(eye.globe, "globe"),
+        without_force=modulus.source == "shape",
         recordings=saved.recordings,
         frames=saved.steps,
-        discrepancy=summary.discrepancy,
-        stiffening=summary.stiffening,
-        relaxation=summary.relaxation,
-        lean_rad=summary.lean_rad,
+        discrepancy=eye.discrepancy,
+        stiffening=declared(eye.stiffening, "stiffening"),
+        relaxation=eye.relaxation,
+        lean_rad=eye.calibrated_lean_rad,
         appearance=summary.appearance,
     )
     if not found.used or not found.recordings:
@@ -501,7 +503,7 @@ def _saved_eye(
             f"{place}.steps: no frame, or no recording, that was used; {WRITER}"
         )
     if not np.allclose(
-        (found.mean_pa, found.sd_pa), (summary.mean_pa, summary.sd_pa), rtol=1e-6
+        (found.mean_pa, found.sd_pa), (modulus.mean_pa, modulus.sd_pa), rtol=1e-6
     ):
         raise CalibrationError(
             f"{place}.parameters.youngs_modulus_pa: is not that of mean_mpa and sd_mpa;"

@@ -40,9 +40,7 @@ from scleraforce.records.calibration_file import (
     known_of_eye,
     other_eye,
 )
-from scleraforce.records.eye import Known
-from scleraforce.records.recording_info import known_of_recording
-from scleraforce.records.scan import PixelScale
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study, parse_study, preset_toml
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.wall import Segmentation
@@ -95,7 +93,7 @@ def check_recording(
     shown_m = _thickness_m(walls)
     if stated_m and shown_m < THINNEST * stated_m:
         um = from_si(shown_m, "um"), from_si(stated_m, "um")
-        index = recording.info.oct.refractive_index
+        index = recording.info.scan.refractive_index or 1.0
         between = INDEX[0] < stated_m / shown_m < INDEX[1]
         cause = (
             f"oct.refractive_index is {index:g}: is the depth corrected already? Then"
@@ -116,12 +114,8 @@ def _check_orientation(recording: Recording, walls: Walls) -> None:
     if sum(wall.usable for wall in walls.values()) >= SEEN * len(walls):
         return
 
-    scanner = recording.info.oct
-    scale = PixelScale(
-        lateral_m=scanner.width_m / scanner.rows,
-        depth_m=scanner.depth_m / scanner.columns,
-        refractive_index=scanner.refractive_index,
-    )
+    scan = recording.info.scan
+    scale = replace(scan, rows=scan.columns, columns=scan.rows).scale
     places = [*walls][:: max(1, len(walls) // TURNED_FRAMES)][:TURNED_FRAMES]
     entries = [recording.moments[place][0] for place in places]
     found = [find_wall(recording.frame(entry).T.copy(), scale) for entry in entries]
@@ -156,7 +150,7 @@ def _check_dents(recording: Recording, walls: Walls, study: Study) -> None:
     assert log is not None
     assert info is not None
     first = replace(recording, frames=tuple(each[0] for each in recording.moments))
-    scale = PixelScale.of(recording.info.oct)
+    scale = recording.info.scan.scale
     dents = np.full((2, len(first.frames)), np.nan)
     for index, wall in walls.items():
         if wall.usable:
@@ -181,7 +175,7 @@ def seen_walls(recording: Recording, finder: WallFinder | None) -> Walls:
     """Return the walls of the first frames of evenly chosen moments."""
     moments = recording.moments
     count = min(len(moments), LOOKED_AT)
-    scale = PixelScale.of(recording.info.oct)
+    scale = recording.info.scan.scale
     walls = dict[int, Segmentation]()
 
     for index in np.linspace(0, len(moments) - 1, count).astype(np.intp).tolist():
@@ -219,9 +213,9 @@ def checked_calibration(
     """
     eyes = dict(calibration.eyes)
     for recording in recordings:
-        name = recording.info.eye.id
+        name = recording.info.eye_name
         eye = eyes[name]
-        known = known_of_eye(known_of_recording(recording.info), summary, name)
+        known = known_of_eye(recording.info.setup, summary, name)
         _check_modulus(recording, known, study)
         shown = _appearance(recording, known, study, library, finder)
         if eye.appearance is not None and shown is not None:
@@ -237,12 +231,12 @@ def checked_calibration(
     return replace(calibration, eyes=eyes)
 
 
-def _check_modulus(recording: Recording, known: Known, study: Study) -> None:
+def _check_modulus(recording: Recording, setup: Setup, study: Study) -> None:
     living = parse_study(preset_toml("living")).reader
-    modulus = known.modulus
-    if modulus is None or covers_modulus(known, study.reader, any_pressure=True):
+    modulus = setup.eye.modulus
+    if modulus is None or covers_modulus(setup, study.reader, any_pressure=True):
         return
-    if covers_modulus(known, living):
+    if covers_modulus(setup, living):
         return
 
     low, high = (from_si(end, "mpa") for end in study.reader.youngs_modulus_pa.bounds)
@@ -257,7 +251,7 @@ def _check_modulus(recording: Recording, known: Known, study: Study) -> None:
 
 def _appearance(
     recording: Recording,
-    known: Known,
+    setup: Setup,
     study: Study,
     library: Library,
     finder: WallFinder | None,
@@ -265,14 +259,14 @@ def _appearance(
     """Return what frames show beside the eye that was found; raise a `CalibrationError`
     if a reader would refuse most of them.
     """
-    scale = PixelScale.of(recording.info.oct)
+    scale = recording.info.scan.scale
     usable = [w for w in seen_walls(recording, finder).values() if w.usable]
-    if not usable or recording.info.oct.plane:
+    if not usable or recording.info.scan.planes:
         return None
 
-    walls = library.for_stiffening(known.stiffening or 0.0)
-    near = walls.nearest_contact(known.polar_rad)
-    prior = prior_of(known, study.reader)
+    walls = library.for_stiffening(setup.eye.stiffening or 0.0)
+    near = walls.nearest_contact(setup.needle.polar_rad)
+    prior = prior_of(setup, study.reader, study.eye.radius_m)
     smoothing_m = study.calibration.surface_smoothing_m
     reasons = list[str]()
     sizes = list[float]()

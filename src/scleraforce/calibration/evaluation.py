@@ -53,10 +53,8 @@ from scleraforce.records.calibration_file import (
     foreign_modulus,
     known_of_eye,
 )
-from scleraforce.records.eye import Known
 from scleraforce.records.frame import frame_digest
-from scleraforce.records.recording_info import known_of_recording
-from scleraforce.records.scan import PixelScale
+from scleraforce.records.setup import Setup
 from scleraforce.records.verdict import upper_end
 from scleraforce.wall.wall_in_metres import dent_measures, surface_places
 
@@ -506,9 +504,9 @@ def recording_scores(
 
         for method, reading in answer.readings if answer.usable else ():
             fit = answer.fit if method == "fit" else None
-            eye = recording.info.eye.id
+            eye = recording.info.eye_name
             yield score_reading(
-                method, reading, session.known, eye, trial.measured_force_n, fit
+                method, reading, session.setup, eye, trial.measured_force_n, fit
             )
 
 
@@ -523,7 +521,7 @@ class _EvaluatedRecording:
     reader: Reader
     recording: Recording
     summary: CalibrationSummary | None
-    known: Known
+    setup: Setup
     asked: Path
     stated: bool
 
@@ -534,9 +532,9 @@ class _EvaluatedRecording:
         """Return a session with the known values of the eye, and with the bundled
         reader that was trained for it.
         """
-        known = known_of_recording(recording.info)
+        known = recording.info.setup
         if summary is not None:
-            known = known_of_eye(known, summary, recording.info.eye.id)
+            known = known_of_eye(known, summary, recording.info.eye_name)
 
         stated = any(entry.pierced is not None for entry in recording.frames)
         recording = (
@@ -559,7 +557,7 @@ class _EvaluatedRecording:
         """
         if self.summary is None or self.reader.fixed_modulus_pa is not None:
             return None
-        return foreign_modulus(self.summary, self.recording.info.eye.id)
+        return foreign_modulus(self.summary, self.recording.info.eye_name)
 
     @property
     def repeats(self) -> set[str]:
@@ -577,7 +575,7 @@ class _EvaluatedRecording:
                 " was trained for such eyes"
             )
 
-        yield from self.reader.limits(self.known, info.oct, info.needle.gauge)
+        yield from self.reader.limits(self.setup, info.scan, info.needle.gauge)
         if self.recording.forces is None:
             yield "no forces.csv: its frames are read, but not scored"
         if self.foreign:
@@ -590,7 +588,7 @@ class _EvaluatedRecording:
         contradicts the answers.
         """
         classes = self.reader.study.classes
-        scale = PixelScale.of(self.recording.info.oct)
+        scale = self.recording.info.scan.scale
         dents = np.full((2, len(answers)), np.nan)
         for index, frame in enumerate(answers):
             wall = frame.answer.segmentation
@@ -621,7 +619,7 @@ class _EvaluatedRecording:
             [wall.thickness_m for wall in walls if wall.inner_found],
             [float(np.exp(fit.unknown[SIZE])) for fit in fits],
         )
-        doubt = appearance_doubt(self.summary, self.recording.info.eye.id, shown)
+        doubt = appearance_doubt(self.summary, self.recording.info.eye_name, shown)
         return (doubt,) if doubt else ()
 
     def read(
@@ -630,10 +628,10 @@ class _EvaluatedRecording:
         """Yield each frame with its label, its answer, and whether Young's modulus was
         fitted on it.
         """
-        scale = PixelScale.of(self.recording.info.oct)
+        scale = self.recording.info.scan.scale
         study = self.reader.study
-        history = TissueMemory.unknown(self.known, study.needle.max_force_n)
-        leak = Leak(self.known)
+        history = TissueMemory.unknown(self.setup, study.needle.max_force_n)
+        leak = Leak(self.setup)
         trials = iter(self.trials)
         digests = self.summary.digests if self.summary else frozenset()
 
@@ -643,7 +641,7 @@ class _EvaluatedRecording:
             planes = [
                 plane
                 for entry in moment
-                if (plane := self.recording.info.oct.named(entry.plane))
+                if (plane := self.recording.info.scan.named(entry.plane))
             ]
             given = [
                 recorded_wall(self.recording.walls, one.file, frames[0].shape, scale)
@@ -673,7 +671,7 @@ class _EvaluatedRecording:
         """Answer each frame, in the recording's order."""
         recording = self.recording
         fixed_pa = self.reader.fixed_modulus_pa
-        modulus = self.known.modulus
+        modulus = self.setup.eye.modulus
         used = (modulus.mean_pa, modulus.source) if modulus else (None, None)
         modulus_pa, source = used if fixed_pa is None else (fixed_pa, "trained")
         doubts = FOREIGN if self.foreign else ()
@@ -687,7 +685,7 @@ class _EvaluatedRecording:
         ):
             yield FrameAnswer(
                 recording=str(recording.path),
-                eye=recording.info.eye.id,
+                eye=recording.info.eye_name,
                 file=entry.file,
                 measured_force_n=trial.measured_force_n,
                 measured_force_sd_n=sd_n,

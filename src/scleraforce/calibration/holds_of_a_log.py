@@ -12,7 +12,7 @@ Two things keep that apart from what the log does not say:
   does: the share's variance is below half of the prior's. The others are not
   estimated; their variance stays, and widens intervals.
 - Two frames of one hold decide who yields (`who_yields`): the dent stays, or follows
-  the force. Without such frames both are kept (`KnownRelaxation.other`). As the first
+  the force. Without such frames both are kept (`Relaxation.other`). As the first
   of them counts the one that explains the log better: what relaxing tissue remembers of
   a push changes the next hold, while a needle begins each push anew. The dents of all
   frames can contradict a log that seems sure (`doubted_by_dents`).
@@ -29,7 +29,7 @@ from scleraforce.base.normal_distribution import robust_spread
 from scleraforce.mechanics.tissue_material import driven_back
 from scleraforce.records.tissue_relaxation import (
     HoldFinding,
-    KnownRelaxation,
+    Relaxation,
     matrix_rows,
 )
 
@@ -241,7 +241,7 @@ def fit_holds(
     return HoldFit(shares, covariance, misfit, fall, gain, inflation, kept)
 
 
-def find_relaxation(log: HoldLog) -> KnownRelaxation:
+def find_relaxation(log: HoldLog) -> Relaxation:
     """Find what the holds of a log say; without holds, shares are as in other
     tissue.
     """
@@ -250,7 +250,7 @@ def find_relaxation(log: HoldLog) -> KnownRelaxation:
         covariance = (
             SD_OF_SD**2 * (np.outer(PRIOR_SD, PRIOR_SD) + np.diag(PRIOR_SD**2)) / 2
         )
-        none = KnownRelaxation.of(
+        none = Relaxation.of(
             (MEAN_OF_SD * PRIOR_SD).tolist(), TIMES_S, covariance, "population"
         )
         return replace(none, finding=HoldFinding(cause="no holds"))
@@ -268,7 +268,7 @@ def find_relaxation(log: HoldLog) -> KnownRelaxation:
     nothing = np.zeros(len(TIMES_S)).tolist()
 
     if whole.gain <= LEAST_GAIN:
-        steady = KnownRelaxation.of(nothing, TIMES_S, whole.covariance, "holds")
+        steady = Relaxation.of(nothing, TIMES_S, whole.covariance, "holds")
         return replace(steady, finding=replace(finding, cause="steady", fall=0.0))
 
     needle = fit_holds(log, whole.kept, shown, anew=True)
@@ -277,9 +277,7 @@ def find_relaxation(log: HoldLog) -> KnownRelaxation:
     return _undecided(tissue.shares, whole.covariance, replace(finding, chance=chance))
 
 
-def _undecided(
-    tissue: Floats, covariance: Floats, finding: HoldFinding
-) -> KnownRelaxation:
+def _undecided(tissue: Floats, covariance: Floats, finding: HoldFinding) -> Relaxation:
     """Return both explanations of a fall, the first one by the tissue's chance.
 
     `tissue` are its shares (term,) if it yields, 0 where they are not estimated. If
@@ -299,7 +297,7 @@ def _undecided(
         as_in_others = np.where(hidden, MEAN_OF_SD * PRIOR_SD, tissue)
         first, other = nothing, tuple(as_in_others.tolist())
 
-    found = KnownRelaxation.of(first, TIMES_S, covariance, "holds")
+    found = Relaxation.of(first, TIMES_S, covariance, "holds")
     return replace(found, other=other, finding=finding)
 
 
@@ -329,9 +327,7 @@ class HeldFrames:
     fall_sd: float
 
 
-def held_frames(
-    log: HoldLog, relaxation: KnownRelaxation, since_s: Floats
-) -> HeldFrames:
+def held_frames(log: HoldLog, relaxation: Relaxation, since_s: Floats) -> HeldFrames:
     """Return the frames that decide who yields: of each hold the two between which the
     force falls most, of the holds in which it falls most.
 
@@ -378,11 +374,11 @@ def held_frames(
 
 
 def who_yields(
-    relaxation: KnownRelaxation,
+    relaxation: Relaxation,
     held: HeldFrames,
     log_read: Floats,
     log_sd: Floats,
-) -> KnownRelaxation:
+) -> Relaxation:
     """Return what frames of one hold decide, from ln of the forces that their dents
     show, (frame,), and the standard deviations of these.
 
@@ -420,8 +416,8 @@ def who_yields(
 
 
 def _decided(
-    relaxation: KnownRelaxation, share: float, sd: float, frames: int
-) -> KnownRelaxation:
+    relaxation: Relaxation, share: float, sd: float, frames: int
+) -> Relaxation:
     """Return a relaxation whose `share` of a fall is the tissue's, by frames."""
     assert relaxation.finding is not None
     elastic = share <= AGREED * sd
@@ -452,12 +448,12 @@ def _decided(
 
 
 def doubted_by_dents(
-    relaxation: KnownRelaxation,
+    relaxation: Relaxation,
     log: HoldLog,
     since_s: Floats,
     log_read: Floats,
     log_sd: Floats,
-) -> KnownRelaxation:
+) -> Relaxation:
     """Return the relaxation with both explanations open, if the log decides for one and
     the dents of frames contradict it; else unchanged.
 
@@ -519,7 +515,7 @@ def _likelihoods(values: Floats, sd: Floats) -> Floats:
     return np.exp(-0.5 * np.minimum(squares, MOST_SQUARES))
 
 
-def tissue_shares(relaxation: KnownRelaxation) -> tuple[float, ...]:
+def tissue_shares(relaxation: Relaxation) -> tuple[float, ...]:
     """Return the shares of an undecided relaxation if the tissue yields: those that the
     holds show.
     """

@@ -22,8 +22,8 @@ from scleraforce.recordings.forces_under_frames import contact_force
 from scleraforce.recordings.recording_folder import Recording
 from scleraforce.records.tissue_relaxation import (
     MOST_BEFORE_N,
-    KnownRelaxation,
     Matrix,
+    Relaxation,
     matrix_rows,
 )
 
@@ -42,8 +42,8 @@ def hold_log(recording: Recording, forces: FrameForces) -> HoldLog:
 
 
 def with_elastic_forces(
-    recording: Recording, forces: FrameForces, known: KnownRelaxation | None
-) -> tuple[FrameForces, KnownRelaxation, Floats]:
+    recording: Recording, forces: FrameForces, known: Relaxation | None
+) -> tuple[FrameForces, Relaxation, Floats]:
     """Return the forces of labelled frames as elastic ones, and how the tissue relaxes,
     unless that is known already.
 
@@ -78,13 +78,13 @@ def with_elastic_forces(
 
 
 def _with_histories(
-    known: KnownRelaxation,
+    known: Relaxation,
     frame_s: Floats,
     force_n: Floats,
     time_s: Floats,
     elastic_n: Floats,
     memories_n: Floats,
-) -> KnownRelaxation:
+) -> Relaxation:
     """Return a relaxation with the histories of frames, which have an elastic force."""
     times_s = np.array(known.times_s)
     counted = np.flatnonzero(force_n > LEAST_PUSH_N)

@@ -18,7 +18,6 @@ import numpy as np
 from scleraforce.base.arrays import Floats
 from scleraforce.base.errors import CalibrationError
 from scleraforce.calibration.filter import eye_filter
-from scleraforce.calibration.filter.eye_parameters import EyeConstants
 from scleraforce.calibration.filter.section_registration import PoseBelief
 from scleraforce.calibration.relaxation_from_holds import with_elastic_forces
 from scleraforce.fit.one_frame import NO_WALL_M
@@ -37,10 +36,11 @@ from scleraforce.recordings.frame_and_force_tables import FrameEntry
 from scleraforce.recordings.recording_folder import Recording
 from scleraforce.records.eye import Modulus
 from scleraforce.records.frame import frame_digest
-from scleraforce.records.recording_info import known_of_recording
-from scleraforce.records.scan import PixelScale, Plane
+from scleraforce.records.needle import one_lean
+from scleraforce.records.scan import Plane
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
-from scleraforce.records.tissue_relaxation import KnownRelaxation
+from scleraforce.records.tissue_relaxation import Relaxation
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.wall_in_metres import (
     Boundaries,
@@ -88,19 +88,16 @@ class SeenFrame:
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)
     files: tuple[tuple[str, str], ...] = ()
 
-    def beside(self, constants: EyeConstants) -> EyeConstants:
-        """Return an eye's constants at the place of the plane; `constants` are of the
-        scanner's x axis.
+    def beside(self, setup: Setup) -> Setup:
+        """Return what is stated of an eye, at the place of the plane; the scan of
+        `setup` is along the scanner's x axis.
         """
         gap_m, turn_rad, tilt_rad = self.place
-        direction_rad = (
-            None
-            if constants.direction_rad is None
-            else constants.direction_rad + turn_rad
-        )
-
+        turned = setup.turned(turn_rad)
         return replace(
-            constants, gap_m=gap_m, direction_rad=direction_rad, tilt_rad=tilt_rad
+            turned,
+            needle=replace(turned.needle, gap_m=gap_m),
+            scan=replace(turned.scan, tilt_rad=tilt_rad),
         )
 
 
@@ -118,7 +115,7 @@ class EyeFrames:
         recording: Recording,
         settings: CalibrationSettings,
         used: frozenset[str],
-        relaxation: KnownRelaxation | None,
+        relaxation: Relaxation | None,
     ) -> None:
         self.moments = recording.moments
         self.settings = settings
@@ -126,7 +123,7 @@ class EyeFrames:
         self.relaxation = relaxation
         self.recording = recording
 
-        if recording.info.oct.plane:
+        if recording.info.scan.planes:
             self.recording = replace(
                 recording, frames=tuple(first for first, *_ in self.moments)
             )
@@ -191,7 +188,7 @@ class EyeFrames:
         """The plane that lies nearest to the needle in the first moments that can be
         fitted; None of a single one.
         """
-        planes = self.recording.info.oct.plane
+        planes = self.recording.info.scan.planes
         if not planes:
             return None
 
@@ -213,7 +210,7 @@ class EyeFrames:
         """Return the digest of a frame's pixels, and its wall."""
         pixels = self.recording.frame(entry)
         info = self.recording.info
-        scale = PixelScale.of(info.oct)
+        scale = info.scan.scale
         given = recorded_wall(self.recording.walls, entry.file, pixels.shape, scale)
 
         found = given or find_wall(
@@ -237,17 +234,22 @@ class EyeFrames:
         mean_pa = study.calibration.prior_mean_pa
         sd_pa = study.calibration.prior_sd_pa
         known = replace(
-            known_of_recording(info),
-            modulus=Modulus(mean_pa=mean_pa, sd_pa=sd_pa, source="population"),
+            info.setup,
+            eye=replace(
+                info.setup.eye,
+                modulus=Modulus(mean_pa=mean_pa, sd_pa=sd_pa, source="population"),
+            ),
         )
         planes = list[SeenPlane]()
 
         for entry in self.moments[index]:
             _, wall = self._look(entry)
-            plane = info.oct.named(entry.plane)
+            plane = info.scan.named(entry.plane)
             if plane is not None and not isinstance(wall, eye_filter.SkippedFrame):
                 turn_rad = plane.direction_rad
-                prior = prior_of(known.turned(turn_rad), study.reader)
+                prior = prior_of(
+                    known.turned(turn_rad), study.reader, study.eye.radius_m
+                )
                 planes.append(
                     SeenPlane(
                         plane.offset_m, turn_rad, wall.lateral_m, wall.depth_m, prior
@@ -261,7 +263,7 @@ class EyeFrames:
 
         near = library.for_stiffening(
             float(library.walls.stiffening[0])
-        ).nearest_contact(known.polar_rad)
+        ).nearest_contact(known.needle.polar_rad)
         fits, place = fit_planes(near, planes, study.calibration.surface_smoothing_m)
         if place is None:
             return eye_filter.SkippedFrame(eye_filter.UNSEEN)
@@ -283,7 +285,7 @@ class EyeFrames:
                 " known force"
             )
 
-        lean = cos(self.recording.info.needle.lean_rad or 0.0)
+        lean = cos(one_lean(self.recording.info.needle.lean_rad) or 0.0)
         log = replace(log, wrench_sc=log.wrench_sc * lean)
         return replace(self.recording, forces=log)
 
@@ -296,14 +298,14 @@ class EyeFrames:
         assert info is not None
         return replace(self.recording, forces=log.known(info.axis))
 
-    def decide(self, relaxation: KnownRelaxation) -> None:
+    def decide(self, relaxation: Relaxation) -> None:
         """Label the frames by a relaxation that is known by now."""
         self.relaxation = relaxation
         self.labelled = cache(self._labelled)
 
     def _labelled(
         self,
-    ) -> tuple[tuple[Trial, ...], FrameForces, KnownRelaxation | None, Floats]:
+    ) -> tuple[tuple[Trial, ...], FrameForces, Relaxation | None, Floats]:
         study = self.settings.study
         trials = label_frames(
             self.along_normal, study.classes, study.needle.max_force_n

@@ -36,9 +36,10 @@ from scleraforce.fit.prior_of_an_eye import Prior, prior_of
 from scleraforce.library import Library
 from scleraforce.library.library_plan import LITTLE_STIFFENING, stiffening_place
 from scleraforce.recordings.force_errors import LABEL_SD_N
-from scleraforce.records.eye import ForceDiscrepancy, Known, Modulus, beside_middle
+from scleraforce.records.eye import ForceDiscrepancy, Modulus, beside_middle
 from scleraforce.records.fields import computed
-from scleraforce.records.globe import REFERENCE_RIGIDITY, KnownGlobe
+from scleraforce.records.globe import REFERENCE_RIGIDITY, Globe
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 from scleraforce.wall.wall_in_metres import Boundaries
 
@@ -115,10 +116,10 @@ class StiffnessEstimate:
 
 
 def regression(
-    frames: Sequence[KnownForce], known: Known, place: Floats
+    frames: Sequence[KnownForce], setup: Setup, place: Floats
 ) -> StiffnessEstimate:
     """Return the estimate from frames of one eye, by reweighted least squares."""
-    center = np.concatenate([place_of(known), np.zeros(2)])
+    center = np.concatenate([place_of(setup), np.zeros(2)])
     direction = np.zeros((len(frames), 4))
     left = np.zeros(len(frames))
     weight = np.zeros(len(frames))
@@ -136,7 +137,7 @@ def regression(
             (frame.sd_n / frame.library_n) ** 2 + (LABEL_SD_N / frame.force_n) ** 2
         )
 
-    modulus, globe = own_modulus_and_globe(known)
+    modulus, globe = own_modulus_and_globe(setup)
     sds = np.array([modulus.relative_sd, max(globe.sd / REFERENCE_RIGIDITY, _OPEN_SD)])
     of_filter = np.outer(sds, sds) * np.array(
         [[1.0, globe.correlation], [globe.correlation, 1.0]]
@@ -219,16 +220,16 @@ def _loss(
     return float(weight @ rest**2 + of_filter + of_eyes)
 
 
-def own_modulus_and_globe(known: Known) -> tuple[Modulus, KnownGlobe]:
+def own_modulus_and_globe(setup: Setup) -> tuple[Modulus, Globe]:
     """Return modulus and globe of an eye after its frames, which has both."""
-    assert known.modulus is not None
-    assert known.globe is not None
-    return known.modulus, known.globe
+    assert setup.eye.modulus is not None
+    assert setup.eye.globe is not None
+    return setup.eye.modulus, setup.eye.globe
 
 
-def place_of(known: Known) -> Floats:
+def place_of(setup: Setup) -> Floats:
     """Return ln E and k over the reference's (2,)."""
-    modulus, globe = own_modulus_and_globe(known)
+    modulus, globe = own_modulus_and_globe(setup)
     return np.array([log(modulus.mean_pa), globe.mean / REFERENCE_RIGIDITY])
 
 
@@ -301,11 +302,11 @@ class TissueTrial(Generic[Trial]):
 
 @dataclass(frozen=True)
 class RereadEye:
-    """The known eye, the readings of its frames (None: cannot be read), and the loss of
+    """The setup, the readings of its frames (None: cannot be read), and the loss of
     their forces.
     """
 
-    known: Known
+    setup: Setup
     again: tuple[KnownForce | None, ...]
     loss: float
 
@@ -331,24 +332,24 @@ Again = tuple[list[KnownForce | None], list[KnownForce], StiffnessEstimate]
 
 
 def reread_eye(
-    known: Known,
+    setup: Setup,
     frames: SeenFrames,
     earlier: Sequence[KnownForce],
     library: Library,
     study: Study,
     rests_pa: Sequence[float] | None = None,
 ) -> RereadEye:
-    """Return the known eye after its frames are read again, at their own resting
+    """Return the setup after its frames are read again, at their own resting
     pressures if the globe leaks.
     """
 
-    def read_with(now: Known) -> Again:
+    def read_with(now: Setup) -> Again:
         again = read_again(frames, now, library, study, rests_pa)
         read = [*earlier, *(frame for frame in again if frame is not None)]
-        return again, read, regression(read, known, place_of(now))
+        return again, read, regression(read, setup, place_of(now))
 
-    now = known
-    again, read, found = read_with(known)
+    now = setup
+    again, read, found = read_with(setup)
 
     for _ in range(READINGS - 1):
         moved = _moved(now, found)
@@ -372,7 +373,7 @@ def reread_eye(
 
 def read_again(
     frames: SeenFrames,
-    known: Known,
+    setup: Setup,
     library: Library,
     study: Study,
     rests_pa: Sequence[float] | None = None,
@@ -383,19 +384,21 @@ def read_again(
     E and k, which the frames share, are taken for certain: they do not scatter between
     them. The planes of a moment are read together, and are one reading.
     """
-    near = library.nearest_contact(known.polar_rad)
-    modulus, globe = own_modulus_and_globe(known)
-    modulus_step, rigidity_step = _steps(known)
-    certain = [_certain(known), _certain(known, modulus_step)]
+    near = library.nearest_contact(setup.needle.polar_rad)
+    modulus, globe = own_modulus_and_globe(setup)
+    modulus_step, rigidity_step = _steps(setup)
+    certain = [_certain(setup), _certain(setup, modulus_step)]
 
     if globe.can_be_sealed:
-        certain.append(_certain(known, 0.0, rigidity_step))
+        certain.append(_certain(setup, 0.0, rigidity_step))
 
     found = list[KnownForce | None]()
-    rests = [known.iop_pa] * len(frames) if rests_pa is None else rests_pa
+    rests = [setup.eye.iop_pa] * len(frames) if rests_pa is None else rests_pa
 
     for (seen, force_n), rest_pa in zip(frames, rests, strict=True):
-        eyes = [replace(each, iop_pa=rest_pa) for each in certain]
+        eyes = [
+            replace(each, eye=replace(each.eye, iop_pa=rest_pa)) for each in certain
+        ]
         fits = (
             _fits_of_planes(near, seen, eyes, study)
             if isinstance(seen, PlanesFit)
@@ -427,12 +430,12 @@ def read_again(
 
 
 def _fits(
-    near: Library, seen: Boundaries, eyes: Sequence[Known], study: Study, force_n: float
+    near: Library, seen: Boundaries, eyes: Sequence[Setup], study: Study, force_n: float
 ) -> list[BoundaryFit | None]:
-    """Return the fits of a frame with each of the known eyes; none if the first one
+    """Return the fits of a frame with each of the setups; none if the first one
     cannot be read.
     """
-    priors = [prior_of(eye, study.reader) for eye in eyes]
+    priors = [prior_of(eye, study.reader, study.eye.radius_m) for eye in eyes]
     smoothing_m = study.calibration.surface_smoothing_m
     at = near, seen.lateral_m, seen.depth_m
 
@@ -450,13 +453,13 @@ def _fits(
 
 
 def _fits_of_planes(
-    near: Library, seen: PlanesFit, eyes: Sequence[Known], study: Study
+    near: Library, seen: PlanesFit, eyes: Sequence[Setup], study: Study
 ) -> list[BoundaryFit | None]:
-    """Return the fits of all planes of a moment with each of the known eyes."""
+    """Return the fits of all planes of a moment with each of the setups."""
 
-    def priors(eye: Known) -> list[Prior]:
+    def priors(eye: Setup) -> list[Prior]:
         return [
-            prior_of(eye.turned(plane.direction_rad), study.reader)
+            prior_of(eye.turned(plane.direction_rad), study.reader, study.eye.radius_m)
             for plane in seen.planes
         ]
 
@@ -470,11 +473,11 @@ def _read(fit: BoundaryFit | None) -> TypeGuard[BoundaryFit]:
     return fit is not None and fit.misfit_m <= NO_WALL_M and fit.force_n > 0.0
 
 
-def _steps(known: Known) -> Floats:
+def _steps(setup: Setup) -> Floats:
     """Return the steps of ln E and k over the reference's (2,) for difference
     quotients.
     """
-    modulus, globe = own_modulus_and_globe(known)
+    modulus, globe = own_modulus_and_globe(setup)
     share = RIGIDITY_STEP * max(globe.mean / REFERENCE_RIGIDITY, LEAST_RIGIDITY)
     return np.array(
         [
@@ -484,11 +487,11 @@ def _steps(known: Known) -> Floats:
     )
 
 
-def _certain(known: Known, log_modulus: float = 0.0, rigidity: float = 0.0) -> Known:
+def _certain(setup: Setup, log_modulus: float = 0.0, rigidity: float = 0.0) -> Setup:
     """Return an eye whose E and k are certain, each a step off: of ln E, and of k over
     the reference's.
     """
-    modulus, globe = own_modulus_and_globe(known)
+    modulus, globe = own_modulus_and_globe(setup)
     if globe.can_be_sealed:
         mean = globe.mean + rigidity * REFERENCE_RIGIDITY
         lowest = min(globe.lowest, mean)
@@ -503,14 +506,16 @@ def _certain(known: Known, log_modulus: float = 0.0, rigidity: float = 0.0) -> K
         )
 
     modulus = replace(modulus, mean_pa=modulus.mean_pa * exp(log_modulus), sd_pa=0.0)
-    return replace(known, modulus=modulus, globe=globe, discrepancy=None)
+    return replace(
+        setup, eye=replace(setup.eye, modulus=modulus, globe=globe, discrepancy=None)
+    )
 
 
-def _moved(known: Known, found: StiffnessEstimate) -> Known:
+def _moved(setup: Setup, found: StiffnessEstimate) -> Setup:
     """Return an eye with the E and k that were found, not too far from the ones that it
     was read with.
     """
-    modulus, globe = own_modulus_and_globe(known)
+    modulus, globe = own_modulus_and_globe(setup)
     mean = found.mean
     covariance = found.covariance
 
@@ -524,19 +529,22 @@ def _moved(known: Known, found: StiffnessEstimate) -> Known:
         mean[OF_MODULUS] - log(modulus.mean_pa), -LARGEST_STEP, LARGEST_STEP
     )
     return replace(
-        known,
-        modulus=replace(modulus, mean_pa=modulus.mean_pa * exp(farther)),
-        globe=globe,
+        setup,
+        eye=replace(
+            setup.eye,
+            modulus=replace(modulus, mean_pa=modulus.mean_pa * exp(farther)),
+            globe=globe,
+        ),
     )
 
 
 def _with_discrepancy(
-    known: Known, found: StiffnessEstimate, forces_n: Sequence[float]
-) -> Known:
+    setup: Setup, found: StiffnessEstimate, forces_n: Sequence[float]
+) -> Setup:
     """Return an eye at its E and k with their uncertainty, and the discrepancy given
     these; forces in N.
     """
-    modulus, globe = own_modulus_and_globe(known)
+    modulus, globe = own_modulus_and_globe(setup)
     covariance = found.covariance
     sds = np.sqrt(np.diag(covariance))
     modulus = replace(modulus, sd_pa=float(sds[OF_MODULUS]) * modulus.mean_pa)
@@ -551,7 +559,7 @@ def _with_discrepancy(
 
     given = covariance[2:, :2] @ np.linalg.inv(covariance[:2, :2])
     level, growth = (
-        found.mean[2:] + given @ (place_of(known) - found.mean[:2])
+        found.mean[2:] + given @ (place_of(setup) - found.mean[:2])
     ).tolist()
     left = covariance[2:, 2:] - given @ covariance[:2, 2:]
     level_sd, growth_sd = np.sqrt(np.diag(left)).tolist()
@@ -570,7 +578,10 @@ def _with_discrepancy(
         widest_gap=float(np.diff(rising_n).max() / rising_n[-1]) if forces_n else None,
     )
 
-    return replace(known, modulus=modulus, globe=globe, discrepancy=discrepancy)
+    return replace(
+        setup,
+        eye=replace(setup.eye, modulus=modulus, globe=globe, discrepancy=discrepancy),
+    )
 
 
 def most_trials(library: Library) -> int:

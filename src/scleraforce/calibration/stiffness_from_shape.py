@@ -37,11 +37,11 @@ from scleraforce.fit.prior_of_an_eye import KNOWN_SD, prior_of
 from scleraforce.library import Library
 from scleraforce.recordings.force_errors import LABEL_SD_N
 from scleraforce.recordings.recording_folder import Recording, tables_digest
-from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.eye import Modulus
 from scleraforce.records.globe import UNKNOWN
-from scleraforce.records.recording_info import known_of_recording
+from scleraforce.records.needle import one_lean
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
-from scleraforce.records.tissue_relaxation import KnownRelaxation
 
 MOST_FRAMES = 24  # of a posterior; frames of like dents say the same
 # relative, of E in the fits of single frames that the joint fit begins with
@@ -54,13 +54,13 @@ class EyePosterior:
     """The modulus of an eye by its frames, without forces, and a prior; `with_frames`
     returns a narrower one.
 
-    `known`: the known eye with the prior of its modulus, `library`: that of its tissue.
+    `setup`: the setup with the prior of its modulus, `library`: that of its tissue.
     `frames` are the ones that count, at most `MOST_FRAMES`, whose dents are the most
     different; `fit` is theirs, None before the first. `iop_sd`: standard deviation of
     the logarithm of the known IOP.
     """
 
-    known: Known
+    setup: Setup
     study: Study
     library: Library
     frames: tuple[ShownFrame, ...] = ()
@@ -70,9 +70,9 @@ class EyePosterior:
     @property
     def modulus(self) -> Modulus:
         """The modulus; its source is "shape" from the first frame on."""
-        assert self.known.modulus is not None
+        assert self.setup.eye.modulus is not None
         if self.fit is None:
-            return self.known.modulus
+            return self.setup.eye.modulus
 
         mean, sd = self.fit.log_modulus
         mean_pa = exp(mean + 0.5 * sd**2)
@@ -84,24 +84,27 @@ class EyePosterior:
     def thickness_m(self) -> float | None:
         """The wall's thickness, m, with which the modulus reads forces."""
         return (
-            self.known.thickness_m
+            self.setup.eye.thickness_m
             if self.fit is None
             else float(self.fit.shared[THICKNESS])
         )
 
     @property
-    def known_eye(self) -> Known:
-        """The known eye with this modulus and thickness, as a reader takes it, beside
+    def known_eye(self) -> Setup:
+        """The setup with this modulus and thickness, as a reader takes it, beside
         the eye before.
         """
         if self.fit is None:
-            return self.known
+            return self.setup
 
         return replace(
-            self.known,
-            modulus=self.modulus,
-            thickness_m=self.thickness_m,
-            unlearned=self.known.before_learning,
+            self.setup,
+            eye=replace(
+                self.setup.eye,
+                modulus=self.modulus,
+                thickness_m=self.thickness_m,
+                unlearned=self.setup.eye.before_learning,
+            ),
         )
 
     def calibration(
@@ -125,30 +128,34 @@ class EyePosterior:
                 float(np.sqrt(self.fit.covariance[THICKNESS, THICKNESS])),
             ),
             stated_thickness_m=thickness_m,
-            globe=self.known.globe or UNKNOWN,
+            globe=self.setup.eye.globe or UNKNOWN,
             without_force=True,
             recordings=tuple(recordings),
             frames=tuple(frames),
             stiffening=self.library.stiffening,
-            relaxation=self.known.relaxation,
+            relaxation=self.setup.eye.relaxation,
         )
 
     def with_frames(self, frames: Sequence[ShownFrame]) -> "EyePosterior":
         """Return the posterior after more frames; a frame that no wall of the library
         lies on is left out.
         """
-        library = self.library.nearest_contact(self.known.polar_rad)
+        library = self.library.nearest_contact(self.setup.needle.polar_rad)
         smoothing_m = self.study.calibration.surface_smoothing_m
         modulus = replace(
             self.modulus, sd_pa=START_SD * self.modulus.mean_pa, source="population"
         )
-        begun = replace(self.known, modulus=modulus)
+        begun = replace(self.setup, eye=replace(self.setup.eye, modulus=modulus))
         shown = list(self.frames)
         own = [] if self.fit is None else list(self.fit.own)
 
         for frame in frames:
-            gap_m = self.known.gap_m if frame.gap_m is None else frame.gap_m
-            prior = prior_of(replace(begun, gap_m=gap_m), self.study.reader)
+            gap_m = self.setup.needle.gap_m if frame.gap_m is None else frame.gap_m
+            prior = prior_of(
+                replace(begun, needle=replace(begun.needle, gap_m=gap_m)),
+                self.study.reader,
+                library.radius_m,
+            )
 
             fit = fit_boundaries(
                 library,
@@ -171,7 +178,7 @@ class EyePosterior:
         shown = [shown[place] for place in kept]
         own = [own[place] for place in kept]
         begin = None if self.fit is None else self.fit.shared
-        of_eye = library, shown, self.known, self.study.reader, smoothing_m
+        of_eye = library, shown, self.setup, self.study.reader, smoothing_m
 
         joint = fit_jointly(*of_eye, np.array(own), begin, self.iop_sd)
 
@@ -218,7 +225,7 @@ def calibrate_without_force(
     )
 
     for recording in recordings:
-        eye = recording.info.eye.id
+        eye = recording.info.eye_name
         eyes[eye] = _of_eye(recording, settings, prior, eyes.get(eye), progress)
 
     return Calibration(
@@ -235,7 +242,7 @@ def _of_eye(
 ) -> EyeCalibration:
     info = recording.info
     place = recording.path / "recording.toml"
-    known = known_of_recording(recording.info)
+    known = recording.info.setup
     library = settings.library
     assert library is not None  # at finite strain
 
@@ -248,11 +255,7 @@ def _of_eye(
     if before is not None:
         prior = Modulus(mean_pa=before.mean_pa, sd_pa=before.sd_pa, source="population")
 
-    relaxation = (
-        None
-        if info.eye.relaxation is None
-        else KnownRelaxation.declared(info.eye.relaxation)
-    )
+    relaxation = info.eye.relaxation
     earlier = () if before is None else before.frames
     used = frozenset(sha256 for frame in earlier for _, sha256 in frame.seen)
     frames = EyeFrames(recording, settings, used, relaxation)
@@ -262,11 +265,16 @@ def _of_eye(
         gaps_m = [frame.gap_m for frame in shown.values() if frame.gap_m is not None]
         known = replace(
             known.turned(frames.followed.direction_rad),
-            gap_m=float(np.median(gaps_m or 0.0)),
+            needle=replace(
+                known.turned(frames.followed.direction_rad).needle,
+                gap_m=float(np.median(gaps_m or 0.0)),
+            ),
         )
 
     begun = EyePosterior(
-        known=replace(known, modulus=prior), study=settings.study, library=library
+        setup=replace(known, eye=replace(known.eye, modulus=prior)),
+        study=settings.study,
+        library=library,
     )
     after = begun.with_frames(list(shown.values()))
     if not after.frames:
@@ -300,9 +308,9 @@ def _of_eye(
         doubts=_doubts(after, prior),
     )
     recordings, earlier = (before.recordings, before.frames) if before else ((), ())
-    found = after.calibration(info.eye.id, [*recordings, entry], [*earlier, *records])
+    found = after.calibration(info.eye_name, [*recordings, entry], [*earlier, *records])
 
-    return replace(found, lean_rad=info.needle.lean_rad)
+    return replace(found, lean_rad=one_lean(info.needle.lean_rad))
 
 
 def _known_forces(frames: EyeFrames, settings: CalibrationSettings) -> dict[int, float]:

@@ -22,14 +22,13 @@ from scleraforce.calibration.seen_frames import EyeFrames
 from scleraforce.calibration.stiffness_from_forces import KnownForce, read_again
 from scleraforce.library import Library
 from scleraforce.records.eye import Modulus
-from scleraforce.records.recording_info import known_of_recording
 from scleraforce.records.study import Study
-from scleraforce.records.tissue_relaxation import KnownRelaxation
+from scleraforce.records.tissue_relaxation import Relaxation
 
 
 def decided_relaxation(
     eye: EyeCalibration, frames: EyeFrames, library: Library, study: Study
-) -> KnownRelaxation | None:
+) -> Relaxation | None:
     """Return what an eye's frames say of its undecided relaxation; None if nothing.
 
     Two frames of one hold decide: how their dents change, not the forces of these.
@@ -101,10 +100,13 @@ def _read(
             walls.append((seen.planes or seen.wall, force_n))
 
     known = replace(
-        known_of_recording(frames.recording.info),
-        modulus=Modulus(mean_pa=eye.mean_pa, sd_pa=eye.sd_pa, source="own"),
-        globe=eye.globe,
-        thickness_m=eye.thickness_m,
+        frames.recording.info.setup,
+        eye=replace(
+            frames.recording.info.setup.eye,
+            modulus=Modulus(mean_pa=eye.mean_pa, sd_pa=eye.sd_pa, source="own"),
+            globe=eye.globe,
+            thickness_m=eye.thickness_m,
+        ),
     )
     of_tissue = library.for_stiffening(eye.stiffening)
     again = read_again(walls, known, of_tissue, study)

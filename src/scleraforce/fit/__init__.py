@@ -11,8 +11,8 @@ Public:
     one_frame: `BoundaryFit`, `NO_WALL_M`, `fit_boundaries`, `law_of`, `library_walls`,
         `positive_share`
     planes_of_a_moment: `PlanesFit`, `SeenPlane`, `SpatialPlace`, `fit_planes`
-    prior_of_an_eye: `FREE_SD`, `KNOWN_SD`, `Prior`, `SHINE_MEAN_M`, `SHINE_SD_M`,
-        `form_size`, `prior_of`
+    prior_of_an_eye: `FREE_SD`, `KNOWN_SD`, `LIBRARY_RADIUS_M`, `Prior`, `SHINE_MEAN_M`,
+        `SHINE_SD_M`, `form_size`, `prior_of`
     unknowns: `DEPTH`, `FORM`, `FORMS`, `GAP`, `INNER_OFFSET`, `IOP`, `LATERAL`,
         `ROTATION`, `SIZE`, `SOFT_M`, `THICKNESS`, `TIP`, `form_depths`, `shining`
 """

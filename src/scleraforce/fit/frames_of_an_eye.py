@@ -36,7 +36,7 @@ from scleraforce.fit.one_frame import law_of, library_walls
 from scleraforce.fit.prior_of_an_eye import HEAVY, KNOWN_SD, prior_of
 from scleraforce.fit.shown_wall import LEAST_SD, WallDepths, predict_depths
 from scleraforce.library.wall_responses import Library
-from scleraforce.records.eye import Known
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import ReaderStudy
 
 OWN = np.array(
@@ -209,22 +209,22 @@ class _EyeProblem:
         self,
         library: Library,
         frames: Sequence[ShownFrame],
-        known: Known,
+        setup: Setup,
         trained: ReaderStudy,
         smoothing_m: float,
         iop_sd: float = KNOWN_SD[unknowns.IOP],
     ) -> None:
-        prior = prior_of(known, trained)
+        prior = prior_of(setup, trained, library.radius_m)
         self.library = library
         self.smoothing_m = smoothing_m
         self.law = law_of(prior.globe)
         self.globe = prior.globe
-        resting_pa = known.iop_pa or float(np.exp(prior.mean[unknowns.IOP]))
+        resting_pa = setup.eye.iop_pa or float(np.exp(prior.mean[unknowns.IOP]))
         self.about = (
             float(prior.mean[unknowns.GAP]),
             float(prior.mean[unknowns.THICKNESS]),
         )
-        own_gap_m = known.gap_m or 0.0
+        own_gap_m = setup.needle.gap_m or 0.0
         gaps_m = [
             0.0 if shown.gap_m is None else shown.gap_m - own_gap_m for shown in frames
         ]
@@ -243,13 +243,13 @@ class _EyeProblem:
             ]
         )
         self.sd = np.concatenate([prior.sd[SHARED], EXTRA_SD])
-        if known.iop_pa is not None:
+        if setup.eye.iop_pa is not None and setup.eye.iop_sd_pa is None:
             self.sd[IOP] = iop_sd
 
-        if known.modulus is not None:
+        if setup.eye.modulus is not None:
             # E has these moments, and its logarithm is normal
-            variance = float(np.log1p(known.modulus.relative_sd**2))
-            self.mean[MODULUS] = log(known.modulus.mean_pa) - 0.5 * variance
+            variance = float(np.log1p(setup.eye.modulus.relative_sd**2))
+            self.mean[MODULUS] = log(setup.eye.modulus.mean_pa) - 0.5 * variance
             self.sd[MODULUS] = np.sqrt(variance)
 
         if not self.law.is_open:
@@ -326,7 +326,7 @@ class _EyeProblem:
         resting = np.exp(unknown_su[:, unknowns.IOP])
 
         if not self.law.is_open:
-            globe = self.globe.globe(self.globe.mean * rigidity)
+            globe = self.globe.pressure_law(self.globe.mean * rigidity)
             risen = globe.level(pressure) - globe.level(resting)
             slope = resting[0] * globe.level_slope(resting[0])
             found.append((globe.rate * volumes - risen) / (LEAST_SD * slope))
@@ -551,7 +551,7 @@ def _eliminated(
 def fit_jointly(
     library: Library,
     frames: Sequence[ShownFrame],
-    known: Known,
+    setup: Setup,
     trained: ReaderStudy,
     smoothing_m: float,
     own: Floats,
@@ -561,11 +561,11 @@ def fit_jointly(
     """Fit the library to all frames of an eye at once, from each frame's unknowns `own`
     (frame, `OWN`).
 
-    `known` is the eye, its modulus the prior; `library` that of its contact; `shared`:
+    `setup` is the eye, its modulus the prior; `library` that of its contact; `shared`:
     of an earlier fit, to begin at; `iop_sd`: standard deviation of the logarithm of a
     known IOP.
     """
-    problem = _EyeProblem(library, frames, known, trained, smoothing_m, iop_sd)
+    problem = _EyeProblem(library, frames, setup, trained, smoothing_m, iop_sd)
     shared, own = problem.inside(problem.mean if shared is None else shared, own)
     damping = FIRST_DAMPING
     cost = np.inf

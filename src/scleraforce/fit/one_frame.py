@@ -47,7 +47,7 @@ from scleraforce.fit.compiled_search import PriorArrays
 from scleraforce.fit.prior_of_an_eye import Prior, form_size
 from scleraforce.fit.shown_wall import GlobeLaw
 from scleraforce.library.wall_responses import Library
-from scleraforce.records.globe import KnownGlobe
+from scleraforce.records.globe import Globe
 from scleraforce.records.study_of_eye import RIGIDITY_LAWS
 
 # Beyond it a surface is not a wall. Virtual eyes reach 9 um, with a cornea in view 13
@@ -83,10 +83,10 @@ def library_walls(
 
 
 @lru_cache(maxsize=64)
-def law_of(globe: KnownGlobe) -> GlobeLaw:
+def law_of(globe: Globe) -> GlobeLaw:
     """Return the law of a globe."""
     rates = (
-        float(globe.globe(rigidity).rate)
+        float(globe.pressure_law(rigidity).rate)
         for rigidity in (globe.lowest, globe.mean, globe.highest, globe.sd)
     )
     sealed = globe.can_be_sealed
@@ -282,7 +282,7 @@ def empty_fit(library: Library) -> FitArrays:
     )
 
 
-def fit_of(library: Library, globe: KnownGlobe, fitted: FitArrays) -> BoundaryFit:
+def fit_of(library: Library, globe: Globe, fitted: FitArrays) -> BoundaryFit:
     """Return a fit from its arrays."""
     unknown = fitted.unknown
     force, low_n, high_n, misfit, outliers, cost = fitted.numbers.tolist()

@@ -1,4 +1,4 @@
-"""The prior of a fit: the known eye, the pose, and the forms that eyes have."""
+"""The prior of a fit: the eye as declared, the pose, and the forms that eyes have."""
 
 from dataclasses import dataclass, replace
 from math import log, radians, sin, sqrt
@@ -12,11 +12,12 @@ from scleraforce.library.moving_base import pole_directions
 from scleraforce.records.eye import (
     LEAST_MODULUS_SD,
     NO_DISCREPANCY,
+    Eye,
     ForceDiscrepancy,
-    Known,
 )
-from scleraforce.records.globe import UNKNOWN, KnownGlobe
-from scleraforce.records.study import ReaderStudy
+from scleraforce.records.globe import UNKNOWN, Globe
+from scleraforce.records.setup import Setup
+from scleraforce.records.study import EyeStudy, ReaderStudy
 
 FREE_SD = {
     unknowns.TIP: 10e-3,
@@ -36,6 +37,10 @@ KNOWN_SD = {
     unknowns.THICKNESS: 15e-6,
     unknowns.IOP: 0.05,
 }  # of a stated value
+LIBRARY_RADIUS_M = EyeStudy().radius_m  # of the study that a library is made for
+# relative, of a radius that is given without its uncertainty: a caliper's
+RADIUS_SD = 0.02
+LEAST_SD = 1e-3  # relative: no fit needs a value more exactly
 # standard deviation of the logarithm of the pressure under the needle: the globe's
 # rigidity ties it
 PRESSURE_SD = 3.0
@@ -74,16 +79,21 @@ class Prior:
     sd: Floats
     precision: Floats
     same_force: Floats
-    globe: KnownGlobe
+    globe: Globe
     calibrated: Floats
     discrepancy: ForceDiscrepancy
     wall_sd_m: float = 0.0
 
 
-def prior_of(known: Known, trained: ReaderStudy) -> Prior:
-    """Return the prior of a frame's unknowns: the known eye, else the ranges that the
+def prior_of(
+    setup: Setup, trained: ReaderStudy, library_radius_m: float = LIBRARY_RADIUS_M
+) -> Prior:
+    """Return the prior of a frame's unknowns: the eye, else the ranges that the
     model was trained for.
+
+    A declared uncertainty counts in place of the usual one (`KNOWN_SD`, `RADIUS_SD`).
     """
+    eye = setup.eye
     mean = np.zeros(len(unknowns.NAMES))
     sd = np.zeros(len(unknowns.NAMES))
     for place, value in FREE_SD.items():
@@ -93,22 +103,31 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     sd[unknowns.SHINE] = SHINE_SD_M
     mean[unknowns.FORM] = FORM_MEAN
     sd[unknowns.FORM] = FORM_SD
-    mean[unknowns.POLE], sd[unknowns.POLE] = _pole(known)
+    mean[unknowns.POLE], sd[unknowns.POLE] = _pole(setup)
     mean[unknowns.GAP], sd[unknowns.GAP] = _stated(
-        known.gap_m, trained.gap_m.bounds, KNOWN_SD[unknowns.GAP]
+        setup.needle.gap_m, trained.gap_m.bounds, KNOWN_SD[unknowns.GAP]
     )
     mean[unknowns.THICKNESS], sd[unknowns.THICKNESS] = _stated(
-        known.thickness_m, trained.thickness_m.bounds, KNOWN_SD[unknowns.THICKNESS]
+        eye.thickness_m,
+        trained.thickness_m.bounds,
+        eye.thickness_sd_m or KNOWN_SD[unknowns.THICKNESS],
     )
-    iop = None if known.iop_pa is None else log(max(known.iop_pa, 1.0))
+    iop = None if eye.iop_pa is None else log(max(eye.iop_pa, 1.0))
     mean[unknowns.IOP], sd[unknowns.IOP] = _stated(
-        iop, _logs(trained.iop_pa.bounds), KNOWN_SD[unknowns.IOP]
+        iop, _logs(trained.iop_pa.bounds), _log_iop_sd(eye)
     )
-    modulus = None if known.modulus is None else log(known.modulus.mean_pa)
-    modulus_sd = known.modulus.relative_sd if known.modulus else 0.0
-    discrepancy = known.discrepancy or NO_DISCREPANCY
+    if eye.radius_m is not None:
+        mean[unknowns.SIZE] = log(eye.radius_m / library_radius_m)
+        sd[unknowns.SIZE] = (
+            RADIUS_SD
+            if eye.radius_sd_m is None
+            else max(eye.radius_sd_m / eye.radius_m, LEAST_SD)
+        )
+    modulus = None if setup.eye.modulus is None else log(setup.eye.modulus.mean_pa)
+    modulus_sd = setup.eye.modulus.relative_sd if setup.eye.modulus else 0.0
+    discrepancy = setup.eye.discrepancy or NO_DISCREPANCY
 
-    if known.modulus is not None and known.modulus.source == "shape":
+    if setup.eye.modulus is not None and setup.eye.modulus.source == "shape":
         # frames do not tell it once more
         discrepancy = replace(NO_DISCREPANCY, level_sd=modulus_sd)
         modulus_sd = LEAST_MODULUS_SD
@@ -118,34 +137,41 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     )
     mean[unknowns.PRESSURE] = mean[unknowns.IOP]
     sd[unknowns.PRESSURE] = PRESSURE_SD
-    own = known.has_own_modulus
+    own = setup.eye.has_own_modulus
     same_force = _same_force(mean, sd) if own else np.zeros(len(unknowns.NAMES))
     precision = np.diag(
         np.where(
             own & (np.arange(len(unknowns.NAMES)) == unknowns.MODULUS), 0.0, sd**-2.0
         )
     )
-    globe = UNKNOWN if known.globe is None else known.globe
+    globe = UNKNOWN if setup.eye.globe is None else setup.eye.globe
     correlation = globe.correlation if own else 0.0
     calibrated = np.asarray(np.linalg.inv([[1.0, correlation], [correlation, 1.0]]))
 
     return Prior(mean, sd, precision, same_force, globe, calibrated, discrepancy)
 
 
-def _pole(known: Known) -> tuple[Floats | float, float]:
+def _log_iop_sd(eye: Eye) -> float:
+    """Return the standard deviation of the logarithm of a stated IOP."""
+    if eye.iop_pa is None or eye.iop_sd_pa is None:
+        return KNOWN_SD[unknowns.IOP]
+    return max(eye.iop_sd_pa / max(eye.iop_pa, 1.0), LEAST_SD)
+
+
+def _pole(setup: Setup) -> tuple[Floats | float, float]:
     """Return the pole's direction and its standard deviation: anywhere around if the
     direction is not stated.
     """
     polar_rad = (
         TYPICAL_POLAR_RAD
-        if known.polar_rad is None
-        else min(max(known.polar_rad, 0.0), FARTHEST_RAD)
+        if setup.needle.polar_rad is None
+        else min(max(setup.needle.polar_rad, 0.0), FARTHEST_RAD)
     )
-    if known.direction_rad is None:
+    if setup.scan.direction_rad is None:
         return 0.0, max(sin(polar_rad) / sqrt(2.0), POLE_SD)
 
-    return pole_directions(polar_rad, known.direction_rad), (
-        POLE_SD if known.polar_rad is not None else UNSURE_POLE_SD
+    return pole_directions(polar_rad, setup.scan.direction_rad), (
+        POLE_SD if setup.needle.polar_rad is not None else UNSURE_POLE_SD
     )
 
 

@@ -5,8 +5,9 @@ Writes files. Imports `calibration` and the rows below it.
 Public:
     drawn_bscan: `render_bscan`
     tissue_light: `Pose`, `sample_optics`
-    virtual_eye: `BentSections`, `LinearSections`, `PhantomEye`, `SimulatedEye`,
-        `paper_eyes`, `simulate_eye`, `study_sections`, `write_vtu`
+    virtual_eye: `BentSections`, `LinearSections`, `SimulatedEye`, `check_eye_name`,
+        `checked_virtual_eye`, `eye_name`, `paper_eyes`, `scan_plane`, `simulate_eye`,
+        `study_sections`, `write_vtu`
     virtual_recording: `in_planes`, `plan_moving_phantom`, `plan_phantom`,
         `write_phantom`
 """

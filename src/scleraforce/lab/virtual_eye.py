@@ -5,7 +5,7 @@ one eye as `simulate` shows it.
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from math import acos, atan2, inf, pi, radians, remainder
+from math import acos, atan2, pi, radians, remainder
 from pathlib import Path
 from typing import Any
 
@@ -27,11 +27,14 @@ from scleraforce.mechanics.finite_strain_wall import LoadPath, bend_eye
 from scleraforce.mechanics.graded_mesh import supported_mesh
 from scleraforce.mechanics.hexahedral_mesh import HexMesh
 from scleraforce.mechanics.linear_wall import LinearWall, tip_displacement
-from scleraforce.mechanics.load_path_tracing import Progress
+from scleraforce.mechanics.load_path_tracing import PathEnd, Progress
 from scleraforce.mechanics.loads_and_supports import study_springs
 from scleraforce.mechanics.mesh_section import cut_sections, fill_section, slice_window
-from scleraforce.records.fields import check_quantity
-from scleraforce.records.globe import study_globe
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.fields import check_quantity, declared
+from scleraforce.records.globe import study_law
+from scleraforce.records.needle import Needle
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import PhantomStudy, Study, draw, refuse_unused
 
 SACCADE_S = 1.0  # from one saccade to the next
@@ -182,52 +185,75 @@ FORCES_AT_ONCE = 16
 WEIGHTS_AT_ONCE = 256  # deformations, as weights of a few modes, that are cut together
 
 
-@dataclass(frozen=True, kw_only=True)
-class PhantomEye:
-    """One virtual eye, its contact, and the B-scan plane (see `ScanPlane`)."""
+def checked_virtual_eye(setup: Setup) -> Setup:
+    """Return an experiment that can be made of a virtual eye.
 
-    id: str
-    thickness_m: float
-    youngs_modulus_pa: float
-    iop_pa: float
-    gap_m: float
-    polar_rad: float
-    azimuth_rad: float = 0.0
-    direction_rad: float = 0.0
-    tilt_rad: float = 0.0
+    Raises:
+        InputError: the name cannot be that of a folder; thickness, modulus, IOP, gap or
+            polar angle is not declared or out of bounds.
+    """
+    modulus = setup.eye.modulus
+    numbers = {
+        "thickness_m": setup.eye.thickness_m,
+        "youngs_modulus_pa": None if modulus is None else modulus.mean_pa,
+        "iop_pa": setup.eye.iop_pa,
+        "gap_m": setup.needle.gap_m,
+        "polar_angle_rad": setup.needle.polar_rad,
+    }
+    for key, number in numbers.items():
+        check_number_of_eye(setup, key, number)
 
-    def __post_init__(self) -> None:
-        for name in ("thickness_m", "youngs_modulus_pa", "iop_pa", "gap_m"):
-            try:
-                check_quantity(name, getattr(self, name))
-            except StudyError as fault:
-                raise InputError(f"eye {self.id}: {fault}") from None
+    check_eye_name(eye_name(setup))
+    return setup
 
-        if not self.id or "/" in self.id or self.id.startswith("."):
-            raise InputError(f"eye: id: {self.id!r}; must be a name without /")
 
-    @property
-    def plane(self) -> ScanPlane:
-        """The plane of the B-scan."""
-        contact = Contact(polar_rad=self.polar_rad, azimuth_rad=self.azimuth_rad)
-        return ScanPlane(
-            contact,
-            gap_m=self.gap_m,
-            direction_rad=self.direction_rad,
-            tilt_rad=self.tilt_rad,
-        )
+def eye_name(setup: Setup) -> str:
+    """Return the name of a virtual eye; raises `InputError` if it has none."""
+    return declared(setup.eye.name, "eye: id")
+
+
+def check_number_of_eye(setup: Setup, key: str, number: float | None) -> None:
+    """Raise an `InputError` with the eye's name unless a number is declared and within
+    the bounds of its key.
+    """
+    try:
+        check_quantity(key, declared(number, key))
+    except InputError as fault:
+        raise InputError(f"eye {setup.eye.name}: {fault}") from None
+
+
+def check_eye_name(name: str) -> None:
+    """Raise an `InputError` if a name cannot be that of a virtual eye's folder."""
+    if not name or "/" in name or name.startswith("."):
+        raise InputError(f"eye: id: {name!r}; must be a name without /")
+
+
+def scan_plane(setup: Setup) -> ScanPlane:
+    """Return the plane of the B-scan; a direction or an azimuth that is not declared
+    is 0.
+    """
+    contact = Contact(
+        polar_rad=declared(setup.needle.polar_rad, "needle: polar_rad"),
+        azimuth_rad=setup.needle.azimuth_rad or 0.0,
+    )
+    return ScanPlane(
+        contact,
+        gap_m=declared(setup.needle.gap_m, "needle: gap_m"),
+        direction_rad=setup.scan.direction_rad or 0.0,
+        tilt_rad=setup.scan.tilt_rad or 0.0,
+    )
 
 
 def study_sections(
-    eye: PhantomEye, study: Study, progress: Progress | None = None
+    setup: Setup, study: Study, progress: Progress | None = None
 ) -> SectionsAt:
     """Return an eye's sections for needle forces in N, by the study: as it keeps still,
     turns or leaks.
     """
     if study.mechanics.kind == "finite-strain" and study.globe.leak_time_s:
-        return LeakingSections(eye, study, progress)
+        return LeakingSections(setup, study, progress)
 
-    eyes = turned_eyes(eye, study)
+    eyes = turned_eyes(setup, study)
     report = progress or (lambda _: None)
     knots = list[SectionsAt]()
 
@@ -247,27 +273,32 @@ def study_sections(
     )
 
 
-def turned_eyes(eye: PhantomEye, study: Study) -> list[tuple[PhantomEye, Study]]:
+def turned_eyes(setup: Setup, study: Study) -> list[tuple[Setup, Study]]:
     """Return an eye as the needle and the scanner meet it at each of `knot_turns`;
     unchanged if it keeps still.
     """
-    found = [(eye, study)]
+    found = [(setup, study)]
+    resting_plane = scan_plane(setup)
     reach_rad = farthest_turn_rad(study.phantom)
 
     for turn in knot_turns(reach_rad)[1:] if reach_rad else ():
-        plane = turned_plane(eye.plane, turn)
+        plane = turned_plane(resting_plane, turn)
         needle = study.needle
         if needle.tilt_rad:
             # its direction counts from the meridian, as that of the plane does
             direction_rad = (
-                needle.tilt_direction_rad + plane.direction_rad - eye.direction_rad
+                needle.tilt_direction_rad
+                + plane.direction_rad
+                - resting_plane.direction_rad
             )
             needle = replace(
                 needle, tilt_direction_rad=remainder(direction_rad, 2.0 * pi)
             )
 
         turned = replace(
-            eye, **asdict(plane.contact), direction_rad=plane.direction_rad
+            setup,
+            needle=replace(setup.needle, **asdict(plane.contact)),
+            scan=replace(setup.scan, direction_rad=plane.direction_rad),
         )
         found.append((turned, replace(study, needle=needle)))
 
@@ -285,12 +316,12 @@ class BentSections:
 
     def __init__(
         self,
-        eye: PhantomEye,
+        setup: Setup,
         study: Study,
         progress: Progress | None = None,
         bent: LoadPath | None = None,
     ) -> None:
-        self.eye = eye
+        self.setup = setup
         self._study = study
         self._progress = progress
         self._bent = bent
@@ -310,13 +341,14 @@ class BentSections:
     def __call__(self, forces_n: Sequence[float]) -> Sequence[WallSection]:
         """Return the sections."""
         bent = self._bent_to(forces_n)
+        plane = scan_plane(self.setup)
         sections = list[WallSection]()
 
         for start in range(0, len(forces_n), FORCES_AT_ONCE):
             part = forces_n[start : start + FORCES_AT_ONCE]
             states_fnc = np.stack([bent.displacement_nc(force_n) for force_n in part])
             sections += cut_sections(
-                bent.mesh, [self.eye.plane], states_fnc, np.eye(len(part))[None]
+                bent.mesh, [plane], states_fnc, np.eye(len(part))[None]
             )[0]
 
         return sections
@@ -332,14 +364,14 @@ class BentSections:
     def _bent_to(self, forces_n: Sequence[float]) -> LoadPath:
         largest_n = max(forces_n, default=0.0)
         if self._bent is None or self._bent.max_force_n < largest_n:
-            eye = self.eye
+            eye = self.setup.eye
             self._bent = bend_eye(
                 self._study,
-                eye.plane.contact,
-                thickness_m=eye.thickness_m,
-                youngs_modulus_pa=eye.youngs_modulus_pa,
-                iop_pa=eye.iop_pa,
-                max_force_n=largest_n,
+                scan_plane(self.setup).contact,
+                PathEnd(max_force=largest_n),
+                thickness_m=declared(eye.thickness_m, "eye: thickness_m"),
+                youngs_modulus_pa=eye.modulus_pa,
+                iop_pa=declared(eye.iop_pa, "eye: iop_pa"),
                 progress=self._progress,
             )
 
@@ -370,34 +402,33 @@ class LeakingSections(BentSections):
                 " eye_drift_deg, eye_saccade_deg"
             )
 
-        law = study_globe(self._study.globe)
+        law = study_law(self._study.globe)
+        iop_pa = declared(self.setup.eye.iop_pa, "eye: iop_pa")
         clock_s = np.arange(0.0, times_s[-1] + LEAK_STEP_S, LEAK_STEP_S)
         driven_n = force_n(clock_s)
         at_n = force_n(np.array(times_s)).tolist()
         grid_n = np.linspace(0.0, max([*driven_n, *at_n]), LEAK_FORCES)
         leaked = partial(
             law.leaked_m3,
-            self.eye.iop_pa,
+            iop_pa,
             self._study.globe.leak_time_s / LEAK_STEP_S,
             driven_n,
         )
         dents_m3 = law.displaced_m3(
-            self.eye.iop_pa, np.array(self.pressures_pa(grid_n.tolist()))
+            iop_pa, np.array(self.pressures_pa(grid_n.tolist()))
         )
         alike_m3 = leaked(
             lambda at, left: float(
-                law.pressure(self.eye.iop_pa, np.interp(at, grid_n, dents_m3) - left)
+                law.pressure(iop_pa, np.interp(at, grid_n, dents_m3) - left)
             )
         )
         knots_m3 = np.linspace(0.0, LEAK_REACH * alike_m3.max(), LEAK_KNOTS)
-        rests_pa = law.pressure(self.eye.iop_pa, -knots_m3).tolist()
-        knots = [
-            self,
-            *(
-                BentSections(replace(self.eye, iop_pa=rest_pa), self._study)
-                for rest_pa in rests_pa[1:]
-            ),
+        rests_pa = law.pressure(iop_pa, -knots_m3).tolist()
+        softer = [
+            replace(self.setup, eye=replace(self.setup.eye, iop_pa=rest_pa))
+            for rest_pa in rests_pa[1:]
         ]
+        knots = [self, *(BentSections(setup, self._study) for setup in softer)]
         grids_pa = np.array([knot.pressures_pa(grid_n.tolist()) for knot in knots])
         parabolas = np.linalg.inv(
             np.vander(np.linspace(0.0, 1.0, LEAK_KNOTS), increasing=True)
@@ -421,7 +452,7 @@ class LeakingSections(BentSections):
 
 
 def pressures_pa(
-    eye: PhantomEye,
+    setup: Setup,
     sections_at: SectionsAt,
     forces_n: Sequence[float],
     turns: Sequence[EyeTurn] = (),
@@ -430,7 +461,7 @@ def pressures_pa(
     change it.
     """
     if isinstance(sections_at, TurnedSections) and turns:
-        at_knots = [pressures_pa(eye, knot, forces_n) for knot in sections_at.knots]
+        at_knots = [pressures_pa(setup, knot, forces_n) for knot in sections_at.knots]
         weights = [knot_weights(turn, sections_at.reach_rad) for turn in turns]
         return [
             float(weight @ found)
@@ -440,7 +471,7 @@ def pressures_pa(
     if isinstance(sections_at, BentSections):
         return sections_at.pressures_pa(forces_n)
 
-    return [eye.iop_pa] * len(forces_n)
+    return [declared(setup.eye.iop_pa, "eye: iop_pa")] * len(forces_n)
 
 
 def linear_wall(
@@ -469,45 +500,46 @@ class LinearSections:
     once.
     """
 
-    def __init__(self, eye: PhantomEye, study: Study) -> None:
-        self._eye = eye
-        plane = eye.plane
-        wall = linear_wall(
-            study, "phantom", eye.thickness_m, plane.contact, eye.youngs_modulus_pa
-        )
-        self._needle_nc = wall.needle_cnc(
-            [plane.contact], study.needle.outer_diameter_m / 2
-        )[0]
+    def __init__(self, setup: Setup, study: Study) -> None:
+        thickness_m = declared(setup.eye.thickness_m, "eye: thickness_m")
+        self._modulus_pa = setup.eye.modulus_pa
+        self._iop_pa = declared(setup.eye.iop_pa, "eye: iop_pa")
+        self._plane = scan_plane(setup)
+        contact = self._plane.contact
+        wall = linear_wall(study, "phantom", thickness_m, contact, self._modulus_pa)
+        self._needle_nc = wall.needle_cnc([contact], study.needle.outer_diameter_m / 2)[
+            0
+        ]
         self._modes_knc = np.stack([wall.pressure_nc, wall.gravity_nc, self._needle_nc])
         self._mesh = wall.mesh
         self._weight_n_m3 = study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2
 
     def __call__(self, forces_n: Sequence[float]) -> Sequence[WallSection]:
         """Return the sections."""
-        loads = [[self._eye.iop_pa, self._weight_n_m3, force_n] for force_n in forces_n]
-        weights_fk = np.array(loads) / self._eye.youngs_modulus_pa
+        loads = [[self._iop_pa, self._weight_n_m3, force_n] for force_n in forces_n]
+        weights_fk = np.array(loads) / self._modulus_pa
         sections = list[WallSection]()
 
         for start in range(0, len(loads), WEIGHTS_AT_ONCE):
             part = weights_fk[None, start : start + WEIGHTS_AT_ONCE]
-            sections += cut_sections(
-                self._mesh, [self._eye.plane], self._modes_knc, part
-            )[0]
+            sections += cut_sections(self._mesh, [self._plane], self._modes_knc, part)[
+                0
+            ]
 
         return sections
 
     def travels_m(self, forces_n: Sequence[float]) -> list[float]:
         """Return the tip's inward displacement from rest at each force, m."""
         unit_m = (
-            tip_displacement(self._mesh, self._eye.plane.contact, self._needle_nc)
-            / self._eye.youngs_modulus_pa
+            tip_displacement(self._mesh, self._plane.contact, self._needle_nc)
+            / self._modulus_pa
         )
         return [force_n * unit_m for force_n in forces_n]
 
 
 def paper_eyes(
     study: Study, *, to_the_bounds: bool = False
-) -> tuple[tuple[PhantomEye, tuple[float, ...]], ...]:
+) -> tuple[tuple[Setup, tuple[float, ...]], ...]:
     """Return the five virtual eyes of the paper's design (Tables 1 and 2), each with
     its forces in N, 45 in all.
 
@@ -531,17 +563,17 @@ def paper_eyes(
 
     for name, thickness_m, modulus_pa, trials, place in design:
         polar_rad = round(low + place * (high - low), 6)
-        wall = {
-            "thickness_m": thickness_m,
-            "youngs_modulus_pa": modulus_pa,
-            "iop_pa": study.eye.iop_pa,
-        }
-        contact = {
-            "gap_m": study.needle.gap_m,
-            "polar_rad": polar_rad,
-            "azimuth_rad": radians(360 * place),
-        }
-        eye = PhantomEye(id=name, **wall, **contact)
+        eye = Eye(
+            name,
+            thickness_m=thickness_m,
+            modulus=Modulus.stated(modulus_pa),
+            iop_pa=study.eye.iop_pa,
+        )
+        needle = Needle(
+            gap_m=study.needle.gap_m,
+            polar_rad=polar_rad,
+            azimuth_rad=radians(360 * place),
+        )
         forces_n: list[float] = []
 
         for target, count in enumerate(trials):
@@ -564,7 +596,7 @@ def paper_eyes(
         # first contact.
         eyes.append(
             (
-                eye,
+                Setup(eye=eye, needle=needle),
                 tuple(
                     forces_n[-1 - (index * step) % len(forces_n)]
                     for index in range(len(forces_n))
@@ -677,11 +709,14 @@ def simulate_eye(
         path = bend_eye(
             study,
             contact,
+            (
+                PathEnd(max_force=force_n)
+                if displacement_m is None
+                else PathEnd(max_travel_m=displacement_m)
+            ),
             thickness_m=thickness_m,
             youngs_modulus_pa=modulus_pa,
             iop_pa=iop_pa,
-            max_force_n=force_n if displacement_m is None else inf,
-            max_travel_m=inf if displacement_m is None else displacement_m,
             progress=progress,
         )
         mesh = path.mesh

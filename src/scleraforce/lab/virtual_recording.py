@@ -41,20 +41,26 @@ from scleraforce.lab.virtual_eye import (
     EyeTurn,
     LeakingSections,
     LinearSections,
-    PhantomEye,
     SectionsAt,
     TurnedSections,
     blended,
+    check_number_of_eye,
+    checked_virtual_eye,
+    eye_name,
+    scan_plane,
 )
 from scleraforce.mechanics.contact_and_section import Contact, ScanPlane, WallSection
 from scleraforce.mechanics.tissue_material import PronySeries
 from scleraforce.mechanics.uneven_form import thickness_factor
 from scleraforce.recordings.recording_writer import RecordingWriter
-from scleraforce.records.eye import EyeInfo
-from scleraforce.records.fields import NEEDLE_FORCE
-from scleraforce.records.needle import NeedleInfo, nearest_gauge
+from scleraforce.records.eye import Eye
+from scleraforce.records.fields import NEEDLE_FORCE, declared
+from scleraforce.records.globe import Globe
+from scleraforce.records.motion import Motion
+from scleraforce.records.needle import Needle, lean_ends
 from scleraforce.records.recording_info import ForceInfo, RecordingInfo
-from scleraforce.records.scan import OctInfo, Plane
+from scleraforce.records.scan import Plane, Scan
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study, draw, study_hash
 
 OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT = range(6)  # the streams of a recording
@@ -64,20 +70,19 @@ NEEDLE, CONJUNCTIVA, TURN, TISSUE, PUNCTURE, PLANES = range(6, 12)
 DRIFT_S = 1.0
 
 
-def sample_scanner(
-    eye: PhantomEye, study: Study, seed: int
-) -> tuple[BscanOptics, Pose]:
+def sample_scanner(setup: Setup, study: Study, seed: int) -> tuple[BscanOptics, Pose]:
     """Draw a recording's optics and pose; needle and conjunctiva, with streams of their
     own, change nothing else.
     """
     phantom = study.phantom
-    rng = stream(eye, seed, OPTICS)
+    gap_m = declared(setup.needle.gap_m, "needle: gap_m")
+    rng = stream(setup, seed, OPTICS)
     scanner = replace(
         sample_optics(phantom, study.oct, rng),
         needle=sample_needle(
-            phantom, study.needle.outer_diameter_m, eye.gap_m, stream(eye, seed, NEEDLE)
+            phantom, study.needle.outer_diameter_m, gap_m, stream(setup, seed, NEEDLE)
         ),
-        conjunctiva=sample_conjunctiva(phantom, stream(eye, seed, CONJUNCTIVA)),
+        conjunctiva=sample_conjunctiva(phantom, stream(setup, seed, CONJUNCTIVA)),
     )
     surface_m = draw(phantom.surface_depth_m, rng)
     tilt_rad = draw(phantom.eye_tilt_rad, rng)
@@ -85,11 +90,11 @@ def sample_scanner(
     return scanner, Pose(lateral_m=0.0, depth_m=surface_m, tilt_rad=tilt_rad)
 
 
-def draw_changes(eye: PhantomEye, study: Study, seed: int, times_s: Floats) -> Floats:
+def draw_changes(setup: Setup, study: Study, seed: int, times_s: Floats) -> Floats:
     """Draw (time, 4): shift across and in depth, signal over noise, reflection; they
     change smoothly in `DRIFT_S`.
     """
-    rng = stream(eye, seed, DRIFT)
+    rng = stream(setup, seed, DRIFT)
     phantom = study.phantom
     ranges = (
         phantom.eye_shift_m,
@@ -112,9 +117,9 @@ def draw_changes(eye: PhantomEye, study: Study, seed: int, times_s: Floats) -> F
     return changing
 
 
-def draw_relaxation(eye: PhantomEye, study: Study, seed: int) -> PronySeries:
+def draw_relaxation(setup: Setup, study: Study, seed: int) -> PronySeries:
     """Draw how the eye's tissue relaxes."""
-    rng = stream(eye, seed, TISSUE)
+    rng = stream(setup, seed, TISSUE)
     terms = [
         (draw(share, rng), draw(time_s, rng))
         for share, time_s in study.tissue.relaxation
@@ -125,16 +130,16 @@ def draw_relaxation(eye: PhantomEye, study: Study, seed: int) -> PronySeries:
     )
 
 
-def stream_key(eye: PhantomEye, seed: int, *numbers: int) -> tuple[int, ...]:
+def stream_key(setup: Setup, seed: int, *numbers: int) -> tuple[int, ...]:
     """Return the entropy of a stream: eyes of different names differ, also under one
     seed.
     """
-    return seed, crc32(eye.id.encode()), *numbers
+    return seed, crc32(eye_name(setup).encode()), *numbers
 
 
-def stream(eye: PhantomEye, seed: int, *numbers: int) -> np.random.Generator:
+def stream(setup: Setup, seed: int, *numbers: int) -> np.random.Generator:
     """Return the random stream of an eye with these numbers, its kind first."""
-    return np.random.default_rng(stream_key(eye, seed, *numbers))
+    return np.random.default_rng(stream_key(setup, seed, *numbers))
 
 
 AXIS = "fz"
@@ -184,7 +189,7 @@ class PhantomFrame:
 class PhantomPlan:
     """A virtual acquisition with everything drawn and nothing computed."""
 
-    eye: PhantomEye
+    setup: Setup
     frames: tuple[PhantomFrame, ...]
     path: needle_pushes.NeedlePath
     sensor: needle_pushes.ForceSensor
@@ -239,21 +244,22 @@ class PhantomPlan:
 
 
 def plan_phantom(
-    eye: PhantomEye, forces_n: Sequence[float], study: Study, seed: int
+    setup: Setup, forces_n: Sequence[float], study: Study, seed: int
 ) -> PhantomPlan:
     """Draw an acquisition of pushes: scanner, sensor, place and tissue once; light,
     timing and shift in each frame.
     """
-    _check_forces(eye, forces_n)
+    checked_virtual_eye(setup)
+    _check_forces(setup, forces_n)
     phantom = study.phantom
-    scanner, place = sample_scanner(eye, study, seed)
+    scanner, place = sample_scanner(setup, study, seed)
     planned = needle_pushes.plan_pushes(
-        tuple(forces_n), phantom, stream(eye, seed, PUSHES)
+        tuple(forces_n), phantom, stream(setup, seed, PUSHES)
     )
     frames = []
 
     for index, push in enumerate(planned):
-        rng = stream(eye, seed, FRAME, index)
+        rng = stream(setup, seed, FRAME, index)
         own = sample_optics(phantom, study.oct, rng)
 
         optics = replace(
@@ -265,7 +271,7 @@ def plan_phantom(
         if optics.conjunctiva is not None:
             # it has moved over the wall: its waves lie elsewhere
             phase_rad = float(
-                stream(eye, seed, CONJUNCTIVA, index).uniform(-np.pi, np.pi)
+                stream(setup, seed, CONJUNCTIVA, index).uniform(-np.pi, np.pi)
             )
             optics = replace(
                 optics, conjunctiva=replace(optics.conjunctiva, phase_rad=phase_rad)
@@ -277,43 +283,43 @@ def plan_phantom(
             depth_m=place.depth_m + shift_m,
             tilt_rad=place.tilt_rad,
         )
-        key = stream_key(eye, seed, FRAME, index, 1)
+        key = stream_key(setup, seed, FRAME, index, 1)
         frames.append(
             PhantomFrame(f"{index + 1:04d}.png", push.frame_s, pose, optics, key, push)
         )
 
     return _with_turns(
-        eye,
+        setup,
         frames,
-        needle_pushes.path_of_pushes(planned, draw_relaxation(eye, study, seed)),
+        needle_pushes.path_of_pushes(planned, draw_relaxation(setup, study, seed)),
         study,
         seed,
     )
 
 
 def plan_moving_phantom(
-    eye: PhantomEye,
+    setup: Setup,
     forces_n: Sequence[float],
     study: Study,
     seed: int,
-    *,
-    rate_hz: float,
-    ramp_n_per_s: float,
-    hold_s: float,
-    puncture_n: float | None = None,
+    motion: Motion,
 ) -> PhantomPlan:
     """Draw a virtual acquisition of a needle that a robot moves while frames are taken
     at a steady rate.
 
-    With `puncture_n` the needle goes through the wall at that elastic force, after the
-    others, which may be none. What `draw_changes` draws changes smoothly; all else is
-    drawn once.
+    A needle that pierces does so after the forces, which may then be none. What
+    `draw_changes` draws changes smoothly; all else is drawn once.
     """
-    _check_forces(eye, [*forces_n, *([] if puncture_n is None else [puncture_n])])
+    checked_virtual_eye(setup)
+    rate_hz = motion.rate_hz
+    ramp_n_per_s = motion.ramp_n_per_s
+    hold_s = motion.hold_s
+    puncture_n = motion.puncture_n
+    _check_forces(setup, [*forces_n, *([] if puncture_n is None else [puncture_n])])
     if puncture_n is not None and not puncture_n > max(forces_n, default=0.0):
         raise RecordingError(
-            f"eye {eye.id}: puncture: {from_si(puncture_n, 'mn'):g} mN; must be above 0"
-            " and above the forces before it"
+            f"eye {setup.eye.name}: puncture: {from_si(puncture_n, 'mn'):g} mN; must be"
+            " above 0 and above the forces before it"
         )
 
     given = {
@@ -324,34 +330,34 @@ def plan_moving_phantom(
     for name, (value, low, high) in given.items():
         if not low <= value <= high:
             raise RecordingError(
-                f"eye {eye.id}: {name}: {value:g} (SI); must be between {low:g} and"
-                f" {high:g}"
+                f"eye {setup.eye.name}: {name}: {value:g} (SI); must be between"
+                f" {low:g} and {high:g}"
             )
 
-    scanner, place = sample_scanner(eye, study, seed)
-    relaxation = draw_relaxation(eye, study, seed)
-    rng = stream(eye, seed, PUSHES)
+    scanner, place = sample_scanner(setup, study, seed)
+    relaxation = draw_relaxation(setup, study, seed)
+    rng = stream(setup, seed, PUSHES)
     path = needle_pushes.plan_path(
         tuple(forces_n), ramp_n_per_s, hold_s, study.phantom, relaxation, rng
     )
 
     if puncture_n is not None:
         path = needle_pushes.plan_puncture(
-            path, puncture_n, ramp_n_per_s, hold_s, stream(eye, seed, PUNCTURE)
+            path, puncture_n, ramp_n_per_s, hold_s, stream(setup, seed, PUNCTURE)
         )
 
     count = int((path.times_s[-1] - FIRST_S) * rate_hz + 1e-6) + 1
     if count > MOST_FRAMES:
         raise RecordingError(
-            f"eye {eye.id}: {count} frames; may have {MOST_FRAMES}: give a lower rate,"
-            " a steeper ramp, shorter holds"
+            f"eye {setup.eye.name}: {count} frames; may have {MOST_FRAMES}: give a"
+            " lower rate, a steeper ramp, shorter holds"
         )
 
     times_s = [
         round(FIRST_S + index / rate_hz, needle_pushes.TIME_DIGITS)
         for index in range(count)
     ]
-    drift = draw_changes(eye, study, seed, np.array(times_s))
+    drift = draw_changes(setup, study, seed, np.array(times_s))
     digits = max(4, len(str(count)))
     frames = []
 
@@ -362,14 +368,14 @@ def plan_moving_phantom(
             tilt_rad=place.tilt_rad,
         )
         optics = replace(scanner, snr_db=snr_db, reflection_db=reflection_db)
-        key = stream_key(eye, seed, FRAME, index, 1)
+        key = stream_key(setup, seed, FRAME, index, 1)
         frames.append(
             PhantomFrame(
                 f"{index + 1:0{digits}d}.png", times_s[index], pose, optics, key
             )
         )
 
-    return _with_turns(eye, frames, path, study, seed)
+    return _with_turns(setup, frames, path, study, seed)
 
 
 def in_planes(plan: PhantomPlan, planes: Sequence[Plane], study: Study) -> PhantomPlan:
@@ -389,12 +395,13 @@ def in_planes(plan: PhantomPlan, planes: Sequence[Plane], study: Study) -> Phant
             " `mechanics=finite-strain`"
         )
 
-    eye = plan.eye
-    rng = stream(plan.eye, plan.seed, PLANES)
+    setup = plan.setup
+    scanned = scan_plane(setup)
+    rng = stream(setup, plan.seed, PLANES)
     frames = list[PhantomFrame]()
     side_rad = rng.uniform(-np.pi, np.pi)
     tilt_rad = draw(study.phantom.eye_tilt_rad, rng)
-    aside_m = eye.gap_m * np.array([np.cos(side_rad), np.sin(side_rad)])
+    aside_m = scanned.gap_m * np.array([np.cos(side_rad), np.sin(side_rad)])
 
     for moment, force_n in zip(plan.frames, plan.forces_n, strict=True):
         contact_m = aside_m + np.array(
@@ -406,11 +413,12 @@ def in_planes(plan: PhantomPlan, planes: Sequence[Plane], study: Study) -> Phant
             along = np.array([np.cos(plane.direction_rad), np.sin(plane.direction_rad)])
             across = np.array([-along[1], along[0]])
             gap_m = plane.offset_m - float(across @ contact_m)
+            check_number_of_eye(setup, "gap_m", abs(gap_m))
             cut = replace(
-                eye.plane,
+                scanned,
                 gap_m=gap_m,
-                direction_rad=eye.direction_rad + plane.direction_rad,
-                tilt_rad=eye.tilt_rad + float(across @ tilt),
+                direction_rad=scanned.direction_rad + plane.direction_rad,
+                tilt_rad=scanned.tilt_rad + float(across @ tilt),
             )
             pose = replace(
                 moment.pose,
@@ -431,36 +439,30 @@ def in_planes(plan: PhantomPlan, planes: Sequence[Plane], study: Study) -> Phant
                 seed=(*moment.seed, number),
                 plane=plane,
             )
-            frames.append(
-                _pressed(
-                    replace(frame, cut=cut),
-                    replace(eye, gap_m=abs(gap_m)),
-                    force_n,
-                    study,
-                )
-            )
+            frames.append(_pressed(replace(frame, cut=cut), abs(gap_m), force_n, study))
 
     return replace(plan, frames=tuple(frames))
 
 
-def _check_forces(eye: PhantomEye, forces_n: Sequence[float]) -> None:
+def _check_forces(setup: Setup, forces_n: Sequence[float]) -> None:
     if not forces_n or not all(
         np.isfinite(force_n) and force_n >= 0.0 for force_n in forces_n
     ):
         raise RecordingError(
-            f"eye {eye.id}: forces: {list(forces_n)}; give at least one, none negative"
+            f"eye {setup.eye.name}: forces: {list(forces_n)}; give at least one,"
+            " none negative"
         )
 
     largest_mn = NEEDLE_FORCE.from_si(max(forces_n))
     if largest_mn > (NEEDLE_FORCE.high or 0.0):
         raise RecordingError(
-            f"eye {eye.id}: forces: {largest_mn:g} mN; up to {NEEDLE_FORCE.high:g} mN"
-            " can be simulated, more than a wall bears"
+            f"eye {setup.eye.name}: forces: {largest_mn:g} mN; up to"
+            f" {NEEDLE_FORCE.high:g} mN can be simulated, more than a wall bears"
         )
 
 
 def _with_turns(
-    eye: PhantomEye,
+    setup: Setup,
     frames: Sequence[PhantomFrame],
     path: needle_pushes.NeedlePath,
     study: Study,
@@ -471,15 +473,18 @@ def _with_turns(
     """
     if virtual_eye.farthest_turn_rad(study.phantom) > 0.0:
         times_s = np.array([frame.time_s for frame in frames])
-        turns = virtual_eye.draw_turns(study.phantom, times_s, stream(eye, seed, TURN))
+        turns = virtual_eye.draw_turns(
+            study.phantom, times_s, stream(setup, seed, TURN)
+        )
         frames = [
             replace(frame, turn=turn) for frame, turn in zip(frames, turns, strict=True)
         ]
 
-    sensor = needle_pushes.sample_sensor(study.phantom, stream(eye, seed, SENSOR))
-    plan = PhantomPlan(eye, tuple(frames), path, sensor, seed, study.needle.tilt_rad)
+    sensor = needle_pushes.sample_sensor(study.phantom, stream(setup, seed, SENSOR))
+    gap_m = declared(setup.needle.gap_m, "needle: gap_m")
+    plan = PhantomPlan(setup, tuple(frames), path, sensor, seed, study.needle.tilt_rad)
     pressed = (
-        _pressed(frame, eye, force_n, study)
+        _pressed(frame, gap_m, force_n, study)
         for frame, force_n in zip(frames, plan.forces_n, strict=True)
     )
 
@@ -487,7 +492,7 @@ def _with_turns(
 
 
 def _pressed(
-    frame: PhantomFrame, eye: PhantomEye, force_n: float, study: Study
+    frame: PhantomFrame, gap_m: float, force_n: float, study: Study
 ) -> PhantomFrame:
     """Return a frame whose conjunctiva, if any, the needle compresses."""
     layer = frame.optics.conjunctiva
@@ -498,7 +503,7 @@ def _pressed(
     press = PressingNeedle(
         force_n=max(force_n, 0.0),
         radius_m=radius_m,
-        gap_m=eye.gap_m,
+        gap_m=gap_m,
         lateral_m=frame.pose.lateral_m,
     )
     return replace(
@@ -529,7 +534,8 @@ def plan_sections(
     if cuts:
         if not isinstance(sections_at, BentSections):
             raise RecordingError(
-                f"eye {plan.eye.id}: of several planes, and its sections are of one"
+                f"eye {plan.setup.eye.name}: of several planes, and its sections are of"
+                " one"
             )
 
         return sections_at.cut(plan.normal_n, cuts), sections_at.pressures_pa(
@@ -541,13 +547,13 @@ def plan_sections(
         )
 
     found_pa = virtual_eye.pressures_pa(
-        plan.eye, sections_at, plan.normal_n, plan.turns
+        plan.setup, sections_at, plan.normal_n, plan.turns
     )
     if not plan.turns:
         return sections_at(plan.normal_n), found_pa
     if not isinstance(sections_at, TurnedSections):
         raise RecordingError(
-            f"eye {plan.eye.id}: it turns, and its sections have one contact"
+            f"eye {plan.setup.eye.name}: it turns, and its sections have one contact"
         )
 
     return sections_at.turned(plan.normal_n, plan.turns), found_pa
@@ -568,7 +574,7 @@ def _pierced_sections(
     return [
         blended([rest, section], mirrored) if normal_n < 0.0 else section
         for normal_n, section in zip(plan.normal_n, pressed, strict=True)
-    ], virtual_eye.pressures_pa(plan.eye, found, pressed_n)
+    ], virtual_eye.pressures_pa(plan.setup, found, pressed_n)
 
 
 def _still(plan: PhantomPlan, sections_at: SectionsAt) -> LinearSections | BentSections:
@@ -576,7 +582,8 @@ def _still(plan: PhantomPlan, sections_at: SectionsAt) -> LinearSections | BentS
         sections_at, LinearSections | BentSections
     ):
         raise RecordingError(
-            f"eye {plan.eye.id}: puncture: of an eye that keeps still and does not leak"
+            f"eye {plan.setup.eye.name}: puncture: of an eye that keeps still and does"
+            " not leak"
         )
 
     return sections_at
@@ -590,6 +597,7 @@ def with_travel(plan: PhantomPlan, sections_at: SectionsAt) -> PhantomPlan:
     if puncture is None:
         return plan
 
+    gap_m = declared(plan.setup.needle.gap_m, "needle: gap_m")
     normal = 1.0 if plan.tilt_rad else cos(plan.lean[0] or 0.0)
     grid_n = np.linspace(0.0, puncture.force_n, TRAVEL_FORCES)
     grid_m = np.array(_still(plan, sections_at).travels_m((normal * grid_n).tolist()))
@@ -612,7 +620,7 @@ def with_travel(plan: PhantomPlan, sections_at: SectionsAt) -> PhantomPlan:
         [tip_m, length_m, np.maximum.accumulate(length_m)]
     ).tolist()
     travels = [
-        Travel(travel_m, inside_m, track_m, plan.eye.gap_m)
+        Travel(travel_m, inside_m, track_m, gap_m)
         for travel_m, inside_m, track_m in lengths_m
     ]
     frames = (
@@ -686,7 +694,7 @@ def write_phantom(
     ):
         sections, found_pa = plan_sections(plan, sections_at)
         axis = ("fx", "fy", "fz").index(AXIS)
-        noise = stream(plan.eye, plan.seed, NOISE)
+        noise = stream(plan.setup, plan.seed, NOISE)
         log = needle_pushes.sense(
             plan.path,
             plan.sensor,
@@ -724,7 +732,9 @@ def _more_columns(frame: PhantomFrame) -> dict[str, str]:
 
 
 def _info(plan: PhantomPlan, study: Study, tell_globe: bool) -> RecordingInfo:
-    eye = plan.eye
+    eye = plan.setup.eye
+    needle = plan.setup.needle
+    scan = plan.setup.scan
     globe = study.globe.kind if tell_globe else None
     leak_time_s = study.globe.leak_time_s if globe and study.globe.leak_time_s else None
     planes = tuple(
@@ -733,24 +743,25 @@ def _info(plan: PhantomPlan, study: Study, tell_globe: bool) -> RecordingInfo:
     average_s = MOVING_AVERAGE_S if plan.frames[0].push is None else HELD_AVERAGE_S
 
     return RecordingInfo(
-        EyeInfo(
-            eye.id,
+        Eye(
+            eye.name,
             thickness_m=eye.thickness_m,
             iop_pa=eye.iop_pa,
-            globe=globe,
-            leak_time_s=leak_time_s,
+            globe=None
+            if globe is None
+            else Globe.declared(globe, leak_time_s=leak_time_s),
         ),
-        OctInfo(
+        Scan(
             **asdict(study.oct),
-            plane_direction_rad=eye.direction_rad,
-            plane_tilt_rad=eye.tilt_rad,
-            plane=planes,
+            direction_rad=scan.direction_rad or 0.0,
+            tilt_rad=scan.tilt_rad,
+            planes=planes,
         ),
-        NeedleInfo(
-            gauge=nearest_gauge(study.needle.outer_diameter_m),
-            slice_gap_m=None if planes else eye.gap_m,
-            polar_angle_rad=eye.polar_rad,
-            lean_rad=plan.lean[0],
+        Needle(
+            diameter_m=study.needle.outer_diameter_m,
+            gap_m=None if planes else needle.gap_m,
+            polar_rad=needle.polar_rad,
+            lean_rad=lean_ends(plan.lean[0]),
             lean_azimuth_rad=plan.lean[1],
         ),
         ForceInfo(AXIS, CONTACT_SIGN, average_s),
@@ -777,12 +788,12 @@ def phantom_truth(
         "mechanics": asdict(study.mechanics),
         "tissue": {**asdict(study.tissue), "relaxation": plan.path.relaxation.terms},
         "globe": asdict(study.globe),
-        "eye": asdict(plan.eye),
+        "eye": _eye_truth(plan.setup),
         "form": {
             key: value for key, value in asdict(study.form).items() if value is not None
         },
         "thickness_at_contact_m": _thickness_at(
-            plan.eye, plan.eye.plane.contact, study
+            plan.setup, scan_plane(plan.setup).contact, study
         ),
         "needle": {**asdict(study.needle), "lean_rad": plan.lean[0]},
         "sensor": asdict(plan.sensor),
@@ -816,7 +827,7 @@ def phantom_truth(
                     else {}
                 ),
                 **(
-                    {"turn": _turn_truth(plan.eye, frame.turn, study)}
+                    {"turn": _turn_truth(plan.setup, frame.turn, study)}
                     if frame.turn
                     else {}
                 ),
@@ -830,14 +841,29 @@ def phantom_truth(
     }
 
 
-def _turn_truth(eye: PhantomEye, turn: EyeTurn, study: Study) -> dict[str, float]:
-    contact = virtual_eye.turned_plane(eye.plane, turn).contact
+def _eye_truth(setup: Setup) -> dict[str, Any]:
+    plane = scan_plane(setup)
     return {
-        **asdict(turn),
-        **asdict(contact),
-        "thickness_at_contact_m": _thickness_at(eye, contact, study),
+        "id": setup.eye.name,
+        "thickness_m": setup.eye.thickness_m,
+        "youngs_modulus_pa": setup.eye.modulus_pa,
+        "iop_pa": setup.eye.iop_pa,
+        "gap_m": plane.gap_m,
+        **asdict(plane.contact),
+        "direction_rad": plane.direction_rad,
+        "tilt_rad": plane.tilt_rad,
     }
 
 
-def _thickness_at(eye: PhantomEye, contact: Contact, study: Study) -> float:
-    return eye.thickness_m * float(thickness_factor(study.form, contact.normal))
+def _turn_truth(setup: Setup, turn: EyeTurn, study: Study) -> dict[str, float]:
+    contact = virtual_eye.turned_plane(scan_plane(setup), turn).contact
+    return {
+        **asdict(turn),
+        **asdict(contact),
+        "thickness_at_contact_m": _thickness_at(setup, contact, study),
+    }
+
+
+def _thickness_at(setup: Setup, contact: Contact, study: Study) -> float:
+    thickness_m = declared(setup.eye.thickness_m, "eye: thickness_m")
+    return thickness_m * float(thickness_factor(study.form, contact.normal))

@@ -34,7 +34,8 @@ from scleraforce.library.library_plan import LibraryPlan, parse_plan, plan_libra
 from scleraforce.library.moving_base import base_stiffness
 from scleraforce.library.stiffened_walls import StiffenedWalls, WholeCurves
 from scleraforce.library.wall_responses import Library
-from scleraforce.mechanics.axisymmetric_wall import axisymmetric_path
+from scleraforce.mechanics.axisymmetric_wall import EvenWall, axisymmetric_path
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.meridian_elements import MeridianSize
 from scleraforce.records.study import Study
 
@@ -272,18 +273,20 @@ def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:
     library's largest force.
     """
     planned = plan.path(unit)
-    path = axisymmetric_path(
+    wall = EvenWall(
         plan.radius_m,
         planned.thickness_m,
         plan.poisson_ratio,
         plan.needle_radius_m,
-        planned.iop_ratio,
-        tips_m=planned.tip_m[1:],
-        max_force_ratio_m2=SOLVED_FORCES * plan.grid.max_force_ratio_m2,
-        support_rad=planned.support_rad,
-        stiffening=planned.stiffening,
-        size=MeridianSize(plan.grid.elements, plan.grid.layers),
+        planned.stiffening,
+        planned.support_rad,
+        MeridianSize(plan.grid.elements, plan.grid.layers),
     )
+    end = PathEnd(
+        tips_m=planned.tip_m[1:],
+        max_force=SOLVED_FORCES * plan.grid.max_force_ratio_m2,
+    )
+    path = axisymmetric_path(wall, planned.iop_ratio, end)
     beyond_m = planned.tip_m[len(path.tip_m) :] - path.tip_m[-1]
     step_m = path.tip_m[-1] - path.tip_m[-2]
 

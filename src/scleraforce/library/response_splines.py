@@ -462,22 +462,13 @@ def curves_at(
     found[:] = 0.0
     for place in range(0, len(rows), SUPPORT):
         row = rows[place]
-        end = first + len(found)
-        a = weights[place]
-        b = weights[place + 1]
-        c = weights[place + 2]
-        d = weights[place + 3]
-        _add_rows(
-            found,
-            a,
-            curves[row, first:end],
-            b,
-            curves[row + 1, first:end],
-            c,
-            curves[row + 2, first:end],
-            d,
-            curves[row + 3, first:end],
+        of_row = (
+            weights[place],
+            weights[place + 1],
+            weights[place + 2],
+            weights[place + 3],
         )
+        _add_rows(found, curves, row, first, of_row)
 
 
 @compiled_in_place
@@ -494,31 +485,25 @@ def undented_at(
 
     for i in range(SUPPORT):
         row = (t + i) * tables.tensions + p
-        _add_rows(
-            found,
-            of_t[i] * of_p[0],
-            undented[row],
-            of_t[i] * of_p[1],
-            undented[row + 1],
-            of_t[i] * of_p[2],
-            undented[row + 2],
-            of_t[i] * of_p[3],
-            undented[row + 3],
-        )
+        scale = of_t[i]
+        of_row = (scale * of_p[0], scale * of_p[1], scale * of_p[2], scale * of_p[3])
+        _add_rows(found, undented, row, 0, of_row)
 
 
 @compiled_in_place
 def _add_rows(
-    found: Floats,
-    a: float,
-    of_a: Reals,
-    b: float,
-    of_b: Reals,
-    c: float,
-    of_c: Reals,
-    d: float,
-    of_d: Reals,
+    found: Floats, table: Reals, row: int, first: int, of_row: Weights
 ) -> None:
+    """Add four rows of a table (row, value) from `row` on, times their weights; values
+    from `first` on.
+    """
+    a, b, c, d = of_row
+    end = first + len(found)
+    of_a = table[row, first:end]
+    of_b = table[row + 1, first:end]
+    of_c = table[row + 2, first:end]
+    of_d = table[row + 3, first:end]
+
     for value in range(len(found)):
         found[value] = (
             found[value]

@@ -29,7 +29,7 @@ from scleraforce.library.response_splines import (
     spline_weights,
     value_of,
 )
-from scleraforce.records.globe import OPEN_GLOBE, Globe
+from scleraforce.records.globe import CONSTANT_PRESSURE, PressureLaw
 from scleraforce.records.study_of_eye import RIGIDITY_LAWS
 
 
@@ -274,7 +274,7 @@ def iop_ratio_under_force(
     thickness_m: Floats,
     iop_ratio: Floats,
     force_ratio: Floats,
-    globe: Globe,
+    globe: PressureLaw,
     tolerance: float = 1e-7,
 ) -> Floats:
     """Return the pressure over E under forces F/E (sample,), m^2; the library's highest
@@ -307,7 +307,7 @@ def iop_ratio_at_dent(
     thickness_m: Floats,
     iop_ratio: Floats,
     tip_m: Floats,
-    globe: Globe,
+    globe: PressureLaw,
 ) -> Floats:
     """Return the pressure over E at dents (sample,); NaN where no pressure of the
     library solves the law.
@@ -349,7 +349,7 @@ class LibraryEye:
     thickness_m: float
     youngs_modulus_pa: float
     iop_pa: float
-    globe: Globe = OPEN_GLOBE
+    globe: PressureLaw = CONSTANT_PRESSURE
 
     @cached_property
     def max_dent_m(self) -> float:

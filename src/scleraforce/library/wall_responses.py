@@ -40,7 +40,7 @@ from scleraforce.library.response_splines import (
 from scleraforce.library.sealed_eye import LibraryEye
 from scleraforce.library.stiffened_walls import StiffenedWalls
 from scleraforce.mechanics.tissue_material import burst_tension
-from scleraforce.records.globe import sealed_globe
+from scleraforce.records.globe import sealed_law
 from scleraforce.records.study_of_eye import RIGIDITY_LAWS
 
 
@@ -409,7 +409,7 @@ class Library:
         library.check_walls(
             np.array([thickness_m]), np.array([iop_pa / youngs_modulus_pa])
         )
-        globe = sealed_globe(rigidity_pa13_per_m3, rigidity_law)
+        globe = sealed_law(rigidity_pa13_per_m3, rigidity_law)
 
         return LibraryEye(library, thickness_m, youngs_modulus_pa, iop_pa, globe)
 

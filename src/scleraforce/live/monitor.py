@@ -8,7 +8,7 @@ import resource
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from errno import EADDRNOTAVAIL
 from importlib.util import find_spec
 from pathlib import Path
@@ -47,10 +47,10 @@ from scleraforce.live.network.operator_reset import token_digest
 from scleraforce.reading.eye_reader import LiveReader
 from scleraforce.reading.reading_models import Reader
 from scleraforce.reading.tissue_memory import TissueMemory
-from scleraforce.records.eye import Known, one_lean, stated_eye
-from scleraforce.records.needle import NeedleInfo, nearest_gauge
+from scleraforce.records.needle import Needle, lean_ends, one_lean
 from scleraforce.records.recording_info import ForceInfo, RecordingInfo
-from scleraforce.records.scan import OctInfo, PixelScale
+from scleraforce.records.scan import Scan
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 
 KEPT_S = 10.0  # of each withdrawal
@@ -91,9 +91,9 @@ class MonitorSettings:
     """
 
     eye: str
-    known: Known
+    setup: Setup
     limits: MonitorLimits
-    scan: OctInfo
+    scan: Scan
     address: Address
     console: Address | None
     black_box: Path
@@ -115,9 +115,9 @@ def monitor_service(
     memory.
     """
     limits = settings.limits
-    known = settings.known
+    known = settings.setup
     scan = settings.scan
-    scale = PixelScale.of(scan)
+    scale = scan.scale
     cv2.setNumThreads(1)
     allow_files(ServerSettings.clients + OWN_FILES)
 
@@ -129,9 +129,7 @@ def monitor_service(
             _listen_for_pages(settings.console)
         )
         live = live_readers(reader, known, scan)
-        ring = FrameRing.create(
-            RING_FRAMES * max(len(scan.plane), 1), scan.rows, scan.columns
-        )
+        ring = FrameRing.create(RING_FRAMES * max(len(scan.planes), 1), *scan.shape)
         info = _recording_info(settings, reader.study)
         try_folders(settings.black_box, settings.record)
         folder = settings.black_box.absolute()
@@ -144,12 +142,12 @@ def monitor_service(
         if limits.expects_opinion:
             opinion = OpinionSettings(
                 model=model,
-                known=known,
+                setup=known,
                 scale=scale,
                 ring=ring.place,
                 learns=settings.eye if settings.learns else None,
                 record=record,
-                planes=scan.plane,
+                planes=scan.planes,
             )
             children[OPINION] = _child("companions.second_opinion", opinion, ring)
 
@@ -174,7 +172,7 @@ def monitor_service(
         bounds_n = reader.study.classes.bounds_n
         read = {name: one.read for name, one in live.items()}
         session = MonitorSession(
-            read if scan.plane else read[""],
+            read if scan.planes else read[""],
             limits,
             history=history,
             class_bounds_n=bounds_n,
@@ -208,15 +206,15 @@ def monitor_service(
         yield server, Address(*listener.getsockname()[:2])
 
 
-def live_readers(reader: Reader, known: Known, scan: OctInfo) -> dict[str, LiveReader]:
+def live_readers(reader: Reader, setup: Setup, scan: Scan) -> dict[str, LiveReader]:
     """Return the reader of each plane by name, of the eye as that plane sees it; that
     of a single plane is named "".
     """
-    eyes = {plane.name: known.turned(plane.direction_rad) for plane in scan.plane} or {
-        "": known
+    eyes = {plane.name: setup.turned(plane.direction_rad) for plane in scan.planes} or {
+        "": setup
     }
     return {
-        name: LiveReader(reader, eye, scan.refractive_index)
+        name: LiveReader(reader, eye, scan.scale.refractive_index)
         for name, eye in eyes.items()
     }
 
@@ -269,19 +267,20 @@ def _wait_for_opinion(companions: Companions, note: Callable[[str], None]) -> No
 
 
 def _recording_info(settings: MonitorSettings, study: Study) -> RecordingInfo:
-    known = settings.known
-    gauge = nearest_gauge(study.needle.outer_diameter_m)
-    stated_m = study.needle.gap_m if known.gap_m is None else known.gap_m
-    lean_rad = one_lean(known.lean_rad)
-    gap_m = None if settings.scan.plane else stated_m
-    needle = NeedleInfo(
-        gauge=gauge,
-        slice_gap_m=gap_m,
-        polar_angle_rad=known.polar_rad,
-        lean_rad=lean_rad,
+    known = settings.setup
+    stated_m = study.needle.gap_m if known.needle.gap_m is None else known.needle.gap_m
+    lean_rad = one_lean(known.needle.lean_rad)
+    gap_m = None if settings.scan.planes else stated_m
+    needle = Needle(
+        diameter_m=study.needle.outer_diameter_m,
+        gap_m=gap_m,
+        polar_rad=known.needle.polar_rad,
+        lean_rad=lean_ends(lean_rad),
     )
 
-    return RecordingInfo(stated_eye(settings.eye, known), settings.scan, needle, FORCE)
+    return RecordingInfo(
+        replace(known.eye.declared(), name=settings.eye), settings.scan, needle, FORCE
+    )
 
 
 def listen(host: str, port: int, prefix: str = "") -> socket.socket:

@@ -509,7 +509,7 @@ class MonitorServer:
                         at_s=now_s, frame_id=order, verdict=verdict, plane=plane
                     ),
                 )
-            case process_messages.EyeLearned(known=known, frames=frames, fault=fault):
+            case process_messages.EyeLearned(setup=known, frames=frames, fault=fault):
                 self.session.learned(known, frames)
                 if fault:
                     self._note(fault)

@@ -21,9 +21,9 @@ from scleraforce.live.network.scanner_frame import ScannerFrame
 from scleraforce.live.repeated_pictures import ShownPictures
 from scleraforce.reading.answer import Answer, unusable_answer
 from scleraforce.reading.tissue_memory import ELASTIC, TissueMemory
-from scleraforce.records.eye import Known
 from scleraforce.records.frame import Pixels
 from scleraforce.records.scan import PixelScale
+from scleraforce.records.setup import Setup
 from scleraforce.records.verdict import Verdict
 
 # maximum number of waiting frames: those of 0.1 s at 1000 a second, 52 MB of 512 x 512
@@ -219,7 +219,7 @@ class MonitorSession:
         wall_clock: Callable[[], float] = time,
         history: TissueMemory = ELASTIC,
         class_bounds_n: tuple[float, ...] = (),
-        adopt: Callable[[Known], float | None] = lambda _: None,
+        adopt: Callable[[Setup], float | None] = lambda _: None,
     ) -> None:
         self.limits = limits
         self.clock = clock
@@ -302,16 +302,16 @@ class MonitorSession:
         """True while a puncture is what is wrong."""
         return Cause.PIERCED in (self.decision.cause, self.decision.present_cause)
 
-    def learned(self, known: Known, frames: int) -> None:
+    def learned(self, setup: Setup, frames: int) -> None:
         """Take what was learned of the eye: later frames are read with it, and
         punctures are found by its stiffness.
         """
-        stiffness_n_m = self._adopt(known)
+        stiffness_n_m = self._adopt(setup)
         if stiffness_n_m is not None:
             self.limits = replace(self.limits, stiffness_n_m=stiffness_n_m)
-        if known.modulus is not None:
-            mean_mpa = from_si(known.modulus.mean_pa, "mpa")
-            sd_mpa = from_si(known.modulus.sd_pa, "mpa")
+        if setup.eye.modulus is not None:
+            mean_mpa = from_si(setup.eye.modulus.mean_pa, "mpa")
+            sd_mpa = from_si(setup.eye.modulus.sd_pa, "mpa")
             self._beside |= {
                 "modulus_mpa": mean_mpa,
                 "modulus_sd_mpa": sd_mpa,

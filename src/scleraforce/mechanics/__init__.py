@@ -3,14 +3,14 @@
 Pure: no file, no clock, no socket. Imports `records` and `base`.
 
 Public:
-    axisymmetric_wall: `AxisymmetricPath`, `LARGEST_POLAR_RAD`, `axisymmetric_path`,
-        `base_shift`
+    axisymmetric_wall: `AxisymmetricPath`, `EvenWall`, `LARGEST_POLAR_RAD`,
+        `axisymmetric_path`, `base_shift`
     contact_and_section: `Contact`, `ScanPlane`, `SliceWindow`, `WallSection`
     finite_strain_wall: `LoadPath`, `bend_eye`
     graded_mesh: `study_mesh`, `supported_mesh`
     hexahedral_mesh: `HexMesh`, `build_mesh`, `locate`
     linear_wall: `LinearWall`, `tip_displacement`
-    load_path_tracing: `Progress`
+    load_path_tracing: `PathEnd`, `Progress`
     loads_and_supports: `study_springs`
     meridian_elements: `MeridianSize`, `meridian_mesh`
     mesh_section: `SNAP`, `WALL`, `columns_crossed`, `cut_sections`, `fill_section`,

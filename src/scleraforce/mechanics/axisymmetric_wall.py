@@ -14,7 +14,7 @@ the direction around the needle axis up to the second represent it. `docs/physic
 states the remaining errors.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg.lapack import dgbtrf, dgbtrs, dpbtrf, dpbtrs
@@ -29,6 +29,7 @@ from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.hexahedral_mesh import HexMesh, locate
 from scleraforce.mechanics.linear_wall import LinearWall
 from scleraforce.mechanics.load_path_tracing import (
+    PathEnd,
     PathStates,
     pressurise,
     trace_load_path,
@@ -39,7 +40,7 @@ from scleraforce.mechanics.meridian_elements import (
     line_shapes,
     meridian_mesh,
 )
-from scleraforce.records.globe import OPEN_GLOBE, Globe
+from scleraforce.records.globe import CONSTANT_PRESSURE, PressureLaw
 
 BOUNDARY_POINTS = 3  # exact for r^2 dz along a quadratic curve
 
@@ -170,46 +171,52 @@ class AxisymmetricPath:
     curves_sbnc: Floats
 
 
-def axisymmetric_path(
-    radius_m: float,
-    thickness_m: float,
-    poisson_ratio: float,
-    needle_radius_m: float,
-    iop_ratio: float,
-    *,
-    tips_m: Floats | None = None,
-    max_tip_m: float | None = None,
-    max_force_ratio_m2: float = np.inf,
-    support_rad: float = 0.5 * np.pi,
-    globe: Globe = OPEN_GLOBE,
-    stiffening: float = 0.0,
-    size: MeridianSize | None = None,
-) -> AxisymmetricPath:
-    """Return the load path of a sphere with an even wall under a needle along its
-    normal.
+@dataclass(frozen=True)
+class EvenWall:
+    """A sphere whose wall is equally thick everywhere, and the needle along its normal.
 
-    The needle's force is uniform over its disc seen along the axis. For `tips_m` and
-    the end of the path see `trace_load_path`; the wall is clamped at the angle
-    `support_rad` from the needle axis; the globe is over Young's modulus
-    (`Globe.over`); `stiffening`: b of `mechanics.tissue_material`.
+    `radius_m` is that of the outer surface. The needle's force is uniform over its disc
+    seen along the axis. The wall is clamped at the angle `support_rad` from the needle
+    axis. `stiffening`: b of `mechanics.tissue_material`. `size`: of the mesh.
     """
-    mesh = meridian_mesh(
-        radius_m, thickness_m, needle_radius_m, support_rad, size or MeridianSize()
-    )
-    wall = AxisymmetricWall(mesh, poisson_ratio, stiffening=stiffening)
-    start = pressurise(wall, iop_ratio)
-    most = max_force_ratio_m2
-    path = trace_load_path(
-        wall,
-        start,
-        iop_ratio,
-        tips_m=tips_m,
-        max_tip_m=max_tip_m,
-        max_force=most,
-        globe=globe,
-    )
 
-    return wall.boundaries(path)
+    radius_m: float
+    thickness_m: float
+    poisson_ratio: float
+    needle_radius_m: float
+    stiffening: float = 0.0
+    support_rad: float = 0.5 * np.pi
+    size: MeridianSize = field(default_factory=MeridianSize)
+
+    def mesh(self) -> MeridianMesh:
+        """Return the meridian's mesh; sizes that make no eye raise `InputError`."""
+        return meridian_mesh(
+            self.radius_m,
+            self.thickness_m,
+            self.needle_radius_m,
+            self.support_rad,
+            self.size,
+        )
+
+
+def axisymmetric_path(
+    wall: EvenWall,
+    iop_ratio: float,
+    end: PathEnd,
+    globe: PressureLaw = CONSTANT_PRESSURE,
+) -> AxisymmetricPath:
+    """Return the load path of an even wall under a pressure p/E.
+
+    The force of `end` is F/E in m^2; the globe is over Young's modulus
+    (`PressureLaw.over`).
+    """
+    equilibrium = AxisymmetricWall(
+        wall.mesh(), wall.poisson_ratio, stiffening=wall.stiffening
+    )
+    start = pressurise(equilibrium, iop_ratio)
+    path = trace_load_path(equilibrium, start, iop_ratio, end, globe=globe)
+
+    return equilibrium.boundaries(path)
 
 
 class AxisymmetricWall:
@@ -374,19 +381,12 @@ class BaseShift:
     needle_mbnc: Floats
 
 
-def base_shift(
-    radius_m: float,
-    thickness_m: float,
-    poisson_ratio: float,
-    needle_radius_m: float,
-    *,
-    polar_rad: float,
-    size: MeridianSize | None = None,
-) -> BaseShift:
+def base_shift(wall: EvenWall, polar_rad: float) -> BaseShift:
     """Return the shift for a needle at a polar angle, up to 55 deg: one linear solution
     in 3-D and one of revolution.
 
-    See `axisymmetric_path` for the arguments.
+    The support of `wall` is the plane base under a needle at the pole, at a right angle
+    from its axis. Stiffening has no part in linear solutions.
     """
     if not 0.0 <= polar_rad <= LARGEST_POLAR_RAD:
         raise InputError(
@@ -394,18 +394,15 @@ def base_shift(
         )
 
     contact = Contact(polar_rad=polar_rad)
-    solid = LinearWall(graded_mesh(radius_m, thickness_m, contact), poisson_ratio)
-    even = AxisymmetricWall(
-        meridian_mesh(
-            radius_m, thickness_m, needle_radius_m, 0.5 * np.pi, size or MeridianSize()
-        ),
-        poisson_ratio,
+    solid = LinearWall(
+        graded_mesh(wall.radius_m, wall.thickness_m, contact), wall.poisson_ratio
     )
+    even = AxisymmetricWall(wall.mesh(), wall.poisson_ratio)
     none = np.zeros_like(even.needle)
     solve = even.factor(none, 0.0)
     loads = [
         (solid.pressure_nc, solve(even.volume(none)[1])),
-        (solid.needle_cnc([contact], needle_radius_m)[0], solve(even.needle)),
+        (solid.needle_cnc([contact], wall.needle_radius_m)[0], solve(even.needle)),
     ]
     nodes_bn = np.stack([even.mesh.outer_n, even.mesh.inner_n])
     angles = np.arctan2(*even.mesh.points_nc[nodes_bn[0]].T)

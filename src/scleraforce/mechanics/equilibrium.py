@@ -18,7 +18,7 @@ import numpy as np
 
 from scleraforce.base.arrays import Floats
 from scleraforce.base.errors import SolverError
-from scleraforce.records.globe import Globe
+from scleraforce.records.globe import PressureLaw
 
 Solve = Callable[[Floats], Floats]
 
@@ -175,7 +175,7 @@ class SealedDent(Dent):
     )
 
     def __init__(
-        self, problem: Equilibrium, start: Floats, pressure: float, globe: Globe
+        self, problem: Equilibrium, start: Floats, pressure: float, globe: PressureLaw
     ) -> None:
         super().__init__(problem, start, pressure)
         self.globe = globe

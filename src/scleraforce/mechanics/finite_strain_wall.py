@@ -10,7 +10,7 @@ The answer depends on F/E, p/E, (weight per volume)/E and (spring stiffness)/E o
 is 1 Pa inside.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from math import sqrt
 
@@ -26,6 +26,7 @@ from scleraforce.mechanics.finite_elements import factor_sum
 from scleraforce.mechanics.graded_mesh import graded_eye
 from scleraforce.mechanics.hexahedral_mesh import HexMesh
 from scleraforce.mechanics.load_path_tracing import (
+    PathEnd,
     Progress,
     pressurise,
     trace_load_path,
@@ -43,7 +44,7 @@ from scleraforce.mechanics.loads_and_supports import (
 from scleraforce.mechanics.neo_hookean_solid import FibreLaw, NeoHookeanSolid, fibre_law
 from scleraforce.mechanics.tissue_material import burst_tension
 from scleraforce.mechanics.uneven_form import element_modulus, form_mesh
-from scleraforce.records.globe import OPEN_GLOBE, Globe, study_globe
+from scleraforce.records.globe import CONSTANT_PRESSURE, PressureLaw, study_law
 from scleraforce.records.study import Study
 
 ROUNDING = 1e-12  # of a force
@@ -156,6 +157,19 @@ class LoadPath:
         return self._basis(tip_m)
 
 
+@dataclass(frozen=True)
+class TissueLaw:
+    """How tissue differs from a neo-Hookean solid: `stiffening`, b of
+    `tissue_material`, and the `fibres` of a wall, if it has any.
+    """
+
+    stiffening: float = 0.0
+    fibres: FibreLaw | None = None
+
+
+NEO_HOOKEAN = TissueLaw()
+
+
 class FiniteWall:
     """A wall at finite strain: its mesh, material, supports and loads, which all paths
     share.
@@ -168,10 +182,9 @@ class FiniteWall:
         held_nc: Flags | None = None,
         *,
         modulus_factor_ep: Floats | None = None,
+        tissue: TissueLaw = NEO_HOOKEAN,
         dead_pressure_nc: Floats | None = None,
         springs: Springs | None = None,
-        stiffening: float = 0.0,
-        fibres: FibreLaw | None = None,
     ) -> None:
         """Prepare everything that does not depend on the displacement; for the material
         see `NeoHookeanSolid`.
@@ -184,7 +197,11 @@ class FiniteWall:
         self.mesh = mesh
         self.held_nc = clamped_base(mesh) if held_nc is None else held_nc
         self.solid = NeoHookeanSolid(
-            mesh, poisson_ratio, modulus_factor_ep, stiffening=stiffening, fibres=fibres
+            mesh,
+            poisson_ratio,
+            modulus_factor_ep,
+            stiffening=tissue.stiffening,
+            fibres=tissue.fibres,
         )
         self.inner = InnerSurface(mesh)
         self.dead_pressure_nc = dead_pressure_nc
@@ -195,26 +212,20 @@ class FiniteWall:
     def load_path(
         self,
         needle: NeedleLoad,
+        end: PathEnd,
         *,
         youngs_modulus_pa: float,
         iop_pa: float,
         density_kg_m3: float,
-        max_force_n: float,
-        max_tip_m: float | None = None,
-        max_travel_m: float = np.inf,
-        globe: Globe = OPEN_GLOBE,
-        largest_step_m: float = LARGEST_STEP_M,
-        as_far_as_found: bool = False,
+        globe: PressureLaw = CONSTANT_PRESSURE,
         progress: Progress | None = None,
     ) -> LoadPath:
-        """Apply pressure and weight, then push the needle until it carries
-        `max_force_n` or has moved far enough.
+        """Apply pressure and weight, then push the needle up to the end of the path,
+        whose force is in N.
 
         `iop_pa` is the pressure without the needle; a density of 0 leaves the weight
-        out. The last state carries at least `max_force_n`, unless the path ends at a
-        dent of `max_tip_m`, with the tip `max_travel_m` from rest, or, with
-        `as_far_as_found`, where no equilibrium is found any more. `progress` is called
-        after each step with the finished share of the force or travel.
+        out. Steps are at most `LARGEST_STEP_M` unless `end` gives others. `progress` is
+        called after each step with the finished share of the largest force or travel.
         """
         if globe.is_sealed and self.dead_pressure_nc is not None:
             raise InputError(
@@ -228,12 +239,8 @@ class FiniteWall:
             problem,
             pressurise(problem, pressure),
             pressure,
-            max_tip_m=max_tip_m,
-            max_force=max_force_n / youngs_modulus_pa,
-            max_travel_m=max_travel_m,
-            largest_step_m=largest_step_m,
+            replace(end, largest_step_m=_largest_step_m(end)).over(youngs_modulus_pa),
             globe=globe.over(youngs_modulus_pa),
-            as_far_as_found=as_far_as_found,
             progress=progress,
         )
         displacement_snc = np.stack([self.full_nc(u) for u in states.displacement_su])
@@ -252,6 +259,10 @@ class FiniteWall:
         full = np.zeros(self.mesh.points_nc.size)
         full[self.free] = free
         return full.reshape(-1, 3)
+
+
+def _largest_step_m(end: PathEnd) -> float:
+    return LARGEST_STEP_M if end.largest_step_m is None else end.largest_step_m
 
 
 def _check_supports(mesh: HexMesh, held_nc: Flags, springs: Springs | None) -> None:
@@ -366,67 +377,61 @@ STEPS_TO_LINEAR_TIP = 3.0
 def bend_eye(
     study: Study,
     contact: Contact,
+    end: PathEnd,
     *,
     thickness_m: float,
     youngs_modulus_pa: float,
     iop_pa: float,
-    max_force_n: float = np.inf,
-    max_tip_m: float | None = None,
-    max_travel_m: float = np.inf,
-    as_far_as_found: bool = False,
     progress: Progress | None = None,
 ) -> LoadPath:
-    """Bend an eye at finite strain, up to a force or travel, with a graded mesh and all
+    """Bend an eye at finite strain, up to the end of a path, with a graded mesh and all
     sections of the study.
 
-    The thickness is nominal, the modulus that outside all regions, the pressure that
-    without the needle. For the end of the path and `progress` see
-    `FiniteWall.load_path`; it needs a `max_force_n` or `max_travel_m`.
+    The force of `end` is in N; a lower one than 0.1 mN is raised to that. Steps are
+    shortened until the path has at least four states. The thickness is nominal, the
+    modulus that outside all regions, the pressure that without the needle. For
+    `progress` see `FiniteWall.load_path`.
     """
     mesh = form_mesh(graded_eye(study, thickness_m, contact), study.form, contact)
     ratios = study.tissue.softer_through, study.tissue.stiffer_around
+    even = ratios == (1.0, 1.0)
+    fibres = None if even else fibre_law(study.eye.poisson_ratio, *ratios)
     wall = FiniteWall(
         mesh,
         study.eye.poisson_ratio,
         modulus_factor_ep=element_modulus(mesh, study.form),
         dead_pressure_nc=None if study.mechanics.follower else pressure_load(mesh),
         springs=study_springs(study.supports, mesh),
-        stiffening=study.tissue.stiffening,
-        fibres=(
-            None
-            if ratios == (1.0, 1.0)
-            else fibre_law(study.eye.poisson_ratio, *ratios)
-        ),
+        tissue=TissueLaw(study.tissue.stiffening, fibres),
     )
     axis_c = contact.leaning_axis(
         study.needle.tilt_rad, study.needle.tilt_direction_rad
     )
-    goal_n = max(max_force_n, LEAST_FORCE_N)
+    goal_n = max(end.max_force, LEAST_FORCE_N)
     # The dent of a shallow linear shell without pressure under a point force (Reissner,
     # J. Math. Phys. 25, 1946).
     stiffness = youngs_modulus_pa * thickness_m**2 / study.eye.radius_m
     linear = sqrt(3.0 * (1.0 - study.eye.poisson_ratio**2)) / 4.0
-    travel_m = max(max_travel_m, linear * LEAST_FORCE_N / stiffness)
+    travel_m = max(end.max_travel_m, linear * LEAST_FORCE_N / stiffness)
+    linear_tip_m = min(linear * goal_n / stiffness, travel_m)
+    goal = replace(
+        end,
+        max_force=goal_n,
+        max_travel_m=travel_m,
+        largest_step_m=min(_largest_step_m(end), linear_tip_m / STEPS_TO_LINEAR_TIP),
+    )
     walk = partial(
         wall.load_path,
         needle_at(mesh, contact, 0.5 * study.needle.outer_diameter_m, axis_c),
         youngs_modulus_pa=youngs_modulus_pa,
         iop_pa=iop_pa,
         density_kg_m3=study.eye.density_kg_m3,
-        max_force_n=goal_n,
-        max_tip_m=max_tip_m,
-        max_travel_m=travel_m,
-        globe=study_globe(study.globe),
-        largest_step_m=min(
-            LARGEST_STEP_M,
-            min(linear * goal_n / stiffness, travel_m) / STEPS_TO_LINEAR_TIP,
-        ),
-        as_far_as_found=as_far_as_found,
+        globe=study_law(study.globe),
         progress=progress,
     )
 
     try:
-        path = walk()
+        path = walk(goal)
     except SolverError as fault:
         tension = burst_tension(study.eye.poisson_ratio, study.tissue.stiffening)
         burst_pa = tension * youngs_modulus_pa * thickness_m / study.eye.radius_m
@@ -439,9 +444,7 @@ def bend_eye(
 
     if len(path.tips_m) < LEAST_STATES:
         # high pressure: the dent is far shallower than a linear wall's
-        path = walk(
-            largest_step_m=min(path.tip_m(min(goal_n, path.max_force_n)), travel_m)
-            / LEAST_STATES
-        )
+        reached_m = min(path.tip_m(min(goal_n, path.max_force_n)), travel_m)
+        path = walk(replace(goal, largest_step_m=reached_m / LEAST_STATES))
 
     return path

@@ -9,7 +9,7 @@ is at E = 1 Pa: forces are F/E in m^2 and pressures p/E.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from scleraforce.mechanics.equilibrium import (
     SealedDent,
     solve_balance,
 )
-from scleraforce.records.globe import OPEN_GLOBE, Globe
+from scleraforce.records.globe import CONSTANT_PRESSURE, PressureLaw
 
 Progress = Callable[[float], object]
 
@@ -31,9 +31,71 @@ SMALLEST_STEP = 1e-4  # of the path, or of its largest step: no shorter steps ar
 # ... where a path may end early: most attempts near its end fail
 EARLY_END = 1.0 / 64.0
 FIRST_STEP_M = 1e-4  # of the tip
+LARGEST_STEP_M = 5e-4  # of the tip, unless the end of the path says otherwise
 # maximum number of states that a step starts from: their polynomial takes one factor a
 # step, a parabola two
 STATES = 8
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PathEnd:
+    """Where a load path ends, and the steps up to there.
+
+    A path ends at a dent of `max_tip_m` or the last of `tips_m`, or before that at the
+    first kept state that carries `max_force` or whose tip is `max_travel_m` from the
+    state without the needle. Where no equilibrium is found, `SolverError` is raised;
+    with `as_far_as_found` the path ends there, to 1/32 of the largest step.
+
+    `max_force` has the unit of the function that follows the path: F/E in m^2 in
+    `trace_load_path` and `axisymmetric_path`, N in `FiniteWall.load_path` and
+    `bend_eye`; `over` converts it. `tips_m`: dents at which states are kept, positive
+    and ascending, (state,), with as many steps between them as needed; None keeps every
+    step. `largest_step_m`: of the tip; None leaves it to that function.
+
+    Raises `InputError` if the tips do not ascend from above 0 or nothing ends the path.
+    """
+
+    tips_m: Floats | None = None
+    max_tip_m: float | None = None
+    max_force: float = np.inf
+    max_travel_m: float = np.inf
+    largest_step_m: float | None = None
+    as_far_as_found: bool = False
+
+    def __post_init__(self) -> None:
+        tips_m = self.tips_m
+        if tips_m is not None and (
+            len(tips_m) == 0 or tips_m[0] <= 0.0 or np.any(np.diff(tips_m) <= 0.0)
+        ):
+            raise InputError("load path: tips must be positive and ascending")
+
+        if (
+            tips_m is None
+            and self.max_tip_m is None
+            and not np.isfinite(min(self.max_force, self.max_travel_m))
+        ):
+            raise InputError(
+                "load path: no end is given; give a largest tip displacement or force"
+            )
+
+    @property
+    def last_tip_m(self) -> float:
+        """The dent in m beyond which the path does not go, infinite if only a force or
+        travel ends it.
+        """
+        ends_m = (
+            self.max_tip_m,
+            None if self.tips_m is None else float(self.tips_m[-1]),
+        )
+        return min((end_m for end_m in ends_m if end_m is not None), default=np.inf)
+
+    def over(self, youngs_modulus_pa: float) -> "PathEnd":
+        """Return the same end where forces are given over a modulus, F/E in m^2.
+
+        >>> PathEnd(max_force=0.03).over(0.3e6).max_force
+        1e-07
+        """
+        return replace(self, max_force=self.max_force / youngs_modulus_pa)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,36 +148,31 @@ def trace_load_path(
     problem: Equilibrium,
     start: Floats,
     pressure: float,
+    end: PathEnd,
     *,
-    tips_m: Floats | None = None,
-    max_tip_m: float | None = None,
-    max_force: float = np.inf,
-    max_travel_m: float = np.inf,
-    largest_step_m: float = 5e-4,
-    globe: Globe = OPEN_GLOBE,
-    as_far_as_found: bool = False,
+    globe: PressureLaw = CONSTANT_PRESSURE,
     progress: Progress | None = None,
 ) -> PathStates:
     """Follow the path from the state without the needle, by the tip's inward
     displacement.
 
     `start` is the equilibrium without the needle at `pressure`, p/E, as from
-    `pressurise`. `tips_m`: tips at which states are wanted, ascending, positive,
-    (state,); steps between them are as short as needed; by default every step is kept.
-    The path ends at `max_tip_m`, by default the last of `tips_m`, or at the first kept
-    state that carries `max_force`, F/E in m^2, or whose tip is `max_travel_m` from the
-    state without the needle; with `as_far_as_found` also where no equilibrium is found,
-    to 1/32 of the largest step. The globe is over E. `progress` is called after each
-    step with the finished share of `max_force` or `max_travel_m`.
+    `pressurise`. The force of `end` is F/E in m^2, its steps at most `LARGEST_STEP_M`
+    unless it gives others; the globe is over E. `progress` is called after each step
+    with the finished share of the largest force or travel.
     """
-    end_m = _end(tips_m, max_tip_m, min(max_force, max_travel_m))
+    end_m = end.last_tip_m
+    tips_m = end.tips_m
     control = (
         SealedDent(problem, start, pressure, globe)
         if globe.is_sealed
         else Dent(problem, start, pressure)
     )
     walk = _Walk(
-        control, largest_step_m, end_m, EARLY_END if as_far_as_found else SMALLEST_STEP
+        control,
+        LARGEST_STEP_M if end.largest_step_m is None else end.largest_step_m,
+        end_m,
+        EARLY_END if end.as_far_as_found else SMALLEST_STEP,
     )
     kept = [walk.history[0]]
 
@@ -124,13 +181,13 @@ def trace_load_path(
     ):
         while (
             walk.tip_m < goal_m
-            and control.force(kept[-1][1]) < max_force
-            and control.travel_m(kept[-1][1]) < max_travel_m
+            and control.force(kept[-1][1]) < end.max_force
+            and control.travel_m(kept[-1][1]) < end.max_travel_m
         ):
             try:
                 walk.step_towards(goal_m)
             except SolverError:
-                if as_far_as_found:
+                if end.as_far_as_found:
                     return _states(kept, len(start), control)
 
                 raise
@@ -139,7 +196,10 @@ def trace_load_path(
                 travel_m = control.travel_m(walk.history[-1][1])
                 progress(
                     min(
-                        max(control.largest_force / max_force, travel_m / max_travel_m),
+                        max(
+                            control.largest_force / end.max_force,
+                            travel_m / end.max_travel_m,
+                        ),
                         1.0,
                     )
                 )
@@ -148,25 +208,6 @@ def trace_load_path(
                 kept.append(walk.history[-1])
 
     return _states(kept, len(start), control)
-
-
-def _end(tips_m: Floats | None, max_tip_m: float | None, other: float) -> float:
-    if tips_m is not None and (
-        len(tips_m) == 0 or tips_m[0] <= 0.0 or np.any(np.diff(tips_m) <= 0.0)
-    ):
-        raise InputError("load path: tips must be positive and ascending")
-
-    ends = [
-        end
-        for end in (max_tip_m, None if tips_m is None else float(tips_m[-1]))
-        if end is not None
-    ]
-    if not ends and not np.isfinite(other):
-        raise InputError(
-            "load path: no end is given; give a largest tip displacement or force"
-        )
-
-    return min(ends, default=np.inf)
 
 
 def _states(

@@ -24,5 +24,5 @@ Public:
     recorded_wall: `recorded_wall`
     tissue_memory: `ELASTIC`, `LIGHT_N`, `Leak`, `TissueMemory`
     trained_ranges: `CLASSIFIER`, `KINDS`, `READER`, `covers_modulus`, `limit_notes`,
-        `reading_ranges`, `untrained_values`
+        `other_needle`, `radius_fault`, `reading_ranges`, `untrained_values`
 """

@@ -17,7 +17,7 @@ from scleraforce.fit.one_frame import BoundaryFit
 from scleraforce.fit.planes_of_a_moment import SpatialPlace
 from scleraforce.fit.unknowns import LATERAL
 from scleraforce.reading.needle_place import NOWHERE, NeedlePlace, PlaceValue
-from scleraforce.records.eye import one_lean
+from scleraforce.records.needle import one_lean
 from scleraforce.records.verdict import Verdict
 from scleraforce.wall.needle_in_frame import SeenNeedle, needle_entry
 from scleraforce.wall.wall import Segmentation

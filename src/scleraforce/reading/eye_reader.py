@@ -5,9 +5,9 @@ import numpy as np
 from scleraforce.base.arrays import Counts
 from scleraforce.reading.answer import Answer
 from scleraforce.reading.reading_models import Reader
-from scleraforce.records.eye import Known
 from scleraforce.records.frame import Pixels
 from scleraforce.records.scan import PixelScale
+from scleraforce.records.setup import Setup
 
 THICKNESS_M = 0.6e-3  # of the wall, if unknown
 
@@ -54,9 +54,9 @@ class LiveReader:
     the others.
     """
 
-    def __init__(self, reader: Reader, known: Known, refractive_index: float) -> None:
+    def __init__(self, reader: Reader, setup: Setup, refractive_index: float) -> None:
         self._reader = reader
-        self._known = known
+        self._known = setup
         self._refractive_index = refractive_index
         scanner = reader.study.oct
         scale = PixelScale.of(reader.study.oct)
@@ -64,23 +64,23 @@ class LiveReader:
             (scanner.rows, scanner.columns),
             scale,
             reader.study.eye.radius_m,
-            known.thickness_m,
+            setup.eye.thickness_m,
         )
 
         for _ in range(WARMING_FRAMES):
             self.read(frame, scale)
 
-    def adopt(self, known: Known) -> float | None:
+    def adopt(self, setup: Setup) -> float | None:
         """Read the next frames with the eye as learned, if the model can read such an
         eye.
 
         The wall's steepest stiffness is returned, N/m; None if it is not known or the
         eye was not adopted.
         """
-        if self._reader.refusal(known) is not None:
+        if self._reader.refusal(setup) is not None:
             return None
-        self._known = known
-        return self._reader.steepest_n_m(known)
+        self._known = setup
+        return self._reader.steepest_n_m(setup)
 
     def read(self, frame: Pixels, scale: PixelScale) -> Answer:
         """Read one raw frame (`Reader.read_live`); the scanner's refractive index takes

@@ -10,7 +10,7 @@ one frame at a time, which plain Python does in a third of the time of arrays.
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import accumulate, pairwise
 from math import inf, nan, radians, sqrt
@@ -29,8 +29,10 @@ from scleraforce.library.moving_base import pole_directions
 from scleraforce.reading.answer import Reading, stretched_interval, unstretched
 from scleraforce.reading.frame_checks import read_by_fit
 from scleraforce.reading.interval_widths import NO_FACTORS, IntervalFactors
-from scleraforce.records.eye import NO_DISCREPANCY, Known
+from scleraforce.records.eye import NO_DISCREPANCY
+from scleraforce.records.fields import Sampled
 from scleraforce.records.globe import SAME_SLOPE_PA, UNKNOWN
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import ReaderStudy, Study
 from scleraforce.records.study_of_eye import RIGIDITY_LAWS
 from scleraforce.wall.wall_network import FINDER_FRAMES
@@ -269,11 +271,16 @@ class ForceNetwork:
         }
         check_interface(session, inputs, outputs, place)
 
-    def read(self, pictures: NDArray[Any], known: Known) -> Reading:
+    def read(self, pictures: NDArray[Any], setup: Setup) -> Reading:
         """Return the network's reading of pictures of one wall (picture, row, column):
         the mean of its histograms.
         """
-        given, modulus_pa, factor_of, edges_m2 = self._inputs_of(known, len(pictures))
+        given, weights, modulus_pa, factor_of, edges_m2 = self._inputs_of(
+            setup, len(pictures)
+        )
+        if len(given) > len(pictures):
+            pictures = np.tile(pictures, (len(given) // len(pictures), 1, 1))
+
         inputs: dict[str, NDArray[Any]] = {
             self._pictures: np.ascontiguousarray(pictures),
             GIVEN_INPUT: given,
@@ -290,59 +297,126 @@ class ForceNetwork:
             )
             raise ModelError(f"{self._place}: answers {found}")
 
-        mean = histogram.mean(axis=0).tolist()
+        if weights is None:
+            mean = histogram.mean(axis=0)
+            middle_m = float(contact_m.mean())
+        else:
+            mean = weights @ histogram
+            middle_m = float(weights @ contact_m)
+
         return histogram_reading(
-            mean,
-            edges_m2,
-            modulus_pa,
-            self._bounds_n,
-            float(contact_m.mean()),
-            factor_of,
+            mean.tolist(), edges_m2, modulus_pa, self._bounds_n, middle_m, factor_of
         )
 
     def _inputs(
-        self, known: Known, count: int
-    ) -> tuple[NDArray[np.float32], float, Callable[[float], float], list[float]]:
-        """Return the input (count, len(GIVEN)), an eye's modulus in it, Pa, the factor
-        of a force's interval, edges.
+        self, setup: Setup, count: int
+    ) -> tuple[
+        NDArray[np.float32],
+        Floats | None,
+        float,
+        Callable[[float], float],
+        list[float],
+    ]:
+        """Return the input (eye x count, len(GIVEN)), the weights of its answers, an
+        eye's modulus in it, Pa, the factor of a force's interval, edges.
 
-        The edges of the bins of F/E, m^2, have the eye's discrepancy of the force.
+        Several eyes stand for one that is less sure than those of the training
+        (`eyes_for_network`); of a single one the weights are None: all alike. The edges
+        of the bins of F/E, m^2, have the eye's discrepancy of the force.
         """
-        eyes = eye_for_network(known)
+        each, shares = eyes_for_network(setup, self._trained)
+        eyes = each[0]
         modulus_pa = float(given_modulus(eyes, self._trained)[0][0])
-        discrepancy = known.discrepancy or NO_DISCREPANCY
+        discrepancy = setup.eye.discrepancy or NO_DISCREPANCY
         edges_m2 = discrepancy.corrected_n(modulus_pa * self._edges_m2) / modulus_pa
-        factor_of = partial(self._factors.of_network, known)
-        given = np.repeat(given_inputs(eyes, self._trained), count, axis=0)
+        factor_of = partial(self._factors.of_network, setup)
+        given = np.concatenate(
+            [np.repeat(given_inputs(eye, self._trained), count, axis=0) for eye in each]
+        )
+        weights = None if len(each) == 1 else np.repeat(shares, count) / count
 
-        return given, modulus_pa, factor_of, edges_m2.tolist()
+        return given, weights, modulus_pa, factor_of, edges_m2.tolist()
 
 
-def eye_for_network(known: Known) -> GivenEyes:
+# Of a normal distribution by three values (Gauss and Hermite): in standard deviations,
+# and their weights.
+NODES = ((0.0, 2.0 / 3.0), (-sqrt(3.0), 1.0 / 6.0), (sqrt(3.0), 1.0 / 6.0))
+
+
+def eyes_for_network(
+    setup: Setup, trained: ReaderStudy
+) -> tuple[list[GivenEyes], Floats]:
+    """Return the eyes that stand for one whose declared pressure and thickness are less
+    sure than those of the training, and their weights, of sum 1; the first is the one
+    that is declared.
+
+    The network's histograms are averaged over what is left of the declared uncertainty
+    once the training's own is taken off.
+    """
+    eye = setup.eye
+    pressures = _values(
+        eye.iop_pa, eye.iop_sd_pa, trained.iop_noise_fraction, trained.iop_pa
+    )
+    thicknesses = _values(
+        eye.thickness_m,
+        eye.thickness_sd_m,
+        trained.thickness_noise_fraction,
+        trained.thickness_m,
+    )
+    eyes = list[GivenEyes]()
+    weights = list[float]()
+
+    for iop_pa, iop_weight in pressures:
+        for thickness_m, thickness_weight in thicknesses:
+            one = replace(eye, iop_pa=iop_pa, thickness_m=thickness_m)
+            eyes.append(eye_for_network(replace(setup, eye=one)))
+            weights.append(iop_weight * thickness_weight)
+
+    return eyes, np.array(weights)
+
+
+def _values(
+    value: float | None, sd: float | None, trained_fraction: float, trained: Sampled
+) -> list[tuple[float | None, float]]:
+    """Return values within the training's range, with their weights, that stand for one
+    whose standard deviation is beyond a fraction of it.
+    """
+    if value is None or sd is None or sd <= trained_fraction * value:
+        return [(value, 1.0)]
+
+    left = sqrt(sd**2 - (trained_fraction * value) ** 2)
+    low, high = trained.bounds
+    return [
+        (min(max(value + z * left, low), high) if z else value, weight)
+        for z, weight in NODES
+    ]
+
+
+def eye_for_network(setup: Setup) -> GivenEyes:
     """Return one eye as the network's training represents it: arrays (1,), NaN where a
     value is unknown.
     """
-    modulus = known.modulus
-    globe = UNKNOWN if known.globe is None else known.globe
+    modulus = setup.eye.modulus
+    globe = UNKNOWN if setup.eye.globe is None else setup.eye.globe
     of_modulus = (modulus.mean_pa, modulus.relative_sd) if modulus else (None, None)
     # by the cube-root law, as steep at the resting pressure as the globe's own law
     low, high = globe.band
 
-    if globe.law != RIGIDITY_LAWS[0] and known.iop_pa is not None:
-        steepness = float(np.cbrt(known.iop_pa / SAME_SLOPE_PA))
+    if globe.law != RIGIDITY_LAWS[0] and setup.eye.iop_pa is not None:
+        steepness = float(np.cbrt(setup.eye.iop_pa / SAME_SLOPE_PA))
         low = low * steepness
         high = high * steepness
 
     of_eye = (
-        known.iop_pa,
-        known.thickness_m,
-        known.gap_m,
+        setup.eye.iop_pa,
+        setup.eye.thickness_m,
+        setup.needle.gap_m,
         low,
         high,
-        known.polar_rad,
-        known.direction_rad,
+        setup.needle.polar_rad,
+        setup.scan.direction_rad,
     )
-    values = (*of_modulus, *of_eye, known.stiffening or 0.0)
+    values = (*of_modulus, *of_eye, setup.eye.stiffening or 0.0)
 
     return GivenEyes(
         *(np.array([np.nan if value is None else value]) for value in values)

@@ -21,9 +21,9 @@ from scleraforce.fit.least_squares import CAUCHY
 from scleraforce.fit.one_frame import NO_WALL_M, BoundaryFit
 from scleraforce.fit.prior_of_an_eye import FREE_SD, Prior
 from scleraforce.reading.answer import Answer, Reading, unusable_answer
-from scleraforce.records.eye import Known
 from scleraforce.records.frame import Pixels
 from scleraforce.records.scan import PixelScale
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Range, ReaderStudy, SliceStudy, Study
 from scleraforce.wall.conjunctiva import second_surface_m
 from scleraforce.wall.find_wall import find_wall
@@ -222,7 +222,7 @@ def read_by_fit(trained: ReaderStudy) -> ReaderStudy:
 
 
 def needle_elsewhere(
-    needle: SeenNeedle | None, known: Known, radius_m: float
+    needle: SeenNeedle | None, setup: Setup, radius_m: float
 ) -> str | None:
     """Return why a needle in the picture contradicts the known gap; None if it does
     not.
@@ -234,15 +234,21 @@ def needle_elsewhere(
     ...     top=(256.0, -0.5),
     ...     hidden=(244, 268),
     ... )
-    >>> needle_elsewhere(seen, Known(gap_m=0.8e-3), 0.35e-3).partition(": ")[0]
+    >>> from scleraforce.records.needle import Needle
+    >>> far = Setup(needle=Needle(gap_m=0.8e-3))
+    >>> needle_elsewhere(seen, far, 0.35e-3).partition(": ")[0]
     'a needle is seen, although the B-scan is said to pass 0.8 mm from its axis'
-    >>> needle_elsewhere(seen, Known(gap_m=0.1e-3), 0.35e-3)
+    >>> needle_elsewhere(seen, Setup(needle=Needle(gap_m=0.1e-3)), 0.35e-3)
     """
-    if needle is None or known.gap_m is None or known.gap_m <= radius_m + SLACK_M:
+    if (
+        needle is None
+        or setup.needle.gap_m is None
+        or setup.needle.gap_m <= radius_m + SLACK_M
+    ):
         return None
     return (
         "a needle is seen, although the B-scan is said to pass"
-        f" {from_si(known.gap_m, 'mm'):.4g} mm from its axis: its radius is"
+        f" {from_si(setup.needle.gap_m, 'mm'):.4g} mm from its axis: its radius is"
         f" {from_si(radius_m, 'mm'):.4g} mm"
     )
 

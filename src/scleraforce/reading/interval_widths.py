@@ -7,7 +7,7 @@ Vovk, Gammerman and Shafer, Algorithmic Learning in a Random World, 2005; over g
 frames that belong together: Dunn, Wasserman and Ramdas 2023). Each trait of a reading,
 a cause of errors, has a factor, and the factors of its traits are multiplied.
 `model.json` keeps the factors; without them intervals are not stretched. An eye whose
-frames of known force scatter has wider intervals, too (`Known.scatter`).
+frames of known force scatter has wider intervals, too (`Setup.scatter`).
 
 The score of a reading is the distance of the force from the median, over that of the
 interval's end on that side. The score below which 90 % of the readings lie, every eye
@@ -27,9 +27,9 @@ from scleraforce.base.errors import ModelError, StudyError
 from scleraforce.fit.one_frame import BoundaryFit
 from scleraforce.reading.answer import METHODS, Reading
 from scleraforce.records.decoder import Source, decode_record
-from scleraforce.records.eye import Known
 from scleraforce.records.fields import Unit
 from scleraforce.records.globe import UNKNOWN
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import ReaderStudy
 from scleraforce.wall.wall import Segmentation
 
@@ -90,7 +90,7 @@ FEW_EYES = 9
 
 
 def traits_of(
-    known: Known, force_n: float, fit: BoundaryFit | None = None
+    setup: Setup, force_n: float, fit: BoundaryFit | None = None
 ) -> tuple[str, ...]:
     """Return the traits of a reading of a force, N, by the network, or with a fit by
     the fit.
@@ -99,8 +99,8 @@ def traits_of(
     that was stated, is of other eyes or from shape alone is not the eye's own: no frame
     of known force has measured it.
     """
-    globe = UNKNOWN if known.globe is None else known.globe
-    is_own = known.modulus is not None and known.modulus.source == "own"
+    globe = UNKNOWN if setup.eye.globe is None else setup.eye.globe
+    is_own = setup.eye.modulus is not None and setup.eye.modulus.source == "own"
     traits = [OWN if is_own else OTHER, globe.kind]
 
     if fit is not None:
@@ -109,9 +109,9 @@ def traits_of(
         )
         traits += [UNEVEN] * fit.is_uneven + [LIGHT] * (force_n < LIGHTEST_N)
 
-    if is_own and known.discrepancy is not None:
-        largest_n = known.discrepancy.largest_n
-        gap = known.discrepancy.widest_gap
+    if is_own and setup.eye.discrepancy is not None:
+        largest_n = setup.eye.discrepancy.largest_n
+        gap = setup.eye.discrepancy.widest_gap
 
         beyond = (
             0
@@ -135,13 +135,15 @@ class IntervalFactors:
     network: Factors = field(default_factory=dict, metadata={"unit": FACTOR})
     fit: Factors = field(default_factory=dict, metadata={"unit": FACTOR})
 
-    def of_network(self, known: Known, force_n: float) -> float:
+    def of_network(self, setup: Setup, force_n: float) -> float:
         """Return the factor of the network's interval of a force, N."""
-        return _product(self.network, traits_of(known, force_n))
+        return _product(self.network, traits_of(setup, force_n))
 
-    def of_fit(self, known: Known, fit: BoundaryFit) -> float:
+    def of_fit(self, setup: Setup, fit: BoundaryFit) -> float:
         """Return the factor of the interval of a fit."""
-        return known.scatter * _product(self.fit, traits_of(known, fit.force_n, fit))
+        return setup.eye.scatter * _product(
+            self.fit, traits_of(setup, fit.force_n, fit)
+        )
 
 
 NO_FACTORS = IntervalFactors()
@@ -153,14 +155,14 @@ def _product(factors: Factors, traits: tuple[str, ...]) -> float:
     return prod(given.get(trait, 1.0) for trait in others)
 
 
-def frame_stretch(wall: Segmentation, known: Known, trained: ReaderStudy) -> float:
+def frame_stretch(wall: Segmentation, setup: Setup, trained: ReaderStudy) -> float:
     """Return the further factor of the fit's interval beside a needle, and under a
     conjunctiva.
 
     A gap below the training's is beside the needle, seen or not.
     """
     beside = wall.needle is not None or (
-        known.gap_m is not None and known.gap_m < trained.gap_m.bounds[0]
+        setup.needle.gap_m is not None and setup.needle.gap_m < trained.gap_m.bounds[0]
     )
     return (NEEDLE_STRETCH if beside else 1.0) * (
         1.0 if wall.conjunctiva_m is None else CONJUNCTIVA_STRETCH
@@ -232,7 +234,7 @@ class IntervalStretch:
 def score_reading(
     method: str,
     reading: Reading,
-    known: Known,
+    setup: Setup,
     eye: str,
     force_n: float,
     fit: BoundaryFit | None = None,
@@ -247,7 +249,7 @@ def score_reading(
     distance = abs(force_n - reading.force_n) / max(
         abs(end_n - reading.force_n), LEAST_N
     )
-    return IntervalScore(method, traits_of(known, reading.force_n, fit), eye, distance)
+    return IntervalScore(method, traits_of(setup, reading.force_n, fit), eye, distance)
 
 
 def eye_count(scores: Iterable[IntervalScore]) -> int:

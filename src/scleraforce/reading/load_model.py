@@ -22,7 +22,7 @@ from scleraforce.reading.reading_models import (
 )
 from scleraforce.reading.trained_ranges import CLASSIFIER, KINDS, RAW_READER
 from scleraforce.records import model_folder
-from scleraforce.records.eye import Known
+from scleraforce.records.setup import Setup
 from scleraforce.wall.wall_network import WallFinder
 
 Kind = TypeVar("Kind", Classifier, ForceReader)
@@ -152,7 +152,7 @@ for _kind in (Classifier, ForceReader, RawReader):
 copyreg.pickle(WallFinder, _reduced_finder)
 
 
-def suited_reader(reader: Reader, known: Known) -> Reader:
+def suited_reader(reader: Reader, setup: Setup) -> Reader:
     """Return the bundled reader that was trained for an eye, in place of the other one;
     any other reader is returned.
 
@@ -162,11 +162,11 @@ def suited_reader(reader: Reader, known: Known) -> Reader:
         model_folder.SHIPPED_READER: model_folder.SHIPPED_LIVING,
         model_folder.SHIPPED_LIVING: model_folder.SHIPPED_READER,
     }
-    if reader.path not in others or reader.outside(known) is None:
+    if reader.path not in others or reader.outside(setup) is None:
         return reader
 
     other = _bundled(others[reader.path], None)
-    return reader if other.outside(known) else replace(other, finder=reader.finder)
+    return reader if other.outside(setup) else replace(other, finder=reader.finder)
 
 
 @cache

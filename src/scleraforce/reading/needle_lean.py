@@ -5,7 +5,7 @@ force.
 from dataclasses import dataclass
 from math import atan, cos, degrees, hypot, inf, radians, tan
 
-from scleraforce.records.eye import Known
+from scleraforce.records.setup import Setup
 
 # largest lean of a needle whose lean is not known: injections come at 15 to 45 degrees
 MOST_LEAN_RAD = radians(45.0)
@@ -42,25 +42,27 @@ class NeedleLean:
     doubts: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, known: Known, seen_rad: float | None) -> "NeedleLean":
+    def of(cls, setup: Setup, seen_rad: float | None) -> "NeedleLean":
         """Return the declared lean, else that of the eye's calibration, else that of a
         shaft in the picture.
 
         `seen_rad`: the angle from the normal to the shaft, towards growing columns on
         its way up.
 
-        >>> (doubt,) = NeedleLean.of(Known(lean_rad=(0.2, 0.2)), 0.5).doubts
+        >>> from scleraforce.records.needle import Needle
+        >>> leaning = Setup(needle=Needle(lean_rad=(0.2, 0.2)))
+        >>> (doubt,) = NeedleLean.of(leaning, 0.5).doubts
         >>> seen, declared = doubt.split(", ")
         >>> seen
         'the needle leans by 29 degrees in the picture (above 0: right)'
         >>> declared
         'the declared lean allows -11 to 11'
         """
-        calibrated = known.calibrated_lean_rad
+        calibrated = setup.eye.calibrated_lean_rad
         stated = (
-            known.lean_rad
+            setup.needle.lean_rad
             if calibrated is None
-            else known.lean_rad or (calibrated, calibrated)
+            else setup.needle.lean_rad or (calibrated, calibrated)
         )
 
         ends = (
@@ -74,9 +76,9 @@ class NeedleLean:
         doubts = (
             ()
             if stated is None
-            else _contradicted(stated, known.lean_azimuth_rad, seen_rad)
+            else _contradicted(stated, setup.needle.lean_azimuth_rad, seen_rad)
         )
-        absorbed = calibrated is None and known.has_calibrated_modulus
+        absorbed = calibrated is None and setup.eye.has_calibrated_modulus
         if absorbed and stated is None:  # as in the calibration, whatever that was
             return cls(ends)
 

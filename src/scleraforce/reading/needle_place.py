@@ -21,8 +21,8 @@ from scleraforce.fit.one_frame import BoundaryFit, law_of, library_walls
 from scleraforce.fit.planes_of_a_moment import SpatialPlace
 from scleraforce.fit.prior_of_an_eye import Prior
 from scleraforce.library.wall_responses import Library
-from scleraforce.records.eye import Known
 from scleraforce.records.fields import allowed_bounds
+from scleraforce.records.setup import Setup
 from scleraforce.wall.needle_in_frame import SeenNeedle
 
 Error = tuple[float, float, float]
@@ -115,10 +115,10 @@ def places_of(
     fit: BoundaryFit,
     prior: Prior,
     library: Library,
-    known: Known,
+    setup: Setup,
     needle: SeenNeedle | None,
 ) -> NeedlePlace:
-    """Return what a frame's fit tells of the needle's place; `known` and `prior`: as in
+    """Return what a frame's fit tells of the needle's place; `setup` and `prior`: as in
     the fit.
     """
     lean = None
@@ -149,7 +149,7 @@ def places_of(
         contact_m=place(unknowns.LATERAL, CONTACT_ERROR),
         contact_depth_m=PlaceValue.of(depth_m, with_error(depth_sd_m, DEPTH_ERROR)),
         dent_m=place(unknowns.TIP, DENT_ERROR, least=0.0),
-        gap_m=place(unknowns.GAP, GAP_ERROR, known.gap_m is not None, 0.0),
+        gap_m=place(unknowns.GAP, GAP_ERROR, setup.needle.gap_m is not None, 0.0),
         lean_rad=lean,
     )
 

@@ -56,7 +56,6 @@ from scleraforce.reading.trained_ranges import (
     outside_training,
     untrained_values,
 )
-from scleraforce.records.eye import NOTHING_KNOWN, Known
 from scleraforce.records.frame import Pixels
 from scleraforce.records.model_folder import (
     NETWORK_FILE,
@@ -64,7 +63,8 @@ from scleraforce.records.model_folder import (
     Origin,
     model_name,
 )
-from scleraforce.records.scan import OctInfo, PixelScale, Plane
+from scleraforce.records.scan import PixelScale, Plane, Scan
+from scleraforce.records.setup import NOTHING_KNOWN, Setup
 from scleraforce.records.study import Range, ReaderStudy, Study
 from scleraforce.wall.wall import Segmentation
 from scleraforce.wall.wall_in_metres import Boundaries, segmented_boundaries
@@ -72,7 +72,7 @@ from scleraforce.wall.wall_network import FrameWindow, WallFinder
 
 INPUT = "slices"
 OUTPUT = "probabilities"
-ReadingMethod = Callable[[frame_checks.SlicedFrame, Pixels, PixelScale, Known], Answer]
+ReadingMethod = Callable[[frame_checks.SlicedFrame, Pixels, PixelScale, Setup], Answer]
 
 
 @dataclass(eq=False, repr=False)
@@ -135,13 +135,13 @@ class Reader(ABC):
         self,
         frame: Pixels,
         scale: PixelScale,
-        known: Known = NOTHING_KNOWN,
+        setup: Setup = NOTHING_KNOWN,
         wall: Segmentation | None = None,
     ) -> Answer:
         """Read one raw frame (row, column) by every method of the model.
 
         `scale` is the size of a pixel as stored, with the refractive index. With a
-        fixed modulus the model uses the thickness alone of the known eye. `wall`: in
+        fixed modulus the model uses the thickness alone of the eye. `wall`: in
         place of the one that is found. An invalid frame raises `ValueError` (see
         `find_wall`), a network that fails `ModelError`.
         """
@@ -150,16 +150,16 @@ class Reader(ABC):
             scale,
             self.study.slice,
             self._shifts,
-            known.before_learning.thickness_m,
+            setup.eye.before_learning.thickness_m,
             self.finder,
             wall,
         )
-        answer = self._careful(self._read, seen, frame, scale, known)
+        answer = self._careful(self._read, seen, frame, scale, setup)
 
         return self.signed(answer, seen.segmentation)
 
     def read_live(
-        self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN
+        self, frame: Pixels, scale: PixelScale, setup: Setup = NOTHING_KNOWN
     ) -> Answer:
         """Read one raw frame within a millisecond or two, without the fit;
         `can_calibrate` stays False.
@@ -171,9 +171,9 @@ class Reader(ABC):
             scale,
             self.study.slice,
             self._shifts,
-            known.before_learning.thickness_m,
+            setup.eye.before_learning.thickness_m,
         )
-        answer = self._careful(self._live, seen, frame, scale, known)
+        answer = self._careful(self._live, seen, frame, scale, setup)
 
         return self.signed(answer, seen.segmentation)
 
@@ -183,7 +183,7 @@ class Reader(ABC):
         seen: frame_checks.SlicedFrame,
         frame: Pixels,
         scale: PixelScale,
-        known: Known,
+        setup: Setup,
     ) -> Answer:
         """Read a frame by a method; of an eye whose E was learned, with the eye before
         as well.
@@ -193,11 +193,13 @@ class Reader(ABC):
         if seen.reason:
             return unusable_answer(self.classes, seen.reason)
 
-        answer = method(seen, frame, scale, known)
-        if known.unlearned is None:
+        answer = method(seen, frame, scale, setup)
+        if setup.eye.unlearned is None:
             return answer
 
-        return not_below(answer, method(seen, frame, scale, known.unlearned))
+        return not_below(
+            answer, method(seen, frame, scale, replace(setup, eye=setup.eye.unlearned))
+        )
 
     def signed(self, answer: Answer, wall: Segmentation | None = None) -> Answer:
         """Return an answer with the model's name and class bounds, and the wall that
@@ -214,7 +216,7 @@ class Reader(ABC):
         self,
         frames: Sequence[Pixels],
         scale: PixelScale,
-        known: Known = NOTHING_KNOWN,
+        setup: Setup = NOTHING_KNOWN,
         planes: Sequence[Plane] = (),
         walls: Sequence[Segmentation | None] = (None,),
     ) -> tuple[Answer, ...]:
@@ -230,49 +232,49 @@ class Reader(ABC):
                 f"{self.path}: a {self.kind} reads single planes; several need a model"
                 f" of kind {READER!r}"
             )
-        return (self.read(frames[0], scale, known, walls[0]),)
+        return (self.read(frames[0], scale, setup, walls[0]),)
 
-    def outside(self, known: Known) -> str | None:
+    def outside(self, setup: Setup) -> str | None:
         """Return the known value outside the training, where a gap may be 0, in a
         sentence; None: all are inside.
         """
-        return outside_training(
-            known, frame_checks.read_by_fit(self.study.reader), self.study.library
-        )
+        study = self.study
+        trained = frame_checks.read_by_fit(study.reader)
+        return outside_training(setup, trained, study.library, study.eye.radius_m)
 
-    def refusal(self, known: Known) -> str | None:
+    def refusal(self, setup: Setup) -> str | None:
         """Return why the model cannot read an eye: a known value lies outside the
         training; None: it can.
         """
-        return self.outside(known)
+        return self.outside(setup)
 
-    def steepest_n_m(self, known: Known) -> float | None:  # noqa: ARG002
+    def steepest_n_m(self, setup: Setup) -> float | None:  # noqa: ARG002
         """Return the steepest rise of force with the dent, N/m, as far as the model
         knows: None.
         """
         return None
 
     def limits(
-        self, known: Known, scan: OctInfo, gauge: int | None = None
+        self, setup: Setup, scan: Scan, gauge: int | None = None
     ) -> tuple[str, ...]:
         """Return a sentence for each known value of an eye, its B-scans and its needle
         outside the training.
         """
-        return untrained_values(self.kind, self.study, known, scan, gauge)
+        return untrained_values(self.kind, self.study, setup, scan, gauge)
 
     def _read(
         self,
         seen: frame_checks.SlicedFrame,
         frame: Pixels,
         scale: PixelScale,
-        known: Known,
+        setup: Setup,
     ) -> Answer:
         """Return the answer of all methods, by default of the network alone, to a frame
         with a wall.
         """
         boundaries = segmented_boundaries(seen.segmentation, scale)
         return replace(
-            self._live(seen, frame, scale, known),
+            self._live(seen, frame, scale, setup),
             can_calibrate=frame_checks.can_calibrate(seen, boundaries),
         )
 
@@ -282,7 +284,7 @@ class Reader(ABC):
         seen: frame_checks.SlicedFrame,
         frame: Pixels,
         scale: PixelScale,
-        known: Known,
+        setup: Setup,
     ) -> Answer:
         """Return the network's answer to a frame with a wall."""
 
@@ -351,7 +353,7 @@ class Classifier(Reader):
         result /= result.sum(axis=1, keepdims=True)
         return result
 
-    def refusal(self, known: Known) -> str | None:  # noqa: ARG002
+    def refusal(self, setup: Setup) -> str | None:  # noqa: ARG002
         """Return None: a classifier reads every eye as its own."""
         return None
 
@@ -360,7 +362,7 @@ class Classifier(Reader):
         seen: frame_checks.SlicedFrame,
         frame: Pixels,  # noqa: ARG002 - a reader's signature
         scale: PixelScale,  # noqa: ARG002 - a reader's signature
-        known: Known,  # noqa: ARG002 - a reader's signature
+        setup: Setup,  # noqa: ARG002 - a reader's signature
     ) -> Answer:
         """Ask the network, unless a needle hides a part of the slice or the dent leaves
         it.
@@ -400,6 +402,17 @@ TOO_LITTLE = "too little of the wall is seen"
 
 
 @final
+@dataclass(frozen=True, eq=False)
+class _FittedFrame:
+    """A frame, its wall, what is known beside it, and the fit with its prior."""
+
+    seen: frame_checks.SlicedFrame
+    boundaries: Boundaries
+    setup: Setup
+    fit: BoundaryFit
+    prior: Prior
+
+
 @dataclass(eq=False, repr=False)
 class ForceReader(Reader):
     """Reads force, interval and contact from a wall.
@@ -433,58 +446,60 @@ class ForceReader(Reader):
             ).nearest_contact(polar_rad)
         )
         self._outside = lru_cache(maxsize=CONTACTS)(
-            lambda known: outside_training(known, self.study.reader, self.study.library)
+            lambda known: outside_training(
+                known, self.study.reader, self.study.library, self.study.eye.radius_m
+            )
         )
 
-    def refusal(self, known: Known) -> str | None:
+    def refusal(self, setup: Setup) -> str | None:
         """Return why the network cannot read an eye: a known value lies outside the
         training; None: it can.
         """
-        return self._outside(known)
+        return self._outside(setup)
 
     def _unread_slices(
-        self, seen: frame_checks.SlicedFrame, known: Known
+        self, seen: frame_checks.SlicedFrame, setup: Setup
     ) -> str | None:
         """Return why the network cannot read the slices of a frame, although the fit
         may; None if it can.
         """
-        reason = self.refusal(known) or (
+        reason = self.refusal(setup) or (
             frame_checks.NEEDLE_SEEN if seen.needle else None
         )
         return reason or frame_checks.seen_by_network(seen.extent_m, self.study.slice)
 
-    def library_for(self, known: Known) -> Library:
+    def library_for(self, setup: Setup) -> Library:
         """Return the library of an eye's tissue at its contact, or at the middle of the
         study's angles if unknown.
 
         Angles beyond the library's count as its largest; tissue that it does not hold
         raises `InputError`.
         """
-        return self._library_of(known.polar_rad, known.stiffening or 0.0)
+        return self._library_of(setup.needle.polar_rad, setup.eye.stiffening or 0.0)
 
-    def steepest_n_m(self, known: Known) -> float | None:
+    def steepest_n_m(self, setup: Setup) -> float | None:
         """Return the steepest rise of force with the dent of an open wall, N/m; None if
         the eye is not known.
 
         E is taken two standard deviations above its mean, and the rise a fifth steeper.
         """
-        globe = known.globe
-        modulus = known.modulus
+        globe = setup.eye.globe
+        modulus = setup.eye.modulus
         if (
             modulus is None
-            or known.thickness_m is None
-            or known.iop_pa is None
+            or setup.eye.thickness_m is None
+            or setup.eye.iop_pa is None
             or globe is None
             or globe.can_be_sealed
         ):
             return None
 
-        library = self.library_for(known)
+        library = self.library_for(setup)
         modulus_pa = modulus.mean_pa + 2.0 * modulus.sd_pa
         tip_m = library.tip_m[library.tip_m < STEEP_M]
         walls = (
-            np.full(len(tip_m), known.thickness_m),
-            np.full(len(tip_m), known.iop_pa / modulus_pa),
+            np.full(len(tip_m), setup.eye.thickness_m),
+            np.full(len(tip_m), setup.eye.iop_pa / modulus_pa),
         )
 
         return (
@@ -498,21 +513,21 @@ class ForceReader(Reader):
         seen: frame_checks.SlicedFrame,
         frame: Pixels,  # noqa: ARG002 - a reader's signature
         scale: PixelScale,
-        known: Known,
+        setup: Setup,
     ) -> Answer:
         """Return the answer of both methods."""
         boundaries = segmented_boundaries(seen.segmentation, scale)
-        if reason := self._not_fitted(seen, boundaries, known):
+        if reason := self._not_fitted(seen, boundaries, setup):
             return replace(
                 unusable_answer(self.classes, reason),
                 can_calibrate=frame_checks.can_calibrate(seen, boundaries),
             )
 
-        prior = self._prior(seen, boundaries, known, self.study.reader)
+        prior = self._prior(seen, boundaries, setup, self.study.reader)
         smoothing_m = self.study.calibration.surface_smoothing_m
 
         fit = fit_boundaries(
-            self.library_for(known),
+            self.library_for(setup),
             boundaries.lateral_m,
             boundaries.depth_m,
             prior,
@@ -521,23 +536,23 @@ class ForceReader(Reader):
         if fit is None:
             return unusable_answer(self.classes, TOO_LITTLE)
 
-        factor = self.factors.of_fit(known, fit) * frame_stretch(
-            seen.segmentation, known, self.study.reader
+        factor = self.factors.of_fit(setup, fit) * frame_stretch(
+            seen.segmentation, setup, self.study.reader
         )
-        return self._judged(seen, boundaries, known, fit, prior, factor)
+        return self._judged(_FittedFrame(seen, boundaries, setup, fit, prior), factor)
 
     def _not_fitted(
-        self, seen: frame_checks.SlicedFrame, boundaries: Boundaries, known: Known
+        self, seen: frame_checks.SlicedFrame, boundaries: Boundaries, setup: Setup
     ) -> str | None:
         """Return why a wall is not fitted, None if it is."""
         places = boundaries.lateral_m, boundaries.depth_m[0]
         return (
-            self.outside(known)
+            self.outside(setup)
             or frame_checks.needle_elsewhere(
-                seen.needle, known, self.library.needle_radius_m
+                seen.needle, setup, self.library.needle_radius_m
             )
             or frame_checks.too_little_wall(
-                *places, self.study.slice, known.has_calibrated_modulus
+                *places, self.study.slice, setup.eye.has_calibrated_modulus
             )
         )
 
@@ -545,7 +560,7 @@ class ForceReader(Reader):
         self,
         seen: frame_checks.SlicedFrame,
         wall: Boundaries,
-        known: Known,
+        setup: Setup,
         trained: ReaderStudy,
     ) -> Prior:
         if seen.needle:
@@ -553,13 +568,15 @@ class ForceReader(Reader):
             trained = replace(
                 trained, gap_m=Range(min=0.0, max=self.library.needle_radius_m)
             )
-        return replace(prior_of(known, trained), wall_sd_m=wall.sd_m)
+        return replace(
+            prior_of(setup, trained, self.study.eye.radius_m), wall_sd_m=wall.sd_m
+        )
 
     def read_together(
         self,
         frames: Sequence[Pixels],
         scale: PixelScale,
-        known: Known = NOTHING_KNOWN,
+        setup: Setup = NOTHING_KNOWN,
         planes: Sequence[Plane] = (),
         walls: Sequence[Segmentation | None] = (None,),
     ) -> tuple[Answer, ...]:
@@ -570,16 +587,16 @@ class ForceReader(Reader):
         fitted is not that of an eye, or cannot be judged, none is usable.
         """
         if not planes:
-            return super().read_together(frames, scale, known, walls=walls)
+            return super().read_together(frames, scale, setup, walls=walls)
 
-        known = replace(known, gap_m=None)
+        setup = replace(setup, needle=replace(setup.needle, gap_m=None))
         sliced_frames = [
             frame_checks.segment_and_slice(
                 one,
                 scale,
                 self.study.slice,
                 SHIFTS,
-                known.thickness_m,
+                setup.eye.thickness_m,
                 self.finder,
                 wall,
             )
@@ -589,11 +606,11 @@ class ForceReader(Reader):
             None if seen.reason else segmented_boundaries(seen.segmentation, scale)
             for seen in sliced_frames
         ]
-        each = list[tuple[Plane, frame_checks.SlicedFrame, Boundaries, Known]]()
+        each = list[tuple[Plane, frame_checks.SlicedFrame, Boundaries, Setup]]()
         left_out = list[str]()
 
         for seen, wall, plane in zip(sliced_frames, seen_walls, planes, strict=True):
-            here = known.turned(plane.direction_rad)
+            here = setup.turned(plane.direction_rad)
             reason = seen.reason if wall is None else self._not_fitted(seen, wall, here)
             if wall is not None and reason is None:
                 each.append((plane, seen, wall, here))
@@ -633,7 +650,7 @@ class ForceReader(Reader):
         return tuple(answers)
 
     def _fitted_together(
-        self, each: Sequence[tuple[Plane, frame_checks.SlicedFrame, Boundaries, Known]]
+        self, each: Sequence[tuple[Plane, frame_checks.SlicedFrame, Boundaries, Setup]]
     ) -> list[Answer]:
         """Return the answers of planes with a wall, by the fit to all of them; of one
         alone, by its own.
@@ -679,7 +696,7 @@ class ForceReader(Reader):
 
         if place is not None:
             heres = [
-                replace(known, gap_m=gap_m)
+                replace(known, needle=replace(known.needle, gap_m=gap_m))
                 for known, gap_m in zip(heres, gaps_m, strict=True)
             ]
 
@@ -693,9 +710,8 @@ class ForceReader(Reader):
             each, heres, fits, priors, strict=True
         ):
             nearest = abs(float(fit.unknown[GAP])) == min(gaps_m)
-            answer = self._judged(
-                seen, wall, here, fit, prior, factor, METHODS[1], nearest
-            )
+            frame = _FittedFrame(seen, wall, here, fit, prior)
+            answer = self._judged(frame, factor, METHODS[1], nearest)
             reason = None if answer.usable else f"plane {plane.name}: {answer.reason}"
             where = answer.places if place is None else in_space(answer.places, place)
             answers.append(replace(answer, place=place, places=where, reason=reason))
@@ -707,21 +723,17 @@ class ForceReader(Reader):
         seen: frame_checks.SlicedFrame,
         frame: Pixels,  # noqa: ARG002 - a reader's signature
         scale: PixelScale,  # noqa: ARG002 - a reader's signature
-        known: Known,
+        setup: Setup,
     ) -> Answer:
-        if reason := self._unread_slices(seen, known):
+        if reason := self._unread_slices(seen, setup):
             return unusable_answer(self.classes, reason)
         return frame_checks.judged_answer(
-            self.network.read(seen.cuts, known), "network", seen.dent_leaves, self.study
+            self.network.read(seen.cuts, setup), "network", seen.dent_leaves, self.study
         )
 
     def _judged(
         self,
-        seen: frame_checks.SlicedFrame,
-        boundaries: Boundaries,
-        known: Known,
-        fit: BoundaryFit,
-        prior: Prior,
+        frame: _FittedFrame,
         factor: float,
         default: str | None = None,
         may_rest: bool = True,
@@ -731,6 +743,11 @@ class ForceReader(Reader):
 
         `factor`: of the fit's interval; `may_rest`: a surface without a dent is tried.
         """
+        seen = frame.seen
+        boundaries = frame.boundaries
+        known = frame.setup
+        fit = frame.fit
+        prior = frame.prior
         if reason := frame_checks.no_wall_of_an_eye(fit, prior):
             return replace(unusable_answer(self.classes, reason), fit=fit)
 
@@ -824,20 +841,20 @@ class RawReader(Reader):
         seen: frame_checks.SlicedFrame,
         frame: Pixels,
         scale: PixelScale,
-        known: Known,
+        setup: Setup,
     ) -> Answer:
         reason = (
             other_index(self.study, scale.refractive_index)
-            or self.refusal(known)
+            or self.refusal(setup)
             or frame_checks.needle_elsewhere(
-                seen.needle, known, self.study.needle.outer_diameter_m / 2
+                seen.needle, setup, self.study.needle.outer_diameter_m / 2
             )
             or frame_checks.seen_by_network(seen.extent_m, self.study.slice)
         )
         if reason:
             return unusable_answer(self.classes, reason)
 
-        reading = self.network.read(self._window.reduced(frame, scale)[None], known)
+        reading = self.network.read(self._window.reduced(frame, scale)[None], setup)
         answer = frame_checks.judged_answer(
             reading, "network", seen.dent_leaves, self.study
         )

@@ -36,8 +36,8 @@ from scleraforce.mechanics.tissue_material import line_weights
 from scleraforce.reading.answer import Answer, Reading
 from scleraforce.reading.needle_lean import NeedleLean
 from scleraforce.reading.needle_place import shaft_lean
-from scleraforce.records.eye import NOTHING_KNOWN, Known
-from scleraforce.records.tissue_relaxation import KnownRelaxation
+from scleraforce.records.setup import NOTHING_KNOWN, Setup
+from scleraforce.records.tissue_relaxation import Relaxation
 
 Given = TypeVar("Given", Answer, Reading)
 
@@ -49,7 +49,7 @@ SERIES_ERROR = 0.07  # of the force that is lost: four time constants stand for 
 OTHER_HISTORY_ERROR = 0.3
 LONGEST_S = 1e9  # gap
 LIGHT_N = 1e-3  # a shallower dent is noise: the needle has let go
-NO_RELAXATION = KnownRelaxation.declared(())
+NO_RELAXATION = Relaxation.declared(())
 
 
 @dataclass(frozen=True)
@@ -127,14 +127,14 @@ class TissueMemory:
     """Memory of an eye's tissue after the frames so far: mean (term,) and covariance
     (term, term) of m_i, in N.
 
-    `known` has how the tissue relaxes (by default it is elastic) and the needle's lean.
+    `setup` has how the tissue relaxes (by default it is elastic) and the needle's lean.
     `most_n`: the largest elastic force that an eye bears. After gaps m_i may be up to
     `less_n` smaller and `more_n` larger, (term,). `time_s`, `elastic_n`: the last
     frame's, None before it; `dense`: it followed another one closely, or the sequence
     is a monitor's, which is always dense.
     """
 
-    known: Known
+    setup: Setup
     most_n: float
     mean_n: Floats
     covariance: Floats
@@ -146,30 +146,30 @@ class TissueMemory:
     of_monitor: bool = False
 
     @property
-    def relaxation(self) -> KnownRelaxation:
+    def relaxation(self) -> Relaxation:
         """The relaxation of the tissue."""
-        return self.known.relaxation or NO_RELAXATION
+        return self.setup.eye.relaxation or NO_RELAXATION
 
     @classmethod
-    def unknown(cls, known: Known, max_force_n: float) -> "TissueMemory":
+    def unknown(cls, setup: Setup, max_force_n: float) -> "TissueMemory":
         """Return the history of an eye before its first frame; `max_force_n`: the
         largest force on the needle.
         """
-        relaxation = known.relaxation or NO_RELAXATION
+        relaxation = setup.eye.relaxation or NO_RELAXATION
         terms = len(relaxation.shares)
         most_n = max_force_n / (1.0 - sum(relaxation.shares))
         nothing_n = np.zeros(terms)
 
         return cls(
-            known, most_n, nothing_n, np.zeros((terms, terms)), nothing_n, nothing_n
+            setup, most_n, nothing_n, np.zeros((terms, terms)), nothing_n, nothing_n
         )
 
     @classmethod
-    def monitored(cls, known: Known, max_force_n: float) -> "TissueMemory":
+    def monitored(cls, setup: Setup, max_force_n: float) -> "TissueMemory":
         """Return the history of an eye when a monitor starts: anything may have been
         before.
         """
-        unknown = cls.unknown(known, max_force_n)
+        unknown = cls.unknown(setup, max_force_n)
         more_n = np.full_like(unknown.mean_n, unknown.most_n)
         return replace(unknown, more_n=more_n, dense=True, of_monitor=True)
 
@@ -194,12 +194,12 @@ class TissueMemory:
         ):
             return elastic, self
 
-        known = self.known
+        known = self.setup
         seen_rad = shaft_lean(elastic.fit, elastic.needle)
 
         # of several planes: the angle in space, above 0, turned away from any of them
         if elastic.place is not None:
-            known = replace(known, lean_azimuth_rad=None)
+            known = replace(known, needle=replace(known.needle, lean_azimuth_rad=None))
             seen_rad = elastic.place.lean_rad
 
         lean = NeedleLean.of(known, seen_rad)
@@ -364,33 +364,33 @@ class Leak:
     dent's, m^3.
     """
 
-    known: Known
+    setup: Setup
     leaked_m3: float = 0.0
     dent_m3: float = 0.0
     time_s: float | None = None
 
     def read(
         self,
-        read: Callable[[Known], tuple[Answer, ...]],
+        read: Callable[[Setup], tuple[Answer, ...]],
         time_s: float,
         held_s: float | None,
     ) -> tuple[tuple[Answer, ...], "Leak"]:
         """Return the answers of one time, read at the resting pressure that the leak
         leaves, and the leak by then.
         """
-        known = self.known
-        globe = self.known.globe
+        known = self.setup
+        globe = self.setup.eye.globe
 
-        iop_pa = self.known.iop_pa
+        iop_pa = self.setup.eye.iop_pa
         if (
-            known.leak_time_s is None
+            known.eye.leak_time_s is None
             or globe is None
             or iop_pa is None
             or globe.mean <= 0.0
         ):
             return read(known), self
 
-        law = globe.globe(globe.mean)
+        law = globe.pressure_law(globe.mean)
         gap_s = 0.0 if self.time_s is None else max(time_s - self.time_s, 0.0)
         dense = gap_s <= DENSE_S
         held_s = (
@@ -405,7 +405,12 @@ class Leak:
         for _ in range(1 if dense else READINGS):
             leaked_m3 = self._after(before_m3, dent_m3, held_s)
             answers = read(
-                replace(known, iop_pa=float(law.pressure(iop_pa, -leaked_m3)))
+                replace(
+                    known,
+                    eye=replace(
+                        known.eye, iop_pa=float(law.pressure(iop_pa, -leaked_m3))
+                    ),
+                )
             )
 
             pressure_pa = answers[0].iop_at_dent_pa
@@ -421,5 +426,5 @@ class Leak:
 
     def _after(self, leaked_m3: float, dent_m3: float, passed_s: float) -> float:
         return dent_m3 + (leaked_m3 - dent_m3) * exp(
-            -passed_s / (self.known.leak_time_s or 1.0)
+            -passed_s / (self.setup.eye.leak_time_s or 1.0)
         )

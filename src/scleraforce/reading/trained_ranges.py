@@ -8,28 +8,30 @@ the frames, the needle and the scan.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from math import hypot, inf, sqrt
+from math import exp, hypot, inf, sqrt
 from pathlib import Path
 
 from scleraforce.base.units import HumanUnit, from_si
+from scleraforce.fit import unknowns
+from scleraforce.fit.prior_of_an_eye import FREE_SD, LIBRARY_RADIUS_M
 from scleraforce.reading.frame_checks import (
+    DEVIATION_SD,
     LEAST_FRAME_M,
     least_wall_m,
     read_by_fit,
     wall_seen,
 )
 from scleraforce.records.eye import (
-    NOTHING_KNOWN,
     OWN_SOURCES,
-    Known,
     Modulus,
     open_doubts,
 )
 from scleraforce.records.globe import UNKNOWN
 from scleraforce.records.model_folder import folder_study, model_name, read_folder
 from scleraforce.records.needle import nearest_gauge
-from scleraforce.records.recording_info import RecordingInfo, known_of_recording
-from scleraforce.records.scan import OctInfo
+from scleraforce.records.recording_info import RecordingInfo
+from scleraforce.records.scan import Scan
+from scleraforce.records.setup import NOTHING_KNOWN, Setup
 from scleraforce.records.study import (
     Choice,
     LibraryStudy,
@@ -54,6 +56,8 @@ MODULUS, PRESSURE, WALL, GAP = EYE = (
 )
 
 
+RADIUS = "radius of the globe"
+SIZE_REACH = DEVIATION_SD * FREE_SD[unknowns.SIZE]  # of a radius that a fit may find
 # coarsest pixel that forces are read from; walls are found in coarser ones
 COARSEST_M = 30e-6
 
@@ -104,7 +108,10 @@ class _Compared:
 
 
 def outside_training(
-    known: Known, trained: ReaderStudy, library: LibraryStudy
+    setup: Setup,
+    trained: ReaderStudy,
+    library: LibraryStudy,
+    library_radius_m: float = LIBRARY_RADIUS_M,
 ) -> str | None:
     """Return why a model cannot read an eye: a known value lies outside the training;
     None: all lie inside.
@@ -113,7 +120,7 @@ def outside_training(
     by its uncertainty: its standard deviation, and the error that it takes from
     thickness and IOP, which the training's moduli have too.
     """
-    return next(iter(_refusals(known, trained, library)), None)
+    return next(iter(_refusals(setup, trained, library, library_radius_m)), None)
 
 
 def limit_notes(model: Path, info: RecordingInfo) -> tuple[str, ...]:
@@ -122,8 +129,8 @@ def limit_notes(model: Path, info: RecordingInfo) -> tuple[str, ...]:
     """
     folder = read_folder(model, KINDS)
     name = model_name(folder.path)
-    eye = known_of_recording(info)
-    scan = info.oct
+    eye = info.setup
+    scan = info.scan
     gauge = info.needle.gauge
     found = untrained_values(
         folder.record["kind"], folder_study(folder), eye, scan, gauge
@@ -172,7 +179,7 @@ def reading_ranges(model: Path) -> tuple[tuple[str, str], ...]:
 
 
 def untrained_values(
-    kind: str, study: Study, known: Known, scan: OctInfo, gauge: int | None = None
+    kind: str, study: Study, setup: Setup, scan: Scan, gauge: int | None = None
 ) -> tuple[str, ...]:
     """Return a sentence for each known value that the training of a kind of model did
     not cover.
@@ -181,28 +188,44 @@ def untrained_values(
     a classifier on its data set, without sealed globes.
     """
     if kind == CLASSIFIER:
-        sealed = open_doubts(None if known.globe is None else known.globe.kind)
-        compared = _sentences(_of_slices(study, known, scan))
+        sealed = open_doubts(setup.eye.globe)
+        compared = _sentences(_of_slices(study, setup, scan))
         return (
             *_unseen(study, scan, kind),
             *sealed,
             *compared,
-            *_other_needle(study, gauge),
+            *other_needle(study, gauge),
         )
 
-    refused = _refusals(known, read_by_fit(study.reader), study.library)
-    others = _sentences(
-        entry for entry in _of_walls(study, known, scan) if entry.name not in EYE
+    refused = _refusals(
+        setup, read_by_fit(study.reader), study.library, study.eye.radius_m
     )
-    index = other_index(study, scan.refractive_index) if kind == RAW_READER else None
+    others = _sentences(
+        entry for entry in _of_walls(study, setup, scan) if entry.name not in EYE
+    )
+    index = (
+        other_index(study, scan.refractive_index or 1.0) if kind == RAW_READER else None
+    )
 
     return (
         *_unseen(study, scan, kind),
         *refused,
         *others,
-        *_other_needle(study, gauge),
+        *other_needle(study, gauge),
         *([index] if index else ()),
     )
+
+
+def _radius(radius_m: float | None, library_radius_m: float) -> _Compared:
+    radii = Range(
+        min=library_radius_m * exp(-SIZE_REACH), max=library_radius_m * exp(SIZE_REACH)
+    )
+    return _Compared(RADIUS, radius_m, radii, "mm", "mm")
+
+
+def radius_fault(radius_m: float | None, library_radius_m: float) -> str | None:
+    """Return why no fit reaches a declared radius; None: one may."""
+    return _radius(radius_m, library_radius_m).outside
 
 
 def other_index(study: Study, refractive_index: float) -> str | None:
@@ -218,32 +241,34 @@ def other_index(study: Study, refractive_index: float) -> str | None:
     )
 
 
-def _of_eye(known: Known, trained: ReaderStudy) -> tuple[_Compared, ...]:
+def _of_eye(setup: Setup, trained: ReaderStudy) -> tuple[_Compared, ...]:
     return (
         _Compared(
             MODULUS,
-            _uncovered_modulus(known.modulus, trained),
+            _uncovered_modulus(setup.eye.modulus, trained),
             trained.youngs_modulus_pa,
             "mpa",
             "MPa",
         ),
-        _Compared(PRESSURE, known.iop_pa, trained.iop_pa, "mmhg", "mmHg"),
-        _Compared(WALL, known.thickness_m, trained.thickness_m, "um", "µm"),
-        _Compared(GAP, known.gap_m, trained.gap_m, "mm", "mm"),
+        _Compared(PRESSURE, setup.eye.iop_pa, trained.iop_pa, "mmhg", "mmHg"),
+        _Compared(WALL, setup.eye.thickness_m, trained.thickness_m, "um", "µm"),
+        _Compared(GAP, setup.needle.gap_m, trained.gap_m, "mm", "mm"),
     )
 
 
-def _of_walls(
-    study: Study, known: Known, scan: OctInfo | None
-) -> tuple[_Compared, ...]:
+def _of_walls(study: Study, setup: Setup, scan: Scan | None) -> tuple[_Compared, ...]:
     """Return the ranges of a reader's training: of the eye, of the plane, and of the
     scale of its frames.
     """
     trained = read_by_fit(study.reader)
-    rigidity = known.globe.mean if known.globe and known.globe.can_be_sealed else None
+    rigidity = (
+        setup.eye.globe.mean
+        if setup.eye.globe and setup.eye.globe.can_be_sealed
+        else None
+    )
     rigidities = Range(min=UNKNOWN.lowest, max=UNKNOWN.highest)
     return (
-        *_of_eye(known, trained),
+        *_of_eye(setup, trained),
         _Compared(
             "rigidity of a sealed globe",
             rigidity,
@@ -253,7 +278,7 @@ def _of_walls(
         ),
         _Compared(
             "tilt of the B-scan",
-            scan.plane_tilt_rad if scan else None,
+            scan.tilt_rad if scan else None,
             trained.tilt_rad,
             "deg",
             "°",
@@ -262,22 +287,24 @@ def _of_walls(
     )
 
 
-def _of_slices(
-    study: Study, known: Known, scan: OctInfo | None
-) -> tuple[_Compared, ...]:
+def _of_slices(study: Study, setup: Setup, scan: Scan | None) -> tuple[_Compared, ...]:
     """Return the ranges of a classifier's data set."""
     gap = study.dataset.gap_m or Choice((study.needle.gap_m,))
     thickness = Choice(tuple(group.thickness_m for group in study.dataset.group))
-    direction_rad = scan.plane_direction_rad if scan else None
+    direction_rad = scan.direction_rad if scan else None
     return (
-        _Compared(GAP, known.gap_m, gap, "mm", "mm"),
-        _Compared(WALL, known.thickness_m, thickness, "um", "µm"),
+        _Compared(GAP, setup.needle.gap_m, gap, "mm", "mm"),
+        _Compared(WALL, setup.eye.thickness_m, thickness, "um", "µm"),
         _Compared(
-            "polar angle", known.polar_rad, study.needle.polar_angle_rad, "deg", "°"
+            "polar angle",
+            setup.needle.polar_rad,
+            study.needle.polar_angle_rad,
+            "deg",
+            "°",
         ),
         _Compared(
             "tilt of the B-scan",
-            scan.plane_tilt_rad if scan else None,
+            scan.tilt_rad if scan else None,
             study.dataset.tilt_rad,
             "deg",
             "°",
@@ -293,11 +320,11 @@ def _of_slices(
     )
 
 
-def _pixel(study: Study, scan: OctInfo | None) -> _Compared:
+def _pixel(study: Study, scan: Scan | None) -> _Compared:
     """Return the scale, compared with that of the scenes that the wall finder was
     trained on.
     """
-    pixel_m = scan.depth_m / scan.rows if scan else None
+    pixel_m = scan.scale.depth_m if scan else None
     drawn = study.scenes.window.pixel_m.bounds
     return _Compared(
         "depth of a pixel",
@@ -309,11 +336,15 @@ def _pixel(study: Study, scan: OctInfo | None) -> _Compared:
 
 
 def _refusals(
-    known: Known, trained: ReaderStudy, library: LibraryStudy
+    setup: Setup,
+    trained: ReaderStudy,
+    library: LibraryStudy,
+    library_radius_m: float,
 ) -> tuple[str, ...]:
-    reasons = _sentences(_of_eye(known, trained))
+    radius = _radius(setup.eye.radius_m, library_radius_m)
+    reasons = _sentences((*_of_eye(setup, trained), radius))
     softest, stiffest = library.stiffening_ends
-    stiffening = known.stiffening or 0.0
+    stiffening = setup.eye.stiffening or 0.0
     if softest <= stiffening <= stiffest:
         return reasons
 
@@ -350,21 +381,21 @@ def _uncovered_modulus(modulus: Modulus | None, trained: ReaderStudy) -> float |
 
 
 def covers_modulus(
-    known: Known, trained: ReaderStudy, any_pressure: bool = False
+    setup: Setup, trained: ReaderStudy, any_pressure: bool = False
 ) -> bool:
     """Return whether a model was trained on an eye's modulus, at its pressure."""
     low_pa, high_pa = trained.iop_pa.bounds
-    other = known.iop_pa is not None and not low_pa <= known.iop_pa <= high_pa
+    other = setup.eye.iop_pa is not None and not low_pa <= setup.eye.iop_pa <= high_pa
     if other and not any_pressure:
         return False
-    return _uncovered_modulus(known.modulus, trained) is None
+    return _uncovered_modulus(setup.eye.modulus, trained) is None
 
 
 def _sentences(compared: Iterable[_Compared]) -> tuple[str, ...]:
     return tuple(sentence for entry in compared if (sentence := entry.outside))
 
 
-def _unseen(study: Study, scan: OctInfo, kind: str) -> tuple[str, ...]:
+def _unseen(study: Study, scan: Scan, kind: str) -> tuple[str, ...]:
     """Return why frames show too little of a wall: they are too narrow, or less deep
     than its curve or its dents.
 
@@ -372,20 +403,22 @@ def _unseen(study: Study, scan: OctInfo, kind: str) -> tuple[str, ...]:
     sqrt(R^2 - (R - d)^2).
     """
     radius_m = _largest_radius_m(study)
-    left_m = max(radius_m - scan.depth_m, 0.0)
-    between_columns_m = scan.width_m * (1.0 - 1.0 / scan.columns)
+    _, columns = scan.shape
+    width_m, depth_m = scan.extent_m
+    left_m = max(radius_m - depth_m, 0.0)
+    between_columns_m = width_m * (1.0 - 1.0 / columns)
     window = study.slice
     most_m = min(
         between_columns_m,
         window.columns * window.pixel_m,
         2.0 * sqrt(radius_m**2 - left_m**2),
     )
-    width_mm = from_si(scan.width_m, "mm")
-    depth_mm = from_si(scan.depth_m, "mm")
+    width_mm = from_si(width_m, "mm")
+    depth_mm = from_si(depth_m, "mm")
     frames = f"frames of {width_mm:.4g} x {depth_mm:.4g} mm: at most"
 
     if short := wall_seen(
-        most_m, least_wall_m(window, scan.width_m if kind == READER else inf)
+        most_m, least_wall_m(window, width_m if kind == READER else inf)
     ):
         return (f"{frames} {short}",)
 
@@ -410,7 +443,7 @@ def _largest_radius_m(study: Study) -> float:
     return study.eye.radius_m * study.reader.size.bounds[1]
 
 
-def _other_needle(study: Study, gauge: int | None) -> tuple[str, ...]:
+def other_needle(study: Study, gauge: int | None) -> tuple[str, ...]:
     """Return a sentence on a needle of another gauge than the model's, whose dent has
     another form.
     """

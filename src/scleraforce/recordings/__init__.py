@@ -19,8 +19,8 @@ Public:
         `open_questions`, `provenance`, `record_text`
     import_sources: `GatheredSources`, `ImportOptions`, `OPTION`, `gather_sources`,
         `source_kind`
-    recording_folder: `Recording`, `check_alone`, `read_info`, `read_recording`,
-        `read_scaled_frame`, `recording_of`, `stated_plane`, `tables_digest`,
+    recording_folder: `RecordedFile`, `Recording`, `check_alone`, `open_frame`,
+        `read_info`, `read_recording`, `recorded_file`, `recording_of`, `tables_digest`,
         `true_forces`
     recording_writer: `FORCE_STEP_S`, `ForceWriter`, `RecordingWriter`, `frame_files`,
         `read_written`, `write_log`

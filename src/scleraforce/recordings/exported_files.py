@@ -27,7 +27,6 @@ from scleraforce.recordings.forces_under_frames import label_frames
 from scleraforce.recordings.formats.picture_streams import check_bytes
 from scleraforce.recordings.frame_and_force_tables import FORCE_COLUMNS
 from scleraforce.recordings.recording_folder import Recording
-from scleraforce.records.scan import PixelScale
 from scleraforce.records.study import ClassesStudy
 
 # Where spreadsheets see the beginning of a formula ("CSV injection"): at the start of a
@@ -42,7 +41,7 @@ def frame_rows(recording: Recording, classes: ClassesStudy) -> list[Row]:
     """Return file, time, plane if there are several, piercing and label of each frame;
     no label without a force log.
     """
-    planes = bool(recording.info.oct.plane)
+    planes = bool(recording.info.scan.planes)
     each = zip(recording.frames, label_frames(recording, classes), strict=True)
     return [
         {
@@ -160,15 +159,16 @@ def write_sequence(recording: Recording, path: Path) -> None:
     the back.
     """
     nrrd = package_for("nrrd", "NRRD")
-    oct_info = recording.info.oct
-    check_bytes(len(recording.frames) * oct_info.rows * oct_info.columns * 2)
-    shape = (oct_info.columns, oct_info.rows, 1, len(recording.frames))
+    scan = recording.info.scan
+    rows, columns = scan.shape
+    check_bytes(len(recording.frames) * rows * columns * 2)
+    shape = (columns, rows, 1, len(recording.frames))
     volume = np.empty(shape, dtype=np.uint16, order="F")
 
     for nth, entry in enumerate(recording.frames):
         volume[:, :, 0, nth] = recording.frame(entry).T
 
-    scale = PixelScale.of(oct_info)
+    scale = scan.scale
     sides_mm = np.diag(
         [from_si(scale.lateral_m, "mm"), from_si(scale.depth_m, "mm"), SLICE_MM]
     )

@@ -37,12 +37,15 @@ from scleraforce.recordings.import_sources import (
 )
 from scleraforce.recordings.recording_folder import read_info
 from scleraforce.records.decoder import parse_json_record
-from scleraforce.records.eye import EyeInfo
-from scleraforce.records.fields import computed, name_fault
-from scleraforce.records.needle import NeedleInfo
+from scleraforce.records.eye import UNCERTAIN, Eye
+from scleraforce.records.fields import Unit, check_value, computed, name_fault
+from scleraforce.records.globe import Globe
+from scleraforce.records.needle import Needle, gauge_diameter_m
 from scleraforce.records.recording_info import ForceInfo, RecordingInfo
-from scleraforce.records.scan import OctInfo
-from scleraforce.records.study_of_eye import relaxation_terms
+from scleraforce.records.scan import Scan
+from scleraforce.records.setup import Setup
+from scleraforce.records.study_of_eye import GLOBES, relaxation_terms
+from scleraforce.records.tissue_relaxation import Relaxation
 
 
 def given_times(
@@ -139,9 +142,9 @@ class PictureMeasures:
     """What the pictures of the sources show, where the scanner's scale is known."""
 
     # the wall's thickness in the first frames, µm; None: not seen
-    thickness_um: Callable[[OctInfo], float | None]
+    thickness_um: Callable[[Scan], float | None]
     # measures of the dent in each frame (measure, frame), NaN: not seen
-    dents: Callable[[OctInfo], Floats]
+    dents: Callable[[Scan], Floats]
 
 
 SAME_THICKNESS = 0.15  # of the stated one: the visible one may differ by as much
@@ -161,6 +164,18 @@ class PreparedImport:
     clock: "SharedClock"
     info: RecordingInfo
     sources: dict[str, str]  # of each value, by the name of its option
+
+    def declaring(self, declared: Setup) -> "PreparedImport":
+        """Return the import with what is declared beside its answers."""
+        setup = self.info.setup.completed_by(declared)
+        sds = {
+            sd: getattr(declared.eye, sd)
+            for value, sd in UNCERTAIN.items()
+            if getattr(declared.eye, value) is not None
+        }
+        eye = replace(setup.eye, **sds)
+        info = replace(self.info, eye=eye, needle=setup.needle, scan=setup.scan)
+        return replace(self, info=info)
 
     def with_notes(self, notes: Sequence[str]) -> "PreparedImport":
         """Return the import with further notes."""
@@ -225,7 +240,7 @@ def complete_import(
     source = origins.get(name, ANSWER)
 
     if value is None and asker is not None:
-        shown_um = pictures.thickness_um(done.info.oct)
+        shown_um = pictures.thickness_um(done.info.scan)
         value = asker.missing({name: replace(QUESTIONS[name], offered=shown_um)}).get(
             name
         )
@@ -242,7 +257,7 @@ def complete_import(
         done.info, eye=replace(done.info.eye, thickness_m=to_si(value, "um"))
     )
     done = replace(done, info=info, sources=done.sources | {name: source})
-    shown_um = pictures.thickness_um(done.info.oct)
+    shown_um = pictures.thickness_um(done.info.scan)
     if shown_um is not None and abs(shown_um - value) <= SAME_THICKNESS * value:
         return done
 
@@ -321,10 +336,10 @@ def _completed(
 ) -> PreparedImport:
     values = {name: value for name, (value, _) in known.items()}
     info = _info(gathered, answers, values)
-    if not greys.fit(info.oct.bits):
+    if not greys.fit(info.scan.pixel_bits):
         raise InputError(
             f"{gathered.scan.names[0]}: pixels up to {greys.high:g}; `bits` says"
-            f" {info.oct.bits}"
+            f" {info.scan.bits}"
         )
 
     rate_hz = answers.rate_hz or values.get("rate_hz")
@@ -428,7 +443,7 @@ def _shared_clock(
     log = gathered.log.known(info.force.axis)
     found = estimate_clocks(
         times.time_s,
-        pictures.dents(info.oct),
+        pictures.dents(info.scan),
         log.time_s,
         contact_force(log, info.force),
     )
@@ -606,9 +621,9 @@ def _info(
             to_si(values[name], "mm") for name in ("width_mm", "depth_mm")
         )
         used = {name: values[name] for name in ("bits", "refractive_index")} | {
-            "plane": gathered.planes
+            "planes": gathered.planes
         }
-        oct_info = OctInfo(
+        oct_info = Scan(
             columns=scan.columns,
             rows=scan.rows,
             width_m=width_m,
@@ -618,20 +633,23 @@ def _info(
         thickness_m = to_si(answers.thickness_um, "um")
         iop_pa = to_si(answers.iop_mmhg, "mmhg")
         gap_m = None if gathered.planes else to_si(values["gap_mm"], "mm")
-        eye = EyeInfo(
+        check_value("globe", answers.globe, Unit(words=GLOBES))
+        eye = Eye(
             values["eye"],
             thickness_m=thickness_m,
             iop_pa=iop_pa,
-            globe=answers.globe,
             relaxation=(
                 None
                 if answers.relaxation is None
-                else relaxation_terms(answers.relaxation)
+                else Relaxation.declared(relaxation_terms(answers.relaxation))
             ),
+            globe=None if answers.globe is None else Globe.declared(answers.globe),
         )
         polar_rad = to_si(answers.polar_angle_deg, "deg")
-        needle = NeedleInfo(
-            gauge=values["gauge"], slice_gap_m=gap_m, polar_angle_rad=polar_rad
+        needle = Needle(
+            diameter_m=gauge_diameter_m(values["gauge"]),
+            gap_m=gap_m,
+            polar_rad=polar_rad,
         )
 
         force = (
@@ -662,16 +680,16 @@ def answers_like(folder: Path) -> dict[str, Any]:
     """
     info = read_info(folder / "recording.toml")
     sizes_m = {
-        "width_mm": info.oct.width_m,
-        "depth_mm": info.oct.depth_m,
-        "gap_mm": info.needle.slice_gap_m,
+        "width_mm": info.scan.width_m,
+        "depth_mm": info.scan.depth_m,
+        "gap_mm": info.needle.gap_m,
     }
     found: dict[str, Any] = {
         name: from_si(size_m, "mm") for name, size_m in sizes_m.items()
     }
     found |= {
-        "refractive_index": info.oct.refractive_index,
-        "bits": info.oct.bits,
+        "refractive_index": info.scan.refractive_index,
+        "bits": info.scan.bits,
         "gauge": info.needle.gauge,
     }
 

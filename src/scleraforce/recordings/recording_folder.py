@@ -4,11 +4,13 @@
 
 import hashlib
 import os
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path, PurePath
+from typing import Any
 
 import numpy as np
 
@@ -28,9 +30,13 @@ from scleraforce.recordings.frame_and_force_tables import (
 )
 from scleraforce.records.decoder import parse_json_record, parse_record
 from scleraforce.records.fields import check_quantity, computed
-from scleraforce.records.frame import Pixels, ScaledFrame, SourcedValue, check_frame
+from scleraforce.records.frame import (
+    OpenedFrame,
+    Pixels,
+    check_frame,
+)
 from scleraforce.records.recording_info import RecordingInfo
-from scleraforce.records.scan import Plane, Scanner
+from scleraforce.records.scan import Plane, Scan
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,7 @@ class Recording:
             else f"{len(self.forces.time_s)} samples of force"
         )
         return (
-            f"<Recording {self.path}: eye {self.info.eye.id}, {len(self.frames)}"
+            f"<Recording {self.path}: eye {self.info.eye_name}, {len(self.frames)}"
             f" frames, {forces}>"
         )
 
@@ -72,7 +78,7 @@ class Recording:
         first = self.frames[0]
         last = self.frames[-1]
         facts = {
-            "eye": self.info.eye.id,
+            "eye": self.info.eye_name,
             "frames": f"{len(self.frames)} in {last.time_s - first.time_s:g} s",
             "forces": forces,
         }
@@ -97,7 +103,7 @@ class Recording:
         recording.toml.
         """
         pixels = read_frame(self.frame_path(entry))
-        check_frame(pixels, self.info.oct, self.frame_path(entry))
+        check_frame(pixels, self.info.scan, self.frame_path(entry))
         return pixels
 
 
@@ -133,7 +139,7 @@ def read_recording(path: str | PathLike[str]) -> Recording:
     info = read_info(path / "recording.toml")
     frames = read_frame_list(path / "frames.csv")
     _check_files(path, frames)
-    _check_planes(path / "frames.csv", frames, info.oct.plane)
+    _check_planes(path / "frames.csv", frames, info.scan.planes)
 
     if not os.path.lexists(path / "forces.csv"):
         return Recording(path, info, frames, None)
@@ -275,85 +281,99 @@ def recording_of(path: Path) -> Path | None:
     return folder.parent if inside else None
 
 
-def stated_plane(frame: Path) -> tuple[Path, float, Plane] | None:
-    """Return the recording of a frame, its time and its plane; None if it is not in a
-    recording of several planes.
+@dataclass(frozen=True)
+class RecordedFile:
+    """A frame's file, with the recording that it is in.
+
+    `recording` and `info` are None for other images; `time_s` and `plane` where the
+    recording is not of several planes. `is_faulty`: the recording could not be read.
     """
-    recording = recording_of(frame)
-    if (
-        recording is None
-        or not (oct_info := read_info(recording / "recording.toml").oct).plane
-    ):
-        return None
+
+    path: Path
+    recording: Path | None = None
+    info: RecordingInfo | None = None
+    time_s: float | None = None
+    plane: Plane | None = None
+    is_faulty: bool = False
+
+
+def recorded_file(path: Path) -> RecordedFile:
+    """Return a frame's file with what its recording states, each file of which is read
+    once; raises `RecordingError`.
+    """
+    recording = recording_of(path)
+    if recording is None:
+        return RecordedFile(path)
+
+    info = read_info(recording / "recording.toml")
+    if not info.scan.planes:
+        return RecordedFile(path, recording, info)
 
     for entry in read_frame_list(recording / "frames.csv"):
-        if (
-            entry.file == frame.name
-            and (plane := oct_info.named(entry.plane)) is not None
-        ):
-            return recording, entry.time_s, plane
+        plane = info.scan.named(entry.plane)
+        if entry.file == path.name and plane is not None:
+            return RecordedFile(path, recording, info, entry.time_s, plane)
 
-    raise RecordingError(f"{recording / 'frames.csv'}: plane: none for {frame.name}")
+    raise RecordingError(f"{recording / 'frames.csv'}: plane: none for {path.name}")
 
 
-def read_scaled_frame(
-    path: Path, given: Scanner, assumed: tuple[Scanner, str], transpose: bool = False
-) -> ScaledFrame:
+SIZES = ("width_m", "depth_m", "refractive_index")
+
+
+def open_frame(
+    file: RecordedFile, given: Scan, assumed: Scan, assumption: str
+) -> OpenedFrame:
     """Read one frame and find its scale: `given`, else recording.toml's, the file's, or
-    `assumed` with its source.
+    the `assumed` one, whose source is the `assumption`.
     """
+    path = file.path
+    info = file.info
     pixels, image = read_image(path)
-    if transpose:
+    if given.transposed:
         pixels = pixels.T
         image = image.turned()
-
-    recording = recording_of(path)
-    info = None if recording is None else read_info(recording / "recording.toml")
     if info is not None:
-        check_frame(pixels, info.oct, path)
+        check_frame(pixels, info.scan, path)
 
     lateral_m = image.size.lateral_m
     depth_m = image.size.depth_m
-    file = Scanner(
-        width_m=lateral_m and lateral_m * image.columns,
-        depth_m=depth_m and depth_m * image.rows,
+    of_file = {
+        "width_m": lateral_m and lateral_m * image.columns,
+        "depth_m": depth_m and depth_m * image.rows,
+    }
+    stated: tuple[tuple[Mapping[str, Any], str], ...] = (
+        (vars(given), "option"),
+        (vars(info.scan) if info else {}, "recording.toml"),
+        (of_file, "file"),
+        (vars(assumed), assumption),
+        ({"refractive_index": 1.0}, "assumed"),
     )
-    stated = (
-        (given, "option"),
-        (info.oct if info else Scanner(), "recording.toml"),
-        (file, "file"),
-        assumed,
-    )
-    width, depth, index = (
-        next(
-            (
-                SourcedValue(value, source)
-                for scanner, source in stated
-                if (value := getattr(scanner, name))
-            ),
-            None,
-        )
-        for name in ("width_m", "depth_m", "refractive_index")
-    )
+    sizes = dict[str, float]()
+    sources = dict[str, str]()
+    for name in SIZES:
+        for values, source in stated:
+            if name not in sizes and values.get(name):
+                sizes[name] = values[name]
+                sources[name] = source
 
     if image.scale_fault and info is None and None in (given.width_m, given.depth_m):
         raise FrameError(f"{image.scale_fault}; give `width_m` and `depth_m`")
-    if width is None or depth is None:
+    if not sizes.keys() >= {"width_m", "depth_m"}:
         lost = "its size is neither in the file nor in a recording.toml"
         raise FrameError(f"{path}: {lost}; give `width_m` and `depth_m`")
 
-    for key, field, extent in (
-        ("width_mm", "width_m", width),
-        ("depth_mm", "depth_m", depth),
-    ):
+    for key, name in (("width_mm", "width_m"), ("depth_mm", "depth_m")):
         try:
-            check_quantity(key, from_si(extent.value, "mm"))
+            check_quantity(key, from_si(sizes[name], "mm"))
         except StudyError as fault:
             raise FrameError(
-                f"{path}: {fault} (stated by: {extent.source}); give `{field}`"
+                f"{path}: {fault} (stated by: {sources[name]}); give `{name}`"
             ) from None
 
-    notes = (*image.notes, *([image.scale_fault] if image.scale_fault else []))
-    return ScaledFrame(
-        pixels, width, depth, index or SourcedValue(1.0, "assumed"), info, notes
+    scan = Scan(
+        width_m=sizes["width_m"],
+        depth_m=sizes["depth_m"],
+        refractive_index=sizes["refractive_index"],
     )
+    notes = (*image.notes, *([image.scale_fault] if image.scale_fault else []))
+    return OpenedFrame(pixels, scan, sources, info, notes)

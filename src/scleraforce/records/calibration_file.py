@@ -1,5 +1,5 @@
 """The file of `calibrate`: typed records, read, checked and written (without SciPy);
-the known inputs of its eyes.
+what it tells of an experiment's eye.
 """
 
 import hashlib
@@ -15,20 +15,24 @@ import numpy as np
 
 from scleraforce.base.errors import CalibrationError, StudyError
 from scleraforce.base.plain_json import parse_json
-from scleraforce.base.units import from_si
+from scleraforce.base.units import HumanUnit, from_si
 from scleraforce.base.whole_files import KINDS, read_bytes, write_whole
 from scleraforce.records.decoder import Source, decode_record
-from scleraforce.records.eye import POPULATION_SD, ForceDiscrepancy, Known, Modulus
+from scleraforce.records.eye import POPULATION_SD, Eye, ForceDiscrepancy, Modulus
 from scleraforce.records.fields import (
+    TableForm,
+    Unit,
     allowed_bounds,
     computed,
+    formed,
     name_fault,
     not_in_files,
     one_line,
     required,
 )
-from scleraforce.records.globe import OPEN, KnownGlobe
-from scleraforce.records.tissue_relaxation import MOMENTS, KnownRelaxation, matrix_rows
+from scleraforce.records.globe import OPEN, Globe
+from scleraforce.records.setup import Setup
+from scleraforce.records.tissue_relaxation import MOMENTS, Relaxation, matrix_rows
 
 CALIBRATION_FORMAT = 3
 MECHANICS = ("finite-strain", "linear")
@@ -44,11 +48,13 @@ Record = TypeVar("Record")
 
 @dataclass(frozen=True)
 class CalibrationFile:
-    """A file of the format; `path` names it, `sha256` is of its text."""
+    """The content of a file of the format; `path` names it in messages, `sha256` is of
+    its text, "" of a calibration that is in memory.
+    """
 
     path: str
     content: Mapping[str, Any]
-    sha256: str
+    sha256: str = ""
 
 
 @dataclass(frozen=True)
@@ -75,40 +81,75 @@ class Appearance:
     frames: int = computed(1, inf)
 
 
-@dataclass(frozen=True, kw_only=True)
-class EyeSummary:
-    """Young's modulus of one eye: posterior mean and standard deviation, and the frames
-    that it rests on.
+def _in_file(
+    low: float | None, high: float | None, unit: HumanUnit | None = None
+) -> Unit:
+    return Unit(unit, low=low, high=high, exact=True)
 
-    `thickness_m` is the wall's as calibrated, estimated along with E if asked for.
-    `globe` is the known globe after the frames (open in early files), `discrepancy`
-    that of its forces from the library's, `stiffening` b of its tissue, `relaxation`
-    how it relaxes; None and 0 with linear mechanics and in early files. `lean_rad`: of
+
+def _read_eye(stated: Mapping[str, Any]) -> Eye:
+    globe = stated.get("globe", OPEN)
+    if globe.can_be_sealed and not globe.sd > 0.0:
+        raise StudyError(
+            "globe.rigidity_mmhg13_per_ul: lowest above highest, or sd not above 0"
+        )
+    modulus = Modulus(
+        mean_pa=stated["mean_mpa"],
+        sd_pa=stated["sd_mpa"],
+        source="shape" if stated.get("without_force") else "own",
+    )
+    return Eye(
+        modulus=modulus,
+        thickness_m=stated["thickness_um"],
+        globe=globe,
+        stiffening=stated.get("stiffening", 0.0),
+        discrepancy=stated.get("discrepancy"),
+        relaxation=stated.get("relaxation"),
+        calibrated_lean_rad=stated.get("lean_deg"),
+    )
+
+
+def _no_writing(_: Eye) -> Mapping[str, Any]:
+    raise NotImplementedError("`Calibration.to_dict` writes the eyes of a file")
+
+
+# An eye in a calibration file: what its frames have shown, in one table.
+_EYE_FORM = TableForm(
+    {
+        "mean_mpa": (float, _in_file(_MODULUS.low, _MODULUS.high, "mpa")),
+        "sd_mpa": (float, _in_file(0.0, _MODULUS.high, "mpa")),
+        "thickness_um": (float, _in_file(_THICKNESS.low, _THICKNESS.high, "um")),
+        "globe": (Globe, Unit()),
+        "discrepancy": (ForceDiscrepancy | None, Unit()),
+        "stiffening": (float, _in_file(0.0, STIFFEST_TISSUE)),
+        "relaxation": (Relaxation | None, Unit()),
+        "lean_deg": (float | None, _in_file(0.0, _LEAN.high, "deg")),
+        "without_force": (bool, Unit()),
+    },
+    _read_eye,
+    _no_writing,
+    needed=("mean_mpa", "sd_mpa", "thickness_um"),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibratedEye:
+    """One eye of a calibration, and the frames that it rests on.
+
+    `eye` has the modulus, with its posterior's mean and standard deviation ("own", or
+    "shape" where it is from the shape of the dents alone), the wall's thickness as
+    calibrated, estimated along with E if asked for, the globe after the frames (open in
+    early files), and the discrepancy, stiffening and relaxation of its tissue (None and
+    0 with linear mechanics and in early files). Its `calibrated_lean_rad` is that of
     the needle, where the forces were those along the wall's normal. `status` is "ok",
     or says that the filter diverged: the standard deviation then means nothing.
-    `without_force`: E is from the shape of its dents. `appearance`: what its frames
-    show, None in early files.
+    `appearance`: what its frames show, None in early files.
     """
 
-    mean_pa: float = computed(_MODULUS.low, _MODULUS.high, "mpa")
-    sd_pa: float = computed(0.0, _MODULUS.high, "mpa")
+    eye: Eye = formed(_EYE_FORM)
     frames: tuple[UsedFrame, ...]
-    thickness_m: float = computed(_THICKNESS.low, _THICKNESS.high, "um")
-    globe: KnownGlobe = OPEN
-    discrepancy: ForceDiscrepancy | None = None
-    stiffening: float = computed(0.0, STIFFEST_TISSUE, default=0.0)
-    relaxation: KnownRelaxation | None = None
-    lean_rad: float | None = computed(0.0, _LEAN.high, "deg", None)
     status: str = one_line("ok")
-    without_force: bool = False
     appearance: Appearance | None = None
-
-    def __post_init__(self) -> None:
-        globe = self.globe
-        if globe.highest < globe.lowest or (globe.can_be_sealed and not globe.sd > 0.0):
-            raise StudyError(
-                "globe.rigidity_mmhg13_per_ul: lowest above highest, or sd not above 0"
-            )
 
     @property
     def usable(self) -> bool:
@@ -126,7 +167,7 @@ class CalibrationSummary:
     forces.
     """
 
-    eyes: Mapping[str, EyeSummary]
+    eyes: Mapping[str, CalibratedEye]
     population_mean_pa: float = computed(
         _MODULUS.low, _MODULUS.high, "mpa", key="population.mean_mpa"
     )
@@ -217,7 +258,7 @@ def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
     return CalibrationFile(name, content, hashlib.sha256(text).hexdigest())
 
 
-def globe_entry(globe: KnownGlobe) -> dict[str, Any]:
+def globe_entry(globe: Globe) -> dict[str, Any]:
     """Return the entry of a globe in the file, with the band that holds its rigidity
     with 90 %.
     """
@@ -237,8 +278,8 @@ def globe_entry(globe: KnownGlobe) -> dict[str, Any]:
     }
 
 
-def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
-    """Return the known inputs of an eye, completed by a calibration.
+def known_of_eye(setup: Setup, summary: CalibrationSummary, eye: str) -> Setup:
+    """Return an experiment whose eye is completed by a calibration.
 
     A modulus comes with the stiffening of its tissue; one of the eye's own also with
     the wall's thickness of the calibration, and with its globe, unless a kind was
@@ -246,60 +287,69 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
     unknown, and the globe too where the frames contradict its declaration: it is
     unknown in the file then.
     """
-    modulus = calibrated_modulus(summary, eye)
     own = summary.eyes.get(eye)
-    if own is not None and not own.usable:
-        return replace(
-            known,
-            modulus=None,
-            globe=None if own.globe.kind == "unknown" else known.globe,
-        )
+    if own is None:
+        found = _as_of_population(setup.eye, summary)
+    elif own.usable:
+        found = _as_calibrated(setup.eye, own.eye)
+    else:
+        globe = None if _is_contradicted(own.eye) else setup.eye.globe
+        found = replace(setup.eye, modulus=None, globe=globe)
 
-    if own is None or modulus is None:
-        relaxation = known.relaxation or population_relaxation(summary)
-        known = replace(
-            known,
-            modulus=modulus,
-            stiffening=summary.population_stiffening,
-            relaxation=relaxation,
-        )
-        leans = [eye.lean_rad for eye in summary.eyes.values() if eye.usable]
-        stated = [lean for lean in leans if lean is not None]
+    return replace(setup, eye=found)
 
-        return replace(
-            known,
-            calibrated_lean_rad=(
-                sum(stated) / len(stated) if 0 < len(stated) == len(leans) else None
-            ),
-        )
 
-    globe = (
-        own.globe
-        if known.globe is None or own.globe.kind in (known.globe.kind, "unknown")
-        else known.globe
-    )
-    known = replace(
-        known,
-        modulus=modulus,
+def _is_contradicted(own: Eye) -> bool:
+    """Return whether the frames contradict what was declared of the globe."""
+    return own.globe is not None and own.globe.kind == "unknown"
+
+
+def _as_calibrated(declared: Eye, own: Eye) -> Eye:
+    """Return an eye with what its own frames have shown; a leak stays as declared."""
+    globe = own.globe
+    if globe is not None:
+        stated = declared.globe
+        if stated is None or globe.kind in (stated.kind, "unknown"):
+            globe = replace(globe, leak_time_s=declared.leak_time_s)
+        else:
+            globe = stated
+
+    same_wall = own.thickness_m == declared.thickness_m
+    return replace(
+        declared,
+        modulus=own.modulus,
         globe=globe,
         thickness_m=own.thickness_m,
-        calibrated_lean_rad=own.lean_rad,
-    )
-    relaxation = own.relaxation or known.relaxation
-
-    return replace(
-        known,
+        thickness_sd_m=declared.thickness_sd_m if same_wall else None,
+        calibrated_lean_rad=own.calibrated_lean_rad,
         stiffening=own.stiffening,
         discrepancy=own.discrepancy,
-        relaxation=relaxation,
+        relaxation=own.relaxation or declared.relaxation,
     )
 
 
-def population_relaxation(summary: CalibrationSummary) -> KnownRelaxation | None:
+def _as_of_population(declared: Eye, summary: CalibrationSummary) -> Eye:
+    """Return an eye that a calibration does not have, with the population's modulus and
+    tissue.
+    """
+    usable = [one.eye for one in summary.eyes.values() if one.usable]
+    leans = [eye.calibrated_lean_rad for eye in usable]
+    stated = [lean for lean in leans if lean is not None]
+    leans_known = 0 < len(stated) == len(leans)
+    return replace(
+        declared,
+        modulus=population_modulus(summary),
+        stiffening=summary.population_stiffening,
+        relaxation=declared.relaxation or population_relaxation(summary),
+        calibrated_lean_rad=sum(stated) / len(stated) if leans_known else None,
+    )
+
+
+def population_relaxation(summary: CalibrationSummary) -> Relaxation | None:
     """Return how the eyes of a calibration relax, with their spread; None if that is
     not known of all in one way.
     """
-    found = [eye.relaxation for eye in summary.eyes.values() if eye.usable]
+    found = [one.eye.relaxation for one in summary.eyes.values() if one.usable]
     eyes = [one for one in found if one is not None]
     if not eyes or len(eyes) < len(found) or len({one.times_s for one in eyes}) > 1:
         return None
@@ -322,7 +372,7 @@ def population_relaxation(summary: CalibrationSummary) -> KnownRelaxation | None
         found_s = [getattr(one, name) for one in eyes]
         joined[name] = None if None in found_s else float(np.median(found_s))
 
-    return KnownRelaxation(**joined)
+    return Relaxation(**joined)
 
 
 def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus | None:
@@ -335,15 +385,9 @@ def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus | None:
     from it by the spread of two eyes.
     """
     own = summary.eyes.get(eye)
-    if own is not None:
-        source = "shape" if own.without_force else "own"
-        return (
-            Modulus(mean_pa=own.mean_pa, sd_pa=own.sd_pa, source=source)
-            if own.usable
-            else None
-        )
-
-    return population_modulus(summary)
+    if own is None:
+        return population_modulus(summary)
+    return own.eye.modulus if own.usable else None
 
 
 def population_modulus(summary: CalibrationSummary) -> Modulus | None:
@@ -398,7 +442,7 @@ def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
 
     if modulus is None:
         read = "as one of unknown modulus" + (
-            " in an unknown globe" if own and own.globe.kind == "unknown" else ""
+            " in an unknown globe" if own and _is_contradicted(own.eye) else ""
         )
     else:
         sd = f"{from_si(modulus.relative_sd, 'percent'):.0f} %"

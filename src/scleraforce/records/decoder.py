@@ -156,9 +156,10 @@ def decode_record(
                 f" {', '.join(keys)}"
             )
 
-    for key, name in plan.required:
-        if name not in values:
+    for key in plan.required:
+        if key not in table:
             raise StudyError(f"{source.place((*path, key), missing=True)}: missing")
+    values |= {name: value for key, name, value in plan.absent if key not in table}
 
     try:
         for name, form in plan.forms.items():
@@ -166,7 +167,8 @@ def decode_record(
 
         return kind(**values)
     except StudyError as fault:
-        key, _, rest = str(fault).partition(":")
+        name, _, rest = str(fault).partition(":")
+        key = plan.key_of.get(name, name)
         known = keys.get(key)
         is_missing = known is not None and key not in table and not known.own
         place = source.place((*path, key), missing=is_missing)
@@ -191,13 +193,16 @@ class _Key:
 @dataclass(frozen=True)
 class _Plan:
     """The table of a record: its keys in the order of fields, the forms of fields by
-    their names, key and name of fields without a default, and tables in it that hold
+    their names, the key of each field that has one, the keys that it has to have, key,
+    field and value of those whose absence says something, and tables in it that hold
     fields of the record.
     """
 
     keys: Mapping[str, _Key]
     forms: Mapping[str, TableForm]
-    required: tuple[tuple[str, str], ...]
+    key_of: Mapping[str, str]
+    required: tuple[str, ...]
+    absent: tuple[tuple[str, str, float], ...]
     tables: frozenset[str]
 
 
@@ -207,28 +212,34 @@ def _plan(kind: type) -> _Plan:
     items = [item for item in dataclasses.fields(kind) if in_files(item)]
     keys: dict[str, _Key] = {}
     forms: dict[str, TableForm] = {}
+    required: list[str] = []
+    absent: list[tuple[str, str, float]] = []
 
     for item in items:
         form = field_form(item)
-        if form is None:
-            key = field_key(item)
-            read = _reader(key, hints[item.name], field_unit(item))
-            keys[key] = _Key(item.name, read, own=True)
-        else:
+        if form is not None:
             forms[item.name] = form
+            required += form.needed
             for key, (hint, unit) in form.keys.items():
                 keys[key] = _Key(item.name, _reader(key, hint, unit), own=False)
+            continue
 
+        key = field_key(item)
+        read = _reader(key, hints[item.name], field_unit(item))
+        keys[key] = _Key(item.name, read, own=True)
+        has_default = item.default is not MISSING or item.default_factory is not MISSING
+        if item.metadata.get("needed") or not has_default:
+            required.append(key)
+        if item.metadata.get("absent") is not None:
+            absent.append((key, item.name, item.metadata["absent"]))
+
+    names = Counter(known.name for known in keys.values())
     return _Plan(
         keys,
         forms,
-        tuple(
-            (field_key(item), item.name)
-            for item in items
-            if item.name not in forms
-            and item.default is MISSING
-            and item.default_factory is MISSING
-        ),
+        {known.name: key for key, known in keys.items() if names[known.name] == 1},
+        tuple(required),
+        tuple(absent),
         frozenset(key.partition(".")[0] for key in keys if "." in key),
     )
 
@@ -379,8 +390,8 @@ def format_record(record: Any) -> str:
 def _entries(value: Any, source: Source, path: Path, kind: type = object) -> list[Any]:
     """Return the entries of a list; those of TOML are of a kind, and not many."""
     if source.lines is None:
-        if isinstance(value, list):
-            return value
+        if isinstance(value, list | tuple):  # a tuple: of what is to be a file
+            return list(value)
         raise StudyError(
             f"{source.place(path)}: expected a list, found {reprlib.repr(value)}"
         )
@@ -449,6 +460,8 @@ def format_section(name: str, record: Any, noted: bool = False) -> str:
 
     for item in dataclasses.fields(record):
         value = getattr(record, item.name)
+        if value is None:
+            value = item.metadata.get("absent")
         form = field_form(item)
         if value is None or not in_files(item):
             continue

@@ -1,5 +1,4 @@
-"""Known inputs of an eye beside its frame: modulus, IOP, thickness, gap, globe,
-discrepancy of its forces.
+"""An eye: modulus, IOP, thickness, globe, tissue, and the discrepancy of its forces.
 
 Each may be missing. A globe is open, sealed with some rigidity, or unknown; the
 rigidity is an unknown of fit and filter: normal about a mean, within bounds. Frames of
@@ -12,8 +11,8 @@ O'Hagan, J. R. Stat. Soc. B 63, 2001):
     ln(F / F_library) = level + growth (F_library / 60 mN - 1/2)
 """
 
-from dataclasses import KW_ONLY, dataclass, fields, replace
-from math import sqrt
+from dataclasses import KW_ONLY, dataclass
+from math import inf, sqrt
 
 import numpy as np
 
@@ -22,63 +21,23 @@ from scleraforce.base.errors import StudyError
 from scleraforce.base.normal_distribution import MOST_CORRELATED
 from scleraforce.records.fields import (
     check_fields,
+    check_kind,
+    check_quantity,
     computed,
+    declared,
+    formed,
     name_fault,
-    option,
+    needed,
+    not_in_files,
     optional_quantity,
     quantity,
 )
-from scleraforce.records.globe import KnownGlobe, known_globe
-from scleraforce.records.study_of_eye import (
-    GLOBES,
-    RIGIDITY_LAWS,
-    check_relaxation,
-)
-from scleraforce.records.tissue_relaxation import KnownRelaxation
+from scleraforce.records.globe import GLOBE_FORM, Globe
+from scleraforce.records.tissue_relaxation import RELAXATION_FORM, Relaxation
 
 # growth is that from no force to this one; beyond it the discrepancy is constant
 REFERENCE_N = 60e-3
 _LARGEST_LOG = 2.0  # of a force's logarithm, in a file
-
-
-@dataclass(frozen=True)
-class EyeInfo:
-    """The eye: a name, and its known properties (None: unknown).
-
-    `globe`: "open" (infused or vented: the needle leaves the pressure unchanged) or
-    "sealed"; a sealed one may have a measured rigidity and its law, and a time constant
-    in which it leaks (`records.globe`). `relaxation`: terms of a share and a time
-    constant, s (`mechanics.tissue_material`); none: the tissue is elastic.
-    """
-
-    id: str
-    _: KW_ONLY
-    thickness_m: float | None = optional_quantity("thickness_m")
-    iop_pa: float | None = optional_quantity("iop_pa")
-    globe: str | None = option(None, *GLOBES)
-    rigidity_pa13_per_m3: float | None = optional_quantity("rigidity", "mmhg13_per_ul")
-    rigidity_law: str | None = option(None, *RIGIDITY_LAWS)
-    leak_time_s: float | None = quantity(None, None, 1.0, 1e6)
-    relaxation: tuple[tuple[float, ...], ...] | None = quantity(None, None, 0.0, 1e5)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        check_relaxation(self.relaxation or ())
-        if fault := name_fault(self.id):
-            raise StudyError(f"id: {fault}")
-
-        stated = (self.rigidity_pa13_per_m3, self.rigidity_law, self.leak_time_s)
-        for key, value in zip(
-            ("rigidity_mmhg13_per_ul", "rigidity_law", "leak_time_s"),
-            stated,
-            strict=True,
-        ):
-            if value is not None and self.globe != "sealed":
-                found = "missing" if self.globe is None else f'"{self.globe}"'
-                raise StudyError(
-                    f"{key}: of a sealed globe, globe is {found};"
-                    ' write globe = "sealed", or leave it out'
-                )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,13 +135,31 @@ OWN_SOURCES = ("own", "shape")
 
 @dataclass(frozen=True, kw_only=True)
 class Modulus:
-    """Young's modulus with its standard deviation, Pa, and where it comes from
-    (`MODULUS_SOURCES`).
+    """Young's modulus with its standard deviation, Pa, and its source: "own" of the
+    eye's own frames and forces, "shape" of its frames alone, "population" of other
+    eyes, "stated" without a calibration. A modulus of the eye's own is read with the
+    discrepancy of its forces.
+
+    >>> import scleraforce as sf
+    >>> sf.Modulus.stated(0.3e6).sd_pa
+    9000.0
     """
 
     mean_pa: float
     sd_pa: float
     source: str
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.mean_pa < inf and 0.0 <= self.sd_pa < inf):
+            raise StudyError(
+                f"modulus: {self.mean_pa} ± {self.sd_pa} Pa; give a mean above 0 and a"
+                " standard deviation of 0 or more"
+            )
+        if self.source not in MODULUS_SOURCES:
+            raise StudyError(
+                f"modulus: source: {self.source!r} is not one of"
+                f" {', '.join(MODULUS_SOURCES)}"
+            )
 
     @property
     def relative_sd(self) -> float:
@@ -191,45 +168,107 @@ class Modulus:
 
     @classmethod
     def stated(cls, mean_pa: float) -> "Modulus":
-        """A modulus that is given without its uncertainty."""
+        """Return a modulus that is given without its uncertainty, taken as 3 %.
+
+        Raises:
+            StudyError: it is out of bounds.
+        """
+        check_quantity("youngs_modulus_pa", mean_pa)
         return cls(mean_pa=mean_pa, sd_pa=STATED_MODULUS_SD * mean_pa, source="stated")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Known:
-    """Known inputs of an eye and of the B-scan's place; None: unknown.
+# values of an eye, and the fields of their standard deviations
+UNCERTAIN = {
+    "iop_pa": "iop_sd_pa",
+    "thickness_m": "thickness_sd_m",
+    "radius_m": "radius_sd_m",
+}
 
-    `gap_m` is the distance of the B-scan plane from the needle axis, `polar_rad` the
-    polar angle of the contact, `direction_rad` that of the plane's lateral axis from
-    the meridian. `globe` is by default `UNKNOWN`; `stiffening` is b of the tissue
-    (`mechanics.tissue_material`), by default 0. `discrepancy` belongs to an eye's own
-    modulus. Tissue whose `relaxation` is not known is read as elastic; a globe without
-    `leak_time_s` does not leak. `lean_rad` has the ends of the angle between the needle
-    and the wall's normal, `lean_azimuth_rad` its direction on its way up, from the
-    plane's lateral axis. A calibration's modulus is of forces along the normal if it
-    knew the lean, `calibrated_lean_rad`; otherwise of forces along its needle.
-    `unlearned` is the eye before a monitor learned its E, None where none did: models
-    read both (`reading.reading_models`).
+
+@dataclass(frozen=True)
+class Eye:
+    """An eye, as far as it is known; None always means: not declared.
+
+    Attributes:
+        name: names the eye in a calibration and in tables. None: no calibration's own
+            values are found.
+        modulus: Young's modulus of the wall. None: anything that the model was trained
+            for, which makes forces unsure by as much.
+        iop_pa: pressure at rest. None: the range of the model's training, which widens
+            the interval.
+        iop_sd_pa: standard deviation of `iop_pa`. None: 5 % of it.
+        thickness_m: of the wall. None: as the picture shows it, within the range of the
+            model's training; nothing then checks the wall that is found.
+        thickness_sd_m: standard deviation of `thickness_m`. None: 15 um.
+        radius_m: of the globe's outer surface; one that is more than 12 % off the
+            model's is refused. None: the model's, 12 mm, within what the picture shows
+            of its curvature (3 %). Networks take no radius, and a monitor none at all.
+        radius_sd_m: standard deviation of `radius_m`. None: 2 % of it.
+        globe: open or sealed. None: it may be either, and the interval spans both.
+        stiffening: b of the tissue (`mechanics.tissue_material`). None: 0.
+        relaxation: how the tissue relaxes. None: it is read as elastic.
+        discrepancy: of the eye's forces from the library's; belongs to a modulus of its
+            own. None: none.
+        calibrated_lean_rad: of the needle that calibrated `modulus`, which then is of
+            forces along the wall's normal. None: of forces along that needle.
+        unlearned: the eye before a monitor learned its E: models read both. None: no
+            monitor has.
+
+    Raises:
+        StudyError: a value is out of bounds, or an uncertainty without its value.
+
+    >>> import scleraforce as sf
+    >>> eye = sf.Eye("eye-a", iop_pa=2000.0, thickness_m=500e-6)
+    >>> eye.modulus is None
+    True
     """
 
-    modulus: Modulus | None = None
-    iop_pa: float | None = None
-    thickness_m: float | None = None
-    gap_m: float | None = None
-    polar_rad: float | None = None
-    direction_rad: float | None = None
-    globe: KnownGlobe | None = None
-    stiffening: float | None = None
-    discrepancy: ForceDiscrepancy | None = None
-    relaxation: KnownRelaxation | None = None
-    lean_rad: tuple[float, float] | None = None
-    lean_azimuth_rad: float | None = None
-    calibrated_lean_rad: float | None = None
-    leak_time_s: float | None = None
-    unlearned: "Known | None" = None
+    name: str | None = needed(key="id")
+    _: KW_ONLY
+    thickness_m: float | None = optional_quantity("thickness_m")
+    thickness_sd_m: float | None = quantity(None, None, 1e-7, 3e-3)
+    iop_pa: float | None = optional_quantity("iop_pa")
+    iop_sd_pa: float | None = quantity(None, None, 1e-3, 15e3)
+    radius_m: float | None = quantity(None, None, 3e-3, 30e-3)
+    radius_sd_m: float | None = quantity(None, None, 1e-6, 10e-3)
+    globe: Globe | None = formed(GLOBE_FORM)
+    relaxation: Relaxation | None = formed(RELAXATION_FORM)
+    modulus: Modulus | None = not_in_files()
+    stiffening: float | None = not_in_files()
+    discrepancy: ForceDiscrepancy | None = not_in_files()
+    calibrated_lean_rad: float | None = not_in_files()
+    unlearned: "Eye | None" = not_in_files()
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        check_kind("modulus", self.modulus, Modulus, "Modulus.stated(0.3e6)")
+        check_kind("globe", self.globe, Globe, 'Globe.declared("open")')
+        check_kind("relaxation", self.relaxation, Relaxation, "Relaxation.declared([])")
+        check_kind("name", self.name, str, '"eye-a"')
+        if self.stiffening is not None and not 0.0 <= self.stiffening < inf:
+            raise StudyError(f"stiffening: {self.stiffening!r}; give 0 or more")
+        if self.name is not None and (fault := name_fault(self.name)):
+            raise StudyError(f"name: {fault}")
+
+        for value, sd in UNCERTAIN.items():
+            if getattr(self, sd) is not None and getattr(self, value) is None:
+                raise StudyError(
+                    f"{sd}: the uncertainty of {value}, which is missing; give both, or"
+                    " leave it out"
+                )
 
     @property
-    def before_learning(self) -> "Known":
+    def modulus_pa(self) -> float:
+        """Young's modulus, the mean; raises `InputError` if it is not declared."""
+        return declared(self.modulus, "eye: modulus").mean_pa
+
+    @property
+    def leak_time_s(self) -> float | None:
+        """Time constant in which the globe leaks; None: not declared."""
+        return None if self.globe is None else self.globe.leak_time_s
+
+    @property
+    def before_learning(self) -> "Eye":
         """The eye as it was known before a monitor learned its E."""
         return self if self.unlearned is None else self.unlearned
 
@@ -243,90 +282,34 @@ class Known:
         """True if E was found on frames of the eye or of others."""
         return self.modulus is not None and self.modulus.source != "stated"
 
-    def turned(self, turn_rad: float) -> "Known":
-        """Return the eye beside a plane at another angle about the needle's axis, whose
-        gap is unknown.
-        """
-        direction_rad = (
-            None if self.direction_rad is None else self.direction_rad + turn_rad
-        )
-        return replace(self, direction_rad=direction_rad, gap_m=None)
-
     @property
     def scatter(self) -> float:
         """Factor of intervals from the scatter of the eye's frames of known force."""
         return 1.0 if self.discrepancy is None else self.discrepancy.scatter
 
+    def declared(self) -> "Eye":
+        """Return what was declared of the eye, without the findings of a
+        calibration.
+        """
+        relaxation = self.relaxation
+        if relaxation is not None and relaxation.source != "declared":
+            relaxation = None
 
-NOTHING_KNOWN = Known()
-
-
-def one_lean(ends_rad: tuple[float, float] | None) -> float | None:
-    """Return the lean of two ends that are the same, else None."""
-    return ends_rad[0] if ends_rad is not None and ends_rad[0] == ends_rad[1] else None
-
-
-def stated_globe(eye: EyeInfo) -> KnownGlobe | None:
-    """Return the globe that a recording states; None: unknown."""
-    return (
-        None
-        if eye.globe is None
-        else known_globe(eye.globe, eye.rigidity_pa13_per_m3, eye.rigidity_law)
-    )
-
-
-def stated_eye(eye: str, known: Known) -> EyeInfo:
-    """Return a recording's statements on a known eye, without the findings of a
-    calibration.
-    """
-    globe = known.globe
-    relaxation = known.relaxation
-    terms = None
-    if relaxation is not None and relaxation.source == "declared":
-        terms = tuple(zip(relaxation.shares, relaxation.times_s, strict=True))
-
-    stated = EyeInfo(
-        eye, thickness_m=known.thickness_m, iop_pa=known.iop_pa, relaxation=terms
-    )
-    if globe is None or globe.kind == "unknown":
-        return stated
-    if globe.kind == "open":
-        return replace(stated, globe="open")
-
-    rigidity = globe.mean if globe.rigidity_told and not globe.calibrated else None
-    stated = replace(stated, globe="sealed", leak_time_s=known.leak_time_s)
-    return replace(stated, rigidity_pa13_per_m3=rigidity, rigidity_law=globe.law)
+        return Eye(
+            self.name,
+            thickness_m=self.thickness_m,
+            thickness_sd_m=self.thickness_sd_m,
+            iop_pa=self.iop_pa,
+            iop_sd_pa=self.iop_sd_pa,
+            radius_m=self.radius_m,
+            radius_sd_m=self.radius_sd_m,
+            globe=None if self.globe is None else self.globe.as_declared(),
+            relaxation=relaxation,
+        )
 
 
-def open_doubts(globe: str | None) -> tuple[str, ...]:
+def open_doubts(globe: Globe | None) -> tuple[str, ...]:
     """Return a sentence if linear mechanics, which takes every globe for open, reads a
     sealed one.
     """
-    return (_SEALED_DOUBT,) if globe == "sealed" else ()
-
-
-def completed_eye(given: Known, stated: Known) -> Known:
-    """Return the given inputs of an eye, completed by the stated ones, also by a globe
-    of the same kind.
-
-    >>> both = completed_eye(Known(gap_m=0.4e-3), Known(gap_m=0.5e-3, iop_pa=266.0))
-    >>> both == Known(gap_m=0.4e-3, iop_pa=266.0)
-    True
-    """
-    missing = [item.name for item in fields(Known) if getattr(given, item.name) is None]
-    globe = given.globe or stated.globe
-
-    if (
-        given.globe is not None
-        and stated.globe is not None
-        and given.globe.kind == stated.globe.kind
-    ):
-        globe = (
-            replace(given.globe, law=stated.globe.law)
-            if given.globe.rigidity_told
-            else stated.globe
-        )
-
-    return replace(
-        given, **{**{name: getattr(stated, name) for name in missing}, "globe": globe}
-    )
+    return (_SEALED_DOUBT,) if globe is not None and globe.kind == "sealed" else ()

@@ -6,17 +6,20 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, MISSING, Field, dataclass, field, fields
 from functools import cache
-from math import isfinite, log
-from typing import Any
+from math import isfinite, log, nan
+from numbers import Real
+from sys import float_info
+from typing import Any, TypeVar, get_type_hints
 
 import numpy as np
 
 from scleraforce.base.arrays import Floats
-from scleraforce.base.errors import StudyError
+from scleraforce.base.errors import InputError, StudyError
 from scleraforce.base.units import SI_PER_UNIT, HumanUnit, from_si, to_si
 
 # text of one line, which may have letters of any language
 LINE = re.compile(r"[^\x00-\x1f\x7f-\xa0\xad\u2028\u2029\ud800-\udfff]*\Z")
+Value = TypeVar("Value")
 
 
 @dataclass(frozen=True)
@@ -109,12 +112,14 @@ class TableForm:
     `keys`: each key with the type of its value, as a hint, and its unit. `read` returns
     the field, of the values that are there by key, in SI and within the bounds of their
     units; it is called even where none is there. `write` returns the values of a field
-    that is not None by key, in SI; None for a key that is left out.
+    that is not None by key, in SI; None for a key that is left out. A file has to have
+    the `needed` keys.
     """
 
     keys: Mapping[str, tuple[Any, Unit]]
     read: Callable[[Mapping[str, Any]], Any]
     write: Callable[[Any], Mapping[str, Any]]
+    needed: tuple[str, ...] = ()
 
 
 # A needle's force: the largest force of a study, more than a sclera bears before it is
@@ -154,10 +159,12 @@ def quantity(
     note: str = "",
     *,
     key: str | None = None,
+    absent: float | None = None,
 ) -> Any:
     """Declare a field: `default` and bounds in the human `unit`; a Choice or tuple of
     integers is a list of such. `key`: that of files, where it is not of the field's
-    name; in "a.b", b is a key of the table a.
+    name; in "a.b", b is a key of the table a. `absent`: what a file without the key
+    says, in SI; None: the default.
     """
     numbers = default.values if isinstance(default, Choice) else default
     listed = (
@@ -168,7 +175,8 @@ def quantity(
     spec = Unit(unit, low=low, high=high, listed=listed, note=note)
 
     return field(
-        default=map_numbers(default, spec.to_si), metadata={"unit": spec, "key": key}
+        default=map_numbers(default, spec.to_si),
+        metadata={"unit": spec, "key": key, "absent": absent},
     )
 
 
@@ -212,6 +220,16 @@ def one_line(default: Any = MISSING) -> Any:
     return field(default=default, metadata={"unit": Unit(is_line=True)})
 
 
+def needed(
+    *, low: float | None = None, high: float | None = None, key: str | None = None
+) -> Any:
+    """Declare a field that files have to have, and that is None where a caller does not
+    declare it.
+    """
+    spec = Unit(low=low, high=high)
+    return field(default=None, metadata={"unit": spec, "key": key, "needed": True})
+
+
 def formed(form: TableForm, default: Any = None) -> Any:
     """Declare a field that stands in files under the keys of a form."""
     return field(default=default, metadata={"form": form})
@@ -220,6 +238,13 @@ def formed(form: TableForm, default: Any = None) -> Any:
 def not_in_files(default: Any = None) -> Any:
     """Declare a field that no file has."""
     return field(default=default, metadata={"form": None})
+
+
+def declared(value: Value | None, name: str) -> Value:
+    """Return a value that has to be declared; raises `InputError` with its name."""
+    if value is None:
+        raise InputError(f"{name}: not declared; give it")
+    return value
 
 
 def field_form(item: Field[Any]) -> TableForm | None:
@@ -282,10 +307,69 @@ def _texts_in(value: Any) -> list[str]:
     return [] if value is None else [value]
 
 
+LARGEST = float_info.max
+
+
 def check_fields(record: Any) -> None:
     """Check every field of a record against its bounds and words."""
-    for item in fields(record):
-        check_value(field_key(item), getattr(record, item.name), field_unit(item))
+    for name, key, unit, low, high, whole in _bounds_of(record.__class__):
+        value = getattr(record, name)
+        if value is None or (type(value) is float and low <= value <= high):
+            continue  # the usual case, as records are made for each frame
+        if whole is not None:
+            value = _number(key, value, whole)
+        check_value(key, value, unit)
+
+
+def _number(key: str, value: object, whole: bool) -> float:
+    """Return a number of any type, as NumPy's; raises a `StudyError` for what is
+    none, or not a whole one.
+    """
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise StudyError(
+            f"{key}: found {type(value).__name__} {value!r:.40}; give a number"
+        )
+    number = float(value)
+    if whole and number % 1.0:
+        raise StudyError(f"{key}: {number:g}; give a whole number")
+    return number
+
+
+@cache
+def _bounds_of(
+    kind: type,
+) -> tuple[tuple[str, str, Unit, float, float, bool | None], ...]:
+    """Return name, key and unit of each field of a record, its bounds in SI, and
+    whether its numbers are whole.
+
+    The bounds are NaN, which nothing is within, where a value has to be looked at; the
+    last is None of a field that holds more than one number.
+    """
+    hints = get_type_hints(kind)
+    numbers = {float: False, float | None: False, int: True, int | None: True}
+    found = []
+    for item in fields(kind):
+        unit = field_unit(item)
+        low = -LARGEST if unit.low is None else unit.to_si(unit.low)
+        high = LARGEST if unit.high is None else unit.to_si(unit.high)
+        whole = numbers.get(hints[item.name])
+        if unit.words or unit.listed or whole:
+            low = high = nan
+        # of a value in SI the name of its field, else the key whose unit it is in
+        key = item.name if unit.name is None else field_key(item)
+        found.append((item.name, key, unit, low, high, whole))
+    return tuple(found)
+
+
+def check_kind(name: str, value: object, kind: type, example: str) -> None:
+    """Raise a `StudyError` unless the value of a field is a record of a kind, or
+    None.
+    """
+    if value is not None and not isinstance(value, kind):
+        raise StudyError(
+            f"{name}: found {type(value).__name__} {value!r:.40}; give a"
+            f" {kind.__name__}, like {example}"
+        )
 
 
 def check_value(key: str, value: Any, unit: Unit) -> None:

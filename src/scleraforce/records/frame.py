@@ -1,25 +1,27 @@
-"""A frame: its pixels, its scale, its mask, and where each is from."""
+"""A frame: its pixels, its scale, its mask, and where each is from; the frames of one
+moment.
+"""
 
 import hashlib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass
+from math import inf
+from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.base.errors import FrameError
+from scleraforce.base.errors import FrameError, InputError
+from scleraforce.records.fields import check_quantity
 from scleraforce.records.recording_info import RecordingInfo
-from scleraforce.records.scan import OctInfo, PixelScale
-
-if TYPE_CHECKING:
-    from scleraforce.records.scan import OctInfo
-
+from scleraforce.records.scan import PixelScale, Scan
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
 
-def check_frame(pixels: Pixels, stated: OctInfo, path: Path) -> None:
+def check_frame(pixels: Pixels, stated: Scan, path: Path) -> None:
     """Check a frame against its recording.toml."""
     fault = None
     largest = int(pixels.max())
@@ -30,9 +32,9 @@ def check_frame(pixels: Pixels, stated: OctInfo, path: Path) -> None:
             f"{found} pixels (rows x columns); recording.toml says {stated.rows} x"
             f" {stated.columns}"
         )
-    elif pixels.dtype == np.uint8 and stated.bits > 8:
+    elif pixels.dtype == np.uint8 and stated.pixel_bits > 8:
         fault = f"8 bits a pixel; recording.toml says {stated.bits}"
-    elif largest >= 2**stated.bits:
+    elif largest >= 2**stated.pixel_bits:
         fault = (
             f"a pixel of {largest} is more than {stated.bits} bits; check bits in"
             " recording.toml"
@@ -54,38 +56,107 @@ def frame_digest(pixels: Pixels) -> str:
     return hashlib.sha256(size + pixels.astype("<u2").tobytes()).hexdigest()
 
 
-@dataclass(frozen=True)
-class SourcedValue:
-    """A value, and its source: "option", "recording.toml", "file", or an assumption."""
+MASK_SD_ROWS = 2.0  # of the boundaries of a mask that people draw
 
-    value: float
-    source: str
+FrameSource = str | PathLike[str] | NDArray[Any]
+Mask = str | PathLike[str] | NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
-class ScaledFrame:
-    """A frame (rows: depth, columns: lateral) with its scale, notes, and its
-    recording's metadata if it has any.
+class Frame:
+    """A B-scan to be read, and what is known of it.
+
+    Attributes:
+        pixels: an image file, or an array (row, column), whose rows go down into the
+            eye.
+        plane: name of the plane that it shows, one of the scan's. None: the only one,
+            or its place in the order of the planes; of a recording's frame, as stated
+            there.
+        mask: the wall in place of the one that is found: an image file, or an array of
+            the frame's shape, 255 or True where wall is, 128 in columns that are not
+            judged. None: the recording's, else the one that is found.
+        mask_sd_rows: standard deviation of the mask's boundaries, rows.
+
+    Raises:
+        InputError: `mask_sd_rows` is not above 0.
+
+    >>> import scleraforce as sf
+    >>> sf.Frame("eye-a/frames/0002.png", mask="mine.png").mask_sd_rows
+    2.0
+    """
+
+    pixels: FrameSource
+    _: KW_ONLY
+    plane: str | None = None
+    mask: Mask | None = None
+    mask_sd_rows: float = MASK_SD_ROWS
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.mask_sd_rows < inf:
+            raise InputError(
+                f"mask_sd_rows: {self.mask_sd_rows:g}; give the standard deviation of"
+                " the mask's boundaries, rows"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """The frames of one moment, one of each plane, which are read together.
+
+    Attributes:
+        frames: one, or one of each plane.
+        held_s: time since the needle's push, in tissue that relaxes. None: as in the
+            frames of the calibration.
+        iop_pa: pressure at rest at this moment. None: the eye's.
+
+    Raises:
+        InputError: there is no frame, or `held_s` is below 0.
+
+    >>> import scleraforce as sf
+    >>> frame = sf.Frame("eye-a/frames/0002.png")
+    >>> sf.Moment((frame,), held_s=1.5).held_s
+    1.5
+    """
+
+    frames: tuple[Frame, ...]
+    _: KW_ONLY
+    held_s: float | None = None
+    iop_pa: float | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.frames, tuple) or not all(
+            isinstance(frame, Frame) for frame in self.frames
+        ):
+            raise InputError("frames: give a tuple of Frame, like (Frame(path),)")
+        if not self.frames:
+            raise InputError("frame: none; give one, or one of each plane")
+        if self.held_s is not None and not 0.0 <= self.held_s < inf:
+            raise InputError(
+                f"held_s: {self.held_s:g}; give the time since the push, 0 s or more"
+            )
+        if self.iop_pa is not None:
+            check_quantity("iop_pa", self.iop_pa)
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedFrame:
+    """A frame (rows: depth, columns: lateral) in memory.
+
+    `scan` has its width, depth and refractive index, `sources` where each of these is
+    from: "option", "recording.toml", "file", or an assumption. `info`: of the recording
+    that it is in, None without one.
     """
 
     pixels: Pixels
-    width_m: SourcedValue
-    depth_m: SourcedValue
-    refractive_index: SourcedValue
+    scan: Scan
+    sources: Mapping[str, str]
     info: RecordingInfo | None
     notes: tuple[str, ...] = ()
 
     @property
     def scale(self) -> PixelScale:
         """Size of a pixel as stored, with the refractive index."""
-        rows, columns = self.pixels.shape
-        lateral_m = self.width_m.value / columns
-        depth_m = self.depth_m.value / rows
-        return PixelScale(
-            lateral_m=lateral_m,
-            depth_m=depth_m,
-            refractive_index=self.refractive_index.value,
-        )
+        return self.scan.scale_of(self.pixels.shape)
 
 
 NO_WALL = 0

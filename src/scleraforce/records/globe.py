@@ -20,7 +20,7 @@ the pressure. At any time it is a globe that does not leak, with a resting press
 W has lowered.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import sqrt
 from typing import Any, Final, Literal
@@ -28,11 +28,20 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from scleraforce.base.arrays import Floats
-from scleraforce.base.errors import InputError
+from scleraforce.base.errors import InputError, StudyError
 from scleraforce.base.normal_distribution import MOST_CORRELATED, NINETY_PERCENT
 from scleraforce.base.units import to_si
-from scleraforce.records.fields import computed, option
-from scleraforce.records.study_of_eye import RIGIDITY_LAWS, GlobeStudy
+from scleraforce.records.fields import (
+    TableForm,
+    Unit,
+    allowed_bounds,
+    check_quantity,
+    check_value,
+    computed,
+    not_in_files,
+    option,
+)
+from scleraforce.records.study_of_eye import GLOBES, RIGIDITY_LAWS, GlobeStudy
 
 Values = Floats | float
 
@@ -41,7 +50,7 @@ SAME_SLOPE_PA = to_si(15.0, "mmhg")
 
 
 @dataclass(frozen=True)
-class Globe:
+class PressureLaw:
     """The rise of the pressure with the displaced volume; open where `rate` is 0.
     Numbers and arrays broadcast.
 
@@ -68,10 +77,10 @@ class Globe:
         """Return whether the pressure follows the volume."""
         return bool(np.any(np.asarray(self.rate) != 0.0))
 
-    def over(self, youngs_modulus_pa: Values) -> "Globe":
+    def over(self, youngs_modulus_pa: Values) -> "PressureLaw":
         """Return the same globe where pressures are given over a modulus, P/E.
 
-        >>> globe = sealed_globe(0.15e9)
+        >>> globe = sealed_law(0.15e9)
         >>> in_mpa = globe.over(1e6).pressure(266e-6, 1e-8)
         >>> bool(np.isclose(1e6 * in_mpa, globe.pressure(266.0, 1e-8)))
         True
@@ -142,30 +151,38 @@ class Globe:
         return np.asarray((self.level(pressure) - self.level(resting)) / self.rate)
 
 
-OPEN_GLOBE = Globe()
+CONSTANT_PRESSURE = PressureLaw()
 
 
-def sealed_globe(rigidity_pa13_per_m3: Values, law: str = RIGIDITY_LAWS[0]) -> Globe:
+def sealed_law(
+    rigidity_pa13_per_m3: Values, law: str = RIGIDITY_LAWS[0]
+) -> PressureLaw:
     """Return a sealed globe of a finite rigidity k, in Pa^(1/3)/m^3; of 0, an open
     one.
     """
-    return Globe(
+    return PressureLaw(
         law,
         rigidity_pa13_per_m3
         * (3.0 / np.cbrt(SAME_SLOPE_PA) if law == RIGIDITY_LAWS[1] else 1.0),
     )
 
 
-def study_globe(globe: GlobeStudy) -> Globe:
+def study_law(globe: GlobeStudy) -> PressureLaw:
     """Return the globe of a study."""
     return (
-        sealed_globe(globe.rigidity_pa13_per_m3, globe.rigidity_law)
+        sealed_law(globe.rigidity_pa13_per_m3, globe.rigidity_law)
         if globe.kind == "sealed"
-        else OPEN_GLOBE
+        else CONSTANT_PRESSURE
     )
 
 
 Kind = Literal["open", "sealed", "unknown"]
+# A recording states a globe by its kind, and of a sealed one what was measured.
+KIND_KEY = "globe"
+RIGIDITY_KEY = "rigidity_mmhg13_per_ul"
+LAW_KEY = "rigidity_law"
+LEAK_KEY = "leak_time_s"
+_LEAK = Unit(low=1.0, high=1e6)
 
 # rigidity of enucleated human eyes (van der Werff 1981), Pa^(1/3)/m^3
 REFERENCE_RIGIDITY = to_si(0.03, "mmhg13_per_ul")
@@ -191,14 +208,20 @@ def _rigidity(name: str, low: float) -> Any:
 
 
 @dataclass(frozen=True, kw_only=True)
-class KnownGlobe:
-    """The known inputs of a globe.
+class Globe:
+    """How an eye's pressure follows its needle, as far as that is known.
 
-    `kind` is the declared one. `lowest` and `highest` bound the rigidity k of the
-    `law`; `mean` and `sd` describe it. All are Pa^(1/3)/m^3 and 0 for an open globe.
+    `kind`: "open" (infused or vented: the pressure stays), "sealed", or "unknown"
+    (a reading spans both). The rigidity k of the `law` lies between `lowest` and
+    `highest`, with `mean` and `sd`; all are Pa^(1/3)/m^3 and 0 for an open globe.
     `correlation` is that with the logarithm of the modulus that was estimated with it;
     `calibrated`: it is from frames of known force; `rigidity_told`: k was given as a
-    number.
+    number. `leak_time_s`: time constant in which the displaced volume leaves a sealed
+    globe; None: not declared, read as one that does not leak.
+
+    >>> import scleraforce as sf
+    >>> sf.Globe.declared("sealed").can_be_sealed
+    True
     """
 
     kind: Kind
@@ -210,17 +233,32 @@ class KnownGlobe:
     correlation: float = computed(-MOST_CORRELATED, MOST_CORRELATED, default=0.0)
     calibrated: bool = False
     rigidity_told: bool = False
+    leak_time_s: float | None = not_in_files()
+
+    def __post_init__(self) -> None:
+        if self.kind not in (*GLOBES, "unknown"):
+            raise StudyError(
+                f"globe: {self.kind!r} is not one of {', '.join(GLOBES)}, unknown"
+            )
+        if self.law not in RIGIDITY_LAWS:
+            raise StudyError(
+                f"{LAW_KEY}: {self.law!r} is not one of {', '.join(RIGIDITY_LAWS)}"
+            )
+        if not self.lowest <= self.highest or not self.sd >= 0.0:
+            raise StudyError(f"{RIGIDITY_KEY}: lowest above highest, or sd not above 0")
+        if self.leak_time_s is not None:
+            check_value(LEAK_KEY, self.leak_time_s, _LEAK)
 
     @property
     def can_be_sealed(self) -> bool:
         """True if the pressure may rise with the dent."""
         return self.highest > 0.0
 
-    def globe(self, rigidity: Floats | float) -> Globe:
-        """Return the globe of one or n rigidities k, Pa^(1/3)/m^3; the law continues a
-        little below 0.
+    def pressure_law(self, rigidity: Floats | float) -> PressureLaw:
+        """Return the law of one or n rigidities k, Pa^(1/3)/m^3; it continues a little
+        below 0.
         """
-        return sealed_globe(rigidity, self.law)
+        return sealed_law(rigidity, self.law)
 
     @property
     def band(self) -> tuple[float, float]:
@@ -232,10 +270,74 @@ class KnownGlobe:
         )
         return float(ends[0]), float(ends[1])
 
+    def as_declared(self) -> "Globe | None":
+        """Return what was declared of the globe, without the findings of a calibration;
+        None: it was not declared.
 
-OPEN = KnownGlobe(kind="open", lowest=0.0, highest=0.0, mean=0.0, sd=0.0)
+        >>> replace(SEALED, mean=1e8, sd=1e6, calibrated=True).as_declared() == SEALED
+        True
+        """
+        if self.kind == "unknown":
+            return None
+        told = self.rigidity_told and not self.calibrated
+        k = self.mean if told else None
+        return Globe.declared(self.kind, k, self.law, self.leak_time_s)
 
-UNKNOWN = KnownGlobe(
+    @classmethod
+    def declared(
+        cls,
+        kind: str | None,
+        rigidity_pa13_per_m3: float | None = None,
+        law: str | None = None,
+        leak_time_s: float | None = None,
+    ) -> "Globe":
+        """Return the globe of a declared kind and rigidity; a kind of None: unknown.
+
+        Raises:
+            StudyError: no such kind, or a rigidity that is out of bounds or of a globe
+                that is not sealed.
+
+        >>> Globe.declared(None).kind, Globe.declared("open").can_be_sealed
+        ('unknown', False)
+        """
+        if kind is not None and kind not in GLOBES:
+            raise StudyError(f"globe: {kind!r} is not one of {', '.join(GLOBES)}")
+        if rigidity_pa13_per_m3 is not None and kind != "sealed":
+            raise StudyError(
+                "rigidity_pa13_per_m3: of a sealed globe; declare the globe sealed, or"
+                " leave the rigidity out"
+            )
+        if leak_time_s is not None and kind != "sealed":
+            raise StudyError(
+                f"{LEAK_KEY}: of a sealed globe; declare the globe sealed, or leave it"
+                " out"
+            )
+        if rigidity_pa13_per_m3 is not None:
+            check_quantity("rigidity_pa13_per_m3", rigidity_pa13_per_m3)
+        if kind is None:
+            return UNKNOWN
+        if kind == "open":
+            return OPEN
+
+        law = RIGIDITY_LAWS[0] if law is None else law
+        sealed = replace(SEALED, law=law, leak_time_s=leak_time_s)
+        if rigidity_pa13_per_m3 is None:
+            return sealed
+
+        k = rigidity_pa13_per_m3
+        return replace(
+            sealed,
+            lowest=k / STATED_ENDS,
+            highest=k * STATED_ENDS,
+            mean=k,
+            sd=STATED_SD * k,
+            rigidity_told=True,
+        )
+
+
+OPEN = Globe(kind="open", lowest=0.0, highest=0.0, mean=0.0, sd=0.0)
+
+UNKNOWN = Globe(
     kind="unknown",
     lowest=0.0,
     highest=STIFFEST,
@@ -247,36 +349,55 @@ _MIDDLE = 0.5 * (SLACKEST + STIFFEST)
 
 _EVEN_SD = (STIFFEST - SLACKEST) / sqrt(12.0)
 
-SEALED = KnownGlobe(
+SEALED = Globe(
     kind="sealed", lowest=SLACKEST, highest=STIFFEST, mean=_MIDDLE, sd=_EVEN_SD
 )
 
 
-def known_globe(
-    kind: str | None, rigidity_pa13_per_m3: float | None = None, law: str | None = None
-) -> KnownGlobe:
-    """Return the globe of a declared kind and rigidity; None: unknown. Raises
-    `StudyError` as for a study file.
+def _read_globe(stated: Mapping[str, Any]) -> Globe | None:
+    kind = stated.get(KIND_KEY)
+    for key in (RIGIDITY_KEY, LAW_KEY, LEAK_KEY):
+        if key in stated and kind != "sealed":
+            found = "missing" if kind is None else f'"{kind}"'
+            raise StudyError(
+                f"{key}: of a sealed globe, globe is {found};"
+                ' write globe = "sealed", or leave it out'
+            )
 
-    >>> known_globe(None).kind, known_globe("open").can_be_sealed
-    ('unknown', False)
-    """
     if kind is None:
-        return UNKNOWN
-    if GlobeStudy().with_known(kind, rigidity_pa13_per_m3).kind == "open":
-        return OPEN
-
-    law = RIGIDITY_LAWS[0] if law is None else law
-    if rigidity_pa13_per_m3 is None:
-        return replace(SEALED, law=law)
-
-    k = rigidity_pa13_per_m3
-    stated = replace(
-        SEALED,
-        lowest=k / STATED_ENDS,
-        highest=k * STATED_ENDS,
-        mean=k,
-        sd=STATED_SD * k,
+        return None
+    return Globe.declared(
+        kind, stated.get(RIGIDITY_KEY), stated.get(LAW_KEY), stated.get(LEAK_KEY)
     )
 
-    return replace(stated, law=law, rigidity_told=True)
+
+def _write_globe(globe: Globe | None) -> Mapping[str, Any]:
+    """Return what was declared of a globe, without the findings of a calibration."""
+    if globe is None or globe.kind == "unknown":
+        return {}
+    if globe.kind == "open":
+        return {KIND_KEY: "open"}
+
+    told = globe.rigidity_told and not globe.calibrated
+    return {
+        KIND_KEY: "sealed",
+        RIGIDITY_KEY: globe.mean if told else None,
+        LAW_KEY: globe.law if told or globe.law != RIGIDITY_LAWS[0] else None,
+        LEAK_KEY: globe.leak_time_s,
+    }
+
+
+_RIGIDITY = allowed_bounds("rigidity")
+GLOBE_FORM = TableForm(
+    {
+        KIND_KEY: (str, Unit(words=GLOBES)),
+        RIGIDITY_KEY: (
+            float,
+            Unit("mmhg13_per_ul", low=_RIGIDITY.low, high=_RIGIDITY.high),
+        ),
+        LAW_KEY: (str, Unit(words=RIGIDITY_LAWS)),
+        LEAK_KEY: (float, _LEAK),
+    },
+    _read_globe,
+    _write_globe,
+)

@@ -1,13 +1,13 @@
 """The file recording.toml: an eye, a scan, a needle and a force sensor."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from scleraforce.base.errors import StudyError
-from scleraforce.records.eye import EyeInfo, Known, stated_globe
+from scleraforce.records.eye import Eye
 from scleraforce.records.fields import check_fields, quantity, required
-from scleraforce.records.needle import NeedleInfo
-from scleraforce.records.scan import OctInfo
-from scleraforce.records.tissue_relaxation import KnownRelaxation
+from scleraforce.records.needle import Needle
+from scleraforce.records.scan import Scan
+from scleraforce.records.setup import Setup
 
 
 @dataclass(frozen=True)
@@ -31,41 +31,32 @@ class ForceInfo:
 class RecordingInfo:
     """The contents of `recording.toml`; `force` may be omitted without a force log."""
 
-    eye: EyeInfo
-    oct: OctInfo
-    needle: NeedleInfo
+    eye: Eye
+    scan: Scan = field(metadata={"key": "oct"})
+    needle: Needle
     force: ForceInfo | None = None
 
     def __post_init__(self) -> None:
-        if self.needle.slice_gap_m is None and not self.oct.plane:
+        if self.needle.gap_m is None and not self.scan.planes:
             raise StudyError(
                 "needle.slice_gap_m: missing; give it, or [[oct.plane]] for each of"
                 " several planes"
             )
-        if self.needle.slice_gap_m is not None and self.oct.plane:
+        if self.needle.gap_m is not None and self.scan.planes:
             raise StudyError(
                 "needle.slice_gap_m: of a single plane, and there are [[oct.plane]]:"
                 " leave it out"
             )
 
+    @property
+    def setup(self) -> Setup:
+        """The experiment as the recording states it, which never states the modulus: a
+        calibration may add it.
+        """
+        return Setup(eye=self.eye, needle=self.needle, scan=self.scan)
 
-def known_of_recording(info: RecordingInfo) -> Known:
-    """Return the known inputs that a recording states; it never states the modulus,
-    which a calibration may add.
-    """
-    return Known(
-        iop_pa=info.eye.iop_pa,
-        thickness_m=info.eye.thickness_m,
-        gap_m=info.needle.slice_gap_m,
-        polar_rad=info.needle.polar_angle_rad,
-        direction_rad=info.oct.plane_direction_rad,
-        globe=stated_globe(info.eye),
-        relaxation=(
-            None
-            if info.eye.relaxation is None
-            else KnownRelaxation.declared(info.eye.relaxation)
-        ),
-        lean_rad=None if info.needle.lean_rad is None else (info.needle.lean_rad,) * 2,
-        lean_azimuth_rad=info.needle.lean_azimuth_rad,
-        leak_time_s=info.eye.leak_time_s,
-    )
+    @property
+    def eye_name(self) -> str:
+        """The name of the eye, which every recording states."""
+        assert self.eye.name is not None
+        return self.eye.name

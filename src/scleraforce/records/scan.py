@@ -10,7 +10,11 @@ from scleraforce.base.units import to_si
 from scleraforce.records.fields import (
     allowed_bounds,
     check_fields,
+    check_kind,
+    declared,
     name_fault,
+    needed,
+    not_in_files,
     quantity,
     required,
 )
@@ -46,6 +50,7 @@ class Plane:
     direction_rad: float = required(low=-6.3, high=6.3)
 
     def __post_init__(self) -> None:
+        check_kind("name", self.name, str, '"across"')
         check_fields(self)
         if fault := name_fault(self.name, "plane"):
             raise StudyError(f"name: {fault}")
@@ -115,45 +120,98 @@ def check_frame_counts(counts: Mapping[str, int]) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class OctInfo:
-    """The frames: pixels, used bits, field of view (black bands included), and the
-    plane's direction and tilt.
+class Scan:
+    """The frames of a scanner; None: not declared.
 
-    With several planes, `plane`, direction and tilt are of the scanner's x axis.
+    Attributes:
+        columns, rows: pixels of a frame. None: the frame's own.
+        bits: of a pixel that are used. None: as many as the frame's type has.
+        width_m: of a frame, black bands included. None: the recording's beside the
+            frame, else as the file states; an array needs it.
+        depth_m: of a frame as stored, likewise.
+        refractive_index: optical over geometric depth; 1: the scanner has corrected it.
+            None: the recording's, else the model's.
+        direction_rad: of the lateral axis, from the meridian that leads away from the
+            pole. None: any, which makes the reading less sure of the eye's slope.
+        tilt_rad: of the plane, against the needle's axis. None: 0.
+        planes: of a scanner that takes several at once, from its x axis; direction and
+            tilt are then those of this axis.
+        transposed: the depth runs along the rows of the pictures, from left to right.
+
+    Raises:
+        StudyError: a value is out of bounds, or two planes are one.
+
+    >>> import scleraforce as sf
+    >>> sf.Scan(width_m=6e-3, depth_m=3e-3).refractive_index is None
+    True
     """
 
-    columns: int = required(low=16, high=16384)
-    rows: int = required(low=16, high=16384)
-    bits: int = required(low=1, high=16)
-    width_m: float = required(
+    columns: int | None = needed(low=16, high=16384)
+    rows: int | None = needed(low=16, high=16384)
+    bits: int | None = needed(low=1, high=16)
+    width_m: float | None = needed(
         low=allowed_bounds("width_m").low, high=allowed_bounds("width_m").high
     )
-    depth_m: float = required(
+    depth_m: float | None = needed(
         low=allowed_bounds("depth_m").low, high=allowed_bounds("depth_m").high
     )
-    plane_direction_rad: float | None = quantity(None, None, -6.3, 6.3)
-    plane_tilt_rad: float = quantity(0.0, None, -1.0, 1.0)
-    refractive_index: float = quantity(1.0, None, 1.0, 2.0)
-    plane: tuple[Plane, ...] = ()
+    direction_rad: float | None = quantity(
+        None, None, -6.3, 6.3, key="plane_direction_rad"
+    )
+    tilt_rad: float | None = quantity(
+        None, None, -1.0, 1.0, key="plane_tilt_rad", absent=0.0
+    )
+    refractive_index: float | None = quantity(None, None, 1.0, 2.0, absent=1.0)
+    planes: tuple[Plane, ...] = quantity((), key="plane")
+    transposed: bool = not_in_files(False)
 
     def __post_init__(self) -> None:
+        for plane in self.planes:
+            check_kind("planes", plane, Plane, 'Plane("across", 0.0, 1.57)')
+        object.__setattr__(self, "planes", tuple(self.planes))
         check_fields(self)
-        check_planes(self.plane)
+        check_planes(self.planes, "planes")
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of a frame; raises `InputError` where one is not
+        declared.
+        """
+        return declared(self.rows, "scan: rows"), declared(
+            self.columns, "scan: columns"
+        )
+
+    @property
+    def extent_m(self) -> tuple[float, float]:
+        """Width and depth of a frame; raises `InputError` where one is not declared."""
+        return (
+            declared(self.width_m, "scan: width_m"),
+            declared(self.depth_m, "scan: depth_m"),
+        )
+
+    @property
+    def pixel_bits(self) -> int:
+        """Bits of a pixel that are used; raises `InputError` if not declared."""
+        return declared(self.bits, "scan: bits")
+
+    @property
+    def scale(self) -> "PixelScale":
+        """The size of a pixel; a refractive index that is not declared is 1."""
+        return self.scale_of(self.shape)
+
+    def scale_of(self, shape: tuple[int, ...]) -> "PixelScale":
+        """Return the size of a pixel of frames of a shape, (row, column)."""
+        rows, columns = shape
+        width_m, depth_m = self.extent_m
+        return PixelScale(
+            lateral_m=width_m / columns,
+            depth_m=depth_m / rows,
+            refractive_index=self.refractive_index or 1.0,
+        )
 
     def named(self, name: str | None) -> Plane | None:
         """Return the plane of a name; None if it does not exist."""
-        return next((plane for plane in self.plane if plane.name == name), None)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Scanner:
-    """Width and depth of frames in m, and the refractive index of the depth axis; None:
-    not stated.
-    """
-
-    width_m: float | None = None
-    depth_m: float | None = None
-    refractive_index: float | None = None
+        return next((plane for plane in self.planes if plane.name == name), None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,8 +240,10 @@ class PixelScale:
             )
 
     @classmethod
-    def of(cls, scanner: "OctStudy | OctInfo") -> "PixelScale":
-        """Return the scale of a scanner's frames (`OctStudy`, `OctInfo`)."""
+    def of(cls, scanner: "OctStudy") -> "PixelScale":
+        """Return the scale of the frames of a study's scanner (of a `Scan`:
+        `Scan.scale`).
+        """
         lateral_m = scanner.width_m / scanner.columns
         depth_m = scanner.depth_m / scanner.rows
         return cls(

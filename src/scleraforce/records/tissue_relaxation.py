@@ -2,7 +2,7 @@
 with it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass
 from math import inf
 from typing import Any, Literal
@@ -11,7 +11,8 @@ import numpy as np
 
 from scleraforce.base.arrays import Floats
 from scleraforce.base.errors import StudyError
-from scleraforce.records.fields import computed
+from scleraforce.records.fields import TableForm, Unit, computed
+from scleraforce.records.study_of_eye import check_relaxation
 
 LONGEST_S = 1e6  # of a time constant or a hold, in a file
 LARGEST = 1e3  # of another number in a file
@@ -70,7 +71,7 @@ class HoldFinding:
 
 
 @dataclass(frozen=True, kw_only=True)
-class KnownRelaxation:
+class Relaxation:
     """The shares g_i of a Prony series (`mechanics.tissue_material`), (term,), with
     their covariance, (term, term).
 
@@ -84,6 +85,10 @@ class KnownRelaxation:
     pushes in `held_s`, None of a single frame. Where nothing decides whether the tissue
     or the needle yields, intervals reach to the reading with `other` shares. `finding`
     says what the holds have shown; None if declared, and in early files.
+
+    >>> import scleraforce as sf
+    >>> sf.Relaxation.declared([(0.12, 1.2), (0.05, 30.0)]).shares
+    (0.12, 0.05)
     """
 
     times_s: Vector = computed(TINY, LONGEST_S)
@@ -125,6 +130,11 @@ class KnownRelaxation:
                 raise StudyError(f"{name}: add up to {share:g}; expected less than 1")
 
     @property
+    def terms(self) -> tuple[tuple[float, float], ...]:
+        """The terms of the series: a share and its time constant, s."""
+        return tuple(zip(self.shares, self.times_s, strict=True))
+
+    @property
     def matters(self) -> bool:
         """False if the force on the needle is the elastic one for certain."""
         return any(self.shares) or any(self.other)
@@ -136,7 +146,7 @@ class KnownRelaxation:
         times_s: Sequence[float],
         covariance: Floats,
         source: Source,
-    ) -> "KnownRelaxation":
+    ) -> "Relaxation":
         """Return a relaxation of tissue of which no history is known."""
         terms = len(shares)
         return cls(
@@ -159,10 +169,14 @@ class KnownRelaxation:
         )
 
     @classmethod
-    def declared(cls, terms: Sequence[Sequence[float]]) -> "KnownRelaxation":
+    def declared(cls, terms: Sequence[Sequence[float]]) -> "Relaxation":
         """Return a declared relaxation: terms of a share and a time constant, s; no
         terms: the tissue is elastic.
+
+        Raises:
+            StudyError: the terms are impossible.
         """
+        check_relaxation(terms)
         shares = [share for share, _ in terms]
         times_s = [time_s for _, time_s in terms]
         return cls.of(shares, times_s, np.zeros((len(terms), len(terms))), "declared")
@@ -181,3 +195,25 @@ def _is_covariance(matrix: Floats) -> bool:
 def matrix_rows(matrix: Floats) -> Matrix:
     """Return a matrix as tuples."""
     return tuple(tuple(row) for row in matrix.tolist())
+
+
+TERMS_KEY = "relaxation"
+
+
+def _read_terms(stated: Mapping[str, Any]) -> Relaxation | None:
+    terms = stated.get(TERMS_KEY)
+    return None if terms is None else Relaxation.declared(terms)
+
+
+def _write_terms(relaxation: Relaxation | None) -> Mapping[str, Any]:
+    if relaxation is None or relaxation.source != "declared":
+        return {}
+    return {TERMS_KEY: relaxation.terms}
+
+
+# A recording states the terms of a measured relaxation: an empty list is elastic.
+RELAXATION_FORM = TableForm(
+    {TERMS_KEY: (tuple[tuple[float, ...], ...], Unit(low=0.0, high=1e5))},
+    _read_terms,
+    _write_terms,
+)

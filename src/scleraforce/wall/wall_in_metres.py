@@ -17,7 +17,7 @@ import numpy as np
 from scleraforce.base.arrays import Bytes, Floats, Places
 from scleraforce.base.compiled_loops import compiled
 from scleraforce.base.errors import FrameError
-from scleraforce.records.frame import NOT_JUDGED, WALL
+from scleraforce.records.frame import MASK_SD_ROWS, NOT_JUDGED, WALL
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.study import SliceStudy
 from scleraforce.wall.frame_light import LEAST_SHAPE
@@ -402,13 +402,8 @@ def dent_leaves(cut: Bytes) -> bool:
     return leaves
 
 
-# standard deviation of the boundaries of a mask that a user, another network or the app
-# gave
-GIVEN_SD_ROWS = 2.0
-
-
 def given_wall(
-    mask: Bytes, scale: PixelScale, sd_rows: float = GIVEN_SD_ROWS, source: str = "mask"
+    mask: Bytes, scale: PixelScale, sd_rows: float = MASK_SD_ROWS, source: str = "mask"
 ) -> Segmentation:
     """Return the wall of a mask (row, column) of NO_WALL, NOT_JUDGED and WALL
     (`recordings.drawn_walls`).

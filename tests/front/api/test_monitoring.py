@@ -97,7 +97,7 @@ def test_a_robot_meets_the_monitor_of_the_command_and_it_ends_with_the_block(
 def test_a_monitor_that_cannot_start_is_one_clear_line(tmp_path: Path) -> None:
     for model, given, words in (
         (tmp_path / "gone", {}, "gone"),
-        ("default", {"iop_pa": -5.0}, "iop-mmhg"),
+        ("default", {"iop_pa": -5.0}, "iop_pa: -5 is below"),
         ("default", {"globe": "shut"}, "shut"),
     ):
         with (

@@ -21,16 +21,22 @@ from small_recordings import calibration_text, write_small_recording
 import scleraforce as sf
 from scleraforce.base.errors import FrameError, InputError
 from scleraforce.front.api.calibrating import calibrate, library_for
+from scleraforce.front.api.importing import ImportSettings, ImportShorthand
 from scleraforce.front.api.progress import counting_for
 from scleraforce.front.api.reading_frames import evaluate, read, segment
+from scleraforce.front.api.shorthand import SetupShorthand
 from scleraforce.front.api.training import train
 from scleraforce.front.cli.main import run
 from scleraforce.reading.answer import Reading
 from scleraforce.reading.load_model import load_force_reader
 from scleraforce.recordings.import_sources import ImportOptions
-from scleraforce.records.globe import REFERENCE_RIGIDITY
+from scleraforce.records.eye import Eye
+from scleraforce.records.globe import REFERENCE_RIGIDITY, Globe
 from scleraforce.records.model_folder import SHIPPED_READER
+from scleraforce.records.needle import Needle
+from scleraforce.records.scan import Scan
 from scleraforce.records.study import Study
+from scleraforce.records.tissue_relaxation import Relaxation
 
 FRAME = image(wall_section(tip_of(0.020)))
 SIZE = {"width_m": 15e-3, "depth_m": 4e-3}
@@ -38,15 +44,19 @@ SIZE = {"width_m": 15e-3, "depth_m": 4e-3}
 
 def test_an_array_is_read_as_the_reader_reads_it() -> None:
     expected = force_reader().read(FRAME, SCALE, KNOWN)
-    assert KNOWN.modulus is not None
+    assert KNOWN.eye.modulus is not None
     given = {
-        "iop_pa": KNOWN.iop_pa,
-        "thickness_m": KNOWN.thickness_m,
-        "gap_m": KNOWN.gap_m,
+        "iop_pa": KNOWN.eye.iop_pa,
+        "thickness_m": KNOWN.eye.thickness_m,
+        "gap_m": KNOWN.needle.gap_m,
         "globe": "open",
     }
     answer = read(
-        force_reader(), FRAME, youngs_modulus_pa=KNOWN.modulus.mean_pa, **given, **SIZE
+        force_reader(),
+        FRAME,
+        youngs_modulus_pa=KNOWN.eye.modulus.mean_pa,
+        **given,
+        **SIZE,
     )
     assert answer.force_n == pytest.approx(expected.force_n, rel=0.01)
     assert answer.usable
@@ -87,8 +97,8 @@ def test_a_result_prints_as_one_short_line() -> None:
 def test_a_declared_globe_decides_the_pressure_at_the_dent() -> None:
     given = {
         "youngs_modulus_pa": 0.3e6,
-        "iop_pa": KNOWN.iop_pa,
-        "gap_m": KNOWN.gap_m,
+        "iop_pa": KNOWN.eye.iop_pa,
+        "gap_m": KNOWN.needle.gap_m,
         **SIZE,
     }
     unsure = Reading(
@@ -101,21 +111,23 @@ def test_a_declared_globe_decides_the_pressure_at_the_dent() -> None:
     sealed = read(
         force_reader(unsure),
         FRAME,
-        globe="sealed",
-        rigidity_pa13_per_m3=REFERENCE_RIGIDITY / 3,
+        eye=Eye(globe=Globe.declared("sealed", REFERENCE_RIGIDITY / 3)),
         **given,
     )
-    assert vented.iop_at_dent_pa == pytest.approx(KNOWN.iop_pa, rel=0.1)
+    assert vented.iop_at_dent_pa == pytest.approx(KNOWN.eye.iop_pa, rel=0.1)
     assert sealed.iop_at_dent_pa > 1.2 * vented.iop_at_dent_pa
+
+    with pytest.raises(InputError, match="shut"):
+        read(force_reader(), FRAME, globe="shut", **given)
 
     for globe, k, words in (
         (None, 1.5e8, "rigidity_pa13_per_m3: of a sealed globe"),
         ("open", 1.5e8, "rigidity_pa13_per_m3: of a sealed globe"),
         ("shut", None, "shut"),
-        ("sealed", 0.03, "rigidity_mmhg13_per_ul"),
+        ("sealed", 0.03, "rigidity_pa13_per_m3: 0.03 is below"),
     ):
         with pytest.raises(InputError, match=words):
-            read(force_reader(), FRAME, globe=globe, rigidity_pa13_per_m3=k, **given)
+            Globe.declared(globe, k)
 
 
 def test_a_frame_that_cannot_be_used_is_one_clear_line() -> None:
@@ -128,12 +140,6 @@ def test_a_frame_that_cannot_be_used_is_one_clear_line() -> None:
             "frame: a frame of 2 x 2 pixels: give at least 16 x 16",
         ),
         (FRAME.astype(complex), SIZE, "pixels of type complex128"),
-        (
-            FRAME,
-            {"width_m": 15.0, "depth_m": 4.0},
-            r"width_m: 15 .*did you mean 0\.015 m \(15 mm\)",
-        ),
-        (FRAME, {**SIZE, "refractive_index": 3.0}, "refractive index of 3"),
         ("nowhere.png", SIZE, "nowhere.png"),
     ]
     for frame, size, words in cases:
@@ -142,6 +148,19 @@ def test_a_frame_that_cannot_be_used_is_one_clear_line() -> None:
 
         with pytest.raises(FrameError, match=words):
             read(force_reader(), frame, **size)
+
+    for size, words in (
+        (
+            {"width_m": 15.0, "depth_m": 4.0},
+            r"width_m: 15 .*did you mean 0\.015 m \(15 mm\)",
+        ),
+        ({**SIZE, "refractive_index": 3.0}, "refractive_index: 3 is above"),
+    ):
+        with pytest.raises(InputError, match=words):
+            segment(FRAME, **size)
+
+        with pytest.raises(InputError, match=words):
+            read(force_reader(), FRAME, **size)
 
 
 def test_inputs_that_would_be_ignored_and_a_missing_model_are_refused() -> None:
@@ -264,15 +283,21 @@ def sources(tmp_path: Path) -> list[Path]:
 
 
 def test_it_writes_what_the_command_writes(sources: list[Path], tmp_path: Path) -> None:
-    eye = {
-        "thickness_m": 650e-6,
-        "iop_pa": 15 * 133.322387415,
-        "globe": "sealed",
-        "polar_angle_rad": radians(30.0),
-        "relaxation": [(0.12, 1.2), (0.15, 12.0)],
-    }
+    told = {name: value for name, value in TOLD.items() if name != "eye"}
     recording = sf.import_recording(
-        sources, tmp_path / "r", **TOLD, **FORCE, **eye, average_s=0.5
+        sources,
+        tmp_path / "r",
+        **told,
+        **FORCE,
+        eye=Eye(
+            "eye-1",
+            thickness_m=650e-6,
+            iop_pa=15 * 133.322387415,
+            globe=Globe.declared("sealed"),
+            relaxation=Relaxation.declared([(0.12, 1.2), (0.15, 12.0)]),
+        ),
+        needle=Needle(polar_rad=radians(30.0)),
+        settings=ImportSettings(average_s=0.5),
     )
     assert (
         run(["import", *map(str, sources), "--out", str(tmp_path / "s"), *OPTIONS]) == 0
@@ -280,7 +305,7 @@ def test_it_writes_what_the_command_writes(sources: list[Path], tmp_path: Path) 
     command = sf.read_recording(tmp_path / "s")
     assert recording.path == tmp_path / "r"
     assert recording.frames == command.frames
-    assert recording.info.oct == command.info.oct
+    assert recording.info.scan == command.info.scan
 
     for part in ("eye", "needle", "force"):
         mine = vars(getattr(recording.info, part))
@@ -319,12 +344,13 @@ REFUSED: list[tuple[dict[str, object], str]] = [
     ({"bits": 8}, "`bits` says 8"),
     ({"rate_hz": 0.0}, "^`rate_hz`: 0; give the frames taken in a second"),
     ({**FORCE, "contact_sign": 0}, "contact_sign: 0 is not a sign"),
-    ({"grey_range": (9.0, 1.0)}, "^`grey_range`: 9 1; give the darkest"),
-    ({"array": "a"}, "^`array`: acts on an .npz file"),
+    (
+        {"settings": ImportSettings(grey_range=(9.0, 1.0))},
+        "^`grey_range`: 9 1; give the darkest",
+    ),
+    ({"settings": ImportSettings(array="a")}, "^`array`: acts on an .npz file"),
     ({"columns": ["fz=pull"]}, "^`columns`: 'fz=pull'; give COLUMN=NAME:UNIT"),
     ({"globe": "shut"}, "globe: "),
-    ({"relaxation": [(0.6, 1.0), (0.5, 2.0)]}, "relaxation: shares are 0 or more"),
-    ({"relaxation": "none"}, "relaxation: a term is a share and a time"),
 ]
 
 
@@ -335,6 +361,13 @@ def test_a_wrong_value_is_refused_by_its_argument(
         with pytest.raises(sf.InputError, match=words):
             sf.import_recording(sources, tmp_path / "r", **{**TOLD, **FORCE, **changed})
     assert not (tmp_path / "r").exists()
+
+    for terms, words in (
+        ([(0.6, 1.0), (0.5, 2.0)], "relaxation: shares are 0 or more"),
+        ("none", "relaxation: a term is a share and a time"),
+    ):
+        with pytest.raises(sf.InputError, match=words):
+            Relaxation.declared(terms)
 
 
 def test_a_property_that_a_source_leaves_open_is_named_by_its_argument(
@@ -373,23 +406,35 @@ def test_a_missing_source_is_one_line(tmp_path: Path) -> None:
 
 
 SI_NAMES = {
+    "eye": "name",
     "width_mm": "width_m",
     "depth_mm": "depth_m",
     "thickness_um": "thickness_m",
     "iop_mmhg": "iop_pa",
+    "gauge": "diameter_m",
     "gap_mm": "gap_m",
-    "polar_angle_deg": "polar_angle_rad",
+    "polar_angle_deg": "polar_rad",
 }
 
 
-def test_every_option_of_the_command_is_an_argument_in_si() -> None:
-    arguments = {
-        SI_NAMES.get(field.name, field.name) for field in fields(ImportOptions)
+def test_every_option_of_the_command_is_a_field_of_a_record_in_si() -> None:
+    options = {SI_NAMES.get(field.name, field.name) for field in fields(ImportOptions)}
+    of_settings = {field.name for field in fields(ImportSettings)}
+    of_setup = {
+        field.name for record in (Eye, Needle, Scan) for field in fields(record)
     }
-    assert set(inspect.signature(sf.import_recording).parameters) == arguments | {
+    assert options <= of_settings | of_setup
+    assert of_settings - options == {"planes"}
+    short = set(ImportShorthand.__annotations__) - set(SetupShorthand.__annotations__)
+    assert short - {"gauge"} <= of_settings | of_setup
+    assert set(inspect.signature(sf.import_recording).parameters) == {
         "sources",
         "out",
         "like",
-        "planes",
+        "eye",
+        "needle",
+        "scan",
+        "settings",
         "progress",
+        "short",
     }

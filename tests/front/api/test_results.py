@@ -19,12 +19,12 @@ from scleraforce.reading.answer import Answer, Answers
 from scleraforce.wall.wall_in_metres import segmented_boundaries
 
 FRAMES = np.stack([image(wall_section(tip_of(force_n))) for force_n in (0.010, 0.020)])
-assert KNOWN.modulus is not None
+assert KNOWN.eye.modulus is not None
 EYE = {
-    "youngs_modulus_pa": KNOWN.modulus.mean_pa,
-    "iop_pa": KNOWN.iop_pa,
-    "thickness_m": KNOWN.thickness_m,
-    "gap_m": KNOWN.gap_m,
+    "youngs_modulus_pa": KNOWN.eye.modulus.mean_pa,
+    "iop_pa": KNOWN.eye.iop_pa,
+    "thickness_m": KNOWN.eye.thickness_m,
+    "gap_m": KNOWN.needle.gap_m,
     "globe": "open",
     "width_m": 15e-3,
     "depth_m": 4e-3,
@@ -92,7 +92,7 @@ def test_columns_that_a_masked_array_masks_are_not_judged_and_leave_no_edge() ->
     assert np.nanmean(off) < 0.1
     assert np.nanmax(off) < 3.0, "beside the gap"
     assert answer.force_n == pytest.approx(whole.force_n, rel=0.03)
-    turned = read(torn.T, transpose=True)
+    turned = read(torn.T, scan=sf.Scan(transposed=True))
     assert turned.force_n == answer.force_n
     found = sf.segment(torn, width_m=15e-3, depth_m=4e-3)
     assert np.isnan(segmented_boundaries(found, SCALE).depth_m[0]).sum() >= 40

@@ -34,7 +34,7 @@ from small_recordings import (
 )
 
 from scleraforce.base.errors import InputError
-from scleraforce.front.api.importing import import_recording
+from scleraforce.front.api.importing import ImportSettings, import_recording
 from scleraforce.front.cli import import_command
 from scleraforce.front.cli.field_flags import in_flags, json_in_flags
 from scleraforce.front.cli.import_command import import_
@@ -43,6 +43,7 @@ from scleraforce.recordings import import_answers
 from scleraforce.recordings.forces_under_frames import labels_n
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.scan import Plane
+from scleraforce.records.tissue_relaxation import Relaxation
 
 
 def stack(path: Path, **stated: object) -> Path:
@@ -97,14 +98,14 @@ def test_frames_and_forces_become_a_recording_with_the_source_of_each_value(
     assert [frame.time_s for frame in recording.frames] == [0.5, 1.5, 2.5, 3.5, 4.5]
     np.testing.assert_allclose(recording.forces.force_n("fz"), force_n, atol=1e-7)
     info = recording.info
-    assert (info.oct.width_m, info.oct.depth_m) == pytest.approx(
+    assert (info.scan.width_m, info.scan.depth_m) == pytest.approx(
         (COLUMNS * LATERAL_M, ROWS * DEPTH_M)
     )
     assert (
-        info.oct.refractive_index,
-        info.oct.bits,
+        info.scan.refractive_index,
+        info.scan.bits,
         info.needle.gauge,
-        info.eye.id,
+        info.eye_name,
     ) == (1.38, 13, 22, "eye-1")
     assert (info.force.axis, info.force.contact_sign) == ("fz", -1)
     assert entry["values"] == {
@@ -241,13 +242,12 @@ def test_folders_of_planes_become_one_recording_of_moments(
 
     assert (
         entry["frames"],
-        recording.info.oct.plane,
-        recording.info.needle.slice_gap_m,
+        recording.info.scan.planes,
+        recording.info.needle.gap_m,
     ) == (4, PLANES, None)
     python = import_recording(
         cross,
         tmp_path / "s",
-        planes=(None, *PLANES),
         eye="eye-1",
         gauge=22,
         bits=13,
@@ -258,6 +258,7 @@ def test_folders_of_planes_become_one_recording_of_moments(
         clock_offset_s=0.5,
         axis="fz",
         contact_sign=-1,
+        settings=ImportSettings(planes=(None, *PLANES)),
     )
     assert (python.info, python.frames) == (recording.info, recording.frames)
 
@@ -322,7 +323,9 @@ def test_planes_that_do_not_fit_together_are_refused_in_one_line(
         ),
     ):
         with pytest.raises(InputError, match=words):
-            import_recording(sources, tmp_path / "r", planes=planes)
+            import_recording(
+                sources, tmp_path / "r", settings=ImportSettings(planes=planes)
+            )
 
 
 def test_moments_that_lack_a_plane_are_written_and_named(
@@ -375,7 +378,11 @@ def test_frames_go_by_the_times_and_numbers_in_their_names(
         import_recording(folder, tmp_path / "t", rate_hz=2.0, **stated)
 
     python = import_recording(
-        folder, tmp_path / "t", frames_by="numbers", rate_hz=2.0, **stated
+        folder,
+        tmp_path / "t",
+        rate_hz=2.0,
+        settings=ImportSettings(frames_by="numbers"),
+        **stated,
     )
     assert [frame.time_s for frame in python.frames] == [0.0, 0.5, 1.5]
 
@@ -474,7 +481,7 @@ def test_values_that_cannot_be_are_refused(refused, tiff, tmp_path: Path) -> Non
 def test_the_tissue_is_declared(imported, tiff: Path, text: str, terms: tuple) -> None:
     options = options_of("--bits", 16)
     _, recording = imported(tiff, *options, "--relaxation", text)
-    assert recording.info.eye.relaxation == terms
+    assert recording.info.eye.relaxation == Relaxation.declared(terms)
 
 
 def test_without_a_declaration_the_tissue_is_unknown(imported, tiff: Path) -> None:
@@ -741,7 +748,7 @@ def test_each_answer_is_checked_where_it_is_given(asked, tmp_path: Path) -> None
     assert done.exit_code == 0, done.stderr
     assert done.stderr.count("Error: ") == 8
     info = read_recording(tmp_path / "r").info
-    assert (info.eye.id, info.oct.bits, info.needle.gauge) == ("eye-1", 13, 22)
+    assert (info.eye_name, info.scan.bits, info.needle.gauge) == ("eye-1", 13, 22)
     assert info.eye.thickness_m == pytest.approx(650e-6)
     assert (
         json.loads((tmp_path / "r" / "import.json").read_text())["values"][

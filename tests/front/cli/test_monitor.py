@@ -52,9 +52,9 @@ from scleraforce.live.network.openigtlink import Image, Query, Sensor, Status
 from scleraforce.live.network.operator_reset import ask_reset
 from scleraforce.reading.load_model import load_reader
 from scleraforce.recordings.recording_folder import read_recording, true_forces
-from scleraforce.records.eye import NOTHING_KNOWN
 from scleraforce.records.model_folder import SHIPPED_READER
 from scleraforce.records.scan import Plane
+from scleraforce.records.setup import NOTHING_KNOWN
 
 pytest.importorskip("torch")
 
@@ -174,8 +174,11 @@ def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(
     summary = json.loads(told)
     assert withdrawal.name in {one["cause"] for one in summary["withdrawals"]}
     session = read_recording(tmp_path / "session")
-    assert (session.info.eye.id, session.info.eye.thickness_m) == ("mine", THICKNESS_M)
-    assert session.info.eye.globe == "open"
+    assert (session.info.eye_name, session.info.eye.thickness_m) == (
+        "mine",
+        THICKNESS_M,
+    )
+    assert session.info.eye.globe.kind == "open"
     assert len(session.frames) == summary["frames"] - summary["lost"]
     assert (session.frame(session.frames[0]) == SENT[first]).all()
     withdrawn, *_ = sorted((tmp_path / "box" / "withdrawals").iterdir())
@@ -558,15 +561,15 @@ def test_each_option_reaches_its_setting(
     assert "far enough" in shell.refused(*monitor, "--no-second-opinion", *words)
     shell.refused(*monitor, *CROSS, "--plane-direction-deg", "-120")
     plain, settings, crossed = taken
-    along, across = crossed.scan.plane
+    along, across = crossed.scan.planes
     assert (along, across.name) == (Plane("along", 0.0, 0.0), "across")
     assert (across.offset_m, across.direction_rad) == pytest.approx(
         (1e-4, radians(90.0))
     )
-    assert crossed.known.gap_m is None
+    assert crossed.setup.needle.gap_m is None
     # as the loop and the second opinion see it
-    turned = crossed.known.turned(across.direction_rad)
-    assert turned.direction_rad == pytest.approx(radians(-30.0))
+    turned = crossed.setup.turned(across.direction_rad)
+    assert turned.scan.direction_rad == pytest.approx(radians(-30.0))
     limits = settings.limits
     study = fixed_study(BINS)
     assert (settings.address, settings.console) == (
@@ -578,26 +581,28 @@ def test_each_option_reaches_its_setting(
         tmp_path / "session",
         tmp_path,
     )
-    known = settings.known
+    known = settings.setup
     scan = settings.scan
-    assert (scan.columns, scan.rows, scan.bits, scan.refractive_index, scan.plane) == (
+    assert (scan.columns, scan.rows, scan.bits, scan.refractive_index, scan.planes) == (
         400,
         300,
         16,
         1.3,
         (),
     )
-    assert (scan.width_m, scan.depth_m, scan.plane_direction_rad) == pytest.approx(
+    assert (scan.width_m, scan.depth_m, scan.direction_rad) == pytest.approx(
         (8e-3, 6e-3, radians(-120.0))
     )
-    assert (known.polar_rad, known.direction_rad) == pytest.approx(
+    assert (known.needle.polar_rad, known.scan.direction_rad) == pytest.approx(
         (radians(30.0), radians(-120.0))
     )
-    assert (known.iop_pa, known.thickness_m, known.gap_m) == pytest.approx(
-        (to_si(3.0, "mmhg"), 700e-6, 0.6e-3)
-    )
-    assert known.modulus is not None
-    assert known.modulus.mean_pa == pytest.approx(0.3e6)
+    assert (
+        known.eye.iop_pa,
+        known.eye.thickness_m,
+        known.needle.gap_m,
+    ) == pytest.approx((to_si(3.0, "mmhg"), 700e-6, 0.6e-3))
+    assert known.eye.modulus is not None
+    assert known.eye.modulus.mean_pa == pytest.approx(0.3e6)
     assert (limits.size, limits.scale_m) == ((300, 400), pytest.approx((20e-6, 20e-6)))
     assert (
         limits.withdraw_class,

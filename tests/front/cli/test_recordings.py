@@ -14,7 +14,7 @@ from small_recordings import calibration_of_a_sealed_eye, looked_at_frames
 import scleraforce
 import scleraforce as sf
 from scleraforce.calibration.filter.eye_filter import begin
-from scleraforce.calibration.filter.eye_parameters import EyeConstants, WallState
+from scleraforce.calibration.filter.eye_parameters import WallState
 from scleraforce.front.cli.main import run
 from scleraforce.front.report.recording_figures import draw_calibration
 from scleraforce.lab.training.slice_dataset import (
@@ -23,12 +23,16 @@ from scleraforce.lab.training.slice_dataset import (
     near_library,
     plan_dataset,
 )
-from scleraforce.lab.virtual_eye import PhantomEye, simulate_eye, study_sections
+from scleraforce.lab.virtual_eye import simulate_eye, study_sections
 from scleraforce.lab.virtual_recording import draw_relaxation
 from scleraforce.library.library_plan import plan_library
 from scleraforce.library.library_store import solve_path
 from scleraforce.mechanics.contact_and_section import Contact
+from scleraforce.records.eye import Eye, Modulus
 from scleraforce.records.fields import field_key
+from scleraforce.records.globe import OPEN
+from scleraforce.records.needle import Needle
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import UNUSED, Study, parse_study
 
 FOUND = (
@@ -304,16 +308,13 @@ eye_drift_deg = [2.0]
 eye_saccade_deg = [0.5]
 needle_count = 1
 """
-EYE = PhantomEye(
-    id="eye-x",
-    thickness_m=800e-6,
-    youngs_modulus_pa=0.3e6,
-    iop_pa=266.0,
-    gap_m=0.5e-3,
-    polar_rad=0.6,
+EYE = Setup(
+    eye=Eye("eye-x", thickness_m=800e-6, modulus=Modulus.stated(0.3e6), iop_pa=266.0),
+    needle=Needle(gap_m=0.5e-3, polar_rad=0.6),
 )
-STATED = EyeConstants(
-    iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=0.5, polar_sd_rad=0.0
+STATED = Setup(
+    eye=Eye(iop_pa=266.0, thickness_m=0.7e-3, globe=OPEN),
+    needle=Needle(gap_m=0.5e-3, polar_rad=0.5),
 )
 STATE = WallState(
     youngs_modulus_pa=0.3e6,

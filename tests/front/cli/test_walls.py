@@ -32,13 +32,9 @@ from scleraforce.recordings.drawn_walls import (
     frame_file_digest,
     mask_of,
 )
-from scleraforce.records.frame import NOT_JUDGED
+from scleraforce.records.frame import MASK_SD_ROWS, NOT_JUDGED
 from scleraforce.wall.find_wall import find_wall
-from scleraforce.wall.wall_in_metres import (
-    GIVEN_SD_ROWS,
-    given_wall,
-    segmented_boundaries,
-)
+from scleraforce.wall.wall_in_metres import given_wall, segmented_boundaries
 
 pytest.importorskip("torch")
 
@@ -63,7 +59,7 @@ def test_the_mask_of_a_wall_gives_its_boundaries_and_thickness_back() -> None:
     assert np.abs(wall.inner_row - FOUND.inner_row)[both].max() <= 0.5
     assert wall.thickness_m == pytest.approx(FOUND.thickness_m, rel=0.01)
     assert (wall.mask == np.where(both, FOUND.mask, 0)).all()
-    assert segmented_boundaries(wall, SCALE).sd_m == GIVEN_SD_ROWS * SCALE.depth_m
+    assert segmented_boundaries(wall, SCALE).sd_m == MASK_SD_ROWS * SCALE.depth_m
 
 
 def test_columns_that_are_not_judged_interrupted_or_cut_off_by_the_top_are_left_out():
@@ -115,9 +111,8 @@ def test_a_mask_is_read_in_place_of_the_wall_and_an_array_of_flags_is_a_mask() -
     alone = sf.read(force_reader(), FOUND.mask > 0, **EYE, **SIZE)
     assert by_mask.to_dict()["wall"] == alone.to_dict()["wall"] == "mask"
     assert by_mask.force_n == alone.force_n == pytest.approx(FORCE_N, rel=0.05)
-    surer = sf.read(
-        force_reader(), FRAME, mask=FOUND.mask > 0, mask_sd_rows=0.2, **EYE, **SIZE
-    )
+    frame = sf.Frame(FRAME, mask=FOUND.mask > 0, mask_sd_rows=0.2)
+    surer = sf.read(force_reader(), frame, **EYE, **SIZE)
     assert (
         surer.interval_n[1] - surer.interval_n[0]
         < by_mask.interval_n[1] - by_mask.interval_n[0]
@@ -136,7 +131,7 @@ def test_what_is_not_a_mask_of_the_frame_is_refused() -> None:
             sf.read(force_reader(), FRAME, mask=mask, **EYE, **SIZE)
 
     with pytest.raises(InputError, match="mask_sd_rows: 0"):
-        sf.read(force_reader(), FRAME, mask=FOUND.mask, mask_sd_rows=0.0, **EYE, **SIZE)
+        sf.Frame(FRAME, mask=FOUND.mask, mask_sd_rows=0.0)
 
     assert set(np.unique(mask_of(np.eye(3), "m"))) == {0, 255}
     with pytest.raises(FrameError, match="m: 7 in a mask"):
@@ -198,7 +193,7 @@ def test_a_calibration_uses_a_corrected_wall(corrected: tuple[Path, Path]) -> No
         EyeFrames(recording, settings, frozenset(), None).seen(number).wall
         for number in (2, 3)
     )
-    assert (lowered.sd_m, found.sd_m) == (GIVEN_SD_ROWS * SCALE.depth_m, 0.0)
+    assert (lowered.sd_m, found.sd_m) == (MASK_SD_ROWS * SCALE.depth_m, 0.0)
     assert recording.walls.notes == ("wall: corrected in 1 frames",)
     mine = segmented_boundaries(
         find_wall(recording.frame(recording.frames[2]), SCALE), SCALE

@@ -86,7 +86,7 @@ from scleraforce.reading.load_model import load_force_reader, load_reader
 from scleraforce.recordings.forces_under_frames import Trial
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.model_folder import SHIPPED_READER, SHIPPED_WALL_FINDER
-from scleraforce.records.scan import Scanner
+from scleraforce.records.scan import Scan
 from scleraforce.records.study import Study
 from scleraforce.wall.wall import INNER, draw_overlay
 
@@ -927,9 +927,7 @@ def test_a_frame_has_both_walls_where_they_are_seen_its_verdict_and_the_disagree
 ) -> None:
     looked_at_frames(tmp_path / "eye", 1)
     path = tmp_path / "eye" / "frames" / "0001.png"
-    frame, found = segmented_frame(
-        path, Scanner(), Scanner(), finder_of(SHIPPED_WALL_FINDER)
-    )
+    frame, found = segmented_frame(path, Scan(), Scan(), finder_of(SHIPPED_WALL_FINDER))
     assert found.methods is not None
     unseen = replace(
         found.methods, classical=replace(found.methods.classical, inner_found=False)

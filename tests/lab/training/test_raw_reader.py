@@ -20,7 +20,9 @@ from scleraforce.lab.training.trained_models import train_raw_reader
 from scleraforce.library import Library
 from scleraforce.reading.force_network import GIVEN
 from scleraforce.reading.load_model import load_reader
-from scleraforce.records.eye import Known, Modulus
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.needle import Needle
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import (
     RawReaderStudy,
     ReaderStudy,
@@ -169,10 +171,10 @@ def test_the_folder_is_a_model_that_reads_forces(
         True,
         False,
     )
-    assert model.refusal(Known(modulus=Modulus.stated(5e6))).startswith(
+    assert model.refusal(Setup(eye=Eye(modulus=Modulus.stated(5e6)))).startswith(
         "Young's modulus 5 MPa"
     )
-    assert model.refusal(Known(gap_m=0.0)) is None
+    assert model.refusal(Setup(needle=Needle(gap_m=0.0))) is None
 
 
 STUDY = Study(

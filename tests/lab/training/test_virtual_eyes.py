@@ -50,7 +50,8 @@ from scleraforce.recordings.frame_and_force_tables import (
     FrameEntry,
 )
 from scleraforce.recordings.recording_folder import Recording
-from scleraforce.records.eye import NO_DISCREPANCY, Known
+from scleraforce.records.eye import NO_DISCREPANCY
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Range, ReaderStudy, SliceStudy, Study
 
 RADIUS_M = np.array([12e-3])
@@ -211,8 +212,10 @@ def test_an_even_eye_is_calibrated_and_three_frames_are_used_up(
     again = draw_frames(eye, EXACT, 8, np.random.default_rng(6))
     np.testing.assert_array_equal(frames[3].cuts, again[3].cuts)
     known, left = calibrated(eye, frames, EXACT, library, np.random.default_rng(7))
-    assert (len(left), known.modulus.source) == (5, "own")
-    assert known.modulus.mean_pa == pytest.approx(eye.wall.youngs_modulus_pa, rel=0.05)
+    assert (len(left), known.eye.modulus.source) == (5, "own")
+    assert known.eye.modulus.mean_pa == pytest.approx(
+        eye.wall.youngs_modulus_pa, rel=0.05
+    )
 
 
 @pytest.mark.usefixtures("_still_base")
@@ -227,7 +230,7 @@ def test_an_eye_has_tissue_that_stiffens_as_often_as_stated_and_is_then_given_ot
     soft = next(eye for eye in eyes if eye.model.library.stiffening == 0.0)
     rng = np.random.default_rng(2)
     assert not any(
-        interval_measurement.of_population(soft, EXACT, rng).stiffening
+        interval_measurement.of_population(soft, EXACT, rng).eye.stiffening
         for _ in range(20)
     )
     middle = min(
@@ -235,7 +238,7 @@ def test_an_eye_has_tissue_that_stiffens_as_often_as_stated_and_is_then_given_ot
     )
     stated = np.log1p(
         [
-            interval_measurement.of_population(middle, EXACT, rng).stiffening or 0.0
+            interval_measurement.of_population(middle, EXACT, rng).eye.stiffening or 0.0
             for _ in range(2000)
         ]
     )
@@ -245,7 +248,7 @@ def test_an_eye_has_tissue_that_stiffens_as_often_as_stated_and_is_then_given_ot
     assert stated.std() == pytest.approx(0.5, abs=0.03)
     stiffest = max(stiff, key=lambda eye: eye.model.library.stiffening)
     stated_most = [
-        interval_measurement.of_population(stiffest, EXACT, rng).stiffening
+        interval_measurement.of_population(stiffest, EXACT, rng).eye.stiffening
         for _ in range(200)
     ]
     assert max(stated_most) == 30.0  # no more than the library holds
@@ -259,7 +262,7 @@ def test_the_modulus_of_other_eyes_is_off_as_eyes_differ(eye: VirtualEye) -> Non
     means = [
         found.mean_pa
         for _ in range(2000)
-        if (found := interval_measurement.of_population(eye, study, rng).modulus)
+        if (found := interval_measurement.of_population(eye, study, rng).eye.modulus)
     ]
     assert np.std(means) / eye.wall.youngs_modulus_pa == pytest.approx(0.12, rel=0.06)
 
@@ -291,7 +294,7 @@ def test_forces_that_drift_from_the_librarys_are_read_as_three_frames_of_known_f
     near = library.for_contact(eye.wall.polar_rad)
     smoothing_m = EXACT.calibration.surface_smoothing_m
 
-    def error_n(stated: Known, frames: Sequence[VirtualFrame]) -> float:
+    def error_n(stated: Setup, frames: Sequence[VirtualFrame]) -> float:
         prior = prior_of(stated, EXACT.reader)
         boundaries = [frame.boundaries for frame in frames]
         fits = (
@@ -312,9 +315,12 @@ def test_forces_that_drift_from_the_librarys_are_read_as_three_frames_of_known_f
         known, left = calibrated(
             drifting, frames, EXACT, library, np.random.default_rng(7)
         )
-        growths.append(known.discrepancy.growth)
+        growths.append(known.eye.discrepancy.growth)
         errors_n.append(
-            [error_n(known, left), error_n(replace(known, discrepancy=None), left)]
+            [
+                error_n(known, left),
+                error_n(replace(known, eye=replace(known.eye, discrepancy=None)), left),
+            ]
         )
 
     assert np.mean(growths) == pytest.approx(drift, abs=0.1)
@@ -334,8 +340,8 @@ def test_an_eye_is_calibrated_otherwise_on_a_few_frames_of_any_forces_and_read_a
             eye, EXACT, library, np.random.default_rng(seed)
         )
         assert len(left) == FRAMES - interval_measurement.CALIBRATED
-        largest_n.append(known.discrepancy.largest_n)
-        gaps.append(known.discrepancy.widest_gap)
+        largest_n.append(known.eye.discrepancy.largest_n)
+        gaps.append(known.eye.discrepancy.widest_gap)
 
     assert (
         11e-3
@@ -381,7 +387,12 @@ def test_a_scattered_eye_scores_from_the_wider_intervals_of_the_fit(
     )
 
     def scores(scatter: float) -> dict[str, float]:
-        scattered = replace(known, discrepancy=replace(NO_DISCREPANCY, scatter=scatter))
+        scattered = replace(
+            known,
+            eye=replace(
+                known.eye, discrepancy=replace(NO_DISCREPANCY, scatter=scatter)
+            ),
+        )
         found = interval_measurement._scores(
             EXACT,
             library,

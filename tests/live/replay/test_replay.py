@@ -42,7 +42,7 @@ from scleraforce.live.replay.scanner_player import (
     frame_message,
 )
 from scleraforce.recordings.recording_folder import read_recording
-from scleraforce.records.scan import OctInfo
+from scleraforce.records.scan import Scan
 
 
 @pytest.fixture(autouse=True)
@@ -442,7 +442,7 @@ def test_control_c_is_exit_code_130_with_the_summary_so_far(tmp_path) -> None:
     assert 5 <= json.loads(out)["frames_sent"] < 300
 
 
-OCT = OctInfo(columns=32, rows=24, bits=12, width_m=8e-3, depth_m=3e-3)
+OCT = Scan(columns=32, rows=24, bits=12, width_m=8e-3, depth_m=3e-3)
 PIXELS = np.arange(24 * 32, dtype=np.uint16).reshape(24, 32)
 
 

@@ -156,7 +156,7 @@ def withdraw_from_old_pictures(speckled: Recording, name: str, seed: int) -> Non
         force_n=8e-3,
         interval_n=(7e-3, 9e-3),
     )
-    info = speckled.info.oct
+    info = speckled.info.scan
     limits = MonitorLimits(
         size=(256, 320), scale_m=(info.width_m / 320, info.depth_m / 256)
     )

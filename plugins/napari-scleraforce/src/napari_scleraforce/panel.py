@@ -139,7 +139,7 @@ class Panel(Container[Widget]):
             return
 
         mask = mask_of(
-            self.paths(), (recording.info.oct.rows, recording.info.oct.columns)
+            self.paths(), (recording.info.scan.rows, recording.info.scan.columns)
         )
         file = recording.frames[self.frame].file
         sf.save_wall(recording, file, mask)

@@ -37,7 +37,7 @@ def layers(path: str | Sequence[str]) -> list[LayerData]:
 
 def _stack(path: Path) -> LayerData:
     recording = sf.read_recording(path)
-    oct_info = recording.info.oct
+    oct_info = recording.info.scan
     dtype = recording.frame(recording.frames[0]).dtype
     shape = oct_info.rows, oct_info.columns
     frames = [
@@ -50,7 +50,7 @@ def _stack(path: Path) -> LayerData:
         oct_info.width_m * MM / oct_info.columns,
     )
     described = {
-        "name": recording.info.eye.id,
+        "name": recording.info.eye_name,
         "scale": scale,
         "units": ("pixel", "mm", "mm"),
         "axis_labels": ("frame", "depth", "lateral"),

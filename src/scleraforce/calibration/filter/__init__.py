@@ -7,8 +7,8 @@ Public:
         `RIGIDITY`, `SkippedFrame`, `UNSEEN`, `begin`, `known_after`,
         `known_globe_after`, `parameter_moments`, `predicted_points`, `rigidity_after`,
         `step`
-    eye_parameters: `EyeConstants`, `WallState`, `known_of_constants`, `mean_and_sd`,
-        `stated_wall`
+    eye_parameters: `WallState`, `mean_and_sd`, `polar_spread_rad`, `stated_globe`,
+        `stated_wall`, `with_modulus`
     library_sections: `LibrarySections`, `library_eye`
     section_registration: `BY_POLAR`, `PoseBelief`, `first_belief`, `place_section`
 """

@@ -23,10 +23,11 @@ from scleraforce.base.normal_distribution import correlation_of, within_bounds
 from scleraforce.base.units import from_si
 from scleraforce.calibration.filter import section_registration, unscented_filter
 from scleraforce.calibration.filter.eye_parameters import (
-    EyeConstants,
     ParameterSpace,
-    known_of_constants,
+    stated_globe,
+    stated_polar_rad,
     stated_wall,
+    with_modulus,
 )
 from scleraforce.calibration.filter.library_sections import (
     LibrarySections,
@@ -36,8 +37,9 @@ from scleraforce.calibration.filter.library_sections import (
 from scleraforce.fit.curve_placement import PlacesOnFrame, curve_depths
 from scleraforce.library import Library
 from scleraforce.recordings.force_errors import LABEL_SD_N, ZERO_PRIOR
-from scleraforce.records.eye import Known, Modulus
-from scleraforce.records.globe import KnownGlobe
+from scleraforce.records.eye import Modulus
+from scleraforce.records.globe import Globe
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import CalibrationStudy, Study
 from scleraforce.wall.wall_in_metres import Boundaries, Observation, observe_points
 
@@ -123,17 +125,21 @@ def eye_filter(
             " each once"
         )
 
+    stated = stated_wall(
+        model.setup, study.prior_mean_pa, 0.0, stated_polar_rad(model.setup)
+    )
+    eye = model.setup.eye
     priors = {
         "e": (study.prior_mean_pa, study.prior_sd_pa),
-        "iop": (max(model.constants.iop_pa, 1.0), study.iop_sd_pa),
-        "thickness": (model.constants.thickness_m, study.thickness_sd_m),
-        "gap": (max(model.constants.gap_m, 1e-5), study.gap_sd_m),
+        "iop": (max(stated.iop_pa, 1.0), eye.iop_sd_pa or study.iop_sd_pa),
+        "thickness": (stated.thickness_m, eye.thickness_sd_m or study.thickness_sd_m),
+        "gap": (max(stated.gap_m, 1e-5), study.gap_sd_m),
     }
     unknown = [
         (PARAMETERS[name], *priors[name], study.positive, False) for name in parameters
     ]
 
-    globe = model.constants.globe
+    globe = stated_globe(model.setup)
     if globe.can_be_sealed:
         unknown.append((RIGIDITY, globe.mean, globe.sd, False, True))
 
@@ -168,7 +174,7 @@ def _within_bounds(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
         [
             0.0,
             0.0,
-            eye.model.constants.polar_sd_rad**2,
+            eye.model.polar_sd_rad**2,
             eye.study.model_error_fraction**2,
         ]
     )
@@ -181,17 +187,17 @@ def _within_bounds(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
     if RIGIDITY not in eye.space.names:
         return mean, covariance
 
-    globe = eye.model.constants.globe
+    globe = stated_globe(eye.model.setup)
     place = eye.space.names.index(RIGIDITY)
     bounds = (globe.lowest / globe.mean, globe.highest / globe.mean)
     return within_bounds(mean, covariance, place, bounds), covariance
 
 
-def known_globe_after(eye: EyeFilter, state: EyeState) -> KnownGlobe:
+def known_globe_after(eye: EyeFilter, state: EyeState) -> Globe:
     """Return the known globe after some frames, with its correlation with the
     modulus.
     """
-    globe = eye.model.constants.globe
+    globe = stated_globe(eye.model.setup)
     if not globe.can_be_sealed:
         return globe
 
@@ -211,7 +217,7 @@ def known_globe_after(eye: EyeFilter, state: EyeState) -> KnownGlobe:
 def rigidity_after(eye: EyeFilter, state: EyeState) -> float:
     """Return the estimated rigidity of the globe, Pa^(1/3)/m^3: 0 for an open one."""
     if RIGIDITY not in eye.space.names:
-        return eye.model.constants.globe.mean
+        return stated_globe(eye.model.setup).mean
     return float(
         eye.space.values(state.posterior.mean)[eye.space.names.index(RIGIDITY)]
     )
@@ -265,14 +271,14 @@ def assimilate(
         np.diag(np.where(placed.seen, observation.sd_m, UNREACHED_SD_M) ** 2)
         + by_nuisance @ prior.covariance @ by_nuisance.T
         + LABEL_SD_N**2 * np.outer(by_force, by_force)
-        + eye.model.constants.polar_sd_rad**2 * np.outer(by_polar, by_polar)
+        + eye.model.polar_sd_rad**2 * np.outer(by_polar, by_polar)
     )
     start = _start(eye, state, fit)
     result = unscented_filter.filter_step(
         eye.params, state.posterior, observe, observation.depth_m, noise, start=start
     )
     stated = stated_wall(
-        eye.model.constants, 1.0, force_n, eye.model.constants.polar_rad
+        eye.model.setup, 1.0, force_n, stated_polar_rad(eye.model.setup)
     )
     values = eye.space.values(result.posterior.mean).tolist()
 
@@ -320,7 +326,7 @@ def _start(
 
     start = _with_modulus(eye, state.posterior.mean, fit.wall.youngs_modulus_pa)
     start[eye.space.names.index(RIGIDITY)] = (
-        fit.wall.rigidity_pa13_per_m3 / eye.model.constants.globe.mean
+        fit.wall.rigidity_pa13_per_m3 / stated_globe(eye.model.setup).mean
     )
 
     return start
@@ -394,27 +400,30 @@ class EyeSession:
 
 def begin(
     study: Study,
-    constants: EyeConstants,
+    setup: Setup,
     library: Library | None,
     parameters: tuple[str, ...] = ("e",),
     zero_covariance: Floats = ZERO_PRIOR,
     poses: dict[Boundaries, section_registration.PoseBelief] | None = None,
+    *,
+    polar_sd_rad: float = 0.0,
 ) -> EyeSession:
     """Return an eye before its first frame, with a library one of finite strain; raises
     `CalibrationError`.
 
-    `poses` are shared by sessions of the same eye and the same frames, in one order,
-    with walls of other tissue.
+    The setup has IOP, thickness, gap and polar angle; the latter is uncertain by
+    `polar_sd_rad`, 0 if it is stated. `poses` are shared by sessions of the same eye
+    and the same frames, in one order, with walls of other tissue.
     """
     if library is None:
         # 7 ms: not for eyes of a library
         from scleraforce.calibration.filter.linear_sections import linear_eye
 
         model: section_registration.EyeModel = linear_eye(
-            study, constants, "thickness" in parameters
+            study, setup, "thickness" in parameters, polar_sd_rad
         )
     else:
-        model = library_eye(study, constants, library)
+        model = library_eye(study, setup, library, polar_sd_rad)
 
     return begin_with(model, study.calibration, parameters, zero_covariance, poses)
 
@@ -486,26 +495,26 @@ def step(
     return replace(session, state=state, last=SkippedFrame(reason))
 
 
-def known_after(session: EyeSession) -> Known:
-    """Return the known eye after its frames; without a modulus if its last one
+def known_after(session: EyeSession) -> Setup:
+    """Return the setup after its frames; without a modulus if its last one
     diverged.
     """
-    constants = session.filter.model.constants
+    setup = session.filter.model.setup
     diverged = (
         isinstance(session.last, FrameStep) and session.last.result.status != "ok"
     )
     if diverged or not session.updates:
-        return known_of_constants(constants)
+        return with_modulus(setup, None)
 
     names = session.filter.space.names
     means = parameter_moments(session.filter, session.state)[0]
     thickness_m = dict(zip(names, means.tolist(), strict=True)).get(
-        PARAMETERS["thickness"], constants.thickness_m
+        PARAMETERS["thickness"], setup.eye.thickness_m
     )
-    globe = known_globe_after(session.filter, session.state)
-
-    return replace(
-        known_of_constants(constants, session.modulus),
+    eye = replace(
+        setup.eye,
+        modulus=session.modulus,
         thickness_m=thickness_m,
-        globe=globe,
+        globe=known_globe_after(session.filter, session.state),
     )
+    return replace(setup, eye=eye)

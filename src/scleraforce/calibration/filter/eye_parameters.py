@@ -7,14 +7,18 @@ the coordinates of order one.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log, prod, sqrt
 
 import numpy as np
 
 from scleraforce.base.arrays import Flags, Floats
-from scleraforce.records.eye import Known, Modulus
-from scleraforce.records.globe import OPEN, KnownGlobe
+from scleraforce.records.eye import Modulus
+from scleraforce.records.fields import declared
+from scleraforce.records.globe import UNKNOWN, Globe
+from scleraforce.records.needle import Needle
+from scleraforce.records.setup import Setup
+from scleraforce.records.study import Study
 
 SAMPLE_STEP_M = 0.1e-3  # between the samples of a section
 
@@ -105,24 +109,6 @@ def mean_and_sd(values: Sequence[float]) -> tuple[float, float | None]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EyeConstants:
-    """Stated values of an eye and its plane, SI.
-
-    `polar_sd_rad` is 0 if the recording states the angle, `direction_rad` None if it is
-    not stated. `globe` is the known globe.
-    """
-
-    iop_pa: float
-    thickness_m: float
-    gap_m: float
-    polar_rad: float
-    polar_sd_rad: float
-    direction_rad: float | None = None
-    tilt_rad: float = 0.0
-    globe: KnownGlobe = OPEN
-
-
-@dataclass(frozen=True, kw_only=True)
 class WallState:
     """The variables of a section, SI: modulus and force, and values of the eye that may
     be uncertain.
@@ -138,43 +124,45 @@ class WallState:
 
 
 def stated_wall(
-    constants: EyeConstants,
+    setup: Setup,
     youngs_modulus_pa: float,
     force_n: float,
     polar_rad: float,
     rigidity_pa13_per_m3: float | None = None,
 ) -> WallState:
     """Return the state of the eye as stated; the rigidity is by default the mean of the
-    known globe's.
+    known globe's. Raises `InputError` where IOP, thickness or gap is not declared.
     """
     return WallState(
         youngs_modulus_pa=youngs_modulus_pa,
         force_n=force_n,
-        iop_pa=constants.iop_pa,
-        thickness_m=constants.thickness_m,
-        gap_m=constants.gap_m,
+        iop_pa=declared(setup.eye.iop_pa, "eye: iop_pa"),
+        thickness_m=declared(setup.eye.thickness_m, "eye: thickness_m"),
+        gap_m=declared(setup.needle.gap_m, "needle: gap_m"),
         polar_rad=polar_rad,
         rigidity_pa13_per_m3=(
-            constants.globe.mean
+            stated_globe(setup).mean
             if rigidity_pa13_per_m3 is None
             else rigidity_pa13_per_m3
         ),
     )
 
 
-def known_of_constants(
-    constants: EyeConstants, modulus: Modulus | None = None
-) -> Known:
-    """Return a reader's known inputs for an eye with these constants and modulus."""
-    return Known(
-        modulus=modulus,
-        iop_pa=constants.iop_pa,
-        thickness_m=constants.thickness_m,
-        gap_m=constants.gap_m,
-        polar_rad=constants.polar_rad,
-        direction_rad=constants.direction_rad,
-        globe=constants.globe,
-    )
+def stated_globe(setup: Setup) -> Globe:
+    """Return the globe as far as it is stated; one that is not may be sealed."""
+    return setup.eye.globe or UNKNOWN
+
+
+def stated_polar_rad(setup: Setup) -> float:
+    """Return the contact's polar angle, stated or the middle of its range; raises
+    `InputError` where there is none.
+    """
+    return declared(setup.needle.polar_rad, "needle: polar_rad")
+
+
+def with_modulus(setup: Setup, modulus: Modulus | None) -> Setup:
+    """Return what a reader is told of an eye of a modulus; None: not known."""
+    return replace(setup, eye=replace(setup.eye, modulus=modulus))
 
 
 def lagrange(nodes: Sequence[float], at: float) -> Floats:
@@ -191,14 +179,21 @@ def lagrange(nodes: Sequence[float], at: float) -> Floats:
     )
 
 
-def polar_nodes(constants: EyeConstants) -> tuple[float, ...]:
+def polar_spread_rad(needle: Needle, study: Study) -> float:
+    """Return the standard deviation of the contact's polar angle: 0 if it is stated,
+    else that of a study's range, of which any angle is as likely.
+    """
+    low, high = study.needle.polar_angle_rad.bounds
+    return (high - low) / 12**0.5 if needle.polar_rad is None else 0.0
+
+
+def polar_nodes(polar_rad: float, polar_sd_rad: float) -> tuple[float, ...]:
     """Return the stated polar angle of the contact, or three over its range, the stated
     one in the middle.
     """
-    spread = sqrt(3.0) * constants.polar_sd_rad
+    spread = sqrt(3.0) * polar_sd_rad
     return tuple(
-        constants.polar_rad + k * spread
-        for k in ((-1.0, 0.0, 1.0) if spread else (0.0,))
+        polar_rad + k * spread for k in ((-1.0, 0.0, 1.0) if spread else (0.0,))
     )
 
 

@@ -31,6 +31,9 @@ from scleraforce.library.plane_cut import cut_rings
 from scleraforce.library.response_splines import CubicSpline
 from scleraforce.library.sealed_eye import iop_ratio_under_force
 from scleraforce.records.eye import Modulus
+from scleraforce.records.fields import declared
+from scleraforce.records.globe import Globe
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import CalibrationStudy, ReaderStudy, Study
 from scleraforce.wall.wall_in_metres import Boundaries
 
@@ -50,20 +53,15 @@ def _shift(
     (boundary, node, harmonic, 3).
     """
     # 96 ms: SciPy's solvers, not for eyes without a stated direction
-    from scleraforce.mechanics.axisymmetric_wall import LARGEST_POLAR_RAD, base_shift
-    from scleraforce.mechanics.meridian_elements import MeridianSize, meridian_mesh
-
-    polar_rad = min(polar_rad, LARGEST_POLAR_RAD)
-    size = MeridianSize()
-    shift = base_shift(
-        radius_m,
-        thickness_m,
-        poisson_ratio,
-        needle_radius_m,
-        polar_rad=polar_rad,
-        size=size,
+    from scleraforce.mechanics.axisymmetric_wall import (
+        LARGEST_POLAR_RAD,
+        EvenWall,
+        base_shift,
     )
-    mesh = meridian_mesh(radius_m, thickness_m, needle_radius_m, np.pi / 2, size)
+
+    wall = EvenWall(radius_m, thickness_m, poisson_ratio, needle_radius_m)
+    shift = base_shift(wall, min(polar_rad, LARGEST_POLAR_RAD))
+    mesh = wall.mesh()
     rings_bn = np.stack(
         [mesh.points_nc[nodes, 0] for nodes in (mesh.outer_n, mesh.inner_n)]
     )
@@ -73,7 +71,7 @@ def _shift(
 
 def base_moves(
     study: Study,
-    constants: eye_parameters.EyeConstants,
+    setup: Setup,
     polar_rad: float,
     lateral_m: Floats,
 ) -> Floats:
@@ -84,23 +82,25 @@ def base_moves(
     small. It does not grow beyond a polar angle of 55 degrees. At a polar angle of 0,
     or without a stated direction (the mean), nothing moves.
     """
-    if polar_rad == 0.0 or constants.direction_rad is None:
+    direction_rad = setup.scan.direction_rad
+    if polar_rad == 0.0 or direction_rad is None:
         return np.zeros((2, len(lateral_m), 3))
 
+    gap_m = declared(setup.needle.gap_m, "needle: gap_m")
     wall = (
         study.eye.radius_m,
-        constants.thickness_m,
+        declared(setup.eye.thickness_m, "eye: thickness_m"),
         study.eye.poisson_ratio,
         study.needle.outer_diameter_m / 2,
     )
     rings_bn, shift_bnmc = _shift(*wall, polar_rad)
     # angle about the needle axis, from the lateral axis
-    inside = np.arctan2(constants.gap_m, lateral_m)
-    distance_m = np.hypot(lateral_m, constants.gap_m)
+    inside = np.arctan2(gap_m, lateral_m)
+    distance_m = np.hypot(lateral_m, gap_m)
 
     return np.array(
         [
-            _displacement(shift_nmc, rings, distance_m, inside, constants.direction_rad)
+            _displacement(shift_nmc, rings, distance_m, inside, direction_rad)
             for shift_nmc, rings in zip(shift_bnmc, rings_bn, strict=True)
         ]
     )
@@ -147,15 +147,27 @@ class LibrarySections:
 
     `lateral_m` (sample,): places of the section. `moves_pbxc`: `base_moves` at each of
     the polar angles `polar_nodes_rad`. `smoothing_m`: standard deviation of the
-    Gaussian by which a segmentation smooths the outer curve.
+    Gaussian by which a segmentation smooths the outer curve. `polar_sd_rad`: of the
+    polar angle, 0 if it is stated.
     """
 
-    constants: eye_parameters.EyeConstants
+    setup: Setup
     library: Library
     lateral_m: Floats
     polar_nodes_rad: tuple[float, ...]
     moves_pbxc: Floats
     smoothing_m: float = 0.0
+    polar_sd_rad: float = 0.0
+
+    @property
+    def globe(self) -> Globe:
+        """The globe as far as it is stated."""
+        return eye_parameters.stated_globe(self.setup)
+
+    @cached_property
+    def stated_thickness_m(self) -> float:
+        """The stated thickness."""
+        return declared(self.setup.eye.thickness_m, "eye: thickness_m")
 
     def curves(self, states: Sequence[eye_parameters.WallState]) -> Floats:
         """Return the sections as a segmentation sees them, (state, boundary, sample, 2)
@@ -173,7 +185,7 @@ class LibrarySections:
             self._walls(thickness, pressure, force),
             self._fine,
             gap_m,
-            self.constants.tilt_rad,
+            self.setup.scan.tilt_rad or 0.0,
             self.lateral_m,
             moved,
         )
@@ -195,7 +207,7 @@ class LibrarySections:
             return str(fault)
 
         if (
-            self.constants.globe.can_be_sealed
+            self.globe.can_be_sealed
             and pressure[0] >= HIGHEST * self.library.iop_ratio_ends(thickness)[1][0]
         ):
             return "the pressure under the needle rises beyond the library's"
@@ -213,9 +225,9 @@ class LibrarySections:
         pressure = np.array([state.iop_pa for state in states]) / modulus
         force = np.array([state.force_n for state in states]) / modulus
 
-        if self.constants.globe.can_be_sealed:
+        if self.globe.can_be_sealed:
             rigidity = np.array([state.rigidity_pa13_per_m3 for state in states])
-            globe = self.constants.globe.globe(rigidity).over(modulus)
+            globe = self.globe.pressure_law(rigidity).over(modulus)
             held, pressure = self._held(thickness, pressure)
             pressure = iop_ratio_under_force(
                 self.library, held, pressure, np.maximum(force, 0.0), globe
@@ -238,7 +250,7 @@ class LibrarySections:
 
         It is 0, the mean over all directions, if the section's is not stated.
         """
-        direction_rad = self.constants.direction_rad
+        direction_rad = self.setup.scan.direction_rad
         if direction_rad is None:
             return np.zeros((len(polar), *self.moves_pbxc.shape[1:]))
 
@@ -263,7 +275,7 @@ class LibrarySections:
 
         force = np.maximum(force, 0.0)
         if (
-            thickness == self.constants.thickness_m
+            thickness == self.stated_thickness_m
         ).all() and force.max() <= self._reached_force_ratio:
             return library.curves(thickness, pressure, force).curves_sbnc.astype(
                 np.float64
@@ -290,9 +302,9 @@ class LibrarySections:
     def _reached_force_ratio(self) -> float:
         """F/E that the stated wall carries at every pressure of the library, m^2."""
         pressure = (
-            self.library.tension * self.constants.thickness_m / self.library.radius_m
+            self.library.tension * self.stated_thickness_m / self.library.radius_m
         )
-        thickness = np.full(len(pressure), self.constants.thickness_m)
+        thickness = np.full(len(pressure), self.stated_thickness_m)
 
         return (1 - 1e-6) * float(
             self.library.largest_force_ratio(thickness, pressure).min()
@@ -303,8 +315,9 @@ class LibrarySections:
         """Unit vectors to the section's places at rest (boundary, place, 3), as
         `library.moving_base` takes them.
         """
-        radii = self.library.radius_m - np.array([[0.0], [self.constants.thickness_m]])
-        return section_places(self.lateral_m / radii, self.constants.gap_m / radii)
+        gap_m = declared(self.setup.needle.gap_m, "needle: gap_m")
+        radii = self.library.radius_m - np.array([[0.0], [self.stated_thickness_m]])
+        return section_places(self.lateral_m / radii, gap_m / radii)
 
     @cached_property
     def _fine(self) -> Floats:
@@ -319,7 +332,7 @@ class LibrarySections:
 
 
 def library_eye(
-    study: Study, constants: eye_parameters.EyeConstants, library: Library
+    study: Study, setup: Setup, library: Library, polar_sd_rad: float = 0.0
 ) -> LibrarySections:
     """Return the model of an eye; raises `CalibrationError`."""
     mine = (
@@ -339,24 +352,31 @@ def library_eye(
 
     thinnest = float(library.thickness_m[0])
     thickest = float(library.thickness_m[-1])
-    if not thinnest <= constants.thickness_m <= thickest:
+    thickness_m = declared(setup.eye.thickness_m, "eye: thickness_m")
+    if not thinnest <= thickness_m <= thickest:
         raise CalibrationError(
-            f"thickness: {from_si(constants.thickness_m, 'um'):g} µm; the library has"
+            f"thickness: {from_si(thickness_m, 'um'):g} µm; the library has"
             f" walls of {from_si(thinnest, 'um'):.0f} to"
             f" {from_si(thickest, 'um'):.0f} µm"
         )
 
     side = np.arange(0.0, REACH * library.radius_m, eye_parameters.SAMPLE_STEP_M)
     lateral_m = np.concatenate([-side[:0:-1], side])
-    polars = eye_parameters.polar_nodes(constants)
-    moves = np.stack(
-        [base_moves(study, constants, polar, lateral_m) for polar in polars]
+    polars = eye_parameters.polar_nodes(
+        eye_parameters.stated_polar_rad(setup), polar_sd_rad
     )
+    moves = np.stack([base_moves(study, setup, polar, lateral_m) for polar in polars])
     # forces hardly change between the ends
     near = library.nearest_contact(0.5 * (min(polars) + max(polars)))
 
     return LibrarySections(
-        constants, near, lateral_m, polars, moves, study.calibration.surface_smoothing_m
+        setup,
+        near,
+        lateral_m,
+        polars,
+        moves,
+        study.calibration.surface_smoothing_m,
+        polar_sd_rad,
     )
 
 
@@ -419,7 +439,7 @@ def without_form(
     modulus = Modulus(
         mean_pa=study.prior_mean_pa, sd_pa=study.prior_sd_pa, source="population"
     )
-    known = eye_parameters.known_of_constants(eye.constants, modulus)
+    known = eye_parameters.with_modulus(eye.setup, modulus)
     prior = prior_of(known, ReaderStudy())  # nothing is left for it to say
 
     fit = fit_boundaries(

@@ -20,16 +20,18 @@ from scleraforce.base.errors import CalibrationError
 from scleraforce.base.units import STANDARD_GRAVITY_M_S2, from_si
 from scleraforce.calibration.filter.eye_parameters import (
     SAMPLE_STEP_M,
-    EyeConstants,
     WallState,
     lagrange,
     polar_nodes,
     smoothed_curves,
+    stated_polar_rad,
 )
 from scleraforce.mechanics.contact_and_section import Contact
 from scleraforce.mechanics.graded_mesh import study_mesh
 from scleraforce.mechanics.hexahedral_mesh import locate
 from scleraforce.mechanics.linear_wall import LinearWall
+from scleraforce.records.fields import declared
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 
 # how far the section reaches to either side of the contact, as a share of the radius
@@ -66,15 +68,16 @@ def _response(
     wall: LinearWall,
     contact: Contact,
     study: Study,
-    constants: EyeConstants,
+    setup: Setup,
     lateral_m: Floats,
 ) -> Floats:
     """Return the fields of a factored wall about the plane of one contact, (field,
     boundary, line, sample, axis).
     """
     mesh = wall.mesh
-    axes = _plane_axes(contact, constants)
-    plane = (mesh.radius_m, lateral_m, constants.gap_m, constants.tilt_rad)
+    axes = _plane_axes(contact, setup)
+    gap_m = declared(setup.needle.gap_m, "needle: gap_m")
+    plane = (mesh.radius_m, lateral_m, gap_m, setup.scan.tilt_rad or 0.0)
     points_blsc = np.stack(
         [
             _line_points(mesh.radius_m - inward, *plane)
@@ -101,23 +104,24 @@ def _lateral_samples(
     radius_m: float,
     thickness_m: float,
     contacts: Sequence[Contact],
-    constants: EyeConstants,
+    setup: Setup,
 ) -> Floats:
     """Return evenly spaced lateral positions (sample,) at which, for all contacts, the
     whole wall is above the base.
     """
+    gap_m = declared(setup.needle.gap_m, "needle: gap_m")
     reach = SAMPLE_REACH * radius_m
     lateral = np.arange(-reach, reach + SAMPLE_STEP_M / 2, SAMPLE_STEP_M)
     above = np.ones(len(lateral), dtype=bool)
 
     for contact in contacts:
-        axes = _plane_axes(contact, constants)
+        axes = _plane_axes(contact, setup)
         points = _line_points(
             radius_m - thickness_m,
             radius_m,
             lateral,
-            constants.gap_m,
-            constants.tilt_rad,
+            gap_m,
+            setup.scan.tilt_rad or 0.0,
         )
         height = (points @ axes)[..., 2] - radius_m * axes[2, 2]
         above &= (height > BASE_MARGIN * radius_m).all(axis=0)
@@ -125,11 +129,11 @@ def _lateral_samples(
     return lateral[above]
 
 
-def _plane_axes(contact: Contact, constants: EyeConstants) -> Floats:
+def _plane_axes(contact: Contact, setup: Setup) -> Floats:
     """Return lateral, across and depth axis of the untilted plane (by default the
     meridian's), (3, 3), one a row.
     """
-    direction_rad = constants.direction_rad or 0.0
+    direction_rad = setup.scan.direction_rad or 0.0
     lateral = (
         cos(direction_rad) * contact.meridian + sin(direction_rad) * contact.parallel
     )
@@ -169,15 +173,17 @@ class LinearEye:
     per N of force. Boundaries: outer, inner. Axes: lateral, across the plane (untilted,
     from the needle axis), depth below the undeformed contact. `weight_pa_m` is density
     times gravity; `smoothing_m`: standard deviation of the Gaussian by which a
-    segmentation smooths the outer curve.
+    segmentation smooths the outer curve; `polar_sd_rad`: of the polar angle, 0 if it is
+    stated.
     """
 
-    constants: EyeConstants
+    setup: Setup
     weight_pa_m: float
     thickness_nodes_m: tuple[float, ...]
     polar_nodes_rad: tuple[float, ...]
     fields: Floats
     smoothing_m: float = 0.0
+    polar_sd_rad: float = 0.0
 
     def curves(self, states: Sequence[WallState]) -> Floats:
         """Return the sections as a segmentation sees them, (state, boundary, sample, 2)
@@ -230,31 +236,33 @@ class LinearEye:
             len(states), *fields_fblsc.shape[1:]
         )
         gap = np.array([state.gap_m for state in states])[:, None, None, None]
-        curves = _cut_lines(points, gap, self.constants.tilt_rad)
+        curves = _cut_lines(points, gap, self.setup.scan.tilt_rad or 0.0)
         curves[:, 0] = smoothed_curves(curves[:, 0], self.smoothing_m)
 
         return curves
 
 
 def linear_eye(
-    study: Study, constants: EyeConstants, thickness_uncertain: bool = False
+    study: Study,
+    setup: Setup,
+    thickness_uncertain: bool = False,
+    polar_sd_rad: float = 0.0,
 ) -> LinearEye:
     """Solve the walls for an eye, three if the thickness is uncertain; raises
     `CalibrationError`.
     """
-    if not 0.1e-3 <= constants.thickness_m <= 0.4 * study.eye.radius_m:
+    thickness_m = declared(setup.eye.thickness_m, "eye: thickness_m")
+    if not 0.1e-3 <= thickness_m <= 0.4 * study.eye.radius_m:
         raise CalibrationError(
-            f"thickness: {from_si(constants.thickness_m, 'um'):g} µm cannot be "
+            f"thickness: {from_si(thickness_m, 'um'):g} µm cannot be "
             "meshed; state the wall's"
         )
 
     shares = THICKNESS_NODES if thickness_uncertain else (1.0,)
-    thicknesses = tuple(share * constants.thickness_m for share in shares)
-    polars = polar_nodes(constants)
+    thicknesses = tuple(share * thickness_m for share in shares)
+    polars = polar_nodes(stated_polar_rad(setup), polar_sd_rad)
     contacts = [Contact(polar_rad=polar) for polar in polars]
-    lateral = _lateral_samples(
-        study.eye.radius_m, max(thicknesses), contacts, constants
-    )
+    lateral = _lateral_samples(study.eye.radius_m, max(thicknesses), contacts, setup)
     fields = []
 
     for thickness in thicknesses:
@@ -263,17 +271,18 @@ def linear_eye(
         fields.append(
             np.stack(
                 [
-                    _response(wall, contact, study, constants, lateral)
+                    _response(wall, contact, study, setup, lateral)
                     for contact in contacts
                 ]
             )
         )
 
     return LinearEye(
-        constants=constants,
+        setup=setup,
         weight_pa_m=study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2,
         thickness_nodes_m=thicknesses,
         polar_nodes_rad=polars,
         fields=np.stack(fields),
         smoothing_m=study.calibration.surface_smoothing_m,
+        polar_sd_rad=polar_sd_rad,
     )

@@ -15,7 +15,12 @@ import numpy as np
 
 from scleraforce.base import normal_distribution
 from scleraforce.base.arrays import Floats
-from scleraforce.calibration.filter.eye_parameters import WallState, stated_wall
+from scleraforce.calibration.filter.eye_parameters import (
+    WallState,
+    stated_globe,
+    stated_polar_rad,
+    stated_wall,
+)
 from scleraforce.calibration.filter.library_sections import LibrarySections
 from scleraforce.fit import curve_placement, least_squares
 from scleraforce.records.globe import REFERENCE_RIGIDITY
@@ -52,7 +57,7 @@ def parameter_sections(
     """Return the sections for rows of uncertain parameters, shape (row, boundary,
     sample, 2).
     """
-    stated = stated_wall(model.constants, 1.0, force_n, polar_rad)
+    stated = stated_wall(model.setup, 1.0, force_n, polar_rad)
     return model.curves(
         [
             replace(stated, **dict(zip(names, row, strict=True)))
@@ -117,7 +122,7 @@ def predict_frame(
         state,
         replace(state, youngs_modulus_pa=state.youngs_modulus_pa * (1 + MODULUS_STEP)),
     ]
-    if model.constants.globe.can_be_sealed:
+    if stated_globe(model.setup).can_be_sealed:
         stiffer_globe = state.rigidity_pa13_per_m3 + RIGIDITY_STEP * REFERENCE_RIGIDITY
         states.append(replace(state, rigidity_pa13_per_m3=stiffer_globe))
 
@@ -204,7 +209,7 @@ class Registered:
 def first_belief(model: "EyeModel") -> PoseBelief:
     """Return the belief before the first frame: a wide one of the pose."""
     mean = np.zeros(5)
-    mean[BY_POLAR] = model.constants.polar_rad
+    mean[BY_POLAR] = stated_polar_rad(model.setup)
     return PoseBelief(mean, np.diag(FIRST_SD**2))
 
 
@@ -247,7 +252,7 @@ def register(
     the rigidity is SI.
     """
     sought = stated_wall(
-        model.constants, modulus_pa, force_n, float(prior.mean[BY_POLAR]), rigidity
+        model.setup, modulus_pa, force_n, float(prior.mean[BY_POLAR]), rigidity
     )
     fit = _SectionProblem(model, _thinned(boundaries), sought, prior)
     unknown, placed, _ = least_squares.gauss_newton(fit, fit.start(), STOPPING)
@@ -288,7 +293,7 @@ class _SectionProblem:
         self.model = model
         self.columns = columns
         self.sought = sought
-        globe = model.constants.globe
+        globe = stated_globe(model.setup)
         own = [
             log(sought.youngs_modulus_pa),
             sought.rigidity_pa13_per_m3 / REFERENCE_RIGIDITY,

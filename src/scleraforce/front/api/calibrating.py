@@ -1,11 +1,10 @@
 """Calibrate on recordings with force logs, and fit a reader's intervals to them."""
 
-import json
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from scleraforce.base.errors import InputError
 from scleraforce.calibration.calibrate import (
@@ -21,13 +20,14 @@ from scleraforce.calibration.calibration_checks import (
 from scleraforce.calibration.evaluation import recording_scores
 from scleraforce.calibration.seen_frames import CalibrationSettings
 from scleraforce.calibration.stiffness_from_shape import calibrate_without_force
-from scleraforce.front.api.progress import Counting, counting_for
+from scleraforce.front.api.opened_frames import finder_of
+from scleraforce.front.api.progress import Counting, Progress, counting_for
 from scleraforce.front.api.reading_frames import (
     Given,
-    finder_of,
     opened_recordings,
     summary_of_calibration,
 )
+from scleraforce.front.api.shorthand import declared_setup
 from scleraforce.library import Library, load_library
 from scleraforce.library.library_plan import plan_library
 from scleraforce.reading.interval_widths import (
@@ -37,19 +37,24 @@ from scleraforce.reading.interval_widths import (
     stretched_factors,
 )
 from scleraforce.reading.load_model import load_force_reader
-from scleraforce.reading.trained_ranges import CLASSIFIER, READER, untrained_values
+from scleraforce.reading.trained_ranges import (
+    CLASSIFIER,
+    READER,
+    radius_fault,
+    untrained_values,
+)
 from scleraforce.recordings.recording_folder import Recording
 from scleraforce.records import model_folder
 from scleraforce.records.calibration_file import (
-    parse_calibration_file,
+    CalibrationFile,
     population_modulus,
     summary_of,
     write_calibration,
 )
-from scleraforce.records.fields import check_quantity
-from scleraforce.records.recording_info import known_of_recording
+from scleraforce.records.eye import Eye
+from scleraforce.records.fields import check_kind
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study, refuse_unused, study_hash
-from scleraforce.records.study_of_eye import check_relaxation
 
 if TYPE_CHECKING:
     from scleraforce.front.api.reading_frames import GivenCalibration
@@ -58,51 +63,104 @@ MECHANICS = ("finite-strain", "linear")
 PARAMETERS = ("e", "stiffening", "iop", "thickness", "gap")
 
 
+@dataclass(frozen=True, kw_only=True)
+class CalibrationMethod:
+    """How a calibration finds its eyes.
+
+    Attributes:
+        mechanics: "finite-strain" (from the library), or the paper's "linear".
+        parameters: the uncertain ones of "e", "stiffening", "iop", "thickness", "gap";
+            "e" among them. None: e and the stiffening, with linear mechanics e.
+        without_force: find E by the shape of the dents beside the stated IOP; no force
+            log is needed.
+        prior: with `without_force`, other eyes' calibration or its file: their
+            population is the prior of E. None: the study's.
+        wall_finder: model folder that checks the walls, by default the bundled one;
+            None: nothing checks them.
+
+    Raises:
+        InputError: no such mechanics or parameters, or they do not go together.
+
+    >>> import scleraforce as sf
+    >>> sf.CalibrationMethod(parameters=["e", "thickness"]).sought
+    ('e', 'thickness')
+    """
+
+    mechanics: str = MECHANICS[0]
+    parameters: Sequence[str] | None = None
+    without_force: bool = False
+    prior: "GivenCalibration | None" = None
+    wall_finder: str | PathLike[str] | None = model_folder.SHIPPED_WALL_FINDER
+
+    def __post_init__(self) -> None:
+        mechanics = self.mechanics
+        parameters = self.parameters
+        if mechanics not in MECHANICS:
+            raise InputError(f"mechanics: {mechanics!r}; give {' or '.join(MECHANICS)}")
+
+        names = set(parameters or "e")
+        if parameters is not None and (
+            "e" not in names or names - set(PARAMETERS) or len(names) < len(parameters)
+        ):
+            others = ", ".join(repr(name) for name in PARAMETERS[1:])
+            raise InputError(
+                f"parameters: {parameters!r}; give a list of 'e' and of others that are"
+                f" uncertain: {others}"
+            )
+        if self.without_force and (mechanics == "linear" or parameters is not None):
+            raise InputError(
+                "without_force: finds E at finite strain; leave out parameters and"
+                " mechanics"
+            )
+        if self.prior is not None and not self.without_force:
+            raise InputError("`prior`: is the prior of without_force; leave it out")
+
+    @property
+    def sought(self) -> tuple[str, ...] | None:
+        """The uncertain parameters; None: the usual ones."""
+        return None if self.parameters is None else tuple(self.parameters)
+
+
+class CalibrationShorthand(TypedDict, total=False):
+    """Fields of a `CalibrationMethod`, and the thickness of an `Eye`."""
+
+    mechanics: str
+    parameters: Sequence[str] | None
+    without_force: bool
+    thickness_m: float | None
+
+
 def calibrate(
     recordings: Given | Sequence[Given],
     study: Study | None = None,
     *,
     frames: int | None = None,
-    parameters: Sequence[str] | None = None,
-    mechanics: str = "finite-strain",
-    without_force: bool = False,
-    calibration: "GivenCalibration | None" = None,
-    wall_finder: str | PathLike[str] | None = model_folder.SHIPPED_WALL_FINDER,
-    thickness_m: float | None = None,
-    relaxation: Sequence[Sequence[float]] | None = None,
+    method: CalibrationMethod | None = None,
+    eye: Eye | None = None,
     out: str | PathLike[str] | None = None,
     note: Callable[[str], object] | None = None,
-    progress: Callable[[int], object] | None = None,
-    counting: Counting | None = None,
+    progress: Progress | None = None,
+    **short: Unpack[CalibrationShorthand],
 ) -> Calibration:
     """Estimate Young's modulus of each eye from its recordings.
 
     Args:
-        recordings: one or more, opened or as folders, with force logs unless
-            `without_force`; recordings of one eye add up.
+        recordings: one or more, opened or as folders, with force logs unless the method
+            is `without_force`; recordings of one eye add up.
         study: prior, filter and library; None: the paper's.
         frames: number of frames above 5 mN to take of each recording, of several planes
             moments; None: all. With `without_force`, the number of frames whose forces
             count as well; None: none.
-        parameters: the uncertain ones of "e", "stiffening", "iop", "thickness", "gap";
-            "e" among them. None: e and the stiffening, with linear mechanics e.
-        mechanics: "finite-strain" (from the library), or the paper's "linear".
-        without_force: find E by the shape of the dents beside the stated IOP; no force
-            log is needed.
-        calibration: with `without_force`, other eyes' calibration or its file: their
-            population is the prior of E.
-        wall_finder: model folder that checks the walls, by default the bundled one;
-            None: nothing checks them.
-        thickness_m: of the wall, of a single eye; None: the recordings'.
-        relaxation: of the tissue: terms of a share of a held force that is lost and a
-            time constant in s; (): elastic; None: as the recordings say, else by the
-            holds of their logs.
+        method: mechanics, what is uncertain, and whether forces are used.
+        eye: what is known of a single eye, in place of what its recordings state; None:
+            the recordings'. Tissue of which neither says how it relaxes relaxes as the
+            holds of the logs show.
         out: a file to write as well; it must not exist.
         note: called, at the start, with a sentence for each quantity that a reader of
             the study would not read.
         progress: called with 1 after each frame.
-        counting: for bars, in place of `progress`: a context manager of a title
-            ("library", "frames") and its steps.
+        short: `mechanics`, `parameters`, `without_force` in place of a method, and the
+            eye's `thickness_m`.
 
     Returns:
         `eyes` by name, each with `mean_pa`, `sd_pa` and `status`, and the mean and
@@ -111,58 +169,40 @@ def calibrate(
     Raises:
         InputError: a recording cannot be calibrated on or contradicts its frames (the
             message names the likely cause), a reader would refuse them, `out` exists,
-            the study has
-            keys that this mechanics does not use, or `without_force` meets
-            `parameters`, linear mechanics, or a recording that does not state the IOP.
+            the study has keys that this mechanics does not use, or a recording without
+            forces does not state the IOP.
 
     >>> import scleraforce as sf
     >>> calibration = sf.calibrate("eye-a", sf.read_study("study.toml"), frames=2)
     >>> print(f"{calibration.eyes['eye-a'].mean_pa / 1e6:.1f} MPa")
     0.3 MPa
     """
-    if mechanics not in MECHANICS:
-        raise InputError(f"mechanics: {mechanics!r}; give {' or '.join(MECHANICS)}")
+    options: dict[str, Any] = dict(short)
+    eye = declared_setup(
+        eye, None, None, {"thickness_m": options.pop("thickness_m", None)}
+    ).eye
+    method = _method(method, options)
+    mechanics = method.mechanics
+    without_force = method.without_force
 
-    names = set(parameters or "e")
-    if parameters is not None and (
-        "e" not in names or names - set(PARAMETERS) or len(names) < len(parameters)
-    ):
-        others = ", ".join(repr(name) for name in PARAMETERS[1:])
-        raise InputError(
-            f"parameters: {parameters!r}; give a list of 'e' and of others that are"
-            f" uncertain: {others}"
-        )
-    if without_force and (mechanics == "linear" or parameters is not None):
-        raise InputError(
-            "without_force: finds E at finite strain; leave out parameters and"
-            " mechanics"
-        )
-    if calibration is not None and not without_force:
-        raise InputError("calibration: is the prior of without_force; leave it out")
-    if relaxation is not None:
-        check_relaxation(relaxation)
-        if mechanics == "linear":
-            raise InputError("relaxation: linear mechanics knows none; leave it out")
+    if eye.relaxation is not None and mechanics == "linear":
+        raise InputError("relaxation: linear mechanics knows none; leave it out")
     if frames is not None and frames < 1:
         raise InputError(f"frames: {frames}; give at least 1")
-    if thickness_m is not None:
-        check_quantity("thickness_m", thickness_m)
     if out is not None and Path(out).exists():
         raise InputError(f"{out}: exists already; remove it or choose another name")
 
     study = study or Study()
-    counting = counting or counting_for(progress, "frames")
+    check_kind("study", study, Study, 'read_study("study.toml")')
+    counting = counting_for(progress, "frames")
     refuse_unused(study, "calibrate", mechanics)
 
-    sought = None if parameters is None else tuple(parameters)
+    sought = method.sought
     if study.tissue.stiffening > 0.0 and (sought is None or STIFFENING in sought):
         way = "leave it out, or seek e alone (parameters e)"
         raise InputError(f"study: tissue.stiffening: is sought in the frames; {way}")
 
-    each = _with_thickness(opened_recordings(recordings), thickness_m)
-    if relaxation is not None:
-        each = [_relaxing(one, relaxation) for one in each]
-
+    each = _of_eye(opened_recordings(recordings), eye)
     kind = CLASSIFIER if mechanics == "linear" else READER
 
     for recording in each:
@@ -174,13 +214,22 @@ def calibrate(
                 " thickness_m"
             )
 
+        radius_m = info.eye.radius_m
+        if radius_m is not None and mechanics == "linear":
+            raise InputError(
+                f"{recording.path}: eye.radius_m: linear mechanics takes the study's;"
+                " leave it out"
+            )
+        if fault := radius_fault(radius_m, study.eye.radius_m):
+            raise InputError(f"{recording.path}: eye.radius_m: {fault}")
+
         for sentence in untrained_values(
-            kind, study, known_of_recording(info), info.oct, info.needle.gauge
+            kind, study, info.setup, info.scan, info.needle.gauge
         ):
             if note is not None:
                 note(f"{recording.path}: {sentence}")
 
-    finder = finder_of(wall_finder)
+    finder = finder_of(method.wall_finder)
     for recording in each:
         check_recording(recording, study, finder, with_forces=not without_force)
     library = library_for(study, mechanics, counting)
@@ -191,7 +240,7 @@ def calibrate(
     ) as advance:
         if without_force and library is not None:
             summary = (
-                None if calibration is None else summary_of_calibration(calibration)
+                None if method.prior is None else summary_of_calibration(method.prior)
             )
             prior = None if summary is None else population_modulus(summary)
             stiffening = (
@@ -218,9 +267,7 @@ def calibrate(
             found = calibrate_recordings(each, *by_force)
 
     # A file that cannot be read back is not written.
-    file = parse_calibration_file(
-        json.dumps(found.to_dict(), allow_nan=False).encode(), "the calibration"
-    )
+    file = CalibrationFile("the calibration", found.to_dict())
     parse_calibration(file)
     if library is not None:
         found = checked_calibration(
@@ -256,31 +303,55 @@ def library_for(
         return cached_library(study, workers=workers, progress=advance)
 
 
-def _with_thickness(
-    recordings: list[Recording], thickness_m: float | None
-) -> list[Recording]:
-    if thickness_m is None:
-        return recordings
+def _method(
+    method: CalibrationMethod | None, options: Mapping[str, Any]
+) -> CalibrationMethod:
+    """Return the method of a record or of keywords."""
+    names = {item.name for item in fields(CalibrationMethod)}
+    for name in options:
+        if name not in names:
+            raise TypeError(f"unexpected keyword {name!r}; docs/python.md lists them")
+        if method is not None:
+            raise InputError(
+                f"{name}: stated beside a method; give it there, or leave the method"
+                " out"
+            )
 
-    eyes = {recording.info.eye.id for recording in recordings}
-    if len(eyes) > 1:
+    if method is None:
+        return CalibrationMethod(**options)
+    check_kind("method", method, CalibrationMethod, "CalibrationMethod()")
+    return method
+
+
+def _of_eye(recordings: list[Recording], eye: Eye) -> list[Recording]:
+    """Return recordings with what is known of their single eye."""
+    given = {
+        item.name: value
+        for item in fields(eye)
+        if (value := getattr(eye, item.name)) is not None
+    }
+    for name in ("modulus", "stiffening", "discrepancy", "calibrated_lean_rad"):
+        if name in given:
+            raise InputError(f"{name}: is what a calibration finds; leave it out")
+
+    eyes = {recording.info.eye_name for recording in recordings}
+    if given and len(eyes) > 1:
         raise InputError(
-            f"thickness_m: of one eye; the recordings are of {', '.join(sorted(eyes))}"
+            f"{next(iter(given))}: of one eye; the recordings are of"
+            f" {', '.join(sorted(eyes))}"
+        )
+    if eye.name is not None and eye.name not in eyes:
+        raise InputError(
+            f"eye: {eye.name!r}; the recordings are of {', '.join(sorted(eyes))}"
         )
 
     return [
         replace(
             one,
-            info=replace(one.info, eye=replace(one.info.eye, thickness_m=thickness_m)),
+            info=replace(one.info, eye=Setup(eye=eye).completed_by(one.info.setup).eye),
         )
         for one in recordings
     ]
-
-
-def _relaxing(recording: Recording, relaxation: Sequence[Sequence[float]]) -> Recording:
-    terms = tuple((float(share), float(time_s)) for share, time_s in relaxation)
-    eye = replace(recording.info.eye, relaxation=terms)
-    return replace(recording, info=replace(recording.info, eye=eye))
 
 
 def recalibrate_intervals(
@@ -309,9 +380,7 @@ def recalibrate_intervals(
 
     for recording in each:
         info = recording.info
-        for sentence in reader.limits(
-            known_of_recording(info), info.oct, info.needle.gauge
-        ):
+        for sentence in reader.limits(info.setup, info.scan, info.needle.gauge):
             note(f"{recording.path}: {sentence}")
 
     finder = finder_of(wall_finder)
@@ -346,7 +415,7 @@ def recalibrate_intervals(
         )
 
     source = "recordings of " + ", ".join(
-        sorted({recording.info.eye.id for recording in each})
+        sorted({recording.info.eye_name for recording in each})
     )
     record = {
         key: value

@@ -84,7 +84,7 @@ def export(
         return _write_table({}, _rows(thing), out)
 
     recording = thing if isinstance(thing, Recording) else read_recording(thing)
-    if recording.info.oct.plane and kind not in TABLES:
+    if recording.info.scan.planes and kind not in TABLES:
         raise InputError(
             f"out: {out}: has room for frames of one plane; give a .csv or .json"
         )

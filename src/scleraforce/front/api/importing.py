@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
+from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from math import degrees
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,12 @@ from scleraforce.base.errors import FrameError, InputError, RecordingError
 from scleraforce.base.units import from_si
 from scleraforce.base.version import __version__
 from scleraforce.base.whole_files import folder_when_whole
-from scleraforce.front.api.progress import Counting, counting_for
+from scleraforce.front.api.progress import Counting, Progress, counting_for
+from scleraforce.front.api.shorthand import (
+    SetupShorthand,
+    declared_setup,
+    with_values,
+)
 from scleraforce.reading.load_model import load_wall_finder
 from scleraforce.reading.trained_ranges import limit_notes
 from scleraforce.recordings import import_answers
@@ -50,9 +56,17 @@ from scleraforce.recordings.recording_writer import (
     write_log,
 )
 from scleraforce.recordings.source_files import files_of
+from scleraforce.records.eye import Eye
 from scleraforce.records.frame import Pixels
 from scleraforce.records.model_folder import SHIPPED_READER, SHIPPED_WALL_FINDER
-from scleraforce.records.scan import OctInfo, PixelScale, Plane
+from scleraforce.records.needle import (
+    Needle,
+    gauge_diameter_m,
+    is_gauge,
+    one_lean,
+)
+from scleraforce.records.scan import PixelScale, Plane, Scan
+from scleraforce.records.setup import NOTHING_KNOWN, Setup
 from scleraforce.records.study import ClassesStudy
 from scleraforce.records.study_of_eye import relaxation_text
 from scleraforce.wall.find_wall import find_wall
@@ -63,42 +77,101 @@ PREVIEW = "preview.png"
 LOOKED_AT = 5
 
 
+@dataclass(frozen=True, kw_only=True)
+class ImportSettings:
+    """How sources are read; None: they state it, or do not need it.
+
+    Attributes:
+        axes: their order in an array or volume, like "frame,depth,lateral".
+        flip: "rows" of pictures that are upside down, "columns" of mirrored ones.
+        array: its name in a .npz.
+        first_frame: that is imported, counted from 1; `times` and `rate_hz` are of the
+            frames that are.
+        last_frame: that is imported.
+        grey_range: pixel values that become black and white.
+        planes: that the scanner took at once, one for each of the sources (None: a
+            force log). The n-th frames of all planes are of one moment; the gap is then
+            found, not given.
+        rate_hz: frames taken in a second.
+        times: table of the frames' times, by the names of files or in their order.
+        frames_by: what orders and times frames in files of their own: "numbers" in
+            their names (or DICOM's), of which a missing one is a missing frame at
+            `rate_hz`; "times" in their names, also in a unit like "times:ms"; or
+            "order", evenly spaced as they are listed.
+        clock_offset_s: force log's clock minus the frames' clock; "auto", and None
+            unless one bag has both: found from the dents, and refused if these leave
+            it open. 0 says that both share one clock.
+        columns: of a force log, like "time=Clock:ms" and "fz=Pull:mN".
+        axis: of the force sensor along the needle: "fx", "fy" or "fz".
+        contact_sign: of that axis in contact: 1 or -1.
+        average_s: time over which a label averages.
+        image_topic: of a ROS bag, where there are several.
+        force_topic: of a ROS bag, where there are several.
+        by_arrival: take the times at which a bag's messages arrived, where they have no
+            capture stamp.
+
+    >>> import scleraforce as sf
+    >>> sf.ImportSettings(rate_hz=20.0, clock_offset_s=0.0).rate_hz
+    20.0
+    """
+
+    axes: str | None = None
+    flip: Literal["rows", "columns"] | None = None
+    array: str | None = None
+    first_frame: int | None = None
+    last_frame: int | None = None
+    grey_range: tuple[float, float] | None = None
+    planes: Sequence[Plane | None] = ()
+    rate_hz: float | None = None
+    times: str | PathLike[str] | None = None
+    frames_by: str | None = None
+    clock_offset_s: float | Literal["auto"] | None = None
+    columns: Sequence[str] = ()
+    axis: str | None = None
+    contact_sign: int | None = None
+    average_s: float | None = None
+    image_topic: str | None = None
+    force_topic: str | None = None
+    by_arrival: bool = False
+
+    def __post_init__(self) -> None:
+        if self.flip not in (None, "rows", "columns"):
+            raise InputError(f"flip: {self.flip!r}; give 'rows' or 'columns'")
+        for name in ("first_frame", "last_frame"):
+            number = getattr(self, name)
+            if number is not None and number < 1:
+                raise InputError(f"{name}: {number}; frames are counted from 1")
+
+
+class ImportShorthand(SetupShorthand, total=False):
+    """Fields of an eye, a needle (by its gauge) and a scan, and those of
+    `ImportSettings` that most sources need.
+    """
+
+    gauge: int | None
+    bits: int | None
+    rate_hz: float | None
+    times: str | PathLike[str] | None
+    clock_offset_s: float | Literal["auto"] | None
+    columns: Sequence[str]
+    axis: str | None
+    contact_sign: int | None
+
+
+OF_SETTINGS = ("rate_hz", "times", "clock_offset_s", "columns", "axis", "contact_sign")
+
+
 def import_recording(
     sources: str | PathLike[str] | Sequence[str | PathLike[str]],
     out: str | PathLike[str],
     *,
     like: str | PathLike[str] | None = None,
-    eye: str | None = None,
-    width_m: float | None = None,
-    depth_m: float | None = None,
-    refractive_index: float | None = None,
-    gauge: int | None = None,
-    gap_m: float | None = None,
-    axis: str | None = None,
-    contact_sign: int | None = None,
-    columns: Sequence[str] = (),
-    rate_hz: float | None = None,
-    times: str | PathLike[str] | None = None,
-    frames_by: str | None = None,
-    clock_offset_s: float | Literal["auto"] | None = None,
-    axes: str | None = None,
-    flip: Literal["rows", "columns"] | None = None,
-    array: str | None = None,
-    bits: int | None = None,
-    first_frame: int | None = None,
-    last_frame: int | None = None,
-    grey_range: tuple[float, float] | None = None,
-    average_s: float | None = None,
-    image_topic: str | None = None,
-    force_topic: str | None = None,
-    by_arrival: bool = False,
-    thickness_m: float | None = None,
-    iop_pa: float | None = None,
-    globe: str | None = None,
-    polar_angle_rad: float | None = None,
-    relaxation: Sequence[Sequence[float]] | None = None,
-    planes: Sequence[Plane | None] = (),
-    progress: Callable[[int], object] | None = None,
+    eye: Eye | str | None = None,
+    needle: Needle | None = None,
+    scan: Scan | None = None,
+    settings: ImportSettings | None = None,
+    progress: Progress | None = None,
+    **short: Unpack[ImportShorthand],
 ) -> Recording:
     """Write frames and force log of other programs as a recording folder
     (docs/formats.md lists what is read).
@@ -113,47 +186,16 @@ def import_recording(
         out: the folder to make.
         like: another recording, whose scanner, needle, sensor and columns hold where
             the sources state none.
-        eye: its name.
-        width_m: of the frames.
-        depth_m: of the frames as stored.
-        refractive_index: of the depth axis; 1 if the scanner has corrected it.
-        gauge: of the needle.
-        gap_m: distance of the B-scan plane from the needle axis.
-        axis: of the force sensor along the needle: "fx", "fy" or "fz".
-        contact_sign: of that axis in contact: 1 or -1.
-        columns: of a force log, like "time=Clock:ms" and "fz=Pull:mN".
-        rate_hz: frames taken in a second.
-        times: table of the frames' times, by the names of files or in their order.
-        frames_by: what orders and times frames in files of their own: "numbers" in
-            their names (or DICOM's), of which a missing one is a missing frame at
-            `rate_hz`; "times" in their names, also in a unit like "times:ms"; or
-            "order", evenly spaced as they are listed.
-        clock_offset_s: force log's clock minus the frames' clock; "auto", and None
-            unless one bag has both: found from the dents, and refused if these leave
-            it open. 0 says that both share one clock.
-        axes: their order in an array or volume, like "frame,depth,lateral".
-        flip: "rows" of pictures that are upside down, "columns" of mirrored ones.
-        array: its name in a .npz.
-        bits: of a 16-bit pixel that are used.
-        first_frame: that is imported, counted from 1; `times` and `rate_hz` are of the
-            frames that are.
-        last_frame: that is imported.
-        grey_range: pixel values that become black and white.
-        average_s: time over which a label averages.
-        image_topic: of a ROS bag, where there are several.
-        force_topic: of a ROS bag, where there are several.
-        by_arrival: take the times at which a bag's messages arrived, where they have no
-            capture stamp.
-        thickness_m: of the wall, where it was measured.
-        iop_pa: pressure at rest, where it was measured.
-        globe: "open" or "sealed"; None: not known.
-        polar_angle_rad: of the contact, from the pole, where it is known.
-        relaxation: of the tissue: terms of a share of the force that is lost and a time
-            constant in s; (): elastic; None: not known.
-        planes: that the scanner took at once, one for each of the sources (None: a
-            force log). The n-th frames of all planes are of one moment; the gap is then
-            found, not given.
+        eye: what was measured of the eye, with its name, or the name alone.
+        needle: its diameter and gap; contact and lean where they are known.
+        scan: width, depth, refractive index (1 if the scanner has corrected it) and
+            used bits of the frames; direction and tilt where they are known.
+        settings: how the sources are read.
         progress: called with 1 after each frame that is written.
+        short: `thickness_m`, `iop_pa`, `globe` of the eye, `gauge` and `gap_m` of the
+            needle, `width_m`, `depth_m`, `refractive_index`, `bits` of the scan, and
+            `rate_hz`, `times`, `clock_offset_s`, `columns`, `axis`, `contact_sign` of
+            the settings, in place of these records.
 
     Raises:
         InputError: a source cannot be read, something is missing or has nothing to act
@@ -167,40 +209,17 @@ def import_recording(
     >>> [(frame.file, frame.time_s) for frame in recording.frames]
     [('0001.png', 0.0), ('0002.png', 2.0), ('0003.png', 4.0)]
     """
-    given: dict[str, Any] = {
-        "axes": axes,
-        "flip": flip,
-        "array": array,
-        "width_mm": from_si(width_m, "mm"),
-        "depth_mm": from_si(depth_m, "mm"),
-        "refractive_index": refractive_index,
-        "bits": bits,
-        "grey_range": grey_range,
-        "rate_hz": rate_hz,
-        "first_frame": first_frame,
-        "last_frame": last_frame,
-        "times": None if times is None else Path(times),
-        "frames_by": frames_by,
-        "clock_offset_s": clock_offset_s,
-        "columns": tuple(columns) or None,
-        "axis": axis,
-        "contact_sign": contact_sign,
-        "average_s": average_s,
-        "image_topic": image_topic,
-        "force_topic": force_topic,
-        "by_arrival": by_arrival or None,
-        "eye": eye,
-        "thickness_um": from_si(thickness_m, "um"),
-        "iop_mmhg": from_si(iop_pa, "mmhg"),
-        "globe": globe,
-        "gauge": gauge,
-        "gap_mm": from_si(gap_m, "mm"),
-        "polar_angle_deg": (
-            None if polar_angle_rad is None else degrees(polar_angle_rad)
-        ),
-        "relaxation": None if relaxation is None else relaxation_text(relaxation),
-    }
-    given = {name: value for name, value in given.items() if value is not None}
+    options: dict[str, Any] = dict(short)
+    of_settings = {name: options.pop(name) for name in OF_SETTINGS if name in options}
+    settings = with_values(settings or ImportSettings(), of_settings, "settings")
+    gauge = options.pop("gauge", None)
+    diameter_m = None if gauge is None else gauge_diameter_m(gauge)
+    needle = with_values(needle or Needle(), {"diameter_m": diameter_m}, "needle")
+    bits = {"bits": options.pop("bits", None)}
+    scan = with_values(scan or Scan(), bits, "scan")
+    declared = declared_setup(eye, needle, scan, options)
+    given = _options_of(declared, settings)
+    planes = settings.planes
     paths = [
         Path(path)
         for path in ([sources] if isinstance(sources, str | PathLike) else sources)
@@ -218,14 +237,15 @@ def import_recording(
         others = {} if like is None else answers_like(Path(like))
         answers = ImportOptions(**(others | given))
         origins = dict.fromkeys(others, f"like {like}") | dict.fromkeys(given, OPTION)
-        write_imported(
-            paths,
-            Path(out),
-            answers,
-            origins,
-            counting_for(progress, "frames"),
+        request = ImportRequest(
+            sources=paths,
+            out=Path(out),
+            answers=answers,
+            origins=origins,
             planes=planes,
+            declared=declared,
         )
+        write_imported(request, counting_for(progress, "frames"))
     except UnansweredError as fault:
         if not fault.forms:
             raise
@@ -236,26 +256,110 @@ def import_recording(
     return read_recording(out)
 
 
+def _options_of(setup: Setup, settings: ImportSettings) -> dict[str, Any]:
+    """Return the answers that records give, by the names of `ImportOptions`; raises
+    `InputError` for a value that a recording does not state.
+    """
+    eye = setup.eye
+    needle = setup.needle
+    scan = setup.scan
+    for name in ("modulus", "stiffening", "discrepancy", "calibrated_lean_rad"):
+        if getattr(eye, name) is not None:
+            raise InputError(f"{name}: no recording states it; leave it out")
+    for name in ("rows", "columns"):
+        if getattr(scan, name) is not None:
+            raise InputError(f"{name}: the frames show it; leave it out")
+    if scan.planes:
+        raise InputError("planes: of a scan; give settings.planes, one for each source")
+    if scan.transposed:
+        raise InputError("transposed: give settings.axes or settings.flip")
+    if needle.azimuth_rad is not None:
+        raise InputError("azimuth_rad: no recording states it; leave it out")
+    if needle.lean_rad is not None and one_lean(needle.lean_rad) is None:
+        raise InputError("lean_rad: a recording states one angle; give two equal ends")
+    if needle.diameter_m is not None and not is_gauge(needle.diameter_m):
+        raise InputError(
+            f"diameter_m: {needle.diameter_m:g}; a recording states the gauge, and this"
+            f" is none: {needle.gauge} gauge is"
+            f" {gauge_diameter_m(needle.gauge or 0):g} m"
+        )
+
+    terms = None if eye.relaxation is None else eye.relaxation.terms
+    given = {
+        **{name: getattr(settings, name) for name in _SETTINGS},
+        "times": None if settings.times is None else Path(settings.times),
+        "columns": tuple(settings.columns) or None,
+        "by_arrival": settings.by_arrival or None,
+        "eye": eye.name,
+        "thickness_um": from_si(eye.thickness_m, "um"),
+        "iop_mmhg": from_si(eye.iop_pa, "mmhg"),
+        "globe": None if eye.globe is None else eye.globe.kind,
+        "relaxation": None if terms is None else relaxation_text(terms),
+        "gauge": needle.gauge,
+        "gap_mm": from_si(needle.gap_m, "mm"),
+        "polar_angle_deg": (
+            None if needle.polar_rad is None else degrees(needle.polar_rad)
+        ),
+        "width_mm": from_si(scan.width_m, "mm"),
+        "depth_mm": from_si(scan.depth_m, "mm"),
+        "refractive_index": scan.refractive_index,
+        "bits": scan.bits,
+    }
+    return {name: value for name, value in given.items() if value is not None}
+
+
+_SETTINGS = (
+    "axes",
+    "flip",
+    "array",
+    "first_frame",
+    "last_frame",
+    "grey_range",
+    "rate_hz",
+    "frames_by",
+    "clock_offset_s",
+    "axis",
+    "contact_sign",
+    "average_s",
+    "image_topic",
+    "force_topic",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImportRequest:
+    """What is imported, and to where.
+
+    `origins` say where each of the answers is from. Of several `planes` there is one
+    for each source. `declared` has what the answers leave out, as uncertainties.
+    """
+
+    sources: Sequence[Path]
+    out: Path
+    answers: ImportOptions
+    origins: Mapping[str, str]
+    planes: Sequence[Plane | None] = ()
+    declared: Setup = NOTHING_KNOWN
+
+
 def write_imported(
-    sources: Sequence[Path],
-    out: Path,
-    answers: ImportOptions,
-    origins: Mapping[str, str],
+    request: ImportRequest,
     counting: Counting,
     asker: Asker | None = None,
     model: Path = SHIPPED_READER,
-    planes: Sequence[Plane | None] = (),
 ) -> PreparedImport:
     """Write a recording folder, whole or not at all; counts "sources", "grey levels",
-    "frames".
-
-    Of several `planes` there is one for each source.
+    "frames". `asker`: asks for what is missing; None: that is an error. `model`: notes
+    say what it could not read.
     """
+    out = request.out
     if out.exists() or out.is_symlink():
         raise InputError(f"{out}: exists already; remove it or choose another `out`")
 
     with folder_when_whole(out) as part:
-        gathered, answers = _gathered(sources, answers, counting, asker, planes)
+        gathered, answers = _gathered(
+            request.sources, request.answers, counting, asker, request.planes
+        )
         scan = gathered.frames
 
         with counting("grey levels", len(scan.names)) as advance:
@@ -267,12 +371,13 @@ def write_imported(
             gathered,
             greys,
             answers,
-            origins,
+            request.origins,
             asker,
             import_answers.PictureMeasures(
                 partial(_wall_um, scan, greys), partial(_dents, gathered.scan, greys)
             ),
         )
+        done = done.declaring(request.declared)
         done = done.with_notes(limit_notes(model, done.info))
         comment = (
             f"imported by scleraforce {__version__}; import.json names the sources"
@@ -357,12 +462,12 @@ def _gathered(
         answers = asker.settle(*last)
 
 
-def _wall_um(scan: PictureSource, greys: GreyMap, oct_info: OctInfo) -> float | None:
+def _wall_um(scan: PictureSource, greys: GreyMap, shape: Scan) -> float | None:
     """Return the median thickness of the wall in the first frames, um; None where none
     of them shows it.
     """
     finder = load_wall_finder(SHIPPED_WALL_FINDER)
-    scale = PixelScale.of(oct_info)
+    scale = shape.scale
     found = [
         find_wall(greys.counts(picture), scale, finder=finder)
         for picture in islice(scan.pictures(), LOOKED_AT)
@@ -388,14 +493,14 @@ def _label_notes(recording: Recording) -> tuple[str, ...]:
     return unsure_note(sds_n, ClassesStudy())
 
 
-def _dents(scan: PictureSource, greys: GreyMap, scanner: OctInfo) -> Floats:
+def _dents(scan: PictureSource, greys: GreyMap, scanner: Scan) -> Floats:
     """Return measures of the dent in evenly chosen frames, (measure, frame); NaN in
     others, and where no wall is seen.
     """
     count = len(scan.names)
     chosen = np.linspace(0, count - 1, min(count, MOST_FRAMES)).astype(np.intp)
     wanted = set(chosen.tolist())
-    scale = PixelScale.of(scanner)
+    scale = scanner.scale
     dents = np.full((2, count), np.nan)
 
     for index, picture in enumerate(scan.pictures()):

@@ -6,20 +6,26 @@ import json
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Thread
-from typing import IO, Any
+from typing import IO, Any, Unpack
 
 from scleraforce.base.errors import InputError
+from scleraforce.front.api.shorthand import SetupShorthand, declared_setup
 from scleraforce.live.network.operator_reset import ask_reset
+from scleraforce.reading.needle_lean import MOST_LEAN_RAD
 from scleraforce.reading.reading_models import Reader
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.globe import Globe
 from scleraforce.records.model_folder import model_folder, model_name
-from scleraforce.records.scan import Plane
+from scleraforce.records.needle import Needle, lean_ends, one_lean
+from scleraforce.records.scan import Scan
+from scleraforce.records.setup import Setup
 
 # -P: no module of this folder. The child turns fields into the command's words.
 COMMAND = (
@@ -55,61 +61,46 @@ class RunningMonitor:
 def monitor(
     model: Reader | str | PathLike[str] = "default",
     *,
+    eye: Eye | str | None = None,
+    needle: Needle | None = None,
+    scan: Scan | None = None,
     calibration: str | PathLike[str] | None = None,
-    eye: str | None = None,
-    youngs_modulus_pa: float | None = None,
-    iop_pa: float | None = None,
-    thickness_m: float | None = None,
-    gap_m: float | None = None,
-    globe: str | None = None,
-    rigidity_pa13_per_m3: float | None = None,
-    planes: Sequence[Plane] = (),
     second_opinion: bool = True,
     record: str | PathLike[str] | None = None,
     black_box: str | PathLike[str] | None = None,
+    **short: Unpack[SetupShorthand],
 ) -> Iterator[RunningMonitor]:
     """Run a monitor on a free port of this machine while the block lasts. Linux only.
 
     Args:
         model: a reader, or the name or path of one.
-        calibration: file of `calibrate`, with the name of the `eye`.
-        eye: its name.
-        youngs_modulus_pa: of this eye, in place of a calibration.
-        iop_pa: intraocular pressure.
-        thickness_m: of the wall.
-        gap_m: distance of the B-scan plane from the needle axis.
-        globe: "open" or "sealed".
-        rigidity_pa13_per_m3: of a sealed globe.
-        planes: of a scanner that takes several at once.
+        eye: what is known of the eye, or its name in the calibration.
+        needle: its gap from the B-scan, the place of its contact, its lean.
+        scan: the frames that the scanner will send; None: those of the model's study.
+        calibration: file of `calibrate`: gives the eye's modulus, or the population's.
         second_opinion: read the frames with the fit as well, in another process.
         record: recording folder to write the session to; must not exist.
         black_box: folder of the log; None: a temporary one.
+        short: `iop_pa`, `thickness_m`, `youngs_modulus_pa`, `globe`, `gap_m`,
+            `width_m`, `depth_m`, `refractive_index`, in place of records.
 
     Raises:
-        InputError: the monitor does not start; the message is the command's.
+        InputError: a value is stated that a monitor does not use, or the monitor does
+            not start; the message is then the command's.
 
     >>> import scleraforce as sf
-    >>> known = {"youngs_modulus_pa": 0.3e6, "globe": "open"}
-    >>> with sf.monitor("default", second_opinion=False, **known) as running:
+    >>> eye = sf.Eye("eye-a", modulus=sf.Modulus.stated(0.3e6))
+    >>> with sf.monitor("default", eye=eye, second_opinion=False) as running:
     ...     print(running.host, running.port > 0)
     127.0.0.1 True
     >>> running.summary["frames"]
     0
     """
     path = model.path if isinstance(model, Reader) else model_folder(model)
-    fields: dict[str, Any] = {
-        "youngs_modulus_pa": youngs_modulus_pa,
-        "iop_pa": iop_pa,
-        "thickness_m": thickness_m,
-        "gap_m": gap_m,
-        "rigidity_pa13_per_m3": rigidity_pa13_per_m3,
+    fields = {
+        **_fields_of(declared_setup(eye, needle, scan, short)),
         "calibration": calibration,
-        "eye": eye,
-        "globe": globe,
         "record": record,
-        "planes": [
-            (plane.name, plane.offset_m, plane.direction_rad) for plane in planes
-        ],
         "second_opinion": second_opinion,
     }
     # the black box of a monitor that died may still write there
@@ -134,6 +125,74 @@ def monitor(
         finally:
             running.summary = _ended(process)
             _hear_out(process, listener)
+
+
+def _fields_of(setup: Setup) -> dict[str, Any]:
+    """Return the options that declare an experiment to a monitor; raises `InputError`
+    for a value that it has no option for.
+    """
+    eye = setup.eye
+    needle = setup.needle
+    scan = setup.scan
+    modulus_pa = None if eye.modulus is None else eye.modulus.mean_pa
+    kind = None if eye.globe is None else eye.globe.kind
+    rigidity = eye.globe.mean if eye.globe and eye.globe.rigidity_told else None
+    lean_rad = one_lean(needle.lean_rad)
+    leans_unknown = needle.lean_rad == (0.0, MOST_LEAN_RAD)
+
+    told = Setup(
+        eye=Eye(
+            eye.name,
+            modulus=None if modulus_pa is None else Modulus.stated(modulus_pa),
+            iop_pa=eye.iop_pa,
+            thickness_m=eye.thickness_m,
+            globe=None if kind is None else Globe.declared(kind, rigidity),
+            stiffening=eye.stiffening,
+        ),
+        needle=Needle(
+            gap_m=needle.gap_m,
+            polar_rad=needle.polar_rad,
+            lean_rad=needle.lean_rad if leans_unknown else lean_ends(lean_rad),
+        ),
+        scan=Scan(
+            rows=scan.rows,
+            columns=scan.columns,
+            width_m=scan.width_m,
+            depth_m=scan.depth_m,
+            refractive_index=scan.refractive_index,
+            direction_rad=scan.direction_rad,
+            planes=scan.planes,
+        ),
+    )
+    for part, given in vars(setup).items():
+        for name, value in vars(given).items():
+            if value != getattr(getattr(told, part), name):
+                raise InputError(
+                    f"{name}: {part}.{name} is nothing that a monitor takes, or not in"
+                    " full; leave it out, or state it in a calibration"
+                )
+
+    return {
+        "eye": eye.name,
+        "youngs_modulus_pa": modulus_pa,
+        "iop_pa": eye.iop_pa,
+        "thickness_m": eye.thickness_m,
+        "globe": kind,
+        "rigidity_pa13_per_m3": rigidity,
+        "stiffening": eye.stiffening,
+        "gap_m": needle.gap_m,
+        "polar_angle_rad": needle.polar_rad,
+        "lean_rad": "unknown" if leans_unknown else lean_rad,
+        "rows": scan.rows,
+        "columns": scan.columns,
+        "width_m": scan.width_m,
+        "depth_m": scan.depth_m,
+        "refractive_index": scan.refractive_index,
+        "plane_direction_rad": scan.direction_rad,
+        "planes": [
+            (plane.name, plane.offset_m, plane.direction_rad) for plane in scan.planes
+        ],
+    }
 
 
 def _await_start(process: "subprocess.Popen[str]", running: RunningMonitor) -> Thread:

@@ -4,6 +4,7 @@ how they count their work.
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
 
 from scleraforce.base.errors import InputError
 from scleraforce.base.units import from_si
@@ -13,10 +14,24 @@ from scleraforce.base.units import from_si
 Counting = Callable[[str, int], AbstractContextManager[Callable[[int], None]]]
 
 
-def counting_for(progress: Callable[[int], object] | None, title: str) -> Counting:
-    """Return a counting that reports the work with one title to `progress`, and no
-    other work.
+@dataclass(frozen=True)
+class Bars:
+    """A bar for each part of the work, in place of a function that counts the main
+    one.
     """
+
+    bar: Counting
+
+
+Progress = Callable[[int], object] | Bars
+
+
+def counting_for(progress: Progress | None, title: str) -> Counting:
+    """Return a counting that reports the work with one title to `progress`, and no
+    other work; bars get all of it.
+    """
+    if isinstance(progress, Bars):
+        return progress.bar
 
     @contextmanager
     def counting(name: str, _total: int) -> Iterator[Callable[[int], None]]:

@@ -6,9 +6,9 @@ from importlib import import_module
 MODULES = {
     "base.errors": ("InputError",),
     "base.version": ("__version__",),
-    "front.api.calibrating": ("calibrate",),
+    "front.api.calibrating": ("CalibrationMethod", "calibrate"),
     "front.api.exporting": ("export",),
-    "front.api.importing": ("import_recording",),
+    "front.api.importing": ("ImportSettings", "import_recording"),
     "front.api.monitoring": ("monitor",),
     "front.api.reading_frames": (
         "evaluate",
@@ -23,7 +23,13 @@ MODULES = {
     "library.library_store": ("open_library",),
     "recordings.formats.image_files": ("read_frame",),
     "recordings.recording_folder": ("read_recording",),
-    "records.scan": ("Plane",),
+    "records.eye": ("Eye", "Modulus"),
+    "records.frame": ("Frame", "Moment"),
+    "records.globe": ("Globe",),
+    "records.motion": ("Motion",),
+    "records.needle": ("Needle",),
+    "records.scan": ("Plane", "Scan"),
+    "records.tissue_relaxation": ("Relaxation",),
     "records.study": ("Study", "parse_study", "read_study"),
 }
 MODULE_OF = {name: module for module, names in MODULES.items() for name in names}

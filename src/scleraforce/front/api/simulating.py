@@ -1,22 +1,24 @@
 """Virtual eyes: one under one force, or a whole recording of one."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import Field, fields, replace
 from math import radians
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from scleraforce.base.errors import InputError
 from scleraforce.front.api.progress import (
-    Counting,
+    Progress,
     by_percent,
     check_rigidity,
     counting_for,
 )
+from scleraforce.front.api.shorthand import EyeShorthand, declared_setup
 from scleraforce.lab.virtual_eye import (
-    PhantomEye,
     SimulatedEye,
+    check_eye_name,
+    checked_virtual_eye,
     simulate_eye,
     study_sections,
 )
@@ -28,53 +30,69 @@ from scleraforce.lab.virtual_recording import (
 )
 from scleraforce.mechanics.contact_and_section import Contact
 from scleraforce.recordings.recording_folder import Recording, read_recording
-from scleraforce.records.fields import check_quantity
-from scleraforce.records.scan import Plane, check_planes
+from scleraforce.records.eye import Eye
+from scleraforce.records.fields import check_kind, check_quantity, declared
+from scleraforce.records.globe import Globe
+from scleraforce.records.motion import Motion
+from scleraforce.records.needle import Needle
+from scleraforce.records.scan import Scan
+from scleraforce.records.setup import Setup, completed_by_study
 from scleraforce.records.study import Study, fixed, refuse_unused
+from scleraforce.records.study_of_eye import RIGIDITY_LAWS
+
+EYE_NAME = "eye-1"
+POLAR_RAD = radians(35.0)
+# what a virtual eye is made of; the study has the rest
+OF_EYE = ("name", "modulus", "iop_pa", "thickness_m", "globe")
+OF_NEEDLE = ("gap_m", "polar_rad", "azimuth_rad")
+OF_SCAN = ("direction_rad", "tilt_rad", "planes")
+
+
+class PhantomShorthand(EyeShorthand, total=False):
+    """Fields of a virtual eye; `mechanics`: "linear" or "finite-strain" (None: the
+    study's); `seed`: of all random choices (None: the study's).
+    """
+
+    mechanics: str | None
+    seed: int | None
 
 
 def simulate(
     study: Study | None = None,
     *,
-    thickness_m: float,
     force_n: float | None = None,
     displacement_m: float | None = None,
-    youngs_modulus_pa: float | None = None,
-    iop_pa: float | None = None,
-    gap_m: float | None = None,
-    polar_angle_rad: float | None = None,
+    eye: Eye | str | None = None,
+    needle: Needle | None = None,
     mechanics: str | None = None,
-    globe: str | None = None,
-    rigidity_pa13_per_m3: float | None = None,
     progress: Callable[[float], object] | None = None,
+    **short: Unpack[EyeShorthand],
 ) -> SimulatedEye:
     r"""Bend one eye by one force.
 
     Args:
-        study: the study; None: the paper's. Arguments below that are omitted take its
-            values.
-        thickness_m: of the wall.
+        study: the study; None: the paper's. It has the values that `eye` and `needle`
+            do not declare, but for the thickness.
         force_n: of the needle, along the inward normal; or give `displacement_m`.
         displacement_m: of the outer surface at the contact, inward from rest (`tip_m`);
             the force that causes it is found. In a sealed globe the dent is deeper
             (`dent_m`).
-        youngs_modulus_pa: of the wall.
-        iop_pa: intraocular pressure.
-        gap_m: distance of the B-scan plane from the needle axis.
-        polar_angle_rad: of the contact, from the pole; None: the middle of the study's
-            range.
-        mechanics: "linear" or "finite-strain".
-        globe: "open" or "sealed" (finite strain only).
-        rigidity_pa13_per_m3: of a sealed globe (`[globe]` of the study has it in
-            mmHg^(1/3) per µl).
+        eye: thickness, modulus, IOP, and the globe (sealed: finite strain only); of a
+            modulus the mean.
+        needle: gap and contact; without a polar angle it pushes in the middle of the
+            study's range.
+        mechanics: "linear" or "finite-strain"; None: the study's.
         progress: called with the completed share of the load path (finite strain).
+        short: fields of the eye and the needle (`EyeShorthand`), like
+            `thickness_m=600e-6`.
 
     Returns:
         Mesh, displacements, `force_n`, the tip's displacement `tip_m`, the pressure
         under the needle, binary `slice`.
 
     Raises:
-        InputError: neither or both of force and displacement are given.
+        InputError: neither or both of force and displacement are given, no thickness is
+            declared, or a record declares what is the study's.
         StudyError: a value is out of bounds, or the study has keys that this mechanics
             does not use.
         SolverError: no equilibrium was found, or the wall deforms too much to be cut.
@@ -90,7 +108,9 @@ def simulate(
     >>> print(f"{dented.force_n * 1e3:.1f} mN")
     10.0 mN
     """
-    study = declared_study(study, mechanics, globe, rigidity_pa13_per_m3)
+    setup = declared_setup(eye, needle, None, short)
+    refuse_unused_fields("simulate", setup)
+    study = study_with_globe(declared_study(study, mechanics), setup.eye.globe)
     refuse_unused(study, "simulate", study.mechanics.kind)
     if (force_n is None) is (displacement_m is None):
         raise InputError("simulate: give either force_n or displacement_m")
@@ -100,18 +120,28 @@ def simulate(
     ).items():
         check_quantity(name, value)
 
-    polar = None if polar_angle_rad is None else fixed(polar_angle_rad)
-    eye = replace(
+    declared_polar_rad = setup.needle.polar_rad
+    setup = completed_by_study(setup, study)
+    thickness_m = declared(setup.eye.thickness_m, "thickness_m")
+    polar_rad = declared(setup.needle.polar_rad, "polar_rad")
+    contact = Contact(polar_rad=polar_rad, azimuth_rad=setup.needle.azimuth_rad or 0.0)
+    of_eye = replace(
         study.eye,
         thickness_m=fixed(thickness_m),
-        **given_values(youngs_modulus_pa=youngs_modulus_pa, iop_pa=iop_pa),
+        youngs_modulus_pa=setup.eye.modulus_pa,
+        iop_pa=declared(setup.eye.iop_pa, "iop_pa"),
     )
-    needle = replace(study.needle, **given_values(polar_angle_rad=polar, gap_m=gap_m))
-    contact = Contact(polar_rad=sum(needle.polar_angle_rad.bounds) / 2)
-    study = replace(study, eye=eye, needle=needle)
+    of_needle = replace(study.needle, gap_m=declared(setup.needle.gap_m, "gap_m"))
+    if declared_polar_rad is not None:
+        of_needle = replace(of_needle, polar_angle_rad=fixed(declared_polar_rad))
 
     return simulate_eye(
-        study, thickness_m, force_n or 0.0, contact, progress, displacement_m
+        replace(study, eye=of_eye, needle=of_needle),
+        thickness_m,
+        force_n or 0.0,
+        contact,
+        progress,
+        displacement_m,
     )
 
 
@@ -120,63 +150,40 @@ def phantom(
     study: Study | None = None,
     *,
     forces_n: Sequence[float],
-    thickness_m: float,
-    eye: str = "eye-1",
-    youngs_modulus_pa: float | None = None,
-    iop_pa: float | None = None,
-    gap_m: float | None = None,
-    polar_angle_rad: float = radians(35.0),
-    azimuth_rad: float = 0.0,
-    direction_rad: float = 0.0,
-    tilt_rad: float = 0.0,
-    mechanics: str | None = None,
-    globe: str | None = None,
-    rigidity_pa13_per_m3: float | None = None,
-    seed: int | None = None,
-    rate_hz: float | None = None,
-    ramp_n_per_s: float | None = None,
-    hold_s: float | None = None,
-    puncture_n: float | None = None,
-    planes: Sequence[Plane] = (),
-    progress: Callable[[int], object] | None = None,
-    counting: Counting | None = None,
+    eye: Eye | str | None = None,
+    needle: Needle | None = None,
+    scan: Scan | None = None,
+    motion: Motion | None = None,
+    progress: Progress | None = None,
+    **short: Unpack[PhantomShorthand],
 ) -> Recording:
     r"""Make a virtual acquisition: a recording folder of raw B-scans and a force log,
     with its truth.
 
     Args:
         out: the folder to write; it must not exist.
-        study: the study; None: the paper's. Its `[phantom]` has the ranges of light,
+        study: the study; None: the paper's. It has the values that the records do not
+            declare, but for the thickness; its `[phantom]` has the ranges of light,
             noise and timing.
-        forces_n: true force at each frame, one step-and-hold push each; with `rate_hz`
+        forces_n: true force at each frame, one step-and-hold push each; with `motion`
             the turning points of the force.
-        thickness_m: of the wall.
-        eye: its name.
-        youngs_modulus_pa: of the wall; None: the study's, as for IOP and gap.
-        iop_pa: intraocular pressure.
-        gap_m: distance of the B-scan plane from the needle axis.
-        polar_angle_rad: of the contact, from the pole.
-        azimuth_rad: of the contact, about the pole.
-        direction_rad: of the B-scan plane, about the needle axis.
-        tilt_rad: of the B-scan plane, against the needle axis.
-        mechanics: "linear" or "finite-strain"; None: the study's.
-        globe: "open" or "sealed" (finite strain only); None: the study's.
-        rigidity_pa13_per_m3: of a sealed globe; None: the study's.
-        seed: of all random choices; None: the study's.
-        rate_hz: frames a second of a needle that moves; None: it is held at each force.
-        ramp_n_per_s: how fast the force of a moving needle changes; None: 0.02.
-        hold_s: how long a moving needle stays at each force; None: 1.
-        puncture_n: force at which a moving needle goes through the wall, after the
-            others; its travel is recorded.
-        planes: that the scanner takes at once, as a cross of two; its axis then misses
-            the contact by the gap.
-        progress: called with 1 after each frame.
-        counting: for bars, in place of `progress`: a context manager of a title ("load
-            path" in per cent, "frames") and its steps.
+        eye: name (None: "eye-1"), thickness, modulus, IOP, and the globe (sealed:
+            finite strain only); of a modulus the mean.
+        needle: gap of the B-scan plane, and contact; without a polar angle it is 35
+            degrees from the pole.
+        scan: direction and tilt of the B-scan plane, and `planes` that the scanner
+            takes at once, as a cross of two; its axis then misses the contact by the
+            gap.
+        motion: of a needle that moves; None: it is held at each force.
+        progress: called with 1 after each frame; or `Bars` of the titles "load path"
+            (in per cent) and "frames".
+        short: fields of the eye and the needle, `mechanics` and `seed`
+            (`PhantomShorthand`).
 
     Raises:
-        InputError: `out` exists, a value is out of bounds, or the study has keys that
-            this mechanics does not use.
+        InputError: `out` exists, a value is out of bounds, no thickness is declared, a
+            record declares what is the study's, or the study has keys that this
+            mechanics does not use.
         SolverError: no equilibrium was found.
 
     >>> import scleraforce as sf
@@ -186,50 +193,39 @@ def phantom(
     >>> [frame.file for frame in recording.frames]
     ['0001.png', '0002.png']
     """
-    study = declared_study(study, mechanics, globe, rigidity_pa13_per_m3)
+    mechanics = short.pop("mechanics", None)
+    seed = short.pop("seed", None)
+    if isinstance(eye, str):
+        check_eye_name(eye)
+    declared_values = declared_setup(eye, needle, scan, short)
+    refuse_unused_fields("phantom", declared_values)
+
+    study = declared_study(study, mechanics)
+    study = study_with_globe(study, declared_values.eye.globe)
     refuse_unused(study, "phantom", study.mechanics.kind)
     if Path(out).exists():
         raise InputError(f"{out}: exists already; remove it or choose another name")
 
-    counting = counting or counting_for(progress, "frames")
-    eyes = {
-        "youngs_modulus_pa": study.eye.youngs_modulus_pa,
-        "iop_pa": study.eye.iop_pa,
-        "gap_m": study.needle.gap_m,
-    }
-    eyes |= given_values(
-        youngs_modulus_pa=youngs_modulus_pa, iop_pa=iop_pa, gap_m=gap_m
-    )
-    directions = {
-        "azimuth_rad": azimuth_rad,
-        "direction_rad": direction_rad,
-        "tilt_rad": tilt_rad,
-    }
-    pushed = PhantomEye(
-        id=eye, thickness_m=thickness_m, polar_rad=polar_angle_rad, **eyes, **directions
-    )
+    defaults = Setup(eye=Eye(EYE_NAME), needle=Needle(polar_rad=POLAR_RAD))
+    setup = completed_by_study(declared_values.completed_by(defaults), study)
+    checked_virtual_eye(setup)
     seed = study.phantom.seed if seed is None else seed
 
-    if rate_hz is None and puncture_n is not None:
-        raise InputError("puncture_n: of a needle that moves; give rate_hz too")
-
-    if rate_hz is None:
-        plan = plan_phantom(pushed, tuple(forces_n), study, seed)
+    if motion is None:
+        plan = plan_phantom(setup, tuple(forces_n), study, seed)
+        largest_n = max(plan.forces_n)
     else:
-        moves = {"rate_hz": rate_hz, "ramp_n_per_s": 20e-3, "hold_s": 1.0}
-        moves |= given_values(
-            ramp_n_per_s=ramp_n_per_s, hold_s=hold_s, puncture_n=puncture_n
-        )
-        plan = plan_moving_phantom(pushed, tuple(forces_n), study, seed, **moves)
+        plan = plan_moving_phantom(setup, tuple(forces_n), study, seed, motion)
+        largest_n = max(*plan.forces_n, motion.puncture_n or 0.0)
 
-    if planes:
-        check_planes(tuple(planes))
-        plan = in_planes(plan, planes, study)
+    if setup.scan.planes:
+        plan = in_planes(plan, setup.scan.planes, study)
 
+    counting = counting_for(progress, "frames")
     with counting("load path", 100) as advance:
-        sections_at = study_sections(pushed, study, by_percent(advance))
+        sections_at = study_sections(setup, study, by_percent(advance))
         # a load path is computed here, once
-        sections_at([max(*plan.forces_n, puncture_n or 0.0)])
+        sections_at([largest_n])
 
     with counting("frames", len(plan.frames)) as advance:
         write_phantom(Path(out), plan, sections_at, study, advance)
@@ -240,17 +236,64 @@ def phantom(
 def declared_study(
     study: Study | None,
     mechanics: str | None,
-    globe: str | None,
-    rigidity_pa13_per_m3: float | None,
+    globe: str | None = None,
+    rigidity_pa13_per_m3: float | None = None,
 ) -> Study:
     """Return a study, by default the paper's, with the mechanics and the globe that are
     given.
     """
     study = study or Study()
+    check_kind("study", study, Study, 'read_study("study.toml")')
+    if mechanics not in (None, "linear", "finite-strain"):
+        raise InputError(f"mechanics: {mechanics!r}; give 'linear' or 'finite-strain'")
     if mechanics is not None:
         study = replace(study, mechanics=replace(study.mechanics, kind=mechanics))
     check_rigidity(globe or study.globe.kind, rigidity_pa13_per_m3)
     return replace(study, globe=study.globe.with_known(globe, rigidity_pa13_per_m3))
+
+
+def study_with_globe(study: Study, globe: Globe | None) -> Study:
+    """Return a study with a declared globe: its kind, and of a sealed one the rigidity,
+    a law other than the cube root, and the leak, as far as they are declared.
+
+    Raises:
+        InputError: the globe is unknown.
+    """
+    if globe is None:
+        return study
+    if globe.kind == "unknown":
+        raise InputError(
+            "eye.globe: unknown; a virtual eye is open or sealed, or leave it out for"
+            " the study's"
+        )
+
+    has_rigidity = globe.rigidity_told or globe.calibrated
+    known = study.globe.with_known(globe.kind, globe.mean if has_rigidity else None)
+    if globe.law != RIGIDITY_LAWS[0]:
+        known = replace(known, rigidity_law=globe.law)
+    if globe.leak_time_s is not None:
+        known = replace(known, leak_time_s=globe.leak_time_s)
+    return replace(study, globe=known)
+
+
+def refuse_unused_fields(function: str, setup: Setup) -> None:
+    """Raise an `InputError` that names a declared field that no virtual eye is made
+    of.
+    """
+    parts = (
+        ("eye", setup.eye, OF_EYE),
+        ("needle", setup.needle, OF_NEEDLE),
+        ("scan", setup.scan, OF_SCAN),
+    )
+    for part, record, used in parts:
+        items: Iterable[Field[Any]] = fields(record)
+        for item in items:
+            if item.name not in used and getattr(record, item.name) != item.default:
+                raise InputError(
+                    f"{part}.{item.name}: not used by `{function}`; leave it out, the"
+                    " study has what a virtual eye needs beside"
+                    f" {', '.join((*OF_EYE, *OF_NEEDLE, *OF_SCAN))}"
+                )
 
 
 def given_values(**values: Any) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from scleraforce.base.errors import InputError
 from scleraforce.front.api.calibrating import library_for
-from scleraforce.front.api.progress import Counting, counting_for
+from scleraforce.front.api.progress import Progress, counting_for
 from scleraforce.front.api.reading_frames import load_model
 from scleraforce.lab.training.slice_dataset import (
     Dataset,
@@ -118,8 +118,7 @@ def train(
     search: bool = False,
     workers: int | None = None,
     device: str = "auto",
-    progress: Callable[[int], object] | None = None,
-    counting: Counting | None = None,
+    progress: Progress | None = None,
 ) -> Reader:
     """Train a model, write its folder and return it loaded; needs the extra `train`
     (PyTorch).
@@ -135,8 +134,6 @@ def train(
         workers: that try the sizes.
         device: "cpu", "cuda" (a GPU), or "auto": the GPU if PyTorch finds one.
         progress: called with 1 after each epoch.
-        counting: for bars, in place of `progress`: a context manager of a title
-            ("epochs", "batches", "eyes") and its steps.
 
     Returns:
         The model; `record["metrics"]` has its results on validation samples.
@@ -151,7 +148,7 @@ def train(
     >>> 0.0 <= model.record["metrics"]["validation_accuracy"] <= 1.0
     True
     """
-    counting = counting or counting_for(progress, "epochs")
+    counting = counting_for(progress, "epochs")
     if isinstance(source, Dataset):
         # 1,300 ms: PyTorch, not for `generate` and `library_of`
         from scleraforce.lab.training.classifier_training import grid

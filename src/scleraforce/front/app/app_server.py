@@ -265,8 +265,7 @@ def app_of(
             drawn.outer,
             drawn.inner,
             drawn.unseen,
-            found.info.oct.rows,
-            found.info.oct.columns,
+            *found.info.scan.shape,
         )
 
     @app.get("/api/state")

@@ -160,16 +160,16 @@ class RecordingViews:
 
         found: dict[str, Any] = finite_json(
             {
-                "eye": info.eye.id,
-                "rows": info.oct.rows,
-                "columns": info.oct.columns,
-                "width_mm": from_si(info.oct.width_m, "mm"),
-                "depth_mm": from_si(info.oct.depth_m, "mm"),
+                "eye": info.eye_name,
+                "rows": info.scan.rows,
+                "columns": info.scan.columns,
+                "width_mm": from_si(info.scan.width_m, "mm"),
+                "depth_mm": from_si(info.scan.depth_m, "mm"),
                 "files": files,
                 "time_s": [entry.time_s for entry in recording.frames],
                 "planes": (
                     [entry.plane for entry in recording.frames]
-                    if info.oct.plane
+                    if info.scan.planes
                     else None
                 ),
                 "force_mn": (

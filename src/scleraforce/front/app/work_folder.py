@@ -187,7 +187,7 @@ def _entry(path: Path, _: tuple[int, ...]) -> tuple[str, dict[str, Any]]:
     """
     try:
         if (path / "recording.toml").is_file():
-            return "recordings", {"eye": read_info(path / "recording.toml").eye.id}
+            return "recordings", {"eye": read_info(path / "recording.toml").eye.name}
         if (path / RECORD_FILE).is_file():
             return "models", {}
         if path.suffix == ".json":

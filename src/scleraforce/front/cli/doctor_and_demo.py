@@ -71,13 +71,13 @@ def demo(out: Path, open_page: bool) -> Report:
     start = time.perf_counter()
     # 980 ms: the whole pipeline, not for `init`, `cite` and --help
     from scleraforce.calibration.answer_metrics import mean_absolute_error
-    from scleraforce.front.paper.demo import EYE, run_demo
+    from scleraforce.front.paper.demo import SETUP, run_demo
 
     with share_bar("demo") as reach:
         done = run_demo(out, datetime.now(UTC), reach)
 
     evaluation = done.evaluation
-    true_mpa = from_si(EYE.youngs_modulus_pa, "mpa")
+    true_mpa = from_si(SETUP.eye.modulus_pa, "mpa")
     found_mpa = from_si(done.modulus_pa, "mpa")
     frames = len(evaluation.frames)
     read = evaluation.accuracy.total

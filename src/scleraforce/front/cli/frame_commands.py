@@ -3,7 +3,7 @@
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import replace
 from functools import cache, partial
 from math import isnan
 from pathlib import Path
@@ -25,6 +25,7 @@ from scleraforce.front.cli.options import (
     PATH,
     PLANE,
     PlacedPlane,
+    declared_eye,
     options,
     planes_of,
 )
@@ -38,12 +39,12 @@ from scleraforce.front.cli.output import (
     wrapped,
 )
 from scleraforce.recordings import recording_folder
+from scleraforce.recordings.recording_folder import RecordedFile
 from scleraforce.recordings.source_files import files_of
-from scleraforce.records import scan
-from scleraforce.records.eye import NOTHING_KNOWN, Known, completed_eye
-from scleraforce.records.frame import Pixels, ScaledFrame
+from scleraforce.records.frame import OpenedFrame, Pixels
 from scleraforce.records.model_folder import model_name
-from scleraforce.records.scan import Plane, Scanner
+from scleraforce.records.scan import Plane, Scan, check_frame_counts
+from scleraforce.records.setup import NOTHING_KNOWN, Setup
 from scleraforce.records.study import OctStudy
 from scleraforce.wall.needle_in_frame import needle_entry
 from scleraforce.wall.wall import Segmentation, draw_overlay
@@ -52,43 +53,61 @@ if TYPE_CHECKING:  # with ONNX Runtime and Numba
     from scleraforce.front.api.reading_frames import FrameReading
     from scleraforce.reading.answer import Answer
 
-MomentFiles = tuple[tuple[Path, Plane | None], ...]
-SegmentFile = Callable[[Path], tuple[ScaledFrame, Segmentation]]
+MomentFiles = tuple[RecordedFile, ...]
+SegmentFile = Callable[[Path], tuple[OpenedFrame, Segmentation]]
 Value = float | str | None
 # Places of the needle that `read` prints, with their units.
 PLACES = {"contact_mm": " mm", "dent_mm": " mm", "gap_mm": " mm", "lean_deg": "°"}
 # The known inputs that `read` prints: their names and units for people, and the value
 # of an eye in the unit of the key.
-KNOWN: Mapping[str, tuple[str, str, Callable[[Known], Value]]] = {
+KNOWN: Mapping[str, tuple[str, str, Callable[[Setup], Value]]] = {
     "youngs_modulus_mpa": (
         "modulus",
         " MPa",
-        lambda eye: from_si(eye.modulus.mean_pa if eye.modulus else None, "mpa"),
+        lambda eye: from_si(
+            eye.eye.modulus.mean_pa if eye.eye.modulus else None, "mpa"
+        ),
     ),
-    "iop_mmhg": ("IOP", " mmHg", lambda eye: from_si(eye.iop_pa, "mmhg")),
-    "thickness_um": ("thickness", " µm", lambda eye: from_si(eye.thickness_m, "um")),
-    "gap_mm": ("gap", " mm", lambda eye: from_si(eye.gap_m, "mm")),
-    "polar_angle_deg": ("polar angle", "°", lambda eye: from_si(eye.polar_rad, "deg")),
+    "iop_mmhg": ("IOP", " mmHg", lambda eye: from_si(eye.eye.iop_pa, "mmhg")),
+    "thickness_um": (
+        "thickness",
+        " µm",
+        lambda eye: from_si(eye.eye.thickness_m, "um"),
+    ),
+    "gap_mm": ("gap", " mm", lambda eye: from_si(eye.needle.gap_m, "mm")),
+    "polar_angle_deg": (
+        "polar angle",
+        "°",
+        lambda eye: from_si(eye.needle.polar_rad, "deg"),
+    ),
     "plane_direction_deg": (
         "plane's direction",
         "°",
-        lambda eye: from_si(eye.direction_rad, "deg"),
+        lambda eye: from_si(eye.scan.direction_rad, "deg"),
     ),
     "lean_deg": (
         "lean",
         "°",
         lambda eye: from_si(
-            eye.calibrated_lean_rad if eye.lean_rad is None else sum(eye.lean_rad) / 2,
+            eye.eye.calibrated_lean_rad
+            if eye.needle.lean_rad is None
+            else sum(eye.needle.lean_rad) / 2,
             "deg",
         ),
     ),
-    "stiffening": ("stiffening", "", lambda eye: eye.stiffening),
-    "globe": ("globe", "", lambda eye: None if eye.globe is None else eye.globe.kind),
+    "stiffening": ("stiffening", "", lambda eye: eye.eye.stiffening),
+    "globe": (
+        "globe",
+        "",
+        lambda eye: None if eye.eye.globe is None else eye.eye.globe.kind,
+    ),
     "rigidity_mmhg13_per_ul": (
         "k",
         " mmHg^(1/3)/µl",
         lambda eye: from_si(
-            eye.globe.mean if eye.globe and eye.globe.rigidity_told else None,
+            eye.eye.globe.mean
+            if eye.eye.globe and eye.eye.globe.rigidity_told
+            else None,
             "mmhg13_per_ul",
         ),
     ),
@@ -162,7 +181,7 @@ def segment(
     scleraforce segment my-scans --sheet sheet.png
     """
     # 180 ms: Numba and the models, not for --help
-    from scleraforce.front.api import reading_frames
+    from scleraforce.front.api import opened_frames, reading_frames
 
     if out is None and (overlay or sheet is None):
         raise click.UsageError(
@@ -176,19 +195,18 @@ def segment(
         )
 
     usual = OctStudy()
-    finder = reading_frames.finder_of(wall_finder)
+    finder = opened_frames.finder_of(wall_finder)
     masks = _masks(frames, out, sheet)
-    assumed = Scanner(
+    assumed = Scan(
         width_m=usual.width_m,
         depth_m=usual.depth_m,
         refractive_index=usual.refractive_index,
     )
     segment_file = partial(
         reading_frames.segmented_frame,
-        given=Scanner(**size),
+        given=Scan(transposed=transpose, **size),  # type: ignore[arg-type]  # sizes
         assumed=assumed,
         finder=finder,
-        transpose=transpose,
     )
     found = list(
         each_of(
@@ -530,12 +548,11 @@ def read(
     # 180 ms: Numba and the models, not for --help
     from scleraforce.front.api.reading_frames import (
         check_calibrated,
-        eye_of_arguments,
-        frame_readings,
+        read_moment,
         summary_of_calibration,
     )
     from scleraforce.reading.answer import unusable_answer
-    from scleraforce.wall.wall_in_metres import GIVEN_SD_ROWS
+    from scleraforce.records.frame import MASK_SD_ROWS, Frame, Moment
 
     for path in filter(os.path.isdir, frames):
         raise InputError(
@@ -550,37 +567,45 @@ def read(
         )
 
     mask_of = dict(zip(frames, masks, strict=bool(masks)))
-    known = eye_of_arguments({name: given.pop(name) for name in EYE})
-    size = Scanner(**given)
-    check_calibrated(known, calibration is not None, eye)
+    declared = declared_eye({name: given.pop(name) for name in EYE})
+    if eye is not None and calibration is None:
+        raise InputError(
+            f"eye: {eye!r} names an eye of a calibration; give the calibration, too"
+        )
+    check_calibrated(declared, calibrated=calibration is not None)
+    scan = replace(declared.scan, transposed=transpose, **given)
     loaded = cache(lambda: sf.load_model(model, wall_finder=wall_finder))
     summary = None if calibration is None else summary_of_calibration(calibration)
 
-    def answer(moment: MomentFiles) -> "list[FrameReading]":
-        for path, _ in moment:
-            os.stat(path)  # a missing frame is reported before the model is loaded
+    def answer(files: MomentFiles) -> "list[FrameReading]":
+        for file in files:
+            os.stat(file.path)  # a missing frame is reported before the model is loaded
 
-        paths = [path for path, _ in moment]
-        placed = [plane for _, plane in moment if plane]
-        walls = [mask_of.get(path) for path in paths]
-        return frame_readings(
-            loaded(),
-            paths,
-            known,
-            size,
-            summary,
-            eye,
-            transpose,
-            held_s,
-            placed,
-            walls,
-            mask_sd_rows or GIVEN_SD_ROWS,
+        moment = Moment(
+            tuple(
+                Frame(
+                    file.path,
+                    mask=mask_of.get(file.path),
+                    mask_sd_rows=mask_sd_rows or MASK_SD_ROWS,
+                )
+                for file in files
+            ),
+            held_s=held_s,
         )
+        seen = [file.plane for file in files if file.plane]
+        shown = tuple(seen) if planes else ()
+        given = replace(
+            declared,
+            eye=replace(declared.eye, name=eye),
+            scan=replace(scan, planes=shown),
+        )
+        located = None if any(file.is_faulty for file in files) else files
+        return read_moment(loaded(), moment, given, summary, located)
 
     found = [
-        (path, one if isinstance(one, InputError) else one[number])
-        for moment, one in each_of(_moments(frames, planes), answer)
-        for number, (path, _) in enumerate(moment)
+        (file.path, one if isinstance(one, InputError) else one[number])
+        for files, one in each_of(_moments(frames, planes), answer)
+        for number, file in enumerate(files)
     ]
     answered = [(path, one) for path, one in found if not isinstance(one, InputError)]
     faults = [one for _, one in found if isinstance(one, InputError)]
@@ -592,7 +617,7 @@ def read(
     notes = list(dict.fromkeys(note for _, one in answered for note in one.notes))
 
     if reader.fixed_modulus_pa is not None and (
-        known != NOTHING_KNOWN or calibration is not None
+        declared != NOTHING_KNOWN or calibration is not None
     ):
         modulus_mpa = from_si(reader.fixed_modulus_pa, "mpa")
         notes.insert(
@@ -639,41 +664,39 @@ def _moments(
     """Return the frames that are read together, each with its plane: one for each, or
     one frame of each plane.
     """
-
-    def stated(path: Path) -> "tuple[Path, float, Plane] | None":
-        try:
-            return (
-                None
-                if os.path.isdir(path) or not path.exists()
-                else recording_folder.stated_plane(path)
-            )
-        except (InputError, OSError):  # reported with the frame
-            return None
-
     if not given:
-        found = dict[Any, list[tuple[Path, Plane | None]]]()
-        for path, one in ((path, stated(path)) for path in frames):
-            found.setdefault(path if one is None else one[:2], []).append(
-                (path, one[2] if one else None)
+        found = dict[Any, list[RecordedFile]]()
+        for file in map(_recorded, frames):
+            of_moment = (
+                file.path if file.plane is None else (file.recording, file.time_s)
             )
+            found.setdefault(of_moment, []).append(file)
 
         return [tuple(moment) for moment in found.values()]
 
     if given[0][0] > 1:
         raise InputError(f"--plane: after {frames[0]}, whose plane is not given")
 
-    of_plane = dict[Plane | None, list[Path]]()
+    of_plane = dict[Plane | None, list[RecordedFile]]()
     after_model = [(max(count - 1, 0), words) for count, words in given]
     for path, plane in zip(frames, planes_of(frames, after_model), strict=True):
-        of_plane.setdefault(plane, []).append(path)
+        file = replace(_recorded(path), plane=plane)
+        of_plane.setdefault(plane, []).append(file)
 
-    scan.check_frame_counts(
-        {plane.name: len(paths) for plane, paths in of_plane.items() if plane}
+    check_frame_counts(
+        {plane.name: len(files) for plane, files in of_plane.items() if plane}
     )
-    return [
-        tuple(zip(paths, of_plane, strict=True))
-        for paths in zip(*of_plane.values(), strict=True)
-    ]
+    return list(zip(*of_plane.values(), strict=True))
+
+
+def _recorded(path: Path) -> RecordedFile:
+    """Return a frame's file with what its recording states; of one that has a fault its
+    path alone, which is reported when the frame is read.
+    """
+    try:
+        return recording_folder.recorded_file(path)
+    except (InputError, OSError):
+        return RecordedFile(path, is_faulty=True)
 
 
 def _entry(path: Path, one: "FrameReading") -> dict[str, Any]:
@@ -746,13 +769,17 @@ def _input_words(key: str, value: Value, source: str) -> str:
     )
 
 
-def _scale_entry(frame: ScaledFrame) -> dict[str, Any]:
-    given = {"width_mm": frame.width_m, "depth_mm": frame.depth_m}
-    found = {
-        key: {"value": from_si(one.value, "mm"), "source": one.source}
-        for key, one in given.items()
+def _scale_entry(frame: OpenedFrame) -> dict[str, Any]:
+    width_m, depth_m = frame.scan.extent_m
+    values = {
+        "width_m": ("width_mm", from_si(width_m, "mm")),
+        "depth_m": ("depth_mm", from_si(depth_m, "mm")),
+        "refractive_index": ("refractive_index", frame.scan.refractive_index),
     }
-    return found | {"refractive_index": asdict(frame.refractive_index)}
+    return {
+        key: {"value": value, "source": frame.sources[name]}
+        for name, (key, value) in values.items()
+    }
 
 
 def _size_words(scale: Mapping[str, Any]) -> str:
@@ -775,7 +802,7 @@ def _known(one: "FrameReading") -> dict[str, dict[str, Any]]:
     """
     sources = {
         "option": one.given,
-        "recording.toml": completed_eye(one.given, one.stated),
+        "recording.toml": one.given.completed_by(one.stated),
         "calibration": one.known,
     }
     found = {}

@@ -292,7 +292,11 @@ def import_(
     across --out eye-4
     """
     # 280 ms: Numba and the models, not for --help
-    from scleraforce.front.api.importing import PREVIEW, write_imported
+    from scleraforce.front.api.importing import (
+        PREVIEW,
+        ImportRequest,
+        write_imported,
+    )
 
     words = {
         ParameterSource.COMMANDLINE: OPTION,
@@ -304,17 +308,15 @@ def import_(
         if (origin := ctx.get_parameter_source(name)) in words
     }
     asker = _asker({param.name or "": param.type for param in ctx.command.params})
-    to = (
-        sources,
-        out,
-        ImportOptions(**given),
-        origins,
-        count_bar,
-        asker,
-        model or SHIPPED_READER,
+    request = ImportRequest(
+        sources=sources,
+        out=out,
+        answers=ImportOptions(**given),
+        origins=origins,
+        planes=planes_of(sources, planes) if planes else (),
     )
-    done = write_imported(*to, planes_of(sources, planes) if planes else ())
-    scanner = done.info.oct
+    done = write_imported(request, count_bar, asker, model or SHIPPED_READER)
+    scanner = done.info.scan
     preview = out / PREVIEW
     result = {
         "recording": str(out),
@@ -335,12 +337,12 @@ def import_(
 
 def _lines(done: PreparedImport) -> list[str]:
     scan = done.gathered.scan
-    scanner = done.info.oct
+    scanner = done.info.scan
     source = done.sources
     greys = done.greys
     log = done.log
     shown = len(done.gathered.frames.names)
-    planes = len(scanner.plane)
+    planes = len(scanner.planes)
     count = (
         "1 frame"
         if shown == 1

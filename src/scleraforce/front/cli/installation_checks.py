@@ -28,14 +28,21 @@ from scleraforce.lab.drawn_bscan import render_bscan
 from scleraforce.lab.tissue_light import Pose, sample_optics
 from scleraforce.library.plane_cut import cut_surfaces
 from scleraforce.library.sealed_eye import iop_ratio_at_dent, iop_ratio_under_force
-from scleraforce.mechanics.axisymmetric_wall import AxisymmetricPath, axisymmetric_path
+from scleraforce.mechanics.axisymmetric_wall import (
+    AxisymmetricPath,
+    EvenWall,
+    axisymmetric_path,
+)
 from scleraforce.mechanics.hexahedral_mesh import build_mesh
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.reading.load_model import load_force_reader
 from scleraforce.reading.reading_models import ForceReader
-from scleraforce.records.eye import Known, Modulus
-from scleraforce.records.globe import OPEN, sealed_globe
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.globe import OPEN, sealed_law
 from scleraforce.records.model_folder import SHIPPED_READER
+from scleraforce.records.needle import Needle
 from scleraforce.records.scan import PixelScale, Plane
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 
 
@@ -237,7 +244,7 @@ def compile_loops() -> None:
     build_mesh(12e-3, THICKNESS_M, divisions=2).locator.locate(
         np.tile([0.0, 0.1, 1.0], (2, 1))
     )
-    globe = sealed_globe(to_si(0.02, "mmhg13_per_ul")).over(MODULUS_PA)
+    globe = sealed_law(to_si(0.02, "mmhg13_per_ul")).over(MODULUS_PA)
     walls = np.array([THICKNESS_M]), np.array([IOP_PA / MODULUS_PA])
     library = _reader().library
     iop_ratio_under_force(
@@ -248,11 +255,16 @@ def compile_loops() -> None:
     frame, scale, known = _frame()
 
     for reading in (_reader().read, _reader().read_live):
-        for eye in (known, Known()):
+        for eye in (known, Setup()):
             reading(frame, scale, eye)
 
     cross = Plane("along", 0.0, 0.0), Plane("across", 0.0, np.pi / 2.0)
-    _reader().read_together([frame, frame], scale, replace(known, gap_m=None), cross)
+    _reader().read_together(
+        [frame, frame],
+        scale,
+        replace(known, needle=replace(known.needle, gap_m=None)),
+        cross,
+    )
 
 
 def _solve() -> Finding:
@@ -335,7 +347,7 @@ def _reader() -> ForceReader:
 
 
 @cache
-def _frame() -> tuple[NDArray[np.uint16], PixelScale, Known]:
+def _frame() -> tuple[NDArray[np.uint16], PixelScale, Setup]:
     study = Study()
     path = _path()
     rng = np.random.default_rng(0)
@@ -349,12 +361,14 @@ def _frame() -> tuple[NDArray[np.uint16], PixelScale, Known]:
         lateral_m=study.oct.width_m / study.oct.columns,
         depth_m=study.oct.depth_m / study.oct.rows,
     )
-    known = Known(
-        modulus=Modulus.stated(MODULUS_PA),
-        iop_pa=IOP_PA,
-        thickness_m=THICKNESS_M,
-        gap_m=GAP_M,
-        globe=OPEN,
+    known = Setup(
+        eye=Eye(
+            modulus=Modulus.stated(MODULUS_PA),
+            iop_pa=IOP_PA,
+            thickness_m=THICKNESS_M,
+            globe=OPEN,
+        ),
+        needle=Needle(gap_m=GAP_M),
     )
 
     return frame, scale, known
@@ -363,15 +377,12 @@ def _frame() -> tuple[NDArray[np.uint16], PixelScale, Known]:
 @cache
 def _path() -> AxisymmetricPath:
     library = _reader().library
-    wall = (
-        library.radius_m,
-        THICKNESS_M,
-        library.poisson_ratio,
-        library.needle_radius_m,
-        IOP_PA / MODULUS_PA,
+    wall = EvenWall(
+        library.radius_m, THICKNESS_M, library.poisson_ratio, library.needle_radius_m
     )
+    end = PathEnd(tips_m=np.linspace(0.0, TIP_M, 5)[1:])
 
-    return axisymmetric_path(*wall, tips_m=np.linspace(0.0, TIP_M, 5)[1:])
+    return axisymmetric_path(wall, IOP_PA / MODULUS_PA, end)
 
 
 TRIALS: Mapping[str, Callable[[], Finding]] = {

@@ -17,6 +17,11 @@ UNITS: Final[Mapping[str, HumanUnit]] = {
     "iop_pa": "mmhg",
     "thickness_m": "um",
     "gap_m": "mm",
+    "polar_angle_rad": "deg",
+    "plane_direction_rad": "deg",
+    "lean_rad": "deg",
+    "width_m": "mm",
+    "depth_m": "mm",
     "rigidity_pa13_per_m3": "mmhg13_per_ul",
 }
 
@@ -45,7 +50,7 @@ def monitor_words(model: str, fields: Mapping[str, Any]) -> list[str]:
 
 def _words_of(field: str, value: Any) -> list[str]:
     flag = flag_of(field, "monitor")
-    if field in UNITS:
+    if field in UNITS and value != "unknown":
         return [flag, repr(from_si(float(value), UNITS[field]))]
     if field == "second_opinion":
         return [] if value else ["--no-second-opinion"]

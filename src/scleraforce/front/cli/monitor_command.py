@@ -27,19 +27,20 @@ from scleraforce.front.cli.options import (
     MODEL,
     PATH,
     PLANE,
+    declared_eye,
     in_si,
     options,
 )
 from scleraforce.front.cli.output import Command, Report
 from scleraforce.records.fields import name_fault
 from scleraforce.records.model_folder import model_name
-from scleraforce.records.scan import OctInfo, Plane, check_planes, parse_plane
+from scleraforce.records.scan import Plane, Scan, check_planes, parse_plane
+from scleraforce.records.setup import Setup
 
 if TYPE_CHECKING:
     from scleraforce.live.decision.limits import MonitorLimits
     from scleraforce.live.monitor import Address, MonitorSettings
     from scleraforce.reading.reading_models import Reader
-    from scleraforce.records.eye import Known
 
 PORT = click.IntRange(0, 65535)
 POSITIVE = click.FloatRange(0.0, min_open=True)
@@ -291,7 +292,7 @@ def monitor(
     begun = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
     settings = MonitorSettings(
         eye=eye or "eye-1",
-        known=known,
+        setup=known,
         limits=_limits(reader, known, scan, given),
         scan=scan,
         address=Address(host, port),
@@ -334,9 +335,9 @@ def monitor(
 
 def _known(
     calibration: Path | None, eye: str | None, given: dict[str, Any]
-) -> "tuple[Known, str | None]":
+) -> "tuple[Setup, str | None]":
     # 380 ms: not for --help and `monitor-reset`
-    from scleraforce.front.api.reading_frames import check_calibrated, eye_of_arguments
+    from scleraforce.front.api.reading_frames import check_calibrated
     from scleraforce.records.calibration_file import (
         choice_of_eye,
         foreign_modulus,
@@ -344,12 +345,12 @@ def _known(
         read_calibration,
     )
 
-    known = eye_of_arguments(given)
+    known = declared_eye(given)
 
     if calibration is None:
         return known, None
 
-    check_calibrated(known, True, eye)
+    check_calibrated(known, calibrated=True)
     summary = read_calibration(calibration)
     if eye is None:
         raise InputError(f"--eye: missing; {choice_of_eye(summary)}")
@@ -358,7 +359,7 @@ def _known(
 
 
 def _planes(
-    given: tuple[str, ...], reader: "Reader", known: "Known", learn_eye: bool
+    given: tuple[str, ...], reader: "Reader", setup: "Setup", learn_eye: bool
 ) -> tuple[Plane, ...]:
     """Return the planes of a scanner that takes several; () of one that takes a single
     one.
@@ -380,7 +381,7 @@ def _planes(
             planes and reader.kind != READER
         ),
         "--gap-mm: several planes show their gaps; leave it out": (
-            planes and known.gap_m is not None
+            planes and setup.needle.gap_m is not None
         ),
         "--learn-eye: it learns from a single plane; leave it or --plane out": (
             planes and learn_eye
@@ -396,11 +397,11 @@ def _planes(
 
 def _to_learn(
     reader: "Reader",
-    known: "Known",
+    setup: "Setup",
     resume: Path | None,
     eye: str | None,
     given: dict[str, Any],
-) -> "Known":
+) -> "Setup":
     """Return the eye with the prior of an E that is to be learned."""
     # 430 ms: not without --learn-eye
     from scleraforce.live.companions.eye_learning import resumed_eye
@@ -414,9 +415,9 @@ def _to_learn(
             "second_opinion"
         ],
         "E is given with --youngs-modulus-mpa": given["youngs_modulus_pa"] is not None,
-        "the calibration has this eye's own E": known.has_own_modulus,
+        "the calibration has this eye's own E": setup.eye.has_own_modulus,
         "--iop-mmhg is missing: E is found beside the known pressure": (
-            known.iop_pa is None
+            setup.eye.iop_pa is None
         ),
         "--eye is missing: --resume needs its name": resume is not None and eye is None,
     }
@@ -429,26 +430,28 @@ def _to_learn(
     population = Modulus(
         mean_pa=prior.prior_mean_pa, sd_pa=prior.prior_sd_pa, source="population"
     )
-    known = replace(known, modulus=known.modulus or population)
+    setup = replace(
+        setup, eye=replace(setup.eye, modulus=setup.eye.modulus or population)
+    )
     if resume is not None and eye is not None:
-        return resumed_eye(known, resume, eye)
+        return resumed_eye(setup, resume, eye)
 
-    return known
+    return setup
 
 
 def _scan(
-    reader: "Reader", known: "Known", planes: tuple[Plane, ...], given: dict[str, Any]
-) -> OctInfo:
+    reader: "Reader", setup: "Setup", planes: tuple[Plane, ...], given: dict[str, Any]
+) -> Scan:
     """Return what is known of the frames of a session."""
     names = ("columns", "rows", "width_m", "depth_m", "refractive_index")
     stated = {name: given[name] or getattr(reader.study.oct, name) for name in names}
-    return OctInfo(
-        bits=MOST_BITS, plane_direction_rad=known.direction_rad, plane=planes, **stated
+    return Scan(
+        bits=MOST_BITS, direction_rad=setup.scan.direction_rad, planes=planes, **stated
     )
 
 
 def _limits(
-    reader: "Reader", known: "Known", scan: OctInfo, given: dict[str, Any]
+    reader: "Reader", setup: "Setup", scan: Scan, given: dict[str, Any]
 ) -> "MonitorLimits":
     # 12 ms: not for --help and `monitor-reset`
     from scleraforce.live.decision.limits import MonitorLimits
@@ -456,10 +459,10 @@ def _limits(
     return MonitorLimits(
         withdraw_class=given["withdraw_class"] or reader.classes - 1,
         bound_n=given["bound_n"] or reader.study.classes.bounds_n[-1],
-        stiffness_n_m=reader.steepest_n_m(known) or MonitorLimits.stiffness_n_m,
+        stiffness_n_m=reader.steepest_n_m(setup) or MonitorLimits.stiffness_n_m,
         reports_pierced=given["on_pierced"] == "report",
-        size=(scan.rows, scan.columns),
-        scale_m=(scan.width_m / scan.columns, scan.depth_m / scan.rows),
+        size=scan.shape,
+        scale_m=(scan.scale.lateral_m, scan.scale.depth_m),
         reads_force=reader.reads_force,
         expects_opinion=given["second_opinion"]
         and reader.reads_force,  # a class is read in one way only
@@ -476,8 +479,8 @@ def _greeting(
 ) -> Iterator[str]:
     limits = settings.limits
     scan = settings.scan
-    lateral_um = from_si(scan.width_m / scan.columns, "um")
-    depth_um = from_si(scan.depth_m / scan.rows, "um")
+    lateral_um = from_si(scan.scale.lateral_m, "um")
+    depth_um = from_si(scan.scale.depth_m, "um")
     bound_mn = from_si(limits.bound_n, "mn")
     forces = (
         f", or where the force's interval reaches {bound_mn:.1f} mN"
@@ -486,19 +489,19 @@ def _greeting(
     )
     yield "research use only: not a medical device"
     yield f"model      {reader.words}"
-    yield f"eye        {settings.eye}: {_eye_words(settings.known)}"
+    yield f"eye        {settings.eye}: {_eye_words(settings.setup)}"
 
-    if scan.plane:
+    if scan.planes:
         places = [
             (one.name, from_si(one.offset_m, "mm"), from_si(one.direction_rad, "deg"))
-            for one in scan.plane
+            for one in scan.planes
         ]
         yield "planes     " + ", ".join(
             f"{name} ({mm:g} mm, {deg:.0f}°)" for name, mm, deg in places
         )
 
-    yield f"globe      {globe_words(settings.known, reader.reads_force)}"
-    relaxation = settings.known.relaxation
+    yield f"globe      {globe_words(settings.setup, reader.reads_force)}"
+    relaxation = settings.setup.eye.relaxation
     if relaxation is not None and relaxation.matters:
         most = max(sum(relaxation.shares), sum(relaxation.other))
         lost = from_si(most, "percent")
@@ -508,7 +511,8 @@ def _greeting(
         )
 
     any_lean = (
-        settings.known.lean_rad is None and not settings.known.has_calibrated_modulus
+        settings.setup.needle.lean_rad is None
+        and not settings.setup.eye.has_calibrated_modulus
     )
     lean = (
         "the needle's lean is not given: forces are their parts along the wall's normal"
@@ -516,7 +520,7 @@ def _greeting(
     )
 
     for warning in filter(
-        None, (doubt, lean if any_lean else None, *reader.limits(settings.known, scan))
+        None, (doubt, lean if any_lean else None, *reader.limits(settings.setup, scan))
     ):
         yield f"warning    {warning}"
 
@@ -534,48 +538,49 @@ def _greeting(
     )
 
 
-def _eye_words(known: "Known") -> str:
+def _eye_words(setup: "Setup") -> str:
     # 13 ms: not for --help and `monitor-reset`
     from scleraforce.records.eye import MODULUS_SOURCES
 
     words = "modulus unknown"
-    if known.modulus is not None:
+    if setup.eye.modulus is not None:
         words = (
-            f"{from_si(known.modulus.mean_pa, 'mpa'):.3f} MPa"
-            f" ({MODULUS_SOURCES[known.modulus.source]})"
+            f"{from_si(setup.eye.modulus.mean_pa, 'mpa'):.3f} MPa"
+            f" ({MODULUS_SOURCES[setup.eye.modulus.source]})"
         )
 
     iop = (
         "IOP unknown"
-        if known.iop_pa is None
-        else f"IOP {from_si(known.iop_pa, 'mmhg'):.1f} mmHg"
+        if setup.eye.iop_pa is None
+        else f"IOP {from_si(setup.eye.iop_pa, 'mmhg'):.1f} mmHg"
     )
     wall = (
         "thickness unknown"
-        if known.thickness_m is None
-        else f"{from_si(known.thickness_m, 'um'):.0f} µm thick"
+        if setup.eye.thickness_m is None
+        else f"{from_si(setup.eye.thickness_m, 'um'):.0f} µm thick"
     )
     gap = (
         "gap unknown"
-        if known.gap_m is None
-        else f"gap {from_si(known.gap_m, 'mm'):.2f} mm"
+        if setup.needle.gap_m is None
+        else f"gap {from_si(setup.needle.gap_m, 'mm'):.2f} mm"
     )
 
     return ", ".join((words, iop, wall, gap))
 
 
-def globe_words(known: "Known", reads_force: bool) -> str:
+def globe_words(setup: "Setup", reads_force: bool) -> str:
     """Return the globe with which a model reads an eye, and the cost of an unknown one.
 
-    >>> from scleraforce.records.eye import Known
+    >>> from scleraforce.records.eye import Eye
     >>> from scleraforce.records.globe import SEALED
-    >>> globe_words(Known(globe=SEALED), reads_force=True)
+    >>> from scleraforce.records.setup import Setup
+    >>> globe_words(Setup(eye=Eye(globe=SEALED)), reads_force=True)
     'sealed, k between 0.005 and 0.06 mmHg^(1/3)/µl'
     """
     # 2 ms: not for --help
     from scleraforce.records.globe import UNKNOWN
 
-    globe = UNKNOWN if known.globe is None else known.globe
+    globe = UNKNOWN if setup.eye.globe is None else setup.eye.globe
     if not reads_force:
         return (
             "taken for open: a classifier knows no other, and in a sealed eye forces"

@@ -11,6 +11,7 @@ import click
 
 import scleraforce as sf
 from scleraforce.base.units import from_si
+from scleraforce.front.api.progress import Bars
 from scleraforce.front.cli.options import MODEL, PATH, RelaxationOption, options
 from scleraforce.front.cli.output import (
     Command,
@@ -197,18 +198,28 @@ def calibrate(
 
     # 330 ms: not for `evaluate` and --help
     from scleraforce.calibration.calibration import calibration_lines
+    from scleraforce.front.api.calibrating import CalibrationMethod
+    from scleraforce.records.eye import Eye
+    from scleraforce.records.tissue_relaxation import Relaxation
 
+    terms = None if relaxation in (None, "auto") else relaxation_terms(relaxation)
+    eye = Eye(
+        thickness_m=given.pop("thickness_m"),
+        relaxation=None if terms is None else Relaxation.declared(terms),
+    )
+    study = given.pop("study")
+    method = CalibrationMethod(
+        wall_finder=wall_finder, prior=given.pop("calibration"), **given
+    )
     calibration = sf.calibrate(
         recordings,
+        study,
         out=out,
         frames=frames,
-        wall_finder=wall_finder,
+        method=method,
+        eye=eye,
         note=notes,
-        counting=count_bar,
-        relaxation=(
-            None if relaxation in (None, "auto") else relaxation_terms(relaxation)
-        ),
-        **given,
+        progress=Bars(count_bar),
     )
 
     if plot is not None:
@@ -297,7 +308,7 @@ def evaluate(
         return _table(model, recordings, table, calibration, wall_finder, html)
 
     reader = sf.load_model(model, wall_finder=wall_finder)
-    evaluation = sf.evaluate(reader, recordings, calibration, counting=count_bar)
+    evaluation = sf.evaluate(reader, recordings, calibration, progress=Bars(count_bar))
 
     if html is not None:
         _write_html(evaluation, html)

@@ -9,6 +9,7 @@ import click
 from click.core import ParameterSource
 
 import scleraforce as sf
+from scleraforce.front.api.progress import Bars
 from scleraforce.front.cli.options import PATH, chosen_workers, options
 from scleraforce.front.cli.output import Command, Report, count_bar, resumable_bar, say
 from scleraforce.records.calibration_file import read_calibration
@@ -237,7 +238,7 @@ def train(
             search=search,
             workers=workers,
             device=device,
-            counting=count_bar,
+            progress=Bars(count_bar),
         )
         reached = {
             key: model.record["metrics"][key] for key in (*ACCURACY, "validation_loss")
@@ -252,7 +253,7 @@ def train(
         refuse_unused(study, f"train kind={kind}")  # before the library is opened
         library = sf.open_library(dataset_path)
         record = sf.train(
-            library, out, study, kind=kind, device=device, counting=count_bar
+            library, out, study, kind=kind, device=device, progress=Bars(count_bar)
         ).record
         steps, samples = (
             ("batches", "frames") if "batches" in record else ("epochs", "samples")

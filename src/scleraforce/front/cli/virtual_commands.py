@@ -19,6 +19,7 @@ from scleraforce.base.errors import FrameError, InputError
 from scleraforce.base.units import from_si, to_si
 from scleraforce.base.version import __version__
 from scleraforce.base.whole_files import write_whole
+from scleraforce.front.api.progress import Bars
 from scleraforce.front.cli.options import (
     FRAME_SIZE,
     PATH,
@@ -37,8 +38,9 @@ from scleraforce.front.cli.output import (
     wrapped,
 )
 from scleraforce.records.fields import field_key, field_unit
-from scleraforce.records.frame import ScaledFrame
-from scleraforce.records.scan import Scanner, parse_plane
+from scleraforce.records.frame import OpenedFrame
+from scleraforce.records.needle import Needle
+from scleraforce.records.scan import Scan, parse_plane
 from scleraforce.records.study import PhantomStudy, Study
 
 if TYPE_CHECKING:
@@ -55,7 +57,6 @@ MECHANICS = (
     " sets none)."
 )
 THICKNESS_M = to_si(600.0, "um")
-POLAR_RAD = to_si(35.0, "deg")
 
 
 @click.command(cls=Command)
@@ -114,10 +115,11 @@ def simulate(study: Study, vtu: Path | None, plot: Path | None, **given: Any) ->
         study,
         *(given.pop(name) for name in ("mechanics", "globe", "rigidity_pa13_per_m3")),
     )
+    needle = Needle(polar_rad=given.pop("polar_angle_rad"))
     start = perf_counter()
 
     with share_bar("load path") as reach:
-        eye = sf.simulate(study, progress=reach, **given)
+        eye = sf.simulate(study, needle=needle, progress=reach, **given)
 
     seconds = perf_counter() - start
     if vtu is not None:
@@ -316,10 +318,7 @@ def phantom(
     )
 
     moves = given_values(
-        **{
-            key: values.pop(key)
-            for key in ("rate_hz", "ramp_n_per_s", "hold_s", "puncture_n")
-        }
+        **{field.name: values.pop(field.name) for field in fields(sf.Motion)}
     )
     if moves and "rate_hz" not in moves:
         raise click.UsageError(
@@ -331,19 +330,26 @@ def phantom(
     if "puncture_n" in moves and source is ParameterSource.DEFAULT:
         forces_n = ()
 
-    eye = given_values(**values)
     seed = study.phantom.seed if seed is None else seed
-    eye = {"thickness_m": THICKNESS_M, "polar_angle_rad": POLAR_RAD} | eye
-    eye |= {"planes": [parse_plane(words) for words in planes]}
+    needle = Needle(
+        polar_rad=values.pop("polar_angle_rad"), azimuth_rad=values.pop("azimuth_rad")
+    )
+    scan = Scan(
+        direction_rad=values.pop("direction_rad"),
+        tilt_rad=values.pop("tilt_rad") or 0.0,
+        planes=tuple(parse_plane(words) for words in planes),
+    )
     made = sf.phantom(
         out,
         study,
         forces_n=forces_n,
         eye=name,
+        needle=needle,
+        scan=scan,
+        motion=sf.Motion(**moves) if moves else None,
+        progress=Bars(count_bar),
         seed=seed,
-        counting=count_bar,
-        **eye,
-        **moves,
+        **{"thickness_m": THICKNESS_M} | given_values(**values),
     )
     wrote = {"recording": str(out), "frames": len(made.frames), "seed": seed}
     more = {
@@ -440,7 +446,7 @@ def scanner(
     from scleraforce.lab.scanner.measured_scanner import measure_scanner
 
     measured = measure_scanner(
-        _imaged(frames, Scanner(**size), transpose, bits, wall_finder)
+        _imaged(frames, Scan(transposed=transpose, **size), bits, wall_finder)
     )
     picture = out.with_suffix(".png")
     overlap = _write(measured, frames, out, picture)
@@ -459,21 +465,19 @@ def scanner(
 
 def _imaged(
     frames: Sequence[Path],
-    size: Scanner,
-    transpose: bool,
+    scan: Scan,
     bits: int | None,
     finder: Path | None,
 ) -> "Iterator[ImagedEye]":
     # 380 ms: Numba and the models, not for --help
-    from scleraforce.front.api.reading_frames import finder_of, scaled_frame
+    from scleraforce.front.api.opened_frames import finder_of, located, opened_frame
 
     network = finder_of(finder)
     first: tuple[Any, ...] = ()
 
     for path in progress_bar(frames, "frames"):
-        eye = _eye(
-            path, scaled_frame(path, size, Scanner(), "", transpose), bits, network
-        )
+        opened = opened_frame(located(path), scan, Scan(), "")
+        eye = _eye(path, opened, bits, network)
         kind = (eye.pixels.shape, eye.bits, eye.scale)
 
         first = first or kind
@@ -487,7 +491,7 @@ def _imaged(
 
 
 def _eye(
-    path: Path, frame: ScaledFrame, given: int | None, finder: "WallFinder | None"
+    path: Path, frame: OpenedFrame, given: int | None, finder: "WallFinder | None"
 ) -> "ImagedEye":
     # 770 ms: Numba and SciPy, not for --help
     from scleraforce.lab.scanner.scanner_display import ImagedEye
@@ -496,7 +500,7 @@ def _eye(
     most = 8 * frame.pixels.itemsize
     rows, columns = frame.pixels.shape
 
-    bits = given or (frame.info.oct.bits if frame.info else 8 if most == 8 else None)
+    bits = given or (frame.info.scan.bits if frame.info else 8 if most == 8 else None)
     if bits is None:
         raise FrameError(
             f"{path}: the number of its 16 bits that are used is not stated; give"

@@ -3,7 +3,7 @@
 Imports `front.report` and every package below `front`.
 
 Public:
-    demo: `EYE`, `run_demo`
+    demo: `SETUP`, `run_demo`
     run_folder: `Progress`, `framed_for_laboratory`, `open_run`
     stages: `reproduce`
 """

@@ -15,23 +15,23 @@ from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.evaluation import Evaluation, evaluate_recordings
 from scleraforce.front.report.frame_figures import answered_frames
 from scleraforce.front.report.html_pages import shown_frames, write_evaluation_html
-from scleraforce.lab.virtual_eye import PhantomEye, study_sections
+from scleraforce.lab.virtual_eye import study_sections
 from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
 from scleraforce.reading.load_model import load_force_reader, load_wall_finder
 from scleraforce.recordings.recording_folder import read_recording
 from scleraforce.records.calibration_file import read_calibration, write_calibration
+from scleraforce.records.eye import Eye, Modulus
 from scleraforce.records.model_folder import SHIPPED_READER, SHIPPED_WALL_FINDER
+from scleraforce.records.needle import Needle
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import MechanicsStudy, MeshStudy, Study, study_hash
 
 IOP_PA = to_si(2.0, "mmhg")
 POLAR_RAD = radians(35.0)
-EYE = PhantomEye(
-    id="demo",
-    thickness_m=650e-6,
-    youngs_modulus_pa=0.3e6,
-    iop_pa=IOP_PA,
-    gap_m=0.5e-3,
-    polar_rad=POLAR_RAD,
+NAME = "demo"
+SETUP = Setup(
+    eye=Eye(NAME, thickness_m=650e-6, modulus=Modulus.stated(0.3e6), iop_pa=IOP_PA),
+    needle=Needle(gap_m=0.5e-3, polar_rad=POLAR_RAD),
 )
 FORCES_N = (
     0.002,
@@ -93,10 +93,10 @@ def run_demo(
     study = Study(mesh=mesh, mechanics=mechanics)
 
     try:
-        sections_at = study_sections(EYE, study, lambda share: reach(BENT * share))
+        sections_at = study_sections(SETUP, study, lambda share: reach(BENT * share))
         write_phantom(
             recording,
-            plan_phantom(EYE, FORCES_N, study, study.phantom.seed),
+            plan_phantom(SETUP, FORCES_N, study, study.phantom.seed),
             sections_at,
             study,
         )
@@ -119,4 +119,4 @@ def run_demo(
         shutil.rmtree(out, ignore_errors=True)
         raise
 
-    return Demo(recording, calibration, page, found.eyes[EYE.id].mean_pa, evaluation)
+    return Demo(recording, calibration, page, found.eyes[NAME].mean_pa, evaluation)

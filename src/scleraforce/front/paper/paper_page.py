@@ -53,8 +53,9 @@ from scleraforce.front.report.recording_figures import (
 from scleraforce.lab.training.slice_dataset import open_dataset
 from scleraforce.lab.virtual_eye import (
     LinearSections,
-    PhantomEye,
+    eye_name,
     paper_eyes,
+    scan_plane,
     simulate_eye,
 )
 from scleraforce.library import Library
@@ -70,7 +71,10 @@ from scleraforce.reading.reading_models import Classifier
 from scleraforce.recordings.forces_under_frames import label_frames
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.calibration_file import open_calibration, read_calibration
+from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.fields import declared
 from scleraforce.records.model_folder import SHIPPED_WALL_FINDER, model_name
+from scleraforce.records.setup import Setup, completed_by_study
 from scleraforce.records.study import Study, study_hash
 
 # forces of the frames with computed walls: as near as the first eye's trials come
@@ -192,12 +196,19 @@ def _worst_eye(reader: Evaluation) -> str:
     return f"{worst} is read {from_si(off, 'percent'):+.1f} % off in the mean{labels}. "
 
 
+def _moduli(calibration: Path) -> dict[str, Modulus]:
+    """Return the moduli of a calibration's eyes."""
+    eyes = read_calibration(calibration).eyes
+    return {name: one.eye.modulus for name, one in eyes.items() if one.eye.modulus}
+
+
 def _bent_moduli(run: Run) -> PageTable:
     linear, finite = (
-        read_calibration(path).eyes
-        for path in (run.bent_linear, run.bent_finite_strain)
+        _moduli(path) for path in (run.bent_linear, run.bent_finite_strain)
     )
-    eyes = {eye.id: eye.youngs_modulus_pa for eye, _ in bent_trials(run.study)}
+    eyes = {
+        eye_name(setup): setup.eye.modulus_pa for setup, _ in bent_trials(run.study)
+    }
     off = {
         name: (finite[name].mean_pa - true_pa) / finite[name].sd_pa
         for name, true_pa in eyes.items()
@@ -205,10 +216,11 @@ def _bent_moduli(run: Run) -> PageTable:
     }
     posteriors = [
         {
-            name: f"{from_si(eye.mean_pa, 'mpa'):.3f} ± {from_si(eye.sd_pa, 'mpa'):.3f}"
-            for name, eye in found.items()
+            name: f"{from_si(found.mean_pa, 'mpa'):.3f} ±"
+            f" {from_si(found.sd_pa, 'mpa'):.3f}"
+            for name, found in moduli.items()
         }
-        for found in (linear, finite)
+        for moduli in (linear, finite)
     ]
     rows: list[list[object]] = [
         ["true", *(f"{from_si(true_pa, 'mpa'):.3f}" for true_pa in eyes.values())],
@@ -253,22 +265,26 @@ def _walls_figure(run: Run, reader: Evaluation) -> Figure:
     return frame_figures.draw_computed_walls(frames_shown, computed)
 
 
-def _stated_eye(run: Run, calibration: Path, answered: AnsweredFrame) -> PhantomEye:
-    modulus_pa = read_calibration(calibration).eyes[answered.answer.eye].mean_pa
-    eye = replace(run.study.eye, youngs_modulus_pa=modulus_pa)
-    return eye_of(answered.recording, replace(run.study, eye=eye))
+def _stated_eye(run: Run, calibration: Path, answered: AnsweredFrame) -> Setup:
+    modulus = Modulus.stated(_moduli(calibration)[answered.answer.eye].mean_pa)
+    setup = stated_setup(answered.recording, run.study)
+    return replace(setup, eye=replace(setup.eye, modulus=modulus))
 
 
 def _finite_sections(
-    library: Library, eye: PhantomEye, forces_n: Sequence[float]
+    library: Library, setup: Setup, forces_n: Sequence[float]
 ) -> list[WallSection]:
     """Return the library's sections of an eye; beyond its largest force, its last
     state.
     """
-    E = eye.youngs_modulus_pa
-    library = library.for_contact(eye.polar_rad)
-    thickness_m = np.full(len(forces_n), eye.thickness_m)
-    iop_ratio = np.full(len(forces_n), eye.iop_pa / E)
+    E = setup.eye.modulus_pa
+    iop_pa = declared(setup.eye.iop_pa, "eye: iop_pa")
+    plane = scan_plane(setup)
+    library = library.for_contact(plane.contact.polar_rad)
+    thickness_m = np.full(
+        len(forces_n), declared(setup.eye.thickness_m, "eye: thickness_m")
+    )
+    iop_ratio = np.full(len(forces_n), iop_pa / E)
     ratios = np.minimum(
         np.array(forces_n) / E, library.largest_force_ratio(thickness_m, iop_ratio)
     )
@@ -276,35 +292,18 @@ def _finite_sections(
         np.float64
     )
 
-    return [cut_surfaces(wall, eye.gap_m, eye.tilt_rad) for wall in walls]
+    return [cut_surfaces(wall, plane.gap_m, plane.tilt_rad) for wall in walls]
 
 
 def _number(value: float) -> str:
     return NOTHING if isnan(value) else f"{value:.2f}"
 
 
-def eye_of(recording: Recording, study: Study) -> PhantomEye:
-    """Return the eye that a recording states, with the study's Young's modulus."""
-    info = recording.info
-    low, high = study.needle.polar_angle_rad.bounds
-    return PhantomEye(
-        id=info.eye.id,
-        thickness_m=info.eye.thickness_m or study.dataset.group[0].thickness_m,
-        youngs_modulus_pa=study.eye.youngs_modulus_pa,
-        iop_pa=study.eye.iop_pa if info.eye.iop_pa is None else info.eye.iop_pa,
-        gap_m=(
-            study.needle.gap_m
-            if info.needle.slice_gap_m is None
-            else info.needle.slice_gap_m
-        ),
-        polar_rad=(
-            0.5 * (low + high)
-            if info.needle.polar_angle_rad is None
-            else info.needle.polar_angle_rad
-        ),
-        direction_rad=info.oct.plane_direction_rad or 0.0,
-        tilt_rad=info.oct.plane_tilt_rad,
-    )
+def stated_setup(recording: Recording, study: Study) -> Setup:
+    """Return what a recording states, completed by the study, also by a thickness."""
+    thickness_m = study.dataset.group[0].thickness_m
+    setup = completed_by_study(recording.info.setup, study)
+    return setup.completed_by(Setup(eye=Eye(thickness_m=thickness_m)))
 
 
 PAPER_MODULUS_PA = 0.25e6  # the paper's mean for all eyes, sec. 3.2
@@ -415,13 +414,13 @@ def _design(run: Run, evaluation: Evaluation) -> PageTable:
     """
     design = paper_eyes(run.study)
     names = html_pages.class_names(run.study.classes.bounds_n)
-    eyes = [eye for eye, _ in design]
+    eyes = [setup.eye for setup, _ in design]
     bounds_n = run.study.classes.bounds_n
     targets = [
         [
             f.target
             for f in evaluation.scored
-            if f.eye == eye.id and f.target is not None
+            if f.eye == eye.name and f.target is not None
         ]
         for eye in eyes
     ]
@@ -429,11 +428,12 @@ def _design(run: Run, evaluation: Evaluation) -> PageTable:
     paper = _counts(
         [np.digitize(forces_n, bounds_n) for _, forces_n in design], len(names)
     )
-    moduli = [f"{from_si(eye.youngs_modulus_pa, 'mpa'):.2f}" for eye in eyes]
+    moduli = [f"{from_si(eye.modulus_pa, 'mpa'):.2f}" for eye in eyes]
+    thicknesses_m = [declared(eye.thickness_m, "eye: thickness_m") for eye in eyes]
     rows: list[list[object]] = [
         [
             "wall thickness in µm",
-            *(f"{from_si(eye.thickness_m, 'um'):.0f}" for eye in eyes),
+            *(f"{from_si(thickness_m, 'um'):.0f}" for thickness_m in thicknesses_m),
             NOTHING,
         ],
         ["Young's modulus in MPa (Table 2)", *moduli, NOTHING],
@@ -450,7 +450,7 @@ def _design(run: Run, evaluation: Evaluation) -> PageTable:
             ]
         )
 
-    return PageTable(["", *(eye.id for eye in eyes), "total"], rows)
+    return PageTable(["", *(eye_name(setup) for setup, _ in design), "total"], rows)
 
 
 def _counts(classes: Sequence[ArrayLike], names: int) -> Places:
@@ -505,7 +505,7 @@ def _calibration(run: Run, evaluation: Evaluation) -> dict[str, Any]:
         [opened], study, study_hash(study), None, finder=finder
     ).eyes.values()
     over_frames = draw_modulus_over_frames(
-        first, paper_eyes(study)[0][0].youngs_modulus_pa
+        first, paper_eyes(study)[0][0].eye.modulus_pa
     )
     index = max(range(len(first.used)), key=lambda number: first.used[number].force_n)
     shown = first.id, first.used[index].file
@@ -534,8 +534,8 @@ def modulus_table(calibration: Calibration, study: Study) -> PageTable:
     """Return Table 2."""
     eyes: list[EyeCalibration] = list(calibration.eyes.values())
     truths_pa = [
-        eye.youngs_modulus_pa
-        for (eye, _), _ in zip(paper_eyes(study), eyes, strict=False)
+        setup.eye.modulus_pa
+        for (setup, _), _ in zip(paper_eyes(study), eyes, strict=False)
     ]
     rows: list[list[object]] = [
         ["mean in MPa", *(_mpa(eye.mean_pa) for eye in eyes)],
@@ -612,7 +612,7 @@ def _typical(evaluation: Evaluation, rank: int) -> list[FrameAnswer]:
 def _pair(answered: AnsweredFrame, study: Study) -> tuple[AnsweredFrame, Bytes, Bytes]:
     measured = answered.slice(study.slice)
     force_n = max(answered.answer.measured_force_n or 0.0, 0.0)
-    unloaded, section = LinearSections(eye_of(answered.recording, study), study)(
+    unloaded, section = LinearSections(stated_setup(answered.recording, study), study)(
         [0.0, force_n]
     )
 

@@ -21,7 +21,7 @@ from typing import Any
 from scleraforce.base.errors import InputError, StudyError
 from scleraforce.base.version import __version__
 from scleraforce.base.whole_files import KINDS, hash_sources, read_text, write_whole
-from scleraforce.lab.virtual_eye import PhantomEye, paper_eyes
+from scleraforce.lab.virtual_eye import paper_eyes
 from scleraforce.library import Library
 from scleraforce.library.library_store import cached_library
 from scleraforce.reading.load_model import load_force_reader
@@ -32,6 +32,7 @@ from scleraforce.records.model_folder import (
     read_folder,
     sha256,
 )
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Range, Study, format_study, study_hash
 
 Progress = Callable[[int], None]
@@ -315,7 +316,7 @@ CALIBRATION_FORCES_N = (
 )
 
 
-def bent_trials(study: Study) -> tuple[tuple[PhantomEye, tuple[float, ...]], ...]:
+def bent_trials(study: Study) -> tuple[tuple[Setup, tuple[float, ...]], ...]:
     """Return the eyes of the paper's design with the forces of their calibration, then
     of their trials.
     """

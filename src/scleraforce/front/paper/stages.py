@@ -24,7 +24,12 @@ from scleraforce.front.paper.run_folder import (
 )
 from scleraforce.lab.training.slice_dataset import generate_dataset, open_dataset
 from scleraforce.lab.training.trained_models import train_classifier, train_reader
-from scleraforce.lab.virtual_eye import BentSections, LinearSections, paper_eyes
+from scleraforce.lab.virtual_eye import (
+    BentSections,
+    LinearSections,
+    eye_name,
+    paper_eyes,
+)
 from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
 from scleraforce.library import Library
 from scleraforce.library.library_plan import plan_library
@@ -152,7 +157,7 @@ def reproduce(
 
 def _of_eyes(run: Run, folder: Path) -> list[Path]:
     """Return the recordings of the eyes in a folder, in the order of the design."""
-    return [folder / eye.id for eye, _ in paper_eyes(run.study)]
+    return [folder / eye_name(setup) for setup, _ in paper_eyes(run.study)]
 
 
 def _trials(run: Run, eyes: int | None = None) -> int:
@@ -176,10 +181,14 @@ def _write_eyes(run: Run, progress: Progress, *, to_the_bounds: bool = False) ->
     folder = run.recordings_to_the_bounds if to_the_bounds else run.recordings
     folder.mkdir()
 
-    for eye, forces_n in paper_eyes(study, to_the_bounds=to_the_bounds):
-        plan = plan_phantom(eye, forces_n, study, study.phantom.seed + to_the_bounds)
+    for setup, forces_n in paper_eyes(study, to_the_bounds=to_the_bounds):
+        plan = plan_phantom(setup, forces_n, study, study.phantom.seed + to_the_bounds)
         write_phantom(
-            folder / eye.id, plan, LinearSections(eye, study), study, progress
+            folder / eye_name(setup),
+            plan,
+            LinearSections(setup, study),
+            study,
+            progress,
         )
 
 
@@ -233,9 +242,9 @@ def _bend_eyes(run: Run, progress: Progress) -> None:
 
 
 def _bend_eye(study: Study, folder: Path, number: int) -> None:
-    eye, forces_n = bent_trials(study)[number]
-    plan = plan_phantom(eye, forces_n, study, study.phantom.seed)
-    write_phantom(folder / eye.id, plan, BentSections(eye, study), study)
+    setup, forces_n = bent_trials(study)[number]
+    plan = plan_phantom(setup, forces_n, study, study.phantom.seed)
+    write_phantom(folder / eye_name(setup), plan, BentSections(setup, study), study)
 
 
 def _calibrate_bent(run: Run, progress: Progress) -> None:

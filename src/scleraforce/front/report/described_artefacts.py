@@ -346,7 +346,7 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Description:
     info = recording.info
     seconds = recording.frames[-1].time_s - recording.frames[0].time_s
     width_mm, depth_mm = (
-        from_si(extent_m, "mm") for extent_m in (info.oct.width_m, info.oct.depth_m)
+        from_si(extent_m, "mm") for extent_m in (info.scan.width_m, info.scan.depth_m)
     )
     forces_n = [
         trial.measured_force_n for trial in trials if trial.measured_force_n is not None
@@ -356,22 +356,23 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Description:
         f"{counts[label]} of class {label}"
         for label in range(len(CLASSES.bounds_n) + 1)
     )
-    globe = info.eye.globe or "not stated: intervals are wider"
+    globe = None if info.eye.globe is None else info.eye.globe.kind
     rows = (
-        ("eye", info.eye.id),
+        ("eye", info.eye_name),
         (
             "stated",
             (
                 f"thickness {_value(info.eye.thickness_m, 'um', 'µm')}, "
-                f"IOP {_value(info.eye.iop_pa, 'mmhg', 'mmHg')}, globe {globe}"
+                f"IOP {_value(info.eye.iop_pa, 'mmhg', 'mmHg')}, "
+                f"globe {globe or 'not stated: intervals are wider'}"
             ),
         ),
         (
             "frames",
             (
-                f"{len(recording.frames)} in {seconds:.3g} s, {info.oct.columns} x"
-                f" {info.oct.rows} pixels of {info.oct.bits} bits, {width_mm:g} x"
-                f" {depth_mm:g} mm, refractive index {info.oct.refractive_index:g}"
+                f"{len(recording.frames)} in {seconds:.3g} s, {info.scan.columns} x"
+                f" {info.scan.rows} pixels of {info.scan.bits} bits, {width_mm:g} x"
+                f" {depth_mm:g} mm, refractive index {info.scan.refractive_index:g}"
             ),
         ),
         ("needle", f"{info.needle.gauge} gauge, {_planes_words(info)}"),
@@ -389,9 +390,9 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Description:
         *(("note", note) for note in notes),
     )
     facts = {
-        "eye": info.eye.id,
+        "eye": info.eye_name,
         "seconds": seconds,
-        "globe": info.eye.globe,
+        "globe": globe,
         "no_labels": fault,
         "notes": list(notes),
         "frames": [
@@ -623,12 +624,12 @@ def _listed(withdrawals: Sequence[Entry]) -> Iterator[str]:
 
 def _planes_words(info: RecordingInfo) -> str:
     """Return where the planes of the B-scans are."""
-    if info.needle.slice_gap_m is not None:
-        return f"{from_si(info.needle.slice_gap_m, 'mm'):g} mm beside the B-scan"
+    if info.needle.gap_m is not None:
+        return f"{from_si(info.needle.gap_m, 'mm'):g} mm beside the B-scan"
 
     words = (
         f"{plane.name} ({from_si(plane.offset_m, 'mm'):g} mm,"
         f" {from_si(plane.direction_rad, 'deg'):.0f}°)"
-        for plane in info.oct.plane
+        for plane in info.scan.planes
     )
-    return f"B-scans in {len(info.oct.plane)} planes: {', '.join(words)}"
+    return f"B-scans in {len(info.scan.planes)} planes: {', '.join(words)}"

@@ -26,8 +26,7 @@ from scleraforce.front.report import figure_files
 from scleraforce.front.report.recording_figures import DASHED, mark_bounds
 from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.recordings.recording_folder import Recording, read_recording
-from scleraforce.records.frame import Pixels, ScaledFrame
-from scleraforce.records.scan import PixelScale
+from scleraforce.records.frame import OpenedFrame, Pixels
 from scleraforce.records.study import SliceStudy
 from scleraforce.wall.wall import Segmentation, draw_overlay, without_wall
 from scleraforce.wall.wall_in_metres import boundary_slice
@@ -76,11 +75,11 @@ class AnsweredFrame:
     @property
     def extent_m(self) -> tuple[float, float]:
         """Width and depth of the frame."""
-        return self.recording.info.oct.width_m, self.recording.info.oct.depth_m
+        return self.recording.info.scan.extent_m
 
     def slice(self, study: SliceStudy) -> Bytes:
         """Return the slice that a network reads."""
-        return boundary_slice(self.found, PixelScale.of(self.recording.info.oct), study)
+        return boundary_slice(self.found, self.recording.info.scan.scale, study)
 
 
 def answered_frames(answers: Iterable[FrameAnswer]) -> tuple[AnsweredFrame, ...]:
@@ -668,15 +667,14 @@ class SheetFrame:
     words: tuple[str, ...]
 
 
-def sheet_frame(name: str, frame: ScaledFrame, found: Segmentation) -> SheetFrame:
+def sheet_frame(name: str, frame: OpenedFrame, found: Segmentation) -> SheetFrame:
     """Return a frame for a sheet: to scale if its size is stated, else with square
     pixels; at most as deep as wide.
     """
     rows, columns = frame.pixels.shape
-    stated = "assumed" not in (frame.width_m.source, frame.depth_m.source)
-    aspect = min(
-        frame.depth_m.value / frame.width_m.value if stated else rows / columns, 1.0
-    )
+    width_m, depth_m = frame.scan.extent_m
+    stated = "assumed" not in (frame.sources["width_m"], frame.sources["depth_m"])
+    aspect = min(depth_m / width_m if stated else rows / columns, 1.0)
     size = max(1, round(WIDTH * aspect)), WIDTH
     verdict = "not usable"
     reason = found.reason.removeprefix("two methods to find the wall differ: ")

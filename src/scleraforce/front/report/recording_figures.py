@@ -56,7 +56,7 @@ def draw_recording(
     order = sorted(range(len(forces_n)), key=lambda n: forces_n[n] or 0.0)
     shown = figure_files.evenly(order, SHOWN_FRAMES) if trials else order[:SHOWN_FRAMES]
     frames = [recording.frame(recording.frames[n]) for n in shown]
-    extent_m = recording.info.oct.width_m, recording.info.oct.depth_m
+    extent_m = recording.info.scan.extent_m
     width_mm, depth_mm = (float(from_si(length, "mm")) for length in extent_m)
     frame_mm = min(TALLEST_MM, (WIDTH_MM - 12.0) / len(frames) * depth_mm / width_mm)
     heights = [frame_mm + WORDS_MM, TIMES_MM if recording.forces is None else FORCE_MM]
@@ -405,7 +405,7 @@ def _draw_points(
     polar_rad = float(step.registered.nuisance[BY_POLAR])
     rigidity = rigidity_after(eye, step.state)
     curves = model.curves(
-        [stated_wall(model.constants, modulus_pa, step.force_n, polar_rad, rigidity)]
+        [stated_wall(model.setup, modulus_pa, step.force_n, polar_rad, rigidity)]
     )[0]
 
     for curve in place_section(curves, step.registered.nuisance):

@@ -34,9 +34,7 @@ from scleraforce.calibration.filter.eye_filter import (
     step,
 )
 from scleraforce.calibration.filter.eye_parameters import (
-    EyeConstants,
     WallState,
-    known_of_constants,
     stated_wall,
 )
 from scleraforce.calibration.filter.library_sections import LibrarySections, library_eye
@@ -67,9 +65,12 @@ from scleraforce.reading.force_network import ForceNetwork
 from scleraforce.reading.interval_widths import Factors, IntervalScore, score_reading
 from scleraforce.reading.reading_models import SHIFTS
 from scleraforce.recordings import force_errors
-from scleraforce.records.eye import POPULATION_SD, Known, Modulus
+from scleraforce.records.eye import POPULATION_SD, Eye, Modulus
 from scleraforce.records.globe import OPEN, SEALED, UNKNOWN
 from scleraforce.records.model_folder import NETWORK_FILE
+from scleraforce.records.needle import Needle
+from scleraforce.records.scan import Scan
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study, draw
 from scleraforce.wall.wall_in_metres import Boundaries
 
@@ -97,7 +98,7 @@ class VirtualEye:
 
     model: LibrarySections
     wall: WallState
-    stated: EyeConstants
+    stated: Setup
     forms: WallForms
     drift: float
     largest_n: float
@@ -138,13 +139,10 @@ def draw_eye(
     drift = FORCE_DRIFT_SD * rng.standard_normal() * float(uneven[0])
     globe = replace(UNKNOWN, mean=rigidity) if sealed else OPEN
     direction_rad = rng.uniform(-np.pi, np.pi)
-    place = {
-        "polar_rad": polar_rad,
-        "polar_sd_rad": 0.0,
-        "direction_rad": direction_rad,
-    }
-    true = EyeConstants(
-        iop_pa=iop_pa, thickness_m=thickness_m, gap_m=gap_m, globe=globe, **place
+    true = Setup(
+        eye=Eye(iop_pa=iop_pa, thickness_m=thickness_m, globe=globe),
+        needle=Needle(gap_m=gap_m, polar_rad=polar_rad),
+        scan=Scan(direction_rad=direction_rad),
     )
     # `disturb` smooths
     sharp = replace(
@@ -160,16 +158,23 @@ def draw_eye(
     noise = 1.0 + rng.standard_normal(3) * fractions
     direction_stated = rng.random() < DIRECTION_STATED
     pole_noise_rad = reader.pole_noise_rad * rng.spawn(1)[0].standard_normal(2)
-    stated = replace(
-        true,
-        iop_pa=iop_pa * float(noise[0]),
-        thickness_m=float(np.clip(thickness_m * noise[1], *reader.thickness_m.bounds)),
-        gap_m=gap_m * float(noise[2]),
-        polar_rad=abs(polar_rad + float(pole_noise_rad[0])),
-        direction_rad=(
-            direction_rad + float(pole_noise_rad[1]) if direction_stated else None
+    stated = Setup(
+        eye=Eye(
+            iop_pa=iop_pa * float(noise[0]),
+            thickness_m=float(
+                np.clip(thickness_m * noise[1], *reader.thickness_m.bounds)
+            ),
+            globe=stated_globe,
         ),
-        globe=stated_globe,
+        needle=Needle(
+            gap_m=gap_m * float(noise[2]),
+            polar_rad=abs(polar_rad + float(pole_noise_rad[0])),
+        ),
+        scan=Scan(
+            direction_rad=(
+                direction_rad + float(pole_noise_rad[1]) if direction_stated else None
+            )
+        ),
     )
 
     if reason := model.outside(wall):
@@ -271,7 +276,7 @@ def calibrated(
     library: Library,
     rng: np.random.Generator,
     chosen: Sequence[int] | None = None,
-) -> tuple[Known, tuple[VirtualFrame, ...]]:
+) -> tuple[Setup, tuple[VirtualFrame, ...]]:
     """Return the known values of an eye after a calibration on some of its frames, and
     the other frames.
 
@@ -294,7 +299,7 @@ def calibrated(
 
     poses = dict[Boundaries, PoseBelief]()
 
-    def attempt(of_tissue: Library) -> TissueTrial[tuple[Known, int]] | None:
+    def attempt(of_tissue: Library) -> TissueTrial[tuple[Setup, int]] | None:
         """Calibrate with the walls of one tissue: the known values, and the number of
         frames that were used.
         """
@@ -327,12 +332,12 @@ def calibrated(
 
         known = known_after(session)
         borne = [place for place in order[:used] if forces_n[place] > least_n]
-        if known.modulus is None:
+        if known.eye.modulus is None:
             return TissueTrial.diverged((known, used), refused)
 
         seen = [(frames[place].boundaries, float(forces_n[place])) for place in borne]
         after = reread_eye(known, seen, (), of_tissue, study)
-        return after.trial((after.known, used), refused)
+        return after.trial((after.setup, used), refused)
 
     found = search_stiffening(library, attempt)
     if found is None:
@@ -346,7 +351,7 @@ def calibrated(
         frame for place, frame in enumerate(frames) if place not in stated_force
     )
 
-    return replace(known, stiffening=stiffening), left
+    return replace(known, eye=replace(known.eye, stiffening=stiffening)), left
 
 
 def label_forces(
@@ -379,7 +384,7 @@ def label_forces(
     return force_errors.FrameForces(labels_n, time_s, zero, covariance)
 
 
-def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Known:
+def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Setup:
     """Return the known values of an eye that is read with the modulus of other eyes."""
     low, high = study.reader.youngs_modulus_pa.bounds
     mean_pa = float(
@@ -402,7 +407,8 @@ def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Kn
         )
         stiffening = float(np.clip(other, walls[0], walls[-1]))
 
-    return replace(known_of_constants(eye.stated, modulus), stiffening=stiffening)
+    known = replace(eye.stated.eye, modulus=modulus, stiffening=stiffening)
+    return replace(eye.stated, eye=known)
 
 
 # first stream of random numbers for eyes: the samples' streams are below, the
@@ -449,7 +455,7 @@ def measured_intervals(
 
 
 ScoresOf = Callable[
-    [int, VirtualEye, Known, tuple[VirtualFrame, ...], np.random.Generator],
+    [int, VirtualEye, Setup, tuple[VirtualFrame, ...], np.random.Generator],
     list[IntervalScore],
 ]
 
@@ -483,12 +489,12 @@ def measuring(study: Study, library: Library, network: bytes) -> EyeScores:
     def scores(
         number: int,
         eye: VirtualEye,
-        known: Known,
+        setup: Setup,
         left: tuple[VirtualFrame, ...],
         rng: np.random.Generator,
     ) -> list[IntervalScore]:
         of_eye = partial(_scores, study, library, eye.wall.polar_rad, read, str(number))
-        found = [*of_eye(known, left), *of_eye(of_population(eye, study, rng), left)]
+        found = [*of_eye(setup, left), *of_eye(of_population(eye, study, rng), left)]
 
         if number // len(OPEN_OR_SEALED) % OTHERWISE_EVERY == 0:
             again = np.random.default_rng([study.reader.seed, number, STREAM])
@@ -502,7 +508,7 @@ def measuring(study: Study, library: Library, network: bytes) -> EyeScores:
 
 def calibrated_otherwise(
     eye: VirtualEye, study: Study, library: Library, rng: np.random.Generator
-) -> tuple[Known, tuple[VirtualFrame, ...]] | None:
+) -> tuple[Setup, tuple[VirtualFrame, ...]] | None:
     """Return an eye's known values after a calibration on a few frames of drawn forces,
     and the other frames.
 
@@ -528,21 +534,21 @@ def _scores(
     study: Study,
     library: Library,
     polar_rad: float,
-    read: Callable[[Bytes, Known], Reading],
+    read: Callable[[Bytes, Setup], Reading],
     eye: str,
-    known: Known,
+    setup: Setup,
     frames: Sequence[VirtualFrame],
 ) -> list[IntervalScore]:
     """Return the scores of both methods on frames of an eye with its contact at a polar
     angle.
     """
     found = list[IntervalScore]()
-    walls = library.for_stiffening(known.stiffening or 0.0).for_contact(polar_rad)
-    prior = prior_of(known, study.reader)
+    walls = library.for_stiffening(setup.eye.stiffening or 0.0).for_contact(polar_rad)
+    prior = prior_of(setup, study.reader, study.eye.radius_m)
 
     for frame in frames:
         found.append(
-            score_reading("network", read(frame.cuts, known), known, eye, frame.force_n)
+            score_reading("network", read(frame.cuts, setup), setup, eye, frame.force_n)
         )
         seen = frame.boundaries
 
@@ -557,9 +563,9 @@ def _scores(
             by_fit = fit_reading(
                 fit,
                 study.classes.bounds_n,
-                interval_widths.NO_FACTORS.of_fit(known, fit),
+                interval_widths.NO_FACTORS.of_fit(setup, fit),
             )
-            found.append(score_reading("fit", by_fit, known, eye, frame.force_n, fit))
+            found.append(score_reading("fit", by_fit, setup, eye, frame.force_n, fit))
 
     return found
 

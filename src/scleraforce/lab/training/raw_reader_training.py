@@ -57,8 +57,8 @@ from scleraforce.library.plane_cut import column_laterals
 from scleraforce.reading import force_network
 from scleraforce.reading.frame_checks import read_by_fit
 from scleraforce.reading.interval_widths import IntervalScore, score_reading
-from scleraforce.records.eye import Known
 from scleraforce.records.model_folder import NETWORK_FILE
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import (
     Range,
     RawReaderStudy,
@@ -394,7 +394,7 @@ def measuring_raw(
     )
 
     def scores(
-        number: int, eye: VirtualEye, known: Known, _: object, rng: np.random.Generator
+        number: int, eye: VirtualEye, setup: Setup, _: object, rng: np.random.Generator
     ) -> list[IntervalScore]:
         forces_n = rng.uniform(0.0, eye.largest_n, FRAMES)
         frames = _frames(eye, forces_n, study, rng)
@@ -406,7 +406,7 @@ def measuring_raw(
                 str(number),
                 float(force_n),
             )
-            for given in (known, interval_measurement.of_population(eye, study, rng))
+            for given in (setup, interval_measurement.of_population(eye, study, rng))
             for frame, force_n in zip(frames, forces_n, strict=True)
         ]
 

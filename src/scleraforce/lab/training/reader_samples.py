@@ -29,7 +29,7 @@ from scleraforce.reading.force_network import (
     given_inputs,
     given_modulus,
 )
-from scleraforce.records.globe import SEALED, UNKNOWN, Globe, sealed_globe
+from scleraforce.records.globe import SEALED, UNKNOWN, PressureLaw, sealed_law
 from scleraforce.records.study import Range, ReaderStudy, Sampled, SliceStudy
 
 if TYPE_CHECKING:
@@ -352,7 +352,7 @@ def _pressures(
     thickness_m, iop_pa, modulus_pa, size = eye
     # volumes go as size^3
     thickness = thickness_m / size
-    globe = sealed_globe(rigidity * size**3).over(modulus_pa)
+    globe = sealed_law(rigidity * size**3).over(modulus_pa)
     highest = BARELY_INSIDE * library.iop_ratio_ends(thickness)[1]
     ratio = iop_pa / modulus_pa
     left = np.flatnonzero(rigidity > 0.0)
@@ -360,7 +360,7 @@ def _pressures(
 
     for _ in range(ROUNDS):
         force_ratio = force_n[left] / (modulus_pa[left] * size[left] ** 2)
-        one = Globe(globe.law, np.asarray(globe.rate)[left])
+        one = PressureLaw(globe.law, np.asarray(globe.rate)[left])
         wall = library, thickness[left], resting[left]
         ratio[left] = iop_ratio_under_force(*wall, force_ratio, one, PRESSURE_TOLERANCE)
 

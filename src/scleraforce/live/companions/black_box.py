@@ -157,7 +157,7 @@ class FrameTaker:
         self.folder = folder
         self.start_s = beginning.at_s
         self.written = self.lost = 0
-        columns = COLUMNS + PLANE_COLUMN * bool(info.oct.plane)
+        columns = COLUMNS + PLANE_COLUMN * bool(info.scan.planes)
         self._ring = ring
         self._writer = RecordingWriter(folder, info, beginning.comment + kept, columns)
         self._waiting: deque[process_messages.Decided] = deque()

@@ -37,8 +37,8 @@ from scleraforce.records.calibration_file import (
     summary_of,
     write_calibration,
 )
-from scleraforce.records.eye import Known, Modulus
 from scleraforce.records.scan import PixelScale
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import study_hash
 from scleraforce.wall.wall_in_metres import segmented_boundaries
 
@@ -194,7 +194,7 @@ class EyeFitting:
 
         posterior = self._posterior
         return EyeLearned(
-            known=posterior.known_eye, frames=len(posterior.frames), fault=self._save()
+            setup=posterior.known_eye, frames=len(posterior.frames), fault=self._save()
         )
 
     def _save(self) -> str:
@@ -235,10 +235,10 @@ def as_calibration(posterior: EyePosterior, eye: str, path: str) -> Calibration:
     """Return a posterior with a fit, of a recording, as the calibration of its eye,
     which also states the IOP.
     """
-    known = posterior.known
+    known = posterior.setup
     modulus = posterior.modulus
     assert posterior.fit is not None
-    assert known.iop_pa is not None
+    assert known.eye.iop_pa is not None
     at = partial(
         FrameRecord,
         recording=path,
@@ -262,8 +262,8 @@ def as_calibration(posterior: EyePosterior, eye: str, path: str) -> Calibration:
     own = replace(
         own,
         names=(*own.names, PARAMETERS["iop"]),
-        means=(*own.means, known.iop_pa),
-        sds=(*own.sds, posterior.iop_sd * known.iop_pa),
+        means=(*own.means, known.eye.iop_pa),
+        sds=(*own.sds, posterior.iop_sd * known.eye.iop_pa),
     )
     bounds_n = posterior.study.classes.bounds_n
 
@@ -272,8 +272,8 @@ def as_calibration(posterior: EyePosterior, eye: str, path: str) -> Calibration:
     )
 
 
-def resumed_eye(known: Known, path: Path, eye: str) -> Known:
-    """Return the known eye with the E of an earlier session as its prior, or raise
+def resumed_eye(setup: Setup, path: Path, eye: str) -> Setup:
+    """Return the setup with the E of an earlier session as its prior, or raise
     InputError.
 
     The eye as it is known without that session stays beside it. A file of another eye,
@@ -286,36 +286,41 @@ def resumed_eye(known: Known, path: Path, eye: str) -> Known:
         raise InputError(f"{place}: {', '.join(eyes)}; not of {eye}, the eye of `eye`")
 
     own = eyes[eye]
+    modulus = own.eye.modulus
     stated = file.content["eyes"][eye].get("parameters", {}).get("iop_pa")
     if (
-        not own.without_force
+        modulus is None
+        or modulus.source != "shape"
         or not own.usable
         or not isinstance(stated, dict)
-        or known.iop_pa is None
+        or setup.eye.iop_pa is None
     ):
         raise InputError(
             f"{place}.{eye}: no monitor has learned it; give a {LEARNED_FILE}"
         )
 
     iop_mmhg = from_si(float(stated["mean"]), "mmhg")
-    given_mmhg = from_si(known.iop_pa, "mmhg")
+    given_mmhg = from_si(setup.eye.iop_pa, "mmhg")
     if abs(iop_mmhg - given_mmhg) > SAME_PRESSURE * given_mmhg:
         raise InputError(
             f"{place}.{eye}: learned at {iop_mmhg:.1f} mmHg; `iop_pa` is"
             f" {given_mmhg:.1f}"
         )
 
-    stiffening = known.stiffening or 0.0
-    if abs(own.stiffening - stiffening) > 1e-6:
+    stiffening = setup.eye.stiffening or 0.0
+    learned = own.eye.stiffening or 0.0
+    if abs(learned - stiffening) > 1e-6:
         raise InputError(
-            f"{place}.{eye}: stiffening: {own.stiffening:g}; that of this eye is"
+            f"{place}.{eye}: stiffening: {learned:g}; that of this eye is"
             f" {stiffening:g}"
         )
 
-    modulus = Modulus(mean_pa=own.mean_pa, sd_pa=own.sd_pa, source="population")
     return replace(
-        known,
-        modulus=modulus,
-        thickness_m=own.thickness_m,
-        unlearned=known.before_learning,
+        setup,
+        eye=replace(
+            setup.eye,
+            modulus=replace(modulus, source="population"),
+            thickness_m=own.eye.thickness_m,
+            unlearned=setup.eye.before_learning,
+        ),
     )

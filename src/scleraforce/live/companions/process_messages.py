@@ -22,9 +22,9 @@ from scleraforce.live.companions.shared_frames import RingPlace
 from scleraforce.live.decision.events import State
 from scleraforce.live.decision.limits import MonitorLimits
 from scleraforce.live.network.openigtlink import Text
-from scleraforce.records.eye import Known
 from scleraforce.records.recording_info import ForceInfo, RecordingInfo
 from scleraforce.records.scan import PixelScale, Plane
+from scleraforce.records.setup import Setup
 from scleraforce.records.verdict import Verdict
 
 # Of the OpenIGTLink messages.
@@ -341,7 +341,7 @@ class EyeLearned(_Message, frozen=True, kw_only=True):
     could not be saved, or "".
     """
 
-    known: Known
+    setup: Setup
     frames: int
     fault: str
 
@@ -383,13 +383,10 @@ class BlackBoxSettings(_Message, frozen=True, kw_only=True):
     keep_s: float
 
     def __post_init__(self) -> None:
-        if (self.info.oct.rows, self.info.oct.columns) != (
-            self.ring.rows,
-            self.ring.columns,
-        ):
+        rows, columns = self.info.scan.shape
+        if (rows, columns) != (self.ring.rows, self.ring.columns):
             raise ValueError(
-                f"info.oct: {self.info.oct.rows} x {self.info.oct.columns} pixels; the"
-                f" ring: {self.ring}"
+                f"info.scan: {rows} x {columns} pixels; the ring: {self.ring}"
             )
         if self.info.force is None:
             raise ValueError("info.force: missing; a robot may send its force")
@@ -410,7 +407,7 @@ class OpinionSettings(_Message, frozen=True, kw_only=True):
     """
 
     model: Path
-    known: Known
+    setup: Setup
     scale: PixelScale
     ring: RingPlace
     learns: str | None

@@ -59,16 +59,16 @@ def _serve(
     learner: "EyeLearner | None",
 ) -> None:
     ring = FrameRing(settings.ring)
-    known = settings.known
+    known = settings.setup
     frame = warming_frame(
         ring.shape,
         settings.scale,
         reader.study.eye.radius_m,
-        settings.known.thickness_m,
+        settings.setup.eye.thickness_m,
     )
     planes = settings.planes
     reader.read_together([frame] * max(len(planes), 1), settings.scale, known, planes)
-    history = TissueMemory.monitored(settings.known, reader.study.needle.max_force_n)
+    history = TissueMemory.monitored(settings.setup, reader.study.needle.max_force_n)
     study = reader.study
     # not before: Linux pauses what leaves a core nothing for a second
     run_in_real_time(OPINION_PRIORITY)
@@ -113,7 +113,7 @@ def _serve(
                 learner.show(asked, elastic[0], settings.scale)
 
         if learner and (learned := learner.learned(monotonic())):
-            known = learned.known if reader.refusal(learned.known) is None else known
+            known = learned.setup if reader.refusal(learned.setup) is None else known
             channel.send(learned)
 
         took_s = monotonic() - begun_s
@@ -154,9 +154,9 @@ def _learner(
 
     assert isinstance(reader, ForceReader)
     begun = EyePosterior(
-        known=settings.known,
+        setup=settings.setup,
         study=reader.study,
-        library=reader.library_for(settings.known),
+        library=reader.library_for(settings.setup),
     )
 
     return learning(EyeFitting(begun, settings.learns, settings.record), channel)

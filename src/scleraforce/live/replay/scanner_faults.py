@@ -127,7 +127,7 @@ def prepare(
     """
     if name not in FAULTS:
         raise InputError(f"fault: {name!r}; choose one of: {', '.join(FAULTS)}")
-    if recording.info.oct.plane:
+    if recording.info.scan.planes:
         raise InputError(
             f"{recording.path}: oct.plane: faults need a recording of a single plane"
         )
@@ -320,7 +320,7 @@ class _FaultMaterial:
         self.number = self.first
         self.left = min(self.count, len(self.recording.frames) - self.first)
         self.last = self.pixels(-1)
-        self.info = self.recording.info.oct
+        self.scan = self.recording.info.scan
         self.silence: list[Act] = [()] * self.count
 
     def pixels(self, index: int) -> Pixels:
@@ -335,7 +335,7 @@ class _FaultMaterial:
         """Return a frame with the next number."""
         self.number += 1
         message = frame_message(
-            pixels, self.info, self.number, self.version, matrix=matrix
+            pixels, self.scan, self.number, self.version, matrix=matrix
         )
         return Sending(message, self.number)
 
@@ -419,7 +419,7 @@ def _unusable(stage: _FaultMaterial) -> list[Act]:
     """Return noise, or black pixels with a few counts of noise, so that the picture
     does not count as frozen.
     """
-    top = 2**stage.info.bits if stage.rng.random() < 0.5 else 3
+    top = 2**stage.scan.pixel_bits if stage.rng.random() < 0.5 else 3
     like = stage.pixels(0)
     return stage.shown(
         _like(like, stage.rng.integers(0, top, like.shape)) for _ in range(stage.count)
@@ -440,7 +440,9 @@ def _burned_in_clock(stage: _FaultMaterial) -> list[Act]:
 
     for place in range(stage.count):
         burned_in = last.copy()
-        digits = stage.rng.integers(0, 2, (rows, columns)) * (2**stage.info.bits - 1)
+        digits = stage.rng.integers(0, 2, (rows, columns)) * (
+            2**stage.scan.pixel_bits - 1
+        )
         burned_in[:rows, :columns] = digits ^ (place & 1)
         pictures.append(burned_in)
 
@@ -484,7 +486,7 @@ def _persistence(stage: _FaultMaterial) -> list[Act]:
 
 def _pixel_type(stage: _FaultMaterial) -> list[Act]:
     last = stage.last
-    above = max(0, stage.info.bits - 8)
+    above = max(0, stage.scan.pixel_bits - 8)
     other = (
         last.astype(np.uint16)
         if last.dtype == np.uint8
@@ -522,12 +524,12 @@ def _out_of_order(stage: _FaultMaterial) -> list[Act]:
 
 
 def _scale(stage: _FaultMaterial) -> list[Act]:
-    matrix = tuple(1.03 * value for value in image_matrix(stage.info))
+    matrix = tuple(1.03 * value for value in image_matrix(stage.scan))
     return stage.once(stage.sending(stage.pixels(0), matrix))
 
 
 def _nan(stage: _FaultMaterial) -> list[Act]:
-    matrix = np.array(image_matrix(stage.info))
+    matrix = np.array(image_matrix(stage.scan))
     matrix[stage.rng.integers(12)] = nan
     return stage.once(stage.sending(stage.pixels(0), tuple(matrix.tolist())))
 
@@ -615,7 +617,7 @@ def _in_parts(stage: _FaultMaterial, pixels: Pixels) -> tuple[Sending, Sending]:
         UnstampedMessage(
             Image(
                 pixels[None, first:after],
-                image_matrix(stage.info),
+                image_matrix(stage.scan),
                 (columns, rows, 1),
                 (0, first, 0),
             ),
@@ -718,7 +720,7 @@ FAULTS: Mapping[str, ScannerFault] = MappingProxyType(
         "size": ScannerFault(
             "a frame of half the rows",
             lambda stage: stage.once(
-                stage.sending(stage.pixels(0)[: stage.info.rows // 2])
+                stage.sending(stage.pixels(0)[: stage.scan.shape[0] // 2])
             ),
             (Cause.SIZE,),
         ),

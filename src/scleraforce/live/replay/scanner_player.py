@@ -31,7 +31,7 @@ from scleraforce.live.decision.events import Cause, State
 from scleraforce.recordings.frame_and_force_tables import FORCE_COLUMNS, FrameEntry
 from scleraforce.recordings.recording_folder import Recording
 from scleraforce.records.frame import Pixels
-from scleraforce.records.scan import OctInfo
+from scleraforce.records.scan import Scan
 
 SCANNER_DEVICE = "Scanner"
 CONNECT_S = 5.0
@@ -77,7 +77,7 @@ class UnstampedMessage:
 
 def frame_message(
     pixels: Pixels,
-    oct_info: OctInfo,
+    scan: Scan,
     number: int,
     version: int,
     *,
@@ -88,19 +88,20 @@ def frame_message(
     `matrix` replaces the recording's.
     """
     return UnstampedMessage(
-        igtl.Image(pixels[None], matrix or image_matrix(oct_info)),
+        igtl.Image(pixels[None], matrix or image_matrix(scan)),
         plane or SCANNER_DEVICE,
         version,
         number,
     )
 
 
-def image_matrix(oct_info: OctInfo) -> tuple[float, ...]:
+def image_matrix(scan: Scan) -> tuple[float, ...]:
     """Return the matrix of an IMAGE: the steps to the next column, row and slice in mm,
     then the centre, at 0.
     """
-    lateral_mm = from_si(oct_info.width_m / oct_info.columns, "mm")
-    depth_mm = from_si(oct_info.depth_m / oct_info.rows, "mm")
+    scale = scan.scale
+    lateral_mm = from_si(scale.lateral_m, "mm")
+    depth_mm = from_si(scale.depth_m, "mm")
     return (lateral_mm, 0.0, 0.0, 0.0, depth_mm, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
@@ -580,7 +581,7 @@ class Player:
     def _read(self, entry: FrameEntry, number: int) -> TimedMessage:
         pixels = self.recording.frame(entry)
         message = frame_message(
-            pixels, self.recording.info.oct, number, self.version, plane=entry.plane
+            pixels, self.recording.info.scan, number, self.version, plane=entry.plane
         )
         return TimedMessage(entry.time_s, number, message, entry.plane)
 

@@ -1,0 +1,372 @@
+"""Records and their short forms: what is known of an experiment, told to the public
+functions.
+"""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tifffile
+from analytic_frames import (
+    GAP_M,
+    IOP_PA,
+    MODULUS_PA,
+    THICKNESS_M,
+    image,
+    tip_of,
+    wall_section,
+)
+from foreign_files import FRAMES
+from small_models import force_reader
+from small_recordings import calibration_of_a_sealed_eye
+
+import scleraforce as sf
+from scleraforce.base.errors import InputError
+from scleraforce.front.api.public_names import MODULE_OF
+from scleraforce.front.api.reading_frames import summary_of_calibration
+from scleraforce.reading.answer import Answer, Reading
+from scleraforce.records.calibration_file import known_of_eye, write_calibration
+from scleraforce.records.setup import Setup
+
+FRAME = image(wall_section(tip_of(0.020)))
+EYE: dict[str, Any] = {
+    "youngs_modulus_pa": MODULUS_PA,
+    "iop_pa": IOP_PA,
+    "thickness_m": THICKNESS_M,
+    "globe": "open",
+}
+NEEDLE: dict[str, Any] = {"gap_m": GAP_M}
+SCAN: dict[str, Any] = {"width_m": 15e-3, "depth_m": 4e-3, "refractive_index": 1.02}
+SHORT = EYE | NEEDLE | SCAN
+OPEN_EYE = sf.Eye(
+    modulus=sf.Modulus.stated(MODULUS_PA),
+    iop_pa=IOP_PA,
+    thickness_m=THICKNESS_M,
+    globe=sf.Globe.declared("open"),
+)
+RELAXING = sf.Relaxation.declared([(0.12, 1.2), (0.15, 12.0)])
+UNSURE = Reading(
+    probabilities=(0.2, 0.5, 0.3),
+    force_n=0.02,
+    interval_n=(0.0, 0.06),
+    contact_m=0.3e-3,
+)
+MASK = np.zeros(FRAME.shape, np.uint8)
+MOST_PARAMETERS = 8
+FUNCTIONS = [name for name in MODULE_OF if inspect.isfunction(getattr(sf, name))]
+
+
+def read(frame: Any = FRAME, **given: Any) -> Answer:
+    return sf.read(force_reader(), frame, **given)  # type: ignore[no-any-return]
+
+
+def fit_width_n(**changes: Any) -> float:
+    """Width of the fit's interval with other values of the eye."""
+    answer = read(eye=replace(OPEN_EYE, **changes), **NEEDLE, **SCAN)
+    return dict(answer.readings)["fit"].width_n
+
+
+@pytest.fixture(scope="module")
+def short_answer() -> dict[str, Any]:
+    """The answer where all values are keywords."""
+    answer = read(**SHORT)
+    assert answer.usable
+    return answer.to_dict()
+
+
+@pytest.mark.parametrize(
+    "records",
+    [
+        {"eye": OPEN_EYE, **NEEDLE, **SCAN},
+        {"needle": sf.Needle(**NEEDLE), **EYE, **SCAN},
+        {"scan": sf.Scan(**SCAN), **EYE, **NEEDLE},
+        {"frame": sf.Frame(FRAME), **SHORT},
+        {"frame": [sf.Frame(FRAME)], **SHORT},
+        {"frame": sf.Moment((sf.Frame(FRAME),)), **SHORT},
+        {"frame": sf.Moment((sf.Frame(FRAME),), iop_pa=IOP_PA), **SHORT, "iop_pa": 1e3},
+    ],
+    ids=["eye", "needle", "scan", "frame", "frames", "moment", "iop"],
+)
+def test_a_record_is_read_as_its_short_form(
+    records: dict[str, Any], short_answer: dict[str, Any]
+) -> None:
+    assert read(**records).to_dict() == short_answer
+
+
+FULL: dict[str, Any] = {
+    "eye": OPEN_EYE,
+    "needle": sf.Needle(**NEEDLE),
+    "scan": sf.Scan(**SCAN),
+}
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_a_value_that_is_stated_twice_is_refused_with_its_name(name: str) -> None:
+    with pytest.raises(InputError, match=f"^{name}: stated twice, by the keyword and"):
+        read(**FULL, **{name: SHORT[name]})
+
+
+def test_a_value_of_a_calibration_or_an_import_is_stated_once(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"^thickness_m: stated twice"):
+        sf.calibrate("eye-a", eye=OPEN_EYE, thickness_m=600e-6)
+    with pytest.raises(InputError, match=r"^mechanics: stated beside a method"):
+        sf.calibrate("eye-a", method=sf.CalibrationMethod(), mechanics="linear")
+
+    out = tmp_path / "r"
+    for records, short, name in (
+        ({"needle": sf.Needle(diameter_m=0.7e-3)}, {"gauge": 22}, "diameter_m"),
+        ({"scan": sf.Scan(bits=12)}, {"bits": 12}, "bits"),
+        ({"settings": sf.ImportSettings(rate_hz=2.0)}, {"rate_hz": 2.0}, "rate_hz"),
+    ):
+        with pytest.raises(InputError, match=f"^{name}: stated twice"):
+            sf.import_recording("a.tif", out, **records, **short)  # type: ignore[arg-type]  # of any kind
+
+
+@pytest.mark.parametrize(
+    "name", ["read", "segment", "calibrate", "import_recording", "monitor"]
+)
+def test_a_keyword_that_does_not_exist_is_a_type_error(
+    name: str, tmp_path: Path
+) -> None:
+    arguments: dict[str, tuple[Any, ...]] = {
+        "read": (force_reader(), FRAME),
+        "segment": (FRAME,),
+        "calibrate": ("eye-a",),
+        "import_recording": ("a.tif", tmp_path / "r"),
+        "monitor": ("default",),
+    }
+    with (
+        pytest.raises(TypeError, match="unexpected keyword 'iop_mmhg'"),
+        sf.monitor(*arguments[name], iop_mmhg=15.0)  # type: ignore[call-arg]  # the mistake
+        if name == "monitor"
+        else getattr(sf, name)(*arguments[name], iop_mmhg=15.0),
+    ):
+        pass
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_public_function_has_at_most_eight_parameters(name: str) -> None:
+    parameters = inspect.signature(getattr(sf, name)).parameters.values()
+    named = [each for each in parameters if each.kind is not each.VAR_KEYWORD]
+    assert len(named) <= MOST_PARAMETERS
+
+
+def test_a_frame_has_its_own_mask_and_a_moment_of_masks_takes_no_other() -> None:
+    mask = sf.segment(FRAME, **SCAN).mask
+    framed = sf.Frame(FRAME, mask=mask)
+    assert read(framed, **SHORT).to_dict() == read(mask=mask, **SHORT).to_dict()
+
+    with pytest.raises(InputError, match=r"^mask: of a moment, each frame has its own"):
+        read(sf.Moment((framed,)), mask=mask, **SHORT)
+
+
+@pytest.mark.parametrize(
+    ("record", "words"),
+    [
+        (lambda: sf.Frame(FRAME, mask_sd_rows=0.0), "^mask_sd_rows: 0; give"),
+        (lambda: sf.Moment(()), "^frame: none"),
+        (lambda: sf.Moment((sf.Frame(FRAME),), held_s=-1.0), "^held_s: -1; give"),
+        (lambda: sf.Moment((sf.Frame(FRAME),), iop_pa=-1.0), "^iop_pa: -1 is below"),
+    ],
+)
+def test_an_impossible_frame_or_moment_is_refused(record: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        record()
+
+
+def test_the_time_of_a_hold_narrows_the_reading_of_tissue_that_relaxes() -> None:
+    eye = replace(OPEN_EYE, relaxation=RELAXING)
+    frame = sf.Frame(FRAME)
+    held, unknown = (
+        read(moment, eye=eye, **NEEDLE, **SCAN)
+        for moment in (sf.Moment((frame,), held_s=1.0), sf.Moment((frame,)))
+    )
+    assert np.ptp(held.interval_n) < np.ptp(unknown.interval_n)
+
+
+@pytest.mark.parametrize(
+    ("field", "small", "usual", "large"),
+    [
+        ("iop_sd_pa", 1.0, 0.05 * IOP_PA, 150.0),
+        ("thickness_sd_m", 1e-6, 15e-6, 60e-6),
+    ],
+)
+def test_an_uncertainty_of_the_eye_sets_the_width_of_the_interval(
+    field: str, small: float, usual: float, large: float
+) -> None:
+    widths_n = [
+        fit_width_n(**values) for values in ({field: small}, {}, {field: large})
+    ]
+    assert widths_n[0] < widths_n[1] < widths_n[2]
+    assert fit_width_n(**{field: usual}) == pytest.approx(widths_n[1], rel=1e-9)
+
+
+def test_a_radius_narrows_the_interval_by_its_uncertainty() -> None:
+    unknown: dict[str, Any] = {"modulus": None}  # beside a known one it hardly counts
+    told = unknown | {"radius_m": 12e-3}
+    undeclared_n = fit_width_n(**unknown)
+    told_n = fit_width_n(**told)
+    exact_n = fit_width_n(**told, radius_sd_m=12e-6)
+    unsure_n = fit_width_n(**told, radius_sd_m=1.2e-3)
+    assert exact_n < told_n < undeclared_n < unsure_n
+    assert fit_width_n(**told, radius_sd_m=0.02 * 12e-3) == told_n
+
+
+@pytest.mark.parametrize("field", ["iop_sd_pa", "thickness_sd_m", "radius_sd_m"])
+def test_an_uncertainty_without_its_value_is_refused(field: str) -> None:
+    with pytest.raises(InputError, match=f"^{field}: the uncertainty of"):
+        sf.Eye(**{field: 1e-4 if field != "iop_sd_pa" else 10.0})  # type: ignore[arg-type]  # a quantity
+
+
+def test_what_records_declare_reaches_the_imported_recording(tmp_path: Path) -> None:
+    tifffile.imwrite(tmp_path / "a.tif", FRAMES, photometric="minisblack")
+    eye = sf.Eye(
+        "b",
+        iop_pa=2000.0,
+        iop_sd_pa=150.0,
+        thickness_m=650e-6,
+        thickness_sd_m=20e-6,
+        radius_m=11.5e-3,
+        radius_sd_m=0.1e-3,
+        globe=sf.Globe.declared("sealed", 1.5e8, "logarithmic", 30.0),
+        relaxation=RELAXING,
+    )
+    needle = sf.Needle(
+        diameter_m=0.7e-3,
+        gap_m=0.6e-3,
+        polar_rad=0.5,
+        lean_rad=(0.1, 0.1),
+        lean_azimuth_rad=0.2,
+    )
+    scan = sf.Scan(
+        width_m=12e-3,
+        depth_m=4e-3,
+        refractive_index=1.38,
+        bits=13,
+        direction_rad=0.3,
+        tilt_rad=0.05,
+    )
+    recording = sf.import_recording(
+        tmp_path / "a.tif",
+        tmp_path / "r",
+        eye=eye,
+        needle=needle,
+        scan=scan,
+        rate_hz=1.0,
+    )
+    info = recording.info
+    for record, declared in (
+        (info.eye.globe, eye.globe),
+        (replace(info.eye, globe=eye.globe), eye),
+        (info.needle, needle),
+    ):
+        for field, value in vars(declared).items():
+            assert getattr(record, field) == approximately(value), field
+    for field in ("width_m", "depth_m", "bits", "direction_rad", "tilt_rad"):
+        assert getattr(info.scan, field) == approximately(getattr(scan, field)), field
+
+    text = (recording.path / "recording.toml").read_text()
+    for key in ("iop_sd_pa", "thickness_sd_m", "radius_m", "radius_sd_m"):
+        assert f"\n{key} = " in text
+
+
+def approximately(value: Any) -> Any:
+    return pytest.approx(value, rel=1e-12) if isinstance(value, float) else value
+
+
+@pytest.mark.parametrize(
+    ("records", "field"),
+    [
+        ({"eye": sf.Eye(iop_pa=300.0, iop_sd_pa=10.0)}, "iop_sd_pa"),
+        ({"eye": sf.Eye(thickness_m=6e-4, thickness_sd_m=1e-5)}, "thickness_sd_m"),
+        ({"eye": sf.Eye(radius_m=11e-3)}, "radius_m"),
+        ({"eye": sf.Eye(relaxation=RELAXING)}, "relaxation"),
+        (
+            {
+                "eye": sf.Eye(
+                    modulus=sf.Modulus(mean_pa=3e5, sd_pa=1e4, source="stated")
+                )
+            },
+            "modulus",
+        ),
+        (
+            {"eye": sf.Eye(globe=sf.Globe.declared("sealed", leak_time_s=20.0))},
+            "globe",
+        ),
+        ({"needle": sf.Needle(diameter_m=0.5e-3)}, "diameter_m"),
+        ({"needle": sf.Needle(azimuth_rad=0.5)}, "azimuth_rad"),
+        ({"needle": sf.Needle(lean_rad=(0.1, 0.2))}, "lean_rad"),
+        (
+            {"needle": sf.Needle(lean_rad=(0.1, 0.1), lean_azimuth_rad=0.2)},
+            "lean_azimuth_rad",
+        ),
+        ({"scan": sf.Scan(bits=12)}, "bits"),
+        ({"scan": sf.Scan(tilt_rad=0.1)}, "tilt_rad"),
+        ({"scan": sf.Scan(transposed=True)}, "transposed"),
+    ],
+)
+def test_a_monitor_refuses_what_it_has_no_option_for(
+    records: dict[str, Any], field: str
+) -> None:
+    words = rf"^{field}: \w+\.{field} is nothing that a monitor takes"
+    with pytest.raises(InputError, match=words), sf.monitor("default", **records):
+        pass
+
+
+def test_a_calibration_in_memory_is_read_as_its_file_to_the_bit(tmp_path: Path) -> None:
+    calibration = calibration_of_a_sealed_eye()
+    write_calibration(calibration.to_dict(), tmp_path / "c.json")
+    reader = force_reader(UNSURE)
+    answers = [
+        sf.read(reader, FRAME, calibration=given, eye="mine", iop_pa=IOP_PA, **SCAN)
+        for given in (calibration, tmp_path / "c.json")
+    ]
+    assert answers[0].to_dict() == answers[1].to_dict()
+    assert answers[0].usable
+
+
+def test_a_leak_stays_with_a_calibrated_globe() -> None:
+    summary = summary_of_calibration(calibration_of_a_sealed_eye())
+    own = summary.eyes["mine"].eye.globe
+    assert own is not None
+    leaking = sf.Globe.declared("sealed", leak_time_s=20.0)
+
+    for declared, leak_time_s in ((leaking, 20.0), (None, None)):
+        known = known_of_eye(Setup(eye=sf.Eye("mine", globe=declared)), summary, "mine")
+        assert known.eye.globe == replace(own, leak_time_s=leak_time_s)
+        assert known.eye.leak_time_s == leak_time_s
+
+
+@pytest.mark.parametrize(
+    ("ask", "words"),
+    [
+        (lambda: sf.segment(FRAME, iop_pa=3.0), "unexpected keyword 'iop_pa'"),
+        (
+            lambda: read(frame=sf.Frame(FRAME, mask=MASK), mask=MASK, **SHORT),
+            "mask: stated twice, by the keyword and by frame",
+        ),
+        (
+            lambda: read(scan=sf.Scan(rows=17, **SCAN), **EYE),
+            "frame: rows: .*; the scan declares 17",
+        ),
+        (
+            lambda: read(scan=sf.Scan(bits=1, **SCAN), **EYE),
+            "frame: bits: a pixel of .*; the scan declares 1 bits",
+        ),
+        (lambda: sf.Moment((FRAME,)), "frames: give a tuple of Frame"),
+        (lambda: summary_of_calibration(5), "calibration: found int; give what"),
+        (lambda: sf.calibrate("eye-a", method="linear"), "method: found str 'linear'"),
+        (lambda: sf.calibrate("eye-a", "study.toml"), "study: found str 'study.toml'"),
+        (lambda: sf.Needle(lean_rad=0.1), "lean_rad: 0.1; give its two ends"),
+        (lambda: sf.ImportSettings(flip="x"), "flip: 'x'; give 'rows' or 'columns'"),
+    ],
+)
+def test_what_does_not_fit_is_refused_by_its_field(
+    ask: Callable[[], object], words: str
+) -> None:
+    with pytest.raises((InputError, TypeError), match=f"^{words}"):
+        ask()

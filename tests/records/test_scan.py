@@ -1,0 +1,88 @@
+"""A scan: its sizes, its planes, its file."""
+
+from collections.abc import Callable
+from math import nan
+from typing import Any
+
+import pytest
+
+from scleraforce.base.errors import InputError, StudyError
+from scleraforce.records.scan import PixelScale, Plane, Scan
+
+SIZES = {"columns": 500, "rows": 400, "bits": 12, "width_m": 15e-3, "depth_m": 4e-3}
+READERS = {
+    "rows": lambda scan: scan.shape,
+    "columns": lambda scan: scan.shape,
+    "width_m": lambda scan: scan.extent_m,
+    "depth_m": lambda scan: scan.extent_m,
+    "bits": lambda scan: scan.pixel_bits,
+}
+
+
+@pytest.mark.parametrize("missing", READERS)
+def test_a_size_that_is_not_declared_is_named_where_it_is_needed(missing: str) -> None:
+    scan = Scan(**{name: SIZES[name] for name in SIZES if name != missing})
+    with pytest.raises(InputError, match=f"^scan: {missing}: not declared; give it$"):
+        READERS[missing](scan)
+    if missing != "bits":
+        with pytest.raises(InputError, match=f"^scan: {missing}: not declared"):
+            _ = scan.scale
+
+
+@pytest.mark.parametrize(
+    ("size", "first"),
+    [
+        (lambda scan: scan.shape, "rows"),
+        (lambda scan: scan.extent_m, "width_m"),
+        (lambda scan: scan.scale, "rows"),
+        (lambda scan: scan.pixel_bits, "bits"),
+    ],
+)
+def test_a_scan_without_sizes_names_the_first_one_that_is_needed(
+    size: Callable[[Scan], Any], first: str
+) -> None:
+    with pytest.raises(InputError, match=f"^scan: {first}: not declared; give it$"):
+        size(Scan())
+
+
+def test_a_scan_has_the_size_of_its_pixels() -> None:
+    scan = Scan(**SIZES)
+    assert (scan.shape, scan.extent_m, scan.pixel_bits) == (
+        (400, 500),
+        (15e-3, 4e-3),
+        12,
+    )
+    assert scan.scale == PixelScale(lateral_m=15e-3 / 500, depth_m=4e-3 / 400)
+    corrected = Scan(**SIZES, refractive_index=1.38)
+    assert corrected.scale.refractive_index == 1.38
+
+
+PLANES = (Plane("along", 0.0, 0.0), Plane("across", 0.0, 1.5))
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"columns": 15}, "columns: 15 is below the smallest allowed value 16"),
+        ({"rows": 16385}, "rows: 16385 is above the largest allowed value 16384"),
+        ({"bits": 17}, "bits: 17 is above the largest allowed value 16"),
+        ({"width_m": 15.0}, "width_m: 15 is above .*; did you mean 0.015 m"),
+        ({"depth_m": nan}, "depth_m: nan is not a finite number"),
+        ({"direction_rad": 7.0}, "direction_rad: 7 is above"),
+        ({"tilt_rad": 1.1}, "tilt_rad: 1.1 is above"),
+        ({"refractive_index": 0.9}, "refractive_index: 0.9 is below .* 1"),
+        ({"refractive_index": 2.1}, "refractive_index: 2.1 is above .* 2"),
+        ({"planes": PLANES[:1]}, "planes: only one"),
+        ({"planes": (*PLANES, PLANES[0])}, "planes: name: 'along' is there twice"),
+    ],
+)
+def test_a_value_of_a_scan_that_cannot_be_is_refused(
+    values: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(StudyError, match=f"^{said}"):
+        Scan(**values)
+
+
+def test_a_plane_is_found_by_its_name() -> None:
+    scan = Scan(planes=PLANES)
+    assert (scan.named("across"), scan.named("other")) == (PLANES[1], None)
