@@ -63,14 +63,12 @@ def test_frames_are_read_when_they_are_shown(
 def test_a_pixel_lies_in_mm_and_the_whole_frame_is_as_large_as_the_scan(
     eye: Path,
 ) -> None:
-    oct_info = sf.read_recording(eye).info.scan
+    width_m, depth_m = sf.read_recording(eye).info.scan.extent_m
     ((stack, described, _),) = layers([str(eye)])
     layer: Any = ViewerModel().add_layer(Image(stack, **described))
     assert tuple(map(str, layer.units)) == ("pixel", "millimeter", "millimeter")
     size_mm = np.diff(layer.extent.world, axis=0)[0] + layer.scale
-    np.testing.assert_allclose(
-        size_mm[1:], [1e3 * oct_info.depth_m, 1e3 * oct_info.width_m]
-    )
+    np.testing.assert_allclose(size_mm[1:], [1e3 * depth_m, 1e3 * width_m])
     np.testing.assert_allclose(
         layer.data_to_world((2, 100, 50)), [2, *(layer.scale[1:] * (100, 50))]
     )

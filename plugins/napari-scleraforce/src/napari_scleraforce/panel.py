@@ -138,9 +138,7 @@ class Panel(Container[Widget]):
         if recording is None:
             return
 
-        mask = mask_of(
-            self.paths(), (recording.info.scan.rows, recording.info.scan.columns)
-        )
+        mask = mask_of(self.paths(), recording.info.scan.shape)
         file = recording.frames[self.frame].file
         sf.save_wall(recording, file, mask)
 

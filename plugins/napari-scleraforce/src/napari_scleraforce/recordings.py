@@ -37,24 +37,21 @@ def layers(path: str | Sequence[str]) -> list[LayerData]:
 
 def _stack(path: Path) -> LayerData:
     recording = sf.read_recording(path)
-    oct_info = recording.info.scan
+    scan = recording.info.scan
+    rows, columns = scan.shape
+    width_m, depth_m = scan.extent_m
     dtype = recording.frame(recording.frames[0]).dtype
-    shape = oct_info.rows, oct_info.columns
     frames = [
-        da.from_delayed(delayed(recording.frame)(entry), shape, dtype)
+        da.from_delayed(delayed(recording.frame)(entry), (rows, columns), dtype)
         for entry in recording.frames
     ]
-    scale = (
-        1.0,
-        oct_info.depth_m * MM / oct_info.rows,
-        oct_info.width_m * MM / oct_info.columns,
-    )
+    scale = (1.0, depth_m * MM / rows, width_m * MM / columns)
     described = {
         "name": recording.info.eye_name,
         "scale": scale,
         "units": ("pixel", "mm", "mm"),
         "axis_labels": ("frame", "depth", "lateral"),
-        "contrast_limits": (0, 2**oct_info.bits - 1),
+        "contrast_limits": (0, 2**scan.pixel_bits - 1),
         "metadata": {RECORDING: str(path.absolute())},
     }
 
