@@ -4,7 +4,7 @@ Reads and writes files. Imports `records` and `base`.
 
 Public:
     clock_offsets: `MOST_FRAMES`, `estimate_clocks`, `relation`
-    drawn_walls: `RecordedWalls`, `frame_file_digest`, `mask_of`, `read_mask`,
+    drawn_walls: `RecordedWalls`, `drawn_mask`, `frame_file_digest`, `mask_of`,
         `remove_wall`, `write_wall`
     exported_files: `csv_text`, `frame_rows`, `read_answers`, `with_answers`,
         `write_mcap`, `write_sequence`, `write_table`

@@ -6,6 +6,7 @@ import csv
 import hashlib
 from collections.abc import Mapping
 from io import StringIO
+from os import PathLike
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -54,9 +55,12 @@ def mask_of(mask: Any, place: str) -> Bytes:
     return np.where(hidden, np.uint8(NOT_JUDGED), found.astype(np.uint8))
 
 
-def read_mask(path: Path) -> Bytes:
-    """Read the picture of a mask; see `mask_of`."""
-    return mask_of(read_frame(path), str(path))
+def drawn_mask(mask: Any) -> Bytes:
+    """Return a mask given as the path of a picture or as an array; see `mask_of`."""
+    if isinstance(mask, str | PathLike):
+        path = Path(mask)
+        return mask_of(read_frame(path), str(path))
+    return mask_of(mask, "mask")
 
 
 class RecordedWalls:
@@ -109,7 +113,7 @@ class RecordedWalls:
                 return None
 
         self._used.add(file)
-        return read_mask(path)
+        return drawn_mask(path)
 
 
 def frame_file_digest(path: Path) -> str:

@@ -37,6 +37,8 @@ from scleraforce.records.tissue_relaxation import RELAXATION_FORM, Relaxation
 
 # growth is that from no force to this one; beyond it the discrepancy is constant
 REFERENCE_N = 60e-3
+# fields of an eye that a calibration estimates, and no recording states
+FOUND_BY_CALIBRATION = ("modulus", "stiffening", "discrepancy", "calibrated_lean_rad")
 _LARGEST_LOG = 2.0  # of a force's logarithm, in a file
 
 
@@ -45,8 +47,8 @@ class ForceDiscrepancy:
     """Means and standard deviations of level and growth, which are normal, and their
     correlation.
 
-    All are given E and the globe's rigidity at their means; one standard deviation of
-    these above it moves level and growth by `level_by` and `growth_by` (by E, by the
+    All hold at the mean E and the mean rigidity of the globe; one standard deviation
+    more of either moves level and growth by `level_by` and `growth_by` (by E, by the
     rigidity), since an eye's frames determine all of them together. `scatter`:
     residuals of single frames in standard deviations of their expectation. `largest_n`:
     the largest of their forces, N, beyond which the eye is extrapolated; `widest_gap`:

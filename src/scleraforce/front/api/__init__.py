@@ -11,11 +11,12 @@ Public:
         `write_imported`
     monitoring: `monitor`
     opened_frames: `finder_of`, `located`, `opened_frame`
-    progress: `Bars`, `by_percent`, `check_rigidity`
+    progress: `Bars`, `by_percent`
     public_names: `MODULE_OF`, `names_on_demand`
     reading_frames: `FrameReading`, `check_calibrated`, `evaluate`, `load_model`,
         `read`, `read_moment`, `save_wall`, `segment`, `segmented_frame`,
         `summary_of_calibration`, `utc_now`
+    shorthand: `setup_of_options`
     simulating: `declared_study`, `given_values`, `phantom`, `simulate`
     training: `generate`, `library_of`, `train`
 """

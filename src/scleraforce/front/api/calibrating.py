@@ -51,7 +51,7 @@ from scleraforce.records.calibration_file import (
     summary_of,
     write_calibration,
 )
-from scleraforce.records.eye import Eye
+from scleraforce.records.eye import FOUND_BY_CALIBRATION, Eye
 from scleraforce.records.fields import check_kind
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study, refuse_unused, study_hash
@@ -153,8 +153,8 @@ def calibrate(
             count as well; None: none.
         method: mechanics, what is uncertain, and whether forces are used.
         eye: what is known of a single eye, in place of what its recordings state; None:
-            the recordings'. Tissue of which neither says how it relaxes relaxes as the
-            holds of the logs show.
+            the recordings'. Where neither states the relaxation, it is estimated from
+            the holds of the logs.
         out: a file to write as well; it must not exist.
         note: called, at the start, with a sentence for each quantity that a reader of
             the study would not read.
@@ -330,7 +330,7 @@ def _of_eye(recordings: list[Recording], eye: Eye) -> list[Recording]:
         for item in fields(eye)
         if (value := getattr(eye, item.name)) is not None
     }
-    for name in ("modulus", "stiffening", "discrepancy", "calibrated_lean_rad"):
+    for name in FOUND_BY_CALIBRATION:
         if name in given:
             raise InputError(f"{name}: is what a calibration finds; leave it out")
 

@@ -56,7 +56,7 @@ from scleraforce.recordings.recording_writer import (
     write_log,
 )
 from scleraforce.recordings.source_files import files_of
-from scleraforce.records.eye import Eye
+from scleraforce.records.eye import FOUND_BY_CALIBRATION, Eye
 from scleraforce.records.frame import Pixels
 from scleraforce.records.model_folder import SHIPPED_READER, SHIPPED_WALL_FINDER
 from scleraforce.records.needle import (
@@ -263,7 +263,7 @@ def _options_of(setup: Setup, settings: ImportSettings) -> dict[str, Any]:
     eye = setup.eye
     needle = setup.needle
     scan = setup.scan
-    for name in ("modulus", "stiffening", "discrepancy", "calibrated_lean_rad"):
+    for name in FOUND_BY_CALIBRATION:
         if getattr(eye, name) is not None:
             raise InputError(f"{name}: no recording states it; leave it out")
     for name in ("rows", "columns"):

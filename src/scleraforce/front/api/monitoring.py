@@ -8,7 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,14 +16,17 @@ from threading import Thread
 from typing import IO, Any, Unpack
 
 from scleraforce.base.errors import InputError
-from scleraforce.front.api.shorthand import SetupShorthand, declared_setup
+from scleraforce.front.api.shorthand import (
+    SetupShorthand,
+    declared_setup,
+    setup_of_options,
+)
 from scleraforce.live.network.operator_reset import ask_reset
 from scleraforce.reading.needle_lean import MOST_LEAN_RAD
 from scleraforce.reading.reading_models import Reader
-from scleraforce.records.eye import Eye, Modulus
-from scleraforce.records.globe import Globe
+from scleraforce.records.eye import Eye
 from scleraforce.records.model_folder import model_folder, model_name
-from scleraforce.records.needle import Needle, lean_ends, one_lean
+from scleraforce.records.needle import Needle, one_lean
 from scleraforce.records.scan import Scan
 from scleraforce.records.setup import Setup
 
@@ -140,39 +143,7 @@ def _fields_of(setup: Setup) -> dict[str, Any]:
     lean_rad = one_lean(needle.lean_rad)
     leans_unknown = needle.lean_rad == (0.0, MOST_LEAN_RAD)
 
-    told = Setup(
-        eye=Eye(
-            eye.name,
-            modulus=None if modulus_pa is None else Modulus.stated(modulus_pa),
-            iop_pa=eye.iop_pa,
-            thickness_m=eye.thickness_m,
-            globe=None if kind is None else Globe.declared(kind, rigidity),
-            stiffening=eye.stiffening,
-        ),
-        needle=Needle(
-            gap_m=needle.gap_m,
-            polar_rad=needle.polar_rad,
-            lean_rad=needle.lean_rad if leans_unknown else lean_ends(lean_rad),
-        ),
-        scan=Scan(
-            rows=scan.rows,
-            columns=scan.columns,
-            width_m=scan.width_m,
-            depth_m=scan.depth_m,
-            refractive_index=scan.refractive_index,
-            direction_rad=scan.direction_rad,
-            planes=scan.planes,
-        ),
-    )
-    for part, given in vars(setup).items():
-        for name, value in vars(given).items():
-            if value != getattr(getattr(told, part), name):
-                raise InputError(
-                    f"{name}: {part}.{name} is nothing that a monitor takes, or not in"
-                    " full; leave it out, or state it in a calibration"
-                )
-
-    return {
+    options = {
         "eye": eye.name,
         "youngs_modulus_pa": modulus_pa,
         "iop_pa": eye.iop_pa,
@@ -193,6 +164,30 @@ def _fields_of(setup: Setup) -> dict[str, Any]:
             (plane.name, plane.offset_m, plane.direction_rad) for plane in scan.planes
         ],
     }
+
+    declared = setup_of_options(options)
+    told = Setup(
+        eye=replace(declared.eye, name=eye.name),
+        needle=declared.needle,
+        scan=replace(
+            declared.scan,
+            rows=scan.rows,
+            columns=scan.columns,
+            width_m=scan.width_m,
+            depth_m=scan.depth_m,
+            refractive_index=scan.refractive_index,
+            planes=scan.planes,
+        ),
+    )
+    for part, given in vars(setup).items():
+        for name, value in vars(given).items():
+            if value != getattr(getattr(told, part), name):
+                raise InputError(
+                    f"{name}: {part}.{name} is nothing that a monitor takes, or not in"
+                    " full; leave it out, or state it in a calibration"
+                )
+
+    return options
 
 
 def _await_start(process: "subprocess.Popen[str]", running: RunningMonitor) -> Thread:

@@ -11,7 +11,7 @@ import numpy as np
 from scleraforce.base.errors import FrameError, InputError
 from scleraforce.reading.load_model import bundled_finder, load_wall_finder
 from scleraforce.reading.recorded_wall import recorded_wall
-from scleraforce.recordings.drawn_walls import RecordedWalls, mask_of, read_mask
+from scleraforce.recordings.drawn_walls import RecordedWalls, drawn_mask, mask_of
 from scleraforce.recordings.formats.picture_streams import find_greys
 from scleraforce.recordings.formats.pixels_without_value import NOT_FINITE
 from scleraforce.recordings.recording_folder import (
@@ -262,11 +262,7 @@ def stated_wall(
     if mask is None:
         return None, ()
 
-    drawn = (
-        read_mask(Path(mask))
-        if isinstance(mask, str | PathLike)
-        else mask_of(mask, "mask")
-    )
+    drawn = drawn_mask(mask)
     drawn = drawn.T if scan.transposed else drawn
     check_mask_size(drawn, opened.pixels.shape, "mask")
 

@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack, overload
 
 import numpy as np
@@ -46,7 +45,7 @@ from scleraforce.reading.reading_models import Reader
 from scleraforce.reading.tissue_memory import TissueMemory
 from scleraforce.reading.trained_ranges import other_needle
 from scleraforce.recordings import recording_folder
-from scleraforce.recordings.drawn_walls import mask_of, read_mask, write_wall
+from scleraforce.recordings.drawn_walls import drawn_mask, write_wall
 from scleraforce.recordings.recording_folder import (
     RecordedFile,
     Recording,
@@ -423,11 +422,7 @@ def save_wall(
     """
     found = opened_recordings(recording)[0]
     recording_folder.check_alone(found, file)
-    drawn = (
-        read_mask(Path(mask))
-        if isinstance(mask, str | PathLike)
-        else mask_of(mask, "mask")
-    )
+    drawn = drawn_mask(mask)
     check_mask_size(drawn, found.info.scan.shape, "mask")
 
     if author is not None and not author.isprintable():

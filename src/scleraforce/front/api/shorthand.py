@@ -10,10 +10,12 @@ from dataclasses import replace
 from typing import Any, Literal, TypedDict, TypeVar
 
 from scleraforce.base.errors import InputError
+from scleraforce.front.api.progress import check_rigidity
+from scleraforce.reading.needle_lean import MOST_LEAN_RAD
 from scleraforce.records.eye import Eye, Modulus
 from scleraforce.records.fields import check_quantity
 from scleraforce.records.globe import Globe
-from scleraforce.records.needle import Needle
+from scleraforce.records.needle import Needle, lean_ends
 from scleraforce.records.scan import Scan
 from scleraforce.records.setup import Setup
 
@@ -50,6 +52,35 @@ OF_SCAN = ("width_m", "depth_m", "refractive_index")
 MODULUS = "youngs_modulus_pa"
 GLOBE = "globe"
 KEYWORDS = (MODULUS, GLOBE, *OF_EYE, *OF_NEEDLE, *OF_SCAN)
+
+
+def setup_of_options(given: Mapping[str, Any]) -> Setup:
+    """Return what options of the command line, by the names of their arguments, declare
+    of an eye, a needle and the direction of a plane; a lean may be "unknown".
+    """
+    modulus_pa = given["youngs_modulus_pa"]
+    globe = given["globe"]
+    rigidity = given["rigidity_pa13_per_m3"]
+    lean_rad = given["lean_rad"]
+    check_rigidity(globe, rigidity)
+
+    return Setup(
+        eye=Eye(
+            modulus=None if modulus_pa is None else Modulus.stated(modulus_pa),
+            iop_pa=given["iop_pa"],
+            thickness_m=given["thickness_m"],
+            globe=None if globe is None else Globe.declared(globe, rigidity),
+            stiffening=given["stiffening"],
+        ),
+        needle=Needle(
+            gap_m=given["gap_m"],
+            polar_rad=given["polar_angle_rad"],
+            lean_rad=(
+                (0.0, MOST_LEAN_RAD) if lean_rad == "unknown" else lean_ends(lean_rad)
+            ),
+        ),
+        scan=Scan(direction_rad=given["plane_direction_rad"]),
+    )
 
 
 def declared_setup(

@@ -163,37 +163,9 @@ def in_si(
 def declared_eye(given: Mapping[str, Any]) -> "Setup":
     """Return what the options of `EYE` declare of an experiment, by their arguments."""
     # 25 ms: NumPy, not for --help
-    from scleraforce.front.api.progress import check_rigidity
-    from scleraforce.reading.needle_lean import MOST_LEAN_RAD
-    from scleraforce.records.eye import Eye, Modulus
-    from scleraforce.records.globe import Globe
-    from scleraforce.records.needle import Needle, lean_ends
-    from scleraforce.records.scan import Scan
-    from scleraforce.records.setup import Setup
+    from scleraforce.front.api.shorthand import setup_of_options
 
-    modulus_pa = given["youngs_modulus_pa"]
-    globe = given["globe"]
-    rigidity = given["rigidity_pa13_per_m3"]
-    lean_rad = given["lean_rad"]
-    check_rigidity(globe, rigidity)
-
-    return Setup(
-        eye=Eye(
-            modulus=None if modulus_pa is None else Modulus.stated(modulus_pa),
-            iop_pa=given["iop_pa"],
-            thickness_m=given["thickness_m"],
-            globe=None if globe is None else Globe.declared(globe, rigidity),
-            stiffening=given["stiffening"],
-        ),
-        needle=Needle(
-            gap_m=given["gap_m"],
-            polar_rad=given["polar_angle_rad"],
-            lean_rad=(
-                (0.0, MOST_LEAN_RAD) if lean_rad == "unknown" else lean_ends(lean_rad)
-            ),
-        ),
-        scan=Scan(direction_rad=given["plane_direction_rad"]),
-    )
+    return setup_of_options(given)
 
 
 def new_file(_: click.Context, __: click.Parameter, path: Path | None) -> Path | None:
