@@ -75,16 +75,20 @@ class Relaxation:
     """The shares g_i of a Prony series (`mechanics.tissue_material`), (term,), with
     their covariance, (term, term).
 
-    `source`: declared, found from the holds of a force log, or of other tissue where
-    the log shows no hold. The m_i of a frame are held_i Fe + (1 - held_i) before_i:
-    what its push has left, and what was there when it began. Means and covariances of
-    both are of the frames that calibrated the eye. E follows from such frames, so an
-    error of g matters at other histories only. Where the frame before is known,
-    before_i is what is left of its m_i, and after_i times its Fe for the rest of its
-    hold, with a covariance of its own. Frames follow each other in `every_s`, and their
-    pushes in `held_s`, None of a single frame. Where nothing decides whether the tissue
-    or the needle yields, intervals reach to the reading with `other` shares. `finding`
-    says what the holds have shown; None if declared, and in early files.
+    The force on the needle is F = Fe - sum g_i m_i, with the elastic force Fe, in N,
+    and a memory m_i for each term. In a frame, m_i = held_i Fe + (1 - held_i) before_i:
+    what this push has left, and the memory when it began. Means and covariances of
+    `held` and `before_n` are those of the frames that calibrated the eye. E follows
+    from these frames, so an error of g matters at other histories only.
+
+    If the previous frame is known, before_i is the remainder of its m_i plus after_i
+    times its Fe for the rest of its hold, with a covariance of its own. Frames follow
+    each other in `every_s`, and their pushes in `held_s`, None of a single frame.
+
+    `source`: declared, estimated from the holds of a force log, or of other tissue
+    where the log shows no hold. Where nothing decides whether the tissue or the needle
+    yields, intervals reach to the reading with `other` shares. `finding` says what the
+    holds have shown; None if declared, and in early files.
 
     >>> import scleraforce as sf
     >>> sf.Relaxation.declared([(0.12, 1.2), (0.05, 30.0)]).shares

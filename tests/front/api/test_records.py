@@ -22,7 +22,7 @@ from analytic_frames import (
 )
 from foreign_files import FRAMES
 from small_models import force_reader
-from small_recordings import calibration_of_a_sealed_eye
+from small_recordings import calibration_of_a_sealed_eye, write_small_recording
 
 import scleraforce as sf
 from scleraforce.base.errors import InputError
@@ -30,6 +30,7 @@ from scleraforce.front.api.public_names import MODULE_OF
 from scleraforce.front.api.reading_frames import summary_of_calibration
 from scleraforce.reading.answer import Answer, Reading
 from scleraforce.records.calibration_file import known_of_eye, write_calibration
+from scleraforce.records.eye import NO_DISCREPANCY
 from scleraforce.records.setup import Setup
 
 FRAME = image(wall_section(tip_of(0.020)))
@@ -272,6 +273,27 @@ def test_what_records_declare_reaches_the_imported_recording(tmp_path: Path) -> 
     text = (recording.path / "recording.toml").read_text()
     for key in ("iop_sd_pa", "thickness_sd_m", "radius_m", "radius_sd_m"):
         assert f"\n{key} = " in text
+
+
+@pytest.mark.parametrize(
+    "field", ["modulus", "stiffening", "discrepancy", "calibrated_lean_rad"]
+)
+def test_what_only_a_calibration_finds_is_told_to_none_and_to_no_recording(
+    field: str, tmp_path: Path
+) -> None:
+    found = {
+        "modulus": sf.Modulus.stated(0.3e6),
+        "stiffening": 4.0,
+        "discrepancy": NO_DISCREPANCY,
+        "calibrated_lean_rad": 0.0,
+    }
+    eye = replace(sf.Eye(), **{field: found[field]})  # type: ignore[arg-type]  # of any kind
+    with pytest.raises(InputError, match=f"^{field}: no recording states it"):
+        sf.import_recording("a.tif", tmp_path / "r", eye=eye)
+
+    recording = write_small_recording(tmp_path / "small", frames=2)
+    with pytest.raises(InputError, match=f"^{field}: is what a calibration finds"):
+        sf.calibrate(recording, eye=eye)
 
 
 def approximately(value: Any) -> Any:
