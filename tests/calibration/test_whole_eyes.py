@@ -387,9 +387,8 @@ def test_a_needle_that_yields_is_read_as_well_as_with_elastic_tissue_declared() 
         error_n, width_n, holds = found[declared] = [], [], []
         for name in ("sample-a", "sample-d"):
             recording = read_recording(RECORDINGS / name)
-            calibration = sf.calibrate(
-                recording, frames=3, relaxation=() if declared else None
-            )
+            eye = sf.Eye(relaxation=sf.Relaxation.declared(())) if declared else None
+            calibration = sf.calibrate(recording, frames=3, eye=eye)
             finding = calibration.eyes[name].relaxation.finding
             assert (finding is None) == declared
             for trial in sf.evaluate(reader, recording, calibration).forces:
