@@ -32,6 +32,7 @@ from scleraforce.records.frame import Frame as Frame, Moment as Moment
 from scleraforce.records.globe import Globe as Globe
 from scleraforce.records.motion import Motion as Motion
 from scleraforce.records.needle import Needle as Needle
+from scleraforce.records.remark import Remark as Remark
 from scleraforce.records.scan import Plane as Plane, Scan as Scan
 from scleraforce.records.study import (
     Study as Study,

@@ -31,6 +31,7 @@ Public:
     motion: `Motion`
     needle: `Needle`, `gauge_diameter_m`, `is_gauge`, `lean_ends`, `nearest_gauge`,
         `one_lean`
+    remark: `Remark`, `SEVERITY_OF`, `Severity`, `sentences`
     recording_info: `ForceInfo`, `RecordingInfo`
     scan: `PixelScale`, `Plane`, `Scan`, `check_frame_counts`, `check_planes`,
         `parse_plane`

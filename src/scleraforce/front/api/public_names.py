@@ -28,6 +28,7 @@ MODULES = {
     "records.globe": ("Globe",),
     "records.motion": ("Motion",),
     "records.needle": ("Needle",),
+    "records.remark": ("Remark",),
     "records.scan": ("Plane", "Scan"),
     "records.tissue_relaxation": ("Relaxation",),
     "records.study": ("Study", "parse_study", "read_study"),
