@@ -13,7 +13,14 @@ from typing import Any
 
 from golden.answers import Answers
 from golden.groups import calibrations, counts, doors, imports, sessions, walls
-from golden.inputs import ROOT, SHARED, VIRTUAL_EYES, make_recording, shared_recordings
+from golden.inputs import (
+    PRESSURES,
+    ROOT,
+    SHARED,
+    VIRTUAL_EYES,
+    make_recording,
+    shared_recordings,
+)
 
 # Each number is computed in the same way whatever the machine's cores are.
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -113,7 +120,8 @@ def _names(group: str, recordings: Mapping[str, Path]) -> list[str]:
             if name in doors.UNCALIBRATED_OF or name not in VIRTUAL_EYES
         ]
         classified = [f"{name}{doors.CLASSIFIER}" for name in doors.CLASSIFIER_OF]
-        return [*reversed(list(recordings)), *uncalibrated, *classified]
+        calibrated = [name for name in recordings if name != PRESSURES]
+        return [*reversed(calibrated), *uncalibrated, *classified]
     return {
         "counts": ["all"],
         "calibrations": [calibrations.TOGETHER, *recordings],

@@ -2,6 +2,8 @@
 shared ones where they are.
 """
 
+import json
+import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import pi
@@ -45,8 +47,12 @@ class VirtualEye:
 
 
 DAMAGED = "damaged"
+DENSE = "dense"  # of tissue that relaxes
 MOVING = "moving"
 PLANES = "planes"
+PRESSURES = "pressures"  # at rest, which frames.csv states frame by frame
+SECOND_PRESSURE_PA = 800.0
+RELAXATION = "relaxation = [[0.12, 1.2], [0.15, 12.0]]"
 UNEVEN_FORM = """
 [form]
 semi_axes = [1.05, 0.96, 1.0]
@@ -88,7 +94,7 @@ VIRTUAL_EYES: Mapping[str, VirtualEye] = {
         }
     ),
     "relaxing": VirtualEye(
-        study="[tissue]\nrelaxation = [[0.12, 1.2], [0.15, 12.0]]\n",
+        study=f"[tissue]\n{RELAXATION}\n",
         arguments={"youngs_modulus_pa": 0.4e6, "seed": 3},
     ),
     "uneven": VirtualEye(
@@ -115,6 +121,19 @@ VIRTUAL_EYES: Mapping[str, VirtualEye] = {
         }
     ),
     DAMAGED: VirtualEye(arguments={"seed": 10}),
+    "leaking": VirtualEye(
+        study="[globe]\nleak_time_s = 30.0\n",
+        arguments={"globe": "sealed", "youngs_modulus_pa": 0.35e6, "seed": 11},
+    ),
+    DENSE: VirtualEye(
+        study=f"[tissue]\n{RELAXATION}\n",
+        arguments={
+            "forces_n": (0.010, 0.024),
+            "motion": sf.Motion(rate_hz=5.0),
+            "seed": 12,
+        },
+    ),
+    PRESSURES: VirtualEye(arguments={"forces_n": FORCES_N[:4], "seed": 13}),
 }
 
 
@@ -123,6 +142,10 @@ def make_recording(name: str, folder: Path) -> None:
     VIRTUAL_EYES[name].record(folder)
     if name == DAMAGED:
         _damage(folder)
+    if name == PRESSURES:
+        _press(folder)
+    if name == DENSE:
+        _declare_relaxation(folder)
 
 
 def shared_recordings() -> dict[str, Path]:
@@ -157,6 +180,47 @@ def _damage(recording: Path) -> None:
     spoilt[3][:, 200:330] = 0
     for file, pixels in zip(files[1:], spoilt, strict=False):
         assert cv2.imwrite(str(file), pixels)
+
+
+def _declare_relaxation(recording: Path) -> None:
+    """Let recording.toml state how the tissue relaxes."""
+    place = recording / "recording.toml"
+    text = place.read_text(encoding="utf-8")
+    place.write_text(text.replace("[eye]", f"[eye]\n{RELAXATION}"), encoding="utf-8")
+
+
+def _press(recording: Path) -> None:
+    """Append the frames of the same eye at another pressure at rest, which frames.csv
+    states.
+    """
+    other = recording.with_name(f"{recording.name}-other")
+    eye = VIRTUAL_EYES[PRESSURES]
+    arguments = {**eye.arguments, "iop_pa": SECOND_PRESSURE_PA}
+    VirtualEye(eye.study, arguments).record(other)
+    first = sf.read_recording(recording)
+    second = sf.read_recording(other)
+    assert first.forces is not None
+    shift_s = float(first.forces.time_s[-1]) + 10.0
+    rows = ["file,time_s,iop_pa"]
+    for opened, later_s in ((first, 0.0), (second, shift_s)):
+        for entry in opened.frames:
+            name = entry.file if opened is first else f"1{entry.file[1:]}"
+            iop_pa = opened.info.eye.iop_pa
+            rows.append(f"{name},{entry.time_s + later_s!r},{iop_pa!r}")
+            if opened is second:
+                shutil.copy(opened.frame_path(entry), recording / "frames" / name)
+
+    (recording / "frames.csv").write_text("\n".join([*rows, ""]), encoding="utf-8")
+    (recording / "forces.csv").unlink()  # two logs have two zeros
+    truth, later = (
+        json.loads((folder / "truth.json").read_text(encoding="utf-8"))
+        for folder in (recording, other)
+    )
+    truth["frames"] += [
+        {**frame, "file": f"1{frame['file'][1:]}"} for frame in later["frames"]
+    ]
+    (recording / "truth.json").write_text(json.dumps(truth), encoding="utf-8")
+    shutil.rmtree(other)
 
 
 def _pixels(file: Path) -> np.ndarray[Any, Any]:

@@ -12,12 +12,13 @@ from typing import Any
 import scleraforce as sf
 from golden.answers import Answers, Record, plain
 from golden.groups.calibrations import calibration_file
-from golden.inputs import frame_files
+from golden.inputs import PRESSURES, frame_files
 from golden.monitor_door import SCLERAFORCE, MonitorRefusedError, monitor_readings
 
 MODEL = "default"
 UNCALIBRATED = " uncalibrated"  # read with no calibration: E is not known
-UNCALIBRATED_OF = ("plain", "sealed", "damaged", "relaxing")  # and the shared
+# and the shared; frames of `PRESSURES` have no force log to calibrate on
+UNCALIBRATED_OF = ("plain", "sealed", "damaged", "relaxing", "leaking", PRESSURES)
 CLASSIFIER = " by the classifier"  # the paper's model
 CLASSIFIER_OF = ("plain",)
 PLACES = ("contact_mm", "contact_depth_mm", "dent_mm", "gap_mm", "lean_deg")
