@@ -128,8 +128,8 @@ VIRTUAL_EYES: Mapping[str, VirtualEye] = {
     DENSE: VirtualEye(
         study=f"[tissue]\n{RELAXATION}\n",
         arguments={
-            "forces_n": (0.010, 0.024),
-            "motion": sf.Motion(rate_hz=5.0),
+            "forces_n": (0.010, 0.024, 0.005),
+            "motion": sf.Motion(rate_hz=10.0),
             "seed": 12,
         },
     ),
