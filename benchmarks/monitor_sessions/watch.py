@@ -21,7 +21,7 @@ from scleraforce.live.decision.events import (
 from scleraforce.live.decision.limits import MonitorLimits
 from scleraforce.live.decision.state import MonitorState
 from scleraforce.reading.answer import Answer
-from scleraforce.reading.eye_reader import LiveReader
+from scleraforce.reading.eye_reader import EyeReader, MomentFrame, OpenedMoment
 from scleraforce.reading.reading_models import ForceReader
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.setup import Setup
@@ -65,7 +65,8 @@ class Watch:
         self._learner = learner
         self._opinion_every = opinion_every
         self._scale = PixelScale.of(reader.study.oct)
-        self._live = LiveReader(reader, setup, 1.0)
+        self._live = EyeReader(reader, setup, by="network")
+        self._memory = self._live.start(monitored=True)
         self._state = MonitorState()
         self._decision: Decision | None = None
         self._pending: list[SecondOpinion] = []
@@ -89,7 +90,8 @@ class Watch:
         """Read a frame; return the network's answer, and the withdrawal where one
         begins.
         """
-        answer = self._live.read(frame, self._scale)
+        moment = OpenedMoment((MomentFrame(frame),), self._scale, at_s)
+        (answer,), self._memory = self._live.read(moment, self._memory)
         event = FrameRead(
             at_s=at_s,
             frame_id=number,
@@ -138,9 +140,12 @@ class Watch:
             learner.show(asked, opinion, self._scale)
 
         if learned := learner.learned(at_s):
-            stiffness_n_m = self._live.adopt(learned.setup)
-            if self._reader.refusal(learned.setup) is None:
-                self.setup = learned.setup
+            adopted = self._live.with_eye(learned.setup.eye)
+            if adopted is self._live:
+                return
+            self._live = adopted
+            self.setup = learned.setup
+            stiffness_n_m = self._reader.steepest_n_m(learned.setup)
             if stiffness_n_m is not None:
                 self.limits = replace(self.limits, stiffness_n_m=stiffness_n_m)
 

@@ -33,7 +33,7 @@ from scleraforce.live.decision.limits import MonitorLimits
 from scleraforce.live.monitor_session import MonitorSession
 from scleraforce.live.network.scanner_frame import ScannerFrame
 from scleraforce.reading.answer import Answer, Reading, not_below, unusable_answer
-from scleraforce.reading.eye_reader import LiveReader
+from scleraforce.reading.eye_reader import EyeReader
 from scleraforce.reading.reading_models import ForceReader
 from scleraforce.records.eye import Modulus
 from scleraforce.records.model_folder import LIBRARY_FILE, SHIPPED_READER
@@ -119,9 +119,9 @@ def test_the_monitor_still_withdraws_where_the_unlearned_reading_would(
     states = []
 
     for known in (replace(eye, eye=replace(eye.eye, unlearned=None)), eye):
-        live = LiveReader(proportional_reader(), KNOWN, 1.0)
-        session = MonitorSession(live.read, limits, adopt=live.adopt)
-        session.learned(known, 3)
+        reader = EyeReader(proportional_reader(), KNOWN, by="network")
+        session = MonitorSession(reader, limits)
+        session.learned(known.eye, 3)
         shown = ScannerFrame(frame, lateral_m=scale_m[0], depth_m=scale_m[1])
         session.take_frame(session.frame(shown, 1, 1, session.clock()))
         states.append((session.decision.state, session.decision.cause))

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from small_monitor import FakeCompanion
+from small_monitor import FakeCompanion, read
 from waiting import FUSE_S
 
 from scleraforce.base.errors import InputError
@@ -19,6 +19,7 @@ from scleraforce.live import monitor
 from scleraforce.live.companions.companion_processes import OPINION, Companions
 from scleraforce.live.companions.process_messages import Alive, SelfReport
 from scleraforce.live.decision.limits import MonitorLimits
+from scleraforce.reading.answer import Answer
 from scleraforce.records.eye import Eye
 from scleraforce.records.globe import (
     OPEN,
@@ -29,7 +30,7 @@ from scleraforce.records.globe import (
 )
 from scleraforce.records.needle import Needle
 from scleraforce.records.recording_info import ForceInfo
-from scleraforce.records.scan import Plane, Scan
+from scleraforce.records.scan import PixelScale, Plane, Scan
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 from scleraforce.records.tissue_relaxation import Relaxation
@@ -61,9 +62,12 @@ def test_each_plane_is_read_with_the_eye_as_it_sees_it_and_a_single_one_as_decla
     known = Setup(needle=Needle(gap_m=0.4e-3), scan=Scan(direction_rad=0.2))
     scan = Scan(columns=500, rows=400, **SIZE)
     seen = list[Setup]()
-    reader = SimpleNamespace(
-        study=Study(), read_live=lambda _, __, eye: seen.append(eye)
-    )
+
+    def read_live(pixels: np.ndarray, scale: PixelScale, setup: Setup) -> Answer:
+        seen.append(setup)
+        return read(pixels, scale)
+
+    reader = SimpleNamespace(study=Study(), read_live=read_live)
     cross = replace(scan, planes=(Plane("along", 0.0, 0.0), Plane("across", 0.0, 1.5)))
 
     for taken, eyes in (

@@ -18,6 +18,7 @@ from small_monitor import (
     UNUSABLE,
     frame_of,
     read,
+    reader_of,
     verdict,
 )
 
@@ -41,6 +42,7 @@ from scleraforce.records.tissue_relaxation import Relaxation
 
 SCALE = {"lateral_m": SCALE_M[0], "depth_m": SCALE_M[1]}
 LIMITS = MonitorLimits(size=(ROWS, COLUMNS), scale_m=SCALE_M)
+READER = reader_of(read)
 
 
 class Clock:
@@ -54,7 +56,7 @@ class Clock:
 
 def begun(limits: MonitorLimits = LIMITS) -> tuple[Clock, MonitorSession]:
     clock = Clock()
-    return clock, MonitorSession(read, limits, clock, clock)
+    return clock, MonitorSession(READER, limits, clock, clock)
 
 
 def take(
@@ -79,7 +81,7 @@ def test_a_sender_that_counts_back_is_out_of_order_and_one_that_takes_over_count
     assert session.decision.code == 1
     take(session, clock, 10_030, 6, sender=2)
     assert session.decision.cause.name == "OUT_OF_ORDER"
-    first = MonitorSession(read, LIMITS, clock, clock)
+    first = MonitorSession(READER, LIMITS, clock, clock)
     take(first, clock, 10_000, 71)
     take(first, clock, 10_000, 70)
     assert "frame 70 after 71" in first.decision.message
@@ -99,13 +101,12 @@ def test_one_number_far_ahead_makes_no_later_frame_a_misfit() -> None:
 def test_a_learned_eye_moves_the_stiffness_of_punctures_and_no_other_limit() -> None:
     clock = Clock()
     stiffnesses_n_m = iter((70.0, None, 120.0))
-    session = MonitorSession(
-        read, LIMITS, clock, clock, adopt=lambda _: next(stiffnesses_n_m)
-    )
+    reader = reader_of(read, stiffness_n_m=lambda: next(stiffnesses_n_m))
+    session = MonitorSession(reader, LIMITS, clock, clock)
     found = list[float]()
 
     for _ in range(3):
-        session.learned(Setup(), 1)
+        session.learned(Eye(), 1)
         found.append(session.limits.stiffness_n_m)
 
     assert found == [70.0, 70.0, 120.0]
@@ -173,9 +174,8 @@ def test_frames_have_the_travel_that_was_stated_last_and_its_age() -> None:
         (0.0005, 1),
     ):
         # what the needle went back explains the fall, or not
-        session = MonitorSession(
-            read, replace(LIMITS, retraction_m_s=0.05), clock, clock
-        )
+        limits = replace(LIMITS, retraction_m_s=0.05)
+        session = MonitorSession(READER, limits, clock, clock)
         for sender_id, force_un in enumerate(
             (24_000, 24_001, 24_002, 24_003, 7_000, 7_001), 1
         ):
@@ -201,7 +201,7 @@ def test_a_frame_of_another_size_is_not_read() -> None:
         raise AssertionError
 
     clock = Clock()
-    session = MonitorSession(never, LIMITS, clock, clock)
+    session = MonitorSession(reader_of(never), LIMITS, clock, clock)
     image = ScannerFrame(np.zeros((ROWS, COLUMNS + 1), np.uint16), **SCALE)
     session.take_frame(session.frame(image, 1, 1, 100.01))
     assert session.decision.cause.name == "SIZE"
@@ -359,6 +359,7 @@ def deferred(number: int, at_s: float, interval_s: float = 0.01) -> ReceivedFram
         image=image,
         misfit=False,
         unread=unread,
+        memory=READER.start(monitored=True),
     )
 
 
@@ -428,7 +429,7 @@ def test_a_bunch_at_the_start_is_a_loss_for_as_long_as_its_frames_stand_for() ->
     lost_s = []
     for sent_s in ([100.0 + 1e-3 * n for n in range(10)], [None] * 10):
         clock = Clock()
-        session = MonitorSession(read, LIMITS, clock, clock)
+        session = MonitorSession(READER, LIMITS, clock, clock)
         frames = [
             session.frame(
                 ScannerFrame(frame_of(10_000, n), **SCALE), n, 1, clock.now_s, at
@@ -493,20 +494,19 @@ def test_the_sensor_holds_frame_class_probabilities_force_interval_usable_and_co
     assert [str(value) for value in unread] == ["3.0", *["nan"] * 7, "0.0", "1.0"]
 
 
-RELAXING = TissueMemory.monitored(
-    Setup(eye=Eye(relaxation=Relaxation.declared([[0.3, 1.0]]))), 60e-3
-)
+TISSUE = Setup(eye=Eye(relaxation=Relaxation.declared([[0.3, 1.0]])))
+RELAXING = TissueMemory.monitored(TISSUE, 60e-3)
 CLASSES_N = (5e-3, 30e-3)
 
 
 def relaxing(clock: Clock) -> MonitorSession:
-    return MonitorSession(read, LIMITS, clock, clock, RELAXING, CLASSES_N)
+    return MonitorSession(reader_of(read, TISSUE), LIMITS, clock, clock)
 
 
 def felt(
     history: TissueMemory, forces_un: Sequence[int], begun_s: float
 ) -> tuple[list[float], TissueMemory]:
-    """Forces of frames, one each 10 ms, read one after the other as `evaluate` does."""
+    """Forces of frames, one each 10 ms, by the tissue's memory alone."""
     forces_n = []
     for number, force_un in enumerate(forces_un, 1):
         elastic = read(frame_of(force_un, number), PixelScale(**SCALE))
@@ -601,7 +601,7 @@ CROSS = ("along", "across")
 def cross(**limits: float) -> tuple[Clock, MonitorSession]:
     clock = Clock()
     return clock, MonitorSession(
-        dict.fromkeys(CROSS, read), replace(LIMITS, **limits), clock, clock
+        dict.fromkeys(CROSS, READER), replace(LIMITS, **limits), clock, clock
     )
 
 
@@ -719,9 +719,8 @@ def test_a_picture_under_two_names_is_frozen() -> None:
 def test_tissue_that_relaxes_has_a_history_in_each_plane() -> None:
     clock = Clock()
     forces_un = {"along": 12_000, "across": 20_000}
-    session = MonitorSession(
-        dict.fromkeys(CROSS, read), LIMITS, clock, clock, RELAXING, CLASSES_N
-    )
+    readers = dict.fromkeys(CROSS, reader_of(read, TISSUE))
+    session = MonitorSession(readers, LIMITS, clock, clock)
     read_n = dict[str, list[float]](along=[], across=[])
 
     for number in range(1, 80):

@@ -2,6 +2,7 @@
 on the rest.
 """
 
+import copy
 import json
 import shutil
 from dataclasses import replace
@@ -20,11 +21,7 @@ from small_recordings import (
 )
 
 from scleraforce.base.errors import RecordingError
-from scleraforce.calibration.evaluation import (
-    FrameAnswer,
-    _EvaluatedRecording,
-    evaluate_recordings,
-)
+from scleraforce.calibration.evaluation import FrameAnswer, evaluate_recordings
 from scleraforce.reading.answer import unusable_answer
 from scleraforce.reading.load_model import load_classifier, load_wall_finder
 from scleraforce.reading.reading_models import Classifier
@@ -138,22 +135,25 @@ def read_as(
     recording: Path, times_s: np.ndarray, forces_n: np.ndarray, reader: Classifier
 ) -> tuple[FrameAnswer, ...]:
     """Return the frames of an evaluation at these times that read as these forces."""
-    one = FrameAnswer(
-        recording="", eye="", file="", answer=unusable_answer(3, "not asked")
-    )
-    given = zip(times_s.tolist(), forces_n.tolist(), strict=True)
     frames = tuple(
-        FrameEntry(f"{number}.png", at_s) for number, (at_s, _) in enumerate(given)
+        FrameEntry(f"{number}.png", at_s)
+        for number, at_s in enumerate(times_s.tolist())
     )
-    session = _EvaluatedRecording.of(
-        reader, replace(read_recording(recording), frames=frames, forces=None), None
-    )
-    answers = [
-        replace(one, answer=replace(one.answer, force_n=force_n))
+    opened = read_recording(recording)
+    picture = opened.frame(opened.frames[0])
+    answers = iter(
+        replace(unusable_answer(3, "not asked"), force_n=force_n)
         for force_n in forces_n.tolist()
-    ]
+    )
 
-    return session.without_pierced(tuple(answers))
+    class Shown(type(opened)):
+        def frame(self, _: FrameEntry) -> np.ndarray:
+            return picture
+
+    shown = Shown(**(vars(replace(opened, frames=frames, forces=None))))
+    model = copy.copy(reader)
+    model.read_together = lambda *_: (next(answers),)
+    return evaluate_recordings(model, [shown]).frames
 
 
 def test_frames_after_a_puncture_in_the_readings_are_left_out_up_to_the_end_of_the_push(

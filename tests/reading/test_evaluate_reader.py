@@ -413,5 +413,5 @@ def test_frames_in_a_row_say_when_the_highest_class_is_reached(
     assert early < found[12]["time_to_bound_ms"] < late
     assert (found[13]["time_to_bound_ms"], found[13]["time_to_bound_ms_interval"]) == (
         0.0,
-        (0.0, 0.0),
+        [0.0, 0.0],
     )

@@ -13,14 +13,19 @@ from analytic_frames import KNOWN, SCALE, STUDY, image, tip_of, wall_section
 from small_models import FIVE_MN, force_reader
 
 from scleraforce.reading.answer import Answer, Reading
-from scleraforce.reading.eye_reader import LiveReader, warming_frame
+from scleraforce.reading.eye_reader import (
+    EyeReader,
+    MomentFrame,
+    OpenedMoment,
+    warming_frame,
+)
 from scleraforce.reading.load_model import load_classifier, load_force_reader
 from scleraforce.reading.needle_place import NOWHERE
 from scleraforce.reading.reading_models import ForceReader
 from scleraforce.records.eye import Eye, Modulus
 from scleraforce.records.globe import OPEN, SEALED
 from scleraforce.records.model_folder import SHIPPED_READER
-from scleraforce.records.scan import PixelScale
+from scleraforce.records.scan import PixelScale, Scan
 from scleraforce.records.setup import NOTHING_KNOWN, Setup
 from scleraforce.records.study import SliceStudy, Study
 
@@ -35,7 +40,16 @@ WIDE = Reading(
 def live(
     frame: np.ndarray, model: ForceReader | None = None, setup: Setup = KNOWN
 ) -> Answer:
-    return LiveReader(model or force_reader(), setup, 1.0).read(frame, SCALE)
+    reader = EyeReader(model or force_reader(), setup, by="network")
+    return answer_of(reader, frame)
+
+
+def answer_of(
+    reader: EyeReader, frame: np.ndarray, scale: PixelScale = SCALE
+) -> Answer:
+    moment = OpenedMoment((MomentFrame(frame),), scale)
+    (answer,), _ = reader.read(moment, reader.start())
+    return answer
 
 
 @pytest.fixture(scope="module")
@@ -118,8 +132,12 @@ def test_the_loop_withdraws_wherever_a_frame_cannot_be_judged(
 def test_a_refractive_index_makes_the_wall_thinner(frame: np.ndarray) -> None:
     thick = force_reader()
     thin = force_reader()
-    LiveReader(thick, KNOWN, 1.0).read(frame, SCALE)
-    LiveReader(thin, KNOWN, 1.4).read(frame, SCALE)
+    index = replace(KNOWN, scan=Scan(refractive_index=1.4))
+    for model, setup in ((thick, KNOWN), (thin, index)):
+        reader = EyeReader(model, setup, by="network")
+        scale = reader.scale_of(SCALE.lateral_m, SCALE.depth_m)
+        answer_of(reader, frame, scale)
+
     pixels = [np.count_nonzero(model.network.shown[-1][0]) for model in (thick, thin)]
     assert pixels[1] / pixels[0] == pytest.approx(1 / 1.4, rel=0.03)
 
@@ -134,12 +152,11 @@ def classifier(write_model, tmp_path_factory: pytest.TempPathFactory):
 def test_a_classifier_answers_as_it_does_elsewhere(
     frame: np.ndarray, classifier
 ) -> None:
-    answer = LiveReader(classifier, Setup(), 1.0).read(frame, SCALE)
+    reader = EyeReader(classifier, Setup(), by="network")
+    answer = answer_of(reader, frame)
     assert answer == replace(classifier.read(frame, SCALE), can_calibrate=False)
     assert (answer.usable, answer.force_n) == (True, None)
-    answer = LiveReader(classifier, Setup(), 1.0).read(
-        image(wall_section(4.2e-3, surface_m=0.4e-3)), SCALE
-    )
+    answer = answer_of(reader, image(wall_section(4.2e-3, surface_m=0.4e-3)))
     assert (answer.usable, answer.predicted, answer.probabilities) == (False, 2, None)
     assert "leaves the window" in answer.reason
 
@@ -194,13 +211,12 @@ def test_the_stiffness_is_a_known_open_walls_and_grows_with_its_modulus() -> Non
     assert hard == pytest.approx(2.0 * soft)
     assert 10.0 < soft < 25.0
     unsure = replace(modulus, mean_pa=0.3e6, sd_pa=0.05e6)
-    live = LiveReader(
-        reader, replace(known, eye=replace(known.eye, modulus=unsure)), 1.0
+    live = EyeReader(
+        reader, replace(known, eye=replace(known.eye, modulus=unsure)), by="network"
     )
-    sure = live.adopt(
-        replace(known, eye=replace(known.eye, modulus=replace(unsure, sd_pa=0.01e6)))
-    )
-    assert sure == pytest.approx(
+    sure = replace(known.eye, modulus=replace(unsure, sd_pa=0.01e6))
+    adopted = live.with_eye(sure)
+    assert reader.steepest_n_m(adopted.setup) == pytest.approx(
         reader.steepest_n_m(
             replace(
                 known, eye=replace(known.eye, modulus=replace(modulus, mean_pa=0.32e6))
@@ -208,14 +224,8 @@ def test_the_stiffness_is_a_known_open_walls_and_grows_with_its_modulus() -> Non
         )
     )
     # the reader does not read it
-    assert (
-        live.adopt(
-            replace(
-                known, eye=replace(known.eye, modulus=replace(modulus, mean_pa=99e6))
-            )
-        )
-        is None
-    )
+    unread = replace(known.eye, modulus=replace(modulus, mean_pa=99e6))
+    assert live.with_eye(unread) is live
     assert (
         reader.steepest_n_m(replace(known, eye=replace(known.eye, globe=SEALED)))
         is None

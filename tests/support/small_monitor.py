@@ -16,6 +16,7 @@ from pathlib import Path
 from select import select
 from threading import RLock, Thread
 from time import monotonic, time
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -41,10 +42,13 @@ from scleraforce.live.network.openigtlink import (
     encode,
 )
 from scleraforce.reading.answer import Answer, unusable_answer
+from scleraforce.reading.eye_reader import EyeReader
 from scleraforce.records.eye import Eye
 from scleraforce.records.needle import Needle, gauge_diameter_m
 from scleraforce.records.recording_info import ForceInfo, RecordingInfo
 from scleraforce.records.scan import PixelScale, Scan
+from scleraforce.records.setup import NOTHING_KNOWN, Setup
+from scleraforce.records.study import Study
 from scleraforce.records.verdict import Verdict
 from scleraforce.wall.wall import without_wall
 
@@ -119,6 +123,21 @@ def read(pixels: NDArray[Any], _: PixelScale) -> Answer:
     )
 
 
+def reader_of(
+    rule: Callable[[NDArray[Any], PixelScale], Answer],
+    setup: Setup = NOTHING_KNOWN,
+    stiffness_n_m: Callable[[], float | None] = lambda: None,
+) -> EyeReader:
+    """A reader of an eye whose network is a rule, which can read every eye."""
+    model: Any = SimpleNamespace(
+        study=Study(),
+        read_live=lambda pixels, scale, _: rule(pixels, scale),
+        refusal=lambda _: None,
+        steepest_n_m=lambda _: stiffness_n_m(),
+    )
+    return EyeReader(model, setup, by="network")
+
+
 def small_server(
     guard: Guard,
     companions: Companions,
@@ -143,11 +162,12 @@ def small_server(
     )
     listener = socket.create_server(("127.0.0.1", 0))
     ring = FrameRing.create(100, ROWS, COLUMNS)
-    reads = dict.fromkeys(planes, read) or read
+    reader = reader_of(read)
+    readers = dict.fromkeys(planes, reader) or reader
     session = (
-        MonitorSession(reads, limits, clock, clock)
+        MonitorSession(readers, limits, clock, clock)
         if clock
-        else MonitorSession(reads, limits)
+        else MonitorSession(readers, limits)
     )
     stated = ServerSettings(TOKEN, stalled_s=stalled_s, **settings)
     server = MonitorServer(session, listener, stated, ring, guard, companions, note)

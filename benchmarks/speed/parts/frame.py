@@ -13,7 +13,7 @@ import numpy as np
 
 from scleraforce.fit.one_frame import fit_boundaries
 from scleraforce.fit.prior_of_an_eye import prior_of
-from scleraforce.reading.eye_reader import LiveReader
+from scleraforce.reading.eye_reader import EyeReader, MomentFrame, OpenedMoment
 from scleraforce.reading.reading_models import ForceReader
 from scleraforce.recordings.recording_folder import read_recording
 from scleraforce.records.eye import Modulus
@@ -54,7 +54,7 @@ WORDS = {
     ),
     SEGMENT: "`find_wall`: both boundaries, in each column, with a verdict",
     READ: (
-        "`LiveReader.read`: segmentation, slices, network, verdicts, force with its"
+        "`EyeReader.read`: segmentation, slices, network, verdicts, force with its"
         " interval"
     ),
     FIT: (
@@ -107,11 +107,17 @@ def _crude(frame: np.ndarray) -> None:
 
 def _work(reader: ForceReader, eyes: Sequence[DrawnEye]) -> dict[str, Work]:
     """Return what is done with the frames of drawn eyes, by their numbers."""
-    live = [LiveReader(reader, eye.setup, eye.scale.refractive_index) for eye in eyes]
+    live = [EyeReader(reader, eye.setup, by="network") for eye in eyes]
+    memories = [one.start(monitored=True) for one in live]
+
+    def read(n: int) -> object:
+        moment = OpenedMoment((MomentFrame(eyes[n].frame),), eyes[n].scale, float(n))
+        return live[n].read(moment, memories[n])
+
     return {
         CRUDE: lambda n: _crude(eyes[n].frame),
         SEGMENT: lambda n: find_wall(eyes[n].frame, eyes[n].scale),
-        READ: lambda n: live[n].read(eyes[n].frame, eyes[n].scale),
+        READ: read,
     }
 
 

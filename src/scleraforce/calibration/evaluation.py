@@ -4,7 +4,7 @@ sec. 3.4, Table 3, Fig. 10).
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from math import nan
 from os import PathLike
 from pathlib import Path
@@ -14,29 +14,22 @@ from typing import Any
 import numpy as np
 
 from scleraforce.base.arrays import Integers
-from scleraforce.base.errors import CalibrationError, RecordingError
+from scleraforce.base.errors import RecordingError
 from scleraforce.base.notebook_cards import data_frame, flat, html_card, tidy
 from scleraforce.base.plain_json import finite_json
 from scleraforce.base.units import from_si
 from scleraforce.calibration import answer_metrics
-from scleraforce.fit.unknowns import SIZE
 from scleraforce.reading.answer import Answer
-from scleraforce.reading.force_trend import (
-    DENTS,
-    NOISE_WINDOWS,
-    OUTSIDE,
-    DentForce,
-    TimeToBound,
-    TrendLimits,
-    rise_of,
-    time_to_bound,
-    unexplained_fall,
+from scleraforce.reading.eye_reader import (
+    EyeReader,
+    Memory,
+    MomentFrame,
+    OpenedMoment,
+    other_eye,
 )
 from scleraforce.reading.interval_widths import IntervalScore, score_reading
-from scleraforce.reading.load_model import suited_reader
 from scleraforce.reading.reading_models import Reader
 from scleraforce.reading.recorded_wall import recorded_wall
-from scleraforce.reading.tissue_memory import Leak, TissueMemory
 from scleraforce.recordings import forces_under_frames
 from scleraforce.recordings.force_errors import label_sds
 from scleraforce.recordings.forces_under_frames import Trial, label_frames
@@ -48,14 +41,10 @@ from scleraforce.recordings.recording_folder import (
 )
 from scleraforce.records.calibration_file import (
     CalibrationSummary,
-    appearance_doubt,
-    appearance_of,
-    foreign_modulus,
-    known_of_eye,
 )
 from scleraforce.records.frame import frame_digest
+from scleraforce.records.remark import sentences
 from scleraforce.records.setup import Setup
-from scleraforce.records.verdict import upper_end
 from scleraforce.wall.wall_in_metres import dent_measures, surface_places
 
 Progress = Callable[[int], object] | None  # called with 1 after each frame
@@ -68,8 +57,7 @@ class FrameAnswer:
     `recording` is the path as given, `file` the frame's name. Without a force log there
     is no `measured_force_n` and no `target`; `measured_force_sd_n` is the standard
     deviation of its error (`recordings.force_errors`). `true_force_n`, of a virtual
-    eye's `truth.json`, is for comparison only. `to_bound`: when the force reaches the
-    highest class, by the frames before (`reading.force_trend`). `excluded` says why a
+    eye's `truth.json`, is for comparison only. `excluded` says why a
     trial is left out of the metrics although it has a label (pierced, or above the
     study's largest force); `pierced`: the needle had gone through the wall, by
     frames.csv, or else by the readings or the force log; `calibration` marks a frame
@@ -91,7 +79,6 @@ class FrameAnswer:
     modulus_source: str | None = None
     measured_force_sd_n: float | None = None
     true_force_n: float | None = None
-    to_bound: TimeToBound | None = None
     plane: str | None = None
     time_s: float | None = None
     repeats: bool = False
@@ -162,9 +149,6 @@ class FrameAnswer:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the frame's keys in the JSON of `evaluate`."""
-        median_ms, interval_ms = (
-            self.to_bound.as_ms() if self.to_bound else (None, None)
-        )
         return {
             "recording": self.recording,
             "eye": self.eye,
@@ -179,8 +163,6 @@ class FrameAnswer:
             "true_force_mn": from_si(self.true_force_n, "mn"),
             "target": self.target,
             **self.answer.to_dict(),
-            "time_to_bound_ms": median_ms,
-            "time_to_bound_ms_interval": interval_ms,
             "calibration": self.calibration,
             "excluded": self.excluded,
             "pierced": self.pierced,
@@ -405,9 +387,6 @@ def check_once(paths: Sequence[Path]) -> None:
             raise RecordingError(f"{path}: given twice; give each recording once")
 
 
-FOREIGN = ("the modulus is the population's, not this eye's own",)
-
-
 def evaluate_recordings(
     reader: Reader,
     recordings: Sequence[Recording | str | PathLike[str]],
@@ -429,16 +408,6 @@ def evaluate_recordings(
         ]
     )
 
-    if (
-        calibration is not None
-        and reader.fixed_modulus_pa is None
-        and calibration.mechanics == "linear"
-    ):
-        raise CalibrationError(
-            f"{calibration.path}: mechanics: linear; {reader.path} reads with finite"
-            " strain: calibrate with `mechanics=finite-strain`"
-        )
-
     opened = [
         entry if isinstance(entry, Recording) else read_recording(entry)
         for entry in recordings
@@ -457,7 +426,7 @@ def evaluate_recordings(
 
     for recording in opened:
         session = _EvaluatedRecording.of(reader, recording, calibration)
-        answers = session.without_pierced(tuple(session.answers(progress)))
+        answers = session.answers(progress)
         notes += (f"{recording.path}: {note}" for note in session.notes())
 
         if not session.stated and (count := sum(frame.pierced for frame in answers)):
@@ -493,71 +462,61 @@ def recording_scores(
     session = _EvaluatedRecording.of(reader, recording, summary)
     repeats = session.repeats
 
-    for entry, trial, answer, calibrates in session.read(progress):
+    for read in session.read(progress):
+        measured_n = read.trial.measured_force_n
+        answer = read.answer
         if (
-            entry.file in repeats
-            or trial.measured_force_n is None
-            or trial.excluded is not None
-            or calibrates
+            read.entry.file in repeats
+            or measured_n is None
+            or read.trial.excluded is not None
+            or read.calibrates
         ):
             continue
 
         for method, reading in answer.readings if answer.usable else ():
             fit = answer.fit if method == "fit" else None
             eye = recording.info.eye_name
-            yield score_reading(
-                method, reading, session.setup, eye, trial.measured_force_n, fit
-            )
+            yield score_reading(method, reading, session.setup, eye, measured_n, fit)
 
 
 @dataclass(frozen=True, eq=False)
 class _EvaluatedRecording:
-    """A recording, its reader in place of the one that was `asked` for, and the
-    calibration of the eyes, if any.
+    """A recording, the reader of its eye, and the calibration of the eyes, if any.
 
     `stated`: frames.csv says which frames are pierced.
     """
 
-    reader: Reader
+    eye_reader: EyeReader
     recording: Recording
     summary: CalibrationSummary | None
-    setup: Setup
-    asked: Path
     stated: bool
 
     @classmethod
     def of(
-        cls, reader: Reader, recording: Recording, summary: CalibrationSummary | None
+        cls, model: Reader, recording: Recording, summary: CalibrationSummary | None
     ) -> "_EvaluatedRecording":
-        """Return a session with the known values of the eye, and with the bundled
-        reader that was trained for it.
-        """
-        known = recording.info.setup
-        if summary is not None:
-            known = known_of_eye(known, summary, recording.info.eye_name)
-
+        """Return a recording with the reader of its eye."""
         stated = any(entry.pierced is not None for entry in recording.frames)
-        recording = (
-            recording if stated else forces_under_frames.with_punctures(recording)
-        )
-        return cls(
-            suited_reader(reader, known), recording, summary, known, reader.path, stated
-        )
+        if not stated:
+            recording = forces_under_frames.with_punctures(recording)
+        eye_reader = EyeReader.of(model, recording.info.setup, summary)
+        return cls(eye_reader, recording, summary, stated)
+
+    @property
+    def reader(self) -> Reader:
+        """The model that reads the eye."""
+        return self.eye_reader.model
+
+    @property
+    def setup(self) -> Setup:
+        """What is known of the eye, by its calibration, too."""
+        return self.eye_reader.setup
 
     @cached_property
     def trials(self) -> tuple[Trial, ...]:
         """Labels of the frames."""
         study = self.reader.study
         return label_frames(self.recording, study.classes, study.needle.max_force_n)
-
-    @property
-    def foreign(self) -> str | None:
-        """A sentence if the eye is read with the modulus of others although a
-        calibration is given.
-        """
-        if self.summary is None or self.reader.fixed_modulus_pa is not None:
-            return None
-        return foreign_modulus(self.summary, self.recording.info.eye_name)
 
     @property
     def repeats(self) -> set[str]:
@@ -568,19 +527,15 @@ class _EvaluatedRecording:
 
     def notes(self) -> Iterator[str]:
         """Yield sentences on the eye, its B-scans and its needle."""
-        info = self.recording.info
-        if self.reader.path != self.asked:
-            yield (
-                f"read with the bundled reader {self.reader.name}, which"
-                " was trained for such eyes"
-            )
-
-        yield from self.reader.limits(self.setup, info.scan, info.needle.gauge)
+        pressures_pa = {entry.iop_pa for entry in self.recording.frames}
+        remarks = [
+            remark
+            for iop_pa in sorted(pressures_pa, key=lambda iop_pa: iop_pa or 0.0)
+            for remark in self.eye_reader.at(iop_pa).remarks
+        ]
+        yield from sentences(remarks)
         if self.recording.forces is None:
             yield "no forces.csv: its frames are read, but not scored"
-        if self.foreign:
-            yield self.foreign
-
         yield from self.recording.walls.notes
 
     def doubts(self, answers: Sequence[FrameAnswer]) -> tuple[str, ...]:
@@ -612,78 +567,46 @@ class _EvaluatedRecording:
         if self.summary is None:
             return ()
 
-        each = [frame.answer for frame in answers if frame.answer.usable]
-        walls = [answer.segmentation for answer in each if answer.segmentation]
-        fits = [answer.fit for answer in each if answer.fit is not None]
-        shown = appearance_of(
-            [wall.thickness_m for wall in walls if wall.inner_found],
-            [float(np.exp(fit.unknown[SIZE])) for fit in fits],
-        )
-        doubt = appearance_doubt(self.summary, self.recording.info.eye_name, shown)
-        return (doubt,) if doubt else ()
+        each = [frame.answer for frame in answers]
+        eye = self.recording.info.eye_name
+        return tuple(map(str, other_eye(each, self.summary, eye)))
 
-    def read(
-        self, progress: Progress
-    ) -> Iterator[tuple[FrameEntry, Trial, Answer, bool]]:
-        """Yield each frame with its label, its answer, and whether Young's modulus was
-        fitted on it.
-        """
-        scale = self.recording.info.scan.scale
-        study = self.reader.study
-        history = TissueMemory.unknown(self.setup, study.needle.max_force_n)
-        leak = Leak(self.setup)
+    def read(self, progress: Progress) -> Iterator["_ReadFrame"]:
+        """Yield each frame with its label and its answer."""
+        recording = self.recording
+        memory = self.eye_reader.start()
         trials = iter(self.trials)
         digests = self.summary.digests if self.summary else frozenset()
 
-        for moment in self.recording.moments:
-            frames = [self.recording.frame(entry) for entry in moment]
-            first = moment[0]
-            planes = [
-                plane
-                for entry in moment
-                if (plane := self.recording.info.scan.named(entry.plane))
-            ]
-            given = [
-                recorded_wall(self.recording.walls, one.file, frames[0].shape, scale)
-                for one in moment
-            ]
-            read = partial(
-                self.reader.read_together, frames, scale, planes=planes, walls=given
+        for entries in recording.moments:
+            moment = recorded_moment(recording, entries)
+            answers, memory = self.eye_reader.read(moment, memory)
+            calibrates = bool(digests) and any(
+                frame_digest(frame.pixels) in digests for frame in moment.frames
             )
-            elastic, leak = leak.read(read, first.time_s, first.held_s)
-            calibrates = (
-                any(frame_digest(pixels) in digests for pixels in frames)
-                if digests
-                else False
-            )
-            felt = [
-                history.read(one, study.classes.bounds_n, first.time_s, first.held_s)
-                for one in elastic
-            ]
-            history = felt[0][1]
-
-            for entry, (answer, _) in zip(moment, felt, strict=True):
-                yield entry, next(trials), answer, calibrates
+            for entry, answer in zip(entries, answers, strict=True):
+                yield _ReadFrame(entry, next(trials), answer, calibrates, memory)
                 if progress:
                     progress(1)
 
-    def answers(self, progress: Progress) -> Iterator[FrameAnswer]:
-        """Answer each frame, in the recording's order."""
+    def answers(self, progress: Progress) -> tuple[FrameAnswer, ...]:
+        """Return the answer to each frame, in the recording's order."""
         recording = self.recording
         fixed_pa = self.reader.fixed_modulus_pa
         modulus = self.setup.eye.modulus
         used = (modulus.mean_pa, modulus.source) if modulus else (None, None)
         modulus_pa, source = used if fixed_pa is None else (fixed_pa, "trained")
-        doubts = FOREIGN if self.foreign else ()
         true_n = true_forces(recording.path)
         sds_n = label_sds(recording, self.trials)
-        seen = list[tuple[float, float]]()
         repeats = self.repeats
+        answers = list[FrameAnswer]()
+        punctures_s: tuple[float, ...] = ()
 
-        for sd_n, (entry, trial, answer, calibrates) in zip(
-            sds_n, self.read(progress), strict=True
-        ):
-            yield FrameAnswer(
+        for sd_n, read in zip(sds_n, self.read(progress), strict=True):
+            entry = read.entry
+            trial = read.trial
+            punctures_s = read.memory.punctures_s
+            answer = FrameAnswer(
                 recording=str(recording.path),
                 eye=recording.info.eye_name,
                 file=entry.file,
@@ -691,20 +614,22 @@ class _EvaluatedRecording:
                 measured_force_sd_n=sd_n,
                 true_force_n=true_n.get(entry.file),
                 target=trial.target,
-                calibration=calibrates,
+                calibration=read.calibrates,
                 excluded=trial.excluded,
                 pierced=bool(entry.pierced),
                 youngs_modulus_pa=modulus_pa,
                 modulus_source=source,
-                to_bound=self._to_bound(answer, entry.time_s, seen),
                 plane=entry.plane,
                 time_s=entry.time_s,
                 repeats=entry.file in repeats,
-                answer=replace(answer, warnings=(*answer.warnings, *doubts)),
+                answer=read.answer,
             )
+            answers.append(answer)
 
-    def without_pierced(
-        self, answers: tuple[FrameAnswer, ...]
+        return self._without_pierced(tuple(answers), punctures_s)
+
+    def _without_pierced(
+        self, answers: tuple[FrameAnswer, ...], punctures_s: tuple[float, ...]
     ) -> tuple[FrameAnswer, ...]:
         """Leave out the frames after a puncture that the readings show, as the monitor
         does; frames.csv overrules.
@@ -712,37 +637,23 @@ class _EvaluatedRecording:
         if self.stated:
             return answers
 
-        dents = list[DentForce]()
-        punctures_s = list[float]()
-        limits = TrendLimits()
-
-        for entry, frame in zip(self.recording.frames, answers, strict=True):
-            force_n = (
-                frame.answer.force_n
-                if frame.answer.elastic_force_n is None
-                else frame.answer.elastic_force_n
-            )
-            if force_n is not None and not frame.repeats:
-                dents.append(DentForce(entry.time_s, force_n, entry.travel_m))
-            # a fall between held pushes, which nobody saw, is no puncture
-            fall = unexplained_fall(tuple(dents[-DENTS:]), limits)
-            if fall is not None and fall.pierced:
-                punctures_s.append(dents[-OUTSIDE].at_s)
-
         times_s = np.array([entry.time_s for entry in self.recording.frames])
-        contact = (
-            np.array([(dent.at_s, dent.force_n) for dent in dents]).reshape(-1, 2).T
-        )
         log = self.recording.forces
-
         info = self.recording.info.force
         if log is not None and info is not None:
-            contact = np.array(
-                [log.time_s, forces_under_frames.contact_force(log, info)]
-            )
+            contact_s = log.time_s
+            contact_n = forces_under_frames.contact_force(log, info)
+        else:
+            shown = [frame for frame in answers if not frame.repeats]
+            dents = [
+                (frame.time_s, dent_n)
+                for frame in shown
+                if (dent_n := frame.answer.dent_force_n) is not None
+            ]
+            contact_s, contact_n = np.array(dents, np.float64).reshape(-1, 2).T
 
         found = forces_under_frames.after_punctures(
-            times_s, punctures_s, contact[0], contact[1]
+            times_s, punctures_s, contact_s, contact_n
         )
         return tuple(
             (
@@ -753,19 +664,39 @@ class _EvaluatedRecording:
             for frame, pierced in zip(answers, found, strict=True)
         )
 
-    def _to_bound(
-        self, answer: Answer, at_s: float, seen: list[tuple[float, float]]
-    ) -> TimeToBound | None:
-        """Return when the force will reach the highest class, as the monitor does; add
-        a usable frame to those seen.
-        """
-        upper_n = upper_end(answer.verdict)
-        if not answer.usable or answer.force_n is None or upper_n is None:
-            return None
-        if not seen or seen[-1][0] != at_s:  # planes of one moment are one reading
-            seen.append((at_s, answer.force_n))
 
-        limits = TrendLimits()
-        bound_n = self.reader.study.classes.bounds_n[-1]
-        rise = rise_of(seen[-NOISE_WINDOWS * limits.rate_frames :], limits.rate_frames)
-        return time_to_bound(rise, answer.force_n, upper_n, bound_n)
+@dataclass(frozen=True, eq=False)
+class _ReadFrame:
+    """A frame of a recording with its label and its answer.
+
+    `calibrates`: Young's modulus was fitted on it. `memory`: after its moment.
+    """
+
+    entry: FrameEntry
+    trial: Trial
+    answer: Answer
+    calibrates: bool
+    memory: Memory
+
+
+def recorded_moment(
+    recording: Recording, entries: Sequence[FrameEntry]
+) -> OpenedMoment:
+    """Return the frames of a moment of a recording, with the walls that were drawn."""
+    scan = recording.info.scan
+    scale = scan.scale
+    frames = []
+    for entry in entries:
+        pixels = recording.frame(entry)
+        wall = recorded_wall(recording.walls, entry.file, pixels.shape, scale)
+        frames.append(MomentFrame(pixels, scan.named(entry.plane), wall))
+
+    first = entries[0]
+    return OpenedMoment(
+        tuple(frames),
+        scale,
+        first.time_s,
+        first.held_s,
+        first.iop_pa,
+        first.travel_m,
+    )

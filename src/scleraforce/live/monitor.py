@@ -44,9 +44,8 @@ from scleraforce.live.decision.limits import MonitorLimits
 from scleraforce.live.monitor_server import MonitorServer
 from scleraforce.live.monitor_session import MonitorSession
 from scleraforce.live.network.operator_reset import token_digest
-from scleraforce.reading.eye_reader import LiveReader
+from scleraforce.reading.eye_reader import EyeReader
 from scleraforce.reading.reading_models import Reader
-from scleraforce.reading.tissue_memory import TissueMemory
 from scleraforce.records.needle import Needle, lean_ends, one_lean
 from scleraforce.records.recording_info import ForceInfo, RecordingInfo
 from scleraforce.records.scan import Scan
@@ -128,7 +127,7 @@ def monitor_service(
         pages = settings.console and stack.enter_context(
             _listen_for_pages(settings.console)
         )
-        live = live_readers(reader, known, scan)
+        readers = live_readers(reader, known, scan)
         ring = FrameRing.create(RING_FRAMES * max(len(scan.planes), 1), *scan.shape)
         info = _recording_info(settings, reader.study)
         try_folders(settings.black_box, settings.record)
@@ -168,16 +167,7 @@ def monitor_service(
 
         companions = Companions(children)
         stack.callback(companions.end)
-        history = TissueMemory.monitored(known, reader.study.needle.max_force_n)
-        bounds_n = reader.study.classes.bounds_n
-        read = {name: one.read for name, one in live.items()}
-        session = MonitorSession(
-            read if scan.planes else read[""],
-            limits,
-            history=history,
-            class_bounds_n=bounds_n,
-            adopt=next(iter(live.values())).adopt,
-        )
+        session = MonitorSession(readers if scan.planes else readers[""], limits)
         _wait_for_opinion(companions, note)
         gc.collect()
         # the model stays, so the collector need not scan it again and again
@@ -206,17 +196,22 @@ def monitor_service(
         yield server, Address(*listener.getsockname()[:2])
 
 
-def live_readers(reader: Reader, setup: Setup, scan: Scan) -> dict[str, LiveReader]:
-    """Return the reader of each plane by name, of the eye as that plane sees it; that
-    of a single plane is named "".
+def live_readers(reader: Reader, setup: Setup, scan: Scan) -> dict[str, EyeReader]:
+    """Return the reader of each plane by name, of the eye as that plane sees it, ready
+    to read without delay; that of a single plane is named "".
     """
-    eyes = {plane.name: setup.turned(plane.direction_rad) for plane in scan.planes} or {
-        "": setup
+    refractive_index = scan.scale.refractive_index
+    shown = replace(setup, scan=replace(setup.scan, refractive_index=refractive_index))
+    setups = {
+        plane.name: shown.turned(plane.direction_rad) for plane in scan.planes
+    } or {"": shown}
+    readers = {
+        name: EyeReader(reader, of_plane, by="network")
+        for name, of_plane in setups.items()
     }
-    return {
-        name: LiveReader(reader, eye, scan.scale.refractive_index)
-        for name, eye in eyes.items()
-    }
+    for one in readers.values():
+        one.warm()
+    return readers
 
 
 def _child(

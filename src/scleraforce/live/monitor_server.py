@@ -509,8 +509,8 @@ class MonitorServer:
                         at_s=now_s, frame_id=order, verdict=verdict, plane=plane
                     ),
                 )
-            case process_messages.EyeLearned(setup=known, frames=frames, fault=fault):
-                self.session.learned(known, frames)
+            case process_messages.EyeLearned(setup=setup, frames=frames, fault=fault):
+                self.session.learned(setup.eye, frames)
                 if fault:
                     self._note(fault)
             case process_messages.ResetAsked(request=request, token=token):

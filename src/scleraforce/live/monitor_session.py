@@ -20,10 +20,9 @@ from scleraforce.live.decision.state import MonitorState
 from scleraforce.live.network.scanner_frame import ScannerFrame
 from scleraforce.live.repeated_pictures import ShownPictures
 from scleraforce.reading.answer import Answer, unusable_answer
-from scleraforce.reading.tissue_memory import ELASTIC, TissueMemory
+from scleraforce.reading.eye_reader import EyeReader, Memory, MomentFrame, OpenedMoment
+from scleraforce.records.eye import Eye
 from scleraforce.records.frame import Pixels
-from scleraforce.records.scan import PixelScale
-from scleraforce.records.setup import Setup
 from scleraforce.records.verdict import Verdict
 
 # maximum number of waiting frames: those of 0.1 s at 1000 a second, 52 MB of 512 x 512
@@ -37,7 +36,6 @@ ENOUGH_FRAMES = 10
 SETTLED_FRAMES = 100  # a pause at the start hardly counts in their mean
 # pictures ago: a picture that another plane has shown is never the one before
 OTHER_PLANE = 2
-Read = Callable[[Pixels, PixelScale], Answer]
 
 
 class FramePace:
@@ -97,8 +95,8 @@ class ReceivedFrame:
     such a frame is never skipped. `interval_s`: the time that it stands for, the
     scanner's mean interval. `unread` has the time of its last byte, a `frame_id` that
     rises with `sender_id` and keeps rising where another sender starts to count anew,
-    and the verdict on a frame of another size, and its plane. `history`: the tissue's
-    before it, and before all that came with it.
+    and the verdict on a frame of another size, and its plane. `memory`: of its plane's
+    reader before it, and before all that came with it.
     """
 
     number: int
@@ -107,7 +105,7 @@ class ReceivedFrame:
     image: ScannerFrame
     misfit: bool
     unread: FrameRead
-    history: TissueMemory = ELASTIC
+    memory: Memory
 
     @property
     def plane(self) -> str | None:
@@ -179,15 +177,13 @@ class DeferredFrames:
 
 
 class _Stream:
-    """The frames of one plane: all that compares a frame with those before it; `read`
-    reads one.
+    """The frames of one plane, their reader, and all that compares a frame with those
+    before it.
     """
 
-    def __init__(
-        self, read: Read, limits: MonitorLimits, history: TissueMemory, planes: int
-    ) -> None:
-        self.read = read
-        self.history = history
+    def __init__(self, reader: EyeReader, limits: MonitorLimits, planes: int) -> None:
+        self.reader = reader
+        self.memory = reader.start(monitored=True)
         self.sender = self.offset = self.order = 0
         self.sent_type: str | None = None
         self.shown = ShownPictures(limits.shown_frames)
@@ -201,43 +197,35 @@ class _Stream:
 class MonitorSession:
     """The state of the monitor and its decisions; its methods never raise.
 
-    `read` reads a frame of the size in `limits`, of several planes each plane's, by
-    name; an exception in it is a cause of a withdrawal. `history`, of the tissue,
-    continues through withdrawals and resets, on each plane by itself. `clock` is
-    monotonic, `wall_clock` counts seconds since 1970. `answer` is the reading of the
-    last frame; None if it was not read. `withdrawals` has frame, time, first cause and
-    message of each, for the summary. `adopt` takes the eye as learned, which `read`
-    reads with from then on, and returns the stiffness of its wall, N/m, if that is
-    known.
+    `reader` reads frames of the size in `limits`, of several planes each plane's, by
+    name; an exception in it is a cause of a withdrawal. Its memory continues through
+    withdrawals and resets, on each plane by itself. `clock` is monotonic, `wall_clock`
+    counts seconds since 1970. `answer` is the reading of the last frame; None if it was
+    not read. `withdrawals` has frame, time, first cause and message of each, for the
+    summary.
     """
 
     def __init__(
         self,
-        read: Read | Mapping[str, Read],
+        reader: EyeReader | Mapping[str, EyeReader],
         limits: MonitorLimits,
         clock: Callable[[], float] = monotonic,
         wall_clock: Callable[[], float] = time,
-        history: TissueMemory = ELASTIC,
-        class_bounds_n: tuple[float, ...] = (),
-        adopt: Callable[[Setup], float | None] = lambda _: None,
     ) -> None:
         self.limits = limits
         self.clock = clock
         self.wall_clock = wall_clock
         self.withdrawals: list[dict[str, Any]] = []
-        self._class_bounds_n = class_bounds_n
-        self._adopt = adopt
         self._beside = dict[str, Any]()
-        reads: dict[str | None, Read] = (
-            dict(read.items()) if isinstance(read, Mapping) else {None: read}
+        readers: dict[str | None, EyeReader] = (
+            {None: reader} if isinstance(reader, EyeReader) else dict(reader.items())
         )
-        self.planes = tuple(read) if isinstance(read, Mapping) else ()
+        self.planes = tuple(name for name in readers if name is not None)
         self._streams = {
-            name: _Stream(one, limits, history, len(reads))
-            for name, one in reads.items()
+            name: _Stream(one, limits, len(readers)) for name, one in readers.items()
         }
         self._of_all = (
-            ShownPictures(len(reads) * limits.shown_frames) if self.planes else None
+            ShownPictures(len(readers) * limits.shown_frames) if self.planes else None
         )
         self._state: MonitorState | PlanesState = (
             PlanesState.of(self.planes) if self.planes else MonitorState()
@@ -302,16 +290,22 @@ class MonitorSession:
         """True while a puncture is what is wrong."""
         return Cause.PIERCED in (self.decision.cause, self.decision.present_cause)
 
-    def learned(self, setup: Setup, frames: int) -> None:
+    def learned(self, eye: Eye, frames: int) -> None:
         """Take what was learned of the eye: later frames are read with it, and
         punctures are found by its stiffness.
         """
-        stiffness_n_m = self._adopt(setup)
-        if stiffness_n_m is not None:
-            self.limits = replace(self.limits, stiffness_n_m=stiffness_n_m)
-        if setup.eye.modulus is not None:
-            mean_mpa = from_si(setup.eye.modulus.mean_pa, "mpa")
-            sd_mpa = from_si(setup.eye.modulus.sd_pa, "mpa")
+        for stream in self._streams.values():
+            adopted = stream.reader.with_eye(eye)
+            if adopted is stream.reader:
+                continue
+            stream.reader = adopted
+            stiffness_n_m = adopted.model.steepest_n_m(adopted.setup)
+            if stiffness_n_m is not None:
+                self.limits = replace(self.limits, stiffness_n_m=stiffness_n_m)
+
+        if eye.modulus is not None:
+            mean_mpa = from_si(eye.modulus.mean_pa, "mpa")
+            sd_mpa = from_si(eye.modulus.sd_pa, "mpa")
             self._beside |= {
                 "modulus_mpa": mean_mpa,
                 "modulus_sd_mpa": sd_mpa,
@@ -387,7 +381,7 @@ class MonitorSession:
             image=image,
             misfit=misfit,
             unread=unread,
-            history=stream.history,
+            memory=stream.memory,
         )
 
     def _back(self, stream: _Stream, pixels: Pixels) -> int:
@@ -447,12 +441,12 @@ class MonitorSession:
         self.answer = None
         self._streams[frame.plane].answered_s = frame.unread.at_s
         try:
-            self.answer, read, history = self._read_frame(frame)
+            self.answer, read, memory = self._read_frame(frame)
         except Exception as fault:  # the frame was not read
             self.take(_failure(frame, fault, frame.unread.at_s))
         else:
             if not frame.misfit and frame.unread.shown_back == 0:  # others are gaps
-                self._streams[frame.plane].history = history
+                self._streams[frame.plane].memory = memory
             self.take(read)
 
     def defer(self, frame: ReceivedFrame, newest: ReceivedFrame) -> None:
@@ -497,24 +491,28 @@ class MonitorSession:
 
     def _read_frame(
         self, frame: ReceivedFrame
-    ) -> tuple[Answer | None, FrameRead, TissueMemory]:
+    ) -> tuple[Answer | None, FrameRead, Memory]:
         """Read a frame if it has the study's size; the decision handles frames of
         another size or scale.
 
-        The tissue's history after the frame is returned as well.
+        The memory after the frame is returned as well.
         """
         image = frame.image
         unread = frame.unread
         if unread.size != self.limits.size:
-            return None, unread, frame.history
+            return None, unread, frame.memory
 
-        scale = PixelScale(lateral_m=image.lateral_m, depth_m=image.depth_m)
-        elastic = self._streams[frame.plane].read(image.pixels, scale)
-        answer, history = frame.history.read(elastic, self._class_bounds_n, unread.at_s)
+        reader = self._streams[frame.plane].reader
+        moment = OpenedMoment(
+            (MomentFrame(image.pixels),),
+            reader.scale_of(image.lateral_m, image.depth_m),
+            unread.at_s,
+        )
+        (answer,), memory = reader.read(moment, frame.memory)
         # 3 µs; `replace` takes 8
         read = FrameRead(**vars(unread) | {"verdict": answer.verdict})
 
-        return answer, read, history
+        return answer, read, memory
 
     def summary(self) -> dict[str, Any]:
         """Return a summary so far, for JSON."""

@@ -5,7 +5,8 @@ the files of models. Imports `fit` and the rows below it.
 
 Public:
     answer: `Answer`, `Answers`, `Reading`, `fit_reading`, `unusable_answer`
-    eye_reader: `LiveReader`, `warming_frame`
+    eye_reader: `EyeReader`, `Memory`, `MomentFrame`, `OpenedMoment`, `other_eye`,
+        `warming_frame`
     force_network: `CONTACT`, `ForceNetwork`, `GIVEN`, `GIVEN_INPUT`, `GivenEyes`,
         `HISTOGRAM`, `SLICES`, `given_inputs`, `given_modulus`, `histogram_reading`,
         `ratio_edges`
@@ -19,10 +20,10 @@ Public:
     load_model: `bundled_finder`, `load_classifier`, `load_force_reader`, `load_reader`,
         `load_wall_finder`, `opened_reader`, `suited_reader`
     needle_lean: `MOST_LEAN_RAD`
-    reading_models: `Classifier`, `ForceReader`, `INPUT`, `LEFT_OUT`, `OUTPUT`,
+    reading_models: `Classifier`, `ForceReader`, `INPUT`, `OUTPUT`,
         `RawReader`, `Reader`, `SHIFTS`
     recorded_wall: `recorded_wall`
-    tissue_memory: `ELASTIC`, `LIGHT_N`, `Leak`, `TissueMemory`
+    tissue_memory: `LIGHT_N`, `Leak`, `TissueMemory`
     trained_ranges: `CLASSIFIER`, `KINDS`, `READER`, `covers_modulus`, `limit_notes`,
         `other_needle`, `radius_fault`, `reading_ranges`, `untrained_values`
 """

@@ -16,8 +16,10 @@ from scleraforce.base.units import from_si
 from scleraforce.fit.one_frame import BoundaryFit
 from scleraforce.fit.planes_of_a_moment import SpatialPlace
 from scleraforce.fit.unknowns import LATERAL
+from scleraforce.reading.force_trend import TimeToBound
 from scleraforce.reading.needle_place import NOWHERE, NeedlePlace, PlaceValue
 from scleraforce.records.needle import one_lean
+from scleraforce.records.remark import Remark, sentences
 from scleraforce.records.verdict import Verdict
 from scleraforce.wall.needle_in_frame import SeenNeedle, needle_entry
 from scleraforce.wall.wall import Segmentation
@@ -139,17 +141,19 @@ class Answer:
     If the frame is not `usable`, `predicted` is the highest class (withdraw), `reason`
     says why, and there is no reading. A classifier has no `force_n`, no 90 %
     `interval_n` and no lateral place of the contact from the frame's middle,
-    `contact_m`. `warnings` are sentences that limit the answer; `can_calibrate`: enough
-    of the wall is in view to calibrate on the frame. `elastic_force_n`, of tissue that
-    relaxes, is the force that makes such a dent at once; `force_n` is the force on the
-    needle now, along it where `lean_rad` has the ends of its angle from the wall's
-    normal. Where nothing says the lean, it is the part along the normal, or, of an eye
-    that was calibrated so, along a needle that leans as it did then. `readings` holds
-    the reading of each method by its name, and `fit` the wall of the library that fits
-    the frame best; `places` says where the needle is, with intervals, and `place` the
-    same in three dimensions, if several planes were read together. `segmentation` is
-    the wall that was read. `model` and `class_bounds_n` are those of the model that
-    answered (`model_folder.model_name`).
+    `contact_m`. `remarks` limit the answer, or say how it was read; `can_calibrate`:
+    enough of the wall is in view to calibrate on the frame. `left_out` says why its
+    plane is not in the fit of all planes, whose answer it has. `to_bound`: when the
+    force reaches the highest class, by the moments before (`reading.force_trend`).
+    `elastic_force_n`, of tissue that relaxes, is the force that makes such a dent at
+    once; `force_n` is the force on the needle now, along it where `lean_rad` has the
+    ends of its angle from the wall's normal. Where nothing says the lean, it is the
+    part along the normal, or, of an eye that was calibrated so, along a needle that
+    leans as it did then. `readings` holds the reading of each method by its name, and
+    `fit` the wall of the library that fits the frame best; `places` says where the
+    needle is, with intervals, and `place` the same in three dimensions, if several
+    planes were read together. `segmentation` is the wall that was read. `model` and
+    `class_bounds_n` are those of the model that answered (`model_folder.model_name`).
     """
 
     predicted: int
@@ -161,8 +165,10 @@ class Answer:
     contact_m: float | None = None
     elastic_force_n: float | None = None
     lean_rad: tuple[float, float] | None = None
-    warnings: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
     can_calibrate: bool = False
+    left_out: str | None = None
+    to_bound: TimeToBound | None = None
     readings: tuple[tuple[str, Reading], ...] = ()
     fit: BoundaryFit | None = None
     places: NeedlePlace = NOWHERE
@@ -190,8 +196,8 @@ class Answer:
             "not usable": self.reason or "",
         }
         facts |= {
-            f"warning {number}": words
-            for number, words in enumerate(self.warnings, start=1)
+            f"{remark.severity} {number}": str(remark)
+            for number, remark in enumerate(self.remarks, start=1)
         }
         shown = {name: words for name, words in facts.items() if words}
 
@@ -200,6 +206,17 @@ class Answer:
             shown,
             None if self.segmentation is None else self.segmentation.overlay,
         )
+
+    @property
+    def dent_force_n(self) -> float | None:
+        """The force that makes such a dent at once; None without a force."""
+        elastic_n = self.elastic_force_n
+        return self.force_n if elastic_n is None else elastic_n
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The sentences of the remarks."""
+        return sentences(self.remarks)
 
     @property
     def force_words(self) -> str:
@@ -239,6 +256,10 @@ class Answer:
         """Return the answer's keys in the JSON of `read` and `evaluate`, as plain
         types.
         """
+        # a single frame shows no rise
+        median_ms, interval_ms = (
+            (None, None) if self.to_bound is None else self.to_bound.as_ms()
+        )
         places = self.places.as_json()
         if self.places.lean_rad is None:
             places["lean_deg"] = from_si(one_lean(self.lean_rad), "deg")
@@ -260,8 +281,8 @@ class Answer:
                 "elastic_force_mn": from_si(self.elastic_force_n, "mn"),
                 **places,
                 "contact_mm": from_si(self.contact_m, "mm"),
-                "time_to_bound_ms": None,  # a single frame shows no rise
-                "time_to_bound_ms_interval": None,
+                "time_to_bound_ms": median_ms,
+                "time_to_bound_ms_interval": interval_ms,
                 **_place_entry(self.place if self.usable else None),
                 "pressure_pa": self.iop_at_dent_pa,
                 "pressure_mmhg": from_si(self.iop_at_dent_pa, "mmhg"),
@@ -271,6 +292,7 @@ class Answer:
                 "usable": self.usable,
                 "reason": self.reason,
                 "warnings": self.warnings,
+                "remarks": [remark.to_dict() for remark in self.remarks],
                 "can_calibrate": self.can_calibrate,
             }
         )
@@ -394,26 +416,28 @@ def _place_entry(place: SpatialPlace | None) -> dict[str, Any]:
 
 def joined_answers(answers: Sequence[Answer]) -> list[Answer]:
     """Return answers to planes that one fit has read: with one interval that spans all,
-    and all warnings.
+    and all remarks.
 
-    A plane that nothing checks needs no warning if another one is checked.
+    A plane that nothing checks needs no remark if another one is checked.
     """
     ends = [answer.interval_n for answer in answers if answer.interval_n is not None]
     if len(ends) < len(answers):
         return list(answers)
 
-    warnings = list(
-        dict.fromkeys(words for answer in answers for words in answer.warnings)
+    remarks = list(
+        dict.fromkeys(remark for answer in answers for remark in answer.remarks)
     )
-    unchecked = [words for words in warnings if words.startswith(UNCHECKED)]
+    unchecked = [remark for remark in remarks if remark.code == "fit-unchecked"]
     is_checked = any(len(answer.readings) > 1 for answer in answers)
-    warnings = [
-        words for words in warnings if words not in unchecked[0 if is_checked else 1 :]
+    remarks = [
+        remark
+        for remark in remarks
+        if remark not in unchecked[0 if is_checked else 1 :]
     ]
     interval_n = min(low for low, _ in ends), max(high for _, high in ends)
 
     return [
-        replace(answer, interval_n=interval_n, warnings=tuple(warnings))
+        replace(answer, interval_n=interval_n, remarks=tuple(remarks))
         for answer in answers
     ]
 

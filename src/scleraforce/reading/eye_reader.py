@@ -1,13 +1,57 @@
-"""A reader of one eye: frames in their order in, answers out."""
+"""Reads the moments of one eye, one after the other: frames in, answers and a memory
+out.
+
+Every door reads frames here: `read` and `evaluate`, the control loop of the monitor
+(by the network alone), its second opinion, the app and notebooks. The reader of an eye
+does not change. What a moment tells of later ones is in the memory that is handed on:
+the tissue's and a leak (`reading.tissue_memory`), and the forces of the last moments,
+which show a rise or a fall (`reading.force_trend`). A moment that cannot be judged
+leaves the memory as it was.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from scleraforce.base.arrays import Counts
+from scleraforce.base.errors import CalibrationError, InputError
+from scleraforce.base.units import from_si
+from scleraforce.fit.unknowns import SIZE
 from scleraforce.reading.answer import Answer
+from scleraforce.reading.force_trend import (
+    DENTS,
+    NOISE_WINDOWS,
+    OUTSIDE,
+    DentForce,
+    TimeToBound,
+    TrendLimits,
+    rise_of,
+    time_to_bound,
+    unexplained_fall,
+)
+from scleraforce.reading.load_model import suited_reader
 from scleraforce.reading.reading_models import Reader
+from scleraforce.reading.tissue_memory import Leak, TissueMemory
+from scleraforce.reading.trained_ranges import other_needle
+from scleraforce.records.calibration_file import (
+    CalibrationSummary,
+    appearance_doubt,
+    appearance_of,
+    choice_of_eye,
+    foreign_modulus,
+    known_of_eye,
+)
+from scleraforce.records.eye import Eye
 from scleraforce.records.frame import Pixels
-from scleraforce.records.scan import PixelScale
+from scleraforce.records.remark import Remark
+from scleraforce.records.scan import PixelScale, Plane
 from scleraforce.records.setup import Setup
+from scleraforce.records.verdict import upper_end
+from scleraforce.wall.wall import Segmentation
+
+Methods = Literal["both", "network"]
 
 THICKNESS_M = 0.6e-3  # of the wall, if unknown
 
@@ -19,6 +63,330 @@ NOISE = (0, 400)
 TISSUE = (600, 1600)
 
 WARMING_FRAMES = 20
+
+TREND = TrendLimits()
+RISE_MOMENTS = NOISE_WINDOWS * TREND.rate_frames  # that are remembered
+
+OF_POPULATION = Remark(
+    "population-modulus",
+    "the modulus is the population's, not this eye's own",
+    ("modulus",),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class MomentFrame:
+    """The frame of one plane in memory.
+
+    `pixels` (row, column). `plane`: None of the only one. `wall`: in place of the one
+    that is found.
+    """
+
+    pixels: Pixels
+    plane: Plane | None = None
+    wall: Segmentation | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedMoment:
+    """The frames of one moment in memory, all of one size and `scale`.
+
+    `time_s`: on a clock that all moments share, None of a single one, whose history is
+    not known. `held_s`: time since the needle's push, None: not known. `iop_pa`:
+    pressure at rest at this moment, None: the eye's. `travel_m`: the needle's travel
+    along its axis, None: not known.
+    """
+
+    frames: tuple[MomentFrame, ...]
+    scale: PixelScale
+    time_s: float | None = None
+    held_s: float | None = None
+    iop_pa: float | None = None
+    travel_m: float | None = None
+
+    @property
+    def planes(self) -> tuple[Plane, ...]:
+        """The planes of the frames; () of a single frame."""
+        return tuple(frame.plane for frame in self.frames if frame.plane is not None)
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """What the moments so far tell of the next one; made by `EyeReader.start` alone.
+
+    `forces`: times, s, and forces, N, of the last moments. `dents`: their elastic
+    forces. `punctures_s`: when the force fell as nothing but a puncture explains. In a
+    monitor the decision follows the trend, and these three stay empty.
+    """
+
+    tissue: TissueMemory
+    leak: Leak
+    forces: tuple[tuple[float, float], ...] = ()
+    dents: tuple[DentForce, ...] = ()
+    punctures_s: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class EyeReader:
+    """Reads the moments of one eye with a model.
+
+    Attributes:
+        model: a reader that suits the eye.
+        setup: what is known of the eye, the needle and the scan.
+        by: "both" methods, the fit and the network, or the "network" alone, within a
+            millisecond and of single frames.
+        asked: the reader that was asked for. None: `model`.
+        foreign: why the modulus is not the eye's own, although a calibration is given.
+    """
+
+    model: Reader
+    setup: Setup
+    by: Methods = "both"
+    asked: Reader | None = None
+    foreign: Remark | None = None
+
+    @classmethod
+    def of(
+        cls, model: Reader, setup: Setup, calibration: CalibrationSummary | None = None
+    ) -> "EyeReader":
+        """Return the reader of an eye, with the values of its calibration, and with the
+        bundled model that was trained for it.
+
+        Raises:
+            InputError: nothing names the eye that the calibration is asked for.
+            CalibrationError: the calibration is of linear mechanics.
+        """
+        foreign = None
+        if calibration is not None:
+            eye = _name_of(setup.eye, calibration)
+            reads_force = model.fixed_modulus_pa is None
+            if reads_force and calibration.mechanics == "linear":
+                raise CalibrationError(
+                    f"{calibration.path}: mechanics: linear; {model.path} reads with"
+                    " finite strain: calibrate with `mechanics=finite-strain`"
+                )
+            setup = known_of_eye(setup, calibration, eye)
+            words = foreign_modulus(calibration, eye) if reads_force else None
+            if words is not None:
+                foreign = Remark("population-modulus", words, ("modulus",))
+
+        return cls(suited_reader(model, setup), setup, "both", model, foreign)
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """What limits all answers for this eye."""
+        remarks = list[Remark]()
+        if self.asked is not None and self.asked.path != self.model.path:
+            remarks.append(
+                Remark(
+                    "other-reader",
+                    f"read with the bundled reader {self.model.name}, which was trained"
+                    " for such eyes",
+                )
+            )
+
+        scan = self.setup.scan
+        gauge = self.setup.needle.gauge
+        if None in (scan.rows, scan.columns, scan.width_m, scan.depth_m):
+            limits = other_needle(self.model.study, gauge)
+        else:
+            limits = self.model.limits(self.setup, scan, gauge)
+        remarks += (Remark("outside-training", words) for words in limits)
+        if self.foreign is not None:
+            remarks.append(self.foreign)
+        return tuple(remarks)
+
+    def at(self, iop_pa: float | None) -> "EyeReader":
+        """Return the reader of the eye at another pressure at rest; None: its own."""
+        if iop_pa is None or iop_pa == self.setup.eye.iop_pa:
+            return self
+        setup = replace(self.setup, eye=_at_pressure(self.setup.eye, iop_pa))
+        model = suited_reader(self.asked or self.model, setup)
+        return replace(self, model=model, setup=setup)
+
+    def with_eye(self, eye: Eye) -> "EyeReader":
+        """Return the reader for the same eye as it is known now; this one, if the model
+        cannot read such an eye.
+        """
+        setup = replace(self.setup, eye=eye)
+        if self.model.refusal(setup) is not None:
+            return self
+        return replace(self, setup=setup)
+
+    def start(self, *, monitored: bool = False) -> Memory:
+        """Return the memory before the first moment.
+
+        `monitored`: anything may have been before, all moments follow each other, and
+        the monitor's decision follows the trend of the force.
+        """
+        begin = TissueMemory.monitored if monitored else TissueMemory.unknown
+        tissue = begin(self.setup, self.model.study.needle.max_force_n)
+        return Memory(tissue, Leak())
+
+    def scale_of(self, lateral_m: float, depth_m: float) -> PixelScale:
+        """Return the scale of frames whose pixels have this size as stored."""
+        return PixelScale(
+            lateral_m=lateral_m,
+            depth_m=depth_m,
+            refractive_index=self.setup.scan.refractive_index or 1.0,
+        )
+
+    def warm(self, moments: int = WARMING_FRAMES) -> None:
+        """Read frames of the study's size, so that the first real one takes no longer
+        than the others.
+        """
+        scanner = self.model.study.oct
+        scale = PixelScale.of(scanner)
+        pixels = warming_frame(
+            (scanner.rows, scanner.columns),
+            scale,
+            self.model.study.eye.radius_m,
+            self.setup.eye.thickness_m,
+        )
+        scale = self.scale_of(scale.lateral_m, scale.depth_m)
+        moment = OpenedMoment((MomentFrame(pixels),), scale)
+        memory = self.start()
+        for _ in range(moments):
+            self.read(moment, memory)
+
+    def read(
+        self, moment: OpenedMoment, memory: Memory
+    ) -> tuple[tuple[Answer, ...], Memory]:
+        """Return an answer for each frame of a moment, and the memory after it.
+
+        The frames of several planes are read by one fit, and each has the force of all.
+        Errors are those of `Reader.read`.
+        """
+        now = self.at(moment.iop_pa)
+        if self.by == "network":
+            (frame,) = moment.frames
+            elastic: tuple[Answer, ...] = (
+                now.model.read_live(frame.pixels, moment.scale, now.setup),
+            )
+            leak = memory.leak
+        else:
+            elastic, leak = self._by_both(now, moment, memory.leak)
+
+        bounds_n = self.model.study.classes.bounds_n
+        felt = [
+            memory.tissue.read(one, bounds_n, moment.time_s, moment.held_s)
+            for one in elastic
+        ]
+        answers = tuple(answer for answer, _ in felt)
+        after = Memory(
+            felt[0][1], leak, memory.forces, memory.dents, memory.punctures_s
+        )
+        if memory.tissue.of_monitor:
+            return answers, after
+
+        answers, after = self._with_trend(answers, moment, after)
+        remarks = self._without_history(moment)
+        if self.foreign is not None:
+            remarks = (OF_POPULATION, *remarks)
+        if remarks:
+            answers = tuple(
+                replace(one, remarks=(*one.remarks, *remarks)) for one in answers
+            )
+        return answers, after
+
+    def _by_both(
+        self, now: "EyeReader", moment: OpenedMoment, leak: Leak
+    ) -> tuple[tuple[Answer, ...], Leak]:
+        """Return the answers by both methods, of the elastic force, and the leak after
+        them.
+
+        `now`: the reader at the pressure that is stated of the moment.
+        """
+        pixels = [frame.pixels for frame in moment.frames]
+        walls = [frame.wall for frame in moment.frames]
+        planes = moment.planes
+
+        def read(setup: Setup) -> tuple[Answer, ...]:
+            return now.model.read_together(pixels, moment.scale, setup, planes, walls)
+
+        if moment.iop_pa is None:
+            return leak.read(read, self.setup, moment.time_s, moment.held_s)
+        answers = read(now.setup)
+        return answers, leak.at_pressure(
+            moment.iop_pa, self.setup.eye, answers, moment.time_s
+        )
+
+    def _with_trend(
+        self, answers: tuple[Answer, ...], moment: OpenedMoment, memory: Memory
+    ) -> tuple[tuple[Answer, ...], Memory]:
+        """Return the answers with the time to the bound and a remark on a fall that
+        looks like a puncture, and the memory with the forces of this moment.
+        """
+        first = answers[0]
+        time_s = moment.time_s
+        if time_s is None or first.force_n is None:
+            return answers, memory
+
+        forces = (*memory.forces, (time_s, first.force_n))[-RISE_MOMENTS:]
+        dent_n = first.dent_force_n or 0.0
+        dents = (*memory.dents, DentForce(time_s, dent_n, moment.travel_m))[-DENTS:]
+        memory = replace(memory, forces=forces, dents=dents)
+
+        rise = rise_of(forces, TREND.rate_frames)
+        bound_n = self.model.study.classes.bounds_n[-1]
+
+        def to_bound(answer: Answer) -> TimeToBound | None:
+            upper_n = upper_end(answer.verdict)
+            if not answer.usable or answer.force_n is None or upper_n is None:
+                return None
+            return time_to_bound(rise, answer.force_n, upper_n, bound_n)
+
+        answers = tuple(replace(one, to_bound=to_bound(one)) for one in answers)
+
+        # a fall between held pushes, which nobody saw, is no puncture
+        fall = unexplained_fall(dents, TREND)
+        if fall is None or not fall.pierced:
+            return answers, memory
+
+        pierced_s = dents[-OUTSIDE].at_s
+        remark = Remark(
+            "pierced",
+            f"the force fell from {from_si(fall.from_n, 'mn'):.1f} to"
+            f" {from_si(fall.to_n, 'mn'):.1f} mN within"
+            f" {from_si(fall.within_s, 'ms'):.0f} ms, faster than a needle goes back:"
+            " the wall may be pierced",
+        )
+        answers = tuple(replace(one, remarks=(*one.remarks, remark)) for one in answers)
+        punctures_s = (*memory.punctures_s, pierced_s)
+        return answers, replace(memory, punctures_s=punctures_s)
+
+    def _without_history(self, moment: OpenedMoment) -> tuple[Remark, ...]:
+        """Return a remark on a history that matters and is not known, or not
+        followed.
+        """
+        eye = self.setup.eye
+        if eye.leak_time_s is None:
+            return ()
+        if moment.time_s is not None:
+            return ()
+        return (
+            Remark(
+                "no-history",
+                "leak_time_s: a single frame is read as if nothing had leaked; the"
+                " frames of a recording, read together or by evaluate, follow the leak",
+                ("leak_time_s",),
+            ),
+        )
+
+
+def other_eye(
+    answers: Sequence[Answer], calibration: CalibrationSummary, eye: str
+) -> tuple[Remark, ...]:
+    """Return a remark if frames show another eye than the calibration's."""
+    usable = [answer for answer in answers if answer.usable]
+    walls = [answer.segmentation for answer in usable if answer.segmentation]
+    fits = [answer.fit for answer in usable if answer.fit is not None]
+    shown = appearance_of(
+        [wall.thickness_m for wall in walls if wall.inner_found],
+        [float(np.exp(fit.unknown[SIZE])) for fit in fits],
+    )
+    doubt = appearance_doubt(calibration, eye, shown)
+    return (Remark("other-eye", doubt),) if doubt else ()
 
 
 def warming_frame(
@@ -47,48 +415,17 @@ def warming_frame(
     return noise + np.where(is_tissue, tissue, np.uint16(0))
 
 
-class LiveReader:
-    """Reads the frames of one eye in the control loop, one after the other.
+def _at_pressure(eye: Eye, iop_pa: float) -> Eye:
+    """Return an eye at another pressure at rest, also as it was before learning."""
+    unlearned = eye.unlearned and _at_pressure(eye.unlearned, iop_pa)
+    return replace(eye, iop_pa=iop_pa, iop_sd_pa=None, unlearned=unlearned)
 
-    It reads some frames at the start, so that the first real one takes no longer than
-    the others.
-    """
 
-    def __init__(self, reader: Reader, setup: Setup, refractive_index: float) -> None:
-        self._reader = reader
-        self._known = setup
-        self._refractive_index = refractive_index
-        scanner = reader.study.oct
-        scale = PixelScale.of(reader.study.oct)
-        frame = warming_frame(
-            (scanner.rows, scanner.columns),
-            scale,
-            reader.study.eye.radius_m,
-            setup.eye.thickness_m,
+def _name_of(eye: Eye, calibration: CalibrationSummary) -> str:
+    """Return the name of an eye that a calibration is asked for."""
+    if eye.name is None:
+        raise InputError(
+            "eye: missing; no recording.toml beside the frame names it;"
+            f" {choice_of_eye(calibration)}"
         )
-
-        for _ in range(WARMING_FRAMES):
-            self.read(frame, scale)
-
-    def adopt(self, setup: Setup) -> float | None:
-        """Read the next frames with the eye as learned, if the model can read such an
-        eye.
-
-        The wall's steepest stiffness is returned, N/m; None if it is not known or the
-        eye was not adopted.
-        """
-        if self._reader.refusal(setup) is not None:
-            return None
-        self._known = setup
-        return self._reader.steepest_n_m(setup)
-
-    def read(self, frame: Pixels, scale: PixelScale) -> Answer:
-        """Read one raw frame (`Reader.read_live`); the scanner's refractive index takes
-        precedence over the scale's.
-        """
-        scale = PixelScale(
-            lateral_m=scale.lateral_m,
-            depth_m=scale.depth_m,
-            refractive_index=self._refractive_index,
-        )
-        return self._reader.read_live(frame, scale, self._known)
+    return eye.name

@@ -5,6 +5,7 @@ force.
 from dataclasses import dataclass
 from math import atan, cos, degrees, hypot, inf, radians, tan
 
+from scleraforce.records.remark import Remark
 from scleraforce.records.setup import Setup
 
 # largest lean of a needle whose lean is not known: injections come at 15 to 45 degrees
@@ -20,9 +21,11 @@ SAME_LEAN_RAD = radians(2.0)  # leans that differ by less are one
 
 SEEN_LEAN_ERROR_RAD = radians(6.0)  # of a shaft in a picture, and of the normal there
 
-NOT_CALIBRATED = (
+NOT_CALIBRATED = Remark(
+    "lean-not-calibrated",
     "the calibration does not know its needle's lean: the interval spans 0 to 45"
-    " degrees"
+    " degrees",
+    ("lean_rad",),
 )
 
 
@@ -32,14 +35,13 @@ class NeedleLean:
     nothing says it.
 
     `factors`: the force along the needle over the one that E gives, the least, the
-    likeliest and the largest, with a relative standard deviation beside. `doubts` are
-    sentences.
+    likeliest and the largest, with a relative standard deviation beside.
     """
 
     ends_rad: tuple[float, float] | None
     factors: tuple[float, float, float] = (1.0, 1.0, 1.0)
     sd: float = 0.0
-    doubts: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
     @classmethod
     def of(cls, setup: Setup, seen_rad: float | None) -> "NeedleLean":
@@ -51,8 +53,8 @@ class NeedleLean:
 
         >>> from scleraforce.records.needle import Needle
         >>> leaning = Setup(needle=Needle(lean_rad=(0.2, 0.2)))
-        >>> (doubt,) = NeedleLean.of(leaning, 0.5).doubts
-        >>> seen, declared = doubt.split(", ")
+        >>> (remark,) = NeedleLean.of(leaning, 0.5).remarks
+        >>> seen, declared = remark.words.split(", ")
         >>> seen
         'the needle leans by 29 degrees in the picture (above 0: right)'
         >>> declared
@@ -73,7 +75,7 @@ class NeedleLean:
         if ends is None:
             return cls(None)
 
-        doubts = (
+        remarks = (
             ()
             if stated is None
             else _contradicted(stated, setup.needle.lean_azimuth_rad, seen_rad)
@@ -85,7 +87,7 @@ class NeedleLean:
         before = (0.0, MOST_LEAN_RAD) if absorbed else (calibrated or 0.0,) * 2
         likeliest = 1.0 if absorbed else 1.0 / cos(sum(ends) / 2)
         if not absorbed and max(abs(end - before[0]) for end in ends) <= SAME_LEAN_RAD:
-            return cls(ends, (likeliest,) * 3, 0.0, doubts)
+            return cls(ends, (likeliest,) * 3, 0.0, remarks)
 
         factors = [
             _along(end, friction)
@@ -100,7 +102,7 @@ class NeedleLean:
             ends,
             (min(factors), likeliest, max(factors)),
             sd,
-            (*doubts, *[NOT_CALIBRATED] * absorbed),
+            (*remarks, *[NOT_CALIBRATED] * absorbed),
         )
 
 
@@ -112,10 +114,8 @@ def _along(lean_rad: float, friction: float) -> float:
 
 def _contradicted(
     ends_rad: tuple[float, float], azimuth_rad: float | None, seen_rad: float | None
-) -> tuple[str, ...]:
-    """Return a sentence if a shaft in the picture contradicts a lean between two
-    ends.
-    """
+) -> tuple[Remark, ...]:
+    """Return a remark if a shaft in the picture contradicts a lean between two ends."""
     if seen_rad is None:
         return ()
 
@@ -130,9 +130,8 @@ def _contradicted(
 
     shown, low, high = map(degrees, (seen_rad, min(allowed), max(allowed)))
     allows = f"the declared lean allows {low:.0f} to {high:.0f}"
-    return (
-        (
-            f"the needle leans by {shown:.0f} degrees in the picture (above 0: right),"
-            f" {allows}"
-        ),
+    words = (
+        f"the needle leans by {shown:.0f} degrees in the picture (above 0: right),"
+        f" {allows}"
     )
+    return (Remark("lean-contradicted", words, ("lean_rad",)),)

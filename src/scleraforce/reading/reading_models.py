@@ -63,6 +63,7 @@ from scleraforce.records.model_folder import (
     Origin,
     model_name,
 )
+from scleraforce.records.remark import Remark
 from scleraforce.records.scan import PixelScale, Plane, Scan
 from scleraforce.records.setup import NOTHING_KNOWN, Setup
 from scleraforce.records.study import Range, ReaderStudy, Study
@@ -397,7 +398,6 @@ CONTACTS = 32  # polar angles whose libraries are cached
 # slice itself. A slice of black and white does not show where in its pixels a boundary
 # lies; a reading of one jumps when a drifting eye crosses a row.
 SHIFTS = (0.0, 0.5)
-LEFT_OUT = "left out: "  # begins the warning on a plane without a wall
 TOO_LITTLE = "too little of the wall is seen"
 
 
@@ -583,7 +583,7 @@ class ForceReader(Reader):
         """Read the frames of one moment, one of each plane, by one fit; the gap is not
         used.
 
-        A plane without a wall is left out, with a warning. If the wall in one that is
+        A plane without a wall is left out, with a remark. If the wall in one that is
         fitted is not that of an eye, or cannot be judged, none is usable.
         """
         if not planes:
@@ -607,7 +607,7 @@ class ForceReader(Reader):
             for seen in sliced_frames
         ]
         each = list[tuple[Plane, frame_checks.SlicedFrame, Boundaries, Setup]]()
-        left_out = list[str]()
+        left_out = dict[str, str]()
 
         for seen, wall, plane in zip(sliced_frames, seen_walls, planes, strict=True):
             here = setup.turned(plane.direction_rad)
@@ -615,18 +615,22 @@ class ForceReader(Reader):
             if wall is not None and reason is None:
                 each.append((plane, seen, wall, here))
             else:
-                left_out.append(f"plane {plane.name}: {reason}")
+                left_out[plane.name] = f"plane {plane.name}: {reason}"
 
         found = (
             self._fitted_together(each)
             if each
-            else [unusable_answer(self.classes, left_out[0])]
+            else [unusable_answer(self.classes, next(iter(left_out.values())))]
         )
         fault = next((one for one in found if not one.usable), None)
         # of no fit: one only
         of_plane = {
             plane.name: one for (plane, *_), one in zip(each, found, strict=False)
         }
+        remarks = [
+            Remark("plane-left-out", f"left out: {reason}", ("planes",))
+            for reason in left_out.values()
+        ]
         answers = list[Answer]()
 
         for plane, seen in zip(planes, sliced_frames, strict=True):
@@ -638,14 +642,12 @@ class ForceReader(Reader):
                     unusable_answer(self.classes, fault.reason or ""), fit=shared.fit
                 )
 
-            warned = (
-                (*shared.warnings, *(f"{LEFT_OUT}{reason}" for reason in left_out))
-                if shared.usable
-                else ()
+            shared = replace(
+                shared,
+                remarks=(*shared.remarks, *remarks) if shared.usable else (),
+                left_out=left_out.get(plane.name),
             )
-            answers.append(
-                self.signed(replace(shared, warnings=warned), seen.segmentation)
-            )
+            answers.append(self.signed(shared, seen.segmentation))
 
         return tuple(answers)
 
@@ -756,8 +758,12 @@ class ForceReader(Reader):
 
         if unread := self._unread_slices(seen, known):
             answer = frame_checks.judged_answer(by_fit, "fit", leaves, self.study)
-            warnings = (f"{UNCHECKED}: {unread}",) if answer.usable else ()
-            answer = replace(answer, warnings=warnings, readings=(("fit", by_fit),))
+            unchecked = Remark("fit-unchecked", f"{UNCHECKED}: {unread}")
+            answer = replace(
+                answer,
+                remarks=(unchecked,) if answer.usable else (),
+                readings=(("fit", by_fit),),
+            )
         else:
             answer = self._checked(
                 {"network": self.network.read(seen.cuts, known), "fit": by_fit},
@@ -813,8 +819,10 @@ class ForceReader(Reader):
         if answer.usable and reason:
             answer = unusable_answer(self.classes, reason)
 
-        warnings = (warning,) if warning and answer.usable else ()
-        return replace(answer, warnings=warnings, readings=tuple(readings.items()))
+        answer = replace(answer, readings=tuple(readings.items()))
+        if warning is None or not answer.usable:
+            return answer
+        return replace(answer, remarks=(Remark("methods-disagree", warning),))
 
 
 @final

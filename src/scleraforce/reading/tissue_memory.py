@@ -36,7 +36,9 @@ from scleraforce.mechanics.tissue_material import line_weights
 from scleraforce.reading.answer import Answer, Reading
 from scleraforce.reading.needle_lean import NeedleLean
 from scleraforce.reading.needle_place import shaft_lean
-from scleraforce.records.setup import NOTHING_KNOWN, Setup
+from scleraforce.records.eye import Eye
+from scleraforce.records.globe import PressureLaw
+from scleraforce.records.setup import Setup
 from scleraforce.records.tissue_relaxation import Relaxation
 
 Given = TypeVar("Given", Answer, Reading)
@@ -218,7 +220,7 @@ class TissueMemory:
             answer = replace(
                 answer,
                 lean_rad=lean.ends_rad,
-                warnings=(*answer.warnings, *lean.doubts),
+                remarks=(*answer.remarks, *lean.remarks),
             )
 
         return answer, after
@@ -353,8 +355,6 @@ class TissueMemory:
         return before_n, before_n2
 
 
-ELASTIC = TissueMemory.unknown(NOTHING_KNOWN, 0.0)
-
 READINGS = 3  # of a frame after a longer gap, whose own dent decides on what has leaked
 
 
@@ -364,7 +364,6 @@ class Leak:
     dent's, m^3.
     """
 
-    setup: Setup
     leaked_m3: float = 0.0
     dent_m3: float = 0.0
     time_s: float | None = None
@@ -372,59 +371,72 @@ class Leak:
     def read(
         self,
         read: Callable[[Setup], tuple[Answer, ...]],
-        time_s: float,
+        setup: Setup,
+        time_s: float | None,
         held_s: float | None,
     ) -> tuple[tuple[Answer, ...], "Leak"]:
         """Return the answers of one time, read at the resting pressure that the leak
         leaves, and the leak by then.
+
+        A frame without a time is read as the first one. One that cannot be judged, or
+        was not fitted, does not show the dent, and leaves the leak as it was.
         """
-        known = self.setup
-        globe = self.setup.eye.globe
+        eye = setup.eye
+        law = leaking_law(eye)
+        if law is None or eye.leak_time_s is None or eye.iop_pa is None:
+            return read(setup), self
 
-        iop_pa = self.setup.eye.iop_pa
-        if (
-            known.eye.leak_time_s is None
-            or globe is None
-            or iop_pa is None
-            or globe.mean <= 0.0
-        ):
-            return read(known), self
-
-        law = globe.pressure_law(globe.mean)
-        gap_s = 0.0 if self.time_s is None else max(time_s - self.time_s, 0.0)
+        gap_s = (
+            0.0
+            if self.time_s is None or time_s is None
+            else max(time_s - self.time_s, 0.0)
+        )
         dense = gap_s <= DENSE_S
         held_s = (
             gap_s if dense else min(0.5 * gap_s if held_s is None else held_s, gap_s)
         )
-        left_s = 0.5 * (gap_s - held_s)
-        before_m3 = self._after(
-            self._after(self.leaked_m3, self.dent_m3, left_s), 0.0, left_s
-        )
-        dent_m3 = self.dent_m3
+        left = exp(-0.5 * (gap_s - held_s) / eye.leak_time_s)
+        kept = exp(-held_s / eye.leak_time_s)
+        # first the old dent stays for a while, then there is none
+        before_m3 = left * (self.dent_m3 + (self.leaked_m3 - self.dent_m3) * left)
+        leak = self
 
         for _ in range(1 if dense else READINGS):
-            leaked_m3 = self._after(before_m3, dent_m3, held_s)
-            answers = read(
-                replace(
-                    known,
-                    eye=replace(
-                        known.eye, iop_pa=float(law.pressure(iop_pa, -leaked_m3))
-                    ),
-                )
-            )
-
+            leaked_m3 = leak.dent_m3 + (before_m3 - leak.dent_m3) * kept
+            resting_pa = float(law.pressure(eye.iop_pa, -leaked_m3))
+            answers = read(replace(setup, eye=replace(eye, iop_pa=resting_pa)))
             pressure_pa = answers[0].iop_at_dent_pa
-            if pressure_pa is None:  # nothing shows that the dent is there still
-                dent_m3 = 0.0
-                break
+            if pressure_pa is None:
+                return answers, self
 
-            dent_m3 = leaked_m3 + float(law.displaced_m3(iop_pa, pressure_pa))
+            dent_m3 = leaked_m3 + float(law.displaced_m3(eye.iop_pa, pressure_pa))
+            leak = Leak(leaked_m3, dent_m3, time_s)
 
-        return answers, replace(
-            self, leaked_m3=leaked_m3, dent_m3=dent_m3, time_s=time_s
-        )
+        return answers, leak
 
-    def _after(self, leaked_m3: float, dent_m3: float, passed_s: float) -> float:
-        return dent_m3 + (leaked_m3 - dent_m3) * exp(
-            -passed_s / (self.setup.eye.leak_time_s or 1.0)
-        )
+    def at_pressure(
+        self,
+        resting_pa: float,
+        eye: Eye,
+        answers: tuple[Answer, ...],
+        time_s: float | None,
+    ) -> "Leak":
+        """Return the leak by a time whose pressure at rest is stated, and whose
+        answers were read at it.
+        """
+        law = leaking_law(eye)
+        pressure_pa = answers[0].iop_at_dent_pa
+        if law is None or eye.iop_pa is None or pressure_pa is None:
+            return self
+
+        leaked_m3 = -float(law.displaced_m3(eye.iop_pa, resting_pa))
+        dent_m3 = leaked_m3 + float(law.displaced_m3(eye.iop_pa, pressure_pa))
+        return Leak(leaked_m3, dent_m3, time_s)
+
+
+def leaking_law(eye: Eye) -> PressureLaw | None:
+    """Return the pressure law of an eye that leaks; None of any other one."""
+    globe = eye.globe
+    if globe is None or globe.leak_time_s is None or globe.mean <= 0.0:
+        return None
+    return globe.pressure_law(globe.mean)

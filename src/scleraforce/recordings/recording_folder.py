@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from os import PathLike
 from pathlib import Path, PurePath
 from typing import Any
@@ -285,36 +285,57 @@ def recording_of(path: Path) -> Path | None:
 class RecordedFile:
     """A frame's file, with the recording that it is in.
 
-    `recording` and `info` are None for other images; `time_s` and `plane` where the
-    recording is not of several planes. `is_faulty`: the recording could not be read.
+    `recording` and `info` are None for other images, `entry` for those that frames.csv
+    does not list, `plane` where the recording is not of several planes. `is_faulty`:
+    the recording could not be read.
     """
 
     path: Path
     recording: Path | None = None
     info: RecordingInfo | None = None
-    time_s: float | None = None
+    entry: FrameEntry | None = None
     plane: Plane | None = None
     is_faulty: bool = False
 
+    @property
+    def time_s(self) -> float | None:
+        """Time of the frame on the clock of its recording; None if it is not listed."""
+        return None if self.entry is None else self.entry.time_s
+
 
 def recorded_file(path: Path) -> RecordedFile:
-    """Return a frame's file with what its recording states, each file of which is read
-    once; raises `RecordingError`.
+    """Return a frame's file with what its recording states; raises `RecordingError`.
+
+    frames.csv is read again where it has changed.
     """
     recording = recording_of(path)
     if recording is None:
         return RecordedFile(path)
 
     info = read_info(recording / "recording.toml")
-    if not info.scan.planes:
-        return RecordedFile(path, recording, info)
+    table = recording / "frames.csv"
+    entry = None
+    if info.scan.planes or table.exists():
+        entry = _listed(table, _stamp(table)).get(path.name)
 
-    for entry in read_frame_list(recording / "frames.csv"):
-        plane = info.scan.named(entry.plane)
-        if entry.file == path.name and plane is not None:
-            return RecordedFile(path, recording, info, entry.time_s, plane)
+    plane = None if entry is None else info.scan.named(entry.plane)
+    if info.scan.planes and plane is None:
+        raise RecordingError(f"{table}: plane: none for {path.name}")
+    return RecordedFile(path, recording, info, entry, plane)
 
-    raise RecordingError(f"{recording / 'frames.csv'}: plane: none for {path.name}")
+
+def _stamp(path: Path) -> tuple[int, ...]:
+    """Return numbers that change with a file; of a missing one none."""
+    if not path.exists():
+        return ()
+    stat = path.stat()
+    return stat.st_mtime_ns, stat.st_size, stat.st_ino
+
+
+@lru_cache(maxsize=8)  # recordings whose frames are read in turns
+def _listed(table: Path, _: tuple[int, ...]) -> Mapping[str, FrameEntry]:
+    """Read frames.csv, by the names of files; by path and stamp."""
+    return {entry.file: entry for entry in read_frame_list(table)}
 
 
 SIZES = ("width_m", "depth_m", "refractive_index")

@@ -5,7 +5,7 @@ moment.
 import hashlib
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
-from math import inf
+from math import inf, isfinite
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -105,12 +105,19 @@ class Moment:
 
     Attributes:
         frames: one, or one of each plane.
-        held_s: time since the needle's push, in tissue that relaxes. None: as in the
-            frames of the calibration.
-        iop_pa: pressure at rest at this moment. None: the eye's.
+        time_s: on a clock that the moments of a sequence share. None: of a recording's
+            frames that are read in a sequence, as frames.csv lists it; else it is not
+            known what was before.
+        held_s: time since the needle's push, in tissue that relaxes. None: as
+            frames.csv lists it, else as in the frames of the calibration.
+        iop_pa: pressure at rest at this moment. None: as frames.csv lists it, else the
+            eye's.
+        travel_m: the needle's travel along its axis, inwards, from any start. None: as
+            frames.csv lists it, else not known; a fall of the force may then be a
+            withdrawal as fast as a robot makes it.
 
     Raises:
-        InputError: there is no frame, or `held_s` is below 0.
+        InputError: there is no frame, `held_s` is below 0, or a number is not finite.
 
     >>> import scleraforce as sf
     >>> frame = sf.Frame("eye-a/frames/0002.png")
@@ -120,8 +127,10 @@ class Moment:
 
     frames: tuple[Frame, ...]
     _: KW_ONLY
+    time_s: float | None = None
     held_s: float | None = None
     iop_pa: float | None = None
+    travel_m: float | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.frames, tuple) or not all(
@@ -136,6 +145,10 @@ class Moment:
             )
         if self.iop_pa is not None:
             check_quantity("iop_pa", self.iop_pa)
+        for name in ("time_s", "travel_m"):
+            value = getattr(self, name)
+            if value is not None and not isfinite(value):
+                raise InputError(f"{name}: {value}; give a finite number")
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,9 @@ SEVERITY_OF: Mapping[str, Severity] = MappingProxyType(
         "lean-contradicted": "doubt",
         "lean-not-calibrated": "caution",
         "no-history": "caution",
-        "pixels-scaled": "info",
+        "pixels-prepared": "info",
+        "wall-not-used": "caution",
+        "pierced": "doubt",
         # the eye that is read, and the model that reads it
         "outside-training": "caution",
         "other-reader": "info",

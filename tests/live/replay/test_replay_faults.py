@@ -9,7 +9,14 @@ from itertools import count, pairwise
 import numpy as np
 import pytest
 from fake_monitor import ClockedClient, MonitorRule
-from small_monitor import FRAME_S, SCALE_M, TurnedClock, frame_of, serving
+from small_monitor import (
+    FRAME_S,
+    SCALE_M,
+    TurnedClock,
+    frame_of,
+    reader_of,
+    serving,
+)
 from small_recordings import write_small_recording
 from waiting import FUSE_S
 
@@ -160,9 +167,8 @@ def withdraw_from_old_pictures(speckled: Recording, name: str, seed: int) -> Non
     limits = MonitorLimits(
         size=(256, 320), scale_m=(info.width_m / 320, info.depth_m / 256)
     )
-    session = MonitorSession(
-        lambda *_: answer, limits, lambda: next(clock) / 100, lambda: 0.0
-    )
+    reader = reader_of(lambda *_: answer)
+    session = MonitorSession(reader, limits, lambda: next(clock) / 100, lambda: 0.0)
 
     def show(sending: UnstampedMessage, number: int) -> None:
         (event,) = Decoder().feed(sending.stamped(1.0 + number / 100))

@@ -14,7 +14,7 @@ Public:
     progress: `Bars`, `by_percent`
     public_names: `MODULE_OF`, `names_on_demand`
     reading_frames: `FrameReading`, `check_calibrated`, `evaluate`, `load_model`,
-        `read`, `read_moment`, `save_wall`, `segment`, `segmented_frame`,
+        `SequenceReader`, `read`, `save_wall`, `segment`, `segmented_frame`,
         `summary_of_calibration`, `utc_now`
     shorthand: `setup_of_options`
     simulating: `declared_study`, `given_values`, `phantom`, `simulate`

@@ -6,20 +6,21 @@ is given that is not a file.
 """
 
 import getpass
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from os import PathLike
-from typing import TYPE_CHECKING, Any, Unpack, overload
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeGuard, Unpack, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 import scleraforce.records.calibration_file as calibration_file
-from scleraforce.base.errors import FrameError, InputError
+from scleraforce.base.errors import FrameError, InputError, StudyError
 from scleraforce.calibration.evaluation import Evaluation, evaluate_recordings
-from scleraforce.fit.unknowns import SIZE
 from scleraforce.front.api.opened_frames import (
     Located,
     as_counts,
@@ -31,7 +32,7 @@ from scleraforce.front.api.opened_frames import (
     planes_of,
     stated_wall,
 )
-from scleraforce.front.api.progress import Progress, counting_for
+from scleraforce.front.api.progress import Counting, Progress, counting_for
 from scleraforce.front.api.shorthand import (
     OF_SCAN,
     ScanShorthand,
@@ -40,16 +41,22 @@ from scleraforce.front.api.shorthand import (
     stated_twice,
 )
 from scleraforce.reading.answer import Answer, Answers
-from scleraforce.reading.load_model import load_reader, opened_reader, suited_reader
+from scleraforce.reading.eye_reader import (
+    EyeReader,
+    Memory,
+    MomentFrame,
+    OpenedMoment,
+    other_eye,
+)
+from scleraforce.reading.load_model import load_reader, opened_reader
 from scleraforce.reading.reading_models import Reader
-from scleraforce.reading.tissue_memory import TissueMemory
-from scleraforce.reading.trained_ranges import other_needle
 from scleraforce.recordings import recording_folder
 from scleraforce.recordings.drawn_walls import drawn_mask, write_wall
 from scleraforce.recordings.recording_folder import (
     RecordedFile,
     Recording,
     read_recording,
+    recorded_file,
 )
 from scleraforce.records.calibration_file import CalibrationSummary, read_calibration
 from scleraforce.records.eye import Eye
@@ -63,7 +70,8 @@ from scleraforce.records.frame import (
 )
 from scleraforce.records.model_folder import SHIPPED_WALL_FINDER
 from scleraforce.records.needle import Needle
-from scleraforce.records.scan import Plane, Scan
+from scleraforce.records.remark import Remark
+from scleraforce.records.scan import PixelScale, Plane, Scan
 from scleraforce.records.setup import NOTHING_KNOWN, Setup
 from scleraforce.wall.wall import Segmentation
 from scleraforce.wall.wall_in_metres import check_mask_size
@@ -80,15 +88,18 @@ Given = Recording | str | PathLike[str]  # a recording, opened or as a folder
 @dataclass(frozen=True, eq=False)
 class FrameReading:
     """An answer with its inputs: `given` by the caller, `stated` by recording.toml,
-    `known` of both and the calibration; notes; plane.
+    `listed` by frames.csv as well, `known` of all and the calibration; plane.
+
+    `remarks` are on the frame, its eye and the model; those on the answer are its own.
     """
 
     answer: Answer
     frame: OpenedFrame
     given: Setup
     stated: Setup
+    listed: Setup
     known: Setup
-    notes: tuple[str, ...]
+    remarks: tuple[Remark, ...]
     plane: Plane | None = None
 
 
@@ -274,8 +285,14 @@ def read(
             f"eye: {eye!r} names an eye of a calibration; give the calibration, too"
         )
 
+    sequence = SequenceReader(reader, given, calibration)
+    counting = counting_for(progress, "frames")
+    if _is_sequence(frame):
+        if mask is not None:
+            raise InputError("mask: of moments, each frame has its own; leave it out")
+        return _answers(sequence, frame, counting)
     if not isinstance(frame, np.ndarray) or frame.ndim != 3:
-        return _answer(reader, _moment(frame, mask), given, calibration)
+        return _answer(sequence.read(_moment(frame, mask)))
     if not frame.size:
         raise FrameError(
             f"frame: an array of shape {frame.shape}; give frames x rows x columns, at"
@@ -289,32 +306,51 @@ def read(
             f"mask: {len(masks)} for a stack of {len(stack)} frames; give one for each"
         )
 
+    moments = [
+        Moment((Frame(pixels, mask=masks[nth] if len(masks) else None),))
+        for nth, pixels in enumerate(stack)
+    ]
+    prepared = tuple(Remark("pixels-prepared", note) for note in notes)
+    return Answers(
+        tuple(
+            replace(answer, remarks=(*answer.remarks, *prepared))
+            for answer in _answers(sequence, moments, counting)
+        )
+    )
+
+
+def _answers(
+    sequence: "SequenceReader", moments: Sequence[Moment], counting: Counting
+) -> Answers:
+    """Return the answers to moments, in their order."""
     answers = list[Answer]()
-    with counting_for(progress, "frames")("frames", len(stack)) as advance:
-        for nth, pixels in enumerate(stack):
-            moment = Moment((Frame(pixels, mask=masks[nth] if len(masks) else None),))
-            answer = _answer(reader, moment, given, calibration)
-            answers.append(replace(answer, warnings=(*answer.warnings, *notes)))
+    with counting("frames", len(moments)) as advance:
+        for moment in sequence.timed(moments):
+            answers.append(_answer(sequence.read(moment)))
             advance(1)
 
     return Answers(tuple(answers))
 
 
-def _answer(
-    reader: Reader,
-    moment: Moment,
-    given: Setup,
-    calibration: "GivenCalibration | None",
-) -> Answer:
-    """Return the answer to a moment, with the notes on it, and the pixels of the first
-    frame with its wall.
+def _answer(readings: Sequence[FrameReading]) -> Answer:
+    """Return the answer to a moment, with all remarks on it, and the pixels of the
+    first frame with its wall.
     """
-    first = read_moment(reader, moment, given, calibration)[0]
+    first = readings[0]
     wall = first.answer.segmentation
     return replace(
         first.answer,
-        warnings=(*first.answer.warnings, *first.notes),
+        remarks=(*first.answer.remarks, *first.remarks),
         segmentation=wall and replace(wall, pixels=first.frame.pixels),
+    )
+
+
+def _is_sequence(frame: Any) -> TypeGuard[Sequence[Moment]]:
+    """Return whether moments are given, one after the other."""
+    return (
+        isinstance(frame, list | tuple)
+        and len(frame) > 0
+        and all(isinstance(one, Moment) for one in frame)
     )
 
 
@@ -439,103 +475,191 @@ def utc_now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
-def read_moment(
-    model: Reader,
-    moment: Moment,
-    given: Setup,
-    calibration: "GivenCalibration | None" = None,
-    files: "Sequence[RecordedFile] | None" = None,
-) -> list[FrameReading]:
-    """Read the frames of a moment together, as `read` does; return each answer with its
-    inputs. `files`: the frames', where they have been located before.
+class SequenceReader:
+    """Reads moments with a model, as a caller declares the eye.
+
+    Moments with a time follow each other: each is read with the memory of the earlier
+    ones of its recording.
     """
-    frames: Sequence[Located] = files or [
-        located(frame.pixels) for frame in moment.frames
-    ]
-    planes = planes_of(moment, frames, given.scan.planes)
-    if planes and given.needle.gap_m is not None:
-        raise InputError("gap_m: several planes show their gaps; leave it out")
 
-    check_calibrated(given, calibrated=calibration is not None)
-    opened = _opened_together(frames, given.scan, model)
-    first = opened[0]
-    place = place_of(frames[0])
-    info = first.info
-    stated = NOTHING_KNOWN if info is None else info.setup
-    known = given.completed_by(stated)
-    if moment.iop_pa is not None:
-        eye = replace(known.eye, iop_pa=moment.iop_pa, iop_sd_pa=None)
-        known = replace(known, eye=eye)
+    def __init__(
+        self,
+        model: Reader,
+        given: Setup,
+        calibration: "GivenCalibration | None" = None,
+    ) -> None:
+        check_calibrated(given, calibrated=calibration is not None)
+        self.model = model
+        self._given = given
+        self._calibration = (
+            None if calibration is None else summary_of_calibration(calibration)
+        )
+        self._eyes = dict[tuple[Path | None, Setup], EyeReader]()
+        self._memories = dict[Path | None, Memory]()
 
-    notes = list(first.notes)
-    summary = None if calibration is None else summary_of_calibration(calibration)
-    name = known.eye.name
-    if summary is not None:
-        if name is None:
-            where = "no recording.toml beside the frame names it"
-            raise InputError(
-                f"eye: missing; {where}; {calibration_file.choice_of_eye(summary)}"
+    def timed(self, moments: Sequence[Moment]) -> Iterator[Moment]:
+        """Yield moments with the times that their recordings list, where several of a
+        recording are read.
+
+        A single one has no time: what was before it is not known.
+        """
+        listed = [_listed(moment) for moment in moments]
+        count = Counter(file.recording for file in listed if file is not None)
+        for moment, file in zip(moments, listed, strict=True):
+            follows = file is not None and count[file.recording] > 1
+            if file is not None and follows and moment.time_s is None:
+                yield replace(moment, time_s=file.time_s)
+            else:
+                yield moment
+
+    def read(
+        self, moment: Moment, files: "Sequence[RecordedFile] | None" = None
+    ) -> list[FrameReading]:
+        """Read the frames of a moment together; return each answer with its inputs.
+        `files`: the frames', where they have been located before.
+        """
+        given = self._given
+        frames: Sequence[Located] = files or [
+            located(frame.pixels) for frame in moment.frames
+        ]
+        planes = planes_of(moment, frames, given.scan.planes)
+        if planes and given.needle.gap_m is not None:
+            raise InputError("gap_m: several planes show their gaps; leave it out")
+
+        opened = _opened_together(frames, given.scan, self.model)
+        first = opened[0]
+        stated = NOTHING_KNOWN if first.info is None else first.info.setup
+        eye = self._eye_of(frames[0], first, given.completed_by(stated))
+        moment = _completed(moment, frames[0], given.eye)
+        if moment.held_s is not None and eye.setup.eye.relaxation is None:
+            way = "give a calibration, or relaxation in recording.toml"
+            raise InputError(f"held_s: nothing says how the tissue relaxes; {way}")
+
+        remarks = [Remark("pixels-prepared", note) for note in first.notes]
+        remarks += eye.at(moment.iop_pa).remarks
+        thickness_m = eye.setup.eye.thickness_m
+        read = list[MomentFrame]()
+
+        with _faults_of_frame(frames[0]):
+            for number, one in enumerate(opened):
+                wall, notes = stated_wall(
+                    one,
+                    frames[number],
+                    moment.frames[number],
+                    given.scan,
+                    thickness_m,
+                    eye.model.finder,
+                )
+                plane = planes[number] if planes else None
+                read.append(MomentFrame(one.pixels, plane, wall))
+                remarks += (Remark("wall-not-used", note) for note in notes)
+
+            answers = self._answers(eye, frames[0], moment, tuple(read), first.scale)
+
+        if self._calibration is not None and eye.setup.eye.name is not None:
+            remarks += other_eye(answers[:1], self._calibration, eye.setup.eye.name)
+
+        listed = given.completed_by(stated)
+        if moment.iop_pa is not None:
+            listed = replace(listed, eye=replace(listed.eye, iop_pa=moment.iop_pa))
+        return [
+            FrameReading(
+                answer,
+                one,
+                given,
+                stated,
+                listed,
+                eye.at(moment.iop_pa).setup,
+                tuple(remarks),
+                frame.plane,
             )
-
-        known = calibration_file.known_of_eye(known, summary, name)
-        notes += filter(None, [calibration_file.foreign_modulus(summary, name)])
-
-    if info is not None:
-        recording = getattr(frames[0], "recording", None) or place
-        notes += (
-            f"{recording}: {limit}"
-            for limit in model.limits(known, known.scan, known.needle.gauge)
-        )
-    else:
-        notes += other_needle(model.study, known.needle.gauge)
-
-    if known.eye.leak_time_s is not None:
-        notes.append(
-            "leak_time_s: a single frame is read as if nothing had leaked; evaluate"
-            " follows the leak"
-        )
-
-    asked = model
-    model = suited_reader(model, known)
-    if model.path != asked.path:
-        notes.append(
-            f"read with the bundled reader {model.name}, which was trained"
-            " for such eyes"
-        )
-
-    if moment.held_s is not None and known.eye.relaxation is None:
-        way = "give a calibration, or relaxation in recording.toml"
-        raise InputError(f"held_s: nothing says how the tissue relaxes; {way}")
-
-    history = TissueMemory.unknown(known, model.study.needle.max_force_n)
-    with _faults_of_frame(frames[0]):
-        walls = list[Segmentation | None]()
-        for one, frame, stating in zip(opened, frames, moment.frames, strict=True):
-            wall, more = stated_wall(
-                one, frame, stating, given.scan, known.eye.thickness_m, model.finder
-            )
-            walls.append(wall)
-            notes += more
-
-        elastic = model.read_together(
-            [one.pixels for one in opened], first.scale, known, planes, walls
-        )
-        answers = [
-            history.read(one, model.study.classes.bounds_n, held_s=moment.held_s)[0]
-            for one in elastic
+            for answer, one, frame in zip(answers, opened, read, strict=True)
         ]
 
-    if summary is not None and name is not None:
-        shown = [_appearance(answer) for answer in answers]
-        doubts = [
-            calibration_file.appearance_doubt(summary, name, one) for one in shown
-        ]
-        notes += filter(None, doubts[:1])
+    def _eye_of(
+        self, frame: Located, opened: OpenedFrame, declared: Setup
+    ) -> EyeReader:
+        """Return the reader of the eye of a frame: one of each recording, or of what is
+        declared without one.
+        """
+        declared = replace(declared, scan=_scan_of(opened, declared.scan))
+        key = _recording_of(frame), declared
+        if key not in self._eyes:
+            self._eyes[key] = EyeReader.of(self.model, declared, self._calibration)
+        return self._eyes[key]
 
-    return [
-        FrameReading(answer, one, given, stated, known, tuple(notes), plane)
-        for answer, one, plane in zip(answers, opened, planes or (None,), strict=True)
-    ]
+    def _answers(
+        self,
+        eye: EyeReader,
+        frame: Located,
+        moment: Moment,
+        frames: tuple[MomentFrame, ...],
+        scale: PixelScale,
+    ) -> tuple[Answer, ...]:
+        """Read a moment with the memory of its recording, and keep it."""
+        opened = OpenedMoment(
+            frames,
+            scale,
+            moment.time_s,
+            moment.held_s,
+            moment.iop_pa,
+            moment.travel_m,
+        )
+        if moment.time_s is None:
+            answers, _ = eye.read(opened, eye.start())
+            return answers
+
+        place = _recording_of(frame)
+        before = self._memories.get(place) or eye.start()
+        answers, self._memories[place] = eye.read(opened, before)
+        return answers
+
+
+def _scan_of(opened: OpenedFrame, declared: Scan) -> Scan:
+    """Return a scan with the size and scale of a frame; the scale alone of one that is
+    too small for any scanner, which is refused when it is read.
+    """
+    scan = replace(
+        declared,
+        width_m=opened.scan.width_m,
+        depth_m=opened.scan.depth_m,
+        refractive_index=opened.scan.refractive_index,
+    )
+    rows, columns = opened.pixels.shape
+    try:
+        return replace(scan, rows=rows, columns=columns)
+    except StudyError:
+        return scan
+
+
+def _listed(moment: Moment) -> RecordedFile | None:
+    """Return the first file of a moment, if its recording lists it."""
+    source = moment.frames[0].pixels
+    if not isinstance(source, str | PathLike):
+        return None
+    file = recorded_file(Path(source))
+    return None if file.entry is None else file
+
+
+def _recording_of(frame: Located) -> Path | None:
+    return frame.recording if isinstance(frame, RecordedFile) else None
+
+
+def _completed(moment: Moment, frame: Located, declared: Eye) -> Moment:
+    """Return a moment with what frames.csv states of it; a declared pressure takes
+    precedence.
+    """
+    entry = frame.entry if isinstance(frame, RecordedFile) else None
+    if entry is None:
+        return moment
+
+    iop_pa = entry.iop_pa if declared.iop_pa is None else None
+    return replace(
+        moment,
+        held_s=entry.held_s if moment.held_s is None else moment.held_s,
+        travel_m=entry.travel_m if moment.travel_m is None else moment.travel_m,
+        iop_pa=iop_pa if moment.iop_pa is None else moment.iop_pa,
+    )
 
 
 def _opened_together(
@@ -563,15 +687,6 @@ def _opened_together(
         raise InputError("frame: one picture for two planes; give the frame of each")
 
     return opened
-
-
-def _appearance(answer: Answer) -> calibration_file.Appearance | None:
-    """Return what a frame shows beside its dent; None if it was not fitted."""
-    wall = answer.segmentation
-    if not answer.usable or answer.fit is None or wall is None or not wall.inner_found:
-        return None
-    size = float(np.exp(answer.fit.unknown[SIZE]))
-    return calibration_file.appearance_of([wall.thickness_m], [size])
 
 
 def check_calibrated(given: Setup, *, calibrated: bool) -> None:

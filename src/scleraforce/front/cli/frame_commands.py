@@ -547,8 +547,8 @@ def read(
     """
     # 180 ms: Numba and the models, not for --help
     from scleraforce.front.api.reading_frames import (
+        SequenceReader,
         check_calibrated,
-        read_moment,
         summary_of_calibration,
     )
     from scleraforce.reading.answer import unusable_answer
@@ -574,13 +574,28 @@ def read(
         )
     check_calibrated(declared, calibrated=calibration is not None)
     scan = replace(declared.scan, transposed=transpose, **given)
-    loaded = cache(lambda: sf.load_model(model, wall_finder=wall_finder))
+    moments = _moments(frames, planes)
+    shown = [file.plane for file in moments[0] if planes and file.plane]
     summary = None if calibration is None else summary_of_calibration(calibration)
+    setup = replace(
+        declared,
+        eye=replace(declared.eye, name=eye),
+        scan=replace(scan, planes=tuple(shown)),
+    )
+    sequence = cache(
+        lambda: SequenceReader(
+            sf.load_model(model, wall_finder=wall_finder), setup, summary
+        )
+    )
+    recordings = Counter(files[0].recording for files in moments)
 
-    def answer(files: MomentFiles) -> "list[FrameReading]":
+    def answer(number: int) -> "list[FrameReading]":
+        files = moments[number]
         for file in files:
             os.stat(file.path)  # a missing frame is reported before the model is loaded
 
+        first = files[0]
+        follows = recordings[first.recording] > 1
         moment = Moment(
             tuple(
                 Frame(
@@ -590,22 +605,19 @@ def read(
                 )
                 for file in files
             ),
+            time_s=first.time_s if follows else None,
             held_s=held_s,
         )
-        seen = [file.plane for file in files if file.plane]
-        shown = tuple(seen) if planes else ()
-        given = replace(
-            declared,
-            eye=replace(declared.eye, name=eye),
-            scan=replace(scan, planes=shown),
-        )
         located = None if any(file.is_faulty for file in files) else files
-        return read_moment(loaded(), moment, given, summary, located)
+        return sequence().read(moment, located)
 
+    in_time = sorted(range(len(moments)), key=lambda number: _time_s(moments[number]))
+    read_by_number = dict(each_of(in_time, answer))
     found = [
-        (file.path, one if isinstance(one, InputError) else one[number])
-        for files, one in each_of(_moments(frames, planes), answer)
-        for number, file in enumerate(files)
+        (file.path, one if isinstance(one, InputError) else one[place])
+        for number, files in enumerate(moments)
+        for one in [read_by_number[number]]
+        for place, file in enumerate(files)
     ]
     answered = [(path, one) for path, one in found if not isinstance(one, InputError)]
     faults = [one for _, one in found if isinstance(one, InputError)]
@@ -613,8 +625,10 @@ def read(
     if not (answered or is_json()):
         return Report({}, (), faults)
 
-    reader = loaded()
-    notes = list(dict.fromkeys(note for _, one in answered for note in one.notes))
+    reader = sequence().model
+    all_remarks = (remark for _, one in answered for remark in one.remarks)
+    remarks = list(dict.fromkeys(all_remarks))
+    notes = list(map(str, remarks))
 
     if reader.fixed_modulus_pa is not None and (
         declared != NOTHING_KNOWN or calibration is not None
@@ -651,6 +665,7 @@ def read(
             "kind": reader.kind,
             "class_bounds_mn": reader.bounds_mn,
             "notes": notes,
+            "remarks": [remark.to_dict() for remark in remarks],
             "frames": entries,
         },
         lines,
@@ -687,6 +702,14 @@ def _moments(
         {plane.name: len(files) for plane, files in of_plane.items() if plane}
     )
     return list(zip(*of_plane.values(), strict=True))
+
+
+def _time_s(files: MomentFiles) -> float:
+    """Return when a moment was: those of one recording are read in their order in
+    time.
+    """
+    time_s = files[0].time_s
+    return 0.0 if time_s is None else time_s
 
 
 def _recorded(path: Path) -> RecordedFile:
@@ -803,6 +826,7 @@ def _known(one: "FrameReading") -> dict[str, dict[str, Any]]:
     sources = {
         "option": one.given,
         "recording.toml": one.given.completed_by(one.stated),
+        "frames.csv": one.listed,
         "calibration": one.known,
     }
     found = {}

@@ -92,7 +92,8 @@ class EyeLearner:
         ):
             return
 
-        is_light = answer.force_n is not None and answer.force_n < LIGHT_N
+        dent_n = answer.dent_force_n
+        is_light = dent_n is not None and dent_n < LIGHT_N
         self._light_s = min(self._light_s, asked.at_s) if is_light else inf
 
         if asked.at_s - self._light_s > SETTLES_S and not self._waiting:

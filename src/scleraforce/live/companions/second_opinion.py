@@ -7,8 +7,8 @@ as long. The process reads the newest frame, at most 50 a second, skips frames t
 meanwhile, and takes no more than half of a core: it runs in real time, and where a
 reading takes 20 ms, others would get nothing of that core. It is ready when it has read
 a frame of its own: a first reading takes 0.3 s, and much longer where loops are
-compiled, so the opinion of a real frame would be overdue. It keeps its own history of
-tissue that relaxes. With `learns`, it also learns E (`live.companions.eye_learning`),
+compiled, so the opinion of a real frame would be overdue. It keeps its own memory of
+the eye. With `learns`, it also learns E (`live.companions.eye_learning`),
 which its later readings use.
 
 The frames of several planes are read together, and each gets its own opinion: the force
@@ -17,7 +17,6 @@ must not count as seen only because another one shows it.
 """
 
 from contextlib import AbstractContextManager, nullcontext
-from itertools import zip_longest
 from select import select
 from time import monotonic, sleep
 from typing import TYPE_CHECKING
@@ -33,10 +32,14 @@ from scleraforce.live.companions.process_messages import (
 from scleraforce.live.companions.shared_frames import FrameRing
 from scleraforce.live.companions.watchdog import OPINION_PRIORITY, run_in_real_time
 from scleraforce.reading.answer import Answer, unusable_answer
-from scleraforce.reading.eye_reader import warming_frame
+from scleraforce.reading.eye_reader import (
+    EyeReader,
+    MomentFrame,
+    OpenedMoment,
+    warming_frame,
+)
 from scleraforce.reading.load_model import load_reader
-from scleraforce.reading.reading_models import LEFT_OUT, ForceReader, Reader
-from scleraforce.reading.tissue_memory import TissueMemory
+from scleraforce.reading.reading_models import ForceReader, Reader
 from scleraforce.records.scan import Plane
 
 if TYPE_CHECKING:
@@ -59,17 +62,17 @@ def _serve(
     learner: "EyeLearner | None",
 ) -> None:
     ring = FrameRing(settings.ring)
-    known = settings.setup
-    frame = warming_frame(
+    planes: tuple[Plane | None, ...] = settings.planes or (None,)
+    eye_reader = EyeReader(reader, settings.setup)
+    memory = eye_reader.start(monitored=True)
+    drawn = warming_frame(
         ring.shape,
         settings.scale,
         reader.study.eye.radius_m,
         settings.setup.eye.thickness_m,
     )
-    planes = settings.planes
-    reader.read_together([frame] * max(len(planes), 1), settings.scale, known, planes)
-    history = TissueMemory.monitored(settings.setup, reader.study.needle.max_force_n)
-    study = reader.study
+    frames = tuple(MomentFrame(drawn, plane) for plane in planes)
+    eye_reader.read(OpenedMoment(frames, settings.scale), memory)
     # not before: Linux pauses what leaves a core nothing for a second
     run_in_real_time(OPINION_PRIORITY)
     channel.send(Alive(faults=()))
@@ -90,30 +93,29 @@ def _serve(
 
         assert isinstance(asked, OpinionAsked)
         of_plane = {name: (number, order) for name, number, order in asked.planes}
-        asked_for = [of_plane[plane.name] for plane in planes] or [
-            (asked.number, asked.order)
+        asked_for = [
+            (asked.number, asked.order) if plane is None else of_plane[plane.name]
+            for plane in planes
         ]
-
-        frames = [
-            pixels
-            for number, _ in asked_for
+        frames = tuple(
+            MomentFrame(pixels, plane)
+            for (number, _), plane in zip(asked_for, planes, strict=True)
             if (pixels := ring.get(number)) is not None
-        ]
+        )
         if len(frames) == len(asked_for):
-            elastic = reader.read_together(frames, settings.scale, known, planes)
-            felt = [
-                history.read(one, study.classes.bounds_n, asked.at_s) for one in elastic
-            ]
-            history = felt[0][1]
+            moment = OpenedMoment(frames, settings.scale, asked.at_s)
+            answers, memory = eye_reader.read(moment, memory)
 
-            for (_, order), (answer, _), plane in zip_longest(asked_for, felt, planes):
+            for (_, order), answer, plane in zip(
+                asked_for, answers, planes, strict=True
+            ):
                 channel.send(_opinion(answer, order, plane, reader.classes))
 
             if learner:
-                learner.show(asked, elastic[0], settings.scale)
+                learner.show(asked, answers[0], settings.scale)
 
         if learner and (learned := learner.learned(monotonic())):
-            known = learned.setup if reader.refusal(learned.setup) is None else known
+            eye_reader = eye_reader.with_eye(learned.setup.eye)
             channel.send(learned)
 
         took_s = monotonic() - begun_s
@@ -129,11 +131,8 @@ def _opinion(
     if plane is None:
         return OpinionGiven(order=order, verdict=answer.verdict)
 
-    if answer.usable and answer.fit is None:
-        words = f"{LEFT_OUT}plane {plane.name}:"
-        answer = unusable_answer(
-            classes, next(said for said in answer.warnings if said.startswith(words))
-        )
+    if answer.usable and answer.left_out is not None:
+        answer = unusable_answer(classes, f"left out: {answer.left_out}")
 
     contact_m = None if answer.place is None else answer.place.contact_m
     return OpinionGiven(
