@@ -51,7 +51,7 @@ DENSE = "dense"  # of tissue that relaxes
 MOVING = "moving"
 PLANES = "planes"
 PRESSURES = "pressures"  # at rest, which frames.csv states frame by frame
-SECOND_PRESSURE_PA = 800.0
+SECOND_PRESSURE_PA = 530.0
 RELAXATION = "relaxation = [[0.12, 1.2], [0.15, 12.0]]"
 UNEVEN_FORM = """
 [form]

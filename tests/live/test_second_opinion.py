@@ -5,24 +5,20 @@ has, and learns the eye's E.
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from select import select
-from time import monotonic
 
 import numpy as np
 import pytest
-from analytic_frames import KNOWN, LIBRARY, SCALE, STUDY, image, tip_of, wall_section
+from analytic_frames import KNOWN, LIBRARY, STUDY, image, tip_of, wall_section
+from opinion_process import OpinionProcess
 from scanned_planes import CROSS, cut_wall
 from small_models import write_fixed_reader
-from waiting import FUSE_S, wait_until
+from waiting import FUSE_S
 
 from scleraforce.base.errors import InputError
 from scleraforce.live.companions import process_messages
-from scleraforce.live.companions.eye_learning import LEARNED_FILE, LEAST_S, resumed_eye
-from scleraforce.live.companions.process_channel import ChannelClosedError, Child
-from scleraforce.live.companions.shared_frames import FrameRing
+from scleraforce.live.companions.eye_learning import LEARNED_FILE, resumed_eye
+from scleraforce.live.companions.process_channel import ChannelClosedError
 from scleraforce.records.eye import Modulus
-from scleraforce.records.scan import Plane
-from scleraforce.records.setup import Setup
 from scleraforce.records.tissue_relaxation import Relaxation
 
 pytest.importorskip("torch")
@@ -41,101 +37,6 @@ PRIOR = Modulus(
 EYE = replace(KNOWN, eye=replace(KNOWN.eye, modulus=PRIOR))
 
 
-# since which the frames that teach came: none has to wait until it has settled
-LONG_AGO_S = 600.0
-
-
-class Reader:
-    """The process, and the ring that it reads from; with a `record` it learns the eye,
-    and saves it there.
-    """
-
-    def __init__(
-        self,
-        model: Path,
-        setup: Setup = RELAXING,
-        record: Path | None = None,
-        planes: tuple[Plane, ...] = (),
-    ) -> None:
-        self.ring = FrameRing.create(4, STUDY.oct.rows, STUDY.oct.columns)
-        self.number = 0
-        self.at_s = monotonic() - LONG_AGO_S
-        settings = process_messages.OpinionSettings(
-            model=model,
-            setup=setup,
-            scale=SCALE,
-            ring=self.ring.place,
-            learns=record and "eye-a",
-            record=record,
-            planes=planes,
-        )
-        self.child = Child(
-            "scleraforce.live.companions.second_opinion",
-            settings,
-            [self.ring.place.descriptor],
-        )
-
-    def ask(
-        self,
-        number: int,
-        order: int,
-        at_s: float = 0.0,
-        teaches: bool = False,
-        pierced: bool = False,
-        planes: tuple[tuple[str, int, int], ...] = (),
-    ) -> None:
-        asked = process_messages.OpinionAsked(
-            number=number,
-            order=order,
-            at_s=at_s,
-            teaches=teaches,
-            pierced=pierced,
-            planes=planes,
-        )
-        assert self.child.channel.send(asked)
-
-    def hear(
-        self, kind: type[process_messages.CompanionMessage]
-    ) -> list[process_messages.CompanionMessage]:
-        """Return what comes until a message of a kind, which is the last."""
-        heard = list[process_messages.CompanionMessage]()
-        while not any(isinstance(one, kind) for one in heard):
-            assert select([self.child.channel], [], [], FUSE_S)[0], heard
-            heard += self.child.channel.receive(1)
-        return heard
-
-    def opinion(self) -> process_messages.OpinionGiven:
-        (message,) = self.hear(process_messages.OpinionGiven)
-        return message
-
-    def show(
-        self, force_n: float, teaches: bool = True, pierced: bool = False
-    ) -> list[process_messages.CompanionMessage]:
-        """Show a frame, long enough after the last one to teach; return what came until
-        its opinion, with it.
-        """
-        self.number += 1
-        self.at_s += 1.1 * LEAST_S
-        self.ring.put(self.number, image(wall_section(tip_of(force_n)), self.number))
-        self.ask(self.number, self.number, self.at_s, teaches, pierced)
-        return self.hear(process_messages.OpinionGiven)
-
-    def learned(self, teaches: bool = True) -> process_messages.EyeLearned:
-        """Hold the needle until something was learned."""
-        found = list[process_messages.EyeLearned]()
-        wait_until(
-            lambda: (
-                found.extend(
-                    one
-                    for one in self.show(0.020, teaches)
-                    if isinstance(one, process_messages.EyeLearned)
-                )
-                or bool(found)
-            )
-        )
-        return found[0]
-
-
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("opinion") / "reader"
@@ -146,15 +47,15 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def reader(model: Path) -> Iterator[Reader]:
-    reader = Reader(model)
+def reader(model: Path) -> Iterator[OpinionProcess]:
+    reader = OpinionProcess(model, RELAXING)
     # it has read a frame of its own, and is ready
     assert reader.hear(process_messages.Alive) == [process_messages.Alive(faults=())]
     yield reader
     assert reader.child.end(FUSE_S) == 0
 
 
-def test_a_wall_is_read_with_its_force_by_the_fit(reader: Reader) -> None:
+def test_a_wall_is_read_with_its_force_by_the_fit(reader: OpinionProcess) -> None:
     reader.ring.put(1, image(wall_section(tip_of(0.015))))
     reader.ask(1, 71)
     opinion = reader.opinion()
@@ -171,7 +72,7 @@ def test_a_wall_is_read_with_its_force_by_the_fit(reader: Reader) -> None:
 
 
 def test_of_frames_that_wait_the_newest_is_read_and_one_that_is_gone_is_left_out(
-    reader: Reader,
+    reader: OpinionProcess,
 ) -> None:
     for number, force_n in ((3, 0.003), (4, 0.012), (5, 0.020)):
         reader.ring.put(number, image(wall_section(tip_of(force_n))))
@@ -181,7 +82,7 @@ def test_of_frames_that_wait_the_newest_is_read_and_one_that_is_gone_is_left_out
 
 
 def test_it_keeps_a_history_of_its_own_by_the_times_of_the_frames(
-    reader: Reader,
+    reader: OpinionProcess,
 ) -> None:
     verdicts = []
     for turn in range(12):  # a hold of three seconds, after an unknown time
@@ -206,7 +107,7 @@ def test_frames_of_several_planes_are_read_together_and_one_that_is_left_out_is_
     write_fixed_reader(
         tmp_path / "reader", LIBRARY, [float(number == BIN) for number in range(BINS)]
     )
-    cross = Reader(tmp_path / "reader", KNOWN, planes=CROSS)
+    cross = OpinionProcess(tmp_path / "reader", KNOWN, planes=CROSS)
     assert cross.hear(process_messages.Alive) == [process_messages.Alive(faults=())]
     contact_m = (0.15e-3, -0.5e-3, 0.5e-3)
 
@@ -242,7 +143,7 @@ def test_frames_of_several_planes_are_read_together_and_one_that_is_left_out_is_
 def test_a_model_that_cannot_be_read_is_said_before_the_process_ends(
     tmp_path: Path,
 ) -> None:
-    broken = Reader(tmp_path / "nowhere")
+    broken = OpinionProcess(tmp_path / "nowhere", RELAXING)
     (message,) = broken.hear(process_messages.SelfReport)
     assert "nowhere" in message.detail
     assert broken.child.end(FUSE_S) == 1
@@ -253,7 +154,7 @@ def test_a_model_that_cannot_be_read_is_said_before_the_process_ends(
 def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_resumed(
     model: Path, tmp_path
 ) -> None:
-    learning = Reader(model, EYE, tmp_path)
+    learning = OpinionProcess(model, EYE, tmp_path)
     learning.hear(process_messages.Alive)
     learning.show(0.025, teaches=False)
     taught_n = (0.005, 0.010, 0.015, 0.020)

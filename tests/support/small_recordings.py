@@ -53,6 +53,7 @@ from scleraforce.records.eye import Eye, ForceDiscrepancy, Modulus
 from scleraforce.records.frame import frame_digest
 from scleraforce.records.globe import REFERENCE_RIGIDITY, SEALED
 from scleraforce.records.needle import Needle
+from scleraforce.records.remark import Remark
 from scleraforce.records.scan import Scan
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study, read_study
@@ -221,7 +222,8 @@ def read_frames(
         changed(look.answer, force_n=0.021, interval_n=(0.0187, 0.0234), **more)
         for look in looks
     ]
-    answers[1] = changed(answers[1], predicted=2, warnings=("the methods differ",))
+    differ = Remark("methods-disagree", "the methods differ")
+    answers[1] = changed(answers[1], predicted=2, remarks=(differ,))
     nothing = {"force_n": None, "interval_n": None, "probabilities": None}
     answers[2] = changed(
         answers[2], usable=False, predicted=2, reason=reason, **nothing

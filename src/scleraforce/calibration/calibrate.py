@@ -69,8 +69,8 @@ SOUGHT_ON = 6
 # forces above this multiple of the highest calibrated force are far from it
 FAR_ABOVE = 1.5
 LEAKS = (
-    "eye.leak_time_s: E and k are of the globe without its leak, which `read` and"
-    " `monitor` do not follow"
+    "eye.leak_time_s: E and k are of the globe without its leak, which single frames"
+    " and the network of `monitor` do not follow"
 )
 LEAK_ROUNDS = 3  # of a calibration with the resting pressures that its E and k give
 

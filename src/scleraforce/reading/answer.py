@@ -256,7 +256,6 @@ class Answer:
         """Return the answer's keys in the JSON of `read` and `evaluate`, as plain
         types.
         """
-        # a single frame shows no rise
         median_ms, interval_ms = (
             (None, None) if self.to_bound is None else self.to_bound.as_ms()
         )

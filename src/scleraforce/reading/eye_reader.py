@@ -25,7 +25,7 @@ from scleraforce.reading.force_trend import (
     NOISE_WINDOWS,
     OUTSIDE,
     DentForce,
-    TimeToBound,
+    ForceRise,
     TrendLimits,
     rise_of,
     time_to_bound,
@@ -257,6 +257,24 @@ class EyeReader:
         The frames of several planes are read by one fit, and each has the force of all.
         Errors are those of `Reader.read`.
         """
+        if len(moment.frames) == 1:
+            return self._read(moment, memory)
+
+        # a fit depends in its last digits on the order of planes: it is the scan's
+        names = [plane.name for plane in self.setup.scan.planes]
+        places = [
+            names.index(plane.name) if plane.name in names else len(names)
+            for plane in moment.planes
+        ]
+        order = sorted(range(len(places)), key=places.__getitem__)
+        frames = tuple(moment.frames[number] for number in order)
+        answers, after = self._read(replace(moment, frames=frames), memory)
+        by_number = dict(zip(order, answers, strict=True))
+        return tuple(by_number[number] for number in range(len(order))), after
+
+    def _read(
+        self, moment: OpenedMoment, memory: Memory
+    ) -> tuple[tuple[Answer, ...], Memory]:
         now = self.at(moment.iop_pa)
         if self.by == "network":
             (frame,) = moment.frames
@@ -280,9 +298,9 @@ class EyeReader:
             return answers, after
 
         answers, after = self._with_trend(answers, moment, after)
-        remarks = self._without_history(moment)
-        if self.foreign is not None:
-            remarks = (OF_POPULATION, *remarks)
+        remarks = () if self.foreign is None else (OF_POPULATION,)
+        if answers[0].usable:
+            remarks = (*remarks, *self._without_history(moment))
         if remarks:
             answers = tuple(
                 replace(one, remarks=(*one.remarks, *remarks)) for one in answers
@@ -318,32 +336,22 @@ class EyeReader:
         looks like a puncture, and the memory with the forces of this moment.
         """
         first = answers[0]
+        dent_n = first.dent_force_n
         time_s = moment.time_s
-        if time_s is None or first.force_n is None:
-            return answers, memory
+        if time_s is None or first.force_n is None or dent_n is None:
+            return tuple(self._to_bound(one, None) for one in answers), memory
 
         forces = (*memory.forces, (time_s, first.force_n))[-RISE_MOMENTS:]
-        dent_n = first.dent_force_n or 0.0
         dents = (*memory.dents, DentForce(time_s, dent_n, moment.travel_m))[-DENTS:]
         memory = replace(memory, forces=forces, dents=dents)
-
         rise = rise_of(forces, TREND.rate_frames)
-        bound_n = self.model.study.classes.bounds_n[-1]
-
-        def to_bound(answer: Answer) -> TimeToBound | None:
-            upper_n = upper_end(answer.verdict)
-            if not answer.usable or answer.force_n is None or upper_n is None:
-                return None
-            return time_to_bound(rise, answer.force_n, upper_n, bound_n)
-
-        answers = tuple(replace(one, to_bound=to_bound(one)) for one in answers)
+        answers = tuple(self._to_bound(one, rise) for one in answers)
 
         # a fall between held pushes, which nobody saw, is no puncture
         fall = unexplained_fall(dents, TREND)
         if fall is None or not fall.pierced:
             return answers, memory
 
-        pierced_s = dents[-OUTSIDE].at_s
         remark = Remark(
             "pierced",
             f"the force fell from {from_si(fall.from_n, 'mn'):.1f} to"
@@ -352,8 +360,17 @@ class EyeReader:
             " the wall may be pierced",
         )
         answers = tuple(replace(one, remarks=(*one.remarks, remark)) for one in answers)
-        punctures_s = (*memory.punctures_s, pierced_s)
+        punctures_s = (*memory.punctures_s, dents[-OUTSIDE].at_s)
         return answers, replace(memory, punctures_s=punctures_s)
+
+    def _to_bound(self, answer: Answer, rise: ForceRise | None) -> Answer:
+        """Return an answer with the time until its force reaches the highest class."""
+        upper_n = upper_end(answer.verdict)
+        if not answer.usable or answer.force_n is None or upper_n is None:
+            return answer
+        bound_n = self.model.study.classes.bounds_n[-1]
+        to_bound = time_to_bound(rise, answer.force_n, upper_n, bound_n)
+        return replace(answer, to_bound=to_bound)
 
     def _without_history(self, moment: OpenedMoment) -> tuple[Remark, ...]:
         """Return a remark on a history that matters and is not known, or not

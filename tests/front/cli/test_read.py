@@ -202,7 +202,7 @@ def test_a_calibration_gives_the_modulus_as_it_gives_it_to_python(
     nobody = shell.text(
         "classify", model, frame, "--calibration", file, "--eye", "nobody"
     )
-    assert "note: nobody is not in" in nobody
+    assert "nobody is not in" in nobody
 
 
 def test_options_that_contradict_each_other_are_refused_by_name(

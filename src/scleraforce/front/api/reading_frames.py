@@ -536,7 +536,9 @@ class SequenceReader:
             raise InputError(f"held_s: nothing says how the tissue relaxes; {way}")
 
         remarks = [Remark("pixels-prepared", note) for note in first.notes]
-        remarks += eye.at(moment.iop_pa).remarks
+        of_eye = eye.at(moment.iop_pa).remarks
+        about = _recording_of(frames[0]) or place_of(frames[0])
+        remarks += (remark.on(about) for remark in of_eye)
         thickness_m = eye.setup.eye.thickness_m
         read = list[MomentFrame]()
 
