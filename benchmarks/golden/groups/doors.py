@@ -83,19 +83,19 @@ def _command_doors(
 
 
 def _python_door(name: str, recording: Path, calibration: Path | None) -> Answers:
-    """Return the answers of `sf.read`; the frames of one moment are read together."""
-    model = sf.load_model(MODEL)
+    """Return the answers of `sf.read` to the moments of a recording, in their order."""
     opened = sf.read_recording(recording)
-    moments: dict[float, list[Path]] = {}
-    for frame in opened.frames:
-        moments.setdefault(frame.time_s, []).append(opened.frame_path(frame))
-    found = {}
-    for files in moments.values():
-        frames: Any = files if len(files) > 1 else files[0]
-        eye = None if calibration is None else opened.info.eye_name
-        answer = sf.read(model, frames, calibration=calibration, eye=eye)
-        found[f"{name}/{files[0].name}/sf.read"] = _answer(answer.to_dict())
-    return found
+    eye = None if calibration is None else opened.info.eye_name
+    moments = [
+        sf.Moment(tuple(sf.Frame(opened.frame_path(entry)) for entry in entries))
+        for entries in opened.moments
+    ]
+    answers = sf.read(sf.load_model(MODEL), moments, calibration=calibration, eye=eye)
+    files = [entries[0].file for entries in opened.moments]
+    return {
+        f"{name}/{file}/sf.read": _answer(answer.to_dict())
+        for file, answer in zip(files, answers, strict=True)
+    }
 
 
 def _monitor_doors(

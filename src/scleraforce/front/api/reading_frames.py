@@ -190,6 +190,20 @@ Frames = Frame | FrameSource | Sequence[Frame | FrameSource]
 @overload
 def read(
     model: Reader | str | PathLike[str],
+    frame: Sequence[Moment],
+    *,
+    eye: Eye | str | None = ...,
+    needle: Needle | None = ...,
+    scan: Scan | None = ...,
+    calibration: "Calibration | str | PathLike[str] | None" = ...,
+    progress: Progress | None = ...,
+    **short: Unpack[SetupShorthand],
+) -> Answers: ...
+
+
+@overload
+def read(
+    model: Reader | str | PathLike[str],
     frame: Moment | Frame | str | PathLike[str] | Sequence[Frame | FrameSource],
     *,
     eye: Eye | str | None = ...,
@@ -219,7 +233,7 @@ def read(
 
 def read(
     model: Reader | str | PathLike[str],
-    frame: Moment | Frames | NDArray[Any],
+    frame: Moment | Sequence[Moment] | Frames | NDArray[Any],
     *,
     eye: Eye | str | None = None,
     needle: Needle | None = None,
@@ -241,7 +255,8 @@ def read(
             several planes, a list of these, which are read together. An array (n, row,
             column) is a stack of single frames. Floats are scaled to counts; columns
             that a masked array masks are not judged; an array of bool is a mask without
-            a frame. A `Frame` or a `Moment` states more of it.
+            a frame. A `Frame` or a `Moment` states more of it. A list of moments is a
+            sequence: each is read with what those before it tell of it.
         eye: what is known of the eye, or its name in the calibration.
         needle: its gap from the B-scan, the place of its contact, its lean.
         scan: of the frames; an array needs its width and depth. Its planes are those of
@@ -251,17 +266,17 @@ def read(
         mask: the wall, in place of the one that is found: an image file or an array of
             the frame's shape, 255 or True where wall is, 128 in columns that are not
             judged; of several planes a list. By default the recording's.
-        progress: called with 1 after each frame of a stack.
+        progress: called with 1 after each frame of a stack or moment of a sequence.
         short: `iop_pa`, `thickness_m`, `youngs_modulus_pa`, `globe` ("open", "sealed")
             of the eye, `gap_m` of the needle, `width_m`, `depth_m`, `refractive_index`
             of the scan, in place of a record that holds them alone.
 
     Returns:
         An `Answer`: `force_n` with its 90 % `interval_n`, the pressure `iop_at_dent_pa`
-        (None with a classifier), the class `predicted`, `probabilities`, and `warnings`
+        (None with a classifier), the class `predicted`, `probabilities`, and `remarks`
         that limit the answer. A frame that cannot be judged is not `usable`, for a
-        `reason`, and of the highest class. Of a stack `Answers`, with `to_dataframe`
-        and `to_xarray`.
+        `reason`, and of the highest class. Of a stack or a sequence `Answers`, with
+        `to_dataframe` and `to_xarray`.
 
     Raises:
         FrameError: the frame cannot be read, or nothing says how large it is.
@@ -354,9 +369,7 @@ def _is_sequence(frame: Any) -> TypeGuard[Sequence[Moment]]:
     )
 
 
-def _moment(
-    frame: Moment | Frames | NDArray[Any], mask: Mask | Sequence[Mask] | None
-) -> Moment:
+def _moment(frame: Any, mask: Mask | Sequence[Mask] | None) -> Moment:
     """Return what a caller gives to be read at once, with the masks of its frames."""
     masks = _list_of(mask)
     if isinstance(frame, Moment):
