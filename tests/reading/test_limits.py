@@ -12,7 +12,7 @@ from scleraforce.reading.frame_checks import least_wall_m, too_little_wall
 from scleraforce.reading.trained_ranges import (
     RAW_READER,
     READER,
-    limit_notes,
+    limit_remarks,
     outside_training,
     reading_ranges,
     untrained_values,
@@ -168,9 +168,9 @@ OUTSIDE = {
 
 
 def test_each_quantity_that_is_outside_has_a_sentence_of_its_own() -> None:
-    assert limit_notes(SHIPPED_READER, INFO) == ()
+    assert limit_remarks(SHIPPED_READER, INFO) == ()
     for words, info in OUTSIDE.items():
-        (found,) = limit_notes(Path("default"), info)
+        (found,) = limit_remarks(Path("default"), info)
         assert found.startswith("outside the range of default: ")
         assert words in found
 
@@ -234,7 +234,7 @@ def test_a_raw_reader_takes_the_refractive_index_of_its_training_and_a_sealed_gl
 def test_a_wall_finder_has_no_ranges_and_no_limits_but_the_reader_s_scale() -> None:
     assert reading_ranges(SHIPPED_WALL_FINDER) == ()
     with pytest.raises(ModelError, match="kind: found 'wall-finder'"):
-        limit_notes(SHIPPED_WALL_FINDER, INFO)
+        limit_remarks(SHIPPED_WALL_FINDER, INFO)
 
     studies = [
         folder_study(read_folder(model))
