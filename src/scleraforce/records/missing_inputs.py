@@ -1,9 +1,8 @@
 """What is not known of an experiment, and what each missing input costs: one list for
 import, calibration, reading, the app and reports.
 
-Figures: `benchmarks/bench_missing_inputs.py` on 20 eyes (docs/limits.md) for IOP,
-thickness, gap and globe; `benchmarks/bench_hold_forces.py` (docs/calibration.md) for
-the relaxation.
+Figures: `benchmarks/bench_missing_inputs.py` on 20 eyes for IOP, thickness, gap and
+globe; docs/limits.md for the relaxation.
 """
 
 from scleraforce.records.remark import Remark
@@ -30,20 +29,15 @@ COSTS = {
         " virtual eyes are read 0.3 instead of 0.2 mN off, and nothing checks the wall"
     ),
     "relaxation": (
-        "relaxing tissue is neither stated nor excluded (eye.relaxation): a fast push"
-        " is read low by up to the share that is lost"
+        "relaxing tissue is neither stated nor excluded (eye.relaxation): of tissue"
+        " that loses 27 %, 30 mN are read as little as 22; a calibration on held pushes"
+        " may find it"
     ),
     "clock_offset_s": (
         "the offset between the clocks of frames and forces is not known"
         " (`clock_offset_s`): at 15 mN/s a label is 1.5 mN off for each 0.1 s"
     ),
 }
-# with a force log
-RELAXATION_BY_HOLDS = (
-    "relaxing tissue is neither stated nor excluded (eye.relaxation): the holds of the"
-    " log may show it; in relaxing virtual tissue with one frame in each hold forces"
-    " are read 0.4 to 0.7 instead of 0.1 to 0.3 mN off"
-)
 # A classifier reads every eye with one modulus, pressure and gap, and an open globe.
 READ_BY_CLASSIFIER = ("thickness_m",)
 
@@ -59,7 +53,7 @@ def missing_inputs(
 
     Args:
         setup: what is known, by declaration or by a calibration.
-        forces: there is a force log, which may show the relaxation.
+        forces: there is a force log.
         classifier: the model is a classifier, which uses the thickness alone.
         clock_known: the offset between the clocks of frames and log is known, as it is
             of every recording; False while one is made.
@@ -85,8 +79,7 @@ def missing_inputs(
         for name, value in values.items()
         if value is None and (not classifier or name in READ_BY_CLASSIFIER)
     ]
-    costs = COSTS | ({"relaxation": RELAXATION_BY_HOLDS} if forces else {})
     if forces and not clock_known:
         missing.append("clock_offset_s")
 
-    return tuple(Remark(MISSING, costs[name], (name,)) for name in missing)
+    return tuple(Remark(MISSING, COSTS[name], (name,)) for name in missing)

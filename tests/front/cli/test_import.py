@@ -820,7 +820,7 @@ def test_the_wall_that_the_frames_show_is_offered(
     assert (
         (found is None)
         == (thickness_um is None)
-        == any("`thickness_m`" in note for note in kept["notes"])
+        == any("thickness_m" in remark["fields"] for remark in kept["remarks"])
     )
 
     if thickness_um is not None:

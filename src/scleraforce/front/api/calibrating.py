@@ -227,7 +227,7 @@ def calibrate(
         if fault := radius_fault(radius_m, study.eye.radius_m):
             raise InputError(f"{recording.path}: eye.radius_m: {fault}")
 
-        on_inputs = _input_remarks(recording, kind, study)
+        on_inputs = _input_remarks(recording, kind, study, not without_force)
         of_inputs += on_inputs
         if note is not None:
             for remark in on_inputs:
@@ -284,16 +284,24 @@ def calibrate(
     return found
 
 
-def _input_remarks(recording: Recording, kind: str, study: Study) -> tuple[Remark, ...]:
+def _input_remarks(
+    recording: Recording, kind: str, study: Study, by_holds: bool
+) -> tuple[Remark, ...]:
     """Return remarks on what a recording states: outside a reader's training, or
     missing.
+
+    A calibration `by_holds` of the log looks for the relaxation itself, and says what
+    stays open.
     """
     info = recording.info
     outside = untrained_values(kind, study, info.setup, info.scan, info.needle.gauge)
     missing = missing_inputs(
         info.setup, forces=recording.forces is not None, classifier=kind == CLASSIFIER
     )
-    return tuple(remark.on(recording.path) for remark in (*outside, *missing))
+    open_inputs = (
+        remark for remark in missing if not (by_holds and "relaxation" in remark.fields)
+    )
+    return tuple(remark.on(recording.path) for remark in (*outside, *open_inputs))
 
 
 def library_for(
@@ -397,7 +405,7 @@ def recalibrate_intervals(
     count = sum(len(recording.frames) for recording in each)
 
     for recording in each:
-        for remark in _input_remarks(recording, reader.kind, study):
+        for remark in _input_remarks(recording, reader.kind, study, True):
             note(remark)
 
     finder = finder_of(wall_finder)
