@@ -39,6 +39,7 @@ from scleraforce.recordings.recording_folder import read_info
 from scleraforce.records.eye import UNCERTAIN, Eye
 from scleraforce.records.fields import Unit, check_value, name_fault
 from scleraforce.records.globe import Globe
+from scleraforce.records.missing_inputs import missing_inputs
 from scleraforce.records.needle import Needle, gauge_diameter_m
 from scleraforce.records.recording_info import ForceInfo, RecordingInfo
 from scleraforce.records.remark import Remark, sentences
@@ -505,10 +506,11 @@ def _shared_clock(
 
     why = _unsure_words(found)
     if asker is None:
+        missing = missing_inputs(info.setup, forces=True, clock_known=False)
+        cost = next(remark.words for remark in missing if remark.fields == CLOCK)
         raise InputError(
-            f"the clocks of frames and forces: {why}; `clock_offset_s=S` states the"
-            " log's clock minus the frames' clock, `clock_offset_s=0` that both share"
-            " one"
+            f"{cost}; {why}; `clock_offset_s=S` states the log's clock minus the"
+            " frames' clock, `clock_offset_s=0` that both share one"
         )
 
     name = "clock_offset_s"
