@@ -43,7 +43,7 @@ from scleraforce.records.calibration_file import (
     CalibrationSummary,
 )
 from scleraforce.records.frame import frame_digest
-from scleraforce.records.remark import sentences
+from scleraforce.records.remark import Remark, numbered, sentences
 from scleraforce.records.setup import Setup
 from scleraforce.wall.wall_in_metres import dent_measures, surface_places
 
@@ -177,8 +177,8 @@ class Evaluation:
     over the frames that count.
 
     `bounds_n` are the class bounds of the model's study, `max_force_n` its largest
-    force; `notes` are sentences that limit the result (a gap outside the training,
-    frames without labels). `kind` is the model's.
+    force; `remarks` limit the result (a gap outside the training, inputs that are not
+    known, frames without labels). `kind` is the model's.
     """
 
     model: str
@@ -186,8 +186,13 @@ class Evaluation:
     max_force_n: float
     youngs_modulus_pa: float
     frames: tuple[FrameAnswer, ...]
-    notes: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
     kind: str = "classifier"
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The sentences of the remarks."""
+        return sentences(self.remarks)
 
     def __repr__(self) -> str:
         error = (
@@ -211,7 +216,7 @@ class Evaluation:
 
         return html_card(
             f"Evaluation of {self.model}",
-            facts | {f"note {n}": s for n, s in enumerate(self.notes, 1)},
+            facts | numbered(self.remarks),
         )
 
     def to_dataframe(self) -> Any:
@@ -345,6 +350,7 @@ class Evaluation:
                 },
                 "usable": self.usable._metrics(),
                 "notes": self.notes,
+                "remarks": [remark.to_dict() for remark in self.remarks],
                 "frames": [frame.to_dict() for frame in self.frames],
             }
         )
@@ -413,30 +419,32 @@ def evaluate_recordings(
         for entry in recordings
     ]
     frames = list[FrameAnswer]()
-    notes = list[str]()
-    later = list[str]()
+    remarks = list[Remark]()
+    later = list[Remark]()
     study = reader.study
 
     if calibration is not None and reader.fixed_modulus_pa is not None:
-        notes.append(
-            f"{reader.path}: a classifier reads every eye with the modulus it was"
+        words = (
+            "a classifier reads every eye with the modulus it was"
             f" trained for, {from_si(reader.fixed_modulus_pa, 'mpa'):.3g} MPa;"
             f" {calibration.path} only marks frames"
+        )
+        remarks.append(
+            Remark("inputs-ignored", words, ("modulus",), about=str(reader.path))
         )
 
     for recording in opened:
         session = _EvaluatedRecording.of(reader, recording, calibration)
         answers = session.answers(progress)
-        notes += (f"{recording.path}: {note}" for note in session.notes())
+        remarks += (remark.on(recording.path) for remark in session.remarks())
 
         if not session.stated and (count := sum(frame.pierced for frame in answers)):
             first = next(frame.file for frame in answers if frame.pierced)
-            notes.append(
-                f"{recording.path}: {count} frames after a puncture are left out, from"
-                f" {first} on"
-            )
+            words = f"{count} frames after a puncture are left out, from {first} on"
+            after = Remark("frames-after-puncture", words)
+            remarks.append(after.on(recording.path))
 
-        later += (f"{recording.path}: {doubt}" for doubt in session.doubts(answers))
+        later += (doubt.on(recording.path) for doubt in session.doubts(answers))
         frames += answers
 
     return Evaluation(
@@ -445,7 +453,7 @@ def evaluate_recordings(
         max_force_n=study.needle.max_force_n,
         youngs_modulus_pa=study.eye.youngs_modulus_pa,
         frames=tuple(frames),
-        notes=(*notes, *later),
+        remarks=(*remarks, *later),
         kind=reader.kind,
     )
 
@@ -525,21 +533,22 @@ class _EvaluatedRecording:
         """
         return {entry.file for moment in self.recording.moments for entry in moment[1:]}
 
-    def notes(self) -> Iterator[str]:
-        """Yield sentences on the eye, its B-scans and its needle."""
+    def remarks(self) -> Iterator[Remark]:
+        """Yield remarks on the eye, its B-scans and its needle."""
         pressures_pa = {entry.iop_pa for entry in self.recording.frames}
-        remarks = [
+        found = [
             remark
             for iop_pa in sorted(pressures_pa, key=lambda iop_pa: iop_pa or 0.0)
             for remark in self.eye_reader.at(iop_pa).remarks
         ]
-        yield from sentences(remarks)
+        yield from dict.fromkeys(found)
         if self.recording.forces is None:
-            yield "no forces.csv: its frames are read, but not scored"
-        yield from self.recording.walls.notes
+            words = "no forces.csv: its frames are read, but not scored"
+            yield Remark("no-forces", words)
+        yield from self.recording.walls.remarks
 
-    def doubts(self, answers: Sequence[FrameAnswer]) -> tuple[str, ...]:
-        """Return sentences on labels that are missing, and on a force log that
+    def doubts(self, answers: Sequence[FrameAnswer]) -> tuple[Remark, ...]:
+        """Return remarks on labels that are missing, and on a force log that
         contradicts the answers.
         """
         classes = self.reader.study.classes
@@ -555,21 +564,20 @@ class _EvaluatedRecording:
             self.recording, classes, dents, read_n if self.reader.reads_force else ()
         )
         sds_n = [frame.measured_force_sd_n for frame in answers if frame.scored]
-        unsure = forces_under_frames.unsure_note(
+        unsure = forces_under_frames.unsure_remark(
             [sd_n for sd_n in sds_n if sd_n is not None], classes
         )
         other = self._other_eye(answers)
-        notes = forces_under_frames.label_notes(self.recording, self.trials)
-        return (*notes, *unsure, *log, *other)
+        labels = forces_under_frames.label_remarks(self.recording, self.trials)
+        return (*labels, *unsure, *log, *other)
 
-    def _other_eye(self, answers: Sequence[FrameAnswer]) -> tuple[str, ...]:
-        """Return a sentence if the frames show another eye than the calibration's."""
+    def _other_eye(self, answers: Sequence[FrameAnswer]) -> tuple[Remark, ...]:
+        """Return a remark if the frames show another eye than the calibration's."""
         if self.summary is None:
             return ()
 
         each = [frame.answer for frame in answers]
-        eye = self.recording.info.eye_name
-        return tuple(map(str, other_eye(each, self.summary, eye)))
+        return other_eye(each, self.summary, self.recording.info.eye_name)
 
     def read(self, progress: Progress) -> Iterator["_ReadFrame"]:
         """Yield each frame with its label and its answer."""

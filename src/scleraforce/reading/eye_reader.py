@@ -34,7 +34,7 @@ from scleraforce.reading.force_trend import (
 from scleraforce.reading.load_model import suited_reader
 from scleraforce.reading.reading_models import Reader
 from scleraforce.reading.tissue_memory import Leak, TissueMemory
-from scleraforce.reading.trained_ranges import other_needle
+from scleraforce.reading.trained_ranges import CLASSIFIER, other_needle
 from scleraforce.records.calibration_file import (
     CalibrationSummary,
     appearance_doubt,
@@ -45,6 +45,7 @@ from scleraforce.records.calibration_file import (
 )
 from scleraforce.records.eye import Eye
 from scleraforce.records.frame import Pixels
+from scleraforce.records.missing_inputs import missing_inputs
 from scleraforce.records.remark import Remark
 from scleraforce.records.scan import PixelScale, Plane
 from scleraforce.records.setup import Setup
@@ -188,12 +189,13 @@ class EyeReader:
         scan = self.setup.scan
         gauge = self.setup.needle.gauge
         if None in (scan.rows, scan.columns, scan.width_m, scan.depth_m):
-            limits = other_needle(self.model.study, gauge)
+            remarks += other_needle(self.model.study, gauge)
         else:
-            limits = self.model.limits(self.setup, scan, gauge)
-        remarks += (Remark("outside-training", words) for words in limits)
+            remarks += self.model.limits(self.setup, scan, gauge)
         if self.foreign is not None:
             remarks.append(self.foreign)
+        is_classifier = self.model.kind == CLASSIFIER
+        remarks += missing_inputs(self.setup, forces=False, classifier=is_classifier)
         return tuple(remarks)
 
     def at(self, iop_pa: float | None) -> "EyeReader":
@@ -260,13 +262,12 @@ class EyeReader:
         if len(moment.frames) == 1:
             return self._read(moment, memory)
 
-        # a fit depends in its last digits on the order of planes: it is the scan's
-        names = [plane.name for plane in self.setup.scan.planes]
-        places = [
-            names.index(plane.name) if plane.name in names else len(names)
-            for plane in moment.planes
-        ]
-        order = sorted(range(len(places)), key=places.__getitem__)
+        # a fit depends in its last digits on the order of planes
+        planes = moment.planes
+        order = sorted(
+            range(len(planes)),
+            key=lambda number: (planes[number].direction_rad, planes[number].offset_m),
+        )
         frames = tuple(moment.frames[number] for number in order)
         answers, after = self._read(replace(moment, frames=frames), memory)
         by_number = dict(zip(order, answers, strict=True))
@@ -403,7 +404,7 @@ def other_eye(
         [float(np.exp(fit.unknown[SIZE])) for fit in fits],
     )
     doubt = appearance_doubt(calibration, eye, shown)
-    return (Remark("other-eye", doubt),) if doubt else ()
+    return (Remark("other-eye", doubt, ("name",)),) if doubt else ()
 
 
 def warming_frame(

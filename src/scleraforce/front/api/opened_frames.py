@@ -28,6 +28,7 @@ from scleraforce.records.frame import (
     Pixels,
 )
 from scleraforce.records.model_folder import SHIPPED_WALL_FINDER
+from scleraforce.records.remark import Remark
 from scleraforce.records.scan import Plane, Scan
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.wall import Segmentation, without_wall
@@ -241,8 +242,8 @@ def stated_wall(
     scan: Scan,
     thickness_m: float | None,
     finder: WallFinder | None,
-) -> tuple[Segmentation | None, tuple[str, ...]]:
-    """Return the wall that is given for a frame, or that its recording has, and notes
+) -> tuple[Segmentation | None, tuple[Remark, ...]]:
+    """Return the wall that is given for a frame, or that its recording has, and remarks
     on one that is not used; None: it is to be found.
     """
     mask = given.mask
@@ -251,7 +252,7 @@ def stated_wall(
             return None, ()
         walls = RecordedWalls(frame.recording)
         found = recorded_wall(walls, frame.path.name, opened.pixels.shape, opened.scale)
-        return found, walls.notes
+        return found, walls.remarks
 
     if mask is None and not isinstance(frame, RecordedFile):
         if frame.dtype == bool:

@@ -325,10 +325,10 @@ def read(
         Moment((Frame(pixels, mask=masks[nth] if len(masks) else None),))
         for nth, pixels in enumerate(stack)
     ]
-    prepared = tuple(Remark("pixels-prepared", note) for note in notes)
+    scaled = tuple(Remark("pixels-scaled", note) for note in notes)
     return Answers(
         tuple(
-            replace(answer, remarks=(*answer.remarks, *prepared))
+            replace(answer, remarks=(*answer.remarks, *scaled))
             for answer in _answers(sequence, moments, counting)
         )
     )
@@ -548,7 +548,8 @@ class SequenceReader:
             way = "give a calibration, or relaxation in recording.toml"
             raise InputError(f"held_s: nothing says how the tissue relaxes; {way}")
 
-        remarks = [Remark("pixels-prepared", note) for note in first.notes]
+        of_pixels = "pixels-scaled" if first.info is None else "picture-read"
+        remarks = [Remark(of_pixels, note) for note in first.notes]
         of_eye = eye.at(moment.iop_pa).remarks
         about = _recording_of(frames[0]) or place_of(frames[0])
         remarks += (remark.on(about) for remark in of_eye)
@@ -557,7 +558,7 @@ class SequenceReader:
 
         with _faults_of_frame(frames[0]):
             for number, one in enumerate(opened):
-                wall, notes = stated_wall(
+                wall, of_wall = stated_wall(
                     one,
                     frames[number],
                     moment.frames[number],
@@ -567,7 +568,7 @@ class SequenceReader:
                 )
                 plane = planes[number] if planes else None
                 read.append(MomentFrame(one.pixels, plane, wall))
-                remarks += (Remark("wall-not-used", note) for note in notes)
+                remarks += of_wall
 
             answers = self._answers(eye, frames[0], moment, tuple(read), first.scale)
 

@@ -21,7 +21,7 @@ from scleraforce.front.api.reading_frames import load_model, read
 from scleraforce.front.app.request_end import check_wanted
 from scleraforce.front.app.work_folder import PARTS
 from scleraforce.reading.reading_models import Reader
-from scleraforce.reading.trained_ranges import limit_notes
+from scleraforce.reading.trained_ranges import limit_remarks
 from scleraforce.recordings.drawn_walls import frame_file_digest
 from scleraforce.recordings.forces_under_frames import contact_force, label_frames
 from scleraforce.recordings.frame_and_force_tables import FrameEntry
@@ -141,7 +141,7 @@ class RecordingViews:
         recording = self.recording(path)
         info = recording.info
         log = recording.forces
-        notes = list(limit_notes(SHIPPED_READER, info))
+        notes = [*map(str, limit_remarks(SHIPPED_READER, info))]
 
         try:
             trials = label_frames(recording, ClassesStudy()) if log is not None else ()

@@ -24,6 +24,7 @@ from scleraforce.front.cli.output import (
     wrapped,
 )
 from scleraforce.records.model_folder import model_name
+from scleraforce.records.remark import Remark, sentences
 from scleraforce.records.study_of_eye import relaxation_terms
 
 if TYPE_CHECKING:
@@ -51,11 +52,9 @@ def _names(
     )
 
 
-class _PrintedNotes(list[str]):
-    def __call__(self, sentence: str) -> None:
-        self.append(sentence)
-        if not is_json():
-            say(wrapped(sentence, "note: "))
+def _say_note(words: str) -> None:
+    if not is_json():
+        say(wrapped(words, "note: "))
 
 
 @click.command(cls=Command)
@@ -162,7 +161,6 @@ def calibrate(
     --frames); the reader reads the others, and its copy in --out has intervals
     that hold for 90 % of them.
     """
-    notes = _PrintedNotes()
     if model is not None:
         default = click.core.ParameterSource.DEFAULT
         others = "only --frames, --wall-finder and --json"
@@ -178,6 +176,12 @@ def calibrate(
         # 440 ms: not for `evaluate` and --help
         from scleraforce.front.api.calibrating import recalibrate_intervals
 
+        remarks = list[Remark]()
+
+        def noted(remark: Remark) -> None:
+            remarks.append(remark)
+            _say_note(str(remark))
+
         found = recalibrate_intervals(
             model,
             recordings,
@@ -185,13 +189,13 @@ def calibrate(
             count_bar,
             frames=frames or CALIBRATED,
             wall_finder=wall_finder,
-            note=notes,
+            note=noted,
         )
         result = {
             "model": str(out),
             "from": model_name(model),
             "stretches": list(map(asdict, found)),
-            "notes": notes,
+            **_of_remarks(remarks),
         }
 
         return Report(result, [*_stretches(found), f"wrote {out}"])
@@ -218,7 +222,7 @@ def calibrate(
         frames=frames,
         method=method,
         eye=eye,
-        note=notes,
+        note=_say_note,
         progress=Bars(count_bar),
     )
 
@@ -230,7 +234,16 @@ def calibrate(
         write_figure(draw_calibration(calibration), plot)
 
     lines = [*calibration_lines(calibration), f"wrote {out}"]
-    return Report({**calibration.to_dict(), "notes": notes}, lines)
+    notes = {"notes": list(sentences(calibration.of_inputs))}
+    return Report({**calibration.to_dict(), **notes}, lines)
+
+
+def _of_remarks(remarks: Sequence[Remark]) -> dict[str, Any]:
+    """Return the keys of remarks in a command's JSON."""
+    return {
+        "notes": list(sentences(remarks)),
+        "remarks": [remark.to_dict() for remark in remarks],
+    }
 
 
 def _stretches(changes: "Sequence[IntervalStretch]") -> Iterator[str]:
@@ -333,7 +346,10 @@ def _write_html(evaluation: "Evaluation", html: Path) -> None:
     from scleraforce.front.report.frame_figures import answered_frames
     from scleraforce.front.report.html_pages import shown_frames, write_evaluation_html
 
-    evaluation = replace(evaluation, notes=tuple(map(worded, evaluation.notes)))
+    in_flags = (
+        replace(remark, words=worded(remark.words)) for remark in evaluation.remarks
+    )
+    evaluation = replace(evaluation, remarks=tuple(in_flags))
     shown = answered_frames(shown_frames(evaluation.frames))
     write_evaluation_html(evaluation, shown, html, datetime.now(UTC))
 
@@ -390,9 +406,8 @@ def _table(
         "frames": len(batch.rows),
     }
 
-    return Report(
-        {**result, "eyes": eyes, "notes": batch.notes}, [*lines, *notes, wrote]
-    )
+    of_remarks = _of_remarks(batch.remarks)
+    return Report({**result, "eyes": eyes, **of_remarks}, [*lines, *notes, wrote])
 
 
 def _frames(evaluation: "Evaluation") -> Iterator[str]:
