@@ -138,7 +138,12 @@ class FrameAnswer:
         }
         row = flat(
             finite_json(
-                keys | self.to_dict() | {"warnings": "; ".join(self.answer.warnings)}
+                keys
+                | self.to_dict()
+                | {
+                    "warnings": "; ".join(self.answer.warnings),
+                    "remarks": "; ".join(one.code for one in self.answer.remarks),
+                }
             )
         )
 
