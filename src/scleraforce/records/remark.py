@@ -29,6 +29,7 @@ SEVERITY_OF: Mapping[str, Severity] = MappingProxyType(
         "inputs-ignored": "caution",
         "population-modulus": "caution",
         "other-eye": "doubt",
+        "lean-unknown": "caution",
     }
 )
 

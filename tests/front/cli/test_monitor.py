@@ -21,7 +21,6 @@ from math import radians
 from pathlib import Path
 from shutil import copytree
 from time import monotonic
-from types import SimpleNamespace
 
 import click
 import numpy as np
@@ -44,7 +43,6 @@ from waiting import FUSE_S, wait_until
 from scleraforce.base.errors import InputError
 from scleraforce.base.units import to_si
 from scleraforce.calibration.evaluation import evaluate_recordings
-from scleraforce.front.cli import monitor_command as command
 from scleraforce.front.cli.main import run
 from scleraforce.live.companions.decision_log import read_log
 from scleraforce.live.decision.limits import MonitorLimits
@@ -54,7 +52,6 @@ from scleraforce.reading.load_model import load_reader
 from scleraforce.recordings.recording_folder import read_recording, true_forces
 from scleraforce.records.model_folder import SHIPPED_READER
 from scleraforce.records.scan import Plane
-from scleraforce.records.setup import NOTHING_KNOWN
 
 pytest.importorskip("torch")
 
@@ -389,13 +386,10 @@ def test_a_session_that_cannot_be_served_is_refused_in_one_line(refused) -> None
         assert words in refused(*options)
 
 
-def test_a_model_that_reads_single_planes_serves_no_others() -> None:
-    classifier = SimpleNamespace(kind="classifier", path="digits")
-    with pytest.raises(
-        InputError, match="--plane: digits is a classifier, which reads single planes"
-    ):
-        command._planes(tuple(CROSS[1::2]), classifier, NOTHING_KNOWN, False)
-    assert command._planes((), classifier, NOTHING_KNOWN, True) == ()
+def test_a_model_that_reads_single_planes_serves_no_others(shell) -> None:
+    error = shell.refused("monitor", "paper", "--port", 0, *CROSS)
+    assert "is a classifier, which reads single planes" in error
+    assert error.startswith("error: --plane: ")
 
 
 @pytest.mark.slow
@@ -519,7 +513,7 @@ def test_another_eye_than_the_calibrations_and_narrow_frames_are_warned_of_at_th
 def test_each_option_reaches_its_setting(
     folder: Path, tmp_path: Path, monkeypatch, shell
 ) -> None:
-    import scleraforce.live.monitor as module
+    import scleraforce.live.monitor_run as module
 
     taken: list[module.MonitorSettings] = []
 
