@@ -39,6 +39,7 @@ from commands import BINS, PACED, monitor_folder, started
 from small_models import fixed_study
 from small_monitor import Peer
 from waiting import FUSE_S, wait_until
+from websockets.sync.client import connect
 
 from scleraforce.base.errors import InputError
 from scleraforce.base.units import to_si
@@ -500,14 +501,21 @@ def test_another_eye_than_the_calibrations_and_narrow_frames_are_warned_of_at_th
         "--width-mm",
         "6",
     ]
-    with started(
-        folder, *given, "--no-second-opinion", "--black-box", str(tmp_path / "box")
-    ) as monitor:
+    options = ["--no-second-opinion", "--black-box", str(tmp_path / "box")]
+    with started(folder, *given, *options, "--web-port", "0") as monitor:
         warned = [line for line in monitor.lines if line.startswith("warning")]
+        assert monitor.process.stderr
+        said = iter(monitor.process.stderr.readline, "")
+        address = next(line.split()[1] for line in said if line.startswith("console"))
+        live = f"{address.replace('http', 'ws')}live"
+        with connect(live, origin=address.rstrip("/"), open_timeout=FUSE_S) as page:
+            hello = json.loads(page.recv(timeout=FUSE_S))
 
     assert "mein is not in" in warned[0]
     assert "(mine): read with the population's modulus" in warned[0]
     assert any("of the wall are visible; at least" in line for line in warned[1:])
+    shown = [f"warning    {remark['words']}\n" for remark in hello["remarks"]]
+    assert shown == warned
 
 
 def test_each_option_reaches_its_setting(

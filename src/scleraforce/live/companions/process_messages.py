@@ -430,7 +430,7 @@ class ConsoleSettings(_Message, frozen=True, kw_only=True):
     class_bounds_n: tuple[float, ...]
     model: str
     eye: str
-    remarks: tuple[Remark, ...] = ()
+    remarks: tuple[Remark, ...]
 
     def for_page(self) -> dict[str, Any]:
         """Return the settings for the page, as a JSON object."""
