@@ -403,6 +403,7 @@ def test_a_monitor_ends_in_order_when_its_program_is_killed(
         stdout=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        env={**os.environ, "TMPDIR": str(tmp_path)},  # it cannot tidy up
     )
     try:
         assert program.stdout

@@ -24,7 +24,7 @@ from scleraforce.records.calibration_file import (
     read_calibration,
 )
 from scleraforce.records.eye import Modulus
-from scleraforce.records.needle import is_gauge
+from scleraforce.records.needle import gauge_diameter_m, is_gauge, nearest_gauge
 from scleraforce.records.remark import Remark
 from scleraforce.records.scan import Scan
 from scleraforce.records.setup import Setup
@@ -114,10 +114,6 @@ def _refuse_unused(request: MonitorRequest) -> None:
             calibrated and eye.calibrated_lean_rad is not None
         ),
         (
-            "needle.diameter_m: recordings of a session state the gauge, and this is"
-            " none; give that of the nearest (`gauge_diameter_m`)"
-        ): needle.diameter_m is not None and not is_gauge(needle.diameter_m),
-        (
             "needle.azimuth_rad: nothing to a reading, whose walls are of revolution;"
             " leave it out"
         ): needle.azimuth_rad is not None,
@@ -138,6 +134,15 @@ def _refuse_unused(request: MonitorRequest) -> None:
     for reason, holds in refused.items():
         if holds:
             raise InputError(reason)
+
+    diameter_m = needle.diameter_m
+    if diameter_m is not None and not is_gauge(diameter_m):
+        gauge = nearest_gauge(diameter_m)
+        raise InputError(
+            f"needle.diameter_m: {diameter_m:g}; recordings of a session state the"
+            f" gauge, and that of the nearest, {gauge}, is"
+            f" {gauge_diameter_m(gauge):g} m"
+        )
 
 
 def _with_calibration(request: MonitorRequest) -> tuple[Setup, list[Remark]]:
