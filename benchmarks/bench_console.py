@@ -82,6 +82,7 @@ class Session:
             class_bounds_n=(5e-3, 30e-3),
             model="bench",
             eye="",
+            remarks=(),
         )
         self.child = Child(
             "scleraforce.live.console.server",

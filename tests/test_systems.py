@@ -80,9 +80,6 @@ GUARDED = {
     ("base.worker_processes", "sched_getaffinity"),
     ("base.worker_processes", "pthread_sigmask"),
     ("front.cli.installation_checks", "sysconf"),
-    ("front.cli.monitor_command", "SIGHUP"),
-    ("front.cli.monitor_command", "SIGQUIT"),
-    ("front.cli.monitor_command", "SIGTTOU"),
     ("front.app.running_commands", "pty"),
     ("base.private_folder", "geteuid"),
 }

@@ -26,6 +26,7 @@ from scleraforce.live.companions.shared_frames import RingPlace
 from scleraforce.live.decision.limits import MonitorLimits
 from scleraforce.records.eye import Eye, Modulus
 from scleraforce.records.globe import Globe
+from scleraforce.records.remark import Remark
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.setup import NOTHING_KNOWN, Setup
 
@@ -99,6 +100,7 @@ MESSAGES: list[process_messages.CompanionMessage] = [
         class_bounds_n=(5e-3, 30e-3),
         model="reader",
         eye="",
+        remarks=(Remark("outside-training", "IOP 40 mmHg", ("iop_pa",)),),
     ),
 ]
 

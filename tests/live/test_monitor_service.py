@@ -124,6 +124,32 @@ def test_a_recording_states_the_declared_places_of_plane_and_needle() -> None:
     unstated = monitor._recording_info(replace(settings, setup=Setup()), Study())
     assert unstated.needle.polar_rad is None
     assert unstated.needle.gap_m == Study().needle.gap_m
+    assert unstated.needle.diameter_m == Study().needle.outer_diameter_m
+
+
+@pytest.mark.parametrize(
+    ("lean_rad", "stated"),
+    [((0.1, 0.1), ((0.1, 0.1), 0.3)), ((0.1, 0.2), (None, None))],
+)
+def test_a_recording_states_the_gauge_and_the_lean_that_a_file_can_hold(
+    lean_rad: tuple[float, float], stated: tuple[object, object]
+) -> None:
+    """A file has one lean, and no direction without it."""
+    needle = Needle(diameter_m=0.9e-3, lean_rad=lean_rad, lean_azimuth_rad=0.3)
+    settings = monitor.MonitorSettings(
+        eye="mine",
+        setup=Setup(needle=needle),
+        limits=MonitorLimits(),
+        scan=Scan(columns=500, rows=400, **SIZE),
+        address=monitor.Address("localhost", 0),
+        console=None,
+        black_box=Path("box"),
+        record=None,
+        token="",
+    )
+    info = monitor._recording_info(settings, Study())
+    assert info.needle.diameter_m == 0.9e-3
+    assert (info.needle.lean_rad, info.needle.lean_azimuth_rad) == stated
 
 
 @pytest.fixture

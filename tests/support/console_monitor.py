@@ -23,6 +23,7 @@ from scleraforce.live.companions.shared_frames import FrameRing
 from scleraforce.live.decision.limits import MonitorLimits
 from scleraforce.live.monitor import listen
 from scleraforce.live.network.operator_reset import token_digest
+from scleraforce.records.remark import Remark
 from scleraforce.records.scan import PixelScale
 
 TOKEN = "seven of nine"
@@ -56,7 +57,12 @@ class ConsoleMonitor:
     """Starts a console and talks to it; `with` ends it."""
 
     def __init__(
-        self, port: int = 0, rows: int = 64, columns: int = 96, **limits: Any
+        self,
+        port: int = 0,
+        rows: int = 64,
+        columns: int = 96,
+        remarks: tuple[Remark, ...] = (),
+        **limits: Any,
     ) -> None:
         self.ring = FrameRing.create(64, rows, columns)
         listener = listen("127.0.0.1", port)
@@ -71,6 +77,7 @@ class ConsoleMonitor:
             class_bounds_n=(5e-3, 30e-3),
             model="reader",
             eye="eye-a",
+            remarks=remarks,
         )
         descriptors = [self.ring.place.descriptor, listener.fileno()]
         self.child = Child("scleraforce.live.console.server", settings, descriptors)

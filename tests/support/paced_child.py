@@ -2,7 +2,7 @@
 
 import paced_monitor  # noqa: F401 - slows the monitor's parts
 
-from scleraforce.front.cli.monitor_child import main
+from scleraforce.front.api.monitor_child import main
 
 if __name__ == "__main__":
     main()

@@ -72,7 +72,7 @@ FAR_ABOVE = 1.5
 LEAKS = Remark(
     "leak-not-followed",
     "eye.leak_time_s: E and k are of the globe without its leak, which single frames"
-    " and the network of `monitor` do not follow",
+    " and `monitor` do not follow",
     ("leak_time_s",),
 )
 LEAK_ROUNDS = 3  # of a calibration with the resting pressures that its E and k give

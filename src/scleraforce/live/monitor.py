@@ -17,6 +17,7 @@ from select import select
 from tempfile import TemporaryFile
 from threading import Thread
 from time import monotonic
+from typing import Generic, TypeVar
 
 import cv2
 
@@ -41,6 +42,7 @@ from scleraforce.live.companions.shared_frames import FrameRing
 from scleraforce.live.companions.watchdog import MONITOR_PRIORITY, run_in_real_time
 from scleraforce.live.connected_clients import ServerSettings
 from scleraforce.live.decision.limits import MonitorLimits
+from scleraforce.live.monitor_request import Address
 from scleraforce.live.monitor_server import MonitorServer
 from scleraforce.live.monitor_session import MonitorSession
 from scleraforce.live.network.operator_reset import token_digest
@@ -48,6 +50,7 @@ from scleraforce.reading.eye_reader import EyeReader
 from scleraforce.reading.reading_models import Reader
 from scleraforce.records.needle import Needle, lean_ends, one_lean
 from scleraforce.records.recording_info import ForceInfo, RecordingInfo
+from scleraforce.records.remark import Remark
 from scleraforce.records.scan import Scan
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
@@ -69,13 +72,7 @@ FORCE = ForceInfo("fz", 1, 0.2)
 WEB_NEEDS = ("fastapi", "uvicorn", "websockets")
 WAITING_LINES = 1000  # for the operator; while this many wait, new ones are dropped
 
-
-@dataclass(frozen=True)
-class Address:
-    """An address to listen on; port 0 takes a free one."""
-
-    host: str
-    port: int
+Line = TypeVar("Line")
 
 
 @dataclass(frozen=True)
@@ -86,7 +83,7 @@ class MonitorSettings:
     Without a `console` address there is no console. The log and the recordings of
     withdrawals are in `black_box`; `record` is the folder for a recording of the whole
     session. `learns`: the second opinion learns E. If the scan has several planes, the
-    gap is not known.
+    gap is not known. `remarks` on eye and frames go to log and console.
     """
 
     eye: str
@@ -99,6 +96,7 @@ class MonitorSettings:
     record: Path | None
     token: str
     learns: bool = False
+    remarks: tuple[Remark, ...] = ()
 
 
 @contextmanager
@@ -161,6 +159,7 @@ def monitor_service(
                 class_bounds_n=reader.study.classes.bounds_n,
                 model=reader.name,
                 eye=settings.eye,
+                remarks=settings.remarks,
             )
             children[CONSOLE] = _child("console.server", console, ring, pages.fileno())
             pages.close()  # so that nothing listens there once the console has ended
@@ -191,8 +190,10 @@ def monitor_service(
             note,
         )
         stack.callback(server.close)
-        begun = Note(time_s=session.wall_clock(), text=f"model {reader.words}")
-        companions.send(BLACK_BOX, begun, monotonic())
+        for text in (f"model {reader.words}", *map(_logged, settings.remarks)):
+            begun = Note(time_s=session.wall_clock(), text=text)
+            companions.send(BLACK_BOX, begun, monotonic())
+
         yield server, Address(*listener.getsockname()[:2])
 
 
@@ -212,6 +213,10 @@ def live_readers(reader: Reader, setup: Setup, scan: Scan) -> dict[str, EyeReade
     for one in readers.values():
         one.warm()
     return readers
+
+
+def _logged(remark: Remark) -> str:
+    return f"{remark.code}: {remark}"
 
 
 def _child(
@@ -267,10 +272,11 @@ def _recording_info(settings: MonitorSettings, study: Study) -> RecordingInfo:
     lean_rad = one_lean(known.needle.lean_rad)
     gap_m = None if settings.scan.planes else stated_m
     needle = Needle(
-        diameter_m=study.needle.outer_diameter_m,
+        diameter_m=known.needle.diameter_m or study.needle.outer_diameter_m,
         gap_m=gap_m,
         polar_rad=known.needle.polar_rad,
         lean_rad=lean_ends(lean_rad),
+        lean_azimuth_rad=None if lean_rad is None else known.needle.lean_azimuth_rad,
     )
 
     return RecordingInfo(
@@ -372,21 +378,21 @@ def allow_files(needed: int) -> None:
     resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
 
 
-class OperatorNotes:
-    """Writes lines for the operator in order, in a thread: a stopped terminal must not
-    stop the monitor.
+class OperatorNotes(Generic[Line]):
+    """Writes lines for the operator, or messages with them, in order, in a thread: a
+    stopped terminal must not stop the monitor.
     """
 
-    def __init__(self, write: Callable[[str], object]) -> None:
+    def __init__(self, write: Callable[[Line], object]) -> None:
         self._write = write
-        self._lines = SimpleQueue[str | None]()
+        self._lines = SimpleQueue[Line | None]()
         self._thread = Thread(target=self._run, daemon=True)
         self._thread.start()
 
-    def __call__(self, text: str) -> None:
+    def __call__(self, line: Line) -> None:
         """Enqueue a line."""
         if self._lines.qsize() < WAITING_LINES:
-            self._lines.put(text)
+            self._lines.put(line)
 
     def close(self, within_s: float = 1.0) -> None:
         """Write the lines that wait, for `within_s` at most."""
@@ -394,6 +400,6 @@ class OperatorNotes:
         self._thread.join(within_s)
 
     def _run(self) -> None:
-        while (text := self._lines.get()) is not None:
+        while (line := self._lines.get()) is not None:
             with suppress(OSError):  # the terminal was closed
-                self._write(text)
+                self._write(line)

@@ -204,7 +204,8 @@ class Eye:
         thickness_sd_m: standard deviation of `thickness_m`. None: 15 um.
         radius_m: of the globe's outer surface; one that is more than 12 % off the
             model's is refused. None: the model's, 12 mm, within what the picture shows
-            of its curvature (3 %). Networks take no radius, and a monitor none at all.
+            of its curvature (3 %). Networks take no radius, a monitor for its second
+            opinion alone.
         radius_sd_m: standard deviation of `radius_m`. None: 2 % of it.
         globe: open or sealed. None: it may be either, and the interval spans both.
         stiffening: b of the tissue (`mechanics.tissue_material`). None: 0.

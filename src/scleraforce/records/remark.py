@@ -72,6 +72,7 @@ SEVERITY_OF: Mapping[str, Severity] = MappingProxyType(
         "inputs-ignored": "caution",
         "population-modulus": "caution",
         "other-eye": "doubt",
+        "lean-unknown": "caution",
         # sentences of files that earlier versions wrote
         "earlier-version": "caution",
     }

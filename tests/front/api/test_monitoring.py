@@ -1,29 +1,44 @@
 """A monitor for the time of a block: the real one, ended whatever the block does."""
 
 import os
+import pickle
+import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
+from math import radians
+from multiprocessing.connection import Connection
 from pathlib import Path
-from threading import Thread
+from typing import Any
 
 import numpy as np
 import pytest
 from analytic_frames import GAP_M, IOP_PA, SCALE, image, tip_of, wall_section
 from commands import PACED, monitor_folder
 from small_monitor import Peer
-from waiting import FUSE_S
+from waiting import FUSE_S, HANGS_S, alive, wait_until
 
 import scleraforce as sf
-from scleraforce.base.errors import InputError
-from scleraforce.front.api import monitoring
+from scleraforce.base.errors import InputError, LinkError
+from scleraforce.base.units import to_si
+from scleraforce.front.api import monitor_settings, monitoring
+from scleraforce.front.api.monitor_settings import prepare_monitor
 from scleraforce.front.api.monitoring import RunningMonitor
+from scleraforce.front.cli.main import run
+from scleraforce.live.companions.decision_log import read_log
+from scleraforce.live.companions.process_channel import decode_message, encode_message
+from scleraforce.live.companions.process_messages import OpinionSettings
+from scleraforce.live.companions.shared_frames import RingPlace
 from scleraforce.live.decision.events import Cause
+from scleraforce.live.monitor_request import MonitorRequest
 from scleraforce.live.network.openigtlink import Image
+from scleraforce.records.eye import NO_DISCREPANCY
+from scleraforce.records.fields import QUANTITIES
+from scleraforce.records.needle import lean_ends
 
 MATRIX = (
     SCALE.lateral_m * 1e3,
@@ -131,12 +146,14 @@ def test_a_block_ends_with_its_monitor_though_a_client_stays(
 ) -> None:
     """The watchdog of a monitor that died stays until its clients have left."""
     folder = monitor_folder(tmp_path)
-    monitors: list[subprocess.Popen[str]] = []
+    monitors: list[subprocess.Popen[bytes]] = []
     await_start = monitoring._await_start
 
-    def remember(process: "subprocess.Popen[str]", running: RunningMonitor) -> Thread:
+    def remember(
+        link: Connection, process: "subprocess.Popen[bytes]", running: RunningMonitor
+    ) -> None:
         monitors.append(process)
-        return await_start(process, running)
+        await_start(link, process, running)
 
     monkeypatch.setattr(monitoring, "_await_start", remember)
     with ExitStack() as clients:
@@ -148,6 +165,300 @@ def test_a_block_ends_with_its_monitor_though_a_client_stays(
 
         assert running.summary == {}
         assert not robot.closed
+
+
+# Says what it was asked for, and refuses it.
+ASKED = """
+import sys
+from multiprocessing.connection import Connection
+from scleraforce.live.monitor_request import Refused
+
+link = Connection(int(sys.argv[1]))
+request = link.recv()
+open({file!r}, "wb").write(__import__("pickle").dumps(request))
+link.send(Refused("far enough"))
+"""
+
+
+@pytest.fixture
+def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
+    """Return the request that reaches the process of a monitor."""
+    file = tmp_path / "request"
+    code = ASKED.format(file=str(file))
+    monkeypatch.setattr(monitoring, "COMMAND", (sys.executable, "-P", "-c", code))
+
+    def ask(*given: Any, **named: Any) -> MonitorRequest:
+        with (
+            pytest.raises(InputError, match="far enough"),
+            sf.monitor(*given, **named),
+        ):
+            pass
+
+        request: MonitorRequest = pickle.loads(file.read_bytes())
+        return request
+
+    return ask
+
+
+def of_command(monkeypatch: pytest.MonkeyPatch, *words: object) -> MonitorRequest:
+    """Return the request of the command."""
+    requests = list[MonitorRequest]()
+
+    def take(request: MonitorRequest) -> None:
+        requests.append(request)
+        raise InputError("far enough")
+
+    monkeypatch.setattr(monitor_settings, "prepare_monitor", take)
+    assert run(["monitor", *map(str, words)]) == 2
+    return requests[0]
+
+
+MMHG = to_si(1.0, "mmhg")
+
+
+@pytest.mark.parametrize(
+    ("named", "words"),
+    [
+        ({}, ""),
+        ({"eye": "mine"}, "--eye mine"),
+        (
+            {"eye": sf.Eye("mine", iop_pa=2 * MMHG, globe=sf.Globe.declared("open"))},
+            "--eye mine --iop-mmhg 2 --globe open",
+        ),
+        (
+            {"iop_pa": 2 * MMHG, "thickness_m": 650e-6, "youngs_modulus_pa": 0.3e6},
+            "--iop-mmhg 2 --thickness-um 650 --youngs-modulus-mpa 0.3",
+        ),
+        (
+            {
+                "eye": sf.Eye(
+                    globe=sf.Globe.declared(
+                        "sealed", QUANTITIES["rigidity"].to_si(0.03)
+                    )
+                )
+            },
+            "--globe sealed --rigidity 0.03",
+        ),
+        ({"eye": sf.Eye(stiffening=3.0)}, "--stiffening 3"),
+        (
+            {
+                "needle": sf.Needle(
+                    gap_m=0.5e-3,
+                    polar_rad=QUANTITIES["polar_angle"].to_si(30.0),
+                    lean_rad=(0.0, radians(45.0)),
+                )
+            },
+            "--gap-mm 0.5 --polar-angle-deg 30 --lean-deg unknown",
+        ),
+        (
+            {"needle": sf.Needle(lean_rad=lean_ends(QUANTITIES["lean"].to_si(9.0)))},
+            "--lean-deg 9",
+        ),
+        (
+            {
+                "scan": sf.Scan(columns=400, rows=300, direction_rad=radians(40.0)),
+                "width_m": 8e-3,
+                "depth_m": 6e-3,
+                "refractive_index": 1.3,
+            },
+            "--columns 400 --rows 300 --plane-direction-deg 40 --width-mm 8"
+            " --depth-mm 6 --refractive-index 1.3",
+        ),
+        (
+            {
+                "scan": sf.Scan(
+                    planes=(
+                        sf.Plane("along", 0.0, 0.0),
+                        sf.Plane("across", 1e-4, radians(90.0)),
+                    )
+                )
+            },
+            "--plane along:0:0 --plane across:0.1:90",
+        ),
+        (
+            {"calibration": "c.json", "record": "session", "second_opinion": False},
+            "--calibration c.json --record session --no-second-opinion",
+        ),
+    ],
+)
+def test_the_command_and_the_function_ask_for_the_same_monitor(
+    named: dict[str, Any],
+    words: str,
+    asked: Callable[..., MonitorRequest],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    request = asked("default", black_box="box", **named)
+    given = ["default", "--port", 0, "--black-box", "box", *words.split()]
+    assert request == of_command(monkeypatch, *given)
+
+
+OWN = sf.Eye(
+    "mine",
+    modulus=sf.Modulus(mean_pa=3e5, sd_pa=2e4, source="own"),
+    iop_pa=300.0,
+    iop_sd_pa=np.float32(20.0),
+    thickness_m=6e-4,
+    thickness_sd_m=1e-5,
+    radius_m=12.2e-3,
+    radius_sd_m=1e-4,
+    globe=sf.Globe.declared("sealed", 1.5e8, "logarithmic"),
+    relaxation=sf.Relaxation.declared([(0.12, 1.2), (0.15, 12.0)]),
+    discrepancy=NO_DISCREPANCY,
+    calibrated_lean_rad=0.1,
+    stiffening=2.0,
+)
+LEANING = sf.Needle(
+    diameter_m=0.7e-3,
+    gap_m=0.4e-3,
+    polar_rad=0.5,
+    lean_rad=(0.1, 0.2),
+    lean_azimuth_rad=0.3,
+)
+SCANNED = sf.Scan(columns=400, rows=300, bits=16, direction_rad=0.2, tilt_rad=0.1)
+
+
+def test_all_that_is_declared_reaches_the_readers_of_a_monitor(
+    asked: Callable[..., MonitorRequest],
+) -> None:
+    request = asked("default", eye=OWN, needle=LEANING, scan=SCANNED)
+    _, settings = prepare_monitor(request)
+    assert settings.setup.eye == OWN
+    assert settings.setup.needle == LEANING
+    assert settings.setup.scan == sf.Scan(direction_rad=0.2)
+    study = sf.load_model("default").study.oct
+    assert settings.scan == replace(
+        SCANNED,
+        width_m=study.width_m,
+        depth_m=study.depth_m,
+        refractive_index=study.refractive_index,
+    )
+    opinion = OpinionSettings(
+        model=request.model,
+        setup=settings.setup,
+        scale=settings.scan.scale,
+        ring=RingPlace(descriptor=5, frames=1, rows=300, columns=400),
+        learns=None,
+        record=None,
+    )
+    assert decode_message(encode_message(opinion)) == opinion
+
+
+def test_a_monitor_that_dies_or_fails_at_its_start_says_so(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    fails = (
+        "import scleraforce.front.api.monitor_child as child\n"
+        "child.prepare_monitor = lambda request: request.model / 0\n"
+        "child.main()"
+    )
+    for code, words in (
+        ("raise SystemExit(3)", "^monitor: it died at its start, exit code 3"),
+        (fails, "^monitor: it failed at its start: TypeError: unsupported operand"),
+    ):
+        monkeypatch.setattr(monitoring, "COMMAND", (sys.executable, "-P", "-c", code))
+        with pytest.raises(LinkError, match=words), sf.monitor("default"):
+            pass
+
+    assert "Traceback" in capfd.readouterr().err
+
+
+# A program with a monitor: says its process, waits for its own death.
+PROGRAM = """
+import os, sys, time
+import scleraforce as sf
+from scleraforce.front.api import monitoring
+
+def listens(link, process, running):
+    print(process.pid, flush=True)
+    {await_start}
+
+await_start = monitoring._await_start
+monitoring._await_start = listens
+with sf.monitor(sys.argv[1], second_opinion=False, black_box=sys.argv[2]) as running:
+    {then}
+    print(running.port, flush=True)
+    time.sleep({hangs})
+"""
+
+
+@pytest.mark.parametrize(
+    ("await_start", "then"),
+    [
+        ("time.sleep(3600)", ""),
+        ("await_start(link, process, running)", ""),
+        (
+            "await_start(link, process, running)",
+            "os.fork() or (os.close(1), time.sleep(3600))",
+        ),
+    ],
+    ids=["starting", "serving", "with a fork that holds its pipe"],
+)
+def test_a_monitor_ends_in_order_when_its_program_is_killed(
+    await_start: str, then: str, tmp_path: Path
+) -> None:
+    folder = monitor_folder(tmp_path)
+    code = PROGRAM.format(await_start=await_start, then=then, hangs=HANGS_S)
+    program = subprocess.Popen(
+        [sys.executable, "-c", code, str(folder / "reader"), str(tmp_path / "box")],
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, "TMPDIR": str(tmp_path)},  # it cannot tidy up
+    )
+    try:
+        assert program.stdout
+        child = int(program.stdout.readline())
+        serves = "await_start(" in await_start
+        if serves:
+            assert int(program.stdout.readline()) > 0
+
+        program.kill()
+        program.wait()
+        wait_until(lambda: not alive(child))
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(program.pid, signal.SIGKILL)
+        program.stdout.close()
+
+    if serves:
+        texts = [
+            part.record.get("text", "")
+            for part in read_log(tmp_path / "box" / "log")
+            if part.record
+        ]
+        assert texts
+        assert not any("without notice" in text for text in texts)
+
+
+@pytest.mark.usefixtures("patient")
+def test_remarks_reach_lines_log_and_data_alike(tmp_path: Path) -> None:
+    folder = monitor_folder(tmp_path)
+    given = {
+        "calibration": folder / "calibration.json",
+        "eye": "mein",
+        "iop_pa": IOP_PA,
+    }
+    with sf.monitor(
+        folder / "reader",
+        **given,
+        width_m=6e-3,
+        needle=sf.Needle(diameter_m=0.9e-3),
+        second_opinion=False,
+        black_box=tmp_path / "box",
+    ) as running:
+        remarks = running.remarks
+
+    assert [remark.code for remark in remarks] == [
+        "population-modulus",
+        "outside-training",
+        "outside-training",
+    ]
+    assert {remark.severity for remark in remarks} == {"caution"}
+    lines = [line for line in running.lines if line.startswith("warning")]
+    assert lines == [f"warning    {remark.words}" for remark in remarks]
+    log = [part.record for part in read_log(tmp_path / "box" / "log") if part.record]
+    notes = [record["text"] for record in log if record["kind"] == "note"]
+    assert [f"{remark.code}: {remark}" for remark in remarks] == notes[1:4]
 
 
 BUSY_LOOPS = 2 * len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 0

@@ -303,39 +303,33 @@ def approximately(value: Any) -> Any:
 @pytest.mark.parametrize(
     ("records", "field"),
     [
-        ({"eye": sf.Eye(iop_pa=300.0, iop_sd_pa=10.0)}, "iop_sd_pa"),
-        ({"eye": sf.Eye(thickness_m=6e-4, thickness_sd_m=1e-5)}, "thickness_sd_m"),
-        ({"eye": sf.Eye(radius_m=11e-3)}, "radius_m"),
-        ({"eye": sf.Eye(relaxation=RELAXING)}, "relaxation"),
-        (
-            {
-                "eye": sf.Eye(
-                    modulus=sf.Modulus(mean_pa=3e5, sd_pa=1e4, source="stated")
-                )
-            },
-            "modulus",
-        ),
+        ({"eye": sf.Eye(radius_m=11e-3), "second_opinion": False}, "eye.radius_m"),
         (
             {"eye": sf.Eye(globe=sf.Globe.declared("sealed", leak_time_s=20.0))},
-            "globe",
+            "eye.globe.leak_time_s",
         ),
-        ({"needle": sf.Needle(diameter_m=0.5e-3)}, "diameter_m"),
-        ({"needle": sf.Needle(azimuth_rad=0.5)}, "azimuth_rad"),
-        ({"needle": sf.Needle(lean_rad=(0.1, 0.2))}, "lean_rad"),
+        ({"needle": sf.Needle(diameter_m=0.65e-3)}, "needle.diameter_m"),
+        ({"needle": sf.Needle(azimuth_rad=0.5)}, "needle.azimuth_rad"),
         (
-            {"needle": sf.Needle(lean_rad=(0.1, 0.1), lean_azimuth_rad=0.2)},
-            "lean_azimuth_rad",
+            {
+                "needle": sf.Needle(lean_rad=(0.1, 0.1), lean_azimuth_rad=0.2),
+                "scan": sf.Scan(
+                    planes=(sf.Plane("a", 0.0, 0.0), sf.Plane("b", 0.0, 1.5))
+                ),
+            },
+            "needle.lean_azimuth_rad",
         ),
-        ({"scan": sf.Scan(bits=12)}, "bits"),
-        ({"scan": sf.Scan(tilt_rad=0.1)}, "tilt_rad"),
-        ({"scan": sf.Scan(transposed=True)}, "transposed"),
+        ({"scan": sf.Scan(bits=12)}, "scan.bits"),
+        ({"scan": sf.Scan(transposed=True)}, "scan.transposed"),
     ],
 )
-def test_a_monitor_refuses_what_it_has_no_option_for(
+def test_a_monitor_refuses_what_it_cannot_use(
     records: dict[str, Any], field: str
 ) -> None:
-    words = rf"^{field}: \w+\.{field} is nothing that a monitor takes"
-    with pytest.raises(InputError, match=words), sf.monitor("default", **records):
+    with (
+        pytest.raises(InputError, match=f"^{field}: "),
+        sf.monitor("default", **records),
+    ):
         pass
 
 

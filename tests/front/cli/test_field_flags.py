@@ -15,7 +15,6 @@ from scleraforce.front.cli.field_flags import (
     json_in_flags,
 )
 from scleraforce.front.cli.main import COMMANDS, cli
-from scleraforce.front.cli.monitor_child import monitor_words
 from scleraforce.front.cli.output import Command, Report
 
 # Options that give a field in another unit, and so under another name.
@@ -130,18 +129,3 @@ def test_errors_are_printed_with_flags() -> None:
     with pytest.raises(InputError) as fault:
         spoken.main(["--rows", "`a`.png", "--fails"], standalone_mode=False)
     assert str(fault.value) == "--rows: `a`.png; give --rows and --columns"
-
-
-def test_the_words_of_a_monitor_are_in_the_units_of_the_command() -> None:
-    fields = {
-        "youngs_modulus_pa": 0.3e6,
-        "iop_pa": None,
-        "eye": "mine",
-        "planes": [["across", 0.0002, 0.0]],
-        "second_opinion": False,
-    }
-    assert monitor_words("default", fields) == [
-        *("monitor", "default", "--port", "0", "--json"),
-        *("--youngs-modulus-mpa", "0.3", "--eye", "mine"),
-        *("--plane", "across:0.2:0.0", "--no-second-opinion"),
-    ]

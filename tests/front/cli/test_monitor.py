@@ -21,7 +21,6 @@ from math import radians
 from pathlib import Path
 from shutil import copytree
 from time import monotonic
-from types import SimpleNamespace
 
 import click
 import numpy as np
@@ -40,11 +39,11 @@ from commands import BINS, PACED, monitor_folder, started
 from small_models import fixed_study
 from small_monitor import Peer
 from waiting import FUSE_S, wait_until
+from websockets.sync.client import connect
 
 from scleraforce.base.errors import InputError
 from scleraforce.base.units import to_si
 from scleraforce.calibration.evaluation import evaluate_recordings
-from scleraforce.front.cli import monitor_command as command
 from scleraforce.front.cli.main import run
 from scleraforce.live.companions.decision_log import read_log
 from scleraforce.live.decision.limits import MonitorLimits
@@ -54,7 +53,6 @@ from scleraforce.reading.load_model import load_reader
 from scleraforce.recordings.recording_folder import read_recording, true_forces
 from scleraforce.records.model_folder import SHIPPED_READER
 from scleraforce.records.scan import Plane
-from scleraforce.records.setup import NOTHING_KNOWN
 
 pytest.importorskip("torch")
 
@@ -389,13 +387,10 @@ def test_a_session_that_cannot_be_served_is_refused_in_one_line(refused) -> None
         assert words in refused(*options)
 
 
-def test_a_model_that_reads_single_planes_serves_no_others() -> None:
-    classifier = SimpleNamespace(kind="classifier", path="digits")
-    with pytest.raises(
-        InputError, match="--plane: digits is a classifier, which reads single planes"
-    ):
-        command._planes(tuple(CROSS[1::2]), classifier, NOTHING_KNOWN, False)
-    assert command._planes((), classifier, NOTHING_KNOWN, True) == ()
+def test_a_model_that_reads_single_planes_serves_no_others(shell) -> None:
+    error = shell.refused("monitor", "paper", "--port", 0, *CROSS)
+    assert "is a classifier, which reads single planes" in error
+    assert error.startswith("error: --plane: ")
 
 
 @pytest.mark.slow
@@ -506,20 +501,27 @@ def test_another_eye_than_the_calibrations_and_narrow_frames_are_warned_of_at_th
         "--width-mm",
         "6",
     ]
-    with started(
-        folder, *given, "--no-second-opinion", "--black-box", str(tmp_path / "box")
-    ) as monitor:
+    options = ["--no-second-opinion", "--black-box", str(tmp_path / "box")]
+    with started(folder, *given, *options, "--web-port", "0") as monitor:
         warned = [line for line in monitor.lines if line.startswith("warning")]
+        assert monitor.process.stderr
+        said = iter(monitor.process.stderr.readline, "")
+        address = next(line.split()[1] for line in said if line.startswith("console"))
+        live = f"{address.replace('http', 'ws')}live"
+        with connect(live, origin=address.rstrip("/"), open_timeout=FUSE_S) as page:
+            hello = json.loads(page.recv(timeout=FUSE_S))
 
     assert "mein is not in" in warned[0]
     assert "(mine): read with the population's modulus" in warned[0]
     assert any("of the wall are visible; at least" in line for line in warned[1:])
+    shown = [f"warning    {remark['words']}\n" for remark in hello["remarks"]]
+    assert shown == warned
 
 
 def test_each_option_reaches_its_setting(
     folder: Path, tmp_path: Path, monkeypatch, shell
 ) -> None:
-    import scleraforce.live.monitor as module
+    import scleraforce.live.monitor_run as module
 
     taken: list[module.MonitorSettings] = []
 

@@ -21,6 +21,7 @@ from scleraforce.live.companions.process_messages import (
     ResetAsked,
     WrongTokens,
 )
+from scleraforce.records.remark import Remark
 
 pytestmark = NEEDS_CHROMIUM
 NOTHING = "\u2013"  # what stands for a value that is not known
@@ -259,6 +260,63 @@ def test_the_time_until_the_bound_is_a_bar_that_shrinks_and_words_also_on_a_narr
         )
         assert found.page.evaluate("document.documentElement.scrollWidth") == 400
         assert found.complaints == []
+
+
+REMARKS = (
+    Remark("outside-training", "IOP 40 mmHg, the model was trained on 1 to 30 mmHg"),
+    Remark("other-eye", "another eye than its calibration's", about="eye-a"),
+    Remark("lean-unknown", "the needle's lean is not given: " + 20 * "and so on, "),
+)
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (400, 800)])
+def test_remarks_are_one_line_with_the_most_serious_first_until_they_are_opened(
+    opened: Any, size: tuple[int, int]
+) -> None:
+    width, height = size
+    with ConsoleMonitor(remarks=REMARKS) as monitor:
+        found = opened(monitor.address, viewport={"width": width, "height": height})
+        with repeating(watching(monitor)):
+            found.shows(
+                word="WATCHING",
+                remark_count="3 remarks",
+                remark_first="doubt: eye-a: another eye than its calibration's",
+            )
+            rows = found.page.locator("#remark-list li")
+            expect(rows.first).to_be_hidden()
+            line = found.page.locator("#remarks").bounding_box()
+            assert line["height"] < 40
+            found.page.locator("#remarks summary").click()
+            expect(rows).to_have_text(
+                [
+                    "doubt: eye-a: another eye than its calibration's",
+                    f"caution: {REMARKS[0].words}",
+                    re.compile("^caution: the needle's lean is not given"),
+                ]
+            )
+            expect(rows.last).to_be_visible()
+            listed = found.page.locator("#remark-list").bounding_box()
+            word = found.page.locator("#word").bounding_box()
+            assert (
+                word["x"] + word["width"] <= listed["x"]
+                or word["y"] >= listed["y"] + listed["height"]
+            )
+            scroll = (
+                "[document.documentElement.scrollHeight,"
+                " document.documentElement.scrollWidth]"
+            )
+            high, wide = found.page.evaluate(scroll)
+            assert wide == width
+            assert high == height or width < 960
+            assert found.complaints == []
+
+
+def test_a_monitor_without_remarks_shows_none(opened: Any) -> None:
+    with ConsoleMonitor() as monitor:
+        found = opened(monitor.address)
+        with repeating(watching(monitor)):
+            found.shows(word="WATCHING")
+            expect(found.page.locator("#remarks")).to_be_hidden()
 
 
 def test_a_withdrawal_shows_what_is_true_now_larger_than_its_first_cause(

@@ -9,6 +9,7 @@ Public:
     exporting: `export`
     importing: `ImportRequest`, `PREVIEW`, `import_recording`, `picture_dents`,
         `write_imported`
+    monitor_settings: `prepare_monitor`
     monitoring: `monitor`
     opened_frames: `finder_of`, `located`, `opened_frame`
     progress: `Bars`, `by_percent`

@@ -1,63 +1,88 @@
-"""A monitor for tests of a user's own robot: the command, in a process of its own, for
-the time of a block.
+"""A monitor for tests of a user's own robot: the service of the command, in a process
+of its own, for the time of a block.
 """
 
-import json
-import signal
+import os
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, Pipe
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Thread
-from typing import IO, Any, Unpack
+from typing import Any, Unpack
 
-from scleraforce.base.errors import InputError
-from scleraforce.front.api.shorthand import (
-    SetupShorthand,
-    declared_setup,
-    setup_of_options,
+from scleraforce.base.errors import InputError, LinkError
+from scleraforce.base.worker_processes import one_thread
+from scleraforce.front.api.shorthand import SetupShorthand, declared_setup
+from scleraforce.live.monitor_process import refuse_other_systems
+from scleraforce.live.monitor_request import (
+    LOCAL,
+    Address,
+    Ended,
+    Failed,
+    MonitorMessage,
+    MonitorRequest,
+    OperatorLine,
+    Refused,
+    Started,
 )
 from scleraforce.live.network.operator_reset import ask_reset
-from scleraforce.reading.needle_lean import MOST_LEAN_RAD
 from scleraforce.reading.reading_models import Reader
 from scleraforce.records.eye import Eye
-from scleraforce.records.model_folder import model_folder, model_name
-from scleraforce.records.needle import Needle, one_lean
+from scleraforce.records.model_folder import model_folder
+from scleraforce.records.needle import Needle
+from scleraforce.records.remark import Remark
 from scleraforce.records.scan import Scan
-from scleraforce.records.setup import Setup
 
-# -P: no module of this folder. The child turns fields into the command's words.
+# -P: no module of this folder
 COMMAND = (
     sys.executable,
     "-P",
     "-c",
-    "from scleraforce.front.cli.monitor_child import main; main()",
+    "from scleraforce.front.api.monitor_child import main; main()",
 )
 END_S = 30.0  # for the black box to write its last entries
-LAST_LINES_S = 1.0
+LAST_MESSAGES_S = 1.0
 
 
 @dataclass(kw_only=True)
 class RunningMonitor:
-    """A monitor's OpenIGTLink address and the token of its reset; `lines` are what its
-    operator sees.
+    """A monitor's OpenIGTLink address and the token of its reset.
 
-    `summary` has the frames and withdrawals of the session, once the monitor has ended.
+    `lines` are what the operator of a command would read, with fields of records in
+    backquotes in place of options; `remarks` are the warnings among them, as data.
+    `summary` has the frames and withdrawals of the session, once the monitor has ended;
+    it stays empty where the monitor died.
     """
 
-    host: str = "127.0.0.1"
+    host: str = LOCAL
     port: int = 0
     token: str = field(default="", repr=False)
     lines: list[str] = field(default_factory=list, repr=False)
+    remarks: list[Remark] = field(default_factory=list, repr=False)
     summary: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def reset(self) -> tuple[bool, str]:
         """Ask for the end of a withdrawal; return whether it is granted, and why."""
         return ask_reset(self.host, self.port, self.token)
+
+    def _take(self, message: MonitorMessage) -> None:
+        match message:
+            case OperatorLine(text):
+                self.lines.append(text)
+            case Started():
+                self.host = message.host
+                self.port = message.port
+                self.token = message.token
+                self.remarks.extend(message.remarks)
+            case Refused(words) | Failed(words):
+                self.lines.append(words)
+            case Ended(summary):
+                self.summary = summary
 
 
 @contextmanager
@@ -77,7 +102,8 @@ def monitor(
 
     Args:
         model: a reader, or the name or path of one.
-        eye: what is known of the eye, or its name in the calibration.
+        eye: what is known of the eye, or its name in the calibration; without a second
+            opinion no radius.
         needle: its gap from the B-scan, the place of its contact, its lean.
         scan: the frames that the scanner will send; None: those of the model's study.
         calibration: file of `calibrate`: gives the eye's modulus, or the population's.
@@ -88,8 +114,9 @@ def monitor(
             `width_m`, `depth_m`, `refractive_index`, in place of records.
 
     Raises:
-        InputError: a value is stated that a monitor does not use, or the monitor does
-            not start; the message is then the command's.
+        InputError: a value is stated that a monitor does not use, or the monitor
+            refuses to start, for the reasons of the command.
+        LinkError: it died at its start.
 
     >>> import scleraforce as sf
     >>> eye = sf.Eye("eye-a", modulus=sf.Modulus.stated(0.3e6))
@@ -99,154 +126,91 @@ def monitor(
     >>> running.summary["frames"]
     0
     """
-    path = model.path if isinstance(model, Reader) else model_folder(model)
-    fields = {
-        **_fields_of(declared_setup(eye, needle, scan, short)),
-        "calibration": calibration,
-        "record": record,
-        "second_opinion": second_opinion,
-    }
+    refuse_other_systems()
+    setup = declared_setup(eye, needle, scan, short)
     # the black box of a monitor that died may still write there
     with TemporaryDirectory(
         prefix="scleraforce-", ignore_cleanup_errors=True
     ) as folder:
-        fields["black_box"] = black_box or Path(folder) / "black-box"
+        request = MonitorRequest(
+            model=model.path if isinstance(model, Reader) else model_folder(model),
+            setup=setup,
+            calibration=None if calibration is None else Path(calibration),
+            address=Address(LOCAL, 0),
+            black_box=Path(black_box or Path(folder) / "black-box"),
+            record=None if record is None else Path(record),
+            second_opinion=second_opinion,
+        )
+        link, process = _start(request)
+        running = RunningMonitor()
+        listener = Thread(target=_listen, args=(link, running), daemon=True)
+        try:
+            _await_start(link, process, running)
+            listener.start()
+            yield running
+        finally:
+            _end(link, process)
+            if listener.ident is not None:
+                listener.join(LAST_MESSAGES_S)
+            link.close()
+
+
+def _start(request: MonitorRequest) -> tuple[Connection, "subprocess.Popen[bytes]"]:
+    """Start the process of a monitor, and tell it what is asked for."""
+    link, theirs = Pipe()
+    with theirs, one_thread():
         process = subprocess.Popen(
-            [*COMMAND, model_name(path), json.dumps(fields, default=str)],
+            [*COMMAND, str(theirs.fileno()), str(os.getpid())],
             stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
+            stdout=subprocess.DEVNULL,
+            pass_fds=[theirs.fileno()],
             start_new_session=True,
         )
 
-        running = RunningMonitor()
-        listener = None
+    with suppress(OSError):  # it died, which is noticed where it is heard
+        link.send(request)
+    return link, process
+
+
+def _await_start(
+    link: Connection, process: "subprocess.Popen[bytes]", running: RunningMonitor
+) -> None:
+    """Hear a monitor until it listens; raise what keeps it from that."""
+    while True:
         try:
-            listener = _await_start(process, running)
-            yield running
-        finally:
-            running.summary = _ended(process)
-            _hear_out(process, listener)
+            message: MonitorMessage = link.recv()
+        except (EOFError, OSError):
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(END_S)
+            raise LinkError(
+                f"monitor: it died at its start, exit code {process.returncode}; what"
+                " it wrote is on standard error"
+            ) from None
+
+        running._take(message)
+        match message:
+            case Started():
+                return
+            case Refused(words):
+                raise InputError(words)
+            case Failed(words):
+                raise LinkError(f"monitor: it failed at its start: {words}")
 
 
-def _fields_of(setup: Setup) -> dict[str, Any]:
-    """Return the options that declare an experiment to a monitor; raises `InputError`
-    for a value that it has no option for.
-    """
-    eye = setup.eye
-    needle = setup.needle
-    scan = setup.scan
-    modulus_pa = None if eye.modulus is None else eye.modulus.mean_pa
-    kind = None if eye.globe is None else eye.globe.kind
-    rigidity = eye.globe.mean if eye.globe and eye.globe.rigidity_told else None
-    lean_rad = one_lean(needle.lean_rad)
-    leans_unknown = needle.lean_rad == (0.0, MOST_LEAN_RAD)
-
-    options = {
-        "eye": eye.name,
-        "youngs_modulus_pa": modulus_pa,
-        "iop_pa": eye.iop_pa,
-        "thickness_m": eye.thickness_m,
-        "globe": kind,
-        "rigidity_pa13_per_m3": rigidity,
-        "stiffening": eye.stiffening,
-        "gap_m": needle.gap_m,
-        "polar_angle_rad": needle.polar_rad,
-        "lean_rad": "unknown" if leans_unknown else lean_rad,
-        "rows": scan.rows,
-        "columns": scan.columns,
-        "width_m": scan.width_m,
-        "depth_m": scan.depth_m,
-        "refractive_index": scan.refractive_index,
-        "plane_direction_rad": scan.direction_rad,
-        "planes": [
-            (plane.name, plane.offset_m, plane.direction_rad) for plane in scan.planes
-        ],
-    }
-
-    declared = setup_of_options(options)
-    told = Setup(
-        eye=replace(declared.eye, name=eye.name),
-        needle=declared.needle,
-        scan=replace(
-            declared.scan,
-            rows=scan.rows,
-            columns=scan.columns,
-            width_m=scan.width_m,
-            depth_m=scan.depth_m,
-            refractive_index=scan.refractive_index,
-            planes=scan.planes,
-        ),
-    )
-    for part, given in vars(setup).items():
-        for name, value in vars(given).items():
-            if value != getattr(getattr(told, part), name):
-                raise InputError(
-                    f"{name}: {part}.{name} is nothing that a monitor takes, or not in"
-                    " full; leave it out, or state it in a calibration"
-                )
-
-    return options
+def _listen(link: Connection, running: RunningMonitor) -> None:
+    """Hear a monitor until it has ended, so that its pipe never fills."""
+    with suppress(EOFError, OSError):
+        while True:
+            running._take(link.recv())
 
 
-def _await_start(process: "subprocess.Popen[str]", running: RunningMonitor) -> Thread:
-    """Read the operator's lines until the last one of the start; return the thread that
-    reads the others, so that the pipe never fills.
-    """
-    assert process.stderr is not None
-    for line in process.stderr:
-        running.lines.append(line.rstrip())
-        name, *words = line.split()
-        if name == "listens":
-            running.port = int(words[1].rpartition(":")[2])
-        if name == "reset":
-            running.token = words[-1]
-            listener = Thread(
-                target=_listen, args=(process.stderr, running.lines), daemon=True
-            )
-            listener.start()
-            return listener
-
-    raise InputError(
-        running.lines[-1].removeprefix("error: ")
-        if running.lines
-        else "monitor: it ended at its start"
-    )
-
-
-def _listen(said: IO[str], lines: list[str]) -> None:
-    with said:
-        lines.extend(map(str.rstrip, said))
-
-
-def _ended(process: "subprocess.Popen[str]") -> Mapping[str, Any]:
-    """End the monitor as Ctrl-C does and return its summary; one that does not end in
-    time is killed.
-    """
-    if process.poll() is None:
-        process.send_signal(signal.SIGINT)
+def _end(link: Connection, process: "subprocess.Popen[bytes]") -> None:
+    """End the monitor as Ctrl-C does; one that does not end in time is killed."""
+    with suppress(OSError):  # it has ended
+        link.send(None)
 
     try:
         process.wait(END_S)
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
-
-    assert process.stdout is not None
-    with process.stdout:
-        text = process.stdout.read()
-    summary: dict[str, Any] = json.loads(text) if text else {}
-    return summary
-
-
-def _hear_out(process: "subprocess.Popen[str]", listener: Thread | None) -> None:
-    """Wait for the last lines of a monitor that has ended.
-
-    Where it died, its watchdog and its black box may hold the pipe for long: until the
-    last client has left, and until the last frames are written.
-    """
-    if listener is not None:
-        listener.join(LAST_LINES_S)
-    elif process.stderr is not None:
-        process.stderr.close()

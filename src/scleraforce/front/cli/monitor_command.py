@@ -3,22 +3,15 @@ and the operator's reset.
 """
 
 import os
-import re
-import signal
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import closing
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
-from secrets import token_hex
 from typing import TYPE_CHECKING, Any
 
 import click
-from platformdirs import user_state_path
 
 from scleraforce.base.errors import InputError
-from scleraforce.base.units import from_si
 from scleraforce.base.worker_processes import one_thread
 from scleraforce.front.cli.field_flags import in_flags
 from scleraforce.front.cli.options import (
@@ -33,32 +26,32 @@ from scleraforce.front.cli.options import (
 )
 from scleraforce.front.cli.output import Command, Report
 from scleraforce.records.fields import name_fault
-from scleraforce.records.model_folder import model_name
-from scleraforce.records.scan import Plane, Scan, check_planes, parse_plane
-from scleraforce.records.setup import Setup
+from scleraforce.records.scan import parse_plane
 
 if TYPE_CHECKING:
-    from scleraforce.live.decision.limits import MonitorLimits
-    from scleraforce.live.monitor import Address, MonitorSettings
-    from scleraforce.reading.reading_models import Reader
+    from scleraforce.live.monitor_request import MonitorRequest
 
 PORT = click.IntRange(0, 65535)
 POSITIVE = click.FloatRange(0.0, min_open=True)
 STUDYS = "default: that of the model's study"
+FRAMES = ("columns", "rows", "width_m", "depth_m", "refractive_index")
 LIMITS = (
+    "withdraw_class",
+    "bound_n",
     "unusable_frames",
     "unusable_opinions",
     "loss_in_window_s",
     "reaction_s",
     "retraction_m_s",
 )
-# device names that OpenIGTLink can send and a table needs no quotes for
-DEVICE_NAME = re.compile(r"[\w.+-]{1,20}", re.ASCII)
-# a scanner may use more bits than the model's study states, and its recording must stay
-# readable
-MOST_BITS = 16
-UNKNOWN_GLOBE = (
-    "unknown: give --globe; intervals are wider and withdrawals come earlier"
+# options that are fields of a request
+AS_GIVEN = (
+    "calibration",
+    "black_box",
+    "record",
+    "second_opinion",
+    "learn_eye",
+    "resume",
 )
 
 
@@ -215,21 +208,7 @@ UNKNOWN_GLOBE = (
     type=PATH,
     help="Folder of the log; default: in the user's state folder.",
 )
-def monitor(
-    model: Path,
-    host: str,
-    port: int,
-    web_port: int | None,
-    web_host: str,
-    calibration: Path | None,
-    eye: str | None,
-    learn_eye: bool,
-    resume: Path | None,
-    record: Path | None,
-    black_box: Path | None,
-    planes: tuple[str, ...],
-    **given: Any,
-) -> Report:
+def monitor(**given: Any) -> Report:
     """Receive B-scans and tell the robot when to withdraw. Research use only.
 
     MODEL is `default`, the bundled reader, or the path of a folder that
@@ -244,387 +223,56 @@ def monitor(
     Example: scleraforce monitor default --calibration modulus.json --eye eye-a
     --iop-mmhg 2 --gap-mm 0.5 --globe open --web-port 8080
     """
-    if not sys.platform.startswith("linux"):
-        raise InputError(
-            "monitor: runs on Linux only, for its real-time priorities; this is"
-            f" {sys.platform}"
-        )
+    # 20 ms: not for --help and `monitor-reset`
+    from scleraforce.live.monitor_process import (
+        open_standard_files,
+        refuse_other_systems,
+    )
 
-    # a closed one of the three standard files is opened, or a socket would become one
-    # of them
-    for number in range(3):
-        try:
-            os.fstat(number)
-        except OSError:
-            os.open(os.devnull, os.O_RDWR)
-
+    refuse_other_systems()
+    open_standard_files()
     with one_thread():  # the second core is for the other processes
         # 360 ms: Numba and the models, not for --help and `monitor-reset`
-        from scleraforce.live.monitor import (
-            Address,
-            MonitorSettings,
-            OperatorNotes,
-            monitor_service,
-        )
-        from scleraforce.reading.load_model import load_reader, suited_reader
+        from scleraforce.front.api.monitor_settings import prepare_monitor
+        from scleraforce.live.monitor import OperatorNotes
+        from scleraforce.live.monitor_run import run_monitor
 
-    # the loop has no time for one; the second opinion loads its own
-    reader = load_reader(model, finder=None)
-    if not reader.serves_loop:  # it would be its own second opinion
-        raise InputError(
-            f"{reader.path}: kind: {reader.kind}; the monitor needs a reader: nothing"
-            " else in this model could check what its network reads in the loop"
-        )
-
-    known, doubt = _known(calibration, eye, {name: given[name] for name in EYE})
-    if resume is not None and not learn_eye:
-        raise InputError("--resume: needs --learn-eye")
-    if learn_eye:
-        known = _to_learn(reader, known, resume, eye, given)
-
-    reader = suited_reader(reader, known)
-    scan = _scan(reader, known, _planes(planes, reader, known, learn_eye), given)
-    if reason := reader.refusal(known):  # all frames would be unusable
-        raise InputError(f"{reader.path}: {reason}")
-    if eye is not None and (fault := name_fault(eye)):
-        raise InputError(f"--eye: {fault}")
-
-    begun = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
-    settings = MonitorSettings(
-        eye=eye or "eye-1",
-        setup=known,
-        limits=_limits(reader, known, scan, given),
-        scan=scan,
-        address=Address(host, port),
-        console=None if web_port is None else Address(web_host, web_port),
-        black_box=black_box or user_state_path("scleraforce") / "monitor" / begun,
-        record=record,
-        learns=learn_eye,
-        token=token_hex(16),  # it cannot be guessed
-    )
-
+    reader, settings = prepare_monitor(_request(given))
     command = click.get_current_context().command.name
     with closing(
-        OperatorNotes(lambda text: _write_line(in_flags(text, command)))
+        OperatorNotes[str](lambda text: _write_line(in_flags(text, command)))
     ) as notes:
-        with (
-            ExitStack() as until_ended,
-            monitor_service(reader.path, reader, settings, notes) as (server, address),
-        ):
-            until_ended.enter_context(_ended_by_signals(server.stop))
-            for line in _greeting(reader, settings, address, doubt, server.code.line):
-                notes(line)
-
-            server.run()
-            summary = server.session.summary()
-            notes("ends; the black box writes its last entries")
-
-        notes(
-            f"ended after {summary['frames']} frames and {len(summary['withdrawals'])}"
-            " withdrawals"
-        )
-
-    return Report(
-        {
-            "model": model_name(reader.path),
-            "class_bounds_mn": reader.bounds_mn,
-            **summary,
-        }
-    )
+        return Report(run_monitor(reader, settings, notes))
 
 
-def _known(
-    calibration: Path | None, eye: str | None, given: dict[str, Any]
-) -> "tuple[Setup, str | None]":
-    # 380 ms: not for --help and `monitor-reset`
-    from scleraforce.front.api.reading_frames import check_calibrated
-    from scleraforce.records.calibration_file import (
-        choice_of_eye,
-        foreign_modulus,
-        known_of_eye,
-        read_calibration,
-    )
+def _request(given: dict[str, Any]) -> "MonitorRequest":
+    """Return what the options ask for, by the names of their arguments."""
+    # 20 ms: not for --help and `monitor-reset`
+    from scleraforce.live.monitor_request import Address, MonitorRequest, StatedLimits
 
-    known = declared_eye(given)
+    eye = given["eye"]
+    if eye is not None and (fault := name_fault(eye)):
+        raise InputError(f"`eye`: {fault}")
 
-    if calibration is None:
-        return known, None
-
-    check_calibrated(known, calibrated=True)
-    summary = read_calibration(calibration)
-    if eye is None:
-        raise InputError(f"--eye: missing; {choice_of_eye(summary)}")
-
-    return known_of_eye(known, summary, eye), foreign_modulus(summary, eye)
-
-
-def _planes(
-    given: tuple[str, ...], reader: "Reader", setup: "Setup", learn_eye: bool
-) -> tuple[Plane, ...]:
-    """Return the planes of a scanner that takes several; () of one that takes a single
-    one.
-    """
-    # 310 ms: not for --help and `monitor-reset`
-    from scleraforce.reading.trained_ranges import READER
-
-    planes = tuple(parse_plane(words) for words in given)
-    check_planes(planes, "--plane")
-    named = next(
-        (plane.name for plane in planes if not DEVICE_NAME.fullmatch(plane.name)), None
-    )
-    refused = {
-        (
-            f"--plane: {named!r} cannot name a device; use 1 to 20 of the characters"
-            " A-Z a-z 0-9 . _ + -"
-        ): named,
-        f"--plane: {reader.path} is a {reader.kind}, which reads single planes": (
-            planes and reader.kind != READER
+    declared = declared_eye({name: given[name] for name in EYE})
+    frames = {name: given[name] for name in FRAMES}
+    planes = tuple(parse_plane(words) for words in given["planes"])
+    web_port = given["web_port"]
+    return MonitorRequest(
+        model=given["model"],
+        setup=replace(
+            declared,
+            eye=replace(declared.eye, name=eye),
+            scan=replace(declared.scan, planes=planes, **frames),
         ),
-        "--gap-mm: several planes show their gaps; leave it out": (
-            planes and setup.needle.gap_m is not None
+        limits=StatedLimits(
+            reports_pierced=given["on_pierced"] == "report",
+            **{name: given[name] for name in LIMITS},
         ),
-        "--learn-eye: it learns from a single plane; leave it or --plane out": (
-            planes and learn_eye
-        ),
-    }
-
-    for reason, holds in refused.items():
-        if holds:
-            raise InputError(reason)
-
-    return planes
-
-
-def _to_learn(
-    reader: "Reader",
-    setup: "Setup",
-    resume: Path | None,
-    eye: str | None,
-    given: dict[str, Any],
-) -> "Setup":
-    """Return the eye with the prior of an E that is to be learned."""
-    # 430 ms: not without --learn-eye
-    from scleraforce.live.companions.eye_learning import resumed_eye
-    from scleraforce.records.eye import Modulus
-
-    refused = {
-        f"{reader.path} is a {reader.kind}, which reads no force": (
-            not reader.reads_force
-        ),
-        "needs the second opinion; leave out --no-second-opinion": not given[
-            "second_opinion"
-        ],
-        "E is given with --youngs-modulus-mpa": given["youngs_modulus_pa"] is not None,
-        "the calibration has this eye's own E": setup.eye.has_own_modulus,
-        "--iop-mmhg is missing: E is found beside the known pressure": (
-            setup.eye.iop_pa is None
-        ),
-        "--eye is missing: --resume needs its name": resume is not None and eye is None,
-    }
-
-    for reason, holds in refused.items():
-        if holds:
-            raise InputError(f"--learn-eye: {reason}")
-
-    prior = reader.study.calibration
-    population = Modulus(
-        mean_pa=prior.prior_mean_pa, sd_pa=prior.prior_sd_pa, source="population"
+        address=Address(given["host"], given["port"]),
+        console=None if web_port is None else Address(given["web_host"], web_port),
+        **{name: given[name] for name in AS_GIVEN},
     )
-    setup = replace(
-        setup, eye=replace(setup.eye, modulus=setup.eye.modulus or population)
-    )
-    if resume is not None and eye is not None:
-        return resumed_eye(setup, resume, eye)
-
-    return setup
-
-
-def _scan(
-    reader: "Reader", setup: "Setup", planes: tuple[Plane, ...], given: dict[str, Any]
-) -> Scan:
-    """Return what is known of the frames of a session."""
-    names = ("columns", "rows", "width_m", "depth_m", "refractive_index")
-    stated = {name: given[name] or getattr(reader.study.oct, name) for name in names}
-    return Scan(
-        bits=MOST_BITS, direction_rad=setup.scan.direction_rad, planes=planes, **stated
-    )
-
-
-def _limits(
-    reader: "Reader", setup: "Setup", scan: Scan, given: dict[str, Any]
-) -> "MonitorLimits":
-    # 12 ms: not for --help and `monitor-reset`
-    from scleraforce.live.decision.limits import MonitorLimits
-
-    return MonitorLimits(
-        withdraw_class=given["withdraw_class"] or reader.classes - 1,
-        bound_n=given["bound_n"] or reader.study.classes.bounds_n[-1],
-        stiffness_n_m=reader.steepest_n_m(setup) or MonitorLimits.stiffness_n_m,
-        reports_pierced=given["on_pierced"] == "report",
-        size=scan.shape,
-        scale_m=(scan.scale.lateral_m, scan.scale.depth_m),
-        reads_force=reader.reads_force,
-        expects_opinion=given["second_opinion"]
-        and reader.reads_force,  # a class is read in one way only
-        **{name: given[name] for name in LIMITS},
-    )
-
-
-def _greeting(
-    reader: "Reader",
-    settings: "MonitorSettings",
-    address: "Address",
-    doubt: str | None,
-    code: str,
-) -> Iterator[str]:
-    limits = settings.limits
-    scan = settings.scan
-    lateral_um = from_si(scan.scale.lateral_m, "um")
-    depth_um = from_si(scan.scale.depth_m, "um")
-    bound_mn = from_si(limits.bound_n, "mn")
-    forces = (
-        f", or where the force's interval reaches {bound_mn:.1f} mN"
-        if limits.reads_force
-        else ""
-    )
-    yield "research use only: not a medical device"
-    yield f"model      {reader.words}"
-    yield f"eye        {settings.eye}: {_eye_words(settings.setup)}"
-
-    if scan.planes:
-        places = [
-            (one.name, from_si(one.offset_m, "mm"), from_si(one.direction_rad, "deg"))
-            for one in scan.planes
-        ]
-        yield "planes     " + ", ".join(
-            f"{name} ({mm:g} mm, {deg:.0f}°)" for name, mm, deg in places
-        )
-
-    yield f"globe      {globe_words(settings.setup, reader.reads_force)}"
-    relaxation = settings.setup.eye.relaxation
-    if relaxation is not None and relaxation.matters:
-        most = max(sum(relaxation.shares), sum(relaxation.other))
-        lost = from_si(most, "percent")
-        yield (
-            f"tissue     a held needle loses up to {lost:.0f} % of its force; intervals"
-            " are wide at the start"
-        )
-
-    any_lean = (
-        settings.setup.needle.lean_rad is None
-        and not settings.setup.eye.has_calibrated_modulus
-    )
-    lean = (
-        "the needle's lean is not given: forces are their parts along the wall's normal"
-        " (docs/limits.md)"
-    )
-
-    for warning in filter(
-        None, (doubt, lean if any_lean else None, *reader.limits(settings.setup, scan))
-    ):
-        yield f"warning    {warning}"
-
-    yield (
-        f"frames     {scan.columns} x {scan.rows} px of {lateral_um:.2f} x"
-        f" {depth_um:.2f} µm"
-    )
-    yield f"withdraws  at class {limits.withdraw_class}{forces}"
-    yield f"listens    on {address.host}:{address.port} (OpenIGTLink)"
-    yield f"black box  {settings.black_box}"
-    yield code
-    yield (
-        f"reset      scleraforce monitor-reset --port {address.port} asks for the code,"
-        f" or for the token {settings.token}"
-    )
-
-
-def _eye_words(setup: "Setup") -> str:
-    # 13 ms: not for --help and `monitor-reset`
-    from scleraforce.records.eye import MODULUS_SOURCES
-
-    words = "modulus unknown"
-    if setup.eye.modulus is not None:
-        words = (
-            f"{from_si(setup.eye.modulus.mean_pa, 'mpa'):.3f} MPa"
-            f" ({MODULUS_SOURCES[setup.eye.modulus.source]})"
-        )
-
-    iop = (
-        "IOP unknown"
-        if setup.eye.iop_pa is None
-        else f"IOP {from_si(setup.eye.iop_pa, 'mmhg'):.1f} mmHg"
-    )
-    wall = (
-        "thickness unknown"
-        if setup.eye.thickness_m is None
-        else f"{from_si(setup.eye.thickness_m, 'um'):.0f} µm thick"
-    )
-    gap = (
-        "gap unknown"
-        if setup.needle.gap_m is None
-        else f"gap {from_si(setup.needle.gap_m, 'mm'):.2f} mm"
-    )
-
-    return ", ".join((words, iop, wall, gap))
-
-
-def globe_words(setup: "Setup", reads_force: bool) -> str:
-    """Return the globe with which a model reads an eye, and the cost of an unknown one.
-
-    >>> from scleraforce.records.eye import Eye
-    >>> from scleraforce.records.globe import SEALED
-    >>> from scleraforce.records.setup import Setup
-    >>> globe_words(Setup(eye=Eye(globe=SEALED)), reads_force=True)
-    'sealed, k between 0.005 and 0.06 mmHg^(1/3)/µl'
-    """
-    # 2 ms: not for --help
-    from scleraforce.records.globe import UNKNOWN
-
-    globe = UNKNOWN if setup.eye.globe is None else setup.eye.globe
-    if not reads_force:
-        return (
-            "taken for open: a classifier knows no other, and in a sealed eye forces"
-            " are read too low"
-        )
-    if not globe.can_be_sealed:
-        return "open"
-
-    ends = (
-        globe.band
-        if globe.calibrated or globe.rigidity_told
-        else (globe.lowest, globe.highest)
-    )
-    low, high = (f"{from_si(end, 'mmhg13_per_ul'):.2g}" for end in ends)
-    k = f"k between {low} and {high} mmHg^(1/3)/µl"
-
-    if globe.calibrated:
-        return (
-            f"{'open or sealed' if globe.kind == 'unknown' else globe.kind}, {k}"
-            " (calibrated)"
-        )
-
-    return f"sealed, {k}" if globe.kind == "sealed" else UNKNOWN_GLOBE
-
-
-@contextmanager
-def _ended_by_signals(stop: Callable[[], None]) -> Iterator[None]:
-    """Have Ctrl-C, a closed terminal, SIGTERM and SIGQUIT call `stop`.
-
-    Signals that were ignored at the start, as by `nohup`, stay ignored. Writing to a
-    terminal from the background must never stop the process.
-    """
-    ends = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
-    heard = [
-        number for number in ends if signal.getsignal(number) is not signal.SIG_IGN
-    ]
-    before = {number: signal.signal(number, lambda *_: stop()) for number in heard}
-    before[signal.SIGTTOU] = signal.signal(signal.SIGTTOU, signal.SIG_IGN)
-
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _write_line(text: str) -> None:

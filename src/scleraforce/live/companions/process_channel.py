@@ -8,6 +8,7 @@ import socket
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import closing
+from numbers import Integral, Real
 from pathlib import Path
 from select import select
 from subprocess import DEVNULL, Popen, TimeoutExpired
@@ -83,10 +84,12 @@ def _check_size(data: bytes) -> None:
 
 
 def _plain(value: Any) -> bytes | float:
-    """Return the bytes of a path; a Python float for a subclass of it, as NumPy has."""
+    """Return the bytes of a path; a number of Python for one of NumPy."""
     if isinstance(value, Path):
         return os.fsencode(value)
-    if isinstance(value, float):
+    if isinstance(value, Integral):
+        return int(value)
+    if isinstance(value, Real):
         return float(value)
     raise TypeError(f"a {type(value).__name__}, which no message holds")
 

@@ -23,6 +23,7 @@ from scleraforce.live.decision.events import State
 from scleraforce.live.decision.limits import MonitorLimits
 from scleraforce.live.network.openigtlink import Text
 from scleraforce.records.recording_info import ForceInfo, RecordingInfo
+from scleraforce.records.remark import Remark
 from scleraforce.records.scan import PixelScale, Plane
 from scleraforce.records.setup import Setup
 from scleraforce.records.verdict import Verdict
@@ -417,7 +418,7 @@ class OpinionSettings(_Message, frozen=True, kw_only=True):
 
 class ConsoleSettings(_Message, frozen=True, kw_only=True):
     """Settings of the console: `listener` is the descriptor of the socket that listens
-    on `host`, `eye` may be "".
+    on `host`, `eye` may be "", `remarks` are those of the start.
     """
 
     host: str
@@ -429,6 +430,7 @@ class ConsoleSettings(_Message, frozen=True, kw_only=True):
     class_bounds_n: tuple[float, ...]
     model: str
     eye: str
+    remarks: tuple[Remark, ...]
 
     def for_page(self) -> dict[str, Any]:
         """Return the settings for the page, as a JSON object."""
@@ -446,6 +448,7 @@ class ConsoleSettings(_Message, frozen=True, kw_only=True):
             "reads_force": self.limits.reads_force,
             "model": self.model,
             "eye": self.eye,
+            "remarks": [remark.to_dict() for remark in self.remarks],
             "version": __version__,
             "rows": self.ring.rows,
             "columns": self.ring.columns,

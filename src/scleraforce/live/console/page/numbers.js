@@ -24,6 +24,26 @@ export function showSettings(settings) {
   write("model", settings.model);
   write("eye", settings.eye || "not said");
   write("version", settings.version);
+  showRemarks(settings.remarks);
+}
+
+// What limits the readings of this eye, from the start on: the most serious first, in one line until it is opened.
+const SEVERITIES = ["doubt", "caution", "info"];
+
+function showRemarks(remarks) {
+  const sorted = [...remarks].sort((one, other) => SEVERITIES.indexOf(one.severity) - SEVERITIES.indexOf(other.severity));
+  element("remarks").hidden = sorted.length === 0;
+  write("remark-count", sorted.length === 1 ? "1 remark" : `${sorted.length} remarks`);
+  write("remark-first", sorted.length ? remarkText(sorted[0]) : "");
+  element("remark-list").replaceChildren(...sorted.map(remarkRow));
+}
+
+const remarkText = ({ severity, about, words }) => `${severity}: ${about ? `${about}: ` : ""}${words}`;
+
+function remarkRow(remark) {
+  const row = document.createElement("li");
+  row.textContent = remarkText(remark);
+  return row;
 }
 
 export function showVerdict(view, word, sentence, detail, held = "") {
