@@ -45,6 +45,7 @@ from scleraforce.live.network.openigtlink import (
 )
 from scleraforce.live.network.operator_reset import ask_reset
 from scleraforce.records.eye import Eye, Modulus
+from scleraforce.records.remark import Remark
 from scleraforce.records.setup import Setup
 
 
@@ -744,6 +745,39 @@ def test_the_second_opinion_is_asked_about_each_frame_and_what_it_says_counts(
             )
         )
         assert not asked[-1].teaches  # type: ignore[union-attr]
+
+
+def test_what_the_second_opinion_remarks_is_logged_and_told_to_the_console_once(
+    clock: TurnedClock,
+) -> None:
+    differ = Remark("methods-disagree", "they differ")
+    leans = Remark("lean-contradicted", "it leans", ("lean_rad",))
+    with beside(clock, OPINION, BLACK_BOX, CONSOLE) as (_, scanner, companions):
+        for remarks in ((differ,), (differ, leans), (leans,)):
+            companions[OPINION].says(
+                process_messages.OpinionGiven(
+                    order=1, verdict=rule.verdict(9.0, (8.0, 10.0)), remarks=remarks
+                )
+            )
+
+        told: list[process_messages.CompanionMessage] = []
+
+        def shown() -> bool:
+            scanner.read(10.0)
+            told.extend(companions[CONSOLE].theirs.receive())
+            rates = [one for one in told if isinstance(one, process_messages.Rates)]
+            return bool(rates) and rates[-1].remarks == (differ, leans)
+
+        wait_until(shown)
+        noted = [
+            message.text
+            for message in companions[BLACK_BOX].theirs.receive()
+            if isinstance(message, process_messages.Note)
+        ]
+        assert [text for text in noted if "second opinion" in text] == [
+            "second opinion: methods-disagree: they differ",
+            "second opinion: lean-contradicted: it leans",
+        ]
 
 
 def test_what_was_learned_of_the_eye_is_in_each_later_reading_and_ends_no_withdrawal(

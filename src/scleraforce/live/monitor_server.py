@@ -49,6 +49,7 @@ from scleraforce.live.network.operator_reset import (
     token_digest,
 )
 from scleraforce.live.network.scanner_frame import FrameAssembler
+from scleraforce.records.remark import Remark
 
 TICK_S = 0.01
 HEARTBEAT_S = 0.05
@@ -110,6 +111,8 @@ class MonitorServer:
         self._notes = RateLimiter(NOTES_PER_S, NOTES_AT_ONCE)
         self._forces = RateLimiter(FORCES_PER_S, FORCES_AT_ONCE)
         self._left_out = 0
+        # the first of each code, of the second opinion
+        self._remarks = dict[str, Remark]()
         self._token = ResetToken(token_digest(settings.token))
         self.code = ResetCode()
         self._stopping = False
@@ -474,7 +477,10 @@ class MonitorServer:
         )
         rate = (self.session.frames - frames) / (now_s - since_s)
         rates = process_messages.Rates(
-            frames_per_second=rate, lost=self.session.lost, clients=clients
+            frames_per_second=rate,
+            lost=self.session.lost,
+            clients=clients,
+            remarks=tuple(self._remarks.values()),
         )
         self._companions.send(CONSOLE, rates, now_s)
 
@@ -494,6 +500,14 @@ class MonitorServer:
             self._clients.selector.unregister(self._companions.channel(name))
             self._note(f"the {name} has ended{self._companions.last_words(name)}")
 
+    def _take_remarks(self, remarks: tuple[Remark, ...], now_s: float) -> None:
+        """Tell operator, log and console the first remark of each kind."""
+        for remark in remarks:
+            if remark.code not in self._remarks:
+                self._remarks[remark.code] = remark
+                self._log_note(f"second opinion: {remark.code}: {remark}", now_s)
+                self._note(f"second opinion: {remark}")
+
     def _take_message(
         self, message: process_messages.CompanionMessage, now_s: float
     ) -> None:
@@ -501,6 +515,7 @@ class MonitorServer:
             case process_messages.OpinionGiven(
                 order=order, verdict=verdict, plane=plane
             ):
+                self._take_remarks(message.remarks, now_s)
                 if plane:
                     self.session.read_together(verdict, message.contact_m)
                 self._decide(

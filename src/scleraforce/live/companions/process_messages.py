@@ -270,7 +270,7 @@ class Outline(_Message, frozen=True, kw_only=True):
 
 class Rates(_Message, frozen=True, kw_only=True):
     """To the console, twice a second: frames per second, frames lost since the start,
-    and the clients.
+    the clients, and what the second opinion has remarked since the start.
 
     Of a client, `clients` has the `address` and the `role`, "scanner" or "listener".
     """
@@ -278,6 +278,7 @@ class Rates(_Message, frozen=True, kw_only=True):
     frames_per_second: float
     lost: int
     clients: tuple[dict[str, str], ...]
+    remarks: tuple[Remark, ...] = ()
 
 
 class ResetAsked(_Message, frozen=True, kw_only=True):
@@ -327,12 +328,13 @@ class OpinionAsked(_Message, frozen=True, kw_only=True):
 
 
 class OpinionGiven(_Message, frozen=True, kw_only=True):
-    """From the second opinion: its verdict on the frame of this order; of several
-    planes, the contact (x, y, depth).
+    """From the second opinion: its verdict on the frame of this order, with its
+    remarks; of several planes, the contact (x, y, depth).
     """
 
     order: int
     verdict: Verdict
+    remarks: tuple[Remark, ...] = ()
     plane: str | None = None
     contact_m: tuple[float, ...] | None = None
 

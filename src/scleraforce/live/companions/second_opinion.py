@@ -129,14 +129,18 @@ def _opinion(
     be judged.
     """
     if plane is None:
-        return OpinionGiven(order=order, verdict=answer.verdict)
+        return OpinionGiven(order=order, verdict=answer.verdict, remarks=answer.remarks)
 
     if answer.usable and answer.left_out is not None:
         answer = unusable_answer(classes, f"left out: {answer.left_out}")
 
     contact_m = None if answer.place is None else answer.place.contact_m
     return OpinionGiven(
-        order=order, verdict=answer.verdict, plane=plane.name, contact_m=contact_m
+        order=order,
+        verdict=answer.verdict,
+        remarks=answer.remarks,
+        plane=plane.name,
+        contact_m=contact_m,
     )
 
 

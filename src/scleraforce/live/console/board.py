@@ -243,6 +243,11 @@ class Board:
             "frames_per_second": self._rates.frames_per_second if self._rates else None,
             "lost": self._lost,
             "clients": self._rates.clients if self._rates else [],
+            "remarks": (
+                [remark.to_dict() for remark in self._rates.remarks]
+                if self._rates
+                else []
+            ),
             "steps": [step.as_json() for step in self.history.since(since)],
             "state": entry.state,
             "cause": entry.cause,

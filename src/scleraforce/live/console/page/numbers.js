@@ -24,13 +24,19 @@ export function showSettings(settings) {
   write("model", settings.model);
   write("eye", settings.eye || "not said");
   write("version", settings.version);
-  showRemarks(settings.remarks);
+  ofStart = settings.remarks;
+  showRemarks(ofStart);
 }
 
-// What limits the readings of this eye, from the start on: the most serious first, in one line until it is opened.
+// What limits the readings of this eye, from the start on and by the second opinion: the most serious first, in one line until it is opened.
 const SEVERITIES = ["doubt", "caution", "info"];
+let ofStart = [];
+let shownRemarks = "";
 
 function showRemarks(remarks) {
+  const text = JSON.stringify(remarks);
+  if (text === shownRemarks) return;
+  shownRemarks = text;
   const sorted = [...remarks].sort((one, other) => SEVERITIES.indexOf(one.severity) - SEVERITIES.indexOf(other.severity));
   element("remarks").hidden = sorted.length === 0;
   write("remark-count", sorted.length === 1 ? "1 remark" : `${sorted.length} remarks`);
@@ -145,6 +151,7 @@ function shareRow(index) {
 }
 
 function showRates(message) {
+  showRemarks([...ofStart, ...message.remarks]);
   write("rate", fixed(message.frames_per_second, 0));
   write("latency", fixed(message.latency_ms?.[0], 1));
   write("worst", fixed(message.latency_ms?.[1], 1));
