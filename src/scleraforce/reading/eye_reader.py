@@ -68,6 +68,8 @@ WARMING_FRAMES = 20
 TREND = TrendLimits()
 RISE_MOMENTS = NOISE_WINDOWS * TREND.rate_frames  # that are remembered
 
+IN_ORDER = "the frames of a recording, read together, show what was before"
+
 OF_POPULATION = Remark(
     "population-modulus",
     "the modulus is the population's, not this eye's own",
@@ -342,6 +344,8 @@ class EyeReader:
         if time_s is None or first.force_n is None or dent_n is None:
             return tuple(self._to_bound(one, None) for one in answers), memory
 
+        if memory.forces and time_s < memory.forces[-1][0]:  # another sequence
+            memory = replace(memory, forces=(), dents=())
         forces = (*memory.forces, (time_s, first.force_n))[-RISE_MOMENTS:]
         dents = (*memory.dents, DentForce(time_s, dent_n, moment.travel_m))[-DENTS:]
         memory = replace(memory, forces=forces, dents=dents)
@@ -374,22 +378,22 @@ class EyeReader:
         return replace(answer, to_bound=to_bound)
 
     def _without_history(self, moment: OpenedMoment) -> tuple[Remark, ...]:
-        """Return a remark on a history that matters and is not known, or not
-        followed.
-        """
-        eye = self.setup.eye
-        if eye.leak_time_s is None:
-            return ()
+        """Return remarks on a single frame whose history matters."""
         if moment.time_s is not None:
             return ()
-        return (
-            Remark(
-                "no-history",
-                "leak_time_s: a single frame is read as if nothing had leaked; the"
-                " frames of a recording, read together or by evaluate, follow the leak",
-                ("leak_time_s",),
-            ),
-        )
+
+        eye = self.setup.eye
+        remarks = list[Remark]()
+        if eye.leak_time_s is not None:
+            words = f"a single frame is read as if nothing had leaked; {IN_ORDER}"
+            remarks.append(Remark("no-history", words, ("leak_time_s",)))
+        relaxes = eye.relaxation is not None and eye.relaxation.matters
+        if relaxes and moment.held_s is None:
+            words = (
+                f"a single frame is read as those that calibrated the eye; {IN_ORDER}"
+            )
+            remarks.append(Remark("no-history", words, ("relaxation",)))
+        return tuple(remarks)
 
 
 def other_eye(

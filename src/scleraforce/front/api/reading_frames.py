@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 import scleraforce.records.calibration_file as calibration_file
 from scleraforce.base.errors import FrameError, InputError, StudyError
+from scleraforce.base.units import from_si
 from scleraforce.calibration.evaluation import Evaluation, evaluate_recordings
 from scleraforce.front.api.opened_frames import (
     Located,
@@ -549,7 +550,10 @@ class SequenceReader:
             raise InputError(f"held_s: nothing says how the tissue relaxes; {way}")
 
         of_pixels = "pixels-scaled" if first.info is None else "picture-read"
-        remarks = [Remark(of_pixels, note) for note in first.notes]
+        remarks = [
+            *self._ignored_inputs(),
+            *(Remark(of_pixels, note) for note in first.notes),
+        ]
         of_eye = eye.at(moment.iop_pa).remarks
         about = _recording_of(frames[0]) or place_of(frames[0])
         remarks += (remark.on(about) for remark in of_eye)
@@ -591,6 +595,25 @@ class SequenceReader:
             )
             for answer, one, frame in zip(answers, opened, read, strict=True)
         ]
+
+    def _ignored_inputs(self) -> tuple[Remark, ...]:
+        """Return a remark on what the caller declares of an eye to a classifier."""
+        modulus_pa = self.model.fixed_modulus_pa
+        eye = replace(self._given.eye, name=None, thickness_m=None, thickness_sd_m=None)
+        direction_rad = self._given.scan.direction_rad
+        declared = Setup(
+            eye=eye,
+            needle=self._given.needle,
+            scan=Scan(direction_rad=direction_rad),
+        )
+        is_ignored = self._calibration is not None or declared != NOTHING_KNOWN
+        if modulus_pa is None or not is_ignored:
+            return ()
+        words = (
+            "a classifier ignores the known inputs of an eye but its thickness; it"
+            f" reads each as one of {from_si(modulus_pa, 'mpa'):g} MPa"
+        )
+        return (Remark("inputs-ignored", words),)
 
     def _eye_of(
         self, frame: Located, opened: OpenedFrame, declared: Setup

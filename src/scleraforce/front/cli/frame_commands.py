@@ -44,7 +44,7 @@ from scleraforce.recordings.source_files import files_of
 from scleraforce.records.frame import OpenedFrame, Pixels
 from scleraforce.records.model_folder import model_name
 from scleraforce.records.scan import Plane, Scan, check_frame_counts
-from scleraforce.records.setup import NOTHING_KNOWN, Setup
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import OctStudy
 from scleraforce.wall.needle_in_frame import needle_entry
 from scleraforce.wall.wall import Segmentation, draw_overlay
@@ -629,16 +629,6 @@ def read(
     all_remarks = (remark for _, one in answered for remark in one.remarks)
     remarks = list(dict.fromkeys(all_remarks))
     notes = list(map(str, remarks))
-
-    if reader.fixed_modulus_pa is not None and (
-        declared != NOTHING_KNOWN or calibration is not None
-    ):
-        modulus_mpa = from_si(reader.fixed_modulus_pa, "mpa")
-        notes.insert(
-            0,
-            "a classifier ignores the known inputs of an eye; it reads each as one of "
-            f"{modulus_mpa:g} MPa",
-        )
 
     entries = [  # a frame that could not be read means withdrawal, and has an `error`
         (
