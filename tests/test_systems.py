@@ -83,7 +83,8 @@ GUARDED = {
     ("front.cli.monitor_command", "SIGHUP"),
     ("front.cli.monitor_command", "SIGQUIT"),
     ("front.cli.monitor_command", "SIGTTOU"),
-    ("front.app.running_commands", "pty"),
+    ("front.app.job_worker", "SIGKILL"),  # the app refuses other systems, too
+    ("front.app.running_jobs", "SIGKILL"),
     ("base.private_folder", "geteuid"),
 }
 SMALL = (

@@ -21,7 +21,8 @@ from scleraforce.records.model_folder import RECORD_FILE
 
 SOURCES = "sources"  # files dropped onto the page
 MOST_ENTRIES = 65536  # that are not read again while they are unchanged
-PARTS = ("recording.toml", "frames.csv", "forces.csv", "walls.csv")  # of a recording
+# of a recording
+PARTS = ("recording.toml", "frames.csv", "forces.csv", "walls.csv", "import.json")
 MOST_UPLOAD_BYTES = 16 * 2**30
 LEFT_BYTES = 2**30  # of the disk, after an upload
 
