@@ -65,6 +65,8 @@ def files(eye: Path, tmp_path: Path) -> list[str]:
     np.savetxt(
         tmp_path / "log.csv", table, "%.2f", ",", header="clock,pull", comments=""
     )
+    with (tmp_path / "log.csv").open("a") as log_file:
+        log_file.write("17")  # a line that was cut off: the import notes it
     (tmp_path / "times.csv").write_bytes((eye / "frames.csv").read_bytes())
 
     return [str(tmp_path / name) for name in ("scan.tif", "log.csv", "times.csv")]
@@ -91,9 +93,15 @@ def page(browser: Browser, tmp_path: Path) -> Iterator[tuple[Page, Path, list[st
 def import_(page: Page, files: list[str], out: str) -> None:
     page.set_input_files("#files", files)
     expect(page.locator("#sources li")).to_have_count(3)
-    page.uncheck("#sources li:has-text('times.csv') input")
-    page.fill("[data-column=time] input", "clock:ms")
-    page.fill("[data-column=fz] input", "pull:mN")
+    times = page.locator("#sources li:has-text('times.csv')")
+    expect(times).to_contain_text("times of the frames")
+    expect(times.locator("input")).to_be_checked()
+    expect(page.locator("[data-column=time]")).to_have_class("pair missing")
+    page.select_option("[data-column=time] .name", "clock")
+    page.select_option("[data-column=time] .unit", "ms")
+    page.select_option("[data-column=fz] .name", "pull")
+    page.select_option("[data-column=fz] .unit", "other")
+    page.fill("[data-column=fz] .typed", "1000/N")
     expect(page.locator("#source-size")).to_have_text(
         "6 frames of 512 x 512 pixels (depth x lateral)"
     )
@@ -102,7 +110,7 @@ def import_(page: Page, files: list[str], out: str) -> None:
     for name, text in ANSWERS.items():
         page.fill(f"[data-name={name}] input", text)
 
-    page.select_option("[data-name=times] select", "sources/times.csv")
+    expect(page.locator("[data-name=times] select")).to_have_value("sources/times.csv")
     page.select_option("[data-name=contact_sign] select", "1")
     page.select_option("[data-name=globe] select", "open")
     page.fill("#import-out", out)
@@ -141,6 +149,10 @@ def test_files_become_a_recording_a_corrected_wall_a_modulus_and_forces(
     import_(found, files, "mine")
     assert len(sf.read_recording(folder / "mine").frames) == len(FORCES_N)
     expect(found.locator("#verdict")).to_contain_text("mN (90 %:")
+    expect(found.locator("#read-by")).to_have_text("Read without a calibration.")
+    imported = json.loads((folder / "mine" / "import.json").read_text())["notes"]
+    assert imported
+    expect(found.locator("#import-remarks li")).to_have_text(imported)
 
     found.click("[data-step=correct]")
     expect(found.locator("#accept")).to_be_enabled()
@@ -194,14 +206,17 @@ def test_files_become_a_recording_a_corrected_wall_a_modulus_and_forces(
     found.select_option("#read-calibration", "calibration.json")
     found.click("#read-run")
     expect(found.locator("#read-result tbody tr")).to_have_count(len(FORCES_N))
-    expect(found.locator("#read-result svg")).to_have_count(2)
+    expect(found.locator("#read-result svg.plot")).to_have_count(2)
 
     with found.expect_download() as caught:
         found.click("#read-result button:has-text('CSV')")
 
     lines = Path(caught.value.path()).read_text().splitlines()
-    assert lines[0].startswith("recording,eye,file,")
-    assert len(lines) == len(FORCES_N) + 1
+    assert lines[0].startswith("recording,eye,file,time_s,")
+    times = [float(line.split(",")[3]) for line in lines[1:]]
+    assert times == [
+        entry.time_s for entry in sf.read_recording(folder / "mine").frames
+    ]
     with found.expect_download() as caught:
         found.click("#read-result button:has-text('SVG') >> nth=0")
 
@@ -216,8 +231,23 @@ def test_files_become_a_recording_a_corrected_wall_a_modulus_and_forces(
         found.click(f"[data-step={step}]")
         expect(found.locator(f"#{step}-result tbody tr")).to_have_count(rows)
 
-    found.click("#read-result tbody tr >> nth=0")
-    expect(found.locator("#frames")).to_be_visible()
+    row = found.locator("#read-result tbody tr >> nth=0")
+    file = row.locator("td >> nth=0").inner_text().removeprefix("mine/")
+    force = row.locator("td >> nth=2").inner_text()
+    row.click()
+    expect(found.locator("#place")).to_contain_text(file)
+    expect(found.locator("#verdict")).to_contain_text(f"{force} mN (90 %:")
+    expect(found.locator("#read-by")).to_have_text(
+        "Read with calibration calibration.json, as in Read."
+    )
+    expect(found.locator("#look-command")).to_have_text(
+        "scleraforce read default --calibration=calibration.json"
+        f" mine/frames/{file}"
+    )
+    expect(found.locator("#import-remarks li")).to_have_text(imported)
+    (folder / "calibration.json").rename(folder / "elsewhere.json")
+    found.reload()
+    expect(found.locator("#read-by")).to_contain_text("calibration.json, with which")
     assert complaints == []
 
 

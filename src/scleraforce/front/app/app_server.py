@@ -7,6 +7,7 @@ import secrets
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from secrets import compare_digest
 from threading import Lock
@@ -60,6 +61,7 @@ UPLOAD = "/api/source"
 MOST_JSON_BYTES = 4 * 2**20  # of a request, except a dropped file
 DEFAULT = "default"  # the model of frames that nobody has read yet
 READ = "read"
+KEPT_READINGS = 8  # of folders: of each one the inputs of its last reading
 BUSY = "another tab is working in this folder; close it first"
 
 
@@ -104,6 +106,29 @@ class Holder:
         if tab == self.tab:
             self.heard_s = now_s
         return bool(tab) and tab == self.tab
+
+
+def last_read(kept: Path) -> dict[str, Any] | None:
+    """Return model, calibration ("": none) and recordings of the last reading; None
+    without one.
+    """
+    try:
+        found = kept.stat()
+    except OSError:
+        return None
+    return _last_read(kept, found.st_mtime_ns, found.st_size)
+
+
+@lru_cache(KEPT_READINGS)
+def _last_read(kept: Path, *_: int) -> dict[str, Any] | None:
+    found = kept_result(kept)
+    if found is None or "rows" not in found:  # of an earlier version
+        return None
+    return {
+        "model": found["model"],
+        "calibration": found["calibration"] or "",
+        "recordings": found["recordings"],
+    }
 
 
 def app_of(
@@ -195,6 +220,7 @@ def app_of(
         # what a job wrote is there
         return {
             "job": job,
+            "read": last_read(kept(EVALUATE)),
             "writes": holder.is_held_by(tab),
             **folder.contents(),
         }

@@ -44,8 +44,8 @@ class RunningJob:
     """A job that runs, or has run: title and progress of its part, notes; at the end
     its fault, if any.
 
-    Its result is written to `kept`, with the command, the time, and the rows, model and
-    calibration of an evaluation.
+    Its result is written to `kept`, with the command, the time, and the rows, model,
+    calibration and recordings of an evaluation.
     """
 
     job: Job
@@ -165,6 +165,7 @@ class RunningJob:
             ended["rows"] = self._worded(end.rows)
             ended["model"] = self.job.model
             ended["calibration"] = self.job.calibration
+            ended["recordings"] = list(self.job.recordings)
 
         try:
             self.kept.parent.mkdir(exist_ok=True)

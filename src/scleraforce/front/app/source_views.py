@@ -3,7 +3,8 @@ log, and a clock offset.
 """
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import asdict, fields
+from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 from threading import Lock
@@ -36,6 +37,13 @@ from scleraforce.recordings.import_sources import (
     ImportOptions,
     gather_sources,
 )
+from scleraforce.recordings.log_tables import (
+    QUANTITY_OF,
+    UNITS,
+    LogTable,
+    first_log,
+    read_log_table,
+)
 from scleraforce.records.scan import PixelScale, Plane
 
 ANSWERS = {field.name for field in fields(ImportOptions)} - {"columns", "grey_range"}
@@ -57,6 +65,7 @@ GATHERED = (
     "times",
     "frames_by",
 )
+TABLES = 4  # of logs, kept in memory
 SEEN_FRAMES = 100  # of a long recording, for the curve of the dent
 
 Planes = Sequence[Plane | None]  # one for each source
@@ -113,6 +122,7 @@ class Sources:
                 "question": fault.question,
                 "field": fault.field,
                 "forms": list(fault.forms),
+                "table": _log_table(paths),
             }
 
         axes = (
@@ -141,6 +151,7 @@ class Sources:
                     for axis in axes
                     if log is not None
                 },
+                "table": _log_table(paths),
                 "notes": list(found.notes),
             }
         )
@@ -230,6 +241,32 @@ class Sources:
         )
 
         return curves
+
+
+def _log_table(sources: Sequence[Path]) -> dict[str, Any] | None:
+    """Return the columns of the first force log of text, how its header is read, and
+    the units to choose from; None without one.
+    """
+    try:
+        log = first_log(sources)
+        if log is None:
+            return None
+        table = _read_table(log, log.stat().st_mtime_ns)
+    except InputError:  # which `describe` reports
+        return None
+
+    return {
+        "columns": [asdict(column) for column in table.columns],
+        "read": {
+            column.short: f"{column.name}, {column.unit}" for column in table.read
+        },
+        "units": {short: UNITS[quantity] for short, quantity in QUANTITY_OF.items()},
+    }
+
+
+@lru_cache(TABLES)
+def _read_table(path: Path, _: int) -> LogTable:
+    return read_log_table(path)
 
 
 def _while_wanted(scan: PictureSource) -> PictureStream:

@@ -14,11 +14,13 @@ from typing import Any
 from scleraforce.base.errors import InputError
 from scleraforce.front.app.request_end import check_wanted
 from scleraforce.recordings.import_sources import source_kind
+from scleraforce.recordings.log_tables import holds_times
 from scleraforce.recordings.recording_folder import read_info
 from scleraforce.recordings.source_files import files_of
 from scleraforce.records.calibration_file import read_calibration
 from scleraforce.records.model_folder import RECORD_FILE
 
+TIMES = "times"  # a kind of source that is none: it states when frames were taken
 SOURCES = "sources"  # files dropped onto the page
 MOST_ENTRIES = 65536  # that are not read again while they are unchanged
 # of a recording
@@ -194,7 +196,10 @@ def _entry(path: Path, _: tuple[int, ...]) -> tuple[str, dict[str, Any]]:
         if path.suffix == ".json":
             return "calibrations", {"eyes": sorted(read_calibration(path).eyes)}
         if path.is_file():
-            return "sources", {"kind": source_kind(path)}
+            kind = source_kind(path)
+            return "sources", {
+                "kind": TIMES if kind == "log" and holds_times(path) else kind
+            }
         if first := next((each for each in files_of([path]) if each.is_file()), None):
             return "sources", {"kind": f"folder of {source_kind(first)} files"}
     except InputError as fault:
