@@ -15,8 +15,11 @@ import tifffile
 from chromium import NEEDS_CHROMIUM
 from playwright.sync_api import Browser, Page, expect
 from running_app import TOKEN, running_app
+from small_recordings import evaluation_of, frame_answer
 
 import scleraforce as sf
+from scleraforce.base.kept_results import keep_result
+from scleraforce.calibration.evaluation import FrameAnswer
 
 pytestmark = NEEDS_CHROMIUM
 FORCES_N = (0.012, 0.024, 0.036, 0.004, 0.015, 0.034)
@@ -241,8 +244,7 @@ def test_files_become_a_recording_a_corrected_wall_a_modulus_and_forces(
         "Read with calibration calibration.json, as in Read."
     )
     expect(found.locator("#look-command")).to_have_text(
-        "scleraforce read default --calibration=calibration.json"
-        f" mine/frames/{file}"
+        f"scleraforce read default --calibration=calibration.json mine/frames/{file}"
     )
     expect(found.locator("#import-remarks li")).to_have_text(imported)
     (folder / "calibration.json").rename(folder / "elsewhere.json")
@@ -341,3 +343,128 @@ def test_a_duplicated_tab_is_read_only_and_an_empty_folder_has_no_faults(
         expect(found.locator("#fault")).to_be_hidden()
 
     assert complaints == []
+
+
+def judged_frames() -> list[FrameAnswer]:
+    """One frame of each mark, in its order; none has a picture."""
+    force = {"force_n": 0.020, "interval_n": (0.018, 0.022)}
+    high = {"force_n": 0.040, "interval_n": (0.038, 0.042), "predicted": 2}
+    wide = {"force_n": 0.031, "interval_n": (0.015, 0.045), "predicted": 2}
+    low = {"force_n": 0.014, "interval_n": (0.013, 0.016)}
+    said: tuple[dict[str, Any], ...] = (
+        force,
+        low,
+        wide,
+        high,
+        {**force, "calibration": True},
+    )
+    return [
+        frame_answer(
+            recording="mine", eye="mine", file=f"000{n}.png", time_s=float(n), **each
+        )
+        for n, each in enumerate(said)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("width", "scheme"), [(1280, "light"), (400, "light"), (400, "dark")]
+)
+def test_wrong_classes_and_missed_intervals_are_marked_apart(
+    browser: Browser, eye: Path, tmp_path: Path, width: int, scheme: Any
+) -> None:
+    shutil.copytree(eye, tmp_path / "mine")
+    evaluation = evaluation_of(judged_frames(), kind="reader", notes=("a note",))
+    remark = {
+        "code": "other-eye",
+        "severity": "doubt",
+        "words": "another eye",
+        "fields": [],
+        "about": "mine",
+    }
+    info = {**remark, "severity": "info", "words": "a note", "about": ""}
+    (tmp_path / ".scleraforce").mkdir()
+    keep_result(
+        {
+            "command": "scleraforce evaluate default mine",
+            "time_utc": "2026-01-02T03:04:05Z",
+            "result": {**evaluation.to_dict(), "remarks": [info, remark]},
+            "rows": evaluation.rows(),
+            "model": "default",
+            "calibration": None,
+            "recordings": ["mine"],
+        },
+        tmp_path / ".scleraforce" / "evaluate.kept",
+    )
+
+    with running_app(tmp_path) as client:
+        context = browser.new_context(
+            viewport={"width": width, "height": 800}, color_scheme=scheme
+        )
+        page = context.new_page()
+        page.set_default_timeout(LONG_MS)
+        expect.set_options(timeout=LONG_MS)
+        page.goto(f"http://127.0.0.1:{client.port}/?token={TOKEN}")
+        page.click("[data-step=read]")
+        marks = ["right", "missed", "wrong", "both", "none"]
+        shapes = {"right": "circle", "none": "circle.hollow", "missed": "path.diamond"}
+        shapes |= {"wrong": "path.cross", "both": "path.diamond + path.cross"}
+        expect(page.locator("#read-result tbody tr")).to_have_count(len(marks))
+
+        for n, mark in enumerate(marks):
+            row = page.locator(f"#read-result tbody tr:has-text('000{n}.png')")
+            expect(row).to_have_attribute("data-mark", mark)
+            expect(row.locator(f".mark {shapes[mark]}")).to_have_count(1)
+            # over time, and as a residual if it is compared with its label
+            drawn = page.locator(f"#read-result .plot g[data-mark={mark}]")
+            expect(drawn).to_have_count(1 if mark == "none" else 2)
+            expect(drawn.first.locator(shapes[mark])).to_have_count(1)
+            expect(page.locator(f".legend [data-mark={mark}]")).to_contain_text(": 1")
+
+        rows = page.locator("#read-result tbody")
+        expect(rows).to_contain_text("wrong class: the label is 1; the interval misses")
+        expect(rows.locator("td.wrong")).to_have_text(["2", "2"])
+        expect(rows.locator("td.missed")).to_have_text(["38.0 to 42.0", "13.0 to 16.0"])
+        expect(page.locator("#read-result .plot .bar.missed")).to_have_count(2)
+        # the doubt comes first; the note is a remark already
+        expect(page.locator("#read-result .notes li")).to_have_text(
+            ["doubt mine: another eye", "info a note"]
+        )
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+        with page.expect_download() as caught:
+            page.click("#read-result button:has-text('SVG') >> nth=0")
+        picture = Path(caught.value.path()).read_text()
+        assert "wrong class, interval misses the label" in picture
+        assert page.locator("svg.plot > g:not([data-mark])").count() == 0
+        context.close()
+
+
+def test_a_reading_is_stopped_and_says_so(
+    browser: Browser, eye: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(eye, tmp_path / "mine")
+    frames = tmp_path / "mine" / "frames.csv"
+    lines = frames.read_text().splitlines()
+    first = (tmp_path / "mine" / "frames" / "0001.png").read_bytes()
+    for n in range(100, 400):  # more than can be read before the click
+        (tmp_path / "mine" / "frames" / f"{n:04}.png").write_bytes(first)
+        lines.append(f"{n:04}.png,{n}")
+    frames.write_text("\n".join(lines) + "\n")
+
+    with running_app(tmp_path) as client:
+        page = browser.new_page()
+        page.set_default_timeout(LONG_MS)
+        page.goto(f"http://127.0.0.1:{client.port}/?token={TOKEN}")
+        page.click("[data-step=read]")
+        page.check("#read .recordings input")
+        page.fill("#read-html", "page.html")
+        page.click("#read-run")
+        expect(page.locator("#job-percent")).to_contain_text("1 %", timeout=LONG_MS)
+        page.click("#read-run")
+        expect(page.locator("#fault")).to_contain_text("another command is running")
+        page.click("#job-stop")
+        expect(page.locator("#fault")).to_have_text("stopped", timeout=LONG_MS)
+        expect(page.locator("#job")).to_be_hidden()
+        assert not (tmp_path / "page.html").exists()
+        assert not (tmp_path / ".scleraforce").exists()
+        page.close()

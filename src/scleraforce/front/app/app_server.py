@@ -87,8 +87,8 @@ def _line(fault: Exception, folder: Folder, spelled: CommandWords) -> str:
             f" {fault.strerror}"
         )
 
-    text: str = spelled.worded(str(fault))
-    return text.replace(f"{folder.root}/", "")
+    text: str = spelled.worded(folder.shortened(str(fault)))
+    return text
 
 
 @dataclass
@@ -193,7 +193,7 @@ def app_of(
             folder.whole(calibration) if calibration else None,
         )
         answered = views.read_frame(folder.recording(name, file), file, by)
-        result: dict[str, Any] = spelled.worded(answered, READ)
+        result: dict[str, Any] = spelled.worded(folder.shortened(answered), READ)
         frames = [operand(f"{name}/frames/{each}") for each in result["frames"]]
         words = [READ, operand(model)]
         if calibration:
@@ -228,7 +228,7 @@ def app_of(
     @app.get("/api/recording")
     def recording(name: str) -> dict[str, Any]:
         found = views.summary(folder.recording(name))
-        summary: dict[str, Any] = spelled.worded(found)
+        summary: dict[str, Any] = spelled.worded(folder.shortened(found))
         return summary
 
     @app.get("/api/frame")

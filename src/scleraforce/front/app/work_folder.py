@@ -66,6 +66,16 @@ class Folder:
                     self.inside(str(each.relative_to(self.root)))
         return path
 
+    def shortened(self, found: Any) -> Any:
+        """Return JSON with the names of files in its texts as the page has them."""
+        if isinstance(found, str):
+            return found.replace(f"{self.root}/", "")
+        if isinstance(found, dict):
+            return {key: self.shortened(value) for key, value in found.items()}
+        if isinstance(found, list):
+            return [self.shortened(value) for value in found]
+        return found
+
     def recording(self, name: str, file: str = "") -> Path:
         """Return the path of a recording; raises `InputError` if it, its files or a
         frame's wall lead out.

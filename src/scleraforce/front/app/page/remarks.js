@@ -10,7 +10,7 @@ export function remarkItems({ remarks = [], notes = [] }) {
   const sorted = [...remarks].sort((a, b) => SEVERITIES.indexOf(a.severity) - SEVERITIES.indexOf(b.severity));
   const said = new Map(sorted.map((remark) => [sentence(remark), remark.severity]));
   for (const note of notes) if (!said.has(note)) said.set(note, "");
-  return [...said].map(([words, severity]) => made("li", { class: severity }, ...(severity ? [made("span", { class: "severity" }, severity)] : []), words));
+  return [...said].map(([words, severity]) => made("li", { class: severity }, ...(severity ? [made("span", { class: "severity" }, severity), " "] : []), words));
 }
 
 export const remarkList = (found) => made("ul", { class: "notes" }, ...remarkItems(found));

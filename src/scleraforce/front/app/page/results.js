@@ -218,7 +218,9 @@ function residuals(svg, judged) {
   const mean = off.reduce((sum, value) => sum + value, 0) / off.length;
   const sd = Math.sqrt(off.reduce((sum, value) => sum + (value - mean) ** 2, 0) / (off.length - 1));
   const middle = judged.map((frame) => (frame.predicted_force_mn + frame.measured_force_mn) / 2);
-  const plot = new Chart(svg, { x: middle, y: [...off, mean - 2.2 * sd, mean + 2.2 * sd], labels: ["mean of both / mN", "read − measured / mN"], zero: true });
+  const room = 0.03 * (Math.max(...middle) - Math.min(...middle)); // for the marks at both ends
+  const x = [...middle, Math.min(...middle) - room, Math.max(...middle) + room];
+  const plot = new Chart(svg, { x, y: [...off, mean - 2.2 * sd, mean + 2.2 * sd], labels: ["mean of both / mN", "read − measured / mN"], zero: true });
   plot.level(mean, `mean ${fixed(mean, 2)}`);
   plot.level(mean + 1.96 * sd, `+1.96 sd ${fixed(mean + 1.96 * sd, 2)}`);
   plot.level(mean - 1.96 * sd, `−1.96 sd ${fixed(mean - 1.96 * sd, 2)}`);
