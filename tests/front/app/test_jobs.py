@@ -176,8 +176,9 @@ def test_a_full_disk_and_missing_memory_are_one_line_each() -> None:
 
 def test_a_job_is_stopped_as_by_ctrl_c_and_once(started: Start, tmp_path: Path) -> None:
     job = started(
-        "connection.send(Progressed('frames', 0, 4))\n"
-        "try:\n    time.sleep(600)\n"
+        "try:\n"
+        "    connection.send(Progressed('frames', 0, 4))\n"
+        "    time.sleep(600)\n"
         "except KeyboardInterrupt:\n    open('cleaned', 'w')\n    sys.exit(130)"
     )
     wait_until(lambda: bool(job.title))
@@ -456,6 +457,10 @@ def test_every_option_of_an_import_reaches_the_api(
     ("command", "options", "fault"),
     [
         ("calibrate", {"frames": 1.5}, "frames: Expected `int"),
+        ("calibrate", {"frames": 0}, "frames: 0; give at least 1"),
+        ("calibrate", {"thickness_um": 0.65}, "thickness_um: 0.65 .* mean 650 µm"),
+        ("import", {"width_mm": 0}, "width_mm: 0 is below"),
+        ("import", {"first_frame": 0}, "first_frame: 0; give at least 1"),
         ("calibrate", {"thickness_um": "thick"}, "thickness_um: Expected `float"),
         ("calibrate", {"without_force": 1}, "without_force: Expected `bool"),
         ("evaluate", {"frames": 3}, "frames: not an option of evaluate"),

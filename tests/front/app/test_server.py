@@ -397,6 +397,8 @@ def test_commands_are_shown_as_they_would_be_typed(app: Client) -> None:
         ({"out": "small"}, "exists already"),
         ({"out": "../e.json"}, "plain name"),
         ({"operands": ["missing"]}, "does not exist"),
+        ({"options": {"frames": 0}}, "--frames: 0; give at least 1"),
+        ({"options": {"thickness_um": 0.6}}, "--thickness-um: 0.6 is below"),
     ],
 )
 def test_other_commands_options_and_existing_files_are_refused(

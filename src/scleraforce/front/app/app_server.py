@@ -36,6 +36,7 @@ from scleraforce.front.app.asked_jobs import (
     operand,
     words_of,
 )
+from scleraforce.front.app.job_messages import Job
 from scleraforce.front.app.recording_views import (
     ReadBy,
     RecordingViews,
@@ -61,6 +62,7 @@ UPLOAD = "/api/source"
 MOST_JSON_BYTES = 4 * 2**20  # of a request, except a dropped file
 DEFAULT = "default"  # the model of frames that nobody has read yet
 READ = "read"
+OF_ROWS = ("time_s", "scored", "covered")  # which the JSON of a frame lacks
 KEPT_READINGS = 8  # of folders: of each one the inputs of its last reading
 BUSY = "another tab is working in this folder; close it first"
 
@@ -106,6 +108,16 @@ class Holder:
         if tab == self.tab:
             self.heard_s = now_s
         return bool(tab) and tab == self.tab
+
+
+def judged(found: dict[str, Any]) -> dict[str, Any] | None:
+    """Return a kept evaluation with what the page needs of its rows; None for one of an
+    earlier version.
+    """
+    if "rows" not in found:
+        return None
+    rows = [{name: row[name] for name in OF_ROWS} for row in found["rows"]]
+    return found | {"rows": rows}
 
 
 def last_read(kept: Path) -> dict[str, Any] | None:
@@ -287,10 +299,17 @@ def app_of(
     def clocks(asked: Asked) -> dict[str, Any]:
         return sources.clocks(*asked.read(folder))
 
+    def asked_job(run: CommandRequest) -> Job:
+        try:
+            return job_of(run, folder)
+        except InputError as fault:
+            text = spelled.fault(folder.shortened(str(fault)), run.command)
+            raise InputError(text) from fault
+
     @app.post("/api/words")
     def words(run: CommandRequest) -> dict[str, Any]:
         try:
-            job_of(run, folder)
+            asked_job(run)
             return {"command": command_line(words_of(run, spelled))}
         except (InputError, ValidationError) as fault:
             # the page shows it in place of the command
@@ -304,7 +323,7 @@ def app_of(
                     "another command is running; wait until it ends, or stop it"
                 )
 
-            job = job_of(run, folder)
+            job = asked_job(run)
             words = words_of(run, spelled)
             place = kept(run.command)
             jobs.append(RunningJob.started(job, words, folder.root, place, spelled))
@@ -322,8 +341,8 @@ def app_of(
     @app.get("/api/result")
     def result(command: Literal["calibrate", "evaluate"]) -> Response:
         found = kept_result(kept(command))
-        if found is not None and command == EVALUATE and "rows" not in found:
-            found = None  # of an earlier version
+        if found is not None and command == EVALUATE:
+            found = judged(found)
         return Response(json.dumps(found), media_type="application/json")
 
     @app.get("/api/csv")

@@ -4,7 +4,7 @@ The page shows these command lines, so that every step can be repeated without t
 """
 
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -22,6 +22,7 @@ from scleraforce.front.app.job_messages import (
 from scleraforce.front.app.source_views import ANSWERS, Checked
 from scleraforce.front.app.work_folder import Folder
 from scleraforce.recordings.import_sources import ImportOptions
+from scleraforce.records.fields import check_quantity
 from scleraforce.records.model_folder import SHIPPED
 from scleraforce.records.scan import Plane, parse_plane
 
@@ -46,6 +47,16 @@ OPTIONS = {
 NEW_FILES = ("html",)
 OLD_FILES = ("calibration", "times")
 LISTS = ("parameters",)  # of names, with commas between them
+# Options whose bounds are checked in their own units; records would name them in SI.
+QUANTITIES = (
+    "width_mm",
+    "depth_mm",
+    "thickness_um",
+    "iop_mmhg",
+    "gap_mm",
+    "polar_angle_deg",
+)
+COUNTS = ("first_frame", "last_frame", "frames")
 DIGITS = 15  # of a number: a clock counts from 1970, in ms
 
 
@@ -69,7 +80,7 @@ class CommandWords:
         begins with the name of one.
         """
         name, colon, rest = text.partition(":")
-        if colon and name in OPTIONS[command] | {"out"}:
+        if colon and name in OPTIONS.get(command, set()) | {"out"}:
             text = f"{self.flag_of(name, command)}:{rest}"
         return str(self.worded(text, command))
 
@@ -179,6 +190,7 @@ def job_of(run: CommandRequest, folder: Folder) -> Job:
         if not folder.whole(name).exists():
             raise InputError(f"{name}: does not exist")
 
+    _check_values(run.options)
     written = [str(run.options[key]) for key in NEW_FILES if key in run.options]
     for name in [*written, *([] if run.command == EVALUATE else [run.out])]:
         folder.new(name)
@@ -200,6 +212,15 @@ def job_of(run: CommandRequest, folder: Folder) -> Job:
         raise InputError("recordings: none; give at least one")
     operands = {"model": run.operands[0], "recordings": run.operands[1:]}
     return _converted(EvaluateJob, operands, run)
+
+
+def _check_values(options: Mapping[str, int | float | str | bool]) -> None:
+    """Check numbers of options as the command line does."""
+    for name, value in options.items():
+        if name in QUANTITIES and isinstance(value, int | float):
+            check_quantity(name, value)
+        if name in COUNTS and isinstance(value, int) and value < 1:
+            raise InputError(f"{name}: {value}; give at least 1")
 
 
 def _converted(kind: type[Kind], operands: dict[str, Any], run: CommandRequest) -> Kind:

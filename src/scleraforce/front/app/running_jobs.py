@@ -107,9 +107,16 @@ class RunningJob:
 
         self.stopping = True
         _signal(process, signal.SIGINT)
-        killer = Timer(KILL_S, _kill, [process])
+        killer = Timer(KILL_S, self._kill)
         killer.daemon = True
         killer.start()
+
+    def _kill(self) -> None:
+        """Kill the worker and what it started, unless it has ended: its number may be
+        another process's then.
+        """
+        if self._process is not None and not self.done:
+            _signal(self._process, signal.SIGKILL)
 
     def as_json(self) -> dict[str, Any]:
         """Return what the page shows, without the result, which may be large."""
@@ -139,7 +146,7 @@ class RunningJob:
                     end = message
 
         code = process.wait()
-        _kill(process)  # what it may have started
+        self._kill()  # what it may have started
         self.fault = self._fault(end, code)
         self.done = True
 
@@ -208,8 +215,3 @@ def _signal(process: "Popen[bytes]", number: int) -> None:
     """Send a signal to a worker and the processes that it started."""
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, number)
-
-
-def _kill(process: "Popen[bytes]") -> None:
-    # signal.SIGKILL is not on Windows, where the app does not run
-    _signal(process, signal.SIGKILL)
