@@ -468,3 +468,34 @@ def test_a_reading_is_stopped_and_says_so(
         assert not (tmp_path / "page.html").exists()
         assert not (tmp_path / ".scleraforce").exists()
         page.close()
+
+
+def test_columns_that_the_header_names_are_chosen_already(
+    page: tuple[Page, Path, list[str]], files: list[str], tmp_path: Path
+) -> None:
+    found, _, complaints = page
+    log = tmp_path / "named.csv"
+    rows = "".join(f"{n},{n},{2 * n}\n" for n in range(200))
+    log.write_text(f"Time (ms),Fz (mN),other\n{rows}")
+    found.set_input_files("#files", [files[0], str(log)])
+    time, force = (found.locator(f"[data-column={each}]") for each in ("time", "fz"))
+    expect(time.locator(".name")).to_have_value("Time (ms)")
+    expect(time.locator(".unit")).to_have_value("ms")
+    expect(force.locator(".unit")).to_have_value("mN")
+    expect(found.locator("#import-command")).not_to_contain_text("--column")
+    force.locator(".name").select_option("other")
+    force.locator(".unit").select_option("N")
+    expect(found.locator("#import-command")).to_contain_text("--column=fz=other:N")
+    force.locator(".name").select_option("")  # as the header says again
+    expect(force.locator(".unit")).to_have_value("mN")
+    expect(found.locator("#import-command")).not_to_contain_text("--column")
+    # without the log nothing is said of its columns
+    force.locator(".name").select_option("other")
+    force.locator(".unit").select_option("N")
+    expect(found.locator("#import-command")).to_contain_text("--column")
+    found.uncheck("#sources li:has-text('named.csv') input")
+    expect(found.locator("#import-command")).not_to_contain_text("--column")
+    expect(found.locator("#columns")).to_be_hidden()
+    found.check("#sources li:has-text('named.csv') input")
+    expect(found.locator("#import-command")).to_contain_text("--column=fz=other:N")
+    assert complaints == []

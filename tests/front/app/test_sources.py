@@ -71,7 +71,10 @@ def test_a_log_says_its_columns_with_the_units_that_it_states(tmp_path: Path) ->
         "pull": "",
         "Fz (mN)": "mN",
     }
-    assert table["read"] == {"time": "Time (ms), ms", "fz": "Fz (mN), mN"}
+    assert table["read"] == {
+        "time": {"name": "Time (ms)", "unit": "ms"},
+        "fz": {"name": "Fz (mN)", "unit": "mN"},
+    }
     assert (
         Sources().describe(paths[:1], [], Checked(axes="frame,depth,lateral"))["table"]
         is None

@@ -258,7 +258,8 @@ def _log_table(sources: Sequence[Path]) -> dict[str, Any] | None:
     return {
         "columns": [asdict(column) for column in table.columns],
         "read": {
-            column.short: f"{column.name}, {column.unit}" for column in table.read
+            column.short: {"name": column.name, "unit": column.unit}
+            for column in table.read
         },
         "units": {short: UNITS[quantity] for short, quantity in QUANTITY_OF.items()},
     }

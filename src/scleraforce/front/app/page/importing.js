@@ -55,7 +55,7 @@ let looking = 0; // a number for each request: late answers are dropped
 const asked = () => ({
   operands: [...chosen], options: { ...given },
   planes: Object.fromEntries([...planes].filter(([name, text]) => text && chosen.has(name) && element("several").checked)),
-  columns: [...columns].filter(([, { name, unit }]) => unit && has(name)).map(([short, { name, unit }]) => `${short}=${name}:${unit}`),
+  columns: [...columns].filter(([short, { name, unit }]) => unit && (has(name) || (name && table?.read[short]?.name === name))).map(([short, { name, unit }]) => `${short}=${name}:${unit}`),
 });
 const has = (name) => Boolean(table?.columns.some((column) => column.name === name));
 const number = () => Math.max(0, Number(element("source-number").value) - 1);
@@ -176,7 +176,7 @@ function field(name, label, kind) {
   return made("label", { "data-name": name }, made("span", { class: "label" }, label), input, made("span", { class: "from" }));
 }
 
-// The columns of a force log, chosen among those of its header; what the header says by itself is named.
+// The columns of a force log, chosen among those of its header; what the header says by itself is chosen already.
 function columnFields() {
   const box = element("columns");
   box.hidden = !table;
@@ -193,19 +193,19 @@ function columnFields() {
 }
 
 function column(short) {
-  const units = table.units[short];
-  const { name, unit } = has(columns.get(short)?.name) ? columns.get(short) : { name: "", unit: "" };
-  const read = table.read[short];
+  const [units, read] = [table.units[short], table.read[short] ?? { name: "", unit: "" }];
+  const listed = new Map(table.columns.map(({ name, first }) => [name, first ? `${name} (${first}, …)` : name]));
+  if (read.name && !listed.has(read.name)) listed.set(read.name, read.name); // a time in two columns
   const names = made("select", { class: "name", "aria-label": `Column of ${COLUMNS[short]}` },
-    made("option", { value: "" }, read ? `as read: ${read}` : "–"),
-    ...table.columns.map((each) => made("option", { value: each.name }, each.first ? `${each.name} (${each.first}, …)` : each.name)));
+    made("option", { value: "" }, "–"), ...[...listed].map(([value, text]) => made("option", { value }, text)));
   const typed = made("input", { class: "typed", placeholder: "1000/N", "aria-label": `Unit of ${COLUMNS[short]}, like 1000/N` });
   const choices = made("select", { class: "unit", "aria-label": `Unit of ${COLUMNS[short]}` },
     ...["", ...units, OTHER].map((value) => made("option", { value }, value || "unit")));
-  const set = (text) => {
-    const known = units.find((each) => each === text) ?? units.find((each) => each.toLowerCase() === text.toLowerCase());
-    choices.value = text ? (known ?? OTHER) : "";
-    typed.value = known ? "" : text;
+  const put = ({ name, unit }) => {
+    const known = units.find((each) => each === unit) ?? units.find((each) => each.toLowerCase() === unit.toLowerCase());
+    names.value = name;
+    choices.value = unit ? (known ?? OTHER) : "";
+    typed.value = known ? "" : unit;
     typed.hidden = choices.value !== OTHER;
   };
   const change = () => {
@@ -213,11 +213,16 @@ function column(short) {
     columns.set(short, { name: names.value, unit: choices.value === OTHER ? typed.value.trim() : choices.value });
     later();
   };
-  names.value = name;
-  set(unit);
+  put(has(columns.get(short)?.name) ? columns.get(short) : read);
   names.oninput = () => {
-    set(table.columns.find((each) => each.name === names.value)?.unit ?? "");
-    change();
+    if (names.value && names.value !== read.name) {
+      put({ name: names.value, unit: table.columns.find((each) => each.name === names.value).unit });
+      change();
+    } else { // as the header says
+      columns.delete(short);
+      put(read);
+      later();
+    }
   };
   for (const input of [choices, typed]) input.oninput = change;
   return made("div", { class: "pair", "data-column": short }, made("span", { class: "label" }, COLUMNS[short]), names, choices, typed);
