@@ -40,6 +40,7 @@ from scleraforce.front.app.work_folder import Folder
 from scleraforce.recordings.drawn_walls import RecordedWalls, remove_wall, write_wall
 from scleraforce.recordings.formats.image_files import read_frame
 from scleraforce.recordings.recording_folder import check_alone, read_recording
+from scleraforce.records.model_folder import SHIPPED_READER
 
 
 @pytest.fixture(scope="module")
@@ -496,6 +497,14 @@ def test_a_frame_is_read_with_the_calibration_of_its_eye(
     assert any("e.json" in warning and "small" in warning for warning in said)
     assert not any(str(folder) in warning for warning in said)
     (folder / "e.json").unlink()
+
+
+def test_a_frame_is_read_by_a_model_of_the_folder(folder: Path, app: Client) -> None:
+    shutil.copytree(SHIPPED_READER, folder / "reader")
+    found = app.json("GET", "/api/look?name=small&file=0000.png&model=./reader")
+    assert found["command"] == "scleraforce read ./reader small/frames/0000.png"
+    assert found["answer"]["model"] == "reader"
+    shutil.rmtree(folder / "reader")
 
 
 def test_what_an_import_noted_stays_with_its_recording(tmp_path: Path) -> None:
