@@ -373,7 +373,7 @@ def test_wrong_classes_and_missed_intervals_are_marked_apart(
     browser: Browser, eye: Path, tmp_path: Path, width: int, scheme: Any
 ) -> None:
     shutil.copytree(eye, tmp_path / "mine")
-    evaluation = evaluation_of(judged_frames(), kind="reader", notes=("a note",))
+    evaluation = evaluation_of(judged_frames(), kind="reader")
     remark = {
         "code": "other-eye",
         "severity": "doubt",
@@ -387,7 +387,8 @@ def test_wrong_classes_and_missed_intervals_are_marked_apart(
         {
             "command": "scleraforce evaluate default mine",
             "time_utc": "2026-01-02T03:04:05Z",
-            "result": {**evaluation.to_dict(), "remarks": [info, remark]},
+            "result": evaluation.to_dict()
+            | {"notes": ["a note"], "remarks": [info, remark]},
             "rows": evaluation.rows(),
             "model": "default",
             "calibration": None,
