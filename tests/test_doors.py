@@ -22,7 +22,7 @@ from scanned_planes import write_moments
 from waiting import FUSE_S
 
 import scleraforce as sf
-from scleraforce.front.app.recording_views import RecordingViews
+from scleraforce.front.app.recording_views import ReadBy, RecordingViews
 from scleraforce.live.companions import process_messages
 from scleraforce.live.decision.limits import MonitorLimits
 from scleraforce.live.monitor_session import MonitorSession
@@ -193,7 +193,7 @@ def test_a_frame_by_itself_is_read_alike_and_as_in_its_recording_unless_it_has_a
         paths = [Path(str(frame.pixels)) for frame in moment.frames]
         answer = without_notes(sf.read("default", moment))
         command = by_command(capsys, "read", "default", *paths)[0]
-        looked = views.read_frame(folder, paths[0].name)["answer"]
+        looked = views.read_frame(folder, paths[0].name, ReadBy("default"))["answer"]
         alone[paths[0].name] = [kept(answer.to_dict()), kept(command)]
         own = [one for one in looked["remarks"] if one["code"] in OF_ANSWERS]
         alone[paths[0].name].append(kept({**looked, "remarks": own}))

@@ -80,7 +80,8 @@ GUARDED = {
     ("base.worker_processes", "sched_getaffinity"),
     ("base.worker_processes", "pthread_sigmask"),
     ("front.cli.installation_checks", "sysconf"),
-    ("front.app.running_commands", "pty"),
+    ("front.app.job_worker", "SIGKILL"),  # the app refuses other systems, too
+    ("front.app.running_jobs", "SIGKILL"),
     ("base.private_folder", "geteuid"),
 }
 SMALL = (

@@ -17,7 +17,7 @@ from playwright.sync_api import Page, expect, sync_playwright
 import scleraforce as sf
 from monitor_service.browser import CHROMIUM
 from scleraforce.front.app.app_server import HOST, listen_locally, server_of
-from scleraforce.front.app.running_commands import CommandWords
+from scleraforce.front.app.asked_jobs import CommandWords
 from scleraforce.front.cli.field_flags import flag_of, json_in_flags
 
 IMAGES = Path(__file__).parents[2] / "docs" / "images"
@@ -105,7 +105,6 @@ def main() -> None:
 
 def _session(page: Page, sources: list[str], out: Path) -> None:
     page.set_input_files("#files", sources)
-    page.uncheck("#sources li:has-text('times.csv') input")
     expect(page.locator("#source-size")).to_contain_text(f"{len(FORCES_N)} frames")
     picture = page.locator("#source-picture").bounding_box()
     assert picture is not None
@@ -121,7 +120,6 @@ def _session(page: Page, sources: list[str], out: Path) -> None:
     for name, text in GIVEN.items():
         page.fill(f"[data-name={name}] input", text)
 
-    page.select_option("[data-name=times] select", "sources/times.csv")
     page.select_option("[data-name=globe] select", "open")
     page.locator("#log-plots svg").nth(1).click()
     expect(page.locator("[data-name=contact_sign] select")).to_have_value("1")

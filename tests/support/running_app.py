@@ -11,7 +11,7 @@ from typing import Any
 from waiting import FUSE_S
 
 from scleraforce.front.app.app_server import HOST, listen_locally, server_of
-from scleraforce.front.app.running_commands import CommandWords
+from scleraforce.front.app.asked_jobs import CommandWords
 from scleraforce.front.cli.field_flags import flag_of, json_in_flags
 
 TOKEN = "t" * 32

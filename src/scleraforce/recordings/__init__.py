@@ -20,6 +20,8 @@ Public:
     import_record: `IMPORT_RECORD`, `read_import_record`
     import_sources: `GatheredSources`, `ImportOptions`, `OPTION`, `gather_sources`,
         `source_kind`
+    log_tables: `LogTable`, `NamedColumn`, `QUANTITY_OF`, `UNITS`, `first_log`,
+        `holds_times`, `read_log_table`
     recording_folder: `RecordedFile`, `Recording`, `check_alone`, `open_frame`,
         `read_info`, `read_recording`, `recorded_file`, `recording_of`, `tables_digest`,
         `true_forces`

@@ -15,8 +15,11 @@ import tifffile
 from chromium import NEEDS_CHROMIUM
 from playwright.sync_api import Browser, Page, expect
 from running_app import TOKEN, running_app
+from small_recordings import evaluation_of, frame_answer
 
 import scleraforce as sf
+from scleraforce.base.kept_results import keep_result
+from scleraforce.calibration.evaluation import FrameAnswer
 
 pytestmark = NEEDS_CHROMIUM
 FORCES_N = (0.012, 0.024, 0.036, 0.004, 0.015, 0.034)
@@ -65,6 +68,8 @@ def files(eye: Path, tmp_path: Path) -> list[str]:
     np.savetxt(
         tmp_path / "log.csv", table, "%.2f", ",", header="clock,pull", comments=""
     )
+    with (tmp_path / "log.csv").open("a") as log_file:
+        log_file.write("17")  # a line that was cut off: the import notes it
     (tmp_path / "times.csv").write_bytes((eye / "frames.csv").read_bytes())
 
     return [str(tmp_path / name) for name in ("scan.tif", "log.csv", "times.csv")]
@@ -91,9 +96,15 @@ def page(browser: Browser, tmp_path: Path) -> Iterator[tuple[Page, Path, list[st
 def import_(page: Page, files: list[str], out: str) -> None:
     page.set_input_files("#files", files)
     expect(page.locator("#sources li")).to_have_count(3)
-    page.uncheck("#sources li:has-text('times.csv') input")
-    page.fill("[data-column=time] input", "clock:ms")
-    page.fill("[data-column=fz] input", "pull:mN")
+    times = page.locator("#sources li:has-text('times.csv')")
+    expect(times).to_contain_text("times of the frames")
+    expect(times.locator("input")).to_be_checked()
+    expect(page.locator("[data-column=time]")).to_have_class("pair missing")
+    page.select_option("[data-column=time] .name", "clock")
+    page.select_option("[data-column=time] .unit", "ms")
+    page.select_option("[data-column=fz] .name", "pull")
+    page.select_option("[data-column=fz] .unit", "other")
+    page.fill("[data-column=fz] .typed", "1000/N")
     expect(page.locator("#source-size")).to_have_text(
         "6 frames of 512 x 512 pixels (depth x lateral)"
     )
@@ -102,7 +113,7 @@ def import_(page: Page, files: list[str], out: str) -> None:
     for name, text in ANSWERS.items():
         page.fill(f"[data-name={name}] input", text)
 
-    page.select_option("[data-name=times] select", "sources/times.csv")
+    expect(page.locator("[data-name=times] select")).to_have_value("sources/times.csv")
     page.select_option("[data-name=contact_sign] select", "1")
     page.select_option("[data-name=globe] select", "open")
     page.fill("#import-out", out)
@@ -141,6 +152,10 @@ def test_files_become_a_recording_a_corrected_wall_a_modulus_and_forces(
     import_(found, files, "mine")
     assert len(sf.read_recording(folder / "mine").frames) == len(FORCES_N)
     expect(found.locator("#verdict")).to_contain_text("mN (90 %:")
+    expect(found.locator("#read-by")).to_have_text("Read without a calibration.")
+    imported = json.loads((folder / "mine" / "import.json").read_text())["notes"]
+    assert imported
+    expect(found.locator("#import-remarks li")).to_have_text(imported)
 
     found.click("[data-step=correct]")
     expect(found.locator("#accept")).to_be_enabled()
@@ -194,14 +209,17 @@ def test_files_become_a_recording_a_corrected_wall_a_modulus_and_forces(
     found.select_option("#read-calibration", "calibration.json")
     found.click("#read-run")
     expect(found.locator("#read-result tbody tr")).to_have_count(len(FORCES_N))
-    expect(found.locator("#read-result svg")).to_have_count(2)
+    expect(found.locator("#read-result svg.plot")).to_have_count(2)
 
     with found.expect_download() as caught:
         found.click("#read-result button:has-text('CSV')")
 
     lines = Path(caught.value.path()).read_text().splitlines()
-    assert lines[0].startswith("recording,eye,file,")
-    assert len(lines) == len(FORCES_N) + 1
+    assert lines[0].startswith("recording,eye,file,time_s,")
+    times = [float(line.split(",")[3]) for line in lines[1:]]
+    assert times == [
+        entry.time_s for entry in sf.read_recording(folder / "mine").frames
+    ]
     with found.expect_download() as caught:
         found.click("#read-result button:has-text('SVG') >> nth=0")
 
@@ -216,8 +234,22 @@ def test_files_become_a_recording_a_corrected_wall_a_modulus_and_forces(
         found.click(f"[data-step={step}]")
         expect(found.locator(f"#{step}-result tbody tr")).to_have_count(rows)
 
-    found.click("#read-result tbody tr >> nth=0")
-    expect(found.locator("#frames")).to_be_visible()
+    row = found.locator("#read-result tbody tr >> nth=0")
+    file = row.locator("td >> nth=0").inner_text().removeprefix("mine/")
+    force = row.locator("td >> nth=2").inner_text()
+    row.click()
+    expect(found.locator("#place")).to_contain_text(file)
+    expect(found.locator("#verdict")).to_contain_text(f"{force} mN (90 %:")
+    expect(found.locator("#read-by")).to_have_text(
+        "Read with calibration calibration.json, as in Read."
+    )
+    expect(found.locator("#look-command")).to_have_text(
+        f"scleraforce read default --calibration=calibration.json mine/frames/{file}"
+    )
+    expect(found.locator("#import-remarks li")).to_have_text(imported)
+    (folder / "calibration.json").rename(folder / "elsewhere.json")
+    found.reload()
+    expect(found.locator("#read-by")).to_contain_text("calibration.json, with which")
     assert complaints == []
 
 
@@ -310,4 +342,161 @@ def test_a_duplicated_tab_is_read_only_and_an_empty_folder_has_no_faults(
 
         expect(found.locator("#fault")).to_be_hidden()
 
+    assert complaints == []
+
+
+def judged_frames() -> list[FrameAnswer]:
+    """One frame of each mark, in its order; none has a picture."""
+    force = {"force_n": 0.020, "interval_n": (0.018, 0.022)}
+    high = {"force_n": 0.040, "interval_n": (0.038, 0.042), "predicted": 2}
+    wide = {"force_n": 0.031, "interval_n": (0.015, 0.045), "predicted": 2}
+    low = {"force_n": 0.014, "interval_n": (0.013, 0.016)}
+    said: tuple[dict[str, Any], ...] = (
+        force,
+        low,
+        wide,
+        high,
+        {**force, "calibration": True},
+    )
+    return [
+        frame_answer(
+            recording="mine", eye="mine", file=f"000{n}.png", time_s=float(n), **each
+        )
+        for n, each in enumerate(said)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("width", "scheme"), [(1280, "light"), (400, "light"), (400, "dark")]
+)
+def test_wrong_classes_and_missed_intervals_are_marked_apart(
+    browser: Browser, eye: Path, tmp_path: Path, width: int, scheme: Any
+) -> None:
+    shutil.copytree(eye, tmp_path / "mine")
+    evaluation = evaluation_of(judged_frames(), kind="reader")
+    remark = {
+        "code": "other-eye",
+        "severity": "doubt",
+        "words": "another eye",
+        "fields": [],
+        "about": "mine",
+    }
+    info = {**remark, "severity": "info", "words": "a note", "about": ""}
+    (tmp_path / ".scleraforce").mkdir()
+    keep_result(
+        {
+            "command": "scleraforce evaluate default mine",
+            "time_utc": "2026-01-02T03:04:05Z",
+            "result": evaluation.to_dict()
+            | {"notes": ["a note"], "remarks": [info, remark]},
+            "rows": evaluation.rows(),
+            "model": "default",
+            "calibration": None,
+            "recordings": ["mine"],
+        },
+        tmp_path / ".scleraforce" / "evaluate.kept",
+    )
+
+    with running_app(tmp_path) as client:
+        context = browser.new_context(
+            viewport={"width": width, "height": 800}, color_scheme=scheme
+        )
+        page = context.new_page()
+        page.set_default_timeout(LONG_MS)
+        expect.set_options(timeout=LONG_MS)
+        page.goto(f"http://127.0.0.1:{client.port}/?token={TOKEN}")
+        page.click("[data-step=read]")
+        marks = ["right", "missed", "wrong", "both", "none"]
+        shapes = {"right": "circle", "none": "circle.hollow", "missed": "path.diamond"}
+        shapes |= {"wrong": "path.cross", "both": "path.diamond + path.cross"}
+        expect(page.locator("#read-result tbody tr")).to_have_count(len(marks))
+
+        for n, mark in enumerate(marks):
+            row = page.locator(f"#read-result tbody tr:has-text('000{n}.png')")
+            expect(row).to_have_attribute("data-mark", mark)
+            expect(row.locator(f".mark {shapes[mark]}")).to_have_count(1)
+            # over time, and as a residual if it is compared with its label
+            drawn = page.locator(f"#read-result .plot g[data-mark={mark}]")
+            expect(drawn).to_have_count(1 if mark == "none" else 2)
+            expect(drawn.first.locator(shapes[mark])).to_have_count(1)
+            expect(page.locator(f".legend [data-mark={mark}]")).to_contain_text(": 1")
+
+        rows = page.locator("#read-result tbody")
+        expect(rows).to_contain_text("wrong class: the label is 1; the interval misses")
+        expect(rows.locator("td.wrong")).to_have_text(["2", "2"])
+        expect(rows.locator("td.missed")).to_have_text(["38.0 to 42.0", "13.0 to 16.0"])
+        expect(page.locator("#read-result .plot .bar.missed")).to_have_count(2)
+        # the doubt comes first; the note is a remark already
+        expect(page.locator("#read-result .notes li")).to_have_text(
+            ["doubt mine: another eye", "info a note"]
+        )
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+        with page.expect_download() as caught:
+            page.click("#read-result button:has-text('SVG') >> nth=0")
+        picture = Path(caught.value.path()).read_text()
+        assert "wrong class, interval misses the label" in picture
+        assert page.locator("svg.plot > g:not([data-mark])").count() == 0
+        context.close()
+
+
+def test_a_reading_is_stopped_and_says_so(
+    browser: Browser, eye: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(eye, tmp_path / "mine")
+    frames = tmp_path / "mine" / "frames.csv"
+    lines = frames.read_text().splitlines()
+    first = (tmp_path / "mine" / "frames" / "0001.png").read_bytes()
+    for n in range(100, 400):  # more than can be read before the click
+        (tmp_path / "mine" / "frames" / f"{n:04}.png").write_bytes(first)
+        lines.append(f"{n:04}.png,{n}")
+    frames.write_text("\n".join(lines) + "\n")
+
+    with running_app(tmp_path) as client:
+        page = browser.new_page()
+        page.set_default_timeout(LONG_MS)
+        page.goto(f"http://127.0.0.1:{client.port}/?token={TOKEN}")
+        page.click("[data-step=read]")
+        page.check("#read .recordings input")
+        page.fill("#read-html", "page.html")
+        page.click("#read-run")
+        expect(page.locator("#job-percent")).to_contain_text("1 %", timeout=LONG_MS)
+        page.click("#read-run")
+        expect(page.locator("#fault")).to_contain_text("another command is running")
+        page.click("#job-stop")
+        expect(page.locator("#fault")).to_have_text("stopped", timeout=LONG_MS)
+        expect(page.locator("#job")).to_be_hidden()
+        assert not (tmp_path / "page.html").exists()
+        assert not (tmp_path / ".scleraforce").exists()
+        page.close()
+
+
+def test_columns_that_the_header_names_are_chosen_already(
+    page: tuple[Page, Path, list[str]], files: list[str], tmp_path: Path
+) -> None:
+    found, _, complaints = page
+    log = tmp_path / "named.csv"
+    rows = "".join(f"{n},{n},{2 * n}\n" for n in range(200))
+    log.write_text(f"Time (ms),Fz (mN),other\n{rows}")
+    found.set_input_files("#files", [files[0], str(log)])
+    time, force = (found.locator(f"[data-column={each}]") for each in ("time", "fz"))
+    expect(time.locator(".name")).to_have_value("Time (ms)")
+    expect(time.locator(".unit")).to_have_value("ms")
+    expect(force.locator(".unit")).to_have_value("mN")
+    expect(found.locator("#import-command")).not_to_contain_text("--column")
+    force.locator(".name").select_option("other")
+    force.locator(".unit").select_option("N")
+    expect(found.locator("#import-command")).to_contain_text("--column=fz=other:N")
+    force.locator(".name").select_option("")  # as the header says again
+    expect(force.locator(".unit")).to_have_value("mN")
+    expect(found.locator("#import-command")).not_to_contain_text("--column")
+    # without the log nothing is said of its columns
+    force.locator(".name").select_option("other")
+    force.locator(".unit").select_option("N")
+    expect(found.locator("#import-command")).to_contain_text("--column")
+    found.uncheck("#sources li:has-text('named.csv') input")
+    expect(found.locator("#import-command")).not_to_contain_text("--column")
+    expect(found.locator("#columns")).to_be_hidden()
+    found.check("#sources li:has-text('named.csv') input")
+    expect(found.locator("#import-command")).to_contain_text("--column=fz=other:N")
     assert complaints == []

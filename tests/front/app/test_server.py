@@ -15,12 +15,21 @@ from urllib.parse import quote
 import numpy as np
 import pytest
 from running_app import Client, running_app
-from small_recordings import COLUMNS, ROWS, write_small_recording
+from small_recordings import (
+    COLUMNS,
+    ROWS,
+    calibration_text,
+    evaluation_of,
+    frame_answer,
+    write_small_recording,
+)
 from waiting import FUSE_S, wait_until
 
 from scleraforce.base.errors import InputError
-from scleraforce.front.app.app_server import HOST, Holder
+from scleraforce.base.kept_results import keep_result
+from scleraforce.front.app.app_server import HOST, RESULTS, Holder
 from scleraforce.front.app.recording_views import (
+    RecordingViews,
     mask_between,
     read_draft,
     remove_draft,
@@ -31,6 +40,7 @@ from scleraforce.front.app.work_folder import Folder
 from scleraforce.recordings.drawn_walls import RecordedWalls, remove_wall, write_wall
 from scleraforce.recordings.formats.image_files import read_frame
 from scleraforce.recordings.recording_folder import check_alone, read_recording
+from scleraforce.records.model_folder import SHIPPED_READER
 
 
 @pytest.fixture(scope="module")
@@ -388,6 +398,8 @@ def test_commands_are_shown_as_they_would_be_typed(app: Client) -> None:
         ({"out": "small"}, "exists already"),
         ({"out": "../e.json"}, "plain name"),
         ({"operands": ["missing"]}, "does not exist"),
+        ({"options": {"frames": 0}}, "--frames: 0; give at least 1"),
+        ({"options": {"thickness_um": 0.6}}, "--thickness-um: 0.6 is below"),
     ],
 )
 def test_other_commands_options_and_existing_files_are_refused(
@@ -415,6 +427,118 @@ def test_a_command_that_fails_tells_its_line_and_leaves_nothing(
     assert refusal(app, "GET", "/api/csv")[0] == 422
     assert refusal(app, "GET", "/api/result?command=../../secret")[0] == 422
     assert sorted(os.listdir(folder)) == before
+
+
+def kept_reading(folder: Path, **more: Any) -> None:
+    """Keep a result of evaluate in a folder, as a job does."""
+    frames = [frame_answer(recording="small", file="0000.png", time_s=1.5)]
+    evaluation = evaluation_of(frames)
+    reading = {"model": "default", "calibration": "e.json", "recordings": ["small"]}
+    (folder / RESULTS).mkdir(exist_ok=True)
+    keep_result(
+        {"command": "x", "time_utc": "y", "result": evaluation.to_dict(), **more}
+        | (reading if more else {}),
+        folder / RESULTS / "evaluate.kept",
+    )
+
+
+def test_the_state_says_with_what_frames_were_last_read_and_the_table_has_times(
+    tmp_path: Path,
+) -> None:
+    write_small_recording(tmp_path / "small", frames=1)
+    with running_app(tmp_path) as client:
+        client.open()
+        assert client.json("GET", "/api/state")["read"] is None
+        kept_reading(tmp_path)  # of a version that kept no rows
+        assert client.json("GET", "/api/state")["read"] is None
+        assert client.json("GET", "/api/result?command=evaluate") is None
+        assert refusal(client, "GET", "/api/csv")[0] == 422
+        kept_reading(tmp_path, rows=[{"file": "0000.png", "time_s": 1.5}])
+        assert client.json("GET", "/api/state")["read"] == {
+            "model": "default",
+            "calibration": "e.json",
+            "recordings": ["small"],
+        }
+        assert client.json("GET", "/api/csv")["text"] == "file,time_s\n0000.png,1.5\n"
+
+
+@pytest.mark.parametrize(
+    ("query", "fault"),
+    [
+        ("calibration=../e.json", "leads out"),
+        ("calibration=link", "leads out"),
+        ("calibration=missing.json", "missing.json: No such file"),
+        ("model=../outside", "leads out"),
+        ("model=./small", "model.json"),
+    ],
+)
+def test_frames_are_looked_at_with_calibrations_and_models_of_the_folder_alone(
+    app: Client, query: str, fault: str
+) -> None:
+    status, text = refusal(app, "GET", f"/api/look?name=small&file=0000.png&{query}")
+    assert (status, fault in text) == (422, True), text
+
+
+def test_a_frame_is_read_with_the_calibration_of_its_eye(
+    folder: Path, app: Client
+) -> None:
+    (folder / "e.json").write_text(calibration_text(0.3, {"small": {}}))
+    path = "/api/look?name=small&file=0000.png"
+    found = app.json("GET", f"{path}&calibration=e.json")
+    assert found["command"] == (
+        "scleraforce read default --calibration=e.json small/frames/0000.png"
+    )
+    assert (found["model"], found["calibration"]) == ("default", "e.json")
+    bare = app.json("GET", path)
+    assert bare["command"] == "scleraforce read default small/frames/0000.png"
+    assert (bare["model"], bare["calibration"]) == ("default", "")
+    (folder / "e.json").write_text(calibration_text(0.3, {"another": {}}))
+    said = app.json("GET", f"{path}&calibration=e.json")["answer"]["warnings"]
+    assert any("e.json" in warning and "small" in warning for warning in said)
+    assert not any(str(folder) in warning for warning in said)
+    (folder / "e.json").unlink()
+
+
+def test_a_frame_is_read_by_a_model_of_the_folder(folder: Path, app: Client) -> None:
+    shutil.copytree(SHIPPED_READER, folder / "reader")
+    found = app.json("GET", "/api/look?name=small&file=0000.png&model=./reader")
+    assert found["command"] == "scleraforce read ./reader small/frames/0000.png"
+    assert found["answer"]["model"] == "reader"
+    shutil.rmtree(folder / "reader")
+
+
+def test_what_an_import_noted_stays_with_its_recording(tmp_path: Path) -> None:
+    recording = write_small_recording(tmp_path / "small", frames=1)
+    views = RecordingViews()
+    assert views.summary(recording)["imported"] == {"notes": [], "remarks": []}
+    (recording / "import.json").write_text('{"notes": ["`width_m` was answered"]}')
+    noted = views.summary(recording)["imported"]
+    assert noted["notes"] == ["`width_m` was answered"]
+    assert [remark["code"] for remark in noted["remarks"]] == ["earlier-version"]
+    (recording / "import.json").write_text("damaged")
+    (fault,) = views.summary(recording)["imported"]["notes"]
+    assert "import.json" in fault
+
+
+@pytest.mark.parametrize(
+    ("table", "kind"),
+    [
+        ("file,time_s,pierced\n0001.png,1,0\n0002.png,2,0\n", "times"),
+        ("index,time_s\n0,1\n1,2\n", "times"),
+        ("frame,date\n1,2026-05-31 10:00:00\n2,2026-05-31 10:00:01\n", "times"),
+        ("image,time_s,exposure\na.png,1,4\nb.png,2,5\n", "times"),
+        ("time_s\n1\n2\n", "times"),
+        ("frame,time_s,pull\n1,1,4\n2,2,5\n", "log"),
+        ("clock,pull\n1,4\n2,5\n", "log"),
+        ("file,time_s,fz_n\na.png,1,4\nb.png,2,5\n", "log"),
+    ],
+)
+def test_a_table_of_times_is_told_from_a_force_log(
+    tmp_path: Path, table: str, kind: str
+) -> None:
+    (tmp_path / "table.csv").write_text(table)
+    listed = Folder(tmp_path.resolve()).contents()["sources"]
+    assert listed == [{"name": "table.csv", "kind": kind}]
 
 
 def test_a_wall_that_is_accepted_is_a_mask_with_its_author_and_frame(

@@ -10,6 +10,8 @@ import tifffile
 
 from scleraforce.base.errors import InputError
 from scleraforce.front.app.source_views import Checked, Sources
+from scleraforce.recordings.formats.foreign_force_logs import parse_column
+from scleraforce.recordings.log_tables import QUANTITY_OF, UNITS
 from scleraforce.records.scan import parse_plane
 
 
@@ -25,6 +27,11 @@ def test_what_the_files_leave_open_is_asked_and_frames_may_be_left_out(
     sources = Sources()
     asked = sources.describe(paths, [], Checked())
     assert asked["field"] == "columns"
+    assert asked["table"]["columns"] == [
+        {"name": "Clock", "unit": "", "first": "0"},
+        {"name": "Pull", "unit": "", "first": "0"},
+    ]
+    assert asked["table"]["read"] == {}
     columns = ("time=Clock:ms", "fz=Pull:mN")
     found = sources.describe(paths, [], Checked(width_mm=15.0, columns=columns))
     assert (found["frames"], found["rows"], found["columns"]) == (5, 32, 48)
@@ -45,6 +52,39 @@ def test_what_the_files_leave_open_is_asked_and_frames_may_be_left_out(
     )
     with pytest.raises(InputError, match="frame 6: there are 5"):
         sources.picture(paths, [], Checked(columns=columns), 5)
+
+
+def test_a_log_says_its_columns_with_the_units_that_it_states(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text(
+        "Clock,Time (ms),side / mN,pull,Fz (mN)\n"
+        "2026-05-31 10:00:00,0,1,2,3\n2026-05-31 10:00:01,1,1,2,3\n"
+    )
+    np.save(tmp_path / "scan.npy", np.ones((2, 32, 48), np.uint16))
+    paths = [tmp_path / "scan.npy", tmp_path / "log.csv"]
+    options = Checked(axes="frame,depth,lateral", columns=("fx=side / mN:mN",))
+    table = Sources().describe(paths, [], options)["table"]
+    units = {column["name"]: column["unit"] for column in table["columns"]}
+    assert units == {
+        "Clock": "iso",
+        "Time (ms)": "ms",
+        "side / mN": "mN",
+        "pull": "",
+        "Fz (mN)": "mN",
+    }
+    assert table["read"] == {
+        "time": {"name": "Time (ms)", "unit": "ms"},
+        "fz": {"name": "Fz (mN)", "unit": "mN"},
+    }
+    assert (
+        Sources().describe(paths[:1], [], Checked(axes="frame,depth,lateral"))["table"]
+        is None
+    )
+
+
+@pytest.mark.parametrize("short", QUANTITY_OF)
+def test_all_units_to_choose_from_are_units_of_their_column(short: str) -> None:
+    for unit in UNITS[QUANTITY_OF[short]]:
+        assert parse_column(f"{short}=Name:{unit}").unit == unit
 
 
 def test_names_with_gaps_are_asked_about_and_a_changed_table_is_read_again(

@@ -7,12 +7,12 @@ Public:
         `recalibrate_intervals`
     evaluation_table: `by_eye`, `evaluate_to_table`
     exporting: `export`
-    importing: `ImportRequest`, `PREVIEW`, `import_recording`, `picture_dents`,
+    importing: `ImportRequest`, `import_recording`, `import_result`, `picture_dents`,
         `write_imported`
     monitor_settings: `prepare_monitor`
     monitoring: `monitor`
     opened_frames: `finder_of`, `located`, `opened_frame`
-    progress: `Bars`, `by_percent`
+    progress: `Bars`, `Counting`, `by_percent`
     public_names: `MODULE_OF`, `names_on_demand`
     reading_frames: `FrameReading`, `check_calibrated`, `evaluate`, `load_model`,
         `SequenceReader`, `read`, `save_wall`, `segment`, `segmented_frame`,

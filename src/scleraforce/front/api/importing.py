@@ -457,6 +457,24 @@ def write_imported(
     return done
 
 
+def import_result(done: PreparedImport, out: Path) -> dict[str, Any]:
+    """Return what an import to `out` wrote, as `scleraforce import` prints it as
+    JSON.
+    """
+    scan = done.info.scan
+    return {
+        "recording": str(out),
+        "preview": str(out / PREVIEW),
+        "frames": len(done.gathered.frames.names),
+        "force_samples": None if done.log is None else len(done.log.time_s),
+        "width_mm": from_si(scan.width_m, "mm"),
+        "depth_mm": from_si(scan.depth_m, "mm"),
+        "refractive_index": scan.refractive_index,
+        "bits": scan.bits,
+        **import_answers.provenance(done),
+    }
+
+
 def _gathered(
     sources: Sequence[Path],
     answers: ImportOptions,

@@ -7,6 +7,7 @@ import secrets
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from secrets import compare_digest
 from threading import Lock
@@ -24,7 +25,20 @@ from scleraforce.base.arrays import Bytes
 from scleraforce.base.errors import InputError
 from scleraforce.base.kept_results import ENDING, kept_result
 from scleraforce.front.api.reading_frames import save_wall
+from scleraforce.front.app.asked_jobs import (
+    EVALUATE,
+    IMPORT,
+    Asked,
+    CommandRequest,
+    CommandWords,
+    command_line,
+    job_of,
+    operand,
+    words_of,
+)
+from scleraforce.front.app.job_messages import Job
 from scleraforce.front.app.recording_views import (
+    ReadBy,
     RecordingViews,
     mask_between,
     png,
@@ -32,62 +46,25 @@ from scleraforce.front.app.recording_views import (
     write_draft,
 )
 from scleraforce.front.app.request_end import EndsWithRequest
-from scleraforce.front.app.running_commands import CommandWords, Job, command_line
-from scleraforce.front.app.source_views import ANSWERS, Checked, Sources
+from scleraforce.front.app.running_jobs import RunningJob
+from scleraforce.front.app.source_views import Sources
 from scleraforce.front.app.work_folder import MOST_UPLOAD_BYTES, SOURCES, Folder
 from scleraforce.live.console.server import OwnPagesOnly
 from scleraforce.recordings.drawn_walls import remove_wall
 from scleraforce.recordings.exported_files import csv_text
-from scleraforce.recordings.import_sources import ImportOptions
 from scleraforce.recordings.recording_folder import Recording, check_alone
 from scleraforce.records.model_folder import SHIPPED
-from scleraforce.records.scan import Plane, parse_plane
 
 HOST = "127.0.0.1"
 RESULTS = ".scleraforce"  # folder of the last results, shown again after a reload
 SILENT_S = 6.0  # after which another tab may write
 UPLOAD = "/api/source"
 MOST_JSON_BYTES = 4 * 2**20  # of a request, except a dropped file
+DEFAULT = "default"  # the model of frames that nobody has read yet
+READ = "read"
+OF_ROWS = ("time_s", "scored", "covered")  # which the JSON of a frame lacks
+KEPT_READINGS = 8  # of folders: of each one the inputs of its last reading
 BUSY = "another tab is working in this folder; close it first"
-
-
-class Asked(BaseModel):
-    """Operands of a command, planes of some, its options by the names of their fields,
-    and a log's columns.
-    """
-
-    operands: list[str] = Field(min_length=1, max_length=20000)
-    planes: dict[str, str] = {}
-    options: dict[str, int | FiniteFloat | str | bool] = {}
-    columns: list[str] = Field([], max_length=20)
-
-    def read(
-        self, folder: Folder
-    ) -> tuple[list[Path], list[Plane | None], ImportOptions]:
-        """Return the paths of an import, their planes and its options; raises
-        `InputError` or `ValidationError`.
-        """
-        given: dict[str, Any] = dict(self.options)
-        given |= {
-            name: folder.inside(str(given[name])) for name in {"times"} & set(given)
-        }
-        planes = [
-            parse_plane(self.planes[name]) if name in self.planes else None
-            for name in self.operands
-        ]
-
-        return (
-            [folder.whole(name) for name in self.operands],
-            planes,
-            Checked(**given, columns=tuple(self.columns)),
-        )
-
-
-class CommandRequest(Asked):
-    """A command, with the name of the file or folder that it writes."""
-
-    command: str
-    out: str = ""
 
 
 class Drawn(BaseModel):
@@ -98,64 +75,6 @@ class Drawn(BaseModel):
     outer: list[FiniteFloat | None] = Field(max_length=16384)
     inner: list[FiniteFloat | None] = Field(max_length=16384)
     unseen: list[int] = Field(max_length=16384)
-
-
-OPTIONS = {
-    "import": ANSWERS,
-    "calibrate": {
-        "frames",
-        "without_force",
-        "parameters",
-        "thickness_um",
-        "calibration",
-    },
-    "evaluate": {"calibration", "html"},
-}
-NEW_FILES = ("html",)
-OLD_FILES = ("calibration", "times")
-DIGITS = 15  # of a number: a clock counts from 1970, in ms
-
-
-def words_of(run: CommandRequest, folder: Folder, spelled: CommandWords) -> list[str]:
-    """Return a command's words, checked: known options, paths inside the folder, and
-    nothing that exists is written.
-    """
-    if run.command not in OPTIONS:
-        raise InputError(f"{run.command}: not a command of the app")
-
-    bundled = run.operands[:1] if run.command == "evaluate" else []
-    bundled = [name for name in bundled if name in SHIPPED]
-    for name in run.operands[len(bundled) :] + [
-        str(run.options[key]) for key in OLD_FILES if key in run.options
-    ]:
-        if not folder.whole(name).exists():
-            raise InputError(f"{name}: does not exist")
-
-    words = [run.command]
-    for plane in dict.fromkeys(["", *run.planes.values()]):
-        words += [f"{spelled.flag_of('planes')}={plane}"] if plane else []
-        words += [
-            _operand(name) for name in run.operands if run.planes.get(name, "") == plane
-        ]
-
-    for name, value in run.options.items():
-        if name not in OPTIONS[run.command]:
-            raise InputError(f"{name}: not an option of {run.command} in the app")
-        if name in NEW_FILES:
-            folder.new(str(value))
-        text = f"{value:.{DIGITS}g}" if isinstance(value, float) else str(value)
-        flag = spelled.flag_of(name)
-        if value is True:
-            words.append(flag)
-        elif value is not False:
-            words.append(f"{flag}={text}")
-
-    words += [f"{spelled.flag_of('columns')}={column}" for column in run.columns]
-    if run.command != "evaluate":
-        folder.new(run.out)
-        words.append(f"{spelled.flag_of('out')}={run.out}")
-
-    return words
 
 
 def _line(fault: Exception, folder: Folder, spelled: CommandWords) -> str:
@@ -170,12 +89,8 @@ def _line(fault: Exception, folder: Folder, spelled: CommandWords) -> str:
             f" {fault.strerror}"
         )
 
-    text: str = spelled.worded(str(fault))
-    return text.replace(f"{folder.root}/", "")
-
-
-def _operand(name: str) -> str:
-    return f"./{name}" if name.startswith("-") else name
+    text: str = spelled.worded(folder.shortened(str(fault)))
+    return text
 
 
 @dataclass
@@ -195,6 +110,39 @@ class Holder:
         return bool(tab) and tab == self.tab
 
 
+def judged(found: dict[str, Any]) -> dict[str, Any] | None:
+    """Return a kept evaluation with what the page needs of its rows; None for one of an
+    earlier version.
+    """
+    if "rows" not in found:
+        return None
+    rows = [{name: row[name] for name in OF_ROWS} for row in found["rows"]]
+    return found | {"rows": rows}
+
+
+def last_read(kept: Path) -> dict[str, Any] | None:
+    """Return model, calibration ("": none) and recordings of the last reading; None
+    without one.
+    """
+    try:
+        found = kept.stat()
+    except OSError:
+        return None
+    return _last_read(kept, found.st_mtime_ns, found.st_size)
+
+
+@lru_cache(KEPT_READINGS)
+def _last_read(kept: Path, *_: int) -> dict[str, Any] | None:
+    found = kept_result(kept)
+    if found is None or "rows" not in found:  # of an earlier version
+        return None
+    return {
+        "model": found["model"],
+        "calibration": found["calibration"] or "",
+        "recordings": found["recordings"],
+    }
+
+
 def app_of(
     root: Path, token: str, port: int, spelled: CommandWords, once: str = ""
 ) -> OwnPagesOnly:
@@ -206,7 +154,7 @@ def app_of(
     views = RecordingViews()
     sources = Sources()
     holder = Holder()
-    jobs = list[Job]()
+    jobs = list[RunningJob]()
     writing = Lock()
     tokens = {token, once} - {""}
     cookie = f"scleraforce-{port}"
@@ -249,11 +197,21 @@ def app_of(
         return await answer(request)
 
     @app.get("/api/look")
-    def answered_frame(name: str, file: str) -> dict[str, Any]:
-        answered = views.read_frame(folder.recording(name, file), file)
-        result: dict[str, Any] = spelled.worded(answered)
-        frames = [_operand(f"{name}/frames/{each}") for each in result["frames"]]
-        return result | {"command": command_line(["read", "default", *frames])}
+    def answered_frame(
+        name: str, file: str, model: str = DEFAULT, calibration: str = ""
+    ) -> dict[str, Any]:
+        by = ReadBy(
+            model if model in SHIPPED else folder.whole(model),
+            folder.whole(calibration) if calibration else None,
+        )
+        answered = views.read_frame(folder.recording(name, file), file, by)
+        result: dict[str, Any] = spelled.worded(folder.shortened(answered), READ)
+        frames = [operand(f"{name}/frames/{each}") for each in result["frames"]]
+        words = [READ, operand(model)]
+        if calibration:
+            words.append(f"{spelled.flag_of('calibration', READ)}={calibration}")
+        read_by = {"model": model, "calibration": calibration}
+        return result | read_by | {"command": command_line([*words, *frames])}
 
     def drawn_on(name: str, file: str) -> Recording:
         found, _ = views.entry(folder.recording(name, file), file)
@@ -274,13 +232,15 @@ def app_of(
         # what a job wrote is there
         return {
             "job": job,
+            "read": last_read(kept(EVALUATE)),
             "writes": holder.is_held_by(tab),
             **folder.contents(),
         }
 
     @app.get("/api/recording")
     def recording(name: str) -> dict[str, Any]:
-        summary: dict[str, Any] = spelled.worded(views.summary(folder.recording(name)))
+        found = views.summary(folder.recording(name))
+        summary: dict[str, Any] = spelled.worded(folder.shortened(found))
         return summary
 
     @app.get("/api/frame")
@@ -298,20 +258,24 @@ def app_of(
         return {}
 
     @app.put("/api/wall")
-    def draw(name: str, file: str, drawn: Drawn) -> dict[str, Any]:
+    def draw(
+        name: str, file: str, drawn: Drawn, model: str = DEFAULT, calibration: str = ""
+    ) -> dict[str, Any]:
         found = drawn_on(name, file)
         with writing:
             save_wall(found, file, mask_of(found, drawn))
             remove_draft(found, file)
-        return answered_frame(name, file)
+        return answered_frame(name, file, model, calibration)
 
     @app.delete("/api/wall")
-    def erase(name: str, file: str) -> dict[str, Any]:
+    def erase(
+        name: str, file: str, model: str = DEFAULT, calibration: str = ""
+    ) -> dict[str, Any]:
         found = drawn_on(name, file)
         with writing:
             remove_wall(found.path, file)
             remove_draft(found, file)
-        return answered_frame(name, file)
+        return answered_frame(name, file, model, calibration)
 
     @app.put(UPLOAD)
     async def drop(name: str, request: Request) -> dict[str, Any]:
@@ -321,7 +285,8 @@ def app_of(
 
     @app.post("/api/sources")
     def described_sources(asked: Asked) -> dict[str, Any]:
-        stated: dict[str, Any] = spelled.worded(sources.describe(*asked.read(folder)))
+        found = sources.describe(*asked.read(folder))
+        stated: dict[str, Any] = spelled.worded(found, IMPORT)
         return stated
 
     @app.post("/api/picture")
@@ -334,11 +299,20 @@ def app_of(
     def clocks(asked: Asked) -> dict[str, Any]:
         return sources.clocks(*asked.read(folder))
 
+    def asked_job(run: CommandRequest) -> Job:
+        try:
+            return job_of(run, folder)
+        except InputError as fault:
+            text = spelled.fault(folder.shortened(str(fault)), run.command)
+            raise InputError(text) from fault
+
     @app.post("/api/words")
     def words(run: CommandRequest) -> dict[str, Any]:
         try:
-            return {"command": command_line(words_of(run, folder, spelled))}
-        except InputError as fault:  # the page shows it in place of the command
+            asked_job(run)
+            return {"command": command_line(words_of(run, spelled))}
+        except (InputError, ValidationError) as fault:
+            # the page shows it in place of the command
             return {"fault": _line(fault, folder, spelled)}
 
     @app.post("/api/run")
@@ -349,14 +323,10 @@ def app_of(
                     "another command is running; wait until it ends, or stop it"
                 )
 
-            jobs.append(
-                Job.started(
-                    words_of(run, folder, spelled),
-                    folder.root,
-                    kept(run.command),
-                    spelled.flag_of("json"),
-                )
-            )
+            job = asked_job(run)
+            words = words_of(run, spelled)
+            place = kept(run.command)
+            jobs.append(RunningJob.started(job, words, folder.root, place, spelled))
             return {"job": len(jobs) - 1}
 
     @app.delete("/api/run")
@@ -370,17 +340,19 @@ def app_of(
 
     @app.get("/api/result")
     def result(command: Literal["calibrate", "evaluate"]) -> Response:
-        found = json.dumps(kept_result(kept(command)))
-        return Response(found, media_type="application/json")
+        found = kept_result(kept(command))
+        if found is not None and command == EVALUATE:
+            found = judged(found)
+        return Response(json.dumps(found), media_type="application/json")
 
     @app.get("/api/csv")
     def table() -> dict[str, Any]:
-        found = kept_result(kept("evaluate"))
-        if found is None:
+        found = kept_result(kept(EVALUATE))
+        if found is None or "rows" not in found:  # or one of an earlier version
             raise InputError(
                 "no result of evaluate is kept here; read the frames again"
             )
-        return {"text": csv_text(found["result"]["frames"])}
+        return {"text": csv_text(found["rows"])}
 
     app.mount("/", StaticFiles(packages=[("scleraforce.front.app", "page")], html=True))
     longer = {UPLOAD: MOST_UPLOAD_BYTES}

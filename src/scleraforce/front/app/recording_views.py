@@ -4,7 +4,8 @@ wall and answer.
 
 import json
 from contextlib import suppress
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path, PurePath
 from threading import Lock
 from typing import Any
@@ -21,13 +22,14 @@ from scleraforce.front.api.reading_frames import load_model, read
 from scleraforce.front.app.request_end import check_wanted
 from scleraforce.front.app.work_folder import PARTS
 from scleraforce.reading.reading_models import Reader
-from scleraforce.reading.trained_ranges import limit_remarks
 from scleraforce.recordings.drawn_walls import frame_file_digest
 from scleraforce.recordings.forces_under_frames import contact_force, label_frames
 from scleraforce.recordings.frame_and_force_tables import FrameEntry
+from scleraforce.recordings.import_record import read_import_record
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.frame import NO_WALL, NOT_JUDGED, WALL, Pixels
-from scleraforce.records.model_folder import SHIPPED_READER
+from scleraforce.records.model_folder import RECORD_FILE
+from scleraforce.records.remark import sentences
 from scleraforce.records.study import ClassesStudy
 from scleraforce.wall.wall import Segmentation
 
@@ -36,6 +38,7 @@ BINS = 800  # of a curve: the least and the largest value of each
 DARK = 1.0
 BRIGHT = 99.8
 OPENED = 8  # recordings that are kept in memory
+MODELS = 2  # of 20 MB, as a rule
 
 
 def png(pixels: Pixels | Floats, height: int | None = None) -> bytes:
@@ -101,23 +104,33 @@ def mask_between(
     return mask
 
 
+@dataclass(frozen=True)
+class ReadBy:
+    """What a frame is read with: a bundled model's name or the path of a folder, and a
+    calibration's path; None: without a calibration.
+    """
+
+    model: str | Path
+    calibration: Path | None = None
+
+
+@lru_cache(MODELS)
+def _loaded(model: str | Path, _: int) -> Reader:
+    return load_model(model)
+
+
 @lru_cache(OPENED)
 def _opened(path: Path, _: tuple[int, ...]) -> Recording:
     return read_recording(path)
 
 
 class RecordingViews:
-    """Recordings as the page shows them; recordings and the model are opened when they
-    are first needed.
+    """Recordings as the page shows them; recordings and models are opened when they are
+    first needed.
     """
 
     def __init__(self) -> None:
         self._reading = Lock()
-
-    @cached_property
-    def model(self) -> Reader:
-        """The bundled reader."""
-        return load_model("default")
 
     def recording(self, path: Path) -> Recording:
         """Return a recording, read again where one of its tables has changed."""
@@ -135,19 +148,20 @@ class RecordingViews:
         raise InputError(f"{path.name}: no frame {file}")
 
     def summary(self, path: Path) -> dict[str, Any]:
-        """Return size, frames with times and labels, force curve, and the model's
-        limits of a recording.
+        """Return size, frames with times and labels, and force curve of a recording.
+
+        What limits its answers is among the remarks of each.
         """
         recording = self.recording(path)
         info = recording.info
         log = recording.forces
-        notes = [*map(str, limit_remarks(SHIPPED_READER, info))]
+        notes = list[str]()
 
         try:
             trials = label_frames(recording, ClassesStudy()) if log is not None else ()
         except RecordingError as fault:  # which says why no frame has one
             trials = ()
-            notes = [*notes, str(fault)]
+            notes.append(str(fault))
 
         drawn = {wall.stem for wall in (path / "walls").glob("*.png")}
         files = [entry.file for entry in recording.frames]
@@ -177,14 +191,15 @@ class RecordingViews:
                 ),
                 "log": force,
                 "notes": notes,
+                "imported": import_notes(path),
                 "corrected": [file for file in files if PurePath(file).stem in drawn],
             }
         )
         return found
 
-    def read_frame(self, path: Path, file: str) -> dict[str, Any]:
-        """Return the wall of a frame, and the answer of the bundled reader with its
-        warnings.
+    def read_frame(self, path: Path, file: str, by: ReadBy) -> dict[str, Any]:
+        """Return the wall of a frame, and the answer of a model with its warnings; with
+        a calibration by what it says of the recording's eye.
         """
         recording, entry = self.entry(path, file)
         frames = [
@@ -198,7 +213,14 @@ class RecordingViews:
 
         with self._reading:  # the model is not made for several threads
             check_wanted()
-            answer = read(self.model, [recording.frame_path(each) for each in frames])
+            record = Path(by.model, RECORD_FILE)
+            changed = record.stat().st_mtime_ns if record.exists() else 0
+            answer = read(
+                _loaded(by.model, changed),
+                [recording.frame_path(each) for each in frames],
+                calibration=by.calibration,
+                eye=None if by.calibration is None else recording.info.eye_name,
+            )
 
         wall = answer.segmentation
         found = answer.to_dict() | {"warnings": list(answer.warnings)}
@@ -210,6 +232,20 @@ class RecordingViews:
             "frames": [each.file for each in frames],
             "draft": read_draft(recording, file),
         }
+
+
+def import_notes(path: Path) -> dict[str, Any]:
+    """Return the notes and remarks of a recording's import; where its import.json
+    cannot be read, the fault.
+    """
+    try:
+        remarks = read_import_record(path).all_remarks
+    except RecordingError as fault:
+        return {"notes": [str(fault)], "remarks": []}
+    return {
+        "notes": list(sentences(remarks)),
+        "remarks": [remark.to_dict() for remark in remarks],
+    }
 
 
 def write_draft(recording: Recording, file: str, drawn: dict[str, Any]) -> None:

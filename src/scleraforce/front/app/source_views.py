@@ -3,7 +3,8 @@ log, and a clock offset.
 """
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import asdict, fields
+from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 from threading import Lock
@@ -36,6 +37,13 @@ from scleraforce.recordings.import_sources import (
     ImportOptions,
     gather_sources,
 )
+from scleraforce.recordings.log_tables import (
+    QUANTITY_OF,
+    UNITS,
+    LogTable,
+    first_log,
+    read_log_table,
+)
 from scleraforce.records.scan import PixelScale, Plane
 
 ANSWERS = {field.name for field in fields(ImportOptions)} - {"columns", "grey_range"}
@@ -57,7 +65,23 @@ GATHERED = (
     "times",
     "frames_by",
 )
+TABLES = 4  # of logs, kept in memory
 SEEN_FRAMES = 100  # of a long recording, for the curve of the dent
+
+
+def given_answers(answers: ImportOptions) -> list[str]:
+    """Return the names of the options that are given, of an offset of 0, too.
+
+    >>> given_answers(ImportOptions(clock_offset_s=0, eye="mine"))
+    ['clock_offset_s', 'eye']
+    """
+    values = {field.name: getattr(answers, field.name) for field in fields(answers)}
+    return [
+        name
+        for name, value in values.items()
+        if value is not None and value is not False and value != ()
+    ]
+
 
 Planes = Sequence[Plane | None]  # one for each source
 
@@ -102,17 +126,14 @@ class Sources:
             greys = find_greys(
                 islice(scan.pictures(), 1), answers.grey_range, scan.names[0]
             )
-            given = {
-                name: OPTION
-                for name in ANSWERS
-                if getattr(answers, name) not in (None, False)
-            }
+            given = dict.fromkeys(given_answers(answers), OPTION)
             stated, missing = open_questions(found, greys, answers, given)
         except UnansweredError as fault:
             return {
                 "question": fault.question,
                 "field": fault.field,
                 "forms": list(fault.forms),
+                "table": _log_table(paths),
             }
 
         axes = (
@@ -141,6 +162,7 @@ class Sources:
                     for axis in axes
                     if log is not None
                 },
+                "table": _log_table(paths),
                 "notes": list(found.notes),
             }
         )
@@ -230,6 +252,33 @@ class Sources:
         )
 
         return curves
+
+
+def _log_table(sources: Sequence[Path]) -> dict[str, Any] | None:
+    """Return the columns of the first force log of text, how its header is read, and
+    the units to choose from; None without one.
+    """
+    try:
+        log = first_log(sources)
+        if log is None:
+            return None
+        table = _read_table(log, log.stat().st_mtime_ns)
+    except InputError:  # which `describe` reports
+        return None
+
+    return {
+        "columns": [asdict(column) for column in table.columns],
+        "read": {
+            column.short: {"name": column.name, "unit": column.unit}
+            for column in table.read
+        },
+        "units": {short: UNITS[quantity] for short, quantity in QUANTITY_OF.items()},
+    }
+
+
+@lru_cache(TABLES)
+def _read_table(path: Path, _: int) -> LogTable:
+    return read_log_table(path)
 
 
 def _while_wanted(scan: PictureSource) -> PictureStream:

@@ -14,14 +14,17 @@ from typing import Any
 from scleraforce.base.errors import InputError
 from scleraforce.front.app.request_end import check_wanted
 from scleraforce.recordings.import_sources import source_kind
+from scleraforce.recordings.log_tables import holds_times
 from scleraforce.recordings.recording_folder import read_info
 from scleraforce.recordings.source_files import files_of
 from scleraforce.records.calibration_file import read_calibration
 from scleraforce.records.model_folder import RECORD_FILE
 
+TIMES = "times"  # a kind of source that is none: it states when frames were taken
 SOURCES = "sources"  # files dropped onto the page
 MOST_ENTRIES = 65536  # that are not read again while they are unchanged
-PARTS = ("recording.toml", "frames.csv", "forces.csv", "walls.csv")  # of a recording
+# of a recording
+PARTS = ("recording.toml", "frames.csv", "forces.csv", "walls.csv", "import.json")
 MOST_UPLOAD_BYTES = 16 * 2**30
 LEFT_BYTES = 2**30  # of the disk, after an upload
 
@@ -62,6 +65,16 @@ class Folder:
                 if each.is_symlink():
                     self.inside(str(each.relative_to(self.root)))
         return path
+
+    def shortened(self, found: Any) -> Any:
+        """Return JSON with the names of files in its texts as the page has them."""
+        if isinstance(found, str):
+            return found.replace(f"{self.root}/", "")
+        if isinstance(found, dict):
+            return {key: self.shortened(value) for key, value in found.items()}
+        if isinstance(found, list):
+            return [self.shortened(value) for value in found]
+        return found
 
     def recording(self, name: str, file: str = "") -> Path:
         """Return the path of a recording; raises `InputError` if it, its files or a
@@ -193,7 +206,10 @@ def _entry(path: Path, _: tuple[int, ...]) -> tuple[str, dict[str, Any]]:
         if path.suffix == ".json":
             return "calibrations", {"eyes": sorted(read_calibration(path).eyes)}
         if path.is_file():
-            return "sources", {"kind": source_kind(path)}
+            kind = source_kind(path)
+            return "sources", {
+                "kind": TIMES if kind == "log" and holds_times(path) else kind
+            }
         if first := next((each for each in files_of([path]) if each.is_file()), None):
             return "sources", {"kind": f"folder of {source_kind(first)} files"}
     except InputError as fault:

@@ -45,7 +45,7 @@ def app(folder: Path, port: int, opens: bool) -> None:
 
     # 760 ms: FastAPI and the readers, not for --help
     from scleraforce.front.app.app_server import HOST, listen_locally, server_of
-    from scleraforce.front.app.running_commands import CommandWords
+    from scleraforce.front.app.asked_jobs import CommandWords
 
     listener = listen_locally(port)
     token = secrets.token_urlsafe(24)

@@ -38,7 +38,6 @@ from scleraforce.recordings.import_answers import (
     Asker,
     PreparedImport,
     Question,
-    provenance,
     read_like,
 )
 from scleraforce.recordings.import_sources import OPTION, ImportOptions
@@ -299,8 +298,8 @@ def import_(
     """
     # 280 ms: Numba and the models, not for --help
     from scleraforce.front.api.importing import (
-        PREVIEW,
         ImportRequest,
+        import_result,
         write_imported,
     )
 
@@ -323,22 +322,11 @@ def import_(
         like=None if like is None else read_like(like),
     )
     done = write_imported(request, count_bar, asker, model or SHIPPED_READER)
-    scanner = done.info.scan
-    preview = out / PREVIEW
-    result = {
-        "recording": str(out),
-        "preview": str(preview),
-        "frames": len(done.gathered.frames.names),
-        "force_samples": None if done.log is None else len(done.log.time_s),
-        "width_mm": from_si(scanner.width_m, "mm"),
-        "depth_mm": from_si(scanner.depth_m, "mm"),
-        "refractive_index": scanner.refractive_index,
-        "bits": scanner.bits,
-        **provenance(done),
-    }
+    result = import_result(done, out)
 
     return Report(
-        result, [*map(wrapped, _lines(done)), f"wrote {out}; look at {preview}"]
+        result,
+        [*map(wrapped, _lines(done)), f"wrote {out}; look at {result['preview']}"],
     )
 
 

@@ -1,8 +1,7 @@
 """`scleraforce calibrate` and `evaluate`: whole recordings with their force logs."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, replace
-from datetime import UTC, datetime
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -343,15 +342,9 @@ def evaluate(
 
 def _write_html(evaluation: "Evaluation", html: Path) -> None:
     # 790 ms: Matplotlib, not without --html
-    from scleraforce.front.report.frame_figures import answered_frames
-    from scleraforce.front.report.html_pages import shown_frames, write_evaluation_html
+    from scleraforce.front.report.evaluation_page import write_answers_page
 
-    in_flags = (
-        replace(remark, words=worded(remark.words)) for remark in evaluation.remarks
-    )
-    evaluation = replace(evaluation, remarks=tuple(in_flags))
-    shown = answered_frames(shown_frames(evaluation.frames))
-    write_evaluation_html(evaluation, shown, html, datetime.now(UTC))
+    write_answers_page(evaluation, html, worded)
 
 
 def _table(

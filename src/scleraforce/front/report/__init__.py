@@ -5,6 +5,7 @@ Imports every package below `front`.
 Public:
     described_paths: `thing_at`
     description: `Description`
+    evaluation_page: `write_answers_page`
     figure_files: `check_figure_path`, `write_figure`
     frame_figures: `AnsweredFrame`, `MOST`, `WORST`, `answered_frames`,
         `draw_computed_walls`, `draw_montage`, `draw_overview`, `draw_scanner`,

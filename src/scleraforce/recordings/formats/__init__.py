@@ -4,11 +4,12 @@ Reads files. Imports `recordings`, `records` and `base`.
 
 Public:
     dicom_files: `read_dicom`
-    foreign_force_logs: `CLOCK_NAMES`, `LogColumn`, `columns_by_header`, `parse_column`,
-        `read_force_text`
+    foreign_force_logs: `BEHIND_MARK`, `BRACKETS`, `CLOCK_NAMES`, `LogColumn`, `STATUS`,
+        `STATUS_MEANINGS`, `columns_by_header`, `parse_column`, `read_force_text`
     image_files: `MATROSKA`, `TIFF_MARKS`, `read_film`, `read_frame`, `read_image`,
         `read_numpy`
-    log_text: `CLOCKS`, `clock_of`, `read_log_text`, `seconds_of`
+    log_text: `CLOCKS`, `FORCE`, `TIME`, `TORQUE`, `clock_of`, `quantity_of`,
+        `read_log_text`, `seconds_of`, `unit_factor`
     picture_streams: `FrameTimes`, `GreyMap`, `MOST_BITS`, `OtherPictureError`,
         `PictureSource`, `PictureStream`, `SECONDS`, `TOP`, `UnansweredError`,
         `check_bytes`, `check_kinds`, `checked_pictures`, `find_greys`, `in_order`,

@@ -21,6 +21,30 @@ export function ticks(low, high, count = TICKS) {
   return { values: found, digits: Math.max(0, -Math.floor(Math.log10(step) + 1e-9)) };
 }
 
+// How answers are marked, by shape and colour.
+export const MARKS = {
+  right: "agrees with the label", missed: "interval misses the label", wrong: "wrong class", both: "wrong class, interval misses the label", none: "not compared",
+};
+
+// The shapes of a mark about a point.
+function shapes(kind, x, y) {
+  const found = [];
+  const size = kind === "both" ? 7.5 : 6;
+  if (kind === "missed" || kind === "both") found.push(drawn("path", { class: "diamond", d: `M${x} ${y - size}l${size} ${size}l${-size} ${size}l${-size} ${-size}z` }));
+  if (kind === "wrong" || kind === "both") {
+    const arm = kind === "both" ? 3 : 4.5;
+    found.push(drawn("path", { class: "cross", d: `M${x - arm} ${y - arm}l${2 * arm} ${2 * arm}m0 ${-2 * arm}l${-2 * arm} ${2 * arm}` }));
+  }
+  return found.length ? found : [drawn("circle", { class: kind === "none" ? "dot hollow" : "dot", cx: x, cy: y, r: 3.5 })];
+}
+
+// A mark of its own, for tables and legends.
+export function markOf(kind) {
+  const svg = drawn("svg", { class: "mark", viewBox: "0 0 18 18", "aria-hidden": "true" });
+  svg.append(...shapes(kind, 9, 9));
+  return svg;
+}
+
 const extent = (values) => {
   let [low, high] = [Infinity, -Infinity];
   for (const value of values) {
@@ -113,9 +137,10 @@ export class Chart {
     return this.add("line", { class: kind, x1: this.left(value), x2: this.left(value), y1: MARGIN.top, y2: this.height - MARGIN.bottom });
   }
 
-  dot(x, y, kind = "", title = "") {
-    const found = this.add("circle", { class: `dot ${kind}`, cx: this.left(x), cy: this.top(y), r: 3.5 });
-    if (title) found.append(drawn("title", {}, title));
+  // A point, by one of `MARKS`.
+  mark(x, y, kind, title) {
+    const group = this.add("g", { "data-mark": kind });
+    group.append(drawn("title", {}, title), ...shapes(kind, this.left(x), this.top(y)));
   }
 
   bar(x, low, high, kind = "") {
@@ -123,16 +148,32 @@ export class Chart {
   }
 }
 
-// The SVG as a file of its own: the style sheet's values are written into each element.
+const LINE = 20; // pixels, of a legend
+
+// The SVG as a file of its own: the style sheet's values are written into each element, and the legend of its marks stands below.
 export function svgText(svg) {
+  const [, , width, height] = svg.getAttribute("viewBox").split(" ").map(Number);
+  const kinds = Object.keys(MARKS).filter((kind) => svg.querySelector(`[data-mark=${kind}]`));
+  const legend = svg.appendChild(drawn("g", {}));
+  kinds.forEach((kind, n) => {
+    const y = height + LINE * (n + 0.5);
+    legend.append(...shapes(kind, MARGIN.left, y), drawn("text", { x: MARGIN.left + 14, y: y + 4 }, MARKS[kind]));
+  });
+  const text = styled(svg, width, height + LINE * kinds.length);
+  legend.remove();
+  return text;
+}
+
+function styled(svg, width, height) {
   const copy = svg.cloneNode(true);
-  const kept = ["fill", "stroke", "stroke-width", "stroke-dasharray", "stroke-linejoin", "paint-order", "font-size", "font-family"];
+  const kept = ["fill", "stroke", "stroke-width", "stroke-dasharray", "stroke-linecap", "stroke-linejoin", "paint-order", "font-size", "font-family"];
   const all = [svg, ...svg.querySelectorAll("*")];
   [copy, ...copy.querySelectorAll("*")].forEach((each, n) => {
     const style = getComputedStyle(all[n]);
     for (const name of kept) each.setAttribute(name, style.getPropertyValue(name));
   });
   copy.setAttribute("style", `background: ${getComputedStyle(document.documentElement).getPropertyValue("--card")}`);
+  copy.setAttribute("viewBox", `0 0 ${width} ${height}`);
   copy.setAttribute("xmlns", SVG);
   return new XMLSerializer().serializeToString(copy);
 }

@@ -2,7 +2,8 @@
 
 import { erase, frame, get, send, thumbnail } from "./api.js";
 import { Chart } from "./chart.js";
-import { element, fixed, list, made, told, write } from "./dom.js";
+import { element, fixed, made, told, write } from "./dom.js";
+import { remarkItems } from "./remarks.js";
 import { state } from "./state.js";
 
 const WIDE = 116; // of a thumbnail with its gap
@@ -29,7 +30,17 @@ const looks = new Map();
 const canvas = element("frame");
 const file = () => chosen.summary.files[number];
 const here = (name = file()) => ({ name: chosen.name, file: name });
-const key = (place) => `${place.name}/${place.file}`;
+
+// What a recording's frames are read with: as *Read* last read them, and by the bundled reader if it has not.
+function readBy({ name }) {
+  const last = state.read;
+  if (!last?.recordings.includes(name)) return {};
+  const there = state.calibrations.some((each) => each.name === last.calibration);
+  return { model: last.model, ...(there ? { calibration: last.calibration } : {}) };
+}
+
+const asks = (place) => ({ ...place, ...readBy(place) });
+const key = (place) => JSON.stringify(asks(place));
 
 export function fill(entries) {
   recordings = entries;
@@ -72,6 +83,9 @@ async function open(name, at) {
   inside.style.width = `${WIDE * chosen.summary.files.length}px`;
   inside.style.height = "78px";
   inside.replaceChildren();
+  const items = remarkItems(summary.imported);
+  element("imported").hidden = !items.length;
+  element("import-remarks").replaceChildren(...items);
   await turn(Math.max(0, at ? chosen.summary.files.indexOf(at) : 0));
 }
 
@@ -109,15 +123,17 @@ async function turn(to) {
 // A frame that cannot be read: the banner says why.
 function blank() {
   canvas.getContext("2d").clearRect(0, 0, canvas.width, canvas.height);
-  write("verdict", "");
-  list("frame-notes", []);
+  for (const id of ["verdict", "read-by"]) write(id, "");
+  element("frame-notes").replaceChildren();
 }
 
 async function looked(place) {
   if (!looks.has(key(place))) {
-    const found = await get("look", place);
+    const mine = key(place);
+    const found = await get("look", asks(place));
     if (looks.size > KEPT) looks.delete(looks.keys().next().value);
-    looks.set(key(place), found);
+    looks.set(mine, found);
+    return found;
   }
   return looks.get(key(place));
 }
@@ -132,9 +148,20 @@ function words() {
   const thick = wall?.thickness_um ? `, wall ${fixed(wall.thickness_um, 0)} µm` : "";
   write("verdict", answer.usable ? `${source}${known}${dent}${thick}` : `${source}Not usable: ${answer.reason}`);
   element("verdict").classList.toggle("refused", !answer.usable);
-  list("frame-notes", [...new Set([...answer.warnings, ...chosen.summary.notes])]);
+  write("read-by", byWords());
+  element("frame-notes").replaceChildren(...remarkItems({ remarks: answer.remarks, notes: [...answer.warnings, ...chosen.summary.notes] }));
   element("key-needle").hidden = !answer.needle;
   element("key-unseen").hidden = !draft?.unseen.size;
+}
+
+// With which model and calibration the frame was read.
+function byWords() {
+  const { model, calibration } = now.look;
+  const by = model === "default" ? "" : ` by ${model}`;
+  if (calibration) return `Read${by} with calibration ${calibration}, as in Read.`;
+  const last = state.read;
+  const gone = last?.recordings.includes(chosen.name) && last.calibration ? `: ${last.calibration}, with which Read read it, is gone` : "";
+  return `Read${by} without a calibration${gone}.`;
 }
 
 function strip() {
@@ -406,12 +433,12 @@ element("unseen").onclick = (event) => {
 element("accept").onclick = told(async () => {
   if (!draft) return;
   sends();
-  await settle(draft.place, await send("wall", drawn(), draft.place, "PUT"));
+  await settle(draft.place, await send("wall", drawn(), asks(draft.place), "PUT"));
 });
 element("restore").onclick = told(async () => {
   if (!draft) return;
   sends();
-  await settle(draft.place, await erase("wall", draft.place));
+  await settle(draft.place, await erase("wall", asks(draft.place)));
 });
 
 async function settle(place, look) {
@@ -434,7 +461,7 @@ function forces() {
   if (!plot || plot.width !== Math.max(svg.getBoundingClientRect().width, 200)) {
     plot = new Chart(svg, { x: [...log.time_s, ...times], y: [...log.low, ...log.high], labels: ["time / s", "contact force / mN"], zero: true });
     plot.band(log);
-    labels?.forEach((force, n) => force !== null && times.length <= 500 && plot.dot(times[n], force, "", chosen.summary.files[n]));
+    labels?.forEach((force, n) => force !== null && times.length <= 500 && plot.mark(times[n], force, "right", chosen.summary.files[n]));
     plot.mark = plot.upright(times[number]);
   }
   for (const end of ["x1", "x2"]) plot.mark.setAttribute(end, plot.left(times[number]));

@@ -29,13 +29,20 @@ const FIELDS = {
   axes: ["Axes of an array, like frame,depth,lateral", "text"],
   flip: ["Pictures that are upside down (rows) or mirrored (columns)", ["", "rows", "columns"]],
 };
+const TIMES = "times"; // a table that states when the frames were taken: no source of its own
+const KINDS = { [TIMES]: "times of the frames", log: "force log" };
+const NO_FRAMES = new Set([TIMES, "log"]);
+const COLUMNS = { time: "Time", fx: "Force x", fy: "Force y", fz: "Force z", tx: "Torque x", ty: "Torque y", tz: "Torque z", status: "Status of the sensor" };
+const FIRST_COLUMNS = 4; // that most logs have
+const OTHER = "other"; // a unit that is typed
 const NUMBERS = new Set(Object.keys(FIELDS).filter((name) => FIELDS[name][1] === "number"));
 const WAIT_MS = 500;
 const SENT_AT_ONCE = 4; // files
 
 const chosen = new Set();
 const given = {}; // answers by the names of options
-const columns = new Map(); // of a force log: short name -> "NAME:UNIT"
+const columns = new Map(); // of a force log: short name -> { name, unit }
+let table = null; // the columns of the chosen log, how its header is read, and units
 const planes = new Map(); // of sources: name -> "NAME:OFFSET_MM:DIRECTION_DEG"
 let seen = null; // what the chosen files state and leave open
 let image = null;
@@ -48,16 +55,17 @@ let looking = 0; // a number for each request: late answers are dropped
 const asked = () => ({
   operands: [...chosen], options: { ...given },
   planes: Object.fromEntries([...planes].filter(([name, text]) => text && chosen.has(name) && element("several").checked)),
-  columns: [...columns].filter(([, text]) => text).map(([short, text]) => `${short}=${text}`),
+  columns: [...columns].filter(([short, { name, unit }]) => unit && (has(name) || (name && table?.read[short]?.name === name))).map(([short, { name, unit }]) => `${short}=${name}:${unit}`),
 });
+const has = (name) => Boolean(table?.columns.some((column) => column.name === name));
 const number = () => Math.max(0, Number(element("source-number").value) - 1);
 
 export function fill(sources) {
   for (const name of [...chosen]) if (!sources.some((source) => source.name === name)) chosen.delete(name);
   const items = sources.map(({ name, kind, fault }) => {
-    const box = made("input", { type: "checkbox", disabled: Boolean(fault), onchange: () => choose(name, box.checked) });
-    box.checked = chosen.has(name);
-    return made("li", {}, made("label", {}, box, ` ${name} `), made("span", { class: "soft" }, fault ?? kind), ...(fault || kind === "log" ? [] : plane(name)));
+    const box = made("input", { type: "checkbox", disabled: Boolean(fault), onchange: () => (kind === TIMES ? time : choose)(name, box.checked) });
+    box.checked = kind === TIMES ? given.times === name : chosen.has(name);
+    return made("li", {}, made("label", {}, box, ` ${name} `), made("span", { class: "soft" }, fault ?? KINDS[kind] ?? kind), ...(fault || NO_FRAMES.has(kind) ? [] : plane(name)));
   });
   tables(sources);
   element("sources").replaceChildren(...(items.length ? items : [made("li", { class: "soft" }, "none yet")]));
@@ -76,7 +84,7 @@ function plane(name) {
 function tables(sources) {
   form();
   const select = element("answers").querySelector("[data-name=times] select");
-  select.replaceChildren(...["", ...sources.filter(({ kind }) => kind === "log").map(({ name }) => name)].map((value) => made("option", { value }, value || "–")));
+  select.replaceChildren(...["", ...sources.filter(({ kind }) => NO_FRAMES.has(kind)).map(({ name }) => name)].map((value) => made("option", { value }, value || "–")));
   select.value = given.times ?? "";
 }
 
@@ -85,8 +93,16 @@ export const show = () => look();
 function choose(name, on) {
   if (on) chosen.add(name);
   else chosen.delete(name);
-  seen = null;
+  [seen, table, clocks] = [null, null, null];
+  look();
+}
+
+// Takes a table as that of the frames' times, or no more.
+function time(name, on) {
+  if (on) given.times = name;
+  else delete given.times;
   clocks = null;
+  fill(state.sources);
   look();
 }
 
@@ -94,15 +110,20 @@ const look = told(async () => {
   form();
   for (const id of ["answers", "import-end"]) element(id).hidden = !chosen.size;
   if (!chosen.size) {
-    for (const id of ["source", "log"]) element(id).hidden = true;
+    for (const id of ["source", "log", "columns"]) element(id).hidden = true;
     return;
   }
   const mine = (looking += 1);
   if (!seen) list("import-notes", ["reading the files …"]);
   const found = await send("sources", asked());
   if (mine !== looking) return;
-  seen = found;
+  const known = table;
+  [seen, table] = [found, found.table];
   form();
+  if (!known && asked().columns.length) { // of an earlier look at the same log
+    await look();
+    return;
+  }
   if (found.question) {
     list("import-notes", [found.question], "against");
     return;
@@ -139,8 +160,7 @@ function form() {
     entry.querySelector(".from").textContent = given[name] === undefined && stated ? `${stated.value} (${stated.source})` : "";
     if (document.activeElement !== input) input.value = given[name] ?? "";
   }
-  const shorts = seen?.forms?.length ? seen.forms.map((form) => form.split("=")[0]) : [...columns.keys()];
-  for (const short of shorts) if (!box.querySelector(`[data-column="${short}"]`)) box.append(column(short));
+  columnFields();
 }
 
 function field(name, label, kind) {
@@ -156,13 +176,56 @@ function field(name, label, kind) {
   return made("label", { "data-name": name }, made("span", { class: "label" }, label), input, made("span", { class: "from" }));
 }
 
+// The columns of a force log, chosen among those of its header; what the header says by itself is chosen already.
+function columnFields() {
+  const box = element("columns");
+  box.hidden = !table;
+  if (!table) return;
+  const asks = new Set((seen?.forms ?? []).map((form) => form.split("=")[0]));
+  const key = JSON.stringify(table);
+  if (box.dataset.table !== key) {
+    box.dataset.table = key;
+    const pairs = Object.keys(COLUMNS).map(column);
+    const more = made("details", {}, made("summary", {}, "Torques and status"), made("div", { class: "more" }, ...pairs.slice(FIRST_COLUMNS)));
+    box.replaceChildren(box.querySelector("legend"), ...pairs.slice(0, FIRST_COLUMNS), more);
+  }
+  for (const pair of box.querySelectorAll("[data-column]")) pair.classList.toggle("missing", asks.has(pair.dataset.column));
+}
+
 function column(short) {
-  const change = (event) => {
-    columns.set(short, event.target.value.trim());
+  const [units, read] = [table.units[short], table.read[short] ?? { name: "", unit: "" }];
+  const listed = new Map(table.columns.map(({ name, first }) => [name, first ? `${name} (${first}, …)` : name]));
+  if (read.name && !listed.has(read.name)) listed.set(read.name, read.name); // a time in two columns
+  const names = made("select", { class: "name", "aria-label": `Column of ${COLUMNS[short]}` },
+    made("option", { value: "" }, "–"), ...[...listed].map(([value, text]) => made("option", { value }, text)));
+  const typed = made("input", { class: "typed", placeholder: "1000/N", "aria-label": `Unit of ${COLUMNS[short]}, like 1000/N` });
+  const choices = made("select", { class: "unit", "aria-label": `Unit of ${COLUMNS[short]}` },
+    ...["", ...units, OTHER].map((value) => made("option", { value }, value || "unit")));
+  const put = ({ name, unit }) => {
+    const known = units.find((each) => each === unit) ?? units.find((each) => each.toLowerCase() === unit.toLowerCase());
+    names.value = name;
+    choices.value = unit ? (known ?? OTHER) : "";
+    typed.value = known ? "" : unit;
+    typed.hidden = choices.value !== OTHER;
+  };
+  const change = () => {
+    typed.hidden = choices.value !== OTHER;
+    columns.set(short, { name: names.value, unit: choices.value === OTHER ? typed.value.trim() : choices.value });
     later();
   };
-  columns.set(short, columns.get(short) ?? "");
-  return made("label", { "data-column": short, class: "missing" }, made("span", { class: "label" }, `Column ${short}, as NAME:UNIT`), made("input", { type: "text", placeholder: "Clock:ms", oninput: change }));
+  put(has(columns.get(short)?.name) ? columns.get(short) : read);
+  names.oninput = () => {
+    if (names.value && names.value !== read.name) {
+      put({ name: names.value, unit: table.columns.find((each) => each.name === names.value).unit });
+      change();
+    } else { // as the header says
+      columns.delete(short);
+      put(read);
+      later();
+    }
+  };
+  for (const input of [choices, typed]) input.oninput = change;
+  return made("div", { class: "pair", "data-column": short }, made("span", { class: "label" }, COLUMNS[short]), names, choices, typed);
 }
 
 const run = () => ({ command: "import", out: element("import-out").value.trim(), ...asked() });
@@ -334,10 +397,18 @@ async function take(files) {
   const ended = await Promise.allSettled(Array.from({ length: SENT_AT_ONCE }, sends));
   bar_.hidden = true;
   await poll();
-  for (const file of files) if (arrived.has(file)) chosen.add(arrived.get(file));
+  for (const file of files) if (arrived.has(file)) takeArrived(arrived.get(file));
   fill(state.sources);
   for (const { reason } of ended) if (reason) throw reason;
   await look();
+}
+
+// A file that has arrived is chosen: as times, if it is a table of them and none is chosen.
+function takeArrived(name) {
+  const entry = state.sources.find((source) => source.name === name);
+  if (entry?.kind === TIMES) given.times ??= name;
+  else chosen.add(name);
+  [seen, table, clocks] = [null, null, null];
 }
 
 const drop = element("drop");

@@ -1,13 +1,13 @@
 // Calibrate and read: what is run, and its results as plots and tables.
 
 import { get, send } from "./api.js";
-import { Chart, svgText } from "./chart.js";
+import { Chart, MARKS, markOf, svgText } from "./chart.js";
 import { download, element, fixed, made, told, write } from "./dom.js";
+import { remarkList } from "./remarks.js";
 import { await_, choice, go, state } from "./state.js";
 
 const CURVE = 121; // points of a density
 const WORST = 200; // rows of the table
-const NINETY = 1.645; // standard deviations of a 90 % interval
 
 const chosen = { calibrate: new Set(), read: new Set() };
 
@@ -61,6 +61,7 @@ async function words() {
 }
 
 for (const id of ["calibrate-frames", "without-force", "calibrate-out", "read-model", "read-calibration", "read-html"]) element(id).oninput = words;
+element("without-force").addEventListener("input", (event) => (element("calibrate-frames").disabled = event.target.checked));
 const SHOWN = { calibrate: calibrated, read: answers };
 
 // Shows the last result of this folder, also after a reload.
@@ -69,7 +70,7 @@ const last = told(async (step) => {
   if (!found) return;
   const box = element(`${step}-result`);
   box.replaceChildren(made("p", { class: "soft" }, `${found.time_utc.slice(0, 16).replace("T", " ")} UTC: ${found.command}`));
-  await SHOWN[step](box, found.result);
+  await SHOWN[step](box, found.result, found.rows);
 });
 
 export const show = (step) => element(`${step}-result`).childElementCount || last(step);
@@ -93,13 +94,15 @@ function figure(box, title, name, paint) {
   paint(svg);
 }
 
+// A table; a row has `cells`, the kinds of some of them by their places, a mark, and a place to go to.
 function table(box, heads, rows) {
   const head = made("tr", {}, ...heads.map(([text, kind]) => made("th", { class: kind }, text)));
-  const body = rows.map(({ cells, kind, to }) => {
+  const body = rows.map(({ cells, kinds = {}, mark, to }) => {
     const [first, ...others] = cells;
-    const start = to ? made("button", { type: "button", class: "go" }, first) : first;
-    return made("tr", { class: kind, "data-go": Boolean(to), onclick: to ? () => go("look", ...to) : null },
-      ...[start, ...others].map((inside, n) => made("td", { class: heads[n][1] }, inside)));
+    const name = to ? made("button", { type: "button", class: "go" }, first) : first;
+    const tds = [name, ...others].map((inside, n) => made("td", { class: [heads[n][1], kinds[n]].filter(Boolean).join(" ") }, inside));
+    if (mark) tds[0].prepend(markOf(mark));
+    return made("tr", { "data-mark": mark, "data-go": Boolean(to), onclick: to ? () => go("look", ...to) : null }, ...tds);
   });
   box.append(made("div", { class: "table" }, made("table", {}, made("thead", {}, head), made("tbody", {}, ...body))));
 }
@@ -107,6 +110,7 @@ function table(box, heads, rows) {
 // ---- calibrate
 
 function calibrated(box, result) {
+  box.append(remarkList(result));
   const eyes = Object.entries(result.eyes).filter(([, eye]) => typeof eye.mean_mpa === "number");
   const used = eyes.filter(([, eye]) => eye.sd_mpa > 0);
   if (used.length) {
@@ -125,62 +129,86 @@ function calibrated(box, result) {
   table(box, [["eye", ""], ["E / MPa", ""], ["± sd", ""], ["frames", ""], ["remark", "words"]], eyes.map(([name, eye]) => ({
     cells: [name, fixed(eye.mean_mpa, 3), fixed(eye.sd_mpa, 4), String(eye.updates ?? "–"), eye.status === "ok" ? "" : (eye.status ?? "")],
   })));
-  box.append(made("ul", { class: "notes" }, ...(result.notes ?? []).map((text) => made("li", {}, text))));
 }
 
 // ---- read
 
 const halfOf = ({ interval_mn: [low, high] }) => Math.max((high - low) / 2, 1e-6);
 const offOf = (frame) => frame.predicted_force_mn - frame.measured_force_mn;
-const spread = ({ measured_force_sd_mn: sd }) => NINETY * (sd ?? 0);
-// The frames, one for each moment: those of several planes have one answer.
-const moments = (frames) => [...new Map(frames.map((frame) => [frame.plane ? `${frame.recording}@${frame.time_s}` : frame, frame])).values()];
-const compared = (frame) => frame.usable && frame.predicted_force_mn !== null && frame.measured_force_mn !== null && !frame.calibration;
-// The label has an error of its own, which adds to the interval's half width in squares.
-const outside = (frame) => {
-  if (!compared(frame)) return false;
-  const off = offOf(frame);
-  const half = off > 0 ? frame.predicted_force_mn - frame.interval_mn[0] : frame.interval_mn[1] - frame.predicted_force_mn;
-  return Math.abs(off) > Math.hypot(half, spread(frame));
+// Frames of several planes have one answer for each moment: the first of them counts.
+const momentOf = (frame) => (frame.plane ? `${frame.recording}@${frame.time_s}` : frame);
+const moments = (frames) => {
+  const found = new Map();
+  for (const frame of frames) if (!found.has(momentOf(frame))) found.set(momentOf(frame), frame);
+  return [...found.values()];
 };
+const compared = (frame) => frame.covered !== null;
 
-async function answers(box, result) {
+// The frames with what their rows say more: the time, whether they count (`scored`), and whether interval and label agree (`covered`).
+function judgedFrames({ frames }, rows) {
+  const found = frames.map((frame, n) => ({ ...frame, time_s: rows[n].time_s, scored: rows[n].scored, covered: rows[n].covered }));
+  const marks = new Map(moments(found).map((frame) => [momentOf(frame), markOfAnswer(frame)]));
+  return found.map((frame) => ({ ...frame, mark: marks.get(momentOf(frame)) }));
+}
+
+function markOfAnswer(frame) {
+  if (!frame.scored) return "none";
+  const wrong = frame.predicted !== frame.target;
+  const missed = frame.covered === false;
+  return wrong && missed ? "both" : wrong ? "wrong" : missed ? "missed" : "right";
+}
+
+function legend(frames) {
+  const items = Object.entries(MARKS).map(([kind, words]) => {
+    const count = frames.filter(({ mark }) => mark === kind).length;
+    return made("span", { "data-mark": kind }, markOf(kind), `${words}: ${count}`);
+  });
+  return made("p", { class: "legend" }, ...items);
+}
+
+async function answers(box, result, rows) {
   const csv = made("button", { type: "button", onclick: told(async () => download("answers.csv", "text/csv", (await get("csv")).text)) }, "CSV");
-  const judged = moments(result.frames).filter(compared);
+  const all = judgedFrames(result, rows);
+  const each = moments(all);
+  const judged = each.filter(compared);
   const off = result.mae_mn === null ? "" : `, ${fixed(result.mae_mn, 2)} mN off in the mean (${judged.length} labels)`;
   const held = result.coverage === null ? "" : `; 90 % interval and label agree in ${fixed(100 * result.coverage, 0)} %`;
-  box.append(made("p", {}, `${result.frames.length} frames${off}${held} `, csv));
-  for (const name of new Set(result.frames.map((frame) => frame.recording))) {
+  box.append(made("p", {}, `${all.length} frames${off}${held} `, csv), remarkList(result), legend(each));
+  for (const name of new Set(all.map((frame) => frame.recording))) {
     if (!state.recordings.some((recording) => recording.name === name)) continue; // it is gone
-    const { log, files, time_s: times } = await get("recording", { name });
-    const at = new Map(files.map((file, n) => [file, times[n]]));
-    const mine = moments(result.frames).filter((frame) => frame.recording === name && frame.predicted_force_mn !== null);
-    figure(box, `Force over time, ${name}`, `force-${name}`, (svg) => over(svg, mine, at, log));
+    const { log } = await get("recording", { name });
+    const mine = each.filter((frame) => frame.recording === name && frame.predicted_force_mn !== null);
+    figure(box, `Force over time, ${name}`, `force-${name}`, (svg) => over(svg, mine, log));
   }
   if (judged.length > 2) figure(box, "Read minus measured", "residuals", (svg) => residuals(svg, judged));
   const rank = (frame) => (!frame.usable ? Infinity : compared(frame) ? Math.abs(offOf(frame)) / halfOf(frame) : 0);
-  const sorted = [...result.frames].sort((a, b) => rank(b) - rank(a)).slice(0, WORST);
-  table(box, [["frame", ""], ["measured / mN", ""], ["read / mN", ""], ["90 %", ""], ["class", ""], ["remark", "words"]], sorted.map((frame) => ({
-    cells: [
-      `${frame.recording}/${frame.file}`, fixed(frame.measured_force_mn, 1), fixed(frame.predicted_force_mn, 1),
-      frame.interval_mn ? frame.interval_mn.map((end) => fixed(end, 1)).join(" to ") : "–", String(frame.predicted),
-      [frame.usable ? "" : frame.reason, frame.wall === "corrected" ? "wall: corrected" : "", frame.calibration ? "calibrated on" : ""].filter(Boolean).join("; "),
-    ],
-    kind: !frame.usable || outside(frame) ? "bad" : "",
-    to: [frame.recording, frame.file],
-  })));
-  box.append(made("ul", { class: "notes" }, ...(result.notes ?? []).map((text) => made("li", {}, text))));
+  const sorted = [...all].sort((a, b) => rank(b) - rank(a)).slice(0, WORST);
+  table(box, [["frame", ""], ["measured / mN", ""], ["read / mN", ""], ["90 %", ""], ["class", ""], ["remark", "words"]], sorted.map((frame) => {
+    const [wrong, missed] = [["wrong", "both"].includes(frame.mark), ["missed", "both"].includes(frame.mark)];
+    return {
+      cells: [
+        `${frame.recording}/${frame.file}`, fixed(frame.measured_force_mn, 1), fixed(frame.predicted_force_mn, 1),
+        frame.interval_mn ? frame.interval_mn.map((end) => fixed(end, 1)).join(" to ") : "–", String(frame.predicted),
+        [
+          frame.usable ? "" : frame.reason, wrong ? `wrong class: the label is ${frame.target}` : "", missed ? "the interval misses the label" : "",
+          frame.wall === "corrected" ? "wall: corrected" : "", frame.calibration ? "calibrated on" : "", frame.excluded ? `left out: ${frame.excluded}` : "",
+        ].filter(Boolean).join("; "),
+      ],
+      kinds: { ...(missed ? { 3: "missed" } : {}), ...(wrong ? { 4: "wrong" } : {}) },
+      mark: frame.mark,
+      to: [frame.recording, frame.file],
+    };
+  }));
 }
 
-function over(svg, mine, at, log) {
-  const x = [...mine.map((frame) => at.get(frame.file)), ...(log?.time_s ?? [])];
+function over(svg, mine, log) {
+  const x = [...mine.map((frame) => frame.time_s), ...(log?.time_s ?? [])];
   const y = [...mine.flatMap((frame) => frame.interval_mn), ...(log ? [...log.low, ...log.high] : [])];
   const plot = new Chart(svg, { x, y, labels: ["time / s", "force / mN"], zero: true });
   if (log) plot.band(log, "log");
   for (const frame of mine) {
-    const kind = outside(frame) ? "bad" : "";
-    plot.bar(at.get(frame.file), ...frame.interval_mn, kind);
-    plot.dot(at.get(frame.file), frame.predicted_force_mn, kind, `${frame.file}: ${fixed(frame.predicted_force_mn, 1)} mN`);
+    plot.bar(frame.time_s, ...frame.interval_mn, frame.covered === false ? "missed" : "");
+    plot.mark(frame.time_s, frame.predicted_force_mn, frame.mark, `${frame.file}: ${fixed(frame.predicted_force_mn, 1)} mN, ${MARKS[frame.mark]}`);
   }
 }
 
@@ -190,9 +218,11 @@ function residuals(svg, judged) {
   const mean = off.reduce((sum, value) => sum + value, 0) / off.length;
   const sd = Math.sqrt(off.reduce((sum, value) => sum + (value - mean) ** 2, 0) / (off.length - 1));
   const middle = judged.map((frame) => (frame.predicted_force_mn + frame.measured_force_mn) / 2);
-  const plot = new Chart(svg, { x: middle, y: [...off, mean - 2.2 * sd, mean + 2.2 * sd], labels: ["mean of both / mN", "read − measured / mN"], zero: true });
+  const room = 0.03 * (Math.max(...middle) - Math.min(...middle)); // for the marks at both ends
+  const x = [...middle, Math.min(...middle) - room, Math.max(...middle) + room];
+  const plot = new Chart(svg, { x, y: [...off, mean - 2.2 * sd, mean + 2.2 * sd], labels: ["mean of both / mN", "read − measured / mN"], zero: true });
   plot.level(mean, `mean ${fixed(mean, 2)}`);
   plot.level(mean + 1.96 * sd, `+1.96 sd ${fixed(mean + 1.96 * sd, 2)}`);
   plot.level(mean - 1.96 * sd, `−1.96 sd ${fixed(mean - 1.96 * sd, 2)}`);
-  judged.forEach((frame, n) => plot.dot(middle[n], off[n], outside(frame) ? "bad" : "", `${frame.recording}/${frame.file}`));
+  judged.forEach((frame, n) => plot.mark(middle[n], off[n], frame.mark, `${frame.recording}/${frame.file}: ${MARKS[frame.mark]}`));
 }

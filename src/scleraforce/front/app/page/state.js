@@ -3,9 +3,11 @@
 
 import { get } from "./api.js";
 import { element, made, tell, told, write } from "./dom.js";
+import { remarkItems } from "./remarks.js";
 
 const SECTIONS = { import: "import", look: "frames", correct: "frames", calibrate: "calibrate", read: "read" };
-export const state = { recordings: [], calibrations: [], models: [], sources: [], job: null, writes: false };
+// `read`: model, calibration and recordings of the last reading, null without one.
+export const state = { recordings: [], calibrations: [], models: [], sources: [], read: null, job: null, writes: false };
 const sections = [];
 let known = "";
 let awaited = null;
@@ -58,6 +60,7 @@ function showJob() {
   write("job-title", job.title || job.command.split(" ")[1]);
   element("job-share").value = job.share;
   write("job-percent", `${Math.round(100 * job.share)} %`);
+  if (element("job-notes").childElementCount !== job.notes.length) element("job-notes").replaceChildren(...remarkItems({ notes: job.notes }));
   if (!job.done || awaited?.job !== job.number) return;
   const { then } = awaited;
   awaited = null;
