@@ -278,8 +278,9 @@ def test_a_readers_page_has_forces_intervals_and_the_moduli_of_the_eyes(
             if frame.recording == "rec/a"
             else (None, None)
         )
-        warnings = ("they differ",) if force_n else ()
-        said = {"force_n": force_n, "interval_n": interval_n, "warnings": warnings}
+        differ = Remark("methods-disagree", "they differ")
+        remarks = (differ,) if force_n else ()
+        said = {"force_n": force_n, "interval_n": interval_n, "remarks": remarks}
         frames.append(
             changed(frame, youngs_modulus_pa=modulus_pa, modulus_source=source, **said)
         )
