@@ -42,6 +42,7 @@ SMALLEST = {
     "bench_monitor_sessions": (
         "--model {model} --kinds sealed living --eyes 1 --seconds 1 --rates-mn-s 100"
     ),
+    "bench_missing_inputs": "--eyes 1",
     "bench_old_pictures": "{recording} --frames 20",
     "bench_openigtlink": "--messages 1000",
     "bench_pierced": "--sessions 2",

@@ -254,7 +254,7 @@ def test_one_modulus_fits_low_and_high_forces_of_raw_frames(
     assert calibration.mechanics == "finite-strain"
     assert eye.mean_pa == pytest.approx(0.27e6, rel=0.03)
     assert abs(eye.mean_pa - 0.27e6) < 2 * eye.sd_pa
-    _, low, high = eye.by_class((5e-3, 25e-3))
+    _, low, high = replace(eye, bounds_n=(5e-3, 25e-3)).by_class
     assert low == pytest.approx(high, rel=0.06)
     assert eye.status == "ok"
 

@@ -329,7 +329,7 @@ def test_a_declared_leak_gives_the_rigidity_that_an_undeclared_one_hides(
 
     assert found[1].globe.mean == pytest.approx(constants.eye.globe.mean, rel=0.08)
     assert found[0].globe.mean < 0.85 * constants.eye.globe.mean
-    assert [LEAKS in eye.recordings[0].doubts for eye in found] == [False, True]
+    assert [LEAKS in eye.recordings[0].remarks for eye in found] == [False, True]
 
 
 RECORDINGS = Path(__file__).parents[3] / "shared" / "recordings"

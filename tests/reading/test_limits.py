@@ -1,6 +1,6 @@
 """Setup values of an eye, its scan and its needle outside a model's training."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ from scleraforce.reading.frame_checks import least_wall_m, too_little_wall
 from scleraforce.reading.trained_ranges import (
     RAW_READER,
     READER,
-    limit_notes,
+    limit_remarks,
     outside_training,
     reading_ranges,
     untrained_values,
@@ -168,11 +168,15 @@ OUTSIDE = {
 
 
 def test_each_quantity_that_is_outside_has_a_sentence_of_its_own() -> None:
-    assert limit_notes(SHIPPED_READER, INFO) == ()
+    assert limit_remarks(SHIPPED_READER, INFO) == ()
     for words, info in OUTSIDE.items():
-        (found,) = limit_notes(Path("default"), info)
-        assert found.startswith("outside the range of default: ")
-        assert words in found
+        (found,) = limit_remarks(Path("default"), info)
+        assert found.words.startswith("outside the range of default: ")
+        assert words in found.words
+        assert (found.code, found.severity) == ("outside-training", "caution")
+        names = {item.name for kind in (Eye, Needle, Scan) for item in fields(kind)}
+        assert found.fields
+        assert names.issuperset(found.fields)
 
 
 def test_a_frame_whose_whole_width_shows_the_wall_is_refused_where_its_width_was():
@@ -188,7 +192,7 @@ def test_a_frame_whose_whole_width_shows_the_wall_is_refused_where_its_width_was
             too_little_wall(*wall, is_calibrated=is_own) for is_own in (False, True)
         )
         assert (calibrated is None) == (width_mm > 3.5)
-        (said,) = untrained_values(READER, STUDY, Setup(), scan) or ("",)
+        said = " ".join(map(str, untrained_values(READER, STUDY, Setup(), scan)))
         assert (
             bool(said)
             == bool(untrained_values(RAW_READER, STUDY, Setup(), scan))
@@ -216,16 +220,18 @@ def test_a_frame_is_refused_where_it_is_less_deep_than_the_curve_of_the_largest_
             lateral_m, np.where(curve_m <= depth_m, curve_m, np.nan), STUDY.slice
         )
         said = untrained_values(READER, STUDY, Setup(), replace(SCAN, depth_m=depth_m))
-        assert any("of the wall are visible" in sentence for sentence in said) == bool(
-            refused
-        )
+        is_named = any("of the wall are visible" in remark.words for remark in said)
+        assert is_named == bool(refused)
 
 
 def test_a_raw_reader_takes_the_refractive_index_of_its_training_and_a_sealed_globe_needs_no_rigidity():
     stretched = replace(SCAN, refractive_index=1.38)
     assert untrained_values(READER, STUDY, Setup(), stretched) == ()
     (said,) = untrained_values(RAW_READER, STUDY, Setup(), stretched)
-    assert said == "refractive index 1.38 of the frame, the model was trained with 1"
+    assert said.fields == ("refractive_index",)
+    assert (
+        said.words == "refractive index 1.38 of the frame, the model was trained with 1"
+    )
     assert untrained_values(READER, STUDY, Setup(eye=Eye(globe=SEALED)), SCAN) == ()
     stiff = Globe.declared("sealed", to_si(0.07, "mmhg13_per_ul"))
     assert len(untrained_values(READER, STUDY, Setup(eye=Eye(globe=stiff)), SCAN)) == 1
@@ -234,7 +240,7 @@ def test_a_raw_reader_takes_the_refractive_index_of_its_training_and_a_sealed_gl
 def test_a_wall_finder_has_no_ranges_and_no_limits_but_the_reader_s_scale() -> None:
     assert reading_ranges(SHIPPED_WALL_FINDER) == ()
     with pytest.raises(ModelError, match="kind: found 'wall-finder'"):
-        limit_notes(SHIPPED_WALL_FINDER, INFO)
+        limit_remarks(SHIPPED_WALL_FINDER, INFO)
 
     studies = [
         folder_study(read_folder(model))

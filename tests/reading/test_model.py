@@ -175,12 +175,15 @@ def test_only_the_training_of_a_model_limits_it(write_model, tmp_path: Path) -> 
     for reader in (classifier, force_reader()):
         assert reader.limits(Setup(), SCAN) == ()
         (limit,) = reader.limits(thick, SCAN)
-        assert limit.startswith("wall thickness 3000 µm, the model was trained on")
+        words = "wall thickness 3000 µm, the model was trained on"
+        assert limit.words.startswith(words)
+        assert (limit.code, limit.fields) == ("outside-training", ("thickness_m",))
         assert reader.limits(Setup(eye=Eye(globe=OPEN)), SCAN) == ()
 
     # its linear mechanics knows no sealed eye
     (limit,) = classifier.limits(Setup(eye=Eye(globe=SEALED)), SCAN)
-    assert "sealed" in limit
+    assert "sealed" in limit.words
+    assert (limit.code, limit.fields) == ("inputs-ignored", ("globe",))
     assert force_reader().limits(Setup(eye=Eye(globe=SEALED)), SCAN) == ()
 
 

@@ -10,7 +10,7 @@ from small_recordings import write_small_recording
 from scleraforce.base.arrays import Flags, Floats
 from scleraforce.base.errors import RecordingError
 from scleraforce.recordings.dead_sensor import no_values
-from scleraforce.recordings.forces_under_frames import label_frames, label_notes
+from scleraforce.recordings.forces_under_frames import label_frames, label_remarks
 from scleraforce.recordings.recording_folder import read_recording
 from scleraforce.records.study import ClassesStudy
 
@@ -259,7 +259,8 @@ def test_a_recording_made_earlier_has_no_label_where_the_sensor_failed(
             assert trial.measured_force_n == pytest.approx(push_n, abs=0.8e-3)
 
     if failure is not zeros_before:
-        assert "frames have no label" in " ".join(label_notes(recording, trials))
+        (*_, unlabelled) = label_remarks(recording, trials)
+        assert "frames have no label" in unlabelled.words
 
 
 @pytest.mark.parametrize("start_s", [FIRST_PUSH_S - 0.2, FIRST_PUSH_S + RAMP_S])

@@ -19,7 +19,7 @@ from scleraforce.recordings import forces_under_frames
 from scleraforce.recordings.forces_under_frames import (
     first_contact,
     label_frames,
-    label_notes,
+    label_remarks,
     log_doubts,
     low_pass,
 )
@@ -185,8 +185,9 @@ def test_a_frame_without_samples_around_it_is_left_out_with_the_reason_and_the_o
         )
         assert (trials[lost].measured_force_n, trials[lost].target) == (None, None)
         assert "force samples within 1 s of its time" in trials[lost].excluded
-        (note,) = label_notes(recording, trials)
-        assert note.startswith(
+        (remark,) = label_remarks(recording, trials)
+        assert remark.code == "frames-without-label"
+        assert remark.words.startswith(
             f"1 of 2 frames have no label and are left out ({lost}.png: "
         )
 
@@ -475,16 +476,17 @@ def test_shifted_times_are_named_with_their_direction_unless_the_dents_are_round
         shown = seen(rng)
         (doubt,) = log_doubts(doubted, CLASSES, shown)
         assert re.search(
-            f"the frames' times are off: .* s {words} than frames.csv says", doubt
+            f"the frames' times are off: .* s {words} than frames.csv says", doubt.words
         )
+        assert (doubt.code, doubt.severity) == ("clock-contradicted", "doubt")
         assert not any(
-            "times are off" in doubt
+            "times are off" in doubt.words
             for doubt in log_doubts(doubted, CLASSES, 1.0 + 1e-12 * shown)
         )
 
     other = np.array([[1.0, 9.0, 4.0, 6.0, 2.0, 3.0, 9.0, 5.0, 8.0, 2.0]])
     (doubt,) = log_doubts(recording(rng), CLASSES, other)
-    assert "forces.csv is unrelated to the frames" in doubt
+    assert "forces.csv is unrelated to the frames" in doubt.words
 
 
 def test_an_axis_across_the_needle_is_named_with_the_one_along_it() -> None:
@@ -494,15 +496,18 @@ def test_an_axis_across_the_needle_is_named_with_the_one_along_it() -> None:
     assert log_doubts(good, CLASSES, unknown) == ()
     (doubt,) = log_doubts(wrong, CLASSES, unknown)
     assert re.search(
-        r"mN along fz under the frames, but .* mN along fx: check \[force\] axis", doubt
+        r"mN along fz under the frames, but .* mN along fx: check \[force\] axis",
+        doubt.words,
     )
+    assert doubt.fields == ("axis",)
 
 
 def test_forces_of_another_size_than_the_read_ones_are_doubted() -> None:
     rng = np.random.default_rng(4)
     log = recording(rng, 0.0, PUSHES_N / 9.81)  # kilogram-force
     (doubt,) = log_doubts(log, CLASSES, PUSHES_N[None], PUSHES_N.tolist())
-    assert doubt.startswith("forces.csv has 0.1 times the force that the frames show")
+    words = "forces.csv has 0.1 times the force that the frames show"
+    assert doubt.words.startswith(words)
     assert (
         log_doubts(recording(rng), CLASSES, PUSHES_N[None], (1.5 * PUSHES_N).tolist())
         == ()

@@ -34,7 +34,7 @@ from scleraforce.recordings.formats.picture_streams import (
     PixelSize,
     UnansweredError,
 )
-from scleraforce.recordings.import_answers import answers_like, given_times
+from scleraforce.recordings.import_answers import given_times, read_like
 from scleraforce.recordings.import_sources import (
     ImportOptions,
     gather_sources,
@@ -260,14 +260,14 @@ def test_answers_on_the_form_of_sources_are_kept_and_answers_of_one_session_are_
         "clock_offset_s": 3.0,
     }
     (folder / "import.json").write_text(json.dumps({"answers": answers}))
-    found = answers_like(folder)
+    found = read_like(folder).answers
     assert (found["axes"], found["columns"]) == ("frame,depth,lateral", ["fz=F:N"])
     assert not {"rate_hz", "clock_offset_s", "axis"} & set(found)
 
     for text in ["", "[]", '{"answers": NaN}', '{"answers": 7}']:
         (folder / "import.json").write_text(text)
         with pytest.raises(RecordingError, match=r"import\.json: "):
-            answers_like(folder)
+            read_like(folder)
 
 
 def test_a_table_of_times_goes_by_the_names_of_frames_or_else_by_their_order(

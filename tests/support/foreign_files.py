@@ -8,6 +8,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 
 import cv2
 import numpy as np
+import tifffile
 from pydicom.dataset import FileDataset, FileMetaDataset
 from pydicom.uid import ExplicitVRLittleEndian, SecondaryCaptureImageStorage
 
@@ -33,6 +34,16 @@ def pictures_of(scan) -> np.ndarray:
 def sizes_of(scan) -> tuple[float | None, float | None]:
     """Return the depth and the width of a pixel, m."""
     return scan.size.depth_m, scan.size.lateral_m
+
+
+def stack(path: Path, **stated: object) -> Path:
+    """A TIFF that states its scale and when its frames were taken."""
+    resolution = (1e-6 / LATERAL_M, 1e-6 / DEPTH_M)
+    metadata = {"axes": "TYX", "unit": "um", "finterval": 1.0, **stated}
+    tifffile.imwrite(
+        path, FRAMES, imagej=True, resolution=resolution, metadata=metadata
+    )
+    return path
 
 
 def options_of(*options: object) -> list[str]:

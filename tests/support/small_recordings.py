@@ -53,6 +53,7 @@ from scleraforce.records.eye import Eye, ForceDiscrepancy, Modulus
 from scleraforce.records.frame import frame_digest
 from scleraforce.records.globe import REFERENCE_RIGIDITY, SEALED
 from scleraforce.records.needle import Needle
+from scleraforce.records.remark import Remark
 from scleraforce.records.scan import Scan
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study, read_study
@@ -231,7 +232,8 @@ def read_frames(
         for look, answer in zip(looks, answers, strict=True)
     )
 
-    return looks, evaluation_of(answers, notes=("a gap of 0.9 mm",), kind="reader")
+    gap = Remark("outside-training", "a gap of 0.9 mm", ("gap_m",))
+    return looks, evaluation_of(answers, remarks=(gap,), kind="reader")
 
 
 def drawn_wall(rng: np.random.Generator, dent_m: float = 0.6e-3) -> np.ndarray:
@@ -317,6 +319,7 @@ def calibration_of_a_sealed_eye() -> Calibration:
         names=names,
         means=(0.3e6, 651e-6, 1.04 * REFERENCE_RIGIDITY),
         sds=(1e4, 12e-6, 0.04 * REFERENCE_RIGIDITY),
+        bounds_n=(0.005, 0.03),
         stated_thickness_m=650e-6,
         globe=SEALED,
         state=state,

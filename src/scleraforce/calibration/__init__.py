@@ -10,7 +10,7 @@ Public:
         `recall`
     calibrate: `STIFFENING`, `calibrate_recordings`, `calibration_passes`
     calibration: `Calibration`, `EyeCalibration`, `FrameRecord`, `UsedRecording`,
-        `calibration_lines`, `found_words`, `parse_calibration`
+        `calibration_lines`, `found_remarks`, `modulus_lines`, `parse_calibration`
     calibration_checks: `check_recording`, `checked_calibration`
     evaluation: `Evaluation`, `FrameAnswer`, `check_once`, `evaluate_recordings`,
         `recording_scores`

@@ -49,12 +49,13 @@ from scleraforce.calibration.who_yields import decided_relaxation
 from scleraforce.library import Library
 from scleraforce.library.sealed_eye import iop_ratio_under_force
 from scleraforce.recordings.force_errors import FrameForces
-from scleraforce.recordings.forces_under_frames import label_notes, log_doubts
+from scleraforce.recordings.forces_under_frames import label_remarks, log_doubts
 from scleraforce.recordings.recording_folder import Recording, tables_digest
 from scleraforce.records.eye import Eye, open_doubts
 from scleraforce.records.fields import declared
 from scleraforce.records.globe import OPEN, SEALED, UNKNOWN
 from scleraforce.records.needle import Needle, one_lean
+from scleraforce.records.remark import Remark
 from scleraforce.records.scan import Scan
 from scleraforce.records.setup import Setup, completed_by_study
 from scleraforce.records.study import Study
@@ -68,9 +69,11 @@ STIFFENING = "stiffening"  # the parameter that no filter has: it is searched fo
 SOUGHT_ON = 6
 # forces above this multiple of the highest calibrated force are far from it
 FAR_ABOVE = 1.5
-LEAKS = (
+LEAKS = Remark(
+    "leak-not-followed",
     "eye.leak_time_s: E and k are of the globe without its leak, which `read` and"
-    " `monitor` do not follow"
+    " `monitor` do not follow",
+    ("leak_time_s",),
 )
 LEAK_ROUNDS = 3  # of a calibration with the resting pressures that its E and k give
 
@@ -253,11 +256,12 @@ def _as_open(eye: EyeCalibration) -> EyeCalibration:
     return replace(eye, globe=replace(eye.globe, kind=OPEN.kind, sd=sd))
 
 
-def _doubted(eye: EyeCalibration, doubt: str) -> EyeCalibration:
+def _doubted(eye: EyeCalibration, words: str) -> EyeCalibration:
+    """Return an eye whose last recording contradicts the stated globe."""
     *others, last = eye.recordings
-    return replace(
-        eye, recordings=(*others, replace(last, doubts=(*last.doubts, doubt)))
-    )
+    doubt = Remark("globe-contradicted", words, ("globe",))
+    last = replace(last, remarks=(*last.remarks, doubt))
+    return replace(eye, recordings=(*others, last))
 
 
 def _of_tissue(
@@ -460,13 +464,14 @@ def _calibrate_eye(
     settings.count(len(trials) - len(order))
     missed_n = [record.force_n for record in records if record.skipped is not None]
     used_n = [record.force_n for record in records if record.skipped is None]
-    doubts = (
-        *(open_doubts(recording.info.eye.globe) if library is None else ()),
+    sealed = open_doubts(recording.info.eye.globe) if library is None else ()
+    remarks = (
+        *(Remark("inputs-ignored", words, ("globe",)) for words in sealed),
         *(() if rests_pa is None else (LEAKS,)),
-        *label_notes(recording, trials),
-        *recording.walls.notes,
+        *label_remarks(recording, trials),
+        *recording.walls.remarks,
         *log_doubts(recording, study.classes, frames.dents),
-        *reach_doubts(used_n, missed_n),
+        *reach_remarks(used_n, missed_n),
     )
 
     if not used_n:
@@ -475,7 +480,7 @@ def _calibrate_eye(
             f"{path}: none of its {len(trials)} frames can be calibrated on ({reason});"
             " it takes frames with a wall in view and more than"
             f" {from_si(least_n, 'mn'):g} mN"
-            + "".join(f"; {doubt}" for doubt in doubts)
+            + "".join(f"; {remark}" for remark in remarks)
         )
 
     means, sds = eye_filter.parameter_moments(session.filter, session.state)
@@ -484,12 +489,13 @@ def _calibrate_eye(
         names=session.filter.space.names,
         means=tuple(means.tolist()),
         sds=tuple(sds.tolist()),
+        bounds_n=study.classes.bounds_n,
         stated_thickness_m=declared(
             session.filter.model.setup.eye.thickness_m, "eye: thickness_m"
         ),
         globe=eye_filter.known_globe_after(session.filter, session.state),
         state=session.state,
-        recordings=_recordings(recording, forces, earlier, doubts),
+        recordings=_recordings(recording, forces, earlier, remarks),
         frames=tuple(records),
         steps=tuple(steps),
         filter=session.filter,
@@ -501,15 +507,17 @@ def _calibrate_eye(
     return _settled(eye, eye_filter.known_after(session), taken, refused, settings)
 
 
-def reach_doubts(used_n: Sequence[float], missed_n: Sequence[float]) -> tuple[str, ...]:
-    """Return a sentence if forces, N, were missed far above all that were calibrated
+def reach_remarks(
+    used_n: Sequence[float], missed_n: Sequence[float]
+) -> tuple[Remark, ...]:
+    """Return a remark if forces, N, were missed far above all that were calibrated
     on.
 
     A wall that leaves the picture, down a dent or up under a rising pressure, cannot be
     calibrated on, and shallow dents hardly tell modulus and rigidity of a sealed eye
     apart.
 
-    >>> reach_doubts([0.011, 0.02], [0.028])
+    >>> reach_remarks([0.011, 0.02], [0.028])
     ()
     """
     highest_n = max(used_n, default=0.0)
@@ -517,13 +525,12 @@ def reach_doubts(used_n: Sequence[float], missed_n: Sequence[float]) -> tuple[st
     if not missed_n or max(missed_n) <= FAR_ABOVE * highest_n:
         return ()
 
-    return (
-        (
-            f"no frame above {from_si(highest_n, 'mn'):.0f} mN could be calibrated on,"
-            f" of forces up to {from_si(max(missed_n), 'mn'):.0f} mN; what is read"
-            " above rests on the library's walls alone"
-        ),
+    words = (
+        f"no frame above {from_si(highest_n, 'mn'):.0f} mN could be calibrated on,"
+        f" of forces up to {from_si(max(missed_n), 'mn'):.0f} mN; what is read"
+        " above rests on the library's walls alone"
     )
+    return (Remark("forces-not-reached", words),)
 
 
 def setup_to_calibrate(recording: Recording, study: Study) -> Setup:
@@ -662,14 +669,14 @@ def _recordings(
     recording: Recording,
     forces: FrameForces,
     earlier: EyeCalibration | None,
-    doubts: tuple[str, ...],
+    remarks: tuple[Remark, ...],
 ) -> tuple[UsedRecording, ...]:
     """Return the recordings that an eye rests on, this one among them."""
     path = str(recording.path)
     sha256 = tables_digest(recording)
     zero_n, drift = forces.zero.tolist()
     used = UsedRecording(
-        path=path, sha256=sha256, zero_n=zero_n, drift_n_per_s=drift, doubts=doubts
+        path=path, sha256=sha256, zero_n=zero_n, drift_n_per_s=drift, remarks=remarks
     )
 
     return (used,) if earlier is None else (*earlier.recordings, used)

@@ -3,7 +3,7 @@ and as its file.
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from math import exp, floor, isfinite, log10
 from typing import Any
 
@@ -38,6 +38,7 @@ from scleraforce.records.calibration_file import (
 from scleraforce.records.eye import NO_DISCREPANCY, REFERENCE_N, ForceDiscrepancy
 from scleraforce.records.fields import declared, one_line
 from scleraforce.records.globe import Globe
+from scleraforce.records.remark import Remark, numbered, sentences
 from scleraforce.records.tissue_relaxation import Relaxation
 
 
@@ -79,22 +80,27 @@ class UsedRecording:
     """A recording that was calibrated on: path as given, SHA-256 of its tables, zero of
     its force that was subtracted.
 
-    `doubts` are sentences on a log that contradicts the frames
-    (`recordings.forces_under_frames`), and on the globe.
+    `remarks` are on its log, walls and globe, and on the frames that were used.
     """
 
     path: str
     sha256: str = one_line()
     zero_n: float = finite()
     drift_n_per_s: float = finite()
-    doubts: tuple[str, ...] = one_line(())
+    remarks: tuple[Remark, ...] = ()
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """The sentences of the remarks, as calibration files have them."""
+        return sentences(self.remarks)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class EyeCalibration:
     """One eye after its frames.
 
-    `names` of the uncertain parameters, `means` and `sds` of them in SI;
+    `names` of the uncertain parameters, `means` and `sds` of them in SI; `bounds_n`:
+    the class bounds, by which the moduli of its frames are compared;
     `stated_thickness_m`: the recording's; `globe`: the known globe after the frames;
     `discrepancy`: of its forces from the library's; `stiffening`: b of the tissue whose
     walls explain its frames best; `relaxation`: how it relaxes; `lean_rad`: of the
@@ -110,6 +116,7 @@ class EyeCalibration:
     names: tuple[str, ...]
     means: tuple[float, ...]
     sds: tuple[float, ...]
+    bounds_n: tuple[float, ...]
     stated_thickness_m: float
     globe: Globe
     recordings: tuple[UsedRecording, ...] = field(repr=False)
@@ -146,19 +153,19 @@ class EyeCalibration:
             "thickness_m", self.stated_thickness_m
         )
 
-    def by_class(self, bounds_n: tuple[float, ...]) -> tuple[float | None, ...]:
-        """Return the median modulus, Pa, from the single frames of each force class;
-        None without frames.
+    @property
+    def by_class(self) -> tuple[float | None, ...]:
+        """The median modulus, Pa, from the single frames of each force class; None
+        without frames.
 
         The medians are equal for a wall that bends as the model, and fall with the
         force for one that bends more.
         """
-        classes: list[list[float]] = [[] for _ in range(len(bounds_n) + 1)]
+        classes: list[list[float]] = [[] for _ in range(len(self.bounds_n) + 1)]
         for frame in self.used:
             if frame.own_modulus_pa is not None:
-                classes[int(np.searchsorted(bounds_n, frame.force_n))].append(
-                    frame.own_modulus_pa
-                )
+                label = int(np.searchsorted(self.bounds_n, frame.force_n))
+                classes[label].append(frame.own_modulus_pa)
 
         return tuple(float(np.median(values)) if values else None for values in classes)
 
@@ -175,6 +182,17 @@ class EyeCalibration:
             "ok",
         )
 
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """What is to be known of its calibration: on its frames and what they show,
+        then on each of its recordings.
+        """
+        own = (*_frame_remarks(self), *found_remarks(self))
+        of_recordings = (
+            remark.on(used.path) for used in self.recordings for remark in used.remarks
+        )
+        return (*(remark.on(self.id) for remark in own), *of_recordings)
+
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
@@ -182,13 +200,21 @@ class Calibration:
     for one eye).
 
     Eyes whose filter diverged do not count in the population, unless all did.
-    `mechanics`: "linear" or "finite-strain".
+    `mechanics`: "linear" or "finite-strain". `of_inputs`: remarks on what recordings
+    state, known before they are calibrated on (`INPUT_CODES`).
     """
 
     eyes: Mapping[str, EyeCalibration]
     study_sha256: str
     bounds_n: tuple[float, ...]
     mechanics: str
+    of_inputs: tuple[Remark, ...] = ()
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """What is to be known of the inputs, and of the calibration of each eye."""
+        of_eyes = (remark for eye in self.eyes.values() for remark in eye.remarks)
+        return tuple(dict.fromkeys((*self.of_inputs, *of_eyes)))
 
     def __repr__(self) -> str:
         found = ", ".join(
@@ -197,13 +223,15 @@ class Calibration:
         return f"<Calibration, {self.mechanics}: E of {found} MPa>"
 
     def _repr_html_(self) -> str:
-        """The moduli of the eyes, for Jupyter."""
+        """The moduli of the eyes, and remarks, for Jupyter."""
         rows = [(eye.id, eye.mean_pa, eye.sd_pa) for eye in self.eyes.values()]
         facts = {
             eye: f"E {from_si(mean, 'mpa'):.3f} ± {from_si(sd, 'mpa'):.3f} MPa"
             for eye, mean, sd in rows
         }
-        return html_card(f"Calibration, {self.mechanics}", facts)
+        return html_card(
+            f"Calibration, {self.mechanics}", facts | numbered(self.remarks)
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON of a calibration's file and of `calibrate`."""
@@ -222,20 +250,20 @@ class Calibration:
             "study_sha256": self.study_sha256,
             "population": population,
             "class_bounds_n": list(self.bounds_n),
-            "eyes": {
-                name: _eye_entry(eye, self.bounds_n) for name, eye in self.eyes.items()
-            },
+            "remarks": [remark.to_dict() for remark in self.remarks],
+            "eyes": {name: _eye_entry(eye) for name, eye in self.eyes.items()},
         }
 
     def to_dataframe(self) -> Any:
         """Return a table of pandas with a row for each eye: its modulus, parameters and
-        globe, units in the names.
+        globe, units in the names, and `remarks`.
         """
         left_out = ("frames", "recordings", "steps", "state")
         return data_frame(
             {
                 "eye": name,
                 **{key: value for key, value in entry.items() if key not in left_out},
+                "remarks": "; ".join(sentences(self.eyes[name].remarks)),
             }
             for name, entry in self.to_dict()["eyes"].items()
         )
@@ -265,29 +293,37 @@ PRINTED: dict[str, tuple[str, HumanUnit, str]] = {
     "gap_m": ("gap", "mm", "mm"),
     RIGIDITY: ("k", "mmhg13_per_ul", "mmHg^(1/3)/µl"),
 }
+# Remarks on what recordings state, which are known before the calibration.
+INPUT_CODES = ("outside-training", "inputs-ignored", "missing-input")
 SURE = 2.0  # standard deviations, from which a discrepancy is worth a remark
 MUCH = 2.0  # times what is expected
 
 
-def found_words(eye: EyeCalibration) -> tuple[str, ...]:
-    """Return mean and standard deviation of each parameter but the modulus, which has a
+def found_remarks(eye: EyeCalibration) -> tuple[Remark, ...]:
+    """Return remarks on what the frames of an eye show beside its modulus, which has a
     column of its own.
 
-    Then the stiffening of the tissue, if any; the discrepancy of the eye's forces from
-    the library's, if that is sure (an uneven wall); and the scatter of its frames, if
-    that is large (a wall that the library does not have).
+    First each parameter with its standard deviation; then the stiffening of the tissue,
+    if any, and how it relaxes; the discrepancy of the eye's forces from the library's,
+    if that is sure (an uneven wall); and the scatter of its frames, if that is large (a
+    wall that the library does not have).
     """
-    found = zip(eye.names, eye.means, eye.sds, strict=True)
-    words = ["E from shape"] if eye.without_force else []
-    words += [
-        _words(name, mean, sd) for name, mean, sd in found if name != PARAMETERS["e"]
-    ]
+    found = list[Remark]()
+    if eye.without_force:
+        found.append(Remark("modulus-from-shape", "E from shape", ("modulus",)))
+
+    for name, mean, sd in zip(eye.names, eye.means, eye.sds, strict=True):
+        if name != PARAMETERS["e"]:
+            field_name = "globe" if name == RIGIDITY else name
+            words = _words(name, mean, sd)
+            found.append(Remark("parameter-found", words, (field_name,)))
 
     if eye.stiffening > 0.0:
-        words.append(f"tissue stiffens, b {eye.stiffening:.2g}")
+        words = f"tissue stiffens, b {eye.stiffening:.2g}"
+        found.append(Remark("tissue-stiffens", words, ("stiffening",)))
 
     if eye.relaxation is not None:
-        words += _relaxation_words(eye.relaxation)
+        found += _relaxation_remarks(eye.relaxation)
 
     discrepancy = eye.discrepancy or NO_DISCREPANCY
     mean, sd = discrepancy.at_reference()
@@ -296,17 +332,17 @@ def found_words(eye: EyeCalibration) -> tuple[str, ...]:
         side = "above" if percent > 0.0 else "below"
         reference = f"{from_si(REFERENCE_N, 'mn'):g} mN"
         size = f"{abs(percent):.0f} ± {from_si(sd, 'percent'):.0f} %"
-        words.append(f"forces {size} {side} the library's at {reference}")
+        words = f"forces {size} {side} the library's at {reference}"
+        found.append(Remark("forces-beside-library", words, ("discrepancy",)))
 
     if discrepancy.scatter > MUCH:
-        words.append(
-            f"forces scatter {discrepancy.scatter:.1f} times as far as expected"
-        )
+        words = f"forces scatter {discrepancy.scatter:.1f} times as far as expected"
+        found.append(Remark("forces-scatter", words, ("discrepancy",)))
 
-    return tuple(words)
+    return tuple(found)
 
 
-def _relaxation_words(relaxation: Relaxation) -> list[str]:
+def _relaxation_remarks(relaxation: Relaxation) -> list[Remark]:
     """Return what is known of the relaxation of an eye, and why; nothing if its force
     stays in all holds.
     """
@@ -315,11 +351,13 @@ def _relaxation_words(relaxation: Relaxation) -> list[str]:
     finding = relaxation.finding
 
     if relaxation.source == "declared":
-        return [f"declared: {relaxes}" if lost else "declared: tissue is elastic"]
+        declared_as = f"declared: {relaxes}" if lost else "declared: tissue is elastic"
+        return [_of_relaxation(declared_as)]
     if finding is None or finding.cause == "steady":
-        return [relaxes] if lost else []
+        return [_of_relaxation(relaxes)] if lost else []
     if finding.hold_s is None or finding.fall is None:
-        return ["no hold of the log shows how the tissue relaxes: as in other tissue"]
+        words = "no hold of the log shows how the tissue relaxes: as in other tissue"
+        return [_of_relaxation(words, is_known=False)]
 
     part = ""
     if finding.tissue_share is not None and finding.tissue_share_sd is not None:
@@ -344,13 +382,33 @@ def _relaxation_words(relaxation: Relaxation) -> list[str]:
             + ": intervals cover both"
         ),
     }
-    words = [causes[finding.cause]]
+    found = [_of_relaxation(causes[finding.cause], finding.cause != "undecided")]
 
     if finding.not_estimated_s and finding.cause != "needle":
         times = ", ".join(f"{time_s:g}" for time_s in finding.not_estimated_s)
-        words.append(f"time constants not estimated: {times} s")
+        words = f"time constants not estimated: {times} s"
+        found.append(_of_relaxation(words, is_known=False))
 
-    return words
+    return found
+
+
+def _of_relaxation(words: str, is_known: bool = True) -> Remark:
+    code = "relaxation-found" if is_known else "relaxation-unknown"
+    return Remark(code, words, ("relaxation",))
+
+
+def _frame_remarks(eye: EyeCalibration) -> list[Remark]:
+    """Return remarks on outlying points, on a filter that diverged, and on single
+    frames that do not agree on E.
+    """
+    found = list[Remark]()
+    if gated := sum(len(frame.gated) for frame in eye.used):
+        found.append(Remark("points-left-out", f"{gated} outlying points left out"))
+    if eye.status != "ok":
+        found.append(Remark("filter-diverged", eye.status))
+    if words := _softening(eye):
+        found.append(Remark("bends-otherwise", words, ("modulus",)))
+    return found
 
 
 def rigidity_words(eye: EyeCalibration) -> str:
@@ -380,7 +438,7 @@ _RANGES = {
 }
 
 
-def _eye_entry(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
+def _eye_entry(eye: EyeCalibration) -> dict[str, Any]:
     moments = zip(eye.names, eye.means, eye.sds, strict=True)
     return {
         "mean_mpa": from_si(eye.mean_pa, "mpa"),
@@ -395,7 +453,7 @@ def _eye_entry(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, An
         "without_force": eye.without_force,
         "appearance": eye.appearance and vars(eye.appearance),
         "status": eye.status,
-        "by_class_mpa": [from_si(value, "mpa") for value in eye.by_class(bounds_n)],
+        "by_class_mpa": [from_si(value, "mpa") for value in eye.by_class],
         "recording": eye.recordings[0].path,
         "frames": [
             {"file": file, "sha256": sha256}
@@ -404,9 +462,14 @@ def _eye_entry(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, An
             for file, sha256 in frame.seen
         ],
         "parameters": {name: {"mean": mean, "sd": sd} for name, mean, sd in moments},
-        "recordings": [vars(entry) for entry in eye.recordings],
+        "recordings": [_recording_entry(entry) for entry in eye.recordings],
         "steps": [_frame_entry(frame) for frame in eye.frames],
     }
+
+
+def _recording_entry(used: UsedRecording) -> dict[str, Any]:
+    remarks = [remark.to_dict() for remark in used.remarks]
+    return {**vars(used), "doubts": list(used.doubts), "remarks": remarks}
 
 
 def _frame_entry(frame: FrameRecord) -> dict[str, Any]:
@@ -432,10 +495,16 @@ def parse_calibration(file: CalibrationFile) -> Calibration:
         )
 
     eyes = {
-        name: _saved_eye(name, eye, saved.eyes[name], f"{file.path}: eyes.{name}")
+        name: _saved_eye(name, eye, saved, f"{file.path}: eyes.{name}")
         for name, eye in summary.eyes.items()
     }
-    return Calibration(eyes, saved.study_sha256, saved.bounds_n, summary.mechanics)
+    found = Calibration(eyes, saved.study_sha256, saved.bounds_n, summary.mechanics)
+    of_inputs = (
+        remark
+        for remark in saved.remarks
+        if remark.code in INPUT_CODES and remark not in found.remarks
+    )
+    return replace(found, of_inputs=tuple(of_inputs))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -445,11 +514,39 @@ class _MeanAndSd:
 
 
 @dataclass(frozen=True, kw_only=True)
+class _SavedRecording:
+    """An entry of `recordings`; earlier versions wrote the sentences of its remarks
+    alone.
+    """
+
+    path: str
+    sha256: str = one_line()
+    zero_n: float = finite()
+    drift_n_per_s: float = finite()
+    doubts: tuple[str, ...] = one_line(())
+    remarks: tuple[Remark, ...] | None = None
+
+    @property
+    def used(self) -> UsedRecording:
+        """The recording."""
+        remarks = self.remarks
+        if remarks is None:
+            remarks = tuple(Remark("earlier-version", words) for words in self.doubts)
+        return UsedRecording(
+            path=self.path,
+            sha256=self.sha256,
+            zero_n=self.zero_n,
+            drift_n_per_s=self.drift_n_per_s,
+            remarks=remarks,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
 class _SavedEye:
     """The part of an entry of `eyes` that `calibration` reads beside its summary."""
 
     parameters: Mapping[str, _MeanAndSd]
-    recordings: tuple[UsedRecording, ...]
+    recordings: tuple[_SavedRecording, ...]
     steps: tuple[FrameRecord, ...]
 
 
@@ -460,12 +557,14 @@ class _SavedCalibration:
     study_sha256: str
     bounds_n: tuple[float, ...] = finite(key="class_bounds_n")
     eyes: Mapping[str, _SavedEye]
+    remarks: tuple[Remark, ...] = ()
 
 
 def _saved_eye(
-    name: str, summary: CalibratedEye, saved: _SavedEye, place: str
+    name: str, summary: CalibratedEye, calibration: _SavedCalibration, place: str
 ) -> EyeCalibration:
     eye = summary.eye
+    saved = calibration.eyes[name]
     modulus = declared(eye.modulus, "modulus")
     if set(saved.parameters) - set(_RANGES) or PARAMETERS["e"] not in saved.parameters:
         known = ", ".join(_RANGES)
@@ -487,10 +586,11 @@ def _saved_eye(
         names=tuple(saved.parameters),
         means=tuple(moments.mean for moments in saved.parameters.values()),
         sds=tuple(moments.sd for moments in saved.parameters.values()),
+        bounds_n=calibration.bounds_n,
         stated_thickness_m=declared(eye.thickness_m, "thickness_m"),
         globe=declared(eye.globe, "globe"),
         without_force=modulus.source == "shape",
-        recordings=saved.recordings,
+        recordings=tuple(entry.used for entry in saved.recordings),
         frames=saved.steps,
         discrepancy=eye.discrepancy,
         stiffening=declared(eye.stiffening, "stiffening"),
@@ -521,16 +621,24 @@ def calibration_lines(calibration: Calibration) -> list[str]:
     """Return a table of the eyes, the population below, and a note for each doubt about
     a recording.
     """
-    lines = [f"{'eye':<16}{'E/MPa':>8}{'sd/MPa':>9}{'updates':>9}  remark"]
-    lines += [
-        _line(name, eye, calibration.bounds_n) for name, eye in calibration.eyes.items()
-    ]
     notes = [
-        wrapped(f"{entry.path}: {doubt}", "note: ")
+        wrapped(str(remark.on(used.path)), "note: ")
         for eye in calibration.eyes.values()
-        for entry in eye.recordings
-        for doubt in entry.doubts
+        for used in eye.recordings
+        for remark in used.remarks
     ]
+    return [*_table(calibration, with_remarks=True), *notes]
+
+
+def modulus_lines(calibration: Calibration) -> list[str]:
+    """Return the table of the eyes without remarks, and the population below."""
+    return _table(calibration, with_remarks=False)
+
+
+def _table(calibration: Calibration, with_remarks: bool) -> list[str]:
+    head = f"{'eye':<16}{'E/MPa':>8}{'sd/MPa':>9}{'updates':>9}"
+    lines = [f"{head}  remark" if with_remarks else head]
+    lines += [_line(name, eye, with_remarks) for name, eye in calibration.eyes.items()]
     mean_pa, sd_pa = calibration.population
     population = f"{'population':<16}{from_si(mean_pa, 'mpa'):>8.3f}"
 
@@ -541,28 +649,22 @@ def calibration_lines(calibration: Calibration) -> list[str]:
     else:
         population += f"{from_si(sd_pa, 'mpa'):>9.4f}"
 
-    return [*lines, population, *notes]
+    return [*lines, population]
 
 
-def _line(name: str, eye: EyeCalibration, bounds_n: tuple[float, ...]) -> str:
-    gated = sum(len(frame.gated) for frame in eye.used)
-    remarks = [
-        f"{gated} outlying points left out" if gated else "",
-        "" if eye.status == "ok" else eye.status,
-        _softening(eye, bounds_n),
-        *found_words(eye),
-    ]
-    text = "; ".join(remark for remark in remarks if remark)
+def _line(name: str, eye: EyeCalibration, with_remarks: bool) -> str:
+    remarks = (*_frame_remarks(eye), *found_remarks(eye)) if with_remarks else ()
+    text = "; ".join(remark.words for remark in remarks)
     modulus = f"{from_si(eye.mean_pa, 'mpa'):>8.3f}{from_si(eye.sd_pa, 'mpa'):>9.4f}"
 
     return wrapped(text, f"{name:<16}{modulus}{eye.updates:>9}  ")
 
 
-def _softening(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> str:
-    """Return a remark where low and high forces do not agree on E; a frame alone cannot
-    tell E from a rigidity.
+def _softening(eye: EyeCalibration) -> str:
+    """Return a sentence where low and high forces do not agree on E; a frame alone
+    cannot tell E from a rigidity.
     """
-    _, low, high = eye.by_class(bounds_n)
+    _, low, high = eye.by_class
     if (
         eye.globe.can_be_sealed
         or low is None
@@ -571,7 +673,7 @@ def _softening(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> str:
     ):
         return ""
 
-    force = f"{from_si(bounds_n[-1], 'mn'):g} mN"
+    force = f"{from_si(eye.bounds_n[-1], 'mn'):g} mN"
     moduli = (
         f"{from_si(low, 'mpa'):.3f} MPa below {force} and {from_si(high, 'mpa'):.3f}"
         " above"

@@ -160,7 +160,7 @@ def _check_dents(recording: Recording, walls: Walls, study: Study) -> None:
     given = log.time_s, contact_force(log, info)
     doubts = clock_doubts(first, study.classes, dents)
     turned = clock_offsets.relation(times_s, -dents, *given)
-    if doubts and UNRELATED in doubts[0] and (turned or 0.0) >= TURNED:
+    if doubts and UNRELATED in doubts[0].words and (turned or 0.0) >= TURNED:
         raise CalibrationError(
             f"{recording.path}: the surface rises where the needle pushes it down: the"
             " frames are upside down (import `flip=rows`)"

@@ -37,6 +37,7 @@ from scleraforce.reading.load_model import suited_reader
 from scleraforce.reading.reading_models import Reader
 from scleraforce.reading.recorded_wall import recorded_wall
 from scleraforce.reading.tissue_memory import Leak, TissueMemory
+from scleraforce.reading.trained_ranges import CLASSIFIER
 from scleraforce.recordings import forces_under_frames
 from scleraforce.recordings.force_errors import label_sds
 from scleraforce.recordings.forces_under_frames import Trial, label_frames
@@ -54,6 +55,8 @@ from scleraforce.records.calibration_file import (
     known_of_eye,
 )
 from scleraforce.records.frame import frame_digest
+from scleraforce.records.missing_inputs import missing_inputs
+from scleraforce.records.remark import Remark, numbered, sentences
 from scleraforce.records.setup import Setup
 from scleraforce.records.verdict import upper_end
 from scleraforce.wall.wall_in_metres import dent_measures, surface_places
@@ -195,8 +198,8 @@ class Evaluation:
     over the frames that count.
 
     `bounds_n` are the class bounds of the model's study, `max_force_n` its largest
-    force; `notes` are sentences that limit the result (a gap outside the training,
-    frames without labels). `kind` is the model's.
+    force; `remarks` limit the result (a gap outside the training, inputs that are not
+    known, frames without labels). `kind` is the model's.
     """
 
     model: str
@@ -204,8 +207,13 @@ class Evaluation:
     max_force_n: float
     youngs_modulus_pa: float
     frames: tuple[FrameAnswer, ...]
-    notes: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
     kind: str = "classifier"
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The sentences of the remarks."""
+        return sentences(self.remarks)
 
     def __repr__(self) -> str:
         error = (
@@ -229,7 +237,7 @@ class Evaluation:
 
         return html_card(
             f"Evaluation of {self.model}",
-            facts | {f"note {n}": s for n, s in enumerate(self.notes, 1)},
+            facts | numbered(self.remarks),
         )
 
     def to_dataframe(self) -> Any:
@@ -363,6 +371,7 @@ class Evaluation:
                 },
                 "usable": self.usable._metrics(),
                 "notes": self.notes,
+                "remarks": [remark.to_dict() for remark in self.remarks],
                 "frames": [frame.to_dict() for frame in self.frames],
             }
         )
@@ -444,30 +453,32 @@ def evaluate_recordings(
         for entry in recordings
     ]
     frames = list[FrameAnswer]()
-    notes = list[str]()
-    later = list[str]()
+    remarks = list[Remark]()
+    later = list[Remark]()
     study = reader.study
 
     if calibration is not None and reader.fixed_modulus_pa is not None:
-        notes.append(
-            f"{reader.path}: a classifier reads every eye with the modulus it was"
+        words = (
+            "a classifier reads every eye with the modulus it was"
             f" trained for, {from_si(reader.fixed_modulus_pa, 'mpa'):.3g} MPa;"
             f" {calibration.path} only marks frames"
+        )
+        remarks.append(
+            Remark("inputs-ignored", words, ("modulus",), about=str(reader.path))
         )
 
     for recording in opened:
         session = _EvaluatedRecording.of(reader, recording, calibration)
         answers = session.without_pierced(tuple(session.answers(progress)))
-        notes += (f"{recording.path}: {note}" for note in session.notes())
+        remarks += (remark.on(recording.path) for remark in session.remarks())
 
         if not session.stated and (count := sum(frame.pierced for frame in answers)):
             first = next(frame.file for frame in answers if frame.pierced)
-            notes.append(
-                f"{recording.path}: {count} frames after a puncture are left out, from"
-                f" {first} on"
-            )
+            words = f"{count} frames after a puncture are left out, from {first} on"
+            after = Remark("frames-after-puncture", words)
+            remarks.append(after.on(recording.path))
 
-        later += (f"{recording.path}: {doubt}" for doubt in session.doubts(answers))
+        later += (doubt.on(recording.path) for doubt in session.doubts(answers))
         frames += answers
 
     return Evaluation(
@@ -476,7 +487,7 @@ def evaluate_recordings(
         max_force_n=study.needle.max_force_n,
         youngs_modulus_pa=study.eye.youngs_modulus_pa,
         frames=tuple(frames),
-        notes=(*notes, *later),
+        remarks=(*remarks, *later),
         kind=reader.kind,
     )
 
@@ -566,25 +577,32 @@ class _EvaluatedRecording:
         """
         return {entry.file for moment in self.recording.moments for entry in moment[1:]}
 
-    def notes(self) -> Iterator[str]:
-        """Yield sentences on the eye, its B-scans and its needle."""
+    def remarks(self) -> Iterator[Remark]:
+        """Yield remarks on the eye, its B-scans and its needle."""
         info = self.recording.info
         if self.reader.path != self.asked:
-            yield (
+            words = (
                 f"read with the bundled reader {self.reader.name}, which"
                 " was trained for such eyes"
             )
+            yield Remark("other-reader", words)
 
         yield from self.reader.limits(self.setup, info.scan, info.needle.gauge)
         if self.recording.forces is None:
-            yield "no forces.csv: its frames are read, but not scored"
+            words = "no forces.csv: its frames are read, but not scored"
+            yield Remark("no-forces", words)
         if self.foreign:
-            yield self.foreign
+            yield Remark("population-modulus", self.foreign, ("modulus",))
 
-        yield from self.recording.walls.notes
+        yield from self.recording.walls.remarks
+        yield from missing_inputs(
+            self.setup,
+            forces=self.recording.forces is not None,
+            classifier=self.reader.kind == CLASSIFIER,
+        )
 
-    def doubts(self, answers: Sequence[FrameAnswer]) -> tuple[str, ...]:
-        """Return sentences on labels that are missing, and on a force log that
+    def doubts(self, answers: Sequence[FrameAnswer]) -> tuple[Remark, ...]:
+        """Return remarks on labels that are missing, and on a force log that
         contradicts the answers.
         """
         classes = self.reader.study.classes
@@ -600,15 +618,15 @@ class _EvaluatedRecording:
             self.recording, classes, dents, read_n if self.reader.reads_force else ()
         )
         sds_n = [frame.measured_force_sd_n for frame in answers if frame.scored]
-        unsure = forces_under_frames.unsure_note(
+        unsure = forces_under_frames.unsure_remark(
             [sd_n for sd_n in sds_n if sd_n is not None], classes
         )
         other = self._other_eye(answers)
-        notes = forces_under_frames.label_notes(self.recording, self.trials)
-        return (*notes, *unsure, *log, *other)
+        labels = forces_under_frames.label_remarks(self.recording, self.trials)
+        return (*labels, *unsure, *log, *other)
 
-    def _other_eye(self, answers: Sequence[FrameAnswer]) -> tuple[str, ...]:
-        """Return a sentence if the frames show another eye than the calibration's."""
+    def _other_eye(self, answers: Sequence[FrameAnswer]) -> tuple[Remark, ...]:
+        """Return a remark if the frames show another eye than the calibration's."""
         if self.summary is None:
             return ()
 
@@ -620,7 +638,7 @@ class _EvaluatedRecording:
             [float(np.exp(fit.unknown[SIZE])) for fit in fits],
         )
         doubt = appearance_doubt(self.summary, self.recording.info.eye_name, shown)
-        return (doubt,) if doubt else ()
+        return (Remark("other-eye", doubt, ("name",)),) if doubt else ()
 
     def read(
         self, progress: Progress

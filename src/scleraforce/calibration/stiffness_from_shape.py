@@ -40,6 +40,7 @@ from scleraforce.recordings.recording_folder import Recording, tables_digest
 from scleraforce.records.eye import Modulus
 from scleraforce.records.globe import UNKNOWN
 from scleraforce.records.needle import one_lean
+from scleraforce.records.remark import Remark
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 
@@ -127,6 +128,7 @@ class EyePosterior:
                 modulus.sd_pa,
                 float(np.sqrt(self.fit.covariance[THICKNESS, THICKNESS])),
             ),
+            bounds_n=self.study.classes.bounds_n,
             stated_thickness_m=thickness_m,
             globe=self.setup.eye.globe or UNKNOWN,
             without_force=True,
@@ -305,7 +307,7 @@ def _of_eye(
         sha256=tables_digest(recording),
         zero_n=0.0,
         drift_n_per_s=0.0,
-        doubts=_doubts(after, prior),
+        remarks=_remarks(after, prior),
     )
     recordings, earlier = (before.recordings, before.frames) if before else ((), ())
     found = after.calibration(info.eye_name, [*recordings, entry], [*earlier, *records])
@@ -382,24 +384,23 @@ def _shown(
     return shown, records
 
 
-def _doubts(after: EyePosterior, prior: Modulus) -> tuple[str, ...]:
-    """Return sentences that say what E rests on."""
+def _remarks(after: EyePosterior, prior: Modulus) -> tuple[Remark, ...]:
+    """Return remarks that say what E rests on."""
     known = sum(frame.force_n is not None for frame in after.frames)
     forces = "no force was measured" if not known else f"{known} forces are known"
     percent = from_si(after.modulus.relative_sd, "percent")
-    said = (
+    words = (
         f"{forces}: E is from the shape of {len(after.frames)} dents beside the IOP,"
         f" and sure to {percent:.0f} %"
     )
 
+    of_shape = Remark("modulus-from-shape", words, ("modulus",))
     if after.modulus.relative_sd < TELLS_LITTLE * prior.relative_sd:
-        return (said,)
+        return (of_shape,)
 
     deepest_mm = from_si(float(after.fit.own[:, 0].max()) if after.fit else 0.0, "mm")
-    return (
-        said,
-        (
-            f"dents of up to {deepest_mm:.1f} mm tell little: E is mostly its prior;"
-            " push deeper, or measure a force"
-        ),
+    words = (
+        f"dents of up to {deepest_mm:.1f} mm tell little: E is mostly its prior;"
+        " push deeper, or measure a force"
     )
+    return of_shape, Remark("modulus-from-prior", words, ("modulus",))

@@ -23,6 +23,6 @@ Public:
         `RawReader`, `Reader`, `SHIFTS`
     recorded_wall: `recorded_wall`
     tissue_memory: `ELASTIC`, `LIGHT_N`, `Leak`, `TissueMemory`
-    trained_ranges: `CLASSIFIER`, `KINDS`, `READER`, `covers_modulus`, `limit_notes`,
+    trained_ranges: `CLASSIFIER`, `KINDS`, `READER`, `covers_modulus`, `limit_remarks`,
         `other_needle`, `radius_fault`, `reading_ranges`, `untrained_values`
 """

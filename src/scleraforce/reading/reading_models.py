@@ -63,6 +63,7 @@ from scleraforce.records.model_folder import (
     Origin,
     model_name,
 )
+from scleraforce.records.remark import Remark
 from scleraforce.records.scan import PixelScale, Plane, Scan
 from scleraforce.records.setup import NOTHING_KNOWN, Setup
 from scleraforce.records.study import Range, ReaderStudy, Study
@@ -256,8 +257,8 @@ class Reader(ABC):
 
     def limits(
         self, setup: Setup, scan: Scan, gauge: int | None = None
-    ) -> tuple[str, ...]:
-        """Return a sentence for each known value of an eye, its B-scans and its needle
+    ) -> tuple[Remark, ...]:
+        """Return a remark for each known value of an eye, its B-scans and its needle
         outside the training.
         """
         return untrained_values(self.kind, self.study, setup, scan, gauge)

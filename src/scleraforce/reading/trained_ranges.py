@@ -2,12 +2,12 @@
 known before a frame is read.
 
 Every range is that of the model's study. A reader refuses an eye outside its training
-(`outside_training`); the limits of a recording have the same sentences, and others on
+(`outside_training`); the remarks on a recording have the same sentences, and others on
 the frames, the needle and the scan.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import exp, hypot, inf, sqrt
 from pathlib import Path
 
@@ -30,6 +30,7 @@ from scleraforce.records.globe import UNKNOWN
 from scleraforce.records.model_folder import folder_study, model_name, read_folder
 from scleraforce.records.needle import nearest_gauge
 from scleraforce.records.recording_info import RecordingInfo
+from scleraforce.records.remark import Remark
 from scleraforce.records.scan import Scan
 from scleraforce.records.setup import NOTHING_KNOWN, Setup
 from scleraforce.records.study import (
@@ -64,11 +65,12 @@ COARSEST_M = 30e-6
 
 @dataclass(frozen=True)
 class _Compared:
-    """A value (None: unknown) and the range that a model was trained on, SI, with the
-    unit that both are printed in.
+    """A value (None: unknown) of a field of a record, and the range that a model was
+    trained on, SI, with the unit that both are printed in.
     """
 
     name: str
+    field: str
     value: float | None
     trained: Sampled
     unit: HumanUnit
@@ -88,8 +90,8 @@ class _Compared:
         )
 
     @property
-    def outside(self) -> str | None:
-        """A sentence if the value is outside, in the printed unit to four digits; None
+    def outside(self) -> Remark | None:
+        """A remark if the value is outside, in the printed unit to four digits; None
         if it is inside or unknown.
         """
         if self.value is None:
@@ -101,10 +103,15 @@ class _Compared:
         if low - slack <= found <= high + slack:
             return None
 
-        return (
+        return _outside(
             f"{self.name} {found:.4g} {self.printed}, the model was trained on"
-            f" {self.covered}"
+            f" {self.covered}",
+            self.field,
         )
+
+
+def _outside(words: str, *fields: str) -> Remark:
+    return Remark("outside-training", words, fields)
 
 
 def outside_training(
@@ -120,11 +127,12 @@ def outside_training(
     by its uncertainty: its standard deviation, and the error that it takes from
     thickness and IOP, which the training's moduli have too.
     """
-    return next(iter(_refusals(setup, trained, library, library_radius_m)), None)
+    refused = _refusals(setup, trained, library, library_radius_m)
+    return refused[0].words if refused else None
 
 
-def limit_notes(model: Path, info: RecordingInfo) -> tuple[str, ...]:
-    """Return a note for each value of a recording outside a model's training; raises
+def limit_remarks(model: Path, info: RecordingInfo) -> tuple[Remark, ...]:
+    """Return a remark for each value of a recording outside a model's training; raises
     `ModelError`.
     """
     folder = read_folder(model, KINDS)
@@ -136,7 +144,10 @@ def limit_notes(model: Path, info: RecordingInfo) -> tuple[str, ...]:
         folder.record["kind"], folder_study(folder), eye, scan, gauge
     )
 
-    return tuple(f"outside the range of {name}: {sentence}" for sentence in found)
+    return tuple(
+        replace(remark, words=f"outside the range of {name}: {remark.words}")
+        for remark in found
+    )
 
 
 def reading_ranges(model: Path) -> tuple[tuple[str, str], ...]:
@@ -180,16 +191,19 @@ def reading_ranges(model: Path) -> tuple[tuple[str, str], ...]:
 
 def untrained_values(
     kind: str, study: Study, setup: Setup, scan: Scan, gauge: int | None = None
-) -> tuple[str, ...]:
-    """Return a sentence for each known value that the training of a kind of model did
+) -> tuple[Remark, ...]:
+    """Return a remark for each known value that the training of a kind of model did
     not cover.
 
     A reader was trained on its library's walls, wherever on the eye the needle pushes;
     a classifier on its data set, without sealed globes.
     """
     if kind == CLASSIFIER:
-        sealed = open_doubts(setup.eye.globe)
-        compared = _sentences(_of_slices(study, setup, scan))
+        sealed = (
+            Remark("inputs-ignored", words, ("globe",))
+            for words in open_doubts(setup.eye.globe)
+        )
+        compared = _remarks(_of_slices(study, setup, scan))
         return (
             *_unseen(study, scan, kind),
             *sealed,
@@ -200,7 +214,7 @@ def untrained_values(
     refused = _refusals(
         setup, read_by_fit(study.reader), study.library, study.eye.radius_m
     )
-    others = _sentences(
+    others = _remarks(
         entry for entry in _of_walls(study, setup, scan) if entry.name not in EYE
     )
     index = (
@@ -212,7 +226,7 @@ def untrained_values(
         *refused,
         *others,
         *other_needle(study, gauge),
-        *([index] if index else ()),
+        *([_outside(index, "refractive_index")] if index else ()),
     )
 
 
@@ -220,12 +234,13 @@ def _radius(radius_m: float | None, library_radius_m: float) -> _Compared:
     radii = Range(
         min=library_radius_m * exp(-SIZE_REACH), max=library_radius_m * exp(SIZE_REACH)
     )
-    return _Compared(RADIUS, radius_m, radii, "mm", "mm")
+    return _Compared(RADIUS, "radius_m", radius_m, radii, "mm", "mm")
 
 
 def radius_fault(radius_m: float | None, library_radius_m: float) -> str | None:
     """Return why no fit reaches a declared radius; None: one may."""
-    return _radius(radius_m, library_radius_m).outside
+    outside = _radius(radius_m, library_radius_m).outside
+    return None if outside is None else outside.words
 
 
 def other_index(study: Study, refractive_index: float) -> str | None:
@@ -245,14 +260,17 @@ def _of_eye(setup: Setup, trained: ReaderStudy) -> tuple[_Compared, ...]:
     return (
         _Compared(
             MODULUS,
+            "modulus",
             _uncovered_modulus(setup.eye.modulus, trained),
             trained.youngs_modulus_pa,
             "mpa",
             "MPa",
         ),
-        _Compared(PRESSURE, setup.eye.iop_pa, trained.iop_pa, "mmhg", "mmHg"),
-        _Compared(WALL, setup.eye.thickness_m, trained.thickness_m, "um", "µm"),
-        _Compared(GAP, setup.needle.gap_m, trained.gap_m, "mm", "mm"),
+        _Compared(PRESSURE, "iop_pa", setup.eye.iop_pa, trained.iop_pa, "mmhg", "mmHg"),
+        _Compared(
+            WALL, "thickness_m", setup.eye.thickness_m, trained.thickness_m, "um", "µm"
+        ),
+        _Compared(GAP, "gap_m", setup.needle.gap_m, trained.gap_m, "mm", "mm"),
     )
 
 
@@ -271,6 +289,7 @@ def _of_walls(study: Study, setup: Setup, scan: Scan | None) -> tuple[_Compared,
         *_of_eye(setup, trained),
         _Compared(
             "rigidity of a sealed globe",
+            "globe",
             rigidity,
             rigidities,
             "mmhg13_per_ul",
@@ -278,6 +297,7 @@ def _of_walls(study: Study, setup: Setup, scan: Scan | None) -> tuple[_Compared,
         ),
         _Compared(
             "tilt of the B-scan",
+            "tilt_rad",
             scan.tilt_rad if scan else None,
             trained.tilt_rad,
             "deg",
@@ -293,10 +313,11 @@ def _of_slices(study: Study, setup: Setup, scan: Scan | None) -> tuple[_Compared
     thickness = Choice(tuple(group.thickness_m for group in study.dataset.group))
     direction_rad = scan.direction_rad if scan else None
     return (
-        _Compared(GAP, setup.needle.gap_m, gap, "mm", "mm"),
-        _Compared(WALL, setup.eye.thickness_m, thickness, "um", "µm"),
+        _Compared(GAP, "gap_m", setup.needle.gap_m, gap, "mm", "mm"),
+        _Compared(WALL, "thickness_m", setup.eye.thickness_m, thickness, "um", "µm"),
         _Compared(
             "polar angle",
+            "polar_rad",
             setup.needle.polar_rad,
             study.needle.polar_angle_rad,
             "deg",
@@ -304,6 +325,7 @@ def _of_slices(study: Study, setup: Setup, scan: Scan | None) -> tuple[_Compared
         ),
         _Compared(
             "tilt of the B-scan",
+            "tilt_rad",
             scan.tilt_rad if scan else None,
             study.dataset.tilt_rad,
             "deg",
@@ -311,6 +333,7 @@ def _of_slices(study: Study, setup: Setup, scan: Scan | None) -> tuple[_Compared
         ),
         _Compared(
             "direction of the B-scan",
+            "direction_rad",
             direction_rad,
             study.dataset.direction_rad,
             "deg",
@@ -328,6 +351,7 @@ def _pixel(study: Study, scan: Scan | None) -> _Compared:
     drawn = study.scenes.window.pixel_m.bounds
     return _Compared(
         "depth of a pixel",
+        "depth_m",
         pixel_m,
         Range(min=drawn[0], max=min(drawn[1], COARSEST_M)),
         "um",
@@ -340,17 +364,18 @@ def _refusals(
     trained: ReaderStudy,
     library: LibraryStudy,
     library_radius_m: float,
-) -> tuple[str, ...]:
+) -> tuple[Remark, ...]:
     radius = _radius(setup.eye.radius_m, library_radius_m)
-    reasons = _sentences((*_of_eye(setup, trained), radius))
+    reasons = _remarks((*_of_eye(setup, trained), radius))
     softest, stiffest = library.stiffening_ends
     stiffening = setup.eye.stiffening or 0.0
     if softest <= stiffening <= stiffest:
         return reasons
 
-    tissue = (
+    tissue = _outside(
         f"stiffening {stiffening:.4g} of the tissue, the model was trained on"
-        f" {softest:g} to {stiffest:g}"
+        f" {softest:g} to {stiffest:g}",
+        "stiffening",
     )
     return (*reasons, tissue)
 
@@ -391,11 +416,11 @@ def covers_modulus(
     return _uncovered_modulus(setup.eye.modulus, trained) is None
 
 
-def _sentences(compared: Iterable[_Compared]) -> tuple[str, ...]:
-    return tuple(sentence for entry in compared if (sentence := entry.outside))
+def _remarks(compared: Iterable[_Compared]) -> tuple[Remark, ...]:
+    return tuple(remark for entry in compared if (remark := entry.outside))
 
 
-def _unseen(study: Study, scan: Scan, kind: str) -> tuple[str, ...]:
+def _unseen(study: Study, scan: Scan, kind: str) -> tuple[Remark, ...]:
     """Return why frames show too little of a wall: they are too narrow, or less deep
     than its curve or its dents.
 
@@ -420,38 +445,38 @@ def _unseen(study: Study, scan: Scan, kind: str) -> tuple[str, ...]:
     if short := wall_seen(
         most_m, least_wall_m(window, width_m if kind == READER else inf)
     ):
-        return (f"{frames} {short}",)
+        return (_outside(f"{frames} {short}", "width_m", "depth_m"),)
 
     narrow = wall_seen(
         most_m,
         least_wall_m(window),
         "are needed without a calibration, and by the monitor",
     )
-    said = [f"{frames} {narrow}"] if narrow else []
+    found = [_outside(f"{frames} {narrow}", "width_m", "depth_m")] if narrow else []
 
     needed_mm = from_si(window.rows * window.pixel_m, "mm")
     if depth_mm < needed_mm:
-        said.append(
+        words = (
             f"frames {depth_mm:.4g} mm deep: deep dents leave them, the model reads"
             f" {needed_mm:.4g} mm"
         )
+        found.append(_outside(words, "depth_m"))
 
-    return tuple(said)
+    return tuple(found)
 
 
 def _largest_radius_m(study: Study) -> float:
     return study.eye.radius_m * study.reader.size.bounds[1]
 
 
-def other_needle(study: Study, gauge: int | None) -> tuple[str, ...]:
-    """Return a sentence on a needle of another gauge than the model's, whose dent has
+def other_needle(study: Study, gauge: int | None) -> tuple[Remark, ...]:
+    """Return a remark on a needle of another gauge than the model's, whose dent has
     another form.
     """
     if gauge is None or gauge == nearest_gauge(study.needle.outer_diameter_m):
         return ()
-    return (
-        f"needle of {gauge} gauge, the model was trained on {_needle_words(study)}",
-    )
+    words = f"needle of {gauge} gauge, the model was trained on {_needle_words(study)}"
+    return (_outside(words, "diameter_m"),)
 
 
 def _needle_words(study: Study) -> str:

@@ -11,12 +11,13 @@ Public:
     force_errors: `FrameForces`, `LABEL_SD_N`, `PUSH_N`, `REST_SD_N`, `ZERO_PRIOR`,
         `frame_forces`, `label_sds`, `zero_line`
     forces_under_frames: `Trial`, `UNRELATED`, `after_punctures`, `clock_doubts`,
-        `contact_force`, `label_frames`, `label_notes`, `labels_n`, `log_doubts`,
-        `low_pass`, `unit_fault`, `unsure_note`, `with_punctures`
+        `contact_force`, `label_frames`, `label_remarks`, `labels_n`, `log_doubts`,
+        `low_pass`, `unit_fault`, `unsure_remark`, `with_punctures`
     frame_and_force_tables: `FORCE_COLUMNS`, `FrameEntry`, `MIN_SAMPLE_RATE_HZ`
-    import_answers: `Asker`, `IMPORT_RECORD`, `PictureMeasures`, `PreparedImport`,
-        `Question`, `answers_like`, `clock_origin_s`, `complete_import`, `given_times`,
-        `open_questions`, `provenance`, `record_text`
+    import_answers: `Asker`, `LikeRecording`, `PictureMeasures`, `PreparedImport`,
+        `Question`, `complete_import`, `given_times`, `open_questions`, `provenance`,
+        `read_like`, `record_text`
+    import_record: `IMPORT_RECORD`, `read_import_record`
     import_sources: `GatheredSources`, `ImportOptions`, `OPTION`, `gather_sources`,
         `source_kind`
     log_tables: `LogTable`, `NamedColumn`, `QUANTITY_OF`, `UNITS`, `first_log`,

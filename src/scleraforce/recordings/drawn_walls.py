@@ -19,6 +19,7 @@ from scleraforce.base.whole_files import KINDS, read_bytes, write_whole
 from scleraforce.recordings.formats.image_files import read_frame
 from scleraforce.recordings.frame_and_force_tables import read_table
 from scleraforce.records.frame import NO_WALL, NOT_JUDGED, WALL
+from scleraforce.records.remark import Remark, sentences
 
 COLUMNS = ("file", "author", "time_utc", "source_sha256")
 
@@ -67,7 +68,7 @@ class RecordedWalls:
     """The walls of a recording's frames: `walls/NAME.png`, with `walls.csv` the frames
     that they were drawn on.
 
-    They are counted as they are used; `notes` says how many were, and which were not.
+    They are counted as they are used; `remarks` say how many were, and which were not.
     """
 
     def __init__(self, recording: Path) -> None:
@@ -78,18 +79,25 @@ class RecordedWalls:
         self._stale = dict[str, str]()
 
     @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """What is to be said of the walls that were asked for."""
+        outdated = (Remark("wall-outdated", words) for words in self._stale.values())
+        words = f"wall: corrected in {len(self._used)} frames"
+        corrected = (Remark("walls-corrected", words),) if self._used else ()
+        return (*outdated, *corrected)
+
+    @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on the walls that were asked for."""
-        used = (f"wall: corrected in {len(self._used)} frames",) if self._used else ()
-        return (*self._stale.values(), *used)
+        """The sentences of the remarks."""
+        return sentences(self.remarks)
 
     def path(self, file: str) -> Path:
         """Return the file of the wall of a frame, which may not exist."""
         return self._recording / "walls" / f"{PurePath(file).stem}.png"
 
     def wall(self, file: str) -> Bytes | None:
-        """Return the mask of a frame; None without one, or with a note if the frame has
-        changed since.
+        """Return the mask of a frame; None without one, or with a remark if the frame
+        has changed since.
 
         Raises:
             FrameError: it is not a mask.

@@ -24,6 +24,7 @@ from scleraforce.recordings.frame_and_force_tables import (
 )
 from scleraforce.recordings.recording_folder import Recording
 from scleraforce.records.recording_info import ForceInfo
+from scleraforce.records.remark import Remark
 from scleraforce.records.study import ClassesStudy
 
 # A push by hand or robot takes 0.2 s or more; above 5 Hz lie the sensor's noise and the
@@ -112,8 +113,8 @@ def labels_n(recording: Recording) -> Sequence[float | str | None]:
     ]
 
 
-def label_notes(recording: Recording, trials: Sequence[Trial]) -> tuple[str, ...]:
-    """Return sentences on gaps of the force log: samples without a force, a low rate,
+def label_remarks(recording: Recording, trials: Sequence[Trial]) -> tuple[Remark, ...]:
+    """Return remarks on gaps of the force log: samples without a force, a low rate,
     frames without a label.
     """
     if recording.forces is None:
@@ -121,28 +122,30 @@ def label_notes(recording: Recording, trials: Sequence[Trial]) -> tuple[str, ...
 
     without = [trial for trial in trials if trial.measured_force_n is None]
     lost = [f"{each.file}: {each.excluded}" for each in without[:1]]
-    said = (
+    sentences = (
         f"{len(without)} of {len(trials)} frames have no label and are left out"
         f" ({reason})"
         for reason in lost
     )
+    unlabelled = (Remark(WITHOUT_LABEL, words) for words in sentences)
 
-    return *recording.forces.notes, *said
+    return *recording.forces.remarks, *unlabelled
 
 
-def unsure_note(sds_n: Sequence[float], classes: ClassesStudy) -> tuple[str, ...]:
-    """Return a sentence if labels are less sure than a fifth of the lowest class bound,
+def unsure_remark(sds_n: Sequence[float], classes: ClassesStudy) -> tuple[Remark, ...]:
+    """Return a remark if labels are less sure than a fifth of the lowest class bound,
     in the median of their standard deviations, N.
     """
     median_n = float(np.median(sds_n)) if sds_n else 0.0
     if median_n <= UNSURE * classes.bounds_n[0]:
         return ()
 
-    return (
+    words = (
         f"the labels are sure to {from_si(median_n, 'mn'):.2f} mN (standard deviation,"
         " median): the force changes while it is averaged; are the clocks one, or is"
-        " average_s too long for a moving needle?",
+        " average_s too long for a moving needle?"
     )
+    return (Remark("labels-unsure", words, ("average_s",)),)
 
 
 def unit_fault(
@@ -425,6 +428,8 @@ LEAST_FRAMES = 6  # fewer prove nothing
 # The least of 63 virtual and other recordings has 3.3, of 8 frames, and 61 have more
 # than 6.
 RELATED = 3.0
+CONTRADICTED = "log-contradicted"
+WITHOUT_LABEL = "frames-without-label"
 UNRELATED = "forces.csv is unrelated to the frames"
 
 
@@ -433,35 +438,37 @@ def log_doubts(
     classes: ClassesStudy,
     dents: Floats,
     read_n: Sequence[float | None] = (),
-) -> tuple[str, ...]:
-    """Return sentences on a log that does not fit its frames.
+) -> tuple[Remark, ...]:
+    """Return a remark on a log that does not fit its frames.
 
     `dents` (measure, frame) grow with the dent of a frame
     (`clock_offsets.estimate_clocks`); NaN: unknown. `read_n` are forces that were read
     in the frames, whose size is compared as well.
     """
-    doubt = axis_doubt(recording, classes)
+    across = axis_doubt(recording, classes)
     log = recording.forces
     info = recording.info.force
-    if doubt or log is None or info is None:
-        return (doubt,) if doubt else ()
+    if across:
+        return (Remark(CONTRADICTED, across, ("axis",)),)
+    if log is None or info is None:
+        return ()
 
     times_s = np.array([frame.time_s for frame in recording.frames])
     stated_n = _means(log, info)(times_s)
     if read_n:
         values_n = np.array([np.nan if n is None else n for n in read_n], np.float64)
         both = np.isfinite(values_n) & np.isfinite(stated_n)
-        doubt = _size_doubt(stated_n[both], values_n[both], classes)
-        if doubt:
-            return (doubt,)
+        other_size = _size_doubt(stated_n[both], values_n[both], classes)
+        if other_size:
+            return (Remark(CONTRADICTED, other_size),)
 
     return clock_doubts(recording, classes, dents)
 
 
 def clock_doubts(
     recording: Recording, classes: ClassesStudy, dents: Floats
-) -> tuple[str, ...]:
-    """Return a sentence if the dents (measure, frame) fit the log at other times than
+) -> tuple[Remark, ...]:
+    """Return a remark if the dents (measure, frame) fit the log at other times than
     stated, or not at all; raises nothing, and is silent where they do not tell.
     """
     log = recording.forces
@@ -479,14 +486,14 @@ def clock_doubts(
         if found.drift_s:
             # `calibration_lines` breaks this into lines before the command line puts
             # the flag, which is as long, in place of the field
-            return (
+            return _clock_doubt(
                 "the clocks of frames.csv and forces.csv drift: the frames fit as if"
                 f" taken {taken}, and {found.drift_s:+.2g} s from first to last;"
-                " import again with `clock_offset_s` auto",
+                " import again with `clock_offset_s` auto"
             )
-        return (
+        return _clock_doubt(
             f"the frames' times are off: they fit forces.csv as if taken {taken}; bring"
-            " both to one clock",
+            " both to one clock"
         )
 
     stated_n = _means(log, info)(times_s)
@@ -496,15 +503,20 @@ def clock_doubts(
             f"frames {first + 1} to {last + 1} {offset_s:+.1f} s"
             for first, last, offset_s in found.parts
         )
-        return (
+        return _clock_doubt(
             f"the clocks of frames.csv and forces.csv differ, by parts: {listed}; a"
-            " clock paused or was set: give each frame its own time",
+            " clock paused or was set: give each frame its own time"
         )
     varied = seen.sum() >= LEAST_FRAMES and np.ptp(stated_n[seen]) > classes.bounds_n[0]
     if varied and not _related(recording, dents):
-        return (f"{UNRELATED}; check that both are of one session, and their clocks",)
+        words = f"{UNRELATED}; check that both are of one session, and their clocks"
+        return (Remark(CONTRADICTED, words),)
 
     return ()
+
+
+def _clock_doubt(words: str) -> tuple[Remark]:
+    return (Remark("clock-contradicted", words, ("clock_offset_s",)),)
 
 
 def _related(recording: Recording, dents: Floats) -> bool:

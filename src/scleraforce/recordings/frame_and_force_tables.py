@@ -20,6 +20,7 @@ from scleraforce.base.whole_files import KINDS, FileKind, read_text
 from scleraforce.recordings.dead_sensor import no_values
 from scleraforce.records.decoder import Source, decode_record
 from scleraforce.records.fields import Unit, check_number, computed
+from scleraforce.records.remark import Remark, sentences
 
 # any number of spaces is one separator
 SEPARATORS = ";\t,"
@@ -450,14 +451,19 @@ class ForceLog:
     forces in N, torques in N m.
 
     `wrench_sc` has shape (samples, columns), NaN where the sensor gave no force;
-    `columns` are their names, like `fz_n`; `notes` are sentences on samples without a
-    force and on a low rate.
+    `columns` are their names, like `fz_n`; `remarks` say how it was read, which samples
+    have no force, and whether its rate is low.
     """
 
     time_s: Floats
     wrench_sc: Floats
     columns: tuple[str, ...]
-    notes: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The sentences of the remarks."""
+        return sentences(self.remarks)
 
     @cached_property
     def sample_rate_hz(self) -> float:
@@ -568,7 +574,7 @@ def read_force_log(path: Path, axis: str, range_n: float = np.inf) -> ForceLog:
     log = ForceLog(values_sc[:, 0].copy(), values_sc[:, 1:], columns)
 
     log = checked_samples(
-        replace(log, notes=gap_notes(path, log.force_n(axis))),
+        replace(log, remarks=gap_remarks(path, log.force_n(axis))),
         path,
         table.place,
         range_n,
@@ -583,22 +589,23 @@ def checked_samples(
     log: ForceLog, path: Path, place: Callable[[int], str], range_n: float = np.inf
 ) -> ForceLog:
     """Return a log with NaN for samples that are implausible or no measurements, and
-    notes; refuse a bad clock, or too many implausible ones.
+    remarks; refuse a bad clock, or too many implausible ones.
     """
     if len(log.time_s) < 2:
         raise RecordingError(f"{path}: fewer than two samples of the force")
 
     rate_hz = _checked_rate(log, path, place)
-    notes = list(log.notes)
-    wrench_sc = _without_implausible(log, place, range_n, notes)
+    remarks = list(log.remarks)
+    wrench_sc = _without_implausible(log, place, range_n, remarks)
     for found in no_values(wrench_sc, log.columns, log.time_s, range_n):
         wrench_sc = np.where(found.samples[:, None], np.nan, wrench_sc)
         count = f"{found.samples.sum()} of {len(found.samples)} samples"
         first = place(int(np.argmax(found.samples)))
-        notes.append(
+        words = (
             f"{count} are no measurements and have no force: {found.words}; the first"
             f" is {first}"
         )
+        remarks.append(Remark(WITHOUT_FORCE, words))
 
     if rate_hz < GOOD_SAMPLE_RATE_HZ * 0.999:
         noise = (
@@ -609,23 +616,24 @@ def checked_samples(
         said = (
             f"{rate_hz:.4g} samples a second, {GOOD_SAMPLE_RATE_HZ:g} are recommended"
         )
-        notes.append(f"{path.name}: {said}: {noise}, and {vibration}")
+        words = f"{path.name}: {said}: {noise}, and {vibration}"
+        remarks.append(Remark("log-slow", words))
 
-    return replace(log, wrench_sc=wrench_sc, notes=tuple(notes))
+    return replace(log, wrench_sc=wrench_sc, remarks=tuple(remarks))
 
 
-def gap_notes(path: Path, forces: Floats) -> tuple[str, ...]:
-    """Return a sentence on the samples (sample, ...) of a file that have no force."""
+WITHOUT_FORCE = "samples-without-force"
+
+
+def gap_remarks(path: Path, forces: Floats) -> tuple[Remark, ...]:
+    """Return a remark on the samples (sample, ...) of a file that have no force."""
     missing = int(np.isnan(forces.reshape(len(forces), -1)).any(axis=1).sum())
-    return (
-        (f"{path.name}: {missing} of {len(forces)} samples have no force (nan)",)
-        if missing
-        else ()
-    )
+    words = f"{path.name}: {missing} of {len(forces)} samples have no force (nan)"
+    return (Remark(WITHOUT_FORCE, words),) if missing else ()
 
 
 def _without_implausible(
-    log: ForceLog, place: Callable[[int], str], range_n: float, notes: list[str]
+    log: ForceLog, place: Callable[[int], str], range_n: float, remarks: list[Remark]
 ) -> Floats:
     beyond = np.zeros(log.wrench_sc.shape, dtype=bool)
     limits_n = {}
@@ -666,10 +674,11 @@ def _without_implausible(
             " sensor"
         )
 
-    notes.append(
+    words = (
         f"{count} are implausible and have no force; the first is {place(sample)}:"
         f" {found}; is it in N?"
     )
+    remarks.append(Remark(WITHOUT_FORCE, words))
     return np.where(flagged[:, None], np.nan, log.wrench_sc)
 
 

@@ -3,9 +3,9 @@ and import.json.
 """
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from hashlib import file_digest
 from pathlib import Path
 from typing import Any
@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from scleraforce.base.arrays import Floats
-from scleraforce.base.errors import InputError, RecordingError, StudyError
+from scleraforce.base.errors import InputError, StudyError
 from scleraforce.base.units import from_si, to_si
-from scleraforce.base.whole_files import FileKind, read_text
 from scleraforce.recordings.clock_offsets import MEAN_S, ClockEstimate, estimate_clocks
 from scleraforce.recordings.forces_under_frames import contact_force
 from scleraforce.recordings.formats.picture_streams import (
@@ -26,9 +25,10 @@ from scleraforce.recordings.formats.picture_streams import (
     UnansweredError,
 )
 from scleraforce.recordings.formats.pixels_without_value import NOT_FINITE
-from scleraforce.recordings.frame_and_force_tables import LARGEST_TIME_S, ForceLog
+from scleraforce.recordings.frame_and_force_tables import ForceLog
 from scleraforce.recordings.frame_names import times_in
 from scleraforce.recordings.frame_times import read_times
+from scleraforce.recordings.import_record import read_import_record
 from scleraforce.recordings.import_sources import (
     OPTION,
     GatheredSources,
@@ -36,12 +36,13 @@ from scleraforce.recordings.import_sources import (
     on_one_clock,
 )
 from scleraforce.recordings.recording_folder import read_info
-from scleraforce.records.decoder import parse_json_record
 from scleraforce.records.eye import UNCERTAIN, Eye
-from scleraforce.records.fields import Unit, check_value, computed, name_fault
+from scleraforce.records.fields import Unit, check_value, name_fault
 from scleraforce.records.globe import Globe
+from scleraforce.records.missing_inputs import missing_inputs
 from scleraforce.records.needle import Needle, gauge_diameter_m
 from scleraforce.records.recording_info import ForceInfo, RecordingInfo
+from scleraforce.records.remark import Remark, sentences
 from scleraforce.records.scan import Scan
 from scleraforce.records.setup import Setup
 from scleraforce.records.study_of_eye import GLOBES, relaxation_terms
@@ -148,6 +149,7 @@ class PictureMeasures:
 
 
 SAME_THICKNESS = 0.15  # of the stated one: the visible one may differ by as much
+CONTRADICTED = "source-contradicted"
 SAME_SCALE = 0.001  # scales that differ by less are rounded
 ANSWER = "answer"  # the source of a value that was typed on the terminal
 
@@ -164,6 +166,7 @@ class PreparedImport:
     clock: "SharedClock"
     info: RecordingInfo
     sources: dict[str, str]  # of each value, by the name of its option
+    remarks: tuple[Remark, ...]
 
     def declaring(self, declared: Setup) -> "PreparedImport":
         """Return the import with what is declared beside its answers."""
@@ -177,11 +180,9 @@ class PreparedImport:
         info = replace(self.info, eye=eye, needle=setup.needle, scan=setup.scan)
         return replace(self, info=info)
 
-    def with_notes(self, notes: Sequence[str]) -> "PreparedImport":
-        """Return the import with further notes."""
-        return replace(
-            self, gathered=replace(self.gathered, notes=(*self.gathered.notes, *notes))
-        )
+    def with_remarks(self, remarks: Iterable[Remark]) -> "PreparedImport":
+        """Return the import with further remarks."""
+        return replace(self, remarks=(*self.remarks, *remarks))
 
 
 # values by the name of their option, each with its source
@@ -247,11 +248,7 @@ def complete_import(
         source = "measured on the first frames" if value == shown_um else source
 
     if value is None:
-        note = (
-            "the wall's thickness is not stated: `calibrate` needs it, and readings are"
-            " less sure (`thickness_m`)"
-        )
-        return done.with_notes([note])
+        return done
 
     info = replace(
         done.info, eye=replace(done.info.eye, thickness_m=to_si(value, "um"))
@@ -262,15 +259,19 @@ def complete_import(
         return done
 
     if shown_um is None:
-        flipped = "; are they upside down (`flip=rows`), or transposed (`axes`)?"
-        return done.with_notes([f"no wall is seen in the first frames{flipped}"])
-    return done.with_notes(
-        [
-            f"the first frames show a wall of {shown_um:g} µm, where"
-            f" {value:g} µm is stated ({source}): check `refractive_index`, `depth_m`"
-            " and the thickness, and whether the frames are upside down (`flip=rows`)"
-        ]
+        words = (
+            "no wall is seen in the first frames; are they upside down (`flip=rows`),"
+            " or transposed (`axes`)?"
+        )
+        return done.with_remarks([Remark("wall-not-seen", words, ("flip", "axes"))])
+
+    words = (
+        f"the first frames show a wall of {shown_um:g} µm, where"
+        f" {value:g} µm is stated ({source}): check `refractive_index`, `depth_m`"
+        " and the thickness, and whether the frames are upside down (`flip=rows`)"
     )
+    fields = ("thickness_m", "refractive_index", "depth_m", "flip")
+    return done.with_remarks([Remark("thickness-contradicted", words, fields)])
 
 
 def open_questions(
@@ -358,37 +359,68 @@ def _completed(
         sources["clock_offset_s"] = sources.get("clock_offset_s", clock.source)
     steady = replace(times, time_s=clock.drifting(times.time_s))
     moved, log, origin_s = on_one_clock(steady, gathered.log, clock.offset_s)
-    doubts = [*clock.notes]
-    doubts += [
-        fault
-        for fault in (gathered.scan.scale_fault, gathered.scan.times_fault)
-        if fault
-    ]
-    doubts += [
-        f"{QUESTIONS[name].words}: {known[name][0]:g} mm ({known[name][1]}), where"
-        f" {source} states {value:g} mm"
-        for name, (value, source) in _stated(gathered, greys).items()
-        if name in ("width_mm", "depth_mm")
-        and abs(known[name][0] - value) > SAME_SCALE * value
-    ]
-
-    if log is not None and (
-        count := int(
-            ((moved.time_s < log.time_s[0]) | (moved.time_s > log.time_s[-1])).sum()
-        )
-    ):
-        lost = (
-            f"{count} frames were taken before or after the forces: they have no label"
-            " and are not evaluated"
-        )
-        doubts.append(f"{lost}; mend the clocks (`clock_offset_s`) if they should be")
-
     return PreparedImport(
-        gathered, greys, moved, log, origin_s, clock, info, sources
-    ).with_notes(doubts)
+        gathered,
+        greys,
+        moved,
+        log,
+        origin_s,
+        clock,
+        info,
+        sources,
+        (
+            *greys.remarks,
+            *gathered.remarks,
+            *clock.remarks,
+            *_contradicted(gathered, greys, known),
+            *_beside_log(moved, log),
+        ),
+    )
+
+
+def _contradicted(
+    gathered: GatheredSources, greys: GreyMap, known: Known
+) -> Iterator[Remark]:
+    """Yield remarks on sources that contradict themselves, or what is given."""
+    faults = {
+        ("width_m", "depth_m"): gathered.scan.scale_fault,
+        ("rate_hz",): gathered.scan.times_fault,
+    }
+    for fields, fault in faults.items():
+        if fault:
+            yield Remark(CONTRADICTED, fault, fields)
+
+    stated = _stated(gathered, greys)
+    for name, field_name in (("width_mm", "width_m"), ("depth_mm", "depth_m")):
+        value, source = stated.get(name, known[name])
+        used, of_used = known[name]
+        if abs(used - value) > SAME_SCALE * value:
+            words = (
+                f"{QUESTIONS[name].words}: {used:g} mm ({of_used}), where"
+                f" {source} states {value:g} mm"
+            )
+            yield Remark(CONTRADICTED, words, (field_name,))
+
+
+def _beside_log(times: FrameTimes, log: ForceLog | None) -> tuple[Remark, ...]:
+    """Return a remark on frames before or after the forces."""
+    if log is None:
+        return ()
+
+    is_outside = (times.time_s < log.time_s[0]) | (times.time_s > log.time_s[-1])
+    if not is_outside.any():
+        return ()
+
+    words = (
+        f"{is_outside.sum()} frames were taken before or after the forces: they have no"
+        " label and are not evaluated; mend the clocks (`clock_offset_s`) if they"
+        " should be"
+    )
+    return (Remark("frames-without-label", words, ("clock_offset_s",)),)
 
 
 BY_DENTS = "the dents in the frames"  # the source of an offset
+CLOCK = ("clock_offset_s",)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -402,7 +434,7 @@ class SharedClock:
     offset_s: float = 0.0
     source: str = ""
     estimate: ClockEstimate | None = None
-    notes: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
     def drifting(self, time_s: Floats) -> Floats:
         """Return times of frames without the drift of their clock, s."""
@@ -450,8 +482,13 @@ def _shared_clock(
     if isinstance(given, int | float):
         fault = f"the dents fit a clock offset of {found.words}" if found else ""
         doubted = found is not None and found.sure and not found.holds(given)
-        notes = (f"{fault}, not {given:g} s",) if doubted else ()
-        return SharedClock(offset_s=given, source=OPTION, estimate=found, notes=notes)
+        doubt = Remark("clock-contradicted", f"{fault}, not {given:g} s", CLOCK)
+        return SharedClock(
+            offset_s=given,
+            source=OPTION,
+            estimate=found,
+            remarks=(doubt,) if doubted else (),
+        )
 
     if found is not None and found.sure:
         # A table of times is on the log's clock, as a rule. At the ends of a rest the
@@ -459,17 +496,21 @@ def _shared_clock(
         margin_s = info.force.average_s / 2 + MEAN_S
         stated = answers.times is not None and found.holds(0.0, margin_s)
         offset_s = 0.0 if stated else round(found.offset_s, 3)
-        note = f"clock offset {offset_s:g} s: the dents fit {found.words}"
+        words = f"clock offset {offset_s:g} s: the dents fit {found.words}"
         return SharedClock(
-            offset_s=offset_s, source=BY_DENTS, estimate=found, notes=(note,)
+            offset_s=offset_s,
+            source=BY_DENTS,
+            estimate=found,
+            remarks=(Remark("clock-found", words, CLOCK),),
         )
 
     why = _unsure_words(found)
     if asker is None:
+        missing = missing_inputs(info.setup, forces=True, clock_known=False)
+        cost = next(remark.words for remark in missing if remark.fields == CLOCK)
         raise InputError(
-            f"the clocks of frames and forces: {why}; `clock_offset_s=S` states the"
-            " log's clock minus the frames' clock, `clock_offset_s=0` that both share"
-            " one"
+            f"{cost}; {why}; `clock_offset_s=S` states the log's clock minus the"
+            " frames' clock, `clock_offset_s=0` that both share one"
         )
 
     name = "clock_offset_s"
@@ -539,7 +580,7 @@ def _check_used(gathered: GatheredSources, origins: Mapping[str, str]) -> None:
         (
             "a force log",
             gathered.log is not None,
-            ("axis", "contact_sign", "average_s", "clock_offset_s"),
+            ("axis", "contact_sign", "average_s", "range_n", "clock_offset_s"),
         ),
         ("a force log of text", "log" in kinds, ("columns",)),
         ("a ROS bag", "bag" in kinds, ("image_topic", "force_topic", "by_arrival")),
@@ -659,75 +700,123 @@ def _info(
         )
         if force and answers.average_s is not None:
             force = replace(force, average_s=answers.average_s)
+        if force and answers.range_n is not None:
+            force = replace(force, range_n=answers.range_n)
 
         return RecordingInfo(eye, oct_info, needle, force)
     except StudyError as fault:
         raise InputError(f"{scan.names[0]}: {fault}; correct it") from fault
 
 
-IMPORT_RECORD = "import.json"
-RECORD_KIND = FileKind(
-    IMPORT_RECORD, 2**20, "`scleraforce import` writes it", RecordingError
+# Answers on sources of one laboratory, as import.json keeps them.
+KEPT = (
+    "axes",
+    "flip",
+    "array",
+    "columns",
+    "image_topic",
+    "force_topic",
+    "by_arrival",
+    "grey_range",
+    "frames_by",
 )
-# Of sources of one laboratory; what is of one session or eye (times, offsets, the eye's
-# name) is asked anew.
-KEPT = ("axes", "flip", "array", "columns", "image_topic", "force_topic", "grey_range")
+# It says that numbers and times in names do not count, which is so in one session.
+IN_GIVEN_ORDER = "order"
 
 
-def answers_like(folder: Path) -> dict[str, Any]:
-    """Return another recording's answers by the names of options: its scanner, needle,
-    sensor, and import.
+@dataclass(frozen=True)
+class LikeRecording:
+    """Another recording of the same laboratory, as far as a new import takes it over.
+
+    Scanner, needle, sensor and the form of the sources are of the laboratory: `answers`
+    by the names of options, and `declared`, which no option states. What it says of
+    its eye, of the contact and of its session is not taken over.
     """
-    info = read_info(folder / "recording.toml")
-    sizes_m = {
-        "width_mm": info.scan.width_m,
-        "depth_mm": info.scan.depth_m,
-        "gap_mm": info.needle.gap_m,
-    }
-    found: dict[str, Any] = {
-        name: from_si(size_m, "mm") for name, size_m in sizes_m.items()
-    }
-    found |= {
-        "refractive_index": info.scan.refractive_index,
-        "bits": info.scan.bits,
-        "gauge": info.needle.gauge,
-    }
 
-    if (force := info.force) is not None:
+    path: Path
+    info: RecordingInfo
+    kept: Mapping[str, Any]
+
+    @property
+    def answers(self) -> dict[str, Any]:
+        """Its answers by the names of options."""
+        info = self.info
+        sizes_m = {
+            "width_mm": info.scan.width_m,
+            "depth_mm": info.scan.depth_m,
+            "gap_mm": info.needle.gap_m,
+        }
+        found: dict[str, Any] = {
+            name: from_si(size_m, "mm") for name, size_m in sizes_m.items()
+        }
         found |= {
-            "axis": force.axis,
-            "contact_sign": str(force.contact_sign),
-            "average_s": force.average_s,
+            "refractive_index": info.scan.refractive_index,
+            "bits": info.scan.bits,
+            "gauge": info.needle.gauge,
         }
 
-    answers = _recorded(folder).answers
-    return found | {name: answers[name] for name in KEPT if name in answers}
+        if (force := info.force) is not None:
+            found |= {
+                "axis": force.axis,
+                "contact_sign": str(force.contact_sign),
+                "average_s": force.average_s,
+                "range_n": force.range_n,
+            }
+
+        kept = {name: self.kept[name] for name in KEPT if name in self.kept}
+        if kept.get("frames_by") == IN_GIVEN_ORDER:
+            del kept["frames_by"]
+        return found | kept
+
+    @property
+    def declared(self) -> Setup:
+        """What is of the laboratory and has no option: how the B-scan is tilted against
+        the needle.
+        """
+        return Setup(scan=Scan(tilt_rad=self.info.scan.tilt_rad))
+
+    def not_copied(self, new: RecordingInfo) -> tuple[Remark, ...]:
+        """Return a remark on what it states of its eye and contact, and a new recording
+        does not.
+        """
+        pairs = (
+            ("thickness_m", self.info.eye, new.eye),
+            ("iop_pa", self.info.eye, new.eye),
+            ("radius_m", self.info.eye, new.eye),
+            ("globe", self.info.eye, new.eye),
+            ("relaxation", self.info.eye, new.eye),
+            ("polar_rad", self.info.needle, new.needle),
+            ("lean_rad", self.info.needle, new.needle),
+            ("direction_rad", self.info.scan, new.scan),
+        )
+        fields = [
+            name
+            for name, before, now in pairs
+            if getattr(before, name) is not None and getattr(now, name) is None
+        ]
+        if self.info.scan.planes and not new.scan.planes:
+            fields.append("planes")
+        if not fields:
+            return ()
+
+        names = ", ".join(f"`{OPTION_FIELDS.get(name, name)}`" for name in fields)
+        words = (
+            f"not copied from {self.path}, because they are of its eye or session:"
+            f" {names}; state those that hold here as well"
+        )
+        return (Remark("not-copied", words, tuple(fields)),)
 
 
-def clock_origin_s(folder: Path) -> float:
-    """Return the beginning of a recording's clock on its sources' clock; 0 by
-    default.
+# fields that options call otherwise
+OPTION_FIELDS = {"polar_rad": "polar_angle_rad"}
+
+
+def read_like(folder: Path) -> LikeRecording:
+    """Return a recording whose laboratory is that of a new import; raises
+    `RecordingError`.
     """
-    return _recorded(folder).clock_origin_s
-
-
-@dataclass(frozen=True, kw_only=True)
-class _ImportRecord:
-    """What is read of import.json."""
-
-    answers: Mapping[str, Any] = field(default_factory=dict)
-    clock_origin_s: float = computed(-LARGEST_TIME_S, LARGEST_TIME_S, default=0.0)
-
-
-def _recorded(folder: Path) -> _ImportRecord:
-    path = folder / IMPORT_RECORD
-    if not path.exists():
-        return _ImportRecord()
-
-    try:
-        return parse_json_record(_ImportRecord, read_text(path, RECORD_KIND), str(path))
-    except StudyError as fault:
-        raise RecordingError(f"{fault}; `scleraforce import` writes it") from fault
+    info = read_info(folder / "recording.toml")
+    return LikeRecording(folder, info, read_import_record(folder).answers)
 
 
 def record_text(done: PreparedImport, options: ImportOptions, version: str) -> str:
@@ -763,5 +852,6 @@ def provenance(done: PreparedImport) -> dict[str, Any]:
             "not_finite": greys.without.get(NOT_FINITE, 0),
             "no_value": dict(greys.without),
         },
-        "notes": list(done.gathered.notes),
+        "notes": list(sentences(done.remarks)),
+        "remarks": [remark.to_dict() for remark in done.remarks],
     }

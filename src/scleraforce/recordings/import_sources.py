@@ -43,6 +43,7 @@ from scleraforce.recordings.source_files import (
     TEXT_NAMES,
     listed_files,
 )
+from scleraforce.records.remark import Remark, sentences
 from scleraforce.records.scan import Plane, check_frame_counts, check_planes
 
 # Files that are not read, by their first bytes and by their endings: what they are, and
@@ -77,6 +78,7 @@ def _foreign_kind(name: str, head: bytes) -> str | None:
     return None if found is None else "; ".join(found).format(**FOREIGN["remedies"])
 
 
+LEFT_OUT = "files-left-out"
 OPTION = "option"  # the source of a value given by an option or an argument
 SINCE_1970_S = 1e8  # a clock beyond counts from 1970
 SOURCE = FileKind("source", 64 * 2**30, "", FrameError)
@@ -116,6 +118,7 @@ class ImportOptions:
     axis: str | None = None
     contact_sign: str | int | None = None
     average_s: float | None = None
+    range_n: float | None = None
     image_topic: str | None = None
     force_topic: str | None = None
     by_arrival: bool = False
@@ -235,7 +238,7 @@ def _known_kind(name: str, head: bytes) -> str | None:
 @dataclass(frozen=True, eq=False)
 class GatheredSources:
     """The files with their kinds, the frames, the force log and its columns (None: no
-    source has forces), and notes.
+    source has forces), and remarks.
 
     Of several `planes`, `scan` has a frame of each moment, with its time; `frames` has
     all, moment by moment, and `places` their moments and planes. `one_clock`: frames
@@ -246,11 +249,16 @@ class GatheredSources:
     scan: PictureSource
     log: ForceLog | None
     columns: tuple[foreign_force_logs.LogColumn, ...]
-    notes: tuple[str, ...]
+    remarks: tuple[Remark, ...]
     frames: PictureSource
     planes: tuple[Plane, ...] = ()
     places: tuple[tuple[int, Plane], ...] = ()
     one_clock: bool = False
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The sentences of the remarks."""
+        return sentences(self.remarks)
 
 
 @dataclass(eq=False)
@@ -262,7 +270,7 @@ class _Content:
     scans: dict[Plane | None, list[PictureSource]]
     logs: list[tuple[Path, ForceLog]]
     columns: tuple[foreign_force_logs.LogColumn, ...] = ()
-    left_out: tuple[str, ...] = ()
+    left_out: tuple[Remark, ...] = ()
     one_clock: bool = False  # a bag has frames and forces
 
     def log(self) -> ForceLog | None:
@@ -318,13 +326,15 @@ def gather_sources(
     }
     scan, frames, places, lacking = _planes_together(wholes, sources_of, by)
     by_position = scan.times is None and not scan.numbers and scan.steps is None
-    notes = [
-        *scan.notes,
-        *(note for each in listings.values() for note in each.notes),
+    of_folders = [words for each in listings.values() for words in each.notes]
+    in_order = _order_notes(files, wholes) if by_position else _number_notes(wholes)
+    remarks = [
+        *(Remark("picture-read", words) for words in scan.notes),
+        *(Remark(LEFT_OUT, words) for words in of_folders),
         *content.left_out,
-        *lacking,
-        *(_order_notes(files, wholes) if by_position else _number_notes(wholes)),
-        *(log.notes if log else ()),
+        *(Remark("moments-incomplete", words) for words in lacking),
+        *(Remark("frames-ordered", words) for words in in_order),
+        *(log.remarks if log else ()),
     ]
 
     return GatheredSources(
@@ -332,7 +342,7 @@ def gather_sources(
         scan,
         log,
         content.columns,
-        tuple(notes),
+        tuple(remarks),
         frames,
         tuple(plane for plane in wholes if plane),
         places,
@@ -395,10 +405,10 @@ def _content(
 
     if of_bags:
         path, log = ros_bags.joined_logs(of_bags)
-        notes = (*log.notes, *frame_and_force_tables.gap_notes(path, log.wrench_sc))
+        gaps = frame_and_force_tables.gap_remarks(path, log.wrench_sc)
         place = f"{path}: message {{}} of the forces".format
         checked = frame_and_force_tables.checked_samples(
-            replace(log, notes=notes), path, place
+            replace(log, remarks=(*log.remarks, *gaps)), path, place
         )
         found.logs.insert(0, (path, checked))
 
@@ -408,9 +418,8 @@ def _content(
         names = ", ".join(path.name for path, _ in others[:MOST_NAMED])
         more = ", ..." if len(others) > MOST_NAMED else ""
         count = f"{len(others)} picture{'s' * (len(others) > 1)}"
-        found.left_out = (
-            f"left out: {count} from the front, not B-scans ({names}{more})",
-        )
+        words = f"left out: {count} from the front, not B-scans ({names}{more})"
+        found.left_out = (Remark(LEFT_OUT, words),)
 
     return found
 

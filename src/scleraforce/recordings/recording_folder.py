@@ -28,6 +28,7 @@ from scleraforce.recordings.frame_and_force_tables import (
     read_force_log,
     read_frame_list,
 )
+from scleraforce.recordings.import_record import read_import_record
 from scleraforce.records.decoder import parse_json_record, parse_record
 from scleraforce.records.fields import check_quantity, computed
 from scleraforce.records.frame import (
@@ -36,6 +37,7 @@ from scleraforce.records.frame import (
     check_frame,
 )
 from scleraforce.records.recording_info import RecordingInfo
+from scleraforce.records.remark import Remark
 from scleraforce.records.scan import Plane, Scan
 
 
@@ -93,6 +95,13 @@ class Recording:
     def walls(self) -> RecordedWalls:
         """Its frames' walls that were given."""
         return RecordedWalls(self.path)
+
+    @cached_property
+    def remarks(self) -> tuple[Remark, ...]:
+        """What its import had to say; nothing without an import.json. A damaged one
+        raises `RecordingError`.
+        """
+        return read_import_record(self.path).all_remarks
 
     def frame_path(self, entry: FrameEntry) -> Path:
         """Return the path of a frame's file."""

@@ -22,6 +22,7 @@ Public:
         `NO_WALL`, `OpenedFrame`, `Pixels`, `WALL`, `check_frame`, `frame_digest`
     globe: `CONSTANT_PRESSURE`, `Globe`, `OPEN`, `PressureLaw`, `REFERENCE_RIGIDITY`,
         `SAME_SLOPE_PA`, `SEALED`, `UNKNOWN`, `sealed_law`, `study_law`
+    missing_inputs: `missing_inputs`
     model_folder: `CARD_FILE`, `COMMON_FILES`, `FILES`, `LIBRARY_FILE`, `ModelFolder`,
         `NETWORK_FILE`, `Origin`, `RECORD_FILE`, `SHIPPED`, `SHIPPED_LIVING`,
         `SHIPPED_READER`, `SHIPPED_WALL_FINDER`, `STUDY_FILE`, `WALL_FINDER`,
@@ -31,7 +32,7 @@ Public:
     motion: `Motion`
     needle: `Needle`, `gauge_diameter_m`, `is_gauge`, `lean_ends`, `nearest_gauge`,
         `one_lean`
-    remark: `Remark`, `SEVERITY_OF`, `Severity`, `sentences`
+    remark: `Remark`, `SEVERITY_OF`, `Severity`, `numbered`, `sentences`
     recording_info: `ForceInfo`, `RecordingInfo`
     scan: `PixelScale`, `Plane`, `Scan`, `check_frame_counts`, `check_planes`,
         `parse_plane`

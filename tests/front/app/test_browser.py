@@ -20,6 +20,7 @@ from small_recordings import evaluation_of, frame_answer
 import scleraforce as sf
 from scleraforce.base.kept_results import keep_result
 from scleraforce.calibration.evaluation import FrameAnswer
+from scleraforce.front.cli.field_flags import in_flags
 
 pytestmark = NEEDS_CHROMIUM
 FORCES_N = (0.012, 0.024, 0.036, 0.004, 0.015, 0.034)
@@ -153,8 +154,15 @@ def test_files_become_a_recording_a_corrected_wall_a_modulus_and_forces(
     assert len(sf.read_recording(folder / "mine").frames) == len(FORCES_N)
     expect(found.locator("#verdict")).to_contain_text("mN (90 %:")
     expect(found.locator("#read-by")).to_have_text("Read without a calibration.")
-    imported = json.loads((folder / "mine" / "import.json").read_text())["notes"]
-    assert imported
+    remarks = sf.read_recording(folder / "mine").remarks
+    assert "log-mended" in {remark.code for remark in remarks}
+    order = ("doubt", "caution", "info")
+    imported = [
+        f"{remark.severity} {in_flags(str(remark))}"
+        for severity in order
+        for remark in remarks
+        if remark.severity == severity
+    ]
     expect(found.locator("#import-remarks li")).to_have_text(imported)
 
     found.click("[data-step=correct]")
@@ -373,7 +381,7 @@ def test_wrong_classes_and_missed_intervals_are_marked_apart(
     browser: Browser, eye: Path, tmp_path: Path, width: int, scheme: Any
 ) -> None:
     shutil.copytree(eye, tmp_path / "mine")
-    evaluation = evaluation_of(judged_frames(), kind="reader", notes=("a note",))
+    evaluation = evaluation_of(judged_frames(), kind="reader")
     remark = {
         "code": "other-eye",
         "severity": "doubt",
@@ -387,7 +395,8 @@ def test_wrong_classes_and_missed_intervals_are_marked_apart(
         {
             "command": "scleraforce evaluate default mine",
             "time_utc": "2026-01-02T03:04:05Z",
-            "result": {**evaluation.to_dict(), "remarks": [info, remark]},
+            "result": evaluation.to_dict()
+            | {"notes": ["a note"], "remarks": [info, remark]},
             "rows": evaluation.rows(),
             "model": "default",
             "calibration": None,

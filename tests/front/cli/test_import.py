@@ -10,7 +10,6 @@ from shutil import rmtree
 import cv2
 import numpy as np
 import pytest
-import tifffile
 from click.testing import CliRunner, Result
 from effects import contents
 from foreign_files import (
@@ -21,6 +20,7 @@ from foreign_files import (
     LATERAL_M,
     ROWS,
     options_of,
+    stack,
     with_log,
     write_dicom,
     write_frames,
@@ -44,16 +44,6 @@ from scleraforce.recordings.forces_under_frames import labels_n
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.scan import Plane
 from scleraforce.records.tissue_relaxation import Relaxation
-
-
-def stack(path: Path, **stated: object) -> Path:
-    """A TIFF that states its scale and when its frames were taken."""
-    resolution = (1e-6 / LATERAL_M, 1e-6 / DEPTH_M)
-    metadata = {"axes": "TYX", "unit": "um", "finterval": 1.0, **stated}
-    tifffile.imwrite(
-        path, FRAMES, imagej=True, resolution=resolution, metadata=metadata
-    )
-    return path
 
 
 @pytest.fixture
@@ -820,7 +810,7 @@ def test_the_wall_that_the_frames_show_is_offered(
     assert (
         (found is None)
         == (thickness_um is None)
-        == any("`thickness_m`" in note for note in kept["notes"])
+        == any("thickness_m" in remark["fields"] for remark in kept["remarks"])
     )
 
     if thickness_um is not None:

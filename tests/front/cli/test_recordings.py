@@ -6,6 +6,7 @@ import json
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from analytic_library import analytic_library
@@ -125,12 +126,19 @@ def test_every_command_has_the_same_sentences(tmp_path: Path, shell) -> None:
     assert counts == dict.fromkeys(said, [1] * len(SENTENCES))
 
 
+def outside_training(result: dict[str, Any]) -> list[str]:
+    """The words of the remarks of a result on what no training covered."""
+    remarks = result["remarks"]
+    return [r["words"] for r in remarks if r["code"] == "outside-training"]
+
+
 def test_another_model_has_other_limits(tmp_path: Path, shell) -> None:
     recording = changed_recording(
         tmp_path / "r", {"slice_gap_m = 0.0005": "slice_gap_m = 0.0008"}
     )
-    assert shell.json("show", recording)["notes"] == []
-    (found,) = shell.json("show", recording, "--model", "paper")["notes"]
+    assert outside_training(shell.json("show", recording)) == []
+    shown = shell.json("show", recording, "--model", "paper")
+    (found,) = outside_training(shown)
     assert found.startswith("outside the range of paper: gap ")
     again = [
         "import",

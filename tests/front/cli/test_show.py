@@ -90,7 +90,7 @@ SAID = {
     "eye": ("recording", "40 in 0.39 s, 32 x 24 pixels of 12 bits"),
     "modulus.json": (
         "calibration",
-        "mine               0.300   0.0100        3  thickness 651 ± 12 µm",
+        "info            mine: thickness 651 ± 12 µm",
     ),
     "box": ("decision log", "1 BOUND"),
     "box/log": ("decision log", "30, 30 of them on a frame"),

@@ -86,6 +86,7 @@ from scleraforce.reading.load_model import load_force_reader, load_reader
 from scleraforce.recordings.forces_under_frames import Trial
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.model_folder import SHIPPED_READER, SHIPPED_WALL_FINDER
+from scleraforce.records.remark import Remark
 from scleraforce.records.scan import Scan
 from scleraforce.records.study import Study
 from scleraforce.wall.wall import INNER, draw_overlay
@@ -127,7 +128,8 @@ def answers() -> Evaluation:
         frame_answer(**b, file="0002.png", measured_force_n=0.010, calibration=True),
     )
 
-    return evaluation_of(frames, model="out/model", notes=("the gap is another",))
+    gap = Remark("outside-training", "the gap is another", ("gap_m",))
+    return evaluation_of(frames, model="out/model", remarks=(gap,))
 
 
 class Markup(HTMLParser):
@@ -201,7 +203,7 @@ def test_a_page_loads_nothing_and_has_its_makers_date_limits_and_images_in_words
         f"scleraforce {__version__}, 2026-03-01 00:30 UTC. Research use only: not a"
         " medical device." in page.said
     )
-    assert "the gap is another" in page.said
+    assert "caution the gap is another" in " ".join(page.said.split())
 
 
 def test_the_confusion_matrix_has_targets_in_rows_and_counts_scored_trials_only(
@@ -240,7 +242,7 @@ def test_recordings_without_labels_have_no_metrics_and_still_a_page(
         replace(f, measured_force_n=None, target=None) for f in answers().frames
     )
     page = Markup(
-        write_and_read(tmp_path, replace(answers(), frames=unlabelled, notes=()))
+        write_and_read(tmp_path, replace(answers(), frames=unlabelled, remarks=()))
     )
     assert "No frame has a label that counts" in page.said
     assert len([row for row in page.cells if row and row[0].endswith(".png")]) == 6

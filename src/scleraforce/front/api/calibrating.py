@@ -53,6 +53,8 @@ from scleraforce.records.calibration_file import (
 )
 from scleraforce.records.eye import FOUND_BY_CALIBRATION, Eye
 from scleraforce.records.fields import check_kind
+from scleraforce.records.missing_inputs import missing_inputs
+from scleraforce.records.remark import Remark
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study, refuse_unused, study_hash
 
@@ -157,14 +159,15 @@ def calibrate(
             the holds of the logs.
         out: a file to write as well; it must not exist.
         note: called, at the start, with a sentence for each quantity that a reader of
-            the study would not read.
+            the study would not read, and for each input that is missing, with what it
+            costs; the calibration's `remarks` have them, too.
         progress: called with 1 after each frame.
         short: `mechanics`, `parameters`, `without_force` in place of a method, and the
             eye's `thickness_m`.
 
     Returns:
-        `eyes` by name, each with `mean_pa`, `sd_pa` and `status`, and the mean and
-        spread of the `population`.
+        `eyes` by name, each with `mean_pa`, `sd_pa` and `status`, the mean and spread
+        of the `population`, and `remarks`.
 
     Raises:
         InputError: a recording cannot be calibrated on or contradicts its frames (the
@@ -204,6 +207,7 @@ def calibrate(
 
     each = _of_eye(opened_recordings(recordings), eye)
     kind = CLASSIFIER if mechanics == "linear" else READER
+    of_inputs = list[Remark]()
 
     for recording in each:
         info = recording.info
@@ -223,11 +227,11 @@ def calibrate(
         if fault := radius_fault(radius_m, study.eye.radius_m):
             raise InputError(f"{recording.path}: eye.radius_m: {fault}")
 
-        for sentence in untrained_values(
-            kind, study, info.setup, info.scan, info.needle.gauge
-        ):
-            if note is not None:
-                note(f"{recording.path}: {sentence}")
+        on_inputs = _input_remarks(recording, kind, study, not without_force)
+        of_inputs += on_inputs
+        if note is not None:
+            for remark in on_inputs:
+                note(str(remark))
 
     finder = finder_of(method.wall_finder)
     for recording in each:
@@ -266,6 +270,7 @@ def calibrate(
             )
             found = calibrate_recordings(each, *by_force)
 
+    found = replace(found, of_inputs=tuple(of_inputs))
     # A file that cannot be read back is not written.
     file = CalibrationFile("the calibration", found.to_dict())
     parse_calibration(file)
@@ -277,6 +282,26 @@ def calibrate(
         write_calibration(found.to_dict(), Path(out))
 
     return found
+
+
+def _input_remarks(
+    recording: Recording, kind: str, study: Study, by_holds: bool
+) -> tuple[Remark, ...]:
+    """Return remarks on what a recording states: outside a reader's training, or
+    missing.
+
+    A calibration `by_holds` of the log looks for the relaxation itself, and says what
+    stays open.
+    """
+    info = recording.info
+    outside = untrained_values(kind, study, info.setup, info.scan, info.needle.gauge)
+    missing = missing_inputs(
+        info.setup, forces=recording.forces is not None, classifier=kind == CLASSIFIER
+    )
+    open_inputs = (
+        remark for remark in missing if not (by_holds and "relaxation" in remark.fields)
+    )
+    return tuple(remark.on(recording.path) for remark in (*outside, *open_inputs))
 
 
 def library_for(
@@ -362,14 +387,15 @@ def recalibrate_intervals(
     *,
     frames: int,
     wall_finder: str | PathLike[str] | None,
-    note: Callable[[str], object] = lambda _: None,
+    note: Callable[[Remark], object] = lambda _: None,
 ) -> tuple[IntervalStretch, ...]:
     """Write a reader whose intervals hold on recordings with force logs: counts
     "calibration" and "reading".
 
     Each eye is calibrated on `frames` of each recording; the others are read, and their
     scores stretch the intervals. Few eyes only widen them
-    (`reading.interval_widths.FEW_EYES`). `note` is as for `calibrate`.
+    (`reading.interval_widths.FEW_EYES`). `note` is called, at the start, with the
+    remarks on what the recordings state.
     """
     model_folder.check_place(out)
     reader = load_force_reader(model, finder=wall_finder)
@@ -379,9 +405,8 @@ def recalibrate_intervals(
     count = sum(len(recording.frames) for recording in each)
 
     for recording in each:
-        info = recording.info
-        for sentence in reader.limits(info.setup, info.scan, info.needle.gauge):
-            note(f"{recording.path}: {sentence}")
+        for remark in _input_remarks(recording, reader.kind, study, True):
+            note(remark)
 
     finder = finder_of(wall_finder)
     for recording in each:

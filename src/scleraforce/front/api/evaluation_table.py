@@ -29,7 +29,9 @@ from scleraforce.reading.trained_ranges import KINDS as FORCE_KINDS
 from scleraforce.recordings.exported_files import write_table
 from scleraforce.recordings.recording_folder import read_recording
 from scleraforce.records.calibration_file import read_calibration
+from scleraforce.records.decoder import Source, decode_record
 from scleraforce.records.model_folder import WALL_FINDER, read_folder
+from scleraforce.records.remark import Remark, sentences
 
 ENDINGS = (".csv", ".parquet")
 SUITED = ("default", "living")
@@ -38,15 +40,20 @@ DRAFT = re.compile(r"\..*\.draft\.json")  # the app's, of a wall
 
 @dataclass(frozen=True)
 class Batch:
-    """Rows of all frames, as of `Evaluation.rows`; notes; the number of recordings, and
-    of those read now; the evaluation of all, if it was asked for.
+    """Rows of all frames, as of `Evaluation.rows`; remarks; the number of recordings,
+    and of those read now; the evaluation of all, if it was asked for.
     """
 
     rows: list[Row]
-    notes: tuple[str, ...]
+    remarks: tuple[Remark, ...]
     recordings: int
     read: int
     evaluation: Evaluation | None = None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The sentences of the remarks."""
+        return sentences(self.remarks)
 
 
 def evaluate_to_table(
@@ -66,7 +73,7 @@ def evaluate_to_table(
     hashes of the code, of model, calibration and wall finder, and of all bytes of the
     recording: it is read again unless all are the same. What this user's program did
     not write there is neither believed nor deleted. Paths that are not recordings are
-    left out with a note. Counts "recordings". `whole`: all are read, also those that
+    left out with a remark. Counts "recordings". `whole`: all are read, also those that
     have not changed, and their evaluation is returned, too.
     """
     _check(table)
@@ -100,7 +107,8 @@ def evaluate_to_table(
     read = 0
     used = set[str]()
     others = [str(path) for path in recordings if path not in folders]
-    notes = [f"left out, not recordings: {', '.join(others)}"] if others else []
+    left_out = f"left out, not recordings: {', '.join(others)}"
+    remarks = [Remark("files-left-out", left_out)] if others else []
 
     with counting("recordings", len(folders)) as advance:
         for path in folders:
@@ -114,7 +122,7 @@ def evaluate_to_table(
                 found = {
                     "key": key,
                     "rows": evaluation.rows(),
-                    "notes": list(evaluation.notes),
+                    "remarks": [remark.to_dict() for remark in evaluation.remarks],
                 }
                 if _digest(path) == key["recording_sha256"]:  # nothing came meanwhile
                     keep_result(found, part)
@@ -123,7 +131,10 @@ def evaluate_to_table(
 
             used.add(part.name)
             rows += found["rows"]
-            notes += found["notes"]
+            remarks += (
+                decode_record(Remark, entry, Source(part.name))
+                for entry in found["remarks"]
+            )
             advance(1)
 
     rows = tidy(rows)
@@ -132,15 +143,17 @@ def evaluate_to_table(
         if old.name not in used and kept_result(old) is not None:
             old.unlink()
 
-    notes = list(dict.fromkeys(notes))
-    joined = _joined(evaluations, notes) if whole else None
-    return Batch(rows, tuple(notes), len(folders), read, joined)
+    each_once = tuple(dict.fromkeys(remarks))
+    joined = _joined(evaluations, each_once) if whole else None
+    return Batch(rows, each_once, len(folders), read, joined)
 
 
-def _joined(evaluations: Sequence[Evaluation], notes: Sequence[str]) -> Evaluation:
+def _joined(
+    evaluations: Sequence[Evaluation], remarks: tuple[Remark, ...]
+) -> Evaluation:
     """Return the evaluation of the frames of several, by one model."""
     frames = tuple(frame for one in evaluations for frame in one.frames)
-    return replace(evaluations[0], frames=frames, notes=tuple(notes))
+    return replace(evaluations[0], frames=frames, remarks=remarks)
 
 
 def by_eye(rows: Sequence[Mapping[str, Any]]) -> list[Row]:
@@ -198,8 +211,8 @@ def _check(table: Path) -> None:
 
 
 def _kept(part: Path, key: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return a recording's rows and notes; None if they are missing, not this user's or
-    of another key.
+    """Return a recording's rows and remarks; None if they are missing, not this user's
+    or of another key.
     """
     found: Any = kept_result(part)
     return found if isinstance(found, dict) and found.get("key") == key else None

@@ -14,7 +14,7 @@ from scleraforce.base.whole_files import write_whole
 from scleraforce.calibration.evaluation import Evaluation
 from scleraforce.reading.answer import Answers
 from scleraforce.recordings import exported_files
-from scleraforce.recordings.import_answers import clock_origin_s
+from scleraforce.recordings.import_record import read_import_record
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.decoder import format_record
 from scleraforce.records.study import ClassesStudy
@@ -118,7 +118,8 @@ def export(
     if kind != ".mcap":
         return _write_table(tomllib.loads(format_record(recording.info)), rows, out)
 
-    exported_files.write_mcap(recording, rows, clock_origin_s(recording.path), out)
+    origin_s = read_import_record(recording.path).clock_origin_s
+    exported_files.write_mcap(recording, rows, origin_s, out)
     return len(rows)
 
 

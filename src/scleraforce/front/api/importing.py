@@ -25,7 +25,7 @@ from scleraforce.front.api.shorthand import (
     with_values,
 )
 from scleraforce.reading.load_model import load_wall_finder
-from scleraforce.reading.trained_ranges import limit_notes
+from scleraforce.reading.trained_ranges import limit_remarks
 from scleraforce.recordings import import_answers
 from scleraforce.recordings.clock_offsets import MOST_FRAMES
 from scleraforce.recordings.force_errors import label_sds
@@ -33,7 +33,7 @@ from scleraforce.recordings.forces_under_frames import (
     label_frames,
     labels_n,
     unit_fault,
-    unsure_note,
+    unsure_remark,
 )
 from scleraforce.recordings.formats.picture_streams import (
     GreyMap,
@@ -41,7 +41,13 @@ from scleraforce.recordings.formats.picture_streams import (
     UnansweredError,
     find_greys,
 )
-from scleraforce.recordings.import_answers import Asker, PreparedImport, answers_like
+from scleraforce.recordings.import_answers import (
+    Asker,
+    LikeRecording,
+    PreparedImport,
+    read_like,
+)
+from scleraforce.recordings.import_record import IMPORT_RECORD
 from scleraforce.recordings.import_sources import (
     OPTION,
     GatheredSources,
@@ -58,6 +64,7 @@ from scleraforce.recordings.recording_writer import (
 from scleraforce.recordings.source_files import files_of
 from scleraforce.records.eye import FOUND_BY_CALIBRATION, Eye
 from scleraforce.records.frame import Pixels
+from scleraforce.records.missing_inputs import missing_inputs
 from scleraforce.records.model_folder import SHIPPED_READER, SHIPPED_WALL_FINDER
 from scleraforce.records.needle import (
     Needle,
@@ -65,6 +72,7 @@ from scleraforce.records.needle import (
     is_gauge,
     one_lean,
 )
+from scleraforce.records.remark import Remark
 from scleraforce.records.scan import PixelScale, Plane, Scan
 from scleraforce.records.setup import NOTHING_KNOWN, Setup
 from scleraforce.records.study import ClassesStudy
@@ -105,6 +113,7 @@ class ImportSettings:
         axis: of the force sensor along the needle: "fx", "fy" or "fz".
         contact_sign: of that axis in contact: 1 or -1.
         average_s: time over which a label averages.
+        range_n: largest force that the sensor measures; larger readings are none.
         image_topic: of a ROS bag, where there are several.
         force_topic: of a ROS bag, where there are several.
         by_arrival: take the times at which a bag's messages arrived, where they have no
@@ -130,6 +139,7 @@ class ImportSettings:
     axis: str | None = None
     contact_sign: int | None = None
     average_s: float | None = None
+    range_n: float | None = None
     image_topic: str | None = None
     force_topic: str | None = None
     by_arrival: bool = False
@@ -184,8 +194,9 @@ def import_recording(
         sources: images, stacks, volumes, films, ROS bags, a force log, or folders of
             images.
         out: the folder to make.
-        like: another recording, whose scanner, needle, sensor and columns hold where
-            the sources state none.
+        like: another recording, whose scanner, needle, sensor and form of the sources
+            hold where the sources state none. A remark says what it states of its eye
+            and contact, which is not copied.
         eye: what was measured of the eye, with its name, or the name alone.
         needle: its diameter and gap; contact and lean where they are known.
         scan: width, depth, refractive index (1 if the scanner has corrected it) and
@@ -234,7 +245,8 @@ def import_recording(
                 " None for a log"
             )
 
-        others = {} if like is None else answers_like(Path(like))
+        other = None if like is None else read_like(Path(like))
+        others = {} if other is None else other.answers
         answers = ImportOptions(**(others | given))
         origins = dict.fromkeys(others, f"like {like}") | dict.fromkeys(given, OPTION)
         request = ImportRequest(
@@ -244,6 +256,7 @@ def import_recording(
             origins=origins,
             planes=planes,
             declared=declared,
+            like=other,
         )
         write_imported(request, counting_for(progress, "frames"))
     except UnansweredError as fault:
@@ -321,6 +334,7 @@ _SETTINGS = (
     "axis",
     "contact_sign",
     "average_s",
+    "range_n",
     "image_topic",
     "force_topic",
 )
@@ -332,6 +346,7 @@ class ImportRequest:
 
     `origins` say where each of the answers is from. Of several `planes` there is one
     for each source. `declared` has what the answers leave out, as uncertainties.
+    The answers of a recording `like` this one are among `answers` already.
     """
 
     sources: Sequence[Path]
@@ -340,6 +355,7 @@ class ImportRequest:
     origins: Mapping[str, str]
     planes: Sequence[Plane | None] = ()
     declared: Setup = NOTHING_KNOWN
+    like: LikeRecording | None = None
 
 
 def write_imported(
@@ -349,8 +365,8 @@ def write_imported(
     model: Path = SHIPPED_READER,
 ) -> PreparedImport:
     """Write a recording folder, whole or not at all; counts "sources", "grey levels",
-    "frames". `asker`: asks for what is missing; None: that is an error. `model`: notes
-    say what it could not read.
+    "frames". `asker`: asks for what is missing; None: that is an error. `model`:
+    remarks say what it could not read.
     """
     out = request.out
     if out.exists() or out.is_symlink():
@@ -377,8 +393,16 @@ def write_imported(
                 partial(_wall_um, scan, greys), partial(_dents, gathered.scan, greys)
             ),
         )
-        done = done.declaring(request.declared)
-        done = done.with_notes(limit_notes(model, done.info))
+        declared = request.declared
+        like = request.like
+        if like is not None:
+            declared = declared.completed_by(like.declared)
+        done = done.declaring(declared)
+        if like is not None:
+            done = done.with_remarks(like.not_copied(done.info))
+
+        missing = missing_inputs(done.info.setup, forces=done.log is not None)
+        done = done.with_remarks((*missing, *limit_remarks(model, done.info)))
         comment = (
             f"imported by scleraforce {__version__}; import.json names the sources"
         )
@@ -419,8 +443,8 @@ def write_imported(
                 " of text)"
             )
 
-        done = done.with_notes(_label_notes(recording))
-        (part / import_answers.IMPORT_RECORD).write_text(
+        done = done.with_remarks(_label_remarks(recording))
+        (part / IMPORT_RECORD).write_text(
             import_answers.record_text(done, answers, __version__), encoding="utf-8"
         )
 
@@ -500,15 +524,15 @@ def _wall_um(scan: PictureSource, greys: GreyMap, shape: Scan) -> float | None:
     return round(from_si(float(np.median(seen_m)), "um")) if seen_m else None
 
 
-def _label_notes(recording: Recording) -> tuple[str, ...]:
-    """Return a sentence if the labels of a recording are not sure."""
+def _label_remarks(recording: Recording) -> tuple[Remark, ...]:
+    """Return a remark if the labels of a recording are not sure."""
     try:
         trials = label_frames(recording, ClassesStudy())
     except RecordingError:  # which later commands report
         return ()
 
     sds_n = [sd_n for sd_n in label_sds(recording, trials) if sd_n is not None]
-    return unsure_note(sds_n, ClassesStudy())
+    return unsure_remark(sds_n, ClassesStudy())
 
 
 def _dents(scan: PictureSource, greys: GreyMap, scanner: Scan) -> Floats:

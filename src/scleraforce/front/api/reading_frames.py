@@ -487,7 +487,7 @@ def read_moment(
             for limit in model.limits(known, known.scan, known.needle.gauge)
         )
     else:
-        notes += other_needle(model.study, known.needle.gauge)
+        notes += map(str, other_needle(model.study, known.needle.gauge))
 
     if known.eye.leak_time_s is not None:
         notes.append(

@@ -22,11 +22,10 @@ from scleraforce.front.api.reading_frames import load_model, read
 from scleraforce.front.app.request_end import check_wanted
 from scleraforce.front.app.work_folder import PARTS
 from scleraforce.reading.reading_models import Reader
-from scleraforce.reading.trained_ranges import limit_notes
+from scleraforce.reading.trained_ranges import limit_remarks
 from scleraforce.recordings.drawn_walls import frame_file_digest
 from scleraforce.recordings.forces_under_frames import contact_force, label_frames
 from scleraforce.recordings.frame_and_force_tables import FrameEntry
-from scleraforce.recordings.import_answers import IMPORT_RECORD
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.frame import NO_WALL, NOT_JUDGED, WALL, Pixels
 from scleraforce.records.model_folder import RECORD_FILE, SHIPPED_READER
@@ -148,19 +147,24 @@ class RecordingViews:
         raise InputError(f"{path.name}: no frame {file}")
 
     def summary(self, path: Path) -> dict[str, Any]:
-        """Return size, frames with times and labels, force curve, and the model's
-        limits of a recording.
+        """Return size, frames with times and labels, force curve, the model's limits,
+        and what the import of a recording remarked.
         """
         recording = self.recording(path)
         info = recording.info
         log = recording.forces
-        notes = list(limit_notes(SHIPPED_READER, info))
+        notes = list[str]()
+        imported = list[dict[str, Any]]()
+        try:
+            imported = [remark.to_dict() for remark in recording.remarks]
+        except RecordingError as fault:  # a damaged import.json
+            notes.append(str(fault))
 
         try:
             trials = label_frames(recording, ClassesStudy()) if log is not None else ()
         except RecordingError as fault:  # which says why no frame has one
             trials = ()
-            notes = [*notes, str(fault)]
+            notes.append(str(fault))
 
         drawn = {wall.stem for wall in (path / "walls").glob("*.png")}
         files = [entry.file for entry in recording.frames]
@@ -190,7 +194,10 @@ class RecordingViews:
                 ),
                 "log": force,
                 "notes": notes,
-                "imported": import_notes(path),
+                "remarks": [
+                    remark.to_dict() for remark in limit_remarks(SHIPPED_READER, info)
+                ],
+                "imported": imported,
                 "corrected": [file for file in files if PurePath(file).stem in drawn],
             }
         )
@@ -231,18 +238,6 @@ class RecordingViews:
             "frames": [each.file for each in frames],
             "draft": read_draft(recording, file),
         }
-
-
-def import_notes(path: Path) -> dict[str, Any]:
-    """Return the notes and remarks of a recording's import, by its import.json; none
-    without one that can be read.
-    """
-    with suppress(InputError, ValueError):
-        record = parse_json(read_text(path / IMPORT_RECORD, KINDS["result"]))
-        if isinstance(record, dict):
-            return {name: record.get(name, []) for name in ("notes", "remarks")}
-
-    return {"notes": [], "remarks": []}
 
 
 def write_draft(recording: Recording, file: str, drawn: dict[str, Any]) -> None:

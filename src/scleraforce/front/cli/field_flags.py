@@ -90,6 +90,7 @@ REGULAR: Final = (
     "preload",
     "preset",
     "quiet",
+    "range_n",
     "rate_hz",
     "record",
     "refractive_index",

@@ -33,15 +33,16 @@ from scleraforce.front.cli.output import (
     worded,
     wrapped,
 )
-from scleraforce.recordings.formats.picture_streams import TOP, UnansweredError
+from scleraforce.recordings.formats.picture_streams import UnansweredError
 from scleraforce.recordings.import_answers import (
     Asker,
     PreparedImport,
     Question,
-    answers_like,
+    read_like,
 )
 from scleraforce.recordings.import_sources import OPTION, ImportOptions
 from scleraforce.records.model_folder import SHIPPED_READER
+from scleraforce.records.remark import sentences
 
 OPEN = "-"  # leaves an optional question open
 UNITS = {"_mm": "mm", "_um": "µm"}
@@ -171,6 +172,11 @@ OPTIONS = (
         help="Averaging time of a label; default: 2; give less for a moving needle.",
     ),
     click.option(
+        "--range-n",
+        type=click.FloatRange(1e-3, 1e6),
+        help="Largest force that the sensor measures; larger readings are none.",
+    ),
+    click.option(
         "--image-topic", help="Topic of the images in a ROS bag, if it has several."
     ),
     click.option(
@@ -224,7 +230,7 @@ OPTIONS = (
 
 def _like(ctx: click.Context, _: click.Parameter, folder: Path | None) -> Path | None:
     if folder is not None:
-        ctx.default_map = answers_like(folder)
+        ctx.default_map = read_like(folder).answers
     return folder
 
 
@@ -243,8 +249,8 @@ def _like(ctx: click.Context, _: click.Parameter, folder: Path | None) -> Path |
     callback=_like,
     metavar="RECORDING",
     help=(
-        "Take scanner, needle, sensor and the columns of the log from another"
-        " recording."
+        "Take scanner, needle, sensor and the form of the sources from another"
+        " recording; a note names what is not taken, of its eye and session."
     ),
 )
 @click.option(
@@ -313,6 +319,7 @@ def import_(
         answers=ImportOptions(**given),
         origins=origins,
         planes=planes_of(sources, planes) if planes else (),
+        like=None if like is None else read_like(like),
     )
     done = write_imported(request, count_bar, asker, model or SHIPPED_READER)
     result = import_result(done, out)
@@ -327,7 +334,6 @@ def _lines(done: PreparedImport) -> list[str]:
     scan = done.gathered.scan
     scanner = done.info.scan
     source = done.sources
-    greys = done.greys
     log = done.log
     shown = len(done.gathered.frames.names)
     planes = len(scanner.planes)
@@ -367,20 +373,7 @@ def _lines(done: PreparedImport) -> list[str]:
             f" ({columns}){sign}"
         )
 
-    if greys.scaled:
-        found.append(
-            f"note: pixels of {greys.low:.6g} to {greys.high:.6g} became counts of 0 to"
-            f" {TOP}"
-        )
-    elif greys.low:
-        found.append(
-            f"note: {-greys.low:g} was added to all pixels, so that the smallest is 0"
-        )
-
-    if greys.lost:
-        found.append(f"note: {greys.words}")
-
-    return [*found, *(f"note: {note}" for note in done.gathered.notes)]
+    return [*found, *(f"note: {words}" for words in sentences(done.remarks))]
 
 
 def _asker(kinds: Mapping[str, click.ParamType[Any]]) -> Asker | None:

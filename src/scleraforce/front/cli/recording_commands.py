@@ -23,6 +23,7 @@ from scleraforce.front.cli.output import (
     wrapped,
 )
 from scleraforce.records.model_folder import model_name
+from scleraforce.records.remark import Remark, sentences
 from scleraforce.records.study_of_eye import relaxation_terms
 
 if TYPE_CHECKING:
@@ -50,11 +51,9 @@ def _names(
     )
 
 
-class _PrintedNotes(list[str]):
-    def __call__(self, sentence: str) -> None:
-        self.append(sentence)
-        if not is_json():
-            say(wrapped(sentence, "note: "))
+def _say_note(words: str) -> None:
+    if not is_json():
+        say(wrapped(words, "note: "))
 
 
 @click.command(cls=Command)
@@ -161,7 +160,6 @@ def calibrate(
     --frames); the reader reads the others, and its copy in --out has intervals
     that hold for 90 % of them.
     """
-    notes = _PrintedNotes()
     if model is not None:
         default = click.core.ParameterSource.DEFAULT
         others = "only --frames, --wall-finder and --json"
@@ -177,6 +175,12 @@ def calibrate(
         # 440 ms: not for `evaluate` and --help
         from scleraforce.front.api.calibrating import recalibrate_intervals
 
+        remarks = list[Remark]()
+
+        def noted(remark: Remark) -> None:
+            remarks.append(remark)
+            _say_note(str(remark))
+
         found = recalibrate_intervals(
             model,
             recordings,
@@ -184,13 +188,13 @@ def calibrate(
             count_bar,
             frames=frames or CALIBRATED,
             wall_finder=wall_finder,
-            note=notes,
+            note=noted,
         )
         result = {
             "model": str(out),
             "from": model_name(model),
             "stretches": list(map(asdict, found)),
-            "notes": notes,
+            **_of_remarks(remarks),
         }
 
         return Report(result, [*_stretches(found), f"wrote {out}"])
@@ -217,7 +221,7 @@ def calibrate(
         frames=frames,
         method=method,
         eye=eye,
-        note=notes,
+        note=_say_note,
         progress=Bars(count_bar),
     )
 
@@ -229,7 +233,16 @@ def calibrate(
         write_figure(draw_calibration(calibration), plot)
 
     lines = [*calibration_lines(calibration), f"wrote {out}"]
-    return Report({**calibration.to_dict(), "notes": notes}, lines)
+    notes = {"notes": list(sentences(calibration.of_inputs))}
+    return Report({**calibration.to_dict(), **notes}, lines)
+
+
+def _of_remarks(remarks: Sequence[Remark]) -> dict[str, Any]:
+    """Return the keys of remarks in a command's JSON."""
+    return {
+        "notes": list(sentences(remarks)),
+        "remarks": [remark.to_dict() for remark in remarks],
+    }
 
 
 def _stretches(changes: "Sequence[IntervalStretch]") -> Iterator[str]:
@@ -386,9 +399,8 @@ def _table(
         "frames": len(batch.rows),
     }
 
-    return Report(
-        {**result, "eyes": eyes, "notes": batch.notes}, [*lines, *notes, wrote]
-    )
+    of_remarks = _of_remarks(batch.remarks)
+    return Report({**result, "eyes": eyes, **of_remarks}, [*lines, *notes, wrote])
 
 
 def _frames(evaluation: "Evaluation") -> Iterator[str]:

@@ -3,7 +3,7 @@ the decision logs.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from scleraforce.base.errors import InputError, MessageError, RecordingError
 from scleraforce.base.units import HumanUnit, from_si
-from scleraforce.calibration.calibration import calibration_lines, parse_calibration
+from scleraforce.calibration.calibration import modulus_lines, parse_calibration
 from scleraforce.front.report.description import LOG_FILES, Description, range_text
 from scleraforce.front.report.figure_files import (
     AMBER,
@@ -38,10 +38,19 @@ from scleraforce.library.wall_responses import Library
 from scleraforce.live.companions.decision_log import read_log
 from scleraforce.live.companions.process_messages import Entry
 from scleraforce.live.console.board import sentence_of
-from scleraforce.reading.trained_ranges import limit_notes, reading_ranges
-from scleraforce.recordings.forces_under_frames import Trial, label_frames, label_notes
+from scleraforce.reading.trained_ranges import (
+    CLASSIFIER,
+    limit_remarks,
+    reading_ranges,
+)
+from scleraforce.recordings.forces_under_frames import (
+    Trial,
+    label_frames,
+    label_remarks,
+)
 from scleraforce.recordings.recording_folder import read_recording
 from scleraforce.records.calibration_file import open_calibration
+from scleraforce.records.missing_inputs import missing_inputs
 from scleraforce.records.model_folder import (
     FILES,
     SHIPPED_READER,
@@ -50,6 +59,7 @@ from scleraforce.records.model_folder import (
     read_folder,
 )
 from scleraforce.records.recording_info import RecordingInfo
+from scleraforce.records.remark import Remark, sentences
 from scleraforce.records.study import ClassesStudy
 
 PICTURED = 24  # slices
@@ -330,10 +340,17 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Description:
         trials = label_frames(replace(recording, forces=None), CLASSES)
         fault = str(error)
 
-    notes = (
-        *limit_notes(model, recording.info),
-        *label_notes(recording, () if fault else trials),
+    here = (
+        *limit_remarks(model, recording.info),
+        *label_remarks(recording, () if fault else trials),
+        *missing_inputs(
+            recording.info.setup,
+            forces=recording.forces is not None,
+            classifier=read_folder(model).record["kind"] == CLASSIFIER,
+        ),
     )
+    # of the import without what is said of its inputs and labels here
+    remarks = (*here, *(r for r in recording.remarks if r.code not in SAID_ANEW))
     log = recording.forces
     log_words = "none: its frames can be read, but neither scored nor calibrated on"
 
@@ -387,14 +404,15 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Description:
             ),
         ),
         ("no labels", fault or ""),
-        *(("note", note) for note in notes),
+        *_remark_rows(remarks),
     )
     facts = {
         "eye": info.eye_name,
         "seconds": seconds,
         "globe": globe,
         "no_labels": fault,
-        "notes": list(notes),
+        "notes": list(sentences(remarks)),
+        "remarks": [remark.to_dict() for remark in remarks],
         "frames": [
             {
                 "file": trial.file,
@@ -410,6 +428,23 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Description:
     draw = partial(draw_recording, recording, trials, CLASSES.bounds_n)
 
     return Description(kind="recording", facts=facts, rows=rows, lines=lines, draw=draw)
+
+
+# Remarks of an import that a description of its recording has as they are now.
+SAID_ANEW = (
+    "outside-training",
+    "inputs-ignored",
+    "missing-input",
+    "log-slow",
+    "samples-without-force",
+    "frames-without-label",
+)
+
+
+def _remark_rows(remarks: Iterable[Remark]) -> tuple[tuple[str, str], ...]:
+    """Return a row for each remark, named by its severity."""
+    each_once = dict.fromkeys((remark.severity, str(remark)) for remark in remarks)
+    return tuple(each_once)
 
 
 def _frame_lines(trials: tuple[Trial, ...]) -> list[str]:
@@ -441,8 +476,10 @@ def show_calibration(path: Path) -> Description:
         ("eyes", f"{len(calibration.eyes)}, on {used} frames"),
         ("mechanics", calibration.mechanics),
         ("study, SHA-256", calibration.study_sha256),
+        *_remark_rows(calibration.remarks),
     )
     facts = {
+        "remarks": [remark.to_dict() for remark in calibration.remarks],
         "mechanics": calibration.mechanics,
         "study_sha256": calibration.study_sha256,
         "population": {
@@ -459,7 +496,7 @@ def show_calibration(path: Path) -> Description:
             for name, eye in calibration.eyes.items()
         },
     }
-    lines = tuple(calibration_lines(calibration))
+    lines = tuple(modulus_lines(calibration))
 
     return Description(
         kind="calibration",

@@ -12,7 +12,11 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from scleraforce.base.units import from_si
-from scleraforce.calibration.calibration import Calibration, EyeCalibration, found_words
+from scleraforce.calibration.calibration import (
+    Calibration,
+    EyeCalibration,
+    found_remarks,
+)
 from scleraforce.calibration.filter.eye_filter import (
     EyeFilter,
     FrameStep,
@@ -312,7 +316,8 @@ def draw_calibration(calibration: Calibration) -> Figure:
             f"{eye.id}: {from_si(eye.mean_pa, 'mpa'):.3f} MPa, sd"
             f" {from_si(eye.sd_pa, 'mpa'):.4f} MPa"
         )
-        above.set_title("\n".join((modulus, *found_words(eye))))
+        found = (remark.words for remark in found_remarks(eye))
+        above.set_title("\n".join((modulus, *found)))
         _draw_by_force(below, eye)
 
     drawn = {

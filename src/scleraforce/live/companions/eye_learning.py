@@ -37,6 +37,7 @@ from scleraforce.records.calibration_file import (
     summary_of,
     write_calibration,
 )
+from scleraforce.records.remark import Remark
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import study_hash
@@ -251,12 +252,16 @@ def as_calibration(posterior: EyePosterior, eye: str, path: str) -> Calibration:
         at(file=f"dent of {from_si(tip_m, 'mm'):.3f} mm")
         for tip_m in posterior.fit.own[:, 0].tolist()
     )
-    said = (
+    words = (
         "no force was measured: E was learned by a monitor, from the shape of dents"
         " beside the IOP"
     )
     recording = UsedRecording(
-        path=path, sha256="", zero_n=0.0, drift_n_per_s=0.0, doubts=(said,)
+        path=path,
+        sha256="",
+        zero_n=0.0,
+        drift_n_per_s=0.0,
+        remarks=(Remark("modulus-from-shape", words, ("modulus",)),),
     )
     own = posterior.calibration(eye, [recording], frames)
     own = replace(

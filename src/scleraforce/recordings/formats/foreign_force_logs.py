@@ -29,12 +29,15 @@ from scleraforce.recordings.frame_and_force_tables import (
     FORCE_COLUMNS,
     GROUPED,
     PLAIN_NUMBERS,
+    WITHOUT_FORCE,
     ForceLog,
     TextTable,
     number,
 )
+from scleraforce.records.remark import Remark
 
 PLUS = "+"  # between the two columns of one time
+MENDED = "log-mended"  # the remark on how a log was read
 STATUS = "status"  # our name of such a column
 # How a column is read: ATI's status word, a flag of faults, a flag of validity. "any":
 # all samples are taken.
@@ -84,7 +87,7 @@ def _status_meaning(name: str, others: Sequence[str]) -> str | None:
 
 def _faulty_samples(
     text: TextTable, column: "LogColumn"
-) -> tuple[Flags, tuple[str, ...]]:
+) -> tuple[Flags, tuple[Remark, ...]]:
     name = column.name
     meaning = column.unit
     none = np.zeros(len(text.lines), dtype=bool)
@@ -99,9 +102,8 @@ def _faulty_samples(
     codes = {str(value): _code(str(value), in_hex) for value in values}
     if any(isinstance(code, float) for code in codes.values()):
         # a measured quantity, like the error of a position
-        return none, (
-            f"{name}: not taken for the sensor's status, because it has fractions",
-        )
+        words = f"{name}: not taken for the sensor's status, because it has fractions"
+        return none, (Remark(MENDED, words),)
 
     faulty = np.array([_is_faulty(code, meaning) for code in codes.values()])[index]
     count = int(faulty.sum())
@@ -118,17 +120,18 @@ def _faulty_samples(
             f"{count} of {len(faulty)} samples are flagged by the sensor and have no"
             " force"
         )
-        return faulty, (f"{flagged}; the first is {found}",)
+        words = f"{flagged}; the first is {found}"
+        return faulty, (Remark(WITHOUT_FORCE, words),)
 
     harmless = ", ".join(
         value for value, code in codes.items() if meaning == ATI and code
     )
-    note = (
+    words = (
         f"{name}: {harmless}: a summary or the user's own threshold, without a fault;"
         " its forces are kept"
     )
 
-    return faulty, (note,) if harmless else ()
+    return faulty, (Remark(MENDED, words),) if harmless else ()
 
 
 def _code(text: str, in_hex: bool) -> int | float | str:
@@ -503,18 +506,19 @@ def read_force_text(
         text.path, [*answered, *flags], text.names
     )
     text, time_s, wrench_sc = _read_rows(text, time, forces, given)
-    notes = [*text.notes, *_overruled(by_header, given)]
-    notes += frame_and_force_tables.gap_notes(text.path, wrench_sc)
+    remarks = [Remark(MENDED, words) for words in text.notes]
+    remarks += _overruled(by_header, given)
+    remarks += frame_and_force_tables.gap_remarks(text.path, wrench_sc)
 
     for column in flags:
-        faulty, said = _faulty_samples(text, column)
+        faulty, of_status = _faulty_samples(text, column)
         wrench_sc = np.where(faulty[:, None], np.nan, wrench_sc)
-        notes += said
+        remarks += of_status
 
-    time_s, said = log_clocks.mended_times(time_s, text.place, time.factor)
-    log = ForceLog(
-        time_s, wrench_sc, tuple(column.ours for column in forces), (*notes, *said)
-    )
+    time_s, mended = log_clocks.mended_times(time_s, text.place, time.factor)
+    remarks += [Remark(MENDED, words) for words in mended]
+    names = tuple(column.ours for column in forces)
+    log = ForceLog(time_s, wrench_sc, names, tuple(remarks))
     return frame_and_force_tables.checked_samples(
         log, text.path, text.place, _range_n(text)
     ), (
@@ -846,7 +850,7 @@ def _flagged(text: TextTable, given: Sequence[LogColumn]) -> tuple[LogColumn, ..
 
 def _overruled(
     by_header: Sequence[LogColumn], given: Sequence[LogColumn]
-) -> tuple[str, ...]:
+) -> tuple[Remark, ...]:
     pairs = [
         (said, own)
         for said in given
@@ -859,9 +863,12 @@ def _overruled(
         if not np.isclose(own.factor, said.factor, rtol=1e-9)
     ]
 
-    return tuple(
+    sentences = (
         f"{a.name}: read in {a.unit} (`columns`), where the log states {b.unit}"
         for a, b in differ
+    )
+    return tuple(
+        Remark("source-contradicted", words, ("columns",)) for words in sentences
     )
 
 

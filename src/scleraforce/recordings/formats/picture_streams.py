@@ -24,6 +24,7 @@ from scleraforce.recordings.formats.pixels_without_value import (
     PictureValues,
 )
 from scleraforce.records.frame import Pixels
+from scleraforce.records.remark import Remark
 
 if TYPE_CHECKING:
     from lzma import LZMADecompressor
@@ -179,6 +180,23 @@ class GreyMap:
     def lost(self) -> int:
         """The number of pixels without a value."""
         return sum(self.without.values())
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """What became of the pixels, if they are not the counts."""
+        found = []
+        if self.scaled:
+            found.append(
+                f"pixels of {self.low:.6g} to {self.high:.6g} became counts of 0 to"
+                f" {TOP}"
+            )
+        elif self.low:
+            found.append(
+                f"{-self.low:g} was added to all pixels, so that the smallest is 0"
+            )
+        if self.lost:
+            found.append(self.words)
+        return tuple(Remark("pixels-scaled", words) for words in found)
 
     @property
     def words(self) -> str:

@@ -39,6 +39,7 @@ from scleraforce.recordings.formats.picture_streams import (
     check_image_size,
 )
 from scleraforce.recordings.frame_and_force_tables import FORCE_COLUMNS, ForceLog
+from scleraforce.records.remark import Remark
 
 # Types of a sample by sensor_msgs/Image's encoding; colours have 3 or 4 of one byte.
 GREYS = {
@@ -529,7 +530,7 @@ def _log(
         time_s,
         wrench_sc[order][:, measured],
         columns,
-        tuple(f"{path}: {topic}: {note}" for note in notes),
+        tuple(Remark("log-mended", f"{path}: {topic}: {note}") for note in notes),
     )
 
 
@@ -559,5 +560,5 @@ def joined_logs(logs: Sequence[tuple[Path, ForceLog]]) -> tuple[Path, ForceLog]:
         np.concatenate([log.time_s for log in each]),
         np.concatenate([log.wrench_sc for log in each]),
         each[0].columns,
-        tuple(note for log in each for note in log.notes),
+        tuple(remark for log in each for remark in log.remarks),
     )
