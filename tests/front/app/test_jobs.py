@@ -490,10 +490,20 @@ def test_an_import_gives_what_the_command_prints(
 ) -> None:
     stack = np.random.default_rng(0).integers(0, 4096, (5, 32, 48), dtype=np.uint16)
     tifffile.imwrite(tmp_path / "scan.tif", stack, photometric="minisblack")
+    time_s = np.arange(0.0, 3.0, 0.01)
+    log = np.column_stack([time_s, 0.02 * np.sin(time_s) ** 2])
+    np.savetxt(
+        tmp_path / "log.csv", log, "%.4f", ",", header="time_s,pull", comments=""
+    )
     more = {"width_mm": 15.0, "depth_mm": 4.0, "bits": 12, "rate_hz": 2.0}
-    given = options | more
+    more |= {"clock_offset_s": 0, "axis": "fz", "contact_sign": "1", "average_s": 0.1}
     job = ended(
-        tmp_path, command="import", operands=["scan.tif"], out="ours", options=given
+        tmp_path,
+        command="import",
+        operands=["scan.tif", "log.csv"],
+        out="ours",
+        options=options | more,
+        columns=["fz=pull:N"],
     )
     if not options:
         assert job.fault is not None

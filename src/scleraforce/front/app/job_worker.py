@@ -43,6 +43,7 @@ from scleraforce.front.app.job_messages import (
     Noted,
     Progressed,
 )
+from scleraforce.front.app.source_views import given_answers
 from scleraforce.recordings.import_sources import OPTION
 from scleraforce.records.eye import Eye
 
@@ -67,16 +68,11 @@ def finished(job: Job, send: Send, worded: Worded) -> Finished:
 
 
 def _imported(job: ImportJob, send: Send) -> Finished:
-    given = {
-        name: OPTION
-        for name, value in vars(job.options).items()
-        if value not in (None, False, ())
-    }
     request = ImportRequest(
         sources=[Path(source) for source in job.sources],
         out=Path(job.out),
         answers=job.options,
-        origins=given,
+        origins=dict.fromkeys(given_answers(job.options), OPTION),
         planes=job.planes,
     )
     done = write_imported(request, _counting(send))

@@ -68,6 +68,21 @@ GATHERED = (
 TABLES = 4  # of logs, kept in memory
 SEEN_FRAMES = 100  # of a long recording, for the curve of the dent
 
+
+def given_answers(answers: ImportOptions) -> list[str]:
+    """Return the names of the options that are given, of an offset of 0, too.
+
+    >>> given_answers(ImportOptions(clock_offset_s=0, eye="mine"))
+    ['clock_offset_s', 'eye']
+    """
+    values = {field.name: getattr(answers, field.name) for field in fields(answers)}
+    return [
+        name
+        for name, value in values.items()
+        if value is not None and value is not False and value != ()
+    ]
+
+
 Planes = Sequence[Plane | None]  # one for each source
 
 
@@ -111,11 +126,7 @@ class Sources:
             greys = find_greys(
                 islice(scan.pictures(), 1), answers.grey_range, scan.names[0]
             )
-            given = {
-                name: OPTION
-                for name in ANSWERS
-                if getattr(answers, name) not in (None, False)
-            }
+            given = dict.fromkeys(given_answers(answers), OPTION)
             stated, missing = open_questions(found, greys, answers, given)
         except UnansweredError as fault:
             return {
