@@ -406,7 +406,7 @@ def test_wrong_classes_and_missed_intervals_are_marked_apart(
         page.set_default_timeout(LONG_MS)
         expect.set_options(timeout=LONG_MS)
         held = list[Route]()
-        page.route("**/api/state*", held.append, times=1)
+        page.route("**/api/state*", lambda route: held.append(route), times=1)
         with page.expect_request("**/api/state*"):
             page.goto(
                 f"http://127.0.0.1:{client.port}/?token={TOKEN}", wait_until="commit"
