@@ -410,6 +410,7 @@ IMPORT_VALUES = {
     "axis": "fz",
     "contact_sign": "-1",
     "average_s": 0.5,
+    "range_n": 2.0,
     "image_topic": "/a",
     "force_topic": "/b",
     "by_arrival": True,

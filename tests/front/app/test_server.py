@@ -2,6 +2,7 @@
 folder.
 """
 
+import json
 import os
 import shutil
 import socket
@@ -41,6 +42,7 @@ from scleraforce.recordings.drawn_walls import RecordedWalls, remove_wall, write
 from scleraforce.recordings.formats.image_files import read_frame
 from scleraforce.recordings.recording_folder import check_alone, read_recording
 from scleraforce.records.model_folder import SHIPPED_READER
+from scleraforce.records.remark import Remark
 
 
 @pytest.fixture(scope="module")
@@ -507,17 +509,16 @@ def test_a_frame_is_read_by_a_model_of_the_folder(folder: Path, app: Client) -> 
     shutil.rmtree(folder / "reader")
 
 
-def test_what_an_import_noted_stays_with_its_recording(tmp_path: Path) -> None:
+def test_what_an_import_remarked_stays_with_its_recording(tmp_path: Path) -> None:
     recording = write_small_recording(tmp_path / "small", frames=1)
     views = RecordingViews()
-    assert views.summary(recording)["imported"] == {"notes": [], "remarks": []}
-    (recording / "import.json").write_text('{"notes": ["`width_m` was answered"]}')
-    noted = views.summary(recording)["imported"]
-    assert noted["notes"] == ["`width_m` was answered"]
-    assert [remark["code"] for remark in noted["remarks"]] == ["earlier-version"]
+    assert views.summary(recording)["imported"] == []
+    remark = Remark("clock-found", "clock offset 0 s", ("clock_offset_s",)).to_dict()
+    (recording / "import.json").write_text(json.dumps({"remarks": [remark]}))
+    assert views.summary(recording)["imported"] == [remark]
     (recording / "import.json").write_text("damaged")
-    (fault,) = views.summary(recording)["imported"]["notes"]
-    assert "import.json" in fault
+    assert views.summary(recording)["imported"] == []
+    assert "import.json" in views.summary(recording)["notes"][0]
 
 
 @pytest.mark.parametrize(

@@ -25,11 +25,9 @@ from scleraforce.reading.reading_models import Reader
 from scleraforce.recordings.drawn_walls import frame_file_digest
 from scleraforce.recordings.forces_under_frames import contact_force, label_frames
 from scleraforce.recordings.frame_and_force_tables import FrameEntry
-from scleraforce.recordings.import_record import read_import_record
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.frame import NO_WALL, NOT_JUDGED, WALL, Pixels
 from scleraforce.records.model_folder import RECORD_FILE
-from scleraforce.records.remark import sentences
 from scleraforce.records.study import ClassesStudy
 from scleraforce.wall.wall import Segmentation
 
@@ -148,7 +146,8 @@ class RecordingViews:
         raise InputError(f"{path.name}: no frame {file}")
 
     def summary(self, path: Path) -> dict[str, Any]:
-        """Return size, frames with times and labels, and force curve of a recording.
+        """Return size, frames with times and labels, force curve, and what the import
+        of a recording remarked.
 
         What limits its answers is among the remarks of each.
         """
@@ -156,6 +155,11 @@ class RecordingViews:
         info = recording.info
         log = recording.forces
         notes = list[str]()
+        imported = list[dict[str, Any]]()
+        try:
+            imported = [remark.to_dict() for remark in recording.remarks]
+        except RecordingError as fault:  # a damaged import.json
+            notes.append(str(fault))
 
         try:
             trials = label_frames(recording, ClassesStudy()) if log is not None else ()
@@ -191,7 +195,7 @@ class RecordingViews:
                 ),
                 "log": force,
                 "notes": notes,
-                "imported": import_notes(path),
+                "imported": imported,
                 "corrected": [file for file in files if PurePath(file).stem in drawn],
             }
         )
@@ -232,20 +236,6 @@ class RecordingViews:
             "frames": [each.file for each in frames],
             "draft": read_draft(recording, file),
         }
-
-
-def import_notes(path: Path) -> dict[str, Any]:
-    """Return the notes and remarks of a recording's import; where its import.json
-    cannot be read, the fault.
-    """
-    try:
-        remarks = read_import_record(path).all_remarks
-    except RecordingError as fault:
-        return {"notes": [str(fault)], "remarks": []}
-    return {
-        "notes": list(sentences(remarks)),
-        "remarks": [remark.to_dict() for remark in remarks],
-    }
 
 
 def write_draft(recording: Recording, file: str, drawn: dict[str, Any]) -> None:

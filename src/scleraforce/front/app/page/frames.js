@@ -83,7 +83,7 @@ async function open(name, at) {
   inside.style.width = `${WIDE * chosen.summary.files.length}px`;
   inside.style.height = "78px";
   inside.replaceChildren();
-  const items = remarkItems(summary.imported);
+  const items = remarkItems({ remarks: summary.imported });
   element("imported").hidden = !items.length;
   element("import-remarks").replaceChildren(...items);
   await turn(Math.max(0, at ? chosen.summary.files.indexOf(at) : 0));
@@ -149,7 +149,7 @@ function words() {
   write("verdict", answer.usable ? `${source}${known}${dent}${thick}` : `${source}Not usable: ${answer.reason}`);
   element("verdict").classList.toggle("refused", !answer.usable);
   write("read-by", byWords());
-  element("frame-notes").replaceChildren(...remarkItems({ remarks: answer.remarks, notes: [...answer.warnings, ...chosen.summary.notes] }));
+  element("frame-notes").replaceChildren(...remarkItems({ remarks: answer.remarks, notes: chosen.summary.notes }));
   element("key-needle").hidden = !answer.needle;
   element("key-unseen").hidden = !draft?.unseen.size;
 }

@@ -15,6 +15,7 @@ const FIELDS = {
   times: ["Table of the frames' times, instead of a rate", [""]],
   frames_by: ["Frames in files of their own go by", ["", "numbers", "times", "times:s", "times:ms", "times:us", "times:ns", "order"]],
   axis: ["Axis of the force along the needle", ["", "fx", "fy", "fz"]],
+  range_n: ["Largest force that the sensor measures, N", "number"],
   contact_sign: ["Sign of that axis in contact", ["", "1", "-1"]],
   clock_offset_s: ["Force log's clock minus the frames', s", "number"],
   first_frame: ["First frame", "number"],

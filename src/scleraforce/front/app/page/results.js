@@ -24,6 +24,7 @@ export function fill({ recordings, calibrations, models }) {
   choices("read-model", ["default", ...models.map(({ name }) => `./${name}`)]);
   choices("read-calibration", ["", ...calibrations.map(({ name }) => name)]);
   words();
+  for (const step of ["calibrate", "read"]) if (!element(step).hidden) show(step);
 }
 
 function choices(id, names) {
@@ -64,16 +65,20 @@ for (const id of ["calibrate-frames", "without-force", "calibrate-out", "read-mo
 element("without-force").addEventListener("input", (event) => (element("calibrate-frames").disabled = event.target.checked));
 const SHOWN = { calibrate: calibrated, read: answers };
 
+const looks = { calibrate: 0, read: 0 }; // a number for each look at a result: late answers are dropped
+
 // Shows the last result of this folder, also after a reload.
 const last = told(async (step) => {
+  const mine = (looks[step] += 1);
   const found = await get("result", { command: step === "read" ? "evaluate" : step });
-  if (!found) return;
-  const box = element(`${step}-result`);
-  box.replaceChildren(made("p", { class: "soft" }, `${found.time_utc.slice(0, 16).replace("T", " ")} UTC: ${found.command}`));
+  if (!found || mine !== looks[step]) return;
+  const box = made("div", {}, made("p", { class: "soft" }, `${found.time_utc.slice(0, 16).replace("T", " ")} UTC: ${found.command}`));
+  element(`${step}-result`).replaceChildren(box);
   await SHOWN[step](box, found.result, found.rows);
 });
 
-export const show = (step) => element(`${step}-result`).childElementCount || last(step);
+// A step may be clicked before the folder is known, which `fill` then shows.
+export const show = (step) => state.folder === undefined || element(`${step}-result`).childElementCount || last(step);
 
 for (const step of ["calibrate", "read"]) {
   const ended = () => {
