@@ -57,7 +57,6 @@ from scleraforce.recordings.recording_folder import (
     RecordedFile,
     Recording,
     read_recording,
-    recorded_file,
 )
 from scleraforce.records.calibration_file import CalibrationSummary, read_calibration
 from scleraforce.records.eye import Eye
@@ -341,8 +340,8 @@ def _answers(
     """Return the answers to moments, in their order."""
     answers = list[Answer]()
     with counting("frames", len(moments)) as advance:
-        for moment in sequence.timed(moments):
-            answers.append(_answer(sequence.read(moment)))
+        for moment, files in sequence.timed(moments):
+            answers.append(_answer(sequence.read(moment, files)))
             advance(1)
 
     return Answers(tuple(answers))
@@ -511,23 +510,27 @@ class SequenceReader:
         self._eyes = dict[tuple[Path | None, Setup], EyeReader]()
         self._memories = dict[Path | None, Memory]()
 
-    def timed(self, moments: Sequence[Moment]) -> Iterator[Moment]:
+    def timed(
+        self, moments: Sequence[Moment]
+    ) -> Iterator[tuple[Moment, Sequence[Located]]]:
         """Yield moments with the times that their recordings list, where several of a
-        recording are read.
+        recording are read, and with their files.
 
         A single one has no time: what was before it is not known.
         """
-        listed = [_listed(moment) for moment in moments]
-        count = Counter(file.recording for file in listed if file is not None)
-        for moment, file in zip(moments, listed, strict=True):
-            follows = file is not None and count[file.recording] > 1
-            if file is not None and follows and moment.time_s is None:
-                yield replace(moment, time_s=file.time_s)
-            else:
-                yield moment
+        each = [
+            [located(frame.pixels) for frame in moment.frames] for moment in moments
+        ]
+        count = Counter(_recording_of(files[0]) for files in each)
+        for moment, files in zip(moments, each, strict=True):
+            first = files[0]
+            time_s = first.time_s if isinstance(first, RecordedFile) else None
+            if moment.time_s is None and count[_recording_of(first)] > 1:
+                moment = replace(moment, time_s=time_s)
+            yield moment, files
 
     def read(
-        self, moment: Moment, files: "Sequence[RecordedFile] | None" = None
+        self, moment: Moment, files: Sequence[Located] | None = None
     ) -> list[FrameReading]:
         """Read the frames of a moment together; return each answer with its inputs.
         `files`: the frames', where they have been located before.
@@ -669,15 +672,6 @@ def _scan_of(opened: OpenedFrame, declared: Scan) -> Scan:
         return replace(scan, rows=rows, columns=columns)
     except StudyError:
         return scan
-
-
-def _listed(moment: Moment) -> RecordedFile | None:
-    """Return the first file of a moment, if its recording lists it."""
-    source = moment.frames[0].pixels
-    if not isinstance(source, str | PathLike):
-        return None
-    file = recorded_file(Path(source))
-    return None if file.entry is None else file
 
 
 def _recording_of(frame: Located) -> Path | None:
