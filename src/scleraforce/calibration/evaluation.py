@@ -593,6 +593,8 @@ class _EvaluatedRecording:
 
         for entries in recording.moments:
             moment = recorded_moment(recording, entries)
+            if not self.stated:  # but found in the log, which the readings do not know
+                moment = replace(moment, pierced=None)
             answers, memory = self.eye_reader.read(moment, memory)
             calibrates = bool(digests) and any(
                 frame_digest(frame.pixels) in digests for frame in moment.frames
@@ -712,4 +714,5 @@ def recorded_moment(
         first.held_s,
         first.iop_pa,
         first.travel_m,
+        first.pierced,
     )

@@ -5,8 +5,8 @@ the files of models. Imports `fit` and the rows below it.
 
 Public:
     answer: `Answer`, `Answers`, `Reading`, `fit_reading`, `unusable_answer`
-    eye_reader: `EyeReader`, `Memory`, `MomentFrame`, `OpenedMoment`, `other_eye`,
-        `warming_frame`
+    eye_reader: `OF_POPULATION`, `EyeReader`, `Memory`, `MomentFrame`, `OpenedMoment`,
+        `check_mechanics`, `other_eye`, `warming_frame`
     force_network: `CONTACT`, `ForceNetwork`, `GIVEN`, `GIVEN_INPUT`, `GivenEyes`,
         `HISTOGRAM`, `SLICES`, `given_inputs`, `given_modulus`, `histogram_reading`,
         `ratio_edges`

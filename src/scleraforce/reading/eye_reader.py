@@ -97,7 +97,8 @@ class OpenedMoment:
     `time_s`: on a clock that all moments share, None of a single one, whose history is
     not known. `held_s`: time since the needle's push, None: not known. `iop_pa`:
     pressure at rest at this moment, None: the eye's. `travel_m`: the needle's travel
-    along its axis, None: not known.
+    along its axis, None: not known. `pierced`: whether the needle had gone through the
+    wall, None: nobody says.
     """
 
     frames: tuple[MomentFrame, ...]
@@ -106,6 +107,7 @@ class OpenedMoment:
     held_s: float | None = None
     iop_pa: float | None = None
     travel_m: float | None = None
+    pierced: bool | None = None
 
     @property
     def planes(self) -> tuple[Plane, ...]:
@@ -115,15 +117,17 @@ class OpenedMoment:
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """What the moments so far tell of the next one; made by `EyeReader.start` alone.
+    """What the moments so far tell of the next one; `EyeReader` makes and reads it.
 
-    `forces`: times, s, and forces, N, of the last moments. `dents`: their elastic
-    forces. `punctures_s`: when the force fell as nothing but a puncture explains. In a
-    monitor the decision follows the trend, and these three stay empty.
+    `time_s`: of the last moment that could be judged, None before it. `forces`: times,
+    s, and forces, N, of the last moments. `dents`: their elastic forces. `punctures_s`:
+    when the force fell as nothing but a puncture explains. In a monitor the decision
+    follows the trend, and the last three stay empty.
     """
 
     tissue: TissueMemory
     leak: Leak
+    time_s: float | None = None
     forces: tuple[tuple[float, float], ...] = ()
     dents: tuple[DentForce, ...] = ()
     punctures_s: tuple[float, ...] = ()
@@ -162,12 +166,8 @@ class EyeReader:
         foreign = None
         if calibration is not None:
             eye = _name_of(setup.eye, calibration)
+            check_mechanics(calibration, model)
             reads_force = model.fixed_modulus_pa is None
-            if reads_force and calibration.mechanics == "linear":
-                raise CalibrationError(
-                    f"{calibration.path}: mechanics: linear; {model.path} reads with"
-                    " finite strain: calibrate with `mechanics=finite-strain`"
-                )
             setup = known_of_eye(setup, calibration, eye)
             words = foreign_modulus(calibration, eye) if reads_force else None
             if words is not None:
@@ -259,8 +259,14 @@ class EyeReader:
         """Return an answer for each frame of a moment, and the memory after it.
 
         The frames of several planes are read by one fit, and each has the force of all.
-        Errors are those of `Reader.read`.
+        A moment before the last one begins a new sequence. Errors are those of
+        `Reader.read`.
         """
+        before_s = memory.time_s
+        time_s = moment.time_s
+        goes_back = before_s is not None and time_s is not None and time_s < before_s
+        if goes_back and not memory.tissue.of_monitor:
+            memory = self.start()
         if len(moment.frames) == 1:
             return self._read(moment, memory)
 
@@ -295,7 +301,12 @@ class EyeReader:
         ]
         answers = tuple(answer for answer, _ in felt)
         after = Memory(
-            felt[0][1], leak, memory.forces, memory.dents, memory.punctures_s
+            felt[0][1],
+            leak,
+            moment.time_s if answers[0].usable else memory.time_s,
+            memory.forces,
+            memory.dents,
+            memory.punctures_s,
         )
         if memory.tissue.of_monitor:
             return answers, after
@@ -344,8 +355,6 @@ class EyeReader:
         if time_s is None or first.force_n is None or dent_n is None:
             return tuple(self._to_bound(one, None) for one in answers), memory
 
-        if memory.forces and time_s < memory.forces[-1][0]:  # another sequence
-            memory = replace(memory, forces=(), dents=())
         forces = (*memory.forces, (time_s, first.force_n))[-RISE_MOMENTS:]
         dents = (*memory.dents, DentForce(time_s, dent_n, moment.travel_m))[-DENTS:]
         memory = replace(memory, forces=forces, dents=dents)
@@ -354,7 +363,7 @@ class EyeReader:
 
         # a fall between held pushes, which nobody saw, is no puncture
         fall = unexplained_fall(dents, TREND)
-        if fall is None or not fall.pierced:
+        if fall is None or not fall.pierced or moment.pierced is False:
             return answers, memory
 
         remark = Remark(
@@ -379,12 +388,12 @@ class EyeReader:
 
     def _without_history(self, moment: OpenedMoment) -> tuple[Remark, ...]:
         """Return remarks on a single frame whose history matters."""
-        if moment.time_s is not None:
+        if moment.time_s is not None or not self.model.reads_force:
             return ()
 
         eye = self.setup.eye
         remarks = list[Remark]()
-        if eye.leak_time_s is not None:
+        if eye.leak_time_s is not None and moment.iop_pa is None:
             words = f"a single frame is read as if nothing had leaked; {IN_ORDER}"
             remarks.append(Remark("no-history", words, ("leak_time_s",)))
         relaxes = eye.relaxation is not None and eye.relaxation.matters
@@ -394,6 +403,17 @@ class EyeReader:
             )
             remarks.append(Remark("no-history", words, ("relaxation",)))
         return tuple(remarks)
+
+
+def check_mechanics(calibration: CalibrationSummary, model: Reader) -> None:
+    """Raise a `CalibrationError` for a calibration of linear mechanics, whose moduli
+    are no reader's.
+    """
+    if model.fixed_modulus_pa is None and calibration.mechanics == "linear":
+        raise CalibrationError(
+            f"{calibration.path}: mechanics: linear; {model.path} reads with finite"
+            " strain: calibrate with `mechanics=finite-strain`"
+        )
 
 
 def other_eye(
@@ -438,9 +458,11 @@ def warming_frame(
 
 
 def _at_pressure(eye: Eye, iop_pa: float) -> Eye:
-    """Return an eye at another pressure at rest, also as it was before learning."""
+    """Return an eye at another pressure at rest, as sure as its own; also as it was
+    before learning.
+    """
     unlearned = eye.unlearned and _at_pressure(eye.unlearned, iop_pa)
-    return replace(eye, iop_pa=iop_pa, iop_sd_pa=None, unlearned=unlearned)
+    return replace(eye, iop_pa=iop_pa, unlearned=unlearned)
 
 
 def _name_of(eye: Eye, calibration: CalibrationSummary) -> str:

@@ -5,6 +5,7 @@
 import csv
 import hashlib
 from collections.abc import Mapping
+from functools import lru_cache
 from io import StringIO
 from os import PathLike
 from pathlib import Path, PurePath
@@ -74,7 +75,7 @@ class RecordedWalls:
     def __init__(self, recording: Path) -> None:
         self._recording = recording
         self._table = recording / "walls.csv"
-        self._rows = _rows(self._table) if self._table.exists() else None
+        self._rows = _kept_rows(self._table) if self._table.exists() else None
         self._used = set[str]()
         self._stale = dict[str, str]()
 
@@ -172,6 +173,17 @@ def remove_wall(recording: Path, file: str) -> None:
                 if name != file
             },
         )
+
+
+def _kept_rows(table: Path) -> Mapping[str, list[str]]:
+    """Read walls.csv, again where it has changed: each frame of a recording asks."""
+    stat = table.stat()
+    return _read_rows(table, (stat.st_mtime_ns, stat.st_size, stat.st_ino))
+
+
+@lru_cache(maxsize=8)
+def _read_rows(table: Path, _: tuple[int, ...]) -> Mapping[str, list[str]]:
+    return _rows(table)
 
 
 def _rows(table: Path) -> dict[str, list[str]]:

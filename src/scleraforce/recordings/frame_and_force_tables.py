@@ -19,7 +19,12 @@ from scleraforce.base.errors import RecordingError, StudyError
 from scleraforce.base.whole_files import KINDS, FileKind, read_text
 from scleraforce.recordings.dead_sensor import no_values
 from scleraforce.records.decoder import Source, decode_record
-from scleraforce.records.fields import Unit, check_number, computed
+from scleraforce.records.fields import (
+    Unit,
+    allowed_bounds,
+    check_number,
+    computed,
+)
 from scleraforce.records.remark import Remark, sentences
 
 # any number of spaces is one separator
@@ -427,7 +432,7 @@ class FrameEntry:
     travel_m: float | None = computed(-1.0, 1.0, default=None)
     held_s: float | None = computed(0.0, LARGEST_TIME_S, default=None)
     plane: str | None = None
-    iop_pa: float | None = computed(1.0, 1e5, default=None)
+    iop_pa: float | None = computed(1.0, allowed_bounds("iop_pa").high, default=None)
 
     def __post_init__(self) -> None:
         path = PurePosixPath(self.file)

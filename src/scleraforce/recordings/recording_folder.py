@@ -324,7 +324,7 @@ def recorded_file(path: Path) -> RecordedFile:
     info = read_info(recording / "recording.toml")
     table = recording / "frames.csv"
     entry = None
-    if info.scan.planes or table.exists():
+    if info.scan.planes or os.path.lexists(table):
         entry = _listed(table, _stamp(table)).get(path.name)
 
     plane = None if entry is None else info.scan.named(entry.plane)
@@ -335,7 +335,7 @@ def recorded_file(path: Path) -> RecordedFile:
 
 def _stamp(path: Path) -> tuple[int, ...]:
     """Return numbers that change with a file; of a missing one none."""
-    if not path.exists():
+    if not path.exists():  # reading it says why
         return ()
     stat = path.stat()
     return stat.st_mtime_ns, stat.st_size, stat.st_ino

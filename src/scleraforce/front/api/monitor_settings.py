@@ -14,6 +14,7 @@ from scleraforce.base.errors import InputError
 from scleraforce.live.decision.limits import MonitorLimits
 from scleraforce.live.monitor import MonitorSettings
 from scleraforce.live.monitor_request import MonitorRequest, StatedLimits
+from scleraforce.reading.eye_reader import check_mechanics
 from scleraforce.reading.load_model import load_reader, suited_reader
 from scleraforce.reading.reading_models import Reader
 from scleraforce.reading.trained_ranges import READER
@@ -53,7 +54,7 @@ def prepare_monitor(request: MonitorRequest) -> tuple[Reader, MonitorSettings]:
         )
 
     _refuse_unused(request)
-    setup, other_modulus = _with_calibration(request)
+    setup, other_modulus = _with_calibration(request, asked)
     if request.resume is not None and not request.learn_eye:
         raise InputError("`resume`: needs `learn_eye`")
     if request.learn_eye:
@@ -145,7 +146,9 @@ def _refuse_unused(request: MonitorRequest) -> None:
         )
 
 
-def _with_calibration(request: MonitorRequest) -> tuple[Setup, list[Remark]]:
+def _with_calibration(
+    request: MonitorRequest, reader: Reader
+) -> tuple[Setup, list[Remark]]:
     """Return the experiment with what the calibration found of the eye, and a remark
     if that is not the eye's own.
     """
@@ -158,12 +161,15 @@ def _with_calibration(request: MonitorRequest) -> tuple[Setup, list[Remark]]:
 
     check_calibrated(setup, calibrated=True)
     summary = read_calibration(request.calibration)
+    check_mechanics(summary, reader)
     eye = setup.eye.name
     if eye is None:
         raise InputError(f"`eye`: missing; {choice_of_eye(summary)}")
 
     foreign = foreign_modulus(summary, eye)
-    remarks = [] if foreign is None else [Remark("population-modulus", foreign)]
+    remarks = (
+        [] if foreign is None else [Remark("population-modulus", foreign, ("modulus",))]
+    )
     return known_of_eye(setup, summary, eye), remarks
 
 

@@ -7,7 +7,7 @@ is given that is not a file.
 
 import getpass
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -43,6 +43,7 @@ from scleraforce.front.api.shorthand import (
 )
 from scleraforce.reading.answer import Answer, Answers
 from scleraforce.reading.eye_reader import (
+    OF_POPULATION,
     EyeReader,
     Memory,
     MomentFrame,
@@ -53,6 +54,7 @@ from scleraforce.reading.load_model import load_reader, opened_reader
 from scleraforce.reading.reading_models import Reader
 from scleraforce.recordings import recording_folder
 from scleraforce.recordings.drawn_walls import drawn_mask, write_wall
+from scleraforce.recordings.frame_and_force_tables import FrameEntry
 from scleraforce.recordings.recording_folder import (
     RecordedFile,
     Recording,
@@ -338,13 +340,13 @@ def _answers(
     sequence: "SequenceReader", moments: Sequence[Moment], counting: Counting
 ) -> Answers:
     """Return the answers to moments, in their order."""
-    answers = list[Answer]()
+    answers = dict[int, Answer]()
     with counting("frames", len(moments)) as advance:
-        for moment, files in sequence.timed(moments):
-            answers.append(_answer(sequence.read(moment, files)))
+        for number, moment, files in sequence.in_time(moments):
+            answers[number] = _answer(sequence.read(moment, files))
             advance(1)
 
-    return Answers(tuple(answers))
+    return Answers(tuple(answers[number] for number in range(len(moments))))
 
 
 def _answer(readings: Sequence[FrameReading]) -> Answer:
@@ -353,20 +355,23 @@ def _answer(readings: Sequence[FrameReading]) -> Answer:
     """
     first = readings[0]
     wall = first.answer.segmentation
+    # the eye's remark on its modulus says more
+    own = (remark for remark in first.answer.remarks if remark != OF_POPULATION)
     return replace(
         first.answer,
-        remarks=(*first.answer.remarks, *first.remarks),
+        remarks=(*own, *first.remarks),
         segmentation=wall and replace(wall, pixels=first.frame.pixels),
     )
 
 
 def _is_sequence(frame: Any) -> TypeGuard[Sequence[Moment]]:
     """Return whether moments are given, one after the other."""
-    return (
-        isinstance(frame, list | tuple)
-        and len(frame) > 0
-        and all(isinstance(one, Moment) for one in frame)
-    )
+    if not isinstance(frame, list | tuple) or not frame:
+        return False
+    moments = sum(isinstance(one, Moment) for one in frame)
+    if 0 < moments < len(frame):
+        raise InputError("frame: moments among frames; make each frame a Moment")
+    return moments > 0
 
 
 def _moment(frame: Any, mask: Mask | Sequence[Mask] | None) -> Moment:
@@ -510,24 +515,27 @@ class SequenceReader:
         self._eyes = dict[tuple[Path | None, Setup], EyeReader]()
         self._memories = dict[Path | None, Memory]()
 
-    def timed(
+    def in_time(
         self, moments: Sequence[Moment]
-    ) -> Iterator[tuple[Moment, Sequence[Located]]]:
-        """Yield moments with the times that their recordings list, where several of a
-        recording are read, and with their files.
+    ) -> Iterator[tuple[int, Moment, Sequence[Located]]]:
+        """Yield moments in the order of their times, each with its place in the list
+        and its files.
 
-        A single one has no time: what was before it is not known.
+        Moments without a time have that of their recording, where several of it are
+        read. A single one has none: what was before it is not known.
         """
         each = [
             [located(frame.pixels) for frame in moment.frames] for moment in moments
         ]
-        count = Counter(_recording_of(files[0]) for files in each)
-        for moment, files in zip(moments, each, strict=True):
-            first = files[0]
-            time_s = first.time_s if isinstance(first, RecordedFile) else None
-            if moment.time_s is None and count[_recording_of(first)] > 1:
-                moment = replace(moment, time_s=time_s)
-            yield moment, files
+        followed = followed_recordings(files[0] for files in each)
+        timed = [
+            replace(moment, time_s=listed_time(files[0], followed))
+            if moment.time_s is None
+            else moment
+            for moment, files in zip(moments, each, strict=True)
+        ]
+        for number in sorted(range(len(timed)), key=lambda n: timed[n].time_s or 0.0):
+            yield number, timed[number], each[number]
 
     def read(
         self, moment: Moment, files: Sequence[Located] | None = None
@@ -547,16 +555,17 @@ class SequenceReader:
         first = opened[0]
         stated = NOTHING_KNOWN if first.info is None else first.info.setup
         eye = self._eye_of(frames[0], first, given.completed_by(stated))
-        moment = _completed(moment, frames[0], given.eye)
-        if moment.held_s is not None and eye.setup.eye.relaxation is None:
+        needs_hold = eye.setup.eye.relaxation or eye.setup.eye.leak_time_s
+        if moment.held_s is not None and needs_hold is None:
             way = "give a calibration, or relaxation in recording.toml"
             raise InputError(f"held_s: nothing says how the tissue relaxes; {way}")
 
-        of_pixels = "pixels-scaled" if first.info is None else "picture-read"
-        remarks = [
-            *self._ignored_inputs(),
-            *(Remark(of_pixels, note) for note in first.notes),
-        ]
+        moment = _completed(moment, frames[0], given.eye)
+        remarks = list(self._ignored_inputs())
+        for file, one in zip(frames, opened, strict=True):
+            code = "picture-read" if isinstance(file, RecordedFile) else "pixels-scaled"
+            remarks += (Remark(code, note) for note in one.notes)
+
         of_eye = eye.at(moment.iop_pa).remarks
         about = _recording_of(frames[0]) or place_of(frames[0])
         remarks += (remark.on(about) for remark in of_eye)
@@ -575,9 +584,12 @@ class SequenceReader:
                 )
                 plane = planes[number] if planes else None
                 read.append(MomentFrame(one.pixels, plane, wall))
-                remarks += of_wall
+                remarks += (remark.on(place_of(frames[number])) for remark in of_wall)
 
             answers = self._answers(eye, frames[0], moment, tuple(read), first.scale)
+
+        # the moment's own remarks, once
+        remarks = list(dict.fromkeys(remarks))
 
         if self._calibration is not None and eye.setup.eye.name is not None:
             remarks += other_eye(answers[:1], self._calibration, eye.setup.eye.name)
@@ -639,6 +651,7 @@ class SequenceReader:
         scale: PixelScale,
     ) -> tuple[Answer, ...]:
         """Read a moment with the memory of its recording, and keep it."""
+        entry = _entry_of(frame)
         opened = OpenedMoment(
             frames,
             scale,
@@ -646,6 +659,7 @@ class SequenceReader:
             moment.held_s,
             moment.iop_pa,
             moment.travel_m,
+            None if entry is None else entry.pierced,
         )
         if moment.time_s is None:
             answers, _ = eye.read(opened, eye.start())
@@ -674,6 +688,31 @@ def _scan_of(opened: OpenedFrame, declared: Scan) -> Scan:
         return scan
 
 
+def followed_recordings(firsts: Iterable[Located]) -> frozenset[Path]:
+    """Return the recordings of which several listed moments are read, by the first
+    frame of each: these moments follow each other.
+    """
+    count = Counter(
+        frame.recording
+        for frame in firsts
+        if isinstance(frame, RecordedFile) and frame.entry is not None
+    )
+    return frozenset(
+        recording for recording, n in count.items() if recording is not None and n > 1
+    )
+
+
+def listed_time(frame: Located, followed: frozenset[Path]) -> float | None:
+    """Return the time of a frame in a recording that is followed; None of others."""
+    entry = _entry_of(frame)
+    is_followed = entry is not None and _recording_of(frame) in followed
+    return entry.time_s if entry is not None and is_followed else None
+
+
+def _entry_of(frame: Located) -> FrameEntry | None:
+    return frame.entry if isinstance(frame, RecordedFile) else None
+
+
 def _recording_of(frame: Located) -> Path | None:
     return frame.recording if isinstance(frame, RecordedFile) else None
 
@@ -682,7 +721,7 @@ def _completed(moment: Moment, frame: Located, declared: Eye) -> Moment:
     """Return a moment with what frames.csv states of it; a declared pressure takes
     precedence.
     """
-    entry = frame.entry if isinstance(frame, RecordedFile) else None
+    entry = _entry_of(frame)
     if entry is None:
         return moment
 

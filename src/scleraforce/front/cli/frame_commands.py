@@ -549,6 +549,8 @@ def read(
     from scleraforce.front.api.reading_frames import (
         SequenceReader,
         check_calibrated,
+        followed_recordings,
+        listed_time,
         summary_of_calibration,
     )
     from scleraforce.reading.answer import unusable_answer
@@ -587,15 +589,13 @@ def read(
             sf.load_model(model, wall_finder=wall_finder), setup, summary
         )
     )
-    recordings = Counter(files[0].recording for files in moments)
+    followed = followed_recordings(files[0] for files in moments)
 
     def answer(number: int) -> "list[FrameReading]":
         files = moments[number]
         for file in files:
             os.stat(file.path)  # a missing frame is reported before the model is loaded
 
-        first = files[0]
-        follows = recordings[first.recording] > 1
         moment = Moment(
             tuple(
                 Frame(
@@ -605,7 +605,7 @@ def read(
                 )
                 for file in files
             ),
-            time_s=first.time_s if follows else None,
+            time_s=listed_time(files[0], followed),
             held_s=held_s,
         )
         located = None if any(file.is_faulty for file in files) else files

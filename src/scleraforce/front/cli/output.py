@@ -77,8 +77,8 @@ class Command(click.Command):
             for line in report.lines:
                 say(line)
 
-        for one in report.faults:
-            fail(_by_options(str(one), ctx), 2)
+        for text in dict.fromkeys(str(one) for one in report.faults):
+            fail(_by_options(text, ctx), 2)
 
         if code := 2 if report.faults else report.code:
             raise click.exceptions.Exit(code)
