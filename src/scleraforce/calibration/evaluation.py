@@ -540,12 +540,14 @@ class _EvaluatedRecording:
 
     def remarks(self) -> Iterator[Remark]:
         """Yield remarks on the eye, its B-scans and its needle."""
-        pressures_pa = {entry.iop_pa for entry in self.recording.frames}
-        found = [
-            remark
-            for iop_pa in sorted(pressures_pa, key=lambda iop_pa: iop_pa or 0.0)
-            for remark in self.eye_reader.at(iop_pa).remarks
-        ]
+        pressures_pa = [entry.iop_pa for entry in self.recording.frames]
+        stated_pa = sorted(iop_pa for iop_pa in pressures_pa if iop_pa is not None)
+        found = list[Remark]()
+        if None in pressures_pa:
+            found += self.eye_reader.remarks
+        for iop_pa in stated_pa[:1] + stated_pa[-1:]:  # all others are between
+            found += self.eye_reader.at(iop_pa).remarks
+
         yield from dict.fromkeys(found)
         if self.recording.forces is None:
             words = "no forces.csv: its frames are read, but not scored"

@@ -144,6 +144,7 @@ class EyeReader:
             millisecond and of single frames.
         asked: the reader that was asked for. None: `model`.
         foreign: why the modulus is not the eye's own, although a calibration is given.
+        stated_pa: the pressure of moments that state another one than the eye's.
     """
 
     model: Reader
@@ -151,6 +152,7 @@ class EyeReader:
     by: Methods = "both"
     asked: Reader | None = None
     foreign: Remark | None = None
+    stated_pa: float | None = None
 
     @classmethod
     def of(
@@ -183,8 +185,8 @@ class EyeReader:
             remarks.append(
                 Remark(
                     "other-reader",
-                    f"read with the bundled reader {self.model.name}, which was trained"
-                    " for such eyes",
+                    f"{self._at_pressure}read with the bundled reader"
+                    f" {self.model.name}, which was trained for such eyes",
                 )
             )
 
@@ -206,7 +208,14 @@ class EyeReader:
             return self
         setup = replace(self.setup, eye=_at_pressure(self.setup.eye, iop_pa))
         model = suited_reader(self.asked or self.model, setup)
-        return replace(self, model=model, setup=setup)
+        return replace(self, model=model, setup=setup, stated_pa=iop_pa)
+
+    @property
+    def _at_pressure(self) -> str:
+        """Words for the frames of a stated pressure."""
+        if self.stated_pa is None:
+            return ""
+        return f"at {from_si(self.stated_pa, 'mmhg'):.3g} mmHg: "
 
     def with_eye(self, eye: Eye) -> "EyeReader":
         """Return the reader for the same eye as it is known now; this one, if the model

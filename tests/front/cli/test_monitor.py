@@ -321,8 +321,15 @@ def refused(folder: Path, monkeypatch: pytest.MonkeyPatch, shell):
     return refuse
 
 
-def test_a_session_that_cannot_be_served_is_refused_in_one_line(refused) -> None:
+def test_a_session_that_cannot_be_served_is_refused_in_one_line(
+    refused, tmp_path: Path
+) -> None:
+    of_mine = json.loads(Path("calibration.json").read_text())
+    linear = tmp_path / "linear.json"
+    linear.write_text(json.dumps({**of_mine, "mechanics": "linear"}))
+
     for options, words in (
+        (["--calibration", str(linear), "--eye", "mine"], "mechanics: linear"),
         (MINE[:2], "--eye: missing"),
         ([*MINE, "--youngs-modulus-mpa", "0.3"], "--youngs-modulus-mpa"),
         ([*MINE, "--stiffening", "3"], "--stiffening: the calibration gives"),

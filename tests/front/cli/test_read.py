@@ -386,3 +386,40 @@ def test_an_impossible_relaxation_is_refused_with_its_file_and_line(
     relaxing(frame, f"relaxation = {terms}")
     (entry,) = shell.json("read", model, frame, *MODULUS, code=2)["frames"]
     assert "recording.toml:3: eye.relaxation" in entry["error"]
+
+
+def test_what_frames_csv_states_of_a_frame_counts_and_a_fault_in_it_is_named_once(
+    frame: Path, shell
+) -> None:
+    table = frame.parents[1] / "frames.csv"
+    other = frame.with_name("2.png")
+    other.write_bytes(frame.read_bytes())
+    usual = shell.json("read", "default", frame, *MODULUS)["frames"][0]
+    table.write_text("file,time_s,iop_pa\n1.png,1.0,300.0\n")
+    (entry,) = shell.json("read", "default", frame, *MODULUS)["frames"]
+    assert entry["known"]["iop_mmhg"]["source"] == "frames.csv"
+    assert entry["known"]["iop_mmhg"]["value"] == pytest.approx(300.0 / 133.322387415)
+    assert entry["predicted_force_mn"] != usual["predicted_force_mn"]
+    declared = shell.json("read", "default", frame, *MODULUS, "--iop-mmhg", 2)[
+        "frames"
+    ][0]
+    assert declared["known"]["iop_mmhg"] == {"value": 2.0, "source": "option"}
+
+    # nothing needs the hold of elastic tissue
+    table.write_text("file,time_s,held_s\n1.png,1.0,3.0\n")
+    held = shell.json("read", "default", frame, *MODULUS)["frames"][0]
+    assert held["predicted_force_mn"] == usual["predicted_force_mn"]
+    assert "held-s" in shell.refused("read", "default", frame, *MODULUS, "--held-s", 3)
+
+    for text, words in (
+        ("file,time_s,iop_pa\n1.png,1.0,99999\n", "iop_pa: 99999 is above"),
+        ("file,time_s\n1.png,soon\n", "time_s"),
+    ):
+        table.write_text(text)
+        said = shell.refused("read", "default", frame, other)
+        assert str(table) in said
+        assert words in said
+
+    table.unlink()
+    table.symlink_to(frame.parent / "nowhere.csv")
+    assert "frames.csv" in shell.refused("read", "default", frame, *MODULUS)
