@@ -181,6 +181,9 @@ def test_an_impossible_frame_or_moment_is_refused(record: Any, words: str) -> No
         record()
 
 
+OF_FRAME = sf.Moment((sf.Frame(FRAME),))
+
+
 @pytest.mark.parametrize(
     ("value", "words"),
     [
@@ -196,12 +199,9 @@ def test_an_impossible_frame_or_moment_is_refused(record: Any, words: str) -> No
 def test_what_is_no_number_is_refused_where_a_frame_or_moment_has_one(
     field: str, value: object, words: str
 ) -> None:
-    values: Any = {field: value}
+    record = sf.Frame(FRAME) if field == "mask_sd_rows" else OF_FRAME
     with pytest.raises(InputError, match=f"^{field}: {words}"):
-        if field == "mask_sd_rows":
-            sf.Frame(FRAME, **values)
-        else:
-            sf.Moment((sf.Frame(FRAME),), **values)
+        replace(record, **{field: value})
 
 
 def test_the_time_of_a_hold_narrows_the_reading_of_tissue_that_relaxes() -> None:
