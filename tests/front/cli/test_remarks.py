@@ -357,6 +357,51 @@ def test_an_order_of_frames_is_not_taken_where_the_files_cannot_have_it(
     assert times_s == [step_s * nth for nth in range(len(times_s))]
 
 
+SCALE = ["--eye", "b", "--bits", 13, "--width-mm", 3, "--depth-mm", 1]
+
+
+@pytest.mark.parametrize(
+    ("given", "times_s"),
+    [((), [0.0, 1.5, 2.0]), (("--frames-by", "order", "--rate-hz", 2), [0, 0.5, 1.0])],
+)
+def test_times_in_names_are_of_the_laboratory_unless_an_option_says_otherwise(
+    tmp_path: Path, shell, given: tuple[object, ...], times_s: list[float]
+) -> None:
+    other = stated(tmp_path / "other")
+    (other / "import.json").write_text('{"answers": {"frames_by": "times:s"}}')
+    names = ("10.png", "11.5.png", "12.png")
+    files = write_frames(tmp_path / "frames", *names)
+    like = ["--like", other, *SCALE, "--out", tmp_path / "r"]
+    shell.json("import", files, *like, *given)
+    frames = sf.read_recording(tmp_path / "r").frames
+    assert [frame.time_s - frames[0].time_s for frame in frames] == times_s
+
+
+@pytest.mark.parametrize(
+    ("across", "is_taken"), [(("3.png", "7.png"), True), (("c.png", "d.png"), False)]
+)
+def test_planes_have_the_usual_order_where_the_files_of_all_allow_it(
+    tmp_path: Path, shell, across: tuple[str, str], is_taken: bool
+) -> None:
+    other = stated(tmp_path / "other")
+    (other / "import.json").write_text('{"answers": {"frames_by": "numbers"}}')
+    along = ("3.png", "7.png") if is_taken else ("1.png", "2.png")
+    sources = [
+        "--plane",
+        "along:0:0",
+        write_frames(tmp_path / "along", *along),
+        "--plane",
+        "across:0:90",
+        write_frames(tmp_path / "across", *across),
+    ]
+    like = ["--like", other, *SCALE, "--rate-hz", 4, "--out", tmp_path / "r"]
+    shell.json("import", *sources, *like)
+    kept = json.loads((tmp_path / "r" / "import.json").read_text())
+    assert ("frames_by" in kept["answers"]) == is_taken
+    times_s = {frame.time_s for frame in sf.read_recording(tmp_path / "r").frames}
+    assert times_s == {0.0, 1.0 if is_taken else 0.25}
+
+
 @pytest.mark.parametrize("source", ["stack", "names"])
 def test_an_order_of_frames_that_an_option_states_is_refused_by_its_name(
     tmp_path: Path, shell, source: str

@@ -195,8 +195,8 @@ def import_recording(
             images.
         out: the folder to make.
         like: another recording, whose scanner, needle, sensor and form of the sources
-            hold where the sources state none. A remark says what it states of its eye
-            and contact, which is not copied.
+            hold where the sources state none. A remark names the keys of its
+            recording.toml on its eye and contact, which are not copied.
         eye: what was measured of the eye, with its name, or the name alone.
         needle: its diameter and gap; contact and lean where they are known.
         scan: width, depth, refractive index (1 if the scanner has corrected it) and
