@@ -261,7 +261,7 @@ def test_answers_on_the_form_of_sources_are_kept_and_answers_of_one_session_are_
     }
     (folder / "import.json").write_text(json.dumps({"answers": answers}))
     found = read_like(folder).answers
-    assert (found["axes"], found["columns"]) == ("frame,depth,lateral", ["fz=F:N"])
+    assert (found["axes"], found["columns"]) == ("frame,depth,lateral", ("fz=F:N",))
     assert not {"rate_hz", "clock_offset_s", "axis"} & set(found)
 
     for text in ["", "[]", '{"answers": NaN}', '{"answers": 7}']:

@@ -110,6 +110,25 @@ def ordered_files(
     return whole
 
 
+def can_order(
+    scans: Sequence[PictureSource],
+    usual: FramesBy,
+    table: Path | None,
+    rate_hz: float | None,
+) -> bool:
+    """Return whether what orders the frames of a laboratory orders these files, and
+    they do not state their times themselves.
+    """
+    try:
+        if joined_files(scans).times is not None:
+            return False
+        ordered_files(scans, usual, table, rate_hz)
+    except InputError:
+        return False
+
+    return True
+
+
 def _by_table(
     scans: Sequence[PictureSource], table: TimesTable | None
 ) -> PictureSource | None:

@@ -5,7 +5,7 @@ and import.json.
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from hashlib import file_digest
 from pathlib import Path
 from typing import Any
@@ -13,22 +13,30 @@ from typing import Any
 import numpy as np
 
 from scleraforce.base.arrays import Floats
-from scleraforce.base.errors import InputError, StudyError
+from scleraforce.base.errors import InputError, RecordingError, StudyError
 from scleraforce.base.units import from_si, to_si
 from scleraforce.recordings.clock_offsets import MEAN_S, ClockEstimate, estimate_clocks
 from scleraforce.recordings.forces_under_frames import contact_force
+from scleraforce.recordings.formats.foreign_force_logs import parse_column
 from scleraforce.recordings.formats.picture_streams import (
     MOST_BITS,
     FrameTimes,
     GreyMap,
     PictureSource,
     UnansweredError,
+    check_grey_range,
+    parse_axes,
 )
 from scleraforce.recordings.formats.pixels_without_value import NOT_FINITE
 from scleraforce.recordings.frame_and_force_tables import ForceLog
 from scleraforce.recordings.frame_names import times_in
+from scleraforce.recordings.frame_order import parse_frames_by
 from scleraforce.recordings.frame_times import read_times
-from scleraforce.recordings.import_record import read_import_record
+from scleraforce.recordings.import_record import (
+    IMPORT_RECORD,
+    KeptAnswers,
+    read_import_record,
+)
 from scleraforce.recordings.import_sources import (
     OPTION,
     GatheredSources,
@@ -270,8 +278,8 @@ def complete_import(
         f" {value:g} µm is stated ({source}): check `refractive_index`, `depth_m`"
         " and the thickness, and whether the frames are upside down (`flip=rows`)"
     )
-    fields = ("thickness_m", "refractive_index", "depth_m", "flip")
-    return done.with_remarks([Remark("thickness-contradicted", words, fields)])
+    contradicted = ("thickness_m", "refractive_index", "depth_m", "flip")
+    return done.with_remarks([Remark("thickness-contradicted", words, contradicted)])
 
 
 def open_questions(
@@ -306,12 +314,12 @@ def open_questions(
     }
     scan = gathered.scan
 
-    for fault, names, fields in (
+    for fault, names, words in (
         (scan.scale_fault, ("width_mm", "depth_mm"), "`width_m` and `depth_m`"),
         (scan.times_fault, ("rate_hz",), "`rate_hz`"),
     ):
         if fault and questions.keys() & names:
-            raise InputError(f"{fault}; give {fields}")
+            raise InputError(f"{fault}; give {words}")
 
     if "rate_hz" in questions and times_in(scan.names) is not None:
         of_names = "`rate_hz`, `times` or `frames_by=times`"
@@ -386,9 +394,9 @@ def _contradicted(
         ("width_m", "depth_m"): gathered.scan.scale_fault,
         ("rate_hz",): gathered.scan.times_fault,
     }
-    for fields, fault in faults.items():
+    for names, fault in faults.items():
         if fault:
-            yield Remark(CONTRADICTED, fault, fields)
+            yield Remark(CONTRADICTED, fault, names)
 
     stated = _stated(gathered, greys)
     for name, field_name in (("width_mm", "width_m"), ("depth_mm", "depth_m")):
@@ -708,20 +716,9 @@ def _info(
         raise InputError(f"{scan.names[0]}: {fault}; correct it") from fault
 
 
-# Answers on sources of one laboratory, as import.json keeps them.
-KEPT = (
-    "axes",
-    "flip",
-    "array",
-    "columns",
-    "image_topic",
-    "force_topic",
-    "by_arrival",
-    "grey_range",
-    "frames_by",
-)
-# It says that numbers and times in names do not count, which is so in one session.
+# An answer that numbers and times in names do not count, which is so in one session.
 IN_GIVEN_ORDER = "order"
+OF_ONE_PLANE = "needle.slice_gap_m"  # several planes show their gaps
 
 
 @dataclass(frozen=True)
@@ -729,13 +726,13 @@ class LikeRecording:
     """Another recording of the same laboratory, as far as a new import takes it over.
 
     Scanner, needle, sensor and the form of the sources are of the laboratory: `answers`
-    by the names of options, and `declared`, which no option states. What it says of
-    its eye, of the contact and of its session is not taken over.
+    by the names of options, `frames_by`, and `declared`, which no option states. What
+    it says of its eye, of the contact and of its session is not taken over.
     """
 
     path: Path
     info: RecordingInfo
-    kept: Mapping[str, Any]
+    kept: KeptAnswers
 
     @property
     def answers(self) -> dict[str, Any]:
@@ -763,10 +760,15 @@ class LikeRecording:
                 "range_n": force.range_n,
             }
 
-        kept = {name: self.kept[name] for name in KEPT if name in self.kept}
-        if kept.get("frames_by") == IN_GIVEN_ORDER:
-            del kept["frames_by"]
-        return found | kept
+        return found | replace(self.kept, frames_by=None).to_dict()
+
+    @property
+    def frames_by(self) -> str | None:
+        """What orders frames by their names, where the names of new ones allow it and
+        nothing else states their times; None: nothing.
+        """
+        frames_by = self.kept.frames_by
+        return None if frames_by == IN_GIVEN_ORDER else frames_by
 
     @property
     def declared(self) -> Setup:
@@ -776,47 +778,57 @@ class LikeRecording:
         return Setup(scan=Scan(tilt_rad=self.info.scan.tilt_rad))
 
     def not_copied(self, new: RecordingInfo) -> tuple[Remark, ...]:
-        """Return a remark on what it states of its eye and contact, and a new recording
-        does not.
+        """Return a remark on the keys of its recording.toml that say something of its
+        eye, contact or session, and that a new recording does not state.
         """
-        pairs = (
-            ("thickness_m", self.info.eye, new.eye),
-            ("iop_pa", self.info.eye, new.eye),
-            ("radius_m", self.info.eye, new.eye),
-            ("globe", self.info.eye, new.eye),
-            ("relaxation", self.info.eye, new.eye),
-            ("polar_rad", self.info.needle, new.needle),
-            ("lean_rad", self.info.needle, new.needle),
-            ("direction_rad", self.info.scan, new.scan),
-        )
-        fields = [
-            name
-            for name, before, now in pairs
-            if getattr(before, name) is not None and getattr(now, name) is None
-        ]
-        if self.info.scan.planes and not new.scan.planes:
-            fields.append("planes")
-        if not fields:
+        stated = self.info.stated_keys
+        known = {*new.stated_keys}
+        if new.scan.planes:
+            known.add(OF_ONE_PLANE)
+        globe = self.info.eye.globe
+        if globe and new.eye.globe and globe.kind != new.eye.globe.kind:
+            # rigidity and leak of a sealed globe are nothing to an open one
+            known |= {key for key, name in stated.items() if name == "globe"}
+
+        missing = {key: name for key, name in stated.items() if key not in known}
+        if not missing:
             return ()
 
-        names = ", ".join(f"`{OPTION_FIELDS.get(name, name)}`" for name in fields)
         words = (
             f"not copied from {self.path}, because they are of its eye or session:"
-            f" {names}; state those that hold here as well"
+            f" {', '.join(missing)} (keys of recording.toml); state those that hold"
+            " here as well"
         )
-        return (Remark("not-copied", words, tuple(fields)),)
-
-
-# fields that options call otherwise
-OPTION_FIELDS = {"polar_rad": "polar_angle_rad"}
+        return (Remark("not-copied", words, tuple(dict.fromkeys(missing.values()))),)
 
 
 def read_like(folder: Path) -> LikeRecording:
-    """Return a recording whose laboratory is that of a new import; raises
-    `RecordingError`.
+    """Return a recording whose laboratory is that of a new import.
+
+    Raises:
+        RecordingError: it cannot be read, or an answer that its import.json keeps is
+            none.
     """
     info = read_info(folder / "recording.toml")
-    return LikeRecording(folder, info, read_import_record(folder).answers)
+    kept = read_import_record(folder).answers
+    checks: list[tuple[str, Callable[[Any], object], Any]] = [
+        ("axes", parse_axes, kept.axes),
+        *(("columns", parse_column, column) for column in kept.columns),
+        ("grey_range", check_grey_range, kept.grey_range),
+        ("frames_by", parse_frames_by, kept.frames_by),
+    ]
+    for name, check, answer in checks:
+        if answer is None:
+            continue
+        try:
+            check(answer)
+        except InputError as fault:
+            words = str(fault).removeprefix(f"`{name}`")
+            raise RecordingError(
+                f"{folder / IMPORT_RECORD}: answers.{name}{words}"
+            ) from fault
+
+    return LikeRecording(folder, info, kept)
 
 
 def record_text(done: PreparedImport, options: ImportOptions, version: str) -> str:
@@ -831,8 +843,11 @@ def record_text(done: PreparedImport, options: ImportOptions, version: str) -> s
 
     origin = provenance(done)
     answers = asdict(options) | {"columns": origin["columns"]}
-    kept = {name: answers[name] for name in KEPT if answers.get(name)}
-    record = {"version": version, "files": files, **origin, "answers": kept}
+    kept = KeptAnswers(
+        **{item.name: answers[item.name] for item in fields(KeptAnswers)}
+    )
+    answered = {"answers": kept.to_dict()}
+    record = {"version": version, "files": files, **origin, **answered}
 
     return json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 

@@ -35,7 +35,12 @@ from scleraforce.recordings.formats.picture_streams import (
 )
 from scleraforce.recordings.frame_and_force_tables import ForceLog
 from scleraforce.recordings.frame_names import natural_order
-from scleraforce.recordings.frame_order import FramesBy, ordered_files, parse_frames_by
+from scleraforce.recordings.frame_order import (
+    FramesBy,
+    can_order,
+    ordered_files,
+    parse_frames_by,
+)
 from scleraforce.recordings.paired_planes import pair_moments
 from scleraforce.recordings.source_files import (
     BAG_MARK,
@@ -254,6 +259,7 @@ class GatheredSources:
     planes: tuple[Plane, ...] = ()
     places: tuple[tuple[int, Plane], ...] = ()
     one_clock: bool = False
+    frames_by: str | None = None
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -288,11 +294,13 @@ def gather_sources(
     options: ImportOptions,
     seen: Callable[[int], None] = lambda _: None,
     planes: Sequence[Plane | None] = (),
+    usual_frames_by: str | None = None,
 ) -> GatheredSources:
     """Read all sources, of several `planes` one for each source; `seen` is called with
     1 after each file.
 
-    Ask for answers that `options` do not give.
+    Ask for answers that `options` do not give; `usual_frames_by` orders the frames of
+    a laboratory where the files allow it and `options` do not say otherwise.
     """
     by = parse_frames_by(options.frames_by)
     sources_of = dict[Plane | None, list[Path]]()
@@ -318,6 +326,19 @@ def gather_sources(
         )
 
     log = content.log()
+    frames_by = options.frames_by
+    usual = parse_frames_by(usual_frames_by)
+    if (
+        by is None
+        and usual is not None
+        and all(
+            can_order(of_plane, usual, options.times, options.rate_hz)
+            for of_plane in content.scans.values()
+        )
+    ):
+        by = usual
+        frames_by = usual_frames_by
+
     wholes = {
         plane: ordered_files(found, by, options.times, options.rate_hz)
         .flipped(options.flip)
@@ -347,6 +368,7 @@ def gather_sources(
         tuple(plane for plane in wholes if plane),
         places,
         content.one_clock and all(kind == "bag" for _, kind, _ in files),
+        frames_by,
     )
 
 

@@ -17,7 +17,7 @@ Public:
     fields: `NEEDLE_FORCE`, `QUANTITIES`, `Sampled`, `TableForm`, `Unit`,
         `allowed_bounds`, `check_kind`, `check_number`, `check_quantity`, `check_value`,
         `computed`, `declared`, `field_key`, `field_unit`, `fixed`, `formed`,
-        `map_numbers`, `name_fault`, `not_in_files`, `one_line`
+        `map_numbers`, `name_fault`, `not_in_files`, `one_line`, `option`
     frame: `Frame`, `FrameSource`, `MASK_SD_ROWS`, `Mask`, `Moment`, `NOT_JUDGED`,
         `NO_WALL`, `OpenedFrame`, `Pixels`, `WALL`, `check_frame`, `frame_digest`
     globe: `CONSTANT_PRESSURE`, `Globe`, `OPEN`, `PressureLaw`, `REFERENCE_RIGIDITY`,

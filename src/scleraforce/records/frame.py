@@ -5,7 +5,6 @@ moment.
 import hashlib
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
-from math import inf, isfinite
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.base.errors import FrameError, InputError
-from scleraforce.records.fields import check_quantity
+from scleraforce.records.fields import check_fields, check_kind, optional_quantity
 from scleraforce.records.recording_info import RecordingInfo
 from scleraforce.records.scan import PixelScale, Scan
 
@@ -78,7 +77,7 @@ class Frame:
         mask_sd_rows: standard deviation of the mask's boundaries, rows.
 
     Raises:
-        InputError: `mask_sd_rows` is not above 0.
+        InputError: `mask_sd_rows` is no number above 0, or `plane` no name.
 
     >>> import scleraforce as sf
     >>> sf.Frame("eye-a/frames/0002.png", mask="mine.png").mask_sd_rows
@@ -92,9 +91,11 @@ class Frame:
     mask_sd_rows: float = MASK_SD_ROWS
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.mask_sd_rows < inf:
+        check_fields(self)
+        check_kind("plane", self.plane, str, '"across"')
+        if self.mask_sd_rows is None or self.mask_sd_rows <= 0.0:
             raise InputError(
-                f"mask_sd_rows: {self.mask_sd_rows:g}; give the standard deviation of"
+                f"mask_sd_rows: {self.mask_sd_rows}; give the standard deviation of"
                 " the mask's boundaries, rows"
             )
 
@@ -110,14 +111,15 @@ class Moment:
             known what was before.
         held_s: time since the needle's push, in tissue that relaxes. None: as
             frames.csv lists it, else as in the frames of the calibration.
-        iop_pa: pressure at rest at this moment. None: as frames.csv lists it, else the
-            eye's.
+        iop_pa: pressure at rest at this moment, as sure as the eye's own (its
+            `iop_sd_pa`). None: as frames.csv lists it, else the eye's.
         travel_m: the needle's travel along its axis, inwards, from any start. None: as
             frames.csv lists it, else not known; a fall of the force may then be a
             withdrawal as fast as a robot makes it.
 
     Raises:
-        InputError: there is no frame, `held_s` is below 0, or a number is not finite.
+        InputError: there is no frame, `held_s` is below 0, or a field is no finite
+            number.
 
     >>> import scleraforce as sf
     >>> frame = sf.Frame("eye-a/frames/0002.png")
@@ -129,7 +131,7 @@ class Moment:
     _: KW_ONLY
     time_s: float | None = None
     held_s: float | None = None
-    iop_pa: float | None = None
+    iop_pa: float | None = optional_quantity("iop_pa")
     travel_m: float | None = None
 
     def __post_init__(self) -> None:
@@ -139,16 +141,11 @@ class Moment:
             raise InputError("frames: give a tuple of Frame, like (Frame(path),)")
         if not self.frames:
             raise InputError("frame: none; give one, or one of each plane")
-        if self.held_s is not None and not 0.0 <= self.held_s < inf:
+        check_fields(self)
+        if self.held_s is not None and self.held_s < 0.0:
             raise InputError(
                 f"held_s: {self.held_s:g}; give the time since the push, 0 s or more"
             )
-        if self.iop_pa is not None:
-            check_quantity("iop_pa", self.iop_pa)
-        for name in ("time_s", "travel_m"):
-            value = getattr(self, name)
-            if value is not None and not isfinite(value):
-                raise InputError(f"{name}: {value}; give a finite number")
 
 
 @dataclass(frozen=True, eq=False)

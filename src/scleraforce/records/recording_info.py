@@ -1,13 +1,25 @@
 """The file recording.toml: an eye, a scan, a needle and a force sensor."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 from scleraforce.base.errors import StudyError
 from scleraforce.records.eye import Eye
-from scleraforce.records.fields import check_fields, quantity, required
+from scleraforce.records.fields import (
+    check_fields,
+    field_form,
+    field_key,
+    in_files,
+    quantity,
+    required,
+)
+from scleraforce.records.globe import LAW_KEY
 from scleraforce.records.needle import Needle
 from scleraforce.records.scan import Scan
 from scleraforce.records.setup import Setup
+from scleraforce.records.study_of_eye import RIGIDITY_LAWS
+
+# what a file states of a globe whose law nobody has declared
+USUAL_LAW = (LAW_KEY, RIGIDITY_LAWS[0])
 
 
 @dataclass(frozen=True)
@@ -60,3 +72,30 @@ class RecordingInfo:
         """The name of the eye, which every recording states."""
         assert self.eye.name is not None
         return self.eye.name
+
+    @property
+    def stated_keys(self) -> dict[str, str]:
+        """The keys of the file that say something of eye, needle and scan, each with
+        its field; the law of a globe only if it is not the usual one.
+        """
+        found: dict[str, str] = {}
+        sections: dict[str, Eye | Needle | Scan] = {
+            "eye": self.eye,
+            "needle": self.needle,
+            "oct": self.scan,
+        }
+        for section, record in sections.items():
+            for item in fields(record):
+                value = getattr(record, item.name)
+                if value is None or value == () or not in_files(item):
+                    continue
+
+                form = field_form(item)
+                entries = form.write(value) if form else {field_key(item): value}
+                found |= {
+                    f"{section}.{key}": item.name
+                    for key, entry in entries.items()
+                    if entry is not None and (key, entry) != USUAL_LAW
+                }
+
+        return found

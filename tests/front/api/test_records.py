@@ -168,7 +168,9 @@ def test_a_frame_has_its_own_mask_and_a_moment_of_masks_takes_no_other() -> None
 @pytest.mark.parametrize(
     ("record", "words"),
     [
-        (lambda: sf.Frame(FRAME, mask_sd_rows=0.0), "^mask_sd_rows: 0; give"),
+        (lambda: sf.Frame(FRAME, mask_sd_rows=0.0), "^mask_sd_rows: 0.0; give"),
+        (lambda: sf.Frame(FRAME, mask_sd_rows=None), "^mask_sd_rows: None; give"),
+        (lambda: sf.Frame(FRAME, plane=5), "^plane: found int 5; give a str"),
         (lambda: sf.Moment(()), "^frame: none"),
         (lambda: sf.Moment((sf.Frame(FRAME),), held_s=-1.0), "^held_s: -1; give"),
         (lambda: sf.Moment((sf.Frame(FRAME),), iop_pa=-1.0), "^iop_pa: -1 is below"),
@@ -177,6 +179,29 @@ def test_a_frame_has_its_own_mask_and_a_moment_of_masks_takes_no_other() -> None
 def test_an_impossible_frame_or_moment_is_refused(record: Any, words: str) -> None:
     with pytest.raises(InputError, match=words):
         record()
+
+
+OF_FRAME = sf.Moment((sf.Frame(FRAME),))
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ("1", "found str '1'; give a number"),
+        (True, "found bool True; give a number"),
+        (float("inf"), "inf is not a finite number"),
+        (float("nan"), "nan is not a finite number"),
+    ],
+)
+@pytest.mark.parametrize(
+    "field", ["time_s", "held_s", "iop_pa", "travel_m", "mask_sd_rows"]
+)
+def test_what_is_no_number_is_refused_where_a_frame_or_moment_has_one(
+    field: str, value: object, words: str
+) -> None:
+    record = sf.Frame(FRAME) if field == "mask_sd_rows" else OF_FRAME
+    with pytest.raises(InputError, match=f"^{field}: {words}"):
+        replace(record, **{field: value})
 
 
 def test_the_time_of_a_hold_narrows_the_reading_of_tissue_that_relaxes() -> None:

@@ -138,6 +138,20 @@ def test_results_become_plain_types_and_tables() -> None:
     assert float(data["interval_n"].sel(end="high")[1]) == stack[1].interval_n[1]
 
 
+def test_answers_to_a_sequence_become_a_table() -> None:
+    answers = read(
+        [
+            sf.Moment((sf.Frame(pixels),), time_s=float(number))
+            for number, pixels in enumerate(FRAMES)
+        ]
+    )
+    table = answers.to_dataframe()
+    assert table["frame"].tolist() == [*range(len(FRAMES))]
+    assert table["predicted_force_mn"].tolist() == [
+        1e3 * answer.force_n for answer in answers
+    ]
+
+
 def test_an_evaluation_and_a_calibration_become_tables(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     write_notebook_folder(tmp_path)

@@ -4,16 +4,20 @@ their files, in JSON, in Python, in Jupyter and in words.
 
 import json
 import re
+import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from foreign_files import options_of, stack, write_log
+from foreign_files import options_of, stack, write_frames, write_log
 from small_recordings import write_small_recording
 
 import scleraforce as sf
+from scleraforce.base.errors import RecordingError
 from scleraforce.calibration.calibration import Calibration, parse_calibration
 from scleraforce.front.cli.field_flags import json_in_flags
+from scleraforce.recordings.recording_folder import read_info
 from scleraforce.records.calibration_file import open_calibration
 from scleraforce.records.remark import SEVERITY_OF, sentences
 
@@ -113,22 +117,52 @@ def stated(folder: Path, **tables: str) -> Path:
 
 
 OF_EYE = {
-    "eye": 'thickness_m = 6e-4\niop_pa = 300.0\nglobe = "open"\nradius_m = 0.012\n'
-    "relaxation = [[0.1, 1.0]]",
-    "needle": "polar_angle_rad = 0.6\nlean_rad = 0.1",
+    "eye": "thickness_m = 6e-4\nthickness_sd_m = 1e-5\niop_pa = 300.0\n"
+    "iop_sd_pa = 20.0\nradius_m = 0.012\nradius_sd_m = 1e-4\n"
+    'globe = "sealed"\nrigidity_mmhg13_per_ul = 0.03\nrigidity_law = "logarithmic"\n'
+    "leak_time_s = 30.0\nrelaxation = [[0.1, 1.0]]",
+    "needle": "polar_angle_rad = 0.6\nlean_rad = 0.1\nlean_azimuth_rad = 0.2",
     "oct": "plane_direction_rad = 0.4\nplane_tilt_rad = 0.05",
     "force": "range_n = 0.5",
 }
 NOT_COPIED = [
+    "eye.thickness_m",
+    "eye.thickness_sd_m",
+    "eye.iop_pa",
+    "eye.iop_sd_pa",
+    "eye.radius_m",
+    "eye.radius_sd_m",
+    "eye.globe",
+    "eye.rigidity_mmhg13_per_ul",
+    "eye.rigidity_law",
+    "eye.leak_time_s",
+    "eye.relaxation",
+    "needle.polar_angle_rad",
+    "needle.lean_rad",
+    "needle.lean_azimuth_rad",
+    "oct.plane_direction_rad",
+]
+FIELDS_NOT_COPIED = [
     "thickness_m",
+    "thickness_sd_m",
     "iop_pa",
+    "iop_sd_pa",
     "radius_m",
+    "radius_sd_m",
     "globe",
     "relaxation",
     "polar_rad",
     "lean_rad",
+    "lean_azimuth_rad",
     "direction_rad",
 ]
+
+
+def keys_in(words: str) -> list[str]:
+    """The keys of recording.toml that a remark on what is not copied names."""
+    named = re.search(r"eye or session: (.*) \(keys of recording\.toml\)", words)
+    assert named is not None, words
+    return named[1].split(", ")
 
 
 def test_like_takes_the_laboratory_and_names_what_it_does_not_take(
@@ -138,8 +172,13 @@ def test_like_takes_the_laboratory_and_names_what_it_does_not_take(
     like = ["--like", other, "--eye", "b", "--bits", 13]
     found = imported(*like, "--iop-mmhg", 3)
     (remark,) = coded(found["remarks"], "not-copied")
-    assert remark["fields"] == [name for name in NOT_COPIED if name != "iop_pa"]
+    assert keys_in(remark["words"]) == [
+        key for key in NOT_COPIED if key != "eye.iop_pa"
+    ]
+    assert remark["fields"] == [name for name in FIELDS_NOT_COPIED if name != "iop_pa"]
     assert str(other) in remark["words"]
+    assert "--" not in remark["words"]
+    assert "`" not in remark["words"]
     assert remark["severity"] == "info"
 
     info = sf.read_recording(tmp_path / "r").info
@@ -152,8 +191,129 @@ def test_like_takes_the_laboratory_and_names_what_it_does_not_take(
         [tmp_path / "a.tif"], tmp_path / "s", like=other, eye="c", bits=13
     )
     (remark,) = [one for one in in_python.remarks if one.code == "not-copied"]
-    assert list(remark.fields) == NOT_COPIED
+    assert list(remark.fields) == FIELDS_NOT_COPIED
     assert in_python.info.scan.tilt_rad == 0.05
+
+
+def test_each_key_of_the_other_recording_is_taken_or_named(
+    imported, tmp_path: Path
+) -> None:
+    other = stated(tmp_path / "other", **OF_EYE)
+    found = imported("--like", other, "--eye", "b", "--bits", 13)
+    (remark,) = coded(found["remarks"], "not-copied")
+    before, now = (
+        tomllib.loads((folder / "recording.toml").read_text())
+        for folder in (other, tmp_path / "r")
+    )
+    taken = {f"{table}.{key}" for table, keys in now.items() for key in keys}
+    stated_keys = {f"{table}.{key}" for table, keys in before.items() for key in keys}
+    assert stated_keys <= taken | set(keys_in(remark["words"]))
+
+
+def test_a_key_that_is_named_can_be_stated_in_recording_toml(
+    imported, tmp_path: Path
+) -> None:
+    other = stated(tmp_path / "other", **OF_EYE)
+    imported("--like", other, "--eye", "b", "--bits", 13)
+    text = (tmp_path / "r" / "recording.toml").read_text()
+    for table in ("eye", "needle"):
+        text = text.replace(f"[{table}]", f"[{table}]\n{OF_EYE[table]}", 1)
+    text = text.replace("[oct]", "[oct]\nplane_direction_rad = 0.4", 1)
+    (tmp_path / "r" / "recording.toml").write_text(text)
+    before = read_info(other / "recording.toml")
+    info = sf.read_recording(tmp_path / "r").info
+    assert info.eye == replace(before.eye, name="b")
+    assert info.needle == before.needle
+    assert info.scan.direction_rad == before.scan.direction_rad
+
+
+SEALED = 'globe = "sealed"\nrigidity_mmhg13_per_ul = 0.03\nleak_time_s = 30.0'
+LOGARITHMIC = f'{SEALED}\nrigidity_law = "logarithmic"'
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "named"),
+    [
+        (SEALED, (), ["globe", "rigidity_mmhg13_per_ul", "leak_time_s"]),
+        (SEALED, ("--globe", "sealed"), ["rigidity_mmhg13_per_ul", "leak_time_s"]),
+        (
+            LOGARITHMIC,
+            ("--globe", "sealed"),
+            ["rigidity_mmhg13_per_ul", "rigidity_law", "leak_time_s"],
+        ),
+        (SEALED, ("--globe", "open"), []),
+        ('globe = "sealed"', ("--globe", "sealed"), []),
+        ('globe = "open"', ("--globe", "sealed"), []),
+    ],
+)
+def test_each_part_of_a_globe_that_is_not_stated_is_named(
+    imported, tmp_path: Path, before: str, now: tuple[str, ...], named: list[str]
+) -> None:
+    other = stated(tmp_path / "other", eye=before)
+    found = imported("--like", other, "--eye", "b", "--bits", 13, *now)
+    remarks = coded(found["remarks"], "not-copied")
+    keys = [key for remark in remarks for key in keys_in(remark["words"])]
+    assert keys == [f"eye.{name}" for name in named]
+    assert all(remark["fields"] == ["globe"] for remark in remarks)
+
+
+def test_a_globe_that_python_states_whole_is_not_named(tmp_path: Path) -> None:
+    other = stated(tmp_path / "other", eye=LOGARITHMIC)
+    globe = sf.Globe.declared("sealed", 1.5e8, "logarithmic", 20.0)
+    recording = sf.import_recording(
+        [stack(tmp_path / "a.tif")],
+        tmp_path / "s",
+        like=other,
+        eye=sf.Eye("c", globe=globe),
+        bits=13,
+    )
+    found = recording.info.eye.globe
+    assert found.mean == pytest.approx(globe.mean)
+    assert (found.law, found.leak_time_s) == (globe.law, globe.leak_time_s)
+    assert [one for one in recording.remarks if one.code == "not-copied"] == []
+
+
+@pytest.mark.parametrize(
+    ("answers", "words"),
+    [
+        ("7", "answers: expected an object, found 7"),
+        ('{"columns": 5}', "answers.columns: expected a list, found 5"),
+        ('{"columns": [5]}', r"answers.columns: expected a text, found 5"),
+        ('{"columns": ["fz"]}', "answers.columns: 'fz'; give COLUMN=NAME:UNIT"),
+        ('{"frames_by": 5}', "answers.frames_by: expected a text, found 5"),
+        ('{"frames_by": "x"}', "answers.frames_by: 'x'; give numbers"),
+        ('{"axes": ["a"]}', r"answers.axes: expected a text, found \['a'\]"),
+        ('{"axes": "a"}', "answers.axes: 'a'; give frame,depth,lateral"),
+        ('{"flip": "up"}', "answers.flip: 'up' is not one of rows, columns"),
+        ('{"grey_range": "x"}', "answers.grey_range: expected a list, found 'x'"),
+        ('{"grey_range": [1]}', r"answers.grey_range: expected 2 entries, found \[1\]"),
+        ('{"grey_range": [5, 1]}', "answers.grey_range: 5 1; give the darkest value"),
+        ('{"by_arrival": "no"}', "answers.by_arrival: expected true or false"),
+        ('{"array": 5}', "answers.array: expected a text, found 5"),
+    ],
+)
+def test_damaged_answers_of_an_import_name_file_and_field(
+    tmp_path: Path, shell, answers: str, words: str
+) -> None:
+    other = stated(tmp_path / "other")
+    (other / "import.json").write_text(f'{{"answers": {answers}}}')
+    sources = [stack(tmp_path / "a.tif")]
+    with pytest.raises(RecordingError, match=rf"import\.json: {words}"):
+        sf.import_recording(sources, tmp_path / "r", like=other, eye="b", bits=13)
+    options = ["--like", other, "--eye", "b", "--bits", 13, "--out", tmp_path / "r"]
+    error = shell.refused("import", *sources, *options)
+    assert re.search(rf"import\.json: {words}", " ".join(error.split()))
+    assert not (tmp_path / "r").exists()
+
+
+def test_answers_of_a_later_version_are_passed_over(tmp_path: Path, shell) -> None:
+    other = stated(tmp_path / "other")
+    answers = {"answers": {"axes": None, "flip": "columns", "of_later": 5}}
+    (other / "import.json").write_text(json.dumps(answers))
+    given = ["--like", other, "--eye", "b", "--bits", 13, "--out", tmp_path / "r"]
+    shell.json("import", stack(tmp_path / "a.tif"), *given)
+    kept = json.loads((tmp_path / "r" / "import.json").read_text())
+    assert kept["answers"] == {"flip": "columns"}
 
 
 @pytest.mark.parametrize(("answer", "is_taken"), [("numbers", True), ("order", False)])
@@ -167,6 +327,96 @@ def test_numbers_in_names_are_of_the_laboratory_and_a_given_order_of_one_session
     shell.json("import", other / "frames", *given)
     kept = json.loads((tmp_path / "r" / "import.json").read_text())
     assert ("frames_by" in kept["answers"]) == is_taken
+
+
+@pytest.mark.parametrize("frames_by", ["numbers", "times:s"])
+@pytest.mark.parametrize("source", ["stack", "one picture", "names", "own times"])
+def test_an_order_of_frames_is_not_taken_where_the_files_cannot_have_it(
+    tmp_path: Path, shell, source: str, frames_by: str
+) -> None:
+    other = stated(tmp_path / "other")
+    (other / "import.json").write_text(
+        json.dumps({"answers": {"frames_by": frames_by}})
+    )
+    if source == "stack":
+        files = stack(tmp_path / "a.tif", finterval=0.0)
+    elif source == "own times":
+        files = stack(tmp_path / "a.tif")
+    else:
+        names = ("0001.png",) if source == "one picture" else ("a.png", "b.png")
+        files = write_frames(tmp_path / "frames", *names)
+
+    given = ["--like", other, "--eye", "b", "--bits", 13, "--width-mm", 3]
+    given += ["--depth-mm", 1, "--out", tmp_path / "r"]
+    rate = [] if source in ("one picture", "own times") else ["--rate-hz", 2]
+    shell.json("import", files, *given, *rate)
+    kept = json.loads((tmp_path / "r" / "import.json").read_text())
+    assert kept["answers"] == {}
+    times_s = [frame.time_s for frame in sf.read_recording(tmp_path / "r").frames]
+    step_s = 1.0 if source == "own times" else 0.5
+    assert times_s == [step_s * nth for nth in range(len(times_s))]
+
+
+SCALE = ["--eye", "b", "--bits", 13, "--width-mm", 3, "--depth-mm", 1]
+
+
+@pytest.mark.parametrize(
+    ("given", "times_s"),
+    [((), [0.0, 1.5, 2.0]), (("--frames-by", "order", "--rate-hz", 2), [0, 0.5, 1.0])],
+)
+def test_times_in_names_are_of_the_laboratory_unless_an_option_says_otherwise(
+    tmp_path: Path, shell, given: tuple[object, ...], times_s: list[float]
+) -> None:
+    other = stated(tmp_path / "other")
+    (other / "import.json").write_text('{"answers": {"frames_by": "times:s"}}')
+    names = ("10.png", "11.5.png", "12.png")
+    files = write_frames(tmp_path / "frames", *names)
+    like = ["--like", other, *SCALE, "--out", tmp_path / "r"]
+    shell.json("import", files, *like, *given)
+    frames = sf.read_recording(tmp_path / "r").frames
+    assert [frame.time_s - frames[0].time_s for frame in frames] == times_s
+
+
+@pytest.mark.parametrize(
+    ("across", "is_taken"), [(("3.png", "7.png"), True), (("c.png", "d.png"), False)]
+)
+def test_planes_have_the_usual_order_where_the_files_of_all_allow_it(
+    tmp_path: Path, shell, across: tuple[str, str], is_taken: bool
+) -> None:
+    other = stated(tmp_path / "other")
+    (other / "import.json").write_text('{"answers": {"frames_by": "numbers"}}')
+    along = ("3.png", "7.png") if is_taken else ("1.png", "2.png")
+    sources = [
+        "--plane",
+        "along:0:0",
+        write_frames(tmp_path / "along", *along),
+        "--plane",
+        "across:0:90",
+        write_frames(tmp_path / "across", *across),
+    ]
+    like = ["--like", other, *SCALE, "--rate-hz", 4, "--out", tmp_path / "r"]
+    shell.json("import", *sources, *like)
+    kept = json.loads((tmp_path / "r" / "import.json").read_text())
+    assert ("frames_by" in kept["answers"]) == is_taken
+    times_s = {frame.time_s for frame in sf.read_recording(tmp_path / "r").frames}
+    assert times_s == {0.0, 1.0 if is_taken else 0.25}
+
+
+@pytest.mark.parametrize("source", ["stack", "names"])
+def test_an_order_of_frames_that_an_option_states_is_refused_by_its_name(
+    tmp_path: Path, shell, source: str
+) -> None:
+    other = stated(tmp_path / "other")
+    files = (
+        stack(tmp_path / "a.tif", finterval=0.0)
+        if source == "stack"
+        else write_frames(tmp_path / "frames", "a.png", "b.png")
+    )
+    given = ["--like", other, "--eye", "b", "--bits", 13, "--rate-hz", 2]
+    given += ["--out", tmp_path / "r", "--frames-by", "numbers"]
+    assert "--frames-by numbers takes one number" in shell.refused(
+        "import", files, *given
+    )
 
 
 def test_readings_beyond_a_stated_range_of_the_sensor_have_no_force(

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 from math import degrees
@@ -195,8 +195,8 @@ def import_recording(
             images.
         out: the folder to make.
         like: another recording, whose scanner, needle, sensor and form of the sources
-            hold where the sources state none. A remark says what it states of its eye
-            and contact, which is not copied.
+            hold where the sources state none. A remark names the keys of its
+            recording.toml on its eye and contact, which are not copied.
         eye: what was measured of the eye, with its name, or the name alone.
         needle: its diameter and gap; contact and lean where they are known.
         scan: width, depth, refractive index (1 if the scanner has corrected it) and
@@ -346,7 +346,8 @@ class ImportRequest:
 
     `origins` say where each of the answers is from. Of several `planes` there is one
     for each source. `declared` has what the answers leave out, as uncertainties.
-    The answers of a recording `like` this one are among `answers` already.
+    The answers of a recording `like` this one are among `answers` already, but for what
+    orders frames, which only their files can tell.
     """
 
     sources: Sequence[Path]
@@ -374,7 +375,12 @@ def write_imported(
 
     with folder_when_whole(out) as part:
         gathered, answers = _gathered(
-            request.sources, request.answers, counting, asker, request.planes
+            request.sources,
+            request.answers,
+            counting,
+            asker,
+            request.planes,
+            request.like,
         )
         scan = gathered.frames
 
@@ -481,15 +487,18 @@ def _gathered(
     counting: Counting,
     asker: Asker | None,
     planes: Sequence[Plane | None],
+    like: LikeRecording | None,
 ) -> tuple[GatheredSources, ImportOptions]:
     """Read the sources, asking until they leave nothing open; an answer that they
     contradict is asked for again.
     """
+    usual = None if like is None else like.frames_by
     last: tuple[ImportOptions, UnansweredError] | None = None
     while True:
         try:
             with counting("sources", len(files_of(sources))) as seen:
-                return gather_sources(sources, answers, seen, planes), answers
+                gathered = gather_sources(sources, answers, seen, planes, usual)
+                return gathered, replace(answers, frames_by=gathered.frames_by)
         except UnansweredError as open_point:
             if asker is None:
                 raise

@@ -36,6 +36,7 @@ from scleraforce.front.cli.output import (
 from scleraforce.recordings.formats.picture_streams import UnansweredError
 from scleraforce.recordings.import_answers import (
     Asker,
+    LikeRecording,
     PreparedImport,
     Question,
     read_like,
@@ -228,10 +229,16 @@ OPTIONS = (
 )
 
 
-def _like(ctx: click.Context, _: click.Parameter, folder: Path | None) -> Path | None:
-    if folder is not None:
-        ctx.default_map = read_like(folder).answers
-    return folder
+def _like(
+    ctx: click.Context, _: click.Parameter, folder: Path | None
+) -> LikeRecording | None:
+    """Take the answers of another recording for the defaults of options."""
+    if folder is None:
+        return None
+
+    like = read_like(folder)
+    ctx.default_map = like.answers
+    return like
 
 
 @click.command("import", cls=Command)
@@ -276,7 +283,7 @@ def import_(
     /,
     sources: tuple[Path, ...],
     out: Path,
-    like: Path | None,
+    like: LikeRecording | None,
     planes: tuple[tuple[int, str], ...],
     model: Path | None,
     **given: Any,
@@ -305,7 +312,7 @@ def import_(
 
     words = {
         ParameterSource.COMMANDLINE: OPTION,
-        ParameterSource.DEFAULT_MAP: f"like {like}",
+        ParameterSource.DEFAULT_MAP: f"like {like.path}" if like else "",
     }
     origins = {
         name: words[origin]
@@ -319,7 +326,7 @@ def import_(
         answers=ImportOptions(**given),
         origins=origins,
         planes=planes_of(sources, planes) if planes else (),
-        like=None if like is None else read_like(like),
+        like=like,
     )
     done = write_imported(request, count_bar, asker, model or SHIPPED_READER)
     result = import_result(done, out)

@@ -12,8 +12,8 @@ Public:
         `read_log_text`, `seconds_of`, `unit_factor`
     picture_streams: `FrameTimes`, `GreyMap`, `MOST_BITS`, `OtherPictureError`,
         `PictureSource`, `PictureStream`, `SECONDS`, `TOP`, `UnansweredError`,
-        `check_bytes`, `check_kinds`, `checked_pictures`, `find_greys`, `in_order`,
-        `joined_files`, `one_grey`, `parse_axes`, `rising`
+        `check_bytes`, `check_grey_range`, `check_kinds`, `checked_pictures`,
+        `find_greys`, `in_order`, `joined_files`, `one_grey`, `parse_axes`, `rising`
     pixels_without_value: `NOT_FINITE`
     ros_bags: `joined_logs`, `read_bag`
     tiff_files: `read_tiff`

@@ -226,6 +226,15 @@ class GreyMap:
         return np.asarray(np.rint(scaled), dtype=np.uint16)
 
 
+def check_grey_range(given: tuple[float, float]) -> None:
+    """Raise an `InputError` unless the first of two values is below the other."""
+    if not given[0] < given[1]:
+        raise InputError(
+            f"`grey_range`: {given[0]:g} {given[1]:g}; give the darkest value before a"
+            " larger one"
+        )
+
+
 def find_greys(
     pictures: Iterable[NDArray[Any]], given: tuple[float, float] | None, name: str
 ) -> GreyMap:
@@ -235,11 +244,8 @@ def find_greys(
     Values that are none (`recordings.formats.pixels_without_value`) do not count in the
     range of the others.
     """
-    if given is not None and not given[0] < given[1]:
-        raise InputError(
-            f"`grey_range`: {given[0]:g} {given[1]:g}; give the darkest value before a"
-            " larger one"
-        )
+    if given is not None:
+        check_grey_range(given)
 
     low = np.inf
     high = -np.inf
