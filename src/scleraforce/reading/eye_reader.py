@@ -185,7 +185,7 @@ class EyeReader:
             remarks.append(
                 Remark(
                     "other-reader",
-                    f"{self._at_pressure}read with the bundled reader"
+                    f"{self._pressure_words}read with the bundled reader"
                     f" {self.model.name}, which was trained for such eyes",
                 )
             )
@@ -211,7 +211,7 @@ class EyeReader:
         return replace(self, model=model, setup=setup, stated_pa=iop_pa)
 
     @property
-    def _at_pressure(self) -> str:
+    def _pressure_words(self) -> str:
         """Words for the frames of a stated pressure."""
         if self.stated_pa is None:
             return ""
