@@ -397,15 +397,18 @@ class EyeReader:
 
     def _without_history(self, moment: OpenedMoment) -> tuple[Remark, ...]:
         """Return remarks on a single frame whose history matters."""
-        if moment.time_s is not None or not self.model.reads_force:
+        eye = self.setup.eye
+        leaks = eye.leak_time_s is not None and moment.iop_pa is None
+        relaxes = eye.relaxation is not None and eye.relaxation.matters
+        if moment.time_s is not None or not (leaks or relaxes):
+            return ()
+        if not self.model.reads_force:
             return ()
 
-        eye = self.setup.eye
         remarks = list[Remark]()
-        if eye.leak_time_s is not None and moment.iop_pa is None:
+        if leaks:
             words = f"a single frame is read as if nothing had leaked; {IN_ORDER}"
             remarks.append(Remark("no-history", words, ("leak_time_s",)))
-        relaxes = eye.relaxation is not None and eye.relaxation.matters
         if relaxes and moment.held_s is None:
             words = (
                 f"a single frame is read as those that calibrated the eye; {IN_ORDER}"

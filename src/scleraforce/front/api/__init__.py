@@ -14,9 +14,9 @@ Public:
     opened_frames: `finder_of`, `located`, `opened_frame`
     progress: `Bars`, `Counting`, `by_percent`
     public_names: `MODULE_OF`, `names_on_demand`
-    reading_frames: `FrameReading`, `check_calibrated`, `evaluate`, `load_model`,
-        `SequenceReader`, `read`, `save_wall`, `segment`, `segmented_frame`,
-        `summary_of_calibration`, `utc_now`
+    reading_frames: `FrameReading`, `SequenceReader`, `check_calibrated`, `evaluate`,
+        `followed_recordings`, `listed_time`, `load_model`, `read`, `save_wall`,
+        `segment`, `segmented_frame`, `summary_of_calibration`, `utc_now`
     shorthand: `setup_of_options`
     simulating: `declared_study`, `given_values`, `phantom`, `simulate`
     training: `generate`, `library_of`, `train`
