@@ -111,7 +111,7 @@ class MonitorServer:
         self._notes = RateLimiter(NOTES_PER_S, NOTES_AT_ONCE)
         self._forces = RateLimiter(FORCES_PER_S, FORCES_AT_ONCE)
         self._left_out = 0
-        # the first of each code, of the second opinion
+        # the second opinion's first remark of each code
         self._remarks = dict[str, Remark]()
         self._token = ResetToken(token_digest(settings.token))
         self.code = ResetCode()

@@ -95,8 +95,8 @@ class ReceivedFrame:
     such a frame is never skipped. `interval_s`: the time that it stands for, the
     scanner's mean interval. `unread` has the time of its last byte, a `frame_id` that
     rises with `sender_id` and keeps rising where another sender starts to count anew,
-    and the verdict on a frame of another size, and its plane. `memory`: of its plane's
-    reader before it, and before all that came with it.
+    and the verdict on a frame of another size, and its plane. `memory`: what the
+    reader of its plane remembered before this frame and the frames that came with it.
     """
 
     number: int

@@ -6,7 +6,8 @@ the files of models. Imports `fit` and the rows below it.
 Public:
     answer: `Answer`, `Answers`, `Reading`, `fit_reading`, `unusable_answer`
     eye_reader: `OF_POPULATION`, `EyeReader`, `Memory`, `MomentFrame`, `OpenedMoment`,
-        `check_mechanics`, `other_eye`, `warming_frame`
+        `check_mechanics`, `foreign_remark`, `other_eye`, `other_reader`,
+        `warming_frame`
     force_network: `CONTACT`, `ForceNetwork`, `GIVEN`, `GIVEN_INPUT`, `GivenEyes`,
         `HISTOGRAM`, `SLICES`, `given_inputs`, `given_modulus`, `histogram_reading`,
         `ratio_edges`

@@ -3,10 +3,10 @@ out.
 
 Every door reads frames here: `read` and `evaluate`, the control loop of the monitor
 (by the network alone), its second opinion, the app and notebooks. The reader of an eye
-does not change. What a moment tells of later ones is in the memory that is handed on:
-the tissue's and a leak (`reading.tissue_memory`), and the forces of the last moments,
-which show a rise or a fall (`reading.force_trend`). A moment that cannot be judged
-leaves the memory as it was.
+does not change. The memory that is handed on holds what moments tell about later ones:
+the tissue's memory and a leak (`reading.tissue_memory`), and the last forces, which
+show a rise or a fall (`reading.force_trend`). A moment that cannot be judged leaves the
+memory as it was.
 """
 
 from collections.abc import Sequence
@@ -66,7 +66,7 @@ TISSUE = (600, 1600)
 WARMING_FRAMES = 20
 
 TREND = TrendLimits()
-RISE_MOMENTS = NOISE_WINDOWS * TREND.rate_frames  # that are remembered
+RISE_MOMENTS = NOISE_WINDOWS * TREND.rate_frames  # kept to estimate noise and slope
 
 IN_ORDER = "the frames of a recording, read together, show what was before"
 
@@ -140,8 +140,8 @@ class EyeReader:
     Attributes:
         model: a reader that suits the eye.
         setup: what is known of the eye, the needle and the scan.
-        by: "both" methods, the fit and the network, or the "network" alone, within a
-            millisecond and of single frames.
+        by: "both": network and fit. "network": the network alone, which takes a
+            millisecond or two and reads single frames.
         asked: the reader that was asked for. None: `model`.
         foreign: why the modulus is not the eye's own, although a calibration is given.
         stated_pa: the pressure of moments that state another one than the eye's.
@@ -169,27 +169,16 @@ class EyeReader:
         if calibration is not None:
             eye = _name_of(setup.eye, calibration)
             check_mechanics(calibration, model)
-            reads_force = model.fixed_modulus_pa is None
             setup = known_of_eye(setup, calibration, eye)
-            words = foreign_modulus(calibration, eye) if reads_force else None
-            if words is not None:
-                foreign = Remark("population-modulus", words, ("modulus",))
+            if model.fixed_modulus_pa is None:
+                foreign = foreign_remark(calibration, eye)
 
         return cls(suited_reader(model, setup), setup, "both", model, foreign)
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """What limits all answers for this eye."""
-        remarks = list[Remark]()
-        if self.asked is not None and self.asked.path != self.model.path:
-            remarks.append(
-                Remark(
-                    "other-reader",
-                    f"{self._pressure_words}read with the bundled reader"
-                    f" {self.model.name}, which was trained for such eyes",
-                )
-            )
-
+        remarks = list(other_reader(self.asked, self.model, self._pressure_words))
         scan = self.setup.scan
         gauge = self.setup.needle.gauge
         if None in (scan.rows, scan.columns, scan.width_m, scan.depth_m):
@@ -415,6 +404,26 @@ class EyeReader:
             )
             remarks.append(Remark("no-history", words, ("relaxation",)))
         return tuple(remarks)
+
+
+def other_reader(
+    asked: Reader | None, model: Reader, at_pressure: str = ""
+) -> tuple[Remark, ...]:
+    """Return a remark if another model reads than the one that was asked for;
+    `at_pressure` begins its words.
+    """
+    if asked is None or asked.path == model.path:
+        return ()
+    words = (
+        f"read with the bundled reader {model.name}, which was trained for such eyes"
+    )
+    return (Remark("other-reader", at_pressure + words),)
+
+
+def foreign_remark(calibration: CalibrationSummary, eye: str) -> Remark | None:
+    """Return a remark if a calibration has no modulus of an eye's own."""
+    words = foreign_modulus(calibration, eye)
+    return None if words is None else Remark("population-modulus", words, ("modulus",))
 
 
 def check_mechanics(calibration: CalibrationSummary, model: Reader) -> None:

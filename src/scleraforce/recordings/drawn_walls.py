@@ -20,7 +20,7 @@ from scleraforce.base.whole_files import KINDS, read_bytes, write_whole
 from scleraforce.recordings.formats.image_files import read_frame
 from scleraforce.recordings.frame_and_force_tables import read_table
 from scleraforce.records.frame import NO_WALL, NOT_JUDGED, WALL
-from scleraforce.records.remark import Remark, sentences
+from scleraforce.records.remark import Remark
 
 COLUMNS = ("file", "author", "time_utc", "source_sha256")
 
@@ -86,11 +86,6 @@ class RecordedWalls:
         words = f"wall: corrected in {len(self._used)} frames"
         corrected = (Remark("walls-corrected", words),) if self._used else ()
         return (*outdated, *corrected)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """The sentences of the remarks."""
-        return sentences(self.remarks)
 
     def path(self, file: str) -> Path:
         """Return the file of the wall of a frame, which may not exist."""

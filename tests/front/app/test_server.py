@@ -564,7 +564,7 @@ def test_a_wall_that_is_accepted_is_a_mask_with_its_author_and_frame(
     )
     changed = RecordedWalls(recording)
     assert changed.wall("0001.png") is None
-    assert "another version" in " ".join(changed.notes)
+    assert "another version" in " ".join(map(str, changed.remarks))
     remove_wall(recording, "0000.png")
     assert RecordedWalls(recording).wall("0000.png") is None
 

@@ -194,7 +194,9 @@ def test_a_calibration_uses_a_corrected_wall(corrected: tuple[Path, Path]) -> No
         for number in (2, 3)
     )
     assert (lowered.sd_m, found.sd_m) == (MASK_SD_ROWS * SCALE.depth_m, 0.0)
-    assert recording.walls.notes == ("wall: corrected in 1 frames",)
+    assert [str(remark) for remark in recording.walls.remarks] == [
+        "wall: corrected in 1 frames"
+    ]
     mine = segmented_boundaries(
         find_wall(recording.frame(recording.frames[2]), SCALE), SCALE
     )

@@ -14,13 +14,16 @@ from scleraforce.base.errors import InputError
 from scleraforce.live.decision.limits import MonitorLimits
 from scleraforce.live.monitor import MonitorSettings
 from scleraforce.live.monitor_request import MonitorRequest, StatedLimits
-from scleraforce.reading.eye_reader import check_mechanics
+from scleraforce.reading.eye_reader import (
+    check_mechanics,
+    foreign_remark,
+    other_reader,
+)
 from scleraforce.reading.load_model import load_reader, suited_reader
 from scleraforce.reading.reading_models import Reader
 from scleraforce.reading.trained_ranges import READER
 from scleraforce.records.calibration_file import (
     choice_of_eye,
-    foreign_modulus,
     known_of_eye,
     read_calibration,
 )
@@ -90,7 +93,7 @@ def prepare_monitor(request: MonitorRequest) -> tuple[Reader, MonitorSettings]:
         learns=request.learn_eye,
         token=token_hex(16),  # it cannot be guessed
         remarks=(
-            *_other_reader(asked, reader),
+            *other_reader(asked, reader),
             *other_modulus,
             *_unknown_lean(setup),
             *reader.limits(setup, scan, setup.needle.gauge),
@@ -166,10 +169,8 @@ def _with_calibration(
     if eye is None:
         raise InputError(f"`eye`: missing; {choice_of_eye(summary)}")
 
-    foreign = foreign_modulus(summary, eye)
-    remarks = (
-        [] if foreign is None else [Remark("population-modulus", foreign, ("modulus",))]
-    )
+    foreign = foreign_remark(summary, eye)
+    remarks = [] if foreign is None else [foreign]
     return known_of_eye(setup, summary, eye), remarks
 
 
@@ -270,15 +271,6 @@ def _limits(
         reads_force=reader.reads_force,
         expects_opinion=expects_opinion,
     )
-
-
-def _other_reader(asked: Reader, reader: Reader) -> list[Remark]:
-    if reader.path == asked.path:
-        return []
-    words = (
-        f"read with the bundled reader {reader.name}, which was trained for such eyes"
-    )
-    return [Remark("other-reader", words)]
 
 
 def _unknown_lean(setup: Setup) -> list[Remark]:

@@ -89,10 +89,11 @@ Given = Recording | str | PathLike[str]  # a recording, opened or as a folder
 
 @dataclass(frozen=True, eq=False)
 class FrameReading:
-    """An answer with its inputs: `given` by the caller, `stated` by recording.toml,
-    `listed` by frames.csv as well, `known` of all and the calibration; plane.
+    """An answer and what it was read with.
 
-    `remarks` are on the frame, its eye and the model; those on the answer are its own.
+    `given`: by the caller. `stated`: by recording.toml. `listed`: both of these, and
+    the pressure in frames.csv. `known`: these and the calibration. `remarks` concern
+    the frame, its eye and the model; remarks on the answer itself are in `answer`.
     """
 
     answer: Answer
@@ -355,7 +356,7 @@ def _answer(readings: Sequence[FrameReading]) -> Answer:
     """
     first = readings[0]
     wall = first.answer.segmentation
-    # the eye's remark on its modulus says more
+    # the remark on the eye names the calibration as well
     own = (remark for remark in first.answer.remarks if remark != OF_POPULATION)
     return replace(
         first.answer,
@@ -554,7 +555,8 @@ class SequenceReader:
         opened = _opened_together(frames, given.scan, self.model)
         first = opened[0]
         stated = NOTHING_KNOWN if first.info is None else first.info.setup
-        eye = self._eye_of(frames[0], first, given.completed_by(stated))
+        listed = given.completed_by(stated)
+        eye = self._eye_of(frames[0], first, listed)
         needs_hold = eye.setup.eye.relaxation or eye.setup.eye.leak_time_s
         if moment.held_s is not None and needs_hold is None:
             way = "give a calibration, or relaxation in recording.toml"
@@ -566,9 +568,9 @@ class SequenceReader:
             code = "picture-read" if isinstance(file, RecordedFile) else "pixels-scaled"
             remarks += (Remark(code, note) for note in one.notes)
 
-        of_eye = eye.at(moment.iop_pa).remarks
+        now = eye.at(moment.iop_pa)
         about = _recording_of(frames[0]) or place_of(frames[0])
-        remarks += (remark.on(about) for remark in of_eye)
+        remarks += (remark.on(about) for remark in now.remarks)
         thickness_m = eye.setup.eye.thickness_m
         read = list[MomentFrame]()
 
@@ -588,13 +590,10 @@ class SequenceReader:
 
             answers = self._answers(eye, frames[0], moment, tuple(read), first.scale)
 
-        # the moment's own remarks, once
-        remarks = list(dict.fromkeys(remarks))
-
+        remarks = list(dict.fromkeys(remarks))  # planes may repeat one
         if self._calibration is not None and eye.setup.eye.name is not None:
             remarks += other_eye(answers[:1], self._calibration, eye.setup.eye.name)
 
-        listed = given.completed_by(stated)
         if moment.iop_pa is not None:
             listed = replace(listed, eye=replace(listed.eye, iop_pa=moment.iop_pa))
         return [
@@ -604,7 +603,7 @@ class SequenceReader:
                 given,
                 stated,
                 listed,
-                eye.at(moment.iop_pa).setup,
+                now.setup,
                 tuple(remarks),
                 frame.plane,
             )
