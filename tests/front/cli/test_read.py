@@ -423,3 +423,17 @@ def test_what_frames_csv_states_of_a_frame_counts_and_a_fault_in_it_is_named_onc
     table.unlink()
     table.symlink_to(frame.parent / "nowhere.csv")
     assert "frames.csv" in shell.refused("read", "default", frame, *MODULUS)
+
+
+def test_a_foreign_modulus_is_remarked_once_by_each_door(
+    frame: Path, tmp_path: Path, shell
+) -> None:
+    calibration = tmp_path / "others.json"
+    calibration.write_text(calibration_text(MODULUS_PA / 1e6, {"other": {}}))
+    answer = sf.read("default", frame, calibration=calibration)
+    codes = [remark.code for remark in answer.remarks]
+    assert codes.count("population-modulus") == 1
+    found = shell.json("read", "default", frame, "--calibration", calibration)
+    for part in (found, found["frames"][0]):
+        codes = [remark["code"] for remark in part["remarks"]]
+        assert codes.count("population-modulus") == 1
