@@ -2,7 +2,6 @@
 pictures of its page.
 """
 
-import ast
 import os
 import platform
 import re
@@ -262,18 +261,6 @@ def test_the_scripts_of_the_package_can_be_run() -> None:
         subprocess.run(["bash", "-n", script], check=True)
 
 
-def test_the_page_on_installation_names_the_extras_and_the_citation_this_version():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    page = (ROOT / "docs" / "installation.md").read_text()
-    assert {
-        name for name in project["optional-dependencies"] if f"| `{name}` |" not in page
-    } <= {"dev", "docs"}
-    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
-    assert citation["cff-version"] == "1.2.0"
-    assert citation["license"] == project["license"]
-    assert {"message", "title", "authors"} <= citation.keys()
-
-
 def test_no_locked_package_wants_a_newer_python_than_ours() -> None:
     wanted = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
         "requires-python"
@@ -420,7 +407,6 @@ def test_every_package_that_is_brought_along_is_under_a_permissive_licence() -> 
 
 
 SCRIPTS = sorted((ROOT / "examples" / "gallery").glob("*.py"))
-PAGE = ROOT / "docs" / "gallery.md"
 PICTURES = ROOT / "docs" / "images" / "gallery"
 SHRUNK = (80, 50)  # lines of a pixel's width and single speckles may differ
 ALIKE = 2.0  # of 255, in the mean
@@ -464,19 +450,3 @@ def test_different_pictures_are_not_alike() -> None:
         min(np.abs(a - b).mean() for n, a in enumerate(pictures) for b in pictures[:n])
         > 2 * ALIKE
     )
-
-
-def test_the_page_has_each_script_with_its_own_words_and_picture() -> None:
-    page = " ".join(PAGE.read_text(encoding="utf-8").split())
-    assert [path.stem for path in sorted(PICTURES.iterdir())] == [
-        script.stem for script in SCRIPTS
-    ]
-    assert len(SCRIPTS) == 10
-
-    for script in SCRIPTS:
-        title, _, words = (
-            ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or ""
-        ).partition("\n")
-        assert f"## {title.rstrip('.')} {' '.join(words.split())}" in page, script.name
-        assert f"](images/gallery/{script.stem}.png)" in page
-        assert f"](../examples/gallery/{script.name})" in page

@@ -276,26 +276,6 @@ def test_the_examples_of_the_public_functions_are_true(
     )
 
 
-def test_make_help_lists_every_target_that_is_a_task() -> None:
-    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    tasks = set(
-        re.search(r"^\.PHONY: (.*)$", makefile, flags=re.MULTILINE).group(1).split()
-    )
-    listed = subprocess.run(
-        ["make", "-s", "help"], cwd=ROOT, capture_output=True, text=True, check=True
-    ).stdout
-    assert {line.split()[1] for line in listed.splitlines()} == tasks
-    assert "$" not in listed
-
-
-def test_the_readme_shows_every_command() -> None:
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    for name in COMMANDS:
-        assert f"scleraforce {name}" in readme, (
-            f"README.md does not show `scleraforce {name}`"
-        )
-
-
 TEXTS = [
     ROOT / "README.md",
     *sorted((ROOT / "docs").rglob("*.md")),
@@ -392,38 +372,17 @@ def test_the_readme_has_the_ranges_of_the_bundled_reader() -> None:
         boxed("# a page\n")
 
 
-HAZARDS = (ROOT / "docs" / "hazards.md").read_text(encoding="utf-8")
-HAZARD_HEAD = [
-    "",
-    "hazard",
-    "foreseeable sequence of events",
-    "hazardous situation",
-    "what the software does",
-    "verified by",
-    "what is left",
-]
-HAZARD_ROWS = [cells(line) for line in HAZARDS.splitlines() if line.startswith("| H")]
 REQUIREMENTS = tomllib.loads(STATED.read_text(encoding="utf-8"))["requirement"]
 
 
-def test_hazards_fill_the_columns_of_a_risk_file_and_each_cites_requirements_that_belong_to_one():
-    heads = [
-        cells(line) for line in HAZARDS.splitlines() if line.startswith("| | hazard")
-    ]
-    assert heads == [HAZARD_HEAD] * len(heads) != []
-    assert all(len(row) == len(HAZARD_HEAD) and all(row) for row in HAZARD_ROWS)
-    assert [row[0] for row in HAZARD_ROWS] == [
-        f"H{number}" for number in range(1, len(HAZARD_ROWS) + 1)
-    ]
-    cited = [
-        name
-        for row in HAZARD_ROWS
-        for name in row[HAZARD_HEAD.index("verified by")].split(", ")
-    ]
-    assert set(cited) == {requirement["id"] for requirement in REQUIREMENTS}
-    assert [one["id"] for one in REQUIREMENTS] == [
-        f"R{number}" for number in range(1, len(REQUIREMENTS) + 1)
-    ]
+def test_every_hazard_cites_requirements_and_every_requirement_belongs_to_one() -> None:
+    page = (ROOT / "docs" / "hazards.md").read_text(encoding="utf-8")
+    hazards = [cells(line) for line in page.splitlines() if line.startswith("| H")]
+    cited = [re.findall(r"\bR\d+\b", row[-2]) for row in hazards]
+    assert all(cited)
+    assert {name for names in cited for name in names} == {
+        requirement["id"] for requirement in REQUIREMENTS
+    }
 
 
 def test_the_trace_is_of_todays_tests_and_a_requirement_without_one_is_found(

@@ -6,25 +6,29 @@ python -m mutation TREE [OTHER] --packages monitor mechanics --count 100 --seed 
 A fault swaps one operator, comparison or bound, or changes one constant. With OTHER,
 only faults that both trees offer take part: the same expression in the function of the
 same name, in whatever module it is. Each tree is copied, the tests of the function's
-package run on the copy with `-x`, and a run that fails or exceeds its limit kills the
-fault.
+package run on the copy with `-x`, those that call the function first, and a run that
+fails or exceeds its limit kills the fault.
 """
 
 import argparse
 import ast
 import os
+import queue
 import random
 import shutil
+import signal
 import subprocess
 import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+BENCHMARKS = Path(__file__).parents[1]  # where pytest finds `called_first`
 SWAPS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Add: ast.Sub,
     ast.Sub: ast.Add,
@@ -50,6 +54,7 @@ BOUNDS = {
 # a faulty run may take this many times the sound one, and this much longer
 SLOWER = 4.0
 START_S = 60.0
+SURVIVED = "SURVIVED"
 # function, expression, the same with the fault, and which of equal ones
 Key = tuple[str, str, str, int]
 
@@ -167,38 +172,25 @@ def faults_of(tree: Path, packages: list[str]) -> dict[Key, Fault]:
 
 
 class Copy:
-    """A copy of a tree, and the seconds that the sound tests of its packages take."""
+    """A copy of a tree in which faults are tried."""
 
-    def __init__(self, tree: Path, folder: Path) -> None:
-        """Copy what the tests need; caches of the run are in the copy, too."""
+    def __init__(self, folder: Path, noted: Path) -> None:
+        """Take a folder with the copy, and one with what the sound tests showed."""
         self.folder = folder
-        self.seconds = dict[str, float]()
-        names = subprocess.run(
-            ["git", "ls-files"], cwd=tree, capture_output=True, text=True, check=True
-        ).stdout
+        self.noted = noted
 
-        for name in names.splitlines():
-            if (tree / name).is_file():
-                (folder / name).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy2(tree / name, folder / name)
-
-    def passes(self, package: str, limit_s: float | None = None) -> bool:
-        """Run a package's default tests."""
-        tests = self.folder / "tests" / package
-        command = [
-            sys.executable,
-            "-m",
-            "pytest",
-            "-x",
-            "-q",
-            "-p",
-            "no:cacheprovider",
-            str(tests),
-        ]
-        environment = os.environ | {
-            "PYTHONPATH": str(self.folder / "src"),
-            "XDG_CACHE_HOME": str(self.folder / "cache"),
-        }
+    def passes(
+        self, package: str, settings: dict[str, str], limit_s: float | None = None
+    ) -> bool | None:
+        """Run a package's default tests; return None if they exceed a limit."""
+        command = [sys.executable, "-m", "pytest", "-x", "-q"]
+        command += ["-p", "no:cacheprovider", "-p", "mutation.called_first"]
+        command.append(str(self.folder / "tests" / package))
+        environment = os.environ | settings
+        environment["PYTHONPATH"] = os.pathsep.join(
+            [str(self.folder / "src"), str(BENCHMARKS)]
+        )
+        environment["XDG_CACHE_HOME"] = str(self.folder / "cache")
 
         with subprocess.Popen(
             command,
@@ -211,35 +203,99 @@ class Copy:
             try:
                 return run.wait(limit_s) == 0
             except subprocess.TimeoutExpired:
-                os.killpg(run.pid, 9)
-                return False
+                os.killpg(run.pid, signal.SIGKILL)
+                return None
 
-    def kills(self, fault: Fault) -> bool:
-        """Return True if the tests fail on a fault; the sound tests run once for each
-        package, before its first.
+    def try_sound(self, package: str) -> float:
+        """Run a package's tests without a fault, note what each calls, and return the
+        seconds of a second run: the first also compiles.
         """
-        package = fault.module.parts[0].removesuffix(".py")
-        if not (self.folder / "tests" / package).is_dir():
-            package = ""  # a base module, whose tests are at the top: all run
+        note = {"MUTATION_NOTE": str(self.noted / f"{package}.json")}
+        for settings in (note, {}):
+            start = time.perf_counter()
+            if not self.passes(package, settings):
+                raise SystemExit(
+                    f"{self.folder}: tests/{package} fails without a fault"
+                )
 
-        if package not in self.seconds:
-            for _ in range(2):  # the first run also compiles
-                start = time.perf_counter()
-                if not self.passes(package):
-                    raise SystemExit(
-                        f"{self.folder}: tests/{package} fails without a fault"
-                    )
+        return time.perf_counter() - start
 
-            self.seconds[package] = time.perf_counter() - start
-
+    def outcome(self, fault: Fault, function: str, seconds: float) -> str:
+        """Return what becomes of a fault by the tests of its package, of which those
+        that call the faulty function run first.
+        """
+        package = package_of(self.folder, fault)
+        settings = {
+            "MUTATION_NOTED": str(self.noted / f"{package}.json"),
+            "MUTATION_FUNCTION": f"{fault.module}:{function}",
+        }
         file = self.folder / "src" / "scleraforce" / fault.module
         sound = file.read_bytes()
         file.write_bytes(fault.applied(sound))
 
         try:
-            return not self.passes(package, SLOWER * self.seconds[package] + START_S)
+            passed = self.passes(package, settings, SLOWER * seconds + START_S)
         finally:
             file.write_bytes(sound)
+
+        return {True: SURVIVED, False: "killed", None: "too slow"}[passed]
+
+
+def package_of(tree: Path, fault: Fault) -> str:
+    """Return the folder of the tests that try a fault; "" for all of them."""
+    package = fault.module.parts[0]
+    return package if (tree / "tests" / package).is_dir() else ""
+
+
+def copy_tree(tree: Path, folder: Path) -> None:
+    """Copy the files that git tracks."""
+    names = subprocess.run(
+        ["git", "ls-files"], cwd=tree, capture_output=True, text=True, check=True
+    ).stdout
+    for name in names.splitlines():
+        if (tree / name).is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(tree / name, folder / name)
+
+
+def try_faults(
+    tree: Path, faults: list[tuple[Key, Fault]], workers: int, work: Path
+) -> int:
+    """Try each fault on copies of a tree, print what became of it, and return how many
+    were killed.
+    """
+    noted = work / "noted"
+    noted.mkdir()
+    first = Copy(work / "0", noted)
+    copy_tree(tree, first.folder)
+    packages = sorted({package_of(first.folder, fault) for _, fault in faults})
+    seconds = {package: first.try_sound(package) for package in packages}
+    print({package: round(s) for package, s in seconds.items()}, "s", flush=True)
+
+    copies = queue.SimpleQueue[Copy]()
+    copies.put(first)
+    for number in range(1, workers):
+        folder = work / str(number)
+        shutil.copytree(first.folder, folder)  # with what the sound tests compiled
+        copies.put(Copy(folder, noted))
+
+    def dies(drawn: tuple[Key, Fault]) -> bool:
+        key, fault = drawn
+        copied = copies.get()
+        try:
+            outcome = copied.outcome(
+                fault, key[0], seconds[package_of(copied.folder, fault)]
+            )
+        finally:
+            copies.put(copied)
+
+        place = f"{fault.module}:{fault.start[0]} {key[0]}: {key[1]} -> {key[2]}"
+        print(f"{outcome:<9} {place}", flush=True)
+
+        return outcome != SURVIVED
+
+    with ThreadPoolExecutor(workers) as pool:
+        return sum(pool.map(dies, faults))
 
 
 def main() -> int:
@@ -261,6 +317,7 @@ def main() -> int:
     )
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--workers", type=int, default=2, help="copies tried at once")
     given = parser.parse_args()
     first, *others = (
         faults_of(tree, given.packages if n == 0 else [])
@@ -271,23 +328,14 @@ def main() -> int:
     print(f"{len(drawn)} of {len(shared)} faults, seed {given.seed}")
 
     for tree, offered in zip(given.trees, (first, *others), strict=True):
+        faults = [(key, offered[key]) for key in drawn]
         with TemporaryDirectory(prefix="scleraforce-mutation-") as folder:
-            copied = Copy(tree.resolve(), Path(folder))
-            killed = 0
+            killed = try_faults(tree.resolve(), faults, given.workers, Path(folder))
 
-            for key in drawn:
-                fault = offered[key]
-                dead = copied.kills(offered[key])
-                killed += dead
-                place = (
-                    f"{fault.module}:{fault.start[0]} {key[0]}: {key[1]} -> {key[2]}"
-                )
-                print(f"{'killed' if dead else 'SURVIVED':<9} {place}", flush=True)
-
-            print(
-                f"{tree}: {killed} of {len(drawn)} killed,"
-                f" {100 * killed / max(len(drawn), 1):.0f} %"
-            )
+        print(
+            f"{tree}: {killed} of {len(drawn)} killed,"
+            f" {100 * killed / max(len(drawn), 1):.0f} %"
+        )
 
     return 0
 
