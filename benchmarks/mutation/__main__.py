@@ -28,7 +28,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-BENCHMARKS = Path(__file__).parents[1]  # where pytest finds `called_first`
+HERE = Path(__file__).parent  # where pytest finds `called_first`
 SWAPS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Add: ast.Sub,
     ast.Sub: ast.Add,
@@ -184,11 +184,11 @@ class Copy:
     ) -> bool | None:
         """Run a package's default tests; return None if they exceed a limit."""
         command = [sys.executable, "-m", "pytest", "-x", "-q"]
-        command += ["-p", "no:cacheprovider", "-p", "mutation.called_first"]
+        command += ["-p", "no:cacheprovider", "-p", "called_first"]
         command.append(str(self.folder / "tests" / package))
         environment = os.environ | settings
         environment["PYTHONPATH"] = os.pathsep.join(
-            [str(self.folder / "src"), str(BENCHMARKS)]
+            [str(self.folder / "src"), str(HERE)]
         )
         environment["XDG_CACHE_HOME"] = str(self.folder / "cache")
 
