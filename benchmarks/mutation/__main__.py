@@ -178,6 +178,7 @@ class Copy:
         """Take a folder with the copy, and one with what the sound tests showed."""
         self.folder = folder
         self.noted = noted
+        self.printed = folder / "printed.txt"  # by the last run
 
     def passes(
         self, package: str, settings: dict[str, str], limit_s: float | None = None
@@ -192,14 +193,17 @@ class Copy:
         )
         environment["XDG_CACHE_HOME"] = str(self.folder / "cache")
 
-        with subprocess.Popen(
-            command,
-            cwd=self.folder,
-            env=environment,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        ) as run:
+        with (
+            self.printed.open("w", encoding="utf-8") as printed,
+            subprocess.Popen(
+                command,
+                cwd=self.folder,
+                env=environment,
+                stdout=printed,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            ) as run,
+        ):
             try:
                 return run.wait(limit_s) == 0
             except subprocess.TimeoutExpired:
@@ -214,9 +218,8 @@ class Copy:
         for settings in (note, {}):
             start = time.perf_counter()
             if not self.passes(package, settings):
-                raise SystemExit(
-                    f"{self.folder}: tests/{package} fails without a fault"
-                )
+                end = self.printed.read_text(encoding="utf-8")[-2000:]
+                raise SystemExit(f"tests/{package} fails without a fault:\n{end}")
 
         return time.perf_counter() - start
 
