@@ -6,8 +6,8 @@ python -m mutation TREE [OTHER] --packages monitor mechanics --count 100 --seed 
 A fault swaps one operator, comparison or bound, or changes one constant. With OTHER,
 only faults that both trees offer take part: the same expression in the function of the
 same name, in whatever module it is. Each tree is copied, the tests of the function's
-package run on the copy with `-x`, those that call the function first, and a run that
-fails or exceeds its limit kills the fault.
+package that call it run on the copy with `-x` (all, where none was seen to: see
+`callers`), and a run that fails or exceeds its limit kills the fault.
 """
 
 import argparse
@@ -28,7 +28,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-HERE = Path(__file__).parent  # where pytest finds `called_first`
+HERE = Path(__file__).parent  # where pytest finds `callers`
 SWAPS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Add: ast.Sub,
     ast.Sub: ast.Add,
@@ -185,7 +185,7 @@ class Copy:
     ) -> bool | None:
         """Run a package's default tests; return None if they exceed a limit."""
         command = [sys.executable, "-m", "pytest", "-x", "-q"]
-        command += ["-p", "no:cacheprovider", "-p", "called_first"]
+        command += ["-p", "no:cacheprovider", "-p", "callers"]
         command.append(str(self.folder / "tests" / package))
         environment = os.environ | settings
         environment["PYTHONPATH"] = os.pathsep.join(
@@ -212,20 +212,19 @@ class Copy:
 
     def try_sound(self, package: str) -> float:
         """Run a package's tests without a fault, note what each calls, and return the
-        seconds of a second run: the first also compiles.
+        seconds that this took.
         """
         note = {"MUTATION_NOTE": str(self.noted / f"{package}.json")}
-        for settings in (note, {}):
-            start = time.perf_counter()
-            if not self.passes(package, settings):
-                end = self.printed.read_text(encoding="utf-8")[-2000:]
-                raise SystemExit(f"tests/{package} fails without a fault:\n{end}")
+        start = time.perf_counter()
+        if not self.passes(package, note):
+            end = self.printed.read_text(encoding="utf-8")[-2000:]
+            raise SystemExit(f"tests/{package} fails without a fault:\n{end}")
 
         return time.perf_counter() - start
 
     def outcome(self, fault: Fault, function: str, seconds: float) -> str:
-        """Return what becomes of a fault by the tests of its package, of which those
-        that call the faulty function run first.
+        """Return what becomes of a fault by the tests of its package that call the
+        faulty function.
         """
         package = package_of(self.folder, fault)
         settings = {

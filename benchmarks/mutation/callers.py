@@ -1,9 +1,9 @@
-"""A pytest plugin: note the functions that each test calls, or run first the tests that
+"""A pytest plugin: note the functions that each test calls, or run only the tests that
 call a given one.
 
 `MUTATION_NOTE=FILE` notes; `MUTATION_NOTED=FILE` and `MUTATION_FUNCTION=PATH:NAME`
-order. Functions that are compiled, or that run in a child process, are not noted: their
-tests keep their place.
+select. Of a function that no test was seen to call (it is compiled, or runs in a child
+process) all tests run.
 """
 
 import json
@@ -48,9 +48,15 @@ def pytest_sessionfinish() -> None:
         Path(NOTE).write_text(json.dumps(names), encoding="utf-8")
 
 
-@pytest.hookimpl(trylast=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the tests that call the given function first."""
-    if NOTED is not None:
-        calls = json.loads(Path(NOTED).read_text(encoding="utf-8"))
-        items.sort(key=lambda item: FUNCTION not in calls.get(item.nodeid, []))
+def pytest_collection_modifyitems(
+    config: pytest.Config, items: list[pytest.Item]
+) -> None:
+    """Keep the tests that call the given function."""
+    if NOTED is None:
+        return
+    calls = json.loads(Path(NOTED).read_text(encoding="utf-8"))
+    callers = [item for item in items if FUNCTION in calls.get(item.nodeid, [])]
+    if callers:
+        others = [item for item in items if item not in callers]
+        config.hook.pytest_deselected(items=others)
+        items[:] = callers
