@@ -1,18 +1,22 @@
-"""Evaluations with a model of kind "reader": moduli from a calibration, force errors
-and coverage, the commands.
+"""Evaluations of recordings: which frames count, the modulus that each is read with,
+force errors and coverage, the command.
 """
 
 import json
 import re
-import shutil
+from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from math import isnan
 from pathlib import Path
+from shutil import copytree
 
+import cv2
 import numpy as np
 import pytest
 from analytic_frames import GAP_M, LIBRARY, MODULUS_PA, STUDY
 from commands import said
+from relaxing_eyes import read_as
 from small_recordings import FORCES_N, write_places
 
 from scleraforce.base.errors import CalibrationError, RecordingError
@@ -22,10 +26,10 @@ from scleraforce.calibration.evaluation import (
     FrameAnswer,
     evaluate_recordings,
 )
-from scleraforce.reading.answer import Answer
 from scleraforce.reading.load_model import load_reader
 from scleraforce.reading.reading_models import Reader
 from scleraforce.recordings.formats.image_files import read_frame
+from scleraforce.recordings.frame_and_force_tables import FrameEntry
 from scleraforce.recordings.recording_folder import read_recording
 from scleraforce.records.calibration_file import read_calibration
 from scleraforce.records.eye import NO_DISCREPANCY, Eye, Modulus
@@ -49,12 +53,13 @@ def model(places) -> Reader:
 
 
 @pytest.fixture(scope="module")
-def both(places, model) -> Evaluation:
-    return evaluate_recordings(
-        model,
-        [places["mine"], places["other"]],
-        read_calibration(places["calibration"]),
-    )
+def calibration(places):
+    return read_calibration(places["calibration"])
+
+
+@pytest.fixture(scope="module")
+def both(places, model, calibration) -> Evaluation:
+    return evaluate_recordings(model, [places["mine"], places["other"]], calibration)
 
 
 @pytest.fixture(scope="module")
@@ -62,18 +67,67 @@ def uncalibrated(places, model) -> Evaluation:
     return evaluate_recordings(model, [places["mine"]])
 
 
+@pytest.fixture
+def changed(places, tmp_path: Path) -> Callable[..., Path]:
+    """Return a copy of the recording "mine", with other lines of its tables."""
+
+    def change(
+        frames: Callable[[list[str]], list[str]] | None = None,
+        log: Callable[[np.ndarray], np.ndarray] | None = None,
+        toml: tuple[str, str] = ("", ""),
+    ) -> Path:
+        folder = copytree(places["mine"], tmp_path / "changed", dirs_exist_ok=True)
+        info = (folder / "recording.toml").read_text()
+        (folder / "recording.toml").write_text(info.replace(*toml))
+        if frames is not None:
+            lines = (folder / "frames.csv").read_text().splitlines()
+            (folder / "frames.csv").write_text("\n".join(frames(lines)) + "\n")
+        if log is not None:
+            path = folder / "forces.csv"
+            header = path.read_text().splitlines()[0]
+            rows = log(np.loadtxt(path, delimiter=",", skiprows=1))
+            kinds = {"fmt": "%.6f", "delimiter": ",", "comments": ""}
+            np.savetxt(path, rows, header=header, **kinds)
+        return folder
+
+    return change
+
+
 def width_n(frame: FrameAnswer) -> float:
     low_n, high_n = frame.answer.interval_n
     return high_n - low_n
 
 
+def test_labels_exclusions_and_metrics_follow_the_recording(
+    changed, model, uncalibrated
+) -> None:
+    frames = uncalibrated.frames
+    assert [frame.file for frame in frames] == [f"{number}.png" for number in range(5)]
+    measured_n = [frame.measured_force_n for frame in frames]
+    assert measured_n == pytest.approx([*FORCES_N, 0.010], abs=3e-4)
+    assert [frame.target for frame in frames] == [0, 1, 1, 2, 1]
+    assert all(frame.scored for frame in frames)
+    blank = frames[4].answer
+    assert (blank.usable, blank.predicted, blank.probabilities) == (False, 2, None)
+    right = [frame.answer.predicted == frame.target for frame in frames]
+    assert uncalibrated.accuracy.value == np.mean(right)
+    assert uncalibrated.confusion.sum(axis=1).tolist() == [1, 3, 1]
+
+    pierced = [",pierced", ",0", ",0", ",1", ",0", ",0"]
+    twice = changed(
+        lambda lines: [line + end for line, end in zip(lines, pierced, strict=True)],
+        lambda log: log * np.where(np.arange(log.shape[1]) == 3, 2.0, 1.0),
+    )
+    found = evaluate_recordings(model, [twice]).frames
+    assert [frame.scored for frame in found] == [True, True, False, False, True]
+    assert found[2].excluded == "pierced"
+    assert "largest force" in found[3].excluded
+
+
 def test_an_eye_is_read_with_its_own_modulus_and_a_stranger_with_the_populations(
     both, uncalibrated
 ) -> None:
-    used = {
-        frame.eye: (frame.youngs_modulus_pa, frame.modulus_source)
-        for frame in both.frames
-    }
+    used = {f.eye: (f.youngs_modulus_pa, f.modulus_source) for f in both.frames}
     assert used["mine"] == (pytest.approx(MODULUS_PA), "own")
     assert used["stranger"] == (pytest.approx(1.1 * MODULUS_PA), "population")
     mine, other = (both.frames[start : start + 4] for start in (0, 5))
@@ -83,15 +137,11 @@ def test_an_eye_is_read_with_its_own_modulus_and_a_stranger_with_the_populations
         for one in (frame, stranger):
             low, high = one.answer.interval_n
             assert low < force_n < high
-
         assert width_n(stranger) > 1.2 * width_n(frame)
 
-    assert (
-        width_n(uncalibrated.frames[2])
-        > width_n(both.frames[7])
-        > width_n(both.frames[2])
-    )
-    assert uncalibrated.frames[2].modulus_source is None
+    unknown = uncalibrated.frames[2]
+    assert width_n(unknown) > width_n(both.frames[7]) > width_n(both.frames[2])
+    assert unknown.modulus_source is None
 
 
 def test_errors_and_coverage_count_usable_frames_outside_the_calibration(both) -> None:
@@ -115,11 +165,143 @@ def test_errors_and_coverage_count_usable_frames_outside_the_calibration(both) -
     assert both.usable.accuracy.value == 1.0
 
 
-def test_the_truth_of_a_virtual_eye_decides_nothing_that_is_read_and_is_compared_with(
-    places, model, tmp_path
+def test_frames_that_calibrated_are_known_by_their_content_and_not_scored(
+    changed, model, calibration, both
 ) -> None:
-    mine = shutil.copytree(places["mine"], tmp_path / "mine")
-    calibration = read_calibration(places["calibration"])
+    """A renamed copy is marked; another frame of the same eye and name is not."""
+    assert [f.file for f in both.frames if f.calibration] == ["1.png"]
+    copied = changed(lambda lines: [line.replace("1.png", "b.png") for line in lines])
+    other = read_frame(copied / "frames" / "1.png")
+    (copied / "frames" / "1.png").rename(copied / "frames" / "b.png")
+    found = evaluate_recordings(model, [copied], calibration).frames
+    assert [f.file for f in found if f.calibration] == ["b.png"]
+
+    other[0, 0] += 1
+    cv2.imwrite(str(copied / "frames" / "b.png"), other)
+    found = evaluate_recordings(model, [copied], calibration).frames
+    assert not any(f.calibration for f in found)
+
+
+def test_a_frame_outside_the_log_is_left_out_and_noted_and_the_others_are_scored(
+    changed, model
+) -> None:
+    late = changed(log=lambda rows: rows[rows[:, 0] > 6.0])
+    found = evaluate_recordings(model, [late])
+    assert [frame.scored for frame in found.frames] == [False] + [True] * 4
+    first = found.frames[0]
+    assert (first.measured_force_n, first.target) == (None, None)
+    assert "force samples within" in first.excluded
+    noted = "1 of 5 frames have no label and are left out (0.png: "
+    assert any(noted in note for note in found.notes)
+
+
+def test_a_recording_that_was_read_is_not_read_again(
+    changed, model, uncalibrated
+) -> None:
+    recording = read_recording(changed())
+    for name in ("frames.csv", "forces.csv"):
+        (recording.path / name).unlink()
+    found = evaluate_recordings(model, [recording])
+    place = str(recording.path)
+    again = tuple(replace(one, recording=place) for one in uncalibrated.frames)
+    assert [f.to_dict() for f in found.frames] == [f.to_dict() for f in again]
+
+    beside = recording.path / "." / "frames" / ".."
+    for twice in ([recording, recording.path], [recording.path, beside]):
+        with pytest.raises(RecordingError, match="given twice"):
+            evaluate_recordings(model, twice)
+
+
+def answered(
+    model: Reader, recording: Path, times_s: np.ndarray, forces_n: np.ndarray
+) -> list[dict[str, object]]:
+    """Return the frames of an evaluation at these times that read as these forces."""
+    answers = (
+        replace(read_as(force_n), interval_n=(0.9 * force_n, force_n / 0.9))
+        for force_n in forces_n.tolist()
+    )
+    told = copy(model)
+    told.read_together = lambda *_: (next(answers),)
+    frames = tuple(FrameEntry("1.png", time_s) for time_s in times_s.tolist())
+    shown = replace(read_recording(recording), frames=frames, forces=None)
+    return evaluate_recordings(told, [shown]).to_dict()["frames"]
+
+
+def test_frames_after_a_puncture_in_the_readings_are_left_out_up_to_the_end_of_the_push(
+    places, model
+) -> None:
+    times_s = np.arange(230) / 100.0
+    corners_s = [0.0, 0.5, 0.503, 1.2, 1.25, 2.0, 2.1]
+    corners_n = [0.01, 0.03, 0.008, 0.008, 0.0, 0.0, 0.02]
+    fallen_n = np.interp(times_s, corners_s, corners_n)
+    found = answered(model, places["mine"], times_s, fallen_n)
+    pierced = np.array([frame["pierced"] for frame in found])
+    assert not pierced[times_s < 0.5].any()
+    assert pierced[(times_s > 0.51) & (times_s < 1.2)].all()
+    assert not pierced[times_s > 2.0].any()
+    assert [frame["excluded"] == "pierced" for frame in found] == pierced.tolist()
+
+
+HELD_N = 1e-3 * np.array([12.0, 24.0, 36.0, 35.0, 3.0, 3.1, 8.0, 9.0, 2.0, 2.0])
+SLOW_S = np.arange(120) / 100.0
+SLOW_N = np.interp(SLOW_S, [0.0, 0.5, 0.8, 1.2], [0.01, 0.03, 0.008, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("times_s", "forces_n"),
+    [(SLOW_S, SLOW_N), (0.2 * np.arange(10), HELD_N), (8.0 * np.arange(10), HELD_N)],
+    ids=["slow", "dense", "sparse"],
+)
+def test_a_slow_fall_and_one_between_held_pushes_are_no_puncture(
+    places, model, times_s: np.ndarray, forces_n: np.ndarray
+) -> None:
+    found = answered(model, places["mine"], times_s, forces_n)
+    assert not any(frame["pierced"] for frame in found)
+
+
+def test_frames_in_a_row_say_when_the_highest_class_is_reached(places, model) -> None:
+    forces_n = np.append(0.010 + 5e-4 * np.arange(13), 0.028)
+    found = answered(model, places["mine"], 0.01 * np.arange(14), forces_n)
+    median_ms = [frame["time_to_bound_ms"] for frame in found]
+    ends_ms = [frame["time_to_bound_ms_interval"] for frame in found]
+    assert median_ms[:9] == [None] * 9, "ten frames make a line"
+    assert median_ms[12] == pytest.approx(1e3 * (0.027 - forces_n[12]) / 0.05)
+    assert ends_ms[12][0] < median_ms[12] < ends_ms[12][1]
+    assert (median_ms[13], ends_ms[13]) == (0.0, [0.0, 0.0])
+
+
+def test_a_puncture_in_the_force_log_is_found_unless_frames_csv_says_otherwise(
+    changed, model
+) -> None:
+    def through(log: np.ndarray) -> np.ndarray:
+        """Friction alone, before the middle of the third push, with a sensor's
+        noise.
+        """
+        after = (log[:, 0] > 16.5) & (log[:, 0] < 20.0)
+        noise_n = np.random.default_rng(0).normal(0.0, 1e-4, after.sum())
+        log[after, 3] = 0.1 - 6e-3 + noise_n
+        return log
+
+    path = changed(log=through)
+    found = evaluate_recordings(model, [path])
+    assert [frame.pierced for frame in found.frames] == [False] * 2 + [
+        True,
+        False,
+        False,
+    ]
+    words = "1 frames after a puncture are left out, from 2.png on"
+    assert f"{path}: {words}" in found.notes
+
+    head, *rows = (path / "frames.csv").read_text().splitlines()
+    lines = [f"{head},pierced", *(f"{row},0" for row in rows)]
+    (path / "frames.csv").write_text("\n".join(lines) + "\n")
+    assert not any(f.pierced for f in evaluate_recordings(model, [path]).frames)
+
+
+def test_the_truth_of_a_virtual_eye_decides_nothing_that_is_read_and_is_compared_with(
+    changed, model, calibration
+) -> None:
+    mine = changed()
     without = evaluate_recordings(model, [mine], calibration)
     assert without.to_dict()["truth"] is None
     true_n = [frame.answer.force_n or 0.0 for frame in without.frames]
@@ -134,17 +316,13 @@ def test_the_truth_of_a_virtual_eye_decides_nothing_that_is_read_and_is_compared
         [frame.to_dict() for frame in found.frames] for found in (beside, without)
     )
     assert [frame | {"true_force_mn": None} for frame in read] == alone
-    assert (beside.coverage, beside.to_dict()["truth"]) == (
-        without.coverage,
-        "truth.json",
-    )
-    compared = len(beside.true_forces)
-    assert (beside.true_coverage.hits, beside.true_coverage.total) == (
-        compared - 1,
-        compared,
-    )
-    (mine / "truth.json").write_text("no JSON")
+    assert beside.coverage == without.coverage
+    assert beside.to_dict()["truth"] == "truth.json"
+    total = len(beside.true_forces)
+    held = beside.true_coverage
+    assert (held.hits, held.total) == (total - 1, total)
 
+    (mine / "truth.json").write_text("no JSON")
     with pytest.raises(RecordingError, match=r"truth\.json"):
         evaluate_recordings(model, [mine], calibration)
 
@@ -153,27 +331,14 @@ def test_a_stranger_read_with_the_populations_modulus_is_named_in_notes_and_warn
     places, both, capsys
 ) -> None:
     (note,) = [note for note in both.notes if "population's modulus" in note]
-    assert (
-        f"stranger is not in {places['calibration']}, which has 1 eye (mine): read with"
-        " the pop" in note
-    )
-    mine = both.frames[:5]
-    other = both.frames[5:]
-    assert not any(
-        "population" in warning for frame in mine for warning in frame.answer.warnings
-    )
-    assert all(
-        "the modulus is the population's, not this eye's own" in frame.answer.warnings
-        for frame in other
-    )
-    printed = said(
-        capsys,
-        "evaluate",
-        places["model"],
-        places["other"],
-        "--calibration",
-        places["calibration"],
-    )
+    named = f"stranger is not in {places['calibration']}, which has 1 eye (mine)"
+    assert named in note
+    words = "the modulus is the population's, not this eye's own"
+    warned = [words in frame.answer.warnings for frame in both.frames]
+    assert warned == [False] * 5 + [True] * 5
+
+    options = ("--calibration", places["calibration"])
+    printed = said(capsys, "evaluate", places["model"], places["other"], *options)
     assert "note: " in printed
     assert "stranger is not in" in " ".join(printed.split())
 
@@ -183,14 +348,10 @@ def test_a_stranger_read_with_the_populations_modulus_is_named_in_notes_and_warn
     ("stated", "kind"), [('globe = "sealed"\n', "sealed"), ("", "unknown")]
 )
 def test_the_globe_of_a_recording_reaches_reading_and_calibration(
-    places, model, uncalibrated, tmp_path: Path, stated: str, kind: str
+    changed, model, uncalibrated, stated: str, kind: str
 ) -> None:
-    path = shutil.copytree(places["mine"], tmp_path / "mine")
-    text = (
-        (path / "recording.toml")
-        .read_text()
-        .replace("[needle]\n", "[needle]\npolar_angle_rad = 0.0\n")
-    )
+    path = changed(toml=("[needle]\n", "[needle]\npolar_angle_rad = 0.0\n"))
+    text = (path / "recording.toml").read_text()
     (path / "recording.toml").write_text(text.replace('globe = "open"\n', stated))
     found = evaluate_recordings(model, [path])
 
@@ -198,44 +359,39 @@ def test_the_globe_of_a_recording_reaches_reading_and_calibration(
         assert width_n(frame) > 1.05 * width_n(of_open)
 
     coarse = replace(STUDY, mesh=MeshStudy(divisions=4))
-    eye = calibrate_recordings(
-        [read_recording(path)], coarse, "0", library=LIBRARY, frames=2
-    ).eyes["mine"]
-    assert (eye.globe.kind, eye.globe.calibrated) == (kind, True)
-    assert not any("globe" in doubt for doubt in eye.recordings[0].doubts)
-    linear = calibrate_recordings(
-        [read_recording(path)], coarse, "0", library=None, frames=1
-    ).eyes["mine"]
-    assert linear.globe.kind == "open"
-    assert any(
-        "linear mechanics" in doubt for doubt in linear.recordings[0].doubts
-    ) == (kind == "sealed")
+    recordings = [read_recording(path)]
+    eye, linear = (
+        calibrate_recordings(recordings, coarse, "0", library=library, frames=frames)
+        for library, frames in ((LIBRARY, 2), (None, 1))
+    )
+    globe = eye.eyes["mine"].globe
+    assert (globe.kind, globe.calibrated) == (kind, True)
+    assert not any("globe" in doubt for doubt in eye.eyes["mine"].recordings[0].doubts)
+    assert linear.eyes["mine"].globe.kind == "open"
+    doubts = linear.eyes["mine"].recordings[0].doubts
+    assert any("linear mechanics" in doubt for doubt in doubts) == (kind == "sealed")
 
 
 def test_forces_of_another_size_than_those_read_are_noted(
-    places, model, tmp_path: Path
+    changed, model, calibration
 ) -> None:
-    path = shutil.copytree(places["mine"], tmp_path / "kilogram-force")
-    log = np.loadtxt(path / "forces.csv", delimiter=",", skiprows=1)
-    log[:, 1:] /= 9.80665
-    header = (path / "forces.csv").read_text().splitlines()[0]
-    np.savetxt(
-        path / "forces.csv", log, fmt="%.6f", delimiter=",", header=header, comments=""
-    )
-    found = evaluate_recordings(model, [path], read_calibration(places["calibration"]))
+    def in_kilogram_force(log: np.ndarray) -> np.ndarray:
+        log[:, 1:] /= 9.80665
+        return log
+
+    path = changed(log=in_kilogram_force)
+    notes = " ".join(evaluate_recordings(model, [path], calibration).notes)
     (times,) = re.findall(
-        r"forces\.csv has ([0-9.]+) times the force that the frames show",
-        " ".join(found.notes),
+        r"forces\.csv has ([0-9.]+) times the force that the frames show", notes
     )
     # as exact as four frames are read
     assert float(times) == pytest.approx(1 / 9.80665, rel=0.06)
 
 
 def test_moduli_of_linear_walls_are_refused(places, model) -> None:
-    with pytest.raises(
-        CalibrationError, match="calibrate with `mechanics=finite-strain`"
-    ):
-        evaluate_recordings(model, [places["mine"]], read_calibration(places["linear"]))
+    linear = read_calibration(places["linear"])
+    with pytest.raises(CalibrationError, match="with `mechanics=finite-strain`"):
+        evaluate_recordings(model, [places["mine"]], linear)
 
 
 def test_an_eye_outside_the_training_is_noted_and_all_its_frames_are_withdrawn_from(
@@ -243,9 +399,7 @@ def test_an_eye_outside_the_training_is_noted_and_all_its_frames_are_withdrawn_f
 ) -> None:
     found = evaluate_recordings(model, [places["far"]])
     assert "gap between B-scan and needle axis 1.5 mm" in found.notes[0]
-    assert {
-        (frame.answer.usable, frame.answer.predicted) for frame in found.frames
-    } == {(False, 2)}
+    assert {(f.answer.usable, f.answer.predicted) for f in found.frames} == {(False, 2)}
     assert isnan(found.mae_n)
     assert all(frame.answer.can_calibrate for frame in found.frames[:3])
 
@@ -254,20 +408,13 @@ def test_the_command_prints_forces_in_millinewtons(
     places, both, capsys, monkeypatch
 ) -> None:
     monkeypatch.chdir(places["mine"].parent)
-    command = [
-        "evaluate",
-        "./model",
-        "mine",
-        "other",
-        "--calibration",
-        "calibration.json",
-    ]
+    options = ("--calibration", "calibration.json")
+    command = ["evaluate", "./model", "mine", "other", *options]
     result = json.loads(said(capsys, *command, "--json"))
     assert result["mae_mn"] == pytest.approx(1e3 * both.mae_n)
     assert result["coverage"] == both.coverage.value
     assert result["usable"]["accuracy"] == 1.0
     frame = result["frames"][2]
-    blank = result["frames"][4]
     assert frame["predicted_force_mn"] == pytest.approx(22.0, abs=1.0)
     low, high = frame["interval_mn"]
     assert low < 22.0 < high
@@ -275,97 +422,87 @@ def test_the_command_prints_forces_in_millinewtons(
     assert frame["can_calibrate"]
     # the network, which always gives the same answer, is unsure
     assert frame["warnings"] == []
-    assert (blank["predicted_force_mn"], blank["interval_mn"], blank["contact_mm"]) == (
-        None,
-        None,
-        None,
-    )
-    assert not blank["can_calibrate"]
+    blank = result["frames"][4]
+    unread = ("predicted_force_mn", "interval_mn", "contact_mm", "can_calibrate")
+    assert not any(blank[key] for key in unread)
+
     lines = said(capsys, *command).splitlines()
     assert max(map(len, lines)) <= 80
     assert any(line.startswith("force error") for line in lines)
     assert any("90 % interval and label agree" in line for line in lines)
 
 
+def test_a_recording_without_a_force_log_is_read_but_not_scored(
+    places, changed, capsys
+) -> None:
+    silent = changed()
+    (silent / "forces.csv").unlink()
+    result = json.loads(said(capsys, "evaluate", places["model"], silent, "--json"))
+    assert (result["accuracy"], result["recall"]) == (None, [None] * 3)
+    assert "no forces.csv" in " ".join(result["notes"])
+    found = [(one["measured_force_mn"], one["target"]) for one in result["frames"]]
+    assert found == [(None, None)] * 5
+
+
 @pytest.mark.slow
 def test_intervals_are_stretched_to_hold_on_recordings(
-    places, tmp_path: Path, capsys
+    places, model, tmp_path: Path, capsys
 ) -> None:
     out = tmp_path / "stretched"
-    command = [
-        "calibrate",
-        places["mine"],
-        "--intervals",
-        places["model"],
-        "--frames",
-        1,
-        "--json",
-        "--out",
-        out,
-    ]
-    changes = {
-        row["method"]: row for row in json.loads(said(capsys, *command))["stretches"]
-    }
+    options = ("--intervals", places["model"], "--frames", 1, "--json", "--out", out)
+    result = json.loads(said(capsys, "calibrate", places["mine"], *options))
+    changes = {row["method"]: row for row in result["stretches"]}
     assert set(changes) == {"fit", "network"}
-    assert {(row["modulus"], *row["globes"]) for row in changes.values()} == {
-        ("own E", "open")
-    }
-    assert all(
-        (row["eyes"], row["readings"]) == (1, 3) and row["factor"] >= 1.0
-        for row in changes.values()
-    )
-    before = load_reader(places["model"])
+    for row in changes.values():
+        assert (row["modulus"], *row["globes"]) == ("own E", "open")
+        assert (row["eyes"], row["readings"]) == (1, 3)
+        assert row["factor"] >= 1.0
+
     after = load_reader(out)
     assert after.record["intervals"]["source"] == "recordings of mine"
     modulus = Modulus(mean_pa=MODULUS_PA, sd_pa=0.01 * MODULUS_PA, source="own")
     one_frame = replace(NO_DISCREPANCY, widest_gap=1.0)
-    known = Setup(
-        eye=Eye(modulus=modulus, globe=OPEN, discrepancy=one_frame),
-        needle=Needle(gap_m=GAP_M),
-    )
+    eye = Eye(modulus=modulus, globe=OPEN, discrepancy=one_frame)
+    known = Setup(eye=eye, needle=Needle(gap_m=GAP_M))
     pixels = read_frame(places["mine"] / "frames" / "2.png")
     scale = PixelScale.of(read_recording(places["mine"]).info.scan)
-    was, now = (model.read(pixels, scale, known) for model in (before, after))
+    was, now = (reader.read(pixels, scale, known) for reader in (model, after))
     assert now.force_n == was.force_n
-    assert was.fit is not None
     widths = [answer.interval_n[1] - answer.force_n for answer in (was, now)]
     assert widths[1] / widths[0] == pytest.approx(changes["fit"]["factor"], rel=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("model", "--out", "new", "--mechanics", "linear"), "--intervals"),
+        (("model", "--out", "model"), "exists already"),
+        (("none", "--out", "new"), "no such folder"),
+    ],
+)
 def test_intervals_take_a_reader_only_and_none_of_the_other_options(
-    places, tmp_path: Path, capsys
+    places, monkeypatch, capsys, words: tuple[str, ...], message: str
 ) -> None:
-    mine = places["mine"]
-    model = places["model"]
-    out = tmp_path / "new"
-
-    for words, message in (
-        ((model, "--out", out, "--mechanics", "linear"), "--intervals"),
-        ((model, "--out", model), "exists already"),
-        ((tmp_path / "none", "--out", out), "no such folder"),
-    ):
-        assert message in said(capsys, "calibrate", mine, "--intervals", *words, code=2)
-
-    assert not out.exists()
+    monkeypatch.chdir(places["mine"].parent)
+    model, *options = words
+    command = ("calibrate", "mine", "--intervals", f"./{model}", *options)
+    assert message in said(capsys, *command, code=2)
+    assert not Path("new").exists()
 
 
 def test_a_relaxing_eye_is_read_in_order_of_time_and_holds_of_frames_csv_count(
-    places, model, tmp_path: Path
+    changed, model, uncalibrated
 ) -> None:
-    mine = shutil.copytree(places["mine"], tmp_path / "mine")
-    info = (mine / "recording.toml").read_text()
-    (mine / "recording.toml").write_text(
-        info.replace("[eye]", "[eye]\nrelaxation = [[0.12, 1.2], [0.15, 12.0]]")
-    )
-    elastic = evaluate_recordings(model, [places["mine"]])
-    plain = evaluate_recordings(model, [mine])
-    lines = (mine / "frames.csv").read_text().splitlines()
-    held = ["1000", *[""] * (len(lines) - 2)]
-    rows = map(",".join, zip(lines[1:], held, strict=True))
-    (mine / "frames.csv").write_text("\n".join([f"{lines[0]},held_s", *rows]))
-    told = evaluate_recordings(model, [mine])
+    relaxing = "[eye]\nrelaxation = [[0.12, 1.2], [0.15, 12.0]]"
+    path = changed(toml=("[eye]", relaxing))
+    plain = evaluate_recordings(model, [path])
+    held = [",held_s", ",1000", *[","] * 4]
+    lines = (path / "frames.csv").read_text().splitlines()
+    told_lines = [line + end for line, end in zip(lines, held, strict=True)]
+    (path / "frames.csv").write_text("\n".join(told_lines))
+    told = evaluate_recordings(model, [path])
 
-    for before, after in zip(elastic.frames, plain.frames, strict=True):
+    for before, after in zip(uncalibrated.frames, plain.frames, strict=True):
         if before.answer.usable:
             assert after.answer.elastic_force_n == before.answer.force_n
             assert after.answer.force_n < before.answer.force_n
@@ -374,44 +511,3 @@ def test_a_relaxing_eye_is_read_in_order_of_time_and_holds_of_frames_csv_count(
     assert first.force_n == pytest.approx(0.73 * first.elastic_force_n, rel=1e-6)
     # what the first frame has left
     assert told.frames[1].answer != plain.frames[1].answer
-
-
-def test_frames_in_a_row_say_when_the_highest_class_is_reached(
-    places, model, tmp_path, monkeypatch
-) -> None:
-    folder = tmp_path / "moving"
-    (folder / "frames").mkdir(parents=True)
-    shutil.copy(places["mine"] / "recording.toml", folder)
-    first = next((places["mine"] / "frames").iterdir())
-    rows = [f"{n:02d}.png,{n}e-2\n" for n in range(14)]
-
-    for row in rows:
-        shutil.copy(first, folder / "frames" / row.partition(",")[0])
-
-    (folder / "frames.csv").write_text("".join(["file,time_s\n", *rows]))
-    forces_n = [0.010 + 5e-4 * n for n in range(13)] + [0.028]
-    reads = iter(
-        Answer(
-            predicted=1,
-            probabilities=(0.0, 1.0, 0.0),
-            usable=True,
-            reason=None,
-            force_n=force_n,
-            interval_n=(0.9 * force_n, force_n / 0.9),
-        )
-        for force_n in forces_n
-    )
-    monkeypatch.setattr(type(model), "read", lambda *_: next(reads))
-    found = [frame.to_dict() for frame in evaluate_recordings(model, [folder]).frames]
-    assert [frame["time_to_bound_ms"] for frame in found[:9]] == [None] * 9, (
-        "ten frames make a line"
-    )
-    assert found[12]["time_to_bound_ms"] == pytest.approx(
-        1e3 * (0.027 - forces_n[12]) / 0.05
-    )
-    early, late = found[12]["time_to_bound_ms_interval"]
-    assert early < found[12]["time_to_bound_ms"] < late
-    assert (found[13]["time_to_bound_ms"], found[13]["time_to_bound_ms_interval"]) == (
-        0.0,
-        [0.0, 0.0],
-    )

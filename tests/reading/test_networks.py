@@ -3,23 +3,26 @@ folders.
 """
 
 import json
+from collections.abc import Callable
 from dataclasses import fields, replace
 from math import inf, isfinite, nan
 from pathlib import Path
+from shutil import copytree
 
 import numpy as np
 import pytest
 from analytic_library import analytic_library
-from small_models import write_fixed_reader
+from small_models import rehash_model, write_fixed_reader
 
 from scleraforce.base.errors import ModelError
 from scleraforce.base.units import to_si
 from scleraforce.library.moving_base import pole_directions
 from scleraforce.reading import force_network
+from scleraforce.reading.answer import Reading
 from scleraforce.reading.load_model import load_classifier, load_reader
+from scleraforce.reading.reading_models import ForceReader
 from scleraforce.records.eye import Eye, ForceDiscrepancy, Modulus
 from scleraforce.records.globe import OPEN, UNKNOWN, Globe
-from scleraforce.records.model_folder import sha256
 from scleraforce.records.needle import Needle
 from scleraforce.records.scan import Scan
 from scleraforce.records.setup import Setup
@@ -29,40 +32,38 @@ EDGES_M2 = force_network.ratio_edges(20, 0.4e-6)
 BOUNDS_N = (5e-3, 30e-3)
 
 
-def test_the_classes_have_the_histogram_s_shares_below_their_bounds() -> None:
+def reading_of(histogram: list[float]) -> Reading:
+    return force_network.histogram_reading(
+        histogram, EDGES_M2.tolist(), 0.3e6, BOUNDS_N
+    )
+
+
+@pytest.mark.parametrize("concentration", [0.02, 0.3, 5.0])
+def test_the_classes_have_the_histogram_s_shares_below_their_bounds(
+    concentration: float,
+) -> None:
     rng = np.random.default_rng(8)
-    for concentration in (0.02, 0.3, 5.0):
-        for histogram in rng.dirichlet(np.full(20, concentration), size=60):
-            found = force_network.histogram_reading(
-                histogram.tolist(), EDGES_M2.tolist(), 0.3e6, BOUNDS_N
-            )
-            below = np.interp(BOUNDS_N, 0.3e6 * EDGES_M2, [0.0, *histogram.cumsum()])
-            np.testing.assert_allclose(
-                found.probabilities, np.diff([0.0, *below, 1.0]), atol=1e-12
-            )
-
-    single = force_network.histogram_reading([1.0], [0.0, 1e-8], 1e6, (5e-3, 30e-3))
-    # no force above the last bound
-    np.testing.assert_allclose(single.probabilities, [0.5, 0.5, 0.0], atol=1e-12)
+    for histogram in rng.dirichlet(np.full(20, concentration), size=60):
+        found = reading_of(histogram.tolist())
+        below = np.interp(BOUNDS_N, 0.3e6 * EDGES_M2, [0.0, *histogram.cumsum()])
+        np.testing.assert_allclose(
+            found.probabilities, np.diff([0.0, *below, 1.0]), atol=1e-12
+        )
 
 
-def test_a_histogram_that_is_empty_or_not_finite_gives_a_reading_that_is_not_a_number():
-    for place in (0, 7, 19):
-        for wrong in (nan, inf):
-            histogram = [0.05] * 20
-            histogram[place] = wrong
-            single = force_network.histogram_reading(
-                histogram, EDGES_M2.tolist(), 0.3e6, BOUNDS_N
-            )
-            assert not isfinite(single.force_n)
-            assert not all(map(isfinite, single.probabilities))
-
-    single = force_network.histogram_reading(
-        [0.0] * 20, EDGES_M2.tolist(), 0.3e6, BOUNDS_N
-    )
-    assert not any(
-        map(isfinite, (single.force_n, *single.interval_n, single.probabilities[1]))
-    )
+@pytest.mark.parametrize(
+    ("place", "wrong"),
+    [(place, wrong) for place in (0, 7, 19) for wrong in (nan, inf)] + [(None, 0.0)],
+)
+def test_a_histogram_that_is_empty_or_not_finite_gives_a_reading_that_is_not_a_number(
+    place: int | None, wrong: float
+) -> None:
+    histogram = [0.05 if place is not None else 0.0] * 20
+    histogram[place or 0] = wrong
+    found = reading_of(histogram)
+    assert not isfinite(found.force_n)
+    assert not all(map(isfinite, found.probabilities))
+    assert not found.finite
 
 
 RANGES = ReaderStudy()
@@ -73,115 +74,91 @@ def given(**values: float) -> dict[str, float]:
     """The network's input for an eye of some known values, in an open globe by default,
     by name.
     """
-    eye = {field.name: np.array([nan]) for field in fields(force_network.GivenEyes)} | {
-        name: np.array([0.0])
-        for name in ("rigidity_low", "rigidity_high", "stiffening")
-    }
-    eyes = force_network.GivenEyes(
-        **eye | {name: np.array([value]) for name, value in values.items()}
-    )
+    unknown = dict.fromkeys((one.name for one in fields(force_network.GivenEyes)), nan)
+    default = {"rigidity_low": 0.0, "rigidity_high": 0.0, "stiffening": 0.0}
+    eye = unknown | default | values
+    eyes = force_network.GivenEyes(**{name: np.array([v]) for name, v in eye.items()})
     inputs = force_network.given_inputs(eyes, RANGES)
     assert inputs.dtype == np.float32
-
     return dict(zip(force_network.GIVEN, inputs[0].tolist(), strict=True))
 
 
-def test_the_ends_of_a_range_are_minus_one_and_one() -> None:
+@pytest.mark.parametrize(("end", "wanted"), [(0, -1.0), (1, 1.0)])
+def test_the_ends_of_a_range_are_minus_one_and_one(end: int, wanted: float) -> None:
     ranges = {
-        "modulus_pa": RANGES.youngs_modulus_pa,
-        "modulus_sd_fraction": RANGES.modulus_sd_fraction,
-        "iop_pa": RANGES.iop_pa,
-        "thickness_m": RANGES.thickness_m,
-        "gap_m": RANGES.gap_m,
-        "polar_rad": RANGES.polar_angle_rad,
+        "modulus_pa": ("modulus", RANGES.youngs_modulus_pa),
+        "modulus_sd_fraction": ("log modulus sd", RANGES.modulus_sd_fraction),
+        "iop_pa": ("log iop", RANGES.iop_pa),
+        "thickness_m": ("thickness", RANGES.thickness_m),
+        "gap_m": ("gap", RANGES.gap_m),
+        "polar_rad": ("polar angle", RANGES.polar_angle_rad),
     }
-    for end, wanted in ((0, -1.0), (1, 1.0)):
-        found = given(
-            **{name: of.bounds[end] for name, of in ranges.items()}, direction_rad=0.0
-        )
-        for name in (
-            "modulus",
-            "log modulus sd",
-            "log iop",
-            "thickness",
-            "gap",
-            "polar angle",
-        ):
-            assert abs(found[name] - wanted) < 1e-6, name
+    values = {name: of.bounds[end] for name, (_, of) in ranges.items()}
+    found = given(**values, direction_rad=0.0)
+    for name, _ in ranges.values():
+        assert found[name] == pytest.approx(wanted, abs=1e-6), name
+    assert all(found[f"{name} known"] == 1.0 for name in KNOWN)
 
-        assert all(found[f"{name} known"] == 1.0 for name in KNOWN)
-
-    low_e, high_e = RANGES.youngs_modulus_pa.bounds
-    low_p, high_p = RANGES.iop_pa.bounds
-
-    for e, p, wanted in ((high_e, low_p, -1.0), (low_e, high_p, 1.0)):
-        assert (
-            abs(
-                given(modulus_pa=e, modulus_sd_fraction=0.02, iop_pa=p)["log iop ratio"]
-                - wanted
-            )
-            < 1e-6
-        )
+    stiffest_pa = RANGES.youngs_modulus_pa.bounds[1 - end]
+    found = given(**values | {"modulus_pa": stiffest_pa})
+    assert found["log iop ratio"] == pytest.approx(wanted, abs=1e-6)
 
 
 def test_flag_and_value_of_an_unknown_are_zero() -> None:
-    found = given()
-    names = (
-        "modulus",
-        "log iop",
-        "log iop ratio",
-        "thickness",
-        "gap",
-        "polar angle",
-        "pole along",
-        "pole across",
-    )
-    assert [found[f"{name} known"] for name in KNOWN] == [0.0] * len(KNOWN)
-    assert [found[name] for name in names] == pytest.approx(
-        [0.0] * len(names), abs=1e-6
-    )
+    wide = {"log modulus sd", "rigidity low", "rigidity high"}
+    found = {name: value for name, value in given().items() if name not in wide}
+    assert found == pytest.approx(dict.fromkeys(found, 0.0), abs=1e-6)
 
 
-def test_the_rigidity_counts_from_an_open_globe_to_the_stiffest() -> None:
-    for globe, ends in (
+@pytest.mark.parametrize(
+    ("globe", "ends"),
+    [
         (OPEN, (-1.0, -1.0)),
         (UNKNOWN, (-0.949, 0.949)),
         (Globe.declared("sealed", to_si(0.03, "mmhg13_per_ul")), (-0.132, 0.132)),
-    ):
-        found = given(rigidity_low=globe.band[0], rigidity_high=globe.band[1])
-        assert (found["rigidity low"], found["rigidity high"]) == pytest.approx(
-            ends, abs=1e-3
-        )
+    ],
+)
+def test_the_rigidity_counts_from_an_open_globe_to_the_stiffest(
+    globe: Globe, ends: tuple[float, float]
+) -> None:
+    found = given(rigidity_low=globe.band[0], rigidity_high=globe.band[1])
+    rigidities = found["rigidity low"], found["rigidity high"]
+    assert rigidities == pytest.approx(ends, abs=1e-3)
 
 
-def test_the_pole_s_place_is_given_along_the_section_and_across_it() -> None:
-    farthest = np.sin(RANGES.polar_angle_rad.bounds[1])
-    for polar_rad, direction_rad in ((0.5, 0.0), (0.7, 1.1), (0.4, -2.5), (1.4, 0.3)):
-        found = given(polar_rad=polar_rad, direction_rad=direction_rad)
-        # the library's farthest
-        along, across = pole_directions(min(polar_rad, np.radians(55.0)), direction_rad)
-        assert found["pole along"] == pytest.approx(along / farthest, abs=1e-6)
-        assert found["pole across"] == pytest.approx(across / farthest, abs=1e-6)
+@pytest.mark.parametrize(
+    ("polar_rad", "direction_rad"), [(0.5, 0.0), (0.7, 1.1), (0.4, -2.5), (1.4, 0.3)]
+)
+def test_the_pole_s_place_is_given_along_the_section_and_across_it(
+    polar_rad: float, direction_rad: float
+) -> None:
+    found = given(polar_rad=polar_rad, direction_rad=direction_rad)
+    # the library's farthest
+    pole = pole_directions(min(polar_rad, np.radians(55.0)), direction_rad)
+    expected = pole / np.sin(RANGES.polar_angle_rad.bounds[1])
+    assert (found["pole along"], found["pole across"]) == pytest.approx(
+        tuple(expected), abs=1e-6
+    )
 
+
+def test_an_unknown_polar_angle_is_that_of_the_range_s_middle() -> None:
     middle = 0.5 * sum(RANGES.polar_angle_rad.bounds)
     alone = given(direction_rad=0.8)
     both = given(polar_rad=middle, direction_rad=0.8)
+    assert (alone["polar angle known"], both["polar angle known"]) == (0.0, 1.0)
     for name in ("pole along", "pole across", "polar angle"):
         assert alone[name] == pytest.approx(both[name], abs=1e-6)
-
-    assert (alone["polar angle known"], both["polar angle known"]) == (0.0, 1.0)
     turned = given(polar_rad=middle)
     assert (turned["pole along"], turned["pole across"]) == (0.0, 0.0)
 
 
-def test_the_stiffening_is_even_in_the_logarithm_from_0_to_30() -> None:
-    for stiffening, wanted in ((0.0, 0.0), (30.0, 1.0), (np.sqrt(31.0) - 1.0, 0.5)):
-        assert given(stiffening=stiffening)["stiffening"] == pytest.approx(
-            wanted, abs=1e-6
-        )
-    assert force_network.eye_for_network(
-        Setup(eye=Eye(stiffening=5.0))
-    ).stiffening.tolist() == [5.0]
+@pytest.mark.parametrize(
+    ("stiffening", "wanted"), [(0.0, 0.0), (30.0, 1.0), (np.sqrt(31.0) - 1.0, 0.5)]
+)
+def test_the_stiffening_is_even_in_the_logarithm_from_0_to_30(
+    stiffening: float, wanted: float
+) -> None:
+    assert given(stiffening=stiffening)["stiffening"] == pytest.approx(wanted, abs=1e-6)
 
 
 pytest.importorskip("torch")
@@ -191,153 +168,199 @@ CUTS = np.zeros((4, 40, 140), dtype=np.uint8)
 LIBRARY = analytic_library(thicknesses=4, ratios=4, tips=6)
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("networks") / "model"
+    write_fixed_reader(path, LIBRARY, SHARES, contact_m=0.4e-3)
+    return path
+
+
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    write_fixed_reader(tmp_path / "model", LIBRARY, SHARES, contact_m=0.4e-3)
-    return tmp_path / "model"
+def reader(folder: Path) -> ForceReader:
+    return load_reader(folder, finder=None)
 
 
-def rewrite(folder: Path, name: str, content: bytes) -> None:
-    """Replace a file and its hash."""
-    (folder / name).write_bytes(content)
-    record = json.loads((folder / "model.json").read_text())
-    record["files"][name] = sha256(content)
-    (folder / "model.json").write_text(json.dumps(record))
+@pytest.fixture
+def edges_m2(reader: ForceReader) -> np.ndarray:
+    most = reader.study.reader.max_force_ratio
+    return force_network.ratio_edges(len(SHARES), most)
 
 
-def own(modulus_pa: float = 0.3e6, sd_pa: float = 5e3) -> Setup:
-    return Setup(
-        eye=Eye(modulus=Modulus(mean_pa=modulus_pa, sd_pa=sd_pa, source="own"))
-    )
+def own(modulus_pa: float = 0.3e6, sd_pa: float = 5e3, **eye: object) -> Setup:
+    modulus = Modulus(mean_pa=modulus_pa, sd_pa=sd_pa, source="own")
+    return Setup(eye=Eye(modulus=modulus, **eye))
 
 
-def test_force_and_interval_scale_with_the_given_modulus(folder: Path) -> None:
-    reader = load_reader(folder)
-    edges = force_network.ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
+@pytest.mark.parametrize("modulus_pa", [0.2e6, 0.5e6])
+def test_force_and_interval_scale_with_the_given_modulus(
+    reader, edges_m2, modulus_pa: float
+) -> None:
+    read = reader.network.read(CUTS, own(modulus_pa))
+    # A quarter lies below edge 3, half in bin 3, a quarter above edge 4.
+    middle_n = modulus_pa * (edges_m2[3] + edges_m2[4]) / 2
+    assert read.force_n == pytest.approx(middle_n, rel=1e-5)
+    ends_m2 = np.array([edges_m2[2], edges_m2[5]])
+    ends_m2 += np.array([0.2, -0.2]) * np.diff(edges_m2)[[2, 4]]
+    np.testing.assert_allclose(read.interval_n, modulus_pa * ends_m2, rtol=1e-5)
+    assert read.contact_m == pytest.approx(0.4e-3)
+    assert sum(read.probabilities) == pytest.approx(1.0)
 
-    for modulus_pa in (0.2e6, 0.5e6):
-        read = reader.network.read(CUTS, own(modulus_pa))
-        # A quarter lies below edge 3, half in bin 3, a quarter above edge 4.
-        assert read.force_n == pytest.approx(
-            modulus_pa * (edges[3] + edges[4]) / 2, rel=1e-5
-        )
-        ends = (
-            edges[2] + 0.2 * (edges[3] - edges[2]),
-            edges[5] - 0.2 * (edges[5] - edges[4]),
-        )
-        np.testing.assert_allclose(
-            read.interval_n, modulus_pa * np.array(ends), rtol=1e-5
-        )
-        assert read.contact_m == pytest.approx(0.4e-3)
-        assert sum(read.probabilities) == pytest.approx(1.0)
 
+def test_an_unknown_modulus_is_the_middle_of_the_training_s(reader) -> None:
     middle = own(0.5 * sum(reader.study.reader.youngs_modulus_pa.bounds), 1e3)
-    assert (
-        reader.network.read(CUTS, Setup()).force_n
-        == reader.network.read(CUTS, middle).force_n
-    )
+    unknown = reader.network.read(CUTS, Setup())
+    assert unknown.force_n == reader.network.read(CUTS, middle).force_n
 
 
 def test_an_eye_s_discrepancy_of_forces_moves_the_reading_and_its_interval(
-    folder: Path,
+    reader,
 ) -> None:
     stiffer = ForceDiscrepancy(
         level=0.05, growth=0.4, level_sd=0.01, growth_sd=0.02, correlation=0.0
     )
-    reader = load_reader(folder)
     was, now = (
-        reader.network.read(
-            CUTS, replace(own(), eye=replace(own().eye, discrepancy=found))
-        )
-        for found in (None, stiffer)
+        reader.network.read(CUTS, own(discrepancy=found)) for found in (None, stiffer)
     )
     # The quantiles move as forces do, but for the bins between whose ends they lie.
-    np.testing.assert_allclose(
-        now.interval_n, stiffer.corrected_n(np.array(was.interval_n)), rtol=0.02
-    )
-    assert now.force_n == pytest.approx(
-        float(stiffer.corrected_n(np.array(was.force_n))), rel=0.02
-    )
+    read_n = np.array([*was.interval_n, was.force_n])
+    moved_n = np.array([*now.interval_n, now.force_n])
+    np.testing.assert_allclose(moved_n, stiffer.corrected_n(read_n), rtol=0.02)
     assert now.force_n != pytest.approx(was.force_n, rel=0.02)
 
 
+class Session:
+    """The part of an ONNX Runtime session that is asked; it keeps its inputs."""
+
+    def __init__(self) -> None:
+        self.fed = list[dict[str, np.ndarray]]()
+
+    def run(
+        self, _: object, inputs: dict[str, np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        self.fed.append(inputs)
+        histograms = np.array([[0, 1, 0, 0, 0, 0, 0, 0], [0, 0, 1, 0, 1, 0, 0, 0]])
+        histograms = histograms / histograms.sum(axis=1, keepdims=True)
+        contacts_m = np.array([0.1e-3, 0.4e-3], dtype=np.float32)
+        return histograms.astype(np.float32), contacts_m
+
+
+@pytest.fixture
+def session(reader, monkeypatch: pytest.MonkeyPatch) -> Session:
+    told = Session()
+    monkeypatch.setattr(reader.network, "_session", told)
+    return told
+
+
 def test_several_slices_are_read_by_the_mean_of_their_histograms(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
+    reader, session, edges_m2
 ) -> None:
-    histograms = np.array(
-        [[0, 1, 0, 0, 0, 0, 0, 0], [0, 0, 0.5, 0, 0.5, 0, 0, 0]], dtype=np.float32
-    )
-    fed: list[dict[str, np.ndarray]] = []
-
-    class Session:
-        def run(
-            self, _: object, inputs: dict[str, np.ndarray]
-        ) -> tuple[np.ndarray, np.ndarray]:
-            fed.append(inputs)
-            return histograms, np.array([0.1e-3, 0.4e-3], dtype=np.float32)
-
-    reader = load_reader(folder)
-    edges = force_network.ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
-    monkeypatch.setattr(reader.network, "_session", Session())
-    read = reader.network.read(
-        CUTS[:2], replace(own(), eye=replace(own().eye, iop_pa=250.0))
-    )
+    read = reader.network.read(CUTS[:2], own(iop_pa=250.0))
     # half of the mean lies below
-    assert read.force_n == pytest.approx(0.3e6 * edges[2], rel=1e-5)
+    assert read.force_n == pytest.approx(0.3e6 * edges_m2[2], rel=1e-5)
     assert read.contact_m == pytest.approx(0.25e-3)
-    (inputs,) = fed
+    (inputs,) = session.fed
     assert inputs["slices"].shape == (2, 40, 140)
     np.testing.assert_array_equal(inputs["given"][0], inputs["given"][1])
 
 
-def test_the_known_values_of_an_eye_reach_the_network_and_the_others_are_nan() -> None:
-    eye = force_network.eye_for_network(
-        Setup(eye=Eye(iop_pa=250.0), needle=Needle(gap_m=0.5e-3))
-    )
-    assert (eye.iop_pa[0], eye.gap_m[0]) == (250.0, 0.5e-3)
-    unknown = (
-        eye.modulus_pa,
-        eye.modulus_sd_fraction,
-        eye.thickness_m,
-        eye.polar_rad,
-        eye.direction_rad,
-    )
-    assert np.isnan(unknown).all()
-    assert (
-        force_network.eye_for_network(own(0.25e6, 1.0)).modulus_sd_fraction[0] == 0.01
-    )
-    placed = force_network.eye_for_network(
-        Setup(needle=Needle(polar_rad=0.6), scan=Scan(direction_rad=-1.2))
-    )
-    assert (placed.polar_rad[0], placed.direction_rad[0]) == (0.6, -1.2)
+@pytest.mark.parametrize(
+    ("setup", "values"),
+    [
+        (
+            Setup(eye=Eye(iop_pa=250.0, globe=OPEN), needle=Needle(gap_m=0.5e-3)),
+            {"iop_pa": 250.0, "gap_m": 0.5e-3},
+        ),
+        (
+            own(0.25e6, 1.0, globe=OPEN, stiffening=5.0, thickness_m=0.6e-3),
+            {
+                "modulus_pa": 0.25e6,
+                "modulus_sd_fraction": 0.01,  # at least
+                "thickness_m": 0.6e-3,
+                "stiffening": 5.0,
+            },
+        ),
+        (
+            Setup(
+                eye=Eye(globe=OPEN),
+                needle=Needle(polar_rad=0.6),
+                scan=Scan(direction_rad=-1.2),
+            ),
+            {"polar_rad": 0.6, "direction_rad": -1.2},
+        ),
+    ],
+)
+def test_the_known_values_of_an_eye_reach_the_network(
+    reader, session, setup: Setup, values: dict[str, float]
+) -> None:
+    reader.network.read(CUTS[:2], setup)
+    shown = session.fed[-1]["given"][0].tolist()
+    assert shown == pytest.approx([*given(**values).values()], abs=1e-6)
 
 
-def test_a_folder_whose_parts_do_not_fit_is_refused(folder: Path) -> None:
-    reader = load_reader(folder)
+@pytest.fixture
+def changed(folder: Path, tmp_path: Path) -> Callable[..., Path]:
+    """Return a copy of the folder with another record, or another file."""
+
+    def change(
+        record: dict[str, object], name: str = "card.md", before: str = "", to: str = ""
+    ) -> Path:
+        path = copytree(folder, tmp_path / "changed", dirs_exist_ok=True)
+        kept = json.loads((path / "model.json").read_text())
+        (path / "model.json").write_text(json.dumps(kept | record))
+        content = (path / name).read_bytes()
+        whole = content if not before else before.encode()
+        (path / name).write_bytes(content.replace(whole, to.encode() or whole))
+        rehash_model(path, name)
+        return path
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (({"default": "guess"},), "default: found 'guess'"),
+        (({}, "study.toml", "bins = 8\n", "bins = 16\n"), "outputs: found"),
+        (({}, "library.npz", "", "nothing"), "library.npz: not a response library"),
+        *(
+            (({"intervals": intervals},), "model.json: intervals")
+            for intervals in (
+                3,
+                {"fit": 3},
+                {"fit": {"nobody": {}}},
+                {"fit": {"own E": 1.0}},
+                {"network": {"own E": {"uneven": 1.0}}},
+                *(
+                    {"network": {"own E": {"open": factor}}}
+                    for factor in (0.0, -1.0, 1e999, "1", True, None)
+                ),
+            )
+        ),
+        (
+            ({"intervals": {"fit": {"own E, open, even": 1.5}}},),
+            "earlier version has to be made anew",
+        ),
+    ],
+)
+def test_a_folder_whose_parts_do_not_fit_is_refused(
+    changed, change: tuple[object, ...], message: str
+) -> None:
+    with pytest.raises(ModelError) as refused:
+        load_reader(changed(*change), finder=None)
+    assert message in str(refused.value)
+
+
+def test_a_folder_has_a_kind_a_default_and_the_factors_of_its_record(
+    reader, changed
+) -> None:
     assert (reader.default, reader.kind) == ("fit", "reader")
     with pytest.raises(ModelError, match="found 'reader', a classifier is needed here"):
-        load_classifier(folder)
+        load_classifier(reader.path)
 
-    record = (folder / "model.json").read_text()
-    study = (folder / "study.toml").read_text()
-    (folder / "model.json").write_text(
-        json.dumps({**json.loads(record), "default": "guess"})
-    )
-
-    with pytest.raises(ModelError, match="default: found 'guess'"):
-        load_reader(folder)
-
-    (folder / "model.json").write_text(record)
-    rewrite(
-        folder,
-        "study.toml",
-        study.replace(f"bins = {len(SHARES)}\n", "bins = 16\n").encode(),
-    )
-
-    with pytest.raises(ModelError, match="outputs: found"):
-        load_reader(folder)
-
-    rewrite(folder, "study.toml", study.encode())
-    rewrite(folder, "library.npz", b"nothing")
-    with pytest.raises(ModelError, match=r"library\.npz: not a response library"):
-        load_reader(folder)
+    factors = {"network": {"own E": {"open": 2.0}}}
+    wide = load_reader(changed({"intervals": factors}), finder=None)
+    eye = replace(own(), eye=replace(own().eye, globe=OPEN))
+    was, now = (one.network.read(CUTS, eye) for one in (reader, wide))
+    assert now.force_n == was.force_n
+    above_n = [one.interval_n[1] - one.force_n for one in (was, now)]
+    assert above_n[1] == pytest.approx(2.0 * above_n[0])

@@ -4,6 +4,7 @@ given optics.
 
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import cache
 from math import exp, log, pi
 from pathlib import Path
 
@@ -60,7 +61,10 @@ def tip_of(force_n: float) -> float:
 
 
 def wall_section(
-    tip_m: float, surface_m: float = 0.5e-3, lateral_m: float = 0.3e-3
+    tip_m: float,
+    surface_m: float = 0.5e-3,
+    lateral_m: float = 0.3e-3,
+    gap_m: float = GAP_M,
 ) -> WallSection:
     """Section of the wall with a dent, its contact at a depth and a lateral place of
     the frame.
@@ -78,7 +82,7 @@ def wall_section(
         tip_m,
         lateral_m,
         surface_m,
-        GAP_M,
+        gap_m,
         THICKNESS_M,
     )
     unknown[[unknowns.MODULUS, unknowns.IOP]] = log(MODULUS_PA), log(IOP_PA)
@@ -98,6 +102,14 @@ def image(
     """A raw frame of a section, without shadows and with little noise."""
     rng = np.random.default_rng(seed)
     return render_bscan(section, scanner, sample_optics(CLEAN, scanner, rng), rng).frame
+
+
+@cache
+def frame_under(force_n: float) -> np.ndarray:
+    """The raw frame of the wall under a force; read-only, as tests share it."""
+    frame = image(wall_section(tip_of(force_n)))
+    frame.flags.writeable = False
+    return frame
 
 
 def recording_toml(
@@ -166,15 +178,9 @@ def middling_eye(tip_m: float, **changed: float) -> np.ndarray:
             unknowns.THICKNESS,
             unknowns.MODULUS,
             unknowns.IOP,
-            unknowns.SHINE,
         ]
-    ] = (
-        0.6e-3,
-        0.65e-3,
-        log(0.3e6),
-        log(270.0),
-        SHINE_MEAN_M,
-    )
+    ] = (0.6e-3, 0.65e-3, log(0.3e6), log(270.0))
+    unknown[unknowns.NAMES.index("shine_m")] = SHINE_MEAN_M
 
     for name, value in changed.items():
         unknown[unknowns.NAMES.index(name)] = value

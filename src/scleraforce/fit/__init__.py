@@ -14,5 +14,6 @@ Public:
     prior_of_an_eye: `FREE_SD`, `KNOWN_SD`, `LIBRARY_RADIUS_M`, `Prior`, `SHINE_MEAN_M`,
         `SHINE_SD_M`, `form_size`, `prior_of`
     unknowns: `DEPTH`, `FORM`, `FORMS`, `GAP`, `INNER_OFFSET`, `IOP`, `LATERAL`,
-        `ROTATION`, `SIZE`, `SOFT_M`, `THICKNESS`, `TIP`, `form_depths`, `shining`
+        `MODULUS`, `NAMES`, `ROTATION`, `SIZE`, `SOFT_M`, `THICKNESS`, `TIP`,
+        `form_depths`, `shining`
 """
