@@ -22,7 +22,7 @@ from scleraforce.reading.force_network import (
     HISTOGRAM,
     SLICES,
 )
-from scleraforce.reading.reading_models import ForceReader
+from scleraforce.reading.reading_models import INPUT, OUTPUT, ForceReader
 from scleraforce.records.fields import Range, fixed
 from scleraforce.records.frame import Pixels
 from scleraforce.records.model_folder import LIBRARY_FILE, write_folder
@@ -74,6 +74,34 @@ def fixed_study(bins: int) -> Study:
     return replace(Study(), reader=replace(Study().reader, bins=bins))
 
 
+def _network(text: str, study: Study, **weights: np.ndarray) -> bytes:
+    """Return the network of a graph in ONNX's own words, with its weights."""
+    from onnx import numpy_helper, parser
+    from onnx.helper import set_model_props
+
+    model = parser.parse_model(f'<ir_version: 8, opset_import: ["" : 17]> {text}')
+    for name, value in weights.items():
+        value = value.astype(np.float32) if value.dtype == np.float64 else value
+        model.graph.initializer.append(numpy_helper.from_array(value, name))
+
+    set_model_props(model, {"study_sha256": study_hash(study)})
+    return model.SerializeToString()
+
+
+def _write_model(
+    path: Path,
+    study: Study,
+    network: bytes,
+    record: dict[str, Any],
+    files: dict[str, bytes] | None = None,
+) -> None:
+    content = (network, format_study(study), "# card\n", record | {"metrics": {}})
+    write_folder(path, *content, files or {})
+
+
+SECOND = np.array([1], dtype=np.int64)
+
+
 def write_fixed_reader(
     path: Path,
     library: Library,
@@ -82,50 +110,57 @@ def write_fixed_reader(
     default: str = "fit",
 ) -> Study:
     """Write the folder; returns its study."""
-    from onnx import numpy_helper, parser
-    from onnx.helper import set_model_props
-
     study = fixed_study(len(shares))
     given = len(GIVEN)
     bins = len(shares)
-    rows = study.slice.rows
-    columns = study.slice.columns
-    model = parser.parse_model(f"""<ir_version: 8, opset_import: ["" : 17]>
-        fixed (uint8[n, {rows}, {columns}] {SLICES}, float[n, {given}] {GIVEN_INPUT})
+    network = _network(
+        f"""fixed (uint8[n, {study.slice.rows}, {study.slice.columns}] {SLICES},
+                float[n, {given}] {GIVEN_INPUT})
             => (float[n, {bins}] {HISTOGRAM}, float[n] {CONTACT}) {{
             logits = Gemm({GIVEN_INPUT}, none, shares)
             {HISTOGRAM} = Softmax<axis = 1>(logits)
             places = Gemm({GIVEN_INPUT}, no_place, place)
             {CONTACT} = Squeeze(places, second)
-        }}""")
-
-    for name, value in {
-        "none": np.zeros((given, bins), dtype=np.float32),
-        "shares": np.log(
-            np.maximum(np.asarray(shares, dtype=np.float32), np.float32(1e-12))
-        ),
-        "no_place": np.zeros((given, 1), dtype=np.float32),
-        "place": np.array([contact_m], dtype=np.float32),
-        "second": np.array([1], dtype=np.int64),
-    }.items():
-        model.graph.initializer.append(numpy_helper.from_array(value, name))
-
-    set_model_props(model, {"study_sha256": study_hash(study)})
+        }}""",
+        study,
+        none=np.zeros((given, bins)),
+        shares=np.log(np.maximum(shares, 1e-12)),
+        no_place=np.zeros((given, 1)),
+        place=np.array([contact_m]),
+        second=SECOND,
+    )
     folder = path.parent / f"{path.name}.library"
     save_library(library, folder)
-    content = folder.read_bytes()
+    files = {LIBRARY_FILE: folder.read_bytes()}
     folder.unlink()
-    record = {"kind": "reader", "default": default, "metrics": {}}
-    write_folder(
-        path,
-        model.SerializeToString(),
-        format_study(study),
-        "# card\n",
-        record,
-        {LIBRARY_FILE: content},
-    )
+    _write_model(path, study, network, {"kind": "reader", "default": default}, files)
 
     return study
+
+
+def write_classifier(path: Path, study: Study) -> tuple[np.ndarray, np.ndarray]:
+    """Write a classifier with random weights; returns weights (pixel, class) and
+    biases (class,).
+    """
+    rng = np.random.default_rng(5)
+    rows, columns = study.slice.rows, study.slice.columns
+    weights = rng.normal(size=(rows * columns, 3)) * np.sqrt(20.0 / (rows * columns))
+    biases = rng.normal(0.0, 0.1, 3)
+    network = _network(
+        f"""classes (uint8[n, {rows}, {columns}] {INPUT}) => (float[n, 3] {OUTPUT}) {{
+            counts = Cast<to = 1>({INPUT})
+            pixels = Flatten<axis = 1>(counts)
+            lit = Div(pixels, white)
+            logits = Gemm(lit, weights, biases)
+            {OUTPUT} = Softmax<axis = 1>(logits)
+        }}""",
+        study,
+        white=np.array(255.0),
+        weights=weights,
+        biases=biases,
+    )
+    _write_model(path, study, network, {"kind": "classifier"})
+    return weights, biases
 
 
 FIVE_MN = Reading(
@@ -160,28 +195,29 @@ RAW_STUDY = replace(
 
 
 def write_raw_model(path: Path, study: Study = RAW_STUDY) -> None:
-    """Write the folder."""
-    import torch
-
-    from scleraforce.lab.training.force_reader_training import (
-        ReaderNetwork,
-        force_bytes,
+    """Write the folder of a raw reader with random weights."""
+    rng = np.random.default_rng(3)
+    window = study.raw_reader
+    bins = study.reader.bins
+    inputs = len(GIVEN) + 1
+    network = _network(
+        f"""raw (float[n, {window.rows}, {window.columns}] {FINDER_FRAMES},
+                float[n, {len(GIVEN)}] {GIVEN_INPUT})
+            => (float[n, {bins}] {HISTOGRAM}, float[n] {CONTACT}) {{
+            pixels = Flatten<axis = 1>({FINDER_FRAMES})
+            level = ReduceMean<axes = [1], keepdims = 1>(pixels)
+            inputs = Concat<axis = 1>(level, {GIVEN_INPUT})
+            logits = Gemm(inputs, weights)
+            {HISTOGRAM} = Softmax<axis = 1>(logits)
+            places = Gemm(inputs, place)
+            {CONTACT} = Squeeze(places, second)
+        }}""",
+        study,
+        weights=rng.normal(size=(inputs, bins)),
+        place=1e-4 * rng.normal(size=(inputs, 1)),
+        second=SECOND,
     )
-    from scleraforce.lab.training.raw_reader_training import RawReaderNetwork
-
-    with torch.random.fork_rng():
-        torch.manual_seed(3)
-        reads_slices = ReaderNetwork(study.reader, study.slice, study.eye.radius_m)
-        network = RawReaderNetwork(study, reads_slices).eval()
-
-    content = force_bytes(network, {"study_sha256": study_hash(study)})
-    write_folder(
-        path,
-        content,
-        format_study(study),
-        "# card\n",
-        {"kind": "raw-reader", "metrics": {}},
-    )
+    _write_model(path, study, network, {"kind": "raw-reader"})
 
 
 def _without_disturbance(record: Any) -> Any:
@@ -237,27 +273,31 @@ SMALL_STUDY = Study(
 
 
 def write_blind_finder(folder: Path) -> None:
-    """Write the model folder of a network with random weights."""
-    import torch
-
-    from scleraforce.lab.training.wall_network_training import (
-        WallFinderNetwork,
-        finder_bytes,
+    """Write the model folder of a network that sees no wall."""
+    finder = SMALL_STUDY.wall_finder
+    rows, columns = finder.rows, finder.columns // 2
+    network = _network(
+        f"""blind (float[n, {finder.rows}, {finder.columns}] {FINDER_FRAMES})
+            => (float[n, 2, {rows}, {columns}] {FINDER_ROWS},
+                float[n, {columns}] {FINDER_WALL}) {{
+            pixels = Flatten<axis = 1>({FINDER_FRAMES})
+            level = ReduceMean<axes = [1], keepdims = 1>(pixels)
+            dark = Mul(level, nothing)
+            {FINDER_WALL} = Mul(dark, columns)
+            image = Unsqueeze(dark, last)
+            flat = Mul(image, shape)
+            {FINDER_ROWS} = Add(flat, even)
+        }}""",
+        SMALL_STUDY,
+        nothing=np.zeros(1),
+        columns=np.ones(columns),
+        last=np.array([2, 3], dtype=np.int64),
+        shape=np.ones((2, rows, columns)),
+        even=np.full((2, rows, columns), 1.0 / rows),
     )
-
-    with torch.random.fork_rng():
-        torch.manual_seed(0)
-        network = WallFinderNetwork(SMALL_STUDY.wall_finder).eval()
-
     provenance = {"study_sha256": study_hash(SMALL_STUDY)}
     record = {"kind": "wall-finder", "provenance": provenance}
-    write_folder(
-        folder,
-        finder_bytes(network, provenance),
-        format_study(SMALL_STUDY),
-        "Blind.",
-        record,
-    )
+    write_folder(folder, network, format_study(SMALL_STUDY), "Blind.", record)
 
 
 FINDER_STUDY = WallFinderStudy(rows=128, columns=176, channels=(12, 20, 32, 48))
