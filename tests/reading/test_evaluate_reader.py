@@ -3,7 +3,6 @@ force errors and coverage, the command.
 """
 
 import json
-import re
 from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
@@ -180,19 +179,6 @@ def test_frames_that_calibrated_are_known_by_their_content_and_not_scored(
     cv2.imwrite(str(copied / "frames" / "b.png"), other)
     found = evaluate_recordings(model, [copied], calibration).frames
     assert not any(f.calibration for f in found)
-
-
-def test_a_frame_outside_the_log_is_left_out_and_noted_and_the_others_are_scored(
-    changed, model
-) -> None:
-    late = changed(log=lambda rows: rows[rows[:, 0] > 6.0])
-    found = evaluate_recordings(model, [late])
-    assert [frame.scored for frame in found.frames] == [False] + [True] * 4
-    first = found.frames[0]
-    assert (first.measured_force_n, first.target) == (None, None)
-    assert "force samples within" in first.excluded
-    noted = "1 of 5 frames have no label and are left out (0.png: "
-    assert any(noted in note for note in found.notes)
 
 
 def test_a_recording_that_was_read_is_not_read_again(
@@ -372,22 +358,6 @@ def test_the_globe_of_a_recording_reaches_reading_and_calibration(
     assert any("linear mechanics" in doubt for doubt in doubts) == (kind == "sealed")
 
 
-def test_forces_of_another_size_than_those_read_are_noted(
-    changed, model, calibration
-) -> None:
-    def in_kilogram_force(log: np.ndarray) -> np.ndarray:
-        log[:, 1:] /= 9.80665
-        return log
-
-    path = changed(log=in_kilogram_force)
-    notes = " ".join(evaluate_recordings(model, [path], calibration).notes)
-    (times,) = re.findall(
-        r"forces\.csv has ([0-9.]+) times the force that the frames show", notes
-    )
-    # as exact as four frames are read
-    assert float(times) == pytest.approx(1 / 9.80665, rel=0.06)
-
-
 def test_moduli_of_linear_walls_are_refused(places, model) -> None:
     linear = read_calibration(places["linear"])
     with pytest.raises(CalibrationError, match="with `mechanics=finite-strain`"):
@@ -488,26 +458,3 @@ def test_intervals_take_a_reader_only_and_none_of_the_other_options(
     command = ("calibrate", "mine", "--intervals", f"./{model}", *options)
     assert message in said(capsys, *command, code=2)
     assert not Path("new").exists()
-
-
-def test_a_relaxing_eye_is_read_in_order_of_time_and_holds_of_frames_csv_count(
-    changed, model, uncalibrated
-) -> None:
-    relaxing = "[eye]\nrelaxation = [[0.12, 1.2], [0.15, 12.0]]"
-    path = changed(toml=("[eye]", relaxing))
-    plain = evaluate_recordings(model, [path])
-    held = [",held_s", ",1000", *[","] * 4]
-    lines = (path / "frames.csv").read_text().splitlines()
-    told_lines = [line + end for line, end in zip(lines, held, strict=True)]
-    (path / "frames.csv").write_text("\n".join(told_lines))
-    told = evaluate_recordings(model, [path])
-
-    for before, after in zip(uncalibrated.frames, plain.frames, strict=True):
-        if before.answer.usable:
-            assert after.answer.elastic_force_n == before.answer.force_n
-            assert after.answer.force_n < before.answer.force_n
-
-    first = told.frames[0].answer
-    assert first.force_n == pytest.approx(0.73 * first.elastic_force_n, rel=1e-6)
-    # what the first frame has left
-    assert told.frames[1].answer != plain.frames[1].answer
