@@ -375,6 +375,9 @@ def test_the_fit_reads_the_wall_beside_a_needle_alone(default):
     found = reader.read(crossed(), SCALE, NEAR)
     assert found.usable, found.reason
     assert found.needle.angle_rad == pytest.approx(0.3, abs=0.05)
+    lean = found.places.lean_rad
+    assert lean.value == pytest.approx(0.3, abs=0.05)
+    assert lean.low < 0.3 < lean.high
     assert found.force_n == pytest.approx(FORCE_N, rel=0.05)
     assert [name for name, _ in found.readings] == ["fit"]
     assert [one.code for one in found.remarks] == ["fit-unchecked"]

@@ -349,6 +349,7 @@ def test_a_shaft_in_the_picture_gives_the_lean_where_nothing_else_does(
     absorbed = known.eye.modulus is not None
     found = with_shaft(known, -SEEN)
     assert (found.interval_n == declared.interval_n) == (not absorbed)
+    assert with_shaft(known, 1.5).lean_rad is None  # no needle leans so
 
 
 @pytest.mark.parametrize(
