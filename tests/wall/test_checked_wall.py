@@ -1,5 +1,5 @@
-"""The wall that forces are read from: when a network's look makes it unusable, and one
-wall of two.
+"""The wall that forces are read from: one of two, and when a network's look makes it
+unusable.
 """
 
 from dataclasses import replace
@@ -7,8 +7,9 @@ from math import nan
 
 import numpy as np
 import pytest
-from analytic_frames import SCALE, image, tip_of, wall_section
+from analytic_frames import SCALE, frame_under
 from small_models import FINDER_STUDY as STUDY, fixed_finder
+from small_recordings import drawn_wall
 
 from scleraforce.calibration.answer_metrics import dice
 from scleraforce.lab.scenes.drawn_scenes import draw_scene
@@ -16,7 +17,7 @@ from scleraforce.records.scan import PixelScale
 from scleraforce.records.study import ScenesStudy
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.needle_in_frame import SeenNeedle
-from scleraforce.wall.two_methods import differences_of, joined_walls, reason_to_doubt
+from scleraforce.wall.two_methods import joined_walls
 from scleraforce.wall.wall import Segmentation
 from scleraforce.wall.wall_network import WallFinder, reduced_columns
 
@@ -25,17 +26,13 @@ HALF = STUDY.columns // 2
 
 @pytest.mark.parametrize("force_mn", [0, 15, 45])
 def test_a_network_that_sees_the_same_wall_moves_its_end_to_the_edge_alone(
-    force_mn: int, shipped: WallFinder
-) -> None:
-    frame = image(wall_section(tip_of(force_mn / 1e3)))
+    force_mn, shipped: WallFinder
+):
+    frame = frame_under(force_mn / 1e3)
     alone = find_wall(frame, SCALE)
     checked = find_wall(frame, SCALE, finder=shipped)
     assert alone.usable
     assert checked.usable, checked.reason
-    again = find_wall(frame, SCALE)
-    np.testing.assert_array_equal(
-        [again.outer_row, again.inner_row], [alone.outer_row, alone.inner_row]
-    )
     there = np.isfinite(alone.outer_row)
     np.testing.assert_array_equal(checked.outer_row[there], alone.outer_row[there])
     assert np.median(np.abs(checked.inner_row - alone.inner_row)[there]) < 3.0
@@ -45,7 +42,7 @@ def test_a_network_that_sees_the_same_wall_moves_its_end_to_the_edge_alone(
 @pytest.mark.slow
 def test_eyes_at_rest_whose_surface_the_steps_of_light_lose_are_refused(
     shipped: WallFinder,
-) -> None:
+):
     """Drawn scenes: where `find_wall` is far off, and says nothing, the network's look
     refuses most frames.
 
@@ -54,17 +51,13 @@ def test_eyes_at_rest_whose_surface_the_steps_of_light_lose_are_refused(
     passed = refused = 0
     for number in range(100):
         scene = draw_scene(ScenesStudy(seed=11), number)
-        scale = PixelScale(
-            lateral_m=10e-3 / scene.frame.shape[1], depth_m=4e-3 / len(scene.frame)
-        )
+        rows, columns = scene.frame.shape
+        scale = PixelScale(lateral_m=10e-3 / columns, depth_m=4e-3 / rows)
         alone = find_wall(scene.frame, scale)
-
         off = np.abs(alone.outer_row - scene.outer_row)
-        if not alone.usable or (
-            np.isfinite(off).any() and np.nanmedian(off) < 0.05 * len(scene.frame)
-        ):
+        off = off[np.isfinite(off)]
+        if not alone.usable or (len(off) and np.median(off) < 0.05 * rows):
             continue
-
         refused += not find_wall(scene.frame, scale, finder=shipped).usable
         passed += 1
 
@@ -72,63 +65,23 @@ def test_eyes_at_rest_whose_surface_the_steps_of_light_lose_are_refused(
     assert refused >= 0.7 * passed
 
 
-def test_what_a_needle_hides_speaks_against_nothing() -> None:
-    frame = image(wall_section(tip_of(0.015)))
-    found = find_wall(frame, SCALE)
-    column = np.rint(reduced_columns(512, HALF)).astype(int)
-    rows = (
-        (boundary[column] + 0.5) / 4 - 0.5
-        for boundary in (found.outer_row, found.inner_row)
-    )
-    seen = fixed_finder(*rows).find(frame)  # the network sees wall in the shadow, too
-    hidden = (150, 350)
-    outer_row = found.outer_row.copy()
-    outer_row[slice(*hidden)] = np.nan
-    without = replace(found, outer_row=outer_row)
-    needle = SeenNeedle(
-        angle_rad=0.4,
-        tip_m=(0.0, 1e-3),
-        tip=(256.0, 128.0),
-        top=(280.0, -0.5),
-        hidden=hidden,
-    )
-    assert "one sees wall where the other does not" in reason_to_doubt(
-        differences_of(without, seen)
-    )
-    assert reason_to_doubt(differences_of(replace(without, needle=needle), seen)) == ""
-    assert reason_to_doubt(differences_of(found, seen)) == ""
-
-
 @pytest.mark.parametrize("dent_m", [5e-3, 6e-3])
-def test_a_dent_that_leaves_the_frame_stays_a_gap_whatever_the_network_sees(
-    dent_m: float,
-) -> None:
+def test_a_dent_that_leaves_the_frame_stays_a_gap_whatever_the_network_sees(dent_m):
     """The network sees a wall in some columns of the gap, and both methods agree
     elsewhere.
     """
-    rng = np.random.default_rng(2)
+    frame = drawn_wall(np.random.default_rng(2), dent_m)
     scale = PixelScale(lateral_m=15e-3 / 300, depth_m=4e-3 / 256)
-    lateral_m = (np.arange(300) - 149.5) * scale.lateral_m
-    depth_m = (np.arange(256)[:, None] + 0.5) * scale.depth_m
+    lateral_m = (reduced_columns(300, HALF) - 149.5) * scale.lateral_m
     top_m = (
         0.5e-3
         + 12e-3
         - np.sqrt(12e-3**2 - lateral_m**2)
         + dent_m * np.exp(-((lateral_m / 2e-3) ** 2))
     )
-    wall = (depth_m >= top_m) & (depth_m < top_m + 0.6e-3)
-    frame = np.clip(rng.normal(np.where(wall, 2400.0, 600.0), 150.0), 0, 4095).astype(
-        np.uint16
-    )
-    at = np.rint(reduced_columns(300, HALF)).astype(int)
-    outer = np.minimum(top_m[at] / scale.depth_m - 0.5, 235.0)
-    thickness = 0.6e-3 / scale.depth_m
-    finder = fixed_finder(
-        *(
-            (row + 0.5) / 2 - 0.5
-            for row in (outer, np.minimum(outer + thickness, 253.0))
-        )
-    )
+    outer = np.minimum(top_m / scale.depth_m - 0.5, 235.0)
+    inner = np.minimum(outer + 0.6e-3 / scale.depth_m, 253.0)
+    finder = fixed_finder(*((row + 0.5) / 2 - 0.5 for row in (outer, inner)))
     alone = find_wall(frame, scale)
     checked = find_wall(frame, scale, finder=finder)
     assert checked.usable, checked.reason
@@ -142,9 +95,20 @@ def test_a_dent_that_leaves_the_frame_stays_a_gap_whatever_the_network_sees(
 
 ROWS = 200
 COLUMNS = 120
+COLUMN = np.arange(COLUMNS)
 STEP = np.full(COLUMNS, 4.0)  # rows
 OUTER = np.full(COLUMNS, 49.5)
-STRETCH = slice(40, 60)
+
+
+def inner_at(*moved: tuple[float, int, int]) -> np.ndarray:
+    """An inner boundary at row 110, moved in stretches of columns."""
+    inner = np.full(COLUMNS, 110.0)
+    for by, first, after in moved:
+        inner[first:after] += by
+    return inner
+
+
+STRAIGHT = inner_at()
 
 
 def wall(inner_row: np.ndarray, outer_row: np.ndarray = OUTER) -> Segmentation:
@@ -155,110 +119,95 @@ def bright_to(inner_row: np.ndarray, noise: float = 150.0) -> np.ndarray:
     """A frame of noise whose tissue ends at a boundary, column by column."""
     row = np.arange(ROWS)[:, None]
     tissue = (row > 49.5) & (row < inner_row)
-    return np.clip(
-        np.random.default_rng(0).normal(500.0 + 400.0 * tissue, noise), 0.0, None
-    ).astype(np.uint16)
+    drawn = np.random.default_rng(0).normal(500.0 + 400.0 * tissue, noise)
+    return np.clip(drawn, 0.0, None).astype(np.uint16)
 
 
-def moved(by: float, where: slice = STRETCH) -> np.ndarray:
-    inner = np.full(COLUMNS, 110.0)
-    inner[where] += by
-    return inner
-
-
-@pytest.mark.parametrize("by", [-25.0, -6.0, 6.0, 25.0])
-def test_the_boundary_where_light_falls_is_taken_whichever_wall_has_it(
-    by: float,
-) -> None:
-    straight = wall(moved(0.0))
-    swerved = wall(moved(by))
-
-    for true in (straight, swerved):
-        frame = bright_to(true.inner_row)
-        for finer, other in ((straight, swerved), (swerved, straight)):
-            joined = joined_walls(frame, finer, other, STEP)
-            np.testing.assert_array_equal(joined.inner_row, true.inner_row)
-            np.testing.assert_array_equal(joined.outer_row, OUTER)
-
-
-def test_a_stretch_is_decided_as_a_whole_and_each_by_itself() -> None:
-    """Single columns would fall to either side in such noise."""
-    other = moved(8.0)
-    true = moved(8.0)
-    other[80:100] += 8.0
-    joined = joined_walls(
-        bright_to(true, noise=600.0), wall(moved(0.0)), wall(other), STEP
-    )
-    np.testing.assert_array_equal(joined.inner_row, true)
-
-
-def test_what_parts_less_than_the_other_way_can_tell_stays_the_finer_walls() -> None:
-    true = moved(4.0)
-    joined = joined_walls(bright_to(true), wall(moved(0.0)), wall(true), STEP)
-    np.testing.assert_array_equal(joined.inner_row, moved(0.0))
-    joined = joined_walls(bright_to(true), wall(moved(0.0)), wall(true), STEP - 0.5)
-    np.testing.assert_array_equal(joined.inner_row, true)
-
-
-def test_a_boundary_beyond_the_frame_wins_only_where_nothing_falls_at_the_other():
-    beyond = moved(150.0)
-    dark = bright_to(moved(0.0))
-    lit = bright_to(beyond, noise=0.0)
-    # it gets brighter: row 110 is not a boundary
+def brightening() -> np.ndarray:
+    """A frame that gets brighter from row 100 on: no boundary is in it."""
+    lit = bright_to(inner_at((150.0, 40, 60)), noise=0.0)
     lit[100:] += np.arange(100, dtype=np.uint16)[:, None]
+    return lit
 
-    for frame, expected in ((dark, moved(0.0)), (lit, beyond)):
-        joined = joined_walls(frame, wall(moved(0.0)), wall(beyond), STEP)
-        np.testing.assert_array_equal(joined.inner_row, expected)
+
+def with_rows(first: int, after: int, more: int) -> np.ndarray:
+    """A frame whose rows are brighter or black in part."""
+    frame = bright_to(STRAIGHT, noise=0.0)
+    frame[first:after] += np.int64(more).astype(np.uint16)
+    return frame
+
+
+def swerving(by: float) -> np.ndarray:
+    return inner_at((by, 40, 60))
+
+
+# frame, both walls' inner boundaries, and the one of the wall whichever is the finer
+JOINED = {
+    **{
+        f"by {by} rows, {name}": (bright_to(true), STRAIGHT, swerving(by), true)
+        for by in (-25.0, -6.0, 6.0, 25.0)
+        for name, true in (("straight", STRAIGHT), ("swerving", swerving(by)))
+    },
+    # a program may leave the last two rows black
+    "black rows": (with_rows(198, 200, -500), STRAIGHT, swerving(88.0), STRAIGHT),
+    # three rows above row 60 are brighter: light falls there by more
+    "bright rows": (with_rows(57, 60, 600), STRAIGHT, swerving(-50.5), STRAIGHT),
+}
+
+
+@pytest.mark.parametrize("case", JOINED)
+def test_the_boundary_where_light_falls_is_taken_whichever_wall_has_it(case):
+    frame, *inners, true = JOINED[case]
+    for finer, other in (inners, inners[::-1]):
+        joined = joined_walls(frame, wall(finer), wall(other), STEP)
+        np.testing.assert_array_equal(joined.inner_row, true)
+        np.testing.assert_array_equal(joined.outer_row, OUTER)
+
+
+NEAR = swerving(4.0)
+BEYOND = swerving(150.0)
+TWO = inner_at((8.0, 40, 60), (8.0, 80, 100))
+PART = np.where(COLUMN < 90, 0.0, nan)
 
 
 @pytest.mark.parametrize(
-    ("by", "rows", "more"), [(88.0, slice(198, 200), -500), (-50.5, slice(57, 60), 600)]
+    ("frame", "other", "apart", "expected"),
+    [
+        # single columns would fall to either side in such noise
+        (bright_to(swerving(8.0), noise=600.0), wall(TWO), STEP, swerving(8.0)),
+        # what parts less than the other way can tell stays
+        (bright_to(NEAR), wall(NEAR), STEP, STRAIGHT),
+        (bright_to(NEAR), wall(NEAR), STEP - 0.5, NEAR),
+        # beyond the frame it wins only where nothing falls at the finer one
+        (bright_to(STRAIGHT), wall(BEYOND), STEP, STRAIGHT),
+        (brightening(), wall(BEYOND), STEP, BEYOND),
+        # where the other sees no wall
+        (
+            bright_to(STRAIGHT),
+            wall(inner_at() + 20 + PART, OUTER + PART),
+            STEP,
+            STRAIGHT,
+        ),
+    ],
+    ids=["stretch", "near", "apart", "beyond", "nothing", "unseen"],
 )
-def test_light_that_falls_at_the_frames_edge_or_for_a_few_rows_is_not_the_walls_end(
-    by: float, rows: slice, more: int
-) -> None:
-    """A program may leave the last two rows black; three rows above row 60 are
-    brighter: light falls there by more.
-    """
-    elsewhere = moved(by)
-    frame = bright_to(moved(0.0), noise=0.0)
-    frame[rows] += np.int64(more).astype(np.uint16)
-
-    for finer, other in ((moved(0.0), elsewhere), (elsewhere, moved(0.0))):
-        np.testing.assert_array_equal(
-            joined_walls(frame, wall(finer), wall(other), STEP).inner_row, moved(0.0)
-        )
+def test_the_finer_wall_stays_unless_light_falls_at_the_other_s_stretch(
+    frame, other, apart, expected
+):
+    joined = joined_walls(frame, wall(STRAIGHT), other, apart)
+    np.testing.assert_array_equal(joined.inner_row, expected)
+    np.testing.assert_array_equal(joined.outer_row, OUTER)
 
 
 def test_where_only_the_other_way_sees_the_wall_it_is_the_others_but_behind_a_needle():
-    gap = np.where((np.arange(COLUMNS) >= 10) & (np.arange(COLUMNS) < 50), nan, 0.0)
-    needle = SeenNeedle(
-        angle_rad=0.0,
-        tip_m=(0.0, 0.0),
-        tip=(40.0, 40.0),
-        top=(40.0, 0.0),
-        hidden=(30, 50),
-    )
-    finer = replace(wall(moved(0.0) + gap, OUTER + gap), needle=needle)
-    joined = joined_walls(
-        bright_to(moved(0.0)), finer, wall(moved(0.0) + 1.0, OUTER - 1.0), STEP
-    )
-    np.testing.assert_array_equal(joined.outer_row[10:30], OUTER[10:30] - 1.0)
-    np.testing.assert_array_equal(joined.inner_row[10:30], 111.0)
-    assert np.isnan(joined.outer_row[30:50]).all()
-    assert np.isnan(joined.inner_row[30:50]).all()
-    np.testing.assert_array_equal(joined.outer_row[50:], OUTER[50:])
+    gap = np.where((COLUMN >= 10) & (COLUMN < 50), nan, 0.0)
+    line = {"tip_m": (0.0, 0.0), "tip": (40.0, 40.0), "top": (40.0, 0.0)}
+    needle = SeenNeedle(angle_rad=0.0, hidden=(30, 50), **line)
+    finer = replace(wall(STRAIGHT + gap, OUTER + gap), needle=needle)
+    other = wall(STRAIGHT + 1.0, OUTER - 1.0)
+    joined = joined_walls(bright_to(STRAIGHT), finer, other, STEP)
+    expected = np.where(COLUMN < 30, -1.0, nan)
+    expected[(COLUMN < 10) | (COLUMN >= 50)] = 0.0
+    np.testing.assert_array_equal(joined.outer_row, OUTER + expected)
+    np.testing.assert_array_equal(joined.inner_row, STRAIGHT - expected)
     assert joined.needle is needle
-
-
-def test_where_the_other_way_sees_no_wall_the_finer_one_stays() -> None:
-    there = np.where(np.arange(COLUMNS) < 90, 0.0, nan)
-    joined = joined_walls(
-        bright_to(moved(0.0)),
-        wall(moved(0.0)),
-        wall(moved(20.0) + there, OUTER + there),
-        STEP,
-    )
-    np.testing.assert_array_equal(joined.inner_row, moved(0.0))
-    np.testing.assert_array_equal(joined.outer_row, OUTER)

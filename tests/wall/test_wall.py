@@ -18,7 +18,6 @@ from scleraforce.calibration.answer_metrics import dice
 from scleraforce.lab.drawn_bscan import Bscan, render_bscan
 from scleraforce.lab.tissue_light import Coverslip, Pose, ReflectionLine, sample_optics
 from scleraforce.lab.virtual_eye import LinearSections
-from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.records.eye import Eye
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.setup import Setup
@@ -27,22 +26,8 @@ from scleraforce.wall.find_wall import find_wall
 from virtual_eyes import changed
 
 STUDY = Study()
-SCALE = PixelScale(lateral_m=15e-3 / 512, depth_m=4e-3 / 512)
+SCALE = PixelScale.of(STUDY.oct)
 AT_TOP = Pose(lateral_m=0.0, depth_m=0.6e-3)
-
-
-def phantom(
-    section: WallSection,
-    seed: int = 0,
-    oct_study: OctStudy = STUDY.oct,
-    pose: Pose = AT_TOP,
-    **optics: object,
-) -> Bscan:
-    rng = np.random.default_rng(seed)
-    drawn = replace(sample_optics(STUDY.phantom, oct_study, rng), **optics)
-    return render_bscan(pose.place(section), oct_study, drawn, rng)
-
-
 CLEAR = {
     "snr_db": 25.0,
     "attenuation_per_m": 800.0,
@@ -51,9 +36,79 @@ CLEAR = {
 }
 
 
+def phantom(
+    thickness_m: float,
+    dent_m: float,
+    seed: int = 0,
+    scanner: OctStudy = STUDY.oct,
+    pose: Pose = AT_TOP,
+    width_m: float = 1.6e-3,
+    **optics: object,
+) -> Bscan:
+    rng = np.random.default_rng(seed)
+    drawn = sample_optics(STUDY.phantom, scanner, rng)
+    section = pose.place(dented_wall(thickness_m, dent_m, width_m))
+    return render_bscan(section, scanner, replace(drawn, **CLEAR | optics), rng)
+
+
 @pytest.fixture
 def bscan() -> Bscan:
-    return phantom(dented_wall(0.7e-3, 1.5e-3), seed=1, **CLEAR)
+    return phantom(0.7e-3, 1.5e-3, seed=1)
+
+
+def sloping(degrees: float) -> dict[str, object]:
+    tilt_rad = np.radians(degrees)
+    return {
+        "scanner": OctStudy(width_m=3e-3, depth_m=4e-3),
+        "pose": Pose(lateral_m=0.0, depth_m=1.5e-3, tilt_rad=tilt_rad),
+        "band_m": 0.0,
+    }
+
+
+def pixels_of(pixel_um: float) -> dict[str, object]:
+    pixel_m = pixel_um / 1e6
+    columns = min(512, int(14e-3 / pixel_m))
+    size = {"width_m": columns * pixel_m, "depth_m": 512 * pixel_m}
+    return {
+        "scanner": OctStudy(rows=512, columns=columns, **size),
+        "axial_resolution_m": pixel_m,
+        "lateral_resolution_m": 2 * pixel_m,
+        "band_m": 0.0,
+    }
+
+
+LINES = tuple(
+    ReflectionLine(depth_m=depth_m, level_db=25.0, thickness_m=12e-6)
+    for depth_m in (0.1e-3, 0.3e-3, 1.5e-3, 3.0e-3)
+)
+
+
+def covers(tilt_rad: float) -> tuple[Coverslip, ...]:
+    light = {"level_db": 30.0, "thickness_m": 16e-6}
+    heights_m = (0.12e-3, 0.3e-3)
+    return tuple(Coverslip(height_m=m, tilt_rad=tilt_rad, **light) for m in heights_m)
+
+
+WALLS = {
+    **{f"{um} um thick": (um * 1e-6, 1.0e-3, {}) for um in (400, 700, 1000)},
+    "lines": (0.7e-3, 1.5e-3, {"lines": LINES}),
+    "covers": (0.7e-3, 1.0e-3, {"covers": covers(0.0)}),
+    "tilted covers": (0.7e-3, 1.0e-3, {"covers": covers(0.03)}),
+    **{f"slope of {deg}": (0.7e-3, 0.0, sloping(deg)) for deg in (-40.0, 20.0, 40.0)},
+    **{f"pixel of {um} um": (0.7e-3, 0.0, pixels_of(um)) for um in (5, 10, 20, 30)},
+    "optical depth": (0.6e-3, 0.0, {"scanner": OctStudy(refractive_index=1.38)}),
+}
+
+
+@pytest.mark.parametrize("name", WALLS)
+def test_a_wall_is_found_with_its_thickness_along_the_normal(name):
+    thickness_m, dent_m, shown = WALLS[name]
+    drawn = phantom(thickness_m, dent_m, **shown)
+    found = find_wall(drawn.frame, PixelScale.of(shown.get("scanner", STUDY.oct)))
+    assert found.inner_found
+    least, rel = (0.9, 0.07) if "pixel" in name else (0.95, 0.05)
+    assert dice(found.mask, drawn.truth_mask) > least
+    assert found.thickness_m == pytest.approx(thickness_m, rel=rel)
 
 
 EYES = {
@@ -70,57 +125,36 @@ def test_phantoms_over_the_range_of_their_parameters_reach_the_dice_that_was_ask
     rng = np.random.default_rng(2)
     reached = list[float]()
     study = replace(STUDY, mesh=replace(STUDY.mesh, divisions=8, level=0))
-
     for number in range(5):
         drawn = {name: rng.uniform(*ends) for name, ends in EYES.items()}
         eye = changed(Setup(eye=Eye(f"{number}", iop_pa=266.0)), **drawn)
         for section in LinearSections(eye, study)(list(rng.uniform(0.0, 0.06, 8))):
             optics = sample_optics(study.phantom, study.oct, rng)
-            bscan = render_bscan(
-                sample_pose(study.phantom, rng).place(section), study.oct, optics, rng
-            )
-            reached.append(dice(find_wall(bscan.frame, SCALE).mask, bscan.truth_mask))
+            placed = sample_pose(study.phantom, rng).place(section)
+            shown = render_bscan(placed, study.oct, optics, rng)
+            reached.append(dice(find_wall(shown.frame, SCALE).mask, shown.truth_mask))
 
     assert np.mean(reached) >= 0.95
     assert np.percentile(reached, 5) >= 0.90
 
 
-@pytest.mark.parametrize("thickness_m", [0.4e-3, 0.7e-3, 1.0e-3])
-def test_thickness_along_the_normal_is_that_of_the_wall(thickness_m: float):
-    found = find_wall(
-        phantom(dented_wall(thickness_m, dent_m=1.0e-3), **CLEAR).frame, SCALE
-    )
-    assert found.inner_found
-    assert found.thickness_m == pytest.approx(thickness_m, rel=0.04)
-
-
 @pytest.mark.parametrize("choroid_m", [100e-6, 130e-6, 250e-6])
 @pytest.mark.parametrize("seed", [0, 1])
-def test_the_wall_ends_where_the_choroid_begins_however_thin_that_is(
-    seed: int, choroid_m: float
-):
-    optics = {
-        "choroid_thickness_m": choroid_m,
-        "choroid_level_db": -8.5,
-        "display_range_db": 40.0,
-    }
-    bright = {
-        "snr_db": 33.0,
-        "attenuation_per_m": 900.0,
-        "shadows": (),
-        "lines": (),
-        "covers": (),
-    }
-    bscan = phantom(dented_wall(0.76e-3, 0.0), seed, **optics, **bright)
-    found = find_wall(bscan.frame, SCALE)
-    truth = bscan.truth_mask > 0
+def test_the_wall_ends_where_the_choroid_begins_however_thin_that_is(seed, choroid_m):
+    light = {"snr_db": 33.0, "attenuation_per_m": 900.0, "lines": (), "covers": ()}
+    choroid = {"choroid_level_db": -8.5, "display_range_db": 40.0}
+    thin = {"choroid_thickness_m": choroid_m}
+    drawn = phantom(0.76e-3, 0.0, seed, **light, **choroid, **thin)
+    found = find_wall(drawn.frame, SCALE)
+    truth = drawn.truth_mask > 0
     last = len(truth) - truth[::-1].argmax(axis=0) - 0.5
     seen = truth.any(axis=0) & np.isfinite(found.inner_row) & (last < len(truth) - 10)
+    off_m = np.abs(found.inner_row - last)[seen] * SCALE.depth_m
     assert found.thickness_m == pytest.approx(0.76e-3, rel=0.02)
-    assert np.mean(np.abs(found.inner_row - last)[seen] * SCALE.depth_m > 60e-6) < 0.02
+    assert np.mean(off_m > 60e-6) < 0.02
 
 
-def test_black_bands_show_no_wall_and_missing_columns_are_bridged(bscan: Bscan):
+def test_black_bands_show_no_wall_and_missing_columns_are_bridged(bscan):
     found = find_wall(bscan.frame, SCALE)
     frame = bscan.frame.copy()
     band = ~frame.any(axis=0)
@@ -132,57 +166,7 @@ def test_black_bands_show_no_wall_and_missing_columns_are_bridged(bscan: Bscan):
     assert dice(find_wall(frame, SCALE).mask, bscan.truth_mask) > 0.95
 
 
-def test_horizontal_lines_and_covers_above_the_tissue_are_not_the_surface():
-    line = {"level_db": 25.0, "thickness_m": 12e-6}
-    cover = {"level_db": 30.0, "thickness_m": 16e-6}
-    lines = tuple(
-        ReflectionLine(depth_m=depth_m, **line)
-        for depth_m in (0.1e-3, 0.3e-3, 1.5e-3, 3.0e-3)
-    )
-    pairs = [
-        [Coverslip(height_m=m, tilt_rad=tilt_rad, **cover) for m in (0.12e-3, 0.3e-3)]
-        for tilt_rad in (0.0, 0.03)
-    ]
-
-    for dent_m, over in (
-        (1.5e-3, {"lines": lines}),
-        *((1.0e-3, {"covers": tuple(pair)}) for pair in pairs),
-    ):
-        bscan = phantom(dented_wall(0.7e-3, dent_m), **over, **CLEAR)
-        assert dice(find_wall(bscan.frame, SCALE).mask, bscan.truth_mask) > 0.95
-
-
-@pytest.mark.parametrize("slope_deg", [-40.0, 20.0, 40.0])
-def test_tissue_at_a_slope_is_followed(slope_deg: float):
-    scanner = OctStudy(width_m=3e-3, depth_m=4e-3)
-    pose = Pose(lateral_m=0.0, depth_m=1.5e-3, tilt_rad=np.radians(slope_deg))
-    bscan = phantom(
-        dented_wall(0.7e-3, 0.0), oct_study=scanner, pose=pose, band_m=0.0, **CLEAR
-    )
-    found = find_wall(bscan.frame, PixelScale.of(scanner))
-    assert dice(found.mask, bscan.truth_mask) > 0.95
-
-
-@pytest.mark.parametrize("pixel_um", [5.0, 10.0, 20.0, 30.0])
-def test_any_scale_will_do(pixel_um: float):
-    pixel_m = pixel_um / 1e6
-    scanner = OctStudy(
-        width_m=min(512, int(14e-3 / pixel_m)) * pixel_m,
-        depth_m=512 * pixel_m,
-        rows=512,
-        columns=min(512, int(14e-3 / pixel_m)),
-    )
-    blur = {
-        "axial_resolution_m": pixel_m,
-        "lateral_resolution_m": 2 * pixel_m,
-        "band_m": 0.0,
-    }
-    bscan = phantom(dented_wall(0.7e-3, 0.0), oct_study=scanner, **blur, **CLEAR)
-    found = find_wall(bscan.frame, PixelScale(lateral_m=pixel_m, depth_m=pixel_m))
-    assert dice(found.mask, bscan.truth_mask) > 0.9
-
-
-def test_iris_and_lens_below_the_wall_are_not_wall(bscan: Bscan):
+def test_iris_and_lens_below_the_wall_are_not_wall(bscan):
     frame = bscan.frame.copy()
     plain = find_wall(bscan.frame, SCALE)
     frame[430:480, 40:470] = np.random.default_rng(0).integers(1500, 4000, (50, 430))
@@ -190,97 +174,94 @@ def test_iris_and_lens_below_the_wall_are_not_wall(bscan: Bscan):
 
 
 def test_a_dent_that_leaves_the_window_leaves_a_gap():
-    bscan = phantom(dented_wall(0.5e-3, dent_m=5.0e-3, width_m=1.8e-3), **CLEAR)
-    found = find_wall(bscan.frame, SCALE)
+    drawn = phantom(0.5e-3, 5.0e-3, width_m=1.8e-3)
+    found = find_wall(drawn.frame, SCALE)
     assert found.usable
-    assert not bscan.truth_mask[:, 250:262].any()
+    assert not drawn.truth_mask[:, 250:262].any()
     assert np.isnan(found.outer_row[250:262]).all()
-    assert dice(found.mask, bscan.truth_mask) > 0.93
+    assert dice(found.mask, drawn.truth_mask) > 0.93
 
 
 def test_where_the_inner_boundary_cannot_be_seen_the_mask_ends_one_millimetre_below():
-    endless = phantom(dented_wall(2.5e-3, 0.0), **CLEAR | {"attenuation_per_m": 900.0})
+    endless = phantom(2.5e-3, 0.0, attenuation_per_m=900.0)
     found = find_wall(endless.frame, SCALE)
-    assert (found.usable, found.inner_found, np.isnan(found.thickness_m)) == (
-        True,
-        False,
-        True,
-    )
+    assert (found.usable, found.inner_found) == (True, False)
+    assert np.isnan(found.thickness_m)
     depth_m = (found.inner_row - found.outer_row) * SCALE.depth_m
     np.testing.assert_allclose(depth_m[np.isfinite(depth_m)], 1e-3, rtol=1e-6)
 
 
-def test_depth_in_tissue_is_optical_depth_over_the_refractive_index():
-    scanner = OctStudy(refractive_index=1.38)
-    bscan = phantom(dented_wall(0.6e-3, 0.0), oct_study=scanner, **CLEAR)
-    found = find_wall(bscan.frame, replace(SCALE, refractive_index=1.38))
-    assert found.thickness_m == pytest.approx(0.6e-3, rel=0.05)
-    assert dice(found.mask, bscan.truth_mask) > 0.95
+CORNER = np.triu(np.ones((512, 512), bool)) & (np.arange(512) < 200)[:, None]
+RNG = np.random.default_rng(0)
 
 
-def test_a_frame_without_a_wall_is_not_usable_and_says_why():
-    rng = np.random.default_rng(0)
-    corner = np.triu(np.ones((512, 512), bool)) & (np.arange(512) < 200)[:, None]
-
-    for frame, reason in (
+@pytest.mark.parametrize(
+    ("frame", "reason"),
+    [
         (np.zeros((512, 512), np.uint16), "empty"),
         (np.full((512, 512), 900, np.uint16), "empty"),
-        (np.where(corner, 2095, 4095).astype(np.uint16), "saturated"),
-        (rng.integers(0, 900, (512, 512)).astype(np.uint16), "signal is too weak"),
-        (rng.integers(0, 200, (300, 400)).astype(np.uint8), "signal is too weak"),
-    ):
-        found = find_wall(frame, SCALE)
-        assert not found.usable
-        assert reason in found.reason
+        (np.where(CORNER, 2095, 4095).astype(np.uint16), "saturated"),
+        (RNG.integers(0, 900, (512, 512)).astype(np.uint16), "signal is too weak"),
+        (RNG.integers(0, 200, (300, 400)).astype(np.uint8), "signal is too weak"),
+    ],
+)
+def test_a_frame_without_a_wall_is_not_usable_and_says_why(frame, reason):
+    found = find_wall(frame, SCALE)
+    assert not found.usable
+    assert reason in found.reason
 
 
-def test_too_little_of_the_window_is_not_usable(bscan: Bscan):
+def test_too_little_of_the_window_is_not_usable(bscan):
     frame = bscan.frame.copy()
-    frame[:, 140:490] = np.random.default_rng(0).choice(
-        frame[380:400, 100:400].ravel(), (512, 350)
-    )
+    noise = frame[380:400, 100:400].ravel()
+    frame[:, 140:490] = np.random.default_rng(0).choice(noise, (512, 350))
     found = find_wall(frame, SCALE)
     assert not found.usable
     assert "covers" in found.reason
 
 
-def test_other_arrays_and_impossible_scales_are_refused():
-    for frame in (
+@pytest.mark.parametrize(
+    "frame",
+    [
         np.zeros((20, 20, 3), np.uint8),
         np.zeros((20, 20)),
         np.zeros((8, 200), np.uint8),
-    ):
-        with pytest.raises(ValueError, match="frame of"):
-            find_wall(frame, SCALE)
-
-    with pytest.raises(ValueError, match="metres"):
-        PixelScale(lateral_m=0.0, depth_m=1e-6)
-
-    with pytest.raises(
-        ValueError, match=r"index of 2\.5: tissue lies between 1 \(corrected\) and 2"
-    ):
-        PixelScale(lateral_m=1e-6, depth_m=1e-6, refractive_index=2.5)
+    ],
+)
+def test_other_arrays_are_refused(frame):
+    with pytest.raises(ValueError, match="frame of"):
+        find_wall(frame, SCALE)
 
 
-def tissue_surfaces() -> list[Path]:
-    return sorted((SHARED / "real-oct" / "tissue-surface").glob("*.tif"))
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"lateral_m": 0.0}, "metres"),
+        ({"refractive_index": 2.5}, r"index of 2\.5: tissue lies between 1"),
+    ],
+)
+def test_impossible_scales_are_refused(values, words):
+    with pytest.raises(ValueError, match=words):
+        PixelScale(**{"lateral_m": 1e-6, "depth_m": 1e-6} | values)
 
 
 @pytest.mark.real
 @needs_shared
-@pytest.mark.parametrize("path", tissue_surfaces(), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    sorted((SHARED / "real-oct" / "tissue-surface").glob("*.tif")),
+    ids=lambda path: path.stem,
+)
 def test_tissue_surfaces_of_a_foreign_scanner_meet_the_bar_of_their_makers(path: Path):
     with tifffile.TiffFile(path) as file:
         frame = file.pages[0].asarray()
         axes = json.loads(file.pages[0].tags["Software"].value)["metadata"]
 
     lateral_m, depth_m = (
-        abs(axes[axis]["values"][1] - axes[axis]["values"][0]) / 1e3 for axis in "xz"
+        abs(np.diff(axes[axis]["values"][:2])[0]) / 1e3 for axis in "xz"
     )
-    above = (
-        cv2.imread(str(path.with_name(f"{path.stem}_mask.png")), cv2.IMREAD_UNCHANGED)
-        == 255
-    )
+    mask = path.with_name(f"{path.stem}_mask.png")
+    above = cv2.imread(str(mask), cv2.IMREAD_UNCHANGED) == 255
     surface = len(above) - 1 - above[::-1].argmax(axis=0)
     found = find_wall(frame, PixelScale(lateral_m=lateral_m, depth_m=depth_m))
     error = np.abs(found.outer_row - surface)[above.any(axis=0)]
@@ -291,14 +272,10 @@ def test_tissue_surfaces_of_a_foreign_scanner_meet_the_bar_of_their_makers(path:
 
 @pytest.mark.real
 @needs_shared
-@pytest.mark.parametrize(
-    ("name", "thickness_um"), [("sample-a", 720), ("sample-b", 570)]
-)
-def test_every_frame_of_the_sample_recordings_shows_a_wall_of_one_thickness(
-    name: str, thickness_um: float
-):
+@pytest.mark.parametrize(("name", "um"), [("sample-a", 720), ("sample-b", 570)])
+def test_every_frame_of_the_sample_recordings_shows_a_wall_of_one_thickness(name, um):
     for path in sorted((SHARED / "recordings" / name / "frames").glob("*.png")):
         found = find_wall(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), SCALE)
         assert found.usable, path
         assert found.inner_found, path
-        assert found.thickness_m * 1e6 == pytest.approx(thickness_um, rel=0.06), path
+        assert found.thickness_m * 1e6 == pytest.approx(um, rel=0.06), path
