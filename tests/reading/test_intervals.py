@@ -46,7 +46,7 @@ def factor_of(scores: list[IntervalScore]) -> float:
     return stretch.factor
 
 
-def test_the_quantile_of_some_eyes_holds_on_others() -> None:
+def test_the_quantile_of_some_eyes_holds_on_others():
     """Eyes differ: each has an error of its own, larger than its frames'."""
     rng = np.random.default_rng(3)
 
@@ -84,7 +84,7 @@ LONG = of_eyes({"long": 9.0}, 10_000)
 )
 def test_the_quantile_weighs_eyes_alike_and_counts_a_new_one(
     scores: list[IntervalScore], factor: float
-) -> None:
+):
     assert factor_of(scores) == pytest.approx(factor)
 
 
@@ -126,7 +126,7 @@ def drawn_fit(draws_n: np.ndarray) -> BoundaryFit:
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.0, 3.0])
-def test_a_stretched_fit_has_the_quantiles_of_stretched_draws(factor: float) -> None:
+def test_a_stretched_fit_has_the_quantiles_of_stretched_draws(factor: float):
     draws_n = 28e-3 + 3e-3 * np.random.default_rng(0).standard_normal(4001)
     fit = drawn_fit(draws_n)
     found = fit_reading(fit, BOUNDS_N, factor)
@@ -140,7 +140,7 @@ def test_a_stretched_fit_has_the_quantiles_of_stretched_draws(factor: float) -> 
     assert scores == pytest.approx([1.0, 1.0, 0.0])
 
 
-def test_a_stretched_interval_begins_at_zero_and_what_is_no_number_stays_none() -> None:
+def test_a_stretched_interval_begins_at_zero_and_what_is_no_number_stays_none():
     noise = np.random.default_rng(0).standard_normal(501)
     light = drawn_fit(np.abs(1e-3 + 1e-3 * noise))
     assert fit_reading(light, BOUNDS_N, 5.0).interval_n[0] == 0.0
@@ -167,9 +167,7 @@ FORCES = {
 
 @pytest.mark.parametrize("force_mn", [0.5, 4, 15, 28, 32, 38, 58])
 @pytest.mark.parametrize("kind", FORCES)
-def test_a_class_farther_from_the_force_is_never_likelier(
-    kind: str, force_mn: float
-) -> None:
+def test_a_class_farther_from_the_force_is_never_likelier(kind: str, force_mn: float):
     """Of single-peaked forces; shares were 0.001, 0.000 and 0.999 at 38 mN."""
     for seed in range(20):
         drawn_n = FORCES[kind](np.random.default_rng(seed), to_si(force_mn, "mn"))
@@ -196,7 +194,7 @@ def histogram(
 @pytest.mark.parametrize("floor", [0.0, 1e-6, 1e-4])
 def test_a_farther_class_of_a_histogram_with_one_peak_is_never_likelier(
     floor: float, peak_mn: float
-) -> None:
+):
     """`floor` of each bin: a network never says 0. Stretched, it makes the highest
     class wider than the one below.
     """
@@ -209,7 +207,7 @@ def test_a_farther_class_of_a_histogram_with_one_peak_is_never_likelier(
         assert ordered(found, force_n), found
 
 
-def test_the_tail_beyond_the_draws_is_no_lighter_than_a_normal_one() -> None:
+def test_the_tail_beyond_the_draws_is_no_lighter_than_a_normal_one():
     """Shares that 512 draws cannot show, beside those of many more."""
     rng = np.random.default_rng(4)
     few = drawn_fit(rng.normal(38e-3, 2e-3, 512))
@@ -224,7 +222,7 @@ def test_the_tail_beyond_the_draws_is_no_lighter_than_a_normal_one() -> None:
 @pytest.mark.parametrize("factor", [0.5, 1.0, 2.5])
 def test_a_stretched_histogram_has_the_quantiles_of_stretched_forces(
     factor: float,
-) -> None:
+):
     shares = np.exp(-0.5 * ((np.arange(64) - 40.0) / 4.0) ** 2)
     median_n = histogram(shares)[1]
     found, force_n, interval_n = histogram(shares, factor)
@@ -263,11 +261,9 @@ GENTLE = {"largest_n": 20e-3, "widest_gap": 0.5}
 @pytest.mark.parametrize(
     ("setup", "force_n", "fit", "traits"),
     [
-        (eye(globe=OPEN), 15e-3, FIT, "own E, open"),
         (eye(globe=OPEN), 15e-3, UNEVEN, "own E, open, uneven"),
         (eye(globe=OPEN), 15e-3, TAUT, "own E, open"),
         (eye(globe=SEALED), 15e-3, TAUT, "own E, taut"),
-        (eye(), 15e-3, TAUT, "own E, taut"),
         (eye("population", SEALED), 15e-3, BULGING, "other E, sealed, uneven"),
         (
             eye("population", SEALED),
@@ -276,7 +272,6 @@ GENTLE = {"largest_n": 20e-3, "widest_gap": 0.5}
             "other E, taut, uneven, light",
         ),
         (eye(), 15e-3, None, "own E, unknown"),
-        (eye("stated"), 15e-3, None, "other E, unknown"),
         (eye("shape"), 15e-3, None, "other E, unknown"),
         (eye(**GENTLE), 23.9e-3, None, "own E, unknown, sparse"),
         (eye(**GENTLE), 24.1e-3, TAUT, "own E, taut, beyond"),
@@ -291,13 +286,13 @@ GENTLE = {"largest_n": 20e-3, "widest_gap": 0.5}
 )
 def test_traits_follow_the_causes_of_errors(
     setup: Setup, force_n: float, fit: BoundaryFit | None, traits: str
-) -> None:
+):
     reading = replace(fit_reading(FIT, BOUNDS_N), force_n=force_n)
     score = score_reading("fit", reading, setup, "an eye", force_n, fit)
     assert score.traits == tuple(traits.split(", "))
 
 
-def test_factors_are_multiplied_and_are_one_where_there_is_none() -> None:
+def test_factors_are_multiplied_and_are_one_where_there_is_none():
     fit = {"own E": {"open": 0.5, "uneven": 1.5}}
     factors = IntervalFactors(fit=fit, network={"other E": {"sealed": 2.0}})
     own = eye(globe=OPEN)
@@ -314,7 +309,7 @@ def test_factors_are_multiplied_and_are_one_where_there_is_none() -> None:
     assert factors.of_network(scattered, 30e-3) == 1.0
 
 
-def test_a_surface_that_bends_like_a_cornea_on_both_sides_is_not_a_sclera() -> None:
+def test_a_surface_that_bends_like_a_cornea_on_both_sides_is_not_a_sclera():
     prior = prior_of(Setup(), ReaderStudy())
     fit = replace(FIT, unknown=prior.mean.copy())
     assert no_wall_of_an_eye(fit, prior) is None

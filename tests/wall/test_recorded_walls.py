@@ -154,7 +154,7 @@ def shown(found: Segmentation) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_walls_are_the_recorded_ones(kind: str) -> None:
+def test_walls_are_the_recorded_ones(kind: str):
     record = json.loads(RECORD.read_text())[kind]
     for (frame, scale), expected in zip(frames(kind), record, strict=True):
         found = shown(find_wall(frame, scale))

@@ -106,7 +106,7 @@ def test_two_places_that_are_both_likely_make_it_unsure_and_the_path_stays_on_on
     assert seen.outer_sd[50] < seen.outer_sd[42]
 
 
-def test_the_thickness_does_not_jump_where_another_place_is_a_little_likelier() -> None:
+def test_the_thickness_does_not_jump_where_another_place_is_a_little_likelier():
     """Over 20 columns; the upper boundary may be as steep as it likes."""
     outer = 20.0 + 30.0 * np.abs(np.linspace(-1.0, 1.0, HALF)) ** 0.5
     share = np.full(HALF, 0.9)
@@ -162,7 +162,7 @@ class LookedAt(FixedFinder):
 )
 def test_a_second_look_at_the_rows_about_a_wall_corrects_it_a_little(
     moved: float, columns: int, believed: bool
-) -> None:
+):
     outer = np.full(HALF, 40.0)
     other = np.where(np.arange(HALF) < columns, outer + moved, np.nan)
     finder = LookedAt(
@@ -175,14 +175,14 @@ def test_a_second_look_at_the_rows_about_a_wall_corrects_it_a_little(
 
 
 @pytest.mark.parametrize("outer", [5.0, np.nan])
-def test_a_wall_that_fills_the_frame_or_none_is_looked_at_once(outer: float) -> None:
+def test_a_wall_that_fills_the_frame_or_none_is_looked_at_once(outer: float):
     row = np.full(HALF, outer)
     finder = LookedAt(fixed_finder(row, row + 115.0), fixed_finder(row, row + 20.0))
     finder.find(FRAME)
     assert finder.rows == [(0, 512)]
 
 
-def test_a_wall_at_the_edge_of_a_second_look_is_there() -> None:
+def test_a_wall_at_the_edge_of_a_second_look_is_there():
     rows = [distributions(np.full(HALF, row), 0.3) for row in (0.0, 40.0)]
     finder = WallFinder(FixedSession(np.stack(rows), np.ones(HALF)), STUDY, "drawn")
     assert finder._look(FRAME, 128, 384).outer_row == pytest.approx(128.5, abs=0.5)
@@ -198,7 +198,7 @@ def test_a_wall_at_the_edge_of_a_second_look_is_there() -> None:
 )
 def test_a_network_that_sees_another_wall_makes_the_frame_unusable(
     outer: float, inner: float, reason: str
-) -> None:
+):
     bscan, *wall = drawn_wall()
     finder = fixed_finder(wall[0] + outer, wall[1] + inner, sd=0.5)
     checked = find_wall(bscan.frame, SCALE, finder=finder)
@@ -210,7 +210,7 @@ def test_a_network_that_sees_another_wall_makes_the_frame_unusable(
     assert off == pytest.approx(4.0 * outer, abs=3.0)
 
 
-def test_a_network_that_sees_the_wall_agrees_to_a_tenth_of_the_limit() -> None:
+def test_a_network_that_sees_the_wall_agrees_to_a_tenth_of_the_limit():
     bscan, *wall = drawn_wall()
     found = find_wall(bscan.frame, SCALE, finder=fixed_finder(*wall))
     assert found.usable
@@ -231,7 +231,7 @@ def test_a_network_that_sees_the_wall_agrees_to_a_tenth_of_the_limit() -> None:
 )
 def test_an_unsure_network_does_not_contradict_and_one_that_sees_half_or_nothing_does(
     columns: slice, sd: float, reason: str
-) -> None:
+):
     bscan, outer, inner = drawn_wall()
     outer[columns] = np.nan
     below = inner + 6.0 * (not reason)
@@ -251,7 +251,7 @@ def test_an_unsure_network_does_not_contradict_and_one_that_sees_half_or_nothing
 @pytest.mark.parametrize("below", [5.0, 0.0])
 def test_an_end_that_the_network_does_not_know_has_to_be_seen_by_the_other_method(
     below: float,
-) -> None:
+):
     bscan, outer, inner = drawn_wall(0.6e-3, 0.0)
     sd = 0.4 * np.nanmedian(inner - outer)
     finder = finder_of(distributions(outer), distributions(inner + below, sd), outer)
@@ -262,7 +262,7 @@ def test_an_end_that_the_network_does_not_know_has_to_be_seen_by_the_other_metho
 
 
 @pytest.mark.parametrize("row", [20.0, np.nan])
-def test_an_empty_frame_stays_one_without_wall(row: float) -> None:
+def test_an_empty_frame_stays_one_without_wall(row: float):
     wall = np.full(HALF, row)
     checked = find_wall(FRAME, SCALE, finder=fixed_finder(wall, wall + 20))
     assert not checked.usable
@@ -273,7 +273,7 @@ def test_an_empty_frame_stays_one_without_wall(row: float) -> None:
 @pytest.mark.parametrize("shift", [0.0, 12.0])
 def test_a_needle_is_kept_and_what_it_hides_speaks_against_nothing(
     shift: float,
-) -> None:
+):
     """The network sees the wall in the shadow, too, or another wall."""
     bscan, outer, inner = drawn_wall(dent_m=0.4e-3, needle=True)
     finder = fixed_finder(outer + shift, inner + shift)
@@ -290,9 +290,7 @@ def refined(frame: np.ndarray, finder: WallFinder) -> Segmentation:
     return refined_wall(part, finder.find(frame))
 
 
-def test_the_networks_boundary_moves_to_an_edge_within_a_row_of_its_frame_alone() -> (
-    None
-):
+def test_the_networks_boundary_moves_to_an_edge_within_a_row_of_its_frame_alone():
     """It is given 0.8 rows too high on the left, and 3 too low on the right: too
     far.
     """
@@ -305,7 +303,7 @@ def test_the_networks_boundary_moves_to_an_edge_within_a_row_of_its_frame_alone(
     assert np.nanmedian(off[300:450]) == pytest.approx(12.0, abs=3.0)
 
 
-def test_where_no_edge_is_near_the_networks_own_boundary_stays() -> None:
+def test_where_no_edge_is_near_the_networks_own_boundary_stays():
     """The wall's lower part is noise: the network says where its end is."""
     bscan, outer, inner = drawn_wall(0.8e-3, 0.0)
     below = off_rows(np.arange(512)[:, None], outer) > 0.3e-3 / SCALE.depth_m
@@ -332,7 +330,7 @@ def test_a_wall_beyond_the_frame_ends_1_mm_below_its_surface_and_one_that_leaves
 
 
 @pytest.mark.parametrize("scale", [0.25, 1.0, 4.0])
-def test_a_wall_is_refined_whatever_scale_a_frame_is_said_to_have(scale: float) -> None:
+def test_a_wall_is_refined_whatever_scale_a_frame_is_said_to_have(scale: float):
     """As a quarter of it is hidden from the network, the wall is the network's."""
     bscan, outer, inner = drawn_wall(0.6e-3, 0.0)
     outer[:25] = np.nan
@@ -359,7 +357,7 @@ def test_an_unsure_network_that_takes_the_choroid_for_wall_leaves_its_end_to_the
     assert np.nanmedian(np.abs(checked.inner_row - top - 79.5)) < 2.0
 
 
-def test_an_inner_boundary_moves_to_the_edge_near_it_and_stays_where_none_is() -> None:
+def test_an_inner_boundary_moves_to_the_edge_near_it_and_stays_where_none_is():
     rng = np.random.default_rng(3)
     # too fast for the wide means of the first search
     edge = 300.0 + 8.0 * np.sin(np.linspace(0.0, 12.0, 512))
@@ -378,7 +376,7 @@ def test_an_inner_boundary_moves_to_the_edge_near_it_and_stays_where_none_is() -
 @pytest.mark.parametrize("grey", [400, 4095])
 def test_the_margins_of_a_page_are_black_to_the_search_and_saturate_nothing(
     grey: int,
-) -> None:
+):
     bscan = drawn_wall()[0]
     page = np.full((592, 572), grey, dtype=np.uint16)
     page[30:542, 20:532] = bscan.frame
@@ -389,7 +387,7 @@ def test_the_margins_of_a_page_are_black_to_the_search_and_saturate_nothing(
     assert np.nanmean(np.abs(wall.outer_row[20:532] - 30 - alone.outer_row)) < 1.0
 
 
-def test_a_reduced_frame_has_its_noise_at_zero_and_its_tissue_at_one() -> None:
+def test_a_reduced_frame_has_its_noise_at_zero_and_its_tissue_at_one():
     small = reduced_frame(drawn_wall()[0].frame, 128, 176)
     assert small.shape == (128, 176)
     assert abs(np.median(small)) < 0.2
@@ -415,7 +413,7 @@ def mean_by_sampling(
     return float(cell.mean()) if cell.size else 0.0
 
 
-def test_cells_are_means_over_their_part_of_the_frame() -> None:
+def test_cells_are_means_over_their_part_of_the_frame():
     frame = np.random.default_rng(1).integers(0, 4096, (31, 45)).astype(np.uint16)
     scale = PixelScale(lateral_m=37e-6, depth_m=9e-6)
     window = FrameWindow(rows=8, columns=20, row_m=41e-6, column_m=1e-4)
