@@ -100,7 +100,7 @@ def random_paths(count: int) -> Iterator[NeedlePath]:
 
 @pytest.mark.parametrize(
     ("monitored", "paths", "start_s"),
-    [(True, random_paths(20), 8.0), (False, [HELD], 0.6)],
+    [(True, random_paths(8), 8.0), (False, [HELD], 0.6)],
 )
 def test_an_unknown_history_is_held_forgotten_and_its_interval_narrows(
     monitored: bool, paths: Iterator[NeedlePath], start_s: float
@@ -131,7 +131,7 @@ def test_a_gap_widens_the_interval_and_unusable_frames_are_gaps(later_s: float):
 
 def test_each_gap_of_a_monitor_widens_the_interval_around_all_that_may_have_been():
     after_s = np.arange(8.0, 30.0, 0.1)
-    for path in random_paths(20):
+    for path in random_paths(8):
         start = memory(monitored=True)
         _, history = follow(path, np.arange(0.0, 0.1, 0.01), start)
         # a monitor never gives a single frame the history of the calibration

@@ -19,7 +19,6 @@ from small_models import (
 
 from scleraforce.base.errors import ModelError
 from scleraforce.reading.load_model import load_classifier, load_reader, opened_reader
-from scleraforce.records.eye import Modulus
 from scleraforce.records.globe import OPEN, SEALED
 from scleraforce.records.scan import Scan
 from scleraforce.records.setup import Setup
@@ -158,32 +157,23 @@ def test_a_network_that_cannot_be_used_is_refused(tiny_model):
 
 
 SCAN = Scan(columns=512, rows=512, bits=12, width_m=15e-3, depth_m=4e-3)
-STIFF = changed(Setup(), modulus=Modulus.stated(5e6))
-THICK = changed(Setup(), thickness_m=3e-3)
 
 
-def test_only_the_training_of_a_model_limits_it(write_model, tmp_path):
-    classifier = load_classifier(write_model(tmp_path / "model", Study()).path)
-    modulus_pa = Study().eye.youngs_modulus_pa
-    for model, reads_force, fixed in (
-        (classifier, False, modulus_pa),
-        (force_reader(), True, None),
-    ):
-        assert (model.reads_force, model.fixed_modulus_pa) == (reads_force, fixed)
-        assert model.refusal(Setup()) is None
-        assert (model.refusal(STIFF) is not None) == reads_force
-        assert (model.refusal(THICK) is not None) == reads_force
-        assert model.limits(Setup(), SCAN) == ()
-        (limit,) = model.limits(THICK, SCAN)
-        assert limit.words.startswith("wall thickness 3000 µm, the model was trained")
-        assert (limit.code, limit.fields) == ("outside-training", ("thickness_m",))
-        assert model.limits(changed(Setup(), globe=OPEN), SCAN) == ()
-
-    # its linear mechanics knows no sealed eye
+def test_a_classifier_reads_every_eye_as_its_own_and_says_its_limits(
+    write_model, tmp_path
+):
+    model = load_classifier(write_model(tmp_path / "model", Study()).path)
+    assert model.fixed_modulus_pa == Study().eye.youngs_modulus_pa
+    assert (force_reader().fixed_modulus_pa, model.reads_force) == (None, False)
+    thick = changed(Setup(), thickness_m=3e-3)
     sealed = changed(Setup(), globe=SEALED)
-    (limit,) = classifier.limits(sealed, SCAN)
-    assert (limit.code, limit.fields) == ("inputs-ignored", ("globe",))
-    assert force_reader().limits(sealed, SCAN) == ()
+    assert model.refusal(thick) is None
+    assert model.limits(changed(Setup(), globe=OPEN), SCAN) == ()
+    limits = [model.limits(setup, SCAN) for setup in (thick, sealed)]
+    found = [(one.code, one.fields) for (one,) in limits]
+    # its linear mechanics knows no sealed eye
+    thickness = ("outside-training", ("thickness_m",))
+    assert found == [thickness, ("inputs-ignored", ("globe",))]
 
 
 @pytest.fixture(params=["classifier", "reader", "raw-reader"])

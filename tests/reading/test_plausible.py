@@ -170,7 +170,10 @@ def test_reading_with_the_calibration_of_another_eye_says_so(
 
 
 @pytest.mark.real
-@pytest.mark.parametrize("name", ["sample-a", "sample-b", "sample-c"])
+@pytest.mark.parametrize(
+    "name",
+    ["sample-a", *(pytest.param(f"sample-{n}", marks=pytest.mark.slow) for n in "bc")],
+)
 def test_recordings_by_others_agree_and_their_mistakes_do_not(name):
     folder = SHARED / "recordings" / name
     if not folder.is_dir():
