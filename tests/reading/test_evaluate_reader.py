@@ -182,10 +182,8 @@ def test_a_recording_that_was_read_is_not_read_again(changed, model, uncalibrate
     again = tuple(replace(one, recording=place) for one in uncalibrated.frames)
     assert [f.to_dict() for f in found.frames] == [f.to_dict() for f in again]
 
-    beside = recording.path / "." / "frames" / ".."
-    for twice in ([recording, recording.path], [recording.path, beside]):
-        with pytest.raises(RecordingError, match="given twice"):
-            evaluate_recordings(model, twice)
+    with pytest.raises(RecordingError, match="given twice"):
+        evaluate_recordings(model, [recording, recording.path / "frames" / ".."])
 
 
 def answered(

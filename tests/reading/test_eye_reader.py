@@ -27,7 +27,7 @@ from scleraforce.reading.eye_reader import (
     warming_frame,
 )
 from scleraforce.reading.load_model import load_classifier, load_force_reader
-from scleraforce.reading.needle_place import NOWHERE
+from scleraforce.reading.needle_place import NeedlePlace
 from scleraforce.records.eye import Eye, Modulus
 from scleraforce.records.globe import OPEN, REFERENCE_RIGIDITY, SEALED, Globe
 from scleraforce.records.model_folder import SHIPPED_READER
@@ -147,7 +147,7 @@ def test_a_live_answer_is_the_network_s_and_the_whole_one_without_the_fit():
     assert whole.warnings == ()
     assert (answer.force_n, answer.interval_n) == (0.015, (0.012, 0.018))
     assert answer == replace(
-        whole, can_calibrate=False, readings=(), fit=None, places=NOWHERE
+        whole, can_calibrate=False, readings=(), fit=None, places=NeedlePlace()
     )
     wall = answer.segmentation
     np.testing.assert_array_equal(wall.outer_row, whole.segmentation.outer_row)

