@@ -165,7 +165,6 @@ def test_a_live_answer_is_the_network_s_and_the_whole_one_without_the_fit():
         (FRAME, {"contact_m": -1.4e-3}, {}, "contact -1.4 mm from the frame's middle"),
         (DEEP, vars(WIDE), {}, "leaves the window"),
         (FRAME, {"force_n": nan}, {}, "not a number"),
-        (FRAME, {"probabilities": (nan,) * 3}, {}, "not a number"),
         (FRAME, {"interval_n": (0.004, inf)}, {}, "not a number"),
     ],
 )
