@@ -37,8 +37,9 @@ def model(tmp_path_factory) -> Reader:
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory) -> Path:
-    """Two moments of a cross, without a force log."""
-    return write_moments(tmp_path_factory.mktemp("planes") / "rec", FORCES_N)
+    """Two moments of a cross."""
+    folder = tmp_path_factory.mktemp("planes") / "rec"
+    return write_moments(folder, FORCES_N, log=True)
 
 
 @pytest.fixture
@@ -169,7 +170,7 @@ def test_an_evaluation_repeats_the_answer_for_each_plane_and_counts_it_once(
     entries = evaluation.to_dict()["frames"]
     shown = [(one["plane"], one["time_s"]) for one in entries]
     assert shown == [(plane.name, time_s) for time_s in (8.0, 16.0) for plane in CROSS]
-    assert [frame.repeats for frame in evaluation.frames] == [False, True, False, True]
+    assert [frame.scored for frame in evaluation.frames] == [True, False, True, False]
 
     shared = {"predicted_force_mn", "interval_mn", "contact_xyz_mm", "predicted"}
     for first, second in (entries[:2], entries[2:]):
