@@ -3,18 +3,19 @@
 from contextlib import ExitStack
 
 import pytest
-from small_monitor import TOKEN, Peer, serving
-from waiting import FUSE_S
+from small_monitor import TOKEN, Peer, reset, serving
 
-from scleraforce.live.network import operator_reset
 from scleraforce.live.network.openigtlink import Text, encode
 from scleraforce.live.network.operator_reset import (
-    ANSWERED,
-    WRONG_CODES,
+    LOCKED,
     ResetCode,
     ResetToken,
-    ask_reset,
+    token_digest,
 )
+
+ANSWERED = 10  # wrong tokens or codes, within ten seconds; five codes lock all
+WITHIN_S = 10.0
+LOCKED_S = 60.0
 
 
 def withdrawn_but_harmless(scanner: Peer) -> None:
@@ -62,17 +63,17 @@ def test_wrong_tokens_of_many_are_counted_together_and_the_right_one_is_granted_
 
         assert sum(answers(guesser) for guesser in guessers) == ANSWERED
         withdrawn_but_harmless(scanner)
-        assert ask_reset("127.0.0.1", port, TOKEN, within_s=FUSE_S)[0] is True
+        assert reset(port)[0] is True
 
 
 def test_the_answers_to_wrong_tokens_are_limited_and_the_right_one_is_known_meanwhile():
-    token = ResetToken(operator_reset.token_digest("right"))
+    token = ResetToken(token_digest("right"))
     answered = [token.answers_wrong(0.01 * number) for number in range(10 * ANSWERED)]
     assert answered == [True] * ANSWERED + [False] * 9 * ANSWERED
     assert token.knows("right")
     assert not token.knows("wrong")
     assert not token.knows("\ud800")
-    assert token.answers_wrong(operator_reset.WITHIN_S)
+    assert token.answers_wrong(WITHIN_S)
 
 
 def test_five_wrong_codes_lock_the_right_one_for_a_minute_and_each_code_is_for_one_reset():
@@ -82,15 +83,14 @@ def test_five_wrong_codes_lock_the_right_one_for_a_minute_and_each_code_is_for_o
 
     for _ in range(3):  # the right one forgives those before it
         assert not any(
-            code.knows(guess, 0.0)
-            for guess in [wrong] * (WRONG_CODES - 1) + ["", "12345", TOKEN]
+            code.knows(guess, 0.0) for guess in [wrong] * 4 + ["", "12345", TOKEN]
         )
         assert code.knows(code.digits, 0.0)
 
-    assert not any(code.knows(wrong, 1.0) for _ in range(WRONG_CODES))
-    assert code.locked(1.0 + 0.99 * operator_reset.LOCKED_S)
-    assert not code.knows(code.digits, 1.0 + 0.99 * operator_reset.LOCKED_S)
-    assert code.knows(code.digits, 1.0 + operator_reset.LOCKED_S)
+    assert not any(code.knows(wrong, 1.0) for _ in range(5))
+    assert code.locked(1.0 + 0.99 * LOCKED_S)
+    assert not code.knows(code.digits, 1.0 + 0.99 * LOCKED_S)
+    assert code.knows(code.digits, 1.0 + LOCKED_S)
     used = {code.digits}
 
     for _ in range(3):
@@ -110,6 +110,5 @@ def test_codes_that_are_locked_are_called_locked_however_many_wrong_ones_came() 
             guesser.hear(lambda peer: answers(peer) == 1)
 
         for _ in range(3):
-            granted, said = ask_reset("127.0.0.1", port, "111111", within_s=FUSE_S)
-            assert (granted, said) == (False, operator_reset.LOCKED)
-        assert ask_reset("127.0.0.1", port, TOKEN, within_s=FUSE_S)[0] is True
+            assert reset(port, "111111") == (False, LOCKED)
+        assert reset(port)[0] is True

@@ -1,6 +1,4 @@
-"""The server over real sockets, in a process of its own: what clients hear, what
-withdraws, who disturbs nobody.
-"""
+"""A monitor over real sockets: what clients hear, what withdraws, who disturbs nobody."""
 
 import json
 import os
@@ -14,27 +12,23 @@ from typing import Any
 import numpy as np
 import pytest
 import small_monitor as rule
+from fake_monitor import HEARTBEAT_S
+from numpy.typing import NDArray
 from small_monitor import (
     FakeCompanion,
     Peer,
     Running,
     TurnedClock,
     frame_of,
+    reset,
     serving,
     small_monitor,
 )
 from waiting import FUSE_S, alive, wait_until
 
 from scleraforce.live.companions import process_messages
-from scleraforce.live.companions.companion_processes import (
-    BLACK_BOX,
-    CONSOLE,
-    OPINION,
-    Companions,
-)
+from scleraforce.live.companions.companion_processes import BLACK_BOX, CONSOLE, OPINION
 from scleraforce.live.decision.events import Cause
-from scleraforce.live.monitor_server import HEARTBEAT_S
-from scleraforce.live.monitor_session import MonitorSession, ReceivedFrame
 from scleraforce.live.network.openigtlink import (
     Image,
     Query,
@@ -43,10 +37,13 @@ from scleraforce.live.network.openigtlink import (
     Transform,
     encode,
 )
-from scleraforce.live.network.operator_reset import ask_reset
+from scleraforce.reading.answer import Answer
 from scleraforce.records.eye import Eye, Modulus
 from scleraforce.records.remark import Remark
+from scleraforce.records.scan import PixelScale
 from scleraforce.records.setup import Setup
+
+NAN = float("nan")
 
 
 @pytest.fixture
@@ -66,10 +63,6 @@ def scanner(port: int, clock: TurnedClock) -> Iterator[Peer]:
         yield peer
 
 
-def reset(port: int, token: str = rule.TOKEN) -> tuple[bool, str]:
-    return ask_reset("127.0.0.1", port, token, within_s=FUSE_S)
-
-
 def test_before_a_good_frame_the_answer_is_not_ready_again_and_again(
     scanner: Peer, clock: TurnedClock
 ) -> None:
@@ -79,38 +72,44 @@ def test_before_a_good_frame_the_answer_is_not_ready_again_and_again(
     assert {status.code for status in scanner.statuses()} == {13}
 
 
+UNREAD = (*[NAN] * 7, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("force_un", "code", "cause", "values"),
+    [
+        (12_345, 1, None, (1, 0, 1, 0, 12.345e-3, 11.22775e-3, 13.46225e-3, 1)),
+        (rule.UNUSABLE, 3, "UNUSABLE", (2, *[NAN] * 6, 0.0)),
+        (rule.RAISES, 3, "EXCEPTION", UNREAD),
+    ],
+    ids=["read", "not usable", "not read"],
+)
 def test_every_frame_is_answered_with_a_status_a_string_and_a_sensor(
     scanner: Peer,
+    force_un: int,
+    code: int,
+    cause: str | None,
+    values: tuple[float, ...],
 ) -> None:
+    """The SENSOR has frame, class, probabilities, force, interval, usable and code."""
     scanner.watch()
     scanner.heard.clear()
-    scanner.show(12.345, time_s=2e9)
+    scanner.show(0, frame_of(force_un, 1), time_s=2e9)
     scanner.hear(lambda peer: len({type(message) for _, message in peer.heard}) == 3)
-    (text,) = [json.loads(message.text) for message in scanner.texts()]
-    assert (text["class"], text["state"], text["frame_id"]) == (
-        1,
-        "WATCHING",
-        2_000_000_000_000_000,
+    said = scanner.said()
+    assert (said["frame"], said["frame_id"]) == (13, 2_000_000_000_000_000)
+    assert (said["code"], said["cause"], said["usable"]) == (
+        code,
+        cause,
+        bool(values[-1]),
     )
-    assert text["force_mn"] == pytest.approx(12.345)
     (sensor,) = [
         message.values for _, message in scanner.heard if isinstance(message, Sensor)
     ]
-    assert sensor == pytest.approx(
-        (
-            text["frame"],
-            1,
-            0,
-            1,
-            0,
-            12.345e-3,
-            0.95 * 12.345e-3 - 0.5e-3,
-            1.05 * 12.345e-3 + 0.5e-3,
-            1,
-            1,
-        )
-    )
-    assert "12.3 mN" in scanner.statuses()[-1].message
+    assert sensor == pytest.approx((13, *values, code), nan_ok=True)
+    if code == 1:
+        assert said["force_mn"] == pytest.approx(12.345)
+        assert "12.3 mN" in scanner.statuses()[-1].message
 
 
 def test_a_client_that_reads_misses_no_reading(
@@ -123,9 +122,7 @@ def test_a_client_that_reads_misses_no_reading(
 
         scanner.watch(frames=30)
         robot.hear(lambda peer: peer.readings() == 30)
-        assert [json.loads(message.text)["frame"] for message in robot.texts()] == [
-            *range(1, 31)
-        ]
+        assert robot.said()["frame"] == 30
 
 
 @pytest.mark.parametrize("version", [1, 2, 3])
@@ -143,24 +140,12 @@ def test_a_peer_is_answered_in_the_header_version_that_it_speaks(
         assert peer.versions == {version}
 
 
-def send_together(peer: Peer, forces_un: list[int], first: int = 0) -> None:
-    """Send a few frames, no more than a socket holds, of which the server sees none
-    before all have come.
-    """
-    images = [
-        Image(frame_of(force_un, 1000 + n)[None], rule.MATRIX)
-        for n, force_un in enumerate(forces_un, first)
-    ]
-    assert peer.clock
+SIZE = (rule.COLUMNS, rule.ROWS, 1)
 
-    with peer.clock.held():
-        peer.link.sendall(
-            b"".join(
-                encode(image, "Scanner", time_s=2e9 + n)
-                for n, image in enumerate(images, first)
-            )
-        )
-        peer.deliver()
+
+def part(pixels: NDArray[np.uint16], begin: int, end: int) -> Image:
+    """The rows of a frame from `begin` to `end`."""
+    return Image(pixels[None, begin:end], rule.MATRIX, SIZE, (0, begin, 0))
 
 
 def wrong_checksum(peer: Peer) -> None:
@@ -171,45 +156,33 @@ def wrong_checksum(peer: Peer) -> None:
     peer.link.sendall(data)
 
 
-def cut_short(peer: Peer) -> None:
-    peer.say(
-        Image(
-            np.zeros((1, 2, 2), np.uint16),
-            rule.MATRIX,
-            (rule.COLUMNS, rule.ROWS, 1),
-            (0, 0, 0),
-        )
-    )
-    peer.say(
-        Image(
-            np.zeros((1, 2, 2), np.uint16),
-            rule.MATRIX,
-            (rule.COLUMNS, rule.ROWS, 1),
-            (1, 0, 0),
-        )
-    )
+def overlapping(peer: Peer) -> None:
+    for begin in (0, 1):
+        peer.say(part(frame_of(10_000, 8), begin, begin + 2))
 
 
 def flood(peer: Peer) -> None:
     """Many frames at once, from a scanner that has taken 10 ms for each before."""
-    for first in range(0, 40, 4):
+    times_s = count(2e9)
+    for _ in range(10):
         read = peer.readings()
-        send_together(peer, [10_000 + n for n in range(4)], first)
+        peer.show_together(
+            *(10.0, 10.01, 10.02, 10.03),
+            within_s=0.0,
+            headers=lambda _: {"time_s": next(times_s)},
+        )
         peer.hear(lambda peer: peer.readings() > read)  # noqa: B023 - called at once
 
 
 def scaled(peer: Peer) -> None:
-    peer.say(
-        Image(frame_of(10_000, 7)[None], (rule.MATRIX[0] * 1.02, *rule.MATRIX[1:]))
-    )
+    matrix = (rule.MATRIX[0] * 1.02, *rule.MATRIX[1:])
+    peer.say(Image(frame_of(10_000, 7)[None], matrix))
 
 
 def half(peer: Peer) -> None:
-    peer.link.sendall(
-        encode(Image(frame_of(10_000, 7)[None], rule.MATRIX), "Scanner", time_s=2e9)[
-            :500
-        ]
-    )
+    whole = encode(Image(frame_of(10_000, 7)[None], rule.MATRIX), "Scanner", time_s=2e9)
+    peer.link.sendall(whole[:500])
+    silence(peer)
 
 
 def frozen(peer: Peer) -> None:
@@ -230,28 +203,24 @@ def silence(peer: Peer) -> None:
     peer.clock.turn(0.6)
 
 
+def small_before_another(peer: Peer) -> None:
+    """A frame that cannot be right counts also if a newer one comes with it."""
+    images = [Image(frame_of(10_000, 4)[None, :rows], rule.MATRIX) for rows in (-1, 64)]
+    data = [encode(image, "Scanner", time_s=2e9 + n) for n, image in enumerate(images)]
+    peer.link.sendall(b"".join(data))
+
+
 FAULTS: dict[str, tuple[Callable[[Peer], object], Cause]] = {
     "class 2": (lambda peer: peer.show(35.0), Cause.DANGEROUS_CLASS),
-    "not usable": (
-        lambda peer: peer.show(0, frame_of(rule.UNUSABLE, 1)),
-        Cause.UNUSABLE,
-    ),
-    "an exception of the reader": (
-        lambda peer: peer.show(0, frame_of(rule.RAISES, 1)),
-        Cause.EXCEPTION,
-    ),
     "silence": (silence, Cause.SILENCE),
-    "half a frame": (lambda peer: (half(peer), silence(peer)), Cause.SILENCE),
+    "half a frame": (half, Cause.SILENCE),
     "frozen": (frozen, Cause.FROZEN),
     "stale": (stale, Cause.STALE),
     "out of order": (lambda peer: peer.show(10.0, time_s=1e9), Cause.OUT_OF_ORDER),
-    "another size": (
-        lambda peer: peer.show(10.0, frame_of(10_000, 3)[:-1]),
-        Cause.SIZE,
-    ),
+    "another size": (small_before_another, Cause.SIZE),
     "another scale": (scaled, Cause.SCALE),
     "checksum": (wrong_checksum, Cause.CHECKSUM),
-    "overlapping parts": (cut_short, Cause.BAD_IMAGE),
+    "overlapping parts": (overlapping, Cause.BAD_IMAGE),
     "garbage": (lambda peer: peer.link.sendall(b"\xff" * 100), Cause.BAD_IMAGE),
     "too many at once": (flood, Cause.QUEUE_BEHIND),
 }
@@ -277,37 +246,25 @@ def test_no_frame_mixes_parts_from_before_and_after_a_damaged_message(
     scanner: Peer,
 ) -> None:
     scanner.watch()
-    frames = json.loads(scanner.texts()[-1].text)["frame"]
+    frames = scanner.said()["frame"]
     whole = frame_of(10_000, 9)
-    upper, lower = (
-        Image(
-            whole[None, rows],
-            rule.MATRIX,
-            (rule.COLUMNS, rule.ROWS, 1),
-            (0, rows.start, 0),
-        )
-        for rows in (slice(0, rule.ROWS // 2), slice(rule.ROWS // 2, rule.ROWS))
-    )
-    scanner.say(upper)
+    scanner.say(part(whole, 0, 32))
     wrong_checksum(scanner)
-    scanner.say(lower)
+    scanner.say(part(whole, 32, 64))
     scanner.read(10.0)
     # the damaged one has no number
-    assert json.loads(scanner.texts()[-1].text)["frame"] == frames + 1
+    assert scanner.said()["frame"] == frames + 1
 
 
-def test_a_frame_that_cannot_be_right_counts_also_where_a_newer_one_came_with_it(
-    scanner: Peer,
+def test_an_old_picture_with_one_fresh_row_is_not_a_frame(
+    scanner: Peer, clock: TurnedClock
 ) -> None:
-    scanner.watch()
-    small, newer = (
-        Image(frame_of(force_un, 4)[None, :rows], rule.MATRIX)
-        for force_un, rows in ((10_000, -1), (10_010, rule.ROWS))
-    )
-    scanner.link.sendall(
-        encode(small, "Scanner", time_s=2e9) + encode(newer, "Scanner", time_s=2e9 + 1)
-    )
-    assert scanner.wait_for_code(3).subcode == Cause.SIZE.value
+    """Its last part alone was asked for its time: 344 OKs at 35 mN."""
+    scanner.watch(10.0)
+    whole = frame_of(10_000, 999)
+    scanner.say(part(whole, 0, 63), time_s=clock() - 5.0)
+    scanner.say(part(whole, 63, 64), time_s=clock())
+    assert scanner.wait_for_code(3).name == "BAD_IMAGE"
 
 
 @pytest.mark.parametrize(
@@ -319,34 +276,34 @@ def test_a_frame_that_newer_ones_overtook_is_read_after_them(
 ) -> None:
     scanner.watch()
     read = scanner.readings()
-    send_together(scanner, [force_un, 10_010, 10_020])
+    scanner.show_together(force_un / 1e3, 10.01, 10.02)
     assert scanner.wait_for_code(3).subcode == cause.value
     assert scanner.readings() == read + 1  # the newest is answered, and first
-    last = json.loads(scanner.texts()[-1].text)
+    last = scanner.said()
     assert (last["state"], last["overtaken"], last["lost"]) == ("WATCHING", 2, 0)
 
 
 def test_overtaken_frames_wait_for_a_newer_one_without_a_cause(
-    scanner: Peer, monkeypatch: pytest.MonkeyPatch
+    clock: TurnedClock,
 ) -> None:
     order = list[int]()
-    read_frame = MonitorSession._read_frame
 
-    def read(session: MonitorSession, frame: ReceivedFrame) -> object:
-        order.append(frame.number)
-        if frame.number == 15:
+    def read(pixels: NDArray[Any], scale: PixelScale) -> Answer:
+        order.append(int(pixels[0, 0]))
+        if order == [10_020]:
             scanner.show(10.03, time_s=3e9)
             scanner.deliver()  # it waits when the server looks next
-        return read_frame(session, frame)
+        return rule.read(pixels, scale)
 
-    scanner.watch()
-    monkeypatch.setattr(MonitorSession, "_read_frame", read)
-    send_together(scanner, [10_000, 10_010, 10_020])  # frames 13 to 15
-    wait_until(lambda: len(order) == 4)
-    assert order == [15, 16, 13, 14]
-    scanner.read(10.0, time_s=4e9)
-    last = json.loads(scanner.texts()[-1].text)
-    assert (last["state"], last["overtaken"], last["lost"]) == ("WATCHING", 2, 0)
+    with serving(rule=read, clock=clock) as port, Peer(port, clock=clock) as scanner:
+        scanner.watch()
+        order.clear()
+        scanner.show_together(10.0, 10.01, 10.02)
+        wait_until(lambda: len(order) == 4)
+        assert order == [10_020, 10_030, 10_000, 10_010]
+        scanner.read(10.0, time_s=4e9)
+        last = scanner.said()
+        assert (last["state"], last["overtaken"], last["lost"]) == ("WATCHING", 2, 0)
 
 
 def test_a_withdrawal_stays_until_the_operators_reset_on_fresh_harmless_frames(
@@ -389,82 +346,108 @@ def test_another_becomes_the_scanner_when_the_first_has_left(port: int) -> None:
         assert robot.wait_for_code(3)
 
 
-@pytest.mark.parametrize(
-    "rudeness",
-    [
-        b"\xff" * 1000,
-        b"GET / HTTP/1.1\r\n\r\n" * 9,
-        b"\0" * 58,
-        encode(Status(1), "X")[:-1] + b"\1",
-        b"half a header",
-    ],
-    ids=["garbage", "http", "zeros", "wrong checksum", "half"],
-)
-def test_what_others_do_wrong_disturbs_nobody(
-    port: int, scanner: Peer, rudeness: bytes
-) -> None:
+RUDENESS = {
+    "garbage": b"\xff" * 1000,
+    "http": b"GET / HTTP/1.1\r\n\r\n" * 9,
+    "zeros": b"\0" * 58,
+    "wrong checksum": encode(Status(1), "X")[:-1] + b"\1",
+    "half": b"half a header",
+    "others' messages": encode(Transform((1.0,) * 12), "Probe")
+    + encode(Sensor((0.01, NAN)), "RobotForce")
+    + encode(Status(13, message="of the peer"), "Robot")
+    + encode(Query("CAPABIL"), "Robot"),
+}
+
+
+def test_what_others_do_wrong_disturbs_nobody(port: int, scanner: Peer) -> None:
     scanner.watch()
-    with socket.create_connection(("127.0.0.1", port)) as rude:
-        rude.sendall(rudeness)
-        scanner.watch()
-    scanner.watch()
+    with ExitStack() as stack:
+        for rudeness in RUDENESS.values():
+            rude = socket.create_connection(("127.0.0.1", port))
+            stack.enter_context(rude).sendall(rudeness)
+            scanner.watch(frames=3)
+
+    scanner.link.sendall(RUDENESS["others' messages"])
+    scanner.watch(frames=3)
 
 
-class CountingGuard(rule.NoGuard):
-    """Counts the signs of life."""
+class Noting(rule.NoGuard):
+    """Counts the signs of life, and notes whose version was heard."""
 
-    beats = 0
+    def __init__(self, when_heard: Callable[[int], object] = lambda _: None) -> None:
+        self.beats = 0
+        self.when_heard = when_heard
 
     def beat(self, _now_s: float) -> None:
         self.beats += 1
 
+    def version(self, client: int, _version: int) -> None:
+        self.when_heard(client)
 
-def test_the_watchdog_hears_of_each_frame_of_a_backlog() -> None:
+
+def test_the_watchdog_hears_of_each_frame_of_a_backlog(clock: TurnedClock) -> None:
     """Sixteen large ones in one turn, with one sign of life, cost a monitor its
     life.
     """
-    guard = CountingGuard()
-    server, port = rule.small_server(guard, Companions({}), clock=TurnedClock())  # type: ignore[arg-type] # no Guard
-    frames = 5
+    guard = Noting()
+    heard = list[int]()
 
-    with Peer(port) as scanner:
-        wait_until(lambda: server._turn(0.1) or len(list(server._clients)) == 1)
-        for number in range(frames):
-            scanner.show(10.0 + 0.01 * number)
-        scanner.deliver()
-        before = guard.beats
-        server._turn(0.1)
-        assert server.session.behind
-        assert guard.beats - before >= frames
-        server.close()
+    def read(pixels: NDArray[Any], scale: PixelScale) -> Answer:
+        heard.append(guard.beats)
+        return rule.read(pixels, scale)
+
+    with (
+        serving(guard=guard, rule=read, clock=clock) as port,
+        Peer(port, clock=clock) as scanner,
+    ):
+        scanner.watch()
+        with clock.held():
+            scanner.show_together(*(10.0 + 0.01 * number for number in range(5)))
+            heard.clear()
+            before = guard.beats
+        scanner.hear(lambda peer: peer.readings() > 12)
+        assert heard[0] - before >= 5
 
 
 def test_others_have_two_milliseconds_a_turn_and_who_has_waited_longest_is_first(
-    monkeypatch,
+    clock: TurnedClock,
 ) -> None:
-    server, port = rule.small_server(rule.NoGuard(), Companions({}))  # type: ignore[arg-type] # no Guard
-    heard = list[int]()
-    now_s = count(10.0, 1.1e-3)
-    hear = server._hear
-    monkeypatch.setattr(server.session, "clock", lambda: next(now_s))
-    monkeypatch.setattr(
-        server, "_hear", lambda client: (heard.append(client.number), hear(client))
-    )
+    order = list[int | str]()
 
-    with ExitStack() as stack:
-        peers = [stack.enter_context(Peer(port)) for _ in range(5)]
-        wait_until(lambda: server._turn(0.1) or len(list(server._clients)) == 5)
+    def hear(client: int) -> None:
+        order.append(client)
+        clock.turn(1.1e-3)
+        if len(order) == 1:
+            scanner.show(10.0)
+            scanner.deliver()
 
-        for _ in range(3):
+    def read(pixels: NDArray[Any], scale: PixelScale) -> Answer:
+        order.append("frame")
+        return rule.read(pixels, scale)
+
+    def ask(peers: list[Peer], version: int) -> None:
+        for peer in peers:
+            peer.version = version
+        with clock.held():
             for peer in peers:
                 peer.say(Query("STATUS"))
                 peer.deliver()
+            order.clear()
+        wait_until(lambda: sum(who != "frame" for who in order) == len(peers))
 
-            server._turn(0.1)
+    guard = Noting(hear)
+    with serving(guard=guard, rule=read, clock=clock) as port, ExitStack() as stack:
+        scanner = stack.enter_context(Peer(port, clock=clock))
+        scanner.watch()
+        peers = [stack.enter_context(Peer(port)) for _ in range(5)]
+        for peer in peers:
+            peer.hear(lambda peer: bool(peer.statuses()))
 
-        # each takes two looks at this clock, 2.2 ms
-        assert len(heard) == len(set(heard)) == 3
-        server.close()
+        ask(peers, 2)
+        assert order.index("frame") <= 2
+        ask(peers[:2], 3)
+        ask(peers, 1)
+        assert order.index(6) < order.index(3)
 
 
 def test_half_a_message_does_not_stay_for_ever(clock: TurnedClock) -> None:
@@ -475,59 +458,39 @@ def test_half_a_message_does_not_stay_for_ever(clock: TurnedClock) -> None:
             slow.hear(within_s=0.02)
 
 
-def test_the_pose_of_the_needle_is_its_travel_along_its_own_axis(
-    scanner: Peer, monkeypatch
-) -> None:
-    travels_m: list[float] = []
-    monkeypatch.setattr(
-        MonitorSession,
-        "travelled",
-        lambda _, travel_m, at_s: travels_m.append(travel_m) if at_s else None,
-    )
-    pose = Transform((0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.6, 0.0, 0.8, 3.0, 50.0, 4.0))
-    scanner.say(pose, "Probe")
-    scanner.say(pose, "NeedlePose")
-    scanner.read(10.0)
-    assert travels_m == pytest.approx([0.005])
+@contextmanager
+def beside(
+    clock: TurnedClock, *names: str, **settings: Any
+) -> Iterator[tuple[int, Peer, dict[str, FakeCompanion]]]:
+    """Run a server beside companions of these names; gives its port, a scanner that it
+    watches, and the companions.
+    """
+    companions = {name: FakeCompanion() for name in names}
+    with (
+        serving(companions, clock=clock, **settings) as port,
+        Peer(port, clock=clock) as scanner,
+    ):
+        scanner.watch()
+        yield port, scanner, companions
 
 
-def test_the_black_box_hears_of_a_frames_travel_while_it_is_recent(
+def test_the_pose_of_the_needle_is_its_travel_along_its_own_axis_while_it_is_recent(
     clock: TurnedClock,
 ) -> None:
+    pose = Transform((0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.6, 0.0, 0.8, 3.0, 50.0, 4.0))
     with beside(clock, BLACK_BOX) as (_, scanner, companions):
-        scanner.say(
-            Transform((1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 4.0)),
-            "NeedlePose",
-        )
+        scanner.say(pose, "Probe")
         scanner.read(10.0)
-        heard: list[process_messages.CompanionMessage] = []
-        wait_until(
-            lambda: (
-                heard.extend(companions[BLACK_BOX].theirs.receive())
-                or _travels_m(heard)[-1:] == [0.004]
-            )
-        )
-        assert _travels_m(heard)[:-1] == [None] * (len(_travels_m(heard)) - 1)
-
-
-def _travels_m(heard: list[process_messages.CompanionMessage]) -> list[float | None]:
-    return [
-        one.travel_m
-        for one in heard
-        if isinstance(one, process_messages.Decided) and one.entry.frame is not None
-    ]
-
-
-def test_other_messages_are_read_over(scanner: Peer) -> None:
-    scanner.watch()
-    for _ in range(6):
-        scanner.say(Transform((1.0,) * 12), "Probe")
-        scanner.say(Sensor((0.01, float("nan"))), "RobotForce")
-        scanner.say(Status(13, message="of the peer"), "Robot")
-        scanner.say(Query("CAPABIL"), "Robot")
+        scanner.say(pose, "NeedlePose")
         scanner.read(10.0)
+        clock.turn(0.08)
+        scanner.read(10.0)
+        clock.turn(0.45)
+        scanner.read(10.0)
+        decided = companions[BLACK_BOX].told(process_messages.Decided, 16)
 
-    assert scanner.statuses()[-1].code == 1
+    travels_m = [one.travel_m for one in decided if one.entry.frame is not None]
+    assert travels_m == [None] * 13 + [pytest.approx(0.005)] * 2 + [None]
 
 
 def test_a_crowd_that_says_nothing_locks_out_neither_the_operator_nor_a_scanner(
@@ -557,11 +520,7 @@ def gone(peer: Peer, frame: int) -> bool:
     """Read what has come; return whether the connection has ended before this frame was
     read.
     """
-    peer.hear(
-        lambda peer: any(
-            f'"frame": {frame},' in message.text for message in peer.texts()
-        )
-    )
+    peer.hear(lambda peer: peer.readings() > 0 and peer.said()["frame"] >= frame)
     return peer.closed
 
 
@@ -639,13 +598,19 @@ def test_a_watchdog_that_dies_is_a_cause_and_no_reset_helps() -> None:
     with small_monitor() as running, Peer(running.port) as scanner:
         scanner.watch()
         os.kill(running.watchdog_pid, signal.SIGKILL)
-        status = scanner.wait_for_code(3)
-        assert "watchdog" in status.message
-
+        assert "watchdog" in scanner.wait_for_code(3).message
         for _ in range(8):
             scanner.read(10.0)
-
         assert reset(running.port)[0] is False
+
+
+def test_the_end_as_planned_withdraws_and_leaves_no_process() -> None:
+    with small_monitor() as running, Peer(running.port) as scanner:
+        scanner.watch()
+        running.process.terminate()
+        assert "the monitor ends" in scanner.wait_for_code(3).message
+        assert running.process.wait(FUSE_S) == 0
+        wait_until(lambda: not alive(running.watchdog_pid))
 
 
 @pytest.mark.slow
@@ -665,16 +630,6 @@ def test_a_watchdog_that_is_stopped_is_a_cause() -> None:
             os.kill(running.watchdog_pid, signal.SIGCONT)
 
 
-def test_the_end_as_planned_withdraws_and_leaves_no_process() -> None:
-    with small_monitor() as running, Peer(running.port) as scanner:
-        scanner.watch()
-        assert running.process.stdin
-        running.process.stdin.close()
-        assert "the monitor ends" in scanner.wait_for_code(3).message
-        assert running.process.wait(FUSE_S) == 0
-        wait_until(lambda: not alive(running.watchdog_pid))
-
-
 def test_the_operator_hears_of_each_change_of_state_once(clock: TurnedClock) -> None:
     lines: list[str] = []
     with (
@@ -685,45 +640,16 @@ def test_the_operator_hears_of_each_change_of_state_once(clock: TurnedClock) -> 
         for force_mn in (40.0, 41.0, 42.0):
             scanner.read(force_mn)
 
-    states = [line.split()[1] for line in lines]
-    assert states == ["WATCHING:", "WITHDRAW:"]
-    assert "class 2" in lines[1]
-
-
-@contextmanager
-def beside(
-    clock: TurnedClock, *names: str
-) -> Iterator[tuple[int, Peer, dict[str, FakeCompanion]]]:
-    """Run a server beside companions of these names; gives its port, a scanner that it
-    watches, and the companions.
-    """
-    companions = {name: FakeCompanion() for name in names}
-    with (
-        serving(Companions(companions), clock=clock) as port,
-        Peer(port, clock=clock) as scanner,
-    ):
-        scanner.watch()
-        yield port, scanner, companions
-
-    for companion in companions.values():
-        companion.end()
+    changes = [line for line in lines if "WATCHING: " in line or "WITHDRAW: " in line]
+    assert [line.split()[1] for line in changes] == ["WATCHING:", "WITHDRAW:"]
+    assert "class 2" in changes[1]
 
 
 def test_the_second_opinion_is_asked_about_each_frame_and_what_it_says_counts(
     clock: TurnedClock,
 ) -> None:
     with beside(clock, OPINION) as (_, scanner, companions):
-        asked: list[process_messages.CompanionMessage] = []
-        wait_until(
-            lambda: (
-                asked.extend(companions[OPINION].theirs.receive()) or len(asked) >= 12
-            )
-        )
-        questions = [
-            message
-            for message in asked
-            if isinstance(message, process_messages.OpinionAsked)
-        ]
+        questions = companions[OPINION].told(process_messages.OpinionAsked, 12)
         assert [question.number for question in questions] == list(range(1, 13))
         assert questions[-1].teaches
         opinion = process_messages.OpinionGiven(
@@ -734,17 +660,11 @@ def test_the_second_opinion_is_asked_about_each_frame_and_what_it_says_counts(
         )
         companions[OPINION].says(opinion)
         status = scanner.wait_for_code(3)
-        assert (status.name, "second opinion" in status.message) == (
-            "DANGEROUS_CLASS",
-            True,
-        )
+        assert status.name == "DANGEROUS_CLASS"
+        assert "second opinion" in status.message
         scanner.read(10.0)  # it is harmless, and the withdrawal is held
-        wait_until(
-            lambda: (
-                asked.extend(companions[OPINION].theirs.receive()) or len(asked) >= 13
-            )
-        )
-        assert not asked[-1].teaches  # type: ignore[union-attr]
+        asked = companions[OPINION].told(process_messages.OpinionAsked, 13)
+        assert not asked[-1].teaches
 
 
 def test_what_the_second_opinion_remarks_is_logged_and_told_to_the_console_once(
@@ -760,19 +680,14 @@ def test_what_the_second_opinion_remarks_is_logged_and_told_to_the_console_once(
                 )
             )
 
-        told: list[process_messages.CompanionMessage] = []
-
         def shown() -> bool:
             scanner.read(10.0)
-            told.extend(companions[CONSOLE].theirs.receive())
-            rates = [one for one in told if isinstance(one, process_messages.Rates)]
+            rates = companions[CONSOLE].told(process_messages.Rates)
             return bool(rates) and rates[-1].remarks == (differ, leans)
 
         wait_until(shown)
         noted = [
-            message.text
-            for message in companions[BLACK_BOX].theirs.receive()
-            if isinstance(message, process_messages.Note)
+            note.text for note in companions[BLACK_BOX].told(process_messages.Note)
         ]
         assert [text for text in noted if "second opinion" in text] == [
             "second opinion: methods-disagree: they differ",
@@ -784,7 +699,7 @@ def test_what_was_learned_of_the_eye_is_in_each_later_reading_and_ends_no_withdr
     clock: TurnedClock,
 ) -> None:
     with beside(clock, OPINION) as (_, scanner, companions):
-        assert json.loads(scanner.texts()[-1].text)["modulus_mpa"] is None
+        assert scanner.said()["modulus_mpa"] is None
         scanner.read(39.0)
         known = Setup(
             eye=Eye(modulus=Modulus(mean_pa=0.3e6, sd_pa=0.02e6, source="shape"))
@@ -795,7 +710,7 @@ def test_what_was_learned_of_the_eye_is_in_each_later_reading_and_ends_no_withdr
 
         def learned() -> bool:
             scanner.read(10.0)
-            said = json.loads(scanner.texts()[-1].text)
+            said = scanner.said()
             found = [said[f"modulus_{name}"] for name in ("mpa", "sd_mpa", "frames")]
             return found == pytest.approx([0.3, 0.02, 7])
 
@@ -810,10 +725,8 @@ def test_a_companion_that_fails_is_a_cause_until_it_says_that_this_is_over(
     with beside(clock, name) as (port, scanner, companions):
         companions[name].says(process_messages.SelfReport(detail="log: no space left"))
         status = scanner.watch_until(3)
-        assert (status.name, f"{name}: log: no space left" in status.message) == (
-            "EXCEPTION",
-            True,
-        )
+        assert status.name == "EXCEPTION"
+        assert f"{name}: log: no space left" in status.message
 
         for over in (False, True):
             if over:
@@ -829,91 +742,75 @@ def test_clients_that_flood_the_log_take_nothing_of_the_decisions_and_the_log_sa
     clock: TurnedClock,
 ) -> None:
     wrong = encode(Status(1), "X")[:-1] + b"\1"
-    heard: list[process_messages.CompanionMessage] = []
+    flood = (encode(Sensor((0.01,)), "RobotForce") * 20 + wrong) * 5
 
     with beside(clock, BLACK_BOX) as (port, scanner, companions), Peer(port) as rude:
         box = companions[BLACK_BOX]
+
+        def dropped() -> bool:
+            scanner.watch(frames=3)
+            notes = box.told(process_messages.Note)
+            return any("were dropped" in note.text for note in notes)
+
         for _ in range(20):
-            rude.link.sendall((encode(Sensor((0.01,)), "RobotForce") * 20 + wrong) * 5)
-            scanner.watch(frames=3)
-            heard += box.theirs.receive()
+            rude.link.sendall(flood)
+            dropped()
 
-        while (
-            not any("were dropped" in str(one) for one in heard)
-            or sum(isinstance(one, process_messages.Decided) for one in heard) < 60
-        ):
-            scanner.watch(frames=3)
-            heard += box.theirs.receive()
-
-    entries = [
-        message.entry.number
-        for message in heard
-        if isinstance(message, process_messages.Decided)
-    ]
-    assert entries == list(range(1, len(entries) + 1))
-    assert len(entries) >= 60
-    checksums = [
-        message
-        for message in heard
-        if isinstance(message, process_messages.Note) and "checksum" in message.text
-    ]
-    assert 10 <= len(checksums) < 40
-    assert (
-        sum(isinstance(message, process_messages.ForceHeard) for message in heard)
-        >= 100
-    )
+        wait_until(lambda: dropped() and len(box.decisions()) >= 60)
+        entries = [entry.number for entry in box.decisions()]
+        assert entries == list(range(1, len(entries) + 1))
+        notes = box.told(process_messages.Note)
+        assert 10 <= sum("checksum" in note.text for note in notes) < 40
+        assert len(box.told(process_messages.ForceHeard)) >= 100
 
 
 @pytest.mark.slow
 def test_while_no_frames_come_the_console_gets_the_state_again_and_the_log_has_no_gaps(
     clock: TurnedClock,
 ) -> None:
-    logged = list[process_messages.Entry]()
-    shown = list[process_messages.Entry]()
-
     with beside(clock, BLACK_BOX, CONSOLE) as (_, _, companions):
+        again = list[process_messages.Entry]()
 
-        def withdrawn_and_repeated() -> bool:
+        def repeated() -> bool:
             clock.turn(HEARTBEAT_S)
-            for name, entries in ((BLACK_BOX, logged), (CONSOLE, shown)):
-                heard = companions[name].theirs.receive()
-                entries += [
-                    message.entry
-                    for message in heard
-                    if isinstance(message, process_messages.Decided)
-                ]
+            shown = companions[CONSOLE].decisions()
+            again[:] = [
+                one for one in shown if (one.event, one.state) == ("again", "WITHDRAW")
+            ]
+            return len(again) >= 2
 
-            return (
-                sum(
-                    entry.event == "again" and entry.state == "WITHDRAW"
-                    for entry in shown
-                )
-                >= 2
-            )
-
-        wait_until(withdrawn_and_repeated)
+        wait_until(repeated)
+        logged = companions[BLACK_BOX].decisions()
 
     assert [entry.number for entry in logged] == list(range(1, len(logged) + 1))
-    assert logged[-1].state == "WITHDRAW"
     # a silence is logged once, however long it lasts
-    assert sum(entry.event == "tick" for entry in logged) == 1
-    again = [entry for entry in shown if entry.event == "again"]
-    assert (again[-1].state, again[-1].number, again[-1].frame) == (
-        "WITHDRAW",
-        logged[-1].number,
-        None,
-    )
+    assert [entry.event for entry in logged].count("tick") == 1
+    assert logged[-1].state == "WITHDRAW"
+    assert (again[-1].number, again[-1].frame) == (logged[-1].number, None)
 
 
 CROSS = ("along", "across")
+
+
+@pytest.fixture
+def cross(clock: TurnedClock) -> Iterator[Peer]:
+    """The scanner of a server of two planes."""
+    with (
+        serving(clock=clock, planes=CROSS) as port,
+        Peer(port, version=2, clock=clock) as scanner,
+    ):
+        yield scanner
 
 
 def test_frames_of_planes_are_known_by_their_device_and_each_moment_is_asked_about_once(
     clock: TurnedClock,
 ) -> None:
     companions = {name: FakeCompanion() for name in (OPINION, BLACK_BOX)}
+    contact_m = (1e-4, 2e-4, 1e-3)
+    times_s = count(2e9, 0.02)
+
     with (
-        serving(Companions(companions), clock=clock, planes=CROSS) as port,
+        serving(companions, clock=clock, planes=CROSS) as port,
         Peer(port, version=2, clock=clock) as scanner,
     ):
         for _ in range(3):
@@ -922,124 +819,69 @@ def test_frames_of_planes_are_known_by_their_device_and_each_moment_is_asked_abo
                 "the other plane has sent nothing yet"
             )
 
-        for number in range(12):
+        def moment() -> dict[str, Any]:
+            time_s = next(times_s)
             for plane in CROSS:
-                scanner.read(10.0, device=plane, time_s=2e9 + 0.02 * number)
+                scanner.read(10.0, device=plane, time_s=time_s)
+            return scanner.said()
+
+        for _ in range(12):
+            assert moment()["plane"] == "across"
 
         assert scanner.statuses()[-1].code == 1
-        assert [json.loads(text.text)["plane"] for text in scanner.texts()[-4:]] == [
-            *CROSS
-        ] * 2
-        asked = list[Any]()
-        wait_until(
-            lambda: (
-                asked.extend(companions[OPINION].theirs.receive()) or len(asked) >= 12
-            )
-        )
+        asked = companions[OPINION].told(process_messages.OpinionAsked, 12)
         assert [tuple(name for name, *_ in one.planes) for one in asked] == [CROSS] * 12
-        heard = companions[BLACK_BOX].theirs.receive()
-        decided = [
-            one
-            for one in heard
-            if isinstance(one, process_messages.Decided) and one.entry.frame
+        decided = companions[BLACK_BOX].told(process_messages.Decided, 27)
+        assert [one.moment for one in decided if one.entry.frame][-4:] == [
+            24,
+            24,
+            26,
+            26,
         ]
-        assert [one.moment for one in decided[-4:]] == [24, 24, 26, 26]
-        (_, _, order), (_, _, other) = asked[-1].planes
-        contact_m = (1e-4, 2e-4, 1e-3)
-
-        for plane, of_plane in zip(CROSS, (order, other), strict=True):
+        for plane, _, order in asked[-1].planes:
             given = process_messages.OpinionGiven(
-                order=of_plane,
+                order=order,
                 verdict=rule.verdict(9.0, (8.0, 10.0)),
                 plane=plane,
                 contact_m=contact_m,
             )
             companions[OPINION].says(given)
 
-        later_s = count(2e9 + 1.0, 0.02)
-
-        def read_together() -> bool:
-            for plane in CROSS:
-                scanner.read(10.0, device=plane, time_s=next(later_s))
-            return json.loads(scanner.texts()[-1].text).get(
-                "contact_xyz_mm"
-            ) == pytest.approx([0.1, 0.2, 1.0])
-
-        wait_until(read_together)
+        wait_until(lambda: "contact_xyz_mm" in moment())
+        said = scanner.said()
+        assert said["contact_xyz_mm"] == pytest.approx([0.1, 0.2, 1.0])
+        assert (said["planes_force_mn"], said["planes_interval_mn"]) == (9.0, [8, 10])
         scanner.show(10.0, device="Scanner")
         status = scanner.wait_for_code(3)
-        words = "IMAGE of device 'Scanner': must be a plane's name: along, across"
-        assert (status.name, words in status.message) == ("BAD_IMAGE", True)
-
-    for companion in companions.values():
-        companion.end()
+        assert status.name == "BAD_IMAGE"
+        assert "device 'Scanner': must be a plane's name" in status.message
 
 
 def test_of_frames_that_came_together_the_newest_of_each_plane_is_answered_first(
-    clock: TurnedClock,
+    cross: Peer,
 ) -> None:
-    with (
-        serving(clock=clock, planes=CROSS) as port,
-        Peer(port, version=2, clock=clock) as scanner,
-    ):
-        for number in range(4):
-            for plane in CROSS:
-                scanner.read(10.0, device=plane, message_id=number + 1)
+    def header(place: int) -> dict[str, Any]:
+        return {"device": CROSS[place % 2 - 1], "message_id": 11 + (place - 1) // 2}
 
-        images = [
-            encode(
-                Image(frame_of(10_000 + n, n)[None], rule.MATRIX),
-                plane,
-                version=2,
-                time_s=2e9,
-                message_id=n,
-            )
-            for n in range(11, 14)
-            for plane in CROSS
-        ]
-        with clock.held():
-            scanner.link.sendall(b"".join(images))
-            scanner.deliver()
+    for number in range(4):
+        for plane in CROSS:
+            cross.read(10.0, device=plane, message_id=number + 1)
 
-        scanner.hear(lambda peer: peer.readings() >= 10)
-        texts = [json.loads(text.text) for text in scanner.texts()[-2:]]
-        assert [
-            (text["plane"], text["frame_id"], text["overtaken"]) for text in texts
-        ] == [
-            ("along", 13, 4),
-            ("across", 13, 4),
-        ]
-        assert scanner.statuses()[-1].code == 1
+    cross.show_together(*[10.0] * 6, headers=header)
+    cross.hear(lambda peer: peer.readings() >= 10)
+    texts = [json.loads(text.text) for text in cross.texts()[-2:]]
+    assert [(text["plane"], text["frame_id"], text["overtaken"]) for text in texts] == [
+        ("along", 13, 4),
+        ("across", 13, 4),
+    ]
+    assert cross.statuses()[-1].code == 1
 
 
-def test_an_old_picture_with_one_fresh_row_is_not_a_frame(clock: TurnedClock) -> None:
-    """Its last part alone was asked for its time: 344 OKs at 35 mN."""
-    with serving(clock=clock) as port, Peer(port, version=2, clock=clock) as scanner:
-        scanner.watch(10.0)
-        whole = frame_of(10_000, 999)
-        size = (rule.COLUMNS, rule.ROWS, 1)
-        last = rule.ROWS - 1
-        for row, end, age_s in ((0, last, 5.0), (last, rule.ROWS, 0.0)):
-            part = Image(whole[None, row:end], rule.MATRIX, size, (0, row, 0))
-            scanner.say(part, time_s=clock() - age_s)
-        assert scanner.wait_for_code(3).name == "BAD_IMAGE"
+def test_parts_of_images_of_two_planes_may_come_in_turns(cross: Peer) -> None:
+    for begin in (0, 32):
+        for place, plane in enumerate(CROSS):
+            whole = frame_of(10_000, place) + np.uint16(place)
+            cross.say(part(whole, begin, begin + 32), plane, message_id=1, time_s=1.8e9)
 
-
-def test_parts_of_images_of_two_planes_may_come_in_turns(clock: TurnedClock) -> None:
-    with (
-        serving(clock=clock, planes=CROSS) as port,
-        Peer(port, version=2, clock=clock) as scanner,
-    ):
-        whole = frame_of(10_000, 1)
-        for first in (0, rule.ROWS // 2):
-            for plane in CROSS:
-                part = whole[None, first : first + rule.ROWS // 2] + np.uint16(
-                    plane == "across"
-                )
-                image = Image(
-                    part, rule.MATRIX, (rule.COLUMNS, rule.ROWS, 1), (0, first, 0)
-                )
-                scanner.say(image, plane, message_id=1, time_s=1.8e9)
-
-        scanner.hear(lambda peer: peer.readings() >= 2)
-        assert scanner.statuses()[-1].code == 1
+    cross.hear(lambda peer: peer.readings() >= 2)
+    assert cross.statuses()[-1].code == 1

@@ -1,37 +1,52 @@
 """A monitor whose reader is a rule (the answer is in the frame's first pixels), its
 clock and its clients.
+
+It is the whole monitor, started by `run_monitor`, but for the parts that `run_small`
+puts in place of its own: it alone names them.
 """
 
 import fcntl
+import json
 import socket
 import subprocess
 import sys
 import termios
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import count
 from pathlib import Path
+from queue import SimpleQueue
 from select import select
+from shutil import rmtree
+from tempfile import mkdtemp
 from threading import RLock, Thread
 from time import monotonic, time
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
+from unittest.mock import patch
 
 import numpy as np
 from numpy.typing import NDArray
 from waiting import FUSE_S, ends, wait_until
 
 from scleraforce.base.units import to_si
-from scleraforce.live.companions.companion_processes import Companions, Guard
+from scleraforce.live import monitor, monitor_run
+from scleraforce.live.companions.companion_processes import (
+    OPINION,
+    Companions,
+    Guard,
+)
 from scleraforce.live.companions.process_channel import Channel
-from scleraforce.live.companions.process_messages import CompanionMessage, Entry
-from scleraforce.live.companions.shared_frames import FrameRing
-from scleraforce.live.connected_clients import ServerSettings
+from scleraforce.live.companions.process_messages import (
+    Alive,
+    CompanionMessage,
+    Decided,
+    Entry,
+)
 from scleraforce.live.decision.limits import MonitorLimits
-from scleraforce.live.monitor_server import MonitorServer
-from scleraforce.live.monitor_session import MonitorSession
+from scleraforce.live.monitor_request import LOCAL, Address
 from scleraforce.live.network.openigtlink import (
     Decoder,
     Image,
@@ -41,12 +56,12 @@ from scleraforce.live.network.openigtlink import (
     Text,
     encode,
 )
+from scleraforce.live.network.operator_reset import ask_reset
 from scleraforce.reading.answer import Answer, unusable_answer
-from scleraforce.reading.eye_reader import EyeReader
 from scleraforce.records.eye import Eye
 from scleraforce.records.needle import Needle, gauge_diameter_m
 from scleraforce.records.recording_info import ForceInfo, RecordingInfo
-from scleraforce.records.scan import PixelScale, Scan
+from scleraforce.records.scan import PixelScale, Plane, Scan
 from scleraforce.records.setup import NOTHING_KNOWN, Setup
 from scleraforce.records.study import Study
 from scleraforce.records.verdict import Verdict
@@ -123,72 +138,113 @@ def read(pixels: NDArray[Any], _: PixelScale) -> Answer:
     )
 
 
-def reader_of(
-    rule: Callable[[NDArray[Any], PixelScale], Answer],
-    setup: Setup = NOTHING_KNOWN,
-    stiffness_n_m: Callable[[], float | None] = lambda: None,
-) -> EyeReader:
-    """A reader of an eye whose network is a rule, which can read every eye."""
-    model: Any = SimpleNamespace(
+Rule = Callable[[NDArray[Any], PixelScale], Answer]
+
+
+def reader_of(rule: Rule, learned_n_m: float | None) -> Any:
+    """A model whose network is a rule, which can read every eye."""
+    return SimpleNamespace(
+        path=Path("rule"),
+        name="rule",
+        words="rule",
+        bounds_mn=[5.0, 30.0],
+        reads_force=True,
         study=Study(),
         read_live=lambda pixels, scale, _: rule(pixels, scale),
         refusal=lambda _: None,
-        steepest_n_m=lambda _: stiffness_n_m(),
+        steepest_n_m=lambda _: learned_n_m,
     )
-    return EyeReader(model, setup, by="network")
 
 
-def small_server(
-    guard: Guard,
+OF_CLIENTS = ("clients", "message_s", "stalled_s")
+
+
+def run_small(
+    guard: Any,
     companions: Companions,
-    note: Callable[[str], None] = lambda _: None,
+    started: Callable[[Address], None],
+    when_stopped: Callable[[Callable[[], None]], None] | None = None,
     *,
+    rule: Rule = read,
+    note: Callable[[str], None] = lambda _: None,
     clock: TurnedClock | None = None,
-    borne_s: float = 0.5,
-    catch_up_s: float | None = None,
-    stalled_s: float = 600.0,
     planes: tuple[str, ...] = (),
-    **settings: Any,
-) -> tuple[MonitorServer, int]:
-    """A server of small frames, and its port; without a clock of the test it needs to
-    bear what holds a test up.
-    """
-    limits = MonitorLimits(
-        size=(ROWS, COLUMNS),
-        scale_m=SCALE_M,
-        silence_s=borne_s,
-        lag_s=borne_s,
-        catch_up_s=catch_up_s or borne_s,
-    )
-    listener = socket.create_server(("127.0.0.1", 0))
-    ring = FrameRing.create(100, ROWS, COLUMNS)
-    reader = reader_of(read)
-    readers = dict.fromkeys(planes, reader) or reader
-    session = (
-        MonitorSession(readers, limits, clock, clock)
-        if clock
-        else MonitorSession(readers, limits)
-    )
-    stated = ServerSettings(TOKEN, stalled_s=stalled_s, **settings)
-    server = MonitorServer(session, listener, stated, ring, guard, companions, note)
+    size: tuple[int, int] = (ROWS, COLUMNS),
+    scale_m: tuple[float, float] = SCALE_M,
+    setup: Setup = NOTHING_KNOWN,
+    learned_n_m: float | None = None,
+    **limits: Any,
+) -> None:
+    """Serve small frames until a signal, or until what `when_stopped` is given is
+    called; `limits` are those of the decision and of clients.
 
-    return server, listener.getsockname()[1]
+    In place of a monitor's own are its watchdog, its other processes (none is started)
+    and its clock.
+    """
+    rows, columns = size
+    settings = monitor.MonitorSettings(
+        eye="eye-a",
+        setup=setup,
+        limits=MonitorLimits(
+            size=size,
+            scale_m=scale_m,
+            **{name: limits[name] for name in limits if name not in OF_CLIENTS},
+        ),
+        scan=Scan(
+            columns=columns,
+            rows=rows,
+            bits=16,
+            width_m=columns * scale_m[0],
+            depth_m=rows * scale_m[1],
+            planes=tuple(Plane(name, 0.0, 0.1 * n) for n, name in enumerate(planes)),
+        ),
+        address=Address(LOCAL, 0),
+        console=None,
+        black_box=Path(mkdtemp()),
+        record=None,
+        token=TOKEN,
+    )
+    own = vars(monitor)
+    of_clients = {name: limits[name] for name in limits if name in OF_CLIENTS}
+    stated = partial(own["ServerSettings"], **{"stalled_s": 600.0, **of_clients})
+    stated.clients = own["ServerSettings"].clients  # type: ignore[attr-defined]
+    clocks = {"clock": clock, "wall_clock": clock} if clock else {}
+
+    with ExitStack() as stack:
+        stack.callback(rmtree, settings.black_box)
+        stack.enter_context(
+            patch.multiple(
+                monitor,
+                Child=lambda *_: None,
+                Companions=lambda _: companions,
+                Guard=lambda: guard,
+                MonitorSession=partial(own["MonitorSession"], **clocks),
+                ServerSettings=stated,
+                RING_FRAMES=100,
+                run_in_real_time=lambda _: True,
+            )
+        )
+        if when_stopped is not None:  # a thread hears no signals
+            stack.enter_context(
+                patch.object(
+                    monitor_run,
+                    "ended_by_signals",
+                    lambda stop: nullcontext(when_stopped(stop)),
+                )
+            )
+        reader = reader_of(rule, learned_n_m)
+        monitor_run.run_monitor(reader, settings, note, started)
 
 
 def main() -> None:
     guard = Guard(float(sys.argv[1]))
-    server, port = small_server(guard, Companions({}), borne_s=600.0)
 
-    def wait() -> None:
-        sys.stdin.read()
-        server.stop()
+    def started(address: Address) -> None:
+        sys.stdout.write(f"{address.port} {guard.pid}\n")
+        sys.stdout.flush()
 
-    threading.Thread(target=wait, daemon=True).start()
-    sys.stdout.write(f"{port} {guard.pid}\n")
-    sys.stdout.flush()
-    server.run()
-    server.close()
-    guard.end()
+    patient = {"silence_s": 600.0, "lag_s": 600.0, "catch_up_s": 600.0}
+    run_small(guard, Companions({}), started, **patient)
 
 
 if __name__ == "__main__":
@@ -283,16 +339,35 @@ INFO = RecordingInfo(
 )
 
 
+Said = TypeVar("Said", bound=CompanionMessage)
+
+
 class FakeCompanion:
     """In place of a `Child`: `theirs` is its end of the channel."""
 
     def __init__(self) -> None:
         self.channel, self.theirs = Channel.pair()
+        self._told = list[CompanionMessage]()
 
     def says(self, message: CompanionMessage) -> None:
         assert self.theirs.send(message)
 
-    def end(self) -> None:
+    def told(self, kind: type[Said], count: int = 0) -> list[Said]:
+        """Return what it was told of a kind so far, once that are so many."""
+        wait_until(lambda: len(self._heard(kind)) >= count)
+        return self._heard(kind)
+
+    def decisions(self, count: int = 0) -> list[Entry]:
+        return [decided.entry for decided in self.told(Decided, count)]
+
+    def _heard(self, kind: type[Said]) -> list[Said]:
+        self._told += self.theirs.receive()
+        return [one for one in self._told if isinstance(one, kind)]
+
+    def end(self, within_s: float = 0.0) -> None:  # noqa: ARG002 - as a `Child`
+        self.channel.close()
+
+    def close(self) -> None:
         self.channel.close()
         self.theirs.close()
 
@@ -332,26 +407,55 @@ class NoGuard:
     def version(self, client: int, version: int) -> None: ...
     def forget(self, client: int) -> None: ...
     def beat(self, now_s: float) -> None: ...
+    def end(self) -> None: ...
+
+
+# what a monitor bears without a clock of the test: whatever holds the test up
+BORNE = {"silence_s": 0.5, "lag_s": 0.5, "catch_up_s": 0.5}
+NOBODY: Mapping[str, FakeCompanion] = {}
 
 
 @contextmanager
-def serving(companions: Companions | None = None, **settings: Any) -> Iterator[int]:
-    """Run a small server in a thread until the block ends; yield its port.
+def serving(
+    companions: Mapping[str, FakeCompanion] = NOBODY,
+    guard: Any = None,
+    **settings: Any,
+) -> Iterator[int]:
+    """Run a small monitor in a thread until the block ends; yield its port.
 
     Its time is from `clock`, by default one that does not move; `clock=None` is the
     machine's.
     """
-    settings.setdefault("clock", TurnedClock())
-    server, port = small_server(NoGuard(), companions or Companions({}), **settings)  # type: ignore[arg-type]
-    thread = Thread(target=server.run, daemon=True)
-    thread.start()
+    if OPINION in companions:
+        companions[OPINION].says(Alive(faults=()))  # it is ready
 
+    addresses = SimpleQueue[Address]()
+    stops = list[Callable[[], None]]()
+    thread = Thread(
+        target=run_small,
+        args=(
+            guard or NoGuard(),
+            Companions(dict(companions)),  # type: ignore[arg-type]
+            addresses.put,
+            stops.append,
+        ),
+        kwargs={"clock": TurnedClock(), **BORNE, **settings},
+        daemon=True,
+    )
+    thread.start()
     try:
-        yield port
+        yield addresses.get(timeout=FUSE_S).port
     finally:
-        server.stop()
+        for stop in stops:
+            stop()
         thread.join(FUSE_S)
-        server.close()
+        for companion in companions.values():
+            companion.close()
+
+
+def reset(port: int, secret: str = TOKEN) -> tuple[bool, str]:
+    """Ask for a reset; return the answer."""
+    return ask_reset(LOCAL, port, secret, within_s=FUSE_S)
 
 
 @contextmanager
@@ -364,12 +468,10 @@ def small_monitor(
     script = Path(__file__).with_name("small_monitor.py")
     process = subprocess.Popen(
         [sys.executable, str(script), str(look_s)],
-        stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=errors,
         text=True,
     )
-    assert process.stdin
     assert process.stdout
 
     try:
@@ -378,7 +480,7 @@ def small_monitor(
 
         yield Running(process, port, watchdog_pid)
     finally:
-        process.stdin.close()
+        process.terminate()
         process.wait(FUSE_S)
         process.stdout.close()
 
@@ -397,7 +499,9 @@ class Peer:
     def __init__(
         self, port: int, version: int = 1, clock: TurnedClock | None = None
     ) -> None:
-        self.link = socket.create_connection(("127.0.0.1", port), timeout=FUSE_S)
+        self.port = port
+        self.size = (ROWS, COLUMNS)
+        self.link = socket.create_connection((LOCAL, port), timeout=FUSE_S)
         self.clock = clock
         self.closed = False
         self.version = version
@@ -426,15 +530,22 @@ class Peer:
     ) -> None:
         if self.clock and isinstance(message, Image):
             self.clock.turn(FRAME_S)
+        self.link.sendall(self._encoded(message, device, time_s, message_id))
+
+    def _encoded(
+        self,
+        message: Message,
+        device: str = "Scanner",
+        time_s: float | None = None,
+        message_id: int = 0,
+    ) -> bytes:
         stamp = (self.clock or time)() if time_s is None else time_s
-        self.link.sendall(
-            encode(
-                message,
-                device,
-                version=self.version,
-                time_s=stamp,
-                message_id=message_id,
-            )
+        return encode(
+            message,
+            device,
+            version=self.version,
+            time_s=stamp,
+            message_id=message_id,
         )
 
     def deliver(self) -> None:
@@ -447,10 +558,12 @@ class Peer:
         self, force_mn: float, pixels: NDArray[np.uint16] | None = None, **header: Any
     ) -> None:
         """Send a frame that reads as a force."""
-        pixels = (
-            frame_of(round(force_mn * 1e3), next(SERIALS)) if pixels is None else pixels
-        )
+        pixels = self._frame(force_mn) if pixels is None else pixels
         self.say(Image(pixels[None], MATRIX), **header)
+
+    def _frame(self, force_mn: float) -> NDArray[np.uint16]:
+        rows, columns = self.size
+        return frame_of(round(force_mn * 1e3), next(SERIALS))[:rows, :columns]
 
     def read(
         self, force_mn: float, pixels: NDArray[np.uint16] | None = None, **header: Any
@@ -460,6 +573,29 @@ class Peer:
         self.show(force_mn, pixels, **header)
         self.hear(lambda peer: peer.readings() > before)
         assert self.readings() > before, "a frame was not answered"
+
+    def show_together(
+        self,
+        *forces_mn: float,
+        within_s: float = FRAME_S,
+        headers: Callable[[int], dict[str, Any]] = lambda _: {},
+    ) -> None:
+        """Send a few frames, no more than a socket holds, of which the server sees
+        none before all have come, `within_s` after the last; `headers` are by their
+        place, from 1 on.
+        """
+        assert self.clock
+        images = [
+            self._encoded(
+                Image(self._frame(force_mn)[None], MATRIX),
+                **{"time_s": self.clock() + 1e-4 * place, **headers(place)},
+            )
+            for place, force_mn in enumerate(forces_mn, 1)
+        ]
+        with self.clock.held():
+            self.clock.turn(within_s)
+            self.link.sendall(b"".join(images))
+            self.deliver()
 
     def hear(
         self,
@@ -514,6 +650,10 @@ class Peer:
     def readings(self) -> int:
         """Return how many frames were read so far."""
         return len(self.texts())
+
+    def said(self) -> dict[str, Any]:
+        """Return what was said of the last frame."""
+        return dict(json.loads(self.texts()[-1].text))
 
     def wait_for_code(self, code: int) -> Status:
         """Return the first STATUS of a code that comes from now on."""
