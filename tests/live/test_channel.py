@@ -6,11 +6,12 @@ import json
 import os
 import signal
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import closing, suppress
 from dataclasses import replace
 from math import inf, nan
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import msgspec
 import numpy as np
@@ -22,6 +23,13 @@ from waiting import FUSE_S, wait_until
 from scleraforce.base.errors import MessageError
 from scleraforce.live.companions import process_channel, process_messages
 from scleraforce.live.companions.companion_processes import Guard
+from scleraforce.live.companions.process_channel import (
+    Channel,
+    ChannelClosedError,
+    Child,
+    run_companion,
+)
+from scleraforce.live.companions.process_messages import CompanionMessage, Note
 from scleraforce.live.companions.shared_frames import RingPlace
 from scleraforce.live.decision.limits import MonitorLimits
 from scleraforce.records.eye import Eye, Modulus
@@ -32,12 +40,12 @@ from scleraforce.records.setup import NOTHING_KNOWN, Setup
 
 RING = RingPlace(descriptor=5, frames=1200, rows=24, columns=32)
 SCALE = PixelScale(lateral_m=29e-6, depth_m=8e-6)
-MESSAGES: list[process_messages.CompanionMessage] = [
+MESSAGES: list[CompanionMessage] = [
     process_messages.Decided(entry=READ_ENTRY),
     process_messages.ForceHeard(
         at_s=1.0, time_s=1.8e9, values=(0.01, -inf), device="Robot"
     ),
-    process_messages.Note(time_s=1.5, text='é "\\ \n\t\0'),
+    Note(time_s=1.5, text='é "\\ \n\t\0'),
     process_messages.MonitorEnds(),
     process_messages.Outline(frame=4, step=4, outer=(None, 3.5), inner=()),
     process_messages.Rates(
@@ -105,15 +113,45 @@ MESSAGES: list[process_messages.CompanionMessage] = [
 ]
 
 
-def test_each_message_arrives_as_it_was_sent() -> None:
-    assert {type(message) for message in MESSAGES} == set(
-        get_args(process_messages.CompanionMessage)
-    )
+@pytest.fixture
+def ends() -> Iterator[tuple[Channel, Channel]]:
+    ours, theirs = Channel.pair()
+    yield ours, theirs
+    ours.close()
+    theirs.close()
+
+
+def arrived(ends: tuple[Channel, Channel], message: CompanionMessage) -> Any:
+    """Return what a message is at the other end."""
+    ours, theirs = ends
+    assert ours.send(message)
+    (came,) = theirs.receive()
+    return came
+
+
+def bytes_of(ends: tuple[Channel, Channel], message: CompanionMessage) -> bytes:
+    """Return a message as it goes over the channel."""
+    ours, theirs = ends
+    assert ours.send(message)
+    return os.read(theirs.fileno(), 1 << 20)
+
+
+def refusal_of(ends: tuple[Channel, Channel], data: bytes) -> str:
+    ours, theirs = ends
+    assert ours.send_encoded(data)
+    with pytest.raises(MessageError) as refused:
+        theirs.receive()
+    return str(refused.value)
+
+
+def note(number: float, text: str = "") -> Note:
+    return Note(time_s=float(number), text=text)
+
+
+def test_each_message_arrives_as_it_was_sent(ends) -> None:
+    assert {type(message) for message in MESSAGES} == set(get_args(CompanionMessage))
     for message in MESSAGES:
-        assert (
-            process_channel.decode_message(process_channel.encode_message(message))
-            == message
-        )
+        assert arrived(ends, message) == message
 
 
 @pytest.mark.parametrize(
@@ -132,113 +170,88 @@ def test_settings_of_the_black_box_that_contradict_each_other_are_refused(
         )
 
 
-def test_nan_infinity_and_numpys_floats_arrive_as_such() -> None:
+def test_nan_infinity_and_numpys_floats_arrive_as_such(ends) -> None:
     given = verdict(nan, (-inf, nan), probabilities=(nan, np.float64(1.0)))
-    opinion = process_channel.decode_message(
-        process_channel.encode_message(
-            process_messages.OpinionGiven(order=3, verdict=given)
-        )
-    )
-    assert repr(opinion.verdict) == repr(
-        verdict(nan, (-inf, nan), probabilities=(nan, 1.0))
-    )
+    opinion = arrived(ends, process_messages.OpinionGiven(order=3, verdict=given))
+    expected = verdict(nan, (-inf, nan), probabilities=(nan, 1.0))
+    assert repr(opinion.verdict) == repr(expected)
 
 
-def test_half_a_character_of_a_file_name_is_escaped_in_a_text_and_kept_in_a_path():
-    alive = process_channel.decode_message(
-        process_channel.encode_message(process_messages.Alive(faults=("log: \udce9",)))
-    )
-    assert alive == process_messages.Alive(faults=("log: \\udce9",))
+def test_half_a_character_of_a_file_name_is_escaped_in_a_text_and_kept_in_a_path(ends):
+    alive = arrived(ends, process_messages.Alive(faults=("log: \udce9",)))
+    assert alive.faults == ("log: \\udce9",)
     settings = msgspec.structs.replace(ending_with(0), model=Path("\udce9"))
-    assert (
-        process_channel.decode_message(process_channel.encode_message(settings))
-        == settings
-    )
+    assert arrived(ends, settings) == settings
 
 
-def test_a_missing_or_an_unknown_field_is_refused_by_its_name() -> None:
-    for message in MESSAGES:
-        record = msgspec.msgpack.decode(process_channel.encode_message(message))
-        for name in set(record) - {"type"}:
-            others = {key: value for key, value in record.items() if key != name}
-            with pytest.raises(MessageError, match=name):
-                process_channel.decode_message(msgspec.msgpack.encode(others))
+@pytest.mark.parametrize(
+    "message", MESSAGES, ids=lambda message: type(message).__name__
+)
+def test_a_missing_or_an_unknown_field_is_refused_by_its_name(ends, message) -> None:
+    record = msgspec.msgpack.decode(bytes_of(ends, message))
+    for name in set(record) - {"type"}:
+        others = {key: value for key, value in record.items() if key != name}
+        assert name in refusal_of(ends, msgspec.msgpack.encode(others))
 
-        with pytest.raises(MessageError, match="more"):
-            process_channel.decode_message(msgspec.msgpack.encode(record | {"more": 1}))
-
-
-def test_a_value_of_another_type_is_refused_by_its_field() -> None:
-    record = msgspec.msgpack.decode(process_channel.encode_message(MESSAGES[0]))
-    for name, wrong in {
-        "at_s": "1",
-        "number": 1.5,
-        "state": "OK",
-        "frame": True,
-        "verdict": [],
-    }.items():
-        with pytest.raises(MessageError, match=name):
-            process_channel.decode_message(
-                msgspec.msgpack.encode(
-                    record | {"entry": record["entry"] | {name: wrong}}
-                )
-            )
+    assert "more" in refusal_of(ends, msgspec.msgpack.encode(record | {"more": 1}))
 
 
-def test_bytes_that_are_not_a_message_are_refused_in_one_short_line() -> None:
-    for data in (b"", b"\xc0", b"\x90", b"\x80", b"\xff\xfe", b"\x91" * 60_000, b"{}"):
-        with pytest.raises(MessageError) as refused:
-            process_channel.decode_message(data)
-        assert "\n" not in str(refused.value)
-        assert len(str(refused.value)) < 500
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("at_s", "1"),
+        ("number", 1.5),
+        ("state", "OK"),
+        ("frame", True),
+        ("verdict", []),
+    ],
+)
+def test_a_value_of_another_type_is_refused_by_its_field(ends, name, wrong) -> None:
+    record = msgspec.msgpack.decode(bytes_of(ends, MESSAGES[0]))
+    record["entry"] |= {name: wrong}
+    assert name in refusal_of(ends, msgspec.msgpack.encode(record))
+
+
+@pytest.mark.parametrize(
+    "data", [b"\xc0", b"\x90", b"\x80", b"\xff\xfe", b"\x91" * 60_000, b"{}"]
+)
+def test_bytes_that_are_not_a_message_are_refused_in_one_short_line(ends, data) -> None:
+    """The next message can be read."""
+    words = refusal_of(ends, data)
+    assert "\n" not in words
+    assert len(words) < 500
+    assert arrived(ends, note(1)) == note(1)
 
 
 @given(st.sampled_from(MESSAGES), st.data())
 def test_a_message_with_changed_bytes_is_a_message_or_that_error(
-    message: process_messages.CompanionMessage, drawn: st.DataObject
+    message: CompanionMessage, drawn: st.DataObject
 ) -> None:
-    data = bytearray(process_channel.encode_message(message))
-    for _ in range(drawn.draw(st.integers(1, 3))):
-        data[drawn.draw(st.integers(0, len(data) - 1))] = drawn.draw(
-            st.integers(0, 255)
-        )
+    ours, theirs = ends = Channel.pair()
+    with closing(ours), closing(theirs):
+        data = bytearray(bytes_of(ends, message))
+        for _ in range(drawn.draw(st.integers(1, 3))):
+            place = drawn.draw(st.integers(0, len(data) - 1))
+            data[place] = drawn.draw(st.integers(0, 255))
 
-    with suppress(MessageError):
-        assert isinstance(
-            process_channel.decode_message(bytes(data)),
-            process_messages.CompanionMessage,
-        )
-
-
-def test_other_values_and_large_messages_are_not_sent() -> None:
-    for wrong in (
-        object(),
-        process_messages.Note(time_s=1.0, text=object()),
-        process_messages.WrongTokens(count=10**30),
-    ):
-        with pytest.raises(MessageError):
-            process_channel.encode_message(wrong)
-
-    with pytest.raises(MessageError, match="131072"):
-        process_channel.encode_message(
-            process_messages.Note(time_s=1.0, text="x" * process_channel.MESSAGE_BYTES)
-        )
+        ours.send_encoded(bytes(data))
+        with suppress(MessageError):
+            assert isinstance(theirs.receive()[0], CompanionMessage)
 
 
-def note(number, text=""):
-    return process_messages.Note(time_s=float(number), text=text)
-
-
-def numbers_of(messages):
-    return [message.time_s for message in messages]
-
-
-@pytest.fixture
-def ends():
-    ours, theirs = process_channel.Channel.pair()
-    yield ours, theirs
-    ours.close()
-    theirs.close()
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (object(), None),
+        (Note(time_s=1.0, text=object()), None),
+        (process_messages.WrongTokens(count=10**30), None),
+        (note(1, "x" * 131_072), "131072"),
+    ],
+    ids=["object", "field", "number", "large"],
+)
+def test_other_values_and_large_messages_are_not_sent(ends, wrong, words) -> None:
+    with pytest.raises(MessageError, match=words):
+        ends[0].send(wrong)
 
 
 def test_messages_arrive_whole_and_in_order_at_either_end_and_no_end_waits(ends):
@@ -258,7 +271,7 @@ def test_an_end_that_does_not_read_loses_messages_but_never_makes_the_other_wait
     assert not ours.send(note(-1, "x" * 4000))
     numbers = []
     while messages := theirs.receive():
-        numbers += numbers_of(messages)
+        numbers += [message.time_s for message in messages]
 
     assert numbers == list(range(sent))
     assert ours.send(note(sent))
@@ -271,42 +284,27 @@ def test_an_end_that_left_without_reading_has_its_last_messages_read_all_the_sam
         ours.send(note(number))
 
     ours.close()
-    assert numbers_of(theirs.receive()) == [0, 1, 2]
+    assert theirs.receive() == [note(0), note(1), note(2)]
     for _ in range(2):
-        with pytest.raises(process_channel.ChannelClosedError):
+        with pytest.raises(ChannelClosedError):
             theirs.receive()
 
-    with pytest.raises(process_channel.ChannelClosedError):
+    with pytest.raises(ChannelClosedError):
         theirs.send(note(0))
 
 
 def test_the_largest_message_arrives_and_a_larger_one_is_refused_before_and_after_it_is_cut(
     ends,
 ):
-    ours, theirs = ends
-    header = len(process_channel.encode_message(note(1, "x" * 70_000))) - 70_000
-    largest = note(1, "x" * (process_channel.MESSAGE_BYTES - header))
-    assert ours.send(largest)
-    assert theirs.receive() == [largest]
-
+    header = len(bytes_of(ends, note(1, "x" * 70_000))) - 70_000
+    largest = note(1, "x" * (131_072 - header))
+    assert arrived(ends, largest) == largest
     with pytest.raises(MessageError, match="131073 bytes"):
-        ours.send(note(1, largest.text + "x"))
+        ends[0].send(note(1, largest.text + "x"))
 
-    assert theirs.receive() == []
     # a whole message, if it were cut
-    assert ours.send_encoded(process_channel.encode_message(largest) + b" " * 1000)
-
-    with pytest.raises(MessageError, match="131073 bytes"):
-        theirs.receive()
-
-
-def test_after_a_wrong_message_the_next_ones_can_be_read(ends):
-    ours, theirs = ends
-    ours.send_encoded(b"\xff")
-    ours.send(note(1))
-    with pytest.raises(MessageError):
-        theirs.receive()
-    assert theirs.receive() == [note(1)]
+    data = bytes_of(ends, largest) + b" " * 1000
+    assert "131073 bytes" in refusal_of(ends, data)
 
 
 MODULE = """
@@ -368,7 +366,7 @@ def test_a_child_gets_its_settings_and_the_files_and_ends_or_is_killed_when_the_
     file = os.memfd_create("test")
     os.write(file, b"shared")
     settings = ending_with(7, file)
-    child = process_channel.Child("some_child", settings, [file])
+    child = Child("some_child", settings, [file])
     said = answer(child)
     assert said == {
         "settings": repr(settings),
@@ -392,17 +390,17 @@ def test_a_child_gets_its_settings_and_the_files_and_ends_or_is_killed_when_the_
     assert heard(child) == [note(1)]
     assert child.end(FUSE_S) == 7
     os.close(file)
-    waits = process_channel.Child("some_child", ending_with(0))
+    waits = Child("some_child", ending_with(0))
     answer(waits)
     assert waits.end(within_s=0.05) == -signal.SIGKILL
 
 
 def test_a_child_whose_monitor_has_gone_or_says_nothing_does_not_start(monkeypatch):
-    ours, theirs = process_channel.Channel.pair()
+    ours, theirs = Channel.pair()
 
     def run():
         monkeypatch.setattr(sys, "argv", ["x", str(os.dup(theirs.fileno()))])
-        process_channel.run_companion(process_messages.OpinionSettings, pytest.fail)
+        run_companion(process_messages.OpinionSettings, pytest.fail)
 
     monkeypatch.setattr(process_channel, "SETTINGS_S", 0.01)
     with pytest.raises(RuntimeError, match="started by `scleraforce monitor`"):
@@ -416,7 +414,7 @@ def test_a_child_whose_monitor_has_gone_or_says_nothing_does_not_start(monkeypat
         run()
 
     ours.close()
-    with pytest.raises(process_channel.ChannelClosedError):
+    with pytest.raises(ChannelClosedError):
         run()
 
     theirs.close()
@@ -434,7 +432,7 @@ def test_no_module_of_the_current_folder_runs_in_a_child(tmp_path, monkeypatch):
         )
 
     monkeypatch.chdir(here)
-    child = process_channel.Child("some_child", ending_with(3))
+    child = Child("some_child", ending_with(3))
     assert answer(child)["threads"] == "1"
     assert child.end(FUSE_S) == 3
     guard = Guard(FUSE_S)  # a less patient one may kill this process
