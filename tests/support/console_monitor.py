@@ -20,6 +20,7 @@ from scleraforce.live.companions.process_messages import (
     Rates,
 )
 from scleraforce.live.companions.shared_frames import FrameRing
+from scleraforce.live.console.server import OwnPagesOnly
 from scleraforce.live.decision.limits import MonitorLimits
 from scleraforce.live.monitor import listen
 from scleraforce.live.network.operator_reset import token_digest
@@ -80,7 +81,7 @@ class ConsoleMonitor:
             remarks=remarks,
         )
         descriptors = [self.ring.place.descriptor, listener.fileno()]
-        self.child = Child("scleraforce.live.console.server", settings, descriptors)
+        self.child = Child(OwnPagesOnly.__module__, settings, descriptors)
         listener.close()
         self.entries = self.frames = 0
 

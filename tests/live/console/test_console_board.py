@@ -1,11 +1,12 @@
 """The console's board, and the share of its pages."""
 
 import asyncio
+from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
 from typing import Any
 
 import numpy as np
+import pytest
 from console_monitor import reading
 from small_monitor import decision, verdict
 from starlette.types import Message, Receive, Scope, Send
@@ -20,13 +21,13 @@ from scleraforce.live.companions.process_messages import (
 from scleraforce.live.companions.shared_frames import FrameRing
 from scleraforce.live.console.board import (
     HISTORY_S,
-    SENTENCES,
     STEP_S,
     Board,
     StepHistory,
+    sentence_of,
 )
 from scleraforce.live.console.hub import SHARES, FramePictures, Thrift
-from scleraforce.live.console.server import OwnPagesOnly, refusal
+from scleraforce.live.console.server import OwnPagesOnly
 from scleraforce.live.decision.events import Cause
 
 MOST_PIXELS = SHARES[0].pixels
@@ -62,8 +63,11 @@ RATES = Rates(
 )
 
 
-def test_every_cause_has_a_sentence_and_no_sentence_is_without_a_cause() -> None:
-    assert set(SENTENCES) == {cause.name for cause in Cause}
+@pytest.mark.parametrize("cause", Cause.__members__)
+def test_every_cause_has_a_sentence_and_no_sentence_is_without_a_cause(
+    cause: str,
+) -> None:
+    assert sentence_of(cause) not in (sentence_of("NONE"), f"Cause: {cause}.")
 
 
 def test_the_present_cause_is_shown_beside_the_first_one_and_its_time() -> None:
@@ -78,8 +82,8 @@ def test_the_present_cause_is_shown_beside_the_first_one_and_its_time() -> None:
         **reading(39.0),
     )
     shown = board_with((1.0, held)).as_json(1.0, 0)
-    assert shown["sentence"] == SENTENCES["SILENCE"]
-    assert shown["present"] == SENTENCES["BOUND"]
+    assert shown["sentence"] == sentence_of("SILENCE")
+    assert shown["present"] == sentence_of("BOUND")
     assert (shown["detail"], shown["withdrawn_s"], shown["reading"]["force_mn"]) == (
         "up to 40.5 mN",
         1.8e9,
@@ -88,7 +92,7 @@ def test_the_present_cause_is_shown_beside_the_first_one_and_its_time() -> None:
     over = replace(held, present_cause=None, present="", verdict=verdict(4.0))
     shown = board_with((1.0, held), (1.1, over)).as_json(1.1, 0)
     assert (shown["sentence"], shown["present"], shown["detail"]) == (
-        SENTENCES["SILENCE"],
+        sentence_of("SILENCE"),
         "",
         "",
     )
@@ -100,7 +104,7 @@ def test_a_puncture_that_is_only_reported_is_worse_than_not_ready_and_has_its_se
     ).as_json(1.0, 0)
     assert (shown["state"], shown["present"], shown["withdrawn_s"]) == (
         "PIERCED",
-        SENTENCES["PIERCED"],
+        sentence_of("PIERCED"),
         None,
     )
     history = StepHistory()
@@ -248,97 +252,127 @@ def test_a_picture_is_the_frame_in_eight_bits_and_no_larger_than_a_screen() -> N
         assert len(shown) == min(rows, MOST_PIXELS) * min(columns, MOST_PIXELS)
 
 
-def test_requests_come_from_own_names_and_what_writes_from_the_own_page_with_a_stated_length():
-    accepted = (
-        "127.0.0.1:8080",
-        "localhost",
-        "LOCALHOST:1",
-        "[::1]:8080",
-        "10.0.0.7",
-        "bench.local:8080",
-    )
-    for host in (
-        *accepted,
-        "evil.example:8080",
-        "localhost.evil.example",
-        "",
-        "127.0.0.1.evil.example",
-        "[evil]",
-    ):
-        assert (
-            refusal("http", "GET", [(b"host", host.encode())], "bench.local") is None
-        ) == (host in accepted)
+class Guarded:
+    """An app behind the guard: what it gets of an endless request, and the answer."""
 
-    here = [(b"host", b"localhost"), (b"origin", b"http://localhost")]
-    for length in (
-        "4097",
-        "99999999999999999999",
-        "0000000000000000100000000",
-        "01",
-        "-1",
-        "+1",
-        "1_0",
-        " 1",
-        "²",
-        "",
-    ):
-        stated = [(b"content-length", length.encode("latin-1"))]
-        assert refusal("http", "POST", [*here, *stated], "localhost")[0] == 413
+    def __init__(self) -> None:
+        self.taken = 0
+        self.status = 0
+        self.app = OwnPagesOnly(self._serve, "localhost", 4096, {"/file": 10_000})
 
-    assert refusal("http", "POST", here, "localhost")[0] == 413
-    for method, more in product(("GET", "POST"), ([], [(b"content-length", b"2")])):
-        for coding in (b"chunked", b"identity", b"gzip, chunked", b""):
-            coded = [*here, *more, (b"transfer-encoding", coding)]
-            assert refusal("http", method, coded, "localhost")[0] == 411
-
-    for twice in ((b"2", b"2"), (b"2", b"999")):
-        lengths = [(b"content-length", length) for length in twice]
-        assert refusal("http", "GET", [*here, *lengths], "localhost")[0] == 413
-
-    long = [*here, (b"content-length", b"100000000")]
-    assert refusal("http", "GET", long, "localhost")[0] == 413
-    own = ["http://localhost:80"]
-    others = (["null"], ["http://localhost:81"], ["http://evil.example"])
-
-    for kind, origins in product(("http", "websocket"), (own, [], *others, own * 2)):
-        headers = [(b"host", b"localhost:80"), (b"content-length", b"2")]
-        headers += [(b"origin", one.encode()) for one in origins]
-        refused = refusal(kind, "POST", headers, "localhost")
-        assert (refused[0] if refused else 200) == (200 if origins == own else 403)
-
-    for second in ((b"origin", b"http://evil.example"), (b"host", b"localhost")):
-        assert (
-            refusal("http", "GET", [(b"host", b"localhost"), second], "localhost")
-            is not None
-        )
-
-
-def test_a_server_hands_on_no_more_bytes_than_a_request_may_have() -> None:
-    """Whatever its headers state: the bytes that come are counted."""
-    taken = list[int]()
-
-    async def app(_: Scope, receive: Receive, send: Send) -> None:
+    async def _serve(self, _: Scope, receive: Receive, send: Send) -> None:
         while (message := await receive())["type"] == "http.request":
-            taken.append(len(message["body"]))
+            self.taken += len(message["body"])
         await send({"type": "http.response.start", "status": 200})
 
-    async def endless() -> Message:
-        return {"type": "http.request", "body": bytes(1000), "more_body": True}
+    def ask(
+        self,
+        headers: Sequence[tuple[str, str]],
+        method: str = "GET",
+        path: str = "/",
+        kind: str = "http",
+    ) -> int:
+        """Return the status of an answer."""
+        self.taken = 0
 
-    async def send(_: Message) -> None:
-        pass
+        async def endless() -> Message:
+            return {"type": "http.request", "body": bytes(1000), "more_body": True}
 
-    headers = [
-        (b"host", b"localhost"),
-        (b"origin", b"http://localhost"),
-        (b"content-length", b"1"),
-    ]
-    guarded = OwnPagesOnly(app, "localhost", 4096, {"/file": 10_000})
-    for path, most_bytes in (("/", 4096), ("/file", 10_000), ("/file/", 4096)):
-        scope = {"type": "http", "method": "POST", "path": path, "headers": headers}
-        taken.clear()
-        asyncio.run(guarded(scope, endless, send))
-        assert 0 < sum(taken) <= most_bytes
+        async def note(message: Message) -> None:
+            self.status = message.get("status", self.status)
+
+        scope = {
+            "type": kind,
+            "method": method,
+            "path": path,
+            "headers": [
+                (name.encode(), value.encode("latin-1")) for name, value in headers
+            ],
+            "extensions": {"websocket.http.response": {}},
+        }
+        asyncio.run(self.app(scope, endless, note))
+        return self.status
+
+
+HERE = [("host", "localhost"), ("origin", "http://localhost")]
+LENGTHS = ("4097", "99999999999999999999", "0000000000000000100000000", "01", "-1")
+LENGTHS += ("+1", "1_0", " 1", "²", "")
+OWN = "http://localhost:80"
+
+
+@pytest.mark.parametrize(
+    ("status", "method", "headers"),
+    [
+        *(
+            (200, "GET", [("host", host)])
+            for host in ("127.0.0.1:8080", "localhost", "LOCALHOST:1", "[::1]:8080")
+        ),
+        (200, "GET", [("host", "10.0.0.7")]),
+        *(
+            (403, "GET", [("host", host)])
+            for host in (
+                "evil.example:8080",
+                "localhost.evil.example",
+                "",
+                "127.0.0.1.evil.example",
+                "[evil]",
+            )
+        ),
+        *((413, "POST", [*HERE, ("content-length", length)]) for length in LENGTHS),
+        (413, "POST", HERE),
+        (413, "GET", [*HERE, ("content-length", "100000000")]),
+        *(
+            (413, "GET", [*HERE, ("content-length", "2"), ("content-length", second)])
+            for second in ("2", "999")
+        ),
+        *(
+            (411, method, [*HERE, *more, ("transfer-encoding", coding)])
+            for method in ("GET", "POST")
+            for more in ([], [("content-length", "2")])
+            for coding in ("chunked", "identity", "gzip, chunked", "")
+        ),
+        (403, "GET", [*HERE, ("origin", "http://evil.example")]),
+        (403, "GET", [*HERE, ("host", "localhost")]),
+    ],
+)
+def test_requests_come_from_own_names_and_with_a_stated_length(
+    status: int, method: str, headers: list[tuple[str, str]]
+) -> None:
+    assert Guarded().ask(headers, method) == status
+
+
+@pytest.mark.parametrize(
+    ("status", "origins"),
+    [
+        (200, [OWN]),
+        *(
+            (403, origins)
+            for origins in (
+                [],
+                ["null"],
+                ["http://localhost:81"],
+                ["http://evil.example"],
+                [OWN, OWN],
+            )
+        ),
+    ],
+)
+def test_what_writes_comes_from_the_own_page(status: int, origins: list[str]) -> None:
+    headers = [("host", "localhost:80"), ("content-length", "2")]
+    headers += [("origin", origin) for origin in origins]
+    assert Guarded().ask(headers, "POST") == status
+
+
+@pytest.mark.parametrize(
+    ("path", "most_bytes"), [("/", 4096), ("/file", 10_000), ("/file/", 4096)]
+)
+def test_a_server_hands_on_no_more_bytes_than_a_request_may_have(
+    path: str, most_bytes: int
+) -> None:
+    """Whatever its headers state: the bytes that come are counted."""
+    guarded = Guarded()
+    guarded.ask([*HERE, ("content-length", "1")], "POST", path)
+    assert 0 < guarded.taken <= most_bytes
 
 
 def test_it_goes_down_a_level_a_second_at_most_and_comes_back_only_after_calm() -> None:

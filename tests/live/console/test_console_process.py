@@ -31,10 +31,11 @@ from scleraforce.live.companions.process_messages import (
     ResetAsked,
     WrongTokens,
 )
-from scleraforce.live.console.hub import MOST_PAGES
-from scleraforce.live.network.operator_reset import ANSWERED, TOO_MANY
+from scleraforce.live.network.operator_reset import TOO_MANY
 
 MOST = 128  # connections that are kept
+MOST_PAGES = 32
+ANSWERED = 10  # codes within ten seconds
 FRAME = np.tile(np.arange(0, 64 * 60, 60, dtype=np.uint16)[:, None], (1, 96))
 
 
@@ -162,20 +163,23 @@ def test_the_page_and_its_parts_come_with_a_strict_policy_and_nothing_from_elsew
         assert set(elsewhere) <= {"http://www.w3.org/2000/svg"}
 
 
-def test_what_is_not_there_is_not_found_and_still_carries_the_policy(
-    monitor: ConsoleMonitor,
-) -> None:
-    for path in (
+@pytest.mark.parametrize(
+    "path",
+    [
         "/docs",
         "/openapi.json",
         "/../settings.py",
         "/%2e%2e/settings.py",
         "/page/index.html",
         "/a/b",
-    ):
-        answer, _ = ask(monitor, path)
-        assert answer.status == 404
-        assert "content-security-policy" in answer.headers
+    ],
+)
+def test_what_is_not_there_is_not_found_and_still_carries_the_policy(
+    monitor: ConsoleMonitor, path: str
+) -> None:
+    answer, _ = ask(monitor, path)
+    assert answer.status == 404
+    assert "content-security-policy" in answer.headers
 
 
 def test_another_host_name_or_a_socket_of_another_origin_is_refused(
@@ -198,30 +202,20 @@ def test_another_host_name_or_a_socket_of_another_origin_is_refused(
 def test_a_reset_from_another_origin_or_none_never_reaches_the_monitor(
     monitor: ConsoleMonitor,
 ) -> None:
-    for headers in (
-        {},
-        {"Origin": "http://evil.example"},
-        {"Origin": f"http://localhost:{monitor.port}"},
+    own = monitor.address.rstrip("/")
+    for origin, body, status in (
+        (None, {"token": "t"}, 403),
+        ("http://evil.example", {"token": "t"}, 403),
+        (f"http://localhost:{monitor.port}", {"token": "t"}, 403),
+        (own, {"token": "t" * 5000}, 413),
+        (own, {"token": "t" * 300}, 422),
+        (own, [], 422),
     ):
-        headers["Content-Type"] = "application/json"
-        assert (
-            ask(monitor, "/reset", "POST", '{"token": "t"}', **headers)[0].status == 403
-        )
+        headers = {"Content-Type": "application/json"}
+        headers |= {"Origin": origin} if origin else {}
+        answer, _ = ask(monitor, "/reset", "POST", json.dumps(body), **headers)
+        assert answer.status == status, origin
 
-    own = {"Origin": monitor.address.rstrip("/"), "Content-Type": "application/json"}
-    assert (
-        ask(monitor, "/reset", "POST", json.dumps({"token": "t" * 5000}), **own)[
-            0
-        ].status
-        == 413
-    )
-    assert (
-        ask(monitor, "/reset", "POST", json.dumps({"token": "t" * 300}), **own)[
-            0
-        ].status
-        == 422
-    )
-    assert ask(monitor, "/reset", "POST", "[]", **own)[0].status == 422
     assert monitor.child.channel.receive() == []
 
 
@@ -396,17 +390,13 @@ def test_a_page_that_stalls_gets_no_queue_and_disturbs_no_other(
         assert state_of(stalled)["state"] == "WITHDRAW"
 
 
-@pytest.mark.parametrize(
-    "said", ["no JSON", "[1]", "{}", '{"seen": "1"}', b"bytes", "[" * 4000]
-)
-def test_a_page_that_says_something_else_is_let_go(
-    monitor: ConsoleMonitor, said: str | bytes
-) -> None:
-    with page(monitor) as link:
-        link.send(said)
-        close = close_of(link)
-        assert close is not None
-        assert close.code == 1008
+def test_a_page_that_says_something_else_is_let_go(monitor: ConsoleMonitor) -> None:
+    for said in ("no JSON", "[1]", "{}", '{"seen": "1"}', b"bytes", "[" * 4000):
+        with page(monitor) as link:
+            link.send(said)
+            close = close_of(link)
+            assert close is not None
+            assert close.code == 1008, said
 
 
 @pytest.mark.slow
