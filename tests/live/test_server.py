@@ -158,7 +158,7 @@ def wrong_checksum(peer: Peer) -> None:
 
 def overlapping(peer: Peer) -> None:
     for begin in (0, 1):
-        peer.say(part(frame_of(10_000, 8), begin, begin + 2))
+        peer.say(part(frame_of(10_000, 8), begin, begin + 2), time_s=2e9)
 
 
 def flood(peer: Peer) -> None:
@@ -248,10 +248,10 @@ def test_no_frame_mixes_parts_from_before_and_after_a_damaged_message(
     scanner.watch()
     frames = scanner.said()["frame"]
     whole = frame_of(10_000, 9)
-    scanner.say(part(whole, 0, 32))
+    scanner.say(part(whole, 0, 32), time_s=2e9)
     wrong_checksum(scanner)
-    scanner.say(part(whole, 32, 64))
-    scanner.read(10.0)
+    scanner.say(part(whole, 32, 64), time_s=2e9)
+    scanner.read(10.0, time_s=2e9 + 1)
     # the damaged one has no number
     assert scanner.said()["frame"] == frames + 1
 

@@ -4,7 +4,7 @@ its reaction.
 
 import json
 from contextlib import closing, suppress
-from itertools import count, pairwise
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,9 +12,9 @@ from fake_monitor import ClockedClient, MonitorRule
 from small_monitor import (
     FRAME_S,
     SCALE_M,
+    Peer,
     TurnedClock,
     frame_of,
-    reader_of,
     serving,
 )
 from small_recordings import write_small_recording
@@ -23,17 +23,14 @@ from waiting import FUSE_S
 from scleraforce.base.errors import InputError
 from scleraforce.front.cli.main import run
 from scleraforce.live.decision.events import Cause
-from scleraforce.live.decision.limits import MonitorLimits
-from scleraforce.live.monitor_session import MonitorSession
 from scleraforce.live.network.openigtlink import (
     BadChecksum,
-    Decoder,
     Image,
     Malformed,
     Received,
     Status,
+    encode,
 )
-from scleraforce.live.network.scanner_frame import FrameAssembler
 from scleraforce.live.replay import scanner_faults, scanner_player as player_module
 from scleraforce.live.replay.scanner_faults import (
     FAULTS,
@@ -46,8 +43,6 @@ from scleraforce.live.replay.scanner_player import (
     AnswerLog,
     Player,
     ScannerClient,
-    UnstampedMessage,
-    frame_message,
 )
 from scleraforce.reading.answer import Answer
 from scleraforce.recordings.recording_folder import Recording, read_recording
@@ -143,18 +138,13 @@ OLD_PICTURES = [
 ]
 
 
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", [*OLD_PICTURES, "pixel-type"])
 def test_old_pictures_are_withdrawn_from_although_their_reading_is_harmless(
-    speckled, name: str
+    speckled: Recording, name: str, seed: int
 ) -> None:
-    for seed in range(4):
-        withdraw_from_old_pictures(speckled, name, seed)
-
-
-def withdraw_from_old_pictures(speckled: Recording, name: str, seed: int) -> None:
-    """Run the server's session with a reader that finds 8 mN in every picture."""
+    """A reader that finds 8 mN in every picture."""
     prepared = prepare(name, speckled, 1.5, np.random.default_rng(seed), version=2)
-    clock = count(1000)
     answer = Answer(
         predicted=1,
         probabilities=(0.0, 1.0, 0.0),
@@ -163,32 +153,35 @@ def withdraw_from_old_pictures(speckled: Recording, name: str, seed: int) -> Non
         force_n=8e-3,
         interval_n=(7e-3, 9e-3),
     )
-    info = speckled.info.scan
-    limits = MonitorLimits(
-        size=(256, 320), scale_m=(info.width_m / 320, info.depth_m / 256)
-    )
-    reader = reader_of(lambda *_: answer)
-    session = MonitorSession(reader, limits, lambda: next(clock) / 100, lambda: 0.0)
+    scale = speckled.info.scan.scale
+    clock = TurnedClock()
+    size = {"size": (256, 320), "scale_m": (scale.lateral_m, scale.depth_m)}
+    matrix = (1e3 * scale.lateral_m, *[0.0] * 3, 1e3 * scale.depth_m, *[0.0] * 7)
 
-    def show(sending: UnstampedMessage, number: int) -> None:
-        (event,) = Decoder().feed(sending.stamped(1.0 + number / 100))
-        frame = FrameAssembler().add(event.message)
-        session.take_frame(
-            session.frame(frame, number, 1, session.clock(), event.header.time_s)
-        )
+    with (
+        serving(rule=lambda *_: answer, clock=clock, **size) as port,
+        Peer(port, version=2, clock=clock) as scanner,
+    ):
 
-    for number in range(1, 51):
-        show(
-            frame_message(speckled.frame(speckled.frames[number - 1]), info, number, 2),
-            number,
-        )
+        def shown(number: int, data: bytes | bytearray) -> int:
+            scanner.link.sendall(data)
+            scanner.hear(lambda peer: peer.readings() == number)
+            return scanner.statuses()[-1].code
 
-    assert session.decision.code == 1
-    for (sending,) in prepared.acts[:12]:
-        if session.decision.code == 1:
-            show(sending.message, sending.number)
+        for number in range(1, 51):
+            image = Image(speckled.frame(speckled.frames[number - 1])[None], matrix)
+            clock.turn(0.01)
+            header = {"version": 2, "message_id": number, "time_s": clock()}
+            assert shown(number, encode(image, "Scanner", **header)) == 1
 
-    assert session.decision.cause in FAULTS[name].causes
+        for number, (sending,) in enumerate(prepared.acts[:12], 51):
+            clock.turn(0.01)
+            if shown(number, sending.message.stamped(clock())) == 3:
+                break
+
+        assert scanner.statuses()[-1].name in {
+            cause.name for cause in FAULTS[name].causes
+        }
 
 
 @pytest.mark.parametrize("version", [1, 2])
@@ -205,26 +198,24 @@ def test_stale_sends_the_next_pictures_with_times_that_fall_behind(
 
 
 @pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize(
+    ("name", "kind", "words"),
+    [
+        ("checksum", BadChecksum, "checksum"),
+        ("nan", Malformed, "finite"),
+        ("bad-image", Malformed, "bytes of pixels"),
+    ],
+)
 def test_checksum_nan_and_bad_image_are_what_they_say_and_the_stream_continues(
-    recording, version: int
+    recording, name: str, kind: type, words: str, version: int
 ) -> None:
-    for name, kind in (
-        ("checksum", BadChecksum),
-        ("nan", Malformed),
-        ("bad-image", Malformed),
-    ):
-        monitor, report = injected(recording, name, version)
-        wrong = [
-            event
-            for event in monitor.received
-            if isinstance(event, BadChecksum | Malformed)
-        ]
-        assert [type(event) for event in wrong] == [kind]
-        assert name != "nan" or "finite" in wrong[0].reason
-        assert name != "bad-image" or "bytes of pixels" in wrong[0].reason
-        assert numbers(monitor)[29:33] == [29, 31, 32, 33]
-        assert report.delay_s is None
-        assert report.message == "the monitor still says OK"
+    monitor, report = injected(recording, name, version)
+    (wrong,) = [one for one in monitor.received if not isinstance(one, Received)]
+    assert isinstance(wrong, kind)
+    assert words in wrong.reason
+    assert numbers(monitor)[29:33] == [29, 31, 32, 33]
+    assert report.delay_s is None
+    assert report.message == "the monitor still says OK"
 
 
 def test_unusable_is_noise_or_black_and_never_frozen(recording) -> None:
@@ -321,26 +312,25 @@ def test_the_time_of_a_fault_is_drawn_in_contact_and_clear_of_danger(recording) 
         draw_fault_time(recording, np.zeros(FRAMES), np.random.default_rng(0))
 
 
-def test_a_fault_that_cannot_be_is_one_clear_line(recording) -> None:
-    for name, time_s, forces_n, message in (
+@pytest.mark.parametrize(
+    ("name", "time_s", "forces_n", "message"),
+    [
         ("gremlins", AT_S, FORCES_N, "choose one of: unusable, silence"),
         ("silence", 0.0, FORCES_N, "a fault at 0 s; frames are from 1.02"),
         ("silence", 99.0, FORCES_N, "a fault at 99 s"),
-        ("rising", AT_S, FORCES_N / 2, "forces up to 20.0 mN; this fault needs 30 mN"),
-        (
-            "dangerous",
-            AT_S,
-            FORCES_N / 2,
-            "forces up to 20.0 mN; this fault needs 33 mN",
-        ),
+        ("rising", AT_S, FORCES_N / 2, "up to 20.0 mN; this fault needs 30 mN"),
+        ("dangerous", AT_S, FORCES_N / 2, "up to 20.0 mN; this fault needs 33 mN"),
         ("dangerous", AT_S, None, "no force at its frames"),
         ("pause", AT_S, np.full(FRAMES, 4.5e-3), "4.5 mN at the fault.* from 4.7 mN"),
         ("bunch", AT_S, np.full(FRAMES, 8e-3), "8.0 mN at the fault.* from"),
-    ):
-        with pytest.raises(InputError, match=message):
-            prepare(
-                name, recording, time_s, np.random.default_rng(0), forces_n=forces_n
-            )
+    ],
+)
+def test_a_fault_that_cannot_be_is_one_clear_line(
+    recording, name: str, time_s: float, forces_n, message: str
+) -> None:
+    rng = np.random.default_rng(0)
+    with pytest.raises(InputError, match=message):
+        prepare(name, recording, time_s, rng, forces_n=forces_n)
 
 
 @pytest.fixture
