@@ -8,17 +8,18 @@ from dataclasses import replace
 from pathlib import Path
 from threading import Event
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
-from small_monitor import FakeCompanion, read
+from small_monitor import FakeCompanion, NoGuard, read, run_small, serving
 from waiting import FUSE_S
 
 from scleraforce.base.errors import InputError
 from scleraforce.live import monitor
 from scleraforce.live.companions.companion_processes import OPINION, Companions
 from scleraforce.live.companions.process_messages import Alive, SelfReport
-from scleraforce.live.decision.limits import MonitorLimits
+from scleraforce.live.monitor_request import Address
 from scleraforce.reading.answer import Answer
 from scleraforce.records.eye import Eye
 from scleraforce.records.globe import (
@@ -29,12 +30,13 @@ from scleraforce.records.globe import (
     Globe,
 )
 from scleraforce.records.needle import Needle
-from scleraforce.records.recording_info import ForceInfo
+from scleraforce.records.recording_info import ForceInfo, RecordingInfo
 from scleraforce.records.scan import PixelScale, Plane, Scan
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 from scleraforce.records.tissue_relaxation import Relaxation
 
+WAITING_LINES = 1000
 SIZE = {"bits": 16, "width_m": 10e-3, "depth_m": 2e-3}
 CALIBRATED = Globe(
     kind="sealed",
@@ -46,16 +48,24 @@ CALIBRATED = Globe(
 )
 
 
-def test_a_recording_states_the_declared_globe() -> None:
-    for globe, stated in (
+DECLARED = Relaxation.declared([[0.1, 2.0]])
+
+
+@pytest.mark.parametrize(
+    ("globe", "stated"),
+    [
         (None, None),
         (UNKNOWN, None),
         (OPEN, OPEN),
         (SEALED, SEALED),
         (Globe.declared("sealed", REFERENCE_RIGIDITY, "logarithmic"),) * 2,
         (CALIBRATED, SEALED),  # its rigidity is in the calibration
-    ):
-        assert Eye("mine", globe=globe).declared().globe == stated
+    ],
+)
+def test_a_recording_states_the_declared_globe(
+    globe: Globe | None, stated: Globe | None
+) -> None:
+    assert Eye("mine", globe=globe).declared().globe == stated
 
 
 def test_each_plane_is_read_with_the_eye_as_it_sees_it_and_a_single_one_as_declared():
@@ -81,50 +91,43 @@ def test_each_plane_is_read_with_the_eye_as_it_sees_it_and_a_single_one_as_decla
         ) == list(eyes.values())
 
 
+def recording_info(setup: Setup, **of_scan: Any) -> RecordingInfo:
+    """Return what recordings of a monitor of an eye state."""
+    asked = list[Any]()
+    scan = Scan(columns=500, rows=400, **SIZE, **of_scan)
+    child = lambda _, settings, __: asked.append(settings)  # noqa: E731
+    with serving(setup=setup, child=child, stated={"scan": scan}):
+        (settings,) = asked
+        assert settings.info.scan == scan
+        return settings.info
+
+
+GAP = Setup(eye=Eye(globe=OPEN), needle=Needle(gap_m=0.4e-3, polar_rad=0.6))
+
+
 def test_a_recording_states_the_declared_places_of_plane_and_needle() -> None:
-    known = Setup(
-        eye=Eye(globe=OPEN),
-        needle=Needle(gap_m=0.4e-3, polar_rad=0.6),
-        scan=Scan(direction_rad=1.1),
-    )
-    scan = Scan(columns=500, rows=400, direction_rad=1.1, **SIZE)
-    settings = monitor.MonitorSettings(
-        eye="mine",
-        setup=known,
-        limits=MonitorLimits(),
-        scan=scan,
-        address=monitor.Address("localhost", 0),
-        console=None,
-        black_box=Path("box"),
-        record=None,
-        token="",
-    )
-    info = monitor._recording_info(settings, Study())
-    assert (info.scan, info.needle.polar_rad, info.needle.gap_m) == (
-        scan,
-        0.6,
-        0.4e-3,
-    )
+    info = recording_info(GAP, direction_rad=1.1)
+    assert (info.needle.polar_rad, info.needle.gap_m) == (0.6, 0.4e-3)
     assert info.force == ForceInfo("fz", 1, 0.2)
-    relaxing = replace(
-        known, eye=replace(known.eye, relaxation=Relaxation.declared([[0.1, 2.0]]))
-    )
-    # in the calibration
-    found = replace(
-        known,
-        eye=replace(
-            known.eye, relaxation=Relaxation.of([0.1], [2.0], np.eye(1), "holds")
-        ),
-    )
-    stated = [
-        monitor._recording_info(replace(settings, setup=one), Study()).eye.relaxation
-        for one in (known, relaxing, found)
-    ]
-    assert stated == [None, Relaxation.declared([[0.1, 2.0]]), None]
-    unstated = monitor._recording_info(replace(settings, setup=Setup()), Study())
-    assert unstated.needle.polar_rad is None
-    assert unstated.needle.gap_m == Study().needle.gap_m
-    assert unstated.needle.diameter_m == Study().needle.outer_diameter_m
+    unstated = recording_info(Setup()).needle
+    needle = Study().needle
+    assert (unstated.polar_rad, unstated.gap_m) == (None, needle.gap_m)
+    assert unstated.diameter_m == needle.outer_diameter_m
+
+
+@pytest.mark.parametrize(
+    ("relaxation", "stated"),
+    [
+        (None, None),
+        (DECLARED, DECLARED),
+        (Relaxation.of([0.1], [2.0], np.eye(1), "holds"), None),  # in the calibration
+    ],
+)
+def test_a_recording_states_the_declared_relaxation(
+    relaxation: Relaxation | None, stated: Relaxation | None
+) -> None:
+    setup = replace(GAP, eye=replace(GAP.eye, relaxation=relaxation))
+    assert recording_info(setup).eye.relaxation == stated
 
 
 @pytest.mark.parametrize(
@@ -136,27 +139,16 @@ def test_a_recording_states_the_gauge_and_the_lean_that_a_file_can_hold(
 ) -> None:
     """A file has one lean, and no direction without it."""
     needle = Needle(diameter_m=0.9e-3, lean_rad=lean_rad, lean_azimuth_rad=0.3)
-    settings = monitor.MonitorSettings(
-        eye="mine",
-        setup=Setup(needle=needle),
-        limits=MonitorLimits(),
-        scan=Scan(columns=500, rows=400, **SIZE),
-        address=monitor.Address("localhost", 0),
-        console=None,
-        black_box=Path("box"),
-        record=None,
-        token="",
-    )
-    info = monitor._recording_info(settings, Study())
-    assert info.needle.diameter_m == 0.9e-3
-    assert (info.needle.lean_rad, info.needle.lean_azimuth_rad) == stated
+    found = recording_info(Setup(needle=needle)).needle
+    assert found.diameter_m == 0.9e-3
+    assert (found.lean_rad, found.lean_azimuth_rad) == stated
 
 
 @pytest.fixture
 def opinion() -> Iterator[FakeCompanion]:
     companion = FakeCompanion()
     yield companion
-    companion.end()
+    companion.close()
 
 
 def test_a_monitor_waits_until_the_second_opinion_is_ready(
@@ -206,76 +198,89 @@ def test_a_monitor_serves_without_a_second_opinion_that_is_never_ready_and_says_
     ]
 
 
-def test_a_host_that_is_not_an_address_of_this_machine_is_refused_in_one_line() -> None:
-    for host in (
-        "",
-        " ",
-        "no-such-host.invalid",
-        "x" * 64 + ".example",
-        "203.0.113.7",
-        "a\nb",
-    ):
-        with pytest.raises(InputError) as refused:
-            monitor.listen(host, 0)
-
-        assert str(refused.value).startswith(
-            f"`host` {host!r}" if host.strip() else "`host`: empty"
-        )
-        assert "\n" not in str(refused.value)
+def refusal(**stated: Any) -> str:
+    """Return why a monitor with these settings does not start, in one line."""
+    with pytest.raises(InputError) as refused:
+        run_small(NoGuard(), Companions({}), pytest.fail, stated=stated)
+    assert "\n" not in str(refused.value)
+    return str(refused.value)
 
 
+@pytest.mark.parametrize(
+    "host",
+    ["", " ", "no-such-host.invalid", "x" * 64 + ".example", "203.0.113.7", "a\nb"],
+)
+def test_a_host_that_is_not_an_address_of_this_machine_is_refused_in_one_line(
+    host: str,
+) -> None:
+    words = f"`host` {host!r}" if host.strip() else "`host`: empty"
+    assert refusal(address=Address(host, 0)).startswith(words)
+
+
+@pytest.mark.parametrize(
+    ("black_box", "record", "words"),
+    [
+        ("file/inside", None, "Not a directory"),
+        ("x" * 300, None, "File name too long"),
+        ("/proc/box", None, "/proc/box"),
+        ("box", "there", "exists already"),
+        ("box", "link", "exists already"),
+        ("box", "file/inside", "Not a directory"),
+        ("box", "x" * 300, "File name too long"),
+        ("box", "/proc/session", "`record` /proc/session"),
+        ("box", "box", "the folder of the black box is there"),
+        ("box/inside", "box", "the folder of the black box is there"),
+    ],
+)
 def test_a_folder_that_cannot_be_written_or_exists_is_refused_before_anything_is_made(
-    tmp_path: Path,
+    tmp_path: Path, black_box: str, record: str | None, words: str
 ) -> None:
     (tmp_path / "there").mkdir()
     (tmp_path / "file").write_text("mine")
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
-    box = tmp_path / "box"
-    within = tmp_path / "file" / "inside"
-    long = tmp_path / ("x" * 300)
-
-    for black_box, record, words in (
-        (within, None, "Not a directory"),
-        (long, None, "File name too long"),
-        (Path("/proc/box"), None, "/proc/box"),
-        (box, tmp_path / "there", "exists already"),
-        (box, tmp_path / "link", "exists already"),
-        (box, within, "Not a directory"),
-        (box, long, "File name too long"),
-        (box, Path("/proc/session"), "`record` /proc/session"),
-        (box, box, "the folder of the black box is there"),
-        (box / "inside", box, "the folder of the black box is there"),
-    ):
-        with pytest.raises(InputError, match=words) as refused:
-            monitor.try_folders(black_box, record)
-
-        assert "\n" not in str(refused.value)
-
+    folders = {
+        "black_box": tmp_path / black_box,
+        "record": record and tmp_path / record,
+    }
+    assert words in refusal(**folders)
     assert (tmp_path / "file").read_text() == "mine"
-    assert not box.exists()
-    for _ in range(2):
-        monitor.try_folders(box, tmp_path / "session")
-
-    assert sorted(path.name for path in box.rglob("*")) == [
-        "decisions-000001.jsonl",
-        "log",
-    ]
+    assert not (tmp_path / "box").exists()
 
 
-def test_a_low_limit_of_files_is_raised_and_a_hard_one_below_the_need_is_refused(
-    monkeypatch,
+def test_the_folder_of_the_black_box_may_be_there_and_that_of_a_recording_is_made_later(
+    tmp_path: Path,
 ) -> None:
-    found = [(256, 1024)]
-    monkeypatch.setattr(resource, "getrlimit", lambda _: found[-1])
+    box = tmp_path / "box"
+    for _ in range(2):
+        with serving(stated={"black_box": box, "record": tmp_path / "session"}):
+            pass
+
+    names = sorted(path.name for path in box.rglob("*"))
+    assert names == ["decisions-000001.jsonl", "log"]
+    assert not (tmp_path / "session").exists()
+
+
+@pytest.mark.parametrize(
+    ("limits", "raised"),
+    [((256, 1024), [(384, 1024)]), ((256, 383), []), ((400, 1024), [])],
+)
+def test_a_low_limit_of_files_is_raised_and_a_hard_one_below_the_need_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+    limits: tuple[int, int],
+    raised: list[tuple[int, int]],
+) -> None:
+    """For 256 clients and 128 files of its own."""
+    found = list[tuple[int, int]]()
+    monkeypatch.setattr(resource, "getrlimit", lambda _: limits)
     monkeypatch.setattr(resource, "setrlimit", lambda _, both: found.append(both))
-    monitor.allow_files(200)
-
-    with pytest.raises(InputError, match=r"at most 1024 .* needs 1025"):
-        monitor.allow_files(1025)
-
-    assert found == [(256, 1024)]
-    monitor.allow_files(384)
-    assert found[-1] == (384, 1024)
+    if limits[1] < 384:
+        assert (
+            "at most 383 are allowed (ulimit -Hn), the monitor needs 384" in refusal()
+        )
+    else:
+        with serving():
+            pass
+    assert found == raised
 
 
 def test_a_terminal_that_is_stopped_keeps_nobody_waiting_and_fills_no_memory() -> None:
@@ -287,12 +292,12 @@ def test_a_terminal_that_is_stopped_keeps_nobody_waiting_and_fills_no_memory() -
         lines.append(text)
 
     notes = monitor.OperatorNotes(write)
-    for number in range(3 * monitor.WAITING_LINES):
+    for number in range(3 * WAITING_LINES):
         notes(str(number))
 
     notes.close(within_s=0.01)
     assert not lines
     go_on.set()
     notes.close(FUSE_S)
-    assert monitor.WAITING_LINES <= len(lines) <= monitor.WAITING_LINES + 1
+    assert WAITING_LINES <= len(lines) <= WAITING_LINES + 1
     assert lines == [str(number) for number in range(len(lines))]  # in their order

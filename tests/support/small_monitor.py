@@ -23,7 +23,7 @@ from shutil import rmtree
 from tempfile import mkdtemp
 from threading import RLock, Thread
 from time import monotonic, time
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 from typing import Any, ClassVar, TypeVar
 from unittest.mock import patch
 
@@ -173,10 +173,13 @@ def run_small(
     scale_m: tuple[float, float] = SCALE_M,
     setup: Setup = NOTHING_KNOWN,
     learned_n_m: float | None = None,
+    child: Callable[..., None] = lambda *_: None,
+    stated: Mapping[str, Any] = MappingProxyType({}),
     **limits: Any,
 ) -> None:
     """Serve small frames until a signal, or until what `when_stopped` is given is
-    called; `limits` are those of the decision and of clients.
+    called; `limits` are those of the decision and of clients, `stated` other settings.
+    `child` is given what a process is started with.
 
     In place of a monitor's own are its watchdog, its other processes (none is started)
     and its clock.
@@ -204,22 +207,24 @@ def run_small(
         record=None,
         token=TOKEN,
     )
+    own_folder = settings.black_box
+    settings = replace(settings, **stated)
     own = vars(monitor)
     of_clients = {name: limits[name] for name in limits if name in OF_CLIENTS}
-    stated = partial(own["ServerSettings"], **{"stalled_s": 600.0, **of_clients})
-    stated.clients = own["ServerSettings"].clients  # type: ignore[attr-defined]
+    of_server = partial(own["ServerSettings"], **{"stalled_s": 600.0, **of_clients})
+    of_server.clients = own["ServerSettings"].clients  # type: ignore[attr-defined]
     clocks = {"clock": clock, "wall_clock": clock} if clock else {}
 
     with ExitStack() as stack:
-        stack.callback(rmtree, settings.black_box)
+        stack.callback(rmtree, own_folder)
         stack.enter_context(
             patch.multiple(
                 monitor,
-                Child=lambda *_: None,
+                Child=child,
                 Companions=lambda _: companions,
                 Guard=lambda: guard,
                 MonitorSession=partial(own["MonitorSession"], **clocks),
-                ServerSettings=stated,
+                ServerSettings=of_server,
                 RING_FRAMES=100,
                 run_in_real_time=lambda _: True,
             )
