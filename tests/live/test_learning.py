@@ -28,12 +28,12 @@ from scleraforce.fit import unknowns
 from scleraforce.fit.frames_of_an_eye import ShownFrame
 from scleraforce.library import Library, load_library
 from scleraforce.live.companions.eye_learning import IOP_SD, EyeFitting
-from scleraforce.live.decision.events import Cause, State
+from scleraforce.live.decision.decide import decide
+from scleraforce.live.decision.events import Cause, FrameRead, State
 from scleraforce.live.decision.limits import MonitorLimits
-from scleraforce.live.monitor_session import MonitorSession
-from scleraforce.live.network.scanner_frame import ScannerFrame
+from scleraforce.live.decision.state import MonitorState
 from scleraforce.reading.answer import Answer, Reading, not_below, unusable_answer
-from scleraforce.reading.eye_reader import EyeReader
+from scleraforce.reading.eye_reader import EyeReader, MomentFrame, OpenedMoment
 from scleraforce.reading.reading_models import ForceReader
 from scleraforce.records.eye import Modulus
 from scleraforce.records.model_folder import LIBRARY_FILE, SHIPPED_READER
@@ -110,27 +110,27 @@ def test_no_learned_e_lowers_the_upper_end_of_the_second_opinion(
     assert answer.force_n == alone.force_n
 
 
+@pytest.mark.parametrize("knows_before", [False, True])
 def test_the_monitor_still_withdraws_where_the_unlearned_reading_would(
-    frame: np.ndarray,
+    frame: np.ndarray, knows_before: bool
 ) -> None:
-    eye = learned(0.5)
-    scale_m = (SCALE.lateral_m, SCALE.depth_m)
-    limits = MonitorLimits(size=frame.shape, scale_m=scale_m)
-    states = []
-
-    for known in (replace(eye, eye=replace(eye.eye, unlearned=None)), eye):
-        reader = EyeReader(proportional_reader(), KNOWN, by="network")
-        session = MonitorSession(reader, limits)
-        session.learned(known.eye, 3)
-        shown = ScannerFrame(frame, lateral_m=scale_m[0], depth_m=scale_m[1])
-        session.take_frame(session.frame(shown, 1, 1, session.clock()))
-        states.append((session.decision.state, session.decision.cause))
-
-    # without the eye before, 33 mN pass as 16.5
-    assert states == [
-        (State.WATCHING, None),
-        (State.WITHDRAW, Cause.DANGEROUS_CLASS),
-    ]
+    """Without the eye before, 33 mN pass as 16.5."""
+    eye = learned(0.5).eye
+    known = eye if knows_before else replace(eye, unlearned=None)
+    reader = EyeReader(proportional_reader(), replace(KNOWN, eye=known), by="network")
+    moment = OpenedMoment((MomentFrame(frame),), SCALE, 1.0)
+    (answer,), _ = reader.read(moment, reader.start(monitored=True))
+    read = FrameRead(
+        at_s=1.0,
+        frame_id=1,
+        verdict=answer.verdict,
+        shown_back=0,
+        size=(frame.shape[0], frame.shape[1]),
+        scale_m=(SCALE.lateral_m, SCALE.depth_m),
+    )
+    _, decision = decide(MonitorState(), read, MonitorLimits())
+    assert decision.cause is (Cause.DANGEROUS_CLASS if knows_before else None)
+    assert decision.state is (State.WITHDRAW if knows_before else State.WATCHING)
 
 
 def test_of_two_answers_the_more_careful_parts_are_kept() -> None:
