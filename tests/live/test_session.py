@@ -237,6 +237,7 @@ def test_a_bunch_of_a_fast_withdrawal_is_no_puncture() -> None:
 def in_parts(scanner: Peer, number: int, apart_s: float) -> None:
     """Show a frame whose second half comes later."""
     pixels = frame_of(10_000, number)
+    scanner.hear(lambda peer: bool(peer.statuses()))  # the first one
     for begin in (0, 32):
         part = pixels[None, begin : begin + 32]
         size = (rule.COLUMNS, rule.ROWS, 1)
