@@ -33,7 +33,7 @@ from scleraforce.live.companions.process_messages import (
     EyeLearned,
     OpinionGiven,
 )
-from scleraforce.live.network.openigtlink import Image, Query, Transform
+from scleraforce.live.network.openigtlink import Image, Text, Transform
 from scleraforce.reading.answer import Answer
 from scleraforce.reading.tissue_memory import TissueMemory
 from scleraforce.records.eye import Eye
@@ -237,16 +237,16 @@ def test_a_bunch_of_a_fast_withdrawal_is_no_puncture() -> None:
 def in_parts(scanner: Peer, number: int, apart_s: float) -> None:
     """Show a frame whose second half comes later."""
     pixels = frame_of(10_000, number)
-    scanner.hear(lambda peer: bool(peer.statuses()))  # the first one
     for begin in (0, 32):
         part = pixels[None, begin : begin + 32]
         size = (rule.COLUMNS, rule.ROWS, 1)
         image = Image(part, rule.MATRIX, size, (0, begin, 0))
         scanner.clock.turn((apart_s if begin else 0.0) - rule.FRAME_S)
         scanner.say(image, time_s=1.8e9, message_id=number)
-        heard = len(scanner.statuses())
-        scanner.say(Query("STATUS"))
-        scanner.hear(lambda peer: len(peer.statuses()) > heard)  # noqa: B023 - called at once
+        # its answer shows that the part was heard
+        heard = len(scanner.texts("ForceReset"))
+        scanner.say(Text("wrong"), "ForceReset")
+        scanner.hear(lambda peer: len(peer.texts("ForceReset")) > heard)  # noqa: B023 - called at once
 
 
 def test_a_frame_is_as_old_as_its_oldest_part() -> None:
