@@ -225,12 +225,10 @@ def test_a_bunch_is_in_the_order_of_time_and_hides_no_puncture(header: str) -> N
 
 
 def test_a_bunch_of_a_fast_withdrawal_is_no_puncture() -> None:
-    """8 mm/s on 30 N/m: all frames of the bunch came at one time, but were not taken at
-    one.
-    """
-    with session(stiffness_n_m=30.0) as scanner:
-        bunch(scanner, (18.5, 16.0, 13.5, 11.0), HEADER_S["none"])
-        scanner.read(11.0, message_id=25, time_s=0.0)
+    """All frames of the bunch came at one time, but were not taken at one."""
+    with session(stiffness_n_m=30.0, retraction_m_s=0.05) as scanner:
+        bunch(scanner, (16.0, 11.0, 6.0, 3.0), HEADER_S["none"])
+        scanner.read(3.0, message_id=25, time_s=0.0)
         assert scanner.statuses()[-1].code == 1
 
 
