@@ -115,25 +115,16 @@ def test_ok_stays_through_heartbeats_and_other_messages(watched: Watched) -> Non
     ]
 
 
-def test_any_code_but_1_withdraws_and_a_reset_leads_back(watched: Watched) -> None:
-    for status in (
-        EMERGENCY,
-        Status(13, 0, "NOT_READY", "no frame"),
-        Status(0),
-        Status(2),
-        Status(65535),
-    ):
-        assert watched([(0.01, said(one)) for one in (OK, status, OK)]) == [
-            GO_ON,
-            order(status),
-            GO_ON,
-            SILENT,
-        ]
-
-
-def test_a_connection_that_is_closed_withdraws(watched: Watched) -> None:
-    go_on, why = watched([(0.01, said(OK)), (0.01, b"")])[-1]
-    assert (go_on, "closed the connection" in why) == (False, True)
+@pytest.mark.parametrize(
+    "status",
+    [EMERGENCY, Status(13, 0, "NOT_READY"), Status(0), Status(2), Status(65535)],
+    ids=lambda status: str(status.code),
+)
+def test_any_code_but_1_withdraws_and_a_reset_leads_back(
+    watched: Watched, status: Status
+) -> None:
+    orders = watched([(0.01, said(one)) for one in (OK, status, OK)])
+    assert orders == [GO_ON, order(status), GO_ON, SILENT]
 
 
 def test_nobody_there_withdraws() -> None:
@@ -148,34 +139,39 @@ def flipped(data: bytes, place: int) -> bytes:
     return data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :]
 
 
-def test_a_message_that_cannot_be_believed_withdraws(watched: Watched) -> None:
-    ok = encode(OK, "ForceMonitor")
-    for data, words in (
+OK_BYTES = encode(OK, "ForceMonitor")
+
+
+def with_body(size: int, body: bytes) -> bytes:
+    """A header that states a size, and a body with its checksum."""
+    check = ecma_182(body).to_bytes(8, "big")
+    return OK_BYTES[:42] + size.to_bytes(8, "big") + check + body
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"", "closed the connection"),
         (b"HTTP/1.1 400 Bad Request\r\n" + bytes(64), "a header of version"),
         (encode(OK, "ForceMonitor", version=2), "a header of version 2"),
-        (flipped(ok, 70), "a checksum is wrong"),
+        (flipped(OK_BYTES, 70), "a checksum is wrong"),
         (flipped(encode(Text("a reading"), "ForceReading"), 65), "a checksum is wrong"),
-        (
-            ok[:42] + (1 << 40).to_bytes(8, "big") + bytes(8),
-            "a body of 1099511627776 bytes",
-        ),
-        (
-            ok[:42]
-            + (2).to_bytes(8, "big")
-            + ecma_182(b"ab").to_bytes(8, "big")
-            + b"ab",
-            "a STATUS of 2 bytes",
-        ),
-    ):
-        go_on, why = watched([(0.01, said(OK)), (0.01, data)])[-1]
-        assert (go_on, words in why) == (False, True), why
+        (with_body(1 << 40, b""), "a body of 1099511627776 bytes"),
+        (with_body(2, b"ab"), "a STATUS of 2 bytes"),
+    ],
+)
+def test_a_message_that_cannot_be_believed_and_the_end_of_the_connection_withdraw(
+    watched: Watched, data: bytes, words: str
+) -> None:
+    go_on, why = watched([(0.01, said(OK)), (0.01, data)])[-1]
+    assert not go_on
+    assert words in why
 
 
-def test_its_checksum_is_that_of_openigtlink() -> None:
-    rng = random.Random(0)
-    for size in (0, 1, 7, 8, 9, 100, 1000):
-        data = rng.randbytes(size)
-        assert robot_client.crc64(data) == ecma_182(data)
+@pytest.mark.parametrize("size", [0, 1, 7, 8, 9, 100, 1000])
+def test_its_checksum_is_that_of_openigtlink(size: int) -> None:
+    data = random.Random(size).randbytes(size)
+    assert robot_client.crc64(data) == ecma_182(data)
 
 
 def test_as_a_program_it_prints_changes_and_ends_with_exit_code_1(tmp_path) -> None:
@@ -207,18 +203,22 @@ def test_as_a_program_it_prints_changes_and_ends_with_exit_code_1(tmp_path) -> N
     assert child.returncode == 1
 
 
-def test_the_robot_bears_silence_up_to_150_ms_and_no_longer(watched: Watched) -> None:
-    for pause_s, oks in ((0.149, 3), (0.151, 1)):
-        times_s = [0.01, 0.01 + pause_s, 0.01 + 2 * pause_s]
-        oks_said = [
-            said(Status(1, number, "OK"), START_S + at_s)
-            for number, at_s in enumerate(times_s)
+@pytest.mark.parametrize(("pause_s", "oks"), [(0.149, 3), (0.151, 1)])
+def test_the_robot_bears_silence_up_to_150_ms_and_no_longer(
+    watched: Watched, pause_s: float, oks: int
+) -> None:
+    messages = [
+        (pause_s if number else 0.01, Status(1, number, "OK")) for number in range(3)
+    ]
+    times_s = [START_S + 0.01 + pause_s * number for number in range(3)]
+    orders = watched(
+        [
+            (after_s, said(status, at_s))
+            for (after_s, status), at_s in zip(messages, times_s, strict=True)
         ]
-        orders = watched(
-            [(0.01, oks_said[0]), (pause_s, oks_said[1]), (pause_s, oks_said[2])]
-        )
-        assert [go_on for go_on, _ in orders] == [True] * oks + [False]
-        assert orders[-1] == SILENT
+    )
+    assert [go_on for go_on, _ in orders] == [True] * oks + [False]
+    assert orders[-1] == SILENT
 
 
 def test_other_messages_and_half_a_status_do_not_break_the_silence(

@@ -2,16 +2,18 @@
 other than a B-scan.
 """
 
+import struct
 from dataclasses import replace
 from itertools import pairwise, product
 
 import numpy as np
 import pytest
 from effects import less_than
+from fastcrc.crc64 import ecma_182
 from hypothesis import given, settings, strategies as st
 
 from scleraforce.base.errors import ProtocolError
-from scleraforce.live.network.openigtlink import Image, pack_image, unpack_image
+from scleraforce.live.network.openigtlink import Decoder, Image
 from scleraforce.live.network.scanner_frame import FrameAssembler, ScannerFrame
 
 DRAW = np.random.default_rng(11)
@@ -46,47 +48,57 @@ def frame_of(found: ScannerFrame | None) -> ScannerFrame:
     return found
 
 
-def test_what_is_sent_is_counted_without_a_sign() -> None:
-    for sent, counted in (
-        ("int8", "uint8"),
-        ("uint8", "uint8"),
-        ("int16", "uint16"),
-        ("uint16", "uint16"),
-    ):
-        for little in (True, False):
-            limits = np.iinfo(sent)
-            pixels = np.array([[[0, 1, limits.max], [5, 6, 7]]], dtype=sent)
-            received = unpack_image(
-                memoryview(pack_image(Image(pixels), little_endian=little))
-            )
-            frame = frame_of(FrameAssembler().add(received))
-            assert frame.pixels.dtype == np.dtype(counted)
-            assert frame.pixels.tolist() == [[0, 1, limits.max], [5, 6, 7]]
-            assert not frame.pixels.flags.writeable
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize(
+    ("sent", "counted", "code"),
+    [
+        ("int8", "uint8", 2),
+        ("uint8", "uint8", 3),
+        ("int16", "uint16", 4),
+        ("uint16", "uint16", 5),
+    ],
+)
+def test_what_is_sent_is_counted_without_a_sign(
+    sent: str, counted: str, code: int, order: str
+) -> None:
+    counts = [[0, 1, np.iinfo(sent).max], [5, 6, 7]]
+    pixels = np.array(counts, np.dtype(sent).newbyteorder(order))
+    head = struct.pack(">H4B", 1, 1, code, 1 + (order == "<"), 1)
+    size = struct.pack(">3H12f6H", 3, 2, 1, *MATRIX, 0, 0, 0, 3, 2, 1)
+    body = head + size + pixels.tobytes()
+    header = struct.pack(">H12s20sQQQ", 1, b"IMAGE", b"x", 0, len(body), ecma_182(body))
+    (event,) = Decoder().feed(header + body)
+    frame = frame_of(FrameAssembler().add(event.message))
+    assert frame.pixels.dtype == np.dtype(counted)
+    assert frame.pixels.tolist() == counts
+    assert not frame.pixels.flags.writeable
 
 
-def test_an_image_other_than_a_b_scan_is_refused_in_one_line() -> None:
-    for wrong, says in (
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
         (image(COUNTS.astype(np.int16) - np.int16(4000)), "negative"),
         (image(np.array([[0, -1]], dtype=np.int8)), "int8 pixels down to -1"),
-        (
-            Image(np.zeros((1, 2, 2, 3), dtype=np.uint8), MATRIX),
-            "1 slices, 3 components",
-        ),
-        (Image(np.zeros((2, 2, 2), dtype=np.uint8), MATRIX), "2 slices"),
+        (Image(np.zeros((1, 2, 2, 3), np.uint8), MATRIX), "1 slices, 3 components"),
+        (Image(np.zeros((2, 2, 2), np.uint8), MATRIX), "2 slices"),
         (part(slice(0, 2), size=(9, 6, 3)), "3 slices"),
         (image(matrix=(0.0, 0.0, 0.0, *MATRIX[3:])), "0.0 x "),
         (image(matrix=(*MATRIX[:3], 0.0, 0.0, 0.0, *MATRIX[6:])), " x 0.0 m"),
         (image(matrix=(float("nan"), *MATRIX[1:])), "nan"),
         (image(COUNTS.astype(np.float32)), "float32"),
         (image(COUNTS.astype(">u2")), "byte order"),
-    ):
-        assembler = FrameAssembler()
-        with pytest.raises(ProtocolError, match=says) as refused:
-            assembler.add(wrong)
+    ],
+    ids=lambda one: one if isinstance(one, str) else "",
+)
+def test_an_image_other_than_a_b_scan_is_refused_in_one_line(
+    wrong: Image, says: str
+) -> None:
+    assembler = FrameAssembler()
+    with pytest.raises(ProtocolError, match=says) as refused:
+        assembler.add(wrong)
 
-        assert "\n" not in str(refused.value)
-        assert frame_of(assembler.add(image())).pixels.shape == (6, 9)
+    assert "\n" not in str(refused.value)
+    assert frame_of(assembler.add(image())).pixels.shape == (6, 9)
 
 
 @settings(max_examples=60, deadline=None)
@@ -122,8 +134,9 @@ LOWER = part(slice(4, 6))
 OTHER = COUNTS ^ 0xFFF
 
 
-def test_a_part_that_does_not_belong_is_refused_and_those_before_it_are_forgotten():
-    for second in (
+@pytest.mark.parametrize(
+    "second",
+    [
         part(slice(3, 6)),
         part(slice(3, 4), slice(8, 9)),
         image(),
@@ -131,27 +144,31 @@ def test_a_part_that_does_not_belong_is_refused_and_those_before_it_are_forgotte
         part(slice(4, 6), counts=COUNTS.astype(np.int16)),
         part(slice(4, 6), matrix=(0.0031, *MATRIX[1:])),
         part(slice(4, 6), coordinates=2),
-    ):
-        assembler = FrameAssembler()
-        assembler.add(UPPER)
-        with pytest.raises(ProtocolError, match="IMAGE: the part rows"):
-            assembler.add(second)
+    ],
+)
+def test_a_part_that_does_not_belong_is_refused_and_those_before_it_are_forgotten(
+    second: Image,
+) -> None:
+    assembler = FrameAssembler()
+    assembler.add(UPPER)
+    with pytest.raises(ProtocolError, match="IMAGE: the part rows"):
+        assembler.add(second)
 
-        with pytest.raises(ProtocolError, match="first pixel"):
-            assembler.add(LOWER)
+    with pytest.raises(ProtocolError, match="first pixel"):
+        assembler.add(LOWER)
 
-        assert assembler.add(part(slice(0, 4), counts=OTHER)) is None
-        assert np.array_equal(
-            frame_of(assembler.add(part(slice(4, 6), counts=OTHER))).pixels, OTHER
-        )
+    assert assembler.add(part(slice(0, 4), counts=OTHER)) is None
+    whole = frame_of(assembler.add(part(slice(4, 6), counts=OTHER)))
+    assert np.array_equal(whole.pixels, OTHER)
 
+
+def test_a_part_that_overlaps_begins_the_next_image() -> None:
+    assembler = FrameAssembler()
     assembler.add(UPPER)
     with pytest.raises(ProtocolError, match="overlaps"):
-        assembler.add(part(slice(0, 3), counts=OTHER))  # it begins the next image
-
-    assert np.array_equal(
-        frame_of(assembler.add(part(slice(3, 6), counts=OTHER))).pixels, OTHER
-    )
+        assembler.add(part(slice(0, 3), counts=OTHER))
+    whole = frame_of(assembler.add(part(slice(3, 6), counts=OTHER)))
+    assert np.array_equal(whole.pixels, OTHER)
 
 
 @pytest.mark.parametrize("other_s", [5.0, 0.0, None, 10.0 + 2.0**-20])
