@@ -267,6 +267,11 @@ def test_a_stream_that_cannot_be_followed_is_refused_from_then_on(data: bytes) -
         decoder.feed(GOOD)
 
 
+def test_a_body_of_the_largest_size_is_received() -> None:
+    (event,) = Decoder(max_body_bytes=len(GOOD) - HEADER_BYTES).feed(GOOD)
+    assert isinstance(event, igtl.Received)
+
+
 STREAM = b"".join(
     igtl.encode(message, "peer", version=1 + n % 3)
     for n, message in enumerate(MESSAGES)
