@@ -51,6 +51,12 @@ def numbers_in(folder):
     return numbers
 
 
+def settings_of(folder, ring, record=None, info=INFO):
+    return process_messages.BlackBoxSettings(
+        folder=folder / "box", ring=ring.place, info=info, record=record, keep_s=10.0
+    )
+
+
 class Monitor:
     """Does as the monitor does, on a clock of its own: a frame and a tick each 10 ms;
     `box` is the other end.
@@ -59,13 +65,7 @@ class Monitor:
     def __init__(self, folder, record=None, ring_frames=1100, info=INFO):
         self.folder = folder
         self.ring = FrameRing.create(ring_frames, *SHAPE)
-        settings = process_messages.BlackBoxSettings(
-            folder=folder / "box",
-            ring=self.ring.place,
-            info=info,
-            record=record,
-            keep_s=10.0,
-        )
+        settings = settings_of(folder, self.ring, record, info)
         self.channel, self.theirs = Channel.pair()
         ring = replace(settings.ring, descriptor=os.dup(self.ring.place.descriptor))
         self.box = BlackBox(self.theirs, structs.replace(settings, ring=ring))
@@ -503,13 +503,7 @@ class Process:
     def __init__(self, folder, record=None):
         self.folder = folder
         self.ring = FrameRing.create(200, *SHAPE)
-        settings = process_messages.BlackBoxSettings(
-            folder=folder / "box",
-            ring=self.ring.place,
-            info=INFO,
-            record=record,
-            keep_s=10.0,
-        )
+        settings = settings_of(folder, self.ring, record)
         self.child = Child(
             "scleraforce.live.companions.black_box",
             settings,
@@ -630,29 +624,24 @@ def test_the_lines_of_the_log_keep_their_keys_order_and_values(tmp_path):
     )
 
 
-def test_samples_are_the_means_over_each_hundredth_of_a_second():
-    for rate_hz in (30.0, 100.0, 731.0):
-        rng = np.random.default_rng(0)
-        at_s = 50.0 + np.cumsum(rng.exponential(1 / rate_hz, 500))
-        values = rng.standard_normal((500, 6))
-        force = RobotForce(INFO.force)
-        returned = [
-            force.add(float(time_s), row.tolist(), "robot")
-            for time_s, row in zip(at_s, values, strict=True)
-        ]
-        steps = np.floor(at_s / 0.01).astype(int)
-        expected = [
-            ((step + 0.5) * 0.01, values[steps == step].mean(axis=0))
-            for step in np.unique(steps)[:-1]
-        ]
-        assert [sample for sample in returned if sample] == list(force.samples)
-        assert [at_s for at_s, _ in force.samples] == pytest.approx(
-            [middle_s for middle_s, _ in expected]
-        )
-        assert np.allclose(
-            [means for _, means in force.samples], [mean for _, mean in expected]
-        )
-        assert force.columns == ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
+@pytest.mark.parametrize("rate_hz", [30.0, 100.0, 731.0])
+def test_samples_are_the_means_over_each_hundredth_of_a_second(rate_hz):
+    rng = np.random.default_rng(0)
+    at_s = 50.0 + np.cumsum(rng.exponential(1 / rate_hz, 500))
+    values = rng.standard_normal((500, 6))
+    force = RobotForce(INFO.force)
+    returned = [
+        force.add(float(time_s), row.tolist(), "robot")
+        for time_s, row in zip(at_s, values, strict=True)
+    ]
+    steps = np.floor(at_s / 0.01).astype(int)
+    past = np.unique(steps)[:-1]
+    means = [values[steps == step].mean(axis=0) for step in past]
+    assert [sample for sample in returned if sample] == list(force.samples)
+    times_s, found = zip(*force.samples, strict=True)
+    assert times_s == pytest.approx((past + 0.5) * 0.01)
+    assert np.allclose(found, means)
+    assert force.columns == ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
 
 
 def test_memory_is_that_of_ten_minutes():

@@ -102,12 +102,9 @@ def test_it_keeps_a_history_of_its_own_by_the_times_of_the_frames(
 
 
 def test_frames_of_several_planes_are_read_together_and_one_that_is_left_out_is_not_judged(
-    tmp_path: Path,
+    model: Path,
 ) -> None:
-    write_fixed_reader(
-        tmp_path / "reader", LIBRARY, [float(number == BIN) for number in range(BINS)]
-    )
-    cross = OpinionProcess(tmp_path / "reader", KNOWN, planes=CROSS)
+    cross = OpinionProcess(model, KNOWN, planes=CROSS)
     assert cross.hear(process_messages.Alive) == [process_messages.Alive(faults=())]
     contact_m = (0.15e-3, -0.5e-3, 0.5e-3)
 
@@ -180,22 +177,17 @@ def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_
     assert again.eye.unlearned == EYE.eye
     assert again.eye.modulus.sd_pa == pytest.approx(PRIOR.sd_pa, rel=0.1)
 
-    with pytest.raises(InputError, match="not of eye-b"):
-        resumed_eye(EYE, tmp_path / LEARNED_FILE, "eye-b")
-
-    with pytest.raises(InputError, match=r"learned at 2\.0 mmHg"):
-        resumed_eye(
-            replace(EYE, eye=replace(EYE.eye, iop_pa=2000.0)),
-            tmp_path / LEARNED_FILE,
+    for eye, name, words in (
+        (EYE.eye, "eye-b", "not of eye-b"),
+        (replace(EYE.eye, iop_pa=2000.0), "eye-a", r"learned at 2\.0 mmHg"),
+        (
+            replace(EYE.eye, stiffening=10.0),
             "eye-a",
-        )
-
-    with pytest.raises(InputError, match="stiffening: 0; that of this eye is 10"):
-        resumed_eye(
-            replace(EYE, eye=replace(EYE.eye, stiffening=10.0)),
-            tmp_path / LEARNED_FILE,
-            "eye-a",
-        )
+            "stiffening: 0; that of this eye is 10",
+        ),
+    ):
+        with pytest.raises(InputError, match=words):
+            resumed_eye(replace(EYE, eye=eye), tmp_path / LEARNED_FILE, name)
 
     learning.show(0.020, teaches=False, pierced=True)
     forgotten = learning.learned(teaches=False)
