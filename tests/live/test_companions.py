@@ -33,7 +33,7 @@ def children() -> Iterator[dict[str, FakeCompanion]]:
     children = {name: FakeCompanion() for name in (BLACK_BOX, CONSOLE, OPINION)}
     yield children
     for child in children.values():
-        child.end()
+        child.close()
 
 
 @pytest.fixture

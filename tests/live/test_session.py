@@ -25,6 +25,7 @@ from small_monitor import (
     serving,
     verdict,
 )
+from waiting import wait_until
 
 from scleraforce.live.companions.companion_processes import BLACK_BOX, OPINION
 from scleraforce.live.companions.process_messages import (
@@ -226,8 +227,15 @@ def test_a_bunch_is_in_the_order_of_time_and_hides_no_puncture(header: str) -> N
 
 def test_a_bunch_of_a_fast_withdrawal_is_no_puncture() -> None:
     """All frames of the bunch came at one time, but were not taken at one."""
-    with session(stiffness_n_m=30.0, retraction_m_s=0.05) as scanner:
+    forces_un = list[int]()
+
+    def read(pixels: NDArray[Any], scale: PixelScale) -> Answer:
+        forces_un.append(int(pixels[0, 0]))
+        return rule.read(pixels, scale)
+
+    with session(rule=read, stiffness_n_m=30.0, retraction_m_s=0.05) as scanner:
         bunch(scanner, (16.0, 11.0, 6.0, 3.0), HEADER_S["none"])
+        wait_until(lambda: 6000 in forces_un)  # the last that was overtaken
         scanner.read(3.0, message_id=25, time_s=0.0)
         assert scanner.statuses()[-1].code == 1
 

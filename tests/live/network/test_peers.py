@@ -275,7 +275,8 @@ def test_pyigtl_drops_the_status_and_the_example_obeys_the_string(
     def tell(go_on: bool, why: str) -> None:
         orders.append((go_on, why))
 
-    with serving(clock=None, borne_s=FUSE_S) as port, Peer(port) as scanner:
+    patient = {"silence_s": FUSE_S, "lag_s": FUSE_S, "catch_up_s": FUSE_S}
+    with serving(clock=None, **patient) as port, Peer(port) as scanner:
         watching = Thread(
             target=pyigtl_client.watch, args=("127.0.0.1", port, tell), daemon=True
         )
