@@ -108,6 +108,9 @@ GAP = Setup(eye=Eye(globe=OPEN), needle=Needle(gap_m=0.4e-3, polar_rad=0.6))
 def test_a_recording_states_the_declared_places_of_plane_and_needle() -> None:
     info = recording_info(GAP, direction_rad=1.1)
     assert (info.needle.polar_rad, info.needle.gap_m) == (0.6, 0.4e-3)
+    assert info.eye.name == "eye-a"
+    cross = (Plane("along", 0.0, 0.0), Plane("across", 0.0, 1.5))
+    assert recording_info(GAP, planes=cross).needle.gap_m is None
     assert info.force == ForceInfo("fz", 1, 0.2)
     unstated = recording_info(Setup()).needle
     needle = Study().needle
