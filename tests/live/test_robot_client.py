@@ -1,7 +1,6 @@
 """The reference client for robots: every doubt is a withdrawal, and OK is not."""
 
 import random
-import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -13,7 +12,6 @@ from fastcrc.crc64 import ecma_182
 from sources import EXAMPLES, example_module
 from waiting import FUSE_S, ends
 
-from scleraforce.live.decision.events import Cause
 from scleraforce.live.network.openigtlink import Sensor, Status, Text, encode
 
 SCRIPT = EXAMPLES / "robot_client.py"
@@ -251,19 +249,3 @@ def test_a_monitor_with_another_clock_is_believed(watched: Watched) -> None:
         GO_ON,
         order(EMERGENCY),
     ]
-
-
-def test_the_page_names_every_sub_code_and_no_other() -> None:
-    page = (
-        (SCRIPT.parents[1] / "docs" / "monitor_decision.md")
-        .read_text(encoding="utf-8")
-        .split("## Causes")[1]
-    )
-    rows = re.findall(
-        r"^\| (`[A-Z_`, ]+`) \| (\d+(?:, \d+)*) \|", page, flags=re.MULTILINE
-    )
-    pairs = [
-        zip(codes.split(", "), names.split(", "), strict=True) for names, codes in rows
-    ]
-    listed = {int(code): name.strip("`") for pair in pairs for code, name in pair}
-    assert listed == {cause.value: cause.name for cause in Cause}

@@ -69,6 +69,11 @@ def frame(
     )
 
 
+def readings(first: int, after: int, force_n: float = 0.01) -> list[FrameRead]:
+    """Sound readings of one force."""
+    return [frame(number, force_n) for number in range(first, after)]
+
+
 Read = TypeVar("Read", FrameRead, SecondOpinion)
 
 
@@ -137,7 +142,7 @@ def order(
 
 
 def watching(force_n: float = 0.01) -> MonitorState:
-    state = play([frame(n, force_n) for n in range(1, 6)])
+    state = play(readings(1, 6, force_n=force_n))
     assert state.state is State.WATCHING
     return state
 
@@ -147,7 +152,7 @@ def withdrawn() -> MonitorState:
 
 
 REPORTS = replace(LIMITS, reports_pierced=True)
-THROUGH = [frame(n, 0.024) for n in range(2, 5)] + [frame(5, 0.007), frame(6, 0.0071)]
+THROUGH = [*readings(2, 5, force_n=0.024), frame(5, 0.007), frame(6, 0.0071)]
 
 
 def pierced() -> MonitorState:
@@ -367,7 +372,7 @@ def test_frames_that_come_much_later_than_the_quickest_one_are_stale(
 
 
 def test_frames_may_state_no_time_and_none_that_is_no_number() -> None:
-    assert order([frame(n) for n in range(6, 40)]) is OK
+    assert order(readings(6, 40)) is OK
     no_number = replace(frame(12), sent_s=NAN)
     assert order([*late([0.005] * 5), no_number]) is Cause.STALE
 
@@ -412,7 +417,7 @@ def test_one_unread_frame_far_ahead_is_not_waited_for_for_ever() -> None:
     state = play(both(*range(1, 6)), limits=expects)
     events = [
         replace(frame(6), frame_id=10**6),
-        *(frame(n) for n in range(7, 12)),
+        *readings(7, 12),
         replace(opinion(8), frame_id=9),
     ]
     waiting = play(events, state, expects).unanswered
@@ -443,7 +448,7 @@ def test_one_wrong_frame_withdraws_and_makes_no_later_reset_impossible(
     state = play([replace(frame(first), **wrong), frame(first + 1)], begun())
     assert first == 1 or state.cause is cause
     assert state.state is State.WITHDRAW
-    assert reset_after([frame(n) for n in range(8, 13)], state).code == 1
+    assert reset_after(readings(8, 13), state).code == 1
 
 
 def test_a_size_and_a_scale_that_are_declared_stay_declared() -> None:
@@ -451,7 +456,7 @@ def test_a_size_and_a_scale_that_are_declared_stay_declared() -> None:
         replace(LIMITS, size=(512, 511)),
         replace(LIMITS, scale_m=(2e-5, 5e-6)),
     ):
-        state = play([frame(n) for n in range(1, 12)], limits=limits)
+        state = play(readings(1, 12), limits=limits)
         assert decide(state, Reset(0.115), limits)[1].code == 3
 
 
@@ -679,13 +684,13 @@ def test_contact_that_only_the_second_opinion_sees_is_contact() -> None:
 
 
 def test_nothing_is_ok_before_the_first_opinion_where_one_is_expected() -> None:
-    state = play([frame(n) for n in range(1, 300)], limits=OPINED)
+    state = play(readings(1, 300), limits=OPINED)
     assert (state.state, state.reason) == (
         State.NOT_READY,
         "the second opinion has not answered yet",
     )
     assert order([opinion(299), frame(300)], state, OPINED) is OK
-    assert order([frame(n) for n in range(1, 300)], MonitorState()) is OK
+    assert order(readings(1, 300), MonitorState()) is OK
 
 
 @pytest.mark.parametrize(
@@ -725,7 +730,7 @@ def test_after_a_pause_before_contact_an_old_opinion_does_not_count() -> None:
     """
     before = play([*both(1, 2, force_n=1e-3), unusable(3)], limits=OPINED)
     assert before.state is State.NOT_READY
-    after: list[MonitorEvent] = [frame(n) for n in range(1000, 1005)]
+    after: list[MonitorEvent] = readings(1000, 1005)
     assert order(after, before, OPINED) is State.NOT_READY
     assert order([*after, opinion(1004), frame(1005)], before, OPINED) is OK
 
@@ -735,7 +740,7 @@ def test_a_second_reader_that_has_gone_is_a_cause() -> None:
         state = play(both(*range(1, 11)), limits=OPINED)
         assert state.state is State.WATCHING
         # the first that gets none comes at 0.11 s
-        frames: list[MonitorEvent] = [frame(n) for n in range(11, 61)]
+        frames: list[MonitorEvent] = readings(11, 61)
         assert order(frames, state, OPINED) is OK
         last: MonitorEvent = frame(61) if kind == "frame" else Tick(0.61)
         assert order([*frames, last], state, OPINED) is Cause.NO_OPINION
@@ -767,7 +772,7 @@ def test_a_reset_needs_the_second_opinion_too() -> None:
     state = play(
         [*both(*range(1, 6)), Fault(0.056, Cause.CHECKSUM, "CRC")], limits=OPINED
     )
-    alone: list[MonitorEvent] = [frame(n) for n in range(6, 16)]
+    alone: list[MonitorEvent] = readings(6, 16)
     assert order([*alone, Reset(0.151)], state, OPINED) is Cause.CHECKSUM
     agreed = [*both(*range(6, 12)), Reset(0.116)]
     assert order(agreed, state, OPINED) is OK
@@ -779,14 +784,14 @@ def test_a_reset_needs_the_second_opinion_too() -> None:
         )
         is Cause.CHECKSUM
     )
-    overdue = [*both(*range(6, 12)), *(frame(n) for n in range(12, 70)), Reset(0.691)]
+    overdue = [*both(*range(6, 12)), *readings(12, 70), Reset(0.691)]
     assert order(overdue, state, OPINED) is Cause.CHECKSUM
 
 
 def test_a_client_that_starts_counting_again_can_be_reset() -> None:
     for limits in (LIMITS, OPINED):
         state = play(
-            [*(frame(n) for n in range(1, 6)), Fault(0.051, Cause.CHECKSUM, "CRC")],
+            [*readings(1, 6), Fault(0.051, Cause.CHECKSUM, "CRC")],
             limits=limits,
         )
         for n in range(1, 9):
@@ -843,7 +848,7 @@ def test_a_classifier_reads_no_force() -> None:
 
 
 def test_a_reset_needs_fresh_harmless_frames_in_a_row() -> None:
-    fresh: list[MonitorEvent] = [frame(n) for n in range(6, 11)]
+    fresh: list[MonitorEvent] = readings(6, 11)
     assert order([Reset(0.052)], withdrawn()) is Cause.CHECKSUM
     assert order([*fresh[:4], Reset(0.091)], withdrawn()) is Cause.CHECKSUM
     assert order([*fresh, Reset(0.101)], withdrawn()) is OK
@@ -867,7 +872,7 @@ def test_a_reset_needs_fresh_harmless_frames_in_a_row() -> None:
 
 
 def test_after_the_reset_it_watches_as_before() -> None:
-    state = play([*(frame(n) for n in range(6, 11)), Reset(0.101)], withdrawn())
+    state = play([*readings(6, 11), Reset(0.101)], withdrawn())
     assert (state.cause, state.fresh, state.touched) == (None, 0, True)
 
     for event, cause in (
@@ -1184,14 +1189,6 @@ def test_limits_that_pass_everything_or_nothing_are_refused(
         MonitorLimits(**{field: value})
 
 
-def test_the_page_has_every_cause_and_limit() -> None:
-    page = PAGE.read_text(encoding="utf-8")
-    assert all(
-        f"`{cause.name}`" in page and str(cause.value) in page for cause in Cause
-    )
-    assert all(f"`{name}`" in page for name in MonitorLimits.__dataclass_fields__)
-
-
 @pytest.mark.parametrize(
     ("share", "same"),
     [
@@ -1453,7 +1450,7 @@ def test_of_tissue_that_relaxes_the_dent_counts() -> None:
 
 
 def test_after_it_nothing_is_ok_until_the_reset_and_the_cause_stays_in_view() -> None:
-    fresh = [frame(n, 0.007) for n in range(6, 206)]
+    fresh = readings(6, 206, force_n=0.007)
     for limits, state, code in (
         (LIMITS, State.WITHDRAW, 3),
         (REPORTS, State.PIERCED, 14),
@@ -1490,7 +1487,7 @@ def test_what_is_only_reported_suppresses_no_other_cause() -> None:
     assert (decision.code, decision.cause) == (3, Cause.BOUND)
     _, decision = decide(pierced(), Tick(1.0), REPORTS)
     assert (decision.code, decision.cause) == (3, Cause.SILENCE)
-    withdrawn_first = play([frame(n, 0.007) for n in range(7, 9)], bound, REPORTS)
+    withdrawn_first = play(readings(7, 9, force_n=0.007), bound, REPORTS)
     assert (withdrawn_first.state, withdrawn_first.present_cause) == (
         State.WITHDRAW,
         Cause.PIERCED,
@@ -1504,7 +1501,7 @@ def test_before_a_reset_that_follows_it_the_second_opinion_counts_anew() -> None
         limits=limits,
     )
     assert state.state is State.PIERCED
-    frames = [frame(n, 0.007) for n in range(7, 13)]
+    frames = readings(7, 13, force_n=0.007)
     assert order([*frames, Reset(0.121)], state, limits) is Cause.PIERCED
     assert (
         order([*both(*range(7, 13), force_n=0.007), Reset(0.126)], state, limits=limits)
@@ -1545,10 +1542,8 @@ def test_nothing_is_ok_before_every_plane_has_sent_a_frame_in_any_order() -> Non
     for first in CROSS:
         planes, decision = play_planes([of_plane(first, frame(n)) for n in range(1, 9)])
         missing = next(plane for plane in CROSS if plane != first)
-        assert (
-            decision.state,
-            f"plane {missing}: no good frame yet" in decision.message,
-        ) == (State.NOT_READY, True)
+        assert decision.state is State.NOT_READY
+        assert f"plane {missing}: no good frame yet" in decision.message
         _, decision = play_planes([of_plane(missing, frame(9))], planes)
         assert decision.code == 1
 
@@ -1596,10 +1591,8 @@ def test_each_plane_rises_and_is_pierced_by_its_own_frames(plane: str) -> None:
         for name in CROSS
     ]
     _, decision = play_planes(fell)
-    assert (decision.cause, f"plane {plane}: pierced" in decision.message) == (
-        Cause.PIERCED,
-        True,
-    )
+    assert decision.cause is Cause.PIERCED
+    assert f"plane {plane}: pierced" in decision.message
 
 
 @pytest.mark.parametrize("silent", CROSS)
@@ -1629,13 +1622,12 @@ def test_a_withdrawal_of_one_plane_is_everybodys_until_all_grant_the_reset() -> 
         "the first cause stays, although the other plane withdraws as well"
     )
     _, decision = play_planes([Reset(0.105)], held)
-    assert (decision.code, "reset refused" in decision.message) == (3, True)
+    assert decision.code == 3
+    assert "reset refused" in decision.message
     fresh, _ = play_planes([*cross(range(11, 13)), of_plane("along", frame(13))], held)
     _, decision = play_planes([of_plane("across", unusable(13)), Reset(0.135)], fresh)
-    assert (decision.code, "plane across: reset refused" in decision.message) == (
-        3,
-        True,
-    )
+    assert decision.code == 3
+    assert "plane across: reset refused" in decision.message
     _, decision = play_planes([of_plane("across", frame(13)), Reset(0.135)], fresh)
     assert decision.code == 1
     bears = replace(LIMITS, unusable_frames=2)
@@ -1647,10 +1639,8 @@ def test_a_withdrawal_of_one_plane_is_everybodys_until_all_grant_the_reset() -> 
     _, decision = play_planes(
         [of_plane("across", unusable(13)), Reset(0.135)], doubted, bears
     )
-    assert (decision.code, "plane across: reset refused" in decision.message) == (
-        3,
-        True,
-    ), "it was not withdrawn itself"
+    assert decision.code == 3
+    assert "plane across: reset refused" in decision.message
 
 
 def test_a_contact_that_one_plane_shows_is_that_of_all() -> None:
@@ -1688,10 +1678,8 @@ def test_each_planes_opinions_are_its_own_and_what_is_of_no_plane_withdraws() ->
     assert decision.code == 1
     doubts = [of_plane("across", replace(no_opinion(n), at_s=0.08)) for n in (4, 5, 6)]
     _, decision = play_planes(doubts, watching, limits)
-    assert (decision.cause, "plane across: second opinion" in decision.message) == (
-        Cause.UNUSABLE,
-        True,
-    )
+    assert decision.cause is Cause.UNUSABLE
+    assert "plane across: second opinion" in decision.message
 
     for stray in (
         frame(8),
@@ -1706,9 +1694,7 @@ def test_each_planes_opinions_are_its_own_and_what_is_of_no_plane_withdraws() ->
     _, decision = play_planes(
         [OvertakenRead(0.08, of_plane("across", frame(6, 0.031)))], watching, limits
     )
-    assert (
-        decision.cause,
-        "plane across: frame 6, overtaken: up to" in decision.message,
-    ) == (Cause.BOUND, True)
+    assert decision.cause is Cause.BOUND
+    assert "plane across: frame 6, overtaken: up to" in decision.message
     _, decision = play_planes([Fault(0.08, Cause.CHECKSUM, "CRC")], watching, limits)
     assert decision.message.startswith("WITHDRAW: CRC;")
