@@ -133,6 +133,15 @@ class Monitor:
     def notes(self):
         return [record["text"] for record in self.records() if record["kind"] == "note"]
 
+    def noted(self, words):
+        return sum(words in note for note in self.notes())
+
+    def entries(self):
+        return sum(record["kind"] == "entry" for record in self.records())
+
+    def details(self):
+        return [report.detail for report in self.heard(SelfReport)]
+
     def withdrawals(self):
         return sorted((self.folder / "box" / "withdrawals").iterdir())
 
@@ -183,9 +192,9 @@ def test_a_withdrawal_while_one_is_written_follows_it_and_only_the_latest_does(
 
     monitor.wait_for(WithdrawalKept, 2)
     monitor.end()
-    first, second = map(read_recording, monitor.withdrawals())
-    assert [len(first.frames), len(second.frames)] == [51, 55]
-    assert sum("are not kept: more happened" in note for note in monitor.notes()) == 1
+    kept = [len(read_recording(folder).frames) for folder in monitor.withdrawals()]
+    assert kept == [51, 55]
+    assert monitor.noted("are not kept: more happened") == 1
 
 
 def test_frames_that_were_overwritten_are_counted_and_never_mixed_up(tmp_path):
@@ -193,7 +202,7 @@ def test_frames_that_were_overwritten_are_counted_and_never_mixed_up(tmp_path):
     session.decide(times=35, turns=0)
     session.end()
     assert numbers_in(tmp_path / "rec") == list(range(26, 36))
-    assert sum("the disk does not keep up" in note for note in session.notes()) == 1
+    assert session.noted("the disk does not keep up") == 1
     assert session.notes()[-1].endswith("; 25 were lost")
     monitor = Monitor(tmp_path, ring_frames=20)
     monitor.decide(times=60)
@@ -289,7 +298,7 @@ def test_forces_of_another_device_or_count_and_nan_are_noted_once_and_left_out(
     forces = read_recording(tmp_path / "rec").forces
     assert (forces.wrench_sc == [0.0, 0.0, 1.0]).all()
     assert forces.sample_rate_hz == pytest.approx(100.0)
-    assert sum("is not kept" in note for note in monitor.notes()) == 1
+    assert monitor.noted("is not kept") == 1
 
 
 def test_a_session_is_recorded_frame_by_frame_and_can_be_read_at_any_time(tmp_path):
@@ -366,12 +375,10 @@ def test_a_session_whose_disk_fails_ends_and_is_reported_once(tmp_path, monkeypa
         monitor.decide()
 
     monitor.decide(times=5)
-    assert [fault.detail for fault in monitor.heard(SelfReport)] == [
-        "session: [Errno 28] No space left on device"
-    ]
+    assert monitor.details() == ["session: [Errno 28] No space left on device"]
     monitor.end()
     assert len(read_recording(tmp_path / "rec").frames) == 5
-    assert sum("recorded 5 frames" in note for note in monitor.notes()) == 1
+    assert monitor.noted("recorded 5 frames") == 1
 
 
 def test_a_folder_that_exists_is_never_written_into(tmp_path):
@@ -387,25 +394,35 @@ def test_a_folder_that_exists_is_never_written_into(tmp_path):
 def test_below_a_gigabyte_nothing_is_kept_the_monitor_hears_it_and_the_log_continues(
     tmp_path, monkeypatch
 ):
+    """Its signs of life say so until there is room again; the log goes on."""
+    monkeypatch.setattr(decision_log, "CHECK_S", 0.0)
     monitor = Monitor(tmp_path, record=tmp_path / "rec")
     monitor.decide(times=10)
+    assert monitor.heard(Alive)[-1].faults == ()
     usage = shutil.disk_usage(tmp_path)
-    monkeypatch.setattr(
-        shutil, "disk_usage", lambda _: usage._replace(free=999_999_999)
-    )
-    monitor.decide(times=10)
-    monitor.decide("WITHDRAW")
-    details = [fault.detail for fault in monitor.heard(SelfReport)]
-    assert any(
-        detail.startswith("session: ") and "1.00 GB free" in detail
-        for detail in details
-    )
-    assert any(detail.startswith("withdrawal: ") for detail in details)
-    assert len(details) == len(set(details)) <= 3  # each is said once
+
+    with monkeypatch.context() as disk:
+        left = usage._replace(free=999_999_999)
+        disk.setattr(shutil, "disk_usage", lambda _: left)
+        monitor.decide(times=10)
+        monitor.decide("WITHDRAW")
+        details = monitor.details()
+        assert [detail.partition(": ")[0] for detail in sorted(details)] == [
+            "disk",
+            "session",
+            "withdrawal",
+        ]
+        assert all("1.00 GB free" in detail for detail in details[:2])
+        faults = {fault.partition(": ")[0] for fault in monitor.heard(Alive)[-1].faults}
+        assert faults >= {"disk", "withdrawal"}
+
+    monitor.decide()
+    faults = [fault.partition(": ")[0] for fault in monitor.heard(Alive)[-1].faults]
+    assert faults == ["session"]  # which has ended for good
     monitor.end()
     assert len(read_recording(tmp_path / "rec").frames) == 10
     assert not (tmp_path / "box" / "withdrawals").exists()
-    assert sum(record["kind"] == "entry" for record in monitor.records()) == 21
+    assert monitor.entries() == 22
 
 
 def test_a_disk_that_fills_while_a_withdrawal_is_written_is_reported_and_leaves_nothing_half(
@@ -445,30 +462,9 @@ def test_a_log_that_cannot_be_written_is_reported_once_until_it_can(
             monitor.decide(times=5)
         monitor.decide()
 
-    assert [fault.detail for fault in monitor.heard(SelfReport)] == [
-        "log: [Errno 28] No space left on device"
-    ] * 2
+    assert monitor.details() == ["log: [Errno 28] No space left on device"] * 2
     monitor.end()
-    assert sum(record["kind"] == "entry" for record in monitor.records()) == 2
-
-
-def test_alive_says_what_is_wrong_until_it_is_no_longer(tmp_path, monkeypatch):
-    monkeypatch.setattr(decision_log, "CHECK_S", 0.0)
-    monitor = Monitor(tmp_path)
-    usage = shutil.disk_usage(tmp_path)
-    monitor.decide()
-    assert monitor.heard(Alive)[-1].faults == ()
-
-    with monkeypatch.context() as disk:
-        disk.setattr(shutil, "disk_usage", lambda _: usage._replace(free=10**6))
-        monitor.decide("WITHDRAW")
-        disk_fault, withdrawal_fault = sorted(monitor.heard(Alive)[-1].faults)
-        assert disk_fault.startswith("disk: ")
-        assert withdrawal_fault.startswith("withdrawal: ")
-
-    monitor.decide()
-    assert monitor.heard(Alive)[-1].faults == ()
-    monitor.end()
+    assert monitor.entries() == 2
 
 
 def test_a_log_whose_folder_is_gone_is_reported(tmp_path, monkeypatch):
@@ -494,7 +490,7 @@ def test_a_wrong_message_is_reported_for_good_and_the_log_continues(tmp_path):
     assert report.detail.startswith("message: not a message: ")
     assert monitor.heard(Alive)[-1].faults == (report.detail,)
     monitor.end()
-    assert sum(record["kind"] == "entry" for record in monitor.records()) == 4
+    assert monitor.entries() == 4
 
 
 class Process:

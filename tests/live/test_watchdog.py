@@ -18,6 +18,7 @@ from waiting import FUSE_S
 import scleraforce.live.companions.watchdog as module
 from scleraforce.base.errors import MessageError
 from scleraforce.live.companions import watchdog
+from scleraforce.live.companions.watchdog import MONITOR_PRIORITY, run_in_real_time
 from scleraforce.live.decision.events import Cause
 from scleraforce.live.network.openigtlink import Status, Text, encode
 
@@ -212,28 +213,18 @@ def test_real_time_is_not_inherited_and_without_the_right_it_is_niceness(
     asked: list[tuple[int, int, int]] = []
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     monkeypatch.setattr(os, "setpriority", lambda *words: asked.append(words))
-    assert watchdog.run_in_real_time(watchdog.MONITOR_PRIORITY) is False
-    assert asked == [(os.PRIO_PROCESS, 0, -watchdog.MONITOR_PRIORITY)]
+    assert run_in_real_time(MONITOR_PRIORITY) is False
+    assert asked == [(os.PRIO_PROCESS, 0, -MONITOR_PRIORITY)]
     monkeypatch.setattr(os, "setpriority", refuse)
-    assert watchdog.run_in_real_time(watchdog.MONITOR_PRIORITY) is False
+    assert run_in_real_time(MONITOR_PRIORITY) is False
     monkeypatch.setattr(
         os,
         "sched_setscheduler",
         lambda pid, kind, param: asked.append((pid, kind, param)),
     )
-    assert watchdog.run_in_real_time(watchdog.OPINION_PRIORITY) is True
-    assert asked[1:] == [
-        (
-            0,
-            os.SCHED_FIFO | os.SCHED_RESET_ON_FORK,
-            os.sched_param(watchdog.OPINION_PRIORITY),
-        )
-    ]
-    assert (
-        watchdog.OPINION_PRIORITY
-        < watchdog.MONITOR_PRIORITY
-        < watchdog.WATCHDOG_PRIORITY
-    )
+    assert run_in_real_time(3) is True
+    kind = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+    assert asked[1:] == [(0, kind, os.sched_param(3))]
 
 
 def spoil(how: str, ours: int, theirs: int) -> None:
