@@ -69,23 +69,16 @@ def wall_section(
     """Section of the wall with a dent, its contact at a depth and a lateral place of
     the frame.
     """
-    unknown = np.zeros(len(unknowns.NAMES))
-    unknown[
-        [
-            unknowns.TIP,
-            unknowns.LATERAL,
-            unknowns.DEPTH,
-            unknowns.GAP,
-            unknowns.THICKNESS,
-        ]
-    ] = (
+    unknown = middling_eye(
         tip_m,
-        lateral_m,
-        surface_m,
-        gap_m,
-        THICKNESS_M,
+        lateral_m=lateral_m,
+        depth_m=surface_m,
+        gap_m=gap_m,
+        thickness_m=THICKNESS_M,
+        log_modulus=log(MODULUS_PA),
+        log_iop=log(IOP_PA),
+        shine_m=0.0,
     )
-    unknown[[unknowns.MODULUS, unknowns.IOP]] = log(MODULUS_PA), log(IOP_PA)
     curves = formed_wall(Walls(LIBRARY), unknown)
 
     return WallSection(
@@ -170,22 +163,17 @@ LATERAL_M = (np.arange(COLUMNS) + 0.5 - COLUMNS / 2) * 15e-3 / COLUMNS
 
 def middling_eye(tip_m: float, **changed: float) -> np.ndarray:
     """The unknowns of a middling eye, in an open globe."""
-    unknown = np.zeros(len(unknowns.NAMES))
-    unknown[[unknowns.TIP, unknowns.LATERAL, unknowns.DEPTH]] = tip_m, 0.4e-3, 0.5e-3
-    unknown[
-        [
-            unknowns.GAP,
-            unknowns.THICKNESS,
-            unknowns.MODULUS,
-            unknowns.IOP,
-        ]
-    ] = (0.6e-3, 0.65e-3, log(0.3e6), log(270.0))
-    unknown[unknowns.NAMES.index("shine_m")] = SHINE_MEAN_M
-
-    for name, value in changed.items():
-        unknown[unknowns.NAMES.index(name)] = value
-
-    return unknown
+    values = {
+        "tip_m": tip_m,
+        "lateral_m": 0.4e-3,
+        "depth_m": 0.5e-3,
+        "gap_m": 0.6e-3,
+        "thickness_m": 0.65e-3,
+        "log_modulus": log(0.3e6),
+        "log_iop": log(270.0),
+        "shine_m": SHINE_MEAN_M,
+    } | changed
+    return np.array([values.get(name, 0.0) for name in unknowns.NAMES])
 
 
 def drawn_wall(unknown: np.ndarray, rng: np.random.Generator) -> None:

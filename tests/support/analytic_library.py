@@ -15,7 +15,7 @@ from waiting import HANGS_S
 from scleraforce.base.errors import SolverError
 from scleraforce.library import Library
 from scleraforce.library.library_plan import plan_library
-from scleraforce.library.library_store import SolvedPath, solve_path
+from scleraforce.library.library_store import solve_path
 from scleraforce.library.stiffened_walls import StiffenedWalls, WholeCurves
 from scleraforce.recordings.force_errors import LABEL_SD_N, ZERO_PRIOR, FrameForces
 from scleraforce.records.study import LibraryStudy, Range, Study
@@ -118,13 +118,14 @@ def analytic_library(thicknesses=9, ratios=11, tips=40, max_tip_m=7.5e-3, nodes=
     )
 
 
-def bulging(library, rise_m=6e-3):
-    """The library of walls that rise more in their middle: by 60 um at a tension of
-    0.01.
+def bulging(library, rise_m=6e-3, power=1):
+    """The library of walls that rise more in their middle: by 120 um at a tension of
+    0.02, and elsewhere with a power of the tension.
     """
     undented = library.undented_tpbnc.copy()
     angle = np.arctan2(undented[0, 0, 0, :, 0], RADIUS_M - undented[0, 0, 0, :, 1])
-    undented[..., 1] -= rise_m * library.tension[:, None, None] * np.cos(angle) ** 2
+    rise = 0.02 * rise_m * (library.tension / 0.02) ** power
+    undented[..., 1] -= rise[:, None, None] * np.cos(angle) ** 2
     return with_walls(library, undented_btpbnc=undented[None])
 
 
@@ -147,11 +148,9 @@ def solve_analytic(plan, number):
     )
     forces = force_ratio(*state) * (1.0 + 0.05 * np.cos(path.support_rad))
 
-    return SolvedPath(
-        forces,
-        displaced_m3(*state),
-        curves(*state, node_angles(plan.nodes)).astype(np.float32),
-    )
+    found = curves(*state, node_angles(plan.nodes)).astype(np.float32)
+
+    return forces, displaced_m3(*state), found
 
 
 def solve_slowly(plan, number):

@@ -6,7 +6,7 @@ Public:
     library_file: `load_library`, `save_library`
     library_plan: `LARGEST_POLAR_DEG`, `LITTLE_STIFFENING`, `plan_library`,
         `stiffening_place`
-    library_store: `build_library`, `cached_library`, `open_library`
+    library_store: `build_library`, `cached_library`, `open_library`, `solve_path`
     moving_base: `SHEARED`, `pole_directions`, `section_places`
     plane_cut: `Framing`, `column_laterals`, `cut_rings`, `cut_surfaces`, `draw_slices`,
         `fill_boundaries`, `highest_depths`, `section_motion`, `wall_boundaries`
