@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from energy import NU, STEP, energy, radial_displacement, stress
+from energy import LAMBDA, MU, NU, STEP, energy, stress
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq
 
 from reference_walls import (
     DeadPressureWall,
     cut_section,
-    polar_path,
     shift_in_plane,
     spread_needle,
 )
@@ -24,13 +24,14 @@ from scleraforce.base.units import SI_PER_UNIT
 from scleraforce.library.moving_base import base_angle
 from scleraforce.mechanics import meridian_elements
 from scleraforce.mechanics.axisymmetric_wall import (
+    AxisymmetricPath,
     AxisymmetricWall,
     EvenWall,
     axisymmetric_path,
     base_shift,
 )
 from scleraforce.mechanics.contact_and_section import Contact, ScanPlane
-from scleraforce.mechanics.graded_mesh import graded_mesh
+from scleraforce.mechanics.graded_mesh import study_mesh
 from scleraforce.mechanics.linear_wall import LinearWall, tip_displacement
 from scleraforce.mechanics.load_path_tracing import PathEnd, pressurise, trace_load_path
 from scleraforce.mechanics.meridian_elements import (
@@ -41,10 +42,12 @@ from scleraforce.mechanics.meridian_elements import (
 )
 from scleraforce.mechanics.tissue_material import (
     LARGEST_EXPONENT,
+    burst_tension,
     lame_constants,
     strain_measure,
 )
 from scleraforce.records.globe import sealed_law
+from scleraforce.records.study import MeshStudy, Study
 from scleraforce.records.study_of_eye import RIGIDITY_LAWS
 
 RADIUS = 12e-3
@@ -53,41 +56,34 @@ IOP_RATIO = 266.0 / 0.38e6
 # of enucleated human eyes (van der Werff 1981)
 RIGIDITY = 0.03 * SI_PER_UNIT["mmhg13_per_ul"][1]
 RIGHT_ANGLE = 0.5 * np.pi
+GRADED = Study(mesh=MeshStudy(kind="graded"))
+EYE = EvenWall(RADIUS, 0.5e-3, NU, NEEDLE)
 
 
-def wall_of(
-    thickness_mm: float, size: MeridianSize | None = None, symmetric: bool = False
-) -> AxisymmetricWall:
-    mesh = meridian_mesh(
-        RADIUS, 1e-3 * thickness_mm, NEEDLE, RIGHT_ANGLE, size or MeridianSize()
+def path_to(
+    tips_m: list[float] | Floats,
+    wall: EvenWall = EYE,
+    iop_ratio: float = IOP_RATIO,
+    **more: object,
+) -> AxisymmetricPath:
+    return axisymmetric_path(
+        wall, iop_ratio, PathEnd(tips_m=np.asarray(tips_m)), **more
     )
-    return AxisymmetricWall(mesh, NU, symmetric=symmetric)
 
 
-@pytest.fixture(scope="module")
-def dented() -> tuple[AxisymmetricWall, Floats]:
-    """A coarse wall of two layers with a dent of 1.5 mm."""
-    wall = wall_of(0.5, MeridianSize(16, 2))
-    path = trace_load_path(
-        wall,
-        pressurise(wall, IOP_RATIO),
-        IOP_RATIO,
-        PathEnd(tips_m=np.array([1.5e-3])),
-    )
-    return wall, path.displacement_su[-1]
-
-
-def test_tangent_is_the_derivative_of_the_residual_to_second_order(
-    dented: tuple[AxisymmetricWall, Floats],
-) -> None:
-    wall, u = dented
+def test_tangent_is_the_derivative_of_the_residual_to_second_order() -> None:
+    mesh = meridian_mesh(RADIUS, 0.5e-3, NEEDLE, RIGHT_ANGLE, MeridianSize(16, 2))
+    wall = AxisymmetricWall(mesh, NU)
+    end = PathEnd(tips_m=np.array([1.5e-3]))
+    rest = pressurise(wall, IOP_RATIO)
+    u = trace_load_path(wall, rest, IOP_RATIO, end).displacement_su[-1]
     pressure = 20.0 * IOP_RATIO  # high, that its part of the tangent would be missed
     direction = 1e-6 * np.random.default_rng(1).normal(size=u.shape)
     solve = wall.factor(u, pressure)
-    rest = wall.residual(u, pressure)
+    balance = wall.residual(u, pressure)
     errors = [
         np.linalg.norm(
-            solve(wall.residual(u + step * direction, pressure) - rest)
+            solve(wall.residual(u + step * direction, pressure) - balance)
             - step * direction
         )
         for step in 0.5 ** np.arange(3, 8)
@@ -96,68 +92,101 @@ def test_tangent_is_the_derivative_of_the_residual_to_second_order(
     np.testing.assert_allclose(orders[1:], 2.0, atol=0.1)
 
 
-def test_following_pressure_is_the_derivative_of_the_volume(
-    dented: tuple[AxisymmetricWall, Floats],
-) -> None:
-    wall, u = dented
-    direction = np.random.default_rng(3).normal(size=u.shape)
-    step = 1e-6
-    difference = (
-        wall.volume(u + step * direction)[0] - wall.volume(u - step * direction)[0]
-    ) / (2.0 * step)
-    assert wall.volume(u)[1] @ direction == pytest.approx(difference, rel=1e-6)
-    load = wall.residual(u, 0.0) - wall.residual(u, 1.0)
-    np.testing.assert_allclose(load, wall.volume(u)[1], atol=1e-12)
-    assert wall.volume(np.zeros_like(u))[0] == pytest.approx(
-        2.0 / 3.0 * np.pi * 11.5e-3**3, rel=1e-5
-    )
+def nominal(stretches: list[float], b: float) -> Floats:
+    """Principal nominal stresses over E; b = 0 is as good as 1e-12."""
+    return np.diag(stress(np.diag(stretches), b or 1e-12))
+
+
+def stretched_sheet(stretch: float, b: float) -> float:
+    """Nominal stress over E of a sheet that is stretched alike in both directions."""
+
+    def across(own: float) -> float:
+        return MU * (own * own - 1.0) + LAMBDA * np.log(stretch**2 * own)
+
+    thinner = brentq(across, 0.01, 1.0, xtol=1e-15)
+    return float(nominal([stretch, stretch, thinner], b)[0])
 
 
 @pytest.mark.parametrize(
-    ("thickness_mm", "pressure"), [(0.5, 0.005), (0.8, 0.02), (3.0, 0.1)]
+    ("b", "tension"),
+    [
+        (0.0, 0.4),
+        (1e-300, 0.4),
+        (1.0, 0.3),
+        (1.0, 1.5),
+        (10.0, 1.0),
+        (30.0, 0.2),
+        (200.0, 3.0),
+    ],
 )
-def test_pressurised_sphere_takes_the_radius_of_its_radial_problem(
-    thickness_mm: float, pressure: float
+def test_a_thin_wall_at_the_pole_meets_the_balance_of_a_membrane(
+    b: float, tension: float
 ) -> None:
-    wall = wall_of(thickness_mm, symmetric=True)
-    path = trace_load_path(
-        wall, pressurise(wall, pressure), pressure, PathEnd(tips_m=np.array([1e-6]))
+    """p r = 2 P/L with the radius of curvature r and the stretch L, also where a
+    neo-Hookean sphere would burst, and where Newton's first step overflows exp(b Q).
+    """
+    thickness_m = 60e-6
+    middle_m = RADIUS - 0.5 * thickness_m
+    wall = EvenWall(
+        RADIUS, thickness_m, NU, NEEDLE, stiffening=b, size=MeridianSize(24)
     )
-    outer = wall.boundaries(path).curves_sbnc[0, 0]
-    radii = np.hypot(outer[:, 0], RADIUS - outer[:, 1])
-    expected = (
-        RADIUS
-        + radial_displacement(
-            RADIUS - 1e-3 * thickness_mm, RADIUS, pressure, np.array([RADIUS])
-        )[0]
+    iop_ratio = tension * thickness_m / middle_m
+    at_rest, pressed = (
+        path_to([1e-6], wall, ratio).curves_sbnc[0].mean(axis=0)
+        for ratio in (0.0, iop_ratio)
     )
-    assert expected > 1.02 * RADIUS
-    np.testing.assert_allclose(radii - RADIUS, expected - RADIUS, rtol=1e-3)
+    angles = np.arctan2(at_rest[:, 0], RADIUS - at_rest[:, 1])
+    near = angles < 0.5
+    arcs = middle_m * angles[near, None]
+    stretch = np.linalg.lstsq(arcs ** [1, 3, 5], pressed[near, 0], rcond=None)[0][0]
+    bend = np.linalg.lstsq(arcs ** [0, 2, 4, 6], pressed[near, 1], rcond=None)[0][1]
+    radius_m = stretch**2 / (2.0 * bend)
+    assert stretch > 1.03
+    assert iop_ratio * radius_m / thickness_m == pytest.approx(
+        2.0 * stretched_sheet(stretch, b) / stretch, rel=2e-3
+    )
 
 
-@pytest.mark.parametrize(
-    "thickness_mm", [0.5, pytest.param(0.8, marks=pytest.mark.slow)]
-)
-def test_small_forces_meet_the_linear_wall_of_three_dimensions(
-    thickness_mm: float,
-) -> None:
+@pytest.mark.parametrize("b", [0.0, 0.03, 5.0])
+def test_a_thin_sphere_bursts_at_the_first_maximum_of_its_tension(b: float) -> None:
+    stretches = np.linspace(1.0, 2.0, 2001)
+    tensions = [2.0 * stretched_sheet(each, b) / each**2 for each in stretches]
+    falling = np.flatnonzero(np.diff(tensions) < 0.0)
+    bursts = tensions[falling[0]] if len(falling) else np.inf
+    assert burst_tension(NU, b) == pytest.approx(bursts, rel=1e-4)
+
+
+def test_a_soft_eye_that_bursts_at_living_pressure_holds_where_it_stiffens() -> None:
+    iop_ratio = 2400.0 / 0.1e6  # 18 mmHg
+    tension = iop_ratio * EYE.radius_m / EYE.thickness_m
+    assert burst_tension(NU) < tension < burst_tension(NU, 5.0)
+
+    with pytest.raises(SolverError, match="thicker or stiffer wall"):
+        path_to([1e-3], iop_ratio=iop_ratio)
+
+    forces = path_to(
+        [0.5e-3, 1e-3], replace(EYE, stiffening=5.0), iop_ratio
+    ).force_ratio_m2
+    assert (np.diff(forces) > 0.0).all()
+
+
+def test_small_forces_meet_the_linear_wall_of_three_dimensions() -> None:
     contact = Contact(polar_rad=0.0)
-    mesh = graded_mesh(RADIUS, 1e-3 * thickness_mm, contact)
-    needle = LinearWall(mesh, NU).needle_cnc([contact], NEEDLE)[0]
-    even = EvenWall(RADIUS, 1e-3 * thickness_mm, NU, NEEDLE)
-    path = axisymmetric_path(even, 0.0, PathEnd(tips_m=np.array([1e-6, 2e-6])))
+    mesh = study_mesh(GRADED, EYE.thickness_m, contact)
+    needle_nc = LinearWall(mesh, NU).needle_cnc([contact], NEEDLE)[0]
+    path = path_to([1e-6, 2e-6], iop_ratio=0.0)
     first, second = path.tip_m[1:] / path.force_ratio_m2[1:]
     assert 2.0 * first - second == pytest.approx(
-        tip_displacement(mesh, contact, needle), rel=0.005
+        tip_displacement(mesh, contact, needle_nc), rel=0.005
     )
 
 
-def test_wall_without_pressure_snaps_through() -> None:
-    wall = EvenWall(RADIUS, 0.35e-3, NU, NEEDLE)
-    end = PathEnd(tips_m=np.linspace(0.25e-3, 7.5e-3, 30))
-    path = axisymmetric_path(wall, 0.0, end)
-    assert len(path.tip_m) == 31
-    np.testing.assert_allclose(path.tip_m[-1], 7.5e-3)
+def test_a_wall_without_pressure_softens_and_is_followed_to_deep_dents() -> None:
+    tips_m = np.linspace(0.25e-3, 7.5e-3, 30)
+    path = path_to(tips_m, replace(EYE, thickness_m=0.35e-3), 0.0)
+    np.testing.assert_allclose(path.tip_m[1:], tips_m)
+    stiffness = np.diff(path.force_ratio_m2)
+    assert (stiffness[3:] < 0.3 * stiffness[0]).all()
 
 
 def r2_tips_mm(thickness_mm: float, modulus_mpa: float, count: int) -> Floats:
@@ -205,74 +234,59 @@ def test_a_sealed_globe_is_the_open_state_whose_pressure_solves_the_law(
 ) -> None:
     globe = sealed_law(RIGIDITY, law).over(0.38e6)
     tips_m = np.linspace(0.4e-3, 2e-3, 5)
-    wall = EvenWall(RADIUS, 0.5e-3, NU, NEEDLE)
-    sealed = axisymmetric_path(wall, IOP_RATIO, PathEnd(tips_m=tips_m), globe)
+    sealed = path_to(tips_m, globe=globe)
     assert np.all(np.diff(sealed.iop_ratio) > 0.0)
     assert sealed.displaced_m3[0] == 0.0
     np.testing.assert_allclose(
         globe.pressure(IOP_RATIO, sealed.displaced_m3), sealed.iop_ratio, rtol=1e-8
     )
-
-    for state in (2, 5):
-        opened = axisymmetric_path(
-            wall, float(sealed.iop_ratio[state]), PathEnd(tips_m=tips_m[:state])
-        )
-        assert opened.force_ratio_m2[-1] == pytest.approx(
-            sealed.force_ratio_m2[state], rel=1e-7
-        )
-        assert opened.displaced_m3[-1] == pytest.approx(
-            sealed.displaced_m3[state], rel=1e-7
-        )
-        np.testing.assert_allclose(
-            opened.curves_sbnc[-1], sealed.curves_sbnc[state], atol=1e-11
-        )
+    opened = path_to(tips_m[:3], iop_ratio=float(sealed.iop_ratio[3]))
+    assert opened.force_ratio_m2[-1] == pytest.approx(
+        sealed.force_ratio_m2[3], rel=1e-7
+    )
+    assert opened.displaced_m3[-1] == pytest.approx(sealed.displaced_m3[3], rel=1e-7)
+    np.testing.assert_allclose(
+        opened.curves_sbnc[-1], sealed.curves_sbnc[3], atol=1e-11
+    )
 
 
 def test_a_sealed_path_ends_where_the_pressure_runs_away() -> None:
     with pytest.raises(
-        SolverError,
-        match=r"beyond a dent of 2\.2\d+ mm, .*; the pressure runs away there",
+        SolverError, match=r"beyond a dent of 2\.2\d+ mm, .*; the pressure runs away"
     ):
         axisymmetric_path(
-            EvenWall(RADIUS, 0.5e-3, NU, NEEDLE),
-            IOP_RATIO,
-            PathEnd(max_tip_m=3e-3),
-            sealed_law(RIGIDITY).over(0.38e6),
+            EYE, IOP_RATIO, PathEnd(max_tip_m=3e-3), sealed_law(RIGIDITY).over(0.38e6)
         )
 
 
-def test_the_displaced_volume_lies_between_the_inner_curves() -> None:
-    wall = EvenWall(RADIUS, 0.5e-3, NU, NEEDLE, size=MeridianSize(96))
-    path = axisymmetric_path(wall, IOP_RATIO, PathEnd(tips_m=np.array([1.5e-3])))
-    distance, depth = np.moveaxis(path.curves_sbnc[:, 1], -1, 0)
+def test_curves_start_on_the_axis_end_at_the_support_and_enclose_the_displaced_volume():
+    path = path_to([1.5e-3], replace(EYE, size=MeridianSize(96)))
+    curves_sbnc = path.curves_sbnc
+    np.testing.assert_allclose(curves_sbnc[:, :, 0, 0], 0.0, atol=1e-15)
+    np.testing.assert_allclose(curves_sbnc[:, 0, -1], [[RADIUS, RADIUS]] * 2)
+    dent_m = curves_sbnc[1, 0, 0, 1] - curves_sbnc[0, 0, 0, 1]
+    assert dent_m == pytest.approx(1.5e-3, rel=1e-9)
+    distance, depth = np.moveaxis(curves_sbnc[:, 1], -1, 0)
     # of the space above; both end on the same ring
     volumes_m3 = -np.pi * np.trapezoid(distance**2, depth)
     assert path.displaced_m3[1] == pytest.approx(
         volumes_m3[1] - volumes_m3[0], rel=2e-3
     )
-    assert 15e-9 < path.displaced_m3[1] < 30e-9
-
-
-def test_curves_start_on_the_axis_and_end_at_the_support() -> None:
-    wall = EvenWall(RADIUS, 0.5e-3, NU, NEEDLE)
-    path = axisymmetric_path(wall, IOP_RATIO, PathEnd(tips_m=np.array([1e-3])))
-    np.testing.assert_allclose(path.curves_sbnc[:, :, 0, 0], 0.0, atol=1e-15)
-    np.testing.assert_allclose(
-        path.curves_sbnc[:, 0, -1], [[RADIUS, RADIUS]] * 2, rtol=1e-12
-    )
-    moved = path.curves_sbnc[1, 0, 0, 1] - path.curves_sbnc[0, 0, 0, 1]
-    assert moved == pytest.approx(1e-3, rel=1e-9)
 
 
 @pytest.mark.parametrize(
-    ("thickness_mm", "needle_mm"), [(0.0, 0.35), (12.0, 0.35), (0.5, 0.0), (0.5, 12.0)]
+    "fault",
+    [
+        {"thickness_m": 0.0},
+        {"thickness_m": 12e-3},
+        {"needle_radius_m": 0.0},
+        {"needle_radius_m": 12e-3},
+    ],
+    ids=str,
 )
-def test_sizes_that_make_no_eye_are_refused(
-    thickness_mm: float, needle_mm: float
-) -> None:
-    wall = EvenWall(RADIUS, 1e-3 * thickness_mm, NU, 1e-3 * needle_mm)
+def test_sizes_that_make_no_eye_are_refused(fault: dict[str, float]) -> None:
     with pytest.raises(InputError, match="must be"):
-        axisymmetric_path(wall, 0.0, PathEnd(max_tip_m=1e-3))
+        path_to([1e-3], replace(EYE, **fault))
 
 
 B = 12.0
@@ -281,7 +295,7 @@ ENTRIES = [0, 0, 1, 1, 2], [0, 1, 0, 1, 2]  # of F that are not zero
 
 @pytest.fixture(scope="module")
 def mesh() -> MeridianMesh:
-    return meridian_mesh(RADIUS, 1e-3, 0.35e-3, 0.5 * np.pi, MeridianSize(8, 2))
+    return meridian_mesh(RADIUS, 1e-3, NEEDLE, RIGHT_ANGLE, MeridianSize(8, 2))
 
 
 def gradient_operator(solid: ElementTables) -> Floats:
@@ -306,26 +320,19 @@ def deformation(solid: ElementTables, u: NDArray) -> NDArray:
     return F + np.eye(3)
 
 
-def bent(mesh: MeridianMesh) -> Floats:
-    """Strains of some 15 % with rotation and noise on them, none of them across the
-    axis.
-    """
+def test_forces_and_tangent_are_the_derivatives_of_the_energy(
+    mesh: MeridianMesh,
+) -> None:
+    """At strains of some 15 % with rotation and noise, none of them across the axis."""
     r, z = mesh.points_nc.T
     noise = np.random.default_rng(1).normal(size=mesh.points_nc.shape) * 5e-6
     outward = 0.12 * r + 0.1 * r * z / RADIUS + noise[:, 0] * (r > 0.0)
     up = 0.2 * r - 0.08 * z + noise[:, 1]
-    return np.stack([outward, up], axis=1).ravel()
-
-
-def test_forces_and_tangent_are_the_derivatives_of_the_energy(
-    mesh: MeridianMesh,
-) -> None:
-    u = bent(mesh)
+    u = np.stack([outward, up], axis=1).ravel()
     solid = meridian_elements.solid_of_revolution(mesh, NU, B)
     volumes_ep = solid.mu_ep / lame_constants(1.0, NU)[1]
     moved = np.random.default_rng(3).normal(size=u.shape)
     F = deformation(solid, u + 1j * STEP * moved)
-    assert np.all(np.linalg.det(F.real) > 0.1)
     work = np.sum(volumes_ep * energy(F, B).imag) / STEP
     assert meridian_elements.nodal_forces(solid, u) @ moved == pytest.approx(
         work, rel=1e-11
@@ -340,36 +347,11 @@ def test_forces_and_tangent_are_the_derivatives_of_the_energy(
     np.testing.assert_array_equal(tangents, tangents.transpose(0, 2, 1))
 
 
-def test_a_vanishing_stiffening_is_the_neo_hookean_solid(mesh: MeridianMesh) -> None:
-    u = bent(mesh)
-    flat, faint = (
-        meridian_elements.solid_of_revolution(mesh, NU, b) for b in (0.0, 1e-300)
-    )
-    np.testing.assert_allclose(
-        meridian_elements.nodal_forces(faint, u),
-        meridian_elements.nodal_forces(flat, u),
-        rtol=1e-12,
-    )
-    tangents = meridian_elements.element_tangents(flat, u)
-    np.testing.assert_allclose(
-        meridian_elements.element_tangents(faint, u),
-        tangents,
-        atol=1e-13 * np.abs(tangents).max(),
-    )
-
-
 def turned_over(mesh: MeridianMesh) -> Floats:
     """A node pushed through the inner boundary."""
     u_nc = np.zeros((len(mesh.points_nc), 2))
     u_nc[mesh.outer_n[4], 1] = -2e-3
     return u_nc.ravel()
-
-
-def across_the_axis(mesh: MeridianMesh) -> Floats:
-    """All moved sideways: on its meridian the wall is unchanged, and near the axis it
-    is on the other side.
-    """
-    return np.tile([-1e-3, 0.0], len(mesh.points_nc))
 
 
 def mirrored(mesh: MeridianMesh) -> Floats:
@@ -382,7 +364,7 @@ def mirrored(mesh: MeridianMesh) -> Floats:
     ).ravel()
 
 
-@pytest.mark.parametrize("displaced", [turned_over, across_the_axis, mirrored])
+@pytest.mark.parametrize("displaced", [turned_over, mirrored])
 def test_elements_that_are_turned_inside_out_and_no_others_are_not_finite(
     mesh: MeridianMesh, displaced: Callable[[MeridianMesh], Floats]
 ) -> None:
@@ -397,39 +379,29 @@ def test_elements_that_are_turned_inside_out_and_no_others_are_not_finite(
         np.isnan(meridian_elements.element_tangents(solid, u)).all(axis=(1, 2)),
         inverted_e,
     )
-    expected = np.isin(np.arange(len(u)), solid.unknowns_en[inverted_e])
     np.testing.assert_array_equal(
-        np.isnan(meridian_elements.nodal_forces(solid, u)), expected
+        np.isnan(meridian_elements.nodal_forces(solid, u)),
+        np.isin(np.arange(len(u)), solid.unknowns_en[inverted_e]),
     )
 
 
 # of the largest exponent
-@pytest.mark.parametrize(
-    ("share", "finite"), [(0.99, True), (1.01, False), (20.0, False)]
-)
+@pytest.mark.parametrize(("share", "finite"), [(0.99, True), (1.01, False)])
 def test_tissue_that_is_stretched_too_far_is_not_finite(
     mesh: MeridianMesh, share: float, finite: bool
 ) -> None:
     # by a half in every direction
     stretched = 0.5 * mesh.points_nc.ravel()
-    log_ratio = 3.0 * np.log(1.5)
-    strain = strain_measure(np.array(3.0 * 1.5**2 - 3.0), np.array(log_ratio), NU)
+    log_ratio = np.array(3.0 * np.log(1.5))
+    strain = strain_measure(np.array(3.0 * 1.5**2 - 3.0), log_ratio, NU)
     solid = meridian_elements.solid_of_revolution(
         mesh, NU, share * LARGEST_EXPONENT / float(strain)
     )
-
-    for values in (
-        meridian_elements.nodal_forces(solid, stretched),
-        meridian_elements.element_tangents(solid, stretched),
-    ):
-        assert np.isfinite(values).all() if finite else np.isnan(values).all()
+    forces = meridian_elements.nodal_forces(solid, stretched)
+    assert np.isfinite(forces).all() if finite else np.isnan(forces).all()
 
 
-GAP = 0.5e-3
-EYE = EvenWall(RADIUS, 0.8e-3, NU, NEEDLE)
-
-
-@pytest.mark.parametrize("polar_deg", [10.0, 35.0, 50.0])
+@pytest.mark.parametrize("polar_deg", [10.0, 50.0])
 def test_base_lies_where_the_direction_meets_its_plane(polar_deg: float) -> None:
     contact = Contact(polar_rad=np.radians(polar_deg))
     azimuths = np.linspace(0.0, 2.0 * np.pi, 9)
@@ -443,15 +415,11 @@ def test_base_lies_where_the_direction_meets_its_plane(polar_deg: float) -> None
     np.testing.assert_allclose(points[:, 2], 0.0, atol=1e-12)
 
 
-@pytest.mark.slow
-def test_on_the_pole_nothing_changes() -> None:
-    tips = np.array([0.5e-3, 2e-3])
-    beside = polar_path(EYE, IOP_RATIO, 0.0, tips)
-    np.testing.assert_array_equal(
-        beside.force_ratio_m2,
-        axisymmetric_path(EYE, IOP_RATIO, PathEnd(tips_m=tips)).force_ratio_m2,
-    )
-    shift = base_shift(EYE, 0.0)
+THICK = replace(EYE, thickness_m=0.8e-3)
+
+
+def test_on_the_pole_the_base_shifts_nothing() -> None:
+    shift = base_shift(THICK, 0.0)
     dent = 8.3e3  # m per F/E, the linear wall's tip
     # the 3-D mesh under the needle
     assert np.abs(shift.needle_mbnc).max() < 0.005 * dent
@@ -459,30 +427,29 @@ def test_on_the_pole_nothing_changes() -> None:
 
 @pytest.mark.slow
 def test_shift_takes_the_linear_curves_to_three_dimensions() -> None:
+    gap_m = 0.5e-3
     contact = Contact(polar_rad=np.radians(45.0))
-    iop_ratio = IOP_RATIO
     force_ratio = 2e-9
-    wall = LinearWall(graded_mesh(RADIUS, 0.8e-3, contact), NU)
+    wall = LinearWall(study_mesh(GRADED, 0.8e-3, contact), NU)
     displacement_nc = (
-        iop_ratio * wall.pressure_nc
+        IOP_RATIO * wall.pressure_nc
         + force_ratio * wall.needle_cnc([contact], NEEDLE)[0]
     )
-    shift = base_shift(EYE, contact.polar_rad)
-    end = PathEnd(tips_m=np.array([1e-6, 2e-5]))
-    path = axisymmetric_path(EYE, iop_ratio, end)
+    shift = base_shift(THICK, contact.polar_rad)
+    path = path_to([1e-6, 2e-5], THICK)
     share = force_ratio / path.force_ratio_m2[-1]
     curves = path.curves_sbnc[0] + share * (path.curves_sbnc[-1] - path.curves_sbnc[0])
 
     for direction_rad in (0.0, 1.0, 2.5):
         section = cut_section(
             wall.mesh,
-            ScanPlane(contact, gap_m=GAP, direction_rad=direction_rad),
+            ScanPlane(contact, gap_m=gap_m, direction_rad=direction_rad),
             displacement_nc,
         )
         for side in (-1.0, 1.0):
-            lateral_bn = side * np.sqrt(np.maximum(curves[..., 0] ** 2 - GAP**2, 0.0))
+            lateral_bn = side * np.sqrt(np.maximum(curves[..., 0] ** 2 - gap_m**2, 0.0))
             shifts = shift_in_plane(
-                shift, iop_ratio, force_ratio, lateral_bn, GAP, direction_rad
+                shift, IOP_RATIO, force_ratio, lateral_bn, gap_m, direction_rad
             )[0]
             lateral, depth = np.moveaxis(shifts, -1, 0)
             shown = (curves[0, :, 0] > 0.7e-3) & (curves[0, :, 0] < 6.5e-3)

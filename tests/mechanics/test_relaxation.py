@@ -1,13 +1,11 @@
-"""Relaxation against closed forms, SciPy's solver of differential equations and the
-convolution with G.
-"""
+"""Relaxation against closed forms and SciPy's solver of differential equations."""
 
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
-from scipy.integrate import quad, solve_ivp
+from scipy.integrate import solve_ivp
 
 from scleraforce.base.errors import InputError
 from scleraforce.mechanics.tissue_material import PronySeries, driven_back, line_weights
@@ -70,30 +68,6 @@ def test_the_felt_force_agrees_with_a_solver_of_differential_equations() -> None
         ends.append(path(end_s) - memory @ TISSUE.shares)
 
     assert felt(TISSUE, TURNS_S[1:]) == pytest.approx(ends, abs=1e-11)
-
-
-def test_the_felt_force_agrees_with_the_convolution() -> None:
-    time_s = uneven_times()
-    slopes = np.diff(TURNS_N) / np.diff(TURNS_S)
-    felt_n = felt(TISSUE, time_s)
-
-    for index in (150, 250, 390):
-        now_s = time_s[index]
-        expected = 0.0
-
-        for begin_s, end_s, slope in zip(
-            TURNS_S[:-1], TURNS_S[1:], slopes, strict=True
-        ):
-            upto_s = min(end_s, now_s)
-            if upto_s > begin_s:
-                left = quad(
-                    lambda s, now_s=now_s: float(TISSUE.left(np.array(now_s - s))),
-                    begin_s,
-                    upto_s,
-                )[0]
-                expected += slope * left
-
-        assert felt_n[index] == pytest.approx(expected, abs=1e-12)
 
 
 def test_elastic_force_and_memory_come_back_from_the_felt_force_for_each_candidate():

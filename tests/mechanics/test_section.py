@@ -1,6 +1,5 @@
 """Sections against cuts of tetrahedra, and the slices that they fill."""
 
-from dataclasses import replace
 from itertools import permutations
 
 import cv2
@@ -16,13 +15,11 @@ from scleraforce.mechanics.contact_and_section import (
     SliceWindow,
     WallSection,
 )
-from scleraforce.mechanics.graded_mesh import graded_mesh
+from scleraforce.mechanics.graded_mesh import supported_mesh
 from scleraforce.mechanics.hexahedral_mesh import build_mesh
-from scleraforce.mechanics.linear_wall import LinearWall
 from scleraforce.mechanics.mesh_section import cut_sections, fill_section, slice_window
 from scleraforce.mechanics.shape_functions import shape_values
-from scleraforce.mechanics.uneven_form import form_mesh
-from scleraforce.records.study import FormStudy, SliceStudy
+from scleraforce.records.study import MeshStudy, SliceStudy, Study, SupportsStudy
 
 RADIUS = 12e-3
 THICKNESS = 6e-4
@@ -39,8 +36,8 @@ def fine_mesh():
     return build_mesh(RADIUS, THICKNESS)
 
 
-def planes(count, seed=0):
-    rng = np.random.default_rng(seed)
+def planes(count):
+    rng = np.random.default_rng(0)
     for _ in range(count):
         contact = Contact(
             polar_rad=rng.uniform(0.0, 1.1), azimuth_rad=rng.uniform(0.0, 2 * np.pi)
@@ -97,27 +94,39 @@ def inside(points, contour):
     return np.abs(np.angle(np.roll(seen, -1, axis=1) * seen.conj()).sum(axis=1)) > np.pi
 
 
-@pytest.mark.parametrize("plane", list(planes(12)), ids=str)
-def test_the_undeformed_wall_is_cut_in_two_circles_that_end_on_the_base(
-    fine_mesh, plane
-):
-    section = cut_section(fine_mesh, plane, np.zeros_like(fine_mesh.points_nc))
-    assert distance_to_circle(section.outer, plane, RADIUS).max() < 0.5 * MICRON
-    assert (
-        distance_to_circle(section.inner, plane, RADIUS - THICKNESS).max()
-        < 0.5 * MICRON
-    )
+GLOBE = Study(
+    mesh=MeshStudy(kind="graded", rings=20), supports=SupportsStudy(kind="bed")
+)
+FACET_M = 3 * (1e-3) ** 2 / 8 / RADIUS  # sags along both of its sides
+MESHES = {
+    "27 nodes": (lambda: build_mesh(RADIUS, THICKNESS), 0.5 * MICRON),
+    "8 nodes": (lambda: build_mesh(RADIUS, THICKNESS, order=1), FACET_M),
+    "layers": (lambda: build_mesh(RADIUS, THICKNESS, order=1, layers=3), FACET_M),
+    "globe": (
+        lambda: supported_mesh(GLOBE, THICKNESS, Contact(polar_rad=0.5)),
+        5 * MICRON,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MESHES)
+@pytest.mark.parametrize("plane", list(planes(4)), ids=str)
+def test_the_undeformed_wall_is_cut_in_two_circles_that_end_on_the_base(name, plane):
+    make, off_m = MESHES[name]
+    mesh = make()
+    section = cut_section(mesh, plane, np.zeros_like(mesh.points_nc))
+    assert distance_to_circle(section.outer, plane, RADIUS).max() < off_m
+    assert distance_to_circle(section.inner, plane, RADIUS - THICKNESS).max() < off_m
 
     for curve in (section.outer, section.inner):
         height = in_space(curve, plane)[:, 2]
-        assert height.min() > -MICRON
-
+        # else the plane misses the base: a full circle
         if np.hypot(*(curve[0] - curve[-1])) > MICRON:
-            # else the plane misses the base: a full circle
             assert np.abs(height[[0, -1]]).max() < 5 * MICRON
+            assert height.min() > -MICRON
 
 
-@pytest.mark.parametrize("move_mm", [-1.6, -0.4, 0.9, 3.0])
+@pytest.mark.parametrize("move_mm", [-1.6, 3.0])
 def test_a_wall_moved_across_the_plane_is_cut_as_by_a_plane_moved_the_other_way(
     fine_mesh, move_mm
 ):
@@ -147,26 +156,22 @@ def test_a_wall_that_has_left_the_plane_is_an_error_and_not_a_gap(mesh):
         )
 
 
-def test_a_plane_that_misses_the_wall_is_an_input_error(mesh):
-    for polar, gap, direction, tilt in (
+@pytest.mark.parametrize(
+    ("polar", "gap_m", "direction", "tilt"),
+    [
         (0.6, 20e-3, 0.0, 0.0),
         (0.6, 5e-3, 0.0, 0.78),
         (1.4, -5e-3, 0.5 * np.pi, 0.0),
-    ):
-        plane = ScanPlane(
-            Contact(polar_rad=polar), gap_m=gap, direction_rad=direction, tilt_rad=tilt
-        )
-        with pytest.raises(InputError, match="B-scan plane"):
-            cut_section(mesh, plane, np.zeros_like(mesh.points_nc))
-
-
-def dent(mesh, plane):
-    """A soft wall with a needle in it, from the mechanics: deeper than it is thick."""
-    wall = LinearWall(mesh, 0.45)
-    return (
-        0.06 / 0.2e6 * wall.needle_cnc([plane.contact], 0.35e-3)[0]
-        + 266 / 0.2e6 * wall.pressure_nc
+    ],
+)
+def test_a_plane_that_misses_the_wall_is_an_input_error(
+    mesh, polar, gap_m, direction, tilt
+):
+    plane = ScanPlane(
+        Contact(polar_rad=polar), gap_m=gap_m, direction_rad=direction, tilt_rad=tilt
     )
+    with pytest.raises(InputError, match="B-scan plane"):
+        cut_section(mesh, plane, np.zeros_like(mesh.points_nc))
 
 
 def bumps(mesh, plane, *parts):
@@ -275,28 +280,19 @@ def cut_tetrahedra(mesh, plane, displacement, pieces):
 
 
 @pytest.mark.parametrize(
-    ("deform", "tilt", "which", "pieces"),
-    [
-        pytest.param(dent, 0.0, "mesh", 16, marks=pytest.mark.slow),
-        pytest.param(dent, 0.3, "mesh", 16, marks=pytest.mark.slow),
-        pytest.param(twisted_dent, 0.3, "fine_mesh", 8, marks=pytest.mark.slow),
-        (fold, 0.0, "fine_mesh", 8),
-        pytest.param(w_dent, 0.0, "fine_mesh", 8, marks=pytest.mark.slow),
-    ],
+    ("deform", "tilt"),
+    [(fold, 0.0), pytest.param(twisted_dent, 0.3, marks=pytest.mark.slow)],
 )
-def test_the_section_is_what_all_the_small_tetrahedra_cut(
-    request, deform, tilt, which, pieces
-):
-    mesh = request.getfixturevalue(which)
+def test_the_section_is_what_all_the_small_tetrahedra_cut(fine_mesh, deform, tilt):
     plane = ScanPlane(
         Contact(polar_rad=0.5, azimuth_rad=0.7),
         gap_m=0.5e-3,
         direction_rad=0.6,
         tilt_rad=tilt,
     )
-    displacement = deform(mesh, plane)
-    section = cut_section(mesh, plane, displacement)
-    polygons = cut_tetrahedra(mesh, plane, displacement, (pieces, pieces, 1))
+    displacement = deform(fine_mesh, plane)
+    section = cut_section(fine_mesh, plane, displacement)
+    polygons = cut_tetrahedra(fine_mesh, plane, displacement, (8, 8, 1))
     points = np.concatenate(polygons)
     outside = points[~inside(points, section.contour)]
     assert distance_to_contour(outside, section.contour).max(initial=0.0) < 10 * MICRON
@@ -323,64 +319,6 @@ def test_many_planes_and_deformations_at_once_are_each_as_alone(mesh):
             assert (
                 distance_to_contour(section.contour, alone.contour).max() < 10 * MICRON
             )
-
-
-@pytest.mark.parametrize("options", [{"order": 1}, {"order": 1, "layers": 3}])
-def test_other_elements_are_cut_on_their_own_surface(options):
-    mesh = build_mesh(RADIUS, THICKNESS, divisions=10, level=1, **options)
-    plane = ScanPlane(
-        Contact(polar_rad=0.5, azimuth_rad=0.7),
-        gap_m=0.5e-3,
-        direction_rad=0.4,
-        tilt_rad=0.1,
-    )
-    section = cut_section(mesh, plane, np.zeros_like(mesh.points_nc))
-    # a facet sags along both of its sides
-    facet = 2 * (1e-3) ** 2 / 8 / RADIUS if mesh.order == 1 else MICRON
-    assert distance_to_circle(section.outer, plane, RADIUS).max() < facet
-    assert distance_to_circle(section.inner, plane, RADIUS - THICKNESS).max() < facet
-
-
-def own_frame(mesh, axes):
-    """The map from space to an ellipsoid's own frame: affine, fitted to the outer
-    nodes.
-    """
-    nodes = np.unique(mesh.outer_qn)
-    moved = np.c_[mesh.points_nc[nodes], np.ones(len(nodes))]
-    matrix, *_ = np.linalg.lstsq(moved, mesh.sphere_nc[nodes] * axes, rcond=None)
-    return lambda points: np.c_[points, np.ones(len(points))] @ matrix
-
-
-@pytest.mark.parametrize("whole", [False, True])
-@pytest.mark.parametrize("plane", list(planes(4, seed=3)), ids=str)
-def test_an_ellipsoid_is_cut_in_its_ellipse_and_the_wall_is_as_thick_along_the_normal(
-    whole, plane
-):
-    axes = np.array([1.06, 0.95, 1.03])
-    contact = replace(plane.contact, polar_rad=min(plane.contact.polar_rad, 0.9))
-    plane = replace(plane, contact=contact)
-    sphere = graded_mesh(RADIUS, THICKNESS, contact, core=8, rings=24, whole=whole)
-    mesh = form_mesh(sphere, FormStudy(semi_axes=tuple(axes)), contact)
-    section = cut_section(mesh, plane, np.zeros_like(mesh.points_nc))
-    # what a B-scan sees
-    near = [np.abs(curve[:, 0]) < 8e-3 for curve in (section.outer, section.inner)]
-    to_own = own_frame(mesh, axes)
-    outer, inner = (
-        to_own(in_space(c[n], plane))
-        for c, n in zip((section.outer, section.inner), near, strict=True)
-    )
-    level = np.linalg.norm(outer / axes, axis=1)
-    assert np.abs(level - RADIUS).max() < 2 * MICRON
-    # An inner point is x - t n(x) of an outer point x: found by Newton's method on x =
-    # point + t n(x).
-    foot = inner / np.linalg.norm(inner / axes, axis=1, keepdims=True) * RADIUS
-
-    for _ in range(50):
-        normal = foot / axes**2
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        foot = inner + THICKNESS * normal
-
-    assert np.abs(np.linalg.norm(foot / axes, axis=1) - RADIUS).max() < 2 * MICRON
 
 
 PIXEL = 1e-4
