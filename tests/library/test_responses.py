@@ -94,55 +94,45 @@ def test_a_force_gives_the_tip_that_carries_it_first(library):
     )
 
 
-def test_a_state_outside_is_named_and_not_covered(library):
-    burst = (
-        "IOP/E: 0.07 is outside the library's range for a wall of 500 µm, 4.17e-05 to"
-        " 0.00875; it bursts at 0.0173"
-    )
-    good = np.array([0.5e-3, 1e-3, 1e-8])
-
-    for t, p, f, said in (
-        (
-            0.2e-3,
-            1e-3,
-            1e-8,
-            "thickness: 200 µm is outside the library's range, 350 to 900 µm",
-        ),
-        (0.5e-3, 7e-2, 1e-8, burst),
-        (
-            0.5e-3,
-            1e-3,
-            6e-7,
-            "F/E: 0.6 mm^2 is outside the library's range, 0 to 0.5 mm^2",
-        ),
-        (0.5e-3, np.nan, 1e-8, "IOP/E: nan"),
-        (
-            0.35e-3,
-            8e-5,
-            3e-7,
-            (
-                "F/E: 0.3 mm^2 dents a wall of 350 µm with IOP/E 8e-05 by more than .*"
-                " 7.5 mm"
-            ),
-        ),
-    ):
-        samples = np.array([good, [t, p, f], good]).T
-        with pytest.raises(InputError, match=said.replace("^", r"\^")):
-            library.curves(*samples)
-
-        assert library.covers(*samples).tolist() == [True, False, True]
+BURST = (
+    "IOP/E: 0.07 is outside the library's range for a wall of 500 µm, 4.17e-05 to"
+    " 0.00875; it bursts at 0.0173"
+)
 
 
-def test_a_library_that_does_not_fit_together_is_refused(library):
-    with pytest.raises(InputError, match="of the axes"):
-        replace(library, tip_m=library.tip_m[:-1])
+@pytest.mark.parametrize(
+    ("state", "said"),
+    [
+        ((0.2e-3, 1e-3, 1e-8), "thickness: 200 µm is outside .*, 350 to 900 µm"),
+        ((0.5e-3, 7e-2, 1e-8), BURST),
+        ((0.5e-3, 1e-3, 6e-7), r"F/E: 0\.6 mm\^2 is outside .*, 0 to 0\.5 mm\^2"),
+        ((0.5e-3, np.nan, 1e-8), "IOP/E: nan"),
+        ((0.35e-3, 8e-5, 3e-7), r"F/E: 0\.3 mm\^2 dents .* by more than .* 7\.5 mm"),
+    ],
+)
+def test_a_state_outside_is_named_and_not_covered(library, state, said):
+    good = [0.5e-3, 1e-3, 1e-8]
+    samples = np.array([good, state, good]).T
+    with pytest.raises(InputError, match=said):
+        library.curves(*samples)
 
-    with pytest.raises(InputError, match="increase"):
-        replace(library, tip_m=library.tip_m[::-1])
+    assert library.covers(*samples).tolist() == [True, False, True]
 
-    with pytest.raises(InputError, match="at least 4"):
-        replace(library, thickness_m=library.thickness_m[:3])
 
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda one: {"tip_m": one.tip_m[:-1]}, "of the axes"),
+        (lambda one: {"tip_m": one.tip_m[::-1]}, "increase"),
+        (lambda one: {"thickness_m": one.thickness_m[:3]}, "at least 4"),
+    ],
+)
+def test_axes_that_do_not_fit_a_library_are_refused(library, change, said):
+    with pytest.raises(InputError, match=said):
+        replace(library, **change(library))
+
+
+def test_a_force_that_is_not_finite_is_refused(library):
     broken = library.walls.force_ratio_btpd.copy()
     broken[0, 2, 2, 2] = np.inf
     with pytest.raises(InputError, match="not finite"):
@@ -152,9 +142,9 @@ def test_a_library_that_does_not_fit_together_is_refused(library):
 @pytest.mark.parametrize("law", RIGIDITY_LAWS)
 def test_the_pressure_of_a_sealed_globe_is_the_lowest_that_solves_its_law(library, law):
     rng = np.random.default_rng(6)
-    t, p = draw_walls(rng, 400)
-    tip = rng.uniform(0.0, 3e-3, 400)
-    globe = PressureLaw(law, np.exp(rng.uniform(*np.log([1e5, 1e8]), 400)))
+    t, p = draw_walls(rng, 150)
+    tip = rng.uniform(0.0, 3e-3, 150)
+    globe = PressureLaw(law, np.exp(rng.uniform(*np.log([1e5, 1e8]), 150)))
     found = iop_ratio_at_dent(library, t, p, tip, globe)
     ratios = np.geomspace(1e-3, 0.21, 20_001)[:, None] * t / library.radius_m
     missing = (
@@ -162,10 +152,10 @@ def test_the_pressure_of_a_sealed_globe_is_the_lowest_that_solves_its_law(librar
     )
     first = np.where(
         (missing >= 0.0).any(axis=0),
-        ratios[np.argmax(missing >= 0.0, axis=0), np.arange(400)],
+        ratios[np.argmax(missing >= 0.0, axis=0), np.arange(150)],
         np.nan,
     )
-    assert 40 < np.isfinite(first).sum() < 360
+    assert 15 < np.isfinite(first).sum() < 135
     # Where the law is met only just, or just not, either may be.
     close = np.isfinite(found) & np.isfinite(first)
     assert (np.isfinite(found) != np.isfinite(first)).sum() <= 2
@@ -189,12 +179,14 @@ def test_an_open_globe_keeps_its_pressure_and_so_does_one_without_a_dent(library
         iop_ratio_at_dent(library, t, p, np.full(20, 8e-3), CONSTANT_PRESSURE)
 
 
+WALL = {"thickness_m": 0.6e-3, "youngs_modulus_pa": 0.3e6, "iop_pa": 300.0}
+
+
 @pytest.mark.parametrize("rigidity", [0.0, 3e8])
 def test_an_eye_answers_with_the_force_of_a_dent_and_the_dent_of_a_force(
     library, rigidity
 ):
-    wall = {"thickness_m": 0.6e-3, "youngs_modulus_pa": 0.3e6, "iop_pa": 300.0}
-    eye = library.eye(**wall, rigidity_pa13_per_m3=rigidity, polar_angle_rad=0.0)
+    eye = library.eye(**WALL, rigidity_pa13_per_m3=rigidity, polar_angle_rad=0.0)
     forces_n = np.linspace(0.0, eye.max_force_n, 40).reshape(5, 8)
     dents_m = eye.dent_m(forces_n)
     assert dents_m.shape == (5, 8)
@@ -219,21 +211,23 @@ def test_an_eye_answers_with_the_force_of_a_dent_and_the_dent_of_a_force(
             answer(value)
 
 
-def test_an_eye_outside_the_library_is_refused(library):
-    wall = {"thickness_m": 0.6e-3, "youngs_modulus_pa": 0.3e6, "iop_pa": 300.0}
-    for other, said in (
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
         ({"thickness_m": 0.2e-3}, "thickness: 200 µm"),
         ({"iop_pa": 9e4}, "IOP/E: 0.3 is"),
-        (
-            {"polar_angle_rad": 1.0},
-            "polar angle: 57.3 deg is outside the library's range, 0 to 50",
-        ),
+        ({"polar_angle_rad": 1.0}, "polar angle: 57.3 deg is outside"),
         ({"stiffening": 3.0}, "stiffening"),
-    ):
-        with pytest.raises(InputError, match=said):
-            library.eye(**wall | other)
+    ],
+    ids=str,
+)
+def test_an_eye_outside_the_library_is_refused(library, fault, said):
+    with pytest.raises(InputError, match=said):
+        library.eye(**WALL | fault)
 
+
+def test_an_eye_is_stiffer_beside_the_pole(library):
     at_pole, beside = (
-        library.eye(**wall, polar_angle_rad=polar).force_n(1e-3) for polar in (0.0, 0.8)
+        library.eye(**WALL, polar_angle_rad=polar).force_n(1e-3) for polar in (0.0, 0.8)
     )
     assert beside > at_pole

@@ -13,7 +13,6 @@ from scleraforce.fit.unknowns import (
     LATERAL,
     MODULUS,
     NAMES,
-    POLE,
     ROTATION,
     SIZE,
     THICKNESS,
@@ -32,6 +31,7 @@ from scleraforce.records.study import SliceStudy
 STUDY = SliceStudy()
 COLUMNS = column_laterals(STUDY)
 COUNT = 30
+POLE = [NAMES.index(name) for name in ("pole_along", "pole_across")]
 REACH_M = 8.5e-3
 
 

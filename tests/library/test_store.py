@@ -26,34 +26,27 @@ from scleraforce.library.library_plan import LibraryPlan, plan_library
 from scleraforce.library.library_store import (
     build_library,
     cached_library,
-    create_library,
-    library_store,
     open_library,
     solve_path,
-    write_library_unit,
 )
 from scleraforce.mechanics.axisymmetric_wall import EvenWall, axisymmetric_path
 from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.meridian_elements import MeridianSize
 from scleraforce.records.study import LibraryStudy, NeedleStudy, Study
 
-PATHS = 5 * 20  # of each stiffening
-UNITS = PATHS + 8 * 4 * 5  # and with other supports
-STUDY = Study(library=LibraryStudy(thicknesses=4, tensions=5, tips=6, elements=16))
+# 4 stiffenings of 16 walls, and 16 walls with 8 other supports
+UNITS = 4 * 16 + 8 * 16
+GRID = "LibraryStudy(thicknesses=4, tensions=4, tips=6, elements=8, stiffenings=4)"
+STUDY = Study(
+    library=LibraryStudy(thicknesses=4, tensions=4, tips=6, elements=8, stiffenings=4)
+)
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A library written path by path, without workers: the reference of the others."""
+    """A library made by one worker: the reference of the others."""
     path = tmp_path_factory.mktemp("made") / "library.zarr"
-    plan = plan_library(STUDY)
-    assert plan.units == UNITS
-    store = create_library(path, plan)
-
-    for unit in range(UNITS):
-        write_library_unit(store, unit, *solve_analytic(plan, unit))
-
-    store.finish()
+    build_library(STUDY, path, workers=1, solve=solve_analytic)
     return path
 
 
@@ -92,17 +85,16 @@ def test_a_library_is_read_as_it_was_solved(made):
         0.45,
         0.35e-3,
     )
+    assert library.contact_polar_rad == pytest.approx(np.radians(35.0))
 
-    for number in (0, 7, 19, 20, 53, 79):
+    for number in (0, 7, 15, 18, 63):
         force_d, displaced_d, curves_dbnc = solve_analytic(plan, number)
-        of_tissue = library.for_stiffening(plan.stiffening[number // 20])
-        place = divmod(number % 20, 5)
+        of_tissue = library.for_stiffening(plan.stiffening[number // 16])
+        place = divmod(number % 16, 4)
         assert np.array_equal(of_tissue.force_ratio_tpd[place], force_d)
         assert np.array_equal(of_tissue.displaced_tpd[place], displaced_d)
         assert np.array_equal(of_tissue.curves_tpdbnc()[place], curves_dbnc)
         assert np.array_equal(of_tissue.undented_tpbnc[place], curves_dbnc[0])
-
-    assert library.contact_polar_rad == pytest.approx(np.radians(35.0))
 
 
 @pytest.mark.slow
@@ -162,12 +154,10 @@ def test_a_build_killed_at_any_time_is_completed(made, tmp_path):
     its work.
     """
     path = tmp_path / "library.zarr"
-    study = (
-        "Study(library=LibraryStudy(thicknesses=4, tensions=5, tips=6, elements=16))"
-    )
     program, environment = script(
         tmp_path,
-        f"build_library({study}, Path(sys.argv[1]), workers=2, solve=SolvesSome("
+        f"build_library(Study(library={GRID}), Path(sys.argv[1]), workers=2,"
+        " solve=SolvesSome("
         "Path(sys.argv[2]), int(sys.argv[3])))",
     )
 
@@ -188,8 +178,7 @@ def test_a_build_killed_at_any_time_is_completed(made, tmp_path):
     assert contents(path) == contents(made)
 
 
-@pytest.mark.slow
-def test_a_damaged_chunk_is_found_and_made_again(made, tmp_path):
+def test_a_damaged_chunk_is_found(made, tmp_path):
     path = Path(shutil.copytree(made, tmp_path / "copy"))
     chunk = path / "curves" / "c" / "1" / "2" / "3" / "0" / "0" / "0" / "0"
     content = bytearray(chunk.read_bytes())
@@ -199,27 +188,33 @@ def test_a_damaged_chunk_is_found_and_made_again(made, tmp_path):
     with pytest.raises(InputError, match="curves/c/1/2/3/0/0/0/0: damaged"):
         open_library(path)
 
-    assert library_store(path, plan_library(STUDY)).missing() == [33]
-    with pytest.raises(InputError, match="1 of 260 load paths are missing"):
-        library_store(path, plan_library(STUDY)).finish()
+
+@pytest.fixture(scope="module")
+def copy(made, tmp_path_factory):
+    return Path(shutil.copytree(made, tmp_path_factory.mktemp("copy") / "library.zarr"))
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("force_ratio", np.nan, "not finite"),
+        ("displaced_m3", np.inf, "not finite"),
+        ("curves", np.inf, "not finite"),
+        ("thickness_m", 1.0, "thickness_m: not the values of its plan"),
+        ("stiffening", 1.0, "stiffening: not the values of its plan"),
+    ],
+)
 def test_impossible_values_and_other_axes_are_refused_even_where_the_hashes_agree(
-    made, tmp_path
+    copy, name, value, said
 ):
-    for name, place, value, said in (
-        ("force_ratio", 0, np.nan, "not finite"),
-        ("displaced_m3", 1, np.inf, "not finite"),
-        ("curves", 0, np.inf, "not finite"),
-        ("curves", 1, np.inf, "not finite"),
-        ("thickness_m", 1, 1.0, "thickness_m: not the values of its plan"),
-        ("stiffening", 1, 1.0, "stiffening: not the values of its plan"),
-    ):
-        path = Path(shutil.copytree(made, tmp_path / f"{name}-{place}"))
-        zarr.open_array(path / name, mode="r+")[place] = value
-        rehash_store(path)
-        with pytest.raises(InputError, match=said):
-            open_library(path)
+    array = zarr.open_array(copy / name, mode="r+")
+    sound = array[1]
+    array[1] = value
+    rehash_store(copy)
+    with pytest.raises(InputError, match=said):
+        open_library(copy)
+    array[1] = sound
+    rehash_store(copy)
 
 
 def test_other_things_are_neither_overwritten_nor_read(made, tmp_path):
@@ -234,7 +229,15 @@ def test_other_things_are_neither_overwritten_nor_read(made, tmp_path):
     with pytest.raises(InputError, match="no such library"):
         open_library(tmp_path / "nothing")
 
-    create_library(tmp_path / "begun", plan_library(STUDY))
+    with pytest.raises(KeyboardInterrupt):
+        build_library(
+            STUDY,
+            tmp_path / "begun",
+            workers=1,
+            progress=interrupting(0, []),
+            solve=solve_analytic,
+        )
+
     other = Study(needle=NeedleStudy(outer_diameter_m=0.8e-3), library=STUDY.library)
     with pytest.raises(InputError, match="begun with another plan"):
         build_library(other, tmp_path / "begun", solve=solve_analytic)
@@ -246,7 +249,7 @@ def test_other_things_are_neither_overwritten_nor_read(made, tmp_path):
 @pytest.mark.slow
 def test_a_path_that_fails_and_a_worker_that_dies_end_the_build(tmp_path):
     for solve, said in (
-        (no_solution, "path 0 of 260: no equilibrium"),
+        (no_solution, "path 0 of 192: no equilibrium"),
         (no_worker, "worker ended"),
     ):
         with pytest.raises(SolverError, match=said):
@@ -264,41 +267,26 @@ def test_the_default_covers_what_it_says():
     assert (np.diff(plan.tip_m, 2) > 0.0).all()
 
 
-@pytest.mark.parametrize(
-    ("unit", "stiffening"),
-    [(6, 0.0), (16 + 6, 0.2 * (151.0**0.25 - 1.0)), (4 * 16 + 6, 30.0)],
-)
-def test_a_path_is_that_of_the_axisymmetric_wall(tmp_path, unit, stiffening):
-    plan = plan_library(
-        Study(
-            library=LibraryStudy(
-                thicknesses=4, tensions=4, tips=5, max_tip_m=1e-3, elements=16
-            )
-        )
-    )
+@pytest.mark.parametrize("unit", [6, 3 * 16 + 6])
+def test_a_path_is_that_of_the_axisymmetric_wall(unit):
+    plan = plan_library(STUDY)
     force_d, displaced_d, curves_dbnc = solve_path(plan, unit)
-    wall = plan.path(6)
-    even = EvenWall(
+    planned = plan.path(6)
+    wall = EvenWall(
         12e-3,
-        wall.thickness_m,
+        planned.thickness_m,
         0.45,
         0.35e-3,
         stiffening=float(plan.stiffening[unit // 16]),
-        size=MeridianSize(16, 1),
+        size=MeridianSize(8, 1),
     )
-    end = PathEnd(tips_m=plan.tip_m[1:])
-    expected = axisymmetric_path(even, wall.iop_ratio, end)
-    assert plan.stiffening[unit // 16] == pytest.approx(stiffening)
-    assert np.array_equal(force_d, expected.force_ratio_m2)
-    assert np.array_equal(displaced_d, expected.displaced_m3)
-    assert curves_dbnc == pytest.approx(expected.curves_sbnc, abs=1e-9)
-    store = create_library(tmp_path / "library", plan)
-    write_library_unit(store, unit, force_d, displaced_d, curves_dbnc)
-    assert store.missing() == [n for n in range(plan.units) if n != unit]
-
-
-CACHED_UNITS = 5 * 16 + 8 * 4 * 4  # paths of each stiffening, and with other supports
-CACHED = Study(library=LibraryStudy(thicknesses=4, tensions=4, tips=5, elements=8))
+    end = PathEnd(tips_m=plan.tip_m[1:], max_force=1e-6)
+    expected = axisymmetric_path(wall, planned.iop_ratio, end)
+    solved = len(expected.tip_m)
+    assert solved >= 3
+    assert np.array_equal(force_d[:solved], expected.force_ratio_m2)
+    assert np.array_equal(displaced_d[:solved], expected.displaced_m3)
+    assert curves_dbnc[:solved] == pytest.approx(expected.curves_sbnc, abs=1e-9)
 
 
 def places(folder):
@@ -307,18 +295,18 @@ def places(folder):
 
 @pytest.mark.slow
 def test_a_library_is_built_on_first_need_only(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    folder = tmp_path / "scleraforce" / "libraries"
     done = []
-    first = cached_library(
-        CACHED, folder=tmp_path, workers=1, progress=done.append, solve=solve_analytic
-    )
-    assert sum(done) == CACHED_UNITS
-    again = cached_library(CACHED, folder=tmp_path, progress=done.append)
-    assert sum(done) == CACHED_UNITS
+    first = cached_library(STUDY, workers=1, progress=done.append, solve=solve_analytic)
+    assert sum(done) == UNITS
+    again = cached_library(STUDY, progress=done.append)
+    assert sum(done) == UNITS
     assert (first.curves_tpdbnc() == again.curves_tpdbnc()).all()
-    assert places(tmp_path) == [".lock", ".zarr"]
+    assert places(folder) == [".lock", ".zarr"]
     monkeypatch.setattr(LibraryPlan, "key", "another code")
-    cached_library(CACHED, folder=tmp_path, workers=1, solve=solve_analytic)
-    assert len(list(tmp_path.glob("*.zarr"))) == 2
+    cached_library(STUDY, workers=1, solve=solve_analytic)
+    assert len(list(folder.glob("*.zarr"))) == 2
 
 
 @pytest.mark.slow
@@ -326,7 +314,7 @@ def test_an_interrupted_build_is_continued(tmp_path):
     done = []
     with pytest.raises(KeyboardInterrupt):
         cached_library(
-            CACHED,
+            STUDY,
             folder=tmp_path,
             workers=1,
             progress=interrupting(3, []),
@@ -335,7 +323,7 @@ def test_an_interrupted_build_is_continued(tmp_path):
 
     assert places(tmp_path) == [".begun", ".lock"]
     cached_library(
-        CACHED, folder=tmp_path, workers=1, progress=done.append, solve=solve_analytic
+        STUDY, folder=tmp_path, workers=1, progress=done.append, solve=solve_analytic
     )
     assert done[0] == 3
     assert places(tmp_path) == [".lock", ".zarr"]
@@ -343,25 +331,24 @@ def test_an_interrupted_build_is_continued(tmp_path):
 
 @pytest.mark.slow
 def test_a_damaged_library_and_a_useless_beginning_are_made_again(tmp_path):
-    cached_library(CACHED, folder=tmp_path, workers=1, solve=solve_analytic)
+    cached_library(STUDY, folder=tmp_path, workers=1, solve=solve_analytic)
     (place,) = tmp_path.glob("*.zarr")
     shutil.rmtree(place / "curves" / "c" / "1")
     (place.with_suffix(".begun")).mkdir()
     (place.with_suffix(".begun") / "rubbish").write_text("")
     done = []
     cached_library(
-        CACHED, folder=tmp_path, workers=1, progress=done.append, solve=solve_analytic
+        STUDY, folder=tmp_path, workers=1, progress=done.append, solve=solve_analytic
     )
-    assert sum(done) == CACHED_UNITS
+    assert sum(done) == UNITS
     assert places(tmp_path) == [".lock", ".zarr"]
 
 
 @pytest.mark.slow
 def test_one_of_several_makers_builds(tmp_path):
-    study = "Study(library=LibraryStudy(thicknesses=4, tensions=4, tips=5, elements=8))"
     program, environment = script(
         tmp_path,
-        f"done = []; library = cached_library({study}, folder=Path(sys.argv[1]),"
+        f"done = []; library = cached_library(Study(library={GRID}), folder=Path(sys.argv[1]),"
         " workers=1, progress=done.append, solve=solve_slowly); print(sum(done),"
         " library.force_ratio_tpd.sum())",
     )
@@ -371,18 +358,11 @@ def test_one_of_several_makers_builds(tmp_path):
         for _ in range(3)
     ]
     answers = [maker.communicate(timeout=LIMIT_S)[0].split() for maker in makers]
-    assert sorted(int(built) for built, _ in answers) == [0, 0, CACHED_UNITS]
+    assert sorted(int(built) for built, _ in answers) == [0, 0, UNITS]
     assert len({total for _, total in answers}) == 1
-
-
-@pytest.mark.slow
-def test_the_cache_is_in_the_system_s_folder_for_caches(monkeypatch, tmp_path):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "caches"))
-    cached_library(CACHED, workers=1, solve=solve_analytic)
-    assert list((tmp_path / "caches" / "scleraforce" / "libraries").glob("*.zarr"))
 
 
 def test_a_cache_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="XDG_CACHE_HOME"):
-        cached_library(CACHED, folder=tmp_path / "file" / "below", solve=solve_analytic)
+        cached_library(STUDY, folder=tmp_path / "file" / "below", solve=solve_analytic)
