@@ -25,41 +25,26 @@ from predicted_walls import Walls, predict_wall
 from scleraforce.fit.curve_placement import PlacesOnFrame
 from scleraforce.fit.one_frame import fit_boundaries
 from scleraforce.fit.prior_of_an_eye import prior_of
-from scleraforce.fit.unknowns import (
-    DEPTH,
-    GAP,
-    IOP,
-    MODULUS,
-    NAMES,
-    POLE,
-    PRESSURE,
-    ROTATION,
-    SIZE,
-    THICKNESS,
-    TIP,
-)
+from scleraforce.fit.unknowns import MODULUS, NAMES, THICKNESS
 from scleraforce.records.eye import ForceDiscrepancy
 from scleraforce.records.globe import OPEN, SEALED, UNKNOWN, Globe
 from scleraforce.records.study_of_eye import RIGIDITY_LAWS
 
 
-def drawn(rng: np.random.Generator) -> np.ndarray:
-    unknown = np.zeros(len(NAMES))
-    unknown[[TIP, DEPTH, ROTATION, SIZE]] = (
-        rng.uniform(0.0, 4e-3),
-        0.5e-3,
-        rng.uniform(-0.1, 0.1),
-        rng.normal(0, 0.02),
-    )
-    unknown[[GAP, THICKNESS]] = rng.uniform(0.0, 0.9e-3), rng.uniform(0.45e-3, 0.85e-3)
-    unknown[[MODULUS, IOP, PRESSURE]] = (
-        log(0.3e6),
-        log(rng.uniform(133.0, 533.0)),
-        log(rng.uniform(150.0, 600.0)),
-    )
-    unknown[POLE] = rng.uniform(-0.5, 0.5, 2)
-
-    return unknown
+def drawn(rng: np.random.Generator, **changed: float) -> np.ndarray:
+    values = {
+        "tip_m": rng.uniform(0.0, 4e-3),
+        "lateral_m": 0.0,
+        "rotation_rad": rng.uniform(-0.1, 0.1),
+        "log_size": rng.normal(0, 0.02),
+        "gap_m": rng.uniform(0.0, 0.9e-3),
+        "thickness_m": rng.uniform(0.45e-3, 0.85e-3),
+        "log_iop": log(rng.uniform(133.0, 533.0)),
+        "log_pressure": log(rng.uniform(150.0, 600.0)),
+        "pole_along": rng.uniform(-0.5, 0.5),
+        "pole_across": rng.uniform(-0.5, 0.5),
+    }
+    return middling_eye(**values | changed)
 
 
 @pytest.mark.parametrize("globe", [OPEN, UNKNOWN], ids=["open", "unknown"])
@@ -80,8 +65,7 @@ def test_a_predicted_wall_is_the_same(globe: Globe, smoothing_m: float) -> None:
 
 
 def test_a_wall_that_folds_and_places_beside_it_are_the_same() -> None:
-    unknown = drawn(np.random.default_rng(1))
-    unknown[[TIP, ROTATION]] = 7e-3, 0.6
+    unknown = drawn(np.random.default_rng(1), tip_m=7e-3, rotation_rad=0.6)
     far = PlacesOnFrame(np.concatenate([LATERAL_M * 1.8] * 2), BOTH.boundary)
     looked_at = Walls(LIBRARY), unknown, far
     arrays = fit_arrays.predict_wall(*looked_at)
@@ -93,27 +77,28 @@ def test_a_wall_that_folds_and_places_beside_it_are_the_same() -> None:
     )
 
 
-def test_derivatives_at_an_end_of_the_library_are_differences_inwards() -> None:
-    inner = drawn(np.random.default_rng(7))
+@pytest.mark.parametrize(
+    ("name", "step"), [("tip_m", 2e-6), ("thickness_m", 1e-6), ("log_iop", 1e-3)]
+)
+def test_derivatives_at_an_end_of_the_library_are_differences_inwards(
+    name: str, step: float
+) -> None:
+    inner = drawn(np.random.default_rng(7), log_size=0.0)
     highest = LIBRARY.iop_ratio_ends(np.array([inner[THICKNESS]]))[1][0]
-    inner[SIZE] = 0.0
     ends = {
-        TIP: LIBRARY.tip_m[-1],
-        THICKNESS: LIBRARY.thickness_m[-1],
-        IOP: inner[MODULUS] + np.log(highest),
+        "tip_m": LIBRARY.tip_m[-1],
+        "thickness_m": LIBRARY.thickness_m[-1],
+        "log_iop": inner[MODULUS] + np.log(highest),
     }
+    number = NAMES.index(name)
+    found = []
+    for back in (0.0, step):
+        inner[number] = ends[name] - back
+        found.append(predict_wall(Walls(LIBRARY), inner, BOTH))
 
-    for which, step in {TIP: 2e-6, THICKNESS: 1e-6, IOP: 1e-3}.items():
-        at_end = inner.copy()
-        before = inner.copy()
-        at_end[which] = ends[which]
-        before[which] = ends[which] - step
-        found, less = (
-            predict_wall(Walls(LIBRARY), unknown, BOTH) for unknown in (at_end, before)
-        )
-        difference = (found.depth_m - less.depth_m) / step
-        off = np.abs(found.jacobian[:, which] - difference) / np.abs(difference).max()
-        assert np.quantile(off, 0.9) < 0.03, which
+    difference = (found[0].depth_m - found[1].depth_m) / step
+    off = np.abs(found[0].jacobian[:, number] - difference)
+    assert np.quantile(off, 0.9) < 0.03 * np.abs(difference).max()
 
 
 LOGARITHMIC = replace(SEALED, law=RIGIDITY_LAWS[1])
@@ -148,10 +133,8 @@ def test_the_fit_of_a_frame_is_a_minimum_as_good_as_the_truth_with_its_posterior
             predict_wall(Walls(library, globe), truth, BOTH), 5e-6, rng
         )
         depth[1, rng.random(len(LATERAL_M)) < 0.4] = np.nan
-        known = replace(
-            known_eye(truth, globe),
-            eye=replace(known_eye(truth, globe).eye, discrepancy=DISCREPANCY),
-        )
+        known = known_eye(truth, globe)
+        known = replace(known, eye=replace(known.eye, discrepancy=DISCREPANCY))
         # along a bent valley the search of a sealed globe ends early
         left = 0.01 if globe is OPEN else 0.5
         check_fit(

@@ -123,47 +123,48 @@ def limbus_m(
     return -np.tan(angle_rad) * beyond_m + 0.5 * (1 / 7.8e-3 - 1 / 12e-3) * beyond_m**2
 
 
-@pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_a_cornea_in_view_does_not_change_the_force(side: float) -> None:
+@pytest.mark.parametrize(("name", "side"), [("left", -1.0), ("right", 1.0)])
+def test_a_cornea_in_view_does_not_change_the_force(name: str, side: float) -> None:
     truth = eye(1.2e-3)
     fit = fitted(truth, boundaries(truth) + limbus_m(truth, side, 3.2e-3, 0.33))
     assert fit.force_n == pytest.approx(true_n(truth), rel=0.03)
     assert fit.outliers < 0.05
     assert form_size(fit.unknown) > 20.0
     limbus = dict(zip(unknowns.FORMS, fit.unknown[unknowns.FORM], strict=True))
-    name = "left" if side < 0 else "right"
     assert limbus[f"{name}_limbus_m"] == pytest.approx(3.2e-3, abs=0.3e-3)
     assert limbus[f"{name}_angle_rad"] == pytest.approx(-0.33, abs=0.06)
 
 
-def test_the_furrow_at_a_limbus_is_not_taken_for_the_dent() -> None:
-    for side in (-1.0, 1.0):
-        for tip_m in (0.05e-3, 0.4e-3):
-            truth = eye(tip_m, lateral_m=0.1e-3)
-            depths = boundaries(truth, noise_m=4e-6, rng=np.random.default_rng(7))
-            fit = fitted(truth, depths + limbus_m(truth, side, 2.4e-3, 0.25))
-            assert fit.contact_m == pytest.approx(truth[unknowns.LATERAL], abs=0.6e-3)
-            assert fit.force_n == pytest.approx(true_n(truth), abs=1.5e-3)
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize("tip_m", [0.05e-3, 0.4e-3])
+def test_the_furrow_at_a_limbus_is_not_taken_for_the_dent(
+    side: float, tip_m: float
+) -> None:
+    truth = eye(tip_m, lateral_m=0.1e-3)
+    depths = boundaries(truth, noise_m=4e-6, rng=np.random.default_rng(7))
+    fit = fitted(truth, depths + limbus_m(truth, side, 2.4e-3, 0.25))
+    assert fit.contact_m == pytest.approx(truth[unknowns.LATERAL], abs=0.6e-3)
+    assert fit.force_n == pytest.approx(true_n(truth), abs=1.5e-3)
 
 
-def test_a_boundary_without_errors_gives_force_contact_size_and_class_probabilities():
-    for tip_m, log_size in (
-        (0.1e-3, 0.0),
-        (0.8e-3, 0.0),
-        (2.5e-3, 0.0),
-        (1.5e-3, 0.03),
-    ):
-        truth = eye(tip_m, log_size=log_size)
-        fit = fitted(truth, boundaries(truth))
-        assert fit.force_n == pytest.approx(true_n(truth), rel=0.01, abs=5e-5)
-        assert fit.contact_m == pytest.approx(truth[unknowns.LATERAL], abs=20e-6)
-        assert fit.unknown[unknowns.SIZE] == pytest.approx(log_size, abs=0.004)
-        assert fit.misfit_m < 2e-6
-        assert fit.outliers < 0.02
-        shares = fit.probabilities(fit.interval_n)
-        np.testing.assert_allclose(shares, (0.05, 0.9, 0.05), atol=0.01)
-        assert sum(shares) == pytest.approx(1.0)
-        assert min(fit.probabilities((0.0, 1.0))) > 0.0
+@pytest.mark.parametrize(
+    ("tip_m", "log_size"),
+    [(0.1e-3, 0.0), (0.8e-3, 0.0), (2.5e-3, 0.0), (1.5e-3, 0.03)],
+)
+def test_a_boundary_without_errors_gives_force_contact_size_and_class_probabilities(
+    tip_m: float, log_size: float
+) -> None:
+    truth = eye(tip_m, log_size=log_size)
+    fit = fitted(truth, boundaries(truth))
+    assert fit.force_n == pytest.approx(true_n(truth), rel=0.01, abs=5e-5)
+    assert fit.contact_m == pytest.approx(truth[unknowns.LATERAL], abs=20e-6)
+    assert fit.unknown[unknowns.SIZE] == pytest.approx(log_size, abs=0.004)
+    assert fit.misfit_m < 2e-6
+    assert fit.outliers < 0.02
+    shares = fit.probabilities(fit.interval_n)
+    np.testing.assert_allclose(shares, (0.05, 0.9, 0.05), atol=0.01)
+    assert sum(shares) == pytest.approx(1.0)
+    assert min(fit.probabilities((0.0, 1.0))) > 0.0
 
 
 @pytest.mark.parametrize("tip_m", [0.1e-3, 0.8e-3])
@@ -183,7 +184,7 @@ def test_a_surface_that_shines_is_not_taken_for_a_shallower_dent(tip_m: float) -
         fit = fitted(truth, seen)
         assert fit.interval_n[0] < force < fit.interval_n[1]
         off.append(fit.force_n - force)
-        found.append(fit.unknown[unknowns.SHINE])
+        found.append(fit.unknown[unknowns.NAMES.index("shine_m")])
 
     # a dent hides the most of it
     assert found[0] < 0.95 * SHINE_MEAN_M < 1.05 * SHINE_MEAN_M < found[2]
@@ -248,32 +249,18 @@ def log_width(fit: BoundaryFit) -> float:
 def test_an_eyes_discrepancy_moves_its_force_and_its_uncertainty_widens_the_interval():
     truth = eye(1.5e-3)
     depth = boundaries(truth, 4e-6, np.random.default_rng(12))
+    known = known_eye(truth, relative_sd=0.001)
     exact = ForceDiscrepancy(
         level=0.1, growth=0.0, level_sd=0.0, growth_sd=0.0, correlation=0.0
     )
-    found = {}
-
-    for name, discrepancy in (
-        ("none", None),
-        ("exact", exact),
-        ("unsure", replace(exact, level_sd=0.1)),
-    ):
-        fit = fitted(
-            truth,
-            depth,
-            replace(
-                known_eye(truth, relative_sd=0.001),
-                eye=replace(
-                    known_eye(truth, relative_sd=0.001).eye, discrepancy=discrepancy
-                ),
-            ),
-        )
-        found[name] = fit.force_n, log_width(fit)
-
-    assert found["exact"][0] == pytest.approx(exp(0.1) * found["none"][0], rel=1e-3)
-    assert found["unsure"][0] == pytest.approx(found["exact"][0], rel=0.01)
-    assert found["unsure"][1] == pytest.approx(
-        np.hypot(found["exact"][1], 2 * 1.645 * 0.1), rel=0.06
+    none, moved, unsure = (
+        fitted(truth, depth, replace(known, eye=replace(known.eye, discrepancy=each)))
+        for each in (None, exact, replace(exact, level_sd=0.1))
+    )
+    assert moved.force_n == pytest.approx(exp(0.1) * none.force_n, rel=1e-3)
+    assert unsure.force_n == pytest.approx(moved.force_n, rel=0.01)
+    assert log_width(unsure) == pytest.approx(
+        np.hypot(log_width(moved), 2 * 1.645 * 0.1), rel=0.06
     )
 
 

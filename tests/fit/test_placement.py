@@ -44,12 +44,9 @@ def test_depths_agree_with_a_naive_search_along_the_curve() -> None:
 
 
 def test_light_sees_the_first_part_of_a_wall_that_folds_back() -> None:
-    folded = (
-        np.array(
-            [[-2.0, 0.0], [0.0, 0.0], [0.5, 1.0], [0.2, 2.0], [1.0, 3.0], [3.0, 3.0]]
-        )
-        * 1e-3
-    )
+    lateral = [-2.0, 0.0, 0.5, 0.2, 0.4, 1.0, 3.0]
+    down = [0.0, 0.0, 1.0, 2.0, 2.5, 3.0, 3.0]
+    folded = 1e-3 * np.stack([lateral, down], axis=1)
     places = PlacesOnFrame(
         np.array([-1e-3, 0.25e-3, 0.9e-3, 3.5e-3]), np.zeros(4, dtype=np.intp)
     )

@@ -182,18 +182,20 @@ def test_a_plane_alone_and_one_that_shows_too_little() -> None:
     assert fit_planes(LIBRARY, [planes[0], few]) == ((), None)
 
 
-def test_two_planes_that_cross_tell_the_lean_of_a_needle_and_parallel_ones_do_not():
-    tilt = np.array([0.05, -0.03])
+@pytest.mark.parametrize(
+    ("directions", "tells"), [((0.4, 1.7), True), ((0.0, 0.1), False), ((0.4,), False)]
+)
+def test_two_planes_that_cross_tell_the_lean_of_a_needle_and_parallel_ones_do_not(
+    directions, tells
+):
+    tilt = 0.05, -0.03
     shaft = np.tan([0.3, -0.2])
-    place = SpatialPlace((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), tuple(tilt), (0.0, 0.0))
+    place = SpatialPlace((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), tilt, (0.0, 0.0))
     normal = np.append(np.tan(tilt), 1.0)
     needle = np.append(shaft, 1.0)
     lean = np.arccos(normal @ needle / np.linalg.norm(normal) / np.linalg.norm(needle))
-
-    for directions, tells in (((0.4, 1.7), True), ((0.0, 0.1), False), ((0.4,), False)):
-        angles = [
-            np.arctan(np.array([np.cos(turn), np.sin(turn)]) @ shaft)
-            for turn in directions
-        ]
-        found = place.with_shafts(directions, angles).lean_rad
-        assert found == (pytest.approx(lean) if tells else None)
+    angles = [
+        np.arctan(np.array([np.cos(turn), np.sin(turn)]) @ shaft) for turn in directions
+    ]
+    found = place.with_shafts(directions, angles).lean_rad
+    assert found == (pytest.approx(lean) if tells else None)

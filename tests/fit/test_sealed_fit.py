@@ -36,6 +36,7 @@ from scleraforce.records.globe import (
 from scleraforce.records.model_folder import LIBRARY_FILE, SHIPPED_READER
 from scleraforce.records.setup import Setup
 
+PRESSURE = unknowns.NAMES.index("log_pressure")
 SEALED_WALLS = Walls(LIBRARY, UNKNOWN)
 NOISE_M = 10e-6
 EYES = 120
@@ -44,8 +45,11 @@ MODULUS_PA = 0.25e6  # of walls that a needle makes taut
 
 def eye(tip_m: float, rigidity: float) -> np.ndarray:
     """The unknowns of a middling eye; `rigidity` over that of enucleated human eyes."""
-    unknown = middling_eye(tip_m)
-    unknown[unknowns.PRESSURE] = log_pressures(unknown[None], np.array([rigidity]))[0]
+    return at_law(middling_eye(tip_m), rigidity)
+
+
+def at_law(unknown: np.ndarray, rigidity: float) -> np.ndarray:
+    unknown[PRESSURE] = log_pressures(unknown[None], np.array([rigidity]))[0]
     return unknown
 
 
@@ -70,13 +74,9 @@ def drawn_eye(rng: np.random.Generator, globe: Globe) -> tuple[np.ndarray, float
     """
     while True:
         rigidity = rng.uniform(globe.lowest, globe.highest)
-        unknown = eye(rng.uniform(0.2e-3, 1.4e-3), 0.0)
+        unknown = middling_eye(rng.uniform(0.2e-3, 1.4e-3))
         drawn_wall(unknown, rng)
-        unknown[unknowns.PRESSURE] = log_pressures(
-            unknown[None], np.array([rigidity / REFERENCE_RIGIDITY])
-        )[0]
-
-        if np.isfinite(unknown[unknowns.PRESSURE]):
+        if np.isfinite(at_law(unknown, rigidity / REFERENCE_RIGIDITY)[PRESSURE]):
             return unknown, rigidity
 
 
@@ -183,11 +183,11 @@ def spread_on_a_grid_n(truth: np.ndarray, setup: Setup) -> float:
     rigidity = globe.mean + globe.sd * (
         globe.correlation * scores[:, 0] + apart * scores[:, 1]
     )
-    sample[:, unknowns.PRESSURE] = log_pressures(
+    sample[:, PRESSURE] = log_pressures(
         sample, np.maximum(rigidity, 0.0) / REFERENCE_RIGIDITY
     )
     # elsewhere, far out, the pressure runs away
-    solved = np.isfinite(sample[:, unknowns.PRESSURE])
+    solved = np.isfinite(sample[:, PRESSURE])
     forces = force_n(Walls(LIBRARY, globe), sample[solved])
     weights = np.exp(-0.5 * (scores[solved] ** 2).sum(axis=1))
     mean = np.average(forces, weights=weights)
@@ -236,31 +236,27 @@ def library() -> Library:
 
 
 def taut_wall(
-    library: Library,
-    rigidity: float,
-    thickness_m: float,
-    pressure_pa: float,
-    modulus_pa: float = MODULUS_PA,
+    library: Library, rigidity: float, thickness_m: float
 ) -> tuple[np.ndarray, Globe]:
-    """The unknowns of a soft wall that a needle has brought to a pressure, and its
-    globe, k known to 3 %.
+    """The unknowns of a soft wall that a needle has brought to 21 mmHg, and its globe,
+    k known to 3 %.
     """
-    unknown = eye(1e-3, 0.0)
-    unknown[[unknowns.THICKNESS, unknowns.MODULUS, unknowns.IOP, unknowns.PRESSURE]] = (
-        thickness_m,
-        log(modulus_pa),
-        log(400.0),
-        log(pressure_pa),
-    )
+    pressure_pa = to_si(21.0, "mmhg")
     globe = replace(
         SEALED,
         mean=rigidity * REFERENCE_RIGIDITY,
         sd=0.03 * rigidity * REFERENCE_RIGIDITY,
     )
     tips_m = np.linspace(0.0, 3e-3, 300)
-    of_wall = np.full(300, thickness_m), np.full(300, pressure_pa / modulus_pa), tips_m
+    of_wall = np.full(300, thickness_m), np.full(300, pressure_pa / MODULUS_PA), tips_m
     needed_m3 = globe.pressure_law(globe.mean).displaced_m3(400.0, pressure_pa)
-    unknown[unknowns.TIP] = np.interp(needed_m3, library.displaced_m3(*of_wall), tips_m)
+    unknown = middling_eye(
+        float(np.interp(needed_m3, library.displaced_m3(*of_wall), tips_m)),
+        thickness_m=thickness_m,
+        log_modulus=log(MODULUS_PA),
+        log_iop=log(400.0),
+        log_pressure=log(pressure_pa),
+    )
 
     return unknown, globe
 
@@ -276,15 +272,11 @@ def test_a_frame_near_the_pressure_that_runs_away_is_read_right(
     the dents that lie best ends a third below the truth.
     """
     walls = Walls(library, SEALED)
-    unknown, globe = taut_wall(library, rigidity, thickness_m, to_si(21.0, "mmhg"))
+    unknown, globe = taut_wall(library, rigidity, thickness_m)
     depth = noisy_boundaries(
         predict_wall(walls, unknown, BOTH), 5e-6, np.random.default_rng(3)
     )
-    known = replace(
-        known_eye(unknown, globe),
-        needle=replace(known_eye(unknown, globe).needle, polar_rad=None),
-        scan=replace(known_eye(unknown, globe).scan, direction_rad=None),
-    )
+    known = known_eye(unknown, globe)
     fit = fit_boundaries(library, LATERAL_M, depth, prior_of(known, RANGES))
     assert fit is not None
     true_n = float(force_n(walls, unknown[None])[0])
