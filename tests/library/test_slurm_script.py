@@ -22,7 +22,8 @@ rings = 6
 thicknesses = 4
 tensions = 4
 tips = 6
-elements = 16
+elements = 8
+stiffenings = 1
 """
 
 
