@@ -45,8 +45,10 @@ from scleraforce.live.companions.process_messages import (
     Decided,
     Entry,
 )
+from scleraforce.live.connected_clients import ServerSettings
 from scleraforce.live.decision.limits import MonitorLimits
 from scleraforce.live.monitor_request import LOCAL, Address
+from scleraforce.live.monitor_session import MonitorSession
 from scleraforce.live.network.openigtlink import (
     Decoder,
     Image,
@@ -209,10 +211,9 @@ def run_small(
     )
     own_folder = settings.black_box
     settings = replace(settings, **stated)
-    own = vars(monitor)
     of_clients = {name: limits[name] for name in limits if name in OF_CLIENTS}
-    of_server = partial(own["ServerSettings"], **{"stalled_s": 600.0, **of_clients})
-    of_server.clients = own["ServerSettings"].clients  # type: ignore[attr-defined]
+    of_server = partial(ServerSettings, **{"stalled_s": 600.0, **of_clients})
+    of_server.clients = ServerSettings.clients  # type: ignore[attr-defined]
     clocks = {"clock": clock, "wall_clock": clock} if clock else {}
 
     with ExitStack() as stack:
@@ -223,7 +224,7 @@ def run_small(
                 Child=child,
                 Companions=lambda _: companions,
                 Guard=lambda: guard,
-                MonitorSession=partial(own["MonitorSession"], **clocks),
+                MonitorSession=partial(MonitorSession, **clocks),
                 ServerSettings=of_server,
                 RING_FRAMES=100,
                 run_in_real_time=lambda _: True,
