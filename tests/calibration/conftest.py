@@ -12,8 +12,7 @@ import pytest
 from analytic_frames import LIBRARY, moving
 
 from ideal_boundaries import virtual_sections
-from scleraforce.calibration.filter.linear_sections import LinearEye, linear_eye
-from scleraforce.lab.tissue_light import Pose
+from scleraforce.calibration.filter.eye_filter import EyeSession, begin
 from scleraforce.lab.virtual_eye import scan_plane
 from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
 from scleraforce.library import Library
@@ -31,6 +30,7 @@ from scleraforce.wall.wall_in_metres import Boundaries
 from virtual_eyes import wall_of
 
 STUDY = replace(Study(), mesh=MeshStudy(divisions=6))
+FORCES_N = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,13 @@ class Laboratory:
         )
         return LinearWall(mesh, STUDY.eye.poisson_ratio)
 
-    @staticmethod
-    @cache
-    def model(constants: Setup, thickness_uncertain: bool = False) -> LinearEye:
-        return linear_eye(STUDY, constants, thickness_uncertain)
+    def begun(self, eye: Setup, **changed: object) -> EyeSession:
+        """An eye before its first frame; its force sensor has no offset and does not
+        drift.
+        """
+        study = replace(STUDY, calibration=replace(STUDY.calibration, **changed))
+        no_error = np.diag([1e-18, 1e-18])
+        return begin(study, self.stated(eye), None, zero_covariance=no_error)
 
     def stated(self, eye: Setup) -> Setup:
         plane = scan_plane(eye)
@@ -64,17 +67,16 @@ class Laboratory:
         forces_n: list[float],
         rng: np.random.Generator,
         noise_m: float = 5e-6,
-    ) -> list[tuple[Pose, Boundaries, float]]:
-        """Poses, boundaries and forces of an eye that shifts by up to 0.2 mm between
-        frames, and is turned a little.
+    ) -> list[tuple[Boundaries, float]]:
+        """Boundaries and forces of an eye that shifts by up to 0.2 mm between frames,
+        and is turned a little.
         """
         sections = virtual_sections(
             self.wall(wall_of(eye).thickness_m), eye, forces_n, self.study
         )
         made = moving(sections, rng, noise_m, self.study)
-
         return [
-            (*frame, force_n) for frame, force_n in zip(made, forces_n, strict=True)
+            (seen, force_n) for (_, seen), force_n in zip(made, forces_n, strict=True)
         ]
 
 
@@ -91,6 +93,22 @@ def eye() -> Setup:
         ),
         needle=Needle(gap_m=0.5e-3, polar_rad=0.6, azimuth_rad=0.4),
     )
+
+
+@pytest.fixture(scope="session")
+def virtual_folder(
+    laboratory: Laboratory, eye: Setup, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """A recording of the eye in linear mechanics, under `FORCES_N`."""
+    path = tmp_path_factory.mktemp("linear") / "virtual"
+    wall = laboratory.wall(wall_of(eye).thickness_m)
+    write_phantom(
+        path,
+        plan_phantom(eye, FORCES_N, STUDY, 3),
+        lambda forces_n: virtual_sections(wall, eye, forces_n, STUDY),
+        STUDY,
+    )
+    return path
 
 
 @pytest.fixture(scope="session")
@@ -112,7 +130,7 @@ def made_up() -> Setup:
 
 @pytest.fixture(scope="session")
 def made_up_folder(made_up: Setup, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recording of the made-up eye under 2, 30, 12, 45, 20 and 38 mN."""
+    """A recording of the made-up eye under `FORCES_N`."""
     path = tmp_path_factory.mktemp("made-up") / "made-up"
 
     def sections_at(forces_n: Sequence[float]) -> list[WallSection]:
@@ -125,6 +143,6 @@ def made_up_folder(made_up: Setup, tmp_path_factory: pytest.TempPathFactory) -> 
         walls = LIBRARY.curves(wall_of(made_up).thickness_m * ones, *ratios).curves_sbnc
         return [cut_surfaces(wall, wall_of(made_up).gap_m) for wall in walls]
 
-    plan = plan_phantom(made_up, (0.002, 0.030, 0.012, 0.045, 0.020, 0.038), Study(), 3)
+    plan = plan_phantom(made_up, FORCES_N, Study(), 3)
     write_phantom(path, plan, sections_at, Study())
     return path

@@ -4,6 +4,7 @@ and unusable input.
 
 import json
 import shutil
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,6 @@ import pytest
 from analytic_frames import LIBRARY
 from small_recordings import calibration_of_a_sealed_eye
 
-from ideal_boundaries import virtual_sections
 from scleraforce.base.errors import CalibrationError
 from scleraforce.base.units import SI_PER_UNIT
 from scleraforce.calibration import calibrate, seen_frames
@@ -27,10 +27,8 @@ from scleraforce.calibration.calibration import (
 )
 from scleraforce.calibration.seen_frames import frame_order
 from scleraforce.calibration.stiffness_from_forces import TissueTrial
-from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.calibration_file import (
-    known_of_eye,
     parse_calibration_file,
     summary_of,
 )
@@ -39,7 +37,7 @@ from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 from virtual_eyes import wall_of
 
-FORCES = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
+FRAMES = 6
 
 
 def parsed(text: str) -> Calibration:
@@ -47,20 +45,8 @@ def parsed(text: str) -> Calibration:
 
 
 @pytest.fixture(scope="module")
-def recording(
-    laboratory: Any, eye: Setup, tmp_path_factory: pytest.TempPathFactory
-) -> Recording:
-    path = tmp_path_factory.mktemp("calibrate") / "virtual"
-    wall = laboratory.wall(wall_of(eye).thickness_m)
-    study = laboratory.study
-    write_phantom(
-        path,
-        plan_phantom(eye, FORCES, study, 3),
-        lambda f: virtual_sections(wall, eye, f, study),
-        study,
-    )
-
-    return read_recording(path)
+def recording(virtual_folder: Path) -> Recording:
+    return read_recording(virtual_folder)
 
 
 @pytest.fixture(scope="module")
@@ -68,29 +54,20 @@ def calibration(laboratory: Any, recording: Recording) -> Calibration:
     return calibrate_recordings([recording], laboratory.study, "hash", None)
 
 
-def test_modulus_from_raw_frames_is_within_3_percent(
-    calibration: Calibration, eye: Setup
+def test_modulus_from_raw_frames_is_within_3_percent_and_poses_within_50_um(
+    calibration: Calibration, recording: Recording, eye: Setup
 ) -> None:
     found = calibration.eyes["virtual"]
     assert found.mean_pa == pytest.approx(wall_of(eye).youngs_modulus_pa, rel=0.03)
     assert abs(found.mean_pa - wall_of(eye).youngs_modulus_pa) < 3 * found.sd_pa
     assert found.status == "ok"
-    assert calibration.population == (found.mean_pa, None)
-
-
-def test_poses_of_raw_frames_are_within_50_um(
-    calibration: Calibration, recording: Recording
-) -> None:
     truth = json.loads((recording.path / "truth.json").read_text())["frames"]
-    poses = {
-        frame["file"]: [frame["pose"]["lateral_m"], frame["pose"]["depth_m"]]
-        for frame in truth
-    }
-    found = calibration.eyes["virtual"]
+    poses = {frame["file"]: frame["pose"] for frame in truth}
 
     for record, step in zip(found.used, found.steps, strict=True):
+        pose = poses[record.file]
         assert step.registered.nuisance[:2] == pytest.approx(
-            poses[record.file], abs=50e-6
+            [pose["lateral_m"], pose["depth_m"]], abs=50e-6
         )
 
 
@@ -116,44 +93,32 @@ def test_a_chosen_frame_that_cannot_be_used_is_replaced(
     assert "0004.png" in {frame.file for frame in found.frames if frame.skipped}
 
 
-def test_light_frames_come_first_then_the_wanted_ones_rising_then_the_rest_from_the_highest():
-    forces_n = np.array([0.0, 30.0, 12.0, 45.0, 20.0, 38.0, 2.0, 44.0]) * 1e-3
-    every = [True] * 8
+ALL = [True] * 8
 
-    for included, frames, order in (
-        (every, None, [0, 1, 2, 3, 4, 5, 6, 7]),
-        (every, 1, [0, 3, 7, 5, 1, 4, 2]),
-        (every, 3, [0, 6, 2, 1, 3, 7, 5, 4]),
+
+@pytest.mark.parametrize(
+    ("included", "frames", "order"),
+    [
+        (ALL, None, [0, 1, 2, 3, 4, 5, 6, 7]),
+        (ALL, 1, [0, 3, 7, 5, 1, 4, 2]),
+        (ALL, 3, [0, 6, 2, 1, 3, 7, 5, 4]),
         ([True] * 3 + [False] + [True] * 4, 2, [0, 6, 4, 7, 5, 1, 2]),
         ([False] * 8, 3, []),
         ([n in (0, 6) for n in range(8)], 3, [0, 6]),
-    ):
-        assert frame_order(forces_n, included, 0.005, frames, rising=False) == order
+    ],
+)
+def test_light_frames_come_first_then_the_wanted_ones_rising_then_the_rest_from_the_highest(
+    included: list[bool], frames: int | None, order: list[int]
+) -> None:
+    forces_n = np.array([0.0, 30.0, 12.0, 45.0, 20.0, 38.0, 2.0, 44.0]) * 1e-3
+    assert frame_order(forces_n, included, 0.005, frames, rising=False) == order
 
+
+def test_all_frames_of_a_known_force_rise_where_they_should() -> None:
     included = [True, True, True, False, True, True]
     forces_n = np.array([0.05, 0.002, 0.01, np.nan, 0.03, 0.004])
-    assert frame_order(forces_n, included, 0.005, None, rising=True) == [
-        1,
-        5,
-        2,
-        4,
-        0,
-        3,
-    ]
-
-
-def test_file_has_the_keys_that_others_read(calibration: Calibration) -> None:
-    content = json.loads(json.dumps(calibration.to_dict(), allow_nan=False))
-    entry = content["eyes"]["virtual"]
-    assert entry["updates"] == 5
-    assert [frame["file"] for frame in entry["frames"]] == [
-        f"000{number}.png" for number in range(2, 7)
-    ]
-    assert len({frame["sha256"] for frame in entry["frames"]}) == 5
-    assert content["population"]["sd_mpa"] is None
-    assert content["population"]["mean_mpa"] == entry["mean_mpa"]
-    assert content["study_sha256"] == "hash"
-    assert len(entry["recordings"][0]["sha256"]) == 64
+    order = frame_order(forces_n, included, 0.005, None, rising=True)
+    assert order == [1, 5, 2, 4, 0, 3]
 
 
 def test_the_population_is_the_mean_of_the_sound_eyes(calibration: Calibration) -> None:
@@ -179,24 +144,31 @@ def test_the_population_is_the_mean_of_the_sound_eyes(calibration: Calibration) 
     assert population(lost=9e6).population == (9e6, None)
 
 
+def without_thickness(recording: Recording) -> Recording:
+    eye = replace(recording.info.eye, thickness_m=None)
+    return replace(recording, info=replace(recording.info, eye=eye))
+
+
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("unusable", "settings", "said"),
+    [
+        (without_thickness, {}, r"eye\.thickness_m: missing"),
+        (lambda recording: replace(recording, forces=None), {}, r"no forces\.csv"),
+        (lambda recording: recording, {"min_force_n": 1.0}, "none of its 6 frames"),
+    ],
+)
 def test_a_recording_that_cannot_be_used_is_refused(
-    laboratory: Any, recording: Recording
+    laboratory: Any,
+    recording: Recording,
+    unusable: Callable[[Recording], Recording],
+    settings: dict[str, float],
+    said: str,
 ) -> None:
     study = laboratory.study
-    info = recording.info
-    without = replace(
-        recording, info=replace(info, eye=replace(info.eye, thickness_m=None))
-    )
-    strict = replace(study, calibration=replace(study.calibration, min_force_n=1.0))
-
-    for one, of_study, said in (
-        (without, study, r"eye\.thickness_m: missing"),
-        (replace(recording, forces=None), study, r"no forces\.csv"),
-        (recording, strict, "none of its 6 frames"),
-    ):
-        with pytest.raises(CalibrationError, match=said):
-            calibrate_recordings([one], of_study, "", None)
+    study = replace(study, calibration=replace(study.calibration, **settings))
+    with pytest.raises(CalibrationError, match=said):
+        calibrate_recordings([unusable(recording)], study, "", None)
 
 
 def test_the_stiffening_of_the_eyes_and_of_the_population_survives_the_file() -> None:
@@ -223,48 +195,38 @@ def test_the_stiffening_of_the_eyes_and_of_the_population_survives_the_file() ->
     assert [frame.again.loss for frame in found.eyes["a"].frames if frame.again] == [
         3.5
     ] * 3
-    for entry in (content["population"], *content["eyes"].values()):
-        del entry["stiffening"]
-
-    for step in content["eyes"]["a"]["steps"]:
-        del step["again"]["loss"]
-
-    before = parsed(json.dumps(content))
-    assert [before.eyes[eye].stiffening for eye in "ab"] == [0.0, 0.0]
-    assert [frame.again.loss for frame in before.eyes["a"].frames if frame.again] == [
-        0.0
-    ] * 3
 
 
 HOSTILE = {
-    "stiffening": ([-1, 1e300, "5", True, None, []], "stiffening"),
-    "mean_mpa": ([1e300, "0.2", True, None, [], 10**35], "mean_mpa"),
-    "sd_mpa": ([-1, 1e300], "sd_mpa"),
-    "parameters": (
-        [{}, [], {"youngs_modulus_pa": {"mean": 1e300, "sd": 1.0}}, {"weight": {}}],
-        "parameters",
-    ),
-    "recordings": ([None, [3], [{}]], "recordings"),
-    "steps": ([{}, [{}], ["x"], []], "steps"),
+    "stiffening": [-1, 1e300, "5", True, None, []],
+    "mean_mpa": [1e300, "0.2", True, None, [], 10**35],
+    "sd_mpa": [-1, 1e300],
+    "parameters": [
+        {},
+        [],
+        {"youngs_modulus_pa": {"mean": 1e300, "sd": 1.0}},
+        {"weight": {}},
+    ],
+    "recordings": [None, [3], [{}]],
+    "steps": [{}, [{}], ["x"], []],
 }
 
 
+@pytest.mark.parametrize(
+    ("key", "value"), [(key, value) for key in HOSTILE for value in HOSTILE[key]]
+)
 def test_hostile_values_are_refused_by_their_key_before_they_are_used(
-    calibration: Calibration,
+    calibration: Calibration, key: str, value: Any
 ) -> None:
-    text = json.dumps(calibration.to_dict())
-    for key, (values, place) in HOSTILE.items():
-        for value in values:
-            content = json.loads(text)
-            assert key in content["eyes"]["virtual"]
-            content["eyes"]["virtual"][key] = value
+    content = json.loads(json.dumps(calibration.to_dict()))
+    assert key in content["eyes"]["virtual"]
+    content["eyes"]["virtual"][key] = value
+    with pytest.raises(
+        CalibrationError, match=rf"^c\.json: eyes\.virtual(\.|: ){key}"
+    ) as fault:
+        parsed(json.dumps(content))
 
-            with pytest.raises(
-                CalibrationError, match=rf"^c\.json: eyes\.virtual(\.|: ){place}"
-            ) as fault:
-                parsed(json.dumps(content))
-
-            assert "\n" not in str(fault.value)
+    assert "\n" not in str(fault.value)
 
 
 @pytest.mark.slow
@@ -301,32 +263,25 @@ def diverging(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Globe | Non
     and look at every frame.
     """
 
-    def use(status: str, rigidity: float, sd: float = 0.001) -> list[str | None]:
+    def use(status: str, rigidity: float, sd: float = 0.001) -> list[Globe | None]:
         sealed = calibration_of_a_sealed_eye().eyes["mine"]
-        asked = list[str | None]()
+        *frames, last = sealed.frames
+        asked = list[Globe | None]()
 
         def found(
             recording: Recording, _: Any, look: Any, *__: Any
         ) -> TissueTrial[EyeCalibration]:
-            assert len(
-                {look.seen(index) for index in range(len(recording.frames))}
-            ) == len(FORCES)
-            assert len(look.labelled()[0]) == len(FORCES)
-            asked.append(recording.info.eye.globe)
-            *frames, last = sealed.frames
-
-            if asked[-1] is None:
-                globe = replace(UNKNOWN, mean=rigidity * PER_UL, sd=sd * PER_UL)
-                said = status
-            else:
-                globe = SEALED
-                said = "diverged: by 5 sd"
-
+            assert len({look.seen(index) for index in range(FRAMES)}) == FRAMES
+            assert len(look.labelled()[0]) == FRAMES
+            stated = recording.info.eye.globe
+            asked.append(stated)
+            unknown = replace(UNKNOWN, mean=rigidity * PER_UL, sd=sd * PER_UL)
+            said = "diverged: by 5 sd" if stated else status
             eye = replace(
                 sealed,
                 id="virtual",
                 frames=(*frames, replace(last, status=said)),
-                globe=globe,
+                globe=SEALED if stated else unknown,
             )
             return TissueTrial.diverged(eye, 0)
 
@@ -336,72 +291,64 @@ def diverging(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Globe | Non
     return use
 
 
-def test_a_globe_is_doubted_if_frames_agree_on_another_one_and_each_is_segmented_and_labelled_once(
-    recording: Recording,
-    diverging: Callable[..., list[Globe | None]],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    segmented = list[Any]()
-    labelled = list[Any]()
-    find_wall = seen_frames.find_wall
-    label_frames = seen_frames.label_frames
-    monkeypatch.setattr(
-        seen_frames,
-        "find_wall",
-        lambda *given: segmented.append(given) or find_wall(*given),
-    )
-    monkeypatch.setattr(
-        seen_frames,
-        "label_frames",
-        lambda *given: labelled.append(given) or label_frames(*given),
-    )
-
-    for stated, status, rigidity, doubted in (
+@pytest.mark.parametrize(
+    ("stated", "status", "rigidity", "doubted"),
+    [
         (OPEN, "ok", 0.03, True),
         (OPEN, "ok", 0.0052, True),
         (OPEN, "diverged: by 4 sd", 0.0, False),
         (OPEN, "diverged: by 4 sd", 0.03, False),
         (SEALED, "ok", 0.0, True),
         (None, "diverged: by 4 sd", 0.03, False),
-    ):
-        asked = diverging(status, rigidity)
-        segmented.clear()
-        labelled.clear()
-        eye = calibrate_recordings(
-            [of_globe(recording, stated)], Study(), "hash", LIBRARY
-        ).eyes["virtual"]
-        assert set(asked) == {stated, None}
-        assert (len(segmented), len(labelled)) == (len(FORCES), 1)
-        assert eye.status.startswith("diverged")
-        assert bool(eye.recordings[-1].doubts) == doubted
-        assert (eye.globe == UNKNOWN) == doubted
-
-
-def test_an_open_globe_is_not_doubted_for_a_rigidity_that_no_closed_one_has(
-    recording: Recording, diverging: Callable[..., list[Globe | None]]
+    ],
+)
+def test_a_globe_is_doubted_if_frames_agree_on_another_one_and_each_is_segmented_and_labelled_once(
+    recording: Recording,
+    diverging: Callable[..., list[Globe | None]],
+    monkeypatch: pytest.MonkeyPatch,
+    stated: Globe | None,
+    status: str,
+    rigidity: float,
+    doubted: bool,
 ) -> None:
-    for rigidity, sd in ((0.0017, 0.0002), (0.0004, 0.001), (0.0055, 0.003)):
-        asked = diverging("ok", rigidity, sd)
-        before = calibrate_recordings(
-            [of_globe(recording, OPEN)], Study(), "hash", LIBRARY
-        )
-        eye = before.eyes["virtual"]
-        assert asked[0] == OPEN
-        assert eye.status == "ok"
-        assert (eye.globe.kind, eye.globe.mean) == ("open", rigidity * PER_UL)
-        assert eye.globe.sd == pytest.approx(
-            max(sd, rigidity / 1.645) * PER_UL, rel=1e-3
-        )
-        (doubt,) = eye.recordings[-1].doubts
-        assert "they are read as with k 0.03" in doubt
-        summary = summary_of(
-            parse_calibration_file(json.dumps(before.to_dict()).encode(), "c.json")
-        )
-        stated = of_globe(recording, OPEN).info.setup
-        assert known_of_eye(stated, summary, "virtual").eye.globe == eye.globe
-        asked.clear()
-        again = calibrate_recordings(
-            [of_globe(recording, OPEN)] * 2, Study(), "hash", LIBRARY
-        )
-        assert asked[-1] is None
-        assert again.eyes["virtual"].globe == eye.globe
+    calls = Counter[str]()
+
+    def counted(name: str) -> Callable[..., Any]:
+        original = getattr(seen_frames, name)
+        return lambda *given: calls.update([name]) or original(*given)
+
+    for name in ("find_wall", "label_frames"):
+        monkeypatch.setattr(seen_frames, name, counted(name))
+
+    asked = diverging(status, rigidity)
+    eye = calibrate_recordings(
+        [of_globe(recording, stated)], Study(), "hash", LIBRARY
+    ).eyes["virtual"]
+    assert set(asked) == {stated, None}
+    assert calls == {"find_wall": FRAMES, "label_frames": 1}
+    assert eye.status.startswith("diverged")
+    assert bool(eye.recordings[-1].doubts) == doubted
+    assert (eye.globe == UNKNOWN) == doubted
+
+
+@pytest.mark.parametrize(
+    ("rigidity", "sd"), [(0.0017, 0.0002), (0.0004, 0.001), (0.0055, 0.003)]
+)
+def test_an_open_globe_is_not_doubted_for_a_rigidity_that_no_closed_one_has(
+    recording: Recording,
+    diverging: Callable[..., list[Globe | None]],
+    rigidity: float,
+    sd: float,
+) -> None:
+    asked = diverging("ok", rigidity, sd)
+    stated = of_globe(recording, OPEN)
+    before = calibrate_recordings([stated], Study(), "hash", LIBRARY)
+    eye = before.eyes["virtual"]
+    assert asked[0] == OPEN
+    assert eye.status == "ok"
+    assert (eye.globe.kind, eye.globe.mean) == ("open", rigidity * PER_UL)
+    assert eye.globe.sd == pytest.approx(max(sd, rigidity / 1.645) * PER_UL, rel=1e-3)
+    assert len(eye.recordings[-1].doubts) == 1
+    again = calibrate_recordings([stated] * 2, Study(), "hash", LIBRARY)
+    assert asked[-1] is None
+    assert again.eyes["virtual"].globe == eye.globe

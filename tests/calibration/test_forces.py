@@ -14,12 +14,11 @@ from scleraforce.lab.virtual_eye import paper_eyes
 from scleraforce.lab.virtual_recording import plan_phantom
 from scleraforce.recordings.force_errors import (
     ZERO_PRIOR,
+    FrameForces,
     frame_forces,
     label_sds,
-    rest_zeros,
-    zero_line,
 )
-from scleraforce.recordings.forces_under_frames import label_frames, low_pass
+from scleraforce.recordings.forces_under_frames import label_frames
 from scleraforce.recordings.frame_and_force_tables import (
     FORCE_COLUMNS,
     ForceLog,
@@ -28,78 +27,6 @@ from scleraforce.recordings.frame_and_force_tables import (
 from scleraforce.recordings.recording_folder import Recording
 from scleraforce.records.recording_info import ForceInfo
 from scleraforce.records.study import ClassesStudy, PhantomStudy, Study, fixed
-
-
-def pushes(
-    drift_n_per_s: float, rng: np.random.Generator, lets_go: bool = True
-) -> tuple[np.ndarray, ...]:
-    """A log of 20 pushes of 8 s with 2 s of rest, noise of 4 mN at 200 Hz."""
-    time_s = np.arange(0, 210, 0.005)
-    phase = (time_s - 4) % 10
-    held = (time_s > 4) & (time_s < 204) & ((phase < 8) if lets_go else True)
-    force = (
-        np.where(held, 20e-3, 0.0)
-        + drift_n_per_s * time_s
-        + 4e-3 * rng.standard_normal(len(time_s))
-    )
-    frames_s = 4 + 10 * np.arange(20) + 5.0
-
-    return low_pass(force, time_s), time_s, frames_s, np.full(20, 20e-3)
-
-
-def test_rests_show_offset_and_drift_of_the_sensor() -> None:
-    for drift in (-5e-6, 0.0, 5e-6):
-        rng = np.random.default_rng(0)
-        errors = []
-
-        for _ in range(8):
-            zero, covariance = zero_line(*rest_zeros(*pushes(drift, rng)))
-            at = np.array([1.0, 100.0])
-            errors.append((at @ zero - drift * 100.0) / np.sqrt(at @ covariance @ at))
-
-        assert np.abs(np.mean(errors)) < 1.2
-        assert np.std(errors) < 2.0
-
-
-def test_a_needle_that_never_lets_go_or_hardly_pushes_has_no_rests() -> None:
-    zero, covariance = zero_line(
-        *rest_zeros(*pushes(0.0, np.random.default_rng(1), lets_go=False))
-    )
-    np.testing.assert_array_equal(zero, 0.0)
-    np.testing.assert_allclose(covariance, ZERO_PRIOR)
-    *log, forces = pushes(0.0, np.random.default_rng(2))
-    assert [len(rest_zeros(*log, scale * forces)[0]) for scale in (1.0, 0.1)] == [19, 0]
-
-
-def test_samples_and_frames_without_a_force_leave_the_others_unchanged() -> None:
-    _, time_s, frames_s, _ = pushes(0.0, np.random.default_rng(3))
-    phase = (time_s - 4) % 10
-    fz_n = -np.where((time_s > 4) & (time_s < 204) & (phase < 8), 20e-3, 0.0)
-    fz_n += 1e-3 * np.random.default_rng(4).standard_normal(len(time_s))
-    holed_n = np.where(np.abs(time_s - frames_s[7]) < 1.5, np.nan, fz_n)
-    found = []
-
-    for force_n in (fz_n, holed_n):
-        log = ForceLog(time_s, force_n[:, None], ("fz_n",))
-        frames = tuple(
-            FrameEntry(f"{k}.png", at) for k, at in enumerate(frames_s.tolist())
-        )
-        recording = Recording(
-            Path("rec"),
-            replace(LOGGED_INFO, force=ForceInfo("fz", -1, 2.0)),
-            frames,
-            log,
-        )
-        trials = label_frames(recording, ClassesStudy())
-        found.append(frame_forces(replace(recording, forces=log.known("fz")), trials))
-
-    assert np.flatnonzero(np.isnan(found[1].force_n)).tolist() == [7]
-    known = np.isfinite(found[1].force_n)
-    np.testing.assert_allclose(
-        found[1].force_n[known], found[0].force_n[known], atol=1e-4
-    )
-    assert np.isfinite(found[1].zero).all()
-
 
 CLASSES = ClassesStudy()
 
@@ -118,6 +45,73 @@ def recording_of(
     return Recording(
         Path("rec"), info, frames, ForceLog(time_s, wrench_sc, FORCE_COLUMNS[1:])
     )
+
+
+PUSHES_S = 4.0 + 10.0 * np.arange(20)
+AT_100_S = np.array([1.0, 100.0])
+FRAMES_S = (PUSHES_S + 5.0).tolist()
+
+
+def pushes(
+    drift_n_per_s: float,
+    rng: np.random.Generator,
+    lets_go: bool = True,
+    push_n: float = 20e-3,
+    noise_n: float = 4e-3,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Times and wrenches of 20 pushes of 8 s with 2 s of rest, with noise, at
+    200 Hz.
+    """
+    time_s = np.arange(0, 210, 0.005)
+    phase_s = (time_s - 4) % 10
+    held = (time_s > 4) & (time_s < 204) & ((phase_s < 8) if lets_go else True)
+    wrench_sc = np.zeros((len(time_s), 6))
+    wrench_sc[:, 2] = -(
+        np.where(held, push_n, 0.0)
+        + drift_n_per_s * time_s
+        + noise_n * rng.standard_normal(len(time_s))
+    )
+    return time_s, wrench_sc
+
+
+def forces_of(time_s: np.ndarray, wrench_sc: np.ndarray) -> FrameForces:
+    recording = recording_of(time_s, wrench_sc, FRAMES_S)
+    known = replace(recording, forces=recording.forces.known("fz"))
+    return frame_forces(known, label_frames(recording, CLASSES))
+
+
+@pytest.mark.parametrize("drift", [-5e-6, 0.0, 5e-6])
+def test_rests_show_offset_and_drift_of_the_sensor(drift: float) -> None:
+    rng = np.random.default_rng(0)
+    errors = []
+
+    for _ in range(8):
+        found = forces_of(*pushes(drift, rng))
+        sd_n = np.sqrt(AT_100_S @ found.zero_covariance @ AT_100_S)
+        errors.append((AT_100_S @ found.zero - drift * 100.0) / sd_n)
+
+    assert np.abs(np.mean(errors)) < 1.2
+    assert np.std(errors) < 2.0
+
+
+@pytest.mark.parametrize("push", [{"lets_go": False}, {"push_n": 2e-3}])
+def test_a_needle_that_never_lets_go_or_hardly_pushes_has_no_rests(
+    push: dict[str, Any],
+) -> None:
+    found = forces_of(*pushes(0.0, np.random.default_rng(1), **push))
+    np.testing.assert_array_equal(found.zero, 0.0)
+    np.testing.assert_allclose(found.zero_covariance, ZERO_PRIOR)
+
+
+def test_samples_and_frames_without_a_force_leave_the_others_unchanged() -> None:
+    time_s, wrench_sc = pushes(0.0, np.random.default_rng(3), noise_n=1e-3)
+    holed_sc = wrench_sc.copy()
+    holed_sc[np.abs(time_s - FRAMES_S[7]) < 1.5, 2] = np.nan
+    whole, holed = (forces_of(time_s, each) for each in (wrench_sc, holed_sc))
+    assert np.flatnonzero(np.isnan(holed.force_n)).tolist() == [7]
+    known = np.isfinite(holed.force_n)
+    np.testing.assert_allclose(holed.force_n[known], whole.force_n[known], atol=1e-4)
+    assert np.isfinite(holed.zero).all()
 
 
 def errors_and_sds(phantom: PhantomStudy, seeds: int) -> Iterator[tuple[float, float]]:

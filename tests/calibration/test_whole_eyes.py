@@ -12,23 +12,29 @@ from analytic_frames import moving
 
 import scleraforce as sf
 from scleraforce.base.units import SI_PER_UNIT
-from scleraforce.calibration.calibrate import LEAKS, calibrate_recordings
+from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.calibration import EyeCalibration
-from scleraforce.calibration.filter import eye_filter
 from scleraforce.calibration.filter.eye_filter import (
     RIGIDITY,
+    EyeSession,
     FrameStep,
+    begin,
     known_globe_after,
+    step,
 )
 from scleraforce.calibration.filter.eye_parameters import stated_wall
 from scleraforce.calibration.filter.library_sections import library_eye
-from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
+from scleraforce.lab.virtual_recording import (
+    PhantomPlan,
+    plan_phantom,
+    write_phantom,
+)
 from scleraforce.library import Library
 from scleraforce.library.library_store import cached_library
 from scleraforce.library.sealed_eye import iop_ratio_at_dent, iop_ratio_under_force
 from scleraforce.mechanics.contact_and_section import WallSection
-from scleraforce.recordings.recording_folder import read_recording
-from scleraforce.records.eye import Eye, Modulus
+from scleraforce.recordings.recording_folder import Recording, read_recording
+from scleraforce.records.eye import Eye
 from scleraforce.records.globe import OPEN, SEALED, UNKNOWN, Globe
 from scleraforce.records.needle import Needle
 from scleraforce.records.setup import Setup
@@ -120,6 +126,26 @@ def frames(
     return [boundaries for _, boundaries in moving(sections, rng, NOISE_M)]
 
 
+def after_frames(
+    library: Library,
+    stated: Setup,
+    forces_n: Sequence[float],
+    made: Sequence[Boundaries],
+    status: str = "ok",
+) -> list[EyeSession]:
+    """An eye after each of its frames."""
+    session = begin(STUDY, stated, library, polar_sd_rad=0.1)
+    sessions = []
+
+    for force_n, boundaries in zip(forces_n, made, strict=True):
+        session = step(session, boundaries, force_n)
+        assert isinstance(session.last, FrameStep), session.last
+        assert session.last.result.status.startswith(status)
+        sessions.append(session)
+
+    return sessions
+
+
 def calibrated(
     library: Library, rigidity: float, declared: Globe, rng: np.random.Generator
 ) -> tuple[float, Globe, float]:
@@ -129,15 +155,8 @@ def calibrated(
     modulus_pa, eye = drawn_eye(rng, rigidity)
     forces_n = [share * highest_force_n(library, modulus_pa, eye) for share in SHARES]
     stated = changed(eye, polar_rad=0.61, globe=declared)
-    found = eye_filter.begin(STUDY, stated, library, polar_sd_rad=0.1)
-
-    for force_n, boundaries in zip(
-        forces_n, frames(library, modulus_pa, eye, forces_n, rng), strict=True
-    ):
-        found = eye_filter.step(found, boundaries, force_n)
-        assert isinstance(found.last, FrameStep), found.last
-        assert found.last.result.status == "ok"
-
+    made = frames(library, modulus_pa, eye, forces_n, rng)
+    found = after_frames(library, stated, forces_n, made)[-1]
     off_pa = found.modulus.mean_pa - modulus_pa
     return (
         off_pa / modulus_pa,
@@ -161,175 +180,130 @@ def test_modulus_and_rigidity_of_a_sealed_eye_are_found_from_three_frames(
     assert globe.calibrated
 
 
-def test_an_open_eye_is_found_open_without_being_declared(library: Library) -> None:
-    for number in range(2):
-        off, globe, _ = calibrated(
-            library, 0.0, UNKNOWN, np.random.default_rng(200 + number)
-        )
-        assert abs(off) < 0.03
-        assert globe.mean / PER_UL == pytest.approx(0.0, abs=0.002)
-        assert globe.band[1] / PER_UL < 0.003
+@pytest.mark.parametrize("seed", [200, 201])
+def test_an_open_eye_is_found_open_without_being_declared(
+    library: Library, seed: int
+) -> None:
+    off, globe, _ = calibrated(library, 0.0, UNKNOWN, np.random.default_rng(seed))
+    assert abs(off) < 0.03
+    assert globe.mean / PER_UL == pytest.approx(0.0, abs=0.002)
+    assert globe.band[1] / PER_UL < 0.003
 
 
+@pytest.mark.parametrize("way", [1, -1])
 def test_an_open_eye_under_pressure_is_not_taken_for_a_soft_sealed_one(
-    library: Library,
+    library: Library, way: int
 ) -> None:
     """A search that began from a stiff globe led to 0.01 MPa in its first frame."""
+    modulus_pa = 0.2217e6
     eye = Setup(
         eye=Eye(iop_pa=378.0, thickness_m=0.541e-3, globe=OPEN),
         needle=Needle(gap_m=0.517e-3, polar_rad=0.689),
     )
     stated = changed(eye, polar_rad=0.61, globe=UNKNOWN)
+    forces_n = [0.0106, 0.0232, 0.036][::way]
+    made = frames(library, modulus_pa, eye, forces_n, np.random.default_rng(3))
+    sessions = after_frames(library, stated, forces_n, made, status="")
 
-    for forces_n in ([0.0106, 0.0232, 0.036], [0.036, 0.0232, 0.0106]):
-        made = frames(library, 0.2217e6, eye, forces_n, np.random.default_rng(3))
-        found = eye_filter.begin(STUDY, stated, library, polar_sd_rad=0.1)
+    for session in sessions:
+        found_pa = session.last.registered.wall.youngs_modulus_pa
+        assert found_pa == pytest.approx(modulus_pa, rel=0.1)
 
-        for force_n, boundaries in zip(forces_n, made, strict=True):
-            found = eye_filter.step(found, boundaries, force_n)
-            assert isinstance(found.last, FrameStep), found.last
-            assert found.last.registered.wall.youngs_modulus_pa == pytest.approx(
-                0.2217e6, rel=0.1
-            )
+    assert way == -1 or sessions[-1].modulus.mean_pa == pytest.approx(
+        modulus_pa, rel=0.05
+    )
 
-        assert forces_n[0] > forces_n[-1] or found.modulus.mean_pa == pytest.approx(
-            0.2217e6, rel=0.05
-        )
+
+class SealedEye:
+    """An eye of k 0.035 whose recordings may be drawn at other resting pressures."""
+
+    def __init__(self, library: Library) -> None:
+        self.library = library
+        self.modulus_pa, self.setup = drawn_eye(np.random.default_rng(104), 0.035)
+        self.highest_n = highest_force_n(library, self.modulus_pa, self.setup)
+
+    def plan(self, of_highest: float) -> PhantomPlan:
+        forces_n = [share * of_highest * self.highest_n for share in SHARES]
+        own = changed(self.setup, name="shut", youngs_modulus_pa=self.modulus_pa)
+        return plan_phantom(changed(own, globe=None), forces_n, STUDY, 3)
+
+    def recording(
+        self, path: Path, plan: PhantomPlan, rests_pa: Sequence[float] | None = None
+    ) -> Recording:
+        rests_pa = rests_pa or [wall_of(self.setup).iop_pa] * len(plan.frames)
+
+        def sections(forces_n: Sequence[float]) -> list[WallSection]:
+            polar_rad = wall_of(self.setup).polar_rad
+            states = [
+                replace(
+                    stated_wall(self.setup, self.modulus_pa, force_n, polar_rad),
+                    iop_pa=rest_pa,
+                )
+                for force_n, rest_pa in zip(forces_n, rests_pa, strict=True)
+            ]
+            curves = library_eye(SHARP, self.setup, self.library).curves(states)
+            return [WallSection(*each) for each in curves]
+
+        write_phantom(path, plan, sections, STUDY)
+        return read_recording(path)
+
+    def calibrated(self, recording: Recording, globe: Globe) -> EyeCalibration:
+        eye = replace(recording.info.eye, globe=globe)
+        declared = replace(recording, info=replace(recording.info, eye=eye))
+        return calibrate_recordings([declared], STUDY, "", self.library).eyes["shut"]
 
 
 def test_a_sealed_eye_that_is_declared_open_diverges_and_a_doubt_names_its_rigidity(
-    library: Library, tmp_path
+    library: Library, tmp_path: Path
 ) -> None:
-    modulus_pa, constants = drawn_eye(np.random.default_rng(104), 0.035)
-    highest_n = highest_force_n(library, modulus_pa, constants)
-    eye = Setup(
-        eye=Eye(
-            "shut",
-            thickness_m=wall_of(constants).thickness_m,
-            modulus=Modulus.stated(modulus_pa),
-            iop_pa=wall_of(constants).iop_pa,
-        ),
-        needle=Needle(
-            gap_m=wall_of(constants).gap_m,
-            polar_rad=wall_of(constants).polar_rad,
-            azimuth_rad=0.0,
-        ),
+    eye = SealedEye(library)
+    recording = eye.recording(tmp_path / "shut", eye.plan(1.0))
+    sealed = eye.calibrated(recording, SEALED)
+    assert (sealed.status, sealed.globe.kind) == ("ok", "sealed")
+    rigidity = sealed.names.index(RIGIDITY)
+    assert sealed.means[rigidity] == sealed.globe.mean
+    assert sealed.sds[rigidity] == sealed.globe.sd
+    assert not sealed.recordings[-1].doubts
+    opened = eye.calibrated(recording, OPEN)
+    assert opened.status.startswith("diverged")
+    assert opened.globe.kind == "unknown"
+    assert any(
+        doubt.startswith("eye.globe is stated as open") and " k 0.03" in doubt
+        for doubt in opened.recordings[-1].doubts
     )
-    model = library_eye(SHARP, constants, library)
-
-    def sections(forces_n: Sequence[float]) -> list[WallSection]:
-        states = [
-            stated_wall(constants, modulus_pa, force_n, wall_of(constants).polar_rad)
-            for force_n in forces_n
-        ]
-        return [WallSection(outer, inner) for outer, inner in model.curves(states)]
-
-    plan = plan_phantom(eye, [share * highest_n for share in SHARES], STUDY, 3)
-    write_phantom(tmp_path / "shut", plan, sections, STUDY)
-    recording = read_recording(tmp_path / "shut")
-
-    for declared, status, doubts in (("open", "diverged", 1), ("sealed", "ok", 0)):
-        info = replace(
-            recording.info,
-            eye=replace(recording.info.eye, globe=Globe.declared(declared)),
-        )
-        found = calibrate_recordings(
-            [replace(recording, info=info)], STUDY, "", library
-        ).eyes["shut"]
-        assert found.status.startswith(status)
-        assert found.globe.kind == ("unknown" if doubts else declared)
-
-        if not doubts:
-            rigidity = found.names.index(RIGIDITY)
-            assert (found.means[rigidity], found.sds[rigidity]) == (
-                found.globe.mean,
-                found.globe.sd,
-            )
-
-        of_globe = [
-            doubt
-            for doubt in found.recordings[-1].doubts
-            if doubt.startswith("eye.globe is stated as open")
-        ]
-        assert len(of_globe) == doubts
-        assert all(" k 0.03" in doubt for doubt in of_globe)
 
 
 def test_a_declared_leak_gives_the_rigidity_that_an_undeclared_one_hides(
     library: Library, tmp_path: Path
 ) -> None:
-    modulus_pa, constants = drawn_eye(np.random.default_rng(104), 0.035)
-    highest_n = 0.8 * highest_force_n(library, modulus_pa, constants)
-    eye = Setup(
-        eye=Eye(
-            "leak",
-            thickness_m=wall_of(constants).thickness_m,
-            modulus=Modulus.stated(modulus_pa),
-            iop_pa=wall_of(constants).iop_pa,
-        ),
-        needle=Needle(
-            gap_m=wall_of(constants).gap_m, polar_rad=wall_of(constants).polar_rad
-        ),
-    )
-    plan = plan_phantom(eye, [share * highest_n for share in SHARES], STUDY, 3)
-    law = SEALED.pressure_law(constants.eye.globe.mean)
-    thickness = np.array([wall_of(constants).thickness_m])
+    eye = SealedEye(library)
+    iop_pa = wall_of(eye.setup).iop_pa
+    rigidity = eye.setup.eye.globe.mean
+    law = SEALED.pressure_law(rigidity)
+    thickness = np.array([wall_of(eye.setup).thickness_m])
+    plan = eye.plan(0.8)
     clock_s = np.arange(0.0, plan.path.times_s[-1], 0.1)
 
     def pressed(force_n: float, leaked_m3: float) -> float:
-        rest_pa = float(law.pressure(wall_of(constants).iop_pa, -leaked_m3))
-        rest, force = np.array([[rest_pa], [force_n]]) / modulus_pa
-        return modulus_pa * float(
-            iop_ratio_under_force(
-                library, thickness, rest, force, law.over(modulus_pa)
-            )[0]
+        rest_pa = float(law.pressure(iop_pa, -leaked_m3))
+        rest, force = np.array([[rest_pa], [force_n]]) / eye.modulus_pa
+        ratio = iop_ratio_under_force(
+            library, thickness, rest, force, law.over(eye.modulus_pa)
         )
+        return eye.modulus_pa * float(ratio[0])
 
-    leaked_m3 = law.leaked_m3(
-        wall_of(constants).iop_pa, 600.0, plan.path.elastic_n(clock_s), pressed
+    leaked_m3 = law.leaked_m3(iop_pa, 600.0, plan.path.elastic_n(clock_s), pressed)
+    times_s = [frame.time_s for frame in plan.frames]
+    rests_pa = law.pressure(iop_pa, -np.interp(times_s, clock_s, leaked_m3)).tolist()
+    recording = eye.recording(tmp_path / "leak", plan, rests_pa)
+    hidden, found = (
+        eye.calibrated(recording, Globe.declared("sealed", leak_time_s=leak_time_s))
+        for leak_time_s in (None, 60.0)
     )
-    at_frames_m3 = np.interp(
-        [frame.time_s for frame in plan.frames], clock_s, leaked_m3
-    )
-
-    def sections(forces_n: Sequence[float]) -> list[WallSection]:
-        rests_pa = law.pressure(wall_of(constants).iop_pa, -at_frames_m3).tolist()
-        states = [
-            replace(
-                stated_wall(
-                    constants, modulus_pa, force_n, wall_of(constants).polar_rad
-                ),
-                iop_pa=rest_pa,
-            )
-            for force_n, rest_pa in zip(forces_n, rests_pa, strict=True)
-        ]
-
-        return [
-            WallSection(outer, inner)
-            for outer, inner in library_eye(SHARP, constants, library).curves(states)
-        ]
-
-    write_phantom(tmp_path / "leak", plan, sections, STUDY)
-    recording = read_recording(tmp_path / "leak")
-    found = []
-
-    for leak_time_s in (None, 60.0):
-        info = replace(
-            recording.info,
-            eye=replace(
-                recording.info.eye,
-                globe=Globe.declared("sealed", leak_time_s=leak_time_s),
-            ),
-        )
-        found.append(
-            calibrate_recordings(
-                [replace(recording, info=info)], STUDY, "", library
-            ).eyes["leak"]
-        )
-
-    assert found[1].globe.mean == pytest.approx(constants.eye.globe.mean, rel=0.08)
-    assert found[0].globe.mean < 0.85 * constants.eye.globe.mean
-    assert [LEAKS in eye.recordings[0].remarks for eye in found] == [False, True]
+    assert found.globe.mean == pytest.approx(rigidity, rel=0.08)
+    assert hidden.globe.mean < 0.85 * rigidity
+    remarks = [len(each.recordings[0].remarks) for each in (hidden, found)]
+    assert remarks[1] == remarks[0] + 1
 
 
 RECORDINGS = Path(__file__).parents[3] / "shared" / "recordings"

@@ -29,15 +29,10 @@ from scleraforce.lab.tissue_light import (
     sample_conjunctiva,
     sample_optics,
 )
-from scleraforce.lab.virtual_recording import needle_tip, plan_phantom, render_frame
 from scleraforce.mechanics.contact_and_section import WallSection
-from scleraforce.records.eye import Eye, Modulus
-from scleraforce.records.needle import Needle
 from scleraforce.records.scan import PixelScale
-from scleraforce.records.setup import Setup
 from scleraforce.records.study import OctStudy, Study, fixed
 from scleraforce.wall.wall_network import FrameWindow
-from virtual_eyes import wall_of
 
 # 16 bits over 120 dB: the intensity can be read back from the counts to 0.05 %.
 SCANNER = OctStudy(bits=16)
@@ -410,11 +405,6 @@ OCT = OctStudy()
 DEPTH_M = OCT.depth_m / OCT.rows
 COLUMN_M = OCT.width_m / OCT.columns
 TIP_M = np.array([0.2e-3, 2e-3])
-EYE = Setup(
-    eye=Eye("eye", thickness_m=0.6e-3, modulus=Modulus.stated(0.3e6), iop_pa=266.0),
-    needle=Needle(gap_m=0.05e-3, polar_rad=radians(35.0)),
-)
-THIN_WALL = flat_wall(0.0, 0.6e-3, half_m=9e-3, points=201)
 
 
 def steel(tilt_rad: float = 0.0, columns: int = 512, **changes: float):
@@ -477,27 +467,6 @@ def test_steel_takes_all_light_and_glass_a_part_also_from_above_the_frame() -> N
         for above_m in (0.0, 1e-3)
     )
     assert (high - low) * COLUMN_M == pytest.approx(1e-3 * tan(0.7), abs=2 * COLUMN_M)
-
-
-def test_a_needle_is_one_in_a_recording_and_leaves_every_other_number_unchanged():
-    study = replace(Study(), phantom=replace(Study().phantom, needle_count=fixed(1)))
-    with_needle, without = (
-        plan_phantom(EYE, (0.004, 0.02), each, 3) for each in (study, Study())
-    )
-    (needle,) = {frame.optics.needle for frame in with_needle.frames}
-    assert needle.gap_m == wall_of(EYE).gap_m
-    assert [replace(frame.optics, needle=None) for frame in with_needle.frames] == [
-        f.optics for f in without.frames
-    ]
-    frame = with_needle.frames[0]
-    assert needle_tip(frame, THIN_WALL) == pytest.approx(
-        (frame.pose.lateral_m, frame.pose.depth_m)
-    )
-    drawn = [
-        render_frame(each, THIN_WALL, study).frame
-        for each in (frame, without.frames[0])
-    ]
-    assert (drawn[0] != drawn[1]).any()
 
 
 STUDY = Study()

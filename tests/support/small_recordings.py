@@ -31,14 +31,7 @@ from scleraforce.calibration.calibration import (
     UsedRecording,
 )
 from scleraforce.calibration.evaluation import Evaluation, FrameAnswer
-from scleraforce.calibration.filter.eye_filter import (
-    PARAMETERS,
-    RIGIDITY,
-    SHARED,
-    EyeState,
-)
-from scleraforce.calibration.filter.section_registration import NUISANCES, PoseBelief
-from scleraforce.calibration.filter.unscented_filter import Posterior
+from scleraforce.calibration.filter.eye_filter import begin
 from scleraforce.calibration.stiffness_from_forces import KnownForce
 from scleraforce.front.report.frame_figures import AnsweredFrame, answered_frames
 from scleraforce.lab.training.slice_dataset import generate_dataset
@@ -285,16 +278,13 @@ def calibration_of_a_sealed_eye() -> Calibration:
     """E 0.3 ± 0.01 MPa, thickness 651 ± 12 µm and k 0.0312 ± 0.0012 mmHg^(1/3)/µl;
     forces 13 % high.
     """
-    names = (PARAMETERS["e"], PARAMETERS["thickness"], RIGIDITY)
-    pose = len(NUISANCES)
-    count = len(names)
-    posterior = Posterior(np.zeros(count), np.eye(count), np.eye(count), 3, ())
-    state = EyeState(
-        posterior,
-        PoseBelief(np.zeros(pose), np.eye(pose)),
-        np.zeros((count, len(SHARED))),
-        np.eye(2),
+    stated = Setup(
+        eye=Eye(iop_pa=IOP_PA, thickness_m=650e-6, globe=SEALED),
+        needle=Needle(gap_m=GAP_M, polar_rad=0.0),
     )
+    begun = begin(Study(), stated, analytic_frames.LIBRARY, ("e", "thickness"))
+    posterior = begun.state.posterior._replace(updates=3)
+    state = replace(begun.state, posterior=posterior)
     force = KnownForce(
         force_n=0.015,
         library_n=0.014,
@@ -317,7 +307,7 @@ def calibration_of_a_sealed_eye() -> Calibration:
     )
     eye = EyeCalibration(
         id="mine",
-        names=names,
+        names=begun.filter.space.names,
         means=(0.3e6, 651e-6, 1.04 * REFERENCE_RIGIDITY),
         sds=(1e4, 12e-6, 0.04 * REFERENCE_RIGIDITY),
         bounds_n=(0.005, 0.03),

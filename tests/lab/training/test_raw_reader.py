@@ -216,31 +216,6 @@ def test_frames_are_bright_between_their_boundaries_and_dark_above(
     assert abs(pairs[above].mean()) < 0.05
 
 
-@pytest.mark.slow
-def test_a_needle_crosses_its_share_and_lies_within_its_diameter(
-    source: raw_reader_training.RawSource,
-) -> None:
-    gap = GIVEN.index("gap")
-    many = raw_reader_training.RawSource(
-        source.library, study_with(needle_share=0.5)
-    ).chunk(2, 400)
-    nearest, trained = STUDY.reader.gap_m.bounds
-    gap_m = 0.5 * trained * (1.0 + many.given[:, gap])
-    stated = many.given[:, GIVEN.index("gap known")] > 0.0
-    rng = np.random.default_rng(1)
-    raw = STUDY.raw_reader
-    largest_m = raw.needle_gap_fraction * raw.needle_diameter_m.bounds[1]
-    share = 0.5 * 0.85 * nearest / largest_m
-    assert (gap_m[stated] < 0.85 * nearest).mean() == pytest.approx(share, abs=0.1)
-
-    for gap_m in (0.0, 0.1e-3, largest_m):
-        needle = raw_reader_training.draw_optics(STUDY, gap_m, rng).needle
-        assert needle.gap_m == gap_m
-        assert gap_m <= (1.0 + 1e-9) * raw.needle_gap_fraction * needle.diameter_m
-
-    assert raw_reader_training.draw_optics(STUDY, None, rng).needle is None
-
-
 def test_the_tip_touches_the_wall() -> None:
     window = FrameWindow.of(STUDY.raw_reader)
     rng = np.random.default_rng(4)
@@ -281,30 +256,3 @@ def test_the_scanner_is_the_phantoms_or_worse_by_the_given_amount(
         assert high - 0.1 * (high - low) < max(values) <= high
 
     assert all(each.conjunctiva is None for each in drawn)
-
-
-def test_a_share_of_the_frames_has_a_conjunctiva_of_the_range() -> None:
-    study = study_with(conjunctiva_share=0.3)
-    thick = [
-        each.conjunctiva.thickness_m
-        for each in drawn_optics(study, 400)
-        if each.conjunctiva is not None
-    ]
-    assert 0.22 < len(thick) / 400 < 0.38
-    low, high = study.raw_reader.conjunctiva_thickness_m.bounds
-    assert low <= min(thick) < max(thick) <= high
-    everywhere = replace(
-        study, phantom=replace(study.phantom, conjunctiva_thickness_m=fixed(1e-4))
-    )
-    assert drawn_optics(everywhere, 1)[0].conjunctiva is not None
-
-
-def test_a_linear_display_is_drawn_where_the_phantom_has_one(library: Library) -> None:
-    linear = replace(Study(), phantom=replace(Study().phantom, display="linear"))
-    assert drawn_optics(linear, 1)[0].display == "linear"
-    frames = [
-        raw_reader_training.RawSource(library, study).chunk(1, 20).frames
-        for study in (Study(), linear)
-    ]
-    walls = [each[(each > 0.3) & (each < 0.9)].size / each.size for each in frames]
-    assert abs(walls[1] - walls[0]) > 0.02  # dim tissue is dark on a linear display

@@ -4,17 +4,14 @@ runs without PyTorch.
 
 import json
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 from small_models import SMALL_STUDY
 
 from scleraforce.base.errors import ModelError
 from scleraforce.base.onnx_network import network_session, run_network
-from scleraforce.calibration.answer_metrics import dice
 from scleraforce.lab.scenes.drawn_scenes import draw_scene
 from scleraforce.lab.training import wall_network_training
 from scleraforce.lab.training.trained_models import train_wall_finder
@@ -28,7 +25,6 @@ from scleraforce.wall.wall_network import (
 )
 
 FINDER = SMALL_STUDY.wall_finder
-JUDGED = torch.ones(1, 4, dtype=torch.bool)
 
 
 @pytest.mark.slow
@@ -95,36 +91,24 @@ def test_the_graph_answers_as_the_network_does() -> None:
 def test_the_loss_grows_with_the_distance_and_counts_visible_columns_only() -> None:
     row = torch.arange(FINDER.rows, dtype=torch.float32)
     true = torch.full((1, 2, 4), 10.0)
+    nowhere = torch.full((1, 2, 4), torch.nan)
 
-    def loss_at(place: float) -> float:
-        logits = (-((row - place) ** 2) / (2 * FINDER.target_rows**2))[
-            None, None, :, None
-        ].expand(1, 2, -1, 4)
+    def loss(
+        place: float, true: torch.Tensor, wall: float, judged: bool = True
+    ) -> float:
+        """Of a network that is about that sure of a place and a wall."""
+        shape = -((row - place) ** 2) / (2 * FINDER.target_rows**2)
+        logits = shape[None, None, :, None].expand(1, 2, -1, 4)
+        walls = torch.tensor([[wall, wall, -5.0, -5.0]])
+        visible = torch.tensor([[judged, judged, True, True]])
         return wall_network_training.finder_loss(
-            logits, torch.full((1, 4), 9.0), true, JUDGED, FINDER.target_rows
+            logits, walls, true, visible, FINDER.target_rows
         ).item()
 
-    assert loss_at(10.0) < loss_at(11.0) < loss_at(14.0) < loss_at(20.0)
-    logits = torch.zeros(1, 2, FINDER.rows, 4)
-    nowhere = torch.full((1, 2, 4), float("nan"))
-
-    def loss_without_wall(wall: list[float], judged: torch.Tensor) -> float:
-        return wall_network_training.finder_loss(
-            logits, torch.tensor([wall]), nowhere, judged, FINDER.target_rows
-        ).item()
-
-    assert (
-        loss_without_wall([-5.0] * 4, JUDGED)
-        < 0.01
-        < 4.9
-        < loss_without_wall([5.0] * 4, JUDGED)
-    )
-    assert (
-        loss_without_wall(
-            [-5.0, -5.0, 50.0, -50.0], torch.tensor([[True, True, False, False]])
-        )
-        < 0.01
-    )
+    off = [loss(place, true, 9.0) for place in (10.0, 11.0, 14.0, 20.0)]
+    assert off == sorted(set(off))
+    assert loss(10.0, nowhere, -5.0) < 0.01 < 2.4 < loss(10.0, nowhere, 5.0)
+    assert loss(10.0, nowhere, 50.0, judged=False) < 0.01
 
 
 def test_a_batch_has_the_truth_of_its_scenes_in_rows_of_the_reduced_frame() -> None:
@@ -136,12 +120,3 @@ def test_a_batch_has_the_truth_of_its_scenes_in_rows_of_the_reduced_frame() -> N
     assert batch.boundaries[5, 1, middle] == pytest.approx(expected, abs=1e-4)
     assert batch.weight[5, middle] == scene.judged[nearest]
     assert FINDER.batches * FINDER.batch_size < wall_network_training.VALIDATION_SCENES
-
-
-def test_dice_of_a_scene_leaves_out_what_nobody_can_see() -> None:
-    scene = draw_scene(SMALL_STUDY.scenes, 0)
-    half = np.arange(scene.frame.shape[1]) < scene.frame.shape[1] // 2
-    found = (scene.mask > 0) & half
-    assert wall_network_training.scene_dice(found, replace(scene, judged=half)) == 1.0
-    assert wall_network_training.scene_dice(found, replace(scene, judged=~half)) == 0.0
-    assert dice(found & False, scene.mask & 0) == 1.0
