@@ -6,16 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
 
 from scleraforce.calibration.filter.eye_filter import (
     EyeSession,
     parameter_moments,
     step,
 )
-from scleraforce.calibration.filter.eye_parameters import ParameterSpace, stated_wall
-from scleraforce.calibration.filter.section_registration import BY_POLAR, predict_frame
-from scleraforce.fit.curve_placement import PlacesOnFrame
 from scleraforce.records.setup import Setup
 from scleraforce.wall.wall_in_metres import Boundaries
 from virtual_eyes import changed, wall_of
@@ -99,17 +95,6 @@ def test_errors_that_all_frames_share_are_not_averaged_away(
     assert moved == pytest.approx(0.5e-3 * session.state.sensitivity[0, 0], rel=0.25)
 
 
-@given(mean=st.floats(1e-3, 1e6), ratio=st.floats(0.01, 3.0), positive=st.booleans())
-def test_prior_has_the_moments_that_were_asked_for(
-    mean: float, ratio: float, positive: bool
-) -> None:
-    numbers = ([mean], [ratio * mean], [positive], [False])
-    space = ParameterSpace(("x",), *map(np.array, numbers))
-    (found_mean,), (found_sd,) = space.moments(*space.prior())
-    assert found_mean == pytest.approx(mean)
-    assert found_sd == pytest.approx(ratio * mean)
-
-
 def test_belief_of_the_recordings_pose_narrows_to_the_motion_of_the_eye(
     laboratory: Any, eye: Setup
 ) -> None:
@@ -127,26 +112,3 @@ def test_belief_of_the_recordings_pose_narrows_to_the_motion_of_the_eye(
     )
     assert sd[rotation] < 0.004
     assert beliefs[-1].mean[rotation] == pytest.approx(0.01, abs=0.004)
-
-
-def test_derivatives_of_a_prediction_are_quotients_of_differences(
-    laboratory: Any, eye: Setup
-) -> None:
-    model = laboratory.begun(eye).filter.model
-    places = PlacesOnFrame(np.linspace(-5e-3, 5e-3, 12), np.repeat([0, 1], 6))
-    nuisance = np.array([0.1e-3, 0.4e-3, 0.02, wall_of(eye).polar_rad, 10e-6])
-    state = stated_wall(model.setup, 0.27e6, 0.03, wall_of(eye).polar_rad)
-    placed = predict_frame(model, state, nuisance, places)
-
-    for index, size in ((0, 1e-5), (1, 1e-5), (2, 1e-3), (4, 1e-6)):
-        away = size * np.eye(5)[index]
-        less, more = (
-            predict_frame(model, state, nuisance + end, places).depth_m
-            for end in (-away, away)
-        )
-        difference = (more - less) / (2 * size)
-        np.testing.assert_allclose(
-            placed.jacobian[:, index], difference, atol=0.03 * np.abs(difference).max()
-        )
-
-    assert not placed.jacobian[:, BY_POLAR].any()

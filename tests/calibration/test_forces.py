@@ -166,23 +166,6 @@ def test_standardised_errors_of_labels_have_unit_spread(
     assert low < np.sqrt(np.mean((errors_n / sds_n) ** 2)) < high
 
 
-def test_stated_errors_grow_with_noise_steps_drift_and_motion() -> None:
-    quiet = PhantomStudy(
-        force_noise_n=fixed(1e-3), force_step_n=1e-4, force_drift_n_per_s=fixed(0.0)
-    )
-    changes = (
-        {"force_noise_n": fixed(4e-3)},
-        {"force_step_n": 5e-3},
-        {"force_drift_n_per_s": fixed(1e-3 / 60)},
-        {"frame_delay_s": fixed(0.6)},
-    )
-    studies = [replace(quiet, **change) for change in ({}, *changes)]
-    usual, *worse = (
-        np.median([sd_n for _, sd_n in errors_and_sds(study, 2)]) for study in studies
-    )
-    assert all(sd_n > 1.5 * usual for sd_n in worse)
-
-
 def test_noise_that_neighbouring_samples_share_counts_fully() -> None:
     """Noise held for 50 ms looks quiet to differences of neighbours, and is averaged
     over a tenth as often.

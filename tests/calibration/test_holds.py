@@ -115,20 +115,6 @@ def test_tissue_that_remembers_its_pushes_counts_first(seed: int) -> None:
     assert ratio.mean() == pytest.approx(1.0, abs=0.08)
 
 
-@pytest.mark.parametrize(
-    ("hold_s", "longest_s"), [(2.0, 3.0), (8.0, 10.0), (20.0, 100.0)]
-)
-@pytest.mark.parametrize("seed", SEEDS)
-def test_time_constants_far_beyond_the_holds_are_not_estimated(
-    seed: int, hold_s: float, longest_s: float
-) -> None:
-    rng = np.random.default_rng(seed)
-    pushes, _ = pushed(hold_s, rng)
-    _, found, _ = found_in(yielding(pushes), middles(pushes), rng)
-    shown = [time for time in TIMES_S if time not in found.finding.not_estimated_s]
-    assert hold_s / 4 <= max(shown) <= longest_s
-
-
 def decided(
     path: NeedlePath, pushes: tuple[Push, ...], rng: np.random.Generator, sd: float
 ) -> Relaxation:

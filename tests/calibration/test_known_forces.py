@@ -438,27 +438,6 @@ def test_any_stiffening_is_better_than_one_that_diverged() -> None:
     assert found == (STIFFENINGS[2], "poor")
 
 
-@pytest.mark.parametrize(
-    ("losses", "largest", "most"),
-    [
-        ({"forces": lambda place: 6.0 * place}, 2, 3),
-        # with the prior 4.7 at most: less than enough
-        ({"forces": lambda place: -0.5 * place**2}, 4, 8),
-        # walls that no stiffening explains: two that do worse and worse are enough
-        ({"boundaries": lambda place: 20.0 * EVEN * (1.0 + place)}, 2, 4),
-        # what is left to gain is less than the forces show
-        ({"forces": bowl(0.5, 0.5)}, 3, 6),
-    ],
-)
-def test_stiffenings_beyond_large_losses_are_not_tried(
-    losses: dict[str, Lost], largest: int, most: int
-) -> None:
-    _, tried = sought(**losses)
-    assert max(tried) == STIFFENINGS[largest]
-    assert set(STIFFENINGS[: largest + 1].tolist()) <= set(tried)
-    assert len(tried) <= most
-
-
 # Whole calibrations: the trials, the result, and the counted steps.
 
 

@@ -8,18 +8,12 @@ import numpy as np
 import pytest
 
 import scleraforce as sf
-from scleraforce.base.errors import InputError, StudyError
+from scleraforce.base.errors import InputError
 from scleraforce.records.fields import fixed
 from scleraforce.records.needle import Needle, gauge_diameter_m
 
 LEAN_RAD = np.radians(35.0)
 MODULUS_PA = 0.3e6
-
-
-def test_an_azimuth_without_a_lean_and_an_impossible_lean_are_refused() -> None:
-    for wrong in ({"lean_azimuth_rad": 0.1}, {"lean_rad": (2.0, 2.0)}):
-        with pytest.raises(StudyError, match=f"^{next(iter(wrong))}: "):
-            Needle(diameter_m=gauge_diameter_m(22), gap_m=0.3e-3, **wrong)
 
 
 @pytest.mark.slow

@@ -11,32 +11,24 @@ import cv2
 import numpy as np
 import pytest
 from analytic_frames import (
-    BOTH,
-    LATERAL_M,
     LIBRARY,
     MODULUS_PA,
     SMALL_LIBRARY,
     STUDY,
-    known_eye,
-    middling_eye,
 )
 from scanned_planes import CROSS, write_moments
 from small_models import write_fixed_reader
 
 import scleraforce as sf
-from predicted_walls import Walls, force_n as wall_force_n, predict_wall
 from scleraforce.base.errors import CalibrationError
 from scleraforce.calibration.calibrate import (
     calibrate_recordings,
 )
 from scleraforce.calibration.calibration import Calibration
 from scleraforce.calibration.evaluation import evaluate_recordings
-from scleraforce.calibration.stiffness_from_shape import EyePosterior
-from scleraforce.fit.frames_of_an_eye import ShownFrame
 from scleraforce.reading.load_model import load_reader
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.calibration_file import parse_calibration_file, summary_of
-from scleraforce.records.eye import Modulus
 from scleraforce.records.scan import Plane
 from scleraforce.records.study import Study
 
@@ -178,39 +170,6 @@ def test_without_force_a_cross_is_seen_as_one_plane_of_a_known_gap(
         False,
         False,
     ]
-
-
-def test_frames_of_other_gaps_tell_what_frames_of_one_gap_do() -> None:
-    modulus = Modulus(mean_pa=0.4e6, sd_pa=0.1e6, source="population")
-    eye = EyePosterior(
-        setup=replace(
-            known_eye(middling_eye(0.0)),
-            eye=replace(known_eye(middling_eye(0.0)).eye, modulus=modulus),
-        ),
-        study=STUDY,
-        library=LIBRARY,
-    )
-
-    def found_pa(gaps_m: np.ndarray, are_given: bool) -> float:
-        frames = list[ShownFrame]()
-        for tip_m, gap_m in zip(
-            (1e-3, 1.5e-3, 2e-3, 2.5e-3, 3e-3), gaps_m, strict=True
-        ):
-            unknown = middling_eye(tip_m, gap_m=gap_m)
-            shown = predict_wall(Walls(LIBRARY), unknown, BOTH).depth_m.reshape(2, -1)
-            force_n = float(wall_force_n(Walls(LIBRARY), unknown[None])[0])
-            frame = ShownFrame(
-                lateral_m=LATERAL_M, depth_bc=shown, force_n=force_n, force_sd_n=1e-4
-            )
-            frames.append(replace(frame, gap_m=gap_m if are_given else None))
-
-        return eye.with_frames(frames).modulus.mean_pa
-
-    of_one = found_pa(np.full(5, 0.6e-3), False)
-    gaps_m = np.array([0.45e-3, -0.7e-3, 0.5e-3, -0.75e-3, 0.6e-3])
-    assert of_one == pytest.approx(0.3e6, rel=0.03)
-    assert found_pa(gaps_m, True) == pytest.approx(of_one, rel=2e-3)
-    assert abs(found_pa(gaps_m, False) / of_one - 1.0) > 0.01
 
 
 def test_an_evaluation_leaves_out_the_whole_moment(

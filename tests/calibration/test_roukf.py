@@ -100,42 +100,6 @@ def test_every_step_equals_filterpys_full_order_ukf_with_the_same_points(
         np.testing.assert_allclose(posterior.covariance, peer.P, rtol=1e-8, atol=1e-10)
 
 
-def valley(states: Floats) -> Floats:
-    """Like the dents of a globe: shallow ones tell the first parameter, deep ones only
-    both together.
-    """
-    shares = np.linspace(0.2, 1.0, 8)
-    soft, sealed = (
-        np.exp(np.clip(values, -40.0, 40.0))
-        for values in (-states[:, :1], states[:, 1:])
-    )
-    return soft * shares - sealed * soft**2 * shares**3
-
-
-def test_a_start_in_a_bent_valley_gives_the_posterior_of_a_grid_from_a_wide_prior():
-    truth = np.array([[-1.0, 1.0]])
-    noise = 0.05**2 * np.eye(8)
-    y = valley(truth)[0] + 0.05 * np.random.default_rng(0).normal(size=8)
-    axis = np.linspace(-4.0, 4.0, 801)
-    grid = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
-    log_weights = -0.5 * (((y - valley(grid)) / 0.05) ** 2).sum(axis=1) - 0.5 * (
-        grid**2
-    ).sum(axis=1)
-    weights = np.exp(log_weights - log_weights.max())
-    mean = np.average(grid, axis=0, weights=weights)
-    sd = np.sqrt(np.diag(np.cov(grid.T, aweights=weights)))
-    params = FilterParams(sigma_points("simplex", 2), iterations=30)
-    prior = initial_posterior(np.zeros(2), np.eye(2))
-    begun = filter_step(params, prior, valley, y, noise, start=truth[0] + [0.1, 0.2])
-    assert begun.status == "ok"
-    np.testing.assert_array_less(np.abs(begun.posterior.mean - mean), 0.2 * sd)
-    np.testing.assert_allclose(
-        np.sqrt(np.diag(begun.posterior.covariance)), sd, rtol=0.15
-    )
-    # does not find the way
-    assert filter_step(params, prior, valley, y, noise).status.startswith("diverged")
-
-
 def test_a_frame_full_of_outliers_is_a_misfit_that_widens_the_noise() -> None:
     rng = np.random.default_rng(10)
     H = rng.normal(size=(10, 2))
@@ -192,9 +156,3 @@ def test_every_rule_has_zero_mean_and_unit_covariance(
     np.testing.assert_allclose(
         points.T @ (weights[:, None] * points), np.eye(dimension), atol=1e-13
     )
-
-
-def test_the_corners_of_a_simplex_are_equally_far_apart() -> None:
-    corners = sigma_points("simplex", 4).points_rp
-    distances = np.linalg.norm(corners[:, None] - corners[None], axis=-1)
-    np.testing.assert_allclose(distances[~np.eye(5, dtype=bool)], distances[0, 1])

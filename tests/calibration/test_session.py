@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from analytic_library import with_walls
 from small_models import fixed_finder
 
 from ideal_boundaries import ideal_boundaries
@@ -18,7 +17,6 @@ from scleraforce.calibration import seen_frames
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.calibration import Calibration, parse_calibration
 from scleraforce.calibration.filter.eye_filter import begin, step
-from scleraforce.calibration.filter.section_registration import PoseBelief
 from scleraforce.lab.tissue_light import Pose
 from scleraforce.library import Library
 from scleraforce.library.plane_cut import cut_surfaces
@@ -81,6 +79,9 @@ def test_frames_one_by_one_give_the_result_of_the_recording(
         means.append(eye.modulus.mean_pa)
 
     whole = calibration.eyes["made-up"]
+    settings = STUDY.calibration
+    assert prior.mean_pa == pytest.approx(settings.prior_mean_pa)
+    assert prior.sd_pa == pytest.approx(settings.prior_sd_pa)
     assert means[0] == prior.mean_pa  # 2 mN: a reference of the pose
     assert means[1:] == [frame.mean_pa for frame in whole.used]
     assert eye.modulus.sd_pa == whole.used[-1].sd_pa
@@ -272,28 +273,3 @@ def test_a_session_starts_with_any_frame_and_its_earlier_values_stay_unchanged(
     empty = replace(seen, depth_m=np.full_like(seen.depth_m, np.nan))
     assert step(after, empty, 0.001).state is after.state
     assert step(after, empty, 0.03).modulus.mean_pa == after.modulus.mean_pa
-
-
-def test_sessions_of_walls_of_any_tissue_share_the_pose_of_first_frames_of_little_force(
-    library: Library, recording: Recording
-) -> None:
-    """It moves by less than its standard deviation with E's walls 30 % stiffer."""
-    forces, boundaries = frames(recording)
-    other = with_walls(library, force_ratio_btpd=1.3 * library.walls.force_ratio_btpd)
-
-    def belief(
-        walls: Library, poses: dict[Boundaries, PoseBelief] | None = None
-    ) -> PoseBelief:
-        eye = begin(STUDY, STATED, walls, poses=poses)
-        for frame in (0, 3):
-            eye = step(eye, boundaries[frame], float(forces.force_n[frame]))
-
-        return eye.state.belief
-
-    poses = dict[Boundaries, PoseBelief]()
-    belief(library, poses)
-    assert list(poses) == boundaries[:1]
-    shared = belief(other, poses)
-    own = belief(other)
-    assert (np.abs(shared.mean - own.mean) <= np.sqrt(np.diag(own.covariance))).all()
-    assert (shared.mean != own.mean).any()

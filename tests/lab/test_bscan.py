@@ -25,7 +25,6 @@ from scleraforce.lab.tissue_light import (
     Pose,
     PressingNeedle,
     ReflectionLine,
-    Shadow,
     sample_conjunctiva,
     sample_optics,
 )
@@ -176,28 +175,6 @@ def test_light_is_the_given_one_at_the_surface_and_falls_with_twice_the_attenuat
     assert len(filled) == pytest.approx(index * FLAT_THICKNESS_M / ROW_M, abs=1)
 
 
-def test_point_spread_function_correlates_speckle_as_its_width_says_and_keeps_its_mean():
-    # A Gaussian amplitude spread s correlates the intensity of speckle as exp(-d^2/(2
-    # s^2)); s = width/(2 sqrt(ln 2)).
-    pixel_m = np.array([ROW_M, SCANNER.width_m / SCANNER.columns])
-    width = np.array([5.0, 8.0])
-    spread = {
-        "axial_resolution_m": width[0] * pixel_m[0],
-        "lateral_resolution_m": width[1] * pixel_m[1],
-    }
-    light = np.stack([seen(seed=seed, **spread)[80:380] for seed in range(3)])[
-        :, 60:240
-    ]
-    assert light.mean() == pytest.approx(10**7.0, rel=0.05)
-
-    for axis, lag in ((1, 3), (2, 5)):
-        sigma = width[axis - 1] / (2 * np.sqrt(np.log(2)))
-        one = np.delete(light, np.s_[:lag], axis)
-        other = np.delete(light, np.s_[-lag:], axis)
-        measured = np.corrcoef(one.ravel(), other.ravel())[0, 1]
-        assert measured == pytest.approx(np.exp(-(lag**2) / (2 * sigma**2)), abs=0.05)
-
-
 def test_lines_and_covers_are_in_their_rows_with_their_level_and_tilt():
     mean = seen(
         lines=(ReflectionLine(depth_m=0.2e-3, level_db=20.0, thickness_m=8e-6),)
@@ -230,35 +207,6 @@ def test_bands_are_black_and_hold_no_truth_and_bright_tissue_saturates_at_the_la
         ).frame
         assert (frame.dtype, frame.max()) == (np.uint16, 2**bits - 1)
         assert (frame[WALL_ROWS] == frame.max()).mean() > 0.99
-
-
-def test_shadow_takes_its_share_of_the_light_within_its_width():
-    light = seen(shadows=(Shadow(centre_m=2e-3, width_m=2e-3, loss_fraction=0.6),))[
-        WALL_ROWS
-    ].mean(axis=0)
-    away = np.abs(LATERAL_M - 2e-3)
-    whole = light[away > 3e-3].mean()
-    assert light[away < 0.5e-3].mean() / whole == pytest.approx(0.4, rel=0.07)
-    assert light[np.abs(away - 1e-3) < 0.05e-3].mean() / whole == pytest.approx(
-        0.7, rel=0.12
-    )
-
-
-def test_choroid_is_weaker_by_its_level_and_falls_with_its_own_attenuation():
-    choroid = {"level_db": -10.0, "attenuation_per_m": 4000.0, "thickness_m": 300e-6}
-    light = seen(
-        attenuation_per_m=700.0,
-        **{f"choroid_{name}": value for name, value in choroid.items()},
-    ).mean(axis=1)
-    bottom_m = FLAT_TOP_M + FLAT_THICKNESS_M
-    rows = np.arange(
-        rows_of(bottom_m, bottom_m).start, rows_of(bottom_m, bottom_m + 300e-6).stop
-    )
-    slope, start = np.polyfit((rows + 0.5) * ROW_M - bottom_m, np.log(light[rows]), 1)
-    assert slope == pytest.approx(-8000.0, rel=0.05)
-    last_of_wall = 10**7.0 * np.exp(-2 * 700.0 * FLAT_THICKNESS_M)
-    assert np.exp(start) / last_of_wall == pytest.approx(0.1, rel=0.08)
-    assert light[rows[-1] + 6 :].max() < 2.0
 
 
 def test_a_conjunctiva_lies_over_the_wall_weaker_by_its_level_and_outside_of_the_truth():
@@ -305,20 +253,6 @@ def test_the_conjunctiva_attenuates_light_as_the_wall_does_and_the_wall_below_re
     row = (FLAT_TOP_M + (SCANNER.refractive_index - 1) * 200e-6) / ROW_M
     assert abs(mean.argmax() + 0.5 - row) <= 1.0
     assert mean.max() > 20 * 1e4
-
-
-def test_mirror_reflection_is_seen_at_normal_incidence_and_lost_on_a_slope():
-    surface_row = round(FLAT_TOP_M / ROW_M)
-
-    def brightest(slope):
-        light = seen(flat_wall(slope=slope), snr_db=40.0, reflection_db=20.0)
-        return (
-            light[surface_row - 3 : surface_row + 3, 250:262].max(axis=0).mean()
-            / light[WALL_ROWS].mean()
-        )
-
-    assert brightest(0.0) > 20.0
-    assert brightest(np.tan(0.35)) < 8.0
 
 
 def test_wall_that_folds_over_is_filled_as_a_naive_winding_number_says():
@@ -381,26 +315,6 @@ def test_any_optics_of_the_study_give_a_repeatable_frame(seed):
     assert (first != other).any()
 
 
-@pytest.mark.parametrize(
-    ("display", "shown"), [("linear", lambda light: light), ("root", np.sqrt)]
-)
-def test_a_linear_display_shows_the_intensity_itself_and_one_of_roots_its_root(
-    display: str, shown
-) -> None:
-    scales = replace(CLEAR, snr_db=20.0, display_floor_db=-10.0, display_range_db=50.0)
-    logarithmic, found = (
-        render(flat_wall(), replace(scales, display=name)).frame / (2**16 - 1)
-        for name in ("logarithmic", display)
-    )
-    intensity = 10.0 ** ((50.0 * logarithmic - 10.0) / 10.0)
-    lit = (logarithmic > 0.0) & (logarithmic < 1.0)
-    expected = (shown(intensity) - shown(0.1)) / (shown(1e4) - shown(0.1))
-    np.testing.assert_allclose(found[lit], expected[lit], rtol=2e-3, atol=2e-5)
-    # light of 100 times the noise, of 10,000
-    wall = {"linear": 0.01, "root": 0.086}[display]
-    assert found[300, 200:300].mean() == pytest.approx(wall, rel=0.3)
-
-
 OCT = OctStudy()
 DEPTH_M = OCT.depth_m / OCT.rows
 COLUMN_M = OCT.width_m / OCT.columns
@@ -416,9 +330,9 @@ def steel(tilt_rad: float = 0.0, columns: int = 512, **changes: float):
 def test_a_plane_beside_the_axis_cuts_the_chord_of_the_cylinder_and_beyond_the_radius_nothing():
     for gap_m in (0.0, 0.1e-3, 0.24e-3):
         # the area of 40 rows: finer than a column
-        inside = steel(columns=8192, gap_m=gap_m).inside[128:168]
+        inside = steel(columns=2048, gap_m=gap_m).inside[128:168]
         chord_m = 2.0 * np.sqrt(0.25e-3**2 - gap_m**2)
-        assert float(inside.sum()) / 40 * OCT.width_m / 8192 == pytest.approx(
+        assert float(inside.sum()) / 40 * OCT.width_m / 2048 == pytest.approx(
             chord_m, abs=5e-6
         )
 

@@ -199,22 +199,6 @@ def test_same_seed_gives_the_same_bytes_and_another_seed_or_eye_others(
     assert (logs[0] == logs[1]) is same
 
 
-def test_a_conjunctiva_is_one_in_a_recording_and_slides_from_push_to_push():
-    study = replace(
-        STUDY, phantom=replace(STUDY.phantom, conjunctiva_thickness_m=st.fixed(140e-6))
-    )
-    plans = (plan_phantom(EYE, FORCES_N, each, 3) for each in (study, STUDY))
-    with_layer, bare = ([frame.optics for frame in each.frames] for each in plans)
-    layers = [optics.conjunctiva for optics in with_layer]
-    assert len({layer.phase_rad for layer in layers}) == len(FORCES_N)
-    assert len({replace(layer, phase_rad=0.0, press=None) for layer in layers}) == 1
-    assert [layer.press.force_n for layer in layers] == list(FORCES_N)
-    assert {(layer.press.radius_m, layer.press.gap_m) for layer in layers} == {
-        (0.35e-3, wall_of(EYE).gap_m)
-    }
-    assert [replace(optics, conjunctiva=None) for optics in with_layer] == bare
-
-
 def test_nothing_half_written_is_left_and_nothing_is_overwritten(
     written, plan, tmp_path
 ):
@@ -413,22 +397,6 @@ def test_the_eye_and_the_light_change_smoothly_within_their_ranges() -> None:
 
     assert len({frame.optics.shadows for frame in frames}) == 1
     assert len({frame.seed for frame in frames}) == len(frames)
-
-
-@pytest.mark.slow
-def test_a_recording_of_it_is_labelled_with_the_force_at_each_frame(tmp_path) -> None:
-    plan = moving()
-    write_phantom(tmp_path / "rec", plan, flat_sections, MOVING_STUDY)
-    recording = read_recording(tmp_path / "rec")
-    assert recording.info.force.average_s == 0.1
-    trials = label_frames(recording, MOVING_STUDY.classes)
-    errors_n = np.array([trial.measured_force_n for trial in trials]) - plan.forces_n
-    # noise of 4 mN and steps of 5 mN below 5 Hz
-    assert np.sqrt((errors_n**2).mean()) < 1.5e-3
-    assert list(true_forces(tmp_path / "rec").values()) == plan.forces_n
-    truth = truth_of(tmp_path / "rec")
-    assert truth["path"]["forces_n"] == list(plan.path.forces_n)
-    assert "push" not in truth["frames"][0]
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 and every range matters.
 """
 
-from collections.abc import Iterator
 from dataclasses import fields, replace
 from typing import Any
 
@@ -20,7 +19,7 @@ from scleraforce.lab.scenes.drawn_scenes import (
     seen_columns,
 )
 from scleraforce.records import study as st
-from scleraforce.records.fields import Choice, field_unit, fixed
+from scleraforce.records.fields import fixed
 
 # of the range of counts: tissue is brighter, noise darker, in a plain scene
 SHOWN = 0.35
@@ -200,19 +199,9 @@ def test_black_bands_and_a_pages_sides_show_no_wall_nor_do_columns_where_it_leav
     )
 
 
-# A study in which everything is there: what each range does can be seen.
-PIXELS = st.Range(min=1e-6, max=200e-6)
+# A study in which everything is there.
 FULL = st.ScenesStudy(
-    window=varied(
-        STUDY.window,
-        rows=64,
-        columns=72,
-        pixel_m=PIXELS,
-        width_m=15e-3,
-        depth_share=0.45,
-        centred_share=1.0,
-        deep_share=0.0,
-    ),
+    window=varied(STUDY.window, rows=64, columns=72, width_m=15e-3, depth_share=0.45),
     eye=only(STUDY.eye, 1.0, half_sphere_share=0.0),
     tissue=only(STUDY.tissue, 1.0, 2, corrected_share=0.0),
     over=only(STUDY.over, 1.0, 2, speck_count=100, vessel_count=3, glass_share=0.0),
@@ -220,91 +209,46 @@ FULL = st.ScenesStudy(
         STUDY.scanner, 1.0, 2, averaged_share=0.0, linear_share=0.0, root_share=0.0
     ),
 )
-# shares
-NEEDS = {
-    "glass_pass": "glass",
-    "deep_": "deep",
-    "averaged_": "averaged",
-    "sclera_thickness": "half_sphere",
-}
 
 
-def at_ends(part: str, name: str) -> Iterator[st.ScenesStudy]:
-    """The full study with a range narrowed to each of its ends; a share, a single
-    value: 0 and 1.
-    """
+@pytest.mark.parametrize(
+    ("part", "name"),
+    [
+        (part, item.name)
+        for part in ("eye", "tissue", "over", "scanner")
+        for item in fields(getattr(FULL, part))
+        if item.name.endswith(("_share", "_count"))
+    ],
+)
+def test_each_thing_that_may_be_there_is_seen_in_one_of_twelve_scenes(
+    part: str, name: str
+) -> None:
     record = getattr(FULL, part)
-    default = getattr(getattr(STUDY, part), name)
-    needs = {
-        f"{share}_share": 1.0
-        for start, share in NEEDS.items()
-        if name.startswith(start)
-    }
-
-    if isinstance(default, float):
-        values: list[Any] = [0.0, 1.0]
-    else:
-        low, high = default.bounds
-        kind = (
-            fixed
-            if isinstance(default, Choice)
-            else lambda value: st.Range(min=value, max=value)
-        )
-        values = [kind(low), kind(high)]
-
-    if name == "pixel_m":
-        values = [PIXELS, st.Range(min=1e-6, max=50e-6)]
-
-    # A line thinner than a pixel is drawn as one of a pixel, a gap as one of two: only
-    # small frames tell.
-    near = {
-        "line_m": {},
-        "speckle_rows": {},
-        "axial_m": {},
-        "gap_m": {"view_m": 9e-3, "centred_share": 0.0},
-    }
-    window = (
-        {"window": varied(FULL.window, width_m=4e-3, **near[name])}
-        if name in near
-        else {}
+    there = 1.0 if name.endswith("_share") else 2
+    studies = [
+        replace(FULL, **{part: varied(record, **{name: value})}) for value in (0, there)
+    ]
+    pairs = (
+        [draw_scene(study, number).frame for study in studies] for number in range(12)
     )
-
-    for value in values:
-        yield replace(
-            FULL, **window, **{part: replace(record, **(needs | {name: value}))}
-        )
+    assert any(not np.array_equal(bare, full) for bare, full in pairs)
 
 
-@pytest.mark.parametrize("part", ["window", "eye", "tissue", "over", "scanner"])
-def test_every_range_changes_one_of_twelve_scenes(part: str) -> None:
-    for item in fields(getattr(FULL, part)):
-        low, high = at_ends(part, item.name)
-        frames = (
-            [draw_scene(study, number).frame for study in (low, high)]
-            for number in range(12)
-        )
-        assert any(not np.array_equal(first, second) for first, second in frames), (
-            item.name
-        )
-
-
-def test_counts_are_whole_numbers_and_shares_do_not_exceed_the_whole() -> None:
-    with pytest.raises(
-        StudyError, match=r"scenes\.over\.bubble_count: give a list of whole numbers"
-    ):
-        st.parse_study("[scenes.over]\nbubble_count = [0.5]")
-
-    with pytest.raises(
-        StudyError, match=r"scenes\.scanner\.root_share: with linear_share more than 1"
-    ):
-        st.parse_study("[scenes.scanner]\nlinear_share = 0.6\nroot_share = 0.6")
-
-    assert (
-        field_unit(
-            next(item for item in fields(st.SceneEyeStudy) if item.name == "wave_m")
-        ).name
-        == "um"
-    )
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        ("[scenes.over]\nbubble_count = [0.5]", "scenes.over.bubble_count"),
+        (
+            "[scenes.scanner]\nlinear_share = 0.6\nroot_share = 0.6",
+            "scenes.scanner.root_share: with linear_share more than 1",
+        ),
+    ],
+)
+def test_counts_are_whole_numbers_and_shares_do_not_exceed_the_whole(
+    text: str, key: str
+) -> None:
+    with pytest.raises(StudyError, match=key):
+        st.parse_study(text)
 
 
 ROWS = 200
@@ -323,20 +267,25 @@ def frame(
     return np.clip(counts, 0, 65535).astype(np.uint16)
 
 
-def test_a_wall_is_seen_by_a_step_of_light_at_one_of_its_boundaries_in_the_frame():
-    # from half a standard deviation of the noise on
-    assert seen_columns(frame(20.0), SURFACE, INNER).mean() > 0.9
-    assert seen_columns(frame(2.0), SURFACE, INNER).mean() < 0.2
-    assert seen_columns(frame(40.0, last=ROWS), SURFACE, INNER).all()
-    assert seen_columns(frame(40.0, first=0), SURFACE, INNER).all()
-    assert seen_columns(frame(40.0, first=0, last=ROWS), SURFACE, INNER).mean() < 0.03
-    below_something_bright = frame(300.0, first=20, last=60)
-    assert not seen_columns(
-        below_something_bright, SURFACE, np.full(COLUMNS, 190.0)
-    ).any()
-    assert not seen_columns(
-        frame(60.0, first=0), np.full(COLUMNS, -20.0), np.full(COLUMNS, 300.0)
-    ).any()
+@pytest.mark.parametrize(
+    ("counts", "surface", "inner", "least", "most"),
+    [
+        # from half a standard deviation of the noise on
+        (frame(20.0), 60.0, 110.0, 0.9, 1.0),
+        (frame(2.0), 60.0, 110.0, 0.0, 0.2),
+        (frame(40.0, last=ROWS), 60.0, 110.0, 1.0, 1.0),
+        (frame(40.0, first=0), 60.0, 110.0, 1.0, 1.0),
+        (frame(40.0, first=0, last=ROWS), 60.0, 110.0, 0.0, 0.03),
+        # below something bright; beyond the frame
+        (frame(300.0, first=20, last=60), 60.0, 190.0, 0.0, 0.0),
+        (frame(60.0, first=0), -20.0, 300.0, 0.0, 0.0),
+    ],
+)
+def test_a_wall_is_seen_by_a_step_of_light_at_one_of_its_boundaries_in_the_frame(
+    counts, surface, inner, least, most
+):
+    seen = seen_columns(counts, np.full(COLUMNS, surface), np.full(COLUMNS, inner))
+    assert least <= seen.mean() <= most
 
 
 def test_narrow_shadows_are_bridged_and_wide_ones_are_not_judged() -> None:

@@ -9,7 +9,6 @@ import pytest
 import torch
 
 from scleraforce.base.onnx_network import network_session
-from scleraforce.lab.tissue_light import BscanOptics
 from scleraforce.lab.training import raw_reader_training
 from scleraforce.lab.training.force_reader_training import (
     ReaderNetwork,
@@ -228,31 +227,3 @@ def test_the_tip_touches_the_wall() -> None:
     lowest = columns[rows == rows.max()] - window.columns / 2
     assert rows.max() * window.row_m == pytest.approx(1.45e-3, abs=0.06e-3)
     assert abs(lowest.mean() * window.column_m - 0.4e-3) < 0.6e-3
-
-
-def drawn_optics(study: Study, count: int) -> list[BscanOptics]:
-    return [
-        raw_reader_training.draw_optics(study, None, np.random.default_rng(seed))
-        for seed in range(count)
-    ]
-
-
-@pytest.mark.parametrize(("loss_db", "factor"), [(0.0, 1.0), (6.0, 3.0)])
-def test_the_scanner_is_the_phantoms_or_worse_by_the_given_amount(
-    loss_db: float, factor: float
-) -> None:
-    study = study_with(snr_loss_db=fixed(loss_db), speckle_factor=fixed(factor))
-    drawn = drawn_optics(study, 200)
-    worse = {
-        "snr_db": (loss_db, 1.0),
-        "lateral_resolution_m": (0.0, factor),
-        "axial_resolution_m": (0.0, factor),
-    }
-
-    for name, (less, times) in worse.items():
-        values = [(getattr(each, name) + less) / times for each in drawn]
-        low, high = getattr(study.phantom, name).bounds
-        assert low <= min(values) < low + 0.1 * (high - low)
-        assert high - 0.1 * (high - low) < max(values) <= high
-
-    assert all(each.conjunctiva is None for each in drawn)

@@ -11,7 +11,6 @@ import onnx
 import onnxruntime
 import pytest
 import torch
-from analytic_library import solve_analytic
 
 from scleraforce.base.errors import InputError
 from scleraforce.front.cli.main import run
@@ -19,17 +18,14 @@ from scleraforce.lab.training import force_reader_training
 from scleraforce.lab.training.gradient_descent import chosen_device
 from scleraforce.lab.training.reader_samples import SampleSource
 from scleraforce.lab.training.trained_models import train_reader
-from scleraforce.library.library_store import build_library
 from scleraforce.reading.force_network import ratio_edges
 from scleraforce.reading.load_model import load_reader
 from scleraforce.records.study import (
-    Choice,
     EyeStudy,
     LibraryStudy,
     Range,
     ReaderStudy,
     Study,
-    format_study,
 )
 
 TINY = Study(
@@ -153,30 +149,6 @@ def test_training_learns_and_is_the_same_with_any_number_of_processes(source) ->
     )
 
 
-@pytest.mark.parametrize(
-    ("lateral_m", "drawn"),
-    [
-        (Range(min=-1e-3, max=1e-3), [0, 1]),
-        (Range(min=0.0, max=1e-3), [0, 1, 2]),
-        (Choice((-1e-3, 0.5e-3, 1e-3)), [0, 1, 2]),
-    ],
-)
-def test_mirror_images_are_learned_from_where_left_and_right_are_drawn_alike(
-    source, lateral_m, drawn
-) -> None:
-    samples = source.chunk(1, 40)
-    asked = list[int]()
-
-    def draw(number: int):
-        asked.append(number)
-        return samples
-
-    study = replace(TINY, reader=replace(TINY.reader, lateral_m=lateral_m))
-    fitted = force_reader_training.fit_reader(study, draw, 0)
-    assert asked == drawn
-    assert len(set(fitted.training_loss)) == 3
-
-
 def test_metrics_are_counted_as_by_hand(source) -> None:
     samples = source.chunk(3, 100)
     outputs = force_reader_training.network_outputs(network(), samples)
@@ -210,91 +182,37 @@ def test_the_runtime_takes_the_folder_and_gives_the_network_s_answers(
     study = replace(TINY, reader=replace(TINY.reader, epochs=1))
     record = train_reader(library, study, tmp_path / "model", workers=1)
     model = load_reader(tmp_path / "model")
-    assert model.kind == "reader"
-    assert model.study == study
+    assert (model.kind, model.study) == ("reader", study)
     assert model.record["metrics"] == json.loads(json.dumps(record["metrics"]))
     assert model.record["samples"] == {"training": 2000, "validation": 500}
     card = (tmp_path / "model/card.md").read_text(encoding="utf-8")
     assert "| `youngs_modulus_mpa` | 0.15 to 0.65 |" in card
     assert f"{record['metrics']['mae_mn']:.2f} mN" in card
-
     with np.load(tmp_path / "model/library.npz") as stored:
-        curves_m = float(stored["curves_error_m"])
-        stiffness = float(stored["stiffness_error"])
-
-    assert model.record["library"] == {"curves_m": curves_m, "stiffness": stiffness}
-    assert f"off by at most {1e6 * curves_m:.2g} µm" in card
-
-
-@pytest.mark.slow
-def test_the_command_trains_a_reader_and_prints_its_json(
-    tmp_path: Path, capsys
-) -> None:
-    build_library(TINY, tmp_path / "library.zarr", workers=1, solve=solve_analytic)
-    (tmp_path / "study.toml").write_text(
-        format_study(replace(TINY, reader=replace(TINY.reader, epochs=1)))
-    )
-    train = ["train", str(tmp_path / "library.zarr"), "--out", str(tmp_path / "model")]
-    assert (
-        run(
-            [
-                *train,
-                "--study",
-                str(tmp_path / "study.toml"),
-                "--kind",
-                "reader",
-                "--json",
-            ]
-        )
-        == 0
-    )
-    result = json.loads(capsys.readouterr().out)
-    assert (result["kind"], result["epochs"]) == ("reader", 1)
-    assert all(
-        result[key] > 0
-        for key in ("validation_accuracy", "mae_mn", "coverage", "seconds")
-    )
+        assert model.record["library"] == {
+            "curves_m": float(stored["curves_error_m"]),
+            "stiffness": float(stored["stiffness_error"]),
+        }
 
 
-def test_a_reader_is_not_trained_on_a_library_of_another_eye_or_a_folder_of_slices(
-    library, tmp_path, capsys
-) -> None:
+def test_a_reader_is_not_trained_on_a_library_of_another_eye(library, tmp_path) -> None:
+    other = replace(TINY, eye=EyeStudy(radius_m=11e-3))
     with pytest.raises(InputError, match=r"radius 0\.012, the study has 0\.011"):
-        train_reader(
-            library, replace(TINY, eye=EyeStudy(radius_m=11e-3)), tmp_path / "model"
-        )
+        train_reader(library, other, tmp_path / "model")
 
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("options", "said"), [([], "library"), (["--search"], "--search")]
+)
+def test_a_reader_is_neither_trained_on_slices_nor_searched_for(
+    tmp_path, capsys, options, said
+) -> None:
     (tmp_path / "data.zarr").mkdir()
-    assert (
-        run(
-            [
-                "train",
-                str(tmp_path / "data.zarr"),
-                "--kind",
-                "reader",
-                "--out",
-                str(tmp_path / "model"),
-            ]
-        )
-        == 2
-    )
-    assert "library" in capsys.readouterr().err
-    assert (
-        run(
-            [
-                "train",
-                str(tmp_path),
-                "--kind",
-                "reader",
-                "--search",
-                "--out",
-                str(tmp_path / "model"),
-            ]
-        )
-        == 2
-    )
-    assert "--search" in capsys.readouterr().err
+    out = ["--out", str(tmp_path / "model"), "--kind", "reader"]
+    assert run(["train", str(tmp_path / "data.zarr"), *out, *options]) == 2
+    assert said in capsys.readouterr().err
 
 
 @pytest.mark.slow

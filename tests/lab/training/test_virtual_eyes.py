@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from analytic_library import made_up_library, without_rests
+from analytic_library import without_rests
 from small_recordings import LOGGED_INFO
 
 from scleraforce.fit.one_frame import fit_boundaries
@@ -35,7 +35,6 @@ from scleraforce.lab.training.interval_measurement import (
     calibrated,
     draw_eye,
     draw_frames,
-    of_population,
 )
 from scleraforce.library import INNER, OUTER
 from scleraforce.mechanics.tissue_material import ELASTIC
@@ -63,17 +62,6 @@ EXACT = Study(
         pole_noise_rad=0.0,
     )
 )
-
-
-@pytest.fixture
-def _still_base(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Skip the base's movement, which takes 0.3 s an eye and decides no drawn or stated
-    value.
-    """
-    monkeypatch.setattr(
-        "scleraforce.calibration.filter.library_sections.base_moves",
-        lambda *arguments: np.zeros((2, len(arguments[-1]), 3)),
-    )
 
 
 @pytest.fixture(scope="module")
@@ -213,29 +201,6 @@ def test_an_even_eye_is_calibrated_and_three_frames_are_used_up(
     assert known.eye.modulus.mean_pa == pytest.approx(
         eye.wall.youngs_modulus_pa, rel=0.05
     )
-
-
-@pytest.mark.usefixtures("_still_base")
-def test_an_eye_has_tissue_that_stiffens_as_often_as_stated_and_is_then_given_other_eyes():
-    library = made_up_library()
-    study = replace(EXACT, reader=replace(EXACT.reader, stiffening_share=0.4))
-    eyes = [
-        draw_eye(study, library, 0, np.random.default_rng(seed)) for seed in range(60)
-    ]
-    places = [np.log1p(eye.model.library.stiffening) for eye in eyes]
-    assert 15 <= np.count_nonzero(places) <= 34
-    rng = np.random.default_rng(2)
-
-    def stated(index: int, times: int) -> np.ndarray:
-        given = (of_population(eyes[index], EXACT, rng).eye for _ in range(times))
-        return np.log1p([eye.stiffening or 0.0 for eye in given])
-
-    assert not stated(int(np.argmin(places)), 20).any()
-    middle = int(np.argmin(np.abs(np.array(places) - 1.7)))
-    assert stated(middle, 2000).mean() == pytest.approx(places[middle], abs=0.04)
-    assert stated(middle, 2000).std() == pytest.approx(0.5, abs=0.03)
-    # no more than the library holds
-    assert stated(int(np.argmax(places)), 200).max() == np.log1p(30.0)
 
 
 @pytest.mark.slow

@@ -88,29 +88,6 @@ def test_the_graph_answers_as_the_network_does() -> None:
     assert wall == pytest.approx(wall_logits.sigmoid().numpy(), abs=1e-5)
 
 
-def test_the_loss_grows_with_the_distance_and_counts_visible_columns_only() -> None:
-    row = torch.arange(FINDER.rows, dtype=torch.float32)
-    true = torch.full((1, 2, 4), 10.0)
-    nowhere = torch.full((1, 2, 4), torch.nan)
-
-    def loss(
-        place: float, true: torch.Tensor, wall: float, judged: bool = True
-    ) -> float:
-        """Of a network that is about that sure of a place and a wall."""
-        shape = -((row - place) ** 2) / (2 * FINDER.target_rows**2)
-        logits = shape[None, None, :, None].expand(1, 2, -1, 4)
-        walls = torch.tensor([[wall, wall, -5.0, -5.0]])
-        visible = torch.tensor([[judged, judged, True, True]])
-        return wall_network_training.finder_loss(
-            logits, walls, true, visible, FINDER.target_rows
-        ).item()
-
-    off = [loss(place, true, 9.0) for place in (10.0, 11.0, 14.0, 20.0)]
-    assert off == sorted(set(off))
-    assert loss(10.0, nowhere, -5.0) < 0.01 < 2.4 < loss(10.0, nowhere, 5.0)
-    assert loss(10.0, nowhere, 50.0, judged=False) < 0.01
-
-
 def test_a_batch_has_the_truth_of_its_scenes_in_rows_of_the_reduced_frame() -> None:
     batch = wall_network_training.scene_batch(SMALL_STUDY, 2)
     scene = draw_scene(SMALL_STUDY.scenes, 2 * FINDER.batch_size + 5)
