@@ -265,18 +265,6 @@ def test_a_puncture_is_of_an_eye_that_keeps_still(tmp_path):
         write_phantom(tmp_path / "x", plan, study_sections(EYE, turning), turning)
 
 
-def test_linear_sections_scale_with_the_force_and_start_from_the_loaded_wall():
-    rest, one, two = LinearSections(EYE, STUDY)([0.0, 0.01, 0.02])
-    middle = len(rest.outer) // 2
-    depth_m = [section.outer[middle, 1] for section in (rest, one, two)]
-    assert depth_m[1] - depth_m[0] > 0.1e-3
-    assert depth_m[2] - depth_m[0] == pytest.approx(
-        2 * (depth_m[1] - depth_m[0]), rel=0.05
-    )
-    thickness = np.linalg.norm(rest.outer[middle] - rest.inner[middle])
-    assert thickness == pytest.approx(600e-6, rel=0.05)
-
-
 def forces_mn(eyes):
     return 1e3 * np.array([force_n for _, forces_n in eyes for force_n in forces_n])
 

@@ -20,9 +20,9 @@ from scleraforce.reading.load_model import (
 )
 from scleraforce.records.model_folder import (
     SHIPPED_LIVING,
-    SHIPPED_PAPER,
     SHIPPED_READER,
     SHIPPED_WALL_FINDER,
+    path_or_bundled,
 )
 from scleraforce.records.study import MeshStudy, Study, parse_study, preset_toml
 
@@ -128,12 +128,6 @@ def check_sections(study: Study, wanted: Study, target: str, *names: str) -> Non
     assert different == [], f"run `make {target}`"
 
 
-def test_the_shipped_classifier_is_trained_as_today() -> None:
-    now = fingerprint.classifier_fingerprint(study_of(SHIPPED_PAPER))
-    found = moved(record_of(SHIPPED_PAPER)["fingerprint"], now)
-    assert not found, "run `make paper`"
-
-
 def test_the_shipped_wall_finder_is_of_the_default_study_small_and_trained_as_today():
     study = study_of(SHIPPED_WALL_FINDER)
     check_sections(study, Study(), "wall-finder", "scenes", "wall_finder")
@@ -186,26 +180,16 @@ def test_the_shipped_readers_are_of_the_default_study_and_of_their_preset_whole_
     )
 
 
-def test_the_shipped_classifier_is_the_papers_whole_and_small() -> None:
-    reader = load_reader("paper")
+def test_the_shipped_classifier_is_the_papers_whole_small_and_trained_as_today():
+    folder = path_or_bundled("paper")
+    reader = load_reader(folder)
     assert reader.kind == "classifier"
     # what "automatic" is in `generate`
     today = replace(Study(), mesh=MeshStudy(kind="hexahedra"))
-    check_sections(
-        reader.study,
-        today,
-        "paper",
-        "eye",
-        "mesh",
-        "needle",
-        "slice",
-        "classes",
-        "dataset",
-        "network",
-    )
-    assert (
-        reader.record["samples"]["training"] + reader.record["samples"]["validation"]
-        == 19_200
-    )
+    sections = "eye", "mesh", "needle", "slice", "classes", "dataset", "network"
+    check_sections(reader.study, today, "paper", *sections)
+    assert sum(reader.record["samples"].values()) == 19_200
     assert reader.record["metrics"]["validation_accuracy"] > 0.93
-    assert sum(file.stat().st_size for file in SHIPPED_PAPER.iterdir()) < 8e6
+    assert sum(file.stat().st_size for file in folder.iterdir()) < 8e6
+    now = fingerprint.classifier_fingerprint(study_of(folder))
+    assert not moved(reader.record["fingerprint"], now), "run `make paper`"

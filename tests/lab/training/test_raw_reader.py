@@ -55,7 +55,7 @@ TINY = Study(
 )
 
 
-def network(seed: int = 1) -> raw_reader_training.RawReaderNetwork:
+def tiny_network(seed: int = 1) -> raw_reader_training.RawReaderNetwork:
     torch.manual_seed(seed)
     made = raw_reader_training.RawReaderNetwork(
         TINY, ReaderNetwork(TINY.reader, TINY.slice, TINY.eye.radius_m)
@@ -73,7 +73,7 @@ def test_sure_boundaries_make_the_slice_of_the_wall_between_them() -> None:
     logits = torch.full((1, 2, 80, 72), -50.0)
     logits[0, 0, outer] = 50.0
     logits[0, 1, inner] = 50.0
-    cut = network().slices(logits, torch.full((1, 72), 50.0))[0].numpy()
+    cut = tiny_network().slices(logits, torch.full((1, 72), 50.0))[0].numpy()
     assert cut.shape == (40, 140)
     expected = np.zeros(40)
     expected[10] = 0.75
@@ -86,17 +86,17 @@ def test_sure_boundaries_make_the_slice_of_the_wall_between_them() -> None:
     logits = torch.full((1, 2, 80, 72), -50.0)
     logits[0, 0, [18, 22]] = 5.0
     logits[0, 1, 36] = 50.0
-    cut = network().slices(logits, torch.full((1, 72), 50.0))[0].numpy()
+    cut = tiny_network().slices(logits, torch.full((1, 72), 50.0))[0].numpy()
     assert cut[:, 70].sum() * TINY.slice.pixel_m == pytest.approx(
         (36 - 20) * 50e-6, rel=1e-4
     )
     assert cut[10, 70] == pytest.approx(0.5, abs=1e-4)
-    absent = network().slices(logits, torch.full((1, 72), -50.0)).numpy()
+    absent = tiny_network().slices(logits, torch.full((1, 72), -50.0)).numpy()
     assert absent.max() < 1e-12
 
 
 def test_the_graph_answers_as_the_network_does() -> None:
-    made = network()
+    made = tiny_network()
     rng = np.random.default_rng(2)
     frames = rng.uniform(-0.4, 1.4, (3, 80, 144)).astype(np.float32)
     given = rng.normal(size=(3, len(GIVEN))).astype(np.float32)

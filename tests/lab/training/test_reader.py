@@ -54,7 +54,7 @@ def source(library) -> SampleSource:
     return SampleSource(library, TINY.reader, TINY.slice)
 
 
-def network(seed: int = 1) -> force_reader_training.ReaderNetwork:
+def tiny_network(seed: int = 1) -> force_reader_training.ReaderNetwork:
     torch.manual_seed(seed)
     return force_reader_training.ReaderNetwork(TINY.reader, TINY.slice, 12e-3).eval()
 
@@ -105,7 +105,7 @@ def test_the_histogram_is_the_mixture_s_density_summed_up() -> None:
 
 def test_onnx_runtime_answers_as_pytorch_does(source) -> None:
     samples = source.chunk(5, 200)
-    net = network()
+    net = tiny_network()
 
     with torch.inference_mode():
         wall = torch.from_numpy((samples.slices > 0).astype(np.float32))
@@ -141,7 +141,7 @@ def test_training_learns_and_is_the_same_with_any_number_of_processes(source) ->
     assert first.training_loss[-1] < first.training_loss[0] - 0.3
     samples = source.chunk(9, 500)
     untrained = force_reader_training.reader_metrics(
-        force_reader_training.network_outputs(network(), samples), samples, TINY
+        force_reader_training.network_outputs(tiny_network(), samples), samples, TINY
     )
     assert (
         force_reader_training.measure_reader(first.network, source, TINY)["mae_mn"]
@@ -151,7 +151,7 @@ def test_training_learns_and_is_the_same_with_any_number_of_processes(source) ->
 
 def test_metrics_are_counted_as_by_hand(source) -> None:
     samples = source.chunk(3, 100)
-    outputs = force_reader_training.network_outputs(network(), samples)
+    outputs = force_reader_training.network_outputs(tiny_network(), samples)
     metrics = force_reader_training.reader_metrics(outputs, samples, TINY)
     mixtures, places_mm = (torch.cat(values) for values in zip(*outputs, strict=True))
     edges = ratio_edges(TINY.reader.bins, TINY.reader.max_force_ratio)
