@@ -397,37 +397,34 @@ def test_through_the_wall_the_force_falls_within_milliseconds_and_friction_turns
     through,
 ) -> None:
     pierced, _ = through
-    puncture = pierced.path.puncture
-    times_s = np.array([frame.time_s for frame in pierced.frames])
-    forces_n = np.array(pierced.forces_n)
-    travels_m = np.array([frame.travel.travel_m for frame in pierced.frames])
+    path = pierced.path
+    puncture = path.puncture
     assert puncture.force_n == 0.04
-    after_s = np.array([0.0, puncture.fall_s / 2, puncture.fall_s]) + puncture.time_s
-    left_n = puncture.friction_fraction * 0.04
-    assert pierced.path.felt_n(after_s) == pytest.approx(
-        [0.04, (0.04 + left_n) / 2, left_n]
-    )
     assert puncture.fall_s <= 4e-3
-    on = (times_s > puncture.time_s + puncture.fall_s) & (
-        times_s < puncture.driven_s[-2]
-    )
-    assert forces_n[on] == pytest.approx(left_n)
-    assert (np.diff(travels_m[on]) > 0.0).all(), "the needle continues"
+    friction_n = puncture.friction_fraction * 0.04
+    after_s = puncture.time_s + puncture.fall_s * np.array([0.0, 0.5, 1.0])
+    falling_n = [0.04, (0.04 + friction_n) / 2, friction_n]
+    assert path.felt_n(after_s) == pytest.approx(falling_n)
+    out_s = puncture.out_s + puncture.fall_s
+    assert path.felt_n(np.array([out_s, 99.0])) == pytest.approx([0.0, 0.0])
+
+    times_s = np.array([frame.time_s for frame in pierced.frames])
+    turns_s = puncture.driven_s[-2]
+    on = (times_s > puncture.time_s + puncture.fall_s) & (times_s < turns_s)
+    back = (times_s > turns_s) & (times_s < puncture.out_s)
+    forces_n = np.array(pierced.forces_n)
+    assert forces_n[on] == pytest.approx(friction_n)
+    assert forces_n[back].min() == pytest.approx(-friction_n)
+    assert times_s[-1] <= out_s
+    travels_m = np.array([frame.travel.travel_m for frame in pierced.frames])
     before = (times_s > puncture.time_s - 0.1) & (times_s < puncture.time_s)
+    assert (np.diff(travels_m[on]) > 0.0).all(), "the needle continues"
     assert np.diff(travels_m[on]).mean() == pytest.approx(
         np.diff(travels_m[before]).mean()
     )
-    back = (times_s > puncture.driven_s[-2]) & (times_s < puncture.out_s)
     assert (np.diff(travels_m[back]) < 0.0).all()
-    assert forces_n[back].min() == pytest.approx(-left_n)
-    assert forces_n[times_s > puncture.out_s + puncture.fall_s].tolist() == []
-    assert pierced.path.felt_n(
-        np.array([puncture.out_s + puncture.fall_s, 99.0])
-    ) == pytest.approx([0.0, 0.0])
-    inside_m = [frame.travel.inside_m for frame in pierced.frames]
-    assert inside_m[np.flatnonzero(times_s < puncture.out_s)[-1]] == pytest.approx(
-        0.0, abs=5e-5
-    )
+    inside_m = np.array([frame.travel.inside_m for frame in pierced.frames])
+    assert inside_m[back][-1] == pytest.approx(0.0, abs=5e-5)
 
 
 def test_the_dent_springs_back_is_pulled_outwards_and_a_track_stays_as_deep_as_the_needle_was(

@@ -13,7 +13,6 @@ from scene_studies import only
 
 from scleraforce.base.errors import FrameError
 from scleraforce.lab import drawn_bscan
-from scleraforce.lab.scanner import scanner_light
 from scleraforce.lab.scanner.measured_scanner import (
     MeasuredScanner,
     drawn_alike,
@@ -21,11 +20,6 @@ from scleraforce.lab.scanner.measured_scanner import (
     measure_scanner,
     study_text,
 )
-from scleraforce.lab.scanner.scanner_display import (
-    Estimate,
-    Unmeasured,
-)
-from scleraforce.lab.scanner.scanner_light import SurfaceLight, reflections
 from scleraforce.lab.scenes.drawn_scenes import draw_scene
 from scleraforce.lab.tissue_light import ReflectionLine, Shadow
 from scleraforce.records.study import PhantomStudy, parse_study
@@ -344,32 +338,3 @@ def test_behind_a_wall_of_even_light_the_noise_shows_the_display(display: str) -
         DISPLAY_FEW[:1], replace(SCANNER, bits=16), attenuation_per_m=20.0, **shown
     )
     assert measure_scanner(eyes).display.name == display
-
-
-def light_about(gain: float, angle_rad: float, seed: int) -> SurfaceLight:
-    """Light of one look about a surface that is where it was found."""
-    rng = np.random.default_rng(seed)
-    slope = rng.uniform(0.0, 0.4, 20_000)
-    below = rng.uniform(-5.0, 5.0, 20_000)
-    mean = scanner_light._seen(
-        slope, below, np.full(20_000, 1.2), np.array([gain, angle_rad, 0.3, *[0.0] * 6])
-    )
-    light = mean * rng.exponential(1.0, 20_000)
-
-    return SurfaceLight(
-        slope_rad=slope, below=below, light=light, sigma_rows=1.2, noise=0.05
-    )
-
-
-def test_a_ridge_that_falls_with_the_angle_is_a_reflection_and_one_at_all_angles_is_not():
-    """At all angles, the fit runs to the largest angle that it looks for, and knows
-    that end exactly.
-    """
-    (strength,), angle = reflections([light_about(4.0, 0.12, 1)])
-    assert isinstance(strength, Estimate)
-    assert strength.value == pytest.approx(10 * np.log10(4.0), abs=1.0)
-    assert isinstance(angle, Estimate)
-    assert 0.1 < angle.value < 0.14
-    (strength,), angle = reflections([light_about(3.0, 50.0, 2)])
-    assert isinstance(strength, Unmeasured)
-    assert isinstance(angle, Unmeasured)

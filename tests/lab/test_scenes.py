@@ -15,8 +15,6 @@ from scleraforce.calibration.answer_metrics import dice
 from scleraforce.lab.scenes.drawn_scenes import (
     Scene,
     draw_scene,
-    judged_columns,
-    seen_columns,
 )
 from scleraforce.records import study as st
 from scleraforce.records.fields import fixed
@@ -249,53 +247,6 @@ def test_counts_are_whole_numbers_and_shares_do_not_exceed_the_whole(
 ) -> None:
     with pytest.raises(StudyError, match=key):
         st.parse_study(text)
-
-
-ROWS = 200
-COLUMNS = 160
-SURFACE = np.full(COLUMNS, 60.0)
-INNER = np.full(COLUMNS, 110.0)
-
-
-def frame(
-    level: float, first: int = 60, last: int = 110, noise: float = 20.0
-) -> np.ndarray:
-    """Noise, and a band that is brighter."""
-    rng = np.random.default_rng(0)
-    counts = rng.exponential(noise, (ROWS, COLUMNS))
-    counts[first:last] += level
-    return np.clip(counts, 0, 65535).astype(np.uint16)
-
-
-@pytest.mark.parametrize(
-    ("counts", "surface", "inner", "least", "most"),
-    [
-        # from half a standard deviation of the noise on
-        (frame(20.0), 60.0, 110.0, 0.9, 1.0),
-        (frame(2.0), 60.0, 110.0, 0.0, 0.2),
-        (frame(40.0, last=ROWS), 60.0, 110.0, 1.0, 1.0),
-        (frame(40.0, first=0), 60.0, 110.0, 1.0, 1.0),
-        (frame(40.0, first=0, last=ROWS), 60.0, 110.0, 0.0, 0.03),
-        # below something bright; beyond the frame
-        (frame(300.0, first=20, last=60), 60.0, 190.0, 0.0, 0.0),
-        (frame(60.0, first=0), -20.0, 300.0, 0.0, 0.0),
-    ],
-)
-def test_a_wall_is_seen_by_a_step_of_light_at_one_of_its_boundaries_in_the_frame(
-    counts, surface, inner, least, most
-):
-    seen = seen_columns(counts, np.full(COLUMNS, surface), np.full(COLUMNS, inner))
-    assert least <= seen.mean() <= most
-
-
-def test_narrow_shadows_are_bridged_and_wide_ones_are_not_judged() -> None:
-    counts = frame(60.0)
-    counts[60:110, 40:55] -= 60
-    counts[60:110, 100:140] -= 60
-    seen, judged = judged_columns(counts, SURFACE, SURFACE, INNER)
-    assert seen[:95].all()
-    assert not seen[105:135].any()
-    assert np.array_equal(seen, judged)
 
 
 def test_averaged_frames_have_smooth_noise_and_in_part_smooth_tissue() -> None:

@@ -1,17 +1,12 @@
-"""Samples that a small network can learn: a bar whose depth is the force."""
+"""A small network, and the library whose walls it sees."""
 
 from importlib.util import find_spec
 
-import numpy as np
 import pytest
 from analytic_library import analytic_library
 
-from scleraforce.lab.training.classifier_training import Samples
 from scleraforce.library import Library
 from scleraforce.records.study import NetworkStudy
-
-ROWS = 12
-COLUMNS = 10
 
 if find_spec("torch") is None:  # the extra `train` is not installed
     collect_ignore_glob = ["test_*.py"]
@@ -25,29 +20,6 @@ def one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         "scleraforce.lab.training.classifier_training.CLASSIFIER_THREADS", 1
     )
-
-
-def make_bars(count: int, seed: int) -> Samples:
-    """Slices of 12 x 10 pixels with a bar two rows thick; its depth, 0 to 8 rows,
-    decides the class; some speckle.
-    """
-    rng = np.random.default_rng(seed)
-    depth = rng.integers(0, 9, size=count)
-    row = np.arange(ROWS)[:, None]
-    below = row - depth[:, None, None]
-    bars = ((below >= 0) & (below < 2)) ^ (rng.random((count, ROWS, COLUMNS)) < 0.1)
-    bars[:, -1] = False  # a row that never varies
-
-    return Samples(
-        np.broadcast_to(bars, (count, ROWS, COLUMNS)).astype(np.uint8) * np.uint8(255),
-        depth // 3,
-    )
-
-
-@pytest.fixture(scope="session")
-def bars() -> tuple[Samples, Samples]:
-    """Training and validation samples."""
-    return make_bars(600, 1), make_bars(200, 2)
 
 
 @pytest.fixture

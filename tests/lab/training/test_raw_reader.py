@@ -66,33 +66,33 @@ def tiny_network(seed: int = 1) -> raw_reader_training.RawReaderNetwork:
     return made.eval()
 
 
+def slice_between(outer_rows: list[int], inner_row: int, wall: float) -> np.ndarray:
+    """The slice that a network makes of boundaries that it is sure of, or unsure
+    between rows.
+    """
+    logits = torch.full((1, 2, 80, 72), -50.0)
+    logits[0, 0, outer_rows] = 50.0
+    logits[0, 1, inner_row] = 50.0
+    walls = torch.full((1, 72), wall)
+    return tiny_network().slices(logits, walls)[0].numpy()
+
+
 def test_sure_boundaries_make_the_slice_of_the_wall_between_them() -> None:
     # rows of 50 µm: from the middle of the one to the middle of the other
-    outer = 20
-    inner = 33
-    logits = torch.full((1, 2, 80, 72), -50.0)
-    logits[0, 0, outer] = 50.0
-    logits[0, 1, inner] = 50.0
-    cut = tiny_network().slices(logits, torch.full((1, 72), 50.0))[0].numpy()
-    assert cut.shape == (40, 140)
-    expected = np.zeros(40)
-    expected[10] = 0.75
+    cut = slice_between([20], 33, 50.0)
+    expected = np.zeros((40, 140))
     expected[11:16] = 1.0
-    expected[16] = 0.75
-    np.testing.assert_allclose(
-        cut, np.repeat(expected[:, None], 140, axis=1), atol=1e-5
-    )
-    # an unsure one makes a share and keeps the mean thickness
-    logits = torch.full((1, 2, 80, 72), -50.0)
-    logits[0, 0, [18, 22]] = 5.0
-    logits[0, 1, 36] = 50.0
-    cut = tiny_network().slices(logits, torch.full((1, 72), 50.0))[0].numpy()
+    expected[[10, 16]] = 0.75
+    np.testing.assert_allclose(cut, expected, atol=1e-5)
+
+
+def test_an_unsure_boundary_makes_a_share_and_keeps_the_mean_thickness() -> None:
+    cut = slice_between([18, 22], 36, 50.0)
     assert cut[:, 70].sum() * TINY.slice.pixel_m == pytest.approx(
         (36 - 20) * 50e-6, rel=1e-4
     )
     assert cut[10, 70] == pytest.approx(0.5, abs=1e-4)
-    absent = tiny_network().slices(logits, torch.full((1, 72), -50.0)).numpy()
-    assert absent.max() < 1e-12
+    assert slice_between([20], 33, -50.0).max() < 1e-12
 
 
 def test_the_graph_answers_as_the_network_does() -> None:
