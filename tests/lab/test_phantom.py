@@ -556,7 +556,8 @@ def test_the_log_is_the_force_with_sign_offset_drift_noise_and_cross_talk_at_its
     assert np.diff(log.time_s) == pytest.approx(1 / 500.0)
     steps = log.wrench_sc[:, :3] / 5e-3
     assert np.abs(steps - np.rint(steps)).max() < 1e-6
-    plan, log = logged(tmp_path / "even", force_step_n=0.0)
+    drift = {"force_drift_n_per_s": st.fixed(1e-4)}
+    plan, log = logged(tmp_path / "even", force_step_n=0.0, **drift)
     sensor = plan.sensor
     force_n = plan.path.felt_n(log.time_s)
     rest = log.wrench_sc[:, 2] + force_n - sensor.offset_n[2]
