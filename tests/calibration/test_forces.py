@@ -103,6 +103,12 @@ def test_a_needle_that_never_lets_go_or_hardly_pushes_has_no_rests(
     np.testing.assert_allclose(found.zero_covariance, ZERO_PRIOR)
 
 
+@pytest.mark.parametrize("drift", [-2e-5, 2e-5])
+def test_forces_are_freed_of_most_of_the_drift(drift: float) -> None:
+    found = forces_of(*pushes(drift, np.random.default_rng(5), noise_n=1e-3))
+    assert abs(np.polyfit(FRAMES_S, found.force_n, 1)[0]) < 0.6 * abs(drift)
+
+
 def test_samples_and_frames_without_a_force_leave_the_others_unchanged() -> None:
     time_s, wrench_sc = pushes(0.0, np.random.default_rng(3), noise_n=1e-3)
     holed_sc = wrench_sc.copy()

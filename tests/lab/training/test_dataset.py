@@ -223,6 +223,7 @@ def test_metadata_is_complete_and_is_the_plan(made):
         np.testing.assert_array_equal(dataset.read(name), values)
 
     training, validation = dataset.split()
+    assert len(validation) * 4 == len(training)  # a contact of five
     np.testing.assert_array_equal(
         np.sort(np.r_[training, validation]), np.arange(dataset.images)
     )
