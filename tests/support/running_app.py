@@ -4,18 +4,36 @@ import http.client
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from threading import Thread
+from types import SimpleNamespace
 from typing import Any
 
+import pytest
 from waiting import FUSE_S
 
 from scleraforce.front.app.app_server import HOST, listen_locally, server_of
 from scleraforce.front.app.asked_jobs import CommandWords
-from scleraforce.front.cli.field_flags import flag_of, json_in_flags
+from scleraforce.front.cli.main import run
 
 TOKEN = "t" * 32
-SPELLED = CommandWords(flag_of, json_in_flags)
+
+
+@cache
+def spelled() -> CommandWords:
+    """The spelling of fields that the command `app` hands down."""
+    handed: list[CommandWords] = []
+
+    def server(_: Path, listener: Any, __: str, words: CommandWords, ___: str) -> Any:
+        handed.append(words)
+        return SimpleNamespace(run=lambda _: listener.close())
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("scleraforce.front.app.app_server.server_of", server)
+        assert run(["app", str(Path(__file__).parent), "--no-open", "--quiet"]) == 0
+
+    return handed[0]
 
 
 class Client:
@@ -78,7 +96,7 @@ class Client:
 def running_app(folder: Path, once: str = "") -> Iterator[Client]:
     """Serve a folder."""
     listener = listen_locally(0)
-    server = server_of(folder, listener, TOKEN, SPELLED, once)
+    server = server_of(folder, listener, TOKEN, spelled(), once)
     thread = Thread(target=server.run, args=([listener],), daemon=True)
     thread.start()
 

@@ -28,7 +28,6 @@ from scleraforce.base.units import to_si
 from scleraforce.front.api import monitor_settings, monitoring
 from scleraforce.front.api.monitor_settings import prepare_monitor
 from scleraforce.front.api.monitoring import RunningMonitor
-from scleraforce.front.cli.main import run
 from scleraforce.live.companions.decision_log import read_log
 from scleraforce.live.companions.process_channel import decode_message, encode_message
 from scleraforce.live.companions.process_messages import OpinionSettings
@@ -40,22 +39,14 @@ from scleraforce.records.eye import NO_DISCREPANCY
 from scleraforce.records.fields import QUANTITIES
 from scleraforce.records.needle import lean_ends
 
-MATRIX = (
-    SCALE.lateral_m * 1e3,
-    0.0,
-    0.0,
-    0.0,
-    SCALE.depth_m * 1e3,
-    0.0,
-    0.0,
-    0.0,
-    1.0,
-    0.0,
-    0.0,
-    0.0,
-)
-# the scale of the default model's study
-DEFAULT_MATRIX = (15.0 / 512, 0.0, 0.0, 0.0, 4.0 / 512, *MATRIX[5:])
+NONE = (0.0, 0.0, 0.0)
+
+
+def matrix_of(lateral_m: float, depth_m: float) -> tuple[float, ...]:
+    return (1e3 * lateral_m, *NONE, 1e3 * depth_m, *NONE, 1.0, *NONE)
+
+
+MATRIX = matrix_of(SCALE.lateral_m, SCALE.depth_m)
 PACED_CHILD = PACED.with_name("paced_child.py")
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="the monitor runs on Linux only"
@@ -70,11 +61,15 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(monitoring, "ask_reset", ask)
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return monitor_folder(tmp_path_factory.mktemp("monitor"))
+
+
 @pytest.mark.usefixtures("patient")
 def test_a_robot_meets_the_monitor_of_the_command_and_it_ends_with_the_block(
-    tmp_path: Path,
+    folder: Path, tmp_path: Path
 ) -> None:
-    folder = monitor_folder(tmp_path)
     given = {
         "calibration": folder / "calibration.json",
         "eye": "mine",
@@ -109,24 +104,24 @@ def test_a_robot_meets_the_monitor_of_the_command_and_it_ends_with_the_block(
         pass
 
 
-def test_a_monitor_that_cannot_start_is_one_clear_line(tmp_path: Path) -> None:
-    for model, given, words in (
-        (tmp_path / "gone", {}, "gone"),
+@pytest.mark.parametrize(
+    ("model", "given", "words"),
+    [
+        ("./gone", {}, "gone"),
         ("default", {"iop_pa": -5.0}, "iop_pa: -5 is below"),
         ("default", {"globe": "shut"}, "shut"),
-    ):
-        with (
-            pytest.raises(InputError, match=words) as fault,
-            sf.monitor(model, **given),
-        ):
-            pass
-
-        assert "\n" not in str(fault.value)
+    ],
+)
+def test_a_monitor_that_cannot_start_is_one_clear_line(
+    model: str, given: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(InputError, match=words) as fault, sf.monitor(model, **given):
+        pass
+    assert "\n" not in str(fault.value)
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_block_that_fails_ends_its_monitor(tmp_path: Path) -> None:
-    folder = monitor_folder(tmp_path)
+def test_a_block_that_fails_ends_its_monitor(folder: Path) -> None:
     seen = []
 
     def fail() -> None:
@@ -142,10 +137,9 @@ def test_a_block_that_fails_ends_its_monitor(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("patient")
 def test_a_block_ends_with_its_monitor_though_a_client_stays(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The watchdog of a monitor that died stays until its clients have left."""
-    folder = monitor_folder(tmp_path)
     monitors: list[subprocess.Popen[bytes]] = []
     await_start = monitoring._await_start
 
@@ -200,20 +194,29 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]
     return ask
 
 
-def of_command(monkeypatch: pytest.MonkeyPatch, *words: object) -> MonitorRequest:
+@pytest.fixture
+def of_command(monkeypatch: pytest.MonkeyPatch, shell) -> Callable[[str], Any]:
     """Return the request of the command."""
-    requests = list[MonitorRequest]()
 
-    def take(request: MonitorRequest) -> None:
-        requests.append(request)
-        raise InputError("far enough")
+    def ask(words: str) -> MonitorRequest:
+        requests = list[MonitorRequest]()
 
-    monkeypatch.setattr(monitor_settings, "prepare_monitor", take)
-    assert run(["monitor", *map(str, words)]) == 2
-    return requests[0]
+        def take(request: MonitorRequest) -> None:
+            requests.append(request)
+            raise InputError("far enough")
+
+        monkeypatch.setattr(monitor_settings, "prepare_monitor", take)
+        shell.refused("monitor", words)
+        return requests[0]
+
+    return ask
 
 
 MMHG = to_si(1.0, "mmhg")
+RIGIDITY = QUANTITIES["rigidity"].to_si(0.03)
+RAD_30 = QUANTITIES["polar_angle"].to_si(30.0)
+ANY_LEAN = (0.0, radians(45.0))
+ACROSS = sf.Plane("across", 1e-4, radians(90.0))
 
 
 @pytest.mark.parametrize(
@@ -230,24 +233,12 @@ MMHG = to_si(1.0, "mmhg")
             "--iop-mmhg 2 --thickness-um 650 --youngs-modulus-mpa 0.3",
         ),
         (
-            {
-                "eye": sf.Eye(
-                    globe=sf.Globe.declared(
-                        "sealed", QUANTITIES["rigidity"].to_si(0.03)
-                    )
-                )
-            },
+            {"eye": sf.Eye(globe=sf.Globe.declared("sealed", RIGIDITY))},
             "--globe sealed --rigidity 0.03",
         ),
         ({"eye": sf.Eye(stiffening=3.0)}, "--stiffening 3"),
         (
-            {
-                "needle": sf.Needle(
-                    gap_m=0.5e-3,
-                    polar_rad=QUANTITIES["polar_angle"].to_si(30.0),
-                    lean_rad=(0.0, radians(45.0)),
-                )
-            },
+            {"needle": sf.Needle(gap_m=0.5e-3, polar_rad=RAD_30, lean_rad=ANY_LEAN)},
             "--gap-mm 0.5 --polar-angle-deg 30 --lean-deg unknown",
         ),
         (
@@ -265,14 +256,7 @@ MMHG = to_si(1.0, "mmhg")
             " --depth-mm 6 --refractive-index 1.3",
         ),
         (
-            {
-                "scan": sf.Scan(
-                    planes=(
-                        sf.Plane("along", 0.0, 0.0),
-                        sf.Plane("across", 1e-4, radians(90.0)),
-                    )
-                )
-            },
+            {"scan": sf.Scan(planes=(sf.Plane("along", 0.0, 0.0), ACROSS))},
             "--plane along:0:0 --plane across:0.1:90",
         ),
         (
@@ -285,11 +269,10 @@ def test_the_command_and_the_function_ask_for_the_same_monitor(
     named: dict[str, Any],
     words: str,
     asked: Callable[..., MonitorRequest],
-    monkeypatch: pytest.MonkeyPatch,
+    of_command: Callable[[str], MonitorRequest],
 ) -> None:
     request = asked("default", black_box="box", **named)
-    given = ["default", "--port", 0, "--black-box", "box", *words.split()]
-    assert request == of_command(monkeypatch, *given)
+    assert request == of_command(f"default --port 0 --black-box box {words}")
 
 
 OWN = sf.Eye(
@@ -343,23 +326,26 @@ def test_all_that_is_declared_reaches_the_readers_of_a_monitor(
     assert decode_message(encode_message(opinion)) == opinion
 
 
-def test_a_monitor_that_dies_or_fails_at_its_start_says_so(
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    fails = (
-        "import scleraforce.front.api.monitor_child as child\n"
-        "child.prepare_monitor = lambda request: request.model / 0\n"
-        "child.main()"
-    )
-    for code, words in (
-        ("raise SystemExit(3)", "^monitor: it died at its start, exit code 3"),
-        (fails, "^monitor: it failed at its start: TypeError: unsupported operand"),
-    ):
-        monkeypatch.setattr(monitoring, "COMMAND", (sys.executable, "-P", "-c", code))
-        with pytest.raises(LinkError, match=words), sf.monitor("default"):
-            pass
+FAILS = """
+import scleraforce.front.api.monitor_child as child
+child.prepare_monitor = lambda request: request.model / 0
+child.main()
+"""
 
-    assert "Traceback" in capfd.readouterr().err
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        ("raise SystemExit(3)", "it died at its start, exit code 3"),
+        (FAILS, "it failed at its start: TypeError: unsupported operand"),
+    ],
+)
+def test_a_monitor_that_dies_or_fails_at_its_start_says_so(
+    monkeypatch: pytest.MonkeyPatch, code: str, words: str
+) -> None:
+    monkeypatch.setattr(monitoring, "COMMAND", (sys.executable, "-P", "-c", code))
+    with pytest.raises(LinkError, match=f"^monitor: {words}"), sf.monitor("default"):
+        pass
 
 
 # A program with a monitor: says its process, waits for its own death.
@@ -394,9 +380,8 @@ with sf.monitor(sys.argv[1], second_opinion=False, black_box=sys.argv[2]) as run
     ids=["starting", "serving", "with a fork that holds its pipe"],
 )
 def test_a_monitor_ends_in_order_when_its_program_is_killed(
-    await_start: str, then: str, tmp_path: Path
+    await_start: str, then: str, folder: Path, tmp_path: Path
 ) -> None:
-    folder = monitor_folder(tmp_path)
     code = PROGRAM.format(await_start=await_start, then=then, hangs=HANGS_S)
     program = subprocess.Popen(
         [sys.executable, "-c", code, str(folder / "reader"), str(tmp_path / "box")],
@@ -431,16 +416,12 @@ def test_a_monitor_ends_in_order_when_its_program_is_killed(
 
 
 @pytest.mark.usefixtures("patient")
-def test_remarks_reach_lines_log_and_data_alike(tmp_path: Path) -> None:
-    folder = monitor_folder(tmp_path)
-    given = {
-        "calibration": folder / "calibration.json",
-        "eye": "mein",
-        "iop_pa": IOP_PA,
-    }
+def test_remarks_reach_lines_log_and_data_alike(folder: Path, tmp_path: Path) -> None:
     with sf.monitor(
         folder / "reader",
-        **given,
+        calibration=folder / "calibration.json",
+        eye="mein",
+        iop_pa=IOP_PA,
         width_m=6e-3,
         needle=sf.Needle(diameter_m=0.9e-3),
         second_opinion=False,
@@ -448,12 +429,8 @@ def test_remarks_reach_lines_log_and_data_alike(tmp_path: Path) -> None:
     ) as running:
         remarks = running.remarks
 
-    assert [remark.code for remark in remarks] == [
-        "population-modulus",
-        "outside-training",
-        "outside-training",
-    ]
-    assert {remark.severity for remark in remarks} == {"caution"}
+    codes = ["population-modulus", "outside-training", "outside-training"]
+    assert [remark.code for remark in remarks] == codes
     lines = [line for line in running.lines if line.startswith("warning")]
     assert lines == [f"warning    {remark.words}" for remark in remarks]
     log = [part.record for part in read_log(tmp_path / "box" / "log") if part.record]
@@ -496,6 +473,7 @@ def test_the_watchdog_spares_a_monitor_beside_busy_loops(
         second_opinion=False,
         record=tmp_path / "session",
     )
+    scale = matrix_of(15e-3 / 512, 4e-3 / 512)  # of the default model's study
     rng = np.random.default_rng(1)
     frames = rng.integers(0, 2000, (BACKLOG, 512, 512), dtype=np.uint16)
 
@@ -507,7 +485,7 @@ def test_the_watchdog_spares_a_monitor_beside_busy_loops(
         for _ in range(BACKLOGS):
             answered = len(robot.statuses())
             for frame in frames:
-                robot.say(Image(frame[None], DEFAULT_MATRIX))
+                robot.say(Image(frame[None], scale))
             robot.hear(lambda peer, since=answered: len(peer.statuses()) > since)
 
         assert any(status.code == 3 for status in robot.statuses())

@@ -1,7 +1,6 @@
 """Many recordings into one table: its rows and summary, and what is read again."""
 
 import csv
-import os
 import re
 import shutil
 import sys
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from small_recordings import write_pushes
 
 import scleraforce as sf
 from scleraforce.base import kept_results
@@ -25,15 +25,8 @@ NAMES = ("eye-a", "eye-b", "eye-c")
 @pytest.fixture(scope="module")
 def eyes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("eyes")
-    for seed, name in enumerate(NAMES):
-        sf.phantom(
-            folder / name,
-            eye=name,
-            forces_n=[0.012, 0.03],
-            thickness_m=650e-6,
-            globe="open",
-            seed=seed,
-        )
+    for name in NAMES:
+        write_pushes(folder / name, name, (12.0, 30.0))
 
     (folder / "notes.txt").write_text("not a recording")
     return folder
@@ -61,37 +54,28 @@ def test_the_table_has_the_rows_and_the_summary_the_metrics_of_evaluate(
     folder: Path,
 ) -> None:
     found = evaluated()
-    together = sf.evaluate(sf.load_model("default"), list(NAMES))
+    together = sf.evaluate("default", list(NAMES))
     assert found.rows == together.rows()
     assert found.notes[0] == "left out, not recordings: notes.txt"
-
     with (folder / "t.csv").open(newline="") as file:
         lines = list(csv.DictReader(file))
 
-    assert [(row["recording"], row["file"]) for row in lines] == [
-        (each.recording, each.file) for each in together.frames
-    ]
-    assert {
-        "time_s",
-        "measured_force_mn",
-        "predicted_force_mn",
-        "interval_low_mn",
-        "covered",
-    } <= lines[0].keys()
-
+    frames = [(frame.recording, frame.file) for frame in together.frames]
+    assert [(row["recording"], row["file"]) for row in lines] == frames
+    columns = {"time_s", "measured_force_mn", "interval_low_mn", "covered"}
+    assert columns <= lines[0].keys()
     for eye, name in zip(by_eye(found.rows), NAMES, strict=True):
-        alone = sf.evaluate(sf.load_model("default"), name)
-        assert (eye["eye"], eye["frames"], eye["scored"]) == (
-            name,
-            2,
-            len(alone.scored),
-        )
-        assert eye["mae_mn"] == pytest.approx(1e3 * alone.mae_n)
-        assert (eye["accuracy"], eye["coverage"]) == (
-            alone.accuracy.value,
-            alone.coverage.value,
-        )
-        assert eye["modulus_source"] == alone.frames[0].modulus_source
+        alone = sf.evaluate("default", name)
+        expected = {
+            "eye": name,
+            "frames": 2,
+            "scored": len(alone.scored),
+            "mae_mn": pytest.approx(1e3 * alone.mae_n),
+            "accuracy": alone.accuracy.value,
+            "coverage": alone.coverage.value,
+            "modulus_source": alone.frames[0].modulus_source,
+        }
+        assert {key: eye[key] for key in expected} == expected
 
 
 def test_an_interrupted_batch_continues_after_its_last_whole_recording(
@@ -112,12 +96,7 @@ def test_an_interrupted_batch_continues_after_its_last_whole_recording(
             evaluated()
 
     assert not (folder / "t.csv").exists()
-    assert not [
-        name
-        for _, _, files in os.walk(folder)
-        for name in files
-        if name.endswith(".part")
-    ]
+    assert not [*folder.rglob("*.part")]
     resumed = evaluated()
     assert (resumed.recordings, resumed.read) == (3, 1)
     assert resumed.rows == evaluated("fresh.csv").rows
@@ -276,38 +255,30 @@ def test_a_table_of_parquet_keeps_the_types_of_its_columns(folder: Path) -> None
     assert parquet.read_table(folder / "t.parquet").to_pylist() == found.rows
 
 
+@pytest.mark.parametrize(
+    ("recordings", "table", "fault"),
+    [
+        ("eye-a", "t.xlsx", "ends in .csv or .parquet"),
+        ("eye-a", "taken.csv", "exists already"),
+        ("eye-a", "no/t.csv", "its folder does not exist"),
+        ("eye-a", "t.parquet", "pyarrow, which is not installed: pip install"),
+        ("eye-a nothing", "t.csv", "nothing: no such recording"),
+        ("eye-a ./eye-a", "t.csv", "given twice"),
+    ],
+)
 def test_what_cannot_be_written_is_refused_before_reading(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, shell
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    shell,
+    recordings: str,
+    table: str,
+    fault: str,
 ) -> None:
     monkeypatch.setattr(evaluation_table, "evaluate_recordings", None)
-    (folder / "taken.csv").write_text("mine")
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
-
-    for table, fault in {
-        "t.xlsx": "ends in .csv or .parquet",
-        "taken.csv": "exists already",
-        "no/t.csv": "its folder does not exist",
-        "t.parquet": (
-            "takes the package pyarrow, which is not installed: pip install"
-            " 'scleraforce[formats]'"
-        ),
-    }.items():
-        assert fault in shell.refused("evaluate", "default", "eye-a", "--table", table)
-
-    assert "nothing: no such recording" in shell.refused(
-        "evaluate", "default", "eye-a", "nothing", "--table", "t.csv"
-    )
-
-    with pytest.raises(InputError, match="given twice"):
-        evaluate_to_table(
-            "default",
-            [Path("eye-a"), folder / "eye-a"],
-            Path("t.csv"),
-            None,
-            None,
-            lambda *_: nullcontext(),
-        )
-
+    (folder / "taken.csv").write_text("mine")
+    error = shell.refused(f"evaluate default {recordings} --table {table}")
+    assert fault in error
     assert (folder / "taken.csv").read_text() == "mine"
 
 
@@ -315,11 +286,13 @@ def test_a_table_and_a_report_are_of_the_same_frames(folder: Path, shell) -> Non
     """The table as without the report, the report as without the table, and what was
     kept serves the next table.
     """
-    shell.run("evaluate", "default", *NAMES, "--table", "alone.csv")
-    shell.run("evaluate", "default", *NAMES, "--html", "alone.html")
+    command = f"evaluate default {' '.join(NAMES)}"
+    lines = shell.run(f"{command} --table alone.csv")[0].splitlines()
+    assert [line.split()[:2] for line in lines[1:4]] == [[name, "2"] for name in NAMES]
+    assert max(map(len, lines)) <= 80
+    shell.run(f"{command} --html alone.html")
     for page in ("first.html", "t.html"):  # also where nothing has changed
-        both = ("--table", "t.csv", "--html", page)
-        lines = shell.run("evaluate", "default", *NAMES, *both)[0].splitlines()
+        lines = shell.run(f"{command} --table t.csv --html {page}")[0].splitlines()
         assert lines[-1] == "wrote t.csv: 6 frames; recordings read now: 3 of 3"
 
     assert (folder / "t.csv").read_bytes() == (folder / "alone.csv").read_bytes()
@@ -329,21 +302,3 @@ def test_a_table_and_a_report_are_of_the_same_frames(folder: Path, shell) -> Non
     ]
     assert pages[0] == pages[1]
     assert evaluated("t.csv").read == 0
-
-
-@pytest.mark.usefixtures("folder")
-def test_the_command_prints_a_summary_by_eye(shell) -> None:
-    lines = shell.run("evaluate", "default", *NAMES, "--table", "t.csv")[0].splitlines()
-    assert lines[0].split() == [
-        "eye",
-        "frames",
-        "scored",
-        "accuracy",
-        "error/mN",
-        "held",
-        "E/MPa",
-        "from",
-    ]
-    assert [line.split()[:2] for line in lines[1:4]] == [[name, "2"] for name in NAMES]
-    assert lines[-1] == "wrote t.csv: 6 frames; recordings read now: 3 of 3"
-    assert max(map(len, lines)) <= 80

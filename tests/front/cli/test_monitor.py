@@ -10,14 +10,11 @@ import select
 import signal
 import socket
 import sys
-import tempfile
 import termios
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache, partial
-from io import StringIO
 from itertools import chain, count
-from math import radians
 from pathlib import Path
 from shutil import copytree
 from time import monotonic
@@ -35,50 +32,29 @@ from analytic_frames import (
     tip_of,
     wall_section,
 )
-from commands import BINS, PACED, monitor_folder, started
-from small_models import fixed_study
+from commands import PACED, monitor_folder, started
 from small_monitor import Peer
 from waiting import FUSE_S, wait_until
 from websockets.sync.client import connect
 
+import scleraforce as sf
 from scleraforce.base.errors import InputError
 from scleraforce.base.units import to_si
-from scleraforce.calibration.evaluation import evaluate_recordings
-from scleraforce.front.cli.main import run
+from scleraforce.front.api.monitor_settings import prepare_monitor
 from scleraforce.live.companions.decision_log import read_log
 from scleraforce.live.decision.limits import MonitorLimits
+from scleraforce.live.monitor_request import Address, MonitorRequest
 from scleraforce.live.network.openigtlink import Image, Query, Sensor, Status
 from scleraforce.live.network.operator_reset import ask_reset
-from scleraforce.reading.load_model import load_reader
-from scleraforce.recordings.recording_folder import read_recording, true_forces
+from scleraforce.recordings.recording_folder import true_forces
 from scleraforce.records.model_folder import SHIPPED_READER
-from scleraforce.records.scan import Plane
 
 pytest.importorskip("torch")
 
-MATRIX = (
-    SCALE.lateral_m * 1e3,
-    0.0,
-    0.0,
-    0.0,
-    SCALE.depth_m * 1e3,
-    0.0,
-    0.0,
-    0.0,
-    1.0,
-    0.0,
-    0.0,
-    0.0,
-)
-EYE = [
-    "--eye",
-    "mine",
-    "--iop-mmhg",
-    f"{IOP_PA / to_si(1.0, 'mmhg'):.4f}",
-    "--gap-mm",
-    f"{GAP_M * 1e3}",
-]
-EYE += ["--globe", "open"]
+NONE = (0.0, 0.0, 0.0)
+MATRIX = (1e3 * SCALE.lateral_m, *NONE, 1e3 * SCALE.depth_m, *NONE, 1.0, *NONE)
+IOP_MMHG = IOP_PA / to_si(1.0, "mmhg")
+EYE = f"--eye mine --iop-mmhg {IOP_MMHG:.4f} --gap-mm {1e3 * GAP_M} --globe open"
 
 
 @pytest.fixture(scope="module")
@@ -119,27 +95,19 @@ def push(scanner: Peer, force_mn: int, frames: int) -> None:
 
 @pytest.mark.slow
 def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shell, secret
 ) -> None:
     patient = partial(ask_reset, within_s=FUSE_S)
     monkeypatch.setattr("scleraforce.live.network.operator_reset.ask_reset", patient)
-    kept = ["--black-box", str(tmp_path / "box"), "--record", str(tmp_path / "session")]
+    kept = f"--black-box {tmp_path}/box --record {tmp_path}/session"
+    given = f"--calibration {folder}/calibration.json {EYE} {kept}"
     first = len(SENT)
 
-    with started(
-        folder,
-        "--calibration",
-        str(folder / "calibration.json"),
-        *EYE,
-        *kept,
-        script=PACED,
-    ) as monitor:
-        known = (
-            f"0.300 MPa (calibrated), IOP 2.0 mmHg, {THICKNESS_M * 1e6:.0f} µm thick,"
-            " gap 0.60 mm"
-        )
-        assert known in "".join(monitor.lines)
+    with started(folder, *given.split(), script=PACED) as monitor:
+        wall = f"IOP 2.0 mmHg, {THICKNESS_M * 1e6:.0f} µm thick, gap 0.60 mm"
+        assert f"0.300 MPa (calibrated), {wall}" in "".join(monitor.lines)
         assert any(line.split() == ["globe", "open"] for line in monitor.lines)
+        reset = f"monitor-reset --port {monitor.port}"
 
         with Peer(monitor.port, version=2) as scanner:
             scanner.say(Sensor((0.0, 0.0, -0.008, 0.0, 0.0, 0.0)), "RobotForce")
@@ -149,19 +117,15 @@ def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(
             withdrawal = _pushed(scanner, 40)
             assert withdrawal.name in {"BOUND", "DANGEROUS_CLASS"}
             push(scanner, 8, 20)
-            assert (
-                run(["monitor-reset", "--port", str(monitor.port), *secret("wrong")])
-                == 2
-            )
+            shell.run(reset, secret("wrong"), code=2)
             assert {status.code for status in scanner.statuses()[-5:]} == {3}
             (code,) = (
                 line.split()[1].rstrip(",")
                 for line in monitor.lines
                 if line.startswith("code")
             )
-            reset = ["monitor-reset", "--port", str(monitor.port), *secret(code)]
-            assert run(reset) == 0
-            assert run(reset) == 2  # each code is for one reset
+            shell.run(reset, secret(code))
+            shell.run(reset, secret(code), code=2)  # each code is for one reset
             push(scanner, 8, 1)
             assert scanner.statuses()[-1].code == 1
 
@@ -171,21 +135,19 @@ def test_a_session_from_the_first_frame_to_the_reset_is_logged_and_recorded(
 
     summary = json.loads(told)
     assert withdrawal.name in {one["cause"] for one in summary["withdrawals"]}
-    session = read_recording(tmp_path / "session")
-    assert (session.info.eye_name, session.info.eye.thickness_m) == (
-        "mine",
-        THICKNESS_M,
-    )
-    assert session.info.eye.globe.kind == "open"
+    session = sf.read_recording(tmp_path / "session")
+    eye = session.info.eye
+    assert (eye.name, eye.thickness_m) == ("mine", THICKNESS_M)
+    assert eye.globe.kind == "open"
     assert len(session.frames) == summary["frames"] - summary["lost"]
     assert (session.frame(session.frames[0]) == SENT[first]).all()
     withdrawn, *_ = sorted((tmp_path / "box" / "withdrawals").iterdir())
-    assert read_recording(withdrawn).frames
+    assert sf.read_recording(withdrawn).frames
 
 
 @pytest.mark.slow
 def test_a_push_in_two_planes_is_replayed_decided_on_recorded_and_evaluated(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shell
 ) -> None:
     model = folder / "shipped" / "reader"
     model.parent.mkdir(exist_ok=True)
@@ -193,46 +155,18 @@ def test_a_push_in_two_planes_is_replayed_decided_on_recorded_and_evaluated(
         model.symlink_to(SHIPPED_READER)
 
     push = tmp_path / "push"
-    session = tmp_path / "session"
-    eye = ["--thickness-um", "650", "--youngs-modulus-mpa", "0.3"]
-    drawn = [
-        "--mechanics",
-        "finite-strain",
-        "--rate-hz",
-        "20",
-        "--forces-mn",
-        "12",
-        "--hold-s",
-        "0.5",
-    ]
+    eye = "--thickness-um 650 --youngs-modulus-mpa 0.3"
+    motion = "--mechanics finite-strain --rate-hz 20 --forces-mn 12 --hold-s 0.5"
     quick = Path(__file__).parents[3] / "docs" / "quick.toml"
-    assert (
-        run(
-            [
-                "phantom",
-                "--study",
-                str(quick),
-                "--out",
-                str(push),
-                *eye,
-                *drawn,
-                *CROSS,
-                "--quiet",
-            ]
-        )
-        == 0
-    )
-    known = [*eye, "--iop-mmhg", "2", "--globe", "open", *CROSS]
-    kept = ["--black-box", str(tmp_path / "box"), "--record", str(session)]
+    shell.run("phantom --study", quick, "--out", push, eye, motion, CROSS, "--quiet")
+    known = f"{eye} --iop-mmhg 2 --globe open {CROSS}"
+    kept = f"--black-box {tmp_path}/box --record {tmp_path}/session"
 
-    sent = read_recording(push).frames
+    sent = sf.read_recording(push).frames
     monkeypatch.setattr("scleraforce.live.replay.scanner_player.ANSWER_S", FUSE_S)
-    monkeypatch.setattr("sys.stdin", StringIO("\n" * len(sent)))
-    with started(model.parent, *known, *kept, script=PACED) as monitor:
-        assert (
-            run(["replay", str(push), "--port", str(monitor.port), "--step", "--quiet"])
-            == 0
-        )
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n" * len(sent)))
+    with started(model.parent, *f"{known} {kept}".split(), script=PACED) as monitor:
+        shell.run("replay", push, f"--port {monitor.port} --step --quiet")
 
     log = [part.record for part in read_log(tmp_path / "box" / "log") if part.record]
     read = [
@@ -242,49 +176,37 @@ def test_a_push_in_two_planes_is_replayed_decided_on_recorded_and_evaluated(
     ]
     assert [entry["frame_id"] for entry in read] == [*range(1, len(sent) + 1)]
     true_n = list(true_forces(push).values())
-    assert [entry["plane"] for entry in read] == [
-        sent[entry["frame_id"] - 1].plane for entry in read
-    ]
+    planes = [entry["plane"] for entry in read]
+    assert planes == [sent[entry["frame_id"] - 1].plane for entry in read]
     assert read[0]["code"] == 13
     true_mn = [1e3 * true_n[entry["frame_id"] - 1] for entry in read]
     assert [entry["force_mn"] for entry in read] == pytest.approx(true_mn, abs=1.5)
     assert read[-1]["planes_force_mn"] == pytest.approx(12.0, abs=1.5)
     assert np.hypot(*read[-1]["contact_xyz_mm"][:2]) == pytest.approx(0.5, abs=0.15)
-    recorded = read_recording(session)
-    assert [entry.plane for entry in recorded.frames] == [
-        entry["plane"] for entry in read
-    ]
+    recorded = sf.read_recording(tmp_path / "session")
+    assert [entry.plane for entry in recorded.frames] == planes
     held = [moment for moment in recorded.moments if len(moment) == 2][-3:]
-    found = evaluate_recordings(
-        load_reader("default"),
-        [replace(recorded, frames=tuple(chain(*held)), forces=None)],
+    found = sf.evaluate(
+        "default", replace(recorded, frames=tuple(chain(*held)), forces=None)
     )
     assert [frame.plane for frame in found.frames] == ["along", "across"] * 3
     # with no known E
-    assert [frame.answer.force_n for frame in found.frames] == pytest.approx(
-        [0.012] * 6, abs=4e-3
-    )
+    forces_n = [frame.answer.force_n for frame in found.frames]
+    assert forces_n == pytest.approx([0.012] * 6, abs=4e-3)
     assert all(frame.answer.place for frame in found.frames)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("options", "ends"), [(["--bound-mn", "20"], (3, "BOUND")), ([], (1, ""))]
+    ("options", "ends"), [("--bound-mn 20", (3, "BOUND")), ("", (1, ""))]
 )
 def test_a_lower_bound_withdraws_from_a_force_below_the_bound_of_the_study(
-    folder: Path, tmp_path: Path, options: list[str], ends: tuple[int, str]
+    folder: Path, tmp_path: Path, options: str, ends: tuple[int, str]
 ) -> None:
-    known = [
-        *EYE,
-        "--youngs-modulus-mpa",
-        f"{MODULUS_PA / 1e6}",
-        "--thickness-um",
-        f"{THICKNESS_M * 1e6}",
-    ]
-    kept = ["--black-box", str(tmp_path / "box")]
-
+    known = f"--youngs-modulus-mpa {MODULUS_PA / 1e6} --thickness-um 650"
+    given = f"{EYE} {known} {options} --black-box {tmp_path}/box"
     with (
-        started(folder, *known, *options, *kept, script=PACED) as monitor,
+        started(folder, *given.split(), script=PACED) as monitor,
         Peer(monitor.port, version=2) as scanner,
     ):
         last = _pushed(scanner, 24)
@@ -302,8 +224,9 @@ def _pushed(scanner: Peer, force_mn: int) -> Status:
     return scanner.statuses()[-1]
 
 
-CROSS = ["--plane", "along:0:0", "--plane", "across:0.1:90"]
-MINE = ["--calibration", "calibration.json", "--eye", "mine"]
+CROSS = "--plane along:0:0 --plane across:0.1:90"
+MINE = "--calibration calibration.json --eye mine"
+KNOWN = "--eye mine --iop-mmhg 2 --learn-eye"
 
 
 @pytest.fixture
@@ -312,100 +235,73 @@ def refused(folder: Path, monkeypatch: pytest.MonkeyPatch, shell):
     monkeypatch.chdir(folder)
 
     def refuse(*options: object) -> str:
-        error = shell.refused(
-            "monitor", "./reader", "--port", 0, "--black-box", "box", *options
-        )
+        line = "monitor ./reader --port 0 --black-box box"
+        error = shell.refused(line, *options)
         assert not Path("box").exists()
         return error
 
     return refuse
 
 
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ("--calibration linear.json --eye mine", "mechanics: linear"),
+        ("--calibration calibration.json", "--eye: missing"),
+        (f"{MINE} --youngs-modulus-mpa 0.3", "--youngs-modulus-mpa"),
+        (f"{MINE} --stiffening 3", "--stiffening: the calibration gives"),
+        ("--stiffening 99", "stiffening 99 of the tissue"),
+        ("--calibration nowhere.json --eye mine", "nowhere.json"),
+        ("--thickness-um 2000", "wall thickness 2000"),
+        ("--rigidity 0.03", "--rigidity: of a sealed globe"),
+        ("--record box", "the folder of the black box is there"),
+        ("--black-box calibration.json/box", "calibration.json/box: Not a directory"),
+        ("--eye 'a\nb'", "--eye: 'a\\nb' has a line break"),
+        ("--eye '\x1b[2J'", "--eye: '\\x1b[2J' has a line break or another"),
+        ("--eye ''", "--eye: empty; give the eye a name"),
+        ("--learn-eye", "--learn-eye: --iop-mmhg is missing"),
+        (f"{MINE} {KNOWN}", "--learn-eye: the calibration has this eye's own E"),
+        (f"{KNOWN} --youngs-modulus-mpa 0.3", "--learn-eye: E is given"),
+        (f"{KNOWN} --no-second-opinion", "--learn-eye: needs the second opinion"),
+        (f"{KNOWN} --resume calibration.json", "mine: no monitor has learned it"),
+        ("--resume calibration.json", "--resume: needs --learn-eye"),
+        ("--plane a", "--plane: 'a' is not NAME:OFFSET_MM:DIRECTION_DEG"),
+        ("--plane a:0:0", "--plane: only one"),
+        ("--plane \u00e4:0:0 --plane b:0:90", "'\u00e4' cannot name a device"),
+        (f"{CROSS} --gap-mm 0.5", "--gap-mm: several planes show their gaps"),
+        (f"{CROSS} {KNOWN}", "--learn-eye: it learns from a single plane"),
+        ("--host ''", "--host: empty"),
+        ("--host no-such-host.invalid", "--host 'no-such-host.invalid'"),
+        ("--host 203.0.113.7", "203.0.113.7"),
+        ("--web-port 0 --web-host ''", "--web-host: empty"),
+        ("--web-port 0 --web-host 203.0.113.7", "--web-host '203.0.113.7'"),
+        ("--bound-mn 1", "must be below bound_n"),
+    ],
+)
 def test_a_session_that_cannot_be_served_is_refused_in_one_line(
-    refused, tmp_path: Path
+    refused, options: str, words: str
 ) -> None:
-    of_mine = json.loads(Path("calibration.json").read_text())
-    linear = tmp_path / "linear.json"
-    linear.write_text(json.dumps({**of_mine, "mechanics": "linear"}))
-
-    for options, words in (
-        (["--calibration", str(linear), "--eye", "mine"], "mechanics: linear"),
-        (MINE[:2], "--eye: missing"),
-        ([*MINE, "--youngs-modulus-mpa", "0.3"], "--youngs-modulus-mpa"),
-        ([*MINE, "--stiffening", "3"], "--stiffening: the calibration gives"),
-        (["--stiffening", "99"], "stiffening 99 of the tissue"),
-        (["--calibration", "nowhere.json", "--eye", "mine"], "nowhere.json"),
-        (["--thickness-um", "2000"], "wall thickness 2000"),
-        (["--thickness-um", "5000"], "5000 is above the largest allowed value 3000"),
-        (["--thickness-um", "nan"], "nan"),
-        (["--rigidity", "0.03"], "--rigidity: of a sealed globe"),
-        (["--record", "box"], "the folder of the black box is there"),
-        (
-            ["--black-box", "calibration.json/box"],
-            "--black-box calibration.json/box: Not a directory",
-        ),
-        (["--eye", "a\nb"], "--eye: 'a\\nb' has a line break"),
-        (
-            ["--eye", "\x1b[2J"],
-            "--eye: '\\x1b[2J' has a line break or another unprintable",
-        ),
-        (["--eye", ""], "--eye: empty; give the eye a name"),
-        (["--learn-eye"], "--learn-eye: --iop-mmhg is missing"),
-        (
-            [*MINE, *EYE[2:], "--learn-eye"],
-            "--learn-eye: the calibration has this eye's own E",
-        ),
-        (
-            [*EYE, "--learn-eye", "--youngs-modulus-mpa", "0.3"],
-            "--learn-eye: E is given",
-        ),
-        (
-            [*EYE, "--learn-eye", "--no-second-opinion"],
-            "--learn-eye: needs the second opinion",
-        ),
-        (
-            [*EYE, "--learn-eye", "--resume", "calibration.json"],
-            "mine: no monitor has learned it",
-        ),
-        ([*EYE, "--resume", "calibration.json"], "--resume: needs --learn-eye"),
-        (["--plane", "a:0:0"], "--plane: only one"),
-        (
-            ["--plane", "a:0:0", "--plane", "a:0:90"],
-            "--plane: name: 'a' is there twice",
-        ),
-        (["--plane", "a"], "--plane: 'a' is not NAME:OFFSET_MM:DIRECTION_DEG"),
-        (
-            ["--plane", "\u00e4:0:0", "--plane", "b:0:90"],
-            "--plane: '\u00e4' cannot name a device",
-        ),
-        ([*CROSS, "--gap-mm", "0.5"], "--gap-mm: several planes show their gaps"),
-        (
-            [*CROSS, "--eye", "mine", "--iop-mmhg", "2", "--learn-eye"],
-            "--learn-eye: it learns from a single plane",
-        ),
-        (["--host", ""], "--host: empty"),
-        (["--host", "no-such-host.invalid"], "--host 'no-such-host.invalid'"),
-        (["--web-port", "0", "--web-host", ""], "--web-host: empty"),
-        (["--web-port", "0", "--web-host", "203.0.113.7"], "--web-host '203.0.113.7'"),
-        (["--web-port", "65536"], "--web-port"),
-        (["--bound-mn", "1"], "must be below bound_n"),
-        (["--host", "203.0.113.7"], "203.0.113.7"),
-    ):
-        assert words in refused(*options)
+    if "linear" in options:
+        calibration = json.loads(Path("calibration.json").read_text())
+        calibration["mechanics"] = "linear"
+        Path("linear.json").write_text(json.dumps(calibration))
+    assert words in refused(options)
 
 
 def test_a_model_that_reads_single_planes_serves_no_others(shell) -> None:
-    error = shell.refused("monitor", "paper", "--port", 0, *CROSS)
-    assert "is a classifier, which reads single planes" in error
+    error = shell.refused("monitor paper --port 0", CROSS)
     assert error.startswith("error: --plane: ")
 
 
 @pytest.mark.slow
-def test_a_session_that_cannot_be_recorded_is_refused_in_one_line(refused) -> None:
-    assert "exists already" in refused("--record", ".")
-    assert "calibration.json/session: Not a directory" in refused(
-        "--record", "calibration.json/session"
-    )
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [(".", "exists already"), ("calibration.json/session", ": Not a directory")],
+)
+def test_a_session_that_cannot_be_recorded_is_refused_in_one_line(
+    refused, place: str, words: str
+) -> None:
+    assert words in refused("--record", place)
 
 
 def test_a_model_that_was_changed_never_starts(
@@ -413,66 +309,80 @@ def test_a_model_that_was_changed_never_starts(
 ) -> None:
     network = copytree(folder / "reader", tmp_path / "reader") / "model.onnx"
     network.write_bytes(network.read_bytes()[:-1] + b"\0")
-    assert "model.onnx" in shell.refused("monitor", tmp_path / "reader", "--port", 0)
+    assert "model.onnx" in shell.refused("monitor", tmp_path / "reader", "--port 0")
 
 
-def test_a_port_that_is_taken_is_named(refused) -> None:
+@pytest.mark.parametrize("option", ["--port", "--web-port"])
+def test_a_port_that_is_taken_is_named(refused, option: str) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        for option in ("--port", "--web-port"):
-            assert (
-                f"127.0.0.1:{port}: Address already in use; give another {option}"
-                in refused(option, port)
-            )
+        error = refused(option, port)
+    assert f"127.0.0.1:{port}: Address already in use; give another {option}" in error
 
 
-def secret(text: str) -> list[str]:
+@pytest.fixture
+def secret(tmp_path: Path):
     """Return the option with a file that only its user may read."""
-    descriptor, path = tempfile.mkstemp()
-    with open(descriptor, "w", encoding="utf-8", errors="surrogateescape") as file:
-        file.write(f"{text}\n")
-    return ["--token-file", path]
+
+    def written(text: str) -> str:
+        path = tmp_path / "secret"
+        path.touch(mode=0o600)
+        path.write_text(text, encoding="utf-8", errors="surrogateescape")
+        return f"--token-file {path}"
+
+    return written
 
 
-def test_a_reset_that_cannot_be_sent_is_one_line(shell) -> None:
-    for options in (
-        ["--host", "", *secret("x")],
-        ["--host", "x" * 64, *secret("x")],
-        secret("\udcff"),
-    ):
-        shell.refused("monitor-reset", *options)
+@pytest.mark.parametrize(
+    ("host", "token"), [("''", "x"), ("x" * 64, "x"), ("127.0.0.1", "\udcff")]
+)
+def test_a_reset_that_cannot_be_sent_is_one_line(
+    shell, secret, host: str, token: str
+) -> None:
+    shell.refused(f"monitor-reset --host {host}", secret(token))
 
+
+def test_a_reset_where_nobody_listens_names_the_address(shell, secret) -> None:
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
-
-    assert f"127.0.0.1:{port}" in shell.refused(
-        "monitor-reset", *secret("x"), "--port", port
-    )
+    error = shell.refused("monitor-reset", secret("x"), "--port", port)
+    assert f"127.0.0.1:{port}" in error
 
 
-def test_a_token_that_others_may_see_is_not_taken(shell, tmp_path: Path) -> None:
-    token = tmp_path / "token"
-    token.write_text("c0ffee\n")
-    for mode in (0o640, 0o604, 0o660):
-        token.chmod(mode)
-        assert f"mode {mode:o}" in shell.refused("monitor-reset", "--token-file", token)
+@pytest.mark.parametrize(
+    ("mode", "text", "words"),
+    [
+        (0o640, "c0ffee", "mode 640"),
+        (0o604, "c0ffee", "mode 604"),
+        (0o660, "c0ffee", "mode 660"),
+        (0o600, "", "expected one line"),
+        (0o600, "\n", "expected one line"),
+        (0o600, "x" * 300, "expected one line"),
+        (0o600, "a\x00b", "expected one line"),
+    ],
+)
+def test_a_token_that_others_may_see_or_that_is_none_is_not_taken(
+    shell, secret, tmp_path: Path, mode: int, text: str, words: str
+) -> None:
+    option = secret(text)
+    (tmp_path / "secret").chmod(mode)
+    assert words in shell.refused("monitor-reset", option)
 
+
+def test_a_token_comes_from_no_pipe_and_from_no_command_line(
+    shell, tmp_path: Path
+) -> None:
+    """What is on a command line can be seen by all users."""
     os.mkfifo(tmp_path / "pipe", 0o600)
     for name, words in (("pipe", "not a regular file"), ("no", "No such file")):
-        assert words in shell.refused("monitor-reset", "--token-file", tmp_path / name)
-
-    assert "--token" in shell.refused("monitor-reset", "--token", "c0ffee")
-    token.chmod(0o600)
-    for text in ("", "\n", "x" * 300, "a\x00b"):
-        token.write_text(text)
-        said = shell.refused("monitor-reset", "--token-file", token)
-        assert "expected one line with the token or the code" in said
+        error = shell.refused("monitor-reset --token-file", tmp_path / name)
+        assert words in error
+    assert "--token" in shell.refused("monitor-reset --token c0ffee")
 
 
 def test_a_token_comes_from_standard_input_or_from_a_question(
     monkeypatch: pytest.MonkeyPatch, shell
 ) -> None:
-    """What is on a command line can be seen by all users."""
     asked = list[str]()
 
     def ask_reset(host: str, port: int, token: str) -> tuple[bool, str]:
@@ -495,21 +405,12 @@ def test_a_token_comes_from_standard_input_or_from_a_question(
     assert (asked, hidden) == (["123456", "c0ffee"], [True])
 
 
-def test_another_eye_than_the_calibrations_and_narrow_frames_are_warned_of_at_the_start(
+def test_warnings_of_the_start_reach_the_operator_and_the_console(
     folder: Path, tmp_path
 ) -> None:
-    given = [
-        "--calibration",
-        str(folder / "calibration.json"),
-        "--eye",
-        "mein",
-        "--iop-mmhg",
-        "2",
-        "--width-mm",
-        "6",
-    ]
-    options = ["--no-second-opinion", "--black-box", str(tmp_path / "box")]
-    with started(folder, *given, *options, "--web-port", "0") as monitor:
+    given = f"--calibration {folder}/calibration.json --eye mein --iop-mmhg 2"
+    options = f"--width-mm 6 --no-second-opinion --web-port 0 --black-box {tmp_path}"
+    with started(folder, *given.split(), *options.split()) as monitor:
         warned = [line for line in monitor.lines if line.startswith("warning")]
         assert monitor.process.stderr
         said = iter(monitor.process.stderr.readline, "")
@@ -519,124 +420,47 @@ def test_another_eye_than_the_calibrations_and_narrow_frames_are_warned_of_at_th
             hello = json.loads(page.recv(timeout=FUSE_S))
 
     assert "mein is not in" in warned[0]
-    assert "(mine): read with the population's modulus" in warned[0]
     assert any("of the wall are visible; at least" in line for line in warned[1:])
     shown = [f"warning    {remark['words']}\n" for remark in hello["remarks"]]
     assert shown == warned
 
 
-def test_each_option_reaches_its_setting(
-    folder: Path, tmp_path: Path, monkeypatch, shell
+def test_the_options_of_the_service_and_of_its_limits_reach_the_monitor(
+    tmp_path: Path, monkeypatch, shell
 ) -> None:
-    import scleraforce.live.monitor_run as module
+    requests = list[MonitorRequest]()
 
-    taken: list[module.MonitorSettings] = []
-
-    def take(
-        _model: Path, _reader: object, settings: module.MonitorSettings, _note: object
-    ) -> None:
-        taken.append(settings)
+    def take(request: MonitorRequest) -> None:
+        requests.append(request)
         raise InputError("far enough")
 
-    monkeypatch.setattr(module, "monitor_service", take)
-    monitor = ["monitor", folder / "reader", "--black-box", tmp_path]
-    shell.refused(*monitor)
-    other = {
-        "--host": "127.0.0.2",
-        "--port": "1",
-        "--web-port": "2",
-        "--web-host": "127.0.0.3",
-        "--eye": "yours",
-        "--polar-angle-deg": "30",
-        "--plane-direction-deg": "-120",
-        "--columns": "400",
-        "--rows": "300",
-        "--width-mm": "8",
-        "--depth-mm": "6",
-        "--refractive-index": "1.3",
-        "--withdraw-class": "1",
-        "--bound-mn": "20",
-        "--unusable-frames": "4",
-        "--unusable-opinions": "5",
-        "--reaction-ms": "70",
-        "--unread-ms": "600",
-        "--iop-mmhg": "3",
-        "--thickness-um": "700",
-        "--youngs-modulus-mpa": "0.3",
-        "--gap-mm": "0.6",
-        "--record": str(tmp_path / "session"),
-    }
-    words = (word for pair in other.items() for word in pair)
-    assert "far enough" in shell.refused(*monitor, "--no-second-opinion", *words)
-    shell.refused(*monitor, *CROSS, "--plane-direction-deg", "-120")
-    plain, settings, crossed = taken
-    along, across = crossed.scan.planes
-    assert (along, across.name) == (Plane("along", 0.0, 0.0), "across")
-    assert (across.offset_m, across.direction_rad) == pytest.approx(
-        (1e-4, radians(90.0))
-    )
-    assert crossed.setup.needle.gap_m is None
-    # as the loop and the second opinion see it
-    turned = crossed.setup.turned(across.direction_rad)
-    assert turned.scan.direction_rad == pytest.approx(radians(-30.0))
-    limits = settings.limits
-    study = fixed_study(BINS)
-    assert (settings.address, settings.console) == (
-        module.Address("127.0.0.2", 1),
-        module.Address("127.0.0.3", 2),
-    )
-    assert (settings.eye, settings.record, settings.black_box) == (
-        "yours",
-        tmp_path / "session",
-        tmp_path,
-    )
-    known = settings.setup
-    scan = settings.scan
-    assert (scan.columns, scan.rows, scan.bits, scan.refractive_index, scan.planes) == (
-        400,
-        300,
-        16,
-        1.3,
-        (),
-    )
-    assert (scan.width_m, scan.depth_m, scan.direction_rad) == pytest.approx(
-        (8e-3, 6e-3, radians(-120.0))
-    )
-    assert (known.needle.polar_rad, known.scan.direction_rad) == pytest.approx(
-        (radians(30.0), radians(-120.0))
-    )
-    assert (
-        known.eye.iop_pa,
-        known.eye.thickness_m,
-        known.needle.gap_m,
-    ) == pytest.approx((to_si(3.0, "mmhg"), 700e-6, 0.6e-3))
-    assert known.eye.modulus is not None
-    assert known.eye.modulus.mean_pa == pytest.approx(0.3e6)
-    assert (limits.size, limits.scale_m) == ((300, 400), pytest.approx((20e-6, 20e-6)))
-    assert (
-        limits.withdraw_class,
-        limits.unusable_frames,
-        limits.unusable_opinions,
-    ) == (1, 4, 5)
-    assert (limits.bound_n, limits.reaction_s) == (
-        pytest.approx(0.02),
-        pytest.approx(0.07),
-    )
-    assert limits.loss_in_window_s == pytest.approx(0.6)
-    assert (limits.expects_opinion, limits.reads_force) == (False, True)
+    monkeypatch.setattr("scleraforce.front.api.monitor_settings.prepare_monitor", take)
+    where = f"--black-box {tmp_path}"
+    service = "--host 127.0.0.2 --port 1 --web-port 2 --web-host 127.0.0.3"
+    limits = "--withdraw-class 1 --bound-mn 20 --unusable-frames 4 --unread-ms 600"
+    more = "--unusable-opinions 5 --reaction-ms 70"
+    shell.refused("monitor default", where)
+    shell.refused("monitor default", where, service, limits, more)
+    (_, plain), (_, settings) = map(prepare_monitor, requests)
+    assert (plain.address, plain.console) == (Address("127.0.0.1", 18944), None)
+    assert settings.address == Address("127.0.0.2", 1)
+    assert settings.console == Address("127.0.0.3", 2)
+    assert settings.black_box == tmp_path
     assert settings.token != plain.token
-    scale_m = (
-        study.oct.width_m / study.oct.columns,
-        study.oct.depth_m / study.oct.rows,
-    )
-    size = (study.oct.rows, study.oct.columns)
+    stated = {
+        "withdraw_class": 1,
+        "bound_n": 0.02,
+        "unusable_frames": 4,
+        "unusable_opinions": 5,
+        "reaction_s": 0.07,
+        "loss_in_window_s": 0.6,
+    }
+    reached = {name: getattr(settings.limits, name) for name in stated}
+    assert reached == pytest.approx(stated)
+    study = sf.load_model("default").study.oct
+    scale_m = (study.width_m / study.columns, study.depth_m / study.rows)
     assert plain.limits == MonitorLimits(
-        size=size, scale_m=scale_m, expects_opinion=True
-    )
-    assert (plain.address, plain.console, plain.record) == (
-        module.Address("127.0.0.1", 18944),
-        None,
-        None,
+        size=(study.rows, study.columns), scale_m=scale_m, expects_opinion=True
     )
 
 

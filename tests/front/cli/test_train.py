@@ -8,8 +8,9 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -20,18 +21,15 @@ from small_models import SMALL_STUDY, write_blind_finder
 from small_recordings import calibration_text
 from waiting import FUSE_S, LIMIT_S, wait_until
 
+import scleraforce as sf
 from scleraforce.base.errors import ModelError
 from scleraforce.front.api.calibrating import library_for
-from scleraforce.front.cli.output import count_bar
 from scleraforce.lab.scenes.drawn_scenes import draw_scene
-from scleraforce.lab.training import slice_dataset
-from scleraforce.lab.training.slice_dataset import open_dataset
 from scleraforce.library import library_store
-from scleraforce.library.library_store import open_library
 from scleraforce.reading.load_model import load_wall_finder
 from scleraforce.records.model_folder import SHIPPED_WALL_FINDER, check_place
 from scleraforce.records.scan import PixelScale
-from scleraforce.records.study import ScenesStudy, format_study, parse_study
+from scleraforce.records.study import ScenesStudy, format_study
 from scleraforce.wall.find_wall import find_wall
 
 STUDY = """
@@ -64,46 +62,36 @@ def test_generate_uses_the_calibrations_modulus_and_reports_its_speed(
     study, tmp_path, shell
 ):
     calibration = tmp_path / "calibration.json"
-    out = tmp_path / "dataset.zarr"
     calibration.write_text(calibration_text(0.31))
-    printed, noted = shell.run(
-        "generate",
-        "--study",
-        study,
-        "--out",
-        out,
-        "--calibration",
-        calibration,
-        "--json",
-    )
+    out = f"generate --study {study} --out {tmp_path}/dataset.zarr"
+    printed, noted = shell.run(out, "--json --calibration", calibration)
     answer = json.loads(printed)
     assert "E was fitted with finite-strain mechanics, the slices are linear" in noted
     assert answer["images"] == 20
     assert answer["images_per_second"] == pytest.approx(20 / answer["seconds"])
-    dataset = open_dataset(out)
+    dataset = sf.open_dataset(tmp_path / "dataset.zarr")
     assert dataset.youngs_modulus_pa == pytest.approx(0.31e6)
     assert dataset.attributes["calibration"]["path"] == str(calibration)
-    assert "complete" in shell.refused("generate", "--study", study, "--out", out)
+    assert "complete" in shell.refused(out)
 
 
+@pytest.mark.parametrize(
+    ("command", "work", "kept"),
+    [
+        ("generate", "lab.training.slice_dataset.generate_dataset", "7 of 20 images"),
+        ("library", "library.library_store.build_library", "7 of 208 load paths"),
+    ],
+)
 def test_an_interrupted_command_says_what_it_keeps_and_exits_with_130(
-    study, tmp_path, shell, monkeypatch
+    study, tmp_path, shell, monkeypatch, command: str, work: str, kept: str
 ):
     def interrupted(*_, progress, **__):
         progress(7)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(slice_dataset, "generate_dataset", interrupted)
-    monkeypatch.setattr(library_store, "build_library", interrupted)
-
-    for command, kept in (
-        ("generate", "7 of 20 images"),
-        ("library", "7 of 208 load paths"),
-    ):
-        said = shell.run(command, "--study", study, "--out", tmp_path / "d", code=130)[
-            1
-        ]
-        assert f"{kept} are kept; the same command completes them" in said
+    monkeypatch.setattr(f"scleraforce.{work}", interrupted)
+    said = shell.run(command, "--study", study, "--out", tmp_path / "d", code=130)[1]
+    assert f"{kept} are kept; the same command completes them" in said
 
 
 @pytest.mark.slow
@@ -113,15 +101,8 @@ def test_a_generate_that_was_stopped_is_completed_by_the_same_command(
 ):
     study.write_text(STUDY.replace("images = 20", "images = 3000"))
     out = tmp_path / "dataset.zarr"
-    line = [
-        *SCLERAFORCE,
-        "generate",
-        "--study",
-        str(study),
-        "--out",
-        str(out),
-        "--json",
-    ]
+    words = f"generate --study {study} --out {out} --json"
+    line = [*SCLERAFORCE, *words.split()]
     process = subprocess.Popen(line, stderr=subprocess.PIPE, text=True)
 
     wait_until(lambda: any(out.glob("slices/c/*/0/0")) or process.poll() is not None)
@@ -136,29 +117,30 @@ def test_a_generate_that_was_stopped_is_completed_by_the_same_command(
     kept = len(list(Path(out).glob("slices/c/*/0/0")))
     assert 0 < kept < 15
     subprocess.run(line, check=True, stdout=subprocess.DEVNULL, timeout=LIMIT_S)
-    assert open_dataset(out).images == 3000
+    assert sf.open_dataset(out).images == 3000
 
 
 @pytest.mark.slow
 def test_a_library_is_made_with_its_size_and_time(study, tmp_path, shell):
     out = tmp_path / "library.zarr"
-    answer = shell.json("library", "--study", study, "--out", out, "--workers", 1)
+    words = ("library --workers 1 --study", study, "--out", out)
+    answer = shell.json(*words)
     assert answer["paths"] == 5 * 16 + 8 * 16
     assert answer["seconds"] > 0.0
-    assert open_library(out).force_ratio_tpd.shape == (4, 4, 4)
-    assert "a complete library" in shell.refused(
-        "library", "--study", study, "--out", out
-    )
+    assert sf.open_library(out).force_ratio_tpd.shape == (4, 4, 4)
+    assert "a complete library" in shell.refused(*words)
 
 
 @pytest.mark.slow
 def test_other_commands_find_the_library_in_the_users_cache(monkeypatch, tmp_path):
+    def quiet(*_: object) -> Any:
+        return nullcontext(lambda _: None)
+
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    made = library_for(parse_study(STUDY), "finite-strain", count_bar)
-    assert made is not None
+    made, again = (
+        library_for(sf.parse_study(STUDY), "finite-strain", quiet) for _ in range(2)
+    )
     assert len(list((tmp_path / "scleraforce" / "libraries").glob("*.zarr"))) == 1
-    again = library_for(parse_study(STUDY), "finite-strain", count_bar)
-    assert again is not None
     assert (again.force_ratio_tpd == made.force_ratio_tpd).all()
 
 
@@ -205,45 +187,36 @@ def test_a_store_on_a_full_disk_is_one_line(
     assert "File too large" in err
 
 
+@pytest.mark.parametrize("place", ["file/model", "/proc/model"])
 def test_a_model_that_cannot_be_written_is_refused_before_any_work(
-    tmp_path: Path,
+    tmp_path: Path, place: str
 ) -> None:
-    (tmp_path / "file").write_text("")
-    for place in (
-        tmp_path / "file" / "model",
-        Path("/proc/model"),
-    ):
-        # not even root may write there
-        with pytest.raises(ModelError, match="cannot be made"):
-            check_place(place)
-
+    (tmp_path / "file").touch()
+    # not even root may write there
+    with pytest.raises(ModelError, match="cannot be made"):
+        check_place(tmp_path / place)
     check_place(tmp_path / "new" / "model")
     assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
 
 
+@pytest.mark.parametrize(
+    ("schema", "kind", "said"),
+    [
+        ("scleraforce-library-2", "classifier", "`train --kind reader` learns from it"),
+        ("scleraforce-dataset-2", "reader", "`train --kind classifier`"),
+    ],
+)
 def test_training_on_a_store_of_another_kind_names_the_option(
-    tmp_path: Path, shell
+    tmp_path: Path, shell, schema: str, kind: str, said: str
 ) -> None:
     pytest.importorskip("torch")
-    library = "a response library and no data set; `train --kind reader` learns from it"
-    dataset = "a data set and no response library; `train --kind classifier`"
-
-    for schema, options, said in (
-        ("scleraforce-library-2", [], library),
-        ("scleraforce-dataset-2", ["--kind", "reader"], dataset),
-    ):
-        metadata = {
-            "zarr_format": 3,
-            "node_type": "group",
-            "attributes": {"schema": schema},
-        }
-        (tmp_path / "zarr.json").write_text(json.dumps(metadata))
-        assert said in shell.refused(
-            "train", tmp_path, *options, "--out", tmp_path / "model"
-        )
+    group = {"zarr_format": 3, "node_type": "group", "attributes": {"schema": schema}}
+    (tmp_path / "zarr.json").write_text(json.dumps(group))
+    given = f"--kind {kind} --out {tmp_path}/model"
+    assert said in shell.refused("train", tmp_path, given)
 
 
-SIZE = ["--width-mm", 10, "--depth-mm", 4]
+SIZE = "--width-mm 10 --depth-mm 4"
 
 
 @pytest.fixture(scope="module")
@@ -264,9 +237,8 @@ def frame(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_wall_finder_that_differs_makes_a_frame_unusable_and_the_reason_says_so(
     blind, frame, tmp_path, shell
 ) -> None:
-    (entry,) = shell.json(
-        "segment", frame, "--out", tmp_path, *SIZE, "--wall-finder", blind
-    )["frames"]
+    given = ("segment", frame, SIZE, "--wall-finder", blind, "--out", tmp_path)
+    (entry,) = shell.json(*given)["frames"]
     assert not entry["usable"]
     assert "differ" in entry["reason"] or "the network sees no wall" in entry["reason"]
     assert [path.name for path in tmp_path.iterdir()] == ["scene.guess.png"]
@@ -289,38 +261,36 @@ def test_the_bundled_wall_finder_checks_the_wall_by_default_and_none_switches_it
     assert not np.array_equal(checked, unchecked)
 
     for name, words, expected in (
-        ("a", (), checked),
-        ("b", ("--wall-finder", SHIPPED_WALL_FINDER), checked),
-        ("c", ("--wall-finder", "none"), unchecked),
+        ("a", "", checked),
+        ("b", f"--wall-finder {SHIPPED_WALL_FINDER}", checked),
+        ("c", "--wall-finder none", unchecked),
     ):
-        (entry,) = shell.json("segment", path, "--out", tmp_path / name, *SIZE, *words)[
-            "frames"
-        ]
+        given = ("segment", path, SIZE, words, "--out", tmp_path / name)
+        (entry,) = shell.json(*given)["frames"]
         assert np.array_equal(cv2.imread(entry["mask"], cv2.IMREAD_UNCHANGED), expected)
 
 
-def test_options_that_exclude_each_other_are_refused(tmp_path, shell) -> None:
-    for options, said in (
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ("data.zarr --kind wall-finder", "draws its scenes; leave DATASET out"),
+        ("", "--kind classifier: DATASET is missing; only --kind wall-finder needs"),
+        ("--kind raw-reader", "--kind raw-reader: DATASET is missing"),
         (
-            ["data.zarr", "--kind", "wall-finder"],
-            "data.zarr: --kind wall-finder draws its scenes; leave DATASET out",
-        ),
-        (
-            [],
-            "--kind classifier: DATASET is missing; only --kind wall-finder needs none",
-        ),
-        (["--kind", "raw-reader"], "--kind raw-reader: DATASET is missing"),
-        (
-            ["lib", "--kind", "raw-reader", "--search"],
+            "lib --kind raw-reader --search",
             "a raw-reader has the sizes of [raw_reader]",
         ),
         (
-            ["slices", "--scheduler", "tcp://127.0.0.1:9"],
+            "slices --scheduler tcp://127.0.0.1:9",
             "--scheduler: for --search and --kind wall-finder",
         ),
-    ):
-        assert said in shell.refused("train", *options, "--out", tmp_path / "model")
-        assert not (tmp_path / "model").exists()
+    ],
+)
+def test_options_that_exclude_each_other_are_refused(
+    tmp_path, shell, options: str, said: str
+) -> None:
+    assert said in shell.refused("train", options, "--out", tmp_path / "model")
+    assert not (tmp_path / "model").exists()
 
 
 @pytest.mark.slow
@@ -330,15 +300,10 @@ def test_training_prints_its_results_and_its_model_segments(
     study = tmp_path / "study.toml"
     model = tmp_path / "finder"
     study.write_text(format_study(SMALL_STUDY))
-    answer = shell.json(
-        "train", "--kind", "wall-finder", "--study", study, "--out", model
-    )
+    answer = shell.json("train --kind wall-finder --study", study, "--out", model)
     assert (answer["kind"], answer["scenes"]) == ("wall-finder", 640)
     assert answer["dice_mean"] > 0.85
-    (entry,) = shell.json(
-        "segment", frame, "--out", tmp_path, *SIZE, "--wall-finder", model
-    )["frames"]
+    given = ("segment", frame, SIZE, "--wall-finder", model, "--out", tmp_path)
+    reason = shell.json(*given)["frames"][0]["reason"]
     # 640 scenes teach little
-    assert (
-        entry["reason"] == "" or "does not know where the wall ends" in entry["reason"]
-    )
+    assert reason == "" or "does not know where the wall ends" in reason

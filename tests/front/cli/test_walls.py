@@ -3,6 +3,7 @@ corrected walls.
 """
 
 from pathlib import Path
+from shutil import copytree
 
 import cv2
 import numpy as np
@@ -23,15 +24,9 @@ from small_models import force_reader
 from small_recordings import write_places
 
 import scleraforce as sf
-from scleraforce.base.errors import FrameError, InputError
+from scleraforce.base.errors import InputError
 from scleraforce.calibration.seen_frames import CalibrationSettings, EyeFrames
-from scleraforce.front.cli.main import run
-from scleraforce.recordings.drawn_walls import (
-    COLUMNS,
-    RecordedWalls,
-    frame_file_digest,
-    mask_of,
-)
+from scleraforce.recordings.drawn_walls import RecordedWalls, write_wall
 from scleraforce.records.frame import MASK_SD_ROWS, NOT_JUDGED
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.wall_in_metres import given_wall, segmented_boundaries
@@ -107,82 +102,65 @@ def test_intervals_hold_when_boundaries_are_off_as_far_as_the_mask_states() -> N
 
 
 def test_a_mask_is_read_in_place_of_the_wall_and_an_array_of_flags_is_a_mask() -> None:
-    by_mask = sf.read(force_reader(), FRAME, mask=FOUND.mask, **EYE, **SIZE)
-    alone = sf.read(force_reader(), FOUND.mask > 0, **EYE, **SIZE)
+    def read(frame, **given):
+        return sf.read(force_reader(), frame, **given, **EYE, **SIZE)
+
+    by_mask = read(FRAME, mask=FOUND.mask)
+    alone = read(FOUND.mask > 0)
     assert by_mask.to_dict()["wall"] == alone.to_dict()["wall"] == "mask"
     assert by_mask.force_n == alone.force_n == pytest.approx(FORCE_N, rel=0.05)
-    frame = sf.Frame(FRAME, mask=FOUND.mask > 0, mask_sd_rows=0.2)
-    surer = sf.read(force_reader(), frame, **EYE, **SIZE)
-    assert (
-        surer.interval_n[1] - surer.interval_n[0]
-        < by_mask.interval_n[1] - by_mask.interval_n[0]
-    )
-    assert sf.read(force_reader(), FRAME, **EYE, **SIZE).to_dict()["wall"] == "found"
+    surer = read(sf.Frame(FRAME, mask=FOUND.mask > 0, mask_sd_rows=0.2))
+    assert np.ptp(surer.interval_n) < np.ptp(by_mask.interval_n)
+    assert read(FRAME).to_dict()["wall"] == "found"
 
 
-def test_what_is_not_a_mask_of_the_frame_is_refused() -> None:
-    for mask, words in (
+@pytest.mark.parametrize(
+    ("mask", "words"),
+    [
         (FOUND.mask[:100], "mask: 100 x 512 pixels, the frame has 512 x 512"),
         (FRAME, "in a mask"),
         (FOUND.mask[None] > 0, "shape"),
         ([FOUND.mask, FOUND.mask], "2 for 1 frames"),
-    ):
-        with pytest.raises(InputError, match=words):
-            sf.read(force_reader(), FRAME, mask=mask, **EYE, **SIZE)
+    ],
+)
+def test_what_is_not_a_mask_of_the_frame_is_refused(mask, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        sf.read(force_reader(), FRAME, mask=mask, **EYE, **SIZE)
 
-    with pytest.raises(InputError, match="mask_sd_rows: 0"):
-        sf.Frame(FRAME, mask=FOUND.mask, mask_sd_rows=0.0)
 
-    assert set(np.unique(mask_of(np.eye(3), "m"))) == {0, 255}
-    with pytest.raises(FrameError, match="m: 7 in a mask"):
-        mask_of(np.full((2, 2), 7), "m")
+@pytest.fixture(scope="module")
+def places(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    return write_places(tmp_path_factory.mktemp("places"))
 
 
 @pytest.fixture
-def corrected(tmp_path: Path) -> tuple[Path, Path]:
+def corrected(places: dict[str, Path], tmp_path: Path) -> tuple[Path, Path]:
     """A model, and a recording whose frame 2 has a wall that was drawn 30 rows too
     low.
     """
-    places = write_places(tmp_path)
-    frame = places["mine"] / "frames" / "2.png"
+    mine = copytree(places["mine"], tmp_path / "mine")
+    frame = mine / "frames" / "2.png"
     mask = find_wall(sf.read_frame(frame), SCALE).mask
-    (places["mine"] / "walls").mkdir()
-    cv2.imwrite(str(places["mine"] / "walls" / "2.png"), np.roll(mask, 30, axis=0))
-    row = f"2.png,me,2026-11-28T00:00:00Z,{frame_file_digest(frame)}"
-    (places["mine"] / "walls.csv").write_text(",".join(COLUMNS) + f"\n{row}\n")
-
-    return places["model"], places["mine"]
+    write_wall(mine, "2.png", np.roll(mask, 30, axis=0), "me", "2026-11-28T00:00:00Z")
+    return places["model"], mine
 
 
 def test_every_step_uses_a_corrected_wall_and_says_so(
     corrected: tuple[Path, Path], shell
 ) -> None:
     model, recording = corrected
-    given = ["--youngs-modulus-mpa", MODULUS_PA / 1e6, "--globe", "open"]
-    entry = shell.json("read", model, recording / "frames" / "2.png", *given)["frames"][
-        0
-    ]
+    frame = recording / "frames" / "2.png"
+    given = f"--youngs-modulus-mpa {MODULUS_PA / 1e6} --globe open"
+    (entry,) = shell.json("read", model, frame, given)["frames"]
     assert entry["wall"] == "corrected"
-    assert "wall: corrected" in shell.text(
-        "read", model, recording / "frames" / "2.png", *given
-    )
+    assert "wall: corrected" in shell.text("read", model, frame, given)
     found = shell.json("evaluate", model, recording)
-    assert [frame["wall"] for frame in found["frames"][:4]] == [
-        "found",
-        "found",
-        "corrected",
-        "found",
-    ]
+    walls = [one["wall"] for one in found["frames"][:4]]
+    assert walls == ["found", "found", "corrected", "found"]
     assert any(note.endswith("wall: corrected in 1 frames") for note in found["notes"])
     wall = RecordedWalls(recording).wall("2.png")
-    assert wall is not None
-    by_mask = sf.read(
-        sf.load_model(model),
-        recording / "frames" / "2.png",
-        mask=wall,
-        youngs_modulus_pa=MODULUS_PA,
-        globe="open",
-    )
+    eye = {"youngs_modulus_pa": MODULUS_PA, "globe": "open"}
+    by_mask = sf.read(model, frame, mask=wall, **eye)
     assert entry["predicted_force_mn"] == pytest.approx(by_mask.force_n * 1e3)
 
 
@@ -215,10 +193,8 @@ def test_a_changed_frame_invalidates_its_wall_and_a_table_that_contradicts_is_re
     cv2.imwrite(str(frame), cv2.imread(str(frame), cv2.IMREAD_UNCHANGED) // 2 * 2)
     found = shell.json("evaluate", model, recording)
     assert {frame["wall"] for frame in found["frames"][:4]} == {"found"}
-    assert any(
-        "drawn on another version of 2.png; it is not used" in note
-        for note in found["notes"]
-    )
+    words = "drawn on another version of 2.png; it is not used"
+    assert any(words in note for note in found["notes"])
     frame.write_bytes(before)
     table = walls.read_text()
 
@@ -238,20 +214,12 @@ def test_a_changed_frame_invalidates_its_wall_and_a_table_that_contradicts_is_re
     )
 
 
-def test_the_command_takes_a_mask_for_each_frame(tmp_path: Path, shell) -> None:
-    places = write_places(tmp_path)
+def test_the_command_takes_a_mask_for_each_frame(
+    places: dict[str, Path], tmp_path: Path, shell
+) -> None:
     frame = places["mine"] / "frames" / "1.png"
     mask = tmp_path / "mask.png"
     cv2.imwrite(str(mask), find_wall(sf.read_frame(frame), SCALE).mask)
-    words = [
-        "read",
-        places["model"],
-        frame,
-        "--mask",
-        mask,
-        "--youngs-modulus-mpa",
-        MODULUS_PA / 1e6,
-    ]
+    words = ("read", places["model"], frame, f"--mask {mask} --globe open")
     assert shell.json(*words)["frames"][0]["wall"] == "mask"
     assert "2 for 1 frames" in shell.refused(*words, "--mask", mask)
-    assert run(["read", "x", "y", "--mask-sd-rows", "0"]) == 2

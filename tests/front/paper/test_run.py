@@ -2,25 +2,19 @@
 readings, sections; the demo.
 """
 
-import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from analytic_library import made_up_library
 from poses import sample_pose
-from small_recordings import frame_answer
+from small_recordings import evaluation_of, frame_answer
 
 from scleraforce.base.errors import InputError, SolverError, StudyError
-from scleraforce.calibration.calibrate import calibration_passes
-from scleraforce.calibration.calibration import Calibration
 from scleraforce.calibration.evaluation import Evaluation
-from scleraforce.front.cli.main import run
-from scleraforce.front.paper import demo, run_folder, stages
+from scleraforce.front.paper import demo, run_folder
 from scleraforce.front.paper.paper_page import _comparison, _coverage
 from scleraforce.front.paper.run_folder import (
     Progress,
@@ -122,17 +116,18 @@ def test_after_control_c_the_unfinished_stage_is_repeated_or_resumed(
 
 
 def test_folders_of_others_and_of_another_study_are_left_alone(tmp_path: Path) -> None:
-    (tmp_path / "mine.txt").write_text("mine")
-    with pytest.raises(InputError, match="not empty, and not made by `reproduce`"):
-        open_run(tmp_path, Study(), 1)
-
-    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
-    with pytest.raises(InputError, match=r"mine\.txt"):
-        open_run(tmp_path / "mine.txt", Study(), 1)
-
+    mine = tmp_path / "mine.txt"
+    mine.write_text("mine")
     open_run(tmp_path / "out", Study(), 1)
-    with pytest.raises(InputError, match="made from another study"):
-        open_run(tmp_path / "out", Study(network=NetworkStudy(seed=7)), 1)
+    other = Study(network=NetworkStudy(seed=7))
+    for folder, study, words in (
+        (tmp_path, Study(), "not empty, and not made by `reproduce`"),
+        (mine, Study(), r"mine\.txt"),
+        (tmp_path / "out", other, "made from another study"),
+    ):
+        with pytest.raises(InputError, match=words):
+            open_run(folder, study, 1)
+    assert mine.read_text() == "mine"
 
 
 def test_a_run_with_another_reader_repeats_only_what_depends_on_it(
@@ -145,25 +140,21 @@ def test_a_run_with_another_reader_repeats_only_what_depends_on_it(
 
 
 @pytest.mark.parametrize(
-    "text",
+    ("text", "key"),
     [
-        "[classes]\nbounds_mn = [4.0, 20.0]",
-        "[needle]\nouter_diameter_mm = 0.5",
-        "[eye]\nradius_mm = 11.0",
+        ("[classes]\nbounds_mn = [4.0, 20.0]", "classes.bounds_mn"),
+        ("[needle]\nouter_diameter_mm = 0.5", "needle.outer_diameter_mm"),
+        ("[eye]\nradius_mm = 11.0", "eye.radius_mm"),
     ],
 )
 def test_the_bundled_reader_is_refused_for_a_study_that_it_was_not_trained_for(
-    tmp_path: Path, text: str
+    tmp_path: Path, text: str, key: str
 ) -> None:
     study = parse_study(text)
-    key = f"{text.split(']')[0][1:]}.{text.splitlines()[1].split()[0]}"
+    out = tmp_path / "out"
     with pytest.raises(StudyError, match=f"study: {key}: .*`train`"):
-        open_run(tmp_path / "out", study, 1)
-
-    assert (
-        open_run(tmp_path / "out", study, 1, train=True).reader
-        == tmp_path / "out" / "reader"
-    )
+        open_run(out, study, 1)
+    assert open_run(out, study, 1, train=True).reader == out / "reader"
 
 
 def test_the_bundled_reader_serves_the_papers_study_with_its_own_library(
@@ -206,12 +197,12 @@ def test_results_of_other_code_are_made_again_once_and_one_line_says_so(
     ]
 
 
-def test_a_broken_state_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("content", ["{", "[]", '{"seconds": 3}'])
+def test_a_broken_state_is_refused(tmp_path: Path, content: str) -> None:
     open_run(tmp_path, Study(), 1)
-    for content in ("{", "[]", '{"seconds": 3}'):
-        (tmp_path / "reproduce.json").write_text(content)
-        with pytest.raises(InputError, match=r"reproduce\.json: cannot be read"):
-            open_run(tmp_path, Study(), 1)
+    (tmp_path / "reproduce.json").write_text(content)
+    with pytest.raises(InputError, match=r"reproduce\.json: cannot be read"):
+        open_run(tmp_path, Study(), 1)
 
 
 def test_every_pose_of_the_virtual_laboratory_lies_in_the_framing_of_the_data_set():
@@ -228,53 +219,6 @@ def test_every_pose_of_the_virtual_laboratory_lies_in_the_framing_of_the_data_se
     # ... and with little to spare: a pixel on both sides
     assert depth[1] - depth[0] < max(offsets) - min(offsets) + 0.3e-3
     assert parse_study(format_study(study)) == study
-
-
-@dataclass(frozen=True)
-class Frames:
-    """Stands for a recording: as many frames."""
-
-    frames: Sequence[int]
-
-
-def test_the_bar_is_as_long_as_the_frames_that_both_calibrations_go_through(
-    tmp_path: Path, monkeypatch
-) -> None:
-    """The search of the stiffening goes through each frame several times; linear
-    mechanics once.
-    """
-    library = made_up_library()
-    counted = []
-
-    def calibrate(
-        recordings: Sequence[Frames],
-        *others: Any,
-        progress: Callable[[int], None],
-        **_: Any,
-    ) -> Any:
-        passes = calibration_passes(others[-1], None)
-        progress(passes * sum(len(recording.frames) for recording in recordings))
-        return Calibration({}, "hash", (5e-3, 30e-3), "finite-strain")
-
-    pushes = {
-        setup.eye.name: range(len(forces_n))
-        for setup, forces_n in run_folder.bent_trials(Study())
-    }
-    monkeypatch.setattr(
-        stages, "read_recording", lambda path: Frames(pushes[path.name])
-    )
-    monkeypatch.setattr(stages, "calibrate_recordings", calibrate)
-    monkeypatch.setattr(Calibration, "to_dict", lambda _: {})
-    monkeypatch.setattr(stages, "write_calibration", lambda *_: None)
-    monkeypatch.setattr(run_folder, "run_library", lambda *_: library)
-    run = open_run(tmp_path / "out", Study(), 1)
-    stages._calibrate_bent(run, counted.append)
-    assert len(counted) == 2
-    assert (
-        stages._bent_frames(run)
-        == sum(counted)
-        > sum(len(frames) for frames in pushes.values())
-    )
 
 
 def test_a_section_at_another_modulus_is_that_of_the_scaled_force_to_a_tenth_of_a_pixel():
@@ -311,14 +255,7 @@ def evaluation(folder: Path, kind: str, read_n: tuple[float | None, ...]) -> Eva
             zip((10e-3, 20e-3), read_n, strict=True)
         )
     )
-    return Evaluation(
-        model="model",
-        bounds_n=(5e-3, 30e-3),
-        max_force_n=60e-3,
-        youngs_modulus_pa=0.25e6,
-        frames=frames,
-        kind=kind,
-    )
+    return evaluation_of(frames, kind=kind)
 
 
 def test_forces_are_compared_with_the_log_and_with_the_truth(tmp_path: Path) -> None:
@@ -360,16 +297,14 @@ def test_the_eye_with_the_least_coverage_is_named_with_its_common_error(
 
 @pytest.mark.slow
 def test_a_virtual_session_is_pushed_calibrated_read_and_shown(
-    tmp_path: Path, capsys
+    tmp_path: Path, shell
 ) -> None:
     out = tmp_path / "new" / "demo"
-    assert run(["demo", "--out", str(out), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    told = shell.json("demo --out", out)
     assert told["page"] == str(out / "answers.html")
     assert "Model" in (out / "answers.html").read_text()
-    assert (
-        len(read_recording(out / "eye").frames) == told["frames"] == len(demo.FORCES_N)
-    )
+    frames = read_recording(out / "eye").frames
+    assert len(frames) == told["frames"] == len(demo.FORCES_N)
     calibrated = read_calibration(out / "modulus.json").eyes["demo"].eye
     assert calibrated.modulus_pa == pytest.approx(0.3e6, rel=0.1)
     assert told["read"] == told["right"] == len(demo.FORCES_N) - demo.TAUGHT
@@ -377,22 +312,21 @@ def test_a_virtual_session_is_pushed_calibrated_read_and_shown(
 
 
 def test_a_session_that_ends_early_leaves_nothing(
-    tmp_path: Path, monkeypatch, capsys
+    tmp_path: Path, monkeypatch, shell
 ) -> None:
-    def failing(*_: object) -> None:
+    def failing(out: Path, *_: object) -> None:
+        out.mkdir(parents=True)
         raise SolverError("no equilibrium")
 
     monkeypatch.setattr(demo, "study_sections", lambda *_: lambda _: [])
-    monkeypatch.setattr(
-        demo, "write_phantom", lambda out, *_: (out.mkdir(parents=True), failing())
+    monkeypatch.setattr(demo, "write_phantom", failing)
+    assert shell.refused("demo --out", tmp_path / "demo", codes=(1,)) == (
+        "error: no equilibrium\n"
     )
-    assert run(["demo", "--out", str(tmp_path / "demo")]) == 1
-    assert capsys.readouterr().err == "error: no equilibrium\n"
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_is_there_stays(tmp_path: Path, capsys) -> None:
+def test_a_folder_that_is_there_stays(tmp_path: Path, shell) -> None:
     (tmp_path / "mine").write_text("mine")
-    assert run(["demo", "--out", str(tmp_path)]) == 2
-    assert f"{tmp_path}: exists already" in capsys.readouterr().err
+    assert f"{tmp_path}: exists already" in shell.refused("demo --out", tmp_path)
     assert (tmp_path / "mine").read_text() == "mine"

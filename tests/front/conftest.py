@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from shlex import split
 from typing import Any
 
 import pytest
@@ -10,6 +11,10 @@ from scleraforce.front.cli.main import run
 
 
 class Shell:
+    """Runs commands. Their words are given as they are typed, in one text or in
+    several; paths and numbers are words of their own.
+    """
+
     def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
         self._capsys = capsys
 
@@ -17,8 +22,12 @@ class Shell:
         """Run a command that ends with this exit code; return its output and its
         errors.
         """
+        typed = list[str]()
+        for word in words:
+            typed += split(word) if isinstance(word, str) else [str(word)]
+
         self._capsys.readouterr()
-        found = run([str(word) for word in words])
+        found = run(typed)
         out, err = self._capsys.readouterr()
         assert found in ((code,) if isinstance(code, int) else code), err
         return out, err
