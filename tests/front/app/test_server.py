@@ -317,7 +317,10 @@ def test_a_wall_that_is_accepted_is_a_mask_until_it_is_removed(
     recording = write_small_recording(tmp_path / "small", frames=2)
     path = f"/api/wall?{FRAME}"
     wall = {**WALL, "inner": [*WALL["inner"][1:], None], "unseen": [0, 1]}
-    assert served.json("PUT", path, wall)["wall"]["source"] == "corrected"
+    served.json("PUT", f"/api/draft?{FRAME}", WALL)
+    accepted = served.json("PUT", path, wall)
+    assert accepted["wall"]["source"] == "corrected"
+    assert accepted["draft"] is None
     mask = RecordedWalls(recording).wall("0000.png")
     assert (mask[:, 0] == 128).all()
     assert np.flatnonzero(mask[:, 5] == 255).tolist() == [5, 6, 7, 8, 9]

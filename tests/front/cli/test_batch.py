@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from small_recordings import write_pushes
+from small_recordings import calibration_text, write_pushes
 
 import scleraforce as sf
 from scleraforce.base import kept_results
@@ -120,7 +120,7 @@ def test_what_has_changed_is_read_again_and_nothing_else(
     assert evaluated().read == 1
     shutil.rmtree(folder / "eye-c")
     assert (evaluated().read, len(list((folder / ".t.csv.state").iterdir()))) == (0, 2)
-    sf.calibrate("eye-a", frames=1, out=folder / "c.json")
+    (folder / "c.json").write_text(calibration_text(0.3, {"eye-a": {}}))
     assert evaluated(calibration=folder / "c.json").read == 2
     monkeypatch.setattr(evaluation_table, "__version__", "9.9")
     assert evaluated(calibration=folder / "c.json").read == 2
@@ -237,6 +237,7 @@ def test_answers_to_frames_that_change_meanwhile_are_not_kept(
 ) -> None:
     real = evaluation_table.evaluate_recordings
     frame = min((folder / "eye-a" / "frames").iterdir())
+    before = frame.read_bytes()
 
     def with_a_change(reader: Any, recordings: Any, summary: Any) -> Any:
         found = real(reader, recordings, summary)
@@ -246,6 +247,7 @@ def test_answers_to_frames_that_change_meanwhile_are_not_kept(
     monkeypatch.setattr(evaluation_table, "evaluate_recordings", with_a_change)
     assert evaluated().read == 3
     monkeypatch.setattr(evaluation_table, "evaluate_recordings", real)
+    frame.write_bytes(before)
     assert evaluated().read == 1
 
 
