@@ -80,10 +80,17 @@ def files(eye: Path, tmp_path: Path) -> list[str]:
 
 @contextmanager
 def opened(
-    browser: Browser, folder: Path, width: int = 1280, scheme: Any = "light"
+    browser: Browser,
+    folder: Path,
+    width: int = 1280,
+    scheme: Any = "light",
+    held: list[Route] | None = None,
+    complaints: list[str] | None = None,
 ) -> Iterator[Page]:
-    """The app's page on a folder; nothing in it fails."""
-    complaints = list[str]()
+    """The app's page on a folder. Its first request for the state is `held` back, and
+    `complaints` are the faults of its scripts.
+    """
+    found = [] if complaints is None else complaints
     with running_app(folder) as client:
         context = browser.new_context(
             viewport={"width": width, "height": 900}, color_scheme=scheme
@@ -91,10 +98,24 @@ def opened(
         page = context.new_page()
         page.set_default_timeout(LONG_MS)
         expect.set_options(timeout=LONG_MS)
-        page.on("pageerror", lambda fault: complaints.append(str(fault)))
-        page.goto(f"http://127.0.0.1:{client.port}/?token={TOKEN}")
+        page.on("pageerror", lambda fault: found.append(str(fault)))
+        address = f"http://127.0.0.1:{client.port}/?token={TOKEN}"
+        if held is None:
+            page.goto(address)
+        else:
+            page.route("**/api/state*", lambda route: held.append(route), times=1)
+            with page.expect_request("**/api/state*"):
+                page.goto(address, wait_until="commit")
         yield page
         context.close()
+
+
+@contextmanager
+def faultless(browser: Browser, folder: Path) -> Iterator[Page]:
+    """The app's page on a folder, of which no script fails."""
+    complaints = list[str]()
+    with opened(browser, folder, complaints=complaints) as page:
+        yield page
     assert complaints == []
 
 
@@ -164,7 +185,7 @@ def drag(page: Page, down: float, file: str = "0001.png") -> None:
 def test_files_become_a_recording_a_corrected_wall_a_modulus_and_forces(
     browser: Browser, folder: Path, files: list[str]
 ) -> None:
-    with opened(browser, folder) as page:
+    with faultless(browser, folder) as page:
         session(page, folder, files)
 
 
@@ -276,11 +297,18 @@ def session(found: Page, folder: Path, files: list[str]) -> None:
 @pytest.mark.parametrize(
     ("width", "scheme"), [(400, "light"), (400, "dark"), (1280, "dark")]
 )
-def test_the_page_fits_its_window_and_keys_go_through_the_frames(
+def test_the_page_fits_its_window(
     browser: Browser, eye: Path, width: int, scheme: Any
 ) -> None:
     with opened(browser, eye.parent, width, scheme) as page:
         expect(page.locator("#verdict")).not_to_have_text("")
+        for step in ("import", "look", "correct", "calibrate", "read"):
+            page.click(f"[data-step={step}]")
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_keys_go_through_the_frames(browser: Browser, eye: Path) -> None:
+    with opened(browser, eye.parent) as page:
         place = page.locator("#place")
         expect(place).to_contain_text("1 of 6")
         for key, number in (("ArrowRight", 2), ("ArrowRight", 3), ("ArrowLeft", 2)):
@@ -288,10 +316,6 @@ def test_the_page_fits_its_window_and_keys_go_through_the_frames(
             expect(place).to_contain_text(f"{number} of 6")
         page.keyboard.press(" ")
         expect(place).to_contain_text("6 of 6")
-
-        for step in ("import", "look", "correct", "calibrate", "read"):
-            page.click(f"[data-step={step}]")
-            assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
 def test_a_draft_stays_with_its_frame_and_faults_are_shown(
@@ -320,7 +344,7 @@ def test_a_draft_stays_with_its_frame_and_faults_are_shown(
 def test_a_duplicated_tab_is_read_only_and_an_empty_folder_has_no_faults(
     browser: Browser, folder: Path
 ) -> None:
-    with opened(browser, folder) as found:
+    with faultless(browser, folder) as found:
         expect(found.locator("#import")).to_be_visible()
         with found.expect_popup() as popup:
             found.evaluate("open('/')")
@@ -379,11 +403,8 @@ def test_wrong_classes_and_missed_intervals_are_marked_apart(
         mine / ".scleraforce" / "evaluate.kept",
     )
 
-    with opened(browser, mine, width, scheme) as page:
-        held = list[Route]()
-        page.route("**/api/state*", lambda route: held.append(route), times=1)
-        with page.expect_request("**/api/state*"):
-            page.reload(wait_until="commit")
+    held = list[Route]()
+    with opened(browser, mine, width, scheme, held) as page:
         page.click("[data-step=read]")  # before the page knows the folder
         held[0].continue_()
         shapes = {
@@ -447,7 +468,7 @@ def test_columns_that_the_header_names_are_chosen_already(
     log = tmp_path / "named.csv"
     rows = "".join(f"{n},{n},{2 * n}\n" for n in range(200))
     log.write_text(f"Time (ms),Fz (mN),other\n{rows}")
-    with opened(browser, folder) as found:
+    with faultless(browser, folder) as found:
         found.set_input_files("#files", [files[0], str(log)])
         time, force = (found.locator(f"[data-column={of}]") for of in ("time", "fz"))
         command = expect(found.locator("#import-command"))
