@@ -11,7 +11,6 @@ import signal
 import subprocess
 import sys
 from collections import deque
-from collections.abc import Callable, Iterator
 from functools import partial
 from multiprocessing import resource_tracker, spawn
 from pathlib import Path
@@ -99,7 +98,7 @@ def test_what_a_worker_raises_reaches_the_caller():
 
 
 @pytest.mark.parametrize("before", [[], [tripled]], ids=["new", "that worked before"])
-def test_a_preparation_that_fails_fails_for_each_unit_of_a_worker(before) -> None:
+def test_a_preparation_that_fails_fails_for_each_unit_of_a_worker(before):
     version = scleraforce.__version__
     for prepare in before:
         assert _do(pickle.dumps((version, prepare)), 2) == 6
@@ -116,7 +115,7 @@ def test_results_come_in_the_order_of_the_units():
     assert list(work_in_order(HEAVY, [], 2, ahead=3)) == []
 
 
-def test_a_worker_continues_while_the_caller_has_a_result(tmp_path: Path) -> None:
+def test_a_worker_continues_while_the_caller_has_a_result(tmp_path):
     results = work_in_order(
         partial(tasks.leave_a_mark_for_each, tmp_path), range(4), 1, ahead=2
     )
@@ -127,8 +126,8 @@ def test_a_worker_continues_while_the_caller_has_a_result(tmp_path: Path) -> Non
 
 
 def test_workers_end_in_the_midst_of_a_unit_when_the_caller_leaves(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     results = work_units(partial(waits_for_ever, tmp_path), range(2), 2)
     next(results)
     results.close()
@@ -136,8 +135,8 @@ def test_workers_end_in_the_midst_of_a_unit_when_the_caller_leaves(
 
 
 def test_a_worker_that_ends_while_it_passes_on_a_large_result_does_not_hang_the_caller(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     results = work_units(partial(large, tmp_path, 10**8), range(4), 2)
     done, _ = next(results)
     wait_until(lambda: {path.name for path in tmp_path.iterdir()} > {str(done)})
@@ -146,7 +145,7 @@ def test_a_worker_that_ends_while_it_passes_on_a_large_result_does_not_hang_the_
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="the system has no SIGKILL")
-def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
+def test_workers_end_when_their_parent_is_killed(tmp_path):
     program = tmp_path / "program.py"
     program.write_text(LEFT_ALONE)
     paths = os.environ | {
@@ -165,7 +164,7 @@ def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
     wait_until(lambda: not alive(int(marks[0].read_text())))
 
 
-def test_no_module_of_the_current_folder_runs_in_a_worker(tmp_path: Path) -> None:
+def test_no_module_of_the_current_folder_runs_in_a_worker(tmp_path):
     (tmp_path / "here").mkdir()
     for name in ("signal", "json", "numpy", "multiprocessing", "pickle", "struct"):
         (tmp_path / "here" / f"{name}.py").write_text(
@@ -190,7 +189,7 @@ def test_no_module_of_the_current_folder_runs_in_a_worker(tmp_path: Path) -> Non
 
 
 @pytest.fixture(scope="module")
-def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+def cluster(tmp_path_factory):
     """A cluster of two workers that come back after each death."""
     made = Cluster(tmp_path_factory.mktemp("cluster"))
     made.worker("--nanny")
@@ -200,7 +199,7 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
 
 
 @pytest.fixture
-def mortal(tmp_path: Path) -> Iterator[Cluster]:
+def mortal(tmp_path):
     """A cluster whose parts a test kills; it has no workers yet."""
     made = Cluster(tmp_path)
     yield made
@@ -209,8 +208,8 @@ def mortal(tmp_path: Path) -> Iterator[Cluster]:
 
 @on_cluster
 def test_a_cluster_does_each_unit_once_and_in_order_on_request(
-    cluster: Cluster,
-) -> None:
+    cluster,
+):
     workers = cluster_workers(cluster.address)
     assert dict(work_units(SLOW, range(5, 12), workers)) == {
         unit: 3 * unit for unit in range(5, 12)
@@ -223,9 +222,7 @@ def test_a_cluster_does_each_unit_once_and_in_order_on_request(
 
 
 @on_cluster
-def test_a_cluster_drops_the_units_of_a_caller_that_leaves(
-    cluster: Cluster, tmp_path: Path
-) -> None:
+def test_a_cluster_drops_the_units_of_a_caller_that_leaves(cluster, tmp_path):
     gate = tmp_path / "gate"
     workers = cluster_workers(cluster.address)
     work = work_units(partial(tasks.waits_at, gate), range(10_000), workers)
@@ -237,9 +234,7 @@ def test_a_cluster_drops_the_units_of_a_caller_that_leaves(
 
 
 @on_cluster
-def test_a_failure_on_a_cluster_reaches_the_caller(
-    cluster: Cluster, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failure_on_a_cluster_reaches_the_caller(cluster, monkeypatch):
     workers = cluster_workers(cluster.address)
     with pytest.raises(InputError, match="this eye is too small"):
         list(work_units(no_preparation, range(3), workers))
@@ -258,7 +253,7 @@ def test_a_failure_on_a_cluster_reaches_the_caller(
 
 
 @on_cluster
-def test_work_waits_for_workers_and_outlives_one(mortal: Cluster) -> None:
+def test_work_waits_for_workers_and_outlives_one(mortal):
     workers = cluster_workers(mortal.address)
     assert workers == 1
     victim = mortal.worker()
@@ -275,7 +270,7 @@ def test_work_waits_for_workers_and_outlives_one(mortal: Cluster) -> None:
 
 
 @on_cluster
-def test_a_scheduler_that_ends_is_one_clear_error(mortal: Cluster) -> None:
+def test_a_scheduler_that_ends_is_one_clear_error(mortal):
     mortal.worker()
     done = work_units(SLOW, range(10_000), cluster_workers(mortal.address))
     next(done)
@@ -285,7 +280,7 @@ def test_a_scheduler_that_ends_is_one_clear_error(mortal: Cluster) -> None:
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
-def test_no_scheduler_is_bad_input(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_scheduler_is_bad_input(monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr(worker_processes, "CONNECT_S", 0.5)
     with pytest.raises(
@@ -347,8 +342,8 @@ def call(folder: Path, *words: str) -> tuple[list[str], list[str], str]:
 
 
 def test_machine_code_is_compiled_once_and_anew_if_its_file_is_broken_or_more_is_needed(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     (tmp_path / "loops.py").write_text(LOOPS)
     compiled, _, first_notice = call(tmp_path)
     loaded, imported, notice = call(tmp_path)
@@ -429,8 +424,8 @@ as_root = pytest.mark.skipif(
     ],
 )
 def test_machine_code_that_others_could_have_written_is_not_loaded(
-    tmp_path: Path, spoil: Callable[[Path], object], noted: str
-) -> None:
+    tmp_path, spoil, noted
+):
     (tmp_path / "loops.py").write_text(LOOPS)
     found = call(tmp_path)[0]
     folder = code_folder(tmp_path / "cache")
@@ -444,7 +439,7 @@ def test_machine_code_that_others_could_have_written_is_not_loaded(
     assert "compiling, once" in notice or noted
 
 
-def test_machine_code_of_the_user_is_loaded(tmp_path: Path) -> None:
+def test_machine_code_of_the_user_is_loaded(tmp_path):
     """The bomb of the test above goes off where its file is the user's own."""
     (tmp_path / "loops.py").write_text(LOOPS)
     call(tmp_path)
@@ -453,9 +448,7 @@ def test_machine_code_of_the_user_is_loaded(tmp_path: Path) -> None:
     assert (tmp_path / "owned").exists()
 
 
-def test_settings_in_the_current_folder_are_not_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_settings_in_the_current_folder_are_not_read(tmp_path, monkeypatch):
     (tmp_path / "loops.py").write_text(LOOPS)
     monkeypatch.chdir(tmp_path)
     (tmp_path / ".numba_config.yaml").write_text("disable_jit: 1\n}{")

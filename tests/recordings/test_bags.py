@@ -42,7 +42,7 @@ HERE = Messages(ROS2)
 MAKERS = {"ros1": Messages(ROS1), "mcap": HERE}
 
 
-def test_frames_and_forces_come_back_by_their_capture_stamps(tmp_path: Path) -> None:
+def test_frames_and_forces_come_back_by_their_capture_stamps(tmp_path):
     for kind, packed in [
         ("ros1", None),
         ("sqlite", None),
@@ -87,7 +87,7 @@ def test_frames_and_forces_come_back_by_their_capture_stamps(tmp_path: Path) -> 
         assert log is None
 
 
-def test_a_clock_other_than_the_clock_of_the_bag_is_noted(tmp_path: Path) -> None:
+def test_a_clock_other_than_the_clock_of_the_bag_is_noted(tmp_path):
     for shift_s in (-5.0, 0.002):
         images = [
             HERE.image(START_NS + round(shift_s * 1e9) + at, FRAMES[at])
@@ -99,7 +99,7 @@ def test_a_clock_other_than_the_clock_of_the_bag_is_noted(tmp_path: Path) -> Non
         )
 
 
-def test_of_several_topics_one_is_chosen_by_name(tmp_path: Path) -> None:
+def test_of_several_topics_one_is_chosen_by_name(tmp_path):
     path = write_bag(tmp_path / "a", "mcap", topics=("/a", "/b"))
     with pytest.raises(
         UnansweredError, match=r"which topic\? There are /a, /b; give `image_topic`"
@@ -117,8 +117,8 @@ def test_of_several_topics_one_is_chosen_by_name(tmp_path: Path) -> None:
 
 
 def test_empty_stamps_are_asked_about_unless_the_clock_begins_at_zero(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     path = write_bag(tmp_path / "a", "sqlite", stamped=False)
     with pytest.raises(UnansweredError, match=r"header\.stamp is 0.*give `by_arrival`"):
         read_bag(path)
@@ -168,7 +168,7 @@ def bag_of(folder: Path, messages: list, kind: str = IMAGE) -> Path:
     )
 
 
-def test_encodings_become_grey(tmp_path: Path) -> None:
+def test_encodings_become_grey(tmp_path):
     grey = (FRAMES[1] % 256).astype(np.uint8)
     colour = np.dstack([grey, grey // 2, 255 - grey, grey])
     given = {
@@ -194,7 +194,7 @@ def test_encodings_become_grey(tmp_path: Path) -> None:
         assert scan.bits == (8 if expected.dtype == np.uint8 else None)
 
 
-def test_compressed_images_are_decoded_and_keep_their_depth(tmp_path: Path) -> None:
+def test_compressed_images_are_decoded_and_keep_their_depth(tmp_path):
     def sent(*images: np.ndarray, ending: str = ".png") -> Path:
         packed = [
             {"format": ending[1:], "data": cv2.imencode(ending, image)[1].ravel()}
@@ -222,7 +222,7 @@ def test_compressed_images_are_decoded_and_keep_their_depth(tmp_path: Path) -> N
         pictures_of(joined_files([scan]))
 
 
-def test_images_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
+def test_images_that_cannot_be_read_are_refused(tmp_path):
     text = "std_msgs/msg/String"
     image = HERE.image(START_NS, FRAMES[0])
 
@@ -298,7 +298,7 @@ def write_topic(
     return path.rename(path.with_suffix(".mcap"))
 
 
-def test_forces_of_two_publishers_in_turns_are_sorted_by_stamp(tmp_path: Path) -> None:
+def test_forces_of_two_publishers_in_turns_are_sorted_by_stamp(tmp_path):
     """The second publisher's messages take 12 ms longer than the next ones of the
     first.
     """
@@ -326,7 +326,7 @@ def test_forces_of_two_publishers_in_turns_are_sorted_by_stamp(tmp_path: Path) -
         )
 
 
-def test_frames_that_arrive_late_come_in_their_turn(tmp_path: Path) -> None:
+def test_frames_that_arrive_late_come_in_their_turn(tmp_path):
     sent = [
         (
             0,
@@ -348,8 +348,8 @@ def test_frames_that_arrive_late_come_in_their_turn(tmp_path: Path) -> None:
 
 
 def test_a_topic_of_two_clocks_coordinate_frames_types_or_definitions_is_refused(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     stamps_ns = [START_NS + nth * 10**8 for nth in range(4)]
     for kind, maker in MAKERS.items():
         for shift_s in [-3600, 7]:
@@ -420,7 +420,7 @@ def test_a_topic_of_two_clocks_coordinate_frames_types_or_definitions_is_refused
     )
 
 
-def test_a_clock_that_is_set_back_is_refused_with_both_stamps(tmp_path: Path) -> None:
+def test_a_clock_that_is_set_back_is_refused_with_both_stamps(tmp_path):
     for back_ms in [40, 300, 3000]:
         arrived_ns = [START_NS + nth * 5 * MS_NS for nth in range(100)]
         stamps_ns = [
@@ -440,8 +440,8 @@ def test_a_clock_that_is_set_back_is_refused_with_both_stamps(tmp_path: Path) ->
 
 
 def test_messages_of_one_stamp_are_left_out_if_they_are_equal_and_else_refused(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     def sent(last: int) -> list:
         return [
             (
@@ -466,7 +466,7 @@ def test_messages_of_one_stamp_are_left_out_if_they_are_equal_and_else_refused(
         read_bag(write_topic(tmp_path, "mcap", sent(4)))
 
 
-def test_images_that_change_within_a_topic_are_refused(tmp_path: Path) -> None:
+def test_images_that_change_within_a_topic_are_refused(tmp_path):
     at = START_NS + 3
     grey = (FRAMES[3] % 256).astype(np.uint8)
 
@@ -489,7 +489,7 @@ def test_images_that_change_within_a_topic_are_refused(tmp_path: Path) -> None:
 
 @pytest.mark.real
 @pytest.mark.skipif(not REAL.exists(), reason="no ../shared/real-logs")
-def test_a_real_bag_without_definitions_gives_its_forces() -> None:
+def test_a_real_bag_without_definitions_gives_its_forces():
     scan, log = read_bag(REAL)
     assert scan is None
     assert log.columns == ("fx_n", "fy_n", "fz_n")

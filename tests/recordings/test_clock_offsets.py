@@ -50,7 +50,7 @@ class Needle:
 
 
 @pytest.mark.parametrize("offset_s", [0.0, 7.25, -3.5, 1.7e9])
-def test_the_offset_of_a_film_is_found_from_its_dents(offset_s: float) -> None:
+def test_the_offset_of_a_film_is_found_from_its_dents(offset_s):
     needle = Needle(5, 60.0)
     frame_s = np.arange(4.0, 55.0, 0.25)
     found = needle.estimate(frame_s, frame_s - offset_s)
@@ -61,7 +61,7 @@ def test_the_offset_of_a_film_is_found_from_its_dents(offset_s: float) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_one_frame_a_push_gives_the_middle_of_the_rest_and_its_ends(seed: int) -> None:
+def test_one_frame_a_push_gives_the_middle_of_the_rest_and_its_ends(seed):
     needle = Needle(seed, 130.0)
     middle_s = needle.starts_s + 2.7
     found = needle.estimate(middle_s, middle_s - OFFSET_S)
@@ -72,7 +72,7 @@ def test_one_frame_a_push_gives_the_middle_of_the_rest_and_its_ends(seed: int) -
     )
 
 
-def test_the_offset_in_a_log_of_half_an_hour_is_as_exact() -> None:
+def test_the_offset_in_a_log_of_half_an_hour_is_as_exact():
     needle = Needle(2, 1800.0)
     frame_s = np.arange(900.0, 1000.0, 0.5)
     found = needle.estimate(frame_s, frame_s - 890.0)
@@ -80,7 +80,7 @@ def test_the_offset_in_a_log_of_half_an_hour_is_as_exact() -> None:
     assert found.offset_s == pytest.approx(890.0, abs=0.2)
 
 
-def test_no_offset_comes_from_few_or_equal_dents() -> None:
+def test_no_offset_comes_from_few_or_equal_dents():
     log_s = np.arange(0.0, 10.0, 0.01)
     few = np.arange(5.0)
     assert estimate_clocks(few, few[None], log_s, pushes(log_s)) is None
@@ -90,7 +90,7 @@ def test_no_offset_comes_from_few_or_equal_dents() -> None:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_a_log_of_another_day_is_not_sure_and_not_related(seed: int) -> None:
+def test_a_log_of_another_day_is_not_sure_and_not_related(seed):
     needle = Needle(seed, 130.0)
     other = Needle(100 + seed, 130.0)
     middle_s = needle.starts_s + 2.7
@@ -104,7 +104,7 @@ def test_a_log_of_another_day_is_not_sure_and_not_related(seed: int) -> None:
     assert unlikely < 4.6
 
 
-def test_equal_pushes_leave_the_offset_open() -> None:
+def test_equal_pushes_leave_the_offset_open():
     log_s = np.arange(0.0, 120.0, 0.01)
     force_n = 0.02 * ((log_s % 10.0) > 5.0)
     frame_s = np.arange(30.0, 80.0, 0.5)
@@ -119,7 +119,7 @@ def test_equal_pushes_leave_the_offset_open() -> None:
 
 
 @pytest.mark.parametrize("drift_s", [1.0, -1.0])
-def test_a_clock_that_drifts_by_seconds_an_hour_is_followed(drift_s: float) -> None:
+def test_a_clock_that_drifts_by_seconds_an_hour_is_followed(drift_s):
     needle = Needle(1, 3600.0)
     frame_s = np.arange(10.0, 3580.0, 60.0)
     stated_s = frame_s - OFFSET_S - drift_s * (frame_s / 3600.0 - 0.5)
@@ -129,14 +129,14 @@ def test_a_clock_that_drifts_by_seconds_an_hour_is_followed(drift_s: float) -> N
     assert np.abs(found.moved(stated_s) - frame_s).max() < 0.4
 
 
-def test_a_clock_that_drifts_by_much_is_not_sure_of_one_offset() -> None:
+def test_a_clock_that_drifts_by_much_is_not_sure_of_one_offset():
     needle = Needle(1, 3600.0)
     frame_s = np.arange(10.0, 3580.0, 60.0)
     found = needle.estimate(frame_s, frame_s - OFFSET_S - 8.0 * frame_s / 3600.0)
     assert not found.sure
 
 
-def test_frames_that_pause_are_not_sure_and_the_parts_are_named() -> None:
+def test_frames_that_pause_are_not_sure_and_the_parts_are_named():
     needle = Needle(3, 300.0)
     frame_s = np.arange(6.0, 288.0, 1.3)
     frame_s = np.delete(frame_s, slice(105, 113))
@@ -148,7 +148,7 @@ def test_frames_that_pause_are_not_sure_and_the_parts_are_named() -> None:
     assert (first_s, last_s) == pytest.approx((6.0, 6.0 + 8 * 1.3), abs=0.5)
 
 
-def test_gaps_of_a_log_are_not_bridged() -> None:
+def test_gaps_of_a_log_are_not_bridged():
     needle = Needle(4, 130.0)
     middle_s = needle.starts_s + 2.7
     log_n = needle.log_n()
@@ -173,7 +173,7 @@ def pool_adjacent_violators(values: np.ndarray, weights: np.ndarray) -> np.ndarr
     return np.concatenate([[mean] * int(count) for mean, _, count in blocks])
 
 
-def test_rising_sequences_agree_with_pooling_of_adjacent_violators() -> None:
+def test_rising_sequences_agree_with_pooling_of_adjacent_violators():
     rng = np.random.default_rng(0)
     values = rng.standard_normal((30, 9))
     weights = rng.uniform(0.1, 1.0, (30, 9))

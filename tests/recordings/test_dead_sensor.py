@@ -1,6 +1,5 @@
 """Readings that are no measurements, and sensors that repeat themselves honestly."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -135,9 +134,7 @@ SENSORS = {
 
 @pytest.mark.parametrize("sensor", SENSORS)
 @pytest.mark.parametrize("failure", FAILURES, ids=lambda each: each.__name__)
-def test_failures_are_found_and_the_rest_is_kept(
-    failure: Callable[[Floats, Floats], Flags], sensor: str
-) -> None:
+def test_failures_are_found_and_the_rest_is_kept(failure, sensor):
     time_s, wrench_sc = sensed(**SENSORS[sensor])
     failed = failure(wrench_sc, time_s)
 
@@ -155,7 +152,7 @@ def test_failures_are_found_and_the_rest_is_kept(
 
 @pytest.mark.parametrize("share", [0.01, 0.05, 0.2, 0.5])
 @pytest.mark.parametrize("columns", [slice(0, 6), slice(2, 3)])
-def test_zeros_of_one_axis_are_found(columns: slice, share: float) -> None:
+def test_zeros_of_one_axis_are_found(columns, share):
     time_s, wrench_sc = sensed()
     failed = np.random.default_rng(3).random(len(time_s)) < share
     wrench_sc[failed, 2] = 0.0
@@ -166,7 +163,7 @@ def test_zeros_of_one_axis_are_found(columns: slice, share: float) -> None:
     assert flags[~failed].mean() < 0.05
 
 
-def test_a_rail_with_noise_of_a_few_steps_is_the_end_of_a_range() -> None:
+def test_a_rail_with_noise_of_a_few_steps_is_the_end_of_a_range():
     time_s, wrench_sc = sensed(step_n=1e-6, noise_steps=4000.0)
     failed = noisy_rail(wrench_sc, time_s)
     found = no_values(wrench_sc, SIX_AXES, time_s)
@@ -176,7 +173,7 @@ def test_a_rail_with_noise_of_a_few_steps_is_the_end_of_a_range() -> None:
     assert "the end of its range" in fz.words
 
 
-def test_a_straight_line_through_noise_fills_a_gap() -> None:
+def test_a_straight_line_through_noise_fills_a_gap():
     time_s, wrench_sc = sensed(step_n=1e-6, noise_steps=4000.0)
     failed = line(wrench_sc, time_s)
     (found,) = no_values(wrench_sc, SIX_AXES, time_s)
@@ -185,7 +182,7 @@ def test_a_straight_line_through_noise_fills_a_gap() -> None:
     assert "a straight line" in found.words
 
 
-def test_zeros_of_a_single_coarse_axis_are_told_from_honest_ones() -> None:
+def test_zeros_of_a_single_coarse_axis_are_told_from_honest_ones():
     time_s, wrench_sc = sensed()
     failed = zeros_among(wrench_sc, time_s)
     (found,) = no_values(wrench_sc[:, 2:3], ("fz_n",), time_s)
@@ -200,15 +197,13 @@ def test_zeros_of_a_single_coarse_axis_are_told_from_honest_ones() -> None:
 @pytest.mark.parametrize(
     "noise_steps", [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 0.85, 2.0, 50.0]
 )
-def test_an_honest_sensor_is_not_suspected(
-    noise_steps: float, repeats: int, columns: int
-) -> None:
+def test_an_honest_sensor_is_not_suspected(noise_steps, repeats, columns):
     time_s, wrench_sc = sensed(noise_steps, repeats=repeats)
     shown = slice(2, 3) if columns == 1 else slice(0, columns)
     assert not no_values(wrench_sc[:, shown], SIX_AXES[shown], time_s)
 
 
-def test_knocks_of_one_size_are_forces() -> None:
+def test_knocks_of_one_size_are_forces():
     time_s, wrench_sc = sensed()
     wrench_sc[300::700, 2] -= 40e-3
     assert not no_values(wrench_sc, SIX_AXES, time_s)
@@ -235,8 +230,8 @@ def recording_of(folder: Path, wrench_sc: Floats, time_s: Floats) -> Path:
 
 @pytest.mark.parametrize("failure", FAILURES, ids=lambda each: each.__name__)
 def test_a_recording_made_earlier_has_no_label_where_the_sensor_failed(
-    failure: Callable[[Floats, Floats], Flags], tmp_path: Path
-) -> None:
+    failure, tmp_path
+):
     time_s, wrench_sc = sensed()
     failed = failure(wrench_sc, time_s)
     recording = read_recording(recording_of(tmp_path / "rec", wrench_sc, time_s))
@@ -264,7 +259,7 @@ def test_a_recording_made_earlier_has_no_label_where_the_sensor_failed(
 
 
 @pytest.mark.parametrize("start_s", [FIRST_PUSH_S - 0.2, FIRST_PUSH_S + RAMP_S])
-def test_zeros_until_the_contact_leave_no_tare(start_s: float, tmp_path: Path) -> None:
+def test_zeros_until_the_contact_leave_no_tare(start_s, tmp_path):
     time_s, wrench_sc = sensed()
     wrench_sc[time_s < start_s] = 0.0
     recording = read_recording(recording_of(tmp_path / "rec", wrench_sc, time_s))
@@ -272,7 +267,7 @@ def test_zeros_until_the_contact_leave_no_tare(start_s: float, tmp_path: Path) -
         label_frames(recording, ClassesStudy())
 
 
-def test_a_stated_range_counts_as_saturation(tmp_path: Path) -> None:
+def test_a_stated_range_counts_as_saturation(tmp_path):
     time_s, wrench_sc = sensed(
         noise_steps=0.0
     )  # without noise a flat top proves nothing
@@ -295,9 +290,7 @@ def test_a_stated_range_counts_as_saturation(tmp_path: Path) -> None:
 @pytest.mark.skipif(not SHARED.exists(), reason="no ../shared/recordings")
 @pytest.mark.parametrize("name", [f"sample-{letter}" for letter in "abcde"])
 @pytest.mark.parametrize("columns", [(2,), (0, 1, 2), (0, 1, 2, 3, 4, 5)])
-def test_the_coarse_sensor_of_the_samples_is_honest(
-    name: str, columns: tuple[int, ...]
-) -> None:
+def test_the_coarse_sensor_of_the_samples_is_honest(name, columns):
     log = read_recording(SHARED / name).forces
     assert log is not None
     assert log.notes == ()

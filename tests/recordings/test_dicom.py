@@ -56,7 +56,7 @@ def frame_of(
     return read, " ".join(scan.notes)
 
 
-def test_palettes_and_colours_become_grey(tmp_path: Path) -> None:
+def test_palettes_and_colours_become_grey(tmp_path):
     table = np.arange(255, -1, -1, dtype=np.uint16) * 257
     tags = {
         f"{name}PaletteColorLookupTableData": table.tobytes()
@@ -88,7 +88,7 @@ def packed(syntax: str, *streams: bytes, **tags: object) -> dict[str, object]:
     return {"TransferSyntaxUID": syntax, "PixelData": encapsulate([*streams]), **tags}
 
 
-def test_the_size_is_checked_before_memory_is_taken(tmp_path: Path) -> None:
+def test_the_size_is_checked_before_memory_is_taken(tmp_path):
     for pixels, tags, message in [
         (RAMP, {"Rows": 60_000, "Columns": 60_000}, "a frame may have 64 million"),
         (RAMP, {"NumberOfFrames": 2_000_000}, "is 2000000, PixelData has 4,800 bytes"),
@@ -107,7 +107,7 @@ def test_the_size_is_checked_before_memory_is_taken(tmp_path: Path) -> None:
 
 
 # PS3.5 8.1.1: BitsStored bits that end at HighBit.
-def test_bits_are_taken_where_high_bit_says(tmp_path: Path) -> None:
+def test_bits_are_taken_where_high_bit_says(tmp_path):
     for high, compressed in product((11, 13, 15), (False, True)):
         dataset = write_dicom(
             tmp_path / "a.dcm", RAMP << (high - 11), BitsStored=12, HighBit=high
@@ -132,7 +132,7 @@ def test_bits_are_taken_where_high_bit_says(tmp_path: Path) -> None:
         np.testing.assert_array_equal(read_frame(tmp_path / "a.dcm"), RAMP)
 
 
-def test_signed_pixels_keep_their_sign(tmp_path: Path) -> None:
+def test_signed_pixels_keep_their_sign(tmp_path):
     for pixels, tags in [
         (SIGNED, {}),
         (SIGNED, TWELVE),
@@ -147,7 +147,7 @@ def test_signed_pixels_keep_their_sign(tmp_path: Path) -> None:
         np.testing.assert_array_equal(read_frame(tmp_path / "a.dcm"), RAMP)
 
 
-def test_bright_tissue_stays_bright(tmp_path: Path) -> None:
+def test_bright_tissue_stays_bright(tmp_path):
     for signed, slope, display in product(
         (False, True), (1.0, -2.0), ("", "MONOCHROME1", "INVERSE")
     ):
@@ -178,7 +178,7 @@ def test_bright_tissue_stays_bright(tmp_path: Path) -> None:
     np.testing.assert_array_equal(pictures_of(scan), FRAMES)
 
 
-def test_what_is_not_read_is_refused_by_its_field(tmp_path: Path) -> None:
+def test_what_is_not_read_is_refused_by_its_field(tmp_path):
     slopes = [
         item(PixelValueTransformationSequence=item(RescaleSlope=slope))
         for slope in (1.0, -1.0)
@@ -271,7 +271,7 @@ def test_what_is_not_read_is_refused_by_its_field(tmp_path: Path) -> None:
         read_dicom(tmp_path / "a.dcm")
 
 
-def test_padding_is_as_dark_as_the_darkest_pixel(tmp_path: Path) -> None:
+def test_padding_is_as_dark_as_the_darkest_pixel(tmp_path):
     for sign, limit in product((1, -1), (None, -2998)):
         padded = sign * (RAMP.astype(np.int16) - 1000)
         padded[:5] = -3000
@@ -305,8 +305,8 @@ SIZE = pytest.approx((4e-6, 12.5e-6))
 
 
 def test_two_scales_in_one_file_are_named_and_give_none_and_one_that_is_stated_twice_is_read(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     one = {"PixelSpacing": [0.004, 0.0125]}
     for tags, found in [
         (one | groups("Shared", [0.01, 0.02]), "0.01 x 0.02 mm"),
@@ -346,8 +346,8 @@ def test_two_scales_in_one_file_are_named_and_give_none_and_one_that_is_stated_t
 
 
 def test_compressed_images_of_another_type_than_the_header_are_refused_by_field(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     streams = [BytesIO() for _ in range(4)]
     for held, pixels in zip(streams, (RAMP, RAMP + 2000, BYTES, BYTES), strict=True):
         j2k = {"format": "JPEG2000", "irreversible": False, "no_jp2": True}
@@ -403,7 +403,7 @@ def test_compressed_images_of_another_type_than_the_header_are_refused_by_field(
             frame_of(tmp_path, pixels, **packed(uid.JPEG2000Lossless, *sent) | tags)
 
 
-def test_lossless_jpegs_of_all_kinds_are_read(tmp_path: Path) -> None:
+def test_lossless_jpegs_of_all_kinds_are_read(tmp_path):
     gdcm = pytest.importorskip("gdcm")
     types = {
         "70": gdcm.TransferSyntax.JPEGLosslessProcess14_1,
@@ -440,8 +440,8 @@ def test_lossless_jpegs_of_all_kinds_are_read(tmp_path: Path) -> None:
 
 
 def test_ophthalmic_tomography_has_upright_frames_scale_and_the_time_of_each_in_its_zone(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     moments = [
         "20260102030405.000",
         "20260102030405.250",
@@ -491,7 +491,7 @@ def test_ophthalmic_tomography_has_upright_frames_scale_and_the_time_of_each_in_
         assert scan.times.time_s[0] == 1767323045.5 + shift_s
 
 
-def test_steps_of_time_are_added_up_and_contradictions_named(tmp_path: Path) -> None:
+def test_steps_of_time_are_added_up_and_contradictions_named(tmp_path):
     two = {"FrameTime": 40.0, "FrameTimeVector": [0.0, 10.0, 10.0, 10.0, 10.0]}
     for tags, time_s in [
         ({"FrameTime": 40.0}, [0.0, 0.04, 0.08, 0.12, 0.16]),
@@ -526,7 +526,7 @@ def test_steps_of_time_are_added_up_and_contradictions_named(tmp_path: Path) -> 
         assert found in scan.times_fault
 
 
-def test_frames_packed_as_rle_are_read_and_longer_ones_are_not(tmp_path: Path) -> None:
+def test_frames_packed_as_rle_are_read_and_longer_ones_are_not(tmp_path):
     dataset = write_dicom(tmp_path / "a.dcm", FRAMES)
     dataset.compress(uid.RLELossless)
     dataset.save_as(tmp_path / "a.dcm")

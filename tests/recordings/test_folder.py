@@ -5,7 +5,6 @@ them.
 import re
 import shutil
 from math import pi
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -314,8 +313,8 @@ TOGETHER = "file,time_s,plane\na.png,0.2,a\nb.png,0.2,b\n"
     ],
 )
 def test_a_plane_is_the_same_one_if_its_columns_run_the_other_way(
-    offset_m: float, turn_rad: float, same: bool
-) -> None:
+    offset_m, turn_rad, same
+):
     assert Plane("a", 3e-4, -1.0).lies_at(Plane("b", offset_m, turn_rad - 1.0)) == same
 
 
@@ -564,7 +563,7 @@ FORMS = [
 ]
 
 
-def test_tables_are_read_however_they_are_written(tmp_path: Path) -> None:
+def test_tables_are_read_however_they_are_written(tmp_path):
     for form in FORMS:
         (tmp_path / "forces.csv").write_bytes(form(FORCES))
         log = read_force_log(tmp_path / "forces.csv", "fz")
@@ -578,7 +577,7 @@ def test_tables_are_read_however_they_are_written(tmp_path: Path) -> None:
         )
 
 
-def test_a_log_that_cannot_be_read_is_refused_with_its_line(tmp_path: Path) -> None:
+def test_a_log_that_cannot_be_read_is_refused_with_its_line(tmp_path):
     for text, message in [
         (
             "time_s,fx_n\n0,1\n0.01,1\n",

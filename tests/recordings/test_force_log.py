@@ -66,8 +66,8 @@ def semicolons(header: str, *rows: str) -> str:
 
 
 def test_an_ati_log_is_divided_by_its_counts_per_unit_and_counts_by_its_sample_rate(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     log, columns = log_of(tmp_path, ATI)
     np.testing.assert_allclose(log.time_s - log.time_s[0], [0.0, 0.002, 0.006, 0.008])
     np.testing.assert_allclose(
@@ -94,7 +94,7 @@ def test_an_ati_log_is_divided_by_its_counts_per_unit_and_counts_by_its_sample_r
     assert note.endswith("log.csv:11: Status (hex): '0x80020000'")
 
 
-def test_settings_above_the_header_are_read_whole(tmp_path: Path) -> None:
+def test_settings_above_the_header_are_read_whole(tmp_path):
     for count in ("1000,0", "1e3", "1000,,,", "1.0E+03", "1000 counts"):
         log, _ = log_of(tmp_path, ATI.replace("Force: 1000.0", f"Force: {count}"))
         assert log.wrench_sc[0, 2] == pytest.approx(-0.04)
@@ -120,8 +120,8 @@ def test_settings_above_the_header_are_read_whole(tmp_path: Path) -> None:
 
 
 def test_numbers_other_than_counts_under_a_header_with_counts_are_asked_about(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     text = ATI.replace('"-41000"', '"-41.5"')
     found = r"log\.csv:10: Fz: -41\.5 is not a count, .* fz=Fz:1000/mN or fz=Fz:mN"
     with pytest.raises(UnansweredError, match=found):
@@ -145,7 +145,7 @@ def test_numbers_other_than_counts_under_a_header_with_counts_are_asked_about(
     )
 
 
-def test_what_a_log_leaves_open_is_asked_and_the_answer_is_used(tmp_path: Path) -> None:
+def test_what_a_log_leaves_open_is_asked_and_the_answer_is_used(tmp_path):
     rows = ("0.00 1", "0.01 2")
     scales = [
         "Scale Factor: 0.001",
@@ -224,7 +224,7 @@ def test_what_a_log_leaves_open_is_asked_and_the_answer_is_used(tmp_path: Path) 
         log_of(tmp_path, semicolons("time_s Fz", *rows), "fz=C:N")
 
 
-def test_samples_that_a_flag_marks_as_faulty_have_no_force(tmp_path: Path) -> None:
+def test_samples_that_a_flag_marks_as_faulty_have_no_force(tmp_path):
     for name, good, bad in [
         ("status", "0", "2"),
         ("Sensor Status", "0x0", "0x4"),
@@ -254,8 +254,8 @@ def test_samples_that_a_flag_marks_as_faulty_have_no_force(tmp_path: Path) -> No
 
 
 def test_a_column_that_flags_every_sample_is_refused_unless_it_is_not_the_status(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     text = "time_s,status,fz_n\n0.00,7,1\n0.01,7,2\n"
     with pytest.raises(
         RecordingError,
@@ -280,8 +280,8 @@ def even_log(*forces_n: float) -> str:
 
 
 def test_missing_and_implausible_forces_are_gaps_and_the_first_line_is_named(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     noise_n = np.random.default_rng(1).normal(0.0, 1.0, 1000)
     burst_n = 3e-3 * noise_n - 0.02 * (np.arange(1000) > 600)
     quiet_n = 0.05e-3 * noise_n
@@ -342,7 +342,7 @@ X_Value\tFz\tVoltage\tComment
 """
 
 
-def test_a_labview_measurement_file_is_read_by_its_header(tmp_path: Path) -> None:
+def test_a_labview_measurement_file_is_read_by_its_header(tmp_path):
     for ending in ["lvm", "txt"]:
         path = tmp_path / f"log.{ending}"
         path.write_text(LVM)
@@ -362,7 +362,7 @@ def test_a_labview_measurement_file_is_read_by_its_header(tmp_path: Path) -> Non
     )
 
 
-def test_what_is_not_read_of_a_labview_file_is_refused_by_name(tmp_path: Path) -> None:
+def test_what_is_not_read_of_a_labview_file_is_refused_by_name(tmp_path):
     for old, new, message in [
         ("X_Columns\tOne", "X_Columns\tNo", "X_Columns: No is not read"),
         ("X_Columns\tOne", "X_Columns\tMulti", "X_Columns: Multi is not read"),
@@ -385,8 +385,8 @@ def test_what_is_not_read_of_a_labview_file_is_refused_by_name(tmp_path: Path) -
 
 
 def test_marks_that_may_part_thousands_are_refused_with_both_readings(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     for rows, reading in [
         # points elsewhere; then three digits behind every comma
         (
@@ -414,7 +414,7 @@ def test_marks_that_may_part_thousands_are_refused_with_both_readings(
                 )
 
 
-def test_logs_of_many_forms_are_read(tmp_path: Path) -> None:
+def test_logs_of_many_forms_are_read(tmp_path):
     """Times relative to the first, and forces in N."""
     newtons = [-1.5e-3, -2.5e-3]
     step_s = [0.0, 0.01]
@@ -519,7 +519,7 @@ def test_logs_of_many_forms_are_read(tmp_path: Path) -> None:
     assert log.time_s[0] == pytest.approx(1786000000.25, abs=1e-6)
 
 
-def test_dates_are_recognised_as_people_write_them(tmp_path: Path) -> None:
+def test_dates_are_recognised_as_people_write_them(tmp_path):
     for name, first, second in [
         ("Time", "11/26/2026 10:15:30.250 PM", "11/26/2026 10:15:30.260 PM"),
         ("Timestamp", "26.11.2026 22:15:30,250", "26.11.2026 22:15:30,260"),
@@ -535,8 +535,8 @@ def test_dates_are_recognised_as_people_write_them(tmp_path: Path) -> None:
 
 
 def test_times_of_day_count_on_past_midnight_without_the_day_beside_them(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     for days, columns in [
         (("2026-11-26", "2026-11-27"), ()),
         (("26.11.2026", "27.11.2026"), ("time=Time:clock",)),
@@ -550,8 +550,8 @@ def test_times_of_day_count_on_past_midnight_without_the_day_beside_them(
 
 
 def test_the_order_of_day_and_month_is_asked_unless_a_value_above_12_decides(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     text = "Time;fz_n\n5/6/2026 10:15:30.250;1\n5/6/2026 10:15:30.260;2\n"
     with pytest.raises(
         UnansweredError,
@@ -570,7 +570,7 @@ def test_the_order_of_day_and_month_is_asked_unless_a_value_above_12_decides(
     assert columns[0].answer() == "time=Time:dmy"
 
 
-def test_a_fault_is_named_with_its_line(tmp_path: Path) -> None:
+def test_a_fault_is_named_with_its_line(tmp_path):
     wide = ",".join(["time_s", "fz_n", *(f"c{k}" for k in range(45))])
     row = ",1" + ",0" * 47
 
@@ -610,7 +610,7 @@ def test_a_fault_is_named_with_its_line(tmp_path: Path) -> None:
         log_of(tmp_path, "when,a,b\nyesterday,1,2\n", "time=when:iso", "fz=a:N")
 
 
-def test_a_header_that_names_units_answers_for_itself() -> None:
+def test_a_header_that_names_units_answers_for_itself():
     for names, found in [
         (
             ["Time (ms)", "Fx [N]", "Fz [mN]", "Tz (Nmm)"],
@@ -641,7 +641,7 @@ def test_a_header_that_names_units_answers_for_itself() -> None:
     )
 
 
-def test_a_column_is_stated_by_name_and_unit_of_its_size_or_refused() -> None:
+def test_a_column_is_stated_by_name_and_unit_of_its_size_or_refused():
     for text, factor in [
         *(
             (f"fz=F:{unit}", size_n)
@@ -686,7 +686,7 @@ def test_a_column_is_stated_by_name_and_unit_of_its_size_or_refused() -> None:
 
 
 @pytest.mark.parametrize("where", ["above", "header", "below"])
-def test_a_field_beyond_the_limit_is_named_with_its_file(where: str, tmp_path) -> None:
+def test_a_field_beyond_the_limit_is_named_with_its_file(where, tmp_path):
     """It was `: field larger than field limit`; above the names there may be
     remarks.
     """

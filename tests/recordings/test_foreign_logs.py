@@ -65,9 +65,7 @@ def since_epoch(at_s: float) -> tuple[int, int]:
         ("t [s],t [ms]", 10**6),
     ],
 )
-def test_a_time_in_two_columns_is_their_sum(
-    names: str, unit_ns: int, tmp_path: Path
-) -> None:
+def test_a_time_in_two_columns_is_their_sum(names, unit_ns, tmp_path):
     def time(at_s: float) -> str:
         whole, part_ns = since_epoch(at_s)
         return f"{whole},{part_ns // unit_ns}"
@@ -85,7 +83,7 @@ def test_a_time_in_two_columns_is_their_sum(
 @pytest.mark.parametrize(
     "names", ["Time (s),Timestamp (ms)", "time_s,time_ms", "Timestamp (ms),Time (s)"]
 )
-def test_a_whole_time_beside_whole_seconds_is_taken(names: str, tmp_path: Path) -> None:
+def test_a_whole_time_beside_whole_seconds_is_taken(names, tmp_path):
     def time(at_s: float) -> str:
         whole, part_ns = since_epoch(at_s)
         both = (f"{whole}", f"{1000 * whole + part_ns // 10**6}")
@@ -94,7 +92,7 @@ def test_a_whole_time_beside_whole_seconds_is_taken(names: str, tmp_path: Path) 
     check(log_of(tmp_path, f"{names},fz_n\n{rows(time)}"))
 
 
-def test_milliseconds_beside_the_time_of_day_are_added(tmp_path: Path) -> None:
+def test_milliseconds_beside_the_time_of_day_are_added(tmp_path):
     def time(at_s: float) -> str:
         return f"10:15:{int(at_s):02d};{1e3 * (at_s % 1.0):.0f}"
 
@@ -112,9 +110,7 @@ def test_milliseconds_beside_the_time_of_day_are_added(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_columns_of_a_wrench_of_ros_are_in_si(
-    time: str, prefix: str, tmp_path: Path
-) -> None:
+def test_columns_of_a_wrench_of_ros_are_in_si(time, prefix, tmp_path):
     header = f"{time},{prefix}x,{prefix}z"
 
     def stamps(at_s: float) -> str:
@@ -126,7 +122,7 @@ def test_columns_of_a_wrench_of_ros_are_in_si(
     assert log.time_s[0] == pytest.approx(EPOCH_S + 0.7)  # the capture
 
 
-def test_the_times_of_plotjuggler_are_seconds(tmp_path: Path) -> None:
+def test_the_times_of_plotjuggler_are_seconds(tmp_path):
     text = "__time,/ft/wrench/force/z\n" + rows(lambda at_s: f"{EPOCH_S + at_s:.6f}")
     check(log_of(tmp_path, text))
 
@@ -136,7 +132,7 @@ def minutes(at_s: float) -> str:
     return f"{whole // 60 % 60:02d}:{whole % 60:02d}.{part_ms:03d}"
 
 
-def test_minutes_without_the_hour_count_on(tmp_path: Path) -> None:
+def test_minutes_without_the_hour_count_on(tmp_path):
     text = f"Time,fz_n\n{rows(minutes)}"
     assert "59:59.995" in text
     assert "\n00:00.000" in text
@@ -145,7 +141,7 @@ def test_minutes_without_the_hour_count_on(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("rate", [24, 25, 30, 50, 60, 100])
-def test_timecode_counts_frames(rate: int, tmp_path: Path) -> None:
+def test_timecode_counts_frames(rate, tmp_path):
     def timecode(at_s: float) -> str:
         frame = round(at_s / STEP_S)
         return f"10:00:{frame // rate:02d}:{frame % rate:02d}"
@@ -155,7 +151,7 @@ def test_timecode_counts_frames(rate: int, tmp_path: Path) -> None:
         check(log_of(tmp_path, text, *columns), 1e-5, np.arange(COUNT) / rate)
 
 
-def test_timecode_of_an_unknown_rate_is_asked_about(tmp_path: Path) -> None:
+def test_timecode_of_an_unknown_rate_is_asked_about(tmp_path):
     text = "Time,fz_n\n" + "".join(f"10:00:00:{k:02d},1\n" for k in range(20))
     with pytest.raises(UnansweredError, match="how many frames a second"):
         log_of(tmp_path, text)
@@ -166,7 +162,7 @@ def stamped(time_s: Floats) -> str:
     return f"time_s,fz_n\n{rows(lambda _: f'{next(stamps):.6f}')}"
 
 
-def test_one_repeated_stamp_is_spaced_evenly_with_a_note(tmp_path: Path) -> None:
+def test_one_repeated_stamp_is_spaced_evenly_with_a_note(tmp_path):
     time_s = TIME_S.copy()
     time_s[200] = time_s[199]
     log = log_of(tmp_path, stamped(time_s))
@@ -176,7 +172,7 @@ def test_one_repeated_stamp_is_spaced_evenly_with_a_note(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("late", [1, 200])
-def test_a_small_step_back_is_mended_with_a_note(late: int, tmp_path: Path) -> None:
+def test_a_small_step_back_is_mended_with_a_note(late, tmp_path):
     time_s = TIME_S.copy()
     time_s[200 : 200 + late] -= 0.008  # 3 ms before the sample that comes before it
     log = log_of(tmp_path, stamped(time_s))
@@ -187,9 +183,7 @@ def test_a_small_step_back_is_mended_with_a_note(late: int, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("tick_s", [0.015625, 0.0156001, 0.01, 0.1, 1.0])
 @pytest.mark.parametrize("begin_s", [0.0, 0.007])
-def test_stamps_of_a_coarse_clock_are_spaced_evenly(
-    tick_s: float, begin_s: float, tmp_path: Path
-) -> None:
+def test_stamps_of_a_coarse_clock_are_spaced_evenly(tick_s, begin_s, tmp_path):
     time_s = np.floor((TIME_S + begin_s) / tick_s + 1e-6) * tick_s
     if tick_s == 1.0:
         time_s = np.floor(TIME_S * 3.0)
@@ -203,7 +197,7 @@ def test_stamps_of_a_coarse_clock_are_spaced_evenly(
     assert "samples are spaced evenly" in log.notes[0]
 
 
-def test_a_gap_among_coarse_stamps_stays_one(tmp_path: Path) -> None:
+def test_a_gap_among_coarse_stamps_stays_one(tmp_path):
     true_s = TIME_S + 5.0 * (np.arange(COUNT) >= 200)
     time_s = np.floor(true_s / 0.015625) * 0.015625
     log = log_of(tmp_path, stamped(time_s))
@@ -221,9 +215,7 @@ def test_a_gap_among_coarse_stamps_stays_one(tmp_path: Path) -> None:
         ("time_us", 31),
     ],
 )
-def test_a_counter_that_overflows_is_counted_on(
-    column: str, bits: int, tmp_path: Path
-) -> None:
+def test_a_counter_that_overflows_is_counted_on(column, bits, tmp_path):
     unit_s = (
         1e-3
         if "Hz" in column
@@ -245,20 +237,18 @@ def test_a_counter_that_overflows_is_counted_on(
     assert f"the clock begins anew after 2^{bits}" in log.notes[0]
 
 
-def test_seconds_of_a_counter_of_microseconds_are_counted_on(tmp_path: Path) -> None:
+def test_seconds_of_a_counter_of_microseconds_are_counted_on(tmp_path):
     time_s = (TIME_S + 2**32 * 1e-6 - 1.0) % (2**32 * 1e-6)
     check(log_of(tmp_path, stamped(time_s)), 2e-6)
 
 
-def test_summer_time_ends_within_a_log(tmp_path: Path) -> None:
+def test_summer_time_ends_within_a_log(tmp_path):
     time_s = TIME_S + EPOCH_S - 3600.0 * (TIME_S > 1.0)
     check(log_of(tmp_path, stamped(time_s)))
 
 
 @pytest.mark.parametrize("back_s", [0.3, 0.9, 7.0])
-def test_a_clock_that_begins_anew_is_refused_with_a_remedy(
-    back_s: float, tmp_path: Path
-) -> None:
+def test_a_clock_that_begins_anew_is_refused_with_a_remedy(back_s, tmp_path):
     time_s = TIME_S + 10.0
     time_s[300:] -= back_s
     with pytest.raises(
@@ -267,7 +257,7 @@ def test_a_clock_that_begins_anew_is_refused_with_a_remedy(
         log_of(tmp_path, stamped(time_s))
 
 
-def test_rows_out_of_order_are_refused(tmp_path: Path) -> None:
+def test_rows_out_of_order_are_refused(tmp_path):
     time_s = TIME_S + 0.02 * (np.arange(COUNT) % 7 == 0)
     with pytest.raises(RecordingError, match="sort the log by its time"):
         log_of(tmp_path, stamped(time_s))
@@ -292,9 +282,7 @@ WHOLE = f"Time (s),Fz (N),Fx (N)\n{rows(lambda at_s: f'{at_s:.3f}').replace(chr(
         (",,\n,,\n", "2 lines are no samples"),
     ],
 )
-def test_what_is_whole_is_read_of_a_log_that_ends_badly(
-    ending: str, note: str, tmp_path: Path
-) -> None:
+def test_what_is_whole_is_read_of_a_log_that_ends_badly(ending, note, tmp_path):
     log = log_of(tmp_path, WHOLE + ending)
     check(log)
     assert re.search(note, " ".join(log.notes))
@@ -314,9 +302,7 @@ def test_what_is_whole_is_read_of_a_log_that_ends_badly(
         (",-0.03,0.001", "1 line is without a time"),
     ],
 )
-def test_lines_among_samples_that_are_none_are_left_out(
-    line: str, note: str, tmp_path: Path
-) -> None:
+def test_lines_among_samples_that_are_none_are_left_out(line, note, tmp_path):
     lines = WHOLE.splitlines()
     lines.insert(200, line)
     log = log_of(tmp_path, "\n".join(lines) + "\n")
@@ -330,7 +316,7 @@ def test_lines_among_samples_that_are_none_are_left_out(
 @pytest.mark.parametrize(
     "word", ["", "NaN", "NULL", "#N/A", "None", "-", "inf", "<NA>", "-nan(ind)"]
 )
-def test_words_of_no_value_are_gaps(word: str, tmp_path: Path) -> None:
+def test_words_of_no_value_are_gaps(word, tmp_path):
     lines = WHOLE.splitlines()
     for nth in (100, 200):
         time, *_ = lines[nth].split(",")
@@ -341,7 +327,7 @@ def test_words_of_no_value_are_gaps(word: str, tmp_path: Path) -> None:
     assert "2 of 400 samples have no force" in " ".join(log.notes)
 
 
-def test_rows_of_other_signals_are_no_gaps_of_the_force(tmp_path: Path) -> None:
+def test_rows_of_other_signals_are_no_gaps_of_the_force(tmp_path):
     lines = []
     for line in WHOLE.splitlines()[1:]:
         time, force, _ = line.split(",")
@@ -355,8 +341,8 @@ def test_rows_of_other_signals_are_no_gaps_of_the_force(tmp_path: Path) -> None:
 
 
 def test_a_few_columns_too_many_hint_at_decimal_commas_only_where_there_are_some(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     lines = WHOLE.splitlines()
     with pytest.raises(RecordingError, match="with decimal commas, columns"):
         log_of(tmp_path, "\n".join([*lines, "2,000,-0,03,0"]))
@@ -367,7 +353,7 @@ def test_a_few_columns_too_many_hint_at_decimal_commas_only_where_there_are_some
 @pytest.mark.parametrize(
     "encoding", ["cp1252", "utf-16-le", "utf-16-be", "utf-16", "utf-8-sig", "gbk"]
 )
-def test_logs_in_other_encodings_are_read(encoding: str, tmp_path: Path) -> None:
+def test_logs_in_other_encodings_are_read(encoding, tmp_path):
     degree = "温度" if encoding == "gbk" else "°C"
     lines = WHOLE.replace("Fx (N)", f"Temp ({degree})").splitlines()
     log = log_of(tmp_path, ("\r\n".join(lines) + "\r\n").encode(encoding))
@@ -375,9 +361,7 @@ def test_logs_in_other_encodings_are_read(encoding: str, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16-le"])
-def test_a_letter_that_is_cut_costs_its_line_alone(
-    encoding: str, tmp_path: Path
-) -> None:
+def test_a_letter_that_is_cut_costs_its_line_alone(encoding, tmp_path):
     lines = WHOLE.replace("Fx (N)", "Remark").replace("0.00123", "21 °C")
     check(log_of(tmp_path, (lines + "2.000,°").encode(encoding)[:-1]))
 
@@ -385,7 +369,7 @@ def test_a_letter_that_is_cut_costs_its_line_alone(
 @pytest.mark.parametrize(
     "minus", ["\N{MINUS SIGN}", "\N{EN DASH}", "\N{FULLWIDTH HYPHEN-MINUS}"]
 )
-def test_other_minus_signs_are_signs(minus: str, tmp_path: Path) -> None:
+def test_other_minus_signs_are_signs(minus, tmp_path):
     check(log_of(tmp_path, WHOLE.replace(",-", f",{minus}")))
 
 
@@ -402,8 +386,8 @@ def test_other_minus_signs_are_signs(minus: str, tmp_path: Path) -> None:
 )
 @pytest.mark.parametrize("decimal", [".", ","])
 def test_marks_between_thousands_that_are_no_decimal_marks_are_left_out(
-    mark: str, decimal: str, tmp_path: Path
-) -> None:
+    mark, decimal, tmp_path
+):
     def grouped(value: float) -> str:
         return (
             f"{value:,.1f}".replace(".", "d").replace(",", mark).replace("d", decimal)
@@ -418,7 +402,7 @@ def test_marks_between_thousands_that_are_no_decimal_marks_are_left_out(
     assert "between thousands" in log.notes[0]
 
 
-def test_a_spreadsheet_of_excel_is_read_in_any_language(tmp_path: Path) -> None:
+def test_a_spreadsheet_of_excel_is_read_in_any_language(tmp_path):
     for text in (
         "sep=;\nZeit (s);Kraft Z (N)\n"
         + rows(lambda at_s: f"{at_s:.3f}", ";").replace(".", ","),
@@ -446,37 +430,31 @@ DURATIONS: dict[str, Callable[[float], str]] = {
 
 
 @pytest.mark.parametrize("program", DURATIONS)
-def test_durations_are_read_as_programs_write_them(
-    program: str, tmp_path: Path
-) -> None:
+def test_durations_are_read_as_programs_write_them(program, tmp_path):
     check(log_of(tmp_path, f"Time,fz_n\n{rows(DURATIONS[program])}"))
 
 
 @pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.parametrize("mark", [",", " ", "\t"])
-def test_row_numbers_without_a_name_are_no_column(
-    first: int, mark: str, tmp_path: Path
-) -> None:
+def test_row_numbers_without_a_name_are_no_column(first, mark, tmp_path):
     lines = rows(lambda at_s: f"{at_s:.3f}", mark).splitlines()
     text = "".join(f"{nth}{mark}{line}\n" for nth, line in enumerate(lines, first))
     check(log_of(tmp_path, f"time_s{mark}fz_n\n{text}"))
 
 
 @pytest.mark.parametrize("period_s", [1.0, 60.0, 3600.0, 86_400.0])
-def test_a_clock_without_its_larger_unit_counts_on(
-    period_s: float, tmp_path: Path
-) -> None:
+def test_a_clock_without_its_larger_unit_counts_on(period_s, tmp_path):
     log = log_of(tmp_path, stamped((TIME_S + period_s - 0.5) % period_s))
     check(log)
     assert "the clock begins anew after a" in log.notes[0]
 
 
-def test_a_second_log_in_a_file_is_refused_with_a_remedy(tmp_path: Path) -> None:
+def test_a_second_log_in_a_file_is_refused_with_a_remedy(tmp_path):
     with pytest.raises(RecordingError, match=r"log\.csv:403: .* a file of its own"):
         log_of(tmp_path, 2 * stamped(TIME_S))
 
 
-def test_an_open_quote_costs_its_line_alone(tmp_path: Path) -> None:
+def test_an_open_quote_costs_its_line_alone(tmp_path):
     log = log_of(tmp_path, stamped(TIME_S) + '"2.0')
     check(log)
     assert "1 line is cut and is left out" in log.notes[0]

@@ -26,7 +26,7 @@ RAMP = np.arange(40 * 60, dtype=np.uint16).reshape(40, 60)
 BYTES = RAMP.astype(np.uint8)
 
 
-def test_pictures_are_read_unchanged(tmp_path: Path) -> None:
+def test_pictures_are_read_unchanged(tmp_path):
     # they do not change counts
     profiles = png_chunk(b"sRGB\0") + png_chunk(b"gAMA" + (45455).to_bytes(4, "big"))
     for pixels, more in ((BYTES, b""), (RAMP, b""), (RAMP, profiles)):
@@ -37,7 +37,7 @@ def test_pictures_are_read_unchanged(tmp_path: Path) -> None:
         )
 
 
-def test_colour_becomes_grey_alike_in_all_formats(tmp_path: Path) -> None:
+def test_colour_becomes_grey_alike_in_all_formats(tmp_path):
     grey = np.full((40, 60), 90, dtype=np.uint8)
     colour = np.dstack([grey, grey // 2, grey * 2])  # OpenCV's order: blue, green, red
     cv2.imwrite(str(tmp_path / "a.png"), colour)
@@ -94,7 +94,7 @@ def with_exif(picture: np.ndarray, ending: str, orientation: int, order: str) ->
     return data[:33] + png_chunk(b"eXIf" + held) + data[33:]
 
 
-def test_pictures_are_shown_as_their_exif_says(tmp_path: Path) -> None:
+def test_pictures_are_shown_as_their_exif_says(tmp_path):
     shown = np.add.outer(np.arange(48) * 2, np.arange(64)).astype(np.uint8)
     path = tmp_path / "a"
 
@@ -127,7 +127,7 @@ def large(path: Path, ending: str) -> None:
     path.write_bytes(data)
 
 
-def test_what_is_not_a_frame_is_named(tmp_path: Path) -> None:
+def test_what_is_not_a_frame_is_named(tmp_path):
     for write, message in [
         (lambda path: path.write_bytes(b""), "an empty file; give a PNG"),
         (
@@ -175,7 +175,7 @@ def test_what_is_not_a_frame_is_named(tmp_path: Path) -> None:
         assert str(caught.value).startswith(f"{path}: ")
 
 
-def test_a_truncated_file_and_a_flipped_bit_of_a_png_are_errors(tmp_path: Path) -> None:
+def test_a_truncated_file_and_a_flipped_bit_of_a_png_are_errors(tmp_path):
     png, jpg = (
         cv2.imencode(ending, pixels)[1].tobytes()
         for ending, pixels in ((".png", RAMP), (".jpg", BYTES))
@@ -198,7 +198,7 @@ def test_a_truncated_file_and_a_flipped_bit_of_a_png_are_errors(tmp_path: Path) 
             read_frame(tmp_path / "bad")
 
 
-def test_arrays_of_either_byte_order_and_any_number_come_back(tmp_path: Path) -> None:
+def test_arrays_of_either_byte_order_and_any_number_come_back(tmp_path):
     for kind in ["<u2", ">u2", "<i4", ">f8", np.float16]:
         np.save(tmp_path / "a.npy", (FRAMES % 2048).astype(kind, order="F"))
         np.testing.assert_array_equal(
@@ -207,8 +207,8 @@ def test_arrays_of_either_byte_order_and_any_number_come_back(tmp_path: Path) ->
 
 
 def test_the_only_array_of_frames_is_found_and_others_are_asked_for(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     np.savez(tmp_path / "a.npz", volume=FRAMES, pos=np.zeros(6))
     np.testing.assert_array_equal(
         pictures_of(read_numpy(tmp_path / "a.npz", AXES, None)), FRAMES
@@ -228,7 +228,7 @@ def test_the_only_array_of_frames_is_found_and_others_are_asked_for(
         read_numpy(tmp_path / "b.npz", AXES, "third")
 
 
-def test_arrays_that_are_not_grey_or_not_whole_are_refused(tmp_path: Path) -> None:
+def test_arrays_that_are_not_grey_or_not_whole_are_refused(tmp_path):
     path = tmp_path / "a.npy"
     for kind in [bool, np.complex64, [("re", "f4"), ("im", "f4")], "M8[s]"]:
         np.save(path, np.zeros((5, 24, 40), kind))
@@ -277,8 +277,8 @@ def film(
 
 
 def test_a_film_gives_its_frames_and_the_times_at_which_they_play(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     for name, code in [("a.avi", "MJPG"), ("a.mp4", "mp4v"), ("a.mkv", "MJPG")]:
         scan = read_film(film(tmp_path / name, code))
         found = pictures_of(scan)
@@ -338,8 +338,8 @@ def matroska(
 
 
 def test_a_complete_film_that_starts_late_or_has_uneven_times_is_not_called_cut_off(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     for times_ms, sound_ms in [
         ([0, 100, 200, 300, 400, 500], 0),
         ([5000, 5100, 5200, 5300, 5400, 5500], 0),
@@ -355,7 +355,7 @@ def test_a_complete_film_that_starts_late_or_has_uneven_times_is_not_called_cut_
         assert ("time stamps" in scan.times.source) == (times_ms[-1] == 7500)
 
 
-def test_a_film_that_was_cut_off_is_noted(tmp_path: Path) -> None:
+def test_a_film_that_was_cut_off_is_noted(tmp_path):
     path = film(tmp_path / "a.avi", "MJPG")
     path.write_bytes(path.read_bytes()[: int(0.85 * path.stat().st_size)])
     scan = read_film(path)
@@ -367,8 +367,8 @@ def test_a_film_that_was_cut_off_is_noted(tmp_path: Path) -> None:
 
 
 def test_sixteen_bits_of_grey_stay_and_a_depth_that_opencv_would_cut_to_8_is_refused(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     deep = [cv2.VIDEOWRITER_PROP_IS_COLOR, 0, cv2.VIDEOWRITER_PROP_DEPTH, cv2.CV_16U]
     pictures = (
         np.random.default_rng(0).integers(0, 2**16, (3, 64, 96)).astype(np.uint16)

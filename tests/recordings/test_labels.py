@@ -447,7 +447,7 @@ def seen(rng: np.random.Generator, pushes_n: np.ndarray = PUSHES_N) -> np.ndarra
     "seed",
     [0, 1, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 10))],
 )
-def test_a_log_that_fits_its_frames_is_not_doubted(seed: int) -> None:
+def test_a_log_that_fits_its_frames_is_not_doubted(seed):
     rng = np.random.default_rng(seed)
     fitting = recording(rng)
     assert log_doubts(fitting, CLASSES, seen(rng)) == ()
@@ -460,7 +460,7 @@ def test_a_log_that_fits_its_frames_is_not_doubted(seed: int) -> None:
     assert log_doubts(fitting, CLASSES, PUSHES_N[None], PUSHES_N.tolist()) == ()
 
 
-def test_pushes_of_one_force_prove_no_shift() -> None:
+def test_pushes_of_one_force_prove_no_shift():
     alike_n = np.full(len(PUSHES_N), 0.02)
     for seed in range(40):
         rng = np.random.default_rng(seed)
@@ -489,7 +489,7 @@ def test_shifted_times_are_named_with_their_direction_unless_the_dents_are_round
     assert "forces.csv is unrelated to the frames" in doubt.words
 
 
-def test_an_axis_across_the_needle_is_named_with_the_one_along_it() -> None:
+def test_an_axis_across_the_needle_is_named_with_the_one_along_it():
     good = recording(np.random.default_rng(3))
     unknown = np.full((1, len(PUSHES_N)), np.nan)
     wrong = replace(good, info=replace(LOGGED_INFO, force=ForceInfo("fx", -1)))
@@ -502,7 +502,7 @@ def test_an_axis_across_the_needle_is_named_with_the_one_along_it() -> None:
     assert doubt.fields == ("axis",)
 
 
-def test_forces_of_another_size_than_the_read_ones_are_doubted() -> None:
+def test_forces_of_another_size_than_the_read_ones_are_doubted():
     rng = np.random.default_rng(4)
     log = recording(rng, 0.0, PUSHES_N / 9.81)  # kilogram-force
     (doubt,) = log_doubts(log, CLASSES, PUSHES_N[None], PUSHES_N.tolist())
@@ -562,7 +562,7 @@ def test_a_sudden_fall_to_friction_is_a_puncture_and_slow_or_whole_ones_are_not(
             assert forces_under_frames.log_punctures(log, force_n, NO_TRAVEL) == []
 
 
-def test_a_needle_that_was_drawn_back_as_fast_explains_a_fall() -> None:
+def test_a_needle_that_was_drawn_back_as_fast_explains_a_fall():
     log, force_n = pushed(THROUGH)
     back_m = np.interp(log.time_s, [3.49, 3.52], [2e-3, 1.5e-3])
     assert forces_under_frames.log_punctures(log, force_n, back_m) == []

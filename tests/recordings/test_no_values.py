@@ -38,8 +38,8 @@ def pictures(low: float = 0.0, high: float = 1.0, count: int = 3) -> list[np.nda
 )
 @pytest.mark.parametrize("wide", [np.float32, np.float64])
 def test_values_that_are_none_are_black_and_do_not_compress_the_others(
-    low: float, high: float, value: float, words: str, wide: type
-) -> None:
+    low, high, value, words, wide
+):
     frames = [frame.astype(wide) for frame in pictures(low, high)]
     plain = find_greys(frames, None, "a")
     assert (plain.low, plain.high, plain.lost, plain.words) == (low, high, 0, "")
@@ -54,7 +54,7 @@ def test_values_that_are_none_are_black_and_do_not_compress_the_others(
 
 
 @pytest.mark.parametrize("value", [-9999.0, -1e6, FLT_MAX, np.nan])
-def test_a_third_of_a_picture_may_have_no_value(value: float) -> None:
+def test_a_third_of_a_picture_may_have_no_value(value):
     frames = pictures()
     for frame in frames:
         frame[:, :17] = value
@@ -65,7 +65,7 @@ def test_a_third_of_a_picture_may_have_no_value(value: float) -> None:
     assert all((greys.counts(frame)[:, :17] == 0).all() for frame in frames)
 
 
-def test_bright_and_dark_values_that_are_ones_stay() -> None:
+def test_bright_and_dark_values_that_are_ones_stay():
     for low, high, values in (
         (0.0, 1.0, np.linspace(1.0, 50.0, 40)),  # a reflex, and its flanks
         (0.0, 1.0, [2.5]),
@@ -82,7 +82,7 @@ def test_bright_and_dark_values_that_are_ones_stay() -> None:
         assert greys.high == pytest.approx(max(high, *values))
 
 
-def test_black_around_the_scan_stays_a_value() -> None:
+def test_black_around_the_scan_stays_a_value():
     frames = pictures(100.0, 110.0)
     for frame in frames:
         frame[:, 40:] = 0.0
@@ -91,7 +91,7 @@ def test_black_around_the_scan_stays_a_value() -> None:
     assert (greys.low, greys.high, greys.lost) == (0.0, 110.0, 0)
 
 
-def test_a_stated_range_clips_all_but_what_is_no_number() -> None:
+def test_a_stated_range_clips_all_but_what_is_no_number():
     frame = np.array([[0.2, 5.0, np.inf, -np.inf, np.nan, FLT_MAX, -9999.0]])
     greys = find_greys([frame], (0.0, 1.0), "a")
     assert greys.counts(frame).tolist() == [[13107, TOP, 0, 0, 0, 0, 0]]
@@ -100,7 +100,7 @@ def test_a_stated_range_clips_all_but_what_is_no_number() -> None:
     )
 
 
-def test_wide_whole_numbers_may_have_fill_values() -> None:
+def test_wide_whole_numbers_may_have_fill_values():
     frames = [(1e6 * frame).astype(np.int32) for frame in pictures()]
     frames[2][4, 4] = np.iinfo(np.int32).min
     greys = find_greys(frames, None, "a")

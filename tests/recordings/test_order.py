@@ -74,9 +74,7 @@ def times_of(found: GatheredSources, **options) -> list[float]:
         ("1_s.png", "2_s.png", "3_s.png"),
     ],
 )
-def test_names_that_count_on_or_say_nothing_are_taken_as_before(
-    tmp_path: Path, names: tuple[str, ...]
-) -> None:
+def test_names_that_count_on_or_say_nothing_are_taken_as_before(tmp_path, names):
     rate_hz = 1.0 if names[0].startswith("2026") else RATE_HZ
     found = gathered(write_frames(tmp_path / "f", *names), rate_hz=rate_hz)
     assert numbers_of(found.scan) == [0, 1, 2]
@@ -107,9 +105,7 @@ def test_names_that_count_on_or_say_nothing_are_taken_as_before(
         (("d1/1.png", "d1/2.png", "d2/1.png"), "several numbers change"),
     ],
 )
-def test_names_with_gaps_repeats_or_times_are_asked_about(
-    tmp_path: Path, names: tuple[str, ...], words: str
-) -> None:
+def test_names_with_gaps_repeats_or_times_are_asked_about(tmp_path, names, words):
     folder = write_frames(tmp_path / "f", *names)
     folders = sorted({(folder / name).parent for name in names})
     with pytest.raises(UnansweredError, match="`frames_by`") as caught:
@@ -125,7 +121,7 @@ def test_names_with_gaps_repeats_or_times_are_asked_about(
     assert times_of(listed, rate_hz=RATE_HZ)[1] == 1.0 / RATE_HZ
 
 
-def test_a_missing_number_is_a_missing_frame(tmp_path: Path) -> None:
+def test_a_missing_number_is_a_missing_frame(tmp_path):
     folder = write_frames(tmp_path / "f", "a9.png", "a12.png", "a10.png")
     found = gathered(folder, rate_hz=RATE_HZ, frames_by="numbers")
     assert numbers_of(found.scan) == [0, 2, 1]
@@ -152,7 +148,7 @@ def test_a_missing_number_is_a_missing_frame(tmp_path: Path) -> None:
         (("t_0050ms.png", "t_0100ms.png", "t_1000ms.png"), "times", [0.0, 0.05, 0.95]),
     ],
 )
-def test_names_may_be_times(tmp_path: Path, names, by: str, time_s) -> None:
+def test_names_may_be_times(tmp_path, names, by, time_s):
     folder = write_frames(tmp_path / "f", *names)
     found = gathered(folder, frames_by=by)
     assert times_of(found) == (time_s or [0.0, 0.877])
@@ -160,7 +156,7 @@ def test_names_may_be_times(tmp_path: Path, names, by: str, time_s) -> None:
     assert numbers_of(found.scan) == [*range(len(names))]
 
 
-def test_times_and_numbers_in_names_that_are_none_are_refused(tmp_path: Path) -> None:
+def test_times_and_numbers_in_names_that_are_none_are_refused(tmp_path):
     folder = write_frames(tmp_path / "f", "10.png", "10.1.png")
     for options, words in (
         ({"frames_by": "times"}, "give `frames_by=times:s`"),
@@ -182,7 +178,7 @@ def test_times_and_numbers_in_names_that_are_none_are_refused(tmp_path: Path) ->
         gathered(again, frames_by="times")
 
 
-def test_several_stacks_count_as_their_files_do(tmp_path: Path) -> None:
+def test_several_stacks_count_as_their_files_do(tmp_path):
     for name, place in (("s1", 0), ("s3", 2)):
         tifffile.imwrite(
             tmp_path / f"{name}.tif",
@@ -197,7 +193,7 @@ def test_several_stacks_count_as_their_files_do(tmp_path: Path) -> None:
     assert times_of(found, rate_hz=1.0) == [0.0, 1.0, 4.0, 5.0]
 
 
-def test_names_that_imagej_keeps_of_slices_count(tmp_path: Path) -> None:
+def test_names_that_imagej_keeps_of_slices_count(tmp_path):
     labels = [f"img_{nth:04d}" for nth in (1, 2, 4, 5, 6)]
     metadata = {"axes": "TYX", "Labels": labels}
     tifffile.imwrite(tmp_path / "a.tif", FRAMES, imagej=True, metadata=metadata)
@@ -214,7 +210,7 @@ def test_names_that_imagej_keeps_of_slices_count(tmp_path: Path) -> None:
     assert times_of(found, times=table) == [0.0, 1.0, 2.0, 3.0, 4.0]
 
 
-def test_numbers_and_times_are_found_beside_others() -> None:
+def test_numbers_and_times_are_found_beside_others():
     assert numbers_in(["s2_f7_t1.png", "s2_f8_t1.png"]).tolist() == [7, 8]
     assert numbers_in(["a1b4.png", "a1b2.png", "a2b9.png"]).tolist() == [4, 2, 9]
     assert numbers_in(["1.png", "x.png"]) is None
@@ -252,9 +248,7 @@ def other_table(tmp_path: Path, header: str, name_of) -> Path:
         ("nom,temps (s)", lambda name: f'"{name}"'),
     ],
 )
-def test_a_table_goes_by_the_names_of_files(
-    tmp_path: Path, header: str, name_of
-) -> None:
+def test_a_table_goes_by_the_names_of_files(tmp_path, header, name_of):
     folder = write_frames(tmp_path / "f", *NAMED)
     table = other_table(tmp_path, header, name_of)
     found = gathered(folder, times=table)
@@ -266,7 +260,7 @@ def test_a_table_goes_by_the_names_of_files(
     )
 
 
-def test_a_table_goes_by_names_in_any_form_of_unicode(tmp_path: Path) -> None:
+def test_a_table_goes_by_names_in_any_form_of_unicode(tmp_path):
     folder = tmp_path / "f"
     names = [unicodedata.normalize("NFD", f"prüf_{name}") for name in NAMED]
     write_frames(folder, *names)
@@ -300,13 +294,13 @@ def test_a_table_goes_by_names_in_any_form_of_unicode(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_table_may_have_dates(tmp_path: Path, header: str, times) -> None:
+def test_a_table_may_have_dates(tmp_path, header, times):
     folder = write_frames(tmp_path / "f", *NAMED)
     table = write_table(tmp_path / "t.csv", header, *zip(NAMED, times, strict=True))
     assert times_of(gathered(folder, times=table), times=table) == [0.0, 2.5, 4.25]
 
 
-def test_a_table_that_does_not_fit_is_refused_with_the_name(tmp_path: Path) -> None:
+def test_a_table_that_does_not_fit_is_refused_with_the_name(tmp_path):
     folder = write_frames(tmp_path / "f", *NAMED)
     write_frames(tmp_path / "g", "frame_1.png", "frame_2.png", "frame_4.png")
     for place, header, lines, words in (
@@ -349,8 +343,8 @@ def test_a_table_that_does_not_fit_is_refused_with_the_name(tmp_path: Path) -> N
 
 
 def test_rows_without_names_are_asked_about_where_names_are_forces(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     folder = write_frames(tmp_path / "f", *NAMED)
     table = write_table(tmp_path / "t.csv", "time_s", "1", "2", "4")
     with pytest.raises(UnansweredError, match=r"has no column of files, and .*3mN"):
@@ -365,7 +359,7 @@ def test_rows_without_names_are_asked_about_where_names_are_forces(
     assert times_of(gathered(counted, times=table), times=table) == [0.0, 1.0, 3.0]
 
 
-def test_a_table_may_count_frames(tmp_path: Path) -> None:
+def test_a_table_may_count_frames(tmp_path):
     folder = write_frames(tmp_path / "f", "im_2.png", "im_3.png", "im_5.png")
     for first, counts in ((0, (5, 2, 3)), (1, (5, 4, 3, 2, 1))):
         table = write_table(
@@ -383,8 +377,8 @@ def test_a_table_may_count_frames(tmp_path: Path) -> None:
 
 
 def test_a_table_of_a_stack_goes_by_its_rows_or_counts_its_pages(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     tifffile.imwrite(tmp_path / "a.tif", FRAMES, photometric="minisblack")
     turned = [(COUNT - 1 - nth, float(nth)) for nth in range(COUNT)]
     for header, lines, expected in (
@@ -444,9 +438,7 @@ def in_order_of(tmp_path: Path, tags: Sequence[dict], **common) -> Path:
         ),
     ],
 )
-def test_dicom_images_come_in_the_order_of_their_times(
-    tmp_path: Path, tags, source
-) -> None:
+def test_dicom_images_come_in_the_order_of_their_times(tmp_path, tags, source):
     folder = in_order_of(tmp_path, [tags(nth) for nth in range(COUNT)])
     found = gathered(folder)
     assert numbers_of(found.scan) == [0, 1, 2, 3, 4]
@@ -457,9 +449,7 @@ def test_dicom_images_come_in_the_order_of_their_times(
 
 
 @pytest.mark.parametrize("tag", ["InstanceNumber", "TemporalPositionIdentifier"])
-def test_dicom_images_come_in_the_order_of_their_numbers(
-    tmp_path: Path, tag: str
-) -> None:
+def test_dicom_images_come_in_the_order_of_their_numbers(tmp_path, tag):
     folder = in_order_of(tmp_path, [{tag: nth + 1} for nth in range(COUNT)])
     found = gathered(folder, rate_hz=RATE_HZ)
     assert numbers_of(found.scan) == [0, 1, 2, 3, 4]
@@ -484,9 +474,7 @@ def content(**tags) -> Dataset:
 
 @pytest.mark.parametrize("extra", [{}, {"FrameTime": 250.0}])
 @pytest.mark.parametrize("tag", ["TemporalPositionIndex", "InStackPositionNumber"])
-def test_frames_of_one_dicom_file_come_in_their_stated_order(
-    tmp_path: Path, tag: str, extra: dict
-) -> None:
+def test_frames_of_one_dicom_file_come_in_their_stated_order(tmp_path, tag, extra):
     order = [3, 1, 5, 2, 4]
     groups = Items([content(**{tag: nth}) for nth in order])
     stored = FRAMES[[nth - 1 for nth in order]]
@@ -500,8 +488,8 @@ def test_frames_of_one_dicom_file_come_in_their_stated_order(
 
 
 def test_frames_of_one_dicom_file_come_in_the_order_of_their_times(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     order = [2, 0, 1]
     groups = Items(
         [content(FrameAcquisitionDateTime=f"2026050312000{nth * nth}") for nth in order]
@@ -515,8 +503,8 @@ def test_frames_of_one_dicom_file_come_in_the_order_of_their_times(
 
 
 def test_files_of_many_frames_come_in_the_order_of_their_beginnings(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     for name, second, first in (("a", 4, 2), ("b", 1, 0)):
         tags = {"FrameTime": 500.0, "ContentTime": f"12000{second}"}
         write_dicom(tmp_path / f"{name}.dcm", FRAMES[first : first + 2], **tags)
@@ -526,7 +514,7 @@ def test_files_of_many_frames_come_in_the_order_of_their_beginnings(
     assert times_of(found) == [0.0, 0.5, 3.0, 3.5]
 
 
-def test_volumes_of_several_moments_are_asked_about(tmp_path: Path) -> None:
+def test_volumes_of_several_moments_are_asked_about(tmp_path):
     places = [(moment, place) for moment in (1, 2) for place in (1, 2)]
     groups = Items(
         [content(TemporalPositionIndex=t, InStackPositionNumber=z) for t, z in places]
@@ -538,8 +526,8 @@ def test_volumes_of_several_moments_are_asked_about(tmp_path: Path) -> None:
 
 
 def test_two_series_are_two_recordings_unless_a_table_names_their_images(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     tags = [
         {"SeriesInstanceUID": f"1.2.{nth // 3}", "InstanceNumber": nth}
         for nth in range(4)
@@ -567,7 +555,7 @@ def test_two_series_are_two_recordings_unless_a_table_names_their_images(
         {"ImageType": ["ORIGINAL", "PRIMARY", "LOCALIZER"]},
     ],
 )
-def test_a_picture_from_the_front_is_no_frame(tmp_path: Path, tags: dict) -> None:
+def test_a_picture_from_the_front_is_no_frame(tmp_path, tags):
     folder = in_order_of(tmp_path, [{"InstanceNumber": nth} for nth in range(2)])
     front = folder / "front.dcm"
     write_dicom(front, FRAMES[4], **tags)
@@ -579,7 +567,7 @@ def test_a_picture_from_the_front_is_no_frame(tmp_path: Path, tags: dict) -> Non
             gathered(*sources, rate_hz=1.0)
 
 
-def test_frames_that_a_sequence_calls_invalid_are_missing(tmp_path: Path) -> None:
+def test_frames_that_a_sequence_calls_invalid_are_missing(tmp_path):
     states = ["OK", "OK", "INVALID", "OK", "OK"]
     fields = plus_fields(range(COUNT), states)
     fields = {name: each for name, each in fields.items() if "Timestamp" not in name}
@@ -620,9 +608,7 @@ def ome(path: Path, axes: str, **metadata) -> Path:
         (partial(ome, axes="ZYX", PhysicalSizeZ=20.0), r"5 slices \(z\), 20 µm apart"),
     ],
 )
-def test_channels_and_slices_of_a_volume_are_no_moments(
-    tmp_path: Path, write, words
-) -> None:
+def test_channels_and_slices_of_a_volume_are_no_moments(tmp_path, write, words):
     path = write(tmp_path / "a.tif" if write.func is imagej else tmp_path / "a.ome.tif")
     with pytest.raises(UnansweredError, match=words) as caught:
         gathered(path, rate_hz=1.0)
@@ -633,8 +619,8 @@ def test_channels_and_slices_of_a_volume_are_no_moments(
 
 
 def test_slices_without_a_step_are_taken_at_a_rate_and_not_at_the_files(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     path = imagej(tmp_path / "a.tif", "ZYX", finterval=8.0)
     found = gathered(path)
     assert found.scan.times is None
@@ -646,7 +632,7 @@ def test_slices_without_a_step_are_taken_at_a_rate_and_not_at_the_files(
     assert len(gathered(tmp_path / "c.tif", rate_hz=1.0).scan.names) == 8
 
 
-def test_ome_states_the_order_of_its_pages(tmp_path: Path) -> None:
+def test_ome_states_the_order_of_its_pages(tmp_path):
     path = ome(tmp_path / "a.ome.tif", "TYX")
     with tifffile.TiffFile(path) as file:
         text = file.ome_metadata
@@ -664,7 +650,7 @@ def test_ome_states_the_order_of_its_pages(tmp_path: Path) -> None:
 # ---- folders
 
 
-def test_what_a_folder_has_beside_frames_is_counted_in_one_line(tmp_path: Path) -> None:
+def test_what_a_folder_has_beside_frames_is_counted_in_one_line(tmp_path):
     folder = write_frames(tmp_path / "f", "1.png", "2.png", "left/1.png", "left/2.png")
     (folder / "3.png").symlink_to(tmp_path / "gone.png")
     for name, text in (
@@ -698,14 +684,14 @@ def test_what_a_folder_has_beside_frames_is_counted_in_one_line(tmp_path: Path) 
         "0\t1\n1\t2\n2\t3\n",
     ],
 )
-def test_logs_beside_frames_are_still_read(tmp_path: Path, text: str) -> None:
+def test_logs_beside_frames_are_still_read(tmp_path, text):
     folder = write_frames(tmp_path / "f", "1.png", "2.png")
     (folder / "log.txt").write_text("when;pull\n" + text)
     with pytest.raises(InputError, match=r"log\.txt"):  # its columns are not known
         gathered(folder, rate_hz=1.0)
 
 
-def test_a_folder_of_folders_names_them(tmp_path: Path) -> None:
+def test_a_folder_of_folders_names_them(tmp_path):
     write_frames(tmp_path / "f", "left/1.png", "left/2.png")
     with pytest.raises(
         InputError, match=r"no files in this folder; it has 1 folder \(left: 2"
@@ -743,7 +729,7 @@ def both(tmp_path: Path) -> tuple[Path, Path]:
 LACKING = "2 of 4 moments lack a plane: no 'across' beside"
 
 
-def test_planes_that_lack_other_frames_are_paired_by_number(tmp_path: Path) -> None:
+def test_planes_that_lack_other_frames_are_paired_by_number(tmp_path):
     sources = both(tmp_path)
     with pytest.raises(UnansweredError, match=r"f4\.png follows f2\.png"):
         gathered(*sources, planes=(ALONG, ACROSS), rate_hz=1.0)
@@ -756,7 +742,7 @@ def test_planes_that_lack_other_frames_are_paired_by_number(tmp_path: Path) -> N
     assert any(note.startswith(LACKING) for note in found.notes)
 
 
-def test_planes_that_lack_other_frames_are_paired_by_time(tmp_path: Path) -> None:
+def test_planes_that_lack_other_frames_are_paired_by_time(tmp_path):
     sources = both(tmp_path)
     table = write_table(
         tmp_path / "t.csv",
@@ -770,7 +756,7 @@ def test_planes_that_lack_other_frames_are_paired_by_time(tmp_path: Path) -> Non
     assert any(note.startswith(LACKING) for note in found.notes)
 
 
-def test_planes_whose_numbers_begin_apart_are_asked_about(tmp_path: Path) -> None:
+def test_planes_whose_numbers_begin_apart_are_asked_about(tmp_path):
     along = write_frames(tmp_path / "along", "f1.png", "f2.png", "f3.png")
     across = write_frames(tmp_path / "across", "f2.png", "f3.png", "f4.png")
     with pytest.raises(UnansweredError, match="'across' has no frame 1"):
@@ -785,7 +771,7 @@ def test_planes_whose_numbers_begin_apart_are_asked_about(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.4, 0.5])
-def test_planes_taken_in_turns_are_paired(tmp_path: Path, late_s: float) -> None:
+def test_planes_taken_in_turns_are_paired(tmp_path, late_s):
     """The frames of one plane are late by the same time, and one is lost."""
     names = ("1.png", "2.png", "3.png", "4.png")
     folders = [write_frames(tmp_path / name, *names) for name in ("along", "across")]

@@ -87,7 +87,7 @@ WRITERS = {
 }
 
 
-def test_each_kind_is_recognised(tmp_path: Path) -> None:
+def test_each_kind_is_recognised(tmp_path):
     known = {
         "png": "picture",
         "tif": "tiff",
@@ -127,8 +127,8 @@ def test_each_kind_is_recognised(tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_not_read_is_named_with_a_remedy_or_the_kinds_that_are(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     for name, content, what, way in [
         ("a.hdr", (348).to_bytes(4, "little") + bytes(344), "Analyze 7.5", "NIfTI"),
         ("a.hdr", (348).to_bytes(4, "big") + bytes(344), "Analyze 7.5", "NIfTI"),
@@ -174,7 +174,7 @@ def test_a_file_that_is_not_read_is_named_with_a_remedy_or_the_kinds_that_are(
             source_kind(tmp_path / name)
 
 
-def test_pixels_beside_their_header_are_read_once(tmp_path: Path) -> None:
+def test_pixels_beside_their_header_are_read_once(tmp_path):
     for folder in [True, False]:
         nibabel.save(nibabel.Nifti1Pair(FRAMES.T, np.eye(4)), tmp_path / "a.hdr")
         for name in ("b.mhd", "b.raw", "c.nhdr", "c.raw.gz", "d.raw"):
@@ -198,7 +198,7 @@ def test_pixels_beside_their_header_are_read_once(tmp_path: Path) -> None:
             np.testing.assert_array_equal(pictures_of(scan), FRAMES)
 
 
-def test_pictures_are_turned_where_their_columns_are_depth(tmp_path: Path) -> None:
+def test_pictures_are_turned_where_their_columns_are_depth(tmp_path):
     cv2.imwrite(str(tmp_path / "a.png"), FRAMES[0])
     for axes, expected in (
         (("frame", "lateral", "depth"), FRAMES[0].T),
@@ -212,8 +212,8 @@ def test_pictures_are_turned_where_their_columns_are_depth(tmp_path: Path) -> No
 
 
 def test_pictures_of_a_folder_are_one_scan_in_the_order_of_their_numbers(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     for nth, frame in enumerate(FRAMES):
         cv2.imwrite(str(tmp_path / f"f{8 + nth}.png"), frame)
 
@@ -230,8 +230,8 @@ def test_pictures_of_a_folder_are_one_scan_in_the_order_of_their_numbers(
 
 
 def test_sources_without_frames_with_two_logs_or_a_stopped_clock_are_refused(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     write_log(tmp_path / "a.csv")
     write_log(tmp_path / "b.csv")
     tifffile.imwrite(tmp_path / "a.tif", FRAMES)
@@ -250,8 +250,8 @@ def test_sources_without_frames_with_two_logs_or_a_stopped_clock_are_refused(
 
 
 def test_answers_on_the_form_of_sources_are_kept_and_answers_of_one_session_are_not(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     folder = write_small_recording(tmp_path / "r", log=False)
     answers = {
         "axes": "frame,depth,lateral",
@@ -271,8 +271,8 @@ def test_answers_on_the_form_of_sources_are_kept_and_answers_of_one_session_are_
 
 
 def test_a_table_of_times_goes_by_the_names_of_frames_or_else_by_their_order(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     table = tmp_path / "times.csv"
     scan = PictureSource(("x/b.png", "x/a.png"), 2, 2, lambda: iter(()))
 
@@ -322,7 +322,7 @@ def damaged(data: bytes, rng: np.random.Generator, nth: int) -> bytes:
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_damage_is_an_error_that_names_the_file(tmp_path: Path, capfd) -> None:
+def test_damage_is_an_error_that_names_the_file(tmp_path, capfd):
     for name in WRITERS:
         place = Path(mkdtemp(dir=tmp_path))
         WRITERS[name](place / name)
@@ -361,7 +361,7 @@ def single(nth: int, time_s: float | None = None, **stated: object) -> PictureSo
     )
 
 
-def test_files_come_in_the_order_of_their_times_or_else_as_given() -> None:
+def test_files_come_in_the_order_of_their_times_or_else_as_given():
     scan = picture_streams.joined_files(
         [single(2, 7.0), single(0, 3.0), single(1, 5.0)]
     )
@@ -375,7 +375,7 @@ def test_files_come_in_the_order_of_their_times_or_else_as_given() -> None:
         assert (scan.names, scan.times) == (("4.png", "0.png"), None)
 
 
-def test_files_of_another_kind_are_refused_with_both_values() -> None:
+def test_files_of_another_kind_are_refused_with_both_values():
     for other, found in [
         ({"bits": 8}, "bits 8, where 0.png has not stated"),
         ({"rows": ROWS + 1}, "rows 25, where 0.png has 24"),
@@ -399,7 +399,7 @@ def test_files_of_another_kind_are_refused_with_both_values() -> None:
     )
 
 
-def test_frames_that_a_file_does_not_state_are_damage() -> None:
+def test_frames_that_a_file_does_not_state_are_damage():
     for pictures, message in [
         ([], "damaged: 0 of 1 frames can be read"),
         ([FRAMES[0], FRAMES[1]], r"damaged: a frame of \(24, 40\) uint16, number 2"),
@@ -412,7 +412,7 @@ def test_frames_that_a_file_does_not_state_are_damage() -> None:
             list(scan.pictures())
 
 
-def test_any_order_of_the_axes_gives_the_same_frames_and_scale() -> None:
+def test_any_order_of_the_axes_gives_the_same_frames_and_scale():
     for order in list(permutations(AXES)):
         # an axis of one: no axis
         array = np.transpose(FRAMES, [AXES.index(name) for name in order])[
@@ -427,7 +427,7 @@ def test_any_order_of_the_axes_gives_the_same_frames_and_scale() -> None:
         assert scan.size == PixelSize("a field", depth_m=1e-6, lateral_m=2e-6)
 
 
-def test_axes_that_are_open_or_do_not_fit_are_refused_with_the_sizes() -> None:
+def test_axes_that_are_open_or_do_not_fit_are_refused_with_the_sizes():
     for array, axes, kind, message in [
         (
             FRAMES,
@@ -457,7 +457,7 @@ def test_axes_that_are_open_or_do_not_fit_are_refused_with_the_sizes() -> None:
 RAMP = np.arange(12).reshape(3, 4)
 
 
-def test_pixels_of_any_type_become_counts_by_one_map_of_all_frames() -> None:
+def test_pixels_of_any_type_become_counts_by_one_map_of_all_frames():
     small = np.array([[0, 10, 20, 30]], dtype=np.uint8)
     for pictures, given, counts, scaled, lost in [
         *(
@@ -499,7 +499,7 @@ def test_pixels_of_any_type_become_counts_by_one_map_of_all_frames() -> None:
             assert found.flags.c_contiguous
 
 
-def test_a_range_or_pixels_without_a_difference_are_refused() -> None:
+def test_a_range_or_pixels_without_a_difference_are_refused():
     for picture, given, message in [
         *(
             (RAMP, given, "`grey_range`")

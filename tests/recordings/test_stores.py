@@ -59,9 +59,7 @@ SECOND_S = START_NS / 1e9
 
 @pytest.mark.parametrize("kind", ["ros1", "sqlite", "mcap"])
 @pytest.mark.parametrize("by_files", [False, True])
-def test_parts_of_a_bag_are_one_recording(
-    tmp_path: Path, kind: str, by_files: bool
-) -> None:
+def test_parts_of_a_bag_are_one_recording(tmp_path, kind, by_files):
     folder = write_parts(tmp_path / "bag", kind)
     sources = sorted(folder.iterdir(), reverse=True) if by_files else [folder]
     found = gather_sources(sources, ImportOptions())
@@ -75,8 +73,8 @@ def test_parts_of_a_bag_are_one_recording(
 
 
 def test_bags_of_two_recordings_and_parts_with_one_missing_are_refused(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     parts = sorted(write_parts(tmp_path / "p", "sqlite").iterdir())
     whole = write_bag(tmp_path / "whole", "sqlite")
     with pytest.raises(
@@ -91,7 +89,7 @@ def test_bags_of_two_recordings_and_parts_with_one_missing_are_refused(
         gather_sources([apart / "bag_0.mcap", apart / "bag_2.mcap"], ImportOptions())
 
 
-def test_images_and_forces_of_two_bags_are_not_on_one_clock(tmp_path: Path) -> None:
+def test_images_and_forces_of_two_bags_are_not_on_one_clock(tmp_path):
     images = write_bag(tmp_path / "images", "sqlite", forces=False)
     forces = write_bag(tmp_path / "forces", "sqlite", topics=())
     assert not gather_sources([images, forces], ImportOptions()).one_clock
@@ -261,9 +259,7 @@ def protobuf_mcap(path: Path) -> Path:
         (protobuf_mcap, False),
     ],
 )
-def test_mcap_of_ros_1_and_foxglove_is_read(
-    tmp_path: Path, write, forces: bool
-) -> None:
+def test_mcap_of_ros_1_and_foxglove_is_read(tmp_path, write, forces):
     path = write(tmp_path / "a.mcap")
     assert source_kind(path) == "bag"
     found = gather_sources([path], ImportOptions())
@@ -279,7 +275,7 @@ def test_mcap_of_ros_1_and_foxglove_is_read(
         assert found.log.force_n("fx").tolist() == [*range(len(FORCE_TIMES_S))]
 
 
-def test_a_damaged_bag_is_named_with_the_way_to_what_is_left(tmp_path: Path) -> None:
+def test_a_damaged_bag_is_named_with_the_way_to_what_is_left(tmp_path):
     for kind, name, way in (
         ("ros1", "bag_0.bag", "rosbag reindex bag_0"),
         ("sqlite", "bag_0.db3", "sqlite3 bag_0"),
@@ -290,7 +286,7 @@ def test_a_damaged_bag_is_named_with_the_way_to_what_is_left(tmp_path: Path) -> 
             gather_sources([path], ImportOptions())
 
 
-def test_mcap_that_is_not_read_is_named(tmp_path: Path) -> None:
+def test_mcap_that_is_not_read_is_named(tmp_path):
     cut = json_mcap(tmp_path / "cut.mcap")
     cut.write_bytes(cut.read_bytes()[:-500])
     with pytest.raises(
@@ -343,9 +339,7 @@ def write_ome(path: Path, axes: str, frames: np.ndarray, version: int = 2) -> Pa
 
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("axes", ["tyx", "tczyx"])
-def test_a_folder_of_ome_zarr_gives_frames_scale_and_times(
-    tmp_path: Path, version: int, axes: str
-) -> None:
+def test_a_folder_of_ome_zarr_gives_frames_scale_and_times(tmp_path, version, axes):
     frames = FRAMES if axes == "tyx" else FRAMES[:, np.newaxis, np.newaxis]
     path = write_ome(tmp_path / "a.zarr", axes, frames, version)
     assert source_kind(path) == "zarr"
@@ -355,7 +349,7 @@ def test_a_folder_of_ome_zarr_gives_frames_scale_and_times(
     assert scan.times.time_s.tolist() == [0.0, 0.25, 0.5, 0.75, 1.0]
 
 
-def test_an_image_of_bioformats2raw_and_a_plain_array_are_read(tmp_path: Path) -> None:
+def test_an_image_of_bioformats2raw_and_a_plain_array_are_read(tmp_path):
     zarr.open_group(tmp_path / "b.zarr", mode="w", zarr_format=2).attrs[
         "bioformats2raw.layout"
     ] = 3
@@ -376,7 +370,7 @@ def test_an_image_of_bioformats2raw_and_a_plain_array_are_read(tmp_path: Path) -
     )
 
 
-def test_zarr_that_has_no_frames_is_named(tmp_path: Path) -> None:
+def test_zarr_that_has_no_frames_is_named(tmp_path):
     zarr.open_group(tmp_path / "g.zarr", mode="w").create_array("walls", data=FRAMES)
     both = np.zeros((2, 3, ROWS, COLUMNS), np.uint8)
     for path, words in (

@@ -4,7 +4,6 @@ import gzip
 import os
 import re
 import zlib
-from collections.abc import Callable
 from itertools import product
 from pathlib import Path
 
@@ -68,7 +67,7 @@ def patched(path: Path, at: int, value: bytes) -> Path:
     return path
 
 
-def test_a_nifti_volume_comes_back_with_its_spacing_and_times(tmp_path: Path) -> None:
+def test_a_nifti_volume_comes_back_with_its_spacing_and_times(tmp_path):
     for name in ["a.nii", "a.nii.gz"]:
         scan = read_nifti(nifti(tmp_path / name), IJK)
         np.testing.assert_array_equal(pictures_of(scan), FRAMES)
@@ -90,8 +89,8 @@ def test_a_nifti_volume_comes_back_with_its_spacing_and_times(tmp_path: Path) ->
 
 
 def test_the_spacing_of_a_nifti_is_that_of_pixdim_or_sform_and_contradictions_are_refused(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     known = (0.015, 0.004, 0.1)
     ones = (1.0, 1.0, 1.0)
 
@@ -139,7 +138,7 @@ def test_the_spacing_of_a_nifti_is_that_of_pixdim_or_sform_and_contradictions_ar
             read_nifti(tmp_path / name, IJK if name.startswith("a") else None)
 
 
-def test_pixels_elsewhere_are_not_looked_for(tmp_path: Path) -> None:
+def test_pixels_elsewhere_are_not_looked_for(tmp_path):
     for place in ["/etc/passwd", "../b.raw"]:
         header = mha(tmp_path / "a.mhd").read_bytes().replace(b"LOCAL", place.encode())
         (tmp_path / "a.mhd").write_bytes(header)
@@ -152,7 +151,7 @@ def test_pixels_elsewhere_are_not_looked_for(tmp_path: Path) -> None:
                 read(tmp_path / name, IJK)
 
 
-def test_the_slope_of_a_nifti_is_applied(tmp_path: Path) -> None:
+def test_the_slope_of_a_nifti_is_applied(tmp_path):
     for slope, intercept in [(-0.5, 10.0), (2.0, 0.0), (0.0, 7.0), (np.nan, 0.0)]:
         path = patched(
             nifti(tmp_path / "a.nii"),
@@ -187,7 +186,7 @@ def nhdr(path: Path, *lines: str, pixels: bytes = FRAMES.tobytes()) -> Path:
     return path
 
 
-def test_an_nrrd_has_a_spacing_where_its_unit_is_known(tmp_path: Path) -> None:
+def test_an_nrrd_has_a_spacing_where_its_unit_is_known(tmp_path):
     in_um = "spacings: 15 4 1"
     directions = "space directions: (0.015,0,0) (0,0.004,0) (0,0,1)"
 
@@ -222,8 +221,8 @@ def test_an_nrrd_has_a_spacing_where_its_unit_is_known(tmp_path: Path) -> None:
 
 
 def test_what_an_nrrd_contradicts_or_what_is_not_read_is_refused(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     space = ("space: LPS", "space directions: (0.015,0,0) (0,0.004,0) (0,0,1)")
     scan = read_nrrd(nhdr(tmp_path / "a.nrrd", *space, "spacings: 0.015 0.008 1"), IJK)
     assert re.search(
@@ -251,8 +250,8 @@ def test_what_an_nrrd_contradicts_or_what_is_not_read_is_refused(
 
 
 def test_pixels_of_an_nrrd_behind_a_skip_and_of_either_order_are_found(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     for skip, big in product(
         ["byte skip: 12", "byte skip: -1", "line skip: 2"], [False, True]
     ):
@@ -271,8 +270,8 @@ def test_pixels_of_an_nrrd_behind_a_skip_and_of_either_order_are_found(
 
 
 def test_more_packed_in_a_file_than_its_header_says_is_not_unpacked(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     packed = zlib.compress(bytes(2**28), 9)
     nhdr(tmp_path / "a.nrrd", "encoding: gzip", pixels=packed)
     mha(
@@ -287,9 +286,7 @@ def test_more_packed_in_a_file_than_its_header_says_is_not_unpacked(
             read(tmp_path / name, IJK)
 
 
-def test_a_missing_package_is_named_with_its_installation(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_package_is_named_with_its_installation(tmp_path, monkeypatch):
     path = nifti(tmp_path / "a.nii")
     monkeypatch.setitem(__import__("sys").modules, "nibabel", None)
 
@@ -329,7 +326,7 @@ def mha(path: Path, pixels: bytes | None = None, **fields: object) -> Path:
 TEXT = " ".join(map(str, FRAMES.ravel().tolist())).encode()
 
 
-def test_the_storage_that_a_metaimage_states_is_read(tmp_path: Path) -> None:
+def test_the_storage_that_a_metaimage_states_is_read(tmp_path):
     for pixels, fields in [
         (None, {}),
         (None, {"BinaryData": None}),
@@ -371,8 +368,8 @@ def test_the_storage_that_a_metaimage_states_is_read(tmp_path: Path) -> None:
 
 
 def test_what_a_metaimage_contradicts_or_what_is_not_read_is_refused_by_name(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     for pixels, fields, message in [
         (
             b"x" + FRAMES.tobytes(),
@@ -428,7 +425,7 @@ def test_what_a_metaimage_contradicts_or_what_is_not_read_is_refused_by_name(
             read_metaimage(mha(tmp_path / "a.mhd", pixels, **fields), IJK)
 
 
-def test_what_a_metaimage_does_not_state_stays_open_or_is_noted(tmp_path: Path) -> None:
+def test_what_a_metaimage_does_not_state_stays_open_or_is_noted(tmp_path):
     for fields, depth_m, notes in [
         ({"ElementSpacing": None}, None, 0),
         ({"ElementSpacing": "1 1 1"}, None, 0),
@@ -449,8 +446,8 @@ def test_what_a_metaimage_does_not_state_stays_open_or_is_noted(tmp_path: Path) 
 
 
 def test_a_sequence_of_plus_has_its_own_times_and_leaves_out_invalid_frames(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     lines = [f"{name}:={value}" for name, value in PLUS.items()]
     for scan in (
         read_metaimage(mha(tmp_path / "a.mha", **PLUS), IJK),
@@ -483,7 +480,7 @@ def test_a_sequence_of_plus_has_its_own_times_and_leaves_out_invalid_frames(
 INTENSITY = FRAMES.astype(np.float32) / 100.0 - 20.0  # dB
 
 
-def test_the_intensity_comes_back_with_its_scale(tmp_path: Path) -> None:
+def test_the_intensity_comes_back_with_its_scale(tmp_path):
     # one B-scan has no third size
     single = oct_entry(count=1).replace(' SizeY="1"', "")
     for name, header, frames in [
@@ -502,7 +499,7 @@ def test_the_intensity_comes_back_with_its_scale(tmp_path: Path) -> None:
         assert sizes_of(scan) == pytest.approx((4e-6, 15e-6))
 
 
-def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:
+def test_what_does_not_fit_is_refused(tmp_path):
     header = f"{oct_entry()}<Image><SizeReal><SizeZ>0.192</SizeZ></SizeReal></Image>"
     scan = read_thorlabs(write_oct(tmp_path / "a.oct", header, INTENSITY))
     assert re.search(
@@ -535,9 +532,7 @@ def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
 @pytest.mark.parametrize("named", [os.mkfifo, lambda path: path.symlink_to("pipe")])
-def test_a_pipe_beside_a_header_is_refused_and_not_waited_for(
-    tmp_path: Path, named: Callable[[Path], object]
-) -> None:
+def test_a_pipe_beside_a_header_is_refused_and_not_waited_for(tmp_path, named):
     """Also behind a link; nothing ever writes to it."""
     os.mkfifo(tmp_path / "pipe")
     for data in ("a.raw", "a.img"):

@@ -4,7 +4,6 @@ import csv
 from collections import Counter
 from dataclasses import replace
 from io import StringIO
-from pathlib import Path
 
 import matplotlib.image
 import numpy as np
@@ -176,8 +175,8 @@ def test_opencv_and_pillow_read_back_every_pixel_of_a_frame_that_is_not_compress
 
 
 def test_answers_join_the_rows_of_their_frames_with_the_classes_of_their_model(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     rows = [{"file": f"{n}.png", "time_s": float(n), "target": 1} for n in range(3)]
     answers = [
         {"file": "/else/where/1.png", "predicted": 2, "target": 0, "time_s": 9.0},
@@ -201,7 +200,7 @@ def test_answers_join_the_rows_of_their_frames_with_the_classes_of_their_model(
     ] == [None, 1, 2]
 
 
-def test_a_table_has_a_column_for_each_number_of_any_row() -> None:
+def test_a_table_has_a_column_for_each_number_of_any_row():
     rows = [
         {
             "file": "a, b.png",
@@ -232,7 +231,7 @@ def test_a_table_has_a_column_for_each_number_of_any_row() -> None:
     ]
 
 
-def test_a_file_without_answers_is_refused(tmp_path: Path) -> None:
+def test_a_file_without_answers_is_refused(tmp_path):
     frames = [
         "3",
         '[{"a": 1}]',
@@ -246,7 +245,7 @@ def test_a_file_without_answers_is_refused(tmp_path: Path) -> None:
             exported_files.read_answers(tmp_path / "a.json")
 
 
-def test_no_text_begins_as_a_formula_does_and_numbers_stay_numbers() -> None:
+def test_no_text_begins_as_a_formula_does_and_numbers_stay_numbers():
     """Nor does a part of it, where another program separates cells."""
     for text, cell in {
         "=1+1": "'=1+1",
@@ -283,9 +282,7 @@ def test_no_text_begins_as_a_formula_does_and_numbers_stay_numbers() -> None:
     )
 
 
-def test_answers_of_a_command_become_columns(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_answers_of_a_command_become_columns(tmp_path, capsys):
     recording = with_log(write_small_recording(tmp_path / "r", frames=3))
     assert run(["evaluate", "default", str(recording), "--json"]) == 0
     (tmp_path / "a.json").write_text(capsys.readouterr().out)
@@ -313,8 +310,8 @@ def test_answers_of_a_command_become_columns(
 
 
 def test_a_sequence_is_what_slicer_reads_and_can_be_imported_again(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     nrrd = pytest.importorskip("nrrd")
     recording = read_recording(write_small_recording(tmp_path / "r", frames=4))
     exported_files.write_sequence(recording, tmp_path / "a.seq.nrrd")
@@ -348,8 +345,8 @@ def test_a_sequence_is_what_slicer_reads_and_can_be_imported_again(
 
 
 def test_an_mcap_is_in_the_order_of_its_times_and_can_be_imported_again(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     highlevel = pytest.importorskip("rosbags.highlevel")
     reader = pytest.importorskip("mcap.reader")
     recording = read_recording(write_small_recording(tmp_path / "r", frames=6))
@@ -416,7 +413,7 @@ def test_an_mcap_is_in_the_order_of_its_times_and_can_be_imported_again(
     )
 
 
-def test_an_axis_that_was_not_logged_is_nan(tmp_path: Path) -> None:
+def test_an_axis_that_was_not_logged_is_nan(tmp_path):
     pytest.importorskip("rosbags")
     folder = write_small_recording(tmp_path / "r", frames=3)
     (folder / "forces.csv").write_text("time_s,fz_n\n1.0,0.5\n1.005,0.5\n1.01,0.5\n")

@@ -15,7 +15,7 @@ from scleraforce.records.study_of_eye import RIGIDITY_LAWS
 PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
 
 
-def test_a_globe_is_open_or_as_rigid_as_its_declaration_allows() -> None:
+def test_a_globe_is_open_or_as_rigid_as_its_declaration_allows():
     assert Globe.declared(None) is UNKNOWN
     assert (UNKNOWN.lowest / PER_UL, UNKNOWN.highest / PER_UL) == pytest.approx(
         (0.0, 0.06)
@@ -40,7 +40,7 @@ def test_a_globe_is_open_or_as_rigid_as_its_declaration_allows() -> None:
         assert 0.9 <= ((even >= globe.band[0]) & (even <= globe.band[1])).mean() < 0.96
 
 
-def test_a_stated_rigidity_is_known_to_some_percent_under_its_law() -> None:
+def test_a_stated_rigidity_is_known_to_some_percent_under_its_law():
     for law in (None, *RIGIDITY_LAWS):
         globe = Globe.declared("sealed", 0.02 * PER_UL, law)
         assert (globe.kind, globe.law, globe.calibrated) == (
@@ -58,7 +58,7 @@ def test_a_stated_rigidity_is_known_to_some_percent_under_its_law() -> None:
         )
 
 
-def test_a_rigidity_makes_the_globe_of_its_law() -> None:
+def test_a_rigidity_makes_the_globe_of_its_law():
     for law in RIGIDITY_LAWS:
         globe = Globe.declared("sealed", law=law).pressure_law(
             np.array([0.01, 0.03]) * PER_UL
@@ -96,7 +96,7 @@ LINES = {
 
 
 @pytest.mark.parametrize("lines", LINES)
-def test_a_recording_states_a_globe_or_none(lines: str) -> None:
+def test_a_recording_states_a_globe_or_none(lines):
     text = '[eye]\nid = "e"\n' + lines
     found = parse_record(EyeFile, text, "recording.toml")
     assert found.eye.globe == LINES[lines]
@@ -113,9 +113,7 @@ def test_a_recording_states_a_globe_or_none(lines: str) -> None:
         ),
     ],
 )
-def test_a_file_has_what_was_declared_of_a_globe_and_no_finding(
-    globe: Globe, stated: str
-) -> None:
+def test_a_file_has_what_was_declared_of_a_globe_and_no_finding(globe, stated):
     text = format_record(EyeFile(Eye("e", globe=globe)))
     assert text == '[eye]\nid = "e"\n' + stated
 
@@ -127,9 +125,7 @@ def test_a_file_has_what_was_declared_of_a_globe_and_no_finding(
 @pytest.mark.parametrize(
     ("globe", "found"), [('globe = "open"\n', '"open"'), ("", "missing")]
 )
-def test_what_is_measured_of_a_sealed_globe_is_refused_of_another(
-    globe: str, found: str, key: str
-) -> None:
+def test_what_is_measured_of_a_sealed_globe_is_refused_of_another(globe, found, key):
     name = key.partition(" ")[0]
     with pytest.raises(
         StudyError, match=f"{name}: of a sealed globe, globe is {found};"

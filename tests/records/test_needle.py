@@ -1,7 +1,6 @@
 """A needle: its gauge, its lean, its file."""
 
 from math import nan
-from typing import Any
 
 import pytest
 
@@ -16,17 +15,17 @@ from scleraforce.records.needle import (
 
 
 @pytest.mark.parametrize("gauge", GAUGE_DIAMETER_M)
-def test_each_gauge_has_a_diameter_and_comes_back(gauge: int) -> None:
+def test_each_gauge_has_a_diameter_and_comes_back(gauge):
     assert Needle(diameter_m=gauge_diameter_m(gauge)).gauge == gauge
 
 
 @pytest.mark.parametrize("gauge", [9, 37, -1])
-def test_a_gauge_without_a_needle_is_refused(gauge: int) -> None:
+def test_a_gauge_without_a_needle_is_refused(gauge):
     with pytest.raises(StudyError, match=f"^gauge: {gauge}; give 10 to 36$"):
         gauge_diameter_m(gauge)
 
 
-def test_a_needle_of_no_diameter_has_no_gauge() -> None:
+def test_a_needle_of_no_diameter_has_no_gauge():
     assert Needle().gauge is None
 
 
@@ -56,8 +55,6 @@ def test_a_lean_that_is_known_exactly_has_equal_ends_and_any_other_is_no_single_
         ),
     ],
 )
-def test_a_value_of_a_needle_that_cannot_be_is_refused(
-    values: dict[str, Any], said: str
-) -> None:
+def test_a_value_of_a_needle_that_cannot_be_is_refused(values, said):
     with pytest.raises(StudyError, match=f"^{said}"):
         Needle(**values)

@@ -17,13 +17,13 @@ PAGE = Path(__file__).parents[2] / "docs" / "remarks.md"
 CODE_ROW = re.compile(r"^\| `([a-z-]+)` \| (info|caution|doubt) \| \S", re.MULTILINE)
 
 
-def test_the_page_lists_every_code_once_with_its_severity() -> None:
+def test_the_page_lists_every_code_once_with_its_severity():
     rows = CODE_ROW.findall(PAGE.read_text(encoding="utf-8"))
     assert len(rows) == len(dict(rows))
     assert dict(rows) == dict(SEVERITY_OF)
 
 
-def test_a_remark_is_a_sentence_with_a_severity_and_its_keys_in_json() -> None:
+def test_a_remark_is_a_sentence_with_a_severity_and_its_keys_in_json():
     remark = sf.Remark("log-slow", "20 samples a second", ("axis",)).on("eye-a")
     assert str(remark) == "eye-a: 20 samples a second"
     assert remark.on("eye-b") is remark
@@ -64,7 +64,7 @@ def fields_of(remarks: tuple[sf.Remark, ...]) -> list[str]:
     return [remark.fields[0] for remark in remarks]
 
 
-def test_what_is_declared_is_not_missing() -> None:
+def test_what_is_declared_is_not_missing():
     assert missing_inputs(KNOWN, forces=True) == ()
     for name in ("iop_pa", "thickness_m", "globe", "relaxation"):
         setup = replace(KNOWN, eye=replace(KNOWN.eye, **{name: None}))
@@ -74,9 +74,7 @@ def test_what_is_declared_is_not_missing() -> None:
         assert f"eye.{name}" in remark.words
 
 
-def test_several_planes_need_no_gap_and_a_classifier_needs_the_thickness_alone() -> (
-    None
-):
+def test_several_planes_need_no_gap_and_a_classifier_needs_the_thickness_alone():
     nothing = Setup()
     every = ["iop_pa", "globe", "gap_m", "thickness_m", "relaxation"]
     assert fields_of(missing_inputs(nothing, forces=False)) == every
@@ -89,7 +87,7 @@ def test_several_planes_need_no_gap_and_a_classifier_needs_the_thickness_alone()
     ]
 
 
-def test_the_offset_of_clocks_is_missing_where_a_log_has_none() -> None:
+def test_the_offset_of_clocks_is_missing_where_a_log_has_none():
     found = missing_inputs(KNOWN, forces=True, clock_known=False)
     assert fields_of(found) == ["clock_offset_s"]
     assert missing_inputs(KNOWN, forces=False, clock_known=False) == ()

@@ -1,8 +1,6 @@
 """A scan: its sizes, its planes, its file."""
 
-from collections.abc import Callable
 from math import nan
-from typing import Any
 
 import pytest
 
@@ -20,7 +18,7 @@ READERS = {
 
 
 @pytest.mark.parametrize("missing", READERS)
-def test_a_size_that_is_not_declared_is_named_where_it_is_needed(missing: str) -> None:
+def test_a_size_that_is_not_declared_is_named_where_it_is_needed(missing):
     scan = Scan(**{name: SIZES[name] for name in SIZES if name != missing})
     with pytest.raises(InputError, match=f"^scan: {missing}: not declared; give it$"):
         READERS[missing](scan)
@@ -38,14 +36,12 @@ def test_a_size_that_is_not_declared_is_named_where_it_is_needed(missing: str) -
         (lambda scan: scan.pixel_bits, "bits"),
     ],
 )
-def test_a_scan_without_sizes_names_the_first_one_that_is_needed(
-    size: Callable[[Scan], Any], first: str
-) -> None:
+def test_a_scan_without_sizes_names_the_first_one_that_is_needed(size, first):
     with pytest.raises(InputError, match=f"^scan: {first}: not declared; give it$"):
         size(Scan())
 
 
-def test_a_scan_has_the_size_of_its_pixels() -> None:
+def test_a_scan_has_the_size_of_its_pixels():
     scan = Scan(**SIZES)
     assert (scan.shape, scan.extent_m, scan.pixel_bits) == (
         (400, 500),
@@ -76,13 +72,11 @@ PLANES = (Plane("along", 0.0, 0.0), Plane("across", 0.0, 1.5))
         ({"planes": (*PLANES, PLANES[0])}, "planes: name: 'along' is there twice"),
     ],
 )
-def test_a_value_of_a_scan_that_cannot_be_is_refused(
-    values: dict[str, Any], said: str
-) -> None:
+def test_a_value_of_a_scan_that_cannot_be_is_refused(values, said):
     with pytest.raises(StudyError, match=f"^{said}"):
         Scan(**values)
 
 
-def test_a_plane_is_found_by_its_name() -> None:
+def test_a_plane_is_found_by_its_name():
     scan = Scan(planes=PLANES)
     assert (scan.named("across"), scan.named("other")) == (PLANES[1], None)

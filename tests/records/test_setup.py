@@ -20,7 +20,7 @@ SCAN = Scan(columns=512, rows=512, bits=12, width_m=15e-3, depth_m=4e-3)
 NEEDLE = Needle(diameter_m=gauge_diameter_m(22), gap_m=0.5e-3, polar_rad=0.6)
 
 
-def test_a_recordings_statements_are_known_and_all_else_is_unknown() -> None:
+def test_a_recordings_statements_are_known_and_all_else_is_unknown():
     info = RecordingInfo(Eye("e", thickness_m=0.6e-3), SCAN, NEEDLE)
     assert info.setup == Setup(
         eye=Eye("e", thickness_m=0.6e-3), needle=NEEDLE, scan=SCAN
@@ -109,12 +109,12 @@ INFO = RecordingInfo(
 )
 
 
-def test_a_recordings_file_has_every_key_once_and_comes_back() -> None:
+def test_a_recordings_file_has_every_key_once_and_comes_back():
     assert parse_record(RecordingInfo, FULL, "recording.toml") == INFO
     assert format_record(INFO) == FULL
 
 
-def test_a_file_has_no_finding_of_a_calibration() -> None:
+def test_a_file_has_no_finding_of_a_calibration():
     found = replace(
         INFO.eye,
         modulus=Modulus.stated(0.3e6),
@@ -134,7 +134,7 @@ def test_a_file_has_no_finding_of_a_calibration() -> None:
     assert format_record(replace(INFO, eye=found)) == declared
 
 
-def test_the_planes_of_a_scan_come_back() -> None:
+def test_the_planes_of_a_scan_come_back():
     planes = (Plane("along", 0.0, 0.0), Plane("across", 0.1e-3, 1.5))
     info = replace(
         INFO,
@@ -144,7 +144,7 @@ def test_the_planes_of_a_scan_come_back() -> None:
     assert parse_record(RecordingInfo, format_record(info), "r.toml") == info
 
 
-def test_a_setup_turned_to_another_plane_has_its_direction_and_no_gap() -> None:
+def test_a_setup_turned_to_another_plane_has_its_direction_and_no_gap():
     turned = INFO.setup.turned(0.5)
     assert turned.scan == replace(INFO.scan, direction_rad=0.8)
     assert turned.needle == replace(INFO.needle, gap_m=None)
@@ -154,7 +154,7 @@ def test_a_setup_turned_to_another_plane_has_its_direction_and_no_gap() -> None:
     assert far == pytest.approx(12.0 - 4.0 * np.pi)
 
 
-def test_a_given_value_is_kept_and_a_missing_one_is_taken_from_what_is_stated() -> None:
+def test_a_given_value_is_kept_and_a_missing_one_is_taken_from_what_is_stated():
     given = Setup(
         eye=Eye(iop_pa=1500.0),
         needle=Needle(gap_m=0.4e-3),
@@ -170,7 +170,7 @@ def test_a_given_value_is_kept_and_a_missing_one_is_taken_from_what_is_stated() 
     assert NOTHING_KNOWN.completed_by(NOTHING_KNOWN) == NOTHING_KNOWN
 
 
-def test_a_given_globe_is_completed_by_a_stated_one_of_its_kind_alone() -> None:
+def test_a_given_globe_is_completed_by_a_stated_one_of_its_kind_alone():
     stated = Globe.declared("sealed", 0.02 * PER_UL, "logarithmic")
     number = Globe.declared("sealed", 0.03 * PER_UL)
 
@@ -189,7 +189,7 @@ def test_a_given_globe_is_completed_by_a_stated_one_of_its_kind_alone() -> None:
         )
 
 
-def test_a_given_law_and_leak_win_over_those_of_a_recording() -> None:
+def test_a_given_law_and_leak_win_over_those_of_a_recording():
     stated = Setup(eye=Eye(globe=Globe.declared("sealed", leak_time_s=30.0)))
     given = Setup(eye=Eye(globe=Globe.declared("sealed", 1.5e8, "logarithmic")))
     globe = given.completed_by(stated).eye.globe
@@ -198,7 +198,7 @@ def test_a_given_law_and_leak_win_over_those_of_a_recording() -> None:
     assert leaking.completed_by(stated).eye.leak_time_s == 60.0
 
 
-def test_planes_and_transposition_are_completed_too() -> None:
+def test_planes_and_transposition_are_completed_too():
     planes = (Plane("a", 0.0, 0.0), Plane("b", 0.0, 1.5))
     stated = Setup(scan=Scan(planes=planes, transposed=True))
     scan = Setup().completed_by(stated).scan

@@ -8,6 +8,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 
 import cv2
 import numpy as np
+import pytest
 import tifffile
 from pydicom.dataset import FileDataset, FileMetaDataset
 from pydicom.uid import ExplicitVRLittleEndian, SecondaryCaptureImageStorage
@@ -22,6 +23,8 @@ FRAMES = np.arange(COUNT * ROWS * COLUMNS, dtype=np.uint16).reshape(
 # of a pixel
 DEPTH_M = 4e-6
 LATERAL_M = 15e-6
+SIZES_M = (DEPTH_M, LATERAL_M)
+NO_SIZES = (None, None)
 
 
 def pictures_of(scan) -> np.ndarray:
@@ -34,6 +37,18 @@ def pictures_of(scan) -> np.ndarray:
 def sizes_of(scan) -> tuple[float | None, float | None]:
     """Return the depth and the width of a pixel, m."""
     return scan.size.depth_m, scan.size.lateral_m
+
+
+def check_scan(scan, frames=FRAMES, sizes_m=None, time_s=None) -> None:
+    """Check the frames of a scan and, where they are given, the depth and the width of
+    a pixel and the times.
+    """
+    np.testing.assert_array_equal(pictures_of(scan), frames)
+    if sizes_m is not None:
+        sizes = [size and pytest.approx(size, rel=1e-4) for size in sizes_m]
+        assert list(sizes_of(scan)) == sizes
+    if time_s is not None:
+        np.testing.assert_allclose(scan.times.time_s, time_s, atol=1e-6)
 
 
 def stack(path: Path, **stated: object) -> Path:
