@@ -74,9 +74,14 @@ def _data_file(path: Path, field: str, named: str) -> Path:
 
 
 def _check_regular(path: Path) -> None:
-    """Refuse a file of pixels that a library would open, but wait for, as a pipe."""
-    with opened_regular(path, FrameError):
-        pass
+    """Refuse a file of pixels that is missing, or that a library would wait for, as a
+    pipe.
+    """
+    try:
+        with opened_regular(path, FrameError):
+            pass
+    except OSError as fault:
+        raise FrameError(f"{path}: {fault.strerror}") from fault
 
 
 def _check_orientation(orientation: str, axes: Axes) -> None:
