@@ -3,7 +3,6 @@ planes of which each lacks another frame.
 """
 
 import unicodedata
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -21,35 +20,30 @@ from foreign_files import (
     write_table,
 )
 from pydicom.dataset import Dataset
-from pydicom.sequence import Sequence as Items
+from pydicom.sequence import Sequence
 
 from scleraforce.base.errors import InputError
 from scleraforce.recordings.formats.picture_streams import UnansweredError
-from scleraforce.recordings.frame_names import numbers_in, times_in
 from scleraforce.recordings.import_answers import given_times
-from scleraforce.recordings.import_sources import (
-    GatheredSources,
-    ImportOptions,
-    gather_sources,
-)
+from scleraforce.recordings.import_sources import ImportOptions, gather_sources
 from scleraforce.records.scan import Plane
 
 nrrd = pytest.importorskip("nrrd")
 
-ALONG = Plane("along", 0.0, 0.0)
-ACROSS = Plane("across", 0.0, np.pi / 2)
+PLANES = (Plane("along", 0.0, 0.0), Plane("across", 0.0, np.pi / 2))
 RATE_HZ = 4.0
+BY_NUMBERS = {"rate_hz": RATE_HZ, "frames_by": "numbers"}
+IN_ORDER = [*range(COUNT)]
 
 
-def gathered(
-    *sources: Path, planes: Sequence[Plane] = (), **options
-) -> GatheredSources:
+def gathered(*sources, planes=(), **options):
     return gather_sources(sources, ImportOptions(**options), planes=planes)
 
 
-def times_of(found: GatheredSources, **options) -> list[float]:
+def steps_of(found, table=None, rate_hz=RATE_HZ):
     """Return the times of frames from the first one on."""
-    times = given_times(found.scan, options.get("times"), options.get("rate_hz"))
+    untimed = found.scan.times is None and table is None
+    times = given_times(found.scan, table, rate_hz if untimed else None)
     time_s = (times or found.scan.times).time_s
     return np.round(time_s - time_s[0], 6).tolist()
 
@@ -66,27 +60,25 @@ def times_of(found: GatheredSources, **options) -> list[float]:
         ("a.png", "b.png", "c.png"),
         ("1_12mN.png", "2_36mN.png", "3_3mN.png"),
         ("1700000000.00.png", "1700000000.25.png", "1700000000.50.png"),
-        ("2026-05-03_142201.png", "2026-05-03_142202.png", "2026-05-03_142203.png"),
         ("eye7_20260503_001.png", "eye7_20260503_002.png", "eye7_20260503_003.png"),
         ("20260503_000001.png", "20260503_000002.png", "20260503_000003.png"),
+        ("20261399_000000.png", "20261399_000001.png", "20261399_000002.png"),
         ("0001_a3f.png", "0002_9bc.png", "0003_77.png"),
         ("9bc-1.png", "77d-2.png", "a3f-3.png"),
+        ("s2_f7_t1.png", "s2_f8_t1.png", "s2_f9_t1.png"),
         ("1_s.png", "2_s.png", "3_s.png"),
     ],
 )
 def test_names_that_count_on_or_say_nothing_are_taken_as_before(tmp_path, names):
-    rate_hz = 1.0 if names[0].startswith("2026") else RATE_HZ
-    found = gathered(write_frames(tmp_path / "f", *names), rate_hz=rate_hz)
+    found = gathered(write_frames(tmp_path / "f", *names), rate_hz=RATE_HZ)
     assert numbers_of(found.scan) == [0, 1, 2]
-    steps = [0.0, 1.0 / rate_hz, 2.0 / rate_hz]
-    assert times_of(found, rate_hz=rate_hz) == steps
+    assert steps_of(found) == [0.0, 0.25, 0.5]
     assert found.notes == ()
 
 
 @pytest.mark.parametrize(
     ("names", "words"),
     [
-        (("img_0025.png", "img_0029.png"), "img_0029.png follows img_0025.png"),
         (("img_0025.png", "img_0027.png", "img_0028.png"), "img_0027.png follows"),
         (("0010.png", "0010 - Copy.png", "0011.png"), "0010 - Copy.png and 0010.png"),
         (("10.png", "10.1.png", "10.2.png"), "10.1.png and 10.png"),
@@ -118,23 +110,22 @@ def test_names_with_gaps_repeats_or_times_are_asked_about(tmp_path, names, words
 
     listed = gathered(*folders, rate_hz=RATE_HZ, frames_by="order")
     assert len(listed.scan.names) == len(names)
-    assert times_of(listed, rate_hz=RATE_HZ)[1] == 1.0 / RATE_HZ
+    assert steps_of(listed)[1] == 1.0 / RATE_HZ
 
 
 def test_a_missing_number_is_a_missing_frame(tmp_path):
     folder = write_frames(tmp_path / "f", "a9.png", "a12.png", "a10.png")
-    found = gathered(folder, rate_hz=RATE_HZ, frames_by="numbers")
+    found = gathered(folder, **BY_NUMBERS)
     assert numbers_of(found.scan) == [0, 2, 1]
-    assert times_of(found, rate_hz=RATE_HZ) == [0.0, 0.25, 0.75]
-    later = gathered(folder, rate_hz=RATE_HZ, frames_by="numbers", first_frame=2)
-    assert times_of(later, rate_hz=RATE_HZ) == [0.0, 0.5]
+    assert steps_of(found) == [0.0, 0.25, 0.75]
+    assert steps_of(gathered(folder, first_frame=2, **BY_NUMBERS)) == [0.0, 0.5]
     write_frames(folder, "b/a09.png")
     with pytest.raises(InputError, match=r"a0?9\.png.* has its number; remove one"):
-        gathered(folder, folder / "b", rate_hz=RATE_HZ, frames_by="numbers")
+        gathered(folder, folder / "b", **BY_NUMBERS)
 
 
 @pytest.mark.parametrize(
-    ("names", "by", "time_s"),
+    ("names", "by", "steps_s"),
     [
         (("10.png", "10.1.png", "10.25.png"), "times:s", [0.0, 0.1, 0.25]),
         (("0.png", "33.png", "100.png"), "times:ms", [0.0, 0.033, 0.1]),
@@ -143,79 +134,62 @@ def test_a_missing_number_is_a_missing_frame(tmp_path):
         (("1403636579763555584.png", "1403636579863555584.png"), "times", [0.0, 0.1]),
         (("1700000000_500000000.png", "1700000001_000000000.png"), "times", [0.0, 0.5]),
         (("a_20260503_235959.5.png", "a_20260504_000001.png"), "times", [0.0, 1.5]),
-        (("2026-05-03T14-22-01.123.png", "2026-05-03T14-22-02.0.png"), "times", None),
+        (
+            ("2026-05-03T14-22-01.123.png", "2026-05-03T14-22-02.0.png"),
+            "times",
+            [0.0, 0.877],
+        ),
         (("t12.5s_1.png", "t13.0s_2.png"), "times", [0.0, 0.5]),
         (("t_0050ms.png", "t_0100ms.png", "t_1000ms.png"), "times", [0.0, 0.05, 0.95]),
     ],
 )
-def test_names_may_be_times(tmp_path, names, by, time_s):
-    folder = write_frames(tmp_path / "f", *names)
-    found = gathered(folder, frames_by=by)
-    assert times_of(found) == (time_s or [0.0, 0.877])
+def test_names_may_be_times(tmp_path, names, by, steps_s):
+    found = gathered(write_frames(tmp_path / "f", *names), frames_by=by)
+    assert steps_of(found) == steps_s
     assert found.scan.times.source == "the files' names"
     assert numbers_of(found.scan) == [*range(len(names))]
 
 
-def test_times_and_numbers_in_names_that_are_none_are_refused(tmp_path):
-    folder = write_frames(tmp_path / "f", "10.png", "10.1.png")
-    for options, words in (
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
         ({"frames_by": "times"}, "give `frames_by=times:s`"),
         ({"frames_by": "numbers"}, "takes one number in each name"),
-        ({"frames_by": "times:h", "rate_hz": 1.0}, "`rate_hz`: `frames_by=times`"),
+        ({"frames_by": "times:parsec"}, "`frames_by`: 'times:parsec'"),
+        ({"frames_by": "times:s", "rate_hz": 1.0}, "`rate_hz`: `frames_by=times`"),
         ({"frames_by": "names"}, "`frames_by`: 'names'; give numbers, order, times"),
-        ({"frames_by": "times:parsec"}, "'times:parsec'"),
         ({"frames_by": "numbers:s"}, "'numbers:s'"),
-    ):
-        with pytest.raises(InputError, match=words):
-            gathered(folder, **options)
+        (
+            {"frames_by": "times:s", "times": Path("t.csv")},
+            "`frames_by`: times, and `times`",
+        ),
+    ],
+)
+def test_times_and_numbers_in_names_that_are_none_are_refused(tmp_path, options, words):
+    folder = write_frames(tmp_path / "f", "10.png", "10.1.png")
+    with pytest.raises(InputError, match=words):
+        gathered(folder, **options)
 
-    table = write_table(tmp_path / "t.csv", "time_s", "1", "2")
-    with pytest.raises(InputError, match="`frames_by`: times, and `times` states"):
-        gathered(folder, frames_by="times:s", times=table)
 
-    again = write_frames(tmp_path / "g", "2 s.png", "2.0 s.png")
+def test_two_names_of_one_time_are_refused(tmp_path):
+    folder = write_frames(tmp_path / "g", "2 s.png", "2.0 s.png")
     with pytest.raises(InputError, match="states the time of"):
-        gathered(again, frames_by="times")
+        gathered(folder, frames_by="times")
+
+
+def write_stack(path, frames=FRAMES, **options):
+    tifffile.imwrite(path, frames, photometric="minisblack", **options)
+    return path
 
 
 def test_several_stacks_count_as_their_files_do(tmp_path):
-    for name, place in (("s1", 0), ("s3", 2)):
-        tifffile.imwrite(
-            tmp_path / f"{name}.tif",
-            FRAMES[place : place + 2],
-            photometric="minisblack",
-        )
-
+    write_stack(tmp_path / "s1.tif", FRAMES[:2])
+    write_stack(tmp_path / "s3.tif", FRAMES[2:4])
     with pytest.raises(UnansweredError, match=r"s3\.tif follows s1\.tif"):
         gathered(tmp_path)
 
     found = gathered(tmp_path, frames_by="numbers")
-    assert times_of(found, rate_hz=1.0) == [0.0, 1.0, 4.0, 5.0]
-
-
-def test_names_that_imagej_keeps_of_slices_count(tmp_path):
-    labels = [f"img_{nth:04d}" for nth in (1, 2, 4, 5, 6)]
-    metadata = {"axes": "TYX", "Labels": labels}
-    tifffile.imwrite(tmp_path / "a.tif", FRAMES, imagej=True, metadata=metadata)
-    with pytest.raises(UnansweredError, match="img_0004 follows img_0002"):
-        gathered(tmp_path / "a.tif", rate_hz=1.0)
-
-    table = write_table(
-        tmp_path / "t.csv",
-        "file,time_s",
-        *((f"{name}.png", 9 - n) for n, name in enumerate(labels)),
-    )
-    found = gathered(tmp_path / "a.tif", times=table)
-    assert numbers_of(found.scan) == [4, 3, 2, 1, 0]
-    assert times_of(found, times=table) == [0.0, 1.0, 2.0, 3.0, 4.0]
-
-
-def test_numbers_and_times_are_found_beside_others():
-    assert numbers_in(["s2_f7_t1.png", "s2_f8_t1.png"]).tolist() == [7, 8]
-    assert numbers_in(["a1b4.png", "a1b2.png", "a2b9.png"]).tolist() == [4, 2, 9]
-    assert numbers_in(["1.png", "x.png"]) is None
-    assert times_in(["0000000001.png", "0000000002.png"]) is None
-    assert times_in(["20261399_000000.png", "20261399_000001.png"]) is None
+    assert steps_of(found, rate_hz=1.0) == [0.0, 1.0, 4.0, 5.0]
 
 
 # ---- tables of times
@@ -224,18 +198,26 @@ NAMED = ("12mN.png", "24mN.png", "3mN.png")
 TIMES = (5.0, 7.5, 9.25)
 
 
-def rows(name_of=lambda name: name) -> list[tuple[str, float]]:
-    return [(name_of(name), time) for name, time in zip(NAMED, TIMES, strict=True)]
+def rows(name_of=lambda name: name, times=TIMES):
+    return zip(map(name_of, NAMED), times, strict=True)
 
 
-def other_table(tmp_path: Path, header: str, name_of) -> Path:
-    return write_table(tmp_path / "t.csv", header, *rows(name_of))
+def by_table(source, header, *lines, **options):
+    """Return the numbers and times of frames by a table of times."""
+    table = write_table(source.with_name("t.csv"), header, *lines)
+    found = gathered(source, times=table, **options)
+    return numbers_of(found.scan), steps_of(found, table)
+
+
+@pytest.fixture
+def named(tmp_path):
+    """A folder of frames that are named by forces."""
+    return write_frames(tmp_path / "f", *NAMED)
 
 
 @pytest.mark.parametrize(
     ("header", "name_of"),
     [
-        ("file,time_s", lambda name: name),
         ("file,time_s", lambda name: name.removesuffix(".png")),
         ("file,time_s", lambda name: name.replace(".png", ".tif")),
         ("file,time_s", lambda name: f"D:\\scans\\eye1\\{name}"),
@@ -248,300 +230,253 @@ def other_table(tmp_path: Path, header: str, name_of) -> Path:
         ("nom,temps (s)", lambda name: f'"{name}"'),
     ],
 )
-def test_a_table_goes_by_the_names_of_files(tmp_path, header, name_of):
-    folder = write_frames(tmp_path / "f", *NAMED)
-    table = other_table(tmp_path, header, name_of)
-    found = gathered(folder, times=table)
-    assert numbers_of(found.scan) == [0, 1, 2]
-    assert times_of(found, times=table) == [0.0, 2.5, 4.25]
-    assert found.notes == ()
-    assert (
-        gathered(folder, times=table, first_frame=2).scan.names[0].endswith("24mN.png")
-    )
+def test_a_table_goes_by_the_names_of_files(named, header, name_of):
+    found = by_table(named, header, *rows(name_of))
+    assert found == ([0, 1, 2], [0.0, 2.5, 4.25])
+
+
+def test_a_table_names_a_part_of_the_frames_too(named):
+    assert by_table(named, "file,time_s", *rows(), first_frame=2)[0] == [1, 2]
 
 
 def test_a_table_goes_by_names_in_any_form_of_unicode(tmp_path):
-    folder = tmp_path / "f"
     names = [unicodedata.normalize("NFD", f"prüf_{name}") for name in NAMED]
-    write_frames(folder, *names)
-    table = other_table(
-        tmp_path,
-        "file,time_s",
-        lambda name: unicodedata.normalize("NFC", f"prüf_{name}"),
-    )
-    assert numbers_of(gathered(folder, times=table).scan) == [0, 1, 2]
+    folder = write_frames(tmp_path / "f", *names)
+    composed = partial(unicodedata.normalize, "NFC")
+    lines = rows(lambda name: composed(f"prüf_{name}"))
+    assert by_table(folder, "file,time_s", *lines)[0] == [0, 1, 2]
 
 
 @pytest.mark.parametrize(
-    ("header", "times"),
+    ("header", "time"),
     [
-        (
-            "file,time",
-            (
-                "2026-05-03T12:00:05Z",
-                "2026-05-03T12:00:07.5Z",
-                "2026-05-03T12:00:09.25Z",
-            ),
-        ),
-        (
-            "file,timestamp",
-            ("2026-05-03 12:00:05", "2026-05-03 12:00:07.5", "2026-05-03 12:00:09.25"),
-        ),
-        ("file,time_s", ("12:00:05", "12:00:07.500", "12:00:09.250")),
-        (
-            "file,Datum",
-            ("13.05.2026 12:00:05", "13.05.2026 12:00:07.5", "13.05.2026 12:00:09.25"),
-        ),
+        ("file,time", "2026-05-03T12:00:0{}Z"),
+        ("file,timestamp", "2026-05-03 12:00:0{}"),
+        ("file,time_s", "12:00:0{}"),
+        ("file,Datum", "13.05.2026 12:00:0{}"),
     ],
 )
-def test_a_table_may_have_dates(tmp_path, header, times):
-    folder = write_frames(tmp_path / "f", *NAMED)
-    table = write_table(tmp_path / "t.csv", header, *zip(NAMED, times, strict=True))
-    assert times_of(gathered(folder, times=table), times=table) == [0.0, 2.5, 4.25]
+def test_a_table_may_have_dates(named, header, time):
+    lines = rows(times=map(time.format, TIMES))
+    assert by_table(named, header, *lines)[1] == [0.0, 2.5, 4.25]
 
 
-def test_a_table_that_does_not_fit_is_refused_with_the_name(tmp_path):
-    folder = write_frames(tmp_path / "f", *NAMED)
-    write_frames(tmp_path / "g", "frame_1.png", "frame_2.png", "frame_4.png")
-    for place, header, lines, words in (
+@pytest.mark.parametrize(
+    ("header", "lines", "words"),
+    [
         (
-            folder,
             "file,time_s",
-            rows(lambda n: n.replace("24", "42")),
+            [*rows(lambda name: name.replace("24", "42"))],
             r"file: no row for .*24mN\.png; there are 12mN\.png, 42mN\.png",
         ),
         (
-            folder,
             "file,time_s",
             [*rows(), ("12mN.png", 8.0)],
             r"12mN\.png is in lines 2 and 5, with two times",
         ),
+        ("file,time_s", [*rows(times=(1, 1, 2))], "are both of 1 s"),
         (
-            folder,
-            "file,time_s",
-            [(NAMED[0], 1), (NAMED[1], 1), (NAMED[2], 2)],
-            "are both of 1 s",
-        ),
-        (
-            folder,
             "file,time",
-            [(n, "05/06/2026 12:00:01") for n in NAMED],
+            [*rows(times=["05/06/2026 12:00:01"] * 3)],
             "day or the month",
         ),
-        (
-            tmp_path / "g",
-            "frame,time_s",
-            [(n, n) for n in (1, 2, 3)],
-            r"frame: no row for .*frame_4\.png; there are numbers 1 to 3",
-        ),
-    ):
-        table = write_table(tmp_path / "t.csv", header, *lines)
-        with pytest.raises(InputError, match=words) as caught:
-            gathered(place, times=table)
-
-        assert str(table) in str(caught.value)
-
-
-def test_rows_without_names_are_asked_about_where_names_are_forces(
-    tmp_path,
+    ],
+)
+def test_a_table_that_does_not_fit_is_refused_with_the_name(
+    named, header, lines, words
 ):
-    folder = write_frames(tmp_path / "f", *NAMED)
-    table = write_table(tmp_path / "t.csv", "time_s", "1", "2", "4")
+    with pytest.raises(InputError, match=words) as caught:
+        by_table(named, header, *lines)
+    assert str(named.with_name("t.csv")) in str(caught.value)
+
+
+def test_rows_without_names_are_asked_about_where_names_are_forces(tmp_path, named):
+    lines = ("time_s", "1", "2", "4")
     with pytest.raises(UnansweredError, match=r"has no column of files, and .*3mN"):
-        gathered(folder, times=table)
+        by_table(named, *lines)
 
-    by_hand = [folder / name for name in (NAMED[1], NAMED[0], NAMED[2])]
-    for sources, options in ((by_hand, {}), ([folder], {"frames_by": "order"})):
-        found = gathered(*sources, times=table, **options)
-        assert times_of(found, times=table) == [0.0, 1.0, 3.0]
-
+    assert by_table(named, *lines, frames_by="order")[1] == [0.0, 1.0, 3.0]
+    by_hand = [named / name for name in (NAMED[1], NAMED[0], NAMED[2])]
+    table = tmp_path / "t.csv"
+    assert steps_of(gathered(*by_hand, times=table), table) == [0.0, 1.0, 3.0]
     counted = write_frames(tmp_path / "g", "f_025.png", "f_029.png", "f_030.png")
-    assert times_of(gathered(counted, times=table), times=table) == [0.0, 1.0, 3.0]
+    assert by_table(counted, *lines)[1] == [0.0, 1.0, 3.0]
 
 
-def test_a_table_may_count_frames(tmp_path):
+@pytest.mark.parametrize("counts", [(5, 2, 3), (5, 4, 3, 2, 1)])
+def test_a_table_may_count_frames(tmp_path, counts):
     folder = write_frames(tmp_path / "f", "im_2.png", "im_3.png", "im_5.png")
-    for first, counts in ((0, (5, 2, 3)), (1, (5, 4, 3, 2, 1))):
-        table = write_table(
-            tmp_path / "t.csv", "frame,time_s", *((n, n / 4) for n in counts)
-        )
-        assert times_of(gathered(folder, times=table), times=table) == [
-            0,
-            0.25,
-            0.75,
-        ], first
+    lines = [(n, n / 4) for n in counts]
+    assert by_table(folder, "frame,time_s", *lines)[1] == [0, 0.25, 0.75]
 
+
+def test_a_table_counts_frames_from_zero_or_refuses_the_missing_one(tmp_path):
     onward = write_frames(tmp_path / "g", "im_1.png", "im_2.png", "im_3.png")
-    from_zero = write_table(tmp_path / "t.csv", "frame,time_s", (0, 0), (1, 1), (2, 5))
-    assert times_of(gathered(onward, times=from_zero), times=from_zero) == [0, 1, 5]
+    lines = ("frame,time_s", (0, 0), (1, 1), (2, 5))
+    assert by_table(onward, *lines)[1] == [0, 1, 5]
+    gap = write_frames(tmp_path / "h", "im_1.png", "im_2.png", "im_4.png")
+    with pytest.raises(InputError, match=r"no row for .*im_4\.png; .* numbers 0 to 2"):
+        by_table(gap, *lines)
 
 
+@pytest.mark.parametrize(
+    ("header", "lines", "numbers"),
+    [
+        ("time_s", [str(nth) for nth in range(COUNT)], IN_ORDER),
+        ("file,time_s", [("a.tif", nth) for nth in range(COUNT)], IN_ORDER),
+        ("file,time_s", [(f"other_{n}.png", n) for n in range(COUNT)], IN_ORDER),
+        ("frame,time_s", [(4 - nth, nth) for nth in range(COUNT)], IN_ORDER[::-1]),
+    ],
+)
 def test_a_table_of_a_stack_goes_by_its_rows_or_counts_its_pages(
-    tmp_path,
+    tmp_path, header, lines, numbers
 ):
-    tifffile.imwrite(tmp_path / "a.tif", FRAMES, photometric="minisblack")
-    turned = [(COUNT - 1 - nth, float(nth)) for nth in range(COUNT)]
-    for header, lines, expected in (
-        ("time_s", [str(nth) for nth in range(COUNT)], [0, 1, 2, 3, 4]),
-        ("file,time_s", [("a.tif", nth) for nth in range(COUNT)], [0, 1, 2, 3, 4]),
-        ("file,time_s", [(f"other_{n}.png", n) for n in range(COUNT)], [0, 1, 2, 3, 4]),
-        ("frame,time_s", turned, [4, 3, 2, 1, 0]),
-    ):
-        table = write_table(tmp_path / "t.csv", header, *lines)
-        found = gathered(tmp_path / "a.tif", times=table)
-        assert numbers_of(found.scan) == expected
-        assert times_of(found, times=table) == [0, 1, 2, 3, 4]
+    path = write_stack(tmp_path / "a.tif")
+    assert by_table(path, header, *lines) == (numbers, [0, 1, 2, 3, 4])
 
-    table = write_table(tmp_path / "t.csv", "file,time_s", ("a.tif", 1), ("a.tif", 2))
-    part = {"times": table, "first_frame": 4}
-    assert times_of(gathered(tmp_path / "a.tif", **part), times=table) == [0, 1]
-    tifffile.imwrite(tmp_path / "b.tif", FRAMES, photometric="minisblack")
+
+def test_a_stack_has_as_many_rows_as_frames(tmp_path):
+    path = write_stack(tmp_path / "a.tif")
+    lines = ("file,time_s", ("a.tif", 1), ("a.tif", 2))
+    assert by_table(path, *lines, first_frame=4)[1] == [0, 1]
+    write_stack(tmp_path / "b.tif")
     with pytest.raises(InputError, match=r"2 rows for .*a\.tif, which has 5 frames"):
-        gathered(tmp_path / "a.tif", tmp_path / "b.tif", times=table)
+        gathered(path, tmp_path / "b.tif", times=tmp_path / "t.csv")
+
+
+def test_names_that_imagej_keeps_of_slices_count(tmp_path):
+    labels = [f"img_{nth:04d}" for nth in (1, 2, 4, 5, 6)]
+    path = tmp_path / "a.tif"
+    metadata = {"axes": "TYX", "Labels": labels}
+    tifffile.imwrite(path, FRAMES, imagej=True, metadata=metadata)
+    with pytest.raises(UnansweredError, match="img_0004 follows img_0002"):
+        gathered(path, rate_hz=1.0)
+
+    lines = [(f"{name}.png", 9 - nth) for nth, name in enumerate(labels)]
+    assert by_table(path, "file,time_s", *lines) == (IN_ORDER[::-1], [0, 1, 2, 3, 4])
 
 
 # ---- DICOM
 
 
-def in_order_of(tmp_path: Path, tags: Sequence[dict], **common) -> Path:
+def in_order_of(folder, *tags):
     """Write images whose names are in another order than their tags."""
-    folder = tmp_path / "dicom"
-    folder.mkdir()
     for nth, own in enumerate(tags):
-        stated = {"SeriesInstanceUID": "1.2.3", **common, **own}
+        stated = {"SeriesInstanceUID": "1.2.3", **own}
         write_dicom(folder / f"{(7 * nth) % 5}.dcm", FRAMES[nth], **stated)
     return folder
 
 
+def item(**tags):
+    dataset = Dataset()
+    for name, value in tags.items():
+        setattr(dataset, name, value)
+    return dataset
+
+
+def of_frames(*contents):
+    """Return the tag of a file that has this content of each frame."""
+    each = [item(FrameContentSequence=Sequence([item(**tags)])) for tags in contents]
+    return {"PerFrameFunctionalGroupsSequence": Sequence(each)}
+
+
+DAY_S = 86400.0
+NOON = "20260503120000"
+
+
 @pytest.mark.parametrize(
-    ("tags", "source"),
+    ("tags", "source", "unit_s"),
     [
-        (lambda n: {"AcquisitionTime": f"1200{n * n:02d}.5"}, "AcquisitionTime"),
-        (lambda n: {"ContentTime": f"1200{n * n:02d}"}, "ContentTime"),
+        (lambda n: {"AcquisitionTime": f"1200{n:02d}.5"}, "AcquisitionTime", 1.0),
+        (lambda n: {"ContentTime": f"1200{n:02d}"}, "ContentTime", 1.0),
         (
-            lambda n: {
-                "ContentDate": f"202605{n * n + 1:02d}",
-                "ContentTime": "120000",
-            },
+            lambda n: {"ContentDate": f"202605{n + 1:02d}", "ContentTime": "120000"},
             "ContentTime",
+            DAY_S,
         ),
         (
-            lambda n: {"AcquisitionDateTime": f"202605031200{n * n:02d}"},
+            lambda n: {"AcquisitionDateTime": f"202605031200{n:02d}"},
             "AcquisitionDateTime",
+            1.0,
         ),
         (
-            lambda n: {
-                "AcquisitionDateTime": "20260503120000",
-                "AcquisitionTime": f"1200{n * n:02d}",
-            },
+            lambda n: {"AcquisitionDateTime": NOON, "AcquisitionTime": f"1200{n:02d}"},
             "AcquisitionTime",
+            1.0,
         ),
     ],
 )
-def test_dicom_images_come_in_the_order_of_their_times(tmp_path, tags, source):
-    folder = in_order_of(tmp_path, [tags(nth) for nth in range(COUNT)])
-    found = gathered(folder)
-    assert numbers_of(found.scan) == [0, 1, 2, 3, 4]
-    day_s = 86400.0 if "ContentDate" in tags(0) else 1.0
-    assert times_of(found) == [day_s * nth * nth for nth in range(COUNT)]
+def test_dicom_images_come_in_the_order_of_their_times(tmp_path, tags, source, unit_s):
+    found = gathered(in_order_of(tmp_path, *(tags(n * n) for n in range(COUNT))))
+    assert numbers_of(found.scan) == IN_ORDER
+    assert steps_of(found) == [unit_s * nth * nth for nth in range(COUNT)]
     assert found.scan.times.source == f"DICOM's {source}"
     assert found.notes == ()
 
 
 @pytest.mark.parametrize("tag", ["InstanceNumber", "TemporalPositionIdentifier"])
 def test_dicom_images_come_in_the_order_of_their_numbers(tmp_path, tag):
-    folder = in_order_of(tmp_path, [{tag: nth + 1} for nth in range(COUNT)])
+    folder = in_order_of(tmp_path, *({tag: nth + 1} for nth in range(COUNT)))
     found = gathered(folder, rate_hz=RATE_HZ)
-    assert numbers_of(found.scan) == [0, 1, 2, 3, 4]
+    assert numbers_of(found.scan) == IN_ORDER
     (note,) = found.notes
     assert note.startswith(f"frames are taken in the order of DICOM's {tag}")
 
     (folder / "4.dcm").unlink()  # the third in time
     with pytest.raises(UnansweredError, match=f"DICOM's {tag} is 4 after 2"):
         gathered(folder, rate_hz=RATE_HZ)
-    lacking = gathered(folder, rate_hz=RATE_HZ, frames_by="numbers")
-    assert times_of(lacking, rate_hz=RATE_HZ) == [0.0, 0.25, 0.75, 1.0]
+    assert steps_of(gathered(folder, **BY_NUMBERS)) == [0.0, 0.25, 0.75, 1.0]
 
 
-def content(**tags) -> Dataset:
-    item = Dataset()
-    for name, value in tags.items():
-        setattr(item, name, value)
-    group = Dataset()
-    group.FrameContentSequence = Items([item])
-    return group
-
-
-@pytest.mark.parametrize("extra", [{}, {"FrameTime": 250.0}])
-@pytest.mark.parametrize("tag", ["TemporalPositionIndex", "InStackPositionNumber"])
-def test_frames_of_one_dicom_file_come_in_their_stated_order(tmp_path, tag, extra):
-    order = [3, 1, 5, 2, 4]
-    groups = Items([content(**{tag: nth}) for nth in order])
-    stored = FRAMES[[nth - 1 for nth in order]]
-    write_dicom(
-        tmp_path / "a.dcm", stored, PerFrameFunctionalGroupsSequence=groups, **extra
-    )
+@pytest.mark.parametrize(
+    ("content", "more"),
+    [
+        (lambda n: {"TemporalPositionIndex": n + 1}, {}),
+        (lambda n: {"TemporalPositionIndex": n + 1}, {"FrameTime": 250.0}),
+        (lambda n: {"InStackPositionNumber": n + 1}, {}),
+        (lambda n: {"FrameAcquisitionDateTime": f"2026050312000{n / 4:04.2f}"}, {}),
+    ],
+)
+def test_frames_of_one_dicom_file_come_in_their_stated_order(tmp_path, content, more):
+    order = [2, 0, 4, 1, 3]
+    tags = of_frames(*map(content, order))
+    write_dicom(tmp_path / "a.dcm", FRAMES[order], **tags, **more)
     found = gathered(tmp_path / "a.dcm")
-    assert numbers_of(found.scan) == [0, 1, 2, 3, 4]
-    assert (found.scan.times is not None) == bool(extra)
-    assert times_of(found, rate_hz=RATE_HZ) == [0.0, 0.25, 0.5, 0.75, 1.0]
+    assert numbers_of(found.scan) == IN_ORDER
+    assert steps_of(found) == [0.0, 0.25, 0.5, 0.75, 1.0]
 
 
-def test_frames_of_one_dicom_file_come_in_the_order_of_their_times(
-    tmp_path,
-):
-    order = [2, 0, 1]
-    groups = Items(
-        [content(FrameAcquisitionDateTime=f"2026050312000{nth * nth}") for nth in order]
-    )
-    write_dicom(
-        tmp_path / "a.dcm", FRAMES[order], PerFrameFunctionalGroupsSequence=groups
-    )
-    found = gathered(tmp_path / "a.dcm")
-    assert numbers_of(found.scan) == [0, 1, 2]
-    assert times_of(found) == [0.0, 1.0, 4.0]
-
-
-def test_files_of_many_frames_come_in_the_order_of_their_beginnings(
-    tmp_path,
-):
+def test_files_of_many_frames_come_in_the_order_of_their_beginnings(tmp_path):
     for name, second, first in (("a", 4, 2), ("b", 1, 0)):
         tags = {"FrameTime": 500.0, "ContentTime": f"12000{second}"}
         write_dicom(tmp_path / f"{name}.dcm", FRAMES[first : first + 2], **tags)
 
     found = gathered(tmp_path)
     assert numbers_of(found.scan) == [0, 1, 2, 3]
-    assert times_of(found) == [0.0, 0.5, 3.0, 3.5]
+    assert steps_of(found) == [0.0, 0.5, 3.0, 3.5]
 
 
 def test_volumes_of_several_moments_are_asked_about(tmp_path):
-    places = [(moment, place) for moment in (1, 2) for place in (1, 2)]
-    groups = Items(
-        [content(TemporalPositionIndex=t, InStackPositionNumber=z) for t, z in places]
+    tags = of_frames(
+        *(
+            {"TemporalPositionIndex": moment, "InStackPositionNumber": place}
+            for moment in (1, 2)
+            for place in (1, 2)
+        )
     )
-    tags = {"FrameTime": 500.0, "PerFrameFunctionalGroupsSequence": groups}
-    write_dicom(tmp_path / "a.dcm", FRAMES[:4], **tags)
+    write_dicom(tmp_path / "a.dcm", FRAMES[:4], FrameTime=500.0, **tags)
     with pytest.raises(UnansweredError, match="both repeat: slices of several volumes"):
         gathered(tmp_path / "a.dcm")
 
 
-def test_two_series_are_two_recordings_unless_a_table_names_their_images(
-    tmp_path,
-):
-    tags = [
-        {"SeriesInstanceUID": f"1.2.{nth // 3}", "InstanceNumber": nth}
-        for nth in range(4)
-    ]
-    folder = in_order_of(tmp_path, tags)
-    with pytest.raises(
-        InputError, match=r"SeriesInstanceUID is 1\.2\..*two recordings"
-    ):
+def test_two_series_are_two_recordings_unless_a_table_names_their_images(tmp_path):
+    series = ["1.2.0"] * 3 + ["1.2.1"]
+    folder = in_order_of(tmp_path, *({"SeriesInstanceUID": uid} for uid in series))
+    with pytest.raises(InputError, match=r"UID is 1\.2\..*two recordings"):
         gathered(folder, rate_hz=1.0)
 
-    names = sorted(path.name for path in folder.iterdir())
-    table = write_table(
-        tmp_path / "t.csv", "file,time_s", *((n, i) for i, n in enumerate(names))
-    )
+    lines = [(path.name, nth) for nth, path in enumerate(folder.iterdir())]
+    table = write_table(tmp_path.with_name("t.csv"), "file,time_s", *lines)
     assert len(gathered(folder, times=table).scan.names) == 4
 
 
@@ -556,7 +491,7 @@ def test_two_series_are_two_recordings_unless_a_table_names_their_images(
     ],
 )
 def test_a_picture_from_the_front_is_no_frame(tmp_path, tags):
-    folder = in_order_of(tmp_path, [{"InstanceNumber": nth} for nth in range(2)])
+    folder = in_order_of(tmp_path, *({"InstanceNumber": nth} for nth in range(2)))
     front = folder / "front.dcm"
     write_dicom(front, FRAMES[4], **tags)
     found = gathered(folder, rate_hz=1.0)
@@ -569,63 +504,57 @@ def test_a_picture_from_the_front_is_no_frame(tmp_path, tags):
 
 def test_frames_that_a_sequence_calls_invalid_are_missing(tmp_path):
     states = ["OK", "OK", "INVALID", "OK", "OK"]
-    fields = plus_fields(range(COUNT), states)
+    fields = plus_fields(IN_ORDER, states)
     fields = {name: each for name, each in fields.items() if "Timestamp" not in name}
     nrrd.write(str(tmp_path / "a.nrrd"), FRAMES, fields)
-    options = {"axes": "frame,depth,lateral", "rate_hz": RATE_HZ}
+    axes = "frame,depth,lateral"
     with pytest.raises(UnansweredError, match="Seq_FrameNNNN is 3 after 1"):
-        gathered(tmp_path / "a.nrrd", **options)
+        gathered(tmp_path / "a.nrrd", axes=axes, rate_hz=RATE_HZ)
 
-    found = gathered(tmp_path / "a.nrrd", frames_by="numbers", **options)
-    assert times_of(found, rate_hz=RATE_HZ) == [0.0, 0.25, 0.75, 1.0]
+    found = gathered(tmp_path / "a.nrrd", axes=axes, **BY_NUMBERS)
+    assert steps_of(found) == [0.0, 0.25, 0.75, 1.0]
 
 
 # ---- axes of TIFF
 
 
-def imagej(path: Path, axes: str, count: int = 2, **metadata) -> Path:
-    stated = {"axes": axes, **metadata}
-    tifffile.imwrite(path, FRAMES[:count], imagej=True, metadata=stated)
-    return path
-
-
-def ome(path: Path, axes: str, **metadata) -> Path:
-    stated = {"axes": axes, **metadata}
-    tifffile.imwrite(path, FRAMES, ome=True, photometric="minisblack", metadata=stated)
-    return path
+def write_axes(path, kind, axes, count=COUNT, **metadata):
+    options = {kind: True, "metadata": {"axes": axes, **metadata}}
+    return write_stack(path, FRAMES[:count], **options)
 
 
 @pytest.mark.parametrize(
-    ("write", "words"),
+    ("kind", "axes", "metadata", "words"),
     [
-        (partial(imagej, axes="CYX"), r"2 channels \(c\)"),
-        (partial(imagej, axes="CYX", mode="composite"), r"2 channels \(c\)"),
+        ("imagej", "CYX", {}, r"2 channels \(c\)"),
+        ("imagej", "CYX", {"mode": "composite"}, r"2 channels \(c\)"),
         (
-            partial(imagej, axes="ZYX", spacing=0.02, unit="mm"),
+            "imagej",
+            "ZYX",
+            {"spacing": 0.02, "unit": "mm"},
             r"2 slices \(z\), 0\.02 mm",
         ),
-        (partial(ome, axes="CYX"), r"OME states 5 channels \(c\)"),
-        (partial(ome, axes="ZYX", PhysicalSizeZ=20.0), r"5 slices \(z\), 20 µm apart"),
+        ("ome", "CYX", {}, r"OME states 2 channels \(c\)"),
+        ("ome", "ZYX", {"PhysicalSizeZ": 20.0}, r"2 slices \(z\), 20 µm apart"),
     ],
 )
-def test_channels_and_slices_of_a_volume_are_no_moments(tmp_path, write, words):
-    path = write(tmp_path / "a.tif" if write.func is imagej else tmp_path / "a.ome.tif")
+def test_channels_and_slices_of_a_volume_are_no_moments(
+    tmp_path, kind, axes, metadata, words
+):
+    path = write_axes(tmp_path / "a.tif", kind, axes, 2, **metadata)
     with pytest.raises(UnansweredError, match=words) as caught:
         gathered(path, rate_hz=1.0)
 
     assert str(path) in str(caught.value)
-    found = gathered(path, rate_hz=1.0, frames_by="order")
-    assert numbers_of(found.scan) == [*range(len(found.scan.names))]
+    assert numbers_of(gathered(path, rate_hz=1.0, frames_by="order").scan) == [0, 1]
 
 
-def test_slices_without_a_step_are_taken_at_a_rate_and_not_at_the_files(
-    tmp_path,
-):
-    path = imagej(tmp_path / "a.tif", "ZYX", finterval=8.0)
+def test_slices_without_a_step_are_taken_at_a_rate_and_not_at_the_files(tmp_path):
+    path = write_axes(tmp_path / "a.tif", "imagej", "ZYX", finterval=8.0)
     found = gathered(path)
     assert found.scan.times is None
     assert "ImageJ's finterval is between moments" in found.scan.times_fault
-    bare = gathered(imagej(tmp_path / "b.tif", "ZYX"), rate_hz=1.0)
+    bare = gathered(write_axes(tmp_path / "b.tif", "imagej", "ZYX"), rate_hz=1.0)
     assert (bare.scan.times_fault, bare.notes) == (None, ())
     many = np.zeros((8, 24, 40), np.uint16)
     tifffile.imwrite(tmp_path / "c.tif", many, imagej=True)  # named channels
@@ -633,16 +562,14 @@ def test_slices_without_a_step_are_taken_at_a_rate_and_not_at_the_files(
 
 
 def test_ome_states_the_order_of_its_pages(tmp_path):
-    path = ome(tmp_path / "a.ome.tif", "TYX")
-    with tifffile.TiffFile(path) as file:
-        text = file.ome_metadata
+    path = write_axes(tmp_path / "a.ome.tif", "ome", "TYX")
     blocks = "".join(
         f'<TiffData IFD="{page}" PlaneCount="1" FirstT="{time}"/>'
         for page, time in enumerate((1, 0, 2, 4, 3))
     )
-    start = text.index("<TiffData")
-    end = text.index("</Pixels>")
-    changed = text[:start] + blocks + text[end:]
+    with tifffile.TiffFile(path) as file:
+        before, _, after = file.ome_metadata.partition("<TiffData")
+    changed = f"{before}{blocks}{after[after.index('</Pixels>') :]}"
     tifffile.tiffcomment(path, changed.encode())
     assert numbers_of(gathered(path).scan) == [1, 0, 2, 4, 3]
 
@@ -653,19 +580,13 @@ def test_ome_states_the_order_of_its_pages(tmp_path):
 def test_what_a_folder_has_beside_frames_is_counted_in_one_line(tmp_path):
     folder = write_frames(tmp_path / "f", "1.png", "2.png", "left/1.png", "left/2.png")
     (folder / "3.png").symlink_to(tmp_path / "gone.png")
-    for name, text in (
-        ("Thumbs.db", "x"),
-        ("desktop.ini", "[x]"),
-        ("info.txt", "width: 15 mm\ndepth: 4 mm\n"),
-        ("readme.md", "text"),
-        (".hidden", ""),
-        ("frames.csv", "file,time_s\n1.png,0\n2.png,5\n"),
-    ):
-        (folder / name).write_text(text)
+    for name in ("Thumbs.db", "desktop.ini", "info.txt", "readme.md", ".hidden"):
+        (folder / name).write_text("width: 15 mm\ndepth: 4 mm\n")
 
     write_log(folder / "log.csv")
-    table = write_table(folder / "times.csv", "file,time_s", ("1.png", 0), ("2.png", 5))
-    found = gathered(folder, times=table)
+    lines = ("file,time_s", ("1.png", 0), ("2.png", 5))
+    write_table(folder / "frames.csv", *lines)
+    found = gathered(folder, times=write_table(folder / "times.csv", *lines))
     assert found.log is not None
     (note,) = found.notes
     assert note == (
@@ -693,92 +614,73 @@ def test_logs_beside_frames_are_still_read(tmp_path, text):
 
 def test_a_folder_of_folders_names_them(tmp_path):
     write_frames(tmp_path / "f", "left/1.png", "left/2.png")
-    with pytest.raises(
-        InputError, match=r"no files in this folder; it has 1 folder \(left: 2"
-    ):
+    with pytest.raises(InputError, match=r"no files .*; it has 1 folder \(left: 2"):
         gathered(tmp_path / "f")
 
 
 # ---- planes
 
 
-def planes_of(found: GatheredSources) -> list[tuple[int, str, int]]:
-    """Return the moment, plane and place in `FRAMES` of every frame."""
-    places = [(moment, plane.name) for moment, plane in found.places]
-    return [
-        (*place, n) for place, n in zip(places, numbers_of(found.frames), strict=True)
-    ]
+def moments_of(found):
+    return [moment for moment, _ in found.places]
 
 
-PAIRED = [
-    (0, "along", 0),
-    (0, "across", 0),
-    (1, "along", 1),
-    (2, "across", 1),
-    (3, "along", 2),
-    (3, "across", 2),
-]
-
-
-def both(tmp_path: Path) -> tuple[Path, Path]:
+@pytest.fixture
+def lacking(tmp_path):
     """Two planes of four moments: one lacks the third, the other the second."""
     along = write_frames(tmp_path / "along", "f1.png", "f2.png", "f4.png")
     return along, write_frames(tmp_path / "across", "f1.png", "f3.png", "f4.png")
 
 
-LACKING = "2 of 4 moments lack a plane: no 'across' beside"
+def check_lacking(found):
+    names = [plane.name for _, plane in found.places]
+    assert moments_of(found) == [0, 0, 1, 2, 3, 3]
+    assert names == ["along", "across", "along", "across", "along", "across"]
+    assert numbers_of(found.frames) == [0, 0, 1, 1, 2, 2]
+    (note,) = (note for note in found.notes if "lack a plane" in note)
+    assert note.startswith("2 of 4 moments lack a plane: no 'across' beside")
 
 
-def test_planes_that_lack_other_frames_are_paired_by_number(tmp_path):
-    sources = both(tmp_path)
+def test_planes_that_lack_other_frames_are_paired_by_number(lacking):
     with pytest.raises(UnansweredError, match=r"f4\.png follows f2\.png"):
-        gathered(*sources, planes=(ALONG, ACROSS), rate_hz=1.0)
+        gathered(*lacking, planes=PLANES, rate_hz=1.0)
 
-    options = {"rate_hz": 1.0, "frames_by": "numbers"}
-    found = gathered(*sources, planes=(ALONG, ACROSS), **options)
-    assert planes_of(found) == PAIRED
-    assert times_of(found, rate_hz=1.0) == [0.0, 1.0, 2.0, 3.0]
+    found = gathered(*lacking, planes=PLANES, **BY_NUMBERS)
+    check_lacking(found)
+    assert steps_of(found, rate_hz=1.0) == [0.0, 1.0, 2.0, 3.0]
     assert numbers_of(found.scan) == [0, 1, 1, 2]
-    assert any(note.startswith(LACKING) for note in found.notes)
 
 
-def test_planes_that_lack_other_frames_are_paired_by_time(tmp_path):
-    sources = both(tmp_path)
-    table = write_table(
-        tmp_path / "t.csv",
-        "file,time_s",
-        *(("along/f1.png", 1.0), ("along/f2.png", 2.0), ("along/f4.png", 4.0)),
-        *(("across/f1.png", 1.1), ("across/f3.png", 3.1), ("across/f4.png", 4.1)),
-    )
-    found = gathered(*sources, planes=(ALONG, ACROSS), times=table)
-    assert planes_of(found) == PAIRED
+def test_planes_that_lack_other_frames_are_paired_by_time(tmp_path, lacking):
+    lines = [(f"along/f{nth}.png", nth) for nth in (1, 2, 4)]
+    lines += [(f"across/f{nth}.png", nth + 0.1) for nth in (1, 3, 4)]
+    table = write_table(tmp_path / "t.csv", "file,time_s", *lines)
+    found = gathered(*lacking, planes=PLANES, times=table)
+    check_lacking(found)
     np.testing.assert_allclose(found.scan.times.time_s, [1.0, 2.0, 3.1, 4.0])
-    assert any(note.startswith(LACKING) for note in found.notes)
 
 
 def test_planes_whose_numbers_begin_apart_are_asked_about(tmp_path):
     along = write_frames(tmp_path / "along", "f1.png", "f2.png", "f3.png")
     across = write_frames(tmp_path / "across", "f2.png", "f3.png", "f4.png")
     with pytest.raises(UnansweredError, match="'across' has no frame 1"):
-        gathered(along, across, planes=(ALONG, ACROSS), rate_hz=1.0)
+        gathered(along, across, planes=PLANES, rate_hz=1.0)
 
     far = write_frames(tmp_path / "far", "g101.png", "g102.png", "g103.png")
-    found = gathered(along, far, planes=(ALONG, ACROSS), rate_hz=1.0)
-    assert [moment for moment, _, _ in planes_of(found)] == [0, 0, 1, 1, 2, 2]
-    options = {"rate_hz": 1.0, "frames_by": "numbers"}
+    found = gathered(along, far, planes=PLANES, rate_hz=1.0)
+    assert moments_of(found) == [0, 0, 1, 1, 2, 2]
     with pytest.raises(InputError, match="no frame of 'along' is of the moment"):
-        gathered(along, far, planes=(ALONG, ACROSS), **options)
+        gathered(along, far, planes=PLANES, **BY_NUMBERS)
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.4, 0.5])
 def test_planes_taken_in_turns_are_paired(tmp_path, late_s):
     """The frames of one plane are late by the same time, and one is lost."""
-    names = ("1.png", "2.png", "3.png", "4.png")
-    folders = [write_frames(tmp_path / name, *names) for name in ("along", "across")]
-    (folders[1] / "3.png").unlink()
+    along = write_frames(tmp_path / "along", "1.png", "2.png", "3.png", "4.png")
+    across = write_frames(tmp_path / "across", "1.png", "2.png", "4.png")
     lines = [(f"along/{nth}.png", nth) for nth in range(1, 5)]
     lines += [(f"across/{nth}.png", nth + late_s) for nth in (1, 2, 4)]
     table = write_table(tmp_path / "t.csv", "file,time_s", *lines)
-    found = gathered(*folders, planes=(ALONG, ACROSS), times=table)
-    assert [moment for moment, _, _ in planes_of(found)] == [0, 0, 1, 1, 2, 3, 3]
+    found = gathered(along, across, planes=PLANES, times=table)
+    assert moments_of(found) == [0, 0, 1, 1, 2, 3, 3]
     assert found.scan.times.time_s.tolist() == [1.0, 2.0, 3.0, 4.0]

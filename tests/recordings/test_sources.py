@@ -1,12 +1,10 @@
-"""The kinds of sources, sources together, the axes of arrays, and pixels as counts."""
+"""The kinds of sources, sources together, and the axes of arrays."""
 
 import json
 import os
 from dataclasses import replace
 from functools import partial
 from itertools import permutations
-from pathlib import Path
-from tempfile import mkdtemp
 
 import cv2
 import numpy as np
@@ -16,30 +14,30 @@ from foreign_files import (
     COLUMNS,
     FRAMES,
     ROWS,
-    pictures_of,
+    check_scan,
     write_dicom,
+    write_frames,
     write_log,
     write_oct,
+    write_table,
 )
 from pydicom.uid import RLELossless
 from ros_bag import write_bag
 from small_recordings import write_small_recording
 
 from scleraforce.base.errors import FrameError, InputError, RecordingError
-from scleraforce.recordings.formats import picture_streams
 from scleraforce.recordings.formats.picture_streams import (
-    AXES,
     FrameTimes,
     PictureSource,
     PixelSize,
     UnansweredError,
+    joined_files,
+    parse_axes,
 )
 from scleraforce.recordings.import_answers import given_times, read_like
 from scleraforce.recordings.import_sources import (
     ImportOptions,
     gather_sources,
-    on_one_clock,
-    read_scan,
     source_kind,
 )
 from scleraforce.recordings.source_files import files_of
@@ -49,334 +47,273 @@ nrrd = pytest.importorskip("nrrd")
 metaimageio = pytest.importorskip("metaimageio")
 
 
-def write_rle(path: Path) -> None:
+def gathered(*sources, **options):
+    return gather_sources(sources, ImportOptions(**options))
+
+
+def write_rle(path):
     dataset = write_dicom(path, FRAMES)
     dataset.compress(RLELossless)
     dataset.save_as(path)
 
 
-def write_lone_bag(path: Path) -> None:
+def write_lone_bag(path):
     kind = {".db3": "sqlite", ".mcap": "mcap"}[path.suffix]
     next(write_bag(path.parent / "bag", kind).glob(f"*{path.suffix}")).rename(path)
 
 
+def write_nifti(path):
+    nibabel.save(nibabel.Nifti1Image(FRAMES, np.eye(4)), path)
+
+
+def write_tiff(path, **options):
+    tifffile.imwrite(path, FRAMES, photometric="minisblack", **options)
+
+
 WRITERS = {
-    "a.png": lambda path: cv2.imwrite(str(path), FRAMES[0]),
-    "a.tif": lambda path: tifffile.imwrite(
-        path, FRAMES, photometric="minisblack", compression="zlib"
-    ),
-    "i.tif": lambda path: tifffile.imwrite(
-        path, FRAMES, imagej=True, metadata={"axes": "TYX", "finterval": 1}
-    ),
-    "o.ome.tif": lambda path: tifffile.imwrite(
-        path, FRAMES, metadata={"axes": "TYX", "PhysicalSizeX": 1.0}
-    ),
-    "a.dcm": lambda path: write_dicom(path, FRAMES, FrameTime=4.0, PixelSpacing=[1, 1]),
-    "r.dcm": write_rle,
-    "a.npy": lambda path: np.save(path, FRAMES),
-    "a.npz": lambda path: np.savez_compressed(path, FRAMES),
-    "a.nii": lambda path: nibabel.save(nibabel.Nifti1Image(FRAMES, np.eye(4)), path),
-    "a.nii.gz": lambda path: nibabel.save(nibabel.Nifti1Image(FRAMES, np.eye(4)), path),
-    "a.nrrd": lambda path: nrrd.write(str(path), FRAMES),
-    "a.mha": lambda path: metaimageio.write(path, FRAMES, CompressedData=True),
-    "a.bag": lambda path: write_bag(path, "ros1"),
-    "a.db3": write_lone_bag,
-    "a.mcap": write_lone_bag,
-    "a.oct": write_oct,
-    "log.csv": write_log,
+    "a.png": ("picture", lambda path: cv2.imwrite(str(path), FRAMES[0])),
+    "a.tif": ("tiff", partial(write_tiff, compression="zlib")),
+    "i.tif": ("tiff", partial(write_tiff, imagej=True, metadata={"axes": "TYX"})),
+    "o.ome.tif": ("tiff", partial(write_tiff, metadata={"axes": "TYX"})),
+    "a.dcm": ("dicom", partial(write_dicom, pixels=FRAMES, FrameTime=4.0)),
+    "r.dcm": ("dicom", write_rle),
+    "a.npy": ("numpy", lambda path: np.save(path, FRAMES)),
+    "a.npz": ("numpy", lambda path: np.savez_compressed(path, FRAMES)),
+    "a.nii": ("nifti", write_nifti),
+    "a.nii.gz": ("nifti", write_nifti),
+    "a.nrrd": ("nrrd", lambda path: nrrd.write(str(path), FRAMES)),
+    "a.mha": ("metaimage", lambda path: metaimageio.write(path, FRAMES)),
+    "a.bag": ("bag", partial(write_bag, kind="ros1")),
+    "a.db3": ("bag", write_lone_bag),
+    "a.mcap": ("bag", write_lone_bag),
+    "a.oct": ("thorlabs", write_oct),
+    "log.csv": ("log", write_log),
 }
 
 
-def test_each_kind_is_recognised(tmp_path):
-    known = {
-        "png": "picture",
-        "tif": "tiff",
-        "dcm": "dicom",
-        "npy": "numpy",
-        "npz": "numpy",
-        "nii": "nifti",
-        "gz": "nifti",
-        "nrrd": "nrrd",
-        "mha": "metaimage",
-        "oct": "thorlabs",
-        "csv": "log",
-    }
-    for name, write in WRITERS.items():
-        place = Path(mkdtemp(dir=tmp_path))
-        kind = known.get(name.rpartition(".")[2], "bag")
-        write(place / name)
-        assert source_kind(place / name) == kind
+@pytest.mark.parametrize("name", WRITERS)
+def test_each_kind_is_recognised(tmp_path, name):
+    kind, write = WRITERS[name]
+    write(tmp_path / name)
+    assert source_kind(tmp_path / name) == kind
+    if kind in ("picture", "tiff", "dicom", "bag"):  # by its content
+        assert source_kind((tmp_path / name).rename(tmp_path / "a")) == kind
 
-        if kind in ("picture", "tiff", "dicom", "bag"):  # by its content
-            assert source_kind((place / name).rename(place / "a")) == kind
 
+def test_kinds_are_recognised_by_the_beginnings_of_files(tmp_path):
     write_dicom(tmp_path / "d", FRAMES)
-    # as a TIFF begins
-    (tmp_path / "d").write_bytes(
-        b"II*\0".ljust(128, b"\0") + (tmp_path / "d").read_bytes()[128:]
-    )
-    assert source_kind(tmp_path / "d") == "dicom"
+    after = (tmp_path / "d").read_bytes()[128:]
+    as_a_tiff_begins = b"II*\0".ljust(128, b"\0")
+    (tmp_path / "d").write_bytes(as_a_tiff_begins + after)
     (tmp_path / "film").write_bytes(b"\0\0\0\x18ftypmp42")
     (tmp_path / "log.lvm").write_text("LabVIEW Measurement\t\n")
-    assert [source_kind(tmp_path / name) for name in ("film", "log.lvm")] == [
-        "film",
-        "log",
-    ]
     (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
-    assert source_kind(tmp_path) == "bag"
+    kinds = [source_kind(tmp_path / name) for name in ("d", "film", "log.lvm", ".")]
+    assert kinds == ["dicom", "film", "log", "bag"]
 
 
+ZIP = b"PK\x03\x04"
+
+
+@pytest.mark.parametrize(
+    ("name", "begin", "what", "way"),
+    [
+        ("a.hdr", (348).to_bytes(4, "little"), "Analyze 7.5", "NIfTI"),
+        ("a.hdr", (348).to_bytes(4, "big"), "Analyze 7.5", "NIfTI"),
+        ("a.img", b"", "Zeiss Cirrus", "vendor_frames"),
+        ("a.oct", b"\x01\x02", "Bioptigen, Optopol", "vendor_frames"),
+        ("a.E2E", b"CMDb", "Heidelberg", "vendor_frames"),
+        ("a.vol", b"HSF-OCT-103", "Heidelberg raw export", "TIFF or DICOM"),
+        ("a.fda", b"FOCT", "Topcon", "vendor_frames"),
+        ("a.fds", b"", "Topcon", "vendor_frames"),
+        ("a.czi", b"ZISRAWFILE", "Zeiss ZEN", "OME-TIFF"),
+        ("a.h5", b"\x89HDF\r\n\x1a\n", "HDF5", "h5py"),
+        ("a.mat", b"MATLAB 5.0 MAT-file", "MATLAB", "loadmat"),
+        ("a.tdms", b"TDSm", "TDMS", ".lvm or .csv"),
+        ("a.raw", b"", "raw pixels", "fromfile"),
+        ("a.zip", ZIP, "zip archive", "unpack"),
+        ("a.xlsx", ZIP, "spreadsheet", ".csv"),
+        ("a.csv", ZIP, "zip archive", "unpack"),
+        ("a.txt", b"\xd0\xcf\x11\xe0", ".xls", ".csv"),
+        ("a.gif", b"GIF89a", "GIF", "PNG or TIFF"),
+        ("a.bin", b"hello", "", "give PNG, JPEG, TIFF, DICOM"),
+        ("a.csv", None, "", "give PNG, JPEG, TIFF, DICOM"),
+        ("a.nii", None, "", "give PNG, JPEG, TIFF, DICOM"),
+    ],
+)
 def test_a_file_that_is_not_read_is_named_with_a_remedy_or_the_kinds_that_are(
-    tmp_path,
+    tmp_path, name, begin, what, way
 ):
-    for name, content, what, way in [
-        ("a.hdr", (348).to_bytes(4, "little") + bytes(344), "Analyze 7.5", "NIfTI"),
-        ("a.hdr", (348).to_bytes(4, "big") + bytes(344), "Analyze 7.5", "NIfTI"),
-        ("a.img", bytes(1000), "Zeiss Cirrus", "vendor_frames"),
-        ("a.oct", b"\x01\x02" * 100, "Bioptigen, Optopol", "vendor_frames"),
-        ("a.E2E", b"CMDb" + bytes(100), "Heidelberg", "vendor_frames"),
-        (
-            "a.vol",
-            b"HSF-OCT-103" + bytes(100),
-            "Heidelberg raw export",
-            "TIFF or DICOM",
-        ),
-        ("a.fda", b"FOCT" + bytes(100), "Topcon", "vendor_frames"),
-        ("a.fds", bytes(100), "Topcon", "vendor_frames"),
-        ("a.czi", b"ZISRAWFILE" + bytes(100), "Zeiss ZEN", "OME-TIFF"),
-        ("a.h5", b"\x89HDF\r\n\x1a\n" + bytes(100), "HDF5", "h5py"),
-        ("a.mat", b"MATLAB 5.0 MAT-file" + bytes(200), "MATLAB", "loadmat"),
-        ("a.tdms", b"TDSm" + bytes(100), "TDMS", ".lvm or .csv"),
-        ("a.raw", bytes(100), "raw pixels", "fromfile"),
-        ("a.zip", b"PK\x03\x04" + bytes(100), "zip archive", "unpack"),
-        ("a.xlsx", b"PK\x03\x04" + bytes(100), "spreadsheet", ".csv"),
-        ("a.csv", b"PK\x03\x04" + bytes(100), "zip archive", "unpack"),
-        ("a.txt", b"\xd0\xcf\x11\xe0" + bytes(100), ".xls", ".csv"),
-        ("a.gif", b"GIF89a" + bytes(100), "GIF", "PNG or TIFF"),
-        *(
-            (name, content, "", "give PNG, JPEG, TIFF, DICOM")
-            for name, content in (("a.bin", b"hello"), ("a.csv", b""), ("a.nii", b""))
-        ),
-    ]:
-        place = Path(mkdtemp(dir=tmp_path))
-        (place / name).write_bytes(content)
-        with pytest.raises(InputError, match=f"{name}: .*{what}.*; .*{way}") as caught:
-            source_kind(place / name)
+    content = b"" if begin is None else begin + bytes(200)
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=f"{name}: .*{what}.*; .*{way}") as caught:
+        source_kind(tmp_path / name)
+    assert "\n" not in str(caught.value)
 
-        assert "\n" not in str(caught.value)
 
+def test_what_is_no_regular_file_is_refused(tmp_path):
     os.mkfifo(tmp_path / "pipe")
-    for name, message in [
-        ("pipe", "pipe: a named pipe"),
-        ("gone", "gone: No such file"),
-    ]:
-        with pytest.raises(InputError, match=message):
+    for name, found in (("pipe", "a named pipe"), ("gone", "No such file")):
+        with pytest.raises(InputError, match=f"{name}: {found}"):
             source_kind(tmp_path / name)
 
 
-def test_pixels_beside_their_header_are_read_once(tmp_path):
-    for folder in [True, False]:
-        nibabel.save(nibabel.Nifti1Pair(FRAMES.T, np.eye(4)), tmp_path / "a.hdr")
-        for name in ("b.mhd", "b.raw", "c.nhdr", "c.raw.gz", "d.raw"):
-            (tmp_path / name).touch()
+@pytest.mark.parametrize("of_folder", [True, False])
+def test_pixels_beside_their_header_are_read_once(tmp_path, of_folder):
+    nibabel.save(nibabel.Nifti1Pair(FRAMES.T, np.eye(4)), tmp_path / "a.hdr")
+    for name in ("b.mhd", "b.raw", "c.nhdr", "c.raw.gz", "d.raw"):
+        (tmp_path / name).touch()
 
-        given = [tmp_path] if folder else sorted(tmp_path.iterdir())
-        assert [path.name for path in files_of(given)] == [
-            "a.hdr",
-            "b.mhd",
-            "c.nhdr",
-            "d.raw",
-        ]
-        assert (
-            source_kind(tmp_path / "a.img")
-            == source_kind(tmp_path / "a.hdr")
-            == "nifti"
-        )
-
-        for name in ("a.hdr", "a.img"):
-            scan = read_scan(tmp_path / name, "nifti", ("lateral", "depth", "frame"))
-            np.testing.assert_array_equal(pictures_of(scan), FRAMES)
+    given = [tmp_path] if of_folder else sorted(tmp_path.iterdir())
+    names = [path.name for path in files_of(given)]
+    assert names == ["a.hdr", "b.mhd", "c.nhdr", "d.raw"]
+    for name in ("a.hdr", "a.img"):
+        assert source_kind(tmp_path / name) == "nifti"
+        check_scan(gathered(tmp_path / name, axes="lateral,depth,frame").scan)
 
 
 def test_pictures_are_turned_where_their_columns_are_depth(tmp_path):
-    cv2.imwrite(str(tmp_path / "a.png"), FRAMES[0])
-    for axes, expected in (
-        (("frame", "lateral", "depth"), FRAMES[0].T),
-        (("depth", "lateral"), FRAMES[0]),
-    ):
-        scan = read_scan(tmp_path / "a.png", "picture", axes)
-        np.testing.assert_array_equal(pictures_of(scan)[0], expected)
-
+    path = tmp_path / "a.png"
+    cv2.imwrite(str(path), FRAMES[0])
+    turned = gathered(path, axes="frame,lateral,depth").scan
+    check_scan(turned, FRAMES[:1].swapaxes(1, 2))
+    check_scan(gathered(path, axes="depth,lateral").scan, FRAMES[:1])
     with pytest.raises(InputError, match="begin with frame"):
-        read_scan(tmp_path / "a.png", "picture", ("lateral", "frame", "depth"))
+        gathered(path, axes="lateral,frame,depth")
 
 
-def test_pictures_of_a_folder_are_one_scan_in_the_order_of_their_numbers(
-    tmp_path,
-):
-    for nth, frame in enumerate(FRAMES):
-        cv2.imwrite(str(tmp_path / f"f{8 + nth}.png"), frame)
-
-    given = sorted(tmp_path.iterdir())
-    (tmp_path / ".hidden").touch()
-    found = gather_sources([tmp_path], ImportOptions())
-    np.testing.assert_array_equal(pictures_of(found.scan), FRAMES)
-    assert found.notes == ()
-    note = (
-        "frames are taken in the order given, f10.png to f9.png; their numbers have"
-        " another"
-    )
-    assert gather_sources(given, ImportOptions(frames_by="order")).notes == (note,)
+def test_pictures_in_another_order_than_their_numbers_are_noted(tmp_path):
+    write_frames(tmp_path, "f8.png", "f9.png", "f10.png")
+    found = gathered(*sorted(tmp_path.iterdir()), frames_by="order")
+    (note,) = found.notes
+    assert "in the order given, f10.png to f9.png; their numbers have another" in note
 
 
-def test_sources_without_frames_with_two_logs_or_a_stopped_clock_are_refused(
-    tmp_path,
-):
-    write_log(tmp_path / "a.csv")
-    write_log(tmp_path / "b.csv")
-    tifffile.imwrite(tmp_path / "a.tif", FRAMES)
-    (tmp_path / "empty").mkdir()
-
-    for names, message in [
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
         (("a.csv",), r"a\.csv: no frames in the sources"),
         (("a.tif", "a.csv", "b.csv"), r"b\.csv: a second force log beside .*a\.csv"),
         (("empty",), "empty: no files in this folder"),
-    ]:
-        with pytest.raises(InputError, match=message):
-            gather_sources([tmp_path / name for name in names], ImportOptions())
-
-    with pytest.raises(InputError, match="do not rise"):
-        on_one_clock(FrameTimes(np.array([0.0, 0.0]), "tag"), None, 0.0)
+    ],
+)
+def test_sources_without_frames_or_with_two_logs_are_refused(tmp_path, names, message):
+    write_log(tmp_path / "a.csv")
+    write_log(tmp_path / "b.csv")
+    write_tiff(tmp_path / "a.tif")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match=message):
+        gathered(*(tmp_path / name for name in names))
 
 
 def test_answers_on_the_form_of_sources_are_kept_and_answers_of_one_session_are_not(
     tmp_path,
 ):
     folder = write_small_recording(tmp_path / "r", log=False)
-    answers = {
-        "axes": "frame,depth,lateral",
-        "columns": ["fz=F:N"],
-        "rate_hz": 4.0,
-        "clock_offset_s": 3.0,
-    }
-    (folder / "import.json").write_text(json.dumps({"answers": answers}))
+    kept = {"axes": "frame,depth,lateral", "columns": ["fz=F:N"]}
+    of_session = {"rate_hz": 4.0, "clock_offset_s": 3.0}
+    answers = {"answers": kept | of_session}
+    (folder / "import.json").write_text(json.dumps(answers))
     found = read_like(folder).answers
-    assert (found["axes"], found["columns"]) == ("frame,depth,lateral", ("fz=F:N",))
+    assert found["axes"] == "frame,depth,lateral"
+    assert found["columns"] == ("fz=F:N",)
     assert not {"rate_hz", "clock_offset_s", "axis"} & set(found)
 
-    for text in ["", "[]", '{"answers": NaN}', '{"answers": 7}']:
-        (folder / "import.json").write_text(text)
-        with pytest.raises(RecordingError, match=r"import\.json: "):
-            read_like(folder)
+
+@pytest.mark.parametrize("text", ["", "[]", '{"answers": NaN}', '{"answers": 7}'])
+def test_answers_that_cannot_be_read_are_refused(tmp_path, text):
+    folder = write_small_recording(tmp_path / "r", log=False)
+    (folder / "import.json").write_text(text)
+    with pytest.raises(RecordingError, match=r"import\.json: "):
+        read_like(folder)
 
 
-def test_a_table_of_times_goes_by_the_names_of_frames_or_else_by_their_order(
-    tmp_path,
-):
-    table = tmp_path / "times.csv"
-    scan = PictureSource(("x/b.png", "x/a.png"), 2, 2, lambda: iter(()))
-
-    for text, time_s in [
-        ("file,time_s\na.png,7\nb.png,5\nother.png,9\n", [5.0, 7.0]),
-        ("Time (ms)\n250\n500\n", [0.25, 0.5]),
-    ]:
-        table.write_text(text)
-        assert given_times(scan, table, None).time_s.tolist() == time_s
-
-    for text, rate_hz, message in [
-        ("time_s\n1\n2\n3\n", None, "3 times for 2 frames"),
+@pytest.mark.parametrize(
+    ("lines", "rate_hz", "message"),
+    [
+        (("time_s", "1", "2", "3"), None, "3 times for 2 frames"),
         (
-            "file,time_s\nb.png,1\nd.png,2\n",
-            None,
-            r"times\.csv: file: no row for x/a\.png; there are b\.png, d\.png",
-        ),
-        (
-            "frame,when\na.png,1\n",
+            ("frame,when", "a.png,1"),
             None,
             "no column of times with its unit.*'frame', 'when'",
         ),
-        ("time_s\n1\nx\n", None, r"times\.csv:3: time_s: 'x' is not a number"),
-        ("time_s\n1\n2\n", 4.0, "`rate_hz`"),
-    ]:
-        table.write_text(text)
-        with pytest.raises(InputError, match=message):
-            given_times(scan, table, rate_hz)
+        (("time_s", "1", "x"), None, r"times\.csv:3: time_s: 'x' is not a number"),
+        (("time_s", "1", "2"), 4.0, "`rate_hz`"),
+    ],
+)
+def test_a_table_of_times_that_does_not_fit_is_refused(
+    tmp_path, lines, rate_hz, message
+):
+    scan = PictureSource(("x/b.png", "x/a.png"), 2, 2, lambda: iter(()))
+    table = write_table(tmp_path / "times.csv", *lines)
+    with pytest.raises(InputError, match=message):
+        given_times(scan, table, rate_hz)
 
 
-VOLUMES = ImportOptions(axes="lateral,depth,frame")
 HEAD_BYTES = 600  # most faults are there
 
 
-def damaged(data: bytes, rng: np.random.Generator, nth: int) -> bytes:
+def damaged(data, rng, nth):
     """Cut it off, or change up to seven bytes anywhere, or in its head."""
     if nth % 3 == 0:
         return data[: rng.integers(len(data))]
 
     changed = bytearray(data)
-    for at in rng.integers(
-        0, len(data) if nth % 3 == 1 else min(len(data), HEAD_BYTES), rng.integers(1, 8)
-    ):
+    size = len(data) if nth % 3 == 1 else min(len(data), HEAD_BYTES)
+    for at in rng.integers(0, size, rng.integers(1, 8)):
         changed[at] = rng.integers(256)
-
     return bytes(changed)
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_damage_is_an_error_that_names_the_file(tmp_path, capfd):
-    for name in WRITERS:
-        place = Path(mkdtemp(dir=tmp_path))
-        WRITERS[name](place / name)
-        data = (place / name).read_bytes()
-        np.save(place / "frames.npy", FRAMES)
-        sources = [place / name, *([place / "frames.npy"] if name == "log.csv" else [])]
-        named = name.endswith((".npy", ".npz", ".nii", ".gz", ".nrrd", ".mha", ".csv"))
-        rng = np.random.default_rng(len(name))
-        said = []
+@pytest.mark.parametrize("name", WRITERS)
+def test_damage_is_an_error_that_names_the_file(tmp_path, name):
+    kind, write = WRITERS[name]
+    write(tmp_path / name)
+    data = (tmp_path / name).read_bytes()
+    np.save(tmp_path / "frames.npy", FRAMES)
+    sources = [tmp_path / name, *([tmp_path / "frames.npy"] * (kind == "log"))]
+    without_axes = kind in ("picture", "tiff", "dicom", "bag", "thorlabs")
+    rng = np.random.default_rng(len(name))
+    said = []
 
-        for nth in range(15):
-            (place / name).write_bytes(damaged(data, rng, nth))
-            try:
-                for picture in gather_sources(
-                    sources, VOLUMES if named else ImportOptions()
-                ).scan.pictures():
-                    assert picture.size
-            except InputError as fault:
-                said.append(str(fault))
+    for nth in range(15):
+        (tmp_path / name).write_bytes(damaged(data, rng, nth))
+        try:
+            axes = None if without_axes else "lateral,depth,frame"
+            for picture in gathered(*sources, axes=axes).scan.pictures():
+                assert picture.size
+        except InputError as fault:
+            said.append(str(fault))
 
-        assert said
-        assert all(name in line and "\n" not in line for line in said)
-        capfd.readouterr()  # codecs print what they think of it
+    assert said
+    assert all(name in line and "\n" not in line for line in said)
 
 
-def single(nth: int, time_s: float | None = None, **stated: object) -> PictureSource:
+def single(nth, time_s=None, pictures=None, **stated):
+    """A file of one frame."""
+    shown = FRAMES[nth : nth + 1] if pictures is None else pictures
     times = None if time_s is None else FrameTimes(np.array([time_s]), "its tag")
-    pictures = lambda: iter(FRAMES[nth : nth + 1])  # noqa: E731
-    return PictureSource(
-        names=(f"{nth}.png",),
-        rows=ROWS,
-        columns=COLUMNS,
-        pictures=pictures,
-        times=times,
-        **stated,
-    )
+    whole = PictureSource((f"{nth}.png",), ROWS, COLUMNS, partial(iter, shown))
+    return replace(whole, times=times, **stated)
 
 
-def test_files_come_in_the_order_of_their_times_or_else_as_given():
-    scan = picture_streams.joined_files(
-        [single(2, 7.0), single(0, 3.0), single(1, 5.0)]
-    )
+def test_files_come_in_the_order_of_their_times():
+    scan = joined_files([single(2, 7.0), single(0, 3.0), single(1, 5.0)])
     assert scan.names == ("0.png", "1.png", "2.png")
-    np.testing.assert_array_equal(scan.times.time_s, [3.0, 5.0, 7.0])
     for _ in range(2):  # pictures can be read twice
-        np.testing.assert_array_equal(pictures_of(scan), FRAMES[:3])
-
-    for times in [(1.0, None), (1.0, 1.0), (None, None)]:
-        scan = picture_streams.joined_files([single(4, times[0]), single(0, times[1])])
-        assert (scan.names, scan.times) == (("4.png", "0.png"), None)
+        check_scan(scan, FRAMES[:3], time_s=[3.0, 5.0, 7.0])
 
 
-def test_files_of_another_kind_are_refused_with_both_values():
-    for other, found in [
+@pytest.mark.parametrize("times", [(1.0, None), (1.0, 1.0), (None, None)])
+def test_files_without_times_of_their_own_come_as_given(times):
+    scan = joined_files([single(4, times[0]), single(0, times[1])])
+    assert (scan.names, scan.times) == (("4.png", "0.png"), None)
+
+
+@pytest.mark.parametrize(
+    ("stated", "found"),
+    [
         ({"bits": 8}, "bits 8, where 0.png has not stated"),
         ({"rows": ROWS + 1}, "rows 25, where 0.png has 24"),
         (
@@ -387,128 +324,76 @@ def test_files_of_another_kind_are_refused_with_both_values():
             {"size": PixelSize("", depth_m=None, lateral_m=2e-6)},
             "width of a pixel .* 2, where 0.png has not stated",
         ),
-    ]:
-        with pytest.raises(FrameError, match=rf"1\.png: {found}"):
-            picture_streams.joined_files([single(0), replace(single(1), **other)])
-
-    assert (
-        picture_streams.joined_files(
-            [single(0), replace(single(1), scale_fault="a fault")]
-        ).scale_fault
-        == "a fault"
-    )
+    ],
+)
+def test_files_of_another_kind_are_refused_with_both_values(stated, found):
+    with pytest.raises(FrameError, match=rf"1\.png: {found}"):
+        joined_files([single(0), single(1, **stated)])
 
 
-def test_frames_that_a_file_does_not_state_are_damage():
-    for pictures, message in [
+def test_a_fault_of_the_scale_of_one_file_is_that_of_all():
+    scan = joined_files([single(0), single(1, scale_fault="a fault")])
+    assert scan.scale_fault == "a fault"
+
+
+@pytest.mark.parametrize(
+    ("pictures", "message"),
+    [
         ([], "damaged: 0 of 1 frames can be read"),
-        ([FRAMES[0], FRAMES[1]], r"damaged: a frame of \(24, 40\) uint16, number 2"),
+        (FRAMES[:2], r"damaged: a frame of \(24, 40\) uint16, number 2"),
         ([FRAMES[0].T], r"damaged: a frame of \(40, 24\) uint16, number 1"),
-    ]:
-        scan = picture_streams.joined_files(
-            [replace(single(0), pictures=partial(iter, pictures))]
-        )
-        with pytest.raises(FrameError, match=rf"0\.png: {message}"):
-            list(scan.pictures())
+    ],
+)
+def test_frames_that_a_file_does_not_state_are_damage(pictures, message):
+    scan = joined_files([single(0, pictures=pictures)])
+    with pytest.raises(FrameError, match=rf"0\.png: {message}"):
+        list(scan.pictures())
 
 
-def test_any_order_of_the_axes_gives_the_same_frames_and_scale():
-    for order in list(permutations(AXES)):
-        # an axis of one: no axis
-        array = np.transpose(FRAMES, [AXES.index(name) for name in order])[
-            :, np.newaxis
-        ]
-        steps_m = {"frame": 9.0, "depth": 1e-6, "lateral": 2e-6}
-        first, *others = (steps_m[name] for name in order)
-        scan = picture_streams.array_scan(
-            Path("a.npy"), array, order, [((first, None, *others), "a field")]
-        )
-        np.testing.assert_array_equal(pictures_of(scan), FRAMES)
-        assert scan.size == PixelSize("a field", depth_m=1e-6, lateral_m=2e-6)
+AXES = ("frame", "depth", "lateral")
 
 
-def test_axes_that_are_open_or_do_not_fit_are_refused_with_the_sizes():
-    for array, axes, kind, message in [
+@pytest.mark.parametrize("order", [*permutations(AXES)])
+def test_any_order_of_the_axes_gives_the_same_frames_and_scale(tmp_path, order):
+    places = [AXES.index(name) for name in order]
+    steps = np.array([9.0, 4.0, 15.0])[places]
+    header = {"spacings": steps, "units": ["um"] * 3}
+    nrrd.write(str(tmp_path / "a.nrrd"), FRAMES.transpose(places), header)
+    axes = ",".join(order)
+    check_scan(gathered(tmp_path / "a.nrrd", axes=axes).scan, FRAMES, (4e-6, 15e-6))
+    np.save(tmp_path / "a.npy", FRAMES.transpose(places)[:, np.newaxis])
+    check_scan(gathered(tmp_path / "a.npy", axes=axes).scan)  # an axis of one: no axis
+
+
+@pytest.mark.parametrize(
+    ("shape", "axes", "kind", "message"),
+    [
         (
-            FRAMES,
+            (5, 24, 40),
             None,
             UnansweredError,
-            r"^an array of 5 x 24 x 40: which axis.*; give `axes`",
+            r": an array of 5 x 24 x 40: which axis.*; give `axes`",
         ),
-        *(
-            (np.zeros(shape), AXES, FrameError, "give frames x rows x columns")
-            for shape in ((5,), (2, 3, 4, 5), ())
-        ),
+        ((5,), AXES, FrameError, "give frames x rows x columns"),
+        ((2, 3, 4, 5), AXES, FrameError, "give frames x rows x columns"),
+        ((), AXES, FrameError, "give frames x rows x columns"),
         (
-            FRAMES,
+            (5, 24, 40),
             AXES[1:],
             FrameError,
             r"`axes` names 2 axes \(depth,lateral\); the array is of 5 x 24 x 40",
         ),
-    ]:
-        with pytest.raises(kind, match=message):
-            picture_streams.array_scan(Path("a.npy"), array, axes)
-
-    for text in ["x,y,z", "frame", "frame,depth", "depth,depth,lateral", ""]:
-        with pytest.raises(InputError, match="`axes`"):
-            picture_streams.parse_axes(text)
-
-
-RAMP = np.arange(12).reshape(3, 4)
+    ],
+)
+def test_axes_that_are_open_or_do_not_fit_are_refused_with_the_sizes(
+    tmp_path, shape, axes, kind, message
+):
+    np.save(tmp_path / "a.npy", np.zeros(shape))
+    with pytest.raises(kind, match=message):
+        gathered(tmp_path / "a.npy", axes=axes and ",".join(axes))
 
 
-def test_pixels_of_any_type_become_counts_by_one_map_of_all_frames():
-    small = np.array([[0, 10, 20, 30]], dtype=np.uint8)
-    for pictures, given, counts, scaled, lost in [
-        *(
-            ([(RAMP * 20).astype(kind)], None, [RAMP * 20], False, 0)
-            for kind in ("u1", "u2", ">u2", "i2", "i4", "u8")
-        ),
-        ([(RAMP * 20).T], None, [RAMP.T * 20], False, 0),
-        (
-            [(RAMP - 7).astype(np.int16), (RAMP + 100).astype(np.int16)],
-            None,
-            [RAMP, RAMP + 107],
-            False,
-            0,
-        ),
-        (
-            [np.array([[-20.0, 0.0]]), np.array([[30.0, 5.0]])],
-            None,
-            [[[0, 26214]], [[65535, 32768]]],
-            True,
-            0,
-        ),
-        ([small], (10.0, 20.0), [[[0, 0, 65535, 65535]]], True, 0),
-        ([np.array([[0, 2**20]], dtype=np.int32)], None, [[[0, 65535]]], True, 0),
-        (
-            [np.array([[np.nan, 1.0, 3.0, -np.inf]])],
-            None,
-            [[[0, 0, 65535, 0]]],
-            True,
-            2,
-        ),
-    ]:
-        greys = picture_streams.find_greys(pictures, given, "a")
-        assert (greys.scaled, greys.lost) == (scaled, lost)
-
-        for picture, expected in zip(pictures, counts, strict=True):
-            found = greys.counts(picture)
-            np.testing.assert_array_equal(found, expected)
-            assert found.dtype == np.uint16
-            assert found.flags.c_contiguous
-
-
-def test_a_range_or_pixels_without_a_difference_are_refused():
-    for picture, given, message in [
-        *(
-            (RAMP, given, "`grey_range`")
-            for given in ((5.0, 5.0), (6.0, 5.0), (np.nan, 5.0))
-        ),
-        *(
-            (np.full((2, 2), value), None, r"scan\.tif: ")
-            for value in (0.5, np.nan, 1j)
-        ),
-    ]:
-        with pytest.raises(InputError, match=message):
-            picture_streams.find_greys([picture], given, "scan.tif")
+@pytest.mark.parametrize("text", ["x,y,z", "frame,depth", "depth,depth,lateral", ""])
+def test_axes_without_a_meaning_are_refused(text):
+    with pytest.raises(InputError, match="`axes`"):
+        parse_axes(text)
