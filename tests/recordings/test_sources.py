@@ -15,6 +15,8 @@ from foreign_files import (
     FRAMES,
     ROWS,
     check_scan,
+    options_of,
+    stack,
     write_dicom,
     write_frames,
     write_log,
@@ -26,6 +28,7 @@ from ros_bag import write_bag
 from small_recordings import write_small_recording
 
 from scleraforce.base.errors import FrameError, InputError, RecordingError
+from scleraforce.front.cli.main import run
 from scleraforce.recordings.formats.picture_streams import (
     FrameTimes,
     PictureSource,
@@ -248,6 +251,14 @@ def test_a_table_of_times_that_does_not_fit_is_refused(
     table = write_table(tmp_path / "times.csv", *lines)
     with pytest.raises(InputError, match=message):
         given_times(scan, table, rate_hz)
+
+
+def test_times_that_do_not_rise_are_refused(tmp_path, capsys):
+    table = write_table(tmp_path / "t.csv", "time_s", "0", "2", "1", "3", "4")
+    source = stack(tmp_path / "a.tif")
+    options = options_of("--bits", 13, "--times", table, "--out", tmp_path / "r")
+    assert run(["import", str(source), *options]) == 2
+    assert "times do not rise" in capsys.readouterr().err
 
 
 HEAD_BYTES = 600  # most faults are there
