@@ -4,30 +4,32 @@ friction, not retractions.
 
 import re
 from dataclasses import replace
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
 import pytest
+from foreign_files import write_table
 from scipy import signal
-from small_recordings import LOGGED_INFO
+from small_recordings import LOGGED_INFO, write_small_recording
 
 from scleraforce.base.errors import RecordingError
 from scleraforce.lab.needle_pushes import sense
 from scleraforce.lab.virtual_eye import paper_eyes
 from scleraforce.lab.virtual_recording import plan_phantom
-from scleraforce.recordings import forces_under_frames
 from scleraforce.recordings.forces_under_frames import (
-    first_contact,
+    after_punctures,
+    contact_force,
     label_frames,
     label_remarks,
     log_doubts,
     low_pass,
+    with_punctures,
 )
 from scleraforce.recordings.frame_and_force_tables import (
     FORCE_COLUMNS,
     ForceLog,
     FrameEntry,
-    read_force_log,
 )
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.recording_info import ForceInfo
@@ -35,6 +37,7 @@ from scleraforce.records.study import ClassesStudy, PhantomStudy, Study, fixed
 
 SHARED = Path(__file__).parents[3] / "shared" / "recordings"
 CLASSES = ClassesStudy()
+FORCE = ForceInfo("fz", -1, 2.0)
 
 
 def log_of(fz_n, rate_hz=200.0, start_s=0.0):
@@ -65,19 +68,16 @@ def sensed(force_n, rng, noise_n=4e-3, offset_n=0.0, step_n=5e-3):
     )
 
 
-def test_an_even_clock_is_filtered_as_by_scipy():
+@pytest.mark.parametrize(("count", "rate_hz"), [(400, 200.0), (5000, 100.0)])
+def test_an_even_clock_is_filtered_as_by_scipy(count, rate_hz):
     """SciPy's filter has no delay and passes half at its cut-off; its step overshoots
     by 4 %.
     """
-    for count, rate_hz in ((400, 200.0), (5000, 100.0)):
-        values = np.cumsum(np.random.default_rng(count).standard_normal(count)) + 3.0
-        sections = signal.butter(2, 5.0, fs=rate_hz, output="sos")
-        expected = signal.sosfiltfilt(
-            sections, values, padtype="even", padlen=count - 1
-        )
-        assert low_pass(values, np.arange(count) / rate_hz) == pytest.approx(
-            expected, abs=1e-8
-        )
+    values = np.cumsum(np.random.default_rng(count).standard_normal(count)) + 3.0
+    sections = signal.butter(2, 5.0, fs=rate_hz, output="sos")
+    expected = signal.sosfiltfilt(sections, values, padtype="even", padlen=count - 1)
+    smooth = low_pass(values, np.arange(count) / rate_hz)
+    assert smooth == pytest.approx(expected, abs=1e-8)
 
 
 def test_jittering_and_bursting_clocks_give_the_force_of_an_even_one():
@@ -94,108 +94,99 @@ def test_jittering_and_bursting_clocks_give_the_force_of_an_even_one():
     assert low_pass(np.ones(20_000), burst_s) == pytest.approx(1.0)
 
 
-def test_first_contact_is_found_in_noise_and_steps_and_noise_gives_none():
-    for seed in range(150):
-        rng = np.random.default_rng(seed)
-        force_n, quiet_s, ramp_s = (
-            rng.uniform([10e-3, 1.0, 0.1], [60e-3, 20.0, 1.0])
-            if seed < 50
-            else (4e-3, 3.0, 0.5)
-        )
-        raw_n = sensed(
-            step_and_hold(force_n, quiet_s, ramp_s),
-            rng,
-            offset_n=rng.uniform(-0.05, 0.05),
-        )
-        assert (
-            quiet_s - 1.5
-            < first_contact(raw_n, 200.0) / 200.0
-            < quiet_s + max(ramp_s, 0.25)
-        )
+@pytest.mark.parametrize("seed", range(60))
+def test_the_tare_ends_at_the_first_contact_in_noise_and_steps(seed):
+    rng = np.random.default_rng(seed)
+    offset_n = rng.uniform(-0.05, 0.05)
+    force_n, quiet_s, ramp_s = (
+        rng.uniform([10e-3, 1.0, 0.1], [60e-3, 20.0, 1.0])
+        if seed < 30
+        else (4e-3, 3.0, 0.5)
+    )
+    pushed_n = step_and_hold(force_n, quiet_s, ramp_s)
+    log = log_of(-sensed(pushed_n, rng, offset_n=offset_n))
+    (trial,) = label_frames(recording_of(log, quiet_s + ramp_s + 4.0), CLASSES)
+    assert trial.measured_force_n == pytest.approx(force_n, abs=1.5e-3)
 
-    for seed in range(50):
-        raw_n = sensed(np.zeros(12_000), np.random.default_rng(seed), offset_n=7e-3)
-        assert first_contact(raw_n, 200.0) is None
+    # no contact before the needle comes
+    contact_n = contact_force(log, FORCE)
+    quiet = log.time_s < quiet_s - 0.5
+    assert abs(contact_n[quiet].mean()) < 1e-3
 
+
+@pytest.mark.parametrize("seed", range(20))
+def test_noise_is_no_contact(seed):
+    raw_n = sensed(np.zeros(12_000), np.random.default_rng(seed), offset_n=7e-3)
     (trial,) = label_frames(recording_of(log_of(raw_n), 10.0), CLASSES)
     assert (trial.measured_force_n, trial.target) == (pytest.approx(0.0, abs=0.5e-3), 0)
 
 
-def test_label_is_the_mean_of_the_window_centred_on_the_frame():
+@pytest.mark.parametrize("average_s", [0.2, 2.0, 5.0])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_label_is_the_mean_of_the_window_centred_on_the_frame(average_s, sign):
     # A force that grows evenly has its value at the frame as its mean over any centred
     # window.
-    time_s = np.arange(8000) / 200.0
-    force_n = np.maximum(time_s - 5.0, 0.0) * 1e-3
-
-    for average_s in (0.2, 2.0, 5.0):
-        trials = label_frames(
-            recording_of(log_of(-force_n), 15.0, 30.0, average_s=average_s), CLASSES
-        )
-        assert [trial.measured_force_n for trial in trials] == pytest.approx(
-            [0.010, 0.025], abs=1e-5
-        )
-        assert [trial.target for trial in trials] == [1, 1]
-
-    flipped = replace(
-        recording_of(log_of(force_n), 30.0),
-        info=replace(LOGGED_INFO, force=ForceInfo("fz", 1)),
-    )
-    assert label_frames(flipped, CLASSES)[0].measured_force_n == pytest.approx(
-        0.025, abs=1e-5
-    )
+    force_n = 1e-3 * np.maximum(np.arange(8000) / 200.0 - 5.0, 0.0)
+    info = replace(LOGGED_INFO, force=ForceInfo("fz", sign, average_s))
+    recording = replace(recording_of(log_of(sign * force_n), 15.0, 30.0), info=info)
+    trials = label_frames(recording, CLASSES)
+    labels_n = [trial.measured_force_n for trial in trials]
+    assert labels_n == pytest.approx([0.010, 0.025], abs=1e-5)
+    assert [trial.target for trial in trials] == [1, 1]
 
 
-def test_a_wrong_sign_a_log_that_starts_in_contact_and_clocks_apart_are_errors():
-    in_contact = -np.r_[np.full(1000, 0.02), np.zeros(1000)]
-    late = log_of(np.zeros(2000), start_s=100.0)
+IN_CONTACT = -np.r_[np.full(1000, 0.02), np.zeros(1000)]
+LATE = r"^rec: the clocks do not overlap: .* forces.csv 100 to 109.995 s"
 
-    for log, time_s, message in [
+
+@pytest.mark.parametrize(
+    ("force_n", "start_s", "time_s", "message"),
+    [
         (
-            log_of(step_and_hold(0.04)),
+            step_and_hold(0.04),
+            0.0,
             8.0,
             r"forces.csv: the needle would pull with \d+\.\d mN at .* of 0.png, 8 s",
         ),
-        (log_of(in_contact), 8.0, "starts before the first contact"),
-        (late, 5.0, r"^rec: the clocks do not overlap: .* forces.csv 100 to 109.995 s"),
-        (
-            late,
-            200.0,
-            r"^rec: the clocks do not overlap: .* forces.csv 100 to 109.995 s",
-        ),
-    ]:
-        with pytest.raises(RecordingError, match=message):
-            label_frames(recording_of(log, time_s), CLASSES)
+        (IN_CONTACT, 0.0, 8.0, "starts before the first contact"),
+        (np.zeros(2000), 100.0, 5.0, LATE),
+        (np.zeros(2000), 100.0, 200.0, LATE),
+    ],
+)
+def test_a_wrong_sign_a_log_that_starts_in_contact_and_clocks_apart_are_errors(
+    force_n, start_s, time_s, message
+):
+    with pytest.raises(RecordingError, match=message):
+        label_frames(recording_of(log_of(force_n, start_s=start_s), time_s), CLASSES)
 
 
-def test_a_frame_without_samples_around_it_is_left_out_with_the_reason_and_the_others_count():
-    log = log_of(np.zeros(2000))
-    gap = ForceLog(
-        np.r_[log.time_s[:1000], log.time_s[1000:] + 20.0], log.wrench_sc, log.columns
+WHOLE = log_of(np.zeros(2000))
+TORN = replace(WHOLE, time_s=WHOLE.time_s + 20.0 * (np.arange(2000) >= 1000))
+
+
+@pytest.mark.parametrize(
+    ("log", "frames_s", "lost"),
+    [(TORN, (2.0, 15.0), 1), (WHOLE, (2.0, 10.4), 1), (WHOLE, (-0.5, 2.0), 0)],
+)
+def test_a_frame_without_samples_around_it_is_left_out_with_the_reason_and_the_others_count(
+    log, frames_s, lost
+):
+    recording = recording_of(log, *frames_s)
+    trials = label_frames(recording, CLASSES)
+    assert (trials[1 - lost].measured_force_n, trials[1 - lost].excluded) == (0.0, None)
+    assert (trials[lost].measured_force_n, trials[lost].target) == (None, None)
+    assert "force samples within 1 s of its time" in trials[lost].excluded
+    (remark,) = label_remarks(recording, trials)
+    assert remark.code == "frames-without-label"
+    assert remark.words.startswith(
+        f"1 of 2 frames have no label and are left out ({lost}"
     )
 
-    for recording, lost in (
-        (recording_of(gap, 2.0, 15.0), 1),
-        (recording_of(log, 2.0, 10.4), 1),
-        (recording_of(log, -0.5, 2.0), 0),
-    ):
-        trials = label_frames(recording, CLASSES)
-        assert (trials[1 - lost].measured_force_n, trials[1 - lost].excluded) == (
-            0.0,
-            None,
-        )
-        assert (trials[lost].measured_force_n, trials[lost].target) == (None, None)
-        assert "force samples within 1 s of its time" in trials[lost].excluded
-        (remark,) = label_remarks(recording, trials)
-        assert remark.code == "frames-without-label"
-        assert remark.words.startswith(
-            f"1 of 2 frames have no label and are left out ({lost}.png: "
-        )
 
-    with pytest.raises(
-        RecordingError,
-        match=r"no frame has a label; 0.png: 0 force samples .* spans 0 to",
-    ):
-        label_frames(recording_of(gap, 15.0, 20.0), CLASSES)
+def test_no_frame_with_a_label_is_an_error():
+    found = r"no frame has a label; 0.png: 0 force samples .* spans 0 to"
+    with pytest.raises(RecordingError, match=found):
+        label_frames(recording_of(TORN, 15.0, 20.0), CLASSES)
 
 
 def test_a_window_with_a_gap_has_no_label_and_the_others_keep_theirs():
@@ -221,22 +212,23 @@ def test_a_window_with_a_gap_has_no_label_and_the_others_keep_theirs():
         )
 
 
-def test_a_slow_log_and_one_with_a_gap_give_the_labels_of_a_fast_one_to_its_end():
-    fast, slow = (
-        log_of(-step_and_hold(0.02, rate_hz=rate_hz), rate_hz)
-        for rate_hz in (200.0, 30.0)
-    )
-    gap = replace(
-        fast, time_s=np.where(fast.time_s > 7.0, fast.time_s + 1e6, fast.time_s)
-    )
+FAST = log_of(-step_and_hold(0.02))
 
-    for log, shift_s in [(fast, 0.0), (slow, 0.0), (gap, 1e6)]:
-        trials = label_frames(
-            recording_of(log, 5.0, 9.0 + shift_s, 10.3 + shift_s), CLASSES
-        )
-        assert [trial.measured_force_n for trial in trials] == pytest.approx(
-            [0.02] * 3, abs=1e-4
-        )
+
+@pytest.mark.parametrize(
+    ("log", "shift_s"),
+    [
+        (FAST, 0.0),
+        (log_of(-step_and_hold(0.02, rate_hz=30.0), 30.0), 0.0),
+        (replace(FAST, time_s=FAST.time_s + 1e6 * (FAST.time_s > 7.0)), 1e6),
+    ],
+)
+def test_a_slow_log_and_one_with_a_gap_give_the_labels_of_a_fast_one_to_its_end(
+    log, shift_s
+):
+    recording = recording_of(log, 5.0, 9.0 + shift_s, 10.3 + shift_s)
+    labels_n = [trial.measured_force_n for trial in label_frames(recording, CLASSES)]
+    assert labels_n == pytest.approx([0.02] * 3, abs=1e-4)
 
 
 def test_half_of_a_window_is_enough_however_the_clock_is_rounded():
@@ -262,25 +254,16 @@ def test_half_of_a_window_is_enough_however_the_clock_is_rounded():
 
 
 def test_pierced_trials_and_those_above_the_largest_force_are_kept_with_the_reason():
-    log = log_of(-step_and_hold(0.07))
-    recording = recording_of(log, 1.1, 8.0)
-    pierced = replace(
-        recording,
-        frames=(recording.frames[0], replace(recording.frames[1], pierced=True)),
-    )
-    assert [trial.excluded for trial in label_frames(recording, CLASSES)] == [
-        None,
-        None,
+    recording = recording_of(log_of(-step_and_hold(0.07)), 1.1, 8.0)
+    before, after = recording.frames
+    pierced = replace(recording, frames=(before, replace(after, pierced=True)))
+    reasons = [
+        label_frames(each, CLASSES, largest_n)[1].excluded
+        for each, largest_n in ((recording, None), (recording, 0.06), (pierced, 0.06))
     ]
     above = "above the largest force of the study, 60 mN"
-    assert [trial.excluded for trial in label_frames(recording, CLASSES, 0.06)] == [
-        None,
-        above,
-    ]
-    assert [trial.excluded for trial in label_frames(pierced, CLASSES, 0.06)] == [
-        None,
-        "pierced",
-    ]
+    assert reasons == [None, above, "pierced"]
+    assert label_frames(recording, CLASSES, 0.06)[0].excluded is None
 
 
 def labels_of_the_paper_eyes(study, seed):
@@ -329,62 +312,67 @@ def test_labels_of_virtual_recordings_meet_the_truth():
 
 @pytest.mark.real
 @pytest.mark.skipif(not SHARED.is_dir(), reason="no ../shared")
-def test_sample_recordings_have_labels_in_all_classes_and_none_near_a_bound():
-    for name, counts in (("sample-a", [3, 5, 6]), ("sample-b", [3, 5, 4])):
-        trials = label_frames(read_recording(SHARED / name), CLASSES, 0.06)
-        assert np.bincount([trial.target for trial in trials]).tolist() == counts
-        assert all(trial.excluded is None for trial in trials)
-
-
-def test_millinewtons_in_columns_of_newtons_are_refused_and_the_unit_is_asked_for():
-    for average_s in [0.1, 2.0]:
-        rng = np.random.default_rng(0)
-        log = log_of(sensed(-step_and_hold(0.02), rng))
-        good = recording_of(log, 8.0, average_s=average_s)
-        assert label_frames(good, CLASSES)[0].measured_force_n == pytest.approx(
-            0.02, abs=5e-3
-        )
-        milli = replace(good, forces=replace(log, wrench_sc=1e3 * log.wrench_sc))
-
-        with pytest.raises(
-            RecordingError,
-            match=r"rec/forces.csv: fz_n: \d+.* N under 0.png, more than 3 N; .* 0.001",
-        ):
-            label_frames(milli, CLASSES)
-
-        quiet = log_of(sensed(-step_and_hold(1e-3), rng))
-        milli = recording_of(replace(quiet, wrench_sc=1e3 * quiet.wrench_sc), 8.0)
-
-        with pytest.raises(
-            RecordingError,
-            match=r"fz_n: a noise of 4\.?\d* N, more than the 300 mN .* by 0.001",
-        ):
-            label_frames(milli, CLASSES)
-
-
-def test_bursts_are_gaps_and_the_levels_of_a_coarse_sensor_in_millinewtons_are_not(
-    tmp_path,
+@pytest.mark.parametrize(
+    ("name", "counts"), [("sample-a", [3, 5, 6]), ("sample-b", [3, 5, 4])]
+)
+def test_sample_recordings_have_labels_in_all_classes_and_none_near_a_bound(
+    name, counts
 ):
-    coarse_n = (
-        -np.rint(20.0 * np.clip((np.arange(2000) - 1500) / 100.0, 0.0, 1.0) / 5.0) * 5.0
-    )
-    for force_n, burst in [
-        *(
-            (np.repeat([*levels_n, *levels_n, 213.0], 100), True)
-            for levels_n in ([0.0], [0.01, 0.02])
-        ),
-        (coarse_n, False),
-    ]:
-        rows = "".join(f"{k / 200},{n}\n" for k, n in enumerate(force_n))
-        (tmp_path / "forces.csv").write_text("time_s,fz_n\n" + rows)
-        log = read_force_log(tmp_path / "forces.csv", "fz")
-        assert (np.isnan(log.force_n("fz")) == (force_n > 200.0)).all()
-        assert burst == any("is it in N?" in note for note in log.notes)
+    trials = label_frames(read_recording(SHARED / name), CLASSES, 0.06)
+    assert np.bincount([trial.target for trial in trials]).tolist() == counts
+    assert all(trial.excluded is None for trial in trials)
 
-    with pytest.raises(
-        RecordingError, match=r"fz_n: 20.* N under 0.png, more than 3 N; .* by 0.001"
-    ):
-        label_frames(recording_of(log, 9.0), CLASSES)
+
+@pytest.mark.parametrize("average_s", [0.1, 2.0])
+@pytest.mark.parametrize(
+    ("force_n", "found"),
+    [
+        (0.02, r"fz_n: \d+.* N under 0.png, more than 3 N; .* 0.001"),
+        (1e-3, r"fz_n: a noise of 4\.?\d* N, more than the 300 mN .* by 0.001"),
+    ],
+)
+def test_millinewtons_in_columns_of_newtons_are_refused_and_the_unit_is_asked_for(
+    average_s, force_n, found
+):
+    log = log_of(sensed(-step_and_hold(force_n), np.random.default_rng(0)))
+    good = recording_of(log, 8.0, average_s=average_s)
+    (trial,) = label_frames(good, CLASSES)
+    assert trial.measured_force_n == pytest.approx(force_n, abs=5e-3)
+    milli = replace(good, forces=replace(log, wrench_sc=1e3 * log.wrench_sc))
+    with pytest.raises(RecordingError, match=rf"rec/forces.csv: {found}"):
+        label_frames(milli, CLASSES)
+
+
+@pytest.fixture
+def logged(tmp_path):
+    """A recording of one frame, of this log."""
+
+    def logged(force_n):
+        folder = write_small_recording(tmp_path / "rec", frames=1)
+        write_table(folder / "frames.csv", "file,time_s", ("0000.png", 9.0))
+        lines = [(nth / 200, each_n) for nth, each_n in enumerate(force_n)]
+        write_table(folder / "forces.csv", "time_s,fz_n", *lines)
+        return read_recording(folder)
+
+    return logged
+
+
+@pytest.mark.parametrize("levels_n", [[0.0], [0.01, 0.02]])
+def test_bursts_are_gaps(logged, levels_n):
+    force_n = np.repeat([*levels_n, *levels_n, 213.0], 100)
+    log = logged(force_n).forces
+    assert (np.isnan(log.force_n("fz")) == (force_n > 200.0)).all()
+    assert any("is it in N?" in note for note in log.notes)
+
+
+def test_the_levels_of_a_coarse_sensor_in_millinewtons_are_no_gaps(logged):
+    pushed_mn = 20.0 * np.clip((np.arange(2000) - 1500) / 100.0, 0.0, 1.0)
+    recording = logged(-np.rint(pushed_mn / 5.0) * 5.0)
+    assert np.isfinite(recording.forces.wrench_sc).all()
+    assert not any("is it in N?" in note for note in recording.forces.notes)
+    found = r"fz_n: 20.* N under 0000.png, more than 3 N; .* by 0.001"
+    with pytest.raises(RecordingError, match=found):
+        label_frames(recording, CLASSES)
 
 
 def test_overloads_and_knocks_are_not_taken_for_another_unit():
@@ -413,9 +401,7 @@ PUSHES_N = np.array(
 FRAMES_S = 8.0 + 10.0 * np.arange(len(PUSHES_N))
 
 
-def recording(
-    rng: np.random.Generator, later_s: float = 0.0, pushes_n: np.ndarray = PUSHES_N
-) -> Recording:
+def recording(rng, later_s=0.0, pushes_n=PUSHES_N):
     """Pushes of 4 s, a frame in the middle of each; its time is stated as `later_s`
     later than it is.
     """
@@ -434,7 +420,7 @@ def recording(
     )
 
 
-def seen(rng: np.random.Generator, pushes_n: np.ndarray = PUSHES_N) -> np.ndarray:
+def seen(rng, pushes_n=PUSHES_N):
     """Return dents in another unit, out of proportion and with noise; one is
     unknown.
     """
@@ -460,32 +446,33 @@ def test_a_log_that_fits_its_frames_is_not_doubted(seed):
     assert log_doubts(fitting, CLASSES, PUSHES_N[None], PUSHES_N.tolist()) == ()
 
 
-def test_pushes_of_one_force_prove_no_shift():
+@pytest.mark.parametrize("seed", range(20))
+def test_pushes_of_one_force_prove_no_shift(seed):
     alike_n = np.full(len(PUSHES_N), 0.02)
-    for seed in range(40):
-        rng = np.random.default_rng(seed)
-        assert (
-            log_doubts(recording(rng, 0.0, alike_n), CLASSES, seen(rng, alike_n)) == ()
-        ), seed
+    rng = np.random.default_rng(seed)
+    assert log_doubts(recording(rng, 0.0, alike_n), CLASSES, seen(rng, alike_n)) == ()
 
 
-def test_shifted_times_are_named_with_their_direction_unless_the_dents_are_rounding():
-    for later_s, words in [(6.0, "earlier"), (-6.0, "later"), (10.0, "earlier")]:
-        rng = np.random.default_rng(1)
-        doubted = recording(rng, later_s)
-        shown = seen(rng)
-        (doubt,) = log_doubts(doubted, CLASSES, shown)
-        assert re.search(
-            f"the frames' times are off: .* s {words} than frames.csv says", doubt.words
-        )
-        assert (doubt.code, doubt.severity) == ("clock-contradicted", "doubt")
-        assert not any(
-            "times are off" in doubt.words
-            for doubt in log_doubts(doubted, CLASSES, 1.0 + 1e-12 * shown)
-        )
+@pytest.mark.parametrize(
+    ("later_s", "side"), [(6.0, "earlier"), (-6.0, "later"), (10.0, "earlier")]
+)
+def test_shifted_times_are_named_with_their_direction_unless_the_dents_are_rounding(
+    later_s, side
+):
+    rng = np.random.default_rng(1)
+    doubted = recording(rng, later_s)
+    shown = seen(rng)
+    (doubt,) = log_doubts(doubted, CLASSES, shown)
+    off = f"the frames' times are off: .* s {side} than frames.csv says"
+    assert re.search(off, doubt.words)
+    assert (doubt.code, doubt.severity) == ("clock-contradicted", "doubt")
+    rounding = log_doubts(doubted, CLASSES, 1.0 + 1e-12 * shown)
+    assert not any("times are off" in doubt.words for doubt in rounding)
 
+
+def test_dents_of_other_frames_are_unrelated_to_a_log():
     other = np.array([[1.0, 9.0, 4.0, 6.0, 2.0, 3.0, 9.0, 5.0, 8.0, 2.0]])
-    (doubt,) = log_doubts(recording(rng), CLASSES, other)
+    (doubt,) = log_doubts(recording(np.random.default_rng(1)), CLASSES, other)
     assert "forces.csv is unrelated to the frames" in doubt.words
 
 
@@ -514,75 +501,68 @@ def test_forces_of_another_size_than_the_read_ones_are_doubted():
     )
 
 
-RATE_HZ = 100.0
-NO_TRAVEL = np.full(1200, np.nan)
+# ---- punctures
 
 
-def pushed(
-    corners: list[tuple[float, float]], noise_n: float = 1e-3, seed: int = 0
-) -> tuple[ForceLog, np.ndarray]:
-    """A log of 12 s whose force is straight between corners (s, mN), with noise."""
-    time_s = np.arange(1200) / RATE_HZ
+def pierced(corners, frames_s, noise_n=1e-3, seed=0, travels_m=()):
+    """Return whether frames are pierced in a log of 12 s whose force is straight
+    between corners (s, mN), with noise.
+    """
+    time_s = np.arange(1200) / 100.0
     force_n = np.interp(time_s, *np.array(corners).T) * 1e-3
     force_n += np.random.default_rng(seed).normal(0.0, noise_n, len(time_s))
-    return ForceLog(time_s, force_n[:, None], ("fz_n",)), force_n
+    log = ForceLog(time_s, -force_n[:, None], ("fz_n",))
+    frames = tuple(
+        FrameEntry(f"{nth}.png", at_s, travel_m=travel_m)
+        for nth, (at_s, travel_m) in enumerate(zip_longest(frames_s, travels_m))
+    )
+    found = with_punctures(replace(recording_of(log), frames=frames))
+    return [frame.pierced for frame in found.frames]
 
 
-THROUGH = [
-    (2.0, 0.0),
-    (3.5, 30.0),
-    (3.503, 9.0),
-    (5.0, 9.0),
-    (5.5, -9.0),
-    (6.5, -9.0),
-    (6.505, 0.0),
-]
+RISE = [(2.0, 0.0), (3.5, 30.0)]
+THROUGH = [*RISE, (3.503, 9.0), (5.0, 9.0), (5.5, -9.0), (6.5, -9.0), (6.505, 0.0)]
 
 
-def test_a_sudden_fall_to_friction_is_a_puncture_and_slow_or_whole_ones_are_not():
-    for noise_n in (1e-4, 1e-3, 4e-3):
-        log, force_n = pushed(
-            [(2.0, 0.0), (3.5, 45.0), (3.503, 13.0), (9.0, 13.0)], noise_n
-        )
-        assert forces_under_frames.log_punctures(log, force_n, NO_TRAVEL) == [
-            pytest.approx(3.5, abs=0.03)
-        ]
+@pytest.mark.parametrize("noise_n", [1e-4, 1e-3, 4e-3])
+def test_a_sudden_fall_to_friction_is_a_puncture(noise_n):
+    corners = [(2.0, 0.0), (3.5, 45.0), (3.503, 13.0), (9.0, 13.0)]
+    assert pierced(corners, (3.46, 3.54), noise_n) == [False, True]
 
-    retracts = [(2.0, 0.0), (3.5, 30.0), (3.7, 9.0), (5.0, 9.0)]  # within 0.2 s
-    lets_go = [(2.0, 0.0), (3.5, 30.0), (3.503, 0.0)]
 
-    for corners in (
-        retracts,
-        lets_go,
-        [(2.0, 0.0), (3.5, 30.0)],
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize(
+    "corners",
+    [
+        [*RISE, (3.7, 9.0), (5.0, 9.0)],  # retracts within 0.2 s
+        [*RISE, (3.503, 0.0)],  # lets go
+        RISE,
         [(2.0, 0.0), (2.003, 30.0)],
-    ):
-        for seed in range(20):
-            log, force_n = pushed(corners, 1e-3, seed)
-            assert forces_under_frames.log_punctures(log, force_n, NO_TRAVEL) == []
+    ],
+)
+def test_slow_and_whole_falls_are_no_punctures(corners, seed):
+    assert not any(pierced(corners, (2.5, 3.54, 4.0, 5.0), seed=seed))
 
 
-def test_a_needle_that_was_drawn_back_as_fast_explains_a_fall():
-    log, force_n = pushed(THROUGH)
-    back_m = np.interp(log.time_s, [3.49, 3.52], [2e-3, 1.5e-3])
-    assert forces_under_frames.log_punctures(log, force_n, back_m) == []
-    assert len(forces_under_frames.log_punctures(log, force_n, 1e-3 * log.time_s)) == 1
+@pytest.mark.parametrize(
+    ("travels_m", "found"),
+    [((2e-3, 2e-3, 1.5e-3), False), ((3e-3, 3.49e-3, 3.52e-3), True)],
+)
+def test_a_needle_that_was_drawn_back_as_fast_explains_a_fall(travels_m, found):
+    frames_s = (3.0, 3.49, 3.52)
+    travels_m = (*travels_m, travels_m[-1])
+    assert pierced(THROUGH, (*frames_s, 4.0), travels_m=travels_m)[3] == found
 
 
 def test_the_frames_of_a_push_after_its_puncture_are_pierced_and_the_next_push_is_not():
-    log, force_n = pushed([*THROUGH, (8.0, 0.0), (9.0, 20.0), (11.0, 20.0)], 1e-4)
-    times_s = np.array([3.4, 3.6, 4.5, 5.25, 6.0, 8.5, 10.0])
-    found = forces_under_frames.after_punctures(
-        times_s,
-        forces_under_frames.log_punctures(log, force_n, NO_TRAVEL),
-        log.time_s,
-        force_n,
-    )
-    assert found == [False, True, True, True, True, False, False]
-    assert (
-        forces_under_frames.after_punctures(times_s, [], log.time_s, force_n)
-        == [False] * 7
-    )
-    assert forces_under_frames.after_punctures(
-        np.array([1.0, 3.0]), [2.0], np.zeros(0), np.zeros(0)
-    ) == [False, True]
+    corners = [*THROUGH, (8.0, 0.0), (9.0, 20.0), (11.0, 20.0)]
+    frames_s = (3.4, 3.6, 4.5, 5.25, 6.0, 8.5, 10.0)
+    found = [False, True, True, True, True, False, False]
+    assert pierced(corners, frames_s, 1e-4) == found
+
+
+def test_without_a_log_a_frame_is_pierced_from_the_puncture_on():
+    nothing = np.zeros(0)
+    times_s = np.array([1.0, 3.0])
+    assert after_punctures(times_s, [2.0], nothing, nothing) == [False, True]
+    assert after_punctures(times_s, [], nothing, nothing) == [False, False]
