@@ -2,20 +2,13 @@
 
 import re
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
+from foreign_files import read_log
 
-from scleraforce.base.arrays import Floats
 from scleraforce.base.errors import RecordingError
-from scleraforce.recordings.formats.foreign_force_logs import (
-    parse_column,
-    read_force_text,
-)
-from scleraforce.recordings.formats.log_text import read_log_text
 from scleraforce.recordings.formats.picture_streams import UnansweredError
-from scleraforce.recordings.frame_and_force_tables import ForceLog
 
 STEP_S = 0.005
 COUNT = 400
@@ -24,15 +17,11 @@ TIME_S = STEP_S * np.arange(COUNT)
 FORCE_N = np.round(np.random.default_rng(0).normal(0.0, 5e-3, COUNT) - 0.03, 4)
 
 
-def log_of(folder: Path, text: str | bytes, *columns: str) -> ForceLog:
-    data = text if isinstance(text, bytes) else text.encode()
-    (folder / "log.csv").write_bytes(data)
-    return read_force_text(
-        read_log_text(folder / "log.csv"), [parse_column(column) for column in columns]
-    )[0]
+def log_of(*given):
+    return read_log(*given)[0]
 
 
-def rows(time: Callable[[float], str], mark: str = ",") -> str:
+def rows(time, mark=","):
     """Return lines of times, each as a text, and of forces."""
     return "".join(
         f"{time(at_s)}{mark}{force_n:.4f}\n"
@@ -40,12 +29,12 @@ def rows(time: Callable[[float], str], mark: str = ",") -> str:
     )
 
 
-def check(log: ForceLog, within_s: float = 1e-6, time_s: Floats = TIME_S) -> None:
+def check(log, within_s=1e-6, time_s=TIME_S):
     np.testing.assert_allclose(log.time_s - log.time_s[0], time_s, atol=within_s)
     np.testing.assert_allclose(log.force_n("fz"), FORCE_N, atol=1e-9)
 
 
-def since_epoch(at_s: float) -> tuple[int, int]:
+def since_epoch(at_s):
     """Return whole seconds since 1970, and nanoseconds."""
     whole, part_ns = divmod(round(1e9 * (at_s + 0.7)), 10**9)
     return EPOCH_S + whole, part_ns
@@ -66,7 +55,7 @@ def since_epoch(at_s: float) -> tuple[int, int]:
     ],
 )
 def test_a_time_in_two_columns_is_their_sum(names, unit_ns, tmp_path):
-    def time(at_s: float) -> str:
+    def time(at_s):
         whole, part_ns = since_epoch(at_s)
         return f"{whole},{part_ns // unit_ns}"
 
@@ -84,7 +73,7 @@ def test_a_time_in_two_columns_is_their_sum(names, unit_ns, tmp_path):
     "names", ["Time (s),Timestamp (ms)", "time_s,time_ms", "Timestamp (ms),Time (s)"]
 )
 def test_a_whole_time_beside_whole_seconds_is_taken(names, tmp_path):
-    def time(at_s: float) -> str:
+    def time(at_s):
         whole, part_ns = since_epoch(at_s)
         both = (f"{whole}", f"{1000 * whole + part_ns // 10**6}")
         return ",".join(reversed(both) if names.startswith("Timestamp") else both)
@@ -93,7 +82,7 @@ def test_a_whole_time_beside_whole_seconds_is_taken(names, tmp_path):
 
 
 def test_milliseconds_beside_the_time_of_day_are_added(tmp_path):
-    def time(at_s: float) -> str:
+    def time(at_s):
         return f"10:15:{int(at_s):02d};{1e3 * (at_s % 1.0):.0f}"
 
     check(log_of(tmp_path, f"Time;Millisecond;fz_n\n{rows(time, ';')}"))
@@ -113,7 +102,7 @@ def test_milliseconds_beside_the_time_of_day_are_added(tmp_path):
 def test_columns_of_a_wrench_of_ros_are_in_si(time, prefix, tmp_path):
     header = f"{time},{prefix}x,{prefix}z"
 
-    def stamps(at_s: float) -> str:
+    def stamps(at_s):
         whole, part_ns = since_epoch(at_s)
         return f"{EPOCH_S + 2.0 + at_s:.6f},0,{whole},{part_ns},0.0"
 
@@ -127,7 +116,7 @@ def test_the_times_of_plotjuggler_are_seconds(tmp_path):
     check(log_of(tmp_path, text))
 
 
-def minutes(at_s: float) -> str:
+def minutes(at_s):
     whole, part_ms = divmod(round(1000 * (at_s + 3599.0)), 1000)
     return f"{whole // 60 % 60:02d}:{whole % 60:02d}.{part_ms:03d}"
 
@@ -142,7 +131,7 @@ def test_minutes_without_the_hour_count_on(tmp_path):
 
 @pytest.mark.parametrize("rate", [24, 25, 30, 50, 60, 100])
 def test_timecode_counts_frames(rate, tmp_path):
-    def timecode(at_s: float) -> str:
+    def timecode(at_s):
         frame = round(at_s / STEP_S)
         return f"10:00:{frame // rate:02d}:{frame % rate:02d}"
 
@@ -157,7 +146,7 @@ def test_timecode_of_an_unknown_rate_is_asked_about(tmp_path):
         log_of(tmp_path, text)
 
 
-def stamped(time_s: Floats) -> str:
+def stamped(time_s):
     stamps = iter(time_s.tolist())
     return f"time_s,fz_n\n{rows(lambda _: f'{next(stamps):.6f}')}"
 
@@ -388,7 +377,7 @@ def test_other_minus_signs_are_signs(minus, tmp_path):
 def test_marks_between_thousands_that_are_no_decimal_marks_are_left_out(
     mark, decimal, tmp_path
 ):
-    def grouped(value: float) -> str:
+    def grouped(value):
         return (
             f"{value:,.1f}".replace(".", "d").replace(",", mark).replace("d", decimal)
         )

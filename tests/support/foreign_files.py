@@ -13,6 +13,12 @@ import tifffile
 from pydicom.dataset import FileDataset, FileMetaDataset
 from pydicom.uid import ExplicitVRLittleEndian, SecondaryCaptureImageStorage
 
+from scleraforce.recordings.formats.foreign_force_logs import (
+    parse_column,
+    read_force_text,
+)
+from scleraforce.recordings.formats.log_text import read_log_text
+
 ROWS = 24
 COLUMNS = 40
 COUNT = 5
@@ -97,6 +103,16 @@ def write_table(path: Path, header: str, *rows: object) -> Path:
     lines = [row if isinstance(row, str) else ",".join(map(str, row)) for row in rows]
     path.write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")
     return path
+
+
+def read_log(folder: Path, text: str | bytes, *columns: str):
+    """Write a force log of another program; return it as it is read, and its
+    columns.
+    """
+    path = folder / "log.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    given = [parse_column(column) for column in columns]
+    return read_force_text(read_log_text(path), given)
 
 
 def write_log(path: Path, seconds: float = 6.0, rate_hz: float = 200.0) -> np.ndarray:
