@@ -8,6 +8,8 @@ import pytest
 from foreign_files import FRAMES
 
 pytest.importorskip("rosbags")
+pytest.importorskip("mcap")
+from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, StoragePlugin, Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
@@ -74,6 +76,25 @@ class Messages:
         return self.types["geometry_msgs/msg/WrenchStamped"](
             header=self.header(stamp_ns), wrench=wrench
         )
+
+
+def write_mcap(path: Path, profile: str, channels, messages) -> Path:
+    """Write an MCAP of channels of (topic, encoding, schema's name, encoding and data),
+    and of messages of (channel, time in ns, data).
+    """
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start(profile=profile)
+        numbers = [
+            writer.register_channel(
+                topic, encoding, writer.register_schema(name, kind, data)
+            )
+            for topic, encoding, name, kind, data in channels
+        ]
+        for channel, time_ns, data in messages:
+            writer.add_message(numbers[channel], time_ns, data, time_ns)
+        writer.finish()
+    return path
 
 
 def stamps(times_s) -> list[int]:
