@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from scleraforce.recordings.clock_offsets import (
-    ClockEstimate,
     _isotonic,
     estimate_clocks,
     relation,
@@ -14,14 +13,10 @@ RATE_HZ = 100.0
 OFFSET_S = 5.3
 
 
-def pushes(time_s: np.ndarray) -> np.ndarray:
-    return 1e-2 * (np.sin(time_s) > 0.3) * (1.0 + 0.2 * np.floor(time_s / 6.0))
-
-
 class Needle:
     """A needle that pushes again and again, for 4 s each time, with any force."""
 
-    def __init__(self, seed: int, length_s: float) -> None:
+    def __init__(self, seed, length_s):
         self.rng = np.random.default_rng(seed)
         starts_s = np.arange(3.0, length_s - 10.0, 9.0)
         starts_s += self.rng.uniform(0.0, 2.0, len(starts_s))
@@ -31,28 +26,28 @@ class Needle:
         self.starts_s = starts_s
         self.log_s = np.arange(0.0, length_s, 1.0 / RATE_HZ)
 
-    def force_n(self, time_s: np.ndarray) -> np.ndarray:
+    def force_n(self, time_s):
         return np.interp(time_s, self.corners_s, self.corners_n)
 
-    def dents(self, time_s: np.ndarray) -> np.ndarray:
+    def dents(self, time_s):
         """Dents of tissue that stiffens, with 20 um of noise."""
         dent_m = 1.5e-3 * (self.force_n(time_s) / 50e-3) ** 0.7
         return (dent_m + 20e-6 * self.rng.standard_normal(len(time_s)))[None]
 
-    def log_n(self) -> np.ndarray:
+    def log_n(self):
         noise_n = 4e-3 * self.rng.standard_normal(len(self.log_s))
         return self.force_n(self.log_s) + noise_n
 
-    def estimate(self, taken_s: np.ndarray, stated_s: np.ndarray) -> ClockEstimate:
+    def estimate(self, taken_s, stated_s):
         found = estimate_clocks(stated_s, self.dents(taken_s), self.log_s, self.log_n())
         assert found is not None
         return found
 
 
-@pytest.mark.parametrize("offset_s", [0.0, 7.25, -3.5, 1.7e9])
+@pytest.mark.parametrize("offset_s", [0.0, -3.5, 1.7e9])
 def test_the_offset_of_a_film_is_found_from_its_dents(offset_s):
     needle = Needle(5, 60.0)
-    frame_s = np.arange(4.0, 55.0, 0.25)
+    frame_s = np.arange(4.0, 55.0, 0.5)
     found = needle.estimate(frame_s, frame_s - offset_s)
     assert found.sure
     assert found.offset_s == pytest.approx(offset_s, abs=0.15)
@@ -72,24 +67,23 @@ def test_one_frame_a_push_gives_the_middle_of_the_rest_and_its_ends(seed):
     )
 
 
-def test_the_offset_in_a_log_of_half_an_hour_is_as_exact():
-    needle = Needle(2, 1800.0)
-    frame_s = np.arange(900.0, 1000.0, 0.5)
-    found = needle.estimate(frame_s, frame_s - 890.0)
+def test_the_offset_in_a_log_of_a_quarter_of_an_hour_is_as_exact():
+    needle = Needle(2, 900.0)
+    frame_s = np.arange(450.0, 550.0, 1.0)
+    found = needle.estimate(frame_s, frame_s - 440.0)
     assert found.sure
-    assert found.offset_s == pytest.approx(890.0, abs=0.2)
+    assert found.offset_s == pytest.approx(440.0, abs=0.2)
 
 
-def test_no_offset_comes_from_few_or_equal_dents():
-    log_s = np.arange(0.0, 10.0, 0.01)
-    few = np.arange(5.0)
-    assert estimate_clocks(few, few[None], log_s, pushes(log_s)) is None
-    assert (
-        estimate_clocks(np.arange(8.0), np.ones((1, 8)), log_s, pushes(log_s)) is None
-    )
+@pytest.mark.parametrize("dents", [np.arange(5.0), np.ones(8)])
+def test_no_offset_comes_from_few_or_equal_dents(dents):
+    needle = Needle(5, 60.0)
+    stated_s = np.arange(len(dents), dtype=float)
+    found = estimate_clocks(stated_s, dents[None], needle.log_s, needle.log_n())
+    assert found is None
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(6))
 def test_a_log_of_another_day_is_not_sure_and_not_related(seed):
     needle = Needle(seed, 130.0)
     other = Needle(100 + seed, 130.0)
@@ -159,7 +153,7 @@ def test_gaps_of_a_log_are_not_bridged():
     assert found.low_s < OFFSET_S < found.high_s
 
 
-def pool_adjacent_violators(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def pool_adjacent_violators(values, weights):
     """Return the nearest rising sequence by the textbook's method, block by block."""
     blocks: list[list[float]] = []
     for value, weight in zip(values, weights, strict=True):

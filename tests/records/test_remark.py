@@ -1,26 +1,13 @@
-"""Remarks as data: their codes, and the page that lists them; inputs that are
-missing.
-"""
+"""Remarks as data; inputs that are missing."""
 
-import re
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 import scleraforce as sf
 from scleraforce.records.missing_inputs import missing_inputs
-from scleraforce.records.remark import SEVERITY_OF, numbered, sentences
+from scleraforce.records.remark import numbered, sentences
 from scleraforce.records.setup import Setup
-
-PAGE = Path(__file__).parents[2] / "docs" / "remarks.md"
-CODE_ROW = re.compile(r"^\| `([a-z-]+)` \| (info|caution|doubt) \| \S", re.MULTILINE)
-
-
-def test_the_page_lists_every_code_once_with_its_severity():
-    rows = CODE_ROW.findall(PAGE.read_text(encoding="utf-8"))
-    assert len(rows) == len(dict(rows))
-    assert dict(rows) == dict(SEVERITY_OF)
 
 
 def test_a_remark_is_a_sentence_with_a_severity_and_its_keys_in_json():
@@ -57,21 +44,20 @@ KNOWN = Setup(
 CROSS = (sf.Plane("along", 0.0, 0.0), sf.Plane("across", 0.0, 1.57))
 
 
-def fields_of(remarks: tuple[sf.Remark, ...]) -> list[str]:
+def fields_of(remarks):
     """The one field of each remark, each of which says what it costs."""
     assert {remark.code for remark in remarks} <= {"missing-input"}
     assert all(len(remark.fields) == 1 for remark in remarks)
     return [remark.fields[0] for remark in remarks]
 
 
-def test_what_is_declared_is_not_missing():
+@pytest.mark.parametrize("name", ["iop_pa", "thickness_m", "globe", "relaxation"])
+def test_what_is_declared_is_not_missing(name):
     assert missing_inputs(KNOWN, forces=True) == ()
-    for name in ("iop_pa", "thickness_m", "globe", "relaxation"):
-        setup = replace(KNOWN, eye=replace(KNOWN.eye, **{name: None}))
-        (remark,) = missing_inputs(setup, forces=True)
-        assert remark.fields == (name,)
-        assert remark.severity == "caution"
-        assert f"eye.{name}" in remark.words
+    setup = replace(KNOWN, eye=replace(KNOWN.eye, **{name: None}))
+    (remark,) = missing_inputs(setup, forces=True)
+    assert (remark.fields, remark.severity) == ((name,), "caution")
+    assert f"eye.{name}" in remark.words
 
 
 def test_several_planes_need_no_gap_and_a_classifier_needs_the_thickness_alone():

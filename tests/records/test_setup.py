@@ -134,16 +134,6 @@ def test_a_file_has_no_finding_of_a_calibration():
     assert format_record(replace(INFO, eye=found)) == declared
 
 
-def test_the_planes_of_a_scan_come_back():
-    planes = (Plane("along", 0.0, 0.0), Plane("across", 0.1e-3, 1.5))
-    info = replace(
-        INFO,
-        scan=replace(INFO.scan, planes=planes),
-        needle=replace(INFO.needle, gap_m=None),
-    )
-    assert parse_record(RecordingInfo, format_record(info), "r.toml") == info
-
-
 def test_a_setup_turned_to_another_plane_has_its_direction_and_no_gap():
     turned = INFO.setup.turned(0.5)
     assert turned.scan == replace(INFO.scan, direction_rad=0.8)
