@@ -124,6 +124,11 @@ def test_a_missing_number_is_a_missing_frame(tmp_path):
         gathered(folder, folder / "b", **BY_NUMBERS)
 
 
+def test_of_several_numbers_the_one_that_never_repeats_counts(tmp_path):
+    folder = write_frames(tmp_path / "f", "a1b4.png", "a1b2.png", "a2b9.png")
+    assert steps_of(gathered(folder, **BY_NUMBERS)) == [0.0, 0.5, 1.75]
+
+
 @pytest.mark.parametrize(
     ("names", "by", "steps_s"),
     [

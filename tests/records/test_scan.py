@@ -27,20 +27,6 @@ def test_a_size_that_is_not_declared_is_named_where_it_is_needed(missing):
             _ = scan.scale
 
 
-@pytest.mark.parametrize(
-    ("size", "first"),
-    [
-        (lambda scan: scan.shape, "rows"),
-        (lambda scan: scan.extent_m, "width_m"),
-        (lambda scan: scan.scale, "rows"),
-        (lambda scan: scan.pixel_bits, "bits"),
-    ],
-)
-def test_a_scan_without_sizes_names_the_first_one_that_is_needed(size, first):
-    with pytest.raises(InputError, match=f"^scan: {first}: not declared; give it$"):
-        size(Scan())
-
-
 def test_a_scan_has_the_size_of_its_pixels():
     scan = Scan(**SIZES)
     assert (scan.shape, scan.extent_m, scan.pixel_bits) == (

@@ -20,21 +20,6 @@ SCAN = Scan(columns=512, rows=512, bits=12, width_m=15e-3, depth_m=4e-3)
 NEEDLE = Needle(diameter_m=gauge_diameter_m(22), gap_m=0.5e-3, polar_rad=0.6)
 
 
-def test_a_recordings_statements_are_known_and_all_else_is_unknown():
-    info = RecordingInfo(Eye("e", thickness_m=0.6e-3), SCAN, NEEDLE)
-    assert info.setup == Setup(
-        eye=Eye("e", thickness_m=0.6e-3), needle=NEEDLE, scan=SCAN
-    )
-    assert (info.setup.eye.modulus, info.setup.eye.iop_pa) == (None, None)
-    assert (info.setup.eye.globe, info.setup.needle.lean_rad) == (None, None)
-    assert (info.setup.scan.direction_rad, info.eye_name) == (None, "e")
-
-    turned = replace(info, scan=replace(info.scan, direction_rad=0.8))
-    assert turned.setup == replace(
-        info.setup, scan=replace(info.setup.scan, direction_rad=0.8)
-    )
-
-
 FULL = """\
 [eye]
 id = "mine"
