@@ -166,6 +166,7 @@ def test_the_most_correlated_eye_has_a_prior_to_draw_from(sign):
         ({"name": 5}, "name: found int 5; give a str"),
         ({"name": " "}, "name: empty; give the eye a name"),
         ({"name": "a\nb"}, "name: .* has a line break"),
+        ({"name": "e" * 300}, "name: 300 characters"),
         ({"iop_sd_pa": 50.0}, "iop_sd_pa: the uncertainty of iop_pa, which is missing"),
         ({"thickness_sd_m": 1e-4}, "thickness_sd_m: the uncertainty of thickness_m"),
         ({"radius_sd_m": 1e-4}, "radius_sd_m: the uncertainty of radius_m"),

@@ -54,8 +54,6 @@ PLANES = (Plane("along", 0.0, 0.0), Plane("across", 0.0, 1.5))
         ({"tilt_rad": 1.1}, "tilt_rad: 1.1 is above"),
         ({"refractive_index": 0.9}, "refractive_index: 0.9 is below .* 1"),
         ({"refractive_index": 2.1}, "refractive_index: 2.1 is above .* 2"),
-        ({"planes": PLANES[:1]}, "planes: only one"),
-        ({"planes": (*PLANES, PLANES[0])}, "planes: name: 'along' is there twice"),
     ],
 )
 def test_a_value_of_a_scan_that_cannot_be_is_refused(values, said):

@@ -129,14 +129,8 @@ BAD = [
         3,
         "eye.poisson_ratio: 0.6 is above the largest allowed value 0.499",
     ),
-    (
-        "[eye]\nradius_mm = 1",
-        2,
-        "eye.radius_mm: 1 is below the smallest allowed value 5",
-    ),
     ('[eye]\nradius_mm = "wide"', 2, "eye.radius_mm: expected a number, found 'wide'"),
     ("[eye]\nradius_mm = nan", 2, "eye.radius_mm: nan is not a finite number"),
-    ("[eye]\nradius_mm = inf", 2, "eye.radius_mm: inf is not a finite number"),
     ("[eye]\nthickness_um = []", 2, "eye.thickness_um: an empty list"),
     (
         "[eye]\nthickness_um = [400, true]",
@@ -154,8 +148,6 @@ BAD = [
         "eye.thickness_um: a range is { min = a, max = b }",
     ),
     ("[mesh]\norder = 2\ndivisions = 7", 3, "mesh.divisions: 7 is odd"),
-    ("[mesh]\norder = 1.5", 2, "mesh.order: expected a whole number, found 1.5"),
-    ("[mesh]\norder = true", 2, "mesh.order: expected a whole number, found True"),
     (
         '[mesh]\nkind = "tetrahedra"',
         2,
@@ -183,21 +175,11 @@ BAD = [
         5,
         "dataset.group.images: 0 is below the ",
     ),
-    (
-        "[network]\nhidden = [600, 0]",
-        2,
-        "network.hidden: 0 is below the smallest allowed value 1",
-    ),
     ("[eye]\nradius_mm = 12\n[eye]", 3, "not TOML"),
     (
         "[eye]\nradius_mm = 1" + "0" * 400,
         2,
         "eye.radius_mm: a number of more than 15 digits",
-    ),
-    (
-        "[mesh]\norder = -1" + "0" * 400,
-        2,
-        "mesh.order: a number of more than 15 digits",
     ),
     (
         "[eye]\nradius_mm.a" + ".a" * 15 + " = 1",
@@ -209,7 +191,6 @@ BAD = [
         2,
         "eye.thickness_um: 1001 entries; at most 1000",
     ),
-    ("[[dataset.group]]\n" * 1001, 1, "dataset.group: 1001 entries; at most 1000"),
     ('[globe]\nkind = "shut"', 2, "globe.kind: 'shut' is not one of open, sealed"),
     (
         '[globe]\nkind = "sealed"\nleak_time_s = 0.5',
