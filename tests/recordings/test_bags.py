@@ -65,14 +65,6 @@ def test_frames_and_forces_come_back_by_their_capture_stamps(tmp_path, kind, pac
     assert "clock" not in notes
 
 
-@pytest.mark.parametrize(("kind", "ending"), [("sqlite", "db3"), ("mcap", "mcap")])
-def test_a_storage_file_is_read_without_its_metadata(tmp_path, kind, ending):
-    (stored,) = write_bag(tmp_path / "a", kind, forces=False).glob(f"*.{ending}")
-    scan, log = read_bag(stored.rename(tmp_path / f"lone.{ending}"))
-    check_scan(scan)
-    assert log is None
-
-
 @pytest.mark.parametrize("shift_s", [-5.0, 0.002])
 def test_a_clock_other_than_the_clock_of_the_bag_is_noted(tmp_path, shift_s):
     begin_ns = START_NS + round(shift_s * 1e9)

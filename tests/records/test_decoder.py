@@ -12,7 +12,6 @@ from scleraforce.records.decoder import (
     Source,
     decode_record,
     parse_json_record,
-    parse_record,
 )
 from scleraforce.records.fields import Unit, computed, one_line
 from scleraforce.records.needle import Needle, gauge_diameter_m, lean_ends
@@ -90,33 +89,6 @@ def test_a_fault_of_json_is_named_with_its_path(changed, said):
 def test_what_is_no_object_of_json_is_refused(text):
     with pytest.raises(StudyError, match=r"^shelf.json: (not JSON|expected an object)"):
         parse_json_record(Shelf, text, "shelf.json")
-
-
-TOML = """\
-[drawer]
-width_mm = 7.0
-[[listed]]
-size_in_um = 4.0
-[[listed]]
-size_in_um = 2.0
-[other]
-gauge = 27
-"""
-
-
-@pytest.mark.parametrize(
-    ("before", "after", "said"),
-    [
-        ("gauge", "diameter_m", "8: other.diameter_m: unknown key; known here: gauge"),
-        ("gauge = 27", "", "7: other.gauge: missing"),
-        ("= 2.0", "= 0.2", "6: listed.size_in_um: 0.2 is below"),
-        ("size_in_um = 2.0", "", "3: listed.size_in_um: missing"),
-        ("= 2.0", "= 2.0\nx = 1", "7: listed.x: unknown key; .*size_in_um"),
-    ],
-)
-def test_a_fault_of_toml_is_named_by_its_key_and_line(before, after, said):
-    with pytest.raises(StudyError, match=f"^tray.toml:{said}"):
-        parse_record(Shelf, TOML.replace(before, after, 1), "tray.toml")
 
 
 def test_content_of_another_kind_of_file_is_read_at_its_place():

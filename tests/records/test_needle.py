@@ -24,10 +24,6 @@ def test_a_gauge_without_a_needle_is_refused(gauge):
         gauge_diameter_m(gauge)
 
 
-def test_a_needle_of_no_diameter_has_no_gauge():
-    assert Needle().gauge is None
-
-
 def test_a_lean_that_is_known_exactly_has_equal_ends_and_any_other_is_no_single_one():
     assert (lean_ends(0.3), lean_ends(None)) == ((0.3, 0.3), None)
     assert (one_lean((0.3, 0.3)), one_lean((0.1, 0.3)), one_lean(None)) == (

@@ -59,8 +59,3 @@ PLANES = (Plane("along", 0.0, 0.0), Plane("across", 0.0, 1.5))
 def test_a_value_of_a_scan_that_cannot_be_is_refused(values, said):
     with pytest.raises(StudyError, match=f"^{said}"):
         Scan(**values)
-
-
-def test_a_plane_is_found_by_its_name():
-    scan = Scan(planes=PLANES)
-    assert (scan.named("across"), scan.named("other")) == (PLANES[1], None)

@@ -16,7 +16,6 @@ from scleraforce.base.errors import InputError, StudyError
 from scleraforce.base.units import SI_PER_UNIT
 from scleraforce.records.fields import (
     QUANTITIES,
-    Unit,
     allowed_bounds,
     check_quantity,
     field_unit,
@@ -226,17 +225,6 @@ def test_the_line_of_a_key_of_many_parts_is_named():
     deep = "[eye]\nradius_mm.a" + ".a" * 2000 + " = 1"
     with pytest.raises(StudyError, match=r"^my\.toml:2: a key of more than 20 parts"):
         parse_study(deep, "my.toml")
-
-
-@given(
-    st.sampled_from(sorted(SI_PER_UNIT)),
-    st.integers(-99_999, 99_999),
-    st.integers(-3, 3),
-)
-def test_a_short_decimal_survives_the_way_to_si_and_back(name, digits, exponent):
-    human = float(f"{digits}e{exponent}")
-    unit = Unit(name)
-    assert unit.from_si(unit.to_si(human)) == human
 
 
 def test_samples_follow_their_distribution_and_the_generator():
