@@ -5,6 +5,7 @@ import os
 import re
 import sys
 import zlib
+from functools import partial
 
 import numpy as np
 import pytest
@@ -45,7 +46,6 @@ PIXELS = FRAMES.tobytes()
 VOLUME = np.ascontiguousarray(FRAMES.T)  # by these indices
 BIG = FRAMES.astype(">u2").tobytes()
 SPACING = "0.015 0.004 0.1"
-TWO_DEPTHS = r"states .* 0\.004 x 0\.015 mm .* states .* 0\.008 x 0\.015 mm"
 
 
 # ---- NIfTI
@@ -116,13 +116,6 @@ def test_the_spacing_of_a_nifti_is_that_of_pixdim_or_sform(tmp_path, written, so
     scan = read_nifti(nifti(tmp_path / "a.nii", **written), IJK)
     check_scan(scan, FRAMES, SIZES_M if source else NO_SIZES)
     assert source is None or scan.size.source == source
-
-
-def test_two_spacings_of_a_nifti_are_named_and_give_none(tmp_path):
-    path = nifti(tmp_path / "a.nii", sform=(0.015, 0.008, 0.1))
-    scan = read_nifti(path, IJK)
-    assert re.search(f"pixdim {TWO_DEPTHS}", scan.scale_fault)
-    assert sizes_of(scan) == NO_SIZES
 
 
 FEWER = (COUNT - 1).to_bytes(2, "little")
@@ -247,12 +240,6 @@ def test_what_an_nrrd_contradicts_or_what_is_not_read_is_refused(
 ):
     with pytest.raises(FrameError, match=f"a.nrrd: .*{message}|^.*{message}"):
         read_nrrd(nhdr(tmp_path / "a.nrrd", *lines), IJK)
-
-
-def test_two_spacings_of_an_nrrd_are_named(tmp_path):
-    lines = ("space: LPS", DIRECTIONS, "spacings: 0.015 0.008 1")
-    fault = read_nrrd(nhdr(tmp_path / "a.nrrd", *lines), IJK).scale_fault
-    assert re.search(f"directions {TWO_DEPTHS[:-3]}", fault)
 
 
 @pytest.mark.parametrize(
@@ -433,11 +420,6 @@ def test_what_a_metaimage_does_not_state_stays_open_or_is_noted(
     assert len(scan.notes) == notes
 
 
-def test_two_spacings_of_a_metaimage_are_named(tmp_path):
-    scan = read_metaimage(mha(tmp_path / "a.mha", ElementSize="0.015 0.008 0.1"), IJK)
-    assert re.search(f"ElementSpacing {TWO_DEPTHS}", scan.scale_fault)
-
-
 PLUS = plus_fields([10.0, 10.25, 0.0, 11.0, 12.0], ["OK", "OK", "INVALID", "OK", "OK"])
 
 
@@ -533,14 +515,6 @@ def test_the_intensity_comes_back_with_its_scale(tmp_path, name, header, frames)
     check_scan(read_thorlabs(path), frames, SIZES_M)
 
 
-def test_two_scales_of_an_oct_are_named(tmp_path):
-    header = f"{oct_entry()}<Image><SizeReal><SizeZ>0.192</SizeZ></SizeReal></Image>"
-    fault = read_thorlabs(write_oct(tmp_path / "a.oct", header, INTENSITY)).scale_fault
-    assert re.search(
-        r"Range.* states .* 0\.004 x 0\.015 mm .*SizeReal .* 0\.008", fault
-    )
-
-
 @pytest.mark.parametrize(
     ("header", "message"),
     [
@@ -560,3 +534,40 @@ def test_two_scales_of_an_oct_are_named(tmp_path):
 def test_an_oct_that_does_not_fit_is_refused(tmp_path, header, message):
     with pytest.raises(FrameError, match=message):
         read_thorlabs(write_oct(tmp_path / "a.oct", header, INTENSITY))
+
+
+TWO_ZS = f"{oct_entry()}<Image><SizeReal><SizeZ>0.192</SizeZ></SizeReal></Image>"
+
+
+@pytest.mark.parametrize(
+    ("read", "write", "first", "second"),
+    [
+        (
+            partial(read_nifti, axes=IJK),
+            partial(nifti, sform=(0.015, 0.008, 0.1)),
+            "pixdim",
+            "sform",
+        ),
+        (
+            partial(read_nrrd, axes=IJK),
+            lambda path: nhdr(
+                path, "space: LPS", DIRECTIONS, "spacings: 0.015 0.008 1"
+            ),
+            "directions",
+            "spacings",
+        ),
+        (
+            partial(read_metaimage, axes=IJK),
+            partial(mha, ElementSize="0.015 0.008 0.1"),
+            "ElementSpacing",
+            "ElementSize",
+        ),
+        (read_thorlabs, partial(write_oct, header=TWO_ZS), "Range.*", "SizeReal"),
+    ],
+)
+def test_two_scales_are_named_and_give_none(tmp_path, read, write, first, second):
+    suffix = ".nii" if first == "pixdim" else ".a"
+    scan = read(write(tmp_path / f"a{suffix}"))
+    states = rf"{first} states .* 0\.004 x 0\.015 mm .*{second} states .* 0\.008 x "
+    assert re.search(states, scan.scale_fault)
+    assert sizes_of(scan) == NO_SIZES
