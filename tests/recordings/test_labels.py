@@ -46,14 +46,15 @@ def log_of(fz_n, rate_hz=200.0, start_s=0.0):
     return ForceLog(start_s + np.arange(len(fz_n)) / rate_hz, wrench, FORCE_COLUMNS[1:])
 
 
-def recording_of(log, *frames, average_s=2.0):
-    info = replace(LOGGED_INFO, force=ForceInfo("fz", -1, average_s))
-    return Recording(
-        Path("rec"),
-        info,
-        tuple(FrameEntry(f"{k}.png", t) for k, t in enumerate(frames)),
-        log,
-    )
+def recording_of(log, *frames_s, average_s=2.0, sign=-1):
+    info = replace(LOGGED_INFO, force=ForceInfo("fz", sign, average_s))
+    frames = tuple(FrameEntry(f"{k}.png", at_s) for k, at_s in enumerate(frames_s))
+    return Recording(Path("rec"), info, frames, log)
+
+
+def labels_of(log, *frames_s, **more):
+    trials = label_frames(recording_of(log, *frames_s, **more), CLASSES)
+    return [trial.measured_force_n for trial in trials]
 
 
 def step_and_hold(force_n=0.02, quiet_s=2.0, ramp_s=0.5, hold_s=8.0, rate_hz=200.0):
@@ -61,11 +62,10 @@ def step_and_hold(force_n=0.02, quiet_s=2.0, ramp_s=0.5, hold_s=8.0, rate_hz=200
     return force_n * np.clip((time_s - quiet_s) / ramp_s, 0.0, 1.0)
 
 
-def sensed(force_n, rng, noise_n=4e-3, offset_n=0.0, step_n=5e-3):
-    return (
-        np.rint((force_n + offset_n + rng.normal(0, noise_n, len(force_n))) / step_n)
-        * step_n
-    )
+def sensed(force_n, rng, offset_n=0.0):
+    """Return what a coarse sensor reads, with 4 mN of noise and steps of 5 mN."""
+    noisy_n = force_n + offset_n + rng.normal(0, 4e-3, len(force_n))
+    return 5e-3 * np.rint(noisy_n / 5e-3)
 
 
 @pytest.mark.parametrize(("count", "rate_hz"), [(400, 200.0), (5000, 100.0)])
@@ -105,8 +105,8 @@ def test_the_tare_ends_at_the_first_contact_in_noise_and_steps(seed):
     )
     pushed_n = step_and_hold(force_n, quiet_s, ramp_s)
     log = log_of(-sensed(pushed_n, rng, offset_n=offset_n))
-    (trial,) = label_frames(recording_of(log, quiet_s + ramp_s + 4.0), CLASSES)
-    assert trial.measured_force_n == pytest.approx(force_n, abs=1.5e-3)
+    (label_n,) = labels_of(log, quiet_s + ramp_s + 4.0)
+    assert label_n == pytest.approx(force_n, abs=1.5e-3)
 
     # no contact before the needle comes
     contact_n = contact_force(log, FORCE)
@@ -127,12 +127,9 @@ def test_label_is_the_mean_of_the_window_centred_on_the_frame(average_s, sign):
     # A force that grows evenly has its value at the frame as its mean over any centred
     # window.
     force_n = 1e-3 * np.maximum(np.arange(8000) / 200.0 - 5.0, 0.0)
-    info = replace(LOGGED_INFO, force=ForceInfo("fz", sign, average_s))
-    recording = replace(recording_of(log_of(sign * force_n), 15.0, 30.0), info=info)
-    trials = label_frames(recording, CLASSES)
-    labels_n = [trial.measured_force_n for trial in trials]
+    given = {"average_s": average_s, "sign": sign}
+    labels_n = labels_of(log_of(sign * force_n), 15.0, 30.0, **given)
     assert labels_n == pytest.approx([0.010, 0.025], abs=1e-5)
-    assert [trial.target for trial in trials] == [1, 1]
 
 
 IN_CONTACT = -np.r_[np.full(1000, 0.02), np.zeros(1000)]
@@ -157,7 +154,7 @@ def test_a_wrong_sign_a_log_that_starts_in_contact_and_clocks_apart_are_errors(
     force_n, start_s, time_s, message
 ):
     with pytest.raises(RecordingError, match=message):
-        label_frames(recording_of(log_of(force_n, start_s=start_s), time_s), CLASSES)
+        labels_of(log_of(force_n, start_s=start_s), time_s)
 
 
 WHOLE = log_of(np.zeros(2000))
@@ -186,33 +183,22 @@ def test_a_frame_without_samples_around_it_is_left_out_with_the_reason_and_the_o
 def test_no_frame_with_a_label_is_an_error():
     found = r"no frame has a label; 0.png: 0 force samples .* spans 0 to"
     with pytest.raises(RecordingError, match=found):
-        label_frames(recording_of(TORN, 15.0, 20.0), CLASSES)
-
-
-def test_a_window_with_a_gap_has_no_label_and_the_others_keep_theirs():
-    whole = log_of(-step_and_hold(0.02))
-    holed = replace(whole, wrench_sc=whole.wrench_sc.copy())
-    holed.wrench_sc[1000:1200] = np.nan  # 5 to 6 s
-    holed.wrench_sc[100] = np.nan  # one sample before the contact
-    trials, labels = (
-        label_frames(recording_of(log, 3.9, 5.5, 6.9, 8.0), CLASSES)
-        for log in (holed, whole)
-    )
-    assert [trial.measured_force_n is None for trial in trials] == [
-        False,
-        True,
-        True,
-        False,
-    ]
-    assert trials[2].excluded == "20 of the 401 force samples around it have no force"
-
-    for nth in (0, 3):
-        assert trials[nth].measured_force_n == pytest.approx(
-            labels[nth].measured_force_n, abs=1e-5
-        )
+        labels_of(TORN, 15.0, 20.0)
 
 
 FAST = log_of(-step_and_hold(0.02))
+
+
+def test_a_window_with_a_gap_has_no_label_and_the_others_keep_theirs():
+    frames_s = (3.9, 5.5, 6.9, 8.0)
+    holed = replace(FAST, wrench_sc=FAST.wrench_sc.copy())
+    holed.wrench_sc[1000:1200] = np.nan  # 5 to 6 s
+    holed.wrench_sc[100] = np.nan  # one sample before the contact
+    first_n, _, _, last_n = labels_of(FAST, *frames_s)
+    kept_n = [pytest.approx(each_n, abs=1e-5) for each_n in (first_n, last_n)]
+    assert labels_of(holed, *frames_s) == [kept_n[0], None, None, kept_n[1]]
+    trials = label_frames(recording_of(holed, *frames_s), CLASSES)
+    assert trials[2].excluded == "20 of the 401 force samples around it have no force"
 
 
 @pytest.mark.parametrize(
@@ -226,8 +212,7 @@ FAST = log_of(-step_and_hold(0.02))
 def test_a_slow_log_and_one_with_a_gap_give_the_labels_of_a_fast_one_to_its_end(
     log, shift_s
 ):
-    recording = recording_of(log, 5.0, 9.0 + shift_s, 10.3 + shift_s)
-    labels_n = [trial.measured_force_n for trial in label_frames(recording, CLASSES)]
+    labels_n = labels_of(log, 5.0, 9.0 + shift_s, 10.3 + shift_s)
     assert labels_n == pytest.approx([0.02] * 3, abs=1e-4)
 
 
@@ -240,17 +225,9 @@ def test_half_of_a_window_is_enough_however_the_clock_is_rounded():
         replace(log_of(np.zeros(400 - len(gaps))), time_s=np.delete(time_s, gaps))
         for gaps in ([3], [3, 5])
     )
-    assert (
-        label_frames(recording_of(one, 0.005, average_s=0.2), CLASSES)[
-            0
-        ].measured_force_n
-        == 0.0
-    )
-
-    with pytest.raises(
-        RecordingError, match=r"no frame has a label; 0.png: 9 force samples"
-    ):
-        label_frames(recording_of(two, 0.005, average_s=0.2), CLASSES)
+    assert labels_of(one, 0.005, average_s=0.2) == [0.0]
+    with pytest.raises(RecordingError, match=r"no frame has a label; 0.png: 9 force"):
+        labels_of(two, 0.005, average_s=0.2)
 
 
 def test_pierced_trials_and_those_above_the_largest_force_are_kept_with_the_reason():
@@ -269,22 +246,14 @@ def test_pierced_trials_and_those_above_the_largest_force_are_kept_with_the_reas
 def labels_of_the_paper_eyes(study, seed):
     for eye, forces_n in paper_eyes(study):
         plan = plan_phantom(eye, forces_n, study, seed)
-        table = sense(
-            plan.path,
-            plan.sensor,
-            2,
-            -1,
-            plan.path.times_s[-1] + 1.5,
-            np.random.default_rng(seed),
-        )
-        frames = [frame.push.frame_s for frame in plan.frames]
-        trials = label_frames(
-            recording_of(
-                ForceLog(table[:, 0], table[:, 1:], FORCE_COLUMNS[1:]), *frames
-            ),
-            CLASSES,
-        )
-        yield from zip(plan.frames, trials, strict=True)
+        rng = np.random.default_rng(seed)
+        end_s = plan.path.times_s[-1] + 1.5
+        table = sense(plan.path, plan.sensor, 2, -1, end_s, rng)
+        log = ForceLog(table[:, 0], table[:, 1:], FORCE_COLUMNS[1:])
+        recording = recording_of(log, *(frame.push.frame_s for frame in plan.frames))
+        trials = label_frames(recording, CLASSES)
+        for frame, trial in zip(plan.frames, trials, strict=True):
+            yield frame.push.force_n, trial
 
 
 def test_labels_of_virtual_recordings_meet_the_truth():
@@ -293,21 +262,19 @@ def test_labels_of_virtual_recordings_meet_the_truth():
     pairs = [
         pair for seed in range(6) for pair in labels_of_the_paper_eyes(Study(), seed)
     ]
-    errors = np.array(
-        [trial.measured_force_n - frame.push.force_n for frame, trial in pairs]
-    )
-    assert (
-        np.abs([errors.mean(), errors.std(), *errors])
-        < [0.25e-3, 0.7e-3, *[2e-3] * len(errors)]
-    ).all()
-    assert all(
-        trial.target == CLASSES.classify(frame.push.force_n) for frame, trial in pairs
-    )
-    none = fixed(0.0)  # of a perfect sensor
-    quiet = PhantomStudy(force_noise_n=none, force_drift_n_per_s=none, force_step_n=0.0)
+    errors_n = np.array([trial.measured_force_n - force_n for force_n, trial in pairs])
+    assert abs(errors_n.mean()) < 0.25e-3
+    assert errors_n.std() < 0.7e-3
+    assert np.abs(errors_n).max() < 2e-3
+    assert all(trial.target == CLASSES.classify(force_n) for force_n, trial in pairs)
 
-    for frame, trial in labels_of_the_paper_eyes(replace(Study(), phantom=quiet), 0):
-        assert trial.measured_force_n == pytest.approx(frame.push.force_n, abs=1e-5)
+
+def test_a_perfect_sensor_gives_the_force_itself():
+    none = fixed(0.0)
+    quiet = PhantomStudy(force_noise_n=none, force_drift_n_per_s=none, force_step_n=0.0)
+    study = replace(Study(), phantom=quiet)
+    for force_n, trial in labels_of_the_paper_eyes(study, 0):
+        assert trial.measured_force_n == pytest.approx(force_n, abs=1e-5)
 
 
 @pytest.mark.real
