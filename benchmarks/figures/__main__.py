@@ -1,5 +1,8 @@
 """`make figures`: virtual eyes that no training has seen, through the released
-commands, to one table.
+commands, to one table; and studies of single questions.
+
+python -m figures [OPTIONS]        the tables
+python -m figures STUDY [OPTIONS]  a study; `--help` lists all
 
 Nothing is tuned here: the eyes are drawn from fixed seeds, computed in three dimensions
 at finite strain, imaged by the virtual laboratory of the paper's study, and read.
@@ -10,10 +13,13 @@ import json
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 
 import click
 
+from figures import studies
 from figures.commands import take_up
 from figures.declared import declare
 from figures.eyes import FigureEye
@@ -46,69 +52,46 @@ from scleraforce.lab.virtual_eye import eye_name
 from scleraforce.records.study import Study
 
 
-class _Groups(click.ParamType[tuple[str, ...]]):
-    """Names of groups, separated by commas."""
+class Studies(click.Group):
+    """The tables, and the studies as commands, each imported when it is named."""
 
-    name = "GROUP,GROUP,..."
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's
+        """Return the names of the studies."""
+        modules = iter_modules(studies.__path__)
+        return sorted(module.name.replace("_", "-") for module in modules)
 
-    def convert(
-        self,
-        value: str | tuple[str, ...],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> tuple[str, ...]:
-        """Return the names, each once, in the order given."""
-        names = (
-            value
-            if isinstance(value, tuple)
-            else tuple(dict.fromkeys(value.split(",")))
-        )
-        if unknown := [name for name in names if name not in GROUPS]:
-            self.fail(
-                f"{unknown[0]!r} is not a group; there are {', '.join(GROUPS)}",
-                param,
-                ctx,
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return the command of a study."""
+        if cmd_name not in self.list_commands(ctx):
+            return None
+        name = cmd_name.replace("-", "_")
+        command: click.Command = import_module(f"figures.studies.{name}").main
+        return command
+
+
+def _group_names(text: str) -> tuple[str, ...]:
+    """Return names of groups, separated by commas, each once."""
+    names = tuple(dict.fromkeys(text.split(",")))
+    for name in names:
+        if name not in GROUPS:
+            raise click.BadParameter(
+                f"{name!r} is not a group; there are {', '.join(GROUPS)}"
             )
+    return names
 
-        return names
 
-
-class _Counts(click.ParamType[dict[str, int]]):
-    """Number of eyes in each group: one for all, then others by name."""
-
-    name = "N,GROUP=N,..."
-
-    def convert(
-        self,
-        value: str | int | dict[str, int],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> dict[str, int]:
-        """Return a number for every group."""
-        if isinstance(value, dict):
-            return value
-
-        every, *others = str(value).split(",")
-        named = dict(other.partition("=")[::2] for other in others)
-        if unknown := [name for name in named if name not in GROUPS]:
-            self.fail(
-                f"{unknown[0]!r} is not a group; there are {', '.join(GROUPS)}",
-                param,
-                ctx,
+def _counts(text: str) -> dict[str, int]:
+    """Return the number of eyes in each group: one for all, then others by name."""
+    every, *others = text.split(",")
+    named = dict(other.partition("=")[::2] for other in others)
+    _group_names(",".join(named or GROUPS))
+    texts = dict.fromkeys(GROUPS, every) | named
+    for number in texts.values():
+        if not number.isdigit() or int(number) < 2:
+            raise click.BadParameter(
+                f"{number!r}: give numbers of eyes, 2 or more, like 30 or 30,needle=6"
             )
-
-        texts = {name: named.get(name, every) for name in GROUPS}
-        if wrong := [
-            text for text in texts.values() if not text.isdigit() or int(text) < 2
-        ]:
-            self.fail(
-                f"{wrong[0]!r}: give numbers of eyes, 2 or more, like 30 or"
-                " 30,needle=6",
-                param,
-                ctx,
-            )
-
-        return {name: int(text) for name, text in texts.items()}
+    return {name: int(number) for name, number in texts.items()}
 
 
 # frames after which the error of E is listed
@@ -124,7 +107,7 @@ class Group:
     answers: dict[Method, tuple[AnsweredFrame, ...]]
 
 
-@click.command()
+@click.group(cls=Studies, invoke_without_command=True)
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -135,16 +118,18 @@ class Group:
 @click.option(
     "--eyes",
     "counts",
-    type=_Counts(),
-    default=30,
+    type=_counts,
+    default="30",
     show_default=True,
+    metavar="N,GROUP=N,...",
     help="Number of eyes in each group, and other numbers by name.",
 )
 @click.option(
     "--groups",
     "names",
-    type=_Groups(),
-    default=tuple(GROUPS),
+    type=_group_names,
+    default=",".join(GROUPS),
+    metavar="GROUP,GROUP,...",
     help=f"Groups, in their order; all by default: {','.join(GROUPS)}.",
 )
 @options(
@@ -200,7 +185,9 @@ class Group:
     is_flag=True,
     help="Stop when the eyes are computed and imaged.",
 )
+@click.pass_context
 def main(
+    ctx: click.Context,
     out: Path,
     counts: dict[str, int],
     names: tuple[str, ...],
@@ -218,6 +205,9 @@ def main(
     """Read virtual eyes that no training has seen; write figures.md, figures.json and
     figures.png to the folder.
     """
+    if ctx.invoked_subcommand is not None:
+        return
+
     study = Study()
     folder = FiguresFolder(out)
     chosen = chosen_workers(scheduler, workers) or available_cores()

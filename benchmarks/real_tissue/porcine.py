@@ -24,24 +24,19 @@ Floats = NDArray[np.float64]
 STIFFNESS_N_M = 130.0
 IOP_PA = to_si(15.0, "mmhg")
 # where paths are computed; between them slopes are interpolated
-MODULI_PA = (
-    0.1e6,
-    0.15e6,
-    0.2e6,
-    0.3e6,
-    0.4e6,
-)
+MODULI_PA = (0.1e6, 0.15e6, 0.2e6, 0.3e6, 0.4e6)
 DENTS_M = np.linspace(0.1e-3, 1.1e-3, 11)
 
 
 @dataclass(frozen=True)
 class PunchedEye:
-    """Sizes in m, and nu."""
+    """Sizes in m, and nu. `symmetric`: a whole sphere between two punches."""
 
     radius_m: float = 7.86e-3
     thickness_m: float = 1.03e-3
     punch_m: float = 2.5e-3
     poisson_ratio: float = 0.45
+    symmetric: bool = False
 
 
 SIZE = PunchedEye()
@@ -87,7 +82,6 @@ def pushed(
     *,
     iop_pa: float = IOP_PA,
     size: PunchedEye = SIZE,
-    symmetric: bool = False,
     dents_m: Floats = DENTS_M,
 ) -> Pushed:
     """Return the path below the punch of a globe of rigidity k, mmHg^(1/3)/ul; 0 is
@@ -105,7 +99,7 @@ def pushed(
         size.punch_m,
         iop_pa / modulus_pa,
         dents_m,
-        symmetric=symmetric,
+        symmetric=size.symmetric,
         globe=globe,
     )
 

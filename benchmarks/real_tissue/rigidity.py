@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from figures.pushed_walls import NEEDLE_RADIUS_M, NU, RADIUS_M
 from scleraforce.base.units import from_si, to_si
 from scleraforce.mechanics.axisymmetric_wall import (
     AxisymmetricPath,
@@ -16,13 +17,10 @@ from scleraforce.mechanics.axisymmetric_wall import (
 from scleraforce.mechanics.load_path_tracing import PathEnd, pressurise
 from scleraforce.mechanics.meridian_elements import MeridianSize, meridian_mesh
 from scleraforce.mechanics.tissue_material import burst_tension
-from scleraforce.records.globe import PressureLaw, sealed_law
+from scleraforce.records.globe import CONSTANT_PRESSURE, PressureLaw, sealed_law
 
 Floats = NDArray[np.float64]
 
-RADIUS_M = 12e-3
-NU = 0.45
-NEEDLE_M = 0.35e-3
 AT_MMHG = 15.0  # at which a logarithmic law has the slope of k
 ONE_MMHG_PA = to_si(1.0, "mmhg")
 ONE_UL_M3 = 1e-9
@@ -38,6 +36,10 @@ class Law:
     printed: str
     globe: PressureLaw
     rigidity: float
+
+    def mmhg_per_ul(self, pressure_mmhg: float) -> float:
+        """Return dP/dV at a pressure."""
+        return mmhg_per_ul(float(self.globe.stiffness(to_si(pressure_mmhg, "mmhg"))))
 
 
 def laws() -> list[Law]:
@@ -80,17 +82,15 @@ def own_mmhg_per_ul(
     pressure_mmhg: float,
     *,
     half: bool,
-    radius_m: float = RADIUS_M,
 ) -> float:
     """Return dP/dV of the model's wall, mmHg/ul: a half-sphere with a clamped base, or
     a whole sphere.
     """
     ratio = to_si(pressure_mmhg, "mmhg") / modulus_pa
-    if ratio * radius_m / thickness_m > 0.9 * burst_tension(NU):
+    if ratio * RADIUS_M / thickness_m > 0.9 * burst_tension(NU):
         return float("nan")
 
-    mesh = meridian_mesh(radius_m, thickness_m, NEEDLE_M, 0.5 * np.pi, MeridianSize())
-    wall = AxisymmetricWall(mesh, NU, symmetric=not half)
+    wall = _wall(thickness_m, half=half)
     u = pressurise(wall, ratio)
     gradient = wall.volume(u)[1]
     compliance = float(gradient @ wall.factor(u, ratio)(gradient)) * (
@@ -128,8 +128,7 @@ def own_pressure(
     """Return the pressure, Pa, at a dent if the model's own wall held its volume: V(P,
     dent) = V(P0, no needle).
     """
-    mesh = meridian_mesh(RADIUS_M, thickness_m, NEEDLE_M, 0.5 * np.pi, MeridianSize())
-    wall = AxisymmetricWall(mesh, NU, symmetric=not half)
+    wall = _wall(thickness_m, half=half)
     at_rest = wall.volume(pressurise(wall, iop_pa / modulus_pa))[0]
 
     def missing(pressure_pa: float) -> float:
@@ -137,12 +136,25 @@ def own_pressure(
         grown_m3 = (wall.volume(pressurise(wall, ratio))[0] - at_rest) * (
             1.0 if half else 2.0
         )
-        return float(grown_m3 - open_path(thickness_m, ratio, tip_m).displaced_m3[-1])
+        return float(grown_m3 - globe_path(thickness_m, ratio, tip_m).displaced_m3[-1])
 
     return float(brentq(missing, iop_pa, 20.0 * iop_pa, xtol=1e-3))
 
 
-def open_path(thickness_m: float, iop_ratio: float, tip_m: float) -> AxisymmetricPath:
-    """Return the open path of the product's needle to one dent."""
-    wall = EvenWall(RADIUS_M, thickness_m, NU, NEEDLE_M)
-    return axisymmetric_path(wall, iop_ratio, PathEnd(tips_m=np.array([tip_m])))
+def globe_path(
+    thickness_m: float,
+    iop_ratio: float,
+    tip_m: float,
+    globe: PressureLaw = CONSTANT_PRESSURE,
+) -> AxisymmetricPath:
+    """Return the path of the product's needle to one dent, by default of an open
+    globe.
+    """
+    wall = EvenWall(RADIUS_M, thickness_m, NU, NEEDLE_RADIUS_M)
+    return axisymmetric_path(wall, iop_ratio, PathEnd(tips_m=np.array([tip_m])), globe)
+
+
+def _wall(thickness_m: float, *, half: bool) -> AxisymmetricWall:
+    size = MeridianSize()
+    mesh = meridian_mesh(RADIUS_M, thickness_m, NEEDLE_RADIUS_M, 0.5 * np.pi, size)
+    return AxisymmetricWall(mesh, NU, symmetric=not half)

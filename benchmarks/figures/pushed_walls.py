@@ -1,5 +1,5 @@
-"""Forces read from the outer surface in the slice by an elastic 3-D wall: a reader
-without light and noise.
+"""Walls of radius 12 mm under the needle of 0.7 mm, and forces read from their outer
+surface in the slice: a reader without light and noise.
 """
 
 import numpy as np
@@ -7,8 +7,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from scleraforce.mechanics.contact_and_section import Contact, ScanPlane
-from scleraforce.mechanics.finite_strain_wall import LoadPath
+from scleraforce.mechanics.finite_strain_wall import FiniteWall, LoadPath
 from scleraforce.mechanics.hexahedral_mesh import HexMesh
+from scleraforce.mechanics.load_path_tracing import PathEnd
+from scleraforce.mechanics.loads_and_supports import needle_at
 from scleraforce.mechanics.mesh_section import cut_sections
 
 Floats = NDArray[np.float64]
@@ -21,6 +23,28 @@ CONTACT = Contact(polar_rad=np.radians(35.0))
 PLANE = ScanPlane(CONTACT, gap_m=0.5e-3)
 SEEN_M = np.linspace(-3.5e-3, 3.5e-3, 141)
 FINE_N = 1e-5
+
+
+def push(
+    wall: FiniteWall,
+    end: PathEnd,
+    modulus_pa: float,
+    iop_pa: float,
+    *,
+    contact: Contact = CONTACT,
+    touched: HexMesh | None = None,
+    density_kg_m3: float = 0.0,
+) -> LoadPath:
+    """Return the path of a wall under the needle, which pushes on the outer surface of
+    `touched`, by default the wall's own.
+    """
+    return wall.load_path(
+        needle_at(touched or wall.mesh, contact, NEEDLE_RADIUS_M),
+        end,
+        youngs_modulus_pa=modulus_pa,
+        iop_pa=iop_pa,
+        density_kg_m3=density_kg_m3,
+    )
 
 
 def surfaces(mesh: HexMesh, displacement_snc: Floats) -> Floats:

@@ -1,8 +1,5 @@
-"""Measure the cost of the assumption that the eye's pressure relaxes as its wall does:
-the table of docs/physics.md.
-
-    python benchmarks/bench_relaxation.py [--rows N] [--core 4] [--rings 8]
-        [--samples 12]
+"""What it costs to assume that the eye's pressure relaxes as its wall does: the table
+of docs/physics.md.
 
 3-D walls of 0.6 mm, radius 12 mm, needle at 35 deg. Their stress relaxes, the pressure
 does not: with Se(C) the elastic second Piola-Kirchhoff stress, S = Se - sum g_i M_i and
@@ -11,25 +8,28 @@ under its pressure. The needle moves to a dent in 0.3 s and holds it. The Fe tha
 read is the force at which an elastic wall of the instantaneous modulus has the nearest
 section. `mechanics.tissue_material` then turns Fe into the felt force, with the
 tissue's own g, or with the g that fits the felt force of a hold at 20 mN best. No
-light, no noise. `--rows` keeps the first N eyes, tissues and forces. A minute and a
-half on one core.
+light, no noise. Forces are in mN, after holds of 1, 10 and 100 s. A minute and a half
+on one core.
 """
 
-import argparse
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
+import click
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from elastic_sections import (
+from figures.printing import ROWS, listed, print_table, whole_number
+from figures.pushed_walls import (
     CONTACT,
     NEEDLE_RADIUS_M,
     NU,
     RADIUS_M,
     THICKNESS_M,
     ElasticSections,
+    Floats,
+    push,
     surfaces,
 )
 from scleraforce.base.units import to_si
@@ -46,19 +46,15 @@ from scleraforce.mechanics.tissue_material import (
     line_weights,
 )
 
-Floats = NDArray[np.float64]
-
+CORE = 4  # quads along the side of the mesh's core
 EYES = ((0.4, 2.0), (0.4, 10.0), (1.2, 18.0))  # MPa at once, mmHg
 TISSUES = {
     "27 %": PronySeries((0.12, 0.15), (1.2, 12.0)),
     "pork": PronySeries((0.27, 0.33), (0.4, 4.3)),
 }
-# elastic ones at the dents that are held; a calibration sees the first
-FORCES_N = (
-    20e-3,
-    10e-3,
-    30e-3,
-)
+# elastic ones at the dents that are held: one calibrates, the other is read
+CALIBRATED_N = 20e-3
+READ_N = 30e-3
 RAMP_S = 0.3
 RAMP_STEPS = 6
 SHOWN_S = (1.0, 10.0, 100.0)  # of a hold
@@ -182,10 +178,10 @@ class Hold:
             self.time_s.tolist(), self.read_n.tolist(), self.time_s
         )
 
-    def shown(self, forces_n: Floats, how: str = ".1f") -> str:
+    def shown(self, forces_n: Floats, form: str = ".1f") -> str:
         """Return forces after the shown holds, in mN."""
-        at = np.searchsorted(self.time_s, RAMP_S + np.array(SHOWN_S))
-        return ", ".join(format(1e3 * force_n, how) for force_n in forces_n[at])
+        samples = np.searchsorted(self.time_s, RAMP_S + np.array(SHOWN_S))
+        return listed(1e3 * forces_n[samples], form)
 
 
 def pushed(
@@ -211,7 +207,7 @@ def pushed(
     return np.array(states)
 
 
-def found(hold: Hold) -> PronySeries:
+def found_shares(hold: Hold) -> PronySeries:
     """Return the shares that turn the forces read in a hold into those felt, by least
     squares.
     """
@@ -222,80 +218,50 @@ def found(hold: Hold) -> PronySeries:
     return PronySeries(tuple(shares.tolist()), TIMES_S)
 
 
-def print_rows(
-    wall: FiniteWall,
-    needle: NeedleLoad,
-    eye: tuple[float, float],
-    rows: int | None,
-    samples: int,
-) -> None:
-    """Print an eye's holds in each tissue."""
+def eye_rows(
+    wall: FiniteWall, eye: tuple[float, float], samples: int
+) -> Iterator[list[str]]:
+    """Yield an eye's rows, one for each tissue."""
     modulus_pa = 1e6 * eye[0]
     iop_pa = to_si(eye[1], "mmhg")
-    path = wall.load_path(
-        needle,
-        PathEnd(max_force=1.3 * max(FORCES_N)),
-        youngs_modulus_pa=modulus_pa,
-        iop_pa=iop_pa,
-        density_kg_m3=0.0,
-    )
+    path = push(wall, PathEnd(max_force=1.3 * READ_N), modulus_pa, iop_pa)
     elastic = ElasticSections(wall.mesh, path)
+    needle = needle_at(wall.mesh, CONTACT, NEEDLE_RADIUS_M)
     holds_s = RAMP_S + np.union1d(np.geomspace(0.1, max(SHOWN_S), samples), SHOWN_S)
     time_s = np.concatenate([RAMP_S * np.arange(RAMP_STEPS + 1) / RAMP_STEPS, holds_s])
 
-    for name, tissue in list(TISSUES.items())[:rows]:
-        fitted = None
-        for force_n in FORCES_N[:rows]:
-            problem = RelaxingWall(wall, needle, modulus_pa, tissue)
-            states = pushed(problem, iop_pa / modulus_pa, path.tip_m(force_n), time_s)
-            read_n, off_m = elastic.read_n(
-                surfaces(wall.mesh, np.stack([wall.full_nc(u) for u in states[:, :-1]]))
-            )
-            read_n[0] = 0.0  # before the contact
-            hold = Hold(time_s, modulus_pa * states[:, -1], read_n)
-            fitted = fitted or found(hold)
-            row = (
-                f"| {eye[0]:g} MPa, {eye[1]:g} mmHg | {name} | {1e3 * force_n:g} |"
-                f" {hold.shown(hold.felt_n)} "
-            )
-            row += f"| {hold.shown(hold.read_n)} | {1e6 * off_m[-1]:.0f} "
+    def held(tissue: PronySeries, force_n: float) -> tuple[Hold, float]:
+        problem = RelaxingWall(wall, needle, modulus_pa, tissue)
+        states = pushed(problem, iop_pa / modulus_pa, path.tip_m(force_n), time_s)
+        displaced_snc = np.stack([wall.full_nc(u) for u in states[:, :-1]])
+        read_n, off_m = elastic.read_n(surfaces(wall.mesh, displaced_snc))
+        read_n[0] = 0.0  # before the contact
+        return Hold(time_s, modulus_pa * states[:, -1], read_n), float(off_m[-1])
 
-            for series in (tissue, fitted):
-                row += f"| {hold.shown(hold.felt_by(series) - hold.felt_n, '+.2f')} "
+    for name, tissue in TISSUES.items():
+        found = found_shares(held(tissue, CALIBRATED_N)[0])
+        hold, off_m = held(tissue, READ_N)
+        yield [
+            f"{eye[0]:g} MPa, {eye[1]:g} mmHg",
+            name,
+            hold.shown(hold.felt_n),
+            hold.shown(hold.read_n),
+            f"{1e6 * off_m:.0f}",
+            *(
+                hold.shown(hold.felt_by(series) - hold.felt_n, "+.2f")
+                for series in (tissue, found)
+            ),
+        ]
 
-            print(f"{row}|", flush=True)
 
-
-def main() -> None:
+@click.command(help=__doc__)
+@ROWS
+@whole_number("--rings", 8, "Rings of elements around the mesh's core.")
+@whole_number("--samples", 12, "Samples of a hold.")
+def main(rows: int | None, rings: int, samples: int) -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__.split("\n\n")[0] if __doc__ else ""
-    )
-    parser.add_argument(
-        "--rows", type=int, help="only the first N eyes, tissues and forces"
-    )
-    parser.add_argument(
-        "--core", type=int, default=4, help="quads along the side of the mesh's core"
-    )
-    parser.add_argument("--rings", type=int, default=8, help="around the core")
-    parser.add_argument("--samples", type=int, default=12, help="of a hold")
-    given = parser.parse_args()
-    mesh = graded_mesh(RADIUS_M, THICKNESS_M, CONTACT, given.core, given.rings)
-    wall = FiniteWall(mesh, NU)
-    needle = needle_at(mesh, CONTACT, NEEDLE_RADIUS_M)
-    print(
-        "Forces in mN after holds of 1, 10 and 100 s; held: elastic force of the dent;"
-        " misfit of the section in um"
-    )
-    print(
-        "| E, IOP | lost | held | felt | Fe read | misfit | error by the tissue's g |"
-        " by g found at 20 mN |"
-    )
-    print("|---|---|---|---|---|---|---|---|")
-
-    for eye in EYES[: given.rows]:
-        print_rows(wall, needle, eye, given.rows, given.samples)
-
-
-if __name__ == "__main__":
-    main()
+    wall = FiniteWall(graded_mesh(RADIUS_M, THICKNESS_M, CONTACT, CORE, rings), NU)
+    head = ["E, IOP", "lost", "felt", "Fe read", "misfit, um"]
+    errors = ["error by the tissue's g", "by g found at 20 mN"]
+    eyes = (row for eye in EYES[:rows] for row in eye_rows(wall, eye, samples))
+    print_table([*head, *errors], eyes)

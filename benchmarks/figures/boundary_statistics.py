@@ -1,6 +1,4 @@
-"""Statistics of the errors of found boundaries, which `boundary_errors` draws (NumPy
-only).
-"""
+"""Statistics of the errors of found boundaries."""
 
 from dataclasses import dataclass
 
@@ -17,7 +15,7 @@ Floats = NDArray[np.float64]
 GENTLE = 0.3
 STEEP = 0.4
 LAGS = (1, 5)  # columns
-LARGE_M = 0.1e-3
+SIDE_COLUMNS = 10
 CLEAR_M = 0.1e-3  # of the frame's lower edge: nearer to it no error is counted
 LAYER_M = 0.08e-3
 LAYER_COLUMNS = 1 / 3
@@ -50,12 +48,10 @@ class BoundaryStatistics:
         thickness_steep_sd_m: on steep ones.
         thickness_correlation: as above.
         thickness_scale_sd: of the frames' median error, relative.
-        large_share: of steep columns with a thickness more than 0.1 mm off.
         layer_share: of frames whose thickness is more than 0.08 mm too large in more
             than a third of their columns.
         lost_share: of columns well above the lower edge, and away from the sides, that
             were not found.
-        beyond_share: of columns below the lower edge that were found.
     """
 
     outer_bias_m: float
@@ -68,25 +64,22 @@ class BoundaryStatistics:
     thickness_steep_sd_m: float
     thickness_correlation: tuple[float, ...]
     thickness_scale_sd: float
-    large_share: float
     layer_share: float
     lost_share: float
-    beyond_share: float
 
 
 def boundary_statistics(
-    true_sbc: Floats, seen_sbc: Floats, study: SliceStudy, side_columns: int = 10
+    true_sbc: Floats, seen_sbc: Floats, study: SliceStudy
 ) -> BoundaryStatistics:
-    """Compare boundaries.
+    """Compare boundaries, `SIDE_COLUMNS` at each side left out: what the scan does not
+    reach is another matter.
 
     Args:
         true_sbc: depths (sample, boundary, column), m below the frame's upper edge.
         seen_sbc: as found; NaN: no wall was found.
         study: size of the slice and of its pixel.
-        side_columns: columns at each side that are left out: what the scan does not
-            reach is another matter.
     """
-    inside = slice(side_columns, study.columns - side_columns)
+    inside = slice(SIDE_COLUMNS, study.columns - SIDE_COLUMNS)
     true = true_sbc[:, :, inside]
     seen = seen_sbc[:, :, inside]
     bottom_m = study.rows * study.pixel_m
@@ -115,10 +108,8 @@ def boundary_statistics(
         thickness_steep_sd_m=_spread(thickness_error[steep]),
         thickness_correlation=_correlations(np.where(gentle, thickness_error, np.nan)),
         thickness_scale_sd=_spread(scale),
-        large_share=float((np.abs(thickness_error[steep]) > LARGE_M).mean()),
         layer_share=_layer_share(true, seen, found, bottom_m),
-        lost_share=_share(~found, outer < bottom_m - CLEAR_M),
-        beyond_share=_share(np.isfinite(seen[:, OUTER]), outer >= bottom_m),
+        lost_share=float((~found)[outer < bottom_m - CLEAR_M].mean()),
     )
 
 
@@ -203,7 +194,3 @@ def _correlations(errors: Floats) -> tuple[float, ...]:
     return tuple(
         float(np.nanmean(cut[:, lag:] * cut[:, :-lag])) / power for lag in LAGS
     )
-
-
-def _share(happened: NDArray[np.bool_], where: NDArray[np.bool_]) -> float:
-    return float(happened[where].mean()) if where.any() else 0.0

@@ -1,1 +1,0 @@
-"""Errors of the segmentation's boundaries, measured on drawn eyes."""

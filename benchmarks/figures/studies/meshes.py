@@ -1,0 +1,175 @@
+"""How far the mechanics depends on its mesh: the figures of docs/physics.md, "Accuracy"
+and "Eyes that are not spheres".
+
+R1 and R2 are the project's reference problems (`reference_r1.py`, `reference_r2.py`):
+linear on several even meshes, and at finite strain on equiangular quads. The order of
+the strain energy is that of three meshes under a smooth load. Graded meshes are
+compared with a linear one of twice their size, and at finite strain, under the
+product's disc, weight and pressure that follows, with an even one. Tips are in mm.
+"""
+
+from collections.abc import Iterator
+from itertools import islice, product
+from typing import Any
+
+import click
+import numpy as np
+
+import reference_r1 as r1
+import reference_r2 as r2
+from figures.printing import ROWS, listed, print_table, whole_number
+from figures.pushed_walls import CONTACT, NEEDLE_RADIUS_M, NU, RADIUS_M, push
+from reference_walls import symmetric_base, wall_mesh
+from scleraforce.mechanics.contact_and_section import Contact
+from scleraforce.mechanics.finite_strain_wall import FiniteWall
+from scleraforce.mechanics.graded_mesh import graded_mesh
+from scleraforce.mechanics.hexahedral_mesh import HexMesh, build_mesh
+from scleraforce.mechanics.linear_wall import LinearWall, tip_displacement
+from scleraforce.mechanics.load_path_tracing import PathEnd
+
+Mesh = dict[str, Any]  # keywords of `wall_mesh`
+
+EVEN_MESHES: dict[str, Mesh] = {
+    "10 quads, 27 nodes": {"divisions": 10, "level": 0},
+    "default: 20 quads, 27 nodes": {},
+    "20 quads, 20 nodes": {"twenty_nodes": True},
+    "20 quads, 27 nodes, 2 layers": {"layers": 2},
+    "paper: 40 quads, 8 nodes, 2 layers": {"level": 2, "order": 1, "layers": 2},
+    "40 quads, 8 nodes, 3 layers": {"level": 2, "order": 1, "layers": 3},
+}
+FAMILIES: dict[str, tuple[tuple[int, ...], Mesh]] = {
+    "8 nodes": ((8, 16, 32), {"order": 1, "layers": 2}),
+    "20 nodes": ((4, 8, 16), {"twenty_nodes": True}),
+    "27 nodes": ((4, 8, 16), {}),
+}
+GRIDS = ((6, 10), (6, 14), (6, 20), (8, 18))  # core and rings of graded meshes
+WALLS = ((0.8e-3, 0.38e6), (0.5e-3, 0.22e6))  # m, Pa
+MORE_RINGS = 10  # of the finer graded mesh
+DENSITY_KG_M3 = 1100.0
+
+
+def r1_rows(rows: int | None) -> Iterator[list[object]]:
+    """Yield R1's displacement along the load, and its ratio to the converged one."""
+    for name, kind in islice(EVEN_MESHES.items(), rows):
+        for thickness_m, converged_mm in r1.CONVERGED_MM.items():
+            mesh = wall_mesh(RADIUS_M, thickness_m, **kind)
+            load_nc = r1.gaussian_load(mesh, r1.CONTACT, r1.SPREAD_M)
+            u = LinearWall(mesh, NU).solve_one(load_nc) * r1.FORCE_N / r1.E_PA
+            tip_mm = 1e3 * tip_displacement(mesh, r1.CONTACT, u)
+            ratio = tip_mm / converged_mm
+            yield [name, 1e3 * thickness_m, f"{tip_mm:.3f}", f"{ratio:.3f}"]
+
+
+def order_rows(rows: int | None) -> Iterator[list[object]]:
+    """Yield the order of each element's strain energy, symmetric and clamped."""
+    for name, (quads, kind) in islice(FAMILIES.items(), rows):
+        orders = (observed_order(quads, kind, symmetric=flag) for flag in (True, False))
+        yield [name, *(f"{order:.2f}" for order in orders)]
+
+
+def observed_order(quads: tuple[int, ...], kind: Mesh, *, symmetric: bool) -> float:
+    """Return log2 of the ratio of successive differences of the energy."""
+    energies = []
+    for divisions in quads:
+        mesh = wall_mesh(RADIUS_M, 2e-3, divisions=divisions, level=0, **kind)
+        wall = LinearWall(mesh, NU, symmetric_base(mesh) if symmetric else None)
+        load = r1.gaussian_load(mesh, Contact(polar_rad=0.0), 3e-3)
+        energies.append(0.5 * float(np.sum(load * wall.solve_one(load))))
+
+    return float(np.log2((energies[1] - energies[0]) / (energies[2] - energies[1])))
+
+
+def linear_rows(rows: int | None, core: int, rings: int) -> Iterator[list[object]]:
+    """Yield how far the linear tips of graded meshes are off a fine one's, in %."""
+    cases = product((0.4e-3, 0.5e-3, 0.8e-3), (0.0, 35.0, 50.0))
+    for thickness_m, polar_deg in islice(cases, rows):
+        contact = Contact(polar_rad=float(np.radians(polar_deg)), azimuth_rad=0.3)
+        fine, *tips = (
+            linear_tip(graded_mesh(RADIUS_M, thickness_m, contact, *grid), contact)
+            for grid in ((2 * core, 2 * rings), *GRIDS)
+        )
+        off = [100.0 * (tip / fine - 1.0) for tip in tips]
+        yield [f"{1e3 * thickness_m:g} mm, {polar_deg:g} deg", listed(off, ".2f")]
+
+
+def linear_tip(mesh: HexMesh, contact: Contact) -> float:
+    """Return the linear displacement under the product's needle, per N at 1 Pa."""
+    needle_nc = LinearWall(mesh, NU).needle_cnc([contact], NEEDLE_RADIUS_M)[0]
+    return tip_displacement(mesh, contact, needle_nc)
+
+
+def r2_rows(rows: int | None, forces: int | None, quads: int) -> Iterator[list[object]]:
+    """Yield R2's expected tips, ours at the node nearest to the load, and the largest
+    difference.
+    """
+    for (thickness_m, modulus_pa, polar_deg), tips_mm in islice(
+        r2.TIPS_MM.items(), rows
+    ):
+        expected_mm = tips_mm[:forces]
+        mesh = build_mesh(RADIUS_M, thickness_m, quads, level=0)
+        contact = Contact(polar_rad=np.radians(polar_deg))
+        forces_n = 1e-3 * np.array(r2.FORCES_MN[: len(expected_mm)])
+        path = r2.reference_path(mesh, modulus_pa, contact, forces_n[-1])
+        outer = np.unique(mesh.outer_qn)
+        away_m = mesh.points_nc[outer] - RADIUS_M * contact.normal
+        node = outer[np.argmin(np.linalg.norm(away_m, axis=1))]
+        moved_sc = [
+            (path.displacement_nc(force_n) - path.displacement_snc[0])[node]
+            for force_n in forces_n
+        ]
+        found_mm = -1e3 * np.array(moved_sc) @ contact.normal
+        worst = 100.0 * np.abs(found_mm / expected_mm - 1.0).max()
+        name = f"{1e3 * thickness_m:g} mm, {1e-6 * modulus_pa:g} MPa, {polar_deg:g} deg"
+        yield [
+            name,
+            listed(expected_mm, ".3f"),
+            listed(found_mm, ".3f"),
+            f"{worst:.2f}",
+        ]
+
+
+def path_rows(
+    rows: int | None, forces: int | None, quads: int, core: int, rings: int
+) -> Iterator[list[object]]:
+    """Yield the tips of the product's paths on an even mesh and two graded ones."""
+    forces_n = 1e-3 * np.array(r2.FORCES_MN[:forces])
+    for thickness_m, modulus_pa in WALLS[:rows]:
+        meshes = {f"even, {quads} quads": build_mesh(RADIUS_M, thickness_m, quads // 2)}
+        for more in (rings, rings + MORE_RINGS):
+            mesh = graded_mesh(RADIUS_M, thickness_m, CONTACT, core, more)
+            meshes[f"graded, {core} core, {more} rings"] = mesh
+
+        for name, mesh in meshes.items():
+            end = PathEnd(max_force=forces_n[-1])
+            wall = FiniteWall(mesh, NU)
+            path = push(wall, end, modulus_pa, r2.IOP_PA, density_kg_m3=DENSITY_KG_M3)
+            tips_mm = [1e3 * path.tip_m(force_n) for force_n in forces_n]
+            wall_name = f"{1e3 * thickness_m:g} mm, {1e-6 * modulus_pa:g} MPa"
+            yield [wall_name, name, len(mesh.cells_en), listed(tips_mm, ".3f")]
+
+
+@click.command(help=__doc__)
+@ROWS
+@click.option("--forces", type=int, help="Only the first N forces of a path.")
+@whole_number("--quads", 20, "Quads along an edge of even meshes: 4, 8, 12, ...")
+@whole_number("--core", 6, "Quads along the core of graded meshes.")
+@whole_number("--rings", 14, "Rings around the core.")
+def main(
+    rows: int | None, forces: int | None, quads: int, core: int, rings: int
+) -> None:
+    """Print the tables."""
+    print("R1: inward displacement along the load\n")
+    print_table(["mesh", "t, mm", "mm", "over the converged one"], r1_rows(rows))
+    print("\nOrder of the strain energy\n")
+    print_table(["element", "symmetric base", "clamped base"], order_rows(rows))
+    print("\nLinear tips of graded meshes\n")
+    grids = ", ".join(f"{one} x {other}" for one, other in GRIDS)
+    head = [f"{grids}: off {2 * core} x {2 * rings}, %"]
+    print_table(["wall, contact", *head], linear_rows(rows, core, rings))
+    shown = listed(r2.FORCES_MN[:forces], "g")
+    print(f"\nR2: tips at {shown} mN\n")
+    head = ["wall, contact", "expected", "at the node", "worst, %"]
+    print_table(head, r2_rows(rows, forces, quads))
+    print(f"\nFinite strain: tips at {shown} mN\n")
+    head = ["wall", "mesh", "elements", "tips"]
+    print_table(head, path_rows(rows, forces, quads, core, rings))
