@@ -53,7 +53,7 @@ FIGURES = Tolerance(of_largest=3e-3)
 DECIDED_BY: dict[str, tuple[str, ...]] = {
     "make bench": (),
     "make reproduce": (*SHIPPED, "plain eye"),
-    "python benchmarks/bench_real_tissue.py": ("default",),
+    "python -m figures real-tissue": ("default",),
     "scleraforce train DATASET --search": ("paper",),
 }
 

@@ -8,27 +8,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from small_models import write_blind_finder
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
-FOUND = sorted(
-    path.stem for kind in ("bench_*.py", "figure_*.py") for path in FOLDER.glob(kind)
-)
+FOUND = sorted(path.stem for path in FOLDER.glob("bench_*.py"))
 
 # What each is given; a part of the monitor's benchmark is its second word.
 SMALLEST = {
-    "bench_at_rest": "--readings 1",
-    "bench_axisymmetric": "--rows 1 --solid",
-    "bench_boundary_errors": "1 1 --frames 3 --study {study}",
-    "bench_calibration": "1 1 --frames 5 --study {study}",
     "bench_console": "changes --changes 2",
-    "bench_finite_strain": "--rows 1 --loads 1 --quads 4 --core 2 --rings 4",
-    "bench_forms": "--rows 1 --forces 1 --finest 6 20",
-    "bench_hold_forces": "--eyes 1 --holds 2 --kinds needle --frames 1",
-    "bench_layers": "--rows 1 --rings 6",
-    "bench_learn_eye": "--count 1",
-    "bench_library": "1 --study {study}",
-    "bench_mechanics": "--rows 1",
     "bench_monitor latency": "{model} {recording} --frames 60",
     "bench_monitor soak": (
         "{model} {recording} --frames 1700 --rate-hz 200 --withdrawal-every 100"
@@ -42,24 +28,12 @@ SMALLEST = {
     "bench_monitor_sessions": (
         "--model {model} --kinds sealed living --eyes 1 --seconds 1 --rates-mn-s 100"
     ),
-    "bench_missing_inputs": "--eyes 1",
     "bench_old_pictures": "{recording} --frames 20",
     "bench_openigtlink": "--messages 1000",
     "bench_pierced": "--sessions 2",
-    "bench_planes": "1",
-    "bench_real_tissue": "--rows 1",
-    "bench_relaxation": "--rows 1 --rings 6 --samples 2",
-    "bench_conjunctiva": "--frames 1",
     "bench_relaxing_ramps": "--eyes 1",
     "bench_scale": "--images 20 40 1000000 --processes 1 --seconds 100 --study {study}",
-    "figure_real_tissue": "--out {out}",
-    "bench_stiffening": "--rows 1",
     "bench_time_to_bound": "{model} --eyes 1 --rates-mn-s 100",
-    "bench_where": "--groups plain --eyes 1 --frames 2 --needles",
-    "bench_without_force": "1 {out}",
-    "bench_wall_finder": "{finder} --scenes 3 --phantoms 2 --readings 3",
-    "figure_sealed_eye": "{model} --frames 2 --out {out}",
-    "figure_supports": "--study {study} --out {out}",
 }
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?")
 
@@ -91,9 +65,6 @@ def test_a_benchmark_prints_a_table_of_finite_numbers(
     assert not re.search(r"\b(nan|inf)\b", done.stdout, re.IGNORECASE), done.stdout
     assert done.stderr in ("", "compiling, once: half a minute\n")  # in an empty cache
 
-    if name.startswith("figure_"):
-        assert (tmp_path / "picture.png").stat().st_size > 10_000
-
 
 def ran(
     name: str, words: list[str], environment: dict[str, str]
@@ -119,9 +90,6 @@ class Given(dict[str, Path]):
 
     def __missing__(self, key: str) -> Path:
         fixture = self._request.getfixturevalue
-        if key == "finder":
-            write_blind_finder(self._folder / "finder")
-            return self._folder / "finder"
         if key in ("model", "recording"):
             return fixture("folder") / {"model": "reader", "recording": "eye"}[key]
 

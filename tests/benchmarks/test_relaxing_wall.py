@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bench_relaxation import RAMP_S, RelaxingWall, pushed
-from elastic_sections import CONTACT, NEEDLE_RADIUS_M, NU, RADIUS_M, THICKNESS_M
+from figures.pushed_walls import CONTACT, NEEDLE_RADIUS_M, NU, RADIUS_M, THICKNESS_M
+from figures.studies.relaxation import RAMP_S, RelaxingWall, pushed
 from scleraforce.mechanics.finite_strain_wall import FiniteWall
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.load_path_tracing import PathEnd

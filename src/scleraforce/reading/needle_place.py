@@ -30,7 +30,7 @@ Error = tuple[float, float, float]
 # of the prior's standard deviation: a wider posterior is hardly the picture's
 NARROWER = 0.5
 LEAST_DENT = 3.0  # standard deviations of it: no shallower one counts
-# Of walls of the library beside walls in 3-D (benchmarks/bench_where.py, seeds 2, 43,
+# Of walls of the library beside walls in 3-D (`python -m figures places`, seeds 2, 43,
 # 47): standard deviations in m, and per m of dent, and how many times as large they are
 # of walls that are not even, which do not show the gap.
 CONTACT_ERROR = (60e-6, 0.015, 2.0)

@@ -1,7 +1,7 @@
 """What is not known of an experiment, and what each missing input costs: one list for
 import, calibration, reading, the app and reports.
 
-Figures: `benchmarks/bench_missing_inputs.py` on 20 eyes for IOP, thickness, gap and
+Figures: `python -m figures missing-inputs` on 20 eyes for IOP, thickness, gap and
 globe; docs/limits.md for the relaxation.
 """
 

@@ -2,7 +2,7 @@
 SciPy only).
 
 A form at rest is added to the dented wall unchanged. The errors imitate the errors that
-`benchmarks/bench_boundary_errors.py` measures on rendered frames. No boundary is found
+`python -m figures boundary-errors` measures on rendered frames. No boundary is found
 in columns that the scan does not reach at the sides, nor where the surface leaves the
 frame.
 """
