@@ -316,7 +316,6 @@ def _result(folder: FiguresFolder, group: Group, study: Study) -> GroupResult:
         len(group.eyes),
         len(frames),
         sum(not frame.in_window for frame in frames),
-        sum(frame.target != frame.true_target for frame in frames),
         sum(force_n < study.needle.max_force_n for force_n in largest_n),
         {method: score(answered) for method, answered in group.answers.items()},
         [

@@ -57,7 +57,6 @@ class Group:
     """A group of eyes, and the goals of its readings.
 
     Attributes:
-        words: description for titles.
         own: turns a plain eye and the study into the group's.
         accuracy_percent: goal for the classes, or None.
         error_mn: goal for the force, or None.
@@ -67,7 +66,6 @@ class Group:
             eye.
     """
 
-    words: str
     own: Callable[[Setup, Study, Generator], Drawn]
     accuracy_percent: int | None = None
     error_mn: float | None = None
@@ -328,128 +326,81 @@ def _times(sampled: Sampled, factor: float, more: float = 0.0) -> Range:
 
 
 GROUPS: Mapping[str, Group] = {
-    "plain": Group(
-        words="globe open and declared", own=_plain, accuracy_percent=99, error_mn=0.4
-    ),
-    "harder": Group(
-        words="globe open and declared", own=_harder, accuracy_percent=97, error_mn=0.8
-    ),
+    "plain": Group(own=_plain, accuracy_percent=99, error_mn=0.4),
+    "harder": Group(own=_harder, accuracy_percent=97, error_mn=0.8),
     "sealed": Group(
-        words="globe sealed, declared without its rigidity",
         own=_sealed,
         accuracy_percent=98,
         error_mn=0.7,
     ),
     "untold": Group(
-        words="globe open or sealed, not declared",
         own=_open_or_sealed,
         accuracy_percent=97,
         error_mn=1.0,
         tell_globe=False,
     ),
     "limbus": Group(
-        words="2 to 5 mm behind a cornea of 7.8 mm; globe open and declared",
         own=_behind_the_limbus,
         accuracy_percent=96,
         error_mn=1.2,
     ),
     "living": Group(
-        words="1 to 2 MPa, 10 to 25 mmHg; globe sealed, declared without its rigidity",
         own=_living,
         accuracy_percent=95,
         error_mn=1.5,
         reader="living",
     ),
     "stiffening": Group(
-        words="b from 1 to 30; globe sealed, declared without its rigidity",
         own=_stiffening,
         accuracy_percent=96,
         error_mn=1.0,
     ),
     "supported": Group(
-        words=(
-            "a whole globe on a bed, held by the rectus muscles, read as a clamped"
-            " half-sphere"
-        ),
         own=_supported,
     ),
     "needle": Group(
-        words="the needle, 22G to 34G, in the picture; globe open and declared",
         own=_needle_in_the_plane,
         accuracy_percent=97,
         error_mn=0.8,
     ),
     "conjunctiva": Group(
-        words="under a conjunctiva of 0.08 to 0.2 mm; globe open and declared",
         own=_under_a_conjunctiva,
         accuracy_percent=95,
         error_mn=1.0,
     ),
     "scanner": Group(
-        words=(
-            "another scanner: four times the noise, three times the speckle, a linear"
-            " display, or 16 x 5.2 mm; globe open and declared"
-        ),
         own=_another_scanner,
         accuracy_percent=98,
         error_mn=0.5,
     ),
     "moving": Group(
-        words=(
-            "plain and harder eyes that turn under the needle by 1 to 3 degrees, with"
-            " saccades; globe open and declared"
-        ),
         own=_moving,
     ),
     "fibred": Group(
-        words=(
-            "4 to 25 times softer in shear through the wall than along it; globe open"
-            " and declared"
-        ),
         own=_fibred,
     ),
     "woven": Group(
-        words=(
-            "twice as stiff around the eye's axis as along it; globe open and declared"
-        ),
         own=_woven,
     ),
     "layered": Group(
-        words=(
-            "soft layers of 5 to 20 kPa, 0.1 to 0.6 mm, over the wall; globe open and"
-            " declared"
-        ),
         own=_layered,
     ),
     "relaxing": Group(
-        words=(
-            "a held needle loses 5 to 20 % of its force with 0.5 to 3 s, and as much"
-            " with 5 to 30 s; globe open and declared"
-        ),
         own=_relaxing,
         error_mn=0.5,
     ),
     "leaning": Group(
-        words=(
-            "a needle that sticks, at 0 to 45 degrees, calibrated at another lean, both"
-            " declared; globe open and declared"
-        ),
         own=_plain,
         error_mn=1.0,
         leans=_sticking,
     ),
     "sliding": Group(
-        words=(
-            "as leaning, with a friction of 0 to 0.3 between needle and wall; globe"
-            " open and declared"
-        ),
         own=_plain,
         error_mn=1.0,
         leans=_sliding,
     ),
     **{
         f"narrow-{width_mm}": Group(
-            words=f"frames {width_mm} mm wide; globe open and declared",
             own=partial(_cut_to, 1e-3 * width_mm),
             accuracy_percent=90,
             error_mn=1.5,

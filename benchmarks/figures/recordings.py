@@ -10,7 +10,6 @@ from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,6 @@ from figures.commands import is_made, note_stale, remove, write_key
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.sections import ROOM, compute_eye
-from figures.workers import in_processes
 from scleraforce.base.errors import ScleraforceError
 from scleraforce.base.whole_files import (
     hash_sources,
@@ -27,7 +25,7 @@ from scleraforce.base.whole_files import (
     write_whole,
     write_whole_folder,
 )
-from scleraforce.base.worker_processes import ClusterWorkers, work_units
+from scleraforce.base.worker_processes import work_units
 from scleraforce.lab.virtual_eye import eye_name
 from scleraforce.lab.virtual_recording import (
     PhantomFrame,
@@ -56,7 +54,6 @@ class MadeEye:
     forces_n: NDArray[np.float64]
     tips_m: NDArray[np.float64]
     lowest_m: NDArray[np.float64]
-    seconds: float
 
     def in_window(self, depth_m: float) -> NDArray[np.bool_]:
         """Return whether the wall's surface stays within a frame of this depth,
@@ -83,52 +80,27 @@ def make_recordings(
 
     Returns:
         The names of the eyes that failed; their messages are on standard error.
-    """
-    missing = [
-        (folder, eye)
-        for eye in eyes
-        if not is_made(folder.recording(eye), recording_key(eye))
-    ]
-    for _, eye in missing:
-        note_stale(folder.recording(eye))
-
-    progress(len(eyes) - len(missing))
-    if isinstance(workers, ClusterWorkers):
-        return _made_on_cluster(folder, [eye for _, eye in missing], workers, progress)
-
-    failed = []
-
-    def done(piece: tuple[FiguresFolder, FigureEye], code: int | None) -> None:
-        if code != 0:
-            failed.append(eye_name(piece[1].setup))
-        progress(1)
-
-    in_processes(_make, missing, workers, done)
-    return tuple(failed)
-
-
-def _made_on_cluster(
-    folder: FiguresFolder,
-    eyes: Sequence[FigureEye],
-    workers: ClusterWorkers,
-    progress: Callable[[int], object],
-) -> tuple[str, ...]:
-    """Let the cluster make eyes, write them here, and return the names of the failed
-    ones.
 
     Raises:
         ScleraforceError: a worker has other sources, or as `work_units`.
     """
+    missing = tuple(
+        eye for eye in eyes if not is_made(folder.recording(eye), recording_key(eye))
+    )
+    for eye in missing:
+        note_stale(folder.recording(eye))
+
+    progress(len(eyes) - len(missing))
     failed = []
-    with closing(
-        work_units(partial(_making, tuple(eyes)), range(len(eyes)), workers)
-    ) as made:
+    units = work_units(partial(_making, missing), range(len(missing)), workers)
+    with closing(units) as made:
         for number, found in made:
+            drawn = missing[number]
             if isinstance(found, str):
-                print(f"{eye_name(eyes[number].setup)}: {found}", file=sys.stderr)
-                failed.append(eye_name(eyes[number].setup))
+                print(f"{eye_name(drawn.setup)}: {found}", file=sys.stderr)
+                failed.append(eye_name(drawn.setup))
             else:
-                _write_sent(folder, eyes[number], found)
+                _write_sent(folder, drawn, found)
 
             progress(1)
 
@@ -187,10 +159,6 @@ def _write_sent(folder: FiguresFolder, drawn: FigureEye, sent: _Sent) -> None:
     write_key(recording, recording_key(drawn))
 
 
-def _make(piece: tuple[FiguresFolder, FigureEye]) -> None:
-    make_eye(*piece)
-
-
 def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
     """Compute one eye and write its recording, which appears last, and beside it what
     is known of it.
@@ -198,7 +166,6 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
     Raises:
         ScleraforceError: the eye cannot be computed.
     """
-    start = perf_counter()
     computed = compute_eye(drawn)
     forces_n = drawn.forces_n(computed.largest_n)
     plan = plan_phantom(drawn.setup, forces_n, drawn.study, drawn.seed)
@@ -224,7 +191,6 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
         lowest_m=np.array(
             [lowest_m(frame, section, drawn.study) for frame, section in pairs]
         ),
-        seconds=perf_counter() - start,
     )
     _write_made(folder, drawn, made)
     recording = folder.recording(drawn)
@@ -275,16 +241,12 @@ def _write_made(folder: FiguresFolder, drawn: FigureEye, made: MadeEye) -> None:
 def read_made(folder: FiguresFolder, drawn: FigureEye) -> MadeEye:
     """Return what is known of an eye that was made."""
     with np.load(folder.made(drawn)) as kept:
-        files = tuple(kept["files"].tolist())
-        largest_n = float(kept["largest_n"])
-        seconds = float(kept["seconds"])
         return MadeEye(
-            files,
-            largest_n,
+            tuple(kept["files"].tolist()),
+            float(kept["largest_n"]),
             kept["forces_n"],
             kept["tips_m"],
             kept["lowest_m"],
-            seconds,
         )
 
 

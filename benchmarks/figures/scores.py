@@ -1,6 +1,4 @@
-"""Scores of answers: the frames of `evaluate --json` against the force log and against
-the truth.
-"""
+"""Scores of answers: the frames of `evaluate --json` against the truth."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,7 +6,6 @@ from math import nan
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scleraforce.calibration.answer_metrics import Proportion, coverage_band
 from scleraforce.records.study import ClassesStudy
@@ -25,15 +22,13 @@ SMALLEST_MN = 1e-3
 class AnsweredFrame:
     """One frame of a virtual eye: its truth and an answer.
 
-    `target` and `measured_mn` are from the force log, `true_target` and `true_mn` the
-    simulated values. `in_window`: the wall's surface stays within the frame. Forces are
-    in mN; `read_mn` and `interval_mn` may be None.
+    `true_target` and `true_mn` are the simulated values. `in_window`: the wall's
+    surface stays within the frame. Forces are in mN; `read_mn` and `interval_mn` may be
+    None.
     """
 
     eye: str
     file: str
-    target: int
-    measured_mn: float
     true_target: int
     true_mn: float
     in_window: bool
@@ -53,35 +48,27 @@ class AnsweredFrame:
 class Scores:
     """The figures of a set of frames.
 
-    `accuracy`, `usable_accuracy` (of the frames called usable), `recall` of class 2 and
-    `as_harmless` (class 2 read as class 0) are against the truth; names with `log_` are
-    against the force log, as `evaluate` counts. `unusable`: of the frames whose wall
-    stays in the window; `refused_eyes` have no usable frame at all. `as_safe`: forces
-    above 35 mN that are read as class 1 or 0 with an interval that ends below 30 mN.
-    Errors in mN and coverage are over the usable frames with a force. `coverage_band`
-    holds the coverage of other such eyes with 95 %, by drawing whole eyes anew; None
-    without an interval. `width_mn`: median width of the intervals. `stretch`: the
-    factor about the median that would make 90 % hold, with equal weight for every eye.
+    All are against the truth. `as_harmless`: class 2 read as class 0. `unusable`: of
+    the frames whose wall stays in the window; `refused_eyes` have no usable frame.
+    `as_safe`: forces above 35 mN that are read as class 1 or 0 with an interval that
+    ends below 30 mN. Errors in mN and coverage are over the usable frames with a force.
+    `coverage_band` holds the coverage of other such eyes with 95 %, by drawing whole
+    eyes anew; None without an interval. `width_mn`: median width of the intervals.
+    `stretch`: the factor about the median that would make 90 % hold, with equal weight
+    for every eye.
     """
 
     frames: int
     accuracy: Proportion
-    usable_accuracy: Proportion
-    log_accuracy: Proportion
-    log_usable_accuracy: Proportion
-    recall: Proportion
     as_harmless: int
     as_safe: Proportion
     unusable: Proportion
     refused_eyes: int
     mae_mn: float
-    log_mae_mn: float
-    bias_mn: float
     coverage: Proportion
     coverage_band: tuple[float, float] | None
     width_mn: float
     stretch: float
-    log_coverage: Proportion
 
 
 def answered_frame(
@@ -103,8 +90,6 @@ def answered_frame(
     return AnsweredFrame(
         eye=answer["eye"],
         file=answer["file"],
-        target=answer["target"],
-        measured_mn=answer["measured_force_mn"],
         true_target=classes.classify(true_n),
         true_mn=1e3 * true_n,
         in_window=in_window,
@@ -122,23 +107,18 @@ def score(frames: Sequence[AnsweredFrame]) -> Scores:
     dangerous = [frame for frame in frames if frame.true_target == DANGEROUS]
     seen = [frame for frame in frames if frame.in_window]
     errors = [
-        (frame.read_mn - frame.true_mn, frame.read_mn - frame.measured_mn)
+        abs(frame.read_mn - frame.true_mn)
         for frame in usable
         if frame.read_mn is not None
     ]
-    of_truth, of_log = zip(*errors, strict=True) if errors else ((), ())
     held = [frame for frame in usable if frame.interval_mn is not None]
-    covered = [_holds(frame, frame.true_mn) for frame in held]
+    ends = [frame.interval_mn for frame in held if frame.interval_mn]
+    widths = [high - low for low, high in ends]
+    covered = [_holds(frame) for frame in held]
 
     return Scores(
         frames=len(frames),
         accuracy=_share([frame.right for frame in frames]),
-        usable_accuracy=_share([frame.right for frame in usable]),
-        log_accuracy=_share([frame.predicted == frame.target for frame in frames]),
-        log_usable_accuracy=_share(
-            [frame.predicted == frame.target for frame in usable]
-        ),
-        recall=_share([frame.right for frame in dangerous]),
         as_harmless=sum(frame.predicted == 0 for frame in dangerous),
         as_safe=_share(
             [_as_safe(frame) for frame in frames if frame.true_mn > HIGH_MN]
@@ -147,28 +127,18 @@ def score(frames: Sequence[AnsweredFrame]) -> Scores:
         refused_eyes=len(
             {frame.eye for frame in frames} - {frame.eye for frame in usable}
         ),
-        mae_mn=_mean(np.abs(of_truth)),
-        log_mae_mn=_mean(np.abs(of_log)),
-        bias_mn=_mean(np.array(of_truth)),
+        mae_mn=float(np.mean(errors)) if errors else nan,
         coverage=_share(covered),
         coverage_band=coverage_band([frame.eye for frame in held], covered),
-        width_mn=_median(
-            [
-                high - low
-                for frame in held
-                if frame.interval_mn
-                for low, high in [frame.interval_mn]
-            ]
-        ),
+        width_mn=float(np.median(widths)) if widths else nan,
         stretch=_stretch(held),
-        log_coverage=_share([_holds(frame, frame.measured_mn) for frame in held]),
     )
 
 
-def _holds(frame: AnsweredFrame, force_mn: float) -> bool:
+def _holds(frame: AnsweredFrame) -> bool:
     return (
         frame.interval_mn is not None
-        and frame.interval_mn[0] <= force_mn <= frame.interval_mn[1]
+        and frame.interval_mn[0] <= frame.true_mn <= frame.interval_mn[1]
     )
 
 
@@ -211,13 +181,5 @@ def _stretch(frames: Sequence[AnsweredFrame]) -> float:
     return float(np.asarray(scores)[order][np.searchsorted(share, LEVEL - 1e-9)])
 
 
-def _median(values: Sequence[float]) -> float:
-    return float(np.median(values)) if values else nan
-
-
 def _share(hits: Sequence[bool]) -> Proportion:
     return Proportion(sum(hits), len(hits))
-
-
-def _mean(values: NDArray[np.float64]) -> float:
-    return float(values.mean()) if len(values) else nan

@@ -36,16 +36,14 @@ class ModulusErrors:
 class GroupResult:
     """All that was found on a group of eyes.
 
-    `deep` of its frames leave the window, the force log puts `mislabelled` into another
-    class than the truth, and the load path of `capped` of its eyes ends before the
-    largest force.
+    `deep` of its frames leave the window, and the load path of `capped` of its eyes
+    ends before the largest force.
     """
 
     group: str
     eyes: int
     frames: int
     deep: int
-    mislabelled: int
     capped: int
     scores: Mapping[Method, Scores]
     moduli: Sequence[ModulusErrors]
@@ -168,7 +166,6 @@ def _plain_values(result: GroupResult) -> dict[str, Any]:
         "eyes": result.eyes,
         "frames": result.frames,
         "leaves_the_window": result.deep,
-        "mislabelled": result.mislabelled,
         "capped_eyes": result.capped,
         "methods": {
             method.name: _of_scores(scores) for method, scores in result.scores.items()

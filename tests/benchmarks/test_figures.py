@@ -1,6 +1,5 @@
 import json
 import math
-import multiprocessing
 from dataclasses import replace
 from math import cos, sin
 from types import SimpleNamespace
@@ -8,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from effects import contents
-from workers import leave_a_mark_or_wait
 
 from figures import commands, readings, recordings
 from figures.commands import answers, made_by
@@ -23,7 +21,6 @@ from figures.recordings import MadeEye, lowest_m
 from figures.scores import AnsweredFrame, score
 from figures.sections import bend_leaning, compute_eye
 from figures.table import COLUMNS, GroupResult, ModulusErrors, as_json, as_markdown
-from figures.workers import in_processes
 from provenance import __main__ as provenance_main, behaviour as provenance_behaviour
 from provenance.fingerprint import item
 from provenance.stamps import new_stamp, read_stamps
@@ -49,18 +46,14 @@ def frame(
     predicted,
     usable=True,
     *,
-    by_log=None,
     true_mn=20.0,
     read_mn=None,
     interval_mn=None,
     in_window=True,
 ):
-    logged = target if by_log is None else by_log
     return AnsweredFrame(
         "eye",
         "0001.png",
-        logged,
-        true_mn + 0.5,
         target,
         true_mn,
         in_window,
@@ -75,7 +68,7 @@ def test_scores_of_a_few_frames_are_as_counted_by_hand():
     found = score(
         [
             frame(0, 0, true_mn=2.0, read_mn=3.0, interval_mn=(1.0, 3.5)),
-            frame(1, 2, by_log=2, true_mn=29.0, read_mn=31.0, interval_mn=(30.0, 32.0)),
+            frame(1, 2, true_mn=29.0, read_mn=31.0, interval_mn=(30.0, 32.0)),
             frame(2, 0, true_mn=40.0, read_mn=4.0, interval_mn=(3.0, 5.0)),
             frame(2, 2, true_mn=50.0, read_mn=50.0, interval_mn=(49.0, 51.0)),
             frame(2, 2, usable=False, true_mn=55.0, in_window=False),
@@ -83,17 +76,10 @@ def test_scores_of_a_few_frames_are_as_counted_by_hand():
         ]
     )
     assert (found.accuracy.hits, found.accuracy.total) == (3, 6)
-    assert (found.usable_accuracy.hits, found.usable_accuracy.total) == (2, 4)
-    assert (found.log_accuracy.hits, found.log_accuracy.total) == (4, 6)
-    assert (found.log_usable_accuracy.hits, found.log_usable_accuracy.total) == (3, 4)
-    assert (found.recall.hits, found.recall.total) == (2, 3)
     assert found.as_harmless == 1
     assert (found.unusable.hits, found.unusable.total) == (1, 5)
     assert found.mae_mn == pytest.approx((1.0 + 2.0 + 36.0 + 0.0) / 4)
-    assert found.log_mae_mn == pytest.approx((0.5 + 1.5 + 36.5 + 0.5) / 4)
-    assert found.bias_mn == pytest.approx((1.0 + 2.0 - 36.0 + 0.0) / 4)
     assert (found.coverage.hits, found.coverage.total) == (2, 4)
-    assert (found.log_coverage.hits, found.log_coverage.total) == (2, 4)
     assert math.isnan(score([frame(1, 1)]).mae_mn)
     above = [
         frame(2, 1, true_mn=36.0, read_mn=25.0, interval_mn=(20.0, 29.9)),
@@ -270,7 +256,7 @@ def test_plain_and_harder_eyes_are_the_same_in_every_run():
 def test_calibration_frames_are_left_out_of_every_method(tmp_path, monkeypatch):
     eyes = draw_eyes("sealed", 2, STUDY)
     files = tuple(f"{number:04}.png" for number in range(1, 6))
-    made = MadeEye(files, 0.05, np.full(5, 0.02), np.zeros(5), np.zeros((5, 2)), 1.0)
+    made = MadeEye(files, 0.05, np.full(5, 0.02), np.zeros(5), np.zeros((5, 2)))
     used = {
         drawn.setup.eye.name: SimpleNamespace(
             frames=[SimpleNamespace(file=file) for file in files[1:4]]
@@ -326,7 +312,7 @@ def test_tables_and_picture_have_every_group(tmp_path):
     }
     moduli = [ModulusErrors(3, (0.01, -0.02), 1)]
     results = [
-        GroupResult(group, 2, len(frames), 0, 0, 0, {method: score(frames)}, moduli)
+        GroupResult(group, 2, len(frames), 0, 0, {method: score(frames)}, moduli)
         for group, frames in answers.items()
     ]
     rows = [
@@ -376,21 +362,8 @@ def test_the_lowest_point_of_a_boundary_is_sought_between_the_black_bands():
         np.zeros(2),
         np.zeros(2),
         np.array([[3.9e-3, 4.5e-3], [4.1e-3, 4.9e-3]]),
-        1.0,
     )
     assert made.in_window(4e-3).tolist() == [True, False]
-
-
-def test_processes_end_with_whoever_waits_for_them(tmp_path):
-    def stop(_piece, _code):
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        in_processes(
-            leave_a_mark_or_wait, [tmp_path / "first", tmp_path / "waits"], 2, stop
-        )
-
-    assert not multiprocessing.active_children()
 
 
 def test_a_result_is_made_anew_with_other_words_another_input_or_another_behaviour(

@@ -28,7 +28,7 @@ SMALLEST = {
     "layers": "--rows 1 --rings 6",
     "learn-eye": "--count 1",
     "library": "--walls 1 --study {study}",
-    "meshes": "--rows 1 --forces 1 --quads 4 --core 3 --rings 4",
+    "meshes": "--rows 1 --forces 1 --quads 4 --core 2 --rings 4",
     "missing-inputs": "--eyes 1",
     "places": "--groups plain --eyes 1 --frames 2 --needles",
     "planes": "--eyes 1",

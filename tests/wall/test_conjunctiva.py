@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench_conjunctiva import rows_off, waving_wall
+from figures.studies.conjunctiva import rows_off, waving_wall
 from scleraforce.lab.drawn_bscan import Bscan, render_bscan
 from scleraforce.lab.tissue_light import Pose, sample_conjunctiva, sample_optics
 from scleraforce.records.scan import PixelScale

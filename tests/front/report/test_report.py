@@ -31,7 +31,7 @@ from small_recordings import (
 )
 
 import scleraforce as sf
-from bench_conjunctiva import SCALE, drawn
+from figures.studies.conjunctiva import SCALE, drawn
 from scleraforce.base.errors import InputError
 from scleraforce.base.version import __version__
 from scleraforce.calibration.evaluation import Evaluation, FrameAnswer
