@@ -13,14 +13,12 @@ Eyes in three dimensions, imaged by the virtual laboratory. Who yields in a hold
 Each eye has two recordings of ten pushes. Three frames of the first one calibrate, and
 its others are read; or all of them do, and the second one is read. Either is done with
 nothing declared, and with the truth declared, whose intervals the last column compares
-with. `--frames 3` has three frames in each hold. With `--keep` the recordings stay, for
-another run.
+with. `--frames 3` has three frames in each hold.
 """
 
-import pickle
 from collections.abc import Iterator
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -142,34 +140,27 @@ def in_hold(frame: PhantomFrame, rng: np.random.Generator) -> Iterator[PhantomFr
         yield replace(frame, time_s=time_s, pose=pose, seed=seed)
 
 
-def kept_sections(setup: Setup, keep: Path) -> BentSections:
-    """Return an eye's sections; its load path is kept."""
+@cache
+def sections(setup: Setup) -> BentSections:
+    """Return an eye's sections, for all its recordings."""
     study = Study()
     wall = wall_of(setup)
-    kept = keep / f"{eye_name(setup)}.path"
-    if not kept.exists():
-        path = bend_eye(
-            study,
-            scan_plane(setup).contact,
-            PathEnd(max_force=BEYOND * LARGEST_N, as_far_as_found=True),
-            thickness_m=wall.thickness_m,
-            youngs_modulus_pa=wall.youngs_modulus_pa,
-            iop_pa=wall.iop_pa,
-        )
-        kept.write_bytes(pickle.dumps(path))
-
-    return BentSections(setup, study, bent=pickle.loads(kept.read_bytes()))
+    path = bend_eye(
+        study,
+        scan_plane(setup).contact,
+        PathEnd(max_force=BEYOND * LARGEST_N, as_far_as_found=True),
+        thickness_m=wall.thickness_m,
+        youngs_modulus_pa=wall.youngs_modulus_pa,
+        iop_pa=wall.iop_pa,
+    )
+    return BentSections(setup, study, bent=path)
 
 
-def recorded(case: Case, setup: Setup, seed: int, keep: Path) -> Recording:
-    """Return a recording of a case, which is made unless it is kept."""
+def recorded(case: Case, setup: Setup, seed: int, folder: Path) -> Recording:
+    """Make a recording of a case."""
     name = f"{eye_name(setup)}-{case.kind}-{case.hold_s:g}s-{case.frames}-{seed}"
-    folder = keep / name
-    if not folder.exists():
-        plan = case.plan(setup, seed)
-        write_phantom(folder, plan, kept_sections(setup, keep), case.study)
-
-    recording = read_recording(folder)
+    write_phantom(folder / name, case.plan(setup, seed), sections(setup), case.study)
+    recording = read_recording(folder / name)
     if case.hold_s >= SHORT_S and case.frames == 1:
         return recording
 
@@ -198,11 +189,11 @@ def read(calibrating: Recording, other: Recording, frames: int | None) -> ReadFo
 
 
 def case_rows(
-    case: Case, eyes: list[Setup], seed: int, keep: Path
+    case: Case, eyes: list[Setup], seed: int, folder: Path
 ) -> Iterator[list[object]]:
     """Yield what is read of a case, with nothing and with the truth declared."""
     pairs = [
-        [recorded(case, eye, one, keep) for one in (seed, seed + SECOND)]
+        [recorded(case, eye, one, folder) for one in (seed, seed + SECOND)]
         for eye in eyes
     ]
     for frames in (3, None):
@@ -233,14 +224,12 @@ def case_rows(
 @click.option("--holds", default=(2.0, 8.0, 20.0), multiple=True, help="Seconds.")
 @click.option("--kinds", default=",".join(TISSUES), help="Who yields.")
 @click.option("--frames", default=(1, 3), multiple=True, help="Frames in a hold.")
-@click.option("--keep", type=click.Path(path_type=Path), help="Of the recordings.")
 def main(
     eyes: int,
     seed: int,
     holds: tuple[float, ...],
     kinds: str,
     frames: tuple[int, ...],
-    keep: Path | None,
 ) -> None:
     """Print the table."""
     setups = [
@@ -254,8 +243,8 @@ def main(
     found = ["read off by, mN (declared)", "intervals hold, % (declared)"]
     cases = (Case(*case) for case in product(kinds.split(","), holds, frames))
 
-    with ExitStack() as stack:
-        folder = keep or Path(stack.enter_context(TemporaryDirectory()))
-        folder.mkdir(parents=True, exist_ok=True)
-        rows = (row for case in cases for row in case_rows(case, setups, seed, folder))
+    with TemporaryDirectory() as folder:
+        rows = (
+            row for case in cases for row in case_rows(case, setups, seed, Path(folder))
+        )
         print_table([*head, *found, "median width, mN", "over declared"], rows)

@@ -19,7 +19,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from time import process_time
 from typing import Any
 
 import click
@@ -93,32 +92,18 @@ class Played:
             setattr(self, name, getattr(self, name) + value)
 
 
-@dataclass(frozen=True)
-class Session:
-    """Both monitors in a session, without and with learning; by how much less the
-    interval narrowed than the posterior, one number a frame; seconds of each step.
-    """
-
-    monitors: tuple[Played, Played]
-    ratios: list[float]
-    steps_s: list[float]
-
-
 class InProcess:
     """A link to a fit in this process, whose answers come later."""
 
     def __init__(self, fitting: EyeFitting) -> None:
         self.now_s = 0.0
-        self.steps_s = list[float]()
         self._fitting = fitting
         self._due = deque[tuple[float, EyeLearned]]()
 
     def send(self, obj: Any, /) -> None:
         """Fit."""
-        begun_s = process_time()
         if learned := self._fitting.take(obj):
             self._due.append((self.now_s + LEARNED_AFTER_S, learned))
-            self.steps_s.append(process_time() - begun_s)
 
     def poll(self) -> bool:
         """Return whether an answer is due."""
@@ -157,7 +142,9 @@ def needle_path(rng: np.random.Generator, drawn: SessionEye) -> tuple[Trajectory
     return Trajectory(*parts), (len(moving_n) - begin) // EVERY
 
 
-def play(seed: int, reader: ForceReader, limits: MonitorLimits, number: int) -> Session:
+def play(
+    seed: int, reader: ForceReader, limits: MonitorLimits, number: int
+) -> tuple[Played, Played]:
     """Play a session with both monitors."""
     drawn = draw_eye("open", number // SESSIONS_OF_AN_EYE, reader.study, seed)
     rng = np.random.default_rng((seed, 4, number))
@@ -170,7 +157,6 @@ def play(seed: int, reader: ForceReader, limits: MonitorLimits, number: int) -> 
     watches = [Watch(reader, known, limits, one, OPINIONS) for one in (None, learner)]
     monitors = Played(sessions=1), Played(sessions=1)
     readings = list[list[tuple[float, bool] | None]]()
-    sds = list[list[float]]()
     path, moving = needle_path(rng, drawn)
 
     for frame, pixels in enumerate(stream(drawn, path, rng, seed)):
@@ -188,24 +174,19 @@ def play(seed: int, reader: ForceReader, limits: MonitorLimits, number: int) -> 
             played.false += withdrawal is not None
         if force_n >= TOUCHING_N:
             readings.append([_interval(answer, force_n) for answer, _ in answers])
-            sds.append([_relative_sd(watch.setup) for watch in watches])
 
     quarter = max(len(readings) // 4, 1)
     columns = zip(*readings, strict=True)
     for watch, played, column in zip(watches, monitors, columns, strict=True):
         played.missed = int(watch.code != WITHDRAW)
-        played.sds.append(_relative_sd(watch.setup))
+        assert watch.setup.eye.modulus is not None
+        played.sds.append(watch.setup.eye.modulus.relative_sd)
         last = list(filter(None, column[-quarter:]))
         played.widths_n += [width_n for width_n, _ in last]
         first = filter(None, column[:quarter])
         played.holds += [holds for _, holds in (*first, *last)]
 
-    ratios = [
-        (two[0] / one[0]) / (sd_two / sd_one)
-        for (one, two), (sd_one, sd_two) in zip(readings, sds, strict=True)
-        if one and two
-    ]
-    return Session(monitors, ratios, link.steps_s)
+    return monitors
 
 
 def _interval(answer: Answer, force_n: float) -> tuple[float, bool] | None:
@@ -216,12 +197,7 @@ def _interval(answer: Answer, force_n: float) -> tuple[float, bool] | None:
     return high_n - low_n, low_n <= force_n <= high_n
 
 
-def _relative_sd(setup: Setup) -> float:
-    assert setup.eye.modulus is not None
-    return setup.eye.modulus.relative_sd
-
-
-def _playing(seed: int) -> "partial[Session]":
+def _playing(seed: int) -> "partial[tuple[Played, Played]]":
     """Prepare a process: the reader, and the limits of its monitors."""
     cv2.setNumThreads(1)
     reader = load_force_reader(Path("default"))
@@ -258,23 +234,13 @@ def rows(prior: str, monitors: tuple[Played, Played]) -> Iterator[list[object]]:
 def main(count: int, seed: int, workers: int) -> None:
     """Play the sessions and print the table."""
     found = {prior: (Played(), Played()) for prior in PRIORS}
-    ratios = list[float]()
-    steps_s = list[float]()
 
-    for number, session in work_units(partial(_playing, seed), range(count), workers):
+    for number, monitors in work_units(partial(_playing, seed), range(count), workers):
         played = found[PRIORS[number % len(PRIORS)]]
-        for whole, part in zip(played, session.monitors, strict=True):
+        for whole, part in zip(played, monitors, strict=True):
             whole.add(part)
-        ratios += session.ratios
-        steps_s += session.steps_s
 
     head = ["prior of E", "learns", "false withdrawals", "missed"]
     more = ["width in the last quarter, mN", "intervals hold, %", "sd of E, %"]
     table = (row for prior, both in found.items() for row in rows(prior, both))
     print_table([*head, *more], table)
-    print(
-        "\ninterval over interval / sd over sd: 1 % of frames below"
-        f" {np.quantile(ratios, 0.01):.2f}; a step of learning took"
-        f" {np.median(steps_s or [0.0]):.2f} s of a core,"
-        f" {max(steps_s, default=0.0):.2f} at most"
-    )
