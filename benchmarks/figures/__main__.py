@@ -27,6 +27,7 @@ from figures.folder import FiguresFolder
 from figures.groups import DEFAULT_READER, GROUPS, SEED, draw_eyes
 from figures.page import insert_tables
 from figures.picture import draw_forces
+from figures.printing import PATH, whole_number
 from figures.readings import (
     CALIBRATED_FRAMES,
     Method,
@@ -50,6 +51,8 @@ from scleraforce.front.cli.output import progress_bar
 from scleraforce.front.report.figure_files import write_figure
 from scleraforce.lab.virtual_eye import eye_name
 from scleraforce.records.study import Study
+
+STUDY = Study()
 
 
 class Studies(click.Group):
@@ -97,6 +100,8 @@ def _counts(text: str) -> dict[str, int]:
 # frames after which the error of E is listed
 ERROR_FRAMES = {"plain": (CALIBRATED_FRAMES, 5)}
 
+Drawn = Mapping[str, tuple[FigureEye, ...]]  # by group
+
 
 @dataclass(frozen=True)
 class Group:
@@ -110,7 +115,7 @@ class Group:
 @click.group(cls=Studies, invoke_without_command=True)
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=PATH,
     default=Path("out/figures"),
     show_default=True,
     help="Folder of the results; results of this code there are reused.",
@@ -137,20 +142,14 @@ class Group:
     "workers",
     scheduler="Dask scheduler whose workers compute the eyes; later commands run here.",
 )
-@click.option(
-    "--reader",
-    type=click.Path(path_type=Path),
-    help="A trained reader; otherwise one is trained.",
-)
+@click.option("--reader", type=PATH, help="A trained reader; otherwise one is trained.")
 @click.option(
     "--living-reader",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="A trained reader of the living preset; otherwise one is trained.",
 )
 @click.option(
-    "--raw-reader",
-    type=click.Path(path_type=Path),
-    help="A trained raw reader, for a row of its own.",
+    "--raw-reader", type=PATH, help="A trained raw reader, for a row of its own."
 )
 @click.option(
     "--page",
@@ -160,13 +159,7 @@ class Group:
         " beside it."
     ),
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(0),
-    default=SEED,
-    show_default=True,
-    help="Of the draw of the eyes.",
-)
+@whole_number("--seed", SEED, "Of the draw of the eyes.")
 @click.option(
     "--still",
     is_flag=True,
@@ -208,142 +201,121 @@ def main(
     if ctx.invoked_subcommand is not None:
         return
 
-    study = Study()
-    folder = FiguresFolder(out)
     chosen = chosen_workers(scheduler, workers) or available_cores()
     now = behaviour()
     take_up(out, now)
-    drawn = {group: draw_eyes(group, counts[group], study, seed) for group in names}
+    folder = FiguresFolder(out)
+    drawn: Drawn = {
+        group: tuple(
+            eye.held_still() if still else eye
+            for eye in draw_eyes(group, counts[group], STUDY, seed)
+        )
+        for group in names
+    }
+    drawn = _computed(folder, drawn, chosen)
+    if recordings_only:
+        return
 
-    if still:
-        drawn = {
-            group: tuple(eye.held_still() for eye in eyes)
-            for group, eyes in drawn.items()
-        }
+    if not declared_exactly:
+        folder = declare(folder, _recordings(drawn))
 
-    everyone = [
+    readers = {DEFAULT_READER: reader, "living": living_reader}
+    groups = []
+    for name, eyes in drawn.items():
+        methods = _methods(folder, name, drawn, readers, raw_reader)
+        with progress_bar(methods, f"{name} eyes") as bar:
+            answers = {method: read_frames(folder, eyes, method) for method in bar}
+        groups.append(Group(name, eyes, answers))
+
+    results = [_result(folder, group) for group in groups]
+    stamp = new_stamp("make figures")
+    tables = as_markdown(results)
+    write_whole(f"{stamp}\n\n{tables}", out / "figures.md")
+    places = [(out / "figures.json", out / "figures.png")]
+    if page is not None:
+        insert_tables(tables, stamp, page)
+        keep(stamp, now)
+        picture = page.parent / "images" / "figures.png"
+        places.append((page.with_suffix(".json"), picture))
+
+    found = {"made": vars(stamp), "groups": as_json(results)}
+    shown = {group.name: next(iter(group.answers.values())) for group in groups}
+    bounds_mn = [from_si(bound_n, "mn") for bound_n in STUDY.classes.bounds_n]
+    for file, picture in places:
+        write_whole(json.dumps(found, indent=2, allow_nan=False) + "\n", file)
+        write_figure(draw_forces(shown, bounds_mn), picture)
+
+    click.echo(tables)
+
+
+def _recordings(drawn: Drawn) -> list[FigureEye]:
+    """Return all eyes, and those of recordings that only calibrate, each once."""
+    return [
         one
         for eyes in drawn.values()
         for eye in eyes
         for one in dict.fromkeys((eye, eye.calibrating))
     ]
-    with progress_bar(range(len(everyone)), "eyes", total=len(everyone)) as bar:
-        failed = make_recordings(folder, everyone, chosen, bar.update)
+
+
+def _computed(folder: FiguresFolder, drawn: Drawn, workers: int) -> Drawn:
+    """Compute and image eyes; return those that could be computed."""
+    eyes = _recordings(drawn)
+    with progress_bar(range(len(eyes)), "eyes", total=len(eyes)) as bar:
+        failed = make_recordings(folder, eyes, workers, bar.update)
 
     for name in failed:
         click.echo(f"{name}: could not be computed, and is left out", err=True)
 
-    if recordings_only:
-        return
-
-    everyone = [eye for eye in everyone if eye_name(eye.setup) not in failed]
-    left = {
+    return {
         group: tuple(eye for eye in eyes if eye_name(eye.setup) not in failed)
         for group, eyes in drawn.items()
     }
-    given = {DEFAULT_READER: reader, "living": living_reader}
-
-    if not declared_exactly:
-        folder = declare(folder, everyone)
-
-    groups = [
-        _read(
-            folder, name, eyes, _methods(folder, name, left, study, given, raw_reader)
-        )
-        for name, eyes in left.items()
-    ]
-    results = [_result(folder, group, study) for group in groups]
-    stamp = new_stamp("make figures")
-    found = {"made": vars(stamp), "groups": as_json(results)}
-    write_whole(f"{stamp}\n\n{as_markdown(results)}", out / "figures.md")
-    write_whole(
-        json.dumps(found, indent=2, allow_nan=False) + "\n", out / "figures.json"
-    )
-    _write_picture(groups, study, out / "figures.png")
-
-    if page is not None:
-        insert_tables(as_markdown(results), stamp, page)
-        keep(stamp, now)
-        write_whole(
-            json.dumps(found, indent=2, allow_nan=False) + "\n",
-            page.with_suffix(".json"),
-        )
-        _write_picture(groups, study, page.parent / "images" / "figures.png")
-
-    click.echo(as_markdown(results))
 
 
 def _methods(
     folder: FiguresFolder,
     group: str,
-    eyes: Mapping[str, Sequence[FigureEye]],
-    study: Study,
-    given: Mapping[str, Path | None],
+    drawn: Drawn,
+    readers: Mapping[str, Path | None],
     raw_reader: Path | None,
 ) -> list[Method]:
     """Return the methods that read a group: its reader's, a raw reader's and, with
     plain eyes, the paper's.
     """
     name = GROUPS[group].reader
-    methods = make_methods(folder, name, study, given[name])
+    methods = make_methods(folder, name, STUDY, readers[name])
     if raw_reader is not None and name == DEFAULT_READER:
         methods.append(raw_method(raw_reader))
-
-    return (
-        [*methods, paper_method(folder, eyes["plain"], study)]
-        if "plain" in eyes
-        else methods
-    )
+    if "plain" in drawn:
+        methods.append(paper_method(folder, drawn["plain"], STUDY))
+    return methods
 
 
-def _read(
-    folder: FiguresFolder,
-    name: str,
-    eyes: tuple[FigureEye, ...],
-    methods: Sequence[Method],
-) -> Group:
-    with progress_bar(methods, f"{name} eyes") as bar:
-        return Group(
-            name, eyes, {method: read_frames(folder, eyes, method) for method in bar}
-        )
-
-
-def _result(folder: FiguresFolder, group: Group, study: Study) -> GroupResult:
+def _result(folder: FiguresFolder, group: Group) -> GroupResult:
     frames = next(iter(group.answers.values()))
     largest_n = [read_made(folder, eye).largest_n for eye in group.eyes]
+    counts = ERROR_FRAMES.get(group.name, (CALIBRATED_FRAMES,))
     return GroupResult(
         group.name,
         len(group.eyes),
         len(frames),
         sum(not frame.in_window for frame in frames),
-        sum(force_n < study.needle.max_force_n for force_n in largest_n),
+        sum(force_n < STUDY.needle.max_force_n for force_n in largest_n),
         {method: score(answered) for method, answered in group.answers.items()},
-        [
-            _modulus_errors(folder, group.eyes, count)
-            for count in ERROR_FRAMES.get(group.name, (CALIBRATED_FRAMES,))
-        ],
+        [_modulus_errors(folder, group.eyes, count) for count in counts],
     )
 
 
 def _modulus_errors(
     folder: FiguresFolder, eyes: Sequence[FigureEye], frames: int
 ) -> ModulusErrors:
-    found = calibrated_eyes(folder, eyes, frames)
-    usable = [drawn for drawn in eyes if found[eye_name(drawn.setup)].usable]
+    calibrated = calibrated_eyes(folder, eyes, frames)
+    found = [(calibrated[eye_name(drawn.setup)], drawn.setup.eye) for drawn in eyes]
     errors = [
-        found[eye_name(drawn.setup)].eye.modulus_pa / drawn.setup.eye.modulus_pa - 1.0
-        for drawn in usable
+        own.eye.modulus_pa / true.modulus_pa - 1.0 for own, true in found if own.usable
     ]
-
-    return ModulusErrors(frames, tuple(errors), len(eyes) - len(usable))
-
-
-def _write_picture(groups: Sequence[Group], study: Study, path: Path) -> None:
-    shown = {group.name: next(iter(group.answers.values())) for group in groups}
-    write_figure(
-        draw_forces(shown, [from_si(bound, "mn") for bound in study.classes.bounds_n]),
-        path,
-    )
+    return ModulusErrors(frames, tuple(errors), len(eyes) - len(errors))
 
 
 if __name__ == "__main__":

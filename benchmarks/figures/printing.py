@@ -16,6 +16,7 @@ def _study(value: str | Study) -> Study:
     return value if isinstance(value, Study) else read_study(Path(value))
 
 
+PATH = click.Path(path_type=Path)
 ROWS = click.option("--rows", type=int, help="Only the first N of each table.")
 STUDY = click.option(
     "--study",
@@ -55,7 +56,7 @@ def picture(name: str) -> Decorator:
     images = Path(__file__).parents[2] / "docs" / "images"
     return click.option(
         "--out",
-        type=click.Path(path_type=Path),
+        type=PATH,
         default=images / name,
         help="The picture; that of the pages where none is given.",
     )

@@ -6,6 +6,7 @@ from math import isfinite, nan
 from typing import Any
 
 from figures.groups import GROUPS
+from figures.printing import lines
 from figures.readings import Method
 from figures.scores import Scores
 from scleraforce.calibration.answer_metrics import Proportion
@@ -102,7 +103,7 @@ def _method(results: Sequence[GroupResult], title: str, *, goals: bool) -> list[
     ]
     head, *rows = map(list, zip(*columns, strict=True))
 
-    return _table(head, rows)
+    return list(lines(head, rows))
 
 
 def _cells(result: GroupResult, scores: Scores, *, goals: bool) -> list[str]:
@@ -141,11 +142,8 @@ def _moduli(results: Sequence[GroupResult]) -> list[str]:
         for result in results
         for errors in result.moduli
     ]
-    return _table(["error of E", "frames", "mean, %", "largest, %", "diverged"], rows)
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    return [f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows)]
+    head = ["error of E", "frames", "mean, %", "largest, %", "diverged"]
+    return list(lines(head, rows))
 
 
 def _percent(share: Proportion) -> str:

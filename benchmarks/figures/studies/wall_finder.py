@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from figures.printing import STUDY, listed, print_table, whole_number
+from figures.printing import PATH, STUDY, listed, print_table, whole_number
 from scleraforce.calibration.answer_metrics import dice
 from scleraforce.lab.drawn_bscan import render_bscan
 from scleraforce.lab.scenes.drawn_scenes import draw_scene
@@ -144,12 +144,12 @@ def write_drawn(path: Path, study: ScenesStudy, finder: WallFinder) -> None:
 
 
 @click.command(help=__doc__)
-@click.argument("model", type=click.Path(path_type=Path), default=SHIPPED_WALL_FINDER)
+@click.argument("model", type=PATH, default=SHIPPED_WALL_FINDER)
 @whole_number("--scenes", 200)
 @whole_number("--seed", SEED)
 @whole_number("--phantoms", 60)
 @STUDY
-@click.option("--drawn", type=click.Path(path_type=Path), help="Picture of scenes.")
+@click.option("--drawn", type=PATH, help="Picture of scenes.")
 def main(model: Path, study: Study, drawn: Path | None, **sizes: int) -> None:
     """Print the table; write the picture if it is asked for."""
     cv2.setNumThreads(1)

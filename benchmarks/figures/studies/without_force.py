@@ -25,7 +25,7 @@ from figures.accuracy import (
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.groups import draw_eyes
-from figures.printing import print_table, whole_number
+from figures.printing import PATH, print_table, whole_number
 from figures.recordings import make_recordings, read_made
 from scleraforce.lab.virtual_eye import eye_name
 from scleraforce.recordings.recording_folder import Recording, read_recording
@@ -136,7 +136,7 @@ def rows(count: int, folder: FiguresFolder) -> Iterator[list[str]]:
 @whole_number("--eyes", 10, "Eyes of each group.")
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=PATH,
     default=Path("out/without-force"),
     help="Folder of the eyes, which another run reuses.",
 )
