@@ -118,7 +118,7 @@ def stated(drawn: FigureEye, rng: np.random.Generator) -> Setup:
     direction_rad = scan_plane(drawn.setup).direction_rad
     return Setup(
         eye=Eye(
-            modulus=Modulus(mean_pa=modulus_pa, sd_pa=sd_pa, source="option"),
+            modulus=Modulus(mean_pa=modulus_pa, sd_pa=sd_pa, source="stated"),
             iop_pa=wall.iop_pa * (1.0 + off["iop"]),
             thickness_m=wall.thickness_m + off["thickness_m"],
             globe=Globe.declared(drawn.study.globe.kind, None),
