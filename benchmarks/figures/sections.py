@@ -71,7 +71,7 @@ def compute_eye(drawn: FigureEye) -> ComputedEye:
     max_force_n = drawn.study.needle.max_force_n
     if drawn.lean is None:
         bent = tuple(
-            _bend(eye, study, max_force_n)
+            bend(eye, study, _end(max_force_n))
             for eye, study in turned_eyes(drawn.setup, drawn.study)
         )
     else:
@@ -83,14 +83,16 @@ def compute_eye(drawn: FigureEye) -> ComputedEye:
     )
 
 
-def _bend(setup: Setup, study: Study, max_force_n: float) -> LoadPath:
+def bend(setup: Setup, study: Study, end: PathEnd) -> LoadPath:
+    """Compute the load path of an eye up to its end."""
+    wall = wall_of(setup)
     return bend_eye(
         study,
         scan_plane(setup).contact,
-        _end(max_force_n),
-        thickness_m=wall_of(setup).thickness_m,
-        youngs_modulus_pa=setup.eye.modulus_pa,
-        iop_pa=wall_of(setup).iop_pa,
+        end,
+        thickness_m=wall.thickness_m,
+        youngs_modulus_pa=wall.youngs_modulus_pa,
+        iop_pa=wall.iop_pa,
     )
 
 

@@ -156,49 +156,35 @@ def _fixed(value: float, digits: int = 2) -> str:
 
 def as_json(results: Sequence[GroupResult]) -> dict[str, Any]:
     """Return the same as plain values."""
-    return {result.group: _plain_values(result) for result in results}
-
-
-def _plain_values(result: GroupResult) -> dict[str, Any]:
     return {
-        "eyes": result.eyes,
-        "frames": result.frames,
-        "leaves_the_window": result.deep,
-        "capped_eyes": result.capped,
-        "methods": {
-            method.name: _of_scores(scores) for method, scores in result.scores.items()
-        },
-        "youngs_modulus_errors": [
-            {
-                **asdict(errors),
-                "mean": _finite(errors.mean),
-                "largest": _finite(errors.largest),
-            }
-            for errors in result.moduli
-        ],
+        result.group: {
+            "eyes": result.eyes,
+            "frames": result.frames,
+            "leaves_the_window": result.deep,
+            "capped_eyes": result.capped,
+            "methods": {
+                method.name: {
+                    name: _plain(value) for name, value in vars(scores).items()
+                }
+                for method, scores in result.scores.items()
+            },
+            "youngs_modulus_errors": [
+                {
+                    **asdict(errors),
+                    "mean": _plain(errors.mean),
+                    "largest": _plain(errors.largest),
+                }
+                for errors in result.moduli
+            ],
+        }
+        for result in results
     }
 
 
-def _of_scores(scores: Scores) -> dict[str, Any]:
-    """Return scores as plain values: shares with their counts, what is not defined as
-    None.
-    """
-    values: dict[str, Any] = {}
-    for name, value in vars(scores).items():
-        match value:
-            case Proportion():
-                values[name] = {
-                    "share": value.value if value.total else None,
-                    "hits": value.hits,
-                    "of": value.total,
-                }
-            case float():
-                values[name] = _finite(value)
-            case _:
-                values[name] = value
-
-    return values
-
-
-def _finite(value: float) -> float | None:
-    return value if isfinite(value) else None
+def _plain(value: Any) -> Any:
+    """Return a score as plain values: a share with its counts, None for NaN."""
+    if isinstance(value, Proportion):
+        return {"share": _plain(value.value), "hits": value.hits, "of": value.total}
+    if isinstance(value, float) and not isfinite(value):
+        return None
+    return value

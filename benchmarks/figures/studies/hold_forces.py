@@ -29,23 +29,23 @@ import numpy as np
 import scleraforce as sf
 from figures.accuracy import ReadForces, joined, percent
 from figures.printing import print_table, whole_number
+from figures.sections import bend
 from figures.studies.calibration import drawn_eye
 from scleraforce.lab.needle_pushes import NeedlePath
-from scleraforce.lab.virtual_eye import BentSections, eye_name, scan_plane
+from scleraforce.lab.virtual_eye import BentSections, eye_name
 from scleraforce.lab.virtual_recording import (
     PhantomFrame,
     PhantomPlan,
     plan_phantom,
     write_phantom,
 )
-from scleraforce.mechanics.finite_strain_wall import bend_eye
 from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.tissue_material import PronySeries
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Range, Study, TissueStudy, fixed
 from scleraforce.records.tissue_relaxation import Relaxation
-from virtual_eyes import changed, wall_of
+from virtual_eyes import changed
 
 FALL = PronySeries((0.12,), (1.2,))  # of a needle that yields
 ELASTIC = PronySeries((), ())
@@ -144,16 +144,8 @@ def in_hold(frame: PhantomFrame, rng: np.random.Generator) -> Iterator[PhantomFr
 def sections(setup: Setup) -> BentSections:
     """Return an eye's sections, for all its recordings."""
     study = Study()
-    wall = wall_of(setup)
-    path = bend_eye(
-        study,
-        scan_plane(setup).contact,
-        PathEnd(max_force=BEYOND * LARGEST_N, as_far_as_found=True),
-        thickness_m=wall.thickness_m,
-        youngs_modulus_pa=wall.youngs_modulus_pa,
-        iop_pa=wall.iop_pa,
-    )
-    return BentSections(setup, study, bent=path)
+    end = PathEnd(max_force=BEYOND * LARGEST_N, as_far_as_found=True)
+    return BentSections(setup, study, bent=bend(setup, study, end))
 
 
 def recorded(case: Case, setup: Setup, seed: int, folder: Path) -> Recording:
