@@ -112,13 +112,6 @@ def leave_a_mark_for_each(folder: Path):
     return work
 
 
-def leave_a_mark_or_wait(path: Path) -> None:
-    """Make a file, and then wait for an hour where it is named `waits`."""
-    path.touch()
-    if path.name == "waits":
-        time.sleep(HANGS_S)
-
-
 class Large:
     """A result of some bytes that leaves a mark when a worker begins to pass it on."""
 
