@@ -123,9 +123,9 @@ def read_eye(number: int, reader: Reader) -> Iterator[ReadMoment]:
         pair = pixels[2 * moment : 2 * moment + 2]
         assert first.cut is not None
         gap_m = first.cut.gap_m
-        both, _ = reader.read_together(pair, scale, known, PLANES)
+        both = reader.read_together(pair, scale, known, PLANES)[0]
         with_gap = reader.read(pair[0], scale, changed(known, gap_m=abs(gap_m)))
-        alone, _ = reader.read_together(pair[:1], scale, known, PLANES[:1])
+        alone = reader.read_together(pair[:1], scale, known, PLANES[:1])[0]
         errors = None
 
         if both.usable and both.place is not None and both.fit is not None:
