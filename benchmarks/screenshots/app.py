@@ -15,7 +15,7 @@ import tifffile
 from playwright.sync_api import Page, expect, sync_playwright
 
 import scleraforce as sf
-from monitor_service.browser import CHROMIUM
+from monitor.browser import CHROMIUM
 from scleraforce.front.app.app_server import HOST, listen_locally, server_of
 from scleraforce.front.app.asked_jobs import CommandWords
 from scleraforce.front.cli.field_flags import flag_of, json_in_flags

@@ -19,8 +19,8 @@ import cv2
 from playwright.sync_api import Page, ViewportSize, sync_playwright
 
 import scleraforce as sf
-from monitor_service.browser import CHROMIUM
-from monitor_service.monitors import real_monitor
+from monitor.browser import CHROMIUM
+from monitor.real_monitor import real_monitor
 from scleraforce.records.model_folder import SHIPPED_READER
 
 PUSHES_N = {"": ([12e-3, 6e-3, 36e-3], None), "-pierced": ([12e-3, 6e-3, 20e-3], 22e-3)}

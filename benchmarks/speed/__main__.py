@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
@@ -44,19 +45,23 @@ from speed.picture import draw_solves
 from speed.record import Results, Table, failed_table, table_of
 from speed.run import OPTIONS, ROOT, Run
 
+# axisymmetric leaves the library to later parts, dataset the data set
 PARTS: dict[str, Callable[[Run], Table]] = {
-    "static_solve": static_solve.measure,
-    "another_load": another_load.measure,
-    "finite_strain": finite_strain.measure,
-    "axisymmetric": axisymmetric.measure,  # leaves the library
-    "dataset": dataset.measure,  # leaves the data set
-    "classifier": classifier.measure,
-    "reader_training": reader_training.measure,
-    "frame": frame.measure,
-    "network": network.measure,
-    "wire": wire.measure,
-    "commands": commands.measure,
-    "pipeline": pipeline.measure,
+    module.__name__.rpartition(".")[2]: module.measure
+    for module in (
+        static_solve,
+        another_load,
+        finite_strain,
+        axisymmetric,
+        dataset,
+        classifier,
+        reader_training,
+        frame,
+        network,
+        wire,
+        commands,
+        pipeline,
+    )
 }
 FIGURES = "results.json"
 PAGE = "RESULTS.md"
@@ -65,43 +70,22 @@ USUAL_FOLDER = ROOT / "benchmarks"
 QUICK_FOLDER = ROOT / "out" / "bench"
 
 
+_flag = partial(click.option, is_flag=True)
+
+
 @click.command()
 @click.argument("names", metavar="[PART]...", nargs=-1, type=click.Choice(list(PARTS)))
-@click.option(
-    "--quick",
-    is_flag=True,
-    help="Every part at reduced size, in some minutes: the figures mean nothing.",
-)
-@click.option(
-    "--training",
-    is_flag=True,
-    help="Train the reader to the end (five minutes more), not a part of it.",
-)
-@click.option(
-    "--reproduce", is_flag=True, help="Run `scleraforce reproduce` (ten minutes more)."
-)
-@click.option(
-    "--tests", is_flag=True, help="Run the default tests (some minutes more)."
-)
-@click.option(
-    "--render",
-    is_flag=True,
-    help="Measure nothing: write page and picture anew from results.json.",
-)
+@_flag("--quick", help="Every part small, in some minutes: the figures mean nothing.")
+@_flag("--training", help="Train the reader to the end (five minutes more).")
+@_flag("--reproduce", help="Run `scleraforce reproduce` (ten minutes more).")
+@_flag("--tests", help="Run the default tests (some minutes more).")
+@_flag("--render", help="Only write page and picture anew from results.json.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help=(
-        "Folder of RESULTS.md, results.json and the picture; by "
-        "default that of the benchmarks, out/bench with --quick."
-    ),
+    help="Folder of page, figures and picture; out/bench with --quick.",
 )
-@click.option(
-    "--folder",
-    type=click.Path(path_type=Path),
-    hidden=True,
-    help="What parts leave to later ones.",
-)
+@click.option("--folder", type=click.Path(path_type=Path), hidden=True)
 def main(
     names: tuple[str, ...],
     quick: bool,
@@ -115,11 +99,8 @@ def main(
     """
     options = tuple(name for name in OPTIONS if given[name])
     if folder is not None:  # a part, for the process that runs them all
-        click.echo(
-            json.dumps(
-                asdict(PARTS[names[0]](Run(quick, folder, options))), allow_nan=False
-            )
-        )
+        table = PARTS[names[0]](Run(quick, folder, options))
+        click.echo(json.dumps(asdict(table), allow_nan=False))
         return
     if names and (out or render):
         raise click.UsageError(
@@ -131,69 +112,51 @@ def main(
         click.echo(f"wrote {', '.join(map(str, _render(out)))}")
         return
 
-    with (
-        alone(),
-        TemporaryDirectory(prefix="bench-", ignore_cleanup_errors=True) as made,
-    ):
-        run = Run(quick, Path(made), options)
-        if names:
-            for table in _tables(names, run).values():
-                click.echo("\n".join(["", table.title, *table_lines(table)]))
-
-            return
-
-        results = _measure(run)
-
-    out.mkdir(parents=True, exist_ok=True)
-    write_whole(
-        json.dumps(finite_json(results.as_json()), indent=1, allow_nan=False) + "\n",
-        out / FIGURES,
-    )
-    click.echo(f"wrote {', '.join(map(str, [out / FIGURES, *_render(out)]))}")
-
-    if failed := [name for name, table in results.tables.items() if table.failed]:
-        raise ScleraforceError(f"{', '.join(failed)}: failed; RESULTS.md says how")
-
-
-def _measure(run: Run) -> Results:
-    """Run all parts."""
     start = perf_counter()
     machine = machine_in_words()
-    stamp = new_stamp("make bench")
-    tables = _tables(tuple(PARTS), run)
+    made = str(new_stamp("make bench"))
+    with (
+        alone(),
+        TemporaryDirectory(prefix="bench-", ignore_cleanup_errors=True) as folder_name,
+    ):
+        tables = _tables(names or tuple(PARTS), Run(quick, Path(folder_name), options))
 
-    return Results(
-        made=str(stamp),
-        quick=run.quick,
+    if names:
+        for table in tables.values():
+            click.echo("\n".join(["", table.title, *table_lines(table)]))
+        return
+
+    results = Results(
+        made=made,
+        quick=quick,
         machine=machine,
         seconds=perf_counter() - start,
         tables=tables,
     )
+    out.mkdir(parents=True, exist_ok=True)
+    plain = finite_json(results.as_json())
+    write_whole(json.dumps(plain, indent=1, allow_nan=False) + "\n", out / FIGURES)
+    click.echo(f"wrote {', '.join(map(str, [out / FIGURES, *_render(out)]))}")
+
+    if failed := [name for name, table in tables.items() if table.failed]:
+        raise ScleraforceError(f"{', '.join(failed)}: failed; RESULTS.md says how")
 
 
 def _tables(names: Sequence[str], run: Run) -> dict[str, Table]:
     tables = {}
-    with progress_bar(names, "benchmarks") as bar:
-        for name in bar:
-            bar.set_postfix_str(name)
-            start = perf_counter()
-            tables[name] = _in_process(name, run)
-            if not sys.stderr.isatty():
-                click.echo(f"{name}: {perf_counter() - start:.0f} s", err=True)
+    for name in progress_bar(names, "benchmarks"):
+        start = perf_counter()
+        tables[name] = _in_process(name, run)
+        click.echo(f"{name}: {perf_counter() - start:.0f} s", err=True)
 
     return tables
 
 
 def _in_process(name: str, run: Run) -> Table:
     """Run a part in a process of its own; what it says goes to standard error."""
-    words = [
-        *(["--quick"] if run.quick else []),
-        *(f"--{option}" for option in run.options),
-        "--folder",
-        run.folder,
-    ]
-    command = [sys.executable, "-m", "speed", name, *map(str, words)]
-
+    command = [sys.executable, "-m", "speed", name, "--folder", str(run.folder)]
+    command += ["--quick"] if run.quick else []
+    command += [f"--{option}" for option in run.options]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
             told, _ = process.communicate()
@@ -206,9 +169,8 @@ def _in_process(name: str, run: Run) -> Table:
             raise
 
     if process.returncode:
-        return failed_table(
-            name, f"code {process.returncode}; what it said is on the terminal"
-        )
+        words = f"code {process.returncode}; what it said is on the terminal"
+        return failed_table(name, words)
 
     return table_of(json.loads(told.splitlines()[-1]))
 
@@ -220,9 +182,8 @@ def _render(out: Path) -> list[Path]:
         InputError: they cannot be read.
     """
     try:
-        results = Results.from_json(
-            json.loads(read_text(out / FIGURES, KINDS["result"]))
-        )
+        kept = json.loads(read_text(out / FIGURES, KINDS["result"]))
+        results = Results.from_json(kept)
     except (ValueError, KeyError, TypeError, AttributeError) as fault:
         raise InputError(
             f"{out / FIGURES}: not the figures of a run ({fault})"

@@ -31,8 +31,9 @@ def ask_module(module: str, *words: str) -> tuple[dict[str, Any], float]:
     return json.loads(done.stdout.splitlines()[-1]), perf_counter() - start
 
 
-def command_seconds(command: Sequence[str]) -> float:
-    """Run a command without its output; return its seconds.
+def command_seconds(command: Sequence[str], *, heard: bool = False) -> float:
+    """Run a command without its output, or with that on standard error; return its
+    seconds.
 
     Raises:
         subprocess.CalledProcessError: it failed.
@@ -41,34 +42,19 @@ def command_seconds(command: Sequence[str]) -> float:
     subprocess.run(
         command,
         env=_environment(),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
+        stdout=sys.stderr if heard else subprocess.DEVNULL,
+        stderr=None if heard else subprocess.DEVNULL,
         check=True,
     )
 
     return perf_counter() - start
 
 
-def scleraforce(*words: str) -> list[str]:
-    """Return the command as users call it, with this Python and these sources."""
-    return [
-        sys.executable,
-        "-c",
-        "from scleraforce.front.cli.main import main; main()",
-        *words,
-    ]
-
-
 def _environment() -> dict[str, str]:
-    paths = [
-        str(FOLDER),
-        *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep)),
-    ]
-    # who cache it
-    users = {
-        name: value
-        for name, value in os.environ.items()
-        if name != "PYTHONDONTWRITEBYTECODE"
-    }
-
-    return {**users, "PYTHONPATH": os.pathsep.join(paths)}
+    """Return an environment as users have it, who cache bytecode, with the modules of
+    the benchmarks.
+    """
+    path = os.pathsep.join([str(FOLDER), os.environ.get("PYTHONPATH", "")])
+    users = {**os.environ, "PYTHONPATH": path.rstrip(os.pathsep)}
+    users.pop("PYTHONDONTWRITEBYTECODE", None)
+    return users

@@ -1,10 +1,10 @@
 """RESULTS.md: a run's results, rendered."""
 
-from collections.abc import Sequence
-
+from markdown_tables import markdown, number
 from speed.record import QUOTED, Results, Row, Table
 
 PICTURE = "static_solves.png"
+HEAD = ["", "value", "spread", "beside it", "ratio", "goal"]
 QUICK = (
     "**A quick run: sizes are reduced, and the figures say only that every part"
     " works.**"
@@ -17,29 +17,20 @@ repetitions."""
 
 def as_markdown(results: Results) -> str:
     """Return the page."""
+    tables = results.tables
+    goals = [
+        row for table in tables.values() for row in table.rows if row.goal is not None
+    ]
     lines = ["# Speed", "", results.made, ""]
     lines += [QUICK, ""] if results.quick else []
-    lines += [
-        READ,
-        "",
-        *(f"- {name}: {words}" for name, words in results.machine.items()),
-    ]
-    lines += [
-        f"- the run took {results.seconds / 60.0:.1f} minutes",
-        "",
-        "## Goals",
-        "",
-        *_goals(results),
-        "",
-    ]
-
-    for name, table in results.tables.items():
+    lines += [READ, ""]
+    lines += [f"- {name}: {words}" for name, words in results.machine.items()]
+    lines += [f"- the run took {results.seconds / 60.0:.1f} minutes", ""]
+    lines += ["## Goals", "", markdown(HEAD, map(_cells, goals)), ""]
+    for name, table in tables.items():
         lines += [f"## {table.title}", "", *table_lines(table), ""]
-        lines += (
-            [f"![Error over time of the static solves]({PICTURE})", ""]
-            if name == "static_solve"
-            else []
-        )
+        if name == "static_solve":
+            lines += [f"![Error over time of the static solves]({PICTURE})", ""]
 
     return "\n".join(lines)
 
@@ -52,74 +43,47 @@ def table_lines(table: Table) -> list[str]:
         return [f"**This part failed**: {table.failed}"]
 
     further = list(dict.fromkeys(name for row in table.rows for name in row.more))
-    head = ["", "value", "spread", "beside it", "ratio", "goal", *further]
+    head = [*HEAD, *further]
     rows = [
-        [*_cells(row), *(_number(row.more.get(name)) for name in further)]
+        [*_cells(row), *(number(row.more.get(name)) for name in further)]
         for row in table.rows
     ]
     used = [
-        place
-        for place, name in enumerate(head)
-        if not name or any(row[place] for row in rows)
+        column
+        for column, name in enumerate(head)
+        if not name or any(row[column] for row in rows)
     ]
-    shown = [[row[place] for place in used] for row in (head, *rows)]
+    head, *rows = [[cells[column] for column in used] for cells in (head, *rows)]
     notes = [f"- {row.what}: {words}" for row in table.rows if (words := _note(row))]
-
-    return [table.settings, "", *_lines(shown), *([""] if notes else []), *notes]
-
-
-def _goals(results: Results) -> list[str]:
-    rows = [
-        row
-        for table in results.tables.values()
-        for row in table.rows
-        if row.goal is not None
+    return [
+        table.settings,
+        "",
+        markdown(head, rows),
+        *([""] if notes else []),
+        *notes,
     ]
-    return _lines(
-        [
-            ["", "value", "spread", "beside it", "ratio", "goal"],
-            *(_cells(row) for row in rows),
-        ]
-    )
 
 
 def _cells(row: Row) -> list[str]:
-    goal = "" if row.goal is None else f"{_number(row.goal)} {row.unit}"
-    verdict = {True: ", met", False: ", **missed**", None: ""}[row.goal_met]
-    value = "-" if row.value is None else f"{_number(row.value)} {row.unit}"
+    met = {True: ", met", False: ", **missed**", None: ""}[row.goal_met]
+    value = _with_unit(row.value, row) or "-"
     return [
         row.what,
         f"{value} ({QUOTED})" if row.source else value,
-        f"{_number(row.spread[0])} to {_number(row.spread[1])}" if row.spread else "",
-        (
-            f"{row.beside}: {_number(row.beside_value)} {row.unit}"
-            if row.beside_value is not None
-            else row.beside
-        ),
-        _number(row.ratio),
-        goal + verdict if goal else "",
+        " to ".join(map(number, row.spread or ())),
+        _joined(": ", row.beside, _with_unit(row.beside_value, row)),
+        number(row.ratio),
+        "" if row.goal is None else _with_unit(row.goal, row) + met,
     ]
+
+
+def _with_unit(value: float | None, row: Row) -> str:
+    return "" if value is None else f"{number(value)} {row.unit}"
 
 
 def _note(row: Row) -> str:
-    return "; ".join(
-        filter(None, (row.settings, f"{QUOTED}: {row.source}" if row.source else ""))
-    )
+    return _joined("; ", row.settings, row.source and f"{QUOTED}: {row.source}")
 
 
-def _number(value: float | None) -> str:
-    """Return three digits, and thousands apart.
-
-    >>> _number(0.12345), _number(43929.0), _number(12.0), _number(None)
-    ('0.123', '43,929', '12', '')
-    """
-    if value is None:
-        return ""
-    return f"{value:,.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
-
-
-def _lines(rows: Sequence[Sequence[str]]) -> list[str]:
-    head, *others = rows
-    return [
-        f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *others)
-    ]
+def _joined(between: str, *words: str) -> str:
+    return between.join(filter(None, words))

@@ -84,28 +84,17 @@ class Results:
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "Results":
         """Return the results that were kept as JSON."""
-        return cls(
-            **{
-                **plain,
-                "tables": {
-                    name: table_of(found) for name, found in plain["tables"].items()
-                },
-            }
-        )
+        tables = {name: table_of(found) for name, found in plain["tables"].items()}
+        return cls(**{**plain, "tables": tables})
 
 
 def table_of(plain: Mapping[str, Any]) -> Table:
     """Return a table that was kept as JSON."""
     rows = (
-        row | {"spread": row["spread"] and tuple(row["spread"])}
+        Row(**row | {"spread": row["spread"] and tuple(row["spread"])})
         for row in plain["rows"]
     )
-    return Table(
-        plain["title"],
-        plain["settings"],
-        tuple(Row(**row) for row in rows),
-        plain["failed"],
-    )
+    return Table(**{**plain, "rows": tuple(rows)})
 
 
 def failed_table(name: str, words: str) -> Table:
@@ -121,3 +110,31 @@ def spread(times: Sequence[float]) -> dict[str, Any]:
     """
     low, middle, high = np.quantile(times, (0.1, 0.5, 0.9)).tolist()
     return {"value": middle, "spread": (low, high) if len(times) > 1 else None}
+
+
+def rows_beside(
+    times: Mapping[str, Sequence[float]],
+    beside: str,
+    unit: str,
+    *,
+    settings: Mapping[str, str],
+    goals: Mapping[str, float] | None = None,
+    more: Mapping[str, Mapping[str, float | None]] | None = None,
+) -> tuple[Row, ...]:
+    """Return a row of each thing's times, and in it the median of the thing beside, if
+    that was timed.
+    """
+    other = spread(times[beside])["value"] if beside in times else None
+    return tuple(
+        Row(
+            what=name,
+            unit=unit,
+            **spread(found),
+            beside=beside if other is not None and name != beside else "",
+            beside_value=other if name != beside else None,
+            goal=(goals or {}).get(name),
+            settings=settings.get(name, ""),
+            more=(more or {}).get(name, {}),
+        )
+        for name, found in times.items()
+    )

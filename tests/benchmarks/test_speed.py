@@ -193,6 +193,21 @@ def test_a_quick_run_measures_every_row(tmp_path: Path) -> None:
     assert stamp.made_by == "make bench"
 
 
+@pytest.mark.slow
+def test_the_cost_of_a_data_set_is_a_table(study_file: Path, tmp_path: Path) -> None:
+    words = ["--images", "20", "40", "--processes", "1", "--study", str(study_file)]
+    done = subprocess.run(
+        [sys.executable, "-m", "speed.scale", *words],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment(tmp_path),
+    )
+    assert done.returncode == 0, done.stderr
+    assert "| 40 | 1 | " in done.stdout
+    assert "nan" not in done.stdout
+
+
 def environment(folder: Path) -> dict[str, str]:
     """Return an environment with the benchmarks' modules and a cache of its own."""
     paths = [

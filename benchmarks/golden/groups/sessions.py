@@ -2,7 +2,7 @@
 and two ramps each.
 
 No socket and no clock: frames, jitter, losses and the delay of the second opinion are
-drawn or fixed (`monitor_sessions`), so a session repeats itself exactly. This module
+drawn or fixed (`monitor.sessions`), so a session repeats itself exactly. This module
 uses the parts of that benchmark.
 """
 
@@ -12,24 +12,23 @@ from itertools import groupby
 from pathlib import Path
 from zlib import crc32
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from golden.answers import Answers, Record, plain
-from monitor_sessions.declarations import declarations
-from monitor_sessions.eyes import SessionEye, draw_eye
-from monitor_sessions.forces import (
-    FRAME_S,
+from monitor.declarations import declarations
+from monitor.eyes import SessionEye, draw_eye, largest_force_n
+from monitor.needle_forces import (
     Trajectory,
     moving_forces,
     ramp_forces,
     trajectory,
 )
-from monitor_sessions.frames import largest_force_n, stream
-from monitor_sessions.play import JITTER_S, LOSS, Bench, Plan
-from monitor_sessions.watch import Watch, Withdrawal
-from scleraforce.live.repeated_pictures import ShownPictures
+from monitor.sessions import shown
+from monitor.watch import Watch, Withdrawal, limits_of
 from scleraforce.reading.answer import Answer
+from scleraforce.reading.load_model import load_force_reader
 
 SEED = 20_261_128
 MODELS = {
@@ -49,7 +48,6 @@ MONITORS = (
     "declared",
     "option",
 )  # declarations: with globe and calibrated k, and E alone
-CLIP_S = 4e-3  # of the jitter
 
 
 def names() -> list[str]:
@@ -60,29 +58,20 @@ def names() -> list[str]:
 def answers(name: str, _recordings: dict[str, Path], _folder: Path) -> Answers:
     """Return the decisions of the sessions and ramps of one eye, of each monitor."""
     kind, _, number = name.partition("-")
-    plan = Plan(
-        model=Path(MODELS[kind]),
-        kinds=(kind,),
-        eyes=1,
-        sessions=0,
-        seconds=0.0,
-        highest_n=HIGHEST_N,
-        rates_n_s=(),
-        seed=SEED,
-    )
-    bench = Bench(plan)
-    drawn = draw_eye(kind, int(number), bench.reader.study, SEED)
+    cv2.setNumThreads(1)
+    reader = load_force_reader(Path(MODELS[kind]))
+    drawn = draw_eye(kind, int(number), reader.study, SEED)
     mesh = replace(drawn.study.mesh, core=MESH_CORE, rings=MESH_RINGS)
     drawn = replace(drawn, study=replace(drawn.study, mesh=mesh))
     rng = np.random.default_rng((SEED, 3, int(number)))
-    declared = declarations(drawn, bench.reader, SEED, rng)
+    declared = declarations(drawn, reader, SEED, rng)
     found: Answers = {}
     for words, path, path_rng in _paths(drawn, int(number)):
         watches = {
-            monitor: Watch(bench.reader, declared[monitor], bench.limits)
+            monitor: Watch(reader, declared[monitor], limits_of(reader))
             for monitor in MONITORS
         }
-        played = _played(drawn, path, watches, bench.limits.shown_frames, path_rng)
+        played = _played(drawn, path, watches, path_rng)
         found |= {f"{name}/{words}/{monitor}": of for monitor, of in played.items()}
     return found
 
@@ -118,27 +107,15 @@ def _played(
     drawn: SessionEye,
     path: Trajectory,
     watches: Mapping[str, Watch],
-    shown_frames: int,
     rng: np.random.Generator,
 ) -> dict[str, Record]:
     """Show a trajectory's frames to monitors; return what each of them decided."""
-    shown = ShownPictures(shown_frames)
     courses = {monitor: _Course() for monitor in watches}
-    for number, frame in enumerate(stream(drawn, path, rng, SEED)):
-        shown_back = shown.back(frame)
-        jitter_s = float(np.clip(rng.normal(0.0, JITTER_S), -CLIP_S, CLIP_S))
-        at_s = FRAME_S * (number + 1) + jitter_s
-        is_lost = rng.random() < LOSS
-        for monitor, watch in watches.items():
-            answer: Answer | None = None
-            if is_lost:
-                withdrawal = watch.lost(at_s)
-            else:
-                answer, withdrawal = watch.read(frame, at_s, number, shown_back)
-            true_n = float(path.force_n[number])
-            courses[monitor].add(watch.code, answer, withdrawal, true_n)
+    for number, monitor, answer, withdrawal in shown(drawn, path, watches, rng, SEED):
+        true_n = float(path.force_n[number])
+        courses[monitor].add(watches[monitor].code, answer, withdrawal, true_n)
     return {
-        monitor: courses[monitor].record(watch.released)
+        monitor: courses[monitor].record(watch.decisions.released)
         for monitor, watch in watches.items()
     }
 

@@ -1,38 +1,45 @@
 """Another force, or another contact, on an eye whose wall is factored already."""
 
-from itertools import islice
-
 import numpy as np
 from scipy.sparse.linalg import splu
 
 from reference_r1 import CONTACT, E_PA, FORCE_N, NU
 from scleraforce.mechanics.contact_and_section import Contact
 from scleraforce.mechanics.linear_wall import LinearWall, tip_displacement
-from speed.record import Row, Table, spread
+from speed.record import Row, Table, rows_beside
 from speed.run import Run, in_turns
 from speed.solvers.plain_scikit_fem import assemble
 from speed.solvers.problem import r1_mesh
 
 NEEDLE_RADIUS_M = 0.35e-3
-# the second: of a single contact
-GOAL_MS = 2.0
-FIRST_GOAL_MS = 5.0
 PEER = "SciPy's factor of scikit-fem's matrix"
 # right-hand sides in one triangular solve, as the data set's walls are solved
 TOGETHER = 32
 MANY = f"another contact, of {TOGETHER} together"
+GOALS_MS = {"another contact": 5.0, MANY: 2.0, "another force": 2.0}
 SOFA_MS = 26.0
 SETTINGS = """An eye of 0.5 mm, prepared: mesh made, matrix factored. What is timed is
 the displacement of all nodes, and its value under the needle. In turns, in one
 process."""
+WORDS = {
+    "another contact": (
+        "the needle at a contact that was not seen before: one more right-hand side"
+    ),
+    MANY: "the same for each of them: one solve for all, which reads the factor once",
+    "another force": (
+        "the same contact, with pressure and weight: superposition of known solutions"
+    ),
+    PEER: (
+        "`splu` with its ordering for symmetric matrices, a right-hand side that is"
+        " ready"
+    ),
+}
 
 
 def measure(run: Run) -> Table:
     """Time further loads, in this package and with a factor that one keeps oneself."""
     wall = LinearWall(r1_mesh("even", run.quick), NU)
-    others = iter(
-        np.random.default_rng(0).uniform([0.4, -3.0], [0.8, 3.0], (2000, 2)).tolist()
-    )
+    rng = np.random.default_rng(0)
     needle_nc = wall.needle_cnc([CONTACT], NEEDLE_RADIUS_M)[0]
     peer = assemble(run.quick)
     free = peer.basis.complement_dofs(peer.held)
@@ -40,10 +47,8 @@ def measure(run: Run) -> Table:
     load = peer.load[free]
 
     def contacts(count: int) -> list[float]:
-        pressed = [
-            Contact(polar_rad=polar, azimuth_rad=azimuth)
-            for polar, azimuth in islice(others, count)
-        ]
+        places = rng.uniform([0.4, -3.0], [0.8, 3.0], (count, 2)).tolist()
+        pressed = [Contact(polar_rad=a, azimuth_rad=b) for a, b in places]
         moved_cnc = wall.needle_cnc(pressed, NEEDLE_RADIUS_M)
 
         return [
@@ -57,52 +62,23 @@ def measure(run: Run) -> Table:
             wall.mesh, CONTACT, wall.displacement(needle_nc, 0.02, **state)
         )
 
-    work = {
-        "another contact": lambda: contacts(1),
-        MANY: lambda: contacts(TOGETHER),
-        "another force": another_force,
-        PEER: lambda: factor.solve(load),
-    }
     another_force()  # pressure and weight are solved for at the first
-    taken = {
-        name: spread(
-            [1e3 * second / (TOGETHER if name == MANY else 1) for second in times]
-        )
-        for name, times in in_turns(work, run.count(40, 3)).items()
-    }
-    settings = {
-        "another contact": (
-            "the needle at a contact that was not seen before: one more right-hand side"
-        ),
-        MANY: (
-            "the same for each of them: one solve for all, which reads the factor once"
-        ),
-        "another force": (
-            "the same contact, with pressure and weight: superposition of known"
-            " solutions"
-        ),
-        PEER: (
-            "`splu` with its ordering for symmetric matrices, a right-hand side that is"
-            " ready"
-        ),
-    }
-    rows = [
-        Row(
-            what=name,
-            unit="ms",
-            **found,
-            beside="" if name == PEER else PEER,
-            beside_value=None if name == PEER else taken[PEER]["value"],
-            goal={PEER: None, "another contact": FIRST_GOAL_MS}.get(name, GOAL_MS),
-            settings=settings[name],
-        )
-        for name, found in taken.items()
-    ]
+    taken_s = in_turns(
+        {
+            "another contact": lambda: contacts(1),
+            MANY: lambda: contacts(TOGETHER),
+            "another force": another_force,
+            PEER: lambda: factor.solve(load),
+        },
+        run.count(40, 3),
+    )
+    taken_s[MANY] = [seconds / TOGETHER for seconds in taken_s[MANY]]
+    taken_ms = {name: [1e3 * s for s in found] for name, found in taken_s.items()}
     sofa = Row(
         what="SOFA, factor kept",
         value=SOFA_MS,
         unit="ms",
         source="SOFA v26.06 in C++, by hand, another day",
     )
-
+    rows = rows_beside(taken_ms, PEER, "ms", settings=WORDS, goals=GOALS_MS)
     return Table("Another load on the same eye", SETTINGS, (*rows, sofa))

@@ -2,7 +2,7 @@
 bits.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -26,7 +26,7 @@ from scleraforce.records.study import Study
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.wall_in_metres import boundary_slices
 from speed.eyes import draw_eyes, shipped_reader
-from speed.record import Row, Table, spread
+from speed.record import Table, rows_beside
 from speed.run import Run
 
 ONNX = "ONNX Runtime (shipped)"
@@ -50,55 +50,42 @@ Read = Callable[[Slices, Setup], float]
 def measure(run: Run) -> Table:
     """Read the same slices in three ways, in turns."""
     reader = shipped_reader()
-    eyes = draw_eyes(reader, run.count(48, 6))
-    found = [find_wall(eye.frame, eye.scale) for eye in eyes]
-    cuts = [
-        boundary_slices(seen, e.scale, reader.study.slice, SHIFTS)[0]
-        for seen, e in zip(found, eyes, strict=True)
-    ]
+    study = reader.study
+    inputs: list[tuple[Slices, Setup]] = []
+    for eye in draw_eyes(reader, run.count(48, 6)):
+        wall = find_wall(eye.frame, eye.scale)
+        cuts, *_ = boundary_slices(wall, eye.scale, study.slice, SHIFTS)
+        inputs.append((cuts, eye.setup))
+
     network = (SHIPPED_READER / NETWORK_FILE).read_bytes()
-    small = _quantized(
-        network, run.folder, list(zip(cuts, eyes, strict=True))[::2], reader.study
-    )
+    small = _quantized(network, run.folder, inputs[::2], study)
     ways: dict[str, Read] = {
-        ONNX: _by_onnx(network, reader.study),
-        TORCH: _by_torch(network, reader.study),
-        INT8: _by_onnx(small, reader.study),
+        ONNX: _by_onnx(network, study),
+        TORCH: _by_torch(network, study),
+        INT8: _by_onnx(small, study),
     }
-    times: dict[str, list[float]] = {name: [] for name in ways}
-    forces_n: dict[str, list[float]] = {name: [] for name in ways}
-
-    for number in range(len(eyes) * run.count(40, 2)):
-        cut = cuts[number % len(eyes)]
-        known = eyes[number % len(eyes)].setup
-
+    taken_ms: dict[str, list[float]] = {name: [] for name in ways}
+    forces_mn: dict[str, list[float]] = {name: [] for name in ways}
+    for cuts, known in inputs * run.count(40, 2):
         for name, read in ways.items():
-            start = perf_counter()
-            force_n = read(cut, known)
-            times[name].append(1e3 * (perf_counter() - start))
-            forces_n[name].append(force_n)
+            start_s = perf_counter()
+            force_n = read(cuts, known)
+            taken_ms[name].append(1e3 * (perf_counter() - start_s))
+            forces_mn[name].append(1e3 * force_n)
 
-    medians = {name: spread(taken) for name, taken in times.items()}
     off_mn = {
-        name: 1e3 * np.abs(np.subtract(forces_n[name], forces_n[ONNX])) for name in ways
+        name: np.abs(np.subtract(found, forces_mn[ONNX]))
+        for name, found in forces_mn.items()
     }
-    rows = [
-        Row(
-            what=name,
-            unit="ms",
-            **medians[name],
-            beside=ONNX if name != ONNX else "",
-            beside_value=medians[ONNX]["value"] if name != ONNX else None,
-            settings=WORDS[name],
-            more={
-                "difference, mN": float(off_mn[name].max()),
-                "in the mean, mN": float(off_mn[name].mean()),
-            },
-        )
-        for name in ways
-    ]
-
-    return Table("The network's reading", SETTINGS, tuple(rows))
+    more = {
+        name: {
+            "difference, mN": float(found.max()),
+            "in the mean, mN": float(found.mean()),
+        }
+        for name, found in off_mn.items()
+    }
+    rows = rows_beside(taken_ms, ONNX, "ms", settings=WORDS, more=more)
+    return Table("The network's reading", SETTINGS, rows)
 
 
 def _by_onnx(network: bytes, study: Study) -> Read:
@@ -114,31 +101,22 @@ def _by_torch(network: bytes, study: Study) -> Read:
 
     torch.set_num_threads(1)
     module = ReaderNetwork(study.reader, study.slice, study.eye.radius_m).eval()
-    stored = {
-        entry.name: onnx.numpy_helper.to_array(entry)
+    weights = {
+        entry.name.removeprefix("network."): onnx.numpy_helper.to_array(entry)
         for entry in onnx.load_from_string(network).graph.initializer
     }
-    names = {
-        name: f"network.{name}" if f"network.{name}" in stored else _stored_name(name)
-        for name in module.state_dict()
-    }
     module.load_state_dict(
-        {name: torch.from_numpy(stored[names[name]].copy()) for name in names},
-        strict=True,
+        {name: torch.from_numpy(weights[name].copy()) for name in module.state_dict()}
     )
     edges_m2 = ratio_edges(study.reader.bins, study.reader.max_force_ratio).tolist()
 
     def read(cuts: Slices, setup: Setup) -> float:
-        told = eye_for_network(setup)
-        given = np.repeat(given_inputs(told, study.reader), len(cuts), axis=0)
-
+        slices = torch.from_numpy((cuts > 0).astype(np.float32))
         with torch.inference_mode():
-            mixture, _ = module(
-                torch.from_numpy((cuts > 0).astype(np.float32)), torch.from_numpy(given)
-            )
+            mixture, _ = module(slices, torch.from_numpy(_given(cuts, setup, study)))
             mean = histogram(mixture, study.reader.bins).mean(dim=0).tolist()
 
-        modulus_pa, _ = given_modulus(told, study.reader)
+        modulus_pa, _ = given_modulus(eye_for_network(setup), study.reader)
         return histogram_reading(
             mean, edges_m2, float(modulus_pa[0]), study.classes.bounds_n
         ).force_n
@@ -146,33 +124,17 @@ def _by_torch(network: bytes, study: Study) -> Read:
     return read
 
 
-def _stored_name(name: str) -> str:
-    """Return what a graph that was written node by node, as of readers until 2026,
-    calls a tensor of the module.
-
-    >>> _stored_name("convolutions.1.weight"), _stored_name("given_layer.bias")
-    ('weight1', 'known_linear_bias')
-    >>> _stored_name("circle")
-    'circle'
-    """
-    layer, _, rest = name.partition(".")
-    number, _, kind = rest.rpartition(".")
-    prefix = {
-        "given_layer": "known_linear_",
-        "hidden": f"linear{number}_",
-        "force": "mixture_",
-        "place": "place_mm_",
-    }
-
-    if layer == "convolutions":
-        return f"{kind}{number}"
-
-    return f"{prefix[layer]}{kind}" if layer in prefix else name
+def _given(cuts: Slices, setup: Setup, study: Study) -> NDArray[np.float32]:
+    """Return the known inputs of each slice."""
+    given = given_inputs(eye_for_network(setup), study.reader)
+    return np.repeat(given, len(cuts), axis=0)
 
 
-def _quantized(network: bytes, folder: Path, samples: list[Any], study: Study) -> bytes:
+def _quantized(
+    network: bytes, folder: Path, inputs: list[tuple[Slices, Setup]], study: Study
+) -> bytes:
     """Return the network with weights and signals of 8 bits, their ranges taken from
-    samples.
+    some inputs.
     """
     from onnxruntime.quantization import (  # type: ignore[import-untyped]  # no types
         CalibrationDataReader,
@@ -184,16 +146,13 @@ def _quantized(network: bytes, folder: Path, samples: list[Any], study: Study) -
         """The inputs that the ranges are taken from."""
 
         def __init__(self) -> None:
-            self._left = iter(samples)
+            self._left: Iterator[tuple[Slices, Setup]] = iter(inputs)
 
         def get_next(self) -> dict[str, Any] | None:
             """Return the next inputs; None in the end."""
-            found = next(self._left, None)
-            if found is None:
-                return None
-            cuts, eye = found
-            given = given_inputs(eye_for_network(eye.setup), study.reader)
-            return {"slices": cuts, "given": np.repeat(given, len(cuts), axis=0)}
+            for cuts, setup in self._left:
+                return {"slices": cuts, "given": _given(cuts, setup, study)}
+            return None
 
     before = folder / "fp32.onnx"
     after = folder / "int8.onnx"

@@ -4,11 +4,13 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from datetime import UTC, datetime
 from time import perf_counter
 
+from monitor.real_monitor import scleraforce
 from scleraforce.base.worker_processes import available_cores
-from speed.children import scleraforce
+from speed.children import command_seconds
 from speed.record import Row, Table
 from speed.run import QUICK_STUDY, ROOT, Run
 
@@ -27,73 +29,53 @@ def measure(run: Run) -> Table:
 
 
 def _reproduce(run: Run) -> Row:
-    what = "`make reproduce`"
+    row = _not_run("reproduce", REPRODUCE_GOAL_S)
     if run.full("reproduce"):
         study = ["--study", str(QUICK_STUDY), "--train"] if run.quick else []
-        start = perf_counter()
-        subprocess.run(
-            scleraforce("reproduce", "--out", str(run.folder / "reproduce"), *study),
-            stdout=sys.stderr,
-            check=True,
+        out = str(run.folder / "reproduce")
+        seconds = command_seconds(
+            scleraforce("reproduce", "--out", out, *study), heard=True
         )
-        seconds = perf_counter() - start
-        source = ""
-        words = f"{available_cores()} processes"
-    elif STATE.exists():
-        seconds = sum(json.loads(STATE.read_text(encoding="utf-8"))["seconds"].values())
+        return replace(row, value=seconds, settings=f"{available_cores()} processes")
+
+    if STATE.exists():
+        done = json.loads(STATE.read_text(encoding="utf-8"))
         day = datetime.fromtimestamp(STATE.stat().st_mtime, UTC)
-        source = f"{STATE.relative_to(ROOT)}, {day:%-d %B %Y}"
-        words = "the last one; --reproduce runs it"
-    else:
-        return Row(
-            what=what,
-            value=None,
-            unit="s",
-            goal=REPRODUCE_GOAL_S,
-            settings="not run; --reproduce runs it",
+        return replace(
+            row,
+            value=sum(done["seconds"].values()),
+            settings="the last one; --reproduce runs it",
+            source=f"{STATE.relative_to(ROOT)}, {day:%-d %B %Y}",
         )
 
-    return Row(
-        what=what,
-        value=seconds,
-        unit="s",
-        goal=REPRODUCE_GOAL_S,
-        settings=words,
-        source=source,
-    )
+    return row
 
 
 def _tests(run: Run) -> Row:
-    what = "`make test`"
+    row = _not_run("tests", TESTS_GOAL_S)
     if not run.full("tests"):
-        return Row(
-            what=what,
-            value=None,
-            unit="s",
-            goal=TESTS_GOAL_S,
-            settings="not run; --tests runs it",
-        )
+        return row
 
-    start = perf_counter()
     chosen = [QUICK_TEST] if run.quick else ["-n", "2", "--dist", "worksteal"]
-    environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    start = perf_counter()
     subprocess.run(
         [sys.executable, "-m", "pytest", *chosen],
         cwd=ROOT,
-        env=environment,
+        env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
         stdout=sys.stderr,
         check=True,
     )
-    words = (
-        f"{QUICK_TEST} alone"
-        if run.quick
-        else "two processes, as `make test` starts them"
-    )
+    seconds = perf_counter() - start
+    usual = "two processes, as `make test` starts them"
+    words = f"{QUICK_TEST} alone" if run.quick else usual
+    return replace(row, value=seconds, settings=words)
 
+
+def _not_run(option: str, goal_s: float) -> Row:
     return Row(
-        what=what,
-        value=perf_counter() - start,
+        what="`make test`" if option == "tests" else "`make reproduce`",
+        value=None,
         unit="s",
-        goal=TESTS_GOAL_S,
-        settings=words,
+        goal=goal_s,
+        settings=f"not run; --{option} runs it",
     )

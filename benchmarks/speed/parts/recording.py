@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from speed.children import command_seconds, scleraforce
+from monitor.real_monitor import scleraforce
+from speed.children import command_seconds
 from speed.run import ROOT, Run
 
 
@@ -12,23 +13,16 @@ def made_recording(run: Run) -> Path:
     """
     path = run.folder / "recording"
     if not path.exists():
-        eye = [
-            "--thickness-um",
-            "650",
-            "--youngs-modulus-mpa",
-            "0.3",
-            "--mechanics",
-            "finite-strain",
-        ]
-        push = [
-            "--rate-hz",
-            "100",
-            "--forces-mn",
-            "20",
-            "--hold-s",
-            "0.5" if run.quick else "2",
-        ]
-        study = ["--study", str(ROOT / "docs" / "quick.toml")]
-        command_seconds(scleraforce("phantom", "--out", str(path), *study, *eye, *push))
+        options = {
+            "--study": str(ROOT / "docs" / "quick.toml"),
+            "--thickness-um": "650",
+            "--youngs-modulus-mpa": "0.3",
+            "--mechanics": "finite-strain",
+            "--rate-hz": "100",
+            "--forces-mn": "20",
+            "--hold-s": "0.5" if run.quick else "2",
+        }
+        words = [word for option in options.items() for word in option]
+        command_seconds(scleraforce("phantom", "--out", str(path), *words))
 
     return path

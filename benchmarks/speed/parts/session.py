@@ -1,6 +1,4 @@
-"""A scanner of 1,000 frames a second, also beside other work; the memory of the running
-monitor.
-"""
+"""The monitor that users start, before the scanner of `python -m monitor session`."""
 
 import json
 import subprocess
@@ -10,9 +8,10 @@ from contextlib import contextmanager
 from typing import Any
 
 from scleraforce.records.model_folder import SHIPPED_READER
+from speed.children import command_seconds
 from speed.parts.recording import made_recording
 from speed.record import Row
-from speed.run import ROOT, Run
+from speed.run import Run
 
 LOOPS = 4
 # 500 answers a second
@@ -20,7 +19,7 @@ GOAL_MS = 2.0
 GOAL_MB = 300.0
 PLACES = {"a free machine": 0, "four busy loops beside it": LOOPS}
 ROLES = "monitor", "second opinion"
-SETTINGS = """`benchmarks/bench_monitor.py session --remote` plays 1,000 frames a
+SETTINGS = """`python -m monitor session --shared --remote` plays 1,000 frames a
 second, 512 x 512 pixels of 16 bits, below 25 mN, from a process with priority, as if
 the scanner were another machine. The monitor is the command that users start, with its
 second opinion and black box, on no core of its own, with real-time priority where the
@@ -30,71 +29,59 @@ the proportional share (PSS). The last 1,200 frames, 630 MB, are shared memory t
 process maps."""
 
 
+def monitor_session(run: Run, frames: int, *options: str) -> dict[str, Any]:
+    """Play frames to a monitor; return the figures of the session."""
+    file = run.folder / "session.json"
+    command = [sys.executable, "-m", "monitor", "session", str(SHIPPED_READER)]
+    command += [str(made_recording(run)), "--frames", str(frames)]
+    command_seconds([*command, "--json", str(file), *options], heard=True)
+    found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+    return found
+
+
 def session_rows(run: Run) -> list[Row]:
     """Play a session on the free machine, and one beside busy loops."""
     rows = []
     found = dict[str, Any]()
-
+    options = ["--shared", "--remote", "--rate-hz", "1000"]
     for place, loops in PLACES.items():
         with busy(loops):
-            found = _session(run, f"session-{loops}.json")
+            found = monitor_session(run, run.count(15_000, 1000), *options)
 
+        answers_per_s = found["session"]["answers a second"]
         rows.append(
             Row(
                 what=f"1,000 frames a second, {place}: time for each answer",
                 unit="ms",
-                value=1e3 / found["answered_per_s"],
+                value=1e3 / answers_per_s,
                 goal=None if loops else GOAL_MS,
                 more={
-                    "answers a second": found["answered_per_s"],
-                    "false withdrawals": float(len(found["withdrawals"])),
+                    "answers a second": answers_per_s,
+                    "false withdrawals": float(found["session"]["false withdrawals"]),
                 },
             )
         )
 
     for role in ROLES:
-        rss_mb, pss_mb = found["memory_mb"][role]
+        held = found["processes"][role]
         rows.append(
             Row(
                 what=f"{role}: memory",
                 unit="MB",
-                value=rss_mb,
+                value=1.024e-3 * held["rss_kb"],
                 goal=GOAL_MB,
-                more={"PSS, MB": pss_mb},
+                more={"PSS, MB": 1.024e-3 * held["pss_kb"]},
             )
         )
 
     return rows
 
 
-def _session(run: Run, name: str) -> dict[str, Any]:
-    command = [
-        sys.executable,
-        str(ROOT / "benchmarks" / "bench_monitor.py"),
-        "session",
-        str(SHIPPED_READER),
-    ]
-    command += [
-        str(made_recording(run)),
-        "--remote",
-        "--seconds",
-        str(run.count(15, 1)),
-        "--json",
-        str(run.folder / name),
-    ]
-    subprocess.run(command, stdout=sys.stderr, check=True)
-    found: dict[str, Any] = json.loads((run.folder / name).read_text(encoding="utf-8"))
-
-    return found
-
-
 @contextmanager
 def busy(loops: int) -> Iterator[None]:
     """Run loops that do nothing, each in a process."""
-    processes = [
-        subprocess.Popen([sys.executable, "-c", "while True: pass"])
-        for _ in range(loops)
-    ]
+    command = [sys.executable, "-c", "while True: pass"]
+    processes = [subprocess.Popen(command) for _ in range(loops)]
     try:
         yield
     finally:

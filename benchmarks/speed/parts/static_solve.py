@@ -3,17 +3,18 @@ time, memory, error.
 """
 
 from collections import defaultdict
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
 from reference_r1 import E_PA, NU
 from speed.children import ask_module
-from speed.record import Row, Table, spread
+from speed.record import Row, Table, rows_beside, spread
 from speed.run import Run
 from speed.solvers.calculix import calculate, force_cards, input_deck, is_installed
 from speed.solvers.problem import Solved, error_percent, r1_forces, r1_mesh, tip_mm
 
-GOAL_S = 0.3
+GOALS_S = {"ours, default": 0.3}
 DENSITY_KG_M3 = 1100.0  # CalculiX wants one
 BESIDE = "CalculiX C3D20"
 OURS = {
@@ -32,12 +33,26 @@ ELEMENTS = {
     "C3D8I": "paper's",
 }
 SCIKIT_FEM = "plain scikit-fem"
+WORDS = {
+    **{f"ours, {name}": words for name, words in OURS.items()},
+    **{
+        f"CalculiX {element}": (
+            f"SPOOLES, the mesh of `ours, {mesh}`, concentrated forces equal to our"
+            " nodal ones"
+        )
+        for element, mesh in ELEMENTS.items()
+    },
+    SCIKIT_FEM: (
+        "20 quads along an edge, 27-node elements with straight edges, three Gauss"
+        " points each way, `solve` with SciPy's default solver; solved once"
+    ),
+}
 # SOFA v26.06, HexahedronFEMForceField, StaticSolver, Eigen LDLT: s, unknowns, tip in mm
 # beside a converged 2.135.
 SOFA = {"9,600": (3.0, 43_929, 1.743), "14,400": (9.3, 58_572, 1.867)}
 SOFA_SOURCE = (
     "SOFA v26.06, trilinear hexahedra, StaticSolver, Eigen LDLT, one thread, by hand on"
-    " another day"
+    " another day; its tip beside 2.135 mm, where it was read"
 )
 SETTINGS = """Reference problem R1: half-sphere of 12 mm and 0.5 mm, 0.25 MPa, nu 0.45,
 clamped base, 30 mN at 35° as a Gaussian of 0.35 mm. One thread each. Every solve is a
@@ -59,46 +74,64 @@ class Taken:
 
 def measure(run: Run) -> Table:
     """Solve R1 in every program, in turns."""
-    solvers = {f"ours, {name}": partial(_ours, name, run.quick) for name in OURS}
+    quick = ["--quick"] if run.quick else []
+    solvers: dict[str, Callable[[], Taken]] = {
+        f"ours, {name}": partial(_told, "ours", name, *quick) for name in OURS
+    }
+    absent = []
     if is_installed():
-        solvers |= {
-            f"CalculiX {name}": partial(_calculix, name, run) for name in ELEMENTS
-        }
+        for element in ELEMENTS:
+            solvers[f"CalculiX {element}"] = partial(_calculix, element, run)
+    else:
+        words = "`ccx` is not installed here"
+        absent = [Row(what="CalculiX", value=None, unit="s", settings=words)]
 
     taken: dict[str, list[Taken]] = defaultdict(list)
     for _ in range(run.count(5, 1)):
         for name, solve in solvers.items():
             taken[name].append(solve())
 
-    taken[SCIKIT_FEM].append(_scikit_fem(run.quick))
-    beside = _seconds(taken[BESIDE])["value"] if BESIDE in taken else None
-    rows = [_row(name, found, beside) for name, found in taken.items()]
-    return Table("First static solve", SETTINGS, (*rows, *_absent(), *_sofa()))
+    taken[SCIKIT_FEM].append(_told("plain_scikit_fem", *quick))
+    taken_s: dict[str, list[float]] = {}
+    more: dict[str, dict[str, float | None]] = {}
+    for name, found in taken.items():
+        taken_s[name] = [each.solved.seconds for each in found]
+        more[name] = {
+            "process, s": spread([each.process_s for each in found])["value"],
+            "peak, MB": max(each.solved.peak_mb for each in found),
+            "unknowns": float(found[0].solved.unknowns),
+            "error, %": error_percent(found[0].solved.tip_mm),
+        }
+
+    rows = rows_beside(taken_s, BESIDE, "s", settings=WORDS, goals=GOALS_S, more=more)
+    sofa = [
+        Row(
+            what=f"SOFA, {elements} elements",
+            value=seconds,
+            unit="s",
+            source=SOFA_SOURCE,
+            more={"unknowns": float(unknowns), "error, %": 100.0 * (tip / 2.135 - 1.0)},
+        )
+        for elements, (seconds, unknowns, tip) in SOFA.items()
+    ]
+    return Table("First static solve", SETTINGS, (*rows, *absent, *sofa))
 
 
-def _ours(name: str, quick: bool) -> Taken:
-    return _told("speed.solvers.ours", name, quick)
-
-
-def _scikit_fem(quick: bool) -> Taken:
-    return _told("speed.solvers.plain_scikit_fem", None, quick)
-
-
-def _told(module: str, mesh: str | None, quick: bool) -> Taken:
-    told, process_s = ask_module(
-        module, *filter(None, (mesh, "--quick" if quick else None))
-    )
+def _told(module: str, *words: str) -> Taken:
+    told, process_s = ask_module(f"speed.solvers.{module}", *words)
     return Taken(Solved(**told), process_s)
 
 
 def _calculix(element: str, run: Run) -> Taken:
     mesh = r1_mesh(ELEMENTS[element], run.quick)
-    material = {
-        "youngs_modulus_pa": E_PA,
-        "poisson_ratio": NU,
-        "density_kg_m3": DENSITY_KG_M3,
-    }
-    deck = input_deck(mesh, element, force_cards(r1_forces(mesh)), **material)
+    deck = input_deck(
+        mesh,
+        element,
+        force_cards(r1_forces(mesh)),
+        youngs_modulus_pa=E_PA,
+        poisson_ratio=NU,
+        density_kg_m3=DENSITY_KG_M3,
+    )
     folder = run.folder / f"calculix-{element}"
     folder.mkdir(exist_ok=True)
     found = calculate(folder, deck, len(mesh.points_nc))
@@ -110,69 +143,3 @@ def _calculix(element: str, run: Run) -> Taken:
     )
 
     return Taken(solved, found.seconds)
-
-
-def _seconds(taken: list[Taken]) -> dict[str, float]:
-    return spread([one.solved.seconds for one in taken])
-
-
-def _row(name: str, taken: list[Taken], beside_s: float | None) -> Row:
-    solved = taken[0].solved
-    return Row(
-        what=name,
-        unit="s",
-        **_seconds(taken),  # type: ignore[arg-type]  # value and spread by name
-        beside="" if name == BESIDE or beside_s is None else BESIDE,
-        beside_value=None if name == BESIDE else beside_s,
-        goal=GOAL_S if name == "ours, default" else None,
-        settings=_words(name),
-        more={
-            "process, s": spread([one.process_s for one in taken])["value"],
-            "peak, MB": max(one.solved.peak_mb for one in taken),
-            "unknowns": float(solved.unknowns),
-            "error, %": error_percent(solved.tip_mm),
-        },
-    )
-
-
-def _words(name: str) -> str:
-    if name == SCIKIT_FEM:
-        return (
-            "20 quads along an edge, 27-node elements with straight edges, three Gauss"
-            " points each way, `solve` with SciPy's default solver; solved once"
-        )
-
-    program, _, kind = name.partition(" ")
-    if program == "CalculiX":
-        return (
-            f"SPOOLES, the mesh of `ours, {ELEMENTS[kind]}`, concentrated forces equal"
-            " to our nodal ones"
-        )
-
-    return OURS[kind]
-
-
-def _absent() -> list[Row]:
-    if is_installed():
-        return []
-    return [
-        Row(
-            what="CalculiX",
-            value=None,
-            unit="s",
-            settings="`ccx` is not installed here",
-        )
-    ]
-
-
-def _sofa() -> list[Row]:
-    return [
-        Row(
-            what=f"SOFA, {elements} elements",
-            value=seconds,
-            unit="s",
-            source=f"{SOFA_SOURCE}; its tip beside 2.135 mm, where it was read",
-            more={"unknowns": float(unknowns), "error, %": 100.0 * (tip / 2.135 - 1.0)},
-        )
-        for elements, (seconds, unknowns, tip) in SOFA.items()
-    ]

@@ -19,7 +19,7 @@ LEAST_PAIRS = 8  # of unequal pixels, in a block that counts
 LEAST_TOLD = 32
 SAME_SHARE = 0.75  # of the unequal pairs with equal differences
 # Agreement of two pictures: 1 if all pairs rise and fall alike, 0 by chance
-# (benchmarks/bench_old_pictures.py).
+# (`python -m monitor old-pictures`).
 WORTH_A_LOOK = 0.2  # of all pairs
 # the mean of the worst third of the blocks
 GHOST_SHARE = 1 / 3

@@ -278,7 +278,7 @@ def noise_n(forces_n: list[float]) -> float:
 LEAST_PAIRS = 4
 HORIZON_S = 2.0  # of a time until the bound
 ROUNDING = 1e-9
-# Of the time until the bound (benchmarks/bench_time_to_bound.py, seed 2): noise, since
+# Of the time until the bound (`python -m monitor bound`, seed 2): noise, since
 # neighbouring readings err alike; relative, of the slope, since a reader's error
 # changes with the dent; of the force over its upper end, at least.
 ALIKE = 2.0

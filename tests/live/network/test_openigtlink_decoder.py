@@ -14,7 +14,7 @@ from fastcrc.crc64 import ecma_182
 from hypothesis import given, settings, strategies as st
 
 import scleraforce.live.network.openigtlink as igtl
-from bench_openigtlink import run
+from monitor.messages import run
 from scleraforce.base.errors import ProtocolError
 from scleraforce.live.network.openigtlink import HEADER_BYTES, Decoder
 

@@ -11,8 +11,8 @@ from functools import partial
 
 import numpy as np
 
-from monitor_sessions.eyes import SessionEye
-from monitor_sessions.frames import Frame, PooledGenerator, largest_force_n, still_frame
+from monitor.eyes import SessionEye, largest_force_n
+from monitor.pictures import Frame, PooledGenerator, still_frame
 from scleraforce.calibration.filter.eye_filter import (
     FrameStep,
     begin,

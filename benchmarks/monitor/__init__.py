@@ -1,0 +1,1 @@
+"""The monitor's benchmarks: `python -m monitor` lists their questions."""
