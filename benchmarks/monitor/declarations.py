@@ -60,19 +60,17 @@ def declarations(
     """
     stated, modulus = stated_eye(drawn, rng)
     noise = PooledGenerator((seed, int(rng.integers(2**31))))
-    bearable_n = [min(force_n, largest_force_n(drawn)) for force_n in CALIBRATION_N]
-    seen = [
-        (still_frame(drawn, force_n, rng, noise), force_n) for force_n in bearable_n
-    ]
+    forces_n = [min(force_n, largest_force_n(drawn)) for force_n in CALIBRATION_N]
+    frames = [still_frame(drawn, force_n, rng, noise) for force_n in forces_n]
     zero_n = rng.normal(0.0, np.sqrt(ZERO_PRIOR[0, 0]))
     labelled = [
         (frame, force_n + zero_n + rng.normal(0.0, LABEL_SD_N))
-        for frame, force_n in seen
+        for frame, force_n in zip(frames, forces_n, strict=True)
     ]
-    kind = SEALED if drawn.study.globe.kind == "sealed" else OPEN
+    globe = SEALED if drawn.study.globe.kind == "sealed" else OPEN
 
     return {
-        "declared": calibrated(changed(stated, globe=kind), labelled, reader),
+        "declared": calibrated(changed(stated, globe=globe), labelled, reader),
         "found": calibrated(stated, labelled, reader),
         "unknown": with_modulus(stated, modulus),
         "option": with_modulus(stated, Modulus.stated(modulus.mean_pa)),
@@ -83,18 +81,17 @@ def stated_eye(drawn: SessionEye, rng: np.random.Generator) -> tuple[Setup, Modu
     """Return what is stated of an eye but its globe; and an E that makes up for that,
     as a calibration's does.
     """
-    setup = drawn.setup
-    thickness_m = wall_of(setup).thickness_m + rng.normal(0.0, THICKNESS_SD_M)
-    iop_pa = wall_of(setup).iop_pa * (1.0 + rng.normal(0.0, IOP_SD))
-    same_force = (wall_of(setup).thickness_m / thickness_m) ** 2 * (
-        wall_of(setup).iop_pa / iop_pa
-    ) ** (1.0 / 3.0)
-    modulus_pa = setup.eye.modulus_pa * same_force * (1.0 + rng.normal(0.0, MODULUS_SD))
+    wall = wall_of(drawn.setup)
+    thickness_m = wall.thickness_m + rng.normal(0.0, THICKNESS_SD_M)
+    iop_pa = wall.iop_pa * (1.0 + rng.normal(0.0, IOP_SD))
+    thinner = wall.thickness_m / thickness_m
+    same_force = thinner**2 * (wall.iop_pa / iop_pa) ** (1.0 / 3.0)
+    modulus_pa = wall.youngs_modulus_pa * same_force
+    modulus_pa *= 1.0 + rng.normal(0.0, MODULUS_SD)
     stated = Setup(
         eye=Eye(iop_pa=iop_pa, thickness_m=thickness_m, globe=UNKNOWN),
         needle=Needle(
-            gap_m=wall_of(setup).gap_m + rng.normal(0.0, GAP_SD_M),
-            polar_rad=wall_of(setup).polar_rad,
+            gap_m=wall.gap_m + rng.normal(0.0, GAP_SD_M), polar_rad=wall.polar_rad
         ),
     )
 
@@ -108,13 +105,12 @@ def calibrated(
 ) -> Setup:
     """Return what is known of an eye after frames of known force."""
     scale = PixelScale.of(reader.study.oct)
-    seen = list[tuple[Boundaries, float]]()
-
-    for frame, force_n in labelled:
-        wall = find_wall(frame, scale)
-        if wall.usable:
-            seen.append((segmented_boundaries(wall, scale), force_n))
-
+    walls = [(find_wall(frame, scale), force_n) for frame, force_n in labelled]
+    seen = [
+        (segmented_boundaries(wall, scale), force_n)
+        for wall, force_n in walls
+        if wall.usable
+    ]
     found = search_stiffening(
         reader.library, partial(_with_tissue, stated, seen, reader.study)
     )

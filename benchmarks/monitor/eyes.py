@@ -1,6 +1,4 @@
-"""The eyes of the sessions: their kinds, which of them a reader may meet, and their
-sections under any force.
-"""
+"""The eyes of the sessions: their kinds, and their sections under any force."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -18,7 +16,7 @@ from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.records.eye import Eye, Modulus
 from scleraforce.records.needle import Needle
 from scleraforce.records.setup import Setup
-from scleraforce.records.study import GlobeStudy, ReaderStudy, Study
+from scleraforce.records.study import GlobeStudy, Study
 
 RIGIDITIES = (to_si(0.01, "mmhg13_per_ul"), to_si(0.05, "mmhg13_per_ul"))
 THICKNESSES_M = (0.45e-3, 0.85e-3)
@@ -29,9 +27,12 @@ STATES = 128
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """A kind of eyes: the ends of their modulus and pressure, and their globe."""
+    """A kind of eyes: the shipped model that was trained for it, the ends of their
+    modulus and pressure, and their globe.
+    """
 
     words: str
+    model: str = "default"
     modulus_pa: tuple[float, float] = (0.22e6, 0.5e6)
     iop_pa: tuple[float, float] = (150.0, 500.0)
     sealed: bool = True
@@ -42,6 +43,7 @@ KINDS: Mapping[str, Kind] = {
     "sealed": Kind(words="the same walls, sealed"),
     "living": Kind(
         words="living: 1 to 2 MPa, 10 to 25 mmHg, sealed",
+        model="living",
         modulus_pa=(1e6, 2e6),
         iop_pa=(to_si(10.0, "mmhg"), to_si(25.0, "mmhg")),
     ),
@@ -54,19 +56,6 @@ class SessionEye:
 
     setup: Setup
     study: Study
-
-
-def may_meet(kind: str, trained: ReaderStudy) -> bool:
-    """Return whether all eyes of a kind lie within what a reader was trained on."""
-    eyes = KINDS[kind]
-    ranges = (
-        (eyes.modulus_pa, trained.youngs_modulus_pa.bounds),
-        (eyes.iop_pa, trained.iop_pa.bounds),
-        (THICKNESSES_M, trained.thickness_m.bounds),
-        (GAPS_M, trained.gap_m.bounds),
-    )
-
-    return all(within[0] <= low and high <= within[1] for (low, high), within in ranges)
 
 
 def draw_eye(kind: str, number: int, study: Study, seed: int) -> SessionEye:

@@ -19,7 +19,7 @@ import numpy as np
 
 from markdown_tables import QUANTILES, markdown, quantiles_ms
 from monitor.real_monitor import Monitor, real_monitor
-from monitor.scanner import OK, WITHDRAW, Frames, Operator, Scanner, be_the_peer
+from monitor.scanner import WITHDRAW, Frames, Operator, Scanner, be_the_peer
 from scleraforce.base.errors import InputError, LinkError
 from scleraforce.front.cli.output import progress_bar
 from scleraforce.live.network.openigtlink import Message
@@ -166,7 +166,6 @@ class Line:
             player = Player(led, self._client, self._log, watch=self._reset)
             player.play(at_s)
             while self._operator.busy:
-                self._operator.settled()
                 self._client.listen(monotonic() + 1e-3)
 
             if self._log.ok:
@@ -186,8 +185,7 @@ class Line:
 
     def _reset(self) -> None:
         """Ask for a reset, after a frame that was not answered with OK."""
-        asked = self._log.frames_sent > ASKED_FROM and not self._log.ok
-        if asked and self._operator.settled() is not True:
+        if self._log.frames_sent > ASKED_FROM and not self._log.ok:
             self._operator.reset()
 
 
@@ -199,34 +197,29 @@ def _died(
     """
     death = DEATHS[name]
     pid = monitor.pids[death.role]
+    message = f"no code 3 in {WITHIN_S:g} s"
     with closing(Scanner(monitor, frames, 100.0)) as scanner:
+        scanner.warm_up(10 + int(rng.integers(20)))
+        scanner.client.listen(monotonic() + rng.uniform(0.0, 0.01))
         begun_s = monotonic()
-        report = FaultReport(name=name, began_s=begun_s, delay_s=None, message="")
+        os.kill(pid, death.signal)
         try:
-            while scanner.code != OK:
-                scanner.warm_up(10 + int(rng.integers(20)))
-                scanner.send()
-                scanner.client.listen(monotonic() + rng.uniform(0.0, 0.01))
-
-            begun_s = monotonic()
-            os.kill(pid, death.signal)
             while scanner.code != WITHDRAW and monotonic() < begun_s + WITHIN_S:
+                scanner.send()
                 scanner.rest(done=lambda: scanner.code == WITHDRAW)
-                if scanner.code != WITHDRAW:
-                    scanner.send()
         except LinkError as fault:
-            return replace(report, message=str(fault))
-        finally:
-            with suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGCONT)
+            message = str(fault)
+
+    with suppress(ProcessLookupError):
+        os.kill(pid, signal.SIGCONT)
 
     change = scanner.log.first_doubt(begun_s, (WITHDRAW,))
-    if change is None:
-        return replace(report, message=f"code {scanner.code} after {WITHIN_S:g} s")
-    return replace(
-        report,
-        code=WITHDRAW,
-        delay_s=change.at_s - begun_s,
-        cause=change.cause,
-        expected=change.cause == death.cause,
+    return FaultReport(
+        name=name,
+        began_s=begun_s,
+        delay_s=change.at_s - begun_s if change else None,
+        message=change.message if change else message,
+        code=change.code if change else None,
+        cause=change.cause if change else None,
+        expected=change is not None and change.cause == death.cause,
     )

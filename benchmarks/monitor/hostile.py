@@ -75,7 +75,6 @@ def hostile(
                 while goes_on():
                     scanner.frame()
                     if monotonic() - asked_s > ASK_S:
-                        operator.settled()
                         operator.reset()
                         asked_s = monotonic()
 

@@ -33,21 +33,17 @@ ROLES = {
 
 @dataclass(frozen=True)
 class Resources:
-    """What a process holds and has used.
+    """What a process holds.
 
     Attributes:
         rss_kb: resident memory.
-        own_kb: the part of it that is in no file.
         pss_kb: its proportional share of the memory.
         descriptors: open ones.
-        cpu_s: processor time.
     """
 
     rss_kb: int
-    own_kb: int
     pss_kb: int
     descriptors: int
-    cpu_s: float
 
 
 class Monitor:
@@ -208,11 +204,9 @@ def _known_of(recording: Path) -> list[str]:
 
 
 def _end(process: subprocess.Popen[bytes], pids: dict[str, int]) -> None:
-    """End a monitor as planned; kill what is left of it after a while."""
-    with suppress(ProcessLookupError):
-        os.kill(process.pid, signal.SIGCONT)
-        process.send_signal(signal.SIGTERM)
-
+    """End a monitor as planned; kill what is left of its processes after a while."""
+    process.send_signal(signal.SIGCONT)
+    process.terminate()
     try:
         process.wait(20.0)
     except subprocess.TimeoutExpired:
@@ -220,13 +214,10 @@ def _end(process: subprocess.Popen[bytes], pids: dict[str, int]) -> None:
         process.wait()
 
     end_s = monotonic() + 10.0
-    left = {role: pid for role, pid in pids.items() if role != "monitor"}
-    while left and monotonic() < end_s:
-        left = {role: pid for role, pid in left.items() if _role(pid) == role}
-        sleep(0.02 if left else 0.0)
-
-    for pid in left.values():
-        with suppress(ProcessLookupError):
+    for role, pid in pids.items():
+        while _role(pid) == role and monotonic() < end_s:
+            sleep(0.02)
+        if _role(pid) == role:
             os.kill(pid, signal.SIGKILL)
 
 
@@ -256,15 +247,10 @@ def _resources(pid: int) -> Resources | None:
             for line in (process / name).read_text("utf-8").splitlines()
         ]
         held = {words[0]: words[1] for words in lines if len(words) > 1}
-        times = (process / "stat").read_text("utf-8").rpartition(")")[2].split()
-        ticks = int(times[11]) + int(times[12])
-
         return Resources(
             rss_kb=int(held["VmRSS:"]),
-            own_kb=int(held["RssAnon:"]),
             pss_kb=int(held["Pss:"]),
             descriptors=len(os.listdir(process / "fd")),
-            cpu_s=ticks / os.sysconf("SC_CLK_TCK"),
         )
     except (OSError, KeyError):
         return None

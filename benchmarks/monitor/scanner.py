@@ -8,7 +8,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic, time
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,15 +123,12 @@ class Frames:
         return np.flatnonzero(self.force_n >= DANGEROUS_N)
 
 
-class Sent(Protocol):
-    """A message that a scanner sends: a frame, or something like it."""
+@dataclass(frozen=True)
+class Sent:
+    """A frame in the place of the next one; a bit of it may be flipped on the way."""
 
-    def stamped(self, time_s: float) -> bytearray:
-        """Return its bytes with a time, s since 1970."""
-
-    @property
-    def frame_id(self) -> int:
-        """The frame's id at the monitor."""
+    index: int
+    flipped_bit: int | None = None
 
 
 class Operator:
@@ -143,39 +139,28 @@ class Operator:
     def __init__(self, monitor: Monitor) -> None:
         self._monitor = monitor
         self._pool = ThreadPoolExecutor(1)
-        self._asked: Future[bool] | None = None
+        self._asked: Future[None] | None = None
         self.took_s: list[float] = []
-
-    def reset(self) -> None:
-        """Ask, if no answer is due."""
-        if self._asked is None:
-            self._asked = self._pool.submit(self._ask)
-
-    def settled(self) -> bool | None:
-        """Return whether the reset was granted; None where no answer has come."""
-        if self._asked is None or not self._asked.done():
-            return None
-
-        granted = self._asked.result()
-        self._asked = None
-        return granted
 
     @property
     def busy(self) -> bool:
         """True while an answer is due."""
-        return self._asked is not None
+        return self._asked is not None and not self._asked.done()
+
+    def reset(self) -> None:
+        """Ask, if no answer is due."""
+        if not self.busy:
+            self._asked = self._pool.submit(self._ask)
 
     def close(self) -> None:
         """End the thread."""
         self._pool.shutdown()
 
-    def _ask(self) -> bool:
+    def _ask(self) -> None:
         begun_s = monotonic()
-        granted = False
         with suppress(InputError):  # nobody answered in time
-            granted, _ = ask_reset("127.0.0.1", self._monitor.port, self._monitor.token)
+            ask_reset("127.0.0.1", self._monitor.port, self._monitor.token)
         self.took_s.append(monotonic() - begun_s)
-        return granted
 
 
 class Scanner:
@@ -259,25 +244,28 @@ class Scanner:
         self.latest_s = 0.0
         self.sent = 0
 
-    def frame(self, message: Sent | None = None) -> float:
+    def frame(self) -> None:
         """Send a frame, hear the monitor until the next one is due, and attend to a
-        withdrawal; return when the frame's end went.
+        withdrawal.
         """
-        sent_s = self.send(message)
+        self.send()
         self.rest()
         self.attend()
-        return sent_s
 
-    def send(self, message: Sent | None = None) -> float:
-        """Wait until the next frame is due and send it, or another message in its
-        place; return when its end went.
+    def send(self, sent: Sent | None = None) -> float:
+        """Wait until the next frame is due and send it, or another one in its place;
+        return when its end went.
         """
         self.client.listen(self._due_s)
         self.latest_s = max(self.latest_s, monotonic() - self._due_s)
         index = next(self._way)
-        message = message or self._frames.messages[index]
+        message = self._frames.messages[sent.index if sent else index]
         # times only rise, whatever the wall clock does
         self.data = message.stamped(self._wall_s + self._due_s)
+        if sent and sent.flipped_bit is not None:
+            self.data = bytearray(self.data)
+            self.data[sent.flipped_bit // 8] ^= 1 << sent.flipped_bit % 8
+
         sent_s = self.client.send(self.data)
         self.log.sent(message.frame_id, message.frame_id, sent_s)
         self.sent += 1
@@ -313,7 +301,7 @@ class Scanner:
 
         self._held += 1
         self.longest_held = max(self.longest_held, self._held)
-        if self._held > RESET_AFTER and self.operator.settled() is not True:
+        if self._held > RESET_AFTER:
             self.operator.reset()
             self._reset_asked = True
 

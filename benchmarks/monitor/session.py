@@ -5,18 +5,18 @@ Beside the monitor runs an echo in plain Python, a control in the same seconds: 
 monitor's core, with its priority, a server takes the same bytes into one buffer and
 answers with 100. It gets every tenth frame, halfway between two frames of the monitor.
 
-Injected are, at random times, a frame over the bound, of another size, of another
-scale, with a bit flipped. Each must be answered with code 3 before the next frame is
-due, and every answer has that code until the operator's reset. All other frames stay
-below 25 mN: a withdrawal from them is false.
+Injected are, at random times, a frame over the bound, or one with a bit flipped. Each
+must be answered with code 3 before the next frame is due, and every answer has that
+code until the operator's reset. All other frames stay below 25 mN: a withdrawal from
+them is false.
 """
 
 import gc
 import socket
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -33,15 +33,13 @@ from scleraforce.live.network.openigtlink import HEADER_BYTES, Status, encode
 from scleraforce.live.replay.scanner_player import (
     ScannerClient,
     StatusChange,
-    UnstampedMessage,
-    frame_message,
-    image_matrix,
 )
 
 ECHO_EVERY = 10
 ECHO_BYTES = 100
 WARM_UP = 100
 RING_FRAMES = 1300  # until the ring of frames is full, memory grows as it should
+FLIPPED_BITS = (8 * HEADER_BYTES, 200_000)  # of the pixels
 LATE_FRAMES = 10  # an injected withdrawal within these is late, after them lost
 
 
@@ -104,7 +102,6 @@ def session(
         gc.collect()
         gc.disable()
         scanner.warm_up(WARM_UP)
-        lost = scanner.log.reading.get("lost", 0)
         before = monitor.resources()
         begun_s = monotonic()
 
@@ -128,9 +125,6 @@ def session(
 
     times_s = {
         "last byte sent to STATUS heard": [each.took_s for each in log.answers],
-        "last byte received to STATUS sent": [
-            1e-3 * each.server_ms for each in log.answers if each.server_ms is not None
-        ],
         "echo": echo.took_s if echo else [],
         "injected withdrawal's last byte to code 3": injector.delays_s,
     }
@@ -142,10 +136,6 @@ def session(
             "frames without an answer (invalid ones have none)": (
                 scanner.sent - len(log.answers)
             ),
-            "overtaken": log.reading.get("overtaken", 0),
-            "lost": log.reading.get("lost", 0) - lost,
-            "longest time between two STATUS, ms": 1e3 * log.longest_silence_s,
-            "latest frame went out late by, ms": 1e3 * scanner.latest_s,
             "false withdrawals": len(injector.false),
             "withdrawals that ended without a reset": scanner.released,
             "frames of the longest withdrawal": scanner.longest_held,
@@ -161,11 +151,10 @@ def session(
     counts = result["session"] | result["injected"]
     print(markdown(["session", ""], counts.items()), end="\n\n")
     rows = [
-        [role, name, getattr(before[role], name), value]
-        for role, held in result["processes"].items()
-        for name, value in held.items()
+        [role, *astuple(before[role]), *astuple(held)] for role, held in after.items()
     ]
-    print(markdown(["process", "", "at first", "at last"], rows))
+    head = ["RSS, kB", "PSS, kB", "descriptors"]
+    print(markdown(["process", *head, *(f"at last: {name}" for name in head)], rows))
     print(*injector.false[:20], sep="\n")
     return result
 
@@ -185,7 +174,7 @@ class Injector:
         self.false: list[str] = []
         self._every = every
         self._rng = np.random.default_rng(seed)
-        self._kinds = _injections(frames, self._rng)
+        self._dangerous = frames.dangerous()
         self._pending = ""
         self._number = 0
         self._sent_s = 0.0
@@ -193,13 +182,18 @@ class Injector:
 
     def draw(self, scanner: Scanner, number: int) -> Sent | None:
         """Return what takes the place of the next frame, or None."""
+        rng = self._rng
         chance = 1.0 / self._every if self._every else 0.0
-        if self._pending or scanner.code != OK or self._rng.random() >= chance:
+        if self._pending or scanner.code != OK or rng.random() >= chance:
             return None
 
-        self._pending = str(self._rng.choice(list(self._kinds)))
         self._number = number
-        return self._kinds[self._pending]()
+        if len(self._dangerous) and rng.random() < 0.5:
+            self._pending = "over the bound"
+            return Sent(int(rng.choice(self._dangerous)))
+
+        self._pending = "a bit flipped"
+        return Sent(0, int(rng.integers(*FLIPPED_BITS)))
 
     def hear(self, withdrawals: list[StatusChange], number: int, sent_s: float) -> None:
         """Take the withdrawals so far, after a frame that went at a time."""
@@ -220,52 +214,6 @@ class Injector:
     def _answered(self, when: str) -> None:
         self.times[self._pending, when] += 1
         self._pending = ""
-
-
-def _injections(
-    frames: Frames, rng: np.random.Generator
-) -> dict[str, Callable[[], Sent]]:
-    """Return what makes the message of each kind of withdrawal."""
-    recording = frames.recording
-    scan = recording.info.scan
-    pixels = recording.frame(recording.frames[0])
-    matrix = tuple(1.03 * value for value in image_matrix(scan))
-    cut = frame_message(pixels[: len(pixels) // 2], scan, 1, 1)
-    scaled = frame_message(pixels, scan, 1, 1, matrix=matrix)
-    dangerous = frames.dangerous()
-
-    def flipped() -> Sent:
-        index = int(rng.integers(HEADER_BYTES, pixels.nbytes))
-        return Flipped(frames.messages[0], index, int(rng.integers(8)))
-
-    kinds: dict[str, Callable[[], Sent]] = {
-        "another size": lambda: cut,
-        "another scale": lambda: scaled,
-        "a bit flipped": flipped,
-    }
-    if len(dangerous):
-        kinds["over the bound"] = lambda: frames.messages[int(rng.choice(dangerous))]
-    return kinds
-
-
-@dataclass(frozen=True)
-class Flipped:
-    """A frame with one bit flipped."""
-
-    message: UnstampedMessage
-    index: int
-    bit: int
-
-    def stamped(self, time_s: float) -> bytearray:
-        """Return it with a time."""
-        data = bytearray(self.message.stamped(time_s))
-        data[self.index] ^= 1 << self.bit
-        return data
-
-    @property
-    def frame_id(self) -> int:
-        """The frame's id."""
-        return self.message.frame_id
 
 
 class Echo:

@@ -33,7 +33,7 @@ import numpy as np
 
 from markdown_tables import markdown
 from monitor.declarations import DECLARATIONS, declarations
-from monitor.eyes import KINDS, SessionEye, draw_eye, largest_force_n, may_meet
+from monitor.eyes import KINDS, SessionEye, draw_eye, largest_force_n
 from monitor.needle_forces import (
     FRAME_S,
     Trajectory,
@@ -119,7 +119,7 @@ Outcomes = Mapping[str, Outcome]  # by declaration
 
 def sessions(
     *,
-    models: tuple[Path, ...] = (Path("default"), Path("living")),
+    model: Path | None = None,
     kinds: tuple[str, ...] = tuple(KINDS),
     eyes: int = 10,
     sessions: int = 1,
@@ -132,8 +132,7 @@ def sessions(
     """False withdrawals of whole sessions, and the forces at which ramps are stopped.
 
     Args:
-        models: of kind "reader"; each kind of eyes is read by the first that was
-            trained for it.
+        model: of kind "reader", for all of them; None: the shipped one of each kind.
         kinds: of eyes.
         eyes: of each kind.
         sessions: of each eye.
@@ -147,13 +146,10 @@ def sessions(
     for name in ("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_"):
         os.environ.setdefault(name, "1000000000")
 
-    trained = {model: load_force_reader(model).study.reader for model in models}
-    readers = {
-        kind: next(model for model in models if may_meet(kind, trained[model]))
-        for kind in kinds
-    }
     units = [
-        (model, kind, eye) for kind, model in readers.items() for eye in range(eyes)
+        (model or Path(KINDS[kind].model), kind, eye)
+        for kind in kinds
+        for eye in range(eyes)
     ]
     play = partial(
         _played,

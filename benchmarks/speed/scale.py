@@ -1,7 +1,7 @@
 """Measure the cost of a data set over its size and processes, and what one unit of work
 costs whom.
 
-    python -m speed.scale [--images N ...] [--processes P ...] [--study FILE]
+    python -m speed.scale [--images N ...] [--processes P ...]
 
 Every row is a run in a process of its own: images of the paper's study, 20 a contact.
 The next table has the cost of one unit of work for the worker, the writing process and
@@ -30,7 +30,7 @@ from scleraforce.lab.training.slice_dataset import (
     plan_dataset,
     unit_samples,
 )
-from scleraforce.records.study import Study, format_study, parse_study, read_study
+from scleraforce.records.study import Study, format_study, parse_study
 from speed.children import ask_module
 
 SIZES = (1_000, 10_000, 100_000)
@@ -45,12 +45,10 @@ def main() -> None:
     )
     parser.add_argument("--images", type=int, nargs="+", default=SIZES)
     parser.add_argument("--processes", type=int, nargs="+", default=(1, 2, 3, 4))
-    parser.add_argument("--study", type=Path, help="the paper's where none is given")
     parser.add_argument("--one", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
-    study = read_study(given.study) if given.study else Study()
     if given.one:  # a row, for the process that prints them all
-        print(json.dumps(_run(given.images[0], given.processes[0], study)))
+        print(json.dumps(_run(given.images[0], given.processes[0])))
         return
 
     rows = []
@@ -59,19 +57,18 @@ def main() -> None:
         taken_s = []
         for images in given.images:
             words = ["--one", "--images", str(images), "--processes", str(processes)]
-            words += ["--study", str(given.study)] if given.study else []
             row, _ = ask_module("speed.scale", *words)
             taken_s.append(row["s"])
-            rows.append([images, processes, *row.values()])
+            rows.append([images, processes, images / row["s"], *row.values()])
 
         # of one more image, on the line through the sizes
         slope_s = float(np.polyfit(given.images, taken_s, 1)[0])
         of_an_image_s.append(processes * slope_s)
 
-    head = ["images", "processes", "s", "images a second", "writer, MB", "worker, MB"]
+    head = ["images", "processes", "images a second", "s", "writer, MB", "worker, MB"]
     print(markdown(head, rows), end="\n\n")
-    unit = unit_samples(_sized(study, 20_000))[0].stop
-    writes_s, completes_s = _writing_s(study)
+    unit = unit_samples(_sized(20_000))[0].stop
+    writes_s, completes_s = _writing_s()
     scheduled_s = _scheduling_s()
     simulated_s = unit * min(of_an_image_s)
     costs = {
@@ -85,32 +82,26 @@ def main() -> None:
     print(markdown(["a unit of work", ""], costs.items()))
 
 
-def _run(images: int, processes: int, study: Study) -> dict[str, float]:
+def _run(images: int, processes: int) -> dict[str, float]:
     """Make a data set in a temporary folder; return its seconds and the largest memory
     of the process that writes and of a worker.
     """
     with TemporaryDirectory() as folder:
         path = Path(folder) / "dataset"
-        seconds = generate_dataset(
-            _sized(study, images), path, workers=processes
-        ).seconds
+        made = generate_dataset(_sized(images), path, workers=processes)
 
-    writer, worker = (
-        resource.getrusage(who).ru_maxrss / 1024
-        for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    )
-    return {
-        "s": seconds,
-        "images a second": images / seconds,
-        "writer, MB": writer,
-        "worker, MB": worker,
+    kinds = {"writer": resource.RUSAGE_SELF, "worker": resource.RUSAGE_CHILDREN}
+    peaks = {
+        name: resource.getrusage(kind).ru_maxrss / 1024 for name, kind in kinds.items()
     }
+    return {"s": made.seconds, **peaks}
 
 
-def _sized(study: Study, images: int) -> Study:
-    """Return the study with about a number of images, spread evenly over its groups, 20
-    a contact.
+def _sized(images: int) -> Study:
+    """Return the paper's study with about a number of images, spread evenly over its
+    groups, 20 a contact.
     """
+    study = Study()
     count = max(1, images // len(study.dataset.group))
     groups = tuple(replace(group, images=count) for group in study.dataset.group)
     contacts = max(2, count // IMAGES_OF_A_CONTACT)
@@ -118,11 +109,11 @@ def _sized(study: Study, images: int) -> Study:
     return parse_study(format_study(replace(study, dataset=dataset)))
 
 
-def _writing_s(study: Study) -> tuple[float, float]:
+def _writing_s() -> tuple[float, float]:
     """Return the seconds in which a unit is written, and then read again and hashed
     when the data set is complete.
     """
-    study = _sized(study, UNITS * 200)
+    study = _sized(UNITS * 200)
     units = unit_samples(study)
     rows = study.slice.rows
     images = np.zeros((units[0].stop, rows, study.slice.columns), dtype=np.uint8)

@@ -15,13 +15,11 @@ import numpy as np
 import pytest
 
 import markdown_tables
-from monitor.eyes import KINDS, may_meet
 from monitor.scanner import OK, WITHDRAW, Frames
 from monitor.session import LATE_FRAMES, Injector
 from monitor.sessions import Outcome, Ramp, ramp_table
 from scleraforce.live.decision.limits import MonitorLimits
 from scleraforce.live.replay.scanner_player import StatusChange
-from scleraforce.records.study import Study, parse_study, preset_toml
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?")
@@ -31,7 +29,7 @@ REAL = {
     "hostile": "--connections 100 --at-once 20 --alone-s 1",
 }
 VIRTUAL = {
-    "sessions": "--models {model} --kinds sealed --eyes 1 --seconds 1 --rates-mn-s 100",
+    "sessions": "--model {model} --kinds sealed --eyes 1 --seconds 1 --rates-mn-s 100",
     "bound": "{model} --eyes 1 --rates-mn-s 100",
     "pierced": "--sessions 2",
     "relaxing": "--eyes 1",
@@ -78,14 +76,6 @@ def test_a_question_to_a_running_monitor_prints_a_table(
 
 def test_tables_are_markdown() -> None:
     assert doctest.testmod(markdown_tables).failed == 0
-
-
-def test_a_readers_study_decides_which_eyes_it_meets() -> None:
-    for study, met in (
-        (Study(), ["open", "sealed"]),
-        (parse_study(preset_toml("living")), ["living"]),
-    ):
-        assert [kind for kind in KINDS if may_meet(kind, study.reader)] == met
 
 
 def test_a_ramp_counts_as_stopped_only_below_the_bound_and_is_compared_with_the_same_ramp():

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from golden.answers import Answers, Record, plain
 from monitor.declarations import declarations
-from monitor.eyes import SessionEye, draw_eye, largest_force_n
+from monitor.eyes import KINDS, SessionEye, draw_eye, largest_force_n
 from monitor.needle_forces import (
     Trajectory,
     moving_forces,
@@ -31,11 +31,6 @@ from scleraforce.reading.answer import Answer
 from scleraforce.reading.load_model import load_force_reader
 
 SEED = 20_261_128
-MODELS = {
-    "open": "default",
-    "sealed": "default",
-    "living": "living",
-}  # that read a kind of eyes
 EYES = 5  # of each kind
 SESSIONS = 2
 SESSION_FRAMES = 250  # 100 before the contact, the approach, and an action or two
@@ -52,14 +47,14 @@ MONITORS = (
 
 def names() -> list[str]:
     """Return the names of the eyes."""
-    return [f"{kind}-{number}" for kind in MODELS for number in range(EYES)]
+    return [f"{kind}-{number}" for kind in KINDS for number in range(EYES)]
 
 
 def answers(name: str, _recordings: dict[str, Path], _folder: Path) -> Answers:
     """Return the decisions of the sessions and ramps of one eye, of each monitor."""
     kind, _, number = name.partition("-")
     cv2.setNumThreads(1)
-    reader = load_force_reader(Path(MODELS[kind]))
+    reader = load_force_reader(Path(KINDS[kind].model))
     drawn = draw_eye(kind, int(number), reader.study, SEED)
     mesh = replace(drawn.study.mesh, core=MESH_CORE, rings=MESH_RINGS)
     drawn = replace(drawn, study=replace(drawn.study, mesh=mesh))
