@@ -44,9 +44,11 @@ QUESTIONS: tuple[Callable[..., Any], ...] = (
 def main(words: list[str]) -> int:
     """Answer one question; keep its figures where that is asked for."""
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog="python -m monitor",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    questions = parser.add_subparsers(required=True)
+    questions = parser.add_subparsers(required=True, metavar="QUESTION")
     for question in QUESTIONS:
         summary, _, arguments = (getdoc(question) or "").partition("\n\n")
         command = questions.add_parser(

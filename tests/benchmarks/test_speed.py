@@ -19,7 +19,7 @@ from scleraforce.records.study import Study
 from speed.__main__ import main
 from speed.lock import alone
 from speed.page import as_markdown
-from speed.parts.reader_training import whole_seconds
+from speed.parts.reader_training import Course
 from speed.record import Results, Row, Table, failed_table, spread
 from speed.run import Run, in_turns
 
@@ -124,10 +124,9 @@ def test_the_time_of_a_whole_training_follows_from_a_part_of_it() -> None:
     """5 s once, 2 s an epoch, 1 s an eye: three of ten epochs and two of four eyes are
     timed.
     """
-    study = replace(Study(), reader=replace(Study().reader, epochs=10, interval_eyes=4))
-    assert whole_seconds(
-        study, 100.0, [103.0, 105.0, 107.0], [110.0, 111.0], 113.0
-    ) == pytest.approx(29.0)
+    reader = replace(Study().reader, epochs=10, interval_eyes=4)
+    course = Course(100.0, [103.0, 105.0, 107.0], [110.0, 111.0], 113.0)
+    assert course.whole_s(reader) == pytest.approx(29.0)
 
 
 def test_the_page_is_rendered_from_the_stored_figures() -> None:
