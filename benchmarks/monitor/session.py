@@ -16,7 +16,7 @@ import socket
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import asdict, astuple
+from dataclasses import asdict
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -25,7 +25,13 @@ import numpy as np
 
 from markdown_tables import QUANTILES, markdown, quantiles_ms
 from monitor.browser import open_pages
-from monitor.real_monitor import MONITOR_CORES, pin, real_monitor, server_process
+from monitor.real_monitor import (
+    MONITOR_CORES,
+    Monitor,
+    pin,
+    real_monitor,
+    server_process,
+)
 from monitor.scanner import OK, SCANNER_PRIORITY, Frames, Scanner, Sent, be_the_peer
 from scleraforce.front.cli.output import progress_bar
 from scleraforce.live.companions.watchdog import MONITOR_PRIORITY, run_in_real_time
@@ -97,38 +103,50 @@ def session(
         scanner = Scanner(monitor, shown, rate_hz, observed=shared)
         stack.enter_context(closing(scanner))
         injector = Injector(shown, withdrawal_every, seed)
-        # among the answers of half a minute a collection takes 60 ms, in which no frame
-        # would be sent
-        gc.collect()
-        gc.disable()
-        scanner.warm_up(WARM_UP)
-        before = monitor.resources()
-        begun_s = monotonic()
+        result = _measured(monitor, scanner, echo, injector, frames)
 
-        for number in progress_bar(range(frames), "session"):
-            sent_s = scanner.send(injector.draw(scanner, number))
-            if echo and number % ECHO_EVERY == 0:
-                scanner.rest(0.5)
-                echo.send(scanner.data)
+    _show(result)
+    print(*injector.false[:20], sep="\n")
+    return result
 
-            scanner.rest()
-            scanner.attend()
-            injector.hear(scanner.withdrawals, number, sent_s)
-            if number == RING_FRAMES:
-                before = monitor.resources()
 
-        took_s = monotonic() - begun_s
-        gc.enable()
-        after = monitor.resources()
-        log = scanner.log
-        scanner.client.listen(monotonic() + 1.0, lambda: log.last is not None)
+def _measured(
+    monitor: Monitor,
+    scanner: Scanner,
+    echo: "Echo | None",
+    injector: "Injector",
+    frames: int,
+) -> dict[str, Any]:
+    """Send frames at their times; return the figures."""
+    log = scanner.log
+    # among the answers of half a minute a collection takes 60 ms, in which no frame
+    # would be sent
+    gc.collect()
+    gc.disable()
+    scanner.warm_up(WARM_UP)
+    before = monitor.resources()
+    begun_s = monotonic()
+    for number in progress_bar(range(frames), "session"):
+        sent_s = scanner.send(injector.draw(scanner, number))
+        if echo and number % ECHO_EVERY == 0:
+            scanner.rest(0.5)
+            echo.send(scanner.data)
 
+        scanner.rest()
+        scanner.attend()
+        injector.hear(scanner.withdrawals, number, sent_s)
+        if number == RING_FRAMES:
+            before = monitor.resources()
+
+    took_s = monotonic() - begun_s
+    gc.enable()
+    scanner.client.listen(monotonic() + 1.0, lambda: log.last is not None)
     times_s = {
         "last byte sent to STATUS heard": [each.took_s for each in log.answers],
         "echo": echo.took_s if echo else [],
         "injected withdrawal's last byte to code 3": injector.delays_s,
     }
-    result: dict[str, Any] = {
+    return {
         "latency": {name: quantiles_ms(found) for name, found in times_s.items()},
         "session": {
             "seconds": took_s,
@@ -144,19 +162,23 @@ def session(
             f"{name}, {when}": times
             for (name, when), times in sorted(injector.times.items())
         },
-        "processes": {role: asdict(held) for role, held in after.items()},
+        "processes at first": {role: asdict(held) for role, held in before.items()},
+        "processes": {role: asdict(held) for role, held in monitor.resources().items()},
     }
+
+
+def _show(result: dict[str, Any]) -> None:
+    """Print the tables."""
     rows = [[name, *found.values()] for name, found in result["latency"].items()]
     print(markdown(["ms", *QUANTILES], rows), end="\n\n")
     counts = result["session"] | result["injected"]
     print(markdown(["session", ""], counts.items()), end="\n\n")
     rows = [
-        [role, *astuple(before[role]), *astuple(held)] for role, held in after.items()
+        [role, *result["processes at first"][role].values(), *held.values()]
+        for role, held in result["processes"].items()
     ]
     head = ["RSS, kB", "PSS, kB", "descriptors"]
     print(markdown(["process", *head, *(f"at last: {name}" for name in head)], rows))
-    print(*injector.false[:20], sep="\n")
-    return result
 
 
 class Injector:

@@ -5,16 +5,17 @@ Then a scanner of 1,000 frames a second, and the memory of the running monitor.
 """
 
 import socket
+from collections import defaultdict
 from time import perf_counter, sleep
+from typing import Any
 
-import numpy as np
-
+from markdown_tables import quantiles_ms
 from monitor.real_monitor import server_process
 from scleraforce.live.network.openigtlink import Image, encode
 from scleraforce.recordings.recording_folder import read_recording
 from speed.parts import session
 from speed.parts.recording import made_recording
-from speed.record import Row, Table
+from speed.record import Table, rows_beside
 from speed.run import Run
 
 PAUSE_S = 0.01
@@ -40,33 +41,30 @@ WORDS = {
 
 def measure(run: Run) -> Table:
     """Measure the monitor and the echoes by turns."""
-    taken_ms: dict[tuple[str, str], list[float]] = {
-        (share, name): [] for share in GOALS_MS for name in WORDS
-    }
+    taken_ms: dict[str, list[float]] = defaultdict(list)
     for _ in range(run.count(3, 1)):
         found = session.monitor_session(run, run.count(1000, 60), "--no-opinion")
-        pyigtl_ms = _pyigtl_ms(run, run.count(300, 20))
         latency = found["latency"]
-        for share, quantile in zip(GOALS_MS, (0.5, 0.99), strict=True):
-            heard = latency["last byte sent to STATUS heard"]
-            taken_ms[share, OURS].append(heard[share])
-            taken_ms[share, PLAIN].append(latency["echo"][share])
-            taken_ms[share, PYIGTL].append(float(np.quantile(pyigtl_ms, quantile)))
+        pyigtl_s = _pyigtl_s(run, run.count(300, 20))
+        answers_ms: dict[str, Any] = {
+            OURS: latency["last byte sent to STATUS heard"],
+            PLAIN: latency["echo"],
+            PYIGTL: quantiles_ms(pyigtl_s),
+        }
+        for name, shares in answers_ms.items():
+            for share in GOALS_MS:
+                taken_ms[f"{name}, {share}"].append(shares[share])
 
     rows = [
-        Row(
-            what=f"{name}, {share}",
-            unit="ms",
-            value=float(np.median(found_ms)),
-            spread=(min(found_ms), max(found_ms)),
-            beside="" if name == PYIGTL else PYIGTL,
-            beside_value=(
-                None if name == PYIGTL else float(np.median(taken_ms[share, PYIGTL]))
-            ),
-            goal=GOALS_MS[share] if name == OURS else None,
-            settings=WORDS[name] if share == "median" else "",
+        row
+        for share, goal in GOALS_MS.items()
+        for row in rows_beside(
+            {f"{name}, {share}": taken_ms[f"{name}, {share}"] for name in WORDS},
+            f"{PYIGTL}, {share}",
+            "ms",
+            settings={f"{name}, median": words for name, words in WORDS.items()},
+            goals={f"{OURS}, {share}": goal},
         )
-        for (share, name), found_ms in taken_ms.items()
     ]
     return Table(
         "The answer on the wire",
@@ -75,14 +73,14 @@ def measure(run: Run) -> Table:
     )
 
 
-def _pyigtl_ms(run: Run, frames: int) -> list[float]:
+def _pyigtl_s(run: Run, frames: int) -> list[float]:
     """Return how long pyigtl's echo takes for each frame."""
     scan = read_recording(made_recording(run))
     messages = [
         encode(Image(scan.frame(entry)[None]), "Scanner", version=1)
         for entry in scan.frames[:20]
     ]
-    taken_ms = []
+    taken_s = []
     with (
         server_process("speed.pyigtl_echo") as (port, _),
         socket.create_connection(("127.0.0.1", port)) as link,
@@ -95,6 +93,6 @@ def _pyigtl_ms(run: Run, frames: int) -> list[float]:
             if not link.recv(65536):
                 raise RuntimeError("pyigtl's server has closed the connection")
 
-            taken_ms.append(1e3 * (perf_counter() - sent_s))
+            taken_s.append(perf_counter() - sent_s)
 
-    return taken_ms
+    return taken_s
