@@ -27,11 +27,11 @@ import numpy as np
 
 from figures.accuracy import percent
 from figures.printing import print_table, whole_number
-from monitor_sessions.declarations import stated_eye
-from monitor_sessions.eyes import SessionEye, draw_eye
-from monitor_sessions.forces import FRAME_S, Trajectory, moving_forces, trajectory
-from monitor_sessions.frames import stream
-from monitor_sessions.watch import WITHDRAW, Watch
+from monitor.declarations import stated_eye
+from monitor.eyes import SessionEye, draw_eye
+from monitor.needle_forces import FRAME_S, Trajectory, moving_forces, trajectory
+from monitor.pictures import stream
+from monitor.watch import WITHDRAW, Watch
 from scleraforce.base.worker_processes import work_units
 from scleraforce.calibration.filter.eye_parameters import with_modulus
 from scleraforce.calibration.stiffness_from_shape import EyePosterior

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from figures.eyes import FigureEye
 from figures.printing import picture, print_table, whole_number
 from figures.sections import ComputedEye, compute_eye
-from monitor_sessions.declarations import calibrated
+from monitor.declarations import calibrated
 from scleraforce.base.units import to_si
 from scleraforce.calibration.filter.eye_parameters import with_modulus
 from scleraforce.front.report.figure_files import (
