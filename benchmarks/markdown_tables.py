@@ -1,6 +1,7 @@
 """Tables of figures as Markdown, for a terminal and for a page alike."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -16,8 +17,13 @@ def markdown(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     | a | 0.123 |
     | b |  |
     """
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(map(_cell, line))} |" for line in lines)
+    return "\n".join(lines(head, rows))
+
+
+def lines(head: Sequence[str], rows: Iterable[Sequence[object]]) -> Iterator[str]:
+    """Yield the lines of a table, each as soon as its row is there."""
+    for cells in chain([head, ["---"] * len(head)], rows):
+        yield f"| {' | '.join(map(_cell, cells))} |"
 
 
 def number(value: float | None) -> str:

@@ -1,12 +1,12 @@
 """What all studies share: their options, and tables as Markdown."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import chain
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
+from markdown_tables import lines
 from scleraforce.records.study import Study, read_study
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -32,12 +32,6 @@ def whole_number(name: str, default: int, what: str = "") -> Decorator:
     return click.option(
         name, type=click.IntRange(0), default=default, show_default=True, help=what
     )
-
-
-def lines(head: Sequence[str], rows: Iterable[Sequence[object]]) -> Iterator[str]:
-    """Yield the lines of a table in Markdown."""
-    for cells in chain([head, ["---"] * len(head)], rows):
-        yield f"| {' | '.join(map(str, cells))} |"
 
 
 def print_table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> None:

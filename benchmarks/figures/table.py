@@ -6,9 +6,9 @@ from math import isfinite, nan
 from typing import Any
 
 from figures.groups import GROUPS
-from figures.printing import lines
 from figures.readings import Method
 from figures.scores import Scores
+from markdown_tables import lines
 from scleraforce.calibration.answer_metrics import Proportion
 
 

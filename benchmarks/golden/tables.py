@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from golden.answers import Answers, Comparison, Move, Record
+from markdown_tables import markdown
 
 REFERENCE = "evaluate"
 LISTED = 12  # moves of a group, answers that are missing or new
@@ -171,9 +172,3 @@ def door_table(now: Answers, frozen: Answers) -> str:
 
 def _signed(number: float | None) -> str:
     return "-" if number is None else f"{number:+.4f}"
-
-
-def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table of Markdown."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from figures.printing import lines
 from figures.pushed_walls import NEEDLE_RADIUS_M as NEEDLE_M, NU, RADIUS_M
 from figures.studies.real_tissue import TABLES, pressed
+from markdown_tables import lines
 from real_tissue.porcine import (
     PunchedEye,
     modulus_by_shell_theory,
