@@ -6,12 +6,13 @@ the types in the signatures and fields of public names.
 """
 
 import ast
+import builtins
 import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from sources import syntax_nodes
+from sources import parsed
 
 import scleraforce
 
@@ -27,11 +28,20 @@ def module_name(path: Path) -> str:
     return ".".join(part for part in parts if part != "__init__")
 
 
+def statements(tree: ast.AST) -> Iterator[ast.stmt]:
+    """Yield the statements below a node, without their expressions."""
+    for part in ("body", "orelse", "handlers", "finalbody"):
+        for node in getattr(tree, part, ()):
+            if isinstance(node, ast.stmt):
+                yield node
+            yield from statements(node)
+
+
 @cache
 def imported_names(path: Path) -> dict[str, str]:
     """Return what a file imports: the name in the file and the full name."""
     found: dict[str, str] = {}
-    for node in syntax_nodes(path):
+    for node in statements(parsed(path)):
         if isinstance(node, ast.ImportFrom) and node.module:
             for alias in node.names:
                 found[alias.asname or alias.name] = f"{node.module}.{alias.name}"
@@ -47,7 +57,7 @@ def imported_names(path: Path) -> dict[str, str]:
 def definitions(path: Path) -> dict[str, ast.stmt]:
     """Return the statements at the top of a file, by each name that they define."""
     found: dict[str, ast.stmt] = {}
-    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+    for node in parsed(path).body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             found[node.name] = node
         elif not isinstance(node, ast.Import | ast.ImportFrom):
@@ -64,6 +74,7 @@ def definitions(path: Path) -> dict[str, ast.stmt]:
 MODULES = {module_name(path): path for path in ROOT.rglob("*.py")}
 
 
+@cache
 def original_name(name: str) -> str:
     """Return the name of a thing in the module that defines it."""
     module, _, local = name.rpartition(".")
@@ -82,7 +93,7 @@ def listed_names() -> set[str]:
     """Return the names that packages list and that their `__init__` imports."""
     found = {COMMAND_LINE}
     for path in ROOT.rglob("__init__.py"):
-        text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+        text = ast.get_docstring(parsed(path)) or ""
         for module, names in LISTED.findall(text.partition("\nPublic:")[2]):
             for name in re.findall(r"\w+", names):
                 found.add(original_name(f"{module_name(path)}.{module}.{name}"))
@@ -145,17 +156,29 @@ def used_names(path: Path, name: str) -> frozenset[str]:
     waiting = [(path, name)]
     while waiting:
         place = waiting.pop()
-        if place in seen:
-            continue
-        seen.add(place)
-        file, local = place
-        node = definitions(file).get(local)
-        if node is not None:
-            for used in names_in(node) - {local}:
-                waiting += helpers_named(file, used)
-                found |= package_names(file, used, node)
+        if place not in seen:
+            seen.add(place)
+            helpers, names = directly_used(*place)
+            waiting += helpers
+            found |= names
 
     return frozenset(found)
+
+
+@cache
+def directly_used(path: Path, name: str) -> tuple[list[tuple[Path, str]], set[str]]:
+    """Return the helpers, as file and name, and the package's names that a definition
+    itself uses.
+    """
+    helpers: list[tuple[Path, str]] = []
+    names: set[str] = set()
+    node = definitions(path).get(name)
+    if node is not None:
+        for used in names_in(node) - {name}:
+            helpers += helpers_named(path, used)
+            names |= package_names(path, used, node)
+
+    return helpers, names
 
 
 def names_in(node: ast.stmt) -> set[str]:
@@ -173,16 +196,22 @@ def helpers_named(file: Path, name: str) -> list[tuple[Path, str]]:
     """Return the places of a helper or fixture that a test file may mean by a name."""
     full = imported_names(file).get(name, "")
     module, _, local = full.rpartition(".")
+    if hasattr(builtins, name):
+        return []
     if name in definitions(file):
         return [(file, name)]
     if full and not full.startswith("scleraforce"):
         helpers = [TESTS / part / f"{module}.py" for part in ("support", "oracles")]
         return [(helper, local) for helper in helpers if helper.is_file()]
-    return [
-        (folder / "conftest.py", name)
-        for folder in file.parents
-        if folder.is_relative_to(TESTS) and (folder / "conftest.py").is_file()
-    ]
+    return [(conftest, name) for conftest in conftests_of(file.parent)]
+
+
+@cache
+def conftests_of(folder: Path) -> tuple[Path, ...]:
+    """Return the files of fixtures of a folder of tests and of those above it."""
+    own = folder / "conftest.py"
+    above = () if folder == TESTS.parent else conftests_of(folder.parent)
+    return (own, *above) if own.is_file() else above
 
 
 def package_names(file: Path, name: str, node: ast.stmt) -> set[str]:
