@@ -121,7 +121,16 @@ WITH_HISTORY = ("dense frames", "leak")
 FIRST_OF_ALL = ("holds", "0.png")
 
 
-@pytest.fixture(scope="module", params=RECORDINGS)
+BY_DEFAULT = ("single frames", "dense frames", "leak", "planes")
+
+
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(name, marks=[] if name in BY_DEFAULT else [pytest.mark.slow])
+        for name in RECORDINGS
+    ],
+)
 def recording(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[str, Path]:

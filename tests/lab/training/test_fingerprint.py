@@ -128,6 +128,7 @@ def check_sections(study: Study, wanted: Study, target: str, *names: str) -> Non
     assert different == [], f"run `make {target}`"
 
 
+@pytest.mark.slow
 def test_the_shipped_wall_finder_is_of_the_default_study_small_and_trained_as_today():
     study = study_of(SHIPPED_WALL_FINDER)
     check_sections(study, Study(), "wall-finder", "scenes", "wall_finder")
@@ -160,6 +161,7 @@ def test_an_entry_moves_with_values_order_missing_values_and_size_beyond_its_tol
     assert moved({"a": fingerprint.item([])}, {"a": fingerprint.item([])}) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", [SHIPPED_READER, SHIPPED_LIVING])
 def test_the_shipped_readers_are_of_the_default_study_and_of_their_preset_whole_and_small(
     folder: Path,
@@ -180,6 +182,7 @@ def test_the_shipped_readers_are_of_the_default_study_and_of_their_preset_whole_
     )
 
 
+@pytest.mark.slow
 def test_the_shipped_classifier_is_the_papers_whole_small_and_trained_as_today():
     folder = path_or_bundled("paper")
     reader = load_reader(folder)
