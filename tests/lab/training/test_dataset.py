@@ -499,6 +499,8 @@ def test_a_library_of_another_eye_and_other_mechanics_are_refused(
     with pytest.raises(error, match=said):
         generate_dataset(replace(study, **changes), tmp_path / "d", library=library)
 
+    assert not list(tmp_path.iterdir())
+
 
 def test_a_force_beyond_the_library_is_named(study, library, tmp_path):
     soft = {"youngs_modulus_pa": 0.05e6, "library": library}

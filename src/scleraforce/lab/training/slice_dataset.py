@@ -612,13 +612,13 @@ def generate_dataset(
     # as the store keeps it: rounded to 15 digits in human units
     study = parse_study(format_study(study))
     plan = plan_dataset(study)
+    near = None if library is None else near_library(study, plan, library)
     store = create_dataset(out, study, modulus, calibration, plan, mechanics)
     todo = store.missing()
     units = unit_samples(study)
     missing = sum(units[number].stop - units[number].start for number in todo)
     report(len(plan) - missing)
     workers = workers or available_cores()
-    near = None if library is None else near_library(study, plan, library)
     prepare = partial(_making, study, modulus, near, plan)
 
     if near is None or isinstance(workers, ClusterWorkers):
