@@ -41,14 +41,22 @@ ASIDE = Setup(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("direction", "tilt", "force_n"),
-    [(0.0, 0.0, 0.03), (0.5, 0.0, 0.05), (0.3, 0.05, 0.03)],
+    ("direction", "tilt", "force_n", "stated_m"),
+    [
+        (0.0, 0.0, 0.03, 0.7e-3),
+        (0.5, 0.0, 0.05, 0.7e-3),
+        (0.3, 0.05, 0.03, 0.7e-3),
+        # between the thicknesses of walls whose thickness is uncertain
+        (0.0, 0.0, 0.03, 0.65e-3),
+    ],
 )
 def test_predicted_section_is_the_cut_through_the_deformed_mesh(
-    laboratory: Any, direction: float, tilt: float, force_n: float
+    laboratory: Any, direction: float, tilt: float, force_n: float, stated_m: float
 ) -> None:
     constants = changed(ASIDE, direction_rad=direction, tilt_rad=tilt)
-    model = eye_filter.begin(laboratory.study, constants, None).filter.model
+    stated = changed(constants, thickness_m=stated_m)
+    parameters = ("e",) if stated_m == 0.7e-3 else ("e", "thickness")
+    model = eye_filter.begin(laboratory.study, stated, None, parameters).filter.model
     wall = laboratory.wall(0.7e-3)
     contact = Contact(polar_rad=wall_of(constants).polar_rad)
     displacement = wall.displacement(

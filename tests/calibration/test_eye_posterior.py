@@ -15,7 +15,9 @@ from predicted_walls import Walls, predict_wall
 from scleraforce.base.errors import InputError
 from scleraforce.calibration.calibration import calibration_lines, parse_calibration
 from scleraforce.calibration.stiffness_from_shape import (
+    MOST_FRAMES,
     EyePosterior,
+    _spread,
 )
 from scleraforce.fit.frames_of_an_eye import ShownFrame
 from scleraforce.fit.prior_of_an_eye import prior_of
@@ -126,6 +128,13 @@ def test_what_cannot_be_is_refused(
 
     with pytest.raises(InputError, match=words):
         sf.calibrate(recording, **{"without_force": True, **given})
+
+
+def test_a_posterior_keeps_the_most_different_dents_and_the_known_forces() -> None:
+    tips_m = [1e-6 * number for number in range(MOST_FRAMES + 4)] + [3e-3]
+    kept = _spread(tips_m, [place == 5 for place in range(len(tips_m))])
+    assert len(kept) == MOST_FRAMES
+    assert {0, 5, len(tips_m) - 1} <= set(kept)
 
 
 def test_a_frame_without_a_wall_of_the_library_teaches_nothing(

@@ -11,26 +11,38 @@ import cv2
 import numpy as np
 import pytest
 from analytic_frames import (
+    BOTH,
+    LATERAL_M,
     LIBRARY,
     MODULUS_PA,
     SMALL_LIBRARY,
     STUDY,
+    known_eye,
+    middling_eye,
 )
-from scanned_planes import CROSS, write_moments
+from scanned_planes import CONTACT_M, CROSS, TILT_RAD, write_moments
 from small_models import write_fixed_reader
 
 import scleraforce as sf
+from predicted_walls import Walls, force_n as wall_force_n, predict_wall
 from scleraforce.base.errors import CalibrationError
 from scleraforce.calibration.calibrate import (
     calibrate_recordings,
+    setup_to_calibrate,
 )
 from scleraforce.calibration.calibration import Calibration
 from scleraforce.calibration.evaluation import evaluate_recordings
+from scleraforce.calibration.seen_frames import CalibrationSettings, EyeFrames
+from scleraforce.calibration.stiffness_from_shape import EyePosterior
+from scleraforce.fit.frames_of_an_eye import ShownFrame
+from scleraforce.lab.virtual_eye import scan_plane
 from scleraforce.reading.load_model import load_reader
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.calibration_file import parse_calibration_file, summary_of
+from scleraforce.records.eye import Modulus
 from scleraforce.records.scan import Plane
 from scleraforce.records.study import Study
+from virtual_eyes import changed
 
 FORCES_N = 0.002, 0.03, 0.012, 0.02, 0.008
 # 1.5 and 0.05 mm from the needle
@@ -102,6 +114,51 @@ def test_the_filter_follows_the_plane_nearest_to_the_needle(tmp_path: Path) -> N
     missing = replace(recording, frames=some)
     frames = calibrated(missing).eyes["eye"].frames
     assert "not usable: no frame of plane near" in {frame.skipped for frame in frames}
+
+
+def test_a_frame_is_of_the_eye_at_the_place_of_its_plane(cross: Recording) -> None:
+    """Gap, direction and tilt of the plane across, by the contact and tilt of the
+    recording.
+    """
+    settings = CalibrationSettings(STUDY, LIBRARY, ("e",), False, None, None)
+    seen = EyeFrames(cross, settings, frozenset(), None).seen(1)
+    stated = changed(setup_to_calibrate(cross, STUDY), direction_rad=0.3)
+    plane = scan_plane(seen.beside(stated))
+    assert plane.gap_m == pytest.approx(CONTACT_M[0], abs=30e-6)
+    assert plane.direction_rad == 0.3 + CROSS[1].direction_rad
+    assert plane.tilt_rad == pytest.approx(-TILT_RAD[0], abs=5e-3)
+
+
+@pytest.mark.slow
+def test_frames_of_other_gaps_tell_what_frames_of_one_gap_do() -> None:
+    known = known_eye(middling_eye(0.0))
+    modulus = Modulus(mean_pa=0.4e6, sd_pa=0.1e6, source="population")
+    setup = replace(known, eye=replace(known.eye, modulus=modulus))
+    walls = Walls(LIBRARY)
+
+    def found_pa(gaps_m: np.ndarray, are_given: bool) -> float:
+        frames = []
+        for tip_m, gap_m in zip((1e-3, 2e-3, 3e-3), gaps_m, strict=True):
+            unknown = middling_eye(tip_m, gap_m=gap_m)
+            frame = ShownFrame(
+                lateral_m=LATERAL_M,
+                depth_bc=predict_wall(walls, unknown, BOTH).depth_m.reshape(2, -1),
+                force_n=float(wall_force_n(walls, unknown[None])[0]),
+                force_sd_n=1e-4,
+                gap_m=gap_m if are_given else None,
+            )
+            frames.append(frame)
+
+        eye = EyePosterior(setup=setup, study=STUDY, library=LIBRARY)
+        return eye.with_frames(frames).modulus.mean_pa
+
+    of_one = found_pa(np.full(3, 0.6e-3), False)
+    assert of_one == pytest.approx(0.3e6, rel=0.03)
+    gaps_m = np.array([0.45e-3, 0.75e-3, 0.6e-3])
+    for given_m in (gaps_m, -gaps_m):
+        assert found_pa(given_m, True) == pytest.approx(of_one, rel=2e-3)
+
+    assert found_pa(gaps_m, False) != pytest.approx(of_one, rel=0.01)
 
 
 def test_a_moment_that_one_plane_shows_is_left_out_with_the_reason(

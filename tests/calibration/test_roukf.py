@@ -1,4 +1,4 @@
-"""The reduced-order filter against the full-order one, filterpy, grids; sigma points,
+"""The reduced-order filter against the full-order one and filterpy; sigma points,
 misfits.
 """
 

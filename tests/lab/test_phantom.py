@@ -100,6 +100,34 @@ def test_the_recording_has_the_plans_frames_forces_and_values(written):
     assert [trial.target for trial in trials] == [1, 0, 2]
 
 
+@pytest.mark.parametrize(
+    ("part", "range_name", "value"),
+    [("needle", "needle_count", 1), ("conjunctiva", "conjunctiva_thickness_m", 140e-6)],
+)
+def test_a_needle_or_a_conjunctiva_is_one_in_a_recording_and_leaves_every_other_number(
+    plan, part, range_name, value
+):
+    """A conjunctiva slides from push to push, and is pressed by the force of each."""
+    phantom = replace(STUDY.phantom, **{range_name: st.fixed(value)})
+    other = plan_phantom(EYE, FORCES_N, replace(STUDY, phantom=phantom), 3)
+    with_part = [frame.optics for frame in other.frames]
+    assert [replace(optics, **{part: None}) for optics in with_part] == [
+        frame.optics for frame in plan.frames
+    ]
+    parts = [getattr(optics, part) for optics in with_part]
+    if part == "needle":
+        assert {needle.gap_m for needle in parts} == {wall_of(EYE).gap_m}
+    else:
+        assert len({layer.phase_rad for layer in parts}) == len(FORCES_N)
+        assert [layer.press.force_n for layer in parts] == list(FORCES_N)
+        assert {(layer.press.radius_m, layer.press.gap_m) for layer in parts} == {
+            (0.35e-3, wall_of(EYE).gap_m)
+        }
+        parts = [replace(layer, phase_rad=0.0, press=None) for layer in parts]
+
+    assert len(set(parts)) == 1
+
+
 BENT = st.MechanicsStudy(kind="finite-strain")
 PLANES = Plane("along", 0.0, 0.0), Plane("across", 0.1e-3, np.pi / 2)
 
@@ -366,6 +394,16 @@ def test_the_force_follows_ramps_and_holds_through_its_turning_points() -> None:
     assert np.diff(times_s) == pytest.approx(0.02)
     # constant beyond its end
     assert plan.path.felt_n(np.array([9.0])) == pytest.approx(0.035)
+
+
+def test_labels_of_its_recording_follow_a_needle_that_moves(tmp_path) -> None:
+    """With noise of 4 mN, and steps of 5 mN below 5 Hz."""
+    plan = moving()
+    few = replace(plan, frames=plan.frames[::4])
+    write_phantom(tmp_path / "rec", few, flat_sections, MOVING_STUDY)
+    trials = label_frames(read_recording(tmp_path / "rec"), MOVING_STUDY.classes)
+    errors_n = np.array([trial.measured_force_n for trial in trials]) - few.forces_n
+    assert np.sqrt((errors_n**2).mean()) < 1.5e-3
 
 
 def test_the_eye_and_the_light_change_smoothly_within_their_ranges() -> None:

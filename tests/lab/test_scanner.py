@@ -20,6 +20,7 @@ from scleraforce.lab.scanner.measured_scanner import (
     measure_scanner,
     study_text,
 )
+from scleraforce.lab.scanner.scanner_display import Unmeasured
 from scleraforce.lab.scenes.drawn_scenes import draw_scene
 from scleraforce.lab.tissue_light import ReflectionLine, Shadow
 from scleraforce.records.study import PhantomStudy, parse_study
@@ -38,7 +39,7 @@ WITHIN_10_PERCENT = (
 )
 # of a logarithmic display
 AND_1_DB = ("reflection_db",)
-AND_10_PERCENT = ("band_m", "choroid_attenuation_per_m")
+AND_10_PERCENT = ("band_m", "choroid_attenuation_per_m", "reflection_angle_rad")
 COARSE = {"axial_resolution_m": 14e-6, "lateral_resolution_m": 70e-6}
 DEEP = replace(SCANNER, bits=8, rows=640, depth_m=5e-3, refractive_index=1.38)
 SHOWN = {"display_range_db": 42.0, "snr_db": 20.0}
@@ -129,6 +130,13 @@ def test_root_and_linear_displays_are_recognised_and_their_scanner_is_measured(
     assert (
         histogram_overlap(found.frames[0].eye.pixels, drawn, 2**scanner.bits - 1) > 0.95
     )
+
+
+def test_a_surface_that_is_bright_at_all_angles_is_no_reflection() -> None:
+    """The fit runs to the largest angle that it looks for."""
+    found = measure_scanner(drawn_eyes(FEW, reflection_angle_rad=50.0)).ranges
+    for name in ("reflection_db", "reflection_angle_rad"):
+        assert isinstance(found[name], Unmeasured)
 
 
 def test_shadows_and_lines_are_recovered() -> None:

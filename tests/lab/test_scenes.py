@@ -15,6 +15,8 @@ from scleraforce.calibration.answer_metrics import dice
 from scleraforce.lab.scenes.drawn_scenes import (
     Scene,
     draw_scene,
+    judged_columns,
+    seen_columns,
 )
 from scleraforce.records import study as st
 from scleraforce.records.fields import fixed
@@ -198,8 +200,18 @@ def test_black_bands_and_a_pages_sides_show_no_wall_nor_do_columns_where_it_leav
 
 
 # A study in which everything is there.
+PIXELS = st.Range(min=1e-6, max=200e-6)
 FULL = st.ScenesStudy(
-    window=varied(STUDY.window, rows=64, columns=72, width_m=15e-3, depth_share=0.45),
+    window=varied(
+        STUDY.window,
+        rows=64,
+        columns=72,
+        pixel_m=PIXELS,
+        width_m=15e-3,
+        depth_share=0.45,
+        centred_share=1.0,
+        deep_share=0.0,
+    ),
     eye=only(STUDY.eye, 1.0, half_sphere_share=0.0),
     tissue=only(STUDY.tissue, 1.0, 2, corrected_share=0.0),
     over=only(STUDY.over, 1.0, 2, speck_count=100, vessel_count=3, glass_share=0.0),
@@ -209,27 +221,53 @@ FULL = st.ScenesStudy(
 )
 
 
+# what must be there for a range to show
+NEEDS = {
+    "glass_pass": {"glass_share": 1.0},
+    "averaged_": {"averaged_share": 1.0},
+    "sclera_thickness_m": {"half_sphere_share": 1.0},
+    "deep_": {"deep_share": 1.0},
+}
+# a line thinner than a pixel is drawn as one of a pixel, a gap as one of two
+NEAR = {"width_m": 4e-3}
+SMALL_WINDOWS = {
+    "line_m": NEAR,
+    "speckle_rows": NEAR,
+    "axial_m": NEAR,
+    "gap_m": {**NEAR, "view_m": 9e-3, "centred_share": 0.0},
+}
+
+
 @pytest.mark.parametrize(
     ("part", "name"),
     [
         (part, item.name)
-        for part in ("eye", "tissue", "over", "scanner")
+        for part in ("window", "eye", "tissue", "over", "scanner")
         for item in fields(getattr(FULL, part))
-        if item.name.endswith(("_share", "_count"))
     ],
 )
-def test_each_thing_that_may_be_there_is_seen_in_one_of_twelve_scenes(
+def test_both_ends_of_each_range_differ_in_one_of_twelve_scenes(
     part: str, name: str
 ) -> None:
-    record = getattr(FULL, part)
-    there = 1.0 if name.endswith("_share") else 2
+    default = getattr(getattr(STUDY, part), name)
+    ends = (0.0, 1.0) if isinstance(default, float) else default.bounds
+    if name == "pixel_m":
+        ends = (PIXELS, st.Range(min=1e-6, max=50e-6))
+
+    needs = {}
+    for start, things in NEEDS.items():
+        needs |= things if name.startswith(start) else {}
+
+    window = varied(FULL.window, **SMALL_WINDOWS.get(name, {}))
+    near = replace(FULL, window=window)
+    record = getattr(near, part)
     studies = [
-        replace(FULL, **{part: varied(record, **{name: value})}) for value in (0, there)
+        replace(near, **{part: varied(record, **(needs | {name: end}))}) for end in ends
     ]
     pairs = (
         [draw_scene(study, number).frame for study in studies] for number in range(12)
     )
-    assert any(not np.array_equal(bare, full) for bare, full in pairs)
+    assert any(not np.array_equal(low, high) for low, high in pairs)
 
 
 @pytest.mark.parametrize(
@@ -297,3 +335,48 @@ def test_an_eye_with_a_cornea_has_a_sclera_as_thick_as_its_cornea_demands_and_a_
         np.random.default_rng(0)
     )
     assert (study.eye.half_sphere_share, study.window.width_m) == (0.0, fixed(15e-3))
+
+
+ROWS = 200
+COLUMNS = 160
+SURFACE = np.full(COLUMNS, 60.0)
+INNER = np.full(COLUMNS, 110.0)
+
+
+def banded(level: float, first: int = 60, last: int = 110) -> np.ndarray:
+    """Noise, and a band that is brighter."""
+    counts = np.random.default_rng(0).exponential(20.0, (ROWS, COLUMNS))
+    counts[first:last] += level
+    return counts.astype(np.uint16)
+
+
+@pytest.mark.parametrize(
+    ("band", "surface", "inner", "low", "high"),
+    [
+        # from half a standard deviation of the noise on
+        ((20.0,), 60.0, 110.0, 0.9, 1.0),
+        ((2.0,), 60.0, 110.0, 0.0, 0.2),
+        # at one of its boundaries
+        ((40.0, 60, ROWS), 60.0, 110.0, 1.0, 1.0),
+        ((40.0, 0, 110), 60.0, 110.0, 1.0, 1.0),
+        ((40.0, 0, ROWS), 60.0, 110.0, 0.0, 0.03),
+        # below something bright, or outside of the frame
+        ((300.0, 20, 60), 60.0, 190.0, 0.0, 0.0),
+        ((60.0, 0, 110), -20.0, 300.0, 0.0, 0.0),
+    ],
+)
+def test_a_wall_is_seen_by_a_step_of_light_at_one_of_its_boundaries_in_the_frame(
+    band: tuple[float, ...], surface: float, inner: float, low: float, high: float
+) -> None:
+    boundaries = (np.full(COLUMNS, row) for row in (surface, inner))
+    assert low <= seen_columns(banded(*band), *boundaries).mean() <= high
+
+
+def test_narrow_shadows_are_bridged_and_wide_ones_are_not_judged() -> None:
+    counts = banded(60.0)
+    counts[60:110, 40:55] -= 60
+    counts[60:110, 100:140] -= 60
+    seen, judged = judged_columns(counts, SURFACE, SURFACE, INNER)
+    assert seen[:95].all()
+    assert not seen[105:135].any()
+    assert np.array_equal(seen, judged)

@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from scleraforce.base.onnx_network import network_session
+from scleraforce.lab.tissue_light import BscanOptics
 from scleraforce.lab.training import raw_reader_training
 from scleraforce.lab.training.force_reader_training import (
     ReaderNetwork,
@@ -227,3 +228,70 @@ def test_the_tip_touches_the_wall() -> None:
     lowest = columns[rows == rows.max()] - window.columns / 2
     assert rows.max() * window.row_m == pytest.approx(1.45e-3, abs=0.06e-3)
     assert abs(lowest.mean() * window.column_m - 0.4e-3) < 0.6e-3
+
+
+def optics_of(study: Study, count: int = 200) -> list[BscanOptics]:
+    """The optics of frames whose plane no needle crosses."""
+    rngs = map(np.random.default_rng, range(count))
+    return [raw_reader_training.draw_optics(study, None, rng) for rng in rngs]
+
+
+@pytest.mark.parametrize(("loss_db", "factor"), [(0.0, 1.0), (6.0, 3.0)])
+def test_the_scanner_is_the_phantoms_or_worse_by_the_given_amount(
+    loss_db: float, factor: float
+) -> None:
+    study = study_with(snr_loss_db=fixed(loss_db), speckle_factor=fixed(factor))
+    drawn = optics_of(study)
+    for name, less, times in (
+        ("snr_db", loss_db, 1.0),
+        ("lateral_resolution_m", 0.0, factor),
+        ("axial_resolution_m", 0.0, factor),
+    ):
+        values = [(getattr(each, name) + less) / times for each in drawn]
+        low, high = getattr(study.phantom, name).bounds
+        edge = 0.1 * (high - low)
+        assert low <= min(values) < low + edge
+        assert high - edge < max(values) <= high
+
+    assert {(each.conjunctiva, each.needle) for each in drawn} == {(None, None)}
+
+
+def test_a_share_of_the_frames_has_a_conjunctiva_of_the_range() -> None:
+    study = study_with(conjunctiva_share=0.3)
+    layers = [each.conjunctiva for each in optics_of(study, 400)]
+    thick_m = [layer.thickness_m for layer in layers if layer]
+    assert len(thick_m) / 400 == pytest.approx(0.3, abs=0.08)
+    low, high = study.raw_reader.conjunctiva_thickness_m.bounds
+    assert low <= min(thick_m) < max(thick_m) <= high
+
+
+@pytest.mark.slow
+def test_a_needle_crosses_its_share_of_the_planes_within_its_diameter(
+    library: Library,
+) -> None:
+    """Planes that it crosses are drawn nearer than the reader's nearest."""
+    study = study_with(needle_share=0.5)
+    raw = study.raw_reader
+    given = raw_reader_training.RawSource(library, study).chunk(2, 400).given
+    nearest_m, farthest_m = study.reader.gap_m.bounds
+    stated = given[:, GIVEN.index("gap known")] > 0.0
+    gaps_m = 0.5 * farthest_m * (1.0 + given[stated, GIVEN.index("gap")])
+    largest_m = raw.needle_gap_fraction * raw.needle_diameter_m.bounds[1]
+    share = 0.5 * 0.85 * nearest_m / largest_m
+    assert (gaps_m < 0.85 * nearest_m).mean() == pytest.approx(share, abs=0.1)
+    needle = raw_reader_training.draw_optics(
+        study, largest_m, np.random.default_rng(1)
+    ).needle
+    assert needle.gap_m == largest_m
+    assert largest_m <= (1.0 + 1e-9) * raw.needle_gap_fraction * needle.diameter_m
+
+
+def test_a_linear_display_is_drawn_where_the_phantom_has_one(library: Library) -> None:
+    """There, dim tissue is dark."""
+    shares = []
+    for display in ("logarithmic", "linear"):
+        study = replace(Study(), phantom=replace(Study().phantom, display=display))
+        frames = raw_reader_training.RawSource(library, study).chunk(1, 20).frames
+        shares.append(np.mean((frames > 0.3) & (frames < 0.9)))
+
+    assert abs(shares[1] - shares[0]) > 0.02

@@ -11,6 +11,7 @@ import onnx
 import onnxruntime
 import pytest
 import torch
+from analytic_library import solve_analytic
 
 from scleraforce.base.errors import InputError
 from scleraforce.front.cli.main import run
@@ -18,14 +19,17 @@ from scleraforce.lab.training import force_reader_training
 from scleraforce.lab.training.gradient_descent import chosen_device
 from scleraforce.lab.training.reader_samples import SampleSource
 from scleraforce.lab.training.trained_models import train_reader
+from scleraforce.library.library_store import build_library
 from scleraforce.reading.force_network import ratio_edges
 from scleraforce.reading.load_model import load_reader
 from scleraforce.records.study import (
+    Choice,
     EyeStudy,
     LibraryStudy,
     Range,
     ReaderStudy,
     Study,
+    format_study,
 )
 
 TINY = Study(
@@ -149,6 +153,27 @@ def test_training_learns_and_is_the_same_with_any_number_of_processes(source) ->
     )
 
 
+@pytest.mark.parametrize(
+    ("lateral_m", "drawn"),
+    [
+        (Range(min=-1e-3, max=1e-3), [0, 1]),
+        (Range(min=0.0, max=1e-3), [0, 1, 2]),
+        (Choice((-1e-3, 0.5e-3, 1e-3)), [0, 1, 2]),
+    ],
+)
+def test_mirror_images_are_learned_from_where_left_and_right_are_drawn_alike(
+    source, lateral_m, drawn
+) -> None:
+    samples = source.chunk(1, 40)
+    asked = list[int]()
+    study = replace(TINY, reader=replace(TINY.reader, lateral_m=lateral_m))
+    fitted = force_reader_training.fit_reader(
+        study, lambda number: asked.append(number) or samples, 0
+    )
+    assert asked == drawn
+    assert len(set(fitted.training_loss)) == 3
+
+
 def test_metrics_are_counted_as_by_hand(source) -> None:
     samples = source.chunk(3, 100)
     outputs = force_reader_training.network_outputs(tiny_network(), samples)
@@ -193,6 +218,22 @@ def test_the_runtime_takes_the_folder_and_gives_the_network_s_answers(
             "curves_m": float(stored["curves_error_m"]),
             "stiffness": float(stored["stiffness_error"]),
         }
+
+
+@pytest.mark.slow
+def test_the_command_trains_a_reader_and_prints_its_json(tmp_path, capsys) -> None:
+    library = tmp_path / "library.zarr"
+    build_library(TINY, library, workers=1, solve=solve_analytic)
+    study = tmp_path / "study.toml"
+    one_epoch = replace(TINY, reader=replace(TINY.reader, epochs=1))
+    study.write_text(format_study(one_epoch))
+    model = tmp_path / "model"
+    options = ["--kind", "reader", "--study", study, "--out", model, "--json"]
+    assert run(["train", str(library), *map(str, options)]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert (result["kind"], result["epochs"]) == ("reader", 1)
+    assert result["mae_mn"] == load_reader(model).record["metrics"]["mae_mn"]
+    assert min(result[key] for key in ("validation_accuracy", "coverage")) > 0.0
 
 
 def test_a_reader_is_not_trained_on_a_library_of_another_eye(library, tmp_path) -> None:

@@ -4,11 +4,12 @@ calibrated, scored.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import log1p
 from pathlib import Path
 
 import numpy as np
 import pytest
-from analytic_library import without_rests
+from analytic_library import made_up_library, without_rests
 from small_recordings import LOGGED_INFO
 
 from scleraforce.fit.one_frame import fit_boundaries
@@ -38,6 +39,7 @@ from scleraforce.lab.training.interval_measurement import (
 )
 from scleraforce.library import INNER, OUTER
 from scleraforce.mechanics.tissue_material import ELASTIC
+from scleraforce.reading.answer import Reading
 from scleraforce.reading.interval_widths import IntervalScore
 from scleraforce.recordings.force_errors import LABEL_SD_N, FrameForces, frame_forces
 from scleraforce.recordings.forces_under_frames import label_frames
@@ -248,6 +250,92 @@ def test_forces_that_drift_from_the_librarys_are_read_as_three_frames_of_known_f
     assert np.mean(growths) == pytest.approx(drift, abs=0.1)
     learned_n, unlearned_n = np.mean(errors_n, axis=0)
     assert learned_n < 0.6 * unlearned_n
+
+
+def stiffenings_of_others(eye: VirtualEye, count: int) -> np.ndarray:
+    """ln(1 + b) that is stated where an eye is read with the tissue of other eyes."""
+    rng = np.random.default_rng(2)
+    setups = (interval_measurement.of_population(eye, EXACT, rng) for _ in range(count))
+    return np.log1p([setup.eye.stiffening or 0.0 for setup in setups])
+
+
+def test_tissue_stiffens_as_often_as_stated_and_other_eyes_stiffen_otherwise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # the base's motion takes 0.3 s an eye and decides no drawn or stated value
+    monkeypatch.setattr(
+        "scleraforce.calibration.filter.library_sections.base_moves",
+        lambda *arguments: np.zeros((2, len(arguments[-1]), 3)),
+    )
+    library = made_up_library()
+    study = replace(EXACT, reader=replace(EXACT.reader, stiffening_share=0.4))
+    eyes = [
+        draw_eye(study, library, 0, np.random.default_rng(seed)) for seed in range(60)
+    ]
+    own = np.log1p([eye.model.library.stiffening for eye in eyes])
+    assert 15 <= np.count_nonzero(own) <= 34
+    assert not stiffenings_of_others(eyes[own.argmin()], 20).any()
+    middle = np.abs(own - 1.7).argmin()
+    stated = stiffenings_of_others(eyes[middle], 2000)
+    assert stated.mean() == pytest.approx(own[middle], abs=0.04)
+    assert stated.std() == pytest.approx(0.5, abs=0.03)
+    # no more than the library holds
+    most = stiffenings_of_others(eyes[own.argmax()], 200).max()
+    assert most == pytest.approx(log1p(30.0))
+
+
+def test_the_modulus_of_other_eyes_is_off_as_eyes_differ(eye: VirtualEye) -> None:
+    wide = replace(EXACT.reader, youngs_modulus_pa=Range(min=1e4, max=1e7))
+    study = replace(EXACT, reader=wide)
+    rng = np.random.default_rng(1)
+    stated_pa = [
+        interval_measurement.of_population(eye, study, rng).eye.modulus_pa
+        for _ in range(2000)
+    ]
+    assert np.std(stated_pa) / eye.wall.youngs_modulus_pa == pytest.approx(
+        0.12, rel=0.06
+    )
+
+
+@pytest.mark.slow
+def test_an_eye_is_calibrated_otherwise_on_a_few_frames_of_any_forces_and_read_at_others(
+    eye: VirtualEye, library
+) -> None:
+    found = []
+    for seed in range(6):
+        known, left = interval_measurement.calibrated_otherwise(
+            eye, EXACT, library, np.random.default_rng(seed)
+        )
+        assert len(left) == FRAMES - interval_measurement.CALIBRATED
+        found.append(known.eye.discrepancy)
+
+    largest_n = [each.largest_n for each in found]
+    assert 11e-3 < min(largest_n) < 0.5 * eye.largest_n < max(largest_n)
+    assert max(largest_n) <= 1.05 * eye.largest_n
+    gaps = [each.widest_gap for each in found]
+    assert min(gaps) < 0.45 < max(gaps) <= 1.0
+
+    by_network = Reading(
+        probabilities=(0.0, 0.0, 1.0), force_n=0.2, interval_n=(0.1, 0.3), contact_m=0.0
+    )
+
+    def scores(scatter: float) -> list[IntervalScore]:
+        discrepancy = replace(known.eye.discrepancy, scatter=scatter)
+        setup = replace(known, eye=replace(known.eye, discrepancy=discrepancy))
+        return interval_measurement._scores(
+            EXACT, library, eye.wall.polar_rad, lambda *_: by_network, "0", setup, left
+        )
+
+    for once, twice in zip(scores(1.0), scores(2.0), strict=True):
+        wider = 1.0 if once.method == "network" else 2.0
+        assert twice.score == pytest.approx(once.score / wider, rel=1e-9)
+        if once.method == "network":
+            assert (once.traits[0], once.traits[-1]) == ("own E", "far beyond")
+
+    gentle = replace(eye, largest_n=11e-3)  # it bears gentle forces only
+    assert not interval_measurement.calibrated_otherwise(
+        gentle, EXACT, library, np.random.default_rng(0)
+    )
 
 
 TRAITS = {"sealed": 0.6, "taut": 0.9, "uneven": 1.5, "light": 2.0, "sparse": 1.0}

@@ -4,8 +4,10 @@ runs without PyTorch.
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from small_models import SMALL_STUDY
@@ -97,3 +99,40 @@ def test_a_batch_has_the_truth_of_its_scenes_in_rows_of_the_reduced_frame() -> N
     assert batch.boundaries[5, 1, middle] == pytest.approx(expected, abs=1e-4)
     assert batch.weight[5, middle] == scene.judged[nearest]
     assert FINDER.batches * FINDER.batch_size < wall_network_training.VALIDATION_SCENES
+
+
+def loss_of(
+    found_row: float, wall: list[float], true_row: float, judged: list[bool]
+) -> float:
+    """The loss of both boundaries found about a row, in four columns."""
+    row = torch.arange(FINDER.rows, dtype=torch.float32)
+    logits = -((row - found_row) ** 2) / (2 * FINDER.target_rows**2)
+    return wall_network_training.finder_loss(
+        logits[None, None, :, None].expand(1, 2, -1, 4),
+        torch.tensor([wall]),
+        torch.full((1, 2, 4), true_row),
+        torch.tensor([judged]),
+        FINDER.target_rows,
+    ).item()
+
+
+def test_the_loss_grows_with_the_distance_and_counts_visible_columns_only() -> None:
+    sure = [9.0] * 4
+    all_judged = [True] * 4
+    losses = [loss_of(row, sure, 10.0, all_judged) for row in (10.0, 11.0, 14.0, 20.0)]
+    assert losses == sorted(losses)
+    assert len(set(losses)) == 4
+    nowhere = float("nan")
+    assert loss_of(10.0, [-5.0] * 4, nowhere, all_judged) < 0.01
+    assert loss_of(10.0, [5.0] * 4, nowhere, all_judged) > 4.9
+    half = [True, True, False, False]
+    assert loss_of(10.0, [-5.0, -5.0, 50.0, -50.0], nowhere, half) < 0.01
+
+
+def test_dice_of_a_scene_leaves_out_what_nobody_can_see() -> None:
+    scene = draw_scene(SMALL_STUDY.scenes, 0)
+    half = np.arange(scene.frame.shape[1]) < scene.frame.shape[1] // 2
+    found = (scene.mask > 0) & half
+    for judged, expected in ((half, 1.0), (~half, 0.0)):
+        seen = replace(scene, judged=judged)
+        assert wall_network_training.scene_dice(found, seen) == expected
