@@ -22,7 +22,6 @@ from scleraforce.records.globe import CONSTANT_PRESSURE, PressureLaw, sealed_law
 Floats = NDArray[np.float64]
 
 AT_MMHG = 15.0  # at which a logarithmic law has the slope of k
-ONE_MMHG_PA = to_si(1.0, "mmhg")
 ONE_UL_M3 = 1e-9
 
 

@@ -21,7 +21,6 @@ from scleraforce.base.whole_files import (
 )
 
 STUDY = KINDS["study"]
-DOCS = Path(__file__).parents[2] / "docs"
 
 
 def test_a_pipe_a_folder_and_a_device_are_refused_without_waiting(
