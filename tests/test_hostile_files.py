@@ -31,12 +31,9 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_hundreds_of_mutations_end_well_or_in_one_line(whole: Path) -> None:
-    for kind in KINDS:
-        check(whole, kind, SLOW.get(kind, SEEDS))
-
-
-def check(whole: Path, kind: str, seeds: int) -> None:
+@pytest.mark.parametrize("kind", KINDS)
+def test_hundreds_of_mutations_end_well_or_in_one_line(whole: Path, kind: str) -> None:
+    seeds = SLOW.get(kind, SEEDS)
     program = Path(__file__).parent / "support" / "hostile.py"
     done = subprocess.run(
         [sys.executable, program, whole, kind, "0", str(seeds)],

@@ -157,9 +157,11 @@ def test_what_the_needle_went_back_explains_a_fall_or_not(
         for number, force_mn in enumerate((24.0, 24.1, 24.2, 24.3, 7.0, 7.1)):
             travel_mm = 2.0 - back_mm * max(number - 3, 0)
             pose = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, travel_mm)
-            scanner.clock.turn(0.01 - rule.FRAME_S)
-            scanner.say(Transform(pose), "NeedlePose")
-            scanner.read(force_mn)
+            with scanner.clock.held():  # pose and frame arrive at one time
+                scanner.say(Transform(pose), "NeedlePose")
+                scanner.show(force_mn)
+                scanner.deliver()
+            scanner.hear(lambda peer, read=number: peer.readings() > read)
 
         assert scanner.statuses()[-1].code == code
 

@@ -150,6 +150,7 @@ FOR_TESTS = {"shown_wall.predict_depths"}
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)  # half a minute of two cores; a machine may be busy
 def test_an_installation_compiles_every_loop(tmp_path: Path) -> None:
     """Each function that is compiled has its index in an empty cache afterwards."""
     command = "from scleraforce.front.cli.installation_checks import compile_loops; compile_loops()"
