@@ -29,7 +29,7 @@ FREE_SD = {
 }
 # Where the surface faces the light its mirror reflection moves the edge found up: by
 # 3.0 +- 2.7 um in 716 frames of 60 drawn eyes, with the noise of the fit to each
-# (`python -m figures boundary-errors --eyes 30`, seeds 21, 22).
+# (`python -m figures boundary-errors`, 30 eyes, seeds 21, 22).
 SHINE_MEAN_M = 3e-6
 SHINE_SD_M = 2.3e-6
 KNOWN_SD = {
