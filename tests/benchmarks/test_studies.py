@@ -79,7 +79,8 @@ def test_a_study_prints_a_table_of_finite_numbers(
         timeout=600,
     )
     assert done.returncode == 0, done.stderr
-    assert done.stderr in ("", "compiling, once: half a minute\n")  # in an empty cache
+    # each process says so in an empty cache
+    assert set(done.stderr.splitlines()) <= {"compiling, once: half a minute"}
     assert not re.search(r"\b(nan|inf)\b", done.stdout, re.IGNORECASE), done.stdout
     if "{picture}" in SMALLEST[name]:
         assert picture.stat().st_size > 10_000
