@@ -370,3 +370,19 @@ def test_a_depth_that_opencv_would_cut_to_8_is_refused(tmp_path, bits):
     refusal = r"a\.mkv: FFmpeg's pixel format .*-pix_fmt gray16le"
     with pytest.raises(FrameError, match=refusal):
         read_film(path)
+
+
+@pytest.mark.parametrize(
+    ("least", "most", "taken"), [(-10, 3000, True), (-10, 70_000, False)]
+)
+def test_signed_pixels_begin_at_zero_and_keep_their_range_or_are_refused(
+    tmp_path, least, most, taken
+):
+    path = tmp_path / "a.tif"
+    pixels = np.linspace(least, most, RAMP.size).astype(np.int32).reshape(RAMP.shape)
+    tifffile.imwrite(path, pixels)
+    if taken:
+        np.testing.assert_array_equal(read_frame(path), pixels - least)
+    else:
+        with pytest.raises(FrameError, match="8 or 16 bits"):
+            read_frame(path)
