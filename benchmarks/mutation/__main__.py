@@ -5,13 +5,14 @@ python -m mutation TREE [OTHER] --packages monitor mechanics --count 100 --seed 
 
 A fault swaps one operator, comparison or bound, or changes one constant. With OTHER,
 only faults that both trees offer take part: the same expression in the function of the
-same name, in whatever module it is. Each tree is copied, the tests of the function's
-package that call it run on the copy with `-x` (all, where none was seen to: see
-`callers`), and a run that fails or exceeds its limit kills the fault.
+same name, in whatever module it is. Each tree is copied, the files of tests of the
+function's package that call it run on the copy with `-x` (all, where none was seen to:
+see `callers`), and a run that fails or exceeds its limit kills the fault.
 """
 
 import argparse
 import ast
+import json
 import os
 import queue
 import random
@@ -181,12 +182,14 @@ class Copy:
         self.printed = folder / "printed.txt"  # by the last run
 
     def passes(
-        self, package: str, settings: dict[str, str], limit_s: float | None = None
+        self, tests: list[str], settings: dict[str, str], limit_s: float | None = None
     ) -> bool | None:
-        """Run a package's default tests; return None if they exceed a limit."""
+        """Run the default tests of folders or files; return None if they exceed a
+        limit.
+        """
         command = [sys.executable, "-m", "pytest", "-x", "-q"]
         command += ["-p", "no:cacheprovider", "-p", "callers"]
-        command.append(str(self.folder / "tests" / package))
+        command += tests
         environment = os.environ | settings
         environment["PYTHONPATH"] = os.pathsep.join(
             [str(self.folder / "src"), str(HERE)]
@@ -216,27 +219,28 @@ class Copy:
         """
         note = {"MUTATION_NOTE": str(self.noted / f"{package}.json")}
         start = time.perf_counter()
-        if not self.passes(package, note):
+        if not self.passes([f"tests/{package}"], note):
             end = self.printed.read_text(encoding="utf-8")[-2000:]
             raise SystemExit(f"tests/{package} fails without a fault:\n{end}")
 
         return time.perf_counter() - start
 
     def outcome(self, fault: Fault, function: str, seconds: float) -> str:
-        """Return what becomes of a fault by the tests of its package that call the
-        faulty function.
+        """Return what becomes of a fault by the files of tests that call the faulty
+        function; by all of its package where none was seen to.
         """
         package = package_of(self.folder, fault)
-        settings = {
-            "MUTATION_NOTED": str(self.noted / f"{package}.json"),
-            "MUTATION_FUNCTION": f"{fault.module}:{function}",
-        }
+        noted = self.noted / f"{package}.json"
+        called = f"{fault.module}:{function}"
+        calls = json.loads(noted.read_text(encoding="utf-8"))
+        files = {test.partition("::")[0] for test in calls if called in calls[test]}
+        tests = sorted(files) or [f"tests/{package}"]
         file = self.folder / "src" / "scleraforce" / fault.module
         sound = file.read_bytes()
         file.write_bytes(fault.applied(sound))
 
         try:
-            passed = self.passes(package, settings, SLOWER * seconds + START_S)
+            passed = self.passes(tests, {}, SLOWER * seconds + START_S)
         finally:
             file.write_bytes(sound)
 

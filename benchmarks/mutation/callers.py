@@ -1,14 +1,13 @@
-"""A pytest plugin: note the functions that each test calls, or run only the tests that
-call a given one.
+"""A pytest plugin: note in the file `MUTATION_NOTE` the functions of the package that
+each test calls, its fixtures included.
 
-`MUTATION_NOTE=FILE` notes; `MUTATION_NOTED=FILE` and `MUTATION_FUNCTION=PATH:NAME`
-select. Of a function that no test was seen to call (it is compiled, or runs in a child
-process) all tests run.
+Functions that are compiled, or that run in a child process, are not noted.
 """
 
 import json
 import os
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
@@ -16,8 +15,6 @@ from types import FrameType
 import pytest
 
 NOTE = os.environ.get("MUTATION_NOTE")
-NOTED = os.environ.get("MUTATION_NOTED")
-FUNCTION = os.environ.get("MUTATION_FUNCTION", "")
 PACKAGE = f"{os.sep}src{os.sep}scleraforce{os.sep}"
 noted: dict[str, set[str]] = {}
 
@@ -34,10 +31,12 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
 
     if NOTE is not None:
         sys.setprofile(note)
+        threading.setprofile(note)  # of threads that start from now on
     try:
         return (yield)
     finally:
         sys.setprofile(None)
+        threading.setprofile(None)
         noted[item.nodeid] = called
 
 
@@ -46,17 +45,3 @@ def pytest_sessionfinish() -> None:
     if NOTE is not None:
         names = {test: sorted(called) for test, called in noted.items()}
         Path(NOTE).write_text(json.dumps(names), encoding="utf-8")
-
-
-def pytest_collection_modifyitems(
-    config: pytest.Config, items: list[pytest.Item]
-) -> None:
-    """Keep the tests that call the given function."""
-    if NOTED is None:
-        return
-    calls = json.loads(Path(NOTED).read_text(encoding="utf-8"))
-    callers = [item for item in items if FUNCTION in calls.get(item.nodeid, [])]
-    if callers:
-        others = [item for item in items if item not in callers]
-        config.hook.pytest_deselected(items=others)
-        items[:] = callers

@@ -138,7 +138,7 @@ OLD_PICTURES = [
 ]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("name", [*OLD_PICTURES, "pixel-type"])
 def test_old_pictures_are_withdrawn_from_although_their_reading_is_harmless(
     speckled: Recording, name: str, seed: int
