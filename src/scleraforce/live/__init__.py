@@ -4,7 +4,7 @@ Sockets, processes and clocks. Imports `reading`, `records`, `base` and its own
 subpackages; `companions` import `calibration`, too.
 
 Public:
-    monitor: `MonitorSettings`, `OperatorNotes`, `listen`
+    monitor: `MonitorSettings`, `OperatorNotes`
     monitor_process: `end_with`, `open_standard_files`, `refuse_other_systems`
     monitor_request: `Address`, `Ended`, `Failed`, `LOCAL`, `MonitorMessage`,
         `MonitorRequest`, `OperatorLine`, `Refused`, `Started`, `StatedLimits`
