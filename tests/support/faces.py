@@ -89,15 +89,25 @@ def original_name(name: str) -> str:
     return name
 
 
+@cache
+def docstring_names(package: Path) -> frozenset[str]:
+    """Return the full names that a package's docstring lists under `Public:`; `package`
+    is its `__init__`.
+    """
+    text = ast.get_docstring(parsed(package)) or ""
+    return frozenset(
+        f"{module_name(package)}.{module}.{name}"
+        for module, names in LISTED.findall(text.partition("\nPublic:")[2])
+        for name in re.findall(r"\w+", names)
+    )
+
+
 def listed_names() -> set[str]:
     """Return the names that packages list and that their `__init__` imports."""
     found = {COMMAND_LINE}
     for path in ROOT.rglob("__init__.py"):
-        text = ast.get_docstring(parsed(path)) or ""
-        for module, names in LISTED.findall(text.partition("\nPublic:")[2]):
-            for name in re.findall(r"\w+", names):
-                found.add(original_name(f"{module_name(path)}.{module}.{name}"))
-        found |= {original_name(name) for name in imported_names(path).values()}
+        names = docstring_names(path).union(imported_names(path).values())
+        found |= {original_name(name) for name in names}
 
     return found
 
