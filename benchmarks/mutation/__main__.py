@@ -52,7 +52,7 @@ BOUNDS = {
     "ceil": "floor",
     "floor": "ceil",
 }
-# a faulty run may take this many times the sound one, and this much longer
+# limit of a faulty run: this multiple of the sound run, plus the start
 SLOWER = 4.0
 START_S = 60.0
 SURVIVED = "SURVIVED"

@@ -1,8 +1,8 @@
-"""A monitor whose reader is a rule (the answer is in the frame's first pixels), its
-clock and its clients.
+"""A monitor that reads the force from a frame's first pixels, its clock and its
+clients.
 
-It is the whole monitor, started by `run_monitor`, but for the parts that `run_small`
-puts in place of its own: it alone names them.
+`run_small` starts the real monitor by `run_monitor` and replaces its watchdog, its
+other processes and its clock. No other file of the tests names these parts.
 """
 
 import fcntl
@@ -179,12 +179,11 @@ def run_small(
     stated: Mapping[str, Any] = MappingProxyType({}),
     **limits: Any,
 ) -> None:
-    """Serve small frames until a signal, or until what `when_stopped` is given is
-    called; `limits` are those of the decision and of clients, `stated` other settings.
-    `child` is given what a process is started with.
+    """Serve small frames until a signal, or until the function passed to
+    `when_stopped` is called.
 
-    In place of a monitor's own are its watchdog, its other processes (none is started)
-    and its clock.
+    `limits` are those of the decision and of clients, `stated` other settings. `child`
+    receives the arguments of each process that the monitor would start; none starts.
     """
     rows, columns = size
     settings = monitor.MonitorSettings(
@@ -394,7 +393,7 @@ MATRIX = (
 )
 SERIALS = count(1)
 FRAME_S = 0.01  # between two frames of a scanner
-LOOK_S = 6.0  # of a watchdog that no busy machine makes impatient
+LOOK_S = 6.0  # patience of the watchdog, enough on a busy machine
 
 
 @dataclass(frozen=True)
@@ -407,7 +406,7 @@ class Running:
 
 
 class NoGuard:
-    """In place of the watchdog, which would kill this process."""
+    """A watchdog that does nothing; a real one would kill this process."""
 
     def watch(self, client: int, descriptor: int) -> None: ...
     def version(self, client: int, version: int) -> None: ...
@@ -416,7 +415,7 @@ class NoGuard:
     def end(self) -> None: ...
 
 
-# what a monitor bears without a clock of the test: whatever holds the test up
+# limits for tests on the machine's clock, wide enough for a busy machine
 BORNE = {"silence_s": 0.5, "lag_s": 0.5, "catch_up_s": 0.5}
 NOBODY: Mapping[str, FakeCompanion] = {}
 
@@ -555,8 +554,8 @@ class Peer:
         )
 
     def deliver(self) -> None:
-        """Wait until all that was sent is where the server looks: on a busy machine the
-        system may take its time.
+        """Wait until the system has delivered all that was sent to the server's
+        socket.
         """
         wait_until(lambda: not any(fcntl.ioctl(self.link, termios.TIOCOUTQ, bytes(4))))
 
