@@ -3,8 +3,9 @@ read in the control loop.
 """
 
 import copyreg
+from collections.abc import Callable
 from dataclasses import replace
-from functools import cache, lru_cache
+from functools import cache
 from os import PathLike
 from pathlib import Path
 from typing import Any, TypeVar
@@ -26,8 +27,9 @@ from scleraforce.records.setup import Setup
 from scleraforce.wall.wall_network import WallFinder
 
 Kind = TypeVar("Kind", Classifier, ForceReader)
+Loaded = TypeVar("Loaded")
 Finder = str | PathLike[str] | None
-PICKLED = 8  # models whose pickles load them once in a process
+KEPT = 8  # models that a process keeps, so that it loads each of them once
 
 
 def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
@@ -35,15 +37,7 @@ def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
     `load_reader`.
     """
     folder = model_folder.read_folder(path, (model_folder.WALL_FINDER,))
-    study = model_folder.folder_study(folder)
-    session, metadata = model_folder.folder_session(folder, threads)
-    finder = WallFinder(
-        session, study.wall_finder, str(folder.path / model_folder.NETWORK_FILE)
-    )
-    model_folder.check_provenance(folder, metadata)
-    finder.origin = model_folder.origin_of(folder, threads)
-
-    return finder
+    return _once(_read_finder, folder, threads)
 
 
 def load_reader(
@@ -57,12 +51,60 @@ def load_reader(
     bundled one ("default"; `model_folder.model_folder`); `threads` are ONNX Runtime's
     within one operation, 1 is fastest for single slices; `finder` is the folder of the
     wall finder that checks the walls it reads, None: nothing checks them. A file that
-    is missing, was changed, or does not fit the study beside it raises `ModelError`.
+    is missing, was changed, or does not fit the study beside it raises `ModelError`:
+    the files are checked each time, though a process loads them once.
     """
     folder = model_folder.read_folder(path, KINDS)
+    return replace(
+        _once(_read_reader, folder, threads),
+        path=folder.path,  # as it is given now
+        finder=None if finder is None else load_wall_finder(finder, threads),
+    )
+
+
+def _once(
+    load: Callable[[model_folder.ModelFolder, model_folder.Origin], Loaded],
+    folder: model_folder.ModelFolder,
+    threads: int,
+) -> Loaded:
+    """Return the model of a folder whose files were just checked; load it if the
+    process does not keep it.
+    """
+    origin = model_folder.origin_of(folder, threads)
+    if origin not in _kept:
+        loaded = load(folder, origin)
+        while len(_kept) >= KEPT:
+            _kept.pop(next(iter(_kept)), None)
+        _kept[origin] = loaded
+
+    kept: Loaded = _kept[origin]
+    return kept
+
+
+_kept: dict[model_folder.Origin, Any] = {}
+
+
+def _read_finder(
+    folder: model_folder.ModelFolder, origin: model_folder.Origin
+) -> WallFinder:
+    study = model_folder.folder_study(folder)
+    session, metadata = model_folder.folder_session(folder, origin.threads)
+    finder = WallFinder(
+        session, study.wall_finder, str(folder.path / model_folder.NETWORK_FILE)
+    )
+    model_folder.check_provenance(folder, metadata)
+    finder.origin = origin
+
+    return finder
+
+
+def _read_reader(
+    folder: model_folder.ModelFolder, origin: model_folder.Origin
+) -> Reader:
+    """Load the model of a folder, without a wall finder."""
     kind = folder.record["kind"]
     study = model_folder.folder_study(folder)
-    session, provenance = model_folder.folder_session(folder, threads)
+    session, provenance = model_folder.folder_session(folder, origin.threads)
 
     if kind == CLASSIFIER:
         model: Reader = Classifier(folder.path, study, session)
@@ -84,8 +126,7 @@ def load_reader(
     model_folder.check_provenance(folder, provenance)
     model.record = folder.record
     model.provenance = provenance
-    model.origin = model_folder.origin_of(folder, threads)
-    model.finder = None if finder is None else load_wall_finder(finder, threads)
+    model.origin = origin
 
     return model
 
@@ -101,8 +142,7 @@ def opened_reader(model: Reader | str | PathLike[str]) -> Reader:
     if folder in model_folder.SHIPPED.values():
         return _bundled(folder, model_folder.SHIPPED_WALL_FINDER)
 
-    origin = model_folder.origin_of(model_folder.read_folder(folder, KINDS), 1)
-    return replace(_loaded(origin), finder=bundled_finder())
+    return replace(load_reader(folder, finder=None), finder=bundled_finder())
 
 
 @cache
@@ -111,20 +151,13 @@ def bundled_finder() -> WallFinder:
     return load_wall_finder(model_folder.SHIPPED_WALL_FINDER)
 
 
-@lru_cache(maxsize=PICKLED)
-def _loaded(origin: model_folder.Origin) -> Reader:
-    """Load the model of an origin, without a wall finder."""
-    return load_reader(model_folder.origin_folder(origin), origin.threads, finder=None)
-
-
-@lru_cache(maxsize=PICKLED)
-def _loaded_finder(origin: model_folder.Origin) -> WallFinder:
-    """Load the wall finder of an origin."""
+def _unpickled_finder(origin: model_folder.Origin) -> WallFinder:
     return load_wall_finder(model_folder.origin_folder(origin), origin.threads)
 
 
 def _unpickled(origin: model_folder.Origin, finder: WallFinder | None) -> Reader:
-    return replace(_loaded(origin), finder=finder)
+    folder = model_folder.origin_folder(origin)
+    return replace(load_reader(folder, origin.threads, finder=None), finder=finder)
 
 
 def _reduced(reader: Reader) -> tuple[Any, ...]:
@@ -135,7 +168,7 @@ def _reduced(reader: Reader) -> tuple[Any, ...]:
 
 
 def _reduced_finder(finder: WallFinder) -> tuple[Any, ...]:
-    return _loaded_finder, (_origin(finder),)
+    return _unpickled_finder, (_origin(finder),)
 
 
 def _origin(model: Reader | WallFinder) -> model_folder.Origin:
