@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
 from scleraforce.base.errors import InputError
-from scleraforce.mechanics.tissue_material import PronySeries, driven_back, line_weights
+from scleraforce.mechanics.elastic_force import driven_back
+from scleraforce.mechanics.tissue_material import PronySeries, line_weights
 
 TISSUE = PronySeries((0.12, 0.15), (1.2, 12.0))
 TURNS_S = np.array([0.0, 2.0, 3.0, 9.0, 9.5, 14.0, 20.0])

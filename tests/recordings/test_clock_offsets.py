@@ -2,11 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import isotonic_regression
 
-from scleraforce.recordings.clock_offsets import (
-    _isotonic,
-    estimate_clocks,
-    relation,
+from scleraforce.recordings.clock_offsets import estimate_clocks, relation
+from scleraforce.recordings.rising_fit import (
+    RAMP,
+    SHAPE,
+    USUAL_REST,
+    rising_rests,
+    unexplained,
 )
 
 RATE_HZ = 100.0
@@ -153,27 +157,45 @@ def test_gaps_of_a_log_are_not_bridged():
     assert found.low_s < OFFSET_S < found.high_s
 
 
-def pool_adjacent_violators(values, weights):
-    """Return the nearest rising sequence by the textbook's method, block by block."""
-    blocks: list[list[float]] = []
-    for value, weight in zip(values, weights, strict=True):
-        blocks.append([value, weight, 1])
-        while len(blocks) > 1 and blocks[-2][0] >= blocks[-1][0]:
-            last, before = blocks.pop(), blocks.pop()
-            weight = last[1] + before[1]
-            mean = (last[0] * last[1] + before[0] * before[1]) / weight
-            blocks.append([mean, weight, last[2] + before[2]])
+def explained_by_scipy(force, change, dent):
+    """Return q and the count of one offset, by SciPy's isotonic regression and by
+    least squares of a parabola and of a line.
+    """
+    known = np.isfinite(force)
+    order = np.argsort(force[known])
+    x, y = force[known][order], dent[known][order]
+    weight = 1.0 / (1.0 + (change[known][order] / (RAMP * np.ptp(x))) ** 2)
+    y = y - np.average(y, weights=weight)
+    total = weight @ y**2
 
-    return np.concatenate([[mean] * int(count) for mean, _, count in blocks])
+    def rest(fitted):
+        return weight @ (y - fitted) ** 2 / total
+
+    bent = 1.0
+    for degree in (1, 2):
+        fit = np.polynomial.Polynomial.fit(x, y, degree, w=np.sqrt(weight))
+        if (fit.deriv()(x) >= 0.0).all():
+            bent = rest(fit(x))
+    rising = rest(isotonic_regression(y, weights=weight).x)
+    return rising + SHAPE * max(bent - USUAL_REST, 0.0), weight.sum()
 
 
-def test_rising_sequences_agree_with_pooling_of_adjacent_violators():
+def test_what_a_rising_force_leaves_agrees_with_scipy():
     rng = np.random.default_rng(0)
-    values = rng.standard_normal((30, 9))
-    weights = rng.uniform(0.1, 1.0, (30, 9))
-    for row, weight, found in zip(
-        values, weights, _isotonic(values, weights), strict=True
-    ):
-        np.testing.assert_allclose(
-            found, pool_adjacent_violators(row, weight), atol=1e-9
-        )
+    dent = np.linspace(0.0, 3.0, 30) + rng.standard_normal(30)
+    rise = np.linspace(0.0, 9.0, 30) ** rng.uniform(0.3, 3.0, (40, 1))
+    force = rise + rng.uniform(0.0, 20.0, (40, 1)) * rng.standard_normal((40, 30))
+    force[::2, [3, 12, 20]] = np.nan
+    change = np.abs(rng.standard_normal(force.shape))
+    expected = [
+        explained_by_scipy(one, its_change, dent)
+        for one, its_change in zip(force, change, strict=True)
+    ]
+    found = np.transpose(unexplained(force, change, dent, 0.0))
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_rests_of_shuffled_dents_agree_with_scipy():
+    values = np.random.default_rng(0).standard_normal((30, 9))
+    expected = [((row - isotonic_regression(row).x) ** 2).sum() for row in values]
+    np.testing.assert_allclose(rising_rests(values), expected, rtol=1e-9)

@@ -30,8 +30,9 @@ ROOT = Path(__file__).parents[1]
 # Imports that may decide machine code: modules of the packages with loops, and of those
 # below, whose constants are compiled in.
 IMPORT = re.compile(
-    r"^from scleraforce\.((?:base|fit|library|mechanics|records|wall)[\w.]*) import "
-    r"(\([^)]*\)|.+)$",
+    r"^from scleraforce\."
+    r"((?:base|fit|library|mechanics|recordings|records|wall)[\w.]*)"
+    r" import (\([^)]*\)|.+)$",
     re.M,
 )
 

@@ -26,7 +26,7 @@ import numpy as np
 
 from scleraforce.base.arrays import Flags, Floats
 from scleraforce.base.normal_distribution import robust_spread
-from scleraforce.mechanics.tissue_material import driven_back
+from scleraforce.mechanics.elastic_force import driven_back
 from scleraforce.records.tissue_relaxation import (
     HoldFinding,
     Relaxation,

@@ -16,7 +16,7 @@ from scleraforce.calibration.holds_of_a_log import (
     HoldLog,
     find_relaxation,
 )
-from scleraforce.mechanics.tissue_material import driven_back
+from scleraforce.mechanics.elastic_force import driven_back
 from scleraforce.recordings.force_errors import FrameForces
 from scleraforce.recordings.forces_under_frames import contact_force
 from scleraforce.recordings.recording_folder import Recording

@@ -6,6 +6,7 @@ Public:
     axisymmetric_wall: `AxisymmetricPath`, `EvenWall`, `LARGEST_POLAR_RAD`,
         `axisymmetric_path`, `base_shift`
     contact_and_section: `Contact`, `ScanPlane`, `SliceWindow`, `WallSection`
+    elastic_force: `driven_back`
     finite_strain_wall: `LoadPath`, `bend_eye`
     graded_mesh: `study_mesh`, `supported_mesh`
     hexahedral_mesh: `HexMesh`, `build_mesh`, `locate`
@@ -15,7 +16,7 @@ Public:
     meridian_elements: `MeridianSize`, `meridian_mesh`
     mesh_section: `SNAP`, `WALL`, `columns_crossed`, `cut_sections`, `fill_section`,
         `slice_window`
-    tissue_material: `ELASTIC`, `PronySeries`, `burst_tension`, `driven_back`,
-        `lame_constants`, `line_weights`
+    tissue_material: `ELASTIC`, `PronySeries`, `burst_tension`, `lame_constants`,
+        `line_weights`
     uneven_form: `thickness_factor`
 """

@@ -36,7 +36,7 @@ from functools import cache
 
 import numpy as np
 
-from scleraforce.base.arrays import Flags, Floats
+from scleraforce.base.arrays import Floats
 from scleraforce.base.errors import InputError
 
 
@@ -194,45 +194,6 @@ class PronySeries:
 
 
 ELASTIC = PronySeries((), ())
-
-
-def driven_back(
-    felt_n: Floats,
-    time_s: Floats,
-    contact: Flags,
-    shares: Floats,
-    times_s: Sequence[float],
-    *,
-    anew: bool = False,
-) -> tuple[Floats, Floats]:
-    """Return Fe (candidate, sample) and every m_i (candidate, sample, term) from F
-    (sample,), at rest before it.
-
-    `shares` (candidate, term). Fe is 0 where `contact` is False: nothing pulls there.
-    `anew`: m_i is 0 there, too, so that each push begins at rest.
-    """
-    memory = np.zeros(shares.shape)
-    elastic_n = np.zeros(len(shares))
-    found_n = np.zeros((len(shares), len(felt_n)))
-    memories_n = np.zeros((len(shares), len(felt_n), len(times_s)))
-
-    for index, (old, kept, new) in enumerate(
-        line_weights(np.diff(time_s, prepend=time_s[:1]), times_s)
-    ):
-        come = kept * memory + old * elastic_n[:, None]
-        lag_n = (shares * come).sum(axis=1)
-        elastic_n = (
-            (felt_n[index] + lag_n) / (1.0 - shares @ new)
-            if contact[index]
-            else np.zeros(len(shares))
-        )
-        memory = come + new * elastic_n[:, None]
-        if anew and not contact[index]:
-            memory = np.zeros(shares.shape)
-        found_n[:, index] = elastic_n
-        memories_n[:, index] = memory
-
-    return found_n, memories_n
 
 
 def line_weights(step_s: Floats, times_s: Sequence[float]) -> Floats:

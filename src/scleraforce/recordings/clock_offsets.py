@@ -20,21 +20,14 @@ import numpy as np
 
 from scleraforce.base.arrays import Flags, Floats, Places
 
+LEAST_FRAMES = 6
 STEP_S = 0.05  # between offsets that are tried
 MOST_OFFSETS = 20_000
 MOST_FRAMES = 48  # that are compared: neighbours in a film show the same
 MEAN_S = 0.3  # over which the log is averaged: the filter of labels has 5 Hz
 LONGEST_GAP_S = 0.5  # of the log; across a longer one nothing is interpolated
-NOISE_SPAN = 6.0  # standard deviations of the log's noise, by which forces must differ
 LEAST_SPAN = 1e-9  # of dents over their size: rounding is no difference
-LEAST_SHARE = 0.75  # of the frames that must lie on the log under an offset
-LEAST_FRAMES = 6
-# Share of the rest of a rising parabola in q, and the rest that is still usual: 0.13 in
-# a virtual eye of tissue that stiffens, 0.05 at most in 20 others
-SHAPE = 0.1
-USUAL_REST = 0.15
 RAMP_S = 0.3  # over which a change of the force is taken
-RAMP = 0.2  # of the forces' span: a frame with such a change counts half
 # q of frames at their own forces: 0.001 at most in virtual eyes of all figures' groups,
 # 0.004 while the needle rests, where noise of the log exchanges forces that are alike
 LEAST_REST = 5e-3
@@ -247,6 +240,9 @@ class _Frames:
 
         Frames count as independent if the force forgets its past between them.
         """
+        # 200 ms: Numba, not for the labels of a recording
+        from scleraforce.recordings.rising_fit import unexplained
+
         chosen = self._chosen
         force_on, change_on = self.log.forces(at_so[:, chosen])
         noise_n = self.log.noise_n2**0.5
@@ -282,16 +278,16 @@ class _Frames:
         Of 10^5 orders of 8 to 16 dents it is the same for all q from 0.03 to 0.3 within
         a tenth.
         """
+        from scleraforce.recordings.rising_fit import rising_rests  # likewise
+
         dent = self.dent[self.independent]
         if len(dent) < LEAST_FRAMES or np.ptp(dent) == 0.0:
             return 0.0
 
         orders = np.tile(dent, (SHUFFLES, 1))
         shuffled = np.random.default_rng(SEED).permuted(orders, axis=1)
-        left = ((shuffled - _isotonic(shuffled, np.ones_like(shuffled))) ** 2).sum(
-            axis=1
-        )
-        rest = np.quantile(left, SHUFFLED) / ((dent - dent.mean()) ** 2).sum()
+        left = np.quantile(rising_rests(shuffled), SHUFFLED)
+        rest = left / ((dent - dent.mean()) ** 2).sum()
         return log(SHUFFLED) / log(min(max(float(rest), LEAST_REST), 0.99))
 
     def sureness(self, likelihood: float) -> float:
@@ -393,100 +389,6 @@ class _Frames:
                 )
 
         return ()
-
-
-def unexplained(
-    force_on: Floats, change_on: Floats, dent: Floats, noise_n: float = 0.0
-) -> tuple[Floats, Floats]:
-    """Return q of the dents (frame,) at forces (offset, frame), and the number of
-    frames that count, each (offset,).
-
-    A force that is not known is NaN. `change_on` is how much it changes about a frame,
-    N. q is NaN with too few known forces, or if they differ by less than the noise.
-    """
-    known = np.isfinite(force_on)
-    enough = known.sum(axis=1) >= max(LEAST_FRAMES, LEAST_SHARE * force_on.shape[1])
-    force = np.where(known, force_on, 0.0)
-    low_n = np.where(known, force_on, np.inf).min(axis=1)
-    high_n = np.where(known, force_on, -np.inf).max(axis=1)
-    span_n = np.where(enough, high_n - low_n, 0.0)
-    varied = span_n > NOISE_SPAN * noise_n
-    ramp = change_on / (RAMP * np.where(varied, span_n, 1.0)[:, None])
-    weight = known / (1.0 + ramp**2)
-
-    order = np.argsort(np.where(known, force_on, np.inf), axis=1)
-    weight = np.take_along_axis(weight, order, axis=1)
-    force = np.take_along_axis(force, order, axis=1)
-    there = np.take_along_axis(np.broadcast_to(dent, known.shape), order, axis=1)
-    there = there - _mean(there, weight)[:, None]
-    total = (weight * there**2).sum(axis=1)
-    judged = enough & varied & (total > 0.0)
-
-    rising = _isotonic(there, weight)
-    left = (weight * (there - rising) ** 2).sum(axis=1)
-    total = np.where(judged, total, 1.0)
-    bent = _parabolic_rest(force, there, weight, total) / total
-    rest = left / total + SHAPE * np.maximum(bent - USUAL_REST, 0.0)
-
-    return np.where(judged, rest, np.nan), weight.sum(axis=1)
-
-
-def _mean(values: Floats, weight: Floats) -> Floats:
-    size = np.maximum(weight.sum(axis=1), 1e-9)
-    mean: Floats = (weight * values).sum(axis=1) / size
-    return mean
-
-
-def _parabolic_rest(
-    force: Floats, there: Floats, weight: Floats, total: Floats
-) -> Floats:
-    """Return the sum of squares that a rising parabola leaves of each row; a line if
-    the parabola falls somewhere, nothing if the line falls.
-    """
-    x = force - _mean(force, weight)[:, None]
-    variance = _mean(x**2, weight)
-    x /= np.sqrt(np.where(variance > 0.0, variance, 1.0))[:, None]
-    skew = _mean(x**3, weight)
-    bow = x**2 - 1.0 - skew[:, None] * x
-    size = np.maximum((weight * bow**2).sum(axis=1), 1e-12)
-    line = _mean(x * there, weight)
-    bend = (weight * bow * there).sum(axis=1) / size
-    low, high = (
-        line - skew * bend + 2.0 * bend * end
-        for end in (
-            np.where(weight > 0.0, x, 0.0).min(axis=1),
-            np.where(weight > 0.0, x, 0.0).max(axis=1),
-        )
-    )
-    by_line = np.maximum(line, 0.0) ** 2 * weight.sum(axis=1)
-    by_bend = np.where((low >= 0.0) & (high >= 0.0), bend**2 * size, 0.0)
-
-    rest: Floats = np.maximum(total - by_line - by_bend, 0.0)
-    return rest
-
-
-def _isotonic(values_on: Floats, weight_on: Floats) -> Floats:
-    """Return the rising sequences nearest to rows of values, by least squares.
-
-    The value at a place is the largest, over starts before it, of the smallest mean,
-    over ends after it (min-max formula).
-    """
-    frames = values_on.shape[1]
-    sums = np.cumsum(values_on * weight_on, axis=1)
-    weights = np.cumsum(weight_on, axis=1)
-    rising = np.full(values_on.shape, -np.inf)
-
-    for start in range(frames):
-        before = sums[:, start - 1, None] if start else 0.0
-        before_weight = weights[:, start - 1, None] if start else 0.0
-        size = weights[:, start:] - before_weight
-        mean = np.where(
-            size > 0.0, (sums[:, start:] - before) / np.maximum(size, 1e-9), np.inf
-        )
-        least = np.minimum.accumulate(mean[:, ::-1], axis=1)[:, ::-1]
-        np.maximum(rising[:, start:], least, out=rising[:, start:])
-
-    return np.where(weight_on > 0, rising, 0.0)
 
 
 def _within(likelihood: Floats, count: int) -> Floats:

@@ -33,10 +33,12 @@ from scleraforce.mechanics.axisymmetric_wall import (
     EvenWall,
     axisymmetric_path,
 )
+from scleraforce.mechanics.elastic_force import driven_back
 from scleraforce.mechanics.hexahedral_mesh import build_mesh
 from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.reading.load_model import load_force_reader
 from scleraforce.reading.reading_models import ForceReader
+from scleraforce.recordings.clock_offsets import estimate_clocks
 from scleraforce.records.eye import Eye, Modulus
 from scleraforce.records.globe import OPEN, sealed_law
 from scleraforce.records.model_folder import SHIPPED_READER
@@ -265,6 +267,10 @@ def compile_loops() -> None:
         replace(known, needle=replace(known.needle, gap_m=None)),
         cross,
     )
+    time_s = np.arange(20.0)
+    force_n = to_si(10.0, "mn") * (1.0 - np.cos(time_s))
+    driven_back(force_n, time_s, force_n > 0.0, np.full((1, 1), 0.1), (1.0,))
+    estimate_clocks(time_s, force_n[None], time_s, force_n)
 
 
 def _solve() -> Finding:
