@@ -50,27 +50,38 @@ def count_solves(calls: Calls) -> None:
     """Count sparse and banded factorizations and solves, from now on; before the
     mechanics are imported.
     """
+    import rslab
     import scipy.linalg.lapack as lapack
-    import scipy.sparse.linalg as sparse
 
-    factor = sparse.splu
+    analyze = rslab.analyze
+
+    class Analysed:
+        """An analysis that counts its factorizations."""
+
+        def __init__(self, *arguments: Any, **options: Any) -> None:
+            self._analysed = analyze(*arguments, **options)
+
+        def factor(self, data: Any) -> "Factor":
+            calls["sparse factorizations"] += 1
+            return Factor(self._analysed.factor(data))
 
     class Factor:
         """A factorization that counts its solves."""
 
-        def __init__(self, *arguments: Any, **options: Any) -> None:
-            calls["sparse factorizations"] += 1
-            self._factor = factor(*arguments, **options)
+        def __init__(self, factor: Any) -> None:
+            self._factor = factor
 
-        def solve(self, load: Any, *arguments: Any) -> Any:
+        def solve(self, load: Any) -> Any:
             calls["sparse solves"] += 1
-            calls["sparse right-hand sides"] += 1 if load.ndim == 1 else load.shape[1]
-            return self._factor.solve(load, *arguments)
+            calls["sparse right-hand sides"] += 1
+            return self._factor.solve(load)
 
-        def __getattr__(self, name: str) -> Any:
-            return getattr(self._factor, name)
+        def solve_many(self, loads: Any) -> Any:
+            calls["sparse solves"] += 1
+            calls["sparse right-hand sides"] += loads.shape[1]
+            return self._factor.solve_many(loads)
 
-    sparse.splu = Factor  # type: ignore[assignment]
+    rslab.analyze = Analysed
     for name, words in {
         "dgbtrf": "banded factorizations",
         "dpbtrf": "banded factorizations",

@@ -17,13 +17,13 @@ from scleraforce.base.units import STANDARD_GRAVITY_M_S2
 from scleraforce.mechanics.contact_and_section import Contact
 from scleraforce.mechanics.finite_elements import (
     element_stiffness,
-    factor_sum,
     volume_points,
 )
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.hexahedral_mesh import HexMesh, build_mesh
 from scleraforce.mechanics.linear_wall import LinearWall
 from scleraforce.mechanics.loads_and_supports import needle_loads
+from scleraforce.mechanics.stiffness_factor import factor_sum
 from scleraforce.mechanics.tissue_material import lame_constants
 from speed.solvers.calculix import (
     MM_PER_M,

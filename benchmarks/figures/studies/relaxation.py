@@ -34,12 +34,12 @@ from figures.pushed_walls import (
 )
 from scleraforce.base.units import to_si
 from scleraforce.mechanics.equilibrium import Dent, Solve, solve_balance
-from scleraforce.mechanics.finite_elements import factor_sum
 from scleraforce.mechanics.finite_strain_wall import FiniteWall, WallEquilibrium
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.hexahedral_mesh import sum_at
 from scleraforce.mechanics.load_path_tracing import PathEnd, pressurise
 from scleraforce.mechanics.loads_and_supports import NeedleLoad, needle_at
+from scleraforce.mechanics.stiffness_factor import factor_sum
 from scleraforce.mechanics.tissue_material import (
     PronySeries,
     lame_constants,

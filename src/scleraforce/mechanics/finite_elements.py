@@ -1,14 +1,13 @@
-"""Gauss points of quads and hexahedra, the element matrices of Hooke's law there (paper
-eq. 1 and 2), and their sum.
+"""Gauss points of quads and hexahedra, and the element matrices of Hooke's law there
+(paper eq. 1 and 2).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
-from scleraforce.base.arrays import Flags, Floats, Integers, Reals
+from scleraforce.base.arrays import Floats, Integers, Reals
 from scleraforce.base.errors import SolverError
 from scleraforce.mechanics.hexahedral_mesh import COLUMN_NODES, HexMesh
 from scleraforce.mechanics.shape_functions import shape_gradients, shape_values
@@ -155,55 +154,3 @@ def add_faces(
         (row_qin[..., None, None] + unknown_in).ravel(),
         face_qiajb.ravel().astype(entries.dtype),
     )
-
-
-def factor_sum(
-    mesh: HexMesh, held_nc: Flags, element_eiajb: Reals
-) -> Callable[[Floats], Floats]:
-    """Sum symmetric element matrices (element, 3, node, 3, node) and factor the sum in
-    their precision, by SuperLU.
-
-    Returns the solve for loads on the components that are not held, (unknown,) or
-    (unknown, column), in the order of `held_nc` (node, 3). Pivots stay on the diagonal,
-    even where the matrix is not definite: an exchange of rows would fill the factor
-    that minimum degree keeps sparse.
-
-    Raises:
-        SolverError: the matrix is singular or not finite.
-    """
-    # 130 ms: not before something is solved
-    from scipy.sparse import coo_array
-    from scipy.sparse.linalg import splu
-
-    free = np.flatnonzero(~held_nc)
-    # held components share a last row and column
-    number = np.full(held_nc.size, len(free), dtype=np.int32)
-    number[free] = np.arange(len(free))
-    unknown_eN = (
-        number.reshape(-1, 3)[mesh.cells_en]
-        .transpose(0, 2, 1)
-        .reshape(len(mesh.cells_en), -1)
-    )
-    size = unknown_eN.shape[1]
-    places = (
-        np.repeat(unknown_eN, size, axis=1).ravel(),
-        np.tile(unknown_eN, size).ravel(),
-    )
-
-    K = coo_array(
-        (element_eiajb.ravel(), places), shape=(len(free) + 1, len(free) + 1)
-    ).tocsc()[:-1, :-1]
-    if not np.isfinite(K.data).all():
-        raise SolverError("matrix: not finite")
-
-    try:
-        factor = splu(
-            K,
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
-    except RuntimeError as fault:  # "Factor is exactly singular"
-        raise SolverError("matrix: singular") from fault
-
-    return lambda load: np.asarray(factor.solve(load.astype(K.dtype)), dtype=np.float64)

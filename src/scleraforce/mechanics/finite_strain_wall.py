@@ -22,7 +22,6 @@ from scleraforce.base.errors import InputError, SolverError
 from scleraforce.base.units import STANDARD_GRAVITY_M_S2, from_si
 from scleraforce.mechanics.contact_and_section import Contact
 from scleraforce.mechanics.equilibrium import Solve
-from scleraforce.mechanics.finite_elements import factor_sum
 from scleraforce.mechanics.graded_mesh import graded_eye
 from scleraforce.mechanics.hexahedral_mesh import HexMesh
 from scleraforce.mechanics.load_path_tracing import (
@@ -42,6 +41,7 @@ from scleraforce.mechanics.loads_and_supports import (
     study_springs,
 )
 from scleraforce.mechanics.neo_hookean_solid import FibreLaw, NeoHookeanSolid, fibre_law
+from scleraforce.mechanics.stiffness_factor import factor_sum
 from scleraforce.mechanics.tissue_material import burst_tension
 from scleraforce.mechanics.uneven_form import element_modulus, form_mesh
 from scleraforce.records.globe import CONSTANT_PRESSURE, PressureLaw, study_law

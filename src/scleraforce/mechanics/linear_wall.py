@@ -13,7 +13,6 @@ from scleraforce.base.units import STANDARD_GRAVITY_M_S2
 from scleraforce.mechanics.contact_and_section import Contact
 from scleraforce.mechanics.finite_elements import (
     element_stiffness,
-    factor_sum,
     volume_points,
 )
 from scleraforce.mechanics.hexahedral_mesh import HexMesh
@@ -25,6 +24,7 @@ from scleraforce.mechanics.loads_and_supports import (
     pressure_load,
     tip_at,
 )
+from scleraforce.mechanics.stiffness_factor import factor_sum
 from scleraforce.mechanics.tissue_material import lame_constants
 
 # stiffest over softest motion; a clamped wall has 4e2 to 3e4, a free one 1e16
