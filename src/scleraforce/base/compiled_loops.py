@@ -208,9 +208,14 @@ def _code_file() -> Any:
             except FileNotFoundError:
                 return {}
 
-            if pickle.load(file) != self._version:
+            try:
+                if pickle.load(file) != self._version:
+                    return {}
+                stamp, overloads = pickle.load(file)
+            except Exception:
+                # a damaged file may raise anything: the index is written anew
                 return {}
-            stamp, overloads = pickle.load(file)
+
             return overloads if stamp == self._source_stamp else {}
 
         def _load_data(self, name: str) -> Any:
@@ -250,7 +255,12 @@ def _code_file() -> Any:
             try:
                 super().save_overload(signature, data)
             except OSError as fault:
-                _note(f"{fault}: machine code is not kept")
+                folder = Path(self.cache_path).parent
+                reason = fault.strerror or str(fault)
+                _note(
+                    f"{folder}: machine code is not kept, and made at each start:"
+                    f" {reason}"
+                )
 
         def load_overload(self, signature: Any, target_context: Any) -> Any:
             runtime.rtsys.initialize(target_context)

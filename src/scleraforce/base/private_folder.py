@@ -25,8 +25,8 @@ def make_private(folder: Path) -> None:
 
 
 def folder_fault(folder: Path) -> str | None:
-    """Return why another user could have put files into a folder; None if none could,
-    or if it does not exist.
+    """Return why another user could have put files into a folder, or why it cannot be
+    looked at; None if it is the user's own, or does not exist.
 
     Its owner has to be the user or root, its mode has to keep all others from writing,
     and a folder above that everybody may write to has to keep them from renaming (as
@@ -36,6 +36,8 @@ def folder_fault(folder: Path) -> str | None:
         found = folder.lstat()
     except FileNotFoundError:
         return None
+    except OSError as fault:  # a file above it, or a folder that may not be searched
+        return f"{folder}: {fault.strerror}"
 
     if not stat.S_ISDIR(found.st_mode):
         return f"{folder}: not a folder"
