@@ -26,6 +26,12 @@ from scleraforce.base.plain_text import printable
 from scleraforce.base.private_folder import folder_fault, make_private, read_own
 
 KEY_LETTERS = 32  # of the hash, in a file name
+# Of these versions of Numba the private parts are known that make compiling five times
+# and starting twice as fast (`_code_file`, `_part_compiler`); another one serves by its
+# public interface alone.
+KNOWN = ("0.68.",)
+UNKEPT = "{}: machine code is not kept, and made at each start"
+OPTIONS: Any = {"nogil": True, "fastmath": False, "error_model": "numpy"}
 ROOT = Path(__file__).parents[1]
 # Imports that may decide machine code: modules of the packages with loops, and of those
 # below, whose constants are compiled in.
@@ -46,9 +52,12 @@ def compiled(loops: Loops) -> Loops:
     and cached for all later processes. It runs without the lock of the interpreter, and
     rounds as the plain function does.
     """
-    njit = _numba().njit
-    dispatcher: Any = njit(nogil=True, fastmath=False, error_model="numpy")(loops)
-    if _code_folder(loops.__module__.removeprefix("scleraforce.")) is not None:
+    folder = _code_folder(loops.__module__.removeprefix("scleraforce."))
+    if not _is_known():
+        return _publicly_compiled(loops, folder)
+
+    dispatcher: Any = _numba().njit(**OPTIONS)(loops)
+    if folder is not None:
         dispatcher._cache = _code_file()(loops)
     return cast(Loops, dispatcher)
 
@@ -57,18 +66,16 @@ def compiled_part(loops: Loops, counts: bool = True) -> Loops:
     """Return a function of loops that only other compiled functions call: it is
     compiled and cached within them.
     """
-    njit = _numba().njit
+    if not _is_known():
+        return cast(Loops, _numba().njit(**OPTIONS)(loops))
+
     options: Any = {
         "no_cpython_wrapper": True,
         "no_cfunc_wrapper": True,
         "pipeline_class": _part_compiler(),
+        "_nrt": counts,
     }
-    options["_nrt"] = counts
-    dispatcher: Any = njit(nogil=True, fastmath=False, error_model="numpy", **options)(
-        loops
-    )
-
-    return cast(Loops, dispatcher)
+    return cast(Loops, _numba().njit(**OPTIONS, **options)(loops))
 
 
 def compiled_in_place(loops: Loops) -> Loops:
@@ -79,6 +86,38 @@ def compiled_in_place(loops: Loops) -> Loops:
     makes an array without counts.
     """
     return compiled_part(loops, counts=False)
+
+
+def _is_known() -> bool:
+    """Return whether this Numba is one whose private parts are known here."""
+    return bool(_numba().__version__.startswith(KNOWN))
+
+
+def _publicly_compiled(loops: Loops, folder: Path | None) -> Loops:
+    """Return a function that Numba compiles and caches by itself.
+
+    It takes minutes once, and half a second more at each start.
+    """
+    numba = _numba()
+    _note(
+        f"Numba {numba.__version__}: loops compile in minutes and load slowly; with"
+        f" Numba {', '.join(KNOWN)} in half a minute"
+    )
+    is_kept = folder is not None and _is_made(folder)
+    if is_kept:
+        numba.config.CACHE_DIR = str(folder)
+    return cast(Loops, numba.njit(cache=is_kept, **OPTIONS)(loops))
+
+
+def _is_made(folder: Path) -> bool:
+    """Make the folder of a module's machine code, or note why it cannot be made."""
+    try:
+        make_private(folder)
+    except OSError as fault:
+        _note(f"{UNKEPT.format(folder.parent)}: {fault.strerror}")
+        return False
+
+    return True
 
 
 @cache
@@ -257,10 +296,7 @@ def _code_file() -> Any:
             except OSError as fault:
                 folder = Path(self.cache_path).parent
                 reason = fault.strerror or str(fault)
-                _note(
-                    f"{folder}: machine code is not kept, and made at each start:"
-                    f" {reason}"
-                )
+                _note(f"{UNKEPT.format(folder)}: {reason}")
 
         def load_overload(self, signature: Any, target_context: Any) -> Any:
             runtime.rtsys.initialize(target_context)
