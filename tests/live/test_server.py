@@ -551,7 +551,7 @@ DEATHS: dict[str, Callable[[Running, Peer], None]] = {
 }
 
 
-LOOK_S = 1.0  # so that the watchdog bears five seconds
+LOOK_S = 1.0  # so that the watchdog bears five seconds, and is heard every half one
 
 
 @pytest.mark.parametrize(
@@ -595,7 +595,7 @@ def test_the_watchdog_tells_everybody_when_the_monitor_hangs_or_dies(
 
 
 def test_a_watchdog_that_dies_is_a_cause_and_no_reset_helps() -> None:
-    with small_monitor() as running, Peer(running.port) as scanner:
+    with small_monitor(look_s=LOOK_S) as running, Peer(running.port) as scanner:
         scanner.watch()
         os.kill(running.watchdog_pid, signal.SIGKILL)
         assert "watchdog" in scanner.wait_for_code(3).message
@@ -681,6 +681,7 @@ def test_what_the_second_opinion_remarks_is_logged_and_told_to_the_console_once(
             )
 
         def shown() -> bool:
+            clock.turn(0.05)
             scanner.read(10.0)
             rates = companions[CONSOLE].told(process_messages.Rates)
             return bool(rates) and rates[-1].remarks == (differ, leans)
