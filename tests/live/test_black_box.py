@@ -112,7 +112,12 @@ class Monitor:
         return [answer for answer in self.answers if isinstance(answer, kind)]
 
     def wait_for(self, kind, count=1):
-        wait_until(lambda: len(self.heard(kind)) >= count or self.box.turn())
+        def came():
+            for _ in range(50):  # each writes a frame at most
+                self.box.turn()
+            return len(self.heard(kind)) >= count
+
+        wait_until(came)
         return self.heard(kind)[-1]
 
     def end(self, planned=True):
