@@ -100,7 +100,7 @@ def test_five_wrong_codes_lock_the_right_one_for_a_minute_and_each_code_is_for_o
     assert len(used) > 1
 
 
-def test_codes_that_are_locked_are_called_locked_however_many_wrong_ones_came() -> None:
+def test_codes_that_are_locked_are_called_locked_however_many_wrong_ones_came():
     """After ten wrong codes a right one got no answer."""
     with serving() as port, Peer(port) as scanner, ExitStack() as stack:
         withdrawn_but_harmless(scanner)

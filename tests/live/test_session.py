@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 import small_monitor as rule
-from numpy.typing import NDArray
 from small_monitor import (
     RAISES,
     READ_ENTRY,
@@ -79,7 +78,7 @@ def test_a_sender_that_counts_back_is_out_of_order_and_one_that_takes_over_count
         assert "frame 70 after 71" in scanner.statuses()[-1].message
 
 
-def test_one_number_far_ahead_makes_no_later_frame_a_misfit() -> None:
+def test_one_number_far_ahead_makes_no_later_frame_a_misfit():
     """A misfit is answered, and never waits while newer frames are read."""
     with session() as scanner:
         numbered(scanner, 70, 2**31, 71)
@@ -92,9 +91,7 @@ def test_one_number_far_ahead_makes_no_later_frame_a_misfit() -> None:
 
 
 @pytest.mark.parametrize(("learned_n_m", "code"), [(400.0, 1), (None, 3)])
-def test_a_learned_eye_moves_the_stiffness_of_punctures(
-    learned_n_m: float | None, code: int
-) -> None:
+def test_a_learned_eye_moves_the_stiffness_of_punctures(learned_n_m, code):
     """A withdrawal from a stiff wall explains a fall of 12 mN in 10 ms."""
     companions = {OPINION: FakeCompanion()}
     with session(companions=companions, learned_n_m=learned_n_m) as scanner:
@@ -112,7 +109,7 @@ def test_a_learned_eye_moves_the_stiffness_of_punctures(
         assert scanner.statuses()[-1].code == code
 
 
-def test_what_is_wrong_now_and_since_when_is_in_each_entry() -> None:
+def test_what_is_wrong_now_and_since_when_is_in_each_entry():
     with session() as scanner:
         scanner.read(10.0)
         assert scanner.said()["withdrawn_s"] is None
@@ -150,9 +147,7 @@ def test_a_puncture_that_is_only_reported_does_not_count_as_a_withdrawal_and_a_l
 
 
 @pytest.mark.parametrize(("back_mm", "code"), [(0.0, 3), (0.5, 1)])
-def test_what_the_needle_went_back_explains_a_fall_or_not(
-    back_mm: float, code: int
-) -> None:
+def test_what_the_needle_went_back_explains_a_fall_or_not(back_mm, code):
     with session(retraction_m_s=0.05) as scanner:
         for number, force_mn in enumerate((24.0, 24.1, 24.2, 24.3, 7.0, 7.1)):
             travel_mm = 2.0 - back_mm * max(number - 3, 0)
@@ -166,7 +161,7 @@ def test_what_the_needle_went_back_explains_a_fall_or_not(
         assert scanner.statuses()[-1].code == code
 
 
-def test_a_reader_that_raises_is_a_withdrawal_with_its_words_and_no_reading() -> None:
+def test_a_reader_that_raises_is_a_withdrawal_with_its_words_and_no_reading():
     with session() as scanner:
         scanner.read(10.0)
         scanner.read(0, frame_of(RAISES, 2))
@@ -176,12 +171,12 @@ def test_a_reader_that_raises_is_a_withdrawal_with_its_words_and_no_reading() ->
         assert scanner.said()["force_mn"] is None
 
 
-def test_a_frame_of_another_size_is_not_read() -> None:
-    def read(pixels: NDArray[Any], scale: PixelScale) -> Answer:
+def test_a_frame_of_another_size_is_not_read():
+    def read(pixels, scale):
         sizes.add(pixels.shape)
         return rule.read(pixels, scale)
 
-    sizes = set[tuple[int, ...]]()
+    sizes = set()
     with session(rule=read) as scanner:
         scanner.read(10.0)
         scanner.read(10.0, np.zeros((rule.ROWS, rule.COLUMNS + 1), np.uint16))
@@ -217,7 +212,7 @@ def bunch(
 
 
 @pytest.mark.parametrize("header", HEADER_S)
-def test_a_bunch_is_in_the_order_of_time_and_hides_no_puncture(header: str) -> None:
+def test_a_bunch_is_in_the_order_of_time_and_hides_no_puncture(header):
     """Four frames of 10 ms at once, none lost: the second one shows the fall."""
     patient = {"lag_s": 10.0, "catch_up_s": 0.5}
     with session(stiffness_n_m=30.0, **patient) as scanner:
@@ -227,11 +222,11 @@ def test_a_bunch_is_in_the_order_of_time_and_hides_no_puncture(header: str) -> N
         assert scanner.statuses()[-1].name == "PIERCED"
 
 
-def test_a_bunch_of_a_fast_withdrawal_is_no_puncture() -> None:
+def test_a_bunch_of_a_fast_withdrawal_is_no_puncture():
     """All frames of the bunch came at one time, but were not taken at one."""
-    forces_un = list[int]()
+    forces_un = []
 
-    def read(pixels: NDArray[Any], scale: PixelScale) -> Answer:
+    def read(pixels, scale):
         forces_un.append(int(pixels[0, 0]))
         return rule.read(pixels, scale)
 
@@ -257,7 +252,7 @@ def in_parts(scanner: Peer, number: int, apart_s: float) -> None:
         scanner.hear(lambda peer: len(peer.texts("ForceReset")) > heard)  # noqa: B023 - called at once
 
 
-def test_a_frame_is_as_old_as_its_oldest_part() -> None:
+def test_a_frame_is_as_old_as_its_oldest_part():
     with session(silence_s=0.2) as scanner:
         for number in range(1, 6):
             scanner.read(10.0, message_id=number, time_s=1.8e9 - 0.05 + 0.01 * number)
@@ -291,23 +286,23 @@ def test_a_frame_is_as_old_as_its_oldest_part() -> None:
     ],
 )
 def test_frames_that_are_not_read_in_time_are_lost_and_stand_for_the_scanners_interval(
-    before: int,
-    interval_s: float,
-    header_s: float | None,
-    frames: int,
-    lost: int,
-    code: int,
-) -> None:
+    before,
+    interval_s,
+    header_s,
+    frames,
+    lost,
+    code,
+):
     """A bunch of which the newest takes longer than there is to catch up; 40 ms in a
     row may be lost.
     """
 
-    def read(pixels: NDArray[Any], scale: PixelScale) -> Answer:
+    def read(pixels, scale):
         if int(pixels[0, 0]) == 10_100:
             scanner.clock.turn(LIMITS["catch_up_s"] + 0.001)
         return rule.read(pixels, scale)
 
-    def header(place: int) -> dict[str, Any]:
+    def header(place):
         time_s = 0.0 if header_s is None else 5.0 + place * header_s
         return {"message_id": before + place, "time_s": time_s}
 
@@ -326,7 +321,7 @@ def test_frames_that_are_not_read_in_time_are_lost_and_stand_for_the_scanners_in
         assert code == 1 or scanner.statuses()[-1].name == "QUEUE_BEHIND"
 
 
-def test_nan_and_infinity_are_null_everywhere() -> None:
+def test_nan_and_infinity_are_null_everywhere():
     nan = float("nan")
     inf = float("inf")
     entry = replace(
@@ -341,7 +336,7 @@ def test_nan_and_infinity_are_null_everywhere() -> None:
     assert record["probabilities"] == [None, None, 0.5]
 
 
-def test_a_frame_that_was_not_read_is_not_usable_and_another_event_is_neither() -> None:
+def test_a_frame_that_was_not_read_is_not_usable_and_another_event_is_neither():
     record = replace(READ_ENTRY, verdict=None).as_json()
     assert record["usable"] is False
     assert record["class"] is record["force_mn"] is None
@@ -377,9 +372,7 @@ def is_felt(scanner: Peer, felt: Felt, force_un: int, **header: Any) -> bool:
     ] == pytest.approx([1e3 * end_n for end_n in expected.interval_n], abs=1e-9)
 
 
-def test_a_session_gives_the_felt_force_that_an_evaluation_of_its_frames_gives() -> (
-    None
-):
+def test_a_session_gives_the_felt_force_that_an_evaluation_of_its_frames_gives():
     felt = Felt()
     with session(setup=TISSUE) as scanner:
         for force_un in (*[0] * 5, *range(20_000, 20_100)):
@@ -391,9 +384,7 @@ def test_a_session_gives_the_felt_force_that_an_evaluation_of_its_frames_gives()
     assert said["force_mn"] == pytest.approx(relaxed_mn, rel=0.01)
 
 
-def test_the_history_runs_on_through_a_withdrawal_and_a_reset_and_a_restart_has_none() -> (
-    None
-):
+def test_the_history_runs_on_through_a_withdrawal_and_a_reset_and_a_restart_has_none():
     felt = Felt()
     with session(setup=TISSUE) as scanner:
         for force_un in range(20_000, 20_100):
@@ -415,7 +406,7 @@ def test_the_history_runs_on_through_a_withdrawal_and_a_reset_and_a_restart_has_
     assert restarted["force_mn"] > before["force_mn"]  # the safe side
 
 
-def test_old_pictures_leave_gaps_in_the_history() -> None:
+def test_old_pictures_leave_gaps_in_the_history():
     felt = Felt()
     with session(setup=TISSUE) as scanner:
         for force_un in range(20_000, 20_050):
@@ -427,7 +418,7 @@ def test_old_pictures_leave_gaps_in_the_history() -> None:
         assert is_felt(scanner, felt, 20_052)
 
 
-def test_tissue_that_relaxes_has_a_history_in_each_plane() -> None:
+def test_tissue_that_relaxes_has_a_history_in_each_plane():
     felt = {plane: Felt() for plane in CROSS}
     with session(setup=TISSUE, planes=CROSS) as scanner:
         for number in range(1, 60):
@@ -439,13 +430,13 @@ def test_tissue_that_relaxes_has_a_history_in_each_plane() -> None:
 
 @pytest.mark.parametrize("step", [1, 2], ids=["alone", "together"])
 def test_planes_may_count_their_frames_alone_or_together_and_each_has_its_own_pace_and_queue(
-    step: int,
-) -> None:
+    step,
+):
     """Fifteen frames of each come at once, and two of each are answered, as the server
     takes sixteen at a time: thirteen are 130 ms, of which 100 may wait.
     """
 
-    def header(place: int) -> dict[str, Any]:
+    def header(place):
         turn, plane = divmod(place - 1, 2)
         return {"device": CROSS[plane], "message_id": 1000 + 2 * turn + step * plane}
 
@@ -476,8 +467,8 @@ def test_planes_may_count_their_frames_alone_or_together_and_each_has_its_own_pa
     ],
 )
 def test_a_moment_is_one_time_stamp_or_less_than_one_interval(
-    stamped: bool, apart_s: float, lost: int, apart: int
-) -> None:
+    stamped, apart_s, lost, apart
+):
     """Frames of two planes, one of which may be lost; the frames of a moment are as
     many turns `apart`.
     """
@@ -505,7 +496,7 @@ def test_a_moment_is_one_time_stamp_or_less_than_one_interval(
     assert len(together) >= 55
 
 
-def test_a_picture_under_two_names_is_frozen() -> None:
+def test_a_picture_under_two_names_is_frozen():
     with session(planes=CROSS) as scanner:
         for number in range(1, 4):
             for plane in CROSS:

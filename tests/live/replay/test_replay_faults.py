@@ -138,8 +138,8 @@ OLD_PICTURES = [
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("name", [*OLD_PICTURES, "pixel-type"])
 def test_old_pictures_are_withdrawn_from_although_their_reading_is_harmless(
-    speckled: tuple[Recording, np.ndarray], name: str, seed: int
-) -> None:
+    speckled, name, seed
+):
     """A reader that finds 8 mN in every picture."""
     recording, pictures = speckled
     prepared = prepare(name, recording, 1.3, np.random.default_rng(seed), version=2)
@@ -161,7 +161,7 @@ def test_old_pictures_are_withdrawn_from_although_their_reading_is_harmless(
         Peer(port, version=2, clock=clock) as scanner,
     ):
 
-        def shown(number: int, data: bytes | bytearray) -> int:
+        def shown(number, data):
             scanner.link.sendall(data)
             scanner.hear(lambda peer: peer.readings() == number)
             return scanner.statuses()[-1].code
@@ -183,9 +183,7 @@ def test_old_pictures_are_withdrawn_from_although_their_reading_is_harmless(
 
 
 @pytest.mark.parametrize("version", [1, 2])
-def test_stale_sends_the_next_pictures_with_times_that_fall_behind(
-    recording, version: int
-) -> None:
+def test_stale_sends_the_next_pictures_with_times_that_fall_behind(recording, version):
     monitor, report = injected(recording, "stale", version, WithdrawsAfter(12, 114))
     assert numbers(monitor)[:42] == list(range(42))
     times_s = [event.header.time_s for event in images(monitor)][29:42]
@@ -205,8 +203,8 @@ def test_stale_sends_the_next_pictures_with_times_that_fall_behind(
     ],
 )
 def test_checksum_nan_and_bad_image_are_what_they_say_and_the_stream_continues(
-    recording, name: str, kind: type, words: str, version: int
-) -> None:
+    recording, name, kind, words, version
+):
     monitor, report = injected(recording, name, version)
     (wrong,) = [one for one in monitor.received if not isinstance(one, Received)]
     assert isinstance(wrong, kind)
@@ -216,7 +214,7 @@ def test_checksum_nan_and_bad_image_are_what_they_say_and_the_stream_continues(
     assert report.message == "the monitor still says OK"
 
 
-def test_unusable_is_noise_or_black_and_never_frozen(recording) -> None:
+def test_unusable_is_noise_or_black_and_never_frozen(recording):
     kinds = set()
     for seed in range(6):
         monitor, report = injected(
@@ -233,9 +231,7 @@ def test_unusable_is_noise_or_black_and_never_frozen(recording) -> None:
 
 
 @pytest.mark.parametrize("name", ["garbage", "disconnect"])
-def test_the_robots_connection_tells_what_follows_a_broken_scanner(
-    recording, name: str
-) -> None:
+def test_the_robots_connection_tells_what_follows_a_broken_scanner(recording, name):
     def decide(event):
         return Status(3, 7, "SILENCE", "WITHDRAW: no frame") if event is None else None
 
@@ -247,8 +243,8 @@ def test_the_robots_connection_tells_what_follows_a_broken_scanner(
 
 def test_a_monitor_that_falls_silent_or_dies_is_a_withdrawal_by_the_robots_rule(
     recording,
-) -> None:
-    def fall_silent_or_die(event) -> None:
+):
+    def fall_silent_or_die(event):
         client.monitor.answers = not (
             isinstance(event, Received) and len(images(client.monitor)) >= 30
         )
@@ -266,7 +262,7 @@ def test_a_monitor_that_falls_silent_or_dies_is_a_withdrawal_by_the_robots_rule(
         assert least_s <= report.delay_s <= 0.15
 
 
-def test_a_monitor_that_does_not_watch_shows_nothing(recording) -> None:
+def test_a_monitor_that_does_not_watch_shows_nothing(recording):
     with pytest.raises(
         InputError,
         match="was not watching when the fault was due; it said: WITHDRAW: seen",
@@ -274,7 +270,7 @@ def test_a_monitor_that_does_not_watch_shows_nothing(recording) -> None:
         injected(recording, "silence", 2, WithdrawsAfter(-10, 102))
 
 
-def test_the_time_of_a_fault_is_drawn_in_contact_and_clear_of_danger(recording) -> None:
+def test_the_time_of_a_fault_is_drawn_in_contact_and_clear_of_danger(recording):
     times_s = {
         draw_fault_time(recording, FORCES_N, np.random.default_rng(seed))
         for seed in range(200)
@@ -324,8 +320,8 @@ def test_the_time_of_a_fault_is_drawn_in_contact_and_clear_of_danger(recording) 
     ],
 )
 def test_a_fault_that_cannot_be_is_one_clear_line(
-    recording, name: str, time_s: float, forces_n, message: str
-) -> None:
+    recording, name, time_s, forces_n, message
+):
     rng = np.random.default_rng(0)
     with pytest.raises(InputError, match=message):
         prepare(name, recording, time_s, rng, forces_n=forces_n)
@@ -350,7 +346,7 @@ def clocked(monkeypatch: pytest.MonkeyPatch):
 
 def test_the_command_injects_at_a_drawn_time_and_says_what_followed(
     recording, capsys, clocked
-) -> None:
+):
     monitor, _ = clocked
     monitor.decide = lambda event: (
         Status(3, 9, "", "WITHDRAW: checksum")
@@ -374,7 +370,7 @@ def test_the_command_injects_at_a_drawn_time_and_says_what_followed(
     assert fault["at_s"] == pytest.approx(drawn_s - frames_s[0])
 
 
-def test_a_fault_that_nobody_notices_is_exit_code_1(recording, capsys, clocked) -> None:
+def test_a_fault_that_nobody_notices_is_exit_code_1(recording, capsys, clocked):
     assert (
         run(
             [
@@ -458,8 +454,8 @@ def injected_into_a_server(ruled: Recording, name: str, version: int) -> FaultRe
 @pytest.mark.parametrize("version", [1, 2])
 @pytest.mark.parametrize("name", SEEN)
 def test_the_monitor_withdraws_for_the_faults_own_cause(
-    ruled, monkeypatch, name: str, version: int
-) -> None:
+    ruled, monkeypatch, name, version
+):
     for name_of_limit in (
         "WITHIN_S",
         "SILENT_S",
@@ -481,9 +477,7 @@ def test_the_monitor_withdraws_for_the_faults_own_cause(
     raise AssertionError(found)
 
 
-def test_a_whole_recording_is_answered_and_withdrawn_at_its_force(
-    ruled, monkeypatch
-) -> None:
+def test_a_whole_recording_is_answered_and_withdrawn_at_its_force(ruled, monkeypatch):
     monkeypatch.setattr(player_module, "ANSWER_S", FUSE_S)
     clock = TurnedClock()
     log = AnswerLog()
