@@ -61,10 +61,9 @@ MESSAGES: list[CompanionMessage] = [
         number=3, order=2**62, at_s=1e5, teaches=True, pierced=False
     ),
     process_messages.EyeLearned(setup=NOTHING_KNOWN, frames=3, fault=""),
-    process_messages.OpinionGiven(order=3, verdict=verdict(10.0, (0.0, 20.0))),
     process_messages.OpinionGiven(
         order=3,
-        verdict=verdict(predicted=2, usable=False, reason="dark", probabilities=None),
+        verdict=verdict(10.0, (0.0, 20.0), reason="dark", probabilities=None),
     ),
     process_messages.Alive(faults=("log: full", "disk: full")),
     process_messages.SelfReport(detail="it broke"),
@@ -85,18 +84,11 @@ MESSAGES: list[CompanionMessage] = [
                 modulus=Modulus(mean_pa=250e3, sd_pa=10e3, source="own"),
                 iop_pa=2000.0,
                 thickness_m=6e-4,
+                globe=Globe.declared("sealed", 1.5e8, "logarithmic"),
             )
         ),
         learns="eye-a",
         record=Path("/tmp/session"),
-    ),
-    process_messages.OpinionSettings(
-        model=Path("m"),
-        scale=SCALE,
-        ring=RING,
-        setup=Setup(eye=Eye(globe=Globe.declared("sealed", 1.5e8, "logarithmic"))),
-        learns=None,
-        record=None,
     ),
     process_messages.ConsoleSettings(
         host="::1",

@@ -22,10 +22,6 @@ from scleraforce.live.monitor_request import Address
 from scleraforce.records.eye import Eye
 from scleraforce.records.globe import (
     OPEN,
-    REFERENCE_RIGIDITY,
-    SEALED,
-    UNKNOWN,
-    Globe,
 )
 from scleraforce.records.needle import Needle
 from scleraforce.records.recording_info import ForceInfo, RecordingInfo
@@ -36,32 +32,6 @@ from scleraforce.records.tissue_relaxation import Relaxation
 
 WAITING_LINES = 1000
 SIZE = {"bits": 16, "width_m": 10e-3, "depth_m": 2e-3}
-CALIBRATED = Globe(
-    kind="sealed",
-    lowest=SEALED.lowest,
-    highest=SEALED.highest,
-    mean=REFERENCE_RIGIDITY,
-    sd=1e6,
-    calibrated=True,
-)
-
-
-DECLARED = Relaxation.declared([[0.1, 2.0]])
-
-
-@pytest.mark.parametrize(
-    ("globe", "stated"),
-    [
-        (None, None),
-        (UNKNOWN, None),
-        (OPEN, OPEN),
-        (SEALED, SEALED),
-        (Globe.declared("sealed", REFERENCE_RIGIDITY, "logarithmic"),) * 2,
-        (CALIBRATED, SEALED),  # its rigidity is in the calibration
-    ],
-)
-def test_a_recording_states_the_declared_globe(globe, stated):
-    assert Eye("mine", globe=globe).declared().globe == stated
 
 
 def test_each_plane_is_read_with_the_eye_as_it_sees_it_and_a_single_one_as_declared():
@@ -98,13 +68,16 @@ def recording_info(setup: Setup, **of_scan: Any) -> RecordingInfo:
         return settings.info
 
 
-GAP = Setup(eye=Eye(globe=OPEN), needle=Needle(gap_m=0.4e-3, polar_rad=0.6))
+FOUND = Relaxation.of([0.1], [2.0], np.eye(1), "holds")  # in the calibration
+GAP = Setup(
+    eye=Eye(globe=OPEN, relaxation=FOUND), needle=Needle(gap_m=0.4e-3, polar_rad=0.6)
+)
 
 
-def test_a_recording_states_the_declared_places_of_plane_and_needle():
+def test_a_recording_states_what_was_declared_of_plane_needle_and_eye():
     info = recording_info(GAP, direction_rad=1.1)
     assert (info.needle.polar_rad, info.needle.gap_m) == (0.6, 0.4e-3)
-    assert info.eye.name == "eye-a"
+    assert info.eye == Eye("eye-a", globe=OPEN)
     cross = (Plane("along", 0.0, 0.0), Plane("across", 0.0, 1.5))
     assert recording_info(GAP, planes=cross).needle.gap_m is None
     assert info.force == ForceInfo("fz", 1, 0.2)
@@ -112,19 +85,6 @@ def test_a_recording_states_the_declared_places_of_plane_and_needle():
     needle = Study().needle
     assert (unstated.polar_rad, unstated.gap_m) == (None, needle.gap_m)
     assert unstated.diameter_m == needle.outer_diameter_m
-
-
-@pytest.mark.parametrize(
-    ("relaxation", "stated"),
-    [
-        (None, None),
-        (DECLARED, DECLARED),
-        (Relaxation.of([0.1], [2.0], np.eye(1), "holds"), None),  # in the calibration
-    ],
-)
-def test_a_recording_states_the_declared_relaxation(relaxation, stated):
-    setup = replace(GAP, eye=replace(GAP.eye, relaxation=relaxation))
-    assert recording_info(setup).eye.relaxation == stated
 
 
 @pytest.mark.parametrize(

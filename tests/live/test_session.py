@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import small_monitor as rule
 from small_monitor import (
-    RAISES,
     READ_ENTRY,
     TICK_ENTRY,
     UNUSABLE,
@@ -159,16 +158,6 @@ def test_what_the_needle_went_back_explains_a_fall_or_not(back_mm, code):
             scanner.hear(lambda peer, read=number: peer.readings() > read)
 
         assert scanner.statuses()[-1].code == code
-
-
-def test_a_reader_that_raises_is_a_withdrawal_with_its_words_and_no_reading():
-    with session() as scanner:
-        scanner.read(10.0)
-        scanner.read(0, frame_of(RAISES, 2))
-        status = scanner.statuses()[-1]
-        assert (status.code, status.name) == (3, "EXCEPTION")
-        assert "RuntimeError: the reader broke" in status.message
-        assert scanner.said()["force_mn"] is None
 
 
 def test_a_frame_of_another_size_is_not_read():

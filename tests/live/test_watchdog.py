@@ -23,6 +23,15 @@ from scleraforce.live.decision.events import Cause
 from scleraforce.live.network.openigtlink import Status, Text, encode
 
 
+@pytest.fixture
+def ends():
+    """Both ends of a watchdog's channel: the monitor's, and its own."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    yield ours, theirs
+    ours.close()
+    theirs.close()
+
+
 def watch(
     monkeypatch: pytest.MonkeyPatch, said: list[bytes | None]
 ) -> tuple[bool, int]:
@@ -73,8 +82,8 @@ def test_a_monitor_that_says_nothing_for_a_tenth_of_a_second_hangs(
     ],
     ids=["ends as planned", "hangs", "ends before its first turn", "dies"],
 )
-def test_duty_begins_with_the_first_sign_of_life(monkeypatch, said, planned):
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+def test_duty_begins_with_the_first_sign_of_life(monkeypatch, ends, said, planned):
+    ours, theirs = ends
     for word in said:
         ours.send(word)
     if not said:
@@ -98,13 +107,11 @@ def test_duty_begins_with_the_first_sign_of_life(monkeypatch, said, planned):
         wait_s > watchdog.LOOK_S * watchdog.MISSES for wait_s in patience_s[:waits]
     )
     assert all(wait_s == watchdog.LOOK_S for wait_s in patience_s[waits:])
-    ours.close()
-    theirs.close()
 
 
-def test_a_client_before_the_first_sign_of_life_begins_the_duty():
+def test_a_client_before_the_first_sign_of_life_begins_the_duty(ends):
     """The watchdog holds its socket then, and looks at the monitor."""
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    ours, theirs = ends
     robot, client = socket.socketpair()
     socket.send_fds(ours, [b"C1"], [client.fileno()])
     client.close()
@@ -119,9 +126,7 @@ def test_a_client_before_the_first_sign_of_life_begins_the_duty():
     ours.send(b"D1")
     assert guard.watch() is False
     assert robot.recv(1) == b""
-
-    for end in (ours, theirs, robot):
-        end.close()
+    robot.close()
 
 
 SLOW_START = """
@@ -145,14 +150,11 @@ def test_a_machine_that_delays_the_first_turn_does_not_cost_the_monitor():
     assert (done.returncode, done.stdout, done.stderr) == (0, "served\n", "")
 
 
-def test_a_monitor_that_never_begins_is_ended(monkeypatch):
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+def test_a_monitor_that_never_begins_is_ended(monkeypatch, ends):
     monkeypatch.setattr(watchdog, "DUTY_S", 0.0)
-    guard = watchdog.Watchdog(theirs, os.getpid(), look_s=0.0)
+    guard = watchdog.Watchdog(ends[1], os.getpid(), look_s=0.0)
     guard.await_duty()
     assert guard.watch() is False
-    ours.close()
-    theirs.close()
 
 
 @pytest.mark.parametrize(
