@@ -309,13 +309,6 @@ def single(nth, time_s=None, pictures=None, **stated):
     return replace(whole, times=times, **stated)
 
 
-def test_files_come_in_the_order_of_their_times():
-    scan = joined_files([single(2, 7.0), single(0, 3.0), single(1, 5.0)])
-    assert scan.names == ("0.png", "1.png", "2.png")
-    for _ in range(2):  # pictures can be read twice
-        check_scan(scan, FRAMES[:3], time_s=[3.0, 5.0, 7.0])
-
-
 @pytest.mark.parametrize("times", [(1.0, None), (1.0, 1.0), (None, None)])
 def test_files_without_times_of_their_own_come_as_given(times):
     scan = joined_files([single(4, times[0]), single(0, times[1])])
