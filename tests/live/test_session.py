@@ -67,25 +67,25 @@ def test_a_sender_that_counts_back_is_out_of_order_and_one_that_takes_over_count
             numbered(first, 70, 71, 80)
         with Peer(port, version=2, clock=clock) as second:
             numbered(second, 5, 6)
-            assert second.statuses()[-1].code == 1
+            assert second.status.code == 1
             numbered(second, 6)
-            assert second.statuses()[-1].name == "OUT_OF_ORDER"
-            assert "frame 81 after 82" not in second.statuses()[-1].message
+            assert second.status.name == "OUT_OF_ORDER"
+            assert "frame 81 after 82" not in second.status.message
 
     with session() as scanner:
         numbered(scanner, 71, 70)
-        assert "frame 70 after 71" in scanner.statuses()[-1].message
+        assert "frame 70 after 71" in scanner.status.message
 
 
 def test_one_number_far_ahead_makes_no_later_frame_a_misfit():
     """A misfit is answered, and never waits while newer frames are read."""
     with session() as scanner:
         numbered(scanner, 70, 2**31, 71)
-        assert scanner.statuses()[-1].name == "OUT_OF_ORDER"
+        assert scanner.status.name == "OUT_OF_ORDER"
         scanner.show_together(
             10.0, 10.01, headers=lambda place: {"message_id": 71 + place}
         )
-        scanner.hear(lambda peer: peer.readings() == 4)
+        scanner.hear_readings(4)
         assert scanner.said()["overtaken"] == 1
 
 
@@ -105,7 +105,7 @@ def test_a_learned_eye_moves_the_stiffness_of_punctures(learned_n_m, code):
         assert reset(scanner.port)[0] is True
         for force_mn in (24.0, 24.0, 12.0, 12.01):
             scanner.read(force_mn)
-        assert scanner.statuses()[-1].code == code
+        assert scanner.status.code == code
 
 
 def test_what_is_wrong_now_and_since_when_is_in_each_entry():
@@ -157,7 +157,7 @@ def test_what_the_needle_went_back_explains_a_fall_or_not(back_mm, code):
                 scanner.deliver()
             scanner.hear(lambda peer, read=number: peer.readings() > read)
 
-        assert scanner.statuses()[-1].code == code
+        assert scanner.status.code == code
 
 
 def test_a_frame_of_another_size_is_not_read():
@@ -169,7 +169,7 @@ def test_a_frame_of_another_size_is_not_read():
     with session(rule=read) as scanner:
         scanner.read(10.0)
         scanner.read(10.0, np.zeros((rule.ROWS, rule.COLUMNS + 1), np.uint16))
-        assert scanner.statuses()[-1].name == "SIZE"
+        assert scanner.status.name == "SIZE"
         assert (rule.ROWS, rule.COLUMNS + 1) not in sizes
 
 
@@ -197,7 +197,7 @@ def bunch(
     scanner.show_together(
         *forces_mn, within_s=0.04, headers=lambda place: header(20 + place)
     )
-    scanner.hear(lambda peer: peer.readings() == 21)
+    scanner.hear_readings(21)
 
 
 @pytest.mark.parametrize("header", HEADER_S)
@@ -207,8 +207,8 @@ def test_a_bunch_is_in_the_order_of_time_and_hides_no_puncture(header):
     with session(stiffness_n_m=30.0, **patient) as scanner:
         bunch(scanner, (21.002, 8.0, 8.01, 8.02), HEADER_S[header])
         assert scanner.said()["code"] == 1  # one frame may be wild
-        scanner.hear(lambda peer: peer.statuses()[-1].code == 3)
-        assert scanner.statuses()[-1].name == "PIERCED"
+        scanner.hear(lambda peer: peer.status.code == 3)
+        assert scanner.status.name == "PIERCED"
 
 
 def test_a_bunch_of_a_fast_withdrawal_is_no_puncture():
@@ -223,7 +223,7 @@ def test_a_bunch_of_a_fast_withdrawal_is_no_puncture():
         bunch(scanner, (16.0, 11.0, 6.0, 3.0), HEADER_S["none"])
         wait_until(lambda: 6000 in forces_un)  # the last that was overtaken
         scanner.read(3.0, message_id=25, time_s=0.0)
-        assert scanner.statuses()[-1].code == 1
+        assert scanner.status.code == 1
 
 
 def in_parts(scanner: Peer, number: int, apart_s: float) -> None:
@@ -247,17 +247,17 @@ def test_a_frame_is_as_old_as_its_oldest_part():
             scanner.read(10.0, message_id=number, time_s=1.8e9 - 0.05 + 0.01 * number)
         begun_s = scanner.clock()
         in_parts(scanner, 6, 0.04)
-        scanner.hear(lambda peer: peer.readings() == 6)
+        scanner.hear_readings(6)
         scanner.clock.turn(begun_s + 0.199 - scanner.clock())
         heard = len(scanner.statuses())
         scanner.hear(lambda peer: len(peer.statuses()) > heard)
-        assert scanner.statuses()[-1].code == 1
+        assert scanner.status.code == 1
         scanner.clock.turn(0.0101)  # a tick
         assert scanner.wait_for_code(3).name == "SILENCE"
 
     with session() as scanner:
         in_parts(scanner, 1, 5.0)
-        scanner.hear(lambda peer: peer.readings() == 1)
+        scanner.hear_readings(1)
         status = scanner.statuses()[-1]
         assert status.name == "STALE"
         assert "first part of the frame came 5000 ms before" in status.message
@@ -303,11 +303,11 @@ def test_frames_that_are_not_read_in_time_are_lost_and_stand_for_the_scanners_in
 
         forces_mn = [*[10.0] * (frames - 1), 10.1]
         scanner.show_together(*forces_mn, headers=header)
-        scanner.hear(lambda peer: peer.readings() > before)
+        scanner.hear_readings(before + 1)
         scanner.read(10.0, message_id=before + 50, time_s=0.0)
         assert scanner.said()["lost"] == lost
-        assert scanner.statuses()[-1].code == code
-        assert code == 1 or scanner.statuses()[-1].name == "QUEUE_BEHIND"
+        assert scanner.status.code == code
+        assert code == 1 or scanner.status.name == "QUEUE_BEHIND"
 
 
 def test_nan_and_infinity_are_null_everywhere():
@@ -361,26 +361,18 @@ def is_felt(scanner: Peer, felt: Felt, force_un: int, **header: Any) -> bool:
     ] == pytest.approx([1e3 * end_n for end_n in expected.interval_n], abs=1e-9)
 
 
-def test_a_session_gives_the_felt_force_that_an_evaluation_of_its_frames_gives():
+def test_the_history_runs_on_through_a_withdrawal_and_a_reset_and_a_restart_has_none():
     felt = Felt()
     with session(setup=TISSUE) as scanner:
         for force_un in (*[0] * 5, *range(20_000, 20_100)):
             assert is_felt(scanner, felt, force_un)
         said = scanner.said()
-
-    assert said["elastic_force_mn"] == pytest.approx(20.099)
-    relaxed_mn = 20.0 * (1.0 - 0.3 * (1.0 - np.exp(-1.0)))
-    assert said["force_mn"] == pytest.approx(relaxed_mn, rel=0.01)
-
-
-def test_the_history_runs_on_through_a_withdrawal_and_a_reset_and_a_restart_has_none():
-    felt = Felt()
-    with session(setup=TISSUE) as scanner:
-        for force_un in range(20_000, 20_100):
-            assert is_felt(scanner, felt, force_un)
+        assert said["elastic_force_mn"] == pytest.approx(20.099)
+        relaxed_mn = 20.0 * (1.0 - 0.3 * (1.0 - np.exp(-1.0)))
+        assert said["force_mn"] == pytest.approx(relaxed_mn, rel=0.01)
         scanner.read(0, frame_of(UNUSABLE, 1))
         felt.read(UNUSABLE, scanner.clock())
-        assert scanner.statuses()[-1].name == "UNUSABLE"
+        assert scanner.status.name == "UNUSABLE"
         for force_un in range(20_102, 20_112):
             assert is_felt(scanner, felt, force_un)
         assert reset(scanner.port)[0] is True
@@ -414,7 +406,7 @@ def test_tissue_that_relaxes_has_a_history_in_each_plane():
             for plane, force_un in (("along", 12_000), ("across", 20_000)):
                 header = {"device": plane, "message_id": number}
                 assert is_felt(scanner, felt[plane], force_un, **header)
-        assert scanner.statuses()[-1].code == 1
+        assert scanner.status.code == 1
 
 
 @pytest.mark.parametrize("step", [1, 2], ids=["alone", "together"])
@@ -437,9 +429,9 @@ def test_planes_may_count_their_frames_alone_or_together_and_each_has_its_own_pa
                 number = 1 + 2 * turn + (step - 1) * place
                 scanner.read(10.0, device=plane, message_id=number)
 
-        assert scanner.statuses()[-1].code == 1
+        assert scanner.status.code == 1
         scanner.show_together(*[10.0] * 30, headers=header)
-        scanner.hear(lambda peer: peer.readings() == 244)
+        scanner.hear_readings(244)
         assert scanner.said()["lost"] == 6
 
 
@@ -491,7 +483,7 @@ def test_a_picture_under_two_names_is_frozen():
             for plane in CROSS:
                 pixels = frame_of(10_000, number)
                 scanner.read(0, pixels, device=plane, message_id=number)
-            assert (scanner.statuses()[-1].code == 3) == (number >= 2)
+            assert (scanner.status.code == 3) == (number >= 2)
 
         status = scanner.statuses()[-1]
         assert status.name == "FROZEN"

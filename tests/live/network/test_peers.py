@@ -246,7 +246,7 @@ def test_pyigtl_sends_frames_and_reads_what_is_said_of_them():
                     pixels, ijk_to_world_matrix=matrix, device_name="PyScanner"
                 )
                 assert client.send_message(message)
-                robot.hear(lambda peer: peer.readings() == number)  # noqa: B023 - called at once
+                robot.hear_readings(number)
 
             reading = client.wait_for_message("ForceReading", timeout=FUSE_S)
             assert reading is not None

@@ -48,22 +48,6 @@ def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "ANSWER_S", 600.0)
 
 
-def images(monitor: MonitorRule) -> list[Received]:
-    return [
-        e
-        for e in monitor.received
-        if isinstance(e, Received) and isinstance(e.message, Image)
-    ]
-
-
-def forces(monitor: MonitorRule) -> list[Received]:
-    return [
-        e
-        for e in monitor.received
-        if isinstance(e, Received) and isinstance(e.message, Sensor)
-    ]
-
-
 def played(
     recording, capsys, *options: str, decide=lambda _: None, code: int = 0
 ) -> tuple[FakeMonitor, dict]:
@@ -91,7 +75,7 @@ def test_every_frame_comes_in_order_with_its_pixels_size_and_time(
 ):
     recording = read_recording(write_small_recording(tmp_path / "rec", frames=30))
     monitor, result = played(recording.path, capsys, "--version", str(version))
-    came = images(monitor)
+    came = monitor.received_of(Image)
     assert (result["frames_sent"], result["frames_answered"]) == (30, 30)
 
     for event, entry in zip(came, recording.frames, strict=True):
@@ -165,14 +149,14 @@ def test_the_force_log_goes_along_in_its_time(tmp_path):
     path = write_small_recording(tmp_path / "rec", frames=30)
     player, client = clocked_player(path, version=2)
     player.play()
-    came = forces(client.monitor)
+    came = client.monitor.received_of(Sensor)
     assert player.forces_sent == len(came) == 58  # every 5 ms, up to the last frame
     assert {event.header.device for event in came} == {"RobotForce"}
     log = player.recording.forces
     assert [event.message.values for event in came] == [
         tuple(row) for row in log.wrench_sc[:58].tolist()
     ]
-    begin_s = images(client.monitor)[0].header.time_s
+    begin_s = client.monitor.received_of(Image)[0].header.time_s
     times_s = [event.header.time_s - begin_s for event in came]
     assert times_s == pytest.approx((log.time_s[:58] - 1.0).tolist(), abs=1e-6)
     order = [event.header.time_s for event in client.monitor.received]
@@ -237,7 +221,7 @@ def test_a_log_of_one_axis_goes_along_as_the_contact_force_without_samples_that_
     ]
     (path / "forces.csv").write_text("\n".join(kept) + "\n")
     monitor, _ = played(path, capsys)
-    values = [event.message.values for event in forces(monitor)][:3]
+    values = [event.message.values for event in monitor.received_of(Sensor)][:3]
     assert values == [pytest.approx((force_n,)) for force_n in (1.0, 1.005, 1.015)]
 
 
@@ -345,8 +329,8 @@ def test_enter_sends_the_next_frame_and_its_answer_is_printed(
 
     with fake_monitor() as monitor:
         assert run(["replay", str(path), "--port", str(monitor.port), "--step"]) == 0
-        assert len(images(monitor)) == 3
-        assert not forces(monitor)
+        assert len(monitor.received_of(Image)) == 3
+        assert not monitor.received_of(Sensor)
 
     out, err = capsys.readouterr()
     assert [
@@ -377,7 +361,7 @@ def test_a_monitor_that_leaves_is_exit_code_1_and_the_summary_so_far(tmp_path, c
     path = write_small_recording(tmp_path / "rec", frames=60)
 
     def leave(_event):
-        if len(images(monitor)) == 20:
+        if len(monitor.received_of(Image)) == 20:
             monitor.drop()
 
     with fake_monitor() as monitor:
@@ -424,7 +408,9 @@ def test_control_c_is_exit_code_130_with_the_summary_so_far(tmp_path):
             env=os.environ,
         )
 
-        while len(images(monitor)) < 6:  # the last one may not have been counted yet
+        while (
+            len(monitor.received_of(Image)) < 6
+        ):  # the last one may not have been counted yet
             assert child.poll() is None
 
         child.send_signal(signal.SIGINT)

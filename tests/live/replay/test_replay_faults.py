@@ -90,16 +90,8 @@ def injected(
     )
 
 
-def images(monitor: MonitorRule) -> list[Received]:
-    return [
-        event
-        for event in monitor.received
-        if isinstance(event, Received) and isinstance(event.message, Image)
-    ]
-
-
 def numbers(monitor: MonitorRule) -> list[int]:
-    return [int(event.message.pixels[0, 0, 0]) for event in images(monitor)]
+    return [int(event.message.pixels[0, 0, 0]) for event in monitor.received_of(Image)]
 
 
 class WithdrawsAfter:
@@ -163,8 +155,8 @@ def test_old_pictures_are_withdrawn_from_although_their_reading_is_harmless(
 
         def shown(number, data):
             scanner.link.sendall(data)
-            scanner.hear(lambda peer: peer.readings() == number)
-            return scanner.statuses()[-1].code
+            scanner.hear_readings(number)
+            return scanner.status.code
 
         for number, picture in enumerate(pictures[:30], 1):
             clock.turn(0.01)
@@ -177,16 +169,14 @@ def test_old_pictures_are_withdrawn_from_although_their_reading_is_harmless(
             if shown(number, sending.message.stamped(clock())) == 3:
                 break
 
-        assert scanner.statuses()[-1].name in {
-            cause.name for cause in FAULTS[name].causes
-        }
+        assert scanner.status.name in {cause.name for cause in FAULTS[name].causes}
 
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_stale_sends_the_next_pictures_with_times_that_fall_behind(recording, version):
     monitor, report = injected(recording, "stale", version, WithdrawsAfter(12, 114))
     assert numbers(monitor)[:42] == list(range(42))
-    times_s = [event.header.time_s for event in images(monitor)][29:42]
+    times_s = [event.header.time_s for event in monitor.received_of(Image)][29:42]
     assert [b - a for a, b in pairwise(times_s)] == pytest.approx(
         [0.2 * 0.01 / SPEED] * 12, abs=1e-6
     )
@@ -221,11 +211,11 @@ def test_unusable_is_noise_or_black_and_never_frozen(recording):
             recording, "unusable", 2, WithdrawsAfter(1, 104), seed
         )
         assert report.expected
-        wrong = images(monitor)[30].message.pixels
+        wrong = monitor.received_of(Image)[30].message.pixels
         kinds.add(
             "noise" if wrong.max() > 3000 else "black" if wrong.max() <= 3 else "other"
         )
-        assert not np.array_equal(wrong, images(monitor)[29].message.pixels)
+        assert not np.array_equal(wrong, monitor.received_of(Image)[29].message.pixels)
 
     assert kinds == {"noise", "black"}
 
@@ -236,7 +226,7 @@ def test_the_robots_connection_tells_what_follows_a_broken_scanner(recording, na
         return Status(3, 7, "SILENCE", "WITHDRAW: no frame") if event is None else None
 
     monitor, report = injected(recording, name, 2, decide)
-    assert len(images(monitor)) == 30
+    assert len(monitor.received_of(Image)) == 30
     assert (report.code, report.cause) == (3, "SILENCE")
     assert report.expected is (name == "disconnect")
 
@@ -246,7 +236,7 @@ def test_a_monitor_that_falls_silent_or_dies_is_a_withdrawal_by_the_robots_rule(
 ):
     def fall_silent_or_die(event):
         client.monitor.answers = not (
-            isinstance(event, Received) and len(images(client.monitor)) >= 30
+            isinstance(event, Received) and len(client.monitor.received_of(Image)) >= 30
         )
         client.dropped = isinstance(event, BadChecksum)
 
