@@ -133,7 +133,7 @@ SLOW_START = """
 from scleraforce.live.companions.companion_processes import Guard
 
 guard = Guard(1e-4)  # it would end a silent monitor after half a millisecond
-sum(range(3_000_000))
+sum(range(500_000))
 guard.end()
 print("served")
 """
