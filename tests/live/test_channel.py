@@ -40,7 +40,7 @@ from scleraforce.records.setup import NOTHING_KNOWN, Setup
 
 RING = RingPlace(descriptor=5, frames=1200, rows=24, columns=32)
 SCALE = PixelScale(lateral_m=29e-6, depth_m=8e-6)
-MESSAGES: list[CompanionMessage] = [
+MESSAGES = [
     process_messages.Decided(entry=READ_ENTRY),
     process_messages.ForceHeard(
         at_s=1.0, time_s=1.8e9, values=(0.01, -inf), device="Robot"

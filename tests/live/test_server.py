@@ -192,7 +192,7 @@ def small_before_another(peer: Peer) -> None:
     peer.link.sendall(b"".join(data))
 
 
-FAULTS: dict[str, tuple[Callable[[Peer], object], Cause]] = {
+FAULTS = {
     "class 2": (lambda peer: peer.show(35.0), Cause.DANGEROUS_CLASS),
     "silence": (silence, Cause.SILENCE),
     "half a frame": (half, Cause.SILENCE),
@@ -504,7 +504,7 @@ def kill(number: signal.Signals) -> Callable[[Running, Peer], None]:
     return lambda running, _: os.kill(running.process.pid, number)
 
 
-DEATHS: dict[str, Callable[[Running, Peer], None]] = {
+DEATHS = {
     "killed": kill(signal.SIGKILL),
     "stopped": kill(signal.SIGSTOP),
     "a tight loop": lambda _, scanner: scanner.show(0, frame_of(rule.HANGS, 1)),

@@ -173,7 +173,7 @@ def test_a_frame_of_another_size_is_not_read():
         assert (rule.ROWS, rule.COLUMNS + 1) not in sizes
 
 
-HEADER_S: dict[str, Callable[[int], float]] = {
+HEADER_S = {
     "as taken": lambda n: 5000.0 + 0.01 * n,
     "none": lambda _: 0.0,
     "in other units": lambda n: 5000.0 + 10.0 * n,

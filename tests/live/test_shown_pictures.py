@@ -2,7 +2,7 @@
 whatever stays in them.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -76,7 +76,7 @@ def bands(picture: Pixels) -> Pixels:
     return picture
 
 
-LIVE: dict[str, Callable[[NDArray[np.uint16]], Pixels]] = {
+LIVE = {
     "12 bits": lambda picture: picture,
     "8 bits": lambda picture: (picture >> 4).astype(np.uint8),
     "4 bits": lambda picture: (picture >> 8).astype(np.uint8),
@@ -107,7 +107,7 @@ def displayed(
     return counts.astype(np.uint8 if top < 256 else np.uint16)
 
 
-DISPLAYS: dict[str, Callable[[NDArray[np.float32]], Pixels]] = {
+DISPLAYS = {
     "8 bits": lambda level_db: displayed(level_db, 255, -10.0, 50.0),
     "12 bits": lambda level_db: displayed(level_db, 4095, -10.0, 50.0),
     "linear": lambda level_db: displayed(10 ** (level_db / 10), 4095, 0.0, 1000.0),
@@ -179,7 +179,7 @@ def filtered(
 
 
 Live = Sequence[NDArray[np.uint16]]
-OLD: dict[str, Callable[[Live, np.random.Generator], Sequence[Pixels]]] = {
+OLD = {
     "the dark level moves": lambda live, _: [live[0] + np.uint16(n) for n in range(20)],
     "the gain grows": lambda live, _: [
         as_counts(live[0] * (1 + 0.005 * n)) for n in range(20)

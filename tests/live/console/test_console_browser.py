@@ -187,6 +187,7 @@ def test_the_page_shows_what_the_monitor_decided_and_says_at_once_when_it_has_go
             )
             expect(found.page.locator("#class")).to_have_text("1")
             found.has_view("WATCHING")
+            expect(found.page.locator("#remarks")).to_be_hidden()
             found.wait_until(found.looks_live)
             expect(found.page.locator("#ask")).to_be_disabled()
             found.wait_until(lambda: wall_is_drawn(found.page))
@@ -309,14 +310,6 @@ def test_remarks_are_one_line_with_the_most_serious_first_until_they_are_opened(
             assert wide == width
             assert high == height or width < 960
             assert found.complaints == []
-
-
-def test_a_monitor_without_remarks_shows_none(opened):
-    with ConsoleMonitor() as monitor:
-        found = opened(monitor.address)
-        with repeating(watching(monitor)):
-            found.shows(word="WATCHING")
-            expect(found.page.locator("#remarks")).to_be_hidden()
 
 
 def test_a_withdrawal_shows_what_is_true_now_larger_than_its_first_cause(

@@ -3,7 +3,7 @@ does not cry wolf.
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -169,13 +169,13 @@ def pierced() -> MonitorState:
     return state
 
 
-STATES: dict[State, Callable[[], MonitorState]] = {
+STATES = {
     State.NOT_READY: MonitorState,
     State.WATCHING: watching,
     State.PIERCED: pierced,
     State.WITHDRAW: withdrawn,
 }
-WRONG_NUMBERS: list[dict[str, Any]] = [
+WRONG_NUMBERS = [
     {"force_n": NAN},
     {"interval_n": (0.0, NAN)},
     {"interval_n": (0.0, float("inf"))},
@@ -188,15 +188,13 @@ WRONG_NUMBERS: list[dict[str, Any]] = [
     {"usable": False, "force_n": NAN},
     {"elastic_force_n": NAN},
 ]
-VERDICTS: list[
-    tuple[dict[str, Any], Cause]
-] = [  # of any reader, each with the cause in it
+VERDICTS = [  # of any reader, each with the cause in it
     ({"predicted": 2, "probabilities": (0.0, 0.0, 1.0)}, Cause.DANGEROUS_CLASS),
     ({"force_n": 0.031, "interval_n": (0.0295, 0.0325)}, Cause.BOUND),
     ({"force_n": 0.0286, "interval_n": (0.0271, 0.0301)}, Cause.BOUND),
     *((wrong, Cause.NO_NUMBER) for wrong in WRONG_NUMBERS),
 ]
-ALARMS: list[tuple[MonitorEvent, Cause]] = [
+ALARMS = [
     *((judged(frame(6), **said), cause) for said, cause in VERDICTS),
     (Fault(0.06, Cause.CHECKSUM, "CRC"), Cause.CHECKSUM),
     (Fault(0.06, Cause.EXCEPTION, "ValueError"), Cause.EXCEPTION),
@@ -212,7 +210,7 @@ ALARMS: list[tuple[MonitorEvent, Cause]] = [
     (opinion(7, at_s=0.06), Cause.OUT_OF_ORDER),
     (opinion(5, at_s=NAN), Cause.NO_NUMBER),
 ]
-AFTER_A_FRAME: list[tuple[MonitorEvent, Cause]] = [
+AFTER_A_FRAME = [
     (Tick(0.1501), Cause.SILENCE),
     (frame(6, at_s=0.1501), Cause.SILENCE),
     (Reset(0.1501), Cause.SILENCE),
@@ -231,7 +229,7 @@ OPINIONS = [
 OVERTAKEN = [
     (OvertakenRead(0.0505, judged(frame(4), **said)), cause) for said, cause in VERDICTS
 ]
-SIGNALS: dict[str, list[MonitorEvent]] = {
+SIGNALS = {
     "harmless frame": [frame(6)],
     "unusable frame, tolerated": [frame(6), unusable(7)],
     "unusable frame before contact": [unusable(6)],

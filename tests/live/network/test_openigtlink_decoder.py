@@ -22,7 +22,7 @@ PIXELS = {
     dtype: DRAW.integers(0, 120, (2, 3, 5)).astype(dtype)
     for dtype in (np.int8, np.uint8, np.int16, np.uint16)
 }
-MESSAGES: list[igtl.Message] = [
+MESSAGES = [
     *[igtl.Image(pixels) for pixels in PIXELS.values()],
     igtl.Image(
         PIXELS[np.uint16] * np.uint16(500), (0.01,) * 12, (20, 10, 4), (15, 7, 2), 2
