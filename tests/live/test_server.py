@@ -374,6 +374,14 @@ def test_the_watchdog_hears_of_each_frame_of_a_backlog(clock):
         assert heard[0] - before >= 5
 
 
+def crowd_of(stack: ExitStack, port: int, count: int) -> list[Peer]:
+    """Peers that have each heard a STATUS."""
+    peers = [stack.enter_context(Peer(port)) for _ in range(count)]
+    for peer in peers:
+        peer.hear(lambda peer: bool(peer.statuses()))
+    return peers
+
+
 def test_others_have_two_milliseconds_a_turn_and_who_has_waited_longest_is_first(
     clock,
 ):
@@ -404,10 +412,7 @@ def test_others_have_two_milliseconds_a_turn_and_who_has_waited_longest_is_first
     with serving(guard=guard, rule=read, clock=clock) as port, ExitStack() as stack:
         scanner = stack.enter_context(Peer(port, clock=clock))
         scanner.watch()
-        peers = [stack.enter_context(Peer(port)) for _ in range(5)]
-        for peer in peers:
-            peer.hear(lambda peer: bool(peer.statuses()))
-
+        peers = crowd_of(stack, port, 5)
         ask(peers, 2)
         assert order.index("frame") <= 2
         ask(peers[:2], 3)
@@ -462,10 +467,7 @@ def test_a_crowd_that_says_nothing_locks_out_neither_the_operator_nor_a_scanner(
     clock,
 ):
     with serving(clients=20, clock=clock) as port, ExitStack() as stack:
-        crowd = [stack.enter_context(Peer(port)) for _ in range(30)]
-        for peer in crowd:
-            peer.hear(lambda peer: bool(peer.statuses()))
-
+        crowd = crowd_of(stack, port, 30)
         with Peer(port, clock=clock) as scanner:
             scanner.withdraw()
             crowd += [stack.enter_context(Peer(port)) for _ in range(30)]
@@ -491,10 +493,7 @@ def test_who_was_there_first_and_the_scanner_keep_their_places(
         first = [stack.enter_context(Peer(port)) for _ in range(17)]
         with Peer(port, clock=clock) as scanner:
             scanner.watch()
-            crowd = [stack.enter_context(Peer(port)) for _ in range(30)]
-            for peer in crowd:
-                peer.hear(lambda peer: bool(peer.statuses()))
-
+            crowd = crowd_of(stack, port, 30)
             scanner.watch()
             assert not any(gone(peer, 24) for peer in first)
             assert [gone(peer, 24) for peer in crowd] == [True] * 28 + [False] * 2
