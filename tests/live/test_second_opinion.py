@@ -17,7 +17,6 @@ from waiting import FUSE_S
 from scleraforce.base.errors import InputError
 from scleraforce.live.companions import process_messages
 from scleraforce.live.companions.eye_learning import LEARNED_FILE, resumed_eye
-from scleraforce.live.companions.process_channel import ChannelClosedError
 from scleraforce.records.eye import Modulus
 from scleraforce.records.tissue_relaxation import Relaxation
 
@@ -135,17 +134,6 @@ def test_frames_of_several_planes_are_read_together_and_one_that_is_left_out_is_
     assert dark.verdict.reason
     assert dark.verdict.reason.startswith("left out: plane across: ")
     assert cross.child.end(FUSE_S) == 0
-
-
-def test_a_model_that_cannot_be_read_is_said_before_the_process_ends(
-    tmp_path,
-):
-    broken = OpinionProcess(tmp_path / "nowhere", RELAXING)
-    (message,) = broken.hear(process_messages.SelfReport)
-    assert "nowhere" in message.detail
-    assert broken.child.end(FUSE_S) == 1
-    with pytest.raises(ChannelClosedError):
-        broken.child.channel.send(process_messages.MonitorEnds())
 
 
 def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_resumed(
