@@ -269,7 +269,7 @@ def test_a_scheduler_that_ends_is_one_clear_error(mortal):
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 def test_no_scheduler_is_bad_input(monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr(worker_processes, "CONNECT_S", 0.5)
+    monkeypatch.setattr(worker_processes, "CONNECT_S", 0.1)
     with pytest.raises(
         InputError, match=re.escape("no Dask scheduler answers at tcp://127.0.0.1:9")
     ):
