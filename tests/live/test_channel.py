@@ -40,7 +40,7 @@ from scleraforce.records.setup import NOTHING_KNOWN, Setup
 
 RING = RingPlace(descriptor=5, frames=1200, rows=24, columns=32)
 SCALE = PixelScale(lateral_m=29e-6, depth_m=8e-6)
-MESSAGES: list[CompanionMessage] = [
+MESSAGES = [
     process_messages.Decided(entry=READ_ENTRY),
     process_messages.ForceHeard(
         at_s=1.0, time_s=1.8e9, values=(0.01, -inf), device="Robot"
@@ -61,10 +61,9 @@ MESSAGES: list[CompanionMessage] = [
         number=3, order=2**62, at_s=1e5, teaches=True, pierced=False
     ),
     process_messages.EyeLearned(setup=NOTHING_KNOWN, frames=3, fault=""),
-    process_messages.OpinionGiven(order=3, verdict=verdict(10.0, (0.0, 20.0))),
     process_messages.OpinionGiven(
         order=3,
-        verdict=verdict(predicted=2, usable=False, reason="dark", probabilities=None),
+        verdict=verdict(10.0, (0.0, 20.0), reason="dark", probabilities=None),
     ),
     process_messages.Alive(faults=("log: full", "disk: full")),
     process_messages.SelfReport(detail="it broke"),
@@ -85,18 +84,11 @@ MESSAGES: list[CompanionMessage] = [
                 modulus=Modulus(mean_pa=250e3, sd_pa=10e3, source="own"),
                 iop_pa=2000.0,
                 thickness_m=6e-4,
+                globe=Globe.declared("sealed", 1.5e8, "logarithmic"),
             )
         ),
         learns="eye-a",
         record=Path("/tmp/session"),
-    ),
-    process_messages.OpinionSettings(
-        model=Path("m"),
-        scale=SCALE,
-        ring=RING,
-        setup=Setup(eye=Eye(globe=Globe.declared("sealed", 1.5e8, "logarithmic"))),
-        learns=None,
-        record=None,
     ),
     process_messages.ConsoleSettings(
         host="::1",
@@ -148,7 +140,7 @@ def note(number: float, text: str = "") -> Note:
     return Note(time_s=float(number), text=text)
 
 
-def test_each_message_arrives_as_it_was_sent(ends) -> None:
+def test_each_message_arrives_as_it_was_sent(ends):
     assert {type(message) for message in MESSAGES} == set(get_args(CompanionMessage))
     for message in MESSAGES:
         assert arrived(ends, message) == message
@@ -170,7 +162,7 @@ def test_settings_of_the_black_box_that_contradict_each_other_are_refused(
         )
 
 
-def test_nan_infinity_and_numpys_floats_arrive_as_such(ends) -> None:
+def test_nan_infinity_and_numpys_floats_arrive_as_such(ends):
     given = verdict(nan, (-inf, nan), probabilities=(nan, np.float64(1.0)))
     opinion = arrived(ends, process_messages.OpinionGiven(order=3, verdict=given))
     expected = verdict(nan, (-inf, nan), probabilities=(nan, 1.0))
@@ -187,7 +179,7 @@ def test_half_a_character_of_a_file_name_is_escaped_in_a_text_and_kept_in_a_path
 @pytest.mark.parametrize(
     "message", MESSAGES, ids=lambda message: type(message).__name__
 )
-def test_a_missing_or_an_unknown_field_is_refused_by_its_name(ends, message) -> None:
+def test_a_missing_or_an_unknown_field_is_refused_by_its_name(ends, message):
     record = msgspec.msgpack.decode(bytes_of(ends, message))
     for name in set(record) - {"type"}:
         others = {key: value for key, value in record.items() if key != name}
@@ -206,7 +198,7 @@ def test_a_missing_or_an_unknown_field_is_refused_by_its_name(ends, message) -> 
         ("verdict", []),
     ],
 )
-def test_a_value_of_another_type_is_refused_by_its_field(ends, name, wrong) -> None:
+def test_a_value_of_another_type_is_refused_by_its_field(ends, name, wrong):
     record = msgspec.msgpack.decode(bytes_of(ends, MESSAGES[0]))
     record["entry"] |= {name: wrong}
     assert name in refusal_of(ends, msgspec.msgpack.encode(record))
@@ -215,7 +207,7 @@ def test_a_value_of_another_type_is_refused_by_its_field(ends, name, wrong) -> N
 @pytest.mark.parametrize(
     "data", [b"\xc0", b"\x90", b"\x80", b"\xff\xfe", b"\x91" * 60_000, b"{}"]
 )
-def test_bytes_that_are_not_a_message_are_refused_in_one_short_line(ends, data) -> None:
+def test_bytes_that_are_not_a_message_are_refused_in_one_short_line(ends, data):
     """The next message can be read."""
     words = refusal_of(ends, data)
     assert "\n" not in words
@@ -224,9 +216,7 @@ def test_bytes_that_are_not_a_message_are_refused_in_one_short_line(ends, data) 
 
 
 @given(st.sampled_from(MESSAGES), st.data())
-def test_a_message_with_changed_bytes_is_a_message_or_that_error(
-    message: CompanionMessage, drawn: st.DataObject
-) -> None:
+def test_a_message_with_changed_bytes_is_a_message_or_that_error(message, drawn):
     ours, theirs = ends = Channel.pair()
     with closing(ours), closing(theirs):
         data = bytearray(bytes_of(ends, message))
@@ -249,7 +239,7 @@ def test_a_message_with_changed_bytes_is_a_message_or_that_error(
     ],
     ids=["object", "field", "number", "large"],
 )
-def test_other_values_and_large_messages_are_not_sent(ends, wrong, words) -> None:
+def test_other_values_and_large_messages_are_not_sent(ends, wrong, words):
     with pytest.raises(MessageError, match=words):
         ends[0].send(wrong)
 

@@ -43,8 +43,8 @@ def all_that_arrives(peer: socket.socket, connection: Connection) -> Iterator[by
 
 
 def test_a_peer_that_reads_late_gets_whole_messages_and_misses_others(
-    listener: socket.socket,
-) -> None:
+    listener,
+):
     with socket.create_connection(listener.getsockname()) as peer:
         connection = Connection(listener.accept()[0], "peer", 1)
         sent = [
@@ -83,8 +83,8 @@ def test_a_peer_that_reads_late_gets_whole_messages_and_misses_others(
 
 
 def test_hardly_more_than_a_tenth_of_a_second_waits_for_a_peer_that_does_not_read(
-    listener: socket.socket,
-) -> None:
+    listener,
+):
     with socket.socket() as peer:
         peer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         peer.connect(listener.getsockname())
@@ -137,8 +137,8 @@ def clients(listener: socket.socket) -> Iterator[tuple[Clients, list[str]]]:
 
 
 def test_a_client_for_which_messages_wait_is_let_go_after_a_fifth_of_a_second_but_not_the_scanner(
-    listener: socket.socket, clients: tuple[Clients, list[str]]
-) -> None:
+    listener, clients
+):
     served, notes = clients
     peer, client = unread(listener, served)
 
@@ -164,13 +164,13 @@ def test_a_client_for_which_messages_wait_is_let_go_after_a_fifth_of_a_second_bu
 
 
 def test_a_server_that_is_never_idle_rests_now_and_then_and_one_that_waits_does_not(
-    clients: tuple[Clients, list[str]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+    clients, monkeypatch
+):
     served, _ = clients
     now_s = [10.0]
-    rests = list[float]()
+    rests = []
 
-    def pass_time(for_s: float) -> None:
+    def pass_time(for_s):
         now_s[0] += for_s
 
     monkeypatch.setattr(
@@ -191,9 +191,7 @@ def test_a_server_that_is_never_idle_rests_now_and_then_and_one_that_waits_does_
         assert rests == [0.001] * 10
 
 
-def test_without_a_free_descriptor_the_operator_still_connects(
-    listener: socket.socket, clients: tuple[Clients, list[str]]
-) -> None:
+def test_without_a_free_descriptor_the_operator_still_connects(listener, clients):
     served, notes = clients
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
 

@@ -114,7 +114,7 @@ def test_decisions_wait_for_a_black_box_that_does_not_keep_up_and_go_before_all_
         companions.decided(Decided(entry=decision(number=number, message="x" * 1000)))
         companions.send(BLACK_BOX, Note(time_s=1.5, text=str(number)), 10.0)
 
-    heard: list[CompanionMessage] = []
+    heard = []
     while some := children[BLACK_BOX].theirs.receive(50):
         heard += some
         companions.faults(10.1)
@@ -144,7 +144,7 @@ def test_a_black_box_that_loses_a_decision_is_at_fault_at_once(companions, child
 
 
 def test_what_one_says_of_the_frames_is_passed_on(companions, children):
-    console: list[CompanionMessage] = [
+    console = [
         process_messages.ResetAsked(request=1, token="t"),
         process_messages.ListensAt(url="u"),
         process_messages.WrongTokens(count=2),

@@ -57,7 +57,7 @@ def test_a_flood_is_a_loss_even_if_every_frame_is_read_at_once_and_a_steady_stre
     assert 19 <= sum(loss.lost for loss in lost) <= 20
 
 
-def test_a_flood_of_frames_that_stand_for_no_time_fills_no_memory() -> None:
+def test_a_flood_of_frames_that_stand_for_no_time_fills_no_memory():
     waiting = DeferredFrames(0.1)
     for number in range(MOST_FRAMES + 7):
         waiting.add(deferred(number, 10.0, 1e-6), number // 5)
@@ -82,8 +82,8 @@ def test_a_flood_of_frames_that_stand_for_no_time_fills_no_memory() -> None:
     ids=["fast", "slow", "paused", "mixed", "wrong", "counted"],
 )
 def test_the_first_frames_stand_for_the_interval_of_the_times_in_their_headers(
-    sent_s: list[float | None], intervals_s: list[float]
-) -> None:
+    sent_s, intervals_s
+):
     """They may come in one bunch, or after a pause of the scanner, so that their
     arrivals tell nothing.
     """
@@ -91,7 +91,7 @@ def test_the_first_frames_stand_for_the_interval_of_the_times_in_their_headers(
     assert [pace.arrived(5.0, at) for at in sent_s] == pytest.approx(intervals_s)
 
 
-def test_a_pause_counts_as_a_silence_in_the_interval() -> None:
+def test_a_pause_counts_as_a_silence_in_the_interval():
     pace = FramePace(0.1)
     for number in range(1, 101):
         pace.arrived(0.01 * number)

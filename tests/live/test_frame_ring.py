@@ -108,8 +108,8 @@ def group(
 
 
 def test_of_machine_and_control_groups_of_either_version_the_least_memory_counts(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     proc = tmp_path / "proc"
     groups = tmp_path / "groups"
     assert available_bytes(proc, groups) is None

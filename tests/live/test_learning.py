@@ -90,9 +90,7 @@ def frame() -> np.ndarray:
 
 
 @pytest.mark.parametrize("share", [0.5, 0.8, 1.3])
-def test_no_learned_e_lowers_the_upper_end_of_the_second_opinion(
-    frame: np.ndarray, share: float
-) -> None:
+def test_no_learned_e_lowers_the_upper_end_of_the_second_opinion(frame, share):
     reader = force_reader()
     eye = learned(share)
     before = reader.read(frame, SCALE, BEFORE)
@@ -112,8 +110,8 @@ def test_no_learned_e_lowers_the_upper_end_of_the_second_opinion(
 
 @pytest.mark.parametrize("knows_before", [False, True])
 def test_the_monitor_still_withdraws_where_the_unlearned_reading_would(
-    frame: np.ndarray, knows_before: bool
-) -> None:
+    frame, knows_before
+):
     """Without the eye before, 33 mN pass as 16.5."""
     eye = learned(0.5).eye
     known = eye if knows_before else replace(eye, unlearned=None)
@@ -133,7 +131,7 @@ def test_the_monitor_still_withdraws_where_the_unlearned_reading_would(
     assert decision.state is (State.WITHDRAW if knows_before else State.WATCHING)
 
 
-def test_of_two_answers_the_more_careful_parts_are_kept() -> None:
+def test_of_two_answers_the_more_careful_parts_are_kept():
     low = Answer(
         predicted=1,
         probabilities=(0.0, 0.9, 0.1),
@@ -163,11 +161,11 @@ def library() -> Library:
 
 
 def test_e_learned_from_half_the_pressure_is_as_unsure_as_the_pressure(
-    library: Library,
-) -> None:
+    library,
+):
     rng = np.random.default_rng(5)
     walls = Walls(library)
-    frames = list[ShownFrame]()
+    frames = []
 
     for tip_m in 1e-3 * np.linspace(0.4, 2.6, 6):
         unknown = middling_eye(tip_m)

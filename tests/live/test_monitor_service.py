@@ -5,7 +5,6 @@ operator's lines.
 import resource
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from threading import Event
 from types import SimpleNamespace
 from typing import Any
@@ -20,60 +19,27 @@ from scleraforce.live import monitor
 from scleraforce.live.companions.companion_processes import OPINION, Companions
 from scleraforce.live.companions.process_messages import Alive, SelfReport
 from scleraforce.live.monitor_request import Address
-from scleraforce.reading.answer import Answer
 from scleraforce.records.eye import Eye
 from scleraforce.records.globe import (
     OPEN,
-    REFERENCE_RIGIDITY,
-    SEALED,
-    UNKNOWN,
-    Globe,
 )
 from scleraforce.records.needle import Needle
 from scleraforce.records.recording_info import ForceInfo, RecordingInfo
-from scleraforce.records.scan import PixelScale, Plane, Scan
+from scleraforce.records.scan import Plane, Scan
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 from scleraforce.records.tissue_relaxation import Relaxation
 
 WAITING_LINES = 1000
 SIZE = {"bits": 16, "width_m": 10e-3, "depth_m": 2e-3}
-CALIBRATED = Globe(
-    kind="sealed",
-    lowest=SEALED.lowest,
-    highest=SEALED.highest,
-    mean=REFERENCE_RIGIDITY,
-    sd=1e6,
-    calibrated=True,
-)
-
-
-DECLARED = Relaxation.declared([[0.1, 2.0]])
-
-
-@pytest.mark.parametrize(
-    ("globe", "stated"),
-    [
-        (None, None),
-        (UNKNOWN, None),
-        (OPEN, OPEN),
-        (SEALED, SEALED),
-        (Globe.declared("sealed", REFERENCE_RIGIDITY, "logarithmic"),) * 2,
-        (CALIBRATED, SEALED),  # its rigidity is in the calibration
-    ],
-)
-def test_a_recording_states_the_declared_globe(
-    globe: Globe | None, stated: Globe | None
-) -> None:
-    assert Eye("mine", globe=globe).declared().globe == stated
 
 
 def test_each_plane_is_read_with_the_eye_as_it_sees_it_and_a_single_one_as_declared():
     known = Setup(needle=Needle(gap_m=0.4e-3), scan=Scan(direction_rad=0.2))
     scan = Scan(columns=500, rows=400, **SIZE)
-    seen = list[Setup]()
+    seen = []
 
-    def read_live(pixels: np.ndarray, scale: PixelScale, setup: Setup) -> Answer:
+    def read_live(pixels, scale, setup):
         seen.append(setup)
         return read(pixels, scale)
 
@@ -102,13 +68,16 @@ def recording_info(setup: Setup, **of_scan: Any) -> RecordingInfo:
         return settings.info
 
 
-GAP = Setup(eye=Eye(globe=OPEN), needle=Needle(gap_m=0.4e-3, polar_rad=0.6))
+FOUND = Relaxation.of([0.1], [2.0], np.eye(1), "holds")  # in the calibration
+GAP = Setup(
+    eye=Eye(globe=OPEN, relaxation=FOUND), needle=Needle(gap_m=0.4e-3, polar_rad=0.6)
+)
 
 
-def test_a_recording_states_the_declared_places_of_plane_and_needle() -> None:
+def test_a_recording_states_what_was_declared_of_plane_needle_and_eye():
     info = recording_info(GAP, direction_rad=1.1)
     assert (info.needle.polar_rad, info.needle.gap_m) == (0.6, 0.4e-3)
-    assert info.eye.name == "eye-a"
+    assert info.eye == Eye("eye-a", globe=OPEN)
     cross = (Plane("along", 0.0, 0.0), Plane("across", 0.0, 1.5))
     assert recording_info(GAP, planes=cross).needle.gap_m is None
     assert info.force == ForceInfo("fz", 1, 0.2)
@@ -119,27 +88,12 @@ def test_a_recording_states_the_declared_places_of_plane_and_needle() -> None:
 
 
 @pytest.mark.parametrize(
-    ("relaxation", "stated"),
-    [
-        (None, None),
-        (DECLARED, DECLARED),
-        (Relaxation.of([0.1], [2.0], np.eye(1), "holds"), None),  # in the calibration
-    ],
-)
-def test_a_recording_states_the_declared_relaxation(
-    relaxation: Relaxation | None, stated: Relaxation | None
-) -> None:
-    setup = replace(GAP, eye=replace(GAP.eye, relaxation=relaxation))
-    assert recording_info(setup).eye.relaxation == stated
-
-
-@pytest.mark.parametrize(
     ("lean_rad", "stated"),
     [((0.1, 0.1), ((0.1, 0.1), 0.3)), ((0.1, 0.2), (None, None))],
 )
 def test_a_recording_states_the_gauge_and_the_lean_that_a_file_can_hold(
-    lean_rad: tuple[float, float], stated: tuple[object, object]
-) -> None:
+    lean_rad, stated
+):
     """A file has one lean, and no direction without it."""
     needle = Needle(diameter_m=0.9e-3, lean_rad=lean_rad, lean_azimuth_rad=0.3)
     found = recording_info(Setup(needle=needle)).needle
@@ -154,14 +108,12 @@ def opinion() -> Iterator[FakeCompanion]:
     companion.close()
 
 
-def test_a_monitor_waits_until_the_second_opinion_is_ready(
-    opinion: FakeCompanion, monkeypatch
-) -> None:
+def test_a_monitor_waits_until_the_second_opinion_is_ready(opinion, monkeypatch):
     monkeypatch.setattr(monitor, "NOTED_S", 0.0)
     companions = Companions({OPINION: opinion})
-    notes = list[str]()
+    notes = []
 
-    def note(text: str) -> None:  # which comes while it waits
+    def note(text):  # which comes while it waits
         notes.append(text)
         assert companions.starts(OPINION)
         opinion.says(Alive(faults=()))
@@ -175,10 +127,10 @@ def test_a_monitor_waits_until_the_second_opinion_is_ready(
 
 
 def test_a_monitor_does_not_wait_for_a_second_opinion_that_has_failed(
-    opinion: FakeCompanion,
-) -> None:
+    opinion,
+):
     companions = Companions({OPINION: opinion})
-    notes = list[str]()
+    notes = []
     opinion.says(SelfReport(detail="no model"))
     opinion.theirs.close()
     monitor._wait_for_opinion(companions, notes.append)
@@ -188,11 +140,11 @@ def test_a_monitor_does_not_wait_for_a_second_opinion_that_has_failed(
 
 
 def test_a_monitor_serves_without_a_second_opinion_that_is_never_ready_and_says_so(
-    opinion: FakeCompanion, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    opinion, monkeypatch
+):
     monkeypatch.setattr(monitor, "READY_S", 0.3)
     companions = Companions({OPINION: opinion})
-    notes = list[str]()
+    notes = []
     monitor._wait_for_opinion(companions, notes.append)
     assert companions.starts(OPINION)
     assert notes == [
@@ -214,8 +166,8 @@ def refusal(**stated: Any) -> str:
     ["", " ", "no-such-host.invalid", "x" * 64 + ".example", "203.0.113.7", "a\nb"],
 )
 def test_a_host_that_is_not_an_address_of_this_machine_is_refused_in_one_line(
-    host: str,
-) -> None:
+    host,
+):
     words = f"`host` {host!r}" if host.strip() else "`host`: empty"
     assert refusal(address=Address(host, 0)).startswith(words)
 
@@ -236,8 +188,8 @@ def test_a_host_that_is_not_an_address_of_this_machine_is_refused_in_one_line(
     ],
 )
 def test_a_folder_that_cannot_be_written_or_exists_is_refused_before_anything_is_made(
-    tmp_path: Path, black_box: str, record: str | None, words: str
-) -> None:
+    tmp_path, black_box, record, words
+):
     (tmp_path / "there").mkdir()
     (tmp_path / "file").write_text("mine")
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
@@ -251,8 +203,8 @@ def test_a_folder_that_cannot_be_written_or_exists_is_refused_before_anything_is
 
 
 def test_the_folder_of_the_black_box_may_be_there_and_that_of_a_recording_is_made_later(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     box = tmp_path / "box"
     for _ in range(2):
         with serving(stated={"black_box": box, "record": tmp_path / "session"}):
@@ -268,12 +220,12 @@ def test_the_folder_of_the_black_box_may_be_there_and_that_of_a_recording_is_mad
     [((256, 1024), [(384, 1024)]), ((256, 383), []), ((400, 1024), [])],
 )
 def test_a_low_limit_of_files_is_raised_and_a_hard_one_below_the_need_is_refused(
-    monkeypatch: pytest.MonkeyPatch,
-    limits: tuple[int, int],
-    raised: list[tuple[int, int]],
-) -> None:
+    monkeypatch,
+    limits,
+    raised,
+):
     """For 256 clients and 128 files of its own."""
-    found = list[tuple[int, int]]()
+    found = []
     monkeypatch.setattr(resource, "getrlimit", lambda _: limits)
     monkeypatch.setattr(resource, "setrlimit", lambda _, both: found.append(both))
     if limits[1] < 384:
@@ -286,11 +238,11 @@ def test_a_low_limit_of_files_is_raised_and_a_hard_one_below_the_need_is_refused
     assert found == raised
 
 
-def test_a_terminal_that_is_stopped_keeps_nobody_waiting_and_fills_no_memory() -> None:
+def test_a_terminal_that_is_stopped_keeps_nobody_waiting_and_fills_no_memory():
     go_on = Event()
-    lines = list[str]()
+    lines = []
 
-    def write(text: str) -> None:
+    def write(text):
         go_on.wait(FUSE_S)
         lines.append(text)
 

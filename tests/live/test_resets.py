@@ -18,16 +18,6 @@ WITHIN_S = 10.0
 LOCKED_S = 60.0
 
 
-def withdrawn_but_harmless(scanner: Peer) -> None:
-    """Bring the monitor to where a reset with the right token is granted."""
-    scanner.watch()
-    scanner.show(40.0)
-    scanner.wait_for_code(3)
-    for _ in range(8):
-        scanner.read(10.0)
-    assert scanner.statuses()[-1].code == 3
-
-
 def answers(peer: Peer) -> int:
     return sum(device == "ForceReset" for device, _ in peer.heard)
 
@@ -40,7 +30,7 @@ def say_at_once(peer: Peer, tokens: list[str]) -> None:
 
 def test_after_three_wrong_tokens_the_right_one_in_the_same_bytes_is_not_obeyed():
     with serving() as port, Peer(port) as scanner, Peer(port) as guesser:
-        withdrawn_but_harmless(scanner)
+        scanner.withdraw()
         say_at_once(guesser, ["wrong"] * 3 + [TOKEN])
         guesser.hear()
         assert answers(guesser) == 3
@@ -62,7 +52,7 @@ def test_wrong_tokens_of_many_are_counted_together_and_the_right_one_is_granted_
             guesser.hear(lambda peer: answers(peer) == 2)
 
         assert sum(answers(guesser) for guesser in guessers) == ANSWERED
-        withdrawn_but_harmless(scanner)
+        scanner.withdraw()
         assert reset(port)[0] is True
 
 
@@ -100,10 +90,10 @@ def test_five_wrong_codes_lock_the_right_one_for_a_minute_and_each_code_is_for_o
     assert len(used) > 1
 
 
-def test_codes_that_are_locked_are_called_locked_however_many_wrong_ones_came() -> None:
+def test_codes_that_are_locked_are_called_locked_however_many_wrong_ones_came():
     """After ten wrong codes a right one got no answer."""
     with serving() as port, Peer(port) as scanner, ExitStack() as stack:
-        withdrawn_but_harmless(scanner)
+        scanner.withdraw()
         for _ in range(ANSWERED):
             guesser = stack.enter_context(Peer(port))
             say_at_once(guesser, ["000000"])

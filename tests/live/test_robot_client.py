@@ -94,7 +94,7 @@ def order(status: Status) -> tuple[bool, str]:
     )
 
 
-def test_ok_stays_through_heartbeats_and_other_messages(watched: Watched) -> None:
+def test_ok_stays_through_heartbeats_and_other_messages(watched):
     others = [
         encode(message, "ForceReading")
         for message in (Text('{"frame": 1}'), Sensor((float("nan"),) * 10))
@@ -118,17 +118,15 @@ def test_ok_stays_through_heartbeats_and_other_messages(watched: Watched) -> Non
     [EMERGENCY, Status(13, 0, "NOT_READY"), Status(0), Status(2), Status(65535)],
     ids=lambda status: str(status.code),
 )
-def test_any_code_but_1_withdraws_and_a_reset_leads_back(
-    watched: Watched, status: Status
-) -> None:
+def test_any_code_but_1_withdraws_and_a_reset_leads_back(watched, status):
     orders = watched([(0.01, said(one)) for one in (OK, status, OK)])
     assert orders == [GO_ON, order(status), GO_ON, SILENT]
 
 
-def test_nobody_there_withdraws() -> None:
+def test_nobody_there_withdraws():
     with fake_monitor() as monitor:
         port = monitor.port
-    orders: list[tuple[bool, str]] = []
+    orders = []
     robot_client.watch("127.0.0.1", port, lambda *order: orders.append(order))
     assert (orders[-1][0], "refused" in orders[-1][1]) == (False, True)
 
@@ -159,20 +157,20 @@ def with_body(size: int, body: bytes) -> bytes:
     ],
 )
 def test_a_message_that_cannot_be_believed_and_the_end_of_the_connection_withdraw(
-    watched: Watched, data: bytes, words: str
-) -> None:
+    watched, data, words
+):
     go_on, why = watched([(0.01, said(OK)), (0.01, data)])[-1]
     assert not go_on
     assert words in why
 
 
 @pytest.mark.parametrize("size", [0, 1, 7, 8, 9, 100, 1000])
-def test_its_checksum_is_that_of_openigtlink(size: int) -> None:
+def test_its_checksum_is_that_of_openigtlink(size):
     data = random.Random(size).randbytes(size)
     assert robot_client.crc64(data) == ecma_182(data)
 
 
-def test_as_a_program_it_prints_changes_and_ends_with_exit_code_1(tmp_path) -> None:
+def test_as_a_program_it_prints_changes_and_ends_with_exit_code_1(tmp_path):
     patient = tmp_path / "robot_client.py"
     patient.write_text(
         SCRIPT.read_text().replace("SILENCE_S = 0.150", "SILENCE_S = 300.0")
@@ -202,9 +200,7 @@ def test_as_a_program_it_prints_changes_and_ends_with_exit_code_1(tmp_path) -> N
 
 
 @pytest.mark.parametrize(("pause_s", "oks"), [(0.149, 3), (0.151, 1)])
-def test_the_robot_bears_silence_up_to_150_ms_and_no_longer(
-    watched: Watched, pause_s: float, oks: int
-) -> None:
+def test_the_robot_bears_silence_up_to_150_ms_and_no_longer(watched, pause_s, oks):
     messages = [
         (pause_s if number else 0.01, Status(1, number, "OK")) for number in range(3)
     ]
@@ -220,16 +216,16 @@ def test_the_robot_bears_silence_up_to_150_ms_and_no_longer(
 
 
 def test_other_messages_and_half_a_status_do_not_break_the_silence(
-    watched: Watched,
-) -> None:
+    watched,
+):
     other = encode(Text("alive"), "ForceMonitor") + encode(Status(1), "Other")
     assert watched([(0.01, said(OK))] + [(0.02, other)] * 100) == [GO_ON, SILENT]
     assert watched([(0.01, said(OK)), (0.14, said(OK)[:70])]) == [GO_ON, SILENT]
 
 
 def test_an_ok_that_has_waited_does_not_count_and_a_withdrawal_does(
-    watched: Watched,
-) -> None:
+    watched,
+):
     messages = [
         (0.01, said(OK, START_S + 0.01)),
         (0.01, said(EMERGENCY, START_S - 10.0)),
@@ -243,7 +239,7 @@ def test_an_ok_that_has_waited_does_not_count_and_a_withdrawal_does(
     assert len(messages) > 80  # it did not wait for them
 
 
-def test_a_monitor_with_another_clock_is_believed(watched: Watched) -> None:
+def test_a_monitor_with_another_clock_is_believed(watched):
     oks = [(0.02, said(OK, START_S + 3600.0 + 0.02 * number)) for number in range(50)]
     assert watched([*oks, (0.02, said(EMERGENCY, START_S + 3601.0))])[:2] == [
         GO_ON,

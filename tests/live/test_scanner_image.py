@@ -58,9 +58,7 @@ def frame_of(found: ScannerFrame | None) -> ScannerFrame:
         ("uint16", "uint16", 5),
     ],
 )
-def test_what_is_sent_is_counted_without_a_sign(
-    sent: str, counted: str, code: int, order: str
-) -> None:
+def test_what_is_sent_is_counted_without_a_sign(sent, counted, code, order):
     counts = [[0, 1, np.iinfo(sent).max], [5, 6, 7]]
     pixels = np.array(counts, np.dtype(sent).newbyteorder(order))
     head = struct.pack(">H4B", 1, 1, code, 1 + (order == "<"), 1)
@@ -90,9 +88,7 @@ def test_what_is_sent_is_counted_without_a_sign(
     ],
     ids=lambda one: one if isinstance(one, str) else "",
 )
-def test_an_image_other_than_a_b_scan_is_refused_in_one_line(
-    wrong: Image, says: str
-) -> None:
+def test_an_image_other_than_a_b_scan_is_refused_in_one_line(wrong, says):
     assembler = FrameAssembler()
     with pytest.raises(ProtocolError, match=says) as refused:
         assembler.add(wrong)
@@ -110,7 +106,7 @@ def test_an_image_other_than_a_b_scan_is_refused_in_one_line(
 )
 def test_parts_in_any_order_behind_the_first_make_the_image_they_were_cut_from(
     rows, columns, random, dtype
-) -> None:
+):
     counts = (COUNTS % 120).astype(dtype)
     cut = [
         [slice(*ends) for ends in pairwise([0, *sorted(at), end])]
@@ -147,8 +143,8 @@ OTHER = COUNTS ^ 0xFFF
     ],
 )
 def test_a_part_that_does_not_belong_is_refused_and_those_before_it_are_forgotten(
-    second: Image,
-) -> None:
+    second,
+):
     assembler = FrameAssembler()
     assembler.add(UPPER)
     with pytest.raises(ProtocolError, match="IMAGE: the part rows"):
@@ -162,7 +158,7 @@ def test_a_part_that_does_not_belong_is_refused_and_those_before_it_are_forgotte
     assert np.array_equal(whole.pixels, OTHER)
 
 
-def test_a_part_that_overlaps_begins_the_next_image() -> None:
+def test_a_part_that_overlaps_begins_the_next_image():
     assembler = FrameAssembler()
     assembler.add(UPPER)
     with pytest.raises(ProtocolError, match="overlaps"):
@@ -172,7 +168,7 @@ def test_a_part_that_overlaps_begins_the_next_image() -> None:
 
 
 @pytest.mark.parametrize("other_s", [5.0, 0.0, None, 10.0 + 2.0**-20])
-def test_parts_of_different_times_are_not_one_frame(other_s: float | None) -> None:
+def test_parts_of_different_times_are_not_one_frame(other_s):
     assembler = FrameAssembler()
     assert assembler.add(UPPER, 1.0, 10.0) is None
     with pytest.raises(ProtocolError, match="another size, type, matrix or time"):
@@ -186,9 +182,7 @@ def test_parts_of_different_times_are_not_one_frame(other_s: float | None) -> No
 
 @settings(max_examples=100, deadline=None)
 @given(st.integers(2, 4), st.data())
-def test_whatever_parts_are_lost_no_frame_is_put_together_of_two_images(
-    parts: int, data: st.DataObject
-) -> None:
+def test_whatever_parts_are_lost_no_frame_is_put_together_of_two_images(parts, data):
     lost = data.draw(st.sets(st.integers(0, 8 * parts - 1)))
     assembler = FrameAssembler()
     frames = []
@@ -217,7 +211,7 @@ def test_whatever_parts_are_lost_no_frame_is_put_together_of_two_images(
     ] == [[n] for n in whole]
 
 
-def test_a_frame_over_the_cap_takes_no_room() -> None:
+def test_a_frame_over_the_cap_takes_no_room():
     corner = Image(np.ones((1, 1, 1), dtype=np.uint16), MATRIX, (0xFFFF, 0xFFFF, 1))
     with (
         less_than(100_000),

@@ -17,7 +17,6 @@ from waiting import FUSE_S
 from scleraforce.base.errors import InputError
 from scleraforce.live.companions import process_messages
 from scleraforce.live.companions.eye_learning import LEARNED_FILE, resumed_eye
-from scleraforce.live.companions.process_channel import ChannelClosedError
 from scleraforce.records.eye import Modulus
 from scleraforce.records.tissue_relaxation import Relaxation
 
@@ -55,7 +54,7 @@ def reader(model: Path) -> Iterator[OpinionProcess]:
     assert reader.child.end(FUSE_S) == 0
 
 
-def test_a_wall_is_read_with_its_force_by_the_fit(reader: OpinionProcess) -> None:
+def test_a_wall_is_read_with_its_force_by_the_fit(reader):
     reader.ring.put(1, image(wall_section(tip_of(0.015))))
     reader.ask(1, 71)
     opinion = reader.opinion()
@@ -72,8 +71,8 @@ def test_a_wall_is_read_with_its_force_by_the_fit(reader: OpinionProcess) -> Non
 
 
 def test_of_frames_that_wait_the_newest_is_read_and_one_that_is_gone_is_left_out(
-    reader: OpinionProcess,
-) -> None:
+    reader,
+):
     for number, force_n in ((3, 0.003), (4, 0.012), (5, 0.020)):
         reader.ring.put(number, image(wall_section(tip_of(force_n))))
     reader.ask(1, 80)  # gone: frame 5 took its place
@@ -82,8 +81,8 @@ def test_of_frames_that_wait_the_newest_is_read_and_one_that_is_gone_is_left_out
 
 
 def test_it_keeps_a_history_of_its_own_by_the_times_of_the_frames(
-    reader: OpinionProcess,
-) -> None:
+    reader,
+):
     verdicts = []
     for turn in range(12):  # a hold of three seconds, after an unknown time
         reader.ring.put(10 + turn, image(wall_section(tip_of(0.015)), turn))
@@ -102,8 +101,8 @@ def test_it_keeps_a_history_of_its_own_by_the_times_of_the_frames(
 
 
 def test_frames_of_several_planes_are_read_together_and_one_that_is_left_out_is_not_judged(
-    model: Path,
-) -> None:
+    model,
+):
     cross = OpinionProcess(model, KNOWN, planes=CROSS)
     assert cross.hear(process_messages.Alive) == [process_messages.Alive(faults=())]
     contact_m = (0.15e-3, -0.5e-3, 0.5e-3)
@@ -137,20 +136,9 @@ def test_frames_of_several_planes_are_read_together_and_one_that_is_left_out_is_
     assert cross.child.end(FUSE_S) == 0
 
 
-def test_a_model_that_cannot_be_read_is_said_before_the_process_ends(
-    tmp_path: Path,
-) -> None:
-    broken = OpinionProcess(tmp_path / "nowhere", RELAXING)
-    (message,) = broken.hear(process_messages.SelfReport)
-    assert "nowhere" in message.detail
-    assert broken.child.end(FUSE_S) == 1
-    with pytest.raises(ChannelClosedError):
-        broken.child.channel.send(process_messages.MonitorEnds())
-
-
 def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_resumed(
-    model: Path, tmp_path
-) -> None:
+    model, tmp_path
+):
     learning = OpinionProcess(model, EYE, tmp_path)
     learning.hear(process_messages.Alive)
     learning.show(0.025, teaches=False)

@@ -11,9 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import small_monitor as rule
-from numpy.typing import NDArray
 from small_monitor import (
-    RAISES,
     READ_ENTRY,
     TICK_ENTRY,
     UNUSABLE,
@@ -69,32 +67,30 @@ def test_a_sender_that_counts_back_is_out_of_order_and_one_that_takes_over_count
             numbered(first, 70, 71, 80)
         with Peer(port, version=2, clock=clock) as second:
             numbered(second, 5, 6)
-            assert second.statuses()[-1].code == 1
+            assert second.status.code == 1
             numbered(second, 6)
-            assert second.statuses()[-1].name == "OUT_OF_ORDER"
-            assert "frame 81 after 82" not in second.statuses()[-1].message
+            assert second.status.name == "OUT_OF_ORDER"
+            assert "frame 81 after 82" not in second.status.message
 
     with session() as scanner:
         numbered(scanner, 71, 70)
-        assert "frame 70 after 71" in scanner.statuses()[-1].message
+        assert "frame 70 after 71" in scanner.status.message
 
 
-def test_one_number_far_ahead_makes_no_later_frame_a_misfit() -> None:
+def test_one_number_far_ahead_makes_no_later_frame_a_misfit():
     """A misfit is answered, and never waits while newer frames are read."""
     with session() as scanner:
         numbered(scanner, 70, 2**31, 71)
-        assert scanner.statuses()[-1].name == "OUT_OF_ORDER"
+        assert scanner.status.name == "OUT_OF_ORDER"
         scanner.show_together(
             10.0, 10.01, headers=lambda place: {"message_id": 71 + place}
         )
-        scanner.hear(lambda peer: peer.readings() == 4)
+        scanner.hear_readings(4)
         assert scanner.said()["overtaken"] == 1
 
 
 @pytest.mark.parametrize(("learned_n_m", "code"), [(400.0, 1), (None, 3)])
-def test_a_learned_eye_moves_the_stiffness_of_punctures(
-    learned_n_m: float | None, code: int
-) -> None:
+def test_a_learned_eye_moves_the_stiffness_of_punctures(learned_n_m, code):
     """A withdrawal from a stiff wall explains a fall of 12 mN in 10 ms."""
     companions = {OPINION: FakeCompanion()}
     with session(companions=companions, learned_n_m=learned_n_m) as scanner:
@@ -109,10 +105,10 @@ def test_a_learned_eye_moves_the_stiffness_of_punctures(
         assert reset(scanner.port)[0] is True
         for force_mn in (24.0, 24.0, 12.0, 12.01):
             scanner.read(force_mn)
-        assert scanner.statuses()[-1].code == code
+        assert scanner.status.code == code
 
 
-def test_what_is_wrong_now_and_since_when_is_in_each_entry() -> None:
+def test_what_is_wrong_now_and_since_when_is_in_each_entry():
     with session() as scanner:
         scanner.read(10.0)
         assert scanner.said()["withdrawn_s"] is None
@@ -150,9 +146,7 @@ def test_a_puncture_that_is_only_reported_does_not_count_as_a_withdrawal_and_a_l
 
 
 @pytest.mark.parametrize(("back_mm", "code"), [(0.0, 3), (0.5, 1)])
-def test_what_the_needle_went_back_explains_a_fall_or_not(
-    back_mm: float, code: int
-) -> None:
+def test_what_the_needle_went_back_explains_a_fall_or_not(back_mm, code):
     with session(retraction_m_s=0.05) as scanner:
         for number, force_mn in enumerate((24.0, 24.1, 24.2, 24.3, 7.0, 7.1)):
             travel_mm = 2.0 - back_mm * max(number - 3, 0)
@@ -163,33 +157,23 @@ def test_what_the_needle_went_back_explains_a_fall_or_not(
                 scanner.deliver()
             scanner.hear(lambda peer, read=number: peer.readings() > read)
 
-        assert scanner.statuses()[-1].code == code
+        assert scanner.status.code == code
 
 
-def test_a_reader_that_raises_is_a_withdrawal_with_its_words_and_no_reading() -> None:
-    with session() as scanner:
-        scanner.read(10.0)
-        scanner.read(0, frame_of(RAISES, 2))
-        status = scanner.statuses()[-1]
-        assert (status.code, status.name) == (3, "EXCEPTION")
-        assert "RuntimeError: the reader broke" in status.message
-        assert scanner.said()["force_mn"] is None
-
-
-def test_a_frame_of_another_size_is_not_read() -> None:
-    def read(pixels: NDArray[Any], scale: PixelScale) -> Answer:
+def test_a_frame_of_another_size_is_not_read():
+    def read(pixels, scale):
         sizes.add(pixels.shape)
         return rule.read(pixels, scale)
 
-    sizes = set[tuple[int, ...]]()
+    sizes = set()
     with session(rule=read) as scanner:
         scanner.read(10.0)
         scanner.read(10.0, np.zeros((rule.ROWS, rule.COLUMNS + 1), np.uint16))
-        assert scanner.statuses()[-1].name == "SIZE"
+        assert scanner.status.name == "SIZE"
         assert (rule.ROWS, rule.COLUMNS + 1) not in sizes
 
 
-HEADER_S: dict[str, Callable[[int], float]] = {
+HEADER_S = {
     "as taken": lambda n: 5000.0 + 0.01 * n,
     "none": lambda _: 0.0,
     "in other units": lambda n: 5000.0 + 10.0 * n,
@@ -213,25 +197,25 @@ def bunch(
     scanner.show_together(
         *forces_mn, within_s=0.04, headers=lambda place: header(20 + place)
     )
-    scanner.hear(lambda peer: peer.readings() == 21)
+    scanner.hear_readings(21)
 
 
 @pytest.mark.parametrize("header", HEADER_S)
-def test_a_bunch_is_in_the_order_of_time_and_hides_no_puncture(header: str) -> None:
+def test_a_bunch_is_in_the_order_of_time_and_hides_no_puncture(header):
     """Four frames of 10 ms at once, none lost: the second one shows the fall."""
     patient = {"lag_s": 10.0, "catch_up_s": 0.5}
     with session(stiffness_n_m=30.0, **patient) as scanner:
         bunch(scanner, (21.002, 8.0, 8.01, 8.02), HEADER_S[header])
         assert scanner.said()["code"] == 1  # one frame may be wild
-        scanner.hear(lambda peer: peer.statuses()[-1].code == 3)
-        assert scanner.statuses()[-1].name == "PIERCED"
+        scanner.hear(lambda peer: peer.status.code == 3)
+        assert scanner.status.name == "PIERCED"
 
 
-def test_a_bunch_of_a_fast_withdrawal_is_no_puncture() -> None:
+def test_a_bunch_of_a_fast_withdrawal_is_no_puncture():
     """All frames of the bunch came at one time, but were not taken at one."""
-    forces_un = list[int]()
+    forces_un = []
 
-    def read(pixels: NDArray[Any], scale: PixelScale) -> Answer:
+    def read(pixels, scale):
         forces_un.append(int(pixels[0, 0]))
         return rule.read(pixels, scale)
 
@@ -239,7 +223,7 @@ def test_a_bunch_of_a_fast_withdrawal_is_no_puncture() -> None:
         bunch(scanner, (16.0, 11.0, 6.0, 3.0), HEADER_S["none"])
         wait_until(lambda: 6000 in forces_un)  # the last that was overtaken
         scanner.read(3.0, message_id=25, time_s=0.0)
-        assert scanner.statuses()[-1].code == 1
+        assert scanner.status.code == 1
 
 
 def in_parts(scanner: Peer, number: int, apart_s: float) -> None:
@@ -257,23 +241,23 @@ def in_parts(scanner: Peer, number: int, apart_s: float) -> None:
         scanner.hear(lambda peer: len(peer.texts("ForceReset")) > heard)  # noqa: B023 - called at once
 
 
-def test_a_frame_is_as_old_as_its_oldest_part() -> None:
+def test_a_frame_is_as_old_as_its_oldest_part():
     with session(silence_s=0.2) as scanner:
         for number in range(1, 6):
             scanner.read(10.0, message_id=number, time_s=1.8e9 - 0.05 + 0.01 * number)
         begun_s = scanner.clock()
         in_parts(scanner, 6, 0.04)
-        scanner.hear(lambda peer: peer.readings() == 6)
+        scanner.hear_readings(6)
         scanner.clock.turn(begun_s + 0.199 - scanner.clock())
         heard = len(scanner.statuses())
         scanner.hear(lambda peer: len(peer.statuses()) > heard)
-        assert scanner.statuses()[-1].code == 1
+        assert scanner.status.code == 1
         scanner.clock.turn(0.0101)  # a tick
         assert scanner.wait_for_code(3).name == "SILENCE"
 
     with session() as scanner:
         in_parts(scanner, 1, 5.0)
-        scanner.hear(lambda peer: peer.readings() == 1)
+        scanner.hear_readings(1)
         status = scanner.statuses()[-1]
         assert status.name == "STALE"
         assert "first part of the frame came 5000 ms before" in status.message
@@ -291,23 +275,23 @@ def test_a_frame_is_as_old_as_its_oldest_part() -> None:
     ],
 )
 def test_frames_that_are_not_read_in_time_are_lost_and_stand_for_the_scanners_interval(
-    before: int,
-    interval_s: float,
-    header_s: float | None,
-    frames: int,
-    lost: int,
-    code: int,
-) -> None:
+    before,
+    interval_s,
+    header_s,
+    frames,
+    lost,
+    code,
+):
     """A bunch of which the newest takes longer than there is to catch up; 40 ms in a
     row may be lost.
     """
 
-    def read(pixels: NDArray[Any], scale: PixelScale) -> Answer:
+    def read(pixels, scale):
         if int(pixels[0, 0]) == 10_100:
             scanner.clock.turn(LIMITS["catch_up_s"] + 0.001)
         return rule.read(pixels, scale)
 
-    def header(place: int) -> dict[str, Any]:
+    def header(place):
         time_s = 0.0 if header_s is None else 5.0 + place * header_s
         return {"message_id": before + place, "time_s": time_s}
 
@@ -319,14 +303,14 @@ def test_frames_that_are_not_read_in_time_are_lost_and_stand_for_the_scanners_in
 
         forces_mn = [*[10.0] * (frames - 1), 10.1]
         scanner.show_together(*forces_mn, headers=header)
-        scanner.hear(lambda peer: peer.readings() > before)
+        scanner.hear_readings(before + 1)
         scanner.read(10.0, message_id=before + 50, time_s=0.0)
         assert scanner.said()["lost"] == lost
-        assert scanner.statuses()[-1].code == code
-        assert code == 1 or scanner.statuses()[-1].name == "QUEUE_BEHIND"
+        assert scanner.status.code == code
+        assert code == 1 or scanner.status.name == "QUEUE_BEHIND"
 
 
-def test_nan_and_infinity_are_null_everywhere() -> None:
+def test_nan_and_infinity_are_null_everywhere():
     nan = float("nan")
     inf = float("inf")
     entry = replace(
@@ -341,7 +325,7 @@ def test_nan_and_infinity_are_null_everywhere() -> None:
     assert record["probabilities"] == [None, None, 0.5]
 
 
-def test_a_frame_that_was_not_read_is_not_usable_and_another_event_is_neither() -> None:
+def test_a_frame_that_was_not_read_is_not_usable_and_another_event_is_neither():
     record = replace(READ_ENTRY, verdict=None).as_json()
     assert record["usable"] is False
     assert record["class"] is record["force_mn"] is None
@@ -377,30 +361,18 @@ def is_felt(scanner: Peer, felt: Felt, force_un: int, **header: Any) -> bool:
     ] == pytest.approx([1e3 * end_n for end_n in expected.interval_n], abs=1e-9)
 
 
-def test_a_session_gives_the_felt_force_that_an_evaluation_of_its_frames_gives() -> (
-    None
-):
+def test_the_history_runs_on_through_a_withdrawal_and_a_reset_and_a_restart_has_none():
     felt = Felt()
     with session(setup=TISSUE) as scanner:
         for force_un in (*[0] * 5, *range(20_000, 20_100)):
             assert is_felt(scanner, felt, force_un)
         said = scanner.said()
-
-    assert said["elastic_force_mn"] == pytest.approx(20.099)
-    relaxed_mn = 20.0 * (1.0 - 0.3 * (1.0 - np.exp(-1.0)))
-    assert said["force_mn"] == pytest.approx(relaxed_mn, rel=0.01)
-
-
-def test_the_history_runs_on_through_a_withdrawal_and_a_reset_and_a_restart_has_none() -> (
-    None
-):
-    felt = Felt()
-    with session(setup=TISSUE) as scanner:
-        for force_un in range(20_000, 20_100):
-            assert is_felt(scanner, felt, force_un)
+        assert said["elastic_force_mn"] == pytest.approx(20.099)
+        relaxed_mn = 20.0 * (1.0 - 0.3 * (1.0 - np.exp(-1.0)))
+        assert said["force_mn"] == pytest.approx(relaxed_mn, rel=0.01)
         scanner.read(0, frame_of(UNUSABLE, 1))
         felt.read(UNUSABLE, scanner.clock())
-        assert scanner.statuses()[-1].name == "UNUSABLE"
+        assert scanner.status.name == "UNUSABLE"
         for force_un in range(20_102, 20_112):
             assert is_felt(scanner, felt, force_un)
         assert reset(scanner.port)[0] is True
@@ -415,7 +387,7 @@ def test_the_history_runs_on_through_a_withdrawal_and_a_reset_and_a_restart_has_
     assert restarted["force_mn"] > before["force_mn"]  # the safe side
 
 
-def test_old_pictures_leave_gaps_in_the_history() -> None:
+def test_old_pictures_leave_gaps_in_the_history():
     felt = Felt()
     with session(setup=TISSUE) as scanner:
         for force_un in range(20_000, 20_050):
@@ -427,25 +399,25 @@ def test_old_pictures_leave_gaps_in_the_history() -> None:
         assert is_felt(scanner, felt, 20_052)
 
 
-def test_tissue_that_relaxes_has_a_history_in_each_plane() -> None:
+def test_tissue_that_relaxes_has_a_history_in_each_plane():
     felt = {plane: Felt() for plane in CROSS}
     with session(setup=TISSUE, planes=CROSS) as scanner:
         for number in range(1, 60):
             for plane, force_un in (("along", 12_000), ("across", 20_000)):
                 header = {"device": plane, "message_id": number}
                 assert is_felt(scanner, felt[plane], force_un, **header)
-        assert scanner.statuses()[-1].code == 1
+        assert scanner.status.code == 1
 
 
 @pytest.mark.parametrize("step", [1, 2], ids=["alone", "together"])
 def test_planes_may_count_their_frames_alone_or_together_and_each_has_its_own_pace_and_queue(
-    step: int,
-) -> None:
+    step,
+):
     """Fifteen frames of each come at once, and two of each are answered, as the server
     takes sixteen at a time: thirteen are 130 ms, of which 100 may wait.
     """
 
-    def header(place: int) -> dict[str, Any]:
+    def header(place):
         turn, plane = divmod(place - 1, 2)
         return {"device": CROSS[plane], "message_id": 1000 + 2 * turn + step * plane}
 
@@ -457,9 +429,9 @@ def test_planes_may_count_their_frames_alone_or_together_and_each_has_its_own_pa
                 number = 1 + 2 * turn + (step - 1) * place
                 scanner.read(10.0, device=plane, message_id=number)
 
-        assert scanner.statuses()[-1].code == 1
+        assert scanner.status.code == 1
         scanner.show_together(*[10.0] * 30, headers=header)
-        scanner.hear(lambda peer: peer.readings() == 244)
+        scanner.hear_readings(244)
         assert scanner.said()["lost"] == 6
 
 
@@ -471,20 +443,20 @@ def test_planes_may_count_their_frames_alone_or_together_and_each_has_its_own_pa
         (False, 0.001, 0, 0),
         (False, 0.005, 0, 1),
         (False, 0.0099, 0, 1),
-        (True, 0.0, 61, 0),
-        (False, 0.0, 61, 0),
+        (True, 0.0, 41, 0),
+        (False, 0.0, 41, 0),
     ],
 )
 def test_a_moment_is_one_time_stamp_or_less_than_one_interval(
-    stamped: bool, apart_s: float, lost: int, apart: int
-) -> None:
+    stamped, apart_s, lost, apart
+):
     """Frames of two planes, one of which may be lost; the frames of a moment are as
     many turns `apart`.
     """
     box = FakeCompanion()
     with session(companions={BLACK_BOX: box}, planes=CROSS) as scanner:
         begun_s = scanner.clock()
-        for number in range(1, 120):
+        for number in range(1, 80):
             turn, place = divmod(number, 2)
             at_s = begun_s + 0.01 * turn + apart_s * place
             scanner.clock.turn(at_s - rule.FRAME_S - scanner.clock())
@@ -502,16 +474,16 @@ def test_a_moment_is_one_time_stamp_or_less_than_one_interval(
         if one.moment != one.entry.frame
     ]
     assert set(together[-20:]) == {apart}
-    assert len(together) >= 55
+    assert len(together) >= 35
 
 
-def test_a_picture_under_two_names_is_frozen() -> None:
+def test_a_picture_under_two_names_is_frozen():
     with session(planes=CROSS) as scanner:
         for number in range(1, 4):
             for plane in CROSS:
                 pixels = frame_of(10_000, number)
                 scanner.read(0, pixels, device=plane, message_id=number)
-            assert (scanner.statuses()[-1].code == 3) == (number >= 2)
+            assert (scanner.status.code == 3) == (number >= 2)
 
         status = scanner.statuses()[-1]
         assert status.name == "FROZEN"

@@ -2,7 +2,7 @@
 whatever stays in them.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -52,9 +52,7 @@ BURNED_IN = {
 
 @pytest.mark.parametrize("pictures", [1, 2, 10, 50])
 @pytest.mark.parametrize("what", BURNED_IN)
-def test_old_pictures_in_turns_are_known_whatever_is_burned_in(
-    what: str, pictures: int
-) -> None:
+def test_old_pictures_in_turns_are_known_whatever_is_burned_in(what, pictures):
     rng = np.random.default_rng(1)
     shown = ShownPictures(MOST)
     old = speckled(MOST + 10)[:pictures]
@@ -66,7 +64,7 @@ def test_old_pictures_in_turns_are_known_whatever_is_burned_in(
     assert again == [pictures] * 10
 
 
-def test_a_picture_that_is_older_than_those_remembered_is_new() -> None:
+def test_a_picture_that_is_older_than_those_remembered_is_new():
     shown = ShownPictures(MOST)
     old = speckled(MOST + 10)[: MOST + 1]
     assert [shown.back(picture) for picture in old * 2] == [0] * len(old) * 2
@@ -78,7 +76,7 @@ def bands(picture: Pixels) -> Pixels:
     return picture
 
 
-LIVE: dict[str, Callable[[NDArray[np.uint16]], Pixels]] = {
+LIVE = {
     "12 bits": lambda picture: picture,
     "8 bits": lambda picture: (picture >> 4).astype(np.uint8),
     "4 bits": lambda picture: (picture >> 8).astype(np.uint8),
@@ -90,7 +88,7 @@ LIVE: dict[str, Callable[[NDArray[np.uint16]], Pixels]] = {
 
 
 @pytest.mark.parametrize("how", LIVE)
-def test_live_pictures_are_new_whatever_stays_in_them(how: str) -> None:
+def test_live_pictures_are_new_whatever_stays_in_them(how):
     shown = ShownPictures(MOST)
     backs = {shown.back(LIVE[how](picture)) for picture in speckled(MOST + 10)}
     assert backs == {0}
@@ -109,7 +107,7 @@ def displayed(
     return counts.astype(np.uint8 if top < 256 else np.uint16)
 
 
-DISPLAYS: dict[str, Callable[[NDArray[np.float32]], Pixels]] = {
+DISPLAYS = {
     "8 bits": lambda level_db: displayed(level_db, 255, -10.0, 50.0),
     "12 bits": lambda level_db: displayed(level_db, 4095, -10.0, 50.0),
     "linear": lambda level_db: displayed(10 ** (level_db / 10), 4095, 0.0, 1000.0),
@@ -121,8 +119,8 @@ DISPLAYS: dict[str, Callable[[NDArray[np.float32]], Pixels]] = {
 
 @pytest.mark.parametrize("snr_db", [15.0, 30.0])
 def test_tissue_at_rest_whose_speckle_stays_is_new_by_the_noise_around_it(
-    snr_db: float,
-) -> None:
+    snr_db,
+):
     rng = np.random.default_rng(2)
     shown = {display: ShownPictures(MOST) for display in DISPLAYS}
     rows = np.arange(SIZE[0])[:, None]
@@ -181,7 +179,7 @@ def filtered(
 
 
 Live = Sequence[NDArray[np.uint16]]
-OLD: dict[str, Callable[[Live, np.random.Generator], Sequence[Pixels]]] = {
+OLD = {
     "the dark level moves": lambda live, _: [live[0] + np.uint16(n) for n in range(20)],
     "the gain grows": lambda live, _: [
         as_counts(live[0] * (1 + 0.005 * n)) for n in range(20)
@@ -225,7 +223,7 @@ OLD: dict[str, Callable[[Live, np.random.Generator], Sequence[Pixels]]] = {
 
 
 @pytest.mark.parametrize("what", OLD)
-def test_an_old_picture_is_known_whatever_is_done_to_it(what: str) -> None:
+def test_an_old_picture_is_known_whatever_is_done_to_it(what):
     live = speckled(MOST + 10)
     found = first_alarm(live[:30], OLD[what](live[30:50], np.random.default_rng(4)))
     assert found is not None
@@ -234,12 +232,12 @@ def test_an_old_picture_is_known_whatever_is_done_to_it(what: str) -> None:
 
 @pytest.mark.parametrize("share", [0.5, 0.25])
 def test_a_filter_that_keeps_half_of_the_last_picture_or_less_shows_new_ones(
-    share: float,
-) -> None:
+    share,
+):
     assert first_alarm((), filtered(speckled(MOST + 10), share)[10:]) is None
 
 
-def test_pictures_of_one_grey_are_the_same_only_to_the_last_bit() -> None:
+def test_pictures_of_one_grey_are_the_same_only_to_the_last_bit():
     shown = ShownPictures(MOST)
     black = np.zeros(SIZE, np.uint16)
     one = black.copy()
@@ -252,7 +250,7 @@ def test_pictures_of_one_grey_are_the_same_only_to_the_last_bit() -> None:
     ]
 
 
-def test_another_size_begins_anew_and_another_depth_does_not() -> None:
+def test_another_size_begins_anew_and_another_depth_does_not():
     shown = ShownPictures(MOST)
     picture = speckle(np.random.default_rng(0))
     found = [

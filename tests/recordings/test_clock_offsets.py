@@ -13,7 +13,7 @@ from scleraforce.recordings.rising_fit import (
     unexplained,
 )
 
-RATE_HZ = 100.0
+RATE_HZ = 50.0
 OFFSET_S = 5.3
 
 
@@ -51,7 +51,7 @@ class Needle:
 @pytest.mark.parametrize("offset_s", [0.0, -3.5, 1.7e9])
 def test_the_offset_of_a_film_is_found_from_its_dents(offset_s):
     needle = Needle(5, 60.0)
-    frame_s = np.arange(4.0, 55.0, 0.5)
+    frame_s = np.arange(4.0, 55.0)
     found = needle.estimate(frame_s, frame_s - offset_s)
     assert found.sure
     assert found.offset_s == pytest.approx(offset_s, abs=0.15)
@@ -71,12 +71,12 @@ def test_one_frame_a_push_gives_the_middle_of_the_rest_and_its_ends(seed):
     )
 
 
-def test_the_offset_in_a_log_of_a_quarter_of_an_hour_is_as_exact():
-    needle = Needle(2, 900.0)
-    frame_s = np.arange(450.0, 550.0, 1.0)
-    found = needle.estimate(frame_s, frame_s - 440.0)
+def test_the_offset_in_a_long_log_is_as_exact():
+    needle = Needle(2, 450.0)
+    frame_s = np.arange(250.0, 350.0, 2.0)
+    found = needle.estimate(frame_s, frame_s - 240.0)
     assert found.sure
-    assert found.offset_s == pytest.approx(440.0, abs=0.2)
+    assert found.offset_s == pytest.approx(240.0, abs=0.2)
 
 
 @pytest.mark.parametrize("dents", [np.arange(5.0), np.ones(8)])
@@ -116,22 +116,24 @@ def test_equal_pushes_leave_the_offset_open():
     )
 
 
+def drifting(drift_s):
+    """The estimate, the stated and the true times of half an hour of frames."""
+    needle = Needle(1, 1800.0)
+    frame_s = np.arange(10.0, 1780.0, 30.0)
+    stated_s = frame_s - OFFSET_S - drift_s * (frame_s / 1800.0 - 0.5)
+    return needle.estimate(frame_s, stated_s), stated_s, frame_s
+
+
 @pytest.mark.parametrize("drift_s", [1.0, -1.0])
 def test_a_clock_that_drifts_by_seconds_an_hour_is_followed(drift_s):
-    needle = Needle(1, 3600.0)
-    frame_s = np.arange(10.0, 3580.0, 60.0)
-    stated_s = frame_s - OFFSET_S - drift_s * (frame_s / 3600.0 - 0.5)
-    found = needle.estimate(frame_s, stated_s)
+    found, stated_s, frame_s = drifting(drift_s)
     assert found.sure
     assert found.drift_s == pytest.approx(drift_s, abs=0.35)
     assert np.abs(found.moved(stated_s) - frame_s).max() < 0.4
 
 
 def test_a_clock_that_drifts_by_much_is_not_sure_of_one_offset():
-    needle = Needle(1, 3600.0)
-    frame_s = np.arange(10.0, 3580.0, 60.0)
-    found = needle.estimate(frame_s, frame_s - OFFSET_S - 8.0 * frame_s / 3600.0)
-    assert not found.sure
+    assert not drifting(8.0)[0].sure
 
 
 def test_frames_that_pause_are_not_sure_and_the_parts_are_named():

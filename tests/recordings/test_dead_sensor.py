@@ -42,7 +42,7 @@ def pushes(time_s):
 def sensed(
     noise_steps=0.85,
     step_n=5e-3,
-    rate_hz=200.0,
+    rate_hz=100.0,
     repeats=1,
     seed=0,
 ):
@@ -247,7 +247,7 @@ def test_a_recording_has_no_label_where_the_sensor_failed_all_the_time(
 
 @pytest.mark.parametrize("failure", [held, one_axis_held, zeros_before, flat_top])
 def test_a_frame_has_no_label_where_the_sensor_failed(recorded, failure):
-    time_s, wrench_sc = sensed()
+    time_s, wrench_sc = sensed(rate_hz=200.0)
     failed = failure(wrench_sc, time_s)
     recording = recorded(wrench_sc, time_s)
     (said,) = recording.forces.notes

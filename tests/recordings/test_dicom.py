@@ -12,6 +12,7 @@ from foreign_files import (
     NO_SIZES,
     SIZES_M,
     check_scan,
+    item,
     sizes_of,
     write_dicom,
 )
@@ -35,11 +36,8 @@ COLOUR = {
 }
 
 
-def item(**tags):
-    dataset = Dataset()
-    for name, value in tags.items():
-        setattr(dataset, name, value)
-    return Sequence([dataset])
+def sequence(**tags):
+    return Sequence([item(**tags)])
 
 
 def each_frame(*items):
@@ -175,8 +173,8 @@ def test_bright_tissue_stays_bright(tmp_path, signed, slope, display):
 
 
 def slope_of_a_frame(slope):
-    shift = item(RescaleSlope=slope, RescaleIntercept=0.0)
-    return item(PixelValueTransformationSequence=shift)
+    shift = sequence(RescaleSlope=slope, RescaleIntercept=0.0)
+    return sequence(PixelValueTransformationSequence=shift)
 
 
 def test_a_slope_of_all_frames_is_applied(tmp_path):
@@ -209,7 +207,7 @@ INVERSE = {
         (RAMP, {"PresentationLUTShape": "LIN OD"}, "PresentationLUTShape: LIN OD"),
         (RAMP, {"RescaleSlope": 0.0}, "RescaleSlope: 0"),
         *(
-            (RAMP, {name: item(LUTExplanation="x")}, name)
+            (RAMP, {name: sequence(LUTExplanation="x")}, name)
             for name in (
                 "ModalityLUTSequence",
                 "VOILUTSequence",
@@ -283,7 +281,8 @@ def test_padding_that_is_dark_already_stays(tmp_path):
 def groups(kind, *spacings):
     """Return the functional groups, "Shared" or "PerFrame", of a spacing each."""
     each = [
-        item(PixelMeasuresSequence=item(PixelSpacing=spacing)) for spacing in spacings
+        sequence(PixelMeasuresSequence=sequence(PixelSpacing=spacing))
+        for spacing in spacings
     ]
     return {f"{kind}FunctionalGroupsSequence": each_frame(*each)}
 
@@ -441,7 +440,9 @@ BEGIN_S = 1767323045.0  # 2026-01-02 03:04:05 UTC
 def test_ophthalmic_tomography_has_upright_frames_scale_and_the_time_of_each(tmp_path):
     seconds = ("05.000", "05.250", "05.500", "06", "07.5")
     frames = [
-        item(FrameContentSequence=item(FrameReferenceDateTime=f"202601020304{each}"))
+        sequence(
+            FrameContentSequence=sequence(FrameReferenceDateTime=f"202601020304{each}")
+        )
         for each in seconds
     ]
     scan = scan_of(

@@ -33,7 +33,7 @@ from scleraforce.recordings.frame_and_force_tables import (
 )
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.recording_info import ForceInfo
-from scleraforce.records.study import ClassesStudy, PhantomStudy, Study, fixed
+from scleraforce.records.study import ClassesStudy, Study
 
 SHARED = Path(__file__).parents[3] / "shared" / "recordings"
 CLASSES = ClassesStudy()
@@ -180,12 +180,6 @@ def test_a_frame_without_samples_around_it_is_left_out_with_the_reason_and_the_o
     )
 
 
-def test_no_frame_with_a_label_is_an_error():
-    found = r"no frame has a label; 0.png: 0 force samples .* spans 0 to"
-    with pytest.raises(RecordingError, match=found):
-        labels_of(TORN, 15.0, 20.0)
-
-
 FAST = log_of(-step_and_hold(0.02))
 
 
@@ -267,14 +261,6 @@ def test_labels_of_virtual_recordings_meet_the_truth():
     assert errors_n.std() < 0.7e-3
     assert np.abs(errors_n).max() < 2e-3
     assert all(trial.target == CLASSES.classify(force_n) for force_n, trial in pairs)
-
-
-def test_a_perfect_sensor_gives_the_force_itself():
-    none = fixed(0.0)
-    quiet = PhantomStudy(force_noise_n=none, force_drift_n_per_s=none, force_step_n=0.0)
-    study = replace(Study(), phantom=quiet)
-    for force_n, trial in labels_of_the_paper_eyes(study, 0):
-        assert trial.measured_force_n == pytest.approx(force_n, abs=1e-5)
 
 
 @pytest.mark.real

@@ -12,6 +12,7 @@ import tifffile
 from foreign_files import (
     COUNT,
     FRAMES,
+    item,
     numbers_of,
     plus_fields,
     write_dicom,
@@ -19,7 +20,6 @@ from foreign_files import (
     write_log,
     write_table,
 )
-from pydicom.dataset import Dataset
 from pydicom.sequence import Sequence
 
 from scleraforce.base.errors import InputError
@@ -370,13 +370,6 @@ def in_order_of(folder, *tags):
         stated = {"SeriesInstanceUID": "1.2.3", **own}
         write_dicom(folder / f"{(7 * nth) % 5}.dcm", FRAMES[nth], **stated)
     return folder
-
-
-def item(**tags):
-    dataset = Dataset()
-    for name, value in tags.items():
-        setattr(dataset, name, value)
-    return dataset
 
 
 def of_frames(*contents):

@@ -81,13 +81,6 @@ ONES = (1.0, 1.0, 1.0)
 IN_TIME = VOLUME[:, :, np.newaxis]
 
 
-@pytest.mark.parametrize("name", ["a.nii", "a.nii.gz"])
-def test_a_nifti_volume_comes_back_with_its_spacing(tmp_path, name):
-    scan = read_nifti(nifti(tmp_path / name), IJK)
-    check_scan(scan, FRAMES, SIZES_M)
-    assert scan.times is None
-
-
 @pytest.mark.parametrize(
     ("written", "sizes_m"),
     [
@@ -113,9 +106,10 @@ def test_the_fourth_axis_of_a_nifti_is_time(tmp_path, written, sizes_m):
     ],
 )
 def test_the_spacing_of_a_nifti_is_that_of_pixdim_or_sform(tmp_path, written, source):
-    scan = read_nifti(nifti(tmp_path / "a.nii", **written), IJK)
+    scan = read_nifti(nifti(tmp_path / "a.nii.gz", **written), IJK)
     check_scan(scan, FRAMES, SIZES_M if source else NO_SIZES)
     assert source is None or scan.size.source == source
+    assert scan.times is None
 
 
 FEWER = (COUNT - 1).to_bytes(2, "little")
@@ -463,12 +457,12 @@ def test_a_sequence_of_plus_that_does_not_fit_is_refused(
 
 
 def test_more_packed_in_a_file_than_its_header_says_is_not_unpacked(tmp_path):
-    packed = zlib.compress(bytes(2**28))
+    packed = zlib.compress(bytes(2**26))
     fields = {"CompressedData": "True", "CompressedDataSize": len(packed)}
     nhdr(tmp_path / "a.nrrd", "encoding: gzip", pixels=packed)
     mha(tmp_path / "a.mha", packed, **fields)
     for read, name in [(read_nrrd, "a.nrrd"), (read_metaimage, "a.mha")]:
-        with less_than(2**27), pytest.raises(FrameError, match="more is packed in it"):
+        with less_than(2**25), pytest.raises(FrameError, match="more is packed in it"):
             read(tmp_path / name, IJK)
 
 

@@ -10,11 +10,10 @@ from io import StringIO
 import matplotlib.image
 import numpy as np
 import pytest
-from foreign_files import check_scan, with_log, write_table
+from foreign_files import check_scan, write_table
 from small_recordings import COLUMNS, LOGGED_INFO, ROWS, write_small_recording
 
 from scleraforce.base.errors import InputError, RecordingError
-from scleraforce.front.cli.main import run
 from scleraforce.recordings.exported_files import (
     csv_text,
     read_answers,
@@ -193,6 +192,7 @@ def test_a_table_has_a_column_for_each_number_of_any_row():
     good = {
         "file": "a, b.png",
         "usable": True,
+        "force_mn": -1.5,
         "interval_mn": [1.5, None],
         "needle": {"tip": {"x": 1}},
     }
@@ -201,13 +201,14 @@ def test_a_table_has_a_column_for_each_number_of_any_row():
         [
             "file",
             "usable",
+            "force_mn",
             "interval_low_mn",
             "interval_high_mn",
             "needle_tip_x",
             "reason",
         ],
-        ["a, b.png", "1", "1.5", "", "1", ""],
-        ["c.png", "0", "", "", "", "dark"],
+        ["a, b.png", "1", "-1.5", "1.5", "", "1", ""],
+        ["c.png", "0", "", "", "", "", "dark"],
     ]
 
 
@@ -254,23 +255,6 @@ def test_no_text_begins_as_a_formula_does(text, cell):
     """Nor does a part of it, where another program separates cells."""
     found = table_of({"file": text, "deep": {"note": text}, text: 1})
     assert found == [["file", "deep_note", cell], [cell, cell, "1"]]
-
-
-def test_numbers_stay_numbers_in_a_table():
-    row = {"force_mn": -1.5, "count": -2, "flag": True}
-    assert csv_text([row]).splitlines()[1] == "-1.5,-2,1"
-
-
-def test_answers_of_a_command_become_columns(tmp_path, capsys):
-    recording = str(with_log(write_small_recording(tmp_path / "r", frames=3)))
-    assert run(["evaluate", "default", recording, "--json"]) == 0
-    answers = tmp_path / "a.json"
-    answers.write_text(capsys.readouterr().out)
-    table = tmp_path / "a.csv"
-    options = ["--answers", str(answers), "--out", str(table)]
-    assert run(["export", recording, *options]) == 0
-    columns = table.read_text().partition("\n")[0].split(",")
-    assert {"time_s", "measured_force_mn", "predicted", "interval_low_mn"} <= {*columns}
 
 
 def test_a_sequence_is_what_slicer_reads(tmp_path):

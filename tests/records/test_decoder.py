@@ -9,8 +9,6 @@ import pytest
 from scleraforce.base.errors import StudyError
 from scleraforce.base.units import from_si, to_si
 from scleraforce.records.decoder import (
-    Source,
-    decode_record,
     parse_json_record,
 )
 from scleraforce.records.fields import Unit, computed, one_line
@@ -89,11 +87,6 @@ def test_a_fault_of_json_is_named_with_its_path(changed, said):
 def test_what_is_no_object_of_json_is_refused(text):
     with pytest.raises(StudyError, match=r"^shelf.json: (not JSON|expected an object)"):
         parse_json_record(Shelf, text, "shelf.json")
-
-
-def test_content_of_another_kind_of_file_is_read_at_its_place():
-    with pytest.raises(StudyError, match=r"^tray.json: tips.a.size_in_um: -1 is below"):
-        decode_record(Tip, {"size_in_um": -1}, Source("tray.json"), ("tips", "a"))
 
 
 def test_an_exact_unit_does_not_round():

@@ -246,7 +246,3 @@ def test_what_was_declared_of_an_eye_has_no_finding_of_a_calibration():
     assert findings.declared() == replace(declared, relaxation=None)
     assert Eye(globe=UNKNOWN).declared() == Eye()
     assert (found.before_learning, declared.before_learning) == (declared, declared)
-
-
-def test_a_number_of_numpy_is_a_number():
-    assert Eye(iop_pa=np.float64(266.0), thickness_m=np.float32(6e-4)).iop_pa == 266.0

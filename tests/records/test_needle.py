@@ -8,8 +8,6 @@ from scleraforce.base.errors import StudyError
 from scleraforce.records.needle import (
     Needle,
     gauge_diameter_m,
-    lean_ends,
-    one_lean,
 )
 
 
@@ -22,15 +20,6 @@ def test_each_gauge_has_a_diameter_and_comes_back(gauge):
 def test_a_gauge_without_a_needle_is_refused(gauge):
     with pytest.raises(StudyError, match=f"^gauge: {gauge}; give 10 to 36$"):
         gauge_diameter_m(gauge)
-
-
-def test_a_lean_that_is_known_exactly_has_equal_ends_and_any_other_is_no_single_one():
-    assert (lean_ends(0.3), lean_ends(None)) == ((0.3, 0.3), None)
-    assert (one_lean((0.3, 0.3)), one_lean((0.1, 0.3)), one_lean(None)) == (
-        0.3,
-        None,
-        None,
-    )
 
 
 @pytest.mark.parametrize(

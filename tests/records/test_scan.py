@@ -5,7 +5,7 @@ from math import nan
 import pytest
 
 from scleraforce.base.errors import InputError, StudyError
-from scleraforce.records.scan import PixelScale, Plane, Scan
+from scleraforce.records.scan import Plane, Scan
 
 SIZES = {"columns": 500, "rows": 400, "bits": 12, "width_m": 15e-3, "depth_m": 4e-3}
 READERS = {
@@ -25,18 +25,6 @@ def test_a_size_that_is_not_declared_is_named_where_it_is_needed(missing):
     if missing != "bits":
         with pytest.raises(InputError, match=f"^scan: {missing}: not declared"):
             _ = scan.scale
-
-
-def test_a_scan_has_the_size_of_its_pixels():
-    scan = Scan(**SIZES)
-    assert (scan.shape, scan.extent_m, scan.pixel_bits) == (
-        (400, 500),
-        (15e-3, 4e-3),
-        12,
-    )
-    assert scan.scale == PixelScale(lateral_m=15e-3 / 500, depth_m=4e-3 / 400)
-    corrected = Scan(**SIZES, refractive_index=1.38)
-    assert corrected.scale.refractive_index == 1.38
 
 
 PLANES = (Plane("along", 0.0, 0.0), Plane("across", 0.0, 1.5))

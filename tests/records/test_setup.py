@@ -145,32 +145,28 @@ def test_a_given_value_is_kept_and_a_missing_one_is_taken_from_what_is_stated():
     assert NOTHING_KNOWN.completed_by(NOTHING_KNOWN) == NOTHING_KNOWN
 
 
-def test_a_given_globe_is_completed_by_a_stated_one_of_its_kind_alone():
-    stated = Globe.declared("sealed", 0.02 * PER_UL, "logarithmic")
-    number = Globe.declared("sealed", 0.03 * PER_UL)
+LOGARITHMIC = Globe.declared("sealed", 0.02 * PER_UL, "logarithmic")
+NUMBER = Globe.declared("sealed", 0.03 * PER_UL)
+LEAKING = replace(SEALED, leak_time_s=30.0)
 
-    for given, said, globe in [
-        (SEALED, stated, stated),
-        (number, stated, replace(number, law="logarithmic")),
-        (OPEN, stated, OPEN),
-        (None, stated, stated),
+
+@pytest.mark.parametrize(
+    ("given", "stated", "globe"),
+    [
+        (SEALED, LOGARITHMIC, LOGARITHMIC),
+        (NUMBER, LOGARITHMIC, replace(NUMBER, law="logarithmic")),
+        (LOGARITHMIC, LEAKING, replace(LOGARITHMIC, leak_time_s=30.0)),
+        (replace(SEALED, leak_time_s=60.0), LEAKING, replace(SEALED, leak_time_s=60.0)),
+        (OPEN, LOGARITHMIC, OPEN),
+        (None, LOGARITHMIC, LOGARITHMIC),
         (OPEN, None, OPEN),
-    ]:
-        assert (
-            Setup(eye=Eye(globe=given))
-            .completed_by(Setup(eye=Eye(globe=said)))
-            .eye.globe
-            == globe
-        )
-
-
-def test_a_given_law_and_leak_win_over_those_of_a_recording():
-    stated = Setup(eye=Eye(globe=Globe.declared("sealed", leak_time_s=30.0)))
-    given = Setup(eye=Eye(globe=Globe.declared("sealed", 1.5e8, "logarithmic")))
-    globe = given.completed_by(stated).eye.globe
-    assert globe == replace(given.eye.globe, leak_time_s=30.0)
-    leaking = Setup(eye=Eye(globe=Globe.declared("sealed", leak_time_s=60.0)))
-    assert leaking.completed_by(stated).eye.leak_time_s == 60.0
+    ],
+)
+def test_a_given_globe_is_completed_by_a_stated_one_of_its_kind_alone(
+    given, stated, globe
+):
+    completed = Setup(eye=Eye(globe=given)).completed_by(Setup(eye=Eye(globe=stated)))
+    assert completed.eye.globe == globe
 
 
 def test_planes_and_transposition_are_completed_too():

@@ -46,6 +46,14 @@ class MonitorRule:
         self.status = NOT_READY
         self._frames = 0
 
+    def received_of(self, kind: type[Message]) -> list[Received]:
+        """Return the events that carry messages of a kind."""
+        return [
+            event
+            for event in self.received
+            if isinstance(event, Received) and isinstance(event.message, kind)
+        ]
+
     def take(self, event: PeerEvent | None) -> list[tuple[str, Status | Text | Sensor]]:
         """Take an event; return the devices and the messages that answer it."""
         self.received.append(event)

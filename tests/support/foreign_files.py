@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 import tifffile
-from pydicom.dataset import FileDataset, FileMetaDataset
+from pydicom.dataset import Dataset, FileDataset, FileMetaDataset
 from pydicom.uid import ExplicitVRLittleEndian, SecondaryCaptureImageStorage
 
 from scleraforce.recordings.formats.foreign_force_logs import (
@@ -154,6 +154,14 @@ def write_dicom(path: Path, pixels: np.ndarray, **tags: Any) -> FileDataset:
         setattr(dataset, name, value)
 
     dataset.save_as(path)
+    return dataset
+
+
+def item(**tags: Any) -> Dataset:
+    """Return an item of a sequence of DICOM."""
+    dataset = Dataset()
+    for name, value in tags.items():
+        setattr(dataset, name, value)
     return dataset
 
 

@@ -576,7 +576,7 @@ class Peer:
         """Send a frame and wait until it is answered."""
         before = self.readings()
         self.show(force_mn, pixels, **header)
-        self.hear(lambda peer: peer.readings() > before)
+        self.hear_readings(before + 1)
         assert self.readings() > before, "a frame was not answered"
 
     def show_together(
@@ -645,6 +645,11 @@ class Peer:
     def statuses(self) -> list[Status]:
         return [message for _, message in self.heard if isinstance(message, Status)]
 
+    @property
+    def status(self) -> Status:
+        """The last STATUS."""
+        return self.statuses()[-1]
+
     def texts(self, device: str = "ForceReading") -> list[Text]:
         return [
             message
@@ -655,6 +660,10 @@ class Peer:
     def readings(self) -> int:
         """Return how many frames were read so far."""
         return len(self.texts())
+
+    def hear_readings(self, count: int) -> None:
+        """Wait until so many frames were read."""
+        self.hear(lambda peer: peer.readings() >= count)
 
     def said(self) -> dict[str, Any]:
         """Return what was said of the last frame."""
@@ -677,7 +686,16 @@ class Peer:
         """
         for number in range(frames):
             self.read(force_mn + 0.01 * (number % 3))
-        assert self.statuses()[-1].code == 1, self.statuses()[-1]
+        assert self.status.code == 1, self.status
+
+    def withdraw(self) -> None:
+        """Bring the monitor to where it withdraws although its frames are harmless."""
+        self.watch()
+        self.show(40.0)
+        self.wait_for_code(3)
+        for _ in range(8):
+            self.read(10.0)
+        assert self.status.code == 3, self.status
 
     def watch_until(self, code: int) -> Status:
         """Send harmless frames until the monitor says a code; return that STATUS."""

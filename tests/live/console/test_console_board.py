@@ -65,12 +65,12 @@ RATES = Rates(
 
 @pytest.mark.parametrize("cause", Cause.__members__)
 def test_every_cause_has_a_sentence_and_no_sentence_is_without_a_cause(
-    cause: str,
-) -> None:
+    cause,
+):
     assert sentence_of(cause) not in (sentence_of("NONE"), f"Cause: {cause}.")
 
 
-def test_the_present_cause_is_shown_beside_the_first_one_and_its_time() -> None:
+def test_the_present_cause_is_shown_beside_the_first_one_and_its_time():
     present = {"present_cause": "BOUND", "present": "up to 40.5 mN"}
     held = entry(
         1.0,
@@ -115,7 +115,7 @@ def test_a_puncture_that_is_only_reported_is_worse_than_not_ready_and_has_its_se
     assert history.since(0)[-1].state == "PIERCED"
 
 
-def test_a_change_of_state_or_cause_is_urgent_and_another_frame_is_not() -> None:
+def test_a_change_of_state_or_cause_is_urgent_and_another_frame_is_not():
     board = Board(0.0)
     withdrawn = [entry(at_s, "WITHDRAW", "BOUND") for at_s in (0.02, 0.03)]
     urgent = [
@@ -129,7 +129,7 @@ def test_a_change_of_state_or_cause_is_urgent_and_another_frame_is_not() -> None
     )
 
 
-def test_a_monitor_that_says_nothing_is_silent_and_sooner_while_it_watches() -> None:
+def test_a_monitor_that_says_nothing_is_silent_and_sooner_while_it_watches():
     assert Board(0.0).monitor(0.1) == "starting"
     not_ready = board_with((1.0, RATES))
     assert not_ready.as_json(1.1, 0)["state"] == "NOT_READY"
@@ -144,7 +144,7 @@ def test_a_monitor_that_says_nothing_is_silent_and_sooner_while_it_watches() -> 
     assert watching.monitor(1.0) == "ended"
 
 
-def test_an_old_reading_is_not_shown_as_one_of_now() -> None:
+def test_an_old_reading_is_not_shown_as_one_of_now():
     silent = entry(0.9, "WITHDRAW", "SILENCE")
     board = board_with(
         (0.0, entry(0.0, frame=1, plane="across", **reading(12.0))),
@@ -156,7 +156,7 @@ def test_an_old_reading_is_not_shown_as_one_of_now() -> None:
     assert board.as_json(0.9, 0)["reading"] is None
 
 
-def test_a_frame_whose_wall_is_not_found_is_shown_without_an_outline() -> None:
+def test_a_frame_whose_wall_is_not_found_is_shown_without_an_outline():
     outline = Outline(frame=4, step=4, outer=(), inner=())
     board = board_with(
         (0.0, entry(0.0, frame=4)), (0.0, outline), (0.1, entry(0.1, frame=5))
@@ -166,7 +166,7 @@ def test_a_frame_whose_wall_is_not_found_is_shown_without_an_outline() -> None:
     assert board.picture() == (6, None)
 
 
-def test_steps_of_the_history_hold_their_worst_entries() -> None:
+def test_steps_of_the_history_hold_their_worst_entries():
     """Against all entries of a step, looked at one by one."""
     rng = np.random.default_rng(0)
     history = StepHistory()
@@ -184,7 +184,7 @@ def test_steps_of_the_history_hold_their_worst_entries() -> None:
         entries.append(entry(float(at_s), state, frame=1, **said))
         history.take(entries[-1])
 
-    by_step: dict[int, list[Entry]] = {}
+    by_step = {}
     for one in entries:
         by_step.setdefault(int(one.at_s / STEP_S), []).append(one)
 
@@ -206,7 +206,7 @@ def test_steps_of_the_history_hold_their_worst_entries() -> None:
     assert [step.number for step in history.since(last)] == [last]
 
 
-def test_nan_changes_no_step_of_the_history() -> None:
+def test_nan_changes_no_step_of_the_history():
     history = StepHistory()
     for low_mn, force_mn, high_mn in (
         (1.0, 2.0, 3.0),
@@ -228,7 +228,7 @@ def test_nan_changes_no_step_of_the_history() -> None:
     assert step.as_json() == [0, 7.0, 0.5, 9.0, "WATCHING", 1]
 
 
-def test_a_picture_is_the_frame_in_eight_bits_and_no_larger_than_a_screen() -> None:
+def test_a_picture_is_the_frame_in_eight_bits_and_no_larger_than_a_screen():
     rng = np.random.default_rng(1)
     for rows, columns in ((40, 60), (2 * MOST_PIXELS, MOST_PIXELS)):
         ring = FrameRing.create(4, rows, columns)
@@ -335,9 +335,7 @@ OWN = "http://localhost:80"
         (403, "GET", [*HERE, ("host", "localhost")]),
     ],
 )
-def test_requests_come_from_own_names_and_with_a_stated_length(
-    status: int, method: str, headers: list[tuple[str, str]]
-) -> None:
+def test_requests_come_from_own_names_and_with_a_stated_length(status, method, headers):
     assert Guarded().ask(headers, method) == status
 
 
@@ -357,7 +355,7 @@ def test_requests_come_from_own_names_and_with_a_stated_length(
         ),
     ],
 )
-def test_what_writes_comes_from_the_own_page(status: int, origins: list[str]) -> None:
+def test_what_writes_comes_from_the_own_page(status, origins):
     headers = [("host", "localhost:80"), ("content-length", "2")]
     headers += [("origin", origin) for origin in origins]
     assert Guarded().ask(headers, "POST") == status
@@ -366,16 +364,14 @@ def test_what_writes_comes_from_the_own_page(status: int, origins: list[str]) ->
 @pytest.mark.parametrize(
     ("path", "most_bytes"), [("/", 4096), ("/file", 10_000), ("/file/", 4096)]
 )
-def test_a_server_hands_on_no_more_bytes_than_a_request_may_have(
-    path: str, most_bytes: int
-) -> None:
+def test_a_server_hands_on_no_more_bytes_than_a_request_may_have(path, most_bytes):
     """Whatever its headers state: the bytes that come are counted."""
     guarded = Guarded()
     guarded.ask([*HERE, ("content-length", "1")], "POST", path)
     assert 0 < guarded.taken <= most_bytes
 
 
-def test_it_goes_down_a_level_a_second_at_most_and_comes_back_only_after_calm() -> None:
+def test_it_goes_down_a_level_a_second_at_most_and_comes_back_only_after_calm():
     thrift = Thrift()
     for times, begin_s, looks in (
         (3, 10.0, [(10.2, 1)]),

@@ -161,8 +161,8 @@ def wall_is_drawn(page: Page) -> bool:
 
 
 def test_the_page_shows_what_the_monitor_decided_and_says_at_once_when_it_has_gone(
-    opened: Any,
-) -> None:
+    opened,
+):
     """State, class, force, interval, rates, the picture with its outline, the reason;
     then nothing that looks live.
     """
@@ -187,6 +187,7 @@ def test_the_page_shows_what_the_monitor_decided_and_says_at_once_when_it_has_go
             )
             expect(found.page.locator("#class")).to_have_text("1")
             found.has_view("WATCHING")
+            expect(found.page.locator("#remarks")).to_be_hidden()
             found.wait_until(found.looks_live)
             expect(found.page.locator("#ask")).to_be_disabled()
             found.wait_until(lambda: wall_is_drawn(found.page))
@@ -225,8 +226,8 @@ def test_the_page_shows_what_the_monitor_decided_and_says_at_once_when_it_has_go
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_the_time_until_the_bound_is_a_bar_that_shrinks_and_words_also_on_a_narrow_page(
-    opened: Any, scheme: str
-) -> None:
+    opened, scheme
+):
     with ConsoleMonitor() as monitor:
         found = opened(
             monitor.address, viewport={"width": 400, "height": 800}, color_scheme=scheme
@@ -235,9 +236,9 @@ def test_the_time_until_the_bound_is_a_bar_that_shrinks_and_words_also_on_a_narr
             "[document.getElementById('until-text').textContent,"
             " getComputedStyle(document.querySelector('#until i'), '::before').width]"
         )
-        widths: list[float] = []
+        widths = []
 
-        def shows_bar(words: str) -> bool:
+        def shows_bar(words):
             said, width = found.page.evaluate(bar)
             if said == words:
                 widths.append(float(width.removesuffix("px")))
@@ -271,8 +272,8 @@ REMARKS = (
 
 @pytest.mark.parametrize("size", [(1280, 720), (400, 800)])
 def test_remarks_are_one_line_with_the_most_serious_first_until_they_are_opened(
-    opened: Any, size: tuple[int, int]
-) -> None:
+    opened, size
+):
     width, height = size
     with ConsoleMonitor(remarks=REMARKS) as monitor:
         found = opened(monitor.address, viewport={"width": width, "height": height})
@@ -311,17 +312,9 @@ def test_remarks_are_one_line_with_the_most_serious_first_until_they_are_opened(
             assert found.complaints == []
 
 
-def test_a_monitor_without_remarks_shows_none(opened: Any) -> None:
-    with ConsoleMonitor() as monitor:
-        found = opened(monitor.address)
-        with repeating(watching(monitor)):
-            found.shows(word="WATCHING")
-            expect(found.page.locator("#remarks")).to_be_hidden()
-
-
 def test_a_withdrawal_shows_what_is_true_now_larger_than_its_first_cause(
-    opened: Any,
-) -> None:
+    opened,
+):
     with ConsoleMonitor() as monitor:
         found = opened(
             monitor.address, viewport={"width": 1280, "height": 720}, timezone_id="UTC"
@@ -394,8 +387,8 @@ def test_a_withdrawal_shows_what_is_true_now_larger_than_its_first_cause(
 
 
 def test_a_monitor_that_is_silent_is_as_loud_as_a_withdrawal_and_comes_back(
-    shown: Any,
-) -> None:
+    shown,
+):
     monitor, found = shown
     found.shows(
         sentence="The monitor has said nothing yet. Treat this as a withdrawal."
@@ -424,8 +417,8 @@ REMEMBER_SENTENCES = """() => {
 
 
 def test_a_server_that_hangs_is_shown_within_half_a_second_and_comes_back_by_itself(
-    shown: Any,
-) -> None:
+    shown,
+):
     """Stopped, the server leaves its connections open: only silence tells."""
     monitor, found = shown
     with repeating(watching(monitor)):
@@ -452,15 +445,15 @@ def test_a_server_that_hangs_is_shown_within_half_a_second_and_comes_back_by_its
 
 
 def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(
-    shown: Any,
-) -> None:
+    shown,
+):
     monitor, found = shown
     page = found.page
 
-    def withdrawn() -> None:
+    def withdrawn():
         monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS")
 
-    def answer(granted: bool, message: str) -> dict[str, Any]:
+    def answer(granted, message):
         asked = monitor.hear(ResetAsked)
         monitor.tell(
             ResetAnswered(request=asked.request, granted=granted, message=message)
@@ -504,8 +497,8 @@ def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(
 
 
 def test_an_unanswered_reset_says_so_and_its_dialog_does_not_hide_that_the_connection_is_lost(
-    opened: Any,
-) -> None:
+    opened,
+):
     with ConsoleMonitor() as monitor:
         found = opened(monitor.address)
         with repeating(
@@ -528,9 +521,7 @@ def test_an_unanswered_reset_says_so_and_its_dialog_does_not_hide_that_the_conne
         ("a promise", "void Promise.reject(new Error('x'))"),
     ],
 )
-def test_a_page_that_fails_shows_nothing_that_looks_live(
-    shown: Any, event: str, script: str
-) -> None:
+def test_a_page_that_fails_shows_nothing_that_looks_live(shown, event, script):
     monitor, found = shown
     with repeating(watching(monitor)):
         found.shows(word="WATCHING")
@@ -544,10 +535,10 @@ def test_a_page_that_fails_shows_nothing_that_looks_live(
         assert not found.looks_live()
 
 
-def test_frames_that_cannot_be_judged_show_no_force_and_the_reason(shown: Any) -> None:
+def test_frames_that_cannot_be_judged_show_no_force_and_the_reason(shown):
     monitor, found = shown
 
-    def empty() -> None:
+    def empty():
         monitor.frame(
             BRIGHT,
             "NOT_READY",

@@ -132,8 +132,8 @@ def header(picture: bytes) -> dict[str, Any]:
 
 
 def test_the_page_and_its_parts_come_with_a_strict_policy_and_nothing_from_elsewhere(
-    monitor: ConsoleMonitor,
-) -> None:
+    monitor,
+):
     answer, text = ask(monitor)
     parts = re.findall(r'(?:src|href)="([^"]+)"', text)
     scripts = [ask(monitor, f"/{name}")[1] for name in parts if name.endswith(".js")]
@@ -174,17 +174,15 @@ def test_the_page_and_its_parts_come_with_a_strict_policy_and_nothing_from_elsew
         "/a/b",
     ],
 )
-def test_what_is_not_there_is_not_found_and_still_carries_the_policy(
-    monitor: ConsoleMonitor, path: str
-) -> None:
+def test_what_is_not_there_is_not_found_and_still_carries_the_policy(monitor, path):
     answer, _ = ask(monitor, path)
     assert answer.status == 404
     assert "content-security-policy" in answer.headers
 
 
 def test_another_host_name_or_a_socket_of_another_origin_is_refused(
-    monitor: ConsoleMonitor,
-) -> None:
+    monitor,
+):
     assert ask(monitor, Host=f"localhost:{monitor.port}")[0].status == 200
     assert ask(monitor, Host=f"evil.example:{monitor.port}")[0].status == 403
 
@@ -200,8 +198,8 @@ def test_another_host_name_or_a_socket_of_another_origin_is_refused(
 
 
 def test_a_reset_from_another_origin_or_none_never_reaches_the_monitor(
-    monitor: ConsoleMonitor,
-) -> None:
+    monitor,
+):
     own = monitor.address.rstrip("/")
     for origin, body, status in (
         (None, {"token": "t"}, 403),
@@ -220,8 +218,8 @@ def test_a_reset_from_another_origin_or_none_never_reaches_the_monitor(
 
 
 def test_a_page_gets_the_settings_the_state_and_the_picture_with_its_outline(
-    monitor: ConsoleMonitor,
-) -> None:
+    monitor,
+):
     with page(monitor) as link:
         hello = json.loads(link.recv(timeout=FUSE_S))
         assert (hello["model"], hello["eye"], hello["bound_mn"]) == (
@@ -285,7 +283,7 @@ def test_a_page_gets_the_settings_the_state_and_the_picture_with_its_outline(
 
 
 @pytest.mark.slow
-def test_a_page_gets_less_while_answers_are_slow_and_a_withdrawal_at_once() -> None:
+def test_a_page_gets_less_while_answers_are_slow_and_a_withdrawal_at_once():
     rows = 512
     columns = 400
 
@@ -338,8 +336,8 @@ def operator_resets(monitor: ConsoleMonitor) -> None:
 
 
 def test_a_code_goes_to_the_monitor_which_alone_knows_it_and_a_flood_of_codes_does_not(
-    monitor: ConsoleMonitor,
-) -> None:
+    monitor,
+):
     with ExitStack() as stack:
         guessers = [
             stack.enter_context(closing(post(monitor, f"{number:06d}")))
@@ -367,8 +365,8 @@ def test_a_code_goes_to_the_monitor_which_alone_knows_it_and_a_flood_of_codes_do
 
 
 def test_a_page_that_stalls_gets_no_queue_and_disturbs_no_other(
-    monitor: ConsoleMonitor,
-) -> None:
+    monitor,
+):
     """The stalled one never answers: it has a few messages and one picture, whatever
     happens meanwhile.
     """
@@ -390,7 +388,7 @@ def test_a_page_that_stalls_gets_no_queue_and_disturbs_no_other(
         assert state_of(stalled)["state"] == "WITHDRAW"
 
 
-def test_a_page_that_says_something_else_is_let_go(monitor: ConsoleMonitor) -> None:
+def test_a_page_that_says_something_else_is_let_go(monitor):
     for said in ("no JSON", "[1]", "{}", '{"seen": "1"}', b"bytes", "[" * 4000):
         with page(monitor) as link:
             link.send(said)
@@ -401,8 +399,8 @@ def test_a_page_that_says_something_else_is_let_go(monitor: ConsoleMonitor) -> N
 
 @pytest.mark.slow
 def test_the_channel_is_read_while_nobody_looks_and_while_a_request_hangs(
-    monitor: ConsoleMonitor,
-) -> None:
+    monitor,
+):
     """Ten times what the channel holds, none of it lost."""
     with socket.create_connection(("127.0.0.1", monitor.port)) as hanging:
         hanging.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n")
@@ -415,7 +413,7 @@ def test_the_channel_is_read_while_nobody_looks_and_while_a_request_hangs(
 
 
 @pytest.mark.slow
-def test_when_the_monitor_dies_pages_show_it_and_the_console_ends() -> None:
+def test_when_the_monitor_dies_pages_show_it_and_the_console_ends():
     """The monitor here is a process of its own, which is killed."""
     program = (
         "import sys; from console_monitor import ConsoleMonitor; started ="
@@ -476,14 +474,14 @@ def test_no_number_of_wrong_tokens_keeps_the_operator_waiting_and_the_monitor_he
 
 
 @pytest.mark.slow
-def test_a_page_that_answers_keeps_its_place_while_silent_ones_come() -> None:
+def test_a_page_that_answers_keeps_its_place_while_silent_ones_come():
     with ConsoleMonitor() as monitor, ExitStack() as stack:
         lively = stack.enter_context(page(monitor))
-        lost: list[ConnectionClosed] = []
+        lost = []
         # since the last page came: on a quick machine they come faster than it is asked
         answered = Event()
 
-        def answers() -> None:
+        def answers():
             try:
                 while True:
                     message = json.loads(lively.recv())
@@ -508,7 +506,7 @@ def test_a_page_that_answers_keeps_its_place_while_silent_ones_come() -> None:
 
 
 @pytest.mark.slow
-def test_connections_that_say_nothing_give_way_to_the_operators() -> None:
+def test_connections_that_say_nothing_give_way_to_the_operators():
     with ConsoleMonitor() as monitor, ExitStack() as stack:
         links = (
             socket.create_connection(("127.0.0.1", monitor.port), timeout=FUSE_S)

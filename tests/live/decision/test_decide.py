@@ -3,7 +3,7 @@ does not cry wolf.
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -169,13 +169,13 @@ def pierced() -> MonitorState:
     return state
 
 
-STATES: dict[State, Callable[[], MonitorState]] = {
+STATES = {
     State.NOT_READY: MonitorState,
     State.WATCHING: watching,
     State.PIERCED: pierced,
     State.WITHDRAW: withdrawn,
 }
-WRONG_NUMBERS: list[dict[str, Any]] = [
+WRONG_NUMBERS = [
     {"force_n": NAN},
     {"interval_n": (0.0, NAN)},
     {"interval_n": (0.0, float("inf"))},
@@ -188,15 +188,13 @@ WRONG_NUMBERS: list[dict[str, Any]] = [
     {"usable": False, "force_n": NAN},
     {"elastic_force_n": NAN},
 ]
-VERDICTS: list[
-    tuple[dict[str, Any], Cause]
-] = [  # of any reader, each with the cause in it
+VERDICTS = [  # of any reader, each with the cause in it
     ({"predicted": 2, "probabilities": (0.0, 0.0, 1.0)}, Cause.DANGEROUS_CLASS),
     ({"force_n": 0.031, "interval_n": (0.0295, 0.0325)}, Cause.BOUND),
     ({"force_n": 0.0286, "interval_n": (0.0271, 0.0301)}, Cause.BOUND),
     *((wrong, Cause.NO_NUMBER) for wrong in WRONG_NUMBERS),
 ]
-ALARMS: list[tuple[MonitorEvent, Cause]] = [
+ALARMS = [
     *((judged(frame(6), **said), cause) for said, cause in VERDICTS),
     (Fault(0.06, Cause.CHECKSUM, "CRC"), Cause.CHECKSUM),
     (Fault(0.06, Cause.EXCEPTION, "ValueError"), Cause.EXCEPTION),
@@ -212,7 +210,7 @@ ALARMS: list[tuple[MonitorEvent, Cause]] = [
     (opinion(7, at_s=0.06), Cause.OUT_OF_ORDER),
     (opinion(5, at_s=NAN), Cause.NO_NUMBER),
 ]
-AFTER_A_FRAME: list[tuple[MonitorEvent, Cause]] = [
+AFTER_A_FRAME = [
     (Tick(0.1501), Cause.SILENCE),
     (frame(6, at_s=0.1501), Cause.SILENCE),
     (Reset(0.1501), Cause.SILENCE),
@@ -231,7 +229,7 @@ OPINIONS = [
 OVERTAKEN = [
     (OvertakenRead(0.0505, judged(frame(4), **said)), cause) for said, cause in VERDICTS
 ]
-SIGNALS: dict[str, list[MonitorEvent]] = {
+SIGNALS = {
     "harmless frame": [frame(6)],
     "unusable frame, tolerated": [frame(6), unusable(7)],
     "unusable frame before contact": [unusable(6)],
@@ -256,7 +254,7 @@ MOVES = {
 }
 
 
-def test_only_a_granted_reset_leaves_a_withdrawal_and_every_alarm_leads_there() -> None:
+def test_only_a_granted_reset_leaves_a_withdrawal_and_every_alarm_leads_there():
     alarm = "cause of a withdrawal"
     granted = "reset after fresh harmless frames"
     assert {signal for _, signal in MOVES} <= SIGNALS.keys()
@@ -279,7 +277,7 @@ def test_only_a_granted_reset_leaves_a_withdrawal_and_every_alarm_leads_there() 
     [*product(State, SIGNALS)],
     ids=lambda one: getattr(one, "name", one),
 )
-def test_decide_follows_the_diagram(before: State, signal: str) -> None:
+def test_decide_follows_the_diagram(before, signal):
     state = STATES[before]()
     *events, last = SIGNALS[signal]
     limits = {
@@ -302,9 +300,7 @@ def test_decide_follows_the_diagram(before: State, signal: str) -> None:
 
 @pytest.mark.parametrize("before", State)
 @pytest.mark.parametrize(("event", "cause"), ALARMS)
-def test_each_cause_withdraws_at_once_in_every_state(
-    event: MonitorEvent, cause: Cause, before: State
-) -> None:
+def test_each_cause_withdraws_at_once_in_every_state(event, cause, before):
     state, decision = decide(STATES[before](), event, LIMITS)
     assert (decision.state, decision.code) == (State.WITHDRAW, 3)
     assert decision.cause is (Cause.CHECKSUM if before is State.WITHDRAW else cause)
@@ -313,7 +309,7 @@ def test_each_cause_withdraws_at_once_in_every_state(
 
 
 @pytest.mark.parametrize(("event", "cause"), AFTER_A_FRAME)
-def test_each_cause_withdraws_after_a_frame(event: MonitorEvent, cause: Cause) -> None:
+def test_each_cause_withdraws_after_a_frame(event, cause):
     assert order([event]) is cause
 
 
@@ -322,14 +318,14 @@ def shown(backs: Sequence[int]) -> list[MonitorEvent]:
     return [replace(frame(6 + n), shown_back=back) for n, back in enumerate(backs)]
 
 
-def test_the_same_picture_three_times_is_frozen() -> None:
+def test_the_same_picture_three_times_is_frozen():
     assert order(shown([0, 1])) is OK
     assert order(shown([0, 1, 1])) is Cause.FROZEN
     # each twice: a scanner of half the rate
     assert order(shown([0, 1] * 40)) is OK
 
 
-def test_old_pictures_in_turns_are_frozen_with_the_second_one() -> None:
+def test_old_pictures_in_turns_are_frozen_with_the_second_one():
     for pictures in (2, 3, 10, 49):
         assert order(shown([0] * 60 + [pictures])) is OK
         assert order(shown([0] * 60 + [pictures] * 2)) is Cause.FROZEN
@@ -361,8 +357,8 @@ def late(
 
 @pytest.mark.parametrize("ahead_s", [0.0, 1.8e9, -1e6])
 def test_frames_that_come_much_later_than_the_quickest_one_are_stale(
-    ahead_s: float,
-) -> None:
+    ahead_s,
+):
     jitter = [0.003, 0.02, 0.08, 0.002, 0.1, 0.004]
     assert order(late(jitter * 50, ahead_s)) is OK
     assert order(late([*jitter, 0.105], ahead_s)) is Cause.STALE
@@ -371,17 +367,17 @@ def test_frames_that_come_much_later_than_the_quickest_one_are_stale(
     assert order(late(queue, ahead_s)) is Cause.STALE
 
 
-def test_frames_may_state_no_time_and_none_that_is_no_number() -> None:
+def test_frames_may_state_no_time_and_none_that_is_no_number():
     assert order(readings(6, 40)) is OK
     no_number = replace(frame(12), sent_s=NAN)
     assert order([*late([0.005] * 5), no_number]) is Cause.STALE
 
 
 @pytest.mark.slow
-def test_a_clock_may_drift_for_hours_and_a_queue_that_grows_faster_is_stale() -> None:
+def test_a_clock_may_drift_for_hours_and_a_queue_that_grows_faster_is_stale():
     patient = replace(LIMITS, silence_s=2.0)
 
-    def hours(drift: float, count: float) -> MonitorState:
+    def hours(drift, count):
         lags_s = [drift * second for second in range(round(3600 * count))]
         return play(late(lags_s, rate_hz=1.0), watching(), patient)
 
@@ -404,7 +400,7 @@ def test_what_stays_late_gets_no_reset_and_a_clock_set_ahead_is_the_new_measure(
     assert order(late([0.005] * 5 + [-2.0] * 20 + [-1.89])) is Cause.STALE
 
 
-def test_one_frame_from_the_future_makes_no_other_late() -> None:
+def test_one_frame_from_the_future_makes_no_other_late():
     for future in ([-3600.0], [-3600.0, -0.09], [-0.09]):
         assert order(late([0.005] * 5 + future + [0.08] * 30)) is OK
 
@@ -412,7 +408,7 @@ def test_one_frame_from_the_future_makes_no_other_late() -> None:
     assert order(late([0.005] * 5 + [-3600.0] + [0.005] * 5 + [0.12])) is Cause.STALE
 
 
-def test_one_unread_frame_far_ahead_is_not_waited_for_for_ever() -> None:
+def test_one_unread_frame_far_ahead_is_not_waited_for_for_ever():
     expects = replace(LIMITS, expects_opinion=True)
     state = play(both(*range(1, 6)), limits=expects)
     events = [
@@ -443,15 +439,15 @@ def test_one_unread_frame_far_ahead_is_not_waited_for_for_ever() -> None:
     ],
 )
 def test_one_wrong_frame_withdraws_and_makes_no_later_reset_impossible(
-    wrong: dict[str, Any], cause: Cause, first: int, begun: Callable[[], MonitorState]
-) -> None:
+    wrong, cause, first, begun
+):
     state = play([replace(frame(first), **wrong), frame(first + 1)], begun())
     assert first == 1 or state.cause is cause
     assert state.state is State.WITHDRAW
     assert reset_after(readings(8, 13), state).code == 1
 
 
-def test_a_size_and_a_scale_that_are_declared_stay_declared() -> None:
+def test_a_size_and_a_scale_that_are_declared_stay_declared():
     for limits in (
         replace(LIMITS, size=(512, 511)),
         replace(LIMITS, scale_m=(2e-5, 5e-6)),
@@ -460,7 +456,7 @@ def test_a_size_and_a_scale_that_are_declared_stay_declared() -> None:
         assert decide(state, Reset(0.115), limits)[1].code == 3
 
 
-def test_pixel_types_in_turns_are_a_cause_with_each_change() -> None:
+def test_pixel_types_in_turns_are_a_cause_with_each_change():
     turns = [
         replace(frame(n), pixel_type=("uint8", "uint16")[n % 2]) for n in range(6, 30)
     ]
@@ -471,7 +467,7 @@ def test_pixel_types_in_turns_are_a_cause_with_each_change() -> None:
     assert state.fresh == 0
 
 
-def test_the_present_cause_is_given_beside_the_first_one() -> None:
+def test_the_present_cause_is_given_beside_the_first_one():
     state = play([Tick(0.2)], watching())
     assert (state.cause, state.present_cause) == (Cause.SILENCE, Cause.SILENCE)
     state, decision = decide(play([frame(20, 0.039)], state), frame(21, 0.039), LIMITS)
@@ -488,9 +484,9 @@ def test_the_present_cause_is_given_beside_the_first_one() -> None:
     )
 
 
-def test_losses_add_up_within_the_window_and_are_forgotten_after_it() -> None:
-    def losing(every: int) -> list[MonitorEvent]:
-        events: list[MonitorEvent] = []
+def test_losses_add_up_within_the_window_and_are_forgotten_after_it():
+    def losing(every):
+        events = []
         for n in range(6, 300):
             events += [frame(n)] + (
                 [QueueLoss(at_s=0.01 * n, lost=1, unread_s=0.01, row=n)]
@@ -507,10 +503,10 @@ def test_losses_add_up_within_the_window_and_are_forgotten_after_it() -> None:
 
 
 @pytest.mark.parametrize("interval_s", [0.02, 0.01, 0.001])
-def test_losses_are_limited_in_time_whatever_the_frame_rate(interval_s: float) -> None:
+def test_losses_are_limited_in_time_whatever_the_frame_rate(interval_s):
     before = replace(watching(), at_s=0.051)
 
-    def losses(count: float, lost: int, row: int, step_s: float) -> list[QueueLoss]:
+    def losses(count, lost, row, step_s):
         unread_s = lost * interval_s
         return [
             QueueLoss(
@@ -534,8 +530,8 @@ def test_short_rows_do_not_count_while_ten_readings_come_within_the_reaction_tim
     ones on they count.
     """
 
-    def losing(lost: int, parts: int, limits: MonitorLimits = LIMITS) -> MonitorState:
-        events: list[MonitorEvent] = []
+    def losing(lost, parts, limits=LIMITS):
+        events = []
         for n in range(600 // (lost + 1)):
             at_s = 0.051 + 0.001 * (lost + 1) * n
             part = QueueLoss(
@@ -562,7 +558,7 @@ def test_short_rows_do_not_count_while_ten_readings_come_within_the_reaction_tim
     assert in_parts == pytest.approx(at_once)
 
 
-def test_a_row_that_counts_is_forgotten_while_short_ones_follow() -> None:
+def test_a_row_that_counts_is_forgotten_while_short_ones_follow():
     long = QueueLoss(at_s=0.052, lost=30, unread_s=0.03, row=1)
     events = [replace(long, at_s=0.052 + 0.6 * n, row=n) for n in range(6)]
     frames = [replace(frame(6 + n), at_s=0.053 + 0.01 * n) for n in range(360)]
@@ -589,7 +585,7 @@ def test_what_is_remembered_of_losses_stays_short_and_is_never_forgotten_too_ear
         assert len(state.losses) <= 21
 
 
-def test_before_the_first_good_frame_nothing_is_ok() -> None:
+def test_before_the_first_good_frame_nothing_is_ok():
     loss = QueueLoss(at_s=6.02, lost=1, unread_s=0.01, row=1)
     assert (
         order(
@@ -600,7 +596,7 @@ def test_before_the_first_good_frame_nothing_is_ok() -> None:
     )
 
 
-def test_an_unusable_frame_before_contact_is_not_ok_but_needs_no_reset() -> None:
+def test_an_unusable_frame_before_contact_is_not_ok_but_needs_no_reset():
     state = play([unusable(6)], watching(force_n=1e-3))
     assert state.state is State.NOT_READY
     assert order([frame(7, 1e-3)], state) is OK
@@ -618,11 +614,11 @@ def not_ready() -> MonitorState:
 @pytest.mark.parametrize("before", [not_ready, watching, withdrawn])
 @pytest.mark.parametrize(("event", "cause"), [*OPINIONS, *OVERTAKEN])
 def test_a_second_opinion_withdraws_at_once_in_every_state(
-    event: MonitorEvent,
-    cause: Cause,
-    before: Callable[[], MonitorState],
-    limits: MonitorLimits,
-) -> None:
+    event,
+    cause,
+    before,
+    limits,
+):
     """So does the reading of an overtaken frame."""
     state, decision = decide(before(), event, limits)
     assert decision.code == 3
@@ -652,7 +648,7 @@ def test_a_harmless_overtaken_frame_changes_the_histories_and_an_opinion_no_stat
         assert play([opinion(5, at_s=0.0505)], state, OPINED).state is state.state
 
 
-def test_opinions_that_cannot_judge_withdraw_after_contact_and_wait_before_it() -> None:
+def test_opinions_that_cannot_judge_withdraw_after_contact_and_wait_before_it():
     state = play([no_opinion(5), frame(6), no_opinion(6), frame(7)], watching())
     assert state.state is State.WATCHING
     assert order([no_opinion(7)], state) is Cause.UNUSABLE
@@ -665,7 +661,7 @@ def test_opinions_that_cannot_judge_withdraw_after_contact_and_wait_before_it() 
     assert order([frame(6, 1e-3), opinion(6, 1e-3), frame(7, 1e-3)], before) is OK
 
 
-def test_opinions_that_cannot_judge_have_a_count_of_their_own() -> None:
+def test_opinions_that_cannot_judge_have_a_count_of_their_own():
     limits = MonitorLimits(unusable_frames=2, unusable_opinions=2)
     state = play([no_opinion(5), unusable(6)], watching(), limits)
     assert state.state is State.WATCHING
@@ -677,13 +673,13 @@ def test_opinions_that_cannot_judge_have_a_count_of_their_own() -> None:
     assert again.state is State.WATCHING
 
 
-def test_contact_that_only_the_second_opinion_sees_is_contact() -> None:
+def test_contact_that_only_the_second_opinion_sees_is_contact():
     state = watching(force_n=1e-3)
     assert order([unusable(6)], state) is State.NOT_READY
     assert order([opinion(5, 0.003), unusable(6)], state) is Cause.UNUSABLE
 
 
-def test_nothing_is_ok_before_the_first_opinion_where_one_is_expected() -> None:
+def test_nothing_is_ok_before_the_first_opinion_where_one_is_expected():
     state = play(readings(1, 300), limits=OPINED)
     assert (state.state, state.reason) == (
         State.NOT_READY,
@@ -707,7 +703,7 @@ def test_nothing_is_ok_before_the_first_opinion_where_one_is_expected() -> None:
     ],
     ids=["frames have ended", "no opinion", "too few", "harmful"],
 )
-def test_a_refused_reset_says_what_is_missing(came, asked_s, words) -> None:
+def test_a_refused_reset_says_what_is_missing(came, asked_s, words):
     """After a replay had ended, it blamed the second opinion, which had nothing to
     read.
     """
@@ -718,37 +714,37 @@ def test_a_refused_reset_says_what_is_missing(came, asked_s, words) -> None:
     assert words in decision.message
 
 
-def test_a_reset_before_any_frame_says_so() -> None:
+def test_a_reset_before_any_frame_says_so():
     withdrawn_before = play([Fault(0.01, Cause.EXCEPTION, "the disk is full")])
     _, decision = decide(withdrawn_before, Reset(0.02), LIMITS)
     assert "reset refused: no frame has come yet" in decision.message
 
 
-def test_after_a_pause_before_contact_an_old_opinion_does_not_count() -> None:
+def test_after_a_pause_before_contact_an_old_opinion_does_not_count():
     """The last frame before the pause got none: that is not a cause, but nothing is OK
     before the next opinion.
     """
     before = play([*both(1, 2, force_n=1e-3), unusable(3)], limits=OPINED)
     assert before.state is State.NOT_READY
-    after: list[MonitorEvent] = readings(1000, 1005)
+    after = readings(1000, 1005)
     assert order(after, before, OPINED) is State.NOT_READY
     assert order([*after, opinion(1004), frame(1005)], before, OPINED) is OK
 
 
-def test_a_second_reader_that_has_gone_is_a_cause() -> None:
+def test_a_second_reader_that_has_gone_is_a_cause():
     for kind in ("frame", "tick"):
         state = play(both(*range(1, 11)), limits=OPINED)
         assert state.state is State.WATCHING
         # the first that gets none comes at 0.11 s
-        frames: list[MonitorEvent] = readings(11, 61)
+        frames = readings(11, 61)
         assert order(frames, state, OPINED) is OK
-        last: MonitorEvent = frame(61) if kind == "frame" else Tick(0.61)
+        last = frame(61) if kind == "frame" else Tick(0.61)
         assert order([*frames, last], state, OPINED) is Cause.NO_OPINION
         assert order([*frames, last], state) is OK, "where none is expected"
 
 
-def test_an_opinion_answers_for_all_frames_up_to_its_own() -> None:
-    events: list[MonitorEvent] = []
+def test_an_opinion_answers_for_all_frames_up_to_its_own():
+    events = []
     for n in range(1, 1000):
         events.append(frame(n))
         if n % 45 == 0:
@@ -760,7 +756,7 @@ def test_an_opinion_answers_for_all_frames_up_to_its_own() -> None:
     assert order(events[:-30], MonitorState(), OPINED) is OK
 
 
-def test_what_waits_for_an_opinion_does_not_grow_and_keeps_the_oldest() -> None:
+def test_what_waits_for_an_opinion_does_not_grow_and_keeps_the_oldest():
     state = MonitorState()
     for n in range(1, 500):
         state, _ = decide(state, frame(n), OPINED)
@@ -768,11 +764,11 @@ def test_what_waits_for_an_opinion_does_not_grow_and_keeps_the_oldest() -> None:
     assert state.unanswered[0][0] == 1
 
 
-def test_a_reset_needs_the_second_opinion_too() -> None:
+def test_a_reset_needs_the_second_opinion_too():
     state = play(
         [*both(*range(1, 6)), Fault(0.056, Cause.CHECKSUM, "CRC")], limits=OPINED
     )
-    alone: list[MonitorEvent] = readings(6, 16)
+    alone = readings(6, 16)
     assert order([*alone, Reset(0.151)], state, OPINED) is Cause.CHECKSUM
     agreed = [*both(*range(6, 12)), Reset(0.116)]
     assert order(agreed, state, OPINED) is OK
@@ -788,7 +784,7 @@ def test_a_reset_needs_the_second_opinion_too() -> None:
     assert order(overdue, state, OPINED) is Cause.CHECKSUM
 
 
-def test_a_client_that_starts_counting_again_can_be_reset() -> None:
+def test_a_client_that_starts_counting_again_can_be_reset():
     for limits in (LIMITS, OPINED):
         state = play(
             [*readings(1, 6), Fault(0.051, Cause.CHECKSUM, "CRC")],
@@ -803,8 +799,8 @@ def test_a_client_that_starts_counting_again_can_be_reset() -> None:
         assert (after.state, after.unanswered) == (State.WATCHING, ())
 
 
-def test_a_needle_that_is_lifted_off_may_be_placed_anew() -> None:
-    lifted: list[MonitorEvent] = [frame(n, 3e-4) for n in range(6, 57)]
+def test_a_needle_that_is_lifted_off_may_be_placed_anew():
+    lifted = [frame(n, 3e-4) for n in range(6, 57)]
     assert order([*lifted, unusable(57)], watching(4e-3)) is State.NOT_READY
     assert order([*lifted[:-1], unusable(56)], watching(4e-3)) is Cause.UNUSABLE, (
         "half a second is needed"
@@ -826,7 +822,7 @@ def test_a_needle_that_is_lifted_off_may_be_placed_anew() -> None:
     ), "it touches again"
 
 
-def test_a_bad_first_frame_does_not_set_size_and_scale() -> None:
+def test_a_bad_first_frame_does_not_set_size_and_scale():
     small = replace(unusable(1), size=(100, 100), scale_m=(1.0, 1.0))
     state = play([small, frame(2), frame(3)])
     assert (state.state, state.size, state.scale_m) == (
@@ -840,15 +836,15 @@ def test_a_bad_first_frame_does_not_set_size_and_scale() -> None:
     )
 
 
-def test_a_classifier_reads_no_force() -> None:
+def test_a_classifier_reads_no_force():
     read = judged(frame(1), force_n=None, interval_n=None)
     limits = MonitorLimits(reads_force=False)
     assert order([read], MonitorState(), limits=limits) is OK
     assert order([read, unusable(2)], MonitorState(), limits=limits) is Cause.UNUSABLE
 
 
-def test_a_reset_needs_fresh_harmless_frames_in_a_row() -> None:
-    fresh: list[MonitorEvent] = readings(6, 11)
+def test_a_reset_needs_fresh_harmless_frames_in_a_row():
+    fresh = readings(6, 11)
     assert order([Reset(0.052)], withdrawn()) is Cause.CHECKSUM
     assert order([*fresh[:4], Reset(0.091)], withdrawn()) is Cause.CHECKSUM
     assert order([*fresh, Reset(0.101)], withdrawn()) is OK
@@ -871,7 +867,7 @@ def test_a_reset_needs_fresh_harmless_frames_in_a_row() -> None:
     )
 
 
-def test_after_the_reset_it_watches_as_before() -> None:
+def test_after_the_reset_it_watches_as_before():
     state = play([*readings(6, 11), Reset(0.101)], withdrawn())
     assert (state.cause, state.fresh, state.touched) == (None, 0, True)
 
@@ -932,8 +928,8 @@ def harmless(event: MonitorEvent) -> bool:
 @settings(max_examples=60, deadline=None)
 @given(sequences(), st.sampled_from([LIMITS, OPINED, REPORTS]))
 def test_no_sequence_ends_a_withdrawal_without_a_reset_or_is_ok_before_a_good_frame(
-    events: list[MonitorEvent], limits: MonitorLimits
-) -> None:
+    events, limits
+):
     latched = (State.PIERCED, State.WITHDRAW)
     state = MonitorState()
     good = False
@@ -983,13 +979,13 @@ def sessions(seed: int, seconds: float) -> Decision:
     return decision
 
 
-def test_noise_below_25_mn_does_not_cry_wolf() -> None:
+def test_noise_below_25_mn_does_not_cry_wolf():
     assert all(sessions(seed, 4.0).code == 1 for seed in range(5))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(50))
-def test_no_session_of_60_s_below_25_mn_is_withdrawn_from(seed: int) -> None:
+def test_no_session_of_60_s_below_25_mn_is_withdrawn_from(seed):
     assert sessions(seed, 60.0).code == 1
 
 
@@ -1008,13 +1004,13 @@ def force_at_withdrawal(rate_n_s: float, seed: int) -> tuple[float, Cause | None
     raise AssertionError("no withdrawal")
 
 
-def test_ramps_are_withdrawn_from_before_the_bound() -> None:
+def test_ramps_are_withdrawn_from_before_the_bound():
     for rate_mn_s in (5, 10, 20, 50, 100):
         forces_n = [force_at_withdrawal(rate_mn_s * 1e-3, seed)[0] for seed in range(5)]
         assert 0.02 < min(forces_n) <= max(forces_n) <= LIMITS.bound_n
 
 
-def test_a_steep_ramp_is_foreseen() -> None:
+def test_a_steep_ramp_is_foreseen():
     assert force_at_withdrawal(0.1, 0)[1] is Cause.RISING
 
 
@@ -1025,7 +1021,7 @@ def risen_force(
     return None if line is None else force_trend.risen_force(line, ahead_s, deviations)
 
 
-def test_a_rise_that_slows_down_is_not_foretold_from_how_it_began() -> None:
+def test_a_rise_that_slows_down_is_not_foretold_from_how_it_began():
     # 50 mN/s, then a hold
     slowing = tuple((0.01 * n, 0.02 + 0.05 * 0.01 * min(n, 5)) for n in range(10))
     assert risen_force(slowing, 0.05, 3.0) is None
@@ -1056,7 +1052,7 @@ def test_a_rise_that_quickens_is_foretold_by_its_line_and_one_wild_frame_hides_n
         assert risen_force(tuple(wild), 0.05, 0.0) == pytest.approx(0.034, abs=0.3e-3)
 
 
-def test_ten_frames_in_a_line_by_chance_do_not_rise_steeply_after_rough_ones() -> None:
+def test_ten_frames_in_a_line_by_chance_do_not_rise_steeply_after_rough_ones():
     rng = np.random.default_rng(0)
     line = tuple((0.4 + 0.01 * n, 0.02 + 0.05 * 0.01 * n) for n in range(10))
     rough = tuple((0.01 * n, 0.02 + float(rng.normal(0.0, 0.9e-3))) for n in range(40))
@@ -1151,7 +1147,7 @@ def test_the_interval_of_the_time_until_the_bound_holds_where_readings_err_alike
     assert 0.43 < np.mean(medians) < 0.57
 
 
-def test_a_decision_on_a_frame_says_when_the_bound_is_reached() -> None:
+def test_a_decision_on_a_frame_says_when_the_bound_is_reached():
     state = watching()
     for number in range(6, 30):
         state, decision = decide(state, frame(number, 0.01 + 1e-4 * number), LIMITS)
@@ -1182,9 +1178,7 @@ def test_a_decision_on_a_frame_says_when_the_bound_is_reached() -> None:
         ("size", (0, 512)),
     ],
 )
-def test_limits_that_pass_everything_or_nothing_are_refused(
-    field: str, value: object
-) -> None:
+def test_limits_that_pass_everything_or_nothing_are_refused(field, value):
     with pytest.raises(InputError, match=r"monitor: "):
         MonitorLimits(**{field: value})
 
@@ -1198,14 +1192,14 @@ def test_limits_that_pass_everything_or_nothing_are_refused(
     ],
 )
 def test_a_scale_within_the_tolerance_is_the_stated_one_and_no_number_never_is(
-    share: float, same: bool
-) -> None:
+    share, same
+):
     limits = MonitorLimits(scale_tolerance=0.01)
     for changed_m in ((share * 1e-5, 5e-6), (1e-5, share * 5e-6)):
         assert of_scale(changed_m, (1e-5, 5e-6), limits) is same
 
 
-def test_a_dent_is_contact_also_where_the_force_on_it_has_relaxed() -> None:
+def test_a_dent_is_contact_also_where_the_force_on_it_has_relaxed():
     relaxed = [
         judged(frame(number, 0.5e-3), elastic_force_n=4e-3) for number in range(6, 66)
     ]
@@ -1250,7 +1244,7 @@ def test_a_fall_that_no_retraction_explains_is_pierced_with_the_second_frame_aft
     assert order(needle_goes(THROUGH_N, 25.0), MonitorState()) is Cause.UNSEEN_FALL
 
 
-def test_what_withdraws_the_needle_or_is_one_frame_is_not_pierced() -> None:
+def test_what_withdraws_the_needle_or_is_one_frame_is_not_pierced():
     steepest = LIMITS.stiffness_n_m * (LIMITS.retraction_m_s + LIMITS.eye_m_s)  # N/s
     for rate_hz in (20.0, 60.0, 100.0, 400.0, 1000.0):
         fallen_n = [
@@ -1287,9 +1281,7 @@ FALLEN_N = [0.008, 0.0082, 0.0079]
 
 @pytest.mark.parametrize("gap_s", GAPS_S)
 @pytest.mark.parametrize("limits", [LIMITS, REPORTS])
-def test_a_fall_in_a_gap_is_not_ok_whatever_its_length(
-    limits: MonitorLimits, gap_s: float
-) -> None:
+def test_a_fall_in_a_gap_is_not_ok_whatever_its_length(limits, gap_s):
     """With the second frame after it. It was seen behind gaps of up to 30 ms only."""
     frames = behind_a_gap([0.021] * 12, gap_s, FALLEN_N)
     assert order(frames[:-2], MonitorState(), limits=limits) is OK
@@ -1299,7 +1291,7 @@ def test_a_fall_in_a_gap_is_not_ok_whatever_its_length(
     assert state.reason.endswith("ms of it unseen: withdrawn or pierced")
 
 
-def test_no_gap_hides_a_puncture() -> None:
+def test_no_gap_hides_a_puncture():
     """Levels from 6 mN, friction up to 45 %, readings with a noise of 0.1 mN. In one of
     some thousand, noise looks like a withdrawal that goes on behind the gap.
     """
@@ -1320,8 +1312,8 @@ def test_no_gap_hides_a_puncture() -> None:
 @pytest.mark.parametrize("gap_s", GAPS_S)
 @pytest.mark.parametrize("rate_n_s", [0.02, 0.1, 0.3])
 def test_a_withdrawal_that_is_seen_on_either_side_explains_a_fall_in_a_gap(
-    rate_n_s: float, gap_s: float
-) -> None:
+    rate_n_s, gap_s
+):
     """It goes on through the gap, begins in it, or ends in it."""
     before_n = [0.025 - rate_n_s * 0.01 * n for n in range(3)]
     left_n = before_n[-1] - rate_n_s * gap_s
@@ -1335,7 +1327,7 @@ def test_a_withdrawal_that_is_seen_on_either_side_explains_a_fall_in_a_gap(
     assert order(behind_a_gap([*held, *before_n], gap_s, ends_n), MonitorState()) is OK
 
 
-def test_a_step_after_a_gap_is_no_withdrawal_that_is_seen() -> None:
+def test_a_step_after_a_gap_is_no_withdrawal_that_is_seen():
     """The second half of a puncture may be: the next frames must show it, too."""
     frames = behind_a_gap([0.021] * 12, 0.05, [0.015, 0.008, 0.0081])
     assert play(frames).cause in (Cause.UNSEEN_FALL, Cause.PIERCED)
@@ -1347,9 +1339,7 @@ def test_a_step_after_a_gap_is_no_withdrawal_that_is_seen() -> None:
     [(0.0, 0.001, True), (2e-4, 0.001, False), (0.0, 0.09, True)],
     ids=["held", "withdrawn", "long not stated"],
 )
-def test_stated_travel_explains_a_fall_in_a_gap_or_not(
-    back_m: float, age_s: float, fell: bool, gap_s: float
-) -> None:
+def test_stated_travel_explains_a_fall_in_a_gap_or_not(back_m, age_s, fell, gap_s):
     """13 mN on a wall of 100 N/m take 130 um."""
     moved = {"travel_m": 1e-3 - back_m, "travel_age_s": age_s}
     frames = behind_a_gap([0.021] * 12, gap_s, FALLEN_N, **moved)
@@ -1360,7 +1350,7 @@ def test_stated_travel_explains_a_fall_in_a_gap_or_not(
     assert found in ((Cause.UNSEEN_FALL, Cause.PIERCED) if fell else (None,))
 
 
-def test_travel_rules_out_a_withdrawal_across_a_gap() -> None:
+def test_travel_rules_out_a_withdrawal_across_a_gap():
     """A soft wall, on which the eye's own motion makes little force."""
     soft = replace(LIMITS, stiffness_n_m=30.0)
     held = {"travel_m": 1e-3, "travel_age_s": 0.001}
@@ -1371,7 +1361,7 @@ def test_travel_rules_out_a_withdrawal_across_a_gap() -> None:
 
 
 @pytest.mark.parametrize("puncture", range(1, 4))
-def test_overtaken_frames_show_a_fall_in_the_order_of_time(puncture: int) -> None:
+def test_overtaken_frames_show_a_fall_in_the_order_of_time(puncture):
     """Four frames come together: the newest is answered first, the others after it."""
     forces_n = [0.021] * puncture + [0.008] * (4 - puncture)
     late = [
@@ -1379,7 +1369,7 @@ def test_overtaken_frames_show_a_fall_in_the_order_of_time(puncture: int) -> Non
         for n, force_n in enumerate(forces_n)
     ]
     soft = replace(LIMITS, stiffness_n_m=30.0)
-    events: list[MonitorEvent] = [*needle_goes([0.021] * 11), late[-1]]
+    events = [*needle_goes([0.021] * 11), late[-1]]
     events += [OvertakenRead(0.161 + 0.001 * n, one) for n, one in enumerate(late[:-1])]
     if puncture == 3:
         events.append(replace(frame(16, 0.008), at_s=0.17))
@@ -1388,21 +1378,21 @@ def test_overtaken_frames_show_a_fall_in_the_order_of_time(puncture: int) -> Non
     assert state.cause is Cause.PIERCED
 
 
-def test_a_picture_that_was_shown_before_hides_no_gap() -> None:
+def test_a_picture_that_was_shown_before_hides_no_gap():
     frames = needle_goes([0.021] * 12)
     old = [replace(frame(n, 0.021), shown_back=back) for n, back in ((13, 1), (14, 2))]
     after = [frame(n, 0.008) for n in (15, 16)]
     assert order([*frames, *old, *after], MonitorState()) is Cause.UNSEEN_FALL
 
 
-def test_where_the_needle_is_withdrawn_anyway_a_fall_in_a_gap_is_none() -> None:
+def test_where_the_needle_is_withdrawn_anyway_a_fall_in_a_gap_is_none():
     ordered = play([*needle_goes([0.021] * 12), Fault(0.121, Cause.CHECKSUM, "CRC")])
     fallen = behind_a_gap([0.021] * 12, 0.05, FALLEN_N)[12:]
     _, decision = decide(play(fallen, ordered), Tick(0.2), LIMITS)
     assert (decision.cause, decision.present_cause) == (Cause.CHECKSUM, None)
 
 
-def test_after_the_reset_frames_from_before_it_make_no_fall() -> None:
+def test_after_the_reset_frames_from_before_it_make_no_fall():
     state = play(behind_a_gap([0.021] * 12, 0.05, FALLEN_N))
     fresh = [replace(frame(200 + n, 0.008), at_s=0.2 + 0.01 * n) for n in range(6)]
     state = play([*fresh, Reset(0.2505)], state)
@@ -1411,7 +1401,7 @@ def test_after_the_reset_frames_from_before_it_make_no_fall() -> None:
     assert order([OvertakenRead(0.251, early)], state) is OK
 
 
-def test_travel_explains_a_fall_or_not() -> None:
+def test_travel_explains_a_fall_or_not():
     # such a robot needs its travel: without it all may be a retraction
     fast = replace(LIMITS, retraction_m_s=0.05)
     on_m = [1e-4 * n for n in range(11)]
@@ -1440,7 +1430,7 @@ def test_travel_explains_a_fall_or_not() -> None:
     assert order(unknown, MonitorState()) is Cause.PIERCED
 
 
-def test_of_tissue_that_relaxes_the_dent_counts() -> None:
+def test_of_tissue_that_relaxes_the_dent_counts():
     # the force relaxes, the dent stays
     held = [judged(one, elastic_force_n=0.024) for one in needle_goes(THROUGH_N)]
     assert order(held, MonitorState()) is OK
@@ -1451,7 +1441,7 @@ def test_of_tissue_that_relaxes_the_dent_counts() -> None:
     assert order(sprung, MonitorState()) is Cause.PIERCED
 
 
-def test_after_it_nothing_is_ok_until_the_reset_and_the_cause_stays_in_view() -> None:
+def test_after_it_nothing_is_ok_until_the_reset_and_the_cause_stays_in_view():
     fresh = readings(6, 206, force_n=0.007)
     for limits, state, code in (
         (LIMITS, State.WITHDRAW, 3),
@@ -1484,7 +1474,7 @@ def test_after_it_nothing_is_ok_until_the_reset_and_the_cause_stays_in_view() ->
     )
 
 
-def test_what_is_only_reported_suppresses_no_other_cause() -> None:
+def test_what_is_only_reported_suppresses_no_other_cause():
     bound, decision = decide(pierced(), frame(6, 0.0295), REPORTS)
     assert (decision.code, decision.cause) == (3, Cause.BOUND)
     _, decision = decide(pierced(), Tick(1.0), REPORTS)
@@ -1496,7 +1486,7 @@ def test_what_is_only_reported_suppresses_no_other_cause() -> None:
     )
 
 
-def test_before_a_reset_that_follows_it_the_second_opinion_counts_anew() -> None:
+def test_before_a_reset_that_follows_it_the_second_opinion_counts_anew():
     limits = replace(OPINED, reports_pierced=True)
     state = play(
         [*both(1, 2, 3, 4, force_n=0.024), *both(5, force_n=0.007), frame(6, 0.007)],
@@ -1540,7 +1530,7 @@ def cross(
     ]
 
 
-def test_nothing_is_ok_before_every_plane_has_sent_a_frame_in_any_order() -> None:
+def test_nothing_is_ok_before_every_plane_has_sent_a_frame_in_any_order():
     for first in CROSS:
         planes, decision = play_planes([of_plane(first, frame(n)) for n in range(1, 9)])
         missing = next(plane for plane in CROSS if plane != first)
@@ -1575,7 +1565,7 @@ def test_a_constant_difference_between_planes_neither_rises_nor_pierces_and_the_
 
 
 @pytest.mark.parametrize("plane", CROSS)
-def test_each_plane_rises_and_is_pierced_by_its_own_frames(plane: str) -> None:
+def test_each_plane_rises_and_is_pierced_by_its_own_frames(plane):
     rising = [
         of_plane(name, frame(n, 0.012 + (name == plane) * 0.0005 * n))
         for n in range(1, 30)
@@ -1599,8 +1589,8 @@ def test_each_plane_rises_and_is_pierced_by_its_own_frames(plane: str) -> None:
 
 @pytest.mark.parametrize("silent", CROSS)
 def test_a_plane_that_falls_silent_is_a_cause_although_the_other_sends(
-    silent: str,
-) -> None:
+    silent,
+):
     planes, decision = play_planes(cross(range(1, 6)))
     assert decision.code == 1
     other = next(plane for plane in CROSS if plane != silent)
@@ -1611,7 +1601,7 @@ def test_a_plane_that_falls_silent_is_a_cause_although_the_other_sends(
     assert decision.message.startswith(f"WITHDRAW: plane {silent}: no frame for 100 ms")
 
 
-def test_a_withdrawal_of_one_plane_is_everybodys_until_all_grant_the_reset() -> None:
+def test_a_withdrawal_of_one_plane_is_everybodys_until_all_grant_the_reset():
     withdrawn, decision = play_planes(
         [*cross(range(1, 6)), of_plane("across", frame(6, 0.031))]
     )
@@ -1645,7 +1635,7 @@ def test_a_withdrawal_of_one_plane_is_everybodys_until_all_grant_the_reset() -> 
     assert "plane across: reset refused" in decision.message
 
 
-def test_a_contact_that_one_plane_shows_is_that_of_all() -> None:
+def test_a_contact_that_one_plane_shows_is_that_of_all():
     begun = cross(range(1, 6), along_n=0.004, across_n=0.0)
     for frames, cause in (
         (begun, Cause.UNUSABLE),
@@ -1662,7 +1652,7 @@ def test_a_contact_that_one_plane_shows_is_that_of_all() -> None:
     )
 
 
-def test_each_planes_opinions_are_its_own_and_what_is_of_no_plane_withdraws() -> None:
+def test_each_planes_opinions_are_its_own_and_what_is_of_no_plane_withdraws():
     limits = replace(LIMITS, expects_opinion=True)
     planes, decision = play_planes(
         [*cross(range(1, 6)), of_plane("along", opinion(5)), *cross([6])], limits=limits

@@ -5,7 +5,6 @@ bytes that are anything.
 import struct
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +22,7 @@ PIXELS = {
     dtype: DRAW.integers(0, 120, (2, 3, 5)).astype(dtype)
     for dtype in (np.int8, np.uint8, np.int16, np.uint16)
 }
-MESSAGES: list[igtl.Message] = [
+MESSAGES = [
     *[igtl.Image(pixels) for pixels in PIXELS.values()],
     igtl.Image(
         PIXELS[np.uint16] * np.uint16(500), (0.01,) * 12, (20, 10, 4), (15, 7, 2), 2
@@ -77,9 +76,7 @@ def raw(name: str, body: bytes, version: int = 1) -> bytes:
 
 @pytest.mark.parametrize("version", [1, 2, 3])
 @pytest.mark.parametrize("message", MESSAGES)
-def test_every_message_whole_byte_by_byte_and_with_trailing_data(
-    message: igtl.Message, version: int
-) -> None:
+def test_every_message_whole_byte_by_byte_and_with_trailing_data(message, version):
     more = {"message_id": 77, "metadata": {"eye": "left", "µ": ""}}
     more = {} if version == 1 else more
     time_s = 1.7e9 + 0.25
@@ -100,16 +97,6 @@ def test_every_message_whole_byte_by_byte_and_with_trailing_data(
         if not isinstance(message, igtl.Query):
             assert event.message_id == more.get("message_id", 0)
             assert event.metadata == more.get("metadata", {})
-
-
-def test_an_image_of_known_bytes() -> None:
-    head = bytes([0, 1, 1, 5, 1, 1]) + struct.pack(
-        ">3H12f6H", 2, 1, 1, *[1.0] * 12, 0, 0, 0, 2, 1, 1
-    )
-    (event,) = Decoder().feed(raw("IMAGE", head + b"\x01\x02\xff\xfe"))
-    assert isinstance(event.message, igtl.Image)
-    assert event.message.pixels.tolist() == [[[0x0102, 0xFFFE]]]
-    assert not event.message.pixels.flags.writeable
 
 
 def read_through_spaces(
@@ -156,16 +143,7 @@ def comparable(events: Iterable[igtl.PeerEvent]) -> list[object]:
     ]
 
 
-def test_a_wrong_checksum_is_an_event_and_the_stream_continues() -> None:
-    data = bytearray(igtl.encode(igtl.Text("force"), "peer"))
-    data[-1] ^= 4
-    first, second = Decoder().feed(bytes(data) + NEXT)
-    assert isinstance(first, igtl.BadChecksum)
-    assert first.reason.startswith("STRING: checksum ")
-    assert isinstance(second, igtl.Received)
-
-
-def test_unknown_types_are_passed_over_without_being_kept() -> None:
+def test_unknown_types_are_passed_over_without_being_kept():
     data = raw("POLYDATA", bytes(8_000_000))
     decoder = Decoder()
     with less_than(100_000):
@@ -230,9 +208,7 @@ def extended(*fields: int, more: bytes = b"") -> bytes:
         ("STRING", extended(12, 2, 16_383, 0, more=bytes(4 + 16_385)), 2),
     ],
 )
-def test_a_body_that_is_not_what_its_type_says_is_an_event(
-    name: str, body: bytes, version: int
-) -> None:
+def test_a_body_that_is_not_what_its_type_says_is_an_event(name, body, version):
     first, second = Decoder().feed(raw(name, body, version) + NEXT)
     assert isinstance(first, igtl.Malformed)
     assert isinstance(second, igtl.Received)
@@ -256,7 +232,7 @@ GOOD = igtl.encode(igtl.Text("force"), "peer")
         GOOD[:42] + b"\xff" * 8 + GOOD[50:],
     ],
 )
-def test_a_stream_that_cannot_be_followed_is_refused_from_then_on(data: bytes) -> None:
+def test_a_stream_that_cannot_be_followed_is_refused_from_then_on(data):
     decoder = Decoder(max_body_bytes=1_000_000)
     with less_than(100_000):
         received, broken = decoder.feed(GOOD + data + GOOD)
@@ -267,7 +243,7 @@ def test_a_stream_that_cannot_be_followed_is_refused_from_then_on(data: bytes) -
         decoder.feed(GOOD)
 
 
-def test_a_body_of_the_largest_size_is_received() -> None:
+def test_a_body_of_the_largest_size_is_received():
     (event,) = Decoder(max_body_bytes=len(GOOD) - HEADER_BYTES).feed(GOOD)
     assert isinstance(event, igtl.Received)
 
@@ -288,8 +264,8 @@ STREAM = b"".join(
     st.lists(st.integers(1, 300), min_size=1, max_size=20),
 )
 def test_a_mutated_stream_gives_the_same_events_in_any_pieces_and_no_exception(
-    changes: list[tuple[int, int]], end: int, cuts: list[int]
-) -> None:
+    changes, end, cuts
+):
     changed = bytearray(STREAM)
     for place, value in changes:
         changed[place] = value
@@ -318,9 +294,7 @@ def test_a_mutated_stream_gives_the_same_events_in_any_pieces_and_no_exception(
     st.sampled_from([1, 2, 3]),
     st.binary(),
 )
-def test_any_body_with_a_right_checksum_is_a_message_or_malformed(
-    name: str, version: int, body: bytes
-) -> None:
+def test_any_body_with_a_right_checksum_is_a_message_or_malformed(name, version, body):
     (event,) = Decoder().feed(raw(name, body, version))
     assert isinstance(event, igtl.Received | igtl.Malformed)
 
@@ -347,7 +321,7 @@ SMALL = igtl.Image(np.zeros((1, 2, 2), dtype=np.uint8))
     ],
     ids=lambda wrong: type(wrong).__name__,
 )
-def test_what_a_message_cannot_carry_is_refused(wrong: igtl.Message) -> None:
+def test_what_a_message_cannot_carry_is_refused(wrong):
     with pytest.raises(ProtocolError):
         igtl.encode(wrong, "peer")
 
@@ -367,13 +341,13 @@ def test_what_a_message_cannot_carry_is_refused(wrong: igtl.Message) -> None:
     ],
     ids=str,
 )
-def test_what_a_header_cannot_carry_is_refused(options: dict[str, Any]) -> None:
+def test_what_a_header_cannot_carry_is_refused(options):
     with pytest.raises(ProtocolError):
         igtl.encode(igtl.Text("force"), **{"device": "peer", **options})
 
 
 @pytest.mark.slow
-def test_mutated_messages_of_the_benchmark_give_events_and_no_exception() -> None:
+def test_mutated_messages_of_the_benchmark_give_events_and_no_exception():
     outcome = run(20_000, seed=2)
     kinds = {"Image", "Query", "Sensor", "Status", "Text", "Transform"}
     others = {

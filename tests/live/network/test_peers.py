@@ -72,7 +72,7 @@ def written_by_pyigtl(message, version: int) -> Received:
 
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("dtype", [np.int8, np.uint8, np.int16, np.uint16])
-def test_images_are_read_and_written(dtype: np.dtype, version: int) -> None:
+def test_images_are_read_and_written(dtype, version):
     pixels = np.arange(60).reshape(1, 6, 10).astype(dtype)
     event = written_by_pyigtl(
         pyigtl.ImageMessage(pixels, timestamp=1234.5, device_name="Scanner"), version
@@ -87,7 +87,7 @@ def test_images_are_read_and_written(dtype: np.dtype, version: int) -> None:
     assert np.array_equal(theirs.image.reshape(pixels.shape), pixels)
 
 
-def test_its_image_becomes_a_frame_with_the_pixels_of_its_matrix() -> None:
+def test_its_image_becomes_a_frame_with_the_pixels_of_its_matrix():
     """Columns 0.003 * 5 mm apart, rows 0.001 * 3 mm, in a plane that lies askew."""
     matrix = np.eye(4)
     matrix[:3, 0] = 0.003 * np.array([3.0, 0.0, 4.0])
@@ -104,7 +104,7 @@ def test_its_image_becomes_a_frame_with_the_pixels_of_its_matrix() -> None:
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_strings_and_transforms_are_read_and_written(version: int) -> None:
+def test_strings_and_transforms_are_read_and_written(version):
     assert written_by_pyigtl(
         pyigtl.StringMessage("force", timestamp=1234.5), version
     ).message == Text("force")
@@ -119,7 +119,7 @@ def test_strings_and_transforms_are_read_and_written(version: int) -> None:
     )
 
 
-def test_our_metadata_is_read() -> None:
+def test_our_metadata_is_read():
     theirs = read_by_pyigtl(
         encode(
             Text("a"), "M", version=2, message_id=3, metadata={"eye": "left", "b": ""}
@@ -169,7 +169,7 @@ def build(tmp_path_factory):
 @pytest.mark.slow
 def test_a_scanner_in_cpp_is_answered_frame_by_frame_up_to_the_withdrawal(
     build,
-) -> None:
+):
     with serving() as port:
         size = [str(COLUMNS), str(ROWS), str(SCALE_M[0] * 1e3), str(SCALE_M[1] * 1e3)]
         forces_un = ["10000"] * 11 + ["45000"]
@@ -209,7 +209,7 @@ def lines_until(child: "subprocess.Popen[str]", line: str) -> str:
 @compiled
 @debians
 @pytest.mark.slow
-def test_debians_receiver_prints_what_the_monitor_says(build) -> None:
+def test_debians_receiver_prints_what_the_monitor_says(build):
     program = build(DEBIANS / "Receiver" / "ReceiveClient.cxx")
     with serving() as port, Peer(port) as scanner:
         child = subprocess.Popen(
@@ -233,7 +233,7 @@ def test_debians_receiver_prints_what_the_monitor_says(build) -> None:
     assert "WITHDRAW: " in out
 
 
-def test_pyigtl_sends_frames_and_reads_what_is_said_of_them() -> None:
+def test_pyigtl_sends_frames_and_reads_what_is_said_of_them():
     with serving() as port, Peer(port) as robot:
         client = pyigtl.OpenIGTLinkClient("127.0.0.1", port)
         try:
@@ -246,7 +246,7 @@ def test_pyigtl_sends_frames_and_reads_what_is_said_of_them() -> None:
                     pixels, ijk_to_world_matrix=matrix, device_name="PyScanner"
                 )
                 assert client.send_message(message)
-                robot.hear(lambda peer: peer.readings() == number)  # noqa: B023 - called at once
+                robot.hear_readings(number)
 
             reading = client.wait_for_message("ForceReading", timeout=FUSE_S)
             assert reading is not None
@@ -266,13 +266,13 @@ def pyigtl_client():
 
 def test_pyigtl_drops_the_status_and_the_example_obeys_the_string(
     pyigtl_client, monkeypatch
-) -> None:
+):
     """A busy machine must not make it silent."""
     monkeypatch.setattr(pyigtl_client, "SILENCE_S", FUSE_S)
     monkeypatch.setattr(pyigtl_client, "OLD_S", FUSE_S)
-    orders = list[tuple[bool, str]]()
+    orders = []
 
-    def tell(go_on: bool, why: str) -> None:
+    def tell(go_on, why):
         orders.append((go_on, why))
 
     patient = {"silence_s": FUSE_S, "lag_s": FUSE_S, "catch_up_s": FUSE_S}
@@ -362,20 +362,18 @@ def robot_orders(pyigtl_client, monkeypatch):
     ],
     ids=["in time", "silence", "withdrawal", "old OK", "old withdrawal"],
 )
-def test_the_pyigtl_example_keeps_the_rule(robot_orders, arriving, orders) -> None:
+def test_the_pyigtl_example_keeps_the_rule(robot_orders, arriving, orders):
     assert robot_orders(arriving) == orders
 
 
-def test_the_page_shows_the_example() -> None:
+def test_the_page_shows_the_example():
     page = (EXAMPLES.parent / "docs" / "howto" / "robot.md").read_text(encoding="utf-8")
     (shown,) = re.findall(r"^```text\n(def .*?)^```", page, re.DOTALL | re.MULTILINE)
     assert shown in (EXAMPLES / "pyigtl_client.py").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("text", ["", "{", "{}", "[1]", '{"code": 3}', "null"])
-def test_the_pyigtl_example_withdraws_on_what_it_cannot_read(
-    robot_orders, text: str
-) -> None:
+def test_the_pyigtl_example_withdraws_on_what_it_cannot_read(robot_orders, text):
     orders = robot_orders([(0.01, said(1, 0.01)), (0.02, said(1, 0.02, text))])
     assert orders[0] == GO_ON
     assert [go_on for go_on, _ in orders[1:]] == [False]
@@ -393,7 +391,7 @@ def _own_signals():
 
 
 @pytest.mark.usefixtures("_own_signals")
-def test_a_pyigtl_server_receives_a_replay(tmp_path) -> None:
+def test_a_pyigtl_server_receives_a_replay(tmp_path):
     recording = read_recording(write_small_recording(tmp_path / "rec", frames=20))
     server = pyigtl.OpenIGTLinkServer(port=0, local_server=True)
     port = server.server_address[1]
