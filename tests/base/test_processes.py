@@ -349,9 +349,7 @@ def loops(tmp_path, once):
     return tmp_path
 
 
-def test_machine_code_is_compiled_once_and_anew_if_its_file_is_broken_or_more_is_needed(
-    once, loops
-):
+def test_machine_code_is_compiled_once_and_anew_if_more_is_needed(once, loops):
     first, _, first_notice = once[1]
     assert "compiling, once" in first_notice
     with_late, _, notice = call(loops, "late")
@@ -360,11 +358,37 @@ def test_machine_code_is_compiled_once_and_anew_if_its_file_is_broken_or_more_is
     # loaded, without an import of the compiler's modules
     assert call(loops, "late") == (with_late, [], "")
 
-    codes = list((loops / "cache").rglob("*.nbc"))
-    assert codes
-    for code in codes:
-        code.write_bytes(code.read_bytes()[:100])
-    assert call(loops)[0] == first
+
+@pytest.mark.parametrize(("suffix", "left"), [("nbi", 0), ("nbi", 20), ("nbc", 100)])
+def test_cut_machine_code_is_compiled_anew(once, loops, suffix, left):
+    (file,) = (loops / "cache").rglob(f"*norm*.{suffix}")
+    file.write_bytes(file.read_bytes()[:left])
+    found, _, notice = call(loops)
+    assert (found, notice) == (once[1][0], "compiling, once: half a minute\n")
+
+
+def test_loops_run_where_no_machine_code_can_be_kept(once, loops):
+    shutil.rmtree(loops / "cache")
+    (loops / "cache").write_bytes(b"")
+    found, _, notice = call(loops)
+    assert found == once[1][0]
+    assert notice.count("note: ") == 1
+
+
+def test_a_numba_whose_private_parts_are_not_known_compiles_and_keeps_by_itself(
+    once, loops
+):
+    shutil.rmtree(loops / "cache")
+    newer = "import numba; numba.__version__ = '99.0.0'\n"
+    (loops / "loops.py").write_text(newer + LOOPS)
+    kept = []
+    for _ in range(2):
+        found, _, notice = call(loops)
+        assert found == once[1][0]
+        assert notice.startswith("note: Numba 99.0.0: loops compile in minutes")
+        codes = (loops / "cache").rglob("*.nbc")
+        kept.append({code: code.stat().st_mtime_ns for code in codes})
+    assert kept[0] == kept[1] != {}
 
 
 def planted(folder, marker):
