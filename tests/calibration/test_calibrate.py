@@ -37,7 +37,7 @@ from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 from virtual_eyes import wall_of
 
-FRAMES = 6
+FRAMES = 2
 
 
 def parsed(text: str) -> Calibration:
@@ -251,9 +251,12 @@ PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
 
 
 def of_globe(recording: Recording, globe: Globe | None) -> Recording:
+    """Its first frames, of an eye whose globe is stated."""
+    eye = replace(recording.info.eye, globe=globe)
     return replace(
         recording,
-        info=replace(recording.info, eye=replace(recording.info.eye, globe=globe)),
+        info=replace(recording.info, eye=eye),
+        frames=recording.frames[:FRAMES],
     )
 
 

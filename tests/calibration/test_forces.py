@@ -168,7 +168,7 @@ def errors_and_sds(phantom: PhantomStudy, seeds: int) -> Iterator[tuple[float, f
 def test_standardised_errors_of_labels_have_unit_spread(
     low: float, high: float, phantom: dict[str, Any]
 ) -> None:
-    errors_n, sds_n = np.array(list(errors_and_sds(PhantomStudy(**phantom), 8))).T
+    errors_n, sds_n = np.array(list(errors_and_sds(PhantomStudy(**phantom), 4))).T
     assert low < np.sqrt(np.mean((errors_n / sds_n) ** 2)) < high
 
 
