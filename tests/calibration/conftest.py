@@ -29,7 +29,7 @@ from scleraforce.records.study import MeshStudy, Study
 from scleraforce.wall.wall_in_metres import Boundaries
 from virtual_eyes import wall_of
 
-STUDY = replace(Study(), mesh=MeshStudy(divisions=6))
+STUDY = replace(Study(), mesh=MeshStudy(divisions=4))
 FORCES_N = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
 
 
@@ -37,13 +37,12 @@ FORCES_N = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
 class Laboratory:
     study: Study = STUDY
 
-    @staticmethod
-    @cache
-    def wall(thickness_m: float) -> LinearWall:
-        mesh = build_mesh(
-            STUDY.eye.radius_m, thickness_m, STUDY.mesh.divisions, STUDY.mesh.level
-        )
-        return LinearWall(mesh, STUDY.eye.poisson_ratio)
+    @cache  # noqa: B019 - a laboratory stays to the end
+    def wall(self, thickness_m: float) -> LinearWall:
+        mesh = self.study.mesh
+        size = (mesh.divisions, mesh.level)
+        grid = build_mesh(self.study.eye.radius_m, thickness_m, *size)
+        return LinearWall(grid, self.study.eye.poisson_ratio)
 
     def begun(self, eye: Setup, **changed: object) -> EyeSession:
         """An eye before its first frame; its force sensor has no offset and does not

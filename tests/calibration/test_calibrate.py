@@ -35,6 +35,7 @@ from scleraforce.records.calibration_file import (
 from scleraforce.records.globe import OPEN, SEALED, UNKNOWN, Globe
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
+from scleraforce.records.tissue_relaxation import Relaxation
 from virtual_eyes import wall_of
 
 FRAMES = 2
@@ -251,8 +252,9 @@ PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
 
 
 def of_globe(recording: Recording, globe: Globe | None) -> Recording:
-    """Its first frames, of an eye whose globe is stated."""
-    eye = replace(recording.info.eye, globe=globe)
+    """Its first frames, of an elastic eye whose globe is stated."""
+    elastic = Relaxation.declared(())
+    eye = replace(recording.info.eye, globe=globe, relaxation=elastic)
     return replace(
         recording,
         info=replace(recording.info, eye=eye),

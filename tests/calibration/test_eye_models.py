@@ -28,7 +28,7 @@ from scleraforce.records.globe import OPEN
 from scleraforce.records.needle import Needle
 from scleraforce.records.scan import Scan
 from scleraforce.records.setup import Setup
-from scleraforce.records.study import Study
+from scleraforce.records.study import MeshStudy, Study
 from scleraforce.wall.wall_in_metres import Boundaries
 from virtual_eyes import changed, wall_of
 
@@ -53,6 +53,8 @@ ASIDE = Setup(
 def test_predicted_section_is_the_cut_through_the_deformed_mesh(
     laboratory: Any, direction: float, tilt: float, force_n: float, stated_m: float
 ) -> None:
+    finer = replace(laboratory.study, mesh=MeshStudy(divisions=6))
+    laboratory = replace(laboratory, study=finer)
     constants = changed(ASIDE, direction_rad=direction, tilt_rad=tilt)
     stated = changed(constants, thickness_m=stated_m)
     parameters = ("e",) if stated_m == 0.7e-3 else ("e", "thickness")

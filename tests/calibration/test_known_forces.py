@@ -522,8 +522,6 @@ def test_a_stiffening_that_is_not_sought_is_the_study_s(
     assert sum(steps) == 8 * calibration_passes(MADE_UP, ("e",)) == 8
 
 
-
-
 # Eyes of a library's own walls, seen without errors.
 
 GRID = LibraryStudy(

@@ -5,6 +5,7 @@ found.
 import json
 from dataclasses import replace
 from pathlib import Path
+from shutil import copytree
 from typing import Any
 
 import cv2
@@ -162,9 +163,9 @@ def test_frames_of_other_gaps_tell_what_frames_of_one_gap_do() -> None:
 
 
 def test_a_moment_that_one_plane_shows_is_left_out_with_the_reason(
-    tmp_path: Path,
+    cross: Recording, tmp_path: Path
 ) -> None:
-    folder = write_moments(tmp_path / "rec", FORCES_N, log=True)
+    folder = copytree(cross.path, tmp_path / "rec")
     file = str(folder / "frames" / "1-0.png")
     cv2.imwrite(file, np.full_like(cv2.imread(file, cv2.IMREAD_UNCHANGED), 300))
     found = calibrated(read_recording(folder), frames=3).eyes["eye"]

@@ -31,6 +31,7 @@ from scleraforce.records.model_folder import SHIPPED_WALL_FINDER
 from scleraforce.records.needle import Needle
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
+from scleraforce.records.tissue_relaxation import Relaxation
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.wall_in_metres import Boundaries, segmented_boundaries
 
@@ -40,7 +41,9 @@ FRAMES = 6
 
 @pytest.fixture(scope="module")
 def recording(made_up_folder: Path) -> Recording:
-    return read_recording(made_up_folder)
+    found = read_recording(made_up_folder)
+    elastic = replace(found.info.eye, relaxation=Relaxation.declared(()))
+    return replace(found, info=replace(found.info, eye=elastic))
 
 
 @pytest.fixture(scope="module")
