@@ -2,7 +2,7 @@
 package.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -114,6 +114,16 @@ def virtual_folder(
 def library() -> Library:
     """The library of the made-up eye."""
     return LIBRARY
+
+
+@pytest.fixture(scope="module")
+def made_up_walls() -> Iterator[None]:
+    """Let `sf.calibrate` take the library of the made-up eye."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(
+            "scleraforce.front.api.calibrating.library_for", lambda *_: LIBRARY
+        )
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -32,18 +32,13 @@ from scleraforce.records.needle import Needle
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 
+pytestmark = pytest.mark.usefixtures("made_up_walls")
+
 
 @pytest.fixture(scope="module")
-def found(
-    made_up_folder: Path, library: Library, tmp_path_factory: pytest.TempPathFactory
-) -> Path:
+def found(made_up_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("shape") / "out.json"
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(
-            "scleraforce.front.api.calibrating.library_for", lambda *_: library
-        )
-        sf.calibrate(made_up_folder, without_force=True, out=out)
-
+    sf.calibrate(made_up_folder, without_force=True, out=out)
     return out
 
 
@@ -81,12 +76,7 @@ def test_readers_take_its_uncertainty_once_and_do_not_narrow_it(found: Path) -> 
     assert (prior.same_force == prior_of(by_force, Study().reader).same_force).all()
 
 
-def test_known_forces_narrow_it(
-    found: Path, made_up_folder: Path, library: Library, monkeypatch: Any
-) -> None:
-    monkeypatch.setattr(
-        "scleraforce.front.api.calibrating.library_for", lambda *_: library
-    )
+def test_known_forces_narrow_it(found: Path, made_up_folder: Path) -> None:
     eye = sf.calibrate(made_up_folder, without_force=True, frames=1).eyes["made-up"]
     by_shape = read_calibration(found).eyes["made-up"].eye.modulus
     assert by_shape is not None
@@ -112,12 +102,7 @@ def test_what_cannot_be_is_refused(
     given: dict[str, Any],
     words: str,
     made_up_folder: Path,
-    library: Library,
-    monkeypatch: Any,
 ) -> None:
-    monkeypatch.setattr(
-        "scleraforce.front.api.calibrating.library_for", lambda *_: library
-    )
     recording = sf.read_recording(made_up_folder)
 
     if change is not None:

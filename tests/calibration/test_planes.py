@@ -45,6 +45,7 @@ from scleraforce.records.scan import Plane
 from scleraforce.records.study import Study
 from virtual_eyes import changed
 
+pytestmark = pytest.mark.usefixtures("made_up_walls")
 FORCES_N = 0.002, 0.03, 0.012, 0.02, 0.008
 # 1.5 and 0.05 mm from the needle
 FAR_FIRST = (
@@ -175,11 +176,8 @@ def test_a_moment_that_one_plane_shows_is_left_out_with_the_reason(
 
 
 def test_a_moment_is_not_taken_again_from_a_plane_that_was_not_followed(
-    cross, single, monkeypatch
+    cross, single
 ) -> None:
-    monkeypatch.setattr(
-        "scleraforce.front.api.calibrating.library_for", lambda *_: LIBRARY
-    )
     again = (
         calibrate_recordings([cross, single], STUDY, "hash", LIBRARY, ("e",), frames=3)
         .eyes["eye"]
@@ -209,11 +207,8 @@ def test_what_planes_cannot_be_calibrated_with_is_refused(cross) -> None:
 
 
 def test_without_force_a_cross_is_seen_as_one_plane_of_a_known_gap(
-    cross, single, monkeypatch
+    cross, single
 ) -> None:
-    monkeypatch.setattr(
-        "scleraforce.front.api.calibrating.library_for", lambda *_: LIBRARY
-    )
     found, given = (
         sf.calibrate(one, without_force=True, frames=1).eyes["eye"]
         for one in (cross, single)
