@@ -21,7 +21,6 @@ from scleraforce.calibration.stiffness_from_shape import (
 )
 from scleraforce.fit.frames_of_an_eye import ShownFrame
 from scleraforce.fit.prior_of_an_eye import prior_of
-from scleraforce.library import Library
 from scleraforce.records.calibration_file import (
     known_of_eye,
     open_calibration,
@@ -42,7 +41,7 @@ def found(made_up_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
     return out
 
 
-def test_the_file_says_that_no_force_was_measured_and_is_read_back(found: Path) -> None:
+def test_the_file_says_that_no_force_was_measured_and_is_read_back(found):
     entry = json.loads(found.read_text())["eyes"]["made-up"]
     assert entry["without_force"] is True
     # no force has been used: `evaluate` scores all of them
@@ -57,7 +56,7 @@ def test_the_file_says_that_no_force_was_measured_and_is_read_back(found: Path) 
     assert "no force was measured" in " ".join(text.split())
 
 
-def test_readers_take_its_uncertainty_once_and_do_not_narrow_it(found: Path) -> None:
+def test_readers_take_its_uncertainty_once_and_do_not_narrow_it(found):
     known = known_of_eye(
         Setup(eye=Eye(iop_pa=266.0), needle=Needle(gap_m=0.5e-3)),
         read_calibration(found),
@@ -76,7 +75,7 @@ def test_readers_take_its_uncertainty_once_and_do_not_narrow_it(found: Path) -> 
     assert (prior.same_force == prior_of(by_force, Study().reader).same_force).all()
 
 
-def test_known_forces_narrow_it(found: Path, made_up_folder: Path) -> None:
+def test_known_forces_narrow_it(found, made_up_folder):
     eye = sf.calibrate(made_up_folder, without_force=True, frames=1).eyes["made-up"]
     by_shape = read_calibration(found).eyes["made-up"].eye.modulus
     assert by_shape is not None
@@ -101,8 +100,8 @@ def test_what_cannot_be_is_refused(
     change: str | None,
     given: dict[str, Any],
     words: str,
-    made_up_folder: Path,
-) -> None:
+    made_up_folder,
+):
     recording = sf.read_recording(made_up_folder)
 
     if change is not None:
@@ -115,7 +114,7 @@ def test_what_cannot_be_is_refused(
         sf.calibrate(recording, **{"without_force": True, **given})
 
 
-def test_a_posterior_keeps_the_most_different_dents_and_the_known_forces() -> None:
+def test_a_posterior_keeps_the_most_different_dents_and_the_known_forces():
     tips_m = [1e-6 * number for number in range(MOST_FRAMES + 4)] + [3e-3]
     kept = _spread(tips_m, [place == 5 for place in range(len(tips_m))])
     assert len(kept) == MOST_FRAMES
@@ -123,8 +122,8 @@ def test_a_posterior_keeps_the_most_different_dents_and_the_known_forces() -> No
 
 
 def test_a_frame_without_a_wall_of_the_library_teaches_nothing(
-    library: Library,
-) -> None:
+    library,
+):
     shown = predict_wall(Walls(library), middling_eye(1e-3), BOTH).depth_m.reshape(
         2, -1
     )

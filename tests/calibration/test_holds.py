@@ -100,7 +100,7 @@ def test_a_needle_that_yields_leaves_both_explanations_and_its_forces_as_they_ar
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_tissue_that_remembers_its_pushes_counts_first(seed: int) -> None:
+def test_tissue_that_remembers_its_pushes_counts_first(seed: int):
     _, path, frame_s, _, found, elastic_n = held(REMEMBERS, seed)
     assert found.finding.chance == pytest.approx(1.0)
     assert sum(found.shares) == pytest.approx(0.6, abs=0.1)
@@ -111,7 +111,7 @@ def test_tissue_that_remembers_its_pushes_counts_first(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_dents_that_follow_the_force_show_that_the_needle_yields(seed: int) -> None:
+def test_dents_that_follow_the_force_show_that_the_needle_yields(seed: int):
     after = decided(held(None, seed), 0.005)
     assert after.finding.cause == "needle"
     assert after.finding.tissue_share < 0.5
@@ -119,7 +119,7 @@ def test_dents_that_follow_the_force_show_that_the_needle_yields(seed: int) -> N
     assert not np.any(after.covariance)
 
 
-def test_dents_that_are_read_too_roughly_or_once_in_a_hold_decide_nothing() -> None:
+def test_dents_that_are_read_too_roughly_or_once_in_a_hold_decide_nothing():
     holds = held(None, 0)
     after = decided(holds, 0.3)
     assert after.finding.cause == "undecided"
@@ -131,7 +131,7 @@ def test_dents_that_are_read_too_roughly_or_once_in_a_hold_decide_nothing() -> N
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_dents_that_stay_show_that_the_tissue_relaxes(seed: int) -> None:
+def test_dents_that_stay_show_that_the_tissue_relaxes(seed: int):
     after = decided(held(TISSUE, seed), 0.005)
     assert after.finding.cause == "tissue"
     assert after.other == ()
@@ -141,7 +141,7 @@ def test_dents_that_stay_show_that_the_tissue_relaxes(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_dents_that_follow_by_half_show_that_both_yield(seed: int) -> None:
+def test_dents_that_follow_by_half_show_that_both_yield(seed: int):
     pushes, _, _, log, found, _ = held(None, seed)
     frames = held_frames(log, found, ends(pushes))
     read = 0.5 * np.array([frame.log_force for frame in frames.frames])
@@ -153,7 +153,7 @@ def test_dents_that_follow_by_half_show_that_both_yield(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_dents_of_different_pushes_contradict_a_log_that_seems_sure(seed: int) -> None:
+def test_dents_of_different_pushes_contradict_a_log_that_seems_sure(seed: int):
     rng = np.random.default_rng(seed)
     _, path, frame_s, log, found, _ = held(REMEMBERS, seed)
     doubted = replace(
@@ -177,7 +177,7 @@ def test_dents_of_different_pushes_contradict_a_log_that_seems_sure(seed: int) -
 
 
 @pytest.mark.parametrize("first", ["tissue", "needle"])
-def test_the_interval_reaches_to_the_reading_of_the_other_explanation(first) -> None:
+def test_the_interval_reaches_to_the_reading_of_the_other_explanation(first):
     """A sudden push: relaxing tissue bears more than in the holds of the calibration,
     an elastic wall the same.
     """

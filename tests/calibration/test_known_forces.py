@@ -125,7 +125,7 @@ def estimate(read: Sequence[KnownForce]) -> tuple[np.ndarray, RereadEye]:
     return np.array(off), after
 
 
-def test_the_mean_is_where_the_loss_is_least() -> None:
+def test_the_mean_is_where_the_loss_is_least():
     """Against a minimum that is searched for without derivatives, of the loss written
     down once more.
     """
@@ -148,7 +148,7 @@ def test_the_mean_is_where_the_loss_is_least() -> None:
     assert after.loss == pytest.approx(loss(found), rel=1e-6)
 
 
-def test_frames_that_agree_promise_nothing_and_others_scatter() -> None:
+def test_frames_that_agree_promise_nothing_and_others_scatter():
     """The scatter is the part that the four do not explain, over the expected one of
     each frame.
     """
@@ -188,7 +188,7 @@ def read_frames(factor: float = 1.0) -> list[tuple[Boundaries, float]]:
 BLIND = Boundaries(LATERAL_M, np.full((2, len(LATERAL_M)), np.nan), 1e-4)
 
 
-def test_frames_are_read_again_at_their_own_resting_pressures() -> None:
+def test_frames_are_read_again_at_their_own_resting_pressures():
     frame, *_ = read_frames()
     soft = replace(KNOWN, eye=replace(KNOWN.eye, iop_pa=135.0))
     leaked = reread_eye(KNOWN, [frame], (), LIBRARY, STUDY, [135.0]).again
@@ -196,7 +196,7 @@ def test_frames_are_read_again_at_their_own_resting_pressures() -> None:
     assert leaked != reread_eye(KNOWN, [frame], (), LIBRARY, STUDY).again
 
 
-def test_slopes_are_quotients_of_forces_that_are_read_with_another_modulus() -> None:
+def test_slopes_are_quotients_of_forces_that_are_read_with_another_modulus():
     sure = (known_of(1e-4, modulus_pa=factor * MODULUS_PA) for factor in (1.0, 1.05))
     for here, there in zip(
         *(reread_eye(eye, read_frames(), (), LIBRARY, STUDY).again for eye in sure),
@@ -210,7 +210,7 @@ def test_slopes_are_quotients_of_forces_that_are_read_with_another_modulus() -> 
 
 
 @pytest.mark.parametrize("wrong", [0.6, 1.5])
-def test_a_modulus_that_the_filter_missed_is_found(wrong: float) -> None:
+def test_a_modulus_that_the_filter_missed_is_found(wrong: float):
     known = known_of(0.05, modulus_pa=wrong * MODULUS_PA)
     after = reread_eye(known, read_frames(), (), LIBRARY, STUDY)
     eye = after.setup.eye
@@ -222,7 +222,7 @@ def test_a_modulus_that_the_filter_missed_is_found(wrong: float) -> None:
     assert eye.discrepancy.corrected_n(read_n) == pytest.approx(known_n, rel=0.03)
 
 
-def test_forces_are_surer_than_the_modulus_that_they_show() -> None:
+def test_forces_are_surer_than_the_modulus_that_they_show():
     """An eye whose forces all lie 4 % off is read right, and its intervals are a
     frame's, not E's.
     """
@@ -248,7 +248,7 @@ def test_forces_are_surer_than_the_modulus_that_they_show() -> None:
         assert widths[0] < 0.9 * widths[1]
 
 
-def test_frames_that_were_read_before_count_like_the_others() -> None:
+def test_frames_that_were_read_before_count_like_the_others():
     seen = read_frames(1.1)
     at_once = reread_eye(KNOWN, seen, (), LIBRARY, STUDY)
     earlier = at_once.again
@@ -264,7 +264,7 @@ def test_frames_that_were_read_before_count_like_the_others() -> None:
         assert after.setup.eye.discrepancy.largest_n == largest_n
 
 
-def test_without_a_frame_that_can_be_read_the_filter_s_stays() -> None:
+def test_without_a_frame_that_can_be_read_the_filter_s_stays():
     after = reread_eye(KNOWN, [(BLIND, 0.02)], (), LIBRARY, STUDY)
     assert after.again == (None,)
     assert after.setup.eye.modulus_pa == pytest.approx(MODULUS_PA, rel=1e-9)
@@ -272,7 +272,7 @@ def test_without_a_frame_that_can_be_read_the_filter_s_stays() -> None:
     assert (found.level, found.growth, found.largest_n) == (0.0, 0.0, None)
 
 
-def test_the_loss_of_a_stiffening_is_the_loss_of_the_frames_that_were_read() -> None:
+def test_the_loss_of_a_stiffening_is_the_loss_of_the_frames_that_were_read():
     """A frame that cannot be read counts as refused."""
     after = reread_eye(KNOWN, [*read_frames(), (BLIND, 0.02)], (), LIBRARY, STUDY)
     trial = after.trial("an eye", 2)
@@ -335,7 +335,7 @@ def prior(place: float) -> float:
 @pytest.mark.parametrize("least", [0.9, 1.6, 2.0, 2.7, 3.1])
 def test_the_least_loss_between_the_library_s_stiffenings_is_found(
     least: float, lopsided: float
-) -> None:
+):
     """Within 0.1 of ln(1 + b), and no worse by more than half of a square of a standard
     deviation.
     """
@@ -388,7 +388,7 @@ def of_a_lost_filter(place: float) -> float:
 )
 def test_a_stiffening_beside_neighbours_that_lose_much_or_refuse_frames_is_found(
     losses: dict[str, Lost], least: float
-) -> None:
+):
     assert sought(**losses)[0] == pytest.approx(least, abs=0.2)
 
 
@@ -407,7 +407,7 @@ def test_a_stiffening_beside_neighbours_that_lose_much_or_refuse_frames_is_found
 )
 def test_tissue_does_not_stiffen_unless_its_frames_say_so(
     more_of_forces: float, level: float, more_of_boundaries: float, stiffens: bool
-) -> None:
+):
     found, _ = sought(
         lambda place: more_of_forces * (place < 0.5),
         lambda place: level * EVEN + more_of_boundaries * (place < 0.5),
@@ -418,7 +418,7 @@ def test_tissue_does_not_stiffen_unless_its_frames_say_so(
 @pytest.mark.parametrize("best", PLACES)
 def test_a_stiffening_that_refuses_frames_that_others_take_never_wins(
     best: float,
-) -> None:
+):
     found, _ = sought(
         lambda place: 50.0 * (abs(place - best) > 0.3),
         refused=lambda place: abs(place - best) < 0.3,
@@ -426,7 +426,7 @@ def test_a_stiffening_that_refuses_frames_that_others_take_never_wins(
     assert abs(found - best) > 0.3
 
 
-def test_any_stiffening_is_better_than_one_that_diverged() -> None:
+def test_any_stiffening_is_better_than_one_that_diverged():
     poor = TissueTrial(
         found="poor", refused=11, frames=1, of_boundaries=500.0, of_forces=500.0
     )
@@ -488,8 +488,8 @@ def stiffening_of(
 
 @pytest.mark.parametrize("wanted", [None, 3, 6, 40])
 def test_it_is_sought_on_a_few_frames_and_then_all_that_are_wanted_are_calibrated_on(
-    calibrating: Calibrating, wanted: int | None
-) -> None:
+    calibrating, wanted: int | None
+):
     steps: list[int] = []
     found = stiffening_of(frames=wanted, progress=steps.append)
     assert log1p(found) == pytest.approx(1.55, abs=0.1)
@@ -503,17 +503,15 @@ def test_it_is_sought_on_a_few_frames_and_then_all_that_are_wanted_are_calibrate
 
 
 def test_a_short_recording_is_calibrated_on_once_with_each_tissue(
-    calibrating: Calibrating,
-) -> None:
+    calibrating,
+):
     stiffening_of(in_recording=3)
     assert set(calibrating.frames) == {None}
     assert len(calibrating.tried) == len(set(calibrating.tried))
 
 
 @pytest.mark.parametrize("stiffening", [0.0, 5.0])
-def test_a_stiffening_that_is_not_sought_is_the_study_s(
-    calibrating: Calibrating, stiffening: float
-) -> None:
+def test_a_stiffening_that_is_not_sought_is_the_study_s(calibrating, stiffening: float):
     study = replace(Study(), tissue=TissueStudy(stiffening=stiffening))
     steps: list[int] = []
     found = stiffening_of(study, parameters=("e", "iop"), progress=steps.append)
@@ -553,8 +551,8 @@ EXACT = Study(
     ("stiffening", "seed"), [(0.0, 1), (3.0, 1), (9.0, 2), (20.0, 1)]
 )
 def test_the_stiffening_of_an_eye_is_found_from_three_frames_and_the_others_are_read_right(
-    stiffening: float, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    stiffening: float, seed: int, monkeypatch
+):
     """An open eye of even form, whose boundaries and forces are known without
     errors.
     """

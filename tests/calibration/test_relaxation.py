@@ -25,7 +25,7 @@ SEEDS = range(2)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_holds_of_a_log_show_the_shares_and_the_elastic_forces(
     seed: int, tissue: PronySeries
-) -> None:
+):
     _, path, frame_s, _, found, elastic_n = found_in(tissue, seed)
     assert found.source == "holds"
     held_s = np.array([1.0, 4.0])
@@ -44,7 +44,7 @@ def test_the_holds_of_a_log_show_the_shares_and_the_elastic_forces(
 @pytest.mark.parametrize("seed", SEEDS)
 def test_tissue_whose_force_stays_or_falls_in_one_hold_alone_is_elastic(
     seed: int, hold: int | None
-) -> None:
+):
     """In that hold of 34 mN, the needle gives way by a tenth."""
     rng = np.random.default_rng(seed)
     pushes, path = pushed(PronySeries((), ()), rng)
@@ -77,7 +77,7 @@ def test_a_log_without_holds_keeps_the_shares_of_other_tissue_with_their_spread(
     )
 
 
-def test_a_declared_relaxation_is_used_unchanged() -> None:
+def test_a_declared_relaxation_is_used_unchanged():
     held = found_in(TISSUE, 2, Relaxation.declared(TISSUE.terms))
     found = held.relaxation
     assert (found.source, found.shares, found.times_s) == (
@@ -93,7 +93,7 @@ def test_a_declared_relaxation_is_used_unchanged() -> None:
     assert np.shape(held.relaxation.held_covariance) == (1, 1)
 
 
-def test_histories_are_of_the_frames() -> None:
+def test_histories_are_of_the_frames():
     pushes, _, frame_s, _, found, _ = found_in(TISSUE, 0)
     held_s = np.array(
         [push.frame_s - push.start_s - push.ramp_s / 2 for push in pushes]
@@ -105,7 +105,7 @@ def test_histories_are_of_the_frames() -> None:
     assert found.every_s == pytest.approx(np.median(np.diff(frame_s)), rel=0.01)
 
 
-def test_shares_that_are_not_negative_are_the_ones_of_scipy() -> None:
+def test_shares_that_are_not_negative_are_the_ones_of_scipy():
     rng = np.random.default_rng(3)
     inner = 0
 

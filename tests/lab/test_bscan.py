@@ -62,7 +62,7 @@ LAYER = Conjunctiva(
 )
 
 
-def test_a_needle_compresses_the_layer_below_it_and_sinks_it_beside_it() -> None:
+def test_a_needle_compresses_the_layer_below_it_and_sinks_it_beside_it():
     lateral_m = np.array([0.0, 0.3e-3, 0.36e-3, 0.5e-3, 0.8e-3, 5e-3])
     even = replace(LAYER, wave_fraction=0.0)
     needle = PressingNeedle(force_n=0.0, radius_m=0.35e-3, gap_m=0.0, lateral_m=0.0)
@@ -365,7 +365,7 @@ def test_a_shaft_leans_by_its_angle_off_the_surfaces_normal_and_ends_at_its_tip(
     assert bevelled[row].sum() < 0.6 * straight[row].sum()
 
 
-def test_steel_takes_all_light_and_glass_a_part_also_from_above_the_frame() -> None:
+def test_steel_takes_all_light_and_glass_a_part_also_from_above_the_frame():
     column = int((TIP_M[0] + OCT.width_m / 2) / COLUMN_M)
     below = int(3e-3 / ROW_M)
 
@@ -469,7 +469,7 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_the_mean_picture_is_the_rendered_one_and_cells_vary_as_in_that(
     name: str,
-) -> None:
+):
     of = CASES[name]
     all_frames = (rendered(CASES[name]), drawn(CASES[name]))
     expected, found = (frames.std(axis=0, ddof=1) for frames in all_frames)

@@ -15,7 +15,6 @@ from scleraforce.lab.virtual_eye import (
     LinearSections,
     paper_eyes,
     scan_plane,
-    study_sections,
 )
 from scleraforce.lab.virtual_recording import (
     PhantomPlan,
@@ -336,7 +335,7 @@ def flat_sections(forces_n):
         yield WallSection(outer, outer + np.array([0.0, 600e-6]))
 
 
-def test_the_force_follows_ramps_and_holds_through_its_turning_points() -> None:
+def test_the_force_follows_ramps_and_holds_through_its_turning_points():
     plan = moving()
     times_s = np.array([frame.time_s for frame in plan.frames])
     # Off for 2.5 s; 1 s up to 20 mN; 0.5 s there; 0.75 s down to 5 mN; 0.5 s there; 1.5
@@ -354,7 +353,7 @@ def test_the_force_follows_ramps_and_holds_through_its_turning_points() -> None:
     assert plan.path.felt_n(np.array([9.0])) == pytest.approx(0.035)
 
 
-def test_labels_of_its_recording_follow_a_needle_that_moves(tmp_path) -> None:
+def test_labels_of_its_recording_follow_a_needle_that_moves(tmp_path):
     """With noise of 4 mN, and steps of 5 mN below 5 Hz."""
     plan = moving()
     few = replace(plan, frames=plan.frames[::4])
@@ -364,7 +363,7 @@ def test_labels_of_its_recording_follow_a_needle_that_moves(tmp_path) -> None:
     assert np.sqrt((errors_n**2).mean()) < 1.5e-3
 
 
-def test_the_eye_and_the_light_change_smoothly_within_their_ranges() -> None:
+def test_the_eye_and_the_light_change_smoothly_within_their_ranges():
     frames = moving(rate_hz=100.0, hold_s=20.0).frames
     for values, low, high, fastest in (
         ([frame.pose.lateral_m for frame in frames], -0.2e-3, 0.2e-3, 0.7e-3),
@@ -391,7 +390,7 @@ def through() -> tuple[PhantomPlan, LinearSections]:
 
 def test_through_the_wall_the_force_falls_within_milliseconds_and_friction_turns_with_the_needle(
     through,
-) -> None:
+):
     pierced, _ = through
     path = pierced.path
     puncture = path.puncture
@@ -425,7 +424,7 @@ def test_through_the_wall_the_force_falls_within_milliseconds_and_friction_turns
 
 def test_the_dent_springs_back_is_pulled_outwards_and_a_track_stays_as_deep_as_the_needle_was(
     through,
-) -> None:
+):
     pierced, sections_at = through
     sections, _ = plan_sections(pierced, sections_at)
     rest = sections_at([0.0])[0]
@@ -459,7 +458,7 @@ def test_the_dent_springs_back_is_pulled_outwards_and_a_track_stays_as_deep_as_t
 
 def test_a_recording_of_it_has_the_travel_and_only_its_truth_the_puncture(
     through, tmp_path
-) -> None:
+):
     pierced, sections_at = through
     few = replace(pierced, frames=pierced.frames[::40])
     write_phantom(tmp_path / "rec", few, sections_at, MOVING_STUDY)
@@ -514,7 +513,7 @@ def test_the_force_is_the_given_one_at_frames_and_falls_as_tissue_relaxes_while_
 
 def test_a_frame_shows_the_dent_of_the_elastic_force_and_truth_tells_both(
     tmp_path,
-) -> None:
+):
     first, _ = RELAXING
     plan = pushed((first, (st.Range(min=0.1, max=0.2), st.fixed(12.0))))
     asked: list[list[float]] = []
@@ -569,7 +568,7 @@ def test_the_log_is_the_force_with_sign_offset_drift_noise_and_cross_talk_at_its
         assert offset == pytest.approx(sensor.offset_n[column], abs=3e-4)
 
 
-def test_a_plan_of_too_many_frames_is_refused_before_they_are_drawn() -> None:
+def test_a_plan_of_too_many_frames_is_refused_before_they_are_drawn():
     """1.8 billion frames, each within the limits of rate, ramp and hold."""
     motion = {"rate_hz": 1000.0, "ramp_n_per_s": 1e-5, "hold_s": 3600.0}
     with less_than(64 * 2**20), pytest.raises(RecordingError, match="may have 100000"):

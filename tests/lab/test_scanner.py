@@ -98,7 +98,7 @@ def check_drawn_alike(found: MeasuredScanner, least: float) -> None:
         ),
     ],
 )
-def test_levels_lengths_and_attenuations_are_recovered(seeds, scanner, optics) -> None:
+def test_levels_lengths_and_attenuations_are_recovered(seeds, scanner, optics):
     found = measure_scanner(drawn_eyes(seeds, scanner, **optics))
     levels = WITHIN_1_DB + AND_1_DB
     check_recovered(found, optics, levels, WITHIN_10_PERCENT + AND_10_PERCENT)
@@ -135,21 +135,21 @@ def test_levels_lengths_and_attenuations_are_recovered(seeds, scanner, optics) -
 )
 def test_root_and_linear_displays_are_recognised_and_their_scanner_is_measured(
     display, scanner, optics
-) -> None:
+):
     found = measure_scanner(drawn_eyes(DISPLAY_FEW, scanner, display=display, **optics))
     assert found.display.name == found.phantom().display == display
     check_recovered(found, optics, WITHIN_1_DB, WITHIN_10_PERCENT)
     check_drawn_alike(found, 0.95)
 
 
-def test_a_surface_that_is_bright_at_all_angles_is_no_reflection() -> None:
+def test_a_surface_that_is_bright_at_all_angles_is_no_reflection():
     """The fit runs to the largest angle that it looks for."""
     found = measure_scanner(drawn_eyes(FEW, reflection_angle_rad=50.0)).ranges
     for name in ("reflection_db", "reflection_angle_rad"):
         assert isinstance(found[name], Unmeasured)
 
 
-def test_shadows_and_lines_are_recovered() -> None:
+def test_shadows_and_lines_are_recovered():
     shadow = Shadow(centre_m=2e-3, width_m=0.6e-3, loss_fraction=0.55)
     line = ReflectionLine(depth_m=0.2e-3, level_db=8.0, thickness_m=16e-6)
     eyes = drawn_eyes(SEEDS, shadows=(shadow,), lines=(line,))
@@ -168,7 +168,7 @@ def test_shadows_and_lines_are_recovered() -> None:
     assert found.ranges["line_level_db"].median == pytest.approx(8.0, abs=0.5)
 
 
-def test_resolution_finer_than_the_pixels_is_said_to_be_at_most_so_much() -> None:
+def test_resolution_finer_than_the_pixels_is_said_to_be_at_most_so_much():
     found = measure_scanner(
         drawn_eyes(FEW, axial_resolution_m=3e-6, lateral_resolution_m=12e-6)
     ).ranges
@@ -184,8 +184,8 @@ def test_resolution_finer_than_the_pixels_is_said_to_be_at_most_so_much() -> Non
 
 @pytest.mark.slow
 def test_roll_off_is_measured_where_the_light_falls_with_depth(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     """The wall's columns get 3 dB less for every mm that their surface lies deeper;
     without that, they get the same.
     """
@@ -204,7 +204,7 @@ def test_roll_off_is_measured_where_the_light_falls_with_depth(
 
 
 @pytest.mark.slow
-def test_averaged_noise_leaves_the_scale_of_the_display_to_the_speckle() -> None:
+def test_averaged_noise_leaves_the_scale_of_the_display_to_the_speckle():
     """The air of eight frames, averaged in intensity; the wall's speckle is the same in
     all of them.
     """
@@ -236,7 +236,7 @@ def test_averaged_noise_leaves_the_scale_of_the_display_to_the_speckle() -> None
     )
 
 
-def test_frames_whose_noise_is_cut_off_or_whose_wall_saturates_are_refused() -> None:
+def test_frames_whose_noise_is_cut_off_or_whose_wall_saturates_are_refused():
     bright = {"snr_db": 30.0, "attenuation_per_m": 100.0, "display_range_db": 30.0}
     for optics, fault in (
         ({"display_floor_db": 4.0}, "noise above the tissue is black"),
@@ -246,7 +246,7 @@ def test_frames_whose_noise_is_cut_off_or_whose_wall_saturates_are_refused() -> 
             measure_scanner(drawn_eyes(range(7300, 7301), **optics))
 
 
-def test_the_text_is_a_study_that_says_where_it_came_from_and_what_is_missing() -> None:
+def test_the_text_is_a_study_that_says_where_it_came_from_and_what_is_missing():
     scanner = measure_scanner(drawn_eyes(range(7600, 7601), choroid_level_db=-60.0))
     hostile = 'evil"\n[eye]\nradius_mm = 1'
     text = study_text(scanner, [hostile, *["b.png"] * 30], "2026-11-23", "1.2.3")
@@ -260,7 +260,7 @@ def test_the_text_is_a_study_that_says_where_it_came_from_and_what_is_missing() 
     assert study.phantom.choroid_level_db == PhantomStudy().choroid_level_db
 
 
-def test_scenes_of_a_scanner_far_from_the_default_look_as_its_frames_do() -> None:
+def test_scenes_of_a_scanner_far_from_the_default_look_as_its_frames_do():
     """Its display is linear, its light dim, its pixels few: scenes of round eyes are
     measured like its frames.
     """
@@ -320,7 +320,7 @@ def test_scenes_of_a_scanner_far_from_the_default_look_as_its_frames_do() -> Non
     assert histogram_overlap(seen, alike, 2) > 0.8
 
 
-def test_averaged_noise_on_a_linear_display_is_refused() -> None:
+def test_averaged_noise_on_a_linear_display_is_refused():
     rng = np.random.default_rng(7150)
     shown = drawn_counts(
         DISPLAY_FEW[0], display="linear", display_floor_db=-20.0, display_range_db=48.0
@@ -341,7 +341,7 @@ def test_averaged_noise_on_a_linear_display_is_refused() -> None:
 
 
 @pytest.mark.parametrize("display", ["linear", "root", "logarithmic"])
-def test_behind_a_wall_of_even_light_the_noise_shows_the_display(display: str) -> None:
+def test_behind_a_wall_of_even_light_the_noise_shows_the_display(display: str):
     shown = {"display": display, "display_range_db": 42.0, "display_floor_db": -12.0}
     eyes = drawn_eyes(
         DISPLAY_FEW[:1], replace(SCANNER, bits=16), attenuation_per_m=20.0, **shown

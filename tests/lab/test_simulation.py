@@ -1,6 +1,5 @@
 from dataclasses import replace
 from math import radians
-from pathlib import Path
 
 import cv2
 import meshio
@@ -27,7 +26,7 @@ def eye(request: pytest.FixtureRequest) -> SimulatedEye:
 
 
 @pytest.mark.slow
-def test_the_graded_default_agrees_with_the_even_mesh() -> None:
+def test_the_graded_default_agrees_with_the_even_mesh():
     even = replace(Study(), mesh=MeshStudy(kind="hexahedra"))
     graded, other = (
         simulate_eye(study, 0.5e-3, 0.02, CONTACT) for study in (Study(), even)
@@ -39,8 +38,8 @@ def test_the_graded_default_agrees_with_the_even_mesh() -> None:
 
 
 def test_vtk_file_and_grid_hold_the_wall_its_displacement_and_middle_nodes_between_the_corners_that_vtk_says(
-    eye: SimulatedEye, tmp_path: Path
-) -> None:
+    eye, tmp_path
+):
     """VTK's documentation of vtkTriQuadraticHexahedron (its parametric coordinates were
     compared with ours once).
     """
@@ -96,9 +95,7 @@ def test_vtk_file_and_grid_hold_the_wall_its_displacement_and_middle_nodes_betwe
         )
 
 
-def test_the_figure_shows_mesh_needle_and_slice(
-    eye: SimulatedEye, tmp_path: Path
-) -> None:
+def test_the_figure_shows_mesh_needle_and_slice(eye, tmp_path):
     write_figure(draw_simulation(eye), tmp_path / "eye.png")
     image = cv2.imread(str(tmp_path / "eye.png"), cv2.IMREAD_COLOR).astype(int)
     left = image[:, : image.shape[1] // 2]

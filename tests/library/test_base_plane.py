@@ -137,7 +137,7 @@ def test_a_contact_beside_the_pole_displaces_more_by_the_force_times_its_rise(
 @pytest.mark.parametrize("iop_ratio", [5e-4, 5e-3])
 def test_a_dent_s_volume_is_the_force_times_the_rise_and_the_work_s_slope_by_the_pressure(
     iop_ratio: float,
-) -> None:
+):
     """The identity behind `contact_rises`, on the pole, where everything is known: dV =
     F w' + d/dp (work).
     """

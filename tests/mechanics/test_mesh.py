@@ -52,7 +52,7 @@ def graded(contact: Contact, whole: bool = False, **size: int) -> HexMesh:
 @pytest.mark.parametrize(("dimension", "nodes"), ELEMENTS)
 def test_shape_functions_and_slopes_reproduce_the_polynomials_of_their_order(
     dimension: int, nodes: int
-) -> None:
+):
     order = 1 if nodes == 2**dimension else 2
     places = node_positions(dimension, nodes)
     np.testing.assert_array_equal(shape_values(places, nodes), np.eye(nodes))
@@ -69,7 +69,7 @@ def test_shape_functions_and_slopes_reproduce_the_polynomials_of_their_order(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_node_is_on_its_sphere_and_rays_pass_through_the_wall(kind: str) -> None:
+def test_every_node_is_on_its_sphere_and_rays_pass_through_the_wall(kind: str):
     order = KINDS[kind]
     t = 0.6e-3
     layers = 3
@@ -95,9 +95,7 @@ SHELLS = {
 
 
 @pytest.mark.parametrize(("shell", "kind"), list(product(SHELLS, KINDS)))
-def test_elements_are_positive_and_fill_a_watertight_shell(
-    shell: str, kind: str
-) -> None:
+def test_elements_are_positive_and_fill_a_watertight_shell(shell: str, kind: str):
     """VTK measures them, in its order of nodes."""
     mesh = SHELLS[shell](KINDS[kind])
     nodes = mesh.cells_en.shape[1]
@@ -129,7 +127,7 @@ def test_elements_are_positive_and_fill_a_watertight_shell(
         ("layers", 0),
     ],
 )
-def test_a_mesh_that_does_not_exist_is_an_input_error(name: str, value: float) -> None:
+def test_a_mesh_that_does_not_exist_is_an_input_error(name: str, value: float):
     message = "thickness" if name == "thickness_m" else f"{name} {value}"
     with pytest.raises(InputError, match=message):
         build_mesh(**{"radius_m": R, "thickness_m": T, name: value})
@@ -164,7 +162,7 @@ def naive_edge(surface: QuadSurface, edge: int) -> np.ndarray:
     return np.mean(parts, axis=0)
 
 
-def test_subdivision_follows_the_rules_of_catmull_and_clark() -> None:
+def test_subdivision_follows_the_rules_of_catmull_and_clark():
     coarse = half_cube(4)
     fine = catmull_clark(coarse)
     assert len(fine.quads_qv) == 4 * len(coarse.quads_qv)
@@ -176,7 +174,7 @@ def test_subdivision_follows_the_rules_of_catmull_and_clark() -> None:
     np.testing.assert_allclose(fine.points_vc, expected, atol=1e-15)
 
 
-def test_quads_on_the_sphere_are_nearly_alike() -> None:
+def test_quads_on_the_sphere_are_nearly_alike():
     mesh = build_mesh(R, T, order=1)
     corners = mesh.points_nc[mesh.outer_qn]
     areas = 0.5 * np.linalg.norm(
@@ -187,7 +185,7 @@ def test_quads_on_the_sphere_are_nearly_alike() -> None:
     assert np.max(sides.max(axis=1) / sides.min(axis=1)) < 1.4
 
 
-def test_the_grading_follows_the_contact_and_turns_with_its_azimuth() -> None:
+def test_the_grading_follows_the_contact_and_turns_with_its_azimuth():
     contact = Contact(polar_rad=radians(35), azimuth_rad=1.0)
     mesh = graded(contact)
     corners = mesh.points_nc[mesh.outer_qn[:, :4]]
@@ -206,7 +204,7 @@ def test_the_grading_follows_the_contact_and_turns_with_its_azimuth() -> None:
 @pytest.mark.parametrize("polar_deg", [0.0, 50.0])
 def test_the_linear_tip_is_within_half_a_percent_of_a_fine_mesh(
     polar_deg: float,
-) -> None:
+):
     contact = Contact(polar_rad=radians(polar_deg), azimuth_rad=0.3)
     usual, fine = (
         tip_displacement(
@@ -223,12 +221,12 @@ def test_the_linear_tip_is_within_half_a_percent_of_a_fine_mesh(
 )
 def test_a_graded_mesh_needs_one_contact_within_its_reach(
     contact: Contact | None, message: str
-) -> None:
+):
     with pytest.raises(InputError, match=message):
         study_mesh(Study(mesh=MeshStudy(kind="graded")), T, contact)
 
 
-def test_a_bed_needs_a_graded_mesh() -> None:
+def test_a_bed_needs_a_graded_mesh():
     with pytest.raises(InputError, match="whole globe"):
         supported_mesh(
             Study(mesh=MeshStudy(kind="hexahedra"), supports=BED), T, CONTACTS[0]
@@ -260,7 +258,7 @@ def test_an_automatic_mesh_is_graded_for_one_contact_alone_or_a_bed(
     contact: Contact,
     alone: bool,
     kind: str,
-) -> None:
+):
     study = Study(mesh=mesh, supports=supports)
     found = supported_mesh(study, T, contact, alone=alone)
     stated = replace(study, mesh=replace(mesh, kind=kind))
@@ -288,7 +286,7 @@ LOOKED_IN = {
 
 
 @pytest.mark.parametrize("name", LOOKED_IN)
-def test_the_point_found_lies_on_the_ray_inside_its_quad(name: str) -> None:
+def test_the_point_found_lies_on_the_ray_inside_its_quad(name: str):
     """Nodes are looked for too: they lie where quads meet, at the base, and at a cube's
     corners of valence 3.
     """
@@ -319,7 +317,7 @@ def test_the_point_found_lies_on_the_ray_inside_its_quad(name: str) -> None:
         assert off_ray.max() < 2e-5 * R
 
 
-def test_the_quad_is_the_one_that_a_search_over_all_quads_finds() -> None:
+def test_the_quad_is_the_one_that_a_search_over_all_quads_finds():
     mesh = build_mesh(R, T, divisions=4, level=1, order=1)
     rays = directions(300)
     corners = mesh.points_nc[mesh.outer_qn]
@@ -331,7 +329,7 @@ def test_the_quad_is_the_one_that_a_search_over_all_quads_finds() -> None:
     np.testing.assert_array_equal(locate(mesh, rays)[0], np.argmax(inside, axis=1))
 
 
-def test_answers_do_not_depend_on_what_else_is_asked_for() -> None:
+def test_answers_do_not_depend_on_what_else_is_asked_for():
     mesh = build_mesh(R, T)
     rays = directions(20_000)
     quads, weights_dn = locate(mesh, rays)
@@ -349,13 +347,13 @@ def test_answers_do_not_depend_on_what_else_is_asked_for() -> None:
 )
 def test_a_direction_that_misses_the_half_sphere_is_an_input_error(
     ray: list[float],
-) -> None:
+):
     mesh = build_mesh(R, T, divisions=2, level=0)
     with pytest.raises(InputError, match="direction"):
         locate(mesh, np.array([[0.0, 0.0, 1.0], ray]))
 
 
-def test_a_mesh_whose_elements_are_turned_inside_out_is_refused() -> None:
+def test_a_mesh_whose_elements_are_turned_inside_out_is_refused():
     mesh = build_mesh(R, T, divisions=2, level=0)
     with pytest.raises(SolverError, match="negative volume"):
         LinearWall(replace(mesh, points_nc=-mesh.points_nc), 0.45)

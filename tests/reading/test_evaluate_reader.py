@@ -347,9 +347,7 @@ def test_a_recording_without_a_force_log_is_read_but_not_scored(
 
 
 @pytest.mark.slow
-def test_intervals_are_stretched_to_hold_on_recordings(
-    places, model, tmp_path: Path, capsys
-):
+def test_intervals_are_stretched_to_hold_on_recordings(places, model, tmp_path, capsys):
     out = tmp_path / "stretched"
     options = ("--intervals", places["model"], "--frames", 1, "--json", "--out", out)
     result = json.loads(said(capsys, "calibrate", places["mine"], *options))

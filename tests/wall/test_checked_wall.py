@@ -19,14 +19,14 @@ from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.needle_in_frame import SeenNeedle
 from scleraforce.wall.two_methods import joined_walls
 from scleraforce.wall.wall import Segmentation
-from scleraforce.wall.wall_network import WallFinder, reduced_columns
+from scleraforce.wall.wall_network import reduced_columns
 
 HALF = STUDY.columns // 2
 
 
 @pytest.mark.parametrize("force_mn", [0, 15, 45])
 def test_a_network_that_sees_the_same_wall_moves_its_end_to_the_edge_alone(
-    force_mn, shipped: WallFinder
+    force_mn, shipped
 ):
     frame = frame_under(force_mn / 1e3)
     alone = find_wall(frame, SCALE)
@@ -41,7 +41,7 @@ def test_a_network_that_sees_the_same_wall_moves_its_end_to_the_edge_alone(
 
 @pytest.mark.slow
 def test_eyes_at_rest_whose_surface_the_steps_of_light_lose_are_refused(
-    shipped: WallFinder,
+    shipped,
 ):
     """Drawn scenes: where `find_wall` is far off, and says nothing, the network's look
     refuses most frames.
