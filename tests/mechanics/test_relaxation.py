@@ -44,13 +44,6 @@ def test_a_ramp_and_hold_follow_the_closed_form():
     ) == pytest.approx(expected, rel=1e-12)
 
 
-def test_a_fast_rise_leaves_the_share_g():
-    held_s = np.array([0.1, 1.0, 10.0, 100.0])
-    assert TISSUE.felt_along([0.0, 1e-5], [0.0, 1.0], held_s) == pytest.approx(
-        TISSUE.left(held_s), abs=1e-6
-    )
-
-
 def test_the_felt_force_agrees_with_a_solver_of_differential_equations():
     tau = np.array(TISSUE.times_s)
     memory = np.zeros(2)
@@ -98,11 +91,6 @@ def test_memory_decays_where_contact_is_lost_and_is_felt_in_the_next_push():
     )
     assert elastic_n[5] == pytest.approx(0.8 + memories_n[5] @ TISSUE.shares, rel=1e-9)
     assert elastic_n[5] > 0.8 + 0.9 * 0.15 * memories_n[4, 1]
-
-
-def test_tissue_without_shares_feels_the_elastic_force():
-    time_s = uneven_times()
-    assert felt(PronySeries((), ()), time_s) == pytest.approx(path(time_s), abs=1e-15)
 
 
 @pytest.mark.parametrize("x", [1e-12, 1e-6, 0.9e-3, 1.1e-3, 0.5, 40.0])

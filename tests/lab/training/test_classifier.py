@@ -159,14 +159,8 @@ def test_the_reader_takes_the_folder_and_knows_its_modulus_data_study_and_accura
     assert reader.study == replace(
         STUDY, eye=replace(STUDY.eye, youngs_modulus_pa=MODULUS_PA)
     )
-    made = {
-        "youngs_modulus_mpa": "0.31",
-        "class_bounds_mn": "5, 30",
-        "torch": torch.__version__,
-        "study_sha256": study_hash(reader.study),
-    }
+    made = {"torch": torch.__version__, "study_sha256": study_hash(reader.study)}
     assert made.items() <= reader.provenance.items()
-    assert "`youngs_modulus_mpa` | 0.31 |" in (model / "card.md").read_text("utf-8")
 
 
 @pytest.mark.parametrize("threads", [1, pytest.param(2, marks=pytest.mark.slow)])

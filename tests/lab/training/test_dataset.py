@@ -256,10 +256,15 @@ def flipped(content: bytes, place: int) -> bytes:
             "schema",
         ),
         ("zarr.json", lambda held: held[1:], "not a data set"),
+        ("slices/c/2/0/0", None, "slices/c/2/0/0: No such file"),
     ],
 )
 def test_a_damaged_store_is_refused_and_the_damage_named(copy, file, damaged, message):
-    (copy / file).write_bytes(damaged((copy / file).read_bytes()))
+    held = (copy / file).read_bytes()
+    (copy / file).unlink()
+    if damaged is not None:
+        (copy / file).write_bytes(damaged(held))
+
     with pytest.raises(DatasetError, match=message):
         read_all(copy)
 
@@ -267,12 +272,6 @@ def test_a_damaged_store_is_refused_and_the_damage_named(copy, file, damaged, me
 def read_all(path):
     dataset = open_dataset(path)
     return [dataset.read(name) for name in sorted(zarr.open_group(path, mode="r"))]
-
-
-def test_a_missing_chunk_is_named(copy):
-    (copy / "slices/c/2/0/0").unlink()
-    with pytest.raises(DatasetError, match="slices/c/2/0/0: No such file"):
-        read_all(copy)
 
 
 @pytest.mark.parametrize(

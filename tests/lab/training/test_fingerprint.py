@@ -59,18 +59,6 @@ def test_the_intervals_of_the_shipped_reader_are_measured_as_today():
 
 
 @pytest.mark.slow
-def test_another_seed_or_number_of_frames_moves_the_intervals(monkeypatch):
-    study = study_of(SHIPPED_READER)
-    other = replace(study, reader=replace(study.reader, seed=study.reader.seed + 1))
-    found = moved_since(SHIPPED_READER, intervals_now(other))
-    assert found == sorted(INTERVALS)
-
-    monkeypatch.setattr(interval_measurement, "CALIBRATED", 2)
-    found = moved_since(SHIPPED_READER, intervals_now(study))
-    assert {"scores", "traits"} <= set(found)
-
-
-@pytest.mark.slow
 def test_load_paths_that_are_2_percent_off_move_a_reader(monkeypatch):
     def stiffer(plan, unit):
         path = solve_path(plan, unit)
