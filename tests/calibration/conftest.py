@@ -27,7 +27,7 @@ from scleraforce.records.scan import Scan
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import MeshStudy, Study
 from scleraforce.wall.wall_in_metres import Boundaries
-from virtual_eyes import wall_of
+from virtual_eyes import changed, wall_of
 
 STUDY = replace(Study(), mesh=MeshStudy(divisions=4))
 FORCES_N = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
@@ -74,9 +74,7 @@ class Laboratory:
             self.wall(wall_of(eye).thickness_m), eye, forces_n, self.study
         )
         made = moving(sections, rng, noise_m, self.study)
-        return [
-            (seen, force_n) for (_, seen), force_n in zip(made, forces_n, strict=True)
-        ]
+        return list(zip(made, forces_n, strict=True))
 
 
 @pytest.fixture(scope="session")
@@ -127,14 +125,9 @@ def made_up_walls() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def made_up() -> Setup:
-    # on the pole: it is one of revolution
-    return Setup(
-        eye=Eye(
-            "made-up", thickness_m=0.7e-3, modulus=Modulus.stated(0.27e6), iop_pa=266.0
-        ),
-        needle=Needle(gap_m=0.5e-3, polar_rad=0.0),
-    )
+def made_up(eye: Setup) -> Setup:
+    """The eye in the closed form of the library, which is one of revolution."""
+    return changed(eye, name="made-up", polar_rad=0.0, azimuth_rad=None)
 
 
 @pytest.fixture(scope="session")

@@ -124,12 +124,7 @@ def exact_section(force_n: float, stated: Setup = STATED) -> WallSection:
 
 def frames(forces_n: Sequence[float], rng: np.random.Generator) -> list[Boundaries]:
     """Boundaries of the made-up eye, which moves."""
-    return [
-        boundaries
-        for _, boundaries in moving(
-            [exact_section(force_n) for force_n in forces_n], rng
-        )
-    ]
+    return moving([exact_section(force_n) for force_n in forces_n], rng)
 
 
 def run(

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from analytic_frames import BOTH, LATERAL_M, known_eye, middling_eye
+from analytic_frames import BOTH, LATERAL_M, eye_of_population, middling_eye
 
 import scleraforce as sf
 from predicted_walls import Walls, predict_wall
@@ -26,7 +26,7 @@ from scleraforce.records.calibration_file import (
     open_calibration,
     read_calibration,
 )
-from scleraforce.records.eye import LEAST_MODULUS_SD, Eye, Modulus
+from scleraforce.records.eye import LEAST_MODULUS_SD, Eye
 from scleraforce.records.needle import Needle
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
@@ -128,15 +128,8 @@ def test_a_frame_without_a_wall_of_the_library_teaches_nothing(
         2, -1
     )
     flat = ShownFrame(lateral_m=LATERAL_M, depth_bc=shown * 0.0 + [[1e-3], [1.6e-3]])
-    modulus = Modulus(mean_pa=0.3e6, sd_pa=0.1e6, source="population")
-    eye = EyePosterior(
-        setup=replace(
-            known_eye(middling_eye(0.0)),
-            eye=replace(known_eye(middling_eye(0.0)).eye, modulus=modulus),
-        ),
-        study=Study(),
-        library=library,
-    )
+    setup = eye_of_population(0.3e6, 0.1e6)
+    eye = EyePosterior(setup=setup, study=Study(), library=library)
     assert eye.with_frames([flat]) is eye
     after = eye.with_frames([ShownFrame(lateral_m=LATERAL_M, depth_bc=shown)])
     assert len(after.frames) == 1

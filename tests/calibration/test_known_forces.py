@@ -179,10 +179,7 @@ def read_frames(factor: float = 1.0) -> list[tuple[Boundaries, float]]:
     )
     sections = [cut_surfaces(wall, 0.6e-3) for wall in walls.curves_sbnc]
     made = moving(sections, np.random.default_rng(4), 3e-6, STUDY)
-    return [
-        (seen, factor * force_n)
-        for (_, seen), force_n in zip(made, KNOWN_N.tolist(), strict=True)
-    ]
+    return list(zip(made, (factor * KNOWN_N).tolist(), strict=True))
 
 
 BLIND = Boundaries(LATERAL_M, np.full((2, len(LATERAL_M)), np.nan), 1e-4)

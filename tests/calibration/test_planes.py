@@ -17,7 +17,7 @@ from analytic_frames import (
     MODULUS_PA,
     SMALL_LIBRARY,
     STUDY,
-    known_eye,
+    eye_of_population,
     middling_eye,
 )
 from scanned_planes import CONTACT_M, CROSS, TILT_RAD, write_moments
@@ -39,7 +39,6 @@ from scleraforce.lab.virtual_eye import scan_plane
 from scleraforce.reading.load_model import load_reader
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.calibration_file import parse_calibration_file, summary_of
-from scleraforce.records.eye import Modulus
 from scleraforce.records.scan import Plane
 from scleraforce.records.study import Study
 from virtual_eyes import changed
@@ -132,9 +131,7 @@ def test_a_frame_is_of_the_eye_at_the_place_of_its_plane(cross):
 
 @pytest.mark.slow
 def test_frames_of_other_gaps_tell_what_frames_of_one_gap_do():
-    known = known_eye(middling_eye(0.0))
-    modulus = Modulus(mean_pa=0.4e6, sd_pa=0.1e6, source="population")
-    setup = replace(known, eye=replace(known.eye, modulus=modulus))
+    setup = eye_of_population(0.4e6, 0.1e6)
     walls = Walls(LIBRARY)
 
     def found_pa(gaps_m: np.ndarray, are_given: bool) -> float:

@@ -123,7 +123,7 @@ def frames(
     assert [model.outside(state) for state in states] == [None] * len(states)
     sections = [WallSection(*model.curves([state])[0]) for state in states]
 
-    return [boundaries for _, boundaries in moving(sections, rng, NOISE_M)]
+    return moving(sections, rng, NOISE_M)
 
 
 def after_frames(

@@ -12,7 +12,7 @@ from analytic_frames import (
     BOTH,
     LATERAL_M,
     RANGES,
-    known_eye,
+    eye_of_population,
     middling_eye,
     noisy_boundaries,
 )
@@ -29,14 +29,13 @@ from scleraforce.fit.frames_of_an_eye import (
     fit_jointly,
 )
 from scleraforce.library import load_library
-from scleraforce.records.eye import Modulus
 from scleraforce.records.globe import SEALED
 from scleraforce.records.model_folder import LIBRARY_FILE, SHIPPED_READER
-from scleraforce.records.setup import Setup
 
 TRUE_PA = 0.3e6
 TIPS_M = tuple(1e-3 * np.linspace(0.3, 3.2, 8))
 COMPLIANCE_M_PER_N = 0.02
+PRIOR = eye_of_population(0.36e6, 0.12e6)
 SHIFT_M = 0.3e-3
 LIBRARY = load_library(SHIPPED_READER / LIBRARY_FILE).for_contact(0.6)
 WALLS = Walls(LIBRARY)
@@ -74,14 +73,6 @@ def shown(
     return tuple(frames)
 
 
-def prior(mean_pa: float = 0.36e6, sd_pa: float = 0.12e6) -> Setup:
-    modulus = Modulus(mean_pa=mean_pa, sd_pa=sd_pa, source="population")
-    return replace(
-        known_eye(middling_eye(0.0)),
-        eye=replace(known_eye(middling_eye(0.0)).eye, modulus=modulus),
-    )
-
-
 def own_of(tips_m: tuple[float, ...]) -> np.ndarray:
     return np.array([unknown[OWN] for unknown in eye_of(tips_m)])
 
@@ -89,7 +80,7 @@ def own_of(tips_m: tuple[float, ...]) -> np.ndarray:
 def fitted(
     frames: tuple[ShownFrame, ...], tips_m: tuple[float, ...] = TIPS_M
 ) -> JointFit:
-    return fit_jointly(LIBRARY, frames, prior(), RANGES, 0.0, own_of(tips_m) * 1.02)
+    return fit_jointly(LIBRARY, frames, PRIOR, RANGES, 0.0, own_of(tips_m) * 1.02)
 
 
 @pytest.fixture(scope="module")
@@ -118,14 +109,14 @@ def test_the_same_frames_once_more_do_not_halve_the_variance(once):
     surer by 1.41.
     """
     twice = fit_jointly(
-        LIBRARY, shown() * 2, prior(), RANGES, 0.0, np.tile(once.own, (2, 1))
+        LIBRARY, shown() * 2, PRIOR, RANGES, 0.0, np.tile(once.own, (2, 1))
     )
     assert once.log_modulus[1] / twice.log_modulus[1] < 1.3
 
 
 def test_the_estimate_does_not_depend_on_the_order(once):
     turned = fit_jointly(
-        LIBRARY, shown()[::-1], prior(), RANGES, 0.0, once.own[::-1], once.shared
+        LIBRARY, shown()[::-1], PRIOR, RANGES, 0.0, once.own[::-1], once.shared
     )
     assert turned.log_modulus == pytest.approx(once.log_modulus, abs=0.02)
 
@@ -134,7 +125,7 @@ def test_the_gradient_equals_differences_of_the_cost():
     """The gradient is half the cost's slope, with all numbers: travel, a known force, a
     sealed globe's law.
     """
-    known = replace(prior(), eye=replace(prior().eye, globe=SEALED))
+    known = replace(PRIOR, eye=replace(PRIOR.eye, globe=SEALED))
     frame = replace(
         shown(travel=True)[5],
         force_n=0.02,
@@ -173,7 +164,7 @@ def test_the_gradient_equals_differences_of_the_cost():
 
 def test_eliminating_each_frame_gives_the_step_of_the_whole_matrix():
     """Oracle: the whole normal matrix of shared and own unknowns, solved at once."""
-    problem = frames_of_an_eye._EyeProblem(LIBRARY, shown()[:3], prior(), RANGES, 0.0)
+    problem = frames_of_an_eye._EyeProblem(LIBRARY, shown()[:3], PRIOR, RANGES, 0.0)
     shared = problem.mean.copy()
     own = own_of(TIPS_M[:3])
     seen = [

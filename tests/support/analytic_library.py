@@ -85,11 +85,11 @@ def with_walls(library, **changed):
     return replace(library, walls=replace(library.walls, **changed))
 
 
-def analytic_library(thicknesses=9, ratios=11, tips=40, max_tip_m=7.5e-3, nodes=81):
+def analytic_library(thicknesses=9, ratios=11, tips=40, nodes=81):
     """The library of this eye; of few `nodes` where only forces are asked for."""
     t = np.geomspace(0.35e-3, 0.9e-3, thicknesses)
     tension = np.geomspace(1e-3, 0.21, ratios)
-    d = max_tip_m * np.linspace(0.0, 1.0, tips) ** 1.5
+    d = 7.5e-3 * np.linspace(0.0, 1.0, tips) ** 1.5
     grid = list(np.meshgrid(t, tension, d, indexing="ij"))
     grid[1] = grid[1] * grid[0] / RADIUS_M  # IOP/E
     walls = curves(*grid, node_angles(nodes)).astype(np.float32)

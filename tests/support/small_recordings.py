@@ -230,6 +230,12 @@ def read_frames(
     return looks, evaluation_of(answers, remarks=(gap,), kind="reader")
 
 
+def drawn_surface_m(lateral_m: np.ndarray, dent_m: float) -> np.ndarray:
+    """Depth of the surface of `drawn_wall`."""
+    round_m = 12e-3 - np.sqrt(12e-3**2 - lateral_m**2)
+    return 0.5e-3 + round_m + dent_m * np.exp(-((lateral_m / 2e-3) ** 2))
+
+
 def drawn_wall(rng: np.random.Generator, dent_m: float = 0.6e-3) -> np.ndarray:
     """A frame of 15 x 4 mm, in 12 bits, with a wall of 0.6 mm: its surface is 0.5 mm
     deep in the middle, and dented.
@@ -237,12 +243,7 @@ def drawn_wall(rng: np.random.Generator, dent_m: float = 0.6e-3) -> np.ndarray:
     lateral_m = (
         np.arange(LOOKED_AT_COLUMNS) + 0.5
     ) / LOOKED_AT_COLUMNS * 15e-3 - 7.5e-3
-    top_m = (
-        0.5e-3
-        + 12e-3
-        - np.sqrt(12e-3**2 - lateral_m**2)
-        + dent_m * np.exp(-((lateral_m / 2e-3) ** 2))
-    )
+    top_m = drawn_surface_m(lateral_m, dent_m)
     depth_m = (np.arange(LOOKED_AT_ROWS)[:, None] + 0.5) / LOOKED_AT_ROWS * 4e-3
     wall = (depth_m >= top_m) & (depth_m < top_m + 0.6e-3)
 
@@ -418,22 +419,24 @@ epochs = 2
 """
 
 
+VIRTUAL_EYE = Setup(
+    eye=Eye(
+        "eye-a",
+        thickness_m=THICKNESS_M,
+        modulus=Modulus.stated(MODULUS_PA),
+        iop_pa=IOP_PA,
+    ),
+    needle=Needle(gap_m=GAP_M, polar_rad=0.61),
+)
+
+
 def write_notebook_folder(folder: Path) -> None:
     """Write study.toml, eye-a, responses, dataset and reader; below `cache`, the
     library of the study for the user.
     """
     (folder / "study.toml").write_text(NOTEBOOK_STUDY)
     study = read_study(folder / "study.toml")
-    eye = Setup(
-        eye=Eye(
-            "eye-a",
-            thickness_m=THICKNESS_M,
-            modulus=Modulus.stated(MODULUS_PA),
-            iop_pa=IOP_PA,
-        ),
-        needle=Needle(gap_m=GAP_M, polar_rad=0.61),
-    )
-    plan = plan_phantom(eye, (0.010, 0.020, 0.040), study, seed=0)
+    plan = plan_phantom(VIRTUAL_EYE, (0.010, 0.020, 0.040), study, seed=0)
     write_phantom(folder / "eye-a", plan, _sections, study)
     cache = folder / "cache" / "scleraforce" / "libraries"
     cached_library(study, folder=cache, workers=1, solve=solve_analytic)
@@ -454,16 +457,7 @@ def write_pushes(folder: Path, eye: str = "eye-a", forces_mn=PUSHES_MN, **more) 
     """Write an eye of the analytic library under these forces, with a log in which the
     needle pushes once for each frame; `more` are other values of the eye.
     """
-    usual = Setup(
-        eye=Eye(
-            eye,
-            thickness_m=THICKNESS_M,
-            modulus=Modulus.stated(MODULUS_PA),
-            iop_pa=IOP_PA,
-        ),
-        needle=Needle(gap_m=GAP_M, polar_rad=0.61),
-    )
-    drawn = virtual_eyes.changed(usual, **more)
+    drawn = virtual_eyes.changed(VIRTUAL_EYE, name=eye, **more)
     plan = plan_phantom(drawn, tuple(1e-3 * f for f in forces_mn), Study(), seed=0)
     write_phantom(folder, plan, _sections, Study())
     return folder
