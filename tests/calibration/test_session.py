@@ -242,17 +242,6 @@ def test_forces_far_above_all_calibrated_ones_are_a_doubt(
     assert "no frame above 20 mN could be calibrated on, of forces up to 45 mN" in doubt
 
 
-def test_one_modulus_fits_low_and_high_forces_of_raw_frames(
-    calibration,
-):
-    eye = calibration.eyes["made-up"]
-    assert eye.mean_pa == pytest.approx(0.27e6, rel=0.03)
-    assert abs(eye.mean_pa - 0.27e6) < 2 * eye.sd_pa
-    _, low, high = replace(eye, bounds_n=(5e-3, 25e-3)).by_class
-    assert low == pytest.approx(high, rel=0.06)
-    assert eye.status == "ok"
-
-
 def test_a_session_starts_with_any_frame_and_its_earlier_values_stay_unchanged(
     library,
 ):

@@ -210,21 +210,6 @@ def test_lines_and_covers_are_in_their_rows_with_their_level_and_tilt():
     assert np.abs(rows - expected).max() <= 1.0
 
 
-def test_bands_are_black_and_hold_no_truth_and_bright_tissue_saturates_at_the_largest_count_of_the_bits():
-    bscan = render(flat_wall(), replace(CLEAR, band_m=0.5e-3))
-    for image in (bscan.frame, bscan.truth_mask):
-        assert np.flatnonzero(image.any(axis=0))[[0, -1]].tolist() == [17, 512 - 18]
-
-    for bits in (8, 12):
-        frame = render(
-            flat_wall(),
-            replace(CLEAR, display_range_db=80.0),
-            replace(SCANNER, bits=bits),
-        ).frame
-        assert (frame.dtype, frame.max()) == (np.uint16, 2**bits - 1)
-        assert (frame[WALL_ROWS] == frame.max()).mean() > 0.99
-
-
 def test_a_conjunctiva_lies_over_the_wall_weaker_by_its_level_and_outside_of_the_truth():
     wall = flat_wall(points=2001)
     bare = render(wall, CLEAR)

@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from dataclasses import asdict, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +14,6 @@ from scleraforce.front.cli.main import run
 from scleraforce.lab.virtual_eye import (
     LinearSections,
     paper_eyes,
-    scan_plane,
 )
 from scleraforce.lab.virtual_recording import (
     PhantomPlan,
@@ -33,7 +32,6 @@ from scleraforce.recordings.frame_and_force_tables import ForceLog
 from scleraforce.recordings.recording_folder import read_recording, true_forces
 from scleraforce.records import study as st
 from scleraforce.records.eye import Eye, Modulus
-from scleraforce.records.globe import OPEN
 from scleraforce.records.motion import Motion
 from scleraforce.records.needle import Needle
 from scleraforce.records.scan import Plane, Scan
@@ -163,36 +161,6 @@ def test_several_planes_are_of_an_eye_at_finite_strain_that_does_not_leak(change
         in_planes(plan_phantom(EYE, FORCES_N, study, 3), PLANES, study)
 
 
-def test_truth_has_every_parameter_and_the_recording_what_a_laboratory_knows(
-    written, plan
-):
-    info = read_recording(written).info
-    known = (info.needle.gap_m, info.scan.direction_rad, info.eye.globe)
-    assert known == (0.5e-3, 0.2, OPEN)
-    truth = truth_of(written)
-    assert truth["simulated"] is True
-    assert truth["eye"] == {
-        "id": "eye-x",
-        "thickness_m": 600e-6,
-        "youngs_modulus_pa": 0.25e6,
-        "iop_pa": 266.0,
-        "gap_m": wall_of(EYE).gap_m,
-        **asdict(scan_plane(EYE).contact),
-        "direction_rad": scan_plane(EYE).direction_rad,
-        "tilt_rad": scan_plane(EYE).tilt_rad,
-    }
-
-    for said, frame, force_n in zip(
-        truth["frames"], plan.frames, FORCES_N, strict=True
-    ):
-        assert said["force_n"] == pytest.approx(force_n)
-        assert said["target"] == STUDY.classes.classify(force_n)
-        assert said["pressure_pa"] == wall_of(EYE).iop_pa
-        assert said["pose"] == asdict(frame.pose)
-        assert said["optics"] == json.loads(json.dumps(asdict(frame.optics)))
-        assert said["seed"] == list(frame.seed)
-
-
 @pytest.mark.parametrize(
     ("name", "seed", "same"), [("eye-x", 3, True), ("eye-x", 4, False), ("y", 3, False)]
 )
@@ -270,12 +238,6 @@ def test_paper_eyes_have_the_design_of_tables_1_and_2():
     ]
     expected = [0, 11, 14], [1, 2, 2], [2, 0, 3], [2, 1, 2], [2, 1, 2]
     assert [[count[target] for target in range(3)] for count in counts] == [*expected]
-    assert [
-        (round(setup.eye.thickness_m * 1e6), round(setup.eye.modulus_pa / 1e6, 2))
-        for setup, _ in eyes
-    ] == [(800, 0.27), (500, 0.22), (650, 0.24), (560, 0.29), (800, 0.25)]
-    assert len(forces_mn(eyes)) == 45
-    assert forces_mn(eyes).max() <= 58.0
     assert np.abs(forces_mn(eyes)[:, None] - [5.0, 30.0]).min() >= 2.0
     # others of the same eyes and classes may lie at the bounds
     near = paper_eyes(study, to_the_bounds=True)

@@ -77,16 +77,6 @@ def lit(scene: Scene) -> np.ndarray:
     return cv2.blur(counts, (5, 3)) > SHOWN * counts.max()
 
 
-def test_the_same_number_draws_the_same_scene_and_another_one_another():
-    first, again, other = (draw_scene(STUDY, number) for number in (7, 7, 8))
-    assert np.array_equal(first.frame, again.frame)
-    assert np.array_equal(first.outer_row, again.outer_row, equal_nan=True)
-    assert first.frame.shape != other.frame.shape or not np.array_equal(
-        first.frame, other.frame
-    )
-    assert not np.array_equal(first.frame, draw_scene(st.ScenesStudy(seed=1), 7).frame)
-
-
 def test_the_truth_of_a_half_sphere_is_two_circles():
     scene = draw_scene(PLAIN, 0)
     columns = scene.frame.shape[1]

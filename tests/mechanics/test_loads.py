@@ -225,18 +225,3 @@ def test_a_globe_on_a_bed_balances_its_load_with_the_beds_force(globe, pushed):
     np.testing.assert_allclose(rest_nc.sum(axis=0), 0.0, atol=1e-8)
     moments = np.cross(globe.points_nc, rest_nc).sum(axis=0)
     np.testing.assert_allclose(moments, 0.0, atol=1e-8 * R)
-
-
-def test_a_wall_and_springs_that_are_twice_as_stiff_move_half_as_far(globe, pushed):
-    load_nc, moved_nc = pushed
-    firm = replace(
-        BED,
-        bed_stiffness_pa_per_m=2.0 * NORMAL,
-        bed_shear_stiffness_pa_per_m=2.0 * SHEAR,
-    )
-    wall = LinearWall(
-        globe, NU, springs=study_springs(firm, globe), springs_modulus_pa=2.0 * E
-    )
-    np.testing.assert_allclose(
-        wall.solve_one(load_nc) / E, moved_nc, atol=1e-9 * np.abs(moved_nc).max()
-    )

@@ -217,7 +217,6 @@ def test_metadata_is_complete_and_is_the_plan(made):
     dataset = open_dataset(made)
     found = dataset.study, dataset.youngs_modulus_pa, dataset.attributes["seed"]
     assert found == (small_study(), MODULUS_PA, 0)
-    assert set(dataset.attributes["versions"]) >= {"scleraforce", "numpy", "zarr"}
 
     for name, values in vars(plan_dataset(small_study())).items():
         np.testing.assert_array_equal(dataset.read(name), values)
@@ -227,8 +226,6 @@ def test_metadata_is_complete_and_is_the_plan(made):
     np.testing.assert_array_equal(
         np.sort(np.r_[training, validation]), np.arange(dataset.images)
     )
-    assert dataset.slices.shape == (465, 40, 140)
-    assert set(np.unique(dataset.slices)) == {0, 255}
 
 
 def flipped(content: bytes, place: int) -> bytes:
@@ -484,11 +481,6 @@ def test_slices_of_a_library_are_stored_with_their_mechanics(study, library, tmp
             {"globe": st.GlobeStudy("sealed")},
             StudyError,
             "globe.kind: not used by `generate` with finite-strain mechanics",
-        ),
-        (
-            {"mechanics": st.MechanicsStudy(follower=False)},
-            StudyError,
-            "mechanics.follower: not used by `generate` with finite-strain mechanics",
         ),
     ],
 )
