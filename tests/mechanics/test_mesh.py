@@ -205,7 +205,6 @@ def test_a_bed_needs_a_graded_mesh():
 
 
 AUTOMATIC = MeshStudy()
-STRAPS = SupportsStudy(kind="straps")
 FAR = Contact(polar_rad=radians(65.0))  # a graded mesh does not reach there
 
 
@@ -213,9 +212,7 @@ FAR = Contact(polar_rad=radians(65.0))  # a graded mesh does not reach there
     ("mesh", "supports", "contact", "alone", "kind"),
     [
         (AUTOMATIC, SupportsStudy(), CONTACTS[1], True, "graded"),
-        (AUTOMATIC, STRAPS, CONTACTS[1], True, "graded"),
         (AUTOMATIC, BED, CONTACTS[1], False, "graded"),
-        (AUTOMATIC, replace(BED, kind="bed-and-straps"), CONTACTS[1], False, "graded"),
         (AUTOMATIC, SupportsStudy(), CONTACTS[1], False, "hexahedra"),
         (AUTOMATIC, SupportsStudy(), FAR, True, "hexahedra"),
         # their study decides
