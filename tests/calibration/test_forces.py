@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from relaxing_eyes import sensed
 from small_recordings import LOGGED_INFO
 
-from scleraforce.lab.needle_pushes import sense
 from scleraforce.lab.virtual_eye import paper_eyes
 from scleraforce.lab.virtual_recording import plan_phantom
 from scleraforce.recordings.force_errors import (
@@ -128,16 +128,9 @@ def errors_and_sds(phantom: PhantomStudy, seeds: int) -> Iterator[tuple[float, f
     for seed in range(seeds):
         for eye, forces_n in paper_eyes(study):
             plan = plan_phantom(eye, forces_n, study, seed)
-            table = sense(
-                plan.path,
-                plan.sensor,
-                2,
-                -1,
-                plan.path.times_s[-1] + 1.5,
-                np.random.default_rng(seed),
-            )
+            log = sensed(plan.path, plan.sensor, np.random.default_rng(seed))
             recording = recording_of(
-                table[:, 0], table[:, 1:], [frame.time_s for frame in plan.frames]
+                log.time_s, log.wrench_sc, [frame.time_s for frame in plan.frames]
             )
             trials = label_frames(recording, CLASSES)
 

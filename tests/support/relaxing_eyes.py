@@ -11,6 +11,7 @@ import numpy as np
 from scleraforce.calibration.holds_of_a_log import HoldLog
 from scleraforce.calibration.relaxation_from_holds import hold_log, with_elastic_forces
 from scleraforce.lab.needle_pushes import (
+    ForceSensor,
     NeedlePath,
     Push,
     path_of_pushes,
@@ -52,23 +53,18 @@ class HeldPushes(NamedTuple):
     elastic_n: np.ndarray
 
 
+def sensed(path: NeedlePath, sensor: ForceSensor, rng: np.random.Generator) -> ForceLog:
+    """The log of a path until 1.5 s after its end: fz, pushes negative."""
+    table = sense(path, sensor, 2, -1, path.times_s[-1] + 1.5, rng)
+    return ForceLog(table[:, 0], table[:, 1:], FORCE_COLUMNS[1:])
+
+
 def logged(path: NeedlePath, rng: np.random.Generator) -> Any:
     """The parts of a recording that `with_elastic_forces` needs."""
-    table = sense(
-        path,
-        sample_sensor(
-            PhantomStudy(force_drift_n_per_s=PhantomStudy().needle_lean_rad), rng
-        ),
-        2,
-        -1,
-        path.times_s[-1] + 1.5,
-        rng,
-    )
-    log = ForceLog(table[:, 0], table[:, 1:], FORCE_COLUMNS[1:])
-
-    return SimpleNamespace(
-        forces=log, info=SimpleNamespace(force=ForceInfo("fz", -1, 2.0))
-    )
+    phantom = PhantomStudy(force_drift_n_per_s=PhantomStudy().needle_lean_rad)
+    log = sensed(path, sample_sensor(phantom, rng), rng)
+    info = SimpleNamespace(force=ForceInfo("fz", -1, 2.0))
+    return SimpleNamespace(forces=log, info=info)
 
 
 @cache

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from analytic_library import made_up_library, without_rests
+from relaxing_eyes import sensed
 from small_recordings import LOGGED_INFO
 
 from scleraforce.fit.one_frame import fit_boundaries
@@ -18,7 +19,6 @@ from scleraforce.lab.needle_pushes import (
     path_of_pushes,
     plan_pushes,
     sample_sensor,
-    sense,
 )
 from scleraforce.lab.training import interval_measurement
 from scleraforce.lab.training.drawn_wall_errors import (
@@ -44,8 +44,6 @@ from scleraforce.reading.interval_widths import IntervalScore
 from scleraforce.recordings.force_errors import LABEL_SD_N, FrameForces, frame_forces
 from scleraforce.recordings.forces_under_frames import label_frames
 from scleraforce.recordings.frame_and_force_tables import (
-    FORCE_COLUMNS,
-    ForceLog,
     FrameEntry,
 )
 from scleraforce.recordings.recording_folder import Recording
@@ -143,20 +141,12 @@ def test_forces_drift_away_from_the_librarys_with_the_dent(eye):
 def logged_forces(forces_n: np.ndarray, rng: np.random.Generator) -> FrameForces:
     """Labels of a force log of the virtual laboratory, freed of the sensor's zero."""
     phantom = Study().phantom
-    force = LOGGED_INFO.force
-    assert force is not None
     pushes = plan_pushes(tuple(forces_n.tolist()), phantom, rng)
-    sensor = sample_sensor(phantom, rng)
-    axis = ("fx", "fy", "fz").index(force.axis)
-    path = path_of_pushes(pushes, ELASTIC)
-    log = sense(
-        path, sensor, axis, force.contact_sign, pushes[-1].corners_s[-1] + 1.0, rng
-    )
-    forces = ForceLog(log[:, 0], log[:, 1:], FORCE_COLUMNS[1:])
+    log = sensed(path_of_pushes(pushes, ELASTIC), sample_sensor(phantom, rng), rng)
     frames = tuple(
         FrameEntry(f"{number}.png", push.frame_s) for number, push in enumerate(pushes)
     )
-    recording = Recording(Path(), LOGGED_INFO, frames, forces)
+    recording = Recording(Path(), LOGGED_INFO, frames, log)
 
     return frame_forces(recording, label_frames(recording, Study().classes))
 
