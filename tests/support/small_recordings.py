@@ -1,7 +1,7 @@
 """Small recordings, their answers and their calibrations."""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from shutil import copytree
@@ -366,26 +366,27 @@ def write_recording(path: Path, eye: str, gap_m: float = GAP_M, seed: int = 0) -
     return path
 
 
+def calibration_of_mine(frames: Sequence[Mapping[str, str]] = ()) -> str:
+    """Return the JSON text of an eye that was calibrated on frames."""
+    mpa = MODULUS_PA / 1e6
+    eye = {
+        "mean_mpa": mpa,
+        "sd_mpa": 0.01 * mpa,
+        "thickness_um": THICKNESS_M * 1e6,
+        "frames": frames,
+    }
+    population = {"mean_mpa": 1.1 * mpa, "sd_mpa": 0.05}
+    return calibration_text(eyes={"mine": eye}, population=population)
+
+
 def write_places(folder: Path) -> dict[str, Path]:
     """Write a model, calibrations and recordings of three eyes."""
     write_fixed_reader(folder / "model", analytic_frames.SMALL_LIBRARY, (0.125,) * 8)
-    mpa = MODULUS_PA / 1e6
     mine = write_recording(folder / "mine", "mine")
     used = [
         {"file": "1.png", "sha256": frame_digest(read_frame(mine / "frames" / "1.png"))}
     ]
-    eyes = {
-        "mine": {
-            "mean_mpa": mpa,
-            "sd_mpa": 0.01 * mpa,
-            "thickness_um": THICKNESS_M * 1e6,
-            "frames": used,
-        }
-    }
-    population = {"mean_mpa": 1.1 * mpa, "sd_mpa": 0.05}
-    (folder / "calibration.json").write_text(
-        calibration_text(eyes=eyes, population=population)
-    )
+    (folder / "calibration.json").write_text(calibration_of_mine(used))
     (folder / "linear.json").write_text(calibration_text(mechanics="linear"))
 
     return {
