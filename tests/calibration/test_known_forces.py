@@ -13,7 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 from analytic_frames import LATERAL_M, LIBRARY, moving
-from analytic_library import STIFFENINGS, made_up_library, solved_library, without_rests
+from analytic_library import (
+    EXACT_EYES,
+    STIFFENINGS,
+    made_up_library,
+    solved_library,
+    without_rests,
+)
 from scipy.optimize import minimize
 from small_recordings import calibration_of_a_sealed_eye
 
@@ -42,7 +48,6 @@ from scleraforce.records.setup import Setup
 from scleraforce.records.study import (
     LibraryStudy,
     Range,
-    ReaderStudy,
     Study,
     TissueStudy,
 )
@@ -529,16 +534,11 @@ GRID = LibraryStudy(
     elements=32,
 )
 EXACT = Study(
-    reader=ReaderStudy(
-        uneven_share=0.0,
-        iop_noise_fraction=0.0,
-        thickness_noise_fraction=0.0,
-        gap_noise_fraction=0.0,
+    reader=replace(
+        EXACT_EYES,
         stiffening_share=0.0,
         interval_boundary_errors=0.0,
         youngs_modulus_pa=Range(min=0.2e6, max=0.4e6),
-        thickness_m=Range(min=500e-6, max=700e-6),
-        iop_pa=Range(min=200.0, max=400.0),
     )
 )
 

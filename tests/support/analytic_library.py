@@ -18,7 +18,7 @@ from scleraforce.library.library_plan import plan_library
 from scleraforce.library.library_store import solve_path
 from scleraforce.library.stiffened_walls import StiffenedWalls, WholeCurves
 from scleraforce.recordings.force_errors import LABEL_SD_N, ZERO_PRIOR, FrameForces
-from scleraforce.records.study import LibraryStudy, Range, Study
+from scleraforce.records.study import LibraryStudy, Range, ReaderStudy, Study
 
 RADIUS_M = 12e-3
 AXES_AND_SIZES = (
@@ -246,6 +246,17 @@ def made_up_library(most: float = 30.0) -> Library:
     )
 
     return replace(soft, walls=walls)
+
+
+# eyes whose form and stated values have no errors
+EXACT_EYES = ReaderStudy(
+    uneven_share=0.0,
+    iop_noise_fraction=0.0,
+    thickness_noise_fraction=0.0,
+    gap_noise_fraction=0.0,
+    thickness_m=Range(min=500e-6, max=700e-6),
+    iop_pa=Range(min=200.0, max=400.0),
+)
 
 
 def without_rests(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from analytic_library import made_up_library, without_rests
+from analytic_library import EXACT_EYES, made_up_library, without_rests
 from relaxing_eyes import sensed
 from small_recordings import LOGGED_INFO
 
@@ -48,20 +48,10 @@ from scleraforce.recordings.frame_and_force_tables import (
 )
 from scleraforce.recordings.recording_folder import Recording
 from scleraforce.records.setup import Setup
-from scleraforce.records.study import Range, ReaderStudy, SliceStudy, Study
+from scleraforce.records.study import Range, SliceStudy, Study
 
 RADIUS_M = np.array([12e-3])
-EXACT = Study(
-    reader=ReaderStudy(
-        uneven_share=0.0,
-        iop_noise_fraction=0.0,
-        thickness_noise_fraction=0.0,
-        gap_noise_fraction=0.0,
-        thickness_m=Range(min=500e-6, max=700e-6),
-        iop_pa=Range(min=200.0, max=400.0),
-        pole_noise_rad=0.0,
-    )
-)
+EXACT = Study(reader=replace(EXACT_EYES, pole_noise_rad=0.0))
 
 
 @pytest.fixture(scope="module")
