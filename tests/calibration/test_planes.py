@@ -183,8 +183,10 @@ def test_a_moment_is_not_taken_again_from_a_plane_that_was_not_followed(cross, s
         "4-0.png",
     ]
 
+    some = replace(cross, frames=cross.frames[:4])
+    seen = replace(single, frames=single.frames[:2])
     with pytest.raises(CalibrationError, match="none of its 0 frames"):
-        sf.calibrate([cross, single], without_force=True)
+        sf.calibrate([some, seen], without_force=True)
 
 
 def test_what_planes_cannot_be_calibrated_with_is_refused(cross):
