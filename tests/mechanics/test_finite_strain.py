@@ -87,7 +87,7 @@ FIRM = st.SupportsStudy(
 )
 def test_small_loads_bend_an_eye_as_linear_mechanics_does(
     more: dict[str, object], rtol: float
-):
+) -> None:
     modulus_pa = 1e9
     force_n = 0.05
     study = replace(COARSE, eye=st.EyeStudy(density_kg_m3=5000.0), **more)
@@ -140,7 +140,7 @@ def assert_swollen(
 THICK = 4e-3
 
 
-def test_a_thick_globe_under_pressure_swells_as_its_radial_equation_says():
+def test_a_thick_globe_under_pressure_swells_as_its_radial_equation_says() -> None:
     """By 22 % inside."""
     assert_swollen(
         0.15,
@@ -150,7 +150,7 @@ def test_a_thick_globe_under_pressure_swells_as_its_radial_equation_says():
     )
 
 
-def test_a_thick_fibred_globe_swells_under_pressure_as_the_closed_form_says():
+def test_a_thick_fibred_globe_swells_under_pressure_as_the_closed_form_says() -> None:
     """u = A r^m + B r^n with m, n = -1/2 +- sqrt(1/4 + 2 (C11 + C12 - C13)/C33)
     (Lekhnitskii, sec. 62).
     """
@@ -179,7 +179,7 @@ def test_a_thick_fibred_globe_swells_under_pressure_as_the_closed_form_says():
 @pytest.mark.parametrize("globe", [st.GlobeStudy(), SEALED], ids=["open", "sealed"])
 def test_an_eye_that_stiffens_is_the_same_in_three_dimensions_and_of_revolution(
     globe: st.GlobeStudy,
-):
+) -> None:
     b = 20.0
     thickness_m = 0.6e-3
     study = replace(
@@ -203,7 +203,7 @@ def test_an_eye_that_stiffens_is_the_same_in_three_dimensions_and_of_revolution(
     assert np.all(flat.force_ratio_m2[2:] > 1.15 * plain.force_ratio_m2[2:])
 
 
-def test_the_path_reads_back_its_own_states(path):
+def test_the_path_reads_back_its_own_states(path: LoadPath) -> None:
     assert path.tips_m[0] == path.forces_n[0] == path.tip_m(0.0) == 0.0
     for tip_m, force_n, displacement_nc in zip(
         path.tips_m, path.forces_n, path.displacement_snc, strict=True
@@ -216,10 +216,24 @@ def test_the_path_reads_back_its_own_states(path):
         assert path.travel_m(force_n) == path.tip_m(force_n)
 
 
+def test_only_ratios_to_the_modulus_matter() -> None:
+    light, heavy = (
+        replace(COARSE, eye=st.EyeStudy(density_kg_m3=density))
+        for density in (1500.0, 4500.0)
+    )
+    tripled = {"youngs_modulus_pa": 3.0 * E, "iop_pa": 3.0 * IOP}
+    stiff = bent(heavy, end=PathEnd(max_force=3.0 * FORCE_N), **tripled)
+    np.testing.assert_allclose(
+        stiff.displacement_nc(3.0 * FORCE_N),
+        bent(light).displacement_nc(FORCE_N),
+        atol=1e-8,
+    )
+
+
 @pytest.mark.parametrize("supports", [st.SupportsStudy(), BED], ids=["base", "bed"])
 def test_the_pressure_of_a_sealed_globe_follows_the_volume_that_the_dent_displaces(
     supports: st.SupportsStudy,
-):
+) -> None:
     study = replace(COARSE, globe=SEALED, supports=supports)
     sealed = bent(study)
     pressure_pa = float(sealed.pressures_pa[-1])
@@ -248,11 +262,8 @@ def test_the_pressure_of_a_sealed_globe_follows_the_volume_that_the_dent_displac
     assert travel_m == pytest.approx(sealed.tips_m[-1] - sealed.rises_m[-1], rel=1e-9)
 
 
-def test_a_dead_pressure_bends_an_eye_otherwise(path):
-    shares: list[float] = []
-    dead = bent(replace(COARSE, mechanics=DEAD), progress=shares.append)
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
+def test_a_dead_pressure_bends_an_eye_otherwise(path: LoadPath) -> None:
+    dead = bent(replace(COARSE, mechanics=DEAD))
     assert 1e-5 < abs(dead.tip_m(FORCE_N) / path.tip_m(FORCE_N) - 1.0) < 0.05
 
 
@@ -277,7 +288,7 @@ def test_a_dead_pressure_bends_an_eye_otherwise(path):
 )
 def test_an_eye_that_cannot_be_bent_is_refused(
     study: st.Study, given: dict[str, float], error: type[Exception], message: str
-):
+) -> None:
     with pytest.raises(error, match=message):
         bent(study, **given)
 
@@ -300,7 +311,7 @@ def made_up_path() -> LoadPath:
     )
 
 
-def test_of_several_states_with_one_force_the_first_is_taken():
+def test_of_several_states_with_one_force_the_first_is_taken() -> None:
     turning = made_up_path()
     assert turning.tip_m(2.5e-3) == pytest.approx(2.5e-3 / 3, rel=0.01)
     assert turning.tip_m(3.5e-3) == pytest.approx(2.75e-3, rel=0.01)
@@ -309,7 +320,7 @@ def test_of_several_states_with_one_force_the_first_is_taken():
     )
 
 
-def test_the_force_of_a_state_is_read_at_that_state_whatever_the_rounding():
+def test_the_force_of_a_state_is_read_at_that_state_whatever_the_rounding() -> None:
     random = np.random.default_rng(5)
     for _ in range(40):
         tips_m = np.append(0.0, np.cumsum(random.uniform(0.1e-3, 0.5e-3, size=12)))
@@ -329,7 +340,7 @@ def test_the_force_of_a_state_is_read_at_that_state_whatever_the_rounding():
 )
 def test_a_force_or_a_dent_that_the_path_does_not_reach_is_an_input_error(
     force_n: float, tip_m: float
-):
+) -> None:
     with pytest.raises(InputError, match="carries 0 to 4 mN"):
         made_up_path().displacement_nc(force_n)
     with pytest.raises(InputError, match="goes from 0 to 3 mm"):
@@ -343,7 +354,7 @@ UL = 1e-9
 @pytest.mark.parametrize("law", RIGIDITY_LAWS)
 def test_volume_and_pressure_are_inverse_and_the_stiffness_is_the_slope(
     law: str,
-):
+) -> None:
     globe = sealed_law(0.02 * PER_UL, law)
     resting = np.full(5, 300.0)
     volumes = np.linspace(0.0, 40.0, 5) * UL
@@ -364,7 +375,7 @@ def test_volume_and_pressure_are_inverse_and_the_stiffness_is_the_slope(
     assert steps[0] > 0.0
 
 
-def test_the_laws_are_those_that_were_measured():
+def test_the_laws_are_those_that_were_measured() -> None:
     # van der Werff 1981: the cube root rises by 0.03 a microlitre
     assert sealed_law(0.03 * PER_UL).pressure(
         to_si(2.0, "mmhg"), 32.0 * UL
@@ -380,7 +391,7 @@ def test_the_laws_are_those_that_were_measured():
 @pytest.mark.parametrize(("law", "rate"), [("linear", 1.0), ("cube-root", np.nan)])
 def test_another_law_and_a_rigidity_that_is_not_finite_are_refused(
     law: str, rate: float
-):
+) -> None:
     with pytest.raises(InputError, match="rigidity"):
         PressureLaw(law, rate)
 
@@ -388,7 +399,7 @@ def test_another_law_and_a_rigidity_that_is_not_finite_are_refused(
 @pytest.mark.parametrize("law", RIGIDITY_LAWS)
 def test_a_leaking_globe_loses_the_displaced_volume_with_its_time_constant(
     law: str,
-):
+) -> None:
     globe = sealed_law(0.02 * PER_UL, law)
     time_s = 0.5 * np.arange(200)
     pushed = np.where(time_s < 40.0, 1.0, 0.0)
@@ -407,7 +418,7 @@ def region(ratio: float, place: Contact = OBLIQUE, **size: float) -> st.Study:
     return replace(COARSE, form=st.FormStudy(region=(found,)))
 
 
-def test_a_region_that_covers_the_eye_is_another_modulus():
+def test_a_region_that_covers_the_eye_is_another_modulus() -> None:
     everywhere = region(2.0, half_angle_rad=pi, edge_rad=radians(0.1))
     np.testing.assert_allclose(
         bent(everywhere, youngs_modulus_pa=0.2e6).displacement_nc(FORCE_N),
@@ -417,8 +428,8 @@ def test_a_region_that_covers_the_eye_is_another_modulus():
 
 
 def test_a_stiff_cap_under_the_needle_resists_and_a_far_one_hardly_matters(
-    path,
-):
+    path: LoadPath,
+) -> None:
     away = Contact(polar_rad=radians(80), azimuth_rad=OBLIQUE.azimuth_rad + pi)
     plain, near, far = (
         each.tip_m(FORCE_N)
@@ -426,6 +437,17 @@ def test_a_stiff_cap_under_the_needle_resists_and_a_far_one_hardly_matters(
     )
     assert near < 0.8 * plain
     assert far == pytest.approx(plain, rel=0.02)
+
+
+def test_a_thick_spot_under_the_needle_bends_like_a_thick_wall(path: LoadPath) -> None:
+    """A wave of degree 1 along the needle axis makes the wall 10 % thicker there: about
+    (1.1)^2 as stiff.
+    """
+    wave = study_of_eye.WaveStudy(amplitude_fraction=0.1, degree=1, **asdict(OBLIQUE))
+    uneven = replace(COARSE, form=st.FormStudy(wave=(wave,)))
+    thick = bent(thickness_m=1.1 * T).tip_m(FORCE_N)
+    assert bent(uneven).tip_m(FORCE_N) == pytest.approx(thick, rel=0.02)
+    assert thick < 0.9 * path.tip_m(FORCE_N)
 
 
 def test_a_leaning_needle_drags_the_wall_to_its_side_and_its_mirror_image_to_the_other():
@@ -454,3 +476,25 @@ def test_a_leaning_needle_drags_the_wall_to_its_side_and_its_mirror_image_to_the
     at_contact = np.argmin(np.linalg.norm(points_nc - R * contact.normal, axis=1))
     pushed = (moved_nc - left.displacement_nc(0.0))[at_contact]
     assert pushed @ contact.parallel > 0.01e-3
+
+
+def test_progress_ends_at_one() -> None:
+    shares: list[float] = []
+    bent(progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_an_eye_on_a_bed_is_a_whole_globe_that_gives_way(path: LoadPath) -> None:
+    lying = bent(replace(COARSE, supports=BED))
+    below = lying.mesh.points_nc[:, 2] < -6e-3
+    pushed_nc = lying.displacement_nc(FORCE_N) - lying.displacement_nc(0.0)
+    # 0.44 N/mm for the whole eye along its axis.
+    assert 0.01e-3 < np.abs(pushed_nc[below]).max() < 0.1e-3
+    assert path.tip_m(FORCE_N) < lying.tip_m(FORCE_N) < 1.2 * path.tip_m(FORCE_N)
+
+
+def test_straps_hold_a_clamped_eye_a_little_more(path: LoadPath) -> None:
+    firm = st.SupportsStudy(kind="straps", strap_stiffness_n_per_m=2e4)
+    strapped = bent(replace(COARSE, supports=firm))
+    assert 0.9 * path.tip_m(FORCE_N) < strapped.tip_m(FORCE_N) < path.tip_m(FORCE_N)
